@@ -1,0 +1,117 @@
+//! The memory budget: one number that the user sets, and permits that keep the work inside it.
+//!
+//! Who holds what: a worker takes a [`Permit`] for the bytes that a cluster (or a block, or a chunk) will need
+//! *before* it allocates them, and gives it back by dropping it after they are freed. A worker holds at most one
+//! permit and waits for nothing else while it holds it, so there is no cycle to deadlock in. A request larger than
+//! the whole budget is granted when nobody else holds anything, so that it runs alone instead of never.
+
+use std::sync::{Condvar, Mutex};
+
+/// How many bytes of resident memory the process may use.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MemoryBudget {
+    /// Bytes in all, code and mapped pages included.
+    pub bytes: u64,
+}
+
+impl MemoryBudget {
+    /// The smallest budget that is accepted.
+    pub const FLOOR_BYTES: u64 = 128 << 20;
+    /// What the process holds whatever it does: code, stacks, tables, allocator slack.
+    pub const FIXED_BYTES: u64 = 28 << 20;
+
+    /// Bytes that are left for work, once the fixed part is taken.
+    pub fn for_work(&self) -> u64 {
+        self.bytes.saturating_sub(Self::FIXED_BYTES)
+    }
+}
+
+/// A counting semaphore over bytes.
+#[derive(Debug)]
+pub struct Permits {
+    capacity: u64,
+    state: Mutex<State>,
+    returned: Condvar,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    held: u64,
+    holders: u64,
+    peak: u64,
+}
+
+impl Permits {
+    /// Permits for `capacity` bytes in all.
+    pub fn new(capacity: u64) -> Self {
+        Self { capacity, state: Mutex::new(State::default()), returned: Condvar::new() }
+    }
+
+    /// Waits until `bytes` are free, and takes them; a request beyond the capacity waits until it is alone.
+    pub fn take(&self, bytes: u64) -> Permit<'_> {
+        let mut state = self.lock();
+        while state.holders > 0 && state.held.saturating_add(bytes) > self.capacity {
+            state = self.returned.wait(state).unwrap_or_else(|poisoned| poisoned.into_inner());
+        }
+        state.held += bytes;
+        state.holders += 1;
+        state.peak = state.peak.max(state.held);
+        Permit { permits: self, bytes }
+    }
+
+    /// The most bytes that were held at once.
+    pub fn peak(&self) -> u64 {
+        self.lock().peak
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+    }
+}
+
+/// Bytes taken from [`Permits`]; given back on drop.
+#[derive(Debug)]
+pub struct Permit<'a> {
+    permits: &'a Permits,
+    bytes: u64,
+}
+
+impl Drop for Permit<'_> {
+    fn drop(&mut self) {
+        let mut state = self.permits.lock();
+        state.held -= self.bytes;
+        state.holders -= 1;
+        self.permits.returned.notify_all();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicU64, Ordering};
+
+    #[test]
+    fn permits_never_exceed_the_capacity() {
+        let permits = Permits::new(100);
+        let held = AtomicU64::new(0);
+        std::thread::scope(|scope| {
+            for _ in 0..8 {
+                scope.spawn(|| {
+                    for _ in 0..50 {
+                        let _permit = permits.take(40);
+                        assert!(held.fetch_add(40, Ordering::SeqCst) + 40 <= 100);
+                        held.fetch_sub(40, Ordering::SeqCst);
+                    }
+                });
+            }
+        });
+        assert!(permits.peak() <= 100);
+    }
+
+    #[test]
+    fn a_request_beyond_the_capacity_runs_alone() {
+        let permits = Permits::new(10);
+        drop(permits.take(50));
+        let _small = permits.take(5);
+    }
+}

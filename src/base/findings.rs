@@ -1,0 +1,86 @@
+//! What a run repaired, dropped or noticed: counted by kind, with the first few places of each.
+
+use std::collections::BTreeMap;
+
+/// How many places of one kind are told in words; the rest are counted.
+const PLACES_PER_KIND: usize = 3;
+
+/// Counted findings by kind; a kind is a fixed snake-case word such as `degenerate_faces`.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Findings {
+    kinds: BTreeMap<&'static str, Finding>,
+}
+
+/// One kind of finding.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Finding {
+    /// How often it was met.
+    pub count: u64,
+    /// The first few, in words, escaped, with `file:line:` where known; none for plain counts.
+    pub places: Vec<String>,
+}
+
+impl Findings {
+    /// Counts `count` findings of a kind, without words.
+    pub fn count(&mut self, kind: &'static str, count: u64) {
+        if count > 0 {
+            self.kinds.entry(kind).or_default().count += count;
+        }
+    }
+
+    /// Counts one finding and keeps its words if it is among the first of its kind.
+    pub fn note(&mut self, kind: &'static str, place: impl FnOnce() -> String) {
+        let finding = self.kinds.entry(kind).or_default();
+        finding.count += 1;
+        if finding.places.len() < PLACES_PER_KIND {
+            finding.places.push(place());
+        }
+    }
+
+    /// Adds the findings of `other`, which came later.
+    pub fn merge(&mut self, other: Findings) {
+        for (kind, theirs) in other.kinds {
+            let ours = self.kinds.entry(kind).or_default();
+            ours.count += theirs.count;
+            let room = PLACES_PER_KIND.saturating_sub(ours.places.len());
+            ours.places.extend(theirs.places.into_iter().take(room));
+        }
+    }
+
+    /// How often a kind was met.
+    pub fn get(&self, kind: &str) -> u64 {
+        self.kinds.get(kind).map_or(0, |finding| finding.count)
+    }
+
+    /// Every kind met, by name.
+    pub fn iter(&self) -> impl Iterator<Item = (&'static str, &Finding)> {
+        self.kinds.iter().map(|(kind, finding)| (*kind, finding))
+    }
+
+    /// One line for each kind that has words: `degenerate_faces: 12 (city.obj:7: …; …)`.
+    pub fn warnings(&self) -> Vec<String> {
+        self.iter()
+            .filter(|(_, finding)| !finding.places.is_empty())
+            .map(|(kind, finding)| {
+                let rest = finding.count - finding.places.len() as u64;
+                let more = if rest > 0 { format!("; and {rest} more") } else { String::new() };
+                format!("{}: {}{more}", kind.replace('_', " "), finding.places.join("; "))
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_findings_are_counted_and_few_are_told() {
+        let mut findings = Findings::default();
+        for line in 0..5000 {
+            findings.note("bad_texcoord_index", || format!("a.obj:{line}"));
+        }
+        assert_eq!(findings.get("bad_texcoord_index"), 5000);
+        assert_eq!(findings.warnings(), ["bad texcoord index: a.obj:0; a.obj:1; a.obj:2; and 4997 more"]);
+    }
+}

@@ -1,0 +1,14 @@
+//! Words that every phase speaks: errors, sizes in bytes, the memory budget, progress and findings.
+//!
+//! Nothing here knows of meshes in files, clusters or costs; everything may import it.
+
+pub mod budget;
+pub mod bytes;
+pub mod error;
+pub mod findings;
+pub mod progress;
+
+pub use budget::{MemoryBudget, Permit, Permits};
+pub use error::{Error, Result};
+pub use findings::Findings;
+pub use progress::{Progress, Silent};

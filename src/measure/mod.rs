@@ -1,0 +1,1 @@
+//! What a mesh is like: cracks, topology, folded texture triangles.

@@ -1,0 +1,52 @@
+//! The one place that maps files, and so the one place with `unsafe`.
+//!
+//! Only files that this program wrote and closed are mapped, never the input: an input that shrinks under a mapping
+//! would end the process with SIGBUS. The files lie in the job's work folder, which is locked by the job.
+#![allow(unsafe_code, reason = "the fence: a memory map cannot be made in safe Rust")]
+
+use std::fs::File;
+use std::marker::PhantomData;
+use std::ops::Deref;
+
+use bytemuck::Pod;
+use memmap2::{Mmap, MmapOptions};
+
+/// A read-only mapped range of a file, seen as records.
+#[derive(Debug)]
+pub struct MappedRecords<T> {
+    map: Option<Mmap>,
+    record: PhantomData<T>,
+}
+
+/// Maps `count` records that start at `offset_bytes`; the range must lie inside the file.
+///
+/// The pages leave memory when the value is dropped.
+///
+/// # Errors
+/// The system's, or `InvalidInput` if the range passes the file's end or is not aligned for `T`.
+pub fn map_records<T: Pod>(file: &File, offset_bytes: u64, count: usize) -> std::io::Result<MappedRecords<T>> {
+    let bytes = count * size_of::<T>();
+    if bytes == 0 {
+        return Ok(MappedRecords { map: None, record: PhantomData });
+    }
+    let end = offset_bytes.checked_add(bytes as u64);
+    if end.is_none_or(|end| file.metadata().is_ok_and(|meta| meta.len() < end)) {
+        return Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, "range passes the end of the file"));
+    }
+    // SAFETY: the map is read-only and private to this value. What stays possible: another process truncates a file
+    // of the locked work folder while it is mapped, which ends this process with SIGBUS; no memory is corrupted,
+    // since a `Pod` type is valid for any bytes.
+    let map = unsafe { MmapOptions::new().offset(offset_bytes).len(bytes).map(file)? };
+    if bytemuck::try_cast_slice::<u8, T>(&map).is_err() {
+        return Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, "range is not aligned"));
+    }
+    Ok(MappedRecords { map: Some(map), record: PhantomData })
+}
+
+impl<T: Pod> Deref for MappedRecords<T> {
+    type Target = [T];
+
+    fn deref(&self) -> &[T] {
+        self.map.as_ref().map_or(&[], |map| bytemuck::cast_slice(map))
+    }
+}

@@ -1,0 +1,82 @@
+//! What the system says of memory and disk, and positional file access.
+
+use std::fs::{self, File};
+use std::io;
+use std::path::Path;
+
+/// Peak resident memory of this process in bytes (`VmHWM`), 0 where the system does not tell.
+pub fn peak_resident_bytes() -> u64 {
+    proc_status_bytes("VmHWM:").unwrap_or(0)
+}
+
+/// Bytes that this process caused to be read from and written to storage, as far as the system counts them.
+pub fn io_bytes() -> (u64, u64) {
+    let text = fs::read_to_string("/proc/self/io").unwrap_or_default();
+    let field = |name: &str| {
+        let line = text.lines().find(|line| line.starts_with(name));
+        line.and_then(|line| line.split_whitespace().nth(1)?.parse().ok()).unwrap_or(0)
+    };
+    (field("rchar:"), field("wchar:"))
+}
+
+/// Memory of the machine or of the cgroup that the process is in, whichever is less, in bytes.
+pub fn memory_bytes() -> Option<u64> {
+    let machine = fs::read_to_string("/proc/meminfo").ok().and_then(|text| kib_field(&text, "MemTotal:"));
+    let limits = ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];
+    let cgroup = limits.iter().filter_map(|path| fs::read_to_string(path).ok()?.trim().parse::<u64>().ok()).min();
+    [machine, cgroup].into_iter().flatten().min()
+}
+
+/// Bytes that are free for this user on the disk that holds `path`.
+///
+/// # Errors
+/// The system's.
+pub fn free_disk_bytes(path: &Path) -> io::Result<u64> {
+    fs4::available_space(path)
+}
+
+/// Fills `buffer` from an offset of a file, without moving its cursor.
+///
+/// # Errors
+/// The system's; `UnexpectedEof` where the file is shorter.
+pub fn read_exact_at(file: &File, buffer: &mut [u8], offset: u64) -> io::Result<()> {
+    #[cfg(unix)]
+    return std::os::unix::fs::FileExt::read_exact_at(file, buffer, offset);
+    #[cfg(windows)]
+    {
+        let mut done = 0;
+        while done < buffer.len() {
+            match std::os::windows::fs::FileExt::seek_read(file, &mut buffer[done..], offset + done as u64)? {
+                0 => return Err(io::ErrorKind::UnexpectedEof.into()),
+                n => done += n,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Writes all of `bytes` at an offset of a file.
+///
+/// # Errors
+/// The system's.
+pub fn write_all_at(file: &File, bytes: &[u8], offset: u64) -> io::Result<()> {
+    #[cfg(unix)]
+    return std::os::unix::fs::FileExt::write_all_at(file, bytes, offset);
+    #[cfg(windows)]
+    {
+        let mut done = 0;
+        while done < bytes.len() {
+            done += std::os::windows::fs::FileExt::seek_write(file, &bytes[done..], offset + done as u64)?;
+        }
+        Ok(())
+    }
+}
+
+fn proc_status_bytes(field: &str) -> Option<u64> {
+    kib_field(&fs::read_to_string("/proc/self/status").ok()?, field)
+}
+
+fn kib_field(text: &str, field: &str) -> Option<u64> {
+    let line = text.lines().find(|line| line.starts_with(field))?;
+    Some(line.split_whitespace().nth(1)?.parse::<u64>().ok()? << 10)
+}

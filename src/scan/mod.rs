@@ -1,0 +1,1 @@
+//! The input's text becomes records: OBJ and MTL in, columns and a catalogue out.

@@ -1,0 +1,184 @@
+//! A mesh that lies in files: what the scan leaves, and what every pass leaves for the next.
+//!
+//! ```text
+//! vertex ids   0 .. shared        vertices that several pieces use
+//!              shared ..          the pieces' own vertices, piece after piece
+//! texcoord ids 0 ..               the pieces' texture coordinates, piece after piece
+//! ```
+//! Inside a piece, faces name its own vertices by 0 .. own and shared vertices by own .. own + shared.
+
+use std::path::PathBuf;
+
+use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+
+use super::column::Segment;
+use super::face::{Face, FaceBlocks, NO_TEXCOORD};
+use crate::base::{Error, Result};
+
+/// Largest number of vertices or texture coordinates; ids are 32 bits and the last one means "none".
+pub const ID_LIMIT: u64 = u32::MAX as u64 - 1;
+
+/// A piece of a stored mesh, with its own vertices, texture coordinates and faces.
+#[derive(Debug, Clone)]
+pub struct StoredPiece {
+    /// Positions of its own vertices, in the mesh's unit of length.
+    pub positions: Segment<DVec3>,
+    /// Colours of its own vertices as the input wrote them, if the mesh has any; NaN where a vertex has none.
+    pub colours: Option<Segment<[f32; 3]>>,
+    /// Texture coordinates.
+    pub texcoords: Segment<DVec2>,
+    /// Faces by ids of this piece.
+    pub faces: FaceBlocks,
+}
+
+/// A mesh in files.
+#[derive(Debug, Clone, Default)]
+pub struct StoredMesh {
+    /// Positions of the vertices that several pieces use; they come first in the numbering.
+    pub shared_positions: Option<Segment<DVec3>>,
+    /// Colours of the shared vertices.
+    pub shared_colours: Option<Segment<[f32; 3]>>,
+    /// The pieces, in order.
+    pub pieces: Vec<StoredPiece>,
+}
+
+impl StoredMesh {
+    /// Number of shared vertices.
+    pub fn shared_count(&self) -> u64 {
+        self.shared_positions.as_ref().map_or(0, Segment::len)
+    }
+
+    /// Number of vertices.
+    pub fn vertex_count(&self) -> u64 {
+        self.shared_count() + self.pieces.iter().map(|piece| piece.positions.len()).sum::<u64>()
+    }
+
+    /// Number of texture coordinates.
+    pub fn texcoord_count(&self) -> u64 {
+        self.pieces.iter().map(|piece| piece.texcoords.len()).sum()
+    }
+
+    /// Number of triangles.
+    pub fn face_count(&self) -> u64 {
+        self.pieces.iter().map(|piece| piece.faces.len()).sum()
+    }
+
+    /// Whether vertices have colours.
+    pub fn has_colours(&self) -> bool {
+        self.shared_colours.is_some() || self.pieces.iter().any(|piece| piece.colours.is_some())
+    }
+
+    /// Segments of positions in the order of vertex ids.
+    pub fn position_segments(&self) -> impl Iterator<Item = &Segment<DVec3>> {
+        self.shared_positions.iter().chain(self.pieces.iter().map(|piece| &piece.positions))
+    }
+
+    /// How the ids of each piece become ids of the mesh.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] if there are more than 2³² - 2 of a kind.
+    pub fn numbering(&self) -> Result<Vec<PieceNumbering>> {
+        for (count, what) in [(self.vertex_count(), "vertices"), (self.texcoord_count(), "texture coordinates")] {
+            if count > ID_LIMIT {
+                return Err(Error::Limit(format!("the mesh has {count} {what}; at most {ID_LIMIT} can be told apart")));
+            }
+        }
+        let (mut vertex_base, mut texcoord_base) = (self.shared_count() as u32, 0);
+        Ok(self
+            .pieces
+            .iter()
+            .map(|piece| {
+                let numbering = PieceNumbering { own: piece.positions.len() as u32, vertex_base, texcoord_base };
+                vertex_base += numbering.own;
+                texcoord_base += piece.texcoords.len() as u32;
+                numbering
+            })
+            .collect())
+    }
+}
+
+/// Turns the ids of a piece into ids of its mesh.
+#[derive(Debug, Clone, Copy)]
+pub struct PieceNumbering {
+    /// Number of the piece's own vertices.
+    pub own: u32,
+    /// Mesh id of its first own vertex.
+    pub vertex_base: u32,
+    /// Mesh id of its first texture coordinate.
+    pub texcoord_base: u32,
+}
+
+impl PieceNumbering {
+    /// A face with ids of the mesh.
+    pub fn globalise(&self, face: &Face) -> Face {
+        let vertex = |v: u32| if v < self.own { self.vertex_base + v } else { v - self.own };
+        let texcoord = |t: u32| if t == NO_TEXCOORD { t } else { self.texcoord_base + t };
+        Face { vertices: face.vertices.map(vertex), texcoords: face.texcoords.map(texcoord), ..*face }
+    }
+}
+
+/// A material as faces refer to it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Material {
+    /// Name in the input (`usemtl`), as bytes; need not be UTF-8.
+    pub name: Vec<u8>,
+    /// Name in the output: the input's, with a suffix where two inputs use one name for different materials.
+    pub output_name: Vec<u8>,
+    /// Its definition: the statements after `newmtl`, or nothing if no MTL file defines it.
+    pub definition: Option<MaterialDefinition>,
+}
+
+/// The statements of a material in an MTL file.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct MaterialDefinition {
+    /// Folder of the MTL file, against which texture names are resolved.
+    pub folder: PathBuf,
+    /// Statements that name no texture, as written.
+    pub statements: Vec<Vec<u8>>,
+    /// Statements that name a texture.
+    pub textures: Vec<TextureStatement>,
+}
+
+/// A statement such as `map_Kd -s 1 1 1 wall.png`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TextureStatement {
+    /// Key and options as written: `map_Kd -s 1 1 1`.
+    pub key_and_options: Vec<u8>,
+    /// File name as written, options removed: `wall.png`.
+    pub name: Vec<u8>,
+}
+
+/// What faces are labelled with: a combination of input file, object, group and material.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub struct Part {
+    /// Index of the input file.
+    pub file: u32,
+    /// Index of the object's name in [`Catalogue::names`], if an `o` statement preceded.
+    pub object: Option<u32>,
+    /// Index of the groups' names (the text after `g`), if a `g` statement preceded.
+    pub group: Option<u32>,
+    /// Index of the material, if a `usemtl` statement preceded.
+    pub material: Option<u32>,
+}
+
+/// Everything of the input that is not geometry.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Catalogue {
+    /// The input files, in order.
+    pub files: Vec<PathBuf>,
+    /// Object and group names, as bytes.
+    pub names: Vec<Vec<u8>>,
+    /// Materials in order of first use.
+    pub materials: Vec<Material>,
+    /// Parts in order of first use; faces refer to them by index.
+    pub parts: Vec<Part>,
+    /// Whether the input had vertex normals.
+    pub has_normals: bool,
+    /// Whether the input had texture coordinates.
+    pub has_texcoords: bool,
+    /// Most decimals that a position was written with.
+    pub position_decimals: u32,
+    /// Most decimals that a texture coordinate was written with.
+    pub texcoord_decimals: u32,
+}

@@ -1,0 +1,16 @@
+//! Records in files of the work folder: columns of vertices and texture coordinates, blocks of faces, and the
+//! stored mesh that is made of them.
+//!
+//! In: records in order. Out: read-only windows of them. Invariant: a file has a header that names itself and is
+//! written once, synced and renamed; what can be opened is whole.
+//!
+//! # Files
+//! `docs/format.md` describes every byte.
+
+pub mod column;
+pub mod face;
+pub mod mesh;
+
+pub use column::{Column, ColumnWriter, Segment};
+pub use face::{Face, FaceBlocks, FaceWriter, NO_TEXCOORD};
+pub use mesh::{Catalogue, Material, Part, StoredMesh, StoredPiece};

@@ -1,0 +1,1 @@
+//! A stored mesh becomes one OBJ with its MTL and textures.
