@@ -1,1 +1,15 @@
-//! simplify.
+//! One cluster becomes a cluster of fewer faces.
+//!
+//! In: a [`ClusterMesh`](crate::mesh::ClusterMesh) with its locks, and stages that say when to stop. Out: the same mesh
+//! with fewer faces. Invariant: every step is a legal edge collapse of the *whole* mesh, though only the cluster is
+//! seen; locked vertices neither move nor vanish.
+//!
+//! # Memory
+//! See [`engine::FACE_BYTES`].
+
+pub mod collapse;
+pub mod engine;
+pub mod legality;
+pub mod texture;
+
+pub use engine::{Engine, Stop, StageResult};

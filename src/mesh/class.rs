@@ -1,0 +1,292 @@
+//! Vertex classes, and the table that says which class may collapse into which, and where the new vertex goes.
+//!
+//! # Source
+//! Classes and rules after Wang et al. 2024 ("Lightweight algorithm for preventing texture distortion in oblique
+//! photogrammetry model simplification"): smooth, seam and corner by the number of texture coordinates, each inside
+//! the surface or on an open border.
+//!
+//! # Where we differ
+//! * A seam may also end at a corner or a locked vertex, which stays (the paper forbids it).
+//! * An inner vertex may collapse into a border vertex, which stays (the paper forbids it).
+//! * A vertex with one texture coordinate at which a seam ends is a corner.
+
+use super::cluster::ClusterMesh;
+use super::ring::Rings;
+
+/// What kind of place a vertex sits at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(u8)]
+pub enum Class {
+    /// Inside a chart.
+    Smooth,
+    /// Where two charts meet along a line.
+    Seam,
+    /// Where seams end, meet or cross.
+    Corner,
+    /// On an open border, inside a chart.
+    Border,
+    /// On an open border, at the end of one seam.
+    BorderSeam,
+    /// On an open border, where several seams end.
+    BorderCorner,
+    /// At a non-manifold place, or of too high a valence to be handled.
+    Fixed,
+}
+
+/// Where the vertex goes when an edge collapses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rule {
+    /// The edge stays.
+    Never,
+    /// To the best place.
+    Free,
+    /// To the edge's second end, which stays where it is.
+    Onto,
+    /// To the best place near the chain; only along an edge of the seam or border that both ends lie on.
+    Chain,
+    /// To the second end, which stays; only along an edge of the seam or border.
+    ChainOnto,
+}
+
+/// Largest number of faces around a vertex that may move or vanish; larger fans wait until their rim has shrunk.
+pub const VALENCE_MAX: usize = 128;
+
+impl Class {
+    /// All classes, in the order of the table.
+    pub const ALL: [Class; 7] = [
+        Class::Smooth,
+        Class::Seam,
+        Class::Corner,
+        Class::Border,
+        Class::BorderSeam,
+        Class::BorderCorner,
+        Class::Fixed,
+    ];
+
+    /// What may become of an edge from a vertex of this class (which vanishes) to one of class `to`.
+    #[inline]
+    pub fn rule(self, to: Class) -> Rule {
+        RULES[self as usize][to as usize]
+    }
+
+    /// Whether the vertex lies on an open border.
+    #[inline]
+    pub fn is_border(self) -> bool {
+        matches!(self, Class::Border | Class::BorderSeam | Class::BorderCorner)
+    }
+}
+
+/// Rows: the vertex that vanishes. Columns: the vertex that stays.
+const RULES: [[Rule; 7]; 7] = {
+    use Rule::{Chain, ChainOnto as Along, Free, Never, Onto};
+    [
+        // Smooth Seam   Corner Border BSeam  BCorner Fixed
+        [Free, Onto, Onto, Onto, Onto, Onto, Onto],       // Smooth
+        [Never, Chain, Along, Never, Along, Along, Along], // Seam
+        [Never, Never, Never, Never, Never, Never, Never], // Corner
+        [Never, Never, Never, Chain, Along, Along, Along], // Border
+        [Never, Never, Never, Never, Never, Never, Never], // BorderSeam
+        [Never, Never, Never, Never, Never, Never, Never], // BorderCorner
+        [Never, Never, Never, Never, Never, Never, Never], // Fixed
+    ]
+};
+
+/// The class of every vertex; vertices without faces are [`Class::Fixed`].
+pub fn classify(mesh: &ClusterMesh, rings: &Rings, classes: &mut Vec<Class>) {
+    classes.clear();
+    let mut fan = Fan::default();
+    classes.extend((0..mesh.positions.len() as u32).map(|vertex| fan.class(mesh, rings, vertex)));
+}
+
+/// The corner of one face around a vertex.
+#[derive(Debug, Clone, Copy)]
+struct Spoke {
+    wedge: u32,
+    next: u32,
+    next_wedge: u32,
+    previous: u32,
+    previous_wedge: u32,
+}
+
+#[derive(Debug, Default)]
+struct Fan {
+    spokes: Vec<Spoke>,
+}
+
+impl Fan {
+    fn class(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) -> Class {
+        let faces = rings.of(vertex);
+        if faces.is_empty() || faces.len() > VALENCE_MAX {
+            return Class::Fixed;
+        }
+        self.spokes.clear();
+        for &face in faces {
+            let corners = mesh.corners[face as usize];
+            let Some(at) = corners.iter().position(|&w| mesh.wedge_vertex[w as usize] == vertex) else { continue };
+            let (next_wedge, previous_wedge) = (corners[(at + 1) % 3], corners[(at + 2) % 3]);
+            self.spokes.push(Spoke {
+                wedge: corners[at],
+                next: mesh.wedge_vertex[next_wedge as usize],
+                next_wedge,
+                previous: mesh.wedge_vertex[previous_wedge as usize],
+                previous_wedge,
+            });
+        }
+        self.walk()
+    }
+
+    /// Walks the fan counter-clockwise: from a spoke to the one that begins where it ends.
+    fn walk(&self) -> Class {
+        let spokes = &self.spokes;
+        let mut start = None;
+        for (i, spoke) in spokes.iter().enumerate() {
+            let is_repeated = spokes[i + 1..].iter().any(|s| s.next == spoke.next || s.previous == spoke.previous);
+            if is_repeated {
+                return Class::Fixed;
+            }
+            if !spokes.iter().any(|s| s.previous == spoke.next) {
+                if start.is_some() {
+                    return Class::Fixed;
+                }
+                start = Some(i);
+            }
+        }
+        let is_open = start.is_some();
+        let mut at = start.unwrap_or(0);
+        let (mut visited, mut seams, mut changes) = (1, 0, 0);
+        loop {
+            let spoke = spokes[at];
+            let Some(next) = spokes.iter().position(|s| s.next == spoke.previous) else { break };
+            let differs = spokes[next].wedge != spoke.wedge;
+            changes += usize::from(differs);
+            seams += usize::from(differs || spokes[next].next_wedge != spoke.previous_wedge);
+            if Some(next) == start || next == start.unwrap_or(0) {
+                break;
+            }
+            at = next;
+            visited += 1;
+        }
+        if visited != spokes.len() {
+            return Class::Fixed;
+        }
+        match (is_open, seams, changes) {
+            (false, 0, _) => Class::Smooth,
+            (false, 2, 2) => Class::Seam,
+            (false, ..) => Class::Corner,
+            (true, 0, _) => Class::Border,
+            (true, 1, 1) => Class::BorderSeam,
+            (true, ..) => Class::BorderCorner,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::cluster::samples;
+    use super::*;
+
+    fn classes_of(mesh: &ClusterMesh) -> Vec<Class> {
+        let (mut rings, mut classes) = (Rings::default(), Vec::new());
+        rings.build(mesh);
+        classify(mesh, &rings, &mut classes);
+        classes
+    }
+
+    // One test per cell of the table would repeat it; these state each rule in words instead.
+    #[test]
+    fn a_smooth_vertex_may_go_anywhere_and_moves_only_smooth_ones() {
+        for to in Class::ALL {
+            let expected = if to == Class::Smooth { Rule::Free } else { Rule::Onto };
+            assert_eq!(Class::Smooth.rule(to), expected, "{to:?}");
+        }
+    }
+
+    #[test]
+    fn a_seam_vertex_stays_on_its_seam() {
+        for to in Class::ALL {
+            let expected = match to {
+                Class::Seam => Rule::Chain,
+                Class::Smooth | Class::Border => Rule::Never,
+                Class::Corner | Class::BorderSeam | Class::BorderCorner | Class::Fixed => Rule::ChainOnto,
+            };
+            assert_eq!(Class::Seam.rule(to), expected, "{to:?}");
+        }
+    }
+
+    #[test]
+    fn a_border_vertex_stays_on_its_border() {
+        for to in Class::ALL {
+            let expected = match to {
+                Class::Border => Rule::Chain,
+                Class::Smooth | Class::Seam | Class::Corner => Rule::Never,
+                Class::BorderSeam | Class::BorderCorner | Class::Fixed => Rule::ChainOnto,
+            };
+            assert_eq!(Class::Border.rule(to), expected, "{to:?}");
+        }
+    }
+
+    #[test]
+    fn corners_and_fixed_vertices_never_vanish() {
+        for from in [Class::Corner, Class::BorderSeam, Class::BorderCorner, Class::Fixed] {
+            for to in Class::ALL {
+                assert_eq!(from.rule(to), Rule::Never, "{from:?} {to:?}");
+            }
+        }
+    }
+
+    //  6--7--8
+    //  | /| /|      one chart: 4 is smooth, the rest border
+    //  3--4--5
+    //  | /| /|
+    //  0--1--2
+    #[test]
+    fn a_grid_is_smooth_inside_and_border_outside() {
+        let classes = classes_of(&samples::grid(2, 0.0));
+        for (vertex, class) in classes.iter().enumerate() {
+            assert_eq!(*class, if vertex == 4 { Class::Smooth } else { Class::Border });
+        }
+    }
+
+    //  +--+--s--+--+
+    //  |  |  s  |  |     s: two charts meet
+    //  +--+--s--+--+
+    #[test]
+    fn a_line_between_two_charts_is_a_seam_that_ends_at_the_border() {
+        let classes = classes_of(&samples::two_charts(4));
+        assert_eq!(classes[7], Class::Seam);
+        assert_eq!(classes[12], Class::Seam);
+        assert_eq!(classes[2], Class::BorderSeam);
+        assert_eq!(classes[22], Class::BorderSeam);
+        assert_eq!(classes[6], Class::Smooth);
+    }
+
+    //   \ | /
+    //    \|/        three faces on one edge
+    //     |
+    #[test]
+    fn both_ends_of_a_non_manifold_edge_are_fixed_and_nothing_else() {
+        let mut mesh = samples::grid(4, 0.0);
+        let top = mesh.push_vertex(glam::DVec3::new(1.5, 1.5, 1.0), 0);
+        let wedge = mesh.push_wedge(top, glam::DVec2::ZERO);
+        mesh.push_face([6, 7, wedge], 0);
+        mesh.link_wedges();
+        let classes = classes_of(&mesh);
+        let fixed: Vec<_> = (0..26).filter(|&v| classes[v] == Class::Fixed).collect();
+        assert_eq!(fixed, [6, 7]);
+    }
+
+    //  two triangles that share only a vertex
+    #[test]
+    fn a_bow_tie_vertex_is_fixed() {
+        let mut mesh = ClusterMesh::default();
+        for p in [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]] {
+            let v = mesh.push_vertex(glam::DVec3::new(p[0], p[1], 0.0), 0);
+            mesh.push_wedge(v, glam::DVec2::NAN);
+        }
+        mesh.push_face([0, 1, 2], 0);
+        mesh.push_face([0, 3, 4], 0);
+        mesh.link_wedges();
+        assert_eq!(classes_of(&mesh)[0], Class::Fixed);
+        assert_eq!(classes_of(&mesh)[1], Class::Border);
+    }
+}

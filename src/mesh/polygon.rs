@@ -1,0 +1,122 @@
+//! Triangulates polygons of four and more corners once their positions are known.
+//!
+//! Ear clipping by the `earcutr` crate in the plane of the polygon's Newell normal; a fan where that fails.
+
+use glam::DVec3;
+
+/// Triangles, as indices into `polygon`, of a polygon with corners in order; n - 2 of them where possible.
+///
+/// A quad is cut along the diagonal that keeps both triangles on the polygon's side, the shorter one if both do.
+pub fn triangulate(polygon: &[DVec3], out: &mut Vec<[u32; 3]>) {
+    out.clear();
+    let count = polygon.len() as u32;
+    if count < 3 {
+        return;
+    }
+    let normal = newell_normal(polygon);
+    if count == 4 {
+        out.extend(cut_quad(polygon, normal));
+        return;
+    }
+    if let Some(triangles) = ear_cut(polygon, normal) {
+        out.extend(triangles);
+    }
+    if out.len() as u32 != count - 2 {
+        out.clear();
+        out.extend((1..count - 1).map(|i| [0, i, i + 1]));
+    }
+}
+
+/// Area-weighted normal of a polygon (Newell's method), twice its area long.
+fn newell_normal(polygon: &[DVec3]) -> DVec3 {
+    let origin = polygon[0];
+    let mut normal = DVec3::ZERO;
+    for (i, &p) in polygon.iter().enumerate() {
+        let next = polygon[(i + 1) % polygon.len()];
+        normal += (p - origin).cross(next - origin);
+    }
+    normal
+}
+
+fn cut_quad(p: &[DVec3], normal: DVec3) -> [[u32; 3]; 2] {
+    let side = |a: usize, b: usize, c: usize| (p[b] - p[a]).cross(p[c] - p[a]).dot(normal);
+    let first = side(0, 1, 2).min(side(0, 2, 3));
+    let second = side(1, 2, 3).min(side(1, 3, 0));
+    let is_first = match (first > 0.0, second > 0.0) {
+        (true, false) => true,
+        (false, true) => false,
+        _ => p[0].distance_squared(p[2]) <= p[1].distance_squared(p[3]),
+    };
+    if is_first { [[0, 1, 2], [0, 2, 3]] } else { [[1, 2, 3], [1, 3, 0]] }
+}
+
+fn ear_cut(polygon: &[DVec3], normal: DVec3) -> Option<Vec<[u32; 3]>> {
+    let magnitude = normal.abs();
+    // Dropping the axis of the largest component keeps the polygon's shape best; the sign keeps its side.
+    let project = |p: DVec3| -> [f64; 2] {
+        let q = p - polygon[0];
+        if magnitude.x >= magnitude.y && magnitude.x >= magnitude.z {
+            [q.y * normal.x.signum(), q.z]
+        } else if magnitude.y >= magnitude.z {
+            [q.z * normal.y.signum(), q.x]
+        } else {
+            [q.x * normal.z.signum(), q.y]
+        }
+    };
+    let flat: Vec<f64> = polygon.iter().flat_map(|&p| project(p)).collect();
+    let indices = earcutr::earcut(&flat, &[], 2).ok()?;
+    let oriented = |t: &[usize]| {
+        let across = (polygon[t[1]] - polygon[t[0]]).cross(polygon[t[2]] - polygon[t[0]]);
+        let [a, b, c] = [t[0] as u32, t[1] as u32, t[2] as u32];
+        if across.dot(normal) < 0.0 { [a, c, b] } else { [a, b, c] }
+    };
+    Some(indices.chunks_exact(3).map(oriented).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn area(polygon: &[DVec3]) -> f64 {
+        let mut triangles = Vec::new();
+        triangulate(polygon, &mut triangles);
+        let across = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|i| polygon[i as usize]);
+            (b - a).cross(c - a).length()
+        };
+        triangles.iter().map(|t| 0.5 * across(t)).sum()
+    }
+
+    //   3        a dart: the diagonal 0-2 would fold over
+    //  / \
+    // 0 . 2  with 1 pulled up inside
+    #[test]
+    fn a_dart_is_cut_at_its_notch_wherever_it_starts() {
+        let dart = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [1.8, 0.2]].map(|[x, y]| DVec3::new(x, y, 0.0));
+        for start in 0..4 {
+            let mut turned = dart;
+            turned.rotate_left(start);
+            assert!((area(&turned) - 0.4).abs() < 1e-12, "{start}: {}", area(&turned));
+        }
+    }
+
+    #[test]
+    fn a_concave_polygon_keeps_its_area_in_any_plane() {
+        let outline = [[0.0, 0.0], [3.0, 0.0], [3.0, 1.0], [1.0, 1.0], [1.0, 3.0], [0.0, 3.0]];
+        for axes in [[0, 1, 2], [1, 2, 0], [2, 0, 1], [1, 0, 2]] {
+            let polygon = outline.map(|[x, y]| {
+                let mut p = [0.0; 3];
+                (p[axes[0]], p[axes[1]]) = (x, y);
+                DVec3::from_array(p)
+            });
+            assert!((area(&polygon) - 5.0).abs() < 1e-12, "{axes:?}");
+        }
+    }
+
+    #[test]
+    fn a_polygon_without_area_becomes_a_fan() {
+        let mut triangles = Vec::new();
+        triangulate(&[DVec3::ZERO; 6], &mut triangles);
+        assert_eq!(triangles.len(), 4);
+    }
+}

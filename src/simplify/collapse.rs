@@ -1,0 +1,148 @@
+//! One edge collapse: from the candidate to the changed mesh, or to the reason against it.
+
+use glam::{DVec2, DVec3};
+
+use super::legality::{EdgeStar, Refusal, triangle_survives, uv_survives};
+use super::texture::{uv_on_chain, uv_on_ring};
+use crate::cost::{EdgeCase, SurfaceCost};
+use crate::mesh::cluster::{ClusterMesh, DEAD, flag};
+use crate::mesh::ring::Rings;
+
+/// An edge to collapse, as judged before.
+#[derive(Debug, Clone, Copy)]
+pub struct Collapse {
+    /// The vertex that vanishes.
+    pub from: u32,
+    /// The vertex that stays.
+    pub to: u32,
+    /// Whether `to` stays where it is.
+    pub onto: bool,
+    /// Whether the edge lies on a seam or border that both ends keep to.
+    pub chain: bool,
+}
+
+/// Collapses edges of one mesh; holds scratch space only.
+#[derive(Debug, Default)]
+pub struct Collapser {
+    star: EdgeStar,
+    uvs: Vec<DVec2>,
+}
+
+impl Collapser {
+    /// Prepares for a mesh.
+    pub fn reset(&mut self, mesh: &ClusterMesh) {
+        self.star.reset(mesh.positions.len());
+    }
+
+    /// Collapses the edge and returns how many faces died.
+    ///
+    /// # Errors
+    /// The reason against it; the mesh is then unchanged.
+    pub fn try_collapse(
+        &mut self,
+        mesh: &mut ClusterMesh,
+        rings: &Rings,
+        cost: &mut SurfaceCost,
+        collapse: Collapse,
+    ) -> Result<usize, Refusal> {
+        let Collapse { from, to, onto, .. } = collapse;
+        self.star.gather(mesh, rings, from, to);
+        self.star.check_topology(mesh, rings, from, to)?;
+        let position = cost.place(mesh, &EdgeCase { from, to, onto, wedges: &self.star.wedges }).position;
+        self.choose_uvs(mesh, rings, collapse, position)?;
+        self.check_faces(mesh, rings, collapse, position)?;
+        cost.join(&EdgeCase { from, to, onto, wedges: &self.star.wedges });
+        Ok(self.apply(mesh, rings, collapse, position))
+    }
+
+    /// New texture coordinate for each wedge pair.
+    fn choose_uvs(
+        &mut self,
+        mesh: &ClusterMesh,
+        rings: &Rings,
+        collapse: Collapse,
+        position: DVec3,
+    ) -> Result<(), Refusal> {
+        let (from, to) = (collapse.from, collapse.to);
+        let wedges = &self.star.wedges;
+        if collapse.onto {
+            self.uvs.clear();
+            self.uvs.extend(wedges.iter().map(|pair| mesh.wedge_uv[pair.1 as usize]));
+        } else if collapse.chain {
+            uv_on_chain(mesh, rings, (from, to), wedges, position, &mut self.uvs).ok_or(Refusal::Seam)?;
+        } else {
+            let kept = wedges.first().map_or(DVec2::NAN, |pair| mesh.wedge_uv[pair.1 as usize]);
+            let uv = uv_on_ring(mesh, rings, from, to, position).unwrap_or(kept);
+            self.uvs.clear();
+            self.uvs.resize(wedges.len(), uv);
+        }
+        Ok(())
+    }
+
+    fn check_faces(
+        &self,
+        mesh: &ClusterMesh,
+        rings: &Rings,
+        collapse: Collapse,
+        position: DVec3,
+    ) -> Result<(), Refusal> {
+        let (from, to) = (collapse.from, collapse.to);
+        let moving = if collapse.onto { &[from][..] } else { &[from, to][..] };
+        for &vertex in moving {
+            let living = rings.of(vertex).iter().filter(|&&face| !mesh.is_dead(face));
+            for &face in living.filter(|face| !self.star.dying.contains(face)) {
+                let corners = mesh.corners[face as usize];
+                let (before, uv_before) = (mesh.triangle(face), mesh.uv_triangle(face));
+                let (mut after, mut uv_after) = (before, uv_before);
+                for k in 0..3 {
+                    if mesh.wedge_vertex[corners[k] as usize] == vertex {
+                        after[k] = position;
+                        let pairs = self.star.wedges.iter().zip(&self.uvs);
+                        let mapped = pairs.filter(|((a, b), _)| *a == corners[k] || *b == corners[k]).map(|(_, uv)| uv);
+                        uv_after[k] = mapped.copied().next().unwrap_or(uv_after[k]);
+                    }
+                }
+                if !triangle_survives(before, after) {
+                    return Err(Refusal::Fold);
+                }
+                if !uv_survives(uv_before, uv_after, area_ratio(before, after)) {
+                    return Err(Refusal::UvFold);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn apply(&self, mesh: &mut ClusterMesh, rings: &Rings, collapse: Collapse, position: DVec3) -> usize {
+        let (from, to) = (collapse.from, collapse.to);
+        for &face in &self.star.dying {
+            mesh.corners[face as usize] = [DEAD; 3];
+        }
+        mesh.face_count -= self.star.dying.len();
+        for &face in rings.of(from) {
+            if mesh.is_dead(face) {
+                continue;
+            }
+            for corner in &mut mesh.corners[face as usize] {
+                if let Some(pair) = self.star.wedges.iter().find(|pair| pair.0 == *corner) {
+                    *corner = pair.1;
+                }
+            }
+        }
+        if !collapse.onto {
+            mesh.flags[to as usize] |= flag::MOVED;
+            mesh.positions[to as usize] = position;
+            for (&(_, wedge), &uv) in self.star.wedges.iter().zip(&self.uvs) {
+                mesh.wedge_uv[wedge as usize] = uv;
+                mesh.wedge_moved[wedge as usize] = true;
+            }
+        }
+        self.star.dying.len()
+    }
+}
+
+/// Area after ÷ area before; infinite where there was none.
+fn area_ratio(before: [DVec3; 3], after: [DVec3; 3]) -> f64 {
+    let across_sq = |t: [DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).length_squared();
+    (across_sq(after) / across_sq(before)).sqrt()
+}

@@ -1,0 +1,174 @@
+//! Whether an edge may collapse: topology, borders of the cluster, folds in space and in the picture.
+//!
+//! # Source
+//! Dey, Edelsbrunner, Guha, Nekhayev, "Topology preserving edge contraction", 1999 (the link condition; an open border
+//! is closed by one imagined vertex).
+
+use glam::{DVec2, DVec3};
+
+use crate::mesh::class::VALENCE_MAX;
+use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::ring::Rings;
+
+/// A face may turn by no more than about 78° in one collapse (cosine).
+const TURN_COSINE: f64 = 0.2;
+/// A face may not become thinner than this regularity (4√3 · area / Σ length²; 1 is equilateral), unless it was.
+const REGULARITY_MIN: f64 = 0.02;
+/// A texture triangle may not lose more than this share of its size beside the change of the face's own area.
+const UV_AREA_SHARE_MIN: f64 = 0.05;
+
+/// Why an edge did not collapse.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum Refusal {
+    /// The surface would change its topology: pinch, close a hole, double a face.
+    Topology,
+    /// It is all that is left of a piece.
+    Piece,
+    /// A seam would be torn off its chart.
+    Seam,
+    /// The answer needs faces that another cluster has.
+    Rim,
+    /// A face would fold over or become a needle.
+    Fold,
+    /// A texture triangle would change its sign.
+    UvFold,
+}
+
+impl Refusal {
+    /// Number of refusals.
+    pub const COUNT: usize = 6;
+}
+
+/// What a collapse does to the faces around its edge; scratch space is kept between edges.
+#[derive(Debug, Default)]
+pub struct EdgeStar {
+    /// Faces that vanish.
+    pub dying: Vec<u32>,
+    /// Wedge of the vanishing vertex → wedge of the staying one.
+    pub wedges: Vec<(u32, u32)>,
+    opposite: Vec<u32>,
+    mark: Vec<u32>,
+    epoch: u32,
+}
+
+impl EdgeStar {
+    /// Forgets a mesh; call before the first edge of a mesh with `vertex_count` vertices.
+    pub fn reset(&mut self, vertex_count: usize) {
+        self.mark.clear();
+        self.mark.resize(vertex_count, 0);
+        self.epoch = 0;
+    }
+
+    /// Gathers the faces at the edge and how wedges map.
+    pub fn gather(&mut self, mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32) {
+        self.dying.clear();
+        self.wedges.clear();
+        self.opposite.clear();
+        for &face in rings.of(from).iter().filter(|&&face| !mesh.is_dead(face)) {
+            let (Some(to_wedge), Some(from_wedge)) = (mesh.wedge_at(face, to), mesh.wedge_at(face, from)) else {
+                continue;
+            };
+            self.dying.push(face);
+            if !self.wedges.contains(&(from_wedge, to_wedge)) {
+                self.wedges.push((from_wedge, to_wedge));
+            }
+            self.opposite.extend(mesh.vertices(face).into_iter().filter(|&v| v != from && v != to));
+        }
+    }
+
+    /// Checks everything but geometry; [`gather`](EdgeStar::gather) must have run for this edge.
+    ///
+    /// # Errors
+    /// The first reason found against the collapse.
+    pub fn check_topology(&mut self, mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32) -> Result<(), Refusal> {
+        if self.dying.is_empty() || self.dying.len() > 2 || rings.of(to).len() > 2 * VALENCE_MAX {
+            return Err(Refusal::Topology);
+        }
+        let to_shared = mesh.is_shared(to);
+        self.epoch += 2;
+        let (seen, common) = (self.epoch, self.epoch + 1);
+        let mut survivors = 0;
+        for &face in rings.of(from).iter().filter(|&&face| !mesh.is_dead(face)) {
+            let vertices = mesh.vertices(face);
+            for v in vertices {
+                self.mark[v as usize] = seen;
+            }
+            if vertices.contains(&to) {
+                continue;
+            }
+            survivors += 1;
+            let wedge = mesh.wedge_at(face, from).ok_or(Refusal::Topology)?;
+            if self.wedges.iter().filter(|pair| pair.0 == wedge).count() != 1 {
+                return Err(Refusal::Seam);
+            }
+            let ring = vertices.into_iter().filter(|&v| v != from);
+            if to_shared && ring.clone().any(|v| mesh.is_shared(v) && !self.opposite.contains(&v)) {
+                return Err(Refusal::Rim);
+            }
+            // A face (to, x, y) may exist already: x and y are then the two opposite vertices.
+            if ring.clone().all(|v| self.opposite.contains(&v)) {
+                let hidden = to_shared && ring.clone().all(|v| mesh.is_shared(v));
+                return Err(if hidden { Refusal::Rim } else { Refusal::Topology })
+                    .or_else(|refusal| self.face_exists(mesh, rings, to, refusal));
+            }
+        }
+        let mut common_count = 0;
+        let mut to_faces = 0;
+        for &face in rings.of(to).iter().filter(|&&face| !mesh.is_dead(face)) {
+            to_faces += 1;
+            for v in mesh.vertices(face).into_iter().filter(|&v| v != from && v != to) {
+                if self.mark[v as usize] == seen {
+                    self.mark[v as usize] = common;
+                    common_count += 1;
+                }
+            }
+        }
+        if common_count != self.dying.len() {
+            return Err(Refusal::Topology);
+        }
+        if survivors == 0 && to_faces <= self.dying.len() {
+            return Err(Refusal::Piece);
+        }
+        Ok(())
+    }
+
+    /// A surviving face spans both opposite vertices: legal only if the face that it becomes does not exist yet.
+    fn face_exists(&self, mesh: &ClusterMesh, rings: &Rings, to: u32, refusal: Refusal) -> Result<(), Refusal> {
+        let doubles = |face: &&u32| {
+            !mesh.is_dead(**face)
+                && !self.dying.contains(face)
+                && mesh.vertices(**face).into_iter().all(|v| v == to || self.opposite.contains(&v))
+        };
+        if refusal == Refusal::Rim || rings.of(to).iter().any(|face| doubles(&face)) { Err(refusal) } else { Ok(()) }
+    }
+}
+
+/// Checks that moving a corner keeps a triangle's side and shape.
+#[inline]
+pub fn triangle_survives(before: [DVec3; 3], after: [DVec3; 3]) -> bool {
+    let across = |t: [DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]);
+    let (old, new) = (across(before), across(after));
+    let (old_sq, new_sq) = (old.length_squared(), new.length_squared());
+    if old_sq > 0.0 && old.dot(new) < TURN_COSINE * (old_sq * new_sq).sqrt() {
+        return false;
+    }
+    // regularity = 4√3 · area / Σ length², area = √new_sq / 2
+    let regularity = |t: [DVec3; 3], across_sq: f64| {
+        let lengths = t[0].distance_squared(t[1]) + t[1].distance_squared(t[2]) + t[2].distance_squared(t[0]);
+        2.0 * 3f64.sqrt() * across_sq.sqrt() / lengths.max(f64::MIN_POSITIVE)
+    };
+    let now = regularity(after, new_sq);
+    now >= REGULARITY_MIN || (new_sq > 0.0 && now >= regularity(before, old_sq))
+}
+
+/// Checks that a texture triangle keeps its sign and does not shrink to nothing beside its face.
+#[inline]
+pub fn uv_survives(before: [DVec2; 3], after: [DVec2; 3], area_ratio: f64) -> bool {
+    let signed = |t: [DVec2; 3]| (t[1] - t[0]).perp_dot(t[2] - t[0]);
+    let (old, new) = (signed(before), signed(after));
+    if old.is_nan() || old == 0.0 {
+        return true;
+    }
+    new * old.signum() > UV_AREA_SHARE_MIN * old.abs() * area_ratio.min(1.0)
+}

@@ -1,0 +1,176 @@
+//! Where the picture goes when a vertex moves: texcoords are read off the old surface, never extrapolated.
+//!
+//! A free vertex takes the texture coordinate at the closest point of its old ring. A seam or border vertex takes those
+//! of the closest point of the old chain, on every side of it, so that both sides stay on their chart's border:
+//!
+//! ```text
+//!      x ------ from ======= to ------ y        the chain; p is the new place
+//!                      p'                        p' is the closest point of the chain
+//! ```
+
+use glam::{DVec2, DVec3};
+
+use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::ring::Rings;
+
+/// Texture coordinate at the closest point of the faces around both ends of a free edge; nothing if none has one.
+pub fn uv_on_ring(mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32, position: DVec3) -> Option<DVec2> {
+    let mut best: Option<(f64, DVec2)> = None;
+    for &face in rings.of(from).iter().chain(rings.of(to)).filter(|&&face| !mesh.is_dead(face)) {
+        let uv = mesh.uv_triangle(face);
+        if !uv.iter().all(|t| t.is_finite()) {
+            continue;
+        }
+        let triangle = mesh.triangle(face);
+        let weights = closest_weights(position, triangle);
+        let at = triangle[0] * weights[0] + triangle[1] * weights[1] + triangle[2] * weights[2];
+        let distance_sq = at.distance_squared(position);
+        if best.is_none_or(|(least, _)| distance_sq < least) {
+            best = Some((distance_sq, uv[0] * weights[0] + uv[1] * weights[1] + uv[2] * weights[2]));
+        }
+    }
+    best.map(|(_, uv)| uv)
+}
+
+/// Texture coordinates at the closest point of the chain through an edge, one for each wedge pair; nothing where the
+/// chain cannot be followed on some side.
+pub fn uv_on_chain(
+    mesh: &ClusterMesh,
+    rings: &Rings,
+    (from, to): (u32, u32),
+    wedges: &[(u32, u32)],
+    position: DVec3,
+    out: &mut Vec<DVec2>,
+) -> Option<()> {
+    out.clear();
+    let mut place = None;
+    for &(from_wedge, to_wedge) in wedges {
+        let before = chain_end(mesh, rings, from, from_wedge, to);
+        let after = chain_end(mesh, rings, to, to_wedge, from);
+        let chain = [before, Some((from, from_wedge)), Some((to, to_wedge)), after];
+        let (link, t) = *place.get_or_insert_with(|| closest_on_chain(mesh, &chain, position));
+        let (Some((_, w0)), Some((_, w1))) = (chain[link], chain[link + 1]) else { return None };
+        let uv = mesh.wedge_uv[w0 as usize].lerp(mesh.wedge_uv[w1 as usize], t);
+        out.push(uv);
+    }
+    Some(())
+}
+
+/// Link of the chain (0 to 2) and parameter on it (0 to 1) closest to a position.
+fn closest_on_chain(mesh: &ClusterMesh, chain: &[Option<(u32, u32)>; 4], position: DVec3) -> (usize, f64) {
+    let mut best = (f64::INFINITY, 1, 0.5);
+    for link in [1, 0, 2] {
+        let (Some((a, _)), Some((b, _))) = (chain[link], chain[link + 1]) else { continue };
+        let (pa, pb) = (mesh.positions[a as usize], mesh.positions[b as usize]);
+        let along = pb - pa;
+        let t = ((position - pa).dot(along) / along.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        let distance_sq = pa.lerp(pb, t).distance_squared(position);
+        if distance_sq < best.0 {
+            best = (distance_sq, link, t);
+        }
+    }
+    (best.1, best.2)
+}
+
+/// The far end of the fan of faces that `wedge` of `vertex` spans: the chain's neighbour that is not `exclude`.
+fn chain_end(mesh: &ClusterMesh, rings: &Rings, vertex: u32, wedge: u32, exclude: u32) -> Option<(u32, u32)> {
+    let mut ends: [Option<(u32, u32)>; 2] = [None; 2];
+    let fan = || rings.of(vertex).iter().filter(|&&face| !mesh.is_dead(face) && mesh.corners[face as usize].contains(&wedge));
+    for &face in fan() {
+        for corner in mesh.corners[face as usize].into_iter().filter(|&w| w != wedge) {
+            let other = mesh.wedge_vertex[corner as usize];
+            if other == exclude || fan().filter(|&&f| mesh.wedge_at(f, other).is_some()).count() != 1 {
+                continue;
+            }
+            match ends[0] {
+                None => ends[0] = Some((other, corner)),
+                Some(_) => ends[1] = Some((other, corner)),
+            }
+        }
+    }
+    if ends[1].is_some() { None } else { ends[0] }
+}
+
+/// Barycentric weights of the point of a triangle that is closest to `p`.
+///
+/// # Source
+/// Ericson, "Real-Time Collision Detection", 2005, section 5.1.5 (regions of the triangle's plane).
+pub fn closest_weights(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
+    let (ab, ac, ap) = (b - a, c - a, p - a);
+    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
+    if d1 <= 0.0 && d2 <= 0.0 {
+        return [1.0, 0.0, 0.0];
+    }
+    let bp = p - b;
+    let (d3, d4) = (ab.dot(bp), ac.dot(bp));
+    if d3 >= 0.0 && d4 <= d3 {
+        return [0.0, 1.0, 0.0];
+    }
+    let vc = d1 * d4 - d3 * d2;
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        let t = ratio(d1, d1 - d3);
+        return [1.0 - t, t, 0.0];
+    }
+    let cp = p - c;
+    let (d5, d6) = (ab.dot(cp), ac.dot(cp));
+    if d6 >= 0.0 && d5 <= d6 {
+        return [0.0, 0.0, 1.0];
+    }
+    let vb = d5 * d2 - d1 * d6;
+    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        let t = ratio(d2, d2 - d6);
+        return [1.0 - t, 0.0, t];
+    }
+    let va = d3 * d6 - d5 * d4;
+    if va <= 0.0 && d4 >= d3 && d5 >= d6 {
+        let t = ratio(d4 - d3, (d4 - d3) + (d5 - d6));
+        return [0.0, 1.0 - t, t];
+    }
+    let total = va + vb + vc;
+    let (v, w) = (ratio(vb, total), ratio(vc, total));
+    [1.0 - v - w, v, w]
+}
+
+fn ratio(part: f64, whole: f64) -> f64 {
+    if whole == 0.0 { 0.0 } else { part / whole }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::cluster::samples;
+
+    #[test]
+    fn the_closest_point_is_found_in_every_region() {
+        let triangle = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        let closest = |p| {
+            let w = closest_weights(p, triangle);
+            triangle[0] * w[0] + triangle[1] * w[1] + triangle[2] * w[2]
+        };
+        for (p, expected) in [
+            (DVec3::new(0.2, 0.3, 5.0), DVec3::new(0.2, 0.3, 0.0)),
+            (DVec3::new(-1.0, -1.0, 1.0), DVec3::ZERO),
+            (DVec3::new(2.0, -1.0, 0.0), DVec3::X),
+            (DVec3::new(-1.0, 3.0, 0.0), DVec3::Y),
+            (DVec3::new(0.4, -1.0, 0.0), DVec3::new(0.4, 0.0, 0.0)),
+            (DVec3::new(-1.0, 0.7, 0.0), DVec3::new(0.0, 0.7, 0.0)),
+            (DVec3::new(1.0, 1.0, 0.0), DVec3::new(0.5, 0.5, 0.0)),
+        ] {
+            assert!((closest(p) - expected).length() < 1e-12, "{p}");
+        }
+    }
+
+    //   2          charts left and right of the line x = 2; the chain 2-7-12-17 keeps both sides in step
+    #[test]
+    fn both_sides_of_a_seam_move_together() {
+        let mesh = samples::two_charts(4);
+        let mut rings = Rings::default();
+        rings.build(&mesh);
+        let right = |v: u32| (25..30).find(|&w| mesh.wedge_vertex[w as usize] == v).unwrap();
+        let wedges = [(7, 12), (right(7), right(12))];
+        let mut uv = Vec::new();
+        uv_on_chain(&mesh, &rings, (7, 12), &wedges, DVec3::new(2.3, 1.25, 0.0), &mut uv).unwrap();
+        assert!((uv[0] - DVec2::new(0.2, 0.125)).length() < 1e-12);
+        assert!((uv[1] - DVec2::new(7.0, 0.125)).length() < 1e-12);
+    }
+}
