@@ -6,6 +6,7 @@ pub mod budget;
 pub mod bytes;
 pub mod error;
 pub mod findings;
+pub mod ordered;
 pub mod progress;
 
 pub use budget::{MemoryBudget, Permit, Permits};

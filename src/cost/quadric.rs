@@ -66,11 +66,7 @@ impl Quadric {
         let residual = self.apply(from) + self.linear;
         let d = self.diagonal + DVec3::splat(spring);
         let m = self.mixed;
-        let matrix = DMat3::from_cols(
-            DVec3::new(d.x, m.z, m.y),
-            DVec3::new(m.z, d.y, m.x),
-            DVec3::new(m.y, m.x, d.z),
-        );
+        let matrix = DMat3::from_cols(DVec3::new(d.x, m.z, m.y), DVec3::new(m.z, d.y, m.x), DVec3::new(m.y, m.x, d.z));
         let cofactors = DMat3::from_cols(
             matrix.y_axis.cross(matrix.z_axis),
             matrix.z_axis.cross(matrix.x_axis),
@@ -191,8 +187,7 @@ impl std::ops::Add for WedgeQuadric {
 mod tests {
     use super::*;
 
-    const TRIANGLE: [DVec3; 3] =
-        [DVec3::new(1.0, 2.0, 3.0), DVec3::new(4.0, 2.5, 3.0), DVec3::new(1.5, 5.0, 3.0)];
+    const TRIANGLE: [DVec3; 3] = [DVec3::new(1.0, 2.0, 3.0), DVec3::new(4.0, 2.5, 3.0), DVec3::new(1.5, 5.0, 3.0)];
     const UV: [DVec2; 3] = [DVec2::new(0.1, 0.2), DVec2::new(0.5, 0.1), DVec2::new(0.2, 0.9)];
 
     #[test]

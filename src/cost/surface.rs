@@ -14,11 +14,11 @@
 //! # Memory
 //! 80 bytes a vertex and, with texture, 72 bytes a wedge.
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
 use super::quadric::{Quadric, WedgeQuadric};
 use crate::mesh::class::Class;
-use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::cluster::{ClusterMesh, DEAD};
 use crate::mesh::ring::Rings;
 
 /// Stiffness of the spring that holds a free placement to the middle of its edge, relative to the trace of A.
@@ -73,6 +73,7 @@ pub struct SurfaceCost {
     weights: Weights,
     vertices: Vec<Quadric>,
     wedges: Vec<WedgeQuadric>,
+    area: f64,
 }
 
 impl SurfaceCost {
@@ -93,6 +94,7 @@ impl SurfaceCost {
         if self.has_texture() {
             self.wedges.resize(mesh.wedge_vertex.len(), WedgeQuadric::default());
         }
+        self.area = 0.0;
         for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
             let triangle = mesh.triangle(face);
             let across = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]);
@@ -102,6 +104,7 @@ impl SurfaceCost {
             }
             let normal = across / double_area;
             let area = 0.5 * double_area;
+            self.area += area;
             let mut quadric = Quadric::plane(normal, -normal.dot(triangle[0]), area);
             if self.has_texture() {
                 let texture = WedgeQuadric::of_face(triangle, mesh.uv_triangle(face), normal, area * self.weights.uv);
@@ -167,7 +170,9 @@ impl SurfaceCost {
         let best = reduced.minimum_near(middle, SPRING * trace);
         let position = match best {
             Some(p) if p.distance_squared(middle) <= REACH * REACH * length_sq => p,
-            _ => [middle, pa, pb].into_iter().min_by(|p, q| reduced.at(*p).total_cmp(&reduced.at(*q))).unwrap_or(middle),
+            _ => {
+                [middle, pa, pb].into_iter().min_by(|p, q| reduced.at(*p).total_cmp(&reduced.at(*q))).unwrap_or(middle)
+            }
         };
         Placement { position, cost: reduced.at(position).max(0.0) + tie }
     }
@@ -193,10 +198,28 @@ impl SurfaceCost {
         cost
     }
 
-    /// The texture coordinate of least error for the joined wedge at a position; nothing where it has no texture.
-    pub fn best_uv(&self, from_wedge: u32, to_wedge: u32, position: DVec3) -> Option<DVec2> {
-        let joined = *self.wedges.get(from_wedge as usize)? + *self.wedges.get(to_wedge as usize)?;
-        (joined.weight > 0.0).then(|| joined.mapped(position) / joined.weight)
+    /// Area of the mesh at the last refresh.
+    pub fn area(&self) -> f64 {
+        self.area
+    }
+
+    /// Σ of the error at every living vertex since the last refresh, in area × length²; each face counts three times.
+    pub fn error(&self, mesh: &ClusterMesh) -> f64 {
+        let mut errors = vec![0.0; if self.has_texture() { self.wedges.len() } else { 0 }];
+        let mut living = vec![false; self.vertices.len()];
+        for corners in mesh.corners.iter().filter(|corners| corners[0] != DEAD) {
+            for &w in corners {
+                let v = mesh.wedge_vertex[w as usize] as usize;
+                living[v] = true;
+                if let Some(error) = errors.get_mut(w as usize)
+                    && mesh.wedge_uv[w as usize].is_finite()
+                {
+                    *error = self.wedges[w as usize].at(mesh.positions[v], mesh.wedge_uv[w as usize]);
+                }
+            }
+        }
+        let shape: f64 = (0..living.len()).filter(|&v| living[v]).map(|v| self.vertices[v].at(mesh.positions[v])).sum();
+        (shape + errors.iter().sum::<f64>()).max(0.0)
     }
 
     /// Adds the quadrics of the vanished vertex and wedges to those that stay.

@@ -81,7 +81,7 @@ const RULES: [[Rule; 7]; 7] = {
     use Rule::{Chain, ChainOnto as Along, Free, Never, Onto};
     [
         // Smooth Seam   Corner Border BSeam  BCorner Fixed
-        [Free, Onto, Onto, Onto, Onto, Onto, Onto],       // Smooth
+        [Free, Onto, Onto, Onto, Onto, Onto, Onto],        // Smooth
         [Never, Chain, Along, Never, Along, Along, Along], // Seam
         [Never, Never, Never, Never, Never, Never, Never], // Corner
         [Never, Never, Never, Chain, Along, Along, Along], // Border

@@ -9,8 +9,8 @@
 
 use super::collapse::{Collapse, Collapser};
 use super::legality::Refusal;
-use crate::cost::surface::{EdgeKind, SurfaceCost, Weights};
 use crate::cost::EdgeCase;
+use crate::cost::surface::{EdgeKind, SurfaceCost, Weights};
 use crate::mesh::class::{Class, Rule, classify};
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::ring::Rings;
@@ -30,8 +30,8 @@ const LAST_SHARE: f64 = 0.0005;
 pub enum Stop {
     /// As soon as no more than this many faces are left.
     Faces(usize),
-    /// When no legal collapse costs this or less.
-    Cost(f32),
+    /// When no legal collapse costs this or less, or no more than this many faces are left.
+    Cost(f32, usize),
 }
 
 /// What a stage did.
@@ -100,6 +100,10 @@ pub struct Engine {
     chosen: Vec<u32>,
     /// How often each [`Refusal`] was met.
     pub refusals: [u64; Refusal::COUNT],
+    /// Estimate of the mean squared deviation that the stages so far have added, in units of length².
+    pub squared_error: f64,
+    /// Vertices on seams when the last stage began.
+    pub seam_vertices: u64,
     /// Cost and dead faces of every collapse, if wanted.
     pub log: Option<Vec<(f32, u8)>>,
     /// Whether seam vertices are locked.
@@ -126,6 +130,8 @@ impl Engine {
             costs: Vec::new(),
             chosen: Vec::new(),
             refusals: [0; Refusal::COUNT],
+            squared_error: 0.0,
+            seam_vertices: 0,
             log: None,
             lock_seams: false,
             lock_borders: false,
@@ -166,6 +172,9 @@ impl Engine {
         }
         self.prepare();
         self.cost.refresh(&self.mesh, &self.rings, &self.classes);
+        let is_seam =
+            |class: &&Class| matches!(class, Class::Seam | Class::Corner | Class::BorderSeam | Class::BorderCorner);
+        self.seam_vertices = self.classes.iter().filter(is_seam).count() as u64;
         self.judge_all();
         let mut widen = 1.0;
         loop {
@@ -178,12 +187,13 @@ impl Engine {
             self.collapse_chosen(stop, &mut result);
             let removed = before - self.mesh.face_count;
             if self.is_done(stop) {
-                return StageResult { reached: true, ..result };
+                result.reached = true;
+                break;
             }
             let few = (before as f64 * LAST_SHARE) as usize;
             let is_last = match stop {
                 Stop::Faces(_) => tried_all && removed == 0,
-                Stop::Cost(_) => tried_all && removed <= few,
+                Stop::Cost(..) => tried_all && removed <= few,
             };
             if is_last {
                 break;
@@ -191,8 +201,14 @@ impl Engine {
             widen = if removed * 8 < (before as f64 * ROUND_SHARE) as usize { widen * 2.0 } else { 1.0 };
             self.rejudge();
         }
-        result.reached = matches!(stop, Stop::Cost(_));
+        result.reached |= matches!(stop, Stop::Cost(..));
+        self.squared_error += self.cost.error(&self.mesh) / (3.0 * self.cost.area()).max(f64::MIN_POSITIVE);
         result
+    }
+
+    /// Area of the mesh when the last stage began.
+    pub fn area(&self) -> f64 {
+        self.cost.area()
     }
 
     /// Gives the mesh back, without dead faces and unused wedges.
@@ -202,7 +218,8 @@ impl Engine {
     }
 
     fn is_done(&self, stop: Stop) -> bool {
-        matches!(stop, Stop::Faces(target) if self.mesh.face_count <= target)
+        let (Stop::Faces(target) | Stop::Cost(_, target)) = stop;
+        self.mesh.face_count <= target
     }
 
     fn prepare(&mut self) {
@@ -306,7 +323,7 @@ impl Engine {
         let faces = self.mesh.face_count as f64;
         let (limit, excess) = match stop {
             Stop::Faces(target) => (f32::INFINITY, (self.mesh.face_count - target) as f64),
-            Stop::Cost(cost) => (cost, faces),
+            Stop::Cost(cost, _) => (cost, faces),
         };
         let collapses = (0.5 * excess.min(faces * ROUND_SHARE)).ceil();
         let wanted = (collapses * TRIES_PER_COLLAPSE * widen).max(8.0) as usize;
@@ -314,8 +331,7 @@ impl Engine {
         let open = |c: &&Candidate| !c.parked && c.cost <= limit;
         self.costs.extend(self.candidates.iter().filter(open).map(|c| c.cost));
         let tried_all = self.costs.len() <= wanted;
-        let bound =
-            if tried_all { limit } else { *self.costs.select_nth_unstable_by(wanted, f32::total_cmp).1 };
+        let bound = if tried_all { limit } else { *self.costs.select_nth_unstable_by(wanted, f32::total_cmp).1 };
         self.chosen.clear();
         let candidates = &self.candidates;
         let is_chosen = |c: &Candidate| !c.parked && c.cost <= bound;

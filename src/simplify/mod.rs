@@ -12,4 +12,4 @@ pub mod engine;
 pub mod legality;
 pub mod texture;
 
-pub use engine::{Engine, Stop, StageResult};
+pub use engine::{Engine, StageResult, Stop};

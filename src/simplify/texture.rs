@@ -75,7 +75,8 @@ fn closest_on_chain(mesh: &ClusterMesh, chain: &[Option<(u32, u32)>; 4], positio
 /// The far end of the fan of faces that `wedge` of `vertex` spans: the chain's neighbour that is not `exclude`.
 fn chain_end(mesh: &ClusterMesh, rings: &Rings, vertex: u32, wedge: u32, exclude: u32) -> Option<(u32, u32)> {
     let mut ends: [Option<(u32, u32)>; 2] = [None; 2];
-    let fan = || rings.of(vertex).iter().filter(|&&face| !mesh.is_dead(face) && mesh.corners[face as usize].contains(&wedge));
+    let fan =
+        || rings.of(vertex).iter().filter(|&&face| !mesh.is_dead(face) && mesh.corners[face as usize].contains(&wedge));
     for &face in fan() {
         for corner in mesh.corners[face as usize].into_iter().filter(|&w| w != wedge) {
             let other = mesh.wedge_vertex[corner as usize];

@@ -1,1 +1,26 @@
-//! stitch.
+//! The passes: the same two steps, partition and simplify, again and again on shifted cells.
+//!
+//! ```text
+//! pass 1   cells cut at 1/2   borders locked, seams locked     to about 4 × the target
+//! pass 2   cells cut at 1/3   the borders of pass 1 are inside to about 2 × the target
+//! pass 3   cells cut at 2/3   …                                to the target
+//! trim     what is left over the target, chosen over all clusters by cost
+//! ```
+//! A threshold on the cost, never a count, stops a cluster, so that the faces are spent where one queue over the whole
+//! mesh would spend them. The threshold comes from a sample: patches of up to sixteen clusters, simplified as one mesh.
+//! Once one cluster holds everything, it is simplified to the face.
+//!
+//! # Memory
+//! A cluster in work takes [`FACE_BYTES`](crate::simplify::engine::FACE_BYTES) a face; permits keep their sum within
+//! the budget.
+//!
+//! # Files
+//! Each cluster leaves one piece; a pass leaves a column of shared positions. The files of a pass are removed when the
+//! next has been written.
+
+pub mod pass;
+pub mod sample;
+pub mod schedule;
+pub mod trim;
+
+pub use pass::{PassReport, Passes};

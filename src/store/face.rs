@@ -298,24 +298,29 @@ impl FaceWriter {
     /// On a full disk or a failed write.
     pub fn append(&mut self, mut faces: &[Face]) -> Result<()> {
         self.count += faces.len() as u64;
-        while !faces.is_empty() {
+        while let Some(first) = faces.first() {
+            if self.pending.len() == BLOCK_FACES {
+                self.flush(first.continues_polygon)?;
+            }
             let (now, later) = faces.split_at(faces.len().min(BLOCK_FACES - self.pending.len()));
             self.pending.extend_from_slice(now);
             faces = later;
-            if self.pending.len() == BLOCK_FACES {
-                self.flush()?;
-            }
         }
         Ok(())
     }
 
-    fn flush(&mut self) -> Result<()> {
+    /// Writes a block. A polygon that goes on beyond it begins a block of its own, so that whoever reads a face also
+    /// sees whether it begins a polygon.
+    fn flush(&mut self, polygon_goes_on: bool) -> Result<()> {
+        let begins = self.pending.iter().rposition(|face| !face.continues_polygon).unwrap_or(0);
+        let cut = if polygon_goes_on && begins > 0 { begins } else { self.pending.len() };
+        let rest = self.pending.split_off(cut);
         self.bytes.clear();
         let mut block = encode_block(&self.pending, &mut self.bytes);
         block.offset_bytes = self.offset_bytes;
         self.offset_bytes += u64::from(block.bytes);
         self.blocks.push(block);
-        self.pending.clear();
+        self.pending = rest;
         self.hash.update(&self.bytes);
         self.file.write(&self.bytes)
     }
@@ -326,7 +331,7 @@ impl FaceWriter {
     /// On a full disk or a failed write.
     pub fn finish(mut self) -> Result<FaceBlocks> {
         if !self.pending.is_empty() {
-            self.flush()?;
+            self.flush(false)?;
         }
         let header = Header { kind: *b"faces   ", record_bytes: 0, count: self.count, checksum: self.hash.digest() };
         self.file.write_at(0, &header.encode())?;
@@ -364,6 +369,18 @@ mod tests {
         fn random_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..300), count in 0usize..100) {
             let _ = decode_block(&bytes, count, &mut Vec::new());
         }
+    }
+
+    #[test]
+    fn a_polygon_never_begins_at_the_last_face_of_a_block() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut writer = FaceWriter::create(&folder.path().join("f")).unwrap();
+        let face = |continues_polygon| Face { vertices: [0, 1, 2], texcoords: [3; 3], part: 0, continues_polygon };
+        writer.append(&vec![face(false); BLOCK_FACES]).unwrap();
+        writer.append(&vec![face(true); BLOCK_FACES + 5]).unwrap();
+        let faces = writer.finish().unwrap();
+        let counts: Vec<_> = faces.blocks().iter().map(|block| block.faces as usize).collect();
+        assert_eq!(counts, [BLOCK_FACES - 1, BLOCK_FACES, 6]);
     }
 
     #[test]

@@ -10,6 +10,7 @@
 pub mod column;
 pub mod face;
 pub mod mesh;
+pub mod piece;
 
 pub use column::{Column, ColumnWriter, Segment};
 pub use face::{Face, FaceBlocks, FaceWriter, NO_TEXCOORD};

@@ -1,0 +1,116 @@
+//! Faces by cell, in one file: each cell's faces lie in blocks that are spread over the file.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use crate::base::{Error, Result};
+use crate::os::durable::DurableFile;
+use crate::os::system::read_exact_at;
+use crate::store::Face;
+use crate::store::column::HEADER_BYTES;
+use crate::store::face::{BLOCK_FACES, FaceBlock, decode_block, encode_block};
+
+/// Bytes of all buffers together.
+const BUFFERS_BYTES: usize = 16 << 20;
+
+/// Collects faces by cell.
+pub struct BucketWriter {
+    file: DurableFile,
+    pending: Vec<Vec<Face>>,
+    blocks: Vec<Vec<FaceBlock>>,
+    block_faces: usize,
+    bytes: Vec<u8>,
+    offset_bytes: u64,
+}
+
+impl BucketWriter {
+    /// Begins a file for `cell_count` cells.
+    ///
+    /// # Errors
+    /// If the file cannot be made.
+    pub fn create(path: &Path, cell_count: usize) -> Result<Self> {
+        let mut file = DurableFile::create(path, 256 << 10)?;
+        file.write(&[0; HEADER_BYTES as usize])?;
+        let block_faces = (BUFFERS_BYTES / size_of::<Face>() / cell_count.max(1)).clamp(64, BLOCK_FACES);
+        Ok(Self {
+            file,
+            pending: vec![Vec::new(); cell_count],
+            blocks: vec![Vec::new(); cell_count],
+            block_faces,
+            bytes: Vec::new(),
+            offset_bytes: HEADER_BYTES,
+        })
+    }
+
+    /// Adds a face to a cell.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    #[inline]
+    pub fn push(&mut self, cell: u32, face: Face) -> Result<()> {
+        let pending = &mut self.pending[cell as usize];
+        pending.push(face);
+        if pending.len() >= self.block_faces { self.flush(cell as usize) } else { Ok(()) }
+    }
+
+    fn flush(&mut self, cell: usize) -> Result<()> {
+        self.bytes.clear();
+        let mut block = encode_block(&self.pending[cell], &mut self.bytes);
+        self.pending[cell].clear();
+        block.offset_bytes = self.offset_bytes;
+        self.offset_bytes += u64::from(block.bytes);
+        self.blocks[cell].push(block);
+        self.file.write(&self.bytes)
+    }
+
+    /// Writes what is pending, makes the file durable and opens it for reading.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub fn finish(mut self) -> Result<Buckets> {
+        for cell in 0..self.pending.len() {
+            if !self.pending[cell].is_empty() {
+                self.flush(cell)?;
+            }
+        }
+        let path = self.file.target().to_owned();
+        self.file.commit()?;
+        Ok(Buckets { path, blocks: self.blocks })
+    }
+}
+
+/// Faces by cell.
+#[derive(Debug)]
+pub struct Buckets {
+    path: PathBuf,
+    blocks: Vec<Vec<FaceBlock>>,
+}
+
+impl Buckets {
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Number of faces of a cell.
+    pub fn len(&self, cell: usize) -> u64 {
+        self.blocks[cell].iter().map(|block| u64::from(block.faces)).sum()
+    }
+
+    /// All faces of a cell, in the order in which they were pushed.
+    ///
+    /// # Errors
+    /// On failed reads and damaged blocks.
+    pub fn read(&self, cell: usize) -> Result<Vec<Face>> {
+        let file = File::open(&self.path).map_err(|e| Error::io(&self.path, "open", e))?;
+        let mut faces = Vec::with_capacity(self.len(cell) as usize);
+        let mut bytes = Vec::new();
+        for block in &self.blocks[cell] {
+            bytes.resize(block.bytes as usize, 0);
+            read_exact_at(&file, &mut bytes, block.offset_bytes).map_err(|e| Error::io(&self.path, "read", e))?;
+            decode_block(&bytes, block.faces as usize, &mut faces)
+                .map_err(|message| Error::Damaged { path: self.path.clone(), message })?;
+        }
+        Ok(faces)
+    }
+}

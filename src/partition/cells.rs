@@ -1,0 +1,385 @@
+//! Where the cells are: a kd-tree whose planes follow the vertices.
+//!
+//! A histogram of positions on a dense grid is split again and again until a part holds no more vertices than a cell
+//! should; a plane is moved by up to a tenth of the vertices to where few of them lie (a street rather than a wall).
+//! Grid cells that are themselves too full get a finer grid of their own.
+
+use glam::DVec3;
+
+use super::PartitionOptions;
+use crate::base::Result;
+use crate::base::ordered::map_in_order;
+use crate::os::mmap::MappedRecords;
+use crate::store::{Segment, StoredMesh};
+
+/// Grid cells along an axis: of the whole mesh, and of a part that is looked at again.
+const GRID_SIDES: [usize; 2] = [128, 32];
+/// Parts that are looked at again in one sweep.
+const PARTS_PER_SWEEP: usize = 64;
+/// Times that a part may be looked at again; each divides its extent by 32, and a double has 53 bits.
+const REFINEMENTS_MAX: usize = 12;
+/// A plane may move by this share of the vertices to where few of them lie.
+const PLANE_PLAY: f64 = 0.1;
+/// Share of the vertices below the first planes, by pass: no plane of one pass is one of the next.
+const FIRST_SHARES: [f64; 3] = [1.0 / 2.0, 1.0 / 3.0, 2.0 / 3.0];
+/// Levels of the tree that use the first shares; below, parts are split evenly.
+const SHIFTED_LEVELS: usize = 3;
+/// Positions that a sweep maps at once.
+const SWEEP_RECORDS: u64 = 128 << 10;
+
+/// The kd-tree.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cells {
+    nodes: Vec<Node>,
+    count: u32,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Node {
+    /// Positions with `p[axis] < plane` go to `below`, others to the node after it.
+    Split {
+        axis: usize,
+        plane: f64,
+        below: u32,
+    },
+    Leaf {
+        cell: u32,
+    },
+}
+
+impl Cells {
+    /// Number of cells.
+    pub fn count(&self) -> u32 {
+        self.count
+    }
+
+    /// The cell of a position.
+    #[inline]
+    pub fn of(&self, position: DVec3) -> u32 {
+        let mut at = 0;
+        loop {
+            match self.nodes[at] {
+                Node::Split { axis, plane, below } => at = below as usize + usize::from(position[axis] >= plane),
+                Node::Leaf { cell } => return cell,
+            }
+        }
+    }
+
+    /// Numbers the leaves from left to right.
+    fn number_leaves(&mut self) {
+        let mut next = 0;
+        let mut stack = vec![0usize];
+        while let Some(at) = stack.pop() {
+            match &mut self.nodes[at] {
+                Node::Leaf { cell } => {
+                    *cell = next;
+                    next += 1;
+                }
+                Node::Split { below, .. } => stack.extend([*below as usize + 1, *below as usize]),
+            }
+        }
+        self.count = next;
+    }
+}
+
+/// A box with a count of vertices on a grid inside it.
+struct Histogram {
+    node: u32,
+    level: usize,
+    low: DVec3,
+    step: DVec3,
+    side: usize,
+    counts: Vec<u32>,
+}
+
+impl Histogram {
+    fn new(node: u32, level: usize, low: DVec3, high: DVec3, side: usize) -> Self {
+        let step = ((high - low) / side as f64).max(DVec3::splat(f64::MIN_POSITIVE));
+        Self { node, level, low, step, side, counts: vec![0; side * side * side] }
+    }
+
+    #[inline]
+    fn index(&self, position: DVec3) -> usize {
+        let last = (self.side - 1) as f64;
+        let cell = ((position - self.low) / self.step).floor().clamp(DVec3::ZERO, DVec3::splat(last));
+        (cell.z as usize * self.side + cell.y as usize) * self.side + cell.x as usize
+    }
+
+    /// Position of grid plane `index` of an axis.
+    fn plane(&self, axis: usize, index: usize) -> f64 {
+        self.low[axis] + self.step[axis] * index as f64
+    }
+}
+
+/// A range of grid cells: low (inclusive) to high (exclusive).
+#[derive(Debug, Clone, Copy)]
+struct GridBox {
+    low: [usize; 3],
+    high: [usize; 3],
+}
+
+/// Plans the cells of a mesh.
+///
+/// # Errors
+/// On failed reads.
+pub fn plan(mesh: &StoredMesh, options: &PartitionOptions) -> Result<Cells> {
+    let vertices = mesh.vertex_count();
+    let mut cells = Cells { nodes: vec![Node::Leaf { cell: 0 }], count: 1 };
+    let faces = mesh.face_count();
+    if faces <= options.cluster_faces || vertices == 0 {
+        return Ok(cells);
+    }
+    // Vertices of a cell that has `cluster_faces` faces, if both are spread alike.
+    let limit = (options.cluster_faces as f64 * vertices as f64 / faces as f64).max(4.0) as u64;
+    let (low, high) = bounds(mesh, options)?;
+    let mut pending = vec![Histogram::new(0, 0, low, high, GRID_SIDES[0])];
+    for _ in 0..REFINEMENTS_MAX {
+        if pending.is_empty() {
+            break;
+        }
+        let mut next = Vec::new();
+        for parts in pending.chunks_mut(PARTS_PER_SWEEP) {
+            count(mesh, &cells, parts, options)?;
+            for part in parts {
+                let whole = GridBox { low: [0; 3], high: [part.side; 3] };
+                split(&mut cells, part, part.node, part.level, whole, limit, options.pass, &mut next);
+                part.counts = Vec::new();
+            }
+        }
+        pending = next;
+    }
+    cells.number_leaves();
+    Ok(cells)
+}
+
+fn bounds(mesh: &StoredMesh, options: &PartitionOptions) -> Result<(DVec3, DVec3)> {
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    sweep(
+        mesh,
+        options,
+        |positions| positions.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p))),
+        |(l, h)| (low, high) = (low.min(l), high.max(h)),
+    )?;
+    Ok((low, high))
+}
+
+/// Counts vertices into the histograms of the leaves that have one.
+fn count(mesh: &StoredMesh, cells: &Cells, parts: &mut [Histogram], options: &PartitionOptions) -> Result<()> {
+    if let [part] = &mut parts[..]
+        && part.node == 0
+    {
+        let grid = &*part;
+        let mut counts = vec![0u32; part.counts.len()];
+        sweep(
+            mesh,
+            options,
+            |positions| positions.iter().map(|&p| grid.index(p) as u32).collect::<Vec<_>>(),
+            |indices| indices.into_iter().for_each(|i| counts[i as usize] += 1),
+        )?;
+        part.counts = counts;
+        return Ok(());
+    }
+    let mut part_of = vec![u32::MAX; cells.nodes.len()];
+    for (i, part) in parts.iter().enumerate() {
+        part_of[part.node as usize] = i as u32;
+    }
+    let grids = &*parts;
+    let leaf = |p: DVec3| {
+        let mut at = 0;
+        while let Node::Split { axis, plane, below } = cells.nodes[at] {
+            at = below as usize + usize::from(p[axis] >= plane);
+        }
+        part_of[at]
+    };
+    let mut counts: Vec<Vec<u32>> = grids.iter().map(|part| vec![0; part.counts.len()]).collect();
+    sweep(
+        mesh,
+        options,
+        |positions| {
+            let wanted = positions.iter().map(|&p| (leaf(p), p)).filter(|(part, _)| *part != u32::MAX);
+            wanted.map(|(part, p)| (part, grids[part as usize].index(p) as u32)).collect::<Vec<_>>()
+        },
+        |found| found.into_iter().for_each(|(part, i)| counts[part as usize][i as usize] += 1),
+    )?;
+    for (part, counts) in parts.iter_mut().zip(counts) {
+        part.counts = counts;
+    }
+    Ok(())
+}
+
+/// Splits a leaf until each part holds no more than `limit` vertices; single grid cells that hold more go to `next`.
+#[allow(clippy::too_many_arguments, reason = "a recursion over plain values")]
+fn split(
+    cells: &mut Cells,
+    grid: &Histogram,
+    node: u32,
+    level: usize,
+    range: GridBox,
+    limit: u64,
+    pass: usize,
+    next: &mut Vec<Histogram>,
+) {
+    let slabs = slab_counts(grid, range);
+    let total: u64 = slabs[0].iter().sum();
+    if total <= limit {
+        return;
+    }
+    // The extent that is occupied decides the axis.
+    let mut occupied = range;
+    for axis in 0..3 {
+        let first = slabs[axis].iter().position(|&n| n > 0).unwrap_or(0);
+        let last = slabs[axis].iter().rposition(|&n| n > 0).unwrap_or(0);
+        occupied.low[axis] = range.low[axis] + first;
+        occupied.high[axis] = range.low[axis] + last + 1;
+    }
+    let extent = |axis: usize| (occupied.high[axis] - occupied.low[axis]) as f64 * grid.step[axis];
+    let can_cut = |axis: &usize| occupied.high[*axis] - occupied.low[*axis] > 1;
+    let Some(axis) = (0..3).filter(can_cut).max_by(|a, b| extent(*a).total_cmp(&extent(*b)).then(b.cmp(a))) else {
+        refine(grid, node, level, occupied, next);
+        return;
+    };
+    let parts = total.div_ceil(limit).max(2);
+    let even = (parts / 2) as f64 / parts as f64;
+    let share = if level < SHIFTED_LEVELS { FIRST_SHARES[pass % 3] } else { even };
+    let cut = choose_cut(&slabs[axis], range.low[axis], occupied.low[axis], occupied.high[axis], total, share);
+    let below = cells.nodes.len() as u32;
+    cells.nodes.extend([Node::Leaf { cell: 0 }; 2]);
+    cells.nodes[node as usize] = Node::Split { axis, plane: grid.plane(axis, cut), below };
+    let (mut lower, mut upper) = (range, range);
+    lower.high[axis] = cut;
+    upper.low[axis] = cut;
+    split(cells, grid, below, level + 1, lower, limit, pass, next);
+    split(cells, grid, below + 1, level + 1, upper, limit, pass, next);
+}
+
+/// Vertices in each slab of grid cells, for each axis.
+fn slab_counts(grid: &Histogram, range: GridBox) -> [Vec<u64>; 3] {
+    let mut slabs: [Vec<u64>; 3] = std::array::from_fn(|axis| vec![0; range.high[axis] - range.low[axis]]);
+    for z in range.low[2]..range.high[2] {
+        for y in range.low[1]..range.high[1] {
+            let row = (z * grid.side + y) * grid.side;
+            for x in range.low[0]..range.high[0] {
+                let count = u64::from(grid.counts[row + x]);
+                slabs[0][x - range.low[0]] += count;
+                slabs[1][y - range.low[1]] += count;
+                slabs[2][z - range.low[2]] += count;
+            }
+        }
+    }
+    slabs
+}
+
+/// The grid plane near `share` of the vertices whose two slabs hold the fewest.
+fn choose_cut(slabs: &[u64], base: usize, low: usize, high: usize, total: u64, share: f64) -> usize {
+    let mut below = 0;
+    let mut best: Option<(bool, u64, f64, usize)> = None;
+    for cut in low + 1..high {
+        below += slabs[cut - 1 - base];
+        let off = (below as f64 / total as f64 - share).abs();
+        let is_far = off > PLANE_PLAY;
+        let crowd = if is_far { 0 } else { slabs[cut - 1 - base] + slabs[cut - base] };
+        let candidate = (is_far, crowd, off, cut);
+        let order = |a: &(bool, u64, f64, usize), b: &(bool, u64, f64, usize)| {
+            a.0.cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.total_cmp(&b.2))
+        };
+        if best.is_none_or(|best| order(&candidate, &best).is_lt()) {
+            best = Some(candidate);
+        }
+    }
+    best.map_or(low + 1, |best| best.3)
+}
+
+/// Asks for a finer look at a single grid cell, if doubles can tell positions in it apart.
+fn refine(grid: &Histogram, node: u32, level: usize, cell: GridBox, next: &mut Vec<Histogram>) {
+    let low = DVec3::from_array(std::array::from_fn(|axis| grid.plane(axis, cell.low[axis])));
+    let high = DVec3::from_array(std::array::from_fn(|axis| grid.plane(axis, cell.high[axis])));
+    let smallest = low.abs().max(high.abs()) * f64::EPSILON;
+    if (high - low).cmpgt(smallest * 4.0).any() {
+        next.push(Histogram::new(node, level, low, high, GRID_SIDES[1]));
+    }
+}
+
+/// Maps windows of all positions in parallel and takes the results in order.
+fn sweep<R: Send>(
+    mesh: &StoredMesh,
+    options: &PartitionOptions,
+    look: impl Fn(&[DVec3]) -> R + Sync,
+    mut take: impl FnMut(R),
+) -> Result<()> {
+    let windows = mesh.position_segments().flat_map(|segment| segment.ranges(SWEEP_RECORDS).map(move |r| (segment, r)));
+    map_in_order(
+        windows,
+        options.threads,
+        options.threads * 2,
+        |(segment, range): (&Segment<DVec3>, _)| {
+            let window: MappedRecords<DVec3> = segment.window(range)?;
+            Ok(look(&window))
+        },
+        |result| {
+            take(result);
+            Ok(())
+        },
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::{ColumnWriter, Face, FaceWriter, NO_TEXCOORD, StoredPiece};
+
+    fn mesh_of(folder: &std::path::Path, positions: &[DVec3]) -> StoredMesh {
+        let mut column = ColumnWriter::create(&folder.join("p"), *b"position").unwrap();
+        column.append(positions).unwrap();
+        let texcoords = ColumnWriter::create(&folder.join("t"), *b"texcoord").unwrap().finish().unwrap();
+        let mut faces = FaceWriter::create(&folder.join("f")).unwrap();
+        let face = Face { vertices: [0, 1, 2], texcoords: [NO_TEXCOORD; 3], part: 0, continues_polygon: false };
+        faces.append(&vec![face; positions.len() * 2]).unwrap();
+        StoredMesh {
+            pieces: vec![StoredPiece {
+                positions: column.finish().unwrap(),
+                colours: None,
+                texcoords,
+                faces: faces.finish().unwrap(),
+            }],
+            ..StoredMesh::default()
+        }
+    }
+
+    fn planned(positions: &[DVec3], cluster_faces: u64, pass: usize) -> Cells {
+        let folder = tempfile::tempdir().unwrap();
+        let mesh = mesh_of(folder.path(), positions);
+        plan(&mesh, &PartitionOptions { cluster_faces, pass, weld: true, threads: 2, work_bytes: 1 << 24 }).unwrap()
+    }
+
+    fn largest(cells: &Cells, positions: &[DVec3]) -> usize {
+        let mut counts = vec![0; cells.count() as usize];
+        positions.iter().for_each(|&p| counts[cells.of(p) as usize] += 1);
+        counts.into_iter().max().unwrap()
+    }
+
+    #[test]
+    fn an_even_square_is_cut_into_bounded_cells_that_shift_with_the_pass() {
+        let positions: Vec<DVec3> =
+            (0..10_000).map(|i| DVec3::new(f64::from(i % 100), f64::from(i / 100), 0.0)).collect();
+        let first = planned(&positions, 2000, 0);
+        let second = planned(&positions, 2000, 1);
+        assert!(first.count() >= 10 && first.count() <= 20, "{}", first.count());
+        assert!(largest(&first, &positions) <= 1000);
+        assert!(largest(&second, &positions) <= 1000);
+        assert_ne!(first, second);
+    }
+
+    #[test]
+    fn a_crowd_far_smaller_than_the_box_is_cut_too() {
+        let mut positions: Vec<DVec3> =
+            (0..10_000).map(|i| DVec3::new(f64::from(i % 100), f64::from(i / 100), 0.0) * 1e-9).collect();
+        positions.push(DVec3::splat(1e6));
+        assert!(largest(&planned(&positions, 2000, 0), &positions) <= 1000);
+    }
+
+    #[test]
+    fn one_position_cannot_be_cut_and_ends_as_one_cell() {
+        let positions = vec![DVec3::new(3.0, 4.0, 5.0); 5000];
+        assert_eq!(largest(&planned(&positions, 1000, 0), &positions), 5000);
+    }
+}

@@ -1,0 +1,434 @@
+//! One cluster is loaded for simplification, and its result becomes a piece of the next mesh.
+//!
+//! # Memory
+//! While loading: 32 bytes a face for the bucket, 8 to 12 bytes a texcoord beside the mesh itself; afterwards 4 bytes a
+//! vertex and 20 bytes a wedge to lead back to where everything came from.
+
+use std::collections::HashSet;
+use std::path::Path;
+
+use glam::{DVec2, DVec3};
+
+use super::Partition;
+use crate::base::Result;
+use crate::mesh::cluster::{ClusterMesh, flag};
+use crate::mesh::polygon;
+use crate::store::piece::write_piece;
+use crate::store::{Catalogue, Face, NO_TEXCOORD, Segment, StoredMesh, StoredPiece};
+
+/// Vertices and texcoords that are mapped at once while gathering.
+const GATHER_RECORDS: u64 = 64 << 10;
+/// A moved coordinate is rounded to no coarser than this share of its shortest edge.
+const ROUNDING_SHARE: f64 = 1e-3;
+/// Decimals beyond which a coordinate is not rounded at all.
+const DECIMALS_MAX: u32 = 17;
+
+/// Scale of texture coordinates by material, the last one for faces without material; see `cost::surface`.
+#[derive(Debug, Clone, Default)]
+pub struct TextureScale {
+    scales: Vec<f64>,
+}
+
+impl TextureScale {
+    /// From areas in space and in texture by material; a material without either has scale 1.
+    pub fn new(areas: &[(f64, f64)]) -> Self {
+        let scale = |&(space, texture): &(f64, f64)| {
+            let scale = (space / texture).sqrt();
+            if scale.is_normal() { scale } else { 1.0 }
+        };
+        Self { scales: areas.iter().map(scale).collect() }
+    }
+
+    /// Texture coordinates as they are.
+    pub fn none(catalogue: &Catalogue) -> Self {
+        Self { scales: vec![1.0; catalogue.materials.len() + 1] }
+    }
+
+    /// The scale of a part's material.
+    pub fn of(&self, catalogue: &Catalogue, part: u32) -> f64 {
+        self.scales[material_index(catalogue, part)]
+    }
+}
+
+/// Index of a part's material; that after the last for none.
+pub fn material_index(catalogue: &Catalogue, part: u32) -> usize {
+    let material = catalogue.parts.get(part as usize).and_then(|part| part.material);
+    material.map_or(catalogue.materials.len(), |material| material as usize)
+}
+
+/// A loaded cluster, and where its parts came from.
+#[derive(Debug)]
+pub struct ClusterSource {
+    /// The mesh, relative to `origin`.
+    pub mesh: ClusterMesh,
+    /// Position of the mesh's origin.
+    pub origin: DVec3,
+    /// Triangles that repeat a vertex, found while triangulating polygons.
+    pub degenerate: u64,
+    /// Id in the partition of each vertex.
+    vertex_ids: Vec<u32>,
+    /// Index in `texcoords` of each wedge, or [`NO_TEXCOORD`].
+    wedge_texcoord: Vec<u32>,
+    texcoords: Vec<DVec2>,
+}
+
+/// Loads a cluster.
+///
+/// # Errors
+/// On failed reads and damaged files.
+pub fn load(
+    partition: &Partition,
+    mesh: &StoredMesh,
+    catalogue: &Catalogue,
+    scale: &TextureScale,
+    cluster: usize,
+) -> Result<ClusterSource> {
+    let numbering = &partition.numbering;
+    let own = numbering.starts[cluster]..numbering.starts[cluster + 1];
+    let mut faces = partition.faces.buckets.read(cluster)?;
+    let vertex_ids = vertex_ids(&faces, &own);
+    let positions = gather(&numbering.positions, &vertex_ids)?;
+    let origin = positions.first().copied().unwrap_or(DVec3::ZERO);
+    let own_count = vertex_ids.partition_point(|&id| id < own.end) - vertex_ids.partition_point(|&id| id < own.start);
+    let mut local = LocalIds::new(&vertex_ids, &own, own_count);
+    for face in &mut faces {
+        face.vertices = face.vertices.map(|id| local.of(id));
+    }
+    drop(std::mem::take(&mut local));
+    let degenerate = triangulate_polygons(&mut faces, &positions);
+
+    let texcoord_ids = texcoord_ids(&faces);
+    let texcoords = gather_texcoords(mesh, &texcoord_ids)?;
+    let mut source = ClusterSource {
+        mesh: ClusterMesh::default(),
+        origin,
+        degenerate,
+        vertex_ids,
+        wedge_texcoord: Vec::new(),
+        texcoords,
+    };
+    for (&id, &position) in source.vertex_ids.iter().zip(&positions) {
+        let shared = partition.faces.shared.contains(id);
+        source.mesh.push_vertex(position - origin, if shared { flag::SHARED | flag::LOCKED } else { 0 });
+    }
+    source.add_faces(&faces, &texcoord_ids, catalogue, scale);
+    Ok(source)
+}
+
+impl ClusterSource {
+    fn add_faces(&mut self, faces: &[Face], texcoord_ids: &[u32], catalogue: &Catalogue, scale: &TextureScale) {
+        let mesh = &mut self.mesh;
+        mesh.corners.reserve_exact(faces.len());
+        mesh.parts.reserve_exact(faces.len());
+        let mut first_wedge = vec![u32::MAX; mesh.positions.len()];
+        // Next wedge of the same vertex while they are gathered, and the wedge's material.
+        let mut gathered: Vec<(u32, u32)> = Vec::with_capacity(mesh.positions.len() + mesh.positions.len() / 4);
+        for face in faces {
+            let material = material_index(catalogue, face.part) as u32;
+            let scale = scale.of(catalogue, face.part);
+            let mut corners = [0; 3];
+            for k in 0..3 {
+                let (vertex, id) = (face.vertices[k], face.texcoords[k]);
+                let index = if id == NO_TEXCOORD { id } else { texcoord_ids.partition_point(|&t| t < id) as u32 };
+                let uv = self.texcoords.get(index as usize).map_or(DVec2::NAN, |&uv| uv * scale);
+                let same = |w: u32| {
+                    gathered_material(&gathered, w) == material
+                        && mesh.wedge_uv[w as usize].to_array().map(f64::to_bits) == uv.to_array().map(f64::to_bits)
+                };
+                let mut wedge = first_wedge[vertex as usize];
+                while wedge != u32::MAX && !same(wedge) {
+                    wedge = gathered[wedge as usize].0;
+                }
+                if wedge == u32::MAX {
+                    wedge = mesh.push_wedge(vertex, uv);
+                    gathered.push((first_wedge[vertex as usize], material));
+                    first_wedge[vertex as usize] = wedge;
+                    self.wedge_texcoord.push(index);
+                }
+                corners[k] = wedge;
+            }
+            mesh.push_face(corners, face.part);
+        }
+        mesh.link_wedges();
+    }
+
+    /// Areas of the cluster's faces in space and in (unscaled) texture, added by material.
+    pub fn add_areas(&self, catalogue: &Catalogue, areas: &mut [(f64, f64)]) {
+        for face in 0..self.mesh.corners.len() as u32 {
+            let (triangle, uv) = (self.mesh.triangle(face), self.mesh.uv_triangle(face));
+            let texture = (uv[1] - uv[0]).perp_dot(uv[2] - uv[0]).abs();
+            if texture.is_finite() {
+                let sum = &mut areas[material_index(catalogue, self.mesh.parts[face as usize])];
+                sum.0 += (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).length();
+                sum.1 += texture;
+            }
+        }
+    }
+
+    /// Writes the simplified mesh as a piece of the next stored mesh; `partition` is the one it was loaded from.
+    ///
+    /// # Errors
+    /// On a full disk or failed reads and writes.
+    pub fn write(
+        &self,
+        simplified: &ClusterMesh,
+        partition: &Partition,
+        catalogue: &Catalogue,
+        scale: &TextureScale,
+        path: &Path,
+    ) -> Result<StoredPiece> {
+        let used = self.used_vertices(simplified);
+        let own_ids: Vec<u32> = used.iter().map(|&v| self.vertex_ids[v as usize]).collect();
+        let positions = self.positions_of(simplified, partition, catalogue, &used, &own_ids)?;
+        let colours = match &partition.numbering.colours {
+            Some(colours) => Some(gather(colours, &own_ids)?),
+            None => None,
+        };
+        let mut piece_id = vec![u32::MAX; simplified.positions.len()];
+        for (i, &v) in used.iter().enumerate() {
+            piece_id[v as usize] = i as u32;
+        }
+        let own_count = used.len() as u32;
+        let mut texcoord_id = vec![NO_TEXCOORD; simplified.wedge_vertex.len()];
+        let mut texcoords = Vec::new();
+        let mut faces = Vec::with_capacity(simplified.corners.len());
+        for (corners, &part) in simplified.corners.iter().zip(&simplified.parts) {
+            let vertices = corners.map(|w| {
+                let v = simplified.wedge_vertex[w as usize];
+                match simplified.is_shared(v) {
+                    true => own_count + partition.faces.shared.rank(self.vertex_ids[v as usize]),
+                    false => piece_id[v as usize],
+                }
+            });
+            for &w in corners {
+                if texcoord_id[w as usize] == NO_TEXCOORD && simplified.wedge_uv[w as usize].is_finite() {
+                    texcoord_id[w as usize] = texcoords.len() as u32;
+                    texcoords.push(self.texcoord_of(simplified, catalogue, w, scale.of(catalogue, part)));
+                }
+            }
+            let texcoords = corners.map(|w| texcoord_id[w as usize]);
+            faces.push(Face { vertices, texcoords, part, continues_polygon: false });
+        }
+        write_piece(path, &positions, &texcoords, colours.as_deref(), &faces)
+    }
+
+    /// Own vertices that faces use, in order.
+    fn used_vertices(&self, simplified: &ClusterMesh) -> Vec<u32> {
+        let mut used = vec![false; simplified.positions.len()];
+        for &wedge in simplified.corners.iter().flatten() {
+            used[simplified.wedge_vertex[wedge as usize] as usize] = true;
+        }
+        (0..used.len() as u32).filter(|&v| used[v as usize] && !simplified.is_shared(v)).collect()
+    }
+
+    /// Positions of own vertices: those that stayed as they came, those that moved rounded.
+    fn positions_of(
+        &self,
+        simplified: &ClusterMesh,
+        partition: &Partition,
+        catalogue: &Catalogue,
+        used: &[u32],
+        ids: &[u32],
+    ) -> Result<Vec<DVec3>> {
+        let mut shortest_sq = vec![f64::INFINITY; simplified.positions.len()];
+        for corners in &simplified.corners {
+            let v = corners.map(|w| simplified.wedge_vertex[w as usize]);
+            for (a, b) in [(v[0], v[1]), (v[1], v[2]), (v[2], v[0])] {
+                let length_sq = simplified.positions[a as usize].distance_squared(simplified.positions[b as usize]);
+                for end in [a, b] {
+                    shortest_sq[end as usize] = shortest_sq[end as usize].min(length_sq);
+                }
+            }
+        }
+        let mut positions = gather(&partition.numbering.positions, ids)?;
+        for (&v, position) in used.iter().zip(&mut positions) {
+            if simplified.flags[v as usize] & flag::MOVED != 0 {
+                let exact = simplified.positions[v as usize] + self.origin;
+                let step = 2.0 * ROUNDING_SHARE * shortest_sq[v as usize].sqrt();
+                // The input's decimals, but no finer than a thousandth of what is needed: some exporters write 1e-05.
+                let decimals = catalogue.position_decimals.min(decimals_for(step * 1e-3)).max(decimals_for(step));
+                *position = DVec3::from_array(exact.to_array().map(|x| round_to(x, decimals)));
+            }
+        }
+        Ok(positions)
+    }
+
+    /// Texture coordinate of a wedge in the units of the file: as it came, or unscaled and rounded.
+    fn texcoord_of(&self, simplified: &ClusterMesh, catalogue: &Catalogue, wedge: u32, scale: f64) -> DVec2 {
+        if !simplified.wedge_moved[wedge as usize] {
+            return self.texcoords[self.wedge_texcoord[wedge as usize] as usize];
+        }
+        let uv = simplified.wedge_uv[wedge as usize] / scale;
+        // NOTE: six decimals are a sixtieth of a texel of a 16K image.
+        let decimals = catalogue.texcoord_decimals.max(6);
+        DVec2::new(round_to(uv.x, decimals), round_to(uv.y, decimals))
+    }
+}
+
+/// Decimals at which a step in the last place is at most `step`.
+fn decimals_for(step: f64) -> u32 {
+    if step > 0.0 && step.is_finite() {
+        (-libm::log10(step)).ceil().max(0.0).min(f64::from(DECIMALS_MAX)) as u32
+    } else {
+        0
+    }
+}
+
+/// The double nearest to `x` rounded to a number of decimals; `x` itself where doubles are coarser.
+fn round_to(x: f64, decimals: u32) -> f64 {
+    let factor = POWERS_OF_TEN[decimals.min(DECIMALS_MAX) as usize];
+    let scaled = (x * factor).round();
+    if decimals >= DECIMALS_MAX || scaled.abs() > 4e15 { x } else { scaled / factor }
+}
+
+const POWERS_OF_TEN: [f64; DECIMALS_MAX as usize + 1] =
+    [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17];
+
+fn gathered_material(gathered: &[(u32, u32)], wedge: u32) -> u32 {
+    gathered[wedge as usize].1
+}
+
+/// Ids of all vertices that faces use, ascending.
+fn vertex_ids(faces: &[Face], own: &std::ops::Range<u32>) -> Vec<u32> {
+    let mut own_used = vec![false; own.len()];
+    let mut foreign = HashSet::new();
+    for id in faces.iter().flat_map(|face| face.vertices) {
+        if own.contains(&id) {
+            own_used[(id - own.start) as usize] = true;
+        } else {
+            foreign.insert(id);
+        }
+    }
+    // NOTE: sorted at once, so the set's order leaves no trace.
+    let mut ids: Vec<u32> = foreign.into_iter().collect();
+    ids.sort_unstable();
+    let at = ids.partition_point(|&id| id < own.start);
+    let used = (0..own.len() as u32).filter(|&i| own_used[i as usize]).map(|i| own.start + i);
+    ids.splice(at..at, used);
+    ids
+}
+
+/// Partition id → local id.
+#[derive(Debug, Default)]
+struct LocalIds<'a> {
+    ids: &'a [u32],
+    own: std::ops::Range<u32>,
+    of_own: Vec<u32>,
+}
+
+impl<'a> LocalIds<'a> {
+    fn new(ids: &'a [u32], own: &std::ops::Range<u32>, own_count: usize) -> Self {
+        let mut of_own = vec![u32::MAX; own.len()];
+        let first = ids.partition_point(|&id| id < own.start);
+        for (i, &id) in ids[first..first + own_count].iter().enumerate() {
+            of_own[(id - own.start) as usize] = (first + i) as u32;
+        }
+        Self { ids, own: own.clone(), of_own }
+    }
+
+    fn of(&self, id: u32) -> u32 {
+        match self.own.contains(&id) {
+            true => self.of_own[(id - self.own.start) as usize],
+            false => self.ids.partition_point(|&other| other < id) as u32,
+        }
+    }
+}
+
+/// Replaces fans by proper triangulations, and drops their triangles that repeat a vertex; returns how many.
+fn triangulate_polygons(faces: &mut Vec<Face>, positions: &[DVec3]) -> u64 {
+    if !faces.iter().any(|face| face.continues_polygon) {
+        return 0;
+    }
+    let mut dropped = 0;
+    let mut out = Vec::with_capacity(faces.len());
+    let (mut corners, mut outline, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
+    let mut at = 0;
+    while at < faces.len() {
+        let more = faces[at + 1..].iter().take_while(|face| face.continues_polygon).count();
+        let fan = &faces[at..=at + more];
+        at += more + 1;
+        let first = fan[0];
+        corners.clear();
+        corners.extend((0..2).map(|k| (first.vertices[k], first.texcoords[k])));
+        corners.extend(fan.iter().map(|face| (face.vertices[2], face.texcoords[2])));
+        outline.clear();
+        outline.extend(corners.iter().map(|&(v, _)| positions[v as usize]));
+        polygon::triangulate(&outline, &mut triangles);
+        for triangle in &triangles {
+            let pick = triangle.map(|i| corners[i as usize]);
+            let vertices = pick.map(|(v, _)| v);
+            if vertices[0] == vertices[1] || vertices[1] == vertices[2] || vertices[2] == vertices[0] {
+                dropped += 1;
+                continue;
+            }
+            out.push(Face { vertices, texcoords: pick.map(|(_, t)| t), part: first.part, continues_polygon: false });
+        }
+    }
+    *faces = out;
+    dropped
+}
+
+/// Ids of all texcoords that faces use, ascending.
+fn texcoord_ids(faces: &[Face]) -> Vec<u32> {
+    let mut ids: Vec<u32> = Vec::with_capacity(faces.len());
+    let mut recent = [NO_TEXCOORD; 64];
+    for id in faces.iter().flat_map(|face| face.texcoords).filter(|&id| id != NO_TEXCOORD) {
+        let slot = &mut recent[id as usize % 64];
+        if *slot != id {
+            *slot = id;
+            ids.push(id);
+        }
+    }
+    ids.sort_unstable();
+    ids.dedup();
+    ids
+}
+
+/// Records at ascending ids, read through bounded windows.
+fn gather<T: bytemuck::Pod>(column: &Segment<T>, ids: &[u32]) -> Result<Vec<T>> {
+    let mut out = Vec::with_capacity(ids.len());
+    let mut at = 0;
+    while at < ids.len() {
+        let start = u64::from(ids[at]);
+        let end = at + ids[at..].partition_point(|&id| u64::from(id) < start + GATHER_RECORDS);
+        let window = column.window(start..u64::from(ids[end - 1]) + 1)?;
+        out.extend(ids[at..end].iter().map(|&id| window[(u64::from(id) - start) as usize]));
+        at = end;
+    }
+    Ok(out)
+}
+
+/// Texture coordinates at ascending ids of the mesh.
+fn gather_texcoords(mesh: &StoredMesh, ids: &[u32]) -> Result<Vec<DVec2>> {
+    let mut out = Vec::with_capacity(ids.len());
+    let (mut base, mut at) = (0u64, 0);
+    for piece in &mesh.pieces {
+        let end = at + ids[at..].partition_point(|&id| u64::from(id) < base + piece.texcoords.len());
+        if end > at {
+            let local: Vec<u32> = ids[at..end].iter().map(|&id| (u64::from(id) - base) as u32).collect();
+            out.append(&mut gather(&piece.texcoords, &local)?);
+        }
+        (base, at) = (base + piece.texcoords.len(), end);
+    }
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rounding_gives_the_decimals_asked_for() {
+        assert_eq!(round_to(4_581_200.123_456_789, 3), 4_581_200.123);
+        assert_eq!(round_to(0.1 + 0.2, 4), 0.3);
+        assert_eq!(round_to(1e300, 3), 1e300);
+        assert_eq!(decimals_for(0.002), 3);
+        assert_eq!(decimals_for(0.0), 0);
+    }
+
+    #[test]
+    fn the_scale_makes_texture_as_large_as_the_surface() {
+        let scale = TextureScale::new(&[(400.0, 1.0), (0.0, 0.0)]);
+        assert_eq!(scale.scales, [20.0, 1.0]);
+    }
+}

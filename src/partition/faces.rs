@@ -1,0 +1,287 @@
+//! Faces go to cells, and vertices that several cells use are marked.
+//!
+//! A triangle belongs to the cell of most of its corners (the smallest of three), a polygon to that of its first
+//! corner, since it must stay whole until it is triangulated. Every corner that lies in another cell is *shared*.
+//!
+//! Old ids are looked up window by window of the numbering, so that a shuffled file causes no random access: while
+//! there are several windows, ids found so far wait in a file of 12 bytes a face.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use super::PartitionOptions;
+use super::buckets::{BucketWriter, Buckets};
+use super::numbering::{Numbering, Ranks};
+use crate::base::ordered::map_in_order;
+use crate::base::{Error, Findings, Result};
+use crate::os::system::{read_exact_at, write_all_at};
+use crate::store::face::FaceBlock;
+use crate::store::mesh::PieceNumbering;
+use crate::store::{Face, StoredMesh, StoredPiece};
+
+/// Faces by cell, and the vertices that several cells use.
+#[derive(Debug)]
+pub struct CellFaces {
+    /// Faces of each cell, with new vertex ids and texcoord ids of the mesh.
+    pub buckets: Buckets,
+    /// Vertices that several cells use.
+    pub shared: Shared,
+}
+
+/// A set of vertices, with the rank of each member.
+#[derive(Debug, Clone, Default)]
+pub struct Shared {
+    bits: Vec<u64>,
+    /// Members before each block of [`RANK_WORDS`] words.
+    before: Vec<u32>,
+    count: u32,
+}
+
+const RANK_WORDS: usize = 8;
+
+impl Shared {
+    fn new(vertices: usize) -> Self {
+        Self { bits: vec![0; vertices.div_ceil(64)], ..Self::default() }
+    }
+
+    fn insert(&mut self, vertex: u32) {
+        self.bits[vertex as usize / 64] |= 1 << (vertex % 64);
+    }
+
+    fn count_members(&mut self) {
+        self.before.clear();
+        self.count = 0;
+        for words in self.bits.chunks(RANK_WORDS) {
+            self.before.push(self.count);
+            self.count += words.iter().map(|word| word.count_ones()).sum::<u32>();
+        }
+    }
+
+    /// Number of members.
+    pub fn len(&self) -> u32 {
+        self.count
+    }
+
+    /// Whether no vertex is shared.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// Whether a vertex is shared.
+    #[inline]
+    pub fn contains(&self, vertex: u32) -> bool {
+        self.bits[vertex as usize / 64] >> (vertex % 64) & 1 != 0
+    }
+
+    /// Number of members below a vertex.
+    pub fn rank(&self, vertex: u32) -> u32 {
+        let word = vertex as usize / 64;
+        let block = word / RANK_WORDS;
+        let whole: u32 = self.bits[block * RANK_WORDS..word].iter().map(|word| word.count_ones()).sum();
+        self.before[block] + whole + (self.bits[word] & ((1 << (vertex % 64)) - 1)).count_ones()
+    }
+}
+
+/// One block of faces and where its piece stands.
+#[derive(Debug, Clone, Copy)]
+struct Job<'a> {
+    piece: &'a StoredPiece,
+    numbering: PieceNumbering,
+    block: &'a FaceBlock,
+    /// Number of faces before it.
+    first: u64,
+}
+
+impl Job<'_> {
+    fn read(&self) -> Result<Vec<Face>> {
+        let (mut bytes, mut faces) = (Vec::new(), Vec::new());
+        self.piece.faces.read_block(&self.piece.faces.open()?, self.block, &mut bytes, &mut faces)?;
+        let vertices = self.numbering.own + self.numbering.vertex_base;
+        for face in &mut faces {
+            *face = self.numbering.globalise(face);
+            if face.vertices.iter().any(|&v| v >= vertices) {
+                let message = "a face names a vertex that does not exist".to_owned();
+                return Err(Error::Damaged { path: self.piece.faces.path().to_owned(), message });
+            }
+        }
+        Ok(faces)
+    }
+
+    /// Whether a face of the block may name a vertex of a range of mesh ids.
+    fn may_touch(&self, range: &std::ops::Range<u32>) -> bool {
+        let PieceNumbering { own, vertex_base, .. } = self.numbering;
+        let (low, high) = (self.block.vertices.start, self.block.vertices.end);
+        let meets = |low: u32, high: u32| low < range.end && range.start < high;
+        (low < own && meets(vertex_base + low, vertex_base + high.min(own)))
+            || (high > own && meets(low.saturating_sub(own), high - own))
+    }
+}
+
+/// Distributes the faces of a mesh to cells.
+///
+/// # Errors
+/// On a full disk, failed reads and writes, and damaged files.
+pub fn distribute(
+    mesh: &StoredMesh,
+    numbering: &Numbering,
+    ranks: &Ranks,
+    folder: &Path,
+    name: &str,
+    options: &PartitionOptions,
+    findings: &mut Findings,
+) -> Result<CellFaces> {
+    let mut jobs = Vec::new();
+    let mut first = 0;
+    for (piece, numbering) in mesh.pieces.iter().zip(mesh.numbering()?) {
+        for block in piece.faces.blocks() {
+            jobs.push(Job { piece, numbering, block, first });
+            first += u64::from(block.faces);
+        }
+    }
+    let looked_up = match ranks.whole() {
+        Some(_) => None,
+        None => Some(look_up(&jobs, ranks, first, &folder.join(format!("{name}-corners.tmp")), options)?),
+    };
+    let mut buckets = BucketWriter::create(&folder.join(format!("{name}-faces.bkt")), numbering.cell_count())?;
+    let mut shared = Shared::new(*numbering.starts.last().unwrap_or(&0) as usize);
+    let mut degenerate = 0;
+    map_in_order(
+        jobs.iter().copied(),
+        options.threads,
+        options.threads * 2,
+        |job| {
+            let mut faces = job.read()?;
+            match (&looked_up, ranks.whole()) {
+                (Some(corners), _) => {
+                    let found = corners.read(job.first, faces.len())?;
+                    for (face, vertices) in faces.iter_mut().zip(found) {
+                        face.vertices = vertices;
+                    }
+                }
+                (None, ranks) => {
+                    let ranks = ranks.unwrap_or(&[]);
+                    faces.iter_mut().for_each(|face| face.vertices = face.vertices.map(|v| ranks[v as usize]));
+                }
+            }
+            Ok(assign(&faces, numbering))
+        },
+        |assigned: Assigned| {
+            degenerate += assigned.degenerate;
+            assigned.shared.iter().for_each(|&vertex| shared.insert(vertex));
+            assigned.faces.into_iter().try_for_each(|(cell, face)| buckets.push(cell, face))
+        },
+    )?;
+    findings.count("degenerate_faces", degenerate);
+    shared.count_members();
+    Ok(CellFaces { buckets: buckets.finish()?, shared })
+}
+
+struct Assigned {
+    faces: Vec<(u32, Face)>,
+    shared: Vec<u32>,
+    degenerate: u64,
+}
+
+/// Chooses the cell of each face of a block; triangles that repeat a vertex are dropped.
+fn assign(faces: &[Face], numbering: &Numbering) -> Assigned {
+    let mut assigned = Assigned { faces: Vec::with_capacity(faces.len()), shared: Vec::new(), degenerate: 0 };
+    let mut last = (0, 0..0);
+    let mut cell_of = |vertex: u32| {
+        if !last.1.contains(&vertex) {
+            let cell = numbering.cell_of(vertex);
+            last = (cell, numbering.starts[cell as usize]..numbering.starts[cell as usize + 1]);
+        }
+        last.0
+    };
+    for (i, face) in faces.iter().enumerate() {
+        let is_polygon = face.continues_polygon || faces.get(i + 1).is_some_and(|next| next.continues_polygon);
+        let [a, b, c] = face.vertices;
+        if !is_polygon && (a == b || b == c || c == a) {
+            assigned.degenerate += 1;
+            continue;
+        }
+        let cells = face.vertices.map(&mut cell_of);
+        let cell = match cells {
+            [first, ..] if is_polygon => first,
+            [_, b, c] if b == c => b,
+            [a, b, c] if a == b || a == c => a,
+            [a, b, c] => a.min(b).min(c),
+        };
+        for (vertex, _) in face.vertices.into_iter().zip(cells).filter(|&(_, own)| own != cell) {
+            assigned.shared.push(vertex);
+        }
+        assigned.faces.push((cell, *face));
+    }
+    assigned
+}
+
+/// New vertex ids of all corners, in a file.
+struct Corners {
+    file: File,
+    path: PathBuf,
+}
+
+impl Corners {
+    fn read(&self, first: u64, count: usize) -> Result<Vec<[u32; 3]>> {
+        let mut corners = vec![[0u32; 3]; count];
+        read_exact_at(&self.file, bytemuck::cast_slice_mut(&mut corners), first * 12)
+            .map_err(|e| Error::io(&self.path, "read", e))?;
+        Ok(corners)
+    }
+}
+
+impl Drop for Corners {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.path);
+    }
+}
+
+/// Looks up the corners of all faces, one window of the numbering after the other.
+fn look_up(jobs: &[Job<'_>], ranks: &Ranks, faces: u64, path: &Path, options: &PartitionOptions) -> Result<Corners> {
+    let _ = std::fs::remove_file(path);
+    let file = File::options().read(true).write(true).create_new(true).open(path);
+    let corners = Corners { file: file.map_err(|e| Error::io(path, "create", e))?, path: path.to_owned() };
+    corners.file.set_len(faces * 12).map_err(|e| Error::io(path, "extend", e))?;
+    for window in 0..ranks.window_count() {
+        let range = ranks.range(window);
+        let loaded = ranks.load(window)?;
+        map_in_order(
+            jobs.iter().copied().filter(|job| job.may_touch(&range)),
+            options.threads,
+            options.threads * 2,
+            |job| {
+                let faces = job.read()?;
+                let mut found = corners.read(job.first, faces.len())?;
+                for (face, found) in faces.iter().zip(&mut found) {
+                    for (v, found) in face.vertices.into_iter().zip(found) {
+                        if range.contains(&v) {
+                            *found = loaded[(v - range.start) as usize];
+                        }
+                    }
+                }
+                write_all_at(&corners.file, bytemuck::cast_slice(&found), job.first * 12)
+                    .map_err(|e| Error::io(path, "write", e))
+            },
+            |()| Ok(()),
+        )?;
+    }
+    Ok(corners)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranks_count_the_members_below() {
+        let mut shared = Shared::new(5000);
+        let members = [0, 3, 63, 64, 700, 4096, 4999];
+        members.iter().for_each(|&v| shared.insert(v));
+        shared.count_members();
+        for (rank, &v) in members.iter().enumerate() {
+            assert!(shared.contains(v));
+            assert_eq!(shared.rank(v), rank as u32);
+        }
+        assert_eq!((shared.rank(65), shared.len()), (4, 7));
+    }
+}

@@ -1,0 +1,247 @@
+//! Vertices get new ids in cell order, and duplicates become one.
+//!
+//! ```text
+//! old ids   0 1 2 3 4 5 6 …          file order
+//! cells     1 0 1 2 0 0 1 …
+//! new ids   | 1 4 5 | 0 2 6 | 3 |    cell 0, cell 1, cell 2
+//! ranks     3 0 4 6 1 2 5 …          old id → new id; the same new id for duplicates
+//! ```
+//! Duplicates lie in one cell, since cells are by position. New ids within a cell follow the old order.
+//!
+//! # Memory
+//! Buffers of 12 MiB, the positions of a cell while it is welded, and [`Ranks`].
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+
+use super::PartitionOptions;
+use super::cells::Cells;
+use super::scatter::{Scatter, ScatterWriter};
+use crate::base::ordered::map_in_order;
+use crate::base::{Findings, Result};
+use crate::store::{ColumnWriter, Segment, StoredMesh};
+
+/// Positions that are mapped at once.
+const SWEEP_RECORDS: u64 = 64 << 10;
+/// Bytes of a rank.
+const RANK_BYTES: u64 = 4;
+
+/// Vertices in cell order.
+#[derive(Debug)]
+pub struct Numbering {
+    /// Positions by new id.
+    pub positions: Segment<DVec3>,
+    /// Colours by new id, if the mesh has any.
+    pub colours: Option<Segment<[f32; 3]>>,
+    /// First new id of each cell, and the number of all.
+    pub starts: Vec<u32>,
+}
+
+impl Numbering {
+    /// Number of cells.
+    pub fn cell_count(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// The cell of a vertex.
+    #[inline]
+    pub fn cell_of(&self, vertex: u32) -> u32 {
+        (self.starts.partition_point(|&start| start <= vertex) - 1) as u32
+    }
+}
+
+/// Old id → new id, in windows of old ids.
+#[derive(Debug)]
+pub struct Ranks {
+    window_len: u32,
+    count: u32,
+    /// All ranks, if they fit one window.
+    whole: Vec<u32>,
+    /// Pairs (old, new) by window, otherwise.
+    pairs: Option<Scatter<[u32; 2]>>,
+}
+
+impl Ranks {
+    /// Number of windows.
+    pub fn window_count(&self) -> u32 {
+        self.count.div_ceil(self.window_len).max(1)
+    }
+
+    /// Old ids of a window.
+    pub fn range(&self, window: u32) -> std::ops::Range<u32> {
+        let start = window * self.window_len;
+        start..start.saturating_add(self.window_len).min(self.count)
+    }
+
+    /// All ranks, if there is one window.
+    pub fn whole(&self) -> Option<&[u32]> {
+        self.pairs.is_none().then_some(&self.whole)
+    }
+
+    /// Loads a window.
+    ///
+    /// # Errors
+    /// On failed reads.
+    pub fn load(&self, window: u32) -> Result<Vec<u32>> {
+        let Some(pairs) = &self.pairs else { return Ok(self.whole.clone()) };
+        let range = self.range(window);
+        let mut ranks = vec![0; range.len()];
+        pairs.read(window as usize, |pairs| {
+            pairs.iter().for_each(|&[old, new]| ranks[(old - range.start) as usize] = new);
+            Ok(())
+        })?;
+        Ok(ranks)
+    }
+}
+
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct VertexRecord {
+    position: DVec3,
+    id: u32,
+    colour: [f32; 3],
+}
+
+/// Numbers the vertices of a mesh by cell.
+///
+/// # Errors
+/// On a full disk, failed reads and writes.
+pub fn number(
+    mesh: &StoredMesh,
+    cells: &Cells,
+    folder: &Path,
+    name: &str,
+    options: &PartitionOptions,
+    findings: &mut Findings,
+) -> Result<(Numbering, Ranks)> {
+    mesh.numbering()?;
+    let cell_count = cells.count() as usize;
+    let records = scatter_by_cell(mesh, cells, &folder.join(format!("{name}-vertices.scatter")), options)?;
+
+    let vertex_count = mesh.vertex_count() as u32;
+    let window_len = (options.work_bytes / 4 / RANK_BYTES).clamp(1 << 16, 1 << 31) as u32;
+    let is_whole = vertex_count <= window_len;
+    let mut whole = if is_whole { vec![0; vertex_count as usize] } else { Vec::new() };
+    let mut pairs = match is_whole {
+        true => None,
+        false => {
+            let windows = vertex_count.div_ceil(window_len) as usize;
+            Some(ScatterWriter::create(&folder.join(format!("{name}-ranks.scatter")), windows)?)
+        }
+    };
+    let mut positions = ColumnWriter::create(&folder.join(format!("{name}-positions.col")), *b"position")?;
+    let mut colours = match mesh.has_colours() {
+        true => Some(ColumnWriter::create(&folder.join(format!("{name}-colours.col")), *b"colour  ")?),
+        false => None,
+    };
+    let mut starts = vec![0u32];
+    let mut welded = 0;
+    map_in_order(
+        0..cell_count,
+        options.threads,
+        options.threads + 1,
+        |cell| weld_cell(&records, cell, options.weld),
+        |cell: WeldedCell| {
+            let base = positions.len() as u32;
+            positions.append(&cell.positions)?;
+            if let Some(colours) = &mut colours {
+                colours.append(&cell.colours)?;
+            }
+            welded += cell.local.len() as u64 - cell.positions.len() as u64;
+            for (old, local) in cell.local {
+                match &mut pairs {
+                    None => whole[old as usize] = base + local,
+                    Some(pairs) => pairs.push(old / window_len, [old, base + local])?,
+                }
+            }
+            starts.push(positions.len() as u32);
+            Ok(())
+        },
+    )?;
+    findings.count("welded_vertices", welded);
+    let colours = match colours {
+        Some(colours) => Some(colours.finish()?),
+        None => None,
+    };
+    let pairs = match pairs {
+        Some(pairs) => Some(pairs.finish()?),
+        None => None,
+    };
+    let ranks = Ranks { window_len, count: vertex_count, whole, pairs };
+    Ok((Numbering { positions: positions.finish()?, colours, starts }, ranks))
+}
+
+fn scatter_by_cell(
+    mesh: &StoredMesh,
+    cells: &Cells,
+    path: &Path,
+    options: &PartitionOptions,
+) -> Result<Scatter<VertexRecord>> {
+    let mut scatter = ScatterWriter::create(path, cells.count() as usize)?;
+    let shared = (mesh.shared_positions.iter()).map(|positions| (positions, mesh.shared_colours.as_ref()));
+    let own = mesh.pieces.iter().map(|piece| (&piece.positions, piece.colours.as_ref()));
+    let mut base = 0;
+    let mut windows = Vec::new();
+    for (positions, colours) in shared.chain(own) {
+        windows.extend(positions.ranges(SWEEP_RECORDS).map(|range| (positions, colours, base, range)));
+        base += positions.len() as u32;
+    }
+    map_in_order(
+        windows.into_iter(),
+        options.threads,
+        options.threads * 2,
+        |(positions, colours, base, range)| {
+            let window = positions.window(range.clone())?;
+            let colours = match colours {
+                Some(colours) => Some(colours.window(range.clone())?),
+                None => None,
+            };
+            let record = |(i, &position): (usize, &DVec3)| {
+                let colour = colours.as_ref().map_or([f32::NAN; 3], |colours| colours[i]);
+                (cells.of(position), VertexRecord { position, id: base + (range.start as u32 + i as u32), colour })
+            };
+            Ok(window.iter().enumerate().map(record).collect::<Vec<_>>())
+        },
+        |records| records.into_iter().try_for_each(|(cell, record)| scatter.push(cell, record)),
+    )?;
+    scatter.finish()
+}
+
+/// The vertices of a cell after welding.
+struct WeldedCell {
+    positions: Vec<DVec3>,
+    colours: Vec<[f32; 3]>,
+    /// Old id, and index in `positions`.
+    local: Vec<(u32, u32)>,
+}
+
+fn weld_cell(records: &Scatter<VertexRecord>, cell: usize, weld: bool) -> Result<WeldedCell> {
+    let count = records.len(cell) as usize;
+    let mut welded = WeldedCell { positions: Vec::new(), colours: Vec::new(), local: Vec::with_capacity(count) };
+    // NOTE: looked up only, never iterated, so its random seed leaves no trace in the result.
+    let mut known: HashMap<[u64; 3], u32> = HashMap::new();
+    records.read(cell, |records| {
+        for record in records {
+            let fresh = welded.positions.len() as u32;
+            let local = match weld {
+                true => *known.entry(position_key(record.position)).or_insert(fresh),
+                false => fresh,
+            };
+            if local == fresh {
+                welded.positions.push(record.position);
+                welded.colours.push(record.colour);
+            }
+            welded.local.push((record.id, local));
+        }
+        Ok(())
+    })?;
+    Ok(welded)
+}
+
+/// Bits of a position; 0 and -0 are the same place.
+fn position_key(position: DVec3) -> [u64; 3] {
+    (position + 0.0).to_array().map(f64::to_bits)
+}

@@ -1,0 +1,105 @@
+//! Which threshold leads to which share of the faces: tried on a sample.
+//!
+//! The sample is a compact patch from each of up to sixteen clusters, evenly spread; all patches together are
+//! simplified as one mesh with one queue, and the cost reached at each stage is the threshold for all clusters. A
+//! patch's rim is locked, as it is in a cluster; only vertices that are free are counted against the share.
+
+use glam::DVec3;
+
+use crate::base::Result;
+use crate::mesh::cluster::{ClusterMesh, flag};
+use crate::partition::ClusterSource;
+use crate::simplify::{Engine, Stop};
+
+/// Faces of the sample, about.
+pub const SAMPLE_FACES: usize = 160_000;
+/// Patches of the sample, at most.
+pub const PATCHES: usize = 16;
+
+/// Clusters to take patches from: evenly spread among those with faces.
+pub fn sampled_clusters(face_counts: &[u64]) -> Vec<usize> {
+    let filled: Vec<usize> = (0..face_counts.len()).filter(|&cluster| face_counts[cluster] > 0).collect();
+    let count = filled.len().min(PATCHES);
+    (0..count).map(|i| filled[(2 * i + 1) * filled.len() / (2 * count)]).collect()
+}
+
+/// Adds a patch of about `faces` faces around the middle of a cluster to the sample.
+pub fn add_patch(sample: &mut ClusterMesh, source: &ClusterSource, faces: usize) {
+    let mesh = &source.mesh;
+    let count = mesh.corners.len();
+    if count == 0 {
+        return;
+    }
+    let centre_of = |face: u32| mesh.triangle(face).into_iter().sum::<DVec3>() / 3.0;
+    let middle = centre_of(count as u32 / 2);
+    let mut order: Vec<(f64, u32)> =
+        (0..count as u32).map(|face| (centre_of(face).distance_squared(middle), face)).collect();
+    let kept = faces.min(count);
+    if kept < count {
+        order.select_nth_unstable_by(kept, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    }
+    let (inside, outside) = order.split_at_mut(kept);
+    inside.sort_unstable_by_key(|entry| entry.1);
+    let mut is_rim = vec![false; mesh.positions.len()];
+    for v in outside.iter().flat_map(|&(_, face)| mesh.vertices(face)) {
+        is_rim[v as usize] = true;
+    }
+    let mut vertex_of = vec![u32::MAX; mesh.positions.len()];
+    let mut wedge_of = vec![u32::MAX; mesh.wedge_vertex.len()];
+    for &mut (_, face) in inside {
+        let corners = mesh.corners[face as usize].map(|w| {
+            let v = mesh.wedge_vertex[w as usize] as usize;
+            if vertex_of[v] == u32::MAX {
+                let rim = if is_rim[v] { flag::SHARED | flag::LOCKED } else { 0 };
+                vertex_of[v] = sample.push_vertex(mesh.positions[v], mesh.flags[v] | rim);
+            }
+            if wedge_of[w as usize] == u32::MAX {
+                wedge_of[w as usize] = sample.push_wedge(vertex_of[v], mesh.wedge_uv[w as usize]);
+            }
+            wedge_of[w as usize]
+        });
+        sample.push_face(corners, mesh.parts[face as usize]);
+    }
+}
+
+/// The threshold at each share of the faces; infinite where the sample could not reach it.
+///
+/// # Errors
+/// None now; the signature leaves room for metrics that read files.
+pub fn thresholds(engine: &mut Engine, shares: &[f64]) -> Result<Vec<f32>> {
+    engine.mesh.link_wedges();
+    let faces = engine.mesh.face_count;
+    let (free, _) = engine.count_free();
+    Ok(shares.iter().map(|share| cost_at(engine, faces, free, *share)).collect())
+}
+
+fn cost_at(engine: &mut Engine, faces: usize, free: usize, share: f64) -> f32 {
+    let result = engine.run(Stop::Faces(face_goal(faces, free, share)));
+    if result.reached { result.cost } else { f32::INFINITY }
+}
+
+/// Faces left when each free vertex has kept its chance of `share`: a vanished vertex takes two faces along.
+pub fn face_goal(faces: usize, free: usize, share: f64) -> usize {
+    (faces as f64 - 2.0 * free as f64 * (1.0 - share)).max(0.0).round() as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_sample_is_spread_over_filled_clusters() {
+        let mut counts = vec![10; 100];
+        counts[3] = 0;
+        let sampled = sampled_clusters(&counts);
+        assert_eq!(sampled.len(), PATCHES);
+        assert!(sampled.windows(2).all(|pair| pair[0] < pair[1]));
+        assert_eq!(sampled_clusters(&[0, 5, 0]), [1]);
+    }
+
+    #[test]
+    fn locked_vertices_do_not_count_against_the_share() {
+        assert_eq!(face_goal(1000, 500, 0.5), 500);
+        assert_eq!(face_goal(1000, 250, 0.5), 750);
+    }
+}

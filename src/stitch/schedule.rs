@@ -1,0 +1,47 @@
+//! How far each pass goes, and in how many stages.
+
+/// Share of its faces that a stage keeps, about; quadrics are recomputed between stages.
+const STAGE_SHARE: f64 = 0.6;
+
+/// Faces that pass `pass` (from 0) of `passes` aims at, on the way from `input` to `target` faces.
+///
+/// 4 × → 2 × → 1 × of the target for three passes, but never more than an even share of the way.
+pub fn pass_target(input: u64, target: u64, pass: usize, passes: usize) -> f64 {
+    let left = passes.saturating_sub(pass + 1) as i32;
+    let ratio = (target as f64 / input.max(1) as f64).clamp(0.0, 1.0);
+    let even = libm::pow(ratio, (pass + 1) as f64 / passes as f64);
+    let doubled = ratio * libm::pow(2.0, f64::from(left));
+    if left <= 0 { target as f64 } else { input as f64 * even.min(doubled).min(1.0) }
+}
+
+/// Shares of the faces to keep at the end of each stage, the last one being `share`.
+pub fn stage_shares(share: f64) -> Vec<f64> {
+    let share = share.clamp(1e-9, 1.0);
+    let stages = (libm::log(share) / libm::log(STAGE_SHARE)).ceil().max(1.0);
+    (1..=stages as u32).map(|stage| libm::pow(share, f64::from(stage) / stages)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn three_passes_go_over_four_and_two_times_the_target() {
+        let targets: Vec<u64> = (0..3).map(|pass| pass_target(1000, 100, pass, 3).round() as u64).collect();
+        assert_eq!(targets, [400, 200, 100]);
+    }
+
+    #[test]
+    fn mild_ratios_are_shared_evenly() {
+        let targets: Vec<u64> = (0..3).map(|pass| pass_target(1000, 729, pass, 3).round() as u64).collect();
+        assert_eq!(targets, [900, 810, 729]);
+    }
+
+    #[test]
+    fn the_last_stage_ends_at_the_share() {
+        let shares = stage_shares(0.25);
+        assert_eq!(shares.len(), 3);
+        assert!((shares[2] - 0.25).abs() < 1e-12);
+        assert_eq!(stage_shares(0.9).len(), 1);
+    }
+}

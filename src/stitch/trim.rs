@@ -1,0 +1,76 @@
+//! The last faces over the target, chosen over all clusters as one queue would.
+//!
+//! Every cluster is simplified a little too far, and notes what each collapse cost; the notes of all clusters are
+//! merged by cost; the prefix that removes just enough says how many faces each cluster may lose. A second run of each
+//! cluster, the same to the bit, stops there.
+
+/// A collapse as noted: the highest cost so far in its cluster, and faces that died.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Note {
+    cost: f32,
+    cluster: u32,
+    died: u8,
+}
+
+/// Notes of all clusters.
+#[derive(Debug, Default)]
+pub struct Notes {
+    notes: Vec<Note>,
+    died: u64,
+}
+
+impl Notes {
+    /// Adds the log of a cluster, in the order of its collapses; clusters must come in order.
+    pub fn add(&mut self, cluster: usize, log: &[(f32, u8)]) {
+        let mut highest = 0f32;
+        for &(cost, died) in log {
+            highest = highest.max(cost);
+            self.notes.push(Note { cost: highest, cluster: cluster as u32, died });
+            self.died += u64::from(died);
+        }
+    }
+
+    /// Faces that died in all.
+    pub fn died(&self) -> u64 {
+        self.died
+    }
+
+    /// Faces that each cluster may lose so that `excess` are lost in all, or one more; and the cost reached.
+    pub fn cut(mut self, excess: u64, cluster_count: usize) -> (Vec<u64>, f32) {
+        // Stable: equal costs stay in the order of clusters and of collapses.
+        self.notes.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        let mut quota = vec![0; cluster_count];
+        let (mut lost, mut cost) = (0, 0f32);
+        for note in &self.notes {
+            if lost >= excess {
+                break;
+            }
+            quota[note.cluster as usize] += u64::from(note.died);
+            lost += u64::from(note.died);
+            cost = note.cost;
+        }
+        (quota, cost)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cheapest_collapses_of_all_clusters_are_chosen() {
+        let mut notes = Notes::default();
+        notes.add(0, &[(1.0, 2), (5.0, 2), (4.0, 2)]);
+        notes.add(1, &[(2.0, 2), (3.0, 1), (9.0, 2)]);
+        assert_eq!(notes.died(), 11);
+        assert_eq!(notes.cut(5, 2), (vec![2, 3], 3.0));
+    }
+
+    #[test]
+    fn a_cheap_collapse_after_a_dear_one_waits_for_it() {
+        let mut notes = Notes::default();
+        notes.add(0, &[(5.0, 2), (1.0, 2)]);
+        notes.add(1, &[(2.0, 2)]);
+        assert_eq!(notes.cut(2, 2), (vec![0, 2], 2.0));
+    }
+}

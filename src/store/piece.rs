@@ -1,0 +1,90 @@
+//! One piece of a mesh in one file: positions, colours, texture coordinates and faces behind one header.
+//!
+//! ```text
+//! 0        64            96
+//! | header | four counts | positions 24 B | texcoords 16 B | colours 12 B | pad | face blocks |
+//! ```
+//! The header's count is the number of faces, its checksum covers everything after it.
+
+use std::path::Path;
+
+use glam::{DVec2, DVec3};
+use xxhash_rust::xxh3::Xxh3;
+
+use super::column::{HEADER_BYTES, Header, Segment};
+use super::face::{BLOCK_FACES, Face, FaceBlocks, encode_block};
+use super::mesh::StoredPiece;
+use crate::base::Result;
+use crate::os::durable::DurableFile;
+
+/// Writes a piece durably and opens it.
+///
+/// # Errors
+/// On a full disk or a failed write.
+pub fn write_piece(
+    path: &Path,
+    positions: &[DVec3],
+    texcoords: &[DVec2],
+    colours: Option<&[[f32; 3]]>,
+    faces: &[Face],
+) -> Result<StoredPiece> {
+    let colour_slice = colours.unwrap_or(&[]);
+    let counts = [positions.len(), texcoords.len(), colour_slice.len(), faces.len()].map(|n| n as u64);
+    let mut file = DurableFile::create(path, 256 << 10)?;
+    let mut hash = Xxh3::new();
+    let mut offset_bytes = HEADER_BYTES;
+    file.write(&[0; HEADER_BYTES as usize])?;
+    let mut put = |file: &mut DurableFile, bytes: &[u8]| -> Result<u64> {
+        hash.update(bytes);
+        file.write(bytes)?;
+        let start = offset_bytes;
+        offset_bytes += bytes.len() as u64;
+        Ok(start)
+    };
+    put(&mut file, bytemuck::cast_slice(&counts))?;
+    let positions_at = put(&mut file, bytemuck::cast_slice(positions))?;
+    let texcoords_at = put(&mut file, bytemuck::cast_slice(texcoords))?;
+    let colours_at = put(&mut file, bytemuck::cast_slice(colour_slice))?;
+    put(&mut file, &[0; 4][..colour_slice.len() % 2 * 4])?;
+    let mut blocks = Vec::new();
+    let mut bytes = Vec::new();
+    for chunk in faces.chunks(BLOCK_FACES) {
+        bytes.clear();
+        let mut block = encode_block(chunk, &mut bytes);
+        block.offset_bytes = put(&mut file, &bytes)?;
+        blocks.push(block);
+    }
+    let header = Header { kind: *b"piece   ", record_bytes: 0, count: counts[3], checksum: hash.digest() };
+    file.write_at(0, &header.encode())?;
+    file.commit()?;
+    Ok(StoredPiece {
+        positions: Segment::new(path.to_owned(), positions_at, counts[0]),
+        colours: colours.map(|_| Segment::new(path.to_owned(), colours_at, counts[2])),
+        texcoords: Segment::new(path.to_owned(), texcoords_at, counts[1]),
+        faces: FaceBlocks::new(path.to_owned(), blocks),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::NO_TEXCOORD;
+
+    #[test]
+    fn a_piece_comes_back_as_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let positions = [DVec3::new(1.0, 2.0, 3.0), DVec3::X, DVec3::Y];
+        let texcoords = [DVec2::new(0.5, 0.25)];
+        let colours = [[0.1, 0.2, 0.3]; 3];
+        let face = Face { vertices: [0, 1, 2], texcoords: [0, NO_TEXCOORD, 0], part: 7, continues_polygon: false };
+        let path = folder.path().join("a.piece");
+        let piece = write_piece(&path, &positions, &texcoords, Some(&colours), &[face]).unwrap();
+        assert_eq!(&*piece.positions.window(0..3).unwrap(), &positions);
+        assert_eq!(&*piece.texcoords.window(0..1).unwrap(), &texcoords);
+        assert_eq!(&*piece.colours.unwrap().window(0..3).unwrap(), &colours);
+        let mut faces = Vec::new();
+        let file = piece.faces.open().unwrap();
+        piece.faces.read_block(&file, &piece.faces.blocks()[0], &mut Vec::new(), &mut faces).unwrap();
+        assert_eq!(faces, [face]);
+    }
+}
