@@ -125,7 +125,7 @@ impl Parser<'_> {
         Some(next)
     }
 
-    #[inline]
+    #[inline(always)]
     fn plain_index(&mut self, kind: Numbered, at: usize) -> Option<usize> {
         let (index, end) = index_at(self.text, at)?;
         if index.magnitude == 0 {

@@ -145,12 +145,13 @@ pub fn index_at(text: &[u8], start: usize) -> Option<(Index, usize)> {
     let first_digit = at;
     let mut magnitude = 0u64;
     while let Some(digit) = digit_at(text, at) {
-        magnitude = if at - first_digit < EXACT_DIGITS - 1 {
-            magnitude * 10 + digit
-        } else {
-            magnitude.saturating_mul(10).saturating_add(digit)
-        };
+        magnitude = magnitude.wrapping_mul(10).wrapping_add(digit);
         at += 1;
+    }
+    if at - first_digit > EXACT_DIGITS {
+        magnitude = text[first_digit..at]
+            .iter()
+            .fold(0, |sum: u64, digit| sum.saturating_mul(10).saturating_add(u64::from(digit - b'0')));
     }
     (at > first_digit).then_some((Index { magnitude, negative }, at))
 }
