@@ -136,12 +136,29 @@ fn work(inputs: &[PathBuf], cutter: &Mutex<Cutter>, tickets: &Receiver<ParsedChu
     while let Ok(memory) = tickets.recv() {
         let next = cutter.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).next();
         let Some((order, chunk)) = next else { return };
+        let alarm = Alarm { order, outcomes };
         let result = chunk.and_then(|chunk| parse_chunk(inputs, chunk, memory, &mut text));
+        drop(alarm);
         if outcomes.send(Outcome { order, result }).is_err() {
             return;
         }
         if text.capacity() > 2 * CHUNK_BYTES as usize {
             text = Vec::new();
+        }
+    }
+}
+
+/// Wakes the committer if a worker panics, so that the panic ends the run instead of leaving it to wait for ever.
+struct Alarm<'a> {
+    order: u64,
+    outcomes: &'a Sender<Outcome>,
+}
+
+impl Drop for Alarm<'_> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            let result = Err(Error::Limit("a worker of the scan panicked".into()));
+            let _ = self.outcomes.send(Outcome { order: self.order, result });
         }
     }
 }
