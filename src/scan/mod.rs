@@ -1,1 +1,270 @@
-//! The input's text becomes records: OBJ and MTL in, columns and a catalogue out.
+//! Text to records: streaming OBJ and MTL.
+//!
+//! ```text
+//! files ── cut into chunks ──▶ workers parse ──▶ in order ──▶ one committer appends ──▶ columns, catalogue
+//!             ▲                                                        │
+//!             └───────────────── a ticket for each chunk in flight ◀───┘
+//! ```
+//! In: OBJ files. Out: one [`StoredPiece`](crate::store::StoredPiece) a file, and the [`Catalogue`] of everything that
+//! is not geometry. Invariant: chunks depend on the files alone and are committed in order, so the result, down to the
+//! words of an error, is the same at any number of threads.
+//!
+//! Who holds what: a worker takes a ticket, then the next chunk from the cutter, so a chunk that was cut has a ticket
+//! and gets done; the committer waits for the oldest chunk only and returns its ticket, with the emptied memory of
+//! the chunk on it, once that is committed. Nobody holds the cutter while waiting for a ticket: no cycle to deadlock in.
+//!
+//! # Memory
+//! `threads` x 4 MiB of text and `chunks_in_flight` x 12 MiB of parsed chunks at most; a line of many MiB takes its
+//! length more. Nothing is allocated by a number that a file claims.
+//!
+//! # Files
+//! Those of [`commit`], in the work folder.
+
+mod chunk;
+mod commit;
+mod fast;
+mod inputs;
+mod line;
+mod mtl;
+mod number;
+mod obj;
+mod parsed;
+mod parts;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use crossbeam_channel::{Receiver, Sender, bounded, unbounded};
+use xxhash_rust::xxh3::xxh3_64;
+
+use self::chunk::{CHUNK_BYTES, Chunk, Cutter, LINE_BYTES_MAX};
+use self::commit::FileCommit;
+use self::obj::LineError;
+use self::parsed::ParsedChunk;
+use self::parts::Labels;
+use crate::base::{Error, Findings, Progress, Result};
+use crate::store::{Catalogue, StoredMesh};
+
+pub use self::inputs::find_inputs;
+
+/// Memory of a parsed chunk that is worth keeping for the next one.
+const KEPT_BYTES_MAX: usize = 16 << 20;
+
+/// How the scan may use the machine; nothing here changes the result.
+#[derive(Debug, Clone, Copy)]
+pub struct ScanOptions {
+    /// Workers that parse; at least 1.
+    pub threads: usize,
+    /// Chunks that are being parsed or wait for the committer, at most; 12 MiB each; at least 1.
+    pub chunks_in_flight: usize,
+}
+
+/// What a scan leaves.
+#[derive(Debug)]
+pub struct Scan {
+    /// The mesh, one piece an input file.
+    pub mesh: StoredMesh,
+    /// Everything that is not geometry.
+    pub catalogue: Catalogue,
+    /// Triangles of the input: n - 2 for each polygon of n corners, degenerate ones included.
+    pub triangles: u64,
+    /// What was ignored or repaired.
+    pub findings: Findings,
+    /// Bytes of OBJ text.
+    pub input_bytes: u64,
+    /// XXH3 over the hashes of all chunks of all OBJ files in order.
+    pub content_hash: u64,
+}
+
+/// Reads OBJ files and the MTL files that they name into columns in `folder`, which must exist.
+///
+/// # Errors
+/// [`Error::Input`] with the first line that is damaged, [`Error::Limit`] on more than 2³² - 2 vertices in a file,
+/// [`Error::Io`] or [`Error::NoSpace`] where the system refuses.
+pub fn scan(inputs: &[PathBuf], folder: &Path, options: &ScanOptions, progress: &dyn Progress) -> Result<Scan> {
+    scan_in_chunks(inputs, folder, options, progress, CHUNK_BYTES)
+}
+
+fn scan_in_chunks(
+    inputs: &[PathBuf],
+    folder: &Path,
+    options: &ScanOptions,
+    progress: &dyn Progress,
+    chunk_bytes: u64,
+) -> Result<Scan> {
+    let mut input_bytes = 0;
+    for path in inputs {
+        input_bytes += path.metadata().map_err(|e| Error::io(path, "open", e))?.len();
+    }
+    progress.begin("scan", input_bytes, "B");
+    let tickets_in_flight = options.chunks_in_flight.max(1);
+    let (return_ticket, tickets) = bounded(tickets_in_flight);
+    for _ in 0..tickets_in_flight {
+        // The channel has room for all of them and its other end is in this scope.
+        let _ = return_ticket.send(ParsedChunk::default());
+    }
+    let (send_outcome, outcomes) = unbounded();
+    let cutter = Mutex::new(Cutter::new(inputs, chunk_bytes));
+    std::thread::scope(|scope| {
+        for _ in 0..options.threads.clamp(1, tickets_in_flight) {
+            let (tickets, send_outcome, cutter) = (tickets.clone(), send_outcome.clone(), &cutter);
+            scope.spawn(move || work(inputs, cutter, &tickets, &send_outcome));
+        }
+        drop((tickets, send_outcome));
+        commit_in_order(inputs, folder, outcomes, return_ticket, progress)
+    })
+}
+
+/// A chunk that a worker is done with.
+struct Outcome {
+    order: u64,
+    result: Result<Parsed>,
+}
+
+struct Parsed {
+    chunk: Chunk,
+    hash: u64,
+    statements: std::result::Result<ParsedChunk, LineError>,
+}
+
+/// Parses chunks until there are no more, or until the committer has gone.
+fn work(inputs: &[PathBuf], cutter: &Mutex<Cutter>, tickets: &Receiver<ParsedChunk>, outcomes: &Sender<Outcome>) {
+    let mut text = Vec::new();
+    while let Ok(memory) = tickets.recv() {
+        let next = cutter.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).next();
+        let Some((order, chunk)) = next else { return };
+        let alarm = Alarm { order, outcomes };
+        let result = chunk.and_then(|chunk| parse_chunk(inputs, chunk, memory, &mut text));
+        drop(alarm);
+        if outcomes.send(Outcome { order, result }).is_err() {
+            return;
+        }
+        if text.capacity() > 2 * CHUNK_BYTES as usize {
+            text = Vec::new();
+        }
+    }
+}
+
+/// Wakes the committer if a worker panics, so that the panic ends the run instead of leaving it to wait for ever.
+struct Alarm<'a> {
+    order: u64,
+    outcomes: &'a Sender<Outcome>,
+}
+
+impl Drop for Alarm<'_> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            let result = Err(Error::Limit("a worker of the scan panicked".into()));
+            let _ = self.outcomes.send(Outcome { order: self.order, result });
+        }
+    }
+}
+
+fn parse_chunk(inputs: &[PathBuf], chunk: Chunk, mut memory: ParsedChunk, text: &mut Vec<u8>) -> Result<Parsed> {
+    let path = &inputs[chunk.file_index];
+    chunk.read(path, text)?;
+    let hash = xxh3_64(text);
+    let is_first = chunk.start == 0;
+    if let Some(format) = foreign_format(text).filter(|_| is_first) {
+        return Err(Error::input(path, 1, format!("expected OBJ text, found {format}")));
+    }
+    let statements = if chunk.line_is_too_long {
+        let line = line::count_line_ends(text) + 1;
+        let message =
+            format!("expected a line end within {} MiB; the file is damaged, or no OBJ", LINE_BYTES_MAX >> 20);
+        Err(LineError { line, message })
+    } else {
+        let skipped = if is_first && text.starts_with(obj::BYTE_ORDER_MARK) { obj::BYTE_ORDER_MARK.len() } else { 0 };
+        obj::parse(&text[skipped..], &mut memory).map(|()| memory)
+    };
+    Ok(Parsed { chunk, hash, statements })
+}
+
+/// What a file is, if its first bytes say that it is no OBJ.
+fn foreign_format(text: &[u8]) -> Option<&'static str> {
+    const FORMATS: &[(&[u8], &str)] = &[
+        (b"\x1f\x8b", "gzip data; decompress it first"),
+        (b"BZh", "bzip2 data; decompress it first"),
+        (b"\xfd7zXZ", "xz data; decompress it first"),
+        (b"\x28\xb5\x2f\xfd", "zstd data; decompress it first"),
+        (b"PK\x03\x04", "a zip archive; extract it first"),
+        (b"\xff\xfe", "UTF-16 text; convert it to UTF-8 first"),
+        (b"\xfe\xff", "UTF-16 text; convert it to UTF-8 first"),
+        (b"ply\n", "a PLY file"),
+        (b"ply\r", "a PLY file"),
+        (b"solid ", "an STL file"),
+        (b"glTF", "a binary glTF file"),
+        (b"Kaydara FBX", "an FBX file"),
+        (b"OFF\n", "an OFF file"),
+        (b"version https://git-lfs", "a Git LFS pointer; fetch the file itself first"),
+    ];
+    FORMATS.iter().find(|(magic, _)| text.starts_with(magic)).map(|(_, name)| *name)
+}
+
+/// Commits outcomes by their order; ends at the first error, which ends the workers too, since nothing returns tickets.
+fn commit_in_order(
+    inputs: &[PathBuf],
+    folder: &Path,
+    outcomes: Receiver<Outcome>,
+    return_ticket: Sender<ParsedChunk>,
+    progress: &dyn Progress,
+) -> Result<Scan> {
+    let mut mesh = StoredMesh::default();
+    let (mut labels, mut findings) = (Labels::default(), Findings::default());
+    let (mut triangles, mut input_bytes, mut content_hash) = (0, 0, 0);
+    let mut file: Option<FileCommit> = None;
+    let mut waiting: BTreeMap<u64, Result<Parsed>> = BTreeMap::new();
+    let mut next_order = 0;
+    while mesh.pieces.len() < inputs.len() {
+        let Ok(Outcome { order, result }) = outcomes.recv() else {
+            return Err(Error::Limit("a worker of the scan ended early".into()));
+        };
+        waiting.insert(order, result);
+        while let Some(result) = waiting.remove(&next_order) {
+            next_order += 1;
+            let Parsed { chunk, hash, statements } = result?;
+            let path = &inputs[chunk.file_index];
+            let current = match &mut file {
+                Some(file) => file,
+                None => {
+                    labels.begin_file(path);
+                    file.insert(FileCommit::begin(path, folder, chunk.file_index)?)
+                }
+            };
+            let mut parsed = statements.map_err(|error| current.error_at(error))?;
+            current.append(&chunk, &mut parsed, &mut labels)?;
+            let chunk_bytes = chunk.end - chunk.start;
+            content_hash = chain(content_hash, [chunk.file_index as u64, chunk_bytes, hash]);
+            input_bytes += chunk_bytes;
+            progress.advance(chunk_bytes);
+            if let Some(done) = file.take_if(|_| chunk.is_last) {
+                let (piece, file_triangles) = done.finish(&mut labels, &mut findings)?;
+                mesh.pieces.push(piece);
+                triangles += file_triangles;
+            }
+            recycle(parsed, &return_ticket);
+        }
+    }
+    Ok(Scan { mesh, catalogue: labels.finish(), triangles, findings, input_bytes, content_hash })
+}
+
+fn recycle(mut parsed: ParsedChunk, return_ticket: &Sender<ParsedChunk>) {
+    if parsed.capacity_bytes() > KEPT_BYTES_MAX {
+        parsed = ParsedChunk::default();
+    }
+    parsed.clear();
+    // No worker is left to take it once the last chunk was cut.
+    let _ = return_ticket.send(parsed);
+}
+
+fn chain(hash: u64, words: [u64; 3]) -> u64 {
+    let [a, b, c] = words;
+    let mut bytes = [0; 32];
+    for (place, word) in bytes.chunks_exact_mut(8).zip([hash, a, b, c]) {
+        place.copy_from_slice(&word.to_le_bytes());
+    }
+    xxh3_64(&bytes)
+}

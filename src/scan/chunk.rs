@@ -1,0 +1,207 @@
+//! Cuts files into chunks of whole statements.
+//!
+//! In: the input files. Out: byte ranges, in order, of about the chunk size each, that begin and end between two
+//! statements. Where the cuts lie depends on the file alone: a chunk ends with the first line that reaches the chunk
+//! size and is not continued.
+//!
+//! # Memory
+//! One window of [`WINDOW_BYTES`] while a cut is searched.
+
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use memchr::memchr2;
+
+use crate::base::{Error, Result};
+use crate::os::system::read_exact_at;
+
+/// Bytes of a chunk, before its last line is completed.
+pub const CHUNK_BYTES: u64 = 4 << 20;
+/// A line longer than this is refused: no exporter writes one, a damaged or foreign file may.
+pub const LINE_BYTES_MAX: u64 = 64 << 20;
+const WINDOW_BYTES: u64 = 16 << 10;
+
+/// A range of a file that holds whole statements.
+#[derive(Debug, Clone)]
+pub struct Chunk {
+    /// Index of the input file.
+    pub file_index: usize,
+    /// The open file.
+    pub file: Arc<File>,
+    /// Its first byte.
+    pub start: u64,
+    /// The byte after its last.
+    pub end: u64,
+    /// Whether it ends its file.
+    pub is_last: bool,
+    /// Whether no line end was found where the longest line should have ended; the range holds what comes before.
+    pub line_is_too_long: bool,
+}
+
+impl Chunk {
+    /// Replaces the contents of `buffer` by the chunk's bytes.
+    ///
+    /// # Errors
+    /// The system's; a file that has become shorter is one.
+    pub fn read(&self, path: &Path, buffer: &mut Vec<u8>) -> Result<()> {
+        let bytes = (self.end - self.start) as usize;
+        buffer.resize(bytes, 0);
+        read_exact_at(&self.file, buffer, self.start).map_err(|e| Error::io(path, "read", e))
+    }
+}
+
+/// Hands out the chunks of files one after another.
+#[derive(Debug)]
+pub struct Cutter<'a> {
+    inputs: &'a [PathBuf],
+    chunk_bytes: u64,
+    order: u64,
+    file_index: usize,
+    open: Option<(Arc<File>, u64)>,
+    start: u64,
+}
+
+impl<'a> Cutter<'a> {
+    /// A cutter at the beginning of the first file.
+    pub fn new(inputs: &'a [PathBuf], chunk_bytes: u64) -> Self {
+        Self { inputs, chunk_bytes, order: 0, file_index: 0, open: None, start: 0 }
+    }
+
+    /// The next chunk and its place in the order of all chunks; an empty file has one empty chunk; nothing after the last file.
+    ///
+    /// # Errors
+    /// If a file cannot be opened or read; the cutter then stands behind that file.
+    pub fn next(&mut self) -> Option<(u64, Result<Chunk>)> {
+        let path = self.inputs.get(self.file_index)?;
+        let order = self.order;
+        self.order += 1;
+        let chunk = self.cut(path);
+        if chunk.as_ref().map_or(true, |chunk| chunk.is_last) {
+            self.file_index += 1;
+            self.open = None;
+            self.start = 0;
+        }
+        Some((order, chunk))
+    }
+
+    fn cut(&mut self, path: &Path) -> Result<Chunk> {
+        let (file, length) = match &self.open {
+            Some((file, length)) => (file.clone(), *length),
+            None => {
+                let (file, length) = open_regular(path)?;
+                let file = Arc::new(file);
+                self.open = Some((file.clone(), length));
+                (file, length)
+            }
+        };
+        let start = self.start;
+        let cut = find_cut(&file, start, length, self.chunk_bytes).map_err(|e| Error::io(path, "read", e))?;
+        let end = cut.unwrap_or(length.min(start + self.chunk_bytes));
+        self.start = end;
+        let is_last = end == length || cut.is_none();
+        Ok(Chunk { file_index: self.file_index, file, start, end, is_last, line_is_too_long: cut.is_none() })
+    }
+}
+
+/// Opens a file that must be a regular one, and tells its length.
+///
+/// # Errors
+/// [`Error::Input`] if it is none: opening a pipe would wait for ever.
+pub fn open_regular(path: &Path) -> Result<(File, u64)> {
+    let kind = fs::metadata(path).map_err(|e| Error::io(path, "open", e))?;
+    if !kind.is_file() {
+        return Err(Error::input(path, 0, "expected a regular file; pipes and devices cannot be read in chunks"));
+    }
+    let file = File::open(path).map_err(|e| Error::io(path, "open", e))?;
+    let length = file.metadata().map_err(|e| Error::io(path, "open", e))?.len();
+    Ok((file, length))
+}
+
+/// End of the chunk that begins at `start`, or nothing if its last line is too long.
+fn find_cut(file: &File, start: u64, length: u64, chunk_bytes: u64) -> std::io::Result<Option<u64>> {
+    let mut window = Vec::new();
+    let mut from = start + chunk_bytes.max(1) - 1;
+    let limit = from.saturating_add(LINE_BYTES_MAX);
+    while from < length {
+        if from > limit {
+            return Ok(None);
+        }
+        // Two bytes before the searched ones tell whether a line end is continued, one after them whether CR LF.
+        let window_start = from.saturating_sub(2).max(start);
+        let window_end = (from + WINDOW_BYTES + 1).min(length);
+        window.resize((window_end - window_start) as usize, 0);
+        read_exact_at(file, &mut window, window_start)?;
+        let mut at = (from - window_start) as usize;
+        while let Some(distance) = memchr2(b'\n', b'\r', &window[at..]) {
+            let end = at + distance;
+            at = end + 1;
+            let follows_cr = window[end] == b'\n' && end > 0 && window[end - 1] == b'\r';
+            let text_end = end - usize::from(follows_cr);
+            if text_end > 0 && window[text_end - 1] == b'\\' {
+                continue;
+            }
+            if window[end] == b'\r' && end + 1 == window.len() && window_end < length {
+                break;
+            }
+            let is_pair = window[end] == b'\r' && window.get(end + 1) == Some(&b'\n');
+            return Ok(Some(window_start + end as u64 + 1 + u64::from(is_pair)));
+        }
+        from += WINDOW_BYTES;
+    }
+    Ok(Some(length))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pieces(text: &str, chunk_bytes: u64) -> Vec<String> {
+        let folder = tempfile::tempdir().unwrap();
+        let inputs = [folder.path().join("a.obj")];
+        fs::write(&inputs[0], text).unwrap();
+        let mut cutter = Cutter::new(&inputs, chunk_bytes);
+        let (mut out, mut buffer) = (Vec::new(), Vec::new());
+        while let Some((_, chunk)) = cutter.next() {
+            chunk.unwrap().read(&inputs[0], &mut buffer).unwrap();
+            out.push(String::from_utf8_lossy(&buffer).into_owned());
+        }
+        out
+    }
+
+    #[test]
+    fn chunks_end_with_a_line() {
+        assert_eq!(pieces("a\nbb\nccc\n", 1), ["a\n", "bb\n", "ccc\n"]);
+        assert_eq!(pieces("a\nbb\nccc", 3), ["a\nbb\n", "ccc"]);
+        assert_eq!(pieces("a\rb\r\nc\n", 1), ["a\r", "b\r\n", "c\n"]);
+    }
+
+    #[test]
+    fn continued_lines_stay_together() {
+        assert_eq!(pieces("a\\\nb\nc\\\r\nd\\\re\nf", 1), ["a\\\nb\n", "c\\\r\nd\\\re\n", "f"]);
+    }
+
+    #[test]
+    fn an_empty_file_is_one_empty_chunk() {
+        assert_eq!(pieces("", 4), [""]);
+    }
+
+    #[test]
+    fn a_pair_of_line_ends_across_windows_is_not_split() {
+        for shift in 0..4 {
+            let text = format!("{}\r\nb\n", "a".repeat(WINDOW_BYTES as usize - 2 + shift));
+            assert_eq!(pieces(&text, 1).len(), 2, "{shift}");
+            assert_eq!(pieces(&text, 1).concat(), text);
+        }
+    }
+
+    #[test]
+    fn a_line_without_end_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let inputs = [folder.path().join("a.obj")];
+        let file = File::create(&inputs[0]).unwrap();
+        file.set_len(LINE_BYTES_MAX + (1 << 20)).unwrap();
+        let (_, chunk) = Cutter::new(&inputs, 16).next().unwrap();
+        assert!(chunk.unwrap().line_is_too_long);
+    }
+}

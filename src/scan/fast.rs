@@ -1,0 +1,196 @@
+//! The form of statements that exporters write, read in one pass over the bytes.
+//!
+//! In: a parser at the beginning of a line. Out: the statement in the chunk, or nothing changed where the line is not
+//! of the plain form: then the reader in `obj.rs` takes it. Invariant: both readers agree on every line that this one
+//! takes, which a test checks.
+
+use glam::{DVec2, DVec3};
+use memchr::memchr2;
+
+use super::number::{index_at, number_at};
+use super::obj::{COORDINATE_MAX, Parser};
+use super::parsed::Numbered;
+use crate::store::NO_TEXCOORD;
+
+impl Parser<'_> {
+    /// Reads the statement at the parser's place if it is a plain `v`, `vt`, `vn` or `f` on one line.
+    #[inline]
+    pub(super) fn read_plain_statement(&mut self) -> bool {
+        let Some(&[first, second]) = self.text[self.at..].first_chunk::<2>() else { return false };
+        match (first, second) {
+            (b'v', b' ') => self.read_plain_vertex(),
+            (b'f', b' ') => self.read_plain_face(),
+            (b'v', b't') => self.read_plain_texcoord(),
+            (b'v', b'n') => self.skip_plain_normal(),
+            _ => false,
+        }
+    }
+
+    #[inline]
+    fn read_plain_vertex(&mut self) -> bool {
+        let Some(row) = self.plain_numbers::<6>(self.at + 1) else { return false };
+        let [x, y, z, r, g, b] = row.values;
+        if [x, y, z].iter().any(|v| v.abs() > COORDINATE_MAX) {
+            return false;
+        }
+        let colour = match row.count {
+            3 => None,
+            6 => Some([r as f32, g as f32, b as f32]),
+            _ => return false,
+        };
+        if colour.is_some_and(|rgb| rgb.iter().any(|c| !c.is_finite())) {
+            return false;
+        }
+        let [dx, dy, dz, ..] = row.decimals;
+        self.chunk.position_decimals = self.chunk.position_decimals.max(dx).max(dy).max(dz);
+        self.chunk.push_vertex(DVec3::new(x, y, z), colour);
+        self.finish_line(row.next)
+    }
+
+    #[inline]
+    fn read_plain_texcoord(&mut self) -> bool {
+        let Some(row) = self.plain_numbers::<3>(self.at + 2) else { return false };
+        let [u, v, _] = row.values;
+        if row.count < 2 || u.abs() > COORDINATE_MAX || v.abs() > COORDINATE_MAX {
+            return false;
+        }
+        self.chunk.texcoord_decimals = self.chunk.texcoord_decimals.max(row.decimals[0]).max(row.decimals[1]);
+        self.chunk.texcoords.push(DVec2::new(u, v));
+        self.finish_line(row.next)
+    }
+
+    /// Normals are counted, not read: they are computed anew from the result.
+    #[inline]
+    fn skip_plain_normal(&mut self) -> bool {
+        if self.has_nul || !matches!(self.text.get(self.at + 2), Some(b' ' | b'\t')) {
+            return false;
+        }
+        let Some(length) = memchr2(b'\n', b'\r', &self.text[self.at..]) else { return false };
+        let end = self.at + length;
+        let Some(next) = plain_line_end(self.text, end).filter(|_| self.text[end - 1] != b'\\') else { return false };
+        self.chunk.normal_count += 1;
+        self.finish_line(next)
+    }
+
+    #[inline]
+    fn read_plain_face(&mut self) -> bool {
+        let start = self.chunk.corner_vertices.len();
+        let texcoords_start = self.chunk.corner_texcoords.len();
+        match self.plain_corners(self.at + 1) {
+            Some(next) => self.finish_line(next),
+            None => {
+                self.chunk.drop_corners(start, texcoords_start);
+                false
+            }
+        }
+    }
+
+    /// Appends the corners of a face and returns the place of the next line; on `None` some may have been appended.
+    #[inline]
+    fn plain_corners(&mut self, mut at: usize) -> Option<usize> {
+        let text = self.text;
+        let start = self.chunk.corner_vertices.len();
+        let (mut texcoord_count, mut uses_normals) = (0, false);
+        let next = loop {
+            let from = at;
+            at = skip_blanks(text, at);
+            if let Some(next) = plain_line_end(text, at) {
+                break next;
+            }
+            if at == from {
+                return None;
+            }
+            at = self.plain_index(Numbered::Vertex, at)?;
+            if text.get(at) == Some(&b'/') {
+                at += 1;
+                if text.get(at) != Some(&b'/') {
+                    at = self.plain_index(Numbered::Texcoord, at)?;
+                    texcoord_count += 1;
+                }
+                if text.get(at) == Some(&b'/') {
+                    at = self.plain_index(Numbered::Normal, at + 1)?;
+                    uses_normals = true;
+                }
+            }
+        };
+        let size = self.chunk.corner_vertices.len() - start;
+        if size < 3 || texcoord_count != 0 && texcoord_count != size {
+            return None;
+        }
+        if texcoord_count == 0 && !self.chunk.corner_texcoords.is_empty() {
+            self.chunk.corner_texcoords.resize(start + size, NO_TEXCOORD);
+        }
+        self.chunk.uses_normals |= uses_normals;
+        self.chunk.polygon_sizes.push(size as u32);
+        Some(next)
+    }
+
+    #[inline(always)]
+    fn plain_index(&mut self, kind: Numbered, at: usize) -> Option<usize> {
+        let (index, end) = index_at(self.text, at)?;
+        if index.magnitude == 0 {
+            return None;
+        }
+        let reference = self.chunk.refer(kind, index)?;
+        match kind {
+            Numbered::Vertex => self.chunk.push_corner_vertex(reference),
+            Numbered::Texcoord => self.chunk.push_corner_texcoord(reference),
+            Numbered::Normal => {}
+        }
+        Some(end)
+    }
+
+    /// Up to `N` numbers that fill the rest of a line.
+    #[inline]
+    fn plain_numbers<const N: usize>(&self, mut at: usize) -> Option<Row<N>> {
+        let mut row = Row { values: [0.0; N], decimals: [0; N], count: 0, next: 0 };
+        loop {
+            let from = at;
+            at = skip_blanks(self.text, at);
+            if let Some(next) = plain_line_end(self.text, at) {
+                row.next = next;
+                return Some(row);
+            }
+            if at == from || row.count == N {
+                return None;
+            }
+            let number = number_at(self.text, at)?;
+            row.values[row.count] = number.value;
+            row.decimals[row.count] = number.decimals;
+            row.count += 1;
+            at = number.end;
+        }
+    }
+
+    #[inline]
+    fn finish_line(&mut self, next: usize) -> bool {
+        self.at = next;
+        self.line += 1;
+        true
+    }
+}
+
+struct Row<const N: usize> {
+    values: [f64; N],
+    decimals: [u32; N],
+    count: usize,
+    next: usize,
+}
+
+#[inline]
+fn skip_blanks(text: &[u8], mut at: usize) -> usize {
+    while matches!(text.get(at), Some(b' ' | b'\t')) {
+        at += 1;
+    }
+    at
+}
+
+/// The place after the line end at `at`, if one is there; a lone CR is left to the other reader.
+#[inline]
+fn plain_line_end(text: &[u8], at: usize) -> Option<usize> {
+    match text.get(at)? {
+        b'\n' => Some(at + 1),
+        b'\r' if text.get(at + 1) == Some(&b'\n') => Some(at + 2),
+        _ => None,
+    }
+}

@@ -1,0 +1,330 @@
+//! Material libraries: the definitions of the materials that faces use.
+//!
+//! In: the `mtllib` statements of an OBJ file. Out: a [`MaterialDefinition`] for each used material that a library
+//! defines. Statements are kept as they were written, so that the output says what the input said; `tobj` parses them
+//! into numbers, drops what it does not know and leaves options in texture names, so the lines are read here.
+//!
+//! # Memory
+//! One library at a time, at most [`LIBRARY_BYTES_MAX`], and the definitions of used materials.
+
+use std::collections::HashSet;
+use std::fs;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use memchr::{memchr, memmem};
+
+use super::chunk::open_regular;
+use super::line::{LogicalLine, is_blank, logical_line, split_keyword, trim, words};
+use super::number::number;
+use super::obj::BYTE_ORDER_MARK;
+use super::parts::FileMaterials;
+use crate::base::error::{escape, escape_path};
+use crate::base::{Error, Findings, Result};
+use crate::store::Material;
+use crate::store::mesh::{MaterialDefinition, TextureStatement};
+
+/// A larger library is ignored.
+pub const LIBRARY_BYTES_MAX: u64 = 64 << 20;
+
+/// Keys of statements that name a texture, in lower case.
+const TEXTURE_KEYS: &[&str] = &[
+    "map_ka",
+    "map_kd",
+    "map_ks",
+    "map_ke",
+    "map_ns",
+    "map_d",
+    "map_bump",
+    "bump",
+    "norm",
+    "disp",
+    "decal",
+    "refl",
+    "map_pr",
+    "map_pm",
+    "map_ps",
+    "map_refl",
+    "map_opacity",
+    "map_kn",
+    "map_tr",
+    "map_disp",
+    "map_aat",
+    "map_rma",
+    "map_orm",
+];
+
+/// Options of texture statements: name, most values, whether the values are numbers.
+const TEXTURE_OPTIONS: &[(&str, usize, bool)] = &[
+    ("-blendu", 1, false),
+    ("-blendv", 1, false),
+    ("-cc", 1, false),
+    ("-clamp", 1, false),
+    ("-imfchan", 1, false),
+    ("-type", 1, false),
+    ("-colorspace", 1, false),
+    ("-texres", 1, true),
+    ("-boost", 1, true),
+    ("-bm", 1, true),
+    ("-mm", 2, true),
+    ("-o", 3, true),
+    ("-s", 3, true),
+    ("-t", 3, true),
+];
+
+/// Defines the materials of an OBJ file from its libraries: `libraries` are the lines and texts of its `mtllib`
+/// statements, `materials` the whole catalogue's.
+///
+/// # Errors
+/// [`Error::Io`] if a library is there but cannot be read.
+pub fn define_materials(
+    obj: &Path,
+    libraries: &[(u64, Vec<u8>)],
+    materials: &mut [Material],
+    used: &FileMaterials,
+    findings: &mut Findings,
+) -> Result<()> {
+    let mut read = HashSet::new();
+    for (line, text) in libraries {
+        for (name, path) in find_libraries(obj, text) {
+            match path {
+                Some(path) => {
+                    if read.insert(path.clone()) {
+                        read_library(&path, materials, used, findings)?;
+                    }
+                }
+                None => findings.note("missing_mtl", || {
+                    format!("{}:{line}: material library '{}' is not there", escape_path(obj), escape(&name))
+                }),
+            }
+        }
+    }
+    for material in &materials[used.first()..] {
+        if material.definition.is_none() {
+            findings.note("undefined_material", || {
+                format!("{}: material '{}' is used and not defined", escape_path(obj), escape(&material.name))
+            });
+        }
+    }
+    Ok(())
+}
+
+/// The names of an `mtllib` statement, with the files that are there: the whole text if there is such a file, else
+/// its words, where a blank after a backslash belongs to a word.
+fn find_libraries(obj: &Path, text: &[u8]) -> Vec<(Vec<u8>, Option<PathBuf>)> {
+    let folder = obj.parent().unwrap_or(Path::new(""));
+    let find = |name: &[u8]| -> Option<PathBuf> {
+        let relative = path_of(name);
+        let is_drive = name.get(1) == Some(&b':');
+        let path = folder.join(&relative);
+        (!relative.has_root() && !is_drive && fs::metadata(&path).is_ok_and(|kind| kind.is_file())).then_some(path)
+    };
+    if let Some(path) = find(text) {
+        return vec![(text.to_vec(), Some(path))];
+    }
+    let names = if memmem::find(text, b"\\ ").is_some() {
+        split_escaped(text)
+    } else {
+        words(text).map(<[u8]>::to_vec).collect()
+    };
+    names.into_iter().map(|name| (name.clone(), find(&name))).collect()
+}
+
+fn split_escaped(text: &[u8]) -> Vec<Vec<u8>> {
+    let (mut names, mut name) = (Vec::new(), Vec::new());
+    let mut bytes = text.iter().copied().peekable();
+    while let Some(byte) = bytes.next() {
+        if byte == b'\\' && bytes.peek() == Some(&b' ') {
+            bytes.next();
+            name.push(b' ');
+        } else if !is_blank(byte) {
+            name.push(byte);
+        } else if !name.is_empty() {
+            names.push(std::mem::take(&mut name));
+        }
+    }
+    if !name.is_empty() {
+        names.push(name);
+    }
+    names
+}
+
+/// A path from a name in OBJ or MTL text, where `\` separates folders as `/` does.
+pub fn path_of(name: &[u8]) -> PathBuf {
+    let name: Vec<u8> = name.iter().map(|byte| if *byte == b'\\' { b'/' } else { *byte }).collect();
+    #[cfg(unix)]
+    {
+        use std::os::unix::ffi::OsStringExt;
+        PathBuf::from(std::ffi::OsString::from_vec(name))
+    }
+    #[cfg(not(unix))]
+    {
+        PathBuf::from(String::from_utf8_lossy(&name).into_owned())
+    }
+}
+
+fn read_library(path: &Path, materials: &mut [Material], used: &FileMaterials, findings: &mut Findings) -> Result<()> {
+    let (file, length) = open_regular(path)?;
+    let mut text = Vec::new();
+    if length <= LIBRARY_BYTES_MAX {
+        file.take(LIBRARY_BYTES_MAX).read_to_end(&mut text).map_err(|e| Error::io(path, "read", e))?;
+    } else {
+        findings.note("oversized_mtl", || {
+            format!("{}: ignored, since it has {length} bytes; at most {LIBRARY_BYTES_MAX}", escape_path(path))
+        });
+    }
+    parse_library(path, &text, materials, used, findings);
+    Ok(())
+}
+
+enum Current {
+    BeforeFirst,
+    Unused,
+    Defining(usize, MaterialDefinition),
+}
+
+fn parse_library(path: &Path, text: &[u8], materials: &mut [Material], used: &FileMaterials, findings: &mut Findings) {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let text = text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text);
+    let (mut at, mut line) = (0, 0);
+    let mut current = Current::BeforeFirst;
+    while at < text.len() {
+        let LogicalLine { text: whole, next, line_count } = logical_line(text, at);
+        let first_line = line + 1;
+        at = next;
+        line += line_count;
+        let statement = trim(&whole);
+        if statement.is_empty() || statement[0] == b'#' {
+            continue;
+        }
+        let place = || format!("{}:{first_line}", escape_path(path));
+        if memchr(0, statement).is_some() {
+            findings.note("damaged_mtl", || format!("{}: a line with NUL bytes is ignored", place()));
+            continue;
+        }
+        let (key, rest) = split_keyword(statement);
+        if key.eq_ignore_ascii_case(b"newmtl") {
+            keep(current, materials);
+            current = match used.find(rest) {
+                None => Current::Unused,
+                Some(material) if materials[material].definition.is_some() => {
+                    findings.note("repeated_material_definition", || {
+                        format!("{}: material '{}' is defined twice; the first one counts", place(), escape(rest))
+                    });
+                    Current::Unused
+                }
+                Some(material) => {
+                    Current::Defining(material, MaterialDefinition { folder: folder.to_owned(), ..Default::default() })
+                }
+            };
+            continue;
+        }
+        match &mut current {
+            Current::BeforeFirst => findings.note("mtl_statement_before_newmtl", || {
+                format!("{}: '{}' before the first newmtl is ignored", place(), escape(&key[..key.len().min(40)]))
+            }),
+            Current::Unused => {}
+            Current::Defining(_, definition) if is_texture_key(key) => match split_texture(statement) {
+                Some(texture) => definition.textures.push(texture),
+                None => findings.note("texture_without_name", || {
+                    format!("{}: '{}' names no file and is ignored", place(), escape(statement))
+                }),
+            },
+            Current::Defining(_, definition) => definition.statements.push(statement.to_vec()),
+        }
+    }
+    keep(current, materials);
+}
+
+fn keep(current: Current, materials: &mut [Material]) {
+    if let Current::Defining(material, definition) = current {
+        materials[material].definition = Some(definition);
+    }
+}
+
+fn is_texture_key(key: &[u8]) -> bool {
+    TEXTURE_KEYS.iter().any(|texture| key.eq_ignore_ascii_case(texture.as_bytes()))
+}
+
+/// Splits a trimmed texture statement into key with options, and file name; nothing if the name is missing.
+///
+/// `-o`, `-s` and `-t` take one to three numbers, and a file may be named `12`: the last word is never a value.
+fn split_texture(statement: &[u8]) -> Option<TextureStatement> {
+    let start_of = |word: &[u8]| word.as_ptr() as usize - statement.as_ptr() as usize;
+    let words: Vec<&[u8]> = words(statement).collect();
+    let mut next = 1;
+    while let Some((_, values, are_numbers)) = words
+        .get(next)
+        .and_then(|word| TEXTURE_OPTIONS.iter().find(|(option, _, _)| word.eq_ignore_ascii_case(option.as_bytes())))
+    {
+        next += 1;
+        for _ in 0..*values {
+            let is_value = next + 1 < words.len() && (!are_numbers || number(words[next]).is_some());
+            next += usize::from(is_value);
+            if !is_value {
+                break;
+            }
+        }
+    }
+    let name_start = start_of(words.get(next)?);
+    Some(TextureStatement {
+        key_and_options: trim(&statement[..name_start]).to_vec(),
+        name: statement[name_start..].to_vec(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn split(statement: &str) -> Option<(String, String)> {
+        let texture = split_texture(statement.as_bytes())?;
+        Some((String::from_utf8(texture.key_and_options).unwrap(), String::from_utf8(texture.name).unwrap()))
+    }
+
+    #[test]
+    fn options_are_not_part_of_a_texture_name() {
+        for (key, name) in [
+            ("map_Kd -s 1 1 1 -o 0 0 0 -mm 0 1", "a.png"),
+            ("map_Kd -clamp on -blendu off", "b file.png"),
+            ("map_Bump -BM 0.5", "c_n.png"),
+            ("map_Kd -s 2", "c.png"),
+            ("bump -imfchan r -bm 1.5", "d.png"),
+            ("map_Kd -texres 1024 -type sphere", "d k.png"),
+            ("map_Kd -s 1 1 1", "1001.png"),
+            ("map_Kd -o 1 2", "12"),
+            ("map_Kd -s 1 1 1", "1 2.png"),
+            ("map_Ks", "12"),
+            ("refl -type", "sphere"),
+            ("map_Kd", "-dash.png"),
+            ("map_Kd", "textures\\red.png"),
+        ] {
+            assert_eq!(split(&format!("{key} \t{name}")), Some((key.into(), name.into())));
+        }
+        assert_eq!(split("map_Kd"), None);
+        assert_eq!(split("map_Kd -clamp"), None);
+    }
+
+    #[test]
+    fn escaped_blanks_belong_to_a_library_name() {
+        assert_eq!(split_escaped(b"my\\ mat.mtl b.mtl"), [&b"my mat.mtl"[..], b"b.mtl"]);
+    }
+
+    #[test]
+    fn a_library_name_with_blanks_is_tried_whole_first() {
+        let folder = tempfile::tempdir().unwrap();
+        let obj = folder.path().join("a.obj");
+        for name in ["a b.mtl", "b.mtl"] {
+            fs::write(folder.path().join(name), "").unwrap();
+        }
+        let found = |text: &str| -> Vec<bool> {
+            find_libraries(&obj, text.as_bytes()).into_iter().map(|(_, path)| path.is_some()).collect()
+        };
+        assert_eq!(found("a b.mtl"), [true]);
+        assert_eq!(found("b.mtl gone.mtl"), [true, false]);
+        assert_eq!(found(".\\b.mtl"), [true]);
+        assert_eq!(found("C:\\b.mtl"), [false]);
+        assert_eq!(found("."), [false]);
+        assert_eq!(found(obj.with_file_name("b.mtl").to_str().unwrap()), [false], "absolute");
+    }
+}

@@ -1,0 +1,219 @@
+//! Numbers and indices of OBJ text.
+//!
+//! In: bytes and a place in them. Out: the number that stands there and the place after it. A number is
+//! `[+-] digits [. digits] [e [+-] digits]` with a digit before or after the point; hexadecimal, `nan`, `inf` and
+//! decimal commas are not numbers.
+//!
+//! # Source
+//! W. D. Clinger, "How to read floating point numbers accurately", PLDI 1990: a mantissa below 2⁵³ divided by a power
+//! of ten up to 10²² is one exact operation away from the text, so the division alone rounds correctly. Everything
+//! else goes through `fast-float2`.
+
+/// Decimals beyond this are not told apart.
+pub const DECIMALS_MAX: u32 = 40;
+
+const EXACT_MANTISSA: u64 = 1 << 53;
+/// Digits that cannot overflow a u64.
+const EXACT_DIGITS: usize = 19;
+const POWERS_OF_TEN: [f64; 23] = [
+    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20,
+    1e21, 1e22,
+];
+
+/// A number as it stands in a text.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Number {
+    /// Its value, correctly rounded; infinite where it passes the range of an f64.
+    pub value: f64,
+    /// Digits after the point once the exponent is applied, at most [`DECIMALS_MAX`].
+    pub decimals: u32,
+    /// Place of the first byte after it.
+    pub end: usize,
+}
+
+/// The longest number that begins at `start`, or nothing if none does.
+#[inline]
+pub fn number_at(text: &[u8], start: usize) -> Option<Number> {
+    let mut at = start;
+    let negative = match text.get(at)? {
+        b'-' => {
+            at += 1;
+            true
+        }
+        b'+' => {
+            at += 1;
+            false
+        }
+        _ => false,
+    };
+    let first_digit = at;
+    let mut mantissa = 0u64;
+    while let Some(digit) = digit_at(text, at) {
+        mantissa = mantissa.wrapping_mul(10).wrapping_add(digit);
+        at += 1;
+    }
+    let mut digits = at - first_digit;
+    let mut decimals = 0;
+    if text.get(at) == Some(&b'.') {
+        let first_decimal = at + 1;
+        at = first_decimal;
+        while let Some(digit) = digit_at(text, at) {
+            mantissa = mantissa.wrapping_mul(10).wrapping_add(digit);
+            at += 1;
+        }
+        decimals = at - first_decimal;
+        digits += decimals;
+    }
+    if digits == 0 {
+        return None;
+    }
+    let exponent = matches!(text.get(at), Some(b'e' | b'E'));
+    if exponent || digits > EXACT_DIGITS || mantissa >= EXACT_MANTISSA {
+        return Some(any_number(text, start, at, decimals));
+    }
+    let magnitude = mantissa as f64 / POWERS_OF_TEN[decimals];
+    Some(Number { value: if negative { -magnitude } else { magnitude }, decimals: decimals as u32, end: at })
+}
+
+/// A token that is one number from end to end.
+pub fn number(token: &[u8]) -> Option<Number> {
+    number_at(token, 0).filter(|number| number.end == token.len())
+}
+
+/// Whether a token is one of the texts that programs print for a number that is not finite: `nan`, `-inf`, `nan(0x1)`.
+pub fn is_non_finite_word(token: &[u8]) -> bool {
+    let word = token.strip_prefix(b"-").or_else(|| token.strip_prefix(b"+")).unwrap_or(token).to_ascii_lowercase();
+    matches!(word.as_slice(), b"nan" | b"inf" | b"infinity") || word.starts_with(b"nan(") && word.ends_with(b")")
+}
+
+#[cold]
+fn any_number(text: &[u8], start: usize, mantissa_end: usize, decimals: usize) -> Number {
+    let (mut end, mut exponent) = (mantissa_end, 0i64);
+    if matches!(text.get(end), Some(b'e' | b'E')) {
+        let mut at = end + 1;
+        let negative = text.get(at) == Some(&b'-');
+        at += usize::from(matches!(text.get(at), Some(b'+' | b'-')));
+        let first_digit = at;
+        while let Some(digit) = digit_at(text, at) {
+            exponent = exponent.saturating_mul(10).saturating_add(digit as i64);
+            at += 1;
+        }
+        if at > first_digit {
+            end = at;
+        }
+        if negative {
+            exponent = -exponent;
+        }
+    }
+    let unsigned = start + usize::from(text[start] == b'+');
+    // NOTE: the grammar was checked above, so the parser cannot refuse; NaN would be caught as not finite.
+    let value = fast_float2::parse(&text[unsigned..end]).unwrap_or(f64::NAN);
+    let decimals = (decimals as i64).saturating_sub(exponent).clamp(0, i64::from(DECIMALS_MAX));
+    Number { value, decimals: decimals as u32, end }
+}
+
+#[inline]
+fn digit_at(text: &[u8], at: usize) -> Option<u64> {
+    let digit = text.get(at)?.wrapping_sub(b'0');
+    (digit < 10).then_some(u64::from(digit))
+}
+
+/// An index as written: OBJ counts from 1, negative ones count back from what was read last.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Index {
+    /// Without its sign; `u64::MAX` stands for everything from there on.
+    pub magnitude: u64,
+    /// Whether it counts back.
+    pub negative: bool,
+}
+
+/// The integer that begins at `start` and the place after it, or nothing if none does.
+#[inline]
+pub fn index_at(text: &[u8], start: usize) -> Option<(Index, usize)> {
+    let mut at = start;
+    let negative = match text.get(at)? {
+        b'-' => {
+            at += 1;
+            true
+        }
+        b'+' => {
+            at += 1;
+            false
+        }
+        _ => false,
+    };
+    let first_digit = at;
+    let mut magnitude = 0u64;
+    while let Some(digit) = digit_at(text, at) {
+        magnitude = magnitude.wrapping_mul(10).wrapping_add(digit);
+        at += 1;
+    }
+    if at - first_digit > EXACT_DIGITS {
+        magnitude = text[first_digit..at]
+            .iter()
+            .fold(0, |sum: u64, digit| sum.saturating_mul(10).saturating_add(u64::from(digit - b'0')));
+    }
+    (at > first_digit).then_some((Index { magnitude, negative }, at))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn bits_agree(text: &str) {
+        let ours = number(text.as_bytes()).unwrap_or_else(|| panic!("{text} is a number"));
+        let theirs: f64 = text.parse().unwrap();
+        assert_eq!(ours.value.to_bits(), theirs.to_bits(), "{text}");
+    }
+
+    proptest! {
+        #[test]
+        fn decimal_text_reads_as_the_standard_library_reads_it(text in "[+-]?[0-9]{1,9}(\\.[0-9]{0,12})?") {
+            bits_agree(&text);
+        }
+
+        #[test]
+        fn any_text_of_the_grammar_reads_as_the_standard_library_reads_it(
+            text in "[+-]?([0-9]{1,25}(\\.[0-9]{0,30})?|\\.[0-9]{1,30})([eE][+-]?[0-9]{1,3})?"
+        ) {
+            bits_agree(&text);
+        }
+
+        #[test]
+        fn printed_numbers_come_back(value in any::<f64>().prop_filter("finite", |v| v.is_finite())) {
+            bits_agree(&format!("{value}"));
+            bits_agree(&format!("{value:e}"));
+        }
+
+        #[test]
+        fn bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..40)) {
+            let _ = (number(&bytes), index_at(&bytes, 0), is_non_finite_word(&bytes));
+        }
+    }
+
+    #[test]
+    fn text_that_is_no_number_is_refused() {
+        for text in ["", "-", ".", "1,5", "0x8", "1.#IND", "3.0e", "3e+", "nan", "inf", "1e5x", "--1", "1-"] {
+            assert!(number(text.as_bytes()).is_none(), "{text}");
+        }
+    }
+
+    #[test]
+    fn decimals_count_what_the_exponent_leaves() {
+        let decimals = |text: &str| number(text.as_bytes()).unwrap().decimals;
+        assert_eq!(["1", "1.", "1.250", "1.5e1", "1e-3", "12.5e-2", "1e9"].map(decimals), [0, 0, 3, 0, 3, 3, 0]);
+        assert_eq!(decimals("1e-99999999999999999999"), DECIMALS_MAX);
+    }
+
+    #[test]
+    fn an_index_never_wraps() {
+        let magnitude = |text: &str| index_at(text.as_bytes(), 0).unwrap().0.magnitude;
+        assert_eq!(magnitude("4294967297"), 4_294_967_297);
+        assert_eq!(magnitude("18446744073709551617"), u64::MAX);
+        assert_eq!(magnitude("-9223372036854775808"), 9_223_372_036_854_775_808);
+        assert_eq!(magnitude(&"9".repeat(50)), u64::MAX);
+        assert_eq!(index_at(b"7/8", 0), Some((Index { magnitude: 7, negative: false }, 1)));
+        assert_eq!(index_at(b"/8", 0), None);
+    }
+}

@@ -1,0 +1,405 @@
+//! The statements of a chunk of OBJ text.
+//!
+//! In: bytes that begin and end between statements. Out: a [`ParsedChunk`], or the first line at fault. Invariant:
+//! the chunk is read without knowing what comes before it: negative indices stay relative to its beginning, and
+//! whether positive ones exist is checked when the file has been read.
+//!
+//! Each statement has two readers. The one in `fast.rs` knows only the form that exporters write (`v 1.5 2 3`,
+//! `f 1/2/3 4/5/6 7/8/9`) and steps aside for anything else; the one here takes the line apart into words, knows every
+//! form, and says what is wrong.
+
+use glam::{DVec2, DVec3};
+use memchr::memchr;
+
+use super::line::{LogicalLine, logical_line, split_keyword, trim, words};
+use super::number::{Index, Number, index_at, is_non_finite_word, number};
+use super::parsed::{LabelKind, Library, Numbered, ParsedChunk};
+use crate::base::error::escape;
+use crate::store::NO_TEXCOORD;
+use crate::store::mesh::ID_LIMIT;
+
+/// Positions and texture coordinates beyond this are refused, since clusters work with 32-bit floats.
+pub const COORDINATE_MAX: f64 = f32::MAX as f64;
+pub(super) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
+/// A line that is no OBJ.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LineError {
+    /// Line in the chunk, from 1.
+    pub line: u64,
+    /// What was expected and what was found.
+    pub message: String,
+}
+
+type LineResult<T> = Result<T, String>;
+
+/// Reads the statements of `text` into `chunk`, which must be empty.
+///
+/// # Errors
+/// The first line that is damaged.
+pub fn parse(text: &[u8], chunk: &mut ParsedChunk) -> Result<(), LineError> {
+    let mut parser = Parser { text, at: 0, line: 1, has_nul: memchr(0, text).is_some(), chunk };
+    parser.run()
+}
+
+/// A place in a chunk, and what was read before it.
+pub(super) struct Parser<'a> {
+    pub(super) text: &'a [u8],
+    pub(super) at: usize,
+    pub(super) line: u64,
+    pub(super) has_nul: bool,
+    pub(super) chunk: &'a mut ParsedChunk,
+}
+
+impl Parser<'_> {
+    fn run(&mut self) -> Result<(), LineError> {
+        while self.at < self.text.len() {
+            if !self.read_plain_statement() {
+                let LogicalLine { text, next, line_count } = logical_line(self.text, self.at);
+                self.read_statement(trim(&text)).map_err(|message| LineError { line: self.line, message })?;
+                self.at = next;
+                self.line += line_count;
+            }
+        }
+        self.chunk.line_count = self.line - 1;
+        Ok(())
+    }
+
+    fn read_statement(&mut self, mut text: &[u8]) -> LineResult<()> {
+        if let Some(rest) = text.strip_prefix(BYTE_ORDER_MARK) {
+            self.note("byte_order_marks", || "a byte order mark inside the file is ignored".into());
+            text = trim(rest);
+        }
+        if text.is_empty() || text[0] == b'#' {
+            return Ok(());
+        }
+        if self.has_nul && memchr(0, text).is_some() {
+            return Err("expected text, found NUL bytes; the file is damaged, or binary".into());
+        }
+        let (keyword, rest) = split_keyword(text);
+        match keyword {
+            b"v" => self.read_vertex(rest)?,
+            b"vt" => self.read_texcoord(rest)?,
+            b"vn" => self.chunk.normal_count += 1,
+            b"f" | b"fo" => self.read_face(rest)?,
+            b"usemtl" => self.chunk.push_change(LabelKind::Material, rest),
+            b"o" => self.chunk.push_change(LabelKind::Object, rest),
+            b"g" => self.chunk.push_change(LabelKind::Group, rest),
+            b"mtllib" => {
+                let library = Library { line: self.line, name: self.chunk.push_name(rest) };
+                self.chunk.libraries.push(library);
+            }
+            b"p" => self.chunk.count("ignored_points"),
+            b"l" => self.chunk.count("ignored_lines"),
+            _ if is_free_form(keyword) => {
+                self.note("free_form_statements", || format!("free-form statement '{}' is ignored", quote(keyword)));
+            }
+            _ if is_display_attribute(keyword) => {}
+            _ => self.note("unknown_statements", || format!("unknown statement '{}' is ignored", quote(keyword))),
+        }
+        Ok(())
+    }
+
+    fn read_vertex(&mut self, rest: &[u8]) -> LineResult<()> {
+        let mut values = [0.0; 7];
+        let mut count = 0;
+        for word in words_before_comment(rest) {
+            let value = match number(word) {
+                Some(Number { value, decimals, .. }) => {
+                    if count < 3 {
+                        self.chunk.position_decimals = self.chunk.position_decimals.max(decimals);
+                    }
+                    value
+                }
+                None if is_non_finite_word(word) => f64::NAN,
+                None => return Err(format!("expected a number, found '{}'", quote(word))),
+            };
+            if count < 3 && (value.is_nan() || value.abs() > COORDINATE_MAX) {
+                return Err(format!("expected a finite 32-bit coordinate, found '{}'", quote(word)));
+            }
+            if let Some(place) = values.get_mut(count) {
+                *place = value;
+            }
+            count += 1;
+        }
+        let [x, y, z, r, g, b, _] = values;
+        let mut colour = None;
+        match count {
+            0..3 => return Err(format!("a vertex has 3 numbers, found {count}")),
+            3 => {}
+            4 if r == 1.0 => {}
+            4 => self.note("vertex_weights", || format!("the weight {r} of a vertex is ignored")),
+            6 | 7 => {
+                let rgb = [r as f32, g as f32, b as f32];
+                if rgb.iter().all(|c| c.is_finite()) {
+                    colour = Some(rgb);
+                } else {
+                    self.note("bad_colours", || "a colour that is not finite is ignored".into());
+                }
+            }
+            _ => self.note("extra_numbers", || format!("a vertex with {count} numbers; the first 3 are used")),
+        }
+        self.chunk.push_vertex(DVec3::new(x, y, z), colour);
+        Ok(())
+    }
+
+    fn read_texcoord(&mut self, rest: &[u8]) -> LineResult<()> {
+        let mut values = [0.0; 2];
+        let mut count = 0;
+        let mut is_bad = false;
+        for word in words_before_comment(rest) {
+            let value = match number(word) {
+                Some(Number { value, decimals, .. }) => {
+                    if count < 2 {
+                        self.chunk.texcoord_decimals = self.chunk.texcoord_decimals.max(decimals);
+                    }
+                    value
+                }
+                None if is_non_finite_word(word) => f64::NAN,
+                None => return Err(format!("expected a number, found '{}'", quote(word))),
+            };
+            if let Some(place) = values.get_mut(count) {
+                is_bad |= value.is_nan() || value.abs() > COORDINATE_MAX;
+                *place = value;
+            }
+            count += 1;
+        }
+        if count == 0 {
+            return Err("a texture coordinate has 1 to 3 numbers, found none".into());
+        }
+        if is_bad {
+            self.note("bad_texcoords", || "a texture coordinate that is not finite is read as 0 0".into());
+            values = [0.0; 2];
+        }
+        self.chunk.texcoords.push(DVec2::from_array(values));
+        Ok(())
+    }
+
+    fn read_face(&mut self, rest: &[u8]) -> LineResult<()> {
+        let start = self.chunk.corner_vertices.len();
+        let texcoords_start = self.chunk.corner_texcoords.len();
+        let relative_texcoords_start = self.chunk.relative_texcoords.len();
+        let mut texcoord_count = 0;
+        for word in words_before_comment(rest) {
+            let corner = split_corner(word)?;
+            let Some(vertex) = self.resolve(Numbered::Vertex, corner[0])? else {
+                return Err("expected a vertex index, found 0; OBJ counts from 1".into());
+            };
+            let texcoord = match corner[1] {
+                Some(_) => self.resolve(Numbered::Texcoord, corner[1])?,
+                None => None,
+            };
+            if corner[2].is_some() {
+                self.resolve(Numbered::Normal, corner[2])?;
+                self.chunk.uses_normals = true;
+            }
+            self.chunk.push_corner_vertex(vertex);
+            if let Some(texcoord) = texcoord {
+                self.chunk.push_corner_texcoord(texcoord);
+                texcoord_count += 1;
+            } else if corner[1].is_some() || !self.chunk.corner_texcoords.is_empty() {
+                self.chunk.push_corner_texcoord(Reference::Absolute(NO_TEXCOORD));
+            }
+        }
+        let size = self.chunk.corner_vertices.len() - start;
+        if size < 3 {
+            self.chunk.drop_corners(start, texcoords_start);
+            self.note("short_faces", || format!("a face with {size} corners is ignored"));
+            return Ok(());
+        }
+        if texcoord_count < size && !self.chunk.corner_texcoords.is_empty() {
+            if texcoord_count > 0 {
+                self.note("partial_texcoords", || {
+                    format!("{texcoord_count} of {size} corners have a texture coordinate; the face is read without")
+                });
+            }
+            self.chunk.relative_texcoords.truncate(relative_texcoords_start);
+            self.chunk.corner_texcoords.truncate(start);
+            self.chunk.corner_texcoords.resize(start + size, NO_TEXCOORD);
+        }
+        self.chunk.polygon_sizes.push(size as u32);
+        Ok(())
+    }
+
+    /// What an index refers to; nothing for a texture coordinate or normal 0, which some exporters write for "none".
+    fn resolve(&mut self, kind: Numbered, index: Option<Index>) -> LineResult<Option<Reference>> {
+        let Some(index) = index else { return Ok(None) };
+        if index.magnitude == 0 {
+            if kind != Numbered::Vertex {
+                self.note("zero_indices", || format!("{} 0 is read as none; OBJ counts from 1", kind.word()));
+            }
+            return Ok(None);
+        }
+        match self.chunk.refer(kind, index) {
+            Some(reference) => Ok(Some(reference)),
+            None => Err(format!(
+                "face refers to {} {}{}, at most {ID_LIMIT} can be told apart",
+                kind.word(),
+                if index.negative { "-" } else { "" },
+                index.magnitude
+            )),
+        }
+    }
+
+    fn note(&mut self, kind: &'static str, words: impl FnOnce() -> String) {
+        self.chunk.note(kind, self.line, words);
+    }
+}
+
+/// An index from 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Reference {
+    /// Counted from the file's first.
+    Absolute(u32),
+    /// Counted from the chunk's first, modulo 2³².
+    Relative(u32),
+}
+
+impl ParsedChunk {
+    /// Turns an index other than 0 into a reference and notes how far it reaches; nothing if it is beyond all limits.
+    #[inline]
+    pub(super) fn refer(&mut self, kind: Numbered, index: Index) -> Option<Reference> {
+        if index.magnitude > ID_LIMIT {
+            return None;
+        }
+        let place = kind as usize;
+        if index.negative {
+            let from_chunk = self.counts()[place] as i64 - index.magnitude as i64;
+            self.lowest[place] = self.lowest[place].min(from_chunk);
+            return Some(Reference::Relative(from_chunk as u32));
+        }
+        self.highest[place] = self.highest[place].max(index.magnitude);
+        Some(Reference::Absolute(index.magnitude as u32 - 1))
+    }
+
+    #[inline]
+    pub(super) fn push_corner_vertex(&mut self, vertex: Reference) {
+        match vertex {
+            Reference::Absolute(vertex) => self.corner_vertices.push(vertex),
+            Reference::Relative(vertex) => {
+                self.relative_vertices.push(self.corner_vertices.len() as u32);
+                self.corner_vertices.push(vertex);
+            }
+        }
+    }
+
+    /// Gives the corner that was pushed last a texture coordinate.
+    #[inline]
+    pub(super) fn push_corner_texcoord(&mut self, texcoord: Reference) {
+        let corner = self.corner_vertices.len() - 1;
+        self.corner_texcoords.resize(corner, NO_TEXCOORD);
+        match texcoord {
+            Reference::Absolute(texcoord) => self.corner_texcoords.push(texcoord),
+            Reference::Relative(texcoord) => {
+                self.relative_texcoords.push(corner as u32);
+                self.corner_texcoords.push(texcoord);
+            }
+        }
+    }
+
+    /// Takes back the corners of a face that is not finished.
+    pub(super) fn drop_corners(&mut self, start: usize, texcoords_start: usize) {
+        self.corner_vertices.truncate(start);
+        self.corner_texcoords.truncate(texcoords_start);
+        for relative in [&mut self.relative_vertices, &mut self.relative_texcoords] {
+            while relative.last().is_some_and(|corner| *corner as usize >= start) {
+                relative.pop();
+            }
+        }
+    }
+}
+
+/// First line with an index of one of `kinds` that names nothing: a positive one above `totals`, a negative one that
+/// passes the first. `bases` are the counts of v, vt and vn before the chunk.
+pub fn find_dangling_index(text: &[u8], bases: [u64; 3], totals: [u64; 3], kinds: &[Numbered]) -> Option<LineError> {
+    let (mut at, mut line, mut counts) = (0, 1, bases);
+    while at < text.len() {
+        let LogicalLine { text: whole, next, line_count } = logical_line(text, at);
+        let whole = trim(&whole);
+        let (keyword, rest) = split_keyword(trim(whole.strip_prefix(BYTE_ORDER_MARK).unwrap_or(whole)));
+        match keyword {
+            b"v" => counts[0] += 1,
+            b"vt" => counts[1] += 1,
+            b"vn" => counts[2] += 1,
+            b"f" | b"fo" => {
+                for corner in words_before_comment(rest).filter_map(|word| split_corner(word).ok()) {
+                    for &kind in kinds {
+                        let place = kind as usize;
+                        let Some(index) = corner[place] else { continue };
+                        let magnitude = index.magnitude;
+                        if index.negative && magnitude > counts[place] {
+                            let found = format!(
+                                "face refers to {} -{magnitude}, the file has {} so far",
+                                kind.word(),
+                                counts[place]
+                            );
+                            return Some(LineError { line, message: found });
+                        }
+                        if !index.negative && magnitude > totals[place] {
+                            let found =
+                                format!("face refers to {} {magnitude}, the file has {}", kind.word(), totals[place]);
+                            return Some(LineError { line, message: found });
+                        }
+                    }
+                }
+            }
+            _ => {}
+        }
+        at = next;
+        line += line_count;
+    }
+    None
+}
+
+/// `v`, `v/t`, `v//n`, `v/t/n`, also with slashes at the end.
+fn split_corner(word: &[u8]) -> LineResult<[Option<Index>; 3]> {
+    let mut corner = [None; 3];
+    let mut parts = word.split(|byte| *byte == b'/');
+    for (place, slot) in corner.iter_mut().enumerate() {
+        let Some(part) = parts.next() else { break };
+        *slot = match index_at(part, 0) {
+            Some((index, end)) if end == part.len() => Some(index),
+            None if part.is_empty() && place > 0 => None,
+            _ => return Err(format!("expected a corner such as 1/2/3, found '{}'", quote(word))),
+        };
+    }
+    match parts.next() {
+        Some(_) => Err(format!("a corner has at most two slashes, found '{}'", quote(word))),
+        None => Ok(corner),
+    }
+}
+
+fn words_before_comment(text: &[u8]) -> impl Iterator<Item = &[u8]> {
+    words(text).take_while(|word| word[0] != b'#')
+}
+
+fn is_free_form(keyword: &[u8]) -> bool {
+    const FREE_FORM: &[&str] = &[
+        "vp", "deg", "bmat", "step", "cstype", "curv", "curv2", "surf", "parm", "trim", "hole", "scrv", "sp", "end",
+        "con", "bsp", "bzp", "cdc", "cdp", "res",
+    ];
+    FREE_FORM.iter().any(|word| word.as_bytes() == keyword)
+}
+
+fn is_display_attribute(keyword: &[u8]) -> bool {
+    const ATTRIBUTES: &[&str] = &[
+        "s",
+        "mg",
+        "bevel",
+        "c_interp",
+        "d_interp",
+        "lod",
+        "shadow_obj",
+        "trace_obj",
+        "ctech",
+        "stech",
+        "maplib",
+        "usemap",
+    ];
+    ATTRIBUTES.iter().any(|word| word.as_bytes() == keyword)
+}
+
+fn quote(word: &[u8]) -> String {
+    let cut = &word[..word.len().min(40)];
+    escape(cut) + if cut.len() < word.len() { "…" } else { "" }
+}
