@@ -132,7 +132,9 @@ impl TextureStage {
         let Some(relative) = relative_path(name) else { return name.to_owned() };
         let source = mtl_folder.join(relative);
         match fs::canonicalize(&source).and_then(|path| Ok((fs::metadata(&path)?, path))) {
-            Ok((metadata, path)) if metadata.is_file() => slashes(&path_between(&self.output_folder, &path)),
+            Ok((metadata, path)) if metadata.is_file() => {
+                not_an_option(slashes(&path_between(&self.output_folder, &path)))
+            }
             _ => {
                 let place = || format!("{}: no such file", escape_path(&source));
                 self.findings.note("missing_texture", place);
@@ -187,9 +189,7 @@ impl TextureStage {
     }
 
     fn reference_to(&self, name: &[u8]) -> Vec<u8> {
-        // NOTE: a reference that begins with '-' would be read as an option.
-        let prefix: &[u8] = if self.folder_name.starts_with(b"-") { b"./" } else { b"" };
-        [prefix, &self.folder_name, b"/", name].concat()
+        not_an_option([&self.folder_name, b"/".as_slice(), name].concat())
     }
 
     /// The last component of `name`, made harmless and different from all names so far.
@@ -317,6 +317,11 @@ fn path_between(folder: &Path, file: &Path) -> PathBuf {
     }
     let up = folder.components().skip(common).map(|_| Component::ParentDir);
     up.chain(file.components().skip(common)).collect()
+}
+
+/// A reference that begins with `-` would be read as an option; `./` keeps it from that.
+fn not_an_option(reference: Vec<u8>) -> Vec<u8> {
+    if reference.starts_with(b"-") { [b"./", reference.as_slice()].concat() } else { reference }
 }
 
 fn slashes(path: &Path) -> Vec<u8> {
@@ -503,6 +508,8 @@ mod tests {
         assert_eq!(refer(&mut stage, &folders, "../in/a/wall.png"), "../in/a/wall.png");
         assert_eq!(refer(&mut stage, &folders, "none.png"), "none.png");
         assert_eq!(stage.findings.get("missing_texture"), 1);
+        let mut stage = TextureStage::new(Textures::Copy, false, &folders.output, "-city".as_ref());
+        assert_eq!(refer(&mut stage, &folders, "a/wall.png"), "./-city_textures/wall.png");
     }
 
     #[cfg(unix)]
