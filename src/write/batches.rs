@@ -1,0 +1,73 @@
+//! Parallel work whose results are taken in order: the bytes do not depend on the number of threads.
+//!
+//! # Memory
+//! The costs of a batch, at most the budget, or one item where an item alone passes it.
+
+use rayon::prelude::*;
+
+use crate::base::Result;
+
+/// Items of a batch for each thread, so that unequal items even out.
+const ITEMS_PER_THREAD: usize = 4;
+
+/// Runs `work` on every item, several at once, and hands the results to `sink` in the items' order.
+///
+/// `cost_bytes` is what an item and its result need in memory.
+///
+/// # Errors
+/// The first error in the items' order.
+pub(super) fn in_order<I: Send, O: Send>(
+    items: impl Iterator<Item = I>,
+    budget_bytes: u64,
+    cost_bytes: impl Fn(&I) -> u64,
+    work: impl Fn(I) -> Result<O> + Sync,
+    mut sink: impl FnMut(O) -> Result<()>,
+) -> Result<()> {
+    let most = ITEMS_PER_THREAD * rayon::current_num_threads();
+    let mut items = items.peekable();
+    let mut batch = Vec::with_capacity(most);
+    while let Some(first) = items.next() {
+        let mut bytes = cost_bytes(&first);
+        batch.push(first);
+        while batch.len() < most
+            && let Some(item) = items.next_if(|item| bytes + cost_bytes(item) <= budget_bytes)
+        {
+            bytes += cost_bytes(&item);
+            batch.push(item);
+        }
+        let results: Vec<Result<O>> = batch.par_drain(..).map(&work).collect();
+        for result in results {
+            sink(result?)?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicU64, Ordering};
+
+    #[test]
+    fn results_come_in_order_and_within_the_budget() {
+        let (now, peak) = (AtomicU64::new(0), AtomicU64::new(0));
+        let mut results = Vec::new();
+        in_order(
+            0..100u64,
+            3,
+            |_| 1,
+            |i| {
+                peak.fetch_max(now.fetch_add(1, Ordering::SeqCst) + 1, Ordering::SeqCst);
+                Ok(i)
+            },
+            |i| {
+                now.fetch_sub(1, Ordering::SeqCst);
+                results.push(i);
+                Ok(())
+            },
+        )
+        .unwrap();
+        assert!(results.iter().copied().eq(0..100));
+        assert!(peak.into_inner() <= 3);
+    }
+}

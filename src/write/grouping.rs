@@ -1,0 +1,321 @@
+//! A stable sort of small records by a key whose counts are known: in memory, or through one file where they are more.
+//!
+//! ```text
+//! keys      0 0 0 1 1 2 2 2 2 2 2 2 2 2 3 4 5 5 …      counted before
+//! buckets   |  0      |  1              |  2    …      consecutive keys that fit the memory, or one larger key
+//! file      | region  | region          | region …     one region a bucket, filled through a small buffer
+//! ```
+//! In: records (words of 32 bits) with their keys, in any order of keys. Out: the records, key after key, each key's
+//! in the order of arrival. Since the counts are known, a record goes straight to its slot; a key larger than the
+//! memory has its region to itself and is read back as it lies there.
+//!
+//! # Memory
+//! 8 bytes a key and at most `memory_bytes`: the records, or the buffers, or one bucket.
+//!
+//! # Files
+//! One temporary file with key and record, 4 + 4 `payload_words` bytes each; removed on drop.
+
+use std::fs::{self, File, OpenOptions};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use crate::base::{Error, Result};
+use crate::os::system::{read_exact_at, write_all_at};
+
+const BUFFER_BYTES_MIN: u64 = 4 << 10;
+const BUFFER_BYTES_MAX: u64 = 256 << 10;
+/// Bytes that are read from the file at once.
+const READ_BYTES: usize = 256 << 10;
+
+/// Records of one key: the key and its records' words, one record after the other.
+pub(super) type Group<'a> = (u32, &'a [u32]);
+
+/// Records that are being grouped by key.
+#[derive(Debug)]
+pub(super) struct Grouping {
+    payload_words: usize,
+    /// The slot that the next record of each key takes.
+    next: Vec<u64>,
+    place: Place,
+}
+
+#[derive(Debug)]
+enum Place {
+    Memory {
+        words: Vec<u32>,
+    },
+    /// `most` records fit the memory.
+    Disk {
+        spill: Spill,
+        buckets: Vec<Bucket>,
+        recent: usize,
+        most: u64,
+    },
+}
+
+/// Consecutive keys, their slots, and what waits to be written to their region.
+#[derive(Debug)]
+struct Bucket {
+    keys: Range<u32>,
+    slots: Range<u64>,
+    written: u64,
+    buffer: Vec<u32>,
+}
+
+impl Grouping {
+    /// Prepares for `counts[key]` records of `payload_words` words; `path` names the file that may be needed.
+    ///
+    /// # Errors
+    /// If the file is needed and cannot be made.
+    pub(super) fn new(mut counts: Vec<u64>, payload_words: usize, memory_bytes: u64, path: &Path) -> Result<Self> {
+        let mut total = 0;
+        for count in &mut counts {
+            total += *count;
+            *count = total - *count;
+        }
+        let next = counts;
+        let payload_bytes = 4 * payload_words as u64;
+        let place = if total * payload_bytes <= memory_bytes {
+            Place::Memory { words: vec![0; total as usize * payload_words] }
+        } else {
+            let most = (memory_bytes / payload_bytes).max(1);
+            let mut buckets = bucket_keys(&next, total, most);
+            let share = memory_bytes / buckets.len().max(1) as u64;
+            let buffer_words = share.clamp(BUFFER_BYTES_MIN, BUFFER_BYTES_MAX) as usize / 4;
+            for bucket in &mut buckets {
+                // NOTE: the last record may not pass the capacity, or the buffer would double.
+                bucket.buffer = Vec::with_capacity(buffer_words.max(payload_words + 1));
+            }
+            Place::Disk { spill: Spill::create(path)?, buckets, recent: 0, most }
+        };
+        Ok(Self { payload_words, next, place })
+    }
+
+    /// Adds a record.
+    ///
+    /// # Errors
+    /// On a full disk, or if there are more records than were counted.
+    pub(super) fn push(&mut self, key: u32, payload: &[u32]) -> Result<()> {
+        debug_assert_eq!(payload.len(), self.payload_words);
+        match &mut self.place {
+            Place::Memory { words } => {
+                let slot = &mut self.next[key as usize];
+                let start = *slot as usize * self.payload_words;
+                let Some(place) = words.get_mut(start..start + self.payload_words) else {
+                    return Err(Error::Limit("the mesh's files grew while they were read".into()));
+                };
+                place.copy_from_slice(payload);
+                *slot += 1;
+                Ok(())
+            }
+            Place::Disk { spill, buckets, recent, .. } => {
+                if !buckets[*recent].keys.contains(&key) {
+                    *recent = buckets.partition_point(|bucket| bucket.keys.end <= key);
+                }
+                let bucket = &mut buckets[*recent];
+                if bucket.buffer.len() + payload.len() + 1 > bucket.buffer.capacity() {
+                    spill.flush(bucket, self.payload_words)?;
+                }
+                bucket.buffer.push(key);
+                bucket.buffer.extend_from_slice(payload);
+                Ok(())
+            }
+        }
+    }
+
+    /// Hands out the groups in order of keys, several at once; a large group may come in several parts.
+    ///
+    /// # Errors
+    /// If the file cannot be read back, and those of `visit`.
+    pub(super) fn drain(mut self, mut visit: impl FnMut(&[Group<'_>]) -> Result<()>) -> Result<()> {
+        let payload_words = self.payload_words;
+        match self.place {
+            Place::Memory { words } => {
+                let keys = 0..self.next.len() as u32;
+                visit(&groups(&words, 0, keys, &self.next, payload_words))
+            }
+            Place::Disk { mut spill, mut buckets, most, .. } => {
+                for bucket in &mut buckets {
+                    spill.flush(bucket, payload_words)?;
+                    bucket.buffer = Vec::new();
+                    if bucket.written != bucket.slots.end - bucket.slots.start {
+                        return Err(spill.damaged("fewer records came back than were counted"));
+                    }
+                }
+                let mut words = Vec::new();
+                let mut read = Vec::new();
+                for bucket in buckets.iter().filter(|bucket| !bucket.slots.is_empty()) {
+                    let count = bucket.slots.end - bucket.slots.start;
+                    let fits = count <= most;
+                    words.clear();
+                    if fits {
+                        words.resize(count as usize * payload_words, 0);
+                    }
+                    for slots in pieces_of(&bucket.slots, (READ_BYTES / 4 / (payload_words + 1)) as u64) {
+                        spill.read(slots, payload_words, &mut read)?;
+                        for record in read.chunks_exact(payload_words + 1) {
+                            if fits {
+                                let slot = &mut self.next[record[0] as usize];
+                                let start = (*slot - bucket.slots.start) as usize * payload_words;
+                                words[start..start + payload_words].copy_from_slice(&record[1..]);
+                                *slot += 1;
+                            } else {
+                                words.extend_from_slice(&record[1..]);
+                            }
+                        }
+                        let full = words.len() as u64 > most.saturating_mul(payload_words as u64) / 2;
+                        if !fits && full {
+                            visit(&[(bucket.keys.start, &words)])?;
+                            words.clear();
+                        }
+                    }
+                    if fits {
+                        let first_slot = bucket.slots.start;
+                        visit(&groups(&words, first_slot, bucket.keys.clone(), &self.next, payload_words))?;
+                    } else if !words.is_empty() {
+                        visit(&[(bucket.keys.start, &words)])?;
+                    }
+                }
+                Ok(())
+            }
+        }
+    }
+}
+
+/// The groups of `keys` that are not empty; `ends` holds each key's last slot, plus one.
+fn groups<'a>(
+    words: &'a [u32],
+    first_slot: u64,
+    keys: Range<u32>,
+    ends: &[u64],
+    payload_words: usize,
+) -> Vec<Group<'a>> {
+    let mut start = 0;
+    let mut groups = Vec::new();
+    for key in keys {
+        let end = (ends[key as usize] - first_slot) as usize * payload_words;
+        if end > start {
+            groups.push((key, &words[start..end]));
+            start = end;
+        }
+    }
+    groups
+}
+
+/// Buckets of consecutive keys with at most `most` records, a larger key by itself.
+fn bucket_keys(starts: &[u64], total: u64, most: u64) -> Vec<Bucket> {
+    let mut buckets: Vec<Bucket> = Vec::new();
+    for (key, &start) in starts.iter().enumerate() {
+        let end = starts.get(key + 1).copied().unwrap_or(total);
+        let key = key as u32;
+        match buckets.last_mut().filter(|bucket| end - bucket.slots.start <= most) {
+            Some(bucket) => {
+                bucket.keys.end = key + 1;
+                bucket.slots.end = end;
+            }
+            None => {
+                buckets.push(Bucket { keys: key..key + 1, slots: start..end, written: 0, buffer: Vec::new() });
+            }
+        }
+    }
+    buckets
+}
+
+fn pieces_of(slots: &Range<u64>, most: u64) -> impl Iterator<Item = Range<u64>> + use<> {
+    let (start, end) = (slots.start, slots.end);
+    (0..(end - start).div_ceil(most)).map(move |i| start + i * most..(start + (i + 1) * most).min(end))
+}
+
+/// The file of records; it goes when this value goes.
+#[derive(Debug)]
+struct Spill {
+    file: File,
+    path: PathBuf,
+}
+
+impl Spill {
+    fn create(path: &Path) -> Result<Self> {
+        // NOTE: a left-over of a killed run may stand in the way; it is ours by its name.
+        let _ = fs::remove_file(path);
+        let file = OpenOptions::new().read(true).write(true).create_new(true).open(path);
+        Ok(Self { file: file.map_err(|e| Error::io(path, "create", e))?, path: path.to_owned() })
+    }
+
+    fn flush(&mut self, bucket: &mut Bucket, payload_words: usize) -> Result<()> {
+        let records = (bucket.buffer.len() / (payload_words + 1)) as u64;
+        if bucket.slots.start + bucket.written + records > bucket.slots.end {
+            return Err(self.damaged("more records came than were counted"));
+        }
+        let offset = (bucket.slots.start + bucket.written) * 4 * (payload_words as u64 + 1);
+        let written = write_all_at(&self.file, bytemuck::cast_slice(&bucket.buffer), offset);
+        written.map_err(|e| Error::io(&self.path, "write", e))?;
+        bucket.written += records;
+        bucket.buffer.clear();
+        Ok(())
+    }
+
+    fn read(&self, slots: Range<u64>, payload_words: usize, words: &mut Vec<u32>) -> Result<()> {
+        words.resize((slots.end - slots.start) as usize * (payload_words + 1), 0);
+        let offset = slots.start * 4 * (payload_words as u64 + 1);
+        let read = read_exact_at(&self.file, bytemuck::cast_slice_mut(words), offset);
+        read.map_err(|e| Error::io(&self.path, "read", e))
+    }
+
+    fn damaged(&self, message: &str) -> Error {
+        Error::Damaged { path: self.path.clone(), message: message.into() }
+    }
+}
+
+impl Drop for Spill {
+    fn drop(&mut self) {
+        let _ = fs::remove_file(&self.path);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn group(keys: &[u32], key_count: usize, memory_bytes: u64) -> Vec<(u32, u32)> {
+        let folder = tempfile::tempdir().unwrap();
+        let mut counts = vec![0; key_count];
+        keys.iter().for_each(|&key| counts[key as usize] += 1);
+        let mut grouping = Grouping::new(counts, 2, memory_bytes, &folder.path().join("spill")).unwrap();
+        for (arrival, &key) in keys.iter().enumerate() {
+            grouping.push(key, &[arrival as u32, key]).unwrap();
+        }
+        let mut out = Vec::new();
+        let visit = |groups: &[Group<'_>]| {
+            for (key, words) in groups {
+                out.extend(words.chunks_exact(2).map(|record| (*key, record[0])));
+                assert!(words.chunks_exact(2).all(|record| record[1] == *key));
+            }
+            Ok(())
+        };
+        grouping.drain(visit).unwrap();
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+        out
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn any_memory_gives_a_stable_sort(
+            keys in prop::collection::vec(0u32..50, 0..3000),
+            hot in prop::collection::vec(Just(7u32), 0..2000),
+            memory_bytes in 0u64..30_000,
+        ) {
+            let keys: Vec<u32> = keys.into_iter().chain(hot).collect();
+            let mut expected: Vec<(u32, u32)> = keys.iter().enumerate().map(|(i, &key)| (key, i as u32)).collect();
+            expected.sort();
+            prop_assert_eq!(group(&keys, 53, memory_bytes), expected);
+        }
+    }
+
+    #[test]
+    fn no_record_gives_no_group() {
+        assert_eq!(group(&[], 0, 0), []);
+        assert_eq!(group(&[], 5, 100), []);
+    }
+}

@@ -1,0 +1,467 @@
+//! Vertex normals of the result, recomputed with a crease of 60°.
+//!
+//! ```text
+//!        \  f2 |  /            the normal of the corner of f1 at v is the sum of the normals of those faces around
+//!      f3 \    | /  f1         v that lie within 60° of the normal of f1, each times the angle of its corner at v
+//!          \   |/
+//! ----------- v ----------     corners of v with the same rounded normal share one `vn` line
+//!          /   |\
+//! ```
+//! In: pieces with positions. Out: for each corner the number of its `vn` line, and the lines' normals. The star of a
+//! piece's own vertex lies in the piece. That of a shared vertex is gathered from all pieces first; every answer is
+//! kept under the vertex and the normal of the face, since nothing else decides it.
+//!
+//! # Memory
+//! A piece: [`piece_bytes`], about 64 bytes a face and 28 an own vertex. Shared vertices: 12 bytes each, the records
+//! of the stars within the memory given to [`SharedNormals::gather`], and 50 bytes for each face of the largest star.
+//!
+//! # Files
+//! The answers for shared vertices, 16 bytes for each distinct face normal at each of them.
+
+use std::ops::Range;
+use std::path::Path;
+
+use bytemuck::Pod;
+use glam::DVec3;
+
+use super::grouping::Grouping;
+use super::numbering::FaceReader;
+use crate::base::{Error, Result};
+use crate::os::mmap::MappedRecords;
+use crate::store::{Column, ColumnWriter, Segment, StoredMesh, StoredPiece};
+
+/// Cosine of the crease angle of 60°.
+///
+/// NOTE: a millionth less than 1/2, so that faces which meet at 60° exactly do not part by a rounding error.
+const CREASE_COSINE: f64 = 0.499_999;
+/// Cosine of half the crease angle: faces this near to a common direction are near to each other.
+const HALF_CREASE_COSINE: f64 = 0.866_026;
+/// Faces around a vertex up to which every pair is compared.
+///
+/// NOTE: beyond it (the centre of a huge fan) a corner across a crease keeps its own face's normal, since comparing
+/// all pairs of a million faces would not end.
+const STAR_FACES_MAX: usize = 512;
+/// Records between two wanted ones that are mapped along rather than mapped apart.
+const RUN_GAP: u64 = 128;
+/// Records of a mapped run, at most.
+const RUN_RECORDS_MAX: u64 = 64 << 10;
+
+/// A unit normal in units of 1/10 000, as it is written.
+pub(super) type RoundedNormal = [i16; 3];
+
+/// Where a corner without any normal points.
+const UP: RoundedNormal = [0, 0, 10_000];
+
+/// A face as a corner's star sees it: its unit normal (zero if it has no area) and its angle there.
+#[derive(Debug, Clone, Copy)]
+struct StarFace {
+    normal: [f32; 3],
+    angle: f32,
+}
+
+/// Unit normal (zero for a face without area) and the three angles of a face.
+fn face_normal(positions: [DVec3; 3]) -> ([f32; 3], [f32; 3]) {
+    let [a, b, c] = positions;
+    let (ab, bc, ca) = (b - a, c - b, a - c);
+    let cross = ab.cross(-ca);
+    let length = cross.length();
+    if !(length > 0.0 && length.is_finite()) {
+        return ([0.0; 3], [0.0; 3]);
+    }
+    // NOTE: acos of libm, since the system's differs between platforms in the last bit.
+    let angle = |u: DVec3, v: DVec3| libm::acos((u.dot(v) / (u.length() * v.length())).clamp(-1.0, 1.0)) as f32;
+    let normal = cross / length;
+    ([normal.x as f32, normal.y as f32, normal.z as f32], [angle(ab, -ca), angle(bc, -ab), angle(ca, -bc)])
+}
+
+fn vector(normal: [f32; 3]) -> DVec3 {
+    let [x, y, z] = normal.map(f64::from);
+    DVec3::new(x, y, z)
+}
+
+fn rounded(sum: DVec3) -> Option<RoundedNormal> {
+    let length = sum.length();
+    let round = |x: f64| (x / length * 10_000.0).round() as i16;
+    (length > 1e-12 && length.is_finite()).then(|| [round(sum.x), round(sum.y), round(sum.z)])
+}
+
+/// Replaces `out` by the normal of each face's corner at the centre of a star.
+fn corner_normals(star: &[StarFace], out: &mut Vec<RoundedNormal>) {
+    out.clear();
+    let weighted = |face: &StarFace| vector(face.normal) * f64::from(face.angle);
+    let sum: DVec3 = star.iter().map(weighted).sum();
+    let whole = rounded(sum);
+    let mean = sum / sum.length();
+    let has_area = |face: &StarFace| face.normal != [0.0; 3];
+    // NOTE: written so that a mean of NaN (opposite faces) takes the long way.
+    let near = |face: &StarFace| !has_area(face) || vector(face.normal).dot(mean) > HALF_CREASE_COSINE;
+    if star.iter().all(near) {
+        out.resize(star.len(), whole.unwrap_or(UP));
+        return;
+    }
+    out.extend(star.iter().map(|face| {
+        let normal = vector(face.normal);
+        if !has_area(face) {
+            return whole.unwrap_or(UP);
+        }
+        if star.len() > STAR_FACES_MAX {
+            return rounded(normal).unwrap_or(UP);
+        }
+        let within = star.iter().filter(|other| vector(other.normal).dot(normal) >= CREASE_COSINE);
+        rounded(within.map(weighted).sum()).or_else(|| rounded(normal)).unwrap_or(UP)
+    }));
+}
+
+/// Appends the distinct normals of a star to `unique` and replaces `numbers` by the number of each face's.
+fn number_normals(normals: &[RoundedNormal], unique: &mut Vec<RoundedNormal>, numbers: &mut Vec<u32>) {
+    let first = unique.len();
+    unique.extend_from_slice(normals);
+    unique[first..].sort_unstable();
+    let mut kept = first;
+    for at in first..unique.len() {
+        if at == first || unique[at] != unique[kept - 1] {
+            unique[kept] = unique[at];
+            kept += 1;
+        }
+    }
+    unique.truncate(kept);
+    numbers.clear();
+    numbers.extend(normals.iter().map(|n| (first + unique[first..].partition_point(|other| other < n)) as u32));
+}
+
+/// The vertices of a piece's faces, with the positions that they need.
+struct PieceCorners {
+    own: u32,
+    /// The vertex of each corner, by the piece's ids.
+    vertices: Vec<u32>,
+    own_positions: MappedRecords<DVec3>,
+    /// The shared vertices that occur, in order.
+    shared: Vec<u32>,
+    shared_positions: Vec<DVec3>,
+}
+
+impl PieceCorners {
+    fn read(mesh: &StoredMesh, piece: &StoredPiece, only_at_shared: bool) -> Result<Self> {
+        let own = piece.positions.len() as u32;
+        let mut vertices = Vec::with_capacity(if only_at_shared { 0 } else { 3 * piece.faces.len() as usize });
+        let mut shared = Vec::new();
+        FaceReader::default().each_block(piece, |faces| {
+            for face in faces {
+                let before = shared.len();
+                shared.extend(face.vertices.into_iter().filter(|&v| v >= own).map(|v| v - own));
+                if !only_at_shared || shared.len() > before {
+                    vertices.extend_from_slice(&face.vertices);
+                }
+            }
+            Ok(())
+        })?;
+        shared.sort_unstable();
+        shared.dedup();
+        let mut shared_positions = Vec::with_capacity(shared.len());
+        if let Some(column) = &mesh.shared_positions {
+            let wanted = shared.iter().map(|&v| u64::from(v)..u64::from(v) + 1);
+            gather(column, wanted, |positions| shared_positions.extend_from_slice(positions))?;
+        }
+        let own_positions = piece.positions.window(0..piece.positions.len())?;
+        Ok(Self { own, vertices, own_positions, shared, shared_positions })
+    }
+
+    fn position(&self, vertex: u32) -> DVec3 {
+        match vertex.checked_sub(self.own) {
+            None => self.own_positions[vertex as usize],
+            Some(shared) => self.shared_positions[self.shared.partition_point(|&v| v < shared)],
+        }
+    }
+
+    fn face_normal(&self, corners: &[u32]) -> ([f32; 3], [f32; 3]) {
+        face_normal([0, 1, 2].map(|k| self.position(corners[k])))
+    }
+}
+
+/// Hands the records of ascending ranges to `visit`, range by range, mapping neighbours together.
+fn gather<T: Pod>(
+    column: &Segment<T>,
+    wanted: impl Iterator<Item = Range<u64>>,
+    mut visit: impl FnMut(&[T]),
+) -> Result<()> {
+    let mut run: Vec<Range<u64>> = Vec::new();
+    let mut show = |run: &mut Vec<Range<u64>>| {
+        if let (Some(first), Some(last)) = (run.first(), run.last()) {
+            let start = first.start;
+            let window = column.window(start..last.end)?;
+            run.drain(..)
+                .for_each(|range| visit(&window[(range.start - start) as usize..(range.end - start) as usize]));
+        }
+        Ok::<(), Error>(())
+    };
+    for range in wanted {
+        if let (Some(first), Some(last)) = (run.first(), run.last())
+            && (range.start - last.end > RUN_GAP || range.end - first.start > RUN_RECORDS_MAX)
+        {
+            show(&mut run)?;
+        }
+        run.push(range);
+    }
+    show(&mut run)
+}
+
+/// The normals at shared vertices.
+#[derive(Debug)]
+pub(super) struct SharedNormals {
+    /// Where the answers of each shared vertex begin, and the end; empty if there is no shared vertex.
+    starts: Vec<u32>,
+    /// Bits of a face's normal and the number of the `vn` line, sorted by both within a vertex.
+    answers: Option<Column<[u32; 4]>>,
+    /// Number of `vn` lines of shared vertices; they come first.
+    pub(super) count: u32,
+}
+
+impl SharedNormals {
+    /// Gathers the stars of all shared vertices and hands their normals to `visit` in the order of their numbers.
+    ///
+    /// # Errors
+    /// If a file cannot be read or written, and those of `visit`.
+    pub(super) fn gather(
+        mesh: &StoredMesh,
+        corners_per_shared: Vec<u64>,
+        memory_bytes: u64,
+        work_folder: &Path,
+        mut visit: impl FnMut(&[RoundedNormal]) -> Result<()>,
+    ) -> Result<Self> {
+        if corners_per_shared.is_empty() {
+            return Ok(Self { starts: Vec::new(), answers: None, count: 0 });
+        }
+        let mut starts = vec![0; corners_per_shared.len() + 1];
+        // NOTE: a star must come in one part, so the largest one has its memory even where it passes the share.
+        let largest_bytes = 16 * corners_per_shared.iter().copied().max().unwrap_or(0);
+        let memory_bytes = memory_bytes.max(largest_bytes);
+        let mut stars = Grouping::new(corners_per_shared, 4, memory_bytes, &work_folder.join("write-stars.tmp"))?;
+        for piece in mesh.pieces.iter().filter(|piece| touches_shared(piece)) {
+            let corners = PieceCorners::read(mesh, piece, true)?;
+            for face in corners.vertices.chunks_exact(3) {
+                let (normal, angles) = corners.face_normal(face);
+                let [x, y, z] = normal.map(f32::to_bits);
+                for (&v, angle) in face.iter().zip(angles).filter(|&(&v, _)| v >= corners.own) {
+                    stars.push(v - corners.own, &[x, y, z, angle.to_bits()])?;
+                }
+            }
+        }
+        let path = work_folder.join("write-normals.col");
+        let mut answers = ColumnWriter::create(&path, *b"normals ")?;
+        let mut count = 0u64;
+        let mut scratch = StarScratch::default();
+        stars.drain(|groups| {
+            for &(vertex, words) in groups {
+                scratch.star.clear();
+                scratch.star.extend(words.chunks_exact(4).map(|record| StarFace {
+                    normal: [record[0], record[1], record[2]].map(f32::from_bits),
+                    angle: f32::from_bits(record[3]),
+                }));
+                scratch.unique.clear();
+                scratch.solve();
+                let of_vertex = scratch.star.iter().zip(&scratch.numbers).map(|(face, &number)| {
+                    let [x, y, z] = face.normal.map(f32::to_bits);
+                    [x, y, z, count as u32 + number]
+                });
+                scratch.answers.clear();
+                scratch.answers.extend(of_vertex);
+                scratch.answers.sort_unstable();
+                scratch.answers.dedup();
+                answers.append(&scratch.answers)?;
+                visit(&scratch.unique)?;
+                count += scratch.unique.len() as u64;
+                if count.max(answers.len()) > u64::from(u32::MAX) {
+                    return Err(Error::Limit("the result has more than 2³² normals; leave the normals out".into()));
+                }
+                starts[vertex as usize + 1] = answers.len() as u32;
+            }
+            Ok(())
+        })?;
+        for vertex in 1..starts.len() {
+            starts[vertex] = starts[vertex].max(starts[vertex - 1]);
+        }
+        Ok(Self { starts, answers: Some(answers.finish()?), count: count as u32 })
+    }
+
+    /// The answers of `shared` vertices (ascending), one after the other, and where each vertex's begin.
+    fn of(&self, shared: &[u32]) -> Result<(Vec<usize>, Vec<[u32; 4]>)> {
+        let (mut starts, mut found) = (vec![0], Vec::new());
+        if let Some(answers) = &self.answers {
+            let range = |&v: &u32| u64::from(self.starts[v as usize])..u64::from(self.starts[v as usize + 1]);
+            gather(answers, shared.iter().map(range), |of_vertex| {
+                found.extend_from_slice(of_vertex);
+                starts.push(found.len());
+            })?;
+        }
+        Ok((starts, found))
+    }
+}
+
+impl Drop for SharedNormals {
+    fn drop(&mut self) {
+        if let Some(answers) = &self.answers {
+            let _ = std::fs::remove_file(answers.path());
+        }
+    }
+}
+
+fn touches_shared(piece: &StoredPiece) -> bool {
+    piece.faces.blocks().iter().any(|block| u64::from(block.vertices.end) > piece.positions.len())
+}
+
+/// What the star of one vertex needs, kept from vertex to vertex.
+#[derive(Default)]
+struct StarScratch {
+    star: Vec<StarFace>,
+    normals: Vec<RoundedNormal>,
+    unique: Vec<RoundedNormal>,
+    numbers: Vec<u32>,
+    answers: Vec<[u32; 4]>,
+}
+
+impl StarScratch {
+    /// Appends the star's distinct normals to `unique`; `numbers` then says which is whose.
+    fn solve(&mut self) {
+        corner_normals(&self.star, &mut self.normals);
+        number_normals(&self.normals, &mut self.unique, &mut self.numbers);
+    }
+}
+
+/// The normals of a piece.
+#[derive(Debug, Default)]
+pub(super) struct PieceNormals {
+    /// Normals at the piece's own vertices.
+    pub(super) unique: Vec<RoundedNormal>,
+    /// For each corner, the number of a shared vertex's normal, or the number of shared ones plus an index of `unique`.
+    pub(super) corners: Vec<u32>,
+}
+
+/// Bytes that [`piece_normals`] needs, its result included.
+pub(super) fn piece_bytes(piece: &StoredPiece) -> u64 {
+    64 * piece.faces.len() + 48 * piece.positions.len() + FaceReader::MEMORY_BYTES
+}
+
+/// Computes the normals of a piece.
+///
+/// # Errors
+/// If a file cannot be read.
+pub(super) fn piece_normals(mesh: &StoredMesh, piece: &StoredPiece, shared: &SharedNormals) -> Result<PieceNormals> {
+    let corners = PieceCorners::read(mesh, piece, false)?;
+    let own = corners.own as usize;
+    let (answer_starts, answers) = shared.of(&corners.shared)?;
+
+    let mut face_normals = Vec::with_capacity(corners.vertices.len() / 3);
+    // Holds the bits of each corner's angle first, and the number of its normal once its star is solved.
+    let mut numbers = Vec::with_capacity(corners.vertices.len());
+    for face in corners.vertices.chunks_exact(3) {
+        let (normal, angles) = corners.face_normal(face);
+        face_normals.push(normal);
+        numbers.extend(angles.map(f32::to_bits));
+    }
+
+    let (starts, star_corners) = stars(&corners.vertices, own);
+    let mut scratch = StarScratch::default();
+    for vertex in 0..own {
+        let star = &star_corners[starts[vertex] as usize..starts[vertex + 1] as usize];
+        if star.is_empty() {
+            continue;
+        }
+        scratch.star.clear();
+        scratch.star.extend(star.iter().map(|&corner| StarFace {
+            normal: face_normals[corner as usize / 3],
+            angle: f32::from_bits(numbers[corner as usize]),
+        }));
+        scratch.solve();
+        for (&corner, &number) in star.iter().zip(&scratch.numbers) {
+            numbers[corner as usize] = shared.count + number;
+        }
+    }
+    for (corner, &vertex) in corners.vertices.iter().enumerate().filter(|&(_, &v)| v as usize >= own) {
+        let at = corners.shared.partition_point(|&v| v < vertex - corners.own);
+        let of_vertex = &answers[answer_starts[at]..answer_starts[at + 1]];
+        let [x, y, z] = face_normals[corner / 3].map(f32::to_bits);
+        let found = of_vertex.partition_point(|answer| answer[..3] < [x, y, z][..]);
+        let Some(answer) = of_vertex.get(found).filter(|answer| answer[..3] == [x, y, z][..]) else {
+            let message = "the faces changed while the normals were computed".into();
+            return Err(Error::Damaged { path: piece.faces.path().to_owned(), message });
+        };
+        numbers[corner] = answer[3];
+    }
+    Ok(PieceNormals { unique: scratch.unique, corners: numbers })
+}
+
+/// The corners at each of the vertices 0 .. `own`, vertex after vertex, and where each vertex's begin.
+fn stars(vertices: &[u32], own: usize) -> (Vec<u32>, Vec<u32>) {
+    let mut starts = vec![0u32; own + 2];
+    for &v in vertices.iter().filter(|&&v| (v as usize) < own) {
+        starts[v as usize + 2] += 1;
+    }
+    for vertex in 2..starts.len() {
+        starts[vertex] += starts[vertex - 1];
+    }
+    let mut corners = vec![0; starts[own + 1] as usize];
+    for (corner, &v) in vertices.iter().enumerate().filter(|&(_, &v)| (v as usize) < own) {
+        let slot = &mut starts[v as usize + 1];
+        corners[*slot as usize] = corner as u32;
+        *slot += 1;
+    }
+    starts.pop();
+    (starts, corners)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn star(faces: &[([f32; 3], f32)]) -> Vec<RoundedNormal> {
+        let star: Vec<StarFace> = faces.iter().map(|&(normal, angle)| StarFace { normal, angle }).collect();
+        let mut out = Vec::new();
+        corner_normals(&star, &mut out);
+        out
+    }
+
+    #[test]
+    fn faces_across_a_crease_keep_their_own_normals() {
+        let square = std::f32::consts::FRAC_PI_2;
+        let cube_corner = [([1.0, 0.0, 0.0], square), ([0.0, 1.0, 0.0], square), ([0.0, 0.0, 1.0], square)];
+        assert_eq!(star(&cube_corner), [[10_000, 0, 0], [0, 10_000, 0], [0, 0, 10_000]]);
+    }
+
+    #[test]
+    fn faces_within_the_crease_share_the_weighted_sum() {
+        let (a, b) = ([0.6, 0.0, 0.8], [-0.6, 0.0, 0.8]);
+        assert_eq!(star(&[(a, 1.0), ([0.0, 0.0, 1.0], 1.0)]), [[3162, 0, 9487]; 2]);
+        // The two outer ones are 74° apart: each sees the middle one, which sees both.
+        assert_eq!(
+            star(&[(a, 1.0), ([0.0, 0.0, 1.0], 1.0), (b, 1.0)]),
+            [[3162, 0, 9487], [0, 0, 10_000], [-3162, 0, 9487]]
+        );
+    }
+
+    #[test]
+    fn a_face_without_area_adds_nothing_and_takes_what_is_there() {
+        assert_eq!(star(&[([0.0; 3], 0.0)]), [UP]);
+        assert_eq!(star(&[([0.0; 3], 0.0), ([1.0, 0.0, 0.0], 0.5)]), [[10_000, 0, 0]; 2]);
+        assert_eq!(face_normal([DVec3::ZERO, DVec3::X, DVec3::X * 2.0]), ([0.0; 3], [0.0; 3]));
+    }
+
+    #[test]
+    fn opposite_faces_do_not_cancel() {
+        assert_eq!(star(&[([0.0, 0.0, 1.0], 1.0), ([0.0, 0.0, -1.0], 1.0)]), [[0, 0, 10_000], [0, 0, -10_000]]);
+    }
+
+    #[test]
+    fn a_huge_star_is_solved_in_linear_time() {
+        let faces: Vec<_> = (0..200_000).map(|i| ([if i % 2 == 0 { 1.0 } else { -1.0 }, 0.0, 0.0], 0.1)).collect();
+        assert!(star(&faces).chunks(2).all(|pair| pair == [[10_000, 0, 0], [-10_000, 0, 0]]));
+    }
+
+    #[test]
+    fn angles_of_a_right_triangle() {
+        let (normal, angles) = face_normal([DVec3::ZERO, DVec3::X, DVec3::Y]);
+        assert_eq!(normal, [0.0, 0.0, 1.0]);
+        for (angle, degrees) in angles.into_iter().zip([90f32, 45.0, 45.0]) {
+            assert!((angle.to_degrees() - degrees).abs() < 1e-4);
+        }
+    }
+}

@@ -1,0 +1,198 @@
+//! Which vertices and texture coordinates the faces use, and the numbers that these get in the result.
+//!
+//! In: the faces of a stored mesh. Out: sets of used ids that know the rank of each member. The result keeps the
+//! stored order (shared vertices, then piece after piece), so the rank of an id is its number in the result.
+//!
+//! # Memory
+//! 17/128 byte for each vertex and texture coordinate, 8 bytes for each part, and one block of faces.
+
+use crate::base::{Error, Result};
+use crate::store::face::BLOCK_FACES;
+use crate::store::mesh::PieceNumbering;
+use crate::store::{Face, NO_TEXCOORD, StoredMesh, StoredPiece};
+
+/// Words of a set between two counts.
+const WORDS_PER_RANK: usize = 8;
+
+/// A set of ids 0 .. n that knows how many of its members are smaller than an id.
+#[derive(Debug, Default)]
+pub(super) struct IdSet {
+    words: Vec<u64>,
+    /// Members before each run of [`WORDS_PER_RANK`] words; filled by [`rank_members`](IdSet::rank_members).
+    before: Vec<u32>,
+    count: u64,
+}
+
+impl IdSet {
+    /// An empty set that may hold ids below `limit`.
+    pub(super) fn new(limit: u64) -> Self {
+        Self { words: vec![0; limit.div_ceil(64) as usize], before: Vec::new(), count: 0 }
+    }
+
+    /// Adds an id.
+    pub(super) fn insert(&mut self, id: u32) {
+        self.words[id as usize / 64] |= 1 << (id % 64);
+    }
+
+    /// Whether an id is a member.
+    pub(super) fn contains(&self, id: u32) -> bool {
+        self.words[id as usize / 64] >> (id % 64) & 1 != 0
+    }
+
+    /// Makes [`rank`](IdSet::rank) and [`len`](IdSet::len) answer for the members of now.
+    pub(super) fn rank_members(&mut self) {
+        self.count = 0;
+        self.before.clear();
+        for run in self.words.chunks(WORDS_PER_RANK) {
+            self.before.push(self.count as u32);
+            self.count += run.iter().map(|word| u64::from(word.count_ones())).sum::<u64>();
+        }
+    }
+
+    /// Number of members smaller than `id`.
+    pub(super) fn rank(&self, id: u32) -> u32 {
+        let word = id as usize / 64;
+        let run = word / WORDS_PER_RANK;
+        let whole = self.words[run * WORDS_PER_RANK..word].iter().map(|word| word.count_ones()).sum::<u32>();
+        self.before[run] + whole + (self.words[word] & ((1 << (id % 64)) - 1)).count_ones()
+    }
+
+    /// Number of members.
+    pub(super) fn len(&self) -> u64 {
+        self.count
+    }
+
+    /// Bytes that it holds.
+    pub(super) fn memory_bytes(&self) -> u64 {
+        (self.words.capacity() * 8 + self.before.capacity() * 4) as u64
+    }
+}
+
+/// What the faces of a mesh use.
+#[derive(Debug)]
+pub(super) struct Usage {
+    /// Vertices by ids of the mesh.
+    pub(super) vertices: IdSet,
+    /// Texture coordinates by ids of the mesh.
+    pub(super) texcoords: IdSet,
+    /// Number of faces of each part of the catalogue.
+    pub(super) faces_per_part: Vec<u64>,
+    /// Number of corners at each shared vertex, if asked for.
+    pub(super) corners_per_shared: Vec<u64>,
+}
+
+impl Usage {
+    /// Reads every face once.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] if a face names what is not there.
+    pub(super) fn sweep(
+        mesh: &StoredMesh,
+        numbering: &[PieceNumbering],
+        part_count: usize,
+        count_shared_corners: bool,
+    ) -> Result<Self> {
+        let shared_count = mesh.shared_count();
+        let mut usage = Self {
+            vertices: IdSet::new(mesh.vertex_count()),
+            texcoords: IdSet::new(mesh.texcoord_count()),
+            faces_per_part: vec![0; part_count],
+            corners_per_shared: vec![0; if count_shared_corners { shared_count as usize } else { 0 }],
+        };
+        let mut reader = FaceReader::default();
+        for (piece, ids) in mesh.pieces.iter().zip(numbering) {
+            let vertex_limit = u64::from(ids.own) + shared_count;
+            let texcoord_limit = piece.texcoords.len();
+            reader.each_block(piece, |faces| {
+                for face in faces {
+                    let vertices_exist = face.vertices.iter().all(|&v| u64::from(v) < vertex_limit);
+                    let texcoords_exist =
+                        face.texcoords.iter().all(|&t| t == NO_TEXCOORD || u64::from(t) < texcoord_limit);
+                    let part = usage.faces_per_part.get_mut(face.part as usize);
+                    let Some(part) = part.filter(|_| vertices_exist && texcoords_exist) else {
+                        let message = format!("a face names what the mesh does not have: {face:?}");
+                        return Err(Error::Damaged { path: piece.faces.path().to_owned(), message });
+                    };
+                    *part += 1;
+                    if count_shared_corners {
+                        for v in face.vertices.into_iter().filter(|&v| v >= ids.own) {
+                            usage.corners_per_shared[(v - ids.own) as usize] += 1;
+                        }
+                    }
+                    let face = ids.globalise(face);
+                    face.vertices.into_iter().for_each(|v| usage.vertices.insert(v));
+                    for t in face.texcoords.into_iter().filter(|&t| t != NO_TEXCOORD) {
+                        usage.texcoords.insert(t);
+                    }
+                }
+                Ok(())
+            })?;
+        }
+        usage.vertices.rank_members();
+        usage.texcoords.rank_members();
+        Ok(usage)
+    }
+
+    /// Whether some face has texture coordinates.
+    pub(super) fn has_texcoords(&self) -> bool {
+        self.texcoords.len() > 0
+    }
+
+    /// Bytes that it holds.
+    pub(super) fn memory_bytes(&self) -> u64 {
+        let counts = self.faces_per_part.capacity() + self.corners_per_shared.capacity();
+        self.vertices.memory_bytes() + self.texcoords.memory_bytes() + 8 * counts as u64
+    }
+}
+
+/// Reads the faces of pieces, block by block, with scratch space that is kept.
+#[derive(Debug, Default)]
+pub(super) struct FaceReader {
+    bytes: Vec<u8>,
+    faces: Vec<Face>,
+}
+
+impl FaceReader {
+    /// Bytes of one reader: a block of faces, decoded and encoded.
+    pub(super) const MEMORY_BYTES: u64 = (BLOCK_FACES * (size_of::<Face>() + 12)) as u64;
+
+    /// Hands the faces of a piece to `visit`, a block at a time and in order.
+    ///
+    /// # Errors
+    /// If the file cannot be read, and those of `visit`.
+    pub(super) fn each_block(
+        &mut self,
+        piece: &StoredPiece,
+        mut visit: impl FnMut(&[Face]) -> Result<()>,
+    ) -> Result<()> {
+        if piece.faces.is_empty() {
+            return Ok(());
+        }
+        let file = piece.faces.open()?;
+        for block in piece.faces.blocks() {
+            piece.faces.read_block(&file, block, &mut self.bytes, &mut self.faces)?;
+            visit(&self.faces)?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn rank_counts_the_smaller_members(ids in prop::collection::btree_set(0u32..3000, 0..500)) {
+            let mut set = IdSet::new(3000);
+            ids.iter().for_each(|&id| set.insert(id));
+            set.rank_members();
+            prop_assert_eq!(set.len(), ids.len() as u64);
+            for (rank, &id) in ids.iter().enumerate() {
+                prop_assert_eq!(set.rank(id), rank as u32);
+            }
+            prop_assert!((0..3000).all(|id| set.contains(id) == ids.contains(&id)));
+        }
+    }
+}

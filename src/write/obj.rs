@@ -1,0 +1,404 @@
+//! The lines of the OBJ.
+//!
+//! ```text
+//! # drystone 0.1.0          header
+//! mtllib city.mtl
+//! v 452123.25 5411820.5 31  vertices that faces use: shared ones, then piece after piece
+//! vt 0.25 0.5               texture coordinates that faces use, piece after piece
+//! vn 0.0000 0.0000 1.0000   normals, of shared vertices first
+//! o house                   parts; what did not change since the part before is not repeated
+//! usemtl brick
+//! f 1/1/1 2/2/1 3/3/1
+//! ```
+//! In: the used ids, the normals of each piece and the grouped faces. Out: bytes in a durable file that is not
+//! committed yet. Every block of lines is formatted by itself and the blocks are written in order.
+//!
+//! # Memory
+//! The blocks in flight: [`LINES_BYTES`] each, within the memory that is given.
+
+use std::ops::Range;
+use std::path::Path;
+
+use glam::{DVec2, DVec3};
+
+use super::batches::in_order;
+use super::grouping::{Group, Grouping};
+use super::normals::RoundedNormal;
+use super::number::{put_f32, put_f64, put_four_decimals, put_u32};
+use super::numbering::{IdSet, Usage};
+use crate::base::{Progress, Result};
+use crate::os::durable::DurableFile;
+use crate::store::mesh::PieceNumbering;
+use crate::store::{Catalogue, Segment, StoredMesh};
+
+/// Lines that are formatted in one go.
+const BLOCK_LINES: u64 = 16 << 10;
+/// Bytes of a block of lines in the worst case: six numbers of 25 characters, and the records.
+const LINES_BYTES: u64 = BLOCK_LINES * (6 * 25 + 36);
+const FILE_BUFFER_BYTES: usize = 64 << 10;
+
+/// What the corners of the faces carry beside the vertex.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct CornerForm {
+    /// Whether some corner has a texture coordinate.
+    pub(super) texcoords: bool,
+    /// Whether every corner has a normal.
+    pub(super) normals: bool,
+}
+
+impl CornerForm {
+    /// Words of a face: for each corner vertex, texture coordinate (0 for none) and normal, counted from 1.
+    pub(super) fn words(self) -> usize {
+        3 * (1 + usize::from(self.texcoords) + usize::from(self.normals))
+    }
+}
+
+/// An OBJ under construction.
+#[derive(Debug)]
+pub(super) struct ObjFile {
+    file: DurableFile,
+    bytes: u64,
+    /// Numbers that were NaN or infinite and are written as 0.
+    pub(super) non_finite: u64,
+}
+
+/// Positions and colours of a range of vertices.
+struct VertexRun<'a> {
+    positions: &'a Segment<DVec3>,
+    colours: Option<&'a Segment<[f32; 3]>>,
+    first_id: u32,
+    range: Range<u64>,
+}
+
+impl ObjFile {
+    /// Begins the file that will be `target`; `library` is the name of the MTL, if there is one.
+    ///
+    /// # Errors
+    /// If the file cannot be made.
+    pub(super) fn create(target: &Path, library: Option<&[u8]>) -> Result<Self> {
+        let mut obj = Self { file: DurableFile::create(target, FILE_BUFFER_BYTES)?, bytes: 0, non_finite: 0 };
+        let mut text = super::signature();
+        if let Some(name) = library {
+            put_statement(&mut text, b"mtllib", name);
+        }
+        obj.write(&text)?;
+        Ok(obj)
+    }
+
+    fn write(&mut self, text: &[u8]) -> Result<()> {
+        self.bytes += text.len() as u64;
+        self.file.write(text)
+    }
+
+    /// Gives the file its name and returns its length in bytes.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub(super) fn commit(self) -> Result<u64> {
+        self.file.commit()?;
+        Ok(self.bytes)
+    }
+
+    /// Writes the vertices that are used.
+    ///
+    /// # Errors
+    /// If a column cannot be read or the file not written.
+    pub(super) fn vertices(
+        &mut self,
+        mesh: &StoredMesh,
+        numbering: &[PieceNumbering],
+        used: &IdSet,
+        memory_bytes: u64,
+    ) -> Result<()> {
+        let shared = mesh.shared_positions.iter().map(|positions| (positions, mesh.shared_colours.as_ref(), 0));
+        let own = mesh.pieces.iter().zip(numbering);
+        let own = own.map(|(piece, ids)| (&piece.positions, piece.colours.as_ref(), ids.vertex_base));
+        let runs = shared.chain(own).flat_map(|(positions, colours, first_id)| {
+            positions.ranges(BLOCK_LINES).map(move |range| VertexRun { positions, colours, first_id, range })
+        });
+        self.blocks(runs, memory_bytes, |run| vertex_lines(&run, used))
+    }
+
+    /// Writes the texture coordinates that are used.
+    ///
+    /// # Errors
+    /// As [`vertices`](ObjFile::vertices).
+    pub(super) fn texcoords(
+        &mut self,
+        mesh: &StoredMesh,
+        numbering: &[PieceNumbering],
+        used: &IdSet,
+        memory_bytes: u64,
+    ) -> Result<()> {
+        let runs = mesh.pieces.iter().zip(numbering).flat_map(|(piece, ids)| {
+            piece.texcoords.ranges(BLOCK_LINES).map(move |range| (&piece.texcoords, ids.texcoord_base, range))
+        });
+        self.blocks(runs, memory_bytes, |(column, first_id, range)| texcoord_lines(column, first_id, range, used))
+    }
+
+    fn blocks<I: Send>(
+        &mut self,
+        runs: impl Iterator<Item = I>,
+        memory_bytes: u64,
+        format: impl Fn(I) -> Result<(Vec<u8>, u64)> + Sync,
+    ) -> Result<()> {
+        in_order(
+            runs,
+            memory_bytes,
+            |_| LINES_BYTES,
+            format,
+            |(text, non_finite)| {
+                self.non_finite += non_finite;
+                self.write(&text)
+            },
+        )
+    }
+
+    /// Writes normals.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub(super) fn normals(&mut self, normals: &[RoundedNormal]) -> Result<()> {
+        let mut text = Vec::new();
+        for block in normals.chunks(BLOCK_LINES as usize) {
+            text.clear();
+            for normal in block {
+                text.extend_from_slice(b"vn");
+                for &coordinate in normal {
+                    text.push(b' ');
+                    put_four_decimals(&mut text, coordinate);
+                }
+                text.push(b'\n');
+            }
+            self.write(&text)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the faces, part after part.
+    ///
+    /// # Errors
+    /// If the faces cannot be read back or the file not written.
+    pub(super) fn faces(
+        &mut self,
+        grouped: Grouping,
+        form: CornerForm,
+        order: &PartOrder,
+        catalogue: &Catalogue,
+        memory_bytes: u64,
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        let mut labels = Labels { catalogue, part: None, object: None, group: None, material: None };
+        let words = form.words();
+        grouped.drain(|groups: &[Group<'_>]| {
+            let blocks = groups
+                .iter()
+                .flat_map(|&(key, faces)| faces.chunks(words * BLOCK_LINES as usize).map(move |b| (key, b)));
+            let cost = |&(_, block): &(u32, &[u32])| (block.len() * 11 + block.len() / words * 8) as u64;
+            let format = |(key, block): (u32, &[u32])| Ok((key, block.len() / words, face_lines(block, form)));
+            in_order(blocks, memory_bytes, cost, format, |(key, face_count, text)| {
+                let heading = labels.turn_to(order.parts[key as usize]);
+                self.write(&heading)?;
+                self.write(&text)?;
+                progress.advance(face_count as u64);
+                Ok(())
+            })
+        })
+    }
+}
+
+fn vertex_lines(run: &VertexRun<'_>, used: &IdSet) -> Result<(Vec<u8>, u64)> {
+    let positions = run.positions.window(run.range.clone())?;
+    let colours = run.colours.map(|column| column.window(run.range.clone())).transpose()?;
+    let mut text = Vec::with_capacity(positions.len() * 40);
+    let mut non_finite = 0;
+    let first_id = run.first_id + run.range.start as u32;
+    for (i, position) in positions.iter().enumerate().filter(|&(i, _)| used.contains(first_id + i as u32)) {
+        text.push(b'v');
+        for coordinate in position.to_array() {
+            non_finite += u64::from(!coordinate.is_finite());
+            text.push(b' ');
+            put_f64(&mut text, coordinate);
+        }
+        let colour = colours.as_ref().map(|colours| colours[i]);
+        for channel in colour.filter(|colour| !colour.iter().any(|c| c.is_nan())).into_iter().flatten() {
+            text.push(b' ');
+            put_f32(&mut text, channel);
+        }
+        text.push(b'\n');
+    }
+    Ok((text, non_finite))
+}
+
+fn texcoord_lines(column: &Segment<DVec2>, first_id: u32, range: Range<u64>, used: &IdSet) -> Result<(Vec<u8>, u64)> {
+    let first_id = first_id + range.start as u32;
+    let texcoords = column.window(range)?;
+    let mut text = Vec::with_capacity(texcoords.len() * 24);
+    let mut non_finite = 0;
+    for (_, texcoord) in (first_id..).zip(&*texcoords).filter(|&(id, _)| used.contains(id)) {
+        text.extend_from_slice(b"vt");
+        for coordinate in texcoord.to_array() {
+            non_finite += u64::from(!coordinate.is_finite());
+            text.push(b' ');
+            put_f64(&mut text, coordinate);
+        }
+        text.push(b'\n');
+    }
+    Ok((text, non_finite))
+}
+
+fn face_lines(faces: &[u32], form: CornerForm) -> Vec<u8> {
+    let words = form.words();
+    let mut text = Vec::with_capacity(faces.len() * 8);
+    for face in faces.chunks_exact(words) {
+        text.push(b'f');
+        for k in 0..3 {
+            text.push(b' ');
+            put_u32(&mut text, face[k]);
+            let texcoord = if form.texcoords { face[3 + k] } else { 0 };
+            if texcoord != 0 {
+                text.push(b'/');
+                put_u32(&mut text, texcoord);
+            }
+            if form.normals {
+                text.extend_from_slice(if texcoord != 0 { b"/" } else { b"//" });
+                put_u32(&mut text, face[words - 3 + k]);
+            }
+        }
+        text.push(b'\n');
+    }
+    text
+}
+
+/// In which order the parts are written.
+#[derive(Debug)]
+pub(super) struct PartOrder {
+    /// The parts that have faces, in order.
+    parts: Vec<u32>,
+    /// The place of each part in that order.
+    places: Vec<u32>,
+}
+
+impl PartOrder {
+    /// Parts in the catalogue's order, those without material first, of these those without object, then without group.
+    ///
+    /// NOTE: a statement holds until the next of its kind, and nothing ends a material. Objects and groups can be
+    /// ended by the name `default`, which [`Labels`] does where parts with and without are mixed all the same.
+    pub(super) fn new(catalogue: &Catalogue, usage: &Usage) -> Self {
+        let mut parts: Vec<u32> = (0u32..).take(catalogue.parts.len()).collect();
+        parts.retain(|&part| usage.faces_per_part[part as usize] > 0);
+        parts.sort_by_key(|&index| {
+            let part = &catalogue.parts[index as usize];
+            (part.material.is_some(), part.object.is_some(), part.group.is_some())
+        });
+        let mut places = vec![0; catalogue.parts.len()];
+        for (place, &part) in (0u32..).zip(&parts) {
+            places[part as usize] = place;
+        }
+        Self { parts, places }
+    }
+
+    /// The place of a part.
+    pub(super) fn place(&self, part: u32) -> u32 {
+        self.places[part as usize]
+    }
+
+    /// Number of faces at each place.
+    pub(super) fn counts(&self, usage: &Usage) -> Vec<u64> {
+        self.parts.iter().map(|&part| usage.faces_per_part[part as usize]).collect()
+    }
+}
+
+/// What a reader of the file holds as current object, group and material.
+struct Labels<'a> {
+    catalogue: &'a Catalogue,
+    part: Option<u32>,
+    object: Option<&'a [u8]>,
+    group: Option<&'a [u8]>,
+    material: Option<&'a [u8]>,
+}
+
+impl Labels<'_> {
+    /// The statements that lead from the current part to `part`.
+    fn turn_to(&mut self, part: u32) -> Vec<u8> {
+        let mut text = Vec::new();
+        if self.part.replace(part) == Some(part) {
+            return text;
+        }
+        let part = &self.catalogue.parts[part as usize];
+        let name = |index: u32| self.catalogue.names[index as usize].as_slice();
+        turn(&mut text, b"o", &mut self.object, part.object.map(name));
+        turn(&mut text, b"g", &mut self.group, part.group.map(name));
+        let material = part.material.map(|index| self.catalogue.materials[index as usize].output_name.as_slice());
+        if material.is_some() {
+            turn(&mut text, b"usemtl", &mut self.material, material);
+        }
+        text
+    }
+}
+
+fn turn<'a>(text: &mut Vec<u8>, key: &[u8], current: &mut Option<&'a [u8]>, wanted: Option<&'a [u8]>) {
+    if *current != wanted {
+        *current = wanted;
+        put_statement(text, key, wanted.unwrap_or(b"default"));
+    }
+}
+
+/// Appends `key value` and a line end; line ends within the value become blanks.
+pub(super) fn put_statement(text: &mut Vec<u8>, key: &[u8], value: &[u8]) {
+    text.extend_from_slice(key);
+    text.push(b' ');
+    text.extend(value.iter().map(|&c| if matches!(c, b'\n' | b'\r' | 0) { b' ' } else { c }));
+    text.push(b'\n');
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::{Material, Part};
+
+    #[test]
+    fn corners_are_written_in_four_forms() {
+        let line = |texcoords, normals, face: &[u32]| {
+            String::from_utf8(face_lines(face, CornerForm { texcoords, normals })).unwrap()
+        };
+        assert_eq!(line(false, false, &[1, 2, 3]), "f 1 2 3\n");
+        assert_eq!(line(true, false, &[1, 2, 3, 4, 0, 6]), "f 1/4 2 3/6\n");
+        assert_eq!(line(false, true, &[1, 2, 3, 7, 8, 9]), "f 1//7 2//8 3//9\n");
+        assert_eq!(line(true, true, &[1, 2, 3, 4, 0, 6, 7, 8, 9]), "f 1/4/7 2//8 3/6/9\n");
+    }
+
+    #[test]
+    fn a_part_inherits_nothing_from_the_part_before() {
+        let material = |name: &[u8]| Material { name: name.into(), output_name: name.into(), definition: None };
+        let part = |object, group, material| Part { file: 0, object, group, material };
+        let catalogue = Catalogue {
+            names: vec![b"house".into(), b"roof".into()],
+            materials: vec![material(b"brick"), material(b"tile")],
+            parts: vec![
+                part(Some(0), Some(1), Some(0)),
+                part(Some(0), None, Some(1)),
+                part(Some(0), None, None),
+                part(None, None, Some(0)),
+                part(None, None, None),
+            ],
+            ..Catalogue::default()
+        };
+        let usage = Usage {
+            vertices: IdSet::default(),
+            texcoords: IdSet::default(),
+            faces_per_part: vec![1; 5],
+            corners_per_shared: Vec::new(),
+        };
+        let order = PartOrder::new(&catalogue, &usage);
+        assert_eq!(order.parts, [4, 2, 3, 1, 0]);
+        assert_eq!([0, 1, 2, 3, 4].map(|part| order.place(part)), [4, 3, 1, 2, 0]);
+        let mut labels = Labels { catalogue: &catalogue, part: None, object: None, group: None, material: None };
+        let text: Vec<String> =
+            order.parts.iter().map(|&part| String::from_utf8(labels.turn_to(part)).unwrap()).collect();
+        assert_eq!(
+            text,
+            ["", "o house\n", "o default\nusemtl brick\n", "o house\nusemtl tile\n", "g roof\nusemtl brick\n"]
+        );
+    }
+}
