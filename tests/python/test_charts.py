@@ -44,7 +44,7 @@ def unwrapped(request, tmp_path_factory):
     atlas = xatlas.Atlas()
     atlas.add_mesh(position.astype(np.float32), face.astype(np.uint32))
     chart_options, pack_options = xatlas.ChartOptions(), xatlas.PackOptions()
-    chart_options.max_cost = 0.6
+    chart_options.max_cost = 0.15
     pack_options.resolution, pack_options.padding = RESOLUTION, PADDING
     atlas.generate(chart_options, pack_options)
     _, face_uv, texcoord = atlas[0]
