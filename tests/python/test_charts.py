@@ -73,9 +73,9 @@ def mean_uv_edge(mesh):
 
 @pytest.fixture(scope="module")
 def chart_map(unwrapped):
-    """Charts count as one mean edge of the input wider than they are: a seam that loses its zigzag strays that far."""
+    """Charts count as half a mean edge of the input wider than they are: a seam that loses its zigzag strays that far."""
     _, before = unwrapped
-    return objlib.ChartMap(before, RESOLUTION).grow(int(np.ceil(mean_uv_edge(before) * RESOLUTION)))
+    return objlib.ChartMap(before, RESOLUTION).grow(int(np.ceil(0.5 * mean_uv_edge(before) * RESOLUTION)))
 
 
 def test_atlas_is_fragmented(unwrapped):
@@ -145,5 +145,5 @@ def test_texture_shows_the_place_it_was_taken_from(simplified, chart_map):
     _, position, uv = objlib.surface_samples(after, SAMPLES)
     found, shown = chart_map.look_up(uv)
     slip = np.linalg.norm(position - shown, axis=1)[found >= 0] / before.diagonal
-    assert slip.mean() < 0.005
+    assert slip.mean() < 0.003
     assert np.quantile(slip, 0.99) < 0.02
