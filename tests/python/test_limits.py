@@ -58,8 +58,8 @@ def test_killed_run_leaves_no_result_and_the_next_one_has_the_same_bytes(dryston
     subprocess.run(command(calm), stdin=subprocess.DEVNULL, check=True)
     whole = time.monotonic() - started
 
-    # The first kill comes early, the second in the middle of whatever the restarted run is doing.
-    for delay in (min(0.5, 0.2 * whole), 0.5 * whole):
+    # The first kill comes early, the second in whatever the restarted run is doing by then.
+    for delay in (min(0.5, 0.2 * whole), 0.3 * whole):
         process = subprocess.Popen(command(killed), stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         time.sleep(delay)
         process.send_signal(signal.SIGKILL)
