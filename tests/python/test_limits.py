@@ -1,0 +1,73 @@
+"""Large runs: within the memory budget, and killed at any moment without a trace in the result."""
+
+import hashlib
+import json
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.slow
+
+MIB = 1 << 20
+
+
+def peak_resident_bytes(process_id):
+    """VmHWM as the kernel counts it, or 0 once the process is gone or where there is no /proc."""
+    try:
+        for line in Path(f"/proc/{process_id}/status").read_text().splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) * 1024
+    except OSError:
+        pass
+    return 0
+
+
+def test_million_triangles_fit_into_128_mib(drystone, large_town, tmp_path):
+    output, report_path = tmp_path / "out.obj", tmp_path / "report.json"
+    command = [drystone.binary, "simplify", large_town, "-o", output, "--ratio", "0.1", "--memory", "128MiB"]
+    command += ["--report", report_path, "--quiet"]
+    with open(tmp_path / "messages.txt", "w+") as messages:
+        process = subprocess.Popen(list(map(str, command)), stdin=subprocess.DEVNULL, stderr=messages)
+        seen = 0
+        while process.poll() is None:
+            seen = max(seen, peak_resident_bytes(process.pid))
+            time.sleep(0.02)
+        messages.seek(0)
+        assert process.returncode == 0, messages.read()
+    report = json.loads(report_path.read_text())
+    assert report["memory"]["budget"] == 128 * MIB
+    assert report["memory"]["peak_resident"] <= 128 * MIB
+    assert seen <= 128 * MIB
+    assert report["memory"]["peak_resident"] >= 0.9 * seen, "the report must not claim less than the kernel counts"
+    wanted = report["faces"]["target"]
+    assert abs(report["faces"]["output"] - wanted) <= max(2, 0.001 * wanted)
+
+
+def test_killed_run_leaves_no_result_and_the_next_one_has_the_same_bytes(drystone, large_town, tmp_path):
+    def command(folder):
+        options = ["--ratio", "0.1", "--memory", "256MiB", "--cluster-faces", "20000", "--quiet"]
+        return [drystone.binary, "simplify", str(large_town), "-o", str(folder / "out.obj"), *options]
+
+    calm, killed = tmp_path / "calm", tmp_path / "killed"
+    calm.mkdir()
+    killed.mkdir()
+    started = time.monotonic()
+    subprocess.run(command(calm), stdin=subprocess.DEVNULL, check=True)
+    whole = time.monotonic() - started
+
+    # The first kill comes early, the second in whatever the restarted run is doing by then.
+    for delay in (min(0.5, 0.2 * whole), 0.3 * whole):
+        process = subprocess.Popen(command(killed), stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        time.sleep(delay)
+        process.send_signal(signal.SIGKILL)
+        if process.wait() != -signal.SIGKILL:
+            pytest.fail(f"the run ended within {delay:.2f} s of {whole:.2f} s: nothing was killed")
+        assert not (killed / "out.obj").exists()
+
+    subprocess.run(command(killed), stdin=subprocess.DEVNULL, check=True)
+    digests = {hashlib.sha256((folder / "out.obj").read_bytes()).hexdigest() for folder in (calm, killed)}
+    assert len(digests) == 1
+    assert sorted(p.name for p in calm.iterdir()) == sorted(p.name for p in killed.iterdir())
