@@ -7,7 +7,7 @@
 //! ```
 //!
 //! # Memory
-//! About 120 bytes per boundary edge before, 8 per vertex after.
+//! About 120 bytes per boundary edge before (four times that if long edges fill space), 8 per vertex after.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -22,7 +22,9 @@ const SAMPLE_LIMIT: f64 = 1e6;
 /// Distance of points along the border, in mean lengths of its edges.
 const SAMPLE_STEP: f64 = 0.5;
 /// An indexed piece of an edge is at most this many mean edge lengths long: a long edge would have a wide box.
-const PIECE_LENGTH: f64 = 2.0;
+const PIECE_LENGTH_MAX: f64 = 2.0;
+/// Pieces are not cut below this many mean edge lengths, so that there are at most four for each edge.
+const PIECE_LENGTH_MIN: f64 = 1.0 / 3.0;
 /// Edges that a thread takes at a time; sums are made per chunk and then in order, whatever the thread count.
 const EDGES_AT_ONCE: usize = 4096;
 
@@ -82,9 +84,9 @@ fn segment(surface: &Surface, edge: [u32; 2]) -> [DVec3; 2] {
     edge.map(|vertex| surface.position(vertex))
 }
 
-/// Number of parts, at least 1, of at most about `step` that make up `length`.
+/// Number of parts, at least 1, of at most about `step` that make up `length`; 1 if lengths are 0 or no numbers.
 fn piece_count(length: f64, step: f64) -> usize {
-    ((length / step).ceil() as usize).max(1)
+    if step > 0.0 { ((length / step).ceil() as usize).max(1) } else { 1 }
 }
 
 struct BorderIndex {
@@ -96,7 +98,11 @@ impl BorderIndex {
     fn new(surface: &Surface) -> Self {
         let border = EdgeTable::new(&surface.faces).boundary();
         let length: f64 = border.iter().map(|&edge| segment(surface, edge)).map(|[a, b]| a.distance(b)).sum();
-        let step = PIECE_LENGTH * length / border.len().max(1) as f64;
+        let mean = length / border.len().max(1) as f64;
+        let bounds = Bounds::around(border.iter().flat_map(|&edge| segment(surface, edge)));
+        // edges that fill space, as those of a soup of triangles do, are cut to the size of their share of it
+        let share = bounds.diagonal() / (border.len().max(1) as f64).cbrt();
+        let step = share.max(PIECE_LENGTH_MIN * mean).min(PIECE_LENGTH_MAX * mean);
         let mut pieces = Vec::with_capacity(border.len() + border.len() / 2);
         for &edge in &border {
             let [from, to] = segment(surface, edge);

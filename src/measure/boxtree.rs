@@ -13,7 +13,7 @@
 //! # Memory
 //! 48 bytes a box plus 48 · 2 / 8 to 48 · 4 / 8 for the nodes.
 
-use glam::DVec3;
+use glam::{BVec3, DVec3};
 use rayon::prelude::*;
 
 /// Boxes of a leaf.
@@ -52,22 +52,32 @@ impl Bounds {
         (self.low - point).max(point - self.high).max(DVec3::ZERO).length_squared()
     }
 
-    /// Whether the segment from `from` along `step` meets the box grown by `margin` on all sides.
-    fn meets_segment(self, from: DVec3, step: DVec3, margin: f64) -> bool {
-        let (mut enter, mut leave) = (0.0f64, 1.0f64);
-        for axis in 0..3 {
-            let (low, high) = (self.low[axis] - margin - from[axis], self.high[axis] + margin - from[axis]);
-            if step[axis] == 0.0 {
-                if low > 0.0 || high < 0.0 {
-                    return false;
-                }
-            } else {
-                let (a, b) = (low / step[axis], high / step[axis]);
-                enter = enter.max(a.min(b));
-                leave = leave.min(a.max(b));
-            }
-        }
-        enter <= leave
+    /// Whether the segment meets the box grown by the segment's margin on all sides; an empty box meets nothing.
+    fn meets(self, segment: &Slabs) -> bool {
+        let (low, high) = (self.low - segment.margin - segment.from, self.high + segment.margin - segment.from);
+        let enter = DVec3::select(segment.backward, high, low) * segment.inverse;
+        let leave = DVec3::select(segment.backward, low, high) * segment.inverse;
+        enter.max_element().max(0.0) <= leave.min_element().min(1.0)
+    }
+}
+
+/// A segment from 0 to 1, prepared for being cut by the planes of boxes.
+struct Slabs {
+    from: DVec3,
+    inverse: DVec3,
+    backward: BVec3,
+    margin: f64,
+}
+
+impl Slabs {
+    /// Steps shorter than this count as this, so that their inverse is finite.
+    const STEP_MIN: f64 = 1e-300;
+
+    fn new([from, to]: [DVec3; 2], margin: f64) -> Self {
+        let step = to - from;
+        let inverse =
+            DVec3::select(step.abs().cmplt(DVec3::splat(Self::STEP_MIN)), DVec3::splat(Self::STEP_MIN), step).recip();
+        Self { from, inverse, backward: inverse.cmplt(DVec3::ZERO), margin }
     }
 }
 
@@ -109,12 +119,12 @@ impl BoxTree {
     }
 
     /// Calls `visit` with every item whose box may lie within `margin` of the segment, and with some that do not.
-    pub fn near_segment(&self, [from, to]: [DVec3; 2], margin: f64, mut visit: impl FnMut(u32)) {
-        let step = to - from;
+    pub fn near_segment(&self, ends: [DVec3; 2], margin: f64, mut visit: impl FnMut(u32)) {
+        let segment = Slabs::new(ends, margin);
         let mut pending = Vec::with_capacity(64);
         pending.push(1);
         while let Some(node) = pending.pop() {
-            if !self.nodes[node].meets_segment(from, step, margin) {
+            if !self.nodes[node].meets(&segment) {
                 continue;
             }
             if node >= self.leaf_base {
@@ -172,6 +182,14 @@ mod tests {
         let tree = BoxTree::new(&[]);
         assert_eq!(tree.nearest_sq(DVec3::ZERO, |_| 0.0), f64::INFINITY);
         tree.near_segment([DVec3::ZERO, DVec3::ONE], 1.0, |_| panic!("nothing to visit"));
+    }
+
+    #[test]
+    fn an_empty_box_meets_no_segment() {
+        for to in [DVec3::ONE, -DVec3::ONE, DVec3::X, DVec3::ZERO] {
+            assert!(!Bounds::EMPTY.meets(&Slabs::new([DVec3::ZERO, to], 1.0)));
+            assert!(Bounds::around([to]).meets(&Slabs::new([DVec3::ZERO, to], 1e-9)));
+        }
     }
 
     proptest! {

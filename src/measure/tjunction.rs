@@ -33,6 +33,9 @@ pub fn count_t_junctions(positions: &[DVec3], boundary: &[[u32; 2]], tolerance: 
             let mut found = Vec::new();
             for &[a, b] in edges {
                 let ends = [positions[a as usize], positions[b as usize]];
+                if ends[0].distance(ends[1]) <= 2.0 * tolerance {
+                    continue; // too short to have an inside
+                }
                 tree.near_segment(ends, tolerance * SEARCH_MARGIN, |item| {
                     let vertex = vertices[item as usize];
                     if vertex != a && vertex != b && touches_inside(positions[vertex as usize], ends, tolerance) {
@@ -60,6 +63,24 @@ fn touches_inside(point: DVec3, [from, to]: [DVec3; 2], tolerance: f64) -> bool 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn counts_are_those_of_a_plain_search(
+            positions in prop::collection::vec(prop::array::uniform3(0i8..5), 20),
+            edges in prop::collection::vec(prop::array::uniform2(0u32..20), 0..40),
+        ) {
+            let positions: Vec<DVec3> = positions.into_iter().map(|p| DVec3::from(p.map(f64::from))).collect();
+            let expected = vertices_of(&edges).into_iter().filter(|&v| {
+                edges.iter().any(|&edge| {
+                    let ends = edge.map(|end| positions[end as usize]);
+                    !edge.contains(&v) && touches_inside(positions[v as usize], ends, 1e-6)
+                })
+            });
+            prop_assert_eq!(count_t_junctions(&positions, &edges, 1e-6), expected.count() as u64);
+        }
+    }
 
     #[test]
     fn one_long_edge_past_many_short_ones_is_found_quickly() {
