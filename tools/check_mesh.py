@@ -41,7 +41,7 @@ class BadMesh(Exception):
 
 
 class Mesh:
-    """positions (v, 3), texcoords (t, 2), faces (f, 3), face_texcoords (f, 3; -1 for none), materials (f; -1 for none)."""
+    """positions (v, 3), texcoords (t, 2), faces (f, 3), face_texcoords (f, 3) and materials (f); -1 stands for none."""
 
 
 def read_obj(path):
@@ -270,9 +270,10 @@ def count_t_junctions(positions, boundary, tolerance):
     origin = positions[vertices].min(axis=0)
     extent = float((positions[vertices].max(axis=0) - origin).max())
     length = lengths(positions[boundary[:, 1]] - positions[boundary[:, 0]])
-    cell = max(float(length.mean()), 8 * tolerance, extent / 1e6)
-    if not cell > 0:
+    boundary, length = boundary[length > 2 * tolerance], length[length > 2 * tolerance]  # shorter ones have no inside
+    if not len(boundary):
         return 0
+    cell = max(float(length.mean()), 8 * tolerance, extent / 1e6)
 
     def keys(cells):
         return (cells[:, 0] << 42) + (cells[:, 1] << 21) + cells[:, 2]
@@ -305,7 +306,7 @@ def count_t_junctions(positions, boundary, tolerance):
             to = max(int(np.searchsorted(ends, done + PAIRS_AT_ONCE, "right")), at + 1)
             number = (last - first)[at:to]
             pair_edge = boundary[np.repeat(edges[at:to], number)]
-            pair = np.arange(number.sum()) - np.repeat(np.cumsum(number) - number, number) + np.repeat(first[at:to], number)
+            pair = np.arange(number.sum()) + np.repeat(first[at:to] - np.cumsum(number) + number, number)
             found[pair[touches_inside(positions, vertices[pair], pair_edge, tolerance)]] = True
             at = to
     return int(found.sum())

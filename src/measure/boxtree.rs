@@ -1,6 +1,6 @@
 //! A tree of bounding boxes over points or segments: what is near a segment, what is nearest to a point.
 //!
-//! Boxes are sorted along a Morton curve, put into leaves of [`LEAF_BOXES`], and leaves into a complete binary tree:
+//! Boxes are sorted along a Morton curve, put into leaves of eight, and leaves into a complete binary tree:
 //!
 //! ```text
 //!                 1

@@ -23,4 +23,4 @@ pub mod tjunction;
 
 pub use border::{BorderDeviation, border_deviation};
 pub use check::{Check, Regression, check, compare_checks, weld_and_check};
-pub use surface::Surface;
+pub use surface::{NO_MATERIAL, Surface};
