@@ -1,0 +1,171 @@
+//! How far the open borders of a result lie from those of its input.
+//!
+//! ```text
+//!   before   .--.--.--.--.--.--.
+//!                   d |               points along the border after, each to its nearest place on the border before
+//!   after    x----x----x----x
+//! ```
+//!
+//! # Memory
+//! About 120 bytes per boundary edge before (four times that if long edges fill space), 8 per vertex after.
+
+use glam::DVec3;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::boxtree::{Bounds, BoxTree};
+use super::edges::{EdgeTable, vertices_of};
+use super::surface::Surface;
+
+/// Points taken along the border, at most (beyond its vertices).
+const SAMPLE_LIMIT: f64 = 1e6;
+/// Distance of points along the border, in mean lengths of its edges.
+const SAMPLE_STEP: f64 = 0.5;
+/// An indexed piece of an edge is at most this many mean edge lengths long: a long edge would have a wide box.
+const PIECE_LENGTH_MAX: f64 = 2.0;
+/// Pieces are not cut below this many mean edge lengths, so that there are at most four for each edge.
+const PIECE_LENGTH_MIN: f64 = 1.0 / 3.0;
+/// Edges that a thread takes at a time; sums are made per chunk and then in order, whatever the thread count.
+const EDGES_AT_ONCE: usize = 4096;
+
+/// Distances from a border to another one, in the mesh's unit of length.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct BorderDeviation {
+    /// Largest distance.
+    pub max: f64,
+    /// Root of the mean squared distance over the border's length.
+    pub rms: f64,
+}
+
+/// Distance from the boundary edges of `after` to those of `before`; both surfaces are [welded](Surface::welded).
+///
+/// Zero if `after` has no border; infinite if only `before` has none. About O(n log n).
+pub fn border_deviation(before: &Surface, after: &Surface) -> BorderDeviation {
+    let border = EdgeTable::new(&after.faces).boundary();
+    if border.is_empty() {
+        return BorderDeviation::default();
+    }
+    let index = BorderIndex::new(before);
+    if index.pieces.is_empty() {
+        return BorderDeviation { max: f64::INFINITY, rms: f64::INFINITY };
+    }
+    let vertices = vertices_of(&border);
+    let at_vertices: Vec<f64> = vertices.par_iter().map(|&v| index.distance_sq(after.position(v))).collect();
+    let at_vertex = |vertex: u32| vertices.binary_search(&vertex).map_or(0.0, |i| at_vertices[i]);
+
+    let length: f64 = border.iter().map(|edge| segment(after, *edge)).map(|[a, b]| a.distance(b)).sum();
+    let step = (SAMPLE_STEP * length / border.len() as f64).max(length / SAMPLE_LIMIT);
+    let sums: Vec<(f64, f64)> = border
+        .par_chunks(EDGES_AT_ONCE)
+        .map(|edges| {
+            let (mut max_sq, mut integral) = (0.0f64, 0.0);
+            for &edge in edges {
+                let ends = edge.map(at_vertex);
+                let [from, to] = segment(after, edge);
+                let parts = piece_count(from.distance(to), step);
+                let mut sum = 0.5 * (ends[0] + ends[1]);
+                max_sq = max_sq.max(ends[0]).max(ends[1]);
+                for part in 1..parts {
+                    let at_point = index.distance_sq(from.lerp(to, part as f64 / parts as f64));
+                    max_sq = max_sq.max(at_point);
+                    sum += at_point;
+                }
+                integral += sum * from.distance(to) / parts as f64;
+            }
+            (max_sq, integral)
+        })
+        .collect();
+    let (max_sq, integral) = sums.into_iter().fold((0.0f64, 0.0), |all, one| (all.0.max(one.0), all.1 + one.1));
+    let mean_sq = if length > 0.0 { integral / length } else { max_sq };
+    BorderDeviation { max: max_sq.sqrt(), rms: mean_sq.sqrt() }
+}
+
+fn segment(surface: &Surface, edge: [u32; 2]) -> [DVec3; 2] {
+    edge.map(|vertex| surface.position(vertex))
+}
+
+/// Number of parts, at least 1, of at most about `step` that make up `length`; 1 if lengths are 0 or no numbers.
+fn piece_count(length: f64, step: f64) -> usize {
+    if step > 0.0 { ((length / step).ceil() as usize).max(1) } else { 1 }
+}
+
+struct BorderIndex {
+    pieces: Vec<[DVec3; 2]>,
+    tree: BoxTree,
+}
+
+impl BorderIndex {
+    fn new(surface: &Surface) -> Self {
+        let border = EdgeTable::new(&surface.faces).boundary();
+        let length: f64 = border.iter().map(|&edge| segment(surface, edge)).map(|[a, b]| a.distance(b)).sum();
+        let mean = length / border.len().max(1) as f64;
+        let bounds = Bounds::around(border.iter().flat_map(|&edge| segment(surface, edge)));
+        // edges that fill space, as those of a soup of triangles do, are cut to the size of their share of it
+        let share = bounds.diagonal() / (border.len().max(1) as f64).cbrt();
+        let step = share.max(PIECE_LENGTH_MIN * mean).min(PIECE_LENGTH_MAX * mean);
+        let mut pieces = Vec::with_capacity(border.len() + border.len() / 2);
+        for &edge in &border {
+            let [from, to] = segment(surface, edge);
+            let parts = piece_count(from.distance(to), step);
+            let at = |part: usize| if part == parts { to } else { from.lerp(to, part as f64 / parts as f64) };
+            pieces.extend((0..parts).map(|part| [at(part), at(part + 1)]));
+        }
+        let boxes: Vec<Bounds> = pieces.iter().map(|&piece| Bounds::around(piece)).collect();
+        Self { tree: BoxTree::new(&boxes), pieces }
+    }
+
+    fn distance_sq(&self, point: DVec3) -> f64 {
+        self.tree.nearest_sq(point, |item| segment_distance_sq(point, self.pieces[item as usize]))
+    }
+}
+
+fn segment_distance_sq(point: DVec3, [from, to]: [DVec3; 2]) -> f64 {
+    let (step, offset) = (to - from, point - from);
+    let length_sq = step.length_squared();
+    let along = if length_sq > 0.0 { (offset.dot(step) / length_sq).clamp(0.0, 1.0) } else { 0.0 };
+    (offset - step * along).length_squared()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::surface::tests::bare;
+    use super::*;
+
+    fn square(side: f64, height: f64) -> Surface {
+        // 2 - 3
+        // | \ |
+        // 0 - 1
+        let positions = [[0.0, 0.0, height], [side, 0.0, height], [0.0, side, height], [side, side, height]];
+        bare(&positions, &[[0, 1, 2], [2, 1, 3]])
+    }
+
+    #[test]
+    fn a_border_lies_on_itself() {
+        assert_eq!(border_deviation(&square(1.0, 0.0), &square(1.0, 0.0)), BorderDeviation::default());
+    }
+
+    #[test]
+    fn a_lifted_border_is_as_far_as_it_was_lifted() {
+        let deviation = border_deviation(&square(1.0, 0.0), &square(1.0, 0.25));
+        assert!((deviation.max - 0.25).abs() < 1e-12 && (deviation.rms - 0.25).abs() < 1e-12);
+    }
+
+    #[test]
+    fn inside_points_of_a_long_edge_are_seen() {
+        // 3 ----- 2        the corner at 2 is cut: the new edge 1 3 passes it at √½
+        // |     / |
+        // |   /   |
+        // 0 ----- 1
+        let whole = bare(&[[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 1, 2], [0, 2, 3]]);
+        let cut = bare(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 1, 2]]);
+        let deviation = border_deviation(&whole, &cut);
+        assert!(deviation.max > 0.3 && deviation.max <= 0.5 && deviation.rms < deviation.max);
+    }
+
+    #[test]
+    fn a_border_that_was_not_there_is_infinitely_far() {
+        let closed = bare(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 1, 2], [0, 2, 1]]);
+        assert_eq!(border_deviation(&closed, &square(1.0, 0.0)).max, f64::INFINITY);
+        assert_eq!(border_deviation(&square(1.0, 0.0), &closed), BorderDeviation::default());
+    }
+}

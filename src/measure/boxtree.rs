@@ -1,0 +1,219 @@
+//! A tree of bounding boxes over points or segments: what is near a segment, what is nearest to a point.
+//!
+//! Boxes are sorted along a Morton curve, put into leaves of eight, and leaves into a complete binary tree:
+//!
+//! ```text
+//!                 1
+//!         2               3            node i has the children 2 i and 2 i + 1;
+//!     4       5       6       7        the leaves follow at leaf_base, padded with empty boxes
+//!   |....|  |....|  |....|  |..  |
+//! ```
+//! Unlike a uniform grid it does not care how unevenly lengths and densities are spread.
+//!
+//! # Memory
+//! 48 bytes a box plus 48 · 2 / 8 to 48 · 4 / 8 for the nodes.
+
+use glam::{BVec3, DVec3};
+use rayon::prelude::*;
+
+/// Boxes of a leaf.
+const LEAF_BOXES: usize = 8;
+/// Bits of a Morton code along each axis.
+const MORTON_BITS: u32 = 21;
+
+/// An axis-aligned box; empty if `low` is above `high`.
+#[derive(Debug, Clone, Copy)]
+pub struct Bounds {
+    /// Smallest coordinates.
+    pub low: DVec3,
+    /// Largest coordinates.
+    pub high: DVec3,
+}
+
+impl Bounds {
+    /// The box of nothing.
+    pub const EMPTY: Self = Self { low: DVec3::INFINITY, high: DVec3::NEG_INFINITY };
+
+    /// The smallest box around some points.
+    pub fn around(points: impl IntoIterator<Item = DVec3>) -> Self {
+        points.into_iter().fold(Self::EMPTY, |b, p| Self { low: b.low.min(p), high: b.high.max(p) })
+    }
+
+    /// Length of the diagonal; 0 if the box is empty.
+    pub fn diagonal(self) -> f64 {
+        (self.high - self.low).max(DVec3::ZERO).length()
+    }
+
+    fn with(self, other: Self) -> Self {
+        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+
+    fn distance_sq(self, point: DVec3) -> f64 {
+        (self.low - point).max(point - self.high).max(DVec3::ZERO).length_squared()
+    }
+
+    /// Whether the segment meets the box grown by the segment's margin on all sides; an empty box meets nothing.
+    fn meets(self, segment: &Slabs) -> bool {
+        let (low, high) = (self.low - segment.margin - segment.from, self.high + segment.margin - segment.from);
+        let enter = DVec3::select(segment.backward, high, low) * segment.inverse;
+        let leave = DVec3::select(segment.backward, low, high) * segment.inverse;
+        enter.max_element().max(0.0) <= leave.min_element().min(1.0)
+    }
+}
+
+/// A segment from 0 to 1, prepared for being cut by the planes of boxes.
+struct Slabs {
+    from: DVec3,
+    inverse: DVec3,
+    backward: BVec3,
+    margin: f64,
+}
+
+impl Slabs {
+    /// Steps shorter than this count as this, so that their inverse is finite.
+    const STEP_MIN: f64 = 1e-300;
+
+    fn new([from, to]: [DVec3; 2], margin: f64) -> Self {
+        let step = to - from;
+        let inverse =
+            DVec3::select(step.abs().cmplt(DVec3::splat(Self::STEP_MIN)), DVec3::splat(Self::STEP_MIN), step).recip();
+        Self { from, inverse, backward: inverse.cmplt(DVec3::ZERO), margin }
+    }
+}
+
+/// Boxes by place; an item is the index of its box.
+#[derive(Debug)]
+pub struct BoxTree {
+    items: Vec<u32>,
+    nodes: Vec<Bounds>,
+    leaf_base: usize,
+}
+
+impl BoxTree {
+    /// Sorts the boxes of the items 0 .. n; O(n log n).
+    pub fn new(boxes: &[Bounds]) -> Self {
+        let whole = boxes.iter().fold(Bounds::EMPTY, |all, b| all.with(*b));
+        let scale =
+            f64::from((1u32 << MORTON_BITS) - 1) / (whole.high - whole.low).max_element().max(f64::MIN_POSITIVE);
+        let code = |b: &Bounds| {
+            let at = ((b.low + b.high) * 0.5 - whole.low) * scale;
+            spread_bits(at.x as u64) | spread_bits(at.y as u64) << 1 | spread_bits(at.z as u64) << 2
+        };
+        let mut keys: Vec<(u64, u32)> = boxes.iter().zip(0u32..).map(|(b, item)| (code(b), item)).collect();
+        keys.par_sort_unstable();
+        let items: Vec<u32> = keys.into_iter().map(|(_, item)| item).collect();
+        let leaf_base = items.len().div_ceil(LEAF_BOXES).next_power_of_two();
+        let mut nodes = vec![Bounds::EMPTY; 2 * leaf_base];
+        for (node, leaf) in nodes[leaf_base..].iter_mut().zip(items.chunks(LEAF_BOXES)) {
+            *node = leaf.iter().fold(Bounds::EMPTY, |all, &item| all.with(boxes[item as usize]));
+        }
+        for node in (1..leaf_base).rev() {
+            nodes[node] = nodes[2 * node].with(nodes[2 * node + 1]);
+        }
+        Self { items, nodes, leaf_base }
+    }
+
+    fn leaf(&self, node: usize) -> &[u32] {
+        let begin = ((node - self.leaf_base) * LEAF_BOXES).min(self.items.len());
+        &self.items[begin..(begin + LEAF_BOXES).min(self.items.len())]
+    }
+
+    /// Calls `visit` with every item whose box may lie within `margin` of the segment, and with some that do not.
+    pub fn near_segment(&self, ends: [DVec3; 2], margin: f64, mut visit: impl FnMut(u32)) {
+        let segment = Slabs::new(ends, margin);
+        let mut pending = Vec::with_capacity(64);
+        pending.push(1);
+        while let Some(node) = pending.pop() {
+            if !self.nodes[node].meets(&segment) {
+                continue;
+            }
+            if node >= self.leaf_base {
+                self.leaf(node).iter().copied().for_each(&mut visit);
+            } else {
+                pending.extend([2 * node + 1, 2 * node]);
+            }
+        }
+    }
+
+    /// Smallest of `distance_sq` over all items, where an item is no nearer to `point` than its box; infinity
+    /// without items.
+    pub fn nearest_sq(&self, point: DVec3, mut distance_sq: impl FnMut(u32) -> f64) -> f64 {
+        let mut best = f64::INFINITY;
+        let mut pending = Vec::with_capacity(64);
+        pending.push((0.0, 1));
+        while let Some((bound, node)) = pending.pop() {
+            if bound >= best {
+                continue;
+            }
+            if node >= self.leaf_base {
+                best = self.leaf(node).iter().fold(best, |best, &item| best.min(distance_sq(item)));
+                continue;
+            }
+            let [a, b] = [2 * node, 2 * node + 1].map(|child| (self.nodes[child].distance_sq(point), child));
+            pending.extend(if a.0 <= b.0 { [b, a] } else { [a, b] });
+        }
+        best
+    }
+}
+
+/// Puts two zero bits after each of the lower 21 bits.
+fn spread_bits(x: u64) -> u64 {
+    let x = x & 0x1f_ffff;
+    let x = (x | x << 32) & 0x1f_0000_0000_ffff;
+    let x = (x | x << 16) & 0x1f_0000_ff00_00ff;
+    let x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
+    let x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
+    (x | x << 2) & 0x1249_2492_4924_9249
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn bits_are_spread_by_three() {
+        assert_eq!(spread_bits(0b1011), 0b001_000_001_001);
+        assert_eq!(spread_bits(0x1f_ffff), 0x1249_2492_4924_9249);
+    }
+
+    #[test]
+    fn an_empty_tree_has_nothing_near() {
+        let tree = BoxTree::new(&[]);
+        assert_eq!(tree.nearest_sq(DVec3::ZERO, |_| 0.0), f64::INFINITY);
+        tree.near_segment([DVec3::ZERO, DVec3::ONE], 1.0, |_| panic!("nothing to visit"));
+    }
+
+    #[test]
+    fn an_empty_box_meets_no_segment() {
+        for to in [DVec3::ONE, -DVec3::ONE, DVec3::X, DVec3::ZERO] {
+            assert!(!Bounds::EMPTY.meets(&Slabs::new([DVec3::ZERO, to], 1.0)));
+            assert!(Bounds::around([to]).meets(&Slabs::new([DVec3::ZERO, to], 1e-9)));
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_nearest_point_is_that_of_a_plain_search(
+            points in prop::collection::vec(prop::array::uniform3(-9i8..9), 1..80),
+            from in prop::array::uniform3(-9i8..9),
+            to in prop::array::uniform3(-9i8..9),
+        ) {
+            let vector = |p: [i8; 3]| DVec3::from(p.map(f64::from));
+            let points: Vec<DVec3> = points.into_iter().map(vector).collect();
+            let (from, to) = (vector(from), vector(to));
+            let boxes: Vec<Bounds> = points.iter().map(|&p| Bounds::around([p])).collect();
+            let tree = BoxTree::new(&boxes);
+            let nearest = tree.nearest_sq(from, |item| points[item as usize].distance_squared(from));
+            let expected = points.iter().map(|p| p.distance_squared(from)).fold(f64::INFINITY, f64::min);
+            prop_assert_eq!(nearest, expected);
+            let mut seen = vec![false; points.len()];
+            tree.near_segment([from, to], 0.5, |item| seen[item as usize] = true);
+            for (point, seen) in points.iter().zip(seen) {
+                let along = (*point - from).dot(to - from) / (to - from).length_squared().max(1.0);
+                let foot = from + (to - from) * along.clamp(0.0, 1.0);
+                prop_assert!(seen || point.distance(foot) > 0.49);
+            }
+        }
+    }
+}

@@ -1,0 +1,257 @@
+//! Counts that tell whether a mesh is cracked, and whether it is more so than another one.
+//!
+//! Edges are undirected pairs of vertices; a face that repeats a vertex is counted and otherwise left out.
+//!
+//! ```text
+//!   .----.        .---.---.       .       .            .---.          .
+//!   |    |        | \ | / |       | \   / |           /|  /          /|\
+//!   |  . |        |   +   |       |   *   |          / | /          / | \
+//!   |    |        | / | \ |       | /   \ |         .--#--.        .--+--.
+//!   '----'        '---'---'       '       '            a third      the upper faces have an edge, the lower ones
+//!   boundary      inside          * has two fans       face at #    a vertex in its middle: a T-junction
+//! ```
+
+use glam::DVec3;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::boxtree::Bounds;
+use super::chart::count_charts;
+use super::edges::{EdgeTable, repeats_vertex, vertices_of};
+use super::forest::DisjointSets;
+use super::surface::Surface;
+use super::tjunction::count_t_junctions;
+
+/// How near a boundary vertex has to be to a boundary edge for a T-junction, per length of the bounding box's diagonal.
+pub const T_JUNCTION_TOLERANCE: f64 = 1e-6;
+/// A triangle lower than this, per length of its longest side, has no area.
+const FLAT_RATIO: f64 = 1e-9;
+/// A triangle lower than this many roundings of the largest coordinate has no area.
+const FLAT_ROUNDINGS: f64 = 4.0;
+
+/// What was counted on a surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct Check {
+    /// Vertices that a face names.
+    pub vertices: u64,
+    /// Faces, without the degenerate ones.
+    pub faces: u64,
+    /// Vertices that no face names.
+    pub unused_vertices: u64,
+    /// Faces that repeat a vertex.
+    pub degenerate_faces: u64,
+    /// Faces of three vertices without area: lower than 10⁻⁹ of their longest side, or than four roundings of the
+    /// largest coordinate.
+    pub zero_area_faces: u64,
+    /// Faces whose three vertices are those of a face before, in any order.
+    pub duplicate_faces: u64,
+    /// Edges of exactly one face.
+    pub boundary_edges: u64,
+    /// Sets of boundary edges that hang together over vertices: borders that touch at a vertex are one.
+    pub boundary_loops: u64,
+    /// Edges of three or more faces.
+    pub non_manifold_edges: u64,
+    /// Edges of two faces that run along it in the same direction.
+    pub inconsistent_edges: u64,
+    /// Vertices whose faces form more than one fan: not all of them hang together over edges at the vertex.
+    pub non_manifold_vertices: u64,
+    /// Sets of faces that hang together over edges; faces that share only a vertex are apart.
+    pub components: u64,
+    /// Euler characteristic V - E + F over used vertices, edges and faces.
+    pub euler: i64,
+    /// Boundary vertices within [`T_JUNCTION_TOLERANCE`] of the inside of a boundary edge that is not theirs.
+    pub t_junctions: u64,
+    /// Triangles whose corners run clockwise in texture space.
+    pub uv_negative: u64,
+    /// Triangles whose corners run counter-clockwise in texture space.
+    pub uv_positive: u64,
+    /// Triangles without area in texture space.
+    pub uv_degenerate: u64,
+    /// Triangles that run against the majority (by area in texture space) of their chart.
+    pub folded_uv: u64,
+    /// Sets of textured faces that hang together over edges that are no seams.
+    pub charts: u64,
+    /// Edges of two faces that differ there in a texture coordinate's value or in material.
+    pub seam_edges: u64,
+}
+
+/// Counts on a surface that is [welded](Surface::welded); O(n log n).
+///
+/// # Panics
+/// If a face names a vertex or a texture coordinate that does not exist, or with more than 2³² / 3 faces.
+pub fn check(surface: &Surface) -> Check {
+    let faces = &surface.faces;
+    let sound = |face: &[u32; 3]| !repeats_vertex(*face);
+    let mut used = vec![false; surface.positions.len()];
+    for &vertex in faces.iter().filter(|&face| sound(face)).flatten() {
+        used[vertex as usize] = true;
+    }
+    let used_positions = || surface.positions.iter().zip(&used).filter(|&(_, &used)| used).map(|(&p, _)| p);
+    let bounds = Bounds::around(used_positions());
+    let largest = bounds.low.abs().max(bounds.high.abs()).max_element();
+    let vertices = used.iter().filter(|&&used| used).count() as u64;
+    let face_count = faces.iter().filter(|&face| sound(face)).count() as u64;
+
+    let edges = EdgeTable::new(faces);
+    let topology = count_topology(surface, &edges);
+    let boundary = edges.boundary();
+    let charts = count_charts(surface, &edges);
+    drop(edges);
+    Check {
+        vertices,
+        faces: face_count,
+        unused_vertices: surface.positions.len() as u64 - vertices,
+        degenerate_faces: faces.len() as u64 - face_count,
+        zero_area_faces: faces
+            .iter()
+            .filter(|&face| sound(face) && has_no_area(face.map(|v| surface.position(v)), largest))
+            .count() as u64,
+        duplicate_faces: count_duplicates(faces),
+        boundary_edges: boundary.len() as u64,
+        boundary_loops: count_loops(surface.positions.len(), &boundary),
+        non_manifold_edges: topology.non_manifold_edges,
+        inconsistent_edges: topology.inconsistent_edges,
+        non_manifold_vertices: topology.non_manifold_vertices,
+        components: topology.components,
+        euler: vertices as i64 - topology.edges as i64 + face_count as i64,
+        t_junctions: count_t_junctions(&surface.positions, &boundary, T_JUNCTION_TOLERANCE * bounds.diagonal()),
+        uv_negative: charts.uv_negative,
+        uv_positive: charts.uv_positive,
+        uv_degenerate: charts.uv_degenerate,
+        folded_uv: charts.folded_uv,
+        charts: charts.charts,
+        seam_edges: charts.seam_edges,
+    }
+}
+
+/// Welds a surface and counts on it; faces that repeat a position, which welding drops, are the degenerate ones.
+///
+/// # Panics
+/// As [`check`].
+pub fn weld_and_check(surface: &Surface) -> Check {
+    let welded = surface.welded();
+    let dropped = surface.faces.len() - welded.faces.len();
+    Check { degenerate_faces: dropped as u64, ..check(&welded) }
+}
+
+/// Whether a triangle of doubled area `area_2` and of a longest side of squared length `longest_sq` is flat, among
+/// coordinates of up to `largest`.
+pub(super) fn is_flat(area_2: f64, longest_sq: f64, largest: f64) -> bool {
+    let longest = longest_sq.sqrt();
+    let height_limit = FLAT_RATIO * longest + FLAT_ROUNDINGS * f64::EPSILON * largest;
+    // a triangle with a coordinate that is not a number has no area either
+    area_2 <= longest * height_limit || area_2.is_nan() || height_limit.is_nan()
+}
+
+fn has_no_area([a, b, c]: [DVec3; 3], largest: f64) -> bool {
+    let longest_sq = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
+    is_flat((b - a).cross(c - a).length(), longest_sq, largest)
+}
+
+struct Topology {
+    edges: u64,
+    non_manifold_edges: u64,
+    inconsistent_edges: u64,
+    non_manifold_vertices: u64,
+    components: u64,
+}
+
+fn count_topology(surface: &Surface, edges: &EdgeTable) -> Topology {
+    let faces = &surface.faces;
+    let mut topology =
+        Topology { edges: 0, non_manifold_edges: 0, inconsistent_edges: 0, non_manifold_vertices: 0, components: 0 };
+    let mut corners = DisjointSets::new(faces.len() * 3);
+    let mut pieces = DisjointSets::new(faces.len());
+    for edge in edges.iter() {
+        topology.edges += 1;
+        match edge {
+            [_] => {}
+            [a, b] => topology.inconsistent_edges += u64::from(a.runs_up(faces) == b.runs_up(faces)),
+            _ => topology.non_manifold_edges += 1,
+        }
+        let first = edge[0];
+        for &other in &edge[1..] {
+            pieces.join(first.face() as u32, other.face() as u32);
+            for (a, b) in first.corners(faces).into_iter().zip(other.corners(faces)) {
+                corners.join((first.face() * 3 + a) as u32, (other.face() * 3 + b) as u32);
+            }
+        }
+    }
+    let mut has_fan = vec![false; surface.positions.len()];
+    let mut has_two_fans = vec![false; surface.positions.len()];
+    for (face, vertices) in faces.iter().enumerate().filter(|&(_, &vertices)| !repeats_vertex(vertices)) {
+        topology.components += u64::from(pieces.is_root(face as u32));
+        for (corner, &vertex) in vertices.iter().enumerate() {
+            if corners.is_root((face * 3 + corner) as u32) {
+                has_two_fans[vertex as usize] |= has_fan[vertex as usize];
+                has_fan[vertex as usize] = true;
+            }
+        }
+    }
+    topology.non_manifold_vertices = has_two_fans.iter().filter(|&&two| two).count() as u64;
+    topology
+}
+
+fn count_duplicates(faces: &[[u32; 3]]) -> u64 {
+    let mut sets: Vec<[u32; 3]> = faces.iter().copied().filter(|&face| !repeats_vertex(face)).collect();
+    sets.iter_mut().for_each(|set| set.sort_unstable());
+    sets.par_sort_unstable();
+    let before = sets.len();
+    sets.dedup();
+    (before - sets.len()) as u64
+}
+
+fn count_loops(vertex_count: usize, boundary: &[[u32; 2]]) -> u64 {
+    let mut loops = DisjointSets::new(vertex_count);
+    for &[a, b] in boundary {
+        loops.join(a, b);
+    }
+    vertices_of(boundary).into_iter().filter(|&vertex| loops.is_root(vertex)).count() as u64
+}
+
+/// A count that is worse after than before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Regression {
+    /// What was counted, in words: "T-junctions".
+    pub what: &'static str,
+    /// Number before.
+    pub before: u64,
+    /// Number after.
+    pub after: u64,
+}
+
+impl std::fmt::Display for Regression {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}: {} before, {} after", self.what, self.before, self.after)
+    }
+}
+
+/// What is new: the counts of `after` that are worse than those of `before`, in a fixed order.
+///
+/// Boundary edges count only if there were none: an open border may have more or fewer edges, but a closed mesh must
+/// stay closed.
+pub fn compare_checks(before: &Check, after: &Check) -> Vec<Regression> {
+    let mut regressions = Vec::new();
+    let mut risen = |what, before: u64, after: u64| {
+        if after > before {
+            regressions.push(Regression { what, before, after });
+        }
+    };
+    if before.boundary_edges == 0 {
+        risen("open edges of a closed mesh", 0, after.boundary_edges);
+    }
+    risen("boundary loops", before.boundary_loops, after.boundary_loops);
+    risen("T-junctions", before.t_junctions, after.t_junctions);
+    risen("non-manifold edges", before.non_manifold_edges, after.non_manifold_edges);
+    risen("non-manifold vertices", before.non_manifold_vertices, after.non_manifold_vertices);
+    risen("inconsistent edges", before.inconsistent_edges, after.inconsistent_edges);
+    risen("components", before.components, after.components);
+    risen("degenerate faces", before.degenerate_faces, after.degenerate_faces);
+    risen("zero-area faces", before.zero_area_faces, after.zero_area_faces);
+    risen("duplicate faces", before.duplicate_faces, after.duplicate_faces);
+    risen("folded texture triangles", before.folded_uv, after.folded_uv);
+    regressions
+}
+
+#[cfg(test)]
+mod tests;

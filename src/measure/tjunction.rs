@@ -1,0 +1,105 @@
+//! T-junctions: boundary vertices that touch the inside of a boundary edge they do not belong to.
+//!
+//! ```text
+//!   d---------c
+//!   | .     . |
+//!   |   . .   |
+//!   a----p----b      above p the edge a b runs through; below p it is two edges
+//!   |  . | .  |
+//!   e----f----g
+//! ```
+//! Such a vertex is a crack that opens as soon as either side moves.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::boxtree::{Bounds, BoxTree};
+use super::edges::vertices_of;
+
+/// Edges that a thread takes at a time.
+const EDGES_AT_ONCE: usize = 4096;
+/// How much wider than the tolerance boxes are searched, so that rounding loses no candidate.
+const SEARCH_MARGIN: f64 = 1.01;
+
+/// Number of vertices of the boundary edges that lie within `tolerance` (a length) of another boundary edge and, along
+/// it, farther than that from both of its ends. About O(n log n).
+pub fn count_t_junctions(positions: &[DVec3], boundary: &[[u32; 2]], tolerance: f64) -> u64 {
+    let vertices = vertices_of(boundary);
+    let boxes: Vec<Bounds> = vertices.iter().map(|&v| Bounds::around([positions[v as usize]])).collect();
+    let tree = BoxTree::new(&boxes);
+    let mut touching: Vec<u32> = boundary
+        .par_chunks(EDGES_AT_ONCE)
+        .flat_map_iter(|edges| {
+            let mut found = Vec::new();
+            for &[a, b] in edges {
+                let ends = [positions[a as usize], positions[b as usize]];
+                if ends[0].distance(ends[1]) <= 2.0 * tolerance {
+                    continue; // too short to have an inside
+                }
+                tree.near_segment(ends, tolerance * SEARCH_MARGIN, |item| {
+                    let vertex = vertices[item as usize];
+                    if vertex != a && vertex != b && touches_inside(positions[vertex as usize], ends, tolerance) {
+                        found.push(item);
+                    }
+                });
+            }
+            found
+        })
+        .collect();
+    touching.par_sort_unstable();
+    touching.dedup();
+    touching.len() as u64
+}
+
+fn touches_inside(point: DVec3, [from, to]: [DVec3; 2], tolerance: f64) -> bool {
+    let (step, offset) = (to - from, point - from);
+    let length_sq = step.dot(step);
+    let length = length_sq.sqrt();
+    let along = offset.dot(step) / length_sq;
+    let off = offset - step * along;
+    along * length > tolerance && (1.0 - along) * length > tolerance && off.dot(off) <= tolerance * tolerance
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn counts_are_those_of_a_plain_search(
+            positions in prop::collection::vec(prop::array::uniform3(0i8..5), 20),
+            edges in prop::collection::vec(prop::array::uniform2(0u32..20), 0..40),
+        ) {
+            let positions: Vec<DVec3> = positions.into_iter().map(|p| DVec3::from(p.map(f64::from))).collect();
+            let expected = vertices_of(&edges).into_iter().filter(|&v| {
+                edges.iter().any(|&edge| {
+                    let ends = edge.map(|end| positions[end as usize]);
+                    !edge.contains(&v) && touches_inside(positions[v as usize], ends, 1e-6)
+                })
+            });
+            prop_assert_eq!(count_t_junctions(&positions, &edges, 1e-6), expected.count() as u64);
+        }
+    }
+
+    #[test]
+    fn one_long_edge_past_many_short_ones_is_found_quickly() {
+        // a comb of short edges; each begins at distance 0 of the long edge at the bottom
+        // | | | | | |
+        // -----------
+        let count = 20_000u32;
+        let mut positions = vec![DVec3::ZERO, DVec3::X * f64::from(count + 1)];
+        let mut boundary = vec![[0, 1]];
+        for i in 1..=count {
+            positions.extend([DVec3::new(f64::from(i), 0.0, 0.0), DVec3::new(f64::from(i), 0.5, 0.0)]);
+            boundary.push([2 * i, 2 * i + 1]);
+        }
+        assert_eq!(count_t_junctions(&positions, &boundary, 1e-6), u64::from(count));
+    }
+
+    #[test]
+    fn a_vertex_near_the_end_of_an_edge_is_none() {
+        let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1e-7, 0.0, 0.0], [0.0, 1.0, 0.0]].map(DVec3::from);
+        assert_eq!(count_t_junctions(&positions, &[[0, 1], [2, 3]], 1e-6), 0);
+    }
+}
