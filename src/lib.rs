@@ -1,11 +1,35 @@
 //! Simplifies textured triangle meshes larger than memory.
+//!
+//! ```text
+//! OBJ ── scan ──▶ columns ── partition ──▶ clusters ── simplify ──▶ clusters' ── stitch ──▶ … ── write ──▶ OBJ
+//! ```
+//! An OBJ (or many) becomes one joined, textured OBJ with fewer triangles, within a memory budget, with the same bytes
+//! at any number of threads.
+//!
+//! ```
+//! use std::path::Path;
+//! use drystone::{base::Silent, options::SimplifyOptions, pipeline};
+//!
+//! # let folder = tempfile::tempdir().unwrap();
+//! # let output = folder.path().join("sphere.obj");
+//! let options = SimplifyOptions { ratio: Some(0.1), ..SimplifyOptions::default() };
+//! let input = Path::new("fixtures/miniatures/closed_sphere.obj");
+//! let report = pipeline::simplify(input, &output, &options, &Silent)?;
+//! assert_eq!(report.faces.output, report.faces.target);
+//! # Ok::<(), drystone::base::Error>(())
+//! ```
 
 pub mod base;
+pub mod cli;
 pub mod cost;
+pub mod job;
 pub mod measure;
 pub mod mesh;
+pub mod options;
 pub mod os;
 pub mod partition;
+pub mod pipeline;
+pub mod report;
 pub mod scan;
 pub mod simplify;
 pub mod stitch;

@@ -1,3 +1,5 @@
-//! The command line.
+//! The command line program; see `drystone --help`.
 
-fn main() {}
+fn main() -> std::process::ExitCode {
+    drystone::cli::run()
+}

@@ -113,8 +113,8 @@ pub struct Passes {
     pub reached: bool,
     /// What stands in the way, if it was not.
     pub floor: Floor,
-    /// Most bytes that permits granted at once.
-    pub permitted_peak: u64,
+    /// Most bytes that the work folder held.
+    pub scratch_peak: u64,
 }
 
 /// Time by phase.
@@ -188,7 +188,7 @@ impl<'a> Run<'a> {
         let mut squared_error = 0.0;
         let target = self.options.target;
         let (mut reached, mut floor) = (false, Floor::default());
-        let mut stuck = 0;
+        let (mut stuck, mut scratch_peak) = (0, 0);
         for pass in 0..self.options.passes + EXTRA_PASSES {
             let started = Instant::now();
             let partition = self.partition(&mesh, pass, &mut findings)?;
@@ -207,6 +207,7 @@ impl<'a> Run<'a> {
             reports.push(outcome.report.clone());
             floor = outcome.floor;
             let next_faces = outcome.report.faces_out;
+            scratch_peak = scratch_peak.max(folder_bytes(self.folder));
             remove_mesh(std::mem::replace(&mut mesh, outcome.mesh));
             partition.remove();
             *(if pass == 0 { &mut seconds.simplify } else { &mut seconds.stitch }) += started.elapsed();
@@ -231,7 +232,7 @@ impl<'a> Run<'a> {
             faces,
             reached,
             floor,
-            permitted_peak: self.permits.peak(),
+            scratch_peak,
         })
     }
 
@@ -550,6 +551,11 @@ fn is_single(partition: &Partition) -> bool {
 /// Whether an exact plan removed faces and may go on removing in the next pass.
 fn is_exact_left(is_exact: bool, gained: u64) -> bool {
     is_exact && gained > 0
+}
+
+fn folder_bytes(folder: &Path) -> u64 {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.filter_map(|entry| entry.metadata().ok()).map(|meta| meta.len()).sum()
 }
 
 /// Removes the files of a mesh that is no longer needed.

@@ -1,0 +1,116 @@
+//! Progress on stderr: a bar on a terminal, plain lines otherwise.
+
+use std::io::IsTerminal;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::base::{Progress, bytes};
+use crate::report::grouped;
+
+/// Time between two plain lines of one phase.
+const LINE_INTERVAL: Duration = Duration::from_secs(5);
+
+/// Tells progress to a person.
+pub struct Told {
+    is_terminal: bool,
+    phase: Mutex<Option<Phase>>,
+}
+
+struct Phase {
+    name: &'static str,
+    unit: &'static str,
+    total: u64,
+    done: u64,
+    began: Instant,
+    told: Instant,
+    bar: Option<ProgressBar>,
+}
+
+impl Told {
+    /// Chooses by what stderr is.
+    pub fn new() -> Self {
+        Self { is_terminal: std::io::stderr().is_terminal(), phase: Mutex::new(None) }
+    }
+
+    fn with(&self, change: impl FnOnce(&mut Option<Phase>)) {
+        change(&mut self.phase.lock().unwrap_or_else(|poisoned| poisoned.into_inner()));
+    }
+}
+
+impl Progress for Told {
+    fn begin(&self, phase: &'static str, total: u64, unit: &'static str) {
+        self.with(|current| {
+            if let Some(bar) = current.take().and_then(|phase| phase.bar) {
+                bar.finish_and_clear();
+            }
+            let now = Instant::now();
+            let bar = self.is_terminal.then(|| bar(phase, total, unit));
+            if bar.is_none() {
+                tell(&match total {
+                    0 => phase.to_owned(),
+                    _ => format!("{phase}: {}", amount(total, unit)),
+                });
+            }
+            *current = Some(Phase { name: phase, unit, total, done: 0, began: now, told: now, bar });
+        });
+    }
+
+    fn advance(&self, units: u64) {
+        self.with(|current| {
+            let Some(phase) = current else { return };
+            phase.done += units;
+            match &phase.bar {
+                Some(bar) => bar.set_position(phase.done.min(phase.total)),
+                None if phase.told.elapsed() >= LINE_INTERVAL => {
+                    phase.told = Instant::now();
+                    let elapsed = phase.began.elapsed().as_secs_f64();
+                    let rate = phase.done as f64 / elapsed;
+                    let left = phase.total.saturating_sub(phase.done) as f64 / rate.max(1e-9);
+                    tell(&format!(
+                        "{}: {} of {}, {}/s, about {left:.0} s left",
+                        phase.name,
+                        amount(phase.done, phase.unit),
+                        amount(phase.total, phase.unit),
+                        amount(rate as u64, phase.unit),
+                    ));
+                }
+                None => {}
+            }
+        });
+    }
+}
+
+impl Drop for Told {
+    fn drop(&mut self) {
+        self.with(|current| {
+            if let Some(bar) = current.take().and_then(|phase| phase.bar) {
+                bar.finish_and_clear();
+            }
+        });
+    }
+}
+
+/// Prints a line; a closed stderr is no reason to stop.
+fn tell(line: &str) {
+    use std::io::Write as _;
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+fn amount(count: u64, unit: &str) -> String {
+    if unit == "B" { bytes::display(count) } else { format!("{} {unit}", grouped(count)) }
+}
+
+fn bar(phase: &'static str, total: u64, unit: &'static str) -> ProgressBar {
+    let template = match (unit, total) {
+        (_, 0) => "{msg:10} {elapsed}",
+        ("B", _) => "{msg:10} {wide_bar} {bytes}/{total_bytes} {bytes_per_sec} eta {eta}",
+        _ => "{msg:10} {wide_bar} {human_pos}/{human_len} {per_sec} eta {eta}",
+    };
+    let bar = ProgressBar::new(total).with_message(phase);
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+    bar
+}

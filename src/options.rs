@@ -1,0 +1,260 @@
+//! Every option, once: the struct is the library's, the flags and `docs/options.md` come from it.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use serde::Serialize;
+
+use crate::base::{Error, Result, bytes};
+use crate::stitch::pass::SeamPolicy;
+use crate::write::Textures;
+
+/// What becomes of vertices on texture seams.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Seams {
+    /// Locked in the first pass, then collapsed along themselves
+    Stitch,
+    /// Collapsed along themselves in every pass
+    Follow,
+    /// Never touched
+    Lock,
+}
+
+/// What becomes of open borders.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Borders {
+    /// Collapsed along themselves
+    Simplify,
+    /// Never touched
+    Lock,
+}
+
+/// Whether vertices at the same place become one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Weld {
+    /// Those at bit-identical positions
+    Exact,
+    /// None
+    Off,
+}
+
+/// The cost of a collapse.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Metric {
+    /// Distance to the surface
+    Qem,
+    /// Distance to the surface and slide of the picture
+    QemAttributes,
+}
+
+/// What becomes of normals.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Normals {
+    /// Computed anew (60° crease) if the input had any
+    Auto,
+    /// Left out
+    Drop,
+}
+
+/// What becomes of texture images.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TextureFiles {
+    /// Copied beside the output
+    Copy,
+    /// Linked beside the output
+    Link,
+    /// Left where they are
+    Reference,
+}
+
+/// Options of `drystone simplify`.
+#[derive(Debug, Clone, PartialEq, Args)]
+pub struct SimplifyOptions {
+    /// Share of the triangles to keep, above 0 and up to 1
+    #[arg(long, value_name = "SHARE", group = "target")]
+    pub ratio: Option<f64>,
+
+    /// Number of triangles to keep
+    #[arg(long, value_name = "COUNT", group = "target")]
+    pub faces: Option<u64>,
+
+    /// Memory that the program may use, at least 128MiB [default: half of the machine's or cgroup's]
+    #[arg(long, value_name = "SIZE", value_parser = bytes::parse)]
+    pub memory: Option<u64>,
+
+    /// Threads; the result does not depend on them [default: one for each processor]
+    #[arg(long, value_name = "COUNT")]
+    pub threads: Option<usize>,
+
+    /// Folder for intermediate files [default: beside the output]
+    #[arg(long, value_name = "DIR")]
+    pub work: Option<PathBuf>,
+
+    /// Keep the work folder after success
+    #[arg(long)]
+    pub keep_work: bool,
+
+    /// What becomes of vertices on texture seams
+    #[arg(long, value_enum, default_value_t = Seams::Stitch)]
+    pub seams: Seams,
+
+    /// What becomes of open borders
+    #[arg(long, value_enum, default_value_t = Borders::Simplify)]
+    pub borders: Borders,
+
+    /// Whether vertices at the same place become one
+    #[arg(long, value_enum, default_value_t = Weld::Exact)]
+    pub weld: Weld,
+
+    /// Cost of a collapse [default: qem-attributes with texture, else qem]
+    #[arg(long, value_enum)]
+    pub metric: Option<Metric>,
+
+    /// Weight of the picture's slide against distance, 0 to 1000: at 1 a metre of slide costs as much as a metre of distance
+    #[arg(long, value_name = "WEIGHT", default_value_t = 1.0)]
+    pub uv_weight: f64,
+
+    /// What becomes of normals
+    #[arg(long, value_enum, default_value_t = Normals::Auto)]
+    pub normals: Normals,
+
+    /// What becomes of texture images
+    #[arg(long, value_enum, default_value_t = TextureFiles::Copy)]
+    pub textures: TextureFiles,
+
+    /// Triangles of a cluster, about; 1000 to 10 million. Changes the result slightly, the memory much
+    #[arg(long, value_name = "COUNT", default_value_t = 250_000)]
+    pub cluster_faces: u64,
+
+    /// Passes over shifted clusters, 1 to 16; more are made while clusters still lock what could go
+    #[arg(long, value_name = "COUNT", default_value_t = 3)]
+    pub passes: usize,
+
+    /// Replace an existing output
+    #[arg(long)]
+    pub force: bool,
+}
+
+impl Default for SimplifyOptions {
+    fn default() -> Self {
+        Self {
+            ratio: None,
+            faces: None,
+            memory: None,
+            threads: None,
+            work: None,
+            keep_work: false,
+            seams: Seams::Stitch,
+            borders: Borders::Simplify,
+            weld: Weld::Exact,
+            metric: None,
+            uv_weight: 1.0,
+            normals: Normals::Auto,
+            textures: TextureFiles::Copy,
+            cluster_faces: 250_000,
+            passes: 3,
+            force: false,
+        }
+    }
+}
+
+impl SimplifyOptions {
+    /// Checks ranges.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] naming the option, what was found and what is accepted.
+    pub fn check(&self) -> Result<()> {
+        let fail = |message: String| Err(Error::Usage(message));
+        match (self.ratio, self.faces) {
+            (None, None) => return fail("give a target: --ratio or --faces".into()),
+            (Some(_), Some(_)) => return fail("give one target: --ratio or --faces, not both".into()),
+            (Some(ratio), None) if !(ratio > 0.0 && ratio <= 1.0) => {
+                return fail(format!("--ratio {ratio}: expected a share above 0 and up to 1"));
+            }
+            (None, Some(0)) => return fail("--faces 0: expected at least 1".into()),
+            _ => {}
+        }
+        if !(1000..=10_000_000).contains(&self.cluster_faces) {
+            return fail(format!("--cluster-faces {}: expected 1000 to 10000000", self.cluster_faces));
+        }
+        if !(1..=16).contains(&self.passes) {
+            return fail(format!("--passes {}: expected 1 to 16", self.passes));
+        }
+        if !(0.0..=1000.0).contains(&self.uv_weight) {
+            return fail(format!("--uv-weight {}: expected 0 to 1000", self.uv_weight));
+        }
+        if self.threads == Some(0) {
+            return fail("--threads 0: expected at least 1".into());
+        }
+        Ok(())
+    }
+
+    /// Faces to keep of an input with so many triangles.
+    pub fn target(&self, triangles: u64) -> u64 {
+        match (self.ratio, self.faces) {
+            (Some(ratio), _) => (ratio * triangles as f64).round() as u64,
+            (None, faces) => faces.unwrap_or(triangles).min(triangles),
+        }
+    }
+
+    /// The options that shape the result, in words; memory, threads and folders do not.
+    pub fn fingerprint(&self) -> String {
+        let shaping = Self { memory: None, threads: None, work: None, keep_work: false, force: false, ..self.clone() };
+        format!("{shaping:?}")
+    }
+}
+
+impl From<Seams> for SeamPolicy {
+    fn from(seams: Seams) -> Self {
+        match seams {
+            Seams::Stitch => SeamPolicy::Stitch,
+            Seams::Follow => SeamPolicy::Follow,
+            Seams::Lock => SeamPolicy::Lock,
+        }
+    }
+}
+
+impl From<TextureFiles> for Textures {
+    fn from(files: TextureFiles) -> Self {
+        match files {
+            TextureFiles::Copy => Textures::Copy,
+            TextureFiles::Link => Textures::Link,
+            TextureFiles::Reference => Textures::Reference,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_target_is_rounded_from_the_triangles() {
+        let options = SimplifyOptions { ratio: Some(0.1), ..SimplifyOptions::default() };
+        assert_eq!(options.target(248_438), 24_844);
+    }
+
+    #[test]
+    fn one_target_is_needed_and_ranges_are_kept() {
+        let none = SimplifyOptions::default();
+        assert!(none.check().is_err());
+        for ratio in [0.0, -1.0, 1.5, f64::NAN] {
+            assert!(SimplifyOptions { ratio: Some(ratio), ..none.clone() }.check().is_err());
+        }
+        assert!(SimplifyOptions { ratio: Some(1.0), ..none.clone() }.check().is_ok());
+        assert!(SimplifyOptions { ratio: Some(0.5), faces: Some(3), ..none }.check().is_err());
+    }
+
+    #[test]
+    fn memory_and_threads_leave_no_trace_in_the_fingerprint() {
+        let one = SimplifyOptions { ratio: Some(0.5), threads: Some(1), ..SimplifyOptions::default() };
+        let two = SimplifyOptions { threads: Some(2), memory: Some(1 << 30), ..one.clone() };
+        assert_eq!(one.fingerprint(), two.fingerprint());
+    }
+}
