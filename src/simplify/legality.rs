@@ -88,7 +88,6 @@ impl EdgeStar {
         let to_shared = mesh.is_shared(to);
         self.epoch += 2;
         let (seen, common) = (self.epoch, self.epoch + 1);
-        let mut survivors = 0;
         for &face in rings.of(from).iter().filter(|&&face| !mesh.is_dead(face)) {
             let vertices = mesh.vertices(face);
             for v in vertices {
@@ -97,7 +96,6 @@ impl EdgeStar {
             if vertices.contains(&to) {
                 continue;
             }
-            survivors += 1;
             let wedge = mesh.wedge_at(face, from).ok_or(Refusal::Topology)?;
             if self.wedges.iter().filter(|pair| pair.0 == wedge).count() != 1 {
                 return Err(Refusal::Seam);
@@ -114,9 +112,7 @@ impl EdgeStar {
             }
         }
         let mut common_count = 0;
-        let mut to_faces = 0;
         for &face in rings.of(to).iter().filter(|&&face| !mesh.is_dead(face)) {
-            to_faces += 1;
             for v in mesh.vertices(face).into_iter().filter(|&v| v != from && v != to) {
                 if self.mark[v as usize] == seen {
                     self.mark[v as usize] = common;
@@ -127,10 +123,20 @@ impl EdgeStar {
         if common_count != self.dying.len() {
             return Err(Refusal::Topology);
         }
-        if survivors == 0 && to_faces <= self.dying.len() {
-            return Err(Refusal::Piece);
+        self.check_piece(mesh, rings, from, to)
+    }
+
+    /// A face that hangs on nothing but vertices is a piece of its own and must stay.
+    fn check_piece(&self, mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32) -> Result<(), Refusal> {
+        let (&[_], &[opposite]) = (&self.dying[..], &self.opposite[..]) else { return Ok(()) };
+        let faces_with = |v: u32| {
+            let living = rings.of(v).iter().filter(|&&face| !mesh.is_dead(face));
+            living.filter(|&&face| mesh.vertices(face).contains(&opposite)).count()
+        };
+        if faces_with(from) > 1 || faces_with(to) > 1 {
+            return Ok(());
         }
-        Ok(())
+        Err(if mesh.is_shared(to) && mesh.is_shared(opposite) { Refusal::Rim } else { Refusal::Piece })
     }
 
     /// A surviving face spans both opposite vertices: legal only if the face that it becomes does not exist yet.
