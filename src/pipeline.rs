@@ -1,23 +1,27 @@
 //! The phases in order: scan, partition and simplify in passes, write.
 
+#[cfg(test)]
+mod hostile;
+mod need;
+
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use self::need::Need;
 use crate::base::{Error, Findings, MemoryBudget, Progress, Result, bytes};
 use crate::cost::surface::Weights;
 use crate::job::{FORMAT_VERSION, Manifest, WorkFolder};
 use crate::options::{Borders, Metric, Normals, SimplifyOptions, Weld};
 use crate::os::system;
+use crate::partition::weight::limit_bytes;
 use crate::report::{ErrorFigures, FaceFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
 use crate::scan::{self, Scan, ScanOptions};
-use crate::simplify::engine::FACE_BYTES;
+
 use crate::stitch::pass::{PassOptions, Run};
 use crate::write::{self, WriteOptions};
 
 /// Memory of a chunk that is being parsed, for the scan's share of the budget.
 const CHUNK_BYTES: u64 = 16 << 20;
-/// A cluster may come out this much larger than asked for.
-const CLUSTER_EXCESS: f64 = 1.3;
 /// Scratch space for each byte of OBJ text, measured on photogrammetry.
 const SCRATCH_PER_INPUT: f64 = 1.6;
 
@@ -44,8 +48,12 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
     let scan_seconds = scanned.elapsed();
     let mut scratch_peak = work.bytes();
 
+    let need = Need::of(&mesh, &catalogue);
+    need.check(budget, options.cluster_faces, work.path())?;
+
     let target = options.target(triangles);
-    let pass_options = pass_options(options, catalogue.has_texcoords, triangles, target, threads, budget);
+    let work_bytes = budget.for_work() - need.resident_bytes();
+    let pass_options = pass_options(options, catalogue.has_texcoords, triangles, target, threads, work_bytes);
     let passes = Run::new(&pass_options, &catalogue, work.path(), progress).simplify(mesh)?;
     findings.merge(passes.findings);
     scratch_peak = scratch_peak.max(passes.scratch_peak);
@@ -82,7 +90,7 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
         },
         memory: MemoryFigures {
             budget: budget.bytes,
-            predicted_peak: predicted_peak(&pass_options, &scan_options, budget),
+            predicted_peak: predicted_peak(&pass_options, &need, &scan_options, passes.permit_peak),
             peak_resident: system::peak_resident_bytes(),
         },
         io: IoFigures { input: input_bytes, read, written, scratch_peak },
@@ -122,9 +130,9 @@ fn choose_budget(options: &SimplifyOptions) -> Result<MemoryBudget> {
         return Err(Error::Budget(format!("--memory {found}: at least {floor} are needed")));
     }
     let budget = MemoryBudget { bytes };
-    let cluster = (options.cluster_faces as f64 * CLUSTER_EXCESS) as u64 * FACE_BYTES;
+    let cluster = limit_bytes(options.cluster_faces);
     if cluster > budget.for_work() {
-        let most = (budget.for_work() as f64 / CLUSTER_EXCESS) as u64 / FACE_BYTES;
+        let most = budget.for_work() * options.cluster_faces / cluster;
         return Err(Error::Budget(format!(
             "{} cannot hold a cluster of {} triangles; give --cluster-faces {most} or --memory {}",
             bytes::display(bytes),
@@ -151,7 +159,7 @@ fn pass_options(
     input: u64,
     target: u64,
     threads: usize,
-    budget: MemoryBudget,
+    work_bytes: u64,
 ) -> PassOptions {
     let metric = options.metric.unwrap_or(if has_texture { Metric::QemAttributes } else { Metric::Qem });
     let uv = if metric == Metric::QemAttributes && has_texture { options.uv_weight } else { 0.0 };
@@ -165,17 +173,17 @@ fn pass_options(
         lock_borders: options.borders == Borders::Lock,
         weld: options.weld == Weld::Exact,
         threads,
-        work_bytes: budget.for_work(),
+        work_bytes,
     }
 }
 
-/// The most memory that any phase should take, in bytes.
-fn predicted_peak(options: &PassOptions, scan: &ScanOptions, budget: MemoryBudget) -> u64 {
+/// The most memory that any phase should take, in bytes; `permit_peak` is what clusters had at once.
+fn predicted_peak(options: &PassOptions, need: &Need, scan: &ScanOptions, permit_peak: u64) -> u64 {
     let scan = (scan.threads + 3 * scan.chunks_in_flight) as u64 * (4 << 20);
-    let cluster = options.cluster_faces.min(options.input) * FACE_BYTES;
-    let clusters = cluster * (options.threads as u64).min(options.input.div_ceil(options.cluster_faces.max(1)).max(1));
-    let partition = (36 << 20) + (options.input * 2).min(options.work_bytes / 4) + options.input / 16;
-    MemoryBudget::FIXED_BYTES + scan.max(clusters).max(partition).min(budget.for_work())
+    let partition = (36 << 20) + (options.threads as u64 * (12 << 20)) + options.work_bytes / 4;
+    let write = (options.work_bytes / 2).min(options.target * 40) + (16 << 20);
+    let passes = permit_peak.max(partition.min(options.input * 60)) + need.resident_bytes();
+    MemoryBudget::FIXED_BYTES + scan.max(passes).max(write).min(options.work_bytes)
 }
 
 fn default_work(output: &Path) -> PathBuf {
@@ -201,11 +209,5 @@ fn refuse_small_disk(inputs: &[PathBuf], output: &Path, work: &Path) -> Result<(
     let existing = [work, output].into_iter().find_map(|path| path.ancestors().find(|a| a.is_dir()));
     let folder = existing.unwrap_or(Path::new("."));
     let Ok(free) = system::free_disk_bytes(folder) else { return Ok(()) };
-    if free < needed {
-        let (needed, free) = (bytes::display(needed), bytes::display(free));
-        let message =
-            format!("about {needed} of scratch space are needed, {free} are free; --work DIR takes another disk");
-        return Err(Error::NoSpace { path: folder.to_owned(), message });
-    }
-    Ok(())
+    need::refuse_small_disk(folder, needed, free)
 }
