@@ -15,8 +15,10 @@ pub struct Collapse {
     pub from: u32,
     /// The vertex that stays.
     pub to: u32,
-    /// Whether `to` stays where it is.
+    /// Whether `to` keeps its texture coordinates.
     pub onto: bool,
+    /// Whether `to` keeps its place, too.
+    pub stays: bool,
     /// Whether the edge lies on a seam or border that both ends keep to.
     pub chain: bool,
 }
@@ -45,13 +47,13 @@ impl Collapser {
         cost: &mut SurfaceCost,
         collapse: Collapse,
     ) -> Result<usize, Refusal> {
-        let Collapse { from, to, onto, .. } = collapse;
+        let Collapse { from, to, onto, stays, .. } = collapse;
         self.star.gather(mesh, rings, from, to);
         self.star.check_topology(mesh, rings, from, to)?;
-        let position = cost.place(mesh, &EdgeCase { from, to, onto, wedges: &self.star.wedges }).position;
+        let position = cost.place(mesh, &EdgeCase { from, to, onto, stays, wedges: &self.star.wedges }).position;
         self.choose_uvs(mesh, rings, collapse, position)?;
         self.check_faces(mesh, rings, collapse, position)?;
-        cost.join(&EdgeCase { from, to, onto, wedges: &self.star.wedges });
+        cost.join(&EdgeCase { from, to, onto, stays, wedges: &self.star.wedges });
         Ok(self.apply(mesh, rings, collapse, position))
     }
 
@@ -87,20 +89,20 @@ impl Collapser {
         position: DVec3,
     ) -> Result<(), Refusal> {
         let (from, to) = (collapse.from, collapse.to);
-        let moving = if collapse.onto { &[from][..] } else { &[from, to][..] };
+        let moving = if collapse.stays { &[from][..] } else { &[from, to][..] };
         for &vertex in moving {
-            let living = rings.of(vertex).iter().filter(|&&face| !mesh.is_dead(face));
-            for &face in living.filter(|face| !self.star.dying.contains(face)) {
-                let corners = mesh.corners[face as usize];
+            for &corner in rings.of(vertex) {
+                let Some(wedge) = mesh.living(corner) else { continue };
+                let (face, k) = (corner / 3, corner as usize % 3);
+                if self.star.dying.contains(&face) {
+                    continue;
+                }
                 let (before, uv_before) = (mesh.triangle(face), mesh.uv_triangle(face));
                 let (mut after, mut uv_after) = (before, uv_before);
-                for k in 0..3 {
-                    if mesh.wedge_vertex[corners[k] as usize] == vertex {
-                        after[k] = position;
-                        let pairs = self.star.wedges.iter().zip(&self.uvs);
-                        let mapped = pairs.filter(|((a, b), _)| *a == corners[k] || *b == corners[k]).map(|(_, uv)| uv);
-                        uv_after[k] = mapped.copied().next().unwrap_or(uv_after[k]);
-                    }
+                after[k] = position;
+                let pairs = self.star.wedges.iter().zip(&self.uvs);
+                if let Some((_, &uv)) = pairs.into_iter().find(|((a, b), _)| *a == wedge || *b == wedge) {
+                    uv_after[k] = uv;
                 }
                 if !triangle_survives(before, after) {
                     return Err(Refusal::Fold);
@@ -119,19 +121,18 @@ impl Collapser {
             mesh.corners[face as usize] = [DEAD; 3];
         }
         mesh.face_count -= self.star.dying.len();
-        for &face in rings.of(from) {
-            if mesh.is_dead(face) {
-                continue;
-            }
-            for corner in &mut mesh.corners[face as usize] {
-                if let Some(pair) = self.star.wedges.iter().find(|pair| pair.0 == *corner) {
-                    *corner = pair.1;
-                }
+        for &corner in rings.of(from) {
+            let Some(wedge) = mesh.living(corner) else { continue };
+            if let Some(pair) = self.star.wedges.iter().find(|pair| pair.0 == wedge) {
+                mesh.corners.as_flattened_mut()[corner as usize] = pair.1;
+                mesh.corner_vertices.as_flattened_mut()[corner as usize] = to;
             }
         }
-        if !collapse.onto {
+        if !collapse.stays && mesh.positions[to as usize] != position {
             mesh.flags[to as usize] |= flag::MOVED;
             mesh.positions[to as usize] = position;
+        }
+        if !collapse.onto {
             for (&(_, wedge), &uv) in self.star.wedges.iter().zip(&self.uvs) {
                 mesh.wedge_uv[wedge as usize] = uv;
                 mesh.wedge_moved[wedge as usize] = true;
