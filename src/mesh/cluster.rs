@@ -8,7 +8,7 @@
 //! A corner is named by 3 × its face + its place in it, as in [`Rings`](super::Rings).
 //!
 //! # Memory
-//! A face takes 28 bytes, a vertex 25, a wedge 25: about 55 bytes a triangle of an ordinary textured mesh.
+//! A face takes 32 bytes, a vertex 25, a wedge 25: about 59 bytes a triangle of an ordinary textured mesh.
 
 use glam::{DVec2, DVec3};
 
@@ -46,6 +46,8 @@ pub struct ClusterMesh {
     pub corner_vertices: Vec<[u32; 3]>,
     /// Part (label) of each face.
     pub parts: Vec<u32>,
+    /// Bound on the distance of each face from the input, in units of length; kept only where the error is bounded.
+    pub deviations: Vec<f32>,
     /// Number of faces that are not dead.
     pub face_count: usize,
 }
@@ -137,11 +139,12 @@ impl ClusterMesh {
         (self.wedge_vertex.len() - 1) as u32
     }
 
-    /// Adds a face.
+    /// Adds a face that lies where it lay in the input.
     pub fn push_face(&mut self, corners: [u32; 3], part: u32) {
         self.corners.push(corners);
         self.corner_vertices.push(corners.map(|w| self.wedge_vertex[w as usize]));
         self.parts.push(part);
+        self.deviations.push(0.0);
         self.face_count += 1;
     }
 
@@ -171,12 +174,14 @@ impl ClusterMesh {
                 self.corners[kept] = self.corners[face];
                 self.corner_vertices[kept] = self.corner_vertices[face];
                 self.parts[kept] = self.parts[face];
+                self.deviations[kept] = self.deviations[face];
                 kept += 1;
             }
         }
         self.corners.truncate(kept);
         self.corner_vertices.truncate(kept);
         self.parts.truncate(kept);
+        self.deviations.truncate(kept);
     }
 
     /// Takes out of the cycles those wedges that no face uses any more.

@@ -2,6 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::deviation::Patches;
 use super::legality::{EdgeStar, Refusal, triangle_survives, uv_survives};
 use super::texture::{uv_on_chain, uv_on_ring};
 use crate::cost::{EdgeCase, SurfaceCost};
@@ -28,6 +29,9 @@ pub struct Collapse {
 pub struct Collapser {
     star: EdgeStar,
     uvs: Vec<DVec2>,
+    patches: Patches,
+    /// Largest deviation from the input that is allowed, if it is bounded.
+    pub deviation_max: Option<f64>,
 }
 
 impl Collapser {
@@ -53,7 +57,11 @@ impl Collapser {
         let position = cost.place(mesh, &EdgeCase { from, to, onto, stays, wedges: &self.star.wedges }).position;
         self.choose_uvs(mesh, rings, collapse, position)?;
         self.check_faces(mesh, rings, collapse, position)?;
+        let deviation = self.check_deviation(mesh, rings, collapse, position)?;
         cost.join(&EdgeCase { from, to, onto, stays, wedges: &self.star.wedges });
+        if let Some(deviation) = deviation {
+            self.set_deviation(mesh, rings, collapse, deviation);
+        }
         Ok(self.apply(mesh, rings, collapse, position))
     }
 
@@ -115,6 +123,39 @@ impl Collapser {
         Ok(())
     }
 
+    /// Bound on the deviation of the new faces, if it is bounded at all.
+    fn check_deviation(
+        &mut self,
+        mesh: &ClusterMesh,
+        rings: &Rings,
+        collapse: Collapse,
+        position: DVec3,
+    ) -> Result<Option<f64>, Refusal> {
+        let Some(most) = self.deviation_max else { return Ok(None) };
+        self.patches.clear();
+        let mut before = 0f32;
+        for (corner, is_dying) in changing_corners(&self.star, mesh, rings, collapse) {
+            let face = corner / 3;
+            let mut triangle = mesh.triangle(face);
+            before = before.max(mesh.deviations[face as usize]);
+            self.patches.old.push(triangle);
+            if !is_dying {
+                triangle[corner as usize % 3] = position;
+                self.patches.new.push(triangle);
+            }
+        }
+        let deviation = f64::from(before) + self.patches.distance();
+        if deviation <= most { Ok(Some(deviation)) } else { Err(Refusal::Deviation) }
+    }
+
+    fn set_deviation(&self, mesh: &mut ClusterMesh, rings: &Rings, collapse: Collapse, deviation: f64) {
+        let changing: Vec<u32> =
+            changing_corners(&self.star, mesh, rings, collapse).map(|(corner, _)| corner / 3).collect();
+        for face in changing {
+            mesh.deviations[face as usize] = deviation as f32;
+        }
+    }
+
     fn apply(&self, mesh: &mut ClusterMesh, rings: &Rings, collapse: Collapse, position: DVec3) -> usize {
         let (from, to) = (collapse.from, collapse.to);
         for &face in &self.star.dying {
@@ -140,6 +181,20 @@ impl Collapser {
         }
         self.star.dying.len()
     }
+}
+
+/// Corners of living faces that change, at the vertex that vanishes or moves, and whether their faces die; a dying face
+/// is named once.
+fn changing_corners<'a>(
+    star: &'a EdgeStar,
+    mesh: &'a ClusterMesh,
+    rings: &'a Rings,
+    collapse: Collapse,
+) -> impl Iterator<Item = (u32, bool)> + 'a {
+    let living = move |vertex: u32| rings.of(vertex).iter().copied().filter(|&corner| mesh.living(corner).is_some());
+    let is_dying = |corner: u32| star.dying.contains(&(corner / 3));
+    let at_to = living(collapse.to).filter(move |&corner| !collapse.stays && !is_dying(corner));
+    living(collapse.from).map(move |corner| (corner, is_dying(corner))).chain(at_to.map(|corner| (corner, false)))
 }
 
 /// Area after ÷ area before; infinite where there was none.

@@ -211,6 +211,11 @@ impl Engine {
         self.cost.area()
     }
 
+    /// Bounds the deviation from the input, in units of length.
+    pub fn bound_deviation(&mut self, most: f64) {
+        self.collapser.deviation_max = Some(most);
+    }
+
     /// Gives the mesh back, without dead faces and unused wedges.
     pub fn finish(mut self) -> ClusterMesh {
         self.mesh.compact_faces();

@@ -33,11 +33,13 @@ pub enum Refusal {
     Fold,
     /// A texture triangle would change its sign.
     UvFold,
+    /// The surface would deviate from the input by more than is allowed.
+    Deviation,
 }
 
 impl Refusal {
     /// Number of refusals.
-    pub const COUNT: usize = 6;
+    pub const COUNT: usize = 7;
 }
 
 /// What a collapse does to the faces around its edge; scratch space is kept between edges.
