@@ -239,9 +239,9 @@ fn split(
     }
     // The extent that is occupied decides the axis.
     let mut occupied = range;
-    for (axis, slabs) in slabs.iter().enumerate() {
-        let first = slabs.iter().position(|&n| n > 0).unwrap_or(0);
-        let last = slabs.iter().rposition(|&n| n > 0).unwrap_or(0);
+    for (axis, counts) in slabs.iter().enumerate() {
+        let first = counts.iter().position(|&n| n > 0).unwrap_or(0);
+        let last = counts.iter().rposition(|&n| n > 0).unwrap_or(0);
         occupied.low[axis] = range.low[axis] + first;
         occupied.high[axis] = range.low[axis] + last + 1;
     }
@@ -345,7 +345,7 @@ mod tests {
         column.append(positions).unwrap();
         let texcoords = ColumnWriter::create(&folder.join("t"), *b"texcoord").unwrap().finish().unwrap();
         let mut faces = FaceWriter::create(&folder.join("f")).unwrap();
-        let face = Face { vertices: [0, 1, 2], texcoords: [NO_TEXCOORD; 3], part: 0, continues_polygon: false };
+        let face = Face { vertices: [0, 1, 2], texcoords: [NO_TEXCOORD; 3], part: 0, ..Face::default() };
         faces.append(&vec![face; positions.len() * 2]).unwrap();
         StoredMesh {
             pieces: vec![StoredPiece {

@@ -199,6 +199,8 @@ impl ClusterSource {
         let mesh = &mut self.mesh;
         mesh.corners.reserve_exact(faces.len());
         mesh.parts.reserve_exact(faces.len());
+        mesh.corner_vertices.reserve_exact(faces.len());
+        mesh.deviations.reserve_exact(faces.len());
         let mut first_wedge = vec![u32::MAX; mesh.positions.len()];
         // Next wedge of the same vertex while they are gathered, and the wedge's material.
         let mut gathered: Vec<(u32, u32)> = Vec::with_capacity(mesh.positions.len() + mesh.positions.len() / 4);
@@ -207,8 +209,8 @@ impl ClusterSource {
         for face in faces {
             let material = material_index(catalogue, face.part) as u32;
             let scale = scale.of(catalogue, face.part);
-            let mut corners = [0; 3];
-            for ((corner, vertex), id) in corners.iter_mut().zip(face.vertices).zip(face.texcoords) {
+            let corners = std::array::from_fn(|k| {
+                let (vertex, id) = (face.vertices[k], face.texcoords[k]);
                 let index = if id == NO_TEXCOORD { id } else { texcoord_ids.partition_point(|&t| t < id) as u32 };
                 let uv = self.texcoords.get(index as usize).map_or(DVec2::NAN, |&uv| uv * scale);
                 let same = |w: u32| {
@@ -233,9 +235,10 @@ impl ClusterSource {
                     }
                     self.wedge_texcoord.push(index);
                 }
-                *corner = wedge;
-            }
+                wedge
+            });
             mesh.push_face(corners, face.part);
+            mesh.deviations[mesh.corners.len() - 1] = face.deviation;
         }
         mesh.link_wedges();
     }
@@ -280,7 +283,7 @@ impl ClusterSource {
         let mut texcoord_id = vec![NO_TEXCOORD; simplified.wedge_vertex.len()];
         let mut texcoords = Vec::new();
         let mut faces = Vec::with_capacity(simplified.corners.len());
-        for (corners, &part) in simplified.corners.iter().zip(&simplified.parts) {
+        for (face, (corners, &part)) in simplified.corners.iter().zip(&simplified.parts).enumerate() {
             let vertices = corners.map(|w| {
                 let v = simplified.wedge_vertex[w as usize];
                 match simplified.is_shared(v) {
@@ -295,7 +298,8 @@ impl ClusterSource {
                 }
             }
             let texcoords = corners.map(|w| texcoord_id[w as usize]);
-            faces.push(Face { vertices, texcoords, part, continues_polygon: false });
+            let deviation = simplified.deviations[face];
+            faces.push(Face { vertices, texcoords, part, continues_polygon: false, deviation });
         }
         write_piece(path, &positions, &texcoords, colours.as_deref(), &faces)
     }
@@ -449,7 +453,7 @@ fn triangulate_polygons(faces: &mut Vec<Face>, positions: &[DVec3]) -> u64 {
                 dropped += 1;
                 continue;
             }
-            out.push(Face { vertices, texcoords: pick.map(|(_, t)| t), part: first.part, continues_polygon: false });
+            out.push(Face { vertices, texcoords: pick.map(|(_, t)| t), continues_polygon: false, ..first });
         }
     }
     *faces = out;
