@@ -67,7 +67,11 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
     Ok(Report {
         status: if passes.reached { Status::Done } else { Status::TargetMissed },
         output: output.to_owned(),
-        faces: FaceFigures { input: triangles, target, output: passes.faces },
+        faces: FaceFigures {
+            input: triangles,
+            target: if options.max_error.is_some() { passes.faces } else { target },
+            output: passes.faces,
+        },
         error: ErrorFigures {
             threshold: passes.reports.last().map_or(0.0, |pass| pass.threshold),
             rms_estimate: passes.rms_estimate,
@@ -157,6 +161,7 @@ fn pass_options(
     let uv = if metric == Metric::QemAttributes && has_texture { options.uv_weight } else { 0.0 };
     PassOptions {
         target,
+        max_error: options.max_error,
         input,
         passes: options.passes,
         cluster_faces: options.cluster_faces,
