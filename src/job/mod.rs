@@ -56,7 +56,7 @@ impl WorkFolder {
         let lock_path = path.join(LOCK);
         let lock = File::options().create(true).truncate(false).write(true).open(&lock_path);
         let lock = lock.map_err(|e| Error::io(&lock_path, "create", e))?;
-        if !FileExt::try_lock(&lock).is_ok() {
+        if FileExt::try_lock(&lock).is_err() {
             return Err(Error::Locked(path.to_owned()));
         }
         let folder = Self { path: path.to_owned(), is_ours, lock: Some(lock), keep: false };

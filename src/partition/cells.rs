@@ -226,9 +226,9 @@ fn split(
     }
     // The extent that is occupied decides the axis.
     let mut occupied = range;
-    for axis in 0..3 {
-        let first = slabs[axis].iter().position(|&n| n > 0).unwrap_or(0);
-        let last = slabs[axis].iter().rposition(|&n| n > 0).unwrap_or(0);
+    for (axis, counts) in slabs.iter().enumerate() {
+        let first = counts.iter().position(|&n| n > 0).unwrap_or(0);
+        let last = counts.iter().rposition(|&n| n > 0).unwrap_or(0);
         occupied.low[axis] = range.low[axis] + first;
         occupied.high[axis] = range.low[axis] + last + 1;
     }

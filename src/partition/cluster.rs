@@ -126,8 +126,7 @@ impl ClusterSource {
         for face in faces {
             let material = material_index(catalogue, face.part) as u32;
             let scale = scale.of(catalogue, face.part);
-            let mut corners = [0; 3];
-            for k in 0..3 {
+            let corners = std::array::from_fn(|k| {
                 let (vertex, id) = (face.vertices[k], face.texcoords[k]);
                 let index = if id == NO_TEXCOORD { id } else { texcoord_ids.partition_point(|&t| t < id) as u32 };
                 let uv = self.texcoords.get(index as usize).map_or(DVec2::NAN, |&uv| uv * scale);
@@ -145,8 +144,8 @@ impl ClusterSource {
                     first_wedge[vertex as usize] = wedge;
                     self.wedge_texcoord.push(index);
                 }
-                corners[k] = wedge;
-            }
+                wedge
+            });
             mesh.push_face(corners, face.part);
         }
         mesh.link_wedges();
