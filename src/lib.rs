@@ -34,5 +34,7 @@ pub mod write;
 pub mod measure;
 pub mod options;
 pub mod report;
+pub mod plan;
 pub mod pipeline;
+pub mod inspect;
 pub mod cli;

@@ -22,6 +22,7 @@
 
 mod chunk;
 mod commit;
+mod count;
 mod fast;
 mod inputs;
 mod line;
@@ -48,6 +49,7 @@ use self::parts::Labels;
 use crate::base::{Error, Findings, Progress, Result};
 use crate::store::{Catalogue, StoredMesh};
 
+pub use self::count::{Counts, count};
 pub use self::inputs::find_inputs;
 
 /// Memory of a parsed chunk that is worth keeping for the next one.

@@ -40,6 +40,7 @@ use self::normals::{PieceNormals, SharedNormals, piece_bytes, piece_normals};
 use self::numbering::{FaceReader, Usage};
 use self::obj::{CornerForm, ObjFile, PartOrder};
 use self::textures::TextureStage;
+pub use self::textures::is_texture_there;
 use crate::base::bytes::MIB;
 use crate::base::error::escape_path;
 use crate::base::{Error, Findings, Progress, Result};
