@@ -48,10 +48,12 @@ impl WorkFolder {
     /// # Errors
     /// [`Error::Locked`] if another process works in it, [`Error::Usage`] if it holds foreign files.
     pub fn open(path: &Path, manifest: &Manifest) -> Result<Self> {
-        let is_ours = !path.exists();
-        if !is_ours {
+        let is_new = !path.exists();
+        if !is_new {
             refuse_foreign(path)?;
         }
+        // A killed job's folder was made by it, and goes with the job that takes it over.
+        let is_ours = is_new || path.join(MANIFEST).exists();
         fs::create_dir_all(path).map_err(|e| Error::io(path, "create", e))?;
         let lock_path = path.join(LOCK);
         let lock = File::options().create(true).truncate(false).write(true).open(&lock_path);
@@ -147,6 +149,25 @@ mod tests {
         assert!(matches!(WorkFolder::open(&path, &manifest()), Err(Error::Locked(_))));
         drop(job);
         assert!(!path.exists());
+    }
+
+    #[test]
+    fn a_folder_left_by_a_killed_job_goes_with_the_next_one() {
+        let parent = tempfile::tempdir().unwrap();
+        let path = parent.path().join("work");
+        fs::create_dir(&path).unwrap();
+        for name in [MANIFEST, LOCK, "scan-0.piece.tmp"] {
+            fs::write(path.join(name), "cut sho").unwrap();
+        }
+        drop(WorkFolder::open(&path, &manifest()).unwrap());
+        assert!(!path.exists());
+    }
+
+    #[test]
+    fn an_empty_folder_of_the_user_stays() {
+        let parent = tempfile::tempdir().unwrap();
+        drop(WorkFolder::open(parent.path(), &manifest()).unwrap());
+        assert!(parent.path().exists());
     }
 
     #[test]

@@ -151,8 +151,8 @@ enum Plan {
     Faces(Vec<f64>, u64),
     /// Thresholds, stage by stage.
     Costs(Vec<f32>),
-    /// A threshold and each cluster's number of faces.
-    Trim(f32, Vec<u64>),
+    /// Thresholds, and each cluster's number of faces, at which the last stage stops.
+    Trim(Vec<f32>, Vec<u64>),
 }
 
 /// A run of passes.
@@ -200,7 +200,16 @@ impl<'a> Run<'a> {
             }
             let is_last = pass + 1 >= self.options.passes;
             let (plan, is_exact) = self.plan(&mesh, &partition, pass, is_last, faces_in)?;
-            let outcome = self.run_pass(&mesh, &partition, pass, &plan)?;
+            let mut outcome = self.run_pass(&mesh, &partition, pass, &plan)?;
+            if let Plan::Costs(costs) = &plan
+                && is_last
+                && outcome.report.faces_out < target
+            {
+                // The sample was no picture of the whole: the same thresholds again, but stopped at the target.
+                let plan = self.trim_stages(&mesh, &partition, pass, costs)?;
+                remove_mesh(outcome.mesh);
+                outcome = self.run_pass(&mesh, &partition, pass, &plan)?;
+            }
             let single = is_single(&partition);
             squared_error += outcome.squared_error;
             findings.count("degenerate_faces", outcome.degenerate);
@@ -313,10 +322,32 @@ impl<'a> Run<'a> {
                 let (quota, _) = notes.cut(excess, partition.cluster_count());
                 let keep =
                     quota.iter().enumerate().map(|(c, lost)| partition.face_count(c).saturating_sub(*lost)).collect();
-                return Ok(Plan::Trim(cost, keep));
+                return Ok(Plan::Trim(vec![cost], keep));
             }
             cost = if cost > 0.0 && cost < 1e30 { cost * 4.0 } else { f32::INFINITY };
         }
+    }
+
+    /// Finds the stage in which thresholds overshoot the target, and where each cluster has to stop in it.
+    fn trim_stages(&self, mesh: &StoredMesh, partition: &Partition, pass: usize, costs: &[f32]) -> Result<Plan> {
+        let target = self.options.target;
+        for stages in (1..=costs.len()).rev() {
+            let mut notes = Notes::default();
+            let mut left = Vec::new();
+            let plan = Plan::Costs(costs[..stages].to_vec());
+            self.each_cluster(mesh, partition, pass, &plan, false, |result| {
+                notes.add(left.len(), &result.log);
+                left.push(result.faces + result.log.iter().map(|&(_, died)| u64::from(died)).sum::<u64>());
+                Ok(())
+            })?;
+            let before: u64 = left.iter().sum();
+            if before >= target || stages == 1 {
+                let (quota, _) = notes.cut(before.saturating_sub(target), left.len());
+                let keep = left.iter().zip(&quota).map(|(faces, lost)| faces - lost).collect();
+                return Ok(Plan::Trim(costs[..stages].to_vec(), keep));
+            }
+        }
+        Ok(Plan::Costs(costs.to_vec()))
     }
 
     fn run_pass(&self, mesh: &StoredMesh, partition: &Partition, pass: usize, plan: &Plan) -> Result<PassOutcome> {
@@ -520,7 +551,10 @@ fn run_plan(engine: &mut Engine, plan: &Plan, cluster: usize) -> (f32, bool) {
     let faces = engine.mesh.face_count;
     let stops: Vec<Stop> = match plan {
         Plan::Costs(costs) => costs.iter().map(|&cost| Stop::Cost(cost, 0)).collect(),
-        Plan::Trim(cost, keep) => vec![Stop::Cost(*cost, keep[cluster] as usize)],
+        Plan::Trim(costs, keep) => {
+            let floor = |i: usize| if i + 1 == costs.len() { keep[cluster] as usize } else { 0 };
+            costs.iter().enumerate().map(|(i, &cost)| Stop::Cost(cost, floor(i))).collect()
+        }
         Plan::Shares(shares) => {
             let (free, _) = engine.count_free();
             shares.iter().map(|share| Stop::Faces(sample::face_goal(faces, free, *share))).collect()

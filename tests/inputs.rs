@@ -1,0 +1,234 @@
+//! The ways in which exporters write one and the same mesh: it comes out the same.
+
+mod meshes;
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+
+use drystone::measure::compare_checks;
+use drystone::options::{Normals, Seams, SimplifyOptions};
+use glam::DVec3;
+use meshes::{
+    Mesh, Sketch, bits, fixture, in_many_clusters, ratio, read, simplify, simplify_text, terrain, torus, town,
+};
+
+/// Lines of the result that begin with a word.
+fn lines(text: &str, word: &str) -> Vec<String> {
+    text.lines().filter(|line| line.split_whitespace().next() == Some(word)).map(str::to_owned).collect()
+}
+
+fn geometry(text: &str) -> Vec<String> {
+    ["v", "vt", "f"].iter().flat_map(|word| lines(text, word)).collect()
+}
+
+#[test]
+fn relative_indices_and_odd_blanks_give_the_same_bytes() {
+    let text = std::fs::read_to_string(town()).unwrap();
+    let (mut odd, mut v, mut vt) = (String::from("\u{feff}"), 0, 0);
+    for line in text.lines() {
+        let mut words = line.split_whitespace();
+        match words.next() {
+            Some("v") => v += 1,
+            Some("vt") => vt += 1,
+            Some("f") => {
+                let corners = words.map(|corner| {
+                    let (a, b) = corner.split_once('/').unwrap();
+                    format!("{}/{}", a.parse::<i64>().unwrap() - v - 1, b.parse::<i64>().unwrap() - vt - 1)
+                });
+                let _ = write!(odd, "f\t{} \\\r\n \r\n", corners.collect::<Vec<_>>().join("  "));
+                continue;
+            }
+            _ => {}
+        }
+        let _ = write!(odd, "{line}\r\n");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for entry in std::fs::read_dir(town().parent().unwrap()).unwrap() {
+        let path = entry.unwrap().path();
+        std::fs::copy(&path, folder.path().join(path.file_name().unwrap())).unwrap();
+    }
+    let input = folder.path().join("town.obj");
+    std::fs::write(&input, odd).unwrap();
+    let options = in_many_clusters(ratio(0.2));
+    assert!(simplify(&input, &options).text() == simplify(&town(), &options).text());
+}
+
+/// The terrain cut along x = `side` / 2 into two files; each has its own copy of the vertices between them.
+fn write_tiles(folder: &std::path::Path, side: usize) {
+    let whole = terrain(side);
+    for (name, is_left) in [("a.obj", true), ("sub/b.obj", false)] {
+        let mut tile = Sketch { texcoords: whole.texcoords.clone(), ..Sketch::default() };
+        let mut ids = vec![None; whole.positions.len()];
+        for (i, face) in whole.faces.iter().enumerate() {
+            if ((i / 2 % side) < side / 2) == is_left {
+                tile.faces.push(face.map(|(v, t)| {
+                    let id = *ids[v].get_or_insert_with(|| {
+                        tile.positions.push(whole.positions[v]);
+                        tile.positions.len() - 1
+                    });
+                    (id, t)
+                }));
+            }
+        }
+        let library = if is_left { "left" } else { "right" };
+        let path = folder.join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(&path, format!("mtllib tile.mtl\no tile\nusemtl ground\n{}", tile.text())).unwrap();
+        std::fs::write(path.with_file_name("tile.mtl"), "newmtl ground\nmap_Kd ground.png\n").unwrap();
+        std::fs::write(path.with_file_name("ground.png"), library).unwrap();
+    }
+}
+
+#[test]
+fn a_folder_of_tiles_is_joined_without_a_crack() {
+    let folder = tempfile::tempdir().unwrap();
+    write_tiles(folder.path(), 60);
+    let whole = folder.path().join("whole.txt");
+    std::fs::write(&whole, terrain(60).text()).unwrap();
+    for many in [false, true] {
+        let options = if many { in_many_clusters(ratio(0.1)) } else { ratio(0.1) };
+        let run = simplify(folder.path(), &options);
+        assert_eq!(run.report.faces.input, 7200);
+        assert!(run.report.faces.output.abs_diff(720) <= 2);
+        let check = run.mesh().check();
+        assert_eq!((check.boundary_loops, check.components, check.euler), (1, 1, 1));
+        let news = compare_checks(&read(&whole).check(), &check);
+        assert!(news.is_empty(), "{news:?}");
+    }
+}
+
+#[test]
+fn materials_and_textures_of_one_name_in_two_tiles_do_not_collide() {
+    let folder = tempfile::tempdir().unwrap();
+    write_tiles(folder.path(), 20);
+    let run = simplify(folder.path(), &ratio(0.5));
+    let mesh = run.mesh();
+    let pictures: BTreeSet<String> =
+        mesh.textures.values().map(|name| std::fs::read_to_string(run.folder().join(name)).unwrap()).collect();
+    assert_eq!(pictures, BTreeSet::from(["left".to_owned(), "right".to_owned()]));
+    for (triangle, material) in mesh.triangles().zip(&mesh.surface.face_materials) {
+        let middle = triangle.into_iter().sum::<DVec3>().x / 3.0;
+        let other = mesh.triangles().zip(&mesh.surface.face_materials).find(|(_, m)| *m != material).unwrap().0;
+        let there = other.into_iter().sum::<DVec3>().x / 3.0;
+        assert_ne!(middle < 10.0, there < 10.0, "each half has its own material");
+    }
+}
+
+#[test]
+fn concave_polygons_keep_their_area() {
+    let input = fixture("miniatures/ngons_concave.obj");
+    let run = simplify(&input, &ratio(1.0));
+    assert_eq!(run.report.faces.input, 36);
+    // two ten-cornered stars and ten quads close a volume: its closedness and area tell folded triangles
+    let mesh = run.mesh();
+    let volume: f64 = mesh.triangles().map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum();
+    let fans = read(&input);
+    let fan_volume: f64 = fans.triangles().map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum();
+    assert!((volume - fan_volume).abs() < 1e-9 * fan_volume.abs(), "{volume} {fan_volume}");
+    assert!(mesh.area() <= fans.area() + 1e-9);
+    assert_eq!(mesh.check().boundary_edges, 0);
+}
+
+#[test]
+fn quads_count_as_two_triangles() {
+    let sketch = terrain(40);
+    let mut text = Sketch { faces: Vec::new(), ..sketch.clone() }.text();
+    for pair in sketch.faces.chunks_exact(2) {
+        let corners = [pair[0][0], pair[0][1], pair[0][2], pair[1][2]].map(|(v, t)| format!("{}/{}", v + 1, t + 1));
+        let _ = writeln!(text, "f {}", corners.join(" "));
+    }
+    let run = simplify_text(&text, &ratio(0.25));
+    assert_eq!((run.report.faces.input, run.report.faces.output), (3200, 800));
+}
+
+#[test]
+fn colours_are_carried() {
+    // The colour of a point on this sphere is half its position plus a half.
+    for share in [1.0, 0.5] {
+        let mesh = simplify(&fixture("miniatures/coloured_sphere.obj"), &ratio(share)).mesh();
+        assert_eq!(mesh.colours.len(), mesh.surface.positions.len());
+        for (colour, position) in mesh.colours.iter().zip(&mesh.surface.positions) {
+            let expected = 0.5 + 0.5 * *position;
+            assert!((*colour - expected).abs().max_element() < 0.25, "{colour} at {position}");
+        }
+    }
+}
+
+#[test]
+fn normals_of_faces_do_not_change_the_geometry() {
+    let sketch = terrain(50);
+    let plain = sketch.text();
+    let mut flat = String::new();
+    let mut count = 0;
+    for line in plain.lines() {
+        if let Some(corners) = line.strip_prefix("f ") {
+            let [a, b, c] = sketch.faces[count].map(|(v, _)| sketch.positions[v]);
+            let n = (b - a).cross(c - a).normalize();
+            count += 1;
+            let _ = writeln!(flat, "vn {:.4} {:.4} {:.4}", n.x, n.y, n.z);
+            let corners: Vec<String> = corners.split(' ').map(|corner| format!("{corner}/{count}")).collect();
+            let _ = writeln!(flat, "f {}", corners.join(" "));
+        } else {
+            let _ = writeln!(flat, "{line}");
+        }
+    }
+    let options = in_many_clusters(ratio(0.2));
+    let without = simplify_text(&plain, &options);
+    let with = simplify_text(&flat, &options);
+    assert_eq!(without.mesh().faces_with_normals, 0);
+    assert_eq!(with.mesh().faces_with_normals as u64, with.report.faces.output);
+    let bare = |text: &str| {
+        let strip =
+            |line: String| line.split(' ').map(|c| c.rsplit_once('/').map_or(c, |(c, _)| c).to_owned()).collect();
+        let corners: Vec<Vec<String>> = lines(text, "f").into_iter().map(strip).collect();
+        (lines(text, "v"), lines(text, "vt"), corners)
+    };
+    let plain_faces: Vec<Vec<String>> =
+        lines(&without.text(), "f").iter().map(|line| line.split(' ').map(str::to_owned).collect()).collect();
+    let (v, vt, f) = bare(&with.text());
+    assert!(v == lines(&without.text(), "v") && vt == lines(&without.text(), "vt"));
+    assert!(f == plain_faces);
+    let dropped = simplify_text(&flat, &SimplifyOptions { normals: Normals::Drop, ..options });
+    assert!(geometry(&dropped.text()) == geometry(&without.text()));
+}
+
+#[test]
+fn vertices_that_stay_keep_their_numbers() {
+    let numbers = |mesh: &Mesh| mesh.surface.positions.iter().copied().map(bits).collect::<BTreeSet<_>>();
+    let town_mesh = read(&town());
+    let before = numbers(&town_mesh);
+    let kept = simplify(&town(), &in_many_clusters(ratio(1.0))).mesh();
+    assert!(numbers(&kept) == before);
+    let seams = town_mesh.texcoords_by_position().values().filter(|texcoords| texcoords.len() > 1).count();
+    let options = SimplifyOptions { seams: Seams::Lock, ..in_many_clusters(ratio(0.6)) };
+    let after = numbers(&simplify(&town(), &options).mesh());
+    assert!(after.intersection(&before).count() >= seams);
+    assert!(after.len() > after.intersection(&before).count());
+}
+
+#[test]
+fn coordinates_of_every_length_come_back_as_they_were() {
+    let text = "v 0.1 1e-7 -3\nv 123456.789012345 0 0\nv 0.30000000000000004 5000000.125 1\nf 1 2 3\n";
+    let mesh = simplify_text(text, &ratio(1.0)).mesh();
+    let expected = [
+        DVec3::new(0.1, 1e-7, -3.0),
+        DVec3::new(123_456.789_012_345, 0.0, 0.0),
+        DVec3::new(0.300_000_000_000_000_04, 5_000_000.125, 1.0),
+    ];
+    assert_eq!(mesh.surface.positions, expected);
+}
+
+#[test]
+fn an_offset_moves_the_result_and_nothing_else() {
+    let offset = DVec3::new(432_100.0, 4_581_200.0, 30.0);
+    for (sketch, options) in [(torus(90, 40), ratio(0.1)), (terrain(60), in_many_clusters(ratio(0.1)))] {
+        let mut far = sketch.clone();
+        far.positions.iter_mut().for_each(|p| *p += offset);
+        let (near, far) = (simplify_text(&sketch.text(), &options).mesh(), simplify_text(&far.text(), &options).mesh());
+        assert_eq!(near.face_count(), far.face_count());
+        let moved = far.surface.positions.iter().map(|p| *p - offset);
+        let worst = near.surface.positions.iter().zip(moved).map(|(a, b)| a.distance(b)).fold(0.0, f64::max);
+        println!("largest difference {worst}");
+        assert!(worst < 1e-4, "{worst}");
+    }
+}

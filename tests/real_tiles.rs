@@ -1,0 +1,50 @@
+//! Real reconstructions and scans, where they are present: the folder `../shared` beside the checkout, or the one that
+//! the variable `DRYSTONE_SHARED` names.
+
+mod meshes;
+
+use std::path::{Path, PathBuf};
+
+use meshes::{assert_sound, in_many_clusters, ratio, read, simplify};
+
+fn mesh(name: &str) -> Option<PathBuf> {
+    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
+    let path = std::env::var_os("DRYSTONE_SHARED").map_or_else(beside, PathBuf::from).join("data").join(name);
+    if !path.exists() {
+        println!("skipped: {} is absent", path.display());
+        return None;
+    }
+    Some(path)
+}
+
+/// A tenth in one cluster or few, and a tenth in dozens, are both sound.
+fn comes_out_sound(name: &str, cluster_faces: u64) {
+    let Some(path) = mesh(name) else { return };
+    let input = read(&path);
+    for cluster_faces in [250_000, cluster_faces] {
+        let options = in_many_clusters(ratio(0.1));
+        let run = simplify(&path, &drystone::options::SimplifyOptions { cluster_faces, ..options });
+        println!("{name}: {} clusters, {:?}", run.report.passes[0].clusters, run.report.faces);
+        assert_sound(&input, &run);
+    }
+}
+
+#[test]
+fn cyanhabao_comes_out_sound() {
+    comes_out_sound("cc_cyanhabao/cc_cyanhabao.obj", 20_000);
+}
+
+#[test]
+fn bocimi_comes_out_sound() {
+    comes_out_sound("odm_bocimi/odm_bocimi.obj", 12_000);
+}
+
+#[test]
+fn wageningen_comes_out_sound() {
+    comes_out_sound("city_wageningen_3dbag/wageningen_3dbag.obj", 20_000);
+}
+
+#[test]
+fn igea_comes_out_sound() {
+    comes_out_sound("scans/igea.obj", 15_000);
+}
