@@ -3,23 +3,18 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use crate::base::{Error, Findings, MemoryBudget, Progress, Result, bytes};
+use crate::base::{Error, Findings, MemoryBudget, Progress, Result};
 use crate::cost::surface::Weights;
 use crate::job::{FORMAT_VERSION, Manifest, WorkFolder};
 use crate::options::{Borders, Metric, Normals, SimplifyOptions, Weld};
 use crate::os::system;
+use crate::plan::memory::{self, Sizes};
+use crate::plan::scratch;
 use crate::report::{ErrorFigures, FaceFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
-use crate::scan::{self, Scan, ScanOptions};
-use crate::simplify::engine::FACE_BYTES;
+use crate::scan::{self, Counts, Scan};
 use crate::stitch::pass::{PassOptions, Run};
+use crate::store::StoredMesh;
 use crate::write::{self, WriteOptions};
-
-/// Memory of a chunk that is being parsed, for the scan's share of the budget.
-const CHUNK_BYTES: u64 = 16 << 20;
-/// A cluster may come out this much larger than asked for.
-const CLUSTER_EXCESS: f64 = 1.3;
-/// Scratch space for each byte of OBJ text, measured on photogrammetry.
-const SCRATCH_PER_INPUT: f64 = 1.6;
 
 /// Simplifies one OBJ, or all below a folder, into one OBJ.
 ///
@@ -31,20 +26,24 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
     options.check()?;
     let inputs = scan::find_inputs(input)?;
     refuse_output(&inputs, output, options)?;
-    let budget = choose_budget(options)?;
-    let threads = choose_threads(options, budget);
+    let budget = memory::choose_budget(options)?;
+    let threads = memory::choose_threads(options.threads, budget);
     let work_path = options.work.clone().unwrap_or_else(|| default_work(output));
-    refuse_small_disk(&inputs, output, &work_path)?;
+    let input_sizes = inputs.iter().filter_map(|path| std::fs::metadata(path).ok()).map(|meta| meta.len());
+    scratch::refuse_small_disk(input_sizes.sum(), &work_path)?;
     let mut work = WorkFolder::open(&work_path, &manifest(&inputs, options))?;
 
     let scanned = Instant::now();
-    let scan_options = scan_options(budget, threads);
+    let scan_options = memory::scan_options(budget, threads);
     let Scan { mesh, catalogue, triangles, mut findings, input_bytes, .. } =
         scan::scan(&inputs, work.path(), &scan_options, progress)?;
     let scan_seconds = scanned.elapsed();
     let mut scratch_peak = work.bytes();
 
     let target = options.target(triangles);
+    let sizes = Sizes { faces: triangles, vertices: mesh.vertex_count(), target, cluster_faces: options.cluster_faces };
+    let scratch_bytes = scratch::forecast(&counts_of(&mesh, triangles), &sizes, options.passes, budget);
+    scratch::refuse_less_than(scratch_bytes.saturating_sub(work.bytes()), work.path())?;
     let pass_options = pass_options(options, catalogue.has_texcoords, triangles, target, threads, budget);
     let passes = Run::new(&pass_options, &catalogue, work.path(), progress).simplify(mesh)?;
     findings.merge(passes.findings);
@@ -86,7 +85,7 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
         },
         memory: MemoryFigures {
             budget: budget.bytes,
-            predicted_peak: predicted_peak(&pass_options, &scan_options, budget),
+            predicted_peak: memory::forecast(&sizes, budget, threads).peak,
             peak_resident: system::peak_resident_bytes(),
         },
         io: IoFigures { input: input_bytes, read, written, scratch_peak },
@@ -95,6 +94,12 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
         warnings: findings.warnings(),
         repairs: repairs(&findings),
     })
+}
+
+/// What the scan found, for the forecast of scratch space.
+fn counts_of(mesh: &StoredMesh, triangles: u64) -> Counts {
+    let (vertices, texcoords) = (mesh.vertex_count(), mesh.texcoord_count());
+    Counts { vertices, texcoords, triangles, has_colours: mesh.has_colours(), ..Counts::default() }
 }
 
 fn repairs(findings: &Findings) -> std::collections::BTreeMap<String, u64> {
@@ -115,38 +120,6 @@ fn refuse_output(inputs: &[PathBuf], output: &Path, options: &SimplifyOptions) -
         return Err(Error::Usage(format!("{shown}: exists already; --force replaces it")));
     }
     Ok(())
-}
-
-fn choose_budget(options: &SimplifyOptions) -> Result<MemoryBudget> {
-    let floor = MemoryBudget::FLOOR_BYTES;
-    let half = system::memory_bytes().map_or(1 << 30, |bytes| bytes / 2).max(floor);
-    let bytes = options.memory.unwrap_or(half);
-    if bytes < floor {
-        let (found, floor) = (bytes::display(bytes), bytes::display(floor));
-        return Err(Error::Budget(format!("--memory {found}: at least {floor} are needed")));
-    }
-    let budget = MemoryBudget { bytes };
-    let cluster = (options.cluster_faces as f64 * CLUSTER_EXCESS) as u64 * FACE_BYTES;
-    if cluster > budget.for_work() {
-        let most = (budget.for_work() as f64 / CLUSTER_EXCESS) as u64 / FACE_BYTES;
-        return Err(Error::Budget(format!(
-            "{} cannot hold a cluster of {} triangles; give --cluster-faces {most} or --memory {}",
-            bytes::display(bytes),
-            options.cluster_faces,
-            bytes::display(cluster + MemoryBudget::FIXED_BYTES + bytes::MIB),
-        )));
-    }
-    Ok(budget)
-}
-
-fn choose_threads(options: &SimplifyOptions, budget: MemoryBudget) -> usize {
-    let wanted = options.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
-    wanted.min((budget.for_work() / CHUNK_BYTES / 2).max(1) as usize)
-}
-
-fn scan_options(budget: MemoryBudget, threads: usize) -> ScanOptions {
-    let fitting = (budget.for_work() / CHUNK_BYTES) as usize;
-    ScanOptions { threads, chunks_in_flight: (threads * 2).min(fitting).max(1) }
 }
 
 fn pass_options(
@@ -174,15 +147,6 @@ fn pass_options(
     }
 }
 
-/// The most memory that any phase should take, in bytes.
-fn predicted_peak(options: &PassOptions, scan: &ScanOptions, budget: MemoryBudget) -> u64 {
-    let scan = (scan.threads + 3 * scan.chunks_in_flight) as u64 * (4 << 20);
-    let cluster = options.cluster_faces.min(options.input) * FACE_BYTES;
-    let clusters = cluster * (options.threads as u64).min(options.input.div_ceil(options.cluster_faces.max(1)).max(1));
-    let partition = (36 << 20) + (options.input * 2).min(options.work_bytes / 4) + options.input / 16;
-    MemoryBudget::FIXED_BYTES + scan.max(clusters).max(partition).min(budget.for_work())
-}
-
 fn default_work(output: &Path) -> PathBuf {
     let mut name = output.file_name().unwrap_or_default().to_owned();
     name.push(".work");
@@ -197,20 +161,4 @@ fn manifest(inputs: &[PathBuf], options: &SimplifyOptions) -> Manifest {
         options: options.fingerprint(),
         inputs: inputs.iter().map(|path| (path.clone(), size(path))).collect(),
     }
-}
-
-/// Refuses, from the files' sizes alone, a job for which the work folder's disk is too small.
-fn refuse_small_disk(inputs: &[PathBuf], output: &Path, work: &Path) -> Result<()> {
-    let input: u64 = inputs.iter().filter_map(|path| std::fs::metadata(path).ok()).map(|meta| meta.len()).sum();
-    let needed = (input as f64 * SCRATCH_PER_INPUT) as u64;
-    let existing = [work, output].into_iter().find_map(|path| path.ancestors().find(|a| a.is_dir()));
-    let folder = existing.unwrap_or(Path::new("."));
-    let Ok(free) = system::free_disk_bytes(folder) else { return Ok(()) };
-    if free < needed {
-        let (needed, free) = (bytes::display(needed), bytes::display(free));
-        let message =
-            format!("about {needed} of scratch space are needed, {free} are free; --work DIR takes another disk");
-        return Err(Error::NoSpace { path: folder.to_owned(), message });
-    }
-    Ok(())
 }
