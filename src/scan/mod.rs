@@ -18,7 +18,7 @@
 //! length more. Nothing is allocated by a number that a file claims.
 //!
 //! # Files
-//! Those of [`commit`], in the work folder.
+//! Those of `commit.rs`, in the work folder.
 
 mod chunk;
 mod commit;

@@ -18,7 +18,7 @@
 //! need more (64 bytes a face) than that half runs alone.
 //!
 //! # Files
-//! `write-faces.tmp`, `write-stars.tmp`, `write-normals.col` in the work folder, removed before [`write`] returns.
+//! `write-faces.tmp`, `write-stars.tmp`, `write-normals.col` in the work folder, removed before [`write()`] returns.
 
 mod batches;
 mod grouping;
