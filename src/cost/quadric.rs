@@ -144,6 +144,13 @@ impl WedgeQuadric {
         self.weight * uv.length_squared() - 2.0 * uv.dot(mapped)
     }
 
+    /// Adds to a quadric of the position what [`at`](WedgeQuadric::at) is for a texture coordinate that is held.
+    #[inline]
+    pub fn add_held(&self, uv: DVec2, quadric: &mut Quadric) {
+        quadric.linear -= self.gradient[0] * uv.x + self.gradient[1] * uv.y;
+        quadric.constant += self.weight * uv.length_squared() - 2.0 * uv.dot(self.offset);
+    }
+
     /// Weight times the texture coordinate of least error at a position.
     #[inline]
     pub fn mapped(&self, p: DVec3) -> DVec2 {

@@ -52,8 +52,10 @@ pub struct EdgeCase<'a> {
     pub from: u32,
     /// The vertex that stays.
     pub to: u32,
-    /// Whether `to` stays where it is.
+    /// Whether `to` keeps its texture coordinates.
     pub onto: bool,
+    /// Whether `to` keeps its place, too.
+    pub stays: bool,
     /// Which wedge of `from` becomes which wedge of `to`.
     pub wedges: &'a [(u32, u32)],
 }
@@ -152,14 +154,15 @@ impl SurfaceCost {
         let sum = self.vertices[from] + self.vertices[to];
         let length_sq = pa.distance_squared(pb);
         let tie = LENGTH_SHARE * length_sq * length_sq;
-        if edge.onto {
-            let mut cost = sum.at(pb);
-            if self.has_texture() {
-                cost += self.texture_cost_at(mesh, edge, pb);
-            }
-            return Placement { position: pb, cost: cost.max(0.0) + tie };
-        }
         let mut reduced = sum;
+        if edge.onto {
+            if self.has_texture() {
+                self.add_held_texture(mesh, edge, &mut reduced);
+            }
+            let best = if edge.stays { None } else { reduced.minimum_near(pb, SPRING * sum.diagonal.element_sum()) };
+            let position = best.filter(|p| p.distance_squared(pb) <= length_sq).unwrap_or(pb);
+            return Placement { position, cost: reduced.at(position).max(0.0) + tie };
+        }
         if self.has_texture() {
             for &(wa, wb) in edge.wedges {
                 reduced += (self.wedges[wa as usize] + self.wedges[wb as usize]).eliminated();
@@ -177,25 +180,25 @@ impl SurfaceCost {
         Placement { position, cost: reduced.at(position).max(0.0) + tie }
     }
 
-    /// Texture error of all wedges of `to`, at their own texture coordinates, after the collapse.
-    fn texture_cost_at(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, position: DVec3) -> f64 {
-        let mut cost = 0.0;
-        let first = edge.wedges.first().map_or(u32::MAX, |pair| pair.1);
+    /// Adds the texture error of all wedges of `to` after the collapse, as a function of the position alone: their
+    /// texture coordinates are held.
+    fn add_held_texture(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, quadric: &mut Quadric) {
+        let Some(&(_, first)) = edge.wedges.first() else { return };
         let mut wedge = first;
-        while wedge != u32::MAX {
+        loop {
             let uv = mesh.wedge_uv[wedge as usize];
             if uv.is_finite() {
-                cost += self.wedges[wedge as usize].at(position, uv);
+                let mut joined = self.wedges[wedge as usize];
                 for &(wa, _) in edge.wedges.iter().filter(|pair| pair.1 == wedge) {
-                    cost += self.wedges[wa as usize].at(position, uv);
+                    joined += self.wedges[wa as usize];
                 }
+                joined.add_held(uv, quadric);
             }
             wedge = mesh.wedge_next[wedge as usize];
             if wedge == first {
                 break;
             }
         }
-        cost
     }
 
     /// Area of the mesh at the last refresh.
@@ -250,8 +253,10 @@ pub enum EdgeKind {
 pub fn edge_kind(mesh: &ClusterMesh, rings: &Rings, a: u32, b: u32) -> EdgeKind {
     let mut first = None;
     let mut kind = EdgeKind::Border;
-    for &face in rings.of(a).iter().filter(|&&face| !mesh.is_dead(face)) {
-        let (Some(wa), Some(wb)) = (mesh.wedge_at(face, a), mesh.wedge_at(face, b)) else { continue };
+    for &corner in rings.of(a) {
+        let Some(wa) = mesh.living(corner) else { continue };
+        let Some(far) = ClusterMesh::following(corner).into_iter().find(|&c| mesh.vertex_of(c) == b) else { continue };
+        let wb = mesh.wedge_of(far);
         match first {
             None => first = Some((wa, wb)),
             Some(wedges) if wedges == (wa, wb) => kind = EdgeKind::Inner,
@@ -280,7 +285,7 @@ mod tests {
     fn a_flat_patch_with_affine_texture_costs_no_more_than_its_tie_breaker() {
         let mesh = samples::grid(4, 0.0);
         let cost = prepared(&mesh);
-        let edge = EdgeCase { from: 6, to: 12, onto: false, wedges: &[(6, 12)] };
+        let edge = EdgeCase { from: 6, to: 12, onto: false, stays: false, wedges: &[(6, 12)] };
         let placement = cost.place(&mesh, &edge);
         assert!(placement.cost < 1e-6, "{placement:?}");
         assert!((placement.position - DVec3::new(1.5, 1.5, 0.0)).length() < 1e-6);
@@ -292,7 +297,7 @@ mod tests {
         let mut large = mesh.clone();
         large.positions.iter_mut().for_each(|p| *p *= 3.0);
         large.wedge_uv.iter_mut().for_each(|t| *t *= 3.0);
-        let edge = EdgeCase { from: 6, to: 12, onto: false, wedges: &[(6, 12)] };
+        let edge = EdgeCase { from: 6, to: 12, onto: false, stays: false, wedges: &[(6, 12)] };
         let (small, large) = (prepared(&mesh).place(&mesh, &edge).cost, prepared(&large).place(&large, &edge).cost);
         assert!((large / small - 81.0).abs() < 1e-6);
     }
@@ -301,8 +306,8 @@ mod tests {
     fn swapping_the_ends_of_a_free_edge_changes_nothing() {
         let mesh = samples::grid(4, 0.5);
         let cost = prepared(&mesh);
-        let there = cost.place(&mesh, &EdgeCase { from: 6, to: 12, onto: false, wedges: &[(6, 12)] });
-        let back = cost.place(&mesh, &EdgeCase { from: 12, to: 6, onto: false, wedges: &[(12, 6)] });
+        let there = cost.place(&mesh, &EdgeCase { from: 6, to: 12, onto: false, stays: false, wedges: &[(6, 12)] });
+        let back = cost.place(&mesh, &EdgeCase { from: 12, to: 6, onto: false, stays: false, wedges: &[(12, 6)] });
         assert_eq!(there, back);
     }
 

@@ -181,7 +181,7 @@ pub(super) mod tests {
             let mut faces = FaceWriter::create(&folder.join(format!("{name}.faces"))).unwrap();
             let texcoords_of_face = [0, 1, NO_TEXCOORD];
             faces
-                .append(&[Face { vertices: [0, 1, 2], texcoords: texcoords_of_face, part, continues_polygon: false }])
+                .append(&[Face { vertices: [0, 1, 2], texcoords: texcoords_of_face, part, ..Face::default() }])
                 .unwrap();
             StoredPiece {
                 positions: positions(name, &[DVec3::Z]),

@@ -8,6 +8,8 @@
 //! # Where we differ
 //! * A seam may also end at a corner or a locked vertex, which stays (the paper forbids it).
 //! * An inner vertex may collapse into a border vertex, which stays (the paper forbids it).
+//! * A seam, corner or border vertex that others collapse into keeps its texture coordinates, but moves to fit the
+//!   surface (in the paper it stays).
 //! * A vertex with one texture coordinate at which a seam ends is a corner.
 
 use super::cluster::ClusterMesh;
@@ -40,11 +42,11 @@ pub enum Rule {
     Never,
     /// To the best place.
     Free,
-    /// To the edge's second end, which stays where it is.
+    /// To the edge's second end, which keeps its texture coordinates and, if locked or fixed, its place.
     Onto,
     /// To the best place near the chain; only along an edge of the seam or border that both ends lie on.
     Chain,
-    /// To the second end, which stays; only along an edge of the seam or border.
+    /// As `Onto`, but only along an edge of the seam or border.
     ChainOnto,
 }
 
@@ -115,23 +117,21 @@ struct Fan {
 
 impl Fan {
     fn class(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) -> Class {
-        let faces = rings.of(vertex);
-        if faces.is_empty() || faces.len() > VALENCE_MAX {
+        let corners = rings.of(vertex);
+        if corners.is_empty() || corners.len() > VALENCE_MAX {
             return Class::Fixed;
         }
         self.spokes.clear();
-        for &face in faces {
-            let corners = mesh.corners[face as usize];
-            let Some(at) = corners.iter().position(|&w| mesh.wedge_vertex[w as usize] == vertex) else { continue };
-            let (next_wedge, previous_wedge) = (corners[(at + 1) % 3], corners[(at + 2) % 3]);
-            self.spokes.push(Spoke {
-                wedge: corners[at],
-                next: mesh.wedge_vertex[next_wedge as usize],
-                next_wedge,
-                previous: mesh.wedge_vertex[previous_wedge as usize],
-                previous_wedge,
-            });
-        }
+        self.spokes.extend(corners.iter().map(|&corner| {
+            let [next, previous] = ClusterMesh::following(corner);
+            Spoke {
+                wedge: mesh.wedge_of(corner),
+                next: mesh.vertex_of(next),
+                next_wedge: mesh.wedge_of(next),
+                previous: mesh.vertex_of(previous),
+                previous_wedge: mesh.wedge_of(previous),
+            }
+        }));
         self.walk()
     }
 

@@ -5,8 +5,10 @@
 //!   face f: corners 9, 4, 12 (wedges); a face of DEAD corners is gone
 //! ```
 //!
+//! A corner is named by 3 × its face + its place in it, as in [`Rings`](super::Rings).
+//!
 //! # Memory
-//! A face takes 16 bytes, a vertex 25, a wedge 24: about 43 bytes a triangle of an ordinary textured mesh.
+//! A face takes 32 bytes, a vertex 25, a wedge 25: about 59 bytes a triangle of an ordinary textured mesh.
 
 use glam::{DVec2, DVec3};
 
@@ -40,8 +42,12 @@ pub struct ClusterMesh {
     pub wedge_moved: Vec<bool>,
     /// Wedges of each face's corners, counter-clockwise.
     pub corners: Vec<[u32; 3]>,
+    /// Vertices of each face's corners: those of its wedges, at hand.
+    pub corner_vertices: Vec<[u32; 3]>,
     /// Part (label) of each face.
     pub parts: Vec<u32>,
+    /// Bound on the distance of each face from the input, in units of length; kept only where the error is bounded.
+    pub deviations: Vec<f32>,
     /// Number of faces that are not dead.
     pub face_count: usize,
 }
@@ -50,7 +56,36 @@ impl ClusterMesh {
     /// Vertices of a face's corners; the face must not be dead.
     #[inline]
     pub fn vertices(&self, face: u32) -> [u32; 3] {
-        self.corners[face as usize].map(|w| self.wedge_vertex[w as usize])
+        self.corner_vertices[face as usize]
+    }
+
+    /// Wedge of a corner, if its face was not removed.
+    #[inline]
+    pub fn living(&self, corner: u32) -> Option<u32> {
+        let wedge = self.corners.as_flattened()[corner as usize];
+        (wedge != DEAD).then_some(wedge)
+    }
+
+    /// The two corners that follow a corner in its face, counter-clockwise.
+    #[inline]
+    pub fn following(corner: u32) -> [u32; 2] {
+        match corner % 3 {
+            0 => [corner + 1, corner + 2],
+            1 => [corner + 1, corner - 1],
+            _ => [corner - 2, corner - 1],
+        }
+    }
+
+    /// Wedge of a corner, whose face must not be dead.
+    #[inline]
+    pub fn wedge_of(&self, corner: u32) -> u32 {
+        self.corners.as_flattened()[corner as usize]
+    }
+
+    /// Vertex of a corner, whose face must not be dead.
+    #[inline]
+    pub fn vertex_of(&self, corner: u32) -> u32 {
+        self.corner_vertices.as_flattened()[corner as usize]
     }
 
     /// Whether the face was removed.
@@ -62,7 +97,8 @@ impl ClusterMesh {
     /// The wedge of `vertex` in a face, if the vertex is one of its corners.
     #[inline]
     pub fn wedge_at(&self, face: u32, vertex: u32) -> Option<u32> {
-        self.corners[face as usize].into_iter().find(|&w| self.wedge_vertex[w as usize] == vertex)
+        let at = self.corner_vertices[face as usize].into_iter().position(|v| v == vertex)?;
+        Some(self.corners[face as usize][at])
     }
 
     /// Whether the vertex may neither move nor vanish.
@@ -103,10 +139,12 @@ impl ClusterMesh {
         (self.wedge_vertex.len() - 1) as u32
     }
 
-    /// Adds a face.
+    /// Adds a face that lies where it lay in the input.
     pub fn push_face(&mut self, corners: [u32; 3], part: u32) {
         self.corners.push(corners);
+        self.corner_vertices.push(corners.map(|w| self.wedge_vertex[w as usize]));
         self.parts.push(part);
+        self.deviations.push(0.0);
         self.face_count += 1;
     }
 
@@ -134,12 +172,16 @@ impl ClusterMesh {
         for face in 0..self.corners.len() {
             if self.corners[face][0] != DEAD {
                 self.corners[kept] = self.corners[face];
+                self.corner_vertices[kept] = self.corner_vertices[face];
                 self.parts[kept] = self.parts[face];
+                self.deviations[kept] = self.deviations[face];
                 kept += 1;
             }
         }
         self.corners.truncate(kept);
+        self.corner_vertices.truncate(kept);
         self.parts.truncate(kept);
+        self.deviations.truncate(kept);
     }
 
     /// Takes out of the cycles those wedges that no face uses any more.
@@ -189,14 +231,18 @@ pub(crate) mod samples {
         mesh
     }
 
-    /// The grid cut into two charts along x = n / 2: vertices on that line have two wedges.
+    /// The grid cut into two charts along x = n / 2: vertices on that line have two wedges; u is 6.4 more on the right.
     pub fn two_charts(n: u32) -> ClusterMesh {
         let mut mesh = grid(n, 0.0);
         let middle = n / 2;
         let mut right = std::collections::BTreeMap::new();
         for y in 0..=n {
             let vertex = y * (n + 1) + middle;
-            right.insert(vertex, mesh.push_wedge(vertex, DVec2::new(7.0, f64::from(y) * 0.1)));
+            let uv = mesh.wedge_uv[vertex as usize] + DVec2::new(6.4, 0.0);
+            right.insert(vertex, mesh.push_wedge(vertex, uv));
+            for x in middle + 1..=n {
+                mesh.wedge_uv[(y * (n + 1) + x) as usize].x += 6.4;
+            }
         }
         for face in 0..mesh.corners.len() as u32 {
             let triangle = mesh.triangle(face);

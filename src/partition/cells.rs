@@ -332,7 +332,7 @@ mod tests {
         column.append(positions).unwrap();
         let texcoords = ColumnWriter::create(&folder.join("t"), *b"texcoord").unwrap().finish().unwrap();
         let mut faces = FaceWriter::create(&folder.join("f")).unwrap();
-        let face = Face { vertices: [0, 1, 2], texcoords: [NO_TEXCOORD; 3], part: 0, continues_polygon: false };
+        let face = Face { vertices: [0, 1, 2], texcoords: [NO_TEXCOORD; 3], part: 0, ..Face::default() };
         faces.append(&vec![face; positions.len() * 2]).unwrap();
         StoredMesh {
             pieces: vec![StoredPiece {

@@ -120,6 +120,8 @@ impl ClusterSource {
         let mesh = &mut self.mesh;
         mesh.corners.reserve_exact(faces.len());
         mesh.parts.reserve_exact(faces.len());
+        mesh.corner_vertices.reserve_exact(faces.len());
+        mesh.deviations.reserve_exact(faces.len());
         let mut first_wedge = vec![u32::MAX; mesh.positions.len()];
         // Next wedge of the same vertex while they are gathered, and the wedge's material.
         let mut gathered: Vec<(u32, u32)> = Vec::with_capacity(mesh.positions.len() + mesh.positions.len() / 4);
@@ -147,6 +149,7 @@ impl ClusterSource {
                 wedge
             });
             mesh.push_face(corners, face.part);
+            mesh.deviations[mesh.corners.len() - 1] = face.deviation;
         }
         mesh.link_wedges();
     }
@@ -191,7 +194,7 @@ impl ClusterSource {
         let mut texcoord_id = vec![NO_TEXCOORD; simplified.wedge_vertex.len()];
         let mut texcoords = Vec::new();
         let mut faces = Vec::with_capacity(simplified.corners.len());
-        for (corners, &part) in simplified.corners.iter().zip(&simplified.parts) {
+        for (face, (corners, &part)) in simplified.corners.iter().zip(&simplified.parts).enumerate() {
             let vertices = corners.map(|w| {
                 let v = simplified.wedge_vertex[w as usize];
                 match simplified.is_shared(v) {
@@ -206,7 +209,8 @@ impl ClusterSource {
                 }
             }
             let texcoords = corners.map(|w| texcoord_id[w as usize]);
-            faces.push(Face { vertices, texcoords, part, continues_polygon: false });
+            let deviation = simplified.deviations[face];
+            faces.push(Face { vertices, texcoords, part, continues_polygon: false, deviation });
         }
         write_piece(path, &positions, &texcoords, colours.as_deref(), &faces)
     }
@@ -360,7 +364,7 @@ fn triangulate_polygons(faces: &mut Vec<Face>, positions: &[DVec3]) -> u64 {
                 dropped += 1;
                 continue;
             }
-            out.push(Face { vertices, texcoords: pick.map(|(_, t)| t), part: first.part, continues_polygon: false });
+            out.push(Face { vertices, texcoords: pick.map(|(_, t)| t), continues_polygon: false, ..first });
         }
     }
     *faces = out;

@@ -218,6 +218,7 @@ impl<'a> FileCommit<'a> {
                     texcoords: texcoords.map_or([NO_TEXCOORD; 3], |t| [t[0], t[i - 1], t[i]]),
                     part,
                     continues_polygon: i > 2,
+                    deviation: 0.0,
                 });
                 if self.face_buffer.len() == FACE_BUFFER {
                     self.flush_faces()?;

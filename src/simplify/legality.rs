@@ -33,11 +33,13 @@ pub enum Refusal {
     Fold,
     /// A texture triangle would change its sign.
     UvFold,
+    /// The surface would deviate from the input by more than is allowed.
+    Deviation,
 }
 
 impl Refusal {
     /// Number of refusals.
-    pub const COUNT: usize = 6;
+    pub const COUNT: usize = 7;
 }
 
 /// What a collapse does to the faces around its edge; scratch space is kept between edges.
@@ -65,15 +67,16 @@ impl EdgeStar {
         self.dying.clear();
         self.wedges.clear();
         self.opposite.clear();
-        for &face in rings.of(from).iter().filter(|&&face| !mesh.is_dead(face)) {
-            let (Some(to_wedge), Some(from_wedge)) = (mesh.wedge_at(face, to), mesh.wedge_at(face, from)) else {
-                continue;
-            };
-            self.dying.push(face);
-            if !self.wedges.contains(&(from_wedge, to_wedge)) {
-                self.wedges.push((from_wedge, to_wedge));
+        for &corner in rings.of(from) {
+            let Some(wedge) = mesh.living(corner) else { continue };
+            let far = ClusterMesh::following(corner);
+            let Some(k) = far.iter().position(|&c| mesh.vertex_of(c) == to) else { continue };
+            let pair = (wedge, mesh.wedge_of(far[k]));
+            self.dying.push(corner / 3);
+            self.opposite.push(mesh.vertex_of(far[1 - k]));
+            if !self.wedges.contains(&pair) {
+                self.wedges.push(pair);
             }
-            self.opposite.extend(mesh.vertices(face).into_iter().filter(|&v| v != from && v != to));
         }
     }
 
@@ -88,33 +91,32 @@ impl EdgeStar {
         let to_shared = mesh.is_shared(to);
         self.epoch += 2;
         let (seen, common) = (self.epoch, self.epoch + 1);
-        for &face in rings.of(from).iter().filter(|&&face| !mesh.is_dead(face)) {
-            let vertices = mesh.vertices(face);
-            for v in vertices {
+        for &corner in rings.of(from) {
+            let Some(wedge) = mesh.living(corner) else { continue };
+            let ring = ClusterMesh::following(corner).map(|c| mesh.vertex_of(c));
+            for v in ring {
                 self.mark[v as usize] = seen;
             }
-            if vertices.contains(&to) {
+            if ring.contains(&to) {
                 continue;
             }
-            let wedge = mesh.wedge_at(face, from).ok_or(Refusal::Topology)?;
             if self.wedges.iter().filter(|pair| pair.0 == wedge).count() != 1 {
                 return Err(Refusal::Seam);
             }
-            let ring = vertices.into_iter().filter(|&v| v != from);
-            if to_shared && ring.clone().any(|v| mesh.is_shared(v) && !self.opposite.contains(&v)) {
+            if to_shared && ring.iter().any(|&v| mesh.is_shared(v) && !self.opposite.contains(&v)) {
                 return Err(Refusal::Rim);
             }
             // A face (to, x, y) may exist already: x and y are then the two opposite vertices.
-            if ring.clone().all(|v| self.opposite.contains(&v)) {
-                let hidden = to_shared && ring.clone().all(|v| mesh.is_shared(v));
+            if ring.iter().all(|v| self.opposite.contains(v)) {
+                let hidden = to_shared && ring.iter().all(|&v| mesh.is_shared(v));
                 return Err(if hidden { Refusal::Rim } else { Refusal::Topology })
                     .or_else(|refusal| self.face_exists(mesh, rings, to, refusal));
             }
         }
         let mut common_count = 0;
-        for &face in rings.of(to).iter().filter(|&&face| !mesh.is_dead(face)) {
-            for v in mesh.vertices(face).into_iter().filter(|&v| v != from && v != to) {
-                if self.mark[v as usize] == seen {
+        for &corner in rings.of(to).iter().filter(|&&corner| mesh.living(corner).is_some()) {
+            for v in ClusterMesh::following(corner).map(|c| mesh.vertex_of(c)) {
+                if self.mark[v as usize] == seen && v != from {
                     self.mark[v as usize] = common;
                     common_count += 1;
                 }
@@ -129,10 +131,7 @@ impl EdgeStar {
     /// A face that hangs on nothing but vertices is a piece of its own and must stay.
     fn check_piece(&self, mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32) -> Result<(), Refusal> {
         let (&[_], &[opposite]) = (&self.dying[..], &self.opposite[..]) else { return Ok(()) };
-        let faces_with = |v: u32| {
-            let living = rings.of(v).iter().filter(|&&face| !mesh.is_dead(face));
-            living.filter(|&&face| mesh.vertices(face).contains(&opposite)).count()
-        };
+        let faces_with = |v: u32| rings.faces(mesh, v).filter(|&face| mesh.vertices(face).contains(&opposite)).count();
         if faces_with(from) > 1 || faces_with(to) > 1 {
             return Ok(());
         }
@@ -141,12 +140,11 @@ impl EdgeStar {
 
     /// A surviving face spans both opposite vertices: legal only if the face that it becomes does not exist yet.
     fn face_exists(&self, mesh: &ClusterMesh, rings: &Rings, to: u32, refusal: Refusal) -> Result<(), Refusal> {
-        let doubles = |face: &&u32| {
-            !mesh.is_dead(**face)
-                && !self.dying.contains(face)
-                && mesh.vertices(**face).into_iter().all(|v| v == to || self.opposite.contains(&v))
+        let doubles = |face: u32| {
+            !self.dying.contains(&face)
+                && mesh.vertices(face).into_iter().all(|v| v == to || self.opposite.contains(&v))
         };
-        if refusal == Refusal::Rim || rings.of(to).iter().any(|face| doubles(&face)) { Err(refusal) } else { Ok(()) }
+        if refusal == Refusal::Rim || rings.faces(mesh, to).any(doubles) { Err(refusal) } else { Ok(()) }
     }
 }
 

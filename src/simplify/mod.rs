@@ -8,6 +8,7 @@
 //! See [`engine::FACE_BYTES`].
 
 pub mod collapse;
+pub mod deviation;
 pub mod engine;
 pub mod legality;
 pub mod texture;

@@ -6,6 +6,7 @@
 //! tag bit 0  the part differs from the previous face's: zigzag(part - previous part) follows
 //!     bit 1  the face continues the polygon of the previous face
 //!     bit 2  no corner has a texture coordinate (else 3 values follow the vertices)
+//!     bit 3  the face deviates from the input: its deviation (32-bit float) follows at the end
 //! vertices   zigzag(v0 - previous v0), zigzag(v1 - v0), zigzag(v2 - v1)
 //! texcoords  the same of id + 1, so that 0 stands for "none"
 //! ```
@@ -27,11 +28,11 @@ use crate::os::system::read_exact_at;
 pub const NO_TEXCOORD: u32 = u32::MAX;
 /// Faces of a block, at most; a polygon may cross blocks.
 pub const BLOCK_FACES: usize = 16 << 10;
-/// Bytes of a face in the worst case: a tag and seven varints of up to 5 bytes.
-const FACE_BYTES_MAX: usize = 1 + 7 * 5;
+/// Bytes of a face in the worst case: a tag, seven varints of up to 5 bytes and a float.
+const FACE_BYTES_MAX: usize = 1 + 7 * 5 + 4;
 
 /// A triangle by ids; corners counter-clockwise as in the input.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Face {
     /// Vertex of each corner.
     pub vertices: [u32; 3],
@@ -44,6 +45,9 @@ pub struct Face {
     /// A polygon c0 c1 … cn-1 is stored as the fan (c0 c1 c2), (c0 c2 c3), … until its positions are at hand and it
     /// can be triangulated properly.
     pub continues_polygon: bool,
+    /// Bound on the distance between this face and what it stands for in the input, in units of length; kept only
+    /// where the error is bounded.
+    pub deviation: f32,
 }
 
 /// Where a block of faces lies, and which ids it names.
@@ -71,7 +75,9 @@ pub fn encode_block(faces: &[Face], out: &mut Vec<u8>) -> FaceBlock {
         ids.see(face);
         let bare = face.texcoords == [NO_TEXCOORD; 3];
         let part_differs = face.part != last_part;
-        out.push(u8::from(part_differs) | u8::from(face.continues_polygon) << 1 | u8::from(bare) << 2);
+        let deviates = face.deviation != 0.0;
+        let shape = u8::from(face.continues_polygon) << 1 | u8::from(bare) << 2;
+        out.push(u8::from(part_differs) | shape | u8::from(deviates) << 3);
         if part_differs {
             put_difference(out, face.part, last_part);
             last_part = face.part;
@@ -87,6 +93,9 @@ pub fn encode_block(faces: &[Face], out: &mut Vec<u8>) -> FaceBlock {
             put_difference(out, t1, t0);
             put_difference(out, t2, t1);
             last_texcoord = t0;
+        }
+        if deviates {
+            out.extend(face.deviation.to_le_bytes());
         }
     }
     FaceBlock {
@@ -126,7 +135,12 @@ pub fn decode_block(mut bytes: &[u8], count: usize, out: &mut Vec<Face>) -> std:
             last_texcoord = t0;
             texcoords = [t0, t1, t2].map(|t| t.wrapping_sub(1));
         }
-        out.push(Face { vertices: [v0, v1, v2], texcoords, part, continues_polygon: tag & 2 != 0 });
+        let mut deviation = 0.0;
+        if tag & 8 != 0 {
+            let (float, rest) = bytes.split_first_chunk::<4>().ok_or("a block of faces ends inside a deviation")?;
+            (deviation, bytes) = (f32::from_le_bytes(*float), rest);
+        }
+        out.push(Face { vertices: [v0, v1, v2], texcoords, part, continues_polygon: tag & 2 != 0, deviation });
     }
     if bytes.is_empty() { Ok(()) } else { Err(format!("{} bytes are left after a block of faces", bytes.len())) }
 }
@@ -348,14 +362,15 @@ mod tests {
 
     proptest! {
         #[test]
-        fn faces_come_back_as_they_were(raw in prop::collection::vec(any::<([u32; 3], [u32; 3], u32, bool, bool)>(), 0..200)) {
+        fn faces_come_back_as_they_were(raw in prop::collection::vec(any::<([u32; 3], [u32; 3], u32, bool, bool, u16)>(), 0..200)) {
             let faces: Vec<Face> = raw
                 .into_iter()
-                .map(|(vertices, texcoords, part, continues_polygon, bare)| Face {
+                .map(|(vertices, texcoords, part, continues_polygon, bare, deviation)| Face {
                     vertices,
                     texcoords: if bare { [NO_TEXCOORD; 3] } else { texcoords },
                     part,
                     continues_polygon,
+                    deviation: f32::from(deviation % 3),
                 })
                 .collect();
             let mut bytes = Vec::new();
@@ -375,7 +390,8 @@ mod tests {
     fn a_polygon_never_begins_at_the_last_face_of_a_block() {
         let folder = tempfile::tempdir().unwrap();
         let mut writer = FaceWriter::create(&folder.path().join("f")).unwrap();
-        let face = |continues_polygon| Face { vertices: [0, 1, 2], texcoords: [3; 3], part: 0, continues_polygon };
+        let face =
+            |continues_polygon| Face { vertices: [0, 1, 2], texcoords: [3; 3], continues_polygon, ..Face::default() };
         writer.append(&vec![face(false); BLOCK_FACES]).unwrap();
         writer.append(&vec![face(true); BLOCK_FACES + 5]).unwrap();
         let faces = writer.finish().unwrap();
@@ -386,12 +402,7 @@ mod tests {
     #[test]
     fn an_exporters_order_takes_few_bytes() {
         let faces: Vec<Face> = (0..1000)
-            .map(|i| Face {
-                vertices: [i, i + 1, i + 40],
-                texcoords: [i, i + 1, i + 45],
-                part: 3,
-                continues_polygon: false,
-            })
+            .map(|i| Face { vertices: [i, i + 1, i + 40], texcoords: [i, i + 1, i + 45], part: 3, ..Face::default() })
             .collect();
         let mut bytes = Vec::new();
         let block = encode_block(&faces, &mut bytes);

@@ -76,7 +76,7 @@ mod tests {
         let positions = [DVec3::new(1.0, 2.0, 3.0), DVec3::X, DVec3::Y];
         let texcoords = [DVec2::new(0.5, 0.25)];
         let colours = [[0.1, 0.2, 0.3]; 3];
-        let face = Face { vertices: [0, 1, 2], texcoords: [0, NO_TEXCOORD, 0], part: 7, continues_polygon: false };
+        let face = Face { vertices: [0, 1, 2], texcoords: [0, NO_TEXCOORD, 0], part: 7, ..Face::default() };
         let path = folder.path().join("a.piece");
         let piece = write_piece(&path, &positions, &texcoords, Some(&colours), &[face]).unwrap();
         assert_eq!(&*piece.positions.window(0..3).unwrap(), &positions);

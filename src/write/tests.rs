@@ -14,7 +14,7 @@ fn options() -> WriteOptions {
 }
 
 fn face(vertices: [u32; 3], texcoords: [u32; 3], part: u32) -> Face {
-    Face { vertices, texcoords, part, continues_polygon: false }
+    Face { vertices, texcoords, part, ..Face::default() }
 }
 
 #[derive(Default)]
