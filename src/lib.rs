@@ -19,19 +19,22 @@
 //! # Ok::<(), drystone::base::Error>(())
 //! ```
 
+// In the order in which the data flows; imports point up this list, which `tests/layering.rs` checks.
 pub mod base;
-pub mod cli;
-pub mod cost;
-pub mod job;
-pub mod measure;
-pub mod mesh;
-pub mod options;
 pub mod os;
-pub mod partition;
-pub mod pipeline;
-pub mod report;
+pub mod job;
+pub mod store;
 pub mod scan;
+pub mod mesh;
+pub mod partition;
+pub mod cost;
 pub mod simplify;
 pub mod stitch;
-pub mod store;
 pub mod write;
+pub mod measure;
+pub mod options;
+pub mod report;
+pub mod plan;
+pub mod pipeline;
+pub mod inspect;
+pub mod cli;

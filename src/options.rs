@@ -84,6 +84,10 @@ pub struct SimplifyOptions {
     #[arg(long, value_name = "COUNT", group = "target")]
     pub faces: Option<u64>,
 
+    /// Largest distance between result and input, in the mesh's unit of length, either way; as few triangles as it allows
+    #[arg(long, value_name = "LENGTH", group = "target")]
+    pub max_error: Option<f64>,
+
     /// Memory that the program may use, at least 128MiB [default: half of the machine's or cgroup's]
     #[arg(long, value_name = "SIZE", value_parser = bytes::parse)]
     pub memory: Option<u64>,
@@ -146,6 +150,7 @@ impl Default for SimplifyOptions {
         Self {
             ratio: None,
             faces: None,
+            max_error: None,
             memory: None,
             threads: None,
             work: None,
@@ -171,14 +176,17 @@ impl SimplifyOptions {
     /// [`Error::Usage`] naming the option, what was found and what is accepted.
     pub fn check(&self) -> Result<()> {
         let fail = |message: String| Err(Error::Usage(message));
-        match (self.ratio, self.faces) {
-            (None, None) => return fail("give a target: --ratio or --faces".into()),
-            (Some(_), Some(_)) => return fail("give one target: --ratio or --faces, not both".into()),
-            (Some(ratio), None) if !(ratio > 0.0 && ratio <= 1.0) => {
+        match (self.ratio, self.faces, self.max_error) {
+            (None, None, None) => return fail("give a target: --ratio, --faces or --max-error".into()),
+            (Some(ratio), None, None) if !(ratio > 0.0 && ratio <= 1.0) => {
                 return fail(format!("--ratio {ratio}: expected a share above 0 and up to 1"));
             }
-            (None, Some(0)) => return fail("--faces 0: expected at least 1".into()),
-            _ => {}
+            (None, Some(0), None) => return fail("--faces 0: expected at least 1".into()),
+            (None, None, Some(length)) if !(length > 0.0 && length.is_finite()) => {
+                return fail(format!("--max-error {length}: expected a length above 0"));
+            }
+            (Some(_), None, None) | (None, Some(_), None) | (None, None, Some(_)) => {}
+            _ => return fail("give one target: --ratio, --faces or --max-error".into()),
         }
         if !(1000..=10_000_000).contains(&self.cluster_faces) {
             return fail(format!("--cluster-faces {}: expected 1000 to 10000000", self.cluster_faces));
@@ -195,9 +203,10 @@ impl SimplifyOptions {
         Ok(())
     }
 
-    /// Faces to keep of an input with so many triangles.
+    /// Faces to keep of an input with so many triangles; 0, as few as possible, with a bounded error.
     pub fn target(&self, triangles: u64) -> u64 {
         match (self.ratio, self.faces) {
+            _ if self.max_error.is_some() => 0,
             (Some(ratio), _) => (ratio * triangles as f64).round() as u64,
             (None, faces) => faces.unwrap_or(triangles).min(triangles),
         }

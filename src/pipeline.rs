@@ -2,28 +2,22 @@
 
 #[cfg(test)]
 mod hostile;
-mod need;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use self::need::Need;
-use crate::base::{Error, Findings, MemoryBudget, Progress, Result, bytes};
+use crate::base::{Error, Findings, MemoryBudget, Progress, Result};
 use crate::cost::surface::Weights;
 use crate::job::{FORMAT_VERSION, Manifest, WorkFolder};
 use crate::options::{Borders, Metric, Normals, SimplifyOptions, Weld};
 use crate::os::system;
-use crate::partition::weight::limit_bytes;
+use crate::plan::memory::{self, Sizes};
+use crate::plan::scratch;
 use crate::report::{ErrorFigures, FaceFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
-use crate::scan::{self, Scan, ScanOptions};
-
+use crate::scan::{self, Counts, Scan};
 use crate::stitch::pass::{PassOptions, Run};
+use crate::store::StoredMesh;
 use crate::write::{self, WriteOptions};
-
-/// Memory of a chunk that is being parsed, for the scan's share of the budget.
-const CHUNK_BYTES: u64 = 16 << 20;
-/// Scratch space for each byte of OBJ text, measured on photogrammetry.
-const SCRATCH_PER_INPUT: f64 = 1.6;
 
 /// Simplifies one OBJ, or all below a folder, into one OBJ.
 ///
@@ -35,24 +29,27 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
     options.check()?;
     let inputs = scan::find_inputs(input)?;
     refuse_output(&inputs, output, options)?;
-    let budget = choose_budget(options)?;
-    let threads = choose_threads(options, budget);
+    let budget = memory::choose_budget(options)?;
+    let threads = memory::choose_threads(options.threads, budget);
     let work_path = options.work.clone().unwrap_or_else(|| default_work(output));
-    refuse_small_disk(&inputs, output, &work_path)?;
+    let input_sizes = inputs.iter().filter_map(|path| std::fs::metadata(path).ok()).map(|meta| meta.len());
+    scratch::refuse_small_disk(input_sizes.sum(), &work_path)?;
     let mut work = WorkFolder::open(&work_path, &manifest(&inputs, options))?;
 
     let scanned = Instant::now();
-    let scan_options = scan_options(budget, threads);
+    let scan_options = memory::scan_options(budget, threads);
     let Scan { mesh, catalogue, triangles, mut findings, input_bytes, .. } =
         scan::scan(&inputs, work.path(), &scan_options, progress)?;
     let scan_seconds = scanned.elapsed();
     let mut scratch_peak = work.bytes();
 
-    let need = Need::of(&mesh, &catalogue);
-    need.check(budget, options.cluster_faces, work.path())?;
-
     let target = options.target(triangles);
-    let work_bytes = budget.for_work() - need.resident_bytes();
+    let sizes = Sizes { faces: triangles, vertices: mesh.vertex_count(), target, cluster_faces: options.cluster_faces };
+    let scratch_bytes = scratch::forecast(&counts_of(&mesh, triangles), &sizes, options.passes, budget);
+    scratch::refuse_less_than(scratch_bytes.saturating_sub(work.bytes()), work.path())?;
+    let resident_bytes = memory::resident_bytes(sizes.vertices, &catalogue);
+    memory::refuse_small_budget(resident_bytes, &sizes, budget)?;
+    let work_bytes = budget.for_work() - resident_bytes;
     let pass_options = pass_options(options, catalogue.has_texcoords, triangles, target, threads, work_bytes);
     let passes = Run::new(&pass_options, &catalogue, work.path(), progress).simplify(mesh)?;
     findings.merge(passes.findings);
@@ -72,10 +69,15 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
     drop(work);
 
     let (read, written) = system::io_bytes();
+    let predicted = memory::forecast(&sizes, budget, threads).peak;
     Ok(Report {
         status: if passes.reached { Status::Done } else { Status::TargetMissed },
         output: output.to_owned(),
-        faces: FaceFigures { input: triangles, target, output: passes.faces },
+        faces: FaceFigures {
+            input: triangles,
+            target: if options.max_error.is_some() { passes.faces } else { target },
+            output: passes.faces,
+        },
         error: ErrorFigures {
             threshold: passes.reports.last().map_or(0.0, |pass| pass.threshold),
             rms_estimate: passes.rms_estimate,
@@ -90,7 +92,7 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
         },
         memory: MemoryFigures {
             budget: budget.bytes,
-            predicted_peak: predicted_peak(&pass_options, &need, &scan_options, passes.permit_peak),
+            predicted_peak: predicted.max(MemoryBudget::FIXED_BYTES + resident_bytes + passes.permit_peak),
             peak_resident: system::peak_resident_bytes(),
         },
         io: IoFigures { input: input_bytes, read, written, scratch_peak },
@@ -99,6 +101,12 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
         warnings: findings.warnings(),
         repairs: repairs(&findings),
     })
+}
+
+/// What the scan found, for the forecast of scratch space.
+fn counts_of(mesh: &StoredMesh, triangles: u64) -> Counts {
+    let (vertices, texcoords) = (mesh.vertex_count(), mesh.texcoord_count());
+    Counts { vertices, texcoords, triangles, has_colours: mesh.has_colours(), ..Counts::default() }
 }
 
 fn repairs(findings: &Findings) -> std::collections::BTreeMap<String, u64> {
@@ -121,38 +129,6 @@ fn refuse_output(inputs: &[PathBuf], output: &Path, options: &SimplifyOptions) -
     Ok(())
 }
 
-fn choose_budget(options: &SimplifyOptions) -> Result<MemoryBudget> {
-    let floor = MemoryBudget::FLOOR_BYTES;
-    let half = system::memory_bytes().map_or(1 << 30, |bytes| bytes / 2).max(floor);
-    let bytes = options.memory.unwrap_or(half);
-    if bytes < floor {
-        let (found, floor) = (bytes::display(bytes), bytes::display(floor));
-        return Err(Error::Budget(format!("--memory {found}: at least {floor} are needed")));
-    }
-    let budget = MemoryBudget { bytes };
-    let cluster = limit_bytes(options.cluster_faces);
-    if cluster > budget.for_work() {
-        let most = budget.for_work() * options.cluster_faces / cluster;
-        return Err(Error::Budget(format!(
-            "{} cannot hold a cluster of {} triangles; give --cluster-faces {most} or --memory {}",
-            bytes::display(bytes),
-            options.cluster_faces,
-            bytes::display(cluster + MemoryBudget::FIXED_BYTES + bytes::MIB),
-        )));
-    }
-    Ok(budget)
-}
-
-fn choose_threads(options: &SimplifyOptions, budget: MemoryBudget) -> usize {
-    let wanted = options.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
-    wanted.min((budget.for_work() / CHUNK_BYTES / 2).max(1) as usize)
-}
-
-fn scan_options(budget: MemoryBudget, threads: usize) -> ScanOptions {
-    let fitting = (budget.for_work() / CHUNK_BYTES) as usize;
-    ScanOptions { threads, chunks_in_flight: (threads * 2).min(fitting).max(1) }
-}
-
 fn pass_options(
     options: &SimplifyOptions,
     has_texture: bool,
@@ -165,6 +141,7 @@ fn pass_options(
     let uv = if metric == Metric::QemAttributes && has_texture { options.uv_weight } else { 0.0 };
     PassOptions {
         target,
+        max_error: options.max_error,
         input,
         passes: options.passes,
         cluster_faces: options.cluster_faces,
@@ -175,15 +152,6 @@ fn pass_options(
         threads,
         work_bytes,
     }
-}
-
-/// The most memory that any phase should take, in bytes; `permit_peak` is what clusters had at once.
-fn predicted_peak(options: &PassOptions, need: &Need, scan: &ScanOptions, permit_peak: u64) -> u64 {
-    let scan = (scan.threads + 3 * scan.chunks_in_flight) as u64 * (4 << 20);
-    let partition = (36 << 20) + (options.threads as u64 * (12 << 20)) + options.work_bytes / 4;
-    let write = (options.work_bytes / 2).min(options.target * 40) + (16 << 20);
-    let passes = permit_peak.max(partition.min(options.input * 60)) + need.resident_bytes();
-    MemoryBudget::FIXED_BYTES + scan.max(passes).max(write).min(options.work_bytes)
 }
 
 fn default_work(output: &Path) -> PathBuf {
@@ -200,14 +168,4 @@ fn manifest(inputs: &[PathBuf], options: &SimplifyOptions) -> Manifest {
         options: options.fingerprint(),
         inputs: inputs.iter().map(|path| (path.clone(), size(path))).collect(),
     }
-}
-
-/// Refuses, from the files' sizes alone, a job for which the work folder's disk is too small.
-fn refuse_small_disk(inputs: &[PathBuf], output: &Path, work: &Path) -> Result<()> {
-    let input: u64 = inputs.iter().filter_map(|path| std::fs::metadata(path).ok()).map(|meta| meta.len()).sum();
-    let needed = (input as f64 * SCRATCH_PER_INPUT) as u64;
-    let existing = [work, output].into_iter().find_map(|path| path.ancestors().find(|a| a.is_dir()));
-    let folder = existing.unwrap_or(Path::new("."));
-    let Ok(free) = system::free_disk_bytes(folder) else { return Ok(()) };
-    need::refuse_small_disk(folder, needed, free)
 }

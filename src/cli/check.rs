@@ -1,17 +1,35 @@
 //! `drystone check`: counts of one mesh, and what is new against another.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
 
 use crate::base::{Error, Result, Silent};
 use crate::measure::{Check, Regression, Surface, compare_checks, weld_and_check};
 use crate::scan::{ScanOptions, find_inputs, scan};
 
+/// Arguments of `drystone check`.
+#[derive(Debug, Args)]
+pub struct CheckArguments {
+    /// OBJ file
+    mesh: PathBuf,
+    /// OBJ file that the mesh was made from
+    #[arg(long, value_name = "FILE")]
+    against: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
 /// Prints the counts; returns exit code 1 if anything is new.
-pub fn run(mesh: &Path, against: Option<&Path>, json: bool) -> Result<u8> {
-    let after = counts(mesh)?;
-    let before = against.map(counts).transpose()?;
+///
+/// # Errors
+/// If a mesh cannot be read.
+pub fn run(arguments: &CheckArguments) -> Result<u8> {
+    let after = counts(&arguments.mesh)?;
+    let before = arguments.against.as_deref().map(counts).transpose()?;
     let news = before.as_ref().map_or_else(Vec::new, |before| compare_checks(before, &after));
-    if json {
+    if arguments.json {
         print_json(&after, before.as_ref(), &news);
     } else {
         print_table(&after, before.as_ref());

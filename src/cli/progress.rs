@@ -6,11 +6,16 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::base::{Progress, bytes};
+use crate::base::{Progress, Silent, bytes};
 use crate::report::grouped;
 
 /// Time between two plain lines of one phase.
 const LINE_INTERVAL: Duration = Duration::from_secs(5);
+
+/// Progress for a person, or none.
+pub fn told(quiet: bool) -> Box<dyn Progress> {
+    if quiet { Box::new(Silent) } else { Box::new(Told::new()) }
+}
 
 /// Tells progress to a person.
 pub struct Told {

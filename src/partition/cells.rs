@@ -165,6 +165,19 @@ pub fn plan(mesh: &StoredMesh, options: &PartitionOptions) -> Result<Cells> {
     Ok(cells)
 }
 
+/// Cells that [`plan`] will make of so many faces, if no plane moved from its share of the vertices.
+pub fn expected_count(faces: u64, cluster_faces: u64, pass: usize) -> u64 {
+    fn count(faces: f64, limit: f64, level: usize, pass: usize) -> u64 {
+        if faces <= limit {
+            return 1;
+        }
+        let parts = (faces / limit).ceil().max(2.0);
+        let share = if level < SHIFTED_LEVELS { FIRST_SHARES[pass % 3] } else { (parts / 2.0).floor() / parts };
+        count(faces * share, limit, level + 1, pass) + count(faces * (1.0 - share), limit, level + 1, pass)
+    }
+    count(faces as f64, cluster_faces.max(1) as f64, 0, pass)
+}
+
 fn bounds(mesh: &StoredMesh, options: &PartitionOptions) -> Result<(DVec3, DVec3)> {
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     sweep(

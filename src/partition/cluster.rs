@@ -243,6 +243,11 @@ impl ClusterSource {
         mesh.link_wedges();
     }
 
+    /// Id in the partition of a vertex of the mesh.
+    pub fn vertex_id(&self, vertex: u32) -> u32 {
+        self.vertex_ids[vertex as usize]
+    }
+
     /// Areas of the cluster's faces in space and in (unscaled) texture, added by material.
     pub fn add_areas(&self, catalogue: &Catalogue, areas: &mut [(f64, f64)]) {
         for face in 0..self.mesh.corners.len() as u32 {

@@ -11,7 +11,7 @@
 //!     ├─ weight: what a cluster takes in memory; one that is too heavy passes through
 //!     └─ cluster: one bucket with its positions and texcoords, ready to be simplified
 //! ```
-//! In: a [`StoredMesh`](crate::store::StoredMesh). Out: a [`Partition`], whose clusters load one by one. Invariant:
+//! In: a [`StoredMesh`]. Out: a [`Partition`], whose clusters load one by one. Invariant:
 //! the cells depend on the mesh, the cluster size and the pass alone; all files are read and written in order,
 //! whatever the order of the input.
 //!

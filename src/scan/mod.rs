@@ -18,10 +18,11 @@
 //! length more. Nothing is allocated by a number that a file claims.
 //!
 //! # Files
-//! Those of [`commit`], in the work folder.
+//! Those of `commit.rs`, in the work folder.
 
 mod chunk;
 mod commit;
+mod count;
 mod fast;
 mod inputs;
 mod line;
@@ -48,6 +49,7 @@ use self::parts::Labels;
 use crate::base::{Error, Findings, Progress, Result};
 use crate::store::{Catalogue, StoredMesh};
 
+pub use self::count::{Counts, count};
 pub use self::inputs::find_inputs;
 
 /// Memory of a parsed chunk that is worth keeping for the next one.

@@ -137,15 +137,20 @@ impl Collapser {
         for (corner, is_dying) in changing_corners(&self.star, mesh, rings, collapse) {
             let face = corner / 3;
             let mut triangle = mesh.triangle(face);
+            triangle.rotate_left(corner as usize % 3);
             before = before.max(mesh.deviations[face as usize]);
             self.patches.old.push(triangle);
             if !is_dying {
-                triangle[corner as usize % 3] = position;
+                triangle[0] = position;
                 self.patches.new.push(triangle);
             }
         }
-        let deviation = f64::from(before) + self.patches.distance();
-        if deviation <= most { Ok(Some(deviation)) } else { Err(Refusal::Deviation) }
+        let room = most - f64::from(before);
+        if room < 0.0 {
+            return Err(Refusal::Deviation);
+        }
+        let moved = self.patches.distance_within(room).ok_or(Refusal::Deviation)?;
+        Ok(Some(f64::from(before) + moved))
     }
 
     fn set_deviation(&self, mesh: &mut ClusterMesh, rings: &Rings, collapse: Collapse, deviation: f64) {

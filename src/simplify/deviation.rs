@@ -13,7 +13,8 @@ use glam::DVec3;
 
 use super::texture::closest_weights;
 
-/// Old and new triangles around an edge; scratch space is kept between edges.
+/// Old and new triangles around an edge, each turned so that its first corner is the one that moves; scratch space is
+/// kept between edges.
 #[derive(Debug, Default)]
 pub struct Patches {
     /// Faces that will be replaced.
@@ -29,17 +30,24 @@ impl Patches {
         self.new.clear();
     }
 
-    /// The larger of both sampled one-sided distances between the patches.
-    pub fn distance(&self) -> f64 {
-        one_sided_sq(&self.old, &self.new).max(one_sided_sq(&self.new, &self.old)).sqrt()
+    /// The larger of both sampled one-sided distances between the patches; nothing if it exceeds `most`.
+    pub fn distance_within(&self, most: f64) -> Option<f64> {
+        let most_sq = most * most;
+        let there = one_sided_sq(&self.new, &self.old, most_sq)?;
+        let back = one_sided_sq(&self.old, &self.new, most_sq)?;
+        Some(there.max(back).sqrt())
     }
 }
 
-/// Largest squared distance of samples on `from` to `to`; infinite where `to` is empty and `from` is not.
-fn one_sided_sq(from: &[[DVec3; 3]], to: &[[DVec3; 3]]) -> f64 {
+/// Largest squared distance of samples on `from` to `to`; nothing if one exceeds `most_sq`.
+fn one_sided_sq(from: &[[DVec3; 3]], to: &[[DVec3; 3]], most_sq: f64) -> Option<f64> {
     let mut farthest_sq = 0f64;
+    let mut last = DVec3::NAN;
     for [a, b, c] in from {
-        for sample in [*a, *b, *c, (a + b) * 0.5, (b + c) * 0.5, (c + a) * 0.5, (a + b + c) / 3.0] {
+        // The rim is common to both patches: only what moves is sampled, a corner once, a spoke once.
+        let corner = (*a != last).then_some(*a);
+        last = *a;
+        for sample in corner.into_iter().chain([(a + b) * 0.5, (a + b + c) / 3.0]) {
             let mut nearest_sq = f64::INFINITY;
             for triangle in to {
                 nearest_sq = nearest_sq.min(distance_sq(sample, *triangle));
@@ -48,9 +56,12 @@ fn one_sided_sq(from: &[[DVec3; 3]], to: &[[DVec3; 3]]) -> f64 {
                 }
             }
             farthest_sq = farthest_sq.max(nearest_sq);
+            if farthest_sq > most_sq {
+                return None;
+            }
         }
     }
-    farthest_sq
+    Some(farthest_sq)
 }
 
 fn distance_sq(p: DVec3, triangle: [DVec3; 3]) -> f64 {
@@ -68,13 +79,15 @@ mod tests {
     fn a_lifted_copy_is_as_far_as_it_was_lifted() {
         let lifted = TRIANGLE.map(|p| p + DVec3::Z * 0.25);
         let patches = Patches { old: vec![TRIANGLE], new: vec![lifted] };
-        assert!((patches.distance() - 0.25).abs() < 1e-12);
+        assert!((patches.distance_within(1.0).unwrap() - 0.25).abs() < 1e-12);
+        assert_eq!(patches.distance_within(0.2), None);
     }
 
     #[test]
     fn a_patch_that_lost_a_corner_is_as_far_as_that_corner() {
-        let cut = [DVec3::ZERO, DVec3::X * 0.5, DVec3::Y];
-        let patches = Patches { old: vec![TRIANGLE], new: vec![cut] };
-        assert!((patches.distance() - 0.2f64.sqrt()).abs() < 1e-12);
+        let whole = [DVec3::X, DVec3::Y, DVec3::ZERO];
+        let cut = [DVec3::X * 0.5, DVec3::Y, DVec3::ZERO];
+        let patches = Patches { old: vec![whole], new: vec![cut] };
+        assert!((patches.distance_within(1.0).unwrap() - 0.5).abs() < 1e-12);
     }
 }

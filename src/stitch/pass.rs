@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use super::sample::{self, SAMPLE_FACES};
-use super::schedule::{pass_target, stage_shares};
+use super::schedule::{self, pass_target, stage_shares};
 use super::trim::Notes;
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Permits, Progress, Result};
@@ -23,6 +23,12 @@ const TRIM_SHARE: f64 = 0.03;
 const TRIM_SHARE_MAX: f64 = 0.10;
 /// Passes beyond those asked for, while they still remove faces.
 const EXTRA_PASSES: usize = 12;
+/// With a bounded error, passes end when one removes less than this share of the faces.
+const BOUNDED_LAST_SHARE: f64 = 0.02;
+/// With a bounded error, stages end when one removes less than this share of the faces.
+const BOUNDED_STAGE_SHARE: f64 = 0.02;
+/// Share of the allowed error that is used: positions are rounded afterwards.
+const BOUND_SAFETY: f64 = 0.98;
 /// A pass that removes less than this share of the faces has come to the floor.
 const FLOOR_SHARE: f64 = 1e-4;
 
@@ -43,8 +49,10 @@ pub enum SeamPolicy {
 /// What the passes need to know.
 #[derive(Debug, Clone, Copy)]
 pub struct PassOptions {
-    /// Faces wanted.
+    /// Faces wanted; the fewest that `max_error` allows, if that is given.
     pub target: u64,
+    /// Largest distance between result and input, either way, in units of length.
+    pub max_error: Option<f64>,
     /// Faces of the input, for the schedule.
     pub input: u64,
     /// Passes.
@@ -158,6 +166,8 @@ enum Plan {
     Faces(Vec<f64>, u64),
     /// Thresholds, stage by stage.
     Costs(Vec<f32>),
+    /// As far as this bound on the deviation allows.
+    Deviation(f64),
     /// Thresholds, and each cluster's number of faces, at which the last stage stops.
     Trim(Vec<f32>, Vec<u64>),
 }
@@ -228,11 +238,18 @@ impl<'a> Run<'a> {
             remove_mesh(std::mem::replace(&mut mesh, outcome.mesh));
             partition.remove();
             *(if pass == 0 { &mut seconds.simplify } else { &mut seconds.stitch }) += started.elapsed();
+            let gained = faces_in - next_faces;
+            if self.options.max_error.is_some() {
+                reached = is_last && (single || (gained as f64) < faces_in as f64 * BOUNDED_LAST_SHARE);
+                if reached {
+                    break;
+                }
+                continue;
+            }
             if is_last && next_faces <= target {
                 reached = true;
                 break;
             }
-            let gained = faces_in - next_faces;
             stuck = if gained as f64 <= faces_in as f64 * FLOOR_SHARE { stuck + 1 } else { 0 };
             // In one cluster nothing was locked; in many, what was locked in one pass is free in the next.
             if is_last && (stuck > 2 || (single && stuck > 0)) && !is_exact_left(is_exact, gained) {
@@ -284,6 +301,10 @@ impl<'a> Run<'a> {
         } else {
             pass_target(options.input, options.target, pass, options.passes)
         };
+        if let Some(most) = options.max_error {
+            let left = options.passes.saturating_sub(pass + 1) as i32;
+            return Ok((Plan::Deviation(most * BOUND_SAFETY * libm::pow(0.5, f64::from(left))), false));
+        }
         let share = wanted / faces.max(1) as f64;
         if is_single(partition) {
             let shares = stage_shares(share);
@@ -599,6 +620,7 @@ impl Floor {
 fn run_plan(engine: &mut Engine, plan: &Plan, cluster: usize) -> (f32, bool) {
     let faces = engine.mesh.face_count;
     let stops: Vec<Stop> = match plan {
+        Plan::Deviation(most) => return run_bounded(engine, *most),
         Plan::Costs(costs) => costs.iter().map(|&cost| Stop::Cost(cost, 0)).collect(),
         Plan::Trim(costs, keep) => {
             let floor = |i: usize| if i + 1 == costs.len() { keep[cluster] as usize } else { 0 };
@@ -625,6 +647,20 @@ fn run_plan(engine: &mut Engine, plan: &Plan, cluster: usize) -> (f32, bool) {
         reached = result.reached;
     }
     (cost, reached)
+}
+
+/// Runs stages until the bound on the deviation stops them.
+fn run_bounded(engine: &mut Engine, most: f64) -> (f32, bool) {
+    engine.bound_deviation(most);
+    let mut highest = 0f32;
+    loop {
+        let before = engine.mesh.face_count;
+        let goal = (before as f64 * schedule::STAGE_SHARE) as usize;
+        highest = highest.max(engine.run(Stop::Cost(f32::INFINITY, goal)).cost);
+        if (before - engine.mesh.face_count) as f64 <= before as f64 * BOUNDED_STAGE_SHARE {
+            return (highest, true);
+        }
+    }
 }
 
 fn is_single(partition: &Partition) -> bool {

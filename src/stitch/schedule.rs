@@ -1,7 +1,7 @@
 //! How far each pass goes, and in how many stages.
 
 /// Share of its faces that a stage keeps, about; quadrics are recomputed between stages.
-const STAGE_SHARE: f64 = 0.6;
+pub const STAGE_SHARE: f64 = 0.6;
 
 /// Faces that pass `pass` (from 0) of `passes` aims at, on the way from `input` to `target` faces.
 ///

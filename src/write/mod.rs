@@ -18,7 +18,7 @@
 //! need more (64 bytes a face) than that half runs alone.
 //!
 //! # Files
-//! `write-faces.tmp`, `write-stars.tmp`, `write-normals.col` in the work folder, removed before [`write`] returns.
+//! `write-faces.tmp`, `write-stars.tmp`, `write-normals.col` in the work folder, removed before [`write()`] returns.
 
 mod batches;
 mod grouping;
@@ -40,6 +40,7 @@ use self::normals::{PieceNormals, SharedNormals, piece_bytes, piece_normals};
 use self::numbering::{FaceReader, Usage};
 use self::obj::{CornerForm, ObjFile, PartOrder};
 use self::textures::TextureStage;
+pub use self::textures::is_texture_there;
 use crate::base::bytes::MIB;
 use crate::base::error::escape_path;
 use crate::base::{Error, Findings, Progress, Result};

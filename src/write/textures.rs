@@ -256,6 +256,11 @@ impl TextureStage {
     }
 }
 
+/// Whether a texture that an MTL in `mtl_folder` names is a file that would be copied.
+pub fn is_texture_there(mtl_folder: &Path, name: &[u8]) -> bool {
+    find_source(mtl_folder, name).is_ok()
+}
+
 /// The canonical path of a regular file inside the MTL's folder.
 fn find_source(mtl_folder: &Path, name: &[u8]) -> std::result::Result<PathBuf, Unusable> {
     let relative = relative_path(name).ok_or(Unusable::Refused("it is an absolute path"))?;

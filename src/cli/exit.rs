@@ -1,0 +1,50 @@
+//! The exit codes of the program, in one table.
+
+use std::fmt::Write as _;
+
+/// Every exit code and what it means.
+pub const CODES: [(u8, &str); 9] = [
+    (0, "done"),
+    (1, "failed: the system refused, a limit was passed, or a check found something new"),
+    (2, "usage: the options or the memory budget cannot be"),
+    (3, "written, but the target was missed; the report says why"),
+    (4, "bad input: the message names file and line"),
+    (5, "the input or the options changed since the work folder was made"),
+    (6, "another process works in the work folder"),
+    (7, "no space left on a disk, or not enough to begin"),
+    (8, "a file of the work folder is damaged"),
+];
+
+/// The table as `--help` prints it.
+pub fn help() -> String {
+    let mut text = "Exit codes:\n".to_owned();
+    for (code, meaning) in CODES {
+        let _ = writeln!(text, "  {code}  {meaning}");
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::Error;
+
+    #[test]
+    fn every_error_has_a_code_in_the_table() {
+        let path = std::path::PathBuf::new;
+        let io = std::io::Error::other("");
+        let errors = [
+            Error::Usage(String::new()),
+            Error::Input { path: path(), line: 0, message: String::new() },
+            Error::Io { path: path(), action: "read", source: io },
+            Error::NoSpace { path: path(), message: String::new() },
+            Error::Budget(String::new()),
+            Error::Changed(String::new()),
+            Error::Locked(path()),
+            Error::Damaged { path: path(), message: String::new() },
+            Error::Limit(String::new()),
+        ];
+        assert!(errors.iter().all(|error| CODES.iter().any(|(code, _)| *code == error.exit_code())));
+        assert!(CODES.iter().enumerate().all(|(place, (code, _))| place == usize::from(*code)));
+    }
+}

@@ -1,0 +1,25 @@
+//! Results on stdout; a reader that has left (`| head`) is no reason to fail.
+
+use std::io::Write as _;
+use std::path::Path;
+
+use serde::Serialize;
+
+use crate::base::{Error, Result};
+
+/// Prints text.
+pub fn print(text: &str) {
+    let _ = std::io::stdout().write_all(text.as_bytes());
+}
+
+/// Prints a value as JSON.
+///
+/// # Errors
+/// If a value has no form in JSON.
+pub fn print_json(value: &impl Serialize) -> Result<()> {
+    let text =
+        serde_json::to_string_pretty(value).map_err(|e| Error::io(Path::new("standard output"), "write", e.into()))?;
+    print(&text);
+    print("\n");
+    Ok(())
+}

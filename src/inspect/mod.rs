@@ -1,0 +1,389 @@
+//! What an input holds: counts, bounds, materials, seams, borders and faults, within a memory budget.
+//!
+//! In: OBJ files. Out: an [`Inspection`]. Invariant: the counts are those of the whole mesh, at any budget and number of
+//! threads; edges that cells share are matched across them.
+//!
+//! ```text
+//! scan ──▶ columns ──▶ bounds, polygons
+//!             └── partition ──▶ clusters ──▶ edges with an end of their own: counted
+//!                                       └──▶ edges between two shared vertices ──▶ matched ──▶ counted
+//! ```
+//!
+//! # Memory
+//! Clusters in work take 200 bytes a face, the buffers of [`edges::SharedTallies`] 24 MiB.
+//!
+//! # Files
+//! Those of the scan and of one partition, in a work folder that is removed at the end.
+
+pub mod edges;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use serde::Serialize;
+
+use self::edges::{SharedTallies, Tally, tally};
+use crate::base::bytes::MIB;
+use crate::base::ordered::map_in_order;
+use crate::base::{Error, Findings, Permits, Progress, Result, bytes};
+use crate::job::{FORMAT_VERSION, Manifest, WorkFolder};
+use crate::partition::{self, Partition, PartitionOptions, TextureScale, cluster};
+use crate::plan::{memory, scratch};
+use crate::report::grouped;
+use crate::scan::{self, Scan};
+use crate::store::{Catalogue, StoredMesh};
+use crate::write::is_texture_there;
+
+/// Memory of a face of a cluster that is being counted, and of its edges that wait to be matched, in bytes.
+const FACE_BYTES: u64 = 200;
+/// Memory of a face for each thread, cells that come out larger included, for the choice of their size.
+const FACE_BYTES_ALLOWED: u64 = 400;
+/// Faces of a cluster, about, at any budget.
+const CLUSTER_FACES_MIN: u64 = 5_000;
+const CLUSTER_FACES_MAX: u64 = 250_000;
+/// Buffers of two files by bucket.
+const BUFFERS_BYTES: u64 = 24 * MIB;
+/// Positions that are mapped at once.
+const WINDOW_RECORDS: u64 = 128 << 10;
+
+/// Options of `drystone inspect`; none changes the counts.
+#[derive(Debug, Clone, Default)]
+pub struct InspectOptions {
+    /// Memory in bytes; half of the machine's by default.
+    pub memory: Option<u64>,
+    /// Threads; one for each processor by default.
+    pub threads: Option<usize>,
+    /// Work folder; one in the system's temporary folder by default.
+    pub work: Option<PathBuf>,
+}
+
+/// What an input holds.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Inspection {
+    /// OBJ files.
+    pub files: u64,
+    /// Bytes of OBJ text.
+    pub bytes: u64,
+    /// Vertices as written.
+    pub vertices: u64,
+    /// Texture coordinates as written.
+    pub texcoords: u64,
+    /// Polygons of three or more corners.
+    pub polygons: u64,
+    /// Polygons of more than three corners.
+    pub larger_polygons: u64,
+    /// Triangles, after triangulation.
+    pub triangles: u64,
+    /// Whether there are vertex normals.
+    pub has_normals: bool,
+    /// Whether there are vertex colours.
+    pub has_colours: bool,
+    /// Least and greatest coordinates.
+    pub bounds: [[f64; 3]; 2],
+    /// Extent along each axis, in the mesh's unit of length.
+    pub size: [f64; 3],
+    /// Most decimals of a position, and of a texture coordinate.
+    pub decimals: [u32; 2],
+    /// Combinations of file, object, group and material.
+    pub parts: u64,
+    /// Materials that faces use.
+    pub materials: u64,
+    /// Those that no MTL file defines.
+    pub undefined_materials: u64,
+    /// Images that they name.
+    pub textures: u64,
+    /// Those that are not there, or lie where they are not looked for.
+    pub missing_textures: u64,
+    /// Vertices at the position of an earlier one.
+    pub welded_vertices: u64,
+    /// Vertices that no face uses, after welding.
+    pub unused_vertices: u64,
+    /// Vertices and edges after welding, seams, open borders.
+    pub topology: Tally,
+    /// What the scan repaired, dropped or ignored, by kind.
+    pub faults: BTreeMap<String, u64>,
+    /// The same in words, where there are words.
+    pub warnings: Vec<String>,
+}
+
+/// Looks at an OBJ, or all below a folder.
+///
+/// # Errors
+/// [`Error::Budget`] and [`Error::NoSpace`] before anything is read; else those of the scan and the partition.
+pub fn inspect(input: &Path, options: &InspectOptions, progress: &dyn Progress) -> Result<Inspection> {
+    inspect_in_clusters(input, options, CLUSTER_FACES_MAX, progress)
+}
+
+/// Looks at an OBJ in clusters of at most about `cluster_faces` faces.
+fn inspect_in_clusters(
+    input: &Path,
+    options: &InspectOptions,
+    cluster_faces: u64,
+    progress: &dyn Progress,
+) -> Result<Inspection> {
+    if options.threads == Some(0) {
+        return Err(Error::Usage("--threads 0: expected at least 1".into()));
+    }
+    let inputs = scan::find_inputs(input)?;
+    let budget = memory::budget_of(options.memory)?;
+    let threads = memory::choose_threads(options.threads, budget);
+    let work_path = options.work.clone().unwrap_or_else(temporary_folder);
+    let sizes: Vec<u64> = inputs.iter().map(|path| path.metadata().map_or(0, |meta| meta.len())).collect();
+    scratch::refuse_small_disk(sizes.iter().sum(), &work_path)?;
+    let manifest = Manifest {
+        format: FORMAT_VERSION,
+        program: env!("CARGO_PKG_VERSION").to_owned(),
+        options: "inspect".to_owned(),
+        inputs: inputs.iter().cloned().zip(sizes).collect(),
+    };
+    let work = WorkFolder::open(&work_path, &manifest)?;
+
+    let scan_options = memory::scan_options(budget, threads);
+    let Scan { mesh, catalogue, triangles, mut findings, input_bytes, .. } =
+        scan::scan(&inputs, work.path(), &scan_options, progress)?;
+    let (low, high) = bounds(&mesh)?;
+    let (polygons, larger_polygons) = polygons(&mesh, threads)?;
+    let polygons = polygons + findings.get("degenerate_faces");
+
+    let work_bytes = budget.for_work();
+    let allowed = work_bytes.saturating_sub(BUFFERS_BYTES) / (FACE_BYTES_ALLOWED * (threads as u64 + 1));
+    let cluster_faces = allowed.max(CLUSTER_FACES_MIN).min(cluster_faces);
+    let partition_options = PartitionOptions { cluster_faces, pass: 0, weld: true, threads, work_bytes };
+    progress.begin("partition", 0, "");
+    let mut partition = partition::partition(&mesh, &catalogue, work.path(), "pass-0", &partition_options)?;
+    findings.merge(std::mem::take(&mut partition.findings));
+    let counting = Counting { mesh: &mesh, partition: &partition, catalogue: &catalogue, threads, work_bytes };
+    let topology = counting.count(work.path(), &mut findings, progress)?;
+
+    let textures = textures(&catalogue);
+    let missing = textures.iter().filter(|(folder, name)| !is_texture_there(folder, name)).count();
+    let welded_vertices = findings.get("welded_vertices");
+    Ok(Inspection {
+        files: inputs.len() as u64,
+        bytes: input_bytes,
+        vertices: mesh.vertex_count(),
+        texcoords: mesh.texcoord_count(),
+        polygons,
+        larger_polygons,
+        triangles,
+        has_normals: catalogue.has_normals,
+        has_colours: mesh.has_colours(),
+        bounds: [low.to_array(), high.to_array()],
+        size: (high - low).to_array(),
+        decimals: [catalogue.position_decimals, catalogue.texcoord_decimals],
+        parts: catalogue.parts.len() as u64,
+        materials: catalogue.materials.len() as u64,
+        undefined_materials: catalogue.materials.iter().filter(|material| material.definition.is_none()).count() as u64,
+        textures: textures.len() as u64,
+        missing_textures: missing as u64,
+        welded_vertices,
+        unused_vertices: (mesh.vertex_count() - welded_vertices).saturating_sub(topology.vertices),
+        topology,
+        faults: faults(&findings),
+        warnings: findings.warnings(),
+    })
+}
+
+fn temporary_folder() -> PathBuf {
+    std::env::temp_dir().join(format!("drystone-inspect-{}", std::process::id()))
+}
+
+/// What the scan found, without what is no fault.
+fn faults(findings: &Findings) -> BTreeMap<String, u64> {
+    let found = findings.iter().filter(|(kind, _)| *kind != "welded_vertices");
+    found.map(|(kind, finding)| (kind.to_owned(), finding.count)).collect()
+}
+
+fn bounds(mesh: &StoredMesh) -> Result<(DVec3, DVec3)> {
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for segment in mesh.position_segments() {
+        for range in segment.ranges(WINDOW_RECORDS) {
+            for &position in segment.window(range)?.iter() {
+                (low, high) = (low.min(position), high.max(position));
+            }
+        }
+    }
+    Ok((low, high))
+}
+
+/// Number of stored polygons, and of those with more than three corners.
+fn polygons(mesh: &StoredMesh, threads: usize) -> Result<(u64, u64)> {
+    let blocks = mesh.pieces.iter().flat_map(|piece| piece.faces.blocks().iter().map(move |block| (piece, block)));
+    let (mut all, mut larger) = (0, 0);
+    map_in_order(
+        blocks,
+        threads,
+        threads * 2,
+        |(piece, block)| {
+            let mut faces = Vec::new();
+            piece.faces.read_block(&piece.faces.open()?, block, &mut Vec::new(), &mut faces)?;
+            let all = faces.iter().filter(|face| !face.continues_polygon).count();
+            // A block never ends with the first triangle of a larger polygon, so both stand in one block.
+            let larger = faces.windows(2).filter(|pair| !pair[0].continues_polygon && pair[1].continues_polygon);
+            Ok((all as u64, larger.count() as u64))
+        },
+        |counts: (u64, u64)| {
+            (all, larger) = (all + counts.0, larger + counts.1);
+            Ok(())
+        },
+    )?;
+    Ok((all, larger))
+}
+
+/// Folders of MTL files with the names of images that they refer to.
+fn textures(catalogue: &Catalogue) -> BTreeSet<(&Path, &[u8])> {
+    let definitions = catalogue.materials.iter().filter_map(|material| material.definition.as_ref());
+    let names = definitions.flat_map(|definition| {
+        definition.textures.iter().map(move |texture| (definition.folder.as_path(), texture.name.as_slice()))
+    });
+    names.collect()
+}
+
+/// Counting the clusters of a partition.
+struct Counting<'a> {
+    mesh: &'a StoredMesh,
+    partition: &'a Partition,
+    catalogue: &'a Catalogue,
+    threads: usize,
+    work_bytes: u64,
+}
+
+impl Counting<'_> {
+    fn count(&self, folder: &Path, findings: &mut Findings, progress: &dyn Progress) -> Result<Tally> {
+        let faces = self.partition.total_faces();
+        progress.begin("count", faces, "faces");
+        let scale = TextureScale::none(self.catalogue);
+        let permits = Permits::new(self.work_bytes.saturating_sub(BUFFERS_BYTES));
+        let mut sum = Tally::default();
+        let mut shared = SharedTallies::create(folder, faces, self.work_bytes / 4)?;
+        let mut degenerate = 0;
+        map_in_order(
+            0..self.partition.cluster_count(),
+            self.threads,
+            self.threads + 1,
+            |cluster| {
+                let _permit = permits.take(self.partition.face_count(cluster) * FACE_BYTES);
+                let source = cluster::load(self.partition, self.mesh, self.catalogue, &scale, cluster)?;
+                Ok((tally(&source, self.catalogue), source.degenerate, self.partition.face_count(cluster)))
+            },
+            |(cluster, dropped, faces)| {
+                sum.add(&cluster.own);
+                degenerate += dropped;
+                progress.advance(faces);
+                shared.push(&cluster)
+            },
+        )?;
+        findings.count("degenerate_faces", degenerate);
+        sum.add(&shared.finish()?);
+        Ok(sum)
+    }
+}
+
+impl Inspection {
+    /// The inspection as a person reads it.
+    pub fn table(&self) -> String {
+        let mut text = String::new();
+        let mut row = |name: &str, words: String| {
+            let _ = writeln!(text, "{name:20}{words}");
+        };
+        let files = if self.files == 1 { "1 file".to_owned() } else { format!("{} files", grouped(self.files)) };
+        row("input", format!("{files}, {}", bytes::display(self.bytes)));
+        row("triangles", grouped(self.triangles));
+        let larger = format!(" ({} with more than three corners)", grouped(self.larger_polygons));
+        row("polygons", grouped(self.polygons) + if self.larger_polygons > 0 { &larger } else { "" });
+        let extras = [(self.has_colours, "colours"), (self.has_normals, "normals")];
+        let extras: Vec<_> = extras.iter().filter(|(has, _)| *has).map(|(_, word)| *word).collect();
+        let with = if extras.is_empty() { String::new() } else { format!(", with {}", extras.join(" and ")) };
+        row("vertices", grouped(self.vertices) + &with);
+        row("  welded away", grouped(self.welded_vertices));
+        row("  unused", grouped(self.unused_vertices));
+        row("texcoords", grouped(self.texcoords));
+        for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+            let [low, high] = self.bounds.map(|corner| corner[axis]);
+            row(&format!("bounds {name}"), format!("{low} to {high}, size {}", rounded(self.size[axis])));
+        }
+        row("decimals", format!("{} in positions, {} in texcoords", self.decimals[0], self.decimals[1]));
+        row("parts", grouped(self.parts));
+        let undefined = format!(", {} without definition", grouped(self.undefined_materials));
+        row("materials", grouped(self.materials) + if self.undefined_materials > 0 { &undefined } else { "" });
+        let missing = format!(", {} missing", grouped(self.missing_textures));
+        row("textures", grouped(self.textures) + if self.missing_textures > 0 { &missing } else { "" });
+        let topology = &self.topology;
+        row("seam vertices", share(topology.seam_vertices, topology.vertices));
+        row("seam edges", share(topology.seam_edges, topology.edges));
+        row("open border edges", share(topology.open_edges, topology.edges));
+        row("non-manifold edges", grouped(topology.non_manifold_edges));
+        if self.faults.is_empty() {
+            row("faults", "none".to_owned());
+        }
+        for (kind, count) in &self.faults {
+            row("fault", format!("{}: {}", kind.replace('_', " "), grouped(*count)));
+        }
+        for warning in &self.warnings {
+            row("warning", warning.clone());
+        }
+        text
+    }
+}
+
+/// `12 345 (3.4 %)`.
+fn share(count: u64, of: u64) -> String {
+    format!("{} ({:.1} %)", grouped(count), 100.0 * count as f64 / of.max(1) as f64)
+}
+
+/// A length to a millionth: the difference of two decimals is seldom one.
+fn rounded(length: f64) -> f64 {
+    (length * 1e6).round() / 1e6
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::Silent;
+
+    fn inspected(name: &str) -> Inspection {
+        let folder = tempfile::tempdir().unwrap();
+        let work = folder.path().join("work");
+        let options = InspectOptions { work: Some(work.clone()), threads: Some(2), ..InspectOptions::default() };
+        let found = inspect(Path::new(name), &options, &Silent).unwrap();
+        assert!(!work.exists());
+        found
+    }
+
+    #[test]
+    fn a_closed_sphere_has_no_border_and_twice_as_many_faces_as_vertices_less_four() {
+        let found = inspected("fixtures/miniatures/closed_sphere.obj");
+        let topology = found.topology;
+        assert_eq!((topology.open_edges, topology.non_manifold_edges), (0, 0));
+        assert_eq!(topology.edges, found.triangles * 3 / 2);
+        assert_eq!(topology.vertices * 2 - 4, found.triangles);
+    }
+
+    #[test]
+    fn a_cube_of_24_vertices_is_closed_after_welding() {
+        let found = inspected("fixtures/miniatures/cube_24_vertices.obj");
+        assert_eq!((found.vertices, found.welded_vertices, found.topology.open_edges), (24, 16, 0));
+    }
+
+    #[test]
+    fn the_counts_do_not_depend_on_the_clusters() {
+        for name in ["town/town.obj", "miniatures/non_manifold_fin.obj", "miniatures/two_materials_plane.obj"] {
+            let input = Path::new("fixtures").join(name);
+            let whole = inspected(&input.to_string_lossy());
+            for cluster_faces in [20, 300] {
+                let folder = tempfile::tempdir().unwrap();
+                let options = InspectOptions { work: Some(folder.path().to_owned()), ..InspectOptions::default() };
+                assert_eq!(inspect_in_clusters(&input, &options, cluster_faces, &Silent).unwrap(), whole);
+            }
+        }
+    }
+
+    #[test]
+    fn fins_and_polygons_are_counted() {
+        assert_eq!(inspected("fixtures/miniatures/non_manifold_fin.obj").topology.non_manifold_edges, 6);
+        let polygons = inspected("fixtures/miniatures/ngons_concave.obj");
+        assert_eq!((polygons.larger_polygons, polygons.triangles), (12, 36));
+    }
+}

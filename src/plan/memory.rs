@@ -1,0 +1,195 @@
+//! The memory budget of a run, the threads that fit it, and what each phase will take.
+//!
+//! ```text
+//! peak = fixed + max(scan, partition, simplify, write), never more than the budget: permits see to that
+//! ```
+
+use serde::Serialize;
+
+use crate::base::bytes::MIB;
+use crate::base::{Error, MemoryBudget, Result, bytes};
+use crate::options::SimplifyOptions;
+use crate::os::system;
+use crate::partition::weight::limit_bytes;
+use crate::scan::ScanOptions;
+use crate::simplify::engine::FACE_BYTES;
+use crate::store::Catalogue;
+
+/// Memory of a chunk that is being parsed, for the scan's share of the budget.
+const CHUNK_BYTES: u64 = 16 * MIB;
+/// Text of a chunk, and a parsed chunk as exporters write it, take this much each.
+const CHUNK_TEXT_BYTES: u64 = 4 * MIB;
+/// A cluster may come out this much larger than asked for.
+const CLUSTER_EXCESS: f64 = 1.3;
+/// What the allocator keeps of the partition's buffers while clusters are simplified.
+const KEPT_BYTES: u64 = 12 * MIB;
+/// Histograms (16 MiB) or buffers of vertices and faces by cell (12 and 16 MiB), and windows in flight.
+const PARTITION_BYTES: u64 = 36 * MIB;
+/// Bits of a vertex in the set of shared ones, with its ranks, as 64ths of a byte.
+const SHARED_BITS: u64 = 9;
+/// Bytes of a part or material beside its name.
+const LABEL_BYTES: u64 = 256;
+/// Memory for each face of the result while it is grouped by part and turned into text.
+const WRITE_FACE_BYTES: u64 = 64;
+
+/// Predicted memory by phase in bytes; each includes what the process holds whatever it does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct MemoryForecast {
+    /// Reading the input.
+    pub scan: u64,
+    /// Cutting it into clusters.
+    pub partition: u64,
+    /// Simplifying clusters, several at a time.
+    pub simplify: u64,
+    /// Writing the result.
+    pub write: u64,
+    /// The most of these.
+    pub peak: u64,
+}
+
+/// What a forecast depends on.
+#[derive(Debug, Clone, Copy)]
+pub struct Sizes {
+    /// Triangles of the input.
+    pub faces: u64,
+    /// Vertices of the input.
+    pub vertices: u64,
+    /// Triangles wanted.
+    pub target: u64,
+    /// Triangles of a cluster, about.
+    pub cluster_faces: u64,
+}
+
+/// Predicts the memory of a run.
+pub fn forecast(sizes: &Sizes, budget: MemoryBudget, threads: usize) -> MemoryForecast {
+    let work = budget.for_work();
+    let scan = scan_options(budget, threads);
+    let scan = (scan.threads + 3 * scan.chunks_in_flight) as u64 * CHUNK_TEXT_BYTES;
+    let partition = PARTITION_BYTES + (4 * sizes.vertices).min(work / 4) + sizes.vertices / 8 + sizes.faces / 16;
+    let cluster = cluster_bytes(sizes.cluster_faces.min(sizes.faces));
+    let at_once = (threads as u64).min(sizes.faces.div_ceil(sizes.cluster_faces.max(1)).max(1));
+    let simplify = cluster * at_once + KEPT_BYTES;
+    let write = sizes.target * WRITE_FACE_BYTES + KEPT_BYTES;
+    let [scan, partition, simplify, write] =
+        [scan, partition, simplify, write].map(|bytes| MemoryBudget::FIXED_BYTES + bytes.min(work));
+    MemoryForecast { scan, partition, simplify, write, peak: scan.max(partition).max(simplify).max(write) }
+}
+
+/// Memory of the largest cluster when cells aim at `faces` faces.
+fn cluster_bytes(faces: u64) -> u64 {
+    (faces as f64 * CLUSTER_EXCESS) as u64 * FACE_BYTES
+}
+
+/// The budget that the user gave, or half of the machine's memory.
+///
+/// # Errors
+/// [`Error::Budget`] below the floor.
+pub fn budget_of(memory: Option<u64>) -> Result<MemoryBudget> {
+    let floor = MemoryBudget::FLOOR_BYTES;
+    let half = system::memory_bytes().map_or(1 << 30, |bytes| bytes / 2).max(floor);
+    let bytes = memory.unwrap_or(half);
+    if bytes < floor {
+        let (found, floor) = (bytes::display(bytes), bytes::display(floor));
+        return Err(Error::Budget(format!("--memory {found}: at least {floor} are needed")));
+    }
+    Ok(MemoryBudget { bytes })
+}
+
+/// The budget of a run, which must hold one cluster.
+///
+/// # Errors
+/// [`Error::Budget`] saying what would do.
+pub fn choose_budget(options: &SimplifyOptions) -> Result<MemoryBudget> {
+    let budget = budget_of(options.memory)?;
+    let cluster = limit_bytes(options.cluster_faces);
+    if cluster > budget.for_work() {
+        let most = budget.for_work() * options.cluster_faces / cluster;
+        return Err(Error::Budget(format!(
+            "{} cannot hold a cluster of {} triangles; give --cluster-faces {most} or --memory {}",
+            bytes::display(budget.bytes),
+            options.cluster_faces,
+            bytes::display(cluster + MemoryBudget::FIXED_BYTES + MIB),
+        )));
+    }
+    Ok(budget)
+}
+
+/// Memory that stays taken through all passes: the set of shared vertices with its ranks, and the catalogue.
+pub fn resident_bytes(vertices: u64, catalogue: &Catalogue) -> u64 {
+    let names = catalogue.names.iter().map(Vec::len).chain(catalogue.materials.iter().map(|m| 2 * m.name.len()));
+    let labels = (catalogue.parts.len() + catalogue.materials.len()) as u64;
+    vertices * SHARED_BITS / 64 + labels * LABEL_BYTES + names.sum::<usize>() as u64
+}
+
+/// Refuses, once the scan has counted, a budget that cannot hold what stays resident and the heaviest cluster.
+///
+/// # Errors
+/// [`Error::Budget`] saying what would do.
+pub fn refuse_small_budget(resident_bytes: u64, sizes: &Sizes, budget: MemoryBudget) -> Result<()> {
+    let needed = resident_bytes + limit_bytes(sizes.cluster_faces.min(sizes.faces));
+    if needed <= budget.for_work() {
+        return Ok(());
+    }
+    Err(Error::Budget(format!(
+        "{} cannot hold the tables of {} vertices and a cluster of {} triangles; give --memory {}",
+        bytes::display(budget.bytes),
+        sizes.vertices,
+        sizes.cluster_faces,
+        bytes::display(needed + MemoryBudget::FIXED_BYTES + MIB),
+    )))
+}
+
+/// Threads: those asked for, or one for each processor, as far as their chunks of text fit the budget.
+pub fn choose_threads(threads: Option<usize>, budget: MemoryBudget) -> usize {
+    let wanted = threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+    wanted.min((budget.for_work() / CHUNK_BYTES / 2).max(1) as usize)
+}
+
+/// How the scan shares the budget among its chunks.
+pub fn scan_options(budget: MemoryBudget, threads: usize) -> ScanOptions {
+    let fitting = (budget.for_work() / CHUNK_BYTES) as usize;
+    ScanOptions { threads, chunks_in_flight: (threads * 2).min(fitting).max(1) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CITY: Sizes = Sizes { faces: 4_313_336, vertices: 2_160_000, target: 431_334, cluster_faces: 250_000 };
+
+    #[test]
+    fn the_forecast_stays_within_the_budget_and_does_not_grow_with_the_input() {
+        let budget = MemoryBudget { bytes: 256 * MIB };
+        let large = Sizes { faces: CITY.faces * 100, vertices: CITY.vertices * 100, target: CITY.target, ..CITY };
+        for sizes in [CITY, large] {
+            assert!(forecast(&sizes, budget, 8).peak <= budget.bytes);
+        }
+        assert_eq!(forecast(&CITY, budget, 2).simplify, forecast(&large, budget, 2).simplify);
+    }
+
+    #[test]
+    fn more_threads_take_more_memory_until_the_budget_is_used() {
+        let budget = MemoryBudget { bytes: 1024 * MIB };
+        let peaks = [1, 2, 4, 64].map(|threads| forecast(&CITY, budget, threads).simplify);
+        assert!(peaks.is_sorted() && peaks[0] < peaks[2], "{peaks:?}");
+        assert_eq!(peaks[3], budget.bytes);
+    }
+
+    #[test]
+    fn an_impossible_budget_is_refused_with_one_that_would_do() {
+        let options = SimplifyOptions { memory: Some(128 * MIB), cluster_faces: 1_000_000, ..Default::default() };
+        let words = choose_budget(&options).unwrap_err().to_string();
+        assert!(words.contains("--cluster-faces") && words.contains("--memory 410 MiB"), "{words}");
+        assert!(budget_of(Some(1)).is_err());
+    }
+
+    #[test]
+    fn a_budget_without_room_for_the_tables_is_refused_after_the_scan_with_one_that_would_do() {
+        let survey = Sizes { faces: 300_000_000, vertices: 150_000_000, ..CITY };
+        let resident = resident_bytes(survey.vertices, &Catalogue::default());
+        let check = |bytes| refuse_small_budget(resident, &survey, MemoryBudget { bytes });
+        let words = check(128 * MIB).unwrap_err().to_string();
+        let enough = words.rsplit("--memory ").next().and_then(|text| bytes::parse(text).ok()).unwrap();
+        assert!(enough < 160 * MIB && check(enough).is_ok(), "{words}");
+    }
+}

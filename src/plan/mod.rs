@@ -1,0 +1,208 @@
+//! What a run will take: clusters, memory, scratch space and time, from one streaming look at the input.
+//!
+//! In: the input and the options of a run. Out: a [`Plan`]. Invariant: nothing is written, and the memory comes from
+//! the formulas that the run itself reports and is refused by.
+//!
+//! # Memory
+//! That of [`count`](crate::scan::count).
+
+pub mod memory;
+pub mod passes;
+pub mod scratch;
+pub mod time;
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use self::memory::{MemoryForecast, Sizes};
+use self::passes::PassForecast;
+use self::time::TimeForecast;
+use crate::base::error::escape_path;
+use crate::base::{Progress, Result, bytes};
+use crate::options::SimplifyOptions;
+use crate::os::system;
+use crate::report::grouped;
+use crate::scan;
+
+/// What the input holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct InputFigures {
+    /// OBJ files.
+    pub files: u64,
+    /// Bytes of OBJ text.
+    pub bytes: u64,
+    /// Vertices, before duplicates are welded.
+    pub vertices: u64,
+    /// Texture coordinates.
+    pub texcoords: u64,
+    /// Polygons of three or more corners.
+    pub polygons: u64,
+    /// Triangles, after triangulation.
+    pub triangles: u64,
+}
+
+/// Scratch space.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct ScratchFigures {
+    /// Bytes that the work folder will hold at most, about.
+    pub bytes: u64,
+    /// Bytes that are free on the disk of the work folder, if the system tells.
+    pub free: Option<u64>,
+    /// The folder whose disk was asked.
+    pub folder: PathBuf,
+}
+
+/// What a run will take.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Plan {
+    /// What the input holds.
+    pub input: InputFigures,
+    /// Triangles wanted.
+    pub target: u64,
+    /// Threads that the run would use.
+    pub threads: u64,
+    /// Triangles of a cluster, about.
+    pub cluster_faces: u64,
+    /// Each pass.
+    pub passes: Vec<PassForecast>,
+    /// Memory that the user allows, in bytes.
+    pub budget: u64,
+    /// Memory by phase.
+    pub memory: MemoryForecast,
+    /// Scratch space.
+    pub scratch: ScratchFigures,
+    /// Bytes of the OBJ to be written, about.
+    pub output_bytes: u64,
+    /// Time by phase.
+    pub seconds: TimeForecast,
+}
+
+/// Plans a run; the work folder's disk is that of `options.work`, else that of the current folder.
+///
+/// # Errors
+/// As [`pipeline::simplify`](crate::pipeline::simplify) for options, an impossible budget and inputs that are no OBJ; a
+/// disk that is too small is told by [`Plan::refuse_small_disk`].
+pub fn plan(input: &Path, options: &SimplifyOptions, progress: &dyn Progress) -> Result<Plan> {
+    options.check()?;
+    let inputs = scan::find_inputs(input)?;
+    let budget = memory::choose_budget(options)?;
+    let threads = memory::choose_threads(options.threads, budget);
+    let counts = scan::count(&inputs, threads, progress)?;
+    let target = options.target(counts.triangles);
+    let passes = passes::forecast(counts.triangles, target, options.passes, options.cluster_faces);
+    let sizes =
+        Sizes { faces: counts.triangles, vertices: counts.vertices, target, cluster_faces: options.cluster_faces };
+    let folder = scratch::existing_folder(options.work.as_deref().unwrap_or(Path::new(".")));
+    Ok(Plan {
+        input: InputFigures {
+            files: inputs.len() as u64,
+            bytes: counts.bytes,
+            vertices: counts.vertices,
+            texcoords: counts.texcoords,
+            polygons: counts.polygons,
+            triangles: counts.triangles,
+        },
+        target,
+        threads: threads as u64,
+        cluster_faces: options.cluster_faces,
+        memory: memory::forecast(&sizes, budget, threads),
+        budget: budget.bytes,
+        scratch: ScratchFigures {
+            bytes: scratch::forecast(&counts, &sizes, options.passes, budget),
+            free: system::free_disk_bytes(&folder).ok(),
+            folder,
+        },
+        output_bytes: (counts.bytes as f64 * target as f64 / counts.triangles as f64) as u64,
+        seconds: time::forecast(counts.bytes, &passes, target, threads),
+        passes,
+    })
+}
+
+impl Plan {
+    /// Refuses a run for which the work folder's disk is too small.
+    ///
+    /// # Errors
+    /// [`Error::NoSpace`](crate::base::Error::NoSpace).
+    pub fn refuse_small_disk(&self) -> Result<()> {
+        scratch::refuse_less_than(self.scratch.bytes, &self.scratch.folder)
+    }
+
+    /// The plan as a person reads it.
+    pub fn table(&self) -> String {
+        let mut text = String::new();
+        let (input, share) = (&self.input, 100.0 * self.target as f64 / self.input.triangles as f64);
+        let files = if input.files == 1 { "1 file".to_owned() } else { format!("{} files", grouped(input.files)) };
+        row(&mut text, "input", &format!("{files}, {}", bytes::display(input.bytes)));
+        let holds = format!("{} triangles, {} vertices", grouped(input.triangles), grouped(input.vertices));
+        row(&mut text, "", &holds);
+        row(&mut text, "result", &format!("{} triangles ({share:.3} %)", grouped(self.target)));
+        row(&mut text, "", &format!("about {} of OBJ, textures not counted", bytes::display(self.output_bytes)));
+        for (number, pass) in self.passes.iter().enumerate() {
+            let name = if pass.is_trim { "trim".to_owned() } else { format!("pass {}", number + 1) };
+            let (before, after) = (grouped(pass.faces_in), grouped(pass.faces_out));
+            let clusters = if pass.clusters == 1 { "1 cluster" } else { "clusters" };
+            let count = if pass.clusters == 1 { String::new() } else { format!("about {} ", grouped(pass.clusters)) };
+            row(&mut text, &name, &format!("{count}{clusters}, {before} -> {after} triangles"));
+        }
+        let memory = &self.memory;
+        let of = [("scan", memory.scan), ("partition", memory.partition), ("simplify", memory.simplify)];
+        let phases = of.into_iter().chain([("write", memory.write)]);
+        let phases: Vec<_> = phases.map(|(name, size)| format!("{name} {}", bytes::display(size))).collect();
+        let allowed = bytes::display(self.budget);
+        row(&mut text, "memory", &format!("{} of {allowed} allowed", bytes::display(memory.peak)));
+        row(&mut text, "", &phases.join(", "));
+        let free = self.scratch.free.map_or("unknown".to_owned(), bytes::display);
+        let folder = escape_path(&self.scratch.folder);
+        row(&mut text, "scratch", &format!("about {}, {free} free in {folder}", bytes::display(self.scratch.bytes)));
+        let seconds = &self.seconds;
+        let threads = if self.threads == 1 { "1 thread".to_owned() } else { format!("{} threads", self.threads) };
+        row(&mut text, "time", &format!("about {} on {threads} with a core each", duration(seconds.total)));
+        let phases = [
+            ("scan", seconds.scan),
+            ("partition", seconds.partition),
+            ("simplify", seconds.simplify),
+            ("write", seconds.write),
+        ];
+        let phases: Vec<_> = phases.map(|(name, seconds)| format!("{name} {}", duration(seconds))).into();
+        row(&mut text, "", &phases.join(", "));
+        text
+    }
+}
+
+fn row(text: &mut String, name: &str, words: &str) {
+    let _ = writeln!(text, "{name:10}{words}");
+}
+
+/// Seconds for a person: `0.4 s`, `12 s`, `3 min`, `2.5 h`.
+fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 10.0 => format!("{s:.1} s"),
+        s if s < 120.0 => format!("{s:.0} s"),
+        s if s < 7200.0 => format!("{:.0} min", s / 60.0),
+        s => format!("{:.1} h", s / 3600.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::Silent;
+
+    #[test]
+    fn the_town_is_planned_as_one_cluster() {
+        let options = SimplifyOptions { ratio: Some(0.1), ..SimplifyOptions::default() };
+        let plan = plan(Path::new("fixtures/town/town.obj"), &options, &Silent).unwrap();
+        assert_eq!(plan.input.triangles, 18_218);
+        assert_eq!(plan.target, 1_822);
+        assert!(plan.passes.iter().all(|pass| pass.clusters == 1));
+        let table = plan.table();
+        assert!(table.contains("18 218 triangles") && table.contains("memory"), "{table}");
+    }
+
+    #[test]
+    fn times_are_told_in_words() {
+        assert_eq!([0.42, 12.3, 180.0, 9000.0].map(duration), ["0.4 s", "12 s", "3 min", "2.5 h"]);
+    }
+}

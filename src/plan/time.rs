@@ -1,0 +1,68 @@
+//! How long a run will take, from rates that were measured.
+//!
+//! Rates are for one core of a 2.x GHz server processor, from the processor time of a synthetic city of 4.3 million
+//! triangles at 10 % on 2026-11-21 (24.2 s, shared among the phases as their wall times). Another machine may be twice
+//! as fast or half.
+
+use serde::Serialize;
+
+use super::passes::PassForecast;
+
+/// Bytes of OBJ text scanned in a second by one core.
+const SCAN_BYTES_PER_SECOND: f64 = 337e6;
+/// Faces cut into clusters in a second by one core.
+const PARTITION_FACES_PER_SECOND: f64 = 6.4e6;
+/// Faces of the first pass, with seams locked, in a second by one core.
+const FIRST_FACES_PER_SECOND: f64 = 377e3;
+/// Faces of the passes after it in a second by one core; the trim goes over its faces twice.
+const LATER_FACES_PER_SECOND: f64 = 270e3;
+/// Faces written in a second.
+const WRITE_FACES_PER_SECOND: f64 = 1.7e6;
+/// Share of a further thread's time that is work: clusters end at different times, and some steps are in order.
+const THREAD_SHARE: f64 = 0.85;
+
+/// Predicted time by phase, in seconds.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct TimeForecast {
+    /// Of the whole run.
+    pub total: f64,
+    /// Reading the input.
+    pub scan: f64,
+    /// Cutting, in all passes.
+    pub partition: f64,
+    /// Simplifying, in all passes.
+    pub simplify: f64,
+    /// Writing the result.
+    pub write: f64,
+}
+
+/// Predicts the time of a run on `threads` threads, each with a core of its own.
+pub fn forecast(input_bytes: u64, passes: &[PassForecast], target: u64, threads: usize) -> TimeForecast {
+    let speed_up = |items: u64| 1.0 + (threads as u64).min(items).saturating_sub(1) as f64 * THREAD_SHARE;
+    let scan = input_bytes as f64 / SCAN_BYTES_PER_SECOND / speed_up(u64::MAX);
+    let (mut partition, mut simplify) = (0.0, 0.0);
+    for (number, pass) in passes.iter().enumerate() {
+        let faces = pass.faces_in as f64;
+        partition += faces / PARTITION_FACES_PER_SECOND / speed_up(u64::MAX);
+        let rate = if number == 0 { FIRST_FACES_PER_SECOND } else { LATER_FACES_PER_SECOND };
+        let rounds = if pass.is_trim { 2.0 } else { 1.0 };
+        simplify += rounds * faces / rate / speed_up(pass.clusters);
+    }
+    let write = target as f64 / WRITE_FACES_PER_SECOND;
+    TimeForecast { total: scan + partition + simplify + write, scan, partition, simplify, write }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::passes;
+
+    #[test]
+    fn one_cluster_gains_nothing_from_more_threads() {
+        let one = passes::forecast(100_000, 10_000, 3, 250_000);
+        let many = passes::forecast(4_313_336, 431_334, 3, 250_000);
+        let simplify = |passes: &[PassForecast], threads| forecast(1, passes, 1, threads).simplify;
+        assert_eq!(simplify(&one, 1), simplify(&one, 8));
+        assert!(simplify(&many, 2) < 0.6 * simplify(&many, 1));
+    }
+}

@@ -1,0 +1,219 @@
+//! Random meshes under random options: nothing is torn, doubled or turned over that was whole before.
+
+mod meshes;
+
+use drystone::base::Silent;
+use drystone::cost::Weights;
+use drystone::measure::{Check, Surface, check, compare_checks, weld_and_check};
+use drystone::scan::{ScanOptions, scan};
+use drystone::stitch::pass::{PassOptions, Run, SeamPolicy};
+use glam::{DVec2, DVec3};
+use meshes::{Sketch, noise};
+use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
+
+/// What the command line would set, and clusters that it would call too small.
+#[derive(Debug, Clone, Copy)]
+struct Choice {
+    ratio: f64,
+    seams: SeamPolicy,
+    lock_borders: bool,
+    weld: bool,
+    has_uv_metric: bool,
+    cluster_faces: u64,
+    passes: usize,
+    threads: usize,
+}
+
+fn choices() -> impl Strategy<Value = Choice> {
+    let seams = prop_oneof![Just(SeamPolicy::Stitch), Just(SeamPolicy::Follow), Just(SeamPolicy::Lock)];
+    let cluster_faces = prop_oneof![20u64..60, 60u64..300, Just(1_000_000)];
+    (0.0..1.0f64, seams, any::<bool>(), prop::bool::weighted(0.8), any::<bool>(), cluster_faces, 1usize..5, 1usize..4)
+        .prop_map(|(ratio, seams, lock_borders, weld, has_uv_metric, cluster_faces, passes, threads)| Choice {
+            ratio: ratio * ratio,
+            seams,
+            lock_borders,
+            weld,
+            has_uv_metric,
+            cluster_faces,
+            passes,
+            threads,
+        })
+}
+
+/// A grid with bumps; some quads are missing, some edges between bands of columns are seams.
+///
+/// ```text
+///   +--+--+--+  +--+--+      bands: own texture chart (mirrored or not), own material,
+///   | /| /| /|  | /|  |      own copies of the vertices along the cut, or not
+///   +--+--+--+  +--+--+
+///   | /|  | /|  | /| /|      holes
+///   +--+--+--+  +--+--+
+/// ```
+fn grids() -> impl Strategy<Value = Sketch> {
+    let sizes = (2usize..18, 2usize..18, 1usize..6);
+    let kinds = (any::<u64>(), 0.0..0.3f64, 0.0..2.0f64, any::<bool>(), any::<bool>(), 0usize..3);
+    (sizes, kinds).prop_map(|((columns, rows, bands), (seed, holes, bump, is_cut, has_uv, around))| {
+        grid(columns, rows, bands, seed, holes, bump, is_cut, has_uv, around)
+    })
+}
+
+#[allow(clippy::too_many_arguments, reason = "one for each thing that is random")]
+fn grid(
+    columns: usize,
+    rows: usize,
+    bands: usize,
+    seed: u64,
+    holes: f64,
+    bump: f64,
+    is_cut: bool,
+    has_uv: bool,
+    around: usize,
+) -> Sketch {
+    let mut sketch = Sketch::default();
+    let width = columns.div_ceil(bands);
+    // Flat, a tube, or a tube that is closed where its ends meet.
+    let place = |i: usize, j: usize| {
+        let z = bump * (noise(i % columns, j, seed) - 0.5);
+        let angle = std::f64::consts::TAU * i as f64 / columns as f64;
+        match around {
+            1 | 2 if columns > 2 => DVec3::new((6.0 + z) * angle.cos(), (6.0 + z) * angle.sin(), j as f64),
+            _ => DVec3::new(i as f64, j as f64, bump * (noise(i, j, seed) - 0.5)),
+        }
+    };
+    for band in 0..bands {
+        let (first, last) = (band * width, ((band + 1) * width).min(columns));
+        if first >= last {
+            break;
+        }
+        let base = sketch.positions.len();
+        let side = rows + 1;
+        for i in first..=last {
+            for j in 0..=rows {
+                let wraps = i == columns && around > 0 && columns > 2;
+                sketch.positions.push(place(if wraps { 0 } else { i }, j));
+                let sign = if noise(band, 1, seed) < 0.3 { -1.0 } else { 1.0 };
+                if has_uv {
+                    sketch.texcoords.push(DVec2::new(sign * i as f64 + 40.0 * (band % 2) as f64, j as f64) / 64.0);
+                }
+            }
+        }
+        for i in 0..last - first {
+            for j in 0..rows {
+                if noise(first + i, j, seed ^ 5) < holes {
+                    continue;
+                }
+                let [a, b, c, d] =
+                    [i * side + j, (i + 1) * side + j, (i + 1) * side + j + 1, i * side + j + 1].map(|v| v + base);
+                let faces = match noise(first + i, j, seed ^ 6) < 0.5 {
+                    true => [[a, b, c], [a, c, d]],
+                    false => [[a, b, d], [b, c, d]],
+                };
+                sketch.faces.extend(faces.map(|face| face.map(|v| (v, v))));
+                sketch.materials.extend([band % 3; 2]);
+            }
+        }
+    }
+    if !is_cut {
+        join_copies(&mut sketch);
+    }
+    sketch
+}
+
+/// Makes vertices at one place one, with the texture coordinates as they were.
+fn join_copies(sketch: &mut Sketch) {
+    let mut first = std::collections::BTreeMap::new();
+    for face in &mut sketch.faces {
+        for (v, _) in face {
+            *v = *first.entry(meshes::bits(sketch.positions[*v])).or_insert(*v);
+        }
+    }
+}
+
+/// Triangles between random vertices: fins, fans, doubled faces and worse.
+fn soups() -> impl Strategy<Value = Sketch> {
+    (3usize..40, any::<u64>(), any::<bool>()).prop_flat_map(|(vertex_count, seed, has_uv)| {
+        let corner = (0..vertex_count, 0..vertex_count, 0..vertex_count);
+        prop::collection::vec((corner, 0usize..3), 1..120).prop_map(move |faces| {
+            let at = |k| (0..vertex_count).map(move |v| noise(v, k, seed) * 10.0);
+            let positions = at(0).zip(at(1)).zip(at(2)).map(|((x, y), z)| DVec3::new(x, y, z)).collect();
+            let texcoords = at(3).zip(at(4)).map(|(u, v)| DVec2::new(u, v) / 10.0);
+            let texcoords = texcoords.take(if has_uv { vertex_count } else { 0 }).collect();
+            let mut sketch = Sketch { positions, texcoords, ..Sketch::default() };
+            // At least one face has an area, or there is nothing to simplify.
+            for ((a, b, c), material) in std::iter::once(((0, 1, 2), 0)).chain(faces) {
+                sketch.faces.push([(a, a), (b, b), (c, c)]);
+                sketch.materials.push(material);
+            }
+            sketch
+        })
+    })
+}
+
+/// Runs the passes and returns the mesh before and after.
+fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("in.obj");
+    std::fs::write(&input, sketch.text()).unwrap();
+    let options = ScanOptions { threads: 1, chunks_in_flight: 1 };
+    let scanned = scan(&[input], folder.path(), &options, &Silent).unwrap();
+    let before = Surface::load(&scanned.mesh, &scanned.catalogue).unwrap();
+    let has_uv = choice.has_uv_metric && scanned.catalogue.has_texcoords;
+    let options = PassOptions {
+        max_error: None,
+        target: (scanned.triangles as f64 * choice.ratio).round() as u64,
+        input: scanned.triangles,
+        passes: choice.passes,
+        cluster_faces: choice.cluster_faces,
+        weights: Weights { uv: f64::from(u8::from(has_uv)), ..Weights::default() },
+        seams: choice.seams,
+        lock_borders: choice.lock_borders,
+        weld: choice.weld,
+        threads: choice.threads,
+        work_bytes: 100 << 20,
+    };
+    let passes = Run::new(&options, &scanned.catalogue, folder.path(), &Silent).simplify(scanned.mesh).unwrap();
+    let after = Surface::load(&passes.mesh, &scanned.catalogue).unwrap();
+    assert_eq!(after.faces.len() as u64, passes.faces);
+    (before, after)
+}
+
+/// What is worse than before; a mesh that is not welded is counted as it is.
+fn news(sketch: &Sketch, choice: &Choice) -> Result<(), TestCaseError> {
+    let (before, after) = run(sketch, choice);
+    prop_assert!(after.faces.len() <= before.faces.len());
+    let count = if choice.weld { weld_and_check } else { check };
+    let (was, now) = (count(&before), count(&after));
+    // An edge that loses all but two of its faces is manifold, and may be left with two that run the same way.
+    let faulty = |check: &Check| check.inconsistent_edges + check.non_manifold_edges;
+    prop_assert!(faulty(&now) <= faulty(&was), "{was:?} {now:?}");
+    let mut news = compare_checks(&was, &now);
+    news.retain(|regression| regression.what != "inconsistent edges");
+    // Copies that are kept apart may leave each other along a straight border.
+    news.retain(|regression| choice.weld || regression.what != "T-junctions");
+    prop_assert!(news.is_empty(), "{}", news.iter().map(|n| n.to_string()).collect::<Vec<_>>().join("; "));
+    Ok(())
+}
+
+/// The same cases in every run, so that a failure is the change's; PROPTEST_CASES=5000 tries so many new ones.
+fn cases() -> ProptestConfig {
+    let explored = ProptestConfig { failure_persistence: None, max_shrink_iters: 2000, ..ProptestConfig::default() };
+    match std::env::var_os("PROPTEST_CASES") {
+        Some(_) => explored,
+        None => ProptestConfig { cases: 64, rng_seed: RngSeed::Fixed(1), ..explored },
+    }
+}
+
+proptest! {
+    #![proptest_config(cases())]
+
+    #[test]
+    fn a_grid_comes_out_as_whole_as_it_was(sketch in grids(), choice in choices()) {
+        news(&sketch, &choice)?;
+    }
+
+    #[test]
+    fn a_soup_comes_out_no_worse_than_it_was(sketch in soups(), choice in choices()) {
+        news(&sketch, &choice)?;
+    }
+}
