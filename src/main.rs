@@ -1,5 +1,6 @@
 //! The command line program; see `drystone --help`.
 
 fn main() -> std::process::ExitCode {
+    drystone::os::mmap::map_large_allocations();
     drystone::cli::run()
 }

@@ -1,8 +1,13 @@
 //! The phases in order: scan, partition and simplify in passes, write.
 
+#[cfg(test)]
+mod hostile;
+mod need;
+
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use self::need::Need;
 use crate::base::{Error, Findings, MemoryBudget, Progress, Result};
 use crate::cost::surface::Weights;
 use crate::job::{FORMAT_VERSION, Manifest, WorkFolder};
@@ -11,9 +16,8 @@ use crate::os::system;
 use crate::plan::memory::{self, Sizes};
 use crate::plan::scratch;
 use crate::report::{ErrorFigures, FaceFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
-use crate::scan::{self, Counts, Scan};
+use crate::scan::{self, Scan};
 use crate::stitch::pass::{PassOptions, Run};
-use crate::store::StoredMesh;
 use crate::write::{self, WriteOptions};
 
 /// Simplifies one OBJ, or all below a folder, into one OBJ.
@@ -40,11 +44,13 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
     let scan_seconds = scanned.elapsed();
     let mut scratch_peak = work.bytes();
 
+    let need = Need::of(&mesh, &catalogue);
+    need.check(budget, options.cluster_faces, work.path())?;
+
     let target = options.target(triangles);
     let sizes = Sizes { faces: triangles, vertices: mesh.vertex_count(), target, cluster_faces: options.cluster_faces };
-    let scratch_bytes = scratch::forecast(&counts_of(&mesh, triangles), &sizes, options.passes, budget);
-    scratch::refuse_less_than(scratch_bytes.saturating_sub(work.bytes()), work.path())?;
-    let pass_options = pass_options(options, catalogue.has_texcoords, triangles, target, threads, budget);
+    let work_bytes = budget.for_work() - need.resident_bytes();
+    let pass_options = pass_options(options, catalogue.has_texcoords, triangles, target, threads, work_bytes);
     let passes = Run::new(&pass_options, &catalogue, work.path(), progress).simplify(mesh)?;
     findings.merge(passes.findings);
     scratch_peak = scratch_peak.max(passes.scratch_peak);
@@ -85,7 +91,9 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
         },
         memory: MemoryFigures {
             budget: budget.bytes,
-            predicted_peak: memory::forecast(&sizes, budget, threads).peak,
+            predicted_peak: memory::forecast(&sizes, budget, threads)
+                .peak
+                .max(MemoryBudget::FIXED_BYTES + need.resident_bytes() + passes.permit_peak),
             peak_resident: system::peak_resident_bytes(),
         },
         io: IoFigures { input: input_bytes, read, written, scratch_peak },
@@ -94,12 +102,6 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
         warnings: findings.warnings(),
         repairs: repairs(&findings),
     })
-}
-
-/// What the scan found, for the forecast of scratch space.
-fn counts_of(mesh: &StoredMesh, triangles: u64) -> Counts {
-    let (vertices, texcoords) = (mesh.vertex_count(), mesh.texcoord_count());
-    Counts { vertices, texcoords, triangles, has_colours: mesh.has_colours(), ..Counts::default() }
 }
 
 fn repairs(findings: &Findings) -> std::collections::BTreeMap<String, u64> {
@@ -128,7 +130,7 @@ fn pass_options(
     input: u64,
     target: u64,
     threads: usize,
-    budget: MemoryBudget,
+    work_bytes: u64,
 ) -> PassOptions {
     let metric = options.metric.unwrap_or(if has_texture { Metric::QemAttributes } else { Metric::Qem });
     let uv = if metric == Metric::QemAttributes && has_texture { options.uv_weight } else { 0.0 };
@@ -143,7 +145,7 @@ fn pass_options(
         lock_borders: options.borders == Borders::Lock,
         weld: options.weld == Weld::Exact,
         threads,
-        work_bytes: budget.for_work(),
+        work_bytes,
     }
 }
 

@@ -131,10 +131,12 @@ impl SurfaceCost {
         for k in 0..3 {
             let (a, b) = (vertices[k], vertices[(k + 1) % 3]);
             let (class_a, class_b) = (classes[a as usize], classes[b as usize]);
-            if class_a == Class::Smooth || class_b == Class::Smooth || (mesh.is_shared(a) && mesh.is_shared(b)) {
+            let is_fixed = class_a == Class::Fixed && class_b == Class::Fixed;
+            if class_a == Class::Smooth || class_b == Class::Smooth || is_fixed {
                 continue;
             }
-            let weight = match edge_kind(mesh, rings, a, b) {
+            let (few, many) = if rings.of(a).len() <= rings.of(b).len() { (a, b) } else { (b, a) };
+            let weight = match edge_kind(mesh, rings, few, many) {
                 EdgeKind::Inner => continue,
                 EdgeKind::Border => self.weights.border,
                 EdgeKind::Seam => self.weights.seam,

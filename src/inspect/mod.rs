@@ -152,7 +152,7 @@ fn inspect_in_clusters(
     let cluster_faces = allowed.max(CLUSTER_FACES_MIN).min(cluster_faces);
     let partition_options = PartitionOptions { cluster_faces, pass: 0, weld: true, threads, work_bytes };
     progress.begin("partition", 0, "");
-    let mut partition = partition::partition(&mesh, work.path(), "pass-0", &partition_options)?;
+    let mut partition = partition::partition(&mesh, &catalogue, work.path(), "pass-0", &partition_options)?;
     findings.merge(std::mem::take(&mut partition.findings));
     let counting = Counting { mesh: &mesh, partition: &partition, catalogue: &catalogue, threads, work_bytes };
     let topology = counting.count(work.path(), &mut findings, progress)?;

@@ -1,4 +1,4 @@
-//! The one place that maps files, and so the one place with `unsafe`.
+//! The one place that asks the system for mappings, and so the one place with `unsafe`.
 //!
 //! Only files that this program wrote and closed are mapped, never the input: an input that shrinks under a mapping
 //! would end the process with SIGBUS. The files lie in the job's work folder, which is locked by the job.
@@ -41,6 +41,25 @@ pub fn map_records<T: Pod>(file: &File, offset_bytes: u64, count: usize) -> std:
         return Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, "range is not aligned"));
     }
     Ok(MappedRecords { map: Some(map), record: PhantomData })
+}
+
+/// Allocations of at least this many bytes are mappings of their own.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+const LARGE_ALLOCATION_BYTES: libc::c_int = 1 << 20;
+
+/// Makes large allocations leave memory when they are freed; call once, before threads begin.
+///
+/// By itself, glibc learns from freed mappings to keep allocations of up to 32 MiB in its heaps, one for each thread,
+/// and the holes between them stay resident: c4m at 256 MiB peaked at 172 MiB so, and peaks at 101 MiB with this.
+/// mimalloc 2 peaked at 208 MiB and was slower. Other systems are left as they are.
+pub fn map_large_allocations() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    // SAFETY: `mallopt` takes plain numbers; it is called before any other thread could allocate. What stays possible:
+    // an allocator put in its place at load time ignores the call, and memory is as it would be without.
+    unsafe {
+        libc::mallopt(libc::M_MMAP_THRESHOLD, LARGE_ALLOCATION_BYTES);
+        libc::mallopt(libc::M_TRIM_THRESHOLD, LARGE_ALLOCATION_BYTES);
+    }
 }
 
 impl<T: Pod> Deref for MappedRecords<T> {

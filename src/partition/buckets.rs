@@ -102,15 +102,32 @@ impl Buckets {
     /// # Errors
     /// On failed reads and damaged blocks.
     pub fn read(&self, cell: usize) -> Result<Vec<Face>> {
-        let file = File::open(&self.path).map_err(|e| Error::io(&self.path, "open", e))?;
         let mut faces = Vec::with_capacity(self.len(cell) as usize);
-        let mut bytes = Vec::new();
+        self.read_blocks(cell, |block| {
+            faces.extend_from_slice(block);
+            Ok(true)
+        })?;
+        Ok(faces)
+    }
+
+    /// Hands the faces of a cell to `take`, block after block, in the order in which they were pushed, until `take`
+    /// has enough and says `false`.
+    ///
+    /// # Errors
+    /// On failed reads and damaged blocks, and what `take` returns.
+    pub fn read_blocks(&self, cell: usize, mut take: impl FnMut(&[Face]) -> Result<bool>) -> Result<()> {
+        let file = File::open(&self.path).map_err(|e| Error::io(&self.path, "open", e))?;
+        let (mut bytes, mut faces) = (Vec::new(), Vec::new());
         for block in &self.blocks[cell] {
             bytes.resize(block.bytes as usize, 0);
             read_exact_at(&file, &mut bytes, block.offset_bytes).map_err(|e| Error::io(&self.path, "read", e))?;
+            faces.clear();
             decode_block(&bytes, block.faces as usize, &mut faces)
                 .map_err(|message| Error::Damaged { path: self.path.clone(), message })?;
+            if !take(&faces)? {
+                break;
+            }
         }
-        Ok(faces)
+        Ok(())
     }
 }

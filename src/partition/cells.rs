@@ -7,6 +7,7 @@
 use glam::DVec3;
 
 use super::PartitionOptions;
+use super::weight::{ClusterWeight, ORDINARY_BYTES, limit_bytes};
 use crate::base::Result;
 use crate::base::ordered::map_in_order;
 use crate::os::mmap::MappedRecords;
@@ -24,6 +25,8 @@ const PLANE_PLAY: f64 = 0.1;
 const FIRST_SHARES: [f64; 3] = [1.0 / 2.0, 1.0 / 3.0, 2.0 / 3.0];
 /// Levels of the tree that use the first shares; below, parts are split evenly.
 const SHIFTED_LEVELS: usize = 3;
+/// Bytes of a face up to which cells have the faces asked for; in a soup of triangles they have fewer.
+const PLAIN_FACE_BYTES: f64 = 1.5 * ORDINARY_BYTES as f64;
 /// Positions that a sweep maps at once.
 const SWEEP_RECORDS: u64 = 128 << 10;
 
@@ -89,13 +92,14 @@ struct Histogram {
     low: DVec3,
     step: DVec3,
     side: usize,
+    /// Empty until the vertices are counted.
     counts: Vec<u32>,
 }
 
 impl Histogram {
     fn new(node: u32, level: usize, low: DVec3, high: DVec3, side: usize) -> Self {
         let step = ((high - low) / side as f64).max(DVec3::splat(f64::MIN_POSITIVE));
-        Self { node, level, low, step, side, counts: vec![0; side * side * side] }
+        Self { node, level, low, step, side, counts: Vec::new() }
     }
 
     #[inline]
@@ -103,6 +107,11 @@ impl Histogram {
         let last = (self.side - 1) as f64;
         let cell = ((position - self.low) / self.step).floor().clamp(DVec3::ZERO, DVec3::splat(last));
         (cell.z as usize * self.side + cell.y as usize) * self.side + cell.x as usize
+    }
+
+    /// As many zeros as the grid has cells.
+    fn zeros(&self) -> Vec<u32> {
+        vec![0; self.side * self.side * self.side]
     }
 
     /// Position of grid plane `index` of an axis.
@@ -126,11 +135,15 @@ pub fn plan(mesh: &StoredMesh, options: &PartitionOptions) -> Result<Cells> {
     let vertices = mesh.vertex_count();
     let mut cells = Cells { nodes: vec![Node::Leaf { cell: 0 }], count: 1 };
     let faces = mesh.face_count();
-    if faces <= options.cluster_faces || vertices == 0 {
+    let weight = ClusterWeight { faces, vertices, wedges: vertices.max(mesh.texcoord_count()) }.bytes();
+    let fits = faces <= options.cluster_faces && weight <= limit_bytes(options.cluster_faces);
+    if fits || faces == 0 || vertices <= 4 {
         return Ok(cells);
     }
     // Vertices of a cell that has `cluster_faces` faces, if both are spread alike.
-    let limit = (options.cluster_faces as f64 * vertices as f64 / faces as f64).max(4.0) as u64;
+    let per_face = vertices as f64 / faces as f64;
+    let plain = (PLAIN_FACE_BYTES / (weight as f64 / faces as f64)).min(1.0);
+    let limit = (options.cluster_faces as f64 * plain * per_face).max(4.0) as u64;
     let (low, high) = bounds(mesh, options)?;
     let mut pending = vec![Histogram::new(0, 0, low, high, GRID_SIDES[0])];
     for _ in 0..REFINEMENTS_MAX {
@@ -182,7 +195,7 @@ fn count(mesh: &StoredMesh, cells: &Cells, parts: &mut [Histogram], options: &Pa
         && part.node == 0
     {
         let grid = &*part;
-        let mut counts = vec![0u32; part.counts.len()];
+        let mut counts = part.zeros();
         sweep(
             mesh,
             options,
@@ -204,7 +217,7 @@ fn count(mesh: &StoredMesh, cells: &Cells, parts: &mut [Histogram], options: &Pa
         }
         part_of[at]
     };
-    let mut counts: Vec<Vec<u32>> = grids.iter().map(|part| vec![0; part.counts.len()]).collect();
+    let mut counts: Vec<Vec<u32>> = grids.iter().map(Histogram::zeros).collect();
     sweep(
         mesh,
         options,

@@ -4,13 +4,13 @@
 //! While loading: 32 bytes a face for the bucket, 8 to 12 bytes a texcoord beside the mesh itself; afterwards 4 bytes a
 //! vertex and 20 bytes a wedge to lead back to where everything came from.
 
-use std::collections::HashSet;
-use std::path::Path;
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
 
 use super::Partition;
-use crate::base::Result;
+use crate::base::{Error, Result};
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::polygon;
 use crate::store::piece::write_piece;
@@ -18,8 +18,12 @@ use crate::store::{Catalogue, Face, NO_TEXCOORD, Segment, StoredMesh, StoredPiec
 
 /// Vertices and texcoords that are mapped at once while gathering.
 const GATHER_RECORDS: u64 = 64 << 10;
+/// Faces of a piece of a cluster that passes through.
+const PASS_FACES: usize = 64 << 10;
 /// A moved coordinate is rounded to no coarser than this share of its shortest edge.
 const ROUNDING_SHARE: f64 = 1e-3;
+/// Wedges of a vertex that are searched one by one.
+const CHAIN_MAX: usize = 32;
 /// Decimals beyond which a coordinate is not rounded at all.
 const DECIMALS_MAX: u32 = 17;
 
@@ -95,10 +99,18 @@ pub fn load(
         face.vertices = face.vertices.map(|id| local.of(id));
     }
     drop(std::mem::take(&mut local));
-    let degenerate = triangulate_polygons(&mut faces, &positions);
-
+    // NOTE: before polygons are triangulated, which may drop a triangle: brought texcoords answer all faces of the cell.
     let texcoord_ids = texcoord_ids(&faces);
-    let texcoords = gather_texcoords(mesh, &texcoord_ids)?;
+    let degenerate = triangulate_polygons(&mut faces, &positions);
+    let texcoords = match &partition.texcoords {
+        Some(brought) => brought.read(cluster)?,
+        None => gather_texcoords(mesh, &texcoord_ids)?,
+    };
+    if texcoords.len() != texcoord_ids.len() {
+        let path = partition.faces.buckets.path().to_owned();
+        let message = format!("{} texture coordinates for {} ids", texcoords.len(), texcoord_ids.len());
+        return Err(Error::Damaged { path, message });
+    }
     let mut source = ClusterSource {
         mesh: ClusterMesh::default(),
         origin,
@@ -115,6 +127,73 @@ pub fn load(
     Ok(source)
 }
 
+/// Writes the faces of a cluster that is too heavy to be loaded as pieces of their own, block by block.
+///
+/// All its vertices are shared, so the pieces have none of their own. Returns the pieces, and the triangles that repeat
+/// a vertex, found while triangulating polygons.
+///
+/// # Errors
+/// On a full disk, failed reads and writes, and damaged files.
+pub fn pass_through(
+    partition: &Partition,
+    mesh: &StoredMesh,
+    cluster: usize,
+    path: impl Fn(usize) -> PathBuf,
+) -> Result<(Vec<StoredPiece>, u64)> {
+    let (mut pieces, mut degenerate) = (Vec::new(), 0);
+    let mut pending: Vec<Face> = Vec::new();
+    let mut flush = |faces: Vec<Face>| -> Result<()> {
+        let (piece, dropped) = pass_faces(partition, mesh, faces, &path(pieces.len()))?;
+        pieces.extend(piece);
+        degenerate += dropped;
+        Ok(())
+    };
+    partition.faces.buckets.read_blocks(cluster, |block| {
+        for &face in block {
+            if pending.len() >= PASS_FACES && !face.continues_polygon {
+                flush(std::mem::take(&mut pending))?;
+            }
+            pending.push(face);
+        }
+        Ok(true)
+    })?;
+    flush(pending)?;
+    Ok((pieces, degenerate))
+}
+
+fn pass_faces(
+    partition: &Partition,
+    mesh: &StoredMesh,
+    mut faces: Vec<Face>,
+    path: &Path,
+) -> Result<(Option<StoredPiece>, u64)> {
+    let mut ids: Vec<u32> = faces.iter().flat_map(|face| face.vertices).collect();
+    ids.sort_unstable();
+    ids.dedup();
+    let local = |id: u32| ids.partition_point(|&other| other < id) as u32;
+    let mut degenerate = 0;
+    if faces.iter().any(|face| face.continues_polygon) {
+        faces.iter_mut().for_each(|face| face.vertices = face.vertices.map(local));
+        degenerate = triangulate_polygons(&mut faces, &gather(&partition.numbering.positions, &ids)?);
+        faces.iter_mut().for_each(|face| face.vertices = face.vertices.map(|v| ids[v as usize]));
+    }
+    let texcoord_ids = texcoord_ids(&faces);
+    let texcoords = gather_texcoords(mesh, &texcoord_ids)?;
+    for face in &mut faces {
+        face.vertices = face.vertices.map(|id| partition.faces.shared.rank(id));
+        face.texcoords = face.texcoords.map(|id| match id {
+            NO_TEXCOORD => id,
+            id => texcoord_ids.partition_point(|&other| other < id) as u32,
+        });
+    }
+    let colours = partition.numbering.colours.is_some().then_some(&[][..]);
+    let piece = match faces.is_empty() {
+        true => None,
+        false => Some(write_piece(path, &[], &texcoords, colours, &faces)?),
+    };
+    Ok((piece, degenerate))
+}
+
 impl ClusterSource {
     fn add_faces(&mut self, faces: &[Face], texcoord_ids: &[u32], catalogue: &Catalogue, scale: &TextureScale) {
         let mesh = &mut self.mesh;
@@ -125,29 +204,39 @@ impl ClusterSource {
         let mut first_wedge = vec![u32::MAX; mesh.positions.len()];
         // Next wedge of the same vertex while they are gathered, and the wedge's material.
         let mut gathered: Vec<(u32, u32)> = Vec::with_capacity(mesh.positions.len() + mesh.positions.len() / 4);
+        // Wedges of a vertex beyond the first few; looked up only.
+        let mut crowd: HashMap<(u32, u32, [u64; 2]), u32> = HashMap::new();
         for face in faces {
             let material = material_index(catalogue, face.part) as u32;
             let scale = scale.of(catalogue, face.part);
-            let corners = std::array::from_fn(|k| {
-                let (vertex, id) = (face.vertices[k], face.texcoords[k]);
+            let mut corners = [0; 3];
+            for ((corner, vertex), id) in corners.iter_mut().zip(face.vertices).zip(face.texcoords) {
                 let index = if id == NO_TEXCOORD { id } else { texcoord_ids.partition_point(|&t| t < id) as u32 };
                 let uv = self.texcoords.get(index as usize).map_or(DVec2::NAN, |&uv| uv * scale);
                 let same = |w: u32| {
                     gathered_material(&gathered, w) == material
                         && mesh.wedge_uv[w as usize].to_array().map(f64::to_bits) == uv.to_array().map(f64::to_bits)
                 };
-                let mut wedge = first_wedge[vertex as usize];
+                let (mut wedge, mut walked) = (first_wedge[vertex as usize], 0);
                 while wedge != u32::MAX && !same(wedge) {
                     wedge = gathered[wedge as usize].0;
+                    walked += 1;
+                }
+                let key = (vertex, material, uv.to_array().map(f64::to_bits));
+                if wedge == u32::MAX && walked == CHAIN_MAX {
+                    wedge = crowd.get(&key).copied().unwrap_or(u32::MAX);
                 }
                 if wedge == u32::MAX {
                     wedge = mesh.push_wedge(vertex, uv);
                     gathered.push((first_wedge[vertex as usize], material));
-                    first_wedge[vertex as usize] = wedge;
+                    match walked {
+                        CHAIN_MAX => _ = crowd.insert(key, wedge),
+                        _ => first_wedge[vertex as usize] = wedge,
+                    }
                     self.wedge_texcoord.push(index);
                 }
-                wedge
-            });
+                *corner = wedge;
+            }
             mesh.push_face(corners, face.part);
             mesh.deviations[mesh.corners.len() - 1] = face.deviation;
         }
@@ -377,7 +466,7 @@ fn triangulate_polygons(faces: &mut Vec<Face>, positions: &[DVec3]) -> u64 {
 }
 
 /// Ids of all texcoords that faces use, ascending.
-fn texcoord_ids(faces: &[Face]) -> Vec<u32> {
+pub(super) fn texcoord_ids(faces: &[Face]) -> Vec<u32> {
     let mut ids: Vec<u32> = Vec::with_capacity(faces.len());
     let mut recent = [NO_TEXCOORD; 64];
     for id in faces.iter().flat_map(|face| face.texcoords).filter(|&id| id != NO_TEXCOORD) {
@@ -407,7 +496,7 @@ fn gather<T: bytemuck::Pod>(column: &Segment<T>, ids: &[u32]) -> Result<Vec<T>> 
 }
 
 /// Texture coordinates at ascending ids of the mesh.
-fn gather_texcoords(mesh: &StoredMesh, ids: &[u32]) -> Result<Vec<DVec2>> {
+pub(super) fn gather_texcoords(mesh: &StoredMesh, ids: &[u32]) -> Result<Vec<DVec2>> {
     let mut out = Vec::with_capacity(ids.len());
     let (mut base, mut at) = (0u64, 0);
     for piece in &mesh.pieces {

@@ -17,7 +17,7 @@ use crate::base::{Error, Findings, Result};
 use crate::os::system::{read_exact_at, write_all_at};
 use crate::store::face::FaceBlock;
 use crate::store::mesh::PieceNumbering;
-use crate::store::{Face, StoredMesh, StoredPiece};
+use crate::store::{Face, NO_TEXCOORD, StoredMesh, StoredPiece};
 
 /// Faces by cell, and the vertices that several cells use.
 #[derive(Debug)]
@@ -26,6 +26,26 @@ pub struct CellFaces {
     pub buckets: Buckets,
     /// Vertices that several cells use.
     pub shared: Shared,
+    /// Corners of each cell's faces that lie in other cells.
+    pub foreign_corners: Vec<u64>,
+    /// For each cell, the stretches of [`TEXCOORD_STRETCH`] texture coordinates that its faces name, as bits.
+    stretches: Vec<u64>,
+}
+
+/// Texture coordinates of a stretch: 64 KiB, so that a stretch is about what one random read costs.
+pub const TEXCOORD_STRETCH: u32 = 4096;
+
+impl CellFaces {
+    /// Counts all vertices of some ranges as shared: their cells' faces are about to be spread over several pieces.
+    pub fn share_all(&mut self, ranges: impl Iterator<Item = std::ops::Range<u32>>) {
+        ranges.flatten().for_each(|vertex| self.shared.insert(vertex));
+        self.shared.count_members();
+    }
+
+    /// Stretches of texture coordinates that the cells' faces name, summed over the cells.
+    pub fn named_stretches(&self) -> u64 {
+        self.stretches.iter().map(|word| u64::from(word.count_ones())).sum()
+    }
 }
 
 /// A set of vertices, with the rank of each member.
@@ -97,10 +117,12 @@ impl Job<'_> {
         let (mut bytes, mut faces) = (Vec::new(), Vec::new());
         self.piece.faces.read_block(&self.piece.faces.open()?, self.block, &mut bytes, &mut faces)?;
         let vertices = self.numbering.own + self.numbering.vertex_base;
+        let texcoords = u64::from(self.numbering.texcoord_base) + self.piece.texcoords.len();
         for face in &mut faces {
             *face = self.numbering.globalise(face);
-            if face.vertices.iter().any(|&v| v >= vertices) {
-                let message = "a face names a vertex that does not exist".to_owned();
+            let is_missing = |&t: &u32| t != NO_TEXCOORD && u64::from(t) >= texcoords;
+            if face.vertices.iter().any(|&v| v >= vertices) || face.texcoords.iter().any(is_missing) {
+                let message = "a face names a vertex or texture coordinate that does not exist".to_owned();
                 return Err(Error::Damaged { path: self.piece.faces.path().to_owned(), message });
             }
         }
@@ -144,6 +166,9 @@ pub fn distribute(
     };
     let mut buckets = BucketWriter::create(&folder.join(format!("{name}-faces.bkt")), numbering.cell_count())?;
     let mut shared = Shared::new(*numbering.starts.last().unwrap_or(&0) as usize);
+    let mut foreign_corners = vec![0; numbering.cell_count()];
+    let stretch_words = (mesh.texcoord_count() as usize).div_ceil(TEXCOORD_STRETCH as usize).div_ceil(64);
+    let mut stretches = vec![0u64; stretch_words * numbering.cell_count()];
     let mut degenerate = 0;
     map_in_order(
         jobs.iter().copied(),
@@ -167,24 +192,35 @@ pub fn distribute(
         },
         |assigned: Assigned| {
             degenerate += assigned.degenerate;
-            assigned.shared.iter().for_each(|&vertex| shared.insert(vertex));
+            for (cell, vertex) in assigned.shared {
+                shared.insert(vertex);
+                foreign_corners[cell as usize] += 1;
+            }
+            for (cell, stretch) in assigned.stretches {
+                stretches[cell as usize * stretch_words + stretch as usize / 64] |= 1 << (stretch % 64);
+            }
             assigned.faces.into_iter().try_for_each(|(cell, face)| buckets.push(cell, face))
         },
     )?;
     findings.count("degenerate_faces", degenerate);
     shared.count_members();
-    Ok(CellFaces { buckets: buckets.finish()?, shared })
+    Ok(CellFaces { buckets: buckets.finish()?, shared, foreign_corners, stretches })
 }
 
 struct Assigned {
     faces: Vec<(u32, Face)>,
-    shared: Vec<u32>,
+    /// Corners in other cells: the face's cell, and the vertex.
+    shared: Vec<(u32, u32)>,
+    /// Cells and the stretches of texture coordinates that their faces name.
+    stretches: Vec<(u32, u32)>,
     degenerate: u64,
 }
 
 /// Chooses the cell of each face of a block; triangles that repeat a vertex are dropped.
 fn assign(faces: &[Face], numbering: &Numbering) -> Assigned {
-    let mut assigned = Assigned { faces: Vec::with_capacity(faces.len()), shared: Vec::new(), degenerate: 0 };
+    let mut assigned =
+        Assigned { faces: Vec::with_capacity(faces.len()), shared: Vec::new(), stretches: Vec::new(), degenerate: 0 };
+    let mut recent = [(u32::MAX, 0); 64];
     let mut last = (0, 0..0);
     let mut cell_of = |vertex: u32| {
         if !last.1.contains(&vertex) {
@@ -208,7 +244,15 @@ fn assign(faces: &[Face], numbering: &Numbering) -> Assigned {
             [a, b, c] => a.min(b).min(c),
         };
         for (vertex, _) in face.vertices.into_iter().zip(cells).filter(|&(_, own)| own != cell) {
-            assigned.shared.push(vertex);
+            assigned.shared.push((cell, vertex));
+        }
+        for texcoord in face.texcoords.into_iter().filter(|&texcoord| texcoord != NO_TEXCOORD) {
+            let stretch = (cell, texcoord / TEXCOORD_STRETCH);
+            let slot = &mut recent[((stretch.0 ^ stretch.1) % 64) as usize];
+            if *slot != stretch {
+                *slot = stretch;
+                assigned.stretches.push(stretch);
+            }
         }
         assigned.faces.push((cell, *face));
     }

@@ -26,6 +26,8 @@ use crate::store::{ColumnWriter, Segment, StoredMesh};
 
 /// Positions that are mapped at once.
 const SWEEP_RECORDS: u64 = 64 << 10;
+/// A cell of more vertices is welded alone and extent by extent: it could not be split, so its places are few.
+const CROWD_RECORDS: u64 = 1 << 20;
 /// Bytes of a rank.
 const RANK_BYTES: u64 = 4;
 
@@ -143,19 +145,29 @@ pub fn number(
         0..cell_count,
         options.threads,
         options.threads + 1,
-        |cell| weld_cell(&records, cell, options.weld),
-        |cell: WeldedCell| {
+        |cell| match records.len(cell) <= CROWD_RECORDS {
+            true => Ok((cell, Some(weld_cell(&records, cell, options.weld)?))),
+            false => Ok((cell, None)),
+        },
+        |(cell, welded_cell)| {
             let base = positions.len() as u32;
-            positions.append(&cell.positions)?;
-            if let Some(colours) = &mut colours {
-                colours.append(&cell.colours)?;
-            }
-            welded += cell.local.len() as u64 - cell.positions.len() as u64;
-            for (old, local) in cell.local {
-                match &mut pairs {
-                    None => whole[old as usize] = base + local,
-                    Some(pairs) => pairs.push(old / window_len, [old, base + local])?,
+            let mut put = |part: &WeldedCell| -> Result<()> {
+                positions.append(&part.positions)?;
+                if let Some(colours) = &mut colours {
+                    colours.append(&part.colours)?;
                 }
+                welded += part.local.len() as u64 - part.positions.len() as u64;
+                part.local.iter().try_for_each(|&(old, local)| match &mut pairs {
+                    None => {
+                        whole[old as usize] = base + local;
+                        Ok(())
+                    }
+                    Some(pairs) => pairs.push(old / window_len, [old, base + local]),
+                })
+            };
+            match welded_cell {
+                Some(whole_cell) => put(&whole_cell)?,
+                None => weld_crowd(&records, cell, options.weld, put)?,
             }
             starts.push(positions.len() as u32);
             Ok(())
@@ -210,35 +222,57 @@ fn scatter_by_cell(
     scatter.finish()
 }
 
-/// The vertices of a cell after welding.
+/// The vertices of a cell after welding, or of a part of it.
+#[derive(Debug, Default)]
 struct WeldedCell {
     positions: Vec<DVec3>,
     colours: Vec<[f32; 3]>,
-    /// Old id, and index in `positions`.
+    /// Old id, and index of its place in the cell.
     local: Vec<(u32, u32)>,
 }
 
-fn weld_cell(records: &Scatter<VertexRecord>, cell: usize, weld: bool) -> Result<WeldedCell> {
-    let count = records.len(cell) as usize;
-    let mut welded = WeldedCell { positions: Vec::new(), colours: Vec::new(), local: Vec::with_capacity(count) };
-    // NOTE: looked up only, never iterated, so its random seed leaves no trace in the result.
-    let mut known: HashMap<[u64; 3], u32> = HashMap::new();
-    records.read(cell, |records| {
+impl WeldedCell {
+    /// Adds records; `known` is the index of each place so far, `fresh` that of the next one.
+    fn add(&mut self, records: &[VertexRecord], weld: bool, known: &mut HashMap<[u64; 3], u32>, fresh: &mut u32) {
         for record in records {
-            let fresh = welded.positions.len() as u32;
             let local = match weld {
-                true => *known.entry(position_key(record.position)).or_insert(fresh),
-                false => fresh,
+                true => *known.entry(position_key(record.position)).or_insert(*fresh),
+                false => *fresh,
             };
-            if local == fresh {
-                welded.positions.push(record.position);
-                welded.colours.push(record.colour);
+            if local == *fresh {
+                *fresh += 1;
+                self.positions.push(record.position);
+                self.colours.push(record.colour);
             }
-            welded.local.push((record.id, local));
+            self.local.push((record.id, local));
         }
+    }
+}
+
+fn weld_cell(records: &Scatter<VertexRecord>, cell: usize, weld: bool) -> Result<WeldedCell> {
+    let mut welded = WeldedCell { local: Vec::with_capacity(records.len(cell) as usize), ..WeldedCell::default() };
+    // NOTE: looked up only, never iterated, so its random seed leaves no trace in the result.
+    let (mut known, mut fresh) = (HashMap::new(), 0);
+    records.read(cell, |records| {
+        welded.add(records, weld, &mut known, &mut fresh);
         Ok(())
     })?;
     Ok(welded)
+}
+
+/// The same for a cell of any size: hands over what each extent adds.
+fn weld_crowd(
+    records: &Scatter<VertexRecord>,
+    cell: usize,
+    weld: bool,
+    mut put: impl FnMut(&WeldedCell) -> Result<()>,
+) -> Result<()> {
+    let (mut known, mut fresh) = (HashMap::new(), 0);
+    records.read(cell, |records| {
+        let mut part = WeldedCell::default();
+        part.add(records, weld, &mut known, &mut fresh);
+        put(&part)
+    })
 }
 
 /// Bits of a position; 0 and -0 are the same place.

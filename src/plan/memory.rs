@@ -10,8 +10,8 @@ use crate::base::bytes::MIB;
 use crate::base::{Error, MemoryBudget, Result, bytes};
 use crate::options::SimplifyOptions;
 use crate::os::system;
+use crate::partition::weight::{ORDINARY_BYTES, limit_bytes};
 use crate::scan::ScanOptions;
-use crate::simplify::engine::FACE_BYTES;
 
 /// Memory of a chunk that is being parsed, for the scan's share of the budget.
 const CHUNK_BYTES: u64 = 16 * MIB;
@@ -71,7 +71,7 @@ pub fn forecast(sizes: &Sizes, budget: MemoryBudget, threads: usize) -> MemoryFo
 
 /// Memory of the largest cluster when cells aim at `faces` faces.
 fn cluster_bytes(faces: u64) -> u64 {
-    (faces as f64 * CLUSTER_EXCESS) as u64 * FACE_BYTES
+    (faces as f64 * CLUSTER_EXCESS) as u64 * ORDINARY_BYTES
 }
 
 /// The budget that the user gave, or half of the machine's memory.
@@ -95,9 +95,9 @@ pub fn budget_of(memory: Option<u64>) -> Result<MemoryBudget> {
 /// [`Error::Budget`] saying what would do.
 pub fn choose_budget(options: &SimplifyOptions) -> Result<MemoryBudget> {
     let budget = budget_of(options.memory)?;
-    let cluster = cluster_bytes(options.cluster_faces);
+    let cluster = limit_bytes(options.cluster_faces);
     if cluster > budget.for_work() {
-        let most = (budget.for_work() as f64 / CLUSTER_EXCESS) as u64 / FACE_BYTES;
+        let most = budget.for_work() * options.cluster_faces / cluster;
         return Err(Error::Budget(format!(
             "{} cannot hold a cluster of {} triangles; give --cluster-faces {most} or --memory {}",
             bytes::display(budget.bytes),

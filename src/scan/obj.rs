@@ -65,10 +65,13 @@ impl Parser<'_> {
         Ok(())
     }
 
-    fn read_statement(&mut self, mut text: &[u8]) -> LineResult<()> {
-        if let Some(rest) = text.strip_prefix(BYTE_ORDER_MARK) {
-            self.note("byte_order_marks", || "a byte order mark inside the file is ignored".into());
-            text = trim(rest);
+    fn read_statement(&mut self, text: &[u8]) -> LineResult<()> {
+        if text.starts_with(BYTE_ORDER_MARK) {
+            return Err(
+                "expected a statement, found a byte order mark; files joined end to end, whose indices do not \
+                        fit each other? Give their folder as input instead"
+                    .into(),
+            );
         }
         if text.is_empty() || text[0] == b'#' {
             return Ok(());

@@ -11,7 +11,7 @@ use super::collapse::{Collapse, Collapser};
 use super::legality::Refusal;
 use crate::cost::EdgeCase;
 use crate::cost::surface::{EdgeKind, SurfaceCost, Weights};
-use crate::mesh::class::{Class, Rule, classify};
+use crate::mesh::class::{Class, Rule, VALENCE_MAX, classify};
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::ring::Rings;
 
@@ -258,7 +258,8 @@ impl Engine {
 
     /// What the edge's kind, both classes and both locks allow.
     fn rule(&self, from: u32, to: u32, kind: EdgeKind) -> Rule {
-        if self.is_held(from) {
+        // A crowded end would be refused by the link condition, after its many wedges had been judged.
+        if self.is_held(from) || self.rings.of(to).len() > 2 * VALENCE_MAX {
             return Rule::Never;
         }
         let class = self.classes[from as usize];

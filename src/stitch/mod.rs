@@ -11,8 +11,8 @@
 //! Once one cluster holds everything, it is simplified to the face.
 //!
 //! # Memory
-//! A cluster in work takes [`FACE_BYTES`](crate::simplify::engine::FACE_BYTES) a face; permits keep their sum within
-//! the budget.
+//! A cluster in work takes its [`ClusterWeight`](crate::partition::weight::ClusterWeight); permits keep their sum within
+//! the budget. One that is too heavy passes through in blocks, unchanged and counted.
 //!
 //! # Files
 //! Each cluster leaves one piece; a pass leaves a column of shared positions. The files of a pass are removed when the

@@ -11,8 +11,8 @@ use crate::base::{Findings, Permits, Progress, Result};
 use crate::cost::surface::Weights;
 use crate::mesh::ClusterMesh;
 use crate::mesh::class::Class;
+use crate::partition::weight::ORDINARY_BYTES;
 use crate::partition::{self, ClusterSource, Partition, PartitionOptions, TextureScale, cluster};
-use crate::simplify::engine::FACE_BYTES;
 use crate::simplify::legality::Refusal;
 use crate::simplify::{Engine, Stop};
 use crate::store::{Catalogue, ColumnWriter, StoredMesh, StoredPiece};
@@ -31,6 +31,9 @@ const BOUNDED_STAGE_SHARE: f64 = 0.02;
 const BOUND_SAFETY: f64 = 0.98;
 /// A pass that removes less than this share of the faces has come to the floor.
 const FLOOR_SHARE: f64 = 1e-4;
+
+/// Memory of a cluster that passes through: a block of faces, their texture coordinates and the piece being written.
+const PASS_BYTES: u64 = 16 << 20;
 
 /// When vertices on seams are locked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -123,6 +126,8 @@ pub struct Passes {
     pub floor: Floor,
     /// Most bytes that the work folder held.
     pub scratch_peak: u64,
+    /// Most bytes that clusters in work were granted at once.
+    pub permit_peak: u64,
 }
 
 /// Time by phase.
@@ -137,8 +142,10 @@ pub struct PassSeconds {
 }
 
 /// What simplifying one cluster gave.
+#[derive(Default)]
 struct ClusterResult {
-    piece: Option<StoredPiece>,
+    pieces: Vec<StoredPiece>,
+    passed_through: bool,
     faces: u64,
     cost: f32,
     reached: bool,
@@ -198,7 +205,7 @@ impl<'a> Run<'a> {
         let mut squared_error = 0.0;
         let target = self.options.target;
         let (mut reached, mut floor) = (false, Floor::default());
-        let (mut stuck, mut scratch_peak) = (0, 0);
+        let (mut stuck, mut scratch_peak, mut passed_through) = (0, 0, 0);
         for pass in 0..self.options.passes + EXTRA_PASSES {
             let started = Instant::now();
             let partition = self.partition(&mesh, pass, &mut findings)?;
@@ -217,7 +224,7 @@ impl<'a> Run<'a> {
             {
                 // The sample was no picture of the whole: the same thresholds again, but stopped at the target.
                 let plan = self.trim_stages(&mesh, &partition, pass, costs)?;
-                remove_mesh(outcome.mesh);
+                remove_mesh(std::mem::take(&mut outcome.mesh));
                 outcome = self.run_pass(&mesh, &partition, pass, &plan)?;
             }
             let single = is_single(&partition);
@@ -225,6 +232,7 @@ impl<'a> Run<'a> {
             findings.count("degenerate_faces", outcome.degenerate);
             reports.push(outcome.report.clone());
             floor = outcome.floor;
+            passed_through = outcome.passed_through;
             let next_faces = outcome.report.faces_out;
             scratch_peak = scratch_peak.max(folder_bytes(self.folder));
             remove_mesh(std::mem::replace(&mut mesh, outcome.mesh));
@@ -249,6 +257,7 @@ impl<'a> Run<'a> {
             }
         }
         let faces = mesh.face_count();
+        findings.count("passed_through_faces", passed_through);
         Ok(Passes {
             mesh,
             reports,
@@ -259,6 +268,7 @@ impl<'a> Run<'a> {
             reached,
             floor,
             scratch_peak,
+            permit_peak: self.permits.peak(),
         })
     }
 
@@ -271,7 +281,7 @@ impl<'a> Run<'a> {
             work_bytes: self.options.work_bytes,
         };
         self.progress.begin("partition", 0, "");
-        let mut partition = partition::partition(mesh, self.folder, &format!("pass-{pass}"), &options)?;
+        let mut partition = partition::partition(mesh, self.catalogue, self.folder, &format!("pass-{pass}"), &options)?;
         findings.merge(std::mem::take(&mut partition.findings));
         Ok(partition)
     }
@@ -311,11 +321,13 @@ impl<'a> Run<'a> {
     }
 
     fn thresholds(&self, mesh: &StoredMesh, partition: &Partition, pass: usize, shares: &[f64]) -> Result<Vec<f32>> {
-        let counts: Vec<u64> = (0..partition.cluster_count()).map(|cluster| partition.face_count(cluster)).collect();
+        let faces_of = |cluster| partition.weight(cluster).map_or(0, |weight| weight.faces);
+        let counts: Vec<u64> = (0..partition.cluster_count()).map(faces_of).collect();
         let clusters = sample::sampled_clusters(&counts);
         let patch = SAMPLE_FACES / clusters.len().max(1);
         let mut sample = ClusterMesh::default();
-        let _permit = self.permits.take(SAMPLE_FACES as u64 * FACE_BYTES);
+        let heaviest = clusters.iter().map(|&cluster| self.cluster_bytes(partition, cluster)).max().unwrap_or(0);
+        let _permit = self.permits.take(SAMPLE_FACES as u64 * ORDINARY_BYTES + heaviest / 2);
         for cluster in clusters {
             let source = self.load(mesh, partition, cluster)?;
             sample::add_patch(&mut sample, &source, patch);
@@ -328,7 +340,8 @@ impl<'a> Run<'a> {
     /// Simplifies every cluster a little too far and merges what that cost.
     fn plan_trim(&self, mesh: &StoredMesh, partition: &Partition, pass: usize, faces: u64) -> Result<Plan> {
         let excess = faces - self.options.target.min(faces);
-        let far = (self.options.target as f64 - 2.0 * excess as f64).max(1.0) / faces as f64;
+        let target = self.options.target as f64;
+        let far = (target - (2.0 * excess as f64).min(TRIM_SHARE_MAX * target)).max(1.0) / faces as f64;
         let mut cost = self.thresholds(mesh, partition, pass, &[far])?[0];
         loop {
             let mut notes = Notes::default();
@@ -375,14 +388,14 @@ impl<'a> Run<'a> {
         let phase = if pass == 0 { "simplify" } else { "stitch" };
         self.progress.begin(phase, partition.total_faces(), "faces");
         let mut outcome = PassOutcome::default();
-        let report = &mut outcome.report;
-        report.clusters = (0..partition.cluster_count()).filter(|&c| partition.face_count(c) > 0).count() as u64;
-        report.faces_in = partition.total_faces();
-        report.border_vertices = u64::from(partition.faces.shared.len());
+        outcome.report.clusters =
+            (0..partition.cluster_count()).filter(|&c| partition.face_count(c) > 0).count() as u64;
+        outcome.report.faces_in = partition.total_faces();
+        outcome.report.border_vertices = u64::from(partition.faces.shared.len());
         let (mut area, mut error) = (0.0, 0.0);
         let mut pieces = Vec::new();
         outcome.reached = true;
-        let (floor, degenerate, reached) = (&mut outcome.floor, &mut outcome.degenerate, &mut outcome.reached);
+        let PassOutcome { report, floor, degenerate, reached, passed_through, .. } = &mut outcome;
         self.each_cluster(mesh, partition, pass, plan, true, |result| {
             report.faces_out += result.faces;
             report.threshold = report.threshold.max(f64::from(result.cost));
@@ -392,7 +405,10 @@ impl<'a> Run<'a> {
             *degenerate += result.degenerate;
             *reached &= result.reached;
             floor.add(&result.floor);
-            pieces.extend(result.piece);
+            if result.passed_through {
+                *passed_through += result.faces;
+            }
+            pieces.extend(result.pieces);
             Ok(())
         })?;
         outcome.squared_error = if area > 0.0 { error / area } else { 0.0 };
@@ -413,7 +429,7 @@ impl<'a> Run<'a> {
     ) -> Result<()> {
         let work = |cluster: usize| {
             let faces = partition.face_count(cluster);
-            let _permit = self.permits.take(faces * FACE_BYTES);
+            let _permit = self.permits.take(self.cluster_bytes(partition, cluster));
             let result = self.simplify_cluster(mesh, partition, pass, plan, keep, cluster);
             if keep {
                 self.progress.advance(faces);
@@ -432,11 +448,15 @@ impl<'a> Run<'a> {
         keep: bool,
         cluster: usize,
     ) -> Result<ClusterResult> {
+        if partition.weight(cluster).is_none() {
+            return self.pass_through(mesh, partition, pass, keep, cluster);
+        }
         let mut source = self.load(mesh, partition, cluster)?;
         let mut engine = self.engine(std::mem::take(&mut source.mesh), pass);
         let (cost, reached) = run_plan(&mut engine, plan, cluster);
         let mut result = ClusterResult {
-            piece: None,
+            pieces: Vec::new(),
+            passed_through: false,
             faces: engine.mesh.face_count as u64,
             cost,
             reached,
@@ -449,13 +469,37 @@ impl<'a> Run<'a> {
         };
         if keep {
             result.log = Vec::new();
-            let path = self.piece_path(pass, cluster);
+            let path = self.piece_path(pass, cluster, 0);
             let simplified = engine.finish();
             if !simplified.corners.is_empty() {
-                result.piece = Some(source.write(&simplified, partition, self.catalogue, &self.scale, &path)?);
+                result.pieces.push(source.write(&simplified, partition, self.catalogue, &self.scale, &path)?);
             }
         }
         Ok(result)
+    }
+
+    /// Memory of a cluster while it is in work, or while it passes through.
+    fn cluster_bytes(&self, partition: &Partition, cluster: usize) -> u64 {
+        partition.weight(cluster).map_or(PASS_BYTES, |weight| weight.bytes())
+    }
+
+    fn pass_through(
+        &self,
+        mesh: &StoredMesh,
+        partition: &Partition,
+        pass: usize,
+        keep: bool,
+        cluster: usize,
+    ) -> Result<ClusterResult> {
+        let faces = partition.face_count(cluster);
+        let unchanged = ClusterResult { faces, passed_through: true, reached: true, ..ClusterResult::default() };
+        if !keep {
+            return Ok(unchanged);
+        }
+        let path = |part| self.piece_path(pass, cluster, part);
+        let (pieces, degenerate) = cluster::pass_through(partition, mesh, cluster, path)?;
+        let faces = pieces.iter().map(|piece| piece.faces.len()).sum();
+        Ok(ClusterResult { pieces, degenerate, faces, ..unchanged })
     }
 
     fn engine(&self, mesh: ClusterMesh, pass: usize) -> Engine {
@@ -481,7 +525,10 @@ impl<'a> Run<'a> {
             self.options.threads,
             self.options.threads + 1,
             |cluster| {
-                let _permit = self.permits.take(partition.face_count(cluster) * FACE_BYTES / 2);
+                if partition.weight(cluster).is_none() {
+                    return Ok(Vec::new());
+                }
+                let _permit = self.permits.take(self.cluster_bytes(partition, cluster) / 2);
                 let source = self.load(mesh, partition, cluster)?;
                 let mut areas = vec![(0.0, 0.0); self.catalogue.materials.len() + 1];
                 source.add_areas(self.catalogue, &mut areas);
@@ -526,8 +573,9 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    fn piece_path(&self, pass: usize, cluster: usize) -> PathBuf {
-        self.folder.join(format!("pass-{pass}-cluster-{cluster:06}.piece"))
+    fn piece_path(&self, pass: usize, cluster: usize, part: usize) -> PathBuf {
+        let part = if part > 0 { format!("-{part}") } else { String::new() };
+        self.folder.join(format!("pass-{pass}-cluster-{cluster:06}{part}.piece"))
     }
 }
 
@@ -540,6 +588,7 @@ struct PassOutcome {
     report: PassReport,
     squared_error: f64,
     degenerate: u64,
+    passed_through: u64,
     reached: bool,
     floor: Floor,
 }

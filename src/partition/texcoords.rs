@@ -1,0 +1,98 @@
+//! Texture coordinates are brought to the cells, where a cell's lie far apart in the file.
+//!
+//! ```text
+//! each cell   ids that its faces name, ascending        ──▶ questions, by window of ids
+//! each window its texture coordinates, its questions    ──▶ answers, by cell, in the order of the ids
+//! ```
+//! Every file is read and written in order. A cluster of a file in an exporter's order reads its own short stretches
+//! instead, which is faster; what it gets is the same.
+//!
+//! # Memory
+//! The ids of a cell in each thread, one window (16 bytes each, at most a quarter of the work memory), and 24 MiB of
+//! buffers.
+//!
+//! # Files
+//! `<name>-questions.scatter` (8 bytes for each id of each cell) while they are answered, `<name>-texcoords.scatter` (16
+//! bytes each) until the partition is removed.
+
+use std::path::Path;
+
+use glam::DVec2;
+
+use super::PartitionOptions;
+use super::cluster::{gather_texcoords, texcoord_ids};
+use super::faces::{CellFaces, TEXCOORD_STRETCH};
+use super::scatter::{Scatter, ScatterWriter};
+use crate::base::Result;
+use crate::base::ordered::map_in_order;
+use crate::store::StoredMesh;
+
+/// Reading stretches is worth it while it reads the column no more often than this.
+const READINGS_MAX: u64 = 4;
+/// Bytes of a texture coordinate.
+const TEXCOORD_BYTES: u64 = 16;
+
+/// Texture coordinates of each cell, in the order of their ids.
+#[derive(Debug)]
+pub struct CellTexcoords {
+    answers: Scatter<[f64; 2]>,
+}
+
+impl CellTexcoords {
+    /// Those of a cell.
+    ///
+    /// # Errors
+    /// On failed reads.
+    pub fn read(&self, cell: usize) -> Result<Vec<DVec2>> {
+        let mut texcoords = Vec::with_capacity(self.answers.len(cell) as usize);
+        self.answers.read(cell, |answers| {
+            texcoords.extend(answers.iter().map(|&uv| DVec2::from_array(uv)));
+            Ok(())
+        })?;
+        Ok(texcoords)
+    }
+}
+
+/// Whether the cells' faces name texture coordinates all over the file.
+pub fn are_scattered(mesh: &StoredMesh, faces: &CellFaces) -> bool {
+    faces.named_stretches() * u64::from(TEXCOORD_STRETCH) > READINGS_MAX * mesh.texcoord_count()
+}
+
+/// Brings the texture coordinates to the cells.
+///
+/// # Errors
+/// On a full disk, failed reads and writes.
+pub fn bring(
+    mesh: &StoredMesh,
+    faces: &CellFaces,
+    folder: &Path,
+    name: &str,
+    options: &PartitionOptions,
+) -> Result<CellTexcoords> {
+    let cell_count = faces.foreign_corners.len();
+    let count = mesh.texcoord_count();
+    let window_len = (options.work_bytes / 4 / TEXCOORD_BYTES).clamp(1 << 16, 1 << 31) as u32;
+    let windows = count.div_ceil(u64::from(window_len)).max(1) as usize;
+    let mut questions = ScatterWriter::create(&folder.join(format!("{name}-questions.scatter")), windows)?;
+    map_in_order(
+        0..cell_count,
+        options.threads,
+        options.threads + 1,
+        |cell| Ok((cell as u32, texcoord_ids(&faces.buckets.read(cell)?))),
+        |(cell, ids)| ids.into_iter().try_for_each(|id| questions.push(id / window_len, [cell, id])),
+    )?;
+    let questions: Scatter<[u32; 2]> = questions.finish()?;
+    let mut answers = ScatterWriter::create(&folder.join(format!("{name}-texcoords.scatter")), cell_count)?;
+    for window in 0..windows {
+        let start = window as u32 * window_len;
+        let end = u64::from(start).saturating_add(u64::from(window_len)).min(count) as u32;
+        let ids: Vec<u32> = (start..end).collect();
+        let texcoords = gather_texcoords(mesh, &ids)?;
+        drop(ids);
+        questions.read(window, |questions| {
+            let answer = |&[cell, id]: &[u32; 2]| (cell, texcoords[(id - start) as usize].to_array());
+            questions.iter().map(answer).try_for_each(|(cell, uv)| answers.push(cell, uv))
+        })?;
+    }
+    Ok(CellTexcoords { answers: answers.finish()? })
+}

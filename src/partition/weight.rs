@@ -1,0 +1,131 @@
+//! What a cluster takes in memory while it is simplified, and which cluster is too heavy to be loaded at all.
+//!
+//! # Memory
+//! ```text
+//! face     56 bytes   corners, part, ring entries, candidates
+//! vertex  150 bytes   position, flags, quadric, class, marks, ring start, candidates, way back
+//! wedge   110 bytes   texture coordinate, links, quadric, way back
+//! ```
+//! 202 bytes a face of an ordinary textured mesh (half a vertex and 0.65 wedges a face), up to 836 in a soup.
+
+use std::collections::HashSet;
+use std::hash::{BuildHasherDefault, Hasher};
+
+use super::cluster::material_index;
+use crate::store::{Catalogue, Face};
+
+const FACE_BYTES: u64 = 56;
+const VERTEX_BYTES: u64 = 150;
+const WEDGE_BYTES: u64 = 110;
+/// Bytes of an ordinary face, about.
+pub const ORDINARY_BYTES: u64 = 200;
+/// A cluster heavier than this many times what its faces should weigh passes through unchanged.
+///
+/// NOTE: part of what shapes the result, so it depends on the cluster size alone and not on the budget.
+const LIMIT_FACTOR: u64 = 2;
+/// Keys that are remembered beside the set, to spare it most of the questions.
+const RECENT: usize = 4096;
+
+/// Numbers that a cluster's memory follows from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct ClusterWeight {
+    /// Faces.
+    pub faces: u64,
+    /// Vertices, those of other cells included; at most.
+    pub vertices: u64,
+    /// Wedges; at most.
+    pub wedges: u64,
+}
+
+impl ClusterWeight {
+    /// Memory of the cluster while it is simplified, in bytes.
+    pub fn bytes(&self) -> u64 {
+        self.faces * FACE_BYTES + self.vertices * VERTEX_BYTES + self.wedges * WEDGE_BYTES
+    }
+}
+
+/// The heaviest cluster that is loaded, in bytes, when clusters should have `cluster_faces` faces.
+pub fn limit_bytes(cluster_faces: u64) -> u64 {
+    LIMIT_FACTOR * ORDINARY_BYTES * cluster_faces
+}
+
+/// Counts the wedges of a cluster's faces, until there are more than `most`.
+pub struct WedgeCounter<'a> {
+    catalogue: &'a Catalogue,
+    known: HashSet<u64, BuildHasherDefault<Mixed>>,
+    recent: Vec<u64>,
+    most: usize,
+}
+
+impl<'a> WedgeCounter<'a> {
+    /// Nothing counted yet.
+    pub fn new(catalogue: &'a Catalogue, most: u64) -> Self {
+        let known = HashSet::with_capacity_and_hasher(most as usize / 3, BuildHasherDefault::default());
+        Self { catalogue, known, recent: vec![0; RECENT], most: most as usize }
+    }
+
+    /// Counts the wedges of further faces.
+    pub fn add(&mut self, faces: &[Face]) {
+        for face in faces {
+            let material = material_index(self.catalogue, face.part) as u32;
+            for (vertex, texcoord) in face.vertices.into_iter().zip(face.texcoords) {
+                let key = mix(mix(u64::from(vertex) << 32 | u64::from(texcoord)) ^ u64::from(material));
+                let recent = &mut self.recent[key as usize % RECENT];
+                if *recent != key && self.known.len() <= self.most {
+                    *recent = key;
+                    self.known.insert(key);
+                }
+            }
+        }
+    }
+
+    /// Wedges so far.
+    pub fn count(&self) -> u64 {
+        self.known.len() as u64
+    }
+
+    /// Whether counting on is of no use.
+    pub fn is_full(&self) -> bool {
+        self.known.len() > self.most
+    }
+}
+
+/// Takes keys that are mixed already: a tenth of the cost of the standard hash, and its seed is not needed.
+#[derive(Debug, Default)]
+struct Mixed(u64);
+
+impl Hasher for Mixed {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.0 = mix(self.0 ^ u64::from(byte));
+        }
+    }
+
+    fn write_u64(&mut self, key: u64) {
+        self.0 = key;
+    }
+}
+
+/// Spreads the bits of a number over all bits (Stafford's 13th variant of the MurmurHash3 finaliser); one to one.
+fn mix(mut x: u64) -> u64 {
+    x = (x ^ x >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    x = (x ^ x >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ x >> 31
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_ordinary_cluster_is_well_below_the_limit_and_a_soup_above() {
+        let ordinary = ClusterWeight { faces: 1000, vertices: 520, wedges: 700 };
+        let soup = ClusterWeight { faces: 1000, vertices: 3000, wedges: 3000 };
+        assert!(ordinary.bytes() * 3 < limit_bytes(1000) * 2);
+        assert!(soup.bytes() > limit_bytes(1000));
+    }
+}
