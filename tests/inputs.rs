@@ -138,7 +138,8 @@ fn quads_count_as_two_triangles() {
         let _ = writeln!(text, "f {}", corners.join(" "));
     }
     let run = simplify_text(&text, &ratio(0.25));
-    assert_eq!((run.report.faces.input, run.report.faces.output), (3200, 800));
+    assert_eq!((run.report.faces.input, run.report.faces.target), (3200, 800));
+    assert!(run.report.faces.output.abs_diff(800) <= 2);
 }
 
 #[test]

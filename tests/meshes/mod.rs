@@ -214,12 +214,12 @@ pub fn assert_sound(input: &Mesh, run: &Run) {
     assert!(news.is_empty(), "{}", news.iter().map(|n| n.to_string()).collect::<Vec<_>>().join("; "));
 }
 
-/// Asserts that no material is new, and that none is lost whose fair share of the faces is three or more.
+/// Asserts that no material is new, and that none is lost whose fair share of the faces is ten or more.
 fn assert_materials(input: &Mesh, mesh: &Mesh) {
     assert!(mesh.materials.keys().all(|name| input.materials.contains_key(name)));
     let share = mesh.face_count() as f64 / input.face_count() as f64;
     for (name, &count) in &input.materials {
-        let is_small = (count as f64) * share < 3.0;
+        let is_small = (count as f64) * share < 10.0;
         assert!(is_small || mesh.materials.contains_key(name), "{name} is lost, of {count} faces");
     }
 }
