@@ -160,6 +160,7 @@ fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
     let before = Surface::load(&scanned.mesh, &scanned.catalogue).unwrap();
     let has_uv = choice.has_uv_metric && scanned.catalogue.has_texcoords;
     let options = PassOptions {
+        max_error: None,
         target: (scanned.triangles as f64 * choice.ratio).round() as u64,
         input: scanned.triangles,
         passes: choice.passes,
