@@ -148,7 +148,7 @@ mod tests {
     fn an_impossible_budget_is_refused_with_one_that_would_do() {
         let options = SimplifyOptions { memory: Some(128 * MIB), cluster_faces: 1_000_000, ..Default::default() };
         let words = choose_budget(&options).unwrap_err().to_string();
-        assert!(words.contains("--cluster-faces") && words.contains("--memory 277 MiB"), "{words}");
+        assert!(words.contains("--cluster-faces") && words.contains("--memory 410 MiB"), "{words}");
         assert!(budget_of(Some(1)).is_err());
     }
 }
