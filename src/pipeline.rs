@@ -2,10 +2,12 @@
 
 #[cfg(test)]
 mod hostile;
+mod need;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use self::need::Need;
 use crate::base::{Error, Findings, MemoryBudget, Progress, Result};
 use crate::cost::surface::Weights;
 use crate::job::{FORMAT_VERSION, Manifest, WorkFolder};
@@ -14,9 +16,8 @@ use crate::os::system;
 use crate::plan::memory::{self, Sizes};
 use crate::plan::scratch;
 use crate::report::{ErrorFigures, FaceFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
-use crate::scan::{self, Counts, Scan};
+use crate::scan::{self, Scan};
 use crate::stitch::pass::{PassOptions, Run};
-use crate::store::StoredMesh;
 use crate::write::{self, WriteOptions};
 
 /// Simplifies one OBJ, or all below a folder, into one OBJ.
@@ -43,13 +44,12 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
     let scan_seconds = scanned.elapsed();
     let mut scratch_peak = work.bytes();
 
+    let need = Need::of(&mesh, &catalogue);
+    need.check(budget, options.cluster_faces, work.path())?;
+
     let target = options.target(triangles);
     let sizes = Sizes { faces: triangles, vertices: mesh.vertex_count(), target, cluster_faces: options.cluster_faces };
-    let scratch_bytes = scratch::forecast(&counts_of(&mesh, triangles), &sizes, options.passes, budget);
-    scratch::refuse_less_than(scratch_bytes.saturating_sub(work.bytes()), work.path())?;
-    let resident_bytes = memory::resident_bytes(sizes.vertices, &catalogue);
-    memory::refuse_small_budget(resident_bytes, &sizes, budget)?;
-    let work_bytes = budget.for_work() - resident_bytes;
+    let work_bytes = budget.for_work() - need.resident_bytes();
     let pass_options = pass_options(options, catalogue.has_texcoords, triangles, target, threads, work_bytes);
     let passes = Run::new(&pass_options, &catalogue, work.path(), progress).simplify(mesh)?;
     findings.merge(passes.findings);
@@ -69,7 +69,6 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
     drop(work);
 
     let (read, written) = system::io_bytes();
-    let predicted = memory::forecast(&sizes, budget, threads).peak;
     Ok(Report {
         status: if passes.reached { Status::Done } else { Status::TargetMissed },
         output: output.to_owned(),
@@ -92,7 +91,9 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
         },
         memory: MemoryFigures {
             budget: budget.bytes,
-            predicted_peak: predicted.max(MemoryBudget::FIXED_BYTES + resident_bytes + passes.permit_peak),
+            predicted_peak: memory::forecast(&sizes, budget, threads)
+                .peak
+                .max(MemoryBudget::FIXED_BYTES + need.resident_bytes() + passes.permit_peak),
             peak_resident: system::peak_resident_bytes(),
         },
         io: IoFigures { input: input_bytes, read, written, scratch_peak },
@@ -101,12 +102,6 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
         warnings: findings.warnings(),
         repairs: repairs(&findings),
     })
-}
-
-/// What the scan found, for the forecast of scratch space.
-fn counts_of(mesh: &StoredMesh, triangles: u64) -> Counts {
-    let (vertices, texcoords) = (mesh.vertex_count(), mesh.texcoord_count());
-    Counts { vertices, texcoords, triangles, has_colours: mesh.has_colours(), ..Counts::default() }
 }
 
 fn repairs(findings: &Findings) -> std::collections::BTreeMap<String, u64> {

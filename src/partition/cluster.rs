@@ -209,8 +209,8 @@ impl ClusterSource {
         for face in faces {
             let material = material_index(catalogue, face.part) as u32;
             let scale = scale.of(catalogue, face.part);
-            let corners = std::array::from_fn(|k| {
-                let (vertex, id) = (face.vertices[k], face.texcoords[k]);
+            let mut corners = [0; 3];
+            for ((corner, vertex), id) in corners.iter_mut().zip(face.vertices).zip(face.texcoords) {
                 let index = if id == NO_TEXCOORD { id } else { texcoord_ids.partition_point(|&t| t < id) as u32 };
                 let uv = self.texcoords.get(index as usize).map_or(DVec2::NAN, |&uv| uv * scale);
                 let same = |w: u32| {
@@ -235,8 +235,8 @@ impl ClusterSource {
                     }
                     self.wedge_texcoord.push(index);
                 }
-                wedge
-            });
+                *corner = wedge;
+            }
             mesh.push_face(corners, face.part);
             mesh.deviations[mesh.corners.len() - 1] = face.deviation;
         }

@@ -10,10 +10,8 @@ use crate::base::bytes::MIB;
 use crate::base::{Error, MemoryBudget, Result, bytes};
 use crate::options::SimplifyOptions;
 use crate::os::system;
-use crate::partition::weight::limit_bytes;
+use crate::partition::weight::{ORDINARY_BYTES, limit_bytes};
 use crate::scan::ScanOptions;
-use crate::simplify::engine::FACE_BYTES;
-use crate::store::Catalogue;
 
 /// Memory of a chunk that is being parsed, for the scan's share of the budget.
 const CHUNK_BYTES: u64 = 16 * MIB;
@@ -25,10 +23,6 @@ const CLUSTER_EXCESS: f64 = 1.3;
 const KEPT_BYTES: u64 = 12 * MIB;
 /// Histograms (16 MiB) or buffers of vertices and faces by cell (12 and 16 MiB), and windows in flight.
 const PARTITION_BYTES: u64 = 36 * MIB;
-/// Bits of a vertex in the set of shared ones, with its ranks, as 64ths of a byte.
-const SHARED_BITS: u64 = 9;
-/// Bytes of a part or material beside its name.
-const LABEL_BYTES: u64 = 256;
 /// Memory for each face of the result while it is grouped by part and turned into text.
 const WRITE_FACE_BYTES: u64 = 64;
 
@@ -77,7 +71,7 @@ pub fn forecast(sizes: &Sizes, budget: MemoryBudget, threads: usize) -> MemoryFo
 
 /// Memory of the largest cluster when cells aim at `faces` faces.
 fn cluster_bytes(faces: u64) -> u64 {
-    (faces as f64 * CLUSTER_EXCESS) as u64 * FACE_BYTES
+    (faces as f64 * CLUSTER_EXCESS) as u64 * ORDINARY_BYTES
 }
 
 /// The budget that the user gave, or half of the machine's memory.
@@ -112,31 +106,6 @@ pub fn choose_budget(options: &SimplifyOptions) -> Result<MemoryBudget> {
         )));
     }
     Ok(budget)
-}
-
-/// Memory that stays taken through all passes: the set of shared vertices with its ranks, and the catalogue.
-pub fn resident_bytes(vertices: u64, catalogue: &Catalogue) -> u64 {
-    let names = catalogue.names.iter().map(Vec::len).chain(catalogue.materials.iter().map(|m| 2 * m.name.len()));
-    let labels = (catalogue.parts.len() + catalogue.materials.len()) as u64;
-    vertices * SHARED_BITS / 64 + labels * LABEL_BYTES + names.sum::<usize>() as u64
-}
-
-/// Refuses, once the scan has counted, a budget that cannot hold what stays resident and the heaviest cluster.
-///
-/// # Errors
-/// [`Error::Budget`] saying what would do.
-pub fn refuse_small_budget(resident_bytes: u64, sizes: &Sizes, budget: MemoryBudget) -> Result<()> {
-    let needed = resident_bytes + limit_bytes(sizes.cluster_faces.min(sizes.faces));
-    if needed <= budget.for_work() {
-        return Ok(());
-    }
-    Err(Error::Budget(format!(
-        "{} cannot hold the tables of {} vertices and a cluster of {} triangles; give --memory {}",
-        bytes::display(budget.bytes),
-        sizes.vertices,
-        sizes.cluster_faces,
-        bytes::display(needed + MemoryBudget::FIXED_BYTES + MIB),
-    )))
 }
 
 /// Threads: those asked for, or one for each processor, as far as their chunks of text fit the budget.
@@ -181,15 +150,5 @@ mod tests {
         let words = choose_budget(&options).unwrap_err().to_string();
         assert!(words.contains("--cluster-faces") && words.contains("--memory 410 MiB"), "{words}");
         assert!(budget_of(Some(1)).is_err());
-    }
-
-    #[test]
-    fn a_budget_without_room_for_the_tables_is_refused_after_the_scan_with_one_that_would_do() {
-        let survey = Sizes { faces: 300_000_000, vertices: 150_000_000, ..CITY };
-        let resident = resident_bytes(survey.vertices, &Catalogue::default());
-        let check = |bytes| refuse_small_budget(resident, &survey, MemoryBudget { bytes });
-        let words = check(128 * MIB).unwrap_err().to_string();
-        let enough = words.rsplit("--memory ").next().and_then(|text| bytes::parse(text).ok()).unwrap();
-        assert!(enough < 160 * MIB && check(enough).is_ok(), "{words}");
     }
 }

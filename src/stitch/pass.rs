@@ -224,7 +224,7 @@ impl<'a> Run<'a> {
             {
                 // The sample was no picture of the whole: the same thresholds again, but stopped at the target.
                 let plan = self.trim_stages(&mesh, &partition, pass, costs)?;
-                remove_mesh(outcome.mesh);
+                remove_mesh(std::mem::take(&mut outcome.mesh));
                 outcome = self.run_pass(&mesh, &partition, pass, &plan)?;
             }
             let single = is_single(&partition);

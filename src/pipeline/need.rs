@@ -1,0 +1,120 @@
+//! What a job needs, once the scan has counted: memory that grows with the mesh, and scratch space.
+//!
+//! # Memory
+//! ```text
+//! 0.14 bytes   each vertex: which are shared, and their ranks
+//! names        each part and material
+//! ```
+//! stays resident through all passes; the rest of the budget is for clusters, of which the heaviest must fit.
+
+use std::path::Path;
+
+use crate::base::{Error, MemoryBudget, Result, bytes};
+use crate::os::system;
+use crate::partition::weight::limit_bytes;
+use crate::store::{Catalogue, StoredMesh};
+
+/// Bits of a vertex in the set of shared ones, with its ranks.
+const VERTEX_BITS: u64 = 9;
+/// Bytes of a part or material beside its name.
+const LABEL_BYTES: u64 = 256;
+/// Bytes of a face in the blocks of a bucket, in a shuffled file.
+const FACE_BYTES: u64 = 20;
+
+/// What the mesh is made of.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Need {
+    vertices: u64,
+    texcoords: u64,
+    faces: u64,
+    label_bytes: u64,
+}
+
+impl Need {
+    /// Counts a scanned mesh.
+    pub(super) fn of(mesh: &StoredMesh, catalogue: &Catalogue) -> Self {
+        let names = catalogue.names.iter().map(Vec::len).chain(catalogue.materials.iter().map(|m| 2 * m.name.len()));
+        let labels = (catalogue.parts.len() + catalogue.materials.len()) as u64;
+        Self {
+            vertices: mesh.vertex_count(),
+            texcoords: mesh.texcoord_count(),
+            faces: mesh.face_count(),
+            label_bytes: labels * LABEL_BYTES + names.sum::<usize>() as u64,
+        }
+    }
+
+    /// Memory that stays taken through all passes, in bytes.
+    pub(super) fn resident_bytes(&self) -> u64 {
+        self.vertices * VERTEX_BITS / 64 + self.label_bytes
+    }
+
+    /// Scratch space that the first pass takes beside the columns of the scan, in bytes.
+    pub(super) fn scratch_bytes(&self) -> u64 {
+        let Self { vertices, texcoords, faces, .. } = *self;
+        let positions = 24 * vertices;
+        let numbering = positions + 40 * vertices + 8 * vertices;
+        let buckets = positions + 8 * vertices + (12 + FACE_BYTES) * faces;
+        let texture = positions + FACE_BYTES * faces + 24 * texcoords;
+        let pieces = positions + FACE_BYTES * faces + positions / 2 + 8 * texcoords + 6 * faces;
+        numbering.max(buckets).max(texture).max(pieces)
+    }
+
+    /// Refuses a job that cannot end well: a cluster would not fit the memory, or the files not the disk.
+    ///
+    /// # Errors
+    /// [`Error::Budget`] and [`Error::NoSpace`], with what would do.
+    pub(super) fn check(&self, budget: MemoryBudget, cluster_faces: u64, work: &Path) -> Result<()> {
+        let cluster = limit_bytes(cluster_faces.min(self.faces));
+        let resident = self.resident_bytes();
+        if resident + cluster > budget.for_work() {
+            let needed = MemoryBudget::FIXED_BYTES + resident + cluster + bytes::MIB;
+            return Err(Error::Budget(format!(
+                "--memory {} cannot hold the tables of {} vertices and a cluster of {cluster_faces} triangles; give \
+                 --memory {}",
+                bytes::display(budget.bytes),
+                self.vertices,
+                bytes::display(needed + bytes::MIB),
+            )));
+        }
+        let Ok(free) = system::free_disk_bytes(work) else { return Ok(()) };
+        refuse_small_disk(work, self.scratch_bytes(), free)
+    }
+}
+
+/// Refuses a disk with too little space.
+///
+/// # Errors
+/// [`Error::NoSpace`].
+pub(super) fn refuse_small_disk(folder: &Path, needed: u64, free: u64) -> Result<()> {
+    if free >= needed {
+        return Ok(());
+    }
+    let (needed, free) = (bytes::display(needed), bytes::display(free));
+    let message = format!("about {needed} of scratch space are needed, {free} are free; --work DIR takes another disk");
+    Err(Error::NoSpace { path: folder.to_owned(), message })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SURVEY: Need = Need { vertices: 150_000_000, texcoords: 190_000_000, faces: 300_000_000, label_bytes: 0 };
+
+    #[test]
+    fn a_budget_that_cannot_hold_the_tables_is_refused_with_one_that_can() {
+        let folder = tempfile::tempdir().unwrap();
+        let need = Need { faces: 4_000_000, ..SURVEY };
+        let error = need.check(MemoryBudget { bytes: 128 << 20 }, 250_000, folder.path()).unwrap_err().to_string();
+        let given = error.rsplit("--memory ").next().and_then(|text| bytes::parse(text).ok()).unwrap();
+        assert!(given < 160 << 20, "{error}");
+        let outcome = need.check(MemoryBudget { bytes: given }, 250_000, folder.path());
+        assert!(!matches!(outcome, Err(Error::Budget(_))), "{outcome:?}");
+    }
+
+    #[test]
+    fn a_disk_that_is_too_small_is_refused_with_the_space_needed() {
+        let error = refuse_small_disk(Path::new("/scratch"), SURVEY.scratch_bytes(), 1 << 30).unwrap_err();
+        assert_eq!(error.exit_code(), 7);
+        assert!(error.to_string().contains("1.00 GiB are free"), "{error}");
+    }
+}
