@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use super::sample::{self, SAMPLE_FACES};
+use super::sample::{self, Survey};
 use super::schedule::{self, pass_target, stage_shares};
 use super::trim::Notes;
 use crate::base::ordered::map_in_order;
@@ -155,6 +155,8 @@ struct ClusterResult {
     degenerate: u64,
     floor: Floor,
     log: Vec<(f32, u8)>,
+    /// A patch for the sample of the next pass.
+    patch: Option<ClusterMesh>,
 }
 
 /// How the clusters of a pass are told to stop.
@@ -205,6 +207,7 @@ impl<'a> Run<'a> {
         let mut squared_error = 0.0;
         let target = self.options.target;
         let (mut reached, mut floor) = (false, Floor::default());
+        let mut sample = ClusterMesh::default();
         let (mut stuck, mut scratch_peak, mut passed_through) = (0, 0, 0);
         for pass in 0..self.options.passes + EXTRA_PASSES {
             let started = Instant::now();
@@ -212,11 +215,16 @@ impl<'a> Run<'a> {
             seconds.partition += started.elapsed();
             let started = Instant::now();
             let faces_in = partition.total_faces();
-            if pass == 0 && self.options.weights.uv > 0.0 {
-                self.scale = self.measure_texture(&mesh, &partition)?;
+            if pass == 0 {
+                sample = match self.options.weights.uv > 0.0 {
+                    true => self.measure_texture(&mesh, &partition)?,
+                    false if is_single(&partition) => ClusterMesh::default(),
+                    false => self.take_sample(&mesh, &partition)?,
+                };
             }
             let is_last = pass + 1 >= self.options.passes;
-            let (plan, is_exact) = self.plan(&mesh, &partition, pass, is_last, faces_in)?;
+            let (plan, is_exact) =
+                self.plan(&mesh, &partition, std::mem::take(&mut sample), pass, is_last, faces_in)?;
             let mut outcome = self.run_pass(&mesh, &partition, pass, &plan)?;
             if let Plan::Costs(costs) = &plan
                 && is_last
@@ -227,6 +235,7 @@ impl<'a> Run<'a> {
                 remove_mesh(std::mem::take(&mut outcome.mesh));
                 outcome = self.run_pass(&mesh, &partition, pass, &plan)?;
             }
+            sample = outcome.sample;
             let single = is_single(&partition);
             squared_error += outcome.squared_error;
             findings.count("degenerate_faces", outcome.degenerate);
@@ -291,6 +300,7 @@ impl<'a> Run<'a> {
         &self,
         mesh: &StoredMesh,
         partition: &Partition,
+        sample: ClusterMesh,
         pass: usize,
         is_last: bool,
         faces: u64,
@@ -314,40 +324,55 @@ impl<'a> Run<'a> {
             });
         }
         if is_last && (faces as f64) <= options.target as f64 * (1.0 + TRIM_SHARE_MAX) {
-            return Ok((self.plan_trim(mesh, partition, pass, faces)?, true));
+            return Ok((self.plan_trim(mesh, partition, sample, pass, faces)?, true));
         }
         let aim = if is_last { share * (1.0 + TRIM_SHARE) } else { share };
-        Ok((Plan::Costs(self.thresholds(mesh, partition, pass, &stage_shares(aim))?), false))
+        Ok((Plan::Costs(self.thresholds(sample, pass, &stage_shares(aim))), false))
     }
 
-    fn thresholds(&self, mesh: &StoredMesh, partition: &Partition, pass: usize, shares: &[f64]) -> Result<Vec<f32>> {
-        let faces_of = |cluster| partition.weight(cluster).map_or(0, |weight| weight.faces);
-        let counts: Vec<u64> = (0..partition.cluster_count()).map(faces_of).collect();
-        let clusters = sample::sampled_clusters(&counts);
-        let patch = SAMPLE_FACES / clusters.len().max(1);
-        let mut sample = ClusterMesh::default();
-        let heaviest = clusters.iter().map(|&cluster| self.cluster_bytes(partition, cluster)).max().unwrap_or(0);
-        let _permit = self.permits.take(SAMPLE_FACES as u64 * ORDINARY_BYTES + heaviest / 2);
-        for cluster in clusters {
-            let source = self.load(mesh, partition, cluster)?;
-            sample::add_patch(&mut sample, &source, patch);
-        }
+    /// Thresholds for shares of the faces, from a sample.
+    fn thresholds(&self, sample: ClusterMesh, pass: usize, shares: &[f64]) -> Vec<f32> {
+        let _permit = self.permits.take(sample.corners.len() as u64 * ORDINARY_BYTES);
         let mut engine = self.engine(sample, pass);
         engine.lock_seams = self.options.seams == SeamPolicy::Lock;
         sample::thresholds(&mut engine, shares)
     }
 
+    fn survey(&self, partition: &Partition) -> Survey {
+        let faces_of = |cluster| partition.weight(cluster).map_or(0, |weight| weight.faces);
+        Survey::new(&(0..partition.cluster_count()).map(faces_of).collect::<Vec<_>>())
+    }
+
+    /// A sample of the clusters as they are before a pass.
+    fn take_sample(&self, mesh: &StoredMesh, partition: &Partition) -> Result<ClusterMesh> {
+        let survey = self.survey(partition);
+        let mut sample = ClusterMesh::default();
+        for &cluster in survey.clusters() {
+            let _permit = self.permits.take(self.cluster_bytes(partition, cluster));
+            let source = self.load(mesh, partition, cluster)?;
+            survey.patch(cluster, &source.mesh).iter().for_each(|patch| sample::append(&mut sample, patch));
+        }
+        Ok(sample)
+    }
+
     /// Simplifies every cluster a little too far and merges what that cost.
-    fn plan_trim(&self, mesh: &StoredMesh, partition: &Partition, pass: usize, faces: u64) -> Result<Plan> {
+    fn plan_trim(
+        &self,
+        mesh: &StoredMesh,
+        partition: &Partition,
+        sample: ClusterMesh,
+        pass: usize,
+        faces: u64,
+    ) -> Result<Plan> {
         let excess = faces - self.options.target.min(faces);
         let target = self.options.target as f64;
         let far = (target - (2.0 * excess as f64).min(TRIM_SHARE_MAX * target)).max(1.0) / faces as f64;
-        let mut cost = self.thresholds(mesh, partition, pass, &[far])?[0];
+        let mut cost = self.thresholds(sample, pass, &[far])[0];
         loop {
             let mut notes = Notes::default();
             let mut cluster = 0;
             let everything = Plan::Costs(vec![cost]);
-            self.each_cluster(mesh, partition, pass, &everything, false, |result| {
+            self.each_cluster(mesh, partition, pass, &everything, None, |result| {
                 notes.add(cluster, &result.log);
                 cluster += 1;
                 Ok(())
@@ -369,7 +394,7 @@ impl<'a> Run<'a> {
             let mut notes = Notes::default();
             let mut left = Vec::new();
             let plan = Plan::Costs(costs[..stages].to_vec());
-            self.each_cluster(mesh, partition, pass, &plan, false, |result| {
+            self.each_cluster(mesh, partition, pass, &plan, None, |result| {
                 notes.add(left.len(), &result.log);
                 left.push(result.faces + result.log.iter().map(|&(_, died)| u64::from(died)).sum::<u64>());
                 Ok(())
@@ -393,10 +418,12 @@ impl<'a> Run<'a> {
         outcome.report.faces_in = partition.total_faces();
         outcome.report.border_vertices = u64::from(partition.faces.shared.len());
         let (mut area, mut error) = (0.0, 0.0);
+        let survey = self.survey(partition);
+        let mut sample = ClusterMesh::default();
         let mut pieces = Vec::new();
         outcome.reached = true;
         let PassOutcome { report, floor, degenerate, reached, passed_through, .. } = &mut outcome;
-        self.each_cluster(mesh, partition, pass, plan, true, |result| {
+        self.each_cluster(mesh, partition, pass, plan, Some(&survey), |result| {
             report.faces_out += result.faces;
             report.threshold = report.threshold.max(f64::from(result.cost));
             report.seam_vertices += result.seam_vertices;
@@ -408,11 +435,13 @@ impl<'a> Run<'a> {
             if result.passed_through {
                 *passed_through += result.faces;
             }
+            result.patch.iter().for_each(|patch| sample::append(&mut sample, patch));
             pieces.extend(result.pieces);
             Ok(())
         })?;
         outcome.squared_error = if area > 0.0 { error / area } else { 0.0 };
         outcome.mesh.pieces = pieces;
+        outcome.sample = sample;
         self.write_shared(partition, pass, &mut outcome.mesh)?;
         Ok(outcome)
     }
@@ -424,14 +453,14 @@ impl<'a> Run<'a> {
         partition: &Partition,
         pass: usize,
         plan: &Plan,
-        keep: bool,
+        keep: Option<&Survey>,
         commit: impl FnMut(ClusterResult) -> Result<()>,
     ) -> Result<()> {
         let work = |cluster: usize| {
             let faces = partition.face_count(cluster);
             let _permit = self.permits.take(self.cluster_bytes(partition, cluster));
             let result = self.simplify_cluster(mesh, partition, pass, plan, keep, cluster);
-            if keep {
+            if keep.is_some() {
                 self.progress.advance(faces);
             }
             result
@@ -445,7 +474,7 @@ impl<'a> Run<'a> {
         partition: &Partition,
         pass: usize,
         plan: &Plan,
-        keep: bool,
+        keep: Option<&Survey>,
         cluster: usize,
     ) -> Result<ClusterResult> {
         if partition.weight(cluster).is_none() {
@@ -466,11 +495,13 @@ impl<'a> Run<'a> {
             degenerate: source.degenerate,
             floor: Floor::of(&engine),
             log: engine.log.take().unwrap_or_default(),
+            patch: None,
         };
-        if keep {
+        if let Some(keep) = keep {
             result.log = Vec::new();
             let path = self.piece_path(pass, cluster, 0);
             let simplified = engine.finish();
+            result.patch = keep.patch(cluster, &simplified);
             if !simplified.corners.is_empty() {
                 result.pieces.push(source.write(&simplified, partition, self.catalogue, &self.scale, &path)?);
             }
@@ -488,12 +519,12 @@ impl<'a> Run<'a> {
         mesh: &StoredMesh,
         partition: &Partition,
         pass: usize,
-        keep: bool,
+        keep: Option<&Survey>,
         cluster: usize,
     ) -> Result<ClusterResult> {
         let faces = partition.face_count(cluster);
         let unchanged = ClusterResult { faces, passed_through: true, reached: true, ..ClusterResult::default() };
-        if !keep {
+        if keep.is_none() {
             return Ok(unchanged);
         }
         let path = |part| self.piece_path(pass, cluster, part);
@@ -517,33 +548,41 @@ impl<'a> Run<'a> {
         cluster::load(partition, mesh, self.catalogue, &self.scale, cluster)
     }
 
-    /// Sums areas in space and in texture over all clusters, in order.
-    fn measure_texture(&self, mesh: &StoredMesh, partition: &Partition) -> Result<TextureScale> {
+    /// Sums areas in space and in texture over all clusters, in order, for the scale of texture coordinates; returns a
+    /// sample of the clusters.
+    fn measure_texture(&mut self, mesh: &StoredMesh, partition: &Partition) -> Result<ClusterMesh> {
         let mut areas = vec![(0.0, 0.0); self.catalogue.materials.len() + 1];
+        let survey = self.survey(partition);
+        let mut sample = ClusterMesh::default();
+        let this = &*self;
         map_in_order(
             0..partition.cluster_count(),
             self.options.threads,
             self.options.threads + 1,
             |cluster| {
                 if partition.weight(cluster).is_none() {
-                    return Ok(Vec::new());
+                    return Ok((Vec::new(), None));
                 }
-                let _permit = self.permits.take(self.cluster_bytes(partition, cluster) / 2);
-                let source = self.load(mesh, partition, cluster)?;
-                let mut areas = vec![(0.0, 0.0); self.catalogue.materials.len() + 1];
-                source.add_areas(self.catalogue, &mut areas);
+                let _permit = this.permits.take(this.cluster_bytes(partition, cluster) / 2);
+                let source = this.load(mesh, partition, cluster)?;
+                let mut areas = vec![(0.0, 0.0); this.catalogue.materials.len() + 1];
+                source.add_areas(this.catalogue, &mut areas);
                 let sparse = areas.into_iter().enumerate().filter(|(_, area)| area.0 > 0.0 || area.1 > 0.0);
-                Ok(sparse.collect::<Vec<_>>())
+                let is_needed = !is_single(partition);
+                Ok((sparse.collect(), survey.patch(cluster, &source.mesh).filter(|_| is_needed)))
             },
-            |sums: Vec<(usize, (f64, f64))>| {
+            |(sums, patch): (Vec<(usize, (f64, f64))>, Option<ClusterMesh>)| {
                 for (material, (space, texture)) in sums {
                     areas[material].0 += space;
                     areas[material].1 += texture;
                 }
+                patch.iter().for_each(|patch| sample::append(&mut sample, patch));
                 Ok(())
             },
         )?;
-        Ok(TextureScale::new(&areas))
+        self.scale = TextureScale::new(&areas);
+        sample::scale_texture(&mut sample, |part| self.scale.of(self.catalogue, part));
+        Ok(sample)
     }
 
     /// Writes the positions (and colours) of the vertices that several pieces use.
@@ -585,6 +624,8 @@ const SHARED_RECORDS: u64 = 64 << 10;
 #[derive(Debug, Default)]
 struct PassOutcome {
     mesh: StoredMesh,
+    /// Patches of the mesh.
+    sample: ClusterMesh,
     report: PassReport,
     squared_error: f64,
     degenerate: u64,

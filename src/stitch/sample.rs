@@ -2,33 +2,67 @@
 //!
 //! The sample is a compact patch from each of up to sixteen clusters, evenly spread; all patches together are
 //! simplified as one mesh with one queue, and the cost reached at each stage is the threshold for all clusters. A
-//! patch's rim is locked, as it is in a cluster; only vertices that are free are counted against the share.
+//! patch's rim is locked, as it is in a cluster; only vertices that are free are counted against the share. Patches for
+//! a pass are taken while the pass before it has its clusters in memory.
 
 use glam::DVec3;
 
-use crate::base::Result;
 use crate::mesh::cluster::{ClusterMesh, flag};
-use crate::partition::ClusterSource;
 use crate::simplify::{Engine, Stop};
 
-/// Faces of the sample, about.
-pub const SAMPLE_FACES: usize = 160_000;
+/// Faces of the sample, at least and at most (or all that there are).
+const SAMPLE_FACES: [u64; 2] = [40_000, 160_000];
+/// Faces of the mesh for each face of the sample, between these limits.
+const FACES_PER_SAMPLE_FACE: u64 = 24;
 /// Patches of the sample, at most.
-pub const PATCHES: usize = 16;
+const PATCHES: usize = 16;
+
+/// Which clusters give a patch, and how large.
+#[derive(Debug, Clone)]
+pub struct Survey {
+    clusters: Vec<usize>,
+    /// Faces of a patch.
+    patch_faces: usize,
+}
+
+impl Survey {
+    /// Chooses clusters, evenly spread among those with faces.
+    pub fn new(face_counts: &[u64]) -> Self {
+        let clusters = sampled_clusters(face_counts);
+        let sample_faces = sample_faces(face_counts.iter().sum());
+        let patch_faces = sample_faces as usize / clusters.len().max(1);
+        Self { clusters, patch_faces }
+    }
+
+    /// The chosen clusters, ascending.
+    pub fn clusters(&self) -> &[usize] {
+        &self.clusters
+    }
+
+    /// The patch of a cluster, if it is one of those chosen.
+    pub fn patch(&self, cluster: usize, mesh: &ClusterMesh) -> Option<ClusterMesh> {
+        self.clusters.binary_search(&cluster).is_ok().then(|| patch_of(mesh, self.patch_faces))
+    }
+}
+
+/// Faces of the sample for a mesh with so many.
+pub fn sample_faces(faces: u64) -> u64 {
+    (faces / FACES_PER_SAMPLE_FACE).clamp(SAMPLE_FACES[0], SAMPLE_FACES[1])
+}
 
 /// Clusters to take patches from: evenly spread among those with faces.
-pub fn sampled_clusters(face_counts: &[u64]) -> Vec<usize> {
+fn sampled_clusters(face_counts: &[u64]) -> Vec<usize> {
     let filled: Vec<usize> = (0..face_counts.len()).filter(|&cluster| face_counts[cluster] > 0).collect();
     let count = filled.len().min(PATCHES);
     (0..count).map(|i| filled[(2 * i + 1) * filled.len() / (2 * count)]).collect()
 }
 
-/// Adds a patch of about `faces` faces around the middle of a cluster to the sample.
-pub fn add_patch(sample: &mut ClusterMesh, source: &ClusterSource, faces: usize) {
-    let mesh = &source.mesh;
+/// A patch of about `faces` faces around the middle of a cluster; its wedges are not linked.
+fn patch_of(mesh: &ClusterMesh, faces: usize) -> ClusterMesh {
+    let mut patch = ClusterMesh::default();
     let count = mesh.corners.len();
     if count == 0 {
-        return;
+        return patch;
     }
     let centre_of = |face: u32| mesh.triangle(face).into_iter().sum::<DVec3>() / 3.0;
     let middle = centre_of(count as u32 / 2);
@@ -51,31 +85,52 @@ pub fn add_patch(sample: &mut ClusterMesh, source: &ClusterSource, faces: usize)
             let v = mesh.wedge_vertex[w as usize] as usize;
             if vertex_of[v] == u32::MAX {
                 let rim = if is_rim[v] { flag::SHARED | flag::LOCKED } else { 0 };
-                vertex_of[v] = sample.push_vertex(mesh.positions[v], mesh.flags[v] | rim);
+                vertex_of[v] = patch.push_vertex(mesh.positions[v], mesh.flags[v] | rim);
             }
             if wedge_of[w as usize] == u32::MAX {
-                wedge_of[w as usize] = sample.push_wedge(vertex_of[v], mesh.wedge_uv[w as usize]);
+                wedge_of[w as usize] = patch.push_wedge(vertex_of[v], mesh.wedge_uv[w as usize]);
             }
             wedge_of[w as usize]
         });
-        sample.push_face(corners, mesh.parts[face as usize]);
+        patch.push_face(corners, mesh.parts[face as usize]);
+    }
+    patch
+}
+
+/// Adds a patch to the sample.
+pub fn append(sample: &mut ClusterMesh, patch: &ClusterMesh) {
+    let (vertices, wedges) = (sample.positions.len() as u32, sample.wedge_vertex.len() as u32);
+    for (&position, &flags) in patch.positions.iter().zip(&patch.flags) {
+        sample.push_vertex(position, flags);
+    }
+    for (&vertex, &uv) in patch.wedge_vertex.iter().zip(&patch.wedge_uv) {
+        sample.push_wedge(vertices + vertex, uv);
+    }
+    for (corners, &part) in patch.corners.iter().zip(&patch.parts) {
+        sample.push_face(corners.map(|w| wedges + w), part);
     }
 }
 
+/// Scales the texture coordinates of a sample that was taken before the scale of each part was known.
+pub fn scale_texture(sample: &mut ClusterMesh, scale_of: impl Fn(u32) -> f64) {
+    let mut scales = vec![1.0; sample.wedge_vertex.len()];
+    for (corners, &part) in sample.corners.iter().zip(&sample.parts) {
+        corners.iter().for_each(|&w| scales[w as usize] = scale_of(part));
+    }
+    sample.wedge_uv.iter_mut().zip(scales).for_each(|(uv, scale)| *uv *= scale);
+}
+
 /// The threshold at each share of the faces; infinite where the sample could not reach it.
-///
-/// # Errors
-/// None now; the signature leaves room for metrics that read files.
-pub fn thresholds(engine: &mut Engine, shares: &[f64]) -> Result<Vec<f32>> {
+pub fn thresholds(engine: &mut Engine, shares: &[f64]) -> Vec<f32> {
     engine.mesh.link_wedges();
     let faces = engine.mesh.face_count;
     let (free, _) = engine.count_free();
-    Ok(shares.iter().map(|share| cost_at(engine, faces, free, *share)).collect())
+    shares.iter().map(|share| cost_at(engine, faces, free, *share)).collect()
 }
 
 fn cost_at(engine: &mut Engine, faces: usize, free: usize, share: f64) -> f32 {
     let result = engine.run(Stop::Faces(face_goal(faces, free, share)));
-    if result.reached { result.cost } else { f32::INFINITY }
+    if result.reached && faces > 0 { result.cost } else { f32::INFINITY }
 }
 
 /// Faces left when each free vertex has kept its chance of `share`: a vanished vertex takes two faces along.
