@@ -41,6 +41,16 @@ pub enum Weld {
     Off,
 }
 
+/// What becomes of whole pieces that are smaller than the error.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Pieces {
+    /// Kept
+    Keep,
+    /// Dropped where the diagonal of their bounding box is below the deviation so far (or the largest allowed)
+    Drop,
+}
+
 /// The cost of a collapse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -116,6 +126,10 @@ pub struct SimplifyOptions {
     #[arg(long, value_enum, default_value_t = Weld::Exact)]
     pub weld: Weld,
 
+    /// What becomes of whole pieces that are smaller than the error
+    #[arg(long, value_enum, default_value_t = Pieces::Keep)]
+    pub pieces: Pieces,
+
     /// Cost of a collapse [default: qem-attributes with texture, else qem]
     #[arg(long, value_enum)]
     pub metric: Option<Metric>,
@@ -158,6 +172,7 @@ impl Default for SimplifyOptions {
             seams: Seams::Stitch,
             borders: Borders::Simplify,
             weld: Weld::Exact,
+            pieces: Pieces::Keep,
             metric: None,
             uv_weight: 1.0,
             normals: Normals::Auto,

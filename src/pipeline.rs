@@ -11,7 +11,7 @@ use self::need::Need;
 use crate::base::{Error, Findings, MemoryBudget, Progress, Result};
 use crate::cost::surface::Weights;
 use crate::job::{FORMAT_VERSION, Manifest, WorkFolder};
-use crate::options::{Borders, Metric, Normals, SimplifyOptions, Weld};
+use crate::options::{Borders, Metric, Normals, Pieces, SimplifyOptions, Weld};
 use crate::os::system;
 use crate::plan::memory::{self, Sizes};
 use crate::plan::scratch;
@@ -143,6 +143,7 @@ fn pass_options(
         weights: Weights { uv, ..Weights::default() },
         seams: options.seams.into(),
         lock_borders: options.borders == Borders::Lock,
+        drop_pieces: options.pieces == Pieces::Drop,
         weld: options.weld == Weld::Exact,
         threads,
         work_bytes,

@@ -161,6 +161,7 @@ fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
     let has_uv = choice.has_uv_metric && scanned.catalogue.has_texcoords;
     let options = PassOptions {
         max_error: None,
+        drop_pieces: false,
         target: (scanned.triangles as f64 * choice.ratio).round() as u64,
         input: scanned.triangles,
         passes: choice.passes,

@@ -18,7 +18,7 @@ use glam::DVec3;
 
 use super::quadric::{Quadric, WedgeQuadric};
 use crate::mesh::class::Class;
-use crate::mesh::cluster::{ClusterMesh, DEAD};
+use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
 
 /// Stiffness of the spring that holds a free placement to the middle of its edge, relative to the trace of A.
@@ -206,25 +206,6 @@ impl SurfaceCost {
     /// Area of the mesh at the last refresh.
     pub fn area(&self) -> f64 {
         self.area
-    }
-
-    /// Σ of the error at every living vertex since the last refresh, in area × length²; each face counts three times.
-    pub fn error(&self, mesh: &ClusterMesh) -> f64 {
-        let mut errors = vec![0.0; if self.has_texture() { self.wedges.len() } else { 0 }];
-        let mut living = vec![false; self.vertices.len()];
-        for corners in mesh.corners.iter().filter(|corners| corners[0] != DEAD) {
-            for &w in corners {
-                let v = mesh.wedge_vertex[w as usize] as usize;
-                living[v] = true;
-                if let Some(error) = errors.get_mut(w as usize)
-                    && mesh.wedge_uv[w as usize].is_finite()
-                {
-                    *error = self.wedges[w as usize].at(mesh.positions[v], mesh.wedge_uv[w as usize]);
-                }
-            }
-        }
-        let shape: f64 = (0..living.len()).filter(|&v| living[v]).map(|v| self.vertices[v].at(mesh.positions[v])).sum();
-        (shape + errors.iter().sum::<f64>()).max(0.0)
     }
 
     /// Adds the quadrics of the vanished vertex and wedges to those that stay.

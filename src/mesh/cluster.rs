@@ -166,6 +166,12 @@ impl ClusterMesh {
         }
     }
 
+    /// Marks a face as removed.
+    pub fn kill(&mut self, face: u32) {
+        self.corners[face as usize] = [DEAD; 3];
+        self.face_count -= 1;
+    }
+
     /// Removes the dead faces.
     pub fn compact_faces(&mut self) {
         let mut kept = 0;

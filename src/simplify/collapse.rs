@@ -6,8 +6,11 @@ use super::deviation::Patches;
 use super::legality::{EdgeStar, Refusal, triangle_survives, uv_survives};
 use super::texture::{uv_on_chain, uv_on_ring};
 use crate::cost::{EdgeCase, SurfaceCost};
-use crate::mesh::cluster::{ClusterMesh, DEAD, flag};
+use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::ring::Rings;
+
+/// One collapse in this many is measured for the estimate of the error.
+pub const SAMPLED: u32 = 32;
 
 /// An edge to collapse, as judged before.
 #[derive(Debug, Clone, Copy)]
@@ -30,6 +33,8 @@ pub struct Collapser {
     star: EdgeStar,
     uvs: Vec<DVec2>,
     patches: Patches,
+    /// Σ area × squared displacement of all collapses, estimated from one in [`SAMPLED`].
+    pub displaced: f64,
     /// Largest deviation from the input that is allowed, if it is bounded.
     pub deviation_max: Option<f64>,
 }
@@ -58,6 +63,7 @@ impl Collapser {
         self.choose_uvs(mesh, rings, collapse, position)?;
         self.check_faces(mesh, rings, collapse, position)?;
         let deviation = self.check_deviation(mesh, rings, collapse, position)?;
+        self.sample_displacement(mesh, rings, collapse, position);
         cost.join(&EdgeCase { from, to, onto, stays, wedges: &self.star.wedges });
         if let Some(deviation) = deviation {
             self.set_deviation(mesh, rings, collapse, deviation);
@@ -132,25 +138,38 @@ impl Collapser {
         position: DVec3,
     ) -> Result<Option<f64>, Refusal> {
         let Some(most) = self.deviation_max else { return Ok(None) };
-        self.patches.clear();
-        let mut before = 0f32;
-        for (corner, is_dying) in changing_corners(&self.star, mesh, rings, collapse) {
-            let face = corner / 3;
-            let mut triangle = mesh.triangle(face);
-            triangle.rotate_left(corner as usize % 3);
-            before = before.max(mesh.deviations[face as usize]);
-            self.patches.old.push(triangle);
-            if !is_dying {
-                triangle[0] = position;
-                self.patches.new.push(triangle);
-            }
-        }
+        let changing = changing_corners(&self.star, mesh, rings, collapse);
+        let before = changing.map(|(corner, _)| mesh.deviations[corner as usize / 3]).fold(0.0, f32::max);
+        self.gather_patches(mesh, rings, collapse, position);
         let room = most - f64::from(before);
         if room < 0.0 {
             return Err(Refusal::Deviation);
         }
         let moved = self.patches.distance_within(room).ok_or(Refusal::Deviation)?;
         Ok(Some(f64::from(before) + moved))
+    }
+
+    /// Adds to the estimate of the mean squared deviation: displacements of different collapses are independent, so that
+    /// their squares add up.
+    fn sample_displacement(&mut self, mesh: &ClusterMesh, rings: &Rings, collapse: Collapse, position: DVec3) {
+        let key = (collapse.from ^ collapse.to.rotate_left(16)).wrapping_mul(0x9e37_79b9);
+        if (key >> 16).is_multiple_of(SAMPLED) {
+            self.gather_patches(mesh, rings, collapse, position);
+            self.displaced += f64::from(SAMPLED) * self.patches.area_times_mean_sq();
+        }
+    }
+
+    fn gather_patches(&mut self, mesh: &ClusterMesh, rings: &Rings, collapse: Collapse, position: DVec3) {
+        self.patches.clear();
+        for (corner, is_dying) in changing_corners(&self.star, mesh, rings, collapse) {
+            let mut triangle = mesh.triangle(corner / 3);
+            triangle.rotate_left(corner as usize % 3);
+            self.patches.old.push(triangle);
+            if !is_dying {
+                triangle[0] = position;
+                self.patches.new.push(triangle);
+            }
+        }
     }
 
     fn set_deviation(&self, mesh: &mut ClusterMesh, rings: &Rings, collapse: Collapse, deviation: f64) {
@@ -164,9 +183,8 @@ impl Collapser {
     fn apply(&self, mesh: &mut ClusterMesh, rings: &Rings, collapse: Collapse, position: DVec3) -> usize {
         let (from, to) = (collapse.from, collapse.to);
         for &face in &self.star.dying {
-            mesh.corners[face as usize] = [DEAD; 3];
+            mesh.kill(face);
         }
-        mesh.face_count -= self.star.dying.len();
         for &corner in rings.of(from) {
             let Some(wedge) = mesh.living(corner) else { continue };
             if let Some(pair) = self.star.wedges.iter().find(|pair| pair.0 == wedge) {

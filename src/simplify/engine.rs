@@ -202,7 +202,7 @@ impl Engine {
             self.rejudge();
         }
         result.reached |= matches!(stop, Stop::Cost(..));
-        self.squared_error += self.cost.error(&self.mesh) / (3.0 * self.cost.area()).max(f64::MIN_POSITIVE);
+        self.squared_error += std::mem::take(&mut self.collapser.displaced) / self.cost.area().max(f64::MIN_POSITIVE);
         result
     }
 

@@ -11,6 +11,7 @@ use crate::base::{Findings, Permits, Progress, Result};
 use crate::cost::surface::Weights;
 use crate::mesh::ClusterMesh;
 use crate::mesh::class::Class;
+use crate::mesh::pieces;
 use crate::partition::weight::ORDINARY_BYTES;
 use crate::partition::{self, ClusterSource, Partition, PartitionOptions, TextureScale, cluster};
 use crate::simplify::legality::Refusal;
@@ -65,6 +66,8 @@ pub struct PassOptions {
     pub seams: SeamPolicy,
     /// Whether open borders are locked.
     pub lock_borders: bool,
+    /// Whether pieces smaller than the deviation are dropped after the first pass.
+    pub drop_pieces: bool,
     /// Whether duplicates are welded before the first pass.
     pub weld: bool,
     /// Threads.
@@ -153,6 +156,8 @@ struct ClusterResult {
     squared_error: f64,
     seam_vertices: u64,
     degenerate: u64,
+    dropped_pieces: u64,
+    dropped_faces: u64,
     floor: Floor,
     log: Vec<(f32, u8)>,
     /// A patch for the sample of the next pass.
@@ -182,6 +187,8 @@ pub struct Run<'a> {
     progress: &'a dyn Progress,
     permits: Permits,
     scale: TextureScale,
+    /// Diagonal below which pieces are dropped in this pass, if any are.
+    crumb: Option<f64>,
 }
 
 impl<'a> Run<'a> {
@@ -193,7 +200,7 @@ impl<'a> Run<'a> {
         progress: &'a dyn Progress,
     ) -> Self {
         let permits = Permits::new(options.work_bytes);
-        Self { options, catalogue, folder, progress, permits, scale: TextureScale::none(catalogue) }
+        Self { options, catalogue, folder, progress, permits, scale: TextureScale::none(catalogue), crumb: None }
     }
 
     /// Simplifies a mesh to the target.
@@ -239,6 +246,11 @@ impl<'a> Run<'a> {
             let single = is_single(&partition);
             squared_error += outcome.squared_error;
             findings.count("degenerate_faces", outcome.degenerate);
+            findings.count("dropped_pieces", outcome.dropped_pieces);
+            findings.count("dropped_piece_faces", outcome.dropped_faces);
+            if self.options.drop_pieces {
+                self.crumb = Some(self.options.max_error.unwrap_or(squared_error.sqrt()));
+            }
             reports.push(outcome.report.clone());
             floor = outcome.floor;
             passed_through = outcome.passed_through;
@@ -422,7 +434,8 @@ impl<'a> Run<'a> {
         let mut sample = ClusterMesh::default();
         let mut pieces = Vec::new();
         outcome.reached = true;
-        let PassOutcome { report, floor, degenerate, reached, passed_through, .. } = &mut outcome;
+        let PassOutcome { report, floor, degenerate, reached, passed_through, dropped_pieces, dropped_faces, .. } =
+            &mut outcome;
         self.each_cluster(mesh, partition, pass, plan, Some(&survey), |result| {
             report.faces_out += result.faces;
             report.threshold = report.threshold.max(f64::from(result.cost));
@@ -430,6 +443,8 @@ impl<'a> Run<'a> {
             area += result.area;
             error += result.area * result.squared_error;
             *degenerate += result.degenerate;
+            *dropped_pieces += result.dropped_pieces;
+            *dropped_faces += result.dropped_faces;
             *reached &= result.reached;
             floor.add(&result.floor);
             if result.passed_through {
@@ -481,6 +496,10 @@ impl<'a> Run<'a> {
             return self.pass_through(mesh, partition, pass, keep, cluster);
         }
         let mut source = self.load(mesh, partition, cluster)?;
+        let (dropped_pieces, dropped_faces) = match self.crumb {
+            Some(diagonal) => pieces::drop_small(&mut source.mesh, diagonal),
+            None => (0, 0),
+        };
         let mut engine = self.engine(std::mem::take(&mut source.mesh), pass);
         let (cost, reached) = run_plan(&mut engine, plan, cluster);
         let mut result = ClusterResult {
@@ -493,6 +512,8 @@ impl<'a> Run<'a> {
             squared_error: engine.squared_error,
             seam_vertices: engine.seam_vertices,
             degenerate: source.degenerate,
+            dropped_pieces,
+            dropped_faces,
             floor: Floor::of(&engine),
             log: engine.log.take().unwrap_or_default(),
             patch: None,
@@ -629,6 +650,8 @@ struct PassOutcome {
     report: PassReport,
     squared_error: f64,
     degenerate: u64,
+    dropped_pieces: u64,
+    dropped_faces: u64,
     passed_through: u64,
     reached: bool,
     floor: Floor,

@@ -1,0 +1,71 @@
+//! Pieces of a cluster that are smaller than the error of the result.
+
+use glam::DVec3;
+
+use super::cluster::ClusterMesh;
+
+/// Removes whole pieces (faces connected through vertices) whose bounding box has a diagonal below `diagonal`, in units
+/// of length; returns how many pieces and how many faces went. A piece that another cluster also has stays.
+pub fn drop_small(mesh: &mut ClusterMesh, diagonal: f64) -> (u64, u64) {
+    let mut parents: Vec<u32> = (0..mesh.positions.len() as u32).collect();
+    for vertices in &mesh.corner_vertices {
+        for pair in [[vertices[0], vertices[1]], [vertices[1], vertices[2]]] {
+            let [a, b] = pair.map(|v| root(&mut parents, v));
+            parents[a.max(b) as usize] = a.min(b);
+        }
+    }
+    let mut boxes = vec![(DVec3::INFINITY, DVec3::NEG_INFINITY); mesh.positions.len()];
+    let mut is_shared = vec![false; mesh.positions.len()];
+    for v in 0..mesh.positions.len() as u32 {
+        let piece = root(&mut parents, v) as usize;
+        let (low, high) = boxes[piece];
+        let position = mesh.positions[v as usize];
+        boxes[piece] = (low.min(position), high.max(position));
+        is_shared[piece] |= mesh.is_shared(v);
+    }
+    let is_small = |piece: usize| !is_shared[piece] && boxes[piece].0.distance(boxes[piece].1) < diagonal;
+    let (mut faces, mut pieces) = (0, Vec::new());
+    for face in 0..mesh.corners.len() {
+        let piece = root(&mut parents, mesh.corner_vertices[face][0]);
+        if is_small(piece as usize) {
+            mesh.kill(face as u32);
+            faces += 1;
+            pieces.push(piece);
+        }
+    }
+    mesh.compact_faces();
+    pieces.sort_unstable();
+    pieces.dedup();
+    (pieces.len() as u64, faces)
+}
+
+fn root(parents: &mut [u32], mut vertex: u32) -> u32 {
+    while parents[vertex as usize] != vertex {
+        let above = parents[parents[vertex as usize] as usize];
+        parents[vertex as usize] = above;
+        vertex = above;
+    }
+    vertex
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::cluster::samples;
+    use super::*;
+    use glam::DVec2;
+
+    //  a grid of 4 × 4 and, beside it, a triangle of size 0.1
+    #[test]
+    fn a_crumb_goes_and_the_rest_stays() {
+        let mut mesh = samples::grid(4, 0.0);
+        let crumb = [[9.0, 9.0], [9.1, 9.0], [9.0, 9.1]].map(|[x, y]| {
+            let vertex = mesh.push_vertex(DVec3::new(x, y, 0.0), 0);
+            mesh.push_wedge(vertex, DVec2::ZERO)
+        });
+        mesh.push_face(crumb, 0);
+        mesh.link_wedges();
+        assert_eq!(drop_small(&mut mesh.clone(), 0.05), (0, 0));
+        assert_eq!(drop_small(&mut mesh, 0.5), (1, 1));
+        assert_eq!(mesh.face_count, 32);
+    }
+}
