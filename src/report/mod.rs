@@ -9,7 +9,7 @@ use serde::Serialize;
 use crate::base::error::escape_path;
 use crate::base::{Error, Result, bytes};
 use crate::os::durable::DurableFile;
-use crate::stitch::pass::{Floor, PassReport};
+use crate::stitch::outcome::{Floor, PassReport};
 
 /// How a run ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

@@ -18,9 +18,13 @@
 //! Each cluster leaves one piece; a pass leaves a column of shared positions. The files of a pass are removed when the
 //! next has been written.
 
+mod aim;
+pub mod outcome;
 pub mod pass;
 pub mod sample;
 pub mod schedule;
+mod stops;
 pub mod trim;
 
-pub use pass::{PassReport, Passes};
+pub use outcome::{PassReport, Passes};
+pub use pass::{PassOptions, Run};

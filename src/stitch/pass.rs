@@ -1,35 +1,24 @@
 //! Passes over a stored mesh until the target is met, or nothing more can be done.
 
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
+use super::outcome::{Floor, PassReport, PassSeconds, Passes};
 use super::sample::{self, Survey};
-use super::schedule::{self, pass_target, stage_shares};
-use super::trim::Notes;
+use super::stops::{Plan, run_plan};
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Permits, Progress, Result};
 use crate::cost::surface::Weights;
 use crate::mesh::ClusterMesh;
-use crate::mesh::class::Class;
 use crate::mesh::pieces;
-use crate::partition::weight::ORDINARY_BYTES;
 use crate::partition::{self, ClusterSource, Partition, PartitionOptions, TextureScale, cluster};
-use crate::simplify::legality::Refusal;
-use crate::simplify::{Engine, Stop};
+use crate::simplify::Engine;
 use crate::store::{Catalogue, ColumnWriter, StoredMesh, StoredPiece};
 
-/// A pass in many clusters aims this much above the target; the trim removes the rest over all clusters.
-const TRIM_SHARE: f64 = 0.03;
-/// The trim takes over when no more than this share above the target is left.
-const TRIM_SHARE_MAX: f64 = 0.10;
 /// Passes beyond those asked for, while they still remove faces.
 const EXTRA_PASSES: usize = 12;
 /// With a bounded error, passes end when one removes less than this share of the faces.
 const BOUNDED_LAST_SHARE: f64 = 0.02;
-/// With a bounded error, stages end when one removes less than this share of the faces.
-const BOUNDED_STAGE_SHARE: f64 = 0.02;
-/// Share of the allowed error that is used: positions are rounded afterwards.
-const BOUND_SAFETY: f64 = 0.98;
 /// A pass that removes less than this share of the faces has come to the floor.
 const FLOOR_SHARE: f64 = 1e-4;
 
@@ -76,80 +65,12 @@ pub struct PassOptions {
     pub work_bytes: u64,
 }
 
-/// What one pass did.
-#[derive(Debug, Clone, Default, serde::Serialize)]
-pub struct PassReport {
-    /// Number of clusters with faces.
-    pub clusters: u64,
-    /// Faces before.
-    pub faces_in: u64,
-    /// Faces after.
-    pub faces_out: u64,
-    /// Highest cost of a collapse, in area × length².
-    pub threshold: f64,
-    /// Vertices that several clusters use; they were locked.
-    pub border_vertices: u64,
-    /// Vertices on seams.
-    pub seam_vertices: u64,
-}
-
-/// Why no more faces could be removed: edges refused in the last pass and vertices that hold still, by cause.
-#[derive(Debug, Clone, Default, serde::Serialize)]
-pub struct Floor {
-    /// Vertices on open borders.
-    pub border: u64,
-    /// Vertices on seams and at their corners.
-    pub seam: u64,
-    /// Refusals by the link condition and by folds.
-    pub topology: u64,
-    /// Refusals that would have ended a piece.
-    pub pieces: u64,
-    /// Vertices at non-manifold places.
-    pub non_manifold: u64,
-}
-
-/// The outcome of all passes.
-#[derive(Debug)]
-pub struct Passes {
-    /// The simplified mesh.
-    pub mesh: StoredMesh,
-    /// Each pass.
-    pub reports: Vec<PassReport>,
-    /// What was repaired.
-    pub findings: Findings,
-    /// Time in partitioning, in the first pass, and in the passes after it.
-    pub seconds: PassSeconds,
-    /// Estimate of the root of the mean squared deviation, in units of length.
-    pub rms_estimate: f64,
-    /// Faces of the mesh.
-    pub faces: u64,
-    /// Whether the target was met.
-    pub reached: bool,
-    /// What stands in the way, if it was not.
-    pub floor: Floor,
-    /// Most bytes that the work folder held.
-    pub scratch_peak: u64,
-    /// Most bytes that clusters in work were granted at once.
-    pub permit_peak: u64,
-}
-
-/// Time by phase.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct PassSeconds {
-    /// Partitioning.
-    pub partition: Duration,
-    /// Simplifying in the first pass.
-    pub simplify: Duration,
-    /// Simplifying in the passes after it.
-    pub stitch: Duration,
-}
-
 /// What simplifying one cluster gave.
 #[derive(Default)]
-struct ClusterResult {
+pub(super) struct ClusterResult {
     pieces: Vec<StoredPiece>,
     passed_through: bool,
-    faces: u64,
+    pub(super) faces: u64,
     cost: f32,
     reached: bool,
     area: f64,
@@ -159,33 +80,21 @@ struct ClusterResult {
     dropped_pieces: u64,
     dropped_faces: u64,
     floor: Floor,
-    log: Vec<(f32, u8)>,
+    pub(super) log: Vec<(f32, u8)>,
     /// A patch for the sample of the next pass.
     patch: Option<ClusterMesh>,
 }
 
-/// How the clusters of a pass are told to stop.
-#[derive(Debug, Clone)]
-enum Plan {
-    /// One cluster: keep these shares of the free faces, stage by stage.
-    Shares(Vec<f64>),
-    /// One cluster: these shares of the faces, the last one exactly this many.
-    Faces(Vec<f64>, u64),
-    /// Thresholds, stage by stage.
-    Costs(Vec<f32>),
-    /// As far as this bound on the deviation allows.
-    Deviation(f64),
-    /// Thresholds, and each cluster's number of faces, at which the last stage stops.
-    Trim(Vec<f32>, Vec<u64>),
-}
+/// Areas in space and in texture of the materials that a cluster has.
+type MaterialAreas = Vec<(usize, (f64, f64))>;
 
 /// A run of passes.
 pub struct Run<'a> {
-    options: &'a PassOptions,
+    pub(super) options: &'a PassOptions,
     catalogue: &'a Catalogue,
     folder: &'a Path,
     progress: &'a dyn Progress,
-    permits: Permits,
+    pub(super) permits: Permits,
     scale: TextureScale,
     /// Diagonal below which pieces are dropped in this pass, if any are.
     crumb: Option<f64>,
@@ -307,120 +216,6 @@ impl<'a> Run<'a> {
         Ok(partition)
     }
 
-    /// Chooses how the clusters of a pass stop, and whether that meets the target to the face.
-    fn plan(
-        &self,
-        mesh: &StoredMesh,
-        partition: &Partition,
-        sample: ClusterMesh,
-        pass: usize,
-        is_last: bool,
-        faces: u64,
-    ) -> Result<(Plan, bool)> {
-        let options = self.options;
-        let wanted = if is_last {
-            options.target as f64
-        } else {
-            pass_target(options.input, options.target, pass, options.passes)
-        };
-        if let Some(most) = options.max_error {
-            let left = options.passes.saturating_sub(pass + 1) as i32;
-            return Ok((Plan::Deviation(most * BOUND_SAFETY * libm::pow(0.5, f64::from(left))), false));
-        }
-        let share = wanted / faces.max(1) as f64;
-        if is_single(partition) {
-            let shares = stage_shares(share);
-            return Ok(match is_last {
-                true => (Plan::Faces(shares, options.target), true),
-                false => (Plan::Shares(shares), false),
-            });
-        }
-        if is_last && (faces as f64) <= options.target as f64 * (1.0 + TRIM_SHARE_MAX) {
-            return Ok((self.plan_trim(mesh, partition, sample, pass, faces)?, true));
-        }
-        let aim = if is_last { share * (1.0 + TRIM_SHARE) } else { share };
-        Ok((Plan::Costs(self.thresholds(sample, pass, &stage_shares(aim))), false))
-    }
-
-    /// Thresholds for shares of the faces, from a sample.
-    fn thresholds(&self, sample: ClusterMesh, pass: usize, shares: &[f64]) -> Vec<f32> {
-        let _permit = self.permits.take(sample.corners.len() as u64 * ORDINARY_BYTES);
-        let mut engine = self.engine(sample, pass);
-        engine.lock_seams = self.options.seams == SeamPolicy::Lock;
-        sample::thresholds(&mut engine, shares)
-    }
-
-    fn survey(&self, partition: &Partition) -> Survey {
-        let faces_of = |cluster| partition.weight(cluster).map_or(0, |weight| weight.faces);
-        Survey::new(&(0..partition.cluster_count()).map(faces_of).collect::<Vec<_>>())
-    }
-
-    /// A sample of the clusters as they are before a pass.
-    fn take_sample(&self, mesh: &StoredMesh, partition: &Partition) -> Result<ClusterMesh> {
-        let survey = self.survey(partition);
-        let mut sample = ClusterMesh::default();
-        for &cluster in survey.clusters() {
-            let _permit = self.permits.take(self.cluster_bytes(partition, cluster));
-            let source = self.load(mesh, partition, cluster)?;
-            survey.patch(cluster, &source.mesh).iter().for_each(|patch| sample::append(&mut sample, patch));
-        }
-        Ok(sample)
-    }
-
-    /// Simplifies every cluster a little too far and merges what that cost.
-    fn plan_trim(
-        &self,
-        mesh: &StoredMesh,
-        partition: &Partition,
-        sample: ClusterMesh,
-        pass: usize,
-        faces: u64,
-    ) -> Result<Plan> {
-        let excess = faces - self.options.target.min(faces);
-        let target = self.options.target as f64;
-        let far = (target - (2.0 * excess as f64).min(TRIM_SHARE_MAX * target)).max(1.0) / faces as f64;
-        let mut cost = self.thresholds(sample, pass, &[far])[0];
-        loop {
-            let mut notes = Notes::default();
-            let mut cluster = 0;
-            let everything = Plan::Costs(vec![cost]);
-            self.each_cluster(mesh, partition, pass, &everything, None, |result| {
-                notes.add(cluster, &result.log);
-                cluster += 1;
-                Ok(())
-            })?;
-            if notes.died() >= excess || cost == f32::INFINITY {
-                let (quota, _) = notes.cut(excess, partition.cluster_count());
-                let keep =
-                    quota.iter().enumerate().map(|(c, lost)| partition.face_count(c).saturating_sub(*lost)).collect();
-                return Ok(Plan::Trim(vec![cost], keep));
-            }
-            cost = if cost > 0.0 && cost < 1e30 { cost * 4.0 } else { f32::INFINITY };
-        }
-    }
-
-    /// Finds the stage in which thresholds overshoot the target, and where each cluster has to stop in it.
-    fn trim_stages(&self, mesh: &StoredMesh, partition: &Partition, pass: usize, costs: &[f32]) -> Result<Plan> {
-        let target = self.options.target;
-        for stages in (1..=costs.len()).rev() {
-            let mut notes = Notes::default();
-            let mut left = Vec::new();
-            let plan = Plan::Costs(costs[..stages].to_vec());
-            self.each_cluster(mesh, partition, pass, &plan, None, |result| {
-                notes.add(left.len(), &result.log);
-                left.push(result.faces + result.log.iter().map(|&(_, died)| u64::from(died)).sum::<u64>());
-                Ok(())
-            })?;
-            let before: u64 = left.iter().sum();
-            if before >= target || stages == 1 {
-                let (quota, _) = notes.cut(before.saturating_sub(target), left.len());
-                let keep = left.iter().zip(&quota).map(|(faces, lost)| faces - lost).collect();
-                return Ok(Plan::Trim(costs[..stages].to_vec(), keep));
-            }
-        }
-        Ok(Plan::Costs(costs.to_vec()))
-    }
-
     fn run_pass(&self, mesh: &StoredMesh, partition: &Partition, pass: usize, plan: &Plan) -> Result<PassOutcome> {
         let phase = if pass == 0 { "simplify" } else { "stitch" };
         self.progress.begin(phase, partition.total_faces(), "faces");
@@ -462,7 +257,7 @@ impl<'a> Run<'a> {
     }
 
     /// Loads, simplifies and (if `keep`) writes every cluster that has faces; results come in order of clusters.
-    fn each_cluster(
+    pub(super) fn each_cluster(
         &self,
         mesh: &StoredMesh,
         partition: &Partition,
@@ -531,7 +326,7 @@ impl<'a> Run<'a> {
     }
 
     /// Memory of a cluster while it is in work, or while it passes through.
-    fn cluster_bytes(&self, partition: &Partition, cluster: usize) -> u64 {
+    pub(super) fn cluster_bytes(&self, partition: &Partition, cluster: usize) -> u64 {
         partition.weight(cluster).map_or(PASS_BYTES, |weight| weight.bytes())
     }
 
@@ -554,7 +349,7 @@ impl<'a> Run<'a> {
         Ok(ClusterResult { pieces, degenerate, faces, ..unchanged })
     }
 
-    fn engine(&self, mesh: ClusterMesh, pass: usize) -> Engine {
+    pub(super) fn engine(&self, mesh: ClusterMesh, pass: usize) -> Engine {
         let mut engine = Engine::new(mesh, self.options.weights);
         engine.lock_borders = self.options.lock_borders;
         engine.lock_seams = match self.options.seams {
@@ -565,7 +360,7 @@ impl<'a> Run<'a> {
         engine
     }
 
-    fn load(&self, mesh: &StoredMesh, partition: &Partition, cluster: usize) -> Result<ClusterSource> {
+    pub(super) fn load(&self, mesh: &StoredMesh, partition: &Partition, cluster: usize) -> Result<ClusterSource> {
         cluster::load(partition, mesh, self.catalogue, &self.scale, cluster)
     }
 
@@ -592,7 +387,7 @@ impl<'a> Run<'a> {
                 let is_needed = !is_single(partition);
                 Ok((sparse.collect(), survey.patch(cluster, &source.mesh).filter(|_| is_needed)))
             },
-            |(sums, patch): (Vec<(usize, (f64, f64))>, Option<ClusterMesh>)| {
+            |(sums, patch): (MaterialAreas, Option<ClusterMesh>)| {
                 for (material, (space, texture)) in sums {
                     areas[material].0 += space;
                     areas[material].1 += texture;
@@ -657,77 +452,7 @@ struct PassOutcome {
     floor: Floor,
 }
 
-impl Floor {
-    fn of(engine: &Engine) -> Self {
-        let classes = engine.class_counts();
-        let count = |class: Class| classes[class as usize];
-        let refused = |refusal: Refusal| engine.refusals[refusal as usize];
-        Self {
-            border: count(Class::Border) + count(Class::BorderSeam) + count(Class::BorderCorner),
-            seam: count(Class::Seam) + count(Class::Corner),
-            topology: refused(Refusal::Topology) + refused(Refusal::Fold) + refused(Refusal::UvFold),
-            pieces: refused(Refusal::Piece),
-            non_manifold: count(Class::Fixed),
-        }
-    }
-
-    fn add(&mut self, other: &Floor) {
-        self.border += other.border;
-        self.seam += other.seam;
-        self.topology += other.topology;
-        self.pieces += other.pieces;
-        self.non_manifold += other.non_manifold;
-    }
-}
-
-/// Runs the stages of a plan; returns the highest cost of the last stage that did anything, and whether it was reached.
-fn run_plan(engine: &mut Engine, plan: &Plan, cluster: usize) -> (f32, bool) {
-    let faces = engine.mesh.face_count;
-    let stops: Vec<Stop> = match plan {
-        Plan::Deviation(most) => return run_bounded(engine, *most),
-        Plan::Costs(costs) => costs.iter().map(|&cost| Stop::Cost(cost, 0)).collect(),
-        Plan::Trim(costs, keep) => {
-            let floor = |i: usize| if i + 1 == costs.len() { keep[cluster] as usize } else { 0 };
-            costs.iter().enumerate().map(|(i, &cost)| Stop::Cost(cost, floor(i))).collect()
-        }
-        Plan::Shares(shares) => {
-            let (free, _) = engine.count_free();
-            shares.iter().map(|share| Stop::Faces(sample::face_goal(faces, free, *share))).collect()
-        }
-        Plan::Faces(shares, target) => {
-            let (last, before) = shares.split_last().unwrap_or((&1.0, &[]));
-            let goal = |share: &f64| ((faces as f64 * share).round() as usize).max(*target as usize);
-            let _ = last;
-            before.iter().map(|share| Stop::Faces(goal(share))).chain([Stop::Faces(*target as usize)]).collect()
-        }
-    };
-    let (mut cost, mut reached) = (0.0, true);
-    for (i, &stop) in stops.iter().enumerate() {
-        if i + 1 == stops.len() && matches!(plan, Plan::Costs(_)) {
-            engine.log = Some(Vec::new());
-        }
-        let result = engine.run(stop);
-        cost = if result.cost > 0.0 { result.cost } else { cost };
-        reached = result.reached;
-    }
-    (cost, reached)
-}
-
-/// Runs stages until the bound on the deviation stops them.
-fn run_bounded(engine: &mut Engine, most: f64) -> (f32, bool) {
-    engine.bound_deviation(most);
-    let mut highest = 0f32;
-    loop {
-        let before = engine.mesh.face_count;
-        let goal = (before as f64 * schedule::STAGE_SHARE) as usize;
-        highest = highest.max(engine.run(Stop::Cost(f32::INFINITY, goal)).cost);
-        if (before - engine.mesh.face_count) as f64 <= before as f64 * BOUNDED_STAGE_SHARE {
-            return (highest, true);
-        }
-    }
-}
-
-fn is_single(partition: &Partition) -> bool {
+pub(super) fn is_single(partition: &Partition) -> bool {
     (0..partition.cluster_count()).filter(|&cluster| partition.face_count(cluster) > 0).count() <= 1
 }
 

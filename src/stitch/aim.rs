@@ -1,0 +1,142 @@
+//! Chooses how far each cluster goes: shares and thresholds from the schedule and the sample, the last faces from the
+//! costs of all clusters.
+
+use super::pass::{Run, SeamPolicy, is_single};
+use super::sample::{self, Survey};
+use super::schedule::{pass_target, stage_shares};
+use super::stops::Plan;
+use super::trim::Notes;
+use crate::base::Result;
+use crate::mesh::ClusterMesh;
+use crate::partition::Partition;
+use crate::partition::weight::ORDINARY_BYTES;
+use crate::store::StoredMesh;
+
+/// A pass in many clusters aims this much above the target; the trim removes the rest over all clusters.
+const TRIM_SHARE: f64 = 0.03;
+/// The trim takes over when no more than this share above the target is left.
+const TRIM_SHARE_MAX: f64 = 0.10;
+/// Share of the allowed error that is used: positions are rounded afterwards.
+const BOUND_SAFETY: f64 = 0.98;
+
+impl Run<'_> {
+    /// Chooses how the clusters of a pass stop, and whether that meets the target to the face.
+    pub(super) fn plan(
+        &self,
+        mesh: &StoredMesh,
+        partition: &Partition,
+        sample: ClusterMesh,
+        pass: usize,
+        is_last: bool,
+        faces: u64,
+    ) -> Result<(Plan, bool)> {
+        let options = self.options;
+        let wanted = if is_last {
+            options.target as f64
+        } else {
+            pass_target(options.input, options.target, pass, options.passes)
+        };
+        if let Some(most) = options.max_error {
+            let left = options.passes.saturating_sub(pass + 1) as i32;
+            return Ok((Plan::Deviation(most * BOUND_SAFETY * libm::pow(0.5, f64::from(left))), false));
+        }
+        let share = wanted / faces.max(1) as f64;
+        if is_single(partition) {
+            let shares = stage_shares(share);
+            return Ok(match is_last {
+                true => (Plan::Faces(shares, options.target), true),
+                false => (Plan::Shares(shares), false),
+            });
+        }
+        if is_last && (faces as f64) <= options.target as f64 * (1.0 + TRIM_SHARE_MAX) {
+            return Ok((self.plan_trim(mesh, partition, sample, pass, faces)?, true));
+        }
+        let aim = if is_last { share * (1.0 + TRIM_SHARE) } else { share };
+        Ok((Plan::Costs(self.thresholds(sample, pass, &stage_shares(aim))), false))
+    }
+
+    /// Thresholds for shares of the faces, from a sample.
+    pub(super) fn thresholds(&self, sample: ClusterMesh, pass: usize, shares: &[f64]) -> Vec<f32> {
+        let _permit = self.permits.take(sample.corners.len() as u64 * ORDINARY_BYTES);
+        let mut engine = self.engine(sample, pass);
+        engine.lock_seams = self.options.seams == SeamPolicy::Lock;
+        sample::thresholds(&mut engine, shares)
+    }
+
+    pub(super) fn survey(&self, partition: &Partition) -> Survey {
+        let faces_of = |cluster| partition.weight(cluster).map_or(0, |weight| weight.faces);
+        Survey::new(&(0..partition.cluster_count()).map(faces_of).collect::<Vec<_>>())
+    }
+
+    /// A sample of the clusters as they are before a pass.
+    pub(super) fn take_sample(&self, mesh: &StoredMesh, partition: &Partition) -> Result<ClusterMesh> {
+        let survey = self.survey(partition);
+        let mut sample = ClusterMesh::default();
+        for &cluster in survey.clusters() {
+            let _permit = self.permits.take(self.cluster_bytes(partition, cluster));
+            let source = self.load(mesh, partition, cluster)?;
+            survey.patch(cluster, &source.mesh).iter().for_each(|patch| sample::append(&mut sample, patch));
+        }
+        Ok(sample)
+    }
+
+    /// Simplifies every cluster a little too far and merges what that cost.
+    pub(super) fn plan_trim(
+        &self,
+        mesh: &StoredMesh,
+        partition: &Partition,
+        sample: ClusterMesh,
+        pass: usize,
+        faces: u64,
+    ) -> Result<Plan> {
+        let excess = faces - self.options.target.min(faces);
+        let target = self.options.target as f64;
+        let far = (target - (2.0 * excess as f64).min(TRIM_SHARE_MAX * target)).max(1.0) / faces as f64;
+        let mut cost = self.thresholds(sample, pass, &[far])[0];
+        loop {
+            let mut notes = Notes::default();
+            let mut cluster = 0;
+            let everything = Plan::Costs(vec![cost]);
+            self.each_cluster(mesh, partition, pass, &everything, None, |result| {
+                notes.add(cluster, &result.log);
+                cluster += 1;
+                Ok(())
+            })?;
+            if notes.died() >= excess || cost == f32::INFINITY {
+                let (quota, _) = notes.cut(excess, partition.cluster_count());
+                let keep =
+                    quota.iter().enumerate().map(|(c, lost)| partition.face_count(c).saturating_sub(*lost)).collect();
+                return Ok(Plan::Trim(vec![cost], keep));
+            }
+            cost = if cost > 0.0 && cost < 1e30 { cost * 4.0 } else { f32::INFINITY };
+        }
+    }
+
+    /// Finds the stage in which thresholds overshoot the target, and where each cluster has to stop in it.
+    pub(super) fn trim_stages(
+        &self,
+        mesh: &StoredMesh,
+        partition: &Partition,
+        pass: usize,
+        costs: &[f32],
+    ) -> Result<Plan> {
+        let target = self.options.target;
+        for stages in (1..=costs.len()).rev() {
+            let mut notes = Notes::default();
+            let mut left = Vec::new();
+            let plan = Plan::Costs(costs[..stages].to_vec());
+            self.each_cluster(mesh, partition, pass, &plan, None, |result| {
+                notes.add(left.len(), &result.log);
+                left.push(result.faces + result.log.iter().map(|&(_, died)| u64::from(died)).sum::<u64>());
+                Ok(())
+            })?;
+            let before: u64 = left.iter().sum();
+            if before >= target || stages == 1 {
+                let (quota, _) = notes.cut(before.saturating_sub(target), left.len());
+                let keep = left.iter().zip(&quota).map(|(faces, lost)| faces - lost).collect();
+                return Ok(Plan::Trim(costs[..stages].to_vec(), keep));
+            }
+        }
+        Ok(Plan::Costs(costs.to_vec()))
+    }
+}

@@ -1,0 +1,70 @@
+//! How the clusters of a pass are told to stop, and the stages that follow from it.
+
+use super::sample;
+use super::schedule;
+use crate::simplify::{Engine, Stop};
+
+/// With a bounded error, stages end when one removes less than this share of the faces.
+const BOUNDED_STAGE_SHARE: f64 = 0.02;
+
+/// How the clusters of a pass are told to stop.
+#[derive(Debug, Clone)]
+pub(super) enum Plan {
+    /// One cluster: keep these shares of the free faces, stage by stage.
+    Shares(Vec<f64>),
+    /// One cluster: these shares of the faces, the last one exactly this many.
+    Faces(Vec<f64>, u64),
+    /// Thresholds, stage by stage.
+    Costs(Vec<f32>),
+    /// As far as this bound on the deviation allows.
+    Deviation(f64),
+    /// Thresholds, and each cluster's number of faces, at which the last stage stops.
+    Trim(Vec<f32>, Vec<u64>),
+}
+
+/// Runs the stages of a plan; returns the highest cost of the last stage that did anything, and whether it was reached.
+pub(super) fn run_plan(engine: &mut Engine, plan: &Plan, cluster: usize) -> (f32, bool) {
+    let faces = engine.mesh.face_count;
+    let stops: Vec<Stop> = match plan {
+        Plan::Deviation(most) => return run_bounded(engine, *most),
+        Plan::Costs(costs) => costs.iter().map(|&cost| Stop::Cost(cost, 0)).collect(),
+        Plan::Trim(costs, keep) => {
+            let floor = |i: usize| if i + 1 == costs.len() { keep[cluster] as usize } else { 0 };
+            costs.iter().enumerate().map(|(i, &cost)| Stop::Cost(cost, floor(i))).collect()
+        }
+        Plan::Shares(shares) => {
+            let (free, _) = engine.count_free();
+            shares.iter().map(|share| Stop::Faces(sample::face_goal(faces, free, *share))).collect()
+        }
+        Plan::Faces(shares, target) => {
+            let (last, before) = shares.split_last().unwrap_or((&1.0, &[]));
+            let goal = |share: &f64| ((faces as f64 * share).round() as usize).max(*target as usize);
+            let _ = last;
+            before.iter().map(|share| Stop::Faces(goal(share))).chain([Stop::Faces(*target as usize)]).collect()
+        }
+    };
+    let (mut cost, mut reached) = (0.0, true);
+    for (i, &stop) in stops.iter().enumerate() {
+        if i + 1 == stops.len() && matches!(plan, Plan::Costs(_)) {
+            engine.log = Some(Vec::new());
+        }
+        let result = engine.run(stop);
+        cost = if result.cost > 0.0 { result.cost } else { cost };
+        reached = result.reached;
+    }
+    (cost, reached)
+}
+
+/// Runs stages until the bound on the deviation stops them.
+fn run_bounded(engine: &mut Engine, most: f64) -> (f32, bool) {
+    engine.bound_deviation(most);
+    let mut highest = 0f32;
+    loop {
+        let before = engine.mesh.face_count;
+        let goal = (before as f64 * schedule::STAGE_SHARE) as usize;
+        highest = highest.max(engine.run(Stop::Cost(f32::INFINITY, goal)).cost);
+        if (before - engine.mesh.face_count) as f64 <= before as f64 * BOUNDED_STAGE_SHARE {
+            return (highest, true);
+        }
+    }
+}
