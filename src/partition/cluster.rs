@@ -99,7 +99,7 @@ pub fn load(
         face.vertices = face.vertices.map(|id| local.of(id));
     }
     drop(std::mem::take(&mut local));
-    // NOTE: before polygons are triangulated, which may drop a triangle: brought texcoords answer all faces of the cell.
+    // NOTE: before polygons are triangulated, which may drop triangles: brought texcoords answer all faces of the cell.
     let texcoord_ids = texcoord_ids(&faces);
     let degenerate = triangulate_polygons(&mut faces, &positions);
     let texcoords = match &partition.texcoords {

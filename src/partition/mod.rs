@@ -17,7 +17,7 @@
 //!
 //! # Memory
 //! A histogram of 8 MiB; 1.1 bits a vertex; a window of the numbering (4 bytes a vertex, at most a quarter of the work
-//! memory at a time) or of texture coordinates (16 bytes each, at most a quarter of the work memory); buffers of the
+//! memory at a time) or of texture coordinates (40 bytes each, at most a third of the work memory); buffers of the
 //! buckets, 16 MiB; a cell of 92 bytes a vertex in each thread while duplicates are welded.
 
 pub mod buckets;

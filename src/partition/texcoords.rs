@@ -8,12 +8,12 @@
 //! instead, which is faster; what it gets is the same.
 //!
 //! # Memory
-//! The ids of a cell in each thread, one window (16 bytes each, at most a quarter of the work memory), and 24 MiB of
-//! buffers.
+//! The ids of a cell in each thread, one window (40 bytes each while it is gathered, at most a third of the work
+//! memory), and 24 MiB of buffers.
 //!
 //! # Files
-//! `<name>-questions.scatter` (8 bytes for each id of each cell) while they are answered, `<name>-texcoords.scatter` (16
-//! bytes each) until the partition is removed.
+//! `<name>-questions.scatter` (8 bytes for each id of each cell) while they are answered, `<name>-texcoords.scatter`
+//! (16 bytes each) until the partition is removed.
 
 use std::path::Path;
 
@@ -71,7 +71,7 @@ pub fn bring(
 ) -> Result<CellTexcoords> {
     let cell_count = faces.foreign_corners.len();
     let count = mesh.texcoord_count();
-    let window_len = (options.work_bytes / 4 / TEXCOORD_BYTES).clamp(1 << 16, 1 << 31) as u32;
+    let window_len = (options.work_bytes / 8 / TEXCOORD_BYTES).clamp(1 << 16, 1 << 31) as u32;
     let windows = count.div_ceil(u64::from(window_len)).max(1) as usize;
     let mut questions = ScatterWriter::create(&folder.join(format!("{name}-questions.scatter")), windows)?;
     map_in_order(
