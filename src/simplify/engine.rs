@@ -15,9 +15,6 @@ use crate::mesh::class::{Class, Rule, VALENCE_MAX, classify};
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::ring::Rings;
 
-/// Peak memory of simplifying one face of a cluster with texture, in bytes, mesh included.
-pub const FACE_BYTES: u64 = 200;
-
 /// Share of the faces that one round aims to remove: small enough to stay near the order of one queue.
 const ROUND_SHARE: f64 = 0.10;
 /// Candidates tried for each collapse that a round aims at: neighbours block each other.

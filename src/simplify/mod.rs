@@ -5,7 +5,7 @@
 //! seen; locked vertices neither move nor vanish.
 //!
 //! # Memory
-//! See [`engine::FACE_BYTES`].
+//! See `partition::weight`: about 200 bytes a face with texture, the mesh included.
 
 pub mod collapse;
 pub mod deviation;

@@ -11,9 +11,9 @@ use crate::base::{Findings, Permits, Progress, Result};
 use crate::cost::surface::Weights;
 use crate::mesh::ClusterMesh;
 use crate::mesh::pieces;
-use crate::partition::{self, ClusterSource, Partition, PartitionOptions, TextureScale, cluster};
+use crate::partition::{self, ClusterSource, Partition, PartitionOptions, Shared, TextureScale, cluster};
 use crate::simplify::Engine;
-use crate::store::{Catalogue, ColumnWriter, StoredMesh, StoredPiece};
+use crate::store::{Catalogue, ColumnWriter, Segment, StoredMesh, StoredPiece};
 
 /// Passes beyond those asked for, while they still remove faces.
 const EXTRA_PASSES: usize = 12;
@@ -409,21 +409,9 @@ impl<'a> Run<'a> {
         }
         let numbering = &partition.numbering;
         let path = |what: &str| self.folder.join(format!("pass-{pass}-shared-{what}.col"));
-        let mut positions = ColumnWriter::create(&path("positions"), *b"position")?;
-        for range in numbering.positions.ranges(SHARED_RECORDS) {
-            let window = numbering.positions.window(range.clone())?;
-            let chosen = (range.start..range.end).zip(window.iter()).filter(|(id, _)| shared.contains(*id as u32));
-            positions.append(&chosen.map(|(_, p)| *p).collect::<Vec<_>>())?;
-        }
-        mesh.shared_positions = Some(positions.finish()?);
-        if let Some(column) = &numbering.colours {
-            let mut colours = ColumnWriter::create(&path("colours"), *b"colour  ")?;
-            for range in column.ranges(SHARED_RECORDS) {
-                let window = column.window(range.clone())?;
-                let chosen = (range.start..range.end).zip(window.iter()).filter(|(id, _)| shared.contains(*id as u32));
-                colours.append(&chosen.map(|(_, c)| *c).collect::<Vec<_>>())?;
-            }
-            mesh.shared_colours = Some(colours.finish()?);
+        mesh.shared_positions = Some(pick_shared(&numbering.positions, shared, &path("positions"), *b"position")?);
+        if let Some(colours) = &numbering.colours {
+            mesh.shared_colours = Some(pick_shared(colours, shared, &path("colours"), *b"colour  ")?);
         }
         Ok(())
     }
@@ -436,6 +424,22 @@ impl<'a> Run<'a> {
 
 /// Positions that are mapped at once while shared ones are picked.
 const SHARED_RECORDS: u64 = 64 << 10;
+
+/// Writes the records of the shared vertices, in order.
+fn pick_shared<T: bytemuck::Pod>(
+    column: &Segment<T>,
+    shared: &Shared,
+    path: &Path,
+    kind: [u8; 8],
+) -> Result<Segment<T>> {
+    let mut writer = ColumnWriter::create(path, kind)?;
+    for range in column.ranges(SHARED_RECORDS) {
+        let window = column.window(range.clone())?;
+        let chosen = (range.start..range.end).zip(window.iter()).filter(|(id, _)| shared.contains(*id as u32));
+        writer.append(&chosen.map(|(_, record)| *record).collect::<Vec<_>>())?;
+    }
+    writer.finish()
+}
 
 #[derive(Debug, Default)]
 struct PassOutcome {

@@ -37,9 +37,8 @@ pub(super) fn run_plan(engine: &mut Engine, plan: &Plan, cluster: usize) -> (f32
             shares.iter().map(|share| Stop::Faces(sample::face_goal(faces, free, *share))).collect()
         }
         Plan::Faces(shares, target) => {
-            let (last, before) = shares.split_last().unwrap_or((&1.0, &[]));
+            let before = &shares[..shares.len().saturating_sub(1)];
             let goal = |share: &f64| ((faces as f64 * share).round() as usize).max(*target as usize);
-            let _ = last;
             before.iter().map(|share| Stop::Faces(goal(share))).chain([Stop::Faces(*target as usize)]).collect()
         }
     };
