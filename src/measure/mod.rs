@@ -16,6 +16,7 @@ pub mod border;
 pub mod boxtree;
 pub mod chart;
 pub mod check;
+pub mod compare;
 pub mod edges;
 pub mod forest;
 pub mod surface;
