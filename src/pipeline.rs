@@ -17,7 +17,7 @@ use crate::plan::memory::{self, Sizes};
 use crate::plan::scratch;
 use crate::report::{ErrorFigures, FaceFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
 use crate::scan::{self, Scan};
-use crate::stitch::pass::{PassOptions, Run};
+use crate::stitch::pass::{self, Cost, PassOptions};
 use crate::write::{self, WriteOptions};
 
 /// Simplifies one OBJ, or all below a folder, into one OBJ.
@@ -51,7 +51,7 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
     let sizes = Sizes { faces: triangles, vertices: mesh.vertex_count(), target, cluster_faces: options.cluster_faces };
     let work_bytes = budget.for_work() - need.resident_bytes();
     let pass_options = pass_options(options, catalogue.has_texcoords, triangles, target, threads, work_bytes);
-    let passes = Run::new(&pass_options, &catalogue, work.path(), progress).simplify(mesh)?;
+    let passes = pass::simplify(mesh, &pass_options, &catalogue, work.path(), progress)?;
     findings.merge(passes.findings);
     scratch_peak = scratch_peak.max(passes.scratch_peak);
 
@@ -140,7 +140,7 @@ fn pass_options(
         input,
         passes: options.passes,
         cluster_faces: options.cluster_faces,
-        weights: Weights { uv, ..Weights::default() },
+        cost: Cost::Surface(Weights { uv, ..Weights::default() }),
         seams: options.seams.into(),
         lock_borders: options.borders == Borders::Lock,
         drop_pieces: options.pieces == Pieces::Drop,

@@ -6,7 +6,7 @@ use drystone::base::Silent;
 use drystone::cost::Weights;
 use drystone::measure::{Check, Surface, check, compare_checks, weld_and_check};
 use drystone::scan::{ScanOptions, scan};
-use drystone::stitch::pass::{PassOptions, Run, SeamPolicy};
+use drystone::stitch::pass::{self, Cost, PassOptions, SeamPolicy};
 use glam::{DVec2, DVec3};
 use meshes::{Sketch, noise};
 use proptest::prelude::*;
@@ -166,14 +166,14 @@ fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
         input: scanned.triangles,
         passes: choice.passes,
         cluster_faces: choice.cluster_faces,
-        weights: Weights { uv: f64::from(u8::from(has_uv)), ..Weights::default() },
+        cost: Cost::Surface(Weights { uv: f64::from(u8::from(has_uv)), ..Weights::default() }),
         seams: choice.seams,
         lock_borders: choice.lock_borders,
         weld: choice.weld,
         threads: choice.threads,
         work_bytes: 100 << 20,
     };
-    let passes = Run::new(&options, &scanned.catalogue, folder.path(), &Silent).simplify(scanned.mesh).unwrap();
+    let passes = pass::simplify(scanned.mesh, &options, &scanned.catalogue, folder.path(), &Silent).unwrap();
     let after = Surface::load(&passes.mesh, &scanned.catalogue).unwrap();
     assert_eq!(after.faces.len() as u64, passes.faces);
     (before, after)

@@ -16,6 +16,7 @@
 
 use glam::DVec3;
 
+use super::metric::Metric;
 use super::quadric::{Quadric, WedgeQuadric};
 use crate::mesh::class::Class;
 use crate::mesh::cluster::ClusterMesh;
@@ -218,6 +219,32 @@ impl SurfaceCost {
                 self.wedges[wb as usize] += vanished;
             }
         }
+    }
+}
+
+impl Metric for SurfaceCost {
+    type Settings = Weights;
+
+    fn new(weights: &Weights) -> Self {
+        Self::new(*weights)
+    }
+
+    fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
+        self.refresh(mesh, rings, classes);
+    }
+
+    #[inline]
+    fn place(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Placement {
+        self.place(mesh, edge)
+    }
+
+    #[inline]
+    fn join(&mut self, edge: &EdgeCase<'_>) {
+        self.join(edge);
+    }
+
+    fn area(&self) -> f64 {
+        self.area()
     }
 }
 

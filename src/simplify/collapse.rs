@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use super::deviation::Patches;
 use super::legality::{EdgeStar, Refusal, triangle_survives, uv_survives};
 use super::texture::{uv_on_chain, uv_on_ring};
-use crate::cost::{EdgeCase, SurfaceCost};
+use crate::cost::{EdgeCase, Metric};
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::ring::Rings;
 
@@ -49,18 +49,18 @@ impl Collapser {
     ///
     /// # Errors
     /// The reason against it; the mesh is then unchanged.
-    pub fn try_collapse(
+    pub fn try_collapse<M: Metric>(
         &mut self,
         mesh: &mut ClusterMesh,
         rings: &Rings,
-        cost: &mut SurfaceCost,
+        cost: &mut M,
         collapse: Collapse,
     ) -> Result<usize, Refusal> {
         let Collapse { from, to, onto, stays, .. } = collapse;
         self.star.gather(mesh, rings, from, to);
         self.star.check_topology(mesh, rings, from, to)?;
         let position = cost.place(mesh, &EdgeCase { from, to, onto, stays, wedges: &self.star.wedges }).position;
-        self.choose_uvs(mesh, rings, collapse, position)?;
+        self.choose_uvs(mesh, rings, cost, collapse, position)?;
         self.check_faces(mesh, rings, collapse, position)?;
         let deviation = self.check_deviation(mesh, rings, collapse, position)?;
         self.sample_displacement(mesh, rings, collapse, position);
@@ -72,24 +72,26 @@ impl Collapser {
     }
 
     /// New texture coordinate for each wedge pair.
-    fn choose_uvs(
+    fn choose_uvs<M: Metric>(
         &mut self,
         mesh: &ClusterMesh,
         rings: &Rings,
+        cost: &M,
         collapse: Collapse,
         position: DVec3,
     ) -> Result<(), Refusal> {
-        let (from, to) = (collapse.from, collapse.to);
+        let Collapse { from, to, onto, stays, .. } = collapse;
         let wedges = &self.star.wedges;
-        if collapse.onto {
-            self.uvs.clear();
+        self.uvs.clear();
+        if onto {
             self.uvs.extend(wedges.iter().map(|pair| mesh.wedge_uv[pair.1 as usize]));
+        } else if cost.texcoords(mesh, &EdgeCase { from, to, onto, stays, wedges }, position, &mut self.uvs) {
+            return Ok(());
         } else if collapse.chain {
             uv_on_chain(mesh, rings, (from, to), wedges, position, &mut self.uvs).ok_or(Refusal::Seam)?;
         } else {
             let kept = wedges.first().map_or(DVec2::NAN, |pair| mesh.wedge_uv[pair.1 as usize]);
             let uv = uv_on_ring(mesh, rings, from, to, position).unwrap_or(kept);
-            self.uvs.clear();
             self.uvs.resize(wedges.len(), uv);
         }
         Ok(())

@@ -9,8 +9,8 @@
 
 use super::collapse::{Collapse, Collapser};
 use super::legality::Refusal;
-use crate::cost::EdgeCase;
-use crate::cost::surface::{EdgeKind, SurfaceCost, Weights};
+use crate::cost::surface::EdgeKind;
+use crate::cost::{EdgeCase, Metric};
 use crate::mesh::class::{Class, Rule, VALENCE_MAX, classify};
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::ring::Rings;
@@ -78,10 +78,10 @@ impl EdgeAt {
 
 /// Simplifies one cluster.
 #[derive(Debug)]
-pub struct Engine {
+pub struct Engine<M> {
     /// The mesh as it stands.
     pub mesh: ClusterMesh,
-    cost: SurfaceCost,
+    cost: M,
     rings: Rings,
     classes: Vec<Class>,
     candidates: Vec<Candidate>,
@@ -91,6 +91,7 @@ pub struct Engine {
     /// Round in which a face around a vertex changed.
     stirred: Vec<u32>,
     survivors: Vec<u32>,
+    changed: Vec<u32>,
     round: u32,
     edges: Vec<EdgeAt>,
     costs: Vec<f32>,
@@ -109,12 +110,12 @@ pub struct Engine {
     pub lock_borders: bool,
 }
 
-impl Engine {
+impl<M: Metric> Engine<M> {
     /// Takes a mesh.
-    pub fn new(mesh: ClusterMesh, weights: Weights) -> Self {
+    pub fn new(mesh: ClusterMesh, settings: &M::Settings) -> Self {
         Self {
             mesh,
-            cost: SurfaceCost::new(weights),
+            cost: M::new(settings),
             rings: Rings::default(),
             classes: Vec::new(),
             candidates: Vec::new(),
@@ -122,6 +123,7 @@ impl Engine {
             touched: Vec::new(),
             stirred: Vec::new(),
             survivors: Vec::new(),
+            changed: Vec::new(),
             round: 0,
             edges: Vec::new(),
             costs: Vec::new(),
@@ -259,15 +261,7 @@ impl Engine {
         if self.is_held(from) || self.rings.of(to).len() > 2 * VALENCE_MAX {
             return Rule::Never;
         }
-        let class = self.classes[from as usize];
-        let fits = match class {
-            Class::Smooth => kind == EdgeKind::Inner,
-            Class::Seam => kind == EdgeKind::Seam,
-            Class::Border => kind == EdgeKind::Border,
-            _ => false,
-        };
-        match class.rule(self.classes[to as usize]) {
-            _ if !fits => Rule::Never,
+        match self.cost.rule(self.classes[from as usize], self.classes[to as usize], kind) {
             Rule::Free if self.is_held(to) => Rule::Onto,
             Rule::Chain if self.is_held(to) => Rule::ChainOnto,
             rule => rule,
@@ -388,15 +382,23 @@ impl Engine {
 
     /// Judges the edges around this round's survivors anew, and lets refused edges near a change try again.
     fn rejudge(&mut self) {
-        let (round, touched, stirred) = (self.round, &self.touched, &self.stirred);
+        let round = self.round;
+        self.mesh.compact_faces();
+        self.rings.build(&self.mesh);
+        self.cost.follow(&self.mesh, &self.rings, &self.survivors, &mut self.changed);
+        for vertex in self.changed.drain(..) {
+            if self.touched[vertex as usize] != round {
+                self.touched[vertex as usize] = round;
+                self.survivors.push(vertex);
+            }
+        }
+        let (touched, stirred) = (&self.touched, &self.stirred);
         self.candidates.retain_mut(|c| {
             if stirred[c.from as usize] == round || stirred[c.to as usize] == round {
                 c.parked = false;
             }
             touched[c.from as usize] != round && touched[c.to as usize] != round
         });
-        self.mesh.compact_faces();
-        self.rings.build(&self.mesh);
         let survivors = std::mem::take(&mut self.survivors);
         for &vertex in &survivors {
             self.judge_around(vertex, |engine, other| other > vertex || engine.touched[other as usize] != round);
@@ -426,10 +428,11 @@ fn edges_at(mesh: &ClusterMesh, rings: &Rings, vertex: u32, edges: &mut Vec<Edge
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cost::surface::{SurfaceCost, Weights};
     use crate::mesh::cluster::samples;
 
     fn simplified(mesh: ClusterMesh, faces: usize) -> (ClusterMesh, StageResult) {
-        let mut engine = Engine::new(mesh, Weights::default());
+        let mut engine = Engine::<SurfaceCost>::new(mesh, &Weights::default());
         let result = engine.run(Stop::Faces(faces));
         (engine.finish(), result)
     }
@@ -482,7 +485,7 @@ mod tests {
 
     #[test]
     fn locked_seams_stay_whole() {
-        let mut engine = Engine::new(samples::two_charts(12), Weights::default());
+        let mut engine = Engine::<SurfaceCost>::new(samples::two_charts(12), &Weights::default());
         engine.lock_seams = true;
         engine.run(Stop::Faces(4));
         let mesh = engine.finish();

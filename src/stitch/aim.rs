@@ -7,6 +7,7 @@ use super::schedule::{pass_target, stage_shares};
 use super::stops::Plan;
 use super::trim::Notes;
 use crate::base::Result;
+use crate::cost::Metric;
 use crate::mesh::ClusterMesh;
 use crate::partition::Partition;
 use crate::partition::weight::ORDINARY_BYTES;
@@ -19,7 +20,7 @@ const TRIM_SHARE_MAX: f64 = 0.10;
 /// Share of the allowed error that is used: positions are rounded afterwards.
 const BOUND_SAFETY: f64 = 0.98;
 
-impl Run<'_> {
+impl<M: Metric> Run<'_, M> {
     /// Chooses how the clusters of a pass stop, and whether that meets the target to the face.
     pub(super) fn plan(
         &self,

@@ -27,4 +27,4 @@ mod stops;
 pub mod trim;
 
 pub use outcome::{PassReport, Passes};
-pub use pass::{PassOptions, Run};
+pub use pass::{Cost, PassOptions};

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use crate::base::Findings;
+use crate::cost::Metric;
 use crate::mesh::class::Class;
 use crate::simplify::Engine;
 use crate::simplify::legality::Refusal;
@@ -78,7 +79,7 @@ pub struct PassSeconds {
 
 impl Floor {
     /// Counts of a cluster after its last stage.
-    pub(super) fn of(engine: &Engine) -> Self {
+    pub(super) fn of<M: Metric>(engine: &Engine<M>) -> Self {
         let classes = engine.class_counts();
         let count = |class: Class| classes[class as usize];
         let refused = |refusal: Refusal| engine.refusals[refusal as usize];

@@ -8,7 +8,7 @@ use super::sample::{self, Survey};
 use super::stops::{Plan, run_plan};
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Permits, Progress, Result};
-use crate::cost::surface::Weights;
+use crate::cost::{Metric, SurfaceCost, Weights};
 use crate::mesh::ClusterMesh;
 use crate::mesh::pieces;
 use crate::partition::{self, ClusterSource, Partition, PartitionOptions, Shared, TextureScale, cluster};
@@ -36,6 +36,22 @@ pub enum SeamPolicy {
     Lock,
 }
 
+/// What a collapse costs: a metric and its settings.
+#[derive(Debug, Clone, Copy)]
+pub enum Cost {
+    /// [`SurfaceCost`].
+    Surface(Weights),
+}
+
+impl Cost {
+    /// Whether texture coordinates enter the cost, so that their scale is needed.
+    fn has_texture(&self) -> bool {
+        match self {
+            Self::Surface(weights) => weights.uv > 0.0,
+        }
+    }
+}
+
 /// What the passes need to know.
 #[derive(Debug, Clone, Copy)]
 pub struct PassOptions {
@@ -49,8 +65,8 @@ pub struct PassOptions {
     pub passes: usize,
     /// Faces of a cluster, about.
     pub cluster_faces: u64,
-    /// Weights of the cost.
-    pub weights: Weights,
+    /// What a collapse costs.
+    pub cost: Cost,
     /// Seams.
     pub seams: SeamPolicy,
     /// Whether open borders are locked.
@@ -89,8 +105,9 @@ pub(super) struct ClusterResult {
 type MaterialAreas = Vec<(usize, (f64, f64))>;
 
 /// A run of passes.
-pub struct Run<'a> {
+pub struct Run<'a, M: Metric> {
     pub(super) options: &'a PassOptions,
+    settings: M::Settings,
     catalogue: &'a Catalogue,
     folder: &'a Path,
     progress: &'a dyn Progress,
@@ -100,23 +117,49 @@ pub struct Run<'a> {
     crumb: Option<f64>,
 }
 
-impl<'a> Run<'a> {
+/// Simplifies a mesh to the target, with the metric that the options name.
+///
+/// # Errors
+/// On a full disk, failed reads and writes, and damaged files.
+pub fn simplify(
+    mesh: StoredMesh,
+    options: &PassOptions,
+    catalogue: &Catalogue,
+    folder: &Path,
+    progress: &dyn Progress,
+) -> Result<Passes> {
+    match options.cost {
+        Cost::Surface(weights) => Run::<SurfaceCost>::new(options, weights, catalogue, folder, progress).simplify(mesh),
+    }
+}
+
+impl<'a, M: Metric> Run<'a, M> {
     /// Prepares; files go to `folder`.
-    pub fn new(
+    fn new(
         options: &'a PassOptions,
+        settings: M::Settings,
         catalogue: &'a Catalogue,
         folder: &'a Path,
         progress: &'a dyn Progress,
     ) -> Self {
         let permits = Permits::new(options.work_bytes);
-        Self { options, catalogue, folder, progress, permits, scale: TextureScale::none(catalogue), crumb: None }
+        Self {
+            options,
+            settings,
+            catalogue,
+            folder,
+            progress,
+            permits,
+            scale: TextureScale::none(catalogue),
+            crumb: None,
+        }
     }
 
     /// Simplifies a mesh to the target.
     ///
     /// # Errors
     /// On a full disk, failed reads and writes, and damaged files.
-    pub fn simplify(mut self, mut mesh: StoredMesh) -> Result<Passes> {
+    fn simplify(mut self, mut mesh: StoredMesh) -> Result<Passes> {
         let mut findings = Findings::default();
         let mut reports: Vec<PassReport> = Vec::new();
         let mut seconds = PassSeconds::default();
@@ -132,7 +175,7 @@ impl<'a> Run<'a> {
             let started = Instant::now();
             let faces_in = partition.total_faces();
             if pass == 0 {
-                sample = match self.options.weights.uv > 0.0 {
+                sample = match self.options.cost.has_texture() {
                     true => self.measure_texture(&mesh, &partition)?,
                     false if is_single(&partition) => ClusterMesh::default(),
                     false => self.take_sample(&mesh, &partition)?,
@@ -349,8 +392,8 @@ impl<'a> Run<'a> {
         Ok(ClusterResult { pieces, degenerate, faces, ..unchanged })
     }
 
-    pub(super) fn engine(&self, mesh: ClusterMesh, pass: usize) -> Engine {
-        let mut engine = Engine::new(mesh, self.options.weights);
+    pub(super) fn engine(&self, mesh: ClusterMesh, pass: usize) -> Engine<M> {
+        let mut engine = Engine::new(mesh, &self.settings);
         engine.lock_borders = self.options.lock_borders;
         engine.lock_seams = match self.options.seams {
             SeamPolicy::Stitch => pass == 0 && self.options.passes > 1,

@@ -7,6 +7,7 @@
 
 use glam::DVec3;
 
+use crate::cost::Metric;
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::simplify::{Engine, Stop};
 
@@ -121,14 +122,14 @@ pub fn scale_texture(sample: &mut ClusterMesh, scale_of: impl Fn(u32) -> f64) {
 }
 
 /// The threshold at each share of the faces; infinite where the sample could not reach it.
-pub fn thresholds(engine: &mut Engine, shares: &[f64]) -> Vec<f32> {
+pub fn thresholds<M: Metric>(engine: &mut Engine<M>, shares: &[f64]) -> Vec<f32> {
     engine.mesh.link_wedges();
     let faces = engine.mesh.face_count;
     let (free, _) = engine.count_free();
     shares.iter().map(|share| cost_at(engine, faces, free, *share)).collect()
 }
 
-fn cost_at(engine: &mut Engine, faces: usize, free: usize, share: f64) -> f32 {
+fn cost_at<M: Metric>(engine: &mut Engine<M>, faces: usize, free: usize, share: f64) -> f32 {
     let result = engine.run(Stop::Faces(face_goal(faces, free, share)));
     if result.reached && faces > 0 { result.cost } else { f32::INFINITY }
 }

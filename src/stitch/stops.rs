@@ -2,6 +2,7 @@
 
 use super::sample;
 use super::schedule;
+use crate::cost::Metric;
 use crate::simplify::{Engine, Stop};
 
 /// With a bounded error, stages end when one removes less than this share of the faces.
@@ -23,7 +24,7 @@ pub(super) enum Plan {
 }
 
 /// Runs the stages of a plan; returns the highest cost of the last stage that did anything, and whether it was reached.
-pub(super) fn run_plan(engine: &mut Engine, plan: &Plan, cluster: usize) -> (f32, bool) {
+pub(super) fn run_plan<M: Metric>(engine: &mut Engine<M>, plan: &Plan, cluster: usize) -> (f32, bool) {
     let faces = engine.mesh.face_count;
     let stops: Vec<Stop> = match plan {
         Plan::Deviation(most) => return run_bounded(engine, *most),
@@ -55,7 +56,7 @@ pub(super) fn run_plan(engine: &mut Engine, plan: &Plan, cluster: usize) -> (f32
 }
 
 /// Runs stages until the bound on the deviation stops them.
-fn run_bounded(engine: &mut Engine, most: f64) -> (f32, bool) {
+fn run_bounded<M: Metric>(engine: &mut Engine<M>, most: f64) -> (f32, bool) {
     engine.bound_deviation(most);
     let mut highest = 0f32;
     loop {
