@@ -84,7 +84,7 @@ pub enum TextureFiles {
 }
 
 /// Options of `drystone simplify`.
-#[derive(Debug, Clone, PartialEq, Args)]
+#[derive(Debug, Clone, PartialEq, Args, Serialize)]
 pub struct SimplifyOptions {
     /// Share of the triangles to keep, above 0 and up to 1
     #[arg(long, value_name = "SHARE", group = "target")]

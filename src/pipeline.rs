@@ -5,7 +5,7 @@ mod hostile;
 mod need;
 
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use self::need::Need;
 use crate::base::{Error, Findings, MemoryBudget, Progress, Result};
@@ -13,6 +13,7 @@ use crate::cost::surface::Weights;
 use crate::job::{FORMAT_VERSION, Manifest, WorkFolder};
 use crate::options::{Borders, Metric, Normals, Pieces, SimplifyOptions, Weld};
 use crate::os::system;
+use crate::os::timeline::Recorder;
 use crate::plan::memory::{self, Sizes};
 use crate::plan::scratch;
 use crate::report::{ErrorFigures, FaceFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
@@ -26,7 +27,9 @@ use crate::write::{self, WriteOptions};
 /// [`Error::Usage`] and [`Error::Budget`] before anything is read; see [`Error`] for the rest. Whatever happens, an
 /// older output stays whole until the new one is complete.
 pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress: &dyn Progress) -> Result<Report> {
-    let started = Instant::now();
+    let (started, began) = (Instant::now(), SystemTime::now());
+    let recorder = Recorder::start(progress);
+    let progress: &dyn Progress = &recorder;
     options.check()?;
     let inputs = scan::find_inputs(input)?;
     refuse_output(&inputs, output, options)?;
@@ -69,8 +72,15 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
     drop(work);
 
     let (read, written) = system::io_bytes();
+    let status = if passes.reached { Status::Done } else { Status::TargetMissed };
     Ok(Report {
-        status: if passes.reached { Status::Done } else { Status::TargetMissed },
+        program: env!("CARGO_PKG_VERSION"),
+        began: began.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()),
+        status,
+        input: input.to_owned(),
+        input_files: inputs.len() as u64,
+        options: options.clone(),
+        threads,
         output: output.to_owned(),
         faces: FaceFigures {
             input: triangles,
@@ -97,6 +107,7 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
             peak_resident: system::peak_resident_bytes(),
         },
         io: IoFigures { input: input_bytes, read, written, scratch_peak },
+        timeline: recorder.finish(),
         passes: passes.reports,
         floor: (!passes.reached).then_some(passes.floor),
         warnings: findings.warnings(),

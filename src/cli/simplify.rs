@@ -7,7 +7,8 @@ use clap::Args;
 use super::progress::told;
 use crate::base::{Error, Result};
 use crate::options::SimplifyOptions;
-use crate::{pipeline, report};
+use crate::pipeline;
+use crate::report;
 
 /// Arguments of `drystone simplify`.
 #[derive(Debug, Args)]
@@ -19,7 +20,7 @@ pub struct SimplifyArguments {
     output: PathBuf,
     #[command(flatten)]
     options: SimplifyOptions,
-    /// Write a report; .json; may be repeated
+    /// Write a report: .json for scripts, .html for people; may be repeated
     #[arg(long, value_name = "FILE")]
     report: Vec<PathBuf>,
     /// Say nothing but errors
@@ -33,7 +34,7 @@ pub struct SimplifyArguments {
 /// Those of [`pipeline::simplify`] and of the reports.
 pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
     let SimplifyArguments { input, output, options, report: reports, quiet } = arguments;
-    reports.iter().try_for_each(|path| report::check_path(path))?;
+    reports.iter().try_for_each(|path| report::Kind::of(path).map(|_| ()))?;
     let folders = reports.iter().filter_map(|path| path.parent());
     for folder in folders.filter(|folder| !folder.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;

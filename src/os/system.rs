@@ -9,6 +9,11 @@ pub fn peak_resident_bytes() -> u64 {
     proc_status_bytes("VmHWM:").unwrap_or(0)
 }
 
+/// Resident memory of this process in bytes (`VmRSS`), 0 where the system does not tell.
+pub fn resident_bytes() -> u64 {
+    proc_status_bytes("VmRSS:").unwrap_or(0)
+}
+
 /// Bytes that this process caused to be read from and written to storage, as far as the system counts them.
 pub fn io_bytes() -> (u64, u64) {
     let text = fs::read_to_string("/proc/self/io").unwrap_or_default();

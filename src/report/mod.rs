@@ -1,14 +1,27 @@
-//! What a run did, for scripts (JSON) and for people (a few lines).
+//! What a run did, for scripts (JSON) and for people (a few lines, a page).
+//!
+//! ```text
+//! Report ──summary──▶ lines on the terminal
+//!        ──save─────▶ report.json
+//!                     report.html ◀── plots (SVG)
+//! ```
+//! In: the figures that the phases left. Out: text. Invariant: everything that came from outside (paths, names) is
+//! escaped, and the page loads nothing: style, plots and pictures are inside it.
+
+mod html;
+mod plots;
+mod summary;
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
 use crate::base::error::escape_path;
-use crate::base::{Error, Result, bytes};
+use crate::base::{Error, Result};
+use crate::options::SimplifyOptions;
 use crate::os::durable::DurableFile;
+use crate::os::timeline::Timeline;
 use crate::stitch::outcome::{Floor, PassReport};
 
 /// How a run ended.
@@ -85,8 +98,20 @@ pub struct IoFigures {
 /// Everything about a run.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
+    /// Version of the program.
+    pub program: &'static str,
+    /// When it began, in seconds since 1970.
+    pub began: u64,
     /// How it ended.
     pub status: Status,
+    /// The OBJ file or folder that was read.
+    pub input: PathBuf,
+    /// Number of OBJ files in it.
+    pub input_files: u64,
+    /// What was asked for.
+    pub options: SimplifyOptions,
+    /// Threads that worked.
+    pub threads: usize,
     /// The OBJ that was written.
     pub output: PathBuf,
     /// Triangles.
@@ -99,6 +124,8 @@ pub struct Report {
     pub memory: MemoryFigures,
     /// Input and output.
     pub io: IoFigures,
+    /// Memory and bytes moved over time.
+    pub timeline: Timeline,
     /// Each pass.
     pub passes: Vec<PassReport>,
     /// What stands in the way of the target, if it was missed.
@@ -118,66 +145,47 @@ impl Report {
         }
     }
 
-    /// Writes the report as JSON.
+    /// Writes the report as JSON, or as a page by the extension.
     ///
     /// # Errors
-    /// [`Error::Usage`] for another extension than `.json`; the file system's.
+    /// [`Error::Usage`] for another extension than `.json` or `.html`; the file system's.
     pub fn save(&self, path: &Path) -> Result<()> {
-        check_path(path)?;
-        let text = serde_json::to_string_pretty(self)
-            .map_err(|e| Error::Damaged { path: path.to_owned(), message: e.to_string() })?;
-        let mut file = DurableFile::create(path, 4096)?;
+        let text = match Kind::of(path)? {
+            Kind::Html => html::page(self),
+            Kind::Json => serde_json::to_string_pretty(self)
+                .map_err(|e| Error::Damaged { path: path.to_owned(), message: e.to_string() })?,
+        };
+        let mut file = DurableFile::create(path, 64 << 10)?;
         file.write(text.as_bytes())?;
         file.write(b"\n")?;
         file.commit()?;
         Ok(())
     }
-
-    /// The closing words of a run.
-    pub fn summary(&self) -> String {
-        let mut text = String::new();
-        let share = 100.0 * self.faces.output as f64 / self.faces.input.max(1) as f64;
-        let (input, output) = (grouped(self.faces.input), grouped(self.faces.output));
-        let _ = writeln!(text, "{input} -> {output} triangles ({share:.3} %) in {}", escape_path(&self.output));
-        let _ = writeln!(
-            text,
-            "{:.1} s, {} peak memory of {} allowed, deviation about {:.3e} (RMS, in the mesh's units)",
-            self.seconds.total,
-            bytes::display(self.memory.peak_resident),
-            bytes::display(self.memory.budget),
-            self.error.rms_estimate,
-        );
-        for (kind, count) in &self.repairs {
-            let _ = writeln!(text, "{}: {}", kind.replace('_', " "), grouped(*count));
-        }
-        for warning in &self.warnings {
-            let _ = writeln!(text, "warning: {warning}");
-        }
-        if let Some(floor) = &self.floor {
-            let _ = writeln!(
-                text,
-                "the target of {} triangles was missed: no legal collapse is left; vertices on borders: {}, on seams: {}, \
-                 at non-manifold places: {}; refused to keep the topology: {}, to keep pieces: {}",
-                grouped(self.faces.target),
-                grouped(floor.border),
-                grouped(floor.seam),
-                grouped(floor.non_manifold),
-                grouped(floor.topology),
-                grouped(floor.pieces),
-            );
-        }
-        text
-    }
 }
 
-/// Refuses a report file of an unknown kind.
-///
-/// # Errors
-/// [`Error::Usage`].
-pub fn check_path(path: &Path) -> Result<()> {
-    match path.extension().and_then(|extension| extension.to_str()) {
-        Some("json") => Ok(()),
-        _ => Err(Error::Usage(format!("--report {}: expected a name that ends in .json", escape_path(path)))),
+/// Kinds of report files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// For scripts.
+    Json,
+    /// A page for people.
+    Html,
+}
+
+impl Kind {
+    /// By the extension of a path.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for another one than `.json` or `.html`.
+    pub fn of(path: &Path) -> Result<Self> {
+        match path.extension().and_then(|extension| extension.to_str()) {
+            Some("json") => Ok(Self::Json),
+            Some("html") => Ok(Self::Html),
+            _ => {
+                let shown = escape_path(path);
+                Err(Error::Usage(format!("--report {shown}: expected a name that ends in .json or .html")))
+            }
+        }
     }
 }
 

@@ -76,6 +76,17 @@ impl EdgeAt {
     }
 }
 
+/// What a cluster was like at the end of a stage.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Milestone {
+    /// Faces left.
+    pub faces: usize,
+    /// Highest cost of a collapse in the stage.
+    pub cost: f32,
+    /// Estimate of the mean squared deviation that all stages so far have added, in units of length².
+    pub squared_error: f64,
+}
+
 /// Simplifies one cluster.
 #[derive(Debug)]
 pub struct Engine<M> {
@@ -100,6 +111,8 @@ pub struct Engine<M> {
     pub refusals: [u64; Refusal::COUNT],
     /// Estimate of the mean squared deviation that the stages so far have added, in units of length².
     pub squared_error: f64,
+    /// Each stage that had something to do.
+    pub milestones: Vec<Milestone>,
     /// Vertices on seams when the last stage began.
     pub seam_vertices: u64,
     /// Cost and dead faces of every collapse, if wanted.
@@ -130,6 +143,7 @@ impl<M: Metric> Engine<M> {
             chosen: Vec::new(),
             refusals: [0; Refusal::COUNT],
             squared_error: 0.0,
+            milestones: Vec::new(),
             seam_vertices: 0,
             log: None,
             lock_seams: false,
@@ -202,6 +216,8 @@ impl<M: Metric> Engine<M> {
         }
         result.reached |= matches!(stop, Stop::Cost(..));
         self.squared_error += std::mem::take(&mut self.collapser.displaced) / self.cost.area().max(f64::MIN_POSITIVE);
+        let (faces, squared_error) = (self.mesh.face_count, self.squared_error);
+        self.milestones.push(Milestone { faces, cost: result.cost, squared_error });
         result
     }
 

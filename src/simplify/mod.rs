@@ -13,4 +13,4 @@ pub mod engine;
 pub mod legality;
 pub mod texture;
 
-pub use engine::{Engine, StageResult, Stop};
+pub use engine::{Engine, Milestone, StageResult, Stop};

@@ -5,8 +5,8 @@ use std::time::Duration;
 use crate::base::Findings;
 use crate::cost::Metric;
 use crate::mesh::class::Class;
-use crate::simplify::Engine;
 use crate::simplify::legality::Refusal;
+use crate::simplify::{Engine, Milestone};
 use crate::store::StoredMesh;
 
 /// What one pass did.
@@ -24,6 +24,19 @@ pub struct PassReport {
     pub border_vertices: u64,
     /// Vertices on seams.
     pub seam_vertices: u64,
+    /// Each stage of the pass; the sample that thresholds come from is not in it.
+    pub stages: Vec<StageReport>,
+}
+
+/// What all clusters together were like at the end of a stage.
+#[derive(Debug, Clone, Copy, Default, serde::Serialize)]
+pub struct StageReport {
+    /// Faces left.
+    pub faces: u64,
+    /// Highest cost of a collapse, in area × length².
+    pub threshold: f64,
+    /// Estimate of the root of the mean squared deviation since the beginning of the run, in units of length.
+    pub rms_estimate: f64,
 }
 
 /// Why no more faces could be removed: edges refused in the last pass and vertices that hold still, by cause.
@@ -77,6 +90,50 @@ pub struct PassSeconds {
     pub stitch: Duration,
 }
 
+/// Sums over the clusters of a pass, stage by stage.
+#[derive(Debug, Default)]
+pub(super) struct StageSums {
+    /// Before the first stage, then after each.
+    sums: Vec<StageSum>,
+    area: f64,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct StageSum {
+    faces: u64,
+    cost: f32,
+    /// Squared error × area.
+    error: f64,
+}
+
+impl StageSums {
+    /// Adds a cluster that began with so many faces; where it had fewer stages than others it stayed as it was.
+    pub(super) fn add(&mut self, faces: u64, area: f64, milestones: &[Milestone]) {
+        let after = |m: &Milestone| StageSum { faces: m.faces as u64, cost: m.cost, error: m.squared_error * area };
+        let mut stages = std::iter::once(StageSum { faces, cost: 0.0, error: 0.0 }).chain(milestones.iter().map(after));
+        let last = self.sums.last().map_or(StageSum::default(), |last| StageSum { cost: 0.0, ..*last });
+        self.sums.resize(self.sums.len().max(milestones.len() + 1), last);
+        let mut current = StageSum::default();
+        for sum in &mut self.sums {
+            current = stages.next().unwrap_or(StageSum { cost: 0.0, ..current });
+            sum.faces += current.faces;
+            sum.cost = sum.cost.max(current.cost);
+            sum.error += current.error;
+        }
+        self.area += area;
+    }
+
+    /// The stages, when the passes before had added `squared_error` already.
+    pub(super) fn reports(&self, squared_error: f64) -> Vec<StageReport> {
+        let report = |sum: &StageSum| StageReport {
+            faces: sum.faces,
+            threshold: f64::from(sum.cost),
+            rms_estimate: (squared_error + if self.area > 0.0 { sum.error / self.area } else { 0.0 }).sqrt(),
+        };
+        self.sums.iter().skip(1).map(report).collect()
+    }
+}
+
 impl Floor {
     /// Counts of a cluster after its last stage.
     pub(super) fn of<M: Metric>(engine: &Engine<M>) -> Self {
@@ -99,5 +156,23 @@ impl Floor {
         self.topology += other.topology;
         self.pieces += other.pieces;
         self.non_manifold += other.non_manifold;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cluster_with_fewer_stages_counts_as_it_stayed() {
+        let milestone = |faces, cost| Milestone { faces, cost, squared_error: f64::from(cost) };
+        let mut sums = StageSums::default();
+        sums.add(10, 1.0, &[milestone(8, 1.0)]);
+        sums.add(20, 3.0, &[milestone(15, 2.0), milestone(10, 4.0)]);
+        sums.add(5, 0.0, &[]);
+        let reports = sums.reports(0.0);
+        assert_eq!(reports.iter().map(|stage| stage.faces).collect::<Vec<_>>(), [8 + 15 + 5, 8 + 10 + 5]);
+        assert_eq!(reports.iter().map(|stage| stage.threshold).collect::<Vec<_>>(), [2.0, 4.0]);
+        assert_eq!(reports[1].rms_estimate, ((1.0 * 1.0 + 3.0 * 4.0) / 4.0f64).sqrt());
     }
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::outcome::{Floor, PassReport, PassSeconds, Passes};
+use super::outcome::{Floor, PassReport, PassSeconds, Passes, StageSums};
 use super::sample::{self, Survey};
 use super::stops::{Plan, run_plan};
 use crate::base::ordered::map_in_order;
@@ -12,7 +12,7 @@ use crate::cost::{Metric, SurfaceCost, Weights};
 use crate::mesh::ClusterMesh;
 use crate::mesh::pieces;
 use crate::partition::{self, ClusterSource, Partition, PartitionOptions, Shared, TextureScale, cluster};
-use crate::simplify::Engine;
+use crate::simplify::{Engine, Milestone};
 use crate::store::{Catalogue, ColumnWriter, Segment, StoredMesh, StoredPiece};
 
 /// Passes beyond those asked for, while they still remove faces.
@@ -86,11 +86,13 @@ pub struct PassOptions {
 pub(super) struct ClusterResult {
     pieces: Vec<StoredPiece>,
     passed_through: bool,
+    faces_in: u64,
     pub(super) faces: u64,
     cost: f32,
     reached: bool,
     area: f64,
     squared_error: f64,
+    milestones: Vec<Milestone>,
     seam_vertices: u64,
     degenerate: u64,
     dropped_pieces: u64,
@@ -196,6 +198,7 @@ impl<'a, M: Metric> Run<'a, M> {
             }
             sample = outcome.sample;
             let single = is_single(&partition);
+            outcome.report.stages = outcome.stages.reports(squared_error);
             squared_error += outcome.squared_error;
             findings.count("degenerate_faces", outcome.degenerate);
             findings.count("dropped_pieces", outcome.dropped_pieces);
@@ -267,7 +270,7 @@ impl<'a, M: Metric> Run<'a, M> {
             (0..partition.cluster_count()).filter(|&c| partition.face_count(c) > 0).count() as u64;
         outcome.report.faces_in = partition.total_faces();
         outcome.report.border_vertices = u64::from(partition.faces.shared.len());
-        let (mut area, mut error) = (0.0, 0.0);
+        let (mut area, mut error, mut stages) = (0.0, 0.0, StageSums::default());
         let survey = self.survey(partition);
         let mut sample = ClusterMesh::default();
         let mut pieces = Vec::new();
@@ -279,6 +282,7 @@ impl<'a, M: Metric> Run<'a, M> {
             report.threshold = report.threshold.max(f64::from(result.cost));
             report.seam_vertices += result.seam_vertices;
             area += result.area;
+            stages.add(result.faces_in, result.area, &result.milestones);
             error += result.area * result.squared_error;
             *degenerate += result.degenerate;
             *dropped_pieces += result.dropped_pieces;
@@ -293,6 +297,7 @@ impl<'a, M: Metric> Run<'a, M> {
             Ok(())
         })?;
         outcome.squared_error = if area > 0.0 { error / area } else { 0.0 };
+        outcome.stages = stages;
         outcome.mesh.pieces = pieces;
         outcome.sample = sample;
         self.write_shared(partition, pass, &mut outcome.mesh)?;
@@ -339,15 +344,18 @@ impl<'a, M: Metric> Run<'a, M> {
             None => (0, 0),
         };
         let mut engine = self.engine(std::mem::take(&mut source.mesh), pass);
+        let faces_in = engine.mesh.face_count as u64;
         let (cost, reached) = run_plan(&mut engine, plan, cluster);
         let mut result = ClusterResult {
             pieces: Vec::new(),
             passed_through: false,
+            faces_in,
             faces: engine.mesh.face_count as u64,
             cost,
             reached,
             area: engine.area(),
             squared_error: engine.squared_error,
+            milestones: std::mem::take(&mut engine.milestones),
             seam_vertices: engine.seam_vertices,
             degenerate: source.degenerate,
             dropped_pieces,
@@ -389,7 +397,7 @@ impl<'a, M: Metric> Run<'a, M> {
         let path = |part| self.piece_path(pass, cluster, part);
         let (pieces, degenerate) = cluster::pass_through(partition, mesh, cluster, path)?;
         let faces = pieces.iter().map(|piece| piece.faces.len()).sum();
-        Ok(ClusterResult { pieces, degenerate, faces, ..unchanged })
+        Ok(ClusterResult { pieces, degenerate, faces_in: faces, faces, ..unchanged })
     }
 
     pub(super) fn engine(&self, mesh: ClusterMesh, pass: usize) -> Engine<M> {
@@ -490,6 +498,7 @@ struct PassOutcome {
     /// Patches of the mesh.
     sample: ClusterMesh,
     report: PassReport,
+    stages: StageSums,
     squared_error: f64,
     degenerate: u64,
     dropped_pieces: u64,

@@ -1,0 +1,203 @@
+//! Memory and bytes moved over the time of a run, with its phases.
+//!
+//! A [`Recorder`] stands between the phases and whoever listens to their progress: it notes when each phase begins, and
+//! a thread of its own asks the system how the process stands, every 20 ms at first. When there are many samples every
+//! second one is dropped and the interval doubles, so a run of hours has as many as one of seconds. Nothing that shapes
+//! a result reads any of this.
+
+use std::sync::{Arc, Mutex, MutexGuard};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use crossbeam_channel::{RecvTimeoutError, Sender, bounded};
+use serde::Serialize;
+
+use super::system;
+use crate::base::Progress;
+
+/// Time between two samples at the beginning of a run.
+const FIRST_INTERVAL: Duration = Duration::from_millis(20);
+/// Samples at which every second one is dropped.
+const SAMPLES_MAX: usize = 1000;
+
+/// How the process stood at one moment.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Sample {
+    /// Since the run began.
+    pub seconds: f64,
+    /// Resident memory in bytes, mapped pages included.
+    pub resident: u64,
+    /// Bytes read by system calls since the run began.
+    pub read: u64,
+    /// Bytes written by system calls since the run began.
+    pub written: u64,
+}
+
+/// A stretch of time that one phase took.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PhaseSpan {
+    /// `scan`, `partition`, `simplify`, `stitch`, `write` and the like; the same name may come again.
+    pub name: &'static str,
+    /// Beginning and end in seconds since the run began.
+    pub begin: f64,
+    /// See `begin`.
+    pub end: f64,
+}
+
+/// A run over time.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Timeline {
+    /// Phases in order, without gaps.
+    pub phases: Vec<PhaseSpan>,
+    /// Samples in order.
+    pub samples: Vec<Sample>,
+}
+
+/// Records a [`Timeline`] and passes progress on.
+pub struct Recorder<'a> {
+    listener: &'a dyn Progress,
+    clock: Clock,
+    timeline: Arc<Mutex<Timeline>>,
+    stop: Option<Sender<()>>,
+    sampler: Option<JoinHandle<()>>,
+}
+
+impl<'a> Recorder<'a> {
+    /// Starts the clock. Where no thread can be had, phases are recorded without samples.
+    pub fn start(listener: &'a dyn Progress) -> Self {
+        let clock = Clock { started: Instant::now(), io_base: system::io_bytes() };
+        let timeline = Arc::new(Mutex::new(Timeline::default()));
+        let (stop, stopped) = bounded::<()>(0);
+        let shared = Arc::clone(&timeline);
+        let sampling = move || {
+            let mut interval = FIRST_INTERVAL;
+            while stopped.recv_timeout(interval) == Err(RecvTimeoutError::Timeout) {
+                if keep(&mut lock(&shared).samples, || clock.sample()) {
+                    interval *= 2;
+                }
+            }
+        };
+        let sampler = std::thread::Builder::new().name("sampler".into()).spawn(sampling).ok();
+        Self { listener, clock, timeline, stop: Some(stop), sampler }
+    }
+
+    /// Stops the clock.
+    pub fn finish(mut self) -> Timeline {
+        self.halt();
+        let mut timeline = std::mem::take(&mut *lock(&self.timeline));
+        let last = self.clock.sample();
+        timeline.samples.push(last);
+        close(&mut timeline.phases, last.seconds);
+        timeline
+    }
+
+    fn halt(&mut self) {
+        drop(self.stop.take());
+        if let Some(sampler) = self.sampler.take() {
+            // A sampler that panicked has left what it had.
+            let _ = sampler.join();
+        }
+    }
+}
+
+impl Drop for Recorder<'_> {
+    fn drop(&mut self) {
+        self.halt();
+    }
+}
+
+impl Progress for Recorder<'_> {
+    fn begin(&self, phase: &'static str, total: u64, unit: &'static str) {
+        {
+            let mut timeline = lock(&self.timeline);
+            let now = self.clock.sample();
+            timeline.samples.push(now);
+            close(&mut timeline.phases, now.seconds);
+            timeline.phases.push(PhaseSpan { name: phase, begin: now.seconds, end: now.seconds });
+        }
+        self.listener.begin(phase, total, unit);
+    }
+
+    fn advance(&self, units: u64) {
+        self.listener.advance(units);
+    }
+}
+
+fn lock(timeline: &Mutex<Timeline>) -> MutexGuard<'_, Timeline> {
+    timeline.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+}
+
+fn close(phases: &mut [PhaseSpan], now: f64) {
+    if let Some(last) = phases.last_mut() {
+        last.end = now;
+    }
+}
+
+/// When a run began, and what the process had read and written until then.
+#[derive(Debug, Clone, Copy)]
+struct Clock {
+    started: Instant,
+    io_base: (u64, u64),
+}
+
+impl Clock {
+    fn sample(&self) -> Sample {
+        let (read, written) = system::io_bytes();
+        Sample {
+            seconds: self.started.elapsed().as_secs_f64(),
+            resident: system::resident_bytes(),
+            read: read.saturating_sub(self.io_base.0),
+            written: written.saturating_sub(self.io_base.1),
+        }
+    }
+}
+
+/// Appends a sample, taken once nobody else can append; returns whether every second one was dropped.
+fn keep(samples: &mut Vec<Sample>, sample: impl FnOnce() -> Sample) -> bool {
+    samples.push(sample());
+    if samples.len() < SAMPLES_MAX {
+        return false;
+    }
+    let mut place = 0;
+    samples.retain(|_| {
+        place += 1;
+        place % 2 == 1
+    });
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::Silent;
+
+    #[test]
+    fn phases_follow_each_other_without_gaps() {
+        let recorder = Recorder::start(&Silent);
+        recorder.begin("scan", 1, "B");
+        recorder.begin("partition", 0, "");
+        let timeline = recorder.finish();
+        assert_eq!(timeline.phases.iter().map(|phase| phase.name).collect::<Vec<_>>(), ["scan", "partition"]);
+        assert_eq!(timeline.phases[0].end, timeline.phases[1].begin);
+        assert!(timeline.phases[1].end >= timeline.phases[1].begin);
+        assert!(timeline.samples.windows(2).all(|pair| pair[0].seconds <= pair[1].seconds));
+    }
+
+    #[test]
+    fn long_runs_keep_as_many_samples_as_short_ones() {
+        let mut samples = Vec::new();
+        let at = |i: usize| Sample { seconds: i as f64, resident: 0, read: 0, written: 0 };
+        let halved = (0..10_000).filter(|&i| keep(&mut samples, || at(i))).count();
+        assert!(halved > 1 && samples.len() < SAMPLES_MAX);
+        assert!(samples.windows(2).all(|pair| pair[0].seconds < pair[1].seconds));
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_sample_has_the_memory_of_this_process() {
+        let recorder = Recorder::start(&Silent);
+        let timeline = recorder.finish();
+        assert!(timeline.samples.iter().all(|sample| sample.resident > 1 << 20));
+        assert!(!timeline.samples.is_empty());
+    }
+}

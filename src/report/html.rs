@@ -1,0 +1,349 @@
+//! The report as one page: nothing is loaded from anywhere, and all text is escaped by the template.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use super::{Report, Status, grouped, plots};
+use crate::base::bytes;
+use crate::base::error::escape_path;
+use crate::os::timeline::{PhaseSpan, Timeline};
+
+const STYLE: &str = include_str!("style.css");
+
+/// The page.
+pub(super) fn page(report: &Report) -> String {
+    let title = report.output.file_name().map_or_else(String::new, |name| escape_path(name.as_ref()));
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="color-scheme" content="light dark";
+                link rel="icon" href="data:,";
+                title { (title) " · drystone" }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                main {
+                    (head(report, &title))
+                    (figures(report))
+                    (floor(report))
+                    (findings(report))
+                    (time(report))
+                    (passes(report))
+                    (asked(report))
+                }
+                footer { "drystone " (report.program) ", " (date(report.began)) }
+            }
+        }
+    };
+    page.into_string()
+}
+
+fn head(report: &Report, title: &str) -> Markup {
+    html! {
+        header {
+            p.mark { "drystone simplify" }
+            h1 { (title) }
+            p.files { code { (escape_path(&report.input)) } " → " code { (escape_path(&report.output)) } }
+            @match report.status {
+                Status::Done => p.badge.good { "target met" },
+                Status::TargetMissed => p.badge.bad { "target missed" },
+            }
+        }
+    }
+}
+
+fn figures(report: &Report) -> Markup {
+    let faces = &report.faces;
+    let share = 100.0 * faces.output as f64 / faces.input.max(1) as f64;
+    let memory_share = 100.0 * report.memory.peak_resident as f64 / report.memory.budget.max(1) as f64;
+    html! {
+        section.figures {
+            (figure("triangles before", &spaced(faces.input), &files(report.input_files)))
+            (figure("triangles after", &spaced(faces.output), &format!("{} of the input", percent(share))))
+            (figure("deviation, estimated", &length(report.error.rms_estimate), "root mean square, mesh units"))
+            (figure("time", &seconds(report.seconds.total), &format!("{} threads", report.threads)))
+            (figure("peak memory", &bytes::display(report.memory.peak_resident),
+                &format!("{} of the {} allowed", percent(memory_share), bytes::display(report.memory.budget))))
+            (figure("input", &bytes::display(report.io.input), "of OBJ text, read once"))
+        }
+    }
+}
+
+fn figure(name: &str, value: &str, note: &str) -> Markup {
+    html! { div { p.name { (name) } p.value { (value) } p.note { (note) } } }
+}
+
+fn files(count: u64) -> String {
+    if count == 1 { "in one file".into() } else { format!("in {} files", spaced(count)) }
+}
+
+/// Why the target was missed.
+fn floor(report: &Report) -> Markup {
+    let Some(floor) = &report.floor else { return html! {} };
+    let over = report.faces.output.saturating_sub(report.faces.target);
+    html! {
+        section.alarm {
+            h2 { "The target was missed by " (spaced(over)) " triangles" }
+            p { "No legal collapse is left in the last pass. What stands in the way:" }
+            table {
+                (row("vertices on open borders", &spaced(floor.border)))
+                (row("vertices on texture seams", &spaced(floor.seam)))
+                (row("vertices at non-manifold places", &spaced(floor.non_manifold)))
+                (row("collapses refused to keep the topology", &spaced(floor.topology)))
+                (row("collapses refused to keep whole pieces", &spaced(floor.pieces)))
+            }
+        }
+    }
+}
+
+fn row(name: &str, value: &str) -> Markup {
+    html! { tr { th scope="row" { (name) } td { (value) } } }
+}
+
+/// What was repaired, dropped or noticed.
+fn findings(report: &Report) -> Markup {
+    html! {
+        section {
+            h2 { "Warnings and repairs" }
+            @if report.repairs.is_empty() {
+                p { "None: everything that was read is in the result." }
+            } @else {
+                table {
+                    thead { tr { th { "Kind" } th.number { "Count" } th.wide { "Where" } } }
+                    tbody {
+                        @for (kind, count) in &report.repairs {
+                            @let name = kind.replace('_', " ");
+                            @let places = report.warnings.iter().find_map(|w| w.strip_prefix(&name)?.strip_prefix(": "));
+                            tr {
+                                th scope="row" { (name) }
+                                td.number { (spaced(*count)) }
+                                td.wide { (places.unwrap_or("")) }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn time(report: &Report) -> Markup {
+    let timeline = &report.timeline;
+    let total = report.seconds.total.max(1e-9);
+    html! {
+        section {
+            h2 { "Time, memory, and bytes moved" }
+            div.strip {
+                @for phase in &timeline.phases {
+                    @let share = 100.0 * (phase.end - phase.begin) / total;
+                    span.phase.(phase.name) style=(format!("width:{share:.3}%")) title=(phase.name) {}
+                }
+            }
+            div.pair {
+                (plot(plots::memory(timeline, report.memory.budget), "Resident memory, mapped pages included"))
+                (plot(plots::moved(timeline), "Bytes read and written by system calls"))
+            }
+            table {
+                thead {
+                    tr {
+                        th { "Phase" } th.number { "Time" } th.number { "Share" } th.number { "Highest memory" }
+                        th.number { "Read" } th.number { "Written" }
+                    }
+                }
+                tbody {
+                    @for (phase, pass) in with_passes(&timeline.phases) {
+                        @let stay = Stay::of(timeline, phase);
+                        tr {
+                            th scope="row" {
+                                span.key.(phase.name) {}
+                                (phase.name) @if let Some(pass) = pass { span.quiet { " · pass " (pass) } }
+                            }
+                            td.number { (seconds(phase.end - phase.begin)) }
+                            td.number { (percent(100.0 * (phase.end - phase.begin) / total)) }
+                            td.number { (bytes::display(stay.resident)) }
+                            td.number { (bytes::display(stay.read)) }
+                            td.number { (bytes::display(stay.written)) }
+                        }
+                    }
+                }
+                tfoot {
+                    tr {
+                        th scope="row" { "whole run" }
+                        td.number { (seconds(report.seconds.total)) }
+                        td.number { }
+                        td.number { (bytes::display(report.memory.peak_resident)) }
+                        td.number { (bytes::display(report.io.read)) }
+                        td.number { (bytes::display(report.io.written)) }
+                    }
+                }
+            }
+            p.quiet {
+                "Predicted peak: " (bytes::display(report.memory.predicted_peak)) ". Work folder: at most "
+                (bytes::display(report.io.scratch_peak)) ". Mapped files are read without system calls and are not among the bytes read."
+            }
+        }
+    }
+}
+
+/// What a phase took, from the samples around it.
+struct Stay {
+    resident: u64,
+    read: u64,
+    written: u64,
+}
+
+impl Stay {
+    fn of(timeline: &Timeline, phase: &PhaseSpan) -> Self {
+        let samples = &timeline.samples;
+        let first = samples.partition_point(|sample| sample.seconds < phase.begin).min(samples.len().saturating_sub(1));
+        let last = samples.partition_point(|sample| sample.seconds < phase.end).min(samples.len().saturating_sub(1));
+        match samples.get(first..=last) {
+            Some(inside @ [begin, .., end]) => Self {
+                resident: inside.iter().map(|sample| sample.resident).max().unwrap_or(0),
+                read: end.read - begin.read,
+                written: end.written - begin.written,
+            },
+            _ => Self { resident: samples.get(first).map_or(0, |sample| sample.resident), read: 0, written: 0 },
+        }
+    }
+}
+
+/// Phases with the number of the pass that they belong to.
+fn with_passes(phases: &[PhaseSpan]) -> Vec<(&PhaseSpan, Option<usize>)> {
+    let mut pass = 0;
+    let number = |phase| match phase {
+        &PhaseSpan { name: "partition", .. } => {
+            pass += 1;
+            (phase, Some(pass))
+        }
+        PhaseSpan { name: "simplify" | "stitch", .. } => (phase, Some(pass)),
+        _ => (phase, None),
+    };
+    phases.iter().map(number).collect()
+}
+
+fn passes(report: &Report) -> Markup {
+    html! {
+        section {
+            h2 { "Passes" }
+            (plot(plots::faces_against_error(&report.passes), "Triangles left against estimated deviation, stage by stage"))
+            table {
+                thead {
+                    tr {
+                        th { "Pass" } th.number { "Clusters" } th.number { "Triangles before" } th.number { "after" }
+                        th.number { "Locked on cell borders" } th.number { "On seams" }
+                        th.number { "Threshold" } th.number { "Deviation" }
+                    }
+                }
+                tbody {
+                    @for (number, pass) in report.passes.iter().enumerate() {
+                        tr {
+                            th scope="row" { (number + 1) }
+                            td.number { (spaced(pass.clusters)) }
+                            td.number { (spaced(pass.faces_in)) }
+                            td.number { (spaced(pass.faces_out)) }
+                            td.number { (spaced(pass.border_vertices)) }
+                            td.number { (spaced(pass.seam_vertices)) }
+                            td.number { (length(pass.threshold)) }
+                            td.number { (pass.stages.last().map_or_else(String::new, |stage| length(stage.rms_estimate))) }
+                        }
+                    }
+                }
+            }
+            p.quiet {
+                "Threshold: highest cost of a collapse (area × length²). Deviation: what the cost function says has been added up to then, "
+                "as a root mean square in mesh units; it is an estimate, not a measurement."
+            }
+        }
+    }
+}
+
+/// The options, as they were.
+fn asked(report: &Report) -> Markup {
+    let options = match serde_json::to_value(&report.options) {
+        Ok(serde_json::Value::Object(options)) => options,
+        _ => serde_json::Map::new(),
+    };
+    let shown = |value: &serde_json::Value| match value {
+        serde_json::Value::Null => "not given".to_owned(),
+        serde_json::Value::String(text) => text.clone(),
+        other => other.to_string(),
+    };
+    html! {
+        section {
+            h2 { "Options" }
+            dl {
+                @for (name, value) in &options {
+                    div { dt { "--" (name.replace('_', "-")) } dd.none[value.is_null()] { (shown(value)) } }
+                }
+            }
+        }
+    }
+}
+
+fn plot(svg: Option<String>, caption: &str) -> Markup {
+    html! {
+        @if let Some(svg) = svg {
+            figure { div.plot role="img" aria-label=(caption) { (PreEscaped(svg)) } figcaption { (caption) } }
+        }
+    }
+}
+
+/// A number with narrow blanks that do not break.
+fn spaced(number: u64) -> String {
+    grouped(number).replace(' ', "\u{202f}")
+}
+
+fn percent(share: f64) -> String {
+    match share {
+        s if s >= 10.0 => format!("{s:.0}\u{202f}%"),
+        s if s >= 1.0 => format!("{s:.1}\u{202f}%"),
+        s => format!("{s:.2}\u{202f}%"),
+    }
+}
+
+fn seconds(seconds: f64) -> String {
+    match seconds {
+        s if s >= 3600.0 => format!("{:.0}\u{202f}h {:.0}\u{202f}min", (s / 3600.0).floor(), (s % 3600.0) / 60.0),
+        s if s >= 90.0 => format!("{:.0}\u{202f}min {:.0}\u{202f}s", (s / 60.0).floor(), s % 60.0),
+        s if s >= 10.0 => format!("{s:.1}\u{202f}s"),
+        s => format!("{s:.2}\u{202f}s"),
+    }
+}
+
+/// Three digits that count.
+fn length(length: f64) -> String {
+    match length.abs() {
+        0.0 => "0".into(),
+        l if (1e-3..1e5).contains(&l) => {
+            let decimals = (2.0 - libm::log10(l).floor()).max(0.0) as usize;
+            format!("{length:.decimals$}")
+        }
+        _ => format!("{length:.2e}"),
+    }
+}
+
+fn date(seconds: u64) -> String {
+    let time = std::time::UNIX_EPOCH + std::time::Duration::from_secs(seconds);
+    humantime::format_rfc3339_seconds(time).to_string().replace('T', " ").replace('Z', " UTC")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_have_three_digits_that_count() {
+        assert_eq!(
+            [0.0, 0.012_345, 1.234_5, 98_765.4, 1.0e-7].map(length),
+            ["0", "0.0123", "1.23", "98765", "1.00e-7"]
+        );
+    }
+
+    #[test]
+    fn dates_are_in_universal_time() {
+        assert_eq!(date(1_000_000_000), "2001-09-09 01:46:40 UTC");
+    }
+}

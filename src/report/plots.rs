@@ -1,0 +1,278 @@
+//! Plots as SVG text, drawn by `plotters`.
+//!
+//! In: series of numbers. Out: `<svg>` elements without any text from outside. Colours are stand-ins that the page's
+//! style replaces, so that a plot follows the light, the dark and the printed page.
+
+use std::ops::Range;
+
+use plotters::coord::ranged1d::Ranged;
+use plotters::coord::types::RangedCoordf64;
+use plotters::prelude::*;
+use plotters::style::text_anchor;
+
+use crate::base::bytes::MIB;
+use crate::os::timeline::Timeline;
+use crate::stitch::outcome::PassReport;
+
+/// Width and height of a plot in its own units; the page scales it.
+const SIZE: (u32, u32) = (640, 300);
+/// Stand-ins: `style.css` gives `#010101` and the others their real colours.
+const INK: RGBColor = RGBColor(1, 1, 1);
+const RULE: RGBColor = RGBColor(2, 2, 2);
+const FIRST: RGBColor = RGBColor(3, 3, 3);
+const SECOND: RGBColor = RGBColor(4, 4, 4);
+const WASH: RGBColor = RGBColor(5, 5, 5);
+const MUTED: RGBColor = RGBColor(6, 6, 6);
+/// The font is the page's.
+const FONT: &str = "sans-serif";
+const TEXT_SIZE: i32 = 13;
+
+type Drawn = Result<(), Box<dyn std::error::Error>>;
+type Chart<'a, 'b, X, Y> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<X, Y>>;
+
+/// Resident memory over time, with the budget, and phases as bands.
+pub fn memory(timeline: &Timeline, budget: u64) -> Option<String> {
+    let points: Vec<(f64, f64)> =
+        timeline.samples.iter().map(|sample| (sample.seconds, mib(sample.resident))).collect();
+    let highest = points.iter().map(|point| point.1).fold(0.0, f64::max);
+    // A generous budget would press the curve to the ground.
+    let shown_budget = Some(mib(budget)).filter(|budget| *budget <= 3.0 * highest);
+    let top = shown_budget.unwrap_or(highest).max(highest) * 1.12;
+    over_time(timeline, top, "MiB resident", |chart| {
+        chart.draw_series(AreaSeries::new(points.iter().copied(), 0.0, WASH))?;
+        chart.draw_series(LineSeries::new(points.iter().copied(), FIRST.stroke_width(2)))?;
+        if let Some(budget) = shown_budget {
+            let end = points.last().map_or(0.0, |point| point.0);
+            chart.draw_series(LineSeries::new([(0.0, budget), (end, budget)], SECOND.stroke_width(1)))?;
+            note(chart, "budget", (end, budget), (-2, -2), label(SECOND).pos(right_above()))?;
+        }
+        Ok(())
+    })
+}
+
+/// Bytes read and written so far over time.
+pub fn moved(timeline: &Timeline) -> Option<String> {
+    let series = |of: fn(&crate::os::timeline::Sample) -> u64| -> Vec<(f64, f64)> {
+        timeline.samples.iter().map(|sample| (sample.seconds, mib(of(sample)))).collect()
+    };
+    let (read, written) = (series(|sample| sample.read), series(|sample| sample.written));
+    let last = |points: &[(f64, f64)]| points.last().copied().unwrap_or_default();
+    let top = last(&read).1.max(last(&written).1) * 1.15;
+    over_time(timeline, top, "MiB so far", |chart| {
+        let is_read_above = last(&read).1 >= last(&written).1;
+        for (points, colour, name, is_above) in
+            [(&read, FIRST, "read", is_read_above), (&written, SECOND, "written", !is_read_above)]
+        {
+            chart.draw_series(LineSeries::new(points.iter().copied(), colour.stroke_width(2)))?;
+            let (anchor, down) = if is_above { (right_above(), -4) } else { (right_below(), 6) };
+            note(chart, name, last(points), (-2, down), label(colour).pos(anchor))?;
+        }
+        Ok(())
+    })
+}
+
+/// Deviation against faces at the end of each stage, both in decades; each pass has its own line.
+pub fn faces_against_error(passes: &[PassReport]) -> Option<String> {
+    let stages = passes.iter().flat_map(|pass| &pass.stages);
+    let shown: Vec<(f64, f64)> = stages
+        .filter(|stage| stage.faces > 0 && stage.rms_estimate > 0.0)
+        .map(|stage| (stage.faces as f64, stage.rms_estimate))
+        .collect();
+    if shown.len() < 2 {
+        return None;
+    }
+    let x = decades(shown.iter().map(|point| point.0));
+    let y = decades(shown.iter().map(|point| point.1));
+    svg(|root| {
+        let mut chart = ChartBuilder::on(root)
+            .margin(6)
+            .margin_right(20)
+            .x_label_area_size(38)
+            .y_label_area_size(62)
+            .build_cartesian_2d(x.log_scale(), y.log_scale())?;
+        chart
+            .configure_mesh()
+            .bold_line_style(RULE)
+            .light_line_style(TRANSPARENT)
+            .axis_style(MUTED)
+            .label_style(label(INK))
+            .x_desc("triangles left")
+            .y_desc("deviation (RMS, mesh units)")
+            .x_label_formatter(&|faces| short(*faces))
+            .y_label_formatter(&|error| format!("{error:.0e}"))
+            .draw()?;
+        chart.draw_series(LineSeries::new(shown.iter().copied(), FIRST.stroke_width(2)))?;
+        for (number, pass) in passes.iter().enumerate() {
+            let points: Vec<(f64, f64)> =
+                pass.stages.iter().map(|stage| (stage.faces as f64, stage.rms_estimate)).collect();
+            let points: Vec<_> = points.into_iter().filter(|point| point.0 > 0.0 && point.1 > 0.0).collect();
+            chart.draw_series(points.iter().map(|&point| Circle::new(point, 3, FIRST.filled())))?;
+            if let Some(&end) = points.last() {
+                chart.draw_series([Circle::new(end, 5, SECOND.filled())])?;
+                let name = format!("pass {}", number + 1);
+                note(&mut chart, &name, end, (9, -3), label(SECOND).pos(left_above()))?;
+            }
+        }
+        Ok(())
+    })
+}
+
+/// A plot over the seconds of a run, phases as bands behind it.
+fn over_time(
+    timeline: &Timeline,
+    top: f64,
+    y_name: &str,
+    draw: impl Fn(&mut Chart<RangedCoordf64, RangedCoordf64>) -> Drawn,
+) -> Option<String> {
+    let end = timeline.samples.last()?.seconds;
+    if !(end > 0.0 && top > 0.0) {
+        return None;
+    }
+    svg(|root| {
+        let mut chart = axes(root, 0.0..end, 0.0..top, "seconds", y_name)?;
+        for phase in timeline.phases.iter().skip(1) {
+            chart.draw_series(LineSeries::new([(phase.begin, 0.0), (phase.begin, top)], RULE.stroke_width(1)))?;
+        }
+        for phase in timeline.phases.iter().filter(|phase| phase.end - phase.begin > 0.09 * end) {
+            let middle = ((phase.begin + phase.end) / 2.0, top);
+            let anchor = text_anchor::Pos::new(text_anchor::HPos::Center, text_anchor::VPos::Top);
+            note(&mut chart, phase.name, middle, (0, 2), label(MUTED).pos(anchor))?;
+        }
+        draw(&mut chart)
+    })
+}
+
+fn axes<'a, 'b>(
+    root: &'a DrawingArea<SVGBackend<'b>, plotters::coord::Shift>,
+    x: Range<f64>,
+    y: Range<f64>,
+    x_name: &str,
+    y_name: &str,
+) -> Result<Chart<'a, 'b, RangedCoordf64, RangedCoordf64>, Box<dyn std::error::Error>>
+where
+    'b: 'a,
+{
+    let mut chart = ChartBuilder::on(root)
+        .margin(6)
+        .margin_right(16)
+        .x_label_area_size(38)
+        .y_label_area_size(62)
+        .build_cartesian_2d(x, y)?;
+    chart
+        .configure_mesh()
+        .disable_x_mesh()
+        .bold_line_style(RULE)
+        .light_line_style(TRANSPARENT)
+        .axis_style(MUTED)
+        .label_style(label(INK))
+        .x_labels(8)
+        .y_labels(6)
+        .x_desc(x_name)
+        .y_desc(y_name)
+        .x_label_formatter(&plain)
+        .y_label_formatter(&plain)
+        .draw()?;
+    Ok(chart)
+}
+
+/// Draws one plot; `None` where nothing can be drawn.
+fn svg(draw: impl FnOnce(&DrawingArea<SVGBackend<'_>, plotters::coord::Shift>) -> Drawn) -> Option<String> {
+    let mut text = String::new();
+    {
+        let root = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
+        draw(&root).and_then(|()| Ok(root.present()?)).ok()?;
+    }
+    Some(text)
+}
+
+fn label(colour: RGBColor) -> TextStyle<'static> {
+    (FONT, TEXT_SIZE).into_font().color(&colour)
+}
+
+/// Writes words beside a point, so many units to its right and below it.
+fn note<X: Ranged<ValueType = f64>, Y: Ranged<ValueType = f64>>(
+    chart: &mut Chart<X, Y>,
+    words: &str,
+    point: (f64, f64),
+    offset: (i32, i32),
+    style: TextStyle<'static>,
+) -> Drawn {
+    let words = EmptyElement::at(point) + Text::new(words.to_owned(), offset, style);
+    chart.draw_series([words])?;
+    Ok(())
+}
+
+fn right_above() -> text_anchor::Pos {
+    text_anchor::Pos::new(text_anchor::HPos::Right, text_anchor::VPos::Bottom)
+}
+
+fn right_below() -> text_anchor::Pos {
+    text_anchor::Pos::new(text_anchor::HPos::Right, text_anchor::VPos::Top)
+}
+
+fn mib(bytes: u64) -> f64 {
+    bytes as f64 / MIB as f64
+}
+
+/// A range that begins and ends a little beyond the values.
+fn decades(values: impl Iterator<Item = f64>) -> Range<f64> {
+    let (low, high) = values.fold((f64::INFINITY, 0f64), |(low, high), x| (low.min(x), high.max(x)));
+    low / 1.3..high * 1.6
+}
+
+/// A number without needless zeros.
+fn plain(number: &f64) -> String {
+    let rounded = (number * 1e6).round() / 1e6;
+    if *number != 0.0 && number.abs() < 1e-3 { format!("{number:.1e}") } else { format!("{rounded}") }
+}
+
+/// `250k`, `4.3M`.
+fn short(number: f64) -> String {
+    match number {
+        n if n >= 1e6 => format!("{}M", (n / 1e5).round() / 10.0),
+        n if n >= 1e3 => format!("{}k", (n / 1e2).round() / 10.0),
+        n => format!("{n:.0}"),
+    }
+}
+
+fn left_above() -> text_anchor::Pos {
+    text_anchor::Pos::new(text_anchor::HPos::Left, text_anchor::VPos::Bottom)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::os::timeline::{PhaseSpan, Sample};
+    use crate::stitch::outcome::StageReport;
+
+    fn timeline(samples: &[(f64, u64)]) -> Timeline {
+        let sample = |&(seconds, resident)| Sample { seconds, resident, read: resident / 2, written: resident / 4 };
+        let end = samples.last().map_or(0.0, |sample| sample.0);
+        let phases = vec![PhaseSpan { name: "scan", begin: 0.0, end }];
+        Timeline { phases, samples: samples.iter().map(sample).collect() }
+    }
+
+    #[test]
+    fn a_run_over_time_is_drawn_with_its_phases() {
+        let drawn = memory(&timeline(&[(0.0, MIB), (1.0, 30 * MIB), (2.0, 20 * MIB)]), 32 * MIB).unwrap();
+        assert!(drawn.starts_with("<svg") && drawn.contains("scan") && drawn.contains("budget"));
+        assert!(moved(&timeline(&[(0.0, 0), (1.0, 30 * MIB)])).unwrap().contains("written"));
+    }
+
+    #[test]
+    fn nothing_is_drawn_of_nothing() {
+        assert_eq!(memory(&Timeline::default(), MIB), None);
+        assert_eq!(moved(&timeline(&[(0.0, 0), (0.0, 0)])), None);
+        assert_eq!(faces_against_error(&[]), None);
+    }
+
+    #[test]
+    fn stages_without_error_are_left_out_of_the_curve() {
+        let stage = |faces, rms_estimate| StageReport { faces, threshold: 1.0, rms_estimate };
+        let pass = |stages| PassReport { stages, ..PassReport::default() };
+        let flat = pass(vec![stage(100, 0.0), stage(10, 0.0)]);
+        assert_eq!(faces_against_error(std::slice::from_ref(&flat)), None);
+        let drawn = faces_against_error(&[flat, pass(vec![stage(10, 0.01), stage(4, 0.1)])]).unwrap();
+        assert!(drawn.contains("pass 2") && !drawn.contains("pass 1"));
+    }
+}

@@ -1,0 +1,45 @@
+//! The closing words of a run, for the terminal.
+
+use std::fmt::Write as _;
+
+use super::{Report, grouped};
+use crate::base::bytes;
+use crate::base::error::escape_path;
+
+impl Report {
+    /// The closing words of a run.
+    pub fn summary(&self) -> String {
+        let mut text = String::new();
+        let share = 100.0 * self.faces.output as f64 / self.faces.input.max(1) as f64;
+        let (input, output) = (grouped(self.faces.input), grouped(self.faces.output));
+        let _ = writeln!(text, "{input} -> {output} triangles ({share:.3} %) in {}", escape_path(&self.output));
+        let _ = writeln!(
+            text,
+            "{:.1} s, {} peak memory of {} allowed, deviation about {:.3e} (RMS, in the mesh's units)",
+            self.seconds.total,
+            bytes::display(self.memory.peak_resident),
+            bytes::display(self.memory.budget),
+            self.error.rms_estimate,
+        );
+        for (kind, count) in &self.repairs {
+            let _ = writeln!(text, "{}: {}", kind.replace('_', " "), grouped(*count));
+        }
+        for warning in &self.warnings {
+            let _ = writeln!(text, "warning: {warning}");
+        }
+        if let Some(floor) = &self.floor {
+            let _ = writeln!(
+                text,
+                "the target of {} triangles was missed: no legal collapse is left; vertices on borders: {}, on seams: {}, \
+                 at non-manifold places: {}; refused to keep the topology: {}, to keep pieces: {}",
+                grouped(self.faces.target),
+                grouped(floor.border),
+                grouped(floor.seam),
+                grouped(floor.non_manifold),
+                grouped(floor.topology),
+                grouped(floor.pieces),
+            );
+        }
+        text
+    }
+}
