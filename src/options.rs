@@ -6,7 +6,8 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use crate::base::{Error, Result, bytes};
-use crate::stitch::pass::SeamPolicy;
+use crate::cost::{Weights, classic, curvature, knob, oblique, sharpness, terrain};
+use crate::stitch::pass::{Cost, SeamPolicy};
 use crate::write::Textures;
 
 /// What becomes of vertices on texture seams.
@@ -59,6 +60,17 @@ pub enum Metric {
     Qem,
     /// Distance to the surface and slide of the picture
     QemAttributes,
+    /// Distance to planes of equal weight; borders wear away (Garland & Heckbert 1997, the papers' baseline)
+    #[value(name = "qem-1997")]
+    Qem1997,
+    /// Oblique photogrammetry: rough ground goes first, pictures keep their shape (Wang et al. 2024)
+    Oblique,
+    /// Thin and bent parts outlast flat ones (Quan et al. 2015)
+    Curvature,
+    /// Terrain: position, picture and normal; borders are kept edge for edge (Li, Shi & Zhu 2018)
+    Terrain,
+    /// Sharp and richly painted parts outlast the rest; borders stay (Li, Jiang & Tang 2020)
+    Sharpness,
 }
 
 /// What becomes of normals.
@@ -114,9 +126,9 @@ pub struct SimplifyOptions {
     #[arg(long)]
     pub keep_work: bool,
 
-    /// What becomes of vertices on texture seams
-    #[arg(long, value_enum, default_value_t = Seams::Stitch)]
-    pub seams: Seams,
+    /// What becomes of vertices on texture seams [default: stitch; follow with the metrics of papers, by their own rules]
+    #[arg(long, value_enum)]
+    pub seams: Option<Seams>,
 
     /// What becomes of open borders
     #[arg(long, value_enum, default_value_t = Borders::Simplify)]
@@ -133,6 +145,10 @@ pub struct SimplifyOptions {
     /// Cost of a collapse [default: qem-attributes with texture, else qem]
     #[arg(long, value_enum)]
     pub metric: Option<Metric>,
+
+    /// Constant of the metric, as name=value, such as border=2; may be repeated (docs/choosing.md lists them)
+    #[arg(long, value_name = "NAME=VALUE")]
+    pub metric_option: Vec<String>,
 
     /// Weight of the picture's slide against distance, 0 to 1000: at 1 a metre of slide costs as much as a metre of distance
     #[arg(long, value_name = "WEIGHT", default_value_t = 1.0)]
@@ -169,11 +185,12 @@ impl Default for SimplifyOptions {
             threads: None,
             work: None,
             keep_work: false,
-            seams: Seams::Stitch,
+            seams: None,
             borders: Borders::Simplify,
             weld: Weld::Exact,
             pieces: Pieces::Keep,
             metric: None,
+            metric_option: Vec::new(),
             uv_weight: 1.0,
             normals: Normals::Auto,
             textures: TextureFiles::Copy,
@@ -212,6 +229,7 @@ impl SimplifyOptions {
         if !(0.0..=1000.0).contains(&self.uv_weight) {
             return fail(format!("--uv-weight {}: expected 0 to 1000", self.uv_weight));
         }
+        self.cost(true)?;
         if self.threads == Some(0) {
             return fail("--threads 0: expected at least 1".into());
         }
@@ -224,6 +242,37 @@ impl SimplifyOptions {
             _ if self.max_error.is_some() => 0,
             (Some(ratio), _) => (ratio * triangles as f64).round() as u64,
             (None, faces) => faces.unwrap_or(triangles).min(triangles),
+        }
+    }
+
+    /// The metric and its settings, for a mesh with or without texture.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for a setting that the metric does not have or accept.
+    pub fn cost(&self, has_texture: bool) -> Result<Cost> {
+        let given = &self.metric_option;
+        let metric = self.metric.unwrap_or(if has_texture { Metric::QemAttributes } else { Metric::Qem });
+        let cost = match metric {
+            Metric::Qem => knob::read(&[], given).map(|[]| Cost::Surface(Weights { uv: 0.0, ..Weights::default() })),
+            Metric::QemAttributes => knob::read(&[], given).map(|[]| {
+                let uv = if has_texture { self.uv_weight } else { 0.0 };
+                Cost::Surface(Weights { uv, ..Weights::default() })
+            }),
+            Metric::Qem1997 => knob::read(&classic::KNOBS, given).map(|values| Cost::Classic(values.into())),
+            Metric::Oblique => knob::read(&oblique::KNOBS, given).map(|values| Cost::Oblique(values.into())),
+            Metric::Curvature => knob::read(&curvature::KNOBS, given).map(|values| Cost::Curvature(values.into())),
+            Metric::Terrain => knob::read(&terrain::KNOBS, given).map(|values| Cost::Terrain(values.into())),
+            Metric::Sharpness => knob::read(&sharpness::KNOBS, given).map(|values| Cost::Sharpness(values.into())),
+        };
+        cost.map_err(|words| Error::Usage(format!("--metric-option {words}")))
+    }
+
+    /// What becomes of seams: by the metric's own rules, unless something else is asked for.
+    pub fn seam_policy(&self) -> SeamPolicy {
+        match self.seams {
+            Some(seams) => seams.into(),
+            None if matches!(self.metric, None | Some(Metric::Qem | Metric::QemAttributes)) => SeamPolicy::Stitch,
+            None => SeamPolicy::Follow,
         }
     }
 

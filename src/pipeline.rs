@@ -9,16 +9,15 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use self::need::Need;
 use crate::base::{Error, Findings, MemoryBudget, Progress, Result};
-use crate::cost::surface::Weights;
 use crate::job::{FORMAT_VERSION, Manifest, WorkFolder};
-use crate::options::{Borders, Metric, Normals, Pieces, SimplifyOptions, Weld};
+use crate::options::{Borders, Normals, Pieces, SimplifyOptions, Weld};
 use crate::os::system;
 use crate::os::timeline::Recorder;
 use crate::plan::memory::{self, Sizes};
 use crate::plan::scratch;
 use crate::report::{ErrorFigures, FaceFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
 use crate::scan::{self, Scan};
-use crate::stitch::pass::{self, Cost, PassOptions};
+use crate::stitch::pass::{self, PassOptions};
 use crate::write::{self, WriteOptions};
 
 /// Simplifies one OBJ, or all below a folder, into one OBJ.
@@ -53,7 +52,7 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
     let target = options.target(triangles);
     let sizes = Sizes { faces: triangles, vertices: mesh.vertex_count(), target, cluster_faces: options.cluster_faces };
     let work_bytes = budget.for_work() - need.resident_bytes();
-    let pass_options = pass_options(options, catalogue.has_texcoords, triangles, target, threads, work_bytes);
+    let pass_options = pass_options(options, catalogue.has_texcoords, triangles, target, threads, work_bytes)?;
     let passes = pass::simplify(mesh, &pass_options, &catalogue, work.path(), progress)?;
     findings.merge(passes.findings);
     scratch_peak = scratch_peak.max(passes.scratch_peak);
@@ -142,23 +141,21 @@ fn pass_options(
     target: u64,
     threads: usize,
     work_bytes: u64,
-) -> PassOptions {
-    let metric = options.metric.unwrap_or(if has_texture { Metric::QemAttributes } else { Metric::Qem });
-    let uv = if metric == Metric::QemAttributes && has_texture { options.uv_weight } else { 0.0 };
-    PassOptions {
+) -> Result<PassOptions> {
+    Ok(PassOptions {
         target,
         max_error: options.max_error,
         input,
         passes: options.passes,
         cluster_faces: options.cluster_faces,
-        cost: Cost::Surface(Weights { uv, ..Weights::default() }),
-        seams: options.seams.into(),
+        cost: options.cost(has_texture)?,
+        seams: options.seam_policy(),
         lock_borders: options.borders == Borders::Lock,
         drop_pieces: options.pieces == Pieces::Drop,
         weld: options.weld == Weld::Exact,
         threads,
         work_bytes,
-    }
+    })
 }
 
 fn default_work(output: &Path) -> PathBuf {

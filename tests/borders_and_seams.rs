@@ -8,7 +8,7 @@ use meshes::{assert_sound, in_many_clusters, ratio, read, simplify, simplify_tex
 #[test]
 fn locked_seams_keep_every_vertex_and_its_texcoords() {
     for many in [false, true] {
-        let options = SimplifyOptions { seams: Seams::Lock, ..ratio(0.6) };
+        let options = SimplifyOptions { seams: Some(Seams::Lock), ..ratio(0.6) };
         let run = simplify(&town(), &if many { in_many_clusters(options) } else { options });
         let (before, after) = (read(&town()).texcoords_by_position(), run.mesh().texcoords_by_position());
         assert!(after.len() < before.len());

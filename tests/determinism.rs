@@ -2,7 +2,7 @@
 
 mod meshes;
 
-use drystone::options::{Seams, SimplifyOptions};
+use drystone::options::{Metric, Seams, SimplifyOptions};
 use meshes::{in_many_clusters, ratio, simplify, town};
 
 fn files(options: &SimplifyOptions) -> Vec<Vec<u8>> {
@@ -25,8 +25,17 @@ fn threads_and_memory_leave_no_trace_in_the_result() {
 #[test]
 fn every_way_of_treating_seams_gives_the_same_bytes_again() {
     for seams in [Seams::Stitch, Seams::Follow, Seams::Lock] {
-        let options = in_many_clusters(SimplifyOptions { seams, ..ratio(0.3) });
+        let options = in_many_clusters(SimplifyOptions { seams: Some(seams), ..ratio(0.3) });
         let four = SimplifyOptions { threads: Some(4), memory: Some(128 << 20), ..options.clone() };
         assert!(files(&options) == files(&four), "{seams:?}");
+    }
+}
+
+#[test]
+fn every_metric_gives_the_same_bytes_at_any_number_of_threads() {
+    for metric in [Metric::Qem1997, Metric::Oblique, Metric::Curvature, Metric::Terrain, Metric::Sharpness] {
+        let options = in_many_clusters(SimplifyOptions { metric: Some(metric), ..ratio(0.5) });
+        let four = SimplifyOptions { threads: Some(4), memory: Some(1 << 30), ..options.clone() };
+        assert!(files(&options) == files(&four), "{metric:?}");
     }
 }

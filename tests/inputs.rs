@@ -201,7 +201,7 @@ fn vertices_that_stay_keep_their_numbers() {
     let kept = simplify(&town(), &in_many_clusters(ratio(1.0))).mesh();
     assert!(numbers(&kept) == before);
     let seams = town_mesh.texcoords_by_position().values().filter(|texcoords| texcoords.len() > 1).count();
-    let options = SimplifyOptions { seams: Seams::Lock, ..in_many_clusters(ratio(0.6)) };
+    let options = SimplifyOptions { seams: Some(Seams::Lock), ..in_many_clusters(ratio(0.6)) };
     let after = numbers(&simplify(&town(), &options).mesh());
     assert!(after.intersection(&before).count() >= seams);
     assert!(after.len() > after.intersection(&before).count());

@@ -4,6 +4,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::census::Census;
 use super::surface::{EdgeCase, EdgeKind, Placement};
 use crate::mesh::class::{Class, Rule};
 use crate::mesh::cluster::ClusterMesh;
@@ -14,8 +15,38 @@ pub trait Metric: Sized {
     /// Weights and normalisers: the same for all clusters of a job.
     type Settings: Clone + Sync;
 
+    /// Bytes that it keeps for a vertex, beyond the 80 of a quadric.
+    const VERTEX_BYTES: u64 = 0;
+    /// Bytes that it keeps for a wedge, beyond the 72 of a texture quadric.
+    const WEDGE_BYTES: u64 = 0;
+    /// Whether it needs numbers of the whole mesh.
+    const HAS_CENSUS: bool = false;
+
     /// Without a mesh yet.
     fn new(settings: &Self::Settings) -> Self;
+
+    /// Whether it reads texture coordinates, so that their scale is needed.
+    fn reads_texture(_settings: &Self::Settings) -> bool {
+        true
+    }
+
+    /// Whether texture coordinates are wanted as they came, without the scale of their material.
+    fn wants_raw_texture(_settings: &Self::Settings) -> bool {
+        false
+    }
+
+    /// Adds a cluster's numbers; those of vertices whose faces are not all here are left out.
+    fn count(
+        _settings: &Self::Settings,
+        _mesh: &ClusterMesh,
+        _rings: &Rings,
+        _classes: &[Class],
+        _census: &mut Census,
+    ) {
+    }
+
+    /// Freezes the normalisers.
+    fn settle(_settings: &mut Self::Settings, _census: &Census) {}
 
     /// Prepares for a stage on the mesh as it stands. O(faces).
     fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]);
@@ -32,13 +63,7 @@ pub trait Metric: Sized {
     /// What may become of an edge of this kind between two classes, whatever is locked.
     #[inline]
     fn rule(&self, from: Class, to: Class, kind: EdgeKind) -> Rule {
-        let fits = match from {
-            Class::Smooth => kind == EdgeKind::Inner,
-            Class::Seam => kind == EdgeKind::Seam,
-            Class::Border => kind == EdgeKind::Border,
-            _ => false,
-        };
-        if fits { from.rule(to) } else { Rule::Never }
+        if fits(from, kind) { from.rule(to) } else { Rule::Never }
     }
 
     /// The metric's own texture coordinate for each wedge pair of a collapse to `position`, in `out`; false to take those
@@ -52,4 +77,15 @@ pub trait Metric: Sized {
     /// cost something else now are added to `changed`; survivors need not be.
     #[inline]
     fn follow(&mut self, _mesh: &ClusterMesh, _rings: &Rings, _survivors: &[u32], _changed: &mut Vec<u32>) {}
+}
+
+/// Whether a vertex of this class may vanish along an edge of this kind at all.
+#[inline]
+pub fn fits(from: Class, kind: EdgeKind) -> bool {
+    match from {
+        Class::Smooth => kind == EdgeKind::Inner,
+        Class::Seam => kind == EdgeKind::Seam,
+        Class::Border => kind == EdgeKind::Border,
+        _ => false,
+    }
 }

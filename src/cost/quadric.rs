@@ -48,6 +48,17 @@ impl Quadric {
         self.apply(p).dot(p) + 2.0 * self.linear.dot(p) + self.constant
     }
 
+    /// So many times itself.
+    #[inline]
+    pub fn scaled(&self, weight: f64) -> Self {
+        Self {
+            diagonal: self.diagonal * weight,
+            mixed: self.mixed * weight,
+            linear: self.linear * weight,
+            constant: self.constant * weight,
+        }
+    }
+
     /// A·p.
     #[inline]
     pub fn apply(&self, p: DVec3) -> DVec3 {

@@ -25,7 +25,7 @@ use crate::mesh::ring::Rings;
 /// Stiffness of the spring that holds a free placement to the middle of its edge, relative to the trace of A.
 const SPRING: f64 = 1e-6;
 /// Area share of a squared edge length that a collapse costs on a perfectly flat patch: it orders ties, no more.
-const LENGTH_SHARE: f64 = 1e-7;
+pub(super) const LENGTH_SHARE: f64 = 1e-7;
 /// A placement farther from the middle of the edge than this many edge lengths is not believed.
 const REACH: f64 = 2.0;
 
@@ -227,6 +227,10 @@ impl Metric for SurfaceCost {
 
     fn new(weights: &Weights) -> Self {
         Self::new(*weights)
+    }
+
+    fn reads_texture(weights: &Weights) -> bool {
+        weights.uv > 0.0
     }
 
     fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {

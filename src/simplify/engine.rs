@@ -9,6 +9,7 @@
 
 use super::collapse::{Collapse, Collapser};
 use super::legality::Refusal;
+use crate::cost::census::Census;
 use crate::cost::surface::EdgeKind;
 use crate::cost::{EdgeCase, Metric};
 use crate::mesh::class::{Class, Rule, VALENCE_MAX, classify};
@@ -149,6 +150,13 @@ impl<M: Metric> Engine<M> {
             lock_seams: false,
             lock_borders: false,
         }
+    }
+
+    /// Adds the numbers of a mesh that the metric divides by.
+    pub fn count(mesh: ClusterMesh, settings: &M::Settings, census: &mut Census) {
+        let mut engine = Self::new(mesh, settings);
+        engine.prepare();
+        M::count(settings, &engine.mesh, &engine.rings, &engine.classes, census);
     }
 
     /// Number of vertices with faces that may move or vanish under the current locks, and of those that may not.

@@ -58,7 +58,8 @@ impl<M: Metric> Run<'_, M> {
 
     /// Thresholds for shares of the faces, from a sample.
     pub(super) fn thresholds(&self, sample: ClusterMesh, pass: usize, shares: &[f64]) -> Vec<f32> {
-        let _permit = self.permits.take(sample.corners.len() as u64 * ORDINARY_BYTES);
+        let _permit =
+            self.permits.take(sample.corners.len() as u64 * (ORDINARY_BYTES + self.options.cost.extra_face_bytes()));
         let mut engine = self.engine(sample, pass);
         engine.lock_seams = self.options.seams == SeamPolicy::Lock;
         sample::thresholds(&mut engine, shares)

@@ -8,9 +8,14 @@ use super::sample::{self, Survey};
 use super::stops::{Plan, run_plan};
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Permits, Progress, Result};
-use crate::cost::{Metric, SurfaceCost, Weights};
+use crate::cost::census::Census;
+use crate::cost::{
+    ClassicCost, CurvatureCost, Metric, ObliqueCost, SharpnessCost, SurfaceCost, TerrainCost, Weights, classic,
+    curvature, oblique, sharpness, terrain,
+};
 use crate::mesh::ClusterMesh;
 use crate::mesh::pieces;
+use crate::partition::weight::ClusterWeight;
 use crate::partition::{self, ClusterSource, Partition, PartitionOptions, Shared, TextureScale, cluster};
 use crate::simplify::{Engine, Milestone};
 use crate::store::{Catalogue, ColumnWriter, Segment, StoredMesh, StoredPiece};
@@ -41,15 +46,35 @@ pub enum SeamPolicy {
 pub enum Cost {
     /// [`SurfaceCost`].
     Surface(Weights),
+    /// [`ClassicCost`].
+    Classic(classic::Settings),
+    /// [`ObliqueCost`].
+    Oblique(oblique::Settings),
+    /// [`CurvatureCost`].
+    Curvature(curvature::Settings),
+    /// [`TerrainCost`].
+    Terrain(terrain::Settings),
+    /// [`SharpnessCost`].
+    Sharpness(sharpness::Settings),
 }
 
 impl Cost {
-    /// Whether texture coordinates enter the cost, so that their scale is needed.
-    fn has_texture(&self) -> bool {
+    /// Bytes that the metric keeps for an ordinary face beyond those of every cluster.
+    pub fn extra_face_bytes(&self) -> u64 {
         match self {
-            Self::Surface(weights) => weights.uv > 0.0,
+            Self::Surface(_) => face_bytes::<SurfaceCost>(),
+            Self::Classic(_) => face_bytes::<ClassicCost>(),
+            Self::Oblique(_) => face_bytes::<ObliqueCost>(),
+            Self::Curvature(_) => face_bytes::<CurvatureCost>(),
+            Self::Terrain(_) => face_bytes::<TerrainCost>(),
+            Self::Sharpness(_) => face_bytes::<SharpnessCost>(),
         }
     }
+}
+
+/// Bytes of half a vertex and 0.65 wedges.
+fn face_bytes<M: Metric>() -> u64 {
+    M::VERTEX_BYTES / 2 + M::WEDGE_BYTES * 65 / 100
 }
 
 /// What the passes need to know.
@@ -132,6 +157,21 @@ pub fn simplify(
 ) -> Result<Passes> {
     match options.cost {
         Cost::Surface(weights) => Run::<SurfaceCost>::new(options, weights, catalogue, folder, progress).simplify(mesh),
+        Cost::Classic(settings) => {
+            Run::<ClassicCost>::new(options, settings, catalogue, folder, progress).simplify(mesh)
+        }
+        Cost::Oblique(settings) => {
+            Run::<ObliqueCost>::new(options, settings, catalogue, folder, progress).simplify(mesh)
+        }
+        Cost::Curvature(settings) => {
+            Run::<CurvatureCost>::new(options, settings, catalogue, folder, progress).simplify(mesh)
+        }
+        Cost::Terrain(settings) => {
+            Run::<TerrainCost>::new(options, settings, catalogue, folder, progress).simplify(mesh)
+        }
+        Cost::Sharpness(settings) => {
+            Run::<SharpnessCost>::new(options, settings, catalogue, folder, progress).simplify(mesh)
+        }
     }
 }
 
@@ -177,11 +217,14 @@ impl<'a, M: Metric> Run<'a, M> {
             let started = Instant::now();
             let faces_in = partition.total_faces();
             if pass == 0 {
-                sample = match self.options.cost.has_texture() {
+                sample = match M::reads_texture(&self.settings) {
                     true => self.measure_texture(&mesh, &partition)?,
                     false if is_single(&partition) => ClusterMesh::default(),
                     false => self.take_sample(&mesh, &partition)?,
                 };
+                if M::HAS_CENSUS {
+                    self.take_census(&mesh, &partition)?;
+                }
             }
             let is_last = pass + 1 >= self.options.passes;
             let (plan, is_exact) =
@@ -378,7 +421,9 @@ impl<'a, M: Metric> Run<'a, M> {
 
     /// Memory of a cluster while it is in work, or while it passes through.
     pub(super) fn cluster_bytes(&self, partition: &Partition, cluster: usize) -> u64 {
-        partition.weight(cluster).map_or(PASS_BYTES, |weight| weight.bytes())
+        let weigh =
+            |weight: ClusterWeight| weight.bytes() + weight.vertices * M::VERTEX_BYTES + weight.wedges * M::WEDGE_BYTES;
+        partition.weight(cluster).map_or(PASS_BYTES, weigh)
     }
 
     fn pass_through(
@@ -447,9 +492,39 @@ impl<'a, M: Metric> Run<'a, M> {
                 Ok(())
             },
         )?;
-        self.scale = TextureScale::new(&areas);
+        if !M::wants_raw_texture(&self.settings) {
+            self.scale = TextureScale::new(&areas);
+        }
         sample::scale_texture(&mut sample, |part| self.scale.of(self.catalogue, part));
         Ok(sample)
+    }
+
+    /// Counts the numbers of the whole mesh that the metric divides by, and freezes them.
+    fn take_census(&mut self, mesh: &StoredMesh, partition: &Partition) -> Result<()> {
+        let mut census = Census::default();
+        let this = &*self;
+        map_in_order(
+            0..partition.cluster_count(),
+            self.options.threads,
+            self.options.threads + 1,
+            |cluster| {
+                let mut counted = Census::default();
+                if partition.weight(cluster).is_none() {
+                    return Ok(counted);
+                }
+                let _permit = this.permits.take(this.cluster_bytes(partition, cluster));
+                let source = this.load(mesh, partition, cluster)?;
+                source.mesh.positions.iter().for_each(|p| counted.enclose(source.origin + *p));
+                Engine::<M>::count(source.mesh, &this.settings, &mut counted);
+                Ok(counted)
+            },
+            |counted| {
+                census.merge(&counted);
+                Ok(())
+            },
+        )?;
+        M::settle(&mut self.settings, &census);
+        Ok(())
     }
 
     /// Writes the positions (and colours) of the vertices that several pieces use.

@@ -1,0 +1,112 @@
+//! The faces around a vertex, in order, with their angles, areas and normals.
+
+use glam::DVec3;
+
+use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::ring::Rings;
+
+/// One face around a vertex.
+#[derive(Debug, Clone, Copy)]
+pub struct Spoke {
+    /// The face.
+    pub face: u32,
+    /// The vertex after the centre in it, counter-clockwise.
+    pub next: u32,
+    /// The vertex before the centre in it.
+    pub previous: u32,
+    /// Unit normal; zero for a face without area.
+    pub normal: DVec3,
+    /// Area.
+    pub area: f64,
+    /// Angle at the centre.
+    pub angle: f64,
+}
+
+/// The faces around a vertex.
+#[derive(Debug, Clone, Default)]
+pub struct Fan {
+    /// Counter-clockwise, from the border if there is one; in order of their ids where they form no single fan.
+    pub spokes: Vec<Spoke>,
+    /// Whether the faces go all the way round.
+    pub is_closed: bool,
+}
+
+impl Fan {
+    /// Gathers the faces around a vertex, those without area too.
+    pub fn gather(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) {
+        self.spokes.clear();
+        self.spokes.extend(rings.of(vertex).iter().filter(|&&corner| mesh.living(corner).is_some()).map(|&corner| {
+            let [next, previous] = ClusterMesh::following(corner).map(|c| mesh.vertex_of(c));
+            let centre = mesh.positions[vertex as usize];
+            let (to_next, to_previous) =
+                (mesh.positions[next as usize] - centre, mesh.positions[previous as usize] - centre);
+            let across = to_next.cross(to_previous);
+            let double_area = across.length();
+            let angle = libm::atan2(double_area, to_next.dot(to_previous));
+            let normal = if double_area > 0.0 { across / double_area } else { DVec3::ZERO };
+            Spoke { face: corner / 3, next, previous, normal, area: 0.5 * double_area, angle }
+        }));
+        self.sort();
+    }
+
+    /// Puts each face behind the one whose last edge it begins with.
+    fn sort(&mut self) {
+        let spokes = &mut self.spokes;
+        let start = (0..spokes.len()).find(|&i| !spokes.iter().any(|s| s.previous == spokes[i].next));
+        self.is_closed = start.is_none() && !spokes.is_empty();
+        if let Some(start) = start {
+            spokes.swap(0, start);
+        }
+        for i in 1..spokes.len() {
+            let Some(k) = (i..spokes.len()).find(|&k| spokes[k].next == spokes[i - 1].previous) else {
+                self.is_closed = false;
+                return;
+            };
+            spokes.swap(i, k);
+        }
+        self.is_closed &= spokes.last().is_some_and(|last| last.previous == spokes[0].next);
+    }
+
+    /// Each pair of faces that share an edge at the centre, and the edge's other end.
+    pub fn joints(&self) -> impl Iterator<Item = (&Spoke, &Spoke, u32)> {
+        let count = self.spokes.len();
+        let pairs = (0..count).map(move |i| (&self.spokes[i], &self.spokes[(i + 1) % count]));
+        pairs.filter(|(a, b)| a.face != b.face && a.previous == b.next).map(|(a, b)| (a, b, a.previous))
+    }
+
+    /// Area of all faces.
+    pub fn area(&self) -> f64 {
+        self.spokes.iter().map(|spoke| spoke.area).sum()
+    }
+}
+
+/// Angle between two unit vectors.
+pub fn angle_between(a: DVec3, b: DVec3) -> f64 {
+    libm::atan2(a.cross(b).length(), a.dot(b))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::cluster::samples;
+
+    fn fan(mesh: &ClusterMesh, vertex: u32) -> Fan {
+        let (mut rings, mut fan) = (Rings::default(), Fan::default());
+        rings.build(mesh);
+        fan.gather(mesh, &rings, vertex);
+        fan
+    }
+
+    #[test]
+    fn the_fan_inside_a_grid_closes_and_that_on_its_rim_does_not() {
+        let mesh = samples::grid(2, 0.0);
+        let inside = fan(&mesh, 4);
+        assert!(inside.is_closed);
+        assert_eq!(inside.joints().count(), 6);
+        assert!((inside.area() - 3.0).abs() < 1e-12);
+        assert!((inside.spokes.iter().map(|s| s.angle).sum::<f64>() - std::f64::consts::TAU).abs() < 1e-12);
+        let rim = fan(&mesh, 1);
+        assert!(!rim.is_closed);
+        assert_eq!(rim.joints().count(), rim.spokes.len() - 1);
+    }
+}

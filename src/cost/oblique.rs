@@ -1,0 +1,424 @@
+//! Oblique photogrammetry: quadrics of position and texture, weighted so that rough ground goes first and pictures last.
+//!
+//! # Source
+//! Wang, Zhang, Li, Chen, Li, "Lightweight algorithm for preventing texture distortion in oblique photogrammetry model
+//! simplification", Foreign Electronic Measurement Technology 43(3), 2024, doi 10.19652/j.cnki.femt.2305585.
+//!
+//! | symbol | here |
+//! | --- | --- |
+//! | A, b, c, Q over (x, y, z, u, v) \[4\] to \[7\] | [`WideQuadric`], one for each wedge |
+//! | v̄ = -(ΣA)⁻¹(Σb) \[8\]; singular: best of middle, v1, v2 \[3\] | `solve` |
+//! | N_i = normalised Σ θ S n over the ring's faces \[10\] | `Place::normal` |
+//! | LRS_i = (1/m) Σ angle(N_i, N_j) / \|v_i - v_j\| \[9\] | `Place::fluctuation` |
+//! | Ā_i, mean area of the ring's faces \[12\] | `Place::mean_area` |
+//! | den(v) = (1/n) Σ S_tex / S \[13\] | `Place::density` |
+//! | α: 1.0 smooth, 1.5 seam, 1.2 corner | `alpha-…` |
+//! | tex_ij = \|v_i - v_j\| (α_i den_i + α_j den_j) \[13\] | `stretch` |
+//! | cost = v̄ᵀ (Ā_i Q_i / LRS_i + Ā_j Q_j / LRS_j) v̄ · tex_ij \[14\] | `place` |
+//!
+//! The rules for an edge: two smooth vertices go to v̄ with the texture coordinates of v̄; a seam vertex or corner stays where
+//! it is when a smooth one joins it; two seam vertices meet in the middle of an edge of their seam, with the mean texture
+//! coordinates of each side; all else is forbidden. Both ends or neither lie on the border.
+//!
+//! The cost is length⁶ times a density, not an error in any sense. Q is carried unweighted; the factors are those of the
+//! mesh as it stands, refreshed over two rings after each round.
+//!
+//! # Where we differ
+//! * Border vertices have planes through their border edges too: a flat corner of the border would cost nothing. `border=0`
+//!   is the paper's.
+//! * Two border vertices also need a border edge between them: a chord would pinch the surface.
+//! * u and v are scaled to lengths, so den is relative to the mean density of the material; `unit-bbox=1` takes the paper's
+//!   literal unit box and texture coordinates as they are.
+//! * LRS is at least `floor` times the median of its positive values in the mesh: on flat ground it is 0.
+//! * A minimum beyond two edge lengths gives way to the best of the middle and both ends.
+//! * A vertex may join one that is locked, or at a non-manifold place, which stays.
+//! * Without texture, S_tex = S.
+//!
+//! # Memory
+//! 72 bytes a vertex, 168 a wedge.
+
+use glam::{DVec2, DVec3};
+
+use super::census::Census;
+use super::fan::{Fan, angle_between};
+use super::knob::{Knob, factor, switch};
+use super::metric::Metric;
+use super::planes::{area_of, each_chain_edge, ends, least, plane_of};
+use super::surface::{EdgeCase, EdgeKind, LENGTH_SHARE, Placement};
+use super::wide::WideQuadric;
+use crate::mesh::class::{Class, Rule};
+use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::ring::Rings;
+
+/// A placement farther from the middle of the edge than this many edge lengths is not believed.
+const REACH: f64 = 2.0;
+
+/// What may be set.
+pub const KNOBS: [Knob; 9] = [
+    factor("border", 1.0, "weight of the planes through border edges; 0 is the paper's"),
+    factor("floor", 1e-3, "least fluctuation, in medians of its positive values"),
+    factor("alpha-smooth", 1.0, "weight of a smooth vertex's texture density"),
+    factor("alpha-seam", 1.5, "weight of a seam vertex's texture density"),
+    factor("alpha-corner", 1.2, "weight of a corner's texture density"),
+    switch("lrs", 1.0, "0 leaves the fluctuation factor out"),
+    switch("mean-area", 1.0, "0 leaves the mean area out"),
+    switch("tex", 1.0, "0 leaves the texture deformation factor out"),
+    switch("unit-bbox", 0.0, "1 scales positions to the unit box instead of texture coordinates to lengths"),
+];
+
+/// Settings, in the order of [`KNOBS`], and the frozen normalisers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    border: f64,
+    floor_share: f64,
+    alphas: [f64; 3],
+    has_fluctuation: bool,
+    has_area: bool,
+    has_stretch: bool,
+    has_unit_box: bool,
+    /// Least LRS, in 1 / length.
+    floor: f64,
+    /// Length of a unit of u and v as the mesh has them.
+    uv_scale: f64,
+}
+
+impl From<[f64; 9]> for Settings {
+    fn from([border, floor_share, smooth, seam, corner, lrs, area, tex, unit]: [f64; 9]) -> Self {
+        Self {
+            border,
+            floor_share,
+            alphas: [smooth, seam, corner],
+            has_fluctuation: lrs > 0.0,
+            has_area: area > 0.0,
+            has_stretch: tex > 0.0,
+            has_unit_box: unit > 0.0,
+            floor: f64::MIN_POSITIVE,
+            uv_scale: 1.0,
+        }
+    }
+}
+
+/// The factors of a vertex.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Place {
+    normal: DVec3,
+    mean_area: f64,
+    /// α times the density.
+    density: f64,
+    fluctuation: f64,
+}
+
+type Quadric = WideQuadric<5, 15>;
+
+/// Quadrics of every wedge and factors of every vertex of a cluster.
+#[derive(Debug)]
+pub struct ObliqueCost {
+    settings: Settings,
+    quadrics: Vec<Quadric>,
+    places: Vec<Place>,
+    alphas: Vec<f32>,
+    seen: Vec<u32>,
+    round: u32,
+    fan: Fan,
+    area: f64,
+}
+
+impl ObliqueCost {
+    fn point(&self, mesh: &ClusterMesh, wedge: u32) -> [f64; 5] {
+        let uv = mesh.wedge_uv[wedge as usize];
+        join(
+            mesh.positions[mesh.wedge_vertex[wedge as usize] as usize],
+            if uv.is_finite() { uv * self.settings.uv_scale } else { DVec2::ZERO },
+        )
+    }
+
+    fn sum_quadrics(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
+        self.quadrics = vec![Quadric::default(); mesh.wedge_vertex.len()];
+        for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
+            let wedges = mesh.corners[face as usize];
+            let Some((normal, _)) = plane_of(mesh.triangle(face)) else { continue };
+            let Some(quadric) = Quadric::of_triangle(wedges.map(|wedge| self.point(mesh, wedge))) else { continue };
+            for wedge in wedges {
+                self.quadrics[wedge as usize] += quadric;
+            }
+            if self.settings.border <= 0.0 {
+                continue;
+            }
+            each_chain_edge(mesh, rings, classes, face, |a, b, kind| {
+                let (pa, pb) = (mesh.positions[a as usize], mesh.positions[b as usize]);
+                let Some(upright) = (pb - pa).cross(normal).try_normalize() else { return };
+                if kind == EdgeKind::Border {
+                    let quadric = Quadric::of_plane(upright, -upright.dot(pa), self.settings.border);
+                    for wedge in [a, b].into_iter().filter_map(|vertex| mesh.wedge_at(face, vertex)) {
+                        self.quadrics[wedge as usize] += quadric;
+                    }
+                }
+            });
+        }
+    }
+
+    /// Normal, area and density of a vertex.
+    fn survey(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) {
+        self.fan.gather(mesh, rings, vertex);
+        let place = &mut self.places[vertex as usize];
+        let (mut normal, mut area, mut density, mut count) = (DVec3::ZERO, 0.0, 0.0, 0.0);
+        for spoke in self.fan.spokes.iter().filter(|spoke| spoke.area > 0.0) {
+            normal += spoke.normal * (spoke.angle * spoke.area);
+            area += spoke.area;
+            let uv = mesh.uv_triangle(spoke.face);
+            let texture = 0.5 * (uv[1] - uv[0]).perp_dot(uv[2] - uv[0]).abs();
+            density += if texture.is_finite() { texture / spoke.area } else { 1.0 };
+            count += 1.0;
+        }
+        let count = f64::max(count, 1.0);
+        place.normal = normal.normalize_or_zero();
+        place.mean_area = area / count;
+        place.density = f64::from(self.alphas[vertex as usize]) * density / count;
+    }
+
+    /// LRS of a vertex from its neighbours' normals.
+    fn measure(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) {
+        self.fan.gather(mesh, rings, vertex);
+        self.places[vertex as usize].fluctuation =
+            fluctuation(mesh, &self.fan, vertex, |v| self.places[v as usize].normal);
+    }
+
+    /// Ā, α times den, and LRS of a vertex.
+    #[cfg(test)]
+    pub(super) fn factors(&self, vertex: u32) -> (f64, f64, f64) {
+        let place = &self.places[vertex as usize];
+        (place.mean_area, place.density, place.fluctuation)
+    }
+
+    /// Ā / LRS.
+    fn weight(&self, vertex: u32) -> f64 {
+        let place = &self.places[vertex as usize];
+        let area = if self.settings.has_area { place.mean_area } else { 1.0 };
+        let fluctuation = if self.settings.has_fluctuation { place.fluctuation.max(self.settings.floor) } else { 1.0 };
+        area / fluctuation
+    }
+
+    /// tex of an edge.
+    fn stretch(&self, edge: &EdgeCase<'_>, length: f64) -> f64 {
+        let density = |vertex: u32| self.places[vertex as usize].density;
+        if self.settings.has_stretch { length * (density(edge.from) + density(edge.to)) } else { 1.0 }
+    }
+
+    /// v̄ of a free edge: position and texture coordinate.
+    fn solve(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> [f64; 5] {
+        let (pa, pb) = ends(mesh, edge);
+        let Some(&(wa, wb)) = edge.wedges.first() else { return join(pb, DVec2::ZERO) };
+        let sum = self.quadrics[wa as usize] + self.quadrics[wb as usize];
+        let (a, b) = (self.point(mesh, wa), self.point(mesh, wb));
+        let middle: [f64; 5] = std::array::from_fn(|i| 0.5 * (a[i] + b[i]));
+        let is_near = |v: &[f64; 5]| {
+            let p = DVec3::new(v[0], v[1], v[2]);
+            p.distance_squared(0.5 * (pa + pb)) <= REACH * REACH * pa.distance_squared(pb)
+        };
+        sum.minimum().filter(is_near).unwrap_or_else(|| least([middle, a, b], |v| sum.at(&v)))
+    }
+
+    /// The weighted quadrics' value when every wedge of `to` has the texture coordinate that it has.
+    fn cost_onto(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> f64 {
+        let Some(&(_, first)) = edge.wedges.first() else { return 0.0 };
+        let (from_weight, to_weight) = (self.weight(edge.from), self.weight(edge.to));
+        let (mut cost, mut wedge) = (0.0, first);
+        loop {
+            let point = self.point(mesh, wedge);
+            cost += to_weight * self.quadrics[wedge as usize].at(&point).max(0.0);
+            for &(wa, _) in edge.wedges.iter().filter(|pair| pair.1 == wedge) {
+                cost += from_weight * self.quadrics[wa as usize].at(&point).max(0.0);
+            }
+            wedge = mesh.wedge_next[wedge as usize];
+            if wedge == first {
+                return cost;
+            }
+        }
+    }
+
+    /// Whether the edge's vertex goes to the middle: both ends lie on a seam.
+    fn is_seam(edge: &EdgeCase<'_>) -> bool {
+        edge.wedges.len() > 1
+    }
+}
+
+/// LRS of a vertex, given the normals of its neighbours.
+fn fluctuation(mesh: &ClusterMesh, fan: &Fan, vertex: u32, normal_of: impl Fn(u32) -> DVec3) -> f64 {
+    let (centre, normal) = (mesh.positions[vertex as usize], normal_of(vertex));
+    let (mut sum, mut count) = (0.0, 0.0);
+    let mut add = |neighbour: u32| {
+        let length = mesh.positions[neighbour as usize].distance(centre);
+        if length > 0.0 {
+            sum += angle_between(normal, normal_of(neighbour)) / length;
+            count += 1.0;
+        }
+    };
+    for spoke in &fan.spokes {
+        add(spoke.next);
+    }
+    for spoke in fan.spokes.iter().filter(|spoke| !fan.spokes.iter().any(|other| other.next == spoke.previous)) {
+        add(spoke.previous);
+    }
+    if count > 0.0 { sum / count } else { 0.0 }
+}
+
+fn join(p: DVec3, uv: DVec2) -> [f64; 5] {
+    [p.x, p.y, p.z, uv.x, uv.y]
+}
+
+impl Metric for ObliqueCost {
+    type Settings = Settings;
+
+    const WEDGE_BYTES: u64 = 96;
+    const HAS_CENSUS: bool = true;
+
+    fn new(settings: &Settings) -> Self {
+        Self {
+            settings: *settings,
+            quadrics: Vec::new(),
+            places: Vec::new(),
+            alphas: Vec::new(),
+            seen: Vec::new(),
+            round: 0,
+            fan: Fan::default(),
+            area: 0.0,
+        }
+    }
+
+    fn wants_raw_texture(settings: &Settings) -> bool {
+        settings.has_unit_box
+    }
+
+    fn count(settings: &Settings, mesh: &ClusterMesh, rings: &Rings, classes: &[Class], census: &mut Census) {
+        let mut cost = Self::new(settings);
+        cost.refresh_factors(mesh, rings, classes);
+        for vertex in (0..mesh.positions.len() as u32).filter(|&vertex| !mesh.is_shared(vertex)) {
+            census.add(cost.places[vertex as usize].fluctuation);
+        }
+    }
+
+    fn settle(settings: &mut Settings, census: &Census) {
+        settings.floor = census
+            .median()
+            .map_or(1.0 / census.diagonal(), |median| settings.floor_share * median)
+            .max(f64::MIN_POSITIVE);
+        settings.uv_scale = if settings.has_unit_box { census.diagonal() } else { 1.0 };
+    }
+
+    fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
+        self.area = area_of(mesh);
+        if self.quadrics.is_empty() {
+            self.sum_quadrics(mesh, rings, classes);
+        }
+        self.refresh_factors(mesh, rings, classes);
+    }
+
+    fn place(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Placement {
+        let (pa, pb) = ends(mesh, edge);
+        let length = pa.distance(pb);
+        let (from_weight, to_weight) = (self.weight(edge.from), self.weight(edge.to));
+        let at = |wa: u32, wb: u32, v: &[f64; 5]| {
+            from_weight * self.quadrics[wa as usize].at(v).max(0.0)
+                + to_weight * self.quadrics[wb as usize].at(v).max(0.0)
+        };
+        let (position, cost) = if edge.onto {
+            (pb, self.cost_onto(mesh, edge))
+        } else if Self::is_seam(edge) {
+            let middle = |wa: u32, wb: u32| {
+                let (a, b) = (self.point(mesh, wa), self.point(mesh, wb));
+                std::array::from_fn(|i| 0.5 * (a[i] + b[i]))
+            };
+            (0.5 * (pa + pb), edge.wedges.iter().map(|&(wa, wb)| at(wa, wb, &middle(wa, wb))).sum())
+        } else {
+            let v = self.solve(mesh, edge);
+            let cost = edge.wedges.first().map_or(0.0, |&(wa, wb)| at(wa, wb, &v));
+            (DVec3::new(v[0], v[1], v[2]), cost)
+        };
+        let tie = LENGTH_SHARE * length.powi(6);
+        Placement { position, cost: cost * self.stretch(edge, length) + tie }
+    }
+
+    fn join(&mut self, edge: &EdgeCase<'_>) {
+        for &(wa, wb) in edge.wedges {
+            let vanished = self.quadrics[wa as usize];
+            self.quadrics[wb as usize] += vanished;
+        }
+    }
+
+    fn area(&self) -> f64 {
+        self.area
+    }
+
+    fn rule(&self, from: Class, to: Class, kind: EdgeKind) -> Rule {
+        use Class::{Border, BorderCorner, BorderSeam, Corner, Fixed, Seam, Smooth};
+        match (from, to, kind) {
+            (Smooth, Smooth, EdgeKind::Inner) => Rule::Free,
+            (Smooth, Seam | Corner | Fixed, EdgeKind::Inner) => Rule::Onto,
+            (Seam, Seam, EdgeKind::Seam) | (Border, Border, EdgeKind::Border) => Rule::Chain,
+            (Seam, Fixed, EdgeKind::Seam) | (Border, BorderSeam | BorderCorner | Fixed, EdgeKind::Border) => {
+                Rule::ChainOnto
+            }
+            _ => Rule::Never,
+        }
+    }
+
+    fn texcoords(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, _position: DVec3, out: &mut Vec<DVec2>) -> bool {
+        let uv = |wedge: u32| mesh.wedge_uv[wedge as usize];
+        if Self::is_seam(edge) {
+            out.extend(edge.wedges.iter().map(|&(wa, wb)| 0.5 * (uv(wa) + uv(wb))));
+        } else {
+            let has_uv = edge.wedges.iter().all(|&(wa, wb)| uv(wa).is_finite() && uv(wb).is_finite());
+            let [.., u, v] = self.solve(mesh, edge);
+            let solved = if has_uv { DVec2::new(u, v) / self.settings.uv_scale } else { DVec2::NAN };
+            out.extend(edge.wedges.iter().map(|_| solved));
+        }
+        true
+    }
+
+    fn follow(&mut self, mesh: &ClusterMesh, rings: &Rings, survivors: &[u32], changed: &mut Vec<u32>) {
+        let start = changed.len();
+        self.round += 1;
+        self.ring_of(mesh, rings, survivors, changed);
+        for &vertex in &changed[start..] {
+            self.survey(mesh, rings, vertex);
+        }
+        self.round += 1;
+        let first = changed[start..].to_vec();
+        changed.truncate(start);
+        self.ring_of(mesh, rings, &first, changed);
+        for &vertex in &changed[start..] {
+            self.measure(mesh, rings, vertex);
+        }
+    }
+}
+
+impl ObliqueCost {
+    fn refresh_factors(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
+        let [smooth, seam, corner] = self.settings.alphas;
+        let alpha = |class: &Class| match class {
+            Class::Smooth | Class::Border => smooth,
+            Class::Seam | Class::BorderSeam => seam,
+            Class::Corner | Class::BorderCorner | Class::Fixed => corner,
+        };
+        self.alphas = classes.iter().map(|class| alpha(class) as f32).collect();
+        self.places.resize(mesh.positions.len(), Place::default());
+        self.seen.resize(mesh.positions.len(), 0);
+        for vertex in 0..mesh.positions.len() as u32 {
+            self.survey(mesh, rings, vertex);
+        }
+        for vertex in 0..mesh.positions.len() as u32 {
+            self.measure(mesh, rings, vertex);
+        }
+    }
+
+    /// Adds the vertices of all faces around some vertices, each once.
+    fn ring_of(&mut self, mesh: &ClusterMesh, rings: &Rings, vertices: &[u32], out: &mut Vec<u32>) {
+        for &centre in vertices {
+            for vertex in rings.faces(mesh, centre).flat_map(|face| mesh.vertices(face)) {
+                if std::mem::replace(&mut self.seen[vertex as usize], self.round) != self.round {
+                    out.push(vertex);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! Quadrics of unit planes, without the weight of their area, and where a vertex goes by them.
+
+use glam::DVec3;
+
+use super::quadric::Quadric;
+use super::surface::{EdgeCase, EdgeKind, LENGTH_SHARE, Placement, edge_kind};
+use crate::mesh::class::Class;
+use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::ring::Rings;
+
+/// Stiffness of the spring that holds a free placement to the middle of its edge, relative to the trace of A.
+const SPRING: f64 = 1e-6;
+/// A placement farther from the middle of the edge than this many edge lengths is not believed.
+const REACH: f64 = 2.0;
+
+/// Unit normal and area of a triangle, if it has any.
+pub fn plane_of(triangle: [DVec3; 3]) -> Option<(DVec3, f64)> {
+    let across = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]);
+    let length = across.length();
+    (length > 0.0 && length.is_finite()).then(|| (across / length, 0.5 * length))
+}
+
+/// Area of a mesh.
+pub fn area_of(mesh: &ClusterMesh) -> f64 {
+    let living = (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face));
+    living.filter_map(|face| plane_of(mesh.triangle(face))).map(|(_, area)| area).sum()
+}
+
+/// The squared distance to the planes of the faces around each vertex; to planes through border edges, upright on their
+/// faces, `border` times, and through seam edges, on each side, half as often.
+pub fn unit_planes(mesh: &ClusterMesh, rings: &Rings, classes: &[Class], border: f64) -> Vec<Quadric> {
+    let mut quadrics = vec![Quadric::default(); mesh.positions.len()];
+    for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
+        let triangle = mesh.triangle(face);
+        let Some((normal, _)) = plane_of(triangle) else { continue };
+        let quadric = Quadric::plane(normal, -normal.dot(triangle[0]), 1.0);
+        let vertices = mesh.vertices(face);
+        for vertex in vertices {
+            quadrics[vertex as usize] += quadric;
+        }
+        if border <= 0.0 {
+            continue;
+        }
+        each_chain_edge(mesh, rings, classes, face, |a, b, kind| {
+            let (pa, pb) = (mesh.positions[a as usize], mesh.positions[b as usize]);
+            let Some(upright) = (pb - pa).cross(normal).try_normalize() else { return };
+            let weight = if kind == EdgeKind::Border { border } else { 0.5 * border };
+            let quadric = Quadric::plane(upright, -upright.dot(pa), weight);
+            quadrics[a as usize] += quadric;
+            quadrics[b as usize] += quadric;
+        });
+    }
+    quadrics
+}
+
+/// The edges of a face that are borders or seams, except those between two fixed vertices, which may only look so.
+pub fn each_chain_edge(
+    mesh: &ClusterMesh,
+    rings: &Rings,
+    classes: &[Class],
+    face: u32,
+    mut each: impl FnMut(u32, u32, EdgeKind),
+) {
+    let vertices = mesh.vertices(face);
+    for k in 0..3 {
+        let (a, b) = (vertices[k], vertices[(k + 1) % 3]);
+        let ends = [classes[a as usize], classes[b as usize]];
+        if ends.contains(&Class::Smooth) || ends == [Class::Fixed; 2] {
+            continue;
+        }
+        match edge_kind(mesh, rings, a, b) {
+            EdgeKind::Inner => {}
+            kind => each(a, b, kind),
+        }
+    }
+}
+
+/// The best place of a quadric near an edge: its minimum, else the best of the middle and both ends.
+pub fn best_place(mesh: &ClusterMesh, edge: &EdgeCase<'_>, quadric: &Quadric) -> DVec3 {
+    let (pa, pb) = ends(mesh, edge);
+    if edge.onto {
+        return pb;
+    }
+    let middle = 0.5 * (pa + pb);
+    match quadric.minimum_near(middle, SPRING * quadric.diagonal.element_sum()) {
+        Some(p) if p.distance_squared(middle) <= REACH * REACH * pa.distance_squared(pb) => p,
+        _ => least([middle, pa, pb], |p| quadric.at(p)),
+    }
+}
+
+/// The first of the candidates of least value.
+pub fn least<T: Copy, const N: usize>(candidates: [T; N], value: impl Fn(T) -> f64) -> T {
+    let mut best = (value(candidates[0]), candidates[0]);
+    for candidate in &candidates[1..] {
+        let found = value(*candidate);
+        if found < best.0 {
+            best = (found, *candidate);
+        }
+    }
+    best.1
+}
+
+/// Positions of the vertex that vanishes and of the one that stays.
+pub fn ends(mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> (DVec3, DVec3) {
+    (mesh.positions[edge.from as usize], mesh.positions[edge.to as usize])
+}
+
+/// A placement whose cost (length²) is clamped at 0, with a share of the squared edge length that orders ties.
+pub fn priced(mesh: &ClusterMesh, edge: &EdgeCase<'_>, position: DVec3, cost: f64) -> Placement {
+    let (pa, pb) = ends(mesh, edge);
+    Placement { position, cost: cost.max(0.0) + LENGTH_SHARE * pa.distance_squared(pb) }
+}

@@ -1,0 +1,400 @@
+//! What holds for every metric, and each metric beside a plain evaluation of its formulas.
+
+use glam::{DMat3, DQuat, DVec2, DVec3};
+
+use super::census::Census;
+use super::fan::{Fan, angle_between};
+use super::surface::EdgeCase;
+use super::*;
+use crate::mesh::class::{Class, classify};
+use crate::mesh::cluster::{ClusterMesh, samples};
+use crate::mesh::ring::Rings;
+
+/// Two inner vertices of a grid of 6 × 6 squares, joined by a diagonal.
+const INNER: EdgeCase<'_> = EdgeCase { from: 16, to: 24, onto: false, stays: false, wedges: &[(16, 24)] };
+const SWAPPED: EdgeCase<'_> = EdgeCase { from: 24, to: 16, onto: false, stays: false, wedges: &[(24, 16)] };
+
+struct Prepared<M> {
+    mesh: ClusterMesh,
+    rings: Rings,
+    classes: Vec<Class>,
+    cost: M,
+}
+
+/// A metric with its defaults, settled and refreshed on a mesh.
+fn prepared<M: Metric>(mesh: &ClusterMesh, settings: impl Into<M::Settings>) -> Prepared<M> {
+    let (mut rings, mut classes, mut settings, mut census) =
+        (Rings::default(), Vec::new(), settings.into(), Census::default());
+    rings.build(mesh);
+    classify(mesh, &rings, &mut classes);
+    mesh.positions.iter().for_each(|&p| census.enclose(p));
+    M::count(&settings, mesh, &rings, &classes, &mut census);
+    M::settle(&mut settings, &census);
+    let mut cost = M::new(&settings);
+    cost.refresh(mesh, &rings, &classes);
+    Prepared { mesh: mesh.clone(), rings, classes, cost }
+}
+
+impl<M: Metric> Prepared<M> {
+    fn price(&self, edge: &EdgeCase<'_>) -> Placement {
+        self.cost.place(&self.mesh, edge)
+    }
+}
+
+fn moved(mesh: &ClusterMesh, scale: f64, turn: DMat3, shift: DVec3) -> ClusterMesh {
+    let mut mesh = mesh.clone();
+    mesh.positions.iter_mut().for_each(|p| *p = turn * (*p * scale) + shift);
+    mesh.wedge_uv.iter_mut().for_each(|uv| *uv *= scale);
+    mesh
+}
+
+/// `power`: of the length that the cost is.
+fn obeys_the_laws<M: Metric, const N: usize>(knobs: &[knob::Knob; N], power: i32)
+where
+    M::Settings: From<[f64; N]>,
+{
+    let defaults = || M::Settings::from(knobs.map(|knob| knob.default));
+    let mesh = samples::grid(6, 0.7);
+    let here = prepared::<M>(&mesh, defaults()).price(&INNER);
+    assert!(here.cost > 1e-6, "a bumpy grid costs something: {here:?}");
+
+    let flat = prepared::<M>(&samples::grid(6, 0.0), defaults()).price(&INNER);
+    assert!(flat.cost < 1e-5, "flat ground with an affine picture costs no more than its tie breaker: {flat:?}");
+    assert!((flat.position.z).abs() < 1e-6);
+
+    let large = prepared::<M>(&moved(&mesh, 3.0, DMat3::IDENTITY, DVec3::ZERO), defaults()).price(&INNER);
+    let ratio = large.cost / here.cost / 3f64.powi(power);
+    assert!((ratio - 1.0).abs() < 1e-5, "scaling by 3 costs 3^{power} times {ratio}");
+
+    let turn = DMat3::from_quat(DQuat::from_euler(glam::EulerRot::XYZ, 0.3, 1.1, -0.7));
+    let turned = prepared::<M>(&moved(&mesh, 1.0, turn, DVec3::new(30.0, -7.0, 5.0)), defaults()).price(&INNER);
+    assert!((turned.cost / here.cost - 1.0).abs() < 1e-6, "a rigid motion changes {here:?} to {turned:?}");
+    assert!((turned.position - (turn * here.position + DVec3::new(30.0, -7.0, 5.0))).length() < 1e-5);
+
+    let back = prepared::<M>(&mesh, defaults()).price(&SWAPPED);
+    assert!((back.cost / here.cost - 1.0).abs() < 1e-9, "{back:?}");
+    assert!((back.position - here.position).length() < 1e-9, "{back:?}");
+}
+
+#[test]
+fn the_metric_of_1997_obeys_the_laws() {
+    obeys_the_laws::<ClassicCost, 1>(&classic::KNOBS, 2);
+}
+
+#[test]
+fn the_curvature_metric_obeys_the_laws() {
+    obeys_the_laws::<CurvatureCost, 3>(&curvature::KNOBS, 2);
+}
+
+#[test]
+fn the_sharpness_metric_obeys_the_laws() {
+    obeys_the_laws::<SharpnessCost, 5>(&sharpness::KNOBS, 2);
+}
+
+#[test]
+fn the_terrain_metric_obeys_the_laws() {
+    obeys_the_laws::<TerrainCost, 5>(&terrain::KNOBS, 2);
+}
+
+#[test]
+fn the_oblique_metric_obeys_the_laws() {
+    obeys_the_laws::<ObliqueCost, 9>(&oblique::KNOBS, 6);
+}
+
+/// Σ (n·(p - q))² over the faces around a vertex.
+fn plane_sum(mesh: &ClusterMesh, rings: &Rings, vertex: u32, p: DVec3) -> f64 {
+    let squared = |face: u32| {
+        let [a, b, c] = mesh.triangle(face);
+        (b - a).cross(c - a).normalize().dot(p - a).powi(2)
+    };
+    rings.faces(mesh, vertex).map(squared).sum()
+}
+
+fn fan_of<M>(prepared: &Prepared<M>, vertex: u32) -> Fan {
+    let mut fan = Fan::default();
+    fan.gather(&prepared.mesh, &prepared.rings, vertex);
+    fan
+}
+
+fn agrees(found: f64, wanted: f64) {
+    assert!((found / wanted - 1.0).abs() < 1e-4, "{found} instead of {wanted}");
+}
+
+#[test]
+fn the_metric_of_1997_is_the_sum_of_squared_distances_to_planes() {
+    let it = prepared::<ClassicCost>(&samples::grid(6, 0.7), [0.0]);
+    let found = it.price(&INNER);
+    let sum = |p| plane_sum(&it.mesh, &it.rings, 16, p) + plane_sum(&it.mesh, &it.rings, 24, p);
+    agrees(found.cost, sum(found.position));
+    for step in [DVec3::X, DVec3::Y, DVec3::Z] {
+        assert!(sum(found.position) <= sum(found.position + 0.01 * step) + 1e-9);
+        assert!(sum(found.position) <= sum(found.position - 0.01 * step) + 1e-9);
+    }
+}
+
+#[test]
+fn the_curvature_metric_weights_planes_by_area_and_curvature() {
+    let it = prepared::<CurvatureCost>(&samples::grid(6, 0.7), [1.0, 1e-3, 1.0]);
+    let found = it.price(&INNER);
+    let weight = |vertex: u32| {
+        let fan = fan_of(&it, vertex);
+        let third: f64 = fan.spokes.iter().map(|spoke| spoke.area).sum::<f64>() / 3.0;
+        let k = (std::f64::consts::TAU - fan.spokes.iter().map(|spoke| spoke.angle).sum::<f64>()) / third;
+        let mut h = 0.0;
+        for spoke in &fan.spokes {
+            let other = fan.spokes.iter().find(|other| other.next == spoke.previous).unwrap();
+            let length = it.mesh.positions[spoke.previous as usize].distance(it.mesh.positions[vertex as usize]);
+            h += 0.25 * length * spoke.normal.angle_between(other.normal) / third;
+        }
+        3.0 * third * (4.0 * h * h - 2.0 * k)
+    };
+    let sum = |v: u32| weight(v) * plane_sum(&it.mesh, &it.rings, v, found.position);
+    agrees(found.cost, sum(16) + sum(24));
+}
+
+/// A ball of radius 2 by subdividing an octahedron.
+fn ball() -> ClusterMesh {
+    let n = 24i32;
+    let mut mesh = ClusterMesh::default();
+    let mut ids = std::collections::BTreeMap::new();
+    for x in -n..=n {
+        for y in -(n - x.abs())..=(n - x.abs()) {
+            for z in [n - x.abs() - y.abs(), -(n - x.abs() - y.abs())] {
+                ids.entry((x, y, z)).or_insert_with(|| {
+                    let p = DVec3::new(f64::from(x), f64::from(y), f64::from(z)).normalize() * 2.0;
+                    let vertex = mesh.push_vertex(p, 0);
+                    mesh.push_wedge(vertex, DVec2::NAN)
+                });
+            }
+        }
+    }
+    for octant in 0..8 {
+        let sign = |bit: i32| if octant >> bit & 1 == 0 { 1 } else { -1 };
+        let (sx, sy, sz) = (sign(0), sign(1), sign(2));
+        let at = |i: i32, j: i32| ids[&(sx * i, sy * j, sz * (n - i - j))];
+        let mut push = |a, b, c| {
+            let corners = if sx * sy * sz > 0 { [a, b, c] } else { [a, c, b] };
+            mesh.push_face(corners, 0);
+        };
+        for i in 0..n {
+            for j in 0..n - i {
+                push(at(i, j), at(i + 1, j), at(i, j + 1));
+                if i + j + 2 <= n {
+                    push(at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
+                }
+            }
+        }
+    }
+    mesh.link_wedges();
+    mesh
+}
+
+#[test]
+fn the_curvature_of_a_ball_is_that_of_its_radius() {
+    let mesh = ball();
+    let (mut rings, mut fan) = (Rings::default(), Fan::default());
+    rings.build(&mesh);
+    let mut mean = [0.0; 3];
+    for vertex in 0..mesh.positions.len() as u32 {
+        fan.gather(&mesh, &rings, vertex);
+        assert!(fan.is_closed);
+        let bend = curvature::Bend::of(&fan, mesh.positions[vertex as usize], &mesh.positions);
+        for (sum, value) in mean.iter_mut().zip([bend.gauss, bend.mean, bend.total()]) {
+            *sum += value / mesh.positions.len() as f64;
+        }
+    }
+    for (found, wanted) in mean.into_iter().zip([0.25, 0.5, 0.5]) {
+        assert!((found / wanted - 1.0).abs() < 0.06, "{mean:?}");
+    }
+}
+
+#[test]
+fn the_sharpness_metric_weights_planes_by_powers_of_two() {
+    let it = prepared::<SharpnessCost>(&samples::grid(6, 0.7), [1.0, 1.0, 8.0, 1.0, 0.0]);
+    let found = it.price(&INNER);
+    let share = |vertex: u32| {
+        let fan = fan_of(&it, vertex);
+        let uv_area = |face: u32| {
+            let [a, b, c] = it.mesh.uv_triangle(face);
+            0.5 * (b - a).perp_dot(c - a).abs()
+        };
+        fan.spokes.iter().map(|spoke| uv_area(spoke.face) / spoke.area).sum::<f64>() / fan.spokes.len() as f64
+    };
+    let mean = (0..49).map(share).sum::<f64>() / 49.0;
+    let factor = |vertex: u32| {
+        let fan = fan_of(&it, vertex);
+        let sigma: f64 = (0..fan.spokes.len())
+            .map(|i| (fan.spokes[i], fan.spokes[(i + 1) % fan.spokes.len()]))
+            .map(|(a, b)| (a.area + b.area) / (2.0 * fan.area()) * angle_between(a.normal, b.normal))
+            .sum();
+        2f64.powf(sigma + share(vertex) / mean)
+    };
+    let sum = |v: u32| factor(v) * plane_sum(&it.mesh, &it.rings, v, found.position);
+    agrees(found.cost, sum(16) + sum(24));
+    let (a, b) = (it.mesh.positions[16], it.mesh.positions[24]);
+    assert!([a, b, 0.5 * (a + b)].contains(&found.position));
+}
+
+//  The corner of a cube: three square faces of two triangles each; at the corner the three right angles between
+//  faces of one side and the next: σ = 3 joints × (S_i + S_i+1) / 2S × 90°, the rest are flat.
+#[test]
+fn the_sharpness_of_a_cubes_corner_is_a_quarter_turn_times_three_joints_shares() {
+    let mut mesh = ClusterMesh::default();
+    let corners = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.]];
+    for p in corners {
+        let vertex = mesh.push_vertex(DVec3::from(p), 0);
+        mesh.push_wedge(vertex, DVec2::NAN);
+    }
+    for face in [[0, 2, 1], [0, 3, 2], [0, 1, 3]] {
+        mesh.push_face(face, 0);
+    }
+    mesh.link_wedges();
+    let (mut rings, mut fan) = (Rings::default(), Fan::default());
+    rings.build(&mesh);
+    fan.gather(&mesh, &rings, 0);
+    // Each of three joints: (½ + ½) / (2 · 1½) = ⅓; together one quarter turn.
+    assert!((sharpness::sharpness(&fan) - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+}
+
+/// |w|² - (w·e1)² - (w·e2)² summed over the faces around a vertex, for w from the face's first corner.
+fn wide_sum<const N: usize>(faces: &[[[f64; N]; 3]], v: [f64; N]) -> f64 {
+    let dot = |a: &[f64; N], b: &[f64; N]| (0..N).map(|i| a[i] * b[i]).sum::<f64>();
+    let minus = |a: &[f64; N], b: &[f64; N]| -> [f64; N] { std::array::from_fn(|i| a[i] - b[i]) };
+    let unit = |a: [f64; N]| a.map(|x| x / dot(&a, &a).sqrt());
+    let squared = |[p, q, r]: &[[f64; N]; 3]| {
+        let e1 = unit(minus(q, p));
+        let along = minus(r, p);
+        let e2 = unit(std::array::from_fn(|i| along[i] - dot(&e1, &along) * e1[i]));
+        let w = minus(&v, p);
+        dot(&w, &w) - dot(&w, &e1).powi(2) - dot(&w, &e2).powi(2)
+    };
+    faces.iter().map(squared).sum()
+}
+
+#[test]
+fn the_terrain_metric_is_the_squared_distance_to_planes_in_eight_dimensions() {
+    let it = prepared::<TerrainCost>(&samples::grid(6, 0.7), [0.1, 0.0, 0.0, 10.0, 1e6]);
+    let onto = EdgeCase { onto: true, stays: true, ..INNER };
+    let found = it.price(&onto);
+    let (mut lengths, mut count) = (0.0, 0.0);
+    for face in 0..it.mesh.corners.len() as u32 {
+        let [a, b, c] = it.mesh.triangle(face);
+        lengths += a.distance(b) + b.distance(c) + c.distance(a);
+        count += 3.0;
+    }
+    let point = |vertex: u32| {
+        let fan = fan_of(&it, vertex);
+        let angles: f64 = fan.spokes.iter().map(|s| s.angle).sum();
+        let normal = fan.spokes.iter().map(|s| s.normal * s.angle).sum::<DVec3>() / angles * 0.1 * lengths / count;
+        let (p, uv) = (it.mesh.positions[vertex as usize], it.mesh.wedge_uv[vertex as usize]);
+        [p.x, p.y, p.z, uv.x, uv.y, normal.x, normal.y, normal.z]
+    };
+    let faces = |vertex: u32| -> Vec<_> {
+        it.rings.faces(&it.mesh, vertex).map(|face| it.mesh.vertices(face).map(point)).collect()
+    };
+    agrees(found.cost, wide_sum(&faces(16), point(24)) + wide_sum(&faces(24), point(24)));
+    assert!(it.price(&INNER).cost < found.cost, "the optimal place is better than an end");
+}
+
+#[test]
+fn the_oblique_metric_is_the_weighted_sum_of_its_paper() {
+    let it = prepared::<ObliqueCost>(&samples::grid(6, 0.7), oblique::KNOBS.map(|knob| knob.default));
+    let onto = EdgeCase { onto: true, stays: true, ..INNER };
+    let found = it.price(&onto);
+    let normal =
+        |vertex: u32| fan_of(&it, vertex).spokes.iter().map(|s| s.normal * s.angle * s.area).sum::<DVec3>().normalize();
+    let at = |vertex: u32| it.mesh.positions[vertex as usize];
+    let fluctuation = |vertex: u32| {
+        let fan = fan_of(&it, vertex);
+        let term = |n: u32| normal(vertex).angle_between(normal(n)) / at(vertex).distance(at(n));
+        fan.spokes.iter().map(|s| term(s.next)).sum::<f64>() / fan.spokes.len() as f64
+    };
+    let mean_area = |vertex: u32| fan_of(&it, vertex).area() / fan_of(&it, vertex).spokes.len() as f64;
+    let density = |vertex: u32| {
+        let fan = fan_of(&it, vertex);
+        let share = |face: u32, area: f64| {
+            let [a, b, c] = it.mesh.uv_triangle(face);
+            0.5 * (b - a).perp_dot(c - a).abs() / area
+        };
+        fan.spokes.iter().map(|s| share(s.face, s.area)).sum::<f64>() / fan.spokes.len() as f64
+    };
+    let point = |vertex: u32| {
+        let (p, uv) = (at(vertex), it.mesh.wedge_uv[vertex as usize]);
+        [p.x, p.y, p.z, uv.x, uv.y]
+    };
+    let term = |vertex: u32| {
+        let faces: Vec<_> = it.rings.faces(&it.mesh, vertex).map(|face| it.mesh.vertices(face).map(point)).collect();
+        mean_area(vertex) / fluctuation(vertex) * wide_sum(&faces, point(24))
+    };
+    let stretch = at(16).distance(at(24)) * (density(16) + density(24));
+    agrees(found.cost, (term(16) + term(24)) * stretch);
+}
+
+#[test]
+fn the_oblique_factors_follow_a_change_over_two_rings() {
+    let mut it = prepared::<ObliqueCost>(&samples::grid(6, 0.7), oblique::KNOBS.map(|knob| knob.default));
+    it.mesh.positions[24].z += 0.4;
+    let mut changed = Vec::new();
+    it.cost.follow(&it.mesh, &it.rings, &[24], &mut changed);
+    changed.sort_unstable();
+    let fresh = prepared::<ObliqueCost>(&it.mesh, oblique::KNOBS.map(|knob| knob.default));
+    for vertex in 0..49u32 {
+        let (followed, wanted) = (it.cost.factors(vertex), fresh.cost.factors(vertex));
+        assert_eq!(followed, wanted, "vertex {vertex}");
+        assert!(changed.contains(&vertex) || prepared_before(vertex) == wanted, "vertex {vertex}");
+    }
+
+    fn prepared_before(vertex: u32) -> (f64, f64, f64) {
+        let before = prepared::<ObliqueCost>(&samples::grid(6, 0.7), oblique::KNOBS.map(|knob| knob.default));
+        before.cost.factors(vertex)
+    }
+}
+
+#[test]
+fn oblique_rules_are_those_of_the_paper() {
+    use super::surface::EdgeKind::{Border as OnBorder, Inner, Seam as OnSeam};
+    use crate::mesh::class::Rule;
+    let it = prepared::<ObliqueCost>(&samples::two_charts(6), oblique::KNOBS.map(|knob| knob.default));
+    assert_eq!(it.classes[24], Class::Seam);
+    for (from, to, kind, rule) in [
+        (Class::Smooth, Class::Smooth, Inner, Rule::Free),
+        (Class::Smooth, Class::Seam, Inner, Rule::Onto),
+        (Class::Smooth, Class::Corner, Inner, Rule::Onto),
+        (Class::Seam, Class::Seam, OnSeam, Rule::Chain),
+        (Class::Seam, Class::Seam, Inner, Rule::Never),
+        (Class::Seam, Class::Corner, OnSeam, Rule::Never),
+        (Class::Smooth, Class::Border, Inner, Rule::Never),
+        (Class::Border, Class::Border, OnBorder, Rule::Chain),
+        (Class::Border, Class::Border, Inner, Rule::Never),
+        (Class::Border, Class::Smooth, Inner, Rule::Never),
+        (Class::Corner, Class::Corner, OnSeam, Rule::Never),
+    ] {
+        assert_eq!(it.cost.rule(from, to, kind), rule, "{from:?} {to:?} {kind:?}");
+    }
+    // Two seam vertices meet in the middle, and so do their texture coordinates on both sides.
+    let other = it.mesh.wedge_next[24];
+    let above = it.mesh.wedge_next[31];
+    let edge = EdgeCase { from: 24, to: 31, onto: false, stays: false, wedges: &[(24, 31), (other, above)] };
+    let placed = it.price(&edge);
+    assert_eq!(placed.position, 0.5 * (it.mesh.positions[24] + it.mesh.positions[31]));
+    let mut uvs = Vec::new();
+    assert!(it.cost.texcoords(&it.mesh, &edge, placed.position, &mut uvs));
+    let mean = |a: u32, b: u32| 0.5 * (it.mesh.wedge_uv[a as usize] + it.mesh.wedge_uv[b as usize]);
+    assert_eq!(uvs, [mean(24, 31), mean(other, above)]);
+}
+
+#[test]
+fn terrain_and_sharpness_never_remove_a_border_vertex() {
+    use super::surface::EdgeKind::{Border, Inner};
+    use crate::mesh::class::Rule;
+    let terrain = prepared::<TerrainCost>(&samples::grid(4, 0.3), terrain::KNOBS.map(|knob| knob.default));
+    let sharp = prepared::<SharpnessCost>(&samples::grid(4, 0.3), sharpness::KNOBS.map(|knob| knob.default));
+    for to in Class::ALL {
+        for kind in [Border, Inner] {
+            assert_eq!(terrain.cost.rule(Class::Border, to, kind), Rule::Never);
+            assert_eq!(sharp.cost.rule(Class::Border, to, kind), Rule::Never);
+        }
+    }
+    assert_eq!(terrain.cost.rule(Class::Smooth, Class::Border, Inner), Rule::Onto);
+    assert_eq!(sharp.cost.rule(Class::Smooth, Class::Border, Inner), Rule::Never);
+}
