@@ -29,6 +29,7 @@ pub mod mesh;
 pub mod partition;
 pub mod cost;
 pub mod simplify;
+pub mod remesh;
 pub mod stitch;
 pub mod write;
 pub mod measure;

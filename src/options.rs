@@ -150,6 +150,10 @@ pub struct SimplifyOptions {
     #[arg(long, value_name = "NAME=VALUE")]
     pub metric_option: Vec<String>,
 
+    /// Afterwards, move vertices among slivers to the middle of their ring (Li, Jiang & Tang 2020): rounder triangles, more error
+    #[arg(long)]
+    pub optimize: bool,
+
     /// Weight of the picture's slide against distance, 0 to 1000: at 1 a metre of slide costs as much as a metre of distance
     #[arg(long, value_name = "WEIGHT", default_value_t = 1.0)]
     pub uv_weight: f64,
@@ -191,6 +195,7 @@ impl Default for SimplifyOptions {
             pieces: Pieces::Keep,
             metric: None,
             metric_option: Vec::new(),
+            optimize: false,
             uv_weight: 1.0,
             normals: Normals::Auto,
             textures: TextureFiles::Copy,
@@ -230,6 +235,9 @@ impl SimplifyOptions {
             return fail(format!("--uv-weight {}: expected 0 to 1000", self.uv_weight));
         }
         self.cost(true)?;
+        if self.optimize && self.max_error.is_some() {
+            return fail("--optimize moves vertices without a bound: leave it out with --max-error".into());
+        }
         if self.threads == Some(0) {
             return fail("--threads 0: expected at least 1".into());
         }

@@ -152,6 +152,7 @@ fn pass_options(
         seams: options.seam_policy(),
         lock_borders: options.borders == Borders::Lock,
         drop_pieces: options.pieces == Pieces::Drop,
+        optimize: options.optimize,
         weld: options.weld == Weld::Exact,
         threads,
         work_bytes,

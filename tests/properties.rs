@@ -169,6 +169,7 @@ fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
         cost: Cost::Surface(Weights { uv: f64::from(u8::from(has_uv)), ..Weights::default() }),
         seams: choice.seams,
         lock_borders: choice.lock_borders,
+        optimize: choice.has_uv_metric,
         weld: choice.weld,
         threads: choice.threads,
         work_bytes: 100 << 20,

@@ -17,6 +17,7 @@ use crate::mesh::ClusterMesh;
 use crate::mesh::pieces;
 use crate::partition::weight::ClusterWeight;
 use crate::partition::{self, ClusterSource, Partition, PartitionOptions, Shared, TextureScale, cluster};
+use crate::remesh;
 use crate::simplify::{Engine, Milestone};
 use crate::store::{Catalogue, ColumnWriter, Segment, StoredMesh, StoredPiece};
 
@@ -98,6 +99,8 @@ pub struct PassOptions {
     pub lock_borders: bool,
     /// Whether pieces smaller than the deviation are dropped after the first pass.
     pub drop_pieces: bool,
+    /// Whether vertices among slivers are moved after the last passes.
+    pub optimize: bool,
     /// Whether duplicates are welded before the first pass.
     pub weld: bool,
     /// Threads.
@@ -121,6 +124,7 @@ pub(super) struct ClusterResult {
     seam_vertices: u64,
     degenerate: u64,
     dropped_pieces: u64,
+    optimized: u64,
     dropped_faces: u64,
     floor: Floor,
     pub(super) log: Vec<(f32, u8)>,
@@ -245,6 +249,7 @@ impl<'a, M: Metric> Run<'a, M> {
             squared_error += outcome.squared_error;
             findings.count("degenerate_faces", outcome.degenerate);
             findings.count("dropped_pieces", outcome.dropped_pieces);
+            findings.count("optimized_vertices", outcome.optimized);
             findings.count("dropped_piece_faces", outcome.dropped_faces);
             if self.options.drop_pieces {
                 self.crumb = Some(self.options.max_error.unwrap_or(squared_error.sqrt()));
@@ -318,8 +323,17 @@ impl<'a, M: Metric> Run<'a, M> {
         let mut sample = ClusterMesh::default();
         let mut pieces = Vec::new();
         outcome.reached = true;
-        let PassOutcome { report, floor, degenerate, reached, passed_through, dropped_pieces, dropped_faces, .. } =
-            &mut outcome;
+        let PassOutcome {
+            report,
+            floor,
+            degenerate,
+            reached,
+            passed_through,
+            dropped_pieces,
+            dropped_faces,
+            optimized,
+            ..
+        } = &mut outcome;
         self.each_cluster(mesh, partition, pass, plan, Some(&survey), |result| {
             report.faces_out += result.faces;
             report.threshold = report.threshold.max(f64::from(result.cost));
@@ -329,6 +343,7 @@ impl<'a, M: Metric> Run<'a, M> {
             error += result.area * result.squared_error;
             *degenerate += result.degenerate;
             *dropped_pieces += result.dropped_pieces;
+            *optimized += result.optimized;
             *dropped_faces += result.dropped_faces;
             *reached &= result.reached;
             floor.add(&result.floor);
@@ -402,6 +417,7 @@ impl<'a, M: Metric> Run<'a, M> {
             seam_vertices: engine.seam_vertices,
             degenerate: source.degenerate,
             dropped_pieces,
+            optimized: 0,
             dropped_faces,
             floor: Floor::of(&engine),
             log: engine.log.take().unwrap_or_default(),
@@ -410,7 +426,10 @@ impl<'a, M: Metric> Run<'a, M> {
         if let Some(keep) = keep {
             result.log = Vec::new();
             let path = self.piece_path(pass, cluster, 0);
-            let simplified = engine.finish();
+            let mut simplified = engine.finish();
+            if self.options.optimize && pass + 1 >= self.options.passes {
+                result.optimized = remesh::relax(&mut simplified);
+            }
             result.patch = keep.patch(cluster, &simplified);
             if !simplified.corners.is_empty() {
                 result.pieces.push(source.write(&simplified, partition, self.catalogue, &self.scale, &path)?);
@@ -577,6 +596,7 @@ struct PassOutcome {
     squared_error: f64,
     degenerate: u64,
     dropped_pieces: u64,
+    optimized: u64,
     dropped_faces: u64,
     passed_through: u64,
     reached: bool,
