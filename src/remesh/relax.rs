@@ -216,11 +216,11 @@ mod tests {
     use super::*;
     use crate::mesh::cluster::samples;
 
-    /// The grid of 2 × 2 squares with its middle pushed into a corner: two slivers.
+    /// The grid of 2 × 2 squares with its middle pushed towards an edge of its ring: a sliver.
     fn skewed() -> ClusterMesh {
         let mut mesh = samples::grid(2, 0.0);
-        mesh.positions[4] = DVec3::new(1.9, 0.3, 0.0);
-        mesh.wedge_uv[4] = DVec2::new(0.19, 0.03);
+        mesh.positions[4] = DVec3::new(1.7, 0.95, 0.0);
+        mesh.wedge_uv[4] = DVec2::new(0.17, 0.095);
         mesh
     }
 
