@@ -81,7 +81,7 @@ impl Metric for ClassicCost {
         priced(mesh, edge, position, sum.at(position))
     }
 
-    fn join(&mut self, edge: &EdgeCase<'_>) {
+    fn join(&mut self, _mesh: &ClusterMesh, edge: &EdgeCase<'_>) {
         let vanished = self.quadrics[edge.from as usize];
         self.quadrics[edge.to as usize] += vanished;
     }

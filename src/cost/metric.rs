@@ -22,6 +22,10 @@ pub trait Metric: Sized {
     /// Whether it needs numbers of the whole mesh.
     const HAS_CENSUS: bool = false;
 
+    /// Whether vertices only collapse onto others, and move to their [best place](Metric::best_place) at the end of a
+    /// stage; else every collapse is placed by itself.
+    const ENDPOINTS: bool = false;
+
     /// Without a mesh yet.
     fn new(settings: &Self::Settings) -> Self;
 
@@ -54,8 +58,15 @@ pub trait Metric: Sized {
     /// Cost of a collapse, and where its vertex goes.
     fn place(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Placement;
 
-    /// Adds what is kept of the vanished vertex and its wedges to those that stay.
-    fn join(&mut self, edge: &EdgeCase<'_>);
+    /// Adds what is kept of the vanished vertex and its wedges to those that stay; the mesh is as it was before the collapse.
+    fn join(&mut self, mesh: &ClusterMesh, edge: &EdgeCase<'_>);
+
+    /// Where a vertex that others collapsed onto has the least error; nothing if it had better stay. If `wedge`, its only
+    /// one, is given, its texture coordinate may follow, else texture coordinates are held.
+    #[inline]
+    fn best_place(&self, _mesh: &ClusterMesh, _vertex: u32, _wedge: Option<u32>) -> Option<DVec3> {
+        None
+    }
 
     /// Area of the mesh at the last refresh.
     fn area(&self) -> f64;

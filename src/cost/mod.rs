@@ -11,6 +11,7 @@ pub mod classic;
 pub mod curvature;
 pub mod fan;
 pub mod knob;
+pub mod local;
 pub mod metric;
 pub mod oblique;
 pub mod planes;

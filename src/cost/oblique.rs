@@ -43,8 +43,8 @@ use super::census::Census;
 use super::fan::{Fan, angle_between};
 use super::knob::{Knob, factor, switch};
 use super::metric::Metric;
-use super::planes::{area_of, each_chain_edge, ends, least, plane_of};
-use super::surface::{EdgeCase, EdgeKind, LENGTH_SHARE, Placement};
+use super::planes::{LENGTH_SHARE, area_of, each_chain_edge, ends, least, plane_of};
+use super::surface::{EdgeCase, EdgeKind, Placement};
 use super::wide::WideQuadric;
 use crate::mesh::class::{Class, Rule};
 use crate::mesh::cluster::ClusterMesh;
@@ -338,7 +338,7 @@ impl Metric for ObliqueCost {
         Placement { position, cost: cost * self.stretch(edge, length) + tie }
     }
 
-    fn join(&mut self, edge: &EdgeCase<'_>) {
+    fn join(&mut self, _mesh: &ClusterMesh, edge: &EdgeCase<'_>) {
         for &(wa, wb) in edge.wedges {
             let vanished = self.quadrics[wa as usize];
             self.quadrics[wb as usize] += vanished;

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::quadric::Quadric;
-use super::surface::{EdgeCase, EdgeKind, LENGTH_SHARE, Placement, edge_kind};
+use super::surface::{EdgeCase, EdgeKind, Placement, edge_kind};
 use crate::mesh::class::Class;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
@@ -12,6 +12,8 @@ use crate::mesh::ring::Rings;
 const SPRING: f64 = 1e-6;
 /// A placement farther from the middle of the edge than this many edge lengths is not believed.
 const REACH: f64 = 2.0;
+/// Share of an edge's length, to the power that the cost has, that a collapse costs on a flat patch: it orders ties.
+pub(super) const LENGTH_SHARE: f64 = 1e-7;
 
 /// Unit normal and area of a triangle, if it has any.
 pub fn plane_of(triangle: [DVec3; 3]) -> Option<(DVec3, f64)> {

@@ -168,7 +168,7 @@ impl Metric for SharpnessCost {
         priced(mesh, edge, position, self.sum(edge).at(position))
     }
 
-    fn join(&mut self, edge: &EdgeCase<'_>) {
+    fn join(&mut self, _mesh: &ClusterMesh, edge: &EdgeCase<'_>) {
         let vanished = self.quadrics[edge.from as usize];
         self.quadrics[edge.to as usize] += vanished;
     }

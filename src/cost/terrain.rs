@@ -228,7 +228,7 @@ impl Metric for TerrainCost {
         priced(mesh, edge, position, cost.max(0.0) * self.class_weight(edge))
     }
 
-    fn join(&mut self, edge: &EdgeCase<'_>) {
+    fn join(&mut self, _mesh: &ClusterMesh, edge: &EdgeCase<'_>) {
         for &(wa, wb) in edge.wedges {
             let vanished = self.quadrics[wa as usize];
             self.quadrics[wb as usize] += vanished;

@@ -9,8 +9,8 @@ use crate::cost::{EdgeCase, Metric};
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::ring::Rings;
 
-/// One collapse in this many is measured for the estimate of the error.
-pub const SAMPLED: u32 = 32;
+/// Parts of the way to its best place that a vertex tries.
+const SETTLE_SHARES: [f64; 2] = [1.0, 0.5];
 
 /// An edge to collapse, as judged before.
 #[derive(Debug, Clone, Copy)]
@@ -33,8 +33,6 @@ pub struct Collapser {
     star: EdgeStar,
     uvs: Vec<DVec2>,
     patches: Patches,
-    /// Σ area × squared displacement of all collapses, estimated from one in [`SAMPLED`].
-    pub displaced: f64,
     /// Largest deviation from the input that is allowed, if it is bounded.
     pub deviation_max: Option<f64>,
 }
@@ -63,12 +61,74 @@ impl Collapser {
         self.choose_uvs(mesh, rings, cost, collapse, position)?;
         self.check_faces(mesh, rings, collapse, position)?;
         let deviation = self.check_deviation(mesh, rings, collapse, position)?;
-        self.sample_displacement(mesh, rings, collapse, position);
-        cost.join(&EdgeCase { from, to, onto, stays, wedges: &self.star.wedges });
+        cost.join(mesh, &EdgeCase { from, to, onto, stays, wedges: &self.star.wedges });
         if let Some(deviation) = deviation {
             self.set_deviation(mesh, rings, collapse, deviation);
         }
         Ok(self.apply(mesh, rings, collapse, position))
+    }
+
+    /// Moves a vertex to its best place, or half-way there, if no face around it folds over.
+    ///
+    /// If it `slides`, its only wedge takes the texture coordinate that the surface has there; else texture stays.
+    pub fn settle<M: Metric>(&mut self, mesh: &mut ClusterMesh, rings: &Rings, cost: &M, vertex: u32, slides: bool) {
+        let wedge = mesh.wedge_of(rings.of(vertex)[0]);
+        let here = mesh.positions[vertex as usize];
+        let Some(best) = cost.best_place(mesh, vertex, slides.then_some(wedge)) else { return };
+        for share in SETTLE_SHARES {
+            let position = here.lerp(best, share);
+            let uv = if slides { uv_on_ring(mesh, rings, &[vertex], position) } else { None };
+            let fits = rings.of(vertex).iter().all(|&corner| {
+                let (face, k) = (corner / 3, corner as usize % 3);
+                let (before, uv_before) = (mesh.triangle(face), mesh.uv_triangle(face));
+                let (mut after, mut uv_after) = (before, uv_before);
+                after[k] = position;
+                uv_after[k] = uv.unwrap_or(uv_after[k]);
+                triangle_survives(before, after) && uv_survives(uv_before, uv_after, area_ratio(before, after))
+            });
+            if fits && self.settle_deviation(mesh, rings, vertex, position).is_ok() {
+                mesh.positions[vertex as usize] = position;
+                mesh.flags[vertex as usize] |= flag::MOVED;
+                if let Some(uv) = uv {
+                    mesh.wedge_uv[wedge as usize] = uv;
+                    mesh.wedge_moved[wedge as usize] = true;
+                }
+                return;
+            }
+        }
+    }
+
+    /// Bounds the deviation of the faces around a vertex that moves, if deviations are bounded.
+    fn settle_deviation(
+        &mut self,
+        mesh: &mut ClusterMesh,
+        rings: &Rings,
+        vertex: u32,
+        position: DVec3,
+    ) -> Result<(), Refusal> {
+        let Some(most) = self.deviation_max else { return Ok(()) };
+        self.patches.clear();
+        for &corner in rings.of(vertex) {
+            let mut triangle = mesh.triangle(corner / 3);
+            triangle.rotate_left(corner as usize % 3);
+            self.patches.old.push(triangle);
+            triangle[0] = position;
+            self.patches.new.push(triangle);
+        }
+        let before = rings.of(vertex).iter().map(|corner| mesh.deviations[*corner as usize / 3]).fold(0.0, f32::max);
+        let deviation = self.bound_deviation(before, most)?;
+        rings.of(vertex).iter().for_each(|corner| mesh.deviations[*corner as usize / 3] = deviation as f32);
+        Ok(())
+    }
+
+    /// Deviation of the new patch, if the old one's was `before`.
+    fn bound_deviation(&self, before: f32, most: f64) -> Result<f64, Refusal> {
+        let room = most - f64::from(before);
+        if room < 0.0 {
+            return Err(Refusal::Deviation);
+        }
+        let moved = self.patches.distance_within(room).ok_or(Refusal::Deviation)?;
+        Ok(f64::from(before) + moved)
     }
 
     /// New texture coordinate for each wedge pair.
@@ -91,7 +151,7 @@ impl Collapser {
             uv_on_chain(mesh, rings, (from, to), wedges, position, &mut self.uvs).ok_or(Refusal::Seam)?;
         } else {
             let kept = wedges.first().map_or(DVec2::NAN, |pair| mesh.wedge_uv[pair.1 as usize]);
-            let uv = uv_on_ring(mesh, rings, from, to, position).unwrap_or(kept);
+            let uv = uv_on_ring(mesh, rings, &[from, to], position).unwrap_or(kept);
             self.uvs.resize(wedges.len(), uv);
         }
         Ok(())
@@ -143,22 +203,7 @@ impl Collapser {
         let changing = changing_corners(&self.star, mesh, rings, collapse);
         let before = changing.map(|(corner, _)| mesh.deviations[corner as usize / 3]).fold(0.0, f32::max);
         self.gather_patches(mesh, rings, collapse, position);
-        let room = most - f64::from(before);
-        if room < 0.0 {
-            return Err(Refusal::Deviation);
-        }
-        let moved = self.patches.distance_within(room).ok_or(Refusal::Deviation)?;
-        Ok(Some(f64::from(before) + moved))
-    }
-
-    /// Adds to the estimate of the mean squared deviation: displacements of different collapses are independent, so that
-    /// their squares add up.
-    fn sample_displacement(&mut self, mesh: &ClusterMesh, rings: &Rings, collapse: Collapse, position: DVec3) {
-        let key = (collapse.from ^ collapse.to.rotate_left(16)).wrapping_mul(0x9e37_79b9);
-        if (key >> 16).is_multiple_of(SAMPLED) {
-            self.gather_patches(mesh, rings, collapse, position);
-            self.displaced += f64::from(SAMPLED) * self.patches.area_times_mean_sq();
-        }
+        self.bound_deviation(before, most).map(Some)
     }
 
     fn gather_patches(&mut self, mesh: &ClusterMesh, rings: &Rings, collapse: Collapse, position: DVec3) {

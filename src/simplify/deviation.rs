@@ -37,19 +37,6 @@ impl Patches {
         let back = one_sided_sq(&self.old, &self.new, most_sq)?;
         Some(there.max(back).sqrt())
     }
-
-    /// Area of the old patch times the mean squared distance of samples on it to the new one.
-    pub fn area_times_mean_sq(&self) -> f64 {
-        let mut sum = 0.0;
-        for &[a, b, c] in &self.old {
-            let share = 0.5 * (b - a).cross(c - a).length();
-            let nearest_sq = |p| self.new.iter().map(|t| distance_sq(p, *t)).fold(f64::INFINITY, f64::min);
-            // Exact for a distance that falls linearly from the corner that moves to the rim.
-            let mean_sq = nearest_sq((a + b) * 0.5) + nearest_sq((a + c) * 0.5);
-            sum += share * mean_sq / 3.0;
-        }
-        if sum.is_finite() { sum } else { 0.0 }
-    }
 }
 
 /// Largest squared distance of samples on `from` to `to`; nothing if one exceeds `most_sq`.
@@ -94,13 +81,6 @@ mod tests {
         let patches = Patches { old: vec![TRIANGLE], new: vec![lifted] };
         assert!((patches.distance_within(1.0).unwrap() - 0.25).abs() < 1e-12);
         assert_eq!(patches.distance_within(0.2), None);
-    }
-
-    #[test]
-    fn the_mean_square_of_a_linear_distance_is_a_sixth_of_its_highest() {
-        let lifted = [TRIANGLE[0] + DVec3::Z * 0.01, TRIANGLE[1], TRIANGLE[2]];
-        let patches = Patches { old: vec![lifted], new: vec![TRIANGLE] };
-        assert!((patches.area_times_mean_sq() - 0.5 * 0.01 * 0.01 / 6.0).abs() < 1e-8);
     }
 
     #[test]

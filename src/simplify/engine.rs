@@ -1,18 +1,23 @@
 //! The loop over edges: rounds of sorted candidates, inside stages that recompute the quadrics.
 //!
 //! ```text
-//! stage    rings, classes and quadrics from the current mesh; every edge is judged
-//! └ round  the cheapest edges in order; a vertex takes part in one collapse a round;
-//!          then only edges around changed vertices are judged anew
+//! stage    rings, classes and quadrics from the current mesh; every vertex proposes its cheapest collapse
+//! ├ round  the cheapest proposals in order; a vertex takes part in one collapse a round;
+//! │        then only vertices around changed ones propose anew
+//! └ settle vertices that others collapsed onto move to their best place
 //! ```
 //! Rounds give the quality of a heap at two to three times its speed.
 
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
 use super::collapse::{Collapse, Collapser};
 use super::legality::Refusal;
+use super::witness::Witnesses;
 use crate::cost::census::Census;
 use crate::cost::surface::EdgeKind;
 use crate::cost::{EdgeCase, Metric};
-use crate::mesh::class::{Class, Rule, VALENCE_MAX, classify};
+use crate::mesh::class::{Class, Rule, classify};
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::ring::Rings;
 
@@ -20,6 +25,8 @@ use crate::mesh::ring::Rings;
 const ROUND_SHARE: f64 = 0.10;
 /// Candidates tried for each collapse that a round aims at: neighbours block each other.
 const TRIES_PER_COLLAPSE: f64 = 1.5;
+/// A round ends before collapses that cost more than this many times the dearest one that it aims at.
+const COST_SPREAD: f32 = 4.0;
 /// A stage that stops on a cost ends when a round over all its candidates removes less than this share of the faces.
 const LAST_SHARE: f64 = 0.0005;
 
@@ -41,21 +48,23 @@ pub struct StageResult {
     pub reached: bool,
 }
 
-/// A judged edge.
+/// The cheapest collapse of a vertex.
 #[derive(Debug, Clone, Copy)]
-struct Candidate {
+struct Proposal {
     cost: f32,
-    from: u32,
     to: u32,
     onto: bool,
     chain: bool,
-    /// Refused, and nothing around it has changed since.
-    parked: bool,
+    /// Dearer than one that was refused since anything around the vertex changed.
+    second_best: bool,
 }
 
-impl Candidate {
-    fn key(&self) -> (u32, u32, u32) {
-        (self.cost.to_bits(), self.from.min(self.to), self.from.max(self.to))
+impl Proposal {
+    const NONE: Self = Self { cost: f32::INFINITY, to: u32::MAX, onto: false, chain: false, second_best: false };
+
+    /// Order of the collapses of one vertex.
+    fn key(&self) -> (u32, u32) {
+        (self.cost.to_bits(), self.to)
     }
 }
 
@@ -68,6 +77,14 @@ struct EdgeAt {
 }
 
 impl EdgeAt {
+    /// The edge from a corner to the next one of its face, inside a chart; nothing if the face is dead.
+    #[inline(always)]
+    fn ahead(mesh: &ClusterMesh, corner: u32) -> Option<Self> {
+        let own = mesh.living(corner)?;
+        let next = ClusterMesh::following(corner)[0];
+        Some(Self { other: mesh.vertex_of(next), wedges: [(own, mesh.wedge_of(next)); 2], face_count: 2 })
+    }
+
     fn kind(&self) -> EdgeKind {
         match self.face_count {
             1 => EdgeKind::Border,
@@ -96,17 +113,27 @@ pub struct Engine<M> {
     cost: M,
     rings: Rings,
     classes: Vec<Class>,
-    candidates: Vec<Candidate>,
+    /// Of every vertex.
+    proposals: Vec<Proposal>,
+    /// Vertices whose cheapest collapse was refused, some more than once.
+    refused: Vec<u32>,
     collapser: Collapser,
+    witnesses: Witnesses,
     /// Round in which a vertex took part in a collapse.
     touched: Vec<u32>,
     /// Round in which a face around a vertex changed.
     stirred: Vec<u32>,
     survivors: Vec<u32>,
     changed: Vec<u32>,
+    /// Vertices that others collapsed onto in this stage.
+    joined: Vec<bool>,
     round: u32,
     edges: Vec<EdgeAt>,
     costs: Vec<f32>,
+    /// Vertices that were refused in this round, with the cost of their next best.
+    again: BinaryHeap<Reverse<(u32, u32)>>,
+    /// Cost at which this round ends.
+    patience: f32,
     chosen: Vec<u32>,
     /// How often each [`Refusal`] was met.
     pub refusals: [u64; Refusal::COUNT],
@@ -132,15 +159,20 @@ impl<M: Metric> Engine<M> {
             cost: M::new(settings),
             rings: Rings::default(),
             classes: Vec::new(),
-            candidates: Vec::new(),
+            proposals: Vec::new(),
+            refused: Vec::new(),
             collapser: Collapser::default(),
+            witnesses: Witnesses::default(),
             touched: Vec::new(),
             stirred: Vec::new(),
             survivors: Vec::new(),
             changed: Vec::new(),
+            joined: Vec::new(),
             round: 0,
             edges: Vec::new(),
             costs: Vec::new(),
+            again: BinaryHeap::new(),
+            patience: f32::INFINITY,
             chosen: Vec::new(),
             refusals: [0; Refusal::COUNT],
             squared_error: 0.0,
@@ -196,16 +228,17 @@ impl<M: Metric> Engine<M> {
         let is_seam =
             |class: &&Class| matches!(class, Class::Seam | Class::Corner | Class::BorderSeam | Class::BorderCorner);
         self.seam_vertices = self.classes.iter().filter(is_seam).count() as u64;
+        self.witnesses.gather(&self.mesh, &self.rings);
         self.judge_all();
         let mut widen = 1.0;
         loop {
             let before = self.mesh.face_count;
-            let tried_all = self.choose(stop, widen);
+            let (bound, tried_all) = self.choose(stop, widen);
             if self.chosen.is_empty() {
                 break;
             }
             self.round += 1;
-            self.collapse_chosen(stop, &mut result);
+            self.collapse_chosen(stop, bound, &mut result);
             let removed = before - self.mesh.face_count;
             if self.is_done(stop) {
                 result.reached = true;
@@ -223,7 +256,12 @@ impl<M: Metric> Engine<M> {
             self.rejudge();
         }
         result.reached |= matches!(stop, Stop::Cost(..));
-        self.squared_error += std::mem::take(&mut self.collapser.displaced) / self.cost.area().max(f64::MIN_POSITIVE);
+        self.mesh.compact_faces();
+        self.rings.build(&self.mesh);
+        if M::ENDPOINTS {
+            self.settle();
+        }
+        self.measure_stage();
         let (faces, squared_error) = (self.mesh.face_count, self.squared_error);
         self.milestones.push(Milestone { faces, cost: result.cost, squared_error });
         result
@@ -264,6 +302,8 @@ impl<M: Metric> Engine<M> {
         self.touched.resize(self.mesh.positions.len(), 0);
         self.stirred.clear();
         self.stirred.resize(self.mesh.positions.len(), 0);
+        self.joined.clear();
+        self.joined.resize(self.mesh.positions.len(), false);
         self.round = 0;
         self.collapser.reset(&self.mesh);
     }
@@ -279,132 +319,178 @@ impl<M: Metric> Engine<M> {
             }
     }
 
+    /// Whether a vertex keeps its place when another collapses onto it.
+    fn stays(&self, vertex: u32) -> bool {
+        M::ENDPOINTS || self.is_held(vertex)
+    }
+
     /// What the edge's kind, both classes and both locks allow.
     fn rule(&self, from: u32, to: u32, kind: EdgeKind) -> Rule {
-        // A crowded end would be refused by the link condition, after its many wedges had been judged.
-        if self.is_held(from) || self.rings.of(to).len() > 2 * VALENCE_MAX {
+        if self.is_held(from) {
             return Rule::Never;
         }
         match self.cost.rule(self.classes[from as usize], self.classes[to as usize], kind) {
-            Rule::Free if self.is_held(to) => Rule::Onto,
-            Rule::Chain if self.is_held(to) => Rule::ChainOnto,
+            Rule::Free if self.stays(to) => Rule::Onto,
+            Rule::Chain if self.stays(to) => Rule::ChainOnto,
             rule => rule,
         }
     }
 
     fn judge_all(&mut self) {
-        self.candidates.clear();
+        self.refused.clear();
+        self.proposals.clear();
+        self.proposals.resize(self.mesh.positions.len(), Proposal::NONE);
         for vertex in 0..self.mesh.positions.len() as u32 {
-            self.judge_around(vertex, |engine, other| other > vertex || engine.classes[other as usize] == Class::Fixed);
+            self.judge(vertex, None);
         }
     }
 
-    /// Judges the edges at a vertex whose other end `wanted` accepts.
-    fn judge_around(&mut self, vertex: u32, wanted: impl Fn(&Self, u32) -> bool) {
-        if self.classes[vertex as usize] == Class::Fixed {
-            return;
-        }
-        let mut edges = std::mem::take(&mut self.edges);
-        edges_at(&self.mesh, &self.rings, vertex, &mut edges);
-        for edge in &edges {
-            if edge.face_count <= 2 && wanted(self, edge.other) {
-                self.judge(vertex, edge);
+    /// Finds the cheapest collapse of a vertex, or the cheapest after one that was refused.
+    fn judge(&mut self, vertex: u32, after: Option<(u32, u32)>) {
+        let mut best = Proposal { second_best: after.is_some(), ..Proposal::NONE };
+        if !self.is_held(vertex) {
+            let is_better = |proposal: &Proposal, best: &Proposal| {
+                proposal.key() < best.key() && after.is_none_or(|after| proposal.key() > after)
+            };
+            if self.classes[vertex as usize] == Class::Smooth {
+                // One closed fan and one wedge: each face has the edge that leads on from it.
+                for edge in self.rings.of(vertex).iter().filter_map(|&corner| EdgeAt::ahead(&self.mesh, corner)) {
+                    let proposal = self.propose(vertex, &edge);
+                    if is_better(&proposal, &best) {
+                        best = Proposal { second_best: after.is_some(), ..proposal };
+                    }
+                }
+            } else {
+                let mut edges = std::mem::take(&mut self.edges);
+                edges_at(&self.mesh, &self.rings, vertex, &mut edges);
+                for edge in &edges {
+                    let proposal = self.propose(vertex, edge);
+                    if is_better(&proposal, &best) {
+                        best = Proposal { second_best: after.is_some(), ..proposal };
+                    }
+                }
+                self.edges = edges;
             }
         }
-        self.edges = edges;
+        self.proposals[vertex as usize] = best;
     }
 
-    fn judge(&mut self, vertex: u32, edge: &EdgeAt) {
-        let kind = edge.kind();
-        let pairs = if kind == EdgeKind::Seam { &edge.wedges[..2] } else { &edge.wedges[..1] };
-        let there = self.rule(vertex, edge.other, kind);
-        let back = self.rule(edge.other, vertex, kind);
-        let mut best: Option<Candidate> = None;
-        for (rule, from, to) in [(there, vertex, edge.other), (back, edge.other, vertex)] {
-            if rule == Rule::Never {
-                continue;
-            }
-            let swapped = [(pairs[0].1, pairs[0].0), pairs.get(1).map_or((0, 0), |pair| (pair.1, pair.0))];
-            let wedges = if from == vertex { pairs } else { &swapped[..pairs.len()] };
-            let onto = matches!(rule, Rule::Onto | Rule::ChainOnto);
-            let chain = matches!(rule, Rule::Chain | Rule::ChainOnto);
-            let stays = self.is_held(to);
-            let cost = self.cost.place(&self.mesh, &EdgeCase { from, to, onto, stays, wedges }).cost as f32;
-            if best.is_none_or(|best| cost < best.cost) && cost.is_finite() {
-                best = Some(Candidate { cost, from, to, onto, chain, parked: false });
-            }
-            if !onto {
-                break;
-            }
+    /// What it costs to collapse an edge from the vertex that it was taken at.
+    #[inline(always)]
+    fn propose(&self, from: u32, edge: &EdgeAt) -> Proposal {
+        let (to, kind) = (edge.other, edge.kind());
+        let rule = if edge.face_count <= 2 { self.rule(from, to, kind) } else { Rule::Never };
+        // An edge whose ends meet in between costs the same from both: the lower one proposes it.
+        if rule == Rule::Never || (matches!(rule, Rule::Free | Rule::Chain) && to < from) {
+            return Proposal::NONE;
         }
-        self.candidates.extend(best);
+        let wedges = if kind == EdgeKind::Seam { &edge.wedges[..2] } else { &edge.wedges[..1] };
+        let onto = matches!(rule, Rule::Onto | Rule::ChainOnto);
+        let chain = matches!(rule, Rule::Chain | Rule::ChainOnto);
+        let cost = self.cost.place(&self.mesh, &EdgeCase { from, to, onto, stays: self.stays(to), wedges }).cost as f32;
+        if cost.is_finite() { Proposal { cost, to, onto, chain, second_best: false } } else { Proposal::NONE }
     }
 
-    /// Chooses the candidates of a round, in order; returns whether they are all that the stop allows.
-    fn choose(&mut self, stop: Stop, widen: f64) -> bool {
+    /// Chooses the vertices of a round, in order of cost; returns the highest cost, and whether they are all that the
+    /// stop allows.
+    fn choose(&mut self, stop: Stop, widen: f64) -> (f32, bool) {
         let faces = self.mesh.face_count as f64;
         let (limit, excess) = match stop {
-            Stop::Faces(target) => (f32::INFINITY, (self.mesh.face_count - target) as f64),
-            Stop::Cost(cost, _) => (cost, faces),
+            Stop::Faces(target) => (f32::MAX, (self.mesh.face_count - target) as f64),
+            Stop::Cost(cost, _) => (cost.min(f32::MAX), faces),
         };
         let collapses = (0.5 * excess.min(faces * ROUND_SHARE)).ceil();
         let wanted = (collapses * TRIES_PER_COLLAPSE * widen).max(8.0) as usize;
         self.costs.clear();
-        let open = |c: &&Candidate| !c.parked && c.cost <= limit;
-        self.costs.extend(self.candidates.iter().filter(open).map(|c| c.cost));
+        self.costs.extend(self.proposals.iter().map(|proposal| proposal.cost).filter(|&cost| cost <= limit));
         let tried_all = self.costs.len() <= wanted;
         let bound = if tried_all { limit } else { *self.costs.select_nth_unstable_by(wanted, f32::total_cmp).1 };
         self.chosen.clear();
-        let candidates = &self.candidates;
-        let is_chosen = |c: &Candidate| !c.parked && c.cost <= bound;
-        self.chosen.extend((0..candidates.len() as u32).filter(|&i| is_chosen(&candidates[i as usize])));
-        self.chosen.sort_unstable_by_key(|&i| candidates[i as usize].key());
-        tried_all
+        let proposals = &self.proposals;
+        self.chosen.extend((0..proposals.len() as u32).filter(|&v| proposals[v as usize].cost <= bound));
+        self.chosen.sort_unstable_by_key(|&v| (proposals[v as usize].cost.to_bits(), v));
+        let aim = self.chosen.get((collapses as usize).saturating_sub(1));
+        self.patience = aim.map_or(f32::INFINITY, |&v| COST_SPREAD * proposals[v as usize].cost);
+        (bound, tried_all)
     }
 
-    fn collapse_chosen(&mut self, stop: Stop, result: &mut StageResult) {
+    /// Collapses what was chosen, in order of cost; a vertex that is refused comes again with its next best.
+    fn collapse_chosen(&mut self, stop: Stop, bound: f32, result: &mut StageResult) {
         self.survivors.clear();
-        let round = self.round;
-        for i in 0..self.chosen.len() {
-            let index = self.chosen[i] as usize;
-            let Candidate { cost, from, to, onto, chain, .. } = self.candidates[index];
-            if self.touched[from as usize] == round || self.touched[to as usize] == round {
-                continue;
+        self.again.clear();
+        let mut at = 0;
+        loop {
+            let chosen = self.chosen.get(at).map(|&v| (self.proposals[v as usize].cost.to_bits(), v));
+            let again = self.again.peek().map(|&Reverse(entry)| entry);
+            let Some((_, from)) = chosen.into_iter().chain(again).min() else { return };
+            if chosen.is_some_and(|entry| entry.1 == from) {
+                at += 1;
+            } else {
+                self.again.pop();
             }
-            let collapse = Collapse { from, to, onto, stays: self.is_held(to), chain };
-            match self.collapser.try_collapse(&mut self.mesh, &self.rings, &mut self.cost, collapse) {
-                Ok(died) => {
-                    self.touched[from as usize] = round;
-                    self.touched[to as usize] = round;
-                    self.survivors.push(to);
-                    result.cost = result.cost.max(cost);
-                    if let Some(log) = &mut self.log {
-                        log.push((cost, died as u8));
-                    }
-                    self.stir(from);
-                    self.stir(to);
-                    if self.is_done(stop) {
-                        return;
-                    }
-                }
-                Err(refusal) => {
-                    self.refusals[refusal as usize] += 1;
-                    self.candidates[index].parked = true;
-                }
+            if !self.survivors.is_empty() && self.proposals[from as usize].cost > self.patience {
+                return;
+            }
+            if !self.try_proposal(from, result) && self.proposals[from as usize].cost <= bound {
+                self.again.push(Reverse((self.proposals[from as usize].cost.to_bits(), from)));
+            }
+            if self.is_done(stop) {
+                return;
             }
         }
     }
 
-    /// Notes that the faces around a vertex changed.
-    fn stir(&mut self, vertex: u32) {
-        for face in self.rings.faces(&self.mesh, vertex) {
-            for v in self.mesh.vertices(face) {
-                self.stirred[v as usize] = self.round;
+    /// Collapses a vertex as proposed, unless one end took part in a collapse of this round; returns false if the
+    /// proposal was refused and another one has taken its place.
+    fn try_proposal(&mut self, from: u32, result: &mut StageResult) -> bool {
+        let proposal = self.proposals[from as usize];
+        let Proposal { cost, to, onto, chain, .. } = proposal;
+        if self.touched[from as usize] == self.round || self.touched[to as usize] == self.round {
+            return true;
+        }
+        let collapse = Collapse { from, to, onto, stays: self.stays(to), chain };
+        match self.collapser.try_collapse(&mut self.mesh, &self.rings, &mut self.cost, collapse) {
+            Ok(died) => {
+                self.touched[from as usize] = self.round;
+                self.touched[to as usize] = self.round;
+                self.survivors.push(to);
+                self.joined[to as usize] = true;
+                // Where it went is kept for the witnesses.
+                self.proposals[from as usize].cost = f32::INFINITY;
+                result.cost = result.cost.max(cost);
+                if let Some(log) = &mut self.log {
+                    log.push((cost, died as u8));
+                }
+                true
+            }
+            Err(refusal) => {
+                self.refusals[refusal as usize] += 1;
+                self.refused.push(from);
+                self.judge(from, Some(proposal.key()));
+                false
             }
         }
     }
 
-    /// Judges the edges around this round's survivors anew, and lets refused edges near a change try again.
+    /// Moves every vertex that others collapsed onto to its best place, in the order of ids.
+    fn settle(&mut self) {
+        for vertex in 0..self.mesh.positions.len() as u32 {
+            if self.joined[vertex as usize] && !self.is_held(vertex) && !self.rings.of(vertex).is_empty() {
+                let slides = self.classes[vertex as usize] == Class::Smooth;
+                self.collapser.settle(&mut self.mesh, &self.rings, &self.cost, vertex, slides);
+            }
+        }
+    }
+
+    /// Adds what this stage moved to the estimate of the error.
+    fn measure_stage(&mut self) {
+        let went_to = |vertex: u32| {
+            self.rings.of(vertex).is_empty().then(|| self.proposals[vertex as usize].to).filter(|&to| to != u32::MAX)
+        };
+        self.squared_error += self.witnesses.mean_sq(&self.mesh, &self.rings, went_to);
+    }
+
+    /// Judges anew what this round's collapses changed: the survivors, their neighbours, and refused vertices near them.
     fn rejudge(&mut self) {
         let round = self.round;
         self.mesh.compact_faces();
@@ -416,18 +502,62 @@ impl<M: Metric> Engine<M> {
                 self.survivors.push(vertex);
             }
         }
-        let (touched, stirred) = (&self.touched, &self.stirred);
-        self.candidates.retain_mut(|c| {
-            if stirred[c.from as usize] == round || stirred[c.to as usize] == round {
-                c.parked = false;
-            }
-            touched[c.from as usize] != round && touched[c.to as usize] != round
-        });
         let survivors = std::mem::take(&mut self.survivors);
         for &vertex in &survivors {
-            self.judge_around(vertex, |engine, other| other > vertex || engine.touched[other as usize] != round);
+            self.judge(vertex, None);
+            let is_closed = self.classes[vertex as usize] == Class::Smooth;
+            for i in 0..self.rings.of(vertex).len() {
+                let corner = self.rings.of(vertex)[i];
+                let [next, previous] = ClusterMesh::following(corner);
+                self.rejudge_neighbour(next, corner);
+                if !is_closed {
+                    self.rejudge_neighbour(previous, corner);
+                }
+            }
         }
         self.survivors = survivors;
+        let mut refused = std::mem::take(&mut self.refused);
+        refused.retain(|&vertex| self.proposals[vertex as usize].second_best);
+        for &vertex in &refused {
+            let near = |&corner: &u32| {
+                ClusterMesh::following(corner)
+                    .iter()
+                    .any(|&far| self.stirred[self.mesh.vertex_of(far) as usize] == round)
+            };
+            if self.rings.of(vertex).iter().any(near) {
+                self.judge(vertex, None);
+            }
+        }
+        refused.retain(|&vertex| self.proposals[vertex as usize].second_best);
+        self.refused = refused;
+    }
+
+    /// Judges the neighbour of a survivor anew, both as corners of a face.
+    ///
+    /// What it costs to go elsewhere is as it was: only if the neighbour was to go where something changed, or was
+    /// refused, are all its edges looked at.
+    fn rejudge_neighbour(&mut self, corner: u32, survivor: u32) {
+        let (vertex, round) = (self.mesh.vertex_of(corner), self.round);
+        if self.touched[vertex as usize] == round {
+            return;
+        }
+        let is_first = self.stirred[vertex as usize] != round;
+        self.stirred[vertex as usize] = round;
+        let Proposal { to, second_best, .. } = self.proposals[vertex as usize];
+        let is_stale = second_best || self.touched.get(to as usize) == Some(&round);
+        if self.classes[vertex as usize] != Class::Smooth || is_stale {
+            // NOTE: a proposal to a survivor that was just judged looks stale again; it is judged once all the same.
+            if is_first {
+                self.judge(vertex, None);
+            }
+        } else if !self.is_held(vertex) {
+            let pair = (self.mesh.wedge_of(corner), self.mesh.wedge_of(survivor));
+            let edge = EdgeAt { other: self.mesh.vertex_of(survivor), wedges: [pair; 2], face_count: 2 };
+            let proposal = self.propose(vertex, &edge);
+            if proposal.key() < self.proposals[vertex as usize].key() {
+                self.proposals[vertex as usize] = proposal;
+            }
+        }
     }
 }
 
@@ -435,7 +565,7 @@ impl<M: Metric> Engine<M> {
 fn edges_at(mesh: &ClusterMesh, rings: &Rings, vertex: u32, edges: &mut Vec<EdgeAt>) {
     edges.clear();
     for &corner in rings.of(vertex) {
-        let own = mesh.wedge_of(corner);
+        let Some(own) = mesh.living(corner) else { continue };
         for far in ClusterMesh::following(corner) {
             let (other, wedge) = (mesh.vertex_of(far), mesh.wedge_of(far));
             match edges.iter_mut().find(|edge| edge.other == other) {

@@ -12,5 +12,6 @@ pub mod deviation;
 pub mod engine;
 pub mod legality;
 pub mod texture;
+pub mod witness;
 
 pub use engine::{Engine, Milestone, StageResult, Stop};

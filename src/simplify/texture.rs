@@ -13,10 +13,10 @@ use glam::{DVec2, DVec3};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
 
-/// Texture coordinate at the closest point of the faces around both ends of a free edge; nothing if none has one.
-pub fn uv_on_ring(mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32, position: DVec3) -> Option<DVec2> {
+/// Texture coordinate at the closest point of the faces around some vertices; nothing if none has one.
+pub fn uv_on_ring(mesh: &ClusterMesh, rings: &Rings, vertices: &[u32], position: DVec3) -> Option<DVec2> {
     let mut best: Option<(f64, DVec2)> = None;
-    for face in rings.faces(mesh, from).chain(rings.faces(mesh, to)) {
+    for face in vertices.iter().flat_map(|&vertex| rings.faces(mesh, vertex)) {
         let uv = mesh.uv_triangle(face);
         if !uv.iter().all(|t| t.is_finite()) {
             continue;

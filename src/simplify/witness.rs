@@ -1,0 +1,97 @@
+//! How far a stage moved the surface: vertices from before it tell the distance to the mesh after it.
+//!
+//! One vertex in [`SAMPLED`] is a witness. Each knows the vertex that it went into, however many collapses later, and
+//! measures its distance to the faces around that one:
+//!
+//! ```text
+//!   before   --w-----.-----.--          after   ----.---------.--    d² weighted by the area around w
+//!                                                w  | d
+//! ```
+
+use glam::DVec3;
+
+use super::texture::closest_weights;
+use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::ring::Rings;
+
+/// One vertex in this many is a witness.
+const SAMPLED: u32 = 16;
+/// Mean squared distance over a surface for each squared distance at its vertices: 1/2 where those are independent, 1
+/// where they are all the same.
+const SURFACE_SHARE: f64 = 0.5;
+
+/// Vertices as they were before a stage.
+#[derive(Debug, Default)]
+pub struct Witnesses {
+    witnesses: Vec<(u32, f64, DVec3)>,
+}
+
+impl Witnesses {
+    /// Notes where vertices are, and the area around them.
+    pub fn gather(&mut self, mesh: &ClusterMesh, rings: &Rings) {
+        self.witnesses.clear();
+        let is_sampled = |vertex: &u32| (vertex.wrapping_mul(0x9e37_79b9) >> 16).is_multiple_of(SAMPLED);
+        for vertex in (0..mesh.positions.len() as u32).filter(is_sampled) {
+            let area: f64 = rings.faces(mesh, vertex).map(|face| area_of(mesh.triangle(face))).sum();
+            if area > 0.0 {
+                self.witnesses.push((vertex, area, mesh.positions[vertex as usize]));
+            }
+        }
+    }
+
+    /// Mean squared distance to the mesh as it is now; `went_to` names the vertex that one collapsed into, if it did.
+    pub fn mean_sq(&self, mesh: &ClusterMesh, rings: &Rings, went_to: impl Fn(u32) -> Option<u32>) -> f64 {
+        let (mut sum, mut total) = (0.0, 0.0);
+        for &(witness, area, position) in &self.witnesses {
+            let mut vertex = witness;
+            while let Some(next) = went_to(vertex) {
+                vertex = next;
+            }
+            let distance_sq = |face| {
+                let triangle = mesh.triangle(face);
+                let w = closest_weights(position, triangle);
+                position.distance_squared(triangle[0] * w[0] + triangle[1] * w[1] + triangle[2] * w[2])
+            };
+            let nearest_sq = rings.faces(mesh, vertex).map(distance_sq).fold(f64::INFINITY, f64::min);
+            if nearest_sq.is_finite() {
+                sum += area * nearest_sq;
+                total += area;
+            }
+        }
+        if total > 0.0 { SURFACE_SHARE * sum / total } else { 0.0 }
+    }
+}
+
+fn area_of([a, b, c]: [DVec3; 3]) -> f64 {
+    0.5 * (b - a).cross(c - a).length()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::cluster::samples;
+
+    #[test]
+    fn a_lifted_mesh_is_as_far_as_it_was_lifted() {
+        let mut mesh = samples::grid(20, 0.0);
+        let mut rings = Rings::default();
+        rings.build(&mesh);
+        let mut witnesses = Witnesses::default();
+        witnesses.gather(&mesh, &rings);
+        assert!(witnesses.witnesses.len() > 10);
+        assert_eq!(witnesses.mean_sq(&mesh, &rings, |_| None), 0.0);
+        mesh.positions.iter_mut().for_each(|p| p.z += 0.5);
+        assert!((witnesses.mean_sq(&mesh, &rings, |_| None) - SURFACE_SHARE * 0.25).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_witness_follows_the_vertex_that_it_went_into() {
+        let mesh = samples::grid(20, 0.0);
+        let mut rings = Rings::default();
+        rings.build(&mesh);
+        let mut witnesses = Witnesses::default();
+        witnesses.gather(&mesh, &rings);
+        let far = witnesses.mean_sq(&mesh, &rings, |vertex| (vertex != 0).then(|| vertex - 1));
+        assert!(far > 10.0, "{far}");
+    }
+}
