@@ -109,6 +109,7 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
         timeline: recorder.finish(),
         passes: passes.reports,
         floor: (!passes.reached).then_some(passes.floor),
+        comparison: None,
         warnings: findings.warnings(),
         repairs: repairs(&findings),
     })
@@ -159,7 +160,8 @@ fn pass_options(
     })
 }
 
-fn default_work(output: &Path) -> PathBuf {
+/// The work folder of a run that names none.
+pub fn default_work(output: &Path) -> PathBuf {
     let mut name = output.file_name().unwrap_or_default().to_owned();
     name.push(".work");
     output.with_file_name(name)

@@ -1,6 +1,7 @@
 //! The command line: arguments in, exit code out. Each command has a file of its own.
 
 mod check;
+mod compare;
 mod exit;
 mod inspect;
 mod markdown;
@@ -35,6 +36,8 @@ enum Command {
     Inspect(inspect::InspectArguments),
     /// Count cracks, topology faults and folded texture; exit code 1 if any is new. Holds the mesh in memory
     Check(check::CheckArguments),
+    /// Measure what a simplification did: distances, colours, topology, shapes; within a memory budget
+    Compare(compare::CompareArguments),
     /// Print docs/options.md
     #[command(hide = true)]
     OptionsMarkdown,
@@ -58,6 +61,7 @@ impl Command {
             Command::Plan(arguments) => plan::run(arguments),
             Command::Inspect(arguments) => inspect::run(arguments),
             Command::Check(arguments) => check::run(arguments),
+            Command::Compare(arguments) => compare::run(arguments),
             Command::OptionsMarkdown => {
                 print::print(&options_markdown());
                 Ok(0)

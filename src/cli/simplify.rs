@@ -1,9 +1,10 @@
 //! `drystone simplify`: one OBJ, or many, becomes one with fewer triangles.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::compare::{SamplingArguments, compare_meshes};
 use super::progress::told;
 use crate::base::{Error, Result};
 use crate::options::SimplifyOptions;
@@ -23,28 +24,54 @@ pub struct SimplifyArguments {
     /// Write a report: .json for scripts, .html for people; may be repeated
     #[arg(long, value_name = "FILE")]
     report: Vec<PathBuf>,
+    /// Compare the result with the input, as `drystone compare` does, and put the numbers into the reports
+    #[arg(long)]
+    measure: bool,
+    #[command(flatten)]
+    sampling: SamplingArguments,
     /// Say nothing but errors
     #[arg(short, long)]
     quiet: bool,
 }
 
-/// Simplifies, prints the closing words and returns the exit code.
+/// Simplifies, compares if asked to, prints the closing words and returns the exit code.
 ///
 /// # Errors
 /// Those of [`pipeline::simplify`] and of the reports.
 pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
-    let SimplifyArguments { input, output, options, report: reports, quiet } = arguments;
+    let SimplifyArguments { input, output, options, report: reports, measure, sampling, quiet } = arguments;
+    sampling.check()?;
     reports.iter().try_for_each(|path| report::Kind::of(path).map(|_| ()))?;
     let folders = reports.iter().filter_map(|path| path.parent());
     for folder in folders.filter(|folder| !folder.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
     }
     let told = told(*quiet);
-    let result = pipeline::simplify(input, output, options, &*told)?;
+    let mut result = pipeline::simplify(input, output, options, &*told)?;
+    let compared = measure.then(|| {
+        let work = work_beside(&options.work.clone().unwrap_or_else(|| pipeline::default_work(output)));
+        let meshes = [input.as_path(), output.as_path()];
+        compare_meshes(meshes, *sampling, options.memory, options.threads, work, &*told)
+    });
     drop(told);
+    // The result is there even if it could not be compared, so its report is written first.
+    let failure = match compared.transpose() {
+        Ok(comparison) => {
+            result.comparison = comparison;
+            None
+        }
+        Err(error) => Some(error),
+    };
     reports.iter().try_for_each(|path| result.save(path))?;
     if !quiet || result.exit_code() != 0 {
         eprint!("{}", result.summary());
     }
-    Ok(result.exit_code())
+    failure.map_or(Ok(result.exit_code()), Err)
+}
+
+/// The folder for a comparison, apart from that of the run.
+fn work_beside(work: &Path) -> PathBuf {
+    let mut name = work.file_name().unwrap_or_default().to_owned();
+    name.push("-measure");
+    work.with_file_name(name)
 }

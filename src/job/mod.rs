@@ -123,7 +123,7 @@ fn refuse_foreign(path: &Path) -> Result<()> {
         let name = entry.file_name();
         let name = name.to_string_lossy();
         let name = name.strip_suffix(".tmp").unwrap_or(&name);
-        let is_phase = ["scan-", "pass-", "write-"].iter().any(|prefix| name.starts_with(prefix));
+        let is_phase = ["scan-", "pass-", "write-", "measure-"].iter().any(|prefix| name.starts_with(prefix));
         let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
         if !(is_file && (is_phase || name == MANIFEST || name == LOCK)) {
             let message = format!("{}: holds files of others; give an empty or a new work folder", escape_path(path));

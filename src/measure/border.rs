@@ -7,14 +7,14 @@
 //! ```
 //!
 //! # Memory
-//! About 120 bytes per boundary edge before (four times that if long edges fill space), 8 per vertex after.
+//! About 120 bytes per boundary edge before (four times that if long edges fill space).
 
 use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::boxtree::{Bounds, BoxTree};
-use super::edges::{EdgeTable, vertices_of};
+use super::edges::EdgeTable;
 use super::surface::Surface;
 
 /// Points taken along the border, at most (beyond its vertices).
@@ -37,31 +37,31 @@ pub struct BorderDeviation {
     pub rms: f64,
 }
 
-/// Distance from the boundary edges of `after` to those of `before`; both surfaces are [welded](Surface::welded).
+/// The edges of a surface that have one face.
+pub fn border_of(surface: &Surface) -> Vec<[DVec3; 2]> {
+    let edges = EdgeTable::new(&surface.faces).boundary();
+    edges.into_iter().map(|edge| edge.map(|vertex| surface.position(vertex))).collect()
+}
+
+/// Distance from the boundary edges `after` to those `before`.
 ///
-/// Zero if `after` has no border; infinite if only `before` has none. About O(n log n).
-pub fn border_deviation(before: &Surface, after: &Surface) -> BorderDeviation {
-    let border = EdgeTable::new(&after.faces).boundary();
-    if border.is_empty() {
+/// Zero if there are none after; infinite if there are only none before. About O(n log n).
+pub fn border_deviation(before: &[[DVec3; 2]], after: &[[DVec3; 2]]) -> BorderDeviation {
+    if after.is_empty() {
         return BorderDeviation::default();
     }
     let index = BorderIndex::new(before);
     if index.pieces.is_empty() {
         return BorderDeviation { max: f64::INFINITY, rms: f64::INFINITY };
     }
-    let vertices = vertices_of(&border);
-    let at_vertices: Vec<f64> = vertices.par_iter().map(|&v| index.distance_sq(after.position(v))).collect();
-    let at_vertex = |vertex: u32| vertices.binary_search(&vertex).map_or(0.0, |i| at_vertices[i]);
-
-    let length: f64 = border.iter().map(|edge| segment(after, *edge)).map(|[a, b]| a.distance(b)).sum();
-    let step = (SAMPLE_STEP * length / border.len() as f64).max(length / SAMPLE_LIMIT);
-    let sums: Vec<(f64, f64)> = border
+    let length: f64 = after.iter().map(|[a, b]| a.distance(*b)).sum();
+    let step = (SAMPLE_STEP * length / after.len() as f64).max(length / SAMPLE_LIMIT);
+    let sums: Vec<(f64, f64)> = after
         .par_chunks(EDGES_AT_ONCE)
         .map(|edges| {
             let (mut max_sq, mut integral) = (0.0f64, 0.0);
-            for &edge in edges {
-                let ends = edge.map(at_vertex);
-                let [from, to] = segment(after, edge);
+            for &[from, to] in edges {
+                let ends = [from, to].map(|end| index.distance_sq(end));
                 let parts = piece_count(from.distance(to), step);
                 let mut sum = 0.5 * (ends[0] + ends[1]);
                 max_sq = max_sq.max(ends[0]).max(ends[1]);
@@ -80,10 +80,6 @@ pub fn border_deviation(before: &Surface, after: &Surface) -> BorderDeviation {
     BorderDeviation { max: max_sq.sqrt(), rms: mean_sq.sqrt() }
 }
 
-fn segment(surface: &Surface, edge: [u32; 2]) -> [DVec3; 2] {
-    edge.map(|vertex| surface.position(vertex))
-}
-
 /// Number of parts, at least 1, of at most about `step` that make up `length`; 1 if lengths are 0 or no numbers.
 fn piece_count(length: f64, step: f64) -> usize {
     if step > 0.0 { ((length / step).ceil() as usize).max(1) } else { 1 }
@@ -95,17 +91,15 @@ struct BorderIndex {
 }
 
 impl BorderIndex {
-    fn new(surface: &Surface) -> Self {
-        let border = EdgeTable::new(&surface.faces).boundary();
-        let length: f64 = border.iter().map(|&edge| segment(surface, edge)).map(|[a, b]| a.distance(b)).sum();
+    fn new(border: &[[DVec3; 2]]) -> Self {
+        let length: f64 = border.iter().map(|[a, b]| a.distance(*b)).sum();
         let mean = length / border.len().max(1) as f64;
-        let bounds = Bounds::around(border.iter().flat_map(|&edge| segment(surface, edge)));
+        let bounds = Bounds::around(border.iter().flatten().copied());
         // edges that fill space, as those of a soup of triangles do, are cut to the size of their share of it
         let share = bounds.diagonal() / (border.len().max(1) as f64).cbrt();
         let step = share.max(PIECE_LENGTH_MIN * mean).min(PIECE_LENGTH_MAX * mean);
         let mut pieces = Vec::with_capacity(border.len() + border.len() / 2);
-        for &edge in &border {
-            let [from, to] = segment(surface, edge);
+        for &[from, to] in border {
             let parts = piece_count(from.distance(to), step);
             let at = |part: usize| if part == parts { to } else { from.lerp(to, part as f64 / parts as f64) };
             pieces.extend((0..parts).map(|part| [at(part), at(part + 1)]));
@@ -131,6 +125,10 @@ mod tests {
     use super::super::surface::tests::bare;
     use super::*;
 
+    fn deviation(before: &Surface, after: &Surface) -> BorderDeviation {
+        border_deviation(&border_of(before), &border_of(after))
+    }
+
     fn square(side: f64, height: f64) -> Surface {
         // 2 - 3
         // | \ |
@@ -141,12 +139,12 @@ mod tests {
 
     #[test]
     fn a_border_lies_on_itself() {
-        assert_eq!(border_deviation(&square(1.0, 0.0), &square(1.0, 0.0)), BorderDeviation::default());
+        assert_eq!(deviation(&square(1.0, 0.0), &square(1.0, 0.0)), BorderDeviation::default());
     }
 
     #[test]
     fn a_lifted_border_is_as_far_as_it_was_lifted() {
-        let deviation = border_deviation(&square(1.0, 0.0), &square(1.0, 0.25));
+        let deviation = deviation(&square(1.0, 0.0), &square(1.0, 0.25));
         assert!((deviation.max - 0.25).abs() < 1e-12 && (deviation.rms - 0.25).abs() < 1e-12);
     }
 
@@ -158,14 +156,14 @@ mod tests {
         // 0 ----- 1
         let whole = bare(&[[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 1, 2], [0, 2, 3]]);
         let cut = bare(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 1, 2]]);
-        let deviation = border_deviation(&whole, &cut);
+        let deviation = deviation(&whole, &cut);
         assert!(deviation.max > 0.3 && deviation.max <= 0.5 && deviation.rms < deviation.max);
     }
 
     #[test]
     fn a_border_that_was_not_there_is_infinitely_far() {
         let closed = bare(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 1, 2], [0, 2, 1]]);
-        assert_eq!(border_deviation(&closed, &square(1.0, 0.0)).max, f64::INFINITY);
-        assert_eq!(border_deviation(&square(1.0, 0.0), &closed), BorderDeviation::default());
+        assert_eq!(deviation(&closed, &square(1.0, 0.0)).max, f64::INFINITY);
+        assert_eq!(deviation(&square(1.0, 0.0), &closed), BorderDeviation::default());
     }
 }

@@ -44,11 +44,13 @@ impl Bounds {
         (self.high - self.low).max(DVec3::ZERO).length()
     }
 
-    fn with(self, other: Self) -> Self {
+    /// The smallest box around both.
+    pub fn with(self, other: Self) -> Self {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 
-    fn distance_sq(self, point: DVec3) -> f64 {
+    /// Squared distance of a point; 0 inside.
+    pub fn distance_sq(self, point: DVec3) -> f64 {
         (self.low - point).max(point - self.high).max(DVec3::ZERO).length_squared()
     }
 

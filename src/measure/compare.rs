@@ -6,10 +6,48 @@
 //! ```
 //! Names are those of the JSON that `docs/report.md` describes. Lengths are in the mesh's unit, angles in degrees,
 //! colours on 0 to 255, shares between 0 and 1.
+//!
+//! ```text
+//! original ── cells ──┐                  ┌── distances, angles        ──▶ geometry
+//!    │                ├── direction ─────┤
+//! result ──── cells ──┘  both ways       └── pairs of texcoords       ──▶ texture
+//!    └── tally: edges, pieces, charts, shapes                         ──▶ topology, quality
+//! ```
+//! Invariant: the numbers depend on the meshes, the number of samples and the seed; on the memory budget only if an image
+//! does not fit it, which is counted.
+//!
+//! # Memory
+//! Whatever the size of the meshes, both are worked through in cells of 65,536 triangles: see the files of this folder.
+//!
+//! # Files
+//! Two work folders, `original` and `result`, removed at the end.
 
-use std::path::PathBuf;
+mod cells;
+mod closest;
+mod colour;
+mod direction;
+mod distribution;
+mod pictures;
+mod points;
+mod search;
+mod tally;
+#[cfg(test)]
+mod tests;
+mod texture;
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use serde::Serialize;
+
+use self::cells::MeasuredMesh;
+use self::direction::Direction;
+use self::distribution::Distribution;
+use self::points::Sampling;
+use super::border::{BorderDeviation, border_deviation};
+use crate::base::{Error, Findings, Progress, Result};
+use crate::os::system;
+use crate::scan::ScanOptions;
 
 /// Version of the JSON's form.
 pub const VERSION: u32 = 1;
@@ -73,6 +111,9 @@ pub struct Geometry {
     pub volume: BeforeAfter<Option<f64>>,
     /// Volume of the result per volume of the original, if both are closed.
     pub volume_ratio: Option<f64>,
+    /// How far the open borders of the result lie from those of the original; a seam that came apart inside the surface
+    /// is far from them. Nothing if the original has no border, or a mesh more of it than fits the memory budget.
+    pub border: Option<BorderDeviation>,
 }
 
 /// Distances in one direction.
@@ -163,8 +204,6 @@ pub struct Texture {
     pub folded_triangles: u64,
     /// Those of the original.
     pub folded_triangles_before: u64,
-    /// Widest gap between the two sides of a seam of the result, in space; 0 if all seams are closed.
-    pub seam_gap_max: f64,
     /// Images that were read.
     pub images: u64,
     /// Images that were too large for the memory budget and were read at a lower resolution.
@@ -216,3 +255,193 @@ pub struct Quality {
 /// A triangle is a sliver if its regularity is below this (as Li, Jiang and Tang 2020 count them): an isosceles one
 /// lower than a quarter of its base, about.
 pub const SLIVER_REGULARITY: f64 = 0.5;
+
+/// How meshes are compared.
+#[derive(Debug, Clone)]
+pub struct CompareOptions {
+    /// Points by area on each surface.
+    pub samples: u64,
+    /// Seed of the points.
+    pub seed: u64,
+    /// Folder for the two work folders.
+    pub work: PathBuf,
+    /// What the comparison may use.
+    pub resources: Resources,
+}
+
+/// What a comparison may use; it does not change the numbers.
+#[derive(Debug, Clone, Copy)]
+pub struct Resources {
+    /// Threads, at least 1.
+    pub threads: usize,
+    /// Memory in bytes.
+    pub work_bytes: u64,
+    /// How the meshes are read.
+    pub scan: ScanOptions,
+}
+
+/// Triangles of a cell, about. Numbers that are measured depend on it by their last digits.
+const CELL_FACES: u64 = 1 << 16;
+
+/// Points by area on each surface, if not said otherwise.
+pub const SAMPLES: u64 = 1_000_000;
+
+/// Compares a result with its original; each is an OBJ, or a folder of them.
+///
+/// # Errors
+/// Those of the scan; [`Error::Input`] for a mesh without triangles; on a full disk, failed reads and writes.
+pub fn compare(
+    original: &Path,
+    result: &Path,
+    options: &CompareOptions,
+    progress: &dyn Progress,
+) -> Result<Comparison> {
+    let started = Instant::now();
+    let is_new = !options.work.exists();
+    let found = compare_in_cells(original, result, options, CELL_FACES, progress);
+    if is_new {
+        let _ = std::fs::remove_dir(&options.work);
+    }
+    let mut comparison = found?;
+    comparison.seconds = started.elapsed().as_secs_f64();
+    Ok(comparison)
+}
+
+/// Compares meshes in cells of about `cell_faces` triangles.
+fn compare_in_cells(
+    original: &Path,
+    result: &Path,
+    options: &CompareOptions,
+    cell_faces: u64,
+    progress: &dyn Progress,
+) -> Result<Comparison> {
+    let prepare = |input: &Path, name: &str| {
+        let mesh = MeasuredMesh::prepare(input, &options.work.join(name), cell_faces, &options.resources, progress)?;
+        if mesh.cells.is_empty() {
+            return Err(Error::input(input, 0, "expected triangles, found none; nothing can be compared with it"));
+        }
+        Ok(mesh)
+    };
+    let (before, after) = (prepare(original, "original")?, prepare(result, "result")?);
+    let limit = before.bounds.with(after.bounds).diagonal();
+    let measured = |from, to, seed| {
+        let sampling = Sampling::new(from, options.samples, seed);
+        direction::measure(from, to, &sampling, limit, &options.resources, progress)
+    };
+    let forward = measured(&after, &before, options.seed)?;
+    let backward = measured(&before, &after, options.seed ^ 1 << 63)?;
+    let mut findings = Findings::default();
+    let texture = texture(&before, &after, &forward, &backward, limit, options, &mut findings, progress)?;
+    let geometry = geometry(&before, &after, &forward, &backward);
+    let topology = BeforeAfter { before: before.tallied.topology, after: after.tallied.topology };
+    let quality = BeforeAfter { before: before.tallied.quality, after: after.tallied.quality };
+    let mut warnings: Vec<String> = Vec::new();
+    for (name, mesh) in [("original", &before), ("result", &after)] {
+        warnings.extend(mesh.findings.warnings().into_iter().map(|words| format!("{name}: {words}")));
+    }
+    warnings.extend(findings.warnings());
+    Ok(Comparison {
+        version: VERSION,
+        original: original.to_owned(),
+        result: result.to_owned(),
+        samples: options.samples,
+        seed: options.seed,
+        geometry,
+        texture,
+        topology,
+        quality,
+        seconds: 0.0,
+        peak_resident: system::peak_resident_bytes(),
+        warnings,
+    })
+}
+
+fn geometry(before: &MeasuredMesh, after: &MeasuredMesh, forward: &Direction, backward: &Direction) -> Geometry {
+    let mut both = forward.distances.clone();
+    both.merge(&backward.distances);
+    let mut worst: Vec<Place> = forward.worst.iter().chain(&backward.worst).copied().collect();
+    worst.sort_by(|a, b| b.distance.total_cmp(&a.distance));
+    worst.truncate(WORST_PLACES);
+    let half = |a: f64, b: f64| 0.5 * (a + b);
+    let [f, b] = [&forward.distances, &backward.distances];
+    let symmetric = Distances {
+        mean: half(f.mean(), b.mean()),
+        rms: half(f.rms().powi(2), b.rms().powi(2)).sqrt(),
+        ..distances(&both, worst)
+    };
+    let volume = |mesh: &MeasuredMesh| (mesh.tallied.topology.boundary_edges == 0).then_some(mesh.volume);
+    let volume = BeforeAfter { before: volume(before), after: volume(after) };
+    let border = match (&before.tallied.border, &after.tallied.border) {
+        (Some(old), Some(new)) if !old.is_empty() => Some(border_deviation(old, new)),
+        _ => None,
+    };
+    Geometry {
+        diagonal: before.bounds.diagonal(),
+        forward: distances(&forward.distances, forward.worst.clone()),
+        backward: distances(&backward.distances, backward.worst.clone()),
+        symmetric,
+        normals: Normals {
+            mean: forward.angles.mean(),
+            p95: forward.angles.quantile(0.95),
+            flipped: share(forward.flipped, forward.angles.count()),
+        },
+        area: BeforeAfter { before: before.area, after: after.area },
+        area_ratio: if before.area > 0.0 { after.area / before.area } else { 0.0 },
+        volume,
+        volume_ratio: volume.before.zip(volume.after).filter(|(old, _)| *old != 0.0).map(|(old, new)| new / old),
+        border,
+    }
+}
+
+fn distances(distances: &Distribution, worst: Vec<Place>) -> Distances {
+    Distances {
+        max: worst.first().map_or(0.0, |place| place.distance),
+        mean: distances.mean(),
+        rms: distances.rms(),
+        median: distances.quantile(0.5),
+        p95: distances.quantile(0.95),
+        p99: distances.quantile(0.99),
+        worst,
+        histogram: distances.histogram(),
+    }
+}
+
+#[allow(clippy::too_many_arguments, reason = "both meshes, both directions, and what every phase takes")]
+fn texture(
+    before: &MeasuredMesh,
+    after: &MeasuredMesh,
+    forward: &Direction,
+    backward: &Direction,
+    limit: f64,
+    options: &CompareOptions,
+    findings: &mut Findings,
+    progress: &dyn Progress,
+) -> Result<Option<Texture>> {
+    let (Some(forward), Some(backward)) = (&forward.textures, &backward.textures) else { return Ok(None) };
+    let resources = &options.resources;
+    let (old, new) = (&before.pictures, &after.pictures);
+    let slides = texture::measure_slides(forward, after, before, limit, resources, progress)?;
+    let colours = texture::compare_colours(forward, new, old, resources, findings, progress)?;
+    let reverse = texture::compare_colours(backward, old, new, resources, findings, progress)?;
+    Ok(Some(Texture {
+        colour_mean: colours.differences.mean(),
+        colour_rms: colours.differences.rms(),
+        colour_backward_mean: reverse.differences.mean(),
+        colour_backward_rms: reverse.differences.rms(),
+        slide_mean: slides.lengths.mean(),
+        slide_median: slides.lengths.quantile(0.5),
+        slide_p95: slides.lengths.quantile(0.95),
+        slide_texels_median: slides.texels.quantile(0.5),
+        slide_texels_p95: slides.texels.quantile(0.95),
+        outside_fraction: share(slides.outside, slides.textured),
+        untextured_fraction: share(slides.points - slides.textured, slides.points),
+        folded_triangles: after.tallied.folded,
+        folded_triangles_before: before.tallied.folded,
+        images: colours.images.max(reverse.images),
+        reduced_images: colours.reduced.max(reverse.reduced),
+    }))
+}
+
+fn share(part: u64, of: u64) -> f64 {
+    if of == 0 { 0.0 } else { part as f64 / of as f64 }
+}

@@ -87,11 +87,44 @@ pub fn load(
     scale: &TextureScale,
     cluster: usize,
 ) -> Result<ClusterSource> {
-    let numbering = &partition.numbering;
-    let own = numbering.starts[cluster]..numbering.starts[cluster + 1];
-    let mut faces = partition.faces.buckets.read(cluster)?;
+    let own = partition.numbering.starts[cluster]..partition.numbering.starts[cluster + 1];
+    let faces = partition.faces.buckets.read(cluster)?;
+    let texcoords = |ids: &[u32]| match &partition.texcoords {
+        Some(brought) => brought.read(cluster),
+        None => gather_texcoords(mesh, ids),
+    };
+    load_faces(partition, faces, own, texcoords, catalogue, scale)
+}
+
+/// Loads a cluster that is too heavy to be loaded at once, block by block; vertices are repeated from block to block.
+///
+/// # Errors
+/// On failed reads and damaged files, and what `take` returns.
+pub fn load_in_blocks(
+    partition: &Partition,
+    mesh: &StoredMesh,
+    catalogue: &Catalogue,
+    scale: &TextureScale,
+    cluster: usize,
+    mut take: impl FnMut(ClusterSource) -> Result<()>,
+) -> Result<()> {
+    for_each_block(partition, cluster, |faces| {
+        let texcoords = |ids: &[u32]| gather_texcoords(mesh, ids);
+        take(load_faces(partition, faces, 0..0, texcoords, catalogue, scale)?)
+    })
+}
+
+/// Loads faces; most of their vertices lie in the range `own` of the partition's ids.
+fn load_faces(
+    partition: &Partition,
+    mut faces: Vec<Face>,
+    own: std::ops::Range<u32>,
+    texcoords: impl Fn(&[u32]) -> Result<Vec<DVec2>>,
+    catalogue: &Catalogue,
+    scale: &TextureScale,
+) -> Result<ClusterSource> {
     let vertex_ids = vertex_ids(&faces, &own);
-    let positions = gather(&numbering.positions, &vertex_ids)?;
+    let positions = gather(&partition.numbering.positions, &vertex_ids)?;
     let origin = positions.first().copied().unwrap_or(DVec3::ZERO);
     let own_count = vertex_ids.partition_point(|&id| id < own.end) - vertex_ids.partition_point(|&id| id < own.start);
     let mut local = LocalIds::new(&vertex_ids, &own, own_count);
@@ -102,10 +135,7 @@ pub fn load(
     // NOTE: before polygons are triangulated, which may drop triangles: brought texcoords answer all faces of the cell.
     let texcoord_ids = texcoord_ids(&faces);
     let degenerate = triangulate_polygons(&mut faces, &positions);
-    let texcoords = match &partition.texcoords {
-        Some(brought) => brought.read(cluster)?,
-        None => gather_texcoords(mesh, &texcoord_ids)?,
-    };
+    let texcoords = texcoords(&texcoord_ids)?;
     if texcoords.len() != texcoord_ids.len() {
         let path = partition.faces.buckets.path().to_owned();
         let message = format!("{} texture coordinates for {} ids", texcoords.len(), texcoord_ids.len());
@@ -127,6 +157,21 @@ pub fn load(
     Ok(source)
 }
 
+/// Hands the faces of a cluster to `take` in blocks of about [`PASS_FACES`]; no polygon lies in two of them.
+fn for_each_block(partition: &Partition, cluster: usize, mut take: impl FnMut(Vec<Face>) -> Result<()>) -> Result<()> {
+    let mut pending: Vec<Face> = Vec::new();
+    partition.faces.buckets.read_blocks(cluster, |block| {
+        for &face in block {
+            if pending.len() >= PASS_FACES && !face.continues_polygon {
+                take(std::mem::take(&mut pending))?;
+            }
+            pending.push(face);
+        }
+        Ok(true)
+    })?;
+    take(pending)
+}
+
 /// Writes the faces of a cluster that is too heavy to be loaded as pieces of their own, block by block.
 ///
 /// All its vertices are shared, so the pieces have none of their own. Returns the pieces, and the triangles that repeat
@@ -141,23 +186,12 @@ pub fn pass_through(
     path: impl Fn(usize) -> PathBuf,
 ) -> Result<(Vec<StoredPiece>, u64)> {
     let (mut pieces, mut degenerate) = (Vec::new(), 0);
-    let mut pending: Vec<Face> = Vec::new();
-    let mut flush = |faces: Vec<Face>| -> Result<()> {
+    for_each_block(partition, cluster, |faces| {
         let (piece, dropped) = pass_faces(partition, mesh, faces, &path(pieces.len()))?;
         pieces.extend(piece);
         degenerate += dropped;
         Ok(())
-    };
-    partition.faces.buckets.read_blocks(cluster, |block| {
-        for &face in block {
-            if pending.len() >= PASS_FACES && !face.continues_polygon {
-                flush(std::mem::take(&mut pending))?;
-            }
-            pending.push(face);
-        }
-        Ok(true)
     })?;
-    flush(pending)?;
     Ok((pieces, degenerate))
 }
 
@@ -482,7 +516,10 @@ pub(super) fn texcoord_ids(faces: &[Face]) -> Vec<u32> {
 }
 
 /// Records at ascending ids, read through bounded windows.
-fn gather<T: bytemuck::Pod>(column: &Segment<T>, ids: &[u32]) -> Result<Vec<T>> {
+///
+/// # Errors
+/// On failed reads.
+pub fn gather<T: bytemuck::Pod>(column: &Segment<T>, ids: &[u32]) -> Result<Vec<T>> {
     let mut out = Vec::with_capacity(ids.len());
     let mut at = 0;
     while at < ids.len() {

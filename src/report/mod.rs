@@ -19,6 +19,7 @@ use serde::Serialize;
 
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
+use crate::measure::compare::Comparison;
 use crate::options::SimplifyOptions;
 use crate::os::durable::DurableFile;
 use crate::os::timeline::Timeline;
@@ -130,6 +131,8 @@ pub struct Report {
     pub passes: Vec<PassReport>,
     /// What stands in the way of the target, if it was missed.
     pub floor: Option<Floor>,
+    /// The result against the input, if asked for.
+    pub comparison: Option<Comparison>,
     /// What was repaired or dropped, by kind.
     pub repairs: BTreeMap<String, u64>,
     /// The same in words, where there are words.

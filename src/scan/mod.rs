@@ -51,6 +51,7 @@ use crate::store::{Catalogue, StoredMesh};
 
 pub use self::count::{Counts, count};
 pub use self::inputs::find_inputs;
+pub use self::mtl::path_of;
 
 /// Memory of a parsed chunk that is worth keeping for the next one.
 const KEPT_BYTES_MAX: usize = 16 << 20;

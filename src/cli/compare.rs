@@ -1,0 +1,235 @@
+//! `drystone compare`: what a simplification did to a mesh.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::print::print;
+use super::progress::told;
+use crate::base::error::escape_path;
+use crate::base::{Error, Progress, Result, bytes};
+use crate::measure::compare::{self, CompareOptions, Comparison, Distances, Resources, Texture};
+use crate::os::durable::DurableFile;
+use crate::plan::{memory, scratch};
+use crate::report::grouped;
+use crate::scan;
+
+/// Points by area, at least and at most.
+const SAMPLES: std::ops::RangeInclusive<u64> = 1_000..=1_000_000_000;
+
+/// Arguments of `drystone compare`.
+#[derive(Debug, Args)]
+pub struct CompareArguments {
+    /// OBJ file, or a folder: every OBJ in it and below it is one mesh
+    original: PathBuf,
+    /// OBJ file that was made of it, or a folder
+    result: PathBuf,
+    /// Write the numbers as JSON; docs/report.md says what they mean
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    #[command(flatten)]
+    sampling: SamplingArguments,
+    /// Memory that the program may use, at least 128MiB [default: half of the machine's or cgroup's]
+    #[arg(long, value_name = "SIZE", value_parser = bytes::parse)]
+    memory: Option<u64>,
+    /// Threads; the numbers do not depend on them [default: one for each processor]
+    #[arg(long, value_name = "COUNT")]
+    threads: Option<usize>,
+    /// Folder for intermediate files, removed at the end [default: in the system's temporary folder]
+    #[arg(long, value_name = "DIR")]
+    work: Option<PathBuf>,
+    /// Say nothing but the numbers and errors
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// Which points are compared.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct SamplingArguments {
+    /// Points by area on each of the two surfaces; vertices, and points on edges, come on top. 1000 to 1000000000
+    #[arg(long, value_name = "COUNT", default_value_t = compare::SAMPLES)]
+    samples: u64,
+    /// Number that chooses the points
+    #[arg(long, value_name = "NUMBER", default_value_t = 1)]
+    seed: u64,
+}
+
+impl SamplingArguments {
+    /// Checks ranges.
+    ///
+    /// # Errors
+    /// [`Error::Usage`].
+    pub fn check(self) -> Result<()> {
+        if SAMPLES.contains(&self.samples) {
+            return Ok(());
+        }
+        let (found, least, most) = (self.samples, SAMPLES.start(), SAMPLES.end());
+        Err(Error::Usage(format!("--samples {found}: expected {least} to {most}")))
+    }
+}
+
+/// Prints what changed.
+///
+/// # Errors
+/// Those of [`compare::compare`], and of writing the JSON.
+pub fn run(arguments: &CompareArguments) -> Result<u8> {
+    let CompareArguments { original, result, json, sampling, memory, threads, work, quiet } = arguments;
+    let work = work.clone().unwrap_or_else(temporary_folder);
+    let told = told(*quiet);
+    let comparison = compare_meshes([original, result], *sampling, *memory, *threads, work, &*told)?;
+    drop(told);
+    if let Some(path) = json {
+        save(&comparison, path)?;
+    }
+    print(&table(&comparison));
+    Ok(0)
+}
+
+fn temporary_folder() -> PathBuf {
+    std::env::temp_dir().join(format!("drystone-compare-{}", std::process::id()))
+}
+
+/// Compares `[original, result]`.
+///
+/// # Errors
+/// Those of [`compare::compare`]; [`Error::Usage`], [`Error::Budget`] and [`Error::NoSpace`] before anything is read.
+pub fn compare_meshes(
+    meshes: [&Path; 2],
+    sampling: SamplingArguments,
+    memory: Option<u64>,
+    threads: Option<usize>,
+    work: PathBuf,
+    progress: &dyn Progress,
+) -> Result<Comparison> {
+    sampling.check()?;
+    let SamplingArguments { samples, seed } = sampling;
+    if threads == Some(0) {
+        return Err(Error::Usage("--threads 0: expected at least 1".into()));
+    }
+    let mut input_bytes = 0;
+    for mesh in meshes {
+        let sizes = scan::find_inputs(mesh)?.into_iter().filter_map(|path| path.metadata().ok());
+        input_bytes += sizes.map(|meta| meta.len()).sum::<u64>();
+    }
+    let budget = memory::budget_of(memory)?;
+    let threads = memory::choose_threads(threads, budget);
+    scratch::refuse_small_disk(input_bytes, &work)?;
+    let resources = Resources { threads, work_bytes: budget.for_work(), scan: memory::scan_options(budget, threads) };
+    let [original, result] = meshes;
+    compare::compare(original, result, &CompareOptions { samples, seed, work, resources }, progress)
+}
+
+fn save(comparison: &Comparison, path: &Path) -> Result<()> {
+    let text = serde_json::to_string_pretty(comparison)
+        .map_err(|e| Error::Damaged { path: path.to_owned(), message: e.to_string() })?;
+    let mut file = DurableFile::create(path, 4096)?;
+    file.write(text.as_bytes())?;
+    file.write(b"\n")?;
+    file.commit()?;
+    Ok(())
+}
+
+/// The comparison as a person reads it.
+fn table(comparison: &Comparison) -> String {
+    let mut text = String::new();
+    let Comparison { geometry, topology, quality, .. } = comparison;
+    let _ = writeln!(text, "original  {}", escape_path(&comparison.original));
+    let _ = writeln!(text, "result    {}", escape_path(&comparison.result));
+    let _ = writeln!(text, "\n{:22}{:>16}{:>16}{:>16}", "distance", "to original", "to result", "both ways");
+    type Figure = (&'static str, fn(&Distances) -> f64);
+    let figures: [Figure; 6] = [
+        ("largest", |d| d.max),
+        ("mean", |d| d.mean),
+        ("root mean square", |d| d.rms),
+        ("half is nearer than", |d| d.median),
+        ("95 % nearer than", |d| d.p95),
+        ("99 % nearer than", |d| d.p99),
+    ];
+    let ways = [&geometry.forward, &geometry.backward, &geometry.symmetric];
+    for (name, figure) in figures {
+        let [a, b, c] = ways.map(|way| length(figure(way)));
+        let _ = writeln!(text, "{name:22}{a:>16}{b:>16}{c:>16}");
+    }
+    let per_diagonal = |value: f64| length(1e4 * value / geometry.diagonal);
+    let [a, b, c] = ways.map(|way| per_diagonal(way.rms));
+    let _ = writeln!(text, "{:22}{a:>16}{b:>16}{c:>16}", "RMS, 1e-4 diagonals");
+    let mut row = |name: &str, words: String| {
+        let _ = writeln!(text, "{name:22}{words}");
+    };
+    row("diagonal", length(geometry.diagonal));
+    for (name, way) in [("largest, to original", &geometry.forward), ("largest, to result", &geometry.backward)] {
+        if let Some(place) = way.worst.first() {
+            row(name, format!("at {}", place.position.map(length).join(" ")));
+        }
+    }
+    let normals = geometry.normals;
+    let angles =
+        format!("mean {:.2}°, 95 % below {:.2}°, {} turned over", normals.mean, normals.p95, percent(normals.flipped));
+    row("normals", angles);
+    row("area", format!("{} of the original's", percent(geometry.area_ratio)));
+    if let Some(ratio) = geometry.volume_ratio {
+        row("volume", format!("{} of the original's", percent(ratio)));
+    }
+    if let Some(border) = geometry.border {
+        row("open borders", format!("at most {} away, RMS {}", length(border.max), length(border.rms)));
+    }
+    if let Some(texture) = &comparison.texture {
+        describe_texture(texture, &mut row);
+    }
+    let _ = writeln!(text, "\n{:22}{:>16}{:>16}", "", "before", "after");
+    let mut pair = |name: &str, before: String, after: String| {
+        let _ = writeln!(text, "{name:22}{before:>16}{after:>16}");
+    };
+    let (old, new) = (&topology.before, &topology.after);
+    for (name, before, after) in [
+        ("triangles", old.faces, new.faces),
+        ("vertices", old.vertices, new.vertices),
+        ("pieces", old.components, new.components),
+        ("open edges", old.boundary_edges, new.boundary_edges),
+        ("open borders", old.boundary_loops, new.boundary_loops),
+        ("non-manifold edges", old.non_manifold_edges, new.non_manifold_edges),
+        ("seam edges", old.seam_edges, new.seam_edges),
+        ("charts", old.charts, new.charts),
+        ("most edges at a vertex", quality.before.valence_max, quality.after.valence_max),
+    ] {
+        pair(name, grouped(before), grouped(after));
+    }
+    pair("Euler number", old.euler.to_string(), new.euler.to_string());
+    let (old, new) = (&quality.before, &quality.after);
+    pair("mean regularity", format!("{:.4}", old.regularity_mean), format!("{:.4}", new.regularity_mean));
+    pair("slivers", percent(old.sliver_share), percent(new.sliver_share));
+    pair("5 to 7 edges", percent(old.valence_regular_share), percent(new.valence_regular_share));
+    for warning in &comparison.warnings {
+        let _ = writeln!(text, "warning: {warning}");
+    }
+    text
+}
+
+fn describe_texture(texture: &Texture, row: &mut impl FnMut(&str, String)) {
+    let colours = |mean: f64, rms: f64| format!("mean {mean:.2}, RMS {rms:.2} of 255");
+    row("colour, to original", colours(texture.colour_mean, texture.colour_rms));
+    row("colour, to result", colours(texture.colour_backward_mean, texture.colour_backward_rms));
+    let slide = format!("half below {}, 95 % below {}", length(texture.slide_median), length(texture.slide_p95));
+    row("slide of the picture", slide);
+    let texels = format!("half below {:.2}, 95 % below {:.2}", texture.slide_texels_median, texture.slide_texels_p95);
+    row("the same in texels", texels);
+    row("outside of all charts", percent(texture.outside_fraction));
+    row("without picture", percent(texture.untextured_fraction));
+    let folded =
+        format!("{} before, {} after", grouped(texture.folded_triangles_before), grouped(texture.folded_triangles));
+    row("folded in texture", folded);
+}
+
+/// A length with five significant digits.
+fn length(length: f64) -> String {
+    let digits = if length == 0.0 { 0.0 } else { libm::floor(libm::log10(length.abs())) };
+    match digits as i32 {
+        -4..=6 => format!("{length:.*}", (4 - digits as i32).max(0) as usize),
+        _ => format!("{length:.4e}"),
+    }
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.3} %", 100.0 * share)
+}

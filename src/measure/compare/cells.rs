@@ -1,0 +1,380 @@
+//! A mesh made ready for measuring: cells of neighbouring triangles in one file, each with its search tree.
+//!
+//! ```text
+//! OBJ ── scan ──▶ columns ── partition ──▶ clusters ── tree, tally ──▶ measure-cells.bin, counts
+//!
+//! | header 64 B | cell 0: positions 24 B, pairs 64 B, faces 40 B each, padded to 8 | cell 1 … |
+//! ```
+//! Invariant: cells depend on the mesh alone, so every number that is measured on them is the same at any budget and
+//! number of threads.
+//!
+//! # Memory
+//! While it is made, 400 bytes a face for each cell in work; afterwards about 150 bytes a cell. A cell that is being read
+//! takes the pages that are touched, at most 75 bytes a face.
+
+use std::path::{Path, PathBuf};
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+use xxhash_rust::xxh3::Xxh3;
+
+use super::super::boxtree::Bounds;
+use super::Resources;
+use super::closest::{self, Pair};
+use super::pictures::{NO_PICTURE, Pictures};
+use super::tally::{CellTally, Tallied, Tallies, tally};
+use crate::base::ordered::map_in_order;
+use crate::base::{Findings, Permits, Progress, Result};
+use crate::job::{FORMAT_VERSION, Manifest, WorkFolder};
+use crate::os::durable::DurableFile;
+use crate::os::mmap::MappedRecords;
+use crate::partition::cluster::{self, gather};
+use crate::partition::{self, ClusterSource, PartitionOptions, TextureScale};
+use crate::scan::{self, Scan};
+use crate::store::column::{HEADER_BYTES, Header};
+use crate::store::{Catalogue, Segment, StoredMesh};
+
+/// Memory of a face of a cell while it is made, in bytes.
+const FACE_BYTES: u64 = 400;
+/// Memory of an edge of a border while borders are compared, in bytes.
+const BORDER_EDGE_BYTES: u64 = 600;
+
+/// A triangle of a cell.
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[repr(C)]
+pub struct CellFace {
+    /// Vertices of the cell.
+    pub vertices: [u32; 3],
+    /// Picture of the mesh, or [`NO_PICTURE`].
+    pub picture: u32,
+    /// Texture coordinates, moved by whole numbers so that the least lie between 0 and 1; zeros without a picture.
+    pub texcoords: [[f32; 2]; 3],
+}
+
+/// Neighbouring triangles.
+#[derive(Debug)]
+pub struct Cell {
+    /// Positions are relative to this.
+    pub origin: DVec3,
+    /// The smallest box around its triangles.
+    pub bounds: Bounds,
+    /// Sum of the areas of its faces, in their order.
+    pub area: f64,
+    /// Sum of the lengths of their sides, in their order.
+    pub side_length: f64,
+    /// The pictures that its triangles show, ascending.
+    pub pictures: Vec<u32>,
+    positions: Segment<DVec3>,
+    pairs: Segment<Pair>,
+    faces: Segment<CellFace>,
+}
+
+/// A cell that is being read.
+#[derive(Debug)]
+pub struct CellView {
+    /// Its origin.
+    pub origin: DVec3,
+    /// Positions of its vertices, relative to the origin.
+    pub positions: MappedRecords<DVec3>,
+    /// Its triangles, in the order of the tree.
+    pub faces: MappedRecords<CellFace>,
+    pairs: MappedRecords<Pair>,
+}
+
+/// A mesh that is ready.
+#[derive(Debug)]
+pub struct MeasuredMesh {
+    /// The cells.
+    pub cells: Vec<Cell>,
+    /// The smallest box around its triangles.
+    pub bounds: Bounds,
+    /// Sum of the cells' areas.
+    pub area: f64,
+    /// Enclosed volume, if the mesh is closed.
+    pub volume: f64,
+    /// Counts.
+    pub tallied: Tallied,
+    /// The images that it shows.
+    pub pictures: Pictures,
+    /// What was ignored, dropped or repaired.
+    pub findings: Findings,
+    work: WorkFolder,
+}
+
+impl Cell {
+    /// Number of vertices.
+    pub fn vertex_count(&self) -> u64 {
+        self.positions.len()
+    }
+
+    /// Opens the cell for reading.
+    ///
+    /// # Errors
+    /// On failed reads.
+    pub fn view(&self) -> Result<CellView> {
+        Ok(CellView {
+            origin: self.origin,
+            positions: self.positions.window(0..self.positions.len())?,
+            faces: self.faces.window(0..self.faces.len())?,
+            pairs: self.pairs.window(0..self.pairs.len())?,
+        })
+    }
+}
+
+impl CellView {
+    /// Corners of a triangle, relative to the origin.
+    #[inline]
+    pub fn triangle(&self, face: u32) -> [DVec3; 3] {
+        self.faces[face as usize].vertices.map(|vertex| self.positions[vertex as usize])
+    }
+
+    /// The nearest triangle and its squared distance, as [`closest::nearest`] finds it; `point` is relative to the origin.
+    pub fn nearest(&self, point: DVec3, bound_sq: f64, enough_sq: f64) -> Option<(u32, f64)> {
+        closest::nearest(&self.pairs, self.faces.len(), point, bound_sq, enough_sq, |face| self.triangle(face))
+    }
+}
+
+/// Area of a triangle.
+pub fn area([a, b, c]: [DVec3; 3]) -> f64 {
+    0.5 * (b - a).cross(c - a).length()
+}
+
+/// Length of the three sides.
+pub fn side_length([a, b, c]: [DVec3; 3]) -> f64 {
+    a.distance(b) + b.distance(c) + c.distance(a)
+}
+
+/// A cell on its way to the file.
+struct Draft {
+    origin: DVec3,
+    bounds: Bounds,
+    area: f64,
+    side_length: f64,
+    volume: f64,
+    pictures: Vec<u32>,
+    positions: Vec<DVec3>,
+    pairs: Vec<Pair>,
+    faces: Vec<CellFace>,
+    tally: CellTally,
+}
+
+impl MeasuredMesh {
+    /// Reads an OBJ, or all below a folder, and makes it ready in the work folder `folder`, in cells of about
+    /// `cell_faces` triangles.
+    ///
+    /// # Errors
+    /// Those of the scan and the partition.
+    pub fn prepare(
+        input: &Path,
+        folder: &Path,
+        cell_faces: u64,
+        resources: &Resources,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let Resources { threads, work_bytes, scan: scan_options } = *resources;
+        let inputs = scan::find_inputs(input)?;
+        let size = |path: &PathBuf| path.metadata().map_or(0, |meta| meta.len());
+        let manifest = Manifest {
+            format: FORMAT_VERSION,
+            program: env!("CARGO_PKG_VERSION").to_owned(),
+            options: "compare".to_owned(),
+            inputs: inputs.iter().map(|path| (path.clone(), size(path))).collect(),
+        };
+        let work = WorkFolder::open(folder, &manifest)?;
+        let Scan { mesh, catalogue, mut findings, .. } = scan::scan(&inputs, work.path(), &scan_options, progress)?;
+        let pictures = Pictures::find(&catalogue, &mut findings);
+        let partition_options =
+            PartitionOptions { cluster_faces: cell_faces, pass: 0, weld: true, threads, work_bytes };
+        progress.begin("partition", 0, "");
+        let mut partition = partition::partition(&mesh, &catalogue, work.path(), "pass-0", &partition_options)?;
+        let dropped = std::mem::take(&mut partition.findings);
+        let first = partition.numbering.positions.len().min(1) as u32;
+        let reference = gather(&partition.numbering.positions, &(0..first).collect::<Vec<u32>>())?;
+        let making = Making {
+            catalogue: &catalogue,
+            pictures: &pictures,
+            scale: TextureScale::none(&catalogue),
+            reference: reference.first().copied().unwrap_or(DVec3::ZERO),
+        };
+        let border_limit = (work_bytes / 4 / BORDER_EDGE_BYTES) as usize;
+        let mut tallies = Tallies::create(
+            work.path(),
+            &partition.faces.shared,
+            partition.total_faces(),
+            work_bytes / 4,
+            border_limit,
+        )?;
+        tallies.add_degenerate(dropped.get("degenerate_faces"));
+        let mut writer = CellWriter::create(&work.path().join("measure-cells.bin"))?;
+        let permits = Permits::new(work_bytes);
+        progress.begin("prepare", partition.total_faces(), "faces");
+        map_in_order(
+            (0..partition.cluster_count()).filter(|&cluster| partition.weight(cluster).is_some()),
+            threads,
+            threads + 1,
+            |cluster| {
+                let faces = partition.face_count(cluster);
+                let _permit = permits.take(faces * FACE_BYTES);
+                making.draft(&cluster::load(&partition, &mesh, &catalogue, &making.scale, cluster)?)
+            },
+            |draft| {
+                progress.advance(draft.faces.len() as u64);
+                tallies.push(writer.append(draft)?)
+            },
+        )?;
+        for cluster in (0..partition.cluster_count()).filter(|&cluster| partition.weight(cluster).is_none()) {
+            cluster::load_in_blocks(&partition, &mesh, &catalogue, &making.scale, cluster, |source| {
+                progress.advance(source.mesh.corners.len() as u64);
+                tallies.push(writer.append(making.draft(&source)?)?)
+            })?;
+        }
+        let (cells, volume) = writer.finish()?;
+        let tallied = tallies.finish(|ids| gather(&partition.numbering.positions, ids))?;
+        partition.remove();
+        remove_columns(&mesh);
+        Ok(Self {
+            bounds: cells.iter().fold(Bounds::EMPTY, |all, cell| all.with(cell.bounds)),
+            area: cells.iter().map(|cell| cell.area).sum(),
+            volume,
+            tallied,
+            pictures,
+            findings,
+            cells,
+            work,
+        })
+    }
+
+    /// The folder for files of the comparison.
+    pub fn folder(&self) -> &Path {
+        self.work.path()
+    }
+}
+
+/// Removes what the scan left, which the cells replace.
+fn remove_columns(mesh: &StoredMesh) {
+    for piece in &mesh.pieces {
+        for path in [piece.positions.path(), piece.texcoords.path(), piece.faces.path()] {
+            let _ = std::fs::remove_file(path);
+        }
+        if let Some(colours) = &piece.colours {
+            let _ = std::fs::remove_file(colours.path());
+        }
+    }
+}
+
+/// Making cells of clusters.
+struct Making<'a> {
+    catalogue: &'a Catalogue,
+    pictures: &'a Pictures,
+    scale: TextureScale,
+    /// Volumes are sums of tetrahedra over this point.
+    reference: DVec3,
+}
+
+impl Making<'_> {
+    fn draft(&self, source: &ClusterSource) -> Result<Draft> {
+        let mesh = &source.mesh;
+        let (pairs, order) = closest::build(mesh.corners.len(), |face| mesh.triangle(face));
+        let mut draft = Draft {
+            origin: source.origin,
+            bounds: Bounds::EMPTY,
+            area: 0.0,
+            side_length: 0.0,
+            volume: 0.0,
+            pictures: Vec::new(),
+            positions: mesh.positions.clone(),
+            pairs,
+            faces: Vec::with_capacity(order.len()),
+            tally: tally(source, self.catalogue),
+        };
+        let mut bounds = Bounds::EMPTY;
+        for face in order {
+            let triangle = mesh.triangle(face);
+            bounds = bounds.with(Bounds::around(triangle));
+            draft.area += area(triangle);
+            draft.side_length += side_length(triangle);
+            let corners = triangle.map(|corner| corner + source.origin - self.reference);
+            draft.volume += corners[0].dot(corners[1].cross(corners[2])) / 6.0;
+            let (picture, texcoords) = self.texture(source, face);
+            if draft.pictures.last() != Some(&picture) {
+                draft.pictures.push(picture);
+            }
+            draft.faces.push(CellFace { vertices: mesh.vertices(face), picture, texcoords });
+        }
+        draft.bounds = Bounds { low: bounds.low + source.origin, high: bounds.high + source.origin };
+        draft.pictures.sort_unstable();
+        draft.pictures.dedup();
+        Ok(draft)
+    }
+
+    /// Picture and texture coordinates of a face.
+    fn texture(&self, source: &ClusterSource, face: u32) -> (u32, [[f32; 2]; 3]) {
+        let picture = self.pictures.of_part[source.mesh.parts[face as usize] as usize];
+        let [a, b, c] = source.mesh.uv_triangle(face);
+        let low = a.min(b).min(c).floor();
+        if picture == NO_PICTURE || !(a + b + c).is_finite() {
+            return (NO_PICTURE, [[0.0; 2]; 3]);
+        }
+        (picture, [a, b, c].map(|uv| (uv - low).as_vec2().to_array()))
+    }
+}
+
+/// Writes cells one after the other.
+struct CellWriter {
+    path: PathBuf,
+    file: DurableFile,
+    hash: Xxh3,
+    offset_bytes: u64,
+    cells: Vec<Cell>,
+    volume: f64,
+}
+
+impl CellWriter {
+    fn create(path: &Path) -> Result<Self> {
+        let mut file = DurableFile::create(path, 256 << 10)?;
+        file.write(&[0; HEADER_BYTES as usize])?;
+        let (hash, cells) = (Xxh3::new(), Vec::new());
+        Ok(Self { path: path.to_owned(), file, hash, offset_bytes: HEADER_BYTES, cells, volume: 0.0 })
+    }
+
+    /// Writes a cell and returns its tally.
+    fn append(&mut self, draft: Draft) -> Result<CellTally> {
+        let positions = self.put(&draft.positions)?;
+        let pairs = self.put(&draft.pairs)?;
+        let faces = self.put(&draft.faces)?;
+        self.volume += draft.volume;
+        if !draft.faces.is_empty() {
+            self.cells.push(Cell {
+                origin: draft.origin,
+                bounds: draft.bounds,
+                area: draft.area,
+                side_length: draft.side_length,
+                pictures: draft.pictures,
+                positions,
+                pairs,
+                faces,
+            });
+        }
+        Ok(draft.tally)
+    }
+
+    fn put<T: Pod>(&mut self, records: &[T]) -> Result<Segment<T>> {
+        let segment = Segment::new(self.path.clone(), self.offset_bytes, records.len() as u64);
+        let bytes: &[u8] = bytemuck::cast_slice(records);
+        let padding = bytes.len().next_multiple_of(8) - bytes.len();
+        for bytes in [bytes, &[0; 8][..padding]] {
+            self.hash.update(bytes);
+            self.file.write(bytes)?;
+            self.offset_bytes += bytes.len() as u64;
+        }
+        Ok(segment)
+    }
+
+    fn finish(mut self) -> Result<(Vec<Cell>, f64)> {
+        let count = self.cells.len() as u64;
+        let header = Header { kind: *b"cells   ", record_bytes: 0, count, checksum: self.hash.digest() };
+        self.file.write_at(0, &header.encode())?;
+        self.file.commit()?;
+        Ok((self.cells, self.volume))
+    }
+}

@@ -1,0 +1,259 @@
+//! Colours of image files at texture coordinates, with images in memory one at a time or as many as the budget holds.
+//!
+//! In: image files that nobody vouches for. Out: [`Image`]. Invariant: nothing is allocated by what a file claims before
+//! it is known to fit; a file that cannot be decoded is an error in words, never the end of the program.
+//!
+//! # Memory
+//! 3 bytes a pixel, the file itself, and what its decoder needs beside them: [`Plan::bytes`].
+
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::Path;
+
+use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+
+/// Bytes of a decoded pixel.
+const PIXEL_BYTES: u64 = 3;
+/// Bytes of a pixel's coefficients, which a decoder of a progressive JPEG keeps for the whole image.
+const COEFFICIENT_BYTES: u64 = 6;
+/// What decoders take beside the image.
+const DECODER_BYTES: u64 = 2 << 20;
+/// Least share of a side's pixels that are kept where an image does not fit.
+const REDUCTIONS: [u32; 3] = [2, 4, 8];
+
+/// How an image is to be decoded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Plan {
+    /// Width and height in the file.
+    pub size: [u32; 2],
+    /// Memory while it is decoded, in bytes.
+    pub bytes: u64,
+    /// Pixels of the file for each one that is kept, along a side.
+    pub reduction: u32,
+    format: ImageFormat,
+}
+
+/// A decoded image.
+#[derive(Debug)]
+pub struct Image {
+    width: usize,
+    height: usize,
+    /// Red, green, blue, row by row from the top.
+    pixels: Vec<u8>,
+}
+
+impl Image {
+    /// Colour (red, green, blue; 0 to 255) at a texture coordinate between 0 and 1, with (0, 0) at the lower left.
+    pub fn colour(&self, texcoord: [f32; 2]) -> [f32; 3] {
+        let x = f64::from(texcoord[0]) * self.width as f64 - 0.5;
+        let y = (1.0 - f64::from(texcoord[1])) * self.height as f64 - 0.5;
+        let (left, top) = (x.floor(), y.floor());
+        let (right_share, lower_share) = ((x - left) as f32, (y - top) as f32);
+        let pixel = |x: f64, y: f64| {
+            let column = x.clamp(0.0, (self.width - 1) as f64) as usize;
+            let row = y.clamp(0.0, (self.height - 1) as f64) as usize;
+            let at = (row * self.width + column) * PIXEL_BYTES as usize;
+            [0, 1, 2].map(|channel| f32::from(self.pixels[at + channel]))
+        };
+        let mix = |a: [f32; 3], b: [f32; 3], share: f32| [0, 1, 2].map(|c| a[c] * (1.0 - share) + b[c] * share);
+        let upper = mix(pixel(left, top), pixel(left + 1.0, top), right_share);
+        let lower = mix(pixel(left, top + 1.0), pixel(left + 1.0, top + 1.0), right_share);
+        mix(upper, lower, lower_share)
+    }
+}
+
+/// Looks at the header of an image file: how it can be decoded within `allowed_bytes`.
+///
+/// # Errors
+/// In words, if it is no image, or cannot be decoded in so little.
+pub fn plan(path: &Path, allowed_bytes: u64) -> Result<Plan, String> {
+    let file_bytes = path.metadata().map_err(|e| e.to_string())?.len();
+    let reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(|e| e.to_string())?;
+    let format = reader.format().ok_or("of no known format")?;
+    // A header is small; whoever needs more for it has read a lie.
+    let mut reader = reader;
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(allowed_bytes);
+    reader.limits(limits);
+    let decoder = reader.into_decoder().map_err(|e| e.to_string())?;
+    let (width, height) = decoder.dimensions();
+    if width == 0 || height == 0 {
+        return Err("without pixels".into());
+    }
+    let pixels = u64::from(width) * u64::from(height);
+    let raw = if decoder.color_type() == ColorType::Rgb8 { 0 } else { decoder.total_bytes() };
+    let coefficients = if format == ImageFormat::Jpeg && is_progressive(path) { COEFFICIENT_BYTES * pixels } else { 0 };
+    let whole = PIXEL_BYTES * pixels + raw + coefficients + file_bytes + DECODER_BYTES;
+    let plan = |reduction: u32, bytes| Plan { size: [width, height], bytes, reduction, format };
+    if whole <= allowed_bytes {
+        return Ok(plan(1, whole));
+    }
+    for reduction in REDUCTIONS {
+        let kept = PIXEL_BYTES * u64::from(width.div_ceil(reduction)) * u64::from(height.div_ceil(reduction));
+        let row = 8 * u64::from(width) * 16;
+        let bytes = kept + coefficients + file_bytes + row + DECODER_BYTES;
+        if matches!(format, ImageFormat::Jpeg | ImageFormat::Png) && bytes <= allowed_bytes {
+            return Ok(plan(reduction, bytes));
+        }
+    }
+    Err(format!("{width} x {height} pixels, too many for the memory budget"))
+}
+
+/// Whether a JPEG file is coded in several scans.
+fn is_progressive(path: &Path) -> bool {
+    let marker = || -> Option<u8> {
+        let mut file = BufReader::new(File::open(path).ok()?);
+        let mut two = [0; 2];
+        file.read_exact(&mut two).ok()?;
+        loop {
+            file.read_exact(&mut two).ok()?;
+            let marker = two[1];
+            if two[0] != 0xff || matches!(marker, 0xda | 0xd9) {
+                return None;
+            }
+            if matches!(marker, 0xc0..=0xc3 | 0xc5..=0xc7 | 0xc9..=0xcb | 0xcd..=0xcf) {
+                return Some(marker);
+            }
+            file.read_exact(&mut two).ok()?;
+            let length = u16::from_be_bytes(two).checked_sub(2)?;
+            std::io::copy(&mut file.by_ref().take(length.into()), &mut std::io::sink()).ok()?;
+        }
+    };
+    matches!(marker(), Some(0xc2 | 0xc6 | 0xca | 0xce))
+}
+
+/// Decodes an image as planned.
+///
+/// # Errors
+/// In words, if the file is damaged.
+pub fn decode(path: &Path, plan: &Plan) -> Result<Image, String> {
+    let image = match (plan.reduction, plan.format) {
+        (1, _) => decode_whole(path, plan)?,
+        (_, ImageFormat::Jpeg) => decode_small_jpeg(path, plan)?,
+        _ => decode_small_png(path, plan)?,
+    };
+    let is_whole = image.pixels.len() as u64 == image.width as u64 * image.height as u64 * PIXEL_BYTES;
+    if is_whole && !image.pixels.is_empty() { Ok(image) } else { Err("the image ends early".into()) }
+}
+
+fn decode_whole(path: &Path, plan: &Plan) -> Result<Image, String> {
+    let mut reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(|e| e.to_string())?;
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(plan.bytes);
+    limits.max_image_width = Some(plan.size[0]);
+    limits.max_image_height = Some(plan.size[1]);
+    reader.limits(limits);
+    let decoder = reader.into_decoder().map_err(|e| e.to_string())?;
+    let image = DynamicImage::from_decoder(decoder).map_err(|e| e.to_string())?.into_rgb8();
+    Ok(Image { width: image.width() as usize, height: image.height() as usize, pixels: image.into_raw() })
+}
+
+/// Decodes a JPEG at a half, a quarter or an eighth of its size.
+fn decode_small_jpeg(path: &Path, plan: &Plan) -> Result<Image, String> {
+    let file = File::open(path).map_err(|e| e.to_string())?;
+    let mut decoder = jpeg_decoder::Decoder::new(BufReader::new(file));
+    let [width, height] = plan.size.map(|side| u16::try_from(side.div_ceil(plan.reduction)).unwrap_or(u16::MAX));
+    let (width, height) = decoder.scale(width, height).map_err(|e| e.to_string())?;
+    let pixels = decoder.decode().map_err(|e| e.to_string())?;
+    let format = decoder.info().ok_or("without header")?.pixel_format;
+    let pixels = match format {
+        jpeg_decoder::PixelFormat::RGB24 => pixels,
+        jpeg_decoder::PixelFormat::L8 => pixels.iter().flat_map(|&grey| [grey; 3]).collect(),
+        _ => return Err("of a colour space that cannot be reduced".into()),
+    };
+    Ok(Image { width: width.into(), height: height.into(), pixels })
+}
+
+/// Decodes a PNG row by row and keeps means over squares of pixels.
+fn decode_small_png(path: &Path, plan: &Plan) -> Result<Image, String> {
+    let file = File::open(path).map_err(|e| e.to_string())?;
+    let mut decoder = png::Decoder::new(BufReader::new(file));
+    decoder.set_transformations(png::Transformations::normalize_to_color8());
+    let mut reader = decoder.read_info().map_err(|e| e.to_string())?;
+    if reader.info().interlaced {
+        return Err("interlaced, and too large for the memory budget".into());
+    }
+    let channels = reader.output_color_type().0.samples();
+    let reduction = plan.reduction as usize;
+    let (width, height) = (reader.info().width as usize, reader.info().height as usize);
+    let kept = width.div_ceil(reduction);
+    let mut pixels = Vec::with_capacity(kept * height.div_ceil(reduction) * PIXEL_BYTES as usize);
+    let (mut sums, mut rows) = (vec![[0u32; 4]; kept], 0);
+    for row in 0..height {
+        let line = reader.next_row().map_err(|e| e.to_string())?.ok_or("the image ends early")?;
+        for (column, pixel) in line.data().chunks_exact(channels).enumerate() {
+            let sum = &mut sums[column / reduction];
+            let grey = channels < 3;
+            (0..3).for_each(|channel| sum[channel] += u32::from(pixel[if grey { 0 } else { channel }]));
+            sum[3] += 1;
+        }
+        rows += 1;
+        if rows == reduction || row + 1 == height {
+            for sum in &mut sums {
+                pixels.extend([0, 1, 2].map(|channel| (sum[channel] / sum[3].max(1)) as u8));
+                *sum = [0; 4];
+            }
+            rows = 0;
+        }
+    }
+    Ok(Image { width: kept, height: height.div_ceil(reduction), pixels })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn checkers(folder: &Path, name: &str, side: u32) -> std::path::PathBuf {
+        let path = folder.join(name);
+        let pixel =
+            |x: u32, y: u32| image::Rgb(if (x / 32 + y / 32).is_multiple_of(2) { [250, 30, 10] } else { [0, 90, 200] });
+        image::RgbImage::from_fn(side, side, pixel).save(&path).unwrap();
+        path
+    }
+
+    #[test]
+    fn colours_are_mixed_between_the_middles_of_pixels() {
+        // 0    100      v = 1
+        // 200  40       v = 0
+        let grey = |value: u8| [value; 3];
+        let image = Image { width: 2, height: 2, pixels: [grey(0), grey(100), grey(200), grey(40)].concat() };
+        assert_eq!(image.colour([0.25, 0.75]), [0.0; 3]);
+        assert_eq!(image.colour([0.5, 0.75]), [50.0; 3]);
+        assert_eq!(image.colour([0.5, 0.5]), [85.0; 3]);
+        assert_eq!(image.colour([0.0, 0.0]), [200.0; 3]);
+    }
+
+    #[test]
+    fn an_image_that_does_not_fit_is_read_at_a_lower_resolution() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["a.png", "a.jpg"] {
+            let path = checkers(folder.path(), name, 2048);
+            let whole = decode(&path, &plan(&path, 1 << 30).unwrap()).unwrap();
+            let small_plan = plan(&path, 7 << 20).unwrap();
+            assert!(small_plan.reduction > 1 && small_plan.bytes <= 7 << 20, "{small_plan:?}");
+            let small = decode(&path, &small_plan).unwrap();
+            assert_eq!(small.width * small_plan.reduction as usize, 2048);
+            // in the middle of a field both show the same
+            for at in [[15.5, 15.5], [47.5, 15.5], [1999.5, 1041.5]] {
+                let texcoord = [at[0] / 2048.0, 1.0 - at[1] / 2048.0];
+                let (a, b) = (whole.colour(texcoord), small.colour(texcoord));
+                assert!((0..3).all(|c| (a[c] - b[c]).abs() < 6.0), "{name} {at:?}: {a:?} {b:?}");
+            }
+            assert!(plan(&path, 100 << 10).is_err());
+        }
+    }
+
+    #[test]
+    fn files_that_are_no_images_are_refused_in_words() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        for content in [&b""[..], b"no image", b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", b"\xff\xd8\xff\xe0\0\x10JFIF"] {
+            std::fs::write(&path, content).unwrap();
+            assert!(plan(&path, 1 << 30).is_err());
+        }
+        // cut short: the header is whole, the pixels are not
+        let whole = std::fs::read(checkers(folder.path(), "b.png", 64)).unwrap();
+        std::fs::write(&path, &whole[..whole.len() / 2]).unwrap();
+        assert!(plan(&path, 1 << 30).and_then(|plan| decode(&path, &plan)).is_err());
+    }
+}

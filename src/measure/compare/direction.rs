@@ -1,0 +1,179 @@
+//! Distances from the points of one mesh to another mesh, and what else is seen at those points.
+//!
+//! In: two meshes in cells. Out: distributions, the places of the largest distances, and a record for each point by area
+//! that the texture is compared with. Invariant: points are taken in their order, so sums do not depend on threads.
+//!
+//! # Memory
+//! In each thread a batch of points (3 MiB), a cell of one mesh and the touched pages of a few of the other.
+//!
+//! # Files
+//! `measure-samples.col`, 56 bytes a point by area, if both meshes show pictures.
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+
+use super::cells::MeasuredMesh;
+use super::distribution::Distribution;
+use super::pictures::NO_PICTURE;
+use super::points::{Batch, Kind, Point, Sampling};
+use super::search::{Closest, Found, Search, VIEWS, texcoord_at, unit_normal};
+use super::{Place, Resources, WORST_PLACES};
+use crate::base::bytes::MIB;
+use crate::base::ordered::map_in_order;
+use crate::base::{Progress, Result};
+use crate::store::{Column, ColumnWriter};
+
+/// Memory of a thread for each cell that it keeps open, and for its batch of points.
+const CELL_BYTES: u64 = 6 * MIB;
+/// Largest angle between two normals, in degrees.
+const ANGLE_MAX: f64 = 180.0;
+
+/// The texture at a point and at its closest point.
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+pub struct TexturePair {
+    /// The closest point.
+    pub closest: [f64; 3],
+    /// Picture at the point, of the mesh that it lies on.
+    pub picture: u32,
+    /// Picture at the closest point, of the other mesh.
+    pub other_picture: u32,
+    /// Texture coordinate at the point.
+    pub texcoord: [f32; 2],
+    /// Texture coordinate at the closest point.
+    pub other_texcoord: [f32; 2],
+    /// Length in texture space per length in space, at the closest point.
+    pub other_density: f32,
+    zero: u32,
+}
+
+/// What is found in one direction.
+#[derive(Debug)]
+pub struct Direction {
+    /// Distances of points by area.
+    pub distances: Distribution,
+    /// Angles between normals at points by area, in degrees.
+    pub angles: Distribution,
+    /// Points by area whose normals differ by more than 90°.
+    pub flipped: u64,
+    /// Places of the largest distances in different cells, the largest first.
+    pub worst: Vec<Place>,
+    /// The texture at points by area.
+    pub textures: Option<Column<TexturePair>>,
+}
+
+/// A point by area with what was found.
+struct Sample {
+    place: Place,
+    cosine: f64,
+    texture: TexturePair,
+}
+
+struct Outcome {
+    cell: usize,
+    samples: Vec<Sample>,
+    farthest: Option<Place>,
+}
+
+/// Measures from points of `from` to `to`, which has a triangle at least.
+///
+/// `limit` is a length that no distance exceeds by much.
+///
+/// # Errors
+/// On a full disk, failed reads and writes.
+pub fn measure(
+    from: &MeasuredMesh,
+    to: &MeasuredMesh,
+    sampling: &Sampling,
+    limit: f64,
+    resources: &Resources,
+    progress: &dyn Progress,
+) -> Result<Direction> {
+    let batches = sampling.batches();
+    progress.begin("compare", batches.len() as u64, "batches");
+    let has_pictures = [from, to].iter().all(|mesh| !mesh.pictures.files.is_empty());
+    let mut textures = match has_pictures {
+        true => Some(ColumnWriter::create(&from.folder().join("measure-samples.col"), *b"samples ")?),
+        false => None,
+    };
+    let mut distances = Distribution::new(limit);
+    let mut angles = Distribution::new(ANGLE_MAX);
+    let mut flipped = 0;
+    let mut farthest: Vec<Option<Place>> = vec![None; from.cells.len()];
+    let fitting = resources.work_bytes / (CELL_BYTES * (VIEWS as u64 + 2));
+    let threads = resources.threads.min(fitting.max(1) as usize);
+    map_in_order(
+        batches.iter(),
+        threads,
+        threads * 2,
+        |batch| look(from, to, sampling, batch),
+        |outcome| {
+            progress.advance(1);
+            let mut records = Vec::with_capacity(outcome.samples.len());
+            let mut most = outcome.farthest;
+            for sample in &outcome.samples {
+                distances.add(sample.place.distance);
+                angles.add(libm::acos(sample.cosine.clamp(-1.0, 1.0)).to_degrees());
+                flipped += u64::from(sample.cosine < 0.0);
+                records.push(sample.texture);
+                keep_farther(&mut most, sample.place);
+            }
+            if let Some(place) = most {
+                keep_farther(&mut farthest[outcome.cell], place);
+            }
+            textures.as_mut().map_or(Ok(()), |textures| textures.append(&records))
+        },
+    )?;
+    let mut worst: Vec<Place> = farthest.into_iter().flatten().collect();
+    worst.sort_by(|a, b| b.distance.total_cmp(&a.distance));
+    worst.truncate(WORST_PLACES);
+    let textures = textures.map(ColumnWriter::finish).transpose()?;
+    Ok(Direction { distances, angles, flipped, worst, textures })
+}
+
+fn keep_farther(most: &mut Option<Place>, place: Place) {
+    if most.is_none_or(|most| place.distance > most.distance) {
+        *most = Some(place);
+    }
+}
+
+fn look(from: &MeasuredMesh, to: &MeasuredMesh, sampling: &Sampling, batch: &Batch) -> Result<Outcome> {
+    let view = from.cells[batch.cell].view()?;
+    let points = sampling.points(batch, &view);
+    let positions: Vec<DVec3> = points.iter().map(|point| point.position).collect();
+    let mut search = Search::new(to);
+    let mut outcome = Outcome { cell: batch.cell, samples: Vec::new(), farthest: None };
+    if batch.kind != Kind::Area {
+        if let Some((number, found)) = search.farthest(&positions)? {
+            let closest = search.closest(positions[number], &found)?;
+            outcome.farthest = Some(place(positions[number], &found, &closest));
+        }
+        return Ok(outcome);
+    }
+    for (point, found) in points.iter().zip(search.nearest(&positions)?) {
+        if !found.distance_sq.is_finite() {
+            continue;
+        }
+        let Point { position, face, weights } = *point;
+        let closest = search.closest(position, &found)?;
+        let own = view.faces[face as usize];
+        outcome.samples.push(Sample {
+            place: place(position, &found, &closest),
+            cosine: unit_normal(view.triangle(face)).dot(closest.normal),
+            texture: TexturePair {
+                closest: closest.position.to_array(),
+                picture: own.picture,
+                other_picture: closest.picture,
+                texcoord: if own.picture == NO_PICTURE { [0.0; 2] } else { texcoord_at(&own.texcoords, weights) },
+                other_texcoord: closest.texcoord,
+                other_density: closest.density,
+                zero: 0,
+            },
+        });
+    }
+    Ok(outcome)
+}
+
+fn place(position: DVec3, found: &Found, closest: &Closest) -> Place {
+    Place { distance: found.distance_sq.sqrt(), position: position.to_array(), closest: closest.position.to_array() }
+}

@@ -1,0 +1,172 @@
+//! The images that materials show, as files: which they are, and which of a result's images is which of the original's.
+//!
+//! ```text
+//! result's  city_textures/wall.png    same name and content as  original's  photos/wall.png     that one
+//!           city_textures/wall_2.png  same content as           original's  roofs/wall.png      that one
+//!           wall.png                  same name as              original's  photos/wall.png     that one, re-encoded
+//! ```
+//! In: a catalogue. Out: [`Pictures`]. Invariant: nothing is decoded here, and nothing but regular files is opened.
+
+use std::collections::{BTreeMap, HashMap};
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use xxhash_rust::xxh3::Xxh3;
+
+use crate::base::Findings;
+use crate::base::error::{escape, escape_path};
+use crate::scan::path_of;
+use crate::store::Catalogue;
+use crate::store::mesh::MaterialDefinition;
+
+/// Stands for a face that shows no picture.
+pub const NO_PICTURE: u32 = u32::MAX;
+/// Bytes read at once.
+const READ_BYTES: usize = 256 << 10;
+
+/// An image file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Picture {
+    /// The file, all links followed.
+    pub path: PathBuf,
+    /// Its name in the MTL, without folders.
+    pub name: Vec<u8>,
+}
+
+/// The images that a mesh shows.
+#[derive(Debug, Clone, Default)]
+pub struct Pictures {
+    /// Each once.
+    pub files: Vec<Picture>,
+    /// Index in `files` for each part of the catalogue, or [`NO_PICTURE`].
+    pub of_part: Vec<u32>,
+}
+
+impl Pictures {
+    /// Finds the diffuse images (`map_Kd`) of a catalogue's materials; what is not there is noted.
+    pub fn find(catalogue: &Catalogue, findings: &mut Findings) -> Self {
+        let mut pictures = Self::default();
+        let mut known: HashMap<PathBuf, u32> = HashMap::new();
+        let of_material: Vec<u32> = catalogue
+            .materials
+            .iter()
+            .map(|material| {
+                let Some((definition, name)) = material.definition.as_ref().and_then(diffuse) else {
+                    return NO_PICTURE;
+                };
+                let Some(path) = find_file(definition, name) else {
+                    findings.note("missing_picture", || {
+                        format!("{} of {}: no such file", escape(name), escape_path(&definition.folder))
+                    });
+                    return NO_PICTURE;
+                };
+                *known.entry(path.clone()).or_insert_with(|| {
+                    pictures.files.push(Picture { path, name: base_name(name).to_vec() });
+                    pictures.files.len() as u32 - 1
+                })
+            })
+            .collect();
+        let material_of = |part: &crate::store::Part| part.material.map_or(NO_PICTURE, |m| of_material[m as usize]);
+        pictures.of_part = catalogue.parts.iter().map(material_of).collect();
+        pictures
+    }
+
+    /// For each of these pictures those of `original` that it shows, ascending.
+    pub fn sources(&self, original: &Self) -> Vec<Vec<u32>> {
+        let mut by_name: BTreeMap<&[u8], Vec<u32>> = BTreeMap::new();
+        let mut by_content: BTreeMap<Content, Vec<u32>> = BTreeMap::new();
+        let contents: Vec<Option<Content>> = original.files.iter().map(|file| Content::of(&file.path)).collect();
+        for ((file, content), number) in original.files.iter().zip(&contents).zip(0..) {
+            by_name.entry(&file.name).or_default().push(number);
+            if let Some(content) = content {
+                by_content.entry(*content).or_default().push(number);
+            }
+        }
+        let sources = |file: &Picture| {
+            let content = Content::of(&file.path);
+            let named = by_name.get(&*file.name).cloned().unwrap_or_default();
+            let same = |&number: &u32| content.is_some() && contents[number as usize] == content;
+            match named.iter().any(same) {
+                true => named.into_iter().filter(same).collect(),
+                false if named.is_empty() => {
+                    content.and_then(|content| by_content.get(&content).cloned()).unwrap_or_default()
+                }
+                false => named,
+            }
+        };
+        self.files.iter().map(sources).collect()
+    }
+}
+
+/// The name of a material's diffuse image.
+fn diffuse(definition: &MaterialDefinition) -> Option<(&MaterialDefinition, &[u8])> {
+    let is_diffuse = |key: &[u8]| key.get(..6).is_some_and(|key| key.eq_ignore_ascii_case(b"map_kd"));
+    let texture = definition.textures.iter().find(|texture| is_diffuse(&texture.key_and_options))?;
+    Some((definition, &texture.name))
+}
+
+fn base_name(name: &[u8]) -> &[u8] {
+    name.rsplit(|&c| c == b'/' || c == b'\\').next().unwrap_or(name)
+}
+
+/// The file that a name stands for: in the folder of the MTL file by its whole path, else by its last part.
+fn find_file(definition: &MaterialDefinition, name: &[u8]) -> Option<PathBuf> {
+    if name.contains(&0) {
+        return None;
+    }
+    let folder = if definition.folder.as_os_str().is_empty() { Path::new(".") } else { &definition.folder };
+    [name, base_name(name)]
+        .into_iter()
+        .filter_map(|name| fs::canonicalize(folder.join(path_of(name))).ok())
+        .find(|path| fs::metadata(path).is_ok_and(|kind| kind.is_file()))
+}
+
+/// What tells the content of one file from that of another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Content {
+    bytes: u64,
+    hash: u64,
+}
+
+impl Content {
+    /// That of a file, if it can be read.
+    pub fn of(path: &Path) -> Option<Self> {
+        let mut file = File::open(path).ok()?;
+        let (mut hash, mut bytes, mut buffer) = (Xxh3::new(), 0, vec![0; READ_BYTES]);
+        loop {
+            match file.read(&mut buffer).ok()? {
+                0 => return Some(Self { bytes, hash: hash.digest() }),
+                count => {
+                    hash.update(&buffer[..count]);
+                    bytes += count as u64;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pictures(folder: &Path, files: &[(&str, &str)]) -> Pictures {
+        fs::create_dir_all(folder).unwrap();
+        let picture = |&(name, content): &(&str, &str)| {
+            fs::write(folder.join(name), content).unwrap();
+            Picture { path: folder.join(name), name: name.as_bytes().to_vec() }
+        };
+        Pictures { files: files.iter().map(picture).collect(), of_part: Vec::new() }
+    }
+
+    #[test]
+    fn a_picture_is_known_by_name_and_content_then_by_name_then_by_content() {
+        let folder = tempfile::tempdir().unwrap();
+        let original = pictures(&folder.path().join("a"), &[("wall.png", "1"), ("roof.png", "2"), ("door.png", "3")]);
+        let result = pictures(
+            &folder.path().join("b"),
+            &[("wall.png", "1"), ("roof.png", "2, smaller"), ("wall_2.png", "3"), ("other.png", "4")],
+        );
+        assert_eq!(result.sources(&original), [vec![0], vec![1], vec![2], vec![]]);
+    }
+}

@@ -1,0 +1,219 @@
+//! Points of a mesh: by area, its vertices, and by length on its edges; a few thousand of a cell at a time.
+//!
+//! ```text
+//!   |----|------|--|-----------|---|   faces one after the other, each as long as its area
+//!   ^  ^   ^  ^   ^   ^  ^  ^   ^ ^    point k lies somewhere in the k-th of equal parts of the whole
+//! ```
+//! Which points these are depends on the mesh, the seed and their number alone.
+//!
+//! # Source
+//! Metro (Cignoni, Rocchini and Scopigno 1998) for what is sampled; the square root that spreads points evenly over a
+//! triangle is Turk's (Graphics Gems, 1990).
+
+use std::ops::Range;
+
+use glam::DVec3;
+
+use super::cells::{CellView, MeasuredMesh, area, side_length};
+
+/// Points of a batch, at most.
+pub const BATCH_POINTS: u64 = 1 << 14;
+/// Points on edges for each point by area.
+const EDGE_SHARE: f64 = 0.25;
+
+/// What points of a batch are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Points by area.
+    Area,
+    /// All vertices of the cell's triangles.
+    Vertices,
+    /// Points by length on edges.
+    Edges,
+}
+
+/// Points of one cell that are looked at together.
+#[derive(Debug, Clone)]
+pub struct Batch {
+    /// The cell.
+    pub cell: usize,
+    /// What they are.
+    pub kind: Kind,
+    /// Numbers of points among all of the mesh, or of vertices in the cell. Those by area and by length that lie in another
+    /// cell belong to that cell's batches.
+    range: Range<u64>,
+}
+
+/// A point on a triangle.
+#[derive(Debug, Clone, Copy)]
+pub struct Point {
+    /// Its position.
+    pub position: DVec3,
+    /// Triangle of the cell; of no meaning for vertices.
+    pub face: u32,
+    /// Weights of the triangle's corners; of no meaning for vertices.
+    pub weights: [f64; 3],
+}
+
+/// How a mesh is sampled.
+#[derive(Debug)]
+pub struct Sampling<'a> {
+    mesh: &'a MeasuredMesh,
+    seed: u64,
+    areas: Steps,
+    lengths: Steps,
+}
+
+/// The cells one after the other, cut into equal parts.
+#[derive(Debug)]
+struct Steps {
+    /// Where each cell begins, and where the last one ends.
+    starts: Vec<f64>,
+    /// Length of a part; 0 if there is nothing to cut.
+    step: f64,
+    count: u64,
+}
+
+impl Steps {
+    fn new(amounts: impl Iterator<Item = f64>, count: u64) -> Self {
+        let mut starts = vec![0.0];
+        let mut sum = 0.0;
+        for amount in amounts {
+            sum += amount;
+            starts.push(sum);
+        }
+        let is_something = sum > 0.0 && sum.is_finite();
+        let step = if is_something { sum / count as f64 } else { 0.0 };
+        Self { starts, step, count: if is_something { count } else { 0 } }
+    }
+
+    /// Parts that a cell has a piece of.
+    fn parts(&self, cell: usize) -> Range<u64> {
+        if self.count == 0 || self.starts[cell] == self.starts[cell + 1] {
+            return 0..0;
+        }
+        let [first, last] = [self.starts[cell], self.starts[cell + 1]].map(|start| (start / self.step) as u64);
+        first.min(self.count)..last.saturating_add(1).min(self.count)
+    }
+
+    /// The place of a point in its cell, if it lies in this one; `at` is its place in its part.
+    fn place(&self, cell: usize, part: u64, at: f64) -> Option<f64> {
+        let place = (part as f64 + at) * self.step;
+        let is_last = cell + 2 == self.starts.len();
+        let is_inside = place >= self.starts[cell] && (place < self.starts[cell + 1] || is_last);
+        is_inside.then(|| place - self.starts[cell])
+    }
+}
+
+impl<'a> Sampling<'a> {
+    /// `samples` points by area, a quarter as many on edges, and all vertices.
+    pub fn new(mesh: &'a MeasuredMesh, samples: u64, seed: u64) -> Self {
+        let edge_samples = (samples as f64 * EDGE_SHARE).ceil() as u64;
+        Self {
+            mesh,
+            seed,
+            areas: Steps::new(mesh.cells.iter().map(|cell| cell.area), samples),
+            lengths: Steps::new(mesh.cells.iter().map(|cell| cell.side_length), edge_samples),
+        }
+    }
+
+    /// All batches, those by area first.
+    pub fn batches(&self) -> Vec<Batch> {
+        let mut batches = Vec::new();
+        for kind in [Kind::Area, Kind::Vertices, Kind::Edges] {
+            for cell in 0..self.mesh.cells.len() {
+                let all = match kind {
+                    Kind::Area => self.areas.parts(cell),
+                    Kind::Vertices => 0..self.mesh.cells[cell].vertex_count(),
+                    Kind::Edges => self.lengths.parts(cell),
+                };
+                let starts = all.clone().step_by(BATCH_POINTS as usize);
+                batches.extend(starts.map(|start| {
+                    let range = start..(start + BATCH_POINTS).min(all.end);
+                    Batch { cell, kind, range }
+                }));
+            }
+        }
+        batches
+    }
+
+    /// The points of a batch.
+    pub fn points(&self, batch: &Batch, view: &CellView) -> Vec<Point> {
+        match batch.kind {
+            Kind::Vertices => {
+                let positions = &view.positions[batch.range.start as usize..batch.range.end as usize];
+                let point = |&at: &DVec3| Point { position: view.origin + at, face: 0, weights: [1.0, 0.0, 0.0] };
+                positions.iter().map(point).collect()
+            }
+            Kind::Area => {
+                let ends = running_sums(view, area);
+                self.spread(&self.areas, batch, 0, |part, place| {
+                    let face = face_at(&ends, place);
+                    let root = self.unit(part, 1).sqrt();
+                    let along = self.unit(part, 2);
+                    at(view, face, [1.0 - root, root * (1.0 - along), root * along])
+                })
+            }
+            Kind::Edges => {
+                let ends = running_sums(view, side_length);
+                self.spread(&self.lengths, batch, 3, |_, place| {
+                    let face = face_at(&ends, place);
+                    let before = if face == 0 { 0.0 } else { ends[face as usize - 1] };
+                    at(view, face, on_sides(view.triangle(face), place - before))
+                })
+            }
+        }
+    }
+
+    fn spread(&self, steps: &Steps, batch: &Batch, stream: u64, point: impl Fn(u64, f64) -> Point) -> Vec<Point> {
+        let place = |part: u64| Some((part, steps.place(batch.cell, part, self.unit(part, stream))?));
+        batch.range.clone().filter_map(place).map(|(part, place)| point(part, place)).collect()
+    }
+
+    /// A number from 0 up to 1 that follows from seed, part and stream.
+    fn unit(&self, part: u64, stream: u64) -> f64 {
+        // Steele, Lea and Flood 2014, "Fast Splittable Pseudorandom Number Generators": the finaliser of SplitMix64.
+        let mut z = self.seed.wrapping_add((part * 4 + stream + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ z >> 31) >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+fn running_sums(view: &CellView, amount: impl Fn([DVec3; 3]) -> f64) -> Vec<f64> {
+    let mut sum = 0.0;
+    let faces = 0..view.faces.len() as u32;
+    faces
+        .map(|face| {
+            sum += amount(view.triangle(face));
+            sum
+        })
+        .collect()
+}
+
+/// The first face that ends behind a place.
+fn face_at(ends: &[f64], place: f64) -> u32 {
+    ends.partition_point(|&end| end <= place).min(ends.len() - 1) as u32
+}
+
+fn at(view: &CellView, face: u32, weights: [f64; 3]) -> Point {
+    let [a, b, c] = view.triangle(face);
+    let position = view.origin + a * weights[0] + b * weights[1] + c * weights[2];
+    Point { position, face, weights }
+}
+
+/// Weights of the corners at a place along the three sides.
+fn on_sides([a, b, c]: [DVec3; 3], mut place: f64) -> [f64; 3] {
+    let lengths = [a.distance(b), b.distance(c), c.distance(a)];
+    for (side, &length) in lengths.iter().enumerate() {
+        if place <= length && length > 0.0 {
+            let along = place / length;
+            let mut weights = [0.0; 3];
+            weights[side] = 1.0 - along;
+            weights[(side + 1) % 3] = along;
+            return weights;
+        }
+        place -= length;
+    }
+    [1.0, 0.0, 0.0]
+}

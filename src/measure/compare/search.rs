@@ -1,0 +1,232 @@
+//! The closest points of a mesh in cells, for points that lie near each other.
+//!
+//! ```text
+//!   +-------+-------+
+//!   |   .   |       |     each point first asks the cell whose box is nearest;
+//!   |  . *--|--o    |     then every cell whose box is nearer than what was found so far
+//!   +-------+-------+
+//! ```
+//! The result is exact: no cell is left out whose box is nearer than the distance that is returned.
+//!
+//! # Memory
+//! 130 bytes a point, and the touched pages of [`VIEWS`] cells.
+
+use glam::DVec3;
+
+use super::super::boxtree::Bounds;
+use super::cells::{CellView, MeasuredMesh};
+use super::closest::{closest_point, weights};
+use super::pictures::NO_PICTURE;
+use crate::base::Result;
+
+/// Cells that are kept open at once.
+pub const VIEWS: usize = 4;
+/// Points that are searched for together: cells are chosen by the box around them.
+const GROUP_POINTS: usize = 512;
+
+/// What is nearest to a point.
+#[derive(Debug, Clone, Copy)]
+pub struct Found {
+    /// Squared distance; infinite as long as nothing was found.
+    pub distance_sq: f64,
+    /// Cell of the closest triangle.
+    pub cell: u32,
+    /// The closest triangle of that cell.
+    pub face: u32,
+}
+
+const NOTHING: Found = Found { distance_sq: f64::INFINITY, cell: u32::MAX, face: 0 };
+
+/// The closest point of a triangle, with what is there.
+#[derive(Debug, Clone, Copy)]
+pub struct Closest {
+    /// The point.
+    pub position: DVec3,
+    /// Normal of the triangle; zero if it has no area.
+    pub normal: DVec3,
+    /// Picture of the triangle, or [`NO_PICTURE`].
+    pub picture: u32,
+    /// Texture coordinate of the point.
+    pub texcoord: [f32; 2],
+    /// Length in texture space per length in space.
+    pub density: f32,
+}
+
+/// A search in one mesh.
+pub struct Search<'a> {
+    mesh: &'a MeasuredMesh,
+    views: Vec<Open>,
+    order: Vec<(f64, u32)>,
+}
+
+/// A cell that is open.
+struct Open {
+    cell: u32,
+    /// The last triangle that was found in it.
+    last: u32,
+    view: CellView,
+}
+
+impl<'a> Search<'a> {
+    /// A search that has opened nothing yet.
+    pub fn new(mesh: &'a MeasuredMesh) -> Self {
+        Self { mesh, views: Vec::new(), order: Vec::new() }
+    }
+
+    /// The closest triangles of all points.
+    ///
+    /// # Errors
+    /// On failed reads.
+    pub fn nearest(&mut self, points: &[DVec3]) -> Result<Vec<Found>> {
+        let mut found = Vec::with_capacity(points.len());
+        for group in points.chunks(GROUP_POINTS) {
+            found.extend(self.nearest_of_group(group, -1.0)?);
+        }
+        Ok(found)
+    }
+
+    /// The point that is farthest from the mesh, by its number, with what is closest to it; the first of several.
+    ///
+    /// Points that turn out to be nearer than the farthest so far are not searched for to the end.
+    ///
+    /// # Errors
+    /// On failed reads.
+    pub fn farthest(&mut self, points: &[DVec3]) -> Result<Option<(usize, Found)>> {
+        let mut farthest: Option<(usize, Found)> = None;
+        for (group, first) in points.chunks(GROUP_POINTS).zip((0..).step_by(GROUP_POINTS)) {
+            let enough_sq = farthest.map_or(-1.0, |(_, found)| found.distance_sq);
+            for (found, number) in self.nearest_of_group(group, enough_sq)?.into_iter().zip(first..) {
+                let is_known = found.distance_sq.is_finite();
+                if is_known && farthest.is_none_or(|(_, most)| found.distance_sq > most.distance_sq) {
+                    farthest = Some((number, found));
+                }
+            }
+        }
+        Ok(farthest)
+    }
+
+    /// What is closest to each point. Of a point that is no farther than the root of `enough_sq` that is all that is known.
+    fn nearest_of_group(&mut self, points: &[DVec3], enough_sq: f64) -> Result<Vec<Found>> {
+        self.sort_cells(Bounds::around(points.iter().copied()));
+        let mut found = vec![NOTHING; points.len()];
+        let mut homes: Vec<(u32, u32)> = points.iter().map(|&point| self.home(point)).zip(0..).collect();
+        homes.sort_unstable();
+        for same in homes.chunk_by(|a, b| a.0 == b.0) {
+            let cell = self.order[same[0].0 as usize].1;
+            for &(_, point) in same {
+                self.ask(cell, points[point as usize], enough_sq, &mut found[point as usize])?;
+            }
+        }
+        for at in 0..self.order.len() {
+            let (group_distance_sq, cell) = self.order[at];
+            let open = found.iter().filter(|found| found.distance_sq > enough_sq);
+            let most = open.fold(0.0f64, |most, found| most.max(found.distance_sq));
+            if group_distance_sq >= most {
+                break;
+            }
+            let bounds = self.mesh.cells[cell as usize].bounds;
+            for &(home, point) in &homes {
+                let (position, found) = (points[point as usize], &mut found[point as usize]);
+                let may_be_nearer = bounds.distance_sq(position) < found.distance_sq;
+                if home as usize != at && may_be_nearer && found.distance_sq > enough_sq {
+                    self.ask(cell, position, enough_sq, found)?;
+                }
+            }
+        }
+        Ok(found)
+    }
+
+    /// Sorts the cells by their distance from a box.
+    fn sort_cells(&mut self, bounds: Bounds) {
+        let distance_sq =
+            |other: Bounds| (other.low - bounds.high).max(bounds.low - other.high).max(DVec3::ZERO).length_squared();
+        self.order.clear();
+        self.order.extend(self.mesh.cells.iter().zip(0..).map(|(cell, number)| (distance_sq(cell.bounds), number)));
+        self.order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    }
+
+    /// Place in the order of the cell whose box is nearest; of several, of that whose middle is.
+    fn home(&self, point: DVec3) -> u32 {
+        let mut best = (f64::INFINITY, f64::INFINITY, 0);
+        for (&(group_distance_sq, cell), at) in self.order.iter().zip(0..) {
+            if group_distance_sq > best.0 {
+                break;
+            }
+            let bounds = self.mesh.cells[cell as usize].bounds;
+            let distance = (bounds.distance_sq(point), (bounds.low + bounds.high - point * 2.0).length_squared());
+            if distance < (best.0, best.1) {
+                best = (distance.0, distance.1, at);
+            }
+        }
+        best.2
+    }
+
+    /// Asks a cell for a triangle that is nearer than what was found, first of all for the last answer that it gave.
+    fn ask(&mut self, cell: u32, point: DVec3, enough_sq: f64, found: &mut Found) -> Result<()> {
+        let open = self.open(cell)?;
+        let point = point - open.view.origin;
+        let again_sq = closest_point(point, open.view.triangle(open.last)).distance_squared(point);
+        if again_sq < found.distance_sq {
+            *found = Found { distance_sq: again_sq, cell, face: open.last };
+        }
+        if found.distance_sq > enough_sq
+            && let Some((face, distance_sq)) = open.view.nearest(point, found.distance_sq, enough_sq)
+        {
+            *found = Found { distance_sq, cell, face };
+            open.last = face;
+        }
+        Ok(())
+    }
+
+    /// A cell, opened if it is not; the one that was asked for longest ago is closed.
+    fn open(&mut self, cell: u32) -> Result<&mut Open> {
+        match self.views.iter().position(|open| open.cell == cell) {
+            Some(0) => {}
+            Some(at) => self.views[..=at].rotate_right(1),
+            None => {
+                self.views.truncate(VIEWS - 1);
+                self.views.insert(0, Open { cell, last: 0, view: self.mesh.cells[cell as usize].view()? });
+            }
+        }
+        Ok(&mut self.views[0])
+    }
+
+    /// The closest point to `point` on what was found, which must be something.
+    ///
+    /// # Errors
+    /// On failed reads.
+    pub fn closest(&mut self, point: DVec3, found: &Found) -> Result<Closest> {
+        let view = &self.open(found.cell)?.view;
+        let triangle = view.triangle(found.face);
+        let face = view.faces[found.face as usize];
+        let position = closest_point(point - view.origin, triangle);
+        let weights = weights(position, triangle);
+        Ok(Closest {
+            position: position + view.origin,
+            normal: unit_normal(triangle),
+            picture: face.picture,
+            texcoord: texcoord_at(&face.texcoords, weights),
+            density: if face.picture == NO_PICTURE { 0.0 } else { density(triangle, &face.texcoords) },
+        })
+    }
+}
+
+/// Normal of length 1, or zero without area.
+pub fn unit_normal([a, b, c]: [DVec3; 3]) -> DVec3 {
+    (b - a).cross(c - a).normalize_or_zero()
+}
+
+/// Texture coordinate at a point of a triangle, moved by whole numbers to between 0 and 1.
+pub fn texcoord_at(texcoords: &[[f32; 2]; 3], weights: [f64; 3]) -> [f32; 2] {
+    [0, 1].map(|axis| {
+        let at = (0..3).map(|corner| f64::from(texcoords[corner][axis]) * weights[corner]).sum::<f64>();
+        (at - at.floor()) as f32
+    })
+}
+
+fn density(triangle: [DVec3; 3], texcoords: &[[f32; 2]; 3]) -> f32 {
+    let [a, b, c] = texcoords.map(|uv| glam::DVec2::new(f64::from(uv[0]), f64::from(uv[1])));
+    let area = super::cells::area(triangle);
+    let density = (0.5 * (b - a).perp_dot(c - a).abs() / area).sqrt();
+    if density.is_finite() { density as f32 } else { 0.0 }
+}

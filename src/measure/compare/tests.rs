@@ -1,0 +1,296 @@
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+
+use super::super::{Surface, weld_and_check};
+use super::*;
+use crate::base::Silent;
+
+const RESOURCES: Resources =
+    Resources { threads: 2, work_bytes: 100 << 20, scan: ScanOptions { threads: 2, chunks_in_flight: 4 } };
+
+/// A folder with OBJ files.
+struct Bench(tempfile::TempDir);
+
+impl Bench {
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn write(&self, name: &str, positions: &[DVec3], faces: &[[usize; 3]]) -> PathBuf {
+        let mut text = String::new();
+        positions.iter().for_each(|p| text += &format!("v {:?} {:?} {:?}\n", p.x, p.y, p.z));
+        faces.iter().for_each(|[a, b, c]| text += &format!("f {} {} {}\n", a + 1, b + 1, c + 1));
+        fs::write(self.path(name), text).unwrap();
+        self.path(name)
+    }
+
+    fn compare(&self, original: &Path, result: &Path, cell_faces: u64) -> Comparison {
+        let options = CompareOptions { samples: 20_000, seed: 7, work: self.path("work"), resources: RESOURCES };
+        compare_in_cells(original, result, &options, cell_faces, &Silent).unwrap()
+    }
+}
+
+fn near(found: f64, expected: f64, share: f64) -> bool {
+    (found - expected).abs() <= share * expected.abs()
+}
+
+/// A square of ten by ten units, cut into `side` by `side` squares of two triangles.
+fn plane(side: usize, height: impl Fn(f64, f64) -> f64) -> (Vec<DVec3>, Vec<[usize; 3]>) {
+    let step = 10.0 / side as f64;
+    let at = |i: usize| [(i % (side + 1)) as f64 * step, (i / (side + 1)) as f64 * step];
+    let positions = (0..(side + 1).pow(2)).map(at).map(|[x, y]| DVec3::new(x, y, height(x, y))).collect();
+    let corners = (0..side * side).map(|i| i / side * (side + 1) + i % side);
+    let faces = corners.flat_map(|a| [[a, a + 1, a + side + 2], [a, a + side + 2, a + side + 1]]).collect();
+    (positions, faces)
+}
+
+/// An icosahedron whose triangles were cut into four `levels` times, with all vertices at a distance from the origin.
+fn sphere(levels: usize, radius: f64) -> (Vec<DVec3>, Vec<[usize; 3]>) {
+    let t = (1.0 + 5.0f64.sqrt()) / 2.0;
+    let mut positions = Vec::new();
+    for (a, b) in [(-1.0, t), (1.0, t), (-1.0, -t), (1.0, -t)] {
+        positions.extend([DVec3::new(a, b, 0.0), DVec3::new(0.0, a, b), DVec3::new(b, 0.0, a)]);
+    }
+    let mut faces = Vec::new();
+    for a in 0..12 {
+        for b in a + 1..12 {
+            for c in b + 1..12 {
+                let [p, q, r]: [DVec3; 3] = [a, b, c].map(|v| positions[v]);
+                if [p.distance(q), q.distance(r), r.distance(p)].into_iter().all(|side| side < 2.1) {
+                    let is_outward = (q - p).cross(r - p).dot(p + q + r) > 0.0;
+                    faces.push(if is_outward { [a, b, c] } else { [a, c, b] });
+                }
+            }
+        }
+    }
+    for _ in 0..levels {
+        let mut middles = std::collections::HashMap::new();
+        let mut finer = Vec::with_capacity(4 * faces.len());
+        for [a, b, c] in faces {
+            let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(u, v)| {
+                *middles.entry((u.min(v), u.max(v))).or_insert_with(|| {
+                    positions.push((positions[u] + positions[v]) * 0.5);
+                    positions.len() - 1
+                })
+            });
+            finer.extend([[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]);
+        }
+        faces = finer;
+    }
+    (positions.into_iter().map(|p| p.normalize() * radius).collect(), faces)
+}
+
+#[test]
+fn parallel_planes_are_as_far_apart_as_they_are() {
+    let bench = Bench::new();
+    let (positions, faces) = plane(20, |_, _| 0.0);
+    let original = bench.write("a.obj", &positions, &faces);
+    let (positions, faces) = plane(3, |_, _| 0.25);
+    let result = bench.write("b.obj", &positions, &faces);
+    let Comparison { geometry, topology, .. } = bench.compare(&original, &result, 100);
+    for way in [&geometry.forward, &geometry.backward, &geometry.symmetric] {
+        for exact in [way.max, way.mean, way.rms] {
+            assert!(near(exact, 0.25, 1e-12), "{exact}");
+        }
+        for percentile in [way.median, way.p95, way.p99] {
+            assert!(near(percentile, 0.25, 1e-3), "{percentile}");
+        }
+    }
+    assert!(geometry.normals.mean < 1e-5 && geometry.normals.flipped == 0.0);
+    assert!(near(geometry.area_ratio, 1.0, 1e-12) && near(geometry.diagonal, 200f64.sqrt(), 1e-12));
+    assert!(near(geometry.border.unwrap().max, 0.25, 1e-9));
+    assert_eq!((topology.before.euler, topology.after.boundary_edges), (1, 12));
+    assert_eq!(geometry.volume_ratio, None);
+}
+
+#[test]
+fn a_mesh_lies_on_itself() {
+    let bench = Bench::new();
+    let (positions, faces) = plane(40, |x, y| (x * 3.0).sin() + (y * 2.0).cos());
+    let original = bench.write("a.obj", &positions, &faces);
+    let Comparison { geometry, topology, quality, .. } = bench.compare(&original, &original, 300);
+    assert!(geometry.symmetric.max < 1e-12 && geometry.normals.mean < 1e-5);
+    assert_eq!((topology.before, quality.before), (topology.after, quality.after));
+}
+
+#[test]
+fn a_sphere_and_its_refinement_differ_by_the_height_of_their_caps() {
+    let bench = Bench::new();
+    let (positions, faces) = sphere(2, 1.0);
+    let fine = sphere(6, 1.0);
+    let (original, result) = (bench.write("a.obj", &fine.0, &fine.1), bench.write("b.obj", &positions, &faces));
+    let Comparison { geometry, .. } = bench.compare(&original, &result, 10_000);
+    // how far each coarse triangle lies below the sphere: at most at its middle, in the mean by many small parts
+    let (mut deepest, mut sum, mut area) = (0.0f64, 0.0, 0.0);
+    for face in faces {
+        let [a, b, c] = face.map(|v| positions[v]);
+        let part = cells::area([a, b, c]);
+        let mut mean = 0.0;
+        for i in 0..30 {
+            for j in 0..30 - i {
+                let (u, v) = ((f64::from(i) + 1.0 / 3.0) / 30.0, (f64::from(j) + 1.0 / 3.0) / 30.0);
+                let depth = 1.0 - (a * (1.0 - u - v) + b * u + c * v).length();
+                deepest = deepest.max(depth);
+                mean += depth / 465.0;
+            }
+        }
+        sum += mean * part;
+        area += part;
+    }
+    assert!(near(geometry.forward.max, deepest, 0.01), "{} {deepest}", geometry.forward.max);
+    assert!(near(geometry.forward.mean, sum / area, 0.02), "{} {}", geometry.forward.mean, sum / area);
+    assert!(near(geometry.backward.mean, geometry.forward.mean, 0.03));
+    assert!(geometry.volume_ratio.is_some_and(|ratio| ratio < 1.0 && ratio > 0.9));
+}
+
+#[test]
+fn a_grown_sphere_is_as_far_as_it_has_grown() {
+    let bench = Bench::new();
+    let [old, new] = [sphere(5, 1.0), sphere(5, 1.1)];
+    let (original, result) = (bench.write("a.obj", &old.0, &old.1), bench.write("b.obj", &new.0, &new.1));
+    let Comparison { geometry, topology, quality, .. } = bench.compare(&original, &result, 3000);
+    for way in [&geometry.forward, &geometry.backward] {
+        assert!([way.max, way.mean, way.rms, way.p95].into_iter().all(|length| near(length, 0.1, 2e-3)));
+    }
+    assert!(near(geometry.volume_ratio.unwrap(), 1.1f64.powi(3), 1e-9));
+    assert!(near(geometry.area_ratio, 1.21, 1e-9));
+    assert!(near(geometry.volume.before.unwrap(), std::f64::consts::PI * 4.0 / 3.0, 2e-3));
+    assert_eq!((topology.before.euler, topology.before.components, topology.before.boundary_edges), (2, 1, 0));
+    assert_eq!((quality.before.valence_max, quality.before.valence_regular_share), (6, 1.0));
+    assert!(quality.before.regularity_mean > 0.97 && quality.before.sliver_share == 0.0);
+}
+
+#[test]
+fn a_lost_piece_is_where_the_largest_distance_is() {
+    let bench = Bench::new();
+    let (mut positions, mut faces) = sphere(2, 1.0);
+    let result = bench.write("b.obj", &positions, &faces);
+    let count = positions.len();
+    positions.extend(sphere(2, 0.5).0.into_iter().map(|p| p + DVec3::X * 5.0));
+    faces.extend(faces.clone().into_iter().map(|face| face.map(|v| v + count)));
+    let original = bench.write("a.obj", &positions, &faces);
+    let Comparison { geometry, topology, .. } = bench.compare(&original, &result, 100);
+    assert_eq!((topology.before.components, topology.after.components), (2, 1));
+    assert!(geometry.forward.max < 1e-12 && near(geometry.backward.max, 4.5, 0.01));
+    let place = geometry.backward.worst[0];
+    assert!(place.position[0] > 5.4 && place.closest[0] < 1.0, "{place:?}");
+}
+
+#[test]
+fn the_numbers_do_not_depend_on_threads_and_hardly_on_cells() {
+    let bench = Bench::new();
+    let (positions, faces) = plane(60, |x, y| (x * 3.0).sin() * (y * 2.0).cos());
+    let original = bench.write("a.obj", &positions, &faces);
+    let (positions, faces) = plane(11, |x, y| (x * 3.0).sin() * (y * 2.0).cos());
+    let result = bench.write("b.obj", &positions, &faces);
+    let measured = |threads: usize, cell_faces: u64| {
+        let resources = Resources { threads, ..RESOURCES };
+        let options = CompareOptions { samples: 30_000, seed: 1, work: bench.path("work"), resources };
+        let found = compare_in_cells(&original, &result, &options, cell_faces, &Silent).unwrap();
+        Comparison { peak_resident: 0, ..found }
+    };
+    let (one, many) = (measured(1, 400), measured(3, 400));
+    assert_eq!(one, many);
+    let whole = measured(2, 100_000);
+    assert_eq!(one.topology, whole.topology);
+    let pairs = [&one, &whole].map(|c| [c.geometry.forward.rms, c.geometry.backward.rms, c.geometry.normals.flipped]);
+    assert!(pairs[0].iter().zip(pairs[1]).all(|(&a, b)| near(a, b, 0.02)), "{pairs:?}");
+}
+
+#[test]
+fn cells_count_what_the_whole_counts() {
+    let bench = Bench::new();
+    for name in fs::read_dir("fixtures/miniatures").unwrap().map(|entry| entry.unwrap().path()) {
+        if name.extension().is_none_or(|extension| extension != "obj") {
+            continue;
+        }
+        let inputs = crate::scan::find_inputs(&name).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let found = crate::scan::scan(&inputs, folder.path(), &RESOURCES.scan, &Silent).unwrap();
+        let check = weld_and_check(&Surface::load(&found.mesh, &found.catalogue).unwrap());
+        for cell_faces in [20, 300, 100_000] {
+            let mesh = MeasuredMesh::prepare(&name, &bench.path("work"), cell_faces, &RESOURCES, &Silent).unwrap();
+            let t = mesh.tallied.topology;
+            let expected = Topology {
+                vertices: check.vertices,
+                edges: (check.vertices as i64 + check.faces as i64 - check.euler) as u64,
+                faces: check.faces,
+                boundary_edges: check.boundary_edges,
+                boundary_loops: check.boundary_loops,
+                non_manifold_edges: check.non_manifold_edges,
+                components: check.components,
+                euler: check.euler,
+                seam_edges: check.seam_edges,
+                charts: check.charts,
+                degenerate_faces: check.degenerate_faces,
+            };
+            assert_eq!(t, expected, "{} in cells of {cell_faces}", name.display());
+            assert_eq!(mesh.tallied.folded, check.folded_uv, "{}", name.display());
+        }
+    }
+}
+
+/// A square of ten by ten units with a grey ramp on it; texture coordinates are moved by `shift`.
+fn ramp(bench: &Bench, name: &str, shift: f64) -> PathBuf {
+    let image = image::RgbImage::from_fn(256, 256, |x, _| image::Rgb([x as u8; 3]));
+    image.save(bench.path("ramp.png")).unwrap();
+    fs::write(bench.path("ramp.mtl"), "newmtl ramp\nmap_Kd ramp.png\n").unwrap();
+    let mut text = String::from("mtllib ramp.mtl\nusemtl ramp\n");
+    for (x, y) in [(0, 0), (10, 0), (10, 10), (0, 10)] {
+        let u = 0.25 + f64::from(x) / 20.0 + shift;
+        text += &format!("v {x} {y} 0\nvt {u} {}\n", 0.25 + f64::from(y) / 20.0);
+    }
+    fs::write(bench.path(name), text + "f 1/1 2/2 3/3\nf 1/1 3/3 4/4\n").unwrap();
+    bench.path(name)
+}
+
+#[test]
+fn a_moved_picture_slides_and_changes_its_colours() {
+    let bench = Bench::new();
+    let original = ramp(&bench, "a.obj", 0.0);
+    let texture = bench.compare(&original, &original, 100).texture.unwrap();
+    assert_eq!((texture.colour_mean, texture.outside_fraction, texture.images), (0.0, 0.0, 1));
+    // half a texel of the grid: 10 / 1024 units, along each axis
+    assert!(texture.slide_p95 < 0.5f64.sqrt() * 10.0 / 1024.0);
+
+    // a twentieth of the image is a unit of length and 12.8 of its texels
+    let result = ramp(&bench, "b.obj", 0.05);
+    let texture = bench.compare(&original, &result, 100).texture.unwrap();
+    assert!(near(texture.slide_median, 1.0, 0.01) && near(texture.slide_p95, 1.0, 0.01), "{texture:?}");
+    assert!(near(texture.slide_texels_median, 12.8, 0.01));
+    assert!(near(texture.colour_mean, 12.8, 0.01) && near(texture.colour_rms, 12.8, 0.01));
+    assert!(near(texture.colour_backward_rms, 12.8, 0.01));
+    // a tenth of the square shows what lies right of the chart
+    assert!(near(texture.outside_fraction, 0.1, 0.05));
+    assert_eq!((texture.untextured_fraction, texture.folded_triangles), (0.0, 0));
+}
+
+#[test]
+fn a_picture_that_cannot_be_read_is_a_warning() {
+    let bench = Bench::new();
+    let original = ramp(&bench, "a.obj", 0.0);
+    fs::write(bench.path("ramp.png"), "no image").unwrap();
+    let found = bench.compare(&original, &original, 100);
+    assert_eq!(found.texture.unwrap().images, 0);
+    assert!(found.warnings.iter().any(|words| words.contains("unreadable picture")), "{:?}", found.warnings);
+    fs::remove_file(bench.path("ramp.png")).unwrap();
+    let found = bench.compare(&original, &original, 100);
+    assert!(found.texture.is_none() && found.warnings.iter().any(|words| words.contains("missing picture")));
+}
+
+#[test]
+fn a_mesh_of_nothing_but_points_and_lines_is_refused() {
+    let bench = Bench::new();
+    let (positions, faces) = plane(2, |_, _| 0.0);
+    let (original, empty) = (bench.write("a.obj", &positions, &faces), bench.write("b.obj", &positions, &[[0, 0, 1]]));
+    let options = CompareOptions { samples: 1000, seed: 1, work: bench.path("work"), resources: RESOURCES };
+    let error = compare(&original, &empty, &options, &Silent).unwrap_err();
+    assert!(error.to_string().contains("no faces"), "{error}");
+    assert!(!bench.path("work").exists());
+}
