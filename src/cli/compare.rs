@@ -151,9 +151,11 @@ fn table(comparison: &Comparison) -> String {
         let [a, b, c] = ways.map(|way| length(figure(way)));
         let _ = writeln!(text, "{name:22}{a:>16}{b:>16}{c:>16}");
     }
-    let per_diagonal = |value: f64| length(1e4 * value / geometry.diagonal);
-    let [a, b, c] = ways.map(|way| per_diagonal(way.rms));
-    let _ = writeln!(text, "{:22}{a:>16}{b:>16}{c:>16}", "RMS, 1e-4 diagonals");
+    let _ = writeln!(text, "in 1e-4 of the diagonal");
+    for (name, figure) in figures.into_iter().filter(|(name, _)| *name != "half is nearer than") {
+        let [a, b, c] = ways.map(|way| length(1e4 * figure(way) / geometry.diagonal));
+        let _ = writeln!(text, "  {name:20}{a:>16}{b:>16}{c:>16}");
+    }
     let mut row = |name: &str, words: String| {
         let _ = writeln!(text, "{name:22}{words}");
     };

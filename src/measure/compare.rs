@@ -23,7 +23,7 @@
 //! Two work folders, `original` and `result`, removed at the end.
 
 mod cells;
-mod closest;
+pub mod closest;
 mod colour;
 mod direction;
 mod distribution;
@@ -76,7 +76,7 @@ pub struct Comparison {
     pub seed: u64,
     /// Distances between the surfaces.
     pub geometry: Geometry,
-    /// How the picture changed; nothing if one of the meshes has none.
+    /// How the picture changed; nothing if one of the meshes has none, or none that can be read.
     pub texture: Option<Texture>,
     /// Counts of edges and pieces, after welding.
     pub topology: BeforeAfter<Topology>,
@@ -423,6 +423,9 @@ fn texture(
     let slides = texture::measure_slides(forward, after, before, limit, resources, progress)?;
     let colours = texture::compare_colours(forward, new, old, resources, findings, progress)?;
     let reverse = texture::compare_colours(backward, old, new, resources, findings, progress)?;
+    if colours.images == 0 {
+        return Ok(None);
+    }
     Ok(Some(Texture {
         colour_mean: colours.differences.mean(),
         colour_rms: colours.differences.rms(),

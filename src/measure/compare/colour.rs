@@ -83,6 +83,8 @@ pub fn plan(path: &Path, allowed_bytes: u64) -> Result<Plan, String> {
     let pixels = u64::from(width) * u64::from(height);
     let raw = if decoder.color_type() == ColorType::Rgb8 { 0 } else { decoder.total_bytes() };
     let coefficients = if format == ImageFormat::Jpeg && is_progressive(path) { COEFFICIENT_BYTES * pixels } else { 0 };
+    // A PNG is read as it goes.
+    let file_bytes = if format == ImageFormat::Png { 0 } else { file_bytes };
     let whole = PIXEL_BYTES * pixels + raw + coefficients + file_bytes + DECODER_BYTES;
     let plan = |reduction: u32, bytes| Plan { size: [width, height], bytes, reduction, format };
     if whole <= allowed_bytes {

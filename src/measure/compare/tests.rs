@@ -277,7 +277,7 @@ fn a_picture_that_cannot_be_read_is_a_warning() {
     let original = ramp(&bench, "a.obj", 0.0);
     fs::write(bench.path("ramp.png"), "no image").unwrap();
     let found = bench.compare(&original, &original, 100);
-    assert_eq!(found.texture.unwrap().images, 0);
+    assert!(found.texture.is_none());
     assert!(found.warnings.iter().any(|words| words.contains("unreadable picture")), "{:?}", found.warnings);
     fs::remove_file(bench.path("ramp.png")).unwrap();
     let found = bench.compare(&original, &original, 100);

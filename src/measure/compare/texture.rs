@@ -130,7 +130,11 @@ pub fn compare_colours(
                 match decoded {
                     Ok((reduction, found_colours)) => {
                         found.images += 1;
-                        found.reduced += u64::from(reduction > 1);
+                        if reduction > 1 {
+                            found.reduced += 1;
+                            let path = escape_path(images.paths[group[0].0 as usize]);
+                            findings.note("reduced_picture", || format!("{path}: read at 1/{reduction} of its size"));
+                        }
                         group.iter().zip(found_colours).for_each(|(&(_, q), c)| colours[q as usize] = c);
                     }
                     Err(why) => findings.note("unreadable_picture", || {
