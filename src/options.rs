@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use crate::base::{Error, Result, bytes};
 use crate::cost::{Weights, classic, curvature, knob, oblique, sharpness, terrain};
+use crate::job::Resume;
 use crate::stitch::pass::{Cost, SeamPolicy};
 use crate::write::Textures;
 
@@ -95,6 +96,18 @@ pub enum TextureFiles {
     Reference,
 }
 
+/// Whether a job that the work folder holds is gone on with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ResumeChoice {
+    /// If input and options are the same; otherwise it is refused
+    Auto,
+    /// It must be there, the same, and undamaged
+    Require,
+    /// Never: what it holds is removed
+    Never,
+}
+
 /// Options of `drystone simplify`.
 #[derive(Debug, Clone, PartialEq, Args, Serialize)]
 pub struct SimplifyOptions {
@@ -121,6 +134,10 @@ pub struct SimplifyOptions {
     /// Folder for intermediate files [default: beside the output]
     #[arg(long, value_name = "DIR")]
     pub work: Option<PathBuf>,
+
+    /// Whether a job that the work folder holds is gone on with
+    #[arg(long, value_enum, default_value_t = ResumeChoice::Auto)]
+    pub resume: ResumeChoice,
 
     /// Keep the work folder after success
     #[arg(long)]
@@ -188,6 +205,7 @@ impl Default for SimplifyOptions {
             memory: None,
             threads: None,
             work: None,
+            resume: ResumeChoice::Auto,
             keep_work: false,
             seams: None,
             borders: Borders::Simplify,
@@ -286,8 +304,26 @@ impl SimplifyOptions {
 
     /// The options that shape the result, in words; memory, threads and folders do not.
     pub fn fingerprint(&self) -> String {
-        let shaping = Self { memory: None, threads: None, work: None, keep_work: false, force: false, ..self.clone() };
+        let shaping = Self {
+            memory: None,
+            threads: None,
+            work: None,
+            resume: ResumeChoice::Auto,
+            keep_work: false,
+            force: false,
+            ..self.clone()
+        };
         format!("{shaping:?}")
+    }
+}
+
+impl From<ResumeChoice> for Resume {
+    fn from(choice: ResumeChoice) -> Self {
+        match choice {
+            ResumeChoice::Auto => Resume::Auto,
+            ResumeChoice::Require => Resume::Require,
+            ResumeChoice::Never => Resume::Never,
+        }
     }
 }
 

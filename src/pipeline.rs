@@ -2,60 +2,88 @@
 
 #[cfg(test)]
 mod hostile;
+mod input;
 mod need;
 
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
-use self::need::Need;
+use self::input::{Input, Reading};
 use crate::base::{Error, Findings, MemoryBudget, Progress, Result};
-use crate::job::{FORMAT_VERSION, Manifest, WorkFolder};
+use crate::job::{InputFile, Manifest, Step, WorkFolder, folder_bytes};
 use crate::options::{Borders, Normals, Pieces, SimplifyOptions, Weld};
+use crate::os::durable::DurableFile;
 use crate::os::system;
-use crate::os::timeline::Recorder;
+use crate::os::timeline::{Recorder, Timeline};
 use crate::plan::memory::{self, Sizes};
 use crate::plan::scratch;
 use crate::report::{ErrorFigures, FaceFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
-use crate::scan::{self, Scan};
+use crate::scan::{self, fingerprint};
 use crate::stitch::pass::{self, PassOptions};
-use crate::write::{self, WriteOptions};
+use crate::write::{self, WriteOptions, Written};
 
 /// Simplifies one OBJ, or all below a folder, into one OBJ.
 ///
 /// # Errors
 /// [`Error::Usage`] and [`Error::Budget`] before anything is read; see [`Error`] for the rest. Whatever happens, an
-/// older output stays whole until the new one is complete.
+/// older output stays whole until the new one is complete, and what is finished is kept in the work folder: the same
+/// call goes on from there.
 pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress: &dyn Progress) -> Result<Report> {
-    let (started, began) = (Instant::now(), SystemTime::now());
+    let began = SystemTime::now();
     let recorder = Recorder::start(progress);
     let progress: &dyn Progress = &recorder;
     options.check()?;
     let inputs = scan::find_inputs(input)?;
-    refuse_output(&inputs, output, options)?;
     let budget = memory::choose_budget(options)?;
     let threads = memory::choose_threads(options.threads, budget);
-    let work_path = options.work.clone().unwrap_or_else(|| default_work(output));
-    let input_sizes = inputs.iter().filter_map(|path| std::fs::metadata(path).ok()).map(|meta| meta.len());
-    scratch::refuse_small_disk(input_sizes.sum(), &work_path)?;
-    let mut work = WorkFolder::open(&work_path, &manifest(&inputs, options))?;
+    let work_path = work_folder(output, options);
+    let manifest = manifest(&inputs, options)?;
+    let input_bytes: u64 = manifest.inputs.iter().map(|file| file.bytes).sum();
+    scratch::refuse_small_disk(input_bytes, folder_bytes(&work_path), &work_path)?;
+    let mut job = WorkFolder::open(&work_path, &manifest, options.resume.into())?;
+    let reading = Reading {
+        path: input,
+        began,
+        inputs: &inputs,
+        manifest: &manifest,
+        options,
+        scan: memory::scan_options(budget, threads),
+        progress,
+    };
+    let outcome = run(&reading, &mut job, output, budget, threads);
+    match &outcome {
+        Ok(_) => job.finish(options.keep_work)?,
+        Err(error) => job.note_failure(error),
+    }
+    outcome.map(|report| Report { timeline: recorder.finish(), ..report })
+}
+
+/// Runs the phases in a work folder.
+fn run(
+    reading: &Reading<'_>,
+    job: &mut WorkFolder,
+    output: &Path,
+    budget: MemoryBudget,
+    threads: usize,
+) -> Result<Report> {
+    let Reading { options, progress, .. } = *reading;
+    let started = Instant::now();
+    let finished = finished_result(job, output)?;
+    refuse_output(reading.inputs, output, options.force || finished.is_some())?;
+    let is_resumed = job.is_resumed();
 
     let scanned = Instant::now();
-    let scan_options = memory::scan_options(budget, threads);
-    let Scan { mesh, catalogue, triangles, mut findings, input_bytes, .. } =
-        scan::scan(&inputs, work.path(), &scan_options, progress)?;
+    let (input, start) = reading.begin(job)?;
+    let Input { catalogue, triangles, mut findings, bytes: input_bytes, need, .. } = input;
     let scan_seconds = scanned.elapsed();
-    let mut scratch_peak = work.bytes();
-
-    let need = Need::of(&mesh, &catalogue);
-    need.check(budget, options.cluster_faces, work.path())?;
+    need.check(budget, options.cluster_faces, job.path(), start.needs_scratch())?;
 
     let target = options.target(triangles);
-    let sizes = Sizes { faces: triangles, vertices: mesh.vertex_count(), target, cluster_faces: options.cluster_faces };
+    let sizes = Sizes { faces: triangles, vertices: need.vertices, target, cluster_faces: options.cluster_faces };
     let work_bytes = budget.for_work() - need.resident_bytes();
     let pass_options = pass_options(options, catalogue.has_texcoords, triangles, target, threads, work_bytes)?;
-    let passes = pass::simplify(mesh, &pass_options, &catalogue, work.path(), progress)?;
+    let passes = pass::simplify(start, &pass_options, &catalogue, job, progress)?;
     findings.merge(passes.findings);
-    scratch_peak = scratch_peak.max(passes.scratch_peak);
 
     let written = Instant::now();
     let write_options = WriteOptions {
@@ -64,20 +92,28 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
         force: options.force,
         work_bytes: budget.for_work(),
     };
-    let result = write::write(&passes.mesh, &catalogue, output, work.path(), &write_options, progress)?;
+    let result = match finished {
+        Some(finished) => finished,
+        None => {
+            let staged = write::stage(&passes.mesh, &catalogue, output, job.path(), &write_options, progress)?;
+            progress.check_stopped()?;
+            job.keep(Step::Written, staged.written().faces, [], staged.written())?;
+            staged.commit()?
+        }
+    };
+    let scratch_peak = passes.scratch_peak.max(folder_bytes(job.path()));
     findings.merge(result.findings);
     let write_seconds = written.elapsed();
-    work.keep = options.keep_work;
-    drop(work);
 
     let (read, written) = system::io_bytes();
     let status = if passes.reached { Status::Done } else { Status::TargetMissed };
     Ok(Report {
         program: env!("CARGO_PKG_VERSION"),
-        began: began.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()),
+        began: reading.began.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()),
         status,
-        input: input.to_owned(),
-        input_files: inputs.len() as u64,
+        resumed: is_resumed,
+        input: reading.path.to_owned(),
+        input_files: reading.inputs.len() as u64,
         options: options.clone(),
         threads,
         output: output.to_owned(),
@@ -106,7 +142,7 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
             peak_resident: system::peak_resident_bytes(),
         },
         io: IoFigures { input: input_bytes, read, written, scratch_peak },
-        timeline: recorder.finish(),
+        timeline: Timeline::default(),
         passes: passes.reports,
         floor: (!passes.reached).then_some(passes.floor),
         comparison: None,
@@ -119,20 +155,35 @@ fn repairs(findings: &Findings) -> std::collections::BTreeMap<String, u64> {
     findings.iter().map(|(kind, finding)| (kind.to_owned(), finding.count)).collect()
 }
 
+/// What a process that was ended after its result had its name had written, if it is there still.
+fn finished_result(job: &WorkFolder, output: &Path) -> Result<Option<Written>> {
+    let Some(written) = job.recall::<Written>(Step::Written)? else { return Ok(None) };
+    let content = fingerprint::content(output).ok();
+    Ok((content == Some((written.bytes, written.hash))).then_some(written))
+}
+
 /// Refuses, before anything is read, an output that exists or is one of the inputs.
-fn refuse_output(inputs: &[PathBuf], output: &Path, options: &SimplifyOptions) -> Result<()> {
+fn refuse_output(inputs: &[PathBuf], output: &Path, may_exist: bool) -> Result<()> {
     let shown = crate::base::error::escape_path(output);
     if output.file_name().is_none() || output.is_dir() {
         return Err(Error::Usage(format!("{shown}: the output must be a file, such as out/city.obj")));
     }
+    try_output(output)?;
     let Ok(there) = output.canonicalize() else { return Ok(()) };
     if inputs.iter().any(|input| input.canonicalize().is_ok_and(|input| input == there)) {
         return Err(Error::Usage(format!("{shown}: the output is the input; choose another name")));
     }
-    if !options.force {
+    if !may_exist {
         return Err(Error::Usage(format!("{shown}: exists already; --force replaces it")));
     }
     Ok(())
+}
+
+/// Finds out, before the work is done, whether the output can be written.
+fn try_output(output: &Path) -> Result<()> {
+    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
+    DurableFile::create(output, 0).map(drop)
 }
 
 fn pass_options(
@@ -160,19 +211,22 @@ fn pass_options(
     })
 }
 
-/// The work folder of a run that names none.
-pub fn default_work(output: &Path) -> PathBuf {
+/// The work folder of a job.
+pub fn work_folder(output: &Path, options: &SimplifyOptions) -> PathBuf {
+    if let Some(work) = &options.work {
+        return work.clone();
+    }
     let mut name = output.file_name().unwrap_or_default().to_owned();
     name.push(".work");
     output.with_file_name(name)
 }
 
-fn manifest(inputs: &[PathBuf], options: &SimplifyOptions) -> Manifest {
-    let size = |path: &PathBuf| std::fs::metadata(path).map_or(0, |meta| meta.len());
-    Manifest {
-        format: FORMAT_VERSION,
+fn manifest(inputs: &[PathBuf], options: &SimplifyOptions) -> Result<Manifest> {
+    Ok(Manifest {
         program: env!("CARGO_PKG_VERSION").to_owned(),
         options: options.fingerprint(),
-        inputs: inputs.iter().map(|path| (path.clone(), size(path))).collect(),
-    }
+        inputs: inputs.iter().map(|path| InputFile::of(path)).collect::<Result<_>>()?,
+        passes: options.passes as u64,
+        began: 0,
+    })
 }

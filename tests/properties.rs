@@ -4,6 +4,7 @@ mod meshes;
 
 use drystone::base::Silent;
 use drystone::cost::Weights;
+use drystone::job::{Manifest, Resume, WorkFolder};
 use drystone::measure::{Check, Surface, check, compare_checks, weld_and_check};
 use drystone::scan::{ScanOptions, scan};
 use drystone::stitch::pass::{self, Cost, PassOptions, SeamPolicy};
@@ -152,11 +153,14 @@ fn soups() -> impl Strategy<Value = Sketch> {
 
 /// Runs the passes and returns the mesh before and after.
 fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
-    let folder = tempfile::tempdir().unwrap();
+    // In memory where there is such a place: thousands of small jobs would wait for the disk.
+    let folder = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap();
     let input = folder.path().join("in.obj");
     std::fs::write(&input, sketch.text()).unwrap();
     let options = ScanOptions { threads: 1, chunks_in_flight: 1 };
-    let scanned = scan(&[input], folder.path(), &options, &Silent).unwrap();
+    let manifest = Manifest { program: String::new(), options: String::new(), inputs: Vec::new(), passes: 1, began: 0 };
+    let job = WorkFolder::open(&folder.path().join("work"), &manifest, Resume::Never).unwrap();
+    let scanned = scan(&[input], job.path(), &options, &Silent).unwrap();
     let before = Surface::load(&scanned.mesh, &scanned.catalogue).unwrap();
     let has_uv = choice.has_uv_metric && scanned.catalogue.has_texcoords;
     let options = PassOptions {
@@ -174,7 +178,7 @@ fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
         threads: choice.threads,
         work_bytes: 100 << 20,
     };
-    let passes = pass::simplify(scanned.mesh, &options, &scanned.catalogue, folder.path(), &Silent).unwrap();
+    let passes = pass::simplify(scanned.mesh.into(), &options, &scanned.catalogue, &job, &Silent).unwrap();
     let after = Surface::load(&passes.mesh, &scanned.catalogue).unwrap();
     assert_eq!(after.faces.len() as u64, passes.faces);
     (before, after)

@@ -58,6 +58,9 @@ pub enum Error {
         /// What was expected and what was found.
         message: String,
     },
+    /// The caller asked to stop; what is finished is kept.
+    #[error("stopped")]
+    Stopped,
     /// The mesh passes a limit of the program (such as 2³² - 2 vertices).
     #[error("{0}")]
     Limit(String),
@@ -90,6 +93,7 @@ impl Error {
             Error::Locked(_) => 6,
             Error::NoSpace { .. } => 7,
             Error::Damaged { .. } => 8,
+            Error::Stopped => 130,
         }
     }
 }

@@ -1,18 +1,21 @@
 //! What a run repaired, dropped or noticed: counted by kind, with the first few places of each.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
 
 /// How many places of one kind are told in words; the rest are counted.
 const PLACES_PER_KIND: usize = 3;
 
 /// Counted findings by kind; a kind is a fixed snake-case word such as `degenerate_faces`.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Findings {
-    kinds: BTreeMap<&'static str, Finding>,
+    kinds: BTreeMap<Cow<'static, str>, Finding>,
 }
 
 /// One kind of finding.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Finding {
     /// How often it was met.
     pub count: u64,
@@ -24,13 +27,13 @@ impl Findings {
     /// Counts `count` findings of a kind, without words.
     pub fn count(&mut self, kind: &'static str, count: u64) {
         if count > 0 {
-            self.kinds.entry(kind).or_default().count += count;
+            self.kinds.entry(kind.into()).or_default().count += count;
         }
     }
 
     /// Counts one finding and keeps its words if it is among the first of its kind.
     pub fn note(&mut self, kind: &'static str, place: impl FnOnce() -> String) {
-        let finding = self.kinds.entry(kind).or_default();
+        let finding = self.kinds.entry(kind.into()).or_default();
         finding.count += 1;
         if finding.places.len() < PLACES_PER_KIND {
             finding.places.push(place());
@@ -53,8 +56,8 @@ impl Findings {
     }
 
     /// Every kind met, by name.
-    pub fn iter(&self) -> impl Iterator<Item = (&'static str, &Finding)> {
-        self.kinds.iter().map(|(kind, finding)| (*kind, finding))
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &Finding)> {
+        self.kinds.iter().map(|(kind, finding)| (kind.as_ref(), finding))
     }
 
     /// One line for each kind that has words: `degenerate_faces: 12 (city.obj:7: …; …)`.

@@ -114,7 +114,7 @@ pub fn compare_meshes(
     }
     let budget = memory::budget_of(memory)?;
     let threads = memory::choose_threads(threads, budget);
-    scratch::refuse_small_disk(input_bytes, &work)?;
+    scratch::refuse_small_disk(input_bytes, 0, &work)?;
     let resources = Resources { threads, work_bytes: budget.for_work(), scan: memory::scan_options(budget, threads) };
     let [original, result] = meshes;
     compare::compare(original, result, &CompareOptions { samples, seed, work, resources }, progress)

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 /// Every exit code and what it means.
-pub const CODES: [(u8, &str); 9] = [
+pub const CODES: [(u8, &str); 12] = [
     (0, "done"),
     (1, "failed: the system refused, a limit was passed, or a check found something new"),
     (2, "usage: the options or the memory budget cannot be"),
@@ -13,13 +13,16 @@ pub const CODES: [(u8, &str); 9] = [
     (6, "another process works in the work folder"),
     (7, "no space left on a disk, or not enough to begin"),
     (8, "a file of the work folder is damaged"),
+    (129, "stopped by SIGHUP; the same command goes on"),
+    (130, "stopped by SIGINT (Ctrl-C); the same command goes on"),
+    (143, "stopped by SIGTERM; the same command goes on"),
 ];
 
 /// The table as `--help` prints it.
 pub fn help() -> String {
     let mut text = "Exit codes:\n".to_owned();
     for (code, meaning) in CODES {
-        let _ = writeln!(text, "  {code}  {meaning}");
+        let _ = writeln!(text, "{code:>5}  {meaning}");
     }
     text
 }
@@ -42,9 +45,10 @@ mod tests {
             Error::Changed(String::new()),
             Error::Locked(path()),
             Error::Damaged { path: path(), message: String::new() },
+            Error::Stopped,
             Error::Limit(String::new()),
         ];
         assert!(errors.iter().all(|error| CODES.iter().any(|(code, _)| *code == error.exit_code())));
-        assert!(CODES.iter().enumerate().all(|(place, (code, _))| place == usize::from(*code)));
+        assert!(CODES.is_sorted_by_key(|(code, _)| *code));
     }
 }

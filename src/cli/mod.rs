@@ -9,6 +9,8 @@ mod plan;
 mod print;
 mod progress;
 mod simplify;
+mod status;
+mod stop;
 
 use std::process::ExitCode;
 
@@ -38,6 +40,8 @@ enum Command {
     Check(check::CheckArguments),
     /// Measure what a simplification did: distances, colours, topology, shapes; within a memory budget
     Compare(compare::CompareArguments),
+    /// Tell what is done and what is left of the job in a work folder; it may be running
+    Status(status::StatusArguments),
     /// Print docs/options.md
     #[command(hide = true)]
     OptionsMarkdown,
@@ -48,7 +52,7 @@ pub fn run() -> ExitCode {
     match Cli::parse().command.run() {
         Ok(code) => ExitCode::from(code),
         Err(error) => {
-            eprintln!("error: {error}");
+            progress::tell(&format!("error: {error}"));
             ExitCode::from(error.exit_code())
         }
     }
@@ -62,6 +66,7 @@ impl Command {
             Command::Inspect(arguments) => inspect::run(arguments),
             Command::Check(arguments) => check::run(arguments),
             Command::Compare(arguments) => compare::run(arguments),
+            Command::Status(arguments) => status::run(arguments),
             Command::OptionsMarkdown => {
                 print::print(&options_markdown());
                 Ok(0)

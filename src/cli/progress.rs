@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::base::{Progress, Silent, bytes};
+use crate::base::{Progress, bytes};
+use crate::os::signals::StopSignal;
 use crate::report::grouped;
 
 /// Time between two plain lines of one phase.
@@ -14,12 +15,19 @@ const LINE_INTERVAL: Duration = Duration::from_secs(5);
 
 /// Progress for a person, or none.
 pub fn told(quiet: bool) -> Box<dyn Progress> {
-    if quiet { Box::new(Silent) } else { Box::new(Told::new()) }
+    stoppable(quiet, StopSignal::default())
+}
+
+/// The same for work that a signal stops.
+pub fn stoppable(quiet: bool, stop: StopSignal) -> Box<dyn Progress> {
+    Box::new(Told { is_quiet: quiet, is_terminal: std::io::stderr().is_terminal(), stop, phase: Mutex::new(None) })
 }
 
 /// Tells progress to a person.
-pub struct Told {
+struct Told {
+    is_quiet: bool,
     is_terminal: bool,
+    stop: StopSignal,
     phase: Mutex<Option<Phase>>,
 }
 
@@ -34,12 +42,10 @@ struct Phase {
 }
 
 impl Told {
-    /// Chooses by what stderr is.
-    pub fn new() -> Self {
-        Self { is_terminal: std::io::stderr().is_terminal(), phase: Mutex::new(None) }
-    }
-
     fn with(&self, change: impl FnOnce(&mut Option<Phase>)) {
+        if self.is_quiet {
+            return;
+        }
         change(&mut self.phase.lock().unwrap_or_else(|poisoned| poisoned.into_inner()));
     }
 }
@@ -60,6 +66,17 @@ impl Progress for Told {
             }
             *current = Some(Phase { name: phase, unit, total, done: 0, began: now, told: now, bar });
         });
+    }
+
+    fn tell(&self, message: &str) {
+        self.with(|current| match current.as_ref().and_then(|phase| phase.bar.as_ref()) {
+            Some(bar) => bar.println(message),
+            None => tell(message),
+        });
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stop.number().is_some()
     }
 
     fn advance(&self, units: u64) {
@@ -98,7 +115,7 @@ impl Drop for Told {
 }
 
 /// Prints a line; a closed stderr is no reason to stop.
-fn tell(line: &str) {
+pub fn tell(line: &str) {
     use std::io::Write as _;
     let _ = writeln!(std::io::stderr(), "{line}");
 }

@@ -5,9 +5,11 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::compare::{SamplingArguments, compare_meshes};
-use super::progress::told;
+use super::progress::{stoppable, tell};
+use super::stop::{end_late, say_goodbye};
 use crate::base::{Error, Result};
 use crate::options::SimplifyOptions;
+use crate::os::signals::StopSignal;
 use crate::pipeline;
 use crate::report;
 
@@ -46,10 +48,17 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
     for folder in folders.filter(|folder| !folder.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
     }
-    let told = told(*quiet);
-    let mut result = pipeline::simplify(input, output, options, &*told)?;
+    let stop = StopSignal::listen()?;
+    let work = pipeline::work_folder(output, options);
+    end_late(&stop, &work);
+    let told = stoppable(*quiet, stop.clone());
+    let outcome = pipeline::simplify(input, output, options, &*told);
+    let mut result = match outcome {
+        Err(Error::Stopped) => return Ok(say_goodbye(&stop, &work)),
+        outcome => outcome?,
+    };
     let compared = measure.then(|| {
-        let work = work_beside(&options.work.clone().unwrap_or_else(|| pipeline::default_work(output)));
+        let work = work_beside(&work);
         let meshes = [input.as_path(), output.as_path()];
         compare_meshes(meshes, *sampling, options.memory, options.threads, work, &*told)
     });
@@ -64,7 +73,7 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
     };
     reports.iter().try_for_each(|path| result.save(path))?;
     if !quiet || result.exit_code() != 0 {
-        eprint!("{}", result.summary());
+        tell(result.summary().trim_end());
     }
     failure.map_or(Ok(result.exit_code()), Err)
 }

@@ -12,7 +12,7 @@ use glam::DVec3;
 const MAGNITUDE_SHIFT: u32 = 46;
 
 /// Sums over the mesh.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Census {
     /// Number of positive values by magnitude.
     magnitudes: BTreeMap<u32, u64>,

@@ -28,7 +28,7 @@ use self::edges::{SharedTallies, Tally, tally};
 use crate::base::bytes::MIB;
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Permits, Progress, Result, bytes};
-use crate::job::{FORMAT_VERSION, Manifest, WorkFolder};
+use crate::job::{InputFile, Manifest, Resume, WorkFolder};
 use crate::partition::{self, Partition, PartitionOptions, TextureScale, cluster};
 use crate::plan::{memory, scratch};
 use crate::report::grouped;
@@ -130,15 +130,16 @@ fn inspect_in_clusters(
     let budget = memory::budget_of(options.memory)?;
     let threads = memory::choose_threads(options.threads, budget);
     let work_path = options.work.clone().unwrap_or_else(temporary_folder);
-    let sizes: Vec<u64> = inputs.iter().map(|path| path.metadata().map_or(0, |meta| meta.len())).collect();
-    scratch::refuse_small_disk(sizes.iter().sum(), &work_path)?;
+    let files = inputs.iter().map(|path| InputFile::of(path)).collect::<Result<Vec<_>>>()?;
+    scratch::refuse_small_disk(files.iter().map(|file| file.bytes).sum(), 0, &work_path)?;
     let manifest = Manifest {
-        format: FORMAT_VERSION,
         program: env!("CARGO_PKG_VERSION").to_owned(),
         options: "inspect".to_owned(),
-        inputs: inputs.iter().cloned().zip(sizes).collect(),
+        inputs: files,
+        passes: 1,
+        began: 0,
     };
-    let work = WorkFolder::open(&work_path, &manifest)?;
+    let work = WorkFolder::open(&work_path, &manifest, Resume::Auto)?;
 
     let scan_options = memory::scan_options(budget, threads);
     let Scan { mesh, catalogue, triangles, mut findings, input_bytes, .. } =

@@ -1,70 +1,180 @@
-//! The work folder of a job: a lock, a manifest that says what it was made for, and the files of the phases.
+//! The work folder of a job: what it was made for, what is finished in it, and the files that hold it.
+//!
+//! In: finished steps, with their files and a value each. Out: the same steps after an interruption, verified. Invariant: a
+//! step is either kept whole or not at all; a file is trusted only if its length and its checksum are those that the
+//! journal has.
+//!
+//! ```text
+//! keep     files written, synced, renamed, folder synced ──▶ value, likewise ──▶ entry in the journal
+//! recall   entry in the journal ──▶ its files and its value read and compared ──▶ the value, or nothing
+//! retain   journal synced ──▶ all files removed but those that are still needed
+//! ```
 //!
 //! # Files
-//! `manifest.bin` (bincode: [`Manifest`]), `lock`, and what the phases write. A folder that holds anything foreign is
-//! never used, so nothing of the user's is ever removed.
+//! `manifest.bin`, `journal.bin`, `lock`, the values of steps (`*.state`), and what the phases write. A folder that
+//! holds anything foreign is never used, so nothing of the user's is ever removed.
 
+pub mod codec;
+pub mod header;
+mod journal;
+mod manifest;
+mod stamp;
+
+use std::collections::{HashMap, HashSet};
 use std::fs::{self, File};
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard};
+use std::time::Duration;
 
 use fs4::FileExt;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use xxhash_rust::xxh3::xxh3_64;
 
+pub use self::header::FORMAT_VERSION;
+use self::header::{HEADER_BYTES, Header};
+pub use self::journal::{Entry, Record, Step};
+use self::journal::{Journal, Value, now};
+pub use self::manifest::{InputFile, Manifest};
+pub use self::stamp::is_file_name;
+use self::stamp::{Condition, Stamp};
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
-use crate::os::durable::DurableFile;
+use crate::os::durable::{DurableFile, no_links};
 
-/// Version of the work folder's files.
-pub const FORMAT_VERSION: u32 = 1;
 const MANIFEST: &str = "manifest.bin";
+const JOURNAL: &str = "journal.bin";
 const LOCK: &str = "lock";
+/// Names of all other files begin and end so.
+const PREFIXES: [&str; 4] = ["scan-", "pass-", "write-", "measure-"];
+const SUFFIXES: [&str; 8] = [".col", ".blk", ".bkt", ".scatter", ".piece", ".bin", ".state", ".tmp"];
+/// A larger value gets a file of its own.
+const VALUE_BYTES_HERE: usize = 4 << 10;
+/// How often, and after what time, a lock is tried again: someone may just be looking at it.
+const LOCK_TRIES: u32 = 8;
+const LOCK_INTERVAL: Duration = Duration::from_millis(25);
 
-/// What a work folder was made for.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Manifest {
-    /// Version of the files.
-    pub format: u32,
-    /// Version of the program.
-    pub program: String,
-    /// The options that shape the result, in words.
-    pub options: String,
-    /// The input files with their sizes in bytes.
-    pub inputs: Vec<(PathBuf, u64)>,
+/// What to do with a work folder that holds a job already.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Resume {
+    /// Go on where it was, if it is the same job; otherwise refuse.
+    #[default]
+    Auto,
+    /// Go on, or refuse; a damaged file is an error.
+    Require,
+    /// Start afresh.
+    Never,
 }
 
-/// A locked work folder; removed on drop unless kept.
+/// A locked work folder.
 #[derive(Debug)]
 pub struct WorkFolder {
     path: PathBuf,
     is_ours: bool,
     lock: Option<File>,
-    /// Whether the folder stays when the job ends.
-    pub keep: bool,
+    resume: Resume,
+    recalled: HashMap<Step, Record>,
+    order: Vec<Step>,
+    journal: Mutex<Option<Journal>>,
+    /// What was found damaged, in words.
+    damage: Mutex<Vec<String>>,
+    is_resumed: bool,
+    /// Whether something is kept that another process could go on with; so it is until the contrary is known.
+    holds_steps: AtomicBool,
 }
 
 impl WorkFolder {
-    /// Makes or takes over a folder, locks it and writes the manifest.
+    /// Makes a folder or takes one over, locks it and reads what was kept in it.
     ///
     /// # Errors
-    /// [`Error::Locked`] if another process works in it, [`Error::Usage`] if it holds foreign files.
-    pub fn open(path: &Path, manifest: &Manifest) -> Result<Self> {
+    /// [`Error::Locked`] if another process works in it, [`Error::Usage`] if it holds foreign files, [`Error::Changed`] if
+    /// it was made for something else, [`Error::Damaged`] if it does not say for what.
+    pub fn open(path: &Path, manifest: &Manifest, resume: Resume) -> Result<Self> {
         let is_new = !path.exists();
         if !is_new {
             refuse_foreign(path)?;
         }
         // A killed job's folder was made by it, and goes with the job that takes it over.
         let is_ours = is_new || path.join(MANIFEST).exists();
-        fs::create_dir_all(path).map_err(|e| Error::io(path, "create", e))?;
-        let lock_path = path.join(LOCK);
-        let lock = File::options().create(true).truncate(false).write(true).open(&lock_path);
-        let lock = lock.map_err(|e| Error::io(&lock_path, "create", e))?;
-        if FileExt::try_lock(&lock).is_err() {
-            return Err(Error::Locked(path.to_owned()));
-        }
-        let folder = Self { path: path.to_owned(), is_ours, lock: Some(lock), keep: false };
-        folder.clear()?;
-        folder.write_manifest(manifest)?;
+        let lock = lock_folder(path)?;
+        let mut folder = Self {
+            path: path.to_owned(),
+            is_ours,
+            lock: Some(lock),
+            resume,
+            recalled: HashMap::new(),
+            order: Vec::new(),
+            journal: Mutex::new(None),
+            damage: Mutex::new(Vec::new()),
+            is_resumed: false,
+            holds_steps: AtomicBool::new(true),
+        };
+        let journal = match resume {
+            Resume::Never => None,
+            _ => folder.take_over(manifest)?,
+        };
+        let mut journal = match journal {
+            Some(journal) => journal,
+            None => folder.begin(manifest)?,
+        };
+        folder.holds_steps = AtomicBool::new(folder.is_resumed);
+        journal.append(&Entry::Began { time: now() })?;
+        folder.journal = Mutex::new(Some(journal));
+        folder.remove_all_but(&folder.named_files())?;
         Ok(folder)
+    }
+
+    /// Goes on with the job that the folder holds; nothing if it holds none.
+    fn take_over(&mut self, manifest: &Manifest) -> Result<Option<Journal>> {
+        let nothing = |why: &str| match self.resume {
+            Resume::Require => {
+                let shown = escape_path(&self.path);
+                Err(Error::Changed(format!("{shown}: {why}; without --resume require the job begins afresh")))
+            }
+            _ => Ok(None),
+        };
+        let path = self.path.join(MANIFEST);
+        if !path.exists() {
+            return nothing("holds no job to go on with");
+        }
+        let differences = Manifest::read(&path)?.differences(manifest);
+        if !differences.is_empty() {
+            let (shown, what) = (escape_path(&self.path), differences.join("; "));
+            return Err(Error::Changed(format!("{shown}: made for a job that differs: {what}; {}", manifest::AFRESH)));
+        }
+        let path = self.path.join(JOURNAL);
+        if !path.exists() {
+            return nothing("holds nothing that is finished");
+        }
+        let (journal, entries) = match Journal::open(&path) {
+            Err(Error::Damaged { message, .. }) if self.resume != Resume::Require => {
+                self.note_damage(JOURNAL, &message);
+                return Ok(None);
+            }
+            opened => opened?,
+        };
+        for entry in entries {
+            if let Entry::Kept(record) = entry {
+                self.order.retain(|step| *step != record.step);
+                self.order.push(record.step);
+                self.recalled.insert(record.step, record);
+            }
+        }
+        if self.order.is_empty() {
+            return nothing("holds nothing that is finished").map(|_: Option<Journal>| Some(journal));
+        }
+        self.is_resumed = true;
+        Ok(Some(journal))
+    }
+
+    /// Empties the folder and begins a job in it.
+    fn begin(&self, manifest: &Manifest) -> Result<Journal> {
+        self.clear()?;
+        let began = Manifest { began: now(), ..manifest.clone() };
+        began.write(&self.path.join(MANIFEST))?;
+        Journal::create(&self.path.join(JOURNAL))
     }
 
     /// The folder.
@@ -72,39 +182,190 @@ impl WorkFolder {
         &self.path
     }
 
-    /// Bytes of all files in it.
-    pub fn bytes(&self) -> u64 {
-        let entries = fs::read_dir(&self.path).into_iter().flatten().flatten();
-        entries.filter_map(|entry| entry.metadata().ok()).map(|meta| meta.len()).sum()
+    /// Whether steps of an earlier process were found.
+    pub fn is_resumed(&self) -> bool {
+        self.is_resumed
     }
 
-    fn write_manifest(&self, manifest: &Manifest) -> Result<()> {
-        let path = self.path.join(MANIFEST);
-        let bytes = bincode::serde::encode_to_vec(manifest, bincode::config::standard())
-            .map_err(|e| Error::Damaged { path: path.clone(), message: e.to_string() })?;
-        let mut file = DurableFile::create(&path, 4096)?;
-        file.write(b"drystone-job\n")?;
-        file.write(&bytes)?;
-        file.commit()?;
+    /// Forgets what was kept: the job begins afresh.
+    ///
+    /// # Errors
+    /// If the files cannot be removed or written.
+    pub fn restart(&mut self, manifest: &Manifest) -> Result<()> {
+        *self.journal() = None;
+        (self.recalled, self.order, self.is_resumed) = (HashMap::new(), Vec::new(), false);
+        self.holds_steps = AtomicBool::new(false);
+        *self.journal() = Some(self.begin(manifest)?);
         Ok(())
     }
 
-    /// Removes all files of an earlier job.
-    fn clear(&self) -> Result<()> {
+    /// Steps that an earlier process finished, the latest first.
+    pub fn latest(&self) -> impl Iterator<Item = Step> + '_ {
+        self.order.iter().rev().copied()
+    }
+
+    /// What was found damaged so far, in words; it is done again.
+    pub fn take_damage(&self) -> Vec<String> {
+        std::mem::take(&mut lock(&self.damage))
+    }
+
+    /// The value of a step that an earlier process finished, if it and the files of the step are whole.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] under [`Resume::Require`] if they are not; else if they cannot be read.
+    pub fn recall<T: DeserializeOwned>(&self, step: Step) -> Result<Option<T>> {
+        let Some(record) = self.recalled.get(&step) else { return Ok(None) };
+        let in_file = match &record.value {
+            Value::InFile(stamp) => Some(stamp),
+            Value::Here(_) => None,
+        };
+        for stamp in record.files.iter().chain(in_file) {
+            match stamp.verify(&self.path)? {
+                Condition::Whole => {}
+                Condition::Gone => return Ok(None),
+                Condition::Damaged(message) => return self.damaged(stamp.name(), message),
+            }
+        }
+        let decoded = match &record.value {
+            Value::Here(bytes) => codec::decode(bytes),
+            Value::InFile(stamp) => codec::decode(&read_value(&self.path.join(stamp.name()))?),
+        };
+        match decoded {
+            Ok(value) => Ok(Some(value)),
+            Err(message) => self.damaged(&step.file_name(), message),
+        }
+    }
+
+    fn damaged<T>(&self, name: &str, message: String) -> Result<Option<T>> {
+        if self.resume == Resume::Require {
+            return Err(Error::Damaged { path: self.path.join(name), message });
+        }
+        self.note_damage(name, &message);
+        Ok(None)
+    }
+
+    fn note_damage(&self, name: &str, message: &str) {
+        let path = escape_path(&self.path.join(name));
+        lock(&self.damage).push(format!("{path}: damaged, and done again: {message}"));
+    }
+
+    /// Keeps a finished step: `files` were committed; `amount` is told by `drystone status`.
+    ///
+    /// # Errors
+    /// On a full disk, failed reads and writes.
+    pub fn keep<'a, T: Serialize>(
+        &self,
+        step: Step,
+        amount: u64,
+        files: impl IntoIterator<Item = &'a Path>,
+        value: &T,
+    ) -> Result<()> {
+        let path = self.path.join(step.file_name());
+        let bytes = codec::encode(value).map_err(|message| Error::Damaged { path: path.clone(), message })?;
+        let value = match bytes.len() <= VALUE_BYTES_HERE {
+            true => Value::Here(bytes),
+            false => Value::InFile(write_value(&path, &bytes)?),
+        };
+        let mut paths: Vec<&Path> = files.into_iter().collect();
+        paths.sort_unstable();
+        paths.dedup();
+        let files = paths.into_iter().map(Stamp::of).collect::<Result<_>>()?;
+        self.holds_steps.store(true, Ordering::Relaxed);
+        self.append(&Entry::Kept(Record { step, amount, time: now(), files, value }))
+    }
+
+    /// The value of a step: recalled, or made and kept.
+    ///
+    /// # Errors
+    /// Those of [`recall`](WorkFolder::recall), [`keep`](WorkFolder::keep) and `make`.
+    pub fn once<T: Serialize + DeserializeOwned>(&self, step: Step, make: impl FnOnce() -> Result<T>) -> Result<T> {
+        if let Some(value) = self.recall(step)? {
+            return Ok(value);
+        }
+        let value = make()?;
+        self.keep(step, 0, [], &value)?;
+        Ok(value)
+    }
+
+    /// Notes why the process ends early, as well as that is possible.
+    pub fn note_failure(&self, error: &Error) {
+        let _ = self.append(&Entry::Failed { time: now(), message: error.to_string() });
+        let _ = self.journal().as_mut().map(Journal::sync);
+    }
+
+    /// Removes all files but those given and the values of some steps.
+    ///
+    /// # Errors
+    /// If the journal, on whose word they go, cannot be made durable.
+    pub fn retain<'a>(&self, files: impl IntoIterator<Item = &'a Path>, steps: &[Step]) -> Result<()> {
+        if let Some(journal) = self.journal().as_mut() {
+            journal.sync()?;
+        }
+        let names =
+            files.into_iter().filter_map(|path| path.file_name()).map(|name| name.to_string_lossy().into_owned());
+        self.remove_all_but(&names.chain(steps.iter().map(Step::file_name)).collect())
+    }
+
+    /// Ends the job: the folder goes, unless it is to be kept or was the user's.
+    ///
+    /// # Errors
+    /// If the journal cannot be made durable.
+    pub fn finish(mut self, keep: bool) -> Result<()> {
+        if let Some(journal) = self.journal().as_mut() {
+            journal.sync()?;
+        }
+        if !keep {
+            self.remove();
+        }
+        Ok(())
+    }
+
+    fn journal(&self) -> MutexGuard<'_, Option<Journal>> {
+        lock(&self.journal)
+    }
+
+    fn append(&self, entry: &Entry) -> Result<()> {
+        self.journal().as_mut().map_or(Ok(()), |journal| journal.append(entry))
+    }
+
+    /// Names of the files that the journal knows.
+    fn named_files(&self) -> HashSet<String> {
+        let mut names = HashSet::new();
+        for (step, record) in &self.recalled {
+            names.extend(record.files.iter().map(|stamp| stamp.name().to_owned()));
+            names.insert(step.file_name());
+        }
+        names
+    }
+
+    fn remove_all_but(&self, names: &HashSet<String>) -> Result<()> {
         for entry in fs::read_dir(&self.path).map_err(|e| Error::io(&self.path, "read", e))?.flatten() {
-            if entry.file_name() != LOCK {
+            let name = entry.file_name();
+            let name = name.to_string_lossy();
+            if is_phase_file(&name) && !names.contains(&*name) {
                 fs::remove_file(entry.path()).map_err(|e| Error::io(&entry.path(), "remove", e))?;
             }
         }
         Ok(())
     }
-}
 
-impl Drop for WorkFolder {
-    fn drop(&mut self) {
-        if self.keep {
-            return;
+    /// Removes all files of an earlier job, those that make it one last.
+    fn clear(&self) -> Result<()> {
+        self.remove_all_but(&HashSet::new())?;
+        for name in [JOURNAL, MANIFEST] {
+            for name in [name.to_owned(), format!("{name}.tmp")] {
+                let path = self.path.join(name);
+                match fs::remove_file(&path) {
+                    Err(error) if error.kind() != ErrorKind::NotFound => return Err(Error::io(&path, "remove", error)),
+                    _ => {}
+                }
+            }
         }
+        Ok(())
+    }
+
+    fn remove(&mut self) {
+        *self.journal() = None;
         let _ = self.clear();
         let _ = fs::remove_file(self.path.join(LOCK));
         self.lock = None;
@@ -112,6 +373,115 @@ impl Drop for WorkFolder {
             let _ = fs::remove_dir(&self.path);
         }
     }
+}
+
+impl Drop for WorkFolder {
+    /// A folder in which nothing is finished goes; one that a job can go on with stays.
+    fn drop(&mut self) {
+        if self.lock.is_some() && !self.holds_steps.load(Ordering::Relaxed) {
+            self.remove();
+        }
+    }
+}
+
+/// What can be told of a work folder while a job runs in it.
+#[derive(Debug)]
+pub struct WorkStatus {
+    /// What it was made for.
+    pub manifest: Manifest,
+    /// What happened.
+    pub entries: Vec<Entry>,
+    /// Whether a process works in it.
+    pub is_running: bool,
+    /// Bytes of all files.
+    pub bytes: u64,
+}
+
+/// Looks at a work folder without disturbing it.
+///
+/// # Errors
+/// [`Error::Usage`] if it is none; [`Error::Damaged`] and [`Error::Changed`] if it cannot be read.
+pub fn look(path: &Path) -> Result<WorkStatus> {
+    if !path.join(MANIFEST).is_file() {
+        return Err(Error::Usage(format!("{}: holds no job; give a work folder", escape_path(path))));
+    }
+    let manifest = Manifest::read(&path.join(MANIFEST))?;
+    let entries = match path.join(JOURNAL).exists() {
+        true => journal::read(&path.join(JOURNAL))?.0,
+        false => Vec::new(),
+    };
+    let is_running = match File::open(path.join(LOCK)) {
+        Ok(file) => FileExt::try_lock_shared(&file).is_err(),
+        Err(_) => false,
+    };
+    Ok(WorkStatus { manifest, entries, is_running, bytes: folder_bytes(path) })
+}
+
+/// Bytes of all files in a folder.
+pub fn folder_bytes(folder: &Path) -> u64 {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.filter_map(|entry| entry.metadata().ok()).map(|meta| meta.len()).sum()
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+}
+
+fn write_value(path: &Path, bytes: &[u8]) -> Result<Stamp> {
+    let header = Header { kind: *b"state   ", record_bytes: 0, count: 1, checksum: xxh3_64(bytes) };
+    let mut file = DurableFile::create(path, 64 << 10)?;
+    file.write(&header.encode())?;
+    file.write(bytes)?;
+    file.commit()?;
+    Stamp::of(path)
+}
+
+fn read_value(path: &Path) -> Result<Vec<u8>> {
+    let wrap = |e| Error::io(path, "read", e);
+    let mut file = File::open(path).map_err(wrap)?;
+    file.read_exact(&mut [0; HEADER_BYTES as usize]).map_err(wrap)?;
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes).map_err(wrap)?;
+    Ok(bytes)
+}
+
+/// Makes the folder if it is not there, and locks it for this process.
+fn lock_folder(path: &Path) -> Result<File> {
+    let lock_path = path.join(LOCK);
+    for _ in 0..LOCK_TRIES {
+        fs::create_dir_all(path).map_err(|e| Error::io(path, "create", e))?;
+        let mut options = File::options();
+        let file = match no_links(options.create(true).truncate(false).write(true)).open(&lock_path) {
+            // A job that has just ended takes its folder away.
+            Err(error) if error.kind() == ErrorKind::NotFound => continue,
+            opened => opened.map_err(|e| Error::io(&lock_path, "create", e))?,
+        };
+        if FileExt::try_lock(&file).is_err() {
+            std::thread::sleep(LOCK_INTERVAL);
+        } else if is_file_at(&file, &lock_path) {
+            return Ok(file);
+        }
+    }
+    Err(Error::Locked(path.to_owned()))
+}
+
+/// Whether a path still leads to an open file: a lock on one that was removed locks nobody out.
+fn is_file_at(file: &File, path: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        let identity = |meta: fs::Metadata| (meta.dev(), meta.ino());
+        file.metadata().ok().map(identity) == fs::symlink_metadata(path).ok().map(identity)
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = file;
+        path.exists()
+    }
+}
+
+fn is_phase_file(name: &str) -> bool {
+    PREFIXES.iter().any(|prefix| name.starts_with(prefix)) && SUFFIXES.iter().any(|suffix| name.ends_with(suffix))
 }
 
 /// Refuses a folder that holds a file which this program does not write.
@@ -122,10 +492,9 @@ fn refuse_foreign(path: &Path) -> Result<()> {
     for entry in fs::read_dir(path).map_err(|e| Error::io(path, "read", e))?.flatten() {
         let name = entry.file_name();
         let name = name.to_string_lossy();
-        let name = name.strip_suffix(".tmp").unwrap_or(&name);
-        let is_phase = ["scan-", "pass-", "write-", "measure-"].iter().any(|prefix| name.starts_with(prefix));
+        let is_own = [MANIFEST, JOURNAL, LOCK].contains(&name.strip_suffix(".tmp").unwrap_or(&name));
         let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
-        if !(is_file && (is_phase || name == MANIFEST || name == LOCK)) {
+        if !(is_file && (is_own || is_phase_file(&name))) {
             let message = format!("{}: holds files of others; give an empty or a new work folder", escape_path(path));
             return Err(Error::Usage(message));
         }
@@ -134,47 +503,4 @@ fn refuse_foreign(path: &Path) -> Result<()> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn manifest() -> Manifest {
-        Manifest { format: FORMAT_VERSION, program: "0".into(), options: String::new(), inputs: Vec::new() }
-    }
-
-    #[test]
-    fn a_folder_is_removed_with_its_job_and_locked_while_it_runs() {
-        let parent = tempfile::tempdir().unwrap();
-        let path = parent.path().join("work");
-        let job = WorkFolder::open(&path, &manifest()).unwrap();
-        assert!(matches!(WorkFolder::open(&path, &manifest()), Err(Error::Locked(_))));
-        drop(job);
-        assert!(!path.exists());
-    }
-
-    #[test]
-    fn a_folder_left_by_a_killed_job_goes_with_the_next_one() {
-        let parent = tempfile::tempdir().unwrap();
-        let path = parent.path().join("work");
-        fs::create_dir(&path).unwrap();
-        for name in [MANIFEST, LOCK, "scan-0.piece.tmp"] {
-            fs::write(path.join(name), "cut sho").unwrap();
-        }
-        drop(WorkFolder::open(&path, &manifest()).unwrap());
-        assert!(!path.exists());
-    }
-
-    #[test]
-    fn an_empty_folder_of_the_user_stays() {
-        let parent = tempfile::tempdir().unwrap();
-        drop(WorkFolder::open(parent.path(), &manifest()).unwrap());
-        assert!(parent.path().exists());
-    }
-
-    #[test]
-    fn a_folder_with_foreign_files_is_refused_and_left_alone() {
-        let parent = tempfile::tempdir().unwrap();
-        fs::write(parent.path().join("thesis.txt"), "years of work").unwrap();
-        assert!(matches!(WorkFolder::open(parent.path(), &manifest()), Err(Error::Usage(_))));
-        assert!(parent.path().join("thesis.txt").exists());
-    }
-}
+mod tests;

@@ -11,6 +11,7 @@
 //! A face takes 32 bytes, a vertex 25, a wedge 25: about 59 bytes a triangle of an ordinary textured mesh.
 
 use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
 
 /// Corner value of a face that was removed.
 pub const DEAD: u32 = u32::MAX;
@@ -26,7 +27,7 @@ pub mod flag {
 }
 
 /// A cluster's triangles.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct ClusterMesh {
     /// Position of each vertex relative to the cluster's origin, in the mesh's unit of length.
     pub positions: Vec<DVec3>,

@@ -12,6 +12,7 @@ pub struct DurableFile {
     writer: Option<BufWriter<File>>,
     temporary: PathBuf,
     target: PathBuf,
+    has_name: bool,
 }
 
 impl DurableFile {
@@ -32,7 +33,7 @@ impl DurableFile {
             .open(&temporary)
             .map_err(|e| Error::io(&temporary, "create", e))?;
         let writer = Some(BufWriter::with_capacity(buffer_bytes, file));
-        Ok(Self { writer, temporary, target: target.to_owned() })
+        Ok(Self { writer, temporary, target: target.to_owned(), has_name: false })
     }
 
     /// The path that the file will have once committed.
@@ -59,28 +60,55 @@ impl DurableFile {
         flushed.map_err(|e| Error::io(&self.temporary, "write", e))
     }
 
+    /// Gives the file its name without making anything durable, and returns the open file: for what another process
+    /// never reads.
+    ///
+    /// # Errors
+    /// As [`write`](DurableFile::write).
+    pub fn commit_scratch(mut self) -> Result<File> {
+        let mut writer = self.take_writer()?;
+        writer.flush().map_err(|e| Error::io(&self.temporary, "write", e))?;
+        self.rename(writer)
+    }
+
     /// Syncs the file, gives it its name, syncs the folder, and returns the open file.
     ///
     /// # Errors
     /// As [`write`](DurableFile::write).
     pub fn commit(mut self) -> Result<File> {
-        let Some(mut writer) = self.writer.take() else {
-            return Err(Error::Damaged { path: self.target.clone(), message: "committed twice".into() });
-        };
+        let mut writer = self.take_writer()?;
         let synced = writer.flush().and_then(|()| writer.get_ref().sync_data());
         synced.map_err(|e| Error::io(&self.temporary, "write", e))?;
-        fs::rename(&self.temporary, &self.target).map_err(|e| Error::io(&self.target, "rename", e))?;
+        let file = self.rename(writer)?;
         sync_folder(&self.target)?;
+        Ok(file)
+    }
+
+    fn take_writer(&mut self) -> Result<BufWriter<File>> {
+        let again = || Error::Damaged { path: self.target.clone(), message: "committed twice".into() };
+        self.writer.take().ok_or_else(again)
+    }
+
+    fn rename(&mut self, writer: BufWriter<File>) -> Result<File> {
+        fs::rename(&self.temporary, &self.target).map_err(|e| Error::io(&self.target, "rename", e))?;
+        self.has_name = true;
         writer.into_inner().map_err(|e| Error::io(&self.target, "write", e.into_error()))
     }
 }
 
 impl Drop for DurableFile {
     fn drop(&mut self) {
-        if self.writer.take().is_some() {
+        if !self.has_name {
             let _ = fs::remove_file(&self.temporary);
         }
     }
+}
+
+/// The same way of opening a file, which fails where the file is a symbolic link.
+pub fn no_links(options: &mut OpenOptions) -> &mut OpenOptions {
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::custom_flags(options, libc::O_NOFOLLOW);
+    options
 }
 
 /// Makes the entry of `path` in its folder durable.

@@ -1,6 +1,7 @@
-//! The outside world: mapped files, durable files, and what the system says of memory and bytes moved.
+//! The outside world: mapped files, durable files, signals, and what the system says of memory and bytes moved.
 
 pub mod durable;
 pub mod mmap;
+pub mod signals;
 pub mod system;
 pub mod timeline;

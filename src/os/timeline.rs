@@ -121,6 +121,14 @@ impl Progress for Recorder<'_> {
     fn advance(&self, units: u64) {
         self.listener.advance(units);
     }
+
+    fn tell(&self, message: &str) {
+        self.listener.tell(message);
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.listener.is_stopped()
+    }
 }
 
 fn lock(timeline: &Mutex<Timeline>) -> MutexGuard<'_, Timeline> {

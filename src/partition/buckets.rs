@@ -3,11 +3,15 @@
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
+use xxhash_rust::xxh3::Xxh3;
+
 use crate::base::{Error, Result};
+use crate::job::header::{HEADER_BYTES, Header};
 use crate::os::durable::DurableFile;
 use crate::os::system::read_exact_at;
 use crate::store::Face;
-use crate::store::column::HEADER_BYTES;
+use crate::store::column::file_name;
 use crate::store::face::{BLOCK_FACES, FaceBlock, decode_block, encode_block};
 
 /// Bytes of all buffers together.
@@ -21,6 +25,8 @@ pub struct BucketWriter {
     block_faces: usize,
     bytes: Vec<u8>,
     offset_bytes: u64,
+    count: u64,
+    hash: Xxh3,
 }
 
 impl BucketWriter {
@@ -39,6 +45,8 @@ impl BucketWriter {
             block_faces,
             bytes: Vec::new(),
             offset_bytes: HEADER_BYTES,
+            count: 0,
+            hash: Xxh3::new(),
         })
     }
 
@@ -59,7 +67,9 @@ impl BucketWriter {
         self.pending[cell].clear();
         block.offset_bytes = self.offset_bytes;
         self.offset_bytes += u64::from(block.bytes);
+        self.count += u64::from(block.faces);
         self.blocks[cell].push(block);
+        self.hash.update(&self.bytes);
         self.file.write(&self.bytes)
     }
 
@@ -73,6 +83,8 @@ impl BucketWriter {
                 self.flush(cell)?;
             }
         }
+        let header = Header { kind: *b"buckets ", record_bytes: 0, count: self.count, checksum: self.hash.digest() };
+        self.file.write_at(0, &header.encode())?;
         let path = self.file.target().to_owned();
         self.file.commit()?;
         Ok(Buckets { path, blocks: self.blocks })
@@ -80,8 +92,9 @@ impl BucketWriter {
 }
 
 /// Faces by cell.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Buckets {
+    #[serde(with = "file_name")]
     path: PathBuf,
     blocks: Vec<Vec<FaceBlock>>,
 }
@@ -90,6 +103,11 @@ impl Buckets {
     /// The file.
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Says in which folder the file lies, after the value was read back.
+    pub fn locate(&mut self, folder: &Path) {
+        self.path = folder.join(&self.path);
     }
 
     /// Number of faces of a cell.

@@ -8,6 +8,7 @@ use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
 
 use super::Partition;
 use crate::base::{Error, Result};
@@ -28,7 +29,7 @@ const CHAIN_MAX: usize = 32;
 const DECIMALS_MAX: u32 = 17;
 
 /// Scale of texture coordinates by material, the last one for faces without material; see `cost::surface`.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct TextureScale {
     scales: Vec<f64>,
 }

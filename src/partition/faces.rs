@@ -9,6 +9,8 @@
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
+
 use super::PartitionOptions;
 use super::buckets::{BucketWriter, Buckets};
 use super::numbering::{Numbering, Ranks};
@@ -20,7 +22,7 @@ use crate::store::mesh::PieceNumbering;
 use crate::store::{Face, NO_TEXCOORD, StoredMesh, StoredPiece};
 
 /// Faces by cell, and the vertices that several cells use.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct CellFaces {
     /// Faces of each cell, with new vertex ids and texcoord ids of the mesh.
     pub buckets: Buckets,
@@ -29,6 +31,7 @@ pub struct CellFaces {
     /// Corners of each cell's faces that lie in other cells.
     pub foreign_corners: Vec<u64>,
     /// For each cell, the stretches of [`TEXCOORD_STRETCH`] texture coordinates that its faces name, as bits.
+    #[serde(skip)]
     stretches: Vec<u64>,
 }
 
@@ -49,7 +52,7 @@ impl CellFaces {
 }
 
 /// A set of vertices, with the rank of each member.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Shared {
     bits: Vec<u64>,
     /// Members before each block of [`RANK_WORDS`] words.

@@ -31,9 +31,12 @@ pub mod weight;
 
 use std::path::Path;
 
+use serde::{Deserialize, Serialize};
+
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Result};
-use crate::store::{Catalogue, StoredMesh};
+use crate::job::folder_bytes;
+use crate::store::{Catalogue, Segment, StoredMesh};
 
 pub use cluster::{ClusterSource, TextureScale};
 pub use faces::Shared;
@@ -54,7 +57,7 @@ pub struct PartitionOptions {
 }
 
 /// A mesh cut into clusters.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Partition {
     /// Vertices in cell order.
     pub numbering: numbering::Numbering,
@@ -66,6 +69,9 @@ pub struct Partition {
     weights: Vec<Option<weight::ClusterWeight>>,
     /// What was welded and dropped.
     pub findings: Findings,
+    /// Most bytes that the folder held meanwhile.
+    #[serde(skip)]
+    pub scratch_peak: u64,
 }
 
 /// Cuts a mesh; the files go to `folder`, their names begin with `name`.
@@ -81,8 +87,9 @@ pub fn partition(
 ) -> Result<Partition> {
     let mut findings = Findings::default();
     let cells = cells::plan(mesh, options)?;
-    let (numbering, ranks) = numbering::number(mesh, &cells, folder, name, options, &mut findings)?;
+    let (numbering, ranks, numbering_bytes) = numbering::number(mesh, &cells, folder, name, options, &mut findings)?;
     let mut faces = faces::distribute(mesh, &numbering, &ranks, folder, name, options, &mut findings)?;
+    let mut scratch_peak = numbering_bytes.max(folder_bytes(folder));
     drop(ranks);
     let weights = weigh(&numbering, &faces, catalogue, options)?;
     let heavy = (0..weights.len()).filter(|&cluster| weights[cluster].is_none());
@@ -91,7 +98,8 @@ pub fn partition(
         true => Some(texcoords::bring(mesh, &faces, folder, name, options)?),
         false => None,
     };
-    Ok(Partition { numbering, faces, texcoords, weights, findings })
+    scratch_peak = scratch_peak.max(folder_bytes(folder));
+    Ok(Partition { numbering, faces, texcoords, weights, findings, scratch_peak })
 }
 
 /// The weight of each cluster; none where it is beyond the limit.
@@ -138,6 +146,11 @@ impl Partition {
         self.numbering.cell_count()
     }
 
+    /// Number of clusters that have faces.
+    pub fn filled_count(&self) -> u64 {
+        (0..self.cluster_count()).filter(|&cluster| self.face_count(cluster) > 0).count() as u64
+    }
+
     /// Number of faces of a cluster.
     pub fn face_count(&self, cluster: usize) -> u64 {
         self.faces.buckets.len(cluster)
@@ -153,12 +166,25 @@ impl Partition {
         (0..self.cluster_count()).map(|cluster| self.face_count(cluster)).sum()
     }
 
-    /// Removes the files.
-    pub fn remove(self) {
-        let _ = std::fs::remove_file(self.numbering.positions.path());
-        if let Some(colours) = &self.numbering.colours {
-            let _ = std::fs::remove_file(colours.path());
-        }
-        let _ = std::fs::remove_file(self.faces.buckets.path());
+    /// Says in which folder the files lie, after the value was read back.
+    pub fn locate(&mut self, folder: &Path) {
+        self.numbering.positions.locate(folder);
+        self.numbering.colours.iter_mut().for_each(|segment| segment.locate(folder));
+        self.faces.buckets.locate(folder);
+        self.texcoords.iter_mut().for_each(|texcoords| texcoords.answers.locate(folder));
+    }
+
+    /// Its files.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        let colours = self.numbering.colours.iter().map(Segment::path);
+        let texcoords = self.texcoords.iter().map(|texcoords| texcoords.answers.path());
+        [self.numbering.positions.path(), self.faces.buckets.path()].into_iter().chain(colours).chain(texcoords)
+    }
+
+    /// The files of the mesh that its clusters are still loaded from.
+    pub fn files_of<'a>(&self, mesh: &'a StoredMesh) -> impl Iterator<Item = &'a Path> + use<'a> {
+        // What passes through reads them from the mesh even where they were brought.
+        let needs_texcoords = self.texcoords.is_none() || self.weights.iter().any(Option::is_none);
+        mesh.texcoord_files().filter(move |_| needs_texcoords)
     }
 }

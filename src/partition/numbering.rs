@@ -16,12 +16,14 @@ use std::path::Path;
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use super::PartitionOptions;
 use super::cells::Cells;
 use super::scatter::{Scatter, ScatterWriter};
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Result};
+use crate::job::folder_bytes;
 use crate::store::{ColumnWriter, Segment, StoredMesh};
 
 /// Positions that are mapped at once.
@@ -32,7 +34,7 @@ const CROWD_RECORDS: u64 = 1 << 20;
 const RANK_BYTES: u64 = 4;
 
 /// Vertices in cell order.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Numbering {
     /// Positions by new id.
     pub positions: Segment<DVec3>,
@@ -107,7 +109,7 @@ struct VertexRecord {
     colour: [f32; 3],
 }
 
-/// Numbers the vertices of a mesh by cell.
+/// Numbers the vertices of a mesh by cell; tells the most bytes that the folder held meanwhile.
 ///
 /// # Errors
 /// On a full disk, failed reads and writes.
@@ -118,7 +120,7 @@ pub fn number(
     name: &str,
     options: &PartitionOptions,
     findings: &mut Findings,
-) -> Result<(Numbering, Ranks)> {
+) -> Result<(Numbering, Ranks, u64)> {
     mesh.numbering()?;
     let cell_count = cells.count() as usize;
     let records = scatter_by_cell(mesh, cells, &folder.join(format!("{name}-vertices.scatter")), options)?;
@@ -174,16 +176,15 @@ pub fn number(
         },
     )?;
     findings.count("welded_vertices", welded);
-    let colours = match colours {
-        Some(colours) => Some(colours.finish()?),
-        None => None,
-    };
+    let colours = colours.map(ColumnWriter::finish).transpose()?;
     let pairs = match pairs {
         Some(pairs) => Some(pairs.finish()?),
         None => None,
     };
     let ranks = Ranks { window_len, count: vertex_count, whole, pairs };
-    Ok((Numbering { positions: positions.finish()?, colours, starts }, ranks))
+    let positions = positions.finish()?;
+    let scratch_peak = folder_bytes(folder);
+    Ok((Numbering { positions, colours, starts }, ranks, scratch_peak))
 }
 
 fn scatter_by_cell(

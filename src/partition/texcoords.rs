@@ -18,6 +18,7 @@
 use std::path::Path;
 
 use glam::DVec2;
+use serde::{Deserialize, Serialize};
 
 use super::PartitionOptions;
 use super::cluster::{gather_texcoords, texcoord_ids};
@@ -33,9 +34,9 @@ const READINGS_MAX: u64 = 4;
 const TEXCOORD_BYTES: u64 = 16;
 
 /// Texture coordinates of each cell, in the order of their ids.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct CellTexcoords {
-    answers: Scatter<[f64; 2]>,
+    pub(super) answers: Scatter<[f64; 2]>,
 }
 
 impl CellTexcoords {
@@ -94,5 +95,5 @@ pub fn bring(
             questions.iter().map(answer).try_for_each(|(cell, uv)| answers.push(cell, uv))
         })?;
     }
-    Ok(CellTexcoords { answers: answers.finish()? })
+    Ok(CellTexcoords { answers: answers.finish_durable()? })
 }

@@ -11,6 +11,8 @@
 use std::collections::HashSet;
 use std::hash::{BuildHasherDefault, Hasher};
 
+use serde::{Deserialize, Serialize};
+
 use super::cluster::material_index;
 use crate::store::{Catalogue, Face};
 
@@ -27,7 +29,7 @@ const LIMIT_FACTOR: u64 = 2;
 const RECENT: usize = 4096;
 
 /// Numbers that a cluster's memory follows from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct ClusterWeight {
     /// Faces.
     pub faces: u64,

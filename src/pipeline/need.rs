@@ -9,6 +9,8 @@
 
 use std::path::Path;
 
+use serde::{Deserialize, Serialize};
+
 use crate::base::{Error, MemoryBudget, Result, bytes};
 use crate::os::system;
 use crate::partition::weight::limit_bytes;
@@ -22,9 +24,9 @@ const LABEL_BYTES: u64 = 256;
 const FACE_BYTES: u64 = 20;
 
 /// What the mesh is made of.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Need {
-    vertices: u64,
+    pub(super) vertices: u64,
     texcoords: u64,
     faces: u64,
     label_bytes: u64,
@@ -59,11 +61,18 @@ impl Need {
         numbering.max(buckets).max(texture).max(pieces)
     }
 
-    /// Refuses a job that cannot end well: a cluster would not fit the memory, or the files not the disk.
+    /// Refuses a job that cannot end well: a cluster would not fit the memory, or the files of the first pass, where
+    /// these are still needed, not the disk.
     ///
     /// # Errors
     /// [`Error::Budget`] and [`Error::NoSpace`], with what would do.
-    pub(super) fn check(&self, budget: MemoryBudget, cluster_faces: u64, work: &Path) -> Result<()> {
+    pub(super) fn check(
+        &self,
+        budget: MemoryBudget,
+        cluster_faces: u64,
+        work: &Path,
+        needs_scratch: bool,
+    ) -> Result<()> {
         let cluster = limit_bytes(cluster_faces.min(self.faces));
         let resident = self.resident_bytes();
         if resident + cluster > budget.for_work() {
@@ -76,8 +85,10 @@ impl Need {
                 bytes::display(needed + bytes::MIB),
             )));
         }
-        let Ok(free) = system::free_disk_bytes(work) else { return Ok(()) };
-        refuse_small_disk(work, self.scratch_bytes(), free)
+        match system::free_disk_bytes(work) {
+            Ok(free) if needs_scratch => refuse_small_disk(work, self.scratch_bytes(), free),
+            _ => Ok(()),
+        }
     }
 }
 
@@ -104,10 +115,11 @@ mod tests {
     fn a_budget_that_cannot_hold_the_tables_is_refused_with_one_that_can() {
         let folder = tempfile::tempdir().unwrap();
         let need = Need { faces: 4_000_000, ..SURVEY };
-        let error = need.check(MemoryBudget { bytes: 128 << 20 }, 250_000, folder.path()).unwrap_err().to_string();
+        let error =
+            need.check(MemoryBudget { bytes: 128 << 20 }, 250_000, folder.path(), true).unwrap_err().to_string();
         let given = error.rsplit("--memory ").next().and_then(|text| bytes::parse(text).ok()).unwrap();
         assert!(given < 160 << 20, "{error}");
-        let outcome = need.check(MemoryBudget { bytes: given }, 250_000, folder.path());
+        let outcome = need.check(MemoryBudget { bytes: given }, 250_000, folder.path(), true);
         assert!(!matches!(outcome, Err(Error::Budget(_))), "{outcome:?}");
     }
 

@@ -53,12 +53,14 @@ pub fn existing_folder(path: &Path) -> PathBuf {
     ancestors.into_iter().find(|folder| folder.is_dir()).unwrap_or(Path::new(".")).to_owned()
 }
 
-/// Refuses, from the files' sizes alone, a job for which the work folder's disk is too small.
+/// Refuses, from the files' sizes alone, a job for which the work folder's disk is too small; the folder holds `held`
+/// bytes already.
 ///
 /// # Errors
 /// [`Error::NoSpace`] saying what is needed, what is free and the way out.
-pub fn refuse_small_disk(input_bytes: u64, work: &Path) -> Result<()> {
-    refuse_less_than((input_bytes as f64 * SCRATCH_PER_INPUT) as u64, work)
+pub fn refuse_small_disk(input_bytes: u64, held: u64, work: &Path) -> Result<()> {
+    let needed = (input_bytes as f64 * SCRATCH_PER_INPUT) as u64;
+    refuse_less_than(needed.saturating_sub(held), work)
 }
 
 /// Refuses a work folder on a disk with less than `needed` bytes.

@@ -105,6 +105,9 @@ pub struct Report {
     pub began: u64,
     /// How it ended.
     pub status: Status,
+    /// Whether it went on with what an earlier process had finished; times and bytes are then this process's alone,
+    /// but for the times of the passes.
+    pub resumed: bool,
     /// The OBJ file or folder that was read.
     pub input: PathBuf,
     /// Number of OBJ files in it.

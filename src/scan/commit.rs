@@ -243,7 +243,12 @@ impl<'a> FileCommit<'a> {
     ///
     /// # Errors
     /// [`Error::Input`] if an index names nothing or no face is left, else what the writers say.
-    pub fn finish(mut self, labels: &mut Labels, findings: &mut Findings) -> Result<(StoredPiece, u64)> {
+    pub fn finish(
+        mut self,
+        labels: &mut Labels,
+        findings: &mut Findings,
+        libraries: &mut Vec<PathBuf>,
+    ) -> Result<(StoredPiece, u64)> {
         self.check_forward()?;
         self.flush_faces()?;
         if self.faces.is_empty() {
@@ -255,7 +260,8 @@ impl<'a> FileCommit<'a> {
         catalogue.has_texcoords |= has_texcoords;
         catalogue.position_decimals = catalogue.position_decimals.max(self.position_decimals);
         catalogue.texcoord_decimals = catalogue.texcoord_decimals.max(self.texcoord_decimals);
-        define_materials(self.path, &self.libraries, &mut catalogue.materials, used, &mut self.findings)?;
+        let materials = &mut catalogue.materials;
+        libraries.extend(define_materials(self.path, &self.libraries, materials, used, &mut self.findings)?);
         findings.merge(self.findings);
         let piece = StoredPiece {
             positions: self.positions.finish()?,

@@ -24,6 +24,7 @@ mod chunk;
 mod commit;
 mod count;
 mod fast;
+pub mod fingerprint;
 mod inputs;
 mod line;
 mod mtl;
@@ -78,8 +79,10 @@ pub struct Scan {
     pub findings: Findings,
     /// Bytes of OBJ text.
     pub input_bytes: u64,
-    /// XXH3 over the hashes of all chunks of all OBJ files in order.
-    pub content_hash: u64,
+    /// XXH3 over the hashes of the chunks of each OBJ file.
+    pub content_hashes: Vec<u64>,
+    /// Material libraries that the OBJ files name, whether they are there or not.
+    pub libraries: Vec<PathBuf>,
 }
 
 /// Reads OBJ files and the MTL files that they name into columns in `folder`, which must exist.
@@ -217,7 +220,8 @@ fn commit_in_order(
 ) -> Result<Scan> {
     let mut mesh = StoredMesh::default();
     let (mut labels, mut findings) = (Labels::default(), Findings::default());
-    let (mut triangles, mut input_bytes, mut content_hash) = (0, 0, 0);
+    let (mut triangles, mut input_bytes, mut libraries) = (0, 0, Vec::new());
+    let mut content_hashes = vec![0; inputs.len()];
     let mut file: Option<FileCommit> = None;
     let mut waiting: BTreeMap<u64, Result<Parsed>> = BTreeMap::new();
     let mut next_order = 0;
@@ -240,18 +244,19 @@ fn commit_in_order(
             let mut parsed = statements.map_err(|error| current.error_at(error))?;
             current.append(&chunk, &mut parsed, &mut labels)?;
             let chunk_bytes = chunk.end - chunk.start;
-            content_hash = chain(content_hash, [chunk.file_index as u64, chunk_bytes, hash]);
+            fingerprint::chain(&mut content_hashes[chunk.file_index], chunk_bytes, hash);
             input_bytes += chunk_bytes;
             progress.advance(chunk_bytes);
+            progress.check_stopped()?;
             if let Some(done) = file.take_if(|_| chunk.is_last) {
-                let (piece, file_triangles) = done.finish(&mut labels, &mut findings)?;
+                let (piece, file_triangles) = done.finish(&mut labels, &mut findings, &mut libraries)?;
                 mesh.pieces.push(piece);
                 triangles += file_triangles;
             }
             recycle(parsed, &return_ticket);
         }
     }
-    Ok(Scan { mesh, catalogue: labels.finish(), triangles, findings, input_bytes, content_hash })
+    Ok(Scan { mesh, catalogue: labels.finish(), triangles, findings, input_bytes, content_hashes, libraries })
 }
 
 fn recycle(mut parsed: ParsedChunk, return_ticket: &Sender<ParsedChunk>) {
@@ -261,13 +266,4 @@ fn recycle(mut parsed: ParsedChunk, return_ticket: &Sender<ParsedChunk>) {
     parsed.clear();
     // No worker is left to take it once the last chunk was cut.
     let _ = return_ticket.send(parsed);
-}
-
-fn chain(hash: u64, words: [u64; 3]) -> u64 {
-    let [a, b, c] = words;
-    let mut bytes = [0; 32];
-    for (place, word) in bytes.chunks_exact_mut(8).zip([hash, a, b, c]) {
-        place.copy_from_slice(&word.to_le_bytes());
-    }
-    xxh3_64(&bytes)
 }

@@ -73,7 +73,7 @@ const TEXTURE_OPTIONS: &[(&str, usize, bool)] = &[
 ];
 
 /// Defines the materials of an OBJ file from its libraries: `libraries` are the lines and texts of its `mtllib`
-/// statements, `materials` the whole catalogue's.
+/// statements, `materials` the whole catalogue's. Returns the files that the statements name, there or not.
 ///
 /// # Errors
 /// [`Error::Io`] if a library is there but cannot be read.
@@ -83,19 +83,27 @@ pub fn define_materials(
     materials: &mut [Material],
     used: &FileMaterials,
     findings: &mut Findings,
-) -> Result<()> {
+) -> Result<Vec<PathBuf>> {
+    let mut named = Vec::new();
     let mut read = HashSet::new();
     for (line, text) in libraries {
         for (name, path) in find_libraries(obj, text) {
             match path {
                 Some(path) => {
                     if read.insert(path.clone()) {
+                        named.push(path.clone());
                         read_library(&path, materials, used, findings)?;
                     }
                 }
-                None => findings.note("missing_mtl", || {
-                    format!("{}:{line}: material library '{}' is not there", escape_path(obj), escape(&name))
-                }),
+                None => {
+                    let relative = path_of(&name);
+                    if !relative.has_root() && read.insert(obj.with_file_name(&relative)) {
+                        named.push(obj.with_file_name(&relative));
+                    }
+                    findings.note("missing_mtl", || {
+                        format!("{}:{line}: material library '{}' is not there", escape_path(obj), escape(&name))
+                    });
+                }
             }
         }
     }
@@ -106,7 +114,7 @@ pub fn define_materials(
             });
         }
     }
-    Ok(())
+    Ok(named)
 }
 
 /// The names of an `mtllib` statement, with the files that are there: the whole text if there is such a file, else
@@ -184,7 +192,9 @@ enum Current {
 }
 
 fn parse_library(path: &Path, text: &[u8], materials: &mut [Material], used: &FileMaterials, findings: &mut Findings) {
-    let folder = path.parent().unwrap_or(Path::new(""));
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    // A job may be gone on with from another folder.
+    let folder = &fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
     let text = text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text);
     let (mut at, mut line) = (0, 0);
     let mut current = Current::BeforeFirst;

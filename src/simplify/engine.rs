@@ -95,7 +95,7 @@ impl EdgeAt {
 }
 
 /// What a cluster was like at the end of a stage.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Milestone {
     /// Faces left.
     pub faces: usize,

@@ -8,6 +8,7 @@ use super::stops::Plan;
 use super::trim::Notes;
 use crate::base::Result;
 use crate::cost::Metric;
+use crate::job::Step;
 use crate::mesh::ClusterMesh;
 use crate::partition::Partition;
 use crate::partition::weight::ORDINARY_BYTES;
@@ -17,6 +18,8 @@ use crate::store::StoredMesh;
 const TRIM_SHARE: f64 = 0.03;
 /// The trim takes over when no more than this share above the target is left.
 const TRIM_SHARE_MAX: f64 = 0.10;
+/// Trials of stages are numbered from here, those of the trim from 0: there are fewer than 300, by doubling of doublings.
+const FIRST_STAGE_TRIAL: u32 = 1000;
 /// Share of the allowed error that is used: positions are rounded afterwards.
 const BOUND_SAFETY: f64 = 0.98;
 
@@ -95,11 +98,13 @@ impl<M: Metric> Run<'_, M> {
         let target = self.options.target as f64;
         let far = (target - (2.0 * excess as f64).min(TRIM_SHARE_MAX * target)).max(1.0) / faces as f64;
         let mut cost = self.thresholds(sample, pass, &[far])[0];
+        let mut trial = 0;
         loop {
             let mut notes = Notes::default();
             let mut cluster = 0;
             let everything = Plan::Costs(vec![cost]);
-            self.each_cluster(mesh, partition, pass, &everything, None, |result| {
+            let step = |cluster| Step::Trial { pass: pass as u32, trial, cluster };
+            self.each_cluster(mesh, partition, (pass, &everything), None, step, |result| {
                 notes.add(cluster, &result.log);
                 cluster += 1;
                 Ok(())
@@ -111,6 +116,7 @@ impl<M: Metric> Run<'_, M> {
                 return Ok(Plan::Trim(vec![cost], keep));
             }
             cost = if cost > 0.0 && cost < 1e30 { cost * 4.0 } else { f32::INFINITY };
+            trial += 1;
         }
     }
 
@@ -127,7 +133,9 @@ impl<M: Metric> Run<'_, M> {
             let mut notes = Notes::default();
             let mut left = Vec::new();
             let plan = Plan::Costs(costs[..stages].to_vec());
-            self.each_cluster(mesh, partition, pass, &plan, None, |result| {
+            let trial = FIRST_STAGE_TRIAL + stages as u32;
+            let step = |cluster| Step::Trial { pass: pass as u32, trial, cluster };
+            self.each_cluster(mesh, partition, (pass, &plan), None, step, |result| {
                 notes.add(left.len(), &result.log);
                 left.push(result.faces + result.log.iter().map(|&(_, died)| u64::from(died)).sum::<u64>());
                 Ok(())

@@ -15,16 +15,18 @@
 //! the budget. One that is too heavy passes through in blocks, unchanged and counted.
 //!
 //! # Files
-//! Each cluster leaves one piece; a pass leaves a column of shared positions. The files of a pass are removed when the
-//! next has been written.
+//! Each cluster leaves one piece; a pass leaves a column of shared positions. A finished cluster, plan, partition or pass
+//! is kept in the journal; files are removed as soon as what follows from them is kept.
 
 mod aim;
 pub mod outcome;
 pub mod pass;
 pub mod sample;
 pub mod schedule;
+mod state;
 mod stops;
 pub mod trim;
 
 pub use outcome::{PassReport, Passes};
 pub use pass::{Cost, PassOptions};
+pub use state::Start;

@@ -10,7 +10,7 @@ use crate::simplify::{Engine, Milestone};
 use crate::store::StoredMesh;
 
 /// What one pass did.
-#[derive(Debug, Clone, Default, serde::Serialize)]
+#[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
 pub struct PassReport {
     /// Number of clusters with faces.
     pub clusters: u64,
@@ -29,7 +29,7 @@ pub struct PassReport {
 }
 
 /// What all clusters together were like at the end of a stage.
-#[derive(Debug, Clone, Copy, Default, serde::Serialize)]
+#[derive(Debug, Clone, Copy, Default, serde::Serialize, serde::Deserialize)]
 pub struct StageReport {
     /// Faces left.
     pub faces: u64,
@@ -40,7 +40,7 @@ pub struct StageReport {
 }
 
 /// Why no more faces could be removed: edges refused in the last pass and vertices that hold still, by cause.
-#[derive(Debug, Clone, Default, serde::Serialize)]
+#[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
 pub struct Floor {
     /// Vertices on open borders.
     pub border: u64,
@@ -80,7 +80,7 @@ pub struct Passes {
 }
 
 /// Time by phase.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, serde::Serialize, serde::Deserialize)]
 pub struct PassSeconds {
     /// Partitioning.
     pub partition: Duration,

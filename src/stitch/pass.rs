@@ -3,16 +3,20 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::outcome::{Floor, PassReport, PassSeconds, Passes, StageSums};
+use serde::{Deserialize, Serialize};
+
+use super::outcome::{Floor, PassReport, Passes, StageSums};
 use super::sample::{self, Survey};
+use super::state::{PassState, Start};
 use super::stops::{Plan, run_plan};
 use crate::base::ordered::map_in_order;
-use crate::base::{Findings, Permits, Progress, Result};
+use crate::base::{Permits, Progress, Result};
 use crate::cost::census::Census;
 use crate::cost::{
     ClassicCost, CurvatureCost, Metric, ObliqueCost, SharpnessCost, SurfaceCost, TerrainCost, Weights, classic,
     curvature, oblique, sharpness, terrain,
 };
+use crate::job::{Step, WorkFolder, folder_bytes};
 use crate::mesh::ClusterMesh;
 use crate::mesh::pieces;
 use crate::partition::weight::ClusterWeight;
@@ -110,7 +114,7 @@ pub struct PassOptions {
 }
 
 /// What simplifying one cluster gave.
-#[derive(Default)]
+#[derive(Default, Serialize, Deserialize)]
 pub(super) struct ClusterResult {
     pieces: Vec<StoredPiece>,
     passed_through: bool,
@@ -140,7 +144,7 @@ pub struct Run<'a, M: Metric> {
     pub(super) options: &'a PassOptions,
     settings: M::Settings,
     catalogue: &'a Catalogue,
-    folder: &'a Path,
+    pub(super) job: &'a WorkFolder,
     progress: &'a dyn Progress,
     pub(super) permits: Permits,
     scale: TextureScale,
@@ -148,155 +152,126 @@ pub struct Run<'a, M: Metric> {
     crumb: Option<f64>,
 }
 
-/// Simplifies a mesh to the target, with the metric that the options name.
+/// Simplifies a mesh to the target, or goes on with what was begun, with the metric that the options name.
 ///
 /// # Errors
 /// On a full disk, failed reads and writes, and damaged files.
 pub fn simplify(
-    mesh: StoredMesh,
+    start: Start,
     options: &PassOptions,
     catalogue: &Catalogue,
-    folder: &Path,
+    job: &WorkFolder,
     progress: &dyn Progress,
 ) -> Result<Passes> {
     match options.cost {
-        Cost::Surface(weights) => Run::<SurfaceCost>::new(options, weights, catalogue, folder, progress).simplify(mesh),
-        Cost::Classic(settings) => {
-            Run::<ClassicCost>::new(options, settings, catalogue, folder, progress).simplify(mesh)
-        }
-        Cost::Oblique(settings) => {
-            Run::<ObliqueCost>::new(options, settings, catalogue, folder, progress).simplify(mesh)
-        }
+        Cost::Surface(weights) => Run::<SurfaceCost>::new(options, weights, catalogue, job, progress).simplify(start),
+        Cost::Classic(settings) => Run::<ClassicCost>::new(options, settings, catalogue, job, progress).simplify(start),
+        Cost::Oblique(settings) => Run::<ObliqueCost>::new(options, settings, catalogue, job, progress).simplify(start),
         Cost::Curvature(settings) => {
-            Run::<CurvatureCost>::new(options, settings, catalogue, folder, progress).simplify(mesh)
+            Run::<CurvatureCost>::new(options, settings, catalogue, job, progress).simplify(start)
         }
-        Cost::Terrain(settings) => {
-            Run::<TerrainCost>::new(options, settings, catalogue, folder, progress).simplify(mesh)
-        }
+        Cost::Terrain(settings) => Run::<TerrainCost>::new(options, settings, catalogue, job, progress).simplify(start),
         Cost::Sharpness(settings) => {
-            Run::<SharpnessCost>::new(options, settings, catalogue, folder, progress).simplify(mesh)
+            Run::<SharpnessCost>::new(options, settings, catalogue, job, progress).simplify(start)
         }
     }
 }
 
 impl<'a, M: Metric> Run<'a, M> {
-    /// Prepares; files go to `folder`.
+    /// Prepares; files go to the job's folder, and what is finished to its journal.
     fn new(
         options: &'a PassOptions,
         settings: M::Settings,
         catalogue: &'a Catalogue,
-        folder: &'a Path,
+        job: &'a WorkFolder,
         progress: &'a dyn Progress,
     ) -> Self {
         let permits = Permits::new(options.work_bytes);
-        Self {
-            options,
-            settings,
-            catalogue,
-            folder,
-            progress,
-            permits,
-            scale: TextureScale::none(catalogue),
-            crumb: None,
-        }
+        Self { options, settings, catalogue, job, progress, permits, scale: TextureScale::none(catalogue), crumb: None }
     }
 
-    /// Simplifies a mesh to the target.
+    /// Simplifies a mesh to the target, or goes on with what was begun.
     ///
     /// # Errors
     /// On a full disk, failed reads and writes, and damaged files.
-    fn simplify(mut self, mut mesh: StoredMesh) -> Result<Passes> {
-        let mut findings = Findings::default();
-        let mut reports: Vec<PassReport> = Vec::new();
-        let mut seconds = PassSeconds::default();
-        let mut squared_error = 0.0;
+    fn simplify(mut self, start: Start) -> Result<Passes> {
+        let Start { mut state, mut partition } = start;
+        self.crumb = state.crumb;
+        if let Some(scale) = &state.scale {
+            self.scale = scale.clone();
+        }
+        if let Some(census) = &state.census {
+            M::settle(&mut self.settings, census);
+        }
         let target = self.options.target;
-        let (mut reached, mut floor) = (false, Floor::default());
-        let mut sample = ClusterMesh::default();
-        let (mut stuck, mut scratch_peak, mut passed_through) = (0, 0, 0);
-        for pass in 0..self.options.passes + EXTRA_PASSES {
-            let started = Instant::now();
-            let partition = self.partition(&mesh, pass, &mut findings)?;
-            seconds.partition += started.elapsed();
+        while !state.is_over && state.pass < self.options.passes + EXTRA_PASSES {
+            let pass = state.pass;
+            let partition = match partition.take() {
+                Some(partition) => partition,
+                None => self.partition(&mut state)?,
+            };
             let started = Instant::now();
             let faces_in = partition.total_faces();
             if pass == 0 {
-                sample = match M::reads_texture(&self.settings) {
-                    true => self.measure_texture(&mesh, &partition)?,
-                    false if is_single(&partition) => ClusterMesh::default(),
-                    false => self.take_sample(&mesh, &partition)?,
-                };
+                let first = || self.first_sample(&state.mesh, &partition);
+                (self.scale, state.sample) = self.job.once(Step::Sample { pass: 0 }, first)?;
+                state.scale = Some(self.scale.clone());
                 if M::HAS_CENSUS {
-                    self.take_census(&mesh, &partition)?;
+                    let census = self.job.once(Step::Census, || self.take_census(&state.mesh, &partition))?;
+                    M::settle(&mut self.settings, &census);
+                    state.census = Some(census);
                 }
             }
             let is_last = pass + 1 >= self.options.passes;
-            let (plan, is_exact) =
-                self.plan(&mesh, &partition, std::mem::take(&mut sample), pass, is_last, faces_in)?;
-            let mut outcome = self.run_pass(&mesh, &partition, pass, &plan)?;
-            if let Plan::Costs(costs) = &plan
-                && is_last
-                && outcome.report.faces_out < target
-            {
-                // The sample was no picture of the whole: the same thresholds again, but stopped at the target.
-                let plan = self.trim_stages(&mesh, &partition, pass, costs)?;
-                remove_mesh(std::mem::take(&mut outcome.mesh));
-                outcome = self.run_pass(&mesh, &partition, pass, &plan)?;
-            }
-            sample = outcome.sample;
+            let sample = std::mem::take(&mut state.sample);
+            let plan = || self.plan(&state.mesh, &partition, sample, pass, is_last, faces_in);
+            let (plan, is_exact) = self.job.once(plan_step(pass, 0), plan)?;
+            let outcome = self.run_plans(&state.mesh, &partition, pass, &plan, is_last)?;
             let single = is_single(&partition);
-            outcome.report.stages = outcome.stages.reports(squared_error);
-            squared_error += outcome.squared_error;
-            findings.count("degenerate_faces", outcome.degenerate);
-            findings.count("dropped_pieces", outcome.dropped_pieces);
-            findings.count("optimized_vertices", outcome.optimized);
-            findings.count("dropped_piece_faces", outcome.dropped_faces);
-            if self.options.drop_pieces {
-                self.crumb = Some(self.options.max_error.unwrap_or(squared_error.sqrt()));
-            }
-            reports.push(outcome.report.clone());
-            floor = outcome.floor;
-            passed_through = outcome.passed_through;
             let next_faces = outcome.report.faces_out;
-            scratch_peak = scratch_peak.max(folder_bytes(self.folder));
-            remove_mesh(std::mem::replace(&mut mesh, outcome.mesh));
-            partition.remove();
-            *(if pass == 0 { &mut seconds.simplify } else { &mut seconds.stitch }) += started.elapsed();
+            state.scratch_peak = state.scratch_peak.max(folder_bytes(self.job.path()));
+            state.take(outcome);
+            if self.options.drop_pieces {
+                self.crumb = Some(self.options.max_error.unwrap_or(state.squared_error.sqrt()));
+                state.crumb = self.crumb;
+            }
             let gained = faces_in - next_faces;
             if self.options.max_error.is_some() {
-                reached = is_last && (single || (gained as f64) < faces_in as f64 * BOUNDED_LAST_SHARE);
-                if reached {
-                    break;
-                }
-                continue;
+                state.reached = is_last && (single || (gained as f64) < faces_in as f64 * BOUNDED_LAST_SHARE);
+                state.is_over = state.reached;
+            } else {
+                state.reached = is_last && next_faces <= target;
+                state.stuck = if gained as f64 <= faces_in as f64 * FLOOR_SHARE { state.stuck + 1 } else { 0 };
+                // In one cluster nothing was locked; in many, what was locked in one pass is free in the next.
+                let is_stuck = state.stuck > 2 || (single && state.stuck > 0);
+                state.is_over = state.reached || (is_last && is_stuck && !is_exact_left(is_exact, gained));
             }
-            if is_last && next_faces <= target {
-                reached = true;
-                break;
-            }
-            stuck = if gained as f64 <= faces_in as f64 * FLOOR_SHARE { stuck + 1 } else { 0 };
-            // In one cluster nothing was locked; in many, what was locked in one pass is free in the next.
-            if is_last && (stuck > 2 || (single && stuck > 0)) && !is_exact_left(is_exact, gained) {
-                break;
-            }
+            *(if pass == 0 { &mut state.seconds.simplify } else { &mut state.seconds.stitch }) += started.elapsed();
+            state.pass += 1;
+            let step = Step::Pass { pass: pass as u32 };
+            self.job.keep(step, next_faces, state.mesh.files(), &state)?;
+            self.job.retain(state.mesh.files(), &[Step::Input, step])?;
+            self.progress.tell(&format!("pass {} is done: {next_faces} triangles", pass + 1));
         }
-        let faces = mesh.face_count();
-        findings.count("passed_through_faces", passed_through);
+        state.findings.count("passed_through_faces", state.passed_through);
         Ok(Passes {
-            mesh,
-            reports,
-            findings,
-            seconds,
-            rms_estimate: squared_error.sqrt(),
-            faces,
-            reached,
-            floor,
-            scratch_peak,
+            faces: state.mesh.face_count(),
+            mesh: state.mesh,
+            reports: state.reports,
+            findings: state.findings,
+            seconds: state.seconds,
+            rms_estimate: state.squared_error.sqrt(),
+            reached: state.reached,
+            floor: state.floor,
+            scratch_peak: state.scratch_peak,
             permit_peak: self.permits.peak(),
         })
     }
 
-    fn partition(&self, mesh: &StoredMesh, pass: usize, findings: &mut Findings) -> Result<Partition> {
+    /// Cuts the mesh for the pass that comes next.
+    fn partition(&self, state: &mut PassState) -> Result<Partition> {
+        let started = Instant::now();
+        let pass = state.pass;
         let options = PartitionOptions {
             cluster_faces: self.options.cluster_faces,
             pass,
@@ -305,17 +280,67 @@ impl<'a, M: Metric> Run<'a, M> {
             work_bytes: self.options.work_bytes,
         };
         self.progress.begin("partition", 0, "");
-        let mut partition = partition::partition(mesh, self.catalogue, self.folder, &format!("pass-{pass}"), &options)?;
-        findings.merge(std::mem::take(&mut partition.findings));
+        let (mesh, folder) = (&state.mesh, self.job.path());
+        let mut partition = partition::partition(mesh, self.catalogue, folder, &format!("pass-{pass}"), &options)?;
+        state.findings.merge(std::mem::take(&mut partition.findings));
+        state.scratch_peak = state.scratch_peak.max(partition.scratch_peak);
+        state.seconds.partition += started.elapsed();
+        let step = Step::Cut { pass: pass as u32 };
+        let files = || partition.files().chain(partition.files_of(&state.mesh));
+        self.job.keep(step, partition.filled_count(), files(), &(&*state, &partition))?;
+        self.job.retain(files(), &[Step::Input, step])?;
+        let clusters = partition.filled_count();
+        self.progress.tell(&format!("pass {}: {clusters} clusters", pass + 1));
         Ok(partition)
     }
 
-    fn run_pass(&self, mesh: &StoredMesh, partition: &Partition, pass: usize, plan: &Plan) -> Result<PassOutcome> {
+    /// Runs a pass by its plan, and once more if that overshot the target.
+    fn run_plans(
+        &self,
+        mesh: &StoredMesh,
+        partition: &Partition,
+        pass: usize,
+        plan: &Plan,
+        is_last: bool,
+    ) -> Result<PassOutcome> {
+        let again = plan_step(pass, 1);
+        let better = match self.job.recall(again)? {
+            Some(better) => better,
+            None => {
+                let outcome = self.run_pass(mesh, partition, pass, plan, 0)?;
+                let overshot = is_last && outcome.report.faces_out < self.options.target;
+                let Some(costs) = plan.costs().filter(|_| overshot) else { return Ok(outcome) };
+                // The sample was no picture of the whole: the same thresholds again, but stopped at the target.
+                let better = self.trim_stages(mesh, partition, pass, costs)?;
+                self.job.keep(again, 0, [], &better)?;
+                let pass = pass as u32;
+                let steps = [
+                    Step::Input,
+                    Step::Cut { pass },
+                    Step::Sample { pass },
+                    plan_step(pass as usize, 0),
+                    again,
+                    Step::Census,
+                ];
+                self.job.retain(partition.files().chain(partition.files_of(mesh)), &steps)?;
+                better
+            }
+        };
+        self.run_pass(mesh, partition, pass, &better, 1)
+    }
+
+    fn run_pass(
+        &self,
+        mesh: &StoredMesh,
+        partition: &Partition,
+        pass: usize,
+        plan: &Plan,
+        attempt: u32,
+    ) -> Result<PassOutcome> {
         let phase = if pass == 0 { "simplify" } else { "stitch" };
         self.progress.begin(phase, partition.total_faces(), "faces");
         let mut outcome = PassOutcome::default();
-        outcome.report.clusters =
-            (0..partition.cluster_count()).filter(|&c| partition.face_count(c) > 0).count() as u64;
+        outcome.report.clusters = partition.filled_count();
         outcome.report.faces_in = partition.total_faces();
         outcome.report.border_vertices = u64::from(partition.faces.shared.len());
         let (mut area, mut error, mut stages) = (0.0, 0.0, StageSums::default());
@@ -334,7 +359,8 @@ impl<'a, M: Metric> Run<'a, M> {
             optimized,
             ..
         } = &mut outcome;
-        self.each_cluster(mesh, partition, pass, plan, Some(&survey), |result| {
+        let step = |cluster| Step::Cluster { pass: pass as u32, attempt, cluster };
+        self.each_cluster(mesh, partition, (pass, plan), Some(&survey), step, |result| {
             report.faces_out += result.faces;
             report.threshold = report.threshold.max(f64::from(result.cost));
             report.seam_vertices += result.seam_vertices;
@@ -362,24 +388,36 @@ impl<'a, M: Metric> Run<'a, M> {
         Ok(outcome)
     }
 
-    /// Loads, simplifies and (if `keep`) writes every cluster that has faces; results come in order of clusters.
+    /// Loads, simplifies and (if `keep`) writes every cluster that has faces; results come in order of clusters. What
+    /// an earlier process finished of it is taken as it is.
     pub(super) fn each_cluster(
         &self,
         mesh: &StoredMesh,
         partition: &Partition,
-        pass: usize,
-        plan: &Plan,
+        (pass, plan): (usize, &Plan),
         keep: Option<&Survey>,
+        step: impl Fn(u32) -> Step + Sync,
         commit: impl FnMut(ClusterResult) -> Result<()>,
     ) -> Result<()> {
         let work = |cluster: usize| {
-            let faces = partition.face_count(cluster);
-            let _permit = self.permits.take(self.cluster_bytes(partition, cluster));
-            let result = self.simplify_cluster(mesh, partition, pass, plan, keep, cluster);
+            self.progress.check_stopped()?;
+            let (step, faces) = (step(cluster as u32), partition.face_count(cluster));
+            let result = match self.job.recall::<ClusterResult>(step)? {
+                Some(mut result) => {
+                    result.pieces.iter_mut().for_each(|piece| piece.locate(self.job.path()));
+                    result
+                }
+                None => {
+                    let _permit = self.permits.take(self.cluster_bytes(partition, cluster));
+                    let result = self.simplify_cluster(mesh, partition, step, (pass, plan), keep, cluster)?;
+                    self.job.keep(step, faces, result.pieces.iter().flat_map(StoredPiece::files), &result)?;
+                    result
+                }
+            };
             if keep.is_some() {
                 self.progress.advance(faces);
             }
-            result
+            Ok(result)
         };
         map_in_order(0..partition.cluster_count(), self.options.threads, self.options.threads * 4, work, commit)
     }
@@ -388,13 +426,13 @@ impl<'a, M: Metric> Run<'a, M> {
         &self,
         mesh: &StoredMesh,
         partition: &Partition,
-        pass: usize,
-        plan: &Plan,
+        step: Step,
+        (pass, plan): (usize, &Plan),
         keep: Option<&Survey>,
         cluster: usize,
     ) -> Result<ClusterResult> {
         if partition.weight(cluster).is_none() {
-            return self.pass_through(mesh, partition, pass, keep, cluster);
+            return self.pass_through(mesh, partition, step, keep, cluster);
         }
         let mut source = self.load(mesh, partition, cluster)?;
         let (dropped_pieces, dropped_faces) = match self.crumb {
@@ -425,7 +463,7 @@ impl<'a, M: Metric> Run<'a, M> {
         };
         if let Some(keep) = keep {
             result.log = Vec::new();
-            let path = self.piece_path(pass, cluster, 0);
+            let path = self.piece_path(step, 0);
             let mut simplified = engine.finish();
             if self.options.optimize && pass + 1 >= self.options.passes {
                 result.optimized = remesh::relax(&mut simplified);
@@ -449,7 +487,7 @@ impl<'a, M: Metric> Run<'a, M> {
         &self,
         mesh: &StoredMesh,
         partition: &Partition,
-        pass: usize,
+        step: Step,
         keep: Option<&Survey>,
         cluster: usize,
     ) -> Result<ClusterResult> {
@@ -458,7 +496,7 @@ impl<'a, M: Metric> Run<'a, M> {
         if keep.is_none() {
             return Ok(unchanged);
         }
-        let path = |part| self.piece_path(pass, cluster, part);
+        let path = |part| self.piece_path(step, part);
         let (pieces, degenerate) = cluster::pass_through(partition, mesh, cluster, path)?;
         let faces = pieces.iter().map(|piece| piece.faces.len()).sum();
         Ok(ClusterResult { pieces, degenerate, faces_in: faces, faces, ..unchanged })
@@ -479,13 +517,22 @@ impl<'a, M: Metric> Run<'a, M> {
         cluster::load(partition, mesh, self.catalogue, &self.scale, cluster)
     }
 
+    /// The scale of texture coordinates, and a sample of the clusters of the first pass.
+    fn first_sample(&self, mesh: &StoredMesh, partition: &Partition) -> Result<(TextureScale, ClusterMesh)> {
+        let none = || TextureScale::none(self.catalogue);
+        match M::reads_texture(&self.settings) {
+            true => self.measure_texture(mesh, partition),
+            false if is_single(partition) => Ok((none(), ClusterMesh::default())),
+            false => Ok((none(), self.take_sample(mesh, partition)?)),
+        }
+    }
+
     /// Sums areas in space and in texture over all clusters, in order, for the scale of texture coordinates; returns a
-    /// sample of the clusters.
-    fn measure_texture(&mut self, mesh: &StoredMesh, partition: &Partition) -> Result<ClusterMesh> {
+    /// sample of the clusters with it.
+    fn measure_texture(&self, mesh: &StoredMesh, partition: &Partition) -> Result<(TextureScale, ClusterMesh)> {
         let mut areas = vec![(0.0, 0.0); self.catalogue.materials.len() + 1];
         let survey = self.survey(partition);
         let mut sample = ClusterMesh::default();
-        let this = &*self;
         map_in_order(
             0..partition.cluster_count(),
             self.options.threads,
@@ -494,10 +541,11 @@ impl<'a, M: Metric> Run<'a, M> {
                 if partition.weight(cluster).is_none() {
                     return Ok((Vec::new(), None));
                 }
-                let _permit = this.permits.take(this.cluster_bytes(partition, cluster) / 2);
-                let source = this.load(mesh, partition, cluster)?;
-                let mut areas = vec![(0.0, 0.0); this.catalogue.materials.len() + 1];
-                source.add_areas(this.catalogue, &mut areas);
+                self.progress.check_stopped()?;
+                let _permit = self.permits.take(self.cluster_bytes(partition, cluster) / 2);
+                let source = self.load(mesh, partition, cluster)?;
+                let mut areas = vec![(0.0, 0.0); self.catalogue.materials.len() + 1];
+                source.add_areas(self.catalogue, &mut areas);
                 let sparse = areas.into_iter().enumerate().filter(|(_, area)| area.0 > 0.0 || area.1 > 0.0);
                 let is_needed = !is_single(partition);
                 Ok((sparse.collect(), survey.patch(cluster, &source.mesh).filter(|_| is_needed)))
@@ -511,17 +559,15 @@ impl<'a, M: Metric> Run<'a, M> {
                 Ok(())
             },
         )?;
-        if !M::wants_raw_texture(&self.settings) {
-            self.scale = TextureScale::new(&areas);
-        }
-        sample::scale_texture(&mut sample, |part| self.scale.of(self.catalogue, part));
-        Ok(sample)
+        let is_raw = M::wants_raw_texture(&self.settings);
+        let scale = if is_raw { TextureScale::none(self.catalogue) } else { TextureScale::new(&areas) };
+        sample::scale_texture(&mut sample, |part| scale.of(self.catalogue, part));
+        Ok((scale, sample))
     }
 
-    /// Counts the numbers of the whole mesh that the metric divides by, and freezes them.
-    fn take_census(&mut self, mesh: &StoredMesh, partition: &Partition) -> Result<()> {
+    /// Counts the numbers of the whole mesh that the metric divides by.
+    fn take_census(&self, mesh: &StoredMesh, partition: &Partition) -> Result<Census> {
         let mut census = Census::default();
-        let this = &*self;
         map_in_order(
             0..partition.cluster_count(),
             self.options.threads,
@@ -531,10 +577,11 @@ impl<'a, M: Metric> Run<'a, M> {
                 if partition.weight(cluster).is_none() {
                     return Ok(counted);
                 }
-                let _permit = this.permits.take(this.cluster_bytes(partition, cluster));
-                let source = this.load(mesh, partition, cluster)?;
+                self.progress.check_stopped()?;
+                let _permit = self.permits.take(self.cluster_bytes(partition, cluster));
+                let source = self.load(mesh, partition, cluster)?;
                 source.mesh.positions.iter().for_each(|p| counted.enclose(source.origin + *p));
-                Engine::<M>::count(source.mesh, &this.settings, &mut counted);
+                Engine::<M>::count(source.mesh, &self.settings, &mut counted);
                 Ok(counted)
             },
             |counted| {
@@ -542,8 +589,7 @@ impl<'a, M: Metric> Run<'a, M> {
                 Ok(())
             },
         )?;
-        M::settle(&mut self.settings, &census);
-        Ok(())
+        Ok(census)
     }
 
     /// Writes the positions (and colours) of the vertices that several pieces use.
@@ -553,7 +599,7 @@ impl<'a, M: Metric> Run<'a, M> {
             return Ok(());
         }
         let numbering = &partition.numbering;
-        let path = |what: &str| self.folder.join(format!("pass-{pass}-shared-{what}.col"));
+        let path = |what: &str| self.job.path().join(format!("pass-{pass}-shared-{what}.col"));
         mesh.shared_positions = Some(pick_shared(&numbering.positions, shared, &path("positions"), *b"position")?);
         if let Some(colours) = &numbering.colours {
             mesh.shared_colours = Some(pick_shared(colours, shared, &path("colours"), *b"colour  ")?);
@@ -561,9 +607,10 @@ impl<'a, M: Metric> Run<'a, M> {
         Ok(())
     }
 
-    fn piece_path(&self, pass: usize, cluster: usize, part: usize) -> PathBuf {
+    /// Path of a piece of a cluster; each step has names of its own.
+    fn piece_path(&self, step: Step, part: usize) -> PathBuf {
         let part = if part > 0 { format!("-{part}") } else { String::new() };
-        self.folder.join(format!("pass-{pass}-cluster-{cluster:06}{part}.piece"))
+        self.job.path().join(format!("{}{part}.piece", step.stem()))
     }
 }
 
@@ -586,21 +633,25 @@ fn pick_shared<T: bytemuck::Pod>(
     writer.finish()
 }
 
+fn plan_step(pass: usize, attempt: u32) -> Step {
+    Step::Plan { pass: pass as u32, attempt }
+}
+
 #[derive(Debug, Default)]
-struct PassOutcome {
-    mesh: StoredMesh,
+pub(super) struct PassOutcome {
+    pub(super) mesh: StoredMesh,
     /// Patches of the mesh.
-    sample: ClusterMesh,
-    report: PassReport,
-    stages: StageSums,
-    squared_error: f64,
-    degenerate: u64,
-    dropped_pieces: u64,
-    optimized: u64,
-    dropped_faces: u64,
-    passed_through: u64,
+    pub(super) sample: ClusterMesh,
+    pub(super) report: PassReport,
+    pub(super) stages: StageSums,
+    pub(super) squared_error: f64,
+    pub(super) degenerate: u64,
+    pub(super) dropped_pieces: u64,
+    pub(super) optimized: u64,
+    pub(super) dropped_faces: u64,
+    pub(super) passed_through: u64,
     reached: bool,
-    floor: Floor,
+    pub(super) floor: Floor,
 }
 
 pub(super) fn is_single(partition: &Partition) -> bool {
@@ -610,26 +661,4 @@ pub(super) fn is_single(partition: &Partition) -> bool {
 /// Whether an exact plan removed faces and may go on removing in the next pass.
 fn is_exact_left(is_exact: bool, gained: u64) -> bool {
     is_exact && gained > 0
-}
-
-fn folder_bytes(folder: &Path) -> u64 {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    entries.filter_map(|entry| entry.metadata().ok()).map(|meta| meta.len()).sum()
-}
-
-/// Removes the files of a mesh that is no longer needed.
-pub fn remove_mesh(mesh: StoredMesh) {
-    let mut paths: Vec<PathBuf> = Vec::new();
-    paths.extend(mesh.shared_positions.iter().map(|s| s.path().to_owned()));
-    paths.extend(mesh.shared_colours.iter().map(|s| s.path().to_owned()));
-    for piece in &mesh.pieces {
-        paths.push(piece.positions.path().to_owned());
-        paths.extend(piece.colours.iter().map(|s| s.path().to_owned()));
-        paths.push(piece.texcoords.path().to_owned());
-        paths.push(piece.faces.path().to_owned());
-    }
-    paths.dedup();
-    for path in paths {
-        let _ = std::fs::remove_file(path);
-    }
 }

@@ -1,5 +1,7 @@
 //! How the clusters of a pass are told to stop, and the stages that follow from it.
 
+use serde::{Deserialize, Serialize};
+
 use super::sample;
 use super::schedule;
 use crate::cost::Metric;
@@ -9,7 +11,7 @@ use crate::simplify::{Engine, Stop};
 const BOUNDED_STAGE_SHARE: f64 = 0.02;
 
 /// How the clusters of a pass are told to stop.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) enum Plan {
     /// One cluster: keep these shares of the free faces, stage by stage.
     Shares(Vec<f64>),
@@ -21,6 +23,16 @@ pub(super) enum Plan {
     Deviation(f64),
     /// Thresholds, and each cluster's number of faces, at which the last stage stops.
     Trim(Vec<f32>, Vec<u64>),
+}
+
+impl Plan {
+    /// The thresholds of a plan that has nothing else.
+    pub(super) fn costs(&self) -> Option<&[f32]> {
+        match self {
+            Plan::Costs(costs) => Some(costs),
+            _ => None,
+        }
+    }
 }
 
 /// Runs the stages of a plan; returns the highest cost of the last stage that did anything, and whether it was reached.

@@ -1,10 +1,5 @@
 //! One kind of fixed-size record in a file: appended in order, read in windows.
 //!
-//! ```text
-//! 0        8        16      20      24       32         40                64
-//! | magic  | kind   | vers. | size  | count  | checksum | zeros            | records, little-endian …
-//! ```
-//!
 //! # Memory
 //! A writer holds its buffer, a reader the windows that are alive.
 
@@ -15,65 +10,15 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use bytemuck::Pod;
+use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::base::{Error, Result};
+use crate::job::header::{HEADER_BYTES, Header};
 use crate::os::durable::DurableFile;
 use crate::os::mmap::{self, MappedRecords};
 
-/// Bytes of the header that every file of the work folder begins with.
-pub const HEADER_BYTES: u64 = 64;
-const MAGIC: [u8; 8] = *b"drystone";
-const VERSION: u32 = 1;
 const WRITE_BUFFER_BYTES: usize = 256 << 10;
-
-#[cfg(target_endian = "big")]
-compile_error!("drystone's files are little-endian and are mapped as they are: big-endian machines are not supported");
-
-/// The header of a file of records.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Header {
-    /// What the records are, in ASCII, padded with blanks.
-    pub kind: [u8; 8],
-    /// Bytes of a record.
-    pub record_bytes: u32,
-    /// Number of records.
-    pub count: u64,
-    /// XXH3 of the records' bytes.
-    pub checksum: u64,
-}
-
-impl Header {
-    /// The 64 bytes.
-    pub fn encode(&self) -> [u8; HEADER_BYTES as usize] {
-        let mut bytes = [0; HEADER_BYTES as usize];
-        bytes[0..8].copy_from_slice(&MAGIC);
-        bytes[8..16].copy_from_slice(&self.kind);
-        bytes[16..20].copy_from_slice(&VERSION.to_le_bytes());
-        bytes[20..24].copy_from_slice(&self.record_bytes.to_le_bytes());
-        bytes[24..32].copy_from_slice(&self.count.to_le_bytes());
-        bytes[32..40].copy_from_slice(&self.checksum.to_le_bytes());
-        bytes
-    }
-
-    /// Reads the 64 bytes.
-    ///
-    /// # Errors
-    /// Says in words what does not fit.
-    pub fn decode(bytes: &[u8; HEADER_BYTES as usize]) -> std::result::Result<Self, String> {
-        let word = |at: usize| u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
-        let long = |at: usize| u64::from(word(at)) | u64::from(word(at + 4)) << 32;
-        if bytes[0..8] != MAGIC {
-            return Err("it does not begin with 'drystone'".into());
-        }
-        if word(16) != VERSION {
-            return Err(format!("its format is version {}, this program writes version {VERSION}", word(16)));
-        }
-        let mut kind = [0; 8];
-        kind.copy_from_slice(&bytes[8..16]);
-        Ok(Self { kind, record_bytes: word(20), count: long(24), checksum: long(32) })
-    }
-}
 
 /// Appends records to a new file.
 pub struct ColumnWriter<T> {
@@ -134,8 +79,10 @@ impl<T: Pod> ColumnWriter<T> {
 pub type Column<T> = Segment<T>;
 
 /// A range of a file that holds records of one kind.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(bound = "")]
 pub struct Segment<T> {
+    #[serde(with = "file_name")]
     path: Arc<Path>,
     offset_bytes: u64,
     count: u64,
@@ -169,6 +116,11 @@ impl<T: Pod> Segment<T> {
         &self.path
     }
 
+    /// Says in which folder the file lies, after the value was read back.
+    pub fn locate(&mut self, folder: &Path) {
+        self.path = folder.join(&self.path).into();
+    }
+
     /// Maps a range of the records; its pages leave memory on drop.
     ///
     /// # Errors
@@ -197,6 +149,36 @@ impl<T: Pod> Segment<T> {
     }
 }
 
+/// A path as its file name alone, since a work folder may be moved.
+pub mod file_name {
+    use std::path::{Path, PathBuf};
+
+    use serde::de::Error as _;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    use crate::job::is_file_name;
+
+    /// Writes the file name of a path.
+    ///
+    /// # Errors
+    /// The serializer's.
+    pub fn serialize<S: Serializer>(path: &(impl AsRef<Path> + ?Sized), serializer: S) -> Result<S::Ok, S::Error> {
+        path.as_ref().file_name().unwrap_or_default().to_string_lossy().serialize(serializer)
+    }
+
+    /// Reads a file name.
+    ///
+    /// # Errors
+    /// If it is a path that leads elsewhere; the deserializer's.
+    pub fn deserialize<'de, D: Deserializer<'de>, P: From<PathBuf>>(deserializer: D) -> Result<P, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        if !is_file_name(&name) {
+            return Err(D::Error::custom("a file outside the work folder"));
+        }
+        Ok(PathBuf::from(name).into())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -211,14 +193,5 @@ mod tests {
         assert_eq!(&*column.window(1..4).unwrap(), &[2, 3, 4]);
         assert_eq!(column.ranges(2).collect::<Vec<_>>(), [0..2, 2..4, 4..5]);
         assert!(column.window(3..6).is_err());
-    }
-
-    #[test]
-    fn a_header_of_another_version_is_refused() {
-        let header = Header { kind: *b"test    ", record_bytes: 8, count: 3, checksum: 9 };
-        let mut bytes = header.encode();
-        assert_eq!(Header::decode(&bytes), Ok(header));
-        bytes[16] = 77;
-        assert!(Header::decode(&bytes).unwrap_err().contains("version 77"));
     }
 }

@@ -17,10 +17,12 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::Xxh3;
 
-use super::column::{HEADER_BYTES, Header};
+use super::column::file_name;
 use crate::base::{Error, Result};
+use crate::job::header::{HEADER_BYTES, Header};
 use crate::os::durable::DurableFile;
 use crate::os::system::read_exact_at;
 
@@ -51,7 +53,7 @@ pub struct Face {
 }
 
 /// Where a block of faces lies, and which ids it names.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct FaceBlock {
     /// Position of its first byte in the file.
     pub offset_bytes: u64,
@@ -205,8 +207,9 @@ fn range_of((low, high): (u32, u32)) -> Range<u32> {
 }
 
 /// Faces of a file, block by block.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct FaceBlocks {
+    #[serde(with = "file_name")]
     path: Arc<Path>,
     blocks: Vec<FaceBlock>,
     count: u64,
@@ -232,6 +235,11 @@ impl FaceBlocks {
     /// The file.
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Says in which folder the file lies, after the value was read back.
+    pub fn locate(&mut self, folder: &Path) {
+        self.path = folder.join(&self.path).into();
     }
 
     /// Where the blocks lie, in order.

@@ -7,7 +7,7 @@
 //! ```
 //! Inside a piece, faces name its own vertices by 0 .. own and shared vertices by own .. own + shared.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
@@ -15,12 +15,13 @@ use serde::{Deserialize, Serialize};
 use super::column::Segment;
 use super::face::{Face, FaceBlocks, NO_TEXCOORD};
 use crate::base::{Error, Result};
+use crate::job::codec;
 
 /// Largest number of vertices or texture coordinates; ids are 32 bits and the last one means "none".
 pub const ID_LIMIT: u64 = u32::MAX as u64 - 1;
 
 /// A piece of a stored mesh, with its own vertices, texture coordinates and faces.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct StoredPiece {
     /// Positions of its own vertices, in the mesh's unit of length.
     pub positions: Segment<DVec3>,
@@ -32,8 +33,24 @@ pub struct StoredPiece {
     pub faces: FaceBlocks,
 }
 
+impl StoredPiece {
+    /// Says in which folder the files lie, after the value was read back.
+    pub fn locate(&mut self, folder: &Path) {
+        self.positions.locate(folder);
+        self.colours.iter_mut().for_each(|segment| segment.locate(folder));
+        self.texcoords.locate(folder);
+        self.faces.locate(folder);
+    }
+
+    /// Its files, some of them more than once.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        let colours = self.colours.iter().map(Segment::path);
+        [self.positions.path(), self.texcoords.path(), self.faces.path()].into_iter().chain(colours)
+    }
+}
+
 /// A mesh in files.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct StoredMesh {
     /// Positions of the vertices that several pieces use; they come first in the numbering.
     pub shared_positions: Option<Segment<DVec3>>,
@@ -67,6 +84,25 @@ impl StoredMesh {
     /// Whether vertices have colours.
     pub fn has_colours(&self) -> bool {
         self.shared_colours.is_some() || self.pieces.iter().any(|piece| piece.colours.is_some())
+    }
+
+    /// Says in which folder the files lie, after the value was read back.
+    pub fn locate(&mut self, folder: &Path) {
+        self.shared_positions.iter_mut().for_each(|segment| segment.locate(folder));
+        self.shared_colours.iter_mut().for_each(|segment| segment.locate(folder));
+        self.pieces.iter_mut().for_each(|piece| piece.locate(folder));
+    }
+
+    /// All files, some of them more than once.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        let shared = self.shared_positions.iter().map(Segment::path);
+        let shared = shared.chain(self.shared_colours.iter().map(Segment::path));
+        shared.chain(self.pieces.iter().flat_map(StoredPiece::files))
+    }
+
+    /// The files that hold texture coordinates, some of them more than once.
+    pub fn texcoord_files(&self) -> impl Iterator<Item = &Path> {
+        self.pieces.iter().map(|piece| piece.texcoords.path())
     }
 
     /// Segments of positions in the order of vertex ids.
@@ -133,6 +169,7 @@ pub struct Material {
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct MaterialDefinition {
     /// Folder of the MTL file, against which texture names are resolved.
+    #[serde(with = "codec::path")]
     pub folder: PathBuf,
     /// Statements that name no texture, as written.
     pub statements: Vec<Vec<u8>>,
@@ -165,7 +202,8 @@ pub struct Part {
 /// Everything of the input that is not geometry.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Catalogue {
-    /// The input files, in order.
+    /// The input files, in order; not kept with the job, which may be gone on with under other paths to them.
+    #[serde(skip)]
     pub files: Vec<PathBuf>,
     /// Object and group names, as bytes.
     pub names: Vec<Vec<u8>>,

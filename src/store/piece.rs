@@ -11,10 +11,11 @@ use std::path::Path;
 use glam::{DVec2, DVec3};
 use xxhash_rust::xxh3::Xxh3;
 
-use super::column::{HEADER_BYTES, Header, Segment};
+use super::column::Segment;
 use super::face::{BLOCK_FACES, Face, FaceBlocks, encode_block};
 use super::mesh::StoredPiece;
 use crate::base::Result;
+use crate::job::header::{HEADER_BYTES, Header};
 use crate::os::durable::DurableFile;
 
 /// Writes a piece durably and opens it.

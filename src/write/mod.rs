@@ -34,13 +34,15 @@ mod textures;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
+
 use self::batches::in_order;
 use self::grouping::Grouping;
 use self::normals::{PieceNormals, SharedNormals, piece_bytes, piece_normals};
 use self::numbering::{FaceReader, Usage};
 use self::obj::{CornerForm, ObjFile, PartOrder};
 use self::textures::TextureStage;
-pub use self::textures::is_texture_there;
+pub use self::textures::{is_texture_there, texture_paths};
 use crate::base::bytes::MIB;
 use crate::base::error::escape_path;
 use crate::base::{Error, Findings, Progress, Result};
@@ -77,7 +79,7 @@ pub struct WriteOptions {
 }
 
 /// What was written.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Written {
     /// Number of `v` lines.
     pub vertices: u64,
@@ -87,17 +89,44 @@ pub struct Written {
     pub faces: u64,
     /// Length of the OBJ in bytes.
     pub bytes: u64,
+    /// XXH3 of the OBJ.
+    pub hash: u64,
     /// Textures that were missing (`missing_texture`) or not taken along (`refused_texture`), and numbers that had to
     /// be replaced by 0 (`non_finite_numbers`).
     pub findings: Findings,
 }
 
+/// A result that is whole, and under temporary names still.
+#[derive(Debug)]
+pub struct Staged {
+    written: Written,
+    textures: TextureStage,
+    mtl: Option<DurableFile>,
+    obj: ObjFile,
+}
+
+impl Staged {
+    /// What will have been written.
+    pub fn written(&self) -> &Written {
+        &self.written
+    }
+
+    /// Gives the files their names: textures, then the MTL, then the OBJ.
+    ///
+    /// # Errors
+    /// [`Error::NoSpace`] and [`Error::Io`] from the file system.
+    pub fn commit(self) -> Result<Written> {
+        self.textures.commit()?;
+        self.mtl.map(DurableFile::commit).transpose()?;
+        self.obj.commit()?;
+        Ok(self.written)
+    }
+}
+
 /// Writes the mesh to `output` (an OBJ), its MTL and its textures beside it.
 ///
 /// # Errors
-/// [`Error::Usage`] if the output exists and `force` is not set, or if it is a file of the input; [`Error::NoSpace`]
-/// and [`Error::Io`] from the file system; [`Error::Damaged`] if the mesh's files do not hold what they should. An
-/// older result is still whole then, and nothing of the new one is left.
+/// Those of [`stage`] and of [`Staged::commit`].
 pub fn write(
     mesh: &StoredMesh,
     catalogue: &Catalogue,
@@ -106,6 +135,23 @@ pub fn write(
     options: &WriteOptions,
     progress: &dyn Progress,
 ) -> Result<Written> {
+    stage(mesh, catalogue, output, work_folder, options, progress)?.commit()
+}
+
+/// Writes the mesh beside `output` (an OBJ), under temporary names, with its MTL and its textures.
+///
+/// # Errors
+/// [`Error::Usage`] if the output exists and `force` is not set, or if it is a file of the input; [`Error::NoSpace`]
+/// and [`Error::Io`] from the file system; [`Error::Damaged`] if the mesh's files do not hold what they should. An
+/// older result is still whole then, and nothing of the new one is left.
+pub fn stage(
+    mesh: &StoredMesh,
+    catalogue: &Catalogue,
+    output: &Path,
+    work_folder: &Path,
+    options: &WriteOptions,
+    progress: &dyn Progress,
+) -> Result<Staged> {
     progress.begin("write", mesh.face_count(), "faces");
     let targets = Targets::choose(output, catalogue, options.force)?;
     let numbering = mesh.numbering()?;
@@ -132,15 +178,17 @@ pub fn write(
 
     let mut findings = Findings::default();
     findings.count("non_finite_numbers", obj.non_finite);
-    findings.merge(textures.commit()?);
-    mtl.map(DurableFile::commit).transpose()?;
-    Ok(Written {
+    findings.merge(std::mem::take(&mut textures.findings));
+    let (bytes, hash) = obj.content();
+    let written = Written {
         vertices: usage.vertices.len(),
         texcoords: usage.texcoords.len(),
         faces: mesh.face_count(),
-        bytes: obj.commit()?,
+        bytes,
+        hash,
         findings,
-    })
+    };
+    Ok(Staged { written, textures, mtl, obj })
 }
 
 /// The comment that the OBJ and the MTL begin with.

@@ -20,6 +20,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use glam::{DVec2, DVec3};
+use xxhash_rust::xxh3::Xxh3;
 
 use super::batches::in_order;
 use super::grouping::{Group, Grouping};
@@ -54,12 +55,18 @@ impl CornerForm {
 }
 
 /// An OBJ under construction.
-#[derive(Debug)]
 pub(super) struct ObjFile {
     file: DurableFile,
     bytes: u64,
+    hash: Xxh3,
     /// Numbers that were NaN or infinite and are written as 0.
     pub(super) non_finite: u64,
+}
+
+impl std::fmt::Debug for ObjFile {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        out.debug_struct("ObjFile").field("file", &self.file).field("bytes", &self.bytes).finish_non_exhaustive()
+    }
 }
 
 /// Positions and colours of a range of vertices.
@@ -76,7 +83,8 @@ impl ObjFile {
     /// # Errors
     /// If the file cannot be made.
     pub(super) fn create(target: &Path, library: Option<&[u8]>) -> Result<Self> {
-        let mut obj = Self { file: DurableFile::create(target, FILE_BUFFER_BYTES)?, bytes: 0, non_finite: 0 };
+        let mut obj =
+            Self { file: DurableFile::create(target, FILE_BUFFER_BYTES)?, bytes: 0, hash: Xxh3::new(), non_finite: 0 };
         let mut text = super::signature();
         if let Some(name) = library {
             put_statement(&mut text, b"mtllib", name);
@@ -87,16 +95,22 @@ impl ObjFile {
 
     fn write(&mut self, text: &[u8]) -> Result<()> {
         self.bytes += text.len() as u64;
+        self.hash.update(text);
         self.file.write(text)
     }
 
-    /// Gives the file its name and returns its length in bytes.
+    /// Length in bytes and XXH3 of what was written.
+    pub(super) fn content(&self) -> (u64, u64) {
+        (self.bytes, self.hash.digest())
+    }
+
+    /// Gives the file its name.
     ///
     /// # Errors
     /// On a full disk or a failed write.
-    pub(super) fn commit(self) -> Result<u64> {
+    pub(super) fn commit(self) -> Result<()> {
         self.file.commit()?;
-        Ok(self.bytes)
+        Ok(())
     }
 
     /// Writes the vertices that are used.

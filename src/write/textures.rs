@@ -21,6 +21,7 @@ use super::Textures;
 use crate::base::error::{escape, escape_path};
 use crate::base::{Error, Findings, Result};
 use crate::os::durable::sync_folder;
+use crate::store::Catalogue;
 
 const COPY_BUFFER_BYTES: usize = 256 << 10;
 
@@ -240,11 +241,11 @@ impl TextureStage {
         }
     }
 
-    /// Gives the files their names and returns the findings.
+    /// Gives the files their names.
     ///
     /// # Errors
     /// [`Error::Io`] if a file cannot be renamed.
-    pub(super) fn commit(mut self) -> Result<Findings> {
+    pub(super) fn commit(self) -> Result<()> {
         for file in &self.staged {
             fs::rename(&file.temporary, &file.target).map_err(|e| Error::io(&file.target, "rename", e))?;
         }
@@ -252,13 +253,20 @@ impl TextureStage {
             sync_folder(&file.target)?;
             sync_folder(&self.folder)?;
         }
-        Ok(std::mem::take(&mut self.findings))
+        Ok(())
     }
 }
 
 /// Whether a texture that an MTL in `mtl_folder` names is a file that would be copied.
 pub fn is_texture_there(mtl_folder: &Path, name: &[u8]) -> bool {
     find_source(mtl_folder, name).is_ok()
+}
+
+/// The files that the materials' texture statements name, there or not, in order of their paths.
+pub fn texture_paths(catalogue: &Catalogue) -> BTreeSet<PathBuf> {
+    let definitions = catalogue.materials.iter().filter_map(|material| material.definition.as_ref());
+    let path = |folder: &Path, name: &[u8]| Some(folder.join(relative_path(name)?));
+    definitions.flat_map(|d| d.textures.iter().filter_map(move |texture| path(&d.folder, &texture.name))).collect()
 }
 
 /// The canonical path of a regular file inside the MTL's folder.

@@ -25,13 +25,13 @@ use super::pictures::{NO_PICTURE, Pictures};
 use super::tally::{CellTally, Tallied, Tallies, tally};
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Permits, Progress, Result};
-use crate::job::{FORMAT_VERSION, Manifest, WorkFolder};
+use crate::job::header::{HEADER_BYTES, Header};
+use crate::job::{InputFile, Manifest, Resume, WorkFolder};
 use crate::os::durable::DurableFile;
 use crate::os::mmap::MappedRecords;
 use crate::partition::cluster::{self, gather};
 use crate::partition::{self, ClusterSource, PartitionOptions, TextureScale};
 use crate::scan::{self, Scan};
-use crate::store::column::{HEADER_BYTES, Header};
 use crate::store::{Catalogue, Segment, StoredMesh};
 
 /// Memory of a face of a cell while it is made, in bytes.
@@ -173,14 +173,14 @@ impl MeasuredMesh {
     ) -> Result<Self> {
         let Resources { threads, work_bytes, scan: scan_options } = *resources;
         let inputs = scan::find_inputs(input)?;
-        let size = |path: &PathBuf| path.metadata().map_or(0, |meta| meta.len());
         let manifest = Manifest {
-            format: FORMAT_VERSION,
             program: env!("CARGO_PKG_VERSION").to_owned(),
             options: "compare".to_owned(),
-            inputs: inputs.iter().map(|path| (path.clone(), size(path))).collect(),
+            inputs: inputs.iter().map(|path| InputFile::of(path)).collect::<Result<_>>()?,
+            passes: 1,
+            began: 0,
         };
-        let work = WorkFolder::open(folder, &manifest)?;
+        let work = WorkFolder::open(folder, &manifest, Resume::Auto)?;
         let Scan { mesh, catalogue, mut findings, .. } = scan::scan(&inputs, work.path(), &scan_options, progress)?;
         let pictures = Pictures::find(&catalogue, &mut findings);
         let partition_options =
@@ -230,7 +230,7 @@ impl MeasuredMesh {
         }
         let (cells, volume) = writer.finish()?;
         let tallied = tallies.finish(|ids| gather(&partition.numbering.positions, ids))?;
-        partition.remove();
+        partition.files().for_each(|path| _ = std::fs::remove_file(path));
         remove_columns(&mesh);
         Ok(Self {
             bounds: cells.iter().fold(Bounds::EMPTY, |all, cell| all.with(cell.bounds)),

@@ -1,0 +1,169 @@
+//! `drystone status`: what is done and what is left of a job.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use clap::Args;
+use serde::Serialize;
+
+use super::print::{print, print_json};
+use crate::base::error::escape_path;
+use crate::base::{Result, bytes};
+use crate::job::{Entry, Record, Step, WorkStatus, look};
+use crate::report::grouped;
+
+/// Arguments of `drystone status`.
+#[derive(Debug, Args)]
+pub struct StatusArguments {
+    /// Work folder: OUTPUT.work beside the output, or what --work named
+    workdir: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// What a job has done.
+#[derive(Debug, Serialize)]
+struct JobStatus {
+    /// Whether a process works on it.
+    running: bool,
+    /// Seconds since it was begun, in all and by the process that began last.
+    seconds: u64,
+    seconds_of_process: u64,
+    /// Processes that worked on it.
+    processes: u64,
+    /// Input files, and their bytes.
+    input_files: usize,
+    input_bytes: u64,
+    /// Triangles of the input, once it is scanned.
+    triangles: Option<u64>,
+    /// Passes asked for; more may follow.
+    passes: u64,
+    /// Passes that are done.
+    passes_done: u64,
+    /// Triangles after the last of them.
+    triangles_left: Option<u64>,
+    /// The pass under way, once its partition is done.
+    pass: Option<PassStatus>,
+    /// Whether the result is written.
+    written: bool,
+    /// Why the last process ended early, if it said so.
+    last_error: Option<String>,
+    /// Bytes in the work folder.
+    bytes: u64,
+}
+
+/// The pass under way.
+#[derive(Debug, Serialize)]
+struct PassStatus {
+    /// Counted from 1.
+    number: u32,
+    /// Clusters in all, and those that are done.
+    clusters: u64,
+    clusters_done: u64,
+    /// Triangles of the clusters that are done, before they were simplified.
+    triangles_done: u64,
+}
+
+/// Prints the status.
+///
+/// # Errors
+/// Those of [`look`].
+pub fn run(arguments: &StatusArguments) -> Result<u8> {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+    let status = JobStatus::of(&look(&arguments.workdir)?, now);
+    match arguments.json {
+        true => print_json(&status)?,
+        false => print(&status.table(&arguments.workdir)),
+    }
+    Ok(0)
+}
+
+impl JobStatus {
+    fn of(work: &WorkStatus, now: u64) -> Self {
+        let mut status = Self {
+            running: work.is_running,
+            seconds: now.saturating_sub(work.manifest.began),
+            seconds_of_process: 0,
+            processes: 0,
+            input_files: work.manifest.inputs.len(),
+            input_bytes: work.manifest.inputs.iter().map(|file| file.bytes).sum(),
+            triangles: None,
+            passes: work.manifest.passes,
+            passes_done: 0,
+            triangles_left: None,
+            pass: None,
+            written: false,
+            last_error: None,
+            bytes: work.bytes,
+        };
+        for entry in &work.entries {
+            match entry {
+                Entry::Began { time } => {
+                    status.processes += 1;
+                    status.seconds_of_process = now.saturating_sub(*time);
+                    status.last_error = None;
+                }
+                Entry::Failed { message, .. } => status.last_error = Some(message.clone()),
+                Entry::Kept(record) => status.see(record),
+            }
+        }
+        status
+    }
+
+    fn see(&mut self, record: &Record) {
+        match record.step {
+            Step::Scan => self.triangles = Some(record.amount),
+            Step::Cut { pass } => {
+                let clusters = record.amount;
+                self.pass = Some(PassStatus { number: pass + 1, clusters, clusters_done: 0, triangles_done: 0 });
+            }
+            Step::Plan { attempt: 1.., .. } => {
+                if let Some(pass) = &mut self.pass {
+                    (pass.clusters_done, pass.triangles_done) = (0, 0);
+                }
+            }
+            Step::Cluster { .. } => {
+                if let Some(pass) = &mut self.pass {
+                    pass.clusters_done += 1;
+                    pass.triangles_done += record.amount;
+                }
+            }
+            Step::Pass { pass } => {
+                self.passes_done = u64::from(pass) + 1;
+                self.triangles_left = Some(record.amount);
+                self.pass = None;
+            }
+            Step::Written => self.written = true,
+            Step::Input | Step::Sample { .. } | Step::Census | Step::Plan { .. } | Step::Trial { .. } => {}
+        }
+    }
+
+    fn table(&self, path: &Path) -> String {
+        let mut text = format!("{}: ", escape_path(path));
+        let _ = match self.running {
+            true => writeln!(text, "a process works on it since {} s", self.seconds_of_process),
+            false => writeln!(text, "no process works on it; the command that began it goes on"),
+        };
+        let files = if self.input_files == 1 { "file" } else { "files" };
+        let input = bytes::display(self.input_bytes);
+        let _ = writeln!(text, "begun      {} s ago, by {} process(es) so far", self.seconds, self.processes);
+        let _ = match self.triangles {
+            Some(triangles) => writeln!(text, "scan       done: {} triangles in {input}", grouped(triangles)),
+            None => writeln!(text, "scan       of {} {files}, {input}: not done", self.input_files),
+        };
+        let left = self.triangles_left.map_or(String::new(), |left| format!(", {} triangles left", grouped(left)));
+        let _ = writeln!(text, "passes     {} done of {} or more{left}", self.passes_done, self.passes);
+        if let Some(pass) = &self.pass {
+            let _ =
+                writeln!(text, "pass {}     {} of {} clusters done", pass.number, pass.clusters_done, pass.clusters);
+        }
+        let _ = writeln!(text, "result     {}", if self.written { "written" } else { "not written" });
+        if let Some(error) = &self.last_error {
+            let _ = writeln!(text, "last error {error}");
+        }
+        let _ = writeln!(text, "space      {}", bytes::display(self.bytes));
+        text
+    }
+}

@@ -1,0 +1,91 @@
+//! Values as bytes and back: bincode in its standard configuration, with a limit on what is allocated.
+//!
+//! A decoder takes counts from the bytes that it decodes. The limit grows with the number of bytes at hand, so that a
+//! forged count ends in an error instead of an allocation.
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+/// Bytes of memory for each encoded byte, at least: a varint of one byte may stand for eight.
+const GROWTH: usize = 16;
+
+/// A value's bytes.
+///
+/// # Errors
+/// In words, if the value cannot be encoded.
+pub fn encode<T: Serialize>(value: &T) -> Result<Vec<u8>, String> {
+    bincode::serde::encode_to_vec(value, bincode::config::standard()).map_err(|e| e.to_string())
+}
+
+/// The value that all of `bytes` stand for.
+///
+/// # Errors
+/// In words, if they stand for none, or for one beyond the limit.
+pub fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {
+    let config = bincode::config::standard();
+    const MIB: usize = 1 << 20;
+    let decoded = match bytes.len().saturating_mul(GROWTH) / MIB {
+        0 => bincode::serde::decode_from_slice(bytes, config.with_limit::<MIB>()),
+        1..16 => bincode::serde::decode_from_slice(bytes, config.with_limit::<{ 16 * MIB }>()),
+        16..256 => bincode::serde::decode_from_slice(bytes, config.with_limit::<{ 256 * MIB }>()),
+        _ => bincode::serde::decode_from_slice(bytes, config.with_limit::<{ 4096 * MIB }>()),
+    };
+    match decoded {
+        Ok((value, used)) if used == bytes.len() => Ok(value),
+        Ok((_, used)) => Err(format!("{} bytes are left over", bytes.len() - used)),
+        Err(error) => Err(error.to_string()),
+    }
+}
+
+/// Paths as bytes, since a path need not be UTF-8.
+pub mod path {
+    use std::path::{Path, PathBuf};
+
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    /// Writes a path.
+    ///
+    /// # Errors
+    /// The serializer's.
+    pub fn serialize<S: Serializer>(path: &Path, serializer: S) -> Result<S::Ok, S::Error> {
+        path.as_os_str().as_encoded_bytes().serialize(serializer)
+    }
+
+    /// Reads a path.
+    ///
+    /// # Errors
+    /// The deserializer's.
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<PathBuf, D::Error> {
+        Ok(from_bytes(Vec::deserialize(deserializer)?))
+    }
+
+    #[cfg(unix)]
+    fn from_bytes(bytes: Vec<u8>) -> PathBuf {
+        use std::os::unix::ffi::OsStringExt;
+        std::ffi::OsString::from_vec(bytes).into()
+    }
+
+    #[cfg(not(unix))]
+    fn from_bytes(bytes: Vec<u8>) -> PathBuf {
+        String::from_utf8_lossy(&bytes).into_owned().into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_forged_count_is_refused_before_it_is_allocated() {
+        let mut bytes = encode(&vec![7u64; 3]).unwrap();
+        assert_eq!(decode::<Vec<u64>>(&bytes), Ok(vec![7; 3]));
+        bytes.splice(0..1, [253, 0xff, 0xff, 0xff, 0xff, 0xff, 0, 0, 0]);
+        assert!(decode::<Vec<u64>>(&bytes).is_err());
+        assert!(decode::<String>(&bytes).is_err());
+    }
+
+    #[test]
+    fn bytes_behind_the_value_are_an_error() {
+        assert!(decode::<u8>(&[7, 7]).unwrap_err().contains("left over"));
+    }
+}

@@ -1,0 +1,82 @@
+//! The header that every file of the work folder begins with.
+//!
+//! ```text
+//! 0        8        16      20      24       32         40                64
+//! | magic  | kind   | vers. | size  | count  | checksum | zeros            | records, little-endian …
+//! ```
+//!
+//! The checksum covers everything after the header, so a file is known by its length and its first 64 bytes.
+
+/// Bytes of the header that every file of the work folder begins with.
+pub const HEADER_BYTES: u64 = 64;
+const MAGIC: [u8; 8] = *b"drystone";
+/// Version of the work folder's files.
+pub const FORMAT_VERSION: u32 = 2;
+
+#[cfg(target_endian = "big")]
+compile_error!("drystone's files are little-endian and are mapped as they are: big-endian machines are not supported");
+
+/// The header of a file of records.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Header {
+    /// What the records are, in ASCII, padded with blanks.
+    pub kind: [u8; 8],
+    /// Bytes of a record.
+    pub record_bytes: u32,
+    /// Number of records.
+    pub count: u64,
+    /// XXH3 of the records' bytes.
+    pub checksum: u64,
+}
+
+impl Header {
+    /// The 64 bytes.
+    pub fn encode(&self) -> [u8; HEADER_BYTES as usize] {
+        let mut bytes = [0; HEADER_BYTES as usize];
+        bytes[0..8].copy_from_slice(&MAGIC);
+        bytes[8..16].copy_from_slice(&self.kind);
+        bytes[16..20].copy_from_slice(&FORMAT_VERSION.to_le_bytes());
+        bytes[20..24].copy_from_slice(&self.record_bytes.to_le_bytes());
+        bytes[24..32].copy_from_slice(&self.count.to_le_bytes());
+        bytes[32..40].copy_from_slice(&self.checksum.to_le_bytes());
+        bytes
+    }
+
+    /// The version of the format that wrote the 64 bytes; nothing if they are no header.
+    pub fn version(bytes: &[u8; HEADER_BYTES as usize]) -> Option<u32> {
+        let version = u32::from_le_bytes([bytes[16], bytes[17], bytes[18], bytes[19]]);
+        (bytes[0..8] == MAGIC).then_some(version)
+    }
+
+    /// Reads the 64 bytes.
+    ///
+    /// # Errors
+    /// Says in words what does not fit.
+    pub fn decode(bytes: &[u8; HEADER_BYTES as usize]) -> Result<Self, String> {
+        let word = |at: usize| u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
+        let long = |at: usize| u64::from(word(at)) | u64::from(word(at + 4)) << 32;
+        if bytes[0..8] != MAGIC {
+            return Err("it does not begin with 'drystone'".into());
+        }
+        if word(16) != FORMAT_VERSION {
+            return Err(format!("its format is version {}, this program writes version {FORMAT_VERSION}", word(16)));
+        }
+        let mut kind = [0; 8];
+        kind.copy_from_slice(&bytes[8..16]);
+        Ok(Self { kind, record_bytes: word(20), count: long(24), checksum: long(32) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_header_of_another_version_is_refused() {
+        let header = Header { kind: *b"test    ", record_bytes: 8, count: 3, checksum: 9 };
+        let mut bytes = header.encode();
+        assert_eq!(Header::decode(&bytes), Ok(header));
+        bytes[16] = 77;
+        assert!(Header::decode(&bytes).unwrap_err().contains("version 77"));
+    }
+}

@@ -1,0 +1,202 @@
+//! What a job is: the options that shape its result, and its inputs.
+
+use std::fs::OpenOptions;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use xxhash_rust::xxh3::xxh3_64;
+
+use super::codec;
+use super::header::{FORMAT_VERSION, HEADER_BYTES, Header};
+use crate::base::error::escape_path;
+use crate::base::{Error, Result};
+use crate::os::durable::{DurableFile, no_links};
+
+/// A longer manifest is none of ours: 100,000 tiles take a tenth of it.
+const MANIFEST_BYTES_MAX: u64 = 64 << 20;
+
+/// What a work folder was made for.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// Version of the program.
+    pub program: String,
+    /// The options that shape the result, as `name: value` in braces, separated by commas.
+    pub options: String,
+    /// The input files, in order.
+    pub inputs: Vec<InputFile>,
+    /// Passes asked for.
+    pub passes: u64,
+    /// Seconds since 1970 when the job was begun.
+    pub began: u64,
+}
+
+/// An input file as the job found it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct InputFile {
+    /// Canonical path.
+    #[serde(with = "codec::path")]
+    pub path: PathBuf,
+    /// Length in bytes.
+    pub bytes: u64,
+}
+
+impl InputFile {
+    /// Looks at a file.
+    ///
+    /// # Errors
+    /// If it is not there.
+    pub fn of(path: &Path) -> Result<Self> {
+        let wrap = |e| Error::io(path, "open", e);
+        let bytes = path.metadata().map_err(wrap)?.len();
+        Ok(Self { path: path.canonicalize().map_err(wrap)?, bytes })
+    }
+}
+
+impl Manifest {
+    /// Writes it durably.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub(super) fn write(&self, path: &Path) -> Result<()> {
+        let bytes = codec::encode(self).map_err(|message| Error::Damaged { path: path.to_owned(), message })?;
+        let mut file = DurableFile::create(path, 4096)?;
+        file.write(&Self::header(&bytes).encode())?;
+        file.write(&bytes)?;
+        file.commit()?;
+        Ok(())
+    }
+
+    fn header(content: &[u8]) -> Header {
+        Header { kind: *b"manifest", record_bytes: 0, count: 1, checksum: xxh3_64(content) }
+    }
+
+    /// Reads it back.
+    ///
+    /// # Errors
+    /// [`Error::Changed`] if another version of the format wrote it, [`Error::Damaged`] if it is not what was written.
+    pub(super) fn read(path: &Path) -> Result<Self> {
+        let wrap = |e| Error::io(path, "read", e);
+        let damaged = |message: &str| Error::Damaged { path: path.to_owned(), message: format!("{message}; {AFRESH}") };
+        let mut options = OpenOptions::new();
+        let file = no_links(options.read(true)).open(path).map_err(wrap)?;
+        let mut bytes = Vec::new();
+        file.take(MANIFEST_BYTES_MAX).read_to_end(&mut bytes).map_err(wrap)?;
+        let Some((header, content)) = bytes.split_first_chunk::<{ HEADER_BYTES as usize }>() else {
+            return Err(damaged("it is cut short"));
+        };
+        let decoded = Header::decode(header);
+        if let Some(version) = Header::version(header).filter(|version| *version != FORMAT_VERSION) {
+            let folder = escape_path(path.parent().unwrap_or(path));
+            let message =
+                format!("{folder}: made by format {version}, this program has format {FORMAT_VERSION}; {AFRESH}");
+            return Err(Error::Changed(message));
+        }
+        match decoded {
+            Ok(header) if header == Self::header(content) => {
+                codec::decode(content).map_err(|message| damaged(&message))
+            }
+            Ok(_) => Err(damaged("its checksum does not match")),
+            Err(message) => Err(damaged(&message)),
+        }
+    }
+
+    /// What another job differs in, in words; nothing if it is the same job.
+    pub(super) fn differences(&self, new: &Self) -> Vec<String> {
+        let mut found = Vec::new();
+        let mut differ = |what: &str, old: &str, new: &str| {
+            if old != new {
+                found.push(format!("{what} was {old}, is {new}"));
+            }
+        };
+        differ("the program", &self.program, &new.program);
+        let (old_options, new_options) = (fields(&self.options), fields(&new.options));
+        for (name, value) in &new_options {
+            let old = old_options.iter().find(|(old, _)| old == name).map_or("absent", |(_, value)| value.as_str());
+            differ(&format!("--{}", name.replace('_', "-")), old, value);
+        }
+        let count = |manifest: &Self| format!("{} files", manifest.inputs.len());
+        differ("the input", &count(self), &count(new));
+        for (old, new) in self.inputs.iter().zip(&new.inputs) {
+            differ("an input", &escape_path(&old.path), &escape_path(&new.path));
+            if old.path == new.path {
+                let bytes = |input: &InputFile| format!("{} bytes long", input.bytes);
+                differ(&escape_path(&new.path), &bytes(old), &bytes(new));
+            }
+        }
+        found
+    }
+}
+
+/// How to go on where a work folder does not fit.
+pub(super) const AFRESH: &str = "--resume never starts afresh in it, --work DIR leaves it alone";
+
+/// Names and values of `Options { a: 1, b: Some(2.5), c: Word }`, `Some` and `None` in plain words.
+fn fields(text: &str) -> Vec<(String, String)> {
+    let inner = text.split_once('{').map_or(text, |(_, inner)| inner).trim_end_matches(['}', ' ']);
+    let (mut depth, mut start, mut parts) = (0i32, 0, Vec::new());
+    for (at, c) in inner.char_indices() {
+        match c {
+            '(' | '[' | '{' => depth += 1,
+            ')' | ']' | '}' => depth -= 1,
+            ',' if depth == 0 => {
+                parts.push(&inner[start..at]);
+                start = at + 1;
+            }
+            _ => {}
+        }
+    }
+    parts.push(&inner[start..]);
+    let plain = |value: &str| {
+        let value = value.trim();
+        let inside = value.strip_prefix("Some(").and_then(|value| value.strip_suffix(')')).unwrap_or(value);
+        if inside == "None" { "absent".to_owned() } else { inside.to_owned() }
+    };
+    let pairs = parts.into_iter().filter_map(|part| part.split_once(':'));
+    pairs.map(|(name, value)| (name.trim().to_owned(), plain(value))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn manifest(options: &str) -> Manifest {
+        let inputs = vec![InputFile { path: "/data/city.obj".into(), bytes: 9 }];
+        Manifest { program: "0.1.0".into(), options: options.into(), inputs, passes: 3, began: 1 }
+    }
+
+    #[test]
+    fn differences_are_told_in_the_words_of_the_command_line() {
+        let old = manifest("Options { ratio: Some(0.1), faces: None, cluster_faces: 250000, seams: Stitch }");
+        let mut new = manifest("Options { ratio: None, faces: Some(7), cluster_faces: 250000, seams: Lock }");
+        new.inputs[0].bytes = 10;
+        new.began = 2;
+        let expected = [
+            "--ratio was 0.1, is absent",
+            "--faces was absent, is 7",
+            "--seams was Stitch, is Lock",
+            "/data/city.obj was 9 bytes long, is 10 bytes long",
+        ];
+        assert_eq!(old.differences(&new), expected);
+        assert!(old.differences(&old).is_empty());
+    }
+
+    #[test]
+    fn a_manifest_comes_back_or_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("manifest.bin");
+        manifest("{}").write(&path).unwrap();
+        assert_eq!(Manifest::read(&path).unwrap(), manifest("{}"));
+        let whole = std::fs::read(&path).unwrap();
+        for at in (0..40).chain(64..whole.len()) {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 4;
+            std::fs::write(&path, bytes).unwrap();
+            let error = Manifest::read(&path).unwrap_err();
+            let expected = if (16..20).contains(&at) { 5 } else { 8 };
+            assert_eq!(error.exit_code(), expected, "byte {at}: {error}");
+        }
+        std::fs::write(&path, b"drystone-job\n").unwrap();
+        assert_eq!(Manifest::read(&path).unwrap_err().exit_code(), 8);
+    }
+}

@@ -1,0 +1,145 @@
+//! What is remembered of a finished file, so that it can be verified before it is trusted again.
+
+use std::fs::{self, File};
+use std::io::{ErrorKind, Read};
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use xxhash_rust::xxh3::{Xxh3, xxh3_64};
+
+use super::header::{HEADER_BYTES, Header};
+use crate::base::{Error, Result};
+
+const READ_BYTES: usize = 256 << 10;
+
+/// A file of the work folder: its name, its length, and its first 64 bytes, which hold the checksum of the rest.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Stamp {
+    name: String,
+    bytes: u64,
+    /// XXH3 of the header.
+    header: u64,
+}
+
+/// What became of a file since it was stamped.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Condition {
+    /// It holds what was written.
+    Whole,
+    /// It is not there: removed when it was no longer needed, or by somebody else.
+    Gone,
+    /// It holds something else; says what.
+    Damaged(String),
+}
+
+impl Stamp {
+    /// Stamps a file that has just been committed.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn of(path: &Path) -> Result<Self> {
+        let wrap = |e| Error::io(path, "read", e);
+        let mut file = File::open(path).map_err(wrap)?;
+        let mut header = [0; HEADER_BYTES as usize];
+        file.read_exact(&mut header).map_err(wrap)?;
+        let bytes = file.metadata().map_err(wrap)?.len();
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(Self { name, bytes, header: xxh3_64(&header) })
+    }
+
+    /// The file's name in the work folder.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Reads the whole file and compares.
+    ///
+    /// # Errors
+    /// If it is there and cannot be read.
+    pub fn verify(&self, folder: &Path) -> Result<Condition> {
+        let path = folder.join(&self.name);
+        let damaged = |what: &str| Ok(Condition::Damaged(what.to_owned()));
+        if !is_file_name(&self.name) {
+            return damaged("the journal names a file outside the work folder");
+        }
+        let found = match fs::symlink_metadata(&path) {
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Condition::Gone),
+            found => found.map_err(|e| Error::io(&path, "read", e))?,
+        };
+        if !found.is_file() {
+            return damaged("not a regular file");
+        }
+        if found.len() != self.bytes {
+            return Ok(Condition::Damaged(format!("{} bytes were written, it has {}", self.bytes, found.len())));
+        }
+        let mut file = File::open(&path).map_err(|e| Error::io(&path, "open", e))?;
+        let mut header = [0; HEADER_BYTES as usize];
+        file.read_exact(&mut header).map_err(|e| Error::io(&path, "read", e))?;
+        if xxh3_64(&header) != self.header {
+            return damaged("its header is not the one that was written");
+        }
+        let expected = match Header::decode(&header) {
+            Ok(header) => header.checksum,
+            Err(message) => return Ok(Condition::Damaged(message)),
+        };
+        let mut hash = Xxh3::new();
+        let mut buffer = vec![0; READ_BYTES];
+        loop {
+            match file.read(&mut buffer) {
+                Ok(0) => break,
+                Ok(count) => hash.update(&buffer[..count]),
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) => return Err(Error::io(&path, "read", error)),
+            }
+        }
+        if hash.digest() == expected { Ok(Condition::Whole) } else { damaged("its checksum does not match") }
+    }
+}
+
+/// Whether a name stands for a file in a folder itself: no separators, no way up.
+pub fn is_file_name(name: &str) -> bool {
+    !name.is_empty() && name != "." && name != ".." && !name.contains(['/', '\\', '\0'])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn file(path: &Path, content: &[u8]) -> Stamp {
+        let header = Header { kind: *b"test    ", record_bytes: 1, count: 4, checksum: xxh3_64(content) };
+        fs::write(path, [&header.encode(), content].concat()).unwrap();
+        Stamp::of(path).unwrap()
+    }
+
+    #[test]
+    fn any_change_of_a_stamped_file_is_seen() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.col");
+        let stamp = file(&path, b"four");
+        assert_eq!(stamp.verify(folder.path()).unwrap(), Condition::Whole);
+        let whole = fs::read(&path).unwrap();
+        for at in 0..whole.len() {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 1;
+            fs::write(&path, bytes).unwrap();
+            assert!(matches!(stamp.verify(folder.path()).unwrap(), Condition::Damaged(_)), "byte {at}");
+        }
+        for length in [0, 63, whole.len() - 1] {
+            fs::write(&path, &whole[..length]).unwrap();
+            assert!(matches!(stamp.verify(folder.path()).unwrap(), Condition::Damaged(_)), "{length} bytes");
+        }
+        file(&path, b"five");
+        assert!(matches!(stamp.verify(folder.path()).unwrap(), Condition::Damaged(_)));
+        fs::remove_file(&path).unwrap();
+        assert_eq!(stamp.verify(folder.path()).unwrap(), Condition::Gone);
+    }
+
+    #[test]
+    fn a_name_that_leaves_the_folder_is_never_opened() {
+        let folder = tempfile::tempdir().unwrap();
+        let outside = folder.path().join("secret");
+        let stamp = Stamp { name: "../secret".into(), ..file(&outside, b"four") };
+        fs::create_dir(folder.path().join("work")).unwrap();
+        assert!(matches!(stamp.verify(&folder.path().join("work")).unwrap(), Condition::Damaged(_)));
+    }
+}

@@ -1,0 +1,162 @@
+use super::*;
+
+fn manifest() -> Manifest {
+    let (program, options) = ("0".into(), "Options { ratio: Some(0.1) }".into());
+    Manifest { program, options, inputs: Vec::new(), passes: 3, began: 0 }
+}
+
+fn open(path: &Path, resume: Resume) -> Result<WorkFolder> {
+    WorkFolder::open(path, &manifest(), resume)
+}
+
+/// A folder with the steps `Scan` (a file and a large value) and `Pass` 0 (a small value), left by a killed job.
+fn left_over(path: &Path) {
+    let job = open(path, Resume::Auto).unwrap();
+    let file = path.join("scan-0-positions.col");
+    fs::rename(path.join(write_value(&path.join("scan-x.state"), b"positions").unwrap().name()), &file).unwrap();
+    job.keep(Step::Scan, 5, [file.as_path()], &vec![7u32; 5000]).unwrap();
+    job.keep(Step::Pass { pass: 0 }, 3, [], &(1u8, 2u8)).unwrap();
+}
+
+#[test]
+fn a_folder_is_removed_with_its_job_and_locked_while_it_runs() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    let job = open(&path, Resume::Auto).unwrap();
+    assert!(matches!(open(&path, Resume::Auto), Err(Error::Locked(_))));
+    job.finish(false).unwrap();
+    assert!(!path.exists());
+}
+
+#[test]
+fn steps_of_a_killed_job_are_recalled() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    left_over(&path);
+    fs::write(path.join("pass-0-cluster-000001.piece.tmp"), "cut sho").unwrap();
+    let job = open(&path, Resume::Require).unwrap();
+    assert!(job.is_resumed());
+    assert_eq!(job.latest().collect::<Vec<_>>(), [Step::Pass { pass: 0 }, Step::Scan]);
+    assert_eq!(job.recall::<Vec<u32>>(Step::Scan).unwrap(), Some(vec![7; 5000]));
+    assert_eq!(job.recall::<(u8, u8)>(Step::Pass { pass: 0 }).unwrap(), Some((1, 2)));
+    assert_eq!(job.recall::<u8>(Step::Written).unwrap(), None);
+    assert!(!path.join("pass-0-cluster-000001.piece.tmp").exists());
+}
+
+#[test]
+fn a_damaged_step_is_forgotten_or_refused() {
+    for name in ["scan-0-positions.col", "scan-mesh.state"] {
+        let parent = tempfile::tempdir().unwrap();
+        let path = parent.path().join("work");
+        left_over(&path);
+        let mut bytes = fs::read(path.join(name)).unwrap();
+        *bytes.last_mut().unwrap() ^= 1;
+        fs::write(path.join(name), bytes).unwrap();
+        let job = open(&path, Resume::Auto).unwrap();
+        assert_eq!(job.recall::<Vec<u32>>(Step::Scan).unwrap(), None);
+        assert!(job.take_damage()[0].contains(name));
+        drop(job);
+        let job = open(&path, Resume::Require).unwrap();
+        assert!(matches!(job.recall::<Vec<u32>>(Step::Scan), Err(Error::Damaged { .. })));
+    }
+}
+
+#[test]
+fn another_job_is_refused_and_left_alone_unless_it_may_go() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    left_over(&path);
+    let other = Manifest { options: "Options { ratio: Some(0.2) }".into(), ..manifest() };
+    let error = WorkFolder::open(&path, &other, Resume::Auto).unwrap_err();
+    assert_eq!(error.exit_code(), 5);
+    assert!(error.to_string().contains("--ratio was 0.1, is 0.2"), "{error}");
+    assert!(path.join("scan-0-positions.col").exists());
+    let job = WorkFolder::open(&path, &other, Resume::Never).unwrap();
+    assert!(!job.is_resumed() && !path.join("scan-0-positions.col").exists());
+}
+
+#[test]
+fn nothing_to_go_on_with_is_an_error_only_if_that_is_required() {
+    let parent = tempfile::tempdir().unwrap();
+    assert_eq!(open(&parent.path().join("work"), Resume::Require).unwrap_err().exit_code(), 5);
+    assert!(!open(&parent.path().join("work"), Resume::Auto).unwrap().is_resumed());
+}
+
+#[test]
+fn what_is_no_longer_needed_goes_and_the_rest_is_still_recalled() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    left_over(&path);
+    let job = open(&path, Resume::Auto).unwrap();
+    job.retain([], &[Step::Pass { pass: 0 }]).unwrap();
+    assert!(!path.join("scan-0-positions.col").exists());
+    job.keep(Step::Pass { pass: 1 }, 1, [], &()).unwrap();
+    drop(job);
+    let job = open(&path, Resume::Auto).unwrap();
+    assert_eq!(job.recall::<Vec<u32>>(Step::Scan).unwrap(), None);
+    assert_eq!(job.recall::<()>(Step::Pass { pass: 1 }).unwrap(), Some(()));
+    assert!(job.take_damage().is_empty());
+}
+
+#[test]
+fn a_job_that_kept_nothing_leaves_no_folder() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    let job = open(&path, Resume::Auto).unwrap();
+    job.note_failure(&Error::Limit("of patience".into()));
+    drop(job);
+    assert!(!path.exists());
+}
+
+#[test]
+fn a_folder_left_by_a_killed_job_goes_with_the_next_one() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    left_over(&path);
+    open(&path, Resume::Auto).unwrap().finish(false).unwrap();
+    assert!(!path.exists());
+}
+
+#[test]
+fn an_empty_folder_of_the_user_stays() {
+    let parent = tempfile::tempdir().unwrap();
+    open(parent.path(), Resume::Auto).unwrap().finish(false).unwrap();
+    assert!(parent.path().exists());
+}
+
+#[test]
+fn a_folder_with_foreign_files_is_refused_and_left_alone() {
+    for name in ["thesis.txt", "scan-of-my-passport.pdf"] {
+        let parent = tempfile::tempdir().unwrap();
+        fs::write(parent.path().join(name), "years of work").unwrap();
+        assert!(matches!(open(parent.path(), Resume::Never), Err(Error::Usage(_))));
+        assert!(parent.path().join(name).exists());
+    }
+}
+
+#[test]
+fn a_damaged_manifest_is_an_error_and_a_damaged_journal_is_not() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    left_over(&path);
+    fs::write(path.join(JOURNAL), "torn").unwrap();
+    assert!(!open(&path, Resume::Auto).unwrap().is_resumed());
+    left_over(&path);
+    fs::write(path.join(MANIFEST), "torn").unwrap();
+    assert_eq!(open(&path, Resume::Auto).unwrap_err().exit_code(), 8);
+    assert!(open(&path, Resume::Never).is_ok());
+}
+
+#[test]
+fn a_job_can_be_looked_at_while_it_runs() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    left_over(&path);
+    let job = open(&path, Resume::Auto).unwrap();
+    let status = look(&path).unwrap();
+    assert!(status.is_running && status.bytes > 0);
+    let kept = |entry: &&Entry| matches!(entry, Entry::Kept(_));
+    assert_eq!(status.entries.iter().filter(kept).count(), 2);
+    drop(job);
+    assert!(!look(&path).unwrap().is_running);
+}

@@ -1,0 +1,134 @@
+//! The input of a job: scanned, or recalled from an earlier process and compared with the files.
+//!
+//! In: the OBJ files, the work folder. Out: what the input holds beside geometry, and where the passes begin. Invariant:
+//! nothing that an earlier process kept is used before the content of every file that it follows from has been
+//! compared.
+
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use serde::{Deserialize, Serialize};
+
+use super::need::Need;
+use crate::base::ordered::map_in_order;
+use crate::base::{Findings, Progress, Result};
+use crate::job::{Manifest, Step, WorkFolder, folder_bytes};
+use crate::options::{SimplifyOptions, TextureFiles};
+use crate::scan::fingerprint::{self, Source};
+use crate::scan::{self, Scan, ScanOptions};
+use crate::stitch::Start;
+use crate::store::Catalogue;
+use crate::write;
+
+/// What the input holds beside geometry.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct Input {
+    /// Labels and materials.
+    pub(super) catalogue: Catalogue,
+    /// Triangles.
+    pub(super) triangles: u64,
+    /// What the scan ignored or repaired.
+    pub(super) findings: Findings,
+    /// Bytes of OBJ text.
+    pub(super) bytes: u64,
+    /// What the job needs.
+    pub(super) need: Need,
+    /// Hash of each OBJ.
+    content_hashes: Vec<u64>,
+    /// Material libraries.
+    libraries: Vec<Source>,
+    /// Textures.
+    textures: Vec<Source>,
+}
+
+/// How the input is read.
+pub(super) struct Reading<'a> {
+    /// OBJ file or folder.
+    pub(super) path: &'a Path,
+    /// When the process began.
+    pub(super) began: SystemTime,
+    /// OBJ files.
+    pub(super) inputs: &'a [PathBuf],
+    /// What the job is.
+    pub(super) manifest: &'a Manifest,
+    /// Options of the job.
+    pub(super) options: &'a SimplifyOptions,
+    /// How the scan uses the machine.
+    pub(super) scan: ScanOptions,
+    /// Hears how far it is.
+    pub(super) progress: &'a dyn Progress,
+}
+
+impl Reading<'_> {
+    /// Goes on with the job that the work folder holds, or scans the input.
+    ///
+    /// # Errors
+    /// [`Error::Changed`](crate::base::Error::Changed) if the input has changed since the job was begun; those of the scan.
+    pub(super) fn begin(&self, job: &mut WorkFolder) -> Result<(Input, Start)> {
+        if job.is_resumed() {
+            let recalled = self.recall(job)?;
+            job.take_damage().iter().for_each(|damage| self.progress.tell(damage));
+            if let Some((input, start)) = recalled {
+                self.progress.tell(&start.kept(job));
+                return Ok((input, start));
+            }
+            job.restart(self.manifest)?;
+        }
+        self.scan(job)
+    }
+
+    fn recall(&self, job: &WorkFolder) -> Result<Option<(Input, Start)>> {
+        let Some(mut input) = job.recall::<Input>(Step::Input)? else { return Ok(None) };
+        self.progress.begin("compare", input.bytes, "B");
+        let hashes = fingerprint::content_hashes(self.inputs, self.scan.threads, self.progress)?;
+        for (path, (old, new)) in self.inputs.iter().zip(input.content_hashes.iter().zip(hashes)) {
+            if *old != new {
+                return Err(fingerprint::changed(path, "has changed"));
+            }
+        }
+        let paths = |sources: &[Source]| sources.iter().map(|source| source.path.clone()).collect();
+        let libraries = self.libraries(paths(&input.libraries));
+        let textures = self.textures(paths(&input.textures))?;
+        let old = input.libraries.iter().chain(&input.textures);
+        for (old, new) in old.zip(libraries.iter().chain(&textures)) {
+            if let Some(what) = old.difference(new) {
+                return Err(fingerprint::changed(&old.path, what));
+            }
+        }
+        input.catalogue.files = self.inputs.to_vec();
+        Ok(Start::recall(job)?.map(|start| (input, start)))
+    }
+
+    fn scan(&self, job: &WorkFolder) -> Result<(Input, Start)> {
+        let scanned = scan::scan(self.inputs, job.path(), &self.scan, self.progress)?;
+        let Scan { mesh, catalogue, triangles, findings, input_bytes, content_hashes, libraries } = scanned;
+        let textures = self.textures(write::texture_paths(&catalogue).into_iter().collect())?;
+        let (libraries, need) = (self.libraries(libraries), Need::of(&mesh, &catalogue));
+        let input =
+            Input { catalogue, triangles, findings, bytes: input_bytes, need, content_hashes, libraries, textures };
+        job.keep(Step::Input, triangles, [], &input)?;
+        job.keep(Step::Scan, triangles, mesh.files(), &mesh)?;
+        let mut start = Start::from(mesh);
+        start.state.scratch_peak = folder_bytes(job.path());
+        Ok((input, start))
+    }
+
+    fn libraries(&self, paths: Vec<PathBuf>) -> Vec<Source> {
+        paths.iter().map(|path| Source::of(path)).collect()
+    }
+
+    /// Textures count by their content where they are copied, and by whether they are there otherwise.
+    fn textures(&self, paths: Vec<PathBuf>) -> Result<Vec<Source>> {
+        let mut sources = Vec::with_capacity(paths.len());
+        let look = |path: PathBuf| {
+            self.progress.check_stopped()?;
+            let is_copied = self.options.textures == TextureFiles::Copy;
+            Ok(if is_copied { Source::of(&path) } else { Source::presence(&path) })
+        };
+        map_in_order(paths.into_iter(), self.scan.threads, 4 * self.scan.threads, look, |source| {
+            sources.push(source);
+            Ok(())
+        })?;
+        Ok(sources)
+    }
+}

@@ -1,0 +1,146 @@
+//! Fingerprints of what a result follows from, so that a job which goes on later can tell whether it has changed.
+//!
+//! In: OBJ files, material libraries, textures. Out: hashes of their contents; dates and places do not count. An OBJ is hashed
+//! chunk by chunk, as the scan does on its way.
+//!
+//! # Memory
+//! A chunk for each thread.
+
+use std::fs::{self, File};
+use std::io::{ErrorKind, Read};
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use xxhash_rust::xxh3::{Xxh3, xxh3_64};
+
+use super::chunk::{CHUNK_BYTES, Cutter};
+use crate::base::ordered::map_in_order;
+use crate::base::{Error, Progress, Result};
+use crate::job::codec;
+
+const READ_BYTES: usize = 256 << 10;
+
+/// A file beside the OBJ that the result follows from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Source {
+    /// Absolute path.
+    #[serde(with = "codec::path")]
+    pub path: PathBuf,
+    /// Length in bytes and XXH3 of the content; nothing if it is no regular file that can be read.
+    pub content: Option<(u64, u64)>,
+}
+
+impl Source {
+    /// Looks at a file and reads it.
+    pub fn of(path: &Path) -> Self {
+        let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        Self { content: content(path).ok(), path: absolute }
+    }
+
+    /// Looks whether a file is there.
+    pub fn presence(path: &Path) -> Self {
+        let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        let is_there = fs::metadata(path).is_ok_and(|found| found.is_file());
+        Self { path: absolute, content: is_there.then_some((0, 0)) }
+    }
+
+    /// What has become different since, in words.
+    pub fn difference(&self, now: &Self) -> Option<&'static str> {
+        match (self.content, now.content) {
+            (old, new) if old == new => None,
+            (Some(_), None) => Some("is missing now"),
+            (None, Some(_)) => Some("was missing and is there now"),
+            _ => Some("has changed"),
+        }
+    }
+}
+
+/// Length and XXH3 of a regular file.
+///
+/// # Errors
+/// The system's; `InvalidInput` if it is no regular file.
+pub fn content(path: &Path) -> std::io::Result<(u64, u64)> {
+    if !fs::metadata(path)?.is_file() {
+        return Err(ErrorKind::InvalidInput.into());
+    }
+    let mut file = File::open(path)?;
+    let (mut length, mut hash) = (0, Xxh3::new());
+    let mut buffer = vec![0; READ_BYTES];
+    loop {
+        match file.read(&mut buffer) {
+            Ok(0) => return Ok((length, hash.digest())),
+            Ok(count) => {
+                length += count as u64;
+                hash.update(&buffer[..count]);
+            }
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+}
+
+/// The hash of each OBJ, as [`Scan::content_hashes`](super::Scan::content_hashes) has them.
+///
+/// # Errors
+/// If a file cannot be read; [`Error::Stopped`].
+pub fn content_hashes(inputs: &[PathBuf], threads: usize, progress: &dyn Progress) -> Result<Vec<u64>> {
+    let mut hashes = vec![0; inputs.len()];
+    let mut cutter = Cutter::new(inputs, CHUNK_BYTES);
+    map_in_order(
+        std::iter::from_fn(|| cutter.next()),
+        threads,
+        threads,
+        |(_, chunk)| {
+            progress.check_stopped()?;
+            let (chunk, mut text) = (chunk?, Vec::new());
+            chunk.read(&inputs[chunk.file_index], &mut text)?;
+            Ok((chunk.file_index, text.len() as u64, xxh3_64(&text)))
+        },
+        |(file, bytes, hash)| {
+            chain(&mut hashes[file], bytes, hash);
+            progress.advance(bytes);
+            Ok(())
+        },
+    )?;
+    Ok(hashes)
+}
+
+/// Adds a chunk to the hash of its file.
+pub(super) fn chain(file_hash: &mut u64, bytes: u64, hash: u64) {
+    let mut words = [0; 24];
+    for (place, word) in words.chunks_exact_mut(8).zip([*file_hash, bytes, hash]) {
+        place.copy_from_slice(&word.to_le_bytes());
+    }
+    *file_hash = xxh3_64(&words);
+}
+
+/// [`Error::Changed`] for a file of the input.
+pub fn changed(path: &Path, what: &str) -> Error {
+    let shown = crate::base::error::escape_path(path);
+    Error::Changed(format!(
+        "{shown}: {what} since the job was begun; --resume never starts afresh, --work DIR leaves the old job alone"
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::Silent;
+
+    #[test]
+    fn content_counts_and_dates_do_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mtl");
+        fs::write(&path, "newmtl a\n").unwrap();
+        let (was, inputs) = (Source::of(&path), [path.clone()]);
+        let hashes = content_hashes(&inputs, 2, &Silent).unwrap();
+        fs::write(&path, "newmtl a\n").unwrap();
+        assert_eq!(was.difference(&Source::of(&path)), None);
+        assert_eq!(content_hashes(&inputs, 1, &Silent).unwrap(), hashes);
+        fs::write(&path, "newmtl b\n").unwrap();
+        assert_eq!(was.difference(&Source::of(&path)), Some("has changed"));
+        assert_ne!(content_hashes(&inputs, 1, &Silent).unwrap(), hashes);
+        fs::remove_file(&path).unwrap();
+        assert_eq!(was.difference(&Source::of(&path)), Some("is missing now"));
+    }
+}

@@ -1,0 +1,135 @@
+//! What a run of passes carries from one pass to the next, and how a later process takes it up.
+//!
+//! In: the journal of a job. Out: where the passes go on: with the mesh after a pass, or with the partition of the pass
+//! that was under way; its finished clusters are found one by one.
+
+use serde::{Deserialize, Serialize};
+
+use super::outcome::{Floor, PassReport, PassSeconds};
+use super::pass::PassOutcome;
+use crate::base::{Findings, Result};
+use crate::cost::census::Census;
+use crate::job::{Step, WorkFolder};
+use crate::mesh::ClusterMesh;
+use crate::partition::{Partition, TextureScale};
+use crate::store::StoredMesh;
+
+/// The passes so far.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct PassState {
+    /// Number of the pass that comes next or is under way.
+    pub pass: usize,
+    /// The mesh that it begins with.
+    pub mesh: StoredMesh,
+    /// Patches of the mesh.
+    pub(super) sample: ClusterMesh,
+    /// Scales of texture coordinates, once they are known.
+    pub(super) scale: Option<TextureScale>,
+    /// Numbers of the whole mesh that the metric divides by, once they are known.
+    pub(super) census: Option<Census>,
+    /// Diagonal below which pieces are dropped in the next pass, if any are.
+    pub(super) crumb: Option<f64>,
+    /// What was repaired.
+    pub(super) findings: Findings,
+    /// What the passes did.
+    pub(super) reports: Vec<PassReport>,
+    /// Sum of the mean squared deviations.
+    pub(super) squared_error: f64,
+    /// Passes in a row that removed next to nothing.
+    pub(super) stuck: u32,
+    /// Faces of clusters that passed through in the last pass.
+    pub(super) passed_through: u64,
+    /// What stands in the way of further collapses.
+    pub(super) floor: Floor,
+    /// Whether the target is met.
+    pub(super) reached: bool,
+    /// Whether no pass follows.
+    pub(super) is_over: bool,
+    /// Time so far.
+    pub(super) seconds: PassSeconds,
+    /// Most bytes that the work folder held.
+    pub scratch_peak: u64,
+}
+
+impl PassState {
+    /// Takes the outcome of a pass.
+    pub(super) fn take(&mut self, mut outcome: PassOutcome) {
+        outcome.report.stages = outcome.stages.reports(self.squared_error);
+        self.mesh = outcome.mesh;
+        self.sample = outcome.sample;
+        self.squared_error += outcome.squared_error;
+        self.findings.count("degenerate_faces", outcome.degenerate);
+        self.findings.count("dropped_pieces", outcome.dropped_pieces);
+        self.findings.count("optimized_vertices", outcome.optimized);
+        self.findings.count("dropped_piece_faces", outcome.dropped_faces);
+        self.reports.push(outcome.report);
+        self.passed_through = outcome.passed_through;
+        self.floor = outcome.floor;
+    }
+}
+
+/// Where passes begin.
+#[derive(Debug)]
+pub struct Start {
+    /// The passes before.
+    pub state: PassState,
+    /// The partition of the pass that was under way.
+    pub(super) partition: Option<Partition>,
+}
+
+impl From<StoredMesh> for Start {
+    fn from(mesh: StoredMesh) -> Self {
+        Self { state: PassState { mesh, ..PassState::default() }, partition: None }
+    }
+}
+
+impl Start {
+    /// The latest state that an earlier process kept and that is whole, if there is one.
+    ///
+    /// # Errors
+    /// Those of [`WorkFolder::recall`].
+    pub fn recall(job: &WorkFolder) -> Result<Option<Self>> {
+        for step in job.latest() {
+            let found = match step {
+                Step::Cut { .. } => job.recall(step)?.map(|(state, partition)| (state, Some(partition))),
+                Step::Pass { .. } => job.recall(step)?.map(|state| (state, None)),
+                Step::Scan => {
+                    let begun = |mesh| (PassState { mesh, ..PassState::default() }, None);
+                    job.recall(step)?.map(begun)
+                }
+                _ => None,
+            };
+            let Some((mut state, mut partition)): Option<(PassState, Option<Partition>)> = found else { continue };
+            state.mesh.locate(job.path());
+            partition.iter_mut().for_each(|partition| partition.locate(job.path()));
+            return Ok(Some(Self { state, partition }));
+        }
+        Ok(None)
+    }
+
+    /// Whether the scratch space of the first pass is still to be taken.
+    pub fn needs_scratch(&self) -> bool {
+        self.state.pass == 0 && self.partition.is_none()
+    }
+
+    /// What is gone on with, in words.
+    pub fn kept(&self, job: &WorkFolder) -> String {
+        let pass = self.state.pass;
+        let of_pass = |step: &Step| matches!(step, Step::Cluster { pass: of, .. } if *of as usize == pass);
+        let clusters = job.latest().filter(of_pass).count();
+        let passes = match pass {
+            0 => "the scan".to_owned(),
+            1 => "the scan and 1 pass".to_owned(),
+            _ => format!("the scan and {pass} passes"),
+        };
+        let under_way = match (&self.partition, clusters) {
+            (None, _) => String::new(),
+            (Some(_), 0) => format!(", and the partition of pass {}", pass + 1),
+            (Some(partition), _) => {
+                let of = partition.filled_count();
+                format!(", and {clusters} of {of} clusters of pass {}", pass + 1)
+            }
+        };
+        format!("resumed: kept from before are {passes}{under_way}")
+    }
+}
