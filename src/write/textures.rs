@@ -170,12 +170,12 @@ impl TextureStage {
             let message = format!("{}: exists and differs; --force replaces it", escape_path(&target));
             return Err(Error::Usage(message));
         }
+        // NOTE: a left-over of a killed run may stand there; it is ours by its name.
+        let temporary = self.folder.join(path_of(&[&unique, b".drystone.tmp".as_slice()].concat()));
+        let _ = fs::remove_file(&temporary);
         if !same {
             self.make_folder()?;
-            let staged =
-                StagedFile { temporary: self.folder.join(format!("{}.drystone.tmp", self.staged.len())), target };
-            // NOTE: a left-over of a killed run may stand in the way; it is ours by its name.
-            let _ = fs::remove_file(&staged.temporary);
+            let staged = StagedFile { temporary, target };
             let linked = self.mode == Textures::Link
                 && (symlink(&link, &staged.temporary).is_ok() || fs::hard_link(source, &staged.temporary).is_ok());
             if !linked && let Err(error) = copy(file, &staged.temporary)? {
@@ -482,6 +482,20 @@ mod tests {
         refer(&mut stage, &folders, "a/wall.png");
         drop(stage);
         assert_eq!(fs::read_dir(&folders.output).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn what_a_killed_run_left_of_other_textures_goes() {
+        let folders = folders();
+        let textures = folders.output.join("city_textures");
+        fs::create_dir(&textures).unwrap();
+        fs::write(textures.join("wall.png"), "first").unwrap();
+        fs::write(textures.join("Wall_2.png.drystone.tmp"), "seco").unwrap();
+        let mut stage = stage(&folders, Textures::Copy);
+        refer(&mut stage, &folders, "a/wall.png");
+        refer(&mut stage, &folders, "b/Wall.png");
+        stage.commit().unwrap();
+        assert_eq!(fs::read_dir(textures).unwrap().count(), 2);
     }
 
     #[test]
