@@ -128,18 +128,19 @@ impl SurfaceCost {
             for vertex in vertices {
                 self.vertices[vertex as usize].add_quadratic(&quadric);
             }
-            self.add_chain_edges(mesh, rings, classes, face, normal);
+        }
+        for vertex in (0..classes.len() as u32).filter(|&vertex| classes[vertex as usize] != Class::Smooth) {
+            self.add_chain_edges(mesh, rings, classes, vertex);
         }
     }
 
-    /// Adds to the ends of the face's border and seam edges the planes through them, upright on the face.
-    fn add_chain_edges(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class], face: u32, normal: DVec3) {
-        let vertices = mesh.vertices(face);
-        for k in 0..3 {
-            let (a, b) = (vertices[k], vertices[(k + 1) % 3]);
-            let (class_a, class_b) = (classes[a as usize], classes[b as usize]);
-            let is_fixed = class_a == Class::Fixed && class_b == Class::Fixed;
-            if class_a == Class::Smooth || class_b == Class::Smooth || is_fixed {
+    /// Adds to the ends of the border and seam edges that lead on from a vertex the planes through them, upright on each
+    /// face.
+    fn add_chain_edges(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class], a: u32) {
+        for &corner in rings.of(a) {
+            let b = mesh.vertex_of(ClusterMesh::following(corner)[0]);
+            let class = classes[b as usize];
+            if class == Class::Smooth || (class == Class::Fixed && classes[a as usize] == Class::Fixed) {
                 continue;
             }
             let (few, many) = if rings.of(a).len() <= rings.of(b).len() { (a, b) } else { (b, a) };
@@ -149,7 +150,9 @@ impl SurfaceCost {
                 EdgeKind::Seam => self.weights.seam,
             };
             let (pa, pb) = (mesh.positions[a as usize], mesh.positions[b as usize]);
-            let Some(upright) = (pb - pa).cross(normal).try_normalize() else { continue };
+            let triangle = mesh.triangle(corner / 3);
+            let across = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]);
+            let Some(upright) = (pb - pa).cross(across).try_normalize() else { continue };
             let weight = (weight * (pb - pa).length_squared()) as f32;
             for end in [a, b] {
                 self.vertices[end as usize].add_plane(upright.as_vec3(), weight);

@@ -96,8 +96,16 @@ const RULES: [[Rule; 7]; 7] = {
 /// The class of every vertex; vertices without faces are [`Class::Fixed`].
 pub fn classify(mesh: &ClusterMesh, rings: &Rings, classes: &mut Vec<Class>) {
     classes.clear();
+    classes.resize(mesh.positions.len(), Class::Fixed);
+    reclassify(mesh, rings, classes);
+}
+
+/// The classes after legal collapses: those of vertices that were [`Class::Smooth`] are the same.
+pub fn reclassify(mesh: &ClusterMesh, rings: &Rings, classes: &mut [Class]) {
     let mut fan = Fan::default();
-    classes.extend((0..mesh.positions.len() as u32).map(|vertex| fan.class(mesh, rings, vertex)));
+    for (vertex, class) in classes.iter_mut().enumerate().filter(|(_, class)| **class != Class::Smooth) {
+        *class = fan.class(mesh, rings, vertex as u32);
+    }
 }
 
 /// The corner of one face around a vertex.
@@ -273,6 +281,18 @@ mod tests {
         let classes = classes_of(&mesh);
         let fixed: Vec<_> = (0..26).filter(|&v| classes[v] == Class::Fixed).collect();
         assert_eq!(fixed, [6, 7]);
+    }
+
+    #[test]
+    fn classes_after_collapses_are_those_of_the_mesh_as_it_stands() {
+        let mesh = samples::two_charts(8);
+        let (mut rings, mut classes) = (Rings::default(), Vec::new());
+        rings.build(&mesh);
+        classify(&mesh, &rings, &mut classes);
+        let before = classes.clone();
+        classes.iter_mut().filter(|class| **class == Class::Seam).for_each(|class| *class = Class::Fixed);
+        reclassify(&mesh, &rings, &mut classes);
+        assert_eq!(classes, before);
     }
 
     //  two triangles that share only a vertex

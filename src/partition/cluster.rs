@@ -11,6 +11,7 @@ use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::Partition;
+use super::ranks::Ranks;
 use crate::base::{Error, Result};
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::polygon;
@@ -214,12 +215,10 @@ fn pass_faces(
     }
     let texcoord_ids = texcoord_ids(&faces);
     let texcoords = gather_texcoords(mesh, &texcoord_ids)?;
+    let texcoord_ranks = Ranks::new(&texcoord_ids);
     for face in &mut faces {
         face.vertices = face.vertices.map(|id| partition.faces.shared.rank(id));
-        face.texcoords = face.texcoords.map(|id| match id {
-            NO_TEXCOORD => id,
-            id => texcoord_ids.partition_point(|&other| other < id) as u32,
-        });
+        face.texcoords = face.texcoords.map(|id| if id == NO_TEXCOORD { id } else { texcoord_ranks.of(id) });
     }
     let colours = partition.numbering.colours.is_some().then_some(&[][..]);
     let piece = match faces.is_empty() {
@@ -231,6 +230,7 @@ fn pass_faces(
 
 impl ClusterSource {
     fn add_faces(&mut self, faces: &[Face], texcoord_ids: &[u32], catalogue: &Catalogue, scale: &TextureScale) {
+        let ranks = Ranks::new(texcoord_ids);
         let mesh = &mut self.mesh;
         mesh.corners.reserve_exact(faces.len());
         mesh.parts.reserve_exact(faces.len());
@@ -246,7 +246,7 @@ impl ClusterSource {
             let scale = scale.of(catalogue, face.part);
             let mut corners = [0; 3];
             for ((corner, vertex), id) in corners.iter_mut().zip(face.vertices).zip(face.texcoords) {
-                let index = if id == NO_TEXCOORD { id } else { texcoord_ids.partition_point(|&t| t < id) as u32 };
+                let index = if id == NO_TEXCOORD { id } else { ranks.of(id) };
                 let uv = self.texcoords.get(index as usize).map_or(DVec2::NAN, |&uv| uv * scale);
                 let same = |w: u32| {
                     gathered_material(&gathered, w) == material

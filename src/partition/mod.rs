@@ -25,6 +25,7 @@ pub mod cells;
 pub mod cluster;
 pub mod faces;
 pub mod numbering;
+mod ranks;
 pub mod scatter;
 pub mod texcoords;
 pub mod weight;

@@ -17,7 +17,7 @@ use super::witness::Witnesses;
 use crate::cost::census::Census;
 use crate::cost::surface::EdgeKind;
 use crate::cost::{EdgeCase, Metric};
-use crate::mesh::class::{Class, Rule, classify};
+use crate::mesh::class::{Class, Rule, classify, reclassify};
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::ring::Rings;
 
@@ -292,7 +292,10 @@ impl<M: Metric> Engine<M> {
         self.mesh.compact_faces();
         self.mesh.unlink_unused_wedges();
         self.rings.build(&self.mesh);
-        classify(&self.mesh, &self.rings, &mut self.classes);
+        match self.classes.is_empty() {
+            true => classify(&self.mesh, &self.rings, &mut self.classes),
+            false => reclassify(&self.mesh, &self.rings, &mut self.classes),
+        }
         for vertex in 0..self.classes.len() {
             if self.mesh.flags[vertex] & flag::SHARED != 0 {
                 self.classes[vertex] = Class::Fixed;
