@@ -6,7 +6,8 @@
 //!   |  . *--|--o    |     then every cell whose box is nearer than what was found so far
 //!   +-------+-------+
 //! ```
-//! The result is exact: no cell is left out whose box is nearer than the distance that is returned.
+//! The result is exact to the rounding of coordinates: no cell is left out whose box is nearer than the distance that is
+//! returned.
 //!
 //! # Memory
 //! 130 bytes a point, and the touched pages of [`VIEWS`] cells.
@@ -23,6 +24,10 @@ use crate::base::Result;
 pub const VIEWS: usize = 4;
 /// Points that are searched for together: cells are chosen by the box around them.
 const GROUP_POINTS: usize = 512;
+
+/// A triangle nearer than so many roundings of the largest coordinate is as near as can be told: where many of them meet at
+/// a point, it spares looking at all.
+const ROUNDINGS: f64 = 4.0;
 
 /// What is nearest to a point.
 #[derive(Debug, Clone, Copy)]
@@ -57,6 +62,8 @@ pub struct Search<'a> {
     mesh: &'a MeasuredMesh,
     views: Vec<Open>,
     order: Vec<(f64, u32)>,
+    /// Square of a distance that is as small as can be told.
+    least_sq: f64,
 }
 
 /// A cell that is open.
@@ -70,7 +77,9 @@ struct Open {
 impl<'a> Search<'a> {
     /// A search that has opened nothing yet.
     pub fn new(mesh: &'a MeasuredMesh) -> Self {
-        Self { mesh, views: Vec::new(), order: Vec::new() }
+        let largest = mesh.bounds.low.abs().max(mesh.bounds.high.abs()).max_element();
+        let least_sq = (ROUNDINGS * f64::EPSILON * largest).powi(2);
+        Self { mesh, views: Vec::new(), order: Vec::new(), least_sq }
     }
 
     /// The closest triangles of all points.
@@ -80,7 +89,7 @@ impl<'a> Search<'a> {
     pub fn nearest(&mut self, points: &[DVec3]) -> Result<Vec<Found>> {
         let mut found = Vec::with_capacity(points.len());
         for group in points.chunks(GROUP_POINTS) {
-            found.extend(self.nearest_of_group(group, -1.0)?);
+            found.extend(self.nearest_of_group(group, self.least_sq)?);
         }
         Ok(found)
     }
@@ -94,7 +103,7 @@ impl<'a> Search<'a> {
     pub fn farthest(&mut self, points: &[DVec3]) -> Result<Option<(usize, Found)>> {
         let mut farthest: Option<(usize, Found)> = None;
         for (group, first) in points.chunks(GROUP_POINTS).zip((0..).step_by(GROUP_POINTS)) {
-            let enough_sq = farthest.map_or(-1.0, |(_, found)| found.distance_sq);
+            let enough_sq = farthest.map_or(self.least_sq, |(_, found)| found.distance_sq.max(self.least_sq));
             for (found, number) in self.nearest_of_group(group, enough_sq)?.into_iter().zip(first..) {
                 let is_known = found.distance_sq.is_finite();
                 if is_known && farthest.is_none_or(|(_, most)| found.distance_sq > most.distance_sq) {
