@@ -102,7 +102,7 @@ pub fn job_files(bytes: &[u8]) {
     let work = folder.path().join("work");
     fs::write(folder.path().join("outside"), "outside").expect("written");
     let job = WorkFolder::open(&work, &manifest(), Resume::Auto).expect("a new work folder");
-    job.keep(Step::Input, 1, [], &vec![1u32; 3000]).expect("kept");
+    job.keep(Step::Input, 1, [], &vec![1u32; 5000]).expect("kept");
     job.keep(Step::Scan, 1, [], &(1u8, String::from("two"))).expect("kept");
     drop(job);
     let Some((&which, bytes)) = bytes.split_first() else { return };
@@ -123,7 +123,7 @@ pub fn job_files(bytes: &[u8]) {
         Ok(job) => {
             for step in [Step::Input, Step::Scan] {
                 if let Ok(Some(value)) = job.recall::<Vec<u32>>(step) {
-                    assert_eq!(value, vec![1; 3000]);
+                    assert_eq!(value, vec![1; 5000]);
                 }
             }
         }
