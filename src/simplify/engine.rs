@@ -13,6 +13,7 @@ use std::collections::BinaryHeap;
 
 use super::collapse::{Collapse, Collapser};
 use super::legality::Refusal;
+use super::proposal::{EdgeAt, Proposal, edges_at};
 use super::witness::Witnesses;
 use crate::cost::census::Census;
 use crate::cost::surface::EdgeKind;
@@ -46,52 +47,6 @@ pub struct StageResult {
     pub cost: f32,
     /// Whether the stop was reached before the legal collapses ran out.
     pub reached: bool,
-}
-
-/// The cheapest collapse of a vertex.
-#[derive(Debug, Clone, Copy)]
-struct Proposal {
-    cost: f32,
-    to: u32,
-    onto: bool,
-    chain: bool,
-    /// Dearer than one that was refused since anything around the vertex changed.
-    second_best: bool,
-}
-
-impl Proposal {
-    const NONE: Self = Self { cost: f32::INFINITY, to: u32::MAX, onto: false, chain: false, second_best: false };
-
-    /// Order of the collapses of one vertex.
-    fn key(&self) -> (u32, u32) {
-        (self.cost.to_bits(), self.to)
-    }
-}
-
-/// An edge at a vertex, with the wedges of its faces (of the vertex, of the other end).
-#[derive(Debug, Clone, Copy)]
-struct EdgeAt {
-    other: u32,
-    wedges: [(u32, u32); 2],
-    face_count: u32,
-}
-
-impl EdgeAt {
-    /// The edge from a corner to the next one of its face, inside a chart; nothing if the face is dead.
-    #[inline(always)]
-    fn ahead(mesh: &ClusterMesh, corner: u32) -> Option<Self> {
-        let own = mesh.living(corner)?;
-        let next = ClusterMesh::following(corner)[0];
-        Some(Self { other: mesh.vertex_of(next), wedges: [(own, mesh.wedge_of(next)); 2], face_count: 2 })
-    }
-
-    fn kind(&self) -> EdgeKind {
-        match self.face_count {
-            1 => EdgeKind::Border,
-            _ if self.wedges[0] == self.wedges[1] => EdgeKind::Inner,
-            _ => EdgeKind::Seam,
-        }
-    }
 }
 
 /// What a cluster was like at the end of a stage.
@@ -559,24 +514,6 @@ impl<M: Metric> Engine<M> {
             let proposal = self.propose(vertex, &edge);
             if proposal.key() < self.proposals[vertex as usize].key() {
                 self.proposals[vertex as usize] = proposal;
-            }
-        }
-    }
-}
-
-/// The edges at a vertex, with the wedges at both ends in up to two faces.
-fn edges_at(mesh: &ClusterMesh, rings: &Rings, vertex: u32, edges: &mut Vec<EdgeAt>) {
-    edges.clear();
-    for &corner in rings.of(vertex) {
-        let Some(own) = mesh.living(corner) else { continue };
-        for far in ClusterMesh::following(corner) {
-            let (other, wedge) = (mesh.vertex_of(far), mesh.wedge_of(far));
-            match edges.iter_mut().find(|edge| edge.other == other) {
-                Some(edge) => {
-                    edge.wedges[1] = (own, wedge);
-                    edge.face_count += 1;
-                }
-                None => edges.push(EdgeAt { other, wedges: [(own, wedge); 2], face_count: 1 }),
             }
         }
     }

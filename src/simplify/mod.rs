@@ -11,6 +11,7 @@ pub mod collapse;
 pub mod deviation;
 pub mod engine;
 pub mod legality;
+mod proposal;
 pub mod texture;
 pub mod witness;
 
