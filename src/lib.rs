@@ -27,6 +27,7 @@ pub mod store;
 pub mod scan;
 pub mod mesh;
 pub mod partition;
+pub mod render;
 pub mod cost;
 pub mod simplify;
 pub mod remesh;

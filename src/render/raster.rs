@@ -1,0 +1,93 @@
+//! Which pixels a triangle covers.
+
+/// Calls `plot` with index, nearness and weights of the corners for each pixel of a picture whose middle lies in a
+/// triangle, its rim included; corners are column, row and nearness in pixels.
+#[inline]
+pub fn each_pixel(corners: &[[f64; 3]; 3], size: [usize; 2], mut plot: impl FnMut(usize, f64, [f64; 3])) {
+    let [a, b, c] = corners;
+    let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+    let Some([columns, rows]) = covered(corners, size) else { return };
+    if area == 0.0 || !area.is_finite() {
+        return;
+    }
+    for row in rows {
+        let y = row as f64 + 0.5;
+        for column in columns.clone() {
+            let x = column as f64 + 0.5;
+            let of_b = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / area;
+            let of_c = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / area;
+            let of_a = 1.0 - of_b - of_c;
+            if of_a >= 0.0 && of_b >= 0.0 && of_c >= 0.0 {
+                let near = of_a * a[2] + of_b * b[2] + of_c * c[2];
+                plot(row * size[0] + column, near, [of_a, of_b, of_c]);
+            }
+        }
+    }
+}
+
+/// Calls `plot` with index and nearness for pixels along a line between two projected points.
+pub fn each_pixel_of_line(from: [f64; 3], to: [f64; 3], size: [usize; 2], mut plot: impl FnMut(usize, f64)) {
+    let length = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
+    // Most of a long line may lie outside; no line in a picture is longer than both of its sides.
+    if !(length.is_finite() && length <= 4.0 * (size[0] + size[1]) as f64) {
+        return;
+    }
+    let steps = length.ceil().max(1.0) as usize;
+    for step in 0..=steps {
+        let share = step as f64 / steps as f64;
+        let [x, y, near] = [0, 1, 2].map(|k| from[k] + share * (to[k] - from[k]));
+        if x >= 0.0 && y >= 0.0 && x < size[0] as f64 && y < size[1] as f64 {
+            plot(y as usize * size[0] + x as usize, near);
+        }
+    }
+}
+
+/// Columns and rows whose middles lie in the box around a triangle, if there are any.
+fn covered(corners: &[[f64; 3]; 3], size: [usize; 2]) -> Option<[std::ops::Range<usize>; 2]> {
+    let range = |axis: usize| {
+        let low = corners[0][axis].min(corners[1][axis]).min(corners[2][axis]);
+        let high = corners[0][axis].max(corners[1][axis]).max(corners[2][axis]);
+        // A cast saturates, and takes what is no number as 0.
+        let first = (low - 0.5).ceil().max(0.0) as usize;
+        let end = ((high - 0.5).floor() + 1.0).clamp(0.0, size[axis] as f64) as usize;
+        (first < end).then_some(first..end)
+    };
+    Some([range(0)?, range(1)?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pixels(corners: [[f64; 3]; 3], size: [usize; 2]) -> Vec<usize> {
+        let mut found = Vec::new();
+        each_pixel(&corners, size, |pixel, _, _| found.push(pixel));
+        found
+    }
+
+    #[test]
+    fn two_triangles_of_a_square_cover_it() {
+        let square = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 4.0, 0.0], [0.0, 4.0, 0.0]];
+        let mut both = pixels([square[0], square[1], square[2]], [4, 4]);
+        both.extend(pixels([square[0], square[2], square[3]], [4, 4]));
+        both.sort_unstable();
+        both.dedup();
+        assert_eq!(both, (0..16).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn what_lies_outside_or_is_no_number_is_left_out() {
+        let far = [[-1e30, -1e30, 0.0], [1e30, -1e30, 0.0], [0.0, 1e30, 0.0]];
+        assert!(pixels(far, [3, 3]).len() <= 9);
+        assert!(pixels([[f64::NAN; 3], [1.0, 0.0, 0.0], [0.0, 9.0, 0.0]], [3, 3]).is_empty());
+        assert!(pixels([[5.0, 5.0, 0.0], [9.0, 5.0, 0.0], [5.0, 9.0, 0.0]], [3, 3]).is_empty());
+        each_pixel_of_line([-1e300, 0.0, 0.0], [1e300, 0.0, 0.0], [3, 3], |_, _| panic!("a line of no length we draw"));
+    }
+
+    #[test]
+    fn nearness_is_that_of_the_plane() {
+        let mut seen = Vec::new();
+        each_pixel(&[[0.0, 0.0, 0.0], [4.0, 0.0, 4.0], [0.0, 4.0, 0.0]], [4, 4], |_, near, _| seen.push(near));
+        assert_eq!(&seen[..4], [0.5, 1.5, 2.5, 3.5]);
+    }
+}
