@@ -84,6 +84,18 @@ pub enum Normals {
     Drop,
 }
 
+/// What is drawn for the page of a report.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Drawing {
+    /// No page is wanted
+    #[default]
+    Nothing,
+    /// Input and result
+    Pictures,
+    /// The same, and the result is to be coloured by error afterwards
+    PicturesAndErrors,
+}
+
 /// What becomes of texture images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -191,6 +203,11 @@ pub struct SimplifyOptions {
     #[arg(long, value_name = "COUNT", default_value_t = 3)]
     pub passes: usize,
 
+    /// Pictures of the input and of the result; `--report FILE.html` asks for them
+    #[arg(skip)]
+    #[serde(skip)]
+    pub drawing: Drawing,
+
     /// Replace an existing output
     #[arg(long)]
     pub force: bool,
@@ -219,6 +236,7 @@ impl Default for SimplifyOptions {
             textures: TextureFiles::Copy,
             cluster_faces: 250_000,
             passes: 3,
+            drawing: Drawing::Nothing,
             force: false,
         }
     }
@@ -310,6 +328,7 @@ impl SimplifyOptions {
             work: None,
             resume: ResumeChoice::Auto,
             keep_work: false,
+            drawing: Drawing::Nothing,
             force: false,
             ..self.clone()
         };

@@ -4,19 +4,22 @@
 mod hostile;
 mod input;
 mod need;
+mod pictures;
 
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use self::input::{Input, Reading};
+use self::pictures::Painter;
 use crate::base::{Error, Findings, MemoryBudget, Progress, Result};
 use crate::job::{InputFile, Manifest, Step, WorkFolder, folder_bytes};
-use crate::options::{Borders, Normals, Pieces, SimplifyOptions, Weld};
+use crate::options::{Borders, Drawing, Normals, Pieces, SimplifyOptions, Weld};
 use crate::os::durable::DurableFile;
 use crate::os::system;
 use crate::os::timeline::{Recorder, Timeline};
 use crate::plan::memory::{self, Sizes};
 use crate::plan::scratch;
+use crate::report::gallery::{self, Resources};
 use crate::report::{ErrorFigures, FaceFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
 use crate::scan::{self, fingerprint};
 use crate::stitch::pass::{self, PassOptions};
@@ -80,8 +83,24 @@ fn run(
 
     let target = options.target(triangles);
     let sizes = Sizes { faces: triangles, vertices: need.vertices, target, cluster_faces: options.cluster_faces };
-    let work_bytes = budget.for_work() - need.resident_bytes();
+    let mut work_bytes = budget.for_work() - need.resident_bytes();
+    let painter = Painter {
+        catalogue: &catalogue,
+        folder: job.path(),
+        resources: Resources { threads, work_bytes },
+        with_errors: options.drawing == Drawing::PicturesAndErrors,
+        progress,
+    };
+    let before = match start.unsimplified() {
+        Some(mesh) if options.drawing != Drawing::Nothing => painter.draw(mesh, None, &mut findings),
+        _ => None,
+    };
+    let map = before.as_ref().map(|(from, _)| from.map(pictures::MAP_SIZE));
+    if map.is_some() {
+        work_bytes = work_bytes.saturating_sub(pictures::MAP_BYTES);
+    }
     let pass_options = pass_options(options, catalogue.has_texcoords, triangles, target, threads, work_bytes)?;
+    let pass_options = PassOptions { map, ..pass_options };
     let passes = pass::simplify(start, &pass_options, &catalogue, job, progress)?;
     findings.merge(passes.findings);
 
@@ -104,8 +123,16 @@ fn run(
     let scratch_peak = passes.scratch_peak.max(folder_bytes(job.path()));
     findings.merge(result.findings);
     let write_seconds = written.elapsed();
+    let shots = before.and_then(|(from, before)| {
+        let (_, after) = painter.draw(&passes.mesh, Some(from), &mut findings)?;
+        Some([before, after])
+    });
 
     let (read, written) = system::io_bytes();
+    let drawing_peak = match shots {
+        Some(_) => MemoryBudget::FIXED_BYTES + need.resident_bytes() + gallery::peak_bytes(work_bytes),
+        None => 0,
+    };
     let status = if passes.reached { Status::Done } else { Status::TargetMissed };
     Ok(Report {
         program: env!("CARGO_PKG_VERSION"),
@@ -138,12 +165,14 @@ fn run(
             budget: budget.bytes,
             predicted_peak: memory::forecast(&sizes, budget, threads)
                 .peak
-                .max(MemoryBudget::FIXED_BYTES + need.resident_bytes() + passes.permit_peak),
+                .max(MemoryBudget::FIXED_BYTES + need.resident_bytes() + passes.permit_peak)
+                .max(drawing_peak),
             peak_resident: system::peak_resident_bytes(),
         },
         io: IoFigures { input: input_bytes, read, written, scratch_peak },
         timeline: Timeline::default(),
         passes: passes.reports,
+        shots,
         floor: (!passes.reached).then_some(passes.floor),
         comparison: None,
         warnings: findings.warnings(),
@@ -206,6 +235,7 @@ fn pass_options(
         drop_pieces: options.pieces == Pieces::Drop,
         optimize: options.optimize,
         weld: options.weld == Weld::Exact,
+        map: None,
         threads,
         work_bytes,
     })

@@ -175,6 +175,7 @@ fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
         lock_borders: choice.lock_borders,
         optimize: choice.has_uv_metric,
         weld: choice.weld,
+        map: None,
         threads: choice.threads,
         work_bytes: 100 << 20,
     };

@@ -9,10 +9,11 @@ use super::print::print;
 use super::progress::told;
 use crate::base::error::escape_path;
 use crate::base::{Error, Progress, Result, bytes};
-use crate::measure::compare::{self, CompareOptions, Comparison, Distances, Resources, Texture};
+use crate::measure::compare::{self, CompareOptions, Comparison, Distances, Onlooker, Resources, Texture};
 use crate::os::durable::DurableFile;
 use crate::plan::{memory, scratch};
-use crate::report::grouped;
+use crate::report::gallery::{self, Relief};
+use crate::report::{ComparisonPage, grouped};
 use crate::scan;
 
 /// Points by area, at least and at most.
@@ -28,6 +29,9 @@ pub struct CompareArguments {
     /// Write the numbers as JSON; docs/report.md says what they mean
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Write a page for people, with pictures
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
     #[command(flatten)]
     sampling: SamplingArguments,
     /// Memory that the program may use, at least 128MiB [default: half of the machine's or cgroup's]
@@ -74,11 +78,23 @@ impl SamplingArguments {
 /// # Errors
 /// Those of [`compare::compare`], and of writing the JSON.
 pub fn run(arguments: &CompareArguments) -> Result<u8> {
-    let CompareArguments { original, result, json, sampling, memory, threads, work, quiet } = arguments;
+    let CompareArguments { original, result, json, html, sampling, memory, threads, work, quiet } = arguments;
+    html.iter().try_for_each(|path| ComparisonPage::check_path(path))?;
     let work = work.clone().unwrap_or_else(temporary_folder);
     let told = told(*quiet);
-    let comparison = compare_meshes([original, result], *sampling, *memory, *threads, work, &*told)?;
+    let meshes = [original.as_path(), result.as_path()];
+    let mut page = ComparisonPage::default();
+    let comparison = match html {
+        Some(_) => {
+            page.resources = drawing_resources(*memory, *threads)?;
+            compare_meshes(meshes, *sampling, *memory, *threads, Relief::BYTES, work, &mut page, &*told)?
+        }
+        None => compare_meshes(meshes, *sampling, *memory, *threads, 0, work, &mut (), &*told)?,
+    };
     drop(told);
+    if let Some(path) = html {
+        page.save(&comparison, path)?;
+    }
     if let Some(path) = json {
         save(&comparison, path)?;
     }
@@ -90,16 +106,25 @@ fn temporary_folder() -> PathBuf {
     std::env::temp_dir().join(format!("drystone-compare-{}", std::process::id()))
 }
 
-/// Compares `[original, result]`.
+fn drawing_resources(memory: Option<u64>, threads: Option<usize>) -> Result<gallery::Resources> {
+    let budget = memory::budget_of(memory)?;
+    let work_bytes = budget.for_work().saturating_sub(Relief::BYTES);
+    Ok(gallery::Resources { threads: memory::choose_threads(threads, budget), work_bytes })
+}
+
+/// Compares `[original, result]`, and leaves so many bytes of the memory to others.
 ///
 /// # Errors
 /// Those of [`compare::compare`]; [`Error::Usage`], [`Error::Budget`] and [`Error::NoSpace`] before anything is read.
+#[allow(clippy::too_many_arguments, reason = "each an option of its own")]
 pub fn compare_meshes(
     meshes: [&Path; 2],
     sampling: SamplingArguments,
     memory: Option<u64>,
     threads: Option<usize>,
+    kept_bytes: u64,
     work: PathBuf,
+    onlooker: &mut dyn Onlooker,
     progress: &dyn Progress,
 ) -> Result<Comparison> {
     sampling.check()?;
@@ -115,9 +140,13 @@ pub fn compare_meshes(
     let budget = memory::budget_of(memory)?;
     let threads = memory::choose_threads(threads, budget);
     scratch::refuse_small_disk(input_bytes, 0, &work)?;
-    let resources = Resources { threads, work_bytes: budget.for_work(), scan: memory::scan_options(budget, threads) };
+    let resources = Resources {
+        threads,
+        work_bytes: budget.for_work().saturating_sub(kept_bytes),
+        scan: memory::scan_options(budget, threads),
+    };
     let [original, result] = meshes;
-    compare::compare(original, result, &CompareOptions { samples, seed, work, resources }, progress)
+    compare::compare(original, result, &CompareOptions { samples, seed, work, resources }, onlooker, progress)
 }
 
 fn save(comparison: &Comparison, path: &Path) -> Result<()> {

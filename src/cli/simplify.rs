@@ -8,10 +8,11 @@ use super::compare::{SamplingArguments, compare_meshes};
 use super::progress::{stoppable, tell};
 use super::stop::{end_late, say_goodbye};
 use crate::base::{Error, Result};
-use crate::options::SimplifyOptions;
+use crate::options::{Drawing, SimplifyOptions};
 use crate::os::signals::StopSignal;
 use crate::pipeline;
 use crate::report;
+use crate::report::gallery::Relief;
 
 /// Arguments of `drystone simplify`.
 #[derive(Debug, Args)]
@@ -48,11 +49,18 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
     for folder in folders.filter(|folder| !folder.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
     }
+    let pictures = reports.iter().any(|path| report::Kind::of(path).is_ok_and(|kind| kind == report::Kind::Html));
+    let drawing = match (pictures, measure) {
+        (false, _) => Drawing::Nothing,
+        (true, false) => Drawing::Pictures,
+        (true, true) => Drawing::PicturesAndErrors,
+    };
+    let options = SimplifyOptions { drawing, ..options.clone() };
     let stop = StopSignal::listen()?;
-    let work = pipeline::work_folder(output, options);
+    let work = pipeline::work_folder(output, &options);
     end_late(&stop, &work);
     let told = stoppable(*quiet, stop.clone());
-    let outcome = pipeline::simplify(input, output, options, &*told);
+    let outcome = pipeline::simplify(input, output, &options, &*told);
     let mut result = match outcome {
         Err(Error::Stopped) => return Ok(say_goodbye(&stop, &work)),
         outcome => outcome?,
@@ -60,7 +68,12 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
     let compared = measure.then(|| {
         let work = work_beside(&work);
         let meshes = [input.as_path(), output.as_path()];
-        compare_meshes(meshes, *sampling, options.memory, options.threads, work, &*told)
+        match &mut result.shots {
+            Some([_, after]) => {
+                compare_meshes(meshes, *sampling, options.memory, options.threads, Relief::BYTES, work, after, &*told)
+            }
+            None => compare_meshes(meshes, *sampling, options.memory, options.threads, 0, work, &mut (), &*told),
+        }
     });
     drop(told);
     // The result is there even if it could not be compared, so its report is written first.

@@ -22,12 +22,12 @@
 //! # Files
 //! Two work folders, `original` and `result`, removed at the end.
 
-mod cells;
+pub mod cells;
 pub mod closest;
-mod colour;
+pub mod colour;
 mod direction;
 mod distribution;
-mod pictures;
+pub mod pictures;
 mod points;
 mod search;
 mod tally;
@@ -283,6 +283,23 @@ pub struct Resources {
 /// Triangles of a cell, about. Numbers that are measured depend on it by their last digits.
 const CELL_FACES: u64 = 1 << 16;
 
+/// Looks on while two meshes are compared, to draw them; it changes no number.
+pub trait Onlooker {
+    /// Both meshes are ready, and nothing else is in memory.
+    ///
+    /// # Errors
+    /// End the comparison.
+    fn see_meshes(&mut self, _before: &MeasuredMesh, _after: &MeasuredMesh) -> Result<()> {
+        Ok(())
+    }
+
+    /// A point of the result by area, and its distance from the original; points come in their order.
+    fn see_point(&mut self, _place: &Place) {}
+}
+
+/// Nobody looks on.
+impl Onlooker for () {}
+
 /// Points by area on each surface, if not said otherwise.
 pub const SAMPLES: u64 = 1_000_000;
 
@@ -294,11 +311,12 @@ pub fn compare(
     original: &Path,
     result: &Path,
     options: &CompareOptions,
+    onlooker: &mut dyn Onlooker,
     progress: &dyn Progress,
 ) -> Result<Comparison> {
     let started = Instant::now();
     let is_new = !options.work.exists();
-    let found = compare_in_cells(original, result, options, CELL_FACES, progress);
+    let found = compare_in_cells(original, result, options, CELL_FACES, onlooker, progress);
     if is_new {
         let _ = std::fs::remove_dir(&options.work);
     }
@@ -313,6 +331,7 @@ fn compare_in_cells(
     result: &Path,
     options: &CompareOptions,
     cell_faces: u64,
+    onlooker: &mut dyn Onlooker,
     progress: &dyn Progress,
 ) -> Result<Comparison> {
     let prepare = |input: &Path, name: &str| {
@@ -323,13 +342,14 @@ fn compare_in_cells(
         Ok(mesh)
     };
     let (before, after) = (prepare(original, "original")?, prepare(result, "result")?);
+    onlooker.see_meshes(&before, &after)?;
     let limit = before.bounds.with(after.bounds).diagonal();
-    let measured = |from, to, seed| {
+    let measured = |from, to, seed, see_point: &mut dyn FnMut(&Place)| {
         let sampling = Sampling::new(from, options.samples, seed);
-        direction::measure(from, to, &sampling, limit, &options.resources, progress)
+        direction::measure(from, to, &sampling, limit, &options.resources, see_point, progress)
     };
-    let forward = measured(&after, &before, options.seed)?;
-    let backward = measured(&before, &after, options.seed ^ 1 << 63)?;
+    let forward = measured(&after, &before, options.seed, &mut |place| onlooker.see_point(place))?;
+    let backward = measured(&before, &after, options.seed ^ 1 << 63, &mut |_| {})?;
     let mut findings = Findings::default();
     let texture = texture(&before, &after, &forward, &backward, limit, options, &mut findings, progress)?;
     let geometry = geometry(&before, &after, &forward, &backward);

@@ -1,43 +1,31 @@
 //! The report as one page: nothing is loaded from anywhere, and all text is escaped by the template.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 
-use super::{Report, Status, grouped, plots};
+use super::figures::{self, figure, length, percent, pictures, plot, row, seconds, spaced};
+use super::gallery::png_address;
+use super::{Report, Status, comparison, plots};
 use crate::base::bytes;
 use crate::base::error::escape_path;
 use crate::os::timeline::{PhaseSpan, Timeline};
 
-const STYLE: &str = include_str!("style.css");
-
 /// The page.
 pub(super) fn page(report: &Report) -> String {
     let title = report.output.file_name().map_or_else(String::new, |name| escape_path(name.as_ref()));
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                meta name="color-scheme" content="light dark";
-                link rel="icon" href="data:,";
-                title { (title) " · drystone" }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                main {
-                    (head(report, &title))
-                    (figures(report))
-                    (floor(report))
-                    (findings(report))
-                    (time(report))
-                    (passes(report))
-                    (asked(report))
-                }
-                footer { "drystone " (report.program) ", " (date(report.began)) }
-            }
+    let body = html! {
+        (head(report, &title))
+        (key_figures(report))
+        (floor(report))
+        @if let Some([before, after]) = &report.shots { (pictures(before, after)) }
+        @if let Some(comparison) = &report.comparison {
+            (comparison::body(comparison, report.shots.as_ref().map_or(&[], |[_, after]| after)))
         }
+        (findings(report))
+        (time(report))
+        (passes(report))
+        (asked(report))
     };
-    page.into_string()
+    figures::page(&title, &body, &format!(", {}", date(report.began)))
 }
 
 fn head(report: &Report, title: &str) -> Markup {
@@ -54,7 +42,7 @@ fn head(report: &Report, title: &str) -> Markup {
     }
 }
 
-fn figures(report: &Report) -> Markup {
+fn key_figures(report: &Report) -> Markup {
     let faces = &report.faces;
     let share = 100.0 * faces.output as f64 / faces.input.max(1) as f64;
     let memory_share = 100.0 * report.memory.peak_resident as f64 / report.memory.budget.max(1) as f64;
@@ -69,10 +57,6 @@ fn figures(report: &Report) -> Markup {
             (figure("input", &bytes::display(report.io.input), "of OBJ text, read once"))
         }
     }
-}
-
-fn figure(name: &str, value: &str, note: &str) -> Markup {
-    html! { div { p.name { (name) } p.value { (value) } p.note { (note) } } }
 }
 
 fn files(count: u64) -> String {
@@ -96,10 +80,6 @@ fn floor(report: &Report) -> Markup {
             }
         }
     }
-}
-
-fn row(name: &str, value: &str) -> Markup {
-    html! { tr { th scope="row" { (name) } td { (value) } } }
 }
 
 /// What was repaired, dropped or noticed.
@@ -228,7 +208,10 @@ fn passes(report: &Report) -> Markup {
     html! {
         section {
             h2 { "Passes" }
-            (plot(plots::faces_against_error(&report.passes), "Triangles left against estimated deviation, stage by stage"))
+            div.pair {
+                (plot(plots::faces_against_error(&report.passes), "Triangles left and estimated deviation, stage by stage"))
+                (plot(plots::faces_against_cost(&report.passes), "Triangles left and the dearest collapse of each stage"))
+            }
             table {
                 thead {
                     tr {
@@ -252,9 +235,29 @@ fn passes(report: &Report) -> Markup {
                     }
                 }
             }
+            (maps(report))
             p.quiet {
                 "Threshold: highest cost of a collapse (area × length²). Deviation: what the cost function says has been added up to then, "
                 "as a root mean square in mesh units; it is an estimate, not a measurement."
+            }
+        }
+    }
+}
+
+/// The clusters of each pass from above.
+fn maps(report: &Report) -> Markup {
+    if report.passes.iter().all(|pass| pass.map.is_none()) {
+        return html! {};
+    }
+    html! {
+        h3 { "Clusters of each pass from above, borders that were locked in black" }
+        div.maps {
+            @for (number, pass) in report.passes.iter().enumerate() {
+                @if let Some(map) = &pass.map {
+                    @let clusters = if pass.clusters == 1 { "one cluster" } else { &format!("{} clusters", spaced(pass.clusters)) };
+                    @let caption = format!("pass {}: {clusters}", number + 1);
+                    figure { img src=(png_address(map)) alt=(caption); figcaption { (caption) } }
+                }
             }
         }
     }
@@ -283,48 +286,6 @@ fn asked(report: &Report) -> Markup {
     }
 }
 
-fn plot(svg: Option<String>, caption: &str) -> Markup {
-    html! {
-        @if let Some(svg) = svg {
-            figure { div.plot role="img" aria-label=(caption) { (PreEscaped(svg)) } figcaption { (caption) } }
-        }
-    }
-}
-
-/// A number with narrow blanks that do not break.
-fn spaced(number: u64) -> String {
-    grouped(number).replace(' ', "\u{202f}")
-}
-
-fn percent(share: f64) -> String {
-    match share {
-        s if s >= 10.0 => format!("{s:.0}\u{202f}%"),
-        s if s >= 1.0 => format!("{s:.1}\u{202f}%"),
-        s => format!("{s:.2}\u{202f}%"),
-    }
-}
-
-fn seconds(seconds: f64) -> String {
-    match seconds {
-        s if s >= 3600.0 => format!("{:.0}\u{202f}h {:.0}\u{202f}min", (s / 3600.0).floor(), (s % 3600.0) / 60.0),
-        s if s >= 90.0 => format!("{:.0}\u{202f}min {:.0}\u{202f}s", (s / 60.0).floor(), s % 60.0),
-        s if s >= 10.0 => format!("{s:.1}\u{202f}s"),
-        s => format!("{s:.2}\u{202f}s"),
-    }
-}
-
-/// Three digits that count.
-fn length(length: f64) -> String {
-    match length.abs() {
-        0.0 => "0".into(),
-        l if (1e-3..1e5).contains(&l) => {
-            let decimals = (2.0 - libm::log10(l).floor()).max(0.0) as usize;
-            format!("{length:.decimals$}")
-        }
-        _ => format!("{length:.2e}"),
-    }
-}
-
 fn date(seconds: u64) -> String {
     let time = std::time::UNIX_EPOCH + std::time::Duration::from_secs(seconds);
     humantime::format_rfc3339_seconds(time).to_string().replace('T', " ").replace('Z', " UTC")
@@ -333,14 +294,6 @@ fn date(seconds: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn lengths_have_three_digits_that_count() {
-        assert_eq!(
-            [0.0, 0.012_345, 1.234_5, 98_765.4, 1.0e-7].map(length),
-            ["0", "0.0123", "1.23", "98765", "1.00e-7"]
-        );
-    }
 
     #[test]
     fn dates_are_in_universal_time() {

@@ -8,8 +8,12 @@
 //! In: the figures that the phases left. Out: text. Invariant: everything that came from outside (paths, names) is
 //! escaped, and the page loads nothing: style, plots and pictures are inside it.
 
+mod comparison;
+mod figures;
+pub mod gallery;
 mod html;
 mod plots;
+pub mod scene;
 mod summary;
 
 use std::collections::BTreeMap;
@@ -17,6 +21,9 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+pub use self::comparison::ComparisonPage;
+
+use self::gallery::Shot;
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 use crate::measure::compare::Comparison;
@@ -97,7 +104,7 @@ pub struct IoFigures {
 }
 
 /// Everything about a run.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Serialize)]
 pub struct Report {
     /// Version of the program.
     pub program: &'static str,
@@ -132,6 +139,9 @@ pub struct Report {
     pub timeline: Timeline,
     /// Each pass.
     pub passes: Vec<PassReport>,
+    /// Pictures of the input and of the result from [`gallery::VANTAGES`], if they were drawn.
+    #[serde(skip)]
+    pub shots: Option<[Vec<Shot>; 2]>,
     /// What stands in the way of the target, if it was missed.
     pub floor: Option<Floor>,
     /// The result against the input, if asked for.
@@ -161,12 +171,16 @@ impl Report {
             Kind::Json => serde_json::to_string_pretty(self)
                 .map_err(|e| Error::Damaged { path: path.to_owned(), message: e.to_string() })?,
         };
-        let mut file = DurableFile::create(path, 64 << 10)?;
-        file.write(text.as_bytes())?;
-        file.write(b"\n")?;
-        file.commit()?;
-        Ok(())
+        save_text(&text, path)
     }
+}
+
+fn save_text(text: &str, path: &Path) -> Result<()> {
+    let mut file = DurableFile::create(path, 64 << 10)?;
+    file.write(text.as_bytes())?;
+    file.write(b"\n")?;
+    file.commit()?;
+    Ok(())
 }
 
 /// Kinds of report files.

@@ -11,8 +11,9 @@ use plotters::prelude::*;
 use plotters::style::text_anchor;
 
 use crate::base::bytes::MIB;
+use crate::measure::compare::Histogram;
 use crate::os::timeline::Timeline;
-use crate::stitch::outcome::PassReport;
+use crate::stitch::outcome::{PassReport, StageReport};
 
 /// Width and height of a plot in its own units; the page scales it.
 const SIZE: (u32, u32) = (640, 300);
@@ -26,6 +27,8 @@ const MUTED: RGBColor = RGBColor(6, 6, 6);
 /// The font is the page's.
 const FONT: &str = "sans-serif";
 const TEXT_SIZE: i32 = 13;
+/// A distribution is drawn where it has more than this share of the surface, in percent.
+const SHOWN_PERCENT: f64 = 0.02;
 
 type Drawn = Result<(), Box<dyn std::error::Error>>;
 type Chart<'a, 'b, X, Y> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<X, Y>>;
@@ -71,13 +74,22 @@ pub fn moved(timeline: &Timeline) -> Option<String> {
     })
 }
 
-/// Deviation against faces at the end of each stage, both in decades; each pass has its own line.
+/// Deviation against faces at the end of each stage, both in decades.
 pub fn faces_against_error(passes: &[PassReport]) -> Option<String> {
-    let stages = passes.iter().flat_map(|pass| &pass.stages);
-    let shown: Vec<(f64, f64)> = stages
-        .filter(|stage| stage.faces > 0 && stage.rms_estimate > 0.0)
-        .map(|stage| (stage.faces as f64, stage.rms_estimate))
-        .collect();
+    against_faces(passes, "deviation (RMS, mesh units)", |stage| stage.rms_estimate)
+}
+
+/// Highest cost of a collapse in each stage against faces at its end, both in decades.
+pub fn faces_against_cost(passes: &[PassReport]) -> Option<String> {
+    against_faces(passes, "highest cost (area × length²)", |stage| stage.threshold)
+}
+
+fn against_faces(passes: &[PassReport], y_name: &str, of: impl Fn(&StageReport) -> f64) -> Option<String> {
+    let points = |pass: &PassReport| -> Vec<(f64, f64)> {
+        let points = pass.stages.iter().map(|stage| (stage.faces as f64, of(stage)));
+        points.filter(|point| point.0 > 0.0 && point.1 > 0.0 && point.1.is_finite()).collect()
+    };
+    let shown: Vec<(f64, f64)> = passes.iter().flat_map(points).collect();
     if shown.len() < 2 {
         return None;
     }
@@ -97,21 +109,62 @@ pub fn faces_against_error(passes: &[PassReport]) -> Option<String> {
             .axis_style(MUTED)
             .label_style(label(INK))
             .x_desc("triangles left")
-            .y_desc("deviation (RMS, mesh units)")
+            .y_desc(y_name)
             .x_label_formatter(&|faces| short(*faces))
-            .y_label_formatter(&|error| format!("{error:.0e}"))
+            .y_label_formatter(&plain)
             .draw()?;
         chart.draw_series(LineSeries::new(shown.iter().copied(), FIRST.stroke_width(2)))?;
         for (number, pass) in passes.iter().enumerate() {
-            let points: Vec<(f64, f64)> =
-                pass.stages.iter().map(|stage| (stage.faces as f64, stage.rms_estimate)).collect();
-            let points: Vec<_> = points.into_iter().filter(|point| point.0 > 0.0 && point.1 > 0.0).collect();
+            let points = points(pass);
             chart.draw_series(points.iter().map(|&point| Circle::new(point, 3, FIRST.filled())))?;
             if let Some(&end) = points.last() {
                 chart.draw_series([Circle::new(end, 5, SECOND.filled())])?;
                 let name = format!("pass {}", number + 1);
                 note(&mut chart, &name, end, (9, -3), label(SECOND).pos(left_above()))?;
             }
+        }
+        Ok(())
+    })
+}
+
+/// How much of the surface lies how far, both ways; distances in decades.
+pub fn distribution(forward: &Histogram, backward: &Histogram) -> Option<String> {
+    let steps = |histogram: &Histogram| -> Vec<(f64, f64)> {
+        let bins = histogram.edges.windows(2).zip(&histogram.shares);
+        // The first bin begins at 0, which has no place among decades.
+        let level = |edge: &[f64], share: f64| 100.0 * share / (2.0 * libm::log2(edge[1] / edge[0]));
+        bins.skip(1).flat_map(|(edge, &share)| [edge[0], edge[1]].map(|place| (place, level(edge, share)))).collect()
+    };
+    let (forward, backward) = (steps(forward), steps(backward));
+    let both = || forward.iter().chain(&backward).filter(|point| point.1 > SHOWN_PERCENT);
+    let top = both().map(|point| point.1).fold(0.0, f64::max);
+    let x = decades(both().map(|point| point.0));
+    if !(top > 0.0 && x.start > 0.0 && x.end.is_finite()) {
+        return None;
+    }
+    svg(|root| {
+        let mut chart = ChartBuilder::on(root)
+            .margin(6)
+            .margin_right(20)
+            .x_label_area_size(38)
+            .y_label_area_size(62)
+            .build_cartesian_2d(x.clone().log_scale(), 0.0..top * 1.12)?;
+        chart
+            .configure_mesh()
+            .bold_line_style(RULE)
+            .light_line_style(TRANSPARENT)
+            .axis_style(MUTED)
+            .label_style(label(INK))
+            .x_desc("distance")
+            .y_desc("% of the surface, each √2")
+            .x_label_formatter(&plain)
+            .y_label_formatter(&plain)
+            .draw()?;
+        let ways = [(&forward, FIRST, "to the original", 4), (&backward, SECOND, "to the result", 20)];
+        for (points, colour, name, down) in ways {
+            let inside = points.iter().copied().filter(|point| x.contains(&point.0));
+            chart.draw_series(LineSeries::new(inside, colour.stroke_width(2)))?;
+            note(&mut chart, name, (x.start, top * 1.12), (10, down), label(colour).pos(left_below()))?;
         }
         Ok(())
     })
@@ -235,6 +288,10 @@ fn short(number: f64) -> String {
     }
 }
 
+fn left_below() -> text_anchor::Pos {
+    text_anchor::Pos::new(text_anchor::HPos::Left, text_anchor::VPos::Top)
+}
+
 fn left_above() -> text_anchor::Pos {
     text_anchor::Pos::new(text_anchor::HPos::Left, text_anchor::VPos::Bottom)
 }
@@ -243,7 +300,6 @@ fn left_above() -> text_anchor::Pos {
 mod tests {
     use super::*;
     use crate::os::timeline::{PhaseSpan, Sample};
-    use crate::stitch::outcome::StageReport;
 
     fn timeline(samples: &[(f64, u64)]) -> Timeline {
         let sample = |&(seconds, resident)| Sample { seconds, resident, read: resident / 2, written: resident / 4 };
@@ -264,6 +320,14 @@ mod tests {
         assert_eq!(memory(&Timeline::default(), MIB), None);
         assert_eq!(moved(&timeline(&[(0.0, 0), (0.0, 0)])), None);
         assert_eq!(faces_against_error(&[]), None);
+    }
+
+    #[test]
+    fn a_distribution_leaves_out_what_has_no_place_among_decades() {
+        let histogram = |shares: [f64; 3]| Histogram { edges: vec![0.0, 1.0, 1.5, 2.0], shares: shares.to_vec() };
+        assert_eq!(distribution(&histogram([1.0, 0.0, 0.0]), &Histogram::default()), None);
+        let drawn = distribution(&histogram([0.2, 0.5, 0.3]), &histogram([0.0, 1.0, 0.0])).unwrap();
+        assert!(drawn.contains("to the original") && drawn.contains("to the result"));
     }
 
     #[test]

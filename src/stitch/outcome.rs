@@ -24,6 +24,9 @@ pub struct PassReport {
     pub border_vertices: u64,
     /// Vertices on seams.
     pub seam_vertices: u64,
+    /// The clusters from above as a PNG, if a map was asked for.
+    #[serde(skip)]
+    pub map: Option<Vec<u8>>,
     /// Each stage of the pass; the sample that thresholds come from is not in it.
     pub stages: Vec<StageReport>,
 }

@@ -1,6 +1,7 @@
 //! Passes over a stored mesh until the target is met, or nothing more can be done.
 
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard};
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
@@ -22,6 +23,7 @@ use crate::mesh::pieces;
 use crate::partition::weight::ClusterWeight;
 use crate::partition::{self, ClusterSource, Partition, PartitionOptions, Shared, TextureScale, cluster};
 use crate::remesh;
+use crate::render::{ClusterMap, View};
 use crate::simplify::{Engine, Milestone};
 use crate::store::{Catalogue, ColumnWriter, Segment, StoredMesh, StoredPiece};
 
@@ -107,6 +109,8 @@ pub struct PassOptions {
     pub optimize: bool,
     /// Whether duplicates are welded before the first pass.
     pub weld: bool,
+    /// From where the clusters of each pass are drawn, if a map is wanted; it changes nothing else.
+    pub map: Option<View>,
     /// Threads.
     pub threads: usize,
     /// Bytes for clusters in work.
@@ -150,6 +154,8 @@ pub struct Run<'a, M: Metric> {
     scale: TextureScale,
     /// Diagonal below which pieces are dropped in this pass, if any are.
     crumb: Option<f64>,
+    /// Map of the pass that is under way, if one is wanted. A worker holds it while it draws one cluster.
+    map: Mutex<Option<ClusterMap>>,
 }
 
 /// Simplifies a mesh to the target, or goes on with what was begun, with the metric that the options name.
@@ -187,7 +193,17 @@ impl<'a, M: Metric> Run<'a, M> {
         progress: &'a dyn Progress,
     ) -> Self {
         let permits = Permits::new(options.work_bytes);
-        Self { options, settings, catalogue, job, progress, permits, scale: TextureScale::none(catalogue), crumb: None }
+        Self {
+            options,
+            settings,
+            catalogue,
+            job,
+            progress,
+            permits,
+            scale: TextureScale::none(catalogue),
+            crumb: None,
+            map: Mutex::new(None),
+        }
     }
 
     /// Simplifies a mesh to the target, or goes on with what was begun.
@@ -348,6 +364,7 @@ impl<'a, M: Metric> Run<'a, M> {
         let mut sample = ClusterMesh::default();
         let mut pieces = Vec::new();
         outcome.reached = true;
+        *self.map() = self.options.map.map(ClusterMap::new);
         let PassOutcome {
             report,
             floor,
@@ -382,6 +399,7 @@ impl<'a, M: Metric> Run<'a, M> {
         })?;
         outcome.squared_error = if area > 0.0 { error / area } else { 0.0 };
         outcome.stages = stages;
+        outcome.report.map = self.map().take().and_then(|map| map.to_png());
         outcome.mesh.pieces = pieces;
         outcome.sample = sample;
         self.write_shared(partition, pass, &mut outcome.mesh)?;
@@ -435,6 +453,11 @@ impl<'a, M: Metric> Run<'a, M> {
             return self.pass_through(mesh, partition, step, keep, cluster);
         }
         let mut source = self.load(mesh, partition, cluster)?;
+        if keep.is_some()
+            && let Some(map) = self.map().as_mut()
+        {
+            map.draw(cluster as u32, &source.mesh, source.origin);
+        }
         let (dropped_pieces, dropped_faces) = match self.crumb {
             Some(diagonal) => pieces::drop_small(&mut source.mesh, diagonal),
             None => (0, 0),
@@ -605,6 +628,10 @@ impl<'a, M: Metric> Run<'a, M> {
             mesh.shared_colours = Some(pick_shared(colours, shared, &path("colours"), *b"colour  ")?);
         }
         Ok(())
+    }
+
+    fn map(&self) -> MutexGuard<'_, Option<ClusterMap>> {
+        self.map.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
     /// Path of a piece of a cluster; each step has names of its own.

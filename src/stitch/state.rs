@@ -77,6 +77,13 @@ pub struct Start {
     pub(super) partition: Option<Partition>,
 }
 
+impl Start {
+    /// The mesh as it was read, if no pass has begun on it.
+    pub fn unsimplified(&self) -> Option<&StoredMesh> {
+        (self.state.pass == 0 && self.partition.is_none()).then_some(&self.state.mesh)
+    }
+}
+
 impl From<StoredMesh> for Start {
     fn from(mesh: StoredMesh) -> Self {
         Self { state: PassState { mesh, ..PassState::default() }, partition: None }

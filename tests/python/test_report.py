@@ -1,12 +1,18 @@
 """The report page in a browser without a screen: it draws itself, alone, without a word on the console."""
 
+import base64
 import html
+import io
 import json
 import re
 import shutil
+import struct
 import subprocess
+import zlib
 
+import numpy as np
 import pytest
+from PIL import Image
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 
@@ -67,7 +73,18 @@ def browser():
 def page(drystone, town_path, tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
     path = folder / "report.html"
-    drystone.simplify(town_path, folder, "--ratio", 0.1, "--cluster-faces", 3000, "--report", path)
+    drystone.simplify(
+        town_path, folder, "--ratio", 0.1, "--cluster-faces", 3000, "--measure", "--samples", 100_000, "--report", path
+    )
+    return path
+
+
+@pytest.fixture(scope="module")
+def comparison(drystone, town_path, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("comparison")
+    result = drystone.simplify(town_path, folder, "--ratio", 0.1).output
+    path = folder / "comparison.html"
+    drystone("compare", town_path, result, "--samples", 100_000, "--html", path)
     return path
 
 
@@ -82,9 +99,68 @@ def test_page_loads_nothing_from_elsewhere(page):
 def test_browser_has_nothing_to_complain_about(page, browser, tmp_path):
     found, console = browser(page, tmp_path)
     assert console == []
-    assert len(found["plots"]) >= 3 and min(found["plots"]) > 200
+    assert len(found["plots"]) >= 5 and min(found["plots"]) > 200
+    check_pictures(found, ["before", "after", "distance from the original", "pass"])
+
+
+def test_comparison_is_a_page_of_its_own(comparison, browser, tmp_path):
+    found, console = browser(comparison, tmp_path)
+    assert console == []
+    assert len(found["plots"]) == 1
+    check_pictures(found, ["before", "after", "distance from the original"])
+
+
+def check_pictures(found, kinds):
     for alt, complete, width, height in found["pictures"]:
         assert alt and complete and width > 0 and height > 0, alt
+    for kind in kinds:
+        assert sum(alt.startswith(kind) for alt, *_ in found["pictures"]) >= 3, kind
+
+
+def decoded(page, alt):
+    """A picture of the page as rows of pixels."""
+    address = re.search(rf'<img src="data:image/(?:jpeg|png);base64,([^"]*)" alt="{re.escape(alt)}"', page.read_text())
+    return np.asarray(Image.open(io.BytesIO(base64.b64decode(address.group(1)))).convert("RGB"), float)
+
+
+def test_pictures_show_the_town(page):
+    before, after = (decoded(page, f"{when}, from above") for when in ("before", "after"))
+    shown = np.abs(before - before[0, 0]).max(axis=2) > 30
+    assert 0.2 < shown.mean() < 0.9
+    assert before[shown].std(axis=0).min() > 10, "one colour all over"
+    assert np.abs(before - after).mean() < 12, "the result looks like another town"
+
+
+def test_pictures_do_not_depend_on_threads_or_memory(drystone, town_path, tmp_path):
+    digests = set()
+    for threads, memory in ((1, "128MiB"), (2, "1GiB")):
+        folder = tmp_path / memory
+        folder.mkdir()
+        page = folder / "page.html"
+        options = ("--cluster-faces", 3000, "--threads", threads, "--memory", memory, "--report", page)
+        run = drystone.simplify(town_path, folder, "--ratio", 0.1, *options)
+        pictures = re.findall(r'<img src="([^"]*)"', page.read_text())
+        assert len(pictures) >= 10
+        digests.add((run.output.read_bytes(), *pictures))
+        assert run.report["memory"]["peak_resident"] <= run.report["memory"]["budget"]
+    assert len(digests) == 1
+
+
+def test_hostile_images_only_warn(drystone, town_path, tmp_path):
+    source = tmp_path / "town"
+    shutil.copytree(town_path.parent, source)
+    (source / "facade.jpg").write_bytes(b"\xff\xd8\xff\xe0 no image")
+    (source / "roof.jpg").unlink()
+    # A header that claims 2 billion pixels.
+    claim = struct.pack(">IIBBBBB", 65535, 32767, 8, 2, 0, 0, 0)
+    chunk = struct.pack(">I", len(claim)) + b"IHDR" + claim + struct.pack(">I", zlib.crc32(b"IHDR" + claim))
+    (source / "street.png").write_bytes(b"\x89PNG\r\n\x1a\n" + chunk)
+    page = tmp_path / "page.html"
+    run = drystone.simplify(source / "town.obj", tmp_path, "--ratio", 0.1, "--memory", "128MiB", "--report", page)
+    assert run.report["repairs"]["unreadable_picture"] >= 2
+    assert run.report["repairs"]["missing_picture"] >= 1
+    assert run.report["memory"]["peak_resident"] <= 128 << 20
+    assert decoded(page, "before, from above").shape == (640, 960, 3)
 
 
 def test_narrow_screen_needs_no_sideways_scrolling(page, browser, tmp_path):

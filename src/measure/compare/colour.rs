@@ -43,6 +43,19 @@ pub struct Image {
 }
 
 impl Image {
+    /// Width and height in pixels.
+    pub fn size(&self) -> [usize; 2] {
+        [self.width, self.height]
+    }
+
+    /// The pixel (red, green, blue) at a texture coordinate between 0 and 1, with (0, 0) at the lower left.
+    pub fn pixel(&self, texcoord: [f32; 2]) -> [u8; 3] {
+        let column = ((texcoord[0] * self.width as f32) as usize).min(self.width - 1);
+        let row = (((1.0 - texcoord[1]) * self.height as f32) as usize).min(self.height - 1);
+        let at = (row * self.width + column) * PIXEL_BYTES as usize;
+        [self.pixels[at], self.pixels[at + 1], self.pixels[at + 2]]
+    }
+
     /// Colour (red, green, blue; 0 to 255) at a texture coordinate between 0 and 1, with (0, 0) at the lower left.
     pub fn colour(&self, texcoord: [f32; 2]) -> [f32; 3] {
         let x = f64::from(texcoord[0]) * self.width as f64 - 0.5;

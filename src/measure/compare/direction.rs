@@ -77,7 +77,7 @@ struct Outcome {
 
 /// Measures from points of `from` to `to`, which has a triangle at least.
 ///
-/// `limit` is a length that no distance exceeds by much.
+/// `limit` is a length that no distance exceeds by much. `see_point` gets each point by area, in order.
 ///
 /// # Errors
 /// On a full disk, failed reads and writes.
@@ -87,6 +87,7 @@ pub fn measure(
     sampling: &Sampling,
     limit: f64,
     resources: &Resources,
+    see_point: &mut dyn FnMut(&Place),
     progress: &dyn Progress,
 ) -> Result<Direction> {
     let batches = sampling.batches();
@@ -112,6 +113,7 @@ pub fn measure(
             let mut records = Vec::with_capacity(outcome.samples.len());
             let mut most = outcome.farthest;
             for sample in &outcome.samples {
+                see_point(&sample.place);
                 distances.add(sample.place.distance);
                 angles.add(libm::acos(sample.cosine.clamp(-1.0, 1.0)).to_degrees());
                 flipped += u64::from(sample.cosine < 0.0);

@@ -32,7 +32,7 @@ impl Bench {
 
     fn compare(&self, original: &Path, result: &Path, cell_faces: u64) -> Comparison {
         let options = CompareOptions { samples: 20_000, seed: 7, work: self.path("work"), resources: RESOURCES };
-        compare_in_cells(original, result, &options, cell_faces, &Silent).unwrap()
+        compare_in_cells(original, result, &options, cell_faces, &mut (), &Silent).unwrap()
     }
 }
 
@@ -192,7 +192,7 @@ fn the_numbers_do_not_depend_on_threads_and_hardly_on_cells() {
     let measured = |threads: usize, cell_faces: u64| {
         let resources = Resources { threads, ..RESOURCES };
         let options = CompareOptions { samples: 30_000, seed: 1, work: bench.path("work"), resources };
-        let found = compare_in_cells(&original, &result, &options, cell_faces, &Silent).unwrap();
+        let found = compare_in_cells(&original, &result, &options, cell_faces, &mut (), &Silent).unwrap();
         Comparison { peak_resident: 0, ..found }
     };
     let (one, many) = (measured(1, 400), measured(3, 400));
@@ -290,7 +290,7 @@ fn a_mesh_of_nothing_but_points_and_lines_is_refused() {
     let (positions, faces) = plane(2, |_, _| 0.0);
     let (original, empty) = (bench.write("a.obj", &positions, &faces), bench.write("b.obj", &positions, &[[0, 0, 1]]));
     let options = CompareOptions { samples: 1000, seed: 1, work: bench.path("work"), resources: RESOURCES };
-    let error = compare(&original, &empty, &options, &Silent).unwrap_err();
+    let error = compare(&original, &empty, &options, &mut (), &Silent).unwrap_err();
     assert!(error.to_string().contains("no faces"), "{error}");
     assert!(!bench.path("work").exists());
 }

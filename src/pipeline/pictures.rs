@@ -1,0 +1,53 @@
+//! Pictures of the mesh before and after.
+
+use std::path::Path;
+
+use crate::base::{Findings, Progress, Result};
+use crate::report::gallery::{self, Resources, Shot, Viewpoints};
+use crate::report::scene::StoredScene;
+use crate::store::{Catalogue, StoredMesh};
+
+/// Width and height of a map of the clusters, in pixels.
+pub(super) const MAP_SIZE: [usize; 2] = [600, 400];
+/// Memory that a map takes, in bytes.
+pub(super) const MAP_BYTES: u64 = (MAP_SIZE[0] * MAP_SIZE[1]) as u64 * 16;
+
+/// Draws what a run works on; whatever goes wrong is a warning, since the result does not need it.
+pub(super) struct Painter<'a> {
+    pub(super) catalogue: &'a Catalogue,
+    pub(super) folder: &'a Path,
+    pub(super) resources: Resources,
+    /// Whether the result is to be coloured by error afterwards.
+    pub(super) with_errors: bool,
+    pub(super) progress: &'a dyn Progress,
+}
+
+impl Painter<'_> {
+    /// Pictures of a mesh from the given places or from its own, and those; none, and a warning, where it cannot be drawn.
+    pub(super) fn draw(
+        &self,
+        mesh: &StoredMesh,
+        from: Option<Viewpoints>,
+        findings: &mut Findings,
+    ) -> Option<(Viewpoints, Vec<Shot>)> {
+        self.progress.begin("draw", 0, "");
+        let drawn = self.try_draw(mesh, from, findings);
+        drawn.unwrap_or_else(|error| {
+            findings.note("missing_pictures", || error.to_string());
+            None
+        })
+    }
+
+    fn try_draw(
+        &self,
+        mesh: &StoredMesh,
+        from: Option<Viewpoints>,
+        findings: &mut Findings,
+    ) -> Result<Option<(Viewpoints, Vec<Shot>)>> {
+        let scene = StoredScene::new(mesh, self.catalogue, self.folder, findings);
+        let with_errors = self.with_errors && from.is_some();
+        let Some(from) = from.map_or_else(|| Viewpoints::of(&scene), |from| Ok(Some(from)))? else { return Ok(None) };
+        let shots = gallery::draw(&scene, &from, with_errors, &self.resources, findings)?;
+        Ok(Some((from, shots)))
+    }
+}

@@ -1,0 +1,254 @@
+//! What a comparison found, as part of a page and as a page of its own.
+
+use std::path::Path;
+
+use maud::{Markup, html};
+
+use super::figures::{self, figure, length, percent, picture, pictures, plot, row, seconds, spaced};
+use super::gallery::{self, Resources, Shot, VANTAGES, Viewpoints};
+use super::{Kind, plots, save_text};
+use crate::base::error::escape_path;
+use crate::base::{Error, Findings, Result, bytes};
+use crate::measure::compare::cells::MeasuredMesh;
+use crate::measure::compare::{Comparison, Distances, Onlooker, Place, Quality, Texture, Topology};
+
+/// A name, and how its figure is found.
+type Figure<T, F> = (&'static str, fn(&T) -> F);
+
+/// The page of a comparison; it looks on to draw both meshes, and to colour the result by error.
+#[derive(Debug, Default)]
+pub struct ComparisonPage {
+    /// What drawing may use.
+    pub resources: Resources,
+    shots: Option<[Vec<Shot>; 2]>,
+    findings: Findings,
+}
+
+impl Onlooker for ComparisonPage {
+    fn see_meshes(&mut self, before: &MeasuredMesh, after: &MeasuredMesh) -> Result<()> {
+        let Some(from) = Viewpoints::of(before)? else { return Ok(()) };
+        let mut draw = |mesh, with_relief| gallery::draw(mesh, &from, with_relief, &self.resources, &mut self.findings);
+        self.shots = Some([draw(before, false)?, draw(after, true)?]);
+        Ok(())
+    }
+
+    fn see_point(&mut self, place: &Place) {
+        if let Some([_, after]) = &mut self.shots {
+            after.see_point(place);
+        }
+    }
+}
+
+impl ComparisonPage {
+    /// Refuses a name that does not end in `.html`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`].
+    pub fn check_path(path: &Path) -> Result<()> {
+        match Kind::of(path) {
+            Ok(Kind::Html) => Ok(()),
+            _ => Err(Error::Usage(format!("--html {}: expected a name that ends in .html", escape_path(path)))),
+        }
+    }
+
+    /// Writes the page.
+    ///
+    /// # Errors
+    /// The file system's.
+    pub fn save(&self, comparison: &Comparison, path: &Path) -> Result<()> {
+        let title = comparison.result.file_name().map_or_else(String::new, |name| escape_path(name.as_ref()));
+        let faces = [comparison.topology.before.faces, comparison.topology.after.faces];
+        let rms = comparison.geometry.symmetric.rms;
+        let body = html! {
+            header {
+                p.mark { "drystone compare" }
+                h1 { (title) }
+                p.files {
+                    code { (escape_path(&comparison.original)) } " → " code { (escape_path(&comparison.result)) }
+                }
+            }
+            section.figures {
+                (figure("triangles before", &spaced(faces[0]), "of the original"))
+                (figure("triangles after", &spaced(faces[1]),
+                    &format!("{} of the original", percent(100.0 * faces[1] as f64 / faces[0].max(1) as f64))))
+                (figure("distance, RMS", &length(rms), "both ways, mesh units"))
+                (figure("distance, largest", &length(comparison.geometry.symmetric.max), "both ways, mesh units"))
+                @if let Some(texture) = &comparison.texture {
+                    (figure("difference of colour", &length(texture.colour_rms), "RMS, of 255"))
+                }
+                (figure("time", &seconds(comparison.seconds),
+                    &format!("{} peak memory", bytes::display(comparison.peak_resident))))
+            }
+            @if let Some([before, after]) = &self.shots { (pictures(before, after)) }
+            (body(comparison, self.shots.as_ref().map_or(&[], |[_, after]| after)))
+            @let warnings: Vec<String> = comparison.warnings.iter().cloned().chain(self.findings.warnings()).collect();
+            @if !warnings.is_empty() {
+                section { h2 { "Warnings" } ul { @for warning in &warnings { li { (warning) } } } }
+            }
+        };
+        save_text(&figures::page(&title, &body, ""), path)
+    }
+}
+
+/// The sections that a comparison fills; `after` are pictures of the result.
+pub(super) fn body(comparison: &Comparison, after: &[Shot]) -> Markup {
+    html! {
+        (distances(comparison))
+        (errors(comparison, after))
+        @if let Some(texture) = &comparison.texture { (texture_table(texture)) }
+        (shapes(comparison))
+    }
+}
+
+fn distances(comparison: &Comparison) -> Markup {
+    let geometry = &comparison.geometry;
+    let ways = [&geometry.forward, &geometry.backward, &geometry.symmetric];
+    let figures: [Figure<Distances, f64>; 6] = [
+        ("largest", |d| d.max),
+        ("mean", |d| d.mean),
+        ("root mean square", |d| d.rms),
+        ("half of the surface is nearer than", |d| d.median),
+        ("95 % is nearer than", |d| d.p95),
+        ("99 % is nearer than", |d| d.p99),
+    ];
+    html! {
+        section {
+            h2 { "Distance between result and original" }
+            div.pair {
+                table {
+                    thead { tr { th {} th.number { "to the original" } th.number { "to the result" } th.number { "both ways" } } }
+                    tbody {
+                        @for (name, of) in figures {
+                            tr { th scope="row" { (name) } @for way in ways { td.number { (length(of(way))) } } }
+                        }
+                        tr {
+                            th scope="row" { "RMS per diagonal" }
+                            @for way in ways { td.number { (length(way.rms / geometry.diagonal.max(f64::MIN_POSITIVE))) } }
+                        }
+                    }
+                }
+                (plot(plots::distribution(&geometry.forward.histogram, &geometry.backward.histogram),
+                    "How much of the surface is how far; distances in mesh units"))
+            }
+            p.quiet {
+                "Exact distances from " (spaced(comparison.samples)) " points by area on each surface, and from vertices and points on "
+                "edges for the largest one. To the original: what was added. To the result: what was lost. Diagonal of the original: "
+                (length(geometry.diagonal)) "."
+            }
+            (worst(comparison))
+        }
+    }
+}
+
+/// Where the largest distances are.
+fn worst(comparison: &Comparison) -> Markup {
+    let places = &comparison.geometry.symmetric.worst;
+    html! {
+        @if !places.is_empty() {
+            h3 { "Largest distances" }
+            table.narrow {
+                thead { tr { th.number { "Distance" } th.number { "x" } th.number { "y" } th.number { "z" } } }
+                tbody {
+                    @for place in places.iter().take(5) {
+                        tr {
+                            td.number { (length(place.distance)) }
+                            @for coordinate in place.position { td.number { (format!("{coordinate:.3}")) } }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The result coloured by its distance from the original.
+fn errors(comparison: &Comparison, after: &[Shot]) -> Markup {
+    let forward = &comparison.geometry.forward;
+    let most = if forward.p99 > 0.0 { forward.p99 } else { forward.max };
+    let coloured: Vec<_> =
+        VANTAGES.iter().zip(after).filter_map(|(p, shot)| Some((p, shot.relief.as_ref()?))).collect();
+    if coloured.is_empty() || most <= 0.0 {
+        return html! {};
+    }
+    html! {
+        section {
+            h2 { "The result by its distance from the original" }
+            div.scale {
+                div.ramp role="img" aria-label="scale of colours, from no distance to the largest shown" {}
+                @for step in 0..=4 { span { (length(most * f64::from(step) / 4.0)) @if step == 4 { " and more" } } }
+            }
+            div.pair {
+                @for (place, relief) in coloured {
+                    (picture(&relief.colour(most), &format!("distance from the original, {}", place.name)))
+                }
+            }
+        }
+    }
+}
+
+fn texture_table(texture: &Texture) -> Markup {
+    let folded = format!("{} (before: {})", spaced(texture.folded_triangles), spaced(texture.folded_triangles_before));
+    html! {
+        section {
+            h2 { "Texture" }
+            table.narrow {
+                (row("difference of colour to the original, mean and RMS of 255",
+                    &format!("{} · {}", length(texture.colour_mean), length(texture.colour_rms))))
+                (row("to the result", &format!("{} · {}", length(texture.colour_backward_mean), length(texture.colour_backward_rms))))
+                (row("slide of the picture: half of the surface below", &length(texture.slide_median)))
+                (row("95 % below", &length(texture.slide_p95)))
+                (row("the same in texels", &format!("{} · {}", length(texture.slide_texels_median), length(texture.slide_texels_p95))))
+                (row("surface that shows a place outside of all charts", &percent(100.0 * texture.outside_fraction)))
+                (row("surface without image", &percent(100.0 * texture.untextured_fraction)))
+                (row("triangles folded in texture", &folded))
+                (row("images read, of these at a lower resolution", &format!("{} · {}", spaced(texture.images), spaced(texture.reduced_images))))
+            }
+        }
+    }
+}
+
+fn shapes(comparison: &Comparison) -> Markup {
+    let Comparison { topology, quality, geometry, .. } = comparison;
+    let counts: [Figure<Topology, u64>; 8] = [
+        ("triangles", |t| t.faces),
+        ("vertices", |t| t.vertices),
+        ("pieces", |t| t.components),
+        ("open edges", |t| t.boundary_edges),
+        ("open borders", |t| t.boundary_loops),
+        ("non-manifold edges", |t| t.non_manifold_edges),
+        ("seam edges", |t| t.seam_edges),
+        ("charts", |t| t.charts),
+    ];
+    let shapes: [Figure<Quality, String>; 4] = [
+        ("mean regularity of triangles", |q| length(q.regularity_mean)),
+        ("slivers", |q| percent(100.0 * q.sliver_share)),
+        ("inner vertices with 5, 6 or 7 edges", |q| percent(100.0 * q.valence_regular_share)),
+        ("most edges at a vertex", |q| spaced(q.valence_max)),
+    ];
+    let volume = |volume: Option<f64>| volume.map_or_else(|| "open".to_owned(), length);
+    let trio = |name: &str, before: &str, after: &str| {
+        html! { tr { th scope="row" { (name) } td.number { (before) } td.number { (after) } } }
+    };
+    html! {
+        section {
+            h2 { "Topology and shape" }
+            table.narrow {
+                thead { tr { th {} th.number { "before" } th.number { "after" } } }
+                tbody {
+                    @for (name, of) in counts { (trio(name, &spaced(of(&topology.before)), &spaced(of(&topology.after)))) }
+                    (trio("Euler number", &topology.before.euler.to_string(), &topology.after.euler.to_string()))
+                    @for (name, of) in shapes { (trio(name, &of(&quality.before), &of(&quality.after))) }
+                    (trio("area", &length(geometry.area.before), &length(geometry.area.after)))
+                    (trio("volume", &volume(geometry.volume.before), &volume(geometry.volume.after)))
+                }
+            }
+            p.quiet {
+                "Normals differ by " (length(geometry.normals.mean)) "° in the mean, 95 % of the surface by less than "
+                (length(geometry.normals.p95)) "°; " (percent(100.0 * geometry.normals.flipped)) " is turned over."
+                @if let Some(border) = &geometry.border {
+                    " Open borders lie at most " (length(border.max)) " from those of the original, RMS " (length(border.rms)) "."
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,195 @@
+//! What can be drawn: the triangles of a mesh, one after the other, with what they show.
+//!
+//! ```text
+//! StoredMesh    ──▶ cells, loaded one by one ──┐
+//!                                              ├──▶ triangles
+//! MeasuredMesh, which lies in cells already ───┘
+//! ```
+//!
+//! # Memory
+//! For a stored mesh, that of a partition into cells of [`CELL_FACES`] triangles, and one of its clusters at a time.
+//!
+//! # Files
+//! Those of a pass named `pass-view`, removed at the end.
+
+use std::path::Path;
+
+use glam::DVec3;
+
+use super::gallery::Resources;
+use crate::base::{Findings, Result};
+use crate::measure::compare::cells::MeasuredMesh;
+use crate::measure::compare::pictures::{NO_PICTURE, Pictures};
+use crate::partition::{self, ClusterSource, PartitionOptions, TextureScale, cluster};
+use crate::render::{Paint, Triangle};
+use crate::store::mesh::MaterialDefinition;
+use crate::store::{Catalogue, StoredMesh};
+
+/// Triangles of a cell, about.
+const CELL_FACES: u64 = 1 << 16;
+/// Positions that are looked at at once.
+const SWEEP_RECORDS: u64 = 128 << 10;
+/// Colour of a surface without image and material.
+const STONE: [u8; 3] = [188, 172, 150];
+
+/// A mesh that can be drawn; what is handed out comes in an order that depends on the mesh alone.
+pub trait Scene {
+    /// The images that it shows.
+    fn pictures(&self) -> &Pictures;
+
+    /// Hands all positions to `look`, many at a time; some may come more than once.
+    ///
+    /// # Errors
+    /// On failed reads.
+    fn positions(&self, look: &mut dyn FnMut(&[DVec3])) -> Result<()>;
+
+    /// Hands every triangle to `draw`.
+    ///
+    /// # Errors
+    /// On a full disk, failed reads and writes.
+    fn triangles(&self, resources: &Resources, draw: &mut dyn FnMut(&Triangle)) -> Result<()>;
+}
+
+/// A stored mesh.
+#[derive(Debug)]
+pub struct StoredScene<'a> {
+    mesh: &'a StoredMesh,
+    catalogue: &'a Catalogue,
+    folder: &'a Path,
+    pictures: Pictures,
+    /// What each part shows.
+    paints: Vec<Paint>,
+}
+
+impl<'a> StoredScene<'a> {
+    /// Looks up the images; intermediate files go to `folder`.
+    pub fn new(mesh: &'a StoredMesh, catalogue: &'a Catalogue, folder: &'a Path, findings: &mut Findings) -> Self {
+        let pictures = Pictures::find(catalogue, findings);
+        let paint = |(part, &picture): (usize, &u32)| match picture {
+            NO_PICTURE => Paint::Colour(colour_of(catalogue, part)),
+            picture => Paint::Picture(picture),
+        };
+        let paints = pictures.of_part.iter().enumerate().map(paint).collect();
+        Self { mesh, catalogue, folder, pictures, paints }
+    }
+
+    fn triangle(&self, source: &ClusterSource, face: u32) -> Triangle {
+        let mesh = &source.mesh;
+        let [a, b, c] = mesh.uv_triangle(face);
+        let part = mesh.parts[face as usize] as usize;
+        let paint = self.paints.get(part).copied().unwrap_or(Paint::Colour(STONE));
+        let paint = match paint {
+            Paint::Picture(_) if !(a + b + c).is_finite() => Paint::Colour(colour_of(self.catalogue, part)),
+            paint => paint,
+        };
+        let low = a.min(b).min(c).floor();
+        Triangle {
+            corners: mesh.triangle(face).map(|corner| corner + source.origin),
+            texcoords: [a, b, c].map(|uv| (uv - low).as_vec2().to_array()),
+            paint,
+        }
+    }
+}
+
+impl Scene for StoredScene<'_> {
+    fn pictures(&self) -> &Pictures {
+        &self.pictures
+    }
+
+    fn positions(&self, look: &mut dyn FnMut(&[DVec3])) -> Result<()> {
+        for segment in self.mesh.position_segments() {
+            for range in segment.ranges(SWEEP_RECORDS) {
+                look(&segment.window(range)?);
+            }
+        }
+        Ok(())
+    }
+
+    fn triangles(&self, resources: &Resources, draw: &mut dyn FnMut(&Triangle)) -> Result<()> {
+        let Resources { threads, work_bytes } = *resources;
+        let options = PartitionOptions { cluster_faces: CELL_FACES, pass: 0, weld: false, threads, work_bytes };
+        let partition = partition::partition(self.mesh, self.catalogue, self.folder, "pass-view", &options)?;
+        let scale = TextureScale::none(self.catalogue);
+        let mut draw_source = |source: ClusterSource| {
+            (0..source.mesh.corners.len() as u32).for_each(|face| draw(&self.triangle(&source, face)));
+        };
+        for cell in 0..partition.cluster_count() {
+            match partition.weight(cell) {
+                Some(_) => draw_source(cluster::load(&partition, self.mesh, self.catalogue, &scale, cell)?),
+                None => cluster::load_in_blocks(&partition, self.mesh, self.catalogue, &scale, cell, |source| {
+                    draw_source(source);
+                    Ok(())
+                })?,
+            }
+        }
+        partition.files().for_each(|path| _ = std::fs::remove_file(path));
+        Ok(())
+    }
+}
+
+impl Scene for MeasuredMesh {
+    fn pictures(&self) -> &Pictures {
+        &self.pictures
+    }
+
+    fn positions(&self, look: &mut dyn FnMut(&[DVec3])) -> Result<()> {
+        for cell in &self.cells {
+            let view = cell.view()?;
+            look(&view.positions.iter().map(|&position| position + view.origin).collect::<Vec<_>>());
+        }
+        Ok(())
+    }
+
+    fn triangles(&self, _resources: &Resources, draw: &mut dyn FnMut(&Triangle)) -> Result<()> {
+        for cell in &self.cells {
+            let view = cell.view()?;
+            for (number, face) in view.faces.iter().enumerate() {
+                let paint = match face.picture {
+                    NO_PICTURE => Paint::Colour(STONE),
+                    picture => Paint::Picture(picture),
+                };
+                let corners = view.triangle(number as u32).map(|corner| corner + view.origin);
+                draw(&Triangle { corners, texcoords: face.texcoords, paint });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The diffuse colour (`Kd`) of a part's material.
+fn colour_of(catalogue: &Catalogue, part: usize) -> [u8; 3] {
+    let material = catalogue.parts.get(part).and_then(|part| part.material);
+    let definition = material.and_then(|material| catalogue.materials[material as usize].definition.as_ref());
+    definition.and_then(diffuse).unwrap_or(STONE)
+}
+
+fn diffuse(definition: &MaterialDefinition) -> Option<[u8; 3]> {
+    let rest = definition.statements.iter().find_map(|statement| statement.strip_prefix(b"Kd"))?;
+    let text = std::str::from_utf8(rest).ok()?;
+    let numbers: Vec<f32> = text.split_whitespace().map_while(|word| word.parse().ok()).collect();
+    match numbers[..] {
+        // Modellers write 1 1 1, or 0 0 0, for a material that they say nothing about.
+        [r, g, b, ..] if [r, g, b] != [1.0; 3] && [r, g, b] != [0.0; 3] => {
+            Some([r, g, b].map(|channel| (channel.clamp(0.0, 1.0) * 255.0) as u8))
+        }
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_of_materials_are_read_where_they_say_something() {
+        let definition = |text: &str| MaterialDefinition {
+            statements: vec![b"Ns 10".to_vec(), text.as_bytes().to_vec()],
+            ..MaterialDefinition::default()
+        };
+        assert_eq!(diffuse(&definition("Kd 1.0 0.5 0")), Some([255, 127, 0]));
+        assert_eq!(diffuse(&definition("Kd 0.5 9 -1")), Some([127, 255, 0]));
+        for nothing in ["Kd 1 1 1", "Kd x", "Kd 0.5", "Ka 0.2 0.3 0.4", "Kd spectral a.rfl"] {
+            assert_eq!(diffuse(&definition(nothing)), None, "{nothing}");
+        }
+    }
+}
