@@ -9,8 +9,8 @@
 //! | --- | --- |
 //! | r = 4√3 · area / (l1² + l2² + l3²) \[8\] | [`regularity`], a sliver is below [`SLIVER`] |
 //! | σ | `cost::sharpness`, flat enough below [`FLAT`] |
-//! | the ring in the plane | [`flatten`] |
-//! | barycentric coordinates averaged over all triangles of ring vertices around the new place \[9, 10\] | [`lift`] |
+//! | the ring in the plane | `flatten` |
+//! | barycentric coordinates averaged over all triangles of ring vertices around the new place \[9, 10\] | `lift` |
 //!
 //! ```text
 //!   +-------+            +-------+

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! # Memory
-//! For a stored mesh, that of a partition into cells of [`CELL_FACES`] triangles, and one of its clusters at a time.
+//! For a stored mesh, that of a partition into cells of `CELL_FACES` triangles, and one of its clusters at a time.
 //!
 //! # Files
 //! Those of a pass named `pass-view`, removed at the end.

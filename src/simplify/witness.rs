@@ -1,6 +1,6 @@
 //! How far a stage moved the surface: vertices from before it tell the distance to the mesh after it.
 //!
-//! One vertex in [`SAMPLED`] is a witness. Each knows the vertex that it went into, however many collapses later, and
+//! One vertex in `SAMPLED` is a witness. Each knows the vertex that it went into, however many collapses later, and
 //! measures its distance to the faces around that one:
 //!
 //! ```text

@@ -97,7 +97,7 @@ impl Pair {
 
 /// Builds the tree of `count` triangles; `triangle` gives their corners by number.
 ///
-/// Returns the pairs, the first of which is the root (there is none for up to [`LEAF_TRIANGLES`] triangles), and the
+/// Returns the pairs, the first of which is the root (there is none for up to `LEAF_TRIANGLES` triangles), and the
 /// numbers of the triangles in the order that the pairs refer to. O(n log n).
 pub fn build(count: usize, triangle: impl Fn(u32) -> [DVec3; 3]) -> (Vec<Pair>, Vec<u32>) {
     let corners = |number: u32| triangle(number).map(|corner| if corner.is_finite() { corner } else { DVec3::ZERO });
