@@ -14,3 +14,15 @@ fn every_exit_code_is_on_the_page() {
         assert!(page.contains(&format!("\n| {code} | ")), "{code}");
     }
 }
+
+#[test]
+fn every_setting_of_a_metric_is_on_the_page_about_choosing() {
+    use drystone::cost::{classic, curvature, oblique, sharpness, terrain};
+    let page = std::fs::read_to_string("docs/choosing.md").unwrap();
+    let metrics: [&[_]; 5] = [&classic::KNOBS, &oblique::KNOBS, &curvature::KNOBS, &terrain::KNOBS, &sharpness::KNOBS];
+    let mut lines = page.lines().skip_while(|line| !line.starts_with("| `qem-1997` | `border`"));
+    for knob in metrics.concat() {
+        let line = lines.next().unwrap_or_default();
+        assert!(line.contains(&format!("| `{}` | {} |", knob.name, knob.default)), "{}: {line}", knob.name);
+    }
+}

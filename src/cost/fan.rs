@@ -34,6 +34,12 @@ pub struct Fan {
 impl Fan {
     /// Gathers the faces around a vertex, those without area too.
     pub fn gather(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) {
+        self.collect(mesh, rings, vertex);
+        self.sort();
+    }
+
+    /// Gathers the faces around a vertex in order of their ids; whether they close is not found out.
+    pub fn collect(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) {
         self.spokes.clear();
         self.spokes.extend(rings.of(vertex).iter().filter(|&&corner| mesh.living(corner).is_some()).map(|&corner| {
             let [next, previous] = ClusterMesh::following(corner).map(|c| mesh.vertex_of(c));
@@ -46,7 +52,6 @@ impl Fan {
             let normal = if double_area > 0.0 { across / double_area } else { DVec3::ZERO };
             Spoke { face: corner / 3, next, previous, normal, area: 0.5 * double_area, angle }
         }));
-        self.sort();
     }
 
     /// Puts each face behind the one whose last edge it begins with.

@@ -120,6 +120,7 @@ pub struct ObliqueCost {
     seen: Vec<u32>,
     round: u32,
     fan: Fan,
+    neighbours: Vec<u32>,
     area: f64,
 }
 
@@ -159,7 +160,7 @@ impl ObliqueCost {
 
     /// Normal, area and density of a vertex.
     fn survey(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) {
-        self.fan.gather(mesh, rings, vertex);
+        self.fan.collect(mesh, rings, vertex);
         let place = &mut self.places[vertex as usize];
         let (mut normal, mut area, mut density, mut count) = (DVec3::ZERO, 0.0, 0.0, 0.0);
         for spoke in self.fan.spokes.iter().filter(|spoke| spoke.area > 0.0) {
@@ -178,9 +179,22 @@ impl ObliqueCost {
 
     /// LRS of a vertex from its neighbours' normals.
     fn measure(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) {
-        self.fan.gather(mesh, rings, vertex);
-        self.places[vertex as usize].fluctuation =
-            fluctuation(mesh, &self.fan, vertex, |v| self.places[v as usize].normal);
+        let ends = |&corner: &u32| ClusterMesh::following(corner).map(|c| mesh.vertex_of(c));
+        let corners = rings.of(vertex).iter().filter(|&&corner| mesh.living(corner).is_some());
+        self.neighbours.clear();
+        self.neighbours.extend(corners.flat_map(ends));
+        self.neighbours.sort_unstable();
+        self.neighbours.dedup();
+        let (centre, normal) = (mesh.positions[vertex as usize], self.places[vertex as usize].normal);
+        let (mut sum, mut count) = (0.0, 0.0);
+        for &neighbour in &self.neighbours {
+            let length = mesh.positions[neighbour as usize].distance(centre);
+            if length > 0.0 {
+                sum += angle_between(normal, self.places[neighbour as usize].normal) / length;
+                count += 1.0;
+            }
+        }
+        self.places[vertex as usize].fluctuation = if count > 0.0 { sum / count } else { 0.0 };
     }
 
     /// Ā, α times den, and LRS of a vertex.
@@ -242,26 +256,6 @@ impl ObliqueCost {
     }
 }
 
-/// LRS of a vertex, given the normals of its neighbours.
-fn fluctuation(mesh: &ClusterMesh, fan: &Fan, vertex: u32, normal_of: impl Fn(u32) -> DVec3) -> f64 {
-    let (centre, normal) = (mesh.positions[vertex as usize], normal_of(vertex));
-    let (mut sum, mut count) = (0.0, 0.0);
-    let mut add = |neighbour: u32| {
-        let length = mesh.positions[neighbour as usize].distance(centre);
-        if length > 0.0 {
-            sum += angle_between(normal, normal_of(neighbour)) / length;
-            count += 1.0;
-        }
-    };
-    for spoke in &fan.spokes {
-        add(spoke.next);
-    }
-    for spoke in fan.spokes.iter().filter(|spoke| !fan.spokes.iter().any(|other| other.next == spoke.previous)) {
-        add(spoke.previous);
-    }
-    if count > 0.0 { sum / count } else { 0.0 }
-}
-
 fn join(p: DVec3, uv: DVec2) -> [f64; 5] {
     [p.x, p.y, p.z, uv.x, uv.y]
 }
@@ -281,6 +275,7 @@ impl Metric for ObliqueCost {
             seen: Vec::new(),
             round: 0,
             fan: Fan::default(),
+            neighbours: Vec::new(),
             area: 0.0,
         }
     }

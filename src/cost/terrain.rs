@@ -92,7 +92,7 @@ impl TerrainCost {
     }
 
     fn find_normal(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) {
-        self.fan.gather(mesh, rings, vertex);
+        self.fan.collect(mesh, rings, vertex);
         self.normals[vertex as usize] = mean_normal(&self.fan) * self.settings.normal_scale;
     }
 

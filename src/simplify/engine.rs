@@ -338,8 +338,9 @@ impl<M: Metric> Engine<M> {
     fn propose(&self, from: u32, edge: &EdgeAt) -> Proposal {
         let (to, kind) = (edge.other, edge.kind());
         let rule = if edge.face_count <= 2 { self.rule(from, to, kind) } else { Rule::Never };
-        // An edge whose ends meet in between costs the same from both: the lower one proposes it.
-        if rule == Rule::Never || (matches!(rule, Rule::Free | Rule::Chain) && to < from) {
+        // An edge whose ends meet in between costs the same from both: the lower one proposes it, if both may.
+        let meets = |rule| matches!(rule, Rule::Free | Rule::Chain);
+        if rule == Rule::Never || (meets(rule) && to < from && meets(self.rule(to, from, kind))) {
             return Proposal::NONE;
         }
         let wedges = if kind == EdgeKind::Seam { &edge.wedges[..2] } else { &edge.wedges[..1] };
@@ -575,6 +576,22 @@ mod tests {
             let left = corners.iter().filter(|&&w| mesh.wedge_uv[w as usize].x <= 0.601).count();
             assert!(right < 3 || left == 0, "a face spans both charts");
         }
+    }
+
+    #[test]
+    fn an_edge_that_only_its_upper_end_may_collapse_is_proposed_by_it() {
+        // Vertex 4 is the only one inside; without border planes it may meet a border vertex, but none may meet it.
+        let settings = crate::cost::classic::Settings { border: 0.0 };
+        let mut engine = Engine::<crate::cost::ClassicCost>::new(samples::grid(2, 0.5), &settings);
+        engine.prepare();
+        engine.cost.refresh(&engine.mesh, &engine.rings, &engine.classes);
+        let mut edges = Vec::new();
+        edges_at(&engine.mesh, &engine.rings, 4, &mut edges);
+        assert_eq!(edges.iter().filter(|edge| edge.other < 4).count(), 3);
+        assert!(edges.iter().all(|edge| engine.propose(4, edge).cost.is_finite()));
+        edges_at(&engine.mesh, &engine.rings, 0, &mut edges);
+        let inward = edges.iter().find(|edge| edge.other == 4).unwrap();
+        assert!(engine.propose(0, inward).cost.is_infinite());
     }
 
     #[test]
