@@ -8,6 +8,7 @@ use serde::Serialize;
 use crate::base::{Error, Result, bytes};
 use crate::cost::{Weights, classic, curvature, knob, oblique, sharpness, terrain};
 use crate::job::Resume;
+use crate::remesh::cvd;
 use crate::stitch::pass::{Cost, SeamPolicy};
 use crate::write::Textures;
 
@@ -179,6 +180,11 @@ pub struct SimplifyOptions {
     #[arg(long, value_name = "NAME=VALUE")]
     pub metric_option: Vec<String>,
 
+    /// Before, make the mesh anew by centroidal Voronoi cells, dense where the surface bends (Liu, Chen & Wang 2020): cvd, or
+    /// cvd:2 with the power of curvature; cvd:cells=5000 leaves it at so many cells (docs/choosing.md lists the settings)
+    #[arg(long, value_name = "cvd[:SETTINGS]")]
+    pub remesh: Option<cvd::Settings>,
+
     /// Afterwards, move vertices among slivers to the middle of their ring (Li, Jiang & Tang 2020): rounder triangles, more error
     #[arg(long)]
     pub optimize: bool,
@@ -230,6 +236,7 @@ impl Default for SimplifyOptions {
             pieces: Pieces::Keep,
             metric: None,
             metric_option: Vec::new(),
+            remesh: None,
             optimize: false,
             uv_weight: 1.0,
             normals: Normals::Auto,
@@ -249,8 +256,11 @@ impl SimplifyOptions {
     /// [`Error::Usage`] naming the option, what was found and what is accepted.
     pub fn check(&self) -> Result<()> {
         let fail = |message: String| Err(Error::Usage(message));
+        let has_cells = self.cells().is_some();
         match (self.ratio, self.faces, self.max_error) {
+            (None, None, None) if has_cells => {}
             (None, None, None) => return fail("give a target: --ratio, --faces or --max-error".into()),
+            _ if has_cells => return fail("--remesh cvd:cells=… is the target: give no other".into()),
             (Some(ratio), None, None) if !(ratio > 0.0 && ratio <= 1.0) => {
                 return fail(format!("--ratio {ratio}: expected a share above 0 and up to 1"));
             }
@@ -274,10 +284,28 @@ impl SimplifyOptions {
         if self.optimize && self.max_error.is_some() {
             return fail("--optimize moves vertices without a bound: leave it out with --max-error".into());
         }
+        if self.remesh.is_some() && self.max_error.is_some() {
+            return fail("--remesh moves the surface without a bound: leave it out with --max-error".into());
+        }
         if self.threads == Some(0) {
             return fail("--threads 0: expected at least 1".into());
         }
         Ok(())
+    }
+
+    /// Cells that are asked for instead of triangles.
+    fn cells(&self) -> Option<u64> {
+        self.remesh.and_then(|remesh| remesh.cells)
+    }
+
+    /// Whether a number of triangles is asked for, and not an error or a number of cells.
+    pub fn has_target(&self) -> bool {
+        self.ratio.is_some() || self.faces.is_some()
+    }
+
+    /// Memory of the heaviest cluster, if it takes `bytes` while its edges collapse.
+    pub fn cluster_bytes(&self, bytes: u64) -> u64 {
+        if self.remesh.is_some() { bytes * cvd::GROWTH / 2 } else { bytes }
     }
 
     /// Faces to keep of an input with so many triangles; 0, as few as possible, with a bounded error.
@@ -285,7 +313,8 @@ impl SimplifyOptions {
         match (self.ratio, self.faces) {
             _ if self.max_error.is_some() => 0,
             (Some(ratio), _) => (ratio * triangles as f64).round() as u64,
-            (None, faces) => faces.unwrap_or(triangles).min(triangles),
+            (None, Some(faces)) => faces.min(triangles),
+            (None, None) => self.cells().map_or(triangles, |cells| triangles.min(cells.saturating_mul(2))),
         }
     }
 

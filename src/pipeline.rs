@@ -79,7 +79,7 @@ fn run(
     let (input, start) = reading.begin(job)?;
     let Input { catalogue, triangles, mut findings, bytes: input_bytes, need, .. } = input;
     let scan_seconds = scanned.elapsed();
-    need.check(budget, options.cluster_faces, job.path(), start.needs_scratch())?;
+    need.check(budget, options, job.path(), start.needs_scratch())?;
 
     let target = options.target(triangles);
     let sizes = Sizes { faces: triangles, vertices: need.vertices, target, cluster_faces: options.cluster_faces };
@@ -146,7 +146,7 @@ fn run(
         output: output.to_owned(),
         faces: FaceFigures {
             input: triangles,
-            target: if options.max_error.is_some() { passes.faces } else { target },
+            target: if options.has_target() { target } else { passes.faces },
             output: passes.faces,
         },
         error: ErrorFigures {
@@ -157,6 +157,7 @@ fn run(
             total: started.elapsed().as_secs_f64(),
             scan: scan_seconds.as_secs_f64(),
             partition: passes.seconds.partition.as_secs_f64(),
+            remesh: passes.seconds.remesh.as_secs_f64(),
             simplify: passes.seconds.simplify.as_secs_f64(),
             stitch: passes.seconds.stitch.as_secs_f64(),
             write: write_seconds.as_secs_f64(),
@@ -171,6 +172,7 @@ fn run(
         },
         io: IoFigures { input: input_bytes, read, written, scratch_peak },
         timeline: Timeline::default(),
+        remesh: passes.remeshed,
         passes: passes.reports,
         shots,
         floor: (!passes.reached).then_some(passes.floor),
@@ -233,6 +235,7 @@ fn pass_options(
         seams: options.seam_policy(),
         lock_borders: options.borders == Borders::Lock,
         drop_pieces: options.pieces == Pieces::Drop,
+        remesh: options.remesh,
         optimize: options.optimize,
         weld: options.weld == Weld::Exact,
         map: None,

@@ -16,13 +16,16 @@ fn every_exit_code_is_on_the_page() {
 }
 
 #[test]
-fn every_setting_of_a_metric_is_on_the_page_about_choosing() {
+fn every_setting_of_a_metric_and_of_the_reconstruction_is_on_the_page_about_choosing() {
     use drystone::cost::{classic, curvature, oblique, sharpness, terrain};
     let page = std::fs::read_to_string("docs/choosing.md").unwrap();
     let metrics: [&[_]; 5] = [&classic::KNOBS, &oblique::KNOBS, &curvature::KNOBS, &terrain::KNOBS, &sharpness::KNOBS];
-    let mut lines = page.lines().skip_while(|line| !line.starts_with("| `qem-1997` | `border`"));
-    for knob in metrics.concat() {
-        let line = lines.next().unwrap_or_default();
-        assert!(line.contains(&format!("| `{}` | {} |", knob.name, knob.default)), "{}: {line}", knob.name);
+    let remesh: &[_] = &drystone::remesh::cvd::KNOBS;
+    for (knobs, first) in [(metrics.concat(), "| `qem-1997` | `border`"), (remesh.to_vec(), "| `lambda` |")] {
+        let mut lines = page.lines().skip_while(|line| !line.starts_with(first));
+        for knob in knobs {
+            let line = lines.next().unwrap_or_default();
+            assert!(line.contains(&format!("| `{}` | {} |", knob.name, knob.default)), "{}: {line}", knob.name);
+        }
     }
 }

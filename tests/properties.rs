@@ -173,6 +173,7 @@ fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
         cost: Cost::Surface(Weights { uv: f64::from(u8::from(has_uv)), ..Weights::default() }),
         seams: choice.seams,
         lock_borders: choice.lock_borders,
+        remesh: None,
         optimize: choice.has_uv_metric,
         weld: choice.weld,
         map: None,

@@ -8,6 +8,7 @@ pub mod cluster;
 pub mod pieces;
 pub mod polygon;
 pub mod ring;
+pub mod split;
 
 pub use class::{Class, Rule};
 pub use cluster::ClusterMesh;

@@ -15,6 +15,7 @@ use super::ranks::Ranks;
 use crate::base::{Error, Result};
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::polygon;
+use crate::mesh::split::EdgePoint;
 use crate::store::piece::write_piece;
 use crate::store::{Catalogue, Face, NO_TEXCOORD, Segment, StoredMesh, StoredPiece};
 
@@ -76,6 +77,8 @@ pub struct ClusterSource {
     /// Index in `texcoords` of each wedge, or [`NO_TEXCOORD`].
     wedge_texcoord: Vec<u32>,
     texcoords: Vec<DVec2>,
+    /// Where the vertices lie that were put into edges; their ids follow on those of the loaded ones.
+    points: Vec<EdgePoint>,
 }
 
 /// Loads a cluster.
@@ -150,6 +153,7 @@ fn load_faces(
         vertex_ids,
         wedge_texcoord: Vec::new(),
         texcoords,
+        points: Vec::new(),
     };
     for (&id, &position) in source.vertex_ids.iter().zip(&positions) {
         let shared = partition.faces.shared.contains(id);
@@ -278,7 +282,12 @@ impl ClusterSource {
         mesh.link_wedges();
     }
 
-    /// Id in the partition of a vertex of the mesh.
+    /// Takes note of vertices that were put into edges between loaded ones, in the order of their ids.
+    pub fn adopt(&mut self, points: Vec<EdgePoint>) {
+        self.points = points;
+    }
+
+    /// Id in the partition of a loaded vertex of the mesh.
     pub fn vertex_id(&self, vertex: u32) -> u32 {
         self.vertex_ids[vertex as usize]
     }
@@ -309,10 +318,15 @@ impl ClusterSource {
         path: &Path,
     ) -> Result<StoredPiece> {
         let used = self.used_vertices(simplified);
-        let own_ids: Vec<u32> = used.iter().map(|&v| self.vertex_ids[v as usize]).collect();
+        let loaded = used.partition_point(|&v| (v as usize) < self.vertex_ids.len());
+        let own_ids: Vec<u32> = used[..loaded].iter().map(|&v| self.vertex_ids[v as usize]).collect();
         let positions = self.positions_of(simplified, partition, catalogue, &used, &own_ids)?;
         let colours = match &partition.numbering.colours {
-            Some(colours) => Some(gather(colours, &own_ids)?),
+            Some(colours) => {
+                let mut own = gather(colours, &own_ids)?;
+                own.extend(self.colours_on_edges(colours, &used[loaded..])?);
+                Some(own)
+            }
             None => None,
         };
         let mut piece_id = vec![u32::MAX; simplified.positions.len()];
@@ -353,6 +367,24 @@ impl ClusterSource {
         (0..used.len() as u32).filter(|&v| used[v as usize] && !simplified.is_shared(v)).collect()
     }
 
+    /// Colours of vertices that were put into edges, between those of the ends; an end without colour has no say.
+    fn colours_on_edges(&self, colours: &Segment<[f32; 3]>, vertices: &[u32]) -> Result<Vec<[f32; 3]>> {
+        let point_of = |&v: &u32| self.points[v as usize - self.vertex_ids.len()];
+        let end_id = |end: u32| self.vertex_ids[end as usize];
+        let mut ids: Vec<u32> = vertices.iter().flat_map(|v| point_of(v).ends.map(end_id)).collect();
+        ids.sort_unstable();
+        ids.dedup();
+        let known = gather(colours, &ids)?;
+        let colour_of = |end: u32| known[ids.partition_point(|&id| id < end_id(end))];
+        let between = |v: &u32| {
+            let EdgePoint { ends: [a, b], share } = point_of(v);
+            let (a, b) = (colour_of(a), colour_of(b));
+            let mixed: [f32; 3] = std::array::from_fn(|k| a[k] + (b[k] - a[k]) * share as f32);
+            [mixed, a, b].into_iter().find(|colour| !colour[0].is_nan()).unwrap_or(a)
+        };
+        Ok(vertices.iter().map(between).collect())
+    }
+
     /// Positions of own vertices: those that stayed as they came, those that moved rounded.
     fn positions_of(
         &self,
@@ -373,6 +405,8 @@ impl ClusterSource {
             }
         }
         let mut positions = gather(&partition.numbering.positions, ids)?;
+        // Vertices that were put into edges have moved, and are placed below.
+        positions.resize(used.len(), DVec3::ZERO);
         for (&v, position) in used.iter().zip(&mut positions) {
             if simplified.flags[v as usize] & flag::MOVED != 0 {
                 let exact = simplified.positions[v as usize] + self.origin;

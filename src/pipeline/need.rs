@@ -12,6 +12,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::base::{Error, MemoryBudget, Result, bytes};
+use crate::options::SimplifyOptions;
 use crate::os::system;
 use crate::partition::weight::limit_bytes;
 use crate::store::{Catalogue, StoredMesh};
@@ -69,11 +70,12 @@ impl Need {
     pub(super) fn check(
         &self,
         budget: MemoryBudget,
-        cluster_faces: u64,
+        options: &SimplifyOptions,
         work: &Path,
         needs_scratch: bool,
     ) -> Result<()> {
-        let cluster = limit_bytes(cluster_faces.min(self.faces));
+        let cluster_faces = options.cluster_faces;
+        let cluster = options.cluster_bytes(limit_bytes(cluster_faces.min(self.faces)));
         let resident = self.resident_bytes();
         if resident + cluster > budget.for_work() {
             let needed = MemoryBudget::FIXED_BYTES + resident + cluster + bytes::MIB;
@@ -115,11 +117,12 @@ mod tests {
     fn a_budget_that_cannot_hold_the_tables_is_refused_with_one_that_can() {
         let folder = tempfile::tempdir().unwrap();
         let need = Need { faces: 4_000_000, ..SURVEY };
+        let options = SimplifyOptions::default();
         let error =
-            need.check(MemoryBudget { bytes: 128 << 20 }, 250_000, folder.path(), true).unwrap_err().to_string();
+            need.check(MemoryBudget { bytes: 128 << 20 }, &options, folder.path(), true).unwrap_err().to_string();
         let given = error.rsplit("--memory ").next().and_then(|text| bytes::parse(text).ok()).unwrap();
         assert!(given < 160 << 20, "{error}");
-        let outcome = need.check(MemoryBudget { bytes: given }, 250_000, folder.path(), true);
+        let outcome = need.check(MemoryBudget { bytes: given }, &options, folder.path(), true);
         assert!(!matches!(outcome, Err(Error::Budget(_))), "{outcome:?}");
     }
 

@@ -95,7 +95,8 @@ pub fn budget_of(memory: Option<u64>) -> Result<MemoryBudget> {
 /// [`Error::Budget`] saying what would do.
 pub fn choose_budget(options: &SimplifyOptions) -> Result<MemoryBudget> {
     let budget = budget_of(options.memory)?;
-    let cluster = limit_bytes(options.cluster_faces) + options.cost(true)?.extra_face_bytes() * options.cluster_faces;
+    let cluster = options.cluster_bytes(limit_bytes(options.cluster_faces));
+    let cluster = cluster + options.cost(true)?.extra_face_bytes() * options.cluster_faces;
     if cluster > budget.for_work() {
         let most = budget.for_work() * options.cluster_faces / cluster;
         return Err(Error::Budget(format!(

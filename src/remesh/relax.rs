@@ -35,6 +35,7 @@ use crate::cost::sharpness::sharpness;
 use crate::mesh::class::{Class, classify};
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::ring::Rings;
+use crate::mesh::split::regularity;
 use crate::simplify::legality::{triangle_survives, uv_survives};
 
 /// A face below this regularity is a sliver.
@@ -69,12 +70,6 @@ pub fn relax(mesh: &mut ClusterMesh) -> u64 {
         }
     }
     moved
-}
-
-/// 4√3 · area / Σ length²: 1 for an equilateral triangle, 0 for a line.
-pub fn regularity([a, b, c]: [DVec3; 3]) -> f64 {
-    let lengths = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
-    2.0 * 3f64.sqrt() * (b - a).cross(c - a).length() / lengths.max(f64::MIN_POSITIVE)
 }
 
 /// The place in the middle of a vertex's ring, and its texture coordinate.

@@ -30,7 +30,7 @@ use crate::measure::compare::Comparison;
 use crate::options::SimplifyOptions;
 use crate::os::durable::DurableFile;
 use crate::os::timeline::Timeline;
-use crate::stitch::outcome::{Floor, PassReport};
+use crate::stitch::outcome::{Floor, PassReport, RemeshReport};
 
 /// How a run ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -71,6 +71,8 @@ pub struct SecondFigures {
     pub scan: f64,
     /// Cutting, in all passes.
     pub partition: f64,
+    /// Making the mesh anew.
+    pub remesh: f64,
     /// Simplifying in the first pass.
     pub simplify: f64,
     /// Simplifying in the passes after it.
@@ -137,7 +139,9 @@ pub struct Report {
     pub io: IoFigures,
     /// Memory and bytes moved over time.
     pub timeline: Timeline,
-    /// Each pass.
+    /// Each pass that made the mesh anew.
+    pub remesh: Vec<RemeshReport>,
+    /// Each pass that collapsed edges.
     pub passes: Vec<PassReport>,
     /// Pictures of the input and of the result from [`gallery::VANTAGES`], if they were drawn.
     #[serde(skip)]

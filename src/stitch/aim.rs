@@ -38,10 +38,10 @@ impl<M: Metric> Run<'_, M> {
         let wanted = if is_last {
             options.target as f64
         } else {
-            pass_target(options.input, options.target, pass, options.passes)
+            pass_target(options.input, options.target, self.turn(pass), options.passes)
         };
         if let Some(most) = options.max_error {
-            let left = options.passes.saturating_sub(pass + 1) as i32;
+            let left = options.passes.saturating_sub(self.turn(pass) + 1) as i32;
             return Ok((Plan::Deviation(most * BOUND_SAFETY * libm::pow(0.5, f64::from(left))), false));
         }
         let share = wanted / faces.max(1) as f64;

@@ -21,12 +21,13 @@
 mod aim;
 pub mod outcome;
 pub mod pass;
+mod reconstruct;
 pub mod sample;
 pub mod schedule;
 mod state;
 mod stops;
 pub mod trim;
 
-pub use outcome::{PassReport, Passes};
+pub use outcome::{PassReport, Passes, RemeshReport};
 pub use pass::{Cost, PassOptions};
 pub use state::Start;

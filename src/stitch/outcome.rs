@@ -31,6 +31,35 @@ pub struct PassReport {
     pub stages: Vec<StageReport>,
 }
 
+/// What a pass did that made the mesh anew by centroidal Voronoi cells.
+#[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
+pub struct RemeshReport {
+    /// Number of clusters with faces.
+    pub clusters: u64,
+    /// Faces before.
+    pub faces_in: u64,
+    /// Faces after.
+    pub faces_out: u64,
+    /// Cells wanted.
+    pub wanted: u64,
+    /// D_avg: mass of a cell.
+    pub cell_mass: f64,
+    /// Collapse error from which edges were split, in area × length²; infinite where none was.
+    pub threshold: f64,
+    /// Cells that grew.
+    pub cells: u64,
+    /// Vertices that hold still, which are cells of their own.
+    pub held: u64,
+    /// Centres that the queue added.
+    pub added: u64,
+    /// Junctions of cells that became vertices.
+    pub junctions: u64,
+    /// Vertices that stayed since no legal collapse takes them to their centre.
+    pub kept: u64,
+    /// Faces of clusters that passed through.
+    pub passed_through: u64,
+}
+
 /// What all clusters together were like at the end of a stage.
 #[derive(Debug, Clone, Copy, Default, serde::Serialize, serde::Deserialize)]
 pub struct StageReport {
@@ -62,7 +91,9 @@ pub struct Floor {
 pub struct Passes {
     /// The simplified mesh.
     pub mesh: StoredMesh,
-    /// Each pass.
+    /// Each pass that made the mesh anew.
+    pub remeshed: Vec<RemeshReport>,
+    /// Each pass that collapsed edges.
     pub reports: Vec<PassReport>,
     /// What was repaired.
     pub findings: Findings,
@@ -87,6 +118,8 @@ pub struct Passes {
 pub struct PassSeconds {
     /// Partitioning.
     pub partition: Duration,
+    /// Making the mesh anew.
+    pub remesh: Duration,
     /// Simplifying in the first pass.
     pub simplify: Duration,
     /// Simplifying in the passes after it.

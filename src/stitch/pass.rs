@@ -7,6 +7,7 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 
 use super::outcome::{Floor, PassReport, Passes, StageSums};
+use super::reconstruct::is_remeshed;
 use super::sample::{self, Survey};
 use super::state::{PassState, Start};
 use super::stops::{Plan, run_plan};
@@ -22,7 +23,7 @@ use crate::mesh::ClusterMesh;
 use crate::mesh::pieces;
 use crate::partition::weight::ClusterWeight;
 use crate::partition::{self, ClusterSource, Partition, PartitionOptions, Shared, TextureScale, cluster};
-use crate::remesh;
+use crate::remesh::{self, cvd};
 use crate::render::{ClusterMap, View};
 use crate::simplify::{Engine, Milestone};
 use crate::store::{Catalogue, ColumnWriter, Segment, StoredMesh, StoredPiece};
@@ -35,7 +36,7 @@ const BOUNDED_LAST_SHARE: f64 = 0.02;
 const FLOOR_SHARE: f64 = 1e-4;
 
 /// Memory of a cluster that passes through: a block of faces, their texture coordinates and the piece being written.
-const PASS_BYTES: u64 = 16 << 20;
+pub(super) const PASS_BYTES: u64 = 16 << 20;
 
 /// When vertices on seams are locked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -105,6 +106,8 @@ pub struct PassOptions {
     pub lock_borders: bool,
     /// Whether pieces smaller than the deviation are dropped after the first pass.
     pub drop_pieces: bool,
+    /// How the mesh is made anew before the first pass, if it is.
+    pub remesh: Option<cvd::Settings>,
     /// Whether vertices among slivers are moved after the last passes.
     pub optimize: bool,
     /// Whether duplicates are welded before the first pass.
@@ -147,11 +150,13 @@ type MaterialAreas = Vec<(usize, (f64, f64))>;
 pub struct Run<'a, M: Metric> {
     pub(super) options: &'a PassOptions,
     settings: M::Settings,
-    catalogue: &'a Catalogue,
+    pub(super) catalogue: &'a Catalogue,
     pub(super) job: &'a WorkFolder,
-    progress: &'a dyn Progress,
+    pub(super) progress: &'a dyn Progress,
     pub(super) permits: Permits,
-    scale: TextureScale,
+    pub(super) scale: TextureScale,
+    /// Passes before the first one that collapses edges.
+    lead: usize,
     /// Diagonal below which pieces are dropped in this pass, if any are.
     crumb: Option<f64>,
     /// Map of the pass that is under way, if one is wanted. A worker holds it while it draws one cluster.
@@ -201,6 +206,7 @@ impl<'a, M: Metric> Run<'a, M> {
             progress,
             permits,
             scale: TextureScale::none(catalogue),
+            lead: 0,
             crumb: None,
             map: Mutex::new(None),
         }
@@ -220,17 +226,25 @@ impl<'a, M: Metric> Run<'a, M> {
             M::settle(&mut self.settings, census);
         }
         let target = self.options.target;
-        while !state.is_over && state.pass < self.options.passes + EXTRA_PASSES {
+        self.lead = state.remeshed.len();
+        while !state.is_over && state.pass < self.lead + self.options.passes + EXTRA_PASSES {
             let pass = state.pass;
             let partition = match partition.take() {
                 Some(partition) => partition,
                 None => self.partition(&mut state)?,
             };
+            if let Some(settings) = &self.options.remesh
+                && !is_remeshed(settings, &state.remeshed)
+            {
+                self.reconstruct(settings, &mut state, &partition)?;
+                self.lead = state.remeshed.len();
+                continue;
+            }
             let started = Instant::now();
             let faces_in = partition.total_faces();
-            if pass == 0 {
+            if self.turn(pass) == 0 {
                 let first = || self.first_sample(&state.mesh, &partition);
-                (self.scale, state.sample) = self.job.once(Step::Sample { pass: 0 }, first)?;
+                (self.scale, state.sample) = self.job.once(Step::Sample { pass: pass as u32 }, first)?;
                 state.scale = Some(self.scale.clone());
                 if M::HAS_CENSUS {
                     let census = self.job.once(Step::Census, || self.take_census(&state.mesh, &partition))?;
@@ -238,7 +252,7 @@ impl<'a, M: Metric> Run<'a, M> {
                     state.census = Some(census);
                 }
             }
-            let is_last = pass + 1 >= self.options.passes;
+            let is_last = self.turn(pass) + 1 >= self.options.passes;
             let sample = std::mem::take(&mut state.sample);
             let plan = || self.plan(&state.mesh, &partition, sample, pass, is_last, faces_in);
             let (plan, is_exact) = self.job.once(plan_step(pass, 0), plan)?;
@@ -262,7 +276,8 @@ impl<'a, M: Metric> Run<'a, M> {
                 let is_stuck = state.stuck > 2 || (single && state.stuck > 0);
                 state.is_over = state.reached || (is_last && is_stuck && !is_exact_left(is_exact, gained));
             }
-            *(if pass == 0 { &mut state.seconds.simplify } else { &mut state.seconds.stitch }) += started.elapsed();
+            *(if self.turn(pass) == 0 { &mut state.seconds.simplify } else { &mut state.seconds.stitch }) +=
+                started.elapsed();
             state.pass += 1;
             let step = Step::Pass { pass: pass as u32 };
             self.job.keep(step, next_faces, state.mesh.files(), &state)?;
@@ -274,6 +289,7 @@ impl<'a, M: Metric> Run<'a, M> {
             faces: state.mesh.face_count(),
             mesh: state.mesh,
             reports: state.reports,
+            remeshed: state.remeshed,
             findings: state.findings,
             seconds: state.seconds,
             rms_estimate: state.squared_error.sqrt(),
@@ -282,6 +298,11 @@ impl<'a, M: Metric> Run<'a, M> {
             scratch_peak: state.scratch_peak,
             permit_peak: self.permits.peak(),
         })
+    }
+
+    /// Number of a pass among those that collapse edges.
+    pub(super) fn turn(&self, pass: usize) -> usize {
+        pass.saturating_sub(self.lead)
     }
 
     /// Cuts the mesh for the pass that comes next.
@@ -353,7 +374,7 @@ impl<'a, M: Metric> Run<'a, M> {
         plan: &Plan,
         attempt: u32,
     ) -> Result<PassOutcome> {
-        let phase = if pass == 0 { "simplify" } else { "stitch" };
+        let phase = if self.turn(pass) == 0 { "simplify" } else { "stitch" };
         self.progress.begin(phase, partition.total_faces(), "faces");
         let mut outcome = PassOutcome::default();
         outcome.report.clusters = partition.filled_count();
@@ -488,7 +509,7 @@ impl<'a, M: Metric> Run<'a, M> {
             result.log = Vec::new();
             let path = self.piece_path(step, 0);
             let mut simplified = engine.finish();
-            if self.options.optimize && pass + 1 >= self.options.passes {
+            if self.options.optimize && self.turn(pass) + 1 >= self.options.passes {
                 result.optimized = remesh::relax(&mut simplified);
             }
             result.patch = keep.patch(cluster, &simplified);
@@ -529,7 +550,7 @@ impl<'a, M: Metric> Run<'a, M> {
         let mut engine = Engine::new(mesh, &self.settings);
         engine.lock_borders = self.options.lock_borders;
         engine.lock_seams = match self.options.seams {
-            SeamPolicy::Stitch => pass == 0 && self.options.passes > 1,
+            SeamPolicy::Stitch => self.turn(pass) == 0 && self.options.passes > 1,
             SeamPolicy::Follow => false,
             SeamPolicy::Lock => true,
         };
@@ -616,7 +637,7 @@ impl<'a, M: Metric> Run<'a, M> {
     }
 
     /// Writes the positions (and colours) of the vertices that several pieces use.
-    fn write_shared(&self, partition: &Partition, pass: usize, mesh: &mut StoredMesh) -> Result<()> {
+    pub(super) fn write_shared(&self, partition: &Partition, pass: usize, mesh: &mut StoredMesh) -> Result<()> {
         let shared = &partition.faces.shared;
         if shared.is_empty() {
             return Ok(());
@@ -635,7 +656,7 @@ impl<'a, M: Metric> Run<'a, M> {
     }
 
     /// Path of a piece of a cluster; each step has names of its own.
-    fn piece_path(&self, step: Step, part: usize) -> PathBuf {
+    pub(super) fn piece_path(&self, step: Step, part: usize) -> PathBuf {
         let part = if part > 0 { format!("-{part}") } else { String::new() };
         self.job.path().join(format!("{}{part}.piece", step.stem()))
     }
@@ -660,7 +681,7 @@ fn pick_shared<T: bytemuck::Pod>(
     writer.finish()
 }
 
-fn plan_step(pass: usize, attempt: u32) -> Step {
+pub(super) fn plan_step(pass: usize, attempt: u32) -> Step {
     Step::Plan { pass: pass as u32, attempt }
 }
 

@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::outcome::{Floor, PassReport, PassSeconds};
+use super::outcome::{Floor, PassReport, PassSeconds, RemeshReport};
 use super::pass::PassOutcome;
 use crate::base::{Findings, Result};
 use crate::cost::census::Census;
@@ -31,7 +31,9 @@ pub struct PassState {
     pub(super) crumb: Option<f64>,
     /// What was repaired.
     pub(super) findings: Findings,
-    /// What the passes did.
+    /// What passes did that made the mesh anew.
+    pub(super) remeshed: Vec<RemeshReport>,
+    /// What the passes did that collapse edges.
     pub(super) reports: Vec<PassReport>,
     /// Sum of the mean squared deviations.
     pub(super) squared_error: f64,

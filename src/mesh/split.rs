@@ -1,0 +1,186 @@
+//! Puts vertices into the edges of a mesh; its surface and its picture stay as they are.
+//!
+//! ```text
+//!        c                     c
+//!       / \                   /|\
+//!      /   \        ──▶      / | \        every point lies on its edge, and takes the texture
+//!     /     \               /  |  \       coordinate that the edge has there
+//!    a-------b             a---p---b
+//! ```
+//! A face with several points on its edges is cut into the triangles that are least thin.
+
+use glam::DVec3;
+
+use super::cluster::{ClusterMesh, flag};
+
+/// A point on the edge between two vertices, which must have the same wedges in all faces of the edge.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EdgePoint {
+    /// The ends, the lower one first.
+    pub ends: [u32; 2],
+    /// Share of the way from the first end to the second, above 0 and below 1.
+    pub share: f64,
+}
+
+impl EdgePoint {
+    /// Where it lies.
+    pub fn position(&self, mesh: &ClusterMesh) -> DVec3 {
+        let [a, b] = self.ends.map(|end| mesh.positions[end as usize]);
+        a.lerp(b, self.share)
+    }
+}
+
+/// Puts a vertex at each of the points, which must be sorted by ends and share; the first one's id is the number of
+/// vertices before.
+pub fn split_edges(mesh: &mut ClusterMesh, points: &[EdgePoint]) {
+    let base = mesh.positions.len() as u32;
+    for point in points {
+        mesh.push_vertex(point.position(mesh), flag::MOVED);
+    }
+    // A wedge for each point, once a face says between which wedges it lies.
+    let mut wedges = vec![u32::MAX; points.len()];
+    let mut scratch = Scratch::default();
+    for face in 0..mesh.corners.len() {
+        if mesh.is_dead(face as u32) {
+            continue;
+        }
+        let vertices = mesh.corner_vertices[face];
+        let on_edge = [0, 1, 2].map(|k| {
+            let (a, b) = (vertices[k], vertices[(k + 1) % 3]);
+            let ends = [a.min(b), a.max(b)];
+            let start = points.partition_point(|point| point.ends < ends);
+            start..start + points[start..].partition_point(|point| point.ends == ends)
+        });
+        if on_edge.iter().all(|range| range.is_empty()) {
+            continue;
+        }
+        scratch.outline.clear();
+        for (k, range) in on_edge.into_iter().enumerate() {
+            let corners = [mesh.corners[face][k], mesh.corners[face][(k + 1) % 3]];
+            scratch.outline.push(corners[0]);
+            let forwards = vertices[k] < vertices[(k + 1) % 3];
+            for step in 0..range.len() {
+                let at = if forwards { range.start + step } else { range.end - 1 - step };
+                if wedges[at] == u32::MAX {
+                    let [low, high] = if forwards { corners } else { [corners[1], corners[0]] };
+                    wedges[at] = new_wedge(mesh, base + at as u32, [low, high], points[at].share);
+                }
+                scratch.outline.push(wedges[at]);
+            }
+        }
+        scratch.triangulate(mesh);
+        let (part, deviation) = (mesh.parts[face], mesh.deviations[face]);
+        for (number, &corners) in scratch.triangles.iter().enumerate() {
+            if number == 0 {
+                mesh.corners[face] = corners;
+                mesh.corner_vertices[face] = corners.map(|w| mesh.wedge_vertex[w as usize]);
+            } else {
+                mesh.push_face(corners, part);
+                mesh.deviations[mesh.corners.len() - 1] = deviation;
+            }
+        }
+    }
+}
+
+/// The only wedge of a new vertex between two wedges.
+fn new_wedge(mesh: &mut ClusterMesh, vertex: u32, ends: [u32; 2], share: f64) -> u32 {
+    let [a, b] = ends.map(|wedge| mesh.wedge_uv[wedge as usize]);
+    let wedge = mesh.push_wedge(vertex, a.lerp(b, share));
+    mesh.wedge_next.push(wedge);
+    mesh.wedge_moved.push(true);
+    wedge
+}
+
+/// Room for one face.
+#[derive(Debug, Default)]
+struct Scratch {
+    /// Wedges around the face, counter-clockwise.
+    outline: Vec<u32>,
+    triangles: Vec<[u32; 3]>,
+    /// For each pair of corners of the outline: the worst regularity on the far side of it, and the corner chosen there.
+    best: Vec<(f64, usize)>,
+}
+
+impl Scratch {
+    /// Cuts the outline, which is convex, so that the thinnest triangle is as round as can be. O(corners³).
+    fn triangulate(&mut self, mesh: &ClusterMesh) {
+        let Self { outline, triangles, best } = self;
+        let count = outline.len();
+        let at = |i: usize| mesh.positions[mesh.wedge_vertex[outline[i] as usize] as usize];
+        best.clear();
+        best.resize(count * count, (f64::INFINITY, 0));
+        for span in 2..count {
+            for i in 0..count - span {
+                let j = i + span;
+                let mut chosen = (f64::NEG_INFINITY, i + 1);
+                for k in i + 1..j {
+                    let roundness = regularity([at(i), at(k), at(j)]);
+                    let worst = roundness.min(best[i * count + k].0).min(best[k * count + j].0);
+                    if worst > chosen.0 {
+                        chosen = (worst, k);
+                    }
+                }
+                best[i * count + j] = chosen;
+            }
+        }
+        triangles.clear();
+        let mut open = vec![(0, count - 1)];
+        while let Some((i, j)) = open.pop() {
+            if j - i < 2 {
+                continue;
+            }
+            let k = best[i * count + j].1;
+            triangles.push([outline[i], outline[k], outline[j]]);
+            open.extend([(i, k), (k, j)]);
+        }
+    }
+}
+
+/// 4√3 · area / Σ length²: 1 for an equilateral triangle, 0 for a line.
+pub fn regularity([a, b, c]: [DVec3; 3]) -> f64 {
+    let lengths = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
+    2.0 * 3f64.sqrt() * (b - a).cross(c - a).length() / lengths.max(f64::MIN_POSITIVE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::cluster::samples;
+    use super::super::ring::Rings;
+    use super::super::{Class, class};
+    use super::*;
+
+    fn area(mesh: &ClusterMesh) -> f64 {
+        (0..mesh.corners.len() as u32)
+            .map(|face| {
+                let [a, b, c] = mesh.triangle(face);
+                0.5 * (b - a).cross(c - a).z
+            })
+            .sum()
+    }
+
+    //  6--7--8
+    //  | /| /|      points on 0-4 (two), 4-8 and 3-4
+    //  3--4--5
+    //  | /| /|
+    //  0--1--2
+    #[test]
+    fn surface_and_picture_stay_and_new_vertices_are_smooth() {
+        let mut mesh = samples::grid(2, 0.0);
+        let points = [([0, 4], 0.25), ([0, 4], 0.5), ([3, 4], 0.5), ([4, 8], 0.75)];
+        let points = points.map(|(ends, share)| EdgePoint { ends, share });
+        split_edges(&mut mesh, &points);
+        assert_eq!((mesh.positions.len(), mesh.face_count), (13, 8 + 2 * 4));
+        assert!((area(&mesh) - 4.0).abs() < 1e-12);
+        assert_eq!(mesh.positions[9], DVec3::new(0.25, 0.25, 0.0));
+        for face in 0..mesh.corners.len() as u32 {
+            assert!(regularity(mesh.triangle(face)) > 0.1, "{:?}", mesh.triangle(face));
+            for (p, uv) in mesh.triangle(face).iter().zip(mesh.uv_triangle(face)) {
+                assert!((p.truncate() * 0.1 - uv).length() < 1e-12);
+            }
+        }
+        let (mut rings, mut classes) = (Rings::default(), Vec::new());
+        rings.build(&mesh);
+        class::classify(&mesh, &rings, &mut classes);
+        assert!((9..13).all(|v: usize| classes[v] == Class::Smooth));
+    }
+}

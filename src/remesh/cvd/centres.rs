@@ -1,0 +1,174 @@
+//! One centre for each cell: the point on the edges inside it that has the least quadric error.
+//!
+//! The error is the squared distance to the planes of the faces around the cell's vertices, weighted by area. Where it
+//! does not tell (on flat ground every point is as good), a weak spring to the cell's centre of mass does.
+
+use glam::DVec3;
+
+use super::queue::splittable;
+use crate::cost::Quadric;
+use crate::cost::planes::plane_of;
+use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::ring::Rings;
+use crate::mesh::split::EdgePoint;
+
+/// A point nearer to an end of its edge than this share of it is that end.
+const SNAP_SHARE: f64 = 0.25;
+
+/// Where a cell has its centre.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Centre {
+    /// At one of its vertices.
+    Vertex(u32),
+    /// On one of its edges.
+    Edge(EdgePoint),
+}
+
+/// Vertices by cell.
+#[derive(Debug)]
+pub struct Members {
+    starts: Vec<u32>,
+    vertices: Vec<u32>,
+}
+
+impl Members {
+    /// Of cells numbered below `count`, vertices in order of their ids.
+    pub fn new(cells: &[u32], count: u32) -> Self {
+        let mut starts = vec![0u32; count as usize + 1];
+        for &cell in cells.iter().filter(|&&cell| cell < count) {
+            starts[cell as usize + 1] += 1;
+        }
+        for cell in 0..count as usize {
+            starts[cell + 1] += starts[cell];
+        }
+        let mut next = starts.clone();
+        let mut vertices = vec![0; starts[count as usize] as usize];
+        for (vertex, &cell) in cells.iter().enumerate().filter(|&(_, &cell)| cell < count) {
+            vertices[next[cell as usize] as usize] = vertex as u32;
+            next[cell as usize] += 1;
+        }
+        Self { starts, vertices }
+    }
+
+    /// Number of cells.
+    pub fn count(&self) -> u32 {
+        self.starts.len() as u32 - 1
+    }
+
+    /// Vertices of a cell.
+    pub fn of(&self, cell: u32) -> &[u32] {
+        &self.vertices[self.starts[cell as usize] as usize..self.starts[cell as usize + 1] as usize]
+    }
+}
+
+/// The centre of every cell; a vertex that is held is the centre of its own.
+pub fn centres(
+    mesh: &ClusterMesh,
+    rings: &Rings,
+    members: &Members,
+    cells: &[u32],
+    is_held: impl Fn(u32) -> bool,
+    spring: f64,
+) -> Vec<Centre> {
+    let mut ends = Vec::new();
+    let of_cell = |cell| {
+        let vertices = members.of(cell);
+        match vertices.iter().find(|&&vertex| is_held(vertex)) {
+            Some(&held) => Centre::Vertex(held),
+            None => match vertices {
+                &[only] => Centre::Vertex(only),
+                _ => least_error(mesh, rings, vertices, cells, spring, &mut ends),
+            },
+        }
+    };
+    (0..members.count()).map(of_cell).collect()
+}
+
+/// The point of least error on the vertices and edges of a cell.
+fn least_error(
+    mesh: &ClusterMesh,
+    rings: &Rings,
+    vertices: &[u32],
+    cells: &[u32],
+    spring: f64,
+    ends: &mut Vec<u32>,
+) -> Centre {
+    let origin = mesh.positions[vertices[0] as usize];
+    let (mut quadric, mut middle, mut area_sum) = (Quadric::default(), DVec3::ZERO, 0.0);
+    for &vertex in vertices {
+        let at = mesh.positions[vertex as usize] - origin;
+        for face in rings.faces(mesh, vertex) {
+            let Some((normal, area)) = plane_of(mesh.triangle(face)) else { continue };
+            quadric += Quadric::plane(normal, -normal.dot(at), area);
+            middle += at * area;
+            area_sum += area;
+        }
+    }
+    middle /= f64::max(area_sum, f64::MIN_POSITIVE);
+    let spring = spring * quadric.diagonal.element_sum();
+    let held_back = Quadric {
+        diagonal: quadric.diagonal + spring,
+        linear: quadric.linear - middle * spring,
+        constant: quadric.constant + spring * middle.length_squared(),
+        ..quadric
+    };
+    let mut best = (f64::INFINITY, Centre::Vertex(vertices[0]));
+    let mut offer = |error: f64, centre| {
+        if error < best.0 {
+            best = (error, centre);
+        }
+    };
+    for &a in vertices {
+        let from = mesh.positions[a as usize] - origin;
+        offer(held_back.at(from), Centre::Vertex(a));
+        splittable(mesh, rings, a, ends);
+        for &b in ends.iter().filter(|&&b| cells[b as usize] == cells[a as usize]) {
+            let along = mesh.positions[b as usize] - origin - from;
+            let share = -(held_back.apply(from) + held_back.linear).dot(along) / held_back.apply(along).dot(along);
+            if share > SNAP_SHARE && share < 1.0 - SNAP_SHARE {
+                offer(held_back.at(from + along * share), Centre::Edge(EdgePoint { ends: [a, b], share }));
+            }
+        }
+    }
+    best.1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::cluster::samples;
+
+    fn centre_of(mesh: &ClusterMesh, spring: f64, held: Option<u32>) -> Centre {
+        let mut rings = Rings::default();
+        rings.build(mesh);
+        let cells = vec![0; mesh.positions.len()];
+        centres(mesh, &rings, &Members::new(&cells, 1), &cells, |v| Some(v) == held, spring)[0]
+    }
+
+    //  a ridge along x = 1, and slopes to both sides of it
+    #[test]
+    fn the_centre_of_a_roof_lies_on_its_ridge() {
+        let mut mesh = samples::grid(2, 0.0);
+        mesh.positions.iter_mut().for_each(|p| p.z = -(p.x - 1.0).abs() * 2.0);
+        let x = match centre_of(&mesh, 1e-6, None) {
+            Centre::Vertex(vertex) => mesh.positions[vertex as usize].x,
+            Centre::Edge(point) => point.position(&mesh).x,
+        };
+        assert_eq!(x, 1.0);
+    }
+
+    #[test]
+    fn the_centre_on_flat_ground_is_the_middle_and_a_held_vertex_stays_one() {
+        let mesh = samples::grid(2, 0.0);
+        assert_eq!(centre_of(&mesh, 1e-3, None), Centre::Vertex(4));
+        assert_eq!(centre_of(&mesh, 1e-3, Some(7)), Centre::Vertex(7));
+    }
+
+    #[test]
+    fn an_edge_that_crosses_the_middle_carries_the_centre() {
+        let mesh = samples::grid(1, 0.0);
+        let Centre::Edge(point) = centre_of(&mesh, 1e-3, None) else { panic!("the diagonal crosses the middle") };
+        assert_eq!(point.ends, [0, 3]);
+        assert!((point.share - 0.5).abs() < 1e-9);
+    }
+}

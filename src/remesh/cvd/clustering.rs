@@ -1,0 +1,220 @@
+//! Cells are improved along the mesh: a vertex goes over to a cell beside it where that makes the energy fall.
+//!
+//! ```text
+//!   [9-11]  F = Σi ( |zi|² Σj Mj  -  2 zi · Σj Mj γj )      zi: the centre, fixed; Mj, γj: mass and place of a vertex
+//! ```
+//! With fixed centres the masses cancel from a single vertex's choice: it goes to the nearer centre. With centroidal
+//! centres (Valette & Chassery 2004) a cell's part is -|Σ Mγ|² / Σ M, and centres follow their vertices.
+//!
+//! A vertex leaves its cell only where that stays in one piece around it, and joins another only where it touches it
+//! along one stretch of its ring, so that cells stay connected and no cell closes around another.
+
+use glam::DVec3;
+
+use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::ring::Rings;
+
+/// Where centres are while vertices choose.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pull {
+    /// At their points.
+    Fixed,
+    /// At the centroids of their cells.
+    Centroidal,
+}
+
+/// Mass, and mass × position, of a cell.
+#[derive(Debug, Clone, Copy, Default)]
+struct Weight {
+    mass: f64,
+    moment: DVec3,
+}
+
+impl Weight {
+    /// -|Σ Mγ|² / Σ M.
+    fn energy(&self) -> f64 {
+        if self.mass > 0.0 { -self.moment.length_squared() / self.mass } else { 0.0 }
+    }
+
+    fn with(&self, mass: f64, position: DVec3) -> Self {
+        Self { mass: self.mass + mass, moment: self.moment + position * mass }
+    }
+}
+
+/// Vertices in cells.
+pub struct Clustering<'a> {
+    /// The mesh.
+    pub mesh: &'a ClusterMesh,
+    /// Its rings.
+    pub rings: &'a Rings,
+    /// Mass of each vertex.
+    pub masses: &'a [f64],
+    /// Centre of each cell: a vertex.
+    pub centres: &'a [u32],
+    /// Whether centres stay.
+    pub pull: Pull,
+}
+
+impl Clustering<'_> {
+    /// Moves vertices between cells, at most `sweeps` times through all; returns how many sweeps changed something.
+    /// Centres, and vertices for which `is_held`, stay.
+    pub fn improve(&self, cells: &mut [u32], sweeps: u32, is_held: impl Fn(u32) -> bool) -> u32 {
+        let mut weights = self.weights(cells);
+        for sweep in 0..sweeps {
+            let mut moved = false;
+            for vertex in 0..cells.len() as u32 {
+                let own = cells[vertex as usize];
+                if self.rings.of(vertex).is_empty() || self.centres[own as usize] == vertex || is_held(vertex) {
+                    continue;
+                }
+                if let Some(better) = self.better_cell(vertex, cells, &weights) {
+                    let (mass, position) = (self.masses[vertex as usize], self.mesh.positions[vertex as usize]);
+                    weights[own as usize] = weights[own as usize].with(-mass, position);
+                    weights[better as usize] = weights[better as usize].with(mass, position);
+                    cells[vertex as usize] = better;
+                    moved = true;
+                }
+            }
+            if !moved {
+                return sweep;
+            }
+        }
+        sweeps
+    }
+
+    /// F \[9-11\], or the sum of the cells' parts with centroidal centres.
+    pub fn energy(&self, cells: &[u32]) -> f64 {
+        let weights = self.weights(cells);
+        let of_cell = |(weight, &centre): (&Weight, &u32)| match self.pull {
+            Pull::Fixed => {
+                let z = self.mesh.positions[centre as usize];
+                z.length_squared() * weight.mass - 2.0 * z.dot(weight.moment)
+            }
+            Pull::Centroidal => weight.energy(),
+        };
+        weights.iter().zip(self.centres).map(of_cell).sum()
+    }
+
+    fn weights(&self, cells: &[u32]) -> Vec<Weight> {
+        let mut weights = vec![Weight::default(); self.centres.len()];
+        for (vertex, &cell) in cells.iter().enumerate().filter(|&(_, &cell)| (cell as usize) < self.centres.len()) {
+            let weight = &mut weights[cell as usize];
+            *weight = weight.with(self.masses[vertex], self.mesh.positions[vertex]);
+        }
+        weights
+    }
+
+    /// The cell beside a vertex in which the energy is least, if that is not its own, and both stay whole.
+    fn better_cell(&self, vertex: u32, cells: &[u32], weights: &[Weight]) -> Option<u32> {
+        let own = cells[vertex as usize];
+        let links = || self.rings.of(vertex).iter().map(|&c| ClusterMesh::following(c).map(|c| self.mesh.vertex_of(c)));
+        if links().all(|[a, _]| cells[a as usize] == own) || stretches(links(), cells, own) != 1 {
+            return None;
+        }
+        let (mass, position) = (self.masses[vertex as usize], self.mesh.positions[vertex as usize]);
+        let cost = |cell: u32| match self.pull {
+            Pull::Fixed => self.mesh.positions[self.centres[cell as usize] as usize].distance_squared(position),
+            // What the cell's energy grows by with the vertex in it.
+            Pull::Centroidal if cell == own => {
+                weights[cell as usize].energy() - weights[cell as usize].with(-mass, position).energy()
+            }
+            Pull::Centroidal => weights[cell as usize].with(mass, position).energy() - weights[cell as usize].energy(),
+        };
+        let mut best = (cost(own), own);
+        for [a, _] in links() {
+            let cell = cells[a as usize];
+            if cell != best.1 && cell != own {
+                let found = cost(cell);
+                if found < best.0 && stretches(links(), cells, cell) == 1 {
+                    best = (found, cell);
+                }
+            }
+        }
+        (best.1 != own).then_some(best.1)
+    }
+}
+
+/// Into how many stretches a cell falls on a closed ring of links, of which it has some and not all.
+fn stretches(links: impl Iterator<Item = [u32; 2]>, cells: &[u32], cell: u32) -> usize {
+    links.filter(|&[a, b]| (cells[a as usize] == cell) && (cells[b as usize] != cell)).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::cluster::samples;
+
+    /// Two cells of a grid of 6 × 6 with centres at its third points, divided wrongly; borders are held.
+    fn divided(pull: Pull) -> (ClusterMesh, Vec<u32>, Vec<u32>) {
+        let mesh = samples::grid(6, 0.0);
+        let centres = vec![3 * 7 + 2, 3 * 7 + 4];
+        let cells = (0..49).map(|v| u32::from(v % 7 >= if pull == Pull::Fixed { 3 } else { 4 })).collect();
+        (mesh, centres, cells)
+    }
+
+    fn improve(pull: Pull, masses: &[f64]) -> (f64, f64, Vec<u32>) {
+        let (mesh, centres, mut cells) = divided(pull);
+        (0..7).for_each(|row| cells[7 * row + 4] = u32::from(row == 3));
+        let mut rings = Rings::default();
+        rings.build(&mesh);
+        let clustering = Clustering { mesh: &mesh, rings: &rings, masses, centres: &centres, pull };
+        let before = clustering.energy(&cells);
+        let is_border = |v: u32| [0, 6].contains(&(v % 7)) || [0, 6].contains(&(v / 7));
+        clustering.improve(&mut cells, 50, is_border);
+        (before, clustering.energy(&cells), cells)
+    }
+
+    #[test]
+    fn vertices_go_to_the_nearer_centre_and_the_energy_falls() {
+        let masses: Vec<f64> = (0..49).map(|v| f64::from(v % 5 + 1)).collect();
+        let (before, after, cells) = improve(Pull::Fixed, &masses);
+        assert!(after < before, "{before} {after}");
+        for row in 1..6 {
+            assert_eq!(cells[7 * row + 4], 1, "row {row}");
+            assert_eq!(cells[7 * row + 1], 0, "row {row}");
+        }
+    }
+
+    #[test]
+    fn centroidal_cells_lower_their_energy_too() {
+        let (before, after, _) = improve(Pull::Centroidal, &[1.0; 49]);
+        assert!(after < before, "{before} {after}");
+    }
+
+    #[test]
+    fn the_energy_is_that_of_its_definition() {
+        let (mesh, centres, cells) = divided(Pull::Fixed);
+        let masses: Vec<f64> = (0..49).map(|v| f64::from(v % 3 + 1)).collect();
+        let mut rings = Rings::default();
+        rings.build(&mesh);
+        let clustering =
+            Clustering { mesh: &mesh, rings: &rings, masses: &masses, centres: &centres, pull: Pull::Fixed };
+        // Σ M |γ - z|² = F + Σ M |γ|².
+        let (mut spread, mut about_origin) = (0.0, 0.0);
+        for v in 0..49 {
+            let (p, z) = (mesh.positions[v], mesh.positions[centres[cells[v] as usize] as usize]);
+            spread += masses[v] * p.distance_squared(z);
+            about_origin += masses[v] * p.length_squared();
+        }
+        assert!((clustering.energy(&cells) + about_origin - spread).abs() < 1e-9);
+    }
+
+    //  . . . . .
+    //  a a b a .      b is nearer to the other centre, above it, but may not leave: its cell would fall apart
+    //  . . . . .
+    #[test]
+    fn a_cell_stays_in_one_piece() {
+        let mesh = samples::grid(4, 0.0);
+        let mut rings = Rings::default();
+        rings.build(&mesh);
+        let mut cells = vec![1; 25];
+        (10..14).for_each(|v| cells[v] = 0);
+        let centres = vec![10, 7];
+        let clustering =
+            Clustering { mesh: &mesh, rings: &rings, masses: &[1.0; 25], centres: &centres, pull: Pull::Fixed };
+        let is_border = |v: u32| [0, 4].contains(&(v % 5)) || [0, 4].contains(&(v / 5));
+        let mut moved = cells.clone();
+        clustering.improve(&mut moved, 1, |v| is_border(v) || v == 13);
+        assert_eq!(moved[12], 0);
+    }
+}

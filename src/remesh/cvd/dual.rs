@@ -1,0 +1,252 @@
+//! The dual triangulation: every cell shrinks to its centre.
+//!
+//! ```text
+//!    a a|b b                 a-----b       a face with corners in three cells is left as a triangle of their
+//!    a A|B b        ──▶      |\   /|       centres; one in two cells becomes an edge, one in a single cell a point
+//!    a_a|b_b                 | \ / |
+//!     c c C c                   c
+//! ```
+//! Cells shrink by collapses of edges inside them, each of which is legal by itself: so the result is the dual wherever
+//! that is a mesh at all, and where a cell is no disc, or its triangles would fold, in space or in the picture, some of
+//! its vertices are left. So are junctions, where three cells or more meet, that lie off the planes around them by more
+//! than the queue's threshold: they become vertices of the dual.
+
+use super::queue::{quadric_error, weighted_normals};
+use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::ring::Rings;
+use crate::simplify::legality::{EdgeStar, triangle_survives, uv_survives};
+
+/// What became of the vertices that are no centres.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Shrunk {
+    /// Vertices that went.
+    pub gone: u64,
+    /// Junctions that were made vertices of the dual.
+    pub junctions: u64,
+    /// Vertices that stayed since no legal collapse takes them to their centre.
+    pub kept: u64,
+}
+
+/// Makes junctions whose collapse would err by more than `most` cells of their own; returns how many.
+pub fn keep_junctions(
+    mesh: &ClusterMesh,
+    rings: &Rings,
+    cells: &mut [u32],
+    centres: &mut Vec<u32>,
+    most: f64,
+    is_held: impl Fn(u32) -> bool,
+) -> u64 {
+    if most == f64::INFINITY {
+        return 0;
+    }
+    let normals = weighted_normals(mesh);
+    let mut junctions = Vec::new();
+    for vertex in 0..cells.len() as u32 {
+        let own = cells[vertex as usize];
+        if rings.of(vertex).is_empty() || is_held(vertex) || centres[own as usize] == vertex {
+            continue;
+        }
+        let ring = || rings.of(vertex).iter().map(|&corner| mesh.vertex_of(ClusterMesh::following(corner)[0]));
+        let Some(second) = ring().map(|v| cells[v as usize]).find(|&cell| cell != own) else { continue };
+        if ring().all(|v| [own, second].contains(&cells[v as usize])) {
+            continue;
+        }
+        let to_centre = mesh.positions[centres[own as usize] as usize] - mesh.positions[vertex as usize];
+        if quadric_error(rings, &normals, vertex, to_centre) > most {
+            junctions.push(vertex);
+        }
+    }
+    for &vertex in &junctions {
+        cells[vertex as usize] = centres.len() as u32;
+        centres.push(vertex);
+    }
+    junctions.len() as u64
+}
+
+/// Shrinks every cell to its centre, as far as that is legal; vertices for which `is_held` stay.
+pub fn shrink(mesh: &mut ClusterMesh, cells: &[u32], centres: &[u32], is_held: impl Fn(u32) -> bool) -> Shrunk {
+    let mut rings = Rings::default();
+    rings.build(mesh);
+    let mut waiting: Vec<u32> = (0..cells.len() as u32)
+        .filter(|&v| !rings.of(v).is_empty() && !is_held(v) && centres[cells[v as usize] as usize] != v)
+        .collect();
+    let mut shrinker = Shrinker { star: EdgeStar::default(), touched: vec![0; mesh.positions.len()], round: 0 };
+    shrinker.star.reset(mesh.positions.len());
+    let wanted = waiting.len() as u64;
+    // Towards the centre first; where that gets stuck, to any vertex of the cell.
+    let mut anywhere = false;
+    while !waiting.is_empty() {
+        let before = waiting.len();
+        shrinker.round += 1;
+        waiting.retain(|&vertex| !shrinker.collapse(mesh, &rings, cells, centres, vertex, anywhere));
+        if waiting.len() == before {
+            if anywhere {
+                break;
+            }
+            anywhere = true;
+            continue;
+        }
+        anywhere = false;
+        mesh.compact_faces();
+        rings.build(mesh);
+    }
+    Shrunk { gone: wanted - waiting.len() as u64, junctions: 0, kept: waiting.len() as u64 }
+}
+
+struct Shrinker {
+    star: EdgeStar,
+    /// Round in which a vertex took part in a collapse: its row in the rings is stale until the next.
+    touched: Vec<u32>,
+    round: u32,
+}
+
+impl Shrinker {
+    /// Collapses a vertex onto the neighbour in its cell that is nearest to the centre, if that is legal; else onto the
+    /// next. Only one nearer than itself will do, unless it may go `anywhere`.
+    fn collapse(
+        &mut self,
+        mesh: &mut ClusterMesh,
+        rings: &Rings,
+        cells: &[u32],
+        centres: &[u32],
+        vertex: u32,
+        anywhere: bool,
+    ) -> bool {
+        if self.touched[vertex as usize] == self.round {
+            return false;
+        }
+        let cell = cells[vertex as usize];
+        let centre = mesh.positions[centres[cell as usize] as usize];
+        let reach = |v: u32| (mesh.positions[v as usize].distance_squared(centre), v);
+        let mut targets: Vec<(f64, u32)> = rings
+            .of(vertex)
+            .iter()
+            .filter(|&&corner| mesh.living(corner).is_some())
+            .map(|&corner| mesh.vertex_of(ClusterMesh::following(corner)[0]))
+            .filter(|&v| cells[v as usize] == cell && self.touched[v as usize] != self.round)
+            .map(reach)
+            .filter(|target| anywhere || *target < reach(vertex))
+            .collect();
+        targets.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        targets.into_iter().any(|(_, to)| self.try_collapse(mesh, rings, vertex, to))
+    }
+
+    fn try_collapse(&mut self, mesh: &mut ClusterMesh, rings: &Rings, from: u32, to: u32) -> bool {
+        self.star.gather(mesh, rings, from, to);
+        if self.star.check_topology(mesh, rings, from, to).is_err() || !self.keeps_faces(mesh, rings, from, to) {
+            return false;
+        }
+        for &face in &self.star.dying {
+            mesh.kill(face);
+        }
+        for &corner in rings.of(from) {
+            let Some(wedge) = mesh.living(corner) else { continue };
+            if let Some(pair) = self.star.wedges.iter().find(|pair| pair.0 == wedge) {
+                mesh.corners.as_flattened_mut()[corner as usize] = pair.1;
+                mesh.corner_vertices.as_flattened_mut()[corner as usize] = to;
+            }
+        }
+        self.touched[from as usize] = self.round;
+        self.touched[to as usize] = self.round;
+        true
+    }
+
+    /// Whether no face around the vertex folds over, in space or in the picture, when it moves.
+    fn keeps_faces(&self, mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32) -> bool {
+        rings.of(from).iter().all(|&corner| {
+            let (face, k) = (corner / 3, corner as usize % 3);
+            let Some(wedge) = mesh.living(corner) else { return true };
+            if self.star.dying.contains(&face) {
+                return true;
+            }
+            let Some(pair) = self.star.wedges.iter().find(|pair| pair.0 == wedge) else { return false };
+            let (before, uv_before) = (mesh.triangle(face), mesh.uv_triangle(face));
+            let (mut after, mut uv_after) = (before, uv_before);
+            after[k] = mesh.positions[to as usize];
+            uv_after[k] = mesh.wedge_uv[pair.1 as usize];
+            let area_sq = |t: [glam::DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).length_squared();
+            let area_ratio = (area_sq(after) / area_sq(before)).sqrt();
+            triangle_survives(before, after) && uv_survives(uv_before, uv_after, area_ratio)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::cluster::samples;
+    use crate::mesh::split::regularity;
+
+    /// A grid of 9 × 9 squares with cells of 3 × 3 vertices inside; borders are held, and cells of their own.
+    fn cells_of_nine() -> (ClusterMesh, Vec<u32>, Vec<u32>) {
+        let mesh = samples::grid(10, 0.0);
+        let (mut cells, mut centres) = (vec![0; 121], Vec::new());
+        for v in 0..121u32 {
+            let (x, y) = (v % 11, v / 11);
+            if is_border(v) {
+                cells[v as usize] = centres.len() as u32;
+                centres.push(v);
+            } else if (x - 1) % 3 == 1 && (y - 1) % 3 == 1 {
+                for w in [v - 12, v - 11, v - 10, v - 1, v, v + 1, v + 10, v + 11, v + 12] {
+                    cells[w as usize] = centres.len() as u32;
+                }
+                centres.push(v);
+            }
+        }
+        (mesh, cells, centres)
+    }
+
+    fn is_border(v: u32) -> bool {
+        [0, 10].contains(&(v % 11)) || [0, 10].contains(&(v / 11))
+    }
+
+    #[test]
+    fn nine_cells_become_nine_vertices() {
+        let (mut mesh, cells, centres) = cells_of_nine();
+        let shrunk = shrink(&mut mesh, &cells, &centres, is_border);
+        assert_eq!(shrunk, Shrunk { gone: 72, junctions: 0, kept: 0 });
+        // V - E + F = 1 with 40 border edges: F = 2 V - 2 - 40.
+        assert_eq!(mesh.face_count, 2 * 49 - 42);
+        let area: f64 = (0..mesh.corners.len() as u32)
+            .map(|face| {
+                let [a, b, c] = mesh.triangle(face);
+                0.5 * (b - a).cross(c - a).z
+            })
+            .sum();
+        assert!((area - 100.0).abs() < 1e-9, "no face folds: {area}");
+        assert!((0..mesh.corners.len() as u32).all(|face| regularity(mesh.triangle(face)) > 0.02));
+    }
+
+    #[test]
+    fn a_cell_around_another_keeps_what_it_cannot_give_up() {
+        let (mut mesh, mut cells, mut centres) = cells_of_nine();
+        // The middle vertex is a cell inside the ring of the cell around it.
+        let inner = 60;
+        let outer = cells[inner];
+        centres[outer as usize] = 59;
+        cells[inner] = centres.len() as u32;
+        centres.push(inner as u32);
+        let shrunk = shrink(&mut mesh, &cells, &centres, is_border);
+        assert!(shrunk.kept >= 1, "{shrunk:?}");
+        let mut rings = Rings::default();
+        rings.build(&mesh);
+        assert!(!rings.of(inner as u32).is_empty());
+    }
+
+    #[test]
+    fn junctions_off_the_planes_around_them_are_kept() {
+        let (mut mesh, mut cells, mut centres) = cells_of_nine();
+        // Vertex 36 is a corner of a cell, where four cells meet.
+        mesh.positions[36].z = 0.8;
+        let mut rings = Rings::default();
+        rings.build(&mesh);
+        let count = centres.len();
+        let kept = |most: f64, cells: &mut [u32], centres: &mut Vec<u32>| {
+            keep_junctions(&mesh, &rings, cells, centres, most, is_border)
+        };
+        assert_eq!(kept(f64::INFINITY, &mut cells.clone(), &mut centres.clone()), 0);
+        assert!(kept(0.01, &mut cells, &mut centres) >= 1);
+        assert_eq!(centres[cells[36] as usize], 36);
+        assert!(centres.len() > count);
+    }
+}

@@ -1,0 +1,273 @@
+//! More centres: points on edges, those of the largest collapse error first.
+//!
+//! An edge (a, b) that collapsed would err by Qa + Qb, where Qa(x) is the squared distance of x to the planes of the
+//! faces around a, weighted by area. Along the edge that is α t² + β (1 - t)² with α = Qa(b), β = Qb(a):
+//!
+//! ```text
+//!   a ------------ p ------ b      least at t = β / (α + β), where it is αβ / (α + β)
+//!          |            |
+//!         (a, p)      (p, b)       new candidates; at p the surface bends as a and b do in between
+//! ```
+//! A part that spans a share s of its edge errs s² times as much, so that a candidate errs by no more than the one that
+//! made it, and those above any threshold are the same whichever is picked first: the queue over the whole mesh is a
+//! threshold, found by counting candidates by magnitude in a look at every cluster.
+//!
+//! # Memory
+//! 512 KiB a cluster while its candidates are counted, 12 bytes for each magnitude that occurs.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::ring::Rings;
+use crate::mesh::split::{EdgePoint, regularity};
+
+/// A picked point makes new candidates so many times: at most 7 points an edge.
+const DEPTH: u32 = 3;
+/// A point keeps this share of its edge's part away from both ends.
+const MARGIN: f64 = 0.25;
+/// Edges of thinner faces are not split.
+const REGULARITY_MIN: f64 = 0.05;
+/// Bits of a double that are left out of a magnitude: 64 magnitudes from each power of two to the next.
+const MAGNITUDE_SHIFT: u32 = 46;
+
+/// Ends of the edges from a vertex to vertices of higher ids that have two faces and the same wedges in both, and may
+/// be split: no other cluster has them.
+pub fn splittable(mesh: &ClusterMesh, rings: &Rings, vertex: u32, ends: &mut Vec<u32>) {
+    ends.clear();
+    for &corner in rings.of(vertex) {
+        let far = ClusterMesh::following(corner);
+        for (k, other) in far.map(|c| mesh.vertex_of(c)).into_iter().enumerate() {
+            let is_rim = mesh.is_shared(vertex) && mesh.is_shared(other);
+            if other <= vertex || is_rim || ends.contains(&other) {
+                continue;
+            }
+            let wedges = (mesh.wedge_of(corner), mesh.wedge_of(far[k]));
+            let (mut faces, mut is_whole) = (0, true);
+            for &corner in rings.of(vertex) {
+                let Some(&there) = ClusterMesh::following(corner).iter().find(|&&c| mesh.vertex_of(c) == other) else {
+                    continue;
+                };
+                faces += 1;
+                is_whole &= wedges == (mesh.wedge_of(corner), mesh.wedge_of(there));
+                is_whole &= regularity(mesh.triangle(corner / 3)) >= REGULARITY_MIN;
+            }
+            if faces == 2 && is_whole {
+                ends.push(other);
+            }
+        }
+    }
+}
+
+/// Normals of faces times the root of their areas; zero for a face without area.
+pub fn weighted_normals(mesh: &ClusterMesh) -> Vec<DVec3> {
+    let normal = |face: u32| {
+        let [a, b, c] = mesh.triangle(face);
+        let across = (b - a).cross(c - a);
+        let length = across.length();
+        if length > 0.0 { across * (0.5 / length).sqrt() } else { DVec3::ZERO }
+    };
+    (0..mesh.corners.len() as u32).map(|face| if mesh.is_dead(face) { DVec3::ZERO } else { normal(face) }).collect()
+}
+
+/// Q of a vertex at a displacement from it.
+pub fn quadric_error(rings: &Rings, normals: &[DVec3], vertex: u32, displacement: DVec3) -> f64 {
+    let square = |corner: &u32| {
+        let distance = normals[*corner as usize / 3].dot(displacement);
+        distance * distance
+    };
+    rings.of(vertex).iter().map(square).sum()
+}
+
+/// Candidates on the edges of a cluster.
+pub struct Queue<'a> {
+    mesh: &'a ClusterMesh,
+    rings: &'a Rings,
+    normals: Vec<DVec3>,
+}
+
+impl<'a> Queue<'a> {
+    /// Of a mesh and its rings.
+    pub fn new(mesh: &'a ClusterMesh, rings: &'a Rings) -> Self {
+        Self { mesh, rings, normals: weighted_normals(mesh) }
+    }
+
+    /// Counts the errors of all candidates, of the largest `most` at least.
+    pub fn count(&self, most: u64) -> ErrorCounts {
+        let mut magnitudes = vec![0u32; 1 << (63 - MAGNITUDE_SHIFT)];
+        self.each_candidate(f64::MIN_POSITIVE, |_, error| {
+            magnitudes[(error.to_bits() >> MAGNITUDE_SHIFT) as usize] += 1;
+        });
+        let (mut counts, mut seen) = (ErrorCounts::default(), 0);
+        for (magnitude, count) in magnitudes.into_iter().enumerate().rev().filter(|&(_, count)| count > 0) {
+            seen += u64::from(count);
+            if seen > most {
+                break;
+            }
+            counts.magnitudes.insert(magnitude as u32, u64::from(count));
+        }
+        counts
+    }
+
+    /// The candidates whose error is at least `threshold`, sorted by ends and share.
+    pub fn points(&self, threshold: f64) -> Vec<EdgePoint> {
+        let mut points = Vec::new();
+        self.each_candidate(threshold.max(f64::MIN_POSITIVE), |point, _| points.push(point));
+        points.sort_unstable_by(|a, b| a.ends.cmp(&b.ends).then(a.share.total_cmp(&b.share)));
+        points
+    }
+
+    fn each_candidate(&self, least: f64, mut take: impl FnMut(EdgePoint, f64)) {
+        let mut ends = Vec::new();
+        for a in 0..self.mesh.positions.len() as u32 {
+            splittable(self.mesh, self.rings, a, &mut ends);
+            for &b in &ends {
+                let along = self.mesh.positions[b as usize] - self.mesh.positions[a as usize];
+                let bends = [a, b].map(|end| quadric_error(self.rings, &self.normals, end, along));
+                let stretch = Stretch { from: 0.0, to: 1.0, bends, most: f64::INFINITY };
+                stretch.expand(DEPTH, least, &mut |share, error| take(EdgePoint { ends: [a, b], share }, error));
+            }
+        }
+    }
+}
+
+/// A part of an edge.
+#[derive(Debug, Clone, Copy)]
+struct Stretch {
+    from: f64,
+    to: f64,
+    /// α and β of the whole edge, if it bent as the surface does at this part's ends.
+    bends: [f64; 2],
+    /// Error of the candidate that made it.
+    most: f64,
+}
+
+impl Stretch {
+    fn expand(&self, depth: u32, least: f64, take: &mut impl FnMut(f64, f64)) {
+        let ([a, b], span) = (self.bends, self.to - self.from);
+        let error = (span * span * a * b / (a + b)).min(self.most);
+        // NOTE: also false where nothing bends, and the error is no number.
+        if !(error >= least && error.is_finite()) || depth == 0 {
+            return;
+        }
+        let share = (b / (a + b)).clamp(MARGIN, 1.0 - MARGIN);
+        let (at, bend) = (self.from + share * span, a + share * (b - a));
+        take(at, error);
+        Self { to: at, bends: [a, bend], most: error, ..*self }.expand(depth - 1, least, take);
+        Self { from: at, bends: [bend, b], most: error, ..*self }.expand(depth - 1, least, take);
+    }
+}
+
+/// Numbers of candidates by the magnitude of their error.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct ErrorCounts {
+    magnitudes: BTreeMap<u32, u64>,
+}
+
+impl ErrorCounts {
+    /// Adds another cluster's.
+    pub fn merge(&mut self, other: &Self) {
+        for (&magnitude, &count) in &other.magnitudes {
+            *self.magnitudes.entry(magnitude).or_default() += count;
+        }
+    }
+
+    /// The smallest error, where a magnitude begins, that no more than `wanted` candidates have or exceed.
+    pub fn threshold(&self, wanted: u64) -> f64 {
+        let (mut seen, mut threshold) = (0, f64::INFINITY);
+        for (&magnitude, &count) in self.magnitudes.iter().rev() {
+            seen += count;
+            if seen > wanted {
+                break;
+            }
+            threshold = f64::from_bits(u64::from(magnitude) << MAGNITUDE_SHIFT);
+        }
+        threshold
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::cluster::samples;
+
+    fn expanded(bends: [f64; 2], least: f64) -> Vec<(f64, f64)> {
+        let mut found = Vec::new();
+        Stretch { from: 0.0, to: 1.0, bends, most: f64::INFINITY }
+            .expand(DEPTH, least, &mut |at, e| found.push((at, e)));
+        found
+    }
+
+    #[test]
+    fn the_first_point_has_the_least_error_of_its_edge() {
+        // α = 1, β = 2: t = 2/3, error 2/3.
+        let [(at, error)] = expanded([1.0, 2.0], 0.5)[..] else { panic!("one candidate") };
+        assert!((at - 2.0 / 3.0).abs() < 1e-12 && (error - 2.0 / 3.0).abs() < 1e-12);
+        assert!(expanded([0.0, 3.0], 1e-300).is_empty(), "no error, no candidate");
+    }
+
+    #[test]
+    fn parts_err_by_the_square_of_their_share() {
+        // α = β = 4: error 2 in the middle, a quarter of that on each half, a sixteenth on each quarter.
+        let mut found = expanded([4.0, 4.0], 1e-9);
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let expected = [0.125, 0.5, 0.125, 2.0, 0.125, 0.5, 0.125];
+        assert_eq!(found.len(), 7);
+        for (i, ((at, error), wanted)) in found.iter().zip(expected).enumerate() {
+            assert!((at - (i + 1) as f64 / 8.0).abs() < 1e-12 && (error - wanted).abs() < 1e-12, "{at} {error}");
+        }
+    }
+
+    #[test]
+    fn the_threshold_lets_through_what_is_wanted_and_no_more() {
+        let mesh = samples::grid(6, 0.4);
+        let mut rings = Rings::default();
+        rings.build(&mesh);
+        let queue = Queue::new(&mesh, &rings);
+        let counts = queue.count(u64::MAX);
+        for wanted in [0, 1, 10, 60] {
+            let points = queue.points(counts.threshold(wanted));
+            assert!(points.len() as u64 <= wanted && points.len() as u64 + 3 >= wanted, "{wanted}: {}", points.len());
+        }
+        assert!(queue.count(20).threshold(u64::MAX) > counts.threshold(u64::MAX), "the largest alone");
+    }
+
+    #[test]
+    fn errors_are_those_of_the_quadrics() {
+        use crate::cost::Quadric;
+        use crate::cost::planes::plane_of;
+        let mesh = samples::grid(3, 0.7);
+        let mut rings = Rings::default();
+        rings.build(&mesh);
+        let normals = weighted_normals(&mesh);
+        for (v, displacement) in [(5, DVec3::new(0.3, -1.0, 0.2)), (10, DVec3::new(1.0, 1.0, -0.4))] {
+            let mut quadric = Quadric::default();
+            for face in rings.faces(&mesh, v) {
+                let (normal, area) = plane_of(mesh.triangle(face)).unwrap();
+                quadric += Quadric::plane(normal, -normal.dot(mesh.triangle(face)[0]), area);
+            }
+            let expected = quadric.at(mesh.positions[v as usize] + displacement);
+            assert!((quadric_error(&rings, &normals, v, displacement) - expected).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn seams_borders_and_rims_are_not_split() {
+        use crate::mesh::cluster::flag;
+        let mut mesh = samples::two_charts(4);
+        [6, 11].iter().for_each(|&v: &usize| mesh.flags[v] |= flag::SHARED | flag::LOCKED);
+        let mut rings = Rings::default();
+        rings.build(&mesh);
+        let ends = |v| {
+            let mut ends = Vec::new();
+            splittable(&mesh, &rings, v, &mut ends);
+            ends.sort_unstable();
+            ends
+        };
+        assert_eq!(ends(0), [6], "0-1 and 0-5 are border edges");
+        assert_eq!(ends(7), [8, 13], "7-12 lies on the seam");
+        assert_eq!(ends(6), [7, 12], "6-11 may be another cluster's, too");
+    }
+}

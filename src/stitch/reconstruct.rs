@@ -1,0 +1,207 @@
+//! The pass before the others: every cluster is made anew by centroidal Voronoi cells.
+//!
+//! ```text
+//! look at the masses of all clusters ──▶ D_avg ──▶ look at their cells and candidates ──▶ threshold ──▶ the pass
+//! ```
+//! Both looks come before anything is changed, and what they find is frozen, so that the result does not depend on the order
+//! of clusters; both are kept as one step. With a number of cells as the target the pass is made again on
+//! shifted clusters, so that former rims are remeshed, too.
+//!
+//! # Memory
+//! A cluster takes [`cvd::GROWTH`] halves of its weight.
+
+use std::path::Path;
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use super::outcome::RemeshReport;
+use super::pass::{PASS_BYTES, Run, plan_step};
+use super::state::PassState;
+use crate::base::Result;
+use crate::base::ordered::map_in_order;
+use crate::cost::Metric;
+use crate::job::{Step, folder_bytes};
+use crate::mesh::ClusterMesh;
+use crate::partition::{Partition, cluster};
+use crate::remesh::cvd::mass::MassSums;
+use crate::remesh::cvd::{self, Frame, Settings, Stock};
+use crate::store::{StoredMesh, StoredPiece};
+
+/// Passes that a number of cells takes where there are several clusters.
+const CELL_PASSES: usize = 3;
+
+/// Whether no further pass makes the mesh anew.
+pub(super) fn is_remeshed(settings: &Settings, done: &[RemeshReport]) -> bool {
+    match (settings.cells, done.last()) {
+        (_, None) => false,
+        (None, Some(_)) => true,
+        (Some(_), Some(last)) => last.clusters <= 1 || done.len() >= CELL_PASSES,
+    }
+}
+
+/// What was made of a cluster.
+#[derive(Default, Serialize, Deserialize)]
+struct Remeshed {
+    pieces: Vec<StoredPiece>,
+    faces: u64,
+    degenerate: u64,
+    cells: u64,
+    held: u64,
+    added: u64,
+    junctions: u64,
+    kept: u64,
+    passed_through: u64,
+}
+
+impl<M: Metric> Run<'_, M> {
+    /// Makes the mesh anew, cluster by cluster.
+    ///
+    /// # Errors
+    /// On a full disk, failed reads and writes, and damaged files.
+    pub(super) fn reconstruct(&self, settings: &Settings, state: &mut PassState, partition: &Partition) -> Result<()> {
+        let started = Instant::now();
+        let pass = state.pass;
+        let frame = self.job.once(plan_step(pass, 0), || self.find_frame(settings, &state.mesh, partition))?;
+        self.progress.begin("remesh", partition.total_faces(), "faces");
+        let mut report = RemeshReport {
+            clusters: partition.filled_count(),
+            faces_in: partition.total_faces(),
+            wanted: frame.wanted,
+            cell_mass: frame.enough,
+            threshold: frame.threshold,
+            ..RemeshReport::default()
+        };
+        let mut mesh = StoredMesh::default();
+        let work = |cluster: usize| {
+            self.progress.check_stopped()?;
+            let step = Step::Cluster { pass: pass as u32, attempt: 0, cluster: cluster as u32 };
+            let faces = partition.face_count(cluster);
+            let remeshed = match self.job.recall::<Remeshed>(step)? {
+                Some(mut remeshed) => {
+                    remeshed.pieces.iter_mut().for_each(|piece| piece.locate(self.job.path()));
+                    remeshed
+                }
+                None => {
+                    let _permit = self.permits.take(remesh_bytes(partition, cluster));
+                    let remeshed = self.remesh_cluster(settings, &frame, &state.mesh, partition, step, cluster)?;
+                    self.job.keep(step, faces, remeshed.pieces.iter().flat_map(StoredPiece::files), &remeshed)?;
+                    remeshed
+                }
+            };
+            self.progress.advance(faces);
+            Ok(remeshed)
+        };
+        let (threads, findings) = (self.options.threads, &mut state.findings);
+        map_in_order(0..partition.cluster_count(), threads, threads * 4, work, |remeshed| {
+            report.faces_out += remeshed.faces;
+            report.cells += remeshed.cells;
+            report.held += remeshed.held;
+            report.added += remeshed.added;
+            report.junctions += remeshed.junctions;
+            report.kept += remeshed.kept;
+            report.passed_through += remeshed.passed_through;
+            findings.count("degenerate_faces", remeshed.degenerate);
+            mesh.pieces.extend(remeshed.pieces);
+            Ok(())
+        })?;
+        self.write_shared(partition, pass, &mut mesh)?;
+        state.findings.count("remesh_kept_vertices", report.kept);
+        state.scratch_peak = state.scratch_peak.max(folder_bytes(self.job.path()));
+        state.mesh = mesh;
+        state.remeshed.push(report);
+        state.seconds.remesh += started.elapsed();
+        state.is_over = settings.cells.is_some() && is_remeshed(settings, &state.remeshed);
+        state.reached = state.is_over;
+        state.pass += 1;
+        let step = Step::Pass { pass: pass as u32 };
+        let faces = state.mesh.face_count();
+        self.job.keep(step, faces, state.mesh.files(), &*state)?;
+        self.job.retain(state.mesh.files(), &[Step::Input, step])?;
+        self.progress.tell(&format!("the mesh is made anew: {faces} triangles"));
+        Ok(())
+    }
+
+    /// Looks at all clusters twice.
+    fn find_frame(&self, settings: &Settings, mesh: &StoredMesh, partition: &Partition) -> Result<Frame> {
+        self.progress.begin("weigh", 2 * partition.total_faces(), "faces");
+        let mut sums = MassSums::default();
+        let weigh = |cluster: &ClusterMesh| {
+            let mut own = MassSums::default();
+            cvd::weigh(cluster, settings, &mut own);
+            own
+        };
+        self.look(mesh, partition, weigh, |own| sums.merge(&own))?;
+        let frame = Frame::new(&sums, settings);
+        let mut stock = Stock::default();
+        self.look(mesh, partition, |cluster| cvd::take_stock(cluster, settings, &frame), |own| stock.merge(&own))?;
+        Ok(Frame { threshold: stock.threshold(&frame), ..frame })
+    }
+
+    /// Looks at every cluster that can be loaded; what it gives comes in order of clusters.
+    fn look<T: Default + Send>(
+        &self,
+        mesh: &StoredMesh,
+        partition: &Partition,
+        look_at: impl Fn(&ClusterMesh) -> T + Sync,
+        mut take: impl FnMut(T),
+    ) -> Result<()> {
+        let work = |cluster: usize| {
+            if partition.weight(cluster).is_none() {
+                return Ok(T::default());
+            }
+            self.progress.check_stopped()?;
+            let _permit = self.permits.take(remesh_bytes(partition, cluster));
+            let source = self.load(mesh, partition, cluster)?;
+            self.progress.advance(partition.face_count(cluster));
+            Ok(look_at(&source.mesh))
+        };
+        let threads = self.options.threads;
+        map_in_order(0..partition.cluster_count(), threads, threads + 1, work, |own| {
+            take(own);
+            Ok(())
+        })
+    }
+
+    fn remesh_cluster(
+        &self,
+        settings: &Settings,
+        frame: &Frame,
+        mesh: &StoredMesh,
+        partition: &Partition,
+        step: Step,
+        cluster: usize,
+    ) -> Result<Remeshed> {
+        if partition.weight(cluster).is_none() {
+            let path = |part| self.piece_path(step, part);
+            let (pieces, degenerate) = cluster::pass_through(partition, mesh, cluster, path)?;
+            let faces = pieces.iter().map(|piece| piece.faces.len()).sum();
+            return Ok(Remeshed { pieces, degenerate, faces, passed_through: faces, ..Remeshed::default() });
+        }
+        let mut source = self.load(mesh, partition, cluster)?;
+        let mut made = std::mem::take(&mut source.mesh);
+        let outcome = cvd::reconstruct(&mut made, settings, frame);
+        source.adopt(outcome.points);
+        let mut remeshed = Remeshed {
+            pieces: Vec::new(),
+            faces: made.corners.len() as u64,
+            degenerate: source.degenerate,
+            cells: outcome.cells,
+            held: outcome.held,
+            added: outcome.added,
+            junctions: outcome.shrunk.junctions,
+            kept: outcome.shrunk.kept,
+            passed_through: 0,
+        };
+        if !made.corners.is_empty() {
+            let path: &Path = &self.piece_path(step, 0);
+            remeshed.pieces.push(source.write(&made, partition, self.catalogue, &self.scale, path)?);
+        }
+        Ok(remeshed)
+    }
+}
+
+/// Memory of a cluster while it is remeshed, or while it passes through.
+fn remesh_bytes(partition: &Partition, cluster: usize) -> u64 {
+    partition.weight(cluster).map_or(PASS_BYTES, |weight| weight.bytes() * cvd::GROWTH / 2)
+}
