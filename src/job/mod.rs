@@ -173,7 +173,13 @@ impl WorkFolder {
     fn begin(&self, manifest: &Manifest) -> Result<Journal> {
         self.clear()?;
         let began = Manifest { began: now(), ..manifest.clone() };
-        began.write(&self.path.join(MANIFEST))?;
+        let path = self.path.join(MANIFEST);
+        began.write(&path)?;
+        // Nobody could go on with a job whose manifest a faulty disk has lost, nor begin one in its folder.
+        if let Err(error) = Manifest::read(&path) {
+            self.clear()?;
+            return Err(error);
+        }
         Journal::create(&self.path.join(JOURNAL))
     }
 

@@ -77,6 +77,19 @@ pub fn write_all_at(file: &File, bytes: &[u8], offset: u64) -> io::Result<()> {
     }
 }
 
+/// Whether an error tells of the machine and not of the file: the same call may succeed later.
+///
+/// A file that could not be looked at for such a reason must not be taken for one that is not there.
+pub fn is_of_machine(error: &io::Error) -> bool {
+    #[cfg(unix)]
+    return matches!(
+        error.raw_os_error(),
+        Some(libc::EIO | libc::EMFILE | libc::ENFILE | libc::ENOMEM | libc::ESTALE | libc::ETIMEDOUT)
+    );
+    #[cfg(not(unix))]
+    return error.kind() == io::ErrorKind::OutOfMemory;
+}
+
 fn proc_status_bytes(field: &str) -> Option<u64> {
     kib_field(&fs::read_to_string("/proc/self/status").ok()?, field)
 }

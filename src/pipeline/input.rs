@@ -87,7 +87,7 @@ impl Reading<'_> {
             }
         }
         let paths = |sources: &[Source]| sources.iter().map(|source| source.path.clone()).collect();
-        let libraries = self.libraries(paths(&input.libraries));
+        let libraries = libraries_at(paths(&input.libraries))?;
         let textures = self.textures(paths(&input.textures))?;
         let old = input.libraries.iter().chain(&input.textures);
         for (old, new) in old.zip(libraries.iter().chain(&textures)) {
@@ -103,7 +103,7 @@ impl Reading<'_> {
         let scanned = scan::scan(self.inputs, job.path(), &self.scan, self.progress)?;
         let Scan { mesh, catalogue, triangles, findings, input_bytes, content_hashes, libraries } = scanned;
         let textures = self.textures(write::texture_paths(&catalogue).into_iter().collect())?;
-        let (libraries, need) = (self.libraries(libraries), Need::of(&mesh, &catalogue));
+        let (libraries, need) = (libraries_at(libraries)?, Need::of(&mesh, &catalogue));
         let input =
             Input { catalogue, triangles, findings, bytes: input_bytes, need, content_hashes, libraries, textures };
         job.keep(Step::Input, triangles, [], &input)?;
@@ -113,17 +113,13 @@ impl Reading<'_> {
         Ok((input, start))
     }
 
-    fn libraries(&self, paths: Vec<PathBuf>) -> Vec<Source> {
-        paths.iter().map(|path| Source::of(path)).collect()
-    }
-
     /// Textures count by their content where they are copied, and by whether they are there otherwise.
     fn textures(&self, paths: Vec<PathBuf>) -> Result<Vec<Source>> {
         let mut sources = Vec::with_capacity(paths.len());
         let look = |path: PathBuf| {
             self.progress.check_stopped()?;
             let is_copied = self.options.textures == TextureFiles::Copy;
-            Ok(if is_copied { Source::of(&path) } else { Source::presence(&path) })
+            if is_copied { Source::of(&path) } else { Source::presence(&path) }
         };
         map_in_order(paths.into_iter(), self.scan.threads, 4 * self.scan.threads, look, |source| {
             sources.push(source);
@@ -131,4 +127,8 @@ impl Reading<'_> {
         })?;
         Ok(sources)
     }
+}
+
+fn libraries_at(paths: Vec<PathBuf>) -> Result<Vec<Source>> {
+    paths.iter().map(|path| Source::of(path)).collect()
 }

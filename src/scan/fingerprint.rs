@@ -17,6 +17,7 @@ use super::chunk::{CHUNK_BYTES, Cutter};
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Progress, Result};
 use crate::job::codec;
+use crate::os::system::is_of_machine;
 
 const READ_BYTES: usize = 256 << 10;
 
@@ -32,16 +33,29 @@ pub struct Source {
 
 impl Source {
     /// Looks at a file and reads it.
-    pub fn of(path: &Path) -> Self {
-        let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-        Self { content: content(path).ok(), path: absolute }
+    ///
+    /// # Errors
+    /// If the machine fails, so that nobody knows whether the file is there.
+    pub fn of(path: &Path) -> Result<Self> {
+        Self::new(path, content(path))
     }
 
     /// Looks whether a file is there.
-    pub fn presence(path: &Path) -> Self {
-        let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-        let is_there = fs::metadata(path).is_ok_and(|found| found.is_file());
-        Self { path: absolute, content: is_there.then_some((0, 0)) }
+    ///
+    /// # Errors
+    /// As [`of`](Source::of).
+    pub fn presence(path: &Path) -> Result<Self> {
+        let is_file =
+            |found: fs::Metadata| if found.is_file() { Ok((0, 0)) } else { Err(ErrorKind::InvalidInput.into()) };
+        Self::new(path, fs::metadata(path).and_then(is_file))
+    }
+
+    fn new(path: &Path, found: std::io::Result<(u64, u64)>) -> Result<Self> {
+        let content = match found {
+            Err(error) if is_of_machine(&error) => return Err(Error::io(path, "read", error)),
+            found => found.ok(),
+        };
+        Ok(Self { content, path: std::path::absolute(path).unwrap_or_else(|_| path.to_owned()) })
     }
 
     /// What has become different since, in words.
@@ -132,15 +146,27 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.mtl");
         fs::write(&path, "newmtl a\n").unwrap();
-        let (was, inputs) = (Source::of(&path), [path.clone()]);
+        let (was, inputs) = (Source::of(&path).unwrap(), [path.clone()]);
         let hashes = content_hashes(&inputs, 2, &Silent).unwrap();
         fs::write(&path, "newmtl a\n").unwrap();
-        assert_eq!(was.difference(&Source::of(&path)), None);
+        assert_eq!(was.difference(&Source::of(&path).unwrap()), None);
         assert_eq!(content_hashes(&inputs, 1, &Silent).unwrap(), hashes);
         fs::write(&path, "newmtl b\n").unwrap();
-        assert_eq!(was.difference(&Source::of(&path)), Some("has changed"));
+        assert_eq!(was.difference(&Source::of(&path).unwrap()), Some("has changed"));
         assert_ne!(content_hashes(&inputs, 1, &Silent).unwrap(), hashes);
         fs::remove_file(&path).unwrap();
-        assert_eq!(was.difference(&Source::of(&path)), Some("is missing now"));
+        assert_eq!(was.difference(&Source::of(&path).unwrap()), Some("is missing now"));
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_file_that_the_machine_fails_to_read_is_not_taken_for_a_missing_one() {
+        let failed = |code| Source::new(Path::new("a.png"), Err(std::io::Error::from_raw_os_error(code)));
+        for code in [libc::EIO, libc::EMFILE, libc::ENFILE] {
+            assert!(matches!(failed(code), Err(Error::Io { .. })), "{code}");
+        }
+        for code in [libc::ENOENT, libc::EACCES, libc::ENOTDIR, libc::ELOOP, libc::ENAMETOOLONG] {
+            assert_eq!(failed(code).unwrap().content, None, "{code}");
+        }
     }
 }

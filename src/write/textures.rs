@@ -21,6 +21,7 @@ use super::Textures;
 use crate::base::error::{escape, escape_path};
 use crate::base::{Error, Findings, Result};
 use crate::os::durable::sync_folder;
+use crate::os::system::is_of_machine;
 use crate::store::Catalogue;
 
 const COPY_BUFFER_BYTES: usize = 256 << 10;
@@ -70,7 +71,7 @@ impl Drop for MadeFolder {
 
 /// Why a texture stays where it is.
 enum Unusable {
-    Missing(String),
+    Missing(PathBuf, io::Error),
     Refused(&'static str),
 }
 
@@ -115,8 +116,12 @@ impl TextureStage {
         let place = |why: &str| format!("{} of {}: {why}", escape(name), escape_path(mtl_folder));
         let reference = match outcome {
             Ok(reference) => reference,
-            Err(Unusable::Missing(why)) => {
-                self.findings.note("missing_texture", || place(&why));
+            // A picture that cannot be read just now is not left out for that.
+            Err(Unusable::Missing(path, error)) if is_of_machine(&error) => {
+                return Err(Error::io(&path, "read", error));
+            }
+            Err(Unusable::Missing(_, error)) => {
+                self.findings.note("missing_texture", || place(&error.to_string()));
                 name.to_owned()
             }
             Err(Unusable::Refused(why)) => {
@@ -151,7 +156,7 @@ impl TextureStage {
         }
         let file = match open_regular(source) {
             Ok(file) => file,
-            Err(error) => return Ok(Err(Unusable::Missing(error.to_string()))),
+            Err(error) => return Ok(Err(Unusable::Missing(source.to_owned(), error))),
         };
         let unique = self.unique_name(name);
         let target = self.folder.join(path_of(&unique));
@@ -180,7 +185,7 @@ impl TextureStage {
                 && (symlink(&link, &staged.temporary).is_ok() || fs::hard_link(source, &staged.temporary).is_ok());
             if !linked && let Err(error) = copy(file, &staged.temporary)? {
                 self.taken.remove(&unique.to_ascii_lowercase());
-                return Ok(Err(Unusable::Missing(error.to_string())));
+                return Ok(Err(Unusable::Missing(source.to_owned(), error)));
             }
             self.staged.push(staged);
         }
@@ -284,9 +289,9 @@ fn find_source(mtl_folder: &Path, name: &[u8]) -> std::result::Result<PathBuf, U
         }
     }
     let mtl_folder = if mtl_folder.as_os_str().is_empty() { Path::new(".") } else { mtl_folder };
-    let missing = |error: io::Error| Unusable::Missing(error.to_string());
+    let missing = |error: io::Error| Unusable::Missing(mtl_folder.join(&relative), error);
     let folder = fs::canonicalize(mtl_folder).map_err(missing)?;
-    let source = fs::canonicalize(folder.join(relative)).map_err(missing)?;
+    let source = fs::canonicalize(folder.join(&relative)).map_err(missing)?;
     if !source.starts_with(&folder) {
         return Err(Unusable::Refused("it leaves the folder of its MTL through a link"));
     }
