@@ -71,6 +71,12 @@ impl Class {
         RULES[self as usize][to as usize]
     }
 
+    /// Whether a vertex of this class may vanish at all, by any table.
+    #[inline]
+    pub fn may_vanish(self) -> bool {
+        matches!(self, Class::Smooth | Class::Seam | Class::Border)
+    }
+
     /// Whether the vertex lies on an open border.
     #[inline]
     pub fn is_border(self) -> bool {
@@ -140,7 +146,25 @@ impl Fan {
                 previous_wedge: mesh.wedge_of(previous),
             }
         }));
-        self.walk()
+        if self.is_smooth() { Class::Smooth } else { self.walk() }
+    }
+
+    /// Whether a walk over edges that have the same wedges on both sides leads around all spokes.
+    fn is_smooth(&self) -> bool {
+        let spokes = &self.spokes;
+        let mut spoke = &spokes[0];
+        for visited in 1..=spokes.len() {
+            let leads_on = |next: &&Spoke| next.next == spoke.previous;
+            let Some(next) = spokes.iter().find(leads_on) else { return false };
+            if next.wedge != spoke.wedge || next.next_wedge != spoke.previous_wedge {
+                return false;
+            }
+            if std::ptr::eq(next, &spokes[0]) {
+                return visited == spokes.len();
+            }
+            spoke = next;
+        }
+        false
     }
 
     /// Walks the fan counter-clockwise: from a spoke to the one that begins where it ends.

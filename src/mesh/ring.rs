@@ -1,45 +1,80 @@
 //! The corners around each vertex, as compressed sparse rows.
+//!
+//! A collapse ends two rows and appends one, so that nothing is built anew until rows are scattered too far:
+//!
+//! ```text
+//! built     | row 0 | row 1 | row 2 | …        after 2 went into 0    | ····· | row 1 | ····· | … | row 0 |
+//! ```
 
 use super::cluster::{ClusterMesh, DEAD};
 
-/// Corners (3 × face + place) at each vertex; rows of vertices that a collapse joined are stale until the next build.
+/// Corners (3 × face + place) at each vertex.
 #[derive(Debug, Clone, Default)]
 pub struct Rings {
-    offsets: Vec<u32>,
+    /// Where each row begins, and its length.
+    rows: Vec<(u32, u32)>,
     corners: Vec<u32>,
 }
 
 impl Rings {
     /// Builds the rows for all living faces. O(faces).
     pub fn build(&mut self, mesh: &ClusterMesh) {
-        self.offsets.clear();
-        self.offsets.resize(mesh.positions.len() + 1, 0);
+        self.rows.clear();
+        self.rows.resize(mesh.positions.len(), (0, 0));
         let is_living = |corners: &[u32; 3]| corners[0] != DEAD;
         for (_, vertices) in mesh.corners.iter().zip(&mesh.corner_vertices).filter(|(corners, _)| is_living(corners)) {
             for &vertex in vertices {
-                self.offsets[vertex as usize] += 1;
+                self.rows[vertex as usize].1 += 1;
             }
         }
         let mut total = 0;
-        for offset in &mut self.offsets {
-            total += *offset;
-            *offset = total;
+        for (start, length) in &mut self.rows {
+            *start = total;
+            total += std::mem::take(length);
         }
         self.corners.clear();
         self.corners.resize(total as usize, 0);
-        for face in (0..mesh.corners.len()).rev().filter(|&face| is_living(&mesh.corners[face])) {
-            for k in (0..3).rev() {
-                let offset = &mut self.offsets[mesh.corner_vertices[face][k] as usize];
-                *offset -= 1;
-                self.corners[*offset as usize] = (3 * face + k) as u32;
+        let living = mesh.corners.iter().zip(&mesh.corner_vertices).enumerate();
+        for (face, (_, vertices)) in living.filter(|(_, (corners, _))| is_living(corners)) {
+            for (k, &vertex) in vertices.iter().enumerate() {
+                let (start, length) = &mut self.rows[vertex as usize];
+                self.corners[(*start + *length) as usize] = (3 * face + k) as u32;
+                *length += 1;
             }
         }
     }
 
-    /// Corners at a vertex, ascending; the faces of some may have died since the build.
+    /// Follows a collapse that the mesh has made: the living corners at both vertices are now those of `to`.
+    pub fn join(&mut self, mesh: &ClusterMesh, from: u32, to: u32) {
+        let rows = [from, to].map(|vertex| {
+            let (start, length) = self.rows[vertex as usize];
+            start as usize..(start + length) as usize
+        });
+        let (start, [mut one, mut other]) = (self.corners.len(), rows);
+        while !one.is_empty() || !other.is_empty() {
+            let takes_one =
+                other.is_empty() || (!one.is_empty() && self.corners[one.start] < self.corners[other.start]);
+            let row = if takes_one { &mut one } else { &mut other };
+            let corner = self.corners[row.start];
+            row.start += 1;
+            if mesh.living(corner).is_some() {
+                self.corners.push(corner);
+            }
+        }
+        self.rows[from as usize] = (0, 0);
+        self.rows[to as usize] = (start as u32, (self.corners.len() - start) as u32);
+    }
+
+    /// Whether more than half of the rows' entries are no longer in use, so that they should be built anew.
+    pub fn is_scattered(&self, mesh: &ClusterMesh) -> bool {
+        self.corners.len() > 6 * mesh.face_count.max(64)
+    }
+
+    /// Corners at a vertex, ascending; the faces of some may have died since the row was made.
     #[inline]
     pub fn of(&self, vertex: u32) -> &[u32] {
-        &self.corners[self.offsets[vertex as usize] as usize..self.offsets[vertex as usize + 1] as usize]
+        let (start, length) = self.rows[vertex as usize];
+        &self.corners[start as usize..(start + length) as usize]
     }
 
     /// Living faces around a vertex, ascending.

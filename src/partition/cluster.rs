@@ -23,6 +23,8 @@ use crate::store::{Catalogue, Face, NO_TEXCOORD, Segment, StoredMesh, StoredPiec
 const GATHER_RECORDS: u64 = 64 << 10;
 /// Faces of a piece of a cluster that passes through.
 const PASS_FACES: usize = 64 << 10;
+/// Ids that a face may stand for on average where a bit is kept for each; a list takes 32 times that, and is sorted.
+const SPAN_PER_FACE: u64 = 64;
 /// A moved coordinate is rounded to no coarser than this share of its shortest edge.
 const ROUNDING_SHARE: f64 = 1e-3;
 /// Wedges of a vertex that are searched one by one.
@@ -81,6 +83,18 @@ pub struct ClusterSource {
     points: Vec<EdgePoint>,
 }
 
+/// The faces of a cluster as they were read, with what they refer to.
+#[derive(Debug)]
+pub struct ClusterFaces {
+    /// Vertices are places in `vertex_ids` and `positions`, texcoords ids of the mesh.
+    faces: Vec<Face>,
+    positions: Vec<DVec3>,
+    degenerate: u64,
+    vertex_ids: Vec<u32>,
+    texcoord_ids: Vec<u32>,
+    texcoords: Vec<DVec2>,
+}
+
 /// Loads a cluster.
 ///
 /// # Errors
@@ -92,13 +106,20 @@ pub fn load(
     scale: &TextureScale,
     cluster: usize,
 ) -> Result<ClusterSource> {
+    Ok(read(partition, mesh, cluster)?.into_source(partition, catalogue, scale))
+}
+
+/// Reads a cluster as it lies on disk: what [`load`] makes a mesh of.
+///
+/// # Errors
+/// On failed reads and damaged files.
+pub fn read(partition: &Partition, mesh: &StoredMesh, cluster: usize) -> Result<ClusterFaces> {
     let own = partition.numbering.starts[cluster]..partition.numbering.starts[cluster + 1];
-    let faces = partition.faces.buckets.read(cluster)?;
     let texcoords = |ids: &[u32]| match &partition.texcoords {
         Some(brought) => brought.read(cluster),
         None => gather_texcoords(mesh, ids),
     };
-    load_faces(partition, faces, own, texcoords, catalogue, scale)
+    read_faces(partition, partition.faces.buckets.read(cluster)?, own, texcoords)
 }
 
 /// Loads a cluster that is too heavy to be loaded at once, block by block; vertices are repeated from block to block.
@@ -115,22 +136,19 @@ pub fn load_in_blocks(
 ) -> Result<()> {
     for_each_block(partition, cluster, |faces| {
         let texcoords = |ids: &[u32]| gather_texcoords(mesh, ids);
-        take(load_faces(partition, faces, 0..0, texcoords, catalogue, scale)?)
+        take(read_faces(partition, faces, 0..0, texcoords)?.into_source(partition, catalogue, scale))
     })
 }
 
-/// Loads faces; most of their vertices lie in the range `own` of the partition's ids.
-fn load_faces(
+/// Reads faces; most of their vertices lie in the range `own` of the partition's ids.
+fn read_faces(
     partition: &Partition,
     mut faces: Vec<Face>,
     own: std::ops::Range<u32>,
     texcoords: impl Fn(&[u32]) -> Result<Vec<DVec2>>,
-    catalogue: &Catalogue,
-    scale: &TextureScale,
-) -> Result<ClusterSource> {
+) -> Result<ClusterFaces> {
     let vertex_ids = vertex_ids(&faces, &own);
     let positions = gather(&partition.numbering.positions, &vertex_ids)?;
-    let origin = positions.first().copied().unwrap_or(DVec3::ZERO);
     let own_count = vertex_ids.partition_point(|&id| id < own.end) - vertex_ids.partition_point(|&id| id < own.start);
     let mut local = LocalIds::new(&vertex_ids, &own, own_count);
     for face in &mut faces {
@@ -146,21 +164,7 @@ fn load_faces(
         let message = format!("{} texture coordinates for {} ids", texcoords.len(), texcoord_ids.len());
         return Err(Error::Damaged { path, message });
     }
-    let mut source = ClusterSource {
-        mesh: ClusterMesh::default(),
-        origin,
-        degenerate,
-        vertex_ids,
-        wedge_texcoord: Vec::new(),
-        texcoords,
-        points: Vec::new(),
-    };
-    for (&id, &position) in source.vertex_ids.iter().zip(&positions) {
-        let shared = partition.faces.shared.contains(id);
-        source.mesh.push_vertex(position - origin, if shared { flag::SHARED | flag::LOCKED } else { 0 });
-    }
-    source.add_faces(&faces, &texcoord_ids, catalogue, scale);
-    Ok(source)
+    Ok(ClusterFaces { faces, positions, degenerate, vertex_ids, texcoord_ids, texcoords })
 }
 
 /// Hands the faces of a cluster to `take` in blocks of about [`PASS_FACES`]; no polygon lies in two of them.
@@ -232,6 +236,45 @@ fn pass_faces(
     Ok((piece, degenerate))
 }
 
+impl ClusterFaces {
+    /// Areas of the faces in space and in texture, added by material.
+    pub fn add_areas(&self, catalogue: &Catalogue, areas: &mut [(f64, f64)]) {
+        let ranks = Ranks::new(&self.texcoord_ids);
+        for face in self.faces.iter().filter(|face| !face.texcoords.contains(&NO_TEXCOORD)) {
+            let corners = face.vertices.map(|v| self.positions[v as usize]);
+            let uv = face.texcoords.map(|id| self.texcoords[ranks.of(id) as usize]);
+            let texture = (uv[1] - uv[0]).perp_dot(uv[2] - uv[0]).abs();
+            if texture.is_finite() {
+                let sum = &mut areas[material_index(catalogue, face.part)];
+                sum.0 += (corners[1] - corners[0]).cross(corners[2] - corners[0]).length();
+                sum.1 += texture;
+            }
+        }
+    }
+
+    /// The mesh of the faces.
+    pub fn into_source(self, partition: &Partition, catalogue: &Catalogue, scale: &TextureScale) -> ClusterSource {
+        let Self { faces, positions, degenerate, vertex_ids, texcoord_ids, texcoords } = self;
+        let origin = positions.first().copied().unwrap_or(DVec3::ZERO);
+        let mesh = ClusterMesh::default();
+        let mut source = ClusterSource {
+            mesh,
+            origin,
+            degenerate,
+            vertex_ids,
+            wedge_texcoord: Vec::new(),
+            texcoords,
+            points: Vec::new(),
+        };
+        for (&id, &position) in source.vertex_ids.iter().zip(&positions) {
+            let shared = partition.faces.shared.contains(id);
+            source.mesh.push_vertex(position - origin, if shared { flag::SHARED | flag::LOCKED } else { 0 });
+        }
+        source.add_faces(&faces, &texcoord_ids, catalogue, scale);
+        source
+    }
+}
+
 impl ClusterSource {
     fn add_faces(&mut self, faces: &[Face], texcoord_ids: &[u32], catalogue: &Catalogue, scale: &TextureScale) {
         let ranks = Ranks::new(texcoord_ids);
@@ -290,19 +333,6 @@ impl ClusterSource {
     /// Id in the partition of a loaded vertex of the mesh.
     pub fn vertex_id(&self, vertex: u32) -> u32 {
         self.vertex_ids[vertex as usize]
-    }
-
-    /// Areas of the cluster's faces in space and in (unscaled) texture, added by material.
-    pub fn add_areas(&self, catalogue: &Catalogue, areas: &mut [(f64, f64)]) {
-        for face in 0..self.mesh.corners.len() as u32 {
-            let (triangle, uv) = (self.mesh.triangle(face), self.mesh.uv_triangle(face));
-            let texture = (uv[1] - uv[0]).perp_dot(uv[2] - uv[0]).abs();
-            if texture.is_finite() {
-                let sum = &mut areas[material_index(catalogue, self.mesh.parts[face as usize])];
-                sum.0 += (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).length();
-                sum.1 += texture;
-            }
-        }
     }
 
     /// Writes the simplified mesh as a piece of the next stored mesh; `partition` is the one it was loaded from.
@@ -536,9 +566,15 @@ fn triangulate_polygons(faces: &mut Vec<Face>, positions: &[DVec3]) -> u64 {
 
 /// Ids of all texcoords that faces use, ascending.
 pub(super) fn texcoord_ids(faces: &[Face]) -> Vec<u32> {
+    let used = || faces.iter().flat_map(|face| face.texcoords).filter(|&id| id != NO_TEXCOORD);
+    let (first, last) = used().fold((u32::MAX, 0), |(first, last), id| (first.min(id), last.max(id)));
+    let span = (u64::from(last) + 1).saturating_sub(u64::from(first));
+    if span <= SPAN_PER_FACE * faces.len() as u64 {
+        return ids_of_span(used(), first, span as usize);
+    }
     let mut ids: Vec<u32> = Vec::with_capacity(faces.len());
     let mut recent = [NO_TEXCOORD; 64];
-    for id in faces.iter().flat_map(|face| face.texcoords).filter(|&id| id != NO_TEXCOORD) {
+    for id in used() {
         let slot = &mut recent[id as usize % 64];
         if *slot != id {
             *slot = id;
@@ -547,6 +583,20 @@ pub(super) fn texcoord_ids(faces: &[Face]) -> Vec<u32> {
     }
     ids.sort_unstable();
     ids.dedup();
+    ids
+}
+
+/// The distinct ids among `used`, which all lie in the `span` from `first` on, ascending.
+fn ids_of_span(used: impl Iterator<Item = u32>, first: u32, span: usize) -> Vec<u32> {
+    let mut bits = vec![0u64; span.div_ceil(64)];
+    used.for_each(|id| bits[(id - first) as usize / 64] |= 1 << ((id - first) % 64));
+    let mut ids = Vec::with_capacity(bits.iter().map(|word| word.count_ones() as usize).sum());
+    for (at, mut word) in bits.into_iter().enumerate() {
+        while word != 0 {
+            ids.push(first + 64 * at as u32 + word.trailing_zeros());
+            word &= word - 1;
+        }
+    }
     ids
 }
 

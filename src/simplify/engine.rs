@@ -67,7 +67,11 @@ pub struct Engine<M> {
     pub mesh: ClusterMesh,
     cost: M,
     rings: Rings,
+    /// Whether no face is dead and the rings are as built.
+    is_tidy: bool,
     classes: Vec<Class>,
+    /// Whether the classes are those of the mesh as it stands.
+    is_classified: bool,
     /// Of every vertex.
     proposals: Vec<Proposal>,
     /// Vertices whose cheapest collapse was refused, some more than once.
@@ -89,7 +93,10 @@ pub struct Engine<M> {
     again: BinaryHeap<Reverse<(u32, u32)>>,
     /// Cost at which this round ends.
     patience: f32,
-    chosen: Vec<u32>,
+    /// Vertices of this stage that may vanish.
+    candidates: Vec<u32>,
+    /// Those of this round, with the bits of their costs above: in order of cost.
+    chosen: Vec<u64>,
     /// How often each [`Refusal`] was met.
     pub refusals: [u64; Refusal::COUNT],
     /// Estimate of the mean squared deviation that the stages so far have added, in units of length².
@@ -113,7 +120,9 @@ impl<M: Metric> Engine<M> {
             mesh,
             cost: M::new(settings),
             rings: Rings::default(),
+            is_tidy: false,
             classes: Vec::new(),
+            is_classified: false,
             proposals: Vec::new(),
             refused: Vec::new(),
             collapser: Collapser::default(),
@@ -128,6 +137,7 @@ impl<M: Metric> Engine<M> {
             costs: Vec::new(),
             again: BinaryHeap::new(),
             patience: f32::INFINITY,
+            candidates: Vec::new(),
             chosen: Vec::new(),
             refusals: [0; Refusal::COUNT],
             squared_error: 0.0,
@@ -211,8 +221,8 @@ impl<M: Metric> Engine<M> {
             self.rejudge();
         }
         result.reached |= matches!(stop, Stop::Cost(..));
-        self.mesh.compact_faces();
-        self.rings.build(&self.mesh);
+        (self.is_tidy, self.is_classified) = (false, false);
+        self.tidy();
         if M::ENDPOINTS {
             self.settle();
         }
@@ -243,18 +253,29 @@ impl<M: Metric> Engine<M> {
         self.mesh.face_count <= target
     }
 
-    fn prepare(&mut self) {
-        self.mesh.compact_faces();
-        self.mesh.unlink_unused_wedges();
-        self.rings.build(&self.mesh);
-        match self.classes.is_empty() {
-            true => classify(&self.mesh, &self.rings, &mut self.classes),
-            false => reclassify(&self.mesh, &self.rings, &mut self.classes),
+    /// Removes dead faces and builds the rings; does nothing if that was the last thing that happened to the mesh.
+    fn tidy(&mut self) {
+        if !self.is_tidy {
+            self.mesh.compact_faces();
+            self.rings.build(&self.mesh);
+            self.is_tidy = true;
         }
-        for vertex in 0..self.classes.len() {
-            if self.mesh.flags[vertex] & flag::SHARED != 0 {
-                self.classes[vertex] = Class::Fixed;
+    }
+
+    fn prepare(&mut self) {
+        self.tidy();
+        if !self.is_classified {
+            self.mesh.unlink_unused_wedges();
+            match self.classes.is_empty() {
+                true => classify(&self.mesh, &self.rings, &mut self.classes),
+                false => reclassify(&self.mesh, &self.rings, &mut self.classes),
             }
+            for vertex in 0..self.classes.len() {
+                if self.mesh.flags[vertex] & flag::SHARED != 0 {
+                    self.classes[vertex] = Class::Fixed;
+                }
+            }
+            self.is_classified = true;
         }
         self.touched.clear();
         self.touched.resize(self.mesh.positions.len(), 0);
@@ -275,6 +296,10 @@ impl<M: Metric> Engine<M> {
                 Class::Border => self.lock_borders,
                 Class::Fixed => true,
             }
+    }
+
+    fn may_vanish(&self, vertex: u32) -> bool {
+        self.classes[vertex as usize].may_vanish() && !self.is_held(vertex)
     }
 
     /// Whether a vertex keeps its place when another collapses onto it.
@@ -298,39 +323,51 @@ impl<M: Metric> Engine<M> {
         self.refused.clear();
         self.proposals.clear();
         self.proposals.resize(self.mesh.positions.len(), Proposal::NONE);
+        self.candidates.clear();
         for vertex in 0..self.mesh.positions.len() as u32 {
-            self.judge(vertex, None);
+            if self.may_vanish(vertex) {
+                self.candidates.push(vertex);
+                self.judge(vertex, None);
+            }
         }
     }
 
     /// Finds the cheapest collapse of a vertex, or the cheapest after one that was refused.
     fn judge(&mut self, vertex: u32, after: Option<(u32, u32)>) {
         let mut best = Proposal { second_best: after.is_some(), ..Proposal::NONE };
-        if !self.is_held(vertex) {
-            let is_better = |proposal: &Proposal, best: &Proposal| {
-                proposal.key() < best.key() && after.is_none_or(|after| proposal.key() > after)
-            };
-            if self.classes[vertex as usize] == Class::Smooth {
-                // One closed fan and one wedge: each face has the edge that leads on from it.
-                for edge in self.rings.of(vertex).iter().filter_map(|&corner| EdgeAt::ahead(&self.mesh, corner)) {
-                    let proposal = self.propose(vertex, &edge);
-                    if is_better(&proposal, &best) {
-                        best = Proposal { second_best: after.is_some(), ..proposal };
-                    }
-                }
-            } else {
-                let mut edges = std::mem::take(&mut self.edges);
-                edges_at(&self.mesh, &self.rings, vertex, &mut edges);
-                for edge in &edges {
-                    let proposal = self.propose(vertex, edge);
-                    if is_better(&proposal, &best) {
-                        best = Proposal { second_best: after.is_some(), ..proposal };
-                    }
-                }
-                self.edges = edges;
+        let take = |best: &mut Proposal, proposal: Proposal| {
+            if proposal.key() < best.key() && after.is_none_or(|after| proposal.key() > after) {
+                *best = Proposal { second_best: after.is_some(), ..proposal };
             }
+        };
+        if self.classes[vertex as usize] == Class::Smooth {
+            // One closed fan and one wedge: each face has the edge that leads on from it.
+            if !self.mesh.is_locked(vertex) {
+                for edge in self.rings.of(vertex).iter().filter_map(|&corner| EdgeAt::ahead(&self.mesh, corner)) {
+                    take(&mut best, self.propose_inside(vertex, &edge));
+                }
+            }
+        } else if self.may_vanish(vertex) {
+            let mut edges = std::mem::take(&mut self.edges);
+            edges_at(&self.mesh, &self.rings, vertex, &mut edges);
+            for edge in &edges {
+                take(&mut best, self.propose(vertex, edge));
+            }
+            self.edges = edges;
         }
         self.proposals[vertex as usize] = best;
+    }
+
+    /// What it costs to collapse an edge from a smooth vertex.
+    #[inline(always)]
+    fn propose_inside(&self, from: u32, edge: &EdgeAt) -> Proposal {
+        if !M::ENDPOINTS {
+            return self.propose(from, edge);
+        }
+        let case = EdgeCase { from, to: edge.other, onto: true, stays: true, wedges: &edge.wedges[..1] };
+        // NOTE: bits of a cost that is not a number are above those of infinity.
+        let cost = self.cost.place(&self.mesh, &case).cost as f32;
+        Proposal { cost, to: edge.other, onto: true, chain: false, second_best: false }
     }
 
     /// What it costs to collapse an edge from the vertex that it was taken at.
@@ -360,16 +397,18 @@ impl<M: Metric> Engine<M> {
         };
         let collapses = (0.5 * excess.min(faces * ROUND_SHARE)).ceil();
         let wanted = (collapses * TRIES_PER_COLLAPSE * widen).max(8.0) as usize;
+        let proposals = &self.proposals;
+        let cost_of = |&vertex: &u32| proposals[vertex as usize].cost;
         self.costs.clear();
-        self.costs.extend(self.proposals.iter().map(|proposal| proposal.cost).filter(|&cost| cost <= limit));
+        self.costs.extend(self.candidates.iter().map(cost_of).filter(|&cost| cost <= limit));
         let tried_all = self.costs.len() <= wanted;
         let bound = if tried_all { limit } else { *self.costs.select_nth_unstable_by(wanted, f32::total_cmp).1 };
         self.chosen.clear();
-        let proposals = &self.proposals;
-        self.chosen.extend((0..proposals.len() as u32).filter(|&v| proposals[v as usize].cost <= bound));
-        self.chosen.sort_unstable_by_key(|&v| (proposals[v as usize].cost.to_bits(), v));
+        let entry = |vertex: &u32| u64::from(cost_of(vertex).to_bits()) << 32 | u64::from(*vertex);
+        self.chosen.extend(self.candidates.iter().filter(|&vertex| cost_of(vertex) <= bound).map(entry));
+        self.chosen.sort_unstable();
         let aim = self.chosen.get((collapses as usize).saturating_sub(1));
-        self.patience = aim.map_or(f32::INFINITY, |&v| COST_SPREAD * proposals[v as usize].cost);
+        self.patience = aim.map_or(f32::INFINITY, |entry| COST_SPREAD * f32::from_bits((entry >> 32) as u32));
         (bound, tried_all)
     }
 
@@ -379,7 +418,7 @@ impl<M: Metric> Engine<M> {
         self.again.clear();
         let mut at = 0;
         loop {
-            let chosen = self.chosen.get(at).map(|&v| (self.proposals[v as usize].cost.to_bits(), v));
+            let chosen = self.chosen.get(at).map(|&entry| ((entry >> 32) as u32, entry as u32));
             let again = self.again.peek().map(|&Reverse(entry)| entry);
             let Some((_, from)) = chosen.into_iter().chain(again).min() else { return };
             if chosen.is_some_and(|entry| entry.1 == from) {
@@ -412,6 +451,7 @@ impl<M: Metric> Engine<M> {
             Ok(died) => {
                 self.touched[from as usize] = self.round;
                 self.touched[to as usize] = self.round;
+                self.rings.join(&self.mesh, from, to);
                 self.survivors.push(to);
                 self.joined[to as usize] = true;
                 // Where it went is kept for the witnesses.
@@ -452,8 +492,12 @@ impl<M: Metric> Engine<M> {
     /// Judges anew what this round's collapses changed: the survivors, their neighbours, and refused vertices near them.
     fn rejudge(&mut self) {
         let round = self.round;
-        self.mesh.compact_faces();
-        self.rings.build(&self.mesh);
+        if self.rings.is_scattered(&self.mesh) {
+            self.mesh.compact_faces();
+            self.rings.build(&self.mesh);
+        }
+        let Self { candidates, rings, .. } = self;
+        candidates.retain(|&vertex| !rings.of(vertex).is_empty());
         self.cost.follow(&self.mesh, &self.rings, &self.survivors, &mut self.changed);
         for vertex in self.changed.drain(..) {
             if self.touched[vertex as usize] != round {
@@ -467,6 +511,9 @@ impl<M: Metric> Engine<M> {
             let is_closed = self.classes[vertex as usize] == Class::Smooth;
             for i in 0..self.rings.of(vertex).len() {
                 let corner = self.rings.of(vertex)[i];
+                if self.mesh.living(corner).is_none() {
+                    continue;
+                }
                 let [next, previous] = ClusterMesh::following(corner);
                 self.rejudge_neighbour(next, corner);
                 if !is_closed {
@@ -479,9 +526,9 @@ impl<M: Metric> Engine<M> {
         refused.retain(|&vertex| self.proposals[vertex as usize].second_best);
         for &vertex in &refused {
             let near = |&corner: &u32| {
-                ClusterMesh::following(corner)
-                    .iter()
-                    .any(|&far| self.stirred[self.mesh.vertex_of(far) as usize] == round)
+                let ring = ClusterMesh::following(corner);
+                self.mesh.living(corner).is_some()
+                    && ring.iter().any(|&far| self.stirred[self.mesh.vertex_of(far) as usize] == round)
             };
             if self.rings.of(vertex).iter().any(near) {
                 self.judge(vertex, None);
@@ -512,7 +559,7 @@ impl<M: Metric> Engine<M> {
         } else if !self.is_held(vertex) {
             let pair = (self.mesh.wedge_of(corner), self.mesh.wedge_of(survivor));
             let edge = EdgeAt { other: self.mesh.vertex_of(survivor), wedges: [pair; 2], face_count: 2 };
-            let proposal = self.propose(vertex, &edge);
+            let proposal = self.propose_inside(vertex, &edge);
             if proposal.key() < self.proposals[vertex as usize].key() {
                 self.proposals[vertex as usize] = proposal;
             }

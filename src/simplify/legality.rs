@@ -85,7 +85,8 @@ impl EdgeStar {
     /// # Errors
     /// The first reason found against the collapse.
     pub fn check_topology(&mut self, mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32) -> Result<(), Refusal> {
-        if self.dying.is_empty() || self.dying.len() > 2 || rings.of(to).len() > 2 * VALENCE_MAX {
+        let is_hub = |v: u32| rings.of(v).len() > 2 * VALENCE_MAX && rings.faces(mesh, v).count() > 2 * VALENCE_MAX;
+        if self.dying.is_empty() || self.dying.len() > 2 || is_hub(to) {
             return Err(Refusal::Topology);
         }
         let to_shared = mesh.is_shared(to);

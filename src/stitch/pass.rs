@@ -587,12 +587,13 @@ impl<'a, M: Metric> Run<'a, M> {
                 }
                 self.progress.check_stopped()?;
                 let _permit = self.permits.take(self.cluster_bytes(partition, cluster) / 2);
-                let source = self.load(mesh, partition, cluster)?;
+                let faces = cluster::read(partition, mesh, cluster)?;
                 let mut areas = vec![(0.0, 0.0); self.catalogue.materials.len() + 1];
-                source.add_areas(self.catalogue, &mut areas);
+                faces.add_areas(self.catalogue, &mut areas);
                 let sparse = areas.into_iter().enumerate().filter(|(_, area)| area.0 > 0.0 || area.1 > 0.0);
-                let is_needed = !is_single(partition);
-                Ok((sparse.collect(), survey.patch(cluster, &source.mesh).filter(|_| is_needed)))
+                let is_wanted = !is_single(partition) && survey.wants(cluster);
+                let source = is_wanted.then(|| faces.into_source(partition, self.catalogue, &self.scale));
+                Ok((sparse.collect(), source.and_then(|source| survey.patch(cluster, &source.mesh))))
             },
             |(sums, patch): (MaterialAreas, Option<ClusterMesh>)| {
                 for (material, (space, texture)) in sums {

@@ -12,7 +12,7 @@ use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::simplify::{Engine, Stop};
 
 /// Faces of the sample, at least and at most (or all that there are).
-const SAMPLE_FACES: [u64; 2] = [40_000, 160_000];
+const SAMPLE_FACES: [u64; 2] = [40_000, 100_000];
 /// Faces of the mesh for each face of the sample, between these limits.
 const FACES_PER_SAMPLE_FACE: u64 = 24;
 /// Patches of the sample, at most.
@@ -40,9 +40,14 @@ impl Survey {
         &self.clusters
     }
 
+    /// Whether a cluster is one of those chosen.
+    pub fn wants(&self, cluster: usize) -> bool {
+        self.clusters.binary_search(&cluster).is_ok()
+    }
+
     /// The patch of a cluster, if it is one of those chosen.
     pub fn patch(&self, cluster: usize, mesh: &ClusterMesh) -> Option<ClusterMesh> {
-        self.clusters.binary_search(&cluster).is_ok().then(|| patch_of(mesh, self.patch_faces))
+        self.wants(cluster).then(|| patch_of(mesh, self.patch_faces))
     }
 }
 
