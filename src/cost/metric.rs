@@ -26,6 +26,10 @@ pub trait Metric: Sized {
     /// stage; else every collapse is placed by itself.
     const ENDPOINTS: bool = false;
 
+    /// Whether corners and the ends of seams may vanish along seams and borders. Charts that the edge does not belong to
+    /// then keep their wedges, which come to the vertex that stays.
+    const CORNERS_VANISH: bool = false;
+
     /// Without a mesh yet.
     fn new(settings: &Self::Settings) -> Self;
 
@@ -61,6 +65,11 @@ pub trait Metric: Sized {
     /// Adds what is kept of the vanished vertex and its wedges to those that stay; the mesh is as it was before the collapse.
     fn join(&mut self, mesh: &ClusterMesh, edge: &EdgeCase<'_>);
 
+    /// Follows a wedge of the vanished vertex that keeps its texture coordinate and comes to the vertex that stays; the
+    /// mesh is as it was before the collapse.
+    #[inline]
+    fn bring(&mut self, _mesh: &ClusterMesh, _edge: &EdgeCase<'_>, _wedge: u32) {}
+
     /// Where a vertex that others collapsed onto has the least error; nothing if it had better stay. If `wedge`, its only
     /// one, is given, its texture coordinate may follow, else texture coordinates are held.
     #[inline]
@@ -74,7 +83,8 @@ pub trait Metric: Sized {
     /// What may become of an edge of this kind between two classes, whatever is locked.
     #[inline]
     fn rule(&self, from: Class, to: Class, kind: EdgeKind) -> Rule {
-        if fits(from, kind) { from.rule(to) } else { Rule::Never }
+        let leads_on = Self::CORNERS_VANISH && fits_corner(from, kind);
+        if fits(from, kind) || leads_on { from.rule(to) } else { Rule::Never }
     }
 
     /// The metric's own texture coordinate for each wedge pair of a collapse to `position`, in `out`; false to take those
@@ -88,6 +98,16 @@ pub trait Metric: Sized {
     /// cost something else now are added to `changed`; survivors need not be.
     #[inline]
     fn follow(&mut self, _mesh: &ClusterMesh, _rings: &Rings, _survivors: &[u32], _changed: &mut Vec<u32>) {}
+}
+
+/// Whether a corner or the end of a seam may vanish along an edge of this kind.
+#[inline]
+fn fits_corner(from: Class, kind: EdgeKind) -> bool {
+    match from {
+        Class::Corner => kind == EdgeKind::Seam,
+        Class::BorderSeam | Class::BorderCorner => kind == EdgeKind::Border,
+        _ => false,
+    }
 }
 
 /// Whether a vertex of this class may vanish along an edge of this kind at all.

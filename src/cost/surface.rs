@@ -214,6 +214,15 @@ impl SurfaceCost {
         vertex.constant += vanished.constant;
     }
 
+    /// Moves the quadric of a wedge to the place of the vertex that stays; its texture coordinate is as it was, and what
+    /// that costs is part of the vertex's quadric.
+    pub fn bring(&mut self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, wedge: u32) {
+        if self.has_texture() {
+            let wedge = &mut self.wedges[wedge as usize];
+            wedge.offset = wedge.mapped(shift(mesh, edge));
+        }
+    }
+
     /// Where a vertex has the least error: with the best texture coordinate for each place if `wedge`, its only one,
     /// may slide, else with those that it has.
     pub fn best_place(&self, mesh: &ClusterMesh, vertex: u32, wedge: Option<u32>) -> Option<DVec3> {
@@ -261,6 +270,7 @@ impl Metric for SurfaceCost {
     type Settings = Weights;
 
     const ENDPOINTS: bool = true;
+    const CORNERS_VANISH: bool = true;
 
     fn new(weights: &Weights) -> Self {
         Self::new(*weights)
@@ -281,6 +291,10 @@ impl Metric for SurfaceCost {
 
     fn join(&mut self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) {
         self.join(mesh, edge);
+    }
+
+    fn bring(&mut self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, wedge: u32) {
+        self.bring(mesh, edge, wedge);
     }
 
     fn best_place(&self, mesh: &ClusterMesh, vertex: u32, wedge: Option<u32>) -> Option<DVec3> {

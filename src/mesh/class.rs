@@ -11,6 +11,8 @@
 //! * A seam, corner or border vertex that others collapse into keeps its texture coordinates, but moves to fit the
 //!   surface (in the paper it stays).
 //! * A vertex with one texture coordinate at which a seam ends is a corner.
+//! * Where a metric allows it, a corner may collapse along one of its seams, and the end of a seam along the border
+//!   (the paper forbids it). Charts without the edge keep their texture coordinate: they are stretched, not left.
 
 use super::cluster::ClusterMesh;
 use super::ring::Rings;
@@ -71,10 +73,10 @@ impl Class {
         RULES[self as usize][to as usize]
     }
 
-    /// Whether a vertex of this class may vanish at all, by any table.
+    /// Whether charts meet at the vertex in another way than along one line inside the surface.
     #[inline]
-    pub fn may_vanish(self) -> bool {
-        matches!(self, Class::Smooth | Class::Seam | Class::Border)
+    pub fn is_corner(self) -> bool {
+        matches!(self, Class::Corner | Class::BorderSeam | Class::BorderCorner)
     }
 
     /// Whether the vertex lies on an open border.
@@ -91,10 +93,10 @@ const RULES: [[Rule; 7]; 7] = {
         // Smooth Seam   Corner Border BSeam  BCorner Fixed
         [Free, Onto, Onto, Onto, Onto, Onto, Onto],        // Smooth
         [Never, Chain, Along, Never, Along, Along, Along], // Seam
-        [Never, Never, Never, Never, Never, Never, Never], // Corner
+        [Never, Along, Along, Never, Along, Along, Along], // Corner
         [Never, Never, Never, Chain, Along, Along, Along], // Border
-        [Never, Never, Never, Never, Never, Never, Never], // BorderSeam
-        [Never, Never, Never, Never, Never, Never, Never], // BorderCorner
+        [Never, Never, Never, Along, Along, Along, Along], // BorderSeam
+        [Never, Never, Never, Along, Along, Along, Along], // BorderCorner
         [Never, Never, Never, Never, Never, Never, Never], // Fixed
     ]
 };
@@ -258,10 +260,26 @@ mod tests {
     }
 
     #[test]
-    fn corners_and_fixed_vertices_never_vanish() {
-        for from in [Class::Corner, Class::BorderSeam, Class::BorderCorner, Class::Fixed] {
+    fn a_fixed_vertex_never_vanishes() {
+        for to in Class::ALL {
+            assert_eq!(Class::Fixed.rule(to), Rule::Never, "{to:?}");
+        }
+    }
+
+    #[test]
+    fn a_corner_stays_on_one_of_its_seams_and_moves_nobody() {
+        for to in Class::ALL {
+            let expected = if matches!(to, Class::Smooth | Class::Border) { Rule::Never } else { Rule::ChainOnto };
+            assert_eq!(Class::Corner.rule(to), expected, "{to:?}");
+        }
+    }
+
+    #[test]
+    fn the_end_of_a_seam_stays_on_its_border_and_moves_nobody() {
+        for from in [Class::BorderSeam, Class::BorderCorner] {
             for to in Class::ALL {
-                assert_eq!(from.rule(to), Rule::Never, "{from:?} {to:?}");
+                let is_inside = matches!(to, Class::Smooth | Class::Seam | Class::Corner);
+                assert_eq!(from.rule(to), if is_inside { Rule::Never } else { Rule::ChainOnto }, "{from:?} {to:?}");
             }
         }
     }

@@ -167,6 +167,13 @@ impl ClusterMesh {
         }
     }
 
+    /// Brings a wedge to the vertex of another wedge.
+    pub fn bring_wedge(&mut self, wedge: u32, beside: u32) {
+        self.wedge_vertex[wedge as usize] = self.wedge_vertex[beside as usize];
+        self.wedge_next[wedge as usize] = self.wedge_next[beside as usize];
+        self.wedge_next[beside as usize] = wedge;
+    }
+
     /// Marks a face as removed.
     pub fn kill(&mut self, face: u32) {
         self.corners[face as usize] = [DEAD; 3];

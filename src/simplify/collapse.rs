@@ -25,6 +25,8 @@ pub struct Collapse {
     pub stays: bool,
     /// Whether the edge lies on a seam or border that both ends keep to.
     pub chain: bool,
+    /// Whether charts without the edge may keep their wedges of `from`, which come to `to`.
+    pub strands: bool,
 }
 
 /// Collapses edges of one mesh; holds scratch space only.
@@ -56,12 +58,14 @@ impl Collapser {
     ) -> Result<usize, Refusal> {
         let Collapse { from, to, onto, stays, .. } = collapse;
         self.star.gather(mesh, rings, from, to);
-        self.star.check_topology(mesh, rings, from, to)?;
+        self.star.check_topology(mesh, rings, from, to, collapse.strands)?;
         let position = cost.place(mesh, &EdgeCase { from, to, onto, stays, wedges: &self.star.wedges }).position;
         self.choose_uvs(mesh, rings, cost, collapse, position)?;
         self.check_faces(mesh, rings, collapse, position)?;
         let deviation = self.check_deviation(mesh, rings, collapse, position)?;
-        cost.join(mesh, &EdgeCase { from, to, onto, stays, wedges: &self.star.wedges });
+        let edge = EdgeCase { from, to, onto, stays, wedges: &self.star.wedges };
+        cost.join(mesh, &edge);
+        self.star.stranded.iter().for_each(|&wedge| cost.bring(mesh, &edge, wedge));
         if let Some(deviation) = deviation {
             self.set_deviation(mesh, rings, collapse, deviation);
         }
@@ -236,8 +240,11 @@ impl Collapser {
             let Some(wedge) = mesh.living(corner) else { continue };
             if let Some(pair) = self.star.wedges.iter().find(|pair| pair.0 == wedge) {
                 mesh.corners.as_flattened_mut()[corner as usize] = pair.1;
-                mesh.corner_vertices.as_flattened_mut()[corner as usize] = to;
             }
+            mesh.corner_vertices.as_flattened_mut()[corner as usize] = to;
+        }
+        if let Some(&(_, beside)) = self.star.wedges.first() {
+            self.star.stranded.iter().for_each(|&wedge| mesh.bring_wedge(wedge, beside));
         }
         if !collapse.stays && mesh.positions[to as usize] != position {
             mesh.flags[to as usize] |= flag::MOVED;

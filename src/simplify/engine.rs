@@ -23,9 +23,9 @@ use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::ring::Rings;
 
 /// Share of the faces that one round aims to remove: small enough to stay near the order of one queue.
-const ROUND_SHARE: f64 = 0.10;
+const ROUND_SHARE: f64 = 0.20;
 /// Candidates tried for each collapse that a round aims at: neighbours block each other.
-const TRIES_PER_COLLAPSE: f64 = 1.5;
+const TRIES_PER_COLLAPSE: f64 = 2.0;
 /// A round ends before collapses that cost more than this many times the dearest one that it aims at.
 const COST_SPREAD: f32 = 4.0;
 /// A stage that stops on a cost ends when a round over all its candidates removes less than this share of the faces.
@@ -299,7 +299,8 @@ impl<M: Metric> Engine<M> {
     }
 
     fn may_vanish(&self, vertex: u32) -> bool {
-        self.classes[vertex as usize].may_vanish() && !self.is_held(vertex)
+        let class = self.classes[vertex as usize];
+        (M::CORNERS_VANISH || !class.is_corner()) && !self.is_held(vertex)
     }
 
     /// Whether a vertex keeps its place when another collapses onto it.
@@ -446,7 +447,8 @@ impl<M: Metric> Engine<M> {
         if self.touched[from as usize] == self.round || self.touched[to as usize] == self.round {
             return true;
         }
-        let collapse = Collapse { from, to, onto, stays: self.stays(to), chain };
+        let strands = M::CORNERS_VANISH && self.classes[from as usize].is_corner();
+        let collapse = Collapse { from, to, onto, stays: self.stays(to), chain, strands };
         match self.collapser.try_collapse(&mut self.mesh, &self.rings, &mut self.cost, collapse) {
             Ok(died) => {
                 self.touched[from as usize] = self.round;

@@ -49,6 +49,8 @@ pub struct EdgeStar {
     pub dying: Vec<u32>,
     /// Wedge of the vanishing vertex → wedge of the staying one.
     pub wedges: Vec<(u32, u32)>,
+    /// Wedges of the vanishing vertex that no edge face has, in living faces.
+    pub stranded: Vec<u32>,
     opposite: Vec<u32>,
     mark: Vec<u32>,
     epoch: u32,
@@ -67,6 +69,7 @@ impl EdgeStar {
         self.dying.clear();
         self.wedges.clear();
         self.opposite.clear();
+        self.stranded.clear();
         for &corner in rings.of(from) {
             let Some(wedge) = mesh.living(corner) else { continue };
             let far = ClusterMesh::following(corner);
@@ -80,11 +83,19 @@ impl EdgeStar {
         }
     }
 
-    /// Checks everything but geometry; [`gather`](EdgeStar::gather) must have run for this edge.
+    /// Checks everything but geometry; [`gather`](EdgeStar::gather) must have run for this edge. Wedges may be left without
+    /// counterpart if it `strands`.
     ///
     /// # Errors
     /// The first reason found against the collapse.
-    pub fn check_topology(&mut self, mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32) -> Result<(), Refusal> {
+    pub fn check_topology(
+        &mut self,
+        mesh: &ClusterMesh,
+        rings: &Rings,
+        from: u32,
+        to: u32,
+        strands: bool,
+    ) -> Result<(), Refusal> {
         let is_hub = |v: u32| rings.of(v).len() > 2 * VALENCE_MAX && rings.faces(mesh, v).count() > 2 * VALENCE_MAX;
         if self.dying.is_empty() || self.dying.len() > 2 || is_hub(to) {
             return Err(Refusal::Topology);
@@ -101,8 +112,14 @@ impl EdgeStar {
             if ring.contains(&to) {
                 continue;
             }
-            if self.wedges.iter().filter(|pair| pair.0 == wedge).count() != 1 {
-                return Err(Refusal::Seam);
+            match self.wedges.iter().filter(|pair| pair.0 == wedge).count() {
+                1 => {}
+                0 if strands => {
+                    if !self.stranded.contains(&wedge) {
+                        self.stranded.push(wedge);
+                    }
+                }
+                _ => return Err(Refusal::Seam),
             }
             if to_shared && ring.iter().any(|&v| mesh.is_shared(v) && !self.opposite.contains(&v)) {
                 return Err(Refusal::Rim);

@@ -3,6 +3,9 @@
 /// Share of its faces that a stage keeps, about; quadrics are recomputed between stages.
 pub const STAGE_SHARE: f64 = 0.6;
 
+/// The same in the first pass, where little is lost yet: one stage for ratios down to a tenth.
+const FIRST_STAGE_SHARE: f64 = 0.3;
+
 /// Faces that pass `pass` (from 0) of `passes` aims at, on the way from `input` to `target` faces.
 ///
 /// 4 × → 2 × → 1 × of the target for three passes, but never more than an even share of the way.
@@ -14,10 +17,11 @@ pub fn pass_target(input: u64, target: u64, pass: usize, passes: usize) -> f64 {
     if left <= 0 { target as f64 } else { input as f64 * even.min(doubled).min(1.0) }
 }
 
-/// Shares of the faces to keep at the end of each stage, the last one being `share`.
-pub fn stage_shares(share: f64) -> Vec<f64> {
+/// Shares of the faces to keep at the end of each stage of pass `pass` (from 0), the last one being `share`.
+pub fn stage_shares(share: f64, pass: usize) -> Vec<f64> {
     let share = share.clamp(1e-9, 1.0);
-    let stages = (libm::log(share) / libm::log(STAGE_SHARE)).ceil().max(1.0);
+    let stage_share = if pass == 0 { FIRST_STAGE_SHARE } else { STAGE_SHARE };
+    let stages = (libm::log(share) / libm::log(stage_share)).ceil().max(1.0);
     (1..=stages as u32).map(|stage| libm::pow(share, f64::from(stage) / stages)).collect()
 }
 
@@ -39,9 +43,10 @@ mod tests {
 
     #[test]
     fn the_last_stage_ends_at_the_share() {
-        let shares = stage_shares(0.25);
+        let shares = stage_shares(0.25, 1);
         assert_eq!(shares.len(), 3);
         assert!((shares[2] - 0.25).abs() < 1e-12);
-        assert_eq!(stage_shares(0.9).len(), 1);
+        assert_eq!(stage_shares(0.9, 1).len(), 1);
+        assert_eq!(stage_shares(0.4, 0).len(), 1);
     }
 }
