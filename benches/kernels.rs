@@ -52,11 +52,11 @@ fn cut(scan: &Scan, folder: &Path) -> Partition {
 /// The largest cluster, with its texture coordinates in units of length, and its number.
 fn largest(scan: &Scan, partition: &Partition) -> (ClusterSource, usize, TextureScale) {
     let number = (0..partition.cluster_count()).max_by_key(|&c| partition.face_count(c)).expect("a cluster");
-    let load = |scale: &_| cluster::load(partition, &scan.mesh, &scan.catalogue, scale, number).expect("a cluster");
+    let faces = cluster::read(partition, &scan.mesh, number).expect("a cluster");
     let mut areas = vec![(0.0, 0.0); scan.catalogue.materials.len() + 1];
-    load(&TextureScale::none(&scan.catalogue)).add_areas(&scan.catalogue, &mut areas);
+    faces.add_areas(&scan.catalogue, &mut areas);
     let scale = TextureScale::new(&areas);
-    (load(&scale), number, scale)
+    (faces.into_source(partition, &scan.catalogue, &scale), number, scale)
 }
 
 /// Rings, classes and quadrics of a mesh.

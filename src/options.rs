@@ -190,7 +190,7 @@ pub struct SimplifyOptions {
     pub optimize: bool,
 
     /// Weight of the picture's slide against distance, 0 to 1000: at 1 a metre of slide costs as much as a metre of distance
-    #[arg(long, value_name = "WEIGHT", default_value_t = 1.0)]
+    #[arg(long, value_name = "WEIGHT", default_value_t = 0.5)]
     pub uv_weight: f64,
 
     /// What becomes of normals
@@ -238,7 +238,7 @@ impl Default for SimplifyOptions {
             metric_option: Vec::new(),
             remesh: None,
             optimize: false,
-            uv_weight: 1.0,
+            uv_weight: 0.5,
             normals: Normals::Auto,
             textures: TextureFiles::Copy,
             cluster_faces: 100_000,

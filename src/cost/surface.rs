@@ -44,7 +44,7 @@ pub struct Weights {
 
 impl Default for Weights {
     fn default() -> Self {
-        Self { uv: 1.0, border: 2.0, seam: 0.5 }
+        Self { uv: 0.5, border: 1.0, seam: 0.12 }
     }
 }
 
@@ -345,7 +345,7 @@ mod tests {
         let (mut rings, mut classes) = (Rings::default(), Vec::new());
         rings.build(mesh);
         classify(mesh, &rings, &mut classes);
-        let mut cost = SurfaceCost::new(Weights::default());
+        let mut cost = SurfaceCost::new(Weights { uv: 1.0, ..Weights::default() });
         cost.refresh(mesh, &rings, &classes);
         cost
     }

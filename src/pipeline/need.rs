@@ -117,7 +117,7 @@ mod tests {
     fn a_budget_that_cannot_hold_the_tables_is_refused_with_one_that_can() {
         let folder = tempfile::tempdir().unwrap();
         let need = Need { faces: 4_000_000, ..SURVEY };
-        let options = SimplifyOptions::default();
+        let options = SimplifyOptions { cluster_faces: 250_000, ..Default::default() };
         let error =
             need.check(MemoryBudget { bytes: 128 << 20 }, &options, folder.path(), true).unwrap_err().to_string();
         let given = error.rsplit("--memory ").next().and_then(|text| bytes::parse(text).ok()).unwrap();

@@ -133,7 +133,7 @@ impl Shrinker {
 
     fn try_collapse(&mut self, mesh: &mut ClusterMesh, rings: &Rings, from: u32, to: u32) -> bool {
         self.star.gather(mesh, rings, from, to);
-        if self.star.check_topology(mesh, rings, from, to).is_err() || !self.keeps_faces(mesh, rings, from, to) {
+        if self.star.check_topology(mesh, rings, from, to, false).is_err() || !self.keeps_faces(mesh, rings, from, to) {
             return false;
         }
         for &face in &self.star.dying {
