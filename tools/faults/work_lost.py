@@ -56,13 +56,16 @@ def main():
     parser.add_argument("--kills", type=int, default=40)
     parser.add_argument("--undisturbed", type=int, default=5, help="runs that are left alone (default 5)")
     parser.add_argument("--seed", type=int, default=1, help="number that chooses the moments")
-    parser.add_argument("options", nargs="*", help="options of the program, after --")
-    arguments = parser.parse_args()
+    own, options = sys.argv[1:], []
+    if "--" in own:
+        cut = own.index("--")
+        own, options = own[:cut], own[cut + 1 :]
+    arguments = parser.parse_args(own)
     moments = random.Random(arguments.seed)
     with tempfile.TemporaryDirectory() as scratch:
         out, work = Path(scratch, "out"), Path(scratch, "work")
-        command = [arguments.binary.resolve(), "simplify", arguments.mesh.resolve(), "-o", out / "result.obj", "--work", work]
-        command = [*map(str, command), "--ratio", "0.1", "--memory", "512MiB", "--force", "--quiet", *arguments.options]
+        command = [arguments.binary.resolve(), "simplify", arguments.mesh.resolve(), "-o", out / "result.obj"]
+        command = [*map(str, command), "--work", str(work), "--ratio", "0.1", "--memory", "512MiB", "--force", "--quiet", *options]
 
         def fresh():
             shutil.rmtree(out, ignore_errors=True)
