@@ -1,61 +1,51 @@
 #!/usr/bin/env python3
-"""Runs drystone and meshoptimizer end to end on the same OBJ files, interleaved, and tabulates time and memory.
+"""Runs drystone and its peers end to end on the same OBJ files, interleaved, and tabulates time, memory and quality.
 
     tools/peers/run.py city.obj --drystone target/release/drystone --write docs/benchmarks-peers.md
 
-Builds the driver beside this file (needs Rust and a C++ compiler), runs every tool once a round, OBJ to OBJ, and takes
-wall time, processor time (user and system) and peak resident memory of each process from wait4. The table holds
-medians with smallest and largest in brackets; the ratios are taken within a round, against the first tool, so that a
-busy spell weighs on both sides. Python 3.9 or newer, standard library only; Linux (peak memory is read as KiB).
+Installs the peers from the registries (peers.py), runs every tool once a round, OBJ to OBJ, and takes wall time,
+processor time (user and system) and peak resident memory of each process from wait4. The tables hold medians with
+smallest and largest in brackets; ratios are taken within a round, against the first tool, so that a busy spell weighs
+on both sides. Quality is that of the first round's results. Python 3.11 or newer with venv; Cargo and a C++ compiler
+for meshoptimizer; Linux (peak memory is read as KiB).
 """
 
 import argparse
 import datetime
 import json
 import os
-import pathlib
-import re
 import shutil
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
+from pathlib import Path
 
-HERE = pathlib.Path(__file__).resolve().parent
+import quality
+from peers import NAMES, Peers
+
 BEGIN, END = "<!-- tables of tools/peers/run.py -->", "<!-- end of tables -->"
-
-
-def build_driver():
-    """Path of the release driver, built if need be."""
-    command = ["cargo", "build", "--release", "--quiet", "--manifest-path", str(HERE / "Cargo.toml")]
-    subprocess.run(command, check=True)
-    target = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", HERE / "target"))
-    return target / "release" / "meshopt-obj"
-
-
-def meshopt_version():
-    lock = (HERE / "Cargo.lock").read_text()
-    return re.search(r'name = "meshopt"\nversion = "([^"]+)"', lock).group(1)
+# Who takes longer in the first round is left out of the others.
+SLOW_SECONDS = 600
 
 
 def measure(command):
-    """One run: seconds of wall and processor time, peak bytes, and what the program printed.
+    """One run: exit code, seconds of wall and processor time, peak bytes, and what the program printed.
 
     NOTE: the kernel's peak includes this script's own size at the fork, about 15 MB: a floor far below any run here.
     """
     with tempfile.TemporaryFile() as printed:
         os.sync()  # the last run's output must not be written at this run's expense
         start = time.monotonic()
-        process = subprocess.Popen(command, stdout=printed)
+        process = subprocess.Popen([str(word) for word in command], stdout=printed)
         _, status, usage = os.wait4(process.pid, 0)
         wall = time.monotonic() - start
         process.returncode = os.waitstatus_to_exitcode(status)
         printed.seek(0)
         text = printed.read().decode(errors="replace")
-    if process.returncode != 0:
-        sys.exit(f"{command[0]}: exit code {process.returncode}")
-    return {"wall": wall, "cpu": usage.ru_utime + usage.ru_stime, "peak": usage.ru_maxrss * 1024, "printed": text}
+    cpu = usage.ru_utime + usage.ru_stime
+    return {"exit": process.returncode, "wall": wall, "cpu": cpu, "peak": usage.ru_maxrss * 1024, "printed": text}
 
 
 def count_faces(obj):
@@ -73,59 +63,152 @@ def spread(values, form="{:.2f}"):
     return f"{middle} ({least}-{most})"
 
 
-def tools_for(obj, output, options, driver):
-    """Name and command of each tool; the first is the one that ratios are against."""
-    ratio = str(options.ratio)
-    tools = {f"meshoptimizer {mode}": [str(driver), str(obj), str(output), "--ratio", ratio, "--mode", mode]
-             for mode in options.modes}
+def shown(value, form="{:.2f}"):
+    return "–" if value is None else form.format(value)
+
+
+def bring(file, place):
+    """The same file at another place: a second name if the disk is the same, else a copy."""
+    try:
+        place.hardlink_to(file)
+    except FileExistsError:
+        pass
+    except OSError:
+        shutil.copyfile(file, place)
+
+
+def commands(obj, folder, options, peers):
+    """Result and command of each tool; the first is the one that ratios are against."""
+    def result(name):
+        place = folder / name.replace(", ", "-")
+        place.mkdir(exist_ok=True)
+        # Whoever writes no material library of its own, or names images as they were, finds them here.
+        for file in obj.parent.iterdir():
+            if file.suffix != ".obj" and file.is_file():
+                bring(file, place / file.name)
+        return place / "result.obj"
+
+    calls = {}
+    for name in peers.names:
+        calls[name] = result(name), peers.command(name, obj, result(name), options.ratio)
     for memory in options.memory:
-        tools[f"drystone, {memory}"] = [options.drystone, "simplify", str(obj), "-o", str(output), "--ratio", ratio,
-                                        "--memory", memory, "--textures", "reference", "--force", "--quiet"]
-    return tools
+        output = result(f"drystone, {memory}")
+        calls[f"drystone, {memory}"] = output, [
+            options.drystone, "simplify", obj, "-o", output, "--ratio", options.ratio,
+            "--memory", memory, "--textures", "reference", "--force", "--quiet"]
+    return calls
 
 
-def compare(obj, options, driver, scratch):
-    """A heading, a table and a table of ratios for one OBJ."""
-    face_count = count_faces(obj)  # also brings the file into the page cache, for every tool alike
-    output = scratch / "result.obj"
-    tools = tools_for(obj, output, options, driver)
-    runs = {name: [] for name in tools}
-    faces, output_mib = {}, {}
+class Tool:
+    """What one tool did on one file."""
+
+    def __init__(self, result, command):
+        self.result, self.command = result, command
+        self.runs, self.faces, self.mib, self.judged, self.fault = [], 0, 0.0, [], None
+
+    def run(self):
+        self.result.unlink(missing_ok=True)
+        run = measure(self.command)
+        # drystone's code 3 says that a target was missed; the table shows by how much.
+        if run["exit"] not in (0, 3) or not self.result.exists():
+            self.fault = f"exit code {run['exit']}"
+            return
+        self.runs.append(run)
+        if len(self.runs) == 1:
+            self.faces, self.mib = count_faces(self.result), self.result.stat().st_size / 2**20
+
+    def figures(self, key):
+        return [run[key] for run in self.runs]
+
+    def is_slow(self):
+        return bool(self.runs) and self.runs[0]["wall"] > SLOW_SECONDS
+
+
+def run_rounds(obj, tools, options):
     for number in range(options.runs):
-        for name, command in tools.items():
-            output.unlink(missing_ok=True)
-            run = measure(command)
-            runs[name].append(run)
-            if number == 0:
-                faces[name], output_mib[name] = count_faces(output), output.stat().st_size / 2**20
-            print(f"{obj.parent.name}/{obj.name} {name}: wall {run['wall']:.2f} s, cpu {run['cpu']:.2f} s, "
-                  f"peak {run['peak'] / 2**20:.0f} MiB", file=sys.stderr)
-
-    lines = [f"### {obj.parent.name}/{obj.name}: {face_count:,} triangles, {obj.stat().st_size / 2**20:.0f} MiB, "
-             f"to {options.ratio:g}, {options.runs} runs each", "",
-             "| tool | processor s | wall s | µs of processor a triangle | peak MiB | bytes a triangle | "
-             "triangles out | MiB out |", "| --- | --- | --- | --- | --- | --- | --- | --- |"]
-    for name, of_tool in runs.items():
-        cpu, wall, peak = ([run[key] for run in of_tool] for key in ("cpu", "wall", "peak"))
-        lines.append(f"| {name} | {spread(cpu)} | {spread(wall)} | {statistics.median(cpu) / face_count * 1e6:.2f} | "
-                     f"{spread([value / 2**20 for value in peak], '{:.0f}')} | "
-                     f"{statistics.median(peak) / face_count:.0f} | {faces[name]:,} | {output_mib[name]:.0f} |")
-    base = next(iter(runs))
-    lines += ["", f"| ratio to {base}, round by round | processor | wall | peak |", "| --- | --- | --- | --- |"]
-    for name in list(runs)[1:]:
-        ratios = [spread([ours[key] / theirs[key] for ours, theirs in zip(runs[name], runs[base])])
-                  for key in ("cpu", "wall", "peak")]
-        lines.append(f"| {name} | {' | '.join(ratios)} |")
-    steps = [json.loads(run["printed"]) for run in runs[base]]
-    parts = ", ".join(f"{step} {spread([run[f'{step}_s'] for run in steps])}" for step in ("read", "simplify", "write"))
-    return lines + ["", f"Wall seconds within {base}: {parts}.", ""]
+        for name, tool in tools.items():
+            if tool.fault or (number > 0 and tool.is_slow()):
+                continue
+            tool.run()
+            if tool.fault:
+                told = tool.fault
+            else:
+                last = tool.runs[-1]
+                told = f"wall {last['wall']:.2f} s, cpu {last['cpu']:.2f} s, peak {last['peak'] / 2**20:.0f} MiB"
+            print(f"{obj.parent.name}/{obj.name} {name}: {told}", file=sys.stderr)
+            if number == 0 and not tool.fault and not options.no_quality:
+                tool.judged.append(quality.compared(options.drystone, obj, tool.result, options.samples))
+                if options.referee:
+                    tool.judged.append(quality.refereed(options.referee, obj, tool.result))
 
 
-def heading(options):
+def time_table(tools, face_count):
+    lines = ["| tool | processor s | wall s | µs of processor a triangle | peak MiB | bytes a triangle | triangles out | "
+             "MiB out |", "| --- | --- | --- | --- | --- | --- | --- | --- |"]
+    for name, tool in tools.items():
+        if not tool.runs:
+            lines.append(f"| {name} | {tool.fault} | – | – | – | – | – | – |")
+            continue
+        cpu, wall, peak = (tool.figures(key) for key in ("cpu", "wall", "peak"))
+        runs = "" if len(cpu) > 1 else ", one run"
+        lines.append(f"| {name}{runs} | {spread(cpu)} | {spread(wall)} | {statistics.median(cpu) / face_count * 1e6:.2f} | "
+                     f"{spread([value / 2**20 for value in peak], '{:.0f}')} | {statistics.median(peak) / face_count:.0f} | "
+                     f"{tool.faces:,} | {tool.mib:.0f} |")
+    return lines
+
+
+def quality_table(tools, has_referee):
+    judges = ["compare", "referee"][: 2 if has_referee else 1]
+    heads = [f"{measure}, {judge}" for judge in judges for measure in ("geometry", "colour", "outside")]
+    lines = ["", f"| tool | {' | '.join(heads)} |", f"| --- |{' --- |' * len(heads)}"]
+    for name, tool in tools.items():
+        if tool.judged:
+            cells = [cell for distance, colour, outside in tool.judged
+                     for cell in (shown(distance, "{:.3f}"), shown(colour), shown(outside and 100 * outside, "{:.2f} %"))]
+            lines.append(f"| {name} | {' | '.join(cells)} |")
+    return lines
+
+
+def ratio_table(tools):
+    base, first = next(iter(tools.items()))
+    lines = ["", f"| ratio to {base}, round by round | processor | wall | peak |", "| --- | --- | --- | --- |"]
+    for name, tool in list(tools.items())[1:]:
+        if tool.runs and first.runs:
+            ratios = [spread([ours / theirs for ours, theirs in zip(tool.figures(key), first.figures(key))])
+                      for key in ("cpu", "wall", "peak")]
+            lines.append(f"| {name} | {' | '.join(ratios)} |")
+    return lines
+
+
+def step_lines(tools):
+    """Wall seconds of the steps, from the tools that tell them."""
+    lines = ["", "Wall seconds within the tools (read, simplify, write): "]
+    told = []
+    for name, tool in tools.items():
+        if tool.runs and tool.runs[0]["printed"].startswith("{"):
+            steps = [json.loads(run["printed"]) for run in tool.runs]
+            middle = [statistics.median(step[f"{part}_s"] for step in steps) for part in ("read", "simplify", "write")]
+            told.append(f"{name} {', '.join(f'{seconds:.2f}' for seconds in middle)}")
+    return [lines[0], lines[1] + "; ".join(told) + ".", ""] if told else [""]
+
+
+def compare(obj, options, peers, scratch):
+    """A heading and the tables for one OBJ."""
+    face_count = count_faces(obj)  # also brings the file into the page cache, for every tool alike
+    folder = Path(tempfile.mkdtemp(dir=scratch))
+    tools = {name: Tool(*call) for name, call in commands(obj, folder, options, peers).items()}
+    run_rounds(obj, tools, options)
+    heading = [f"### {obj.parent.name}/{obj.name}: {face_count:,} triangles, {obj.stat().st_size / 2**20:.0f} MiB, "
+               f"to {options.ratio:g}, {options.runs} rounds", ""]
+    judged = [] if options.no_quality else quality_table(tools, options.referee)
+    return heading + time_table(tools, face_count) + judged + ratio_table(tools) + step_lines(tools)
+
+
+def title(options, peers):
     ours = subprocess.run([options.drystone, "--version"], check=True, capture_output=True, text=True).stdout.strip()
     busy = " ".join(f"{load:.1f}" for load in os.getloadavg())
-    return [f"{datetime.date.today()}, {os.cpu_count()} processors, load averages {busy} at the start; {ours}, "
-            f"`meshopt` crate {meshopt_version()}.", ""]
+    versions = ", ".join([ours, *peers.versions()])
+    return [f"{datetime.date.today()}, {os.cpu_count()} processors, load averages {busy} at the start; {versions}.", ""]
 
 
 def write(text, path):
@@ -142,15 +225,18 @@ def write(text, path):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("obj", nargs="+", type=pathlib.Path, help="triangle meshes to simplify")
+    parser.add_argument("obj", nargs="+", type=Path, help="triangle meshes to simplify")
     parser.add_argument("--drystone", required=True, help="release binary to measure")
     parser.add_argument("--ratio", type=float, default=0.1, help="share of the triangles to keep (default 0.1)")
     parser.add_argument("--runs", type=int, default=3, help="rounds (default 3)")
-    parser.add_argument("--modes", nargs="+", default=["update", "uv"], choices=["update", "uv"],
-                        help="ways of meshoptimizer (default both)")
+    parser.add_argument("--tools", nargs="+", default=NAMES, choices=NAMES, metavar="NAME",
+                        help=f"peers (default all): {', '.join(NAMES)}")
     parser.add_argument("--memory", nargs="+", default=["1GiB"], help="budgets of drystone (default 1GiB)")
-    parser.add_argument("--scratch", type=pathlib.Path, help="folder for results (default: the system's)")
-    parser.add_argument("--write", type=pathlib.Path, help="Markdown file to put the tables into")
+    parser.add_argument("--samples", type=int, default=1_000_000, help="points of the comparison (default 1000000)")
+    parser.add_argument("--referee", help="a second judge: a command that compares two OBJ files and prints JSON")
+    parser.add_argument("--no-quality", action="store_true", help="times and memory alone")
+    parser.add_argument("--scratch", type=Path, help="folder for results (default: the system's)")
+    parser.add_argument("--write", type=Path, help="Markdown file to put the tables into")
     options = parser.parse_args()
     if options.runs < 1:
         parser.error(f"--runs: expected 1 or more, found {options.runs}")
@@ -158,12 +244,13 @@ def main():
     if missing:
         parser.error(f"no such file: {', '.join(missing)}")
     options.drystone = shutil.which(options.drystone) or parser.error(f"--drystone: no program {options.drystone}")
+    options.drystone = str(Path(options.drystone).resolve())
 
-    driver = build_driver()
-    lines = heading(options)
+    peers = Peers(options.tools)
+    lines = title(options, peers)
     with tempfile.TemporaryDirectory(dir=options.scratch) as scratch:
         for obj in options.obj:
-            lines += compare(obj.resolve(), options, driver, pathlib.Path(scratch))
+            lines += compare(obj.resolve(), options, peers, scratch)
     write("\n".join(lines), options.write)
 
 

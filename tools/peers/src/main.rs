@@ -14,7 +14,7 @@ mod mesh;
 mod obj_reader;
 mod obj_writer;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -74,8 +74,7 @@ fn run(arguments: &Arguments) -> Result<String, String> {
     let error = simplify(&mut mesh, target, &arguments.mode, arguments.uv_weight)?;
     let simplified = Instant::now();
 
-    let mtllibs: Vec<String> = mesh.mtllibs.iter().map(|name| beside(&arguments.input, name)).collect();
-    obj_writer::write_obj(&arguments.output, &mesh, &mtllibs)
+    obj_writer::write_obj(&arguments.output, &mesh, &mesh.mtllibs)
         .map_err(|error| format!("{}: {error}", arguments.output.display()))?;
     Ok(format!(
         "{{\"faces_in\": {faces_in}, \"vertices_in\": {wedges_in}, \"faces_out\": {}, \"error\": {error}, \
@@ -112,11 +111,4 @@ fn simplify(mesh: &mut Mesh, target: usize, mode: &str, uv_weight: f32) -> Resul
             meshopt::simplify(&mesh.indices, &vertices, target, f32::MAX, SimplifyOptions::None, Some(&mut error));
     }
     Ok(error)
-}
-
-/// The MTL that an OBJ names, as a path that holds from anywhere: the images stay where they are.
-fn beside(obj: &Path, name: &str) -> String {
-    let folder = obj.parent().unwrap_or(Path::new(""));
-    let path = folder.join(name);
-    path.canonicalize().unwrap_or(path).display().to_string()
 }
