@@ -29,7 +29,7 @@ use drystone::scan::{Scan, ScanOptions, scan};
 use drystone::simplify::{Engine, Stop};
 
 /// Triangles of a cluster, as the program cuts them by default.
-const CLUSTER_FACES: u64 = 250_000;
+const CLUSTER_FACES: u64 = 100_000;
 /// Memory for windows and buffers, as in a run with 1 GiB.
 const WORK_BYTES: u64 = 512 << 20;
 
