@@ -82,7 +82,13 @@ fn run(
     need.check(budget, options, job.path(), start.needs_scratch())?;
 
     let target = options.target(triangles);
-    let sizes = Sizes { faces: triangles, vertices: need.vertices, target, cluster_faces: options.cluster_faces };
+    let sizes = Sizes {
+        faces: triangles,
+        vertices: need.vertices,
+        target,
+        cluster_faces: options.cluster_faces,
+        remesh: options.remesh,
+    };
     let mut work_bytes = budget.for_work() - need.resident_bytes();
     let painter = Painter {
         catalogue: &catalogue,
@@ -259,7 +265,7 @@ fn manifest(inputs: &[PathBuf], options: &SimplifyOptions) -> Result<Manifest> {
         program: env!("CARGO_PKG_VERSION").to_owned(),
         options: options.fingerprint(),
         inputs: inputs.iter().map(|path| InputFile::of(path)).collect::<Result<_>>()?,
-        passes: options.passes as u64,
+        passes: options.passes as u64 + u64::from(options.remesh.is_some()),
         began: 0,
     })
 }

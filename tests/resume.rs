@@ -139,6 +139,24 @@ fn a_job_that_is_stopped_again_and_again_ends_with_the_same_bytes() {
 }
 
 #[test]
+fn a_job_that_makes_the_mesh_anew_goes_on_with_the_same_bytes() {
+    let remeshed = |job: &Job| SimplifyOptions { remesh: Some(Default::default()), ..job.options() };
+    let undisturbed = Job::new();
+    undisturbed.run_with(&remeshed(&undisturbed), &Silent).unwrap();
+    for units in [10, 60] {
+        let job = Job::new();
+        let mut stops = 0;
+        while let Err(error) = job.run_with(&remeshed(&job), &StopAfter::units(units + 4 * stops)) {
+            assert!(matches!(error, Error::Stopped), "{error}");
+            stops += 1;
+            assert!(stops < 200, "no progress from stop to stop");
+        }
+        assert!(stops > 0, "{units}");
+        assert_eq!(job.result(), undisturbed.result());
+    }
+}
+
+#[test]
 fn what_is_finished_is_not_done_again() {
     let job = Job::new();
     assert!(job.stop_after(30));

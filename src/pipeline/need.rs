@@ -52,13 +52,15 @@ impl Need {
     }
 
     /// Scratch space that the first pass takes beside the columns of the scan, in bytes.
-    pub(super) fn scratch_bytes(&self) -> u64 {
+    pub(super) fn scratch_bytes(&self, is_remeshed: bool) -> u64 {
         let Self { vertices, texcoords, faces, .. } = *self;
         let positions = 24 * vertices;
         let numbering = positions + 40 * vertices + 8 * vertices;
         let buckets = positions + 8 * vertices + (12 + FACE_BYTES) * faces;
         let texture = positions + FACE_BYTES * faces + 24 * texcoords;
-        let pieces = positions + FACE_BYTES * faces + positions / 2 + 8 * texcoords + 6 * faces;
+        // A first pass leaves about half of the mesh; one that makes it anew leaves a little more than the whole.
+        let halves = if is_remeshed { 3 } else { 1 };
+        let pieces = positions + FACE_BYTES * faces + halves * (positions / 2 + 8 * texcoords + 6 * faces);
         numbering.max(buckets).max(texture).max(pieces)
     }
 
@@ -88,7 +90,7 @@ impl Need {
             )));
         }
         match system::free_disk_bytes(work) {
-            Ok(free) if needs_scratch => refuse_small_disk(work, self.scratch_bytes(), free),
+            Ok(free) if needs_scratch => refuse_small_disk(work, self.scratch_bytes(options.remesh.is_some()), free),
             _ => Ok(()),
         }
     }
@@ -128,7 +130,7 @@ mod tests {
 
     #[test]
     fn a_disk_that_is_too_small_is_refused_with_the_space_needed() {
-        let error = refuse_small_disk(Path::new("/scratch"), SURVEY.scratch_bytes(), 1 << 30).unwrap_err();
+        let error = refuse_small_disk(Path::new("/scratch"), SURVEY.scratch_bytes(false), 1 << 30).unwrap_err();
         assert_eq!(error.exit_code(), 7);
         assert!(error.to_string().contains("1.00 GiB are free"), "{error}");
     }

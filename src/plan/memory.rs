@@ -11,6 +11,7 @@ use crate::base::{Error, MemoryBudget, Result, bytes};
 use crate::options::SimplifyOptions;
 use crate::os::system;
 use crate::partition::weight::{ORDINARY_BYTES, limit_bytes};
+use crate::remesh::cvd;
 use crate::scan::ScanOptions;
 
 /// Memory of a chunk that is being parsed, for the scan's share of the budget.
@@ -52,6 +53,8 @@ pub struct Sizes {
     pub target: u64,
     /// Triangles of a cluster, about.
     pub cluster_faces: u64,
+    /// How the mesh is made anew, if it is.
+    pub remesh: Option<cvd::Settings>,
 }
 
 /// Predicts the memory of a run.
@@ -61,6 +64,7 @@ pub fn forecast(sizes: &Sizes, budget: MemoryBudget, threads: usize) -> MemoryFo
     let scan = (scan.threads + 3 * scan.chunks_in_flight) as u64 * CHUNK_TEXT_BYTES;
     let partition = PARTITION_BYTES + (4 * sizes.vertices).min(work / 4) + sizes.vertices / 8 + sizes.faces / 16;
     let cluster = cluster_bytes(sizes.cluster_faces.min(sizes.faces));
+    let cluster = if sizes.remesh.is_some() { cluster * cvd::GROWTH / 2 } else { cluster };
     let at_once = (threads as u64).min(sizes.faces.div_ceil(sizes.cluster_faces.max(1)).max(1));
     let simplify = cluster * at_once + KEPT_BYTES;
     let write = sizes.target * WRITE_FACE_BYTES + KEPT_BYTES;
@@ -125,7 +129,8 @@ pub fn scan_options(budget: MemoryBudget, threads: usize) -> ScanOptions {
 mod tests {
     use super::*;
 
-    const CITY: Sizes = Sizes { faces: 4_313_336, vertices: 2_160_000, target: 431_334, cluster_faces: 250_000 };
+    const CITY: Sizes =
+        Sizes { faces: 4_313_336, vertices: 2_160_000, target: 431_334, cluster_faces: 250_000, remesh: None };
 
     #[test]
     fn the_forecast_stays_within_the_budget_and_does_not_grow_with_the_input() {

@@ -91,9 +91,14 @@ pub fn plan(input: &Path, options: &SimplifyOptions, progress: &dyn Progress) ->
     let threads = memory::choose_threads(options.threads, budget);
     let counts = scan::count(&inputs, threads, progress)?;
     let target = options.target(counts.triangles);
-    let passes = passes::forecast(counts.triangles, target, options.passes, options.cluster_faces);
-    let sizes =
-        Sizes { faces: counts.triangles, vertices: counts.vertices, target, cluster_faces: options.cluster_faces };
+    let sizes = Sizes {
+        faces: counts.triangles,
+        vertices: counts.vertices,
+        target,
+        cluster_faces: options.cluster_faces,
+        remesh: options.remesh,
+    };
+    let passes = passes::forecast(&sizes, options.passes);
     let folder = scratch::existing_folder(options.work.as_deref().unwrap_or(Path::new(".")));
     Ok(Plan {
         input: InputFigures {
@@ -140,7 +145,11 @@ impl Plan {
         row(&mut text, "result", &format!("{} triangles ({share:.3} %)", grouped(self.target)));
         row(&mut text, "", &format!("about {} of OBJ, textures not counted", bytes::display(self.output_bytes)));
         for (number, pass) in self.passes.iter().enumerate() {
-            let name = if pass.is_trim { "trim".to_owned() } else { format!("pass {}", number + 1) };
+            let name = match pass {
+                PassForecast { is_trim: true, .. } => "trim".to_owned(),
+                PassForecast { is_remesh: true, .. } => "remesh".to_owned(),
+                _ => format!("pass {}", number + 1),
+            };
             let (before, after) = (grouped(pass.faces_in), grouped(pass.faces_out));
             let clusters = if pass.clusters == 1 { "1 cluster" } else { "clusters" };
             let count = if pass.clusters == 1 { String::new() } else { format!("about {} ", grouped(pass.clusters)) };

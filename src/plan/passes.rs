@@ -5,7 +5,9 @@
 
 use serde::Serialize;
 
+use super::memory::Sizes;
 use crate::partition::cells::expected_count;
+use crate::stitch::CELL_PASSES;
 use crate::stitch::schedule::pass_target;
 
 /// A pass to come.
@@ -19,27 +21,47 @@ pub struct PassForecast {
     pub faces_out: u64,
     /// Whether it removes the last faces above the target, chosen by cost over all clusters.
     pub is_trim: bool,
+    /// Whether it makes the mesh anew.
+    pub is_remesh: bool,
 }
 
 /// Faces above the target that the last pass over several clusters leaves to the trim.
 const TRIM_SHARE: f64 = 0.03;
 
+/// Faces after the mesh is made anew, for each before; measured on photogrammetry.
+const REMESH_FACES: f64 = 1.1;
+
 /// Predicts the passes of a run; `passes` are those asked for.
-pub fn forecast(input: u64, target: u64, passes: usize, cluster_faces: u64) -> Vec<PassForecast> {
+pub fn forecast(sizes: &Sizes, passes: usize) -> Vec<PassForecast> {
+    let &Sizes { faces: input, target, cluster_faces, .. } = sizes;
     let mut found = Vec::new();
     let mut faces = input;
+    if let Some(remesh) = sizes.remesh {
+        let clusters = expected_count(faces, cluster_faces, 0);
+        let has_cells = remesh.cells.is_some();
+        let faces_out = if has_cells { target } else { (input as f64 * REMESH_FACES) as u64 };
+        let count = if has_cells && clusters > 1 { CELL_PASSES } else { 1 };
+        for _ in 0..count {
+            found.push(PassForecast { clusters, faces_in: faces, faces_out, is_trim: false, is_remesh: true });
+            faces = faces_out;
+        }
+        if has_cells {
+            return found;
+        }
+    }
+    let lead = found.len();
     for pass in 0..passes {
-        let clusters = expected_count(faces, cluster_faces, pass);
+        let clusters = expected_count(faces, cluster_faces, lead + pass);
         let is_last = pass + 1 == passes;
         let wanted = pass_target(input, target, pass, passes).round() as u64;
         let left = if is_last && clusters > 1 { (target as f64 * (1.0 + TRIM_SHARE)) as u64 } else { wanted };
         let faces_out = left.min(faces);
-        found.push(PassForecast { clusters, faces_in: faces, faces_out, is_trim: false });
+        found.push(PassForecast { clusters, faces_in: faces, faces_out, is_trim: false, is_remesh: false });
         faces = faces_out;
     }
     if faces > target {
-        let clusters = expected_count(faces, cluster_faces, passes);
-        found.push(PassForecast { clusters, faces_in: faces, faces_out: target, is_trim: true });
+        let clusters = expected_count(faces, cluster_faces, lead + passes);
+        found.push(PassForecast { clusters, faces_in: faces, faces_out: target, is_trim: true, is_remesh: false });
     }
     found
 }
@@ -47,10 +69,24 @@ pub fn forecast(input: u64, target: u64, passes: usize, cluster_faces: u64) -> V
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::remesh::cvd::Settings;
+
+    fn sizes(faces: u64, target: u64) -> Sizes {
+        Sizes { faces, vertices: faces / 2, target, cluster_faces: 250_000, remesh: None }
+    }
+
+    #[test]
+    fn a_mesh_made_anew_takes_a_pass_more_and_so_many_cells_nothing_else() {
+        let remeshed = |text: &str| Sizes { remesh: text.parse().ok(), ..sizes(4_313_336, 431_334) };
+        let passes = forecast(&remeshed("cvd"), 3);
+        assert!(passes.len() == 5 && passes[0].is_remesh && !passes[1].is_remesh);
+        assert!(forecast(&remeshed("cvd:cells=5000"), 3).iter().all(|pass| pass.is_remesh));
+        assert_eq!("cvd".parse(), Ok(Settings::default()));
+    }
 
     #[test]
     fn a_city_takes_three_passes_and_a_trim() {
-        let passes = forecast(4_313_336, 431_334, 3, 250_000);
+        let passes = forecast(&sizes(4_313_336, 431_334), 3);
         // Measured: 23, 12, 5 and 2 clusters.
         assert_eq!(passes.iter().map(|pass| pass.clusters).collect::<Vec<_>>(), [24, 12, 6, 2]);
         assert!(passes[3].is_trim && passes[3].faces_out == 431_334);
@@ -58,7 +94,7 @@ mod tests {
 
     #[test]
     fn a_small_mesh_is_one_cluster_and_needs_no_trim() {
-        let passes = forecast(18_218, 1_822, 3, 250_000);
+        let passes = forecast(&sizes(18_218, 1_822), 3);
         assert_eq!(passes.iter().map(|pass| pass.clusters).collect::<Vec<_>>(), [1, 1, 1]);
         assert_eq!(passes[2].faces_out, 1_822);
     }

@@ -28,7 +28,7 @@ const SCATTERED_VERTEX_BYTES: u64 = 40;
 
 /// Scratch space in bytes of a run of so many passes.
 pub fn forecast(counts: &Counts, sizes: &Sizes, passes: usize, budget: MemoryBudget) -> u64 {
-    let passes = passes::forecast(sizes.faces, sizes.target, passes, sizes.cluster_faces);
+    let passes = passes::forecast(sizes, passes);
     let first_pass = passes.first().map_or(0, |pass| pass.faces_out);
     // A numbering that is larger than its share of the memory is looked up window by window.
     let windows = 4 * sizes.vertices > budget.for_work() / 4;

@@ -16,6 +16,8 @@ const PARTITION_FACES_PER_SECOND: f64 = 6.4e6;
 const FIRST_FACES_PER_SECOND: f64 = 377e3;
 /// Faces of the passes after it in a second by one core; the trim goes over its faces twice.
 const LATER_FACES_PER_SECOND: f64 = 270e3;
+/// Faces of the pass that makes the mesh anew, its two looks included, in a second by one core.
+const REMESH_FACES_PER_SECOND: f64 = 120e3;
 /// Faces written in a second.
 const WRITE_FACES_PER_SECOND: f64 = 1.7e6;
 /// Share of a further thread's time that is work: clusters end at different times, and some steps are in order.
@@ -44,7 +46,12 @@ pub fn forecast(input_bytes: u64, passes: &[PassForecast], target: u64, threads:
     for (number, pass) in passes.iter().enumerate() {
         let faces = pass.faces_in as f64;
         partition += faces / PARTITION_FACES_PER_SECOND / speed_up(u64::MAX);
-        let rate = if number == 0 { FIRST_FACES_PER_SECOND } else { LATER_FACES_PER_SECOND };
+        let is_first = number == 0 || passes[number - 1].is_remesh;
+        let rate = match is_first {
+            _ if pass.is_remesh => REMESH_FACES_PER_SECOND,
+            true => FIRST_FACES_PER_SECOND,
+            false => LATER_FACES_PER_SECOND,
+        };
         let rounds = if pass.is_trim { 2.0 } else { 1.0 };
         simplify += rounds * faces / rate / speed_up(pass.clusters);
     }
@@ -55,12 +62,14 @@ pub fn forecast(input_bytes: u64, passes: &[PassForecast], target: u64, threads:
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::memory::Sizes;
     use crate::plan::passes;
 
     #[test]
     fn one_cluster_gains_nothing_from_more_threads() {
-        let one = passes::forecast(100_000, 10_000, 3, 250_000);
-        let many = passes::forecast(4_313_336, 431_334, 3, 250_000);
+        let sizes = |faces, target| Sizes { faces, vertices: faces / 2, target, cluster_faces: 250_000, remesh: None };
+        let one = passes::forecast(&sizes(100_000, 10_000), 3);
+        let many = passes::forecast(&sizes(4_313_336, 431_334), 3);
         let simplify = |passes: &[PassForecast], threads| forecast(1, passes, 1, threads).simplify;
         assert_eq!(simplify(&one, 1), simplify(&one, 8));
         assert!(simplify(&many, 2) < 0.6 * simplify(&many, 1));

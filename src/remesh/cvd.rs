@@ -25,7 +25,7 @@
 //! | the queue by collapse error | `queue` (step 2) |
 //! | F = Σi (\|zi\|² ΣM - 2 zi·ΣMγ) \[9-11\] | [`clustering::Clustering::energy`] |
 //! | M, γ: a vertex's mass and place \[5-8\] | its ρ and its position |
-//! | the dual, with junctions | `dual` (step 3) |
+//! | the dual, with junctions, Delaunay where it is flat | `dual`, `delaunay` (step 3) |
 //!
 //! Step 4 of the paper is the collapse that follows, with any metric. With `cells`, the paper's CVD(2), it is left out and
 //! the cells are as many as asked for.
@@ -39,8 +39,8 @@
 //! * D_avg and the queue's threshold are those of the whole mesh and frozen: as many cells in every cluster would undo
 //!   what the masses are for. The paper puts D_avg to a use in the queue that it does not explain; here the queue ends
 //!   when there are as many centres as wanted.
-//! * A picked point splits its edge and becomes a vertex; an edge takes at most seven, a cluster no more than it has
-//!   vertices.
+//! * A picked point splits its edge and becomes a vertex; an edge takes at most seven, one between two held vertices none, a
+//!   cluster no more than it has vertices.
 //! * On flat ground, where every point has the same error, a spring (`spring`) draws a centre to the middle of its cell.
 //! * Held vertices (seams, borders, rims) are cells of their own, whatever they weigh.
 //! * The dual is reached by legal collapses; what cannot collapse is left as it is and counted.
@@ -52,6 +52,7 @@ pub mod cells;
 pub mod centres;
 pub mod clustering;
 pub mod curvature;
+pub mod delaunay;
 pub mod dual;
 pub mod mass;
 pub mod queue;
@@ -208,6 +209,8 @@ pub struct Outcome {
     pub added: u64,
     /// What became of the other vertices.
     pub shrunk: Shrunk,
+    /// Edges of the dual that were flipped.
+    pub flipped: u64,
 }
 
 /// Adds the masses of a cluster's vertices.
@@ -227,7 +230,7 @@ pub fn take_stock(mesh: &ClusterMesh, settings: &Settings, frame: &Frame) -> Sto
     let shared = (0..mesh.positions.len() as u32).filter(|&v| mesh.is_shared(v) && !field.rings.of(v).is_empty());
     Stock {
         cells: u64::from(grown).saturating_sub(shared.count() as u64),
-        candidates: Queue::new(mesh, &field.rings).count(most_points(mesh)),
+        candidates: Queue::new(mesh, &field.rings, &field.is_held).count(most_points(mesh)),
     }
 }
 
@@ -240,9 +243,8 @@ pub fn reconstruct(mesh: &mut ClusterMesh, settings: &Settings, frame: &Frame) -
     let members = Members::new(&cells, count);
     let chosen = centres::centres(mesh, &field.rings, &members, &cells, |v| field.is_held[v as usize], settings.spring);
     drop(members);
-    let queue = Queue::new(mesh, &field.rings);
-    let own_threshold = queue.count(most_points(mesh)).threshold(u64::MAX);
-    let picked = queue.points(frame.threshold.max(own_threshold));
+    let queue = Queue::new(mesh, &field.rings, &field.is_held);
+    let picked = queue.points(frame.threshold, most_points(mesh));
     drop(queue);
     let Field { parts, is_held, .. } = field;
     let mut masses: Vec<f64> = parts.iter().map(|part| part.mass(settings.lambda, frame.floor)).collect();
@@ -288,13 +290,14 @@ pub fn reconstruct(mesh: &mut ClusterMesh, settings: &Settings, frame: &Frame) -
     let junctions = dual::keep_junctions(mesh, &rings, &mut cells, &mut vertices, most, is_held);
     drop(rings);
     let shrunk = dual::shrink(mesh, &cells, &vertices, is_held);
-    mesh.compact_faces();
+    let flipped = delaunay::flip(mesh);
     Outcome {
         points: points.on_edges,
         cells: u64::from(count - held),
         held: u64::from(held),
         added,
         shrunk: Shrunk { junctions, ..shrunk },
+        flipped,
     }
 }
 

@@ -1,6 +1,7 @@
 //! The passes: the same two steps, partition and simplify, again and again on shifted cells.
 //!
 //! ```text
+//! (remesh   every cluster made anew by Voronoi cells, if that is asked for; it takes a number among the passes)
 //! pass 1   cells cut at 1/2   borders locked, seams locked     to about 4 × the target
 //! pass 2   cells cut at 1/3   the borders of pass 1 are inside to about 2 × the target
 //! pass 3   cells cut at 2/3   …                                to the target
@@ -30,4 +31,5 @@ pub mod trim;
 
 pub use outcome::{PassReport, Passes, RemeshReport};
 pub use pass::{Cost, PassOptions};
+pub use reconstruct::CELL_PASSES;
 pub use state::Start;

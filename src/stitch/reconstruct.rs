@@ -29,7 +29,7 @@ use crate::remesh::cvd::{self, Frame, Settings, Stock};
 use crate::store::{StoredMesh, StoredPiece};
 
 /// Passes that a number of cells takes where there are several clusters.
-const CELL_PASSES: usize = 3;
+pub const CELL_PASSES: usize = 3;
 
 /// Whether no further pass makes the mesh anew.
 pub(super) fn is_remeshed(settings: &Settings, done: &[RemeshReport]) -> bool {

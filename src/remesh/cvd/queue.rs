@@ -33,8 +33,8 @@ const REGULARITY_MIN: f64 = 0.05;
 /// Bits of a double that are left out of a magnitude: 64 magnitudes from each power of two to the next.
 const MAGNITUDE_SHIFT: u32 = 46;
 
-/// Ends of the edges from a vertex to vertices of higher ids that have two faces and the same wedges in both, and may
-/// be split: no other cluster has them.
+/// Ends of the edges from a vertex to vertices of higher ids that may be split: they have two faces, which run past them
+/// in opposite senses and with the same wedges, and no other cluster has them.
 pub fn splittable(mesh: &ClusterMesh, rings: &Rings, vertex: u32, ends: &mut Vec<u32>) {
     ends.clear();
     for &corner in rings.of(vertex) {
@@ -45,16 +45,17 @@ pub fn splittable(mesh: &ClusterMesh, rings: &Rings, vertex: u32, ends: &mut Vec
                 continue;
             }
             let wedges = (mesh.wedge_of(corner), mesh.wedge_of(far[k]));
-            let (mut faces, mut is_whole) = (0, true);
+            let (mut faces, mut forwards, mut is_whole) = (0, 0, true);
             for &corner in rings.of(vertex) {
-                let Some(&there) = ClusterMesh::following(corner).iter().find(|&&c| mesh.vertex_of(c) == other) else {
-                    continue;
-                };
+                let far = ClusterMesh::following(corner);
+                let Some(k) = far.iter().position(|&c| mesh.vertex_of(c) == other) else { continue };
+                let there = far[k];
                 faces += 1;
+                forwards += 1 - k;
                 is_whole &= wedges == (mesh.wedge_of(corner), mesh.wedge_of(there));
                 is_whole &= regularity(mesh.triangle(corner / 3)) >= REGULARITY_MIN;
             }
-            if faces == 2 && is_whole {
+            if faces == 2 && forwards == 1 && is_whole {
                 ends.push(other);
             }
         }
@@ -85,13 +86,14 @@ pub fn quadric_error(rings: &Rings, normals: &[DVec3], vertex: u32, displacement
 pub struct Queue<'a> {
     mesh: &'a ClusterMesh,
     rings: &'a Rings,
+    is_held: &'a [bool],
     normals: Vec<DVec3>,
 }
 
 impl<'a> Queue<'a> {
-    /// Of a mesh and its rings.
-    pub fn new(mesh: &'a ClusterMesh, rings: &'a Rings) -> Self {
-        Self { mesh, rings, normals: weighted_normals(mesh) }
+    /// Of a mesh, its rings, and whether each vertex is held: an edge between two that are stays whole.
+    pub fn new(mesh: &'a ClusterMesh, rings: &'a Rings, is_held: &'a [bool]) -> Self {
+        Self { mesh, rings, is_held, normals: weighted_normals(mesh) }
     }
 
     /// Counts the errors of all candidates, of the largest `most` at least.
@@ -111,10 +113,21 @@ impl<'a> Queue<'a> {
         counts
     }
 
-    /// The candidates whose error is at least `threshold`, sorted by ends and share.
-    pub fn points(&self, threshold: f64) -> Vec<EdgePoint> {
-        let mut points = Vec::new();
-        self.each_candidate(threshold.max(f64::MIN_POSITIVE), |point, _| points.push(point));
+    /// The candidates whose error is at least `threshold`, sorted by ends and share; where there are more than `most`, those
+    /// above the threshold that leaves no more.
+    pub fn points(&self, threshold: f64, most: u64) -> Vec<EdgePoint> {
+        let (mut points, mut found) = (Vec::new(), 0);
+        self.each_candidate(threshold.max(f64::MIN_POSITIVE), |point, _| {
+            found += 1;
+            if found <= most {
+                points.push(point);
+            }
+        });
+        if found > most {
+            points.clear();
+            let own = self.count(most).threshold(most).max(f64::MIN_POSITIVE);
+            self.each_candidate(own, |point, _| points.push(point));
+        }
         points.sort_unstable_by(|a, b| a.ends.cmp(&b.ends).then(a.share.total_cmp(&b.share)));
         points
     }
@@ -123,7 +136,7 @@ impl<'a> Queue<'a> {
         let mut ends = Vec::new();
         for a in 0..self.mesh.positions.len() as u32 {
             splittable(self.mesh, self.rings, a, &mut ends);
-            for &b in &ends {
+            for &b in ends.iter().filter(|&&b| !(self.is_held[a as usize] && self.is_held[b as usize])) {
                 let along = self.mesh.positions[b as usize] - self.mesh.positions[a as usize];
                 let bends = [a, b].map(|end| quadric_error(self.rings, &self.normals, end, along));
                 let stretch = Stretch { from: 0.0, to: 1.0, bends, most: f64::INFINITY };
@@ -225,13 +238,14 @@ mod tests {
         let mesh = samples::grid(6, 0.4);
         let mut rings = Rings::default();
         rings.build(&mesh);
-        let queue = Queue::new(&mesh, &rings);
+        let queue = Queue::new(&mesh, &rings, &[false; 49]);
         let counts = queue.count(u64::MAX);
         for wanted in [0, 1, 10, 60] {
-            let points = queue.points(counts.threshold(wanted));
+            let points = queue.points(counts.threshold(wanted), u64::MAX);
             assert!(points.len() as u64 <= wanted && points.len() as u64 + 3 >= wanted, "{wanted}: {}", points.len());
         }
         assert!(queue.count(20).threshold(u64::MAX) > counts.threshold(u64::MAX), "the largest alone");
+        assert_eq!(queue.points(0.0, 20), queue.points(queue.count(20).threshold(20), u64::MAX));
     }
 
     #[test]

@@ -1,0 +1,191 @@
+//! The dual is made Delaunay where it is flat: an edge flips when the angles opposite to it add up to more than π.
+//!
+//! ```text
+//!      c               c
+//!     / \             /|\
+//!    a---b    ──▶    a | b       both faces keep their plane, nearly, and their side in the picture
+//!     \ /             \|/
+//!      d               d
+//! ```
+//! # Source
+//! Lawson, "Software for C1 surface interpolation", 1977; as in Liu, Xu, Fan 2015, on which the paper's dual rests, the
+//! triangulation is Delaunay-like, not Delaunay: where the surface bends, edges stay as they fit it.
+
+use glam::{DVec2, DVec3};
+
+use crate::mesh::cluster::{ClusterMesh, DEAD};
+use crate::mesh::ring::Rings;
+use crate::simplify::legality::{triangle_survives, uv_survives};
+
+/// Faces whose normals differ by more (cosine of a tenth of a radian) keep their edge.
+const FLAT_COSINE: f64 = 0.995;
+/// Sum of the cotangents opposite to an edge below which it flips: a little below 0, so that no edge flips for ever.
+const COTANGENT_MAX: f64 = -1e-6;
+/// Times that all edges are looked at, at most.
+const SWEEPS: u32 = 12;
+
+/// Flips edges until none is left to flip, or twelve times through all; returns how many flipped.
+pub fn flip(mesh: &mut ClusterMesh) -> u64 {
+    mesh.compact_faces();
+    let mut rings = Rings::default();
+    // Sweep in which the ring of a vertex changed last.
+    let mut touched = vec![0; mesh.positions.len()];
+    let mut flipped = 0;
+    for sweep in 1..=SWEEPS {
+        rings.build(mesh);
+        let before = flipped;
+        for face in 0..mesh.corners.len() as u32 {
+            for k in 0..3 {
+                // After the first sweep only faces around changed ones matter.
+                if mesh.vertices(face).iter().all(|&v| touched[v as usize] + 1 < sweep) {
+                    break;
+                }
+                let Some(hinge) = Hinge::at(mesh, &rings, face, k) else { continue };
+                let vertices = hinge.wedges.map(|w| mesh.wedge_vertex[w as usize]);
+                if vertices.iter().all(|&v| touched[v as usize] != sweep) && hinge.should_flip(mesh, &rings) {
+                    hinge.flip(mesh);
+                    vertices.iter().for_each(|&v| touched[v as usize] = sweep);
+                    flipped += 1;
+                    break;
+                }
+            }
+        }
+        if flipped == before {
+            break;
+        }
+    }
+    flipped
+}
+
+/// Two faces (a, b, c) and (b, a, d), which have the same wedges at a and b.
+#[derive(Debug, Clone, Copy)]
+struct Hinge {
+    faces: [u32; 2],
+    /// a, b, c, d.
+    wedges: [u32; 4],
+}
+
+impl Hinge {
+    /// The hinge at an edge of a face, if it has one other face that fits, of a higher number.
+    fn at(mesh: &ClusterMesh, rings: &Rings, face: u32, k: usize) -> Option<Self> {
+        let at = |face: u32, k: usize| mesh.corners[face as usize][k % 3];
+        let [a, b, c] = [at(face, k), at(face, k + 1), at(face, k + 2)];
+        let [va, vb] = [a, b].map(|w| mesh.wedge_vertex[w as usize]);
+        let (mut other, mut count) = (None, 0);
+        for &corner in rings.of(va) {
+            let far = ClusterMesh::following(corner);
+            if far.iter().any(|&corner| mesh.vertex_of(corner) == vb) {
+                count += 1;
+                if corner / 3 != face && (mesh.wedge_of(corner), mesh.wedge_of(far[1])) == (a, b) {
+                    other = Some((corner / 3, mesh.wedge_of(far[0])));
+                }
+            }
+        }
+        let (second, d) = other.filter(|&(second, _)| count == 2 && second > face)?;
+        Some(Self { faces: [face, second], wedges: [a, b, c, d] })
+    }
+
+    fn should_flip(&self, mesh: &ClusterMesh, rings: &Rings) -> bool {
+        let [a, b, c, d] = self.wedges.map(|w| mesh.wedge_vertex[w as usize]);
+        let is_rim = |x: u32, y: u32| mesh.is_shared(x) && mesh.is_shared(y);
+        let [first, second] = self.faces.map(|face| face as usize);
+        if is_rim(a, b) || is_rim(c, d) || c == d || mesh.parts[first] != mesh.parts[second] {
+            return false;
+        }
+        let [pa, pb, pc, pd] = [a, b, c, d].map(|v| mesh.positions[v as usize]);
+        let cotangent = |at: DVec3, x: DVec3, y: DVec3| (x - at).dot(y - at) / (x - at).cross(y - at).length();
+        let opposite = cotangent(pc, pa, pb) + cotangent(pd, pa, pb);
+        if opposite.is_nan() || opposite >= COTANGENT_MAX {
+            return false;
+        }
+        let old = [[pa, pb, pc], [pb, pa, pd]];
+        let new = [[pc, pa, pd], [pd, pb, pc]];
+        let normal = |t: [DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).normalize_or_zero();
+        let is_flat = |t: [DVec3; 3]| old.iter().all(|&u| normal(t).dot(normal(u)) > FLAT_COSINE);
+        if !is_flat(old[0])
+            || !new.into_iter().all(is_flat)
+            || !new.iter().zip(old).all(|(&n, o)| triangle_survives(o, n))
+        {
+            return false;
+        }
+        let [ua, ub, uc, ud] = self.wedges.map(|w| mesh.wedge_uv[w as usize]);
+        let old_uv: [[DVec2; 3]; 2] = [[ua, ub, uc], [ub, ua, ud]];
+        let new_uv = [[uc, ua, ud], [ud, ub, uc]];
+        let area = |t: [DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).length();
+        let keeps_picture = |i: usize, k: usize| uv_survives(old_uv[i], new_uv[k], area(new[k]) / area(old[i]));
+        let pairs = [(0, 0), (0, 1), (1, 0), (1, 1)];
+        pairs.into_iter().all(|(i, k)| keeps_picture(i, k)) && !are_joined(mesh, rings, c, d)
+    }
+
+    fn flip(&self, mesh: &mut ClusterMesh) {
+        let [a, b, c, d] = self.wedges;
+        let deviation = self.faces.map(|face| mesh.deviations[face as usize]).into_iter().fold(0.0, f32::max);
+        for (face, corners) in self.faces.into_iter().zip([[c, a, d], [d, b, c]]) {
+            mesh.corners[face as usize] = corners;
+            mesh.corner_vertices[face as usize] = corners.map(|w| mesh.wedge_vertex[w as usize]);
+            mesh.deviations[face as usize] = deviation;
+        }
+    }
+}
+
+fn are_joined(mesh: &ClusterMesh, rings: &Rings, a: u32, b: u32) -> bool {
+    rings.of(a).iter().any(|&corner| {
+        mesh.corners.as_flattened()[corner as usize] != DEAD
+            && ClusterMesh::following(corner).iter().any(|&c| mesh.vertex_of(c) == b)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::cluster::flag;
+
+    //  3-------2       a long diamond, cut the wrong way
+    //   \    / /
+    //    0---1
+    fn diamond(height: f64) -> ClusterMesh {
+        let mut mesh = ClusterMesh::default();
+        for (x, y, z) in [(-2.0, 0.0, 0.0), (0.0, -0.5, height), (2.0, 0.0, 0.0), (0.0, 0.5, 0.0)] {
+            let v = mesh.push_vertex(DVec3::new(x, y, z), 0);
+            mesh.push_wedge(v, DVec2::new(x, y));
+        }
+        mesh.push_face([0, 1, 2], 0);
+        mesh.push_face([2, 3, 0], 0);
+        mesh.link_wedges();
+        mesh
+    }
+
+    #[test]
+    fn the_short_diagonal_replaces_the_long_one_once() {
+        let mut mesh = diamond(0.0);
+        assert_eq!(flip(&mut mesh), 1);
+        assert!(mesh.corner_vertices.iter().all(|face| face.contains(&1) && face.contains(&3)));
+        for face in 0..2 {
+            let [a, b, c] = mesh.triangle(face);
+            assert!((b - a).cross(c - a).z > 0.0, "no face turns over");
+        }
+        assert_eq!(flip(&mut mesh), 0);
+    }
+
+    #[test]
+    fn an_edge_stays_where_it_is_a_crease_a_seam_or_another_clusters() {
+        assert_eq!(flip(&mut diamond(0.3)), 0);
+        let mut seam = diamond(0.0);
+        let wedge = seam.push_wedge(2, DVec2::new(9.0, 9.0));
+        seam.corners[1][0] = wedge;
+        seam.link_wedges();
+        assert_eq!(flip(&mut seam), 0);
+        for pair in [[0, 2], [1, 3]] {
+            let mut rim = diamond(0.0);
+            pair.iter().for_each(|&v: &usize| rim.flags[v] |= flag::SHARED);
+            assert_eq!(flip(&mut rim), 0);
+        }
+    }
+
+    #[test]
+    fn an_edge_that_would_turn_the_picture_over_stays() {
+        let mut mesh = diamond(0.0);
+        mesh.wedge_uv[3] = DVec2::new(-6.0, 0.5);
+        assert_eq!(flip(&mut mesh), 0);
+    }
+}
