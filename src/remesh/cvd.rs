@@ -66,7 +66,7 @@ use self::centres::{Centre, Members};
 use self::clustering::{Clustering, Pull};
 use self::dual::Shrunk;
 use self::mass::{MassSums, Part};
-use self::queue::{ErrorCounts, Queue};
+use self::queue::{ErrorCounts, Queue, sound_faces};
 use crate::cost::knob::{self, Knob, factor, switch};
 use crate::mesh::class::{Class, classify};
 use crate::mesh::cluster::ClusterMesh;
@@ -230,7 +230,7 @@ pub fn take_stock(mesh: &ClusterMesh, settings: &Settings, frame: &Frame) -> Sto
     let shared = (0..mesh.positions.len() as u32).filter(|&v| mesh.is_shared(v) && !field.rings.of(v).is_empty());
     Stock {
         cells: u64::from(grown).saturating_sub(shared.count() as u64),
-        candidates: Queue::new(mesh, &field.rings, &field.is_held).count(most_points(mesh)),
+        candidates: Queue::new(mesh, &field.rings, &field.is_held, &sound_faces(mesh)).count(most_points(mesh)),
     }
 }
 
@@ -241,9 +241,11 @@ pub fn reconstruct(mesh: &mut ClusterMesh, settings: &Settings, frame: &Frame) -
     let field = Field::new(mesh, settings);
     let (mut cells, held, count) = field.grow(mesh, settings, frame);
     let members = Members::new(&cells, count);
-    let chosen = centres::centres(mesh, &field.rings, &members, &cells, |v| field.is_held[v as usize], settings.spring);
+    let is_sound = sound_faces(mesh);
+    let fixed = (&field.is_held[..], &is_sound[..]);
+    let chosen = centres::centres(mesh, &field.rings, &members, &cells, fixed, settings.spring);
     drop(members);
-    let queue = Queue::new(mesh, &field.rings, &field.is_held);
+    let queue = Queue::new(mesh, &field.rings, &field.is_held, &is_sound);
     let picked = queue.points(frame.threshold, most_points(mesh));
     drop(queue);
     let Field { parts, is_held, .. } = field;

@@ -61,23 +61,23 @@ impl Members {
     }
 }
 
-/// The centre of every cell; a vertex that is held is the centre of its own.
+/// The centre of every cell; a vertex that is held is the centre of its own, and faces that are not sound are not split.
 pub fn centres(
     mesh: &ClusterMesh,
     rings: &Rings,
     members: &Members,
     cells: &[u32],
-    is_held: impl Fn(u32) -> bool,
+    (is_held, is_sound): (&[bool], &[bool]),
     spring: f64,
 ) -> Vec<Centre> {
     let mut ends = Vec::new();
     let of_cell = |cell| {
         let vertices = members.of(cell);
-        match vertices.iter().find(|&&vertex| is_held(vertex)) {
+        match vertices.iter().find(|&&vertex| is_held[vertex as usize]) {
             Some(&held) => Centre::Vertex(held),
             None => match vertices {
                 &[only] => Centre::Vertex(only),
-                _ => least_error(mesh, rings, vertices, cells, spring, &mut ends),
+                _ => least_error(mesh, rings, is_sound, (vertices, cells), spring, &mut ends),
             },
         }
     };
@@ -88,8 +88,8 @@ pub fn centres(
 fn least_error(
     mesh: &ClusterMesh,
     rings: &Rings,
-    vertices: &[u32],
-    cells: &[u32],
+    is_sound: &[bool],
+    (vertices, cells): (&[u32], &[u32]),
     spring: f64,
     ends: &mut Vec<u32>,
 ) -> Centre {
@@ -121,7 +121,7 @@ fn least_error(
     for &a in vertices {
         let from = mesh.positions[a as usize] - origin;
         offer(held_back.at(from), Centre::Vertex(a));
-        splittable(mesh, rings, a, ends);
+        splittable(mesh, rings, is_sound, a, ends);
         for &b in ends.iter().filter(|&&b| cells[b as usize] == cells[a as usize]) {
             let along = mesh.positions[b as usize] - origin - from;
             let share = -(held_back.apply(from) + held_back.linear).dot(along) / held_back.apply(along).dot(along);
@@ -142,7 +142,9 @@ mod tests {
         let mut rings = Rings::default();
         rings.build(mesh);
         let cells = vec![0; mesh.positions.len()];
-        centres(mesh, &rings, &Members::new(&cells, 1), &cells, |v| Some(v) == held, spring)[0]
+        let is_held: Vec<bool> = (0..cells.len() as u32).map(|v| Some(v) == held).collect();
+        let is_sound = vec![true; mesh.corners.len()];
+        centres(mesh, &rings, &Members::new(&cells, 1), &cells, (&is_held, &is_sound), spring)[0]
     }
 
     //  a ridge along x = 1, and slopes to both sides of it

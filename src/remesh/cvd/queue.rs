@@ -28,14 +28,37 @@ use crate::mesh::split::{EdgePoint, regularity};
 const DEPTH: u32 = 3;
 /// A point keeps this share of its edge's part away from both ends.
 const MARGIN: f64 = 0.25;
-/// Edges of thinner faces are not split.
+/// Edges of thinner faces are not split, nor those of faces with a thinner picture.
 const REGULARITY_MIN: f64 = 0.05;
+/// Nor those of faces whose picture is no larger than this (a share of the image): it is written with six decimals.
+const PICTURE_MIN: f64 = 1e-4;
 /// Bits of a double that are left out of a magnitude: 64 magnitudes from each power of two to the next.
 const MAGNITUDE_SHIFT: u32 = 46;
 
-/// Ends of the edges from a vertex to vertices of higher ids that may be split: they have two faces, which run past them
-/// in opposite senses and with the same wedges, and no other cluster has them.
-pub fn splittable(mesh: &ClusterMesh, rings: &Rings, vertex: u32, ends: &mut Vec<u32>) {
+/// Whether the edges of each face may be split: neither the face nor its picture, if it has one, is thin or small, and the
+/// picture is not turned over, as most of the cluster's are not; else rounding could fold its parts.
+pub fn sound_faces(mesh: &ClusterMesh) -> Vec<bool> {
+    let signed = |face: u32| {
+        let [a, b, c] = mesh.uv_triangle(face);
+        (b - a).perp_dot(c - a)
+    };
+    let living = || (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face));
+    let turned = living().filter(|&face| signed(face) < 0.0).count();
+    let side = if turned > living().filter(|&face| signed(face) > 0.0).count() { -1.0 } else { 1.0 };
+    let is_sound = |face: u32| {
+        let uv = mesh.uv_triangle(face);
+        let has_picture = uv.iter().all(|t| t.is_finite());
+        let is_large = uv[0].distance(uv[1]).max(uv[1].distance(uv[2])) > PICTURE_MIN;
+        let keeps_picture =
+            signed(face) * side > 0.0 && is_large && regularity(uv.map(|t| t.extend(0.0))) >= REGULARITY_MIN;
+        regularity(mesh.triangle(face)) >= REGULARITY_MIN && (!has_picture || keeps_picture)
+    };
+    (0..mesh.corners.len() as u32).map(|face| !mesh.is_dead(face) && is_sound(face)).collect()
+}
+
+/// Ends of the edges from a vertex to vertices of higher ids that may be split: they have two sound faces, which run past
+/// them in opposite senses and with the same wedges, and no other cluster has them.
+pub fn splittable(mesh: &ClusterMesh, rings: &Rings, is_sound: &[bool], vertex: u32, ends: &mut Vec<u32>) {
     ends.clear();
     for &corner in rings.of(vertex) {
         let far = ClusterMesh::following(corner);
@@ -53,7 +76,7 @@ pub fn splittable(mesh: &ClusterMesh, rings: &Rings, vertex: u32, ends: &mut Vec
                 faces += 1;
                 forwards += 1 - k;
                 is_whole &= wedges == (mesh.wedge_of(corner), mesh.wedge_of(there));
-                is_whole &= regularity(mesh.triangle(corner / 3)) >= REGULARITY_MIN;
+                is_whole &= is_sound[corner as usize / 3];
             }
             if faces == 2 && forwards == 1 && is_whole {
                 ends.push(other);
@@ -87,13 +110,15 @@ pub struct Queue<'a> {
     mesh: &'a ClusterMesh,
     rings: &'a Rings,
     is_held: &'a [bool],
+    is_sound: &'a [bool],
     normals: Vec<DVec3>,
 }
 
 impl<'a> Queue<'a> {
-    /// Of a mesh, its rings, and whether each vertex is held: an edge between two that are stays whole.
-    pub fn new(mesh: &'a ClusterMesh, rings: &'a Rings, is_held: &'a [bool]) -> Self {
-        Self { mesh, rings, is_held, normals: weighted_normals(mesh) }
+    /// Of a mesh, its rings, whether each vertex is held (an edge between two that are stays whole), and whether each face
+    /// is sound.
+    pub fn new(mesh: &'a ClusterMesh, rings: &'a Rings, is_held: &'a [bool], is_sound: &'a [bool]) -> Self {
+        Self { mesh, rings, is_held, is_sound, normals: weighted_normals(mesh) }
     }
 
     /// Counts the errors of all candidates, of the largest `most` at least.
@@ -135,7 +160,7 @@ impl<'a> Queue<'a> {
     fn each_candidate(&self, least: f64, mut take: impl FnMut(EdgePoint, f64)) {
         let mut ends = Vec::new();
         for a in 0..self.mesh.positions.len() as u32 {
-            splittable(self.mesh, self.rings, a, &mut ends);
+            splittable(self.mesh, self.rings, self.is_sound, a, &mut ends);
             for &b in ends.iter().filter(|&&b| !(self.is_held[a as usize] && self.is_held[b as usize])) {
                 let along = self.mesh.positions[b as usize] - self.mesh.positions[a as usize];
                 let bends = [a, b].map(|end| quadric_error(self.rings, &self.normals, end, along));
@@ -238,7 +263,7 @@ mod tests {
         let mesh = samples::grid(6, 0.4);
         let mut rings = Rings::default();
         rings.build(&mesh);
-        let queue = Queue::new(&mesh, &rings, &[false; 49]);
+        let queue = Queue::new(&mesh, &rings, &[false; 49], &[true; 72]);
         let counts = queue.count(u64::MAX);
         for wanted in [0, 1, 10, 60] {
             let points = queue.points(counts.threshold(wanted), u64::MAX);
@@ -268,6 +293,17 @@ mod tests {
     }
 
     #[test]
+    fn a_face_whose_picture_is_turned_over_or_tiny_is_not_sound() {
+        let mut mesh = samples::grid(2, 0.0);
+        assert!(sound_faces(&mesh).iter().all(|&is_sound| is_sound));
+        mesh.wedge_uv[0] = glam::DVec2::new(0.15, 0.15);
+        let sound = sound_faces(&mesh);
+        assert_eq!(sound.iter().filter(|&&is_sound| !is_sound).count(), 2, "the faces around the corner: {sound:?}");
+        mesh.wedge_uv.iter_mut().for_each(|uv| *uv *= 1e-5);
+        assert!(sound_faces(&mesh).iter().all(|&is_sound| !is_sound));
+    }
+
+    #[test]
     fn seams_borders_and_rims_are_not_split() {
         use crate::mesh::cluster::flag;
         let mut mesh = samples::two_charts(4);
@@ -276,7 +312,7 @@ mod tests {
         rings.build(&mesh);
         let ends = |v| {
             let mut ends = Vec::new();
-            splittable(&mesh, &rings, v, &mut ends);
+            splittable(&mesh, &rings, &sound_faces(&mesh), v, &mut ends);
             ends.sort_unstable();
             ends
         };
