@@ -46,7 +46,7 @@ impl<M: Metric> Run<'_, M> {
         }
         let share = wanted / faces.max(1) as f64;
         if is_single(partition) {
-            let shares = stage_shares(share, pass);
+            let shares = stage_shares(share, self.turn(pass));
             return Ok(match is_last {
                 true => (Plan::Faces(shares, options.target), true),
                 false => (Plan::Shares(shares), false),
@@ -56,7 +56,7 @@ impl<M: Metric> Run<'_, M> {
             return Ok((self.plan_trim(mesh, partition, sample, pass, faces)?, true));
         }
         let aim = if is_last { share * (1.0 + TRIM_SHARE) } else { share };
-        Ok((Plan::Costs(self.thresholds(sample, pass, &stage_shares(aim, pass))), false))
+        Ok((Plan::Costs(self.thresholds(sample, pass, &stage_shares(aim, self.turn(pass)))), false))
     }
 
     /// Thresholds for shares of the faces, from a sample.
