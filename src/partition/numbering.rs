@@ -9,7 +9,7 @@
 //! Duplicates lie in one cell, since cells are by position. New ids within a cell follow the old order.
 //!
 //! # Memory
-//! Buffers of 12 MiB, the positions of a cell while it is welded, and [`Ranks`].
+//! Buffers of 12 MiB, the positions of a cell while it is welded, and a window of [`Ranks`]: 16 MiB at most.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -32,6 +32,13 @@ const SWEEP_RECORDS: u64 = 64 << 10;
 const CROWD_RECORDS: u64 = 1 << 20;
 /// Bytes of a rank.
 const RANK_BYTES: u64 = 4;
+/// Ranks of a window, at most, in bytes: more would make memory grow with the mesh and save little.
+const WINDOW_BYTES_MAX: u64 = 16 << 20;
+
+/// Bytes of the ranks that are looked up at once, when `work_bytes` may be used.
+pub fn window_bytes(work_bytes: u64) -> u64 {
+    (work_bytes / 4).min(WINDOW_BYTES_MAX)
+}
 
 /// Vertices in cell order.
 #[derive(Debug, Serialize, Deserialize)]
@@ -101,12 +108,64 @@ impl Ranks {
     }
 }
 
+/// A vertex on its way to its cell.
+trait VertexRecord: Pod + Send + Sync {
+    fn new(position: DVec3, id: u32, colour: [f32; 3]) -> Self;
+    fn position(&self) -> DVec3;
+    fn id(&self) -> u32;
+    fn colour(&self) -> Option<[f32; 3]>;
+}
+
+/// Without colour; words, since a double would ask for padding.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct VertexRecord {
-    position: DVec3,
+struct PlainRecord {
+    position: [u32; 6],
     id: u32,
+}
+
+impl VertexRecord for PlainRecord {
+    fn new(position: DVec3, id: u32, _colour: [f32; 3]) -> Self {
+        Self { position: bytemuck::cast(position), id }
+    }
+
+    fn position(&self) -> DVec3 {
+        bytemuck::cast(self.position)
+    }
+
+    fn id(&self) -> u32 {
+        self.id
+    }
+
+    fn colour(&self) -> Option<[f32; 3]> {
+        None
+    }
+}
+
+/// With colour.
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct ColouredRecord {
+    plain: PlainRecord,
     colour: [f32; 3],
+}
+
+impl VertexRecord for ColouredRecord {
+    fn new(position: DVec3, id: u32, colour: [f32; 3]) -> Self {
+        Self { plain: PlainRecord::new(position, id, colour), colour }
+    }
+
+    fn position(&self) -> DVec3 {
+        self.plain.position()
+    }
+
+    fn id(&self) -> u32 {
+        self.plain.id
+    }
+
+    fn colour(&self) -> Option<[f32; 3]> {
+        Some(self.colour)
+    }
 }
 
 /// Numbers the vertices of a mesh by cell; tells the most bytes that the folder held meanwhile.
@@ -121,12 +180,26 @@ pub fn number(
     options: &PartitionOptions,
     findings: &mut Findings,
 ) -> Result<(Numbering, Ranks, u64)> {
+    match mesh.has_colours() {
+        true => number_as::<ColouredRecord>(mesh, cells, folder, name, options, findings),
+        false => number_as::<PlainRecord>(mesh, cells, folder, name, options, findings),
+    }
+}
+
+fn number_as<R: VertexRecord>(
+    mesh: &StoredMesh,
+    cells: &Cells,
+    folder: &Path,
+    name: &str,
+    options: &PartitionOptions,
+    findings: &mut Findings,
+) -> Result<(Numbering, Ranks, u64)> {
     mesh.numbering()?;
     let cell_count = cells.count() as usize;
-    let records = scatter_by_cell(mesh, cells, &folder.join(format!("{name}-vertices.scatter")), options)?;
+    let records = scatter_by_cell::<R>(mesh, cells, &folder.join(format!("{name}-vertices.scatter")), options)?;
 
     let vertex_count = mesh.vertex_count() as u32;
-    let window_len = (options.work_bytes / 4 / RANK_BYTES).clamp(1 << 16, 1 << 31) as u32;
+    let window_len = (window_bytes(options.work_bytes) / RANK_BYTES).max(1 << 16) as u32;
     let is_whole = vertex_count <= window_len;
     let mut whole = if is_whole { vec![0; vertex_count as usize] } else { Vec::new() };
     let mut pairs = match is_whole {
@@ -187,12 +260,12 @@ pub fn number(
     Ok((Numbering { positions, colours, starts }, ranks, scratch_peak))
 }
 
-fn scatter_by_cell(
+fn scatter_by_cell<R: VertexRecord>(
     mesh: &StoredMesh,
     cells: &Cells,
     path: &Path,
     options: &PartitionOptions,
-) -> Result<Scatter<VertexRecord>> {
+) -> Result<Scatter<R>> {
     let mut scatter = ScatterWriter::create(path, cells.count() as usize)?;
     let shared = (mesh.shared_positions.iter()).map(|positions| (positions, mesh.shared_colours.as_ref()));
     let own = mesh.pieces.iter().map(|piece| (&piece.positions, piece.colours.as_ref()));
@@ -214,7 +287,7 @@ fn scatter_by_cell(
             };
             let record = |(i, &position): (usize, &DVec3)| {
                 let colour = colours.as_ref().map_or([f32::NAN; 3], |colours| colours[i]);
-                (cells.of(position), VertexRecord { position, id: base + (range.start as u32 + i as u32), colour })
+                (cells.of(position), R::new(position, base + (range.start as u32 + i as u32), colour))
             };
             Ok(window.iter().enumerate().map(record).collect::<Vec<_>>())
         },
@@ -234,23 +307,23 @@ struct WeldedCell {
 
 impl WeldedCell {
     /// Adds records; `known` is the index of each place so far, `fresh` that of the next one.
-    fn add(&mut self, records: &[VertexRecord], weld: bool, known: &mut HashMap<[u64; 3], u32>, fresh: &mut u32) {
+    fn add<R: VertexRecord>(&mut self, records: &[R], weld: bool, known: &mut HashMap<[u64; 3], u32>, fresh: &mut u32) {
         for record in records {
             let local = match weld {
-                true => *known.entry(position_key(record.position)).or_insert(*fresh),
+                true => *known.entry(position_key(record.position())).or_insert(*fresh),
                 false => *fresh,
             };
             if local == *fresh {
                 *fresh += 1;
-                self.positions.push(record.position);
-                self.colours.push(record.colour);
+                self.positions.push(record.position());
+                self.colours.extend(record.colour());
             }
-            self.local.push((record.id, local));
+            self.local.push((record.id(), local));
         }
     }
 }
 
-fn weld_cell(records: &Scatter<VertexRecord>, cell: usize, weld: bool) -> Result<WeldedCell> {
+fn weld_cell<R: VertexRecord>(records: &Scatter<R>, cell: usize, weld: bool) -> Result<WeldedCell> {
     let mut welded = WeldedCell { local: Vec::with_capacity(records.len(cell) as usize), ..WeldedCell::default() };
     // NOTE: looked up only, never iterated, so its random seed leaves no trace in the result.
     let (mut known, mut fresh) = (HashMap::new(), 0);
@@ -262,8 +335,8 @@ fn weld_cell(records: &Scatter<VertexRecord>, cell: usize, weld: bool) -> Result
 }
 
 /// The same for a cell of any size: hands over what each extent adds.
-fn weld_crowd(
-    records: &Scatter<VertexRecord>,
+fn weld_crowd<R: VertexRecord>(
+    records: &Scatter<R>,
     cell: usize,
     weld: bool,
     mut put: impl FnMut(&WeldedCell) -> Result<()>,

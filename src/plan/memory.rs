@@ -10,6 +10,7 @@ use crate::base::bytes::MIB;
 use crate::base::{Error, MemoryBudget, Result, bytes};
 use crate::options::SimplifyOptions;
 use crate::os::system;
+use crate::partition::numbering::window_bytes;
 use crate::partition::weight::{ORDINARY_BYTES, limit_bytes};
 use crate::remesh::cvd;
 use crate::scan::ScanOptions;
@@ -62,7 +63,8 @@ pub fn forecast(sizes: &Sizes, budget: MemoryBudget, threads: usize) -> MemoryFo
     let work = budget.for_work();
     let scan = scan_options(budget, threads);
     let scan = (scan.threads + 3 * scan.chunks_in_flight) as u64 * CHUNK_TEXT_BYTES;
-    let partition = PARTITION_BYTES + (4 * sizes.vertices).min(work / 4) + sizes.vertices / 8 + sizes.faces / 16;
+    let partition =
+        PARTITION_BYTES + (4 * sizes.vertices).min(window_bytes(work)) + sizes.vertices / 8 + sizes.faces / 16;
     let cluster = cluster_bytes(sizes.cluster_faces.min(sizes.faces));
     let cluster = if sizes.remesh.is_some() { cluster * cvd::GROWTH / 2 } else { cluster };
     let at_once = (threads as u64).min(sizes.faces.div_ceil(sizes.cluster_faces.max(1)).max(1));

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! after the scan        columns: 24 B a vertex, 16 B a texcoord, 12 B a colour, 9.5 B a face
-//! while numbering       + vertices by cell 40 B + positions in cell order 24 B a vertex
+//! while numbering       + vertices by cell 28 B (40 B with colours) + positions in cell order 24 B a vertex
 //! at the end of pass 1  + positions in cell order 24 B a vertex, faces by cell 9.4 B a face,
 //!                         pieces 33.3 B a face that is left
 //! ```
@@ -15,6 +15,7 @@ use super::memory::Sizes;
 use super::passes;
 use crate::base::{Error, MemoryBudget, Result, bytes};
 use crate::os::system;
+use crate::partition::numbering::window_bytes;
 use crate::scan::Counts;
 
 /// Scratch space for each byte of OBJ text, before anything has been read; measured on photogrammetry.
@@ -24,14 +25,14 @@ const FACE_BYTES: f64 = 9.5;
 /// Bytes of a piece for each of its faces: half a position, two thirds of a texcoord, and the face.
 const PIECE_FACE_BYTES: f64 = 33.3;
 /// Bytes of vertices by cell while they are numbered.
-const SCATTERED_VERTEX_BYTES: u64 = 40;
+const SCATTERED_VERTEX_BYTES: u64 = 28;
 
 /// Scratch space in bytes of a run of so many passes.
 pub fn forecast(counts: &Counts, sizes: &Sizes, passes: usize, budget: MemoryBudget) -> u64 {
     let passes = passes::forecast(sizes, passes);
     let first_pass = passes.first().map_or(0, |pass| pass.faces_out);
     // A numbering that is larger than its share of the memory is looked up window by window.
-    let windows = 4 * sizes.vertices > budget.for_work() / 4;
+    let windows = 4 * sizes.vertices > window_bytes(budget.for_work());
     after_first_pass(counts, first_pass, windows)
 }
 
@@ -42,7 +43,7 @@ fn after_first_pass(counts: &Counts, first_pass: u64, windows: bool) -> u64 {
     let columns = 24 * vertices + 16 * counts.texcoords + colour + (FACE_BYTES * faces) as u64;
     let ordered = 24 * vertices + colour;
     let looked_up = if windows { 12 * counts.triangles + 8 * vertices } else { 0 };
-    let numbering = SCATTERED_VERTEX_BYTES * vertices;
+    let numbering = SCATTERED_VERTEX_BYTES * vertices + colour;
     let clusters = (FACE_BYTES * faces + PIECE_FACE_BYTES * first_pass as f64) as u64;
     columns + ordered + looked_up + numbering.max(clusters)
 }
