@@ -9,7 +9,7 @@
 //! Duplicates lie in one cell, since cells are by position. New ids within a cell follow the old order.
 //!
 //! # Memory
-//! Buffers of 12 MiB, the positions of a cell while it is welded, and a window of [`Ranks`]: 16 MiB at most.
+//! Buffers of 12 MiB, the positions of a cell while it is welded, and a window of [`Ranks`]: 8 MiB at most.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -33,7 +33,7 @@ const CROWD_RECORDS: u64 = 1 << 20;
 /// Bytes of a rank.
 const RANK_BYTES: u64 = 4;
 /// Ranks of a window, at most, in bytes: more would make memory grow with the mesh and save little.
-const WINDOW_BYTES_MAX: u64 = 16 << 20;
+const WINDOW_BYTES_MAX: u64 = 8 << 20;
 
 /// Bytes of the ranks that are looked up at once, when `work_bytes` may be used.
 pub fn window_bytes(work_bytes: u64) -> u64 {

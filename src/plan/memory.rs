@@ -14,6 +14,7 @@ use crate::partition::numbering::window_bytes;
 use crate::partition::weight::{ORDINARY_BYTES, limit_bytes};
 use crate::remesh::cvd;
 use crate::scan::ScanOptions;
+use crate::write::SHARE_BYTES_MAX;
 
 /// Memory of a chunk that is being parsed, for the scan's share of the budget.
 const CHUNK_BYTES: u64 = 16 * MIB;
@@ -69,7 +70,7 @@ pub fn forecast(sizes: &Sizes, budget: MemoryBudget, threads: usize) -> MemoryFo
     let cluster = if sizes.remesh.is_some() { cluster * cvd::GROWTH / 2 } else { cluster };
     let at_once = (threads as u64).min(sizes.faces.div_ceil(sizes.cluster_faces.max(1)).max(1));
     let simplify = cluster * at_once + KEPT_BYTES;
-    let write = sizes.target * WRITE_FACE_BYTES + KEPT_BYTES;
+    let write = (sizes.target * WRITE_FACE_BYTES).min(2 * SHARE_BYTES_MAX) + sizes.target / 4 + KEPT_BYTES;
     let [scan, partition, simplify, write] =
         [scan, partition, simplify, write].map(|bytes| MemoryBudget::FIXED_BYTES + bytes.min(work));
     MemoryForecast { scan, partition, simplify, write, peak: scan.max(partition).max(simplify).max(write) }

@@ -52,6 +52,8 @@ use crate::store::{Catalogue, NO_TEXCOORD, StoredMesh, StoredPiece};
 
 /// Memory that the grouping and what is in flight get at least, each.
 const SHARE_BYTES_MIN: u64 = 4 * MIB;
+/// The same, at most: more would make memory grow with the result and save little.
+pub const SHARE_BYTES_MAX: u64 = 16 * MIB;
 
 /// What becomes of the images that materials refer to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -156,7 +158,7 @@ pub fn stage(
     let targets = Targets::choose(output, catalogue, options.force)?;
     let numbering = mesh.numbering()?;
     let mut usage = Usage::sweep(mesh, &numbering, catalogue.parts.len(), options.normals)?;
-    let share = (options.work_bytes.saturating_sub(usage.memory_bytes()) / 2).max(SHARE_BYTES_MIN);
+    let share = (options.work_bytes.saturating_sub(usage.memory_bytes()) / 2).clamp(SHARE_BYTES_MIN, SHARE_BYTES_MAX);
 
     let mut textures = TextureStage::new(options.textures, options.force, &targets.folder, &targets.stem);
     let library = mtl::library(catalogue, &usage, &mut textures)?;
