@@ -450,10 +450,10 @@ What is shown and what is not (2026-11-21). The collapse takes .89 to 1.14 times
 reconstruction takes 1.1 to 2.7 s, two to four times the collapse. The mean error comes near QSlim's as more is removed: 1.01 to 1.19 times
 at 90 %, 1.02 to 1.11 at 95 %. At 50 % it is 1.8 to 3.0 times as high, since the reconstruction itself errs by .5 to 1.0. A coarser level never
 had less error than a finer one.
-Flat ground is half as dense as before, against bent ground, on bocimi and the bunny, and as dense as before on cc_cyanhabao: seams and borders hold
+Flat ground is half as dense as before, against bent ground, on bocimi, two thirds on the bunny, and as dense as before on cc_cyanhabao: seams and borders hold
 42 % of its vertices, and the producer had thinned its flats already (27 % of the area with 4 % of the vertices). On a generated
 sheet, half of it flat, without seams, the bent half gets more than four times as many vertices (tests/remesh.rs).
-Flats do not stay the same from level to level: but for the bunny at 50 %, nine tenths of the area and more have triangles that the level above does
+Flats do not stay the same from level to level: but for the bunny at 50 %, 79 to 100 % of the area has triangles that the level above does
 not have, with and without reconstruction. What lies in a flat costs next to nothing, so that any queue by error removes it first;
 we have not found what in the paper would keep it.
 CVD(2) has five times QEM's mean error with the same triangles, and flattens what is gently uneven, as the paper says; it is slower than QSlim,
