@@ -24,7 +24,7 @@ use drystone::base::Silent;
 use drystone::cost::{EdgeCase, SurfaceCost, Weights};
 use drystone::mesh::class::classify;
 use drystone::mesh::{Class, ClusterMesh, Rings};
-use drystone::partition::{ClusterSource, Partition, PartitionOptions, TextureScale, cluster, partition};
+use drystone::partition::{ClusterSource, Partition, PartitionOptions, TextureScale, cluster, partition, reading};
 use drystone::scan::{Scan, ScanOptions, scan};
 use drystone::simplify::{Engine, Stop};
 
@@ -52,7 +52,7 @@ fn cut(scan: &Scan, folder: &Path) -> Partition {
 /// The largest cluster, with its texture coordinates in units of length, and its number.
 fn largest(scan: &Scan, partition: &Partition) -> (ClusterSource, usize, TextureScale) {
     let number = (0..partition.cluster_count()).max_by_key(|&c| partition.face_count(c)).expect("a cluster");
-    let faces = cluster::read(partition, &scan.mesh, number).expect("a cluster");
+    let faces = reading::read(partition, &scan.mesh, number).expect("a cluster");
     let mut areas = vec![(0.0, 0.0); scan.catalogue.materials.len() + 1];
     faces.add_areas(&scan.catalogue, &mut areas);
     let scale = TextureScale::new(&areas);

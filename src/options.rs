@@ -9,7 +9,7 @@ use crate::base::{Error, Result, bytes};
 use crate::cost::{Weights, classic, curvature, knob, oblique, sharpness, terrain};
 use crate::job::Resume;
 use crate::remesh::cvd;
-use crate::stitch::pass::{Cost, SeamPolicy};
+use crate::stitch::{Cost, SeamPolicy};
 use crate::write::Textures;
 
 /// What becomes of vertices on texture seams.

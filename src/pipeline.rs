@@ -22,7 +22,7 @@ use crate::plan::scratch;
 use crate::report::gallery::{self, Resources};
 use crate::report::{ErrorFigures, FaceFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
 use crate::scan::{self, fingerprint};
-use crate::stitch::pass::{self, PassOptions};
+use crate::stitch::{PassOptions, pass};
 use crate::write::{self, WriteOptions, Written};
 
 /// Simplifies one OBJ, or all below a folder, into one OBJ.

@@ -7,7 +7,7 @@ use drystone::cost::Weights;
 use drystone::job::{Manifest, Resume, WorkFolder};
 use drystone::measure::{Check, Surface, check, compare_checks, weld_and_check};
 use drystone::scan::{ScanOptions, scan};
-use drystone::stitch::pass::{self, Cost, PassOptions, SeamPolicy};
+use drystone::stitch::{Cost, PassOptions, SeamPolicy, pass};
 use glam::{DVec2, DVec3};
 use meshes::{Sketch, noise};
 use proptest::prelude::*;

@@ -26,6 +26,7 @@ pub mod cluster;
 pub mod faces;
 pub mod numbering;
 mod ranks;
+pub mod reading;
 pub mod scatter;
 pub mod texcoords;
 pub mod weight;
@@ -88,7 +89,11 @@ pub fn partition(
 ) -> Result<Partition> {
     let mut findings = Findings::default();
     let cells = cells::plan(mesh, options)?;
-    let (numbering, ranks, numbering_bytes) = numbering::number(mesh, &cells, folder, name, options, &mut findings)?;
+    let number = match mesh.has_colours() {
+        true => numbering::number::<numbering::ColouredRecord>,
+        false => numbering::number::<numbering::PlainRecord>,
+    };
+    let (numbering, ranks, numbering_bytes) = number(mesh, &cells, folder, name, options, &mut findings)?;
     let mut faces = faces::distribute(mesh, &numbering, &ranks, folder, name, options, &mut findings)?;
     let mut scratch_peak = numbering_bytes.max(folder_bytes(folder));
     drop(ranks);

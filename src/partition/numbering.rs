@@ -109,7 +109,7 @@ impl Ranks {
 }
 
 /// A vertex on its way to its cell.
-trait VertexRecord: Pod + Send + Sync {
+pub(super) trait VertexRecord: Pod + Send + Sync {
     fn new(position: DVec3, id: u32, colour: [f32; 3]) -> Self;
     fn position(&self) -> DVec3;
     fn id(&self) -> u32;
@@ -119,7 +119,7 @@ trait VertexRecord: Pod + Send + Sync {
 /// Without colour; words, since a double would ask for padding.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct PlainRecord {
+pub(super) struct PlainRecord {
     position: [u32; 6],
     id: u32,
 }
@@ -145,7 +145,7 @@ impl VertexRecord for PlainRecord {
 /// With colour.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct ColouredRecord {
+pub(super) struct ColouredRecord {
     plain: PlainRecord,
     colour: [f32; 3],
 }
@@ -168,25 +168,17 @@ impl VertexRecord for ColouredRecord {
     }
 }
 
-/// Numbers the vertices of a mesh by cell; tells the most bytes that the folder held meanwhile.
+/// Bytes of a vertex on its way to its cell, without colours.
+pub const PLAIN_RECORD_BYTES: u64 = size_of::<PlainRecord>() as u64;
+/// The same with colours.
+pub const COLOURED_RECORD_BYTES: u64 = size_of::<ColouredRecord>() as u64;
+
+/// Numbers the vertices of a mesh by cell; records hold a colour if the mesh has any. Tells the most bytes that the folder
+/// held meanwhile.
 ///
 /// # Errors
 /// On a full disk, failed reads and writes.
-pub fn number(
-    mesh: &StoredMesh,
-    cells: &Cells,
-    folder: &Path,
-    name: &str,
-    options: &PartitionOptions,
-    findings: &mut Findings,
-) -> Result<(Numbering, Ranks, u64)> {
-    match mesh.has_colours() {
-        true => number_as::<ColouredRecord>(mesh, cells, folder, name, options, findings),
-        false => number_as::<PlainRecord>(mesh, cells, folder, name, options, findings),
-    }
-}
-
-fn number_as<R: VertexRecord>(
+pub(super) fn number<R: VertexRecord>(
     mesh: &StoredMesh,
     cells: &Cells,
     folder: &Path,

@@ -21,8 +21,8 @@ use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
 use super::PartitionOptions;
-use super::cluster::{gather_texcoords, texcoord_ids};
 use super::faces::{CellFaces, TEXCOORD_STRETCH};
+use super::reading::{gather_texcoords, texcoord_ids};
 use super::scatter::{Scatter, ScatterWriter};
 use crate::base::Result;
 use crate::base::ordered::map_in_order;

@@ -14,7 +14,9 @@ use serde::{Deserialize, Serialize};
 use crate::base::{Error, MemoryBudget, Result, bytes};
 use crate::options::SimplifyOptions;
 use crate::os::system;
+use crate::partition::numbering::COLOURED_RECORD_BYTES;
 use crate::partition::weight::limit_bytes;
+use crate::plan::scratch;
 use crate::store::{Catalogue, StoredMesh};
 
 /// Bits of a vertex in the set of shared ones, with its ranks.
@@ -55,7 +57,7 @@ impl Need {
     pub(super) fn scratch_bytes(&self, is_remeshed: bool) -> u64 {
         let Self { vertices, texcoords, faces, .. } = *self;
         let positions = 24 * vertices;
-        let numbering = positions + 40 * vertices + 8 * vertices;
+        let numbering = positions + COLOURED_RECORD_BYTES * vertices + 8 * vertices;
         let buckets = positions + 8 * vertices + (12 + FACE_BYTES) * faces;
         let texture = positions + FACE_BYTES * faces + 24 * texcoords;
         // A first pass leaves about half of the mesh; one that makes it anew leaves a little more than the whole.
@@ -90,23 +92,10 @@ impl Need {
             )));
         }
         match system::free_disk_bytes(work) {
-            Ok(free) if needs_scratch => refuse_small_disk(work, self.scratch_bytes(options.remesh.is_some()), free),
+            Ok(free) if needs_scratch => scratch::refuse_disk(work, self.scratch_bytes(options.remesh.is_some()), free),
             _ => Ok(()),
         }
     }
-}
-
-/// Refuses a disk with too little space.
-///
-/// # Errors
-/// [`Error::NoSpace`].
-pub(super) fn refuse_small_disk(folder: &Path, needed: u64, free: u64) -> Result<()> {
-    if free >= needed {
-        return Ok(());
-    }
-    let (needed, free) = (bytes::display(needed), bytes::display(free));
-    let message = format!("about {needed} of scratch space are needed, {free} are free; --work DIR takes another disk");
-    Err(Error::NoSpace { path: folder.to_owned(), message })
 }
 
 #[cfg(test)]
@@ -130,7 +119,7 @@ mod tests {
 
     #[test]
     fn a_disk_that_is_too_small_is_refused_with_the_space_needed() {
-        let error = refuse_small_disk(Path::new("/scratch"), SURVEY.scratch_bytes(false), 1 << 30).unwrap_err();
+        let error = scratch::refuse_disk(Path::new("/scratch"), SURVEY.scratch_bytes(false), 1 << 30).unwrap_err();
         assert_eq!(error.exit_code(), 7);
         assert!(error.to_string().contains("1.00 GiB are free"), "{error}");
     }

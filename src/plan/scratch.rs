@@ -15,7 +15,7 @@ use super::memory::Sizes;
 use super::passes;
 use crate::base::{Error, MemoryBudget, Result, bytes};
 use crate::os::system;
-use crate::partition::numbering::window_bytes;
+use crate::partition::numbering::{COLOURED_RECORD_BYTES, PLAIN_RECORD_BYTES, window_bytes};
 use crate::scan::Counts;
 
 /// Scratch space for each byte of OBJ text, before anything has been read; measured on photogrammetry.
@@ -24,8 +24,6 @@ const SCRATCH_PER_INPUT: f64 = 1.6;
 const FACE_BYTES: f64 = 9.5;
 /// Bytes of a piece for each of its faces: half a position, two thirds of a texcoord, and the face.
 const PIECE_FACE_BYTES: f64 = 33.3;
-/// Bytes of vertices by cell while they are numbered.
-const SCATTERED_VERTEX_BYTES: u64 = 28;
 
 /// Scratch space in bytes of a run of so many passes.
 pub fn forecast(counts: &Counts, sizes: &Sizes, passes: usize, budget: MemoryBudget) -> u64 {
@@ -43,7 +41,8 @@ fn after_first_pass(counts: &Counts, first_pass: u64, windows: bool) -> u64 {
     let columns = 24 * vertices + 16 * counts.texcoords + colour + (FACE_BYTES * faces) as u64;
     let ordered = 24 * vertices + colour;
     let looked_up = if windows { 12 * counts.triangles + 8 * vertices } else { 0 };
-    let numbering = SCATTERED_VERTEX_BYTES * vertices + colour;
+    let record = if counts.has_colours { COLOURED_RECORD_BYTES } else { PLAIN_RECORD_BYTES };
+    let numbering = record * vertices;
     let clusters = (FACE_BYTES * faces + PIECE_FACE_BYTES * first_pass as f64) as u64;
     columns + ordered + looked_up + numbering.max(clusters)
 }
@@ -71,13 +70,20 @@ pub fn refuse_small_disk(input_bytes: u64, held: u64, work: &Path) -> Result<()>
 pub fn refuse_less_than(needed: u64, work: &Path) -> Result<()> {
     let folder = existing_folder(work);
     let Ok(free) = system::free_disk_bytes(&folder) else { return Ok(()) };
-    if free < needed {
-        let (needed, free) = (bytes::display(needed), bytes::display(free));
-        let message =
-            format!("about {needed} of scratch space are needed, {free} are free; --work DIR takes another disk");
-        return Err(Error::NoSpace { path: folder, message });
+    refuse_disk(&folder, needed, free)
+}
+
+/// Refuses a disk on which fewer bytes are free than needed.
+///
+/// # Errors
+/// As [`refuse_small_disk`].
+pub fn refuse_disk(folder: &Path, needed: u64, free: u64) -> Result<()> {
+    if free >= needed {
+        return Ok(());
     }
-    Ok(())
+    let (needed, free) = (bytes::display(needed), bytes::display(free));
+    let message = format!("about {needed} of scratch space are needed, {free} are free; --work DIR takes another disk");
+    Err(Error::NoSpace { path: folder.to_owned(), message })
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 
 use super::deviation::Patches;
-use super::legality::{EdgeStar, Refusal, triangle_survives, uv_survives};
+use super::legality::{EdgeStar, Refusal, area_ratio, triangle_survives, uv_survives};
 use super::texture::{uv_on_chain, uv_on_ring};
 use crate::cost::{EdgeCase, Metric};
 use crate::mesh::cluster::{ClusterMesh, flag};
@@ -61,7 +61,8 @@ impl Collapser {
         self.star.check_topology(mesh, rings, from, to, collapse.strands)?;
         let position = cost.place(mesh, &EdgeCase { from, to, onto, stays, wedges: &self.star.wedges }).position;
         self.choose_uvs(mesh, rings, cost, collapse, position)?;
-        self.check_faces(mesh, rings, collapse, position)?;
+        let moving = if stays { &[from][..] } else { &[from, to][..] };
+        self.star.check_faces(mesh, rings, moving, position, &self.uvs)?;
         let deviation = self.check_deviation(mesh, rings, collapse, position)?;
         let edge = EdgeCase { from, to, onto, stays, wedges: &self.star.wedges };
         cost.join(mesh, &edge);
@@ -161,40 +162,6 @@ impl Collapser {
         Ok(())
     }
 
-    fn check_faces(
-        &self,
-        mesh: &ClusterMesh,
-        rings: &Rings,
-        collapse: Collapse,
-        position: DVec3,
-    ) -> Result<(), Refusal> {
-        let (from, to) = (collapse.from, collapse.to);
-        let moving = if collapse.stays { &[from][..] } else { &[from, to][..] };
-        for &vertex in moving {
-            for &corner in rings.of(vertex) {
-                let Some(wedge) = mesh.living(corner) else { continue };
-                let (face, k) = (corner / 3, corner as usize % 3);
-                if self.star.dying.contains(&face) {
-                    continue;
-                }
-                let (before, uv_before) = (mesh.triangle(face), mesh.uv_triangle(face));
-                let (mut after, mut uv_after) = (before, uv_before);
-                after[k] = position;
-                let pairs = self.star.wedges.iter().zip(&self.uvs);
-                if let Some((_, &uv)) = pairs.into_iter().find(|((a, b), _)| *a == wedge || *b == wedge) {
-                    uv_after[k] = uv;
-                }
-                if !triangle_survives(before, after) {
-                    return Err(Refusal::Fold);
-                }
-                if !uv_survives(uv_before, uv_after, area_ratio(before, after)) {
-                    return Err(Refusal::UvFold);
-                }
-            }
-        }
-        Ok(())
-    }
-
     /// Bound on the deviation of the new faces, if it is bounded at all.
     fn check_deviation(
         &mut self,
@@ -232,20 +199,8 @@ impl Collapser {
     }
 
     fn apply(&self, mesh: &mut ClusterMesh, rings: &Rings, collapse: Collapse, position: DVec3) -> usize {
-        let (from, to) = (collapse.from, collapse.to);
-        for &face in &self.star.dying {
-            mesh.kill(face);
-        }
-        for &corner in rings.of(from) {
-            let Some(wedge) = mesh.living(corner) else { continue };
-            if let Some(pair) = self.star.wedges.iter().find(|pair| pair.0 == wedge) {
-                mesh.corners.as_flattened_mut()[corner as usize] = pair.1;
-            }
-            mesh.corner_vertices.as_flattened_mut()[corner as usize] = to;
-        }
-        if let Some(&(_, beside)) = self.star.wedges.first() {
-            self.star.stranded.iter().for_each(|&wedge| mesh.bring_wedge(wedge, beside));
-        }
+        let Collapse { from, to, .. } = collapse;
+        self.star.apply(mesh, rings, from, to);
         if !collapse.stays && mesh.positions[to as usize] != position {
             mesh.flags[to as usize] |= flag::MOVED;
             mesh.positions[to as usize] = position;
@@ -272,10 +227,4 @@ fn changing_corners<'a>(
     let is_dying = |corner: u32| star.dying.contains(&(corner / 3));
     let at_to = living(collapse.to).filter(move |&corner| !collapse.stays && !is_dying(corner));
     living(collapse.from).map(move |corner| (corner, is_dying(corner))).chain(at_to.map(|corner| (corner, false)))
-}
-
-/// Area after ÷ area before; infinite where there was none.
-fn area_ratio(before: [DVec3; 3], after: [DVec3; 3]) -> f64 {
-    let across_sq = |t: [DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).length_squared();
-    (across_sq(after) / across_sq(before)).sqrt()
 }

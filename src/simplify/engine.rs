@@ -156,19 +156,11 @@ impl<M: Metric> Engine<M> {
         M::count(settings, &engine.mesh, &engine.rings, &engine.classes, census);
     }
 
-    /// Number of vertices with faces that may move or vanish under the current locks, and of those that may not.
-    pub fn count_free(&mut self) -> (usize, usize) {
+    /// Number of vertices with faces that may move or vanish under the current locks.
+    pub fn count_free(&mut self) -> usize {
         self.prepare();
-        let used = (0..self.mesh.positions.len() as u32).filter(|&v| !self.rings.of(v).is_empty());
-        let (mut free, mut held) = (0, 0);
-        for vertex in used {
-            if self.is_held(vertex) || self.classes[vertex as usize] == Class::Fixed {
-                held += 1;
-            } else {
-                free += 1;
-            }
-        }
-        (free, held)
+        let vertices = 0..self.mesh.positions.len() as u32;
+        vertices.filter(|&v| !self.rings.of(v).is_empty() && !self.is_held(v)).count()
     }
 
     /// Number of living vertices of each class, in the order of [`Class::ALL`].
@@ -570,88 +562,4 @@ impl<M: Metric> Engine<M> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::cost::surface::{SurfaceCost, Weights};
-    use crate::mesh::cluster::samples;
-
-    fn simplified(mesh: ClusterMesh, faces: usize) -> (ClusterMesh, StageResult) {
-        let mut engine = Engine::<SurfaceCost>::new(mesh, &Weights::default());
-        let result = engine.run(Stop::Faces(faces));
-        (engine.finish(), result)
-    }
-
-    fn area(mesh: &ClusterMesh) -> f64 {
-        let across = |t: [glam::DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).length();
-        (0..mesh.corners.len() as u32).map(|face| 0.5 * across(mesh.triangle(face))).sum()
-    }
-
-    #[test]
-    fn a_flat_square_becomes_two_triangles_of_the_same_area() {
-        let (mesh, result) = simplified(samples::grid(12, 0.0), 2);
-        assert!(result.reached, "{result:?}");
-        assert_eq!(mesh.corners.len(), 2);
-        assert!((area(&mesh) - 144.0).abs() < 1e-3, "{}", area(&mesh));
-    }
-
-    #[test]
-    fn the_face_target_is_hit() {
-        let (mesh, result) = simplified(samples::grid(40, 0.5), 801);
-        assert!(result.reached);
-        assert!((799..=801).contains(&mesh.corners.len()));
-    }
-
-    #[test]
-    fn a_locked_vertex_never_moves_and_never_vanishes() {
-        let mut mesh = samples::grid(12, 0.3);
-        let before = mesh.positions.clone();
-        for vertex in (0..169).step_by(5) {
-            mesh.flags[vertex] |= flag::LOCKED;
-        }
-        let (mesh, _) = simplified(mesh, 2);
-        for vertex in (0..169).step_by(5) {
-            assert_eq!(mesh.positions[vertex], before[vertex]);
-            assert!(mesh.corners.iter().flatten().any(|&w| mesh.wedge_vertex[w as usize] as usize == vertex));
-        }
-    }
-
-    #[test]
-    fn a_seam_keeps_both_charts_on_their_sides() {
-        let (mesh, result) = simplified(samples::two_charts(12), 4);
-        assert!(result.reached, "{result:?}");
-        assert!((area(&mesh) - 144.0).abs() < 1e-3, "{}", area(&mesh));
-        for corners in &mesh.corners {
-            let right = corners.iter().filter(|&&w| mesh.wedge_uv[w as usize].x >= 6.99).count();
-            let left = corners.iter().filter(|&&w| mesh.wedge_uv[w as usize].x <= 0.601).count();
-            assert!(right < 3 || left == 0, "a face spans both charts");
-        }
-    }
-
-    #[test]
-    fn an_edge_that_only_its_upper_end_may_collapse_is_proposed_by_it() {
-        // Vertex 4 is the only one inside; without border planes it may meet a border vertex, but none may meet it.
-        let settings = crate::cost::classic::Settings { border: 0.0 };
-        let mut engine = Engine::<crate::cost::ClassicCost>::new(samples::grid(2, 0.5), &settings);
-        engine.prepare();
-        engine.cost.refresh(&engine.mesh, &engine.rings, &engine.classes);
-        let mut edges = Vec::new();
-        edges_at(&engine.mesh, &engine.rings, 4, &mut edges);
-        assert_eq!(edges.iter().filter(|edge| edge.other < 4).count(), 3);
-        assert!(edges.iter().all(|edge| engine.propose(4, edge).cost.is_finite()));
-        edges_at(&engine.mesh, &engine.rings, 0, &mut edges);
-        let inward = edges.iter().find(|edge| edge.other == 4).unwrap();
-        assert!(engine.propose(0, inward).cost.is_infinite());
-    }
-
-    #[test]
-    fn locked_seams_stay_whole() {
-        let mut engine = Engine::<SurfaceCost>::new(samples::two_charts(12), &Weights::default());
-        engine.lock_seams = true;
-        engine.run(Stop::Faces(4));
-        let mesh = engine.finish();
-        for y in 0..=12 {
-            let vertex = y * 13 + 6;
-            assert!(mesh.corners.iter().flatten().any(|&w| mesh.wedge_vertex[w as usize] == vertex), "{vertex}");
-        }
-    }
-}
+mod tests;

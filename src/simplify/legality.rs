@@ -146,6 +146,61 @@ impl EdgeStar {
         self.check_piece(mesh, rings, from, to)
     }
 
+    /// Checks that no face folds over, in space or in the picture, when the `moving` vertices come to one position and the
+    /// wedges of each pair to one of `uvs`; [`check_topology`](EdgeStar::check_topology) must have passed.
+    ///
+    /// # Errors
+    /// The first reason found against the collapse.
+    pub fn check_faces(
+        &self,
+        mesh: &ClusterMesh,
+        rings: &Rings,
+        moving: &[u32],
+        position: DVec3,
+        uvs: &[DVec2],
+    ) -> Result<(), Refusal> {
+        for &vertex in moving {
+            for &corner in rings.of(vertex) {
+                let Some(wedge) = mesh.living(corner) else { continue };
+                let (face, k) = (corner / 3, corner as usize % 3);
+                if self.dying.contains(&face) {
+                    continue;
+                }
+                let (before, uv_before) = (mesh.triangle(face), mesh.uv_triangle(face));
+                let (mut after, mut uv_after) = (before, uv_before);
+                after[k] = position;
+                let mut pairs = self.wedges.iter().zip(uvs);
+                if let Some((_, &uv)) = pairs.find(|((a, b), _)| *a == wedge || *b == wedge) {
+                    uv_after[k] = uv;
+                }
+                if !triangle_survives(before, after) {
+                    return Err(Refusal::Fold);
+                }
+                if !uv_survives(uv_before, uv_after, area_ratio(before, after)) {
+                    return Err(Refusal::UvFold);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes the collapse in the mesh: faces at the edge die, the others come to `to` with their wedges.
+    pub fn apply(&self, mesh: &mut ClusterMesh, rings: &Rings, from: u32, to: u32) {
+        for &face in &self.dying {
+            mesh.kill(face);
+        }
+        for &corner in rings.of(from) {
+            let Some(wedge) = mesh.living(corner) else { continue };
+            if let Some(pair) = self.wedges.iter().find(|pair| pair.0 == wedge) {
+                mesh.corners.as_flattened_mut()[corner as usize] = pair.1;
+            }
+            mesh.corner_vertices.as_flattened_mut()[corner as usize] = to;
+        }
+        if let Some(&(_, beside)) = self.wedges.first() {
+            self.stranded.iter().for_each(|&wedge| mesh.bring_wedge(wedge, beside));
+        }
+    }
+
     /// A face that hangs on nothing but vertices is a piece of its own and must stay.
     fn check_piece(&self, mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32) -> Result<(), Refusal> {
         let (&[_], &[opposite]) = (&self.dying[..], &self.opposite[..]) else { return Ok(()) };
@@ -164,6 +219,12 @@ impl EdgeStar {
         };
         if refusal == Refusal::Rim || rings.faces(mesh, to).any(doubles) { Err(refusal) } else { Ok(()) }
     }
+}
+
+/// Area after ÷ area before; infinite where there was none.
+pub fn area_ratio(before: [DVec3; 3], after: [DVec3; 3]) -> f64 {
+    let across_sq = |t: [DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).length_squared();
+    (across_sq(after) / across_sq(before)).sqrt()
 }
 
 /// Checks that moving a corner keeps a triangle's side and shape.

@@ -1,7 +1,8 @@
 //! Chooses how far each cluster goes: shares and thresholds from the schedule and the sample, the last faces from the
 //! costs of all clusters.
 
-use super::pass::{Run, SeamPolicy, is_single};
+use super::options::SeamPolicy;
+use super::pass::{Run, is_single};
 use super::sample::{self, Survey};
 use super::schedule::{pass_target, stage_shares};
 use super::stops::Plan;

@@ -20,6 +20,7 @@
 //! is kept in the journal; files are removed as soon as what follows from them is kept.
 
 mod aim;
+pub mod options;
 pub mod outcome;
 pub mod pass;
 mod reconstruct;
@@ -29,7 +30,7 @@ mod state;
 mod stops;
 pub mod trim;
 
+pub use options::{Cost, PassOptions, SeamPolicy};
 pub use outcome::{PassReport, Passes, RemeshReport};
-pub use pass::{Cost, PassOptions};
 pub use reconstruct::CELL_PASSES;
 pub use state::Start;

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use crate::base::Findings;
 use crate::cost::Metric;
+use crate::mesh::ClusterMesh;
 use crate::mesh::class::Class;
 use crate::simplify::legality::Refusal;
 use crate::simplify::{Engine, Milestone};
@@ -193,6 +194,23 @@ impl Floor {
         self.pieces += other.pieces;
         self.non_manifold += other.non_manifold;
     }
+}
+
+/// What a pass made, and what it met.
+#[derive(Debug, Default)]
+pub(super) struct PassOutcome {
+    pub(super) mesh: StoredMesh,
+    /// Patches of the mesh.
+    pub(super) sample: ClusterMesh,
+    pub(super) report: PassReport,
+    pub(super) stages: StageSums,
+    pub(super) squared_error: f64,
+    pub(super) degenerate: u64,
+    pub(super) dropped_pieces: u64,
+    pub(super) optimized: u64,
+    pub(super) dropped_faces: u64,
+    pub(super) passed_through: u64,
+    pub(super) floor: Floor,
 }
 
 #[cfg(test)]

@@ -6,7 +6,8 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use super::outcome::{Floor, PassReport, Passes, StageSums};
+use super::options::{Cost, PassOptions, SeamPolicy};
+use super::outcome::{Floor, PassOutcome, Passes, StageSums};
 use super::reconstruct::is_remeshed;
 use super::sample::{self, Survey};
 use super::state::{PassState, Start};
@@ -14,17 +15,14 @@ use super::stops::{Plan, run_plan};
 use crate::base::ordered::map_in_order;
 use crate::base::{Permits, Progress, Result};
 use crate::cost::census::Census;
-use crate::cost::{
-    ClassicCost, CurvatureCost, Metric, ObliqueCost, SharpnessCost, SurfaceCost, TerrainCost, Weights, classic,
-    curvature, oblique, sharpness, terrain,
-};
+use crate::cost::{ClassicCost, CurvatureCost, Metric, ObliqueCost, SharpnessCost, SurfaceCost, TerrainCost};
 use crate::job::{Step, WorkFolder, folder_bytes};
 use crate::mesh::ClusterMesh;
 use crate::mesh::pieces;
 use crate::partition::weight::ClusterWeight;
-use crate::partition::{self, ClusterSource, Partition, PartitionOptions, Shared, TextureScale, cluster};
-use crate::remesh::{self, cvd};
-use crate::render::{ClusterMap, View};
+use crate::partition::{self, ClusterSource, Partition, PartitionOptions, Shared, TextureScale, cluster, reading};
+use crate::remesh;
+use crate::render::ClusterMap;
 use crate::simplify::{Engine, Milestone};
 use crate::store::{Catalogue, ColumnWriter, Segment, StoredMesh, StoredPiece};
 
@@ -38,88 +36,6 @@ const FLOOR_SHARE: f64 = 1e-4;
 /// Memory of a cluster that passes through: a block of faces, their texture coordinates and the piece being written.
 pub(super) const PASS_BYTES: u64 = 16 << 20;
 
-/// When vertices on seams are locked.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SeamPolicy {
-    /// In the first pass.
-    Stitch,
-    /// Never.
-    Follow,
-    /// Always.
-    Lock,
-}
-
-/// What a collapse costs: a metric and its settings.
-#[derive(Debug, Clone, Copy)]
-pub enum Cost {
-    /// [`SurfaceCost`].
-    Surface(Weights),
-    /// [`ClassicCost`].
-    Classic(classic::Settings),
-    /// [`ObliqueCost`].
-    Oblique(oblique::Settings),
-    /// [`CurvatureCost`].
-    Curvature(curvature::Settings),
-    /// [`TerrainCost`].
-    Terrain(terrain::Settings),
-    /// [`SharpnessCost`].
-    Sharpness(sharpness::Settings),
-}
-
-impl Cost {
-    /// Bytes that the metric keeps for an ordinary face beyond those of every cluster.
-    pub fn extra_face_bytes(&self) -> u64 {
-        match self {
-            Self::Surface(_) => face_bytes::<SurfaceCost>(),
-            Self::Classic(_) => face_bytes::<ClassicCost>(),
-            Self::Oblique(_) => face_bytes::<ObliqueCost>(),
-            Self::Curvature(_) => face_bytes::<CurvatureCost>(),
-            Self::Terrain(_) => face_bytes::<TerrainCost>(),
-            Self::Sharpness(_) => face_bytes::<SharpnessCost>(),
-        }
-    }
-}
-
-/// Bytes of half a vertex and 0.65 wedges.
-fn face_bytes<M: Metric>() -> u64 {
-    M::VERTEX_BYTES / 2 + M::WEDGE_BYTES * 65 / 100
-}
-
-/// What the passes need to know.
-#[derive(Debug, Clone, Copy)]
-pub struct PassOptions {
-    /// Faces wanted; the fewest that `max_error` allows, if that is given.
-    pub target: u64,
-    /// Largest distance between result and input, either way, in units of length.
-    pub max_error: Option<f64>,
-    /// Faces of the input, for the schedule.
-    pub input: u64,
-    /// Passes.
-    pub passes: usize,
-    /// Faces of a cluster, about.
-    pub cluster_faces: u64,
-    /// What a collapse costs.
-    pub cost: Cost,
-    /// Seams.
-    pub seams: SeamPolicy,
-    /// Whether open borders are locked.
-    pub lock_borders: bool,
-    /// Whether pieces smaller than the deviation are dropped after the first pass.
-    pub drop_pieces: bool,
-    /// How the mesh is made anew before the first pass, if it is.
-    pub remesh: Option<cvd::Settings>,
-    /// Whether vertices among slivers are moved after the last passes.
-    pub optimize: bool,
-    /// Whether duplicates are welded before the first pass.
-    pub weld: bool,
-    /// From where the clusters of each pass are drawn, if a map is wanted; it changes nothing else.
-    pub map: Option<View>,
-    /// Threads.
-    pub threads: usize,
-    /// Bytes for clusters in work.
-    pub work_bytes: u64,
-}
-
 /// What simplifying one cluster gave.
 #[derive(Default, Serialize, Deserialize)]
 pub(super) struct ClusterResult {
@@ -128,7 +44,6 @@ pub(super) struct ClusterResult {
     faces_in: u64,
     pub(super) faces: u64,
     cost: f32,
-    reached: bool,
     area: f64,
     squared_error: f64,
     milestones: Vec<Milestone>,
@@ -272,9 +187,10 @@ impl<'a, M: Metric> Run<'a, M> {
             } else {
                 state.reached = is_last && next_faces <= target;
                 state.stuck = if gained as f64 <= faces_in as f64 * FLOOR_SHARE { state.stuck + 1 } else { 0 };
-                // In one cluster nothing was locked; in many, what was locked in one pass is free in the next.
+                // In one cluster nothing was locked; in many, what was locked in one pass is free in the next. An exact
+                // plan that removed faces may remove more.
                 let is_stuck = state.stuck > 2 || (single && state.stuck > 0);
-                state.is_over = state.reached || (is_last && is_stuck && !is_exact_left(is_exact, gained));
+                state.is_over = state.reached || (is_last && is_stuck && !(is_exact && gained > 0));
             }
             *(if self.turn(pass) == 0 { &mut state.seconds.simplify } else { &mut state.seconds.stitch }) +=
                 started.elapsed();
@@ -384,19 +300,9 @@ impl<'a, M: Metric> Run<'a, M> {
         let survey = self.survey(partition);
         let mut sample = ClusterMesh::default();
         let mut pieces = Vec::new();
-        outcome.reached = true;
         *self.map() = self.options.map.map(ClusterMap::new);
-        let PassOutcome {
-            report,
-            floor,
-            degenerate,
-            reached,
-            passed_through,
-            dropped_pieces,
-            dropped_faces,
-            optimized,
-            ..
-        } = &mut outcome;
+        let PassOutcome { report, floor, degenerate, passed_through, dropped_pieces, dropped_faces, optimized, .. } =
+            &mut outcome;
         let step = |cluster| Step::Cluster { pass: pass as u32, attempt, cluster };
         self.each_cluster(mesh, partition, (pass, plan), Some(&survey), step, |result| {
             report.faces_out += result.faces;
@@ -409,7 +315,6 @@ impl<'a, M: Metric> Run<'a, M> {
             *dropped_pieces += result.dropped_pieces;
             *optimized += result.optimized;
             *dropped_faces += result.dropped_faces;
-            *reached &= result.reached;
             floor.add(&result.floor);
             if result.passed_through {
                 *passed_through += result.faces;
@@ -485,14 +390,13 @@ impl<'a, M: Metric> Run<'a, M> {
         };
         let mut engine = self.engine(std::mem::take(&mut source.mesh), pass);
         let faces_in = engine.mesh.face_count as u64;
-        let (cost, reached) = run_plan(&mut engine, plan, cluster);
+        let cost = run_plan(&mut engine, plan, cluster);
         let mut result = ClusterResult {
             pieces: Vec::new(),
             passed_through: false,
             faces_in,
             faces: engine.mesh.face_count as u64,
             cost,
-            reached,
             area: engine.area(),
             squared_error: engine.squared_error,
             milestones: std::mem::take(&mut engine.milestones),
@@ -536,7 +440,7 @@ impl<'a, M: Metric> Run<'a, M> {
         cluster: usize,
     ) -> Result<ClusterResult> {
         let faces = partition.face_count(cluster);
-        let unchanged = ClusterResult { faces, passed_through: true, reached: true, ..ClusterResult::default() };
+        let unchanged = ClusterResult { faces, passed_through: true, ..ClusterResult::default() };
         if keep.is_none() {
             return Ok(unchanged);
         }
@@ -587,7 +491,7 @@ impl<'a, M: Metric> Run<'a, M> {
                 }
                 self.progress.check_stopped()?;
                 let _permit = self.permits.take(self.cluster_bytes(partition, cluster) / 2);
-                let faces = cluster::read(partition, mesh, cluster)?;
+                let faces = reading::read(partition, mesh, cluster)?;
                 let mut areas = vec![(0.0, 0.0); self.catalogue.materials.len() + 1];
                 faces.add_areas(self.catalogue, &mut areas);
                 let sparse = areas.into_iter().enumerate().filter(|(_, area)| area.0 > 0.0 || area.1 > 0.0);
@@ -686,28 +590,6 @@ pub(super) fn plan_step(pass: usize, attempt: u32) -> Step {
     Step::Plan { pass: pass as u32, attempt }
 }
 
-#[derive(Debug, Default)]
-pub(super) struct PassOutcome {
-    pub(super) mesh: StoredMesh,
-    /// Patches of the mesh.
-    pub(super) sample: ClusterMesh,
-    pub(super) report: PassReport,
-    pub(super) stages: StageSums,
-    pub(super) squared_error: f64,
-    pub(super) degenerate: u64,
-    pub(super) dropped_pieces: u64,
-    pub(super) optimized: u64,
-    pub(super) dropped_faces: u64,
-    pub(super) passed_through: u64,
-    reached: bool,
-    pub(super) floor: Floor,
-}
-
 pub(super) fn is_single(partition: &Partition) -> bool {
-    (0..partition.cluster_count()).filter(|&cluster| partition.face_count(cluster) > 0).count() <= 1
-}
-
-/// Whether an exact plan removed faces and may go on removing in the next pass.
-fn is_exact_left(is_exact: bool, gained: u64) -> bool {
-    is_exact && gained > 0
+    partition.filled_count() <= 1
 }

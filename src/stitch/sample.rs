@@ -130,7 +130,7 @@ pub fn scale_texture(sample: &mut ClusterMesh, scale_of: impl Fn(u32) -> f64) {
 pub fn thresholds<M: Metric>(engine: &mut Engine<M>, shares: &[f64]) -> Vec<f32> {
     engine.mesh.link_wedges();
     let faces = engine.mesh.face_count;
-    let (free, _) = engine.count_free();
+    let free = engine.count_free();
     shares.iter().map(|share| cost_at(engine, faces, free, *share)).collect()
 }
 

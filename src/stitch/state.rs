@@ -5,8 +5,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::outcome::PassOutcome;
 use super::outcome::{Floor, PassReport, PassSeconds, RemeshReport};
-use super::pass::PassOutcome;
 use crate::base::{Findings, Result};
 use crate::cost::census::Census;
 use crate::job::{Step, WorkFolder};

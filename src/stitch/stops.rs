@@ -35,8 +35,8 @@ impl Plan {
     }
 }
 
-/// Runs the stages of a plan; returns the highest cost of the last stage that did anything, and whether it was reached.
-pub(super) fn run_plan<M: Metric>(engine: &mut Engine<M>, plan: &Plan, cluster: usize) -> (f32, bool) {
+/// Runs the stages of a plan; returns the highest cost of the last stage that did anything.
+pub(super) fn run_plan<M: Metric>(engine: &mut Engine<M>, plan: &Plan, cluster: usize) -> f32 {
     let faces = engine.mesh.face_count;
     let stops: Vec<Stop> = match plan {
         Plan::Deviation(most) => return run_bounded(engine, *most),
@@ -46,7 +46,7 @@ pub(super) fn run_plan<M: Metric>(engine: &mut Engine<M>, plan: &Plan, cluster: 
             costs.iter().enumerate().map(|(i, &cost)| Stop::Cost(cost, floor(i))).collect()
         }
         Plan::Shares(shares) => {
-            let (free, _) = engine.count_free();
+            let free = engine.count_free();
             shares.iter().map(|share| Stop::Faces(sample::face_goal(faces, free, *share))).collect()
         }
         Plan::Faces(shares, target) => {
@@ -55,20 +55,19 @@ pub(super) fn run_plan<M: Metric>(engine: &mut Engine<M>, plan: &Plan, cluster: 
             before.iter().map(|share| Stop::Faces(goal(share))).chain([Stop::Faces(*target as usize)]).collect()
         }
     };
-    let (mut cost, mut reached) = (0.0, true);
+    let mut cost = 0.0;
     for (i, &stop) in stops.iter().enumerate() {
         if i + 1 == stops.len() && matches!(plan, Plan::Costs(_)) {
             engine.log = Some(Vec::new());
         }
         let result = engine.run(stop);
         cost = if result.cost > 0.0 { result.cost } else { cost };
-        reached = result.reached;
     }
-    (cost, reached)
+    cost
 }
 
-/// Runs stages until the bound on the deviation stops them.
-fn run_bounded<M: Metric>(engine: &mut Engine<M>, most: f64) -> (f32, bool) {
+/// Runs stages until the bound on the deviation stops them; returns the highest cost of all.
+fn run_bounded<M: Metric>(engine: &mut Engine<M>, most: f64) -> f32 {
     engine.bound_deviation(most);
     let mut highest = 0f32;
     loop {
@@ -76,7 +75,7 @@ fn run_bounded<M: Metric>(engine: &mut Engine<M>, most: f64) -> (f32, bool) {
         let goal = (before as f64 * schedule::STAGE_SHARE) as usize;
         highest = highest.max(engine.run(Stop::Cost(f32::INFINITY, goal)).cost);
         if (before - engine.mesh.face_count) as f64 <= before as f64 * BOUNDED_STAGE_SHARE {
-            return (highest, true);
+            return highest;
         }
     }
 }

@@ -11,10 +11,12 @@
 //! its vertices are left. So are junctions, where three cells or more meet, that lie off the planes around them by more
 //! than the queue's threshold: they become vertices of the dual.
 
+use glam::DVec2;
+
 use super::queue::{quadric_error, weighted_normals};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
-use crate::simplify::legality::{EdgeStar, triangle_survives, uv_survives};
+use crate::simplify::legality::EdgeStar;
 
 /// What became of the vertices that are no centres.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -70,7 +72,8 @@ pub fn shrink(mesh: &mut ClusterMesh, cells: &[u32], centres: &[u32], is_held: i
     let mut waiting: Vec<u32> = (0..cells.len() as u32)
         .filter(|&v| !rings.of(v).is_empty() && !is_held(v) && centres[cells[v as usize] as usize] != v)
         .collect();
-    let mut shrinker = Shrinker { star: EdgeStar::default(), touched: vec![0; mesh.positions.len()], round: 0 };
+    let touched = vec![0; mesh.positions.len()];
+    let mut shrinker = Shrinker { star: EdgeStar::default(), uvs: Vec::new(), touched, round: 0 };
     shrinker.star.reset(mesh.positions.len());
     let wanted = waiting.len() as u64;
     // Towards the centre first; where that gets stuck, to any vertex of the cell.
@@ -95,6 +98,8 @@ pub fn shrink(mesh: &mut ClusterMesh, cells: &[u32], centres: &[u32], is_held: i
 
 struct Shrinker {
     star: EdgeStar,
+    /// Texture coordinate that each wedge pair of the star comes to.
+    uvs: Vec<DVec2>,
     /// Round in which a vertex took part in a collapse: its row in the rings is stale until the next.
     touched: Vec<u32>,
     round: u32,
@@ -133,41 +138,19 @@ impl Shrinker {
 
     fn try_collapse(&mut self, mesh: &mut ClusterMesh, rings: &Rings, from: u32, to: u32) -> bool {
         self.star.gather(mesh, rings, from, to);
-        if self.star.check_topology(mesh, rings, from, to, false).is_err() || !self.keeps_faces(mesh, rings, from, to) {
+        if self.star.check_topology(mesh, rings, from, to, false).is_err() {
             return false;
         }
-        for &face in &self.star.dying {
-            mesh.kill(face);
+        self.uvs.clear();
+        self.uvs.extend(self.star.wedges.iter().map(|pair| mesh.wedge_uv[pair.1 as usize]));
+        let position = mesh.positions[to as usize];
+        if self.star.check_faces(mesh, rings, &[from], position, &self.uvs).is_err() {
+            return false;
         }
-        for &corner in rings.of(from) {
-            let Some(wedge) = mesh.living(corner) else { continue };
-            if let Some(pair) = self.star.wedges.iter().find(|pair| pair.0 == wedge) {
-                mesh.corners.as_flattened_mut()[corner as usize] = pair.1;
-                mesh.corner_vertices.as_flattened_mut()[corner as usize] = to;
-            }
-        }
+        self.star.apply(mesh, rings, from, to);
         self.touched[from as usize] = self.round;
         self.touched[to as usize] = self.round;
         true
-    }
-
-    /// Whether no face around the vertex folds over, in space or in the picture, when it moves.
-    fn keeps_faces(&self, mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32) -> bool {
-        rings.of(from).iter().all(|&corner| {
-            let (face, k) = (corner / 3, corner as usize % 3);
-            let Some(wedge) = mesh.living(corner) else { return true };
-            if self.star.dying.contains(&face) {
-                return true;
-            }
-            let Some(pair) = self.star.wedges.iter().find(|pair| pair.0 == wedge) else { return false };
-            let (before, uv_before) = (mesh.triangle(face), mesh.uv_triangle(face));
-            let (mut after, mut uv_after) = (before, uv_before);
-            after[k] = mesh.positions[to as usize];
-            uv_after[k] = mesh.wedge_uv[pair.1 as usize];
-            let area_sq = |t: [glam::DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).length_squared();
-            let area_ratio = (area_sq(after) / area_sq(before)).sqrt();
-            triangle_survives(before, after) && uv_survives(uv_before, uv_after, area_ratio)
-        })
     }
 }
 

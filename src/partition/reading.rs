@@ -1,0 +1,239 @@
+//! The faces of a cluster are read, with the positions and texture coordinates that they refer to.
+//!
+//! # Memory
+//! 32 bytes a face for the bucket, 24 bytes a vertex, 8 to 20 bytes a texcoord.
+
+use std::collections::HashSet;
+
+use glam::{DVec2, DVec3};
+
+use super::Partition;
+use crate::base::{Error, Result};
+use crate::mesh::polygon;
+use crate::store::{Face, NO_TEXCOORD, Segment, StoredMesh};
+
+/// Vertices and texcoords that are mapped at once while gathering.
+const GATHER_RECORDS: u64 = 64 << 10;
+/// Faces of a block of a cluster that is too heavy to be loaded at once.
+const PASS_FACES: usize = 64 << 10;
+/// Ids that a face may stand for on average where a bit is kept for each; a list takes 32 times that, and is sorted.
+const SPAN_PER_FACE: u64 = 64;
+
+/// The faces of a cluster as they were read, with what they refer to.
+#[derive(Debug)]
+pub struct ClusterFaces {
+    /// Vertices are places in `vertex_ids` and `positions`, texcoords ids of the mesh.
+    pub(super) faces: Vec<Face>,
+    pub(super) positions: Vec<DVec3>,
+    pub(super) degenerate: u64,
+    pub(super) vertex_ids: Vec<u32>,
+    pub(super) texcoord_ids: Vec<u32>,
+    pub(super) texcoords: Vec<DVec2>,
+}
+
+/// Reads a cluster as it lies on disk: what [`load`] makes a mesh of.
+///
+/// # Errors
+/// On failed reads and damaged files.
+pub fn read(partition: &Partition, mesh: &StoredMesh, cluster: usize) -> Result<ClusterFaces> {
+    let own = partition.numbering.starts[cluster]..partition.numbering.starts[cluster + 1];
+    let texcoords = |ids: &[u32]| match &partition.texcoords {
+        Some(brought) => brought.read(cluster),
+        None => gather_texcoords(mesh, ids),
+    };
+    read_faces(partition, partition.faces.buckets.read(cluster)?, own, texcoords)
+}
+
+/// Reads faces; most of their vertices lie in the range `own` of the partition's ids.
+pub(super) fn read_faces(
+    partition: &Partition,
+    mut faces: Vec<Face>,
+    own: std::ops::Range<u32>,
+    texcoords: impl Fn(&[u32]) -> Result<Vec<DVec2>>,
+) -> Result<ClusterFaces> {
+    let vertex_ids = vertex_ids(&faces, &own);
+    let positions = gather(&partition.numbering.positions, &vertex_ids)?;
+    let own_count = vertex_ids.partition_point(|&id| id < own.end) - vertex_ids.partition_point(|&id| id < own.start);
+    let mut local = LocalIds::new(&vertex_ids, &own, own_count);
+    for face in &mut faces {
+        face.vertices = face.vertices.map(|id| local.of(id));
+    }
+    drop(std::mem::take(&mut local));
+    // NOTE: before polygons are triangulated, which may drop triangles: brought texcoords answer all faces of the cell.
+    let texcoord_ids = texcoord_ids(&faces);
+    let degenerate = triangulate_polygons(&mut faces, &positions);
+    let texcoords = texcoords(&texcoord_ids)?;
+    if texcoords.len() != texcoord_ids.len() {
+        let path = partition.faces.buckets.path().to_owned();
+        let message = format!("{} texture coordinates for {} ids", texcoords.len(), texcoord_ids.len());
+        return Err(Error::Damaged { path, message });
+    }
+    Ok(ClusterFaces { faces, positions, degenerate, vertex_ids, texcoord_ids, texcoords })
+}
+
+/// Hands the faces of a cluster to `take` in blocks of about [`PASS_FACES`]; no polygon lies in two of them.
+pub(super) fn for_each_block(
+    partition: &Partition,
+    cluster: usize,
+    mut take: impl FnMut(Vec<Face>) -> Result<()>,
+) -> Result<()> {
+    let mut pending: Vec<Face> = Vec::new();
+    partition.faces.buckets.read_blocks(cluster, |block| {
+        for &face in block {
+            if pending.len() >= PASS_FACES && !face.continues_polygon {
+                take(std::mem::take(&mut pending))?;
+            }
+            pending.push(face);
+        }
+        Ok(true)
+    })?;
+    take(pending)
+}
+
+/// Ids of all vertices that faces use, ascending.
+fn vertex_ids(faces: &[Face], own: &std::ops::Range<u32>) -> Vec<u32> {
+    let mut own_used = vec![false; own.len()];
+    let mut foreign = HashSet::new();
+    for id in faces.iter().flat_map(|face| face.vertices) {
+        if own.contains(&id) {
+            own_used[(id - own.start) as usize] = true;
+        } else {
+            foreign.insert(id);
+        }
+    }
+    // NOTE: sorted at once, so the set's order leaves no trace.
+    let mut ids: Vec<u32> = foreign.into_iter().collect();
+    ids.sort_unstable();
+    let at = ids.partition_point(|&id| id < own.start);
+    let used = (0..own.len() as u32).filter(|&i| own_used[i as usize]).map(|i| own.start + i);
+    ids.splice(at..at, used);
+    ids
+}
+
+/// Partition id → local id.
+#[derive(Debug, Default)]
+struct LocalIds<'a> {
+    ids: &'a [u32],
+    own: std::ops::Range<u32>,
+    of_own: Vec<u32>,
+}
+
+impl<'a> LocalIds<'a> {
+    fn new(ids: &'a [u32], own: &std::ops::Range<u32>, own_count: usize) -> Self {
+        let mut of_own = vec![u32::MAX; own.len()];
+        let first = ids.partition_point(|&id| id < own.start);
+        for (i, &id) in ids[first..first + own_count].iter().enumerate() {
+            of_own[(id - own.start) as usize] = (first + i) as u32;
+        }
+        Self { ids, own: own.clone(), of_own }
+    }
+
+    fn of(&self, id: u32) -> u32 {
+        match self.own.contains(&id) {
+            true => self.of_own[(id - self.own.start) as usize],
+            false => self.ids.partition_point(|&other| other < id) as u32,
+        }
+    }
+}
+
+/// Replaces fans by proper triangulations, and drops their triangles that repeat a vertex; returns how many.
+pub(super) fn triangulate_polygons(faces: &mut Vec<Face>, positions: &[DVec3]) -> u64 {
+    if !faces.iter().any(|face| face.continues_polygon) {
+        return 0;
+    }
+    let mut dropped = 0;
+    let mut out = Vec::with_capacity(faces.len());
+    let (mut corners, mut outline, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
+    let mut at = 0;
+    while at < faces.len() {
+        let more = faces[at + 1..].iter().take_while(|face| face.continues_polygon).count();
+        let fan = &faces[at..=at + more];
+        at += more + 1;
+        let first = fan[0];
+        corners.clear();
+        corners.extend((0..2).map(|k| (first.vertices[k], first.texcoords[k])));
+        corners.extend(fan.iter().map(|face| (face.vertices[2], face.texcoords[2])));
+        outline.clear();
+        outline.extend(corners.iter().map(|&(v, _)| positions[v as usize]));
+        polygon::triangulate(&outline, &mut triangles);
+        for triangle in &triangles {
+            let pick = triangle.map(|i| corners[i as usize]);
+            let vertices = pick.map(|(v, _)| v);
+            if vertices[0] == vertices[1] || vertices[1] == vertices[2] || vertices[2] == vertices[0] {
+                dropped += 1;
+                continue;
+            }
+            out.push(Face { vertices, texcoords: pick.map(|(_, t)| t), continues_polygon: false, ..first });
+        }
+    }
+    *faces = out;
+    dropped
+}
+
+/// Ids of all texcoords that faces use, ascending.
+pub(super) fn texcoord_ids(faces: &[Face]) -> Vec<u32> {
+    let used = || faces.iter().flat_map(|face| face.texcoords).filter(|&id| id != NO_TEXCOORD);
+    let (first, last) = used().fold((u32::MAX, 0), |(first, last), id| (first.min(id), last.max(id)));
+    let span = (u64::from(last) + 1).saturating_sub(u64::from(first));
+    if span <= SPAN_PER_FACE * faces.len() as u64 {
+        return ids_of_span(used(), first, span as usize);
+    }
+    let mut ids: Vec<u32> = Vec::with_capacity(faces.len());
+    let mut recent = [NO_TEXCOORD; 64];
+    for id in used() {
+        let slot = &mut recent[id as usize % 64];
+        if *slot != id {
+            *slot = id;
+            ids.push(id);
+        }
+    }
+    ids.sort_unstable();
+    ids.dedup();
+    ids
+}
+
+/// The distinct ids among `used`, which all lie in the `span` from `first` on, ascending.
+fn ids_of_span(used: impl Iterator<Item = u32>, first: u32, span: usize) -> Vec<u32> {
+    let mut bits = vec![0u64; span.div_ceil(64)];
+    used.for_each(|id| bits[(id - first) as usize / 64] |= 1 << ((id - first) % 64));
+    let mut ids = Vec::with_capacity(bits.iter().map(|word| word.count_ones() as usize).sum());
+    for (at, mut word) in bits.into_iter().enumerate() {
+        while word != 0 {
+            ids.push(first + 64 * at as u32 + word.trailing_zeros());
+            word &= word - 1;
+        }
+    }
+    ids
+}
+
+/// Records at ascending ids, read through bounded windows.
+///
+/// # Errors
+/// On failed reads.
+pub fn gather<T: bytemuck::Pod>(column: &Segment<T>, ids: &[u32]) -> Result<Vec<T>> {
+    let mut out = Vec::with_capacity(ids.len());
+    let mut at = 0;
+    while at < ids.len() {
+        let start = u64::from(ids[at]);
+        let end = at + ids[at..].partition_point(|&id| u64::from(id) < start + GATHER_RECORDS);
+        let window = column.window(start..u64::from(ids[end - 1]) + 1)?;
+        out.extend(ids[at..end].iter().map(|&id| window[(u64::from(id) - start) as usize]));
+        at = end;
+    }
+    Ok(out)
+}
+
+/// Texture coordinates at ascending ids of the mesh.
+pub(super) fn gather_texcoords(mesh: &StoredMesh, ids: &[u32]) -> Result<Vec<DVec2>> {
+    let mut out = Vec::with_capacity(ids.len());
+    let (mut base, mut at) = (0u64, 0);
+    for piece in &mesh.pieces {
+        let end = at + ids[at..].partition_point(|&id| u64::from(id) < base + piece.texcoords.len());
+        if end > at {
+            let local: Vec<u32> = ids[at..end].iter().map(|&id| (u64::from(id) - base) as u32).collect();
+            out.append(&mut gather(&piece.texcoords, &local)?);
+        }
+        (base, at) = (base + piece.texcoords.len(), end);
+    }
+    Ok(out)
+}

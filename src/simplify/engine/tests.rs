@@ -1,0 +1,85 @@
+//! The engine on small meshes.
+
+use super::*;
+use crate::cost::surface::{SurfaceCost, Weights};
+use crate::mesh::cluster::samples;
+
+fn simplified(mesh: ClusterMesh, faces: usize) -> (ClusterMesh, StageResult) {
+    let mut engine = Engine::<SurfaceCost>::new(mesh, &Weights::default());
+    let result = engine.run(Stop::Faces(faces));
+    (engine.finish(), result)
+}
+
+fn area(mesh: &ClusterMesh) -> f64 {
+    let across = |t: [glam::DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).length();
+    (0..mesh.corners.len() as u32).map(|face| 0.5 * across(mesh.triangle(face))).sum()
+}
+
+#[test]
+fn a_flat_square_becomes_two_triangles_of_the_same_area() {
+    let (mesh, result) = simplified(samples::grid(12, 0.0), 2);
+    assert!(result.reached, "{result:?}");
+    assert_eq!(mesh.corners.len(), 2);
+    assert!((area(&mesh) - 144.0).abs() < 1e-3, "{}", area(&mesh));
+}
+
+#[test]
+fn the_face_target_is_hit() {
+    let (mesh, result) = simplified(samples::grid(40, 0.5), 801);
+    assert!(result.reached);
+    assert!((799..=801).contains(&mesh.corners.len()));
+}
+
+#[test]
+fn a_locked_vertex_never_moves_and_never_vanishes() {
+    let mut mesh = samples::grid(12, 0.3);
+    let before = mesh.positions.clone();
+    for vertex in (0..169).step_by(5) {
+        mesh.flags[vertex] |= flag::LOCKED;
+    }
+    let (mesh, _) = simplified(mesh, 2);
+    for vertex in (0..169).step_by(5) {
+        assert_eq!(mesh.positions[vertex], before[vertex]);
+        assert!(mesh.corners.iter().flatten().any(|&w| mesh.wedge_vertex[w as usize] as usize == vertex));
+    }
+}
+
+#[test]
+fn a_seam_keeps_both_charts_on_their_sides() {
+    let (mesh, result) = simplified(samples::two_charts(12), 4);
+    assert!(result.reached, "{result:?}");
+    assert!((area(&mesh) - 144.0).abs() < 1e-3, "{}", area(&mesh));
+    for corners in &mesh.corners {
+        let right = corners.iter().filter(|&&w| mesh.wedge_uv[w as usize].x >= 6.99).count();
+        let left = corners.iter().filter(|&&w| mesh.wedge_uv[w as usize].x <= 0.601).count();
+        assert!(right < 3 || left == 0, "a face spans both charts");
+    }
+}
+
+#[test]
+fn an_edge_that_only_its_upper_end_may_collapse_is_proposed_by_it() {
+    // Vertex 4 is the only one inside; without border planes it may meet a border vertex, but none may meet it.
+    let settings = crate::cost::classic::Settings { border: 0.0 };
+    let mut engine = Engine::<crate::cost::ClassicCost>::new(samples::grid(2, 0.5), &settings);
+    engine.prepare();
+    engine.cost.refresh(&engine.mesh, &engine.rings, &engine.classes);
+    let mut edges = Vec::new();
+    edges_at(&engine.mesh, &engine.rings, 4, &mut edges);
+    assert_eq!(edges.iter().filter(|edge| edge.other < 4).count(), 3);
+    assert!(edges.iter().all(|edge| engine.propose(4, edge).cost.is_finite()));
+    edges_at(&engine.mesh, &engine.rings, 0, &mut edges);
+    let inward = edges.iter().find(|edge| edge.other == 4).unwrap();
+    assert!(engine.propose(0, inward).cost.is_infinite());
+}
+
+#[test]
+fn locked_seams_stay_whole() {
+    let mut engine = Engine::<SurfaceCost>::new(samples::two_charts(12), &Weights::default());
+    engine.lock_seams = true;
+    engine.run(Stop::Faces(4));
+    let mesh = engine.finish();
+    for y in 0..=12 {
+        let vertex = y * 13 + 6;
+        assert!(mesh.corners.iter().flatten().any(|&w| mesh.wedge_vertex[w as usize] == vertex), "{vertex}");
+    }
+}
