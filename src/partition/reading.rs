@@ -31,7 +31,7 @@ pub struct ClusterFaces {
     pub(super) texcoords: Vec<DVec2>,
 }
 
-/// Reads a cluster as it lies on disk: what [`load`] makes a mesh of.
+/// Reads a cluster as it lies on disk: what a mesh is made of.
 ///
 /// # Errors
 /// On failed reads and damaged files.

@@ -83,3 +83,41 @@ fn locked_seams_stay_whole() {
         assert!(mesh.corners.iter().flatten().any(|&w| mesh.wedge_vertex[w as usize] == vertex), "{vertex}");
     }
 }
+
+/// A flat square of 12 × 12 in three charts that meet at vertex 84: the left half, and the right one in two parts.
+fn three_charts() -> ClusterMesh {
+    let grid = samples::grid(12, 0.0);
+    let mut mesh = ClusterMesh::default();
+    for &position in &grid.positions {
+        mesh.push_vertex(position, 0);
+    }
+    let mut wedges = std::collections::BTreeMap::new();
+    for face in 0..grid.corners.len() as u32 {
+        let centre = grid.triangle(face).into_iter().sum::<glam::DVec3>() / 3.0;
+        let chart = if centre.x < 6.0 { 0 } else { 1 + u32::from(centre.y > 6.0) };
+        let corners = grid.vertices(face).map(|vertex| {
+            let uv = grid.positions[vertex as usize].truncate() + glam::DVec2::splat(100.0 * f64::from(chart));
+            *wedges.entry((vertex, chart)).or_insert_with(|| mesh.push_wedge(vertex, uv))
+        });
+        mesh.push_face(corners, 0);
+    }
+    mesh.link_wedges();
+    mesh
+}
+
+#[test]
+fn a_corner_vanishes_along_a_seam_and_the_third_chart_keeps_its_picture() {
+    let before = three_charts();
+    let known: Vec<_> = before.wedge_uv.iter().map(|uv| uv.to_array().map(f64::to_bits)).collect();
+    let (mesh, _) = simplified(before, 8);
+    assert!(mesh.corner_vertices.iter().flatten().all(|&vertex| vertex != 84), "the corner is still there");
+    assert!((area(&mesh) - 144.0).abs() < 1e-3, "{}", area(&mesh));
+    for (corners, vertices) in mesh.corners.iter().zip(&mesh.corner_vertices) {
+        let uv = corners.map(|w| mesh.wedge_uv[w as usize]);
+        let charts = uv.map(|uv| (uv.x / 100.0).round());
+        assert!(charts.iter().all(|&chart| chart == charts[0]), "a face spans charts: {uv:?}");
+        assert!((uv[1] - uv[0]).perp_dot(uv[2] - uv[0]) > 0.0, "a folded picture: {uv:?}");
+        assert!(uv.iter().all(|uv| known.contains(&uv.to_array().map(f64::to_bits))), "a new place: {uv:?}");
+        assert_eq!(corners.map(|w| mesh.wedge_vertex[w as usize]), *vertices);
+    }
+}
