@@ -30,6 +30,10 @@ pub trait Metric: Sized {
     /// then keep their wedges, which come to the vertex that stays.
     const CORNERS_VANISH: bool = false;
 
+    /// Whether seams and borders of charts are kept from leaving their charts: where a collapse would cut across a bend,
+    /// the vertex that stays moves into the chart.
+    const INSETS: bool = false;
+
     /// Without a mesh yet.
     fn new(settings: &Self::Settings) -> Self;
 

@@ -61,6 +61,8 @@ pub struct EdgeCase<'a> {
     pub stays: bool,
     /// Which wedge of `from` becomes which wedge of `to`.
     pub wedges: &'a [(u32, u32)],
+    /// How far the texture coordinate of each pair's wedge of `to` moves.
+    pub insets: [Vec2; 2],
 }
 
 /// Where the vertex goes and what that costs (area × length²).
@@ -175,10 +177,13 @@ impl SurfaceCost {
     fn moved(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, d: Vec3) -> f32 {
         let mut error = self.vertices[edge.from as usize].at(d);
         if self.has_texture() {
-            for &(wa, wb) in edge.wedges {
-                let slide = slide(mesh, wa, wb);
+            for (&(wa, wb), inset) in edge.wedges.iter().zip(edge.insets) {
+                let slide = slide(mesh, wa, wb) + inset;
                 if !slide.is_nan() {
                     error += self.wedges[wa as usize].at(d, slide);
+                    if inset != Vec2::ZERO {
+                        error += self.wedges[wb as usize].at(Vec3::ZERO, inset);
+                    }
                 }
             }
         }
@@ -193,10 +198,15 @@ impl SurfaceCost {
         vanished.linear += vanished.apply(d);
         vanished.constant = constant;
         if self.has_texture() {
-            for &(wa, wb) in edge.wedges {
-                let slide = slide(mesh, wa, wb);
+            for (&(wa, wb), inset) in edge.wedges.iter().zip(edge.insets) {
+                let slide = slide(mesh, wa, wb) + inset;
                 if slide.is_nan() {
                     continue;
+                }
+                if inset != Vec2::ZERO {
+                    let wedge = &mut self.wedges[wb as usize];
+                    vanished.linear -= wedge.gradient[0] * inset.x + wedge.gradient[1] * inset.y;
+                    wedge.offset -= wedge.weight * inset;
                 }
                 let LocalWedge { gradient, weight, .. } = self.wedges[wa as usize];
                 vanished.linear -= gradient[0] * slide.x + gradient[1] * slide.y;
@@ -271,6 +281,7 @@ impl Metric for SurfaceCost {
 
     const ENDPOINTS: bool = true;
     const CORNERS_VANISH: bool = true;
+    const INSETS: bool = true;
 
     fn new(weights: &Weights) -> Self {
         Self::new(*weights)
@@ -350,7 +361,7 @@ mod tests {
         cost
     }
 
-    const EDGE: EdgeCase<'_> = EdgeCase { from: 6, to: 12, onto: true, stays: true, wedges: &[(6, 12)] };
+    const EDGE: EdgeCase<'_> = EdgeCase { from: 6, to: 12, onto: true, stays: true, wedges: &[(6, 12)], insets: [Vec2::ZERO; 2] };
 
     /// A field of hills, so that quadrics, textures and places are of all kinds.
     fn hills() -> ClusterMesh {

@@ -1,10 +1,10 @@
 //! One edge collapse: from the candidate to the changed mesh, or to the reason against it.
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec2};
 
 use super::deviation::Patches;
 use super::legality::{EdgeStar, Refusal, area_ratio, triangle_survives, uv_survives};
-use super::texture::{uv_on_chain, uv_on_ring};
+use super::texture::{insets, uv_on_chain, uv_on_ring};
 use crate::cost::{EdgeCase, Metric};
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::ring::Rings;
@@ -27,6 +27,8 @@ pub struct Collapse {
     pub chain: bool,
     /// Whether charts without the edge may keep their wedges of `from`, which come to `to`.
     pub strands: bool,
+    /// Whether texture coordinates of `to` may move into their charts.
+    pub insets: bool,
 }
 
 /// Collapses edges of one mesh; holds scratch space only.
@@ -59,18 +61,22 @@ impl Collapser {
         let Collapse { from, to, onto, stays, .. } = collapse;
         self.star.gather(mesh, rings, from, to);
         self.star.check_topology(mesh, rings, from, to, collapse.strands)?;
-        let position = cost.place(mesh, &EdgeCase { from, to, onto, stays, wedges: &self.star.wedges }).position;
+        let insets =
+            if collapse.insets { insets(mesh, rings, (from, to), &self.star.wedges) } else { [Vec2::ZERO; 2] };
+        let moves = insets != [Vec2::ZERO; 2];
+        let position = cost.place(mesh, &EdgeCase { from, to, onto, stays, wedges: &self.star.wedges, insets }).position;
         self.choose_uvs(mesh, rings, cost, collapse, position)?;
-        let moving = if stays { &[from][..] } else { &[from, to][..] };
+        self.uvs.iter_mut().zip(insets).for_each(|(uv, inset)| *uv += inset.as_dvec2());
+        let moving = if stays && !moves { &[from][..] } else { &[from, to][..] };
         self.star.check_faces(mesh, rings, moving, position, &self.uvs)?;
         let deviation = self.check_deviation(mesh, rings, collapse, position)?;
-        let edge = EdgeCase { from, to, onto, stays, wedges: &self.star.wedges };
+        let edge = EdgeCase { from, to, onto, stays, wedges: &self.star.wedges, insets };
         cost.join(mesh, &edge);
         self.star.stranded.iter().for_each(|&wedge| cost.bring(mesh, &edge, wedge));
         if let Some(deviation) = deviation {
             self.set_deviation(mesh, rings, collapse, deviation);
         }
-        Ok(self.apply(mesh, rings, collapse, position))
+        Ok(self.apply(mesh, rings, collapse, position, moves))
     }
 
     /// Moves a vertex to its best place, or half-way there, if no face around it folds over.
@@ -150,7 +156,7 @@ impl Collapser {
         self.uvs.clear();
         if onto {
             self.uvs.extend(wedges.iter().map(|pair| mesh.wedge_uv[pair.1 as usize]));
-        } else if cost.texcoords(mesh, &EdgeCase { from, to, onto, stays, wedges }, position, &mut self.uvs) {
+        } else if cost.texcoords(mesh, &EdgeCase { from, to, onto, stays, wedges, insets: [Vec2::ZERO; 2] }, position, &mut self.uvs) {
             return Ok(());
         } else if collapse.chain {
             uv_on_chain(mesh, rings, (from, to), wedges, position, &mut self.uvs).ok_or(Refusal::Seam)?;
@@ -198,14 +204,14 @@ impl Collapser {
         }
     }
 
-    fn apply(&self, mesh: &mut ClusterMesh, rings: &Rings, collapse: Collapse, position: DVec3) -> usize {
+    fn apply(&self, mesh: &mut ClusterMesh, rings: &Rings, collapse: Collapse, position: DVec3, moves: bool) -> usize {
         let Collapse { from, to, .. } = collapse;
         self.star.apply(mesh, rings, from, to);
         if !collapse.stays && mesh.positions[to as usize] != position {
             mesh.flags[to as usize] |= flag::MOVED;
             mesh.positions[to as usize] = position;
         }
-        if !collapse.onto {
+        if !collapse.onto || moves {
             for (&(_, wedge), &uv) in self.star.wedges.iter().zip(&self.uvs) {
                 mesh.wedge_uv[wedge as usize] = uv;
                 mesh.wedge_moved[wedge as usize] = true;

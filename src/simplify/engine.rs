@@ -12,6 +12,9 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use super::collapse::{Collapse, Collapser};
+use glam::Vec2;
+
+use super::texture::insets;
 use super::legality::Refusal;
 use super::proposal::{EdgeAt, Proposal, edges_at};
 use super::witness::Witnesses;
@@ -357,7 +360,7 @@ impl<M: Metric> Engine<M> {
         if !M::ENDPOINTS {
             return self.propose(from, edge);
         }
-        let case = EdgeCase { from, to: edge.other, onto: true, stays: true, wedges: &edge.wedges[..1] };
+        let case = EdgeCase { from, to: edge.other, onto: true, stays: true, wedges: &edge.wedges[..1], insets: [Vec2::ZERO; 2] };
         // NOTE: bits of a cost that is not a number are above those of infinity.
         let cost = self.cost.place(&self.mesh, &case).cost as f32;
         Proposal { cost, to: edge.other, onto: true, chain: false, second_best: false }
@@ -376,7 +379,13 @@ impl<M: Metric> Engine<M> {
         let wedges = if kind == EdgeKind::Seam { &edge.wedges[..2] } else { &edge.wedges[..1] };
         let onto = matches!(rule, Rule::Onto | Rule::ChainOnto);
         let chain = matches!(rule, Rule::Chain | Rule::ChainOnto);
-        let cost = self.cost.place(&self.mesh, &EdgeCase { from, to, onto, stays: self.stays(to), wedges }).cost as f32;
+        let insets = if M::INSETS && chain && !self.is_held(to) {
+            insets(&self.mesh, &self.rings, (from, to), wedges)
+        } else {
+            [Vec2::ZERO; 2]
+        };
+        let case = EdgeCase { from, to, onto, stays: self.stays(to), wedges, insets };
+        let cost = self.cost.place(&self.mesh, &case).cost as f32;
         if cost.is_finite() { Proposal { cost, to, onto, chain, second_best: false } } else { Proposal::NONE }
     }
 
@@ -440,7 +449,8 @@ impl<M: Metric> Engine<M> {
             return true;
         }
         let strands = M::CORNERS_VANISH && self.classes[from as usize].is_corner();
-        let collapse = Collapse { from, to, onto, stays: self.stays(to), chain, strands };
+        let insets = M::INSETS && chain && !self.is_held(to);
+        let collapse = Collapse { from, to, onto, stays: self.stays(to), chain, strands, insets };
         match self.collapser.try_collapse(&mut self.mesh, &self.rings, &mut self.cost, collapse) {
             Ok(died) => {
                 self.touched[from as usize] = self.round;

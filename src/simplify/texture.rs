@@ -8,7 +8,7 @@
 //!                      p'                        p' is the closest point of the chain
 //! ```
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec2};
 
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
@@ -54,6 +54,38 @@ pub fn uv_on_chain(
         out.push(uv);
     }
     Some(())
+}
+
+/// [`inset`] of each pair of wedges.
+pub fn insets(mesh: &ClusterMesh, rings: &Rings, edge: (u32, u32), wedges: &[(u32, u32)]) -> [Vec2; 2] {
+    let mut insets = [Vec2::ZERO; 2];
+    for (inset_of, &pair) in insets.iter_mut().zip(wedges) {
+        *inset_of = inset(mesh, rings, edge, pair);
+    }
+    insets
+}
+
+/// How far the texture coordinate of a wedge of `to` must move into its chart, so that the seam or border from it to the
+/// vertex beyond `from` does not leave the chart when `from` vanishes.
+pub fn inset(mesh: &ClusterMesh, rings: &Rings, (from, to): (u32, u32), (from_wedge, to_wedge): (u32, u32)) -> Vec2 {
+    let Some((_, next_wedge)) = chain_end(mesh, rings, from, from_wedge, to) else { return Vec2::ZERO };
+    let uv = |wedge: u32| mesh.wedge_uv[wedge as usize];
+    let (bend, chord) = (uv(from_wedge) - uv(to_wedge), uv(next_wedge) - uv(to_wedge));
+    let inside = rings.of(from).iter().find_map(|&corner| {
+        if mesh.living(corner) != Some(from_wedge) {
+            return None;
+        }
+        let far = ClusterMesh::following(corner);
+        let k = far.iter().position(|&c| mesh.vertex_of(c) == to)?;
+        Some(bend.perp_dot(uv(mesh.wedge_of(far[1 - k])) - uv(to_wedge)).signum())
+    });
+    let length_sq = chord.length_squared();
+    let overhang = inside.unwrap_or(f64::NAN) * chord.perp_dot(bend);
+    if !(overhang > 0.0 && length_sq > 0.0) {
+        return Vec2::ZERO;
+    }
+    let along = (bend.dot(chord) / length_sq).clamp(0.0, 0.5);
+    (chord.perp() * (inside.unwrap_or(0.0) * overhang / (length_sq * (1.0 - along)))).as_vec2()
 }
 
 /// Link of the chain (0 to 2) and parameter on it (0 to 1) closest to a position.
