@@ -83,7 +83,14 @@ impl Prepared {
             for &corner in self.rings.of(from) {
                 let next = ClusterMesh::following(corner)[0];
                 let wedges = [(mesh.wedge_of(corner), mesh.wedge_of(next))];
-                let edge = EdgeCase { from, to: mesh.vertex_of(next), onto: false, stays: true, wedges: &wedges };
+                let edge = EdgeCase {
+                    from,
+                    to: mesh.vertex_of(next),
+                    onto: false,
+                    stays: true,
+                    wedges: &wedges,
+                    insets: [glam::Vec2::ZERO; 2],
+                };
                 sum += self.cost.place(mesh, &edge).cost;
             }
         }

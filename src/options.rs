@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use crate::base::{Error, Result, bytes};
-use crate::cost::{Weights, classic, curvature, knob, oblique, sharpness, terrain};
+use crate::cost::{Weights, classic, curvature, knob, oblique, sharpness, surface, terrain};
 use crate::job::Resume;
 use crate::remesh::cvd;
 use crate::stitch::{Cost, SeamPolicy};
@@ -326,10 +326,11 @@ impl SimplifyOptions {
         let given = &self.metric_option;
         let metric = self.metric.unwrap_or(if has_texture { Metric::QemAttributes } else { Metric::Qem });
         let cost = match metric {
-            Metric::Qem => knob::read(&[], given).map(|[]| Cost::Surface(Weights { uv: 0.0, ..Weights::default() })),
-            Metric::QemAttributes => knob::read(&[], given).map(|[]| {
+            Metric::Qem => knob::read(&surface::KNOBS, given)
+                .map(|values| Cost::Surface(Weights { uv: 0.0, ..Weights::from(values) })),
+            Metric::QemAttributes => knob::read(&surface::KNOBS, given).map(|values| {
                 let uv = if has_texture { self.uv_weight } else { 0.0 };
-                Cost::Surface(Weights { uv, ..Weights::default() })
+                Cost::Surface(Weights { uv, ..Weights::from(values) })
             }),
             Metric::Qem1997 => knob::read(&classic::KNOBS, given).map(|values| Cost::Classic(values.into())),
             Metric::Oblique => knob::read(&oblique::KNOBS, given).map(|values| Cost::Oblique(values.into())),

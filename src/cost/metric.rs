@@ -30,10 +30,6 @@ pub trait Metric: Sized {
     /// then keep their wedges, which come to the vertex that stays.
     const CORNERS_VANISH: bool = false;
 
-    /// Whether seams and borders of charts are kept from leaving their charts: where a collapse would cut across a bend,
-    /// the vertex that stays moves into the chart.
-    const INSETS: bool = false;
-
     /// Without a mesh yet.
     fn new(settings: &Self::Settings) -> Self;
 
@@ -79,6 +75,13 @@ pub trait Metric: Sized {
     #[inline]
     fn best_place(&self, _mesh: &ClusterMesh, _vertex: u32, _wedge: Option<u32>) -> Option<DVec3> {
         None
+    }
+
+    /// Share of what a seam or border would leave its chart by, where it cuts across a bend, that the vertex that stays
+    /// moves into the chart.
+    #[inline]
+    fn inset(&self) -> f64 {
+        0.0
     }
 
     /// Area of the mesh at the last refresh.

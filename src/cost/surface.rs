@@ -18,6 +18,7 @@
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
+use super::knob::{Knob, factor, switch};
 use super::local::{LocalQuadric, LocalWedge};
 use super::metric::Metric;
 use crate::mesh::class::Class;
@@ -40,11 +41,30 @@ pub struct Weights {
     pub border: f64,
     /// Of the squared distance to a seam, per squared seam length and side.
     pub seam: f64,
+    /// Share of what a straightened seam or border leaves its chart by that its texture coordinates move inwards instead.
+    pub inset: f64,
 }
 
 impl Default for Weights {
     fn default() -> Self {
-        Self { uv: 0.5, border: 1.0, seam: 0.12 }
+        Self::from(KNOBS.map(|knob| knob.default))
+    }
+}
+
+/// What may be set besides the weight of the slide.
+pub const KNOBS: [Knob; 3] = [
+    factor("border", 1.0, "weight of the squared distance to open borders"),
+    factor("seam", 0.12, "weight of the squared distance to seams"),
+    switch(
+        "inset",
+        0.0,
+        "share of what a straightened seam leaves its chart by that its picture moves inwards instead",
+    ),
+];
+
+impl From<[f64; 3]> for Weights {
+    fn from([border, seam, inset]: [f64; 3]) -> Self {
+        Self { uv: 0.5, border, seam, inset }
     }
 }
 
@@ -281,7 +301,6 @@ impl Metric for SurfaceCost {
 
     const ENDPOINTS: bool = true;
     const CORNERS_VANISH: bool = true;
-    const INSETS: bool = true;
 
     fn new(weights: &Weights) -> Self {
         Self::new(*weights)
@@ -310,6 +329,11 @@ impl Metric for SurfaceCost {
 
     fn best_place(&self, mesh: &ClusterMesh, vertex: u32, wedge: Option<u32>) -> Option<DVec3> {
         self.best_place(mesh, vertex, wedge)
+    }
+
+    #[inline(always)]
+    fn inset(&self) -> f64 {
+        self.weights.inset
     }
 
     fn area(&self) -> f64 {
@@ -361,7 +385,8 @@ mod tests {
         cost
     }
 
-    const EDGE: EdgeCase<'_> = EdgeCase { from: 6, to: 12, onto: true, stays: true, wedges: &[(6, 12)], insets: [Vec2::ZERO; 2] };
+    const EDGE: EdgeCase<'_> =
+        EdgeCase { from: 6, to: 12, onto: true, stays: true, wedges: &[(6, 12)], insets: [Vec2::ZERO; 2] };
 
     /// A field of hills, so that quadrics, textures and places are of all kinds.
     fn hills() -> ClusterMesh {

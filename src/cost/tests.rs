@@ -1,6 +1,6 @@
 //! What holds for every metric, and each metric beside a plain evaluation of its formulas.
 
-use glam::{DMat3, DQuat, DVec2, DVec3};
+use glam::{DMat3, DQuat, DVec2, DVec3, Vec2};
 
 use super::census::Census;
 use super::fan::{Fan, angle_between};
@@ -11,8 +11,10 @@ use crate::mesh::cluster::{ClusterMesh, samples};
 use crate::mesh::ring::Rings;
 
 /// Two inner vertices of a grid of 6 × 6 squares, joined by a diagonal.
-const INNER: EdgeCase<'_> = EdgeCase { from: 16, to: 24, onto: false, stays: false, wedges: &[(16, 24)], insets: [Vec2::ZERO; 2] };
-const SWAPPED: EdgeCase<'_> = EdgeCase { from: 24, to: 16, onto: false, stays: false, wedges: &[(24, 16)], insets: [Vec2::ZERO; 2] };
+const INNER: EdgeCase<'_> =
+    EdgeCase { from: 16, to: 24, onto: false, stays: false, wedges: &[(16, 24)], insets: [Vec2::ZERO; 2] };
+const SWAPPED: EdgeCase<'_> =
+    EdgeCase { from: 24, to: 16, onto: false, stays: false, wedges: &[(24, 16)], insets: [Vec2::ZERO; 2] };
 
 struct Prepared<M> {
     mesh: ClusterMesh,
@@ -374,7 +376,14 @@ fn oblique_rules_are_those_of_the_paper() {
     // Two seam vertices meet in the middle, and so do their texture coordinates on both sides.
     let other = it.mesh.wedge_next[24];
     let above = it.mesh.wedge_next[31];
-    let edge = EdgeCase { from: 24, to: 31, onto: false, stays: false, wedges: &[(24, 31), (other, above)], insets: [Vec2::ZERO; 2] };
+    let edge = EdgeCase {
+        from: 24,
+        to: 31,
+        onto: false,
+        stays: false,
+        wedges: &[(24, 31), (other, above)],
+        insets: [Vec2::ZERO; 2],
+    };
     let placed = it.price(&edge);
     assert_eq!(placed.position, 0.5 * (it.mesh.positions[24] + it.mesh.positions[31]));
     let mut uvs = Vec::new();

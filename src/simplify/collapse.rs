@@ -27,8 +27,8 @@ pub struct Collapse {
     pub chain: bool,
     /// Whether charts without the edge may keep their wedges of `from`, which come to `to`.
     pub strands: bool,
-    /// Whether texture coordinates of `to` may move into their charts.
-    pub insets: bool,
+    /// Share of what the chain would leave its charts by that texture coordinates of `to` move inwards instead.
+    pub inset: f64,
 }
 
 /// Collapses edges of one mesh; holds scratch space only.
@@ -61,13 +61,13 @@ impl Collapser {
         let Collapse { from, to, onto, stays, .. } = collapse;
         self.star.gather(mesh, rings, from, to);
         self.star.check_topology(mesh, rings, from, to, collapse.strands)?;
-        let insets =
-            if collapse.insets { insets(mesh, rings, (from, to), &self.star.wedges) } else { [Vec2::ZERO; 2] };
-        let moves = insets != [Vec2::ZERO; 2];
-        let position = cost.place(mesh, &EdgeCase { from, to, onto, stays, wedges: &self.star.wedges, insets }).position;
+        let insets = insets(mesh, rings, collapse.inset, (from, to), &self.star.wedges);
+        let position =
+            cost.place(mesh, &EdgeCase { from, to, onto, stays, wedges: &self.star.wedges, insets }).position;
         self.choose_uvs(mesh, rings, cost, collapse, position)?;
         self.uvs.iter_mut().zip(insets).for_each(|(uv, inset)| *uv += inset.as_dvec2());
-        let moving = if stays && !moves { &[from][..] } else { &[from, to][..] };
+        let collapse = Collapse { onto: onto && insets == [Vec2::ZERO; 2], ..collapse };
+        let moving = if stays && collapse.onto { &[from][..] } else { &[from, to][..] };
         self.star.check_faces(mesh, rings, moving, position, &self.uvs)?;
         let deviation = self.check_deviation(mesh, rings, collapse, position)?;
         let edge = EdgeCase { from, to, onto, stays, wedges: &self.star.wedges, insets };
@@ -76,7 +76,7 @@ impl Collapser {
         if let Some(deviation) = deviation {
             self.set_deviation(mesh, rings, collapse, deviation);
         }
-        Ok(self.apply(mesh, rings, collapse, position, moves))
+        Ok(self.apply(mesh, rings, collapse, position))
     }
 
     /// Moves a vertex to its best place, or half-way there, if no face around it folds over.
@@ -156,7 +156,12 @@ impl Collapser {
         self.uvs.clear();
         if onto {
             self.uvs.extend(wedges.iter().map(|pair| mesh.wedge_uv[pair.1 as usize]));
-        } else if cost.texcoords(mesh, &EdgeCase { from, to, onto, stays, wedges, insets: [Vec2::ZERO; 2] }, position, &mut self.uvs) {
+        } else if cost.texcoords(
+            mesh,
+            &EdgeCase { from, to, onto, stays, wedges, insets: [Vec2::ZERO; 2] },
+            position,
+            &mut self.uvs,
+        ) {
             return Ok(());
         } else if collapse.chain {
             uv_on_chain(mesh, rings, (from, to), wedges, position, &mut self.uvs).ok_or(Refusal::Seam)?;
@@ -204,14 +209,14 @@ impl Collapser {
         }
     }
 
-    fn apply(&self, mesh: &mut ClusterMesh, rings: &Rings, collapse: Collapse, position: DVec3, moves: bool) -> usize {
+    fn apply(&self, mesh: &mut ClusterMesh, rings: &Rings, collapse: Collapse, position: DVec3) -> usize {
         let Collapse { from, to, .. } = collapse;
         self.star.apply(mesh, rings, from, to);
         if !collapse.stays && mesh.positions[to as usize] != position {
             mesh.flags[to as usize] |= flag::MOVED;
             mesh.positions[to as usize] = position;
         }
-        if !collapse.onto || moves {
+        if !collapse.onto {
             for (&(_, wedge), &uv) in self.star.wedges.iter().zip(&self.uvs) {
                 mesh.wedge_uv[wedge as usize] = uv;
                 mesh.wedge_moved[wedge as usize] = true;

@@ -11,12 +11,12 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use super::collapse::{Collapse, Collapser};
 use glam::Vec2;
 
-use super::texture::insets;
+use super::collapse::{Collapse, Collapser};
 use super::legality::Refusal;
 use super::proposal::{EdgeAt, Proposal, edges_at};
+use super::texture::insets;
 use super::witness::Witnesses;
 use crate::cost::census::Census;
 use crate::cost::surface::EdgeKind;
@@ -303,6 +303,12 @@ impl<M: Metric> Engine<M> {
         M::ENDPOINTS || self.is_held(vertex)
     }
 
+    /// Share of an overhang that the texture coordinates of the vertex that stays make good.
+    #[inline(always)]
+    fn inset(&self, to: u32, chain: bool) -> f64 {
+        if chain && self.cost.inset() > 0.0 && !self.is_held(to) { self.cost.inset() } else { 0.0 }
+    }
+
     /// What the edge's kind, both classes and both locks allow.
     fn rule(&self, from: u32, to: u32, kind: EdgeKind) -> Rule {
         if self.is_held(from) {
@@ -360,7 +366,14 @@ impl<M: Metric> Engine<M> {
         if !M::ENDPOINTS {
             return self.propose(from, edge);
         }
-        let case = EdgeCase { from, to: edge.other, onto: true, stays: true, wedges: &edge.wedges[..1], insets: [Vec2::ZERO; 2] };
+        let case = EdgeCase {
+            from,
+            to: edge.other,
+            onto: true,
+            stays: true,
+            wedges: &edge.wedges[..1],
+            insets: [Vec2::ZERO; 2],
+        };
         // NOTE: bits of a cost that is not a number are above those of infinity.
         let cost = self.cost.place(&self.mesh, &case).cost as f32;
         Proposal { cost, to: edge.other, onto: true, chain: false, second_best: false }
@@ -379,11 +392,7 @@ impl<M: Metric> Engine<M> {
         let wedges = if kind == EdgeKind::Seam { &edge.wedges[..2] } else { &edge.wedges[..1] };
         let onto = matches!(rule, Rule::Onto | Rule::ChainOnto);
         let chain = matches!(rule, Rule::Chain | Rule::ChainOnto);
-        let insets = if M::INSETS && chain && !self.is_held(to) {
-            insets(&self.mesh, &self.rings, (from, to), wedges)
-        } else {
-            [Vec2::ZERO; 2]
-        };
+        let insets = insets(&self.mesh, &self.rings, self.inset(to, chain), (from, to), wedges);
         let case = EdgeCase { from, to, onto, stays: self.stays(to), wedges, insets };
         let cost = self.cost.place(&self.mesh, &case).cost as f32;
         if cost.is_finite() { Proposal { cost, to, onto, chain, second_best: false } } else { Proposal::NONE }
@@ -449,8 +458,8 @@ impl<M: Metric> Engine<M> {
             return true;
         }
         let strands = M::CORNERS_VANISH && self.classes[from as usize].is_corner();
-        let insets = M::INSETS && chain && !self.is_held(to);
-        let collapse = Collapse { from, to, onto, stays: self.stays(to), chain, strands, insets };
+        let inset = self.inset(to, chain);
+        let collapse = Collapse { from, to, onto, stays: self.stays(to), chain, strands, inset };
         match self.collapser.try_collapse(&mut self.mesh, &self.rings, &mut self.cost, collapse) {
             Ok(died) => {
                 self.touched[from as usize] = self.round;

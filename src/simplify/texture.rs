@@ -56,36 +56,47 @@ pub fn uv_on_chain(
     Some(())
 }
 
-/// [`inset`] of each pair of wedges.
-pub fn insets(mesh: &ClusterMesh, rings: &Rings, edge: (u32, u32), wedges: &[(u32, u32)]) -> [Vec2; 2] {
+/// How far the texture coordinates of `to` move into their charts when `from` vanishes: by `share` of what would keep the
+/// chain from crossing the bend at `from` outside of the chart.
+///
+/// ```text
+///          from             the chart lies above: without a move the new edge to-next leaves it;
+///   to ___/    \___ next    with the whole of it, the edge from to' goes through `from`
+/// ```
+pub fn insets(mesh: &ClusterMesh, rings: &Rings, share: f64, edge: (u32, u32), wedges: &[(u32, u32)]) -> [Vec2; 2] {
     let mut insets = [Vec2::ZERO; 2];
-    for (inset_of, &pair) in insets.iter_mut().zip(wedges) {
-        *inset_of = inset(mesh, rings, edge, pair);
+    if share > 0.0 {
+        for (inset, &pair) in insets.iter_mut().zip(wedges) {
+            *inset = (share * overhang(mesh, rings, edge, pair).unwrap_or(DVec2::ZERO)).as_vec2();
+        }
     }
     insets
 }
 
-/// How far the texture coordinate of a wedge of `to` must move into its chart, so that the seam or border from it to the
-/// vertex beyond `from` does not leave the chart when `from` vanishes.
-pub fn inset(mesh: &ClusterMesh, rings: &Rings, (from, to): (u32, u32), (from_wedge, to_wedge): (u32, u32)) -> Vec2 {
-    let Some((_, next_wedge)) = chain_end(mesh, rings, from, from_wedge, to) else { return Vec2::ZERO };
-    let uv = |wedge: u32| mesh.wedge_uv[wedge as usize];
-    let (bend, chord) = (uv(from_wedge) - uv(to_wedge), uv(next_wedge) - uv(to_wedge));
-    let inside = rings.of(from).iter().find_map(|&corner| {
-        if mesh.living(corner) != Some(from_wedge) {
-            return None;
-        }
-        let far = ClusterMesh::following(corner);
-        let k = far.iter().position(|&c| mesh.vertex_of(c) == to)?;
-        Some(bend.perp_dot(uv(mesh.wedge_of(far[1 - k])) - uv(to_wedge)).signum())
-    });
-    let length_sq = chord.length_squared();
-    let overhang = inside.unwrap_or(f64::NAN) * chord.perp_dot(bend);
-    if !(overhang > 0.0 && length_sq > 0.0) {
-        return Vec2::ZERO;
+/// The move of `to`'s wedge after which the chain goes through where `from`'s is; nothing where it stays inside anyway.
+fn overhang(
+    mesh: &ClusterMesh,
+    rings: &Rings,
+    (from, to): (u32, u32),
+    (from_wedge, to_wedge): (u32, u32),
+) -> Option<DVec2> {
+    let (_, next_wedge) = chain_end(mesh, rings, from, from_wedge, to)?;
+    let origin = mesh.wedge_uv[to_wedge as usize];
+    let from_to = |wedge: u32| mesh.wedge_uv[wedge as usize] - origin;
+    let (bend, chord) = (from_to(from_wedge), from_to(next_wedge));
+    let inside =
+        rings.of(from).iter().filter(|&&corner| mesh.living(corner) == Some(from_wedge)).find_map(|&corner| {
+            let far = ClusterMesh::following(corner);
+            let k = far.iter().position(|&c| mesh.vertex_of(c) == to)?;
+            Some(bend.perp_dot(from_to(mesh.wedge_of(far[1 - k]))).signum())
+        })?;
+    let (length_sq, across) = (chord.length_squared(), inside * chord.perp_dot(bend));
+    if !(across > 0.0 && length_sq > 0.0) {
+        return None;
     }
+    // Near the far end the whole move would be too long: at most twice the distance of the bend.
     let along = (bend.dot(chord) / length_sq).clamp(0.0, 0.5);
-    (chord.perp() * (inside.unwrap_or(0.0) * overhang / (length_sq * (1.0 - along)))).as_vec2()
+    Some(chord.perp() * (inside * across / (length_sq * (1.0 - along))))
 }
 
 /// Link of the chain (0 to 2) and parameter on it (0 to 1) closest to a position.

@@ -84,8 +84,8 @@ fn locked_seams_stay_whole() {
     }
 }
 
-/// A flat square of 12 × 12 in three charts that meet at vertex 84: the left half, and the right one in two parts.
-fn three_charts() -> ClusterMesh {
+/// A flat square of 12 × 12 whose picture is itself, cut into charts that lie 100 apart.
+fn in_charts(chart: impl Fn(glam::DVec3) -> u32) -> ClusterMesh {
     let grid = samples::grid(12, 0.0);
     let mut mesh = ClusterMesh::default();
     for &position in &grid.positions {
@@ -94,7 +94,7 @@ fn three_charts() -> ClusterMesh {
     let mut wedges = std::collections::BTreeMap::new();
     for face in 0..grid.corners.len() as u32 {
         let centre = grid.triangle(face).into_iter().sum::<glam::DVec3>() / 3.0;
-        let chart = if centre.x < 6.0 { 0 } else { 1 + u32::from(centre.y > 6.0) };
+        let chart = chart(centre);
         let corners = grid.vertices(face).map(|vertex| {
             let uv = grid.positions[vertex as usize].truncate() + glam::DVec2::splat(100.0 * f64::from(chart));
             *wedges.entry((vertex, chart)).or_insert_with(|| mesh.push_wedge(vertex, uv))
@@ -107,7 +107,7 @@ fn three_charts() -> ClusterMesh {
 
 #[test]
 fn a_corner_vanishes_along_a_seam_and_the_third_chart_keeps_its_picture() {
-    let before = three_charts();
+    let before = in_charts(|centre| if centre.x < 6.0 { 0 } else { 1 + u32::from(centre.y > 6.0) });
     let known: Vec<_> = before.wedge_uv.iter().map(|uv| uv.to_array().map(f64::to_bits)).collect();
     let (mesh, _) = simplified(before, 8);
     assert!(mesh.corner_vertices.iter().flatten().all(|&vertex| vertex != 84), "the corner is still there");
@@ -120,4 +120,34 @@ fn a_corner_vanishes_along_a_seam_and_the_third_chart_keeps_its_picture() {
         assert!(uv.iter().all(|uv| known.contains(&uv.to_array().map(f64::to_bits))), "a new place: {uv:?}");
         assert_eq!(corners.map(|w| mesh.wedge_vertex[w as usize]), *vertices);
     }
+}
+
+/// Share of the picture of a mesh whose charts are left and right of a staircase that samples outside its chart.
+fn outside_share(inset: f64) -> f64 {
+    let is_left = |x: f64, y: f64| x < 6.0 + f64::from(y.rem_euclid(4.0) < 2.0);
+    let mesh = in_charts(|centre| u32::from(!is_left(centre.x, centre.y)));
+    let weights = Weights { inset, ..Weights::default() };
+    let mut engine = Engine::<SurfaceCost>::new(mesh, &weights);
+    engine.run(Stop::Faces(40));
+    let (mut samples, mut outside) = (0, 0);
+    let mesh = engine.finish();
+    for face in 0..mesh.corners.len() as u32 {
+        let uv = mesh.uv_triangle(face);
+        let chart = (uv[0].x / 100.0).round();
+        for i in 0..20 {
+            for j in 0..20 - i {
+                let (a, b) = ((f64::from(i) + 0.33) / 20.0, (f64::from(j) + 0.33) / 20.0);
+                let at = uv[0] + (uv[1] - uv[0]) * a + (uv[2] - uv[0]) * b - glam::DVec2::splat(100.0 * chart);
+                samples += 1;
+                outside += u32::from(is_left(at.x, at.y) != (chart == 0.0));
+            }
+        }
+    }
+    f64::from(outside) / f64::from(samples)
+}
+
+#[test]
+fn a_seam_whose_picture_moves_inwards_hardly_leaves_its_charts() {
+    let (kept, moved) = (outside_share(0.0), outside_share(1.0));
+    assert!(kept > 0.02 && moved < 0.25 * kept, "{kept} {moved}");
 }
