@@ -23,7 +23,7 @@ use xxhash_rust::xxh3::xxh3_64;
 use crate::base::Result;
 use crate::partition::ClusterSource;
 use crate::partition::cluster::material_index;
-use crate::partition::scatter::ScatterWriter;
+use crate::partition::scatter::{ScatterWriter, Verbatim};
 use crate::store::Catalogue;
 
 /// Buckets of shared edges, at most.
@@ -94,6 +94,9 @@ struct SharedWedge {
     zero: u32,
     wedge: u64,
 }
+
+impl Verbatim for SharedEdge {}
+impl Verbatim for SharedWedge {}
 
 /// Counts a cluster.
 pub fn tally(source: &ClusterSource, catalogue: &Catalogue) -> ClusterTally {

@@ -199,7 +199,7 @@ fn faults(findings: &Findings) -> BTreeMap<String, u64> {
 
 fn bounds(mesh: &StoredMesh) -> Result<(DVec3, DVec3)> {
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    for segment in mesh.position_segments() {
+    for segment in mesh.position_columns() {
         for range in segment.ranges(WINDOW_RECORDS) {
             for &position in segment.window(range)?.iter() {
                 (low, high) = (low.min(position), high.max(position));

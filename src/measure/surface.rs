@@ -5,7 +5,8 @@ use rayon::prelude::*;
 
 use super::edges::repeats_vertex;
 use crate::base::{Error, Result};
-use crate::store::{Catalogue, NO_TEXCOORD, Segment, StoredMesh};
+use crate::store::packed::Coordinates;
+use crate::store::{Catalogue, NO_TEXCOORD, PackedColumn, StoredMesh};
 
 /// Stands for a face without material.
 pub const NO_MATERIAL: u32 = u32::MAX;
@@ -42,11 +43,11 @@ impl Surface {
             return Err(Error::Limit(format!("{face_count} faces cannot be measured in memory, at most {face_limit}")));
         }
         let mut surface = Self::default();
-        for segment in mesh.position_segments() {
-            append_segment(segment, &mut surface.positions)?;
+        for segment in mesh.position_columns() {
+            append_column(segment, &mut surface.positions)?;
         }
         for piece in &mesh.pieces {
-            append_segment(&piece.texcoords, &mut surface.texcoords)?;
+            append_column(&piece.texcoords, &mut surface.texcoords)?;
         }
         surface.faces.reserve_exact(face_count as usize);
         surface.face_texcoords.reserve_exact(face_count as usize);
@@ -106,10 +107,10 @@ impl Surface {
     }
 }
 
-fn append_segment<T: bytemuck::Pod>(segment: &Segment<T>, out: &mut Vec<T>) -> Result<()> {
-    out.reserve_exact(segment.len() as usize);
-    for range in segment.ranges(WINDOW_RECORDS) {
-        out.extend_from_slice(&segment.window(range)?);
+fn append_column<T: Coordinates>(column: &PackedColumn<T>, out: &mut Vec<T>) -> Result<()> {
+    out.reserve_exact(column.len() as usize);
+    for range in column.ranges(WINDOW_RECORDS) {
+        out.extend_from_slice(&column.window(range)?);
     }
     Ok(())
 }
@@ -142,7 +143,7 @@ fn weld_positions(positions: &[DVec3]) -> (Vec<DVec3>, Vec<u32>) {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::store::{ColumnWriter, Face, FaceWriter, Part, StoredPiece};
+    use crate::store::{Face, FaceWriter, PackedWriter, Part, StoredPiece};
 
     /// A surface without texture and materials.
     pub fn bare(positions: &[[f64; 3]], faces: &[[u32; 3]]) -> Surface {
@@ -170,13 +171,13 @@ pub(super) mod tests {
 
     fn store(folder: &std::path::Path, part: u32) -> StoredMesh {
         let positions = |name: &str, positions: &[DVec3]| {
-            let mut writer = ColumnWriter::create(&folder.join(name), *b"position").unwrap();
+            let mut writer = PackedWriter::create(&folder.join(name), *b"position").unwrap();
             writer.append(positions).unwrap();
             writer.finish().unwrap()
         };
         let shared = positions("shared", &[DVec3::X, DVec3::Y]);
         let pieces = ["a", "b"].map(|name| {
-            let mut texcoords = ColumnWriter::create(&folder.join(format!("{name}.uv")), *b"texcoord").unwrap();
+            let mut texcoords = PackedWriter::create(&folder.join(format!("{name}.uv")), *b"texcoord").unwrap();
             texcoords.append(&[DVec2::X, DVec2::Y]).unwrap();
             let mut faces = FaceWriter::create(&folder.join(format!("{name}.faces"))).unwrap();
             let texcoords_of_face = [0, 1, NO_TEXCOORD];

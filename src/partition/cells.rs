@@ -10,8 +10,7 @@ use super::PartitionOptions;
 use super::weight::{ClusterWeight, ORDINARY_BYTES, limit_bytes};
 use crate::base::Result;
 use crate::base::ordered::map_in_order;
-use crate::os::mmap::MappedRecords;
-use crate::store::{Segment, StoredMesh};
+use crate::store::{PackedColumn, StoredMesh};
 
 /// Grid cells along an axis: of the whole mesh, and of a part that is looked at again.
 const GRID_SIDES: [usize; 2] = [128, 32];
@@ -332,15 +331,12 @@ fn sweep<R: Send>(
     look: impl Fn(&[DVec3]) -> R + Sync,
     mut take: impl FnMut(R),
 ) -> Result<()> {
-    let windows = mesh.position_segments().flat_map(|segment| segment.ranges(SWEEP_RECORDS).map(move |r| (segment, r)));
+    let windows = mesh.position_columns().flat_map(|column| column.ranges(SWEEP_RECORDS).map(move |r| (column, r)));
     map_in_order(
         windows,
         options.threads,
         options.threads * 2,
-        |(segment, range): (&Segment<DVec3>, _)| {
-            let window: MappedRecords<DVec3> = segment.window(range)?;
-            Ok(look(&window))
-        },
+        |(column, range): (&PackedColumn<DVec3>, _)| Ok(look(&column.window(range)?)),
         |result| {
             take(result);
             Ok(())
@@ -351,12 +347,12 @@ fn sweep<R: Send>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::{ColumnWriter, Face, FaceWriter, NO_TEXCOORD, StoredPiece};
+    use crate::store::{Face, FaceWriter, NO_TEXCOORD, PackedWriter, StoredPiece};
 
     fn mesh_of(folder: &std::path::Path, positions: &[DVec3]) -> StoredMesh {
-        let mut column = ColumnWriter::create(&folder.join("p"), *b"position").unwrap();
+        let mut column = PackedWriter::create(&folder.join("p"), *b"position").unwrap();
         column.append(positions).unwrap();
-        let texcoords = ColumnWriter::create(&folder.join("t"), *b"texcoord").unwrap().finish().unwrap();
+        let texcoords = PackedWriter::create(&folder.join("t"), *b"texcoord").unwrap().finish().unwrap();
         let mut faces = FaceWriter::create(&folder.join("f")).unwrap();
         let face = Face { vertices: [0, 1, 2], texcoords: [NO_TEXCOORD; 3], part: 0, ..Face::default() };
         faces.append(&vec![face; positions.len() * 2]).unwrap();

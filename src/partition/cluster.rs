@@ -147,7 +147,7 @@ fn pass_faces(
     let mut degenerate = 0;
     if faces.iter().any(|face| face.continues_polygon) {
         faces.iter_mut().for_each(|face| face.vertices = face.vertices.map(local));
-        degenerate = triangulate_polygons(&mut faces, &gather(&partition.numbering.positions, &ids)?);
+        degenerate = triangulate_polygons(&mut faces, &partition.numbering.positions.gather(&ids)?);
         faces.iter_mut().for_each(|face| face.vertices = face.vertices.map(|v| ids[v as usize]));
     }
     let texcoord_ids = texcoord_ids(&faces);
@@ -215,6 +215,8 @@ impl ClusterSource {
         let mut first_wedge = vec![u32::MAX; mesh.positions.len()];
         // Next wedge of the same vertex while they are gathered, and the wedge's material.
         let mut gathered: Vec<(u32, u32)> = Vec::with_capacity(mesh.positions.len() + mesh.positions.len() / 4);
+        // The wedge that a texture coordinate was last used by: most often the one that is wanted again.
+        let mut recent = vec![u32::MAX; self.texcoords.len()];
         // Wedges of a vertex beyond the first few; looked up only.
         let mut crowd: HashMap<(u32, u32, [u64; 2]), u32> = HashMap::new();
         for face in faces {
@@ -223,6 +225,14 @@ impl ClusterSource {
             let mut corners = [0; 3];
             for ((corner, vertex), id) in corners.iter_mut().zip(face.vertices).zip(face.texcoords) {
                 let index = if id == NO_TEXCOORD { id } else { ranks.of(id) };
+                let known = recent.get(index as usize).copied().filter(|&w| w != u32::MAX);
+                if let Some(wedge) = known
+                    && mesh.wedge_vertex[wedge as usize] == vertex
+                    && gathered_material(&gathered, wedge) == material
+                {
+                    *corner = wedge;
+                    continue;
+                }
                 let uv = self.texcoords.get(index as usize).map_or(DVec2::NAN, |&uv| uv * scale);
                 let same = |w: u32| {
                     gathered_material(&gathered, w) == material
@@ -246,6 +256,7 @@ impl ClusterSource {
                     }
                     self.wedge_texcoord.push(index);
                 }
+                recent.get_mut(index as usize).into_iter().for_each(|recent| *recent = wedge);
                 *corner = wedge;
             }
             mesh.push_face(corners, face.part);
@@ -363,7 +374,7 @@ impl ClusterSource {
                 }
             }
         }
-        let mut positions = gather(&partition.numbering.positions, ids)?;
+        let mut positions = partition.numbering.positions.gather(ids)?;
         // Vertices that were put into edges have moved, and are placed below.
         positions.resize(used.len(), DVec3::ZERO);
         for (&v, position) in used.iter().zip(&mut positions) {

@@ -3,11 +3,13 @@
 //! A triangle belongs to the cell of most of its corners (the smallest of three), a polygon to that of its first
 //! corner, since it must stay whole until it is triangulated. Every corner that lies in another cell is *shared*.
 //!
-//! Old ids are looked up window by window of the numbering, so that a shuffled file causes no random access: while
-//! there are several windows, ids found so far wait in a file of 12 bytes a face.
+//! Old ids are looked up window by window of the numbering, so that a shuffled file causes no random access. Blocks of faces
+//! that need one window are looked up as they come, if the file's order is such that windows seldom change; the ids of the
+//! others are found before, window after window, and wait in a file of 12 bytes a face.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
 
 use serde::{Deserialize, Serialize};
 
@@ -35,6 +37,8 @@ pub struct CellFaces {
     stretches: Vec<u64>,
 }
 
+/// Changes of the window from one block to the next, for each window, up to which windows are loaded as they are needed.
+const WINDOW_CHANGES_MAX: u64 = 4;
 /// Texture coordinates of a stretch: 64 KiB, so that a stretch is about what one random read costs.
 pub const TEXCOORD_STRETCH: u32 = 4096;
 
@@ -96,6 +100,18 @@ impl Shared {
         self.bits[vertex as usize / 64] >> (vertex % 64) & 1 != 0
     }
 
+    /// The members, ascending.
+    pub fn iter(&self) -> impl Iterator<Item = u32> {
+        self.bits.iter().enumerate().flat_map(|(at, &word)| {
+            let mut left = word;
+            std::iter::from_fn(move || {
+                let bit = (left != 0).then(|| left.trailing_zeros())?;
+                left &= left - 1;
+                Some(64 * at as u32 + bit)
+            })
+        })
+    }
+
     /// Number of members below a vertex.
     pub fn rank(&self, vertex: u32) -> u32 {
         let word = vertex as usize / 64;
@@ -113,6 +129,8 @@ struct Job<'a> {
     block: &'a FaceBlock,
     /// Number of faces before it.
     first: u64,
+    /// The window of the numbering that its vertices lie in, if they are to be looked up as it comes.
+    window: Option<u32>,
 }
 
 impl Job<'_> {
@@ -130,6 +148,12 @@ impl Job<'_> {
             }
         }
         Ok(faces)
+    }
+
+    /// The window of the numbering that holds all its vertices, if one does.
+    fn only_window(&self, ranks: &Ranks) -> Option<u32> {
+        let mut touched = (0..ranks.window_count()).filter(|&window| self.may_touch(&ranks.range(window)));
+        touched.next().filter(|_| touched.next().is_none())
     }
 
     /// Whether a face of the block may name a vertex of a range of mesh ids.
@@ -159,14 +183,23 @@ pub fn distribute(
     let mut first = 0;
     for (piece, numbering) in mesh.pieces.iter().zip(mesh.numbering()?) {
         for block in piece.faces.blocks() {
-            jobs.push(Job { piece, numbering, block, first });
+            jobs.push(Job { piece, numbering, block, first, window: None });
             first += u64::from(block.faces);
         }
     }
+    if ranks.window_count() > 1 {
+        jobs.iter_mut().for_each(|job| job.window = job.only_window(ranks));
+        let changes = jobs.windows(2).filter(|pair| pair[0].window != pair[1].window).count();
+        if changes as u64 > u64::from(ranks.window_count()) * WINDOW_CHANGES_MAX {
+            jobs.iter_mut().for_each(|job| job.window = None);
+        }
+    }
+    let waiting: Vec<Job<'_>> = jobs.iter().copied().filter(|job| job.window.is_none()).collect();
     let looked_up = match ranks.whole() {
         Some(_) => None,
-        None => Some(look_up(&jobs, ranks, first, &folder.join(format!("{name}-corners.tmp")), options)?),
+        None => Some(look_up(&waiting, ranks, first, &folder.join(format!("{name}-corners.tmp")), options)?),
     };
+    let loaded = LoadedWindow::default();
     let mut buckets = BucketWriter::create(&folder.join(format!("{name}-faces.bkt")), numbering.cell_count())?;
     let mut shared = Shared::new(*numbering.starts.last().unwrap_or(&0) as usize);
     let mut foreign_corners = vec![0; numbering.cell_count()];
@@ -179,17 +212,15 @@ pub fn distribute(
         options.threads * 2,
         |job| {
             let mut faces = job.read()?;
-            match (&looked_up, ranks.whole()) {
-                (Some(corners), _) => {
-                    let found = corners.read(job.first, faces.len())?;
-                    for (face, vertices) in faces.iter_mut().zip(found) {
-                        face.vertices = vertices;
-                    }
-                }
-                (None, ranks) => {
-                    let ranks = ranks.unwrap_or(&[]);
-                    faces.iter_mut().for_each(|face| face.vertices = face.vertices.map(|v| ranks[v as usize]));
-                }
+            if let Some(window) = job.window {
+                let (start, found) = (ranks.range(window).start, loaded.get(ranks, window)?);
+                faces.iter_mut().for_each(|face| face.vertices = face.vertices.map(|v| found[(v - start) as usize]));
+            } else if let Some(corners) = &looked_up {
+                let found = corners.read(job.first, faces.len())?;
+                faces.iter_mut().zip(found).for_each(|(face, vertices)| face.vertices = vertices);
+            } else {
+                let ranks = ranks.whole().unwrap_or(&[]);
+                faces.iter_mut().for_each(|face| face.vertices = face.vertices.map(|v| ranks[v as usize]));
             }
             Ok(assign(&faces, numbering))
         },
@@ -260,6 +291,25 @@ fn assign(faces: &[Face], numbering: &Numbering) -> Assigned {
         assigned.faces.push((cell, *face));
     }
     assigned
+}
+
+/// The window of the numbering that was asked for last.
+#[derive(Default)]
+struct LoadedWindow {
+    window: Mutex<Option<(u32, Arc<Vec<u32>>)>>,
+}
+
+impl LoadedWindow {
+    fn get(&self, ranks: &Ranks, window: u32) -> Result<Arc<Vec<u32>>> {
+        let mut loaded = self.window.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        if let Some((_, found)) = loaded.as_ref().filter(|(at, _)| *at == window) {
+            return Ok(found.clone());
+        }
+        *loaded = None;
+        let found = Arc::new(ranks.load(window)?);
+        *loaded = Some((window, found.clone()));
+        Ok(found)
+    }
 }
 
 /// New vertex ids of all corners, in a file.

@@ -14,22 +14,28 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::PartitionOptions;
 use super::cells::Cells;
-use super::scatter::{Scatter, ScatterWriter};
+use super::scatter::{EncodedRecords, Record, Scatter, ScatterWriter, decode_coordinates, encode_coordinates};
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Result};
 use crate::job::folder_bytes;
-use crate::store::{ColumnWriter, Segment, StoredMesh};
+use crate::store::varint::{self, VARINT_BYTES_MAX, unzigzag, zigzag};
+use crate::store::{ColumnWriter, EncodedRun, Places, PlacesWriter, Segment, StoredMesh};
 
-/// Positions that are mapped at once.
-const SWEEP_RECORDS: u64 = 64 << 10;
+/// Positions that are read at once: little enough that what is made of them stays in the caches and the heap.
+const SWEEP_RECORDS: u64 = 16 << 10;
 /// A cell of more vertices is welded alone and extent by extent: it could not be split, so its places are few.
 const CROWD_RECORDS: u64 = 1 << 20;
+/// Records of one cell in a window that become an extent of their own.
+const MANY_RECORDS: usize = 1024;
+/// Positions of a run, at most.
+const RUN_RECORDS: usize = 16 << 10;
+/// Bytes of a colour.
+const COLOUR_BYTES: usize = size_of::<[f32; 3]>();
 /// Bytes of a rank.
 const RANK_BYTES: u64 = 4;
 /// Ranks of a window, at most, in bytes: more would make memory grow with the mesh and save little.
@@ -44,7 +50,7 @@ pub fn window_bytes(work_bytes: u64) -> u64 {
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Numbering {
     /// Positions by new id.
-    pub positions: Segment<DVec3>,
+    pub positions: Places,
     /// Colours by new id, if the mesh has any.
     pub colours: Option<Segment<[f32; 3]>>,
     /// First new id of each cell, and the number of all.
@@ -109,28 +115,27 @@ impl Ranks {
 }
 
 /// A vertex on its way to its cell.
-pub(super) trait VertexRecord: Pod + Send + Sync {
+pub(super) trait VertexRecord: Record {
     fn new(position: DVec3, id: u32, colour: [f32; 3]) -> Self;
     fn position(&self) -> DVec3;
     fn id(&self) -> u32;
     fn colour(&self) -> Option<[f32; 3]>;
 }
 
-/// Without colour; words, since a double would ask for padding.
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-#[repr(C)]
+/// Without colour.
+#[derive(Debug, Clone, Copy)]
 pub(super) struct PlainRecord {
-    position: [u32; 6],
+    position: DVec3,
     id: u32,
 }
 
 impl VertexRecord for PlainRecord {
     fn new(position: DVec3, id: u32, _colour: [f32; 3]) -> Self {
-        Self { position: bytemuck::cast(position), id }
+        Self { position, id }
     }
 
     fn position(&self) -> DVec3 {
-        bytemuck::cast(self.position)
+        self.position
     }
 
     fn id(&self) -> u32 {
@@ -142,9 +147,35 @@ impl VertexRecord for PlainRecord {
     }
 }
 
+/// All positions, then the ids as differences from the one before.
+impl Record for PlainRecord {
+    fn encode(records: &[Self], out: &mut Vec<u8>) {
+        encode_coordinates(&records.iter().map(|record| record.position).collect::<Vec<_>>(), out);
+        let mut at = out.len();
+        out.resize(at + records.len() * VARINT_BYTES_MAX, 0);
+        let mut last = 0;
+        for record in records {
+            at = varint::put(out, at, zigzag(i64::from(record.id) - last));
+            last = i64::from(record.id);
+        }
+        out.truncate(at);
+    }
+
+    fn decode(bytes: &[u8], count: usize, out: &mut Vec<Self>) -> std::result::Result<(), String> {
+        let mut positions = Vec::with_capacity(count);
+        let bytes = decode_coordinates(bytes, count, &mut positions)?;
+        let (mut at, mut id) = (0, 0i64);
+        for position in positions {
+            let difference = varint::take(bytes, &mut at).ok_or("an extent ends inside a number")?;
+            id = id.wrapping_add(unzigzag(difference));
+            out.push(Self { position, id: id as u32 });
+        }
+        if at == bytes.len() { Ok(()) } else { Err(format!("{} bytes are left after an extent", bytes.len() - at)) }
+    }
+}
+
 /// With colour.
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-#[repr(C)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct ColouredRecord {
     plain: PlainRecord,
     colour: [f32; 3],
@@ -168,10 +199,22 @@ impl VertexRecord for ColouredRecord {
     }
 }
 
-/// Bytes of a vertex on its way to its cell, without colours.
-pub const PLAIN_RECORD_BYTES: u64 = size_of::<PlainRecord>() as u64;
-/// The same with colours.
-pub const COLOURED_RECORD_BYTES: u64 = size_of::<ColouredRecord>() as u64;
+/// All colours as they are, then the rest.
+impl Record for ColouredRecord {
+    fn encode(records: &[Self], out: &mut Vec<u8>) {
+        records.iter().for_each(|record| out.extend_from_slice(bytemuck::bytes_of(&record.colour)));
+        PlainRecord::encode(&records.iter().map(|record| record.plain).collect::<Vec<_>>(), out);
+    }
+
+    fn decode(bytes: &[u8], count: usize, out: &mut Vec<Self>) -> std::result::Result<(), String> {
+        let (colours, rest) = bytes.split_at_checked(count * COLOUR_BYTES).ok_or("an extent ends inside colours")?;
+        let mut plain = Vec::with_capacity(count);
+        PlainRecord::decode(rest, count, &mut plain)?;
+        let colours = colours.chunks_exact(COLOUR_BYTES).map(bytemuck::pod_read_unaligned);
+        out.extend(plain.into_iter().zip(colours).map(|(plain, colour)| Self { plain, colour }));
+        Ok(())
+    }
+}
 
 /// Numbers the vertices of a mesh by cell; records hold a colour if the mesh has any. Tells the most bytes that the folder
 /// held meanwhile.
@@ -201,7 +244,7 @@ pub(super) fn number<R: VertexRecord>(
             Some(ScatterWriter::create(&folder.join(format!("{name}-ranks.scatter")), windows)?)
         }
     };
-    let mut positions = ColumnWriter::create(&folder.join(format!("{name}-positions.col")), *b"position")?;
+    let mut positions = PlacesWriter::create(&folder.join(format!("{name}-positions.plc")))?;
     let mut colours = match mesh.has_colours() {
         true => Some(ColumnWriter::create(&folder.join(format!("{name}-colours.col")), *b"colour  ")?),
         false => None,
@@ -213,17 +256,18 @@ pub(super) fn number<R: VertexRecord>(
         options.threads,
         options.threads + 1,
         |cell| match records.len(cell) <= CROWD_RECORDS {
-            true => Ok((cell, Some(weld_cell(&records, cell, options.weld)?))),
+            true => Ok((cell, Some(weld_cell(&records, cell, options.weld)?.encoded()))),
             false => Ok((cell, None)),
         },
         |(cell, welded_cell)| {
-            let base = positions.len() as u32;
-            let mut put = |part: &WeldedCell| -> Result<()> {
-                positions.append(&part.positions)?;
+            let base = positions.len();
+            let mut put = |(part, runs): (WeldedCell, Vec<EncodedRun>)| -> Result<()> {
+                let before = positions.len();
+                runs.into_iter().try_for_each(|run| positions.append(run))?;
                 if let Some(colours) = &mut colours {
                     colours.append(&part.colours)?;
                 }
-                welded += part.local.len() as u64 - part.positions.len() as u64;
+                welded += part.local.len() as u64 - u64::from(positions.len() - before);
                 part.local.iter().try_for_each(|&(old, local)| match &mut pairs {
                     None => {
                         whole[old as usize] = base + local;
@@ -233,10 +277,10 @@ pub(super) fn number<R: VertexRecord>(
                 })
             };
             match welded_cell {
-                Some(whole_cell) => put(&whole_cell)?,
+                Some(whole_cell) => put(whole_cell)?,
                 None => weld_crowd(&records, cell, options.weld, put)?,
             }
-            starts.push(positions.len() as u32);
+            starts.push(positions.len());
             Ok(())
         },
     )?;
@@ -281,11 +325,38 @@ fn scatter_by_cell<R: VertexRecord>(
                 let colour = colours.as_ref().map_or([f32::NAN; 3], |colours| colours[i]);
                 (cells.of(position), R::new(position, base + (range.start as u32 + i as u32), colour))
             };
-            Ok(window.iter().enumerate().map(record).collect::<Vec<_>>())
+            Ok(Scattered::new(window.iter().enumerate().map(record).collect()))
         },
-        |records| records.into_iter().try_for_each(|(cell, record)| scatter.push(cell, record)),
+        |scattered: Scattered<R>| {
+            scattered.few.into_iter().try_for_each(|(cell, record)| scatter.push(cell, record))?;
+            scattered.many.iter().try_for_each(|(cell, encoded)| scatter.append(*cell, encoded))
+        },
     )?;
     scatter.finish()
+}
+
+/// Records of a window: of cells that have many of them encoded, the others one by one.
+#[derive(Debug)]
+struct Scattered<R> {
+    many: Vec<(u32, EncodedRecords<R>)>,
+    few: Vec<(u32, R)>,
+}
+
+impl<R: VertexRecord> Scattered<R> {
+    fn new(mut records: Vec<(u32, R)>) -> Self {
+        records.sort_by_key(|entry| entry.0);
+        let mut scattered = Self { many: Vec::new(), few: Vec::new() };
+        for group in records.chunk_by(|a, b| a.0 == b.0) {
+            if group.len() < MANY_RECORDS {
+                scattered.few.extend_from_slice(group);
+                continue;
+            }
+            let own: Vec<R> = group.iter().map(|entry| entry.1).collect();
+            let encoded = own.chunks(EncodedRecords::<R>::RECORDS_MAX).map(EncodedRecords::new);
+            scattered.many.extend(encoded.map(|encoded| (group[0].0, encoded)));
+        }
+        scattered
+    }
 }
 
 /// The vertices of a cell after welding, or of a part of it.
@@ -298,6 +369,13 @@ struct WeldedCell {
 }
 
 impl WeldedCell {
+    /// The same with its positions encoded.
+    fn encoded(mut self) -> (Self, Vec<EncodedRun>) {
+        let runs = self.positions.chunks(RUN_RECORDS).map(EncodedRun::new).collect();
+        self.positions = Vec::new();
+        (self, runs)
+    }
+
     /// Adds records; `known` is the index of each place so far, `fresh` that of the next one.
     fn add<R: VertexRecord>(&mut self, records: &[R], weld: bool, known: &mut HashMap<[u64; 3], u32>, fresh: &mut u32) {
         for record in records {
@@ -331,13 +409,13 @@ fn weld_crowd<R: VertexRecord>(
     records: &Scatter<R>,
     cell: usize,
     weld: bool,
-    mut put: impl FnMut(&WeldedCell) -> Result<()>,
+    mut put: impl FnMut((WeldedCell, Vec<EncodedRun>)) -> Result<()>,
 ) -> Result<()> {
     let (mut known, mut fresh) = (HashMap::new(), 0);
     records.read(cell, |records| {
         let mut part = WeldedCell::default();
         part.add(records, weld, &mut known, &mut fresh);
-        put(&part)
+        put(part.encoded())
     })
 }
 

@@ -52,7 +52,7 @@ pub(super) fn read_faces(
     texcoords: impl Fn(&[u32]) -> Result<Vec<DVec2>>,
 ) -> Result<ClusterFaces> {
     let vertex_ids = vertex_ids(&faces, &own);
-    let positions = gather(&partition.numbering.positions, &vertex_ids)?;
+    let positions = partition.numbering.positions.gather(&vertex_ids)?;
     let own_count = vertex_ids.partition_point(|&id| id < own.end) - vertex_ids.partition_point(|&id| id < own.start);
     let mut local = LocalIds::new(&vertex_ids, &own, own_count);
     for face in &mut faces {
@@ -231,7 +231,7 @@ pub(super) fn gather_texcoords(mesh: &StoredMesh, ids: &[u32]) -> Result<Vec<DVe
         let end = at + ids[at..].partition_point(|&id| u64::from(id) < base + piece.texcoords.len());
         if end > at {
             let local: Vec<u32> = ids[at..end].iter().map(|&id| (u64::from(id) - base) as u32).collect();
-            out.append(&mut gather(&piece.texcoords, &local)?);
+            out.append(&mut piece.texcoords.gather(&local)?);
         }
         (base, at) = (base + piece.texcoords.len(), end);
     }

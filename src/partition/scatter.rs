@@ -1,10 +1,11 @@
-//! Fixed-size records by cell, in one file: each cell's records lie in extents that are spread over the file.
+//! Records by cell, in one file: each cell's records lie in extents that are spread over the file.
 
 use std::fs::File;
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 
-use bytemuck::{Pod, Zeroable};
+use bytemuck::Pod;
+use glam::DVec2;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::Xxh3;
 
@@ -13,22 +14,147 @@ use crate::job::header::{HEADER_BYTES, Header};
 use crate::os::durable::DurableFile;
 use crate::os::system::read_exact_at;
 use crate::store::column::file_name;
+use crate::store::packed::{self, Coordinates};
+use crate::store::varint::{self, VARINT_BYTES_MAX, unzigzag, zigzag};
 
 /// Bytes of all buffers together.
 const BUFFERS_BYTES: usize = 12 << 20;
+/// Records of an extent, at most.
+const EXTENT_RECORDS_MAX: usize = 32 << 10;
+/// Bytes of an extent, at most: more were never written.
+const EXTENT_BYTES_MAX: usize = EXTENT_RECORDS_MAX * 64;
+
+/// A record that can be written together with others that were pushed to the same cell.
+pub trait Record: Copy + Send + Sync {
+    /// Encodes records at the end of `out`.
+    fn encode(records: &[Self], out: &mut Vec<u8>);
+
+    /// Decodes `count` records to the end of `out`.
+    ///
+    /// # Errors
+    /// Says in words where the bytes make no sense.
+    fn decode(bytes: &[u8], count: usize, out: &mut Vec<Self>) -> std::result::Result<(), String>;
+}
+
+/// Two numbers, each as the difference from that of the record before.
+impl Record for [u32; 2] {
+    fn encode(records: &[Self], out: &mut Vec<u8>) {
+        let mut at = out.len();
+        out.resize(at + records.len() * 2 * VARINT_BYTES_MAX, 0);
+        let mut last = [0; 2];
+        for record in records {
+            for (&number, last) in record.iter().zip(&mut last) {
+                at = varint::put(out, at, zigzag(i64::from(number) - *last));
+                *last = i64::from(number);
+            }
+        }
+        out.truncate(at);
+    }
+
+    fn decode(bytes: &[u8], count: usize, out: &mut Vec<Self>) -> std::result::Result<(), String> {
+        let (mut at, mut last) = (0, [0i64; 2]);
+        for _ in 0..count {
+            for last in &mut last {
+                let difference = varint::take(bytes, &mut at).ok_or("an extent ends inside a number")?;
+                *last = last.wrapping_add(unzigzag(difference));
+            }
+            out.push(last.map(|number| number as u32));
+        }
+        if at == bytes.len() { Ok(()) } else { Err(format!("{} bytes are left after an extent", bytes.len() - at)) }
+    }
+}
+
+impl Record for DVec2 {
+    fn encode(records: &[Self], out: &mut Vec<u8>) {
+        encode_coordinates(records, out);
+    }
+
+    fn decode(bytes: &[u8], count: usize, out: &mut Vec<Self>) -> std::result::Result<(), String> {
+        let rest = decode_coordinates(bytes, count, out)?;
+        if rest.is_empty() { Ok(()) } else { Err(format!("{} bytes are left after an extent", rest.len())) }
+    }
+}
+
+/// A record that is written as it lies in memory.
+pub trait Verbatim: Pod + Send + Sync {}
+
+impl<T: Verbatim> Record for T {
+    fn encode(records: &[Self], out: &mut Vec<u8>) {
+        out.extend_from_slice(bytemuck::cast_slice(records));
+    }
+
+    fn decode(bytes: &[u8], count: usize, out: &mut Vec<Self>) -> std::result::Result<(), String> {
+        if bytes.len() != count * size_of::<Self>() {
+            return Err(format!("{} bytes for {count} records", bytes.len()));
+        }
+        out.extend(bytes.chunks_exact(size_of::<Self>()).map(bytemuck::pod_read_unaligned::<Self>));
+        Ok(())
+    }
+}
+
+/// Encodes coordinates in blocks behind their lengths.
+pub(super) fn encode_coordinates<T: Coordinates>(records: &[T], out: &mut Vec<u8>) {
+    let mut decimals = 0;
+    for records in records.chunks(packed::BLOCK_RECORDS) {
+        let start = out.len();
+        out.extend([0; 4]);
+        packed::encode_block(records, &mut decimals, out);
+        let bytes = (out.len() - start - 4) as u32;
+        out[start..start + 4].copy_from_slice(&bytes.to_le_bytes());
+    }
+}
+
+/// Decodes `count` coordinates from the front of `bytes`; returns what follows.
+pub(super) fn decode_coordinates<'a, T: Coordinates>(
+    mut bytes: &'a [u8],
+    count: usize,
+    out: &mut Vec<T>,
+) -> std::result::Result<&'a [u8], String> {
+    let mut left = count;
+    while left > 0 {
+        let (length, rest) = bytes.split_first_chunk::<4>().ok_or("an extent ends before a block")?;
+        let (block, rest) =
+            rest.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or("an extent ends inside a block")?;
+        packed::decode_block(block, left.min(packed::BLOCK_RECORDS), out)?;
+        left = left.saturating_sub(packed::BLOCK_RECORDS);
+        bytes = rest;
+    }
+    Ok(bytes)
+}
+
+/// Records on their way to a cell.
+#[derive(Debug)]
+pub struct EncodedRecords<T> {
+    bytes: Vec<u8>,
+    records: u32,
+    record: PhantomData<T>,
+}
+
+impl<T: Record> EncodedRecords<T> {
+    /// Records of an extent, at most.
+    pub const RECORDS_MAX: usize = EXTENT_RECORDS_MAX;
+
+    /// Encodes records.
+    pub fn new(records: &[T]) -> Self {
+        let mut bytes = Vec::new();
+        T::encode(records, &mut bytes);
+        Self { bytes, records: records.len() as u32, record: PhantomData }
+    }
+}
 
 /// Collects records by cell.
 pub struct ScatterWriter<T> {
     file: DurableFile,
     pending: Vec<Vec<T>>,
-    extents: Vec<Vec<(u64, u32)>>,
+    extents: Vec<Vec<Extent>>,
+    bytes: Vec<u8>,
     extent_records: usize,
     offset_bytes: u64,
     count: u64,
     hash: Xxh3,
 }
 
-impl<T: Pod> ScatterWriter<T> {
+impl<T: Record> ScatterWriter<T> {
     /// Begins a file for `cell_count` cells.
     ///
     /// # Errors
@@ -40,7 +166,8 @@ impl<T: Pod> ScatterWriter<T> {
             file,
             pending: vec![Vec::new(); cell_count],
             extents: vec![Vec::new(); cell_count],
-            extent_records: (BUFFERS_BYTES / size_of::<T>() / cell_count.max(1)).clamp(64, 32 << 10),
+            bytes: Vec::new(),
+            extent_records: (BUFFERS_BYTES / size_of::<T>() / cell_count.max(1)).clamp(64, EXTENT_RECORDS_MAX),
             offset_bytes: HEADER_BYTES,
             count: 0,
             hash: Xxh3::new(),
@@ -58,15 +185,33 @@ impl<T: Pod> ScatterWriter<T> {
         if pending.len() >= self.extent_records { self.flush(cell as usize) } else { Ok(()) }
     }
 
+    /// Adds records that were encoded elsewhere to a cell, behind those that are there.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub fn append(&mut self, cell: u32, encoded: &EncodedRecords<T>) -> Result<()> {
+        if !self.pending[cell as usize].is_empty() {
+            self.flush(cell as usize)?;
+        }
+        self.write(cell as usize, &encoded.bytes, encoded.records)
+    }
+
     fn flush(&mut self, cell: usize) -> Result<()> {
-        let pending = &mut self.pending[cell];
-        let bytes: &[u8] = bytemuck::cast_slice(pending);
+        let mut bytes = std::mem::take(&mut self.bytes);
+        bytes.clear();
+        T::encode(&self.pending[cell], &mut bytes);
+        self.write(cell, &bytes, self.pending[cell].len() as u32)?;
+        self.pending[cell].clear();
+        self.bytes = bytes;
+        Ok(())
+    }
+
+    fn write(&mut self, cell: usize, bytes: &[u8], records: u32) -> Result<()> {
         self.hash.update(bytes);
-        self.count += pending.len() as u64;
+        self.count += u64::from(records);
         self.file.write(bytes)?;
-        self.extents[cell].push((self.offset_bytes, pending.len() as u32));
+        self.extents[cell].push(Extent { offset_bytes: self.offset_bytes, bytes: bytes.len() as u32, records });
         self.offset_bytes += bytes.len() as u64;
-        pending.clear();
         Ok(())
     }
 
@@ -87,8 +232,7 @@ impl<T: Pod> ScatterWriter<T> {
     /// On a full disk or a failed write.
     pub fn finish_durable(mut self) -> Result<Scatter<T>> {
         self.flush_all()?;
-        let record_bytes = size_of::<T>() as u32;
-        let header = Header { kind: *b"scatter ", record_bytes, count: self.count, checksum: self.hash.digest() };
+        let header = Header { kind: *b"scatter ", record_bytes: 0, count: self.count, checksum: self.hash.digest() };
         self.file.write_at(0, &header.encode())?;
         let path = self.file.target().to_owned();
         self.file.commit()?;
@@ -105,32 +249,46 @@ impl<T: Pod> ScatterWriter<T> {
     }
 }
 
+/// Records of one cell that lie together.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+struct Extent {
+    /// Position of its first byte in the file.
+    offset_bytes: u64,
+    /// Length in bytes.
+    bytes: u32,
+    records: u32,
+}
+
 /// Records by cell.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct Scatter<T> {
     #[serde(with = "file_name")]
     path: PathBuf,
-    extents: Vec<Vec<(u64, u32)>>,
+    extents: Vec<Vec<Extent>>,
     /// Whether the file goes with the value.
     #[serde(skip)]
     is_scratch: bool,
     record: PhantomData<T>,
 }
 
-impl<T: Pod + Zeroable> Scatter<T> {
+impl<T: Record> Scatter<T> {
     /// Hands the records of a cell to `take`, extent after extent, in the order in which they were pushed.
     ///
     /// # Errors
-    /// On failed reads, and what `take` returns.
+    /// On failed reads and damaged files, and what `take` returns.
     pub fn read(&self, cell: usize, mut take: impl FnMut(&[T]) -> Result<()>) -> Result<()> {
+        let damaged = |message: String| Error::Damaged { path: self.path.clone(), message };
         let file = File::open(&self.path).map_err(|e| Error::io(&self.path, "open", e))?;
-        let mut records = Vec::new();
-        for &(offset, count) in &self.extents[cell] {
+        let (mut bytes, mut records) = (Vec::new(), Vec::new());
+        for extent in &self.extents[cell] {
+            if extent.bytes as usize > EXTENT_BYTES_MAX || extent.records as usize > EXTENT_RECORDS_MAX {
+                return Err(damaged(format!("an extent of {} records in {} bytes", extent.records, extent.bytes)));
+            }
+            bytes.resize(extent.bytes as usize, 0);
+            read_exact_at(&file, &mut bytes, extent.offset_bytes).map_err(|e| Error::io(&self.path, "read", e))?;
             records.clear();
-            records.resize(count as usize, T::zeroed());
-            let bytes = bytemuck::cast_slice_mut(&mut records);
-            read_exact_at(&file, bytes, offset).map_err(|e| Error::io(&self.path, "read", e))?;
+            T::decode(&bytes, extent.records as usize, &mut records).map_err(damaged)?;
             take(&records)?;
         }
         Ok(())
@@ -148,7 +306,7 @@ impl<T: Pod + Zeroable> Scatter<T> {
 
     /// Number of records of a cell.
     pub fn len(&self, cell: usize) -> u64 {
-        self.extents[cell].iter().map(|extent| u64::from(extent.1)).sum()
+        self.extents[cell].iter().map(|extent| u64::from(extent.records)).sum()
     }
 }
 

@@ -12,8 +12,8 @@
 //! memory), and 24 MiB of buffers.
 //!
 //! # Files
-//! `<name>-questions.scatter` (8 bytes for each id of each cell) while they are answered, `<name>-texcoords.scatter`
-//! (16 bytes each) until the partition is removed.
+//! `<name>-questions.scatter` (2 to 4 bytes for each id of each cell) while they are answered, `<name>-texcoords.scatter`
+//! (5 bytes each) until the partition is removed.
 
 use std::path::Path;
 
@@ -36,7 +36,7 @@ const TEXCOORD_BYTES: u64 = 16;
 /// Texture coordinates of each cell, in the order of their ids.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct CellTexcoords {
-    pub(super) answers: Scatter<[f64; 2]>,
+    pub(super) answers: Scatter<DVec2>,
 }
 
 impl CellTexcoords {
@@ -47,7 +47,7 @@ impl CellTexcoords {
     pub fn read(&self, cell: usize) -> Result<Vec<DVec2>> {
         let mut texcoords = Vec::with_capacity(self.answers.len(cell) as usize);
         self.answers.read(cell, |answers| {
-            texcoords.extend(answers.iter().map(|&uv| DVec2::from_array(uv)));
+            texcoords.extend_from_slice(answers);
             Ok(())
         })?;
         Ok(texcoords)
@@ -91,7 +91,7 @@ pub fn bring(
         let texcoords = gather_texcoords(mesh, &ids)?;
         drop(ids);
         questions.read(window, |questions| {
-            let answer = |&[cell, id]: &[u32; 2]| (cell, texcoords[(id - start) as usize].to_array());
+            let answer = |&[cell, id]: &[u32; 2]| (cell, texcoords[(id - start) as usize]);
             questions.iter().map(answer).try_for_each(|(cell, uv)| answers.push(cell, uv))
         })?;
     }

@@ -14,24 +14,23 @@ use serde::{Deserialize, Serialize};
 use crate::base::{Error, MemoryBudget, Result, bytes};
 use crate::options::SimplifyOptions;
 use crate::os::system;
-use crate::partition::numbering::COLOURED_RECORD_BYTES;
 use crate::partition::weight::limit_bytes;
-use crate::plan::scratch;
-use crate::store::{Catalogue, StoredMesh};
+use crate::plan::scratch::{self, FirstPass};
+use crate::store::{Catalogue, PackedColumn, StoredMesh};
 
 /// Bits of a vertex in the set of shared ones, with its ranks.
 const VERTEX_BITS: u64 = 9;
 /// Bytes of a part or material beside its name.
 const LABEL_BYTES: u64 = 256;
-/// Bytes of a face in the blocks of a bucket, in a shuffled file.
-const FACE_BYTES: u64 = 20;
 
 /// What the mesh is made of.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Need {
     pub(super) vertices: u64,
-    texcoords: u64,
     faces: u64,
+    /// Bytes of the positions as they are stored.
+    position_bytes: u64,
+    has_colours: bool,
     label_bytes: u64,
 }
 
@@ -42,8 +41,9 @@ impl Need {
         let labels = (catalogue.parts.len() + catalogue.materials.len()) as u64;
         Self {
             vertices: mesh.vertex_count(),
-            texcoords: mesh.texcoord_count(),
             faces: mesh.face_count(),
+            position_bytes: mesh.position_columns().map(PackedColumn::bytes).sum(),
+            has_colours: mesh.has_colours(),
             label_bytes: labels * LABEL_BYTES + names.sum::<usize>() as u64,
         }
     }
@@ -55,15 +55,19 @@ impl Need {
 
     /// Scratch space that the first pass takes beside the columns of the scan, in bytes.
     pub(super) fn scratch_bytes(&self, is_remeshed: bool) -> u64 {
-        let Self { vertices, texcoords, faces, .. } = *self;
-        let positions = 24 * vertices;
-        let numbering = positions + COLOURED_RECORD_BYTES * vertices + 8 * vertices;
-        let buckets = positions + 8 * vertices + (12 + FACE_BYTES) * faces;
-        let texture = positions + FACE_BYTES * faces + 24 * texcoords;
-        // A first pass leaves about half of the mesh; one that makes it anew leaves a little more than the whole.
-        let halves = if is_remeshed { 3 } else { 1 };
-        let pieces = positions + FACE_BYTES * faces + halves * (positions / 2 + 8 * texcoords + 6 * faces);
-        numbering.max(buckets).max(texture).max(pieces)
+        let vertices = self.vertices as f64;
+        let first = FirstPass {
+            columns: 0.0,
+            texcoords: 0.0,
+            vertices,
+            position_bytes: self.position_bytes as f64 / vertices.max(1.0),
+            colour_bytes: if self.has_colours { scratch::COLOUR_BYTES } else { 0.0 },
+            faces: self.faces as f64,
+            // A first pass leaves about half of the mesh; one that makes it anew leaves a little more than the whole.
+            faces_out: self.faces as f64 * if is_remeshed { 1.5 } else { 0.5 },
+            looked_up: scratch::RANK_BYTES * vertices,
+        };
+        first.peak() as u64
     }
 
     /// Refuses a job that cannot end well: a cluster would not fit the memory, or the files of the first pass, where
@@ -102,7 +106,13 @@ impl Need {
 mod tests {
     use super::*;
 
-    const SURVEY: Need = Need { vertices: 150_000_000, texcoords: 190_000_000, faces: 300_000_000, label_bytes: 0 };
+    const SURVEY: Need = Need {
+        vertices: 150_000_000,
+        faces: 300_000_000,
+        position_bytes: 750_000_000,
+        has_colours: false,
+        label_bytes: 0,
+    };
 
     #[test]
     fn a_budget_that_cannot_hold_the_tables_is_refused_with_one_that_can() {

@@ -97,7 +97,7 @@ impl Scene for StoredScene<'_> {
     }
 
     fn positions(&self, look: &mut dyn FnMut(&[DVec3])) -> Result<()> {
-        for segment in self.mesh.position_segments() {
+        for segment in self.mesh.position_columns() {
             for range in segment.ranges(SWEEP_RECORDS) {
                 look(&segment.window(range)?);
             }

@@ -22,7 +22,7 @@ use super::parts::Labels;
 use crate::base::error::escape_path;
 use crate::base::{Error, Findings, Result};
 use crate::store::mesh::ID_LIMIT;
-use crate::store::{ColumnWriter, Face, FaceWriter, NO_TEXCOORD, StoredPiece};
+use crate::store::{ColumnWriter, Face, FaceWriter, NO_TEXCOORD, PackedWriter, StoredPiece};
 
 const FACE_BUFFER: usize = 4096;
 const COLOUR_BUFFER: usize = 4096;
@@ -31,8 +31,8 @@ const COLOUR_BUFFER: usize = 4096;
 pub struct FileCommit<'a> {
     path: &'a Path,
     colours_path: PathBuf,
-    positions: ColumnWriter<DVec3>,
-    texcoords: ColumnWriter<DVec2>,
+    positions: PackedWriter<DVec3>,
+    texcoords: PackedWriter<DVec2>,
     colours: Option<ColumnWriter<[f32; 3]>>,
     faces: FaceWriter,
     face_buffer: Vec<Face>,
@@ -65,8 +65,8 @@ impl<'a> FileCommit<'a> {
         Ok(Self {
             path,
             colours_path: file("colours.col"),
-            positions: ColumnWriter::create(&file("positions.col"), *b"position")?,
-            texcoords: ColumnWriter::create(&file("texcoords.col"), *b"texcoord")?,
+            positions: PackedWriter::create(&file("positions.col"), *b"position")?,
+            texcoords: PackedWriter::create(&file("texcoords.col"), *b"texcoord")?,
             colours: None,
             faces: FaceWriter::create(&file("faces.blk"))?,
             face_buffer: Vec::with_capacity(FACE_BUFFER),
@@ -166,8 +166,8 @@ impl<'a> FileCommit<'a> {
     }
 
     fn append_vertices(&mut self, parsed: &ParsedChunk, vertex_base: u64) -> Result<()> {
-        self.positions.append(&parsed.positions)?;
-        self.texcoords.append(&parsed.texcoords)?;
+        self.positions.append_packed(&parsed.packed_positions)?;
+        self.texcoords.append_packed(&parsed.packed_texcoords)?;
         if parsed.colours.is_empty() {
             if let Some(colours) = &mut self.colours {
                 append_uncoloured(colours, parsed.positions.len() as u64)?;

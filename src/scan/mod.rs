@@ -184,7 +184,10 @@ fn parse_chunk(inputs: &[PathBuf], chunk: Chunk, mut memory: ParsedChunk, text: 
         Err(LineError { line, message })
     } else {
         let skipped = if is_first && text.starts_with(obj::BYTE_ORDER_MARK) { obj::BYTE_ORDER_MARK.len() } else { 0 };
-        obj::parse(&text[skipped..], &mut memory).map(|()| memory)
+        obj::parse(&text[skipped..], &mut memory).map(|()| {
+            memory.pack();
+            memory
+        })
     };
     Ok(Parsed { chunk, hash, statements })
 }

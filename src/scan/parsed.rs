@@ -14,6 +14,8 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 
+use crate::store::PackedBlocks;
+
 /// Which of the three numbered kinds of statements an index counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Numbered {
@@ -95,6 +97,10 @@ pub struct ParsedChunk {
     pub colours: Vec<[f32; 3]>,
     /// Texture coordinates.
     pub texcoords: Vec<DVec2>,
+    /// Positions as they are stored, once they are [packed](ParsedChunk::pack).
+    pub packed_positions: PackedBlocks,
+    /// Texture coordinates as they are stored, in the same way.
+    pub packed_texcoords: PackedBlocks,
     /// Number of `vn`.
     pub normal_count: u64,
     /// Corners of each polygon.
@@ -144,6 +150,12 @@ impl ParsedChunk {
             names: cleared(kept.names),
             ..Self::default()
         };
+    }
+
+    /// Encodes positions and texture coordinates for the files that they go to.
+    pub fn pack(&mut self) {
+        self.packed_positions = PackedBlocks::new(&self.positions);
+        self.packed_texcoords = PackedBlocks::new(&self.texcoords);
     }
 
     /// Bytes that the larger columns hold.

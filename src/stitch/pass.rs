@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard};
 use std::time::Instant;
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::options::{Cost, PassOptions, SeamPolicy};
@@ -24,7 +25,7 @@ use crate::partition::{self, ClusterSource, Partition, PartitionOptions, Shared,
 use crate::remesh;
 use crate::render::ClusterMap;
 use crate::simplify::{Engine, Milestone};
-use crate::store::{Catalogue, ColumnWriter, Segment, StoredMesh, StoredPiece};
+use crate::store::{Catalogue, ColumnWriter, PackedColumn, PackedWriter, Places, Segment, StoredMesh, StoredPiece};
 
 /// Passes beyond those asked for, while they still remove faces.
 const EXTRA_PASSES: usize = 12;
@@ -549,7 +550,7 @@ impl<'a, M: Metric> Run<'a, M> {
         }
         let numbering = &partition.numbering;
         let path = |what: &str| self.job.path().join(format!("pass-{pass}-shared-{what}.col"));
-        mesh.shared_positions = Some(pick_shared(&numbering.positions, shared, &path("positions"), *b"position")?);
+        mesh.shared_positions = Some(shared_positions(&numbering.positions, shared, &path("positions"))?);
         if let Some(colours) = &numbering.colours {
             mesh.shared_colours = Some(pick_shared(colours, shared, &path("colours"), *b"colour  ")?);
         }
@@ -569,6 +570,19 @@ impl<'a, M: Metric> Run<'a, M> {
 
 /// Positions that are mapped at once while shared ones are picked.
 const SHARED_RECORDS: u64 = 64 << 10;
+
+/// Writes the positions of the shared vertices, in order.
+fn shared_positions(places: &Places, shared: &Shared, path: &Path) -> Result<PackedColumn<DVec3>> {
+    let mut writer = PackedWriter::create(path, *b"position")?;
+    let mut ids = Vec::with_capacity(SHARED_RECORDS as usize);
+    let mut members = shared.iter().peekable();
+    while members.peek().is_some() {
+        ids.clear();
+        ids.extend(members.by_ref().take(SHARED_RECORDS as usize));
+        writer.append(&places.gather(&ids)?)?;
+    }
+    writer.finish()
+}
 
 /// Writes the records of the shared vertices, in order.
 fn pick_shared<T: bytemuck::Pod>(

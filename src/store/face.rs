@@ -21,6 +21,7 @@ use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::Xxh3;
 
 use super::column::file_name;
+use super::varint;
 use crate::base::{Error, Result};
 use crate::job::header::{HEADER_BYTES, Header};
 use crate::os::durable::DurableFile;
@@ -30,6 +31,8 @@ use crate::os::system::read_exact_at;
 pub const NO_TEXCOORD: u32 = u32::MAX;
 /// Faces of a block, at most; a polygon may cross blocks.
 pub const BLOCK_FACES: usize = 16 << 10;
+/// Faces for which room is made at once while encoding.
+const ENCODED_AT_ONCE: usize = 256;
 /// Bytes of a face in the worst case: a tag, seven varints of up to 5 bytes and a float.
 const FACE_BYTES_MAX: usize = 1 + 7 * 5 + 4;
 
@@ -70,39 +73,45 @@ pub struct FaceBlock {
 /// Encodes faces (at most [`BLOCK_FACES`]) at the end of `out`; the block's offset is left at 0.
 pub fn encode_block(faces: &[Face], out: &mut Vec<u8>) -> FaceBlock {
     let start = out.len();
-    out.reserve(faces.len() * 12);
+    let mut at = start;
     let mut ids = IdRanges::default();
     let (mut last_vertex, mut last_texcoord, mut last_part) = (0u32, 0u32, 0u32);
-    for face in faces {
-        ids.see(face);
-        let bare = face.texcoords == [NO_TEXCOORD; 3];
-        let part_differs = face.part != last_part;
-        let deviates = face.deviation != 0.0;
-        let shape = u8::from(face.continues_polygon) << 1 | u8::from(bare) << 2;
-        out.push(u8::from(part_differs) | shape | u8::from(deviates) << 3);
-        if part_differs {
-            put_difference(out, face.part, last_part);
-            last_part = face.part;
-        }
-        let [v0, v1, v2] = face.vertices;
-        put_difference(out, v0, last_vertex);
-        put_difference(out, v1, v0);
-        put_difference(out, v2, v1);
-        last_vertex = v0;
-        if !bare {
-            let [t0, t1, t2] = face.texcoords.map(|t| t.wrapping_add(1));
-            put_difference(out, t0, last_texcoord);
-            put_difference(out, t1, t0);
-            put_difference(out, t2, t1);
-            last_texcoord = t0;
-        }
-        if deviates {
-            out.extend(face.deviation.to_le_bytes());
+    for chunk in faces.chunks(ENCODED_AT_ONCE) {
+        out.resize(at + chunk.len() * FACE_BYTES_MAX, 0);
+        for face in chunk {
+            ids.see(face);
+            let bare = face.texcoords == [NO_TEXCOORD; 3];
+            let part_differs = face.part != last_part;
+            let deviates = face.deviation != 0.0;
+            let shape = u8::from(face.continues_polygon) << 1 | u8::from(bare) << 2;
+            out[at] = u8::from(part_differs) | shape | u8::from(deviates) << 3;
+            at += 1;
+            if part_differs {
+                at = put_difference(out, at, face.part, last_part);
+                last_part = face.part;
+            }
+            let [v0, v1, v2] = face.vertices;
+            at = put_difference(out, at, v0, last_vertex);
+            at = put_difference(out, at, v1, v0);
+            at = put_difference(out, at, v2, v1);
+            last_vertex = v0;
+            if !bare {
+                let [t0, t1, t2] = face.texcoords.map(|t| t.wrapping_add(1));
+                at = put_difference(out, at, t0, last_texcoord);
+                at = put_difference(out, at, t1, t0);
+                at = put_difference(out, at, t2, t1);
+                last_texcoord = t0;
+            }
+            if deviates {
+                out[at..at + 4].copy_from_slice(&face.deviation.to_le_bytes());
+                at += 4;
+            }
         }
     }
+    out.truncate(at);
     FaceBlock {
         offset_bytes: 0,
-        bytes: (out.len() - start) as u32,
+        bytes: (at - start) as u32,
         faces: faces.len() as u32,
         vertices: ids.vertices(),
         texcoords: ids.texcoords(),
@@ -113,62 +122,55 @@ pub fn encode_block(faces: &[Face], out: &mut Vec<u8>) -> FaceBlock {
 ///
 /// # Errors
 /// Says in words where the bytes make no sense.
-pub fn decode_block(mut bytes: &[u8], count: usize, out: &mut Vec<Face>) -> std::result::Result<(), String> {
+pub fn decode_block(bytes: &[u8], count: usize, out: &mut Vec<Face>) -> std::result::Result<(), String> {
     if count > BLOCK_FACES {
         return Err(format!("a block of {count} faces; at most {BLOCK_FACES} are written"));
     }
     out.reserve(count);
+    let mut at = 0;
     let (mut last_vertex, mut last_texcoord, mut part) = (0u32, 0u32, 0u32);
     for _ in 0..count {
-        let (&tag, rest) = bytes.split_first().ok_or("a block of faces ends early")?;
-        bytes = rest;
+        let tag = *bytes.get(at).ok_or("a block of faces ends early")?;
+        at += 1;
         if tag & 1 != 0 {
-            part = get_difference(&mut bytes, part)?;
+            part = get_difference(bytes, &mut at, part)?;
         }
-        let v0 = get_difference(&mut bytes, last_vertex)?;
-        let v1 = get_difference(&mut bytes, v0)?;
-        let v2 = get_difference(&mut bytes, v1)?;
+        let v0 = get_difference(bytes, &mut at, last_vertex)?;
+        let v1 = get_difference(bytes, &mut at, v0)?;
+        let v2 = get_difference(bytes, &mut at, v1)?;
         last_vertex = v0;
         let mut texcoords = [NO_TEXCOORD; 3];
         if tag & 4 == 0 {
-            let t0 = get_difference(&mut bytes, last_texcoord)?;
-            let t1 = get_difference(&mut bytes, t0)?;
-            let t2 = get_difference(&mut bytes, t1)?;
+            let t0 = get_difference(bytes, &mut at, last_texcoord)?;
+            let t1 = get_difference(bytes, &mut at, t0)?;
+            let t2 = get_difference(bytes, &mut at, t1)?;
             last_texcoord = t0;
             texcoords = [t0, t1, t2].map(|t| t.wrapping_sub(1));
         }
         let mut deviation = 0.0;
         if tag & 8 != 0 {
-            let (float, rest) = bytes.split_first_chunk::<4>().ok_or("a block of faces ends inside a deviation")?;
-            (deviation, bytes) = (f32::from_le_bytes(*float), rest);
+            let float = bytes.get(at..).and_then(|rest| rest.first_chunk());
+            deviation = f32::from_le_bytes(*float.ok_or("a block of faces ends inside a deviation")?);
+            at += 4;
         }
         out.push(Face { vertices: [v0, v1, v2], texcoords, part, continues_polygon: tag & 2 != 0, deviation });
     }
-    if bytes.is_empty() { Ok(()) } else { Err(format!("{} bytes are left after a block of faces", bytes.len())) }
+    if at == bytes.len() { Ok(()) } else { Err(format!("{} bytes are left after a block of faces", bytes.len() - at)) }
 }
 
-fn put_difference(out: &mut Vec<u8>, value: u32, from: u32) {
+/// Writes the difference of two ids, by the shorter way round.
+#[inline]
+fn put_difference(out: &mut [u8], at: usize, value: u32, from: u32) -> usize {
     let difference = value.wrapping_sub(from) as i32;
-    let mut zigzag = (difference << 1 ^ difference >> 31) as u32;
-    while zigzag >= 0x80 {
-        out.push(zigzag as u8 | 0x80);
-        zigzag >>= 7;
-    }
-    out.push(zigzag as u8);
+    varint::put(out, at, u64::from((difference << 1 ^ difference >> 31) as u32))
 }
 
-fn get_difference(bytes: &mut &[u8], from: u32) -> std::result::Result<u32, &'static str> {
-    let mut zigzag = 0u32;
-    for shift in [0, 7, 14, 21, 28] {
-        let (&byte, rest) = bytes.split_first().ok_or("a block of faces ends inside a number")?;
-        *bytes = rest;
-        zigzag |= u32::from(byte & 0x7f) << shift;
-        if byte < 0x80 {
-            let difference = (zigzag >> 1) as i32 ^ -((zigzag & 1) as i32);
-            return Ok(from.wrapping_add(difference as u32));
-        }
-    }
-    Err("a number in a block of faces is too long")
+#[inline]
+fn get_difference(bytes: &[u8], at: &mut usize, from: u32) -> std::result::Result<u32, &'static str> {
+    let number = varint::take(bytes, at).ok_or("a block of faces ends inside a number")?;
+    let number = u32::try_from(number).map_err(|_| "a number in a block of faces is too large")?;
+    let difference = (number >> 1) as i32 ^ -((number & 1) as i32);
+    Ok(from.wrapping_add(difference as u32))
 }
 
 #[derive(Debug)]

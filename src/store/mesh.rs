@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::column::Segment;
 use super::face::{Face, FaceBlocks, NO_TEXCOORD};
+use super::packed::PackedColumn;
 use crate::base::{Error, Result};
 use crate::job::codec;
 
@@ -24,11 +25,11 @@ pub const ID_LIMIT: u64 = u32::MAX as u64 - 1;
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct StoredPiece {
     /// Positions of its own vertices, in the mesh's unit of length.
-    pub positions: Segment<DVec3>,
+    pub positions: PackedColumn<DVec3>,
     /// Colours of its own vertices as the input wrote them, if the mesh has any; NaN where a vertex has none.
     pub colours: Option<Segment<[f32; 3]>>,
     /// Texture coordinates.
-    pub texcoords: Segment<DVec2>,
+    pub texcoords: PackedColumn<DVec2>,
     /// Faces by ids of this piece.
     pub faces: FaceBlocks,
 }
@@ -53,7 +54,7 @@ impl StoredPiece {
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct StoredMesh {
     /// Positions of the vertices that several pieces use; they come first in the numbering.
-    pub shared_positions: Option<Segment<DVec3>>,
+    pub shared_positions: Option<PackedColumn<DVec3>>,
     /// Colours of the shared vertices.
     pub shared_colours: Option<Segment<[f32; 3]>>,
     /// The pieces, in order.
@@ -63,7 +64,7 @@ pub struct StoredMesh {
 impl StoredMesh {
     /// Number of shared vertices.
     pub fn shared_count(&self) -> u64 {
-        self.shared_positions.as_ref().map_or(0, Segment::len)
+        self.shared_positions.as_ref().map_or(0, PackedColumn::len)
     }
 
     /// Number of vertices.
@@ -95,7 +96,7 @@ impl StoredMesh {
 
     /// All files, some of them more than once.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
-        let shared = self.shared_positions.iter().map(Segment::path);
+        let shared = self.shared_positions.iter().map(PackedColumn::path);
         let shared = shared.chain(self.shared_colours.iter().map(Segment::path));
         shared.chain(self.pieces.iter().flat_map(StoredPiece::files))
     }
@@ -105,8 +106,8 @@ impl StoredMesh {
         self.pieces.iter().map(|piece| piece.texcoords.path())
     }
 
-    /// Segments of positions in the order of vertex ids.
-    pub fn position_segments(&self) -> impl Iterator<Item = &Segment<DVec3>> {
+    /// Columns of positions in the order of vertex ids.
+    pub fn position_columns(&self) -> impl Iterator<Item = &PackedColumn<DVec3>> {
         self.shared_positions.iter().chain(self.pieces.iter().map(|piece| &piece.positions))
     }
 

@@ -8,10 +8,16 @@
 //! `docs/format.md` describes every byte.
 
 pub mod column;
+pub mod decimal;
 pub mod face;
 pub mod mesh;
+pub mod packed;
 pub mod piece;
+pub mod places;
+pub mod varint;
 
 pub use column::{Column, ColumnWriter, Segment};
 pub use face::{Face, FaceBlocks, FaceWriter, NO_TEXCOORD};
 pub use mesh::{Catalogue, Material, Part, StoredMesh, StoredPiece};
+pub use packed::{PackedBlocks, PackedColumn, PackedWriter};
+pub use places::{EncodedRun, Places, PlacesWriter};

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! 0        64            96
-//! | header | four counts | positions 24 B | texcoords 16 B | colours 12 B | pad | face blocks |
+//! | header | four counts | colours 12 B | positions, in blocks | texcoords, in blocks | faces, in blocks |
 //! ```
 //! The header's count is the number of faces, its checksum covers everything after it.
 
@@ -14,6 +14,7 @@ use xxhash_rust::xxh3::Xxh3;
 use super::column::Segment;
 use super::face::{BLOCK_FACES, Face, FaceBlocks, encode_block};
 use super::mesh::StoredPiece;
+use super::packed::{PackedBlocks, PackedColumn};
 use crate::base::Result;
 use crate::job::header::{HEADER_BYTES, Header};
 use crate::os::durable::DurableFile;
@@ -43,10 +44,10 @@ pub fn write_piece(
         Ok(start)
     };
     put(&mut file, bytemuck::cast_slice(&counts))?;
-    let positions_at = put(&mut file, bytemuck::cast_slice(positions))?;
-    let texcoords_at = put(&mut file, bytemuck::cast_slice(texcoords))?;
     let colours_at = put(&mut file, bytemuck::cast_slice(colour_slice))?;
-    put(&mut file, &[0; 4][..colour_slice.len() % 2 * 4])?;
+    let (positions, texcoords) = (PackedBlocks::new(positions), PackedBlocks::new(texcoords));
+    let positions_at = put(&mut file, positions.bytes())?;
+    let texcoords_at = put(&mut file, texcoords.bytes())?;
     let mut blocks = Vec::new();
     let mut bytes = Vec::new();
     for chunk in faces.chunks(BLOCK_FACES) {
@@ -59,9 +60,9 @@ pub fn write_piece(
     file.write_at(0, &header.encode())?;
     file.commit()?;
     Ok(StoredPiece {
-        positions: Segment::new(path.to_owned(), positions_at, counts[0]),
+        positions: PackedColumn::new(path.to_owned(), positions_at, &positions),
         colours: colours.map(|_| Segment::new(path.to_owned(), colours_at, counts[2])),
-        texcoords: Segment::new(path.to_owned(), texcoords_at, counts[1]),
+        texcoords: PackedColumn::new(path.to_owned(), texcoords_at, &texcoords),
         faces: FaceBlocks::new(path.to_owned(), blocks),
     })
 }

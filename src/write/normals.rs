@@ -27,7 +27,6 @@ use glam::DVec3;
 use super::grouping::Grouping;
 use super::numbering::FaceReader;
 use crate::base::{Error, Result};
-use crate::os::mmap::MappedRecords;
 use crate::store::{Column, ColumnWriter, Segment, StoredMesh, StoredPiece};
 
 /// Cosine of the crease angle of 60°.
@@ -134,7 +133,7 @@ struct PieceCorners {
     own: u32,
     /// The vertex of each corner, by the piece's ids.
     vertices: Vec<u32>,
-    own_positions: MappedRecords<DVec3>,
+    own_positions: Vec<DVec3>,
     /// The shared vertices that occur, in order.
     shared: Vec<u32>,
     shared_positions: Vec<DVec3>,
@@ -157,10 +156,9 @@ impl PieceCorners {
         })?;
         shared.sort_unstable();
         shared.dedup();
-        let mut shared_positions = Vec::with_capacity(shared.len());
+        let mut shared_positions = Vec::new();
         if let Some(column) = &mesh.shared_positions {
-            let wanted = shared.iter().map(|&v| u64::from(v)..u64::from(v) + 1);
-            gather(column, wanted, |positions| shared_positions.extend_from_slice(positions))?;
+            shared_positions = column.gather(&shared)?;
         }
         let own_positions = piece.positions.window(0..piece.positions.len())?;
         Ok(Self { own, vertices, own_positions, shared, shared_positions })

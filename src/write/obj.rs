@@ -30,7 +30,7 @@ use super::numbering::{IdSet, Usage};
 use crate::base::{Progress, Result};
 use crate::os::durable::DurableFile;
 use crate::store::mesh::PieceNumbering;
-use crate::store::{Catalogue, Segment, StoredMesh};
+use crate::store::{Catalogue, PackedColumn, Segment, StoredMesh};
 
 /// Lines that are formatted in one go.
 const BLOCK_LINES: u64 = 16 << 10;
@@ -71,7 +71,7 @@ impl std::fmt::Debug for ObjFile {
 
 /// Positions and colours of a range of vertices.
 struct VertexRun<'a> {
-    positions: &'a Segment<DVec3>,
+    positions: &'a PackedColumn<DVec3>,
     colours: Option<&'a Segment<[f32; 3]>>,
     first_id: u32,
     range: Range<u64>,
@@ -244,7 +244,12 @@ fn vertex_lines(run: &VertexRun<'_>, used: &IdSet) -> Result<(Vec<u8>, u64)> {
     Ok((text, non_finite))
 }
 
-fn texcoord_lines(column: &Segment<DVec2>, first_id: u32, range: Range<u64>, used: &IdSet) -> Result<(Vec<u8>, u64)> {
+fn texcoord_lines(
+    column: &PackedColumn<DVec2>,
+    first_id: u32,
+    range: Range<u64>,
+    used: &IdSet,
+) -> Result<(Vec<u8>, u64)> {
     let first_id = first_id + range.start as u32;
     let texcoords = column.window(range)?;
     let mut text = Vec::with_capacity(texcoords.len() * 24);

@@ -30,7 +30,6 @@ use crate::job::{InputFile, Manifest, Resume, WorkFolder};
 use crate::os::durable::DurableFile;
 use crate::os::mmap::MappedRecords;
 use crate::partition::cluster;
-use crate::partition::reading::gather;
 use crate::partition::{self, ClusterSource, PartitionOptions, TextureScale};
 use crate::scan::{self, Scan};
 use crate::store::{Catalogue, Segment, StoredMesh};
@@ -189,8 +188,8 @@ impl MeasuredMesh {
         progress.begin("partition", 0, "");
         let mut partition = partition::partition(&mesh, &catalogue, work.path(), "pass-0", &partition_options)?;
         let dropped = std::mem::take(&mut partition.findings);
-        let first = partition.numbering.positions.len().min(1) as u32;
-        let reference = gather(&partition.numbering.positions, &(0..first).collect::<Vec<u32>>())?;
+        let first = u32::from(!partition.numbering.positions.is_empty());
+        let reference = partition.numbering.positions.gather(&(0..first).collect::<Vec<u32>>())?;
         let making = Making {
             catalogue: &catalogue,
             pictures: &pictures,
@@ -230,7 +229,7 @@ impl MeasuredMesh {
             })?;
         }
         let (cells, volume) = writer.finish()?;
-        let tallied = tallies.finish(|ids| gather(&partition.numbering.positions, ids))?;
+        let tallied = tallies.finish(|ids| partition.numbering.positions.gather(ids))?;
         partition.files().for_each(|path| _ = std::fs::remove_file(path));
         remove_columns(&mesh);
         Ok(Self {

@@ -29,7 +29,7 @@ use super::{Quality, SLIVER_REGULARITY, Topology};
 use crate::base::Result;
 use crate::mesh::cluster::ClusterMesh;
 use crate::partition::cluster::material_index;
-use crate::partition::scatter::ScatterWriter;
+use crate::partition::scatter::{ScatterWriter, Verbatim};
 use crate::partition::{ClusterSource, Shared};
 use crate::store::Catalogue;
 
@@ -121,6 +121,8 @@ struct SharedSide {
     /// [`NO_CHART`] without texture.
     chart: u32,
 }
+
+impl Verbatim for SharedSide {}
 
 /// Counts of one cell, and what leaves it.
 #[derive(Debug, Default)]

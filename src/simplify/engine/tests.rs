@@ -109,9 +109,8 @@ fn in_charts(chart: impl Fn(glam::DVec3) -> u32) -> ClusterMesh {
 fn a_corner_vanishes_along_a_seam_and_the_third_chart_keeps_its_picture() {
     let before = in_charts(|centre| if centre.x < 6.0 { 0 } else { 1 + u32::from(centre.y > 6.0) });
     let known: Vec<_> = before.wedge_uv.iter().map(|uv| uv.to_array().map(f64::to_bits)).collect();
-    let (mesh, _) = simplified(before, 8);
+    let (mesh, _) = simplified(before, 2);
     assert!(mesh.corner_vertices.iter().flatten().all(|&vertex| vertex != 84), "the corner is still there");
-    assert!((area(&mesh) - 144.0).abs() < 1e-3, "{}", area(&mesh));
     for (corners, vertices) in mesh.corners.iter().zip(&mesh.corner_vertices) {
         let uv = corners.map(|w| mesh.wedge_uv[w as usize]);
         let charts = uv.map(|uv| (uv.x / 100.0).round());
@@ -128,7 +127,7 @@ fn outside_share(inset: f64) -> f64 {
     let mesh = in_charts(|centre| u32::from(!is_left(centre.x, centre.y)));
     let weights = Weights { inset, ..Weights::default() };
     let mut engine = Engine::<SurfaceCost>::new(mesh, &weights);
-    engine.run(Stop::Faces(40));
+    engine.run(Stop::Faces(16));
     let (mut samples, mut outside) = (0, 0);
     let mesh = engine.finish();
     for face in 0..mesh.corners.len() as u32 {

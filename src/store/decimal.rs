@@ -1,0 +1,86 @@
+//! Doubles that a decimal text stands for, as whole counts of their last place.
+//!
+//! Most coordinates come from a text of a few decimals or were rounded to some: 4581200.1234 is 45812001234 · 10⁻⁴. A
+//! quotient of two doubles is the double nearest to the true quotient, and so is what a text of as many decimals reads
+//! as: count and decimals give the coordinate back bit for bit.
+
+/// Decimals that are tried, at most.
+pub const DECIMALS_MAX: u32 = 15;
+
+const POWERS_OF_TEN: [f64; DECIMALS_MAX as usize + 1] =
+    [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
+/// A number of this size has no places after the point; adding and subtracting it rounds.
+const ROUNDER: f64 = 1.5 * (1u64 << 52) as f64;
+/// Counts stay below this, so that they are exact and `ROUNDER` rounds them.
+const COUNT_LIMIT: f64 = (1u64 << 51) as f64;
+
+/// How many units of the last of `decimals` places `x` is; nothing if it is no whole number of them.
+#[inline]
+pub fn count(x: f64, decimals: u32) -> Option<i64> {
+    let power = POWERS_OF_TEN[decimals as usize];
+    let scaled = x * power;
+    let count = (scaled + ROUNDER) - ROUNDER;
+    // NOTE: a negative zero and what is not finite fail the comparison of bits.
+    (scaled.abs() < COUNT_LIMIT && (count / power).to_bits() == x.to_bits()).then_some(count as i64)
+}
+
+/// The number that is `count` units of the last of `decimals` places.
+#[inline]
+pub fn value(count: i64, decimals: u32) -> f64 {
+    count as f64 / POWERS_OF_TEN[decimals as usize]
+}
+
+/// Counts of all numbers, with the fewest decimals, `at_least` or more, that do for all; nothing if none do.
+pub fn counts(numbers: &[f64], at_least: u32, out: &mut Vec<i64>) -> Option<u32> {
+    out.clear();
+    let mut decimals = at_least;
+    'more: while decimals <= DECIMALS_MAX {
+        out.clear();
+        for &x in numbers {
+            match count(x, decimals) {
+                Some(count) => out.push(count),
+                None => {
+                    // Most often the next place does; what needs more than there are fails at once.
+                    count(x, DECIMALS_MAX).or_else(|| (decimals..DECIMALS_MAX).find_map(|more| count(x, more)))?;
+                    decimals += 1;
+                    continue 'more;
+                }
+            }
+        }
+        return Some(decimals);
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn decimal_texts_come_back_bit_for_bit(count_given in -(1i64 << 50)..1i64 << 50, decimals in 0u32..12) {
+            let text = format!("{count_given}e-{decimals}");
+            let x: f64 = text.parse().unwrap();
+            prop_assert_eq!(count(x, decimals), Some(count_given));
+            prop_assert_eq!(value(count_given, decimals).to_bits(), x.to_bits());
+        }
+
+        #[test]
+        fn what_is_counted_is_exact(x in any::<f64>(), decimals in 0u32..=DECIMALS_MAX) {
+            if let Some(count) = count(x, decimals) {
+                prop_assert_eq!(value(count, decimals).to_bits(), x.to_bits());
+            }
+        }
+    }
+
+    #[test]
+    fn decimals_are_as_few_as_do() {
+        let mut out = Vec::new();
+        assert_eq!(counts(&[1.5, 4_581_200.123_4, -7.0], 0, &mut out), Some(4));
+        assert_eq!(out, [15_000, 45_812_001_234, -70_000]);
+        assert_eq!(counts(&[1.0, 1.0 / 3.0], 0, &mut out), None);
+        assert_eq!(counts(&[-0.0], 0, &mut out), None);
+        assert_eq!(counts(&[f64::NAN], 0, &mut out), None);
+    }
+}

@@ -1,0 +1,455 @@
+//! Positions and texture coordinates in compressed blocks: appended in order, read in windows.
+//!
+//! A block holds up to [`BLOCK_RECORDS`] records and stands alone:
+//!
+//! ```text
+//! decimals   one byte; 255: doubles as they are follow
+//! numbers    for each record and coordinate, zigzag varint of its count minus that of the record before
+//! ```
+//! A count is that of units in the last decimal place, see [`decimal`]. Neighbours in a file are neighbours in
+//! space: 2 bytes a coordinate instead of 8, in files of three or four decimals.
+//!
+//! # Memory
+//! A writer holds a block, a window its records.
+
+use std::fs::File;
+use std::marker::PhantomData;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use bytemuck::Pod;
+use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+use xxhash_rust::xxh3::Xxh3;
+
+use super::column::file_name;
+use super::decimal;
+use super::varint::{self, VARINT_BYTES_MAX, unzigzag, zigzag};
+use crate::base::{Error, Result};
+use crate::job::header::{HEADER_BYTES, Header};
+use crate::os::durable::DurableFile;
+use crate::os::system::read_exact_at;
+
+/// Records of a block, at most.
+pub const BLOCK_RECORDS: usize = 4096;
+/// Stands for a block of doubles as they are.
+const RAW: u8 = u8::MAX;
+const WRITE_BUFFER_BYTES: usize = 256 << 10;
+
+/// A record of coordinates.
+pub trait Coordinates: Pod {
+    /// How many.
+    const COUNT: usize;
+}
+
+impl Coordinates for DVec2 {
+    const COUNT: usize = 2;
+}
+
+impl Coordinates for DVec3 {
+    const COUNT: usize = 3;
+}
+
+/// Encodes records (at most [`BLOCK_RECORDS`]) at the end of `out`; `decimals` are those of the block before, and become
+/// those of this one.
+pub fn encode_block<T: Coordinates>(records: &[T], decimals: &mut u32, out: &mut Vec<u8>) {
+    let numbers: &[f64] = bytemuck::cast_slice(records);
+    let mut counts = Vec::with_capacity(numbers.len());
+    let Some(needed) =
+        decimal::counts(numbers, *decimals, &mut counts).or_else(|| decimal::counts(numbers, 0, &mut counts))
+    else {
+        out.push(RAW);
+        out.extend_from_slice(bytemuck::cast_slice(records));
+        return;
+    };
+    *decimals = needed;
+    out.push(needed as u8);
+    let start = out.len();
+    out.resize(start + counts.len() * VARINT_BYTES_MAX, 0);
+    let (mut at, mut last) = (start, [0i64; 3]);
+    for record in counts.chunks_exact(T::COUNT) {
+        for (&count, last) in record.iter().zip(&mut last) {
+            at = varint::put(out, at, zigzag(count - *last));
+            *last = count;
+        }
+    }
+    out.truncate(at);
+}
+
+/// Decodes a block of `count` records to the end of `out`.
+///
+/// # Errors
+/// Says in words where the bytes make no sense.
+pub fn decode_block<T: Coordinates>(bytes: &[u8], count: usize, out: &mut Vec<T>) -> std::result::Result<(), String> {
+    if count > BLOCK_RECORDS {
+        return Err(format!("a block of {count} records; at most {BLOCK_RECORDS} are written"));
+    }
+    let (&decimals, bytes) = bytes.split_first().ok_or("an empty block")?;
+    let start = out.len();
+    out.resize(start + count, T::zeroed());
+    let numbers: &mut [f64] = bytemuck::cast_slice_mut(&mut out[start..]);
+    if decimals == RAW {
+        if bytes.len() != size_of_val(numbers) {
+            return Err(format!("{} bytes for {count} raw records", bytes.len()));
+        }
+        bytemuck::cast_slice_mut(numbers).copy_from_slice(bytes);
+        return Ok(());
+    }
+    if u32::from(decimals) > decimal::DECIMALS_MAX {
+        return Err(format!("{decimals} decimals; at most {} are written", decimal::DECIMALS_MAX));
+    }
+    let (mut at, mut last) = (0, [0i64; 3]);
+    for record in numbers.chunks_exact_mut(T::COUNT) {
+        for (number, last) in record.iter_mut().zip(&mut last) {
+            let difference = varint::take(bytes, &mut at).ok_or("a block ends inside a number")?;
+            *last = last.wrapping_add(unzigzag(difference));
+            *number = decimal::value(*last, u32::from(decimals));
+        }
+    }
+    if at == bytes.len() { Ok(()) } else { Err(format!("{} bytes are left after a block", bytes.len() - at)) }
+}
+
+/// Where a block lies.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+struct Block {
+    /// Its first record.
+    first: u64,
+    /// Position of its first byte in the file.
+    offset_bytes: u64,
+    /// Length in bytes.
+    bytes: u32,
+}
+
+/// Encoded blocks on their way to a file.
+#[derive(Debug, Default)]
+pub struct PackedBlocks {
+    bytes: Vec<u8>,
+    /// Records and bytes of each block.
+    blocks: Vec<(u32, u32)>,
+}
+
+impl PackedBlocks {
+    /// Encodes records.
+    pub fn new<T: Coordinates>(records: &[T]) -> Self {
+        let mut packed = Self::default();
+        let mut decimals = 0;
+        for records in records.chunks(BLOCK_RECORDS) {
+            let start = packed.bytes.len();
+            encode_block(records, &mut decimals, &mut packed.bytes);
+            packed.blocks.push((records.len() as u32, (packed.bytes.len() - start) as u32));
+        }
+        packed
+    }
+
+    /// All bytes.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// Number of records.
+    pub fn len(&self) -> u64 {
+        self.blocks.iter().map(|block| u64::from(block.0)).sum()
+    }
+
+    /// Whether there is no record.
+    pub fn is_empty(&self) -> bool {
+        self.blocks.is_empty()
+    }
+}
+
+/// Appends records to a new file.
+pub struct PackedWriter<T> {
+    file: DurableFile,
+    kind: [u8; 8],
+    pending: Vec<T>,
+    blocks: Vec<Block>,
+    count: u64,
+    offset_bytes: u64,
+    hash: Xxh3,
+}
+
+impl<T: Coordinates> PackedWriter<T> {
+    /// Begins the file `path`; `kind` names the records.
+    ///
+    /// # Errors
+    /// If the file cannot be made.
+    pub fn create(path: &Path, kind: [u8; 8]) -> Result<Self> {
+        let mut file = DurableFile::create(path, WRITE_BUFFER_BYTES)?;
+        file.write(&[0; HEADER_BYTES as usize])?;
+        let (pending, blocks) = (Vec::new(), Vec::new());
+        Ok(Self { file, kind, pending, blocks, count: 0, offset_bytes: HEADER_BYTES, hash: Xxh3::new() })
+    }
+
+    /// Number of records so far.
+    pub fn len(&self) -> u64 {
+        self.count + self.pending.len() as u64
+    }
+
+    /// Whether no record was appended yet.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Appends records.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub fn append(&mut self, mut records: &[T]) -> Result<()> {
+        while !records.is_empty() {
+            let (now, later) = records.split_at(records.len().min(BLOCK_RECORDS - self.pending.len()));
+            self.pending.extend_from_slice(now);
+            records = later;
+            if self.pending.len() == BLOCK_RECORDS {
+                self.flush()?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Appends records that were encoded elsewhere.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub fn append_packed(&mut self, packed: &PackedBlocks) -> Result<()> {
+        self.flush()?;
+        self.hash.update(&packed.bytes);
+        self.file.write(&packed.bytes)?;
+        place(packed, self.count, self.offset_bytes, &mut self.blocks);
+        self.count += packed.len();
+        self.offset_bytes += packed.bytes.len() as u64;
+        Ok(())
+    }
+
+    fn flush(&mut self) -> Result<()> {
+        if self.pending.is_empty() {
+            return Ok(());
+        }
+        let packed = PackedBlocks::new(&self.pending);
+        self.pending.clear();
+        self.append_packed(&packed)
+    }
+
+    /// Writes the header, makes the file durable and opens it for reading.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub fn finish(mut self) -> Result<PackedColumn<T>> {
+        self.flush()?;
+        let header = Header { kind: self.kind, record_bytes: 0, count: self.count, checksum: self.hash.digest() };
+        self.file.write_at(0, &header.encode())?;
+        let path = self.file.target().to_owned();
+        self.file.commit()?;
+        Ok(PackedColumn { path: path.into(), blocks: self.blocks.into(), count: self.count, record: PhantomData })
+    }
+}
+
+/// Adds the places of encoded blocks whose first record and first byte are given.
+fn place(packed: &PackedBlocks, mut first: u64, mut offset_bytes: u64, out: &mut Vec<Block>) {
+    for &(records, bytes) in &packed.blocks {
+        out.push(Block { first, offset_bytes, bytes });
+        first += u64::from(records);
+        offset_bytes += u64::from(bytes);
+    }
+}
+
+/// Records in blocks of a file.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(bound = "")]
+pub struct PackedColumn<T> {
+    #[serde(with = "file_name")]
+    path: Arc<Path>,
+    blocks: Arc<[Block]>,
+    count: u64,
+    record: PhantomData<T>,
+}
+
+impl<T> Clone for PackedColumn<T> {
+    fn clone(&self) -> Self {
+        Self { path: self.path.clone(), blocks: self.blocks.clone(), ..*self }
+    }
+}
+
+impl<T: Coordinates> PackedColumn<T> {
+    /// The blocks of a file that begin at an offset.
+    pub fn new(path: PathBuf, offset_bytes: u64, packed: &PackedBlocks) -> Self {
+        let mut blocks = Vec::with_capacity(packed.blocks.len());
+        place(packed, 0, offset_bytes, &mut blocks);
+        Self { path: path.into(), blocks: blocks.into(), count: packed.len(), record: PhantomData }
+    }
+
+    /// Number of records.
+    pub fn len(&self) -> u64 {
+        self.count
+    }
+
+    /// Whether there is no record.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// Bytes of its blocks.
+    pub fn bytes(&self) -> u64 {
+        self.blocks.iter().map(|block| u64::from(block.bytes)).sum()
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Says in which folder the file lies, after the value was read back.
+    pub fn locate(&mut self, folder: &Path) {
+        self.path = folder.join(&self.path).into();
+    }
+
+    /// A range of the records.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] if the range passes the end or a block does not decode, else [`Error::Io`].
+    pub fn window(&self, range: Range<u64>) -> Result<Vec<T>> {
+        if range.start > range.end || range.end > self.count {
+            return Err(self.damaged(format!("records {range:?} asked for, it holds {}", self.count)));
+        }
+        let mut out = Vec::new();
+        if range.is_empty() {
+            return Ok(out);
+        }
+        let mut reader = self.reader()?;
+        let (first, last) = (self.block_of(range.start)?, self.block_of(range.end - 1)?);
+        for block in first..=last {
+            reader.decode(block, &mut out)?;
+        }
+        let skipped = (range.start - self.blocks[first].first) as usize;
+        if (out.len() as u64) < range.end - self.blocks[first].first {
+            return Err(self.damaged(format!("records {range:?} asked for, {} found", out.len())));
+        }
+        out.truncate(skipped + (range.end - range.start) as usize);
+        out.drain(..skipped);
+        Ok(out)
+    }
+
+    /// Records at ascending ids; only blocks that hold one are read.
+    ///
+    /// # Errors
+    /// As [`window`](PackedColumn::window).
+    pub fn gather(&self, ids: &[u32]) -> Result<Vec<T>> {
+        let mut out = Vec::with_capacity(ids.len());
+        let mut reader = self.reader()?;
+        let (mut records, mut at) = (Vec::new(), 0);
+        while let Some(&id) = ids.get(at) {
+            if u64::from(id) >= self.count {
+                return Err(self.damaged(format!("record {id} asked for, it holds {}", self.count)));
+            }
+            let block = self.block_of(u64::from(id))?;
+            records.clear();
+            reader.decode(block, &mut records)?;
+            let first = self.blocks[block].first;
+            let end = at + ids[at..].partition_point(|&id| u64::from(id) < first + records.len() as u64);
+            if end == at {
+                return Err(self.damaged(format!("record {id} asked for, its block ends before it")));
+            }
+            out.extend(ids[at..end].iter().map(|&id| records[(u64::from(id) - first) as usize]));
+            at = end;
+        }
+        Ok(out)
+    }
+
+    /// Ranges of about `records` records that cover the column, in order, each of whole blocks.
+    pub fn ranges(&self, records: u64) -> impl Iterator<Item = Range<u64>> + use<T> {
+        let (blocks, count, mut at) = (self.blocks.clone(), self.count, 0);
+        std::iter::from_fn(move || {
+            let start = blocks.get(at)?.first;
+            at += blocks[at..].partition_point(|block| block.first < start + records).max(1);
+            Some(start..blocks.get(at).map_or(count, |block| block.first))
+        })
+    }
+
+    fn block_of(&self, record: u64) -> Result<usize> {
+        let after = self.blocks.partition_point(|block| block.first <= record);
+        after.checked_sub(1).ok_or_else(|| self.damaged(format!("no block holds record {record}")))
+    }
+
+    fn reader(&self) -> Result<Reader<'_, T>> {
+        let file = File::open(&self.path).map_err(|e| Error::io(&self.path, "open", e))?;
+        Ok(Reader { column: self, file, bytes: Vec::new() })
+    }
+
+    fn damaged(&self, message: String) -> Error {
+        Error::Damaged { path: self.path.to_path_buf(), message }
+    }
+}
+
+/// Reads blocks of a column that is open.
+struct Reader<'a, T> {
+    column: &'a PackedColumn<T>,
+    file: File,
+    bytes: Vec<u8>,
+}
+
+impl<T: Coordinates> Reader<'_, T> {
+    /// Decodes a block to the end of `out`.
+    fn decode(&mut self, block: usize, out: &mut Vec<T>) -> Result<()> {
+        let column = self.column;
+        let Block { first, offset_bytes, bytes } = column.blocks[block];
+        let end = column.blocks.get(block + 1).map_or(column.count, |next| next.first);
+        let count = end.saturating_sub(first) as usize;
+        if bytes as usize > 1 + BLOCK_RECORDS * T::COUNT * VARINT_BYTES_MAX {
+            return Err(column.damaged(format!("a block of {bytes} bytes")));
+        }
+        self.bytes.resize(bytes as usize, 0);
+        read_exact_at(&self.file, &mut self.bytes, offset_bytes).map_err(|e| Error::io(&column.path, "read", e))?;
+        decode_block(&self.bytes, count, out).map_err(|message| column.damaged(message))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn bits(records: &[DVec3]) -> Vec<[u64; 3]> {
+        records.iter().map(|record| record.to_array().map(f64::to_bits)).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn any_doubles_come_back_bit_for_bit(raw in prop::collection::vec(any::<[f64; 3]>(), 0..100)) {
+            let records: Vec<DVec3> = raw.into_iter().map(DVec3::from_array).collect();
+            let (mut bytes, mut back) = (Vec::new(), Vec::new());
+            encode_block(&records, &mut 0, &mut bytes);
+            decode_block(&bytes, records.len(), &mut back).unwrap();
+            prop_assert_eq!(bits(&back), bits(&records));
+        }
+
+        #[test]
+        fn random_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..300), count in 0usize..100) {
+            let _ = decode_block(&bytes, count, &mut Vec::<DVec2>::new());
+        }
+    }
+
+    #[test]
+    fn windows_and_single_records_are_those_that_were_appended() {
+        let folder = tempfile::tempdir().unwrap();
+        let records: Vec<DVec3> = (0..10_000)
+            .map(|i| DVec3::new(f64::from(i) * 0.25, (f64::from(i) * 10.0).round() / 1000.0, -7.5))
+            .collect();
+        let mut writer = PackedWriter::create(&folder.path().join("p"), *b"position").unwrap();
+        writer.append(&records[..100]).unwrap();
+        writer.append_packed(&PackedBlocks::new(&records[100..9000])).unwrap();
+        writer.append(&records[9000..]).unwrap();
+        let column = writer.finish().unwrap();
+        assert_eq!(column.len(), 10_000);
+        for range in [0..10_000u64, 50..150, 4095..4300, 9999..10_000, 7..7] {
+            assert_eq!(column.window(range.clone()).unwrap(), records[range.start as usize..range.end as usize]);
+        }
+        let ids = [0, 99, 100, 5000, 5001, 9999];
+        assert_eq!(column.gather(&ids).unwrap(), ids.map(|id| records[id as usize]));
+        let covered: Vec<_> = column.ranges(4096).collect();
+        assert_eq!((covered[0].start, covered.last().unwrap().end), (0, 10_000));
+        assert!(covered.windows(2).all(|pair| pair[0].end == pair[1].start));
+        assert!(column.window(9_000..10_001).is_err());
+        assert!(column.gather(&[10_000]).is_err());
+        assert!(std::fs::metadata(folder.path().join("p")).unwrap().len() < 5 * 10_000);
+    }
+}

@@ -1,0 +1,283 @@
+//! Positions in runs of records of one size, for access by id: what clusters are loaded from.
+//!
+//! The records of a run are as short as its extent allows. With counts of units in the last decimal place (see
+//! [`decimal`]), of which the run's least ones are taken off:
+//!
+//! ```text
+//! bits 0 .. bx        x
+//!      bx .. bx+by    y        in as many bytes as x, y and z need: 8 for a cluster of 200 m at four decimals
+//!      bx+by ..       z        24, three doubles as they are, where they have no common decimals
+//! ```
+//!
+//! # Memory
+//! A mapped window of at most 64 Ki records.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use xxhash_rust::xxh3::Xxh3;
+
+use super::column::file_name;
+use super::decimal;
+use crate::base::{Error, Result};
+use crate::job::header::{HEADER_BYTES, Header};
+use crate::os::durable::DurableFile;
+use crate::os::mmap;
+
+/// Records that are mapped at once.
+const WINDOW_RECORDS: usize = 64 << 10;
+/// Bytes of a record of doubles as they are.
+const RAW_BYTES: u8 = 24;
+/// Bytes of a record of counts, at most; as many zeros follow each run, so that every record can be read as a whole word.
+const COUNTED_BYTES_MAX: usize = 16;
+const WRITE_BUFFER_BYTES: usize = 256 << 10;
+
+/// Records of one size.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct Run {
+    /// Id of its first record.
+    first: u32,
+    /// Position of its first byte in the file.
+    offset_bytes: u64,
+    record_bytes: u8,
+    decimals: u8,
+    /// Of x and of y.
+    bits: [u8; 2],
+    /// Least count of each coordinate.
+    least: [i64; 3],
+}
+
+/// Positions that lie close together, on their way to a file.
+#[derive(Debug)]
+pub struct EncodedRun {
+    run: Run,
+    count: u32,
+    bytes: Vec<u8>,
+}
+
+impl EncodedRun {
+    /// Encodes positions.
+    pub fn new(positions: &[DVec3]) -> Self {
+        let mut counts = Vec::with_capacity(3 * positions.len());
+        let run = Run::fitting(positions, &mut counts);
+        let mut bytes = Vec::with_capacity((positions.len() + 1) * RAW_BYTES as usize);
+        if run.record_bytes == RAW_BYTES {
+            bytes.extend_from_slice(bytemuck::cast_slice(positions));
+        } else {
+            let [bx, by] = run.bits.map(u32::from);
+            for count in counts.chunks_exact(3) {
+                let [x, y, z] = [0, 1, 2].map(|axis| (count[axis] - run.least[axis]) as u128);
+                let word = x | y << bx | z << (bx + by);
+                bytes.extend_from_slice(&word.to_le_bytes()[..run.record_bytes as usize]);
+            }
+        }
+        bytes.extend_from_slice(&[0; COUNTED_BYTES_MAX]);
+        Self { run, count: positions.len() as u32, bytes }
+    }
+}
+
+impl Run {
+    /// The shortest records for some positions, whose counts go to `counts`.
+    fn fitting(positions: &[DVec3], counts: &mut Vec<i64>) -> Self {
+        let raw = Self { first: 0, offset_bytes: 0, record_bytes: RAW_BYTES, decimals: 0, bits: [0; 2], least: [0; 3] };
+        let Some(decimals) = decimal::counts(bytemuck::cast_slice(positions), 0, counts) else { return raw };
+        let of = |axis: usize| counts.iter().skip(axis).step_by(3).copied();
+        let least = [0, 1, 2].map(|axis| of(axis).min().unwrap_or(0));
+        let most = [0, 1, 2].map(|axis| of(axis).max().unwrap_or(0));
+        let bits = [0, 1, 2].map(|axis| (64 - ((most[axis] - least[axis]) as u64).leading_zeros()) as u8);
+        let record_bytes = bits.iter().map(|&bits| u32::from(bits)).sum::<u32>().div_ceil(8).max(1) as u8;
+        if record_bytes as usize > COUNTED_BYTES_MAX {
+            return raw;
+        }
+        Self { record_bytes, decimals: decimals as u8, bits: [bits[0], bits[1]], least, ..raw }
+    }
+
+    /// The record at an index of mapped bytes that hold it and [`COUNTED_BYTES_MAX`] more.
+    #[inline]
+    fn decode(&self, bytes: &[u8], index: usize) -> Option<DVec3> {
+        let at = index * self.record_bytes as usize;
+        if self.record_bytes == RAW_BYTES {
+            return bytes.get(at..at + RAW_BYTES as usize).map(bytemuck::pod_read_unaligned);
+        }
+        let word = u128::from_le_bytes(*bytes.get(at..)?.first_chunk()?);
+        let [bx, by] = self.bits.map(u32::from);
+        let bits = u32::from(self.record_bytes) * 8;
+        let low = |word: u128, bits: u32| (word & ((1 << bits) - 1)) as u64 as i64;
+        let z_bits = bits.checked_sub(bx + by)?.min(64);
+        let counts = [low(word, bx), low(word >> bx, by), low(word >> (bx + by), z_bits)];
+        let decimals = u32::from(self.decimals).min(decimal::DECIMALS_MAX);
+        let value = |axis: usize| decimal::value(counts[axis].wrapping_add(self.least[axis]), decimals);
+        Some(DVec3::new(value(0), value(1), value(2)))
+    }
+}
+
+/// Appends positions to a new file.
+pub struct PlacesWriter {
+    file: DurableFile,
+    runs: Vec<Run>,
+    count: u32,
+    offset_bytes: u64,
+    hash: Xxh3,
+}
+
+impl PlacesWriter {
+    /// Begins the file `path`.
+    ///
+    /// # Errors
+    /// If the file cannot be made.
+    pub fn create(path: &Path) -> Result<Self> {
+        let mut file = DurableFile::create(path, WRITE_BUFFER_BYTES)?;
+        file.write(&[0; HEADER_BYTES as usize])?;
+        Ok(Self { file, runs: Vec::new(), count: 0, offset_bytes: HEADER_BYTES, hash: Xxh3::new() })
+    }
+
+    /// Number of positions so far.
+    pub fn len(&self) -> u32 {
+        self.count
+    }
+
+    /// Whether there is none yet.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// Appends a run.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub fn append(&mut self, encoded: EncodedRun) -> Result<()> {
+        if encoded.count == 0 {
+            return Ok(());
+        }
+        self.runs.push(Run { first: self.count, offset_bytes: self.offset_bytes, ..encoded.run });
+        self.count += encoded.count;
+        self.offset_bytes += encoded.bytes.len() as u64;
+        self.hash.update(&encoded.bytes);
+        self.file.write(&encoded.bytes)
+    }
+
+    /// Writes the header, makes the file durable and opens it for reading.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub fn finish(mut self) -> Result<Places> {
+        let count = u64::from(self.count);
+        let header = Header { kind: *b"places  ", record_bytes: 0, count, checksum: self.hash.digest() };
+        self.file.write_at(0, &header.encode())?;
+        let path = self.file.target().to_owned();
+        self.file.commit()?;
+        Ok(Places { path, runs: self.runs, count: self.count })
+    }
+}
+
+/// Positions by id.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Places {
+    #[serde(with = "file_name")]
+    path: PathBuf,
+    runs: Vec<Run>,
+    count: u32,
+}
+
+impl Places {
+    /// Number of positions.
+    pub fn len(&self) -> u32 {
+        self.count
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Says in which folder the file lies, after the value was read back.
+    pub fn locate(&mut self, folder: &Path) {
+        self.path = folder.join(&self.path);
+    }
+
+    /// Positions at ascending ids.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] if there are not as many, else [`Error::Io`].
+    pub fn gather(&self, ids: &[u32]) -> Result<Vec<DVec3>> {
+        let mut out = Vec::with_capacity(ids.len());
+        let file = File::open(&self.path).map_err(|e| Error::io(&self.path, "open", e))?;
+        let mut at = 0;
+        while let Some(&id) = ids.get(at) {
+            let next = self.runs.partition_point(|run| run.first <= id);
+            let run = next.checked_sub(1).and_then(|run| self.runs.get(run));
+            let run = run.filter(|_| id < self.count).ok_or_else(|| self.lacks(id))?;
+            let run_end = self.runs.get(next).map_or(self.count, |next| next.first);
+            let end = at + ids[at..].partition_point(|&other| other < run_end && other - id < WINDOW_RECORDS as u32);
+            let last = ids[at..end].last().copied().ok_or_else(|| self.lacks(id))?;
+            let bytes = (last - id + 1) as usize * run.record_bytes as usize + COUNTED_BYTES_MAX;
+            let offset = run.offset_bytes + u64::from(id - run.first) * u64::from(run.record_bytes);
+            let window = mmap::map_records::<u8>(&file, offset, bytes).map_err(|e| match e.kind() {
+                std::io::ErrorKind::InvalidInput => self.lacks(last),
+                _ => Error::io(&self.path, "map", e),
+            })?;
+            for &other in &ids[at..end] {
+                out.push(run.decode(&window, (other - id) as usize).ok_or_else(|| self.lacks(other))?);
+            }
+            at = end;
+        }
+        Ok(out)
+    }
+
+    fn lacks(&self, id: u32) -> Error {
+        Error::Damaged { path: self.path.clone(), message: format!("position {id} asked for, it holds {}", self.count) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn come_back(runs: &[Vec<DVec3>]) -> Vec<DVec3> {
+        let folder = tempfile::tempdir().unwrap();
+        let mut writer = PlacesWriter::create(&folder.path().join("p")).unwrap();
+        runs.iter().for_each(|run| writer.append(EncodedRun::new(run)).unwrap());
+        let places = writer.finish().unwrap();
+        let count = runs.iter().map(Vec::len).sum::<usize>() as u32;
+        assert!(places.gather(&[count]).is_err());
+        places.gather(&(0..count).collect::<Vec<_>>()).unwrap()
+    }
+
+    fn bits(positions: &[DVec3]) -> Vec<[u64; 3]> {
+        positions.iter().map(|position| position.to_array().map(f64::to_bits)).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn positions_come_back_bit_for_bit(
+            raw in prop::collection::vec(any::<[f64; 3]>(), 1..20),
+            counted in prop::collection::vec(any::<[i32; 3]>(), 1..50),
+            decimals in 0i32..8,
+        ) {
+            let raw: Vec<DVec3> = raw.into_iter().map(DVec3::from_array).collect();
+            let counted: Vec<DVec3> =
+                counted.into_iter().map(|c| DVec3::from_array(c.map(|c| f64::from(c) / 10f64.powi(decimals)))).collect();
+            let all = [raw.clone(), counted.clone()].concat();
+            prop_assert_eq!(bits(&come_back(&[raw, counted])), bits(&all));
+        }
+    }
+
+    #[test]
+    fn a_cluster_of_a_city_takes_eight_bytes_a_position() {
+        let positions: Vec<DVec3> = (0..1000)
+            .map(|i| DVec3::new(432_100.0, 4_581_200.0, 0.0) + f64::from(i * 7) / 1e3)
+            .map(|p| (p * 1e4).round() / 1e4)
+            .collect();
+        let run = EncodedRun::new(&positions).run;
+        assert!(run.record_bytes <= 8, "{run:?}");
+        assert_eq!(bits(&come_back(std::slice::from_ref(&positions))), bits(&positions));
+    }
+}

@@ -1,0 +1,81 @@
+//! Whole numbers in few bytes: seven bits a byte, the low ones first; the top bit says that more follow.
+//!
+//! # Source
+//! LEB128 as in DWARF; signed numbers by zigzag as in Protocol Buffers.
+
+/// Bytes of a number of 64 bits, at most.
+pub const VARINT_BYTES_MAX: usize = 10;
+
+/// A signed number as an unsigned one: 0, -1, 1, -2, 2, …
+#[inline]
+pub fn zigzag(number: i64) -> u64 {
+    (number << 1 ^ number >> 63) as u64
+}
+
+/// Undoes [`zigzag`].
+#[inline]
+pub fn unzigzag(number: u64) -> i64 {
+    (number >> 1) as i64 ^ -((number & 1) as i64)
+}
+
+/// Writes a number at `at`, where [`VARINT_BYTES_MAX`] bytes must be left; returns the place after it.
+#[inline]
+pub fn put(out: &mut [u8], mut at: usize, mut number: u64) -> usize {
+    while number >= 0x80 {
+        out[at] = number as u8 | 0x80;
+        number >>= 7;
+        at += 1;
+    }
+    out[at] = number as u8;
+    at + 1
+}
+
+/// Takes the number that begins at `at`, which moves behind it; nothing if it is cut off or has more than 64 bits.
+///
+/// One byte after the other: with one or two bytes, as nearly all have, that is faster than eight at once.
+#[inline]
+pub fn take(bytes: &[u8], at: &mut usize) -> Option<u64> {
+    let mut number = 0u64;
+    for shift in (0..u64::BITS).step_by(7) {
+        let &byte = bytes.get(*at)?;
+        *at += 1;
+        number |= u64::from(byte & 0x7f) << shift;
+        if byte < 0x80 {
+            return (shift < 63 || byte < 2).then_some(number);
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn numbers_come_back_as_they_were(numbers in prop::collection::vec((any::<u64>(), 0u32..64), 0..50)) {
+            let numbers: Vec<u64> = numbers.into_iter().map(|(number, shift)| number >> shift).collect();
+            let mut out = vec![0; numbers.len() * VARINT_BYTES_MAX];
+            let end = numbers.iter().fold(0, |at, &number| put(&mut out, at, number));
+            let mut at = 0;
+            for &number in &numbers {
+                prop_assert_eq!(take(&out[..end], &mut at), Some(number));
+            }
+            prop_assert_eq!(at, end);
+        }
+
+        #[test]
+        fn zigzag_keeps_every_number(number in any::<i64>()) {
+            prop_assert_eq!(unzigzag(zigzag(number)), number);
+        }
+    }
+
+    #[test]
+    fn what_is_cut_off_or_too_long_is_refused() {
+        assert_eq!(take(&[0x80, 0x80], &mut 0), None);
+        assert_eq!(take(&[], &mut 0), None);
+        assert_eq!(take(&[0; 3], &mut 4), None);
+        assert_eq!(take(&[0xff; 12], &mut 0), None);
+    }
+}
