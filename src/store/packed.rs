@@ -3,6 +3,7 @@
 //! A block holds up to [`BLOCK_RECORDS`] records and stands alone:
 //!
 //! ```text
+//! records    two bytes
 //! decimals   one byte; 255: doubles as they are follow
 //! numbers    for each record and coordinate, zigzag varint of its count minus that of the record before
 //! ```
@@ -33,6 +34,8 @@ use crate::os::system::read_exact_at;
 
 /// Records of a block, at most.
 pub const BLOCK_RECORDS: usize = 4096;
+/// Bytes before the numbers of a block.
+const HEAD_BYTES: usize = 3;
 /// Stands for a block of doubles as they are.
 const RAW: u8 = u8::MAX;
 const WRITE_BUFFER_BYTES: usize = 256 << 10;
@@ -54,6 +57,7 @@ impl Coordinates for DVec3 {
 /// Encodes records (at most [`BLOCK_RECORDS`]) at the end of `out`; `decimals` are those of the block before, and become
 /// those of this one.
 pub fn encode_block<T: Coordinates>(records: &[T], decimals: &mut u32, out: &mut Vec<u8>) {
+    out.extend_from_slice(&(records.len() as u16).to_le_bytes());
     let numbers: &[f64] = bytemuck::cast_slice(records);
     let mut counts = Vec::with_capacity(numbers.len());
     let Some(needed) =
@@ -85,7 +89,12 @@ pub fn decode_block<T: Coordinates>(bytes: &[u8], count: usize, out: &mut Vec<T>
     if count > BLOCK_RECORDS {
         return Err(format!("a block of {count} records; at most {BLOCK_RECORDS} are written"));
     }
-    let (&decimals, bytes) = bytes.split_first().ok_or("an empty block")?;
+    let Some((&[low, high, decimals], bytes)) = bytes.split_first_chunk() else {
+        return Err("a block ends inside its head".into());
+    };
+    if usize::from(u16::from_le_bytes([low, high])) != count {
+        return Err(format!("a block of {} records, not of {count}", u16::from_le_bytes([low, high])));
+    }
     let start = out.len();
     out.resize(start + count, T::zeroed());
     let numbers: &mut [f64] = bytemuck::cast_slice_mut(&mut out[start..]);
@@ -394,7 +403,7 @@ impl<T: Coordinates> Reader<'_, T> {
         let Block { first, offset_bytes, bytes } = column.blocks[block];
         let end = column.blocks.get(block + 1).map_or(column.count, |next| next.first);
         let count = end.saturating_sub(first) as usize;
-        if bytes as usize > 1 + BLOCK_RECORDS * T::COUNT * VARINT_BYTES_MAX {
+        if bytes as usize > HEAD_BYTES + BLOCK_RECORDS * T::COUNT * VARINT_BYTES_MAX {
             return Err(column.damaged(format!("a block of {bytes} bytes")));
         }
         self.bytes.resize(bytes as usize, 0);

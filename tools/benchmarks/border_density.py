@@ -4,7 +4,7 @@
     tools/benchmarks/border_density.py city.obj --many 50000 --one 10000000 --scratch out
 
 Simplifies IN.obj twice, with clusters of --many and of --one triangles.  The work folder of the first run is watched for
-`pass-1-shared-positions.col` (docs/format.md): the vertices on borders between the first pass's clusters, where they
+`pass-0-shared-positions.col` (docs/format.md): the vertices on borders between the first pass's clusters, where they
 were in the input.  Counts the vertices of each result within two mean edges of one of these.  Both results describe the
 same surface, so the quotient of the counts is the quotient of the densities: 1 means that borders left no trace.
 
@@ -13,6 +13,7 @@ Needs numpy.
 import argparse
 import json
 import os
+import struct
 import subprocess
 import sys
 import time
@@ -21,6 +22,7 @@ from pathlib import Path
 import numpy as np
 
 HEADER_BYTES = 64
+RAW = 255
 BAND_EDGES = 2.0
 VERTICES_AT_ONCE = 512
 
@@ -38,6 +40,30 @@ def read(path):
     return np.array(vertices), np.array(faces)
 
 
+def unpack(path):
+    """Positions of a packed column (docs/format.md)."""
+    data, at, numbers = path.read_bytes(), HEADER_BYTES, []
+    while at < len(data):
+        count, decimals = int.from_bytes(data[at : at + 2], "little"), data[at + 2]
+        at += 3
+        if decimals == RAW:
+            numbers.extend(struct.unpack_from(f"<{3 * count}d", data, at))
+            at += 24 * count
+            continue
+        last = [0, 0, 0]
+        for i in range(3 * count):
+            folded = shift = 0
+            while True:
+                byte, at = data[at], at + 1
+                folded |= (byte & 0x7F) << shift
+                shift += 7
+                if byte < 0x80:
+                    break
+            last[i % 3] += (folded >> 1) ^ -(folded & 1)
+            numbers.append(last[i % 3] / 10**decimals)
+    return np.array(numbers).reshape(-1, 3)
+
+
 def simplify(asked, cluster_faces, name):
     """The result's vertices, its mean edge, the clusters of each pass, and the first pass's shared vertices, if any."""
     folder = (asked.scratch / name).resolve()
@@ -49,7 +75,7 @@ def simplify(asked, cluster_faces, name):
     running = subprocess.Popen([str(word) for word in command])
     while running.poll() is None:
         if not kept.exists():
-            for shared in work.rglob("pass-1-shared-positions.col"):
+            for shared in work.rglob("pass-0-shared-positions.col"):
                 try:
                     os.link(shared, kept)
                 except FileNotFoundError:
@@ -61,7 +87,7 @@ def simplify(asked, cluster_faces, name):
     corners = vertices[faces]
     edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean()
     clusters = [each["clusters"] for each in json.loads((folder / "report.json").read_text())["passes"]]
-    shared = np.frombuffer(kept.read_bytes()[HEADER_BYTES:], "<f8").reshape(-1, 3) if kept.exists() else np.empty((0, 3))
+    shared = unpack(kept) if kept.exists() else np.empty((0, 3))
     return vertices, edge, clusters, shared
 
 
