@@ -34,6 +34,7 @@ mod tally;
 #[cfg(test)]
 mod tests;
 mod texture;
+pub mod tilted;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -112,7 +113,8 @@ pub struct Geometry {
     /// Volume of the result per volume of the original, if both are closed.
     pub volume_ratio: Option<f64>,
     /// How far the open borders of the result lie from those of the original; a seam that came apart inside the surface
-    /// is far from them. Nothing if the original has no border, or a mesh more of it than fits the memory budget.
+    /// is far from them. Nothing if the original has no border, or a mesh more of it than fits the memory budget, or if one is
+    /// a soup of triangles.
     pub border: Option<BorderDeviation>,
 }
 
@@ -139,6 +141,9 @@ pub struct Distances {
     pub worst: Vec<Place>,
     /// How much of the surface is how far.
     pub histogram: Histogram,
+    /// Points whose search ended early, where triangles lie across each other by the thousand: their distances may be too
+    /// large.
+    pub cut_searches: u64,
 }
 
 /// Number of places that are told, at most.
@@ -235,6 +240,16 @@ pub struct Topology {
     pub charts: u64,
     /// Faces that repeat a vertex.
     pub degenerate_faces: u64,
+}
+
+/// Open edges up to which a mesh of more of them than triangles is not a soup: a single square has more.
+const SOUP_EDGES: u64 = 100_000;
+
+impl Topology {
+    /// Whether the mesh is a soup of triangles, most of which hang together with few others: its open edges are no border.
+    fn is_soup(&self) -> bool {
+        self.boundary_edges > SOUP_EDGES.max(self.faces)
+    }
 }
 
 /// Shapes of triangles.
@@ -360,6 +375,13 @@ fn compare_in_cells(
         warnings.extend(mesh.findings.warnings().into_iter().map(|words| format!("{name}: {words}")));
     }
     warnings.extend(findings.warnings());
+    if forward.cut + backward.cut > 0 {
+        let count = forward.cut + backward.cut;
+        warnings.push(format!(
+            "distances of {count} points may be too large: their searches ended early, since triangles lie across each other \
+             by the thousand"
+        ));
+    }
     Ok(Comparison {
         version: VERSION,
         original: original.to_owned(),
@@ -387,18 +409,19 @@ fn geometry(before: &MeasuredMesh, after: &MeasuredMesh, forward: &Direction, ba
     let symmetric = Distances {
         mean: half(f.mean(), b.mean()),
         rms: half(f.rms().powi(2), b.rms().powi(2)).sqrt(),
-        ..distances(&both, worst)
+        ..distances(&both, worst, forward.cut + backward.cut)
     };
     let volume = |mesh: &MeasuredMesh| (mesh.tallied.topology.boundary_edges == 0).then_some(mesh.volume);
     let volume = BeforeAfter { before: volume(before), after: volume(after) };
+    let has_borders = [before, after].iter().all(|mesh| !mesh.tallied.topology.is_soup());
     let border = match (&before.tallied.border, &after.tallied.border) {
-        (Some(old), Some(new)) if !old.is_empty() => Some(border_deviation(old, new)),
+        (Some(old), Some(new)) if !old.is_empty() && has_borders => Some(border_deviation(old, new)),
         _ => None,
     };
     Geometry {
         diagonal: before.bounds.diagonal(),
-        forward: distances(&forward.distances, forward.worst.clone()),
-        backward: distances(&backward.distances, backward.worst.clone()),
+        forward: distances(&forward.distances, forward.worst.clone(), forward.cut),
+        backward: distances(&backward.distances, backward.worst.clone(), backward.cut),
         symmetric,
         normals: Normals {
             mean: forward.angles.mean(),
@@ -413,7 +436,7 @@ fn geometry(before: &MeasuredMesh, after: &MeasuredMesh, forward: &Direction, ba
     }
 }
 
-fn distances(distances: &Distribution, worst: Vec<Place>) -> Distances {
+fn distances(distances: &Distribution, worst: Vec<Place>, cut_searches: u64) -> Distances {
     Distances {
         max: worst.first().map_or(0.0, |place| place.distance),
         mean: distances.mean(),
@@ -423,6 +446,7 @@ fn distances(distances: &Distribution, worst: Vec<Place>) -> Distances {
         p99: distances.quantile(0.99),
         worst,
         histogram: distances.histogram(),
+        cut_searches,
     }
 }
 

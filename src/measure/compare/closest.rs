@@ -10,6 +10,7 @@
 //! ```
 //! Triangles are sorted so that those of a child are neighbours. Boxes are single precision, wide enough that no rounding
 //! makes a box farther than a triangle in it; triangles are measured in double precision, so the answer is exact.
+//! Children whose boxes hold most of each other have a [`TiltedBox`] each as well, where that is much smaller.
 //!
 //! # Source
 //! Boxes are split by the surface area heuristic over bins (Wald 2007, "On fast Construction of SAH-based Bounding Volume
@@ -22,10 +23,13 @@
 //! None of the crates lies in a file, which a mesh larger than memory needs.
 //!
 //! # Memory
-//! 64 bytes a pair, about one for every three triangles; 28 bytes a triangle while it is built.
+//! 64 bytes a pair, about one for every three triangles; 28 bytes a triangle while it is built. At most one tilted box of
+//! 64 bytes for eight triangles.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3A, Vec4};
+
+use super::tilted::TiltedBox;
 
 /// Triangles of a leaf, at most, unless they cannot be told apart.
 const LEAF_TRIANGLES: usize = 4;
@@ -40,9 +44,21 @@ const DEPTH_MAX: usize = 40;
 /// Entries of that stack: one for each level, and 32 halvings below them.
 const STACK_ENTRIES: usize = DEPTH_MAX + 34;
 
+/// Triangles of a child with a tilted box, at least.
+const TILTED_TRIANGLES: usize = 16;
+/// Children get tilted boxes if their upright ones have more than this share of the smaller one in common
+const OVERLAP: f32 = 0.5;
+/// and if tilted ones are smaller than this share of them.
+const TILTED_SHARE: f32 = 0.5;
+/// Boxes count as this thick at least, as a share of the longest side, where sizes are compared.
+const THICKNESS: f32 = 1.0 / 256.0;
+/// Mark in the count of a child that has a tilted box; the other bits are the box's number.
+const TILTED: u32 = 1 << 31;
+
 /// The boxes of two children: low corner and index, high corner and count, of each.
 ///
-/// A count of 0 says that the index is a pair's; otherwise it is the first of so many triangles.
+/// A count of 0 says that the index is a pair's, as does one with the mark `TILTED`; otherwise it is the first of so many
+/// triangles.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
 pub struct Pair {
@@ -95,17 +111,32 @@ impl Pair {
     }
 }
 
-/// Builds the tree of `count` triangles; `triangle` gives their corners by number.
-///
-/// Returns the pairs, the first of which is the root (there is none for up to `LEAF_TRIANGLES` triangles), and the
-/// numbers of the triangles in the order that the pairs refer to. O(n log n).
-pub fn build(count: usize, triangle: impl Fn(u32) -> [DVec3; 3]) -> (Vec<Pair>, Vec<u32>) {
+/// A tree over triangles.
+#[derive(Debug, Default)]
+pub struct Tree {
+    /// The first is the root; there is none for up to `LEAF_TRIANGLES` triangles.
+    pub pairs: Vec<Pair>,
+    /// Boxes of some children.
+    pub tilted: Vec<TiltedBox>,
+    /// The numbers of the triangles in the order that the pairs refer to.
+    pub order: Vec<u32>,
+}
+
+impl Tree {
+    /// The tree, to be searched.
+    pub fn view(&self) -> TreeView<'_> {
+        TreeView { pairs: &self.pairs, tilted: &self.tilted, count: self.order.len() }
+    }
+}
+
+/// Builds the tree of `count` triangles; `triangle` gives their corners by number. O(n log n).
+pub fn build(count: usize, triangle: impl Fn(u32) -> [DVec3; 3]) -> Tree {
     let corners = |number: u32| triangle(number).map(|corner| if corner.is_finite() { corner } else { DVec3::ZERO });
     let mut largest = 0.0f64;
     for number in 0..count as u32 {
         largest = corners(number).iter().fold(largest, |largest, corner| largest.max(corner.abs().max_element()));
     }
-    let margin = DVec3::splat(largest * BOX_MARGIN);
+    let margin = largest * BOX_MARGIN;
     let mut items: Vec<Item> = (0..count as u32)
         .map(|number| {
             let [a, b, c] = corners(number);
@@ -113,37 +144,80 @@ pub fn build(count: usize, triangle: impl Fn(u32) -> [DVec3; 3]) -> (Vec<Pair>, 
             Item { low: low.as_vec3().to_array(), high: high.as_vec3().to_array(), triangle: number }
         })
         .collect();
-    let mut pairs = Vec::with_capacity(count / 2);
-    split(&mut items, 0, 0, &mut pairs);
-    (pairs, items.into_iter().map(|item| item.triangle).collect())
+    let mut builder = Builder { corners, margin, pairs: Vec::with_capacity(count / 2), tilted: Vec::new() };
+    builder.split(&mut items, 0, 0);
+    let Builder { pairs, tilted, .. } = builder;
+    Tree { pairs, tilted, order: items.into_iter().map(|item| item.triangle).collect() }
 }
 
-/// Splits items, the first of which is the `first` of all, and returns their box.
-fn split(items: &mut [Item], first: usize, depth: usize, pairs: &mut Vec<Pair>) -> Child {
-    let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
-    let (mut centre_low, mut centre_high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
-    for item in items.iter() {
-        let centre = item.low() + item.high();
-        (low, high) = (low.min(item.low()), high.max(item.high()));
-        (centre_low, centre_high) = (centre_low.min(centre), centre_high.max(centre));
+/// A tree that grows.
+struct Builder<F> {
+    corners: F,
+    margin: f64,
+    pairs: Vec<Pair>,
+    tilted: Vec<TiltedBox>,
+}
+
+impl<F: Fn(u32) -> [DVec3; 3]> Builder<F> {
+    /// Splits items, the first of which is the `first` of all, and returns their box.
+    fn split(&mut self, items: &mut [Item], first: usize, depth: usize) -> Child {
+        let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        let (mut centre_low, mut centre_high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        for item in items.iter() {
+            let centre = item.low() + item.high();
+            (low, high) = (low.min(item.low()), high.max(item.high()));
+            (centre_low, centre_high) = (centre_low.min(centre), centre_high.max(centre));
+        }
+        if items.len() <= LEAF_TRIANGLES {
+            return Child { low, high, index: first as u32, count: items.len() as u32 };
+        }
+        let extent = (centre_high - centre_low).to_array();
+        let axis = (0..3).fold(0, |widest, axis| if extent[axis] > extent[widest] { axis } else { widest });
+        let mut cut = 0;
+        if depth < DEPTH_MAX && extent[axis] > 0.0 && extent[axis].is_finite() {
+            cut = split_by_area(items, axis, centre_low[axis], extent[axis]);
+        }
+        if cut == 0 || cut == items.len() {
+            cut = items.len() / 2;
+        }
+        let at = self.pairs.len();
+        self.pairs.push(Pair::default());
+        let (near, far) = items.split_at_mut(cut);
+        let mut children = [self.split(near, first, depth + 1), self.split(far, first + cut, depth + 1)];
+        if near.len().min(far.len()) >= TILTED_TRIANGLES && overlap(&children) > OVERLAP {
+            self.tilt(&mut children[0], near);
+            self.tilt(&mut children[1], far);
+        }
+        self.pairs[at] = Pair::new(children);
+        Child { low, high, index: at as u32, count: 0 }
     }
-    if items.len() <= LEAF_TRIANGLES {
-        return Child { low, high, index: first as u32, count: items.len() as u32 };
+
+    /// Gives a child a tilted box if that is much smaller than its own.
+    fn tilt(&mut self, child: &mut Child, items: &[Item]) {
+        let tilted = TiltedBox::around(items.iter().flat_map(|item| (self.corners)(item.triangle)), self.margin);
+        let extent = child.high - child.low;
+        let least = extent.max_element() * THICKNESS;
+        if volume(tilted.extent(), least) < TILTED_SHARE * volume(extent, least) {
+            child.count = TILTED | self.tilted.len() as u32;
+            self.tilted.push(tilted);
+        }
     }
-    let extent = (centre_high - centre_low).to_array();
-    let axis = (0..3).fold(0, |widest, axis| if extent[axis] > extent[widest] { axis } else { widest });
-    let mut cut = 0;
-    if depth < DEPTH_MAX && extent[axis] > 0.0 && extent[axis].is_finite() {
-        cut = split_by_area(items, axis, centre_low[axis], extent[axis]);
+}
+
+/// Volume of a box whose sides count as `least` long at least.
+fn volume(extent: Vec3A, least: f32) -> f32 {
+    extent.max(Vec3A::splat(least)).to_array().into_iter().product()
+}
+
+/// What the boxes of two children have in common, as a share of the smaller one.
+fn overlap([a, b]: &[Child; 2]) -> f32 {
+    let [extent_a, extent_b] = [a, b].map(|child| child.high - child.low);
+    let common = a.high.min(b.high) - a.low.max(b.low);
+    let least = extent_a.max(extent_b).max_element() * THICKNESS;
+    if common.min_element() < 0.0 {
+        return 0.0;
     }
-    if cut == 0 || cut == items.len() {
-        cut = items.len() / 2;
-    }
-    let at = pairs.len();
-    pairs.push(Pair::default());
-    let (near, far) = items.split_at_mut(cut);
-    pairs[at] = Pair::new([split(near, first, depth + 1, pairs), split(far, first + cut, depth + 1, pairs)]);
-    Child { low, high, index: at as u32, count: 0 }
+    volume(common, least) / volume(extent_a, least).min(volume(extent_b, least))
 }
 
 /// Moves the items below the best of [`BINS`] planes to the front and returns how many they are; 0 if no plane parts them.
@@ -194,60 +268,111 @@ fn split_by_area(items: &mut [Item], axis: usize, low: f32, extent: f32) -> usiz
     front
 }
 
-/// Finds the triangle nearest to `point`, if there is one nearer than the square root of `bound_sq`.
-///
-/// `pairs` and `count` are those of [`build`], `triangle` gives corners by place in its order. The search ends as soon as
-/// a triangle is no farther than the square root of `enough_sq`, which then need not be the nearest; a negative number
-/// asks for the nearest. Returns the place and the squared distance.
-pub fn nearest(
-    pairs: &[Pair],
-    count: usize,
-    point: DVec3,
-    bound_sq: f64,
-    enough_sq: f64,
-    triangle: impl Fn(u32) -> [DVec3; 3],
-) -> Option<(u32, f64)> {
-    let target = Vec3A::from(point.as_vec3());
-    let mut best = (u32::MAX, bound_sq);
-    let bound = |sq: f64| sq as f32 * BOUND_MARGIN;
-    let mut limit = bound(bound_sq);
-    let mut stack = [(0.0f32, 0u32, 0u32); STACK_ENTRIES];
-    stack[0] = (0.0, 0, if pairs.is_empty() { count as u32 } else { 0 });
-    let mut height = usize::from(count > 0);
-    while height > 0 {
-        height -= 1;
-        let (distance_sq, mut index, mut leaf) = stack[height];
-        if distance_sq > limit {
-            continue;
-        }
-        loop {
-            if leaf > 0 {
-                for place in index..index + leaf {
-                    let distance_sq = closest_point(point, triangle(place)).distance_squared(point);
-                    if distance_sq < best.1 {
-                        best = (place, distance_sq);
-                        limit = bound(distance_sq);
+/// A tree as it is searched.
+#[derive(Debug, Clone, Copy)]
+pub struct TreeView<'a> {
+    /// Those of the [`Tree`].
+    pub pairs: &'a [Pair],
+    /// Those of the [`Tree`].
+    pub tilted: &'a [TiltedBox],
+    /// Number of triangles.
+    pub count: usize,
+}
+
+/// What a tree is asked for: the triangle nearest to a point.
+#[derive(Debug, Clone, Copy)]
+pub struct Question {
+    /// The point.
+    pub point: DVec3,
+    /// Square of a distance that the triangle must be nearer than.
+    pub bound_sq: f64,
+    /// The search ends as soon as a triangle is no farther than the square root of this, which then need not be the nearest;
+    /// a negative number asks for the nearest.
+    pub enough_sq: f64,
+    /// The search ends when so many pairs and triangles were looked at, but not before it came to a triangle.
+    pub looks: u64,
+}
+
+impl Question {
+    /// Asks for the triangle nearest to a point, whatever that takes.
+    pub fn nearest_to(point: DVec3) -> Self {
+        Self { point, bound_sq: f64::INFINITY, enough_sq: -1.0, looks: u64::MAX }
+    }
+}
+
+/// What was found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Answer {
+    /// Place in the tree's order and squared distance of the nearest triangle; nothing if none is near enough.
+    pub nearest: Option<(u32, f64)>,
+    /// Pairs and triangles that were looked at.
+    pub looks: u64,
+    /// Whether the search ended early, so that another triangle may be nearer.
+    pub is_cut: bool,
+}
+
+impl TreeView<'_> {
+    /// Answers a question; `triangle` gives corners by place in the tree's order.
+    pub fn ask(self, question: &Question, triangle: impl Fn(u32) -> [DVec3; 3]) -> Answer {
+        let Question { point, bound_sq, enough_sq, looks: looks_max } = *question;
+        let target = Vec3A::from(point.as_vec3());
+        let mut best = (u32::MAX, bound_sq);
+        let bound = |sq: f64| sq as f32 * BOUND_MARGIN;
+        let mut limit = bound(bound_sq);
+        let mut stack = [(0.0f32, 0u32, 0u32); STACK_ENTRIES];
+        stack[0] = (0.0, 0, if self.pairs.is_empty() { self.count as u32 } else { 0 });
+        let mut height = usize::from(self.count > 0);
+        let (mut looks, mut is_cut) = (0, false);
+        while height > 0 {
+            height -= 1;
+            let (distance_sq, mut index, mut leaf) = stack[height];
+            if distance_sq > limit {
+                continue;
+            }
+            if looks > looks_max {
+                is_cut = true;
+                break;
+            }
+            loop {
+                looks += 1 + u64::from(leaf);
+                if leaf > 0 {
+                    for place in index..index + leaf {
+                        let distance_sq = closest_point(point, triangle(place)).distance_squared(point);
+                        if distance_sq < best.1 {
+                            best = (place, distance_sq);
+                            limit = bound(distance_sq);
+                        }
                     }
+                    if best.1 <= enough_sq {
+                        height = 0;
+                    }
+                    break;
                 }
-                if best.1 <= enough_sq {
-                    return Some(best);
+                let pair = &self.pairs[index as usize];
+                let [a, b] = [self.child(pair, 0, target), self.child(pair, 1, target)];
+                let (near, far) = if a.0 <= b.0 { (a, b) } else { (b, a) };
+                if far.0 <= limit && height < STACK_ENTRIES {
+                    stack[height] = far;
+                    height += 1;
                 }
-                break;
+                if near.0 > limit {
+                    break;
+                }
+                (_, index, leaf) = near;
             }
-            let pair = &pairs[index as usize];
-            let [a, b] = [pair.child(0, target), pair.child(1, target)];
-            let (near, far) = if a.0 <= b.0 { (a, b) } else { (b, a) };
-            if far.0 <= limit && height < STACK_ENTRIES {
-                stack[height] = far;
-                height += 1;
-            }
-            if near.0 > limit {
-                break;
-            }
-            (_, index, leaf) = near;
+        }
+        Answer { nearest: (best.0 != u32::MAX).then_some(best), looks, is_cut }
+    }
+
+    /// Squared distance, index and count of a child.
+    #[inline]
+    fn child(self, pair: &Pair, which: usize, point: Vec3A) -> (f32, u32, u32) {
+        let (distance_sq, index, count) = pair.child(which, point);
+        match count & TILTED {
+            0 => (distance_sq, index, count),
+            _ => (distance_sq.max(self.tilted[(count ^ TILTED) as usize].distance_sq(point)), index, 0),
         }
     }
-    (best.0 != u32::MAX).then_some(best)
 }
 
 /// The point of a triangle that is nearest to `point`; of its corners and sides, if it has no area.
@@ -333,17 +458,20 @@ mod tests {
             scale in prop_oneof![Just(1.0), Just(1e-5), Just(1e6)],
         ) {
             let triangles: Vec<_> = raw.into_iter().map(|t| vectors(t, scale)).collect();
-            let (pairs, order) = build(triangles.len(), |i| triangles[i as usize]);
-            let at = |place: u32| triangles[order[place as usize] as usize];
+            let tree = build(triangles.len(), |i| triangles[i as usize]);
+            let at = |place: u32| triangles[tree.order[place as usize] as usize];
+            let nearest = |point, bound_sq, enough_sq| {
+                let question = Question { point, bound_sq, enough_sq, looks: u64::MAX };
+                tree.view().ask(&question, at).nearest
+            };
             for point in points {
                 let point = DVec3::from(point.map(|x| f64::from(x) + 0.25)) * scale;
-                let (place, distance_sq) =
-                    nearest(&pairs, triangles.len(), point, f64::INFINITY, -1.0, at).unwrap();
+                let (place, distance_sq) = nearest(point, f64::INFINITY, -1.0).unwrap();
                 prop_assert_eq!(distance_sq, by_looking_at_all(point, &triangles));
                 prop_assert_eq!(closest_point(point, at(place)).distance_squared(point), distance_sq);
                 // nothing is nearer than the nearest, and something is near enough
-                prop_assert!(nearest(&pairs, triangles.len(), point, distance_sq, -1.0, at).is_none());
-                let enough = nearest(&pairs, triangles.len(), point, f64::INFINITY, distance_sq * 4.0, at).unwrap();
+                prop_assert!(nearest(point, distance_sq, -1.0).is_none());
+                let enough = nearest(point, f64::INFINITY, distance_sq * 4.0).unwrap();
                 prop_assert!(enough.1 <= distance_sq * 4.0);
             }
         }
@@ -389,9 +517,46 @@ mod tests {
 
     #[test]
     fn many_triangles_at_one_place_are_halved() {
-        let (pairs, order) = build(10_000, |_| [DVec3::ONE; 3]);
-        assert_eq!(order.len(), 10_000);
-        let found = nearest(&pairs, 10_000, DVec3::ZERO, f64::INFINITY, -1.0, |_| [DVec3::ONE; 3]);
-        assert!((found.unwrap().1 - 3.0).abs() < 1e-12);
+        let tree = build(10_000, |_| [DVec3::ONE; 3]);
+        assert_eq!(tree.order.len(), 10_000);
+        let found = tree.view().ask(&Question::nearest_to(DVec3::ZERO), |_| [DVec3::ONE; 3]);
+        assert!((found.nearest.unwrap().1 - 3.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_fan_of_needles_is_searched_without_looking_at_most_of_them() {
+        // a needle for each step around the middle; the point lies between rim and middle, above one of them
+        let count = 20_000;
+        let rim = |i: u32| {
+            let angle = std::f64::consts::TAU * f64::from(i % count) / f64::from(count);
+            DVec3::new(100.0 * angle.cos(), 100.0 * angle.sin(), (17.0 * angle).sin())
+        };
+        let needle = |i: u32| [DVec3::new(0.0, 0.0, 10.0), rim(i), rim(i + 1)];
+        let tree = build(count as usize, needle);
+        let looks = std::cell::Cell::new(0);
+        for angle in [0.3f64, 0.8, 2.2, 4.0] {
+            let point = DVec3::new(60.0 * angle.cos(), 60.0 * angle.sin(), 3.0);
+            let at = |place: u32| {
+                looks.set(looks.get() + 1);
+                needle(tree.order[place as usize])
+            };
+            let found = tree.view().ask(&Question::nearest_to(point), at).nearest.unwrap();
+            let all: Vec<[DVec3; 3]> = (0..count).map(needle).collect();
+            assert_eq!(found.1, by_looking_at_all(point, &all));
+        }
+        assert!(looks.get() < 4 * 1000, "{} triangles were measured", looks.get());
+    }
+
+    #[test]
+    fn a_search_that_ends_early_says_so_and_gives_a_triangle() {
+        let triangles: Vec<[DVec3; 3]> =
+            (0..1000).map(|i| [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| axis * (1.0 + f64::from(i)))).collect();
+        let tree = build(triangles.len(), |i| triangles[i as usize]);
+        let at = |place: u32| triangles[tree.order[place as usize] as usize];
+        let whole = tree.view().ask(&Question::nearest_to(DVec3::ONE * 200.3), at);
+        assert!(!whole.is_cut && whole.looks > 10);
+        let cut = tree.view().ask(&Question { looks: 0, ..Question::nearest_to(DVec3::ONE * 200.3) }, at);
+        assert!(cut.is_cut && cut.looks < whole.looks);
+        assert!(cut.nearest.unwrap().1 >= whole.nearest.unwrap().1);
     }
 }

@@ -58,6 +58,8 @@ pub struct Direction {
     pub flipped: u64,
     /// Places of the largest distances in different cells, the largest first.
     pub worst: Vec<Place>,
+    /// Points whose search ended early: their distances may be too large.
+    pub cut: u64,
     /// The texture at points by area.
     pub textures: Option<Column<TexturePair>>,
 }
@@ -73,6 +75,7 @@ struct Outcome {
     cell: usize,
     samples: Vec<Sample>,
     farthest: Option<Place>,
+    cut: u64,
 }
 
 /// Measures from points of `from` to `to`, which has a triangle at least.
@@ -99,7 +102,7 @@ pub fn measure(
     };
     let mut distances = Distribution::new(limit);
     let mut angles = Distribution::new(ANGLE_MAX);
-    let mut flipped = 0;
+    let (mut flipped, mut cut) = (0, 0);
     let mut farthest: Vec<Option<Place>> = vec![None; from.cells.len()];
     let fitting = resources.work_bytes / (CELL_BYTES * (VIEWS as u64 + 2));
     let threads = resources.threads.min(fitting.max(1) as usize);
@@ -110,6 +113,7 @@ pub fn measure(
         |batch| look(from, to, sampling, batch),
         |outcome| {
             progress.advance(1);
+            cut += outcome.cut;
             let mut records = Vec::with_capacity(outcome.samples.len());
             let mut most = outcome.farthest;
             for sample in &outcome.samples {
@@ -130,7 +134,7 @@ pub fn measure(
     worst.sort_by(|a, b| b.distance.total_cmp(&a.distance));
     worst.truncate(WORST_PLACES);
     let textures = textures.map(ColumnWriter::finish).transpose()?;
-    Ok(Direction { distances, angles, flipped, worst, textures })
+    Ok(Direction { distances, angles, flipped, worst, cut, textures })
 }
 
 fn keep_farther(most: &mut Option<Place>, place: Place) {
@@ -144,12 +148,13 @@ fn look(from: &MeasuredMesh, to: &MeasuredMesh, sampling: &Sampling, batch: &Bat
     let points = sampling.points(batch, &view);
     let positions: Vec<DVec3> = points.iter().map(|point| point.position).collect();
     let mut search = Search::new(to);
-    let mut outcome = Outcome { cell: batch.cell, samples: Vec::new(), farthest: None };
+    let mut outcome = Outcome { cell: batch.cell, samples: Vec::new(), farthest: None, cut: 0 };
     if batch.kind != Kind::Area {
         if let Some((number, found)) = search.farthest(&positions)? {
             let closest = search.closest(positions[number], &found)?;
             outcome.farthest = Some(place(positions[number], &found, &closest));
         }
+        outcome.cut = search.cut_count();
         return Ok(outcome);
     }
     for (point, found) in points.iter().zip(search.nearest(&positions)?) {
@@ -173,6 +178,7 @@ fn look(from: &MeasuredMesh, to: &MeasuredMesh, sampling: &Sampling, batch: &Bat
             },
         });
     }
+    outcome.cut = search.cut_count();
     Ok(outcome)
 }
 

@@ -7,7 +7,8 @@
 //!   +-------+-------+
 //! ```
 //! The result is exact to the rounding of coordinates: no cell is left out whose box is nearer than the distance that is
-//! returned.
+//! returned. Where triangles lie across each other's boxes by the thousand, so that a point would have to look at all, a
+//! search ends early, its distance is one that the true one does not exceed, and it is counted ([`Search::cut_count`]).
 //!
 //! # Memory
 //! 130 bytes a point, and the touched pages of [`VIEWS`] cells.
@@ -16,7 +17,7 @@ use glam::DVec3;
 
 use super::super::boxtree::Bounds;
 use super::cells::{CellView, MeasuredMesh};
-use super::closest::{closest_point, weights};
+use super::closest::{Question, closest_point, weights};
 use super::pictures::NO_PICTURE;
 use crate::base::Result;
 
@@ -29,6 +30,11 @@ const GROUP_POINTS: usize = 512;
 /// a point, it spares looking at all.
 const ROUNDINGS: f64 = 4.0;
 
+/// Pairs and triangles that each point may look at.
+const LOOKS_OF_POINT: u64 = 128;
+/// What those points of a batch that need more may look at together, for each point of the batch.
+const LOOKS_TO_SHARE: u64 = 128;
+
 /// What is nearest to a point.
 #[derive(Debug, Clone, Copy)]
 pub struct Found {
@@ -38,9 +44,11 @@ pub struct Found {
     pub cell: u32,
     /// The closest triangle of that cell.
     pub face: u32,
+    looks: u64,
+    is_cut: bool,
 }
 
-const NOTHING: Found = Found { distance_sq: f64::INFINITY, cell: u32::MAX, face: 0 };
+const NOTHING: Found = Found { distance_sq: f64::INFINITY, cell: u32::MAX, face: 0, looks: 0, is_cut: false };
 
 /// The closest point of a triangle, with what is there.
 #[derive(Debug, Clone, Copy)]
@@ -64,6 +72,9 @@ pub struct Search<'a> {
     order: Vec<(f64, u32)>,
     /// Square of a distance that is as small as can be told.
     least_sq: f64,
+    /// Looks that are left to be shared.
+    looks: u64,
+    cut_count: u64,
 }
 
 /// A cell that is open.
@@ -79,7 +90,12 @@ impl<'a> Search<'a> {
     pub fn new(mesh: &'a MeasuredMesh) -> Self {
         let largest = mesh.bounds.low.abs().max(mesh.bounds.high.abs()).max_element();
         let least_sq = (ROUNDINGS * f64::EPSILON * largest).powi(2);
-        Self { mesh, views: Vec::new(), order: Vec::new(), least_sq }
+        Self { mesh, views: Vec::new(), order: Vec::new(), least_sq, looks: 0, cut_count: 0 }
+    }
+
+    /// Points whose search ended early, so that their distances may be too large.
+    pub fn cut_count(&self) -> u64 {
+        self.cut_count
     }
 
     /// The closest triangles of all points.
@@ -88,6 +104,7 @@ impl<'a> Search<'a> {
     /// On failed reads.
     pub fn nearest(&mut self, points: &[DVec3]) -> Result<Vec<Found>> {
         let mut found = Vec::with_capacity(points.len());
+        self.looks = LOOKS_TO_SHARE * points.len() as u64;
         for group in points.chunks(GROUP_POINTS) {
             found.extend(self.nearest_of_group(group, self.least_sq)?);
         }
@@ -102,6 +119,7 @@ impl<'a> Search<'a> {
     /// On failed reads.
     pub fn farthest(&mut self, points: &[DVec3]) -> Result<Option<(usize, Found)>> {
         let mut farthest: Option<(usize, Found)> = None;
+        self.looks = LOOKS_TO_SHARE * points.len() as u64;
         for (group, first) in points.chunks(GROUP_POINTS).zip((0..).step_by(GROUP_POINTS)) {
             let enough_sq = farthest.map_or(self.least_sq, |(_, found)| found.distance_sq.max(self.least_sq));
             for (found, number) in self.nearest_of_group(group, enough_sq)?.into_iter().zip(first..) {
@@ -142,6 +160,7 @@ impl<'a> Search<'a> {
                 }
             }
         }
+        self.cut_count += found.iter().filter(|found| found.is_cut && found.distance_sq > enough_sq).count() as u64;
         Ok(found)
     }
 
@@ -172,17 +191,24 @@ impl<'a> Search<'a> {
 
     /// Asks a cell for a triangle that is nearer than what was found, first of all for the last answer that it gave.
     fn ask(&mut self, cell: u32, point: DVec3, enough_sq: f64, found: &mut Found) -> Result<()> {
+        let shared = self.looks;
         let open = self.open(cell)?;
         let point = point - open.view.origin;
         let again_sq = closest_point(point, open.view.triangle(open.last)).distance_squared(point);
         if again_sq < found.distance_sq {
-            *found = Found { distance_sq: again_sq, cell, face: open.last };
+            *found = Found { distance_sq: again_sq, cell, face: open.last, ..*found };
         }
-        if found.distance_sq > enough_sq
-            && let Some((face, distance_sq)) = open.view.nearest(point, found.distance_sq, enough_sq)
-        {
-            *found = Found { distance_sq, cell, face };
-            open.last = face;
+        if found.distance_sq > enough_sq {
+            let own = LOOKS_OF_POINT.saturating_sub(found.looks);
+            let question = Question { point, bound_sq: found.distance_sq, enough_sq, looks: own + shared };
+            let answer = open.view.ask(&question);
+            if let Some((face, distance_sq)) = answer.nearest {
+                *found = Found { distance_sq, cell, face, ..*found };
+                open.last = face;
+            }
+            found.looks += answer.looks;
+            found.is_cut |= answer.is_cut;
+            self.looks = shared.saturating_sub(answer.looks.saturating_sub(own));
         }
         Ok(())
     }

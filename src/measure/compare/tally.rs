@@ -219,7 +219,7 @@ fn sorted_sides(mesh: &ClusterMesh) -> Vec<Side> {
             sides.push(([vertices[from], vertices[to]], [corners[from], corners[to]], face));
         }
     }
-    sides.sort_unstable();
+    sides.sort_unstable_by_key(|&([low, high], _, face)| (u64::from(low) << 32 | u64::from(high), face));
     sides
 }
 

@@ -294,3 +294,59 @@ fn a_mesh_of_nothing_but_points_and_lines_is_refused() {
     assert!(error.to_string().contains("no faces"), "{error}");
     assert!(!bench.path("work").exists());
 }
+
+/// Long triangles between random points of a cube, `size` times as wide as one unit.
+fn tangle(count: usize, size: f64) -> (Vec<DVec3>, Vec<[usize; 3]>) {
+    let mut state = 1u64;
+    let mut unit = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1u64 << 53) as f64
+    };
+    let positions = (0..3 * count).map(|_| DVec3::new(unit(), unit(), unit()) * size).collect();
+    (positions, (0..count).map(|face| [3 * face, 3 * face + 1, 3 * face + 2]).collect())
+}
+
+#[test]
+fn searches_among_crossing_triangles_end_and_are_counted() {
+    let bench = Bench::new();
+    let (positions, faces) = tangle(6000, 10.0);
+    let original = bench.write("original.obj", &positions, &faces);
+    let moved: Vec<DVec3> = positions.iter().map(|p| *p + DVec3::splat(0.01)).collect();
+    let result = bench.write("result.obj", &moved, &faces);
+    let found = bench.compare(&original, &result, CELL_FACES);
+    let cut = found.geometry.symmetric.cut_searches;
+    assert_eq!(cut, found.geometry.forward.cut_searches + found.geometry.backward.cut_searches);
+    assert!(cut > 10_000, "{cut} searches were cut short");
+    assert!(found.warnings.iter().any(|words| words.contains("may be too large")), "{:?}", found.warnings);
+    // a distance that may be too large is still one between the meshes
+    assert!(found.geometry.symmetric.max < found.geometry.diagonal);
+}
+
+#[test]
+fn what_is_uneven_and_far_away_is_searched_to_the_end() {
+    // waves against a plane far below them: many triangles are about as near
+    let bench = Bench::new();
+    let (positions, faces) = plane(150, |x, y| 3.0 + 0.2 * ((7.0 * x).sin() + (11.0 * y).cos()));
+    let original = bench.write("original.obj", &positions, &faces);
+    let (positions, faces) = plane(40, |_, _| 0.0);
+    let result = bench.write("result.obj", &positions, &faces);
+    let found = bench.compare(&original, &result, CELL_FACES);
+    assert_eq!(found.geometry.symmetric.cut_searches, 0);
+    assert!(found.warnings.is_empty(), "{:?}", found.warnings);
+}
+
+#[test]
+fn a_soup_of_triangles_has_no_border() {
+    let bench = Bench::new();
+    let (positions, faces) = plane(140, |x, y| (x + y).sin());
+    let corners: Vec<DVec3> = faces.iter().flatten().map(|&v| positions[v]).collect();
+    // every triangle a little smaller, so that none shares a vertex
+    let middle = |face: usize| (corners[3 * face] + corners[3 * face + 1] + corners[3 * face + 2]) / 3.0;
+    let apart: Vec<DVec3> = corners.iter().enumerate().map(|(i, p)| p.lerp(middle(i / 3), 0.1)).collect();
+    let soup: Vec<[usize; 3]> = (0..faces.len()).map(|face| [3 * face, 3 * face + 1, 3 * face + 2]).collect();
+    let (whole, broken) = (bench.write("a.obj", &positions, &faces), bench.write("b.obj", &apart, &soup));
+    assert!(bench.compare(&whole, &whole, CELL_FACES).geometry.border.is_some());
+    let found = bench.compare(&whole, &broken, CELL_FACES);
+    assert_eq!(found.topology.after.boundary_edges, 3 * faces.len() as u64);
+    assert_eq!(found.geometry.border, None);
+}
