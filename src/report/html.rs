@@ -269,17 +269,19 @@ fn asked(report: &Report) -> Markup {
         Ok(serde_json::Value::Object(options)) => options,
         _ => serde_json::Map::new(),
     };
-    let shown = |value: &serde_json::Value| match value {
-        serde_json::Value::Null => "not given".to_owned(),
-        serde_json::Value::String(text) => text.clone(),
-        other => other.to_string(),
+    let shown = |name: &str, value: &serde_json::Value| match (name, value) {
+        (_, serde_json::Value::Null) => "not given".to_owned(),
+        (_, serde_json::Value::String(text)) => text.clone(),
+        (_, serde_json::Value::Array(values)) if values.is_empty() => "none".to_owned(),
+        ("memory", serde_json::Value::Number(size)) => bytes::display(size.as_u64().unwrap_or(0)),
+        (_, other) => other.to_string(),
     };
     html! {
         section {
             h2 { "Options" }
             dl {
                 @for (name, value) in &options {
-                    div { dt { "--" (name.replace('_', "-")) } dd.none[value.is_null()] { (shown(value)) } }
+                    div { dt { "--" (name.replace('_', "-")) } dd.none[value.is_null()] { (shown(name, value)) } }
                 }
             }
         }
