@@ -2,8 +2,10 @@
 
 mod meshes;
 
+use drystone::measure::compare::{CompareOptions, Resources, compare};
 use drystone::options::SimplifyOptions;
 use drystone::remesh::cvd::Settings;
+use drystone::scan::ScanOptions;
 use glam::DVec2;
 use meshes::{
     Run, Sketch, assert_sound, in_many_clusters, noise, ratio, read, simplify, simplify_text, terrain, torus, town,
@@ -62,6 +64,26 @@ fn a_closed_mesh_stays_closed_and_has_the_cells_asked_for() {
         let most = if run.report.remesh[0].clusters > 1 { 1.25 } else { 1.1 };
         assert!(vertices > 0.9 * 1500.0 && vertices < most * 1500.0, "{vertices}");
     }
+}
+
+/// Root mean square distance from the town, both ways.
+fn distance_from_town(run: &Run) -> f64 {
+    let folder = tempfile::tempdir().unwrap();
+    let resources =
+        Resources { threads: 2, work_bytes: 100 << 20, scan: ScanOptions { threads: 2, chunks_in_flight: 4 } };
+    let options = CompareOptions { samples: 50_000, seed: 1, work: folder.path().join("work"), resources };
+    let found = compare(&town(), &run.output, &options, &mut (), &drystone::base::Silent).unwrap();
+    found.geometry.symmetric.rms
+}
+
+#[test]
+fn many_clusters_err_no_more_than_one() {
+    let [one, many] = [ratio(0.3), in_many_clusters(ratio(0.3))].map(|options| {
+        let run = simplify(&town(), &remeshed("cvd", options));
+        distance_from_town(&run)
+    });
+    println!("{one} in one cluster, {many} in many: {}", many / one);
+    assert!(many <= 1.10 * one, "{one} {many}");
 }
 
 /// A sheet whose right half is flat, with an affine picture.

@@ -143,6 +143,98 @@ fn stretches(links: impl Iterator<Item = [u32; 2]>, cells: &[u32], cell: u32) ->
 mod tests {
     use super::*;
     use crate::mesh::cluster::samples;
+    use proptest::prelude::*;
+
+    /// The energy by its definition: masses times squared distances from the centres, summed over all vertices.
+    fn plain_energy(clustering: &Clustering, cells: &[u32]) -> f64 {
+        let of = |cell: u32| (0..cells.len()).filter(move |&v| cells[v] == cell);
+        let centre = |cell: u32| match clustering.pull {
+            Pull::Fixed => clustering.mesh.positions[clustering.centres[cell as usize] as usize],
+            Pull::Centroidal => {
+                let moment: DVec3 = of(cell).map(|v| clustering.mesh.positions[v] * clustering.masses[v]).sum();
+                moment / of(cell).map(|v| clustering.masses[v]).sum::<f64>()
+            }
+        };
+        let term =
+            |cell: u32, v: usize| clustering.masses[v] * clustering.mesh.positions[v].distance_squared(centre(cell));
+        (0..clustering.centres.len() as u32)
+            .flat_map(|cell| of(cell).map(move |v| (cell, v)))
+            .map(|(c, v)| term(c, v))
+            .sum()
+    }
+
+    /// Into how many pieces a cell falls among the vertices around one.
+    fn plain_pieces(mesh: &ClusterMesh, vertex: u32, cells: &[u32], cell: u32) -> usize {
+        let faces = mesh.corner_vertices.iter().filter(|face| face.contains(&vertex));
+        let sides: Vec<Vec<u32>> = faces
+            .map(|face| face.iter().copied().filter(|&v| v != vertex && cells[v as usize] == cell).collect())
+            .collect();
+        let mut pieces: Vec<Vec<u32>> = Vec::new();
+        for side in sides.iter().filter(|side| !side.is_empty()) {
+            let (touched, apart): (Vec<_>, Vec<_>) =
+                pieces.into_iter().partition(|piece| piece.iter().any(|v| side.contains(v)));
+            let joined = touched.into_iter().flatten().chain(side.iter().copied()).collect();
+            pieces = apart;
+            pieces.push(joined);
+        }
+        pieces.len()
+    }
+
+    /// One sweep that tries every cell around every vertex and sums the whole energy anew each time.
+    fn plain_sweep(clustering: &Clustering, cells: &mut [u32], is_held: impl Fn(u32) -> bool) {
+        for vertex in 0..cells.len() as u32 {
+            let own = cells[vertex as usize];
+            if is_held(vertex) || clustering.centres.contains(&vertex) {
+                continue;
+            }
+            let ring = |v: u32| clustering.mesh.corner_vertices.iter().any(|f| f.contains(&v) && f.contains(&vertex));
+            let around: Vec<u32> = (0..cells.len() as u32).filter(|&v| v != vertex && ring(v)).collect();
+            if around.iter().all(|&v| cells[v as usize] == own)
+                || plain_pieces(clustering.mesh, vertex, cells, own) != 1
+            {
+                continue;
+            }
+            let mut best = (plain_energy(clustering, cells), own);
+            for cell in around.iter().map(|&v| cells[v as usize]).filter(|&cell| cell != own).collect::<Vec<_>>() {
+                if plain_pieces(clustering.mesh, vertex, cells, cell) == 1 {
+                    cells[vertex as usize] = cell;
+                    let energy = plain_energy(clustering, cells);
+                    if energy < best.0 {
+                        best = (energy, cell);
+                    }
+                }
+            }
+            cells[vertex as usize] = best.1;
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_sweep_does_what_a_plain_one_does(
+            jitter in prop::collection::vec(prop::array::uniform3(-0.3f64..0.3), 49),
+            masses in prop::collection::vec(0.1f64..5.0, 49),
+            cuts in prop::array::uniform2(1u32..6),
+            centroidal in any::<bool>(),
+        ) {
+            let mut mesh = samples::grid(6, 0.0);
+            mesh.positions.iter_mut().zip(jitter).for_each(|(p, by)| *p += DVec3::from(by));
+            let mut rings = Rings::default();
+            rings.build(&mesh);
+            // three cells, parted by a column above a row and by that row
+            let mut cells: Vec<u32> =
+                (0..49).map(|v| if v / 7 >= cuts[1] { 2 } else { u32::from(v % 7 >= cuts[0]) }).collect();
+            let centres: Vec<u32> = (0..3).map(|cell| cells.iter().rposition(|&c| c == cell).unwrap() as u32).collect();
+            let pull = if centroidal { Pull::Centroidal } else { Pull::Fixed };
+            let clustering = Clustering { mesh: &mesh, rings: &rings, masses: &masses, centres: &centres, pull };
+            let is_border = |v: u32| [0, 6].contains(&(v % 7)) || [0, 6].contains(&(v / 7));
+            let mut expected = cells.clone();
+            for _ in 0..3 {
+                plain_sweep(&clustering, &mut expected, is_border);
+            }
+            clustering.improve(&mut cells, 3, is_border);
+            prop_assert_eq!(cells, expected);
+        }
+    }
 
     /// Two cells of a grid of 6 × 6 with centres at its third points, divided wrongly; borders are held.
     fn divided(pull: Pull) -> (ClusterMesh, Vec<u32>, Vec<u32>) {
