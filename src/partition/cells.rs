@@ -2,7 +2,7 @@
 //!
 //! A histogram of positions on a dense grid is split again and again until a part holds no more vertices than a cell
 //! should; a plane is moved by up to a tenth of the vertices to where few of them lie (a street rather than a wall).
-//! Grid cells that are themselves too full get a finer grid of their own.
+//! A part that is too full and no wider than a grid cell gets a finer grid of its own.
 
 use glam::DVec3;
 
@@ -232,7 +232,7 @@ fn count(mesh: &StoredMesh, cells: &Cells, parts: &mut [Histogram], options: &Pa
     Ok(())
 }
 
-/// Splits a leaf until each part holds no more than `limit` vertices; single grid cells that hold more go to `next`.
+/// Splits a leaf until each part holds no more than `limit` vertices; parts that need a finer grid go to `next`.
 #[allow(clippy::too_many_arguments, reason = "a recursion over plain values")]
 fn split(
     cells: &mut Cells,
@@ -259,10 +259,13 @@ fn split(
     }
     let extent = |axis: usize| (occupied.high[axis] - occupied.low[axis]) as f64 * grid.step[axis];
     let can_cut = |axis: &usize| occupied.high[*axis] - occupied.low[*axis] > 1;
-    let Some(axis) = (0..3).filter(can_cut).max_by(|a, b| extent(*a).total_cmp(&extent(*b)).then(b.cmp(a))) else {
-        refine(grid, node, level, occupied, next);
+    let wider = |a: &usize, b: &usize| extent(*a).total_cmp(&extent(*b)).then(b.cmp(a));
+    let is_too_coarse = (0..3).max_by(wider).is_some_and(|widest| !can_cut(&widest));
+    // Where a distant vertex makes the grid coarse, planes of the axes that can be cut would leave slabs that are all border.
+    if is_too_coarse && refine(grid, node, level, occupied, next) {
         return;
-    };
+    }
+    let Some(axis) = (0..3).filter(can_cut).max_by(wider) else { return };
     let parts = total.div_ceil(limit).max(2);
     let even = (parts / 2) as f64 / parts as f64;
     let share = if level < SHIFTED_LEVELS { FIRST_SHARES[pass % 3] } else { even };
@@ -314,14 +317,16 @@ fn choose_cut(slabs: &[u64], base: usize, low: usize, high: usize, total: u64, s
     best.map_or(low + 1, |best| best.3)
 }
 
-/// Asks for a finer look at a single grid cell, if doubles can tell positions in it apart.
-fn refine(grid: &Histogram, node: u32, level: usize, cell: GridBox, next: &mut Vec<Histogram>) {
+/// Asks for a finer look at a part of the grid, if doubles can tell positions in it apart; whether they can.
+fn refine(grid: &Histogram, node: u32, level: usize, cell: GridBox, next: &mut Vec<Histogram>) -> bool {
     let low = DVec3::from_array(std::array::from_fn(|axis| grid.plane(axis, cell.low[axis])));
     let high = DVec3::from_array(std::array::from_fn(|axis| grid.plane(axis, cell.high[axis])));
     let smallest = low.abs().max(high.abs()) * f64::EPSILON;
-    if (high - low).cmpgt(smallest * 4.0).any() {
+    let is_finer = (high - low).cmpgt(smallest * 4.0).any();
+    if is_finer {
         next.push(Histogram::new(node, level, low, high, GRID_SIDES[1]));
     }
+    is_finer
 }
 
 /// Maps windows of all positions in parallel and takes the results in order.
@@ -397,6 +402,28 @@ mod tests {
             (0..10_000).map(|i| DVec3::new(f64::from(i % 100), f64::from(i / 100), 0.0) * 1e-9).collect();
         positions.push(DVec3::splat(1e6));
         assert!(largest(&planned(&positions, 2000, 0), &positions) <= 1000);
+    }
+
+    /// Neighbours on a grid of 100 × 100 that lie in different cells.
+    fn borders(cells: &Cells, hills: &[DVec3]) -> usize {
+        let differs = |i: usize, j: usize| usize::from(cells.of(hills[i]) != cells.of(hills[j]));
+        (0..9900).map(|i| differs(i, i + 100) + if i % 100 < 99 { differs(i, i + 1) } else { 0 }).sum()
+    }
+
+    #[test]
+    fn a_distant_vertex_does_not_cut_the_rest_into_slabs() {
+        let hill = |i: i32| f64::from(i * 7919 % 100) / 25.0;
+        let mut positions: Vec<DVec3> =
+            (0..10_000).map(|i| DVec3::new(f64::from(i % 100), f64::from(i / 100), hill(i))).collect();
+        for pass in 0..3 {
+            let alone = borders(&planned(&positions, 2000, pass), &positions);
+            positions.push(DVec3::new(4e5, 4e6, 50.0));
+            let cells = planned(&positions, 2000, pass);
+            assert!(largest(&cells, &positions) <= 1001);
+            let beside = borders(&cells, &positions);
+            assert!(beside * 2 < alone * 3, "pass {pass}: {beside} instead of {alone}");
+            positions.pop();
+        }
     }
 
     #[test]
