@@ -12,7 +12,7 @@ use crate::os::durable::DurableFile;
 use crate::os::system::read_exact_at;
 use crate::store::Face;
 use crate::store::column::file_name;
-use crate::store::face::{BLOCK_FACES, FaceBlock, decode_block, encode_block};
+use crate::store::face::{BLOCK_FACES, FaceBlock, encode_block};
 
 /// Bytes of all buffers together.
 const BUFFERS_BYTES: usize = 16 << 20;
@@ -140,8 +140,7 @@ impl Buckets {
             bytes.resize(block.bytes as usize, 0);
             read_exact_at(&file, &mut bytes, block.offset_bytes).map_err(|e| Error::io(&self.path, "read", e))?;
             faces.clear();
-            decode_block(&bytes, block.faces as usize, &mut faces)
-                .map_err(|message| Error::Damaged { path: self.path.clone(), message })?;
+            block.decode(&bytes, &mut faces).map_err(|message| Error::Damaged { path: self.path.clone(), message })?;
             if !take(&faces)? {
                 break;
             }

@@ -1,4 +1,6 @@
 //! Records by cell, in one file: each cell's records lie in extents that are spread over the file.
+//!
+//! An extent is compared with its checksum whenever it is read: ids from it choose places in memory.
 
 use std::fs::File;
 use std::marker::PhantomData;
@@ -7,7 +9,7 @@ use std::path::{Path, PathBuf};
 use bytemuck::Pod;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
-use xxhash_rust::xxh3::Xxh3;
+use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use crate::base::{Error, Result};
 use crate::job::header::{HEADER_BYTES, Header};
@@ -210,7 +212,12 @@ impl<T: Record> ScatterWriter<T> {
         self.hash.update(bytes);
         self.count += u64::from(records);
         self.file.write(bytes)?;
-        self.extents[cell].push(Extent { offset_bytes: self.offset_bytes, bytes: bytes.len() as u32, records });
+        self.extents[cell].push(Extent {
+            offset_bytes: self.offset_bytes,
+            bytes: bytes.len() as u32,
+            records,
+            checksum: xxh3_64(bytes),
+        });
         self.offset_bytes += bytes.len() as u64;
         Ok(())
     }
@@ -257,6 +264,8 @@ struct Extent {
     /// Length in bytes.
     bytes: u32,
     records: u32,
+    /// XXH3 of its bytes.
+    checksum: u64,
 }
 
 /// Records by cell.
@@ -287,6 +296,9 @@ impl<T: Record> Scatter<T> {
             }
             bytes.resize(extent.bytes as usize, 0);
             read_exact_at(&file, &mut bytes, extent.offset_bytes).map_err(|e| Error::io(&self.path, "read", e))?;
+            if xxh3_64(&bytes) != extent.checksum {
+                return Err(damaged("the checksum of an extent differs from what was written".into()));
+            }
             records.clear();
             T::decode(&bytes, extent.records as usize, &mut records).map_err(damaged)?;
             take(&records)?;
@@ -315,5 +327,35 @@ impl<T> Drop for Scatter<T> {
         if self.is_scratch {
             let _ = std::fs::remove_file(&self.path);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_extent_that_is_not_what_was_written_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.scatter");
+        let mut writer = ScatterWriter::create(&path, 2).unwrap();
+        (0..1000u32).for_each(|i| writer.push(i % 2, [i, i + 1]).unwrap());
+        let scatter: Scatter<[u32; 2]> = writer.finish().unwrap();
+        let mut found = Vec::new();
+        let mut read = |cell| {
+            scatter.read(cell, |records| {
+                found.extend_from_slice(records);
+                Ok(())
+            })
+        };
+        read(1).unwrap();
+        // A write that lost a byte and said nothing: all that follows has moved.
+        let mut bytes = std::fs::read(&path).unwrap();
+        bytes.remove(HEADER_BYTES as usize);
+        bytes.push(0);
+        std::fs::write(&path, bytes).unwrap();
+        assert!(matches!(read(0), Err(Error::Damaged { .. })));
+        assert!(matches!(read(1), Err(Error::Damaged { .. })));
+        assert_eq!(found, (0..500).map(|i| [2 * i + 1, 2 * i + 2]).collect::<Vec<_>>());
     }
 }

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
-use xxhash_rust::xxh3::Xxh3;
+use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::column::file_name;
 use super::varint;
@@ -68,6 +68,22 @@ pub struct FaceBlock {
     pub vertices: Range<u32>,
     /// Texture coordinate ids that occur lie in this range; empty if there are none.
     pub texcoords: Range<u32>,
+    /// XXH3 of its bytes.
+    pub checksum: u64,
+}
+
+impl FaceBlock {
+    /// Decodes the block's bytes to the end of `out`, if they are those that were written: their ids choose places in
+    /// memory.
+    ///
+    /// # Errors
+    /// Says in words what is wrong.
+    pub fn decode(&self, bytes: &[u8], out: &mut Vec<Face>) -> std::result::Result<(), String> {
+        match xxh3_64(bytes) == self.checksum {
+            true => decode_block(bytes, self.faces as usize, out),
+            false => Err("the checksum of a block of faces differs from what was written".into()),
+        }
+    }
 }
 
 /// Encodes faces (at most [`BLOCK_FACES`]) at the end of `out`; the block's offset is left at 0.
@@ -115,6 +131,7 @@ pub fn encode_block(faces: &[Face], out: &mut Vec<u8>) -> FaceBlock {
         faces: faces.len() as u32,
         vertices: ids.vertices(),
         texcoords: ids.texcoords(),
+        checksum: xxh3_64(&out[start..at]),
     }
 }
 
@@ -122,7 +139,7 @@ pub fn encode_block(faces: &[Face], out: &mut Vec<u8>) -> FaceBlock {
 ///
 /// # Errors
 /// Says in words where the bytes make no sense.
-pub fn decode_block(bytes: &[u8], count: usize, out: &mut Vec<Face>) -> std::result::Result<(), String> {
+fn decode_block(bytes: &[u8], count: usize, out: &mut Vec<Face>) -> std::result::Result<(), String> {
     if count > BLOCK_FACES {
         return Err(format!("a block of {count} faces; at most {BLOCK_FACES} are written"));
     }
@@ -268,7 +285,7 @@ impl FaceBlocks {
         bytes.resize(block.bytes as usize, 0);
         read_exact_at(file, bytes, block.offset_bytes).map_err(|e| Error::io(&self.path, "read", e))?;
         out.clear();
-        decode_block(bytes, block.faces as usize, out).map_err(|message| self.damaged(message))
+        block.decode(bytes, out).map_err(|message| self.damaged(message))
     }
 
     fn damaged(&self, message: String) -> Error {
