@@ -25,13 +25,14 @@ pub struct MappedRecords<T> {
 /// # Errors
 /// The system's, or `InvalidInput` if the range passes the file's end or is not aligned for `T`.
 pub fn map_records<T: Pod>(file: &File, offset_bytes: u64, count: usize) -> std::io::Result<MappedRecords<T>> {
-    let bytes = count * size_of::<T>();
+    let passes_end = || std::io::Error::new(std::io::ErrorKind::InvalidInput, "range passes the end of the file");
+    let bytes = count.checked_mul(size_of::<T>()).ok_or_else(passes_end)?;
     if bytes == 0 {
         return Ok(MappedRecords { map: None, record: PhantomData });
     }
-    let end = offset_bytes.checked_add(bytes as u64);
-    if end.is_none_or(|end| file.metadata().is_ok_and(|meta| meta.len() < end)) {
-        return Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, "range passes the end of the file"));
+    let end = offset_bytes.checked_add(bytes as u64).ok_or_else(passes_end)?;
+    if file.metadata()?.len() < end {
+        return Err(passes_end());
     }
     // SAFETY: the map is read-only and private to this value. What stays possible: another process truncates a file
     // of the locked work folder while it is mapped, which ends this process with SIGBUS; no memory is corrupted,
@@ -67,5 +68,30 @@ impl<T: Pod> Deref for MappedRecords<T> {
 
     fn deref(&self) -> &[T] {
         self.map.as_ref().map_or(&[], |map| bytemuck::cast_slice(map))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn records_are_those_of_the_range() {
+        let mut file = tempfile::tempfile().unwrap();
+        std::io::Write::write_all(&mut file, bytemuck::cast_slice(&[1u32, 2, 3, 4])).unwrap();
+        assert_eq!(*map_records::<u32>(&file, 4, 2).unwrap(), [2, 3]);
+        assert_eq!(*map_records::<u32>(&file, 0, 4).unwrap(), [1, 2, 3, 4]);
+        assert!(map_records::<u32>(&file, 16, 0).unwrap().is_empty());
+    }
+
+    #[test]
+    fn a_range_that_the_file_does_not_hold_is_refused() {
+        let file = tempfile::tempfile().unwrap();
+        file.set_len(16).unwrap();
+        let past = [(0, 5), (4, 4), (16, 1), (u64::MAX, 1), (0, usize::MAX), (8, usize::MAX / 4 + 2), (2, 1 << 62)];
+        for (offset, count) in past {
+            assert!(map_records::<u32>(&file, offset, count).is_err(), "{count} records at {offset}");
+        }
+        assert!(map_records::<u32>(&file, 2, 1).is_err(), "not aligned");
     }
 }
