@@ -64,9 +64,19 @@ pub fn scan_mtl(bytes: &[u8]) {
     let output = folder.path().join("out/a.obj");
     let options = SimplifyOptions { ratio: Some(1.0), memory: Some(128 << 20), threads: Some(1), ..Default::default() };
     match pipeline::simplify(&folder.path().join("a.obj"), &output, &options, &Silent) {
-        Ok(_) => assert!(tobj::load_obj(&output, &tobj::LoadOptions::default()).is_ok()),
+        Ok(_) => assert_readable(&output),
         Err(error) => assert_tame(&error),
     }
+}
+
+/// The meshes of a result can be read by others, unless a name that was given is no UTF-8: it is kept as it came.
+///
+/// NOTE: the MTL is not: its statements are those of the input, and `tobj` panics at `Kd 0`, which means a grey.
+fn assert_readable(output: &Path) {
+    let content = fs::read(output).expect("a result");
+    let read =
+        tobj::load_obj_buf(&mut &content[..], &tobj::LoadOptions::default(), |_| Ok((Vec::new(), Default::default())));
+    assert!(read.is_ok() || std::str::from_utf8(&content).is_err(), "{read:?}");
 }
 
 fn assert_whole(scan: &Scan) {
