@@ -1,10 +1,12 @@
 """Kills a job at random moments and tells how much processor time each kill costs.
 
     python3 tools/faults/work_lost.py target/release/drystone city.obj --kills 40 -- --cluster-faces 20000
+    python3 tools/faults/work_lost.py target/release/drystone large.obj --chain --kills 10 --undisturbed 1
 
 An undisturbed run, repeated, gives the processor time of the work and the bytes of the result. Then each kill (SIGKILL)
 gets a job of its own and strikes after a random share of that time; the same command goes on from there. Lost is what both runs
-took together beyond the undisturbed one, as a share of it. Options after `--` go to the program. Linux.
+took together beyond the undisturbed one, as a share of it. With `--chain` there is one job that meets all kills on its way.
+Options after `--` go to the program. Linux.
 """
 
 import argparse
@@ -55,6 +57,7 @@ def main():
     parser.add_argument("mesh", type=Path)
     parser.add_argument("--kills", type=int, default=40)
     parser.add_argument("--undisturbed", type=int, default=5, help="runs that are left alone (default 5)")
+    parser.add_argument("--chain", action="store_true", help="all kills strike one job, one after the other")
     parser.add_argument("--seed", type=int, default=1, help="number that chooses the moments")
     own, options = sys.argv[1:], []
     if "--" in own:
@@ -81,6 +84,22 @@ def main():
         expected, whole = digest(), statistics.median(calm)
         print(f"undisturbed: {whole:.2f} s of processor time ({min(calm):.2f} to {max(calm):.2f})", flush=True)
         lost, faults = [], 0
+        if arguments.chain:
+            fresh()
+            spent, kills = 0, 0
+            while kills < arguments.kills:
+                seconds, killed = run(command, whole * (0.5 + moments.random()) / (arguments.kills + 1))
+                spent += seconds
+                if not killed:
+                    break
+                kills += 1
+                print(f"killed after {seconds:.2f} s", flush=True)
+            else:
+                spent += run(command)[0]
+            same = digest() == expected
+            print(f"one job, {kills} kills: {spent:.2f} s in all, the bytes are {'the same' if same else 'OTHERS'}; "
+                  f"lost per kill: {(spent / whole - 1) / max(1, kills):.1%}")
+            return 0 if same and kills == arguments.kills else 1
         while len(lost) < arguments.kills:
             fresh()
             before, killed = run(command, moments.random() * whole)
