@@ -24,44 +24,81 @@ const FIRST_STAGE_TRIAL: u32 = 1000;
 /// Share of the allowed error that is used: positions are rounded afterwards.
 const BOUND_SAFETY: f64 = 0.98;
 
+/// What the clusters of a pass are to reach together.
+#[derive(Debug, Clone, PartialEq)]
+enum Goal {
+    /// This bound on the deviation.
+    Deviation(f64),
+    /// The target to the face, on the way to this share of the faces.
+    Trim(f64),
+    /// These shares of the faces, stage by stage.
+    Stages(Vec<f64>),
+}
+
 impl<M: Metric> Run<'_, M> {
-    /// Chooses how the clusters of a pass stop, and whether that meets the target to the face.
+    /// Whether a pass is to reach the target.
+    pub(super) fn is_last(&self, pass: usize) -> bool {
+        self.turn(pass) + 1 >= self.options.passes
+    }
+
+    /// What a pass of `faces` faces is to reach.
+    fn goal(&self, pass: usize, faces: u64) -> Goal {
+        let options = self.options;
+        if let Some(most) = options.max_error {
+            let left = options.passes.saturating_sub(self.turn(pass) + 1) as i32;
+            return Goal::Deviation(most * BOUND_SAFETY * libm::pow(0.5, f64::from(left)));
+        }
+        let (all, target) = (faces.max(1) as f64, options.target as f64);
+        if !self.is_last(pass) {
+            let wanted = pass_target(options.input, options.target, self.turn(pass), options.passes);
+            return Goal::Stages(stage_shares(wanted / all, self.turn(pass)));
+        }
+        if faces as f64 <= target * (1.0 + TRIM_SHARE_MAX) {
+            let excess = faces.saturating_sub(options.target) as f64;
+            return Goal::Trim((target - (2.0 * excess).min(TRIM_SHARE_MAX * target)).max(1.0) / all);
+        }
+        Goal::Stages(stage_shares(target / all * (1.0 + TRIM_SHARE), self.turn(pass)))
+    }
+
+    /// The thresholds that a pass of `faces` faces needs in many clusters, from a sample of them.
+    pub(super) fn foresee(&self, sample: ClusterMesh, pass: usize, faces: u64) -> Vec<f32> {
+        match self.goal(pass, faces) {
+            Goal::Deviation(_) => Vec::new(),
+            Goal::Trim(share) => self.thresholds(sample, pass, &[share]),
+            Goal::Stages(shares) => self.thresholds(sample, pass, &shares),
+        }
+    }
+
+    /// Chooses how the clusters of a pass stop, and whether that meets the target to the face; `faces` and thresholds are
+    /// those of [`foresee`](Run::foresee).
     pub(super) fn plan(
         &self,
         mesh: &StoredMesh,
         partition: &Partition,
-        sample: ClusterMesh,
+        thresholds: Vec<f32>,
         pass: usize,
-        is_last: bool,
         faces: u64,
     ) -> Result<(Plan, bool)> {
-        let options = self.options;
-        let wanted = if is_last {
-            options.target as f64
-        } else {
-            pass_target(options.input, options.target, self.turn(pass), options.passes)
-        };
-        if let Some(most) = options.max_error {
-            let left = options.passes.saturating_sub(self.turn(pass) + 1) as i32;
-            return Ok((Plan::Deviation(most * BOUND_SAFETY * libm::pow(0.5, f64::from(left))), false));
+        let goal = self.goal(pass, faces);
+        if let Goal::Deviation(most) = goal {
+            return Ok((Plan::Deviation(most), false));
         }
-        let share = wanted / faces.max(1) as f64;
         if is_single(partition) {
-            let shares = stage_shares(share, self.turn(pass));
-            return Ok(match is_last {
-                true => (Plan::Faces(shares, options.target), true),
-                false => (Plan::Shares(shares), false),
+            let (target, faces) = (self.options.target, faces.max(1) as f64);
+            let wanted = pass_target(self.options.input, target, self.turn(pass), self.options.passes);
+            return Ok(match self.is_last(pass) {
+                true => (Plan::Faces(stage_shares(target as f64 / faces, self.turn(pass)), target), true),
+                false => (Plan::Shares(stage_shares(wanted / faces, self.turn(pass))), false),
             });
         }
-        if is_last && (faces as f64) <= options.target as f64 * (1.0 + TRIM_SHARE_MAX) {
-            return Ok((self.plan_trim(mesh, partition, sample, pass, faces)?, true));
+        match (goal, thresholds.first()) {
+            (Goal::Trim(_), Some(&cost)) => Ok((self.plan_trim(mesh, partition, cost, pass)?, true)),
+            _ => Ok((Plan::Costs(thresholds), false)),
         }
-        let aim = if is_last { share * (1.0 + TRIM_SHARE) } else { share };
-        Ok((Plan::Costs(self.thresholds(sample, pass, &stage_shares(aim, self.turn(pass)))), false))
     }
 
     /// Thresholds for shares of the faces, from a sample.
-    pub(super) fn thresholds(&self, sample: ClusterMesh, pass: usize, shares: &[f64]) -> Vec<f32> {
+    fn thresholds(&self, sample: ClusterMesh, pass: usize, shares: &[f64]) -> Vec<f32> {
         let _permit =
             self.permits.take(sample.corners.len() as u64 * (ORDINARY_BYTES + self.options.cost.extra_face_bytes()));
         let mut engine = self.engine(sample, pass);
@@ -86,19 +123,9 @@ impl<M: Metric> Run<'_, M> {
         Ok(sample)
     }
 
-    /// Simplifies every cluster a little too far and merges what that cost.
-    pub(super) fn plan_trim(
-        &self,
-        mesh: &StoredMesh,
-        partition: &Partition,
-        sample: ClusterMesh,
-        pass: usize,
-        faces: u64,
-    ) -> Result<Plan> {
-        let excess = faces - self.options.target.min(faces);
-        let target = self.options.target as f64;
-        let far = (target - (2.0 * excess as f64).min(TRIM_SHARE_MAX * target)).max(1.0) / faces as f64;
-        let mut cost = self.thresholds(sample, pass, &[far])[0];
+    /// Simplifies every cluster a little too far, up to a cost, and merges what that cost.
+    fn plan_trim(&self, mesh: &StoredMesh, partition: &Partition, mut cost: f32, pass: usize) -> Result<Plan> {
+        let excess = partition.total_faces().saturating_sub(self.options.target);
         let mut trial = 0;
         loop {
             let mut notes = Notes::default();

@@ -168,9 +168,14 @@ impl<'a, M: Metric> Run<'a, M> {
                     state.census = Some(census);
                 }
             }
-            let is_last = self.turn(pass) + 1 >= self.options.passes;
-            let sample = std::mem::take(&mut state.sample);
-            let plan = || self.plan(&state.mesh, &partition, sample, pass, is_last, faces_in);
+            let is_last = self.is_last(pass);
+            // In the first pass faces that repeat a vertex are still in the mesh.
+            let faces = if self.turn(pass) == 0 { faces_in } else { state.mesh.face_count() };
+            let (sample, thresholds) = (std::mem::take(&mut state.sample), state.thresholds.take());
+            let plan = || {
+                let thresholds = thresholds.unwrap_or_else(|| self.foresee(sample, pass, faces));
+                self.plan(&state.mesh, &partition, thresholds, pass, faces)
+            };
             let (plan, is_exact) = self.job.once(plan_step(pass, 0), plan)?;
             let outcome = self.run_plans(&state.mesh, &partition, pass, &plan, is_last)?;
             let single = is_single(&partition);
@@ -222,7 +227,8 @@ impl<'a, M: Metric> Run<'a, M> {
         pass.saturating_sub(self.lead)
     }
 
-    /// Cuts the mesh for the pass that comes next.
+    /// Cuts the mesh for the pass that comes next; meanwhile one thread takes the pass's thresholds from the sample, if the
+    /// pass before left one.
     fn partition(&self, state: &mut PassState) -> Result<Partition> {
         let started = Instant::now();
         let pass = state.pass;
@@ -235,7 +241,14 @@ impl<'a, M: Metric> Run<'a, M> {
         };
         self.progress.begin("partition", 0, "");
         let (mesh, folder) = (&state.mesh, self.job.path());
-        let mut partition = partition::partition(mesh, self.catalogue, folder, &format!("pass-{pass}"), &options)?;
+        let sample = std::mem::take(&mut state.sample);
+        let cut = || partition::partition(mesh, self.catalogue, folder, &format!("pass-{pass}"), &options);
+        let has_sample = !sample.corners.is_empty() && self.turn(pass) > 0;
+        let foresee = || has_sample.then(|| self.foresee(sample, pass, mesh.face_count()));
+        let (partition, thresholds) =
+            if self.options.threads > 1 { rayon::join(cut, foresee) } else { (cut(), foresee()) };
+        let mut partition = partition?;
+        state.thresholds = thresholds;
         state.findings.merge(std::mem::take(&mut partition.findings));
         state.scratch_peak = state.scratch_peak.max(partition.scratch_peak);
         state.seconds.partition += started.elapsed();

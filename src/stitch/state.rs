@@ -21,8 +21,10 @@ pub struct PassState {
     pub pass: usize,
     /// The mesh that it begins with.
     pub mesh: StoredMesh,
-    /// Patches of the mesh.
+    /// Patches of the mesh, until they have given the thresholds.
     pub(super) sample: ClusterMesh,
+    /// Thresholds of the stages of a pass whose partition is there, from its sample.
+    pub(super) thresholds: Option<Vec<f32>>,
     /// Scales of texture coordinates, once they are known.
     pub(super) scale: Option<TextureScale>,
     /// Numbers of the whole mesh that the metric divides by, once they are known.
