@@ -63,6 +63,18 @@ pub fn map_large_allocations() {
     }
 }
 
+/// Gives memory that was freed back to the system; call where many small allocations have gone.
+///
+/// The buffers of many cells are small ones, and what is allocated after them keeps their pages: 56 million triangles at
+/// 512 MiB kept 43 MiB so. Other systems are left as they are.
+pub fn release_freed_memory() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    // SAFETY: `malloc_trim` takes a plain number and touches free memory only; it is safe in any thread.
+    unsafe {
+        libc::malloc_trim(0);
+    }
+}
+
 impl<T: Pod> Deref for MappedRecords<T> {
     type Target = [T];
 

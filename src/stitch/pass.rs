@@ -20,6 +20,7 @@ use crate::cost::{ClassicCost, CurvatureCost, Metric, ObliqueCost, SharpnessCost
 use crate::job::{Step, WorkFolder, folder_bytes};
 use crate::mesh::ClusterMesh;
 use crate::mesh::pieces;
+use crate::os::mmap;
 use crate::partition::weight::ClusterWeight;
 use crate::partition::{self, ClusterSource, Partition, PartitionOptions, Shared, TextureScale, cluster, reading};
 use crate::remesh;
@@ -227,8 +228,8 @@ impl<'a, M: Metric> Run<'a, M> {
         pass.saturating_sub(self.lead)
     }
 
-    /// Cuts the mesh for the pass that comes next; meanwhile one thread takes the pass's thresholds from the sample, if the
-    /// pass before left one.
+    /// Cuts the mesh for the pass that comes next, and takes the pass's thresholds from the sample, if the pass before left
+    /// one.
     fn partition(&self, state: &mut PassState) -> Result<Partition> {
         let started = Instant::now();
         let pass = state.pass;
@@ -242,13 +243,11 @@ impl<'a, M: Metric> Run<'a, M> {
         self.progress.begin("partition", 0, "");
         let (mesh, folder) = (&state.mesh, self.job.path());
         let sample = std::mem::take(&mut state.sample);
-        let cut = || partition::partition(mesh, self.catalogue, folder, &format!("pass-{pass}"), &options);
         let has_sample = !sample.corners.is_empty() && self.turn(pass) > 0;
-        let foresee = || has_sample.then(|| self.foresee(sample, pass, mesh.face_count()));
-        let (partition, thresholds) =
-            if self.options.threads > 1 { rayon::join(cut, foresee) } else { (cut(), foresee()) };
-        let mut partition = partition?;
-        state.thresholds = thresholds;
+        // NOTE: not while the mesh is cut: that would save 2 % of the run and take 10 to 20 MiB that stay taken.
+        state.thresholds = has_sample.then(|| self.foresee(sample, pass, mesh.face_count()));
+        let mut partition = partition::partition(mesh, self.catalogue, folder, &format!("pass-{pass}"), &options)?;
+        mmap::release_freed_memory();
         state.findings.merge(std::mem::take(&mut partition.findings));
         state.scratch_peak = state.scratch_peak.max(partition.scratch_peak);
         state.seconds.partition += started.elapsed();
