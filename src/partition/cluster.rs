@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
+use xxhash_rust::xxh3::xxh3_64;
 
 use super::Partition;
 use super::ranks::Ranks;
@@ -25,6 +26,8 @@ use crate::store::{Catalogue, Face, NO_TEXCOORD, Segment, StoredMesh, StoredPiec
 const ROUNDING_SHARE: f64 = 1e-3;
 /// Wedges of a vertex that are searched one by one.
 const CHAIN_MAX: usize = 32;
+/// Places that a vertex tries whose own is taken.
+const STEPS_ASIDE_MAX: u32 = 16;
 /// Decimals beyond which a coordinate is not rounded at all.
 const DECIMALS_MAX: u32 = 17;
 
@@ -376,14 +379,22 @@ impl ClusterSource {
         }
         let mut positions = partition.numbering.positions.gather(ids)?;
         // Vertices that were put into edges have moved, and are placed below.
-        positions.resize(used.len(), DVec3::ZERO);
-        for (&v, position) in used.iter().zip(&mut positions) {
-            if simplified.flags[v as usize] & flag::MOVED != 0 {
-                let exact = simplified.positions[v as usize] + self.origin;
-                let step = 2.0 * ROUNDING_SHARE * shortest_sq[v as usize].sqrt();
-                // The input's decimals, but no finer than a thousandth of what is needed: some exporters write 1e-05.
-                let decimals = catalogue.position_decimals.min(decimals_for(step * 1e-3)).max(decimals_for(step));
-                *position = DVec3::from_array(exact.to_array().map(|x| round_to(x, decimals)));
+        positions.resize(used.len(), DVec3::NAN);
+        let rounded = |v: u32| {
+            let exact = simplified.positions[v as usize] + self.origin;
+            let step = 2.0 * ROUNDING_SHARE * shortest_sq[v as usize].sqrt();
+            // The input's decimals, but no finer than a thousandth of what is needed: some exporters write 1e-05.
+            let decimals = catalogue.position_decimals.min(decimals_for(step * 1e-3)).max(decimals_for(step));
+            (DVec3::from_array(exact.to_array().map(|x| round_to(x, decimals))), decimals)
+        };
+        let moved = || (0..used.len()).filter(|&at| simplified.flags[used[at] as usize] & flag::MOVED != 0);
+        let before = positions.clone();
+        moved().for_each(|at| positions[at] = rounded(used[at]).0);
+        if may_have_twins(&positions) {
+            let mut taken = Taken::new(before, |at| simplified.flags[used[at] as usize] & flag::MOVED == 0);
+            for at in moved() {
+                let (place, decimals) = rounded(used[at]);
+                positions[at] = taken.place(at, place, decimals);
             }
         }
         Ok(positions)
@@ -399,6 +410,47 @@ impl ClusterSource {
         let decimals = catalogue.texcoord_decimals.max(6);
         DVec2::new(round_to(uv.x, decimals), round_to(uv.y, decimals))
     }
+}
+
+/// Places that are taken: two sheets of one shape may be simplified to one place, where they would seem joined.
+struct Taken {
+    /// Where each vertex was.
+    before: Vec<DVec3>,
+    /// A vertex at each place; looked up only.
+    at: HashMap<[u64; 3], usize>,
+}
+
+impl Taken {
+    /// By the vertices that stay, whose places before are given.
+    fn new(before: Vec<DVec3>, stays: impl Fn(usize) -> bool) -> Self {
+        let staying = (0..before.len()).filter(|&vertex| stays(vertex)).map(|vertex| (bits_of(before[vertex]), vertex));
+        Self { at: staying.collect(), before }
+    }
+
+    /// The place for a vertex that moved: the one wanted, or one a unit or more of its last decimal beside it if a vertex is
+    /// there that was elsewhere before.
+    fn place(&mut self, vertex: usize, wanted: DVec3, decimals: u32) -> DVec3 {
+        let unit = 1.0 / POWERS_OF_TEN[decimals.min(DECIMALS_MAX) as usize];
+        let beside = (0..STEPS_ASIDE_MAX).map(|step| DVec3::new(wanted.x + f64::from(step) * unit, wanted.y, wanted.z));
+        let rounded = beside.map(|place| DVec3::new(round_to(place.x, decimals), place.y, place.z));
+        let was_together = |other: usize| self.before[other] == self.before[vertex];
+        let mut free = rounded.filter(|&place| self.at.get(&bits_of(place)).is_none_or(|&other| was_together(other)));
+        let place = free.next().unwrap_or(wanted);
+        self.at.insert(bits_of(place), vertex);
+        place
+    }
+}
+
+/// Whether some of the positions may be the same: no means no.
+fn may_have_twins(positions: &[DVec3]) -> bool {
+    let hash = |position: &DVec3| xxh3_64(bytemuck::bytes_of(&bits_of(*position)));
+    let mut hashes: Vec<u64> = positions.iter().map(hash).collect();
+    hashes.sort_unstable();
+    hashes.windows(2).any(|pair| pair[0] == pair[1])
+}
+
+fn bits_of(position: DVec3) -> [u64; 3] {
+    (position + 0.0).to_array().map(f64::to_bits)
 }
 
 /// Decimals at which a step in the last place is at most `step`.
@@ -435,6 +487,18 @@ mod tests {
         assert_eq!(round_to(1e300, 3), 1e300);
         assert_eq!(decimals_for(0.002), 3);
         assert_eq!(decimals_for(0.0), 0);
+    }
+
+    #[test]
+    fn two_vertices_do_not_come_to_one_place_unless_they_were_at_one() {
+        let before = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Y, DVec3::Z];
+        assert!(may_have_twins(&before) && !may_have_twins(&before[..3]));
+        let mut taken = Taken::new(before.to_vec(), |vertex| vertex == 0);
+        assert_eq!(taken.place(1, DVec3::ZERO, 3), DVec3::new(0.001, 0.0, 0.0));
+        assert_eq!(taken.place(4, DVec3::ZERO, 3), DVec3::new(0.002, 0.0, 0.0));
+        let place = DVec3::splat(2.5);
+        assert_eq!(taken.place(2, place, 3), place);
+        assert_eq!(taken.place(3, place, 3), place);
     }
 
     #[test]
