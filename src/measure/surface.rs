@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::edges::repeats_vertex;
 use crate::base::{Error, Result};
+use crate::partition::numbering::position_key;
 use crate::store::packed::Coordinates;
 use crate::store::{Catalogue, NO_TEXCOORD, PackedColumn, StoredMesh};
 
@@ -117,8 +118,7 @@ fn append_column<T: Coordinates>(column: &PackedColumn<T>, out: &mut Vec<T>) -> 
 
 /// Positions without repetition, and the new id of each old vertex.
 fn weld_positions(positions: &[DVec3]) -> (Vec<DVec3>, Vec<u32>) {
-    let bits = |p: DVec3| p.to_array().map(|x| (x + 0.0).to_bits());
-    let mut keys: Vec<([u64; 3], u32)> = positions.iter().zip(0u32..).map(|(&p, id)| (bits(p), id)).collect();
+    let mut keys: Vec<([u64; 3], u32)> = positions.iter().zip(0u32..).map(|(&p, id)| (position_key(p), id)).collect();
     keys.par_sort_unstable();
     let mut firsts = vec![0u32; positions.len()];
     for group in keys.chunk_by(|a, b| a.0 == b.0) {

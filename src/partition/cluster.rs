@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::Partition;
+use super::numbering::position_key;
 use super::ranks::Ranks;
 use super::reading::{
     ClusterFaces, for_each_block, gather, gather_texcoords, read, read_faces, texcoord_ids, triangulate_polygons,
@@ -19,6 +20,7 @@ use super::reading::{
 use crate::base::Result;
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::split::EdgePoint;
+use crate::store::decimal::POWERS_OF_TEN;
 use crate::store::piece::write_piece;
 use crate::store::{Catalogue, Face, NO_TEXCOORD, Segment, StoredMesh, StoredPiece};
 
@@ -29,7 +31,7 @@ const CHAIN_MAX: usize = 32;
 /// Places that a vertex tries whose own is taken.
 const STEPS_ASIDE_MAX: u32 = 16;
 /// Decimals beyond which a coordinate is not rounded at all.
-const DECIMALS_MAX: u32 = 17;
+const DECIMALS_MAX: u32 = POWERS_OF_TEN.len() as u32 - 1;
 
 /// Scale of texture coordinates by material, the last one for faces without material; see `cost::surface`.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -423,7 +425,8 @@ struct Taken {
 impl Taken {
     /// By the vertices that stay, whose places before are given.
     fn new(before: Vec<DVec3>, stays: impl Fn(usize) -> bool) -> Self {
-        let staying = (0..before.len()).filter(|&vertex| stays(vertex)).map(|vertex| (bits_of(before[vertex]), vertex));
+        let staying =
+            (0..before.len()).filter(|&vertex| stays(vertex)).map(|vertex| (position_key(before[vertex]), vertex));
         Self { at: staying.collect(), before }
     }
 
@@ -434,23 +437,20 @@ impl Taken {
         let beside = (0..STEPS_ASIDE_MAX).map(|step| DVec3::new(wanted.x + f64::from(step) * unit, wanted.y, wanted.z));
         let rounded = beside.map(|place| DVec3::new(round_to(place.x, decimals), place.y, place.z));
         let was_together = |other: usize| self.before[other] == self.before[vertex];
-        let mut free = rounded.filter(|&place| self.at.get(&bits_of(place)).is_none_or(|&other| was_together(other)));
+        let mut free =
+            rounded.filter(|&place| self.at.get(&position_key(place)).is_none_or(|&other| was_together(other)));
         let place = free.next().unwrap_or(wanted);
-        self.at.insert(bits_of(place), vertex);
+        self.at.insert(position_key(place), vertex);
         place
     }
 }
 
 /// Whether some of the positions may be the same: no means no.
 fn may_have_twins(positions: &[DVec3]) -> bool {
-    let hash = |position: &DVec3| xxh3_64(bytemuck::bytes_of(&bits_of(*position)));
+    let hash = |position: &DVec3| xxh3_64(bytemuck::bytes_of(&position_key(*position)));
     let mut hashes: Vec<u64> = positions.iter().map(hash).collect();
     hashes.sort_unstable();
     hashes.windows(2).any(|pair| pair[0] == pair[1])
-}
-
-fn bits_of(position: DVec3) -> [u64; 3] {
-    (position + 0.0).to_array().map(f64::to_bits)
 }
 
 /// Decimals at which a step in the last place is at most `step`.
@@ -468,9 +468,6 @@ fn round_to(x: f64, decimals: u32) -> f64 {
     let scaled = (x * factor).round();
     if decimals >= DECIMALS_MAX || scaled.abs() > 4e15 { x } else { scaled / factor }
 }
-
-const POWERS_OF_TEN: [f64; DECIMALS_MAX as usize + 1] =
-    [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17];
 
 fn gathered_material(gathered: &[(u32, u32)], wedge: u32) -> u32 {
     gathered[wedge as usize].1

@@ -420,6 +420,6 @@ fn weld_crowd<R: VertexRecord>(
 }
 
 /// Bits of a position; 0 and -0 are the same place.
-fn position_key(position: DVec3) -> [u64; 3] {
+pub fn position_key(position: DVec3) -> [u64; 3] {
     (position + 0.0).to_array().map(f64::to_bits)
 }

@@ -26,6 +26,7 @@ pub mod pass;
 mod reconstruct;
 pub mod sample;
 pub mod schedule;
+mod shared;
 mod state;
 mod stops;
 pub mod trim;

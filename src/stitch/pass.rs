@@ -1,10 +1,9 @@
 //! Passes over a stored mesh until the target is met, or nothing more can be done.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard};
 use std::time::Instant;
 
-use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::options::{Cost, PassOptions, SeamPolicy};
@@ -22,11 +21,11 @@ use crate::mesh::ClusterMesh;
 use crate::mesh::pieces;
 use crate::os::mmap;
 use crate::partition::weight::ClusterWeight;
-use crate::partition::{self, ClusterSource, Partition, PartitionOptions, Shared, TextureScale, cluster, reading};
+use crate::partition::{self, ClusterSource, Partition, PartitionOptions, TextureScale, cluster, reading};
 use crate::remesh;
 use crate::render::ClusterMap;
 use crate::simplify::{Engine, Milestone};
-use crate::store::{Catalogue, ColumnWriter, PackedColumn, PackedWriter, Places, Segment, StoredMesh, StoredPiece};
+use crate::store::{Catalogue, StoredMesh, StoredPiece};
 
 /// Passes beyond those asked for, while they still remove faces.
 const EXTRA_PASSES: usize = 12;
@@ -554,21 +553,6 @@ impl<'a, M: Metric> Run<'a, M> {
         Ok(census)
     }
 
-    /// Writes the positions (and colours) of the vertices that several pieces use.
-    pub(super) fn write_shared(&self, partition: &Partition, pass: usize, mesh: &mut StoredMesh) -> Result<()> {
-        let shared = &partition.faces.shared;
-        if shared.is_empty() {
-            return Ok(());
-        }
-        let numbering = &partition.numbering;
-        let path = |what: &str| self.job.path().join(format!("pass-{pass}-shared-{what}.col"));
-        mesh.shared_positions = Some(shared_positions(&numbering.positions, shared, &path("positions"))?);
-        if let Some(colours) = &numbering.colours {
-            mesh.shared_colours = Some(pick_shared(colours, shared, &path("colours"), *b"colour  ")?);
-        }
-        Ok(())
-    }
-
     fn map(&self) -> MutexGuard<'_, Option<ClusterMap>> {
         self.map.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
@@ -578,38 +562,6 @@ impl<'a, M: Metric> Run<'a, M> {
         let part = if part > 0 { format!("-{part}") } else { String::new() };
         self.job.path().join(format!("{}{part}.piece", step.stem()))
     }
-}
-
-/// Positions that are mapped at once while shared ones are picked.
-const SHARED_RECORDS: u64 = 64 << 10;
-
-/// Writes the positions of the shared vertices, in order.
-fn shared_positions(places: &Places, shared: &Shared, path: &Path) -> Result<PackedColumn<DVec3>> {
-    let mut writer = PackedWriter::create(path, *b"position")?;
-    let mut ids = Vec::with_capacity(SHARED_RECORDS as usize);
-    let mut members = shared.iter().peekable();
-    while members.peek().is_some() {
-        ids.clear();
-        ids.extend(members.by_ref().take(SHARED_RECORDS as usize));
-        writer.append(&places.gather(&ids)?)?;
-    }
-    writer.finish()
-}
-
-/// Writes the records of the shared vertices, in order.
-fn pick_shared<T: bytemuck::Pod>(
-    column: &Segment<T>,
-    shared: &Shared,
-    path: &Path,
-    kind: [u8; 8],
-) -> Result<Segment<T>> {
-    let mut writer = ColumnWriter::create(path, kind)?;
-    for range in column.ranges(SHARED_RECORDS) {
-        let window = column.window(range.clone())?;
-        let chosen = (range.start..range.end).zip(window.iter()).filter(|(id, _)| shared.contains(*id as u32));
-        writer.append(&chosen.map(|(_, record)| *record).collect::<Vec<_>>())?;
-    }
-    writer.finish()
 }
 
 pub(super) fn plan_step(pass: usize, attempt: u32) -> Step {

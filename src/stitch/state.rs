@@ -5,8 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::outcome::PassOutcome;
-use super::outcome::{Floor, PassReport, PassSeconds, RemeshReport};
+use super::outcome::{Floor, PassOutcome, PassReport, PassSeconds, RemeshReport};
 use crate::base::{Findings, Result};
 use crate::cost::census::Census;
 use crate::job::{Step, WorkFolder};

@@ -7,8 +7,9 @@
 /// Decimals that are tried, at most.
 pub const DECIMALS_MAX: u32 = 15;
 
-const POWERS_OF_TEN: [f64; DECIMALS_MAX as usize + 1] =
-    [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
+/// Powers of ten that decimals stand for.
+pub const POWERS_OF_TEN: [f64; 18] =
+    [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17];
 /// A number of this size has no places after the point; adding and subtracting it rounds.
 const ROUNDER: f64 = 1.5 * (1u64 << 52) as f64;
 /// Counts stay below this, so that they are exact and `ROUNDER` rounds them.

@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::column::file_name;
-use super::varint;
+use super::varint::{self, unzigzag, zigzag};
 use crate::base::{Error, Result};
 use crate::job::header::{HEADER_BYTES, Header};
 use crate::os::durable::DurableFile;
@@ -179,15 +179,14 @@ fn decode_block(bytes: &[u8], count: usize, out: &mut Vec<Face>) -> std::result:
 #[inline]
 fn put_difference(out: &mut [u8], at: usize, value: u32, from: u32) -> usize {
     let difference = value.wrapping_sub(from) as i32;
-    varint::put(out, at, u64::from((difference << 1 ^ difference >> 31) as u32))
+    varint::put(out, at, zigzag(i64::from(difference)))
 }
 
 #[inline]
 fn get_difference(bytes: &[u8], at: &mut usize, from: u32) -> std::result::Result<u32, &'static str> {
     let number = varint::take(bytes, at).ok_or("a block of faces ends inside a number")?;
     let number = u32::try_from(number).map_err(|_| "a number in a block of faces is too large")?;
-    let difference = (number >> 1) as i32 ^ -((number & 1) as i32);
-    Ok(from.wrapping_add(difference as u32))
+    Ok(from.wrapping_add(unzigzag(u64::from(number)) as u32))
 }
 
 #[derive(Debug)]

@@ -1,0 +1,37 @@
+//! The vertices that several clusters use are written once for all of their pieces.
+
+use super::pass::Run;
+use crate::base::Result;
+use crate::cost::Metric;
+use crate::partition::{Partition, reading};
+use crate::store::{ColumnWriter, PackedWriter, StoredMesh};
+
+/// Vertices that are picked at once.
+const SHARED_RECORDS: usize = 64 << 10;
+
+impl<M: Metric> Run<'_, M> {
+    /// Writes the positions (and colours) of the vertices that several pieces use, in order.
+    pub(super) fn write_shared(&self, partition: &Partition, pass: usize, mesh: &mut StoredMesh) -> Result<()> {
+        let (shared, numbering) = (&partition.faces.shared, &partition.numbering);
+        if shared.is_empty() {
+            return Ok(());
+        }
+        let path = |what: &str| self.job.path().join(format!("pass-{pass}-shared-{what}.col"));
+        let mut positions = PackedWriter::create(&path("positions"), *b"position")?;
+        let mut colours = match &numbering.colours {
+            Some(column) => Some((column, ColumnWriter::create(&path("colours"), *b"colour  ")?)),
+            None => None,
+        };
+        let mut members = shared.iter().peekable();
+        while members.peek().is_some() {
+            let ids: Vec<u32> = members.by_ref().take(SHARED_RECORDS).collect();
+            positions.append(&numbering.positions.gather(&ids)?)?;
+            if let Some((column, writer)) = &mut colours {
+                writer.append(&reading::gather(column, &ids)?)?;
+            }
+        }
+        mesh.shared_positions = Some(positions.finish()?);
+        mesh.shared_colours = colours.map(|(_, writer)| writer.finish()).transpose()?;
+        Ok(())
+    }
+}
