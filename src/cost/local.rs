@@ -15,17 +15,15 @@
 //! # Memory
 //! 40 bytes a vertex, 36 bytes a wedge: half of what doubles in one frame would take.
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3, Vec3A, Vec3Swizzles};
 
 use super::quadric::{Quadric, WedgeQuadric};
 
 /// d ↦ d·Ad + 2 b·d + c, with symmetric A, for a displacement d of the vertex.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct LocalQuadric {
-    /// xx, yy, zz of A.
-    pub diagonal: Vec3,
-    /// yz, zx, xy of A.
-    pub mixed: Vec3,
+    /// xx, yy, zz, yz, zx, xy of A.
+    pub quadratic: [f32; 6],
     /// b.
     pub linear: Vec3,
     /// c: the error that the vertex has where it is.
@@ -36,43 +34,65 @@ impl LocalQuadric {
     /// Adds weight · (n·d)²: the squared distance to a plane through the vertex.
     #[inline]
     pub fn add_plane(&mut self, normal: Vec3, weight: f32) {
-        let scaled = normal * weight;
-        self.diagonal += scaled * normal;
-        self.mixed += Vec3::new(scaled.y * normal.z, scaled.z * normal.x, scaled.x * normal.y);
+        let mut planes = Planes::default();
+        planes.add(normal.into(), weight);
+        self.add_quadratic(&planes.quadratic());
     }
 
-    /// Adds another quadric about the same point, of which only the quadratic part is there.
-    #[inline]
-    pub fn add_quadratic(&mut self, other: &Self) {
-        self.diagonal += other.diagonal;
-        self.mixed += other.mixed;
+    /// Adds the quadratic part of another one about the same point.
+    #[inline(always)]
+    pub fn add_quadratic(&mut self, other: &[f32; 6]) {
+        self.quadratic.iter_mut().zip(other).for_each(|(own, other)| *own += other);
     }
 
     /// A·d.
-    #[inline]
+    #[inline(always)]
     pub fn apply(&self, d: Vec3) -> Vec3 {
-        let (a, m) = (self.diagonal, self.mixed);
-        Vec3::new(
-            a.x * d.x + m.z * d.y + m.y * d.z,
-            m.z * d.x + a.y * d.y + m.x * d.z,
-            m.y * d.x + m.x * d.y + a.z * d.z,
-        )
+        let [xx, yy, zz, yz, zx, xy] = self.quadratic;
+        Vec3::new(xx * d.x + xy * d.y + zx * d.z, xy * d.x + yy * d.y + yz * d.z, zx * d.x + yz * d.y + zz * d.z)
     }
 
     /// Its value at a displacement.
-    #[inline]
+    #[inline(always)]
     pub fn at(&self, d: Vec3) -> f32 {
         (self.apply(d) + 2.0 * self.linear).dot(d) + self.constant
     }
 
     /// The same in double precision.
     pub fn widened(&self) -> Quadric {
+        let [xx, yy, zz, yz, zx, xy] = self.quadratic.map(f64::from);
         Quadric {
-            diagonal: self.diagonal.as_dvec3(),
-            mixed: self.mixed.as_dvec3(),
+            diagonal: DVec3::new(xx, yy, zz),
+            mixed: DVec3::new(yz, zx, xy),
             linear: self.linear.as_dvec3(),
             constant: f64::from(self.constant),
         }
+    }
+}
+
+/// A sum of squared distances to planes through one point.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Planes {
+    /// xx, yy, zz of A.
+    diagonal: Vec3A,
+    /// yz, zx, xy of A.
+    mixed: Vec3A,
+}
+
+impl Planes {
+    /// Adds weight · (n·d)².
+    #[inline(always)]
+    pub fn add(&mut self, normal: Vec3A, weight: f32) {
+        let scaled = normal * weight;
+        self.diagonal += scaled * normal;
+        self.mixed += scaled.yzx() * normal.zxy();
+    }
+
+    /// For [`LocalQuadric::add_quadratic`].
+    #[inline(always)]
+    pub fn quadratic(&self) -> [f32; 6] {
+        let (diagonal, mixed) = (self.diagonal, self.mixed);
+        [diagonal.x, diagonal.y, diagonal.z, mixed.x, mixed.y, mixed.z]
     }
 }
 
@@ -89,13 +109,13 @@ pub struct LocalWedge {
 
 impl LocalWedge {
     /// G d + o.
-    #[inline]
+    #[inline(always)]
     pub fn mapped(&self, d: Vec3) -> Vec2 {
         Vec2::new(self.gradient[0].dot(d), self.gradient[1].dot(d)) + self.offset
     }
 
     /// Its value for a displacement d of the vertex and s of the texture coordinate.
-    #[inline]
+    #[inline(always)]
     pub fn at(&self, d: Vec3, s: Vec2) -> f32 {
         s.dot(s * self.weight - 2.0 * self.mapped(d))
     }

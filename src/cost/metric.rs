@@ -62,6 +62,16 @@ pub trait Metric: Sized {
     /// Cost of a collapse, and where its vertex goes.
     fn place(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Placement;
 
+    /// Costs of collapsing `from`, whose only wedge is `wedge`, onto each of some vertices and their wedges: those of
+    /// [`place`](Metric::place), all at once.
+    #[inline]
+    fn costs_onto(&self, mesh: &ClusterMesh, from: u32, wedge: u32, ends: &[(u32, u32)], costs: &mut Vec<f32>) {
+        costs.extend(ends.iter().map(|&(to, end_wedge)| {
+            let wedges = [(wedge, end_wedge)];
+            self.place(mesh, &EdgeCase::inside(from, to, &wedges)).cost as f32
+        }));
+    }
+
     /// Adds what is kept of the vanished vertex and its wedges to those that stay; the mesh is as it was before the collapse.
     fn join(&mut self, mesh: &ClusterMesh, edge: &EdgeCase<'_>);
 

@@ -16,14 +16,14 @@
 //! # Memory
 //! 40 bytes a vertex and, with texture, 36 bytes a wedge.
 
-use glam::{DVec2, DVec3, Vec2, Vec3};
+use glam::{DVec2, DVec3, Vec2, Vec3, Vec3A};
 
 use super::knob::{Knob, factor, switch};
-use super::local::{LocalQuadric, LocalWedge};
+use super::local::{LocalQuadric, LocalWedge, Planes};
 use super::metric::Metric;
-use crate::mesh::class::Class;
-use crate::mesh::cluster::ClusterMesh;
-use crate::mesh::ring::Rings;
+use crate::mesh::class::{Class, VALENCE_MAX};
+use crate::mesh::cluster::{ClusterMesh, DEAD};
+use crate::mesh::ring::{Rings, Spoke};
 
 /// Stiffness of the spring that holds a vertex to its place, relative to the trace of A.
 const SPRING: f64 = 1e-5;
@@ -50,6 +50,9 @@ impl Default for Weights {
         Self::from(KNOBS.map(|knob| knob.default))
     }
 }
+
+/// Collapses that are judged at once.
+const LANES: usize = 8;
 
 /// What may be set besides the weight of the slide.
 pub const KNOBS: [Knob; 3] = [
@@ -83,6 +86,14 @@ pub struct EdgeCase<'a> {
     pub wedges: &'a [(u32, u32)],
     /// How far the texture coordinate of each pair's wedge of `to` moves.
     pub insets: [Vec2; 2],
+}
+
+impl<'a> EdgeCase<'a> {
+    /// Inside a chart, onto a vertex that keeps its place.
+    #[inline(always)]
+    pub fn inside(from: u32, to: u32, wedges: &'a [(u32, u32)]) -> Self {
+        Self { from, to, onto: true, stays: true, wedges, insets: [Vec2::ZERO; 2] }
+    }
 }
 
 /// Where the vertex goes and what that costs (area × length²).
@@ -122,51 +133,73 @@ impl SurfaceCost {
             self.wedges.resize(mesh.wedge_vertex.len(), LocalWedge::default());
         }
         self.area = 0.0;
-        for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
-            let triangle = mesh.triangle(face);
-            let across = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]);
+        let living = mesh.corners.iter().zip(&mesh.corner_vertices).filter(|(corners, _)| corners[0] != DEAD);
+        for (corners, vertices) in living {
+            let [p0, p1, p2] = vertices.map(|vertex| mesh.positions[vertex as usize]);
+            let edges = [p1 - p0, p2 - p0].map(|edge| Vec3A::from(edge.as_vec3()));
+            let across = edges[0].cross(edges[1]);
             let double_area = across.length();
             if double_area <= 0.0 || !double_area.is_finite() {
                 continue;
             }
             let normal = across / double_area;
             let area = 0.5 * double_area;
-            self.area += area;
-            let mut quadric = LocalQuadric::default();
-            quadric.add_plane(normal.as_vec3(), area as f32);
-            if self.has_texture()
-                && let Some(gradients) = texture_gradients(triangle, mesh.uv_triangle(face), across)
-            {
-                let weight = (area * self.weights.uv) as f32;
-                gradients.iter().for_each(|&gradient| quadric.add_plane(gradient, weight));
-                for corner in mesh.corners[face as usize] {
-                    let wedge = &mut self.wedges[corner as usize];
-                    wedge.gradient[0] += gradients[0] * weight;
-                    wedge.gradient[1] += gradients[1] * weight;
-                    wedge.weight += weight;
+            self.area += f64::from(area);
+            let mut planes = Planes::default();
+            planes.add(normal, area);
+            if self.has_texture() {
+                let [t0, t1, t2] = corners.map(|wedge| mesh.wedge_uv[wedge as usize]);
+                let gradients = texture_gradients(edges, [t1 - t0, t2 - t0], normal / double_area);
+                if gradients.iter().all(|gradient| gradient.is_finite()) {
+                    let weight = area * self.weights.uv as f32;
+                    gradients.iter().for_each(|&gradient| planes.add(gradient, weight));
+                    let weighted = gradients.map(|gradient| Vec3::from(gradient * weight));
+                    for &corner in corners {
+                        let wedge = &mut self.wedges[corner as usize];
+                        wedge.gradient[0] += weighted[0];
+                        wedge.gradient[1] += weighted[1];
+                        wedge.weight += weight;
+                    }
                 }
             }
-            let vertices = mesh.vertices(face);
-            for vertex in vertices {
-                self.vertices[vertex as usize].add_quadratic(&quadric);
-            }
+            let planes = planes.quadratic();
+            vertices.iter().for_each(|&vertex| self.vertices[vertex as usize].add_quadratic(&planes));
         }
+        let mut spokes = Vec::new();
         for vertex in (0..classes.len() as u32).filter(|&vertex| classes[vertex as usize] != Class::Smooth) {
-            self.add_chain_edges(mesh, rings, classes, vertex);
+            self.add_chain_edges(mesh, rings, classes, vertex, &mut spokes);
         }
     }
 
     /// Adds to the ends of the border and seam edges that lead on from a vertex the planes through them, upright on each
     /// face.
-    fn add_chain_edges(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class], a: u32) {
-        for &corner in rings.of(a) {
+    fn add_chain_edges(
+        &mut self,
+        mesh: &ClusterMesh,
+        rings: &Rings,
+        classes: &[Class],
+        a: u32,
+        spokes: &mut Vec<Spoke>,
+    ) {
+        spokes.clear();
+        let is_crowded = rings.of(a).len() > VALENCE_MAX;
+        if !is_crowded {
+            spokes.extend(rings.of(a).iter().map(|&corner| Spoke::of(mesh, corner)));
+        }
+        for (i, &corner) in rings.of(a).iter().enumerate() {
             let b = mesh.vertex_of(ClusterMesh::following(corner)[0]);
             let class = classes[b as usize];
             if class == Class::Smooth || (class == Class::Fixed && classes[a as usize] == Class::Fixed) {
                 continue;
             }
-            let (few, many) = if rings.of(a).len() <= rings.of(b).len() { (a, b) } else { (b, a) };
-            let weight = match edge_kind(mesh, rings, few, many) {
+            let kind = match is_crowded {
+                true => {
+                    let (few, many) = if rings.of(a).len() <= rings.of(b).len() { (a, b) } else { (b, a) };
+                    edge_kind(mesh, rings, few, many)
+                }
+                false => kind_among(spokes, (spokes[i].wedge, spokes[i].next_wedge), b),
+            };
+            let weight = match kind {
                 EdgeKind::Inner => continue,
                 EdgeKind::Border => self.weights.border,
                 EdgeKind::Seam => self.weights.seam,
@@ -210,6 +243,36 @@ impl SurfaceCost {
         error
     }
 
+    /// Costs of collapses inside a chart, as [`place`](SurfaceCost::place) tells them, several in the lanes of one register.
+    #[inline(always)]
+    fn costs_onto(&self, mesh: &ClusterMesh, from: u32, wedge: u32, ends: &[(u32, u32)], costs: &mut Vec<f32>) {
+        let here = mesh.positions[from as usize];
+        let uv = mesh.wedge_uv[wedge as usize];
+        let quadric = self.vertices[from as usize];
+        let texture = if self.has_texture() { self.wedges[wedge as usize] } else { LocalWedge::default() };
+        for ends in ends.chunks(LANES) {
+            let (mut d, mut s, mut kept) = ([[0f32; LANES]; 3], [[0f32; LANES]; 2], [0f32; LANES]);
+            for (lane, &(to, end_wedge)) in ends.iter().enumerate() {
+                let shift = (mesh.positions[to as usize] - here).as_vec3();
+                let slide = (mesh.wedge_uv[end_wedge as usize] - uv).as_vec2();
+                (d[0][lane], d[1][lane], d[2][lane]) = (shift.x, shift.y, shift.z);
+                (s[0][lane], s[1][lane]) = (slide.x, slide.y);
+                kept[lane] = self.vertices[to as usize].constant;
+            }
+            let mut cost = [0f32; LANES];
+            for lane in 0..LANES {
+                let d = Vec3::new(d[0][lane], d[1][lane], d[2][lane]);
+                let s = Vec2::new(s[0][lane], s[1][lane]);
+                let slid = texture.at(d, s);
+                let slid = if s.x.is_nan() | s.y.is_nan() { 0.0 } else { slid };
+                let length_sq = d.length_squared();
+                let error = quadric.at(d) + slid + kept[lane];
+                cost[lane] = error.max(0.0) + LENGTH_SHARE * length_sq * length_sq;
+            }
+            costs.extend_from_slice(&cost[..ends.len()]);
+        }
+    }
+
     /// Adds the quadrics of a vertex that vanished and of its wedges to those that stay.
     pub fn join(&mut self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) {
         let d = shift(mesh, edge);
@@ -239,7 +302,7 @@ impl SurfaceCost {
             }
         }
         let vertex = &mut self.vertices[edge.to as usize];
-        vertex.add_quadratic(&vanished);
+        vertex.add_quadratic(&vanished.quadratic);
         vertex.linear += vanished.linear;
         vertex.constant += vanished.constant;
     }
@@ -286,14 +349,13 @@ fn slide(mesh: &ClusterMesh, from: u32, to: u32) -> Vec2 {
     (mesh.wedge_uv[to as usize] - mesh.wedge_uv[from as usize]).as_vec2()
 }
 
-/// Gradients of u and v in the plane of a triangle, whose doubled area vector is `across`; nothing without texture.
-fn texture_gradients(triangle: [DVec3; 3], uv: [DVec2; 3], across: DVec3) -> Option<[Vec3; 2]> {
-    let (e1, e2) = (triangle[1] - triangle[0], triangle[2] - triangle[0]);
-    let area_sq = across.length_squared();
-    let (across1, across2) = (e2.cross(across) / area_sq, across.cross(e1) / area_sq);
-    let (d1, d2) = (uv[1] - uv[0], uv[2] - uv[0]);
-    let gradients = [0, 1].map(|axis| (across1 * d1[axis] + across2 * d2[axis]).as_vec3());
-    gradients.iter().all(|gradient| gradient.is_finite()).then_some(gradients)
+/// Gradients of u and v in the plane of a triangle, from what its edges span in space and in texture; `upright` is its
+/// normal divided by its doubled area. Not finite without texture.
+#[inline(always)]
+fn texture_gradients(edges: [Vec3A; 2], texture: [DVec2; 2], upright: Vec3A) -> [Vec3A; 2] {
+    let across = [edges[1].cross(upright), upright.cross(edges[0])];
+    let [d1, d2] = texture.map(|edge| edge.as_vec2());
+    [across[0] * d1.x + across[1] * d2.x, across[0] * d1.y + across[1] * d2.y]
 }
 
 impl Metric for SurfaceCost {
@@ -317,6 +379,11 @@ impl Metric for SurfaceCost {
     #[inline(always)]
     fn place(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Placement {
         self.place(mesh, edge)
+    }
+
+    #[inline(always)]
+    fn costs_onto(&self, mesh: &ClusterMesh, from: u32, wedge: u32, ends: &[(u32, u32)], costs: &mut Vec<f32>) {
+        self.costs_onto(mesh, from, wedge, ends, costs);
     }
 
     fn join(&mut self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) {
@@ -350,6 +417,20 @@ pub enum EdgeKind {
     Seam,
     /// One face.
     Border,
+}
+
+/// What kind of edge leads to a vertex, if its wedges are these in one of the faces around the edge's other end.
+fn kind_among(spokes: &[Spoke], wedges: (u32, u32), to: u32) -> EdgeKind {
+    let (mut count, mut differs) = (0, false);
+    for found in spokes.iter().filter_map(|spoke| spoke.edge_to(to)) {
+        count += 1;
+        differs |= found != wedges;
+    }
+    match count {
+        _ if differs => EdgeKind::Seam,
+        1 => EdgeKind::Border,
+        _ => EdgeKind::Inner,
+    }
 }
 
 /// What kind of edge joins two vertices that share a face.
@@ -436,6 +517,20 @@ mod tests {
             let plain = plain_error(&mesh, from, mesh.positions[to as usize], mesh.wedge_uv[to as usize]);
             let judged = cost.place(&mesh, &edge).cost;
             assert!((judged / plain - 1.0).abs() < 1e-4, "{judged} {plain}");
+        }
+    }
+
+    #[test]
+    fn costs_of_many_collapses_are_those_of_each() {
+        let mut mesh = hills();
+        mesh.wedge_uv[9] = DVec2::NAN;
+        let cost = prepared(&mesh);
+        let ends: Vec<(u32, u32)> = (0..30).filter(|&v| v != 16).map(|v| (v, v)).collect();
+        let mut costs = Vec::new();
+        cost.costs_onto(&mesh, 16, 16, &ends, &mut costs);
+        for (&(to, wedge), judged) in ends.iter().zip(costs) {
+            let alone = cost.place(&mesh, &EdgeCase::inside(16, to, &[(16, wedge)])).cost as f32;
+            assert_eq!(judged.to_bits(), alone.to_bits(), "{to}");
         }
     }
 

@@ -15,7 +15,7 @@
 //!   (the paper forbids it). Charts without the edge keep their texture coordinate: they are stretched, not left.
 
 use super::cluster::ClusterMesh;
-use super::ring::Rings;
+use super::ring::{Rings, Spoke};
 
 /// What kind of place a vertex sits at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -116,16 +116,6 @@ pub fn reclassify(mesh: &ClusterMesh, rings: &Rings, classes: &mut [Class]) {
     }
 }
 
-/// The corner of one face around a vertex.
-#[derive(Debug, Clone, Copy)]
-struct Spoke {
-    wedge: u32,
-    next: u32,
-    next_wedge: u32,
-    previous: u32,
-    previous_wedge: u32,
-}
-
 #[derive(Debug, Default)]
 struct Fan {
     spokes: Vec<Spoke>,
@@ -138,16 +128,7 @@ impl Fan {
             return Class::Fixed;
         }
         self.spokes.clear();
-        self.spokes.extend(corners.iter().map(|&corner| {
-            let [next, previous] = ClusterMesh::following(corner);
-            Spoke {
-                wedge: mesh.wedge_of(corner),
-                next: mesh.vertex_of(next),
-                next_wedge: mesh.wedge_of(next),
-                previous: mesh.vertex_of(previous),
-                previous_wedge: mesh.wedge_of(previous),
-            }
-        }));
+        self.spokes.extend(corners.iter().map(|&corner| Spoke::of(mesh, corner)));
         if self.is_smooth() { Class::Smooth } else { self.walk() }
     }
 

@@ -84,6 +84,46 @@ impl Rings {
     }
 }
 
+/// One face around a vertex: the wedges of its corners, and their vertices.
+#[derive(Debug, Clone, Copy)]
+pub struct Spoke {
+    /// Wedge of the vertex.
+    pub wedge: u32,
+    /// The vertex after it in the face, counter-clockwise.
+    pub next: u32,
+    /// Wedge of that one.
+    pub next_wedge: u32,
+    /// The vertex before it.
+    pub previous: u32,
+    /// Wedge of that one.
+    pub previous_wedge: u32,
+}
+
+impl Spoke {
+    /// Of a corner, whose face must not be dead.
+    #[inline(always)]
+    pub fn of(mesh: &ClusterMesh, corner: u32) -> Self {
+        let [next, previous] = ClusterMesh::following(corner);
+        Self {
+            wedge: mesh.wedge_of(corner),
+            next: mesh.vertex_of(next),
+            next_wedge: mesh.wedge_of(next),
+            previous: mesh.vertex_of(previous),
+            previous_wedge: mesh.wedge_of(previous),
+        }
+    }
+
+    /// The wedges of an edge to another vertex, of this one and of the other, if the face has it.
+    #[inline(always)]
+    pub fn edge_to(&self, other: u32) -> Option<(u32, u32)> {
+        match other {
+            _ if self.next == other => Some((self.wedge, self.next_wedge)),
+            _ if self.previous == other => Some((self.wedge, self.previous_wedge)),
+            _ => None,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::cluster::samples;

@@ -11,11 +11,9 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use glam::Vec2;
-
 use super::collapse::{Collapse, Collapser};
 use super::legality::Refusal;
-use super::proposal::{EdgeAt, Proposal, edges_at};
+use super::proposal::{EdgeAt, Proposal, chain_edges_at};
 use super::texture::insets;
 use super::witness::Witnesses;
 use crate::cost::census::Census;
@@ -23,7 +21,7 @@ use crate::cost::surface::EdgeKind;
 use crate::cost::{EdgeCase, Metric};
 use crate::mesh::class::{Class, Rule, classify, reclassify};
 use crate::mesh::cluster::{ClusterMesh, flag};
-use crate::mesh::ring::Rings;
+use crate::mesh::ring::{Rings, Spoke};
 
 /// Share of the faces that one round aims to remove: small enough to stay near the order of one queue.
 const ROUND_SHARE: f64 = 0.20;
@@ -83,14 +81,17 @@ pub struct Engine<M> {
     witnesses: Witnesses,
     /// Round in which a vertex took part in a collapse.
     touched: Vec<u32>,
-    /// Round in which a face around a vertex changed.
+    /// Round in which a face around a vertex changed, doubled; and one more if all its edges were then judged anew.
     stirred: Vec<u32>,
     survivors: Vec<u32>,
     changed: Vec<u32>,
     /// Vertices that others collapsed onto in this stage.
     joined: Vec<bool>,
     round: u32,
-    edges: Vec<EdgeAt>,
+    spokes: Vec<Spoke>,
+    /// Neighbours of a smooth vertex, with their wedges, and what it costs to collapse onto each.
+    ends: Vec<(u32, u32)>,
+    onto_costs: Vec<f32>,
     costs: Vec<f32>,
     /// Vertices that were refused in this round, with the cost of their next best.
     again: BinaryHeap<Reverse<(u32, u32)>>,
@@ -136,7 +137,9 @@ impl<M: Metric> Engine<M> {
             changed: Vec::new(),
             joined: Vec::new(),
             round: 0,
-            edges: Vec::new(),
+            spokes: Vec::new(),
+            ends: Vec::new(),
+            onto_costs: Vec::new(),
             costs: Vec::new(),
             again: BinaryHeap::new(),
             patience: f32::INFINITY,
@@ -344,18 +347,20 @@ impl<M: Metric> Engine<M> {
         };
         if self.classes[vertex as usize] == Class::Smooth {
             // One closed fan and one wedge: each face has the edge that leads on from it.
-            if !self.mesh.is_locked(vertex) {
+            if !self.mesh.is_locked(vertex) && M::ENDPOINTS {
+                self.propose_onto_all(vertex, |proposal| take(&mut best, proposal));
+            } else if !self.mesh.is_locked(vertex) {
                 for edge in self.rings.of(vertex).iter().filter_map(|&corner| EdgeAt::ahead(&self.mesh, corner)) {
-                    take(&mut best, self.propose_inside(vertex, &edge));
+                    take(&mut best, self.propose(vertex, &edge));
                 }
             }
         } else if self.may_vanish(vertex) {
-            let mut edges = std::mem::take(&mut self.edges);
-            edges_at(&self.mesh, &self.rings, vertex, &mut edges);
-            for edge in &edges {
+            let mut spokes = std::mem::take(&mut self.spokes);
+            let is_on_border = self.classes[vertex as usize].is_border();
+            chain_edges_at(&self.mesh, &self.rings, vertex, is_on_border, &mut spokes, |edge| {
                 take(&mut best, self.propose(vertex, edge));
-            }
-            self.edges = edges;
+            });
+            self.spokes = spokes;
         }
         self.proposals[vertex as usize] = best;
     }
@@ -366,17 +371,26 @@ impl<M: Metric> Engine<M> {
         if !M::ENDPOINTS {
             return self.propose(from, edge);
         }
-        let case = EdgeCase {
-            from,
-            to: edge.other,
-            onto: true,
-            stays: true,
-            wedges: &edge.wedges[..1],
-            insets: [Vec2::ZERO; 2],
-        };
-        // NOTE: bits of a cost that is not a number are above those of infinity.
-        let cost = self.cost.place(&self.mesh, &case).cost as f32;
-        Proposal { cost, to: edge.other, onto: true, chain: false, second_best: false }
+        let cost = self.cost.place(&self.mesh, &EdgeCase::inside(from, edge.other, &edge.wedges[..1])).cost as f32;
+        Proposal::onto(edge.other, cost)
+    }
+
+    /// Every collapse of a smooth vertex onto a neighbour.
+    #[inline(always)]
+    fn propose_onto_all(&mut self, from: u32, mut take: impl FnMut(Proposal)) {
+        let Self { mesh, rings, cost, ends, onto_costs, .. } = self;
+        let mut own = None;
+        ends.clear();
+        for &corner in rings.of(from) {
+            if let Some(wedge) = mesh.living(corner) {
+                let next = ClusterMesh::following(corner)[0];
+                ends.push((mesh.vertex_of(next), mesh.wedge_of(next)));
+                own = Some(wedge);
+            }
+        }
+        onto_costs.clear();
+        own.into_iter().for_each(|wedge| cost.costs_onto(mesh, from, wedge, ends, onto_costs));
+        ends.iter().zip(onto_costs).for_each(|(end, cost)| take(Proposal::onto(end.0, *cost)));
     }
 
     /// What it costs to collapse an edge from the vertex that it was taken at.
@@ -512,14 +526,12 @@ impl<M: Metric> Engine<M> {
         let Self { candidates, rings, .. } = self;
         candidates.retain(|&vertex| !rings.of(vertex).is_empty());
         self.cost.follow(&self.mesh, &self.rings, &self.survivors, &mut self.changed);
-        for vertex in self.changed.drain(..) {
-            if self.touched[vertex as usize] != round {
-                self.touched[vertex as usize] = round;
-                self.survivors.push(vertex);
+        self.changed.drain(..).for_each(|vertex| self.touched[vertex as usize] = round);
+        // In the order of ids, since neighbours in the surface are neighbours in memory.
+        for vertex in 0..self.touched.len() as u32 {
+            if self.touched[vertex as usize] != round || self.rings.of(vertex).is_empty() {
+                continue;
             }
-        }
-        let survivors = std::mem::take(&mut self.survivors);
-        for &vertex in &survivors {
             self.judge(vertex, None);
             let is_closed = self.classes[vertex as usize] == Class::Smooth;
             for i in 0..self.rings.of(vertex).len() {
@@ -534,14 +546,13 @@ impl<M: Metric> Engine<M> {
                 }
             }
         }
-        self.survivors = survivors;
         let mut refused = std::mem::take(&mut self.refused);
         refused.retain(|&vertex| self.proposals[vertex as usize].second_best);
         for &vertex in &refused {
             let near = |&corner: &u32| {
                 let ring = ClusterMesh::following(corner);
                 self.mesh.living(corner).is_some()
-                    && ring.iter().any(|&far| self.stirred[self.mesh.vertex_of(far) as usize] == round)
+                    && ring.iter().any(|&far| self.stirred[self.mesh.vertex_of(far) as usize] / 2 == round)
             };
             if self.rings.of(vertex).iter().any(near) {
                 self.judge(vertex, None);
@@ -560,15 +571,17 @@ impl<M: Metric> Engine<M> {
         if self.touched[vertex as usize] == round {
             return;
         }
-        let is_first = self.stirred[vertex as usize] != round;
-        self.stirred[vertex as usize] = round;
+        if self.stirred[vertex as usize] == 2 * round + 1 {
+            return;
+        }
         let Proposal { to, second_best, .. } = self.proposals[vertex as usize];
         let is_stale = second_best || self.touched.get(to as usize) == Some(&round);
-        if self.classes[vertex as usize] != Class::Smooth || is_stale {
-            // NOTE: a proposal to a survivor that was just judged looks stale again; it is judged once all the same.
-            if is_first {
-                self.judge(vertex, None);
-            }
+        let is_first = self.stirred[vertex as usize] != 2 * round;
+        self.stirred[vertex as usize] = 2 * round;
+        // NOTE: a proposal to a survivor that was judged just now is as good as any other.
+        if self.classes[vertex as usize] != Class::Smooth || (is_stale && is_first) {
+            self.stirred[vertex as usize] += 1;
+            self.judge(vertex, None);
         } else if !self.is_held(vertex) {
             let pair = (self.mesh.wedge_of(corner), self.mesh.wedge_of(survivor));
             let edge = EdgeAt { other: self.mesh.vertex_of(survivor), wedges: [pair; 2], face_count: 2 };

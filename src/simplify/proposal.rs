@@ -3,14 +3,14 @@
 //! ```text
 //!        x
 //!       /|\      a vertex inside a chart has one wedge and a closed fan: each face gives the edge that leads on
-//!      a-v-b     from it; at seams and borders, edges are gathered with the wedges on both sides
+//!      a-v-b     from it; others collapse along seams and borders, whose wedges are gathered on both sides
 //!       \|/
 //!        y
 //! ```
 
 use crate::cost::surface::EdgeKind;
 use crate::mesh::cluster::ClusterMesh;
-use crate::mesh::ring::Rings;
+use crate::mesh::ring::{Rings, Spoke};
 
 /// The cheapest collapse of a vertex.
 #[derive(Debug, Clone, Copy)]
@@ -30,6 +30,14 @@ pub struct Proposal {
 impl Proposal {
     /// None.
     pub const NONE: Self = Self { cost: f32::INFINITY, to: u32::MAX, onto: false, chain: false, second_best: false };
+
+    /// Onto a neighbour inside a chart.
+    ///
+    /// NOTE: bits of a cost that is not a number are above those of infinity, so that it is never taken.
+    #[inline(always)]
+    pub fn onto(to: u32, cost: f32) -> Self {
+        Self { cost, to, onto: true, chain: false, second_best: false }
+    }
 
     /// Order of the collapses of one vertex.
     pub fn key(&self) -> (u32, u32) {
@@ -57,6 +65,22 @@ impl EdgeAt {
         Some(Self { other: mesh.vertex_of(next), wedges: [(own, mesh.wedge_of(next)); 2], face_count: 2 })
     }
 
+    /// The edge to another vertex, among the faces around one.
+    #[inline(always)]
+    fn among(spokes: &[Spoke], other: u32) -> Self {
+        let mut edge = Self { other, wedges: [(0, 0); 2], face_count: 0 };
+        for wedges in spokes.iter().filter_map(|spoke| spoke.edge_to(other)) {
+            edge.wedges[usize::from(edge.face_count > 0)] = wedges;
+            edge.face_count += 1;
+        }
+        if edge.face_count == 1 {
+            edge.wedges[1] = edge.wedges[0];
+        }
+        edge
+    }
+
+    /// How the faces with the edge are joined.
+    #[inline(always)]
     pub fn kind(&self) -> EdgeKind {
         match self.face_count {
             1 => EdgeKind::Border,
@@ -66,20 +90,28 @@ impl EdgeAt {
     }
 }
 
-/// The edges at a vertex, with the wedges at both ends in up to two faces.
-pub fn edges_at(mesh: &ClusterMesh, rings: &Rings, vertex: u32, edges: &mut Vec<EdgeAt>) {
-    edges.clear();
-    for &corner in rings.of(vertex) {
-        let Some(own) = mesh.living(corner) else { continue };
-        for far in ClusterMesh::following(corner) {
-            let (other, wedge) = (mesh.vertex_of(far), mesh.wedge_of(far));
-            match edges.iter_mut().find(|edge| edge.other == other) {
-                Some(edge) => {
-                    edge.wedges[1] = (own, wedge);
-                    edge.face_count += 1;
-                }
-                None => edges.push(EdgeAt { other, wedges: [(own, wedge); 2], face_count: 1 }),
-            }
+/// Hands the seam and border edges at a vertex to `take`, with the wedges at both ends in up to two faces; `spokes` is
+/// scratch space. An edge whose faces are turned against each other may come twice.
+#[inline(always)]
+pub fn chain_edges_at(
+    mesh: &ClusterMesh,
+    rings: &Rings,
+    vertex: u32,
+    is_on_border: bool,
+    spokes: &mut Vec<Spoke>,
+    mut take: impl FnMut(&EdgeAt),
+) {
+    let corners = rings.of(vertex).iter().filter(|&&corner| mesh.living(corner).is_some());
+    spokes.clear();
+    spokes.extend(corners.map(|&corner| Spoke::of(mesh, corner)));
+    for spoke in &*spokes {
+        // All are looked at: where the other face of the edge stands, no branch could foresee.
+        let differs = |other: &Spoke| (other.wedge ^ spoke.wedge) | (other.previous_wedge ^ spoke.next_wedge);
+        if spokes.iter().fold(true, |is_chain, other| is_chain & (differs(other) != 0)) {
+            take(&EdgeAt::among(spokes, spoke.next));
+        }
+        if is_on_border && spokes.iter().all(|other| other.next != spoke.previous) {
+            take(&EdgeAt::among(spokes, spoke.previous));
         }
     }
 }

@@ -63,13 +63,12 @@ fn an_edge_that_only_its_upper_end_may_collapse_is_proposed_by_it() {
     let mut engine = Engine::<crate::cost::ClassicCost>::new(samples::grid(2, 0.5), &settings);
     engine.prepare();
     engine.cost.refresh(&engine.mesh, &engine.rings, &engine.classes);
-    let mut edges = Vec::new();
-    edges_at(&engine.mesh, &engine.rings, 4, &mut edges);
+    let ahead = |&corner: &u32| EdgeAt::ahead(&engine.mesh, corner);
+    let edges: Vec<EdgeAt> = engine.rings.of(4).iter().filter_map(ahead).collect();
     assert_eq!(edges.iter().filter(|edge| edge.other < 4).count(), 3);
     assert!(edges.iter().all(|edge| engine.propose(4, edge).cost.is_finite()));
-    edges_at(&engine.mesh, &engine.rings, 0, &mut edges);
-    let inward = edges.iter().find(|edge| edge.other == 4).unwrap();
-    assert!(engine.propose(0, inward).cost.is_infinite());
+    let inward = engine.rings.of(0).iter().filter_map(ahead).find(|edge| edge.other == 4).unwrap();
+    assert!(engine.propose(0, &inward).cost.is_infinite());
 }
 
 #[test]
