@@ -24,6 +24,7 @@ use drystone::base::Silent;
 use drystone::cost::{EdgeCase, SurfaceCost, Weights};
 use drystone::mesh::class::classify;
 use drystone::mesh::{Class, ClusterMesh, Rings};
+use drystone::partition::cluster::MaterialArea;
 use drystone::partition::{ClusterSource, Partition, PartitionOptions, TextureScale, cluster, partition, reading};
 use drystone::scan::{Scan, ScanOptions, scan};
 use drystone::simplify::{Engine, Stop};
@@ -53,7 +54,7 @@ fn cut(scan: &Scan, folder: &Path) -> Partition {
 fn largest(scan: &Scan, partition: &Partition) -> (ClusterSource, usize, TextureScale) {
     let number = (0..partition.cluster_count()).max_by_key(|&c| partition.face_count(c)).expect("a cluster");
     let faces = reading::read(partition, &scan.mesh, number).expect("a cluster");
-    let mut areas = vec![(0.0, 0.0); scan.catalogue.materials.len() + 1];
+    let mut areas = vec![MaterialArea::default(); scan.catalogue.materials.len() + 1];
     faces.add_areas(&scan.catalogue, &mut areas);
     let scale = TextureScale::new(&areas);
     (faces.into_source(partition, &scan.catalogue, &scale), number, scale)

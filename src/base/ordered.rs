@@ -67,6 +67,21 @@ pub fn map_in_order<T: Send, R: Send>(
     })
 }
 
+/// Does two things side by side, or one after the other on a single thread.
+///
+/// # Panics
+/// If the first one panics, its panic is passed on.
+pub fn both<A: Send, B>(threads: usize, first: impl FnOnce() -> A + Send, second: impl FnOnce() -> B) -> (A, B) {
+    if threads <= 1 {
+        return (first(), second());
+    }
+    std::thread::scope(|scope| {
+        let first = scope.spawn(first);
+        let second = second();
+        (first.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)), second)
+    })
+}
+
 fn commit_in_order<R>(
     results: &crossbeam_channel::Receiver<(usize, Result<R>)>,
     credits: &crossbeam_channel::Sender<()>,
@@ -106,6 +121,13 @@ mod tests {
             )
             .unwrap();
             assert_eq!(seen, (0..500).map(|i| i * 2).collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn two_things_are_both_done_on_any_number_of_threads() {
+        for threads in [1, 2] {
+            assert_eq!(both(threads, || 1 + 1, || "two"), (2, "two"));
         }
     }
 

@@ -21,7 +21,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use glam::DVec3;
 use serde::Serialize;
 
 use self::edges::{SharedTallies, Tally, tally};
@@ -45,8 +44,6 @@ const CLUSTER_FACES_MIN: u64 = 5_000;
 const CLUSTER_FACES_MAX: u64 = 250_000;
 /// Buffers of two files by bucket.
 const BUFFERS_BYTES: u64 = 24 * MIB;
-/// Positions that are mapped at once.
-const WINDOW_RECORDS: u64 = 128 << 10;
 
 /// Options of `drystone inspect`; none changes the counts.
 #[derive(Debug, Clone, Default)]
@@ -144,7 +141,7 @@ fn inspect_in_clusters(
     let scan_options = memory::scan_options(budget, threads);
     let Scan { mesh, catalogue, triangles, mut findings, input_bytes, .. } =
         scan::scan(&inputs, work.path(), &scan_options, progress)?;
-    let (low, high) = bounds(&mesh)?;
+    let (low, high) = mesh.bounds();
     let (polygons, larger_polygons) = polygons(&mesh, threads)?;
     let polygons = polygons + findings.get("degenerate_faces");
 
@@ -195,18 +192,6 @@ fn temporary_folder() -> PathBuf {
 fn faults(findings: &Findings) -> BTreeMap<String, u64> {
     let found = findings.iter().filter(|(kind, _)| *kind != "welded_vertices");
     found.map(|(kind, finding)| (kind.to_owned(), finding.count)).collect()
-}
-
-fn bounds(mesh: &StoredMesh) -> Result<(DVec3, DVec3)> {
-    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    for segment in mesh.position_columns() {
-        for range in segment.ranges(WINDOW_RECORDS) {
-            for &position in segment.window(range)?.iter() {
-                (low, high) = (low.min(position), high.max(position));
-            }
-        }
-    }
-    Ok((low, high))
 }
 
 /// Number of stored polygons, and of those with more than three corners.

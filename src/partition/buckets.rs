@@ -17,6 +17,22 @@ use crate::store::face::{BLOCK_FACES, FaceBlock, encode_block};
 /// Bytes of all buffers together.
 const BUFFERS_BYTES: usize = 16 << 20;
 
+/// Faces on their way to a cell.
+#[derive(Debug)]
+pub struct EncodedFaces {
+    bytes: Vec<u8>,
+    block: FaceBlock,
+}
+
+impl EncodedFaces {
+    /// Encodes at most [`BLOCK_FACES`] faces.
+    pub fn new(faces: &[Face]) -> Self {
+        let mut bytes = Vec::new();
+        let block = encode_block(faces, &mut bytes);
+        Self { bytes, block }
+    }
+}
+
 /// Collects faces by cell.
 pub struct BucketWriter {
     file: DurableFile,
@@ -61,16 +77,33 @@ impl BucketWriter {
         if pending.len() >= self.block_faces { self.flush(cell as usize) } else { Ok(()) }
     }
 
+    /// Adds faces that were encoded elsewhere to a cell, behind those that are there.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub fn append(&mut self, cell: u32, encoded: EncodedFaces) -> Result<()> {
+        if !self.pending[cell as usize].is_empty() {
+            self.flush(cell as usize)?;
+        }
+        self.write(cell as usize, &encoded.bytes, encoded.block)
+    }
+
     fn flush(&mut self, cell: usize) -> Result<()> {
-        self.bytes.clear();
-        let mut block = encode_block(&self.pending[cell], &mut self.bytes);
+        let mut bytes = std::mem::take(&mut self.bytes);
+        bytes.clear();
+        let block = encode_block(&self.pending[cell], &mut bytes);
         self.pending[cell].clear();
-        block.offset_bytes = self.offset_bytes;
-        self.offset_bytes += u64::from(block.bytes);
+        self.write(cell, &bytes, block)?;
+        self.bytes = bytes;
+        Ok(())
+    }
+
+    fn write(&mut self, cell: usize, bytes: &[u8], block: FaceBlock) -> Result<()> {
         self.count += u64::from(block.faces);
-        self.blocks[cell].push(block);
-        self.hash.update(&self.bytes);
-        self.file.write(&self.bytes)
+        self.blocks[cell].push(FaceBlock { offset_bytes: self.offset_bytes, ..block });
+        self.offset_bytes += bytes.len() as u64;
+        self.hash.update(bytes);
+        self.file.write(bytes)
     }
 
     /// Writes what is pending, makes the file durable and opens it for reading.
@@ -120,8 +153,17 @@ impl Buckets {
     /// # Errors
     /// On failed reads and damaged blocks.
     pub fn read(&self, cell: usize) -> Result<Vec<Face>> {
-        let mut faces = Vec::with_capacity(self.len(cell) as usize);
-        self.read_blocks(cell, |block| {
+        self.read_one_in(1, cell)
+    }
+
+    /// The faces of the first block of each `step` blocks of a cell.
+    ///
+    /// # Errors
+    /// On failed reads and damaged blocks.
+    pub fn read_one_in(&self, step: usize, cell: usize) -> Result<Vec<Face>> {
+        let blocks = || self.blocks[cell].iter().step_by(step);
+        let mut faces = Vec::with_capacity(blocks().map(|block| block.faces as usize).sum());
+        self.read_each(blocks(), |block| {
             faces.extend_from_slice(block);
             Ok(true)
         })?;
@@ -133,10 +175,18 @@ impl Buckets {
     ///
     /// # Errors
     /// On failed reads and damaged blocks, and what `take` returns.
-    pub fn read_blocks(&self, cell: usize, mut take: impl FnMut(&[Face]) -> Result<bool>) -> Result<()> {
+    pub fn read_blocks(&self, cell: usize, take: impl FnMut(&[Face]) -> Result<bool>) -> Result<()> {
+        self.read_each(self.blocks[cell].iter(), take)
+    }
+
+    fn read_each<'a>(
+        &self,
+        blocks: impl Iterator<Item = &'a FaceBlock>,
+        mut take: impl FnMut(&[Face]) -> Result<bool>,
+    ) -> Result<()> {
         let file = File::open(&self.path).map_err(|e| Error::io(&self.path, "open", e))?;
         let (mut bytes, mut faces) = (Vec::new(), Vec::new());
-        for block in &self.blocks[cell] {
+        for block in blocks {
             bytes.resize(block.bytes as usize, 0);
             read_exact_at(&file, &mut bytes, block.offset_bytes).map_err(|e| Error::io(&self.path, "read", e))?;
             faces.clear();

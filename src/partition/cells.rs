@@ -113,10 +113,25 @@ impl Histogram {
         vec![0; self.side * self.side * self.side]
     }
 
+    /// The grid cells with vertices, a small part of all; the counts are gone then.
+    fn take_filled(&mut self) -> Vec<Filled> {
+        let counts = std::mem::take(&mut self.counts);
+        let at = |i: usize| [i % self.side, i / self.side % self.side, i / self.side / self.side].map(|n| n as u8);
+        let filled = counts.iter().enumerate().filter(|(_, count)| **count > 0);
+        filled.map(|(i, &count)| Filled { at: at(i), count }).collect()
+    }
+
     /// Position of grid plane `index` of an axis.
     fn plane(&self, axis: usize, index: usize) -> f64 {
         self.low[axis] + self.step[axis] * index as f64
     }
+}
+
+/// A grid cell with vertices.
+#[derive(Debug, Clone, Copy)]
+struct Filled {
+    at: [u8; 3],
+    count: u32,
 }
 
 /// A range of grid cells: low (inclusive) to high (exclusive).
@@ -143,7 +158,7 @@ pub fn plan(mesh: &StoredMesh, options: &PartitionOptions) -> Result<Cells> {
     let per_face = vertices as f64 / faces as f64;
     let plain = (PLAIN_FACE_BYTES / (weight as f64 / faces as f64)).min(1.0);
     let limit = (options.cluster_faces as f64 * plain * per_face).max(4.0) as u64;
-    let (low, high) = bounds(mesh, options)?;
+    let (low, high) = mesh.bounds();
     let mut pending = vec![Histogram::new(0, 0, low, high, GRID_SIDES[0])];
     for _ in 0..REFINEMENTS_MAX {
         if pending.is_empty() {
@@ -154,8 +169,8 @@ pub fn plan(mesh: &StoredMesh, options: &PartitionOptions) -> Result<Cells> {
             count(mesh, &cells, parts, options)?;
             for part in parts {
                 let whole = GridBox { low: [0; 3], high: [part.side; 3] };
-                split(&mut cells, part, part.node, part.level, whole, limit, options.pass, &mut next);
-                part.counts = Vec::new();
+                let mut filled = part.take_filled();
+                split(&mut cells, part, &mut filled, part.node, part.level, whole, limit, options.pass, &mut next);
             }
         }
         pending = next;
@@ -175,17 +190,6 @@ pub fn expected_count(faces: u64, cluster_faces: u64, pass: usize) -> u64 {
         count(faces * share, limit, level + 1, pass) + count(faces * (1.0 - share), limit, level + 1, pass)
     }
     count(faces as f64, cluster_faces.max(1) as f64, 0, pass)
-}
-
-fn bounds(mesh: &StoredMesh, options: &PartitionOptions) -> Result<(DVec3, DVec3)> {
-    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    sweep(
-        mesh,
-        options,
-        |positions| positions.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p))),
-        |(l, h)| (low, high) = (low.min(l), high.max(h)),
-    )?;
-    Ok((low, high))
 }
 
 /// Counts vertices into the histograms of the leaves that have one.
@@ -237,6 +241,7 @@ fn count(mesh: &StoredMesh, cells: &Cells, parts: &mut [Histogram], options: &Pa
 fn split(
     cells: &mut Cells,
     grid: &Histogram,
+    filled: &mut [Filled],
     node: u32,
     level: usize,
     range: GridBox,
@@ -244,7 +249,7 @@ fn split(
     pass: usize,
     next: &mut Vec<Histogram>,
 ) {
-    let slabs = slab_counts(grid, range);
+    let slabs = slab_counts(filled, range);
     let total: u64 = slabs[0].iter().sum();
     if total <= limit {
         return;
@@ -276,22 +281,18 @@ fn split(
     let (mut lower, mut upper) = (range, range);
     lower.high[axis] = cut;
     upper.low[axis] = cut;
-    split(cells, grid, below, level + 1, lower, limit, pass, next);
-    split(cells, grid, below + 1, level + 1, upper, limit, pass, next);
+    filled.sort_unstable_by_key(|cell| usize::from(cell.at[axis]) >= cut);
+    let (below_cut, above_cut) = filled.split_at_mut(filled.partition_point(|cell| usize::from(cell.at[axis]) < cut));
+    split(cells, grid, below_cut, below, level + 1, lower, limit, pass, next);
+    split(cells, grid, above_cut, below + 1, level + 1, upper, limit, pass, next);
 }
 
-/// Vertices in each slab of grid cells, for each axis.
-fn slab_counts(grid: &Histogram, range: GridBox) -> [Vec<u64>; 3] {
+/// Vertices in each slab of a range of grid cells, for each axis.
+fn slab_counts(filled: &[Filled], range: GridBox) -> [Vec<u64>; 3] {
     let mut slabs: [Vec<u64>; 3] = std::array::from_fn(|axis| vec![0; range.high[axis] - range.low[axis]]);
-    for z in range.low[2]..range.high[2] {
-        for y in range.low[1]..range.high[1] {
-            let row = (z * grid.side + y) * grid.side;
-            for x in range.low[0]..range.high[0] {
-                let count = u64::from(grid.counts[row + x]);
-                slabs[0][x - range.low[0]] += count;
-                slabs[1][y - range.low[1]] += count;
-                slabs[2][z - range.low[2]] += count;
-            }
+    for cell in filled {
+        for (axis, slabs) in slabs.iter_mut().enumerate() {
+            slabs[usize::from(cell.at[axis]) - range.low[axis]] += u64::from(cell.count);
         }
     }
     slabs

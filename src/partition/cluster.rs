@@ -33,6 +33,25 @@ const STEPS_ASIDE_MAX: u32 = 16;
 /// Decimals beyond which a coordinate is not rounded at all.
 const DECIMALS_MAX: u32 = POWERS_OF_TEN.len() as u32 - 1;
 
+/// Faces of a material, and their doubled areas.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct MaterialArea {
+    /// Number of faces.
+    pub faces: u64,
+    /// Area in space of those that have texture coordinates.
+    pub space: f64,
+    /// Their area in texture.
+    pub texture: f64,
+}
+
+impl std::ops::AddAssign for MaterialArea {
+    fn add_assign(&mut self, other: Self) {
+        self.faces += other.faces;
+        self.space += other.space;
+        self.texture += other.texture;
+    }
+}
+
 /// Scale of texture coordinates by material, the last one for faces without material; see `cost::surface`.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct TextureScale {
@@ -40,10 +59,10 @@ pub struct TextureScale {
 }
 
 impl TextureScale {
-    /// From areas in space and in texture by material; a material without either has scale 1.
-    pub fn new(areas: &[(f64, f64)]) -> Self {
-        let scale = |&(space, texture): &(f64, f64)| {
-            let scale = (space / texture).sqrt();
+    /// From areas by material; one without area in space or in texture has scale 1.
+    pub fn new(areas: &[MaterialArea]) -> Self {
+        let scale = |area: &MaterialArea| {
+            let scale = (area.space / area.texture).sqrt();
             if scale.is_normal() { scale } else { 1.0 }
         };
         Self { scales: areas.iter().map(scale).collect() }
@@ -172,16 +191,20 @@ fn pass_faces(
 
 impl ClusterFaces {
     /// Areas of the faces in space and in texture, added by material.
-    pub fn add_areas(&self, catalogue: &Catalogue, areas: &mut [(f64, f64)]) {
+    pub fn add_areas(&self, catalogue: &Catalogue, areas: &mut [MaterialArea]) {
         let ranks = Ranks::new(&self.texcoord_ids);
-        for face in self.faces.iter().filter(|face| !face.texcoords.contains(&NO_TEXCOORD)) {
+        for face in &self.faces {
+            let sum = &mut areas[material_index(catalogue, face.part)];
+            sum.faces += 1;
+            if face.texcoords.contains(&NO_TEXCOORD) {
+                continue;
+            }
             let corners = face.vertices.map(|v| self.positions[v as usize]);
             let uv = face.texcoords.map(|id| self.texcoords[ranks.of(id) as usize]);
             let texture = (uv[1] - uv[0]).perp_dot(uv[2] - uv[0]).abs();
             if texture.is_finite() {
-                let sum = &mut areas[material_index(catalogue, face.part)];
-                sum.0 += (corners[1] - corners[0]).cross(corners[2] - corners[0]).length();
-                sum.1 += texture;
+                sum.space += (corners[1] - corners[0]).cross(corners[2] - corners[0]).length();
+                sum.texture += texture;
             }
         }
     }
@@ -500,7 +523,8 @@ mod tests {
 
     #[test]
     fn the_scale_makes_texture_as_large_as_the_surface() {
-        let scale = TextureScale::new(&[(400.0, 1.0), (0.0, 0.0)]);
+        let area = MaterialArea { faces: 2, space: 400.0, texture: 1.0 };
+        let scale = TextureScale::new(&[area, MaterialArea::default()]);
         assert_eq!(scale.scales, [20.0, 1.0]);
     }
 }

@@ -14,12 +14,13 @@ use std::sync::{Arc, Mutex};
 use serde::{Deserialize, Serialize};
 
 use super::PartitionOptions;
-use super::buckets::{BucketWriter, Buckets};
+use super::buckets::{BucketWriter, Buckets, EncodedFaces};
 use super::numbering::{Numbering, Ranks};
+use super::weight::RecentWedges;
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Result};
 use crate::os::system::{read_exact_at, write_all_at};
-use crate::store::face::FaceBlock;
+use crate::store::face::{BLOCK_FACES, FaceBlock};
 use crate::store::mesh::PieceNumbering;
 use crate::store::{Face, NO_TEXCOORD, StoredMesh, StoredPiece};
 
@@ -32,6 +33,8 @@ pub struct CellFaces {
     pub shared: Shared,
     /// Corners of each cell's faces that lie in other cells.
     pub foreign_corners: Vec<u64>,
+    /// Wedges of each cell's faces, at most.
+    pub wedges: Vec<u64>,
     /// For each cell, the stretches of [`TEXCOORD_STRETCH`] texture coordinates that its faces name, as bits.
     #[serde(skip)]
     stretches: Vec<u64>,
@@ -39,6 +42,8 @@ pub struct CellFaces {
 
 /// Changes of the window from one block to the next, for each window, up to which windows are loaded as they are needed.
 const WINDOW_CHANGES_MAX: u64 = 4;
+/// Faces of one cell in a block that become a block of their own.
+const MANY_FACES: usize = 1024;
 /// Texture coordinates of a stretch: 64 KiB, so that a stretch is about what one random read costs.
 pub const TEXCOORD_STRETCH: u32 = 4096;
 
@@ -203,6 +208,7 @@ pub fn distribute(
     let mut buckets = BucketWriter::create(&folder.join(format!("{name}-faces.bkt")), numbering.cell_count())?;
     let mut shared = Shared::new(*numbering.starts.last().unwrap_or(&0) as usize);
     let mut foreign_corners = vec![0; numbering.cell_count()];
+    let mut wedges = vec![0; numbering.cell_count()];
     let stretch_words = (mesh.texcoord_count() as usize).div_ceil(TEXCOORD_STRETCH as usize).div_ceil(64);
     let mut stretches = vec![0u64; stretch_words * numbering.cell_count()];
     let mut degenerate = 0;
@@ -230,21 +236,32 @@ pub fn distribute(
                 shared.insert(vertex);
                 foreign_corners[cell as usize] += 1;
             }
+            for (cell, count) in assigned.wedges {
+                wedges[cell as usize] += u64::from(count);
+            }
             for (cell, stretch) in assigned.stretches {
                 stretches[cell as usize * stretch_words + stretch as usize / 64] |= 1 << (stretch % 64);
             }
-            assigned.faces.into_iter().try_for_each(|(cell, face)| buckets.push(cell, face))
+            assigned.few.into_iter().try_for_each(|(cell, face)| buckets.push(cell, face))?;
+            assigned.many.into_iter().try_for_each(|(cell, encoded)| buckets.append(cell, encoded))
         },
     )?;
     findings.count("degenerate_faces", degenerate);
     shared.count_members();
-    Ok(CellFaces { buckets: buckets.finish()?, shared, foreign_corners, stretches })
+    Ok(CellFaces { buckets: buckets.finish()?, shared, foreign_corners, wedges, stretches })
 }
 
+/// What became of a block of faces.
+#[derive(Default)]
 struct Assigned {
-    faces: Vec<(u32, Face)>,
+    /// Faces of cells that have many in the block, encoded.
+    many: Vec<(u32, EncodedFaces)>,
+    /// The other faces, with their cells.
+    few: Vec<(u32, Face)>,
     /// Corners in other cells: the face's cell, and the vertex.
     shared: Vec<(u32, u32)>,
+    /// Cells and the wedges of faces that follow each other in them, at most.
+    wedges: Vec<(u32, u32)>,
     /// Cells and the stretches of texture coordinates that their faces name.
     stretches: Vec<(u32, u32)>,
     degenerate: u64,
@@ -252,9 +269,10 @@ struct Assigned {
 
 /// Chooses the cell of each face of a block; triangles that repeat a vertex are dropped.
 fn assign(faces: &[Face], numbering: &Numbering) -> Assigned {
-    let mut assigned =
-        Assigned { faces: Vec::with_capacity(faces.len()), shared: Vec::new(), stretches: Vec::new(), degenerate: 0 };
+    let mut assigned = Assigned::default();
+    let mut placed: Vec<(u32, Face)> = Vec::with_capacity(faces.len());
     let mut recent = [(u32::MAX, 0); 64];
+    let mut recent_wedges = RecentWedges::default();
     let mut last = (0, 0..0);
     let mut cell_of = |vertex: u32| {
         if !last.1.contains(&vertex) {
@@ -288,7 +306,21 @@ fn assign(faces: &[Face], numbering: &Numbering) -> Assigned {
                 assigned.stretches.push(stretch);
             }
         }
-        assigned.faces.push((cell, *face));
+        let wedges = recent_wedges.count_new(face);
+        match assigned.wedges.last_mut() {
+            Some((last, count)) if *last == cell => *count += wedges,
+            _ => assigned.wedges.push((cell, wedges)),
+        }
+        placed.push((cell, *face));
+    }
+    placed.sort_by_key(|entry| entry.0);
+    for group in placed.chunk_by(|a, b| a.0 == b.0) {
+        if group.len() < MANY_FACES {
+            assigned.few.extend_from_slice(group);
+            continue;
+        }
+        let own: Vec<Face> = group.iter().map(|entry| entry.1).collect();
+        assigned.many.extend(own.chunks(BLOCK_FACES).map(|faces| (group[0].0, EncodedFaces::new(faces))));
     }
     assigned
 }

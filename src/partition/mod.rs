@@ -16,9 +16,9 @@
 //! whatever the order of the input.
 //!
 //! # Memory
-//! A histogram of 8 MiB; 1.1 bits a vertex; a window of the numbering (4 bytes a vertex, at most a quarter of the work
-//! memory at a time) or of texture coordinates (40 bytes each, at most a third of the work memory); buffers of the
-//! buckets, 16 MiB; a cell of 92 bytes a vertex in each thread while duplicates are welded.
+//! A histogram of 8 MiB and its filled cells, at most twice that; 1.1 bits a vertex; a window of the numbering (4 bytes a
+//! vertex, at most a quarter of the work memory at a time) or of texture coordinates (40 bytes each, at most a third of the
+//! work memory); buffers of the buckets, 16 MiB; a cell of 92 bytes a vertex in each thread while duplicates are welded.
 
 pub mod buckets;
 pub mod cells;
@@ -126,6 +126,10 @@ fn weigh(
             let own = u64::from(numbering.starts[cell + 1] - numbering.starts[cell]);
             let vertices = (own + faces.foreign_corners[cell]).min(3 * face_count);
             let most = weight::ClusterWeight { faces: face_count, vertices, wedges: 3 * face_count };
+            let met = weight::ClusterWeight { wedges: faces.wedges[cell], ..most };
+            if met.bytes() <= limit {
+                return Ok(Some(met));
+            }
             let bare = weight::ClusterWeight { wedges: 0, ..most };
             if bare.bytes() > limit {
                 return Ok(None);

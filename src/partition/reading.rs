@@ -36,12 +36,22 @@ pub struct ClusterFaces {
 /// # Errors
 /// On failed reads and damaged files.
 pub fn read(partition: &Partition, mesh: &StoredMesh, cluster: usize) -> Result<ClusterFaces> {
+    read_one_in(1, partition, mesh, cluster)
+}
+
+/// Reads one block in `step` of a cluster's faces; all of them where texture coordinates were brought to the cells, since
+/// those answer all faces together.
+///
+/// # Errors
+/// On failed reads and damaged files.
+pub fn read_one_in(step: usize, partition: &Partition, mesh: &StoredMesh, cluster: usize) -> Result<ClusterFaces> {
+    let step = if partition.texcoords.is_some() { 1 } else { step };
     let own = partition.numbering.starts[cluster]..partition.numbering.starts[cluster + 1];
     let texcoords = |ids: &[u32]| match &partition.texcoords {
         Some(brought) => brought.read(cluster),
         None => gather_texcoords(mesh, ids),
     };
-    read_faces(partition, partition.faces.buckets.read(cluster)?, own, texcoords)
+    read_faces(partition, partition.faces.buckets.read_one_in(step, cluster)?, own, texcoords)
 }
 
 /// Reads faces; most of their vertices lie in the range `own` of the partition's ids.

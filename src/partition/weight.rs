@@ -25,7 +25,7 @@ pub const ORDINARY_BYTES: u64 = 200;
 ///
 /// NOTE: part of what shapes the result, so it depends on the cluster size alone and not on the budget.
 const LIMIT_FACTOR: u64 = 2;
-/// Keys that are remembered beside the set, to spare it most of the questions.
+/// Wedges that are remembered beside a count: most corners are of one of them.
 const RECENT: usize = 4096;
 
 /// Numbers that a cluster's memory follows from.
@@ -89,6 +89,34 @@ impl<'a> WedgeCounter<'a> {
     /// Whether counting on is of no use.
     pub fn is_full(&self) -> bool {
         self.known.len() > self.most
+    }
+}
+
+/// The wedges that a sweep over faces met last.
+pub struct RecentWedges {
+    /// Vertex, texture coordinate and part.
+    slots: Vec<[u32; 3]>,
+}
+
+impl Default for RecentWedges {
+    fn default() -> Self {
+        Self { slots: vec![[u32::MAX; 3]; RECENT] }
+    }
+}
+
+impl RecentWedges {
+    /// Number of corners of a face whose wedges were not met of late: summed over a cell's faces, no less than the number
+    /// of its wedges, and little more in any order that keeps neighbours together.
+    #[inline]
+    pub fn count_new(&mut self, face: &Face) -> u32 {
+        let mut count = 0;
+        for (vertex, texcoord) in face.vertices.into_iter().zip(face.texcoords) {
+            let wedge = [vertex, texcoord, face.part];
+            let slot = &mut self.slots[(vertex ^ texcoord.wrapping_mul(0x9e37_79b1) >> 16) as usize % RECENT];
+            count += u32::from(*slot != wedge);
+            *slot = wedge;
+        }
+        count
     }
 }
 

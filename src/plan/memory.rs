@@ -14,6 +14,7 @@ use crate::partition::numbering::window_bytes;
 use crate::partition::weight::{ORDINARY_BYTES, limit_bytes};
 use crate::remesh::cvd;
 use crate::scan::ScanOptions;
+use crate::stitch::sample;
 use crate::write::SHARE_BYTES_MAX;
 
 /// Memory of a chunk that is being parsed, for the scan's share of the budget.
@@ -64,8 +65,9 @@ pub fn forecast(sizes: &Sizes, budget: MemoryBudget, threads: usize) -> MemoryFo
     let work = budget.for_work();
     let scan = scan_options(budget, threads);
     let scan = (scan.threads + 3 * scan.chunks_in_flight) as u64 * CHUNK_TEXT_BYTES;
+    let sample = sample::bytes_beside_cutting(work).unwrap_or(0);
     let partition =
-        PARTITION_BYTES + (4 * sizes.vertices).min(window_bytes(work)) + sizes.vertices / 8 + sizes.faces / 16;
+        PARTITION_BYTES + sample + (4 * sizes.vertices).min(window_bytes(work)) + sizes.vertices / 8 + sizes.faces / 16;
     let cluster = cluster_bytes(sizes.cluster_faces.min(sizes.faces));
     let cluster = if sizes.remesh.is_some() { cluster * cvd::GROWTH / 2 } else { cluster };
     let at_once = (threads as u64).min(sizes.faces.div_ceil(sizes.cluster_faces.max(1)).max(1));

@@ -25,6 +25,7 @@ pub mod outcome;
 pub mod pass;
 mod reconstruct;
 pub mod sample;
+mod scale;
 pub mod schedule;
 mod shared;
 mod state;

@@ -12,7 +12,7 @@ use super::reconstruct::is_remeshed;
 use super::sample::{self, Survey};
 use super::state::{PassState, Start};
 use super::stops::{Plan, run_plan};
-use crate::base::ordered::map_in_order;
+use crate::base::ordered::{both, map_in_order};
 use crate::base::{Permits, Progress, Result};
 use crate::cost::census::Census;
 use crate::cost::{ClassicCost, CurvatureCost, Metric, ObliqueCost, SharpnessCost, SurfaceCost, TerrainCost};
@@ -21,7 +21,7 @@ use crate::mesh::ClusterMesh;
 use crate::mesh::pieces;
 use crate::os::mmap;
 use crate::partition::weight::ClusterWeight;
-use crate::partition::{self, ClusterSource, Partition, PartitionOptions, TextureScale, cluster, reading};
+use crate::partition::{self, ClusterSource, Partition, PartitionOptions, TextureScale, cluster};
 use crate::remesh;
 use crate::render::ClusterMap;
 use crate::simplify::{Engine, Milestone};
@@ -59,13 +59,10 @@ pub(super) struct ClusterResult {
     patch: Option<ClusterMesh>,
 }
 
-/// Areas in space and in texture of the materials that a cluster has.
-type MaterialAreas = Vec<(usize, (f64, f64))>;
-
 /// A run of passes.
 pub struct Run<'a, M: Metric> {
     pub(super) options: &'a PassOptions,
-    settings: M::Settings,
+    pub(super) settings: M::Settings,
     pub(super) catalogue: &'a Catalogue,
     pub(super) job: &'a WorkFolder,
     pub(super) progress: &'a dyn Progress,
@@ -243,9 +240,14 @@ impl<'a, M: Metric> Run<'a, M> {
         let (mesh, folder) = (&state.mesh, self.job.path());
         let sample = std::mem::take(&mut state.sample);
         let has_sample = !sample.corners.is_empty() && self.turn(pass) > 0;
-        // NOTE: not while the mesh is cut: that would save 2 % of the run and take 10 to 20 MiB that stay taken.
-        state.thresholds = has_sample.then(|| self.foresee(sample, pass, mesh.face_count()));
-        let mut partition = partition::partition(mesh, self.catalogue, folder, &format!("pass-{pass}"), &options)?;
+        let name = format!("pass-{pass}");
+        let cut = || partition::partition(mesh, self.catalogue, folder, &name, &options);
+        // The thresholds need one thread alone, and cutting the mesh leaves one idle now and then.
+        let foresee = || has_sample.then(|| self.foresee(sample, pass, mesh.face_count()));
+        let fits = sample::bytes_beside_cutting(self.options.work_bytes).is_some();
+        let (thresholds, partition) = both(if fits { self.options.threads } else { 1 }, foresee, cut);
+        state.thresholds = thresholds;
+        let mut partition = partition?;
         mmap::release_freed_memory();
         state.findings.merge(std::mem::take(&mut partition.findings));
         state.scratch_peak = state.scratch_peak.max(partition.scratch_peak);
@@ -485,45 +487,6 @@ impl<'a, M: Metric> Run<'a, M> {
             false if is_single(partition) => Ok((none(), ClusterMesh::default())),
             false => Ok((none(), self.take_sample(mesh, partition)?)),
         }
-    }
-
-    /// Sums areas in space and in texture over all clusters, in order, for the scale of texture coordinates; returns a
-    /// sample of the clusters with it.
-    fn measure_texture(&self, mesh: &StoredMesh, partition: &Partition) -> Result<(TextureScale, ClusterMesh)> {
-        let mut areas = vec![(0.0, 0.0); self.catalogue.materials.len() + 1];
-        let survey = self.survey(partition);
-        let mut sample = ClusterMesh::default();
-        map_in_order(
-            0..partition.cluster_count(),
-            self.options.threads,
-            self.options.threads + 1,
-            |cluster| {
-                if partition.weight(cluster).is_none() {
-                    return Ok((Vec::new(), None));
-                }
-                self.progress.check_stopped()?;
-                let _permit = self.permits.take(self.cluster_bytes(partition, cluster) / 2);
-                let faces = reading::read(partition, mesh, cluster)?;
-                let mut areas = vec![(0.0, 0.0); self.catalogue.materials.len() + 1];
-                faces.add_areas(self.catalogue, &mut areas);
-                let sparse = areas.into_iter().enumerate().filter(|(_, area)| area.0 > 0.0 || area.1 > 0.0);
-                let is_wanted = !is_single(partition) && survey.wants(cluster);
-                let source = is_wanted.then(|| faces.into_source(partition, self.catalogue, &self.scale));
-                Ok((sparse.collect(), source.and_then(|source| survey.patch(cluster, &source.mesh))))
-            },
-            |(sums, patch): (MaterialAreas, Option<ClusterMesh>)| {
-                for (material, (space, texture)) in sums {
-                    areas[material].0 += space;
-                    areas[material].1 += texture;
-                }
-                patch.iter().for_each(|patch| sample::append(&mut sample, patch));
-                Ok(())
-            },
-        )?;
-        let is_raw = M::wants_raw_texture(&self.settings);
-        let scale = if is_raw { TextureScale::none(self.catalogue) } else { TextureScale::new(&areas) };
-        sample::scale_texture(&mut sample, |part| scale.of(self.catalogue, part));
-        Ok((scale, sample))
     }
 
     /// Counts the numbers of the whole mesh that the metric divides by.

@@ -9,14 +9,23 @@ use glam::DVec3;
 
 use crate::cost::Metric;
 use crate::mesh::cluster::{ClusterMesh, flag};
+use crate::partition::weight::ORDINARY_BYTES;
 use crate::simplify::{Engine, Stop};
 
 /// Faces of the sample, at least and at most (or all that there are).
-const SAMPLE_FACES: [u64; 2] = [40_000, 100_000];
+const SAMPLE_FACES: [u64; 2] = [40_000, 60_000];
 /// Faces of the mesh for each face of the sample, between these limits.
-const FACES_PER_SAMPLE_FACE: u64 = 24;
+const FACES_PER_SAMPLE_FACE: u64 = 40;
 /// Patches of the sample, at most.
 const PATCHES: usize = 16;
+
+/// Work memory from which on a sample is simplified while the mesh is being cut, and not before.
+const ROOM_BYTES: u64 = 96 << 20;
+
+/// Memory that a sample takes while the mesh is being cut, if `work_bytes` may be used for both.
+pub fn bytes_beside_cutting(work_bytes: u64) -> Option<u64> {
+    (work_bytes >= ROOM_BYTES).then_some(SAMPLE_FACES[1] * ORDINARY_BYTES)
+}
 
 /// Which clusters give a patch, and how large.
 #[derive(Debug, Clone)]

@@ -13,8 +13,9 @@ use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::column::Segment;
-use super::face::{Face, FaceBlocks, NO_TEXCOORD};
-use super::packed::PackedColumn;
+use super::face::{Face, NO_TEXCOORD};
+use super::face_blocks::FaceBlocks;
+use super::packed::{Bounds, PackedColumn};
 use crate::base::{Error, Result};
 use crate::job::codec;
 
@@ -104,6 +105,13 @@ impl StoredMesh {
     /// The files that hold texture coordinates, some of them more than once.
     pub fn texcoord_files(&self) -> impl Iterator<Item = &Path> {
         self.pieces.iter().map(|piece| piece.texcoords.path())
+    }
+
+    /// The least box around all positions, those of vertices without faces included; inside out if there are none.
+    pub fn bounds(&self) -> (DVec3, DVec3) {
+        let mut bounds = Bounds::default();
+        self.position_columns().for_each(|column| bounds.merge(&column.bounds()));
+        (bounds.low.into(), bounds.high.into())
     }
 
     /// Columns of positions in the order of vertex ids.

@@ -10,6 +10,7 @@
 pub mod column;
 pub mod decimal;
 pub mod face;
+pub mod face_blocks;
 pub mod mesh;
 pub mod packed;
 pub mod piece;
@@ -17,7 +18,8 @@ pub mod places;
 pub mod varint;
 
 pub use column::{Column, ColumnWriter, Segment};
-pub use face::{Face, FaceBlocks, FaceWriter, NO_TEXCOORD};
+pub use face::{Face, NO_TEXCOORD};
+pub use face_blocks::{FaceBlocks, FaceWriter};
 pub use mesh::{Catalogue, Material, Part, StoredMesh, StoredPiece};
-pub use packed::{PackedBlocks, PackedColumn, PackedWriter};
+pub use packed::{Bounds, PackedBlocks, PackedColumn, PackedWriter};
 pub use places::{EncodedRun, Places, PlacesWriter};

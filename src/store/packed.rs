@@ -130,10 +130,42 @@ struct Block {
     bytes: u32,
 }
 
+/// The least box around positions, of as many axes as their records have coordinates.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Bounds {
+    /// Least coordinates; infinite around nothing.
+    pub low: [f64; 3],
+    /// Greatest coordinates.
+    pub high: [f64; 3],
+}
+
+impl Default for Bounds {
+    fn default() -> Self {
+        Self { low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3] }
+    }
+}
+
+impl Bounds {
+    /// The least box around this one and another.
+    pub fn merge(&mut self, other: &Self) {
+        self.low.iter_mut().zip(other.low).for_each(|(low, other)| *low = low.min(other));
+        self.high.iter_mut().zip(other.high).for_each(|(high, other)| *high = high.max(other));
+    }
+
+    fn see<T: Coordinates>(&mut self, records: &[T]) {
+        for record in bytemuck::cast_slice::<T, f64>(records).chunks_exact(T::COUNT) {
+            for (&number, (low, high)) in record.iter().zip(self.low.iter_mut().zip(&mut self.high)) {
+                (*low, *high) = (low.min(number), high.max(number));
+            }
+        }
+    }
+}
+
 /// Encoded blocks on their way to a file.
 #[derive(Debug, Default)]
 pub struct PackedBlocks {
     bytes: Vec<u8>,
+    bounds: Bounds,
     /// Records and bytes of each block.
     blocks: Vec<(u32, u32)>,
 }
@@ -142,6 +174,7 @@ impl PackedBlocks {
     /// Encodes records.
     pub fn new<T: Coordinates>(records: &[T]) -> Self {
         let mut packed = Self::default();
+        packed.bounds.see(records);
         let mut decimals = 0;
         for records in records.chunks(BLOCK_RECORDS) {
             let start = packed.bytes.len();
@@ -173,6 +206,7 @@ pub struct PackedWriter<T> {
     kind: [u8; 8],
     pending: Vec<T>,
     blocks: Vec<Block>,
+    bounds: Bounds,
     count: u64,
     offset_bytes: u64,
     hash: Xxh3,
@@ -186,8 +220,16 @@ impl<T: Coordinates> PackedWriter<T> {
     pub fn create(path: &Path, kind: [u8; 8]) -> Result<Self> {
         let mut file = DurableFile::create(path, WRITE_BUFFER_BYTES)?;
         file.write(&[0; HEADER_BYTES as usize])?;
-        let (pending, blocks) = (Vec::new(), Vec::new());
-        Ok(Self { file, kind, pending, blocks, count: 0, offset_bytes: HEADER_BYTES, hash: Xxh3::new() })
+        Ok(Self {
+            file,
+            kind,
+            pending: Vec::new(),
+            blocks: Vec::new(),
+            bounds: Bounds::default(),
+            count: 0,
+            offset_bytes: HEADER_BYTES,
+            hash: Xxh3::new(),
+        })
     }
 
     /// Number of records so far.
@@ -225,6 +267,7 @@ impl<T: Coordinates> PackedWriter<T> {
         self.hash.update(&packed.bytes);
         self.file.write(&packed.bytes)?;
         place(packed, self.count, self.offset_bytes, &mut self.blocks);
+        self.bounds.merge(&packed.bounds);
         self.count += packed.len();
         self.offset_bytes += packed.bytes.len() as u64;
         Ok(())
@@ -249,7 +292,8 @@ impl<T: Coordinates> PackedWriter<T> {
         self.file.write_at(0, &header.encode())?;
         let path = self.file.target().to_owned();
         self.file.commit()?;
-        Ok(PackedColumn { path: path.into(), blocks: self.blocks.into(), count: self.count, record: PhantomData })
+        let blocks = self.blocks.into();
+        Ok(PackedColumn { path: path.into(), blocks, bounds: self.bounds, count: self.count, record: PhantomData })
     }
 }
 
@@ -269,6 +313,7 @@ pub struct PackedColumn<T> {
     #[serde(with = "file_name")]
     path: Arc<Path>,
     blocks: Arc<[Block]>,
+    bounds: Bounds,
     count: u64,
     record: PhantomData<T>,
 }
@@ -284,7 +329,13 @@ impl<T: Coordinates> PackedColumn<T> {
     pub fn new(path: PathBuf, offset_bytes: u64, packed: &PackedBlocks) -> Self {
         let mut blocks = Vec::with_capacity(packed.blocks.len());
         place(packed, 0, offset_bytes, &mut blocks);
-        Self { path: path.into(), blocks: blocks.into(), count: packed.len(), record: PhantomData }
+        let (blocks, bounds) = (blocks.into(), packed.bounds);
+        Self { path: path.into(), blocks, bounds, count: packed.len(), record: PhantomData }
+    }
+
+    /// The least box around its records.
+    pub fn bounds(&self) -> Bounds {
+        self.bounds
     }
 
     /// Number of records.

@@ -12,7 +12,8 @@ use glam::{DVec2, DVec3};
 use xxhash_rust::xxh3::Xxh3;
 
 use super::column::Segment;
-use super::face::{BLOCK_FACES, Face, FaceBlocks, encode_block};
+use super::face::{BLOCK_FACES, Face, encode_block};
+use super::face_blocks::FaceBlocks;
 use super::mesh::StoredPiece;
 use super::packed::{PackedBlocks, PackedColumn};
 use crate::base::Result;

@@ -1,0 +1,190 @@
+//! Faces in a file of blocks. A block holds up to [`BLOCK_FACES`] faces and stands alone.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+use xxhash_rust::xxh3::Xxh3;
+
+use super::column::file_name;
+use super::face::{BLOCK_FACES, FACE_BYTES_MAX, Face, FaceBlock, encode_block};
+use crate::base::{Error, Result};
+use crate::job::header::{HEADER_BYTES, Header};
+use crate::os::durable::DurableFile;
+use crate::os::system::read_exact_at;
+
+/// Faces of a file, block by block.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct FaceBlocks {
+    #[serde(with = "file_name")]
+    path: Arc<Path>,
+    blocks: Vec<FaceBlock>,
+    count: u64,
+}
+
+impl FaceBlocks {
+    /// The blocks of a file, whose offsets are those in the file.
+    pub fn new(path: PathBuf, blocks: Vec<FaceBlock>) -> Self {
+        let count = blocks.iter().map(|block| u64::from(block.faces)).sum();
+        Self { path: path.into(), blocks, count }
+    }
+
+    /// Number of faces.
+    pub fn len(&self) -> u64 {
+        self.count
+    }
+
+    /// Whether there is no face.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Says in which folder the file lies, after the value was read back.
+    pub fn locate(&mut self, folder: &Path) {
+        self.path = folder.join(&self.path).into();
+    }
+
+    /// Where the blocks lie, in order.
+    pub fn blocks(&self) -> &[FaceBlock] {
+        &self.blocks
+    }
+
+    /// Opens the file for [`read_block`](FaceBlocks::read_block).
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn open(&self) -> Result<File> {
+        File::open(&self.path).map_err(|e| Error::io(&self.path, "open", e))
+    }
+
+    /// Replaces `out` by the faces of a block; `bytes` is scratch space.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] if the block does not decode, else [`Error::Io`].
+    pub fn read_block(&self, file: &File, block: &FaceBlock, bytes: &mut Vec<u8>, out: &mut Vec<Face>) -> Result<()> {
+        if block.bytes as usize > BLOCK_FACES * FACE_BYTES_MAX {
+            return Err(self.damaged(format!("a block of {} bytes", block.bytes)));
+        }
+        bytes.resize(block.bytes as usize, 0);
+        read_exact_at(file, bytes, block.offset_bytes).map_err(|e| Error::io(&self.path, "read", e))?;
+        out.clear();
+        block.decode(bytes, out).map_err(|message| self.damaged(message))
+    }
+
+    fn damaged(&self, message: String) -> Error {
+        Error::Damaged { path: self.path.to_path_buf(), message }
+    }
+}
+
+/// Appends faces to a new file of blocks.
+pub struct FaceWriter {
+    file: DurableFile,
+    pending: Vec<Face>,
+    blocks: Vec<FaceBlock>,
+    bytes: Vec<u8>,
+    offset_bytes: u64,
+    count: u64,
+    hash: Xxh3,
+}
+
+impl FaceWriter {
+    /// Begins the file `path`.
+    ///
+    /// # Errors
+    /// If the file cannot be made.
+    pub fn create(path: &Path) -> Result<Self> {
+        let mut file = DurableFile::create(path, 256 << 10)?;
+        file.write(&[0; HEADER_BYTES as usize])?;
+        Ok(Self {
+            file,
+            pending: Vec::with_capacity(BLOCK_FACES),
+            blocks: Vec::new(),
+            bytes: Vec::new(),
+            offset_bytes: HEADER_BYTES,
+            count: 0,
+            hash: Xxh3::new(),
+        })
+    }
+
+    /// Number of faces so far.
+    pub fn len(&self) -> u64 {
+        self.count
+    }
+
+    /// Whether no face was appended yet.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// Appends faces.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub fn append(&mut self, mut faces: &[Face]) -> Result<()> {
+        self.count += faces.len() as u64;
+        while let Some(first) = faces.first() {
+            if self.pending.len() == BLOCK_FACES {
+                self.flush(first.continues_polygon)?;
+            }
+            let (now, later) = faces.split_at(faces.len().min(BLOCK_FACES - self.pending.len()));
+            self.pending.extend_from_slice(now);
+            faces = later;
+        }
+        Ok(())
+    }
+
+    /// Writes a block. A polygon that goes on beyond it begins a block of its own, so that whoever reads a face also
+    /// sees whether it begins a polygon.
+    fn flush(&mut self, polygon_goes_on: bool) -> Result<()> {
+        let begins = self.pending.iter().rposition(|face| !face.continues_polygon).unwrap_or(0);
+        let cut = if polygon_goes_on && begins > 0 { begins } else { self.pending.len() };
+        let rest = self.pending.split_off(cut);
+        self.bytes.clear();
+        let mut block = encode_block(&self.pending, &mut self.bytes);
+        block.offset_bytes = self.offset_bytes;
+        self.offset_bytes += u64::from(block.bytes);
+        self.blocks.push(block);
+        self.pending = rest;
+        self.hash.update(&self.bytes);
+        self.file.write(&self.bytes)
+    }
+
+    /// Writes the header, makes the file durable and opens it for reading.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub fn finish(mut self) -> Result<FaceBlocks> {
+        if !self.pending.is_empty() {
+            self.flush(false)?;
+        }
+        let header = Header { kind: *b"faces   ", record_bytes: 0, count: self.count, checksum: self.hash.digest() };
+        self.file.write_at(0, &header.encode())?;
+        let path = self.file.target().to_owned();
+        self.file.commit()?;
+        Ok(FaceBlocks::new(path, self.blocks))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_polygon_never_begins_at_the_last_face_of_a_block() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut writer = FaceWriter::create(&folder.path().join("f")).unwrap();
+        let face =
+            |continues_polygon| Face { vertices: [0, 1, 2], texcoords: [3; 3], continues_polygon, ..Face::default() };
+        writer.append(&vec![face(false); BLOCK_FACES]).unwrap();
+        writer.append(&vec![face(true); BLOCK_FACES + 5]).unwrap();
+        let faces = writer.finish().unwrap();
+        let counts: Vec<_> = faces.blocks().iter().map(|block| block.faces as usize).collect();
+        assert_eq!(counts, [BLOCK_FACES - 1, BLOCK_FACES, 6]);
+    }
+}
