@@ -136,7 +136,7 @@ impl SurfaceCost {
         let living = mesh.corners.iter().zip(&mesh.corner_vertices).filter(|(corners, _)| corners[0] != DEAD);
         for (corners, vertices) in living {
             let [p0, p1, p2] = vertices.map(|vertex| mesh.positions[vertex as usize]);
-            let edges = [p1 - p0, p2 - p0].map(|edge| Vec3A::from(edge.as_vec3()));
+            let edges = [p1 - p0, p2 - p0];
             let across = edges[0].cross(edges[1]);
             let double_area = across.length();
             if double_area <= 0.0 || !double_area.is_finite() {
@@ -144,14 +144,14 @@ impl SurfaceCost {
             }
             let normal = across / double_area;
             let area = 0.5 * double_area;
-            self.area += f64::from(area);
+            self.area += area;
             let mut planes = Planes::default();
-            planes.add(normal, area);
+            planes.add(normal.as_vec3a(), area as f32);
             if self.has_texture() {
                 let [t0, t1, t2] = corners.map(|wedge| mesh.wedge_uv[wedge as usize]);
                 let gradients = texture_gradients(edges, [t1 - t0, t2 - t0], normal / double_area);
                 if gradients.iter().all(|gradient| gradient.is_finite()) {
-                    let weight = area * self.weights.uv as f32;
+                    let weight = (area * self.weights.uv) as f32;
                     gradients.iter().for_each(|&gradient| planes.add(gradient, weight));
                     let weighted = gradients.map(|gradient| Vec3::from(gradient * weight));
                     for &corner in corners {
@@ -351,11 +351,13 @@ fn slide(mesh: &ClusterMesh, from: u32, to: u32) -> Vec2 {
 
 /// Gradients of u and v in the plane of a triangle, from what its edges span in space and in texture; `upright` is its
 /// normal divided by its doubled area. Not finite without texture.
+///
+/// NOTE: in double precision, since in a needle two long vectors leave a short one.
 #[inline(always)]
-fn texture_gradients(edges: [Vec3A; 2], texture: [DVec2; 2], upright: Vec3A) -> [Vec3A; 2] {
+fn texture_gradients(edges: [DVec3; 2], texture: [DVec2; 2], upright: DVec3) -> [Vec3A; 2] {
     let across = [edges[1].cross(upright), upright.cross(edges[0])];
-    let [d1, d2] = texture.map(|edge| edge.as_vec2());
-    [across[0] * d1.x + across[1] * d2.x, across[0] * d1.y + across[1] * d2.y]
+    let [d1, d2] = texture;
+    [(across[0] * d1.x + across[1] * d2.x).as_vec3a(), (across[0] * d1.y + across[1] * d2.y).as_vec3a()]
 }
 
 impl Metric for SurfaceCost {
