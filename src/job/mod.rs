@@ -49,7 +49,7 @@ const JOURNAL: &str = "journal.bin";
 const LOCK: &str = "lock";
 /// Names of all other files begin and end so.
 const PREFIXES: [&str; 4] = ["scan-", "pass-", "write-", "measure-"];
-const SUFFIXES: [&str; 9] = [".col", ".plc", ".blk", ".bkt", ".scatter", ".piece", ".bin", ".state", ".tmp"];
+const SUFFIXES: [&str; 8] = [".col", ".plc", ".blk", ".scatter", ".piece", ".bin", ".state", ".tmp"];
 /// A larger value gets a file of its own.
 const VALUE_BYTES_HERE: usize = 4 << 10;
 /// How often, and after what time, a lock is tried again: someone may just be looking at it.

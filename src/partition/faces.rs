@@ -14,13 +14,13 @@ use std::sync::{Arc, Mutex};
 use serde::{Deserialize, Serialize};
 
 use super::PartitionOptions;
-use super::buckets::{BucketWriter, Buckets, EncodedFaces};
 use super::numbering::{Numbering, Ranks};
+use super::scatter::{Scatter, ScatterWriter, Sorted};
 use super::weight::RecentWedges;
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Result};
 use crate::os::system::{read_exact_at, write_all_at};
-use crate::store::face::{BLOCK_FACES, FaceBlock};
+use crate::store::face::FaceBlock;
 use crate::store::mesh::PieceNumbering;
 use crate::store::{Face, NO_TEXCOORD, StoredMesh, StoredPiece};
 
@@ -28,7 +28,7 @@ use crate::store::{Face, NO_TEXCOORD, StoredMesh, StoredPiece};
 #[derive(Debug, Serialize, Deserialize)]
 pub struct CellFaces {
     /// Faces of each cell, with new vertex ids and texcoord ids of the mesh.
-    pub buckets: Buckets,
+    pub by_cell: Scatter<Face>,
     /// Vertices that several cells use.
     pub shared: Shared,
     /// Corners of each cell's faces that lie in other cells.
@@ -42,8 +42,6 @@ pub struct CellFaces {
 
 /// Changes of the window from one block to the next, for each window, up to which windows are loaded as they are needed.
 const WINDOW_CHANGES_MAX: u64 = 4;
-/// Faces of one cell in a block that become a block of their own.
-const MANY_FACES: usize = 1024;
 /// Texture coordinates of a stretch: 64 KiB, so that a stretch is about what one random read costs.
 pub const TEXCOORD_STRETCH: u32 = 4096;
 
@@ -52,6 +50,19 @@ impl CellFaces {
     pub fn share_all(&mut self, ranges: impl Iterator<Item = std::ops::Range<u32>>) {
         ranges.flatten().for_each(|vertex| self.shared.insert(vertex));
         self.shared.count_members();
+    }
+
+    /// All faces of a cell.
+    ///
+    /// # Errors
+    /// On failed reads and damaged files.
+    pub fn all_of(&self, cell: usize) -> Result<Vec<Face>> {
+        let mut faces = Vec::with_capacity(self.by_cell.len(cell) as usize);
+        self.by_cell.read(cell, |block| {
+            faces.extend_from_slice(block);
+            Ok(())
+        })?;
+        Ok(faces)
     }
 
     /// Stretches of texture coordinates that the cells' faces name, summed over the cells.
@@ -205,7 +216,7 @@ pub fn distribute(
         None => Some(look_up(&waiting, ranks, first, &folder.join(format!("{name}-corners.tmp")), options)?),
     };
     let loaded = LoadedWindow::default();
-    let mut buckets = BucketWriter::create(&folder.join(format!("{name}-faces.bkt")), numbering.cell_count())?;
+    let mut by_cell = ScatterWriter::create(&folder.join(format!("{name}-faces.scatter")), numbering.cell_count())?;
     let mut shared = Shared::new(*numbering.starts.last().unwrap_or(&0) as usize);
     let mut foreign_corners = vec![0; numbering.cell_count()];
     let mut wedges = vec![0; numbering.cell_count()];
@@ -242,22 +253,17 @@ pub fn distribute(
             for (cell, stretch) in assigned.stretches {
                 stretches[cell as usize * stretch_words + stretch as usize / 64] |= 1 << (stretch % 64);
             }
-            assigned.few.into_iter().try_for_each(|(cell, face)| buckets.push(cell, face))?;
-            assigned.many.into_iter().try_for_each(|(cell, encoded)| buckets.append(cell, encoded))
+            by_cell.append(assigned.faces)
         },
     )?;
     findings.count("degenerate_faces", degenerate);
     shared.count_members();
-    Ok(CellFaces { buckets: buckets.finish()?, shared, foreign_corners, wedges, stretches })
+    Ok(CellFaces { by_cell: by_cell.finish_durable()?, shared, foreign_corners, wedges, stretches })
 }
 
 /// What became of a block of faces.
-#[derive(Default)]
 struct Assigned {
-    /// Faces of cells that have many in the block, encoded.
-    many: Vec<(u32, EncodedFaces)>,
-    /// The other faces, with their cells.
-    few: Vec<(u32, Face)>,
+    faces: Sorted<Face>,
     /// Corners in other cells: the face's cell, and the vertex.
     shared: Vec<(u32, u32)>,
     /// Cells and the wedges of faces that follow each other in them, at most.
@@ -269,8 +275,8 @@ struct Assigned {
 
 /// Chooses the cell of each face of a block; triangles that repeat a vertex are dropped.
 fn assign(faces: &[Face], numbering: &Numbering) -> Assigned {
-    let mut assigned = Assigned::default();
     let mut placed: Vec<(u32, Face)> = Vec::with_capacity(faces.len());
+    let (mut shared, mut wedges, mut stretches, mut degenerate) = (Vec::new(), Vec::new(), Vec::new(), 0);
     let mut recent = [(u32::MAX, 0); 64];
     let mut recent_wedges = RecentWedges::default();
     let mut last = (0, 0..0);
@@ -285,7 +291,7 @@ fn assign(faces: &[Face], numbering: &Numbering) -> Assigned {
         let is_polygon = face.continues_polygon || faces.get(i + 1).is_some_and(|next| next.continues_polygon);
         let [a, b, c] = face.vertices;
         if !is_polygon && (a == b || b == c || c == a) {
-            assigned.degenerate += 1;
+            degenerate += 1;
             continue;
         }
         let cells = face.vertices.map(&mut cell_of);
@@ -296,33 +302,24 @@ fn assign(faces: &[Face], numbering: &Numbering) -> Assigned {
             [a, b, c] => a.min(b).min(c),
         };
         for (vertex, _) in face.vertices.into_iter().zip(cells).filter(|&(_, own)| own != cell) {
-            assigned.shared.push((cell, vertex));
+            shared.push((cell, vertex));
         }
         for texcoord in face.texcoords.into_iter().filter(|&texcoord| texcoord != NO_TEXCOORD) {
             let stretch = (cell, texcoord / TEXCOORD_STRETCH);
             let slot = &mut recent[((stretch.0 ^ stretch.1) % 64) as usize];
             if *slot != stretch {
                 *slot = stretch;
-                assigned.stretches.push(stretch);
+                stretches.push(stretch);
             }
         }
-        let wedges = recent_wedges.count_new(face);
-        match assigned.wedges.last_mut() {
-            Some((last, count)) if *last == cell => *count += wedges,
-            _ => assigned.wedges.push((cell, wedges)),
+        let new_wedges = recent_wedges.count_new(face);
+        match wedges.last_mut() {
+            Some((last, count)) if *last == cell => *count += new_wedges,
+            _ => wedges.push((cell, new_wedges)),
         }
         placed.push((cell, *face));
     }
-    placed.sort_by_key(|entry| entry.0);
-    for group in placed.chunk_by(|a, b| a.0 == b.0) {
-        if group.len() < MANY_FACES {
-            assigned.few.extend_from_slice(group);
-            continue;
-        }
-        let own: Vec<Face> = group.iter().map(|entry| entry.1).collect();
-        assigned.many.extend(own.chunks(BLOCK_FACES).map(|faces| (group[0].0, EncodedFaces::new(faces))));
-    }
-    assigned
+    Assigned { faces: Sorted::new(placed), shared, wedges, stretches, degenerate }
 }
 
 /// The window of the numbering that was asked for last.

@@ -5,7 +5,7 @@
 //!     │
 //!     ├─ numbering: vertices in cell order, duplicates welded; old id → new id
 //!     │
-//! faces ── buckets: each face to the cell of most of its corners
+//! faces ── faces: each one to the cell of most of its corners
 //!     │
 //!     ├─ texcoords: brought to the cells, if a cell's lie far apart
 //!     ├─ weight: what a cluster takes in memory; one that is too heavy passes through
@@ -18,9 +18,8 @@
 //! # Memory
 //! A histogram of 8 MiB and its filled cells, at most twice that; 1.1 bits a vertex; a window of the numbering (4 bytes a
 //! vertex, at most a quarter of the work memory at a time) or of texture coordinates (40 bytes each, at most a third of the
-//! work memory); buffers of the buckets, 16 MiB; a cell of 92 bytes a vertex in each thread while duplicates are welded.
+//! work memory); buffers of records by cell, 12 MiB; a cell of 92 bytes a vertex in each thread while duplicates are welded.
 
-pub mod buckets;
 pub mod cells;
 pub mod cluster;
 pub mod faces;
@@ -122,7 +121,7 @@ fn weigh(
         options.threads,
         options.threads + 1,
         |cell| {
-            let face_count = faces.buckets.len(cell);
+            let face_count = faces.by_cell.len(cell);
             let own = u64::from(numbering.starts[cell + 1] - numbering.starts[cell]);
             let vertices = (own + faces.foreign_corners[cell]).min(3 * face_count);
             let most = weight::ClusterWeight { faces: face_count, vertices, wedges: 3 * face_count };
@@ -135,9 +134,9 @@ fn weigh(
                 return Ok(None);
             }
             let mut counter = weight::WedgeCounter::new(catalogue, most.wedges);
-            faces.buckets.read_blocks(cell, |block| {
+            faces.by_cell.read(cell, |block| {
                 counter.add(block);
-                Ok(!counter.is_full())
+                Ok(())
             })?;
             let weight = weight::ClusterWeight { wedges: counter.count(), ..most };
             Ok((weight.bytes() <= limit).then_some(weight))
@@ -163,7 +162,7 @@ impl Partition {
 
     /// Number of faces of a cluster.
     pub fn face_count(&self, cluster: usize) -> u64 {
-        self.faces.buckets.len(cluster)
+        self.faces.by_cell.len(cluster)
     }
 
     /// What a cluster takes in memory; nothing if it is too heavy to be loaded and has to pass through.
@@ -180,7 +179,7 @@ impl Partition {
     pub fn locate(&mut self, folder: &Path) {
         self.numbering.positions.locate(folder);
         self.numbering.colours.iter_mut().for_each(|segment| segment.locate(folder));
-        self.faces.buckets.locate(folder);
+        self.faces.by_cell.locate(folder);
         self.texcoords.iter_mut().for_each(|texcoords| texcoords.answers.locate(folder));
     }
 
@@ -188,7 +187,7 @@ impl Partition {
     pub fn files(&self) -> impl Iterator<Item = &Path> {
         let colours = self.numbering.colours.iter().map(Segment::path);
         let texcoords = self.texcoords.iter().map(|texcoords| texcoords.answers.path());
-        [self.numbering.positions.path(), self.faces.buckets.path()].into_iter().chain(colours).chain(texcoords)
+        [self.numbering.positions.path(), self.faces.by_cell.path()].into_iter().chain(colours).chain(texcoords)
     }
 
     /// The files of the mesh that its clusters are still loaded from.

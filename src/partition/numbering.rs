@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use super::PartitionOptions;
 use super::cells::Cells;
-use super::scatter::{EncodedRecords, Record, Scatter, ScatterWriter, decode_coordinates, encode_coordinates};
+use super::scatter::{Record, Scatter, ScatterWriter, Sorted, decode_coordinates, encode_coordinates};
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Result};
 use crate::job::folder_bytes;
@@ -30,8 +30,6 @@ use crate::store::{ColumnWriter, EncodedRun, Places, PlacesWriter, Segment, Stor
 const SWEEP_RECORDS: u64 = 16 << 10;
 /// A cell of more vertices is welded alone and extent by extent: it could not be split, so its places are few.
 const CROWD_RECORDS: u64 = 1 << 20;
-/// Records of one cell in a window that become an extent of their own.
-const MANY_RECORDS: usize = 1024;
 /// Positions of a run, at most.
 const RUN_RECORDS: usize = 16 << 10;
 /// Bytes of a colour.
@@ -325,38 +323,11 @@ fn scatter_by_cell<R: VertexRecord>(
                 let colour = colours.as_ref().map_or([f32::NAN; 3], |colours| colours[i]);
                 (cells.of(position), R::new(position, base + (range.start as u32 + i as u32), colour))
             };
-            Ok(Scattered::new(window.iter().enumerate().map(record).collect()))
+            Ok(Sorted::new(window.iter().enumerate().map(record).collect()))
         },
-        |scattered: Scattered<R>| {
-            scattered.few.into_iter().try_for_each(|(cell, record)| scatter.push(cell, record))?;
-            scattered.many.iter().try_for_each(|(cell, encoded)| scatter.append(*cell, encoded))
-        },
+        |sorted| scatter.append(sorted),
     )?;
     scatter.finish()
-}
-
-/// Records of a window: of cells that have many of them encoded, the others one by one.
-#[derive(Debug)]
-struct Scattered<R> {
-    many: Vec<(u32, EncodedRecords<R>)>,
-    few: Vec<(u32, R)>,
-}
-
-impl<R: VertexRecord> Scattered<R> {
-    fn new(mut records: Vec<(u32, R)>) -> Self {
-        records.sort_by_key(|entry| entry.0);
-        let mut scattered = Self { many: Vec::new(), few: Vec::new() };
-        for group in records.chunk_by(|a, b| a.0 == b.0) {
-            if group.len() < MANY_RECORDS {
-                scattered.few.extend_from_slice(group);
-                continue;
-            }
-            let own: Vec<R> = group.iter().map(|entry| entry.1).collect();
-            let encoded = own.chunks(EncodedRecords::<R>::RECORDS_MAX).map(EncodedRecords::new);
-            scattered.many.extend(encoded.map(|encoded| (group[0].0, encoded)));
-        }
-        scattered
-    }
 }
 
 /// The vertices of a cell after welding, or of a part of it.

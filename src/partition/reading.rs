@@ -1,7 +1,7 @@
 //! The faces of a cluster are read, with the positions and texture coordinates that they refer to.
 //!
 //! # Memory
-//! 32 bytes a face for the bucket, 24 bytes a vertex, 8 to 20 bytes a texcoord.
+//! 36 bytes a face, 24 bytes a vertex, 8 to 20 bytes a texcoord.
 
 use std::collections::HashSet;
 
@@ -51,7 +51,12 @@ pub fn read_one_in(step: usize, partition: &Partition, mesh: &StoredMesh, cluste
         Some(brought) => brought.read(cluster),
         None => gather_texcoords(mesh, ids),
     };
-    read_faces(partition, partition.faces.buckets.read_one_in(step, cluster)?, own, texcoords)
+    let mut faces = Vec::with_capacity(partition.face_count(cluster) as usize / step);
+    partition.faces.by_cell.read_one_in(step, cluster, |block| {
+        faces.extend_from_slice(block);
+        Ok(())
+    })?;
+    read_faces(partition, faces, own, texcoords)
 }
 
 /// Reads faces; most of their vertices lie in the range `own` of the partition's ids.
@@ -74,7 +79,7 @@ pub(super) fn read_faces(
     let degenerate = triangulate_polygons(&mut faces, &positions);
     let texcoords = texcoords(&texcoord_ids)?;
     if texcoords.len() != texcoord_ids.len() {
-        let path = partition.faces.buckets.path().to_owned();
+        let path = partition.faces.by_cell.path().to_owned();
         let message = format!("{} texture coordinates for {} ids", texcoords.len(), texcoord_ids.len());
         return Err(Error::Damaged { path, message });
     }
@@ -88,14 +93,14 @@ pub(super) fn for_each_block(
     mut take: impl FnMut(Vec<Face>) -> Result<()>,
 ) -> Result<()> {
     let mut pending: Vec<Face> = Vec::new();
-    partition.faces.buckets.read_blocks(cluster, |block| {
+    partition.faces.by_cell.read(cluster, |block| {
         for &face in block {
             if pending.len() >= PASS_FACES && !face.continues_polygon {
                 take(std::mem::take(&mut pending))?;
             }
             pending.push(face);
         }
-        Ok(true)
+        Ok(())
     })?;
     take(pending)
 }

@@ -16,6 +16,7 @@ use crate::job::header::{HEADER_BYTES, Header};
 use crate::os::durable::DurableFile;
 use crate::os::system::read_exact_at;
 use crate::store::column::file_name;
+use crate::store::face::{self, Face};
 use crate::store::packed::{self, Coordinates};
 use crate::store::varint::{self, VARINT_BYTES_MAX, unzigzag, zigzag};
 
@@ -23,6 +24,8 @@ use crate::store::varint::{self, VARINT_BYTES_MAX, unzigzag, zigzag};
 const BUFFERS_BYTES: usize = 12 << 20;
 /// Records of an extent, at most.
 const EXTENT_RECORDS_MAX: usize = 32 << 10;
+/// Records of one cell among those that are sorted together that become an extent of their own.
+const MANY_RECORDS: usize = 1024;
 /// Bytes of an extent, at most: more were never written.
 const EXTENT_BYTES_MAX: usize = EXTENT_RECORDS_MAX * 64;
 
@@ -63,6 +66,16 @@ impl Record for [u32; 2] {
             out.push(last.map(|number| number as u32));
         }
         if at == bytes.len() { Ok(()) } else { Err(format!("{} bytes are left after an extent", bytes.len() - at)) }
+    }
+}
+
+impl Record for Face {
+    fn encode(records: &[Self], out: &mut Vec<u8>) {
+        face::encode(records, out);
+    }
+
+    fn decode(bytes: &[u8], count: usize, out: &mut Vec<Self>) -> std::result::Result<(), String> {
+        face::decode(bytes, count, out)
     }
 }
 
@@ -124,23 +137,33 @@ pub(super) fn decode_coordinates<'a, T: Coordinates>(
     Ok(bytes)
 }
 
-/// Records on their way to a cell.
+/// Records on their way to their cells.
 #[derive(Debug)]
-pub struct EncodedRecords<T> {
-    bytes: Vec<u8>,
-    records: u32,
-    record: PhantomData<T>,
+pub struct Sorted<T> {
+    /// Of cells that have many, encoded: a cell, bytes, and number of records.
+    many: Vec<(u32, Vec<u8>, u32)>,
+    /// The others, one by one.
+    few: Vec<(u32, T)>,
 }
 
-impl<T: Record> EncodedRecords<T> {
-    /// Records of an extent, at most.
-    pub const RECORDS_MAX: usize = EXTENT_RECORDS_MAX;
-
-    /// Encodes records.
-    pub fn new(records: &[T]) -> Self {
-        let mut bytes = Vec::new();
-        T::encode(records, &mut bytes);
-        Self { bytes, records: records.len() as u32, record: PhantomData }
+impl<T: Record> Sorted<T> {
+    /// Sorts records by cell; those of one cell stay in their order.
+    pub fn new(mut records: Vec<(u32, T)>) -> Self {
+        records.sort_by_key(|entry| entry.0);
+        let mut sorted = Self { many: Vec::new(), few: Vec::new() };
+        for group in records.chunk_by(|a, b| a.0 == b.0) {
+            if group.len() < MANY_RECORDS {
+                sorted.few.extend_from_slice(group);
+                continue;
+            }
+            let own: Vec<T> = group.iter().map(|entry| entry.1).collect();
+            for records in own.chunks(EXTENT_RECORDS_MAX) {
+                let mut bytes = Vec::new();
+                T::encode(records, &mut bytes);
+                sorted.many.push((group[0].0, bytes, records.len() as u32));
+            }
+        }
+        sorted
     }
 }
 
@@ -187,15 +210,19 @@ impl<T: Record> ScatterWriter<T> {
         if pending.len() >= self.extent_records { self.flush(cell as usize) } else { Ok(()) }
     }
 
-    /// Adds records that were encoded elsewhere to a cell, behind those that are there.
+    /// Adds records to their cells, behind those that are there.
     ///
     /// # Errors
     /// On a full disk or a failed write.
-    pub fn append(&mut self, cell: u32, encoded: &EncodedRecords<T>) -> Result<()> {
-        if !self.pending[cell as usize].is_empty() {
-            self.flush(cell as usize)?;
+    pub fn append(&mut self, sorted: Sorted<T>) -> Result<()> {
+        sorted.few.into_iter().try_for_each(|(cell, record)| self.push(cell, record))?;
+        for (cell, bytes, records) in sorted.many {
+            if !self.pending[cell as usize].is_empty() {
+                self.flush(cell as usize)?;
+            }
+            self.write(cell as usize, &bytes, records)?;
         }
-        self.write(cell as usize, &encoded.bytes, encoded.records)
+        Ok(())
     }
 
     fn flush(&mut self, cell: usize) -> Result<()> {
@@ -286,11 +313,19 @@ impl<T: Record> Scatter<T> {
     ///
     /// # Errors
     /// On failed reads and damaged files, and what `take` returns.
-    pub fn read(&self, cell: usize, mut take: impl FnMut(&[T]) -> Result<()>) -> Result<()> {
+    pub fn read(&self, cell: usize, take: impl FnMut(&[T]) -> Result<()>) -> Result<()> {
+        self.read_one_in(1, cell, take)
+    }
+
+    /// The same for the first extent of each `step` extents.
+    ///
+    /// # Errors
+    /// As [`read`](Scatter::read).
+    pub fn read_one_in(&self, step: usize, cell: usize, mut take: impl FnMut(&[T]) -> Result<()>) -> Result<()> {
         let damaged = |message: String| Error::Damaged { path: self.path.clone(), message };
         let file = File::open(&self.path).map_err(|e| Error::io(&self.path, "open", e))?;
         let (mut bytes, mut records) = (Vec::new(), Vec::new());
-        for extent in &self.extents[cell] {
+        for extent in self.extents[cell].iter().step_by(step) {
             if extent.bytes as usize > EXTENT_BYTES_MAX || extent.records as usize > EXTENT_RECORDS_MAX {
                 return Err(damaged(format!("an extent of {} records in {} bytes", extent.records, extent.bytes)));
             }

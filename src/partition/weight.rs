@@ -85,11 +85,6 @@ impl<'a> WedgeCounter<'a> {
     pub fn count(&self) -> u64 {
         self.known.len() as u64
     }
-
-    /// Whether counting on is of no use.
-    pub fn is_full(&self) -> bool {
-        self.known.len() > self.most
-    }
 }
 
 /// The wedges that a sweep over faces met last.

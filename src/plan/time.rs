@@ -1,7 +1,7 @@
 //! How long a run will take, from rates that were measured.
 //!
 //! Rates are for one core of a 2.x GHz server processor, from the processor time of a synthetic city of 4.3 million
-//! triangles at 10 % on 2026-11-21 (24.2 s, shared among the phases as their wall times). Another machine may be twice
+//! triangles at 10 % on 2026-11-21 (12.4 s, by phase). Another machine may be twice
 //! as fast or half.
 
 use serde::Serialize;
@@ -9,17 +9,17 @@ use serde::Serialize;
 use super::passes::PassForecast;
 
 /// Bytes of OBJ text scanned in a second by one core.
-const SCAN_BYTES_PER_SECOND: f64 = 337e6;
+const SCAN_BYTES_PER_SECOND: f64 = 373e6;
 /// Faces cut into clusters in a second by one core.
-const PARTITION_FACES_PER_SECOND: f64 = 6.4e6;
+const PARTITION_FACES_PER_SECOND: f64 = 3.9e6;
 /// Faces of the first pass, with seams locked, in a second by one core.
-const FIRST_FACES_PER_SECOND: f64 = 377e3;
+const FIRST_FACES_PER_SECOND: f64 = 980e3;
 /// Faces of the passes after it in a second by one core; the trim goes over its faces twice.
-const LATER_FACES_PER_SECOND: f64 = 270e3;
+const LATER_FACES_PER_SECOND: f64 = 730e3;
 /// Faces of the pass that makes the mesh anew, its two looks included, in a second by one core.
 const REMESH_FACES_PER_SECOND: f64 = 120e3;
 /// Faces written in a second.
-const WRITE_FACES_PER_SECOND: f64 = 1.7e6;
+const WRITE_FACES_PER_SECOND: f64 = 2.3e6;
 /// Share of a further thread's time that is work: clusters end at different times, and some steps are in order.
 const THREAD_SHARE: f64 = 0.85;
 

@@ -71,9 +71,10 @@ impl FaceBlock {
     /// # Errors
     /// Says in words what is wrong.
     pub fn decode(&self, bytes: &[u8], out: &mut Vec<Face>) -> Result<(), String> {
-        match xxh3_64(bytes) == self.checksum {
-            true => decode_block(bytes, self.faces as usize, out),
-            false => Err("the checksum of a block of faces differs from what was written".into()),
+        match self.faces as usize {
+            count if count > BLOCK_FACES => Err(format!("a block of {count} faces; at most {BLOCK_FACES} are written")),
+            count if xxh3_64(bytes) == self.checksum => decode(bytes, count, out),
+            _ => Err("the checksum of a block of faces differs from what was written".into()),
         }
     }
 }
@@ -103,37 +104,39 @@ struct Before {
 /// Encodes faces (at most [`BLOCK_FACES`]) at the end of `out`; the block's offset is left at 0.
 pub fn encode_block(faces: &[Face], out: &mut Vec<u8>) -> FaceBlock {
     let start = out.len();
-    let mut at = start;
+    encode(faces, out);
     let mut ids = IdRanges::default();
+    faces.iter().for_each(|face| ids.see(face));
+    FaceBlock {
+        offset_bytes: 0,
+        bytes: (out.len() - start) as u32,
+        faces: faces.len() as u32,
+        vertices: ids.vertices(),
+        texcoords: ids.texcoords(),
+        checksum: xxh3_64(&out[start..]),
+    }
+}
+
+/// Encodes faces at the end of `out`.
+pub fn encode(faces: &[Face], out: &mut Vec<u8>) {
+    let mut at = out.len();
     let mut before = Before::default();
     for chunk in faces.chunks(ENCODED_AT_ONCE) {
         out.resize(at + chunk.len() * FACE_BYTES_MAX + WINDOW_BYTES, 0);
         for face in chunk {
-            ids.see(face);
             if let Some(window) = out.get_mut(at..).and_then(|rest| rest.first_chunk_mut()) {
                 at += put_face(window, face, &mut before);
             }
         }
     }
     out.truncate(at);
-    FaceBlock {
-        offset_bytes: 0,
-        bytes: (at - start) as u32,
-        faces: faces.len() as u32,
-        vertices: ids.vertices(),
-        texcoords: ids.texcoords(),
-        checksum: xxh3_64(&out[start..at]),
-    }
 }
 
-/// Decodes a block of `count` faces to the end of `out`.
+/// Decodes `count` faces to the end of `out`.
 ///
 /// # Errors
 /// Says in words where the bytes make no sense.
-pub fn decode_block(bytes: &[u8], count: usize, out: &mut Vec<Face>) -> Result<(), String> {
-    if count > BLOCK_FACES {
-        return Err(format!("a block of {count} faces; at most {BLOCK_FACES} are written"));
-    }
+pub fn decode(bytes: &[u8], count: usize, out: &mut Vec<Face>) -> Result<(), String> {
     out.reserve(count);
     let mut before = Before::default();
     let mut at = 0;
@@ -152,8 +155,8 @@ pub fn decode_block(bytes: &[u8], count: usize, out: &mut Vec<Face>) -> Result<(
     }
     match bytes.len().checked_sub(at) {
         Some(0) => Ok(()),
-        Some(left) => Err(format!("{left} bytes are left after a block of faces")),
-        None => Err("a block of faces ends early".to_owned()),
+        Some(left) => Err(format!("{left} bytes are left after the faces")),
+        None => Err("faces end early".to_owned()),
     }
 }
 
@@ -320,15 +323,15 @@ mod tests {
                 })
                 .collect();
             let mut bytes = Vec::new();
-            encode_block(&faces, &mut bytes);
+            encode(&faces, &mut bytes);
             let mut back = Vec::new();
-            decode_block(&bytes, faces.len(), &mut back).unwrap();
+            decode(&bytes, faces.len(), &mut back).unwrap();
             prop_assert_eq!(back, faces);
         }
 
         #[test]
         fn random_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..300), count in 0usize..100) {
-            let _ = decode_block(&bytes, count, &mut Vec::new());
+            let _ = decode(&bytes, count, &mut Vec::new());
         }
     }
 
@@ -336,11 +339,11 @@ mod tests {
     fn what_is_cut_off_is_refused() {
         let mut bytes = Vec::new();
         let face = Face { vertices: [5, 70_000, 3], texcoords: [1 << 30, 0, 7], part: 9, ..Face::default() };
-        encode_block(&[face; 3], &mut bytes);
+        encode(&[face; 3], &mut bytes);
         for length in 0..bytes.len() {
-            assert!(decode_block(&bytes[..length], 3, &mut Vec::new()).is_err(), "{length}");
+            assert!(decode(&bytes[..length], 3, &mut Vec::new()).is_err(), "{length}");
         }
-        assert!(decode_block(&[bytes, vec![0]].concat(), 3, &mut Vec::new()).is_err());
+        assert!(decode(&[bytes, vec![0]].concat(), 3, &mut Vec::new()).is_err());
     }
 
     #[test]
