@@ -233,7 +233,8 @@ fn damaged_files_are_done_again_or_reported() {
 fn a_damaged_file_is_an_error_where_resuming_is_required() {
     let job = Job::new();
     assert!(job.stop_after(30));
-    for name in files(&job.work()).into_iter().filter(|name| name.extension().is_some_and(|e| e == "col" || e == "scatter"))
+    for name in
+        files(&job.work()).into_iter().filter(|name| name.extension().is_some_and(|e| e == "col" || e == "scatter"))
     {
         let path = job.work().join(&name);
         let mut bytes = fs::read(&path).unwrap();

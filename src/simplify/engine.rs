@@ -330,11 +330,23 @@ impl<M: Metric> Engine<M> {
         self.proposals.resize(self.mesh.positions.len(), Proposal::NONE);
         self.candidates.clear();
         for vertex in 0..self.mesh.positions.len() as u32 {
-            if self.may_vanish(vertex) {
-                self.candidates.push(vertex);
-                self.judge(vertex, None);
+            if !self.may_vanish(vertex) {
+                continue;
             }
+            if self.is_alone(vertex) {
+                self.refusals[Refusal::Piece as usize] += 1;
+                continue;
+            }
+            self.candidates.push(vertex);
+            self.judge(vertex, None);
         }
+    }
+
+    /// Whether a vertex belongs to a triangle that hangs on no other.
+    fn is_alone(&self, vertex: u32) -> bool {
+        let &[corner] = self.rings.of(vertex) else { return false };
+        let ring = ClusterMesh::following(corner).map(|corner| self.mesh.vertex_of(corner));
+        ring.iter().all(|&far| self.rings.of(far).len() == 1 && !self.mesh.is_shared(far))
     }
 
     /// Finds the cheapest collapse of a vertex, or the cheapest after one that was refused.
