@@ -37,8 +37,11 @@ pub fn run(arguments: &CheckArguments) -> Result<u8> {
             println!("new: {regression}");
         }
     }
-    let faults =
-        after.degenerate_faces + after.duplicate_faces + after.non_manifold_edges + after.t_junctions + after.folded_uv;
+    let faults = after.degenerate_faces
+        + after.duplicate_faces
+        + after.non_manifold_edges
+        + after.t_junctions
+        + after.atlas.folded_uv;
     let is_bad = if before.is_some() { !news.is_empty() } else { faults > 0 };
     Ok(u8::from(is_bad))
 }

@@ -9,7 +9,7 @@ use super::print::print;
 use super::progress::told;
 use crate::base::error::escape_path;
 use crate::base::{Error, Progress, Result, bytes};
-use crate::measure::compare::{self, CompareOptions, Comparison, Distances, Onlooker, Resources, Texture};
+use crate::measure::compare::{self, BeforeAfter, CompareOptions, Comparison, Distances, Onlooker, Resources, Texture};
 use crate::os::durable::DurableFile;
 use crate::plan::{memory, scratch};
 use crate::report::gallery::{self, Relief};
@@ -180,6 +180,10 @@ fn table(comparison: &Comparison) -> String {
         let [a, b, c] = ways.map(|way| length(figure(way)));
         let _ = writeln!(text, "{name:22}{a:>16}{b:>16}{c:>16}");
     }
+    if geometry.symmetric.cut_searches > 0 {
+        let [a, b, c] = ways.map(|way| length(way.max_bound));
+        let _ = writeln!(text, "{:22}{a:>16}{b:>16}{c:>16}", "largest, at most");
+    }
     let _ = writeln!(text, "in 1e-4 of the diagonal");
     for (name, figure) in figures.into_iter().filter(|(name, _)| *name != "half is nearer than") {
         let [a, b, c] = ways.map(|way| length(1e4 * figure(way) / geometry.diagonal));
@@ -250,6 +254,18 @@ fn describe_texture(texture: &Texture, row: &mut impl FnMut(&str, String)) {
     let folded =
         format!("{} before, {} after", grouped(texture.folded_triangles_before), grouped(texture.folded_triangles));
     row("folded in texture", folded);
+    let BeforeAfter { before, after } = texture.seams;
+    let pair = |before: String, after: String| format!("{before} before, {after} after");
+    row(
+        "colour across seams",
+        pair(colours(before.colour_mean, before.colour_rms), colours(after.colour_mean, after.colour_rms)),
+    );
+    row(
+        "gap of seams, 95 %",
+        pair(format!("below {}", length(before.gap_p95)), format!("below {}", length(after.gap_p95))),
+    );
+    let texels = [before, after].map(|seams| format!("below {:.2}", seams.gap_texels_p95));
+    row("the same in texels", texels.join(" before, ") + " after");
 }
 
 /// A length with five significant digits.

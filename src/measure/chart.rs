@@ -12,6 +12,8 @@
 //! # Memory
 //! 21 bytes a face.
 
+use serde::Serialize;
+
 use super::check::is_flat;
 use super::edges::{EdgeTable, HalfEdge};
 use super::forest::DisjointSets;
@@ -19,7 +21,7 @@ use super::surface::Surface;
 use crate::store::NO_TEXCOORD;
 
 /// Counts of what is in the texture atlas.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct ChartCounts {
     /// Triangles whose corners run clockwise in texture space.
     pub uv_negative: u64,

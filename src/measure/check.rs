@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::boxtree::Bounds;
-use super::chart::count_charts;
+use super::chart::{ChartCounts, count_charts};
 use super::edges::{EdgeTable, repeats_vertex, vertices_of};
 use super::forest::DisjointSets;
 use super::surface::Surface;
@@ -61,18 +61,9 @@ pub struct Check {
     pub euler: i64,
     /// Boundary vertices within [`T_JUNCTION_TOLERANCE`] of the inside of a boundary edge that is not theirs.
     pub t_junctions: u64,
-    /// Triangles whose corners run clockwise in texture space.
-    pub uv_negative: u64,
-    /// Triangles whose corners run counter-clockwise in texture space.
-    pub uv_positive: u64,
-    /// Triangles without area in texture space.
-    pub uv_degenerate: u64,
-    /// Triangles that run against the majority (by area in texture space) of their chart.
-    pub folded_uv: u64,
-    /// Sets of textured faces that hang together over edges that are no seams.
-    pub charts: u64,
-    /// Edges of two faces that differ there in a texture coordinate's value or in material.
-    pub seam_edges: u64,
+    /// What is in the texture atlas.
+    #[serde(flatten)]
+    pub atlas: ChartCounts,
 }
 
 /// Counts on a surface that is [welded](Surface::welded); O(n log n).
@@ -95,7 +86,7 @@ pub fn check(surface: &Surface) -> Check {
     let edges = EdgeTable::new(faces);
     let topology = count_topology(surface, &edges);
     let boundary = edges.boundary();
-    let charts = count_charts(surface, &edges);
+    let atlas = count_charts(surface, &edges);
     drop(edges);
     Check {
         vertices,
@@ -115,12 +106,7 @@ pub fn check(surface: &Surface) -> Check {
         components: topology.components,
         euler: vertices as i64 - topology.edges as i64 + face_count as i64,
         t_junctions: count_t_junctions(&surface.positions, &boundary, T_JUNCTION_TOLERANCE * bounds.diagonal()),
-        uv_negative: charts.uv_negative,
-        uv_positive: charts.uv_positive,
-        uv_degenerate: charts.uv_degenerate,
-        folded_uv: charts.folded_uv,
-        charts: charts.charts,
-        seam_edges: charts.seam_edges,
+        atlas,
     }
 }
 
@@ -249,7 +235,7 @@ pub fn compare_checks(before: &Check, after: &Check) -> Vec<Regression> {
     risen("degenerate faces", before.degenerate_faces, after.degenerate_faces);
     risen("zero-area faces", before.zero_area_faces, after.zero_area_faces);
     risen("duplicate faces", before.duplicate_faces, after.duplicate_faces);
-    risen("folded texture triangles", before.folded_uv, after.folded_uv);
+    risen("folded texture triangles", before.atlas.folded_uv, after.atlas.folded_uv);
     regressions
 }
 

@@ -10,7 +10,9 @@
 //! ```text
 //! original ── cells ──┐                  ┌── distances, angles        ──▶ geometry
 //!    │                ├── direction ─────┤
-//! result ──── cells ──┘  both ways       └── pairs of texcoords       ──▶ texture
+//! result ──── cells ──┘  both ways       └── pairs of texcoords ──┐
+//!    │                                                            ├───▶ texture
+//!    ├── seams: what both sides show ─────────────────────────────┘
 //!    └── tally: edges, pieces, charts, shapes                         ──▶ topology, quality
 //! ```
 //! Invariant: the numbers depend on the meshes, the number of samples and the seed; on the memory budget only if an image
@@ -25,11 +27,14 @@
 pub mod cells;
 pub mod closest;
 pub mod colour;
+mod contrast;
 mod direction;
 mod distribution;
 pub mod pictures;
 mod points;
 mod search;
+mod seams;
+mod slide;
 mod tally;
 #[cfg(test)]
 mod tests;
@@ -141,9 +146,11 @@ pub struct Distances {
     pub worst: Vec<Place>,
     /// How much of the surface is how far.
     pub histogram: Histogram,
-    /// Points whose search ended early, where triangles lie across each other by the thousand: their distances may be too
-    /// large.
+    /// Points that were given up, where triangles lie across each other by the thousand. Others of them, near by, that were
+    /// searched to the end speak for them in the means.
     pub cut_searches: u64,
+    /// No point is farther than this: `max`, unless points were given up, which may lie between.
+    pub max_bound: f64,
 }
 
 /// Number of places that are told, at most.
@@ -209,10 +216,33 @@ pub struct Texture {
     pub folded_triangles: u64,
     /// Those of the original.
     pub folded_triangles_before: u64,
+    /// What meets along seams.
+    pub seams: BeforeAfter<Seams>,
     /// Images that were read.
     pub images: u64,
     /// Images that were too large for the memory budget and were read at a lower resolution.
     pub reduced_images: u64,
+}
+
+/// What meets along the seams of a mesh: edges between two faces that show different places of images.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Seams {
+    /// Length of all seams.
+    pub length: f64,
+    /// Mean difference of colour between the two sides.
+    pub colour_mean: f64,
+    /// Root of the mean squared difference.
+    pub colour_rms: f64,
+    /// How far apart the two texels lie on the original that meet at a point of a seam: half of the length by less.
+    pub gap_median: f64,
+    /// 95 % of the length by less.
+    pub gap_p95: f64,
+    /// The same as `gap_median` in texels of the image on one side.
+    pub gap_texels_median: f64,
+    /// The same as `gap_p95` in texels.
+    pub gap_texels_p95: f64,
+    /// Share of the length of which a side shows no chart of the original.
+    pub outside_fraction: f64,
 }
 
 /// Counts after welding vertices at bit-identical positions.
@@ -366,7 +396,7 @@ fn compare_in_cells(
     let forward = measured(&after, &before, options.seed, &mut |place| onlooker.see_point(place))?;
     let backward = measured(&before, &after, options.seed ^ 1 << 63, &mut |_| {})?;
     let mut findings = Findings::default();
-    let texture = texture(&before, &after, &forward, &backward, limit, options, &mut findings, progress)?;
+    let texture = texture::compare([&before, &after], [&forward, &backward], limit, options, &mut findings, progress)?;
     let geometry = geometry(&before, &after, &forward, &backward);
     let topology = BeforeAfter { before: before.tallied.topology, after: after.tallied.topology };
     let quality = BeforeAfter { before: before.tallied.quality, after: after.tallied.quality };
@@ -377,9 +407,10 @@ fn compare_in_cells(
     warnings.extend(findings.warnings());
     if forward.cut + backward.cut > 0 {
         let count = forward.cut + backward.cut;
+        let bound = forward.bound.max(backward.bound);
         warnings.push(format!(
-            "distances of {count} points may be too large: their searches ended early, since triangles lie across each other \
-             by the thousand"
+            "{count} points were given up, since triangles lie across each other by the thousand: means are of fewer points, and \
+             the largest distance may be up to {bound}"
         ));
     }
     Ok(Comparison {
@@ -409,7 +440,7 @@ fn geometry(before: &MeasuredMesh, after: &MeasuredMesh, forward: &Direction, ba
     let symmetric = Distances {
         mean: half(f.mean(), b.mean()),
         rms: half(f.rms().powi(2), b.rms().powi(2)).sqrt(),
-        ..distances(&both, worst, forward.cut + backward.cut)
+        ..distances(&both, worst, forward.cut + backward.cut, forward.bound.max(backward.bound))
     };
     let volume = |mesh: &MeasuredMesh| (mesh.tallied.topology.boundary_edges == 0).then_some(mesh.volume);
     let volume = BeforeAfter { before: volume(before), after: volume(after) };
@@ -420,8 +451,8 @@ fn geometry(before: &MeasuredMesh, after: &MeasuredMesh, forward: &Direction, ba
     };
     Geometry {
         diagonal: before.bounds.diagonal(),
-        forward: distances(&forward.distances, forward.worst.clone(), forward.cut),
-        backward: distances(&backward.distances, backward.worst.clone(), backward.cut),
+        forward: distances(&forward.distances, forward.worst.clone(), forward.cut, forward.bound),
+        backward: distances(&backward.distances, backward.worst.clone(), backward.cut, backward.bound),
         symmetric,
         normals: Normals {
             mean: forward.angles.mean(),
@@ -436,7 +467,7 @@ fn geometry(before: &MeasuredMesh, after: &MeasuredMesh, forward: &Direction, ba
     }
 }
 
-fn distances(distances: &Distribution, worst: Vec<Place>, cut_searches: u64) -> Distances {
+fn distances(distances: &Distribution, worst: Vec<Place>, cut_searches: u64, max_bound: f64) -> Distances {
     Distances {
         max: worst.first().map_or(0.0, |place| place.distance),
         mean: distances.mean(),
@@ -447,46 +478,8 @@ fn distances(distances: &Distribution, worst: Vec<Place>, cut_searches: u64) -> 
         worst,
         histogram: distances.histogram(),
         cut_searches,
+        max_bound,
     }
-}
-
-#[allow(clippy::too_many_arguments, reason = "both meshes, both directions, and what every phase takes")]
-fn texture(
-    before: &MeasuredMesh,
-    after: &MeasuredMesh,
-    forward: &Direction,
-    backward: &Direction,
-    limit: f64,
-    options: &CompareOptions,
-    findings: &mut Findings,
-    progress: &dyn Progress,
-) -> Result<Option<Texture>> {
-    let (Some(forward), Some(backward)) = (&forward.textures, &backward.textures) else { return Ok(None) };
-    let resources = &options.resources;
-    let (old, new) = (&before.pictures, &after.pictures);
-    let slides = texture::measure_slides(forward, after, before, limit, resources, progress)?;
-    let colours = texture::compare_colours(forward, new, old, resources, findings, progress)?;
-    let reverse = texture::compare_colours(backward, old, new, resources, findings, progress)?;
-    if colours.images == 0 {
-        return Ok(None);
-    }
-    Ok(Some(Texture {
-        colour_mean: colours.differences.mean(),
-        colour_rms: colours.differences.rms(),
-        colour_backward_mean: reverse.differences.mean(),
-        colour_backward_rms: reverse.differences.rms(),
-        slide_mean: slides.lengths.mean(),
-        slide_median: slides.lengths.quantile(0.5),
-        slide_p95: slides.lengths.quantile(0.95),
-        slide_texels_median: slides.texels.quantile(0.5),
-        slide_texels_p95: slides.texels.quantile(0.95),
-        outside_fraction: share(slides.outside, slides.textured),
-        untextured_fraction: share(slides.points - slides.textured, slides.points),
-        folded_triangles: after.tallied.folded,
-        folded_triangles_before: before.tallied.folded,
-        images: colours.images.max(reverse.images),
-        reduced_images: colours.reduced.max(reverse.reduced),
-    }))
 }
 
 fn share(part: u64, of: u64) -> f64 {

@@ -203,13 +203,7 @@ impl MeasuredMesh {
             reference: reference.first().copied().unwrap_or(DVec3::ZERO),
         };
         let border_limit = (work_bytes / 4 / BORDER_EDGE_BYTES) as usize;
-        let mut tallies = Tallies::create(
-            work.path(),
-            &partition.faces.shared,
-            partition.total_faces(),
-            work_bytes / 4,
-            border_limit,
-        )?;
+        let mut tallies = Tallies::create(work.path(), &partition.faces.shared, partition.total_faces(), border_limit)?;
         tallies.add_degenerate(dropped.get("degenerate_faces"));
         let mut writer = CellWriter::create(&work.path().join("measure-cells.bin"))?;
         let permits = Permits::new(work_bytes);
@@ -292,7 +286,7 @@ impl Making<'_> {
             pairs,
             tilted,
             faces: Vec::with_capacity(order.len()),
-            tally: tally(source, self.catalogue),
+            tally: tally(source, self.catalogue, &self.pictures.of_part),
         };
         let mut bounds = Bounds::EMPTY;
         for face in order {

@@ -52,6 +52,11 @@ const OVERLAP: f32 = 0.5;
 const TILTED_SHARE: f32 = 0.5;
 /// Boxes count as this thick at least, as a share of the longest side, where sizes are compared.
 const THICKNESS: f32 = 1.0 / 256.0;
+/// A triangle is a needle if the sine of its first angle is below this: weights lose twice as many digits as it has zeros,
+const NEEDLE_SINE: f64 = 1e-3;
+/// and flat if it is below this, so that no point of it is farther from its sides than that share of their length; rounding
+/// of its normal would move a point as far.
+const FLAT_SINE: f64 = 1e-8;
 /// Mark in the count of a child that has a tilted box; the other bits are the box's number.
 const TILTED: u32 = 1 << 31;
 
@@ -378,6 +383,11 @@ impl TreeView<'_> {
 /// The point of a triangle that is nearest to `point`; of its corners and sides, if it has no area.
 pub fn closest_point(point: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
     let (ab, ac, ap) = (b - a, c - a, point - a);
+    let normal = ab.cross(ac);
+    let sine_sq = normal.length_squared() / (ab.length_squared() * ac.length_squared());
+    if sine_sq.is_nan() || sine_sq < NEEDLE_SINE * NEEDLE_SINE {
+        return closest_of_needle(point, [a, b, c], normal, sine_sq);
+    }
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
     if d1 <= 0.0 && d2 <= 0.0 {
         return a;
@@ -405,8 +415,18 @@ pub fn closest_point(point: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
         return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
     }
     let sum = va + vb + vc;
-    if sum > 0.0 {
-        return a + ab * (vb / sum) + ac * (vc / sum);
+    a + ab * (vb / sum) + ac * (vc / sum)
+}
+
+/// The same for two sides that run along each other from the first corner: there the differences of products above are
+/// mostly rounding, so that a point on the triangle could be told as one that lies far along it.
+fn closest_of_needle(point: DVec3, [a, b, c]: [DVec3; 3], normal: DVec3, sine_sq: f64) -> DVec3 {
+    if sine_sq > FLAT_SINE * FLAT_SINE {
+        let foot = point - normal * ((point - a).dot(normal) / normal.length_squared());
+        let is_inside = |[from, to]: [DVec3; 2]| (from - foot).cross(to - foot).dot(normal) >= 0.0;
+        if [[a, b], [b, c], [c, a]].into_iter().all(is_inside) {
+            return foot;
+        }
     }
     [[a, b], [b, c], [c, a]]
         .map(|side| closest_of_side(point, side))
@@ -504,6 +524,25 @@ mod tests {
         ] {
             let closest = closest_point(DVec3::from(point), triangle);
             assert!(closest.distance(DVec3::from(expected)) < 1e-12);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_point_over_a_needle_is_as_far_as_it_was_lifted(
+            thin in -11i32..-1, first in 0usize..3, long in 1.0f64..5000.0, height in 0.0f64..3.0,
+            u in 0.01f64..0.98, share in 0.01f64..0.98, middle in -0.9f64..1.9,
+        ) {
+            // long and thin, in a plane that lies askew, with any corner as the first; the third corner may lie beyond the others
+            let (x, y) = (DVec3::new(2.0, 1.0, 2.0) / 3.0, DVec3::new(-2.0, 2.0, 1.0) / 3.0);
+            let corners = [DVec3::ZERO, x * long, x * (long * middle) + y * (long * 10f64.powi(thin))];
+            let mut triangle = corners;
+            triangle.rotate_left(first);
+            let v = (1.0 - u) * share;
+            let inside = corners[1] * u + corners[2] * v;
+            let lifted = inside + x.cross(y) * height;
+            let closest = closest_point(lifted, triangle);
+            prop_assert!((closest.distance(lifted) - height).abs() < 2.0 * FLAT_SINE * long, "{} {height}", closest.distance(lifted));
         }
     }
 

@@ -3,6 +3,9 @@
 //! In: two meshes in cells. Out: distributions, the places of the largest distances, and a record for each point by area
 //! that the texture is compared with. Invariant: points are taken in their order, so sums do not depend on threads.
 //!
+//! Points by area come first. Of vertices and points on edges only those matter that lie farther than what is known by
+//! then, so most of them are done with at the first triangle that is near enough.
+//!
 //! # Memory
 //! In each thread a batch of points (3 MiB), a cell of one mesh and the touched pages of a few of the other.
 //!
@@ -16,7 +19,7 @@ use super::cells::MeasuredMesh;
 use super::distribution::Distribution;
 use super::pictures::NO_PICTURE;
 use super::points::{Batch, Kind, Point, Sampling};
-use super::search::{Closest, Found, Search, VIEWS, texcoord_at, unit_normal};
+use super::search::{Closest, Farthest, Found, Search, VIEWS, texcoord_at, unit_normal};
 use super::{Place, Resources, WORST_PLACES};
 use crate::base::bytes::MIB;
 use crate::base::ordered::map_in_order;
@@ -25,6 +28,9 @@ use crate::store::{Column, ColumnWriter};
 
 /// Memory of a thread for each cell that it keeps open, and for its batch of points.
 const CELL_BYTES: u64 = 6 * MIB;
+/// Points that are searched to the end, whatever that takes, where searches are given up: in all and of a batch, at most.
+const PROBES: usize = 1024;
+const PROBES_OF_BATCH: usize = 16;
 /// Largest angle between two normals, in degrees.
 const ANGLE_MAX: f64 = 180.0;
 
@@ -44,7 +50,7 @@ pub struct TexturePair {
     pub other_texcoord: [f32; 2],
     /// Length in texture space per length in space, at the closest point.
     pub other_density: f32,
-    zero: u32,
+    pub(super) zero: u32,
 }
 
 /// What is found in one direction.
@@ -58,8 +64,10 @@ pub struct Direction {
     pub flipped: u64,
     /// Places of the largest distances in different cells, the largest first.
     pub worst: Vec<Place>,
-    /// Points whose search ended early: their distances may be too large.
+    /// Points that were given up.
     pub cut: u64,
+    /// No point is farther than this.
+    pub bound: f64,
     /// The texture at points by area.
     pub textures: Option<Column<TexturePair>>,
 }
@@ -75,6 +83,7 @@ struct Outcome {
     cell: usize,
     samples: Vec<Sample>,
     farthest: Option<Place>,
+    bound_sq: f64,
     cut: u64,
 }
 
@@ -102,39 +111,66 @@ pub fn measure(
     };
     let mut distances = Distribution::new(limit);
     let mut angles = Distribution::new(ANGLE_MAX);
-    let (mut flipped, mut cut) = (0, 0);
+    let (mut flipped, mut cut, mut bound_sq) = (0, 0, 0.0f64);
     let mut farthest: Vec<Option<Place>> = vec![None; from.cells.len()];
     let fitting = resources.work_bytes / (CELL_BYTES * (VIEWS as u64 + 2));
     let threads = resources.threads.min(fitting.max(1) as usize);
+    let (by_area, others): (Vec<Batch>, Vec<Batch>) = batches.into_iter().partition(|batch| batch.kind == Kind::Area);
+    let probes = (PROBES / by_area.len().max(1)).clamp(1, PROBES_OF_BATCH);
     map_in_order(
-        batches.iter(),
+        by_area.iter(),
         threads,
         threads * 2,
-        |batch| look(from, to, sampling, batch),
+        |batch| look_by_area(from, to, sampling, batch, probes),
         |outcome| {
             progress.advance(1);
             cut += outcome.cut;
+            bound_sq = bound_sq.max(outcome.bound_sq);
             let mut records = Vec::with_capacity(outcome.samples.len());
-            let mut most = outcome.farthest;
             for sample in &outcome.samples {
                 see_point(&sample.place);
                 distances.add(sample.place.distance);
                 angles.add(libm::acos(sample.cosine.clamp(-1.0, 1.0)).to_degrees());
                 flipped += u64::from(sample.cosine < 0.0);
                 records.push(sample.texture);
-                keep_farther(&mut most, sample.place);
-            }
-            if let Some(place) = most {
-                keep_farther(&mut farthest[outcome.cell], place);
+                keep_farther(&mut farthest[outcome.cell], sample.place);
             }
             textures.as_mut().map_or(Ok(()), |textures| textures.append(&records))
         },
     )?;
-    let mut worst: Vec<Place> = farthest.into_iter().flatten().collect();
+    let known = farthest.clone();
+    // Fewer places than are told leave room for any.
+    let told = worst_of(known.iter().copied()).get(WORST_PLACES - 1).map_or(0.0, |place| place.distance);
+    map_in_order(
+        others.iter(),
+        threads,
+        threads * 2,
+        |batch| {
+            let known = known[batch.cell].map_or(0.0, |place| place.distance).max(told);
+            look_for_farthest(from, to, sampling, batch, known)
+        },
+        |outcome| {
+            progress.advance(1);
+            cut += outcome.cut;
+            bound_sq = bound_sq.max(outcome.bound_sq);
+            if let Some(place) = outcome.farthest {
+                keep_farther(&mut farthest[outcome.cell], place);
+            }
+            Ok(())
+        },
+    )?;
+    let worst = worst_of(farthest.into_iter());
+    let bound = worst.first().map_or(0.0, |place| place.distance).max(bound_sq.sqrt());
+    let textures = textures.map(ColumnWriter::finish).transpose()?;
+    Ok(Direction { distances, angles, flipped, worst, cut, bound, textures })
+}
+
+/// The places that are told, the farthest first.
+fn worst_of(farthest: impl Iterator<Item = Option<Place>>) -> Vec<Place> {
+    let mut worst: Vec<Place> = farthest.flatten().collect();
     worst.sort_by(|a, b| b.distance.total_cmp(&a.distance));
     worst.truncate(WORST_PLACES);
-    let textures = textures.map(ColumnWriter::finish).transpose()?;
-    Ok(Direction { distances, angles, flipped, worst, cut, textures })
+    worst
 }
 
 fn keep_farther(most: &mut Option<Place>, place: Place) {
@@ -143,28 +179,27 @@ fn keep_farther(most: &mut Option<Place>, place: Place) {
     }
 }
 
-fn look(from: &MeasuredMesh, to: &MeasuredMesh, sampling: &Sampling, batch: &Batch) -> Result<Outcome> {
+fn look_by_area(
+    from: &MeasuredMesh,
+    to: &MeasuredMesh,
+    sampling: &Sampling,
+    batch: &Batch,
+    probes: usize,
+) -> Result<Outcome> {
     let view = from.cells[batch.cell].view()?;
     let points = sampling.points(batch, &view);
     let positions: Vec<DVec3> = points.iter().map(|point| point.position).collect();
     let mut search = Search::new(to);
-    let mut outcome = Outcome { cell: batch.cell, samples: Vec::new(), farthest: None, cut: 0 };
-    if batch.kind != Kind::Area {
-        if let Some((number, found)) = search.farthest(&positions)? {
-            let closest = search.closest(positions[number], &found)?;
-            outcome.farthest = Some(place(positions[number], &found, &closest));
-        }
-        outcome.cut = search.cut_count();
-        return Ok(outcome);
-    }
-    for (point, found) in points.iter().zip(search.nearest(&positions)?) {
+    let mut samples = Vec::with_capacity(points.len());
+    let (spoken, bound_sq) = search.nearest(&positions, probes)?;
+    for (number, found) in spoken {
         if !found.distance_sq.is_finite() {
             continue;
         }
-        let Point { position, face, weights } = *point;
+        let Point { position, face, weights } = points[number];
         let closest = search.closest(position, &found)?;
         let own = view.faces[face as usize];
-        outcome.samples.push(Sample {
+        samples.push(Sample {
             place: place(position, &found, &closest),
             cosine: unit_normal(view.triangle(face)).dot(closest.normal),
             texture: TexturePair {
@@ -178,8 +213,29 @@ fn look(from: &MeasuredMesh, to: &MeasuredMesh, sampling: &Sampling, batch: &Bat
             },
         });
     }
-    outcome.cut = search.cut_count();
-    Ok(outcome)
+    // The rounding of a point that lies on the mesh is no distance.
+    let bound_sq = if search.cut_count() > 0 { bound_sq } else { 0.0 };
+    Ok(Outcome { cell: batch.cell, samples, farthest: None, bound_sq, cut: search.cut_count() })
+}
+
+/// The farthest vertex, or point on edges, of a batch, if it is farther than what is known.
+fn look_for_farthest(
+    from: &MeasuredMesh,
+    to: &MeasuredMesh,
+    sampling: &Sampling,
+    batch: &Batch,
+    known: f64,
+) -> Result<Outcome> {
+    let view = from.cells[batch.cell].view()?;
+    let positions: Vec<DVec3> = sampling.points(batch, &view).iter().map(|point| point.position).collect();
+    let mut search = Search::new(to);
+    let Farthest { point, bound_sq } = search.farthest(&positions, known * known)?;
+    let farthest = match point {
+        Some((number, found)) => Some(place(positions[number], &found, &search.closest(positions[number], &found)?)),
+        None => None,
+    };
+    let bound_sq = if search.cut_count() > 0 { bound_sq } else { 0.0 };
+    Ok(Outcome { cell: batch.cell, samples: Vec::new(), farthest, bound_sq, cut: search.cut_count() })
 }
 
 fn place(position: DVec3, found: &Found, closest: &Closest) -> Place {

@@ -72,19 +72,22 @@ impl Pictures {
         pictures
     }
 
-    /// For each of these pictures those of `original` that it shows, ascending.
-    pub fn sources(&self, original: &Self) -> Vec<Vec<u32>> {
+    /// What is in the files; nothing where one cannot be read.
+    pub fn contents(&self) -> Vec<Option<Content>> {
+        self.files.iter().map(|file| Content::of(&file.path)).collect()
+    }
+
+    /// For each of these pictures, with their contents, those of `original` that it shows, ascending.
+    pub fn sources(&self, own: &[Option<Content>], (original, contents): (&Self, &[Option<Content>])) -> Vec<Vec<u32>> {
         let mut by_name: BTreeMap<&[u8], Vec<u32>> = BTreeMap::new();
         let mut by_content: BTreeMap<Content, Vec<u32>> = BTreeMap::new();
-        let contents: Vec<Option<Content>> = original.files.iter().map(|file| Content::of(&file.path)).collect();
-        for ((file, content), number) in original.files.iter().zip(&contents).zip(0..) {
+        for ((file, content), number) in original.files.iter().zip(contents).zip(0..) {
             by_name.entry(&file.name).or_default().push(number);
             if let Some(content) = content {
                 by_content.entry(*content).or_default().push(number);
             }
         }
-        let sources = |file: &Picture| {
-            let content = Content::of(&file.path);
+        let sources = |(file, &content): (&Picture, &Option<Content>)| {
             let named = by_name.get(&*file.name).cloned().unwrap_or_default();
             let same = |&number: &u32| content.is_some() && contents[number as usize] == content;
             match named.iter().any(same) {
@@ -95,7 +98,7 @@ impl Pictures {
                 false => named,
             }
         };
-        self.files.iter().map(sources).collect()
+        self.files.iter().zip(own).map(sources).collect()
     }
 }
 
@@ -167,6 +170,7 @@ mod tests {
             &folder.path().join("b"),
             &[("wall.png", "1"), ("roof.png", "2, smaller"), ("wall_2.png", "3"), ("other.png", "4")],
         );
-        assert_eq!(result.sources(&original), [vec![0], vec![1], vec![2], vec![]]);
+        let found = result.sources(&result.contents(), (&original, &original.contents()));
+        assert_eq!(found, [vec![0], vec![1], vec![2], vec![]]);
     }
 }

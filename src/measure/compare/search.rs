@@ -7,8 +7,14 @@
 //!   +-------+-------+
 //! ```
 //! The result is exact to the rounding of coordinates: no cell is left out whose box is nearer than the distance that is
-//! returned. Where triangles lie across each other's boxes by the thousand, so that a point would have to look at all, a
-//! search ends early, its distance is one that the true one does not exceed, and it is counted ([`Search::cut_count`]).
+//! returned. Where triangles lie across each other's boxes by the thousand, each point would have to look at most of them.
+//! There only some points are searched to the end, whatever that takes, and the others that were given up are counted
+//! ([`Search::cut_count`]):
+//!
+//! ```text
+//!   . . o . . . o . . . o .      of points that were given up, those at o are searched to the end, and each of
+//!   |-------|-------|-----|      them speaks for its stretch: what is told is exact, of fewer points
+//! ```
 //!
 //! # Memory
 //! 130 bytes a point, and the touched pages of [`VIEWS`] cells.
@@ -34,6 +40,18 @@ const ROUNDINGS: f64 = 4.0;
 const LOOKS_OF_POINT: u64 = 128;
 /// What those points of a batch that need more may look at together, for each point of the batch.
 const LOOKS_TO_SHARE: u64 = 128;
+
+/// A point of those that were asked for, by its number, and what is nearest to it.
+pub type Spoken = (usize, Found);
+
+/// The farthest of some points.
+#[derive(Debug, Clone, Copy)]
+pub struct Farthest {
+    /// The farthest of those that were searched to the end; nothing if none is farther than was known.
+    pub point: Option<Spoken>,
+    /// Square of a distance that no point exceeds.
+    pub bound_sq: f64,
+}
 
 /// What is nearest to a point.
 #[derive(Debug, Clone, Copy)]
@@ -74,6 +92,7 @@ pub struct Search<'a> {
     least_sq: f64,
     /// Looks that are left to be shared.
     looks: u64,
+    /// Points that were given up.
     cut_count: u64,
 }
 
@@ -93,49 +112,73 @@ impl<'a> Search<'a> {
         Self { mesh, views: Vec::new(), order: Vec::new(), least_sq, looks: 0, cut_count: 0 }
     }
 
-    /// Points whose search ended early, so that their distances may be too large.
+    /// Points that were given up.
     pub fn cut_count(&self) -> u64 {
         self.cut_count
     }
 
-    /// The closest triangles of all points.
+    /// For each point the one that speaks for it, itself unless it was given up, and what is closest to that; and the
+    /// square of a distance that no point exceeds. At most `probes` points, one at least, speak for others.
     ///
     /// # Errors
     /// On failed reads.
-    pub fn nearest(&mut self, points: &[DVec3]) -> Result<Vec<Found>> {
-        let mut found = Vec::with_capacity(points.len());
+    pub fn nearest(&mut self, points: &[DVec3], probes: usize) -> Result<(Vec<Spoken>, f64)> {
         self.looks = LOOKS_TO_SHARE * points.len() as u64;
-        for group in points.chunks(GROUP_POINTS) {
-            found.extend(self.nearest_of_group(group, self.least_sq)?);
+        let mut found = vec![NOTHING; points.len()];
+        for (group, found) in points.chunks(GROUP_POINTS).zip(found.chunks_mut(GROUP_POINTS)) {
+            self.look_for(group, self.least_sq, found)?;
         }
-        Ok(found)
+        let bound_sq = found.iter().fold(0.0, |most: f64, found| most.max(found.distance_sq));
+        let cut: Vec<usize> = (0..points.len()).filter(|&number| self.is_open(&found[number], self.least_sq)).collect();
+        self.cut_count += cut.len() as u64;
+        let mut spoken: Vec<Spoken> = found.into_iter().enumerate().collect();
+        for stretch in cut.chunks(cut.len().div_ceil(probes.max(1)).max(1)) {
+            let probe = stretch[stretch.len() / 2];
+            let mut whole = [Found { looks: 0, is_cut: false, ..spoken[probe].1 }];
+            self.looks = u64::MAX;
+            self.look_for(&points[probe..=probe], self.least_sq, &mut whole)?;
+            stretch.iter().for_each(|&number| spoken[number] = (probe, whole[0]));
+        }
+        Ok((spoken, bound_sq))
     }
 
-    /// The point that is farthest from the mesh, by its number, with what is closest to it; the first of several.
+    /// The point that is farthest from the mesh, and farther than the root of `known_sq`; the first of several.
     ///
     /// Points that turn out to be nearer than the farthest so far are not searched for to the end.
     ///
     /// # Errors
     /// On failed reads.
-    pub fn farthest(&mut self, points: &[DVec3]) -> Result<Option<(usize, Found)>> {
-        let mut farthest: Option<(usize, Found)> = None;
+    pub fn farthest(&mut self, points: &[DVec3], known_sq: f64) -> Result<Farthest> {
         self.looks = LOOKS_TO_SHARE * points.len() as u64;
+        let (mut most_sq, mut point) = (known_sq.max(self.least_sq), None);
+        let mut given_up = Vec::new();
         for (group, first) in points.chunks(GROUP_POINTS).zip((0..).step_by(GROUP_POINTS)) {
-            let enough_sq = farthest.map_or(self.least_sq, |(_, found)| found.distance_sq.max(self.least_sq));
-            for (found, number) in self.nearest_of_group(group, enough_sq)?.into_iter().zip(first..) {
-                let is_known = found.distance_sq.is_finite();
-                if is_known && farthest.is_none_or(|(_, most)| found.distance_sq > most.distance_sq) {
-                    farthest = Some((number, found));
+            let mut found = vec![NOTHING; group.len()];
+            let enough_sq = most_sq;
+            self.look_for(group, enough_sq, &mut found)?;
+            for (found, number) in found.into_iter().zip(first..) {
+                if self.is_open(&found, enough_sq) {
+                    given_up.push(found.distance_sq);
+                } else if found.distance_sq.is_finite() && found.distance_sq > most_sq {
+                    (most_sq, point) = (found.distance_sq, Some((number, found)));
                 }
             }
         }
-        Ok(farthest)
+        // What is farther by now settles some of those that were given up before.
+        given_up.retain(|&bound_sq| bound_sq > most_sq);
+        self.cut_count += given_up.len() as u64;
+        Ok(Farthest { point, bound_sq: given_up.into_iter().fold(most_sq, f64::max) })
     }
 
-    /// What is closest to each point. Of a point that is no farther than the root of `enough_sq` that is all that is known.
-    fn nearest_of_group(&mut self, points: &[DVec3], enough_sq: f64) -> Result<Vec<Found>> {
+    /// Whether a point was given up before it was known to be no farther than the root of `enough_sq`.
+    fn is_open(&self, found: &Found, enough_sq: f64) -> bool {
+        found.is_cut && found.distance_sq > enough_sq
+    }
+
+    /// Looks for triangles that are closer to each point than what was found. Of a point that is no farther than the root
+    /// of `enough_sq` that is all that is known.
+    fn look_for(&mut self, points: &[DVec3], enough_sq: f64, found: &mut [Found]) -> Result<()> {
         self.sort_cells(Bounds::around(points.iter().copied()));
-        let mut found = vec![NOTHING; points.len()];
         let mut homes: Vec<(u32, u32)> = points.iter().map(|&point| self.home(point)).zip(0..).collect();
         homes.sort_unstable();
         for same in homes.chunk_by(|a, b| a.0 == b.0) {
@@ -160,8 +203,7 @@ impl<'a> Search<'a> {
                 }
             }
         }
-        self.cut_count += found.iter().filter(|found| found.is_cut && found.distance_sq > enough_sq).count() as u64;
-        Ok(found)
+        Ok(())
     }
 
     /// Sorts the cells by their distance from a box.
@@ -200,7 +242,8 @@ impl<'a> Search<'a> {
         }
         if found.distance_sq > enough_sq {
             let own = LOOKS_OF_POINT.saturating_sub(found.looks);
-            let question = Question { point, bound_sq: found.distance_sq, enough_sq, looks: own + shared };
+            let question =
+                Question { point, bound_sq: found.distance_sq, enough_sq, looks: own.saturating_add(shared) };
             let answer = open.view.ask(&question);
             if let Some((face, distance_sq)) = answer.nearest {
                 *found = Found { distance_sq, cell, face, ..*found };

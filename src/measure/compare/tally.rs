@@ -7,15 +7,17 @@
 //!   shared ═══ shared        the face on the other side may be in another cell: its sides are matched at the end,
 //!                            and join the pieces, charts and borders that reach it
 //! ```
-//! In: loaded clusters. Out: [`Topology`], [`Quality`], folded triangles, the edges of the border. Invariant: the numbers
-//! are those that [`check`](super::super::check) counts on the whole mesh.
+//! In: loaded clusters. Out: [`Topology`], [`Quality`], folded triangles, the edges of the border and of seams. Invariant:
+//! the numbers are those that [`check`](super::super::check) counts on the whole mesh, and the edges come in the same order
+//! at any memory budget.
 //!
 //! # Memory
 //! 90 bytes a face of a cell; 4 bytes a shared vertex; 28 bytes for each piece, chart and border that leaves its cell; one
 //! bucket of shared sides at a time.
 //!
 //! # Files
-//! `measure-sides.scatter` (32 bytes for each side of a face between shared vertices), removed at the end.
+//! `measure-sides.scatter` (56 bytes for each side of a face between shared vertices), removed at the end, and what
+//! [`seams`](super::seams) keeps.
 
 use std::path::Path;
 
@@ -25,14 +27,18 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use super::super::check::is_flat;
 use super::super::forest::DisjointSets;
+use super::seams::{EdgeTexture, SeamEdge, SeamEdges, SeamWriter};
 use super::{Quality, SLIVER_REGULARITY, Topology};
 use crate::base::Result;
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::split::regularity;
 use crate::partition::cluster::material_index;
 use crate::partition::scatter::{ScatterWriter, Verbatim};
 use crate::partition::{ClusterSource, Shared};
 use crate::store::Catalogue;
 
+/// Bytes of a bucket of shared sides, if all sides are shared and there are no more buckets than there may be.
+const BUCKET_BYTES: u64 = 8 << 20;
 /// Buckets of shared sides, at most.
 const BUCKETS_MAX: u64 = 256;
 /// Stands for a face without texture.
@@ -120,9 +126,22 @@ struct SharedSide {
     piece: u32,
     /// [`NO_CHART`] without texture.
     chart: u32,
+    texture: EdgeTexture,
+    length: f32,
 }
 
 impl Verbatim for SharedSide {}
+
+impl SharedSide {
+    /// The same with the lower id first.
+    fn lower_first(self) -> Self {
+        let ([a, b], [key_a, key_b]) = (self.vertices, self.keys);
+        match a < b {
+            true => self,
+            false => Self { vertices: [b, a], keys: [key_b, key_a], texture: self.texture.reversed(), ..self },
+        }
+    }
+}
 
 /// Counts of one cell, and what leaves it.
 #[derive(Debug, Default)]
@@ -140,19 +159,21 @@ pub struct CellTally {
     /// Shared vertices with their edges that end at an own vertex.
     shared_vertices: Vec<(u32, u32)>,
     border_edges: Vec<[DVec3; 2]>,
+    seams: Vec<SeamEdge>,
 }
 
 /// A side of a face: its vertices, the lower one first, the wedges there, and the face.
 type Side = ([u32; 2], [u32; 2], u32);
 
-/// Counts a cell.
-pub fn tally(source: &ClusterSource, catalogue: &Catalogue) -> CellTally {
+/// Counts a cell; `pictures` has that of each part.
+pub fn tally(source: &ClusterSource, catalogue: &Catalogue, pictures: &[u32]) -> CellTally {
     let mesh = &source.mesh;
     let mut found = CellTally::default();
     found.counts.topology.faces = mesh.corners.len() as u64;
     found.counts.topology.degenerate_faces = source.degenerate;
     for face in 0..mesh.corners.len() as u32 {
-        let regularity = regularity(mesh.triangle(face));
+        // No number is that of a triangle whose sides are too long to be squared.
+        let regularity = regularity(mesh.triangle(face)).max(0.0);
         found.counts.regularity_sum += regularity;
         found.counts.slivers += u64::from(regularity < SLIVER_REGULARITY);
     }
@@ -164,6 +185,11 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue) -> CellTally {
     let mut border = DisjointSets::new(mesh.positions.len());
     let mut on_border = Vec::new();
     let mut edges_at = vec![0u32; mesh.positions.len()];
+    let length = |vertices: [u32; 2]| {
+        let [from, to] = vertices.map(|vertex| mesh.positions[vertex as usize]);
+        from.distance(to)
+    };
+    let texture = |(_, wedges, face): Side| EdgeTexture::of(mesh, wedges, pictures[mesh.parts[face as usize] as usize]);
     for edge in sides.chunk_by(|a, b| a.0 == b.0) {
         let (vertices, wedges, face) = edge[0];
         edge[1..].iter().for_each(|side| pieces.join(face, side.2));
@@ -181,6 +207,7 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue) -> CellTally {
                 found.border_edges.push(vertices.map(|vertex| mesh.positions[vertex as usize] + source.origin));
             }
             [a, b] if !is_seam && is_textured(a.2) && is_textured(b.2) => charts.join(a.2, b.2),
+            [a, b] if is_seam => found.seams.extend(SeamEdge::between(length(vertices), [*a, *b].map(texture))),
             _ => {}
         }
     }
@@ -188,12 +215,18 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue) -> CellTally {
     let piece_of = found.count_pieces(mesh, &sides, &mut pieces);
     let chart_of = found.count_charts(mesh, &sides, &mut charts);
     let keys = shared_keys(source, catalogue);
-    for &(vertices, wedges, face) in sides.iter().filter(|side| is_shared(side.0)) {
-        let ids = vertices.map(|vertex| source.vertex_id(vertex));
-        let keys = wedges.map(|wedge| keys[wedge as usize]);
-        let (vertices, keys) = if ids[0] < ids[1] { (ids, keys) } else { ([ids[1], ids[0]], [keys[1], keys[0]]) };
+    for &side in sides.iter().filter(|side| is_shared(side.0)) {
+        let (vertices, wedges, face) = side;
         let chart = if is_textured(face) { chart_of[charts.root(face) as usize] } else { NO_CHART };
-        found.sides.push(SharedSide { vertices, keys, piece: piece_of[pieces.root(face) as usize], chart });
+        let side = SharedSide {
+            vertices: vertices.map(|vertex| source.vertex_id(vertex)),
+            keys: wedges.map(|wedge| keys[wedge as usize]),
+            piece: piece_of[pieces.root(face) as usize],
+            chart,
+            texture: texture(side),
+            length: length(vertices) as f32,
+        };
+        found.sides.push(side.lower_first());
     }
     for (vertex, &edges) in edges_at.iter().enumerate() {
         match mesh.is_shared(vertex as u32) {
@@ -202,13 +235,6 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue) -> CellTally {
         }
     }
     found
-}
-
-/// 4 √3 area / Σ side²; 0 for a triangle without extent.
-fn regularity([a, b, c]: [DVec3; 3]) -> f64 {
-    let sides = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
-    let regularity = 2.0 * 3.0f64.sqrt() * (b - a).cross(c - a).length() / sides;
-    if regularity.is_finite() { regularity } else { 0.0 }
 }
 
 fn sorted_sides(mesh: &ClusterMesh) -> Vec<Side> {
@@ -318,12 +344,15 @@ pub struct Tallied {
     pub folded: u64,
     /// Edges of the border; nothing if there are more than asked for.
     pub border: Option<Vec<[DVec3; 2]>>,
+    /// Edges between faces that show different places of images.
+    pub seams: SeamEdges,
 }
 
 /// Collects the cells' tallies.
 pub struct Tallies<'a> {
     sides: ScatterWriter<SharedSide>,
     buckets: u64,
+    seams: SeamWriter,
     sum: Sum<'a>,
 }
 
@@ -342,20 +371,14 @@ struct Sum<'a> {
 }
 
 impl<'a> Tallies<'a> {
-    /// Begins for a mesh of `faces` faces; a bucket should fit `bucket_bytes`, even if all sides are shared. More than
-    /// `border_limit` edges of the border are counted and not kept.
+    /// Begins for a mesh of `faces` faces. More than `border_limit` edges of the border are counted and not kept.
     ///
     /// # Errors
-    /// If the file cannot be made.
-    pub fn create(
-        folder: &Path,
-        shared: &'a Shared,
-        faces: u64,
-        bucket_bytes: u64,
-        border_limit: usize,
-    ) -> Result<Self> {
+    /// If the files cannot be made.
+    pub fn create(folder: &Path, shared: &'a Shared, faces: u64, border_limit: usize) -> Result<Self> {
+        // As many as the mesh asks for, whatever the budget: seams come in their order.
         let most_bytes = 3 * faces * size_of::<SharedSide>() as u64;
-        let buckets = most_bytes.div_ceil(bucket_bytes.max(1)).clamp(1, BUCKETS_MAX);
+        let buckets = most_bytes.div_ceil(BUCKET_BYTES).clamp(1, BUCKETS_MAX);
         let sum = Sum {
             shared,
             counts: Counts::default(),
@@ -368,7 +391,7 @@ impl<'a> Tallies<'a> {
             border_limit,
         };
         let sides = ScatterWriter::create(&folder.join("measure-sides.scatter"), buckets as usize)?;
-        Ok(Self { sides, buckets, sum })
+        Ok(Self { sides, buckets, seams: SeamWriter::create(folder)?, sum })
     }
 
     /// Counts triangles that were dropped before.
@@ -390,6 +413,7 @@ impl<'a> Tallies<'a> {
             let mixed = (low << 32 | high).wrapping_mul(0x9e37_79b9_7f4a_7c15);
             self.sides.push(((mixed >> 40) % self.buckets) as u32, side)?;
         }
+        self.seams.push(&cell.seams)?;
         let sum = &mut self.sum;
         sum.counts.add(&cell.counts);
         sum.pieces += cell.pieces;
@@ -406,7 +430,7 @@ impl<'a> Tallies<'a> {
     /// # Errors
     /// On failed reads and writes.
     pub fn finish(self, positions: impl Fn(&[u32]) -> Result<Vec<DVec3>>) -> Result<Tallied> {
-        let Self { sides, buckets, mut sum } = self;
+        let Self { sides, buckets, mut seams, mut sum } = self;
         let sides = sides.finish()?;
         let mut pieces = DisjointSets::new(sum.pieces as usize);
         let mut charts = DisjointSets::new(sum.charts.len());
@@ -428,13 +452,17 @@ impl<'a> Tallies<'a> {
                 match edge {
                     [_] => border.push(first.vertices),
                     [a, b] if !is_seam && a.chart != NO_CHART && b.chart != NO_CHART => charts.join(a.chart, b.chart),
+                    [a, b] if is_seam => {
+                        let edge = SeamEdge::between(f64::from(a.length), [a.texture, b.texture]);
+                        seams.push(edge.as_slice())?;
+                    }
                     _ => {}
                 }
             }
         }
         sum.count_open(&mut pieces, &mut charts, &border);
         sum.keep_shared_border(&border, positions)?;
-        Ok(sum.tallied())
+        Ok(sum.tallied(seams.finish()?))
     }
 }
 
@@ -505,7 +533,8 @@ impl Sum<'_> {
         self.keep_border(&edges);
         Ok(())
     }
-    fn tallied(self) -> Tallied {
+
+    fn tallied(self, seams: SeamEdges) -> Tallied {
         let counts = self.counts;
         let mut topology = counts.topology;
         topology.euler = topology.vertices as i64 - topology.edges as i64 + topology.faces as i64;
@@ -517,6 +546,6 @@ impl Sum<'_> {
             valence_max: counts.valence_max,
             valence_regular_share: share(counts.regular_vertices as f64, counts.inner_vertices),
         };
-        Tallied { topology, quality, folded: counts.folded, border: self.border_edges }
+        Tallied { topology, quality, folded: counts.folded, border: self.border_edges, seams }
     }
 }

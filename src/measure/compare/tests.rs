@@ -226,12 +226,12 @@ fn cells_count_what_the_whole_counts() {
                 non_manifold_edges: check.non_manifold_edges,
                 components: check.components,
                 euler: check.euler,
-                seam_edges: check.seam_edges,
-                charts: check.charts,
+                seam_edges: check.atlas.seam_edges,
+                charts: check.atlas.charts,
                 degenerate_faces: check.degenerate_faces,
             };
             assert_eq!(t, expected, "{} in cells of {cell_faces}", name.display());
-            assert_eq!(mesh.tallied.folded, check.folded_uv, "{}", name.display());
+            assert_eq!(mesh.tallied.folded, check.atlas.folded_uv, "{}", name.display());
         }
     }
 }
@@ -271,6 +271,54 @@ fn a_moved_picture_slides_and_changes_its_colours() {
     assert_eq!((texture.untextured_fraction, texture.folded_triangles), (0.0, 0));
 }
 
+/// Two squares side by side, each with a chart of its own of the ramp; that of the right one is moved by `shift`.
+///
+/// ```text
+///   +------+------+      u runs from 0.1 to 0.4 on the left, from 0.5 to 0.8 on the right
+///   | left | right|      v runs from 0.25 to 0.75 on both
+///   +------+------+
+///   0     10     20
+/// ```
+fn two_charts(bench: &Bench, name: &str, shift: f64) -> PathBuf {
+    ramp(bench, "ramp.obj", 0.0);
+    let mut text = String::from("mtllib ramp.mtl\nusemtl ramp\n");
+    for x in [0, 10, 20] {
+        text += &format!("v {x} 0 0\nv {x} 10 0\n");
+    }
+    for u in [0.1, 0.4, 0.5 + shift, 0.8 + shift] {
+        text += &format!("vt {u} 0.25\nvt {u} 0.75\n");
+    }
+    text += "f 1/1 3/3 4/4\nf 1/1 4/4 2/2\nf 3/5 5/7 6/8\nf 3/5 6/8 4/6\n";
+    fs::write(bench.path(name), text).unwrap();
+    bench.path(name)
+}
+
+#[test]
+fn a_seam_gapes_as_far_as_one_of_its_charts_was_moved() {
+    let bench = Bench::new();
+    let (original, result) = (two_charts(&bench, "a.obj", 0.0), two_charts(&bench, "b.obj", 0.06));
+    for cell_faces in [2, 100] {
+        let Seams { length, colour_mean, colour_rms, gap_p95, .. } =
+            bench.compare(&original, &result, cell_faces).texture.unwrap().seams.before;
+        assert_eq!(length, 10.0);
+        // a tenth of the image lies between the charts, which is 25.6 steps of the ramp
+        assert!(near(colour_mean, 25.6, 1e-3) && near(colour_rms, 25.6, 1e-3), "{colour_mean} {colour_rms}");
+        // no farther than the texels of the grid are large: 10 / (0.3 * 2048) units across the seam
+        assert!(gap_p95 < 10.0 / (0.3 * 2048.0), "{gap_p95}");
+
+        let seams = bench.compare(&original, &result, cell_faces).texture.unwrap().seams.after;
+        assert!(near(seams.colour_mean, 0.16 * 256.0, 1e-3), "{seams:?}");
+        // 0.06 of the image are a fifth of the right square; 12.8 texels along the seam are a unit of length
+        assert!(near(seams.gap_median, 2.0, 0.01) && near(seams.gap_p95, 2.0, 0.01), "{seams:?}");
+        assert!(near(seams.gap_texels_median, 25.6, 0.01), "{seams:?}");
+        assert_eq!(seams.outside_fraction, 0.0);
+    }
+    // what runs through one chart is no seam
+    let whole = ramp(&bench, "c.obj", 0.0);
+    let seams = bench.compare(&whole, &whole, 100).texture.unwrap().seams;
+    assert_eq!((seams.before, seams.after), (Seams::default(), Seams::default()));
+}
+
 #[test]
 fn a_picture_that_cannot_be_read_is_a_warning() {
     let bench = Bench::new();
@@ -307,19 +355,45 @@ fn tangle(count: usize, size: f64) -> (Vec<DVec3>, Vec<[usize; 3]>) {
 }
 
 #[test]
-fn searches_among_crossing_triangles_end_and_are_counted() {
+fn points_that_are_given_up_are_counted_and_spoken_for() {
     let bench = Bench::new();
     let (positions, faces) = tangle(6000, 10.0);
     let original = bench.write("original.obj", &positions, &faces);
     let moved: Vec<DVec3> = positions.iter().map(|p| *p + DVec3::splat(0.01)).collect();
     let result = bench.write("result.obj", &moved, &faces);
     let found = bench.compare(&original, &result, CELL_FACES);
-    let cut = found.geometry.symmetric.cut_searches;
-    assert_eq!(cut, found.geometry.forward.cut_searches + found.geometry.backward.cut_searches);
-    assert!(cut > 10_000, "{cut} searches were cut short");
-    assert!(found.warnings.iter().any(|words| words.contains("may be too large")), "{:?}", found.warnings);
-    // a distance that may be too large is still one between the meshes
-    assert!(found.geometry.symmetric.max < found.geometry.diagonal);
+    let Geometry { forward, backward, symmetric, .. } = &found.geometry;
+    assert_eq!(symmetric.cut_searches, forward.cut_searches + backward.cut_searches);
+    assert!(symmetric.cut_searches > 10_000, "{} points were given up", symmetric.cut_searches);
+    assert!(found.warnings.iter().any(|words| words.contains("were given up")), "{:?}", found.warnings);
+
+    // by looking at every triangle for some points of the moved mesh: the mean is of few points, so it scatters
+    let triangle = |face: usize| faces[face].map(|vertex| positions[vertex]);
+    let mut state = 7u64;
+    let mut unit = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1u64 << 53) as f64
+    };
+    let areas: Vec<f64> = (0..faces.len()).map(|face| cells::area(triangle(face))).collect();
+    let total: f64 = areas.iter().sum();
+    let (mut sum, mut most) = (0.0, 0.0f64);
+    for _ in 0..400 {
+        let mut place = unit() * total;
+        let face = areas.iter().position(|area| {
+            place -= area;
+            place < 0.0
+        });
+        let [a, b, c] = triangle(face.unwrap_or(0));
+        let (root, along) = (unit().sqrt(), unit());
+        let point = a * (1.0 - root) + b * (root * (1.0 - along)) + c * (root * along) + DVec3::splat(0.01);
+        let nearest = (0..faces.len()).map(|face| closest::closest_point(point, triangle(face)).distance(point));
+        let nearest = nearest.fold(f64::INFINITY, f64::min);
+        sum += nearest;
+        most = most.max(nearest);
+    }
+    assert!(near(forward.mean, sum / 400.0, 0.35), "{} {}", forward.mean, sum / 400.0);
+    assert!(forward.max <= 0.01 * 3f64.sqrt() * (1.0 + 1e-9), "nothing moved farther than {}", forward.max);
+    assert!(forward.max > 0.3 * most && forward.max <= forward.max_bound, "{} {most}", forward.max);
 }
 
 #[test]
@@ -331,7 +405,8 @@ fn what_is_uneven_and_far_away_is_searched_to_the_end() {
     let (positions, faces) = plane(40, |_, _| 0.0);
     let result = bench.write("result.obj", &positions, &faces);
     let found = bench.compare(&original, &result, CELL_FACES);
-    assert_eq!(found.geometry.symmetric.cut_searches, 0);
+    let Distances { cut_searches, max, max_bound, .. } = found.geometry.symmetric;
+    assert_eq!((cut_searches, max_bound), (0, max));
     assert!(found.warnings.is_empty(), "{:?}", found.warnings);
 }
 

@@ -1,0 +1,231 @@
+//! Differences of colour between places of images.
+//!
+//! In: pairs of points. Out: a distribution for each set of pairs. Invariant: an image is decoded once for as many pairs as
+//! the budget holds, of all sets together, and pairs are summed in their order, so nothing depends on the budget but
+//! images that do not fit it.
+//!
+//! # Memory
+//! 120 bytes for each pair in work, at most a quarter of the budget; the images in work.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::Path;
+
+use super::Resources;
+use super::colour;
+use super::direction::TexturePair;
+use super::distribution::Distribution;
+use super::pictures::{Content, NO_PICTURE, Pictures};
+use crate::base::error::escape_path;
+use crate::base::ordered::map_in_order;
+use crate::base::{Findings, Permits, Progress, Result};
+use crate::store::Column;
+
+/// Largest difference of colours.
+const COLOUR_MAX: f64 = 255.0;
+/// Memory of a pair while it is in work, in bytes.
+const PAIR_BYTES: u64 = 120;
+/// Pairs in work, at least and at most: their numbers are kept in 32 bits.
+const ROUND_PAIRS: Range<u64> = 1 << 10..1 << 30;
+
+/// Pairs of points, and the pictures that they show.
+#[derive(Debug, Clone, Copy)]
+pub struct Pairs<'a> {
+    /// The pairs.
+    pub column: &'a Column<TexturePair>,
+    /// Those of the point, and their contents.
+    pub own: (&'a Pictures, &'a [Option<Content>]),
+    /// Those of the other point.
+    pub other: (&'a Pictures, &'a [Option<Content>]),
+}
+
+/// Differences of colour, and images that were read for them.
+#[derive(Debug)]
+pub struct Contrasts {
+    /// Differences, mean over the channels, of each set of pairs.
+    pub differences: Vec<Distribution>,
+    /// Images that were read.
+    pub images: u64,
+    /// Those that were read at a lower resolution.
+    pub reduced: u64,
+}
+
+/// A colour that is asked for.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
+struct Question {
+    image: u32,
+    /// Where the answer goes.
+    place: u32,
+    texcoord: [f32; 2],
+}
+
+/// Compares the colours of pairs, set by set.
+///
+/// # Errors
+/// On failed reads; images that cannot be decoded are noted.
+pub fn compare_colours(
+    sets: &[Pairs],
+    resources: &Resources,
+    findings: &mut Findings,
+    progress: &dyn Progress,
+) -> Result<Contrasts> {
+    let images = Images::of(sets);
+    let allowed = resources.work_bytes / 4 * 3;
+    let permits = Permits::new(allowed);
+    let most = (resources.work_bytes / 4 / PAIR_BYTES).clamp(ROUND_PAIRS.start, ROUND_PAIRS.end);
+    let mut found = Contrasts { differences: vec![Distribution::new(COLOUR_MAX); sets.len()], images: 0, reduced: 0 };
+    let mut is_known = vec![false; images.paths.len()];
+    for round in rounds(sets, most) {
+        let questions = questions(&round, sets, &images)?;
+        let groups: Vec<&[Question]> = questions.chunk_by(|a, b| a.image == b.image).collect();
+        progress.begin("colours", groups.len() as u64, "images");
+        let pairs: u64 = round.iter().map(|(_, range)| range.end - range.start).sum();
+        let mut colours = vec![[f32::NAN; 3]; 2 * pairs as usize];
+        map_in_order(
+            groups.iter(),
+            resources.threads,
+            resources.threads + 1,
+            |group| {
+                let path = images.paths[group[0].image as usize];
+                let decoded = colour::plan(path, allowed).and_then(|plan| {
+                    let _permit = permits.take(plan.bytes);
+                    let image = colour::decode(path, &plan)?;
+                    Ok((plan.reduction, group.iter().map(|asked| image.colour(asked.texcoord)).collect::<Vec<_>>()))
+                });
+                Ok((*group, decoded))
+            },
+            |(group, decoded)| {
+                progress.advance(1);
+                let image = group[0].image as usize;
+                let is_first = !std::mem::replace(&mut is_known[image], true);
+                match decoded {
+                    Ok((reduction, answers)) => {
+                        if is_first {
+                            found.note_image(images.paths[image], reduction, findings);
+                        }
+                        group.iter().zip(answers).for_each(|(asked, colour)| colours[asked.place as usize] = colour);
+                    }
+                    Err(why) if is_first => {
+                        findings.note("unreadable_picture", || format!("{}: {why}", escape_path(images.paths[image])))
+                    }
+                    Err(_) => {}
+                }
+                Ok(())
+            },
+        )?;
+        let mut colours = colours.chunks_exact(2);
+        for (set, range) in round {
+            for pair in colours.by_ref().take((range.end - range.start) as usize) {
+                let difference = (0..3).map(|c| f64::from((pair[0][c] - pair[1][c]).abs())).sum::<f64>() / 3.0;
+                if difference.is_finite() {
+                    found.differences[set].add(difference);
+                }
+            }
+        }
+    }
+    Ok(found)
+}
+
+impl Contrasts {
+    fn note_image(&mut self, path: &Path, reduction: u32, findings: &mut Findings) {
+        self.images += 1;
+        if reduction > 1 {
+            self.reduced += 1;
+            findings.note("reduced_picture", || format!("{}: read at 1/{reduction} of its size", escape_path(path)));
+        }
+    }
+}
+
+/// Stretches of sets that are in work together: at most so many pairs.
+fn rounds(sets: &[Pairs], most: u64) -> Vec<Vec<(usize, Range<u64>)>> {
+    let mut rounds: Vec<Vec<(usize, Range<u64>)>> = vec![Vec::new()];
+    let mut room = most;
+    for (set, pairs) in sets.iter().enumerate() {
+        let mut start = 0;
+        while start < pairs.column.len() {
+            if room == 0 {
+                rounds.push(Vec::new());
+                room = most;
+            }
+            let end = (start + room).min(pairs.column.len());
+            if let Some(round) = rounds.last_mut() {
+                round.push((set, start..end));
+            }
+            room -= end - start;
+            start = end;
+        }
+    }
+    rounds
+}
+
+/// The colours that a round asks for, image by image.
+fn questions(round: &[(usize, Range<u64>)], sets: &[Pairs], images: &Images) -> Result<Vec<Question>> {
+    let mut questions = Vec::new();
+    let mut first = 0;
+    for (set, range) in round {
+        let [of_own, of_other] = &images.of_sets[*set];
+        for (pair, place) in sets[*set].column.window(range.clone())?.iter().zip((first..).step_by(2)) {
+            if pair.picture != NO_PICTURE && pair.other_picture != NO_PICTURE {
+                let (image, other) = (of_own[pair.picture as usize], of_other[pair.other_picture as usize]);
+                questions.push(Question { image, place, texcoord: pair.texcoord });
+                questions.push(Question { image: other, place: place + 1, texcoord: pair.other_texcoord });
+            }
+        }
+        first += 2 * (range.end - range.start) as u32;
+    }
+    questions.sort_unstable_by_key(|question| (question.image, question.place));
+    Ok(questions)
+}
+
+/// The images of several meshes, those of equal content once.
+struct Images<'a> {
+    paths: Vec<&'a Path>,
+    /// The image of each picture of the points and of the other points, for each set.
+    of_sets: Vec<[Vec<u32>; 2]>,
+}
+
+impl<'a> Images<'a> {
+    fn of(sets: &[Pairs<'a>]) -> Self {
+        let mut by_content: BTreeMap<Content, u32> = BTreeMap::new();
+        let mut by_path: BTreeMap<&'a Path, u32> = BTreeMap::new();
+        let mut paths: Vec<&'a Path> = Vec::new();
+        let mut numbers = |(pictures, contents): (&'a Pictures, &'a [Option<Content>])| -> Vec<u32> {
+            let mut number = |path: &'a Path, content: &Option<Content>| {
+                let next = paths.len() as u32;
+                let number = match content {
+                    Some(content) => *by_content.entry(*content).or_insert(next),
+                    None => *by_path.entry(path).or_insert(next),
+                };
+                if number == next {
+                    paths.push(path);
+                }
+                number
+            };
+            pictures.files.iter().zip(contents).map(|(file, content)| number(&file.path, content)).collect()
+        };
+        let of_sets = sets.iter().map(|pairs| [numbers(pairs.own), numbers(pairs.other)]).collect();
+        Self { paths, of_sets }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::ColumnWriter;
+
+    #[test]
+    fn rounds_hold_all_pairs_and_no_more_than_fit() {
+        let folder = tempfile::tempdir().unwrap();
+        let pictures = Pictures::default();
+        let column = |name: &str, count: usize| {
+            let mut writer = ColumnWriter::create(&folder.path().join(name), *b"samples ").unwrap();
+            writer.append(&vec![bytemuck::Zeroable::zeroed(); count]).unwrap();
+            writer.finish().unwrap()
+        };
+        let columns = [column("a", 5), column("b", 0), column("c", 4)];
+        let none = (&pictures, &[][..]);
+        let sets = columns.each_ref().map(|column| Pairs { column, own: none, other: none });
+        assert_eq!(rounds(&sets, 4), [vec![(0, 0..4)], vec![(0, 4..5), (2, 0..3)], vec![(2, 3..4)]]);
+        assert_eq!(rounds(&sets, 100), [vec![(0, 0..5), (2, 0..4)]]);
+    }
+}

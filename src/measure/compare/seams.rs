@@ -1,0 +1,225 @@
+//! Texture seams: which texels meet along them.
+//!
+//! ```text
+//!   1 ┼            ┼ 1      a point of a seam lies at one place on the surface and at two in the images; what both
+//!     │ chart  the │        sides show there should look alike, and come from one place of the original
+//!   p ● ◀─── same ─▶ ● p
+//!     │   place    │
+//!   0 ┼            ┼ 0
+//! ```
+//! In: edges between two faces that show an image each, by other texture coordinates or of other materials. Out: points on
+//! them, in the form in which textures are compared. Invariant: which points these are depends on the mesh, the seed and
+//! their number alone.
+//!
+//! # Files
+//! `measure-seams.col`, 48 bytes an edge, and `measure-seam-points.col`, 56 bytes a point.
+
+use std::path::Path;
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec2;
+
+use super::direction::TexturePair;
+use super::pictures::NO_PICTURE;
+use super::points::unit;
+use crate::base::Result;
+use crate::mesh::cluster::ClusterMesh;
+use crate::store::{Column, ColumnWriter};
+
+/// Points on seams for each point by area, at most.
+const SEAM_SHARE: f64 = 0.25;
+/// Edges and points that are in memory at once.
+const WINDOW_RECORDS: u64 = 1 << 14;
+
+/// What a face shows along one of its edges.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct EdgeTexture {
+    /// Picture of the mesh, or [`NO_PICTURE`].
+    picture: u32,
+    /// Texture coordinates at both ends, moved by whole numbers so that the least lie between 0 and 1.
+    texcoords: [[f32; 2]; 2],
+}
+
+impl EdgeTexture {
+    /// That of a face that shows a picture, between two wedges.
+    pub fn of(mesh: &ClusterMesh, wedges: [u32; 2], picture: u32) -> Self {
+        let [from, to] = wedges.map(|wedge| mesh.wedge_uv[wedge as usize]);
+        let low = from.min(to).floor();
+        if picture == NO_PICTURE || !(from + to).is_finite() {
+            return Self { picture: NO_PICTURE, texcoords: [[0.0; 2]; 2] };
+        }
+        Self { picture, texcoords: [from, to].map(|uv| (uv - low).as_vec2().to_array()) }
+    }
+
+    /// The same edge from its other end.
+    pub fn reversed(self) -> Self {
+        let [from, to] = self.texcoords;
+        Self { texcoords: [to, from], ..self }
+    }
+
+    /// Texture coordinate at a share of the way, between 0 and 1.
+    fn at(&self, share: f64) -> [f32; 2] {
+        let [from, to] = self.texcoords;
+        [0, 1].map(|axis| {
+            let at = f64::from(from[axis]) * (1.0 - share) + f64::from(to[axis]) * share;
+            (at - at.floor()) as f32
+        })
+    }
+
+    /// Length in texture space.
+    fn length(&self) -> f64 {
+        let [from, to] = self.texcoords.map(|uv| DVec2::new(f64::from(uv[0]), f64::from(uv[1])));
+        from.distance(to)
+    }
+}
+
+/// An edge of a seam.
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+pub struct SeamEdge {
+    /// Its length in space.
+    pub length: f64,
+    /// What the two faces show, from the same end on.
+    pub sides: [EdgeTexture; 2],
+}
+
+impl SeamEdge {
+    /// An edge of two faces, if both show a picture.
+    pub fn between(length: f64, sides: [EdgeTexture; 2]) -> Option<Self> {
+        let is_shown = sides.iter().all(|side| side.picture != NO_PICTURE) && length > 0.0 && length.is_finite();
+        is_shown.then_some(Self { length, sides })
+    }
+
+    fn point(&self, share: f64) -> TexturePair {
+        let [own, other] = &self.sides;
+        TexturePair {
+            closest: [0.0; 3],
+            picture: own.picture,
+            other_picture: other.picture,
+            texcoord: own.at(share),
+            other_texcoord: other.at(share),
+            other_density: (other.length() / self.length) as f32,
+            zero: 0,
+        }
+    }
+}
+
+/// The seams of a mesh.
+#[derive(Debug)]
+pub struct SeamEdges {
+    /// In no order that means anything.
+    pub edges: Column<SeamEdge>,
+    /// Their length in all.
+    pub length: f64,
+}
+
+/// Collects seams.
+pub struct SeamWriter {
+    file: ColumnWriter<SeamEdge>,
+    length: f64,
+}
+
+impl SeamWriter {
+    /// Begins the file.
+    ///
+    /// # Errors
+    /// If it cannot be made.
+    pub fn create(folder: &Path) -> Result<Self> {
+        Ok(Self { file: ColumnWriter::create(&folder.join("measure-seams.col"), *b"seams   ")?, length: 0.0 })
+    }
+
+    /// Adds edges.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub fn push(&mut self, edges: &[SeamEdge]) -> Result<()> {
+        self.length = edges.iter().fold(self.length, |sum, edge| sum + edge.length);
+        self.file.append(edges)
+    }
+
+    /// Ends the file.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub fn finish(self) -> Result<SeamEdges> {
+        Ok(SeamEdges { edges: self.file.finish()?, length: self.length })
+    }
+}
+
+impl SeamEdges {
+    /// Puts points on the seams, by length: a quarter of `samples`, each somewhere in its part of the whole.
+    ///
+    /// # Errors
+    /// On a full disk, failed reads and writes.
+    pub fn points(&self, folder: &Path, samples: u64, seed: u64) -> Result<Column<TexturePair>> {
+        let mut file = ColumnWriter::create(&folder.join("measure-seam-points.col"), *b"samples ")?;
+        let count = (samples as f64 * SEAM_SHARE).ceil();
+        let step = self.length / count;
+        let place = |part: u64| (part as f64 + unit(seed, part, 0)) * step;
+        let (mut part, mut start) = (0, 0.0);
+        let mut points = Vec::new();
+        for range in self.edges.ranges(WINDOW_RECORDS) {
+            for edge in self.edges.window(range)?.iter() {
+                while (part as f64) < count && place(part) < start + edge.length {
+                    points.push(edge.point(((place(part) - start) / edge.length).clamp(0.0, 1.0)));
+                    part += 1;
+                    if points.len() as u64 == WINDOW_RECORDS {
+                        file.append(&points)?;
+                        points.clear();
+                    }
+                }
+                start += edge.length;
+            }
+        }
+        file.append(&points)?;
+        file.finish()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn side(picture: u32, from: [f32; 2], to: [f32; 2]) -> EdgeTexture {
+        EdgeTexture { picture, texcoords: [from, to] }
+    }
+
+    #[test]
+    fn points_lie_on_seams_by_length_and_show_both_sides() {
+        let folder = tempfile::tempdir().unwrap();
+        let sides = [side(0, [0.0, 0.0], [0.0, 1.0]), side(1, [0.5, 0.0], [0.5, 0.5])];
+        let mut writer = SeamWriter::create(folder.path()).unwrap();
+        let edges = [3.0, 1.0].map(|length| SeamEdge::between(length, sides).unwrap());
+        writer.push(&edges).unwrap();
+        writer.push(&[SeamEdge { sides: [sides[1].reversed(), sides[1]], ..edges[0] }]).unwrap();
+        let seams = writer.finish().unwrap();
+        assert_eq!(seams.length, 7.0);
+        let points = seams.points(folder.path(), 28_000, 1).unwrap();
+        let points = points.window(0..points.len()).unwrap();
+        // a thousand for each unit of length
+        assert_eq!(points.len(), 7000);
+        assert_eq!(points.iter().filter(|point| point.picture == 0).count(), 4000);
+        for point in &points[..4000] {
+            assert!((point.texcoord[1] - 2.0 * point.other_texcoord[1]).abs() < 1e-6);
+        }
+        assert!(points[..3000].is_sorted_by(|a, b| a.texcoord[1] <= b.texcoord[1]));
+        assert!((points[0].other_density - 1.0 / 6.0).abs() < 1e-6);
+        // the last edge runs the other way on its first side
+        assert!(points[4000..].iter().all(|p| (p.texcoord[1] + p.other_texcoord[1] - 0.5).abs() < 1e-6));
+    }
+
+    #[test]
+    fn a_side_without_picture_makes_no_seam() {
+        let sides = [side(0, [0.0; 2], [1.0; 2]), side(NO_PICTURE, [0.0; 2], [0.0; 2])];
+        assert!(SeamEdge::between(1.0, sides).is_none());
+        assert!(SeamEdge::between(0.0, [sides[0]; 2]).is_none());
+    }
+
+    #[test]
+    fn no_seam_has_no_points() {
+        let folder = tempfile::tempdir().unwrap();
+        let seams = SeamWriter::create(folder.path()).unwrap().finish().unwrap();
+        assert_eq!(seams.points(folder.path(), 1000, 1).unwrap().len(), 0);
+    }
+}

@@ -1,0 +1,332 @@
+//! How far pictures slid over the surface: where texels of a result lie on the original.
+//!
+//! ```text
+//!   result    ----p----        p shows the texel t; t lies at s on the original, and p's closest point is c:
+//!                 |            the picture slid from s to c
+//!   original  --s-c-----       the two sides of a seam show texels that lie at two places: the seam gapes from one to
+//!                              the other
+//! ```
+//! In: pairs of points. Out: [`Slides`] and [`Gaps`]. Invariant: pairs are summed in their order.
+//!
+//! Places are those of texels of a grid, [`GRID_SIDE`] on each side of an image, so that slides of up to a texel's size are
+//! found on a picture that did not move.
+//!
+//! # Memory
+//! 160 bytes for each pair of a window, at most a quarter of the budget; in each thread the texels that are asked for of one
+//! image.
+
+use std::ops::Range;
+
+use glam::{DVec2, DVec3};
+
+use super::Resources;
+use super::cells::{CellView, MeasuredMesh};
+use super::direction::TexturePair;
+use super::distribution::Distribution;
+use super::pictures::{NO_PICTURE, Pictures};
+use crate::base::ordered::map_in_order;
+use crate::base::{Progress, Result};
+use crate::store::Column;
+
+/// Texels of the grid along each side of an image, on which slides are measured.
+const GRID_SIDE: usize = 2048;
+/// The same if there are more than [`MANY_PICTURES`].
+const GRID_SIDE_OF_MANY: usize = 1024;
+/// Pictures from which on each has a coarser grid.
+const MANY_PICTURES: usize = 40;
+/// A texel whose middle lies outside of a chart still shows it if it lies this near, in weights of a triangle's corners
+const OUTSIDE_WEIGHT: f64 = 0.3;
+/// and within this many texels of the triangle's box.
+const OUTSIDE_TEXELS: f64 = 0.6;
+/// Times that a triangle's picture may repeat across it, along each axis, to be looked for.
+const REPEATS_MAX: usize = 4;
+/// Largest slide in texels; longer ones count as that in percentiles.
+const TEXELS_MAX: f64 = 1e6;
+/// Memory of a pair while its window is in work, in bytes.
+const PAIR_BYTES: u64 = 160;
+/// Pairs of a window, at least and at most: their numbers are kept in 32 bits.
+const WINDOW_PAIRS: Range<u64> = 1 << 10..1 << 30;
+
+/// Slides of the points of a result.
+#[derive(Debug)]
+pub struct Slides {
+    /// In the mesh's unit of length.
+    pub lengths: Distribution,
+    /// In texels of the original's images.
+    pub texels: Distribution,
+    /// Points that show a picture of the original.
+    pub textured: u64,
+    /// Those that show none of its charts.
+    pub outside: u64,
+    /// All points.
+    pub points: u64,
+}
+
+/// How far the two sides of seams are apart on the original.
+#[derive(Debug)]
+pub struct Gaps {
+    /// In the mesh's unit of length.
+    pub lengths: Distribution,
+    /// In texels of the images that are shown.
+    pub texels: Distribution,
+    /// Points of which both sides show a picture of the original.
+    pub textured: u64,
+    /// Those of which a side shows none of its charts.
+    pub outside: u64,
+}
+
+/// The original, where texels are looked for.
+#[derive(Debug, Clone, Copy)]
+pub struct Atlas<'a> {
+    /// The original.
+    pub original: &'a MeasuredMesh,
+    /// For each picture that is asked for those of the original that it shows, ascending.
+    pub sources: &'a [Vec<u32>],
+    /// A length that no slide exceeds by much.
+    pub limit: f64,
+    /// What may be used.
+    pub resources: &'a Resources,
+}
+
+/// A place of an image.
+type Texel = (u32, [f32; 2]);
+
+impl Atlas<'_> {
+    /// Measures how far the picture slid at points of the result, whose closest points lie on the original.
+    ///
+    /// # Errors
+    /// On failed reads.
+    pub fn slides(&self, pairs: &Column<TexturePair>, progress: &dyn Progress) -> Result<Slides> {
+        let sizes = sizes(&self.original.pictures);
+        let mut slides = Slides {
+            lengths: Distribution::new(self.limit),
+            texels: Distribution::new(TEXELS_MAX),
+            textured: 0,
+            outside: 0,
+            points: pairs.len(),
+        };
+        for range in self.windows(pairs) {
+            let window = pairs.window(range)?;
+            let texels: Vec<Texel> = window.iter().map(|pair| (pair.picture, pair.texcoord)).collect();
+            let places = self.places(&texels, progress)?;
+            for (pair, place) in window.iter().zip(places).filter(|(pair, _)| self.is_shown(pair.picture)) {
+                slides.textured += 1;
+                let Some(place) = place else {
+                    slides.outside += 1;
+                    continue;
+                };
+                let length = DVec3::from(pair.closest).distance(place);
+                slides.lengths.add(length);
+                if let Some(side) = sizes.get(pair.other_picture as usize).copied().flatten() {
+                    slides.texels.add(length * f64::from(pair.other_density) * side);
+                }
+            }
+        }
+        Ok(slides)
+    }
+
+    /// Measures how far apart the texels lie that the two sides of seams show; `pictures` are those of the mesh with seams.
+    ///
+    /// # Errors
+    /// On failed reads.
+    pub fn gaps(&self, pairs: &Column<TexturePair>, pictures: &Pictures, progress: &dyn Progress) -> Result<Gaps> {
+        let sizes = sizes(pictures);
+        let mut gaps = Gaps {
+            lengths: Distribution::new(self.limit),
+            texels: Distribution::new(TEXELS_MAX),
+            textured: 0,
+            outside: 0,
+        };
+        for range in self.windows(pairs) {
+            let window = pairs.window(range)?;
+            let sides = |pair: &TexturePair| [(pair.picture, pair.texcoord), (pair.other_picture, pair.other_texcoord)];
+            let texels: Vec<Texel> = window.iter().flat_map(sides).collect();
+            let places = self.places(&texels, progress)?;
+            let is_shown = |pair: &TexturePair| self.is_shown(pair.picture) && self.is_shown(pair.other_picture);
+            for (pair, places) in window.iter().zip(places.chunks_exact(2)).filter(|(pair, _)| is_shown(pair)) {
+                gaps.textured += 1;
+                let &[Some(from), Some(to)] = places else {
+                    gaps.outside += 1;
+                    continue;
+                };
+                gaps.lengths.add(from.distance(to));
+                if let Some(side) = sizes.get(pair.other_picture as usize).copied().flatten() {
+                    gaps.texels.add(from.distance(to) * f64::from(pair.other_density) * side);
+                }
+            }
+        }
+        Ok(gaps)
+    }
+
+    fn windows(&self, pairs: &Column<TexturePair>) -> impl Iterator<Item = Range<u64>> + use<> {
+        let fitting = self.resources.work_bytes / 4 / PAIR_BYTES;
+        pairs.ranges(fitting.clamp(WINDOW_PAIRS.start, WINDOW_PAIRS.end))
+    }
+
+    /// Whether a picture is one of the original's.
+    fn is_shown(&self, picture: u32) -> bool {
+        picture != NO_PICTURE && !self.sources[picture as usize].is_empty()
+    }
+
+    /// Where texels lie on the original; nothing for those that lie in none of its charts.
+    fn places(&self, texels: &[Texel], progress: &dyn Progress) -> Result<Vec<Option<DVec3>>> {
+        let side = if self.original.pictures.files.len() > MANY_PICTURES { GRID_SIDE_OF_MANY } else { GRID_SIDE };
+        let numbered = texels.iter().map(|texel| texel.0).zip(0u32..);
+        let mut asked: Vec<(u32, u32)> = numbered.filter(|&(picture, _)| self.is_shown(picture)).collect();
+        asked.sort_unstable();
+        let groups: Vec<&[(u32, u32)]> = asked.chunk_by(|a, b| a.0 == b.0).collect();
+        progress.begin("slides", groups.len() as u64, "images");
+        let mut found = vec![None; texels.len()];
+        let texel = |number: u32| texel_of(texels[number as usize].1, side);
+        let threads = self.resources.threads;
+        map_in_order(
+            groups.iter(),
+            threads,
+            threads + 1,
+            |group| {
+                let mut charts = Charts::new(group.iter().map(|&(_, number)| texel(number)).collect(), side);
+                charts.draw(self.original, &self.sources[group[0].0 as usize])?;
+                Ok((*group, charts))
+            },
+            |(group, charts)| {
+                progress.advance(1);
+                group.iter().for_each(|&(_, number)| found[number as usize] = charts.place(texel(number)));
+                Ok(())
+            },
+        )?;
+        Ok(found)
+    }
+}
+
+/// Side of a square with as many pixels as each picture has; nothing if it is no image.
+fn sizes(pictures: &Pictures) -> Vec<Option<f64>> {
+    let size = |(width, height): (u32, u32)| (f64::from(width) * f64::from(height)).sqrt();
+    pictures.files.iter().map(|file| image::image_dimensions(&file.path).ok().map(size)).collect()
+}
+
+/// Number of the texel of a grid that a texture coordinate between 0 and 1 lies in.
+fn texel_of(texcoord: [f32; 2], side: usize) -> u32 {
+    let [x, y] = texcoord.map(|at| ((f64::from(at) * side as f64) as usize).min(side - 1));
+    (y * side + x) as u32
+}
+
+/// Where some texels of a picture lie on a mesh.
+struct Charts {
+    /// The texels that are asked for, ascending.
+    texels: Vec<u32>,
+    /// Where the texels of each row begin.
+    rows: Vec<u32>,
+    places: Vec<Option<DVec3>>,
+    side: usize,
+}
+
+impl Charts {
+    fn new(mut texels: Vec<u32>, side: usize) -> Self {
+        texels.sort_unstable();
+        texels.dedup();
+        let row = |row: usize| texels.partition_point(|&texel| (texel as usize) < row * side) as u32;
+        let rows = (0..=side).map(row).collect();
+        let places = vec![None; texels.len()];
+        Self { texels, rows, places, side }
+    }
+
+    /// Where a texel lies.
+    fn place(&self, texel: u32) -> Option<DVec3> {
+        let at = self.texels.binary_search(&texel).ok()?;
+        self.places[at]
+    }
+
+    /// Draws the triangles of a mesh that show one of some pictures (ascending).
+    fn draw(&mut self, mesh: &MeasuredMesh, pictures: &[u32]) -> Result<()> {
+        let is_shown = |picture: &u32| pictures.binary_search(picture).is_ok();
+        for cell in mesh.cells.iter().filter(|cell| cell.pictures.iter().any(is_shown)) {
+            let view = cell.view()?;
+            for face in 0..view.faces.len() as u32 {
+                if is_shown(&view.faces[face as usize].picture) {
+                    self.draw_face(&view, face);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Draws a triangle wherever its picture repeats.
+    fn draw_face(&mut self, view: &CellView, face: u32) {
+        let corners = view.triangle(face).map(|corner| corner + view.origin);
+        let texcoords = view.faces[face as usize].texcoords.map(|uv| DVec2::new(f64::from(uv[0]), f64::from(uv[1])));
+        let highest = texcoords[0].max(texcoords[1]).max(texcoords[2]);
+        let repeats = highest.to_array().map(|most| (most.max(0.0) as usize + 1).min(REPEATS_MAX));
+        for x in 0..repeats[0] {
+            for y in 0..repeats[1] {
+                let shift = DVec2::new(x as f64, y as f64);
+                let texels = texcoords.map(|uv| (uv - shift) * self.side as f64 - 0.5);
+                self.draw_triangle(texels, corners);
+            }
+        }
+    }
+
+    /// Draws a triangle whose corners lie at `[a, b, c]` in texels, counted from the middle of the first one.
+    fn draw_triangle(&mut self, [a, b, c]: [DVec2; 3], corners: [DVec3; 3]) {
+        let doubled_area = (b - a).perp_dot(c - a);
+        if doubled_area.abs() < 1e-12 {
+            return;
+        }
+        let last = self.side as f64 - 1.0;
+        let low = (a.min(b).min(c) - OUTSIDE_TEXELS).ceil().max(DVec2::ZERO);
+        let high = (a.max(b).max(c) + OUTSIDE_TEXELS).floor().min(DVec2::splat(last));
+        if !(low.x <= high.x && low.y <= high.y) {
+            return;
+        }
+        for y in low.y as usize..=high.y as usize {
+            let row = self.rows[y] as usize..self.rows[y + 1] as usize;
+            let first = (y * self.side + low.x as usize) as u32;
+            let end = (y * self.side + high.x as usize) as u32;
+            let skipped = self.texels[row.clone()].partition_point(|&texel| texel < first);
+            for at in row.start + skipped..row.end {
+                let texel = self.texels[at];
+                if texel > end {
+                    break;
+                }
+                let point = DVec2::new((texel as usize % self.side) as f64, y as f64);
+                let at_b = (point - a).perp_dot(c - a) / doubled_area;
+                let at_c = (b - a).perp_dot(point - a) / doubled_area;
+                let weights = [1.0 - at_b - at_c, at_b, at_c];
+                let least = weights.into_iter().fold(f64::INFINITY, f64::min);
+                // The inside of a triangle hides what lies near another one; of two insides the later one is seen.
+                if least >= 0.0 || least >= -OUTSIDE_WEIGHT && self.places[at].is_none() {
+                    let place = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
+                    self.places[at] = Some(place);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_texel_is_found_on_the_triangle_that_covers_it() {
+        // a square of ten by ten units with the left half of the picture
+        let (side, corner) = (64, |x: f64, y: f64| DVec3::new(x, y, 3.0));
+        let texels = (0..64 * 64).collect();
+        let mut charts = Charts::new(texels, side);
+        let at = |u: f64, v: f64| DVec2::new(u, v) * side as f64 - 0.5;
+        charts.draw_triangle(
+            [at(0.0, 0.0), at(0.5, 0.0), at(0.5, 1.0)],
+            [corner(0.0, 0.0), corner(10.0, 0.0), corner(10.0, 10.0)],
+        );
+        charts.draw_triangle(
+            [at(0.0, 0.0), at(0.5, 1.0), at(0.0, 1.0)],
+            [corner(0.0, 0.0), corner(10.0, 10.0), corner(0.0, 10.0)],
+        );
+        for (texcoord, expected) in
+            [([0.26, 0.51], corner(5.15625, 5.078125)), ([0.01, 0.99], corner(0.15625, 9.921875))]
+        {
+            let place = charts.place(texel_of(texcoord, side)).unwrap();
+            assert!(place.distance(expected) < 1e-9, "{place}");
+        }
+        assert!(charts.place(texel_of([0.75, 0.5], side)).is_none());
+    }
+}
