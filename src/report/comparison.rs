@@ -4,13 +4,16 @@ use std::path::Path;
 
 use maud::{Markup, html};
 
-use super::figures::{self, figure, length, percent, picture, pictures, plot, row, seconds, spaced};
+use super::figures::{self, figure, length, percent, picture, pictures, plot, row, seconds, signed, spaced};
 use super::gallery::{self, Resources, Shot, VANTAGES, Viewpoints};
 use super::{Kind, plots, save_text};
 use crate::base::error::escape_path;
 use crate::base::{Error, Findings, Result, bytes};
 use crate::measure::compare::cells::MeasuredMesh;
-use crate::measure::compare::{Comparison, Distances, Onlooker, Place, Quality, Texture, Topology};
+use crate::measure::compare::{Comparison, Distances, Geometry, Onlooker, Place, Quality, Seams, Texture, Topology};
+
+/// Places of the largest distances that are shown.
+const SHOWN_PLACES: usize = 5;
 
 /// A name, and how its figure is found.
 type Figure<T, F> = (&'static str, fn(&T) -> F);
@@ -95,7 +98,7 @@ pub(super) fn body(comparison: &Comparison, after: &[Shot]) -> Markup {
     html! {
         (distances(comparison))
         (errors(comparison, after))
-        @if let Some(texture) = &comparison.texture { (texture_table(texture)) }
+        @if let Some(texture) = &comparison.texture { (texture_tables(texture)) }
         (shapes(comparison))
     }
 }
@@ -121,6 +124,12 @@ fn distances(comparison: &Comparison) -> Markup {
                         @for (name, of) in figures {
                             tr { th scope="row" { (name) } @for way in ways { td.number { (length(of(way))) } } }
                         }
+                        @if comparison.geometry.symmetric.cut_searches > 0 {
+                            tr {
+                                th scope="row" { "largest, at most" }
+                                @for way in ways { td.number { (length(way.max_bound)) } }
+                            }
+                        }
                         tr {
                             th scope="row" { "RMS per diagonal" }
                             @for way in ways { td.number { (length(way.rms / geometry.diagonal.max(f64::MIN_POSITIVE))) } }
@@ -134,6 +143,10 @@ fn distances(comparison: &Comparison) -> Markup {
                 "Exact distances from " (spaced(comparison.samples)) " points by area on each surface, and from vertices and points on "
                 "edges for the largest one. To the original: what was added. To the result: what was lost. Diagonal of the original: "
                 (length(geometry.diagonal)) "."
+                @if geometry.symmetric.cut_searches > 0 {
+                    " " (spaced(geometry.symmetric.cut_searches)) " points were given up, since triangles lie across each other by "
+                    "the thousand; others near by speak for them."
+                }
             }
             (worst(comparison))
         }
@@ -142,17 +155,23 @@ fn distances(comparison: &Comparison) -> Markup {
 
 /// Where the largest distances are.
 fn worst(comparison: &Comparison) -> Markup {
-    let places = &comparison.geometry.symmetric.worst;
+    let Geometry { forward, backward, .. } = &comparison.geometry;
+    let mut places: Vec<(&str, &Place)> = forward.worst.iter().map(|place| ("added", place)).collect();
+    places.extend(backward.worst.iter().map(|place| ("lost", place)));
+    places.sort_by(|a, b| b.1.distance.total_cmp(&a.1.distance));
+    let position = |at: [f64; 3]| at.map(|coordinate| format!("{coordinate:.3}").replace('-', "\u{2212}")).join(", ");
     html! {
         @if !places.is_empty() {
             h3 { "Largest distances" }
-            table.narrow {
-                thead { tr { th.number { "Distance" } th.number { "x" } th.number { "y" } th.number { "z" } } }
+            table {
+                thead { tr { th { "Surface" } th.number { "Distance" } th.number { "From" } th.number { "To" } } }
                 tbody {
-                    @for place in places.iter().take(5) {
+                    @for (what, place) in places.iter().take(SHOWN_PLACES) {
                         tr {
+                            th scope="row" { (what) }
                             td.number { (length(place.distance)) }
-                            @for coordinate in place.position { td.number { (format!("{coordinate:.3}")) } }
+                            td.number { (position(place.position)) }
+                            td.number { (position(place.closest)) }
                         }
                     }
                 }
@@ -177,7 +196,7 @@ fn errors(comparison: &Comparison, after: &[Shot]) -> Markup {
                 div.ramp role="img" aria-label="scale of colours, from no distance to the largest shown" {}
                 @for step in 0..=4 { span { (length(most * f64::from(step) / 4.0)) @if step == 4 { " and more" } } }
             }
-            div.pair {
+            div.pair.shots {
                 @for (place, relief) in coloured {
                     (picture(&relief.colour(most), &format!("distance from the original, {}", place.name)))
                 }
@@ -186,38 +205,78 @@ fn errors(comparison: &Comparison, after: &[Shot]) -> Markup {
     }
 }
 
-fn texture_table(texture: &Texture) -> Markup {
-    let folded = format!("{} (before: {})", spaced(texture.folded_triangles), spaced(texture.folded_triangles_before));
+fn texture_tables(texture: &Texture) -> Markup {
+    let two = |a: f64, b: f64| format!("{} · {}", length(a), length(b));
+    let folded = [texture.folded_triangles_before, texture.folded_triangles].map(spaced);
+    let figures: [Figure<Seams, String>; 8] = [
+        ("length of all seams", |s| length(s.length)),
+        ("difference of colour across, mean", |s| length(s.colour_mean)),
+        ("root mean square", |s| length(s.colour_rms)),
+        ("gap: half of the length below", |s| length(s.gap_median)),
+        ("95 % below", |s| length(s.gap_p95)),
+        ("in texels: half below", |s| length(s.gap_texels_median)),
+        ("95 % below", |s| length(s.gap_texels_p95)),
+        ("a side outside of all charts", |s| percent(100.0 * s.outside_fraction)),
+    ];
     html! {
         section {
             h2 { "Texture" }
-            table.narrow {
-                (row("difference of colour to the original, mean and RMS of 255",
-                    &format!("{} · {}", length(texture.colour_mean), length(texture.colour_rms))))
-                (row("to the result", &format!("{} · {}", length(texture.colour_backward_mean), length(texture.colour_backward_rms))))
-                (row("slide of the picture: half of the surface below", &length(texture.slide_median)))
-                (row("95 % below", &length(texture.slide_p95)))
-                (row("the same in texels", &format!("{} · {}", length(texture.slide_texels_median), length(texture.slide_texels_p95))))
-                (row("surface that shows a place outside of all charts", &percent(100.0 * texture.outside_fraction)))
-                (row("surface without image", &percent(100.0 * texture.untextured_fraction)))
-                (row("triangles folded in texture", &folded))
-                (row("images read, of these at a lower resolution", &format!("{} · {}", spaced(texture.images), spaced(texture.reduced_images))))
+            div.pair {
+                table {
+                    thead { tr { th { "Surface" } th.number { "half below · 95 % below" } } }
+                    tbody {
+                        (row("slide of the picture, mesh units", &two(texture.slide_median, texture.slide_p95)))
+                        (row("slide of the picture, texels", &two(texture.slide_texels_median, texture.slide_texels_p95)))
+                    }
+                    thead { tr { th { "Colours, of 255" } th.number { "mean · root mean square" } } }
+                    tbody {
+                        (row("to the original", &two(texture.colour_mean, texture.colour_rms)))
+                        (row("to the result", &two(texture.colour_backward_mean, texture.colour_backward_rms)))
+                    }
+                    thead { tr { th { "Charts and images" } th {} } }
+                    tbody {
+                        (row("surface that shows a place outside of all charts", &percent(100.0 * texture.outside_fraction)))
+                        (row("surface without image", &percent(100.0 * texture.untextured_fraction)))
+                        (row("images read", &spaced(texture.images)))
+                        @if texture.reduced_images > 0 {
+                            (row("of these at a lower resolution", &spaced(texture.reduced_images)))
+                        }
+                    }
+                }
+                table {
+                    thead { tr { th { "Seams" } th.number { "before" } th.number { "after" } } }
+                    tbody {
+                        @for (name, of) in figures { (trio(name, &of(&texture.seams.before), &of(&texture.seams.after))) }
+                        (trio("triangles folded in texture", &folded[0], &folded[1]))
+                    }
+                }
+            }
+            p.quiet {
+                "Slide: from where the picture at a point of the result lies on the original to the closest point there. Gap: from "
+                "where the texel on one side of a seam lies on the original to where that on the other side lies; it is measured on "
+                "a grid of texels, so a seam that did not change has a gap of up to a texel of it."
             }
         }
     }
 }
 
+/// A name with a figure of the original and of the result.
+fn trio(name: &str, before: &str, after: &str) -> Markup {
+    html! { tr { th scope="row" { (name) } td.number { (before) } td.number { (after) } } }
+}
+
 fn shapes(comparison: &Comparison) -> Markup {
     let Comparison { topology, quality, geometry, .. } = comparison;
-    let counts: [Figure<Topology, u64>; 8] = [
-        ("triangles", |t| t.faces),
-        ("vertices", |t| t.vertices),
-        ("pieces", |t| t.components),
-        ("open edges", |t| t.boundary_edges),
-        ("open borders", |t| t.boundary_loops),
-        ("non-manifold edges", |t| t.non_manifold_edges),
-        ("seam edges", |t| t.seam_edges),
-        ("charts", |t| t.charts),
+    let counts: [Figure<Topology, String>; 9] = [
+        ("triangles", |t| spaced(t.faces)),
+        ("vertices", |t| spaced(t.vertices)),
+        ("pieces", |t| spaced(t.components)),
+        ("open edges", |t| spaced(t.boundary_edges)),
+        ("open borders", |t| spaced(t.boundary_loops)),
+        ("non-manifold edges", |t| spaced(t.non_manifold_edges)),
+        ("seam edges", |t| spaced(t.seam_edges)),
+        ("charts", |t| spaced(t.charts)),
+        ("Euler number", |t| signed(t.euler)),
     ];
     let shapes: [Figure<Quality, String>; 4] = [
         ("mean regularity of triangles", |q| length(q.regularity_mean)),
@@ -226,27 +285,35 @@ fn shapes(comparison: &Comparison) -> Markup {
         ("most edges at a vertex", |q| spaced(q.valence_max)),
     ];
     let volume = |volume: Option<f64>| volume.map_or_else(|| "open".to_owned(), length);
-    let trio = |name: &str, before: &str, after: &str| {
-        html! { tr { th scope="row" { (name) } td.number { (before) } td.number { (after) } } }
-    };
+    let heads = |name: &str| html! { thead { tr { th { (name) } th.number { "before" } th.number { "after" } } } };
+    let normals = &geometry.normals;
     html! {
         section {
             h2 { "Topology and shape" }
-            table.narrow {
-                thead { tr { th {} th.number { "before" } th.number { "after" } } }
-                tbody {
-                    @for (name, of) in counts { (trio(name, &spaced(of(&topology.before)), &spaced(of(&topology.after)))) }
-                    (trio("Euler number", &topology.before.euler.to_string(), &topology.after.euler.to_string()))
-                    @for (name, of) in shapes { (trio(name, &of(&quality.before), &of(&quality.after))) }
-                    (trio("area", &length(geometry.area.before), &length(geometry.area.after)))
-                    (trio("volume", &volume(geometry.volume.before), &volume(geometry.volume.after)))
+            div.pair {
+                table {
+                    (heads("Counts"))
+                    tbody {
+                        @for (name, of) in counts { (trio(name, &of(&topology.before), &of(&topology.after))) }
+                    }
                 }
-            }
-            p.quiet {
-                "Normals differ by " (length(geometry.normals.mean)) "° in the mean, 95 % of the surface by less than "
-                (length(geometry.normals.p95)) "°; " (percent(100.0 * geometry.normals.flipped)) " is turned over."
-                @if let Some(border) = &geometry.border {
-                    " Open borders lie at most " (length(border.max)) " from those of the original, RMS " (length(border.rms)) "."
+                div {
+                    table {
+                        (heads("Shapes"))
+                        tbody {
+                            @for (name, of) in shapes { (trio(name, &of(&quality.before), &of(&quality.after))) }
+                            (trio("area", &length(geometry.area.before), &length(geometry.area.after)))
+                            (trio("volume", &volume(geometry.volume.before), &volume(geometry.volume.after)))
+                        }
+                    }
+                    p.quiet {
+                        "Normals differ by " (length(normals.mean)) "° in the mean, 95 % of the surface by less than "
+                        (length(normals.p95)) "°; " (percent(100.0 * normals.flipped)) " is turned over."
+                        @if let Some(border) = &geometry.border {
+                            " Open borders lie at most " (length(border.max)) " from those of the original, RMS "
+                            (length(border.rms)) "."
+                        }
+                    }
                 }
             }
         }

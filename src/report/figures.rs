@@ -36,7 +36,7 @@ pub(super) fn pictures(before: &[Shot], after: &[Shot]) -> Markup {
             h2 { "Before and after" }
             @for ((place, before), after) in VANTAGES.iter().zip(before).zip(after) {
                 @let edges = if place.with_edges { ", with edges" } else { "" };
-                div.pair {
+                div.pair.shots {
                     (picture(&before.address, &format!("before, {}{edges}", place.name)))
                     (picture(&after.address, &format!("after, {}{edges}", place.name)))
                 }
@@ -50,7 +50,7 @@ pub(super) fn figure(name: &str, value: &str, note: &str) -> Markup {
 }
 
 pub(super) fn row(name: &str, value: &str) -> Markup {
-    html! { tr { th scope="row" { (name) } td { (value) } } }
+    html! { tr { th scope="row" { (name) } td.number { (value) } } }
 }
 
 pub(super) fn picture(address: &str, caption: &str) -> Markup {
@@ -70,6 +70,11 @@ pub(super) fn plot(svg: Option<String>, caption: &str) -> Markup {
 /// A number with narrow blanks that do not break.
 pub(super) fn spaced(number: u64) -> String {
     grouped(number).replace(' ', "\u{202f}")
+}
+
+/// A whole number with a minus sign as long as a plus.
+pub(super) fn signed(number: i64) -> String {
+    format!("{}{}", if number < 0 { "\u{2212}" } else { "" }, spaced(number.unsigned_abs()))
 }
 
 pub(super) fn percent(share: f64) -> String {
@@ -104,6 +109,11 @@ pub(super) fn length(length: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn negative_numbers_have_a_minus_sign() {
+        assert_eq!([-1634, 12].map(signed), ["\u{2212}1\u{202f}634", "12"]);
+    }
 
     #[test]
     fn lengths_have_three_digits_that_count() {

@@ -50,11 +50,21 @@ fn key_figures(report: &Report) -> Markup {
         section.figures {
             (figure("triangles before", &spaced(faces.input), &files(report.input_files)))
             (figure("triangles after", &spaced(faces.output), &format!("{} of the input", percent(share))))
-            (figure("deviation, estimated", &length(report.error.rms_estimate), "root mean square, mesh units"))
+            @match &report.comparison {
+                Some(comparison) => {
+                    (figure("distance, RMS", &length(comparison.geometry.symmetric.rms), "measured both ways, mesh units"))
+                    @if let Some(texture) = &comparison.texture {
+                        (figure("difference of colour", &length(texture.colour_rms), "RMS, of 255"))
+                    }
+                }
+                None => (figure("deviation, estimated", &length(report.error.rms_estimate), "root mean square, mesh units")),
+            }
             (figure("time", &seconds(report.seconds.total), &format!("{} threads", report.threads)))
             (figure("peak memory", &bytes::display(report.memory.peak_resident),
                 &format!("{} of the {} allowed", percent(memory_share), bytes::display(report.memory.budget))))
-            (figure("input", &bytes::display(report.io.input), "of OBJ text, read once"))
+            @if report.comparison.as_ref().is_none_or(|comparison| comparison.texture.is_none()) {
+                (figure("input", &bytes::display(report.io.input), "of OBJ text, read once"))
+            }
         }
     }
 }
@@ -84,22 +94,25 @@ fn floor(report: &Report) -> Markup {
 
 /// What was repaired, dropped or noticed.
 fn findings(report: &Report) -> Markup {
+    let places = |kind: &str| {
+        let name = kind.replace('_', " ");
+        report.warnings.iter().find_map(|words| words.strip_prefix(&name)?.strip_prefix(": "))
+    };
+    let has_places = report.repairs.keys().any(|kind| places(kind).is_some());
     html! {
         section {
             h2 { "Warnings and repairs" }
             @if report.repairs.is_empty() {
                 p { "None: everything that was read is in the result." }
             } @else {
-                table {
-                    thead { tr { th { "Kind" } th.number { "Count" } th.wide { "Where" } } }
+                table.narrow[!has_places] {
+                    thead { tr { th { "Kind" } th.number { "Count" } @if has_places { th.wide { "Where" } } } }
                     tbody {
                         @for (kind, count) in &report.repairs {
-                            @let name = kind.replace('_', " ");
-                            @let places = report.warnings.iter().find_map(|w| w.strip_prefix(&name)?.strip_prefix(": "));
                             tr {
-                                th scope="row" { (name) }
+                                th scope="row" { (kind.replace('_', " ")) }
                                 td.number { (spaced(*count)) }
-                                td.wide { (places.unwrap_or("")) }
+                                @if has_places { td.wide { (places(kind).unwrap_or("")) } }
                             }
                         }
                     }
@@ -162,6 +175,9 @@ fn time(report: &Report) -> Markup {
             p.quiet {
                 "Predicted peak: " (bytes::display(report.memory.predicted_peak)) ". Work folder: at most "
                 (bytes::display(report.io.scratch_peak)) ". Mapped files are read without system calls and are not among the bytes read."
+                @if let Some(comparison) = &report.comparison {
+                    " Comparing the result with the original took " (seconds(comparison.seconds)) " after that."
+                }
             }
         }
     }

@@ -101,7 +101,7 @@ fn against_faces(passes: &[PassReport], y_name: &str, of: impl Fn(&StageReport) 
             .margin_right(20)
             .x_label_area_size(38)
             .y_label_area_size(62)
-            .build_cartesian_2d(x.log_scale(), y.log_scale())?;
+            .build_cartesian_2d(x.clone().log_scale(), y.clone().log_scale())?;
         chart
             .configure_mesh()
             .bold_line_style(RULE)
@@ -110,8 +110,8 @@ fn against_faces(passes: &[PassReport], y_name: &str, of: impl Fn(&StageReport) 
             .label_style(label(INK))
             .x_desc("triangles left")
             .y_desc(y_name)
-            .x_label_formatter(&|faces| short(*faces))
-            .y_label_formatter(&plain)
+            .x_label_formatter(&|faces| round_in(&x, *faces, short(*faces)))
+            .y_label_formatter(&|value| round_in(&y, *value, plain(value)))
             .draw()?;
         chart.draw_series(LineSeries::new(shown.iter().copied(), FIRST.stroke_width(2)))?;
         for (number, pass) in passes.iter().enumerate() {
@@ -273,6 +273,19 @@ fn decades(values: impl Iterator<Item = f64>) -> Range<f64> {
     low / 1.3..high * 1.6
 }
 
+/// The words for a place among decades: all of them where there is room, else those of 1, 2 and 5 in each decade, or of 1.
+fn round_in(range: &Range<f64>, place: f64, words: String) -> String {
+    let decades = libm::log10(range.end / range.start);
+    let leading = place / 10f64.powf(libm::floor(libm::log10(place) + 1e-9));
+    let is_near = |digit: f64| (leading - digit).abs() < 1e-6;
+    let is_shown = match decades {
+        d if d <= 0.8 => true,
+        d if d <= 2.5 => [1.0, 2.0, 5.0].into_iter().any(is_near),
+        _ => is_near(1.0),
+    };
+    if is_shown { words } else { String::new() }
+}
+
 /// A number without needless zeros.
 fn plain(number: &f64) -> String {
     let rounded = (number * 1e6).round() / 1e6;
@@ -328,6 +341,17 @@ mod tests {
         assert_eq!(distribution(&histogram([1.0, 0.0, 0.0]), &Histogram::default()), None);
         let drawn = distribution(&histogram([0.2, 0.5, 0.3]), &histogram([0.0, 1.0, 0.0])).unwrap();
         assert!(drawn.contains("to the original") && drawn.contains("to the result"));
+    }
+
+    #[test]
+    fn labels_of_many_decades_are_those_of_round_numbers() {
+        let shown = |range: Range<f64>| -> Vec<f64> {
+            let places = [0.01, 0.02, 0.03, 0.05, 0.09, 0.1, 0.2];
+            places.into_iter().filter(|&place| !round_in(&range, place, plain(&place)).is_empty()).collect()
+        };
+        assert_eq!(shown(0.03..0.1).len(), 7);
+        assert_eq!(shown(0.01..0.3), [0.01, 0.02, 0.05, 0.1, 0.2]);
+        assert_eq!(shown(0.01..30.0), [0.01, 0.1]);
     }
 
     #[test]
