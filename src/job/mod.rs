@@ -17,8 +17,10 @@
 pub mod codec;
 pub mod header;
 mod journal;
+mod lock;
 mod manifest;
 mod stamp;
+mod status;
 
 use std::collections::{HashMap, HashSet};
 use std::fs::{self, File};
@@ -26,9 +28,7 @@ use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard};
-use std::time::Duration;
 
-use fs4::FileExt;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use xxhash_rust::xxh3::xxh3_64;
@@ -37,12 +37,14 @@ pub use self::header::FORMAT_VERSION;
 use self::header::{HEADER_BYTES, Header};
 pub use self::journal::{Entry, Record, Step};
 use self::journal::{Journal, Value, now};
+use self::lock::lock_folder;
 pub use self::manifest::{InputFile, Manifest};
 pub use self::stamp::is_file_name;
 use self::stamp::{Condition, Stamp};
+pub use self::status::{WorkStatus, folder_bytes, look};
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
-use crate::os::durable::{DurableFile, no_links};
+use crate::os::durable::DurableFile;
 
 const MANIFEST: &str = "manifest.bin";
 const JOURNAL: &str = "journal.bin";
@@ -52,9 +54,6 @@ const PREFIXES: [&str; 4] = ["scan-", "pass-", "write-", "measure-"];
 const SUFFIXES: [&str; 8] = [".col", ".plc", ".blk", ".scatter", ".piece", ".bin", ".state", ".tmp"];
 /// A larger value gets a file of its own.
 const VALUE_BYTES_HERE: usize = 4 << 10;
-/// How often, and after what time, a lock is tried again: someone may just be looking at it.
-const LOCK_TRIES: u32 = 8;
-const LOCK_INTERVAL: Duration = Duration::from_millis(25);
 
 /// What to do with a work folder that holds a job already.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -345,7 +344,7 @@ impl WorkFolder {
     }
 
     fn remove_all_but(&self, names: &HashSet<String>) -> Result<()> {
-        for entry in fs::read_dir(&self.path).map_err(|e| Error::io(&self.path, "read", e))?.flatten() {
+        for entry in entries(&self.path)? {
             let name = entry.file_name();
             let name = name.to_string_lossy();
             if is_phase_file(&name) && !names.contains(&*name) {
@@ -390,45 +389,6 @@ impl Drop for WorkFolder {
     }
 }
 
-/// What can be told of a work folder while a job runs in it.
-#[derive(Debug)]
-pub struct WorkStatus {
-    /// What it was made for.
-    pub manifest: Manifest,
-    /// What happened.
-    pub entries: Vec<Entry>,
-    /// Whether a process works in it.
-    pub is_running: bool,
-    /// Bytes of all files.
-    pub bytes: u64,
-}
-
-/// Looks at a work folder without disturbing it.
-///
-/// # Errors
-/// [`Error::Usage`] if it is none; [`Error::Damaged`] and [`Error::Changed`] if it cannot be read.
-pub fn look(path: &Path) -> Result<WorkStatus> {
-    if !path.join(MANIFEST).is_file() {
-        return Err(Error::Usage(format!("{}: holds no job; give a work folder", escape_path(path))));
-    }
-    let manifest = Manifest::read(&path.join(MANIFEST))?;
-    let entries = match path.join(JOURNAL).exists() {
-        true => journal::read(&path.join(JOURNAL))?.0,
-        false => Vec::new(),
-    };
-    let is_running = match File::open(path.join(LOCK)) {
-        Ok(file) => FileExt::try_lock_shared(&file).is_err(),
-        Err(_) => false,
-    };
-    Ok(WorkStatus { manifest, entries, is_running, bytes: folder_bytes(path) })
-}
-
-/// Bytes of all files in a folder.
-pub fn folder_bytes(folder: &Path) -> u64 {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    entries.filter_map(|entry| entry.metadata().ok()).map(|meta| meta.len()).sum()
-}
-
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
 }
@@ -451,39 +411,8 @@ fn read_value(path: &Path) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Makes the folder if it is not there, and locks it for this process.
-fn lock_folder(path: &Path) -> Result<File> {
-    let lock_path = path.join(LOCK);
-    for _ in 0..LOCK_TRIES {
-        fs::create_dir_all(path).map_err(|e| Error::io(path, "create", e))?;
-        let mut options = File::options();
-        let file = match no_links(options.create(true).truncate(false).write(true)).open(&lock_path) {
-            // A job that has just ended takes its folder away.
-            Err(error) if error.kind() == ErrorKind::NotFound => continue,
-            opened => opened.map_err(|e| Error::io(&lock_path, "create", e))?,
-        };
-        if FileExt::try_lock(&file).is_err() {
-            std::thread::sleep(LOCK_INTERVAL);
-        } else if is_file_at(&file, &lock_path) {
-            return Ok(file);
-        }
-    }
-    Err(Error::Locked(path.to_owned()))
-}
-
-/// Whether a path still leads to an open file: a lock on one that was removed locks nobody out.
-fn is_file_at(file: &File, path: &Path) -> bool {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::MetadataExt;
-        let identity = |meta: fs::Metadata| (meta.dev(), meta.ino());
-        file.metadata().ok().map(identity) == fs::symlink_metadata(path).ok().map(identity)
-    }
-    #[cfg(not(unix))]
-    {
-        let _ = file;
-        path.exists()
-    }
+fn entries(folder: &Path) -> Result<Vec<fs::DirEntry>> {
+    fs::read_dir(folder).and_then(Iterator::collect).map_err(|e| Error::io(folder, "read", e))
 }
 
 fn is_phase_file(name: &str) -> bool {
@@ -495,7 +424,7 @@ fn refuse_foreign(path: &Path) -> Result<()> {
     if !path.is_dir() {
         return Err(Error::Usage(format!("{}: the work folder is not a folder", escape_path(path))));
     }
-    for entry in fs::read_dir(path).map_err(|e| Error::io(path, "read", e))?.flatten() {
+    for entry in entries(path)? {
         let name = entry.file_name();
         let name = name.to_string_lossy();
         let is_own = [MANIFEST, JOURNAL, LOCK].contains(&name.strip_suffix(".tmp").unwrap_or(&name));

@@ -9,6 +9,7 @@ use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::header::{HEADER_BYTES, Header};
 use crate::base::{Error, Result};
+use crate::os::durable::no_links;
 
 const READ_BYTES: usize = 256 << 10;
 
@@ -72,7 +73,8 @@ impl Stamp {
         if found.len() != self.bytes {
             return Ok(Condition::Damaged(format!("{} bytes were written, it has {}", self.bytes, found.len())));
         }
-        let mut file = File::open(&path).map_err(|e| Error::io(&path, "open", e))?;
+        let mut options = File::options();
+        let mut file = no_links(options.read(true)).open(&path).map_err(|e| Error::io(&path, "open", e))?;
         let mut header = [0; HEADER_BYTES as usize];
         file.read_exact(&mut header).map_err(|e| Error::io(&path, "read", e))?;
         if xxh3_64(&header) != self.header {

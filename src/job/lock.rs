@@ -1,0 +1,61 @@
+//! The lock of a work folder: one process at a time, and the lock of a process that is gone is none.
+//!
+//! The system holds it for as long as the file stays open, so a kill gives it back. The file itself goes with the folder.
+
+use std::fs::{self, File};
+use std::io::ErrorKind;
+use std::path::Path;
+use std::time::Duration;
+
+use fs4::FileExt;
+
+use super::LOCK;
+use crate::base::{Error, Result};
+use crate::os::durable::no_links;
+
+/// How often, and after what time, a lock is tried again: someone may just be looking at it.
+const TRIES: u32 = 8;
+const INTERVAL: Duration = Duration::from_millis(25);
+
+/// Makes the folder if it is not there, and locks it for this process.
+///
+/// # Errors
+/// [`Error::Locked`] if another process has it; [`Error::Io`] if the folder or the file cannot be made.
+pub(super) fn lock_folder(path: &Path) -> Result<File> {
+    let lock_path = path.join(LOCK);
+    for _ in 0..TRIES {
+        fs::create_dir_all(path).map_err(|e| Error::io(path, "create", e))?;
+        let mut options = File::options();
+        let file = match no_links(options.create(true).truncate(false).write(true)).open(&lock_path) {
+            // A job that has just ended takes its folder away.
+            Err(error) if error.kind() == ErrorKind::NotFound => continue,
+            opened => opened.map_err(|e| Error::io(&lock_path, "create", e))?,
+        };
+        if FileExt::try_lock(&file).is_err() {
+            std::thread::sleep(INTERVAL);
+        } else if is_file_at(&file, &lock_path) {
+            return Ok(file);
+        }
+    }
+    Err(Error::Locked(path.to_owned()))
+}
+
+/// Whether another process has the lock of a folder.
+pub(super) fn is_locked(path: &Path) -> bool {
+    File::open(path.join(LOCK)).is_ok_and(|file| FileExt::try_lock_shared(&file).is_err())
+}
+
+/// Whether a path still leads to an open file: a lock on one that was removed locks nobody out.
+fn is_file_at(file: &File, path: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        let identity = |meta: fs::Metadata| (meta.dev(), meta.ino());
+        file.metadata().ok().map(identity) == fs::symlink_metadata(path).ok().map(identity)
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = file;
+        path.exists()
+    }
+}

@@ -1,0 +1,46 @@
+//! What a work folder tells of its job, without a lock and while the job runs.
+
+use std::fs;
+use std::path::Path;
+
+use super::journal::{self, Entry};
+use super::lock::is_locked;
+use super::manifest::Manifest;
+use super::{JOURNAL, MANIFEST};
+use crate::base::error::escape_path;
+use crate::base::{Error, Result};
+
+/// What can be told of a work folder while a job runs in it.
+#[derive(Debug)]
+pub struct WorkStatus {
+    /// What it was made for.
+    pub manifest: Manifest,
+    /// What happened.
+    pub entries: Vec<Entry>,
+    /// Whether a process works in it.
+    pub is_running: bool,
+    /// Bytes of all files.
+    pub bytes: u64,
+}
+
+/// Looks at a work folder without disturbing it.
+///
+/// # Errors
+/// [`Error::Usage`] if it is none; [`Error::Damaged`] and [`Error::Changed`] if it cannot be read.
+pub fn look(path: &Path) -> Result<WorkStatus> {
+    if !path.join(MANIFEST).is_file() {
+        return Err(Error::Usage(format!("{}: holds no job; give a work folder", escape_path(path))));
+    }
+    let manifest = Manifest::read(&path.join(MANIFEST))?;
+    let entries = match path.join(JOURNAL).exists() {
+        true => journal::read(&path.join(JOURNAL))?.0,
+        false => Vec::new(),
+    };
+    Ok(WorkStatus { manifest, entries, is_running: is_locked(path), bytes: folder_bytes(path) })
+}
+
+/// Bytes of all files in a folder.
+pub fn folder_bytes(folder: &Path) -> u64 {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.filter_map(|entry| entry.metadata().ok()).map(|meta| meta.len()).sum()
+}
