@@ -2,7 +2,7 @@
 
 use std::fs::{self, File};
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Peak resident memory of this process in bytes (`VmHWM`), 0 where the system does not tell.
 pub fn peak_resident_bytes() -> u64 {
@@ -24,12 +24,33 @@ pub fn io_bytes() -> (u64, u64) {
     (field("rchar:"), field("wchar:"))
 }
 
-/// Memory of the machine or of the cgroup that the process is in, whichever is less, in bytes.
+/// Memory of the machine or of the cgroups that the process is in, whichever is least, in bytes.
 pub fn memory_bytes() -> Option<u64> {
     let machine = fs::read_to_string("/proc/meminfo").ok().and_then(|text| kib_field(&text, "MemTotal:"));
-    let limits = ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];
-    let cgroup = limits.iter().filter_map(|path| fs::read_to_string(path).ok()?.trim().parse::<u64>().ok()).min();
+    let cgroups = fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
+    let limit = |path: PathBuf| fs::read_to_string(path).ok()?.trim().parse::<u64>().ok();
+    let cgroup = limit_files(&cgroups).into_iter().filter_map(limit).min();
     [machine, cgroup].into_iter().flatten().min()
+}
+
+/// Files that may hold a memory limit of a process whose `/proc/self/cgroup` is given: those of its cgroup and of all
+/// above it, up to the one that the process sees as the root.
+fn limit_files(cgroups: &str) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for line in cgroups.lines() {
+        let mut fields = line.splitn(3, ':').skip(1);
+        let (Some(controllers), Some(path)) = (fields.next(), fields.next()) else { continue };
+        let (root, file) = match controllers {
+            "" => ("/sys/fs/cgroup", "memory.max"),
+            _ if controllers.split(',').any(|name| name == "memory") => {
+                ("/sys/fs/cgroup/memory", "memory.limit_in_bytes")
+            }
+            _ => continue,
+        };
+        let path = Path::new(path.trim_start_matches('/'));
+        files.extend(path.ancestors().map(|above| Path::new(root).join(above).join(file)));
+    }
+    files
 }
 
 /// Bytes that are free for this user on the disk that holds `path`.
@@ -97,4 +118,29 @@ fn proc_status_bytes(field: &str) -> Option<u64> {
 fn kib_field(text: &str, field: &str) -> Option<u64> {
     let line = text.lines().find(|line| line.starts_with(field))?;
     Some(line.split_whitespace().nth(1)?.parse::<u64>().ok()? << 10)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_limit_counts_at_every_level_above_the_process() {
+        let both = limit_files("4:cpu,memory:/jobs/one\n1:name=systemd:/\n0::/user.slice\n");
+        let expected = [
+            "/sys/fs/cgroup/memory/jobs/one/memory.limit_in_bytes",
+            "/sys/fs/cgroup/memory/jobs/memory.limit_in_bytes",
+            "/sys/fs/cgroup/memory/memory.limit_in_bytes",
+            "/sys/fs/cgroup/user.slice/memory.max",
+            "/sys/fs/cgroup/memory.max",
+        ];
+        assert_eq!(both, expected.map(PathBuf::from));
+        assert!(limit_files("nonsense").is_empty());
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn the_machine_has_memory() {
+        assert!(memory_bytes().is_some_and(|bytes| bytes > resident_bytes()));
+    }
 }
