@@ -9,9 +9,11 @@
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
 use serde::{Deserialize, Serialize};
+use xxhash_rust::xxh3::xxh3_64;
 
 use super::PartitionOptions;
 use super::numbering::{Numbering, Ranks};
@@ -42,6 +44,8 @@ pub struct CellFaces {
 
 /// Changes of the window from one block to the next, for each window, up to which windows are loaded as they are needed.
 const WINDOW_CHANGES_MAX: u64 = 4;
+/// Bytes of a face's three new ids in the file of corners.
+const CORNERS_BYTES: u64 = size_of::<[u32; 3]>() as u64;
 /// Texture coordinates of a stretch: 64 KiB, so that a stretch is about what one random read costs.
 pub const TEXCOORD_STRETCH: u32 = 4096;
 
@@ -140,6 +144,8 @@ impl Shared {
 /// One block of faces and where its piece stands.
 #[derive(Debug, Clone, Copy)]
 struct Job<'a> {
+    /// Number of blocks before it.
+    index: usize,
     piece: &'a StoredPiece,
     numbering: PieceNumbering,
     block: &'a FaceBlock,
@@ -199,7 +205,7 @@ pub fn distribute(
     let mut first = 0;
     for (piece, numbering) in mesh.pieces.iter().zip(mesh.numbering()?) {
         for block in piece.faces.blocks() {
-            jobs.push(Job { piece, numbering, block, first, window: None });
+            jobs.push(Job { index: jobs.len(), piece, numbering, block, first, window: None });
             first += u64::from(block.faces);
         }
     }
@@ -213,7 +219,11 @@ pub fn distribute(
     let waiting: Vec<Job<'_>> = jobs.iter().copied().filter(|job| job.window.is_none()).collect();
     let looked_up = match ranks.whole() {
         Some(_) => None,
-        None => Some(look_up(&waiting, ranks, first, &folder.join(format!("{name}-corners.tmp")), options)?),
+        None => {
+            let corners = Corners::create(&folder.join(format!("{name}-corners.tmp")), jobs.len(), first)?;
+            corners.look_up(&waiting, ranks, options)?;
+            Some(corners)
+        }
     };
     let loaded = LoadedWindow::default();
     let mut by_cell = ScatterWriter::create(&folder.join(format!("{name}-faces.scatter")), numbering.cell_count())?;
@@ -233,7 +243,7 @@ pub fn distribute(
                 let (start, found) = (ranks.range(window).start, loaded.get(ranks, window)?);
                 faces.iter_mut().for_each(|face| face.vertices = face.vertices.map(|v| found[(v - start) as usize]));
             } else if let Some(corners) = &looked_up {
-                let found = corners.read(job.first, faces.len())?;
+                let found = corners.read(&job, faces.len())?;
                 faces.iter_mut().zip(found).for_each(|(face, vertices)| face.vertices = vertices);
             } else {
                 let ranks = ranks.whole().unwrap_or(&[]);
@@ -341,17 +351,71 @@ impl LoadedWindow {
     }
 }
 
-/// New vertex ids of all corners, in a file.
+/// New vertex ids of all corners, in a file that goes with the value.
 struct Corners {
     file: File,
     path: PathBuf,
+    /// XXH3 of what was written of each block; 0 before that.
+    checksums: Vec<AtomicU64>,
 }
 
 impl Corners {
-    fn read(&self, first: u64, count: usize) -> Result<Vec<[u32; 3]>> {
+    fn create(path: &Path, blocks: usize, faces: u64) -> Result<Self> {
+        let _ = std::fs::remove_file(path);
+        let file = File::options().read(true).write(true).create_new(true).open(path);
+        let file = file.map_err(|e| Error::io(path, "create", e))?;
+        let checksums = (0..blocks).map(|_| AtomicU64::new(0)).collect();
+        let corners = Self { file, path: path.to_owned(), checksums };
+        corners.file.set_len(faces * CORNERS_BYTES).map_err(|e| Error::io(path, "extend", e))?;
+        Ok(corners)
+    }
+
+    /// Looks up the corners of blocks, one window of the numbering after the other.
+    fn look_up(&self, jobs: &[Job<'_>], ranks: &Ranks, options: &PartitionOptions) -> Result<()> {
+        for window in 0..ranks.window_count() {
+            let range = ranks.range(window);
+            let loaded = ranks.load(window)?;
+            map_in_order(
+                jobs.iter().copied().filter(|job| job.may_touch(&range)),
+                options.threads,
+                options.threads * 2,
+                |job| {
+                    let faces = job.read()?;
+                    let mut found = self.read(&job, faces.len())?;
+                    for (face, found) in faces.iter().zip(&mut found) {
+                        for (v, found) in face.vertices.into_iter().zip(found) {
+                            if range.contains(&v) {
+                                *found = loaded[(v - range.start) as usize];
+                            }
+                        }
+                    }
+                    self.write(&job, &found)
+                },
+                |()| Ok(()),
+            )?;
+        }
+        Ok(())
+    }
+
+    fn write(&self, job: &Job<'_>, corners: &[[u32; 3]]) -> Result<()> {
+        let bytes = bytemuck::cast_slice(corners);
+        self.checksums[job.index].store(xxh3_64(bytes), Ordering::Relaxed);
+        write_all_at(&self.file, bytes, job.first * CORNERS_BYTES).map_err(|e| Error::io(&self.path, "write", e))
+    }
+
+    /// What was written of a block, zeros before that.
+    fn read(&self, job: &Job<'_>, count: usize) -> Result<Vec<[u32; 3]>> {
         let mut corners = vec![[0u32; 3]; count];
-        read_exact_at(&self.file, bytemuck::cast_slice_mut(&mut corners), first * 12)
-            .map_err(|e| Error::io(&self.path, "read", e))?;
+        let checksum = self.checksums[job.index].load(Ordering::Relaxed);
+        if checksum == 0 {
+            return Ok(corners);
+        }
+        let bytes = bytemuck::cast_slice_mut(&mut corners);
+        read_exact_at(&self.file, bytes, job.first * CORNERS_BYTES).map_err(|e| Error::io(&self.path, "read", e))?;
+        if xxh3_64(bytes) != checksum {
+            let message = "the checksum of a block differs from what was written".into();
+            return Err(Error::Damaged { path: self.path.clone(), message });
+        }
         Ok(corners)
     }
 }
@@ -362,41 +426,26 @@ impl Drop for Corners {
     }
 }
 
-/// Looks up the corners of all faces, one window of the numbering after the other.
-fn look_up(jobs: &[Job<'_>], ranks: &Ranks, faces: u64, path: &Path, options: &PartitionOptions) -> Result<Corners> {
-    let _ = std::fs::remove_file(path);
-    let file = File::options().read(true).write(true).create_new(true).open(path);
-    let corners = Corners { file: file.map_err(|e| Error::io(path, "create", e))?, path: path.to_owned() };
-    corners.file.set_len(faces * 12).map_err(|e| Error::io(path, "extend", e))?;
-    for window in 0..ranks.window_count() {
-        let range = ranks.range(window);
-        let loaded = ranks.load(window)?;
-        map_in_order(
-            jobs.iter().copied().filter(|job| job.may_touch(&range)),
-            options.threads,
-            options.threads * 2,
-            |job| {
-                let faces = job.read()?;
-                let mut found = corners.read(job.first, faces.len())?;
-                for (face, found) in faces.iter().zip(&mut found) {
-                    for (v, found) in face.vertices.into_iter().zip(found) {
-                        if range.contains(&v) {
-                            *found = loaded[(v - range.start) as usize];
-                        }
-                    }
-                }
-                write_all_at(&corners.file, bytemuck::cast_slice(&found), job.first * 12)
-                    .map_err(|e| Error::io(path, "write", e))
-            },
-            |()| Ok(()),
-        )?;
-    }
-    Ok(corners)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn corners_that_a_disk_lost_are_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let faces = [Face { vertices: [0, 1, 2], ..Face::default() }; 3];
+        let path = folder.path().join("a.piece");
+        let piece = crate::store::piece::write_piece(&path, &[glam::DVec3::ZERO; 3], &[], None, &faces).unwrap();
+        let numbering = PieceNumbering { own: 3, vertex_base: 0, texcoord_base: 0 };
+        let block = &piece.faces.blocks()[0];
+        let job = Job { index: 0, piece: &piece, numbering, block, first: 0, window: None };
+        let corners = Corners::create(&folder.path().join("corners"), 1, 3).unwrap();
+        assert_eq!(corners.read(&job, 3).unwrap(), [[0; 3]; 3]);
+        corners.write(&job, &[[4, 5, 6]; 3]).unwrap();
+        assert_eq!(corners.read(&job, 3).unwrap(), [[4, 5, 6]; 3]);
+        write_all_at(&corners.file, &[7], 13).unwrap();
+        assert!(matches!(corners.read(&job, 3), Err(Error::Damaged { .. })));
+    }
 
     #[test]
     fn ranks_count_the_members_below() {

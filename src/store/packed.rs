@@ -22,7 +22,7 @@ use std::sync::Arc;
 use bytemuck::Pod;
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
-use xxhash_rust::xxh3::Xxh3;
+use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::column::file_name;
 use super::decimal;
@@ -128,6 +128,8 @@ struct Block {
     offset_bytes: u64,
     /// Length in bytes.
     bytes: u32,
+    /// XXH3 of its bytes.
+    checksum: u64,
 }
 
 /// The least box around positions, of as many axes as their records have coordinates.
@@ -166,8 +168,15 @@ impl Bounds {
 pub struct PackedBlocks {
     bytes: Vec<u8>,
     bounds: Bounds,
-    /// Records and bytes of each block.
-    blocks: Vec<(u32, u32)>,
+    blocks: Vec<PackedBlock>,
+}
+
+/// An encoded block.
+#[derive(Debug)]
+struct PackedBlock {
+    records: u32,
+    bytes: u32,
+    checksum: u64,
 }
 
 impl PackedBlocks {
@@ -179,7 +188,9 @@ impl PackedBlocks {
         for records in records.chunks(BLOCK_RECORDS) {
             let start = packed.bytes.len();
             encode_block(records, &mut decimals, &mut packed.bytes);
-            packed.blocks.push((records.len() as u32, (packed.bytes.len() - start) as u32));
+            let bytes = &packed.bytes[start..];
+            let (count, checksum) = (records.len() as u32, xxh3_64(bytes));
+            packed.blocks.push(PackedBlock { records: count, bytes: bytes.len() as u32, checksum });
         }
         packed
     }
@@ -191,7 +202,7 @@ impl PackedBlocks {
 
     /// Number of records.
     pub fn len(&self) -> u64 {
-        self.blocks.iter().map(|block| u64::from(block.0)).sum()
+        self.blocks.iter().map(|block| u64::from(block.records)).sum()
     }
 
     /// Whether there is no record.
@@ -299,8 +310,8 @@ impl<T: Coordinates> PackedWriter<T> {
 
 /// Adds the places of encoded blocks whose first record and first byte are given.
 fn place(packed: &PackedBlocks, mut first: u64, mut offset_bytes: u64, out: &mut Vec<Block>) {
-    for &(records, bytes) in &packed.blocks {
-        out.push(Block { first, offset_bytes, bytes });
+    for &PackedBlock { records, bytes, checksum } in &packed.blocks {
+        out.push(Block { first, offset_bytes, bytes, checksum });
         first += u64::from(records);
         offset_bytes += u64::from(bytes);
     }
@@ -451,7 +462,7 @@ impl<T: Coordinates> Reader<'_, T> {
     /// Decodes a block to the end of `out`.
     fn decode(&mut self, block: usize, out: &mut Vec<T>) -> Result<()> {
         let column = self.column;
-        let Block { first, offset_bytes, bytes } = column.blocks[block];
+        let Block { first, offset_bytes, bytes, checksum } = column.blocks[block];
         let end = column.blocks.get(block + 1).map_or(column.count, |next| next.first);
         let count = end.saturating_sub(first) as usize;
         if bytes as usize > HEAD_BYTES + BLOCK_RECORDS * T::COUNT * VARINT_BYTES_MAX {
@@ -459,6 +470,11 @@ impl<T: Coordinates> Reader<'_, T> {
         }
         self.bytes.resize(bytes as usize, 0);
         read_exact_at(&self.file, &mut self.bytes, offset_bytes).map_err(|e| Error::io(&column.path, "read", e))?;
+        if xxh3_64(&self.bytes) != checksum {
+            return Err(
+                column.damaged(format!("the checksum of the block of record {first} differs from what was written"))
+            );
+        }
         decode_block(&self.bytes, count, out).map_err(|message| column.damaged(message))
     }
 }
@@ -510,6 +526,11 @@ mod tests {
         assert!(covered.windows(2).all(|pair| pair[0].end == pair[1].start));
         assert!(column.window(9_000..10_001).is_err());
         assert!(column.gather(&[10_000]).is_err());
+        let mut bytes = std::fs::read(folder.path().join("p")).unwrap();
+        *bytes.last_mut().unwrap() ^= 1;
+        std::fs::write(folder.path().join("p"), bytes).unwrap();
+        assert!(matches!(column.gather(&[9_999]), Err(Error::Damaged { .. })));
+        assert!(column.gather(&[0]).is_ok());
         assert!(std::fs::metadata(folder.path().join("p")).unwrap().len() < 5 * 10_000);
     }
 }
