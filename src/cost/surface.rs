@@ -31,6 +31,8 @@ const SPRING: f64 = 1e-5;
 const LEAST_GAIN: f64 = 0.02;
 /// Area share of a squared edge length that a collapse costs on a perfectly flat patch: it orders ties, no more.
 const LENGTH_SHARE: f32 = 1e-6;
+/// Collapses that are judged at once.
+const LANES: usize = 8;
 
 /// Weights of the terms, all relative to the area-weighted squared distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,9 +52,6 @@ impl Default for Weights {
         Self::from(KNOBS.map(|knob| knob.default))
     }
 }
-
-/// Collapses that are judged at once.
-const LANES: usize = 8;
 
 /// What may be set besides the weight of the slide.
 pub const KNOBS: [Knob; 3] = [

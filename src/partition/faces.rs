@@ -56,19 +56,6 @@ impl CellFaces {
         self.shared.count_members();
     }
 
-    /// All faces of a cell.
-    ///
-    /// # Errors
-    /// On failed reads and damaged files.
-    pub fn all_of(&self, cell: usize) -> Result<Vec<Face>> {
-        let mut faces = Vec::with_capacity(self.by_cell.len(cell) as usize);
-        self.by_cell.read(cell, |block| {
-            faces.extend_from_slice(block);
-            Ok(())
-        })?;
-        Ok(faces)
-    }
-
     /// Stretches of texture coordinates that the cells' faces name, summed over the cells.
     pub fn named_stretches(&self) -> u64 {
         self.stretches.iter().map(|word| u64::from(word.count_ones())).sum()

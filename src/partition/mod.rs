@@ -133,7 +133,7 @@ fn weigh(
             if bare.bytes() > limit {
                 return Ok(None);
             }
-            let mut counter = weight::WedgeCounter::new(catalogue, most.wedges);
+            let mut counter = weight::WedgeCounter::new(catalogue, face_count);
             faces.by_cell.read(cell, |block| {
                 counter.add(block);
                 Ok(())

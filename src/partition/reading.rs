@@ -51,12 +51,7 @@ pub fn read_one_in(step: usize, partition: &Partition, mesh: &StoredMesh, cluste
         Some(brought) => brought.read(cluster),
         None => gather_texcoords(mesh, ids),
     };
-    let mut faces = Vec::with_capacity(partition.face_count(cluster) as usize / step);
-    partition.faces.by_cell.read_one_in(step, cluster, |block| {
-        faces.extend_from_slice(block);
-        Ok(())
-    })?;
-    read_faces(partition, faces, own, texcoords)
+    read_faces(partition, partition.faces.by_cell.to_vec(step, cluster)?, own, texcoords)
 }
 
 /// Reads faces; most of their vertices lie in the range `own` of the partition's ids.

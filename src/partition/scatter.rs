@@ -341,6 +341,19 @@ impl<T: Record> Scatter<T> {
         Ok(())
     }
 
+    /// The records of the first extent of each `step` extents of a cell.
+    ///
+    /// # Errors
+    /// On failed reads and damaged files.
+    pub fn to_vec(&self, step: usize, cell: usize) -> Result<Vec<T>> {
+        let mut all = Vec::with_capacity(self.len(cell) as usize / step);
+        self.read_one_in(step, cell, |records| {
+            all.extend_from_slice(records);
+            Ok(())
+        })?;
+        Ok(all)
+    }
+
     /// The file.
     pub fn path(&self) -> &Path {
         &self.path

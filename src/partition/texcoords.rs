@@ -79,7 +79,7 @@ pub fn bring(
         0..cell_count,
         options.threads,
         options.threads + 1,
-        |cell| Ok((cell as u32, texcoord_ids(&faces.all_of(cell)?))),
+        |cell| Ok((cell as u32, texcoord_ids(&faces.by_cell.to_vec(1, cell)?))),
         |(cell, ids)| ids.into_iter().try_for_each(|id| questions.push(id / window_len, [cell, id])),
     )?;
     let questions: Scatter<[u32; 2]> = questions.finish()?;

@@ -51,19 +51,18 @@ pub fn limit_bytes(cluster_faces: u64) -> u64 {
     LIMIT_FACTOR * ORDINARY_BYTES * cluster_faces
 }
 
-/// Counts the wedges of a cluster's faces, until there are more than `most`.
+/// Counts the wedges of a cluster's faces.
 pub struct WedgeCounter<'a> {
     catalogue: &'a Catalogue,
     known: HashSet<u64, BuildHasherDefault<Mixed>>,
     recent: Vec<u64>,
-    most: usize,
 }
 
 impl<'a> WedgeCounter<'a> {
-    /// Nothing counted yet.
-    pub fn new(catalogue: &'a Catalogue, most: u64) -> Self {
-        let known = HashSet::with_capacity_and_hasher(most as usize / 3, BuildHasherDefault::default());
-        Self { catalogue, known, recent: vec![0; RECENT], most: most as usize }
+    /// Nothing counted yet of so many faces.
+    pub fn new(catalogue: &'a Catalogue, faces: u64) -> Self {
+        let known = HashSet::with_capacity_and_hasher(faces as usize, BuildHasherDefault::default());
+        Self { catalogue, known, recent: vec![0; RECENT] }
     }
 
     /// Counts the wedges of further faces.
@@ -73,7 +72,7 @@ impl<'a> WedgeCounter<'a> {
             for (vertex, texcoord) in face.vertices.into_iter().zip(face.texcoords) {
                 let key = mix(mix(u64::from(vertex) << 32 | u64::from(texcoord)) ^ u64::from(material));
                 let recent = &mut self.recent[key as usize % RECENT];
-                if *recent != key && self.known.len() <= self.most {
+                if *recent != key {
                     *recent = key;
                     self.known.insert(key);
                 }

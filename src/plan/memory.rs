@@ -25,7 +25,7 @@ const CHUNK_TEXT_BYTES: u64 = 4 * MIB;
 const CLUSTER_EXCESS: f64 = 1.3;
 /// What the allocator keeps of the partition's buffers while clusters are simplified.
 const KEPT_BYTES: u64 = 12 * MIB;
-/// Histograms (16 MiB) or buffers of vertices and faces by cell (12 and 16 MiB), and windows in flight.
+/// A histogram and its filled cells (24 MiB) or buffers of vertices or faces by cell (12 MiB), and windows in flight.
 const PARTITION_BYTES: u64 = 36 * MIB;
 /// Memory for each face of the result while it is grouped by part and turned into text.
 const WRITE_FACE_BYTES: u64 = 64;

@@ -1,8 +1,7 @@
 //! How long a run will take, from rates that were measured.
 //!
 //! Rates are for one core of a 2.x GHz server processor, from the processor time of a synthetic city of 4.3 million
-//! triangles at 10 % on 2026-11-21 (12.4 s, by phase). Another machine may be twice
-//! as fast or half.
+//! triangles at 10 % on 2026-11-21 (12.4 s, by phase). Another machine may be twice as fast or half.
 
 use serde::Serialize;
 
