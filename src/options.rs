@@ -202,7 +202,7 @@ pub struct SimplifyOptions {
     pub textures: TextureFiles,
 
     /// Triangles of a cluster, about; 1000 to 10 million. Changes the result slightly, the memory much
-    #[arg(long, value_name = "COUNT", default_value_t = 100_000)]
+    #[arg(long, value_name = "COUNT", default_value_t = 50_000)]
     pub cluster_faces: u64,
 
     /// Passes over shifted clusters, 1 to 16; more are made while clusters still lock what could go
@@ -241,7 +241,7 @@ impl Default for SimplifyOptions {
             uv_weight: 0.5,
             normals: Normals::Auto,
             textures: TextureFiles::Copy,
-            cluster_faces: 100_000,
+            cluster_faces: 50_000,
             passes: 3,
             drawing: Drawing::Nothing,
             force: false,

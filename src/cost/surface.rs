@@ -191,6 +191,14 @@ impl SurfaceCost {
             if class == Class::Smooth || (class == Class::Fixed && classes[a as usize] == Class::Fixed) {
                 continue;
             }
+            // An edge whose other face has the same wedges is most often found so, without a branch for each face.
+            let own = spokes.get(i);
+            let differs = |other: &Spoke, own: &Spoke| {
+                (other.previous ^ own.next) | (other.wedge ^ own.wedge) | (other.previous_wedge ^ own.next_wedge)
+            };
+            if own.is_some_and(|own| spokes.iter().fold(false, |found, other| found | (differs(other, own) == 0))) {
+                continue;
+            }
             let kind = match is_crowded {
                 true => {
                     let (few, many) = if rings.of(a).len() <= rings.of(b).len() { (a, b) } else { (b, a) };

@@ -116,9 +116,19 @@ pub fn reclassify(mesh: &ClusterMesh, rings: &Rings, classes: &mut [Class]) {
     }
 }
 
+/// Vertices that are looked for at once.
+const LANES: usize = 8;
+
+/// One spoke, where spokes are counted with the sum of their places: more than that can be.
+const ONE: u32 = 1 << 16;
+
+/// The faces around one vertex.
 #[derive(Debug, Default)]
 struct Fan {
     spokes: Vec<Spoke>,
+    /// The vertex that each spoke begins at, and the one that it ends at.
+    begins: Vec<[u32; LANES]>,
+    ends: Vec<[u32; LANES]>,
 }
 
 impl Fan {
@@ -129,23 +139,34 @@ impl Fan {
         }
         self.spokes.clear();
         self.spokes.extend(corners.iter().map(|&corner| Spoke::of(mesh, corner)));
-        if self.is_smooth() { Class::Smooth } else { self.walk() }
+        lanes_of(&self.spokes, &mut self.begins, |spoke| spoke.next);
+        if self.is_smooth() {
+            return Class::Smooth;
+        }
+        lanes_of(&self.spokes, &mut self.ends, |spoke| spoke.previous);
+        self.walk()
+    }
+
+    /// The only spoke that begins at a vertex.
+    fn beginning_at(&self, vertex: u32) -> Option<usize> {
+        let found = find(&self.begins, vertex);
+        (found / ONE == 1).then_some((found % ONE) as usize)
     }
 
     /// Whether a walk over edges that have the same wedges on both sides leads around all spokes.
     fn is_smooth(&self) -> bool {
-        let spokes = &self.spokes;
-        let mut spoke = &spokes[0];
-        for visited in 1..=spokes.len() {
-            let leads_on = |next: &&Spoke| next.next == spoke.previous;
-            let Some(next) = spokes.iter().find(leads_on) else { return false };
-            if next.wedge != spoke.wedge || next.next_wedge != spoke.previous_wedge {
+        let mut at = 0;
+        for visited in 1..=self.spokes.len() {
+            let spoke = &self.spokes[at];
+            let Some(next) = self.beginning_at(spoke.previous) else { return false };
+            let follower = &self.spokes[next];
+            if follower.wedge != spoke.wedge || follower.next_wedge != spoke.previous_wedge {
                 return false;
             }
-            if std::ptr::eq(next, &spokes[0]) {
-                return visited == spokes.len();
+            if next == 0 {
+                return visited == self.spokes.len();
             }
-            spoke = next;
+            at = next;
         }
         false
     }
@@ -155,11 +176,10 @@ impl Fan {
         let spokes = &self.spokes;
         let mut start = None;
         for (i, spoke) in spokes.iter().enumerate() {
-            let is_repeated = spokes[i + 1..].iter().any(|s| s.next == spoke.next || s.previous == spoke.previous);
-            if is_repeated {
+            if find(&self.begins, spoke.next) >= 2 * ONE || find(&self.ends, spoke.previous) >= 2 * ONE {
                 return Class::Fixed;
             }
-            if !spokes.iter().any(|s| s.previous == spoke.next) {
+            if find(&self.ends, spoke.next) < ONE {
                 if start.is_some() {
                     return Class::Fixed;
                 }
@@ -171,7 +191,7 @@ impl Fan {
         let (mut visited, mut seams, mut changes) = (1, 0, 0);
         loop {
             let spoke = spokes[at];
-            let Some(next) = spokes.iter().position(|s| s.next == spoke.previous) else { break };
+            let Some(next) = self.beginning_at(spoke.previous) else { break };
             let differs = spokes[next].wedge != spoke.wedge;
             changes += usize::from(differs);
             seams += usize::from(differs || spokes[next].next_wedge != spoke.previous_wedge);
@@ -193,6 +213,30 @@ impl Fan {
             (true, ..) => Class::BorderCorner,
         }
     }
+}
+
+/// A vertex of each spoke, side by side; what is left over names none.
+fn lanes_of(spokes: &[Spoke], lanes: &mut Vec<[u32; LANES]>, vertex_of: impl Fn(&Spoke) -> u32) {
+    lanes.clear();
+    lanes.extend(spokes.chunks(LANES).map(|spokes| {
+        let mut lanes = [u32::MAX; LANES];
+        lanes.iter_mut().zip(spokes).for_each(|(lane, spoke)| *lane = vertex_of(spoke));
+        lanes
+    }));
+}
+
+/// [`ONE`] for each spoke that names a vertex, and the sum of their places.
+#[inline(always)]
+fn find(lanes: &[[u32; LANES]], vertex: u32) -> u32 {
+    // All are looked at, in lanes: where the vertex stands, no branch could foresee.
+    let mut found = [0; LANES];
+    for (at, lanes) in (0..).step_by(LANES).zip(lanes) {
+        for lane in 0..LANES {
+            let mask = 0u32.wrapping_sub(u32::from(lanes[lane] == vertex));
+            found[lane] += mask & (ONE + at + lane as u32);
+        }
+    }
+    found.iter().sum()
 }
 
 #[cfg(test)]

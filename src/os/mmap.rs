@@ -46,7 +46,7 @@ pub fn map_records<T: Pod>(file: &File, offset_bytes: u64, count: usize) -> std:
 
 /// Allocations of at least this many bytes are mappings of their own.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
-const LARGE_ALLOCATION_BYTES: libc::c_int = 1 << 20;
+const LARGE_ALLOCATION_BYTES: libc::c_int = 4 << 20;
 
 /// Makes large allocations leave memory when they are freed; call once, before threads begin.
 ///

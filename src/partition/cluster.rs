@@ -21,7 +21,7 @@ use crate::base::Result;
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::split::EdgePoint;
 use crate::store::decimal::POWERS_OF_TEN;
-use crate::store::piece::write_piece;
+use crate::store::piece::{PendingPiece, write_piece};
 use crate::store::{Catalogue, Face, NO_TEXCOORD, Segment, StoredMesh, StoredPiece};
 
 /// A moved coordinate is rounded to no coarser than this share of its shortest edge.
@@ -184,7 +184,7 @@ fn pass_faces(
     let colours = partition.numbering.colours.is_some().then_some(&[][..]);
     let piece = match faces.is_empty() {
         true => None,
-        false => Some(write_piece(path, &[], &texcoords, colours, &faces)?),
+        false => Some(write_piece(path, &[], &texcoords, colours, &faces)?.commit()?),
     };
     Ok((piece, degenerate))
 }
@@ -251,7 +251,9 @@ impl ClusterSource {
             let material = material_index(catalogue, face.part) as u32;
             let scale = scale.of(catalogue, face.part);
             let mut corners = [0; 3];
-            for ((corner, vertex), id) in corners.iter_mut().zip(face.vertices).zip(face.texcoords) {
+            // By place: iterators over whole arrays would move them about.
+            for (k, corner) in corners.iter_mut().enumerate() {
+                let (vertex, id) = (face.vertices[k], face.texcoords[k]);
                 let index = if id == NO_TEXCOORD { id } else { ranks.of(id) };
                 let known = recent.get(index as usize).copied().filter(|&w| w != u32::MAX);
                 if let Some(wedge) = known
@@ -314,7 +316,7 @@ impl ClusterSource {
         catalogue: &Catalogue,
         scale: &TextureScale,
         path: &Path,
-    ) -> Result<StoredPiece> {
+    ) -> Result<PendingPiece> {
         let used = self.used_vertices(simplified);
         let loaded = used.partition_point(|&v| (v as usize) < self.vertex_ids.len());
         let own_ids: Vec<u32> = used[..loaded].iter().map(|&v| self.vertex_ids[v as usize]).collect();

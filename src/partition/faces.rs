@@ -298,11 +298,14 @@ fn assign(faces: &[Face], numbering: &Numbering) -> Assigned {
             [a, b, c] if a == b || a == c => a,
             [a, b, c] => a.min(b).min(c),
         };
-        for (vertex, _) in face.vertices.into_iter().zip(cells).filter(|&(_, own)| own != cell) {
-            shared.push((cell, vertex));
-        }
-        for texcoord in face.texcoords.into_iter().filter(|&texcoord| texcoord != NO_TEXCOORD) {
-            let stretch = (cell, texcoord / TEXCOORD_STRETCH);
+        for (k, &own) in cells.iter().enumerate() {
+            if own != cell {
+                shared.push((cell, face.vertices[k]));
+            }
+            if face.texcoords[k] == NO_TEXCOORD {
+                continue;
+            }
+            let stretch = (cell, face.texcoords[k] / TEXCOORD_STRETCH);
             let slot = &mut recent[((stretch.0 ^ stretch.1) % 64) as usize];
             if *slot != stretch {
                 *slot = stretch;
@@ -316,7 +319,7 @@ fn assign(faces: &[Face], numbering: &Numbering) -> Assigned {
         }
         placed.push((cell, *face));
     }
-    Assigned { faces: Sorted::new(placed), shared, wedges, stretches, degenerate }
+    Assigned { faces: Sorted::new(&placed), shared, wedges, stretches, degenerate }
 }
 
 /// The window of the numbering that was asked for last.
@@ -423,6 +426,7 @@ mod tests {
         let faces = [Face { vertices: [0, 1, 2], ..Face::default() }; 3];
         let path = folder.path().join("a.piece");
         let piece = crate::store::piece::write_piece(&path, &[glam::DVec3::ZERO; 3], &[], None, &faces).unwrap();
+        let piece = piece.commit().unwrap();
         let numbering = PieceNumbering { own: 3, vertex_base: 0, texcoord_base: 0 };
         let block = &piece.faces.blocks()[0];
         let job = Job { index: 0, piece: &piece, numbering, block, first: 0, window: None };

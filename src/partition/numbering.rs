@@ -9,11 +9,12 @@
 //! Duplicates lie in one cell, since cells are by position. New ids within a cell follow the old order.
 //!
 //! # Memory
-//! Buffers of 12 MiB, the positions of a cell while it is welded, and a window of [`Ranks`]: 8 MiB at most.
+//! Buffers of 12 MiB, the positions of a cell while it is welded, and a window of [`Ranks`]: 16 MiB at most.
 
 use std::collections::HashMap;
 use std::path::Path;
 
+use foldhash::fast::RandomState;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -37,7 +38,7 @@ const COLOUR_BYTES: usize = size_of::<[f32; 3]>();
 /// Bytes of a rank.
 const RANK_BYTES: u64 = 4;
 /// Ranks of a window, at most, in bytes: more would make memory grow with the mesh and save little.
-const WINDOW_BYTES_MAX: u64 = 8 << 20;
+const WINDOW_BYTES_MAX: u64 = 16 << 20;
 
 /// Bytes of the ranks that are looked up at once, when `work_bytes` may be used.
 pub fn window_bytes(work_bytes: u64) -> u64 {
@@ -323,12 +324,16 @@ fn scatter_by_cell<R: VertexRecord>(
                 let colour = colours.as_ref().map_or([f32::NAN; 3], |colours| colours[i]);
                 (cells.of(position), R::new(position, base + (range.start as u32 + i as u32), colour))
             };
-            Ok(Sorted::new(window.iter().enumerate().map(record).collect()))
+            Ok(Sorted::new(&window.iter().enumerate().map(record).collect::<Vec<_>>()))
         },
         |sorted| scatter.append(sorted),
     )?;
     scatter.finish()
 }
+
+/// Index of each place that was seen, by the bits of its position. Looked up only, never iterated, so the random seed
+/// leaves no trace in the result.
+type Known = HashMap<[u64; 3], u32, RandomState>;
 
 /// The vertices of a cell after welding, or of a part of it.
 #[derive(Debug, Default)]
@@ -348,7 +353,7 @@ impl WeldedCell {
     }
 
     /// Adds records; `known` is the index of each place so far, `fresh` that of the next one.
-    fn add<R: VertexRecord>(&mut self, records: &[R], weld: bool, known: &mut HashMap<[u64; 3], u32>, fresh: &mut u32) {
+    fn add<R: VertexRecord>(&mut self, records: &[R], weld: bool, known: &mut Known, fresh: &mut u32) {
         for record in records {
             let local = match weld {
                 true => *known.entry(position_key(record.position())).or_insert(*fresh),
@@ -366,8 +371,8 @@ impl WeldedCell {
 
 fn weld_cell<R: VertexRecord>(records: &Scatter<R>, cell: usize, weld: bool) -> Result<WeldedCell> {
     let mut welded = WeldedCell { local: Vec::with_capacity(records.len(cell) as usize), ..WeldedCell::default() };
-    // NOTE: looked up only, never iterated, so its random seed leaves no trace in the result.
-    let (mut known, mut fresh) = (HashMap::new(), 0);
+    let expected = if weld { records.len(cell) as usize } else { 0 };
+    let (mut known, mut fresh) = (Known::with_capacity_and_hasher(expected, RandomState::default()), 0);
     records.read(cell, |records| {
         welded.add(records, weld, &mut known, &mut fresh);
         Ok(())
@@ -382,7 +387,7 @@ fn weld_crowd<R: VertexRecord>(
     weld: bool,
     mut put: impl FnMut((WeldedCell, Vec<EncodedRun>)) -> Result<()>,
 ) -> Result<()> {
-    let (mut known, mut fresh) = (HashMap::new(), 0);
+    let (mut known, mut fresh) = (Known::default(), 0);
     records.read(cell, |records| {
         let mut part = WeldedCell::default();
         part.add(records, weld, &mut known, &mut fresh);

@@ -31,6 +31,38 @@ pub struct ClusterFaces {
     pub(super) texcoords: Vec<DVec2>,
 }
 
+impl ClusterFaces {
+    /// Number of faces.
+    pub fn len(&self) -> usize {
+        self.faces.len()
+    }
+
+    /// Whether there are no faces.
+    pub fn is_empty(&self) -> bool {
+        self.faces.is_empty()
+    }
+
+    /// Number of vertices.
+    pub fn vertex_count(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Vertices of a face.
+    pub fn vertices(&self, face: u32) -> [u32; 3] {
+        self.faces[face as usize].vertices
+    }
+
+    /// Positions of a face's corners.
+    pub fn triangle(&self, face: u32) -> [DVec3; 3] {
+        self.vertices(face).map(|v| self.positions[v as usize])
+    }
+
+    /// Keeps some faces, named ascending, and all that faces refer to.
+    pub fn keep(&mut self, faces: &[u32]) {
+        self.faces = faces.iter().map(|&face| self.faces[face as usize]).collect();
+    }
+}
+
 /// Reads a cluster as it lies on disk: what a mesh is made of.
 ///
 /// # Errors

@@ -148,19 +148,32 @@ pub struct Sorted<T> {
 
 impl<T: Record> Sorted<T> {
     /// Sorts records by cell; those of one cell stay in their order.
-    pub fn new(mut records: Vec<(u32, T)>) -> Self {
-        records.sort_by_key(|entry| entry.0);
+    pub fn new(records: &[(u32, T)]) -> Self {
         let mut sorted = Self { many: Vec::new(), few: Vec::new() };
-        for group in records.chunk_by(|a, b| a.0 == b.0) {
-            if group.len() < MANY_RECORDS {
-                sorted.few.extend_from_slice(group);
+        let cells = || records.iter().map(|entry| entry.0);
+        let (Some(low), Some(high)) = (cells().min(), cells().max()) else { return sorted };
+        // A counting sort: cells are numbered in the order of space, so that few lie between those of one block.
+        let mut places = vec![0usize; (high - low) as usize + 2];
+        cells().for_each(|cell| places[(cell - low) as usize + 1] += 1);
+        (1..places.len()).for_each(|at| places[at] += places[at - 1]);
+        let mut by_cell = vec![records[0].1; records.len()];
+        for &(cell, record) in records {
+            let place = &mut places[(cell - low) as usize];
+            by_cell[*place] = record;
+            *place += 1;
+        }
+        let mut start = 0;
+        for (cell, &end) in (low..=high).zip(&places) {
+            let own = &by_cell[start..end];
+            start = end;
+            if own.len() < MANY_RECORDS {
+                sorted.few.extend(own.iter().map(|&record| (cell, record)));
                 continue;
             }
-            let own: Vec<T> = group.iter().map(|entry| entry.1).collect();
             for records in own.chunks(EXTENT_RECORDS_MAX) {
                 let mut bytes = Vec::new();
                 T::encode(records, &mut bytes);
-                sorted.many.push((group[0].0, bytes, records.len() as u32));
+                sorted.many.push((cell, bytes, records.len() as u32));
             }
         }
         sorted

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::memory::Sizes;
 use crate::partition::cells::expected_count;
 use crate::stitch::CELL_PASSES;
-use crate::stitch::schedule::pass_target;
+use crate::stitch::schedule::{TRIM_SHARE, pass_target};
 
 /// A pass to come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -24,9 +24,6 @@ pub struct PassForecast {
     /// Whether it makes the mesh anew.
     pub is_remesh: bool,
 }
-
-/// Faces above the target that the last pass over several clusters leaves to the trim.
-const TRIM_SHARE: f64 = 0.03;
 
 /// Faces after the mesh is made anew, for each before; measured on photogrammetry.
 const REMESH_FACES: f64 = 1.1;

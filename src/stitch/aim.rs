@@ -4,23 +4,24 @@
 use super::options::SeamPolicy;
 use super::pass::{Run, is_single};
 use super::sample::{self, Survey};
-use super::schedule::{pass_target, stage_shares};
+use super::schedule::{TRIM_SHARE, pass_target, stage_shares};
 use super::stops::Plan;
-use super::trim::Notes;
+use super::trim::{Notes, equal_shares};
 use crate::base::Result;
 use crate::cost::Metric;
 use crate::job::Step;
 use crate::mesh::ClusterMesh;
 use crate::partition::Partition;
+use crate::partition::reading::{self, ClusterFaces};
 use crate::partition::weight::ORDINARY_BYTES;
 use crate::store::StoredMesh;
 
-/// A pass in many clusters aims this much above the target; the trim removes the rest over all clusters.
-const TRIM_SHARE: f64 = 0.03;
 /// The trim takes over when no more than this share above the target is left.
-const TRIM_SHARE_MAX: f64 = 0.10;
-/// Trials of stages are numbered from here, those of the trim from 0: there are fewer than 300, by doubling of doublings.
-const FIRST_STAGE_TRIAL: u32 = 1000;
+const TRIM_SHARE_MAX: f64 = 0.15;
+/// Faces of a cluster, on average, from which on a trim goes by shares.
+const SHARED_TRIM_FACES: u64 = 5_000;
+/// The dearest collapse of a trim by shares may cost this many times what twice as many collapses cost in the sample.
+const TRIM_SPREAD: f32 = 4.0;
 /// Share of the allowed error that is used: positions are rounded afterwards.
 const BOUND_SAFETY: f64 = 0.98;
 
@@ -41,6 +42,10 @@ impl<M: Metric> Run<'_, M> {
         self.turn(pass) + 1 >= self.options.passes
     }
 
+    fn stages(&self, share: f64, pass: usize) -> Vec<f64> {
+        stage_shares(share, self.turn(pass), self.options.passes)
+    }
+
     /// What a pass of `faces` faces is to reach.
     fn goal(&self, pass: usize, faces: u64) -> Goal {
         let options = self.options;
@@ -51,13 +56,13 @@ impl<M: Metric> Run<'_, M> {
         let (all, target) = (faces.max(1) as f64, options.target as f64);
         if !self.is_last(pass) {
             let wanted = pass_target(options.input, options.target, self.turn(pass), options.passes);
-            return Goal::Stages(stage_shares(wanted / all, self.turn(pass)));
+            return Goal::Stages(self.stages(wanted / all, pass));
         }
         if faces as f64 <= target * (1.0 + TRIM_SHARE_MAX) {
             let excess = faces.saturating_sub(options.target) as f64;
             return Goal::Trim((target - (2.0 * excess).min(TRIM_SHARE_MAX * target)).max(1.0) / all);
         }
-        Goal::Stages(stage_shares(target / all * (1.0 + TRIM_SHARE), self.turn(pass)))
+        Goal::Stages(self.stages(target / all * (1.0 + TRIM_SHARE), pass))
     }
 
     /// The thresholds that a pass of `faces` faces needs in many clusters, from a sample of them.
@@ -87,14 +92,22 @@ impl<M: Metric> Run<'_, M> {
             let (target, faces) = (self.options.target, faces.max(1) as f64);
             let wanted = pass_target(self.options.input, target, self.turn(pass), self.options.passes);
             return Ok(match self.is_last(pass) {
-                true => (Plan::Faces(stage_shares(target as f64 / faces, self.turn(pass)), target), true),
-                false => (Plan::Shares(stage_shares(wanted / faces, self.turn(pass))), false),
+                true => (Plan::Faces(self.stages(target as f64 / faces, pass), target), true),
+                false => (Plan::Shares(self.stages(wanted / faces, pass)), false),
             });
         }
         match (goal, thresholds.first()) {
+            (Goal::Trim(_), Some(&cost)) if self.turn(pass) <= self.options.passes && self.has_large(partition) => {
+                Ok((self.share_trim(partition, cost), true))
+            }
             (Goal::Trim(_), Some(&cost)) => Ok((self.plan_trim(mesh, partition, cost, pass)?, true)),
             _ => Ok((Plan::Costs(thresholds), false)),
         }
+    }
+
+    /// Faces that a pass leaves to the trim when it is stopped by their number.
+    pub(super) fn before_trim(&self) -> u64 {
+        (self.options.target as f64 * (1.0 + 0.5 * TRIM_SHARE)).ceil() as u64
     }
 
     /// Thresholds for shares of the faces, from a sample.
@@ -117,10 +130,22 @@ impl<M: Metric> Run<'_, M> {
         let mut sample = ClusterMesh::default();
         for &cluster in survey.clusters() {
             let _permit = self.permits.take(self.cluster_bytes(partition, cluster));
-            let source = self.load(mesh, partition, cluster)?;
-            survey.patch(cluster, &source.mesh).iter().for_each(|patch| sample::append(&mut sample, patch));
+            let make = |faces: ClusterFaces| faces.into_source(partition, self.catalogue, &self.scale).mesh;
+            let patch = survey.patch_of_faces(reading::read(partition, mesh, cluster)?, make);
+            sample::append(&mut sample, &patch);
         }
         Ok(sample)
+    }
+
+    /// Whether clusters are so large that a face too few in each of them does not matter.
+    fn has_large(&self, partition: &Partition) -> bool {
+        partition.filled_count() * SHARED_TRIM_FACES <= self.options.target
+    }
+
+    /// Lets every cluster lose the same share of its faces, at no more than [`TRIM_SPREAD`] times the cost.
+    fn share_trim(&self, partition: &Partition, cost: f32) -> Plan {
+        let faces: Vec<u64> = (0..partition.cluster_count()).map(|cluster| partition.face_count(cluster)).collect();
+        Plan::Trim(vec![cost * TRIM_SPREAD], equal_shares(&faces, self.options.target))
     }
 
     /// Simplifies every cluster a little too far, up to a cost, and merges what that cost.
@@ -146,35 +171,5 @@ impl<M: Metric> Run<'_, M> {
             cost = if cost > 0.0 && cost < 1e30 { cost * 4.0 } else { f32::INFINITY };
             trial += 1;
         }
-    }
-
-    /// Finds the stage in which thresholds overshoot the target, and where each cluster has to stop in it.
-    pub(super) fn trim_stages(
-        &self,
-        mesh: &StoredMesh,
-        partition: &Partition,
-        pass: usize,
-        costs: &[f32],
-    ) -> Result<Plan> {
-        let target = self.options.target;
-        for stages in (1..=costs.len()).rev() {
-            let mut notes = Notes::default();
-            let mut left = Vec::new();
-            let plan = Plan::Costs(costs[..stages].to_vec());
-            let trial = FIRST_STAGE_TRIAL + stages as u32;
-            let step = |cluster| Step::Trial { pass: pass as u32, trial, cluster };
-            self.each_cluster(mesh, partition, (pass, &plan), None, step, |result| {
-                notes.add(left.len(), &result.log);
-                left.push(result.faces + result.log.iter().map(|&(_, died)| u64::from(died)).sum::<u64>());
-                Ok(())
-            })?;
-            let before: u64 = left.iter().sum();
-            if before >= target || stages == 1 {
-                let (quota, _) = notes.cut(before.saturating_sub(target), left.len());
-                let keep = left.iter().zip(&quota).map(|(faces, lost)| faces - lost).collect();
-                return Ok(Plan::Trim(costs[..stages].to_vec(), keep));
-            }
-        }
-        Ok(Plan::Costs(costs.to_vec()))
     }
 }

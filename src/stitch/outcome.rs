@@ -203,6 +203,8 @@ pub(super) struct PassOutcome {
     /// Patches of the mesh.
     pub(super) sample: ClusterMesh,
     pub(super) report: PassReport,
+    /// Faces that each cluster was left with.
+    pub(super) cluster_faces: Vec<u64>,
     pub(super) stages: StageSums,
     pub(super) squared_error: f64,
     pub(super) degenerate: u64,

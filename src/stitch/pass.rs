@@ -12,6 +12,7 @@ use super::reconstruct::is_remeshed;
 use super::sample::{self, Survey};
 use super::state::{PassState, Start};
 use super::stops::{Plan, run_plan};
+use super::trim::equal_shares;
 use crate::base::ordered::{both, map_in_order};
 use crate::base::{Permits, Progress, Result};
 use crate::cost::census::Census;
@@ -25,6 +26,7 @@ use crate::partition::{self, ClusterSource, Partition, PartitionOptions, Texture
 use crate::remesh;
 use crate::render::ClusterMap;
 use crate::simplify::{Engine, Milestone};
+use crate::store::piece::PendingPiece;
 use crate::store::{Catalogue, StoredMesh, StoredPiece};
 
 /// Passes beyond those asked for, while they still remove faces.
@@ -67,6 +69,8 @@ pub struct Run<'a, M: Metric> {
     pub(super) job: &'a WorkFolder,
     pub(super) progress: &'a dyn Progress,
     pub(super) permits: Permits,
+    /// One for each worker that computes; those that wait for the disk have none.
+    cores: Permits,
     pub(super) scale: TextureScale,
     /// Passes before the first one that collapses edges.
     lead: usize,
@@ -118,6 +122,7 @@ impl<'a, M: Metric> Run<'a, M> {
             job,
             progress,
             permits,
+            cores: Permits::new(options.threads as u64),
             scale: TextureScale::none(catalogue),
             lead: 0,
             crumb: None,
@@ -277,8 +282,9 @@ impl<'a, M: Metric> Run<'a, M> {
                 let outcome = self.run_pass(mesh, partition, pass, plan, 0)?;
                 let overshot = is_last && outcome.report.faces_out < self.options.target;
                 let Some(costs) = plan.costs().filter(|_| overshot) else { return Ok(outcome) };
-                // The sample was no picture of the whole: the same thresholds again, but stopped at the target.
-                let better = self.trim_stages(mesh, partition, pass, costs)?;
+                // The sample was no picture of the whole: the same thresholds again, but stopped above the target, where
+                // the trim goes on.
+                let better = Plan::Trim(costs.to_vec(), equal_shares(&outcome.cluster_faces, self.before_trim()));
                 self.job.keep(again, 0, [], &better)?;
                 let pass = pass as u32;
                 let steps = [
@@ -315,11 +321,21 @@ impl<'a, M: Metric> Run<'a, M> {
         let mut sample = ClusterMesh::default();
         let mut pieces = Vec::new();
         *self.map() = self.options.map.map(ClusterMap::new);
-        let PassOutcome { report, floor, degenerate, passed_through, dropped_pieces, dropped_faces, optimized, .. } =
-            &mut outcome;
+        let PassOutcome {
+            report,
+            cluster_faces,
+            floor,
+            degenerate,
+            passed_through,
+            dropped_pieces,
+            dropped_faces,
+            optimized,
+            ..
+        } = &mut outcome;
         let step = |cluster| Step::Cluster { pass: pass as u32, attempt, cluster };
         self.each_cluster(mesh, partition, (pass, plan), Some(&survey), step, |result| {
             report.faces_out += result.faces;
+            cluster_faces.push(result.faces);
             report.threshold = report.threshold.max(f64::from(result.cost));
             report.seam_vertices += result.seam_vertices;
             area += result.area;
@@ -366,8 +382,15 @@ impl<'a, M: Metric> Run<'a, M> {
                     result
                 }
                 None => {
-                    let _permit = self.permits.take(self.cluster_bytes(partition, cluster));
-                    let result = self.simplify_cluster(mesh, partition, step, (pass, plan), keep, cluster)?;
+                    let (mut result, pending) = {
+                        let _core = self.cores.take(1);
+                        let _permit = self.permits.take(self.cluster_bytes(partition, cluster));
+                        self.simplify_cluster(mesh, partition, step, (pass, plan), keep, cluster)?
+                    };
+                    // While this worker waits for the disk, another one has its core.
+                    if let Some(pending) = pending {
+                        result.pieces.push(pending.commit()?);
+                    }
                     self.job.keep(step, faces, result.pieces.iter().flat_map(StoredPiece::files), &result)?;
                     result
                 }
@@ -377,7 +400,9 @@ impl<'a, M: Metric> Run<'a, M> {
             }
             Ok(result)
         };
-        map_in_order(0..partition.cluster_count(), self.options.threads, self.options.threads * 4, work, commit)
+        let threads = self.options.threads;
+        let workers = if threads > 1 { threads + 1 } else { 1 };
+        map_in_order(0..partition.cluster_count(), workers, threads * 4, work, commit)
     }
 
     fn simplify_cluster(
@@ -388,9 +413,9 @@ impl<'a, M: Metric> Run<'a, M> {
         (pass, plan): (usize, &Plan),
         keep: Option<&Survey>,
         cluster: usize,
-    ) -> Result<ClusterResult> {
+    ) -> Result<(ClusterResult, Option<PendingPiece>)> {
         if partition.weight(cluster).is_none() {
-            return self.pass_through(mesh, partition, step, keep, cluster);
+            return Ok((self.pass_through(mesh, partition, step, keep, cluster)?, None));
         }
         let mut source = self.load(mesh, partition, cluster)?;
         if keep.is_some()
@@ -423,6 +448,7 @@ impl<'a, M: Metric> Run<'a, M> {
             log: engine.log.take().unwrap_or_default(),
             patch: None,
         };
+        let mut pending = None;
         if let Some(keep) = keep {
             result.log = Vec::new();
             let path = self.piece_path(step, 0);
@@ -432,10 +458,10 @@ impl<'a, M: Metric> Run<'a, M> {
             }
             result.patch = keep.patch(cluster, &simplified);
             if !simplified.corners.is_empty() {
-                result.pieces.push(source.write(&simplified, partition, self.catalogue, &self.scale, &path)?);
+                pending = Some(source.write(&simplified, partition, self.catalogue, &self.scale, &path)?);
             }
         }
-        Ok(result)
+        Ok((result, pending))
     }
 
     /// Memory of a cluster while it is in work, or while it passes through.

@@ -9,6 +9,7 @@ use glam::DVec3;
 
 use crate::cost::Metric;
 use crate::mesh::cluster::{ClusterMesh, flag};
+use crate::partition::reading::ClusterFaces;
 use crate::partition::weight::ORDINARY_BYTES;
 use crate::simplify::{Engine, Stop};
 
@@ -56,7 +57,24 @@ impl Survey {
 
     /// The patch of a cluster, if it is one of those chosen.
     pub fn patch(&self, cluster: usize, mesh: &ClusterMesh) -> Option<ClusterMesh> {
-        self.wants(cluster).then(|| patch_of(mesh, self.patch_faces))
+        self.wants(cluster).then(|| {
+            let (triangle, vertices) = (|face| mesh.triangle(face), |face| mesh.vertices(face));
+            let patch = Patch::choose(mesh.corners.len(), self.patch_faces, mesh.positions.len(), triangle, vertices);
+            patch.cut_from(mesh, patch.faces.iter().copied())
+        })
+    }
+
+    /// The same before a mesh is made of the cluster: `make` makes one of the patch's faces alone.
+    pub fn patch_of_faces(
+        &self,
+        mut faces: ClusterFaces,
+        make: impl FnOnce(ClusterFaces) -> ClusterMesh,
+    ) -> ClusterMesh {
+        let (triangle, vertices) = (|face| faces.triangle(face), |face| faces.vertices(face));
+        let patch = Patch::choose(faces.len(), self.patch_faces, faces.vertex_count(), triangle, vertices);
+        faces.keep(&patch.faces);
+        let mesh = make(faces);
+        patch.cut_from(&mesh, 0..mesh.corners.len() as u32)
     }
 }
 
@@ -72,44 +90,66 @@ fn sampled_clusters(face_counts: &[u64]) -> Vec<usize> {
     (0..count).map(|i| filled[(2 * i + 1) * filled.len() / (2 * count)]).collect()
 }
 
-/// A patch of about `faces` faces around the middle of a cluster; its wedges are not linked.
-fn patch_of(mesh: &ClusterMesh, faces: usize) -> ClusterMesh {
-    let mut patch = ClusterMesh::default();
-    let count = mesh.corners.len();
-    if count == 0 {
-        return patch;
+/// Which faces of a cluster make a patch, and what stands around it.
+#[derive(Debug)]
+pub struct Patch {
+    /// The faces, ascending.
+    faces: Vec<u32>,
+    /// Whether a face beside the patch has the vertex, too.
+    is_rim: Vec<bool>,
+}
+
+impl Patch {
+    /// Of about `wanted` faces around the middle of `count` faces with `vertex_count` vertices.
+    fn choose(
+        count: usize,
+        wanted: usize,
+        vertex_count: usize,
+        triangle: impl Fn(u32) -> [DVec3; 3],
+        vertices: impl Fn(u32) -> [u32; 3],
+    ) -> Self {
+        let mut is_rim = vec![false; vertex_count];
+        if count == 0 {
+            return Self { faces: Vec::new(), is_rim };
+        }
+        let centre_of = |face: u32| triangle(face).into_iter().sum::<DVec3>() / 3.0;
+        let middle = centre_of(count as u32 / 2);
+        let mut order: Vec<(f64, u32)> =
+            (0..count as u32).map(|face| (centre_of(face).distance_squared(middle), face)).collect();
+        let kept = wanted.min(count);
+        if kept < count {
+            order.select_nth_unstable_by(kept, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        }
+        let (inside, outside) = order.split_at(kept);
+        for v in outside.iter().flat_map(|&(_, face)| vertices(face)) {
+            is_rim[v as usize] = true;
+        }
+        let mut faces: Vec<u32> = inside.iter().map(|&(_, face)| face).collect();
+        faces.sort_unstable();
+        Self { faces, is_rim }
     }
-    let centre_of = |face: u32| mesh.triangle(face).into_iter().sum::<DVec3>() / 3.0;
-    let middle = centre_of(count as u32 / 2);
-    let mut order: Vec<(f64, u32)> =
-        (0..count as u32).map(|face| (centre_of(face).distance_squared(middle), face)).collect();
-    let kept = faces.min(count);
-    if kept < count {
-        order.select_nth_unstable_by(kept, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+
+    /// The patch as a mesh whose wedges are not linked, from some `faces` of `mesh`.
+    fn cut_from(&self, mesh: &ClusterMesh, faces: impl Iterator<Item = u32>) -> ClusterMesh {
+        let mut patch = ClusterMesh::default();
+        let mut vertex_of = vec![u32::MAX; mesh.positions.len()];
+        let mut wedge_of = vec![u32::MAX; mesh.wedge_vertex.len()];
+        for face in faces {
+            let corners = mesh.corners[face as usize].map(|w| {
+                let v = mesh.wedge_vertex[w as usize] as usize;
+                if vertex_of[v] == u32::MAX {
+                    let rim = if self.is_rim[v] { flag::SHARED | flag::LOCKED } else { 0 };
+                    vertex_of[v] = patch.push_vertex(mesh.positions[v], mesh.flags[v] | rim);
+                }
+                if wedge_of[w as usize] == u32::MAX {
+                    wedge_of[w as usize] = patch.push_wedge(vertex_of[v], mesh.wedge_uv[w as usize]);
+                }
+                wedge_of[w as usize]
+            });
+            patch.push_face(corners, mesh.parts[face as usize]);
+        }
+        patch
     }
-    let (inside, outside) = order.split_at_mut(kept);
-    inside.sort_unstable_by_key(|entry| entry.1);
-    let mut is_rim = vec![false; mesh.positions.len()];
-    for v in outside.iter().flat_map(|&(_, face)| mesh.vertices(face)) {
-        is_rim[v as usize] = true;
-    }
-    let mut vertex_of = vec![u32::MAX; mesh.positions.len()];
-    let mut wedge_of = vec![u32::MAX; mesh.wedge_vertex.len()];
-    for &mut (_, face) in inside {
-        let corners = mesh.corners[face as usize].map(|w| {
-            let v = mesh.wedge_vertex[w as usize] as usize;
-            if vertex_of[v] == u32::MAX {
-                let rim = if is_rim[v] { flag::SHARED | flag::LOCKED } else { 0 };
-                vertex_of[v] = patch.push_vertex(mesh.positions[v], mesh.flags[v] | rim);
-            }
-            if wedge_of[w as usize] == u32::MAX {
-                wedge_of[w as usize] = patch.push_wedge(vertex_of[v], mesh.wedge_uv[w as usize]);
-            }
-            wedge_of[w as usize]
-        });
-        patch.push_face(corners, mesh.parts[face as usize]);
-    }
-    patch
 }
 
 /// Adds a patch to the sample.

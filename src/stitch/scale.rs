@@ -10,7 +10,8 @@ use crate::base::ordered::map_in_order;
 use crate::cost::Metric;
 use crate::mesh::ClusterMesh;
 use crate::partition::cluster::{MaterialArea, material_index};
-use crate::partition::{Partition, TextureScale, reading};
+use crate::partition::reading::{self, ClusterFaces};
+use crate::partition::{Partition, TextureScale};
 use crate::store::StoredMesh;
 
 /// Of so many blocks of faces one is read.
@@ -70,8 +71,8 @@ impl<M: Metric> Run<'_, M> {
                 let mut areas = none();
                 faces.add_areas(self.catalogue, &mut areas);
                 let sparse = areas.into_iter().enumerate().filter(|(_, area)| area.faces > 0);
-                let source = is_wanted.then(|| faces.into_source(partition, self.catalogue, &self.scale));
-                Ok((sparse.collect(), source.and_then(|source| survey.patch(cluster, &source.mesh))))
+                let make = |faces: ClusterFaces| faces.into_source(partition, self.catalogue, &self.scale).mesh;
+                Ok((sparse.collect(), is_wanted.then(|| survey.patch_of_faces(faces, make))))
             },
             |(sums, patch): (SparseAreas, Option<ClusterMesh>)| {
                 sums.into_iter().for_each(|(material, area)| areas[material] += area);

@@ -1,10 +1,16 @@
 //! How far each pass goes, and in how many stages.
+//!
+//! Quadrics are recomputed between stages. That matters where much is lost already and takes little time there, since few
+//! faces are left: the last pass has the most stages.
 
-/// Share of its faces that a stage keeps, about; quadrics are recomputed between stages.
-pub const STAGE_SHARE: f64 = 0.6;
-
-/// The same in the first pass, where little is lost yet: one stage for ratios down to a tenth.
+/// Share of its faces that a stage of the first pass keeps, about: one stage for ratios down to a tenth.
 const FIRST_STAGE_SHARE: f64 = 0.3;
+/// The same between the first pass and the last: one stage on the way from four times the target to twice.
+const MIDDLE_STAGE_SHARE: f64 = 0.36;
+/// The same in the last pass: three stages from twice the target.
+const LAST_STAGE_SHARE: f64 = 0.75;
+/// A last pass in many clusters aims this much above the target; the trim removes the rest.
+pub const TRIM_SHARE: f64 = 0.06;
 
 /// Faces that pass `pass` (from 0) of `passes` aims at, on the way from `input` to `target` faces.
 ///
@@ -17,10 +23,14 @@ pub fn pass_target(input: u64, target: u64, pass: usize, passes: usize) -> f64 {
     if left <= 0 { target as f64 } else { input as f64 * even.min(doubled).min(1.0) }
 }
 
-/// Shares of the faces to keep at the end of each stage of pass `pass` (from 0), the last one being `share`.
-pub fn stage_shares(share: f64, pass: usize) -> Vec<f64> {
+/// Shares of the faces to keep at the end of each stage of pass `pass` (from 0) of `passes`, the last one being `share`.
+pub fn stage_shares(share: f64, pass: usize, passes: usize) -> Vec<f64> {
     let share = share.clamp(1e-9, 1.0);
-    let stage_share = if pass == 0 { FIRST_STAGE_SHARE } else { STAGE_SHARE };
+    let stage_share = match pass {
+        0 => FIRST_STAGE_SHARE,
+        _ if pass + 1 < passes => MIDDLE_STAGE_SHARE,
+        _ => LAST_STAGE_SHARE,
+    };
     let stages = (libm::log(share) / libm::log(stage_share)).ceil().max(1.0);
     (1..=stages as u32).map(|stage| libm::pow(share, f64::from(stage) / stages)).collect()
 }
@@ -43,10 +53,11 @@ mod tests {
 
     #[test]
     fn the_last_stage_ends_at_the_share() {
-        let shares = stage_shares(0.25, 1);
+        let shares = stage_shares(0.5, 2, 3);
         assert_eq!(shares.len(), 3);
-        assert!((shares[2] - 0.25).abs() < 1e-12);
-        assert_eq!(stage_shares(0.9, 1).len(), 1);
-        assert_eq!(stage_shares(0.4, 0).len(), 1);
+        assert!((shares[2] - 0.5).abs() < 1e-12);
+        assert_eq!(stage_shares(0.9, 2, 3).len(), 1);
+        assert_eq!(stage_shares(0.4, 0, 3).len(), 1);
+        assert_eq!(stage_shares(0.4, 1, 3).len(), 1);
     }
 }

@@ -3,10 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 use super::sample;
-use super::schedule;
 use crate::cost::Metric;
 use crate::simplify::{Engine, Stop};
 
+/// With a bounded error, share of its faces that a stage keeps, at least.
+const BOUNDED_STAGE_KEEPS: f64 = 0.6;
 /// With a bounded error, stages end when one removes less than this share of the faces.
 const BOUNDED_STAGE_SHARE: f64 = 0.02;
 
@@ -21,7 +22,7 @@ pub(super) enum Plan {
     Costs(Vec<f32>),
     /// As far as this bound on the deviation allows.
     Deviation(f64),
-    /// Thresholds, and each cluster's number of faces, at which the last stage stops.
+    /// Thresholds, and each cluster's number of faces, at which it stops.
     Trim(Vec<f32>, Vec<u64>),
 }
 
@@ -41,10 +42,7 @@ pub(super) fn run_plan<M: Metric>(engine: &mut Engine<M>, plan: &Plan, cluster: 
     let stops: Vec<Stop> = match plan {
         Plan::Deviation(most) => return run_bounded(engine, *most),
         Plan::Costs(costs) => costs.iter().map(|&cost| Stop::Cost(cost, 0)).collect(),
-        Plan::Trim(costs, keep) => {
-            let floor = |i: usize| if i + 1 == costs.len() { keep[cluster] as usize } else { 0 };
-            costs.iter().enumerate().map(|(i, &cost)| Stop::Cost(cost, floor(i))).collect()
-        }
+        Plan::Trim(costs, keep) => costs.iter().map(|&cost| Stop::Cost(cost, keep[cluster] as usize)).collect(),
         Plan::Shares(shares) => {
             let free = engine.count_free();
             shares.iter().map(|share| Stop::Faces(sample::face_goal(faces, free, *share))).collect()
@@ -72,7 +70,7 @@ fn run_bounded<M: Metric>(engine: &mut Engine<M>, most: f64) -> f32 {
     let mut highest = 0f32;
     loop {
         let before = engine.mesh.face_count;
-        let goal = (before as f64 * schedule::STAGE_SHARE) as usize;
+        let goal = (before as f64 * BOUNDED_STAGE_KEEPS) as usize;
         highest = highest.max(engine.run(Stop::Cost(f32::INFINITY, goal)).cost);
         if (before - engine.mesh.face_count) as f64 <= before as f64 * BOUNDED_STAGE_SHARE {
             return highest;

@@ -1,8 +1,26 @@
-//! The last faces over the target, chosen over all clusters as one queue would.
+//! The last faces over the target.
 //!
-//! Every cluster is simplified a little too far, and notes what each collapse cost; the notes of all clusters are
-//! merged by cost; the prefix that removes just enough says how many faces each cluster may lose. A second run of each
-//! cluster, the same to the bit, stops there.
+//! A pass that was told to stop at a threshold ends near the target, everywhere at one cost: where every cluster then
+//! loses the same share of its faces, costs stay as even as they are. Some may have nothing cheap to lose. What that
+//! leaves over is chosen over all clusters as one queue would: every cluster is simplified a little too far, and notes
+//! what each collapse cost; the notes of all clusters are merged by cost; the prefix that removes just enough says how
+//! many faces each cluster may lose. A second run of each cluster, the same to the bit, stops there.
+
+/// Faces that clusters of so many have afterwards, so that all have `target`, or one less: each the same share.
+pub fn equal_shares(faces: &[u64], target: u64) -> Vec<u64> {
+    let all = faces.iter().sum::<u64>().max(1);
+    let (mut before, mut given) = (0, 0);
+    let keep_of = |&count: &u64| {
+        before += count;
+        let due = (u128::from(before) * u128::from(target) / u128::from(all)) as u64;
+        let keep = due.saturating_sub(given);
+        // Most collapses take two faces: where an odd number is to go, one more goes, and the next cluster keeps it.
+        let keep = keep.saturating_sub(count.saturating_sub(keep) % 2);
+        given += keep;
+        keep
+    };
+    faces.iter().map(keep_of).collect()
+}
 
 /// A collapse as noted: the highest cost so far in its cluster, and faces that died.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,6 +74,20 @@ impl Notes {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn equal_shares_add_up_and_take_faces_in_pairs() {
+        for (faces, target) in [(vec![1001, 500, 733, 0, 12], 2000), (vec![7], 3), (vec![10, 10], 40), (vec![], 5)] {
+            let keep = equal_shares(&faces, target);
+            let (all, kept) = (faces.iter().sum::<u64>(), keep.iter().sum::<u64>());
+            assert!(all == 0 || kept <= target && kept + 1 >= target, "{keep:?}");
+            for (&count, &keep) in faces.iter().zip(&keep) {
+                assert!(keep >= count || (count - keep).is_multiple_of(2));
+                let due = count as f64 * target as f64 / all as f64;
+                assert!((keep as f64 - due).abs() <= 2.0, "{keep} of {count}");
+            }
+        }
+    }
 
     #[test]
     fn the_cheapest_collapses_of_all_clusters_are_chosen() {

@@ -20,7 +20,25 @@ use crate::base::Result;
 use crate::job::header::{HEADER_BYTES, Header};
 use crate::os::durable::DurableFile;
 
-/// Writes a piece durably and opens it.
+/// A piece that is written and not durable yet.
+#[derive(Debug)]
+pub struct PendingPiece {
+    file: DurableFile,
+    piece: StoredPiece,
+}
+
+impl PendingPiece {
+    /// Makes the file durable, gives it its name and opens it. Waits for the disk.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub fn commit(self) -> Result<StoredPiece> {
+        self.file.commit()?;
+        Ok(self.piece)
+    }
+}
+
+/// Writes a piece.
 ///
 /// # Errors
 /// On a full disk or a failed write.
@@ -30,7 +48,7 @@ pub fn write_piece(
     texcoords: &[DVec2],
     colours: Option<&[[f32; 3]]>,
     faces: &[Face],
-) -> Result<StoredPiece> {
+) -> Result<PendingPiece> {
     let colour_slice = colours.unwrap_or(&[]);
     let counts = [positions.len(), texcoords.len(), colour_slice.len(), faces.len()].map(|n| n as u64);
     let mut file = DurableFile::create(path, 256 << 10)?;
@@ -59,13 +77,13 @@ pub fn write_piece(
     }
     let header = Header { kind: *b"piece   ", record_bytes: 0, count: counts[3], checksum: hash.digest() };
     file.write_at(0, &header.encode())?;
-    file.commit()?;
-    Ok(StoredPiece {
+    let piece = StoredPiece {
         positions: PackedColumn::new(path.to_owned(), positions_at, &positions),
         colours: colours.map(|_| Segment::new(path.to_owned(), colours_at, counts[2])),
         texcoords: PackedColumn::new(path.to_owned(), texcoords_at, &texcoords),
         faces: FaceBlocks::new(path.to_owned(), blocks),
-    })
+    };
+    Ok(PendingPiece { file, piece })
 }
 
 #[cfg(test)]
@@ -81,7 +99,7 @@ mod tests {
         let colours = [[0.1, 0.2, 0.3]; 3];
         let face = Face { vertices: [0, 1, 2], texcoords: [0, NO_TEXCOORD, 0], part: 7, ..Face::default() };
         let path = folder.path().join("a.piece");
-        let piece = write_piece(&path, &positions, &texcoords, Some(&colours), &[face]).unwrap();
+        let piece = write_piece(&path, &positions, &texcoords, Some(&colours), &[face]).unwrap().commit().unwrap();
         assert_eq!(&*piece.positions.window(0..3).unwrap(), &positions);
         assert_eq!(&*piece.texcoords.window(0..1).unwrap(), &texcoords);
         assert_eq!(&*piece.colours.unwrap().window(0..3).unwrap(), &colours);

@@ -13,7 +13,7 @@
 //! ```
 //!
 //! # Memory
-//! 17/128 byte for each vertex and texture coordinate, 12 bytes for each shared vertex (only with normals), and
+//! 3/16 byte for each vertex and texture coordinate, 12 bytes for each shared vertex (only with normals), and
 //! [`WriteOptions::work_bytes`] less these: half for the grouping, half for what is in flight. A piece whose normals
 //! need more (64 bytes a face) than that half runs alone.
 //!

@@ -4,21 +4,18 @@
 //! stored order (shared vertices, then piece after piece), so the rank of an id is its number in the result.
 //!
 //! # Memory
-//! 17/128 byte for each vertex and texture coordinate, 8 bytes for each part, and one block of faces.
+//! 3/16 byte for each vertex and texture coordinate, 8 bytes for each part, and one block of faces.
 
 use crate::base::{Error, Result};
 use crate::store::face::BLOCK_FACES;
 use crate::store::mesh::PieceNumbering;
 use crate::store::{Face, NO_TEXCOORD, StoredMesh, StoredPiece};
 
-/// Words of a set between two counts.
-const WORDS_PER_RANK: usize = 8;
-
 /// A set of ids 0 .. n that knows how many of its members are smaller than an id.
 #[derive(Debug, Default)]
 pub(super) struct IdSet {
     words: Vec<u64>,
-    /// Members before each run of [`WORDS_PER_RANK`] words; filled by [`rank_members`](IdSet::rank_members).
+    /// Members before each word; filled by [`rank_members`](IdSet::rank_members).
     before: Vec<u32>,
     count: u64,
 }
@@ -43,18 +40,16 @@ impl IdSet {
     pub(super) fn rank_members(&mut self) {
         self.count = 0;
         self.before.clear();
-        for run in self.words.chunks(WORDS_PER_RANK) {
+        for word in &self.words {
             self.before.push(self.count as u32);
-            self.count += run.iter().map(|word| u64::from(word.count_ones())).sum::<u64>();
+            self.count += u64::from(word.count_ones());
         }
     }
 
     /// Number of members smaller than `id`.
     pub(super) fn rank(&self, id: u32) -> u32 {
         let word = id as usize / 64;
-        let run = word / WORDS_PER_RANK;
-        let whole = self.words[run * WORDS_PER_RANK..word].iter().map(|word| word.count_ones()).sum::<u32>();
-        self.before[run] + whole + (self.words[word] & ((1 << (id % 64)) - 1)).count_ones()
+        self.before[word] + (self.words[word] & ((1 << (id % 64)) - 1)).count_ones()
     }
 
     /// Number of members.
