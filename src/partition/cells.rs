@@ -179,7 +179,7 @@ pub fn plan(mesh: &StoredMesh, options: &PartitionOptions) -> Result<Cells> {
     Ok(cells)
 }
 
-/// Cells that [`plan`] will make of so many faces, if no plane moved from its share of the vertices.
+/// Cells that [`plan`] will make of so many faces, if every plane moved by half of its play.
 pub fn expected_count(faces: u64, cluster_faces: u64, pass: usize) -> u64 {
     fn count(faces: f64, limit: f64, level: usize, pass: usize) -> u64 {
         if faces <= limit {
@@ -187,6 +187,7 @@ pub fn expected_count(faces: u64, cluster_faces: u64, pass: usize) -> u64 {
         }
         let parts = (faces / limit).ceil().max(2.0);
         let share = if level < SHIFTED_LEVELS { FIRST_SHARES[pass % 3] } else { (parts / 2.0).floor() / parts };
+        let share = share - 0.5 * PLANE_PLAY;
         count(faces * share, limit, level + 1, pass) + count(faces * (1.0 - share), limit, level + 1, pass)
     }
     count(faces as f64, cluster_faces.max(1) as f64, 0, pass)

@@ -1,7 +1,7 @@
 //! Which passes a run will make, and how many clusters each will have.
 //!
-//! Cells halve the vertices again and again, so counts alone tell how many there will be, within the tenth by which
-//! planes move to where few vertices lie.
+//! Cells halve the vertices again and again, so counts alone tell how many there will be, but for planes that move to
+//! where few vertices lie.
 
 use serde::Serialize;
 
@@ -69,7 +69,7 @@ mod tests {
     use crate::remesh::cvd::Settings;
 
     fn sizes(faces: u64, target: u64) -> Sizes {
-        Sizes { faces, vertices: faces / 2, target, cluster_faces: 250_000, remesh: None }
+        Sizes { faces, vertices: faces / 2, target, cluster_faces: 50_000, remesh: None }
     }
 
     #[test]
@@ -84,8 +84,9 @@ mod tests {
     #[test]
     fn a_city_takes_three_passes_and_a_trim() {
         let passes = forecast(&sizes(4_313_336, 431_334), 3);
-        // Measured: 23, 12, 5 and 2 clusters.
-        assert_eq!(passes.iter().map(|pass| pass.clusters).collect::<Vec<_>>(), [24, 12, 6, 2]);
+        for (pass, measured) in passes.iter().zip([122, 58, 26, 14]) {
+            assert!(pass.clusters.abs_diff(measured) * 6 <= measured, "{pass:?}");
+        }
         assert!(passes[3].is_trim && passes[3].faces_out == 431_334);
     }
 

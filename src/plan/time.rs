@@ -1,24 +1,26 @@
 //! How long a run will take, from rates that were measured.
 //!
 //! Rates are for one core of a 2.x GHz server processor, from the processor time of a synthetic city of 4.3 million
-//! triangles at 10 % on 2026-11-21 (12.4 s, by phase). Another machine may be twice as fast or half.
+//! triangles at 10 % on 2026-11-21 (10.1 s, by phase). Another machine may be twice as fast or half.
 
 use serde::Serialize;
 
 use super::passes::PassForecast;
 
 /// Bytes of OBJ text scanned in a second by one core.
-const SCAN_BYTES_PER_SECOND: f64 = 373e6;
+const SCAN_BYTES_PER_SECOND: f64 = 398e6;
 /// Faces cut into clusters in a second by one core.
-const PARTITION_FACES_PER_SECOND: f64 = 3.9e6;
+const PARTITION_FACES_PER_SECOND: f64 = 5.9e6;
 /// Faces of the first pass, with seams locked, in a second by one core.
-const FIRST_FACES_PER_SECOND: f64 = 980e3;
-/// Faces of the passes after it in a second by one core; the trim goes over its faces twice.
-const LATER_FACES_PER_SECOND: f64 = 730e3;
+const FIRST_FACES_PER_SECOND: f64 = 1.12e6;
+/// Faces of the passes after it in a second by one core.
+const LATER_FACES_PER_SECOND: f64 = 790e3;
+/// Faces of the trim in a second by one core.
+const TRIM_FACES_PER_SECOND: f64 = 1.4e6;
 /// Faces of the pass that makes the mesh anew, its two looks included, in a second by one core.
 const REMESH_FACES_PER_SECOND: f64 = 120e3;
 /// Faces written in a second.
-const WRITE_FACES_PER_SECOND: f64 = 2.3e6;
+const WRITE_FACES_PER_SECOND: f64 = 3.2e6;
 /// Share of a further thread's time that is work: clusters end at different times, and some steps are in order.
 const THREAD_SHARE: f64 = 0.85;
 
@@ -48,11 +50,11 @@ pub fn forecast(input_bytes: u64, passes: &[PassForecast], target: u64, threads:
         let is_first = number == 0 || passes[number - 1].is_remesh;
         let rate = match is_first {
             _ if pass.is_remesh => REMESH_FACES_PER_SECOND,
+            _ if pass.is_trim => TRIM_FACES_PER_SECOND,
             true => FIRST_FACES_PER_SECOND,
             false => LATER_FACES_PER_SECOND,
         };
-        let rounds = if pass.is_trim { 2.0 } else { 1.0 };
-        simplify += rounds * faces / rate / speed_up(pass.clusters);
+        simplify += faces / rate / speed_up(pass.clusters);
     }
     let write = target as f64 / WRITE_FACES_PER_SECOND;
     TimeForecast { total: scan + partition + simplify + write, scan, partition, simplify, write }

@@ -14,6 +14,7 @@ use std::collections::BinaryHeap;
 use super::collapse::{Collapse, Collapser};
 use super::legality::Refusal;
 use super::proposal::{EdgeAt, Proposal, chain_edges_at};
+use super::stage::{Milestone, StageResult, Stop};
 use super::texture::insets;
 use super::witness::Witnesses;
 use crate::cost::census::Census;
@@ -31,35 +32,6 @@ const TRIES_PER_COLLAPSE: f64 = 2.0;
 const COST_SPREAD: f32 = 4.0;
 /// A stage that stops on a cost ends when a round over all its candidates removes less than this share of the faces.
 const LAST_SHARE: f64 = 0.0005;
-
-/// When a stage ends.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Stop {
-    /// As soon as no more than this many faces are left.
-    Faces(usize),
-    /// When no legal collapse costs this or less, or no more than this many faces are left.
-    Cost(f32, usize),
-}
-
-/// What a stage did.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct StageResult {
-    /// Highest cost of a collapse.
-    pub cost: f32,
-    /// Whether the stop was reached before the legal collapses ran out.
-    pub reached: bool,
-}
-
-/// What a cluster was like at the end of a stage.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Milestone {
-    /// Faces left.
-    pub faces: usize,
-    /// Highest cost of a collapse in the stage.
-    pub cost: f32,
-    /// Estimate of the mean squared deviation that all stages so far have added, in units of length².
-    pub squared_error: f64,
-}
 
 /// Simplifies one cluster.
 #[derive(Debug)]

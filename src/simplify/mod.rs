@@ -12,7 +12,9 @@ pub mod deviation;
 pub mod engine;
 pub mod legality;
 mod proposal;
+mod stage;
 pub mod texture;
 pub mod witness;
 
-pub use engine::{Engine, Milestone, StageResult, Stop};
+pub use engine::Engine;
+pub use stage::{Milestone, StageResult, Stop};

@@ -242,6 +242,8 @@ impl<'a, M: Metric> Run<'a, M> {
             work_bytes: self.options.work_bytes,
         };
         self.progress.begin("partition", 0, "");
+        // What the clusters of the pass before have left free.
+        mmap::release_freed_memory();
         let (mesh, folder) = (&state.mesh, self.job.path());
         let sample = std::mem::take(&mut state.sample);
         let has_sample = !sample.corners.is_empty() && self.turn(pass) > 0;

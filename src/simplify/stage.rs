@@ -1,0 +1,30 @@
+//! When a stage ends, and what it did.
+
+/// When a stage ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Stop {
+    /// As soon as no more than this many faces are left.
+    Faces(usize),
+    /// When no legal collapse costs this or less, or no more than this many faces are left.
+    Cost(f32, usize),
+}
+
+/// What a stage did.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct StageResult {
+    /// Highest cost of a collapse.
+    pub cost: f32,
+    /// Whether the stop was reached before the legal collapses ran out.
+    pub reached: bool,
+}
+
+/// What a cluster was like at the end of a stage.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Milestone {
+    /// Faces left.
+    pub faces: usize,
+    /// Highest cost of a collapse in the stage.
+    pub cost: f32,
+    /// Estimate of the mean squared deviation that all stages so far have added, in units of length².
+    pub squared_error: f64,
+}
