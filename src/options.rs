@@ -121,6 +121,9 @@ pub enum ResumeChoice {
     Never,
 }
 
+/// Triangles of a cluster, about, unless given.
+const CLUSTER_FACES: u64 = 50_000;
+
 /// Options of `drystone simplify`.
 #[derive(Debug, Clone, PartialEq, Args, Serialize)]
 pub struct SimplifyOptions {
@@ -202,7 +205,7 @@ pub struct SimplifyOptions {
     pub textures: TextureFiles,
 
     /// Triangles of a cluster, about; 1000 to 10 million. Changes the result slightly, the memory much
-    #[arg(long, value_name = "COUNT", default_value_t = 50_000)]
+    #[arg(long, value_name = "COUNT", default_value_t = CLUSTER_FACES)]
     pub cluster_faces: u64,
 
     /// Passes over shifted clusters, 1 to 16; more are made while clusters still lock what could go
@@ -241,7 +244,7 @@ impl Default for SimplifyOptions {
             uv_weight: 0.5,
             normals: Normals::Auto,
             textures: TextureFiles::Copy,
-            cluster_faces: 50_000,
+            cluster_faces: CLUSTER_FACES,
             passes: 3,
             drawing: Drawing::Nothing,
             force: false,

@@ -33,13 +33,8 @@ pub struct ClusterFaces {
 
 impl ClusterFaces {
     /// Number of faces.
-    pub fn len(&self) -> usize {
+    pub fn face_count(&self) -> usize {
         self.faces.len()
-    }
-
-    /// Whether there are no faces.
-    pub fn is_empty(&self) -> bool {
-        self.faces.is_empty()
     }
 
     /// Number of vertices.

@@ -19,7 +19,7 @@ pub struct PassForecast {
     pub faces_in: u64,
     /// Faces after, about.
     pub faces_out: u64,
-    /// Whether it removes the last faces above the target, chosen by cost over all clusters.
+    /// Whether it removes the last faces above the target.
     pub is_trim: bool,
     /// Whether it makes the mesh anew.
     pub is_remesh: bool,

@@ -124,15 +124,19 @@ impl<M: Metric> Run<'_, M> {
         Survey::new(&(0..partition.cluster_count()).map(faces_of).collect::<Vec<_>>())
     }
 
+    /// The patch of a cluster that no mesh was made of.
+    pub(super) fn patch_of_faces(&self, survey: &Survey, partition: &Partition, faces: ClusterFaces) -> ClusterMesh {
+        survey.patch_of_faces(faces, |faces| faces.into_source(partition, self.catalogue, &self.scale).mesh)
+    }
+
     /// A sample of the clusters as they are before a pass.
     pub(super) fn take_sample(&self, mesh: &StoredMesh, partition: &Partition) -> Result<ClusterMesh> {
         let survey = self.survey(partition);
         let mut sample = ClusterMesh::default();
         for &cluster in survey.clusters() {
             let _permit = self.permits.take(self.cluster_bytes(partition, cluster));
-            let make = |faces: ClusterFaces| faces.into_source(partition, self.catalogue, &self.scale).mesh;
-            let patch = survey.patch_of_faces(reading::read(partition, mesh, cluster)?, make);
-            sample::append(&mut sample, &patch);
+            let faces = reading::read(partition, mesh, cluster)?;
+            sample::append(&mut sample, &self.patch_of_faces(&survey, partition, faces));
         }
         Ok(sample)
     }

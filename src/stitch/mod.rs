@@ -5,7 +5,7 @@
 //! pass 1   cells cut at 1/2   borders locked, seams locked     to about 4 × the target
 //! pass 2   cells cut at 1/3   the borders of pass 1 are inside to about 2 × the target
 //! pass 3   cells cut at 2/3   …                                to the target
-//! trim     what is left over the target, chosen over all clusters by cost
+//! trim     what is left over the target: the same share of each cluster, or chosen over all of them by cost
 //! ```
 //! A threshold on the cost, never a count, stops a cluster, so that the faces are spent where one queue over the whole
 //! mesh would spend them. The threshold comes from a sample: patches of up to sixteen clusters, simplified as one mesh.

@@ -71,7 +71,7 @@ impl Survey {
         make: impl FnOnce(ClusterFaces) -> ClusterMesh,
     ) -> ClusterMesh {
         let (triangle, vertices) = (|face| faces.triangle(face), |face| faces.vertices(face));
-        let patch = Patch::choose(faces.len(), self.patch_faces, faces.vertex_count(), triangle, vertices);
+        let patch = Patch::choose(faces.face_count(), self.patch_faces, faces.vertex_count(), triangle, vertices);
         faces.keep(&patch.faces);
         let mesh = make(faces);
         patch.cut_from(&mesh, 0..mesh.corners.len() as u32)
@@ -92,7 +92,7 @@ fn sampled_clusters(face_counts: &[u64]) -> Vec<usize> {
 
 /// Which faces of a cluster make a patch, and what stands around it.
 #[derive(Debug)]
-pub struct Patch {
+struct Patch {
     /// The faces, ascending.
     faces: Vec<u32>,
     /// Whether a face beside the patch has the vertex, too.

@@ -10,8 +10,7 @@ use crate::base::ordered::map_in_order;
 use crate::cost::Metric;
 use crate::mesh::ClusterMesh;
 use crate::partition::cluster::{MaterialArea, material_index};
-use crate::partition::reading::{self, ClusterFaces};
-use crate::partition::{Partition, TextureScale};
+use crate::partition::{Partition, TextureScale, reading};
 use crate::store::StoredMesh;
 
 /// Of so many blocks of faces one is read.
@@ -71,8 +70,7 @@ impl<M: Metric> Run<'_, M> {
                 let mut areas = none();
                 faces.add_areas(self.catalogue, &mut areas);
                 let sparse = areas.into_iter().enumerate().filter(|(_, area)| area.faces > 0);
-                let make = |faces: ClusterFaces| faces.into_source(partition, self.catalogue, &self.scale).mesh;
-                Ok((sparse.collect(), is_wanted.then(|| survey.patch_of_faces(faces, make))))
+                Ok((sparse.collect(), is_wanted.then(|| self.patch_of_faces(&survey, partition, faces))))
             },
             |(sums, patch): (SparseAreas, Option<ClusterMesh>)| {
                 sums.into_iter().for_each(|(material, area)| areas[material] += area);
