@@ -122,6 +122,7 @@ fn run(
         None => {
             let staged = write::stage(&passes.mesh, &catalogue, output, job.path(), &write_options, progress)?;
             progress.check_stopped()?;
+            job.settle()?;
             job.keep(Step::Written, staged.written().faces, [], staged.written())?;
             staged.commit()?
         }

@@ -3,8 +3,14 @@
 //! Workers take items as they come; one committer, the calling thread, receives the results in the items' order. At
 //! most `in_flight` items are between "handed out" and "committed", which bounds the memory of waiting results. Nobody
 //! holds a result while waiting for another: the committer keeps what came early in a map of at most that size.
+//!
+//! What has to wait for the disk before it is a result is *settled* by threads of its own, so that workers never sleep
+//! while there are items. (A worker that sleeps wakes up beside another one often enough, and the system takes up to
+//! 30 ms to see that a core is idle.)
 
 use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::Result;
@@ -23,42 +29,83 @@ pub fn map_in_order<T: Send, R: Send>(
     threads: usize,
     in_flight: usize,
     work: impl Fn(T) -> Result<R> + Sync,
+    commit: impl FnMut(R) -> Result<()>,
+) -> Result<()> {
+    settle_in_order(items, Crew { threads, settlers: 0 }, in_flight, work, Ok, commit)
+}
+
+/// How many threads work, and how many wait for the disk in their place.
+#[derive(Debug, Clone, Copy)]
+pub struct Crew {
+    /// Threads that work; with one, everything happens on the calling thread.
+    pub threads: usize,
+    /// Threads that settle; with none, workers do it.
+    pub settlers: usize,
+}
+
+/// Maps `items` as [`map_in_order`] does, in two steps: `work` computes, `settle` waits for the disk.
+///
+/// # Errors
+/// What `work`, `settle` or `commit` returns.
+///
+/// # Panics
+/// If `work` or `settle` panics, its panic is passed on.
+pub fn settle_in_order<T: Send, P: Send, R: Send>(
+    items: impl Iterator<Item = T> + Send,
+    crew: Crew,
+    in_flight: usize,
+    work: impl Fn(T) -> Result<P> + Sync,
+    settle: impl Fn(P) -> Result<R> + Sync,
     mut commit: impl FnMut(R) -> Result<()>,
 ) -> Result<()> {
+    let Crew { threads, settlers } = crew;
     if threads <= 1 {
         for item in items {
-            commit(work(item)?)?;
+            commit(settle(work(item)?)?)?;
         }
         return Ok(());
     }
     let stopped = AtomicBool::new(false);
-    let (job_sender, jobs) = crossbeam_channel::bounded::<(usize, T)>(0);
-    let (result_sender, results) = crossbeam_channel::unbounded::<(usize, Result<R>)>();
+    let items = Mutex::new(items.enumerate());
+    let (pending_sender, pending) = crossbeam_channel::unbounded::<(usize, P)>();
+    let (result_sender, results) = crossbeam_channel::unbounded::<(usize, std::thread::Result<Result<R>>)>();
     let (credit_sender, credits) = crossbeam_channel::unbounded::<()>();
     for _ in 0..in_flight.max(threads) {
         let _ = credit_sender.send(());
     }
     std::thread::scope(|scope| {
-        let (work, stopped) = (&work, &stopped);
-        scope.spawn(move || {
-            for job in items.enumerate() {
-                let may_go_on = credits.recv().is_ok() && !stopped.load(Ordering::Relaxed);
-                if !may_go_on || job_sender.send(job).is_err() {
-                    break;
-                }
-            }
-        });
+        let (work, settle, stopped, items, credits) = (&work, &settle, &stopped, &items, &credits);
+        // The next item, once there is room for its result.
+        let next = move || match credits.recv().is_ok() && !stopped.load(Ordering::Relaxed) {
+            true => items.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).next(),
+            false => None,
+        };
         for _ in 0..threads {
-            let (jobs, result_sender) = (jobs.clone(), result_sender.clone());
+            let (pending_sender, result_sender) = (pending_sender.clone(), result_sender.clone());
             scope.spawn(move || {
-                for (index, item) in jobs {
-                    if result_sender.send((index, work(item))).is_err() {
+                while let Some((index, item)) = next() {
+                    let is_wanted = match guarded(|| work(item)) {
+                        Ok(Ok(product)) if settlers > 0 => pending_sender.send((index, product)).is_ok(),
+                        Ok(outcome) => result_sender.send((index, guarded(|| settle(outcome?)))).is_ok(),
+                        Err(panic) => result_sender.send((index, Err(panic))).is_ok(),
+                    };
+                    if !is_wanted {
                         break;
                     }
                 }
             });
         }
-        drop((jobs, result_sender));
+        for _ in 0..settlers {
+            let (pending, result_sender) = (pending.clone(), result_sender.clone());
+            scope.spawn(move || {
+                for (index, product) in pending {
+                    if result_sender.send((index, guarded(|| settle(product)))).is_err() {
+                        break;
+                    }
+                }
+            });
+        }
+        drop((pending_sender, pending, result_sender));
         let outcome = commit_in_order(&results, &credit_sender, &mut commit);
         stopped.store(true, Ordering::Relaxed);
         drop(credit_sender);
@@ -78,12 +125,17 @@ pub fn both<A: Send, B>(threads: usize, first: impl FnOnce() -> A + Send, second
     std::thread::scope(|scope| {
         let first = scope.spawn(first);
         let second = second();
-        (first.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)), second)
+        (first.join().unwrap_or_else(|panic| resume_unwind(panic)), second)
     })
 }
 
+/// Runs a step whose panic the committer is to pass on: workers that wait for room would wait for ever.
+fn guarded<R>(step: impl FnOnce() -> Result<R>) -> std::thread::Result<Result<R>> {
+    catch_unwind(AssertUnwindSafe(step))
+}
+
 fn commit_in_order<R>(
-    results: &crossbeam_channel::Receiver<(usize, Result<R>)>,
+    results: &crossbeam_channel::Receiver<(usize, std::thread::Result<Result<R>>)>,
     credits: &crossbeam_channel::Sender<()>,
     commit: &mut impl FnMut(R) -> Result<()>,
 ) -> Result<()> {
@@ -92,7 +144,7 @@ fn commit_in_order<R>(
     for (index, result) in results {
         early.insert(index, result);
         while let Some(result) = early.remove(&next) {
-            commit(result?)?;
+            commit(result.unwrap_or_else(|panic| resume_unwind(panic))?)?;
             next += 1;
             let _ = credits.send(());
         }
@@ -121,6 +173,50 @@ mod tests {
             )
             .unwrap();
             assert_eq!(seen, (0..500).map(|i| i * 2).collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn what_is_settled_apart_arrives_in_order_and_its_errors_end_the_work() {
+        for (threads, settlers) in [(1, 0), (2, 2), (4, 1)] {
+            let crew = Crew { threads, settlers };
+            let run = |bad: i32| {
+                let mut seen = Vec::new();
+                let settle = |i: i32| if i == bad { Err(Error::Usage("bad".into())) } else { Ok(-i) };
+                let outcome = settle_in_order(
+                    0..300,
+                    crew,
+                    8,
+                    |i| Ok(i * 2),
+                    settle,
+                    |r| {
+                        seen.push(r);
+                        Ok(())
+                    },
+                );
+                (seen, outcome)
+            };
+            let (seen, outcome) = run(-1);
+            assert_eq!(seen, (0..300).map(|i| i * -2).collect::<Vec<_>>());
+            outcome.unwrap();
+            let (seen, outcome) = run(100);
+            assert_eq!(seen.len(), 50);
+            assert_eq!(outcome.unwrap_err().to_string(), "bad");
+        }
+    }
+
+    #[test]
+    fn a_panic_is_passed_on_and_nobody_waits_for_ever() {
+        for settlers in [0, 2] {
+            let crew = Crew { threads: 2, settlers };
+            let run = |at_work: bool| {
+                let step = |i, panics: bool| if panics && i == 50 { panic!("fifty") } else { Ok(i) };
+                catch_unwind(AssertUnwindSafe(|| {
+                    settle_in_order(0..1000, crew, 4, |i| step(i, at_work), |i| step(i, !at_work), |_| Ok(()))
+                }))
+            };
+            assert!(run(true).is_err());
+            assert!(run(false).is_err());
         }
     }
 

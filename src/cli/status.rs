@@ -136,7 +136,7 @@ impl JobStatus {
                 self.pass = None;
             }
             Step::Written => self.written = true,
-            Step::Input | Step::Sample { .. } | Step::Census | Step::Plan { .. } | Step::Trial { .. } => {}
+            Step::Input | Step::Census | Step::Plan { .. } | Step::Trial { .. } => {}
         }
     }
 

@@ -180,15 +180,20 @@ impl SurfaceCost {
         a: u32,
         spokes: &mut Vec<Spoke>,
     ) {
+        let is_fixed = classes[a as usize] == Class::Fixed;
+        let is_chained = |class: Class| class != Class::Smooth && !(class == Class::Fixed && is_fixed);
+        let end_of = |corner: u32| mesh.vertex_of(ClusterMesh::following(corner)[0]);
+        if !rings.of(a).iter().any(|&corner| is_chained(classes[end_of(corner) as usize])) {
+            return;
+        }
         spokes.clear();
         let is_crowded = rings.of(a).len() > VALENCE_MAX;
         if !is_crowded {
             spokes.extend(rings.of(a).iter().map(|&corner| Spoke::of(mesh, corner)));
         }
         for (i, &corner) in rings.of(a).iter().enumerate() {
-            let b = mesh.vertex_of(ClusterMesh::following(corner)[0]);
-            let class = classes[b as usize];
-            if class == Class::Smooth || (class == Class::Fixed && classes[a as usize] == Class::Fixed) {
+            let b = end_of(corner);
+            if !is_chained(classes[b as usize]) {
                 continue;
             }
             // An edge whose other face has the same wedges is most often found so, without a branch for each face.

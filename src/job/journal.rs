@@ -43,11 +43,6 @@ pub enum Step {
         /// Number of the pass, from 0.
         pass: u32,
     },
-    /// The sample of the clusters.
-    Sample {
-        /// Number of the pass.
-        pass: u32,
-    },
     /// How the clusters of a pass stop.
     Plan {
         /// Number of the pass.
@@ -96,7 +91,6 @@ impl Step {
             Step::Input => "scan-input".into(),
             Step::Scan => "scan-mesh".into(),
             Step::Cut { pass } => format!("pass-{pass}-cut"),
-            Step::Sample { pass } => format!("pass-{pass}-sample"),
             Step::Plan { pass, attempt } => format!("pass-{pass}-plan-{attempt}"),
             Step::Trial { pass, trial, cluster } => format!("pass-{pass}-trial-{trial}-{cluster:06}"),
             Step::Cluster { pass, attempt, cluster } => format!("pass-{pass}-cluster-{attempt}-{cluster:06}"),

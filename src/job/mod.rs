@@ -9,6 +9,7 @@
 //! recall   entry in the journal ──▶ its files and its value read and compared ──▶ the value, or nothing
 //! retain   journal synced ──▶ all files removed but those that are still needed
 //! ```
+//! Between two phases both happen at once and beside the work that goes on ([`WorkFolder::supersede`]).
 //!
 //! # Files
 //! `manifest.bin`, `journal.bin`, `lock`, the values of steps (`*.state`), and what the phases write. A folder that
@@ -27,7 +28,8 @@ use std::fs::{self, File};
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, MutexGuard};
+use std::sync::{Arc, Mutex, MutexGuard};
+use std::thread::JoinHandle;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -76,7 +78,9 @@ pub struct WorkFolder {
     resume: Resume,
     recalled: HashMap<Step, Record>,
     order: Vec<Step>,
-    journal: Mutex<Option<Journal>>,
+    journal: Arc<Mutex<Option<Journal>>>,
+    /// The step that is being kept beside the work.
+    under_way: Mutex<Option<JoinHandle<Result<()>>>>,
     /// What was found damaged, in words.
     damage: Mutex<Vec<String>>,
     is_resumed: bool,
@@ -105,7 +109,8 @@ impl WorkFolder {
             resume,
             recalled: HashMap::new(),
             order: Vec::new(),
-            journal: Mutex::new(None),
+            journal: Arc::default(),
+            under_way: Mutex::new(None),
             damage: Mutex::new(Vec::new()),
             is_resumed: false,
             holds_steps: AtomicBool::new(true),
@@ -120,8 +125,8 @@ impl WorkFolder {
         };
         folder.holds_steps = AtomicBool::new(folder.is_resumed);
         journal.append(&Entry::Began { time: now() })?;
-        folder.journal = Mutex::new(Some(journal));
-        folder.remove_all_but(&folder.named_files())?;
+        folder.journal = Arc::new(Mutex::new(Some(journal)));
+        remove_files(&folder.all_but(&folder.named_files())?)?;
         Ok(folder)
     }
 
@@ -265,18 +270,52 @@ impl WorkFolder {
         files: impl IntoIterator<Item = &'a Path>,
         value: &T,
     ) -> Result<()> {
-        let path = self.path.join(step.file_name());
-        let bytes = codec::encode(value).map_err(|message| Error::Damaged { path: path.clone(), message })?;
-        let value = match bytes.len() <= VALUE_BYTES_HERE {
-            true => Value::Here(bytes),
-            false => Value::InFile(write_value(&path, &bytes)?),
-        };
-        let mut paths: Vec<&Path> = files.into_iter().collect();
-        paths.sort_unstable();
-        paths.dedup();
-        let files = paths.into_iter().map(Stamp::of).collect::<Result<_>>()?;
         self.holds_steps.store(true, Ordering::Relaxed);
-        self.append(&Entry::Kept(Record { step, amount, time: now(), files, value }))
+        Finished::new(self, step, amount, files, value)?.keep(&self.journal)
+    }
+
+    /// Keeps a finished step and removes all files but those given, which are its own and those that what follows needs, and
+    /// the values of the steps given. That waits for the disk a lot, so it happens on a thread of its own while the caller
+    /// goes on; an error is returned by the next call of this or of [`settle`](WorkFolder::settle).
+    ///
+    /// # Errors
+    /// As [`keep`](WorkFolder::keep).
+    pub fn supersede<'a, T: Serialize>(
+        &self,
+        step: Step,
+        amount: u64,
+        files: impl IntoIterator<Item = &'a Path>,
+        value: &T,
+        steps: &[Step],
+    ) -> Result<()> {
+        self.settle()?;
+        self.holds_steps.store(true, Ordering::Relaxed);
+        let files: Vec<&Path> = files.into_iter().collect();
+        let finished = Finished::new(self, step, amount, files.iter().copied(), value)?;
+        let mut names = names_of(files, steps);
+        names.insert(step.file_name());
+        // Named now: what the work that goes on writes is none of it.
+        let superseded = self.all_but(&names)?;
+        let journal = Arc::clone(&self.journal);
+        let keep = move || {
+            finished.keep(&journal)?;
+            sync(&journal)?;
+            remove_files(&superseded)
+        };
+        *lock(&self.under_way) = Some(std::thread::spawn(keep));
+        Ok(())
+    }
+
+    /// Waits for the step that is being kept beside the work.
+    ///
+    /// # Errors
+    /// Those of [`keep`](WorkFolder::keep) and [`retain`](WorkFolder::retain).
+    ///
+    /// # Panics
+    /// If keeping it panics, its panic is passed on.
+    pub fn settle(&self) -> Result<()> {
+        let under_way = lock(&self.under_way).take();
+        under_way.map_or(Ok(()), |thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
     }
 
     /// The value of a step: recalled, or made and kept.
@@ -294,8 +333,9 @@ impl WorkFolder {
 
     /// Notes why the process ends early, as well as that is possible.
     pub fn note_failure(&self, error: &Error) {
-        let _ = self.append(&Entry::Failed { time: now(), message: error.to_string() });
-        let _ = self.journal().as_mut().map(Journal::sync);
+        let _ = self.settle();
+        let _ = append(&self.journal, &Entry::Failed { time: now(), message: error.to_string() });
+        let _ = sync(&self.journal);
     }
 
     /// Removes all files but those given and the values of some steps.
@@ -303,12 +343,9 @@ impl WorkFolder {
     /// # Errors
     /// If the journal, on whose word they go, cannot be made durable.
     pub fn retain<'a>(&self, files: impl IntoIterator<Item = &'a Path>, steps: &[Step]) -> Result<()> {
-        if let Some(journal) = self.journal().as_mut() {
-            journal.sync()?;
-        }
-        let names =
-            files.into_iter().filter_map(|path| path.file_name()).map(|name| name.to_string_lossy().into_owned());
-        self.remove_all_but(&names.chain(steps.iter().map(Step::file_name)).collect())
+        self.settle()?;
+        sync(&self.journal)?;
+        remove_files(&self.all_but(&names_of(files, steps))?)
     }
 
     /// Ends the job: the folder goes, unless it is to be kept or was the user's.
@@ -316,9 +353,8 @@ impl WorkFolder {
     /// # Errors
     /// If the journal cannot be made durable.
     pub fn finish(mut self, keep: bool) -> Result<()> {
-        if let Some(journal) = self.journal().as_mut() {
-            journal.sync()?;
-        }
+        self.settle()?;
+        sync(&self.journal)?;
         if !keep {
             self.remove();
         }
@@ -327,10 +363,6 @@ impl WorkFolder {
 
     fn journal(&self) -> MutexGuard<'_, Option<Journal>> {
         lock(&self.journal)
-    }
-
-    fn append(&self, entry: &Entry) -> Result<()> {
-        self.journal().as_mut().map_or(Ok(()), |journal| journal.append(entry))
     }
 
     /// Names of the files that the journal knows.
@@ -343,20 +375,19 @@ impl WorkFolder {
         names
     }
 
-    fn remove_all_but(&self, names: &HashSet<String>) -> Result<()> {
-        for entry in entries(&self.path)? {
+    /// The files of phases, but those of these names.
+    fn all_but(&self, names: &HashSet<String>) -> Result<Vec<PathBuf>> {
+        let is_superseded = |entry: &fs::DirEntry| {
             let name = entry.file_name();
             let name = name.to_string_lossy();
-            if is_phase_file(&name) && !names.contains(&*name) {
-                fs::remove_file(entry.path()).map_err(|e| Error::io(&entry.path(), "remove", e))?;
-            }
-        }
-        Ok(())
+            is_phase_file(&name) && !names.contains(&*name)
+        };
+        Ok(entries(&self.path)?.iter().filter(|entry| is_superseded(entry)).map(fs::DirEntry::path).collect())
     }
 
     /// Removes all files of an earlier job, those that make it one last.
     fn clear(&self) -> Result<()> {
-        self.remove_all_but(&HashSet::new())?;
+        remove_files(&self.all_but(&HashSet::new())?)?;
         for name in [JOURNAL, MANIFEST] {
             for name in [name.to_owned(), format!("{name}.tmp")] {
                 let path = self.path.join(name);
@@ -370,6 +401,7 @@ impl WorkFolder {
     }
 
     fn remove(&mut self) {
+        let _ = self.settle();
         *self.journal() = None;
         let _ = self.clear();
         let _ = fs::remove_file(self.path.join(LOCK));
@@ -383,10 +415,65 @@ impl WorkFolder {
 impl Drop for WorkFolder {
     /// A folder in which nothing is finished goes; one that a job can go on with stays.
     fn drop(&mut self) {
+        let _ = self.settle();
         if self.lock.is_some() && !self.holds_steps.load(Ordering::Relaxed) {
             self.remove();
         }
     }
+}
+
+/// A finished step on its way into the journal.
+struct Finished {
+    step: Step,
+    amount: u64,
+    files: Vec<Stamp>,
+    /// The value, and where it goes if it gets a file of its own.
+    value: Vec<u8>,
+    path: PathBuf,
+}
+
+impl Finished {
+    fn new<'a, T: Serialize>(
+        job: &WorkFolder,
+        step: Step,
+        amount: u64,
+        files: impl IntoIterator<Item = &'a Path>,
+        value: &T,
+    ) -> Result<Self> {
+        let path = job.path.join(step.file_name());
+        let value = codec::encode(value).map_err(|message| Error::Damaged { path: path.clone(), message })?;
+        let mut paths: Vec<&Path> = files.into_iter().collect();
+        paths.sort_unstable();
+        paths.dedup();
+        let files = paths.into_iter().map(Stamp::of).collect::<Result<_>>()?;
+        Ok(Self { step, amount, files, value, path })
+    }
+
+    fn keep(self, journal: &Mutex<Option<Journal>>) -> Result<()> {
+        let Self { step, amount, files, value, path } = self;
+        let value = match value.len() <= VALUE_BYTES_HERE {
+            true => Value::Here(value),
+            false => Value::InFile(write_value(&path, &value)?),
+        };
+        append(journal, &Entry::Kept(Record { step, amount, time: now(), files, value }))
+    }
+}
+
+fn append(journal: &Mutex<Option<Journal>>, entry: &Entry) -> Result<()> {
+    lock(journal).as_mut().map_or(Ok(()), |journal| journal.append(entry))
+}
+
+fn sync(journal: &Mutex<Option<Journal>>) -> Result<()> {
+    lock(journal).as_mut().map_or(Ok(()), Journal::sync)
+}
+
+fn names_of<'a>(files: impl IntoIterator<Item = &'a Path>, steps: &[Step]) -> HashSet<String> {
+    let names = files.into_iter().filter_map(|path| path.file_name()).map(|name| name.to_string_lossy().into_owned());
+    names.chain(steps.iter().map(Step::file_name)).collect()
+}
+
+fn remove_files(paths: &[PathBuf]) -> Result<()> {
+    paths.iter().try_for_each(|path| fs::remove_file(path).map_err(|e| Error::io(path, "remove", e)))
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

@@ -129,6 +129,8 @@ struct Fan {
     /// The vertex that each spoke begins at, and the one that it ends at.
     begins: Vec<[u32; LANES]>,
     ends: Vec<[u32; LANES]>,
+    /// The spoke that begins where each one ends.
+    followers: Vec<u32>,
 }
 
 impl Fan {
@@ -154,19 +156,26 @@ impl Fan {
     }
 
     /// Whether a walk over edges that have the same wedges on both sides leads around all spokes.
-    fn is_smooth(&self) -> bool {
-        let mut at = 0;
-        for visited in 1..=self.spokes.len() {
-            let spoke = &self.spokes[at];
-            let Some(next) = self.beginning_at(spoke.previous) else { return false };
-            let follower = &self.spokes[next];
+    fn is_smooth(&mut self) -> bool {
+        self.followers.clear();
+        // Each spoke's follower is looked for by itself, so that no search waits for the one before.
+        for spoke in &self.spokes {
+            let found = find(&self.begins, spoke.previous);
+            if found / ONE != 1 {
+                return false;
+            }
+            let follower = &self.spokes[(found % ONE) as usize];
             if follower.wedge != spoke.wedge || follower.next_wedge != spoke.previous_wedge {
                 return false;
             }
-            if next == 0 {
+            self.followers.push(found % ONE);
+        }
+        let mut at = 0;
+        for visited in 1..=self.spokes.len() {
+            at = self.followers[at as usize];
+            if at == 0 {
                 return visited == self.spokes.len();
             }
-            at = next;
         }
         false
     }

@@ -36,7 +36,7 @@ use crate::mesh::class::{Class, classify};
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::ring::Rings;
 use crate::mesh::split::regularity;
-use crate::simplify::legality::{triangle_survives, uv_survives};
+use crate::simplify::legality::{areas_if_survives, uv_survives};
 
 /// A face below this regularity is a sliver.
 pub const SLIVER: f64 = 0.5;
@@ -186,10 +186,8 @@ fn is_better(mesh: &ClusterMesh, fan: &Fan, vertex: u32, worst: f64, position: D
         let (mut after, mut uv_after) = (before, uv_before);
         let Some(k) = mesh.vertices(spoke.face).iter().position(|&v| v == vertex) else { return false };
         (after[k], uv_after[k]) = (position, uv);
-        let double_area = |t: [DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).length();
         regularity(after) > worst
-            && triangle_survives(before, after)
-            && uv_survives(uv_before, uv_after, double_area(after) / double_area(before))
+            && areas_if_survives(before, after).is_some_and(|areas_sq| uv_survives(uv_before, uv_after, areas_sq))
     })
 }
 

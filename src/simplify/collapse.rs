@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3, Vec2};
 
 use super::deviation::Patches;
-use super::legality::{EdgeStar, Refusal, area_ratio, triangle_survives, uv_survives};
+use super::legality::{EdgeStar, Fan, Refusal, areas_if_survives, uv_survives};
 use super::texture::{insets, uv_on_chain, uv_on_ring};
 use crate::cost::{EdgeCase, Metric};
 use crate::mesh::cluster::{ClusterMesh, flag};
@@ -25,8 +25,8 @@ pub struct Collapse {
     pub stays: bool,
     /// Whether the edge lies on a seam or border that both ends keep to.
     pub chain: bool,
-    /// Whether charts without the edge may keep their wedges of `from`, which come to `to`.
-    pub strands: bool,
+    /// What is known of `from`; if it strands wedges, they come to `to` with their texture coordinates.
+    pub fan: Fan,
     /// Share of what the chain would leave its charts by that texture coordinates of `to` move inwards instead.
     pub inset: f64,
 }
@@ -60,7 +60,7 @@ impl Collapser {
     ) -> Result<usize, Refusal> {
         let Collapse { from, to, onto, stays, .. } = collapse;
         self.star.gather(mesh, rings, from, to);
-        self.star.check_topology(mesh, rings, from, to, collapse.strands)?;
+        self.star.check_topology(mesh, rings, from, to, collapse.fan)?;
         let insets = insets(mesh, rings, collapse.inset, (from, to), &self.star.wedges);
         let position =
             cost.place(mesh, &EdgeCase { from, to, onto, stays, wedges: &self.star.wedges, insets }).position;
@@ -95,7 +95,7 @@ impl Collapser {
                 let (mut after, mut uv_after) = (before, uv_before);
                 after[k] = position;
                 uv_after[k] = uv.unwrap_or(uv_after[k]);
-                triangle_survives(before, after) && uv_survives(uv_before, uv_after, area_ratio(before, after))
+                areas_if_survives(before, after).is_some_and(|areas_sq| uv_survives(uv_before, uv_after, areas_sq))
             });
             if fits && self.settle_deviation(mesh, rings, vertex, position).is_ok() {
                 mesh.positions[vertex as usize] = position;

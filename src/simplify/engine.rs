@@ -12,7 +12,7 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use super::collapse::{Collapse, Collapser};
-use super::legality::Refusal;
+use super::legality::{Fan, Refusal};
 use super::proposal::{EdgeAt, Proposal, chain_edges_at};
 use super::stage::{Milestone, StageResult, Stop};
 use super::texture::insets;
@@ -455,9 +455,10 @@ impl<M: Metric> Engine<M> {
         if self.touched[from as usize] == self.round || self.touched[to as usize] == self.round {
             return true;
         }
-        let strands = M::CORNERS_VANISH && self.classes[from as usize].is_corner();
+        let class = self.classes[from as usize];
+        let fan = Fan { closed: class == Class::Smooth, strands: M::CORNERS_VANISH && class.is_corner() };
         let inset = self.inset(to, chain);
-        let collapse = Collapse { from, to, onto, stays: self.stays(to), chain, strands, inset };
+        let collapse = Collapse { from, to, onto, stays: self.stays(to), chain, fan, inset };
         match self.collapser.try_collapse(&mut self.mesh, &self.rings, &mut self.cost, collapse) {
             Ok(died) => {
                 self.touched[from as usize] = self.round;
@@ -562,6 +563,11 @@ impl<M: Metric> Engine<M> {
         let is_stale = second_best || self.touched.get(to as usize) == Some(&round);
         let is_first = self.stirred[vertex as usize] != 2 * round;
         self.stirred[vertex as usize] = 2 * round;
+        // What vanished into a smooth vertex was smooth, and no vertex of a chain goes to one.
+        let meets_chain = self.classes[self.mesh.vertex_of(survivor) as usize] != Class::Smooth;
+        if M::ENDPOINTS && self.classes[vertex as usize] != Class::Smooth && !meets_chain && !is_stale {
+            return;
+        }
         // NOTE: a proposal to a survivor that was judged just now is as good as any other.
         if self.classes[vertex as usize] != Class::Smooth || (is_stale && is_first) {
             self.stirred[vertex as usize] += 1;

@@ -42,6 +42,33 @@ impl Refusal {
     pub const COUNT: usize = 7;
 }
 
+/// What is known of the faces around a vertex that is to vanish.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Fan {
+    /// They are one closed fan, in which the vertex has one wedge.
+    pub closed: bool,
+    /// Wedges of the vertex may be left without counterpart.
+    pub strands: bool,
+}
+
+/// The vertices around a vertex with one closed fan of at least four faces, and not too many.
+struct Ring {
+    vertices: [u32; Self::LANES],
+}
+
+impl Ring {
+    const LANES: usize = 16;
+
+    fn of(mesh: &ClusterMesh, rings: &Rings, vertex: u32) -> Option<Self> {
+        let (mut vertices, mut count) = ([u32::MAX; Self::LANES], 0);
+        for &corner in rings.of(vertex).iter().filter(|&&corner| mesh.living(corner).is_some()) {
+            *vertices.get_mut(count)? = mesh.vertex_of(ClusterMesh::following(corner)[0]);
+            count += 1;
+        }
+        (count > 3).then_some(Self { vertices })
+    }
+}
+
 /// What a collapse does to the faces around its edge; scratch space is kept between edges.
 #[derive(Debug, Default)]
 pub struct EdgeStar {
@@ -83,8 +110,7 @@ impl EdgeStar {
         }
     }
 
-    /// Checks everything but geometry; [`gather`](EdgeStar::gather) must have run for this edge. Wedges may be left without
-    /// counterpart if it `strands`.
+    /// Checks everything but geometry; [`gather`](EdgeStar::gather) must have run for this edge.
     ///
     /// # Errors
     /// The first reason found against the collapse.
@@ -94,13 +120,20 @@ impl EdgeStar {
         rings: &Rings,
         from: u32,
         to: u32,
-        strands: bool,
+        Fan { closed, strands }: Fan,
     ) -> Result<(), Refusal> {
         let is_hub = |v: u32| rings.of(v).len() > 2 * VALENCE_MAX && rings.faces(mesh, v).count() > 2 * VALENCE_MAX;
         if self.dying.is_empty() || self.dying.len() > 2 || is_hub(to) {
             return Err(Refusal::Topology);
         }
         let to_shared = mesh.is_shared(to);
+        if closed
+            && !to_shared
+            && self.dying.len() == 2
+            && let Some(ring) = Ring::of(mesh, rings, from)
+        {
+            return self.check_closed(&ring, mesh, rings, to);
+        }
         self.epoch += 2;
         let (seen, common) = (self.epoch, self.epoch + 1);
         for &corner in rings.of(from) {
@@ -146,6 +179,22 @@ impl EdgeStar {
         self.check_piece(mesh, rings, from, to)
     }
 
+    /// The same for a vertex with one closed fan and one wedge, in lanes: its ring and that of `to`, which no other cluster
+    /// uses, have the two opposite vertices in common and no others.
+    fn check_closed(&self, ring: &Ring, mesh: &ClusterMesh, rings: &Rings, to: u32) -> Result<(), Refusal> {
+        if self.wedges.len() != 1 {
+            return Err(Refusal::Seam);
+        }
+        let mut found = [0u32; Ring::LANES];
+        for &corner in rings.of(to).iter().filter(|&&corner| mesh.living(corner).is_some()) {
+            let far = ClusterMesh::following(corner).map(|c| mesh.vertex_of(c));
+            for (found, vertex) in found.iter_mut().zip(ring.vertices) {
+                *found |= u32::from((vertex == far[0]) | (vertex == far[1]));
+            }
+        }
+        if found.iter().sum::<u32>() == 2 { Ok(()) } else { Err(Refusal::Topology) }
+    }
+
     /// Checks that no face folds over, in space or in the picture, when the `moving` vertices come to one position and the
     /// wedges of each pair to one of `uvs`; [`check_topology`](EdgeStar::check_topology) must have passed.
     ///
@@ -173,10 +222,8 @@ impl EdgeStar {
                 if let Some((_, &uv)) = pairs.find(|((a, b), _)| *a == wedge || *b == wedge) {
                     uv_after[k] = uv;
                 }
-                if !triangle_survives(before, after) {
-                    return Err(Refusal::Fold);
-                }
-                if !uv_survives(uv_before, uv_after, area_ratio(before, after)) {
+                let areas_sq = areas_if_survives(before, after).ok_or(Refusal::Fold)?;
+                if !uv_survives(uv_before, uv_after, areas_sq) {
                     return Err(Refusal::UvFold);
                 }
             }
@@ -221,37 +268,47 @@ impl EdgeStar {
     }
 }
 
-/// Area after ÷ area before; infinite where there was none.
-pub fn area_ratio(before: [DVec3; 3], after: [DVec3; 3]) -> f64 {
-    let across_sq = |t: [DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).length_squared();
-    (across_sq(after) / across_sq(before)).sqrt()
-}
-
 /// Checks that moving a corner keeps a triangle's side and shape.
 #[inline]
 pub fn triangle_survives(before: [DVec3; 3], after: [DVec3; 3]) -> bool {
+    areas_if_survives(before, after).is_some()
+}
+
+/// The squared areas of a triangle before and after a corner moves, if that keeps its side and shape.
+///
+/// Without roots or divisions: most of the time in which a collapse is checked goes here.
+#[inline(always)]
+pub fn areas_if_survives(before: [DVec3; 3], after: [DVec3; 3]) -> Option<[f64; 2]> {
     let across = |t: [DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]);
     let (old, new) = (across(before), across(after));
     let (old_sq, new_sq) = (old.length_squared(), new.length_squared());
-    if old_sq > 0.0 && old.dot(new) < TURN_COSINE * (old_sq * new_sq).sqrt() {
-        return false;
+    let turn = old.dot(new);
+    if turn < 0.0 || turn * turn < TURN_COSINE * TURN_COSINE * (old_sq * new_sq) {
+        return None;
     }
     // regularity = 4√3 · area / Σ length², area = √new_sq / 2
-    let regularity = |t: [DVec3; 3], across_sq: f64| {
-        let lengths = t[0].distance_squared(t[1]) + t[1].distance_squared(t[2]) + t[2].distance_squared(t[0]);
-        2.0 * 3f64.sqrt() * across_sq.sqrt() / lengths.max(f64::MIN_POSITIVE)
-    };
-    let now = regularity(after, new_sq);
-    now >= REGULARITY_MIN || (new_sq > 0.0 && now >= regularity(before, old_sq))
+    let lengths =
+        |t: [DVec3; 3]| t[0].distance_squared(t[1]) + t[1].distance_squared(t[2]) + t[2].distance_squared(t[0]);
+    let now = lengths(after);
+    let is_regular = 12.0 * new_sq >= (REGULARITY_MIN * now) * (REGULARITY_MIN * now);
+    let survives = new_sq > 0.0
+        && (is_regular || {
+            let was = lengths(before);
+            new_sq * was * was >= old_sq * now * now
+        });
+    survives.then_some([0.25 * old_sq, 0.25 * new_sq])
 }
 
-/// Checks that a texture triangle keeps its sign and does not shrink to nothing beside its face.
+/// Checks that a texture triangle keeps its sign and does not shrink to nothing beside its face, whose squared areas
+/// before and after are given.
 #[inline]
-pub fn uv_survives(before: [DVec2; 3], after: [DVec2; 3], area_ratio: f64) -> bool {
+pub fn uv_survives(before: [DVec2; 3], after: [DVec2; 3], areas_sq: [f64; 2]) -> bool {
     let signed = |t: [DVec2; 3]| (t[1] - t[0]).perp_dot(t[2] - t[0]);
     let (old, new) = (signed(before), signed(after));
     if old.is_nan() || old == 0.0 {
         return true;
     }
-    new * old.signum() > UV_AREA_SHARE_MIN * old.abs() * area_ratio.min(1.0)
+    let [old_sq, new_sq] = if areas_sq[0] > 0.0 { areas_sq } else { [1.0; 2] };
+    let (kept, least) = (new * old.signum(), UV_AREA_SHARE_MIN * old);
+    kept > 0.0 && kept * kept * old_sq > least * least * new_sq.min(old_sq)
 }

@@ -119,9 +119,15 @@ impl<M: Metric> Run<'_, M> {
         sample::thresholds(&mut engine, shares)
     }
 
+    /// What is sampled while a pass runs, for the next one.
     pub(super) fn survey(&self, partition: &Partition) -> Survey {
-        let faces_of = |cluster| partition.weight(cluster).map_or(0, |weight| weight.faces);
-        Survey::new(&(0..partition.cluster_count()).map(faces_of).collect::<Vec<_>>())
+        Survey::new(&loaded_faces(partition), 1.0)
+    }
+
+    /// What is sampled before the first pass. Nothing else can be done meanwhile, and where passes follow that do not end
+    /// exactly where they should, half of the faces will do.
+    pub(super) fn first_survey(&self, partition: &Partition) -> Survey {
+        Survey::new(&loaded_faces(partition), if self.options.passes > 1 { 0.5 } else { 1.0 })
     }
 
     /// The patch of a cluster that no mesh was made of.
@@ -131,7 +137,7 @@ impl<M: Metric> Run<'_, M> {
 
     /// A sample of the clusters as they are before a pass.
     pub(super) fn take_sample(&self, mesh: &StoredMesh, partition: &Partition) -> Result<ClusterMesh> {
-        let survey = self.survey(partition);
+        let survey = self.first_survey(partition);
         let mut sample = ClusterMesh::default();
         for &cluster in survey.clusters() {
             let _permit = self.permits.take(self.cluster_bytes(partition, cluster));
@@ -176,4 +182,10 @@ impl<M: Metric> Run<'_, M> {
             trial += 1;
         }
     }
+}
+
+/// Faces of the clusters that are loaded; none for those that pass through.
+fn loaded_faces(partition: &Partition) -> Vec<u64> {
+    let faces_of = |cluster| partition.weight(cluster).map_or(0, |weight| weight.faces);
+    (0..partition.cluster_count()).map(faces_of).collect()
 }

@@ -13,7 +13,7 @@ use super::sample::{self, Survey};
 use super::state::{PassState, Start};
 use super::stops::{Plan, run_plan};
 use super::trim::equal_shares;
-use crate::base::ordered::{both, map_in_order};
+use crate::base::ordered::{Crew, both, map_in_order, settle_in_order};
 use crate::base::{Permits, Progress, Result};
 use crate::cost::census::Census;
 use crate::cost::{ClassicCost, CurvatureCost, Metric, ObliqueCost, SharpnessCost, SurfaceCost, TerrainCost};
@@ -61,6 +61,25 @@ pub(super) struct ClusterResult {
     patch: Option<ClusterMesh>,
 }
 
+/// What a pass begins with.
+#[derive(Serialize, Deserialize)]
+struct Opening {
+    plan: Plan,
+    /// Whether the plan meets the target to the face.
+    is_exact: bool,
+    /// The scales of texture coordinates, in all passes the same.
+    scale: TextureScale,
+}
+
+/// A cluster that is simplified and perhaps not durable yet.
+struct Product {
+    cluster: usize,
+    result: ClusterResult,
+    pending: Option<PendingPiece>,
+    /// Whether an earlier process has kept it.
+    is_kept: bool,
+}
+
 /// A run of passes.
 pub struct Run<'a, M: Metric> {
     pub(super) options: &'a PassOptions,
@@ -69,8 +88,6 @@ pub struct Run<'a, M: Metric> {
     pub(super) job: &'a WorkFolder,
     pub(super) progress: &'a dyn Progress,
     pub(super) permits: Permits,
-    /// One for each worker that computes; those that wait for the disk have none.
-    cores: Permits,
     pub(super) scale: TextureScale,
     /// Passes before the first one that collapses edges.
     lead: usize,
@@ -122,7 +139,6 @@ impl<'a, M: Metric> Run<'a, M> {
             job,
             progress,
             permits,
-            cores: Permits::new(options.threads as u64),
             scale: TextureScale::none(catalogue),
             lead: 0,
             crumb: None,
@@ -160,25 +176,8 @@ impl<'a, M: Metric> Run<'a, M> {
             }
             let started = Instant::now();
             let faces_in = partition.total_faces();
-            if self.turn(pass) == 0 {
-                let first = || self.first_sample(&state.mesh, &partition);
-                (self.scale, state.sample) = self.job.once(Step::Sample { pass: pass as u32 }, first)?;
-                state.scale = Some(self.scale.clone());
-                if M::HAS_CENSUS {
-                    let census = self.job.once(Step::Census, || self.take_census(&state.mesh, &partition))?;
-                    M::settle(&mut self.settings, &census);
-                    state.census = Some(census);
-                }
-            }
+            let Opening { plan, is_exact, .. } = self.open_pass(&mut state, &partition)?;
             let is_last = self.is_last(pass);
-            // In the first pass faces that repeat a vertex are still in the mesh.
-            let faces = if self.turn(pass) == 0 { faces_in } else { state.mesh.face_count() };
-            let (sample, thresholds) = (std::mem::take(&mut state.sample), state.thresholds.take());
-            let plan = || {
-                let thresholds = thresholds.unwrap_or_else(|| self.foresee(sample, pass, faces));
-                self.plan(&state.mesh, &partition, thresholds, pass, faces)
-            };
-            let (plan, is_exact) = self.job.once(plan_step(pass, 0), plan)?;
             let outcome = self.run_plans(&state.mesh, &partition, pass, &plan, is_last)?;
             let single = is_single(&partition);
             let next_faces = outcome.report.faces_out;
@@ -204,8 +203,7 @@ impl<'a, M: Metric> Run<'a, M> {
                 started.elapsed();
             state.pass += 1;
             let step = Step::Pass { pass: pass as u32 };
-            self.job.keep(step, next_faces, state.mesh.files(), &state)?;
-            self.job.retain(state.mesh.files(), &[Step::Input, step])?;
+            self.job.supersede(step, next_faces, state.mesh.files(), &state, &[Step::Input])?;
             self.progress.tell(&format!("pass {} is done: {next_faces} triangles", pass + 1));
         }
         state.findings.count("passed_through_faces", state.passed_through);
@@ -222,6 +220,36 @@ impl<'a, M: Metric> Run<'a, M> {
             scratch_peak: state.scratch_peak,
             permit_peak: self.permits.peak(),
         })
+    }
+
+    /// How a pass whose partition is there begins: as an earlier process found it, or as the sample tells.
+    fn open_pass(&mut self, state: &mut PassState, partition: &Partition) -> Result<Opening> {
+        let (pass, is_first) = (state.pass, self.turn(state.pass) == 0);
+        let step = plan_step(pass, 0);
+        let kept = self.job.recall::<Opening>(step)?;
+        if is_first {
+            match &kept {
+                Some(opening) => self.scale = opening.scale.clone(),
+                None => (self.scale, state.sample) = self.first_sample(&state.mesh, partition)?,
+            }
+            state.scale = Some(self.scale.clone());
+            if M::HAS_CENSUS {
+                let census = self.job.once(Step::Census, || self.take_census(&state.mesh, partition))?;
+                M::settle(&mut self.settings, &census);
+                state.census = Some(census);
+            }
+        }
+        let (sample, thresholds) = (std::mem::take(&mut state.sample), state.thresholds.take());
+        if let Some(opening) = kept {
+            return Ok(opening);
+        }
+        // In the first pass faces that repeat a vertex are still in the mesh.
+        let faces = if is_first { partition.total_faces() } else { state.mesh.face_count() };
+        let thresholds = thresholds.unwrap_or_else(|| self.foresee(sample, pass, faces));
+        let (plan, is_exact) = self.plan(&state.mesh, partition, thresholds, pass, faces)?;
+        let opening = Opening { plan, is_exact, scale: self.scale.clone() };
+        self.job.keep(step, 0, [], &opening)?;
+        Ok(opening)
     }
 
     /// Number of a pass among those that collapse edges.
@@ -260,10 +288,9 @@ impl<'a, M: Metric> Run<'a, M> {
         state.scratch_peak = state.scratch_peak.max(partition.scratch_peak);
         state.seconds.partition += started.elapsed();
         let step = Step::Cut { pass: pass as u32 };
-        let files = || partition.files().chain(partition.files_of(&state.mesh));
-        self.job.keep(step, partition.filled_count(), files(), &(&*state, &partition))?;
-        self.job.retain(files(), &[Step::Input, step])?;
+        let files = partition.files().chain(partition.files_of(&state.mesh));
         let clusters = partition.filled_count();
+        self.job.supersede(step, clusters, files, &(&*state, &partition), &[Step::Input])?;
         self.progress.tell(&format!("pass {}: {clusters} clusters", pass + 1));
         Ok(partition)
     }
@@ -289,14 +316,7 @@ impl<'a, M: Metric> Run<'a, M> {
                 let better = Plan::Trim(costs.to_vec(), equal_shares(&outcome.cluster_faces, self.before_trim()));
                 self.job.keep(again, 0, [], &better)?;
                 let pass = pass as u32;
-                let steps = [
-                    Step::Input,
-                    Step::Cut { pass },
-                    Step::Sample { pass },
-                    plan_step(pass as usize, 0),
-                    again,
-                    Step::Census,
-                ];
+                let steps = [Step::Input, Step::Cut { pass }, plan_step(pass as usize, 0), again, Step::Census];
                 self.job.retain(partition.files().chain(partition.files_of(mesh)), &steps)?;
                 better
             }
@@ -377,34 +397,32 @@ impl<'a, M: Metric> Run<'a, M> {
     ) -> Result<()> {
         let work = |cluster: usize| {
             self.progress.check_stopped()?;
-            let (step, faces) = (step(cluster as u32), partition.face_count(cluster));
-            let result = match self.job.recall::<ClusterResult>(step)? {
-                Some(mut result) => {
-                    result.pieces.iter_mut().for_each(|piece| piece.locate(self.job.path()));
-                    result
-                }
-                None => {
-                    let (mut result, pending) = {
-                        let _core = self.cores.take(1);
-                        let _permit = self.permits.take(self.cluster_bytes(partition, cluster));
-                        self.simplify_cluster(mesh, partition, step, (pass, plan), keep, cluster)?
-                    };
-                    // While this worker waits for the disk, another one has its core.
-                    if let Some(pending) = pending {
-                        result.pieces.push(pending.commit()?);
-                    }
-                    self.job.keep(step, faces, result.pieces.iter().flat_map(StoredPiece::files), &result)?;
-                    result
-                }
-            };
+            let step = step(cluster as u32);
+            if let Some(mut result) = self.job.recall::<ClusterResult>(step)? {
+                result.pieces.iter_mut().for_each(|piece| piece.locate(self.job.path()));
+                return Ok(Product { cluster, result, pending: None, is_kept: true });
+            }
+            let _permit = self.permits.take(self.cluster_bytes(partition, cluster));
+            let (result, pending) = self.simplify_cluster(mesh, partition, step, (pass, plan), keep, cluster)?;
+            Ok(Product { cluster, result, pending, is_kept: false })
+        };
+        let settle = |Product { cluster, mut result, pending, is_kept }| {
+            let faces = partition.face_count(cluster);
+            if let Some(pending) = pending {
+                result.pieces.push(pending.commit()?);
+            }
+            if !is_kept {
+                let files = result.pieces.iter().flat_map(StoredPiece::files);
+                self.job.keep(step(cluster as u32), faces, files, &result)?;
+            }
             if keep.is_some() {
                 self.progress.advance(faces);
             }
             Ok(result)
         };
         let threads = self.options.threads;
-        let workers = if threads > 1 { threads + 1 } else { 1 };
-        map_in_order(0..partition.cluster_count(), workers, threads * 4, work, commit)
+        let crew = Crew { threads, settlers: threads };
+        settle_in_order(0..partition.cluster_count(), crew, threads * 4, work, settle, commit)
     }
 
     fn simplify_cluster(

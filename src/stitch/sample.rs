@@ -37,10 +37,10 @@ pub struct Survey {
 }
 
 impl Survey {
-    /// Chooses clusters, evenly spread among those with faces.
-    pub fn new(face_counts: &[u64]) -> Self {
+    /// Chooses clusters, evenly spread among those with faces, for a sample of this share of the ordinary size.
+    pub fn new(face_counts: &[u64], share: f64) -> Self {
         let clusters = sampled_clusters(face_counts);
-        let sample_faces = sample_faces(face_counts.iter().sum());
+        let sample_faces = sample_faces(face_counts.iter().sum()) as f64 * share;
         let patch_faces = sample_faces as usize / clusters.len().max(1);
         Self { clusters, patch_faces }
     }

@@ -54,11 +54,12 @@ impl<M: Metric> Run<'_, M> {
     ) -> Result<Vec<MaterialArea>> {
         let none = || vec![MaterialArea::default(); self.catalogue.materials.len() + 1];
         let mut areas = none();
-        let survey = self.survey(partition);
+        let survey = self.first_survey(partition);
         map_in_order(
             0..partition.cluster_count(),
             self.options.threads,
-            self.options.threads + 1,
+            // A cluster that gives a patch takes many times as long as one that gives sums.
+            self.options.threads * 16,
             |cluster| {
                 if partition.weight(cluster).is_none() {
                     return Ok((Vec::new(), None));

@@ -111,8 +111,8 @@ impl Hinge {
         let [ua, ub, uc, ud] = self.wedges.map(|w| mesh.wedge_uv[w as usize]);
         let old_uv: [[DVec2; 3]; 2] = [[ua, ub, uc], [ub, ua, ud]];
         let new_uv = [[uc, ua, ud], [ud, ub, uc]];
-        let area = |t: [DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).length();
-        let keeps_picture = |i: usize, k: usize| uv_survives(old_uv[i], new_uv[k], area(new[k]) / area(old[i]));
+        let area_sq = |t: [DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).length_squared();
+        let keeps_picture = |i: usize, k: usize| uv_survives(old_uv[i], new_uv[k], [area_sq(old[i]), area_sq(new[k])]);
         let pairs = [(0, 0), (0, 1), (1, 0), (1, 1)];
         pairs.into_iter().all(|(i, k)| keeps_picture(i, k)) && !are_joined(mesh, rings, c, d)
     }
