@@ -20,6 +20,7 @@ use super::obj::{LineError, find_dangling_index};
 use super::parsed::{Numbered, ParsedChunk};
 use super::parts::Labels;
 use crate::base::error::escape_path;
+use crate::base::ordered::both;
 use crate::base::{Error, Findings, Result};
 use crate::store::mesh::ID_LIMIT;
 use crate::store::{ColumnWriter, Face, FaceWriter, NO_TEXCOORD, PackedWriter, StoredPiece};
@@ -263,13 +264,17 @@ impl<'a> FileCommit<'a> {
         let materials = &mut catalogue.materials;
         libraries.extend(define_materials(self.path, &self.libraries, materials, used, &mut self.findings)?);
         findings.merge(self.findings);
-        let piece = StoredPiece {
-            positions: self.positions.finish()?,
-            colours: self.colours.map(ColumnWriter::finish).transpose()?,
-            texcoords: self.texcoords.finish()?,
-            faces: self.faces.finish()?,
-        };
-        Ok((piece, self.triangles))
+        let Self { positions, colours, texcoords, faces, .. } = self;
+        // They wait for the disk, and not one for the other.
+        let (faces, rest) = both(
+            2,
+            || faces.finish(),
+            || -> Result<_> {
+                Ok((positions.finish()?, colours.map(ColumnWriter::finish).transpose()?, texcoords.finish()?))
+            },
+        );
+        let (positions, colours, texcoords) = rest?;
+        Ok((StoredPiece { positions, colours, texcoords, faces: faces? }, self.triangles))
     }
 
     fn check_forward(&mut self) -> Result<()> {
