@@ -99,6 +99,36 @@ fn what_is_no_longer_needed_goes_and_the_rest_is_still_recalled() {
 }
 
 #[test]
+fn a_step_that_supersedes_others_is_kept_and_leaves_what_was_begun_since() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    left_over(&path);
+    let job = open(&path, Resume::Auto).unwrap();
+    job.supersede(Step::Pass { pass: 1 }, 1, [], &vec![9u32; 5000], &[Step::Input]).unwrap();
+    let begun = path.join("pass-2-positions.col");
+    fs::write(&begun, b"begun").unwrap();
+    job.settle().unwrap();
+    assert!(begun.exists());
+    assert!(!path.join("scan-0-positions.col").exists());
+    drop(job);
+    let job = open(&path, Resume::Auto).unwrap();
+    assert_eq!(job.recall::<Vec<u32>>(Step::Pass { pass: 1 }).unwrap(), Some(vec![9; 5000]));
+    assert_eq!(job.recall::<Vec<u32>>(Step::Scan).unwrap(), None);
+}
+
+#[test]
+fn what_fails_beside_the_work_is_told_when_it_is_waited_for() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    let job = open(&path, Resume::Auto).unwrap();
+    // The value is to be renamed onto a folder that is not empty.
+    fs::create_dir_all(path.join(Step::Scan.file_name()).join("in the way")).unwrap();
+    job.supersede(Step::Scan, 1, [], &vec![9u32; 5000], &[]).unwrap();
+    assert!(job.settle().is_err());
+    assert!(job.settle().is_ok());
+}
+
+#[test]
 fn a_job_that_kept_nothing_leaves_no_folder() {
     let parent = tempfile::tempdir().unwrap();
     let path = parent.path().join("work");

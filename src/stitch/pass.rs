@@ -449,7 +449,7 @@ impl<'a, M: Metric> Run<'a, M> {
         };
         let mut engine = self.engine(std::mem::take(&mut source.mesh), pass);
         let faces_in = engine.mesh.face_count as u64;
-        let cost = run_plan(&mut engine, plan, cluster);
+        let cost = run_plan(&mut engine, plan, cluster, keep.is_none());
         let mut result = ClusterResult {
             pieces: Vec::new(),
             passed_through: false,
@@ -470,7 +470,6 @@ impl<'a, M: Metric> Run<'a, M> {
         };
         let mut pending = None;
         if let Some(keep) = keep {
-            result.log = Vec::new();
             let path = self.piece_path(step, 0);
             let mut simplified = engine.finish();
             if self.options.optimize && self.turn(pass) + 1 >= self.options.passes {

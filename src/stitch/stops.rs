@@ -36,8 +36,9 @@ impl Plan {
     }
 }
 
-/// Runs the stages of a plan; returns the highest cost of the last stage that did anything.
-pub(super) fn run_plan<M: Metric>(engine: &mut Engine<M>, plan: &Plan, cluster: usize) -> f32 {
+/// Runs the stages of a plan; returns the highest cost of the last stage that did anything. In a trial every collapse of
+/// the last stage is logged.
+pub(super) fn run_plan<M: Metric>(engine: &mut Engine<M>, plan: &Plan, cluster: usize, is_trial: bool) -> f32 {
     let faces = engine.mesh.face_count;
     let stops: Vec<Stop> = match plan {
         Plan::Deviation(most) => return run_bounded(engine, *most),
@@ -55,7 +56,7 @@ pub(super) fn run_plan<M: Metric>(engine: &mut Engine<M>, plan: &Plan, cluster: 
     };
     let mut cost = 0.0;
     for (i, &stop) in stops.iter().enumerate() {
-        if i + 1 == stops.len() && matches!(plan, Plan::Costs(_)) {
+        if is_trial && i + 1 == stops.len() {
             engine.log = Some(Vec::new());
         }
         let result = engine.run(stop);
