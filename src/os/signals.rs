@@ -6,7 +6,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use crate::base::{Error, Result};
+use crate::base::Result;
 
 /// Which signal came, if one did.
 #[derive(Debug, Clone, Default)]
@@ -26,7 +26,7 @@ impl StopSignal {
     pub fn listen() -> Result<Self> {
         let stop = Self::default();
         #[cfg(unix)]
-        stop.register().map_err(|e| Error::io(std::path::Path::new("signals"), "listen for", e))?;
+        stop.register().map_err(|e| crate::base::Error::io(std::path::Path::new("signals"), "listen for", e))?;
         Ok(stop)
     }
 
