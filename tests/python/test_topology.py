@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import objlib
+from hostile import write_hostile
 from miniatures import MINIATURES, sphere
 
 
@@ -17,6 +18,18 @@ def test_closed_sphere_stays_closed_in_many_clusters(drystone, tmp_path):
     assert (found.border_edges, found.non_manifold_edges, found.euler, found.pieces) == (0, 0, 2, 1)
     assert abs(len(mesh.face) - round(0.1 * len(face))) <= 8
     assert np.abs(np.linalg.norm(mesh.position, axis=1) - 1).max() < 0.01
+
+
+def test_rooms_with_walls_in_common_come_to_their_target(drystone, tmp_path):
+    source = tmp_path / "rooms.obj"
+    write_hostile(source, "rooms", 200_000)
+    run = drystone.simplify(source, tmp_path, "--ratio", 0.2)
+    was, now = objlib.topology(objlib.read(source)), objlib.topology(run.mesh)
+    assert was.non_manifold_edges > 5000
+    assert now.non_manifold_edges <= was.non_manifold_edges
+    assert now.border_edges == was.border_edges == 0
+    asked, got = run.report["faces"]["target"], len(run.mesh.face)
+    assert abs(got - asked) <= 8
 
 
 @pytest.fixture(params=[make.__name__ for make in MINIATURES])
