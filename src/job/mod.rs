@@ -16,6 +16,7 @@
 //! holds anything foreign is never used, so nothing of the user's is ever removed.
 
 pub mod codec;
+mod finished;
 pub mod header;
 mod journal;
 mod lock;
@@ -33,20 +34,19 @@ use std::thread::JoinHandle;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use xxhash_rust::xxh3::xxh3_64;
 
+use self::finished::{Finished, append, sync};
 pub use self::header::FORMAT_VERSION;
-use self::header::{HEADER_BYTES, Header};
+use self::header::HEADER_BYTES;
 pub use self::journal::{Entry, Record, Step};
 use self::journal::{Journal, Value, now};
 use self::lock::lock_folder;
 pub use self::manifest::{InputFile, Manifest};
+use self::stamp::Condition;
 pub use self::stamp::is_file_name;
-use self::stamp::{Condition, Stamp};
 pub use self::status::{WorkStatus, folder_bytes, look};
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
-use crate::os::durable::DurableFile;
 
 const MANIFEST: &str = "manifest.bin";
 const JOURNAL: &str = "journal.bin";
@@ -54,8 +54,6 @@ const LOCK: &str = "lock";
 /// Names of all other files begin and end so.
 const PREFIXES: [&str; 4] = ["scan-", "pass-", "write-", "measure-"];
 const SUFFIXES: [&str; 8] = [".col", ".plc", ".blk", ".scatter", ".piece", ".bin", ".state", ".tmp"];
-/// A larger value gets a file of its own.
-const VALUE_BYTES_HERE: usize = 4 << 10;
 
 /// What to do with a work folder that holds a job already.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -271,7 +269,7 @@ impl WorkFolder {
         value: &T,
     ) -> Result<()> {
         self.holds_steps.store(true, Ordering::Relaxed);
-        Finished::new(self, step, amount, files, value)?.keep(&self.journal)
+        Finished::new(&self.path, step, amount, files, value)?.keep(&self.journal)
     }
 
     /// Keeps a finished step and removes all files but those given, which are its own and those that what follows needs, and
@@ -291,7 +289,7 @@ impl WorkFolder {
         self.settle()?;
         self.holds_steps.store(true, Ordering::Relaxed);
         let files: Vec<&Path> = files.into_iter().collect();
-        let finished = Finished::new(self, step, amount, files.iter().copied(), value)?;
+        let finished = Finished::new(&self.path, step, amount, files.iter().copied(), value)?;
         let mut names = names_of(files, steps);
         names.insert(step.file_name());
         // Named now: what the work that goes on writes is none of it.
@@ -415,56 +413,12 @@ impl WorkFolder {
 impl Drop for WorkFolder {
     /// A folder in which nothing is finished goes; one that a job can go on with stays.
     fn drop(&mut self) {
-        let _ = self.settle();
+        // Not by `settle`: a panic there must not meet another one here.
+        let _ = lock(&self.under_way).take().map(JoinHandle::join);
         if self.lock.is_some() && !self.holds_steps.load(Ordering::Relaxed) {
             self.remove();
         }
     }
-}
-
-/// A finished step on its way into the journal.
-struct Finished {
-    step: Step,
-    amount: u64,
-    files: Vec<Stamp>,
-    /// The value, and where it goes if it gets a file of its own.
-    value: Vec<u8>,
-    path: PathBuf,
-}
-
-impl Finished {
-    fn new<'a, T: Serialize>(
-        job: &WorkFolder,
-        step: Step,
-        amount: u64,
-        files: impl IntoIterator<Item = &'a Path>,
-        value: &T,
-    ) -> Result<Self> {
-        let path = job.path.join(step.file_name());
-        let value = codec::encode(value).map_err(|message| Error::Damaged { path: path.clone(), message })?;
-        let mut paths: Vec<&Path> = files.into_iter().collect();
-        paths.sort_unstable();
-        paths.dedup();
-        let files = paths.into_iter().map(Stamp::of).collect::<Result<_>>()?;
-        Ok(Self { step, amount, files, value, path })
-    }
-
-    fn keep(self, journal: &Mutex<Option<Journal>>) -> Result<()> {
-        let Self { step, amount, files, value, path } = self;
-        let value = match value.len() <= VALUE_BYTES_HERE {
-            true => Value::Here(value),
-            false => Value::InFile(write_value(&path, &value)?),
-        };
-        append(journal, &Entry::Kept(Record { step, amount, time: now(), files, value }))
-    }
-}
-
-fn append(journal: &Mutex<Option<Journal>>, entry: &Entry) -> Result<()> {
-    lock(journal).as_mut().map_or(Ok(()), |journal| journal.append(entry))
-}
-
-fn sync(journal: &Mutex<Option<Journal>>) -> Result<()> {
-    lock(journal).as_mut().map_or(Ok(()), Journal::sync)
 }
 
 fn names_of<'a>(files: impl IntoIterator<Item = &'a Path>, steps: &[Step]) -> HashSet<String> {
@@ -478,15 +432,6 @@ fn remove_files(paths: &[PathBuf]) -> Result<()> {
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
-}
-
-fn write_value(path: &Path, bytes: &[u8]) -> Result<Stamp> {
-    let header = Header { kind: *b"state   ", record_bytes: 0, count: 1, checksum: xxh3_64(bytes) };
-    let mut file = DurableFile::create(path, 64 << 10)?;
-    file.write(&header.encode())?;
-    file.write(bytes)?;
-    file.commit()?;
-    Stamp::of(path)
 }
 
 fn read_value(path: &Path) -> Result<Vec<u8>> {

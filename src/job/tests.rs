@@ -1,3 +1,4 @@
+use super::finished::write_value;
 use super::*;
 
 fn manifest() -> Manifest {
