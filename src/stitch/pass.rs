@@ -178,7 +178,7 @@ impl<'a, M: Metric> Run<'a, M> {
             let faces_in = partition.total_faces();
             let Opening { plan, is_exact, .. } = self.open_pass(&mut state, &partition)?;
             let is_last = self.is_last(pass);
-            let outcome = self.run_plans(&state.mesh, &partition, pass, &plan, is_last)?;
+            let outcome = self.run_plans(&state.mesh, &partition, pass, &plan)?;
             let single = is_single(&partition);
             let next_faces = outcome.report.faces_out;
             state.scratch_peak = state.scratch_peak.max(folder_bytes(self.job.path()));
@@ -296,24 +296,20 @@ impl<'a, M: Metric> Run<'a, M> {
     }
 
     /// Runs a pass by its plan, and once more if that overshot the target.
-    fn run_plans(
-        &self,
-        mesh: &StoredMesh,
-        partition: &Partition,
-        pass: usize,
-        plan: &Plan,
-        is_last: bool,
-    ) -> Result<PassOutcome> {
+    fn run_plans(&self, mesh: &StoredMesh, partition: &Partition, pass: usize, plan: &Plan) -> Result<PassOutcome> {
         let again = plan_step(pass, 1);
         let better = match self.job.recall(again)? {
             Some(better) => better,
             None => {
                 let outcome = self.run_pass(mesh, partition, pass, plan, 0)?;
-                let overshot = is_last && outcome.report.faces_out < self.options.target;
+                let overshot = outcome.report.faces_out < self.options.target;
                 let Some(costs) = plan.costs().filter(|_| overshot) else { return Ok(outcome) };
                 // The sample was no picture of the whole: the same thresholds again, but stopped above the target, where
-                // the trim goes on.
-                let better = Plan::Trim(costs.to_vec(), equal_shares(&outcome.cluster_faces, self.before_trim()));
+                // the trim goes on. Where next to nothing was left, what was left in each cluster says nothing.
+                let is_picture = 2 * outcome.report.faces_out >= self.options.target;
+                let had = || (0..partition.cluster_count()).map(|cluster| partition.face_count(cluster)).collect();
+                let shares = if is_picture { outcome.cluster_faces } else { had() };
+                let better = Plan::Trim(costs.to_vec(), equal_shares(&shares, self.before_trim()));
                 self.job.keep(again, 0, [], &better)?;
                 let pass = pass as u32;
                 let steps = [Step::Input, Step::Cut { pass }, plan_step(pass as usize, 0), again, Step::Census];
