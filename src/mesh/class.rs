@@ -130,7 +130,7 @@ struct Fan {
     begins: Vec<[u32; LANES]>,
     ends: Vec<[u32; LANES]>,
     /// The spoke that begins where each one ends.
-    followers: Vec<u32>,
+    followers: Vec<usize>,
 }
 
 impl Fan {
@@ -160,19 +160,16 @@ impl Fan {
         self.followers.clear();
         // Each spoke's follower is looked for by itself, so that no search waits for the one before.
         for spoke in &self.spokes {
-            let found = find(&self.begins, spoke.previous);
-            if found / ONE != 1 {
-                return false;
-            }
-            let follower = &self.spokes[(found % ONE) as usize];
+            let Some(next) = self.beginning_at(spoke.previous) else { return false };
+            let follower = &self.spokes[next];
             if follower.wedge != spoke.wedge || follower.next_wedge != spoke.previous_wedge {
                 return false;
             }
-            self.followers.push(found % ONE);
+            self.followers.push(next);
         }
         let mut at = 0;
         for visited in 1..=self.spokes.len() {
-            at = self.followers[at as usize];
+            at = self.followers[at];
             if at == 0 {
                 return visited == self.spokes.len();
             }

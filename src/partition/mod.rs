@@ -165,6 +165,11 @@ impl Partition {
         self.faces.by_cell.len(cluster)
     }
 
+    /// Number of faces of each cluster.
+    pub fn face_counts(&self) -> Vec<u64> {
+        (0..self.cluster_count()).map(|cluster| self.face_count(cluster)).collect()
+    }
+
     /// What a cluster takes in memory; nothing if it is too heavy to be loaded and has to pass through.
     pub fn weight(&self, cluster: usize) -> Option<weight::ClusterWeight> {
         self.weights[cluster]

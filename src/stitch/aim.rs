@@ -154,8 +154,7 @@ impl<M: Metric> Run<'_, M> {
 
     /// Lets every cluster lose the same share of its faces, at no more than [`TRIM_SPREAD`] times the cost.
     fn share_trim(&self, partition: &Partition, cost: f32) -> Plan {
-        let faces: Vec<u64> = (0..partition.cluster_count()).map(|cluster| partition.face_count(cluster)).collect();
-        Plan::Trim(vec![cost * TRIM_SPREAD], equal_shares(&faces, self.options.target))
+        Plan::Trim(vec![cost * TRIM_SPREAD], equal_shares(&partition.face_counts(), self.options.target))
     }
 
     /// Simplifies every cluster a little too far, up to a cost, and merges what that cost.

@@ -307,8 +307,7 @@ impl<'a, M: Metric> Run<'a, M> {
                 // The sample was no picture of the whole: the same thresholds again, but stopped above the target, where
                 // the trim goes on. Where next to nothing was left, what was left in each cluster says nothing.
                 let is_picture = 2 * outcome.report.faces_out >= self.options.target;
-                let had = || (0..partition.cluster_count()).map(|cluster| partition.face_count(cluster)).collect();
-                let shares = if is_picture { outcome.cluster_faces } else { had() };
+                let shares = if is_picture { outcome.cluster_faces } else { partition.face_counts() };
                 let better = Plan::Trim(costs.to_vec(), equal_shares(&shares, self.before_trim()));
                 self.job.keep(again, 0, [], &better)?;
                 let pass = pass as u32;
