@@ -53,7 +53,7 @@ use crate::store::{Catalogue, NO_TEXCOORD, StoredMesh, StoredPiece};
 /// Memory that the grouping and what is in flight get at least, each.
 const SHARE_BYTES_MIN: u64 = 4 * MIB;
 /// The same, at most: more would make memory grow with the result and save little.
-pub const SHARE_BYTES_MAX: u64 = 16 * MIB;
+pub const SHARE_BYTES_MAX: u64 = 8 * MIB;
 
 /// What becomes of the images that materials refer to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
