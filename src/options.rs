@@ -193,7 +193,7 @@ pub struct SimplifyOptions {
     pub optimize: bool,
 
     /// Weight of the picture's slide against distance, 0 to 1000: at 1 a metre of slide costs as much as a metre of distance
-    #[arg(long, value_name = "WEIGHT", default_value_t = 0.5)]
+    #[arg(long, value_name = "WEIGHT", default_value_t = 0.7)]
     pub uv_weight: f64,
 
     /// What becomes of normals
@@ -241,7 +241,7 @@ impl Default for SimplifyOptions {
             metric_option: Vec::new(),
             remesh: None,
             optimize: false,
-            uv_weight: 0.5,
+            uv_weight: 0.7,
             normals: Normals::Auto,
             textures: TextureFiles::Copy,
             cluster_faces: CLUSTER_FACES,

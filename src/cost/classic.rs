@@ -27,9 +27,10 @@ use super::knob::{Knob, factor};
 use super::metric::{Metric, fits};
 use super::planes::{area_of, best_place, priced, unit_planes};
 use super::quadric::Quadric;
-use super::surface::{EdgeCase, EdgeKind, Placement};
+use super::surface::{EdgeCase, Placement};
 use crate::mesh::class::{Class, Rule};
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::edge::EdgeKind;
 use crate::mesh::ring::Rings;
 
 /// What may be set.

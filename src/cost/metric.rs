@@ -5,10 +5,20 @@
 use glam::{DVec2, DVec3};
 
 use super::census::Census;
-use super::surface::{EdgeCase, EdgeKind, Placement};
+use super::surface::{EdgeCase, Placement};
 use crate::mesh::class::{Class, Rule};
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::edge::EdgeKind;
 use crate::mesh::ring::Rings;
+
+/// A wedge of a vertex that moves to its best place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SettlingWedge {
+    /// The wedge.
+    pub wedge: u32,
+    /// What is added to its texture coordinate, if that does not depend on the place.
+    pub slide: Option<DVec2>,
+}
 
 /// A cost function, with what it keeps for one cluster.
 pub trait Metric: Sized {
@@ -22,7 +32,7 @@ pub trait Metric: Sized {
     /// Whether it needs numbers of the whole mesh.
     const HAS_CENSUS: bool = false;
 
-    /// Whether vertices only collapse onto others, and move to their [best place](Metric::best_place) at the end of a
+    /// Whether vertices only collapse onto others, and move to their [best place](Metric::best_step) at the end of a
     /// stage; else every collapse is placed by itself.
     const ENDPOINTS: bool = false;
 
@@ -80,11 +90,17 @@ pub trait Metric: Sized {
     #[inline]
     fn bring(&mut self, _mesh: &ClusterMesh, _edge: &EdgeCase<'_>, _wedge: u32) {}
 
-    /// Where a vertex that others collapsed onto has the least error; nothing if it had better stay. If `wedge`, its only
-    /// one, is given, its texture coordinate may follow, else texture coordinates are held.
+    /// Step that takes a vertex that others collapsed onto to its least error; nothing if it had better stay. Texture
+    /// coordinates of its `wedges` move along as best they can, but for those that slide as told.
     #[inline]
-    fn best_place(&self, _mesh: &ClusterMesh, _vertex: u32, _wedge: Option<u32>) -> Option<DVec3> {
+    fn best_step(&self, _vertex: u32, _wedges: &[SettlingWedge]) -> Option<DVec3> {
         None
+    }
+
+    /// What to add to the texture coordinate of a wedge whose vertex makes a step.
+    #[inline]
+    fn best_slide(&self, _wedge: u32, _step: DVec3) -> DVec2 {
+        DVec2::ZERO
     }
 
     /// Share of what a seam or border would leave its chart by, where it cuts across a bend, that the vertex that stays

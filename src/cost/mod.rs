@@ -23,7 +23,7 @@ pub mod wide;
 
 pub use classic::ClassicCost;
 pub use curvature::CurvatureCost;
-pub use metric::Metric;
+pub use metric::{Metric, SettlingWedge};
 pub use oblique::ObliqueCost;
 pub use quadric::{Quadric, WedgeQuadric};
 pub use sharpness::SharpnessCost;

@@ -44,10 +44,11 @@ use super::fan::{Fan, angle_between};
 use super::knob::{Knob, factor, switch};
 use super::metric::Metric;
 use super::planes::{LENGTH_SHARE, area_of, each_chain_edge, ends, least, plane_of};
-use super::surface::{EdgeCase, EdgeKind, Placement};
+use super::surface::{EdgeCase, Placement};
 use super::wide::WideQuadric;
 use crate::mesh::class::{Class, Rule};
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::edge::EdgeKind;
 use crate::mesh::ring::Rings;
 
 /// A placement farther from the middle of the edge than this many edge lengths is not believed.

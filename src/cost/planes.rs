@@ -3,9 +3,10 @@
 use glam::DVec3;
 
 use super::quadric::Quadric;
-use super::surface::{EdgeCase, EdgeKind, Placement, edge_kind};
+use super::surface::{EdgeCase, Placement};
 use crate::mesh::class::Class;
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::edge::{EdgeKind, edge_kind};
 use crate::mesh::ring::Rings;
 
 /// Stiffness of the spring that holds a free placement to the middle of its edge, relative to the trace of A.

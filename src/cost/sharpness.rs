@@ -32,9 +32,10 @@ use super::knob::{Knob, factor, switch};
 use super::metric::{Metric, fits};
 use super::planes::{area_of, ends, least, priced, unit_planes};
 use super::quadric::Quadric;
-use super::surface::{EdgeCase, EdgeKind, Placement};
+use super::surface::{EdgeCase, Placement};
 use crate::mesh::class::{Class, Rule};
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::edge::EdgeKind;
 use crate::mesh::ring::Rings;
 
 /// A.

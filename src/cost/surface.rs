@@ -20,9 +20,10 @@ use glam::{DVec2, DVec3, Vec2, Vec3, Vec3A};
 
 use super::knob::{Knob, factor, switch};
 use super::local::{LocalQuadric, LocalWedge, Planes};
-use super::metric::Metric;
+use super::metric::{Metric, SettlingWedge};
 use crate::mesh::class::{Class, VALENCE_MAX};
 use crate::mesh::cluster::{ClusterMesh, DEAD};
+use crate::mesh::edge::{EdgeKind, edge_kind, kind_among};
 use crate::mesh::ring::{Rings, Spoke};
 
 /// Stiffness of the spring that holds a vertex to its place, relative to the trace of A.
@@ -56,7 +57,7 @@ impl Default for Weights {
 /// What may be set besides the weight of the slide.
 pub const KNOBS: [Knob; 3] = [
     factor("border", 1.0, "weight of the squared distance to open borders"),
-    factor("seam", 0.12, "weight of the squared distance to seams"),
+    factor("seam", 0.15, "weight of the squared distance to seams"),
     switch(
         "inset",
         0.0,
@@ -66,7 +67,7 @@ pub const KNOBS: [Knob; 3] = [
 
 impl From<[f64; 3]> for Weights {
     fn from([border, seam, inset]: [f64; 3]) -> Self {
-        Self { uv: 0.5, border, seam, inset }
+        Self { uv: 0.7, border, seam, inset }
     }
 }
 
@@ -328,19 +329,32 @@ impl SurfaceCost {
         }
     }
 
-    /// Where a vertex has the least error: with the best texture coordinate for each place if `wedge`, its only one,
-    /// may slide, else with those that it has.
-    pub fn best_place(&self, mesh: &ClusterMesh, vertex: u32, wedge: Option<u32>) -> Option<DVec3> {
-        let mut reduced = self.vertices[vertex as usize].widened();
+    /// Step that takes a vertex to its least error, with what its wedges do meanwhile; nothing if that gains next to nothing.
+    pub fn best_step(&self, vertex: u32, wedges: &[SettlingWedge]) -> Option<DVec3> {
+        let quadric = self.vertices[vertex as usize];
+        let mut reduced = quadric.widened();
         let spring = SPRING * reduced.diagonal.element_sum();
-        if self.has_texture()
-            && let Some(wedge) = wedge
-        {
-            reduced += self.wedges[wedge as usize].widened().eliminated();
+        for &SettlingWedge { wedge, slide } in wedges.iter().filter(|_| self.has_texture()) {
+            let texture = self.wedges[wedge as usize].widened();
+            match slide {
+                Some(slide) => texture.add_held(slide, &mut reduced),
+                None => reduced += texture.eliminated(),
+            }
         }
         let step = reduced.minimum_near(DVec3::ZERO, spring)?;
-        let gains = reduced.at(step) < (1.0 - LEAST_GAIN) * reduced.constant;
-        gains.then(|| mesh.positions[vertex as usize] + step)
+        let gains = reduced.at(step) < (1.0 - LEAST_GAIN) * f64::from(quadric.constant);
+        gains.then_some(step)
+    }
+
+    /// Slide of a wedge's texture coordinate that has the least error when its vertex makes a step.
+    pub fn best_slide(&self, wedge: u32, step: DVec3) -> DVec2 {
+        match self.wedges.get(wedge as usize) {
+            Some(texture) if texture.weight > 0.0 => {
+                let texture = texture.widened();
+                texture.mapped(step) / texture.weight
+            }
+            _ => DVec2::ZERO,
+        }
     }
 
     /// Area of the mesh at the last refresh.
@@ -408,8 +422,12 @@ impl Metric for SurfaceCost {
         self.bring(mesh, edge, wedge);
     }
 
-    fn best_place(&self, mesh: &ClusterMesh, vertex: u32, wedge: Option<u32>) -> Option<DVec3> {
-        self.best_place(mesh, vertex, wedge)
+    fn best_step(&self, vertex: u32, wedges: &[SettlingWedge]) -> Option<DVec3> {
+        self.best_step(vertex, wedges)
+    }
+
+    fn best_slide(&self, wedge: u32, step: DVec3) -> DVec2 {
+        self.best_slide(wedge, step)
     }
 
     #[inline(always)]
@@ -420,48 +438,6 @@ impl Metric for SurfaceCost {
     fn area(&self) -> f64 {
         self.area()
     }
-}
-
-/// How the faces on both sides of an edge are joined.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum EdgeKind {
-    /// Two faces with the same wedges.
-    Inner,
-    /// Two faces, or more, that differ in a wedge.
-    Seam,
-    /// One face.
-    Border,
-}
-
-/// What kind of edge leads to a vertex, if its wedges are these in one of the faces around the edge's other end.
-fn kind_among(spokes: &[Spoke], wedges: (u32, u32), to: u32) -> EdgeKind {
-    let (mut count, mut differs) = (0, false);
-    for found in spokes.iter().filter_map(|spoke| spoke.edge_to(to)) {
-        count += 1;
-        differs |= found != wedges;
-    }
-    match count {
-        _ if differs => EdgeKind::Seam,
-        1 => EdgeKind::Border,
-        _ => EdgeKind::Inner,
-    }
-}
-
-/// What kind of edge joins two vertices that share a face.
-pub fn edge_kind(mesh: &ClusterMesh, rings: &Rings, a: u32, b: u32) -> EdgeKind {
-    let mut first = None;
-    let mut kind = EdgeKind::Border;
-    for &corner in rings.of(a) {
-        let Some(wa) = mesh.living(corner) else { continue };
-        let Some(far) = ClusterMesh::following(corner).into_iter().find(|&c| mesh.vertex_of(c) == b) else { continue };
-        let wb = mesh.wedge_of(far);
-        match first {
-            None => first = Some((wa, wb)),
-            Some(wedges) if wedges == (wa, wb) => kind = EdgeKind::Inner,
-            Some(_) => return EdgeKind::Seam,
-        }
-    }
-    kind
 }
 
 #[cfg(test)]
@@ -570,28 +546,42 @@ mod tests {
         assert!((here / there - 1.0).abs() < 1e-3, "{here} {there}");
     }
 
-    #[test]
-    fn the_best_place_has_less_error_than_any_near_it() {
+    /// A vertex that two others collapsed onto, and the error of three of them at a place with a texture coordinate.
+    fn joined() -> (SurfaceCost, impl Fn(DVec3, DVec2) -> f64) {
         let mesh = hills();
         let mut cost = prepared(&mesh);
         cost.join(&mesh, &EdgeCase { from: 16, to: 17, wedges: &[(16, 17)], ..EDGE });
         cost.join(&mesh, &EdgeCase { from: 18, to: 17, wedges: &[(18, 17)], ..EDGE });
-        let best = cost.best_place(&mesh, 17, None).unwrap();
-        let uv = mesh.wedge_uv[17];
-        let error = |p: DVec3| [16, 17, 18].iter().map(|&v| plain_error(&mesh, v, p, uv)).sum::<f64>();
-        assert!(error(best) < error(mesh.positions[17]));
-        for step in [DVec3::X, DVec3::Y, DVec3::Z, -DVec3::X, -DVec3::Y, -DVec3::Z] {
-            assert!(error(best) < error(best + 0.05 * step));
+        let (place, uv) = (mesh.positions[17], mesh.wedge_uv[17]);
+        let error =
+            move |step, slide| [16, 17, 18].iter().map(|&v| plain_error(&mesh, v, place + step, uv + slide)).sum();
+        (cost, error)
+    }
+
+    const STEPS: [DVec3; 6] = [DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y, DVec3::NEG_Z];
+
+    #[test]
+    fn the_best_step_has_less_error_than_any_near_it() {
+        let (cost, error) = joined();
+        for slide in [DVec2::ZERO, DVec2::new(0.05, -0.02)] {
+            let best = cost.best_step(17, &[SettlingWedge { wedge: 17, slide: Some(slide) }]).unwrap();
+            assert!(error(best, slide) < error(DVec3::ZERO, DVec2::ZERO));
+            for step in STEPS {
+                assert!(error(best, slide) < error(best + 0.05 * step, slide));
+            }
         }
     }
 
     #[test]
-    fn edges_between_charts_are_seams_and_rims_are_borders() {
-        let mesh = samples::two_charts(4);
-        let mut rings = Rings::default();
-        rings.build(&mesh);
-        assert_eq!(edge_kind(&mesh, &rings, 7, 12), EdgeKind::Seam);
-        assert_eq!(edge_kind(&mesh, &rings, 0, 1), EdgeKind::Border);
-        assert_eq!(edge_kind(&mesh, &rings, 6, 12), EdgeKind::Inner);
+    fn a_texture_coordinate_that_may_slide_finds_its_best_together_with_the_place() {
+        let (cost, error) = joined();
+        let held = cost.best_step(17, &[SettlingWedge { wedge: 17, slide: Some(DVec2::ZERO) }]).unwrap();
+        let best = cost.best_step(17, &[SettlingWedge { wedge: 17, slide: None }]).unwrap();
+        let slide = cost.best_slide(17, best);
+        assert!(error(best, slide) < error(held, DVec2::ZERO));
+        for step in STEPS {
+            assert!(error(best, slide) < error(best + 0.05 * step, slide));
+            assert!(error(best, slide) < error(best, slide + 0.05 * step.truncate()) || step.truncate() == DVec2::ZERO);
+        }
     }
 }

@@ -33,10 +33,11 @@ use super::fan::Fan;
 use super::knob::{Knob, factor, switch};
 use super::metric::{Metric, fits};
 use super::planes::{area_of, ends, least, priced};
-use super::surface::{EdgeCase, EdgeKind, Placement};
+use super::surface::{EdgeCase, Placement};
 use super::wide::WideQuadric;
 use crate::mesh::class::{Class, Rule};
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::edge::EdgeKind;
 use crate::mesh::ring::Rings;
 
 /// A placement farther from the middle of the edge than this many edge lengths is not believed.

@@ -354,8 +354,8 @@ fn the_oblique_factors_follow_a_change_over_two_rings() {
 
 #[test]
 fn oblique_rules_are_those_of_the_paper() {
-    use super::surface::EdgeKind::{Border as OnBorder, Inner, Seam as OnSeam};
     use crate::mesh::class::Rule;
+    use crate::mesh::edge::EdgeKind::{Border as OnBorder, Inner, Seam as OnSeam};
     let it = prepared::<ObliqueCost>(&samples::two_charts(6), oblique::KNOBS.map(|knob| knob.default));
     assert_eq!(it.classes[24], Class::Seam);
     for (from, to, kind, rule) in [
@@ -394,8 +394,8 @@ fn oblique_rules_are_those_of_the_paper() {
 
 #[test]
 fn terrain_and_sharpness_never_remove_a_border_vertex() {
-    use super::surface::EdgeKind::{Border, Inner};
     use crate::mesh::class::Rule;
+    use crate::mesh::edge::EdgeKind::{Border, Inner};
     let terrain = prepared::<TerrainCost>(&samples::grid(4, 0.3), terrain::KNOBS.map(|knob| knob.default));
     let sharp = prepared::<SharpnessCost>(&samples::grid(4, 0.3), sharpness::KNOBS.map(|knob| knob.default));
     for to in Class::ALL {

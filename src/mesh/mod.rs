@@ -5,6 +5,7 @@
 
 pub mod class;
 pub mod cluster;
+pub mod edge;
 pub mod pieces;
 pub mod polygon;
 pub mod ring;

@@ -3,14 +3,11 @@
 use glam::{DVec2, DVec3, Vec2};
 
 use super::deviation::Patches;
-use super::legality::{EdgeStar, Fan, Refusal, areas_if_survives, uv_survives};
+use super::legality::{EdgeStar, Fan, Refusal};
 use super::texture::{insets, uv_on_chain, uv_on_ring};
 use crate::cost::{EdgeCase, Metric};
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::ring::Rings;
-
-/// Parts of the way to its best place that a vertex tries.
-const SETTLE_SHARES: [f64; 2] = [1.0, 0.5];
 
 /// An edge to collapse, as judged before.
 #[derive(Debug, Clone, Copy)]
@@ -79,69 +76,6 @@ impl Collapser {
         Ok(self.apply(mesh, rings, collapse, position))
     }
 
-    /// Moves a vertex to its best place, or half-way there, if no face around it folds over.
-    ///
-    /// If it `slides`, its only wedge takes the texture coordinate that the surface has there; else texture stays.
-    pub fn settle<M: Metric>(&mut self, mesh: &mut ClusterMesh, rings: &Rings, cost: &M, vertex: u32, slides: bool) {
-        let wedge = mesh.wedge_of(rings.of(vertex)[0]);
-        let here = mesh.positions[vertex as usize];
-        let Some(best) = cost.best_place(mesh, vertex, slides.then_some(wedge)) else { return };
-        for share in SETTLE_SHARES {
-            let position = here.lerp(best, share);
-            let uv = if slides { uv_on_ring(mesh, rings, &[vertex], position) } else { None };
-            let fits = rings.of(vertex).iter().all(|&corner| {
-                let (face, k) = (corner / 3, corner as usize % 3);
-                let (before, uv_before) = (mesh.triangle(face), mesh.uv_triangle(face));
-                let (mut after, mut uv_after) = (before, uv_before);
-                after[k] = position;
-                uv_after[k] = uv.unwrap_or(uv_after[k]);
-                areas_if_survives(before, after).is_some_and(|areas_sq| uv_survives(uv_before, uv_after, areas_sq))
-            });
-            if fits && self.settle_deviation(mesh, rings, vertex, position).is_ok() {
-                mesh.positions[vertex as usize] = position;
-                mesh.flags[vertex as usize] |= flag::MOVED;
-                if let Some(uv) = uv {
-                    mesh.wedge_uv[wedge as usize] = uv;
-                    mesh.wedge_moved[wedge as usize] = true;
-                }
-                return;
-            }
-        }
-    }
-
-    /// Bounds the deviation of the faces around a vertex that moves, if deviations are bounded.
-    fn settle_deviation(
-        &mut self,
-        mesh: &mut ClusterMesh,
-        rings: &Rings,
-        vertex: u32,
-        position: DVec3,
-    ) -> Result<(), Refusal> {
-        let Some(most) = self.deviation_max else { return Ok(()) };
-        self.patches.clear();
-        for &corner in rings.of(vertex) {
-            let mut triangle = mesh.triangle(corner / 3);
-            triangle.rotate_left(corner as usize % 3);
-            self.patches.old.push(triangle);
-            triangle[0] = position;
-            self.patches.new.push(triangle);
-        }
-        let before = rings.of(vertex).iter().map(|corner| mesh.deviations[*corner as usize / 3]).fold(0.0, f32::max);
-        let deviation = self.bound_deviation(before, most)?;
-        rings.of(vertex).iter().for_each(|corner| mesh.deviations[*corner as usize / 3] = deviation as f32);
-        Ok(())
-    }
-
-    /// Deviation of the new patch, if the old one's was `before`.
-    fn bound_deviation(&self, before: f32, most: f64) -> Result<f64, Refusal> {
-        let room = most - f64::from(before);
-        if room < 0.0 {
-            return Err(Refusal::Deviation);
-        }
-        let moved = self.patches.distance_within(room).ok_or(Refusal::Deviation)?;
-        Ok(f64::from(before) + moved)
-    }
-
     /// New texture coordinate for each wedge pair.
     fn choose_uvs<M: Metric>(
         &mut self,
@@ -185,7 +119,7 @@ impl Collapser {
         let changing = changing_corners(&self.star, mesh, rings, collapse);
         let before = changing.map(|(corner, _)| mesh.deviations[corner as usize / 3]).fold(0.0, f32::max);
         self.gather_patches(mesh, rings, collapse, position);
-        self.bound_deviation(before, most).map(Some)
+        self.patches.bound(before, most).map(Some)
     }
 
     fn gather_patches(&mut self, mesh: &ClusterMesh, rings: &Rings, collapse: Collapse, position: DVec3) {

@@ -11,6 +11,7 @@
 
 use glam::DVec3;
 
+use super::legality::Refusal;
 use super::texture::closest_weights;
 
 /// Old and new triangles around an edge, each turned so that its first corner is the one that moves; scratch space is
@@ -30,8 +31,21 @@ impl Patches {
         self.new.clear();
     }
 
+    /// Bound of the new patch, if the old one's was `before`.
+    ///
+    /// # Errors
+    /// If it exceeds `most`.
+    pub fn bound(&self, before: f32, most: f64) -> Result<f64, Refusal> {
+        let room = most - f64::from(before);
+        if room < 0.0 {
+            return Err(Refusal::Deviation);
+        }
+        let moved = self.distance_within(room).ok_or(Refusal::Deviation)?;
+        Ok(f64::from(before) + moved)
+    }
+
     /// The larger of both sampled one-sided distances between the patches; nothing if it exceeds `most`.
-    pub fn distance_within(&self, most: f64) -> Option<f64> {
+    fn distance_within(&self, most: f64) -> Option<f64> {
         let most_sq = most * most;
         let there = one_sided_sq(&self.new, &self.old, most_sq)?;
         let back = one_sided_sq(&self.old, &self.new, most_sq)?;

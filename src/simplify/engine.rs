@@ -14,14 +14,15 @@ use std::collections::BinaryHeap;
 use super::collapse::{Collapse, Collapser};
 use super::legality::{Fan, Refusal};
 use super::proposal::{EdgeAt, Proposal, chain_edges_at};
+use super::settle::Settler;
 use super::stage::{Milestone, StageResult, Stop};
 use super::texture::insets;
 use super::witness::Witnesses;
 use crate::cost::census::Census;
-use crate::cost::surface::EdgeKind;
 use crate::cost::{EdgeCase, Metric};
 use crate::mesh::class::{Class, Rule, classify, reclassify};
 use crate::mesh::cluster::{ClusterMesh, flag};
+use crate::mesh::edge::EdgeKind;
 use crate::mesh::ring::{Rings, Spoke};
 
 /// Share of the faces that one round aims to remove: small enough to stay near the order of one queue.
@@ -50,6 +51,7 @@ pub struct Engine<M> {
     /// Vertices whose cheapest collapse was refused, some more than once.
     refused: Vec<u32>,
     collapser: Collapser,
+    settler: Settler,
     witnesses: Witnesses,
     /// Round in which a vertex took part in a collapse.
     touched: Vec<u32>,
@@ -102,6 +104,7 @@ impl<M: Metric> Engine<M> {
             proposals: Vec::new(),
             refused: Vec::new(),
             collapser: Collapser::default(),
+            settler: Settler::default(),
             witnesses: Witnesses::default(),
             touched: Vec::new(),
             stirred: Vec::new(),
@@ -485,10 +488,11 @@ impl<M: Metric> Engine<M> {
 
     /// Moves every vertex that others collapsed onto to its best place, in the order of ids.
     fn settle(&mut self) {
+        let deviation_max = self.collapser.deviation_max;
         for vertex in 0..self.mesh.positions.len() as u32 {
             if self.joined[vertex as usize] && !self.is_held(vertex) && !self.rings.of(vertex).is_empty() {
-                let slides = self.classes[vertex as usize] == Class::Smooth;
-                self.collapser.settle(&mut self.mesh, &self.rings, &self.cost, vertex, slides);
+                let is_inside = self.classes[vertex as usize] == Class::Smooth;
+                self.settler.settle(&mut self.mesh, &self.rings, &self.cost, vertex, is_inside, deviation_max);
             }
         }
     }

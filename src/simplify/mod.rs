@@ -12,6 +12,7 @@ pub mod deviation;
 pub mod engine;
 pub mod legality;
 mod proposal;
+mod settle;
 mod stage;
 pub mod texture;
 pub mod witness;

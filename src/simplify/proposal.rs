@@ -8,8 +8,8 @@
 //!        y
 //! ```
 
-use crate::cost::surface::EdgeKind;
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::edge::EdgeKind;
 use crate::mesh::ring::{Rings, Spoke};
 
 /// The cheapest collapse of a vertex.

@@ -7,8 +7,8 @@
 const FIRST_STAGE_SHARE: f64 = 0.3;
 /// The same between the first pass and the last: one stage on the way from four times the target to twice.
 const MIDDLE_STAGE_SHARE: f64 = 0.36;
-/// The same in the last pass: three stages from twice the target.
-const LAST_STAGE_SHARE: f64 = 0.75;
+/// The same in the last pass: two stages from twice the target.
+const LAST_STAGE_SHARE: f64 = 0.7;
 /// A last pass in many clusters aims this much above the target; the trim removes the rest.
 pub const TRIM_SHARE: f64 = 0.06;
 
@@ -54,8 +54,8 @@ mod tests {
     #[test]
     fn the_last_stage_ends_at_the_share() {
         let shares = stage_shares(0.5, 2, 3);
-        assert_eq!(shares.len(), 3);
-        assert!((shares[2] - 0.5).abs() < 1e-12);
+        assert_eq!(shares.len(), 2);
+        assert!((shares[1] - 0.5).abs() < 1e-12);
         assert_eq!(stage_shares(0.9, 2, 3).len(), 1);
         assert_eq!(stage_shares(0.4, 0, 3).len(), 1);
         assert_eq!(stage_shares(0.4, 1, 3).len(), 1);

@@ -1,0 +1,197 @@
+//! The last step of a stage: a vertex that others collapsed onto moves to its best place, its picture with it.
+//!
+//! In: a vertex, and what the metric knows of all that became part of it. Out: its place and the texture coordinate of
+//! each of its wedges. Inside a chart both are those of least error. On a seam or border the best texture coordinate may
+//! lie outside of the chart, where the picture is padding: it comes back half of the way, and the place follows.
+//!
+//! ```text
+//!          x w            w: the texture coordinate of least error
+//!    a ____!____ b        !: the one taken, half-way to the faces of the wedge
+//!      \   |   /
+//!        \ | /            the chart
+//! ```
+
+use glam::{DVec2, DVec3};
+
+use super::deviation::Patches;
+use super::legality::{Refusal, areas_if_survives, uv_survives};
+use super::texture::closest_weights;
+use crate::cost::{Metric, SettlingWedge};
+use crate::mesh::cluster::{ClusterMesh, flag};
+use crate::mesh::ring::Rings;
+
+/// Parts of the way to its best place that a vertex tries.
+const SHARES: [f64; 2] = [1.0, 0.5];
+/// Part of the way back to its chart that a texture coordinate goes, unless the metric keeps it from leaving at all.
+const LEAST_RETURN: f64 = 0.5;
+
+/// Moves vertices to their best places; holds scratch space only.
+#[derive(Debug, Default)]
+pub struct Settler {
+    wedges: Vec<SettlingWedge>,
+    uvs: Vec<DVec2>,
+    patches: Patches,
+}
+
+impl Settler {
+    /// Moves a vertex to its best place, or half-way there, if no face around it folds over and none deviates from the
+    /// input by more than `deviation_max`.
+    pub fn settle<M: Metric>(
+        &mut self,
+        mesh: &mut ClusterMesh,
+        rings: &Rings,
+        cost: &M,
+        vertex: u32,
+        is_inside_chart: bool,
+        deviation_max: Option<f64>,
+    ) {
+        self.gather(mesh, rings, vertex, is_inside_chart);
+        let Some(mut best) = cost.best_step(vertex, &self.wedges) else { return };
+        if !is_inside_chart && self.hold_back(mesh, rings, cost, vertex, best) {
+            let Some(step) = cost.best_step(vertex, &self.wedges) else { return };
+            best = step;
+        }
+        for share in SHARES {
+            let step = share * best;
+            let position = mesh.positions[vertex as usize] + step;
+            self.uvs.clear();
+            self.uvs.extend(self.wedges.iter().map(|&SettlingWedge { wedge, slide }| {
+                let slide = slide.map_or_else(|| cost.best_slide(wedge, step), |slide| share * slide);
+                mesh.wedge_uv[wedge as usize] + slide
+            }));
+            if self.fits(mesh, rings, vertex, position)
+                && self.keeps_deviation(mesh, rings, vertex, position, deviation_max).is_ok()
+            {
+                self.apply(mesh, vertex, position);
+                return;
+            }
+        }
+    }
+
+    /// The wedges of a vertex; all are free to slide.
+    fn gather(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32, has_one: bool) {
+        let corners = rings.of(vertex);
+        let corners = if has_one { &corners[..1] } else { corners };
+        self.wedges.clear();
+        for &corner in corners {
+            let wedge = mesh.wedge_of(corner);
+            if self.place_of(wedge).is_none() {
+                self.wedges.push(SettlingWedge { wedge, slide: None });
+            }
+        }
+    }
+
+    fn place_of(&self, wedge: u32) -> Option<usize> {
+        self.wedges.iter().position(|settling| settling.wedge == wedge)
+    }
+
+    /// Decides the slide of the wedges that would leave their charts; returns whether there are any.
+    fn hold_back<M: Metric>(&mut self, mesh: &ClusterMesh, rings: &Rings, cost: &M, vertex: u32, step: DVec3) -> bool {
+        let mut any = false;
+        let share = LEAST_RETURN + (1.0 - LEAST_RETURN) * cost.inset();
+        for SettlingWedge { wedge, slide } in &mut self.wedges {
+            let here = mesh.wedge_uv[*wedge as usize];
+            let wanted = here + cost.best_slide(*wedge, step);
+            if let Some(inside) = way_back(mesh, rings, vertex, *wedge, wanted) {
+                *slide = Some(wanted.lerp(inside, share) - here);
+                any = true;
+            }
+        }
+        any
+    }
+
+    /// Whether no face around the vertex folds over or collapses, on the surface or in the picture.
+    fn fits(&self, mesh: &ClusterMesh, rings: &Rings, vertex: u32, position: DVec3) -> bool {
+        rings.of(vertex).iter().all(|&corner| {
+            let (face, k) = (corner / 3, corner as usize % 3);
+            let (before, uv_before) = (mesh.triangle(face), mesh.uv_triangle(face));
+            let (mut after, mut uv_after) = (before, uv_before);
+            after[k] = position;
+            if let Some(i) = self.place_of(mesh.wedge_of(corner)) {
+                uv_after[k] = self.uvs[i];
+            }
+            areas_if_survives(before, after).is_some_and(|areas_sq| uv_survives(uv_before, uv_after, areas_sq))
+        })
+    }
+
+    /// Bounds the deviation of the faces around the vertex, if deviations are bounded.
+    fn keeps_deviation(
+        &mut self,
+        mesh: &mut ClusterMesh,
+        rings: &Rings,
+        vertex: u32,
+        position: DVec3,
+        deviation_max: Option<f64>,
+    ) -> Result<(), Refusal> {
+        let Some(most) = deviation_max else { return Ok(()) };
+        self.patches.clear();
+        for &corner in rings.of(vertex) {
+            let mut triangle = mesh.triangle(corner / 3);
+            triangle.rotate_left(corner as usize % 3);
+            self.patches.old.push(triangle);
+            triangle[0] = position;
+            self.patches.new.push(triangle);
+        }
+        let before = rings.of(vertex).iter().map(|corner| mesh.deviations[*corner as usize / 3]).fold(0.0, f32::max);
+        let deviation = self.patches.bound(before, most)?;
+        rings.of(vertex).iter().for_each(|corner| mesh.deviations[*corner as usize / 3] = deviation as f32);
+        Ok(())
+    }
+
+    fn apply(&self, mesh: &mut ClusterMesh, vertex: u32, position: DVec3) {
+        mesh.positions[vertex as usize] = position;
+        mesh.flags[vertex as usize] |= flag::MOVED;
+        for (settling, &uv) in self.wedges.iter().zip(&self.uvs) {
+            mesh.wedge_uv[settling.wedge as usize] = uv;
+            mesh.wedge_moved[settling.wedge as usize] = true;
+        }
+    }
+}
+
+/// The place in the faces of a wedge, as they lie in the picture, that is closest to a texture coordinate; nothing if
+/// that lies inside of them, or if they have no picture.
+fn way_back(mesh: &ClusterMesh, rings: &Rings, vertex: u32, wedge: u32, uv: DVec2) -> Option<DVec2> {
+    let mut best: Option<(f64, DVec2)> = None;
+    for &corner in rings.of(vertex).iter().filter(|&&corner| mesh.living(corner) == Some(wedge)) {
+        let triangle = mesh.uv_triangle(corner / 3);
+        let weights = closest_weights(uv.extend(0.0), triangle.map(|t| t.extend(0.0)));
+        if weights.iter().all(|&weight| weight > 0.0) {
+            return None;
+        }
+        let at = triangle[0] * weights[0] + triangle[1] * weights[1] + triangle[2] * weights[2];
+        let distance_sq = at.distance_squared(uv);
+        if at.is_finite() && best.is_none_or(|(least, _)| distance_sq < least) {
+            best = Some((distance_sq, at));
+        }
+    }
+    best.map(|(_, at)| at)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::cluster::samples;
+
+    #[test]
+    fn what_leaves_the_faces_around_a_wedge_comes_back_to_their_rim() {
+        let mesh = samples::grid(4, 0.0);
+        let mut rings = Rings::default();
+        rings.build(&mesh);
+        let back =
+            |vertex: u32, by: DVec2| way_back(&mesh, &rings, vertex, vertex, mesh.wedge_uv[vertex as usize] + 0.1 * by);
+        assert_eq!(back(12, DVec2::new(0.2, 0.3)), None);
+        let far = back(12, DVec2::new(0.0, 9.0)).unwrap();
+        assert_eq!(far, mesh.wedge_uv[17]);
+        let beside = back(2, DVec2::new(0.0, -0.4)).unwrap();
+        assert_eq!(beside, mesh.wedge_uv[2]);
+    }
+
+    #[test]
+    fn a_wedge_without_a_picture_has_no_way_back() {
+        let mut mesh = samples::grid(4, 0.0);
+        mesh.wedge_uv.fill(DVec2::NAN);
+        let mut rings = Rings::default();
+        rings.build(&mesh);
+        assert_eq!(way_back(&mesh, &rings, 12, 12, DVec2::NAN), None);
+    }
+}
