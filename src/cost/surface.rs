@@ -57,7 +57,7 @@ impl Default for Weights {
 /// What may be set besides the weight of the slide.
 pub const KNOBS: [Knob; 3] = [
     factor("border", 1.0, "weight of the squared distance to open borders"),
-    factor("seam", 0.15, "weight of the squared distance to seams"),
+    factor("seam", 0.12, "weight of the squared distance to seams"),
     switch(
         "inset",
         0.0,

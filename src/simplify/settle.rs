@@ -2,10 +2,11 @@
 //!
 //! In: a vertex, and what the metric knows of all that became part of it. Out: its place and the texture coordinate of
 //! each of its wedges. Inside a chart both are those of least error. On a seam or border the best texture coordinate may
-//! lie outside of the chart, where the picture is padding: it comes back half of the way, and the place follows.
+//! lie outside of the chart, where the picture is padding at first and then anything: it comes back half of the way, or
+//! farther where that leaves much, and the place follows.
 //!
 //! ```text
-//!          x w            w: the texture coordinate of least error
+//!            w            w: the texture coordinate of least error
 //!    a ____!____ b        !: the one taken, half-way to the faces of the wedge
 //!      \   |   /
 //!        \ | /            the chart
@@ -24,6 +25,9 @@ use crate::mesh::ring::Rings;
 const SHARES: [f64; 2] = [1.0, 0.5];
 /// Part of the way back to its chart that a texture coordinate goes, unless the metric keeps it from leaving at all.
 const LEAST_RETURN: f64 = 0.5;
+/// How far outside it may stay, in sides of a square as large as the faces of its wedge in the picture: farther out, black
+/// padding shows as specks along seams.
+const REACH: f64 = 0.1;
 
 /// Moves vertices to their best places; holds scratch space only.
 #[derive(Debug, Default)]
@@ -92,8 +96,10 @@ impl Settler {
         for SettlingWedge { wedge, slide } in &mut self.wedges {
             let here = mesh.wedge_uv[*wedge as usize];
             let wanted = here + cost.best_slide(*wedge, step);
-            if let Some(inside) = way_back(mesh, rings, vertex, *wedge, wanted) {
-                *slide = Some(wanted.lerp(inside, share) - here);
+            if let Some(Rim { place, fan_area }) = way_back(mesh, rings, vertex, *wedge, wanted) {
+                let way = wanted - place;
+                let reach = REACH * fan_area.sqrt() / way.length();
+                *slide = Some(place + way * reach.min(1.0 - share) - here);
                 any = true;
             }
         }
@@ -148,10 +154,19 @@ impl Settler {
     }
 }
 
-/// The place in the faces of a wedge, as they lie in the picture, that is closest to a texture coordinate; nothing if
-/// that lies inside of them, or if they have no picture.
-fn way_back(mesh: &ClusterMesh, rings: &Rings, vertex: u32, wedge: u32, uv: DVec2) -> Option<DVec2> {
+/// Where a wedge's faces, as they lie in the picture, are closest to a place outside of them.
+#[derive(Debug, PartialEq)]
+struct Rim {
+    place: DVec2,
+    /// Area of these faces in the picture.
+    fan_area: f64,
+}
+
+/// The way from a texture coordinate back to the faces of a wedge; nothing if it lies inside of them, or if they have no
+/// picture.
+fn way_back(mesh: &ClusterMesh, rings: &Rings, vertex: u32, wedge: u32, uv: DVec2) -> Option<Rim> {
     let mut best: Option<(f64, DVec2)> = None;
+    let mut fan_area = 0.0;
     for &corner in rings.of(vertex).iter().filter(|&&corner| mesh.living(corner) == Some(wedge)) {
         let triangle = mesh.uv_triangle(corner / 3);
         let weights = closest_weights(uv.extend(0.0), triangle.map(|t| t.extend(0.0)));
@@ -160,11 +175,12 @@ fn way_back(mesh: &ClusterMesh, rings: &Rings, vertex: u32, wedge: u32, uv: DVec
         }
         let at = triangle[0] * weights[0] + triangle[1] * weights[1] + triangle[2] * weights[2];
         let distance_sq = at.distance_squared(uv);
+        fan_area += 0.5 * (triangle[1] - triangle[0]).perp_dot(triangle[2] - triangle[0]).abs();
         if at.is_finite() && best.is_none_or(|(least, _)| distance_sq < least) {
             best = Some((distance_sq, at));
         }
     }
-    best.map(|(_, at)| at)
+    best.filter(|(distance_sq, _)| *distance_sq > 0.0).map(|(_, place)| Rim { place, fan_area })
 }
 
 #[cfg(test)]
@@ -180,10 +196,12 @@ mod tests {
         let back =
             |vertex: u32, by: DVec2| way_back(&mesh, &rings, vertex, vertex, mesh.wedge_uv[vertex as usize] + 0.1 * by);
         assert_eq!(back(12, DVec2::new(0.2, 0.3)), None);
+        assert_eq!(back(2, DVec2::ZERO), None);
         let far = back(12, DVec2::new(0.0, 9.0)).unwrap();
-        assert_eq!(far, mesh.wedge_uv[17]);
+        assert_eq!(far.place, mesh.wedge_uv[17]);
+        assert!((far.fan_area - 0.03).abs() < 1e-12);
         let beside = back(2, DVec2::new(0.0, -0.4)).unwrap();
-        assert_eq!(beside, mesh.wedge_uv[2]);
+        assert_eq!(beside.place, mesh.wedge_uv[2]);
     }
 
     #[test]
