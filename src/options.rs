@@ -128,15 +128,15 @@ const CLUSTER_FACES: u64 = 50_000;
 #[derive(Debug, Clone, PartialEq, Args, Serialize)]
 pub struct SimplifyOptions {
     /// Share of the triangles to keep, above 0 and up to 1
-    #[arg(long, value_name = "SHARE", group = "target")]
+    #[arg(long, value_name = "SHARE", group = "target", allow_negative_numbers = true)]
     pub ratio: Option<f64>,
 
     /// Number of triangles to keep
-    #[arg(long, value_name = "COUNT", group = "target")]
+    #[arg(long, value_name = "COUNT", group = "target", allow_negative_numbers = true)]
     pub faces: Option<u64>,
 
     /// Largest distance between result and input, in the mesh's unit of length, either way; as few triangles as it allows
-    #[arg(long, value_name = "LENGTH", group = "target")]
+    #[arg(long, value_name = "LENGTH", group = "target", allow_negative_numbers = true)]
     pub max_error: Option<f64>,
 
     /// Memory that the program may use, at least 128MiB [default: half of the machine's or cgroup's]
@@ -193,7 +193,7 @@ pub struct SimplifyOptions {
     pub optimize: bool,
 
     /// Weight of the picture's slide against distance, 0 to 1000: at 1 a metre of slide costs as much as a metre of distance
-    #[arg(long, value_name = "WEIGHT", default_value_t = 0.7)]
+    #[arg(long, value_name = "WEIGHT", default_value_t = 0.7, allow_negative_numbers = true)]
     pub uv_weight: f64,
 
     /// What becomes of normals
@@ -319,6 +319,11 @@ impl SimplifyOptions {
             (None, Some(faces)) => faces.min(triangles),
             (None, None) => self.cells().map_or(triangles, |cells| triangles.min(cells.saturating_mul(2))),
         }
+    }
+
+    /// Faces that the result may have at most: the target, or all where a deviation decides.
+    pub fn most_faces(&self, triangles: u64) -> u64 {
+        if self.max_error.is_some() { triangles } else { self.target(triangles) }
     }
 
     /// The metric and its settings, for a mesh with or without texture.

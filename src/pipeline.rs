@@ -4,6 +4,7 @@
 mod hostile;
 mod input;
 mod need;
+mod output;
 mod pictures;
 
 use std::path::{Path, PathBuf};
@@ -11,26 +12,25 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use self::input::{Input, Reading};
 use self::pictures::Painter;
-use crate::base::{Error, Findings, MemoryBudget, Progress, Result};
+use crate::base::{Findings, MemoryBudget, Progress, Result};
 use crate::job::{InputFile, Manifest, Step, WorkFolder, folder_bytes};
 use crate::options::{Borders, Drawing, Normals, Pieces, SimplifyOptions, Weld};
-use crate::os::durable::DurableFile;
 use crate::os::system;
 use crate::os::timeline::{Recorder, Timeline};
 use crate::plan::memory::{self, Sizes};
 use crate::plan::scratch;
 use crate::report::gallery::{self, Resources};
 use crate::report::{ErrorFigures, FaceFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
-use crate::scan::{self, fingerprint};
+use crate::scan;
 use crate::stitch::{PassOptions, pass};
-use crate::write::{self, WriteOptions, Written};
+use crate::write::{self, WriteOptions};
 
 /// Simplifies one OBJ, or all below a folder, into one OBJ.
 ///
 /// # Errors
-/// [`Error::Usage`] and [`Error::Budget`] before anything is read; see [`Error`] for the rest. Whatever happens, an
-/// older output stays whole until the new one is complete, and what is finished is kept in the work folder: the same
-/// call goes on from there.
+/// [`Error::Usage`](crate::base::Error::Usage) and [`Error::Budget`](crate::base::Error::Budget) before anything is read; see
+/// [`Error`](crate::base::Error) for the rest. Whatever happens, an older output stays whole until the new one is complete,
+/// and what is finished is kept in the work folder: the same call goes on from there.
 pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress: &dyn Progress) -> Result<Report> {
     let began = SystemTime::now();
     let recorder = Recorder::start(progress);
@@ -71,8 +71,8 @@ fn run(
 ) -> Result<Report> {
     let Reading { options, progress, .. } = *reading;
     let started = Instant::now();
-    let finished = finished_result(job, output)?;
-    refuse_output(reading.inputs, output, options.force || finished.is_some())?;
+    let finished = output::finished(job, output)?;
+    output::refuse(reading, output, options.force || finished.is_some())?;
     let is_resumed = job.is_resumed();
 
     let scanned = Instant::now();
@@ -85,7 +85,7 @@ fn run(
     let sizes = Sizes {
         faces: triangles,
         vertices: need.vertices,
-        target,
+        target: options.most_faces(triangles),
         cluster_faces: options.cluster_faces,
         remesh: options.remesh,
     };
@@ -191,37 +191,6 @@ fn run(
 
 fn repairs(findings: &Findings) -> std::collections::BTreeMap<String, u64> {
     findings.iter().map(|(kind, finding)| (kind.to_owned(), finding.count)).collect()
-}
-
-/// What a process that was ended after its result had its name had written, if it is there still.
-fn finished_result(job: &WorkFolder, output: &Path) -> Result<Option<Written>> {
-    let Some(written) = job.recall::<Written>(Step::Written)? else { return Ok(None) };
-    let content = fingerprint::content(output).ok();
-    Ok((content == Some((written.bytes, written.hash))).then_some(written))
-}
-
-/// Refuses, before anything is read, an output that exists or is one of the inputs.
-fn refuse_output(inputs: &[PathBuf], output: &Path, may_exist: bool) -> Result<()> {
-    let shown = crate::base::error::escape_path(output);
-    if output.file_name().is_none() || output.is_dir() {
-        return Err(Error::Usage(format!("{shown}: the output must be a file, such as out/city.obj")));
-    }
-    try_output(output)?;
-    let Ok(there) = output.canonicalize() else { return Ok(()) };
-    if inputs.iter().any(|input| input.canonicalize().is_ok_and(|input| input == there)) {
-        return Err(Error::Usage(format!("{shown}: the output is the input; choose another name")));
-    }
-    if !may_exist {
-        return Err(Error::Usage(format!("{shown}: exists already; --force replaces it")));
-    }
-    Ok(())
-}
-
-/// Finds out, before the work is done, whether the output can be written.
-fn try_output(output: &Path) -> Result<()> {
-    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
-    DurableFile::create(output, 0).map(drop)
 }
 
 fn pass_options(

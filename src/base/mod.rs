@@ -4,12 +4,14 @@
 
 pub mod budget;
 pub mod bytes;
+pub mod counts;
 pub mod error;
 pub mod findings;
 pub mod ordered;
 pub mod progress;
 
 pub use budget::{MemoryBudget, Permit, Permits};
+pub use counts::{counted, grouped};
 pub use error::{Error, Result};
 pub use findings::Findings;
 pub use progress::{Progress, Silent};

@@ -1,9 +1,12 @@
 //! `drystone check`: counts of one mesh, and what is new against another.
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use serde_json::json;
 
+use super::print::{print, print_json};
 use crate::base::{Error, Result, Silent};
 use crate::measure::{Check, Regression, Surface, compare_checks, weld_and_check};
 use crate::scan::{ScanOptions, find_inputs, scan};
@@ -30,12 +33,10 @@ pub fn run(arguments: &CheckArguments) -> Result<u8> {
     let before = arguments.against.as_deref().map(counts).transpose()?;
     let news = before.as_ref().map_or_else(Vec::new, |before| compare_checks(before, &after));
     if arguments.json {
-        print_json(&after, before.as_ref(), &news);
+        let news: Vec<String> = news.iter().map(|regression| regression.to_string()).collect();
+        print_json(&json!({ "after": fields(&after), "before": before.as_ref().map(fields), "new": news }))?;
     } else {
-        print_table(&after, before.as_ref());
-        for regression in &news {
-            println!("new: {regression}");
-        }
+        print(&table(&after, before.as_ref(), &news));
     }
     let faults = after.degenerate_faces
         + after.duplicate_faces
@@ -64,16 +65,19 @@ fn fields(check: &Check) -> serde_json::Map<String, serde_json::Value> {
     }
 }
 
-fn print_table(after: &Check, before: Option<&Check>) {
-    let before = before.map(fields);
+/// The counts as a person reads them, and a verdict where there is a mesh to compare with.
+fn table(after: &Check, before: Option<&Check>, news: &[Regression]) -> String {
+    let mut text = String::new();
+    let old = before.map(fields);
     for (name, value) in fields(after) {
-        let old = before.as_ref().and_then(|before| before.get(&name)).map(|old| format!("   (before: {old})"));
-        println!("{:28} {value}{}", name.replace('_', " "), old.unwrap_or_default());
+        let old = old.as_ref().and_then(|old| old.get(&name)).map(|old| format!("   (before: {old})"));
+        let _ = writeln!(text, "{:28} {value}{}", name.replace('_', " "), old.unwrap_or_default());
     }
-}
-
-fn print_json(after: &Check, before: Option<&Check>, news: &[Regression]) {
-    let news: Vec<String> = news.iter().map(|regression| regression.to_string()).collect();
-    let value = serde_json::json!({ "after": fields(after), "before": before.map(fields), "new": news });
-    println!("{value:#}");
+    for regression in news {
+        let _ = writeln!(text, "new: {regression}");
+    }
+    if before.is_some() && news.is_empty() {
+        text.push_str("no fault is new\n");
+    }
+    text
 }

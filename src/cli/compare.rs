@@ -8,12 +8,12 @@ use clap::Args;
 use super::print::print;
 use super::progress::told;
 use crate::base::error::escape_path;
-use crate::base::{Error, Progress, Result, bytes};
+use crate::base::{Error, Progress, Result, bytes, grouped};
 use crate::measure::compare::{self, BeforeAfter, CompareOptions, Comparison, Distances, Onlooker, Resources, Texture};
 use crate::os::durable::DurableFile;
 use crate::plan::{memory, scratch};
+use crate::report::ComparisonPage;
 use crate::report::gallery::{self, Relief};
-use crate::report::{ComparisonPage, grouped};
 use crate::scan;
 
 /// Points by area, at least and at most.

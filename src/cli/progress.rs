@@ -1,14 +1,14 @@
 //! Progress on stderr: a bar on a terminal, plain lines otherwise.
 
+use std::fmt::Write;
 use std::io::IsTerminal;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 
-use crate::base::{Progress, bytes};
+use crate::base::{Progress, bytes, grouped};
 use crate::os::signals::StopSignal;
-use crate::report::grouped;
 
 /// Time between two plain lines of one phase.
 const LINE_INTERVAL: Duration = Duration::from_secs(5);
@@ -128,11 +128,17 @@ fn bar(phase: &'static str, total: u64, unit: &'static str) -> ProgressBar {
     let template = match (unit, total) {
         (_, 0) => "{msg:10} {elapsed}",
         ("B", _) => "{msg:10} {wide_bar} {bytes}/{total_bytes} {bytes_per_sec} eta {eta}",
-        _ => "{msg:10} {wide_bar} {human_pos}/{human_len} {per_sec} eta {eta}",
+        _ => "{msg:10} {wide_bar} {done} of {all} {unit}, {rate}/s eta {eta}",
     };
     let bar = ProgressBar::new(total).with_message(phase);
     if let Ok(style) = ProgressStyle::with_template(template) {
-        bar.set_style(style);
+        let key = |count: fn(&ProgressState) -> u64| {
+            move |state: &ProgressState, to: &mut dyn Write| _ = to.write_str(&grouped(count(state)))
+        };
+        let style = style.with_key("done", key(ProgressState::pos));
+        let style = style.with_key("all", key(|state| state.len().unwrap_or(0)));
+        let style = style.with_key("rate", key(|state| state.per_sec() as u64));
+        bar.set_style(style.with_key("unit", move |_: &ProgressState, to: &mut dyn Write| _ = to.write_str(unit)));
     }
     bar
 }

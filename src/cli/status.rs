@@ -9,9 +9,8 @@ use serde::Serialize;
 
 use super::print::{print, print_json};
 use crate::base::error::escape_path;
-use crate::base::{Result, bytes};
+use crate::base::{Result, bytes, counted, grouped};
 use crate::job::{Entry, Record, Step, WorkStatus, look};
-use crate::report::grouped;
 
 /// Arguments of `drystone status`.
 #[derive(Debug, Args)]
@@ -146,12 +145,15 @@ impl JobStatus {
             true => writeln!(text, "a process works on it since {} s", self.seconds_of_process),
             false => writeln!(text, "no process works on it; the command that began it goes on"),
         };
-        let files = if self.input_files == 1 { "file" } else { "files" };
         let input = bytes::display(self.input_bytes);
-        let _ = writeln!(text, "begun      {} s ago, by {} process(es) so far", self.seconds, self.processes);
+        let processes = if self.processes == 1 { "process" } else { "processes" };
+        let _ = writeln!(text, "begun      {} s ago, by {} {processes} so far", self.seconds, self.processes);
         let _ = match self.triangles {
             Some(triangles) => writeln!(text, "scan       done: {} triangles in {input}", grouped(triangles)),
-            None => writeln!(text, "scan       of {} {files}, {input}: not done", self.input_files),
+            None => {
+                let files = counted(self.input_files as u64, "file");
+                writeln!(text, "scan       of {files}, {input}: not done")
+            }
         };
         let left = self.triangles_left.map_or(String::new(), |left| format!(", {} triangles left", grouped(left)));
         let _ = writeln!(text, "passes     {} done of {} or more{left}", self.passes_done, self.passes);

@@ -26,11 +26,10 @@ use serde::Serialize;
 use self::edges::{SharedTallies, Tally, tally};
 use crate::base::bytes::MIB;
 use crate::base::ordered::map_in_order;
-use crate::base::{Error, Findings, Permits, Progress, Result, bytes};
+use crate::base::{Error, Findings, Permits, Progress, Result, bytes, counted, grouped};
 use crate::job::{InputFile, Manifest, Resume, WorkFolder};
 use crate::partition::{self, Partition, PartitionOptions, TextureScale, cluster};
 use crate::plan::{memory, scratch};
-use crate::report::grouped;
 use crate::scan::{self, Scan};
 use crate::store::{Catalogue, StoredMesh};
 use crate::write::is_texture_there;
@@ -274,8 +273,7 @@ impl Inspection {
         let mut row = |name: &str, words: String| {
             let _ = writeln!(text, "{name:20}{words}");
         };
-        let files = if self.files == 1 { "1 file".to_owned() } else { format!("{} files", grouped(self.files)) };
-        row("input", format!("{files}, {}", bytes::display(self.bytes)));
+        row("input", format!("{}, {}", counted(self.files, "file"), bytes::display(self.bytes)));
         row("triangles", grouped(self.triangles));
         let larger = format!(" ({} with more than three corners)", grouped(self.larger_polygons));
         row("polygons", grouped(self.polygons) + if self.larger_polygons > 0 { &larger } else { "" });

@@ -54,7 +54,7 @@ impl Need {
     }
 
     /// Scratch space that the first pass takes beside the columns of the scan, in bytes.
-    pub(super) fn scratch_bytes(&self, is_remeshed: bool) -> u64 {
+    pub(super) fn scratch_bytes(&self, options: &SimplifyOptions) -> u64 {
         let vertices = self.vertices as f64;
         let first = FirstPass {
             columns: 0.0,
@@ -63,8 +63,12 @@ impl Need {
             position_bytes: self.position_bytes as f64 / vertices.max(1.0),
             colour_bytes: if self.has_colours { scratch::COLOUR_BYTES } else { 0.0 },
             faces: self.faces as f64,
-            // A first pass leaves about half of the mesh; one that makes it anew leaves a little more than the whole.
-            faces_out: self.faces as f64 * if is_remeshed { 1.5 } else { 0.5 },
+            faces_out: match options.remesh {
+                // One that makes the mesh anew leaves a little more than the whole.
+                Some(_) => 1.5 * self.faces as f64,
+                // A first pass leaves about half of the mesh, if no more is to stay.
+                None => (0.5 * self.faces as f64).max(options.most_faces(self.faces) as f64),
+            },
             looked_up: scratch::RANK_BYTES * vertices,
         };
         first.peak() as u64
@@ -96,7 +100,7 @@ impl Need {
             )));
         }
         match system::free_disk_bytes(work) {
-            Ok(free) if needs_scratch => scratch::refuse_disk(work, self.scratch_bytes(options.remesh.is_some()), free),
+            Ok(free) if needs_scratch => scratch::refuse_disk(work, self.scratch_bytes(options), free),
             _ => Ok(()),
         }
     }
@@ -129,8 +133,18 @@ mod tests {
 
     #[test]
     fn a_disk_that_is_too_small_is_refused_with_the_space_needed() {
-        let error = scratch::refuse_disk(Path::new("/scratch"), SURVEY.scratch_bytes(false), 1 << 30).unwrap_err();
+        let tenth = SimplifyOptions { ratio: Some(0.1), ..Default::default() };
+        let error = scratch::refuse_disk(Path::new("/scratch"), SURVEY.scratch_bytes(&tenth), 1 << 30).unwrap_err();
         assert_eq!(error.exit_code(), 7);
         assert!(error.to_string().contains("1.00 GiB are free"), "{error}");
+    }
+
+    #[test]
+    fn a_bounded_error_may_leave_every_face_on_the_disk() {
+        let of = |options: SimplifyOptions| SURVEY.scratch_bytes(&options);
+        let tenth = of(SimplifyOptions { ratio: Some(0.1), ..Default::default() });
+        let bounded = of(SimplifyOptions { max_error: Some(0.1), ..Default::default() });
+        assert!(bounded > tenth);
+        assert_eq!(bounded, of(SimplifyOptions { ratio: Some(1.0), ..Default::default() }));
     }
 }

@@ -20,10 +20,9 @@ use self::memory::{MemoryForecast, Sizes};
 use self::passes::PassForecast;
 use self::time::TimeForecast;
 use crate::base::error::escape_path;
-use crate::base::{Progress, Result, bytes};
+use crate::base::{Progress, Result, bytes, counted, grouped};
 use crate::options::SimplifyOptions;
 use crate::os::system;
-use crate::report::grouped;
 use crate::scan;
 
 /// What the input holds.
@@ -59,8 +58,8 @@ pub struct ScratchFigures {
 pub struct Plan {
     /// What the input holds.
     pub input: InputFigures,
-    /// Triangles wanted.
-    pub target: u64,
+    /// Triangles wanted; none where a bounded error decides: then all that follows holds for a mesh that loses nothing.
+    pub target: Option<u64>,
     /// Threads that the run would use.
     pub threads: u64,
     /// Triangles of a cluster, about.
@@ -90,7 +89,7 @@ pub fn plan(input: &Path, options: &SimplifyOptions, progress: &dyn Progress) ->
     let budget = memory::choose_budget(options)?;
     let threads = memory::choose_threads(options.threads, budget);
     let counts = scan::count(&inputs, threads, progress)?;
-    let target = options.target(counts.triangles);
+    let target = options.most_faces(counts.triangles);
     let sizes = Sizes {
         faces: counts.triangles,
         vertices: counts.vertices,
@@ -109,7 +108,7 @@ pub fn plan(input: &Path, options: &SimplifyOptions, progress: &dyn Progress) ->
             polygons: counts.polygons,
             triangles: counts.triangles,
         },
-        target,
+        target: options.max_error.is_none().then_some(target),
         threads: threads as u64,
         cluster_faces: options.cluster_faces,
         memory: memory::forecast(&sizes, budget, threads),
@@ -137,13 +136,23 @@ impl Plan {
     /// The plan as a person reads it.
     pub fn table(&self) -> String {
         let mut text = String::new();
-        let (input, share) = (&self.input, 100.0 * self.target as f64 / self.input.triangles as f64);
-        let files = if input.files == 1 { "1 file".to_owned() } else { format!("{} files", grouped(input.files)) };
-        row(&mut text, "input", &format!("{files}, {}", bytes::display(input.bytes)));
-        let holds = format!("{} triangles, {} vertices", grouped(input.triangles), grouped(input.vertices));
+        let input = &self.input;
+        row(&mut text, "input", &format!("{}, {}", counted(input.files, "file"), bytes::display(input.bytes)));
+        let holds = format!("{}, {} vertices", counted(input.triangles, "triangle"), grouped(input.vertices));
         row(&mut text, "", &holds);
-        row(&mut text, "result", &format!("{} triangles ({share:.3} %)", grouped(self.target)));
-        row(&mut text, "", &format!("about {} of OBJ, textures not counted", bytes::display(self.output_bytes)));
+        let about = match self.target {
+            Some(target) => {
+                let share = 100.0 * target as f64 / input.triangles as f64;
+                row(&mut text, "result", &format!("{} ({share:.3} %)", counted(target, "triangle")));
+                "about"
+            }
+            None => {
+                row(&mut text, "result", "as few triangles as the error allows, which only the run finds out;");
+                row(&mut text, "", "what follows holds if none can go, and is less otherwise");
+                "at most about"
+            }
+        };
+        row(&mut text, "", &format!("{about} {} of OBJ, textures not counted", bytes::display(self.output_bytes)));
         for (number, pass) in self.passes.iter().enumerate() {
             let name = match pass {
                 PassForecast { is_trim: true, .. } => "trim".to_owned(),
@@ -151,9 +160,9 @@ impl Plan {
                 _ => format!("pass {}", number + 1),
             };
             let (before, after) = (grouped(pass.faces_in), grouped(pass.faces_out));
-            let clusters = if pass.clusters == 1 { "1 cluster" } else { "clusters" };
-            let count = if pass.clusters == 1 { String::new() } else { format!("about {} ", grouped(pass.clusters)) };
-            row(&mut text, &name, &format!("{count}{clusters}, {before} -> {after} triangles"));
+            let about = if pass.clusters == 1 { "" } else { "about " };
+            let clusters = counted(pass.clusters, "cluster");
+            row(&mut text, &name, &format!("{about}{clusters}, {before} -> {after} triangles"));
         }
         let memory = &self.memory;
         let of = [("scan", memory.scan), ("partition", memory.partition), ("simplify", memory.simplify)];
@@ -164,10 +173,14 @@ impl Plan {
         row(&mut text, "", &phases.join(", "));
         let free = self.scratch.free.map_or("unknown".to_owned(), bytes::display);
         let folder = escape_path(&self.scratch.folder);
-        row(&mut text, "scratch", &format!("about {}, {free} free in {folder}", bytes::display(self.scratch.bytes)));
+        row(&mut text, "scratch", &format!("{about} {}, {free} free in {folder}", bytes::display(self.scratch.bytes)));
         let seconds = &self.seconds;
-        let threads = if self.threads == 1 { "1 thread".to_owned() } else { format!("{} threads", self.threads) };
-        row(&mut text, "time", &format!("about {} on {threads} with a core each", duration(seconds.total)));
+        let threads = counted(self.threads, "thread");
+        let time = match duration(seconds.total) {
+            time if time.starts_with("under") => time,
+            time => format!("{about} {time}"),
+        };
+        row(&mut text, "time", &format!("{time} on {threads} with a core each"));
         let phases = [
             ("scan", seconds.scan),
             ("partition", seconds.partition),
@@ -184,9 +197,10 @@ fn row(text: &mut String, name: &str, words: &str) {
     let _ = writeln!(text, "{name:10}{words}");
 }
 
-/// Seconds for a person: `0.4 s`, `12 s`, `3 min`, `2.5 h`.
+/// Seconds for a person: `under 0.1 s`, `0.4 s`, `12 s`, `3 min`, `2.5 h`.
 fn duration(seconds: f64) -> String {
     match seconds {
+        s if s < 0.1 => "under 0.1 s".to_owned(),
         s if s < 10.0 => format!("{s:.1} s"),
         s if s < 120.0 => format!("{s:.0} s"),
         s if s < 7200.0 => format!("{:.0} min", s / 60.0),
@@ -204,14 +218,23 @@ mod tests {
         let options = SimplifyOptions { ratio: Some(0.1), ..SimplifyOptions::default() };
         let plan = plan(Path::new("fixtures/town/town.obj"), &options, &Silent).unwrap();
         assert_eq!(plan.input.triangles, 18_218);
-        assert_eq!(plan.target, 1_822);
+        assert_eq!(plan.target, Some(1_822));
         assert!(plan.passes.iter().all(|pass| pass.clusters == 1));
         let table = plan.table();
         assert!(table.contains("18 218 triangles") && table.contains("memory"), "{table}");
     }
 
     #[test]
+    fn a_bounded_error_is_planned_for_a_mesh_that_loses_nothing() {
+        let options = SimplifyOptions { max_error: Some(0.1), ..SimplifyOptions::default() };
+        let plan = plan(Path::new("fixtures/town/town.obj"), &options, &Silent).unwrap();
+        assert_eq!(plan.target, None);
+        assert!(plan.passes.iter().all(|pass| pass.faces_out == 18_218), "{:?}", plan.passes);
+        assert!(plan.table().contains("at most about"), "{}", plan.table());
+    }
+
+    #[test]
     fn times_are_told_in_words() {
-        assert_eq!([0.42, 12.3, 180.0, 9000.0].map(duration), ["0.4 s", "12 s", "3 min", "2.5 h"]);
+        assert_eq!([0.01, 0.42, 12.3, 180.0, 9000.0].map(duration), ["under 0.1 s", "0.4 s", "12 s", "3 min", "2.5 h"]);
     }
 }

@@ -5,6 +5,7 @@
 //! while numbering       columns + vertices by cell 6 B (18 B with colours) + places 6 B a vertex
 //! after the partition   columns + places + faces by cell 9.5 B a face
 //! at the end of pass 1  texcoords + places + faces by cell + pieces 16 B a face that is left
+//! besides               the sample of a pass, 30 B a face, at most 30,000 faces
 //! ```
 //! Bytes were measured on 2026-11-21 on synthetic cities of 1.0 and 4.3 million triangles with four decimals and seams on a
 //! fifth of the vertices: 26.9 and 27.9 bytes a triangle in all at 10 %. Positions of doubles as they are take 24 bytes;
@@ -36,6 +37,10 @@ pub const RANK_BYTES: f64 = 2.0;
 /// Bytes of a piece for each of its faces: half a position, two thirds of a texcoord, and the face.
 const PIECE_FACE_BYTES: f64 = 16.0;
 
+/// Bytes of a face of the sample, and most faces that it has before the first pass.
+const SAMPLE_FACE_BYTES: f64 = 30.0;
+const SAMPLE_FACES: f64 = 30_000.0;
+
 /// What the first pass needs disk space for.
 #[derive(Debug, Clone, Copy)]
 pub struct FirstPass {
@@ -65,7 +70,7 @@ impl FirstPass {
         let numbering = self.columns + 2.0 * places + self.looked_up;
         let partition = self.columns + places + buckets + self.looked_up;
         let clusters = self.texcoords + places + buckets + PIECE_FACE_BYTES * self.faces_out;
-        numbering.max(partition).max(clusters)
+        numbering.max(partition).max(clusters) + SAMPLE_FACE_BYTES * self.faces.min(SAMPLE_FACES)
     }
 }
 

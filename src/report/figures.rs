@@ -3,7 +3,7 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::gallery::{SIZE, Shot, VANTAGES};
-use super::grouped;
+use crate::base::grouped;
 
 const STYLE: &str = include_str!("style.css");
 

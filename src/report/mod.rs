@@ -212,27 +212,3 @@ impl Kind {
         }
     }
 }
-
-/// A number with a blank before every three digits: `16 609 988`.
-pub fn grouped(number: u64) -> String {
-    let digits = number.to_string();
-    let mut text = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(' ');
-        }
-        text.push(digit);
-    }
-    text
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn large_numbers_are_grouped() {
-        assert_eq!(grouped(16_609_988), "16 609 988");
-        assert_eq!(grouped(999), "999");
-    }
-}

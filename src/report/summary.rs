@@ -2,9 +2,10 @@
 
 use std::fmt::Write as _;
 
-use super::{Report, grouped};
-use crate::base::bytes;
+use super::Report;
+use super::figures::length;
 use crate::base::error::escape_path;
+use crate::base::{bytes, counted, grouped};
 
 impl Report {
     /// The closing words of a run.
@@ -15,11 +16,11 @@ impl Report {
         let _ = writeln!(text, "{input} -> {output} triangles ({share:.3} %) in {}", escape_path(&self.output));
         let _ = writeln!(
             text,
-            "{:.1} s, {} peak memory of {} allowed, deviation about {:.3e} (RMS, in the mesh's units)",
+            "{:.1} s, {} peak memory of {} allowed, deviation about {} (RMS, in the mesh's units)",
             self.seconds.total,
             bytes::display(self.memory.peak_resident),
             bytes::display(self.memory.budget),
-            self.error.rms_estimate,
+            length(self.error.rms_estimate),
         );
         for (kind, count) in &self.repairs {
             let _ = writeln!(text, "{}: {}", kind.replace('_', " "), grouped(*count));
@@ -30,13 +31,14 @@ impl Report {
         if let Some(floor) = &self.floor {
             let _ = writeln!(
                 text,
-                "the target of {} triangles was missed: no legal collapse is left; vertices on borders: {}, on seams: {}, \
-                 at non-manifold places: {}; refused to keep the topology: {}, to keep pieces: {}",
-                grouped(self.faces.target),
-                grouped(floor.border),
+                "the target of {} was missed: no legal collapse is left\n\
+                 what holds the rest: {} on borders, {} on seams, {} at non-manifold places; {} refused to keep the \
+                 topology, {} to keep pieces",
+                counted(self.faces.target, "triangle"),
+                grouped(floor.border) + if floor.border == 1 { " vertex" } else { " vertices" },
                 grouped(floor.seam),
                 grouped(floor.non_manifold),
-                grouped(floor.topology),
+                counted(floor.topology, "edge"),
                 grouped(floor.pieces),
             );
         }

@@ -14,7 +14,7 @@ use super::state::{PassState, Start};
 use super::stops::{Plan, run_plan};
 use super::trim::equal_shares;
 use crate::base::ordered::{Crew, both, map_in_order, settle_in_order};
-use crate::base::{Permits, Progress, Result};
+use crate::base::{Permits, Progress, Result, counted};
 use crate::cost::census::Census;
 use crate::cost::{ClassicCost, CurvatureCost, Metric, ObliqueCost, SharpnessCost, SurfaceCost, TerrainCost};
 use crate::job::{Step, WorkFolder, folder_bytes};
@@ -204,7 +204,7 @@ impl<'a, M: Metric> Run<'a, M> {
             state.pass += 1;
             let step = Step::Pass { pass: pass as u32 };
             self.job.supersede(step, next_faces, state.mesh.files(), &state, &[Step::Input])?;
-            self.progress.tell(&format!("pass {} is done: {next_faces} triangles", pass + 1));
+            self.progress.tell(&format!("pass {} is done: {}", pass + 1, counted(next_faces, "triangle")));
         }
         state.findings.count("passed_through_faces", state.passed_through);
         Ok(Passes {
@@ -291,7 +291,7 @@ impl<'a, M: Metric> Run<'a, M> {
         let files = partition.files().chain(partition.files_of(&state.mesh));
         let clusters = partition.filled_count();
         self.job.supersede(step, clusters, files, &(&*state, &partition), &[Step::Input])?;
-        self.progress.tell(&format!("pass {}: {clusters} clusters", pass + 1));
+        self.progress.tell(&format!("pass {}: {}", pass + 1, counted(clusters, "cluster")));
         Ok(partition)
     }
 
