@@ -5,6 +5,7 @@
 
 use std::collections::HashSet;
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use crate::base::{Error, Result};
@@ -14,10 +15,13 @@ use crate::base::{Error, Result};
 /// Symbolic links are followed; a folder that is reached twice is read once, so loops end.
 ///
 /// # Errors
-/// [`Error::Input`] if the path is neither file nor folder, if something named `*.obj` is neither, or if nothing is
+/// [`Error::Input`] if the path is neither file nor folder or nothing is there, if something named `*.obj` is neither, or if nothing is
 /// found; [`Error::Io`] if a folder cannot be read.
 pub fn find_inputs(path: &Path) -> Result<Vec<PathBuf>> {
-    let kind = fs::metadata(path).map_err(|e| Error::io(path, "open", e))?;
+    let kind = fs::metadata(path).map_err(|e| match e.kind() {
+        ErrorKind::NotFound => Error::input(path, 0, format!("cannot open: {e}")),
+        _ => Error::io(path, "open", e),
+    })?;
     if kind.is_file() {
         return Ok(vec![path.to_owned()]);
     }
@@ -84,7 +88,8 @@ mod tests {
     fn an_empty_folder_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
         assert!(matches!(find_inputs(folder.path()), Err(Error::Input { .. })));
-        assert!(matches!(find_inputs(&folder.path().join("gone")), Err(Error::Io { .. })));
+        let error = find_inputs(&folder.path().join("gone")).unwrap_err();
+        assert_eq!(error.exit_code(), 4, "{error}");
     }
 
     #[cfg(unix)]
