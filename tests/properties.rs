@@ -3,11 +3,11 @@
 mod meshes;
 
 use drystone::base::Silent;
-use drystone::cost::Weights;
 use drystone::job::{Manifest, Resume, WorkFolder};
 use drystone::measure::{Check, Surface, check, compare_checks, weld_and_check};
+use drystone::options::{Metric, SimplifyOptions};
 use drystone::scan::{ScanOptions, scan};
-use drystone::stitch::{Cost, PassOptions, SeamPolicy, pass};
+use drystone::stitch::{PassOptions, SeamPolicy, pass};
 use glam::{DVec2, DVec3};
 use meshes::{Sketch, noise};
 use proptest::prelude::*;
@@ -21,6 +21,8 @@ struct Choice {
     lock_borders: bool,
     weld: bool,
     has_uv_metric: bool,
+    metric: Option<Metric>,
+    max_error: Option<f64>,
     cluster_faces: u64,
     passes: usize,
     threads: usize,
@@ -29,17 +31,24 @@ struct Choice {
 fn choices() -> impl Strategy<Value = Choice> {
     let seams = prop_oneof![Just(SeamPolicy::Stitch), Just(SeamPolicy::Follow), Just(SeamPolicy::Lock)];
     let cluster_faces = prop_oneof![20u64..60, 60u64..300, Just(1_000_000)];
-    (0.0..1.0f64, seams, any::<bool>(), prop::bool::weighted(0.8), any::<bool>(), cluster_faces, 1usize..5, 1usize..4)
-        .prop_map(|(ratio, seams, lock_borders, weld, has_uv_metric, cluster_faces, passes, threads)| Choice {
+    let published = [Metric::Oblique, Metric::Curvature, Metric::Terrain, Metric::Sharpness];
+    let metric = prop::option::weighted(0.4, prop::sample::select(published.to_vec()));
+    let max_error = prop::option::weighted(0.2, 0.0..2.0f64);
+    let what = (metric, max_error, any::<bool>());
+    (0.0..1.0f64, seams, any::<bool>(), prop::bool::weighted(0.8), what, cluster_faces, 1usize..5, 1usize..4).prop_map(
+        |(ratio, seams, lock_borders, weld, what, cluster_faces, passes, threads)| Choice {
             ratio: ratio * ratio,
             seams,
             lock_borders,
             weld,
-            has_uv_metric,
+            metric: what.0,
+            max_error: what.1,
+            has_uv_metric: what.2,
             cluster_faces,
             passes,
             threads,
-        })
+        },
+    )
 }
 
 /// A grid with bumps; some quads are missing, some edges between bands of columns are seams.
@@ -163,14 +172,15 @@ fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
     let scanned = scan(&[input], job.path(), &options, &Silent).unwrap();
     let before = Surface::load(&scanned.mesh, &scanned.catalogue).unwrap();
     let has_uv = choice.has_uv_metric && scanned.catalogue.has_texcoords;
+    let metric = SimplifyOptions { metric: choice.metric, uv_weight: 1.0, ..SimplifyOptions::default() };
     let options = PassOptions {
-        max_error: None,
+        max_error: choice.max_error,
         drop_pieces: false,
-        target: (scanned.triangles as f64 * choice.ratio).round() as u64,
+        target: choice.max_error.map_or((scanned.triangles as f64 * choice.ratio).round() as u64, |_| 0),
         input: scanned.triangles,
         passes: choice.passes,
         cluster_faces: choice.cluster_faces,
-        cost: Cost::Surface(Weights { uv: f64::from(u8::from(has_uv)), ..Weights::default() }),
+        cost: metric.cost(has_uv).unwrap(),
         seams: choice.seams,
         lock_borders: choice.lock_borders,
         remesh: None,

@@ -116,7 +116,10 @@ impl Settler {
             if let Some(i) = self.place_of(mesh.wedge_of(corner)) {
                 uv_after[k] = self.uvs[i];
             }
-            areas_if_survives(before, after).is_some_and(|areas_sq| uv_survives(uv_before, uv_after, areas_sq))
+            // A triangle without area in the picture could come out folded as well as not.
+            let stays_flat = uv_area(uv_before) != 0.0 || uv_area(uv_after) == 0.0;
+            stays_flat
+                && areas_if_survives(before, after).is_some_and(|areas_sq| uv_survives(uv_before, uv_after, areas_sq))
         })
     }
 
@@ -154,6 +157,11 @@ impl Settler {
     }
 }
 
+/// Area of a triangle in the picture, negative if it is turned over.
+fn uv_area([a, b, c]: [DVec2; 3]) -> f64 {
+    0.5 * (b - a).perp_dot(c - a)
+}
+
 /// Where a wedge's faces, as they lie in the picture, are closest to a place outside of them.
 #[derive(Debug, PartialEq)]
 struct Rim {
@@ -175,7 +183,7 @@ fn way_back(mesh: &ClusterMesh, rings: &Rings, vertex: u32, wedge: u32, uv: DVec
         }
         let at = triangle[0] * weights[0] + triangle[1] * weights[1] + triangle[2] * weights[2];
         let distance_sq = at.distance_squared(uv);
-        fan_area += 0.5 * (triangle[1] - triangle[0]).perp_dot(triangle[2] - triangle[0]).abs();
+        fan_area += uv_area(triangle).abs();
         if at.is_finite() && best.is_none_or(|(least, _)| distance_sq < least) {
             best = Some((distance_sq, at));
         }
