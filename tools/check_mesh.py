@@ -238,7 +238,7 @@ def check(mesh):
         & (corner_uv[high_corner[one]] == corner_uv[high_corner[two]])
     )
     textured = (uv_kinds >= 0).all(axis=1)
-    inside = joined & textured[half_face[one]] & textured[half_face[two]]
+    inside = joined & textured[half_face[one]] & textured[half_face[two]] & (upward[one] != upward[two])
     chart = components(face_count, half_face[one][inside], half_face[two][inside])
     area = np.zeros(face_count)
     uv = mesh.texcoords[face_texcoords[textured]].reshape(-1, 3, 2)

@@ -31,7 +31,8 @@ pub struct ChartCounts {
     pub uv_degenerate: u64,
     /// Triangles that run against the majority (by area in texture space) of their chart.
     pub folded_uv: u64,
-    /// Sets of textured faces that hang together over edges that are no seams.
+    /// Sets of textured faces that hang together over edges that are no seams and that their two faces run in opposite
+    /// directions: where both run the same way, one of them shows its back, and their signs say nothing of each other.
     pub charts: u64,
     /// Edges of two faces that differ there in a texture coordinate's value or in material.
     pub seam_edges: u64,
@@ -46,7 +47,7 @@ pub fn count_charts(surface: &Surface, edges: &EdgeTable) -> ChartCounts {
         let &[a, b] = edge else { continue };
         if is_seam(surface, a, b) {
             counts.seam_edges += 1;
-        } else if textured(a.face()) && textured(b.face()) {
+        } else if textured(a.face()) && textured(b.face()) && a.runs_up(&surface.faces) != b.runs_up(&surface.faces) {
             charts.join(a.face() as u32, b.face() as u32);
         }
     }
@@ -129,6 +130,17 @@ mod tests {
         let texcoords = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [2.0, 0.0], [3.0, 1.0], [2.0, 1.0]];
         let counts = strip(&texcoords, [[0, 1, 2], [3, 5, 4]], [0, 0]);
         assert_eq!((counts.charts, counts.seam_edges, counts.folded_uv), (2, 1, 0));
+        assert_eq!((counts.uv_positive, counts.uv_negative), (1, 1));
+    }
+
+    #[test]
+    fn a_triangle_that_shows_its_back_is_in_a_chart_of_its_own() {
+        let mut surface =
+            bare(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]], &[[0, 1, 2], [1, 2, 3]]);
+        surface.texcoords = SQUARE.iter().map(|&t| t.into()).collect();
+        surface.face_texcoords = surface.faces.clone();
+        let counts = count_charts(&surface, &EdgeTable::new(&surface.faces));
+        assert_eq!((counts.charts, counts.seam_edges, counts.folded_uv), (2, 0, 0));
         assert_eq!((counts.uv_positive, counts.uv_negative), (1, 1));
     }
 

@@ -15,8 +15,8 @@ use crate::base::{Error, Result};
 /// Symbolic links are followed; a folder that is reached twice is read once, so loops end.
 ///
 /// # Errors
-/// [`Error::Input`] if the path is neither file nor folder or nothing is there, if something named `*.obj` is neither, or if nothing is
-/// found; [`Error::Io`] if a folder cannot be read.
+/// [`Error::Input`] if the path is neither file nor folder or nothing is there, if something named `*.obj` is neither,
+/// or if nothing is found; [`Error::Io`] if a folder cannot be read.
 pub fn find_inputs(path: &Path) -> Result<Vec<PathBuf>> {
     let kind = fs::metadata(path).map_err(|e| match e.kind() {
         ErrorKind::NotFound => Error::input(path, 0, format!("cannot open: {e}")),

@@ -301,12 +301,16 @@ pub fn areas_if_survives(before: [DVec3; 3], after: [DVec3; 3]) -> Option<[f64; 
     survives.then_some([0.25 * old_sq, 0.25 * new_sq])
 }
 
+/// Twice the area of a triangle in the picture, negative if it is turned over.
+pub fn doubled_uv_area([a, b, c]: [DVec2; 3]) -> f64 {
+    (b - a).perp_dot(c - a)
+}
+
 /// Checks that a texture triangle keeps its sign and does not shrink to nothing beside its face, whose squared areas
 /// before and after are given.
 #[inline]
 pub fn uv_survives(before: [DVec2; 3], after: [DVec2; 3], areas_sq: [f64; 2]) -> bool {
-    let signed = |t: [DVec2; 3]| (t[1] - t[0]).perp_dot(t[2] - t[0]);
-    let (old, new) = (signed(before), signed(after));
+    let (old, new) = (doubled_uv_area(before), doubled_uv_area(after));
     if old.is_nan() || old == 0.0 {
         return true;
     }

@@ -15,7 +15,7 @@
 use glam::{DVec2, DVec3};
 
 use super::deviation::Patches;
-use super::legality::{Refusal, areas_if_survives, uv_survives};
+use super::legality::{Refusal, areas_if_survives, doubled_uv_area, uv_survives};
 use super::texture::closest_weights;
 use crate::cost::{Metric, SettlingWedge};
 use crate::mesh::cluster::{ClusterMesh, flag};
@@ -91,7 +91,6 @@ impl Settler {
 
     /// Decides the slide of the wedges that would leave their charts; returns whether there are any.
     fn hold_back<M: Metric>(&mut self, mesh: &ClusterMesh, rings: &Rings, cost: &M, vertex: u32, step: DVec3) -> bool {
-        let mut any = false;
         let share = LEAST_RETURN + (1.0 - LEAST_RETURN) * cost.inset();
         for SettlingWedge { wedge, slide } in &mut self.wedges {
             let here = mesh.wedge_uv[*wedge as usize];
@@ -100,10 +99,9 @@ impl Settler {
                 let way = wanted - place;
                 let reach = REACH * fan_area.sqrt() / way.length();
                 *slide = Some(place + way * reach.min(1.0 - share) - here);
-                any = true;
             }
         }
-        any
+        self.wedges.iter().any(|settling| settling.slide.is_some())
     }
 
     /// Whether no face around the vertex folds over or collapses, on the surface or in the picture.
@@ -116,10 +114,7 @@ impl Settler {
             if let Some(i) = self.place_of(mesh.wedge_of(corner)) {
                 uv_after[k] = self.uvs[i];
             }
-            // A triangle without area in the picture could come out folded as well as not.
-            let stays_flat = uv_area(uv_before) != 0.0 || uv_area(uv_after) == 0.0;
-            stays_flat
-                && areas_if_survives(before, after).is_some_and(|areas_sq| uv_survives(uv_before, uv_after, areas_sq))
+            areas_if_survives(before, after).is_some_and(|areas_sq| uv_survives(uv_before, uv_after, areas_sq))
         })
     }
 
@@ -157,11 +152,6 @@ impl Settler {
     }
 }
 
-/// Area of a triangle in the picture, negative if it is turned over.
-fn uv_area([a, b, c]: [DVec2; 3]) -> f64 {
-    0.5 * (b - a).perp_dot(c - a)
-}
-
 /// Where a wedge's faces, as they lie in the picture, are closest to a place outside of them.
 #[derive(Debug, PartialEq)]
 struct Rim {
@@ -183,7 +173,7 @@ fn way_back(mesh: &ClusterMesh, rings: &Rings, vertex: u32, wedge: u32, uv: DVec
         }
         let at = triangle[0] * weights[0] + triangle[1] * weights[1] + triangle[2] * weights[2];
         let distance_sq = at.distance_squared(uv);
-        fan_area += uv_area(triangle).abs();
+        fan_area += 0.5 * doubled_uv_area(triangle).abs();
         if at.is_finite() && best.is_none_or(|(least, _)| distance_sq < least) {
             best = Some((distance_sq, at));
         }
