@@ -101,19 +101,22 @@ const RULES: [[Rule; 7]; 7] = {
     ]
 };
 
-/// The class of every vertex; vertices without faces are [`Class::Fixed`].
-pub fn classify(mesh: &ClusterMesh, rings: &Rings, classes: &mut Vec<Class>) {
+/// The class of every vertex; vertices without faces are [`Class::Fixed`]. Returns whether two faces that share an edge,
+/// which no third one has, run along it the same way: [`orient`](super::orient) mends that.
+pub fn classify(mesh: &ClusterMesh, rings: &Rings, classes: &mut Vec<Class>) -> bool {
     classes.clear();
     classes.resize(mesh.positions.len(), Class::Fixed);
-    reclassify(mesh, rings, classes);
+    reclassify(mesh, rings, classes)
 }
 
-/// The classes after legal collapses: those of vertices that were [`Class::Smooth`] are the same.
-pub fn reclassify(mesh: &ClusterMesh, rings: &Rings, classes: &mut [Class]) {
+/// The classes after legal collapses: those of vertices that were [`Class::Smooth`] are the same. Returns what
+/// [`classify`] does.
+pub fn reclassify(mesh: &ClusterMesh, rings: &Rings, classes: &mut [Class]) -> bool {
     let mut fan = Fan::default();
     for (vertex, class) in classes.iter_mut().enumerate().filter(|(_, class)| **class != Class::Smooth) {
         *class = fan.class(mesh, rings, vertex as u32);
     }
+    fan.shows_back
 }
 
 /// Vertices that are looked for at once.
@@ -131,6 +134,8 @@ struct Fan {
     ends: Vec<[u32; LANES]>,
     /// The spoke that begins where each one ends.
     followers: Vec<usize>,
+    /// Whether two faces ran the same way along an edge of theirs alone, in any fan so far.
+    shows_back: bool,
 }
 
 impl Fan {
@@ -178,11 +183,15 @@ impl Fan {
     }
 
     /// Walks the fan counter-clockwise: from a spoke to the one that begins where it ends.
-    fn walk(&self) -> Class {
+    fn walk(&mut self) -> Class {
         let spokes = &self.spokes;
         let mut start = None;
         for (i, spoke) in spokes.iter().enumerate() {
-            if find(&self.begins, spoke.next) >= 2 * ONE || find(&self.ends, spoke.previous) >= 2 * ONE {
+            let begin_alike = find(&self.begins, spoke.next) / ONE;
+            let end_alike = find(&self.ends, spoke.previous) / ONE;
+            if begin_alike > 1 || end_alike > 1 {
+                self.shows_back |= begin_alike == 2 && find(&self.ends, spoke.next) < ONE
+                    || end_alike == 2 && find(&self.begins, spoke.previous) < ONE;
                 return Class::Fixed;
             }
             if find(&self.ends, spoke.next) < ONE {

@@ -8,7 +8,7 @@
 //! A corner is named by 3 × its face + its place in it, as in [`Rings`](super::Rings).
 //!
 //! # Memory
-//! A face takes 32 bytes, a vertex 25, a wedge 25: about 59 bytes a triangle of an ordinary textured mesh.
+//! A face takes 33 bytes, a vertex 25, a wedge 25: about 60 bytes a triangle of an ordinary textured mesh.
 
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
@@ -49,6 +49,8 @@ pub struct ClusterMesh {
     pub parts: Vec<u32>,
     /// Bound on the distance of each face from the input, in units of length; kept only where the error is bounded.
     pub deviations: Vec<f32>,
+    /// Whether each face was turned over by [`orient`](super::orient).
+    pub is_turned: Vec<bool>,
     /// Number of faces that are not dead.
     pub face_count: usize,
 }
@@ -144,6 +146,7 @@ impl ClusterMesh {
         self.corner_vertices.push(corners.map(|w| self.wedge_vertex[w as usize]));
         self.parts.push(part);
         self.deviations.push(0.0);
+        self.is_turned.push(false);
         self.face_count += 1;
     }
 
@@ -187,6 +190,7 @@ impl ClusterMesh {
                 self.corner_vertices[kept] = self.corner_vertices[face];
                 self.parts[kept] = self.parts[face];
                 self.deviations[kept] = self.deviations[face];
+                self.is_turned[kept] = self.is_turned[face];
                 kept += 1;
             }
         }
@@ -194,6 +198,7 @@ impl ClusterMesh {
         self.corner_vertices.truncate(kept);
         self.parts.truncate(kept);
         self.deviations.truncate(kept);
+        self.is_turned.truncate(kept);
     }
 
     /// Takes out of the cycles those wedges that no face uses any more.

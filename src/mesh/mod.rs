@@ -6,6 +6,7 @@
 pub mod class;
 pub mod cluster;
 pub mod edge;
+pub mod orient;
 pub mod pieces;
 pub mod polygon;
 pub mod ring;

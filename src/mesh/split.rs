@@ -69,7 +69,7 @@ pub fn split_edges(mesh: &mut ClusterMesh, points: &[EdgePoint]) {
             }
         }
         scratch.triangulate(mesh);
-        let (part, deviation) = (mesh.parts[face], mesh.deviations[face]);
+        let (part, deviation, is_turned) = (mesh.parts[face], mesh.deviations[face], mesh.is_turned[face]);
         for (number, &corners) in scratch.triangles.iter().enumerate() {
             if number == 0 {
                 mesh.corners[face] = corners;
@@ -77,6 +77,7 @@ pub fn split_edges(mesh: &mut ClusterMesh, points: &[EdgePoint]) {
             } else {
                 mesh.push_face(corners, part);
                 mesh.deviations[mesh.corners.len() - 1] = deviation;
+                mesh.is_turned[mesh.corners.len() - 1] = is_turned;
             }
         }
     }

@@ -240,6 +240,7 @@ impl ClusterSource {
         mesh.parts.reserve_exact(faces.len());
         mesh.corner_vertices.reserve_exact(faces.len());
         mesh.deviations.reserve_exact(faces.len());
+        mesh.is_turned.reserve_exact(faces.len());
         let mut first_wedge = vec![u32::MAX; mesh.positions.len()];
         // Next wedge of the same vertex while they are gathered, and the wedge's material.
         let mut gathered: Vec<(u32, u32)> = Vec::with_capacity(mesh.positions.len() + mesh.positions.len() / 4);

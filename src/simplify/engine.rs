@@ -23,6 +23,7 @@ use crate::cost::{EdgeCase, Metric};
 use crate::mesh::class::{Class, Rule, classify, reclassify};
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::edge::EdgeKind;
+use crate::mesh::orient::{orient, restore};
 use crate::mesh::ring::{Rings, Spoke};
 
 /// Share of the faces that one round aims to remove: small enough to stay near the order of one queue.
@@ -215,9 +216,10 @@ impl<M: Metric> Engine<M> {
         self.collapser.deviation_max = Some(most);
     }
 
-    /// Gives the mesh back, without dead faces and unused wedges.
+    /// Gives the mesh back, without dead faces, every face the way round that it came.
     pub fn finish(mut self) -> ClusterMesh {
         self.mesh.compact_faces();
+        restore(&mut self.mesh);
         self.mesh
     }
 
@@ -239,9 +241,12 @@ impl<M: Metric> Engine<M> {
         self.tidy();
         if !self.is_classified {
             self.mesh.unlink_unused_wedges();
-            match self.classes.is_empty() {
-                true => classify(&self.mesh, &self.rings, &mut self.classes),
-                false => reclassify(&self.mesh, &self.rings, &mut self.classes),
+            if !self.classes.is_empty() {
+                reclassify(&self.mesh, &self.rings, &mut self.classes);
+            } else if classify(&self.mesh, &self.rings, &mut self.classes) {
+                orient(&mut self.mesh);
+                self.rings.build(&self.mesh);
+                classify(&self.mesh, &self.rings, &mut self.classes);
             }
             for vertex in 0..self.classes.len() {
                 if self.mesh.flags[vertex] & flag::SHARED != 0 {
