@@ -51,7 +51,7 @@ fn choices() -> impl Strategy<Value = Choice> {
     )
 }
 
-/// A grid with bumps; some quads are missing, some edges between bands of columns are seams.
+/// A grid with bumps; some quads are missing, some triangles show their backs, some edges between bands of columns are seams.
 ///
 /// ```text
 ///   +--+--+--+  +--+--+      bands: own texture chart (mirrored or not), own material,
@@ -62,9 +62,13 @@ fn choices() -> impl Strategy<Value = Choice> {
 /// ```
 fn grids() -> impl Strategy<Value = Sketch> {
     let sizes = (2usize..18, 2usize..18, 1usize..6);
-    let kinds = (any::<u64>(), 0.0..0.3f64, 0.0..2.0f64, any::<bool>(), any::<bool>(), 0usize..3);
-    (sizes, kinds).prop_map(|((columns, rows, bands), (seed, holes, bump, is_cut, has_uv, around))| {
-        grid(columns, rows, bands, seed, holes, bump, is_cut, has_uv, around)
+    let turned = prop_oneof![Just(0.0), 0.0..1.0f64];
+    let kinds = (any::<u64>(), 0.0..0.3f64, 0.0..2.0f64, any::<bool>(), any::<bool>(), 0usize..3, turned);
+    (sizes, kinds).prop_map(|((columns, rows, bands), (seed, holes, bump, is_cut, has_uv, around, turned))| {
+        let mut sketch = grid(columns, rows, bands, seed, holes, bump, is_cut, has_uv, around);
+        let faces = sketch.faces.iter_mut().enumerate();
+        faces.filter(|(i, _)| noise(*i, 7, seed) < turned).for_each(|(_, face)| face.swap(1, 2));
+        sketch
     })
 }
 
