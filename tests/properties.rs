@@ -6,6 +6,7 @@ use drystone::base::Silent;
 use drystone::job::{Manifest, Resume, WorkFolder};
 use drystone::measure::{Check, Surface, check, compare_checks, weld_and_check};
 use drystone::options::{Metric, SimplifyOptions};
+use drystone::remesh::cvd;
 use drystone::scan::{ScanOptions, scan};
 use drystone::stitch::{PassOptions, SeamPolicy, pass};
 use glam::{DVec2, DVec3};
@@ -23,6 +24,8 @@ struct Choice {
     has_uv_metric: bool,
     metric: Option<Metric>,
     max_error: Option<f64>,
+    drop_pieces: bool,
+    remesh: bool,
     cluster_faces: u64,
     passes: usize,
     threads: usize,
@@ -34,7 +37,7 @@ fn choices() -> impl Strategy<Value = Choice> {
     let published = [Metric::Oblique, Metric::Curvature, Metric::Terrain, Metric::Sharpness];
     let metric = prop::option::weighted(0.4, prop::sample::select(published.to_vec()));
     let max_error = prop::option::weighted(0.2, 0.0..2.0f64);
-    let what = (metric, max_error, any::<bool>());
+    let what = (metric, max_error, any::<bool>(), prop::bool::weighted(0.2), prop::bool::weighted(0.2));
     (0.0..1.0f64, seams, any::<bool>(), prop::bool::weighted(0.8), what, cluster_faces, 1usize..5, 1usize..4).prop_map(
         |(ratio, seams, lock_borders, weld, what, cluster_faces, passes, threads)| Choice {
             ratio: ratio * ratio,
@@ -44,6 +47,9 @@ fn choices() -> impl Strategy<Value = Choice> {
             metric: what.0,
             max_error: what.1,
             has_uv_metric: what.2,
+            drop_pieces: what.3,
+            // The command line refuses both.
+            remesh: what.4 && what.1.is_none(),
             cluster_faces,
             passes,
             threads,
@@ -179,7 +185,7 @@ fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
     let metric = SimplifyOptions { metric: choice.metric, uv_weight: 1.0, ..SimplifyOptions::default() };
     let options = PassOptions {
         max_error: choice.max_error,
-        drop_pieces: false,
+        drop_pieces: choice.drop_pieces,
         target: choice.max_error.map_or((scanned.triangles as f64 * choice.ratio).round() as u64, |_| 0),
         input: scanned.triangles,
         passes: choice.passes,
@@ -187,7 +193,7 @@ fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
         cost: metric.cost(has_uv).unwrap(),
         seams: choice.seams,
         lock_borders: choice.lock_borders,
-        remesh: None,
+        remesh: choice.remesh.then(cvd::Settings::default),
         optimize: choice.has_uv_metric,
         weld: choice.weld,
         map: None,
