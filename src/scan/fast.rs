@@ -7,7 +7,7 @@
 use glam::{DVec2, DVec3};
 use memchr::memchr2;
 
-use super::number::{index_at, number_at};
+use super::number::{index_at, number_at, short_index_at, short_number_at};
 use super::obj::{COORDINATE_MAX, Parser};
 use super::parsed::Numbered;
 use crate::store::NO_TEXCOORD;
@@ -19,7 +19,7 @@ impl Parser<'_> {
         let Some(&[first, second]) = self.text[self.at..].first_chunk::<2>() else { return false };
         match (first, second) {
             (b'v', b' ') => self.read_plain_vertex(),
-            (b'f', b' ') => self.read_plain_face(),
+            (b'f', b' ') => self.read_textured_triangle() || self.read_plain_face(),
             (b'v', b't') => self.read_plain_texcoord(),
             (b'v', b'n') => self.skip_plain_normal(),
             _ => false,
@@ -28,6 +28,11 @@ impl Parser<'_> {
 
     #[inline]
     fn read_plain_vertex(&mut self) -> bool {
+        if let Some(Row { values: [x, y, z], decimals: [dx, dy, dz], next, .. }) = self.short_numbers(self.at + 1) {
+            self.chunk.position_decimals = self.chunk.position_decimals.max(dx).max(dy).max(dz);
+            self.chunk.push_vertex(DVec3::new(x, y, z), None);
+            return self.finish_line(next);
+        }
         let Some(row) = self.plain_numbers::<6>(self.at + 1) else { return false };
         let [x, y, z, r, g, b] = row.values;
         if [x, y, z].iter().any(|v| v.abs() > COORDINATE_MAX) {
@@ -49,6 +54,11 @@ impl Parser<'_> {
 
     #[inline]
     fn read_plain_texcoord(&mut self) -> bool {
+        if let Some(Row { values: [u, v], decimals: [du, dv], next, .. }) = self.short_numbers(self.at + 2) {
+            self.chunk.texcoord_decimals = self.chunk.texcoord_decimals.max(du).max(dv);
+            self.chunk.texcoords.push(DVec2::new(u, v));
+            return self.finish_line(next);
+        }
         let Some(row) = self.plain_numbers::<3>(self.at + 2) else { return false };
         let [u, v, _] = row.values;
         if row.count < 2 || u.abs() > COORDINATE_MAX || v.abs() > COORDINATE_MAX {
@@ -70,6 +80,26 @@ impl Parser<'_> {
         let Some(next) = plain_line_end(self.text, end).filter(|_| self.text[end - 1] != b'\\') else { return false };
         self.chunk.normal_count += 1;
         self.finish_line(next)
+    }
+
+    /// Reads `f v/vt v/vt v/vt` with short positive indices and single blanks: most lines of a textured mesh.
+    #[inline(always)]
+    fn read_textured_triangle(&mut self) -> bool {
+        let (text, mut at) = (self.text, self.at + 1);
+        let mut corners = [[0; 3]; 2];
+        for k in 0..3 {
+            for (indices, before) in corners.iter_mut().zip([b' ', b'/']) {
+                if text.get(at) != Some(&before) {
+                    return false;
+                }
+                let Some((index, end)) = short_index_at(text, at + 1) else { return false };
+                (indices[k], at) = (index, end);
+            }
+        }
+        match plain_line_end(text, at) {
+            Some(next) => self.chunk.push_textured_triangle(corners) && self.finish_line(next),
+            None => false,
+        }
     }
 
     #[inline]
@@ -138,6 +168,21 @@ impl Parser<'_> {
             Numbered::Normal => {}
         }
         Some(end)
+    }
+
+    /// `N` short numbers with single blanks before them that fill the rest of a line, as most lines are.
+    #[inline(always)]
+    fn short_numbers<const N: usize>(&self, mut at: usize) -> Option<Row<N>> {
+        let mut row = Row { values: [0.0; N], decimals: [0; N], count: N, next: 0 };
+        for (value, decimals) in row.values.iter_mut().zip(&mut row.decimals) {
+            if self.text.get(at) != Some(&b' ') {
+                return None;
+            }
+            let number = short_number_at(self.text, at + 1)?;
+            (*value, *decimals, at) = (number.value, number.decimals, number.end);
+        }
+        row.next = plain_line_end(self.text, at)?;
+        Some(row)
     }
 
     /// Up to `N` numbers that fill the rest of a line.

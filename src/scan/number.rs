@@ -20,6 +20,7 @@ const POWERS_OF_TEN: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20,
     1e21, 1e22,
 ];
+const TENS: [u64; 9] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000];
 
 /// A number as it stands in a text.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,6 +70,22 @@ pub fn number_at(text: &[u8], start: usize) -> Option<Number> {
     Some(Number { value: if negative { -magnitude } else { magnitude }, decimals: decimals as u32, end: at })
 }
 
+/// The number `[-] digits . digits` that begins at `start`, with at most seven digits on either side and some before the
+/// point; nothing where another form stands.
+#[inline(always)]
+pub fn short_number_at(text: &[u8], start: usize) -> Option<Number> {
+    let negative = text.get(start) == Some(&b'-');
+    let first_digit = start + usize::from(negative);
+    let (whole, count) = leading_digits(eight_at(text, first_digit)?);
+    let point = first_digit + count;
+    let (part, decimals) = leading_digits(eight_at(text, point + 1)?);
+    let is_short = (1..8).contains(&count) && decimals < 8 && text.get(point) == Some(&b'.');
+    let mantissa = whole * TENS[decimals] + part;
+    let magnitude = mantissa as f64 / POWERS_OF_TEN[decimals];
+    let value = if negative { -magnitude } else { magnitude };
+    is_short.then_some(Number { value, decimals: decimals as u32, end: point + 1 + decimals })
+}
+
 /// A token that is one number from end to end.
 pub fn number(token: &[u8]) -> Option<Number> {
     number_at(token, 0).filter(|number| number.end == token.len())
@@ -109,10 +126,9 @@ fn any_number(text: &[u8], start: usize, mantissa_end: usize, decimals: usize) -
 /// The digits from `start` on behind those of `value`, as one number modulo 2⁶⁴, and the place after them.
 #[inline(always)]
 fn digits_at(text: &[u8], start: usize, mut value: u64) -> (u64, usize) {
-    const TENS: [u64; 9] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000];
     let mut at = start;
-    while let Some(eight) = text.get(at..).and_then(<[u8]>::first_chunk::<8>) {
-        let (run, count) = leading_digits(u64::from_le_bytes(*eight));
+    while let Some(eight) = eight_at(text, at) {
+        let (run, count) = leading_digits(eight);
         value = value.wrapping_mul(TENS[count]).wrapping_add(run);
         at += count;
         if count < 8 {
@@ -124,6 +140,12 @@ fn digits_at(text: &[u8], start: usize, mut value: u64) -> (u64, usize) {
         at += 1;
     }
     (value, at)
+}
+
+/// Eight bytes as one word, the first the lowest, if there are so many.
+#[inline(always)]
+fn eight_at(text: &[u8], at: usize) -> Option<u64> {
+    text.get(at..)?.first_chunk().map(|eight| u64::from_le_bytes(*eight))
 }
 
 /// The number that the first bytes of eight make, the lowest byte first, and how many of them are digits.
@@ -182,6 +204,13 @@ pub fn index_at(text: &[u8], start: usize) -> Option<(Index, usize)> {
         magnitude = saturated(&text[first_digit..at]);
     }
     (at > first_digit).then_some((Index { magnitude, negative }, at))
+}
+
+/// The integer of one to seven digits that begins at `start`, without sign and not 0, and the place after it.
+#[inline(always)]
+pub fn short_index_at(text: &[u8], start: usize) -> Option<(u32, usize)> {
+    let (value, count) = leading_digits(eight_at(text, start)?);
+    (value > 0 && count < 8).then_some((value as u32, start + count))
 }
 
 /// Value of many digits, at most `u64::MAX`.

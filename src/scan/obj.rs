@@ -300,6 +300,23 @@ impl ParsedChunk {
         }
     }
 
+    /// Appends a triangle by its indices from 1, vertices and texture coordinates; nothing happens, and false comes back,
+    /// while there are corners without texture coordinate.
+    #[inline(always)]
+    pub(super) fn push_textured_triangle(&mut self, corners: [[u32; 3]; 2]) -> bool {
+        let is_textured = self.corner_texcoords.len() == self.corner_vertices.len();
+        if is_textured {
+            for (kind, indices) in [Numbered::Vertex, Numbered::Texcoord].into_iter().zip(corners) {
+                let highest = &mut self.highest[kind as usize];
+                *highest = indices.into_iter().map(u64::from).fold(*highest, u64::max);
+            }
+            self.corner_vertices.extend(corners[0].map(|index| index - 1));
+            self.corner_texcoords.extend(corners[1].map(|index| index - 1));
+            self.polygon_sizes.push(3);
+        }
+        is_textured
+    }
+
     /// Takes back the corners of a face that is not finished.
     pub(super) fn drop_corners(&mut self, start: usize, texcoords_start: usize) {
         self.corner_vertices.truncate(start);

@@ -243,9 +243,10 @@ fn a_hundred_thousand_materials_are_read_in_no_time() {
 
 /// Lines of every kind, valid in any order after three vertices and two texture coordinates of each way to count.
 fn any_line() -> impl Strategy<Value = String> {
-    let number = prop_oneof!["-?[0-9]{1,7}\\.[0-9]{0,6}", "-?[0-9]{1,4}(e-?[0-9])?", "[0-9]\\.[0-9]{20}"];
+    let number = prop_oneof!["-?[0-9]{1,9}\\.[0-9]{0,9}", "-?[0-9]{1,4}(e-?[0-9])?", "[0-9]\\.[0-9]{20}"];
     let vertex = prop::collection::vec(number.clone(), 3..8).prop_map(|n| format!("v {}", n.join(" ")));
-    let texcoord = prop::collection::vec(number, 1..4).prop_map(|n| format!("vt {}", n.join("\t")));
+    let blank = prop_oneof![Just(" "), Just("\t")];
+    let texcoord = (prop::collection::vec(number, 1..4), blank).prop_map(|(n, blank)| format!("vt {}", n.join(blank)));
     let index = |limit: i64| prop_oneof![1..=limit, -limit..=-1];
     let corner = (index(3), index(2), -3i64..0, 0..5).prop_map(|(v, t, n, form)| match form {
         0 => format!("{v}"),
