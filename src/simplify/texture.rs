@@ -1,5 +1,5 @@
 //! Where the picture goes when an edge collapses: texcoords are read off the old surface, never extrapolated. Where
-//! vertices settle afterwards, [`settle`](super::settle) decides.
+//! vertices settle afterwards, `settle.rs` decides.
 //!
 //! A free vertex takes the texture coordinate at the closest point of its old ring. A seam or border vertex takes those
 //! of the closest point of the old chain, on every side of it, so that both sides stay on their chart's border:
