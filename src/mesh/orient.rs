@@ -31,11 +31,10 @@ pub fn orient(mesh: &mut ClusterMesh) {
                 if twin == NONE || std::mem::replace(&mut is_known[twin as usize / 3], true) {
                     continue;
                 }
-                let runs_alike = start(mesh, half) == start(mesh, twin);
-                let other = twin / 3;
-                // Turned over already: only marked so far, since half-edges are named after the order that they came in.
-                mesh.is_turned[other as usize] = mesh.is_turned[face as usize] != runs_alike;
-                front.push(other);
+                // Faces are only marked so far: half-edges lie as they came.
+                let runs_alike = mesh.vertex_of(half) == mesh.vertex_of(twin);
+                mesh.is_turned[twin as usize / 3] = mesh.is_turned[face as usize] != runs_alike;
+                front.push(twin / 3);
             }
         }
     }
@@ -55,15 +54,10 @@ fn swap_turned(mesh: &mut ClusterMesh) {
     }
 }
 
-/// Vertex where a half-edge (3 × face + place) begins.
-fn start(mesh: &ClusterMesh, half: u32) -> u32 {
-    mesh.vertex_of(half)
-}
-
-/// The other half-edge of each edge of two faces.
+/// The other half-edge of each edge of two faces; a half-edge is named by the corner where it begins.
 fn twins(mesh: &ClusterMesh) -> Vec<u32> {
     let ends = |&half: &u32| {
-        let (a, b) = (start(mesh, half), start(mesh, ClusterMesh::following(half)[0]));
+        let (a, b) = (mesh.vertex_of(half), mesh.vertex_of(ClusterMesh::following(half)[0]));
         (a.min(b), a.max(b))
     };
     let mut halves: Vec<u32> = (0..3 * mesh.corners.len() as u32).collect();
