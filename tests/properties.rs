@@ -217,9 +217,9 @@ fn news(sketch: &Sketch, choice: &Choice) -> Result<(), TestCaseError> {
     prop_assert!(faulty(&now) <= faulty(&was), "{was:?} {now:?}");
     let mut news = compare_checks(&was, &now);
     news.retain(|regression| regression.what != "inconsistent edges");
-    // Likewise two whose texture triangles lie on one side of it: they were in one chart only once nothing else met there.
-    let lost_faults = faulty(&was) - faulty(&now);
-    news.retain(|regression| regression.what != "folded texture triangles" || lost_faults == 0);
+    // Likewise two whose texture triangles lie on one side of it: they are in one chart only once nothing else meets there.
+    let became_manifold = now.non_manifold_edges < was.non_manifold_edges;
+    news.retain(|regression| regression.what != "folded texture triangles" || !became_manifold);
     // Copies that are kept apart may leave each other along a straight border.
     news.retain(|regression| choice.weld || regression.what != "T-junctions");
     prop_assert!(news.is_empty(), "{}", news.iter().map(|n| n.to_string()).collect::<Vec<_>>().join("; "));
