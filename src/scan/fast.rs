@@ -5,7 +5,7 @@
 //! takes, which a test checks.
 
 use glam::{DVec2, DVec3};
-use memchr::memchr2;
+use memchr::memchr3;
 
 use super::number::{index_at, number_at, short_index_at, short_number_at};
 use super::obj::{COORDINATE_MAX, Parser};
@@ -72,10 +72,10 @@ impl Parser<'_> {
     /// Normals are counted, not read: they are computed anew from the result.
     #[inline]
     fn skip_plain_normal(&mut self) -> bool {
-        if self.has_nul || !matches!(self.text.get(self.at + 2), Some(b' ' | b'\t')) {
+        if !matches!(self.text.get(self.at + 2), Some(b' ' | b'\t')) {
             return false;
         }
-        let Some(length) = memchr2(b'\n', b'\r', &self.text[self.at..]) else { return false };
+        let Some(length) = memchr3(b'\n', b'\r', 0, &self.text[self.at..]) else { return false };
         let end = self.at + length;
         let Some(next) = plain_line_end(self.text, end).filter(|_| self.text[end - 1] != b'\\') else { return false };
         self.chunk.normal_count += 1;

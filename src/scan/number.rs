@@ -80,9 +80,10 @@ pub fn short_number_at(text: &[u8], start: usize) -> Option<Number> {
     let point = first_digit + count;
     let (part, decimals) = leading_digits(eight_at(text, point + 1)?);
     let is_short = (1..8).contains(&count) && decimals < 8 && text.get(point) == Some(&b'.');
-    let mantissa = whole * TENS[decimals] + part;
+    // Signed, since that is one instruction to convert; a sign bit, since signs of coordinates cannot be foretold.
+    let mantissa = (whole * TENS[decimals] + part) as i64;
     let magnitude = mantissa as f64 / POWERS_OF_TEN[decimals];
-    let value = if negative { -magnitude } else { magnitude };
+    let value = f64::from_bits(magnitude.to_bits() | u64::from(negative) << 63);
     is_short.then_some(Number { value, decimals: decimals as u32, end: point + 1 + decimals })
 }
 

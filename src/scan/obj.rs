@@ -38,7 +38,7 @@ type LineResult<T> = Result<T, String>;
 /// # Errors
 /// The first line that is damaged.
 pub fn parse(text: &[u8], chunk: &mut ParsedChunk) -> Result<(), LineError> {
-    let mut parser = Parser { text, at: 0, line: 1, has_nul: memchr(0, text).is_some(), chunk };
+    let mut parser = Parser { text, at: 0, line: 1, chunk };
     parser.run()
 }
 
@@ -47,7 +47,6 @@ pub(super) struct Parser<'a> {
     pub(super) text: &'a [u8],
     pub(super) at: usize,
     pub(super) line: u64,
-    pub(super) has_nul: bool,
     pub(super) chunk: &'a mut ParsedChunk,
 }
 
@@ -76,7 +75,7 @@ impl Parser<'_> {
         if text.is_empty() || text[0] == b'#' {
             return Ok(());
         }
-        if self.has_nul && memchr(0, text).is_some() {
+        if memchr(0, text).is_some() {
             return Err("expected text, found NUL bytes; the file is damaged, or binary".into());
         }
         let (keyword, rest) = split_keyword(text);
@@ -310,8 +309,8 @@ impl ParsedChunk {
                 let highest = &mut self.highest[kind as usize];
                 *highest = indices.into_iter().map(u64::from).fold(*highest, u64::max);
             }
-            self.corner_vertices.extend(corners[0].map(|index| index - 1));
-            self.corner_texcoords.extend(corners[1].map(|index| index - 1));
+            self.corner_vertices.extend_from_slice(&corners[0].map(|index| index - 1));
+            self.corner_texcoords.extend_from_slice(&corners[1].map(|index| index - 1));
             self.polygon_sizes.push(3);
         }
         is_textured
