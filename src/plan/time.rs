@@ -1,11 +1,13 @@
 //! How long a run will take, from rates that were measured.
 //!
 //! Rates are for one core of a 2.x GHz server processor, from the processor time of a synthetic city of 4.3 million
-//! triangles at 10 % on 2026-11-21 (10.1 s, by phase). Another machine may be twice as fast or half.
+//! triangles at 10 % on 2026-11-21 (10.1 s, by phase). What a pass takes whatever its size shows in small meshes. Another
+//! machine may be twice as fast or half.
 
 use serde::Serialize;
 
 use super::passes::PassForecast;
+use crate::stitch::sample::sample_faces;
 
 /// Bytes of OBJ text scanned in a second by one core.
 const SCAN_BYTES_PER_SECOND: f64 = 398e6;
@@ -21,6 +23,10 @@ const TRIM_FACES_PER_SECOND: f64 = 1.4e6;
 const REMESH_FACES_PER_SECOND: f64 = 120e3;
 /// Faces written in a second.
 const WRITE_FACES_PER_SECOND: f64 = 3.2e6;
+/// Seconds that a cut waits for the disk.
+const CUT_SECONDS: f64 = 0.05;
+/// Seconds that the result waits for the disk.
+const WRITE_SECONDS: f64 = 0.04;
 /// Share of a further thread's time that is work: clusters end at different times, and some steps are in order.
 const THREAD_SHARE: f64 = 0.85;
 
@@ -46,7 +52,7 @@ pub fn forecast(input_bytes: u64, passes: &[PassForecast], target: u64, threads:
     let (mut partition, mut simplify) = (0.0, 0.0);
     for (number, pass) in passes.iter().enumerate() {
         let faces = pass.faces_in as f64;
-        partition += faces / PARTITION_FACES_PER_SECOND / speed_up(u64::MAX);
+        partition += CUT_SECONDS + faces / PARTITION_FACES_PER_SECOND / speed_up(u64::MAX);
         let is_first = number == 0 || passes[number - 1].is_remesh;
         let rate = match is_first {
             _ if pass.is_remesh => REMESH_FACES_PER_SECOND,
@@ -55,8 +61,13 @@ pub fn forecast(input_bytes: u64, passes: &[PassForecast], target: u64, threads:
             false => LATER_FACES_PER_SECOND,
         };
         simplify += faces / rate / speed_up(pass.clusters);
+        if pass.clusters > 1 && !pass.is_remesh {
+            // One queue on one thread, while the rest waits or cuts; half of it before the first pass.
+            let share = if is_first { 0.5 } else { 1.0 };
+            simplify += share * sample_faces(pass.faces_in) as f64 / LATER_FACES_PER_SECOND;
+        }
     }
-    let write = target as f64 / WRITE_FACES_PER_SECOND;
+    let write = WRITE_SECONDS + target as f64 / WRITE_FACES_PER_SECOND;
     TimeForecast { total: scan + partition + simplify + write, scan, partition, simplify, write }
 }
 
