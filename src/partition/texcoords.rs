@@ -8,13 +8,13 @@
 //! instead, which is faster; what it gets is the same.
 //!
 //! # Memory
-//! The ids of a cell in each thread, one window (40 bytes each while it is gathered, at most a third of the work
-//! memory), and 24 MiB of buffers.
+//! The ids of a cell in each thread, one window ([`window_bytes`], as for the ranks of vertices), and 24 MiB of buffers.
 //!
 //! # Files
 //! `<name>-questions.scatter` (2 to 4 bytes for each id of each cell) while they are answered, `<name>-texcoords.scatter`
 //! (5 bytes each) until the partition is removed.
 
+use std::ops::Range;
 use std::path::Path;
 
 use glam::DVec2;
@@ -22,7 +22,8 @@ use serde::{Deserialize, Serialize};
 
 use super::PartitionOptions;
 use super::faces::{CellFaces, TEXCOORD_STRETCH};
-use super::reading::{gather_texcoords, texcoord_ids};
+use super::numbering::window_bytes;
+use super::reading::texcoord_ids;
 use super::scatter::{Scatter, ScatterWriter};
 use crate::base::Result;
 use crate::base::ordered::map_in_order;
@@ -32,6 +33,8 @@ use crate::store::StoredMesh;
 const READINGS_MAX: u64 = 4;
 /// Bytes of a texture coordinate.
 const TEXCOORD_BYTES: u64 = 16;
+/// Texture coordinates that are unpacked at once.
+const STEP: u64 = 1 << 16;
 
 /// Texture coordinates of each cell, in the order of their ids.
 #[derive(Debug, Serialize, Deserialize)]
@@ -72,7 +75,7 @@ pub fn bring(
 ) -> Result<CellTexcoords> {
     let cell_count = faces.foreign_corners.len();
     let count = mesh.texcoord_count();
-    let window_len = (options.work_bytes / 8 / TEXCOORD_BYTES).clamp(1 << 16, 1 << 31) as u32;
+    let window_len = (window_bytes(options.work_bytes) / TEXCOORD_BYTES).max(1 << 16) as u32;
     let windows = count.div_ceil(u64::from(window_len)).max(1) as usize;
     let mut questions = ScatterWriter::create(&folder.join(format!("{name}-questions.scatter")), windows)?;
     map_in_order(
@@ -86,14 +89,28 @@ pub fn bring(
     let mut answers = ScatterWriter::create(&folder.join(format!("{name}-texcoords.scatter")), cell_count)?;
     for window in 0..windows {
         let start = window as u32 * window_len;
-        let end = u64::from(start).saturating_add(u64::from(window_len)).min(count) as u32;
-        let ids: Vec<u32> = (start..end).collect();
-        let texcoords = gather_texcoords(mesh, &ids)?;
-        drop(ids);
+        let texcoords = texcoords_in(mesh, u64::from(start)..(u64::from(start) + u64::from(window_len)).min(count))?;
         questions.read(window, |questions| {
             let answer = |&[cell, id]: &[u32; 2]| (cell, texcoords[(id - start) as usize]);
             questions.iter().map(answer).try_for_each(|(cell, uv)| answers.push(cell, uv))
         })?;
     }
     Ok(CellTexcoords { answers: answers.finish_durable()? })
+}
+
+/// Texture coordinates of a range of ids.
+fn texcoords_in(mesh: &StoredMesh, ids: Range<u64>) -> Result<Vec<DVec2>> {
+    let mut texcoords = Vec::with_capacity((ids.end - ids.start) as usize);
+    let mut base = 0;
+    for piece in &mesh.pieces {
+        let end = base + piece.texcoords.len();
+        let (mut at, last) = (ids.start.max(base), ids.end.min(end));
+        while at < last {
+            let next = (at + STEP).min(last);
+            texcoords.append(&mut piece.texcoords.window(at - base..next - base)?);
+            at = next;
+        }
+        base = end;
+    }
+    Ok(texcoords)
 }
