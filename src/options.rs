@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use crate::base::{Error, Result, bytes};
-use crate::cost::{Weights, classic, curvature, knob, oblique, sharpness, surface, terrain};
+use crate::cost::{Weights, classic, curvature, knob, oblique, sharpness, terrain, weights};
 use crate::job::Resume;
 use crate::remesh::cvd;
 use crate::stitch::{Cost, SeamPolicy};
@@ -334,9 +334,9 @@ impl SimplifyOptions {
         let given = &self.metric_option;
         let metric = self.metric.unwrap_or(if has_texture { Metric::QemAttributes } else { Metric::Qem });
         let cost = match metric {
-            Metric::Qem => knob::read(&surface::KNOBS, given)
+            Metric::Qem => knob::read(&weights::KNOBS, given)
                 .map(|values| Cost::Surface(Weights { uv: 0.0, ..Weights::from(values) })),
-            Metric::QemAttributes => knob::read(&surface::KNOBS, given).map(|values| {
+            Metric::QemAttributes => knob::read(&weights::KNOBS, given).map(|values| {
                 let uv = if has_texture { self.uv_weight } else { 0.0 };
                 Cost::Surface(Weights { uv, ..Weights::from(values) })
             }),

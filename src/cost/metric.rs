@@ -66,6 +66,9 @@ pub trait Metric: Sized {
     /// Freezes the normalisers.
     fn settle(_settings: &mut Self::Settings, _census: &Census) {}
 
+    /// Learns which share of the result's vertices seams would take, if texture coordinates are read.
+    fn learn_crowding(_settings: &mut Self::Settings, _crowding: f64) {}
+
     /// Prepares for a stage on the mesh as it stands. O(faces).
     fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]);
 

@@ -19,6 +19,7 @@ pub mod quadric;
 pub mod sharpness;
 pub mod surface;
 pub mod terrain;
+pub mod weights;
 pub mod wide;
 
 pub use classic::ClassicCost;
@@ -27,8 +28,9 @@ pub use metric::{Metric, SettlingWedge};
 pub use oblique::ObliqueCost;
 pub use quadric::{Quadric, WedgeQuadric};
 pub use sharpness::SharpnessCost;
-pub use surface::{EdgeCase, Placement, SurfaceCost, Weights};
+pub use surface::{EdgeCase, Placement, SurfaceCost};
 pub use terrain::TerrainCost;
+pub use weights::Weights;
 
 #[cfg(test)]
 mod tests;

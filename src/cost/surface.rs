@@ -18,9 +18,9 @@
 
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec3A};
 
-use super::knob::{Knob, factor, switch};
 use super::local::{LocalQuadric, LocalWedge, Planes};
 use super::metric::{Metric, SettlingWedge};
+use super::weights::Weights;
 use crate::mesh::class::{Class, VALENCE_MAX};
 use crate::mesh::cluster::{ClusterMesh, DEAD};
 use crate::mesh::edge::{EdgeKind, edge_kind, kind_among};
@@ -34,42 +34,6 @@ const LEAST_GAIN: f64 = 0.02;
 const LENGTH_SHARE: f32 = 1e-6;
 /// Collapses that are judged at once.
 const LANES: usize = 8;
-
-/// Weights of the terms, all relative to the area-weighted squared distance.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Weights {
-    /// Of the squared slide of the picture; 0 leaves texture out of the cost.
-    pub uv: f64,
-    /// Of the squared distance to an open border, per squared border length.
-    pub border: f64,
-    /// Of the squared distance to a seam, per squared seam length and side.
-    pub seam: f64,
-    /// Share of what a straightened seam or border leaves its chart by that its texture coordinates move inwards instead.
-    pub inset: f64,
-}
-
-impl Default for Weights {
-    fn default() -> Self {
-        Self::from(KNOBS.map(|knob| knob.default))
-    }
-}
-
-/// What may be set besides the weight of the slide.
-pub const KNOBS: [Knob; 3] = [
-    factor("border", 1.0, "weight of the squared distance to open borders"),
-    factor("seam", 0.12, "weight of the squared distance to seams"),
-    switch(
-        "inset",
-        0.0,
-        "share of what a straightened seam leaves its chart by that its picture moves inwards instead",
-    ),
-];
-
-impl From<[f64; 3]> for Weights {
-    fn from([border, seam, inset]: [f64; 3]) -> Self {
-        Self { uv: 0.7, border, seam, inset }
-    }
-}
 
 /// An edge whose collapse is to be judged.
 #[derive(Debug, Clone, Copy)]
@@ -215,7 +179,7 @@ impl SurfaceCost {
             let weight = match kind {
                 EdgeKind::Inner => continue,
                 EdgeKind::Border => self.weights.border,
-                EdgeKind::Seam => self.weights.seam,
+                EdgeKind::Seam => self.weights.of_seams(),
             };
             let (pa, pb) = (mesh.positions[a as usize], mesh.positions[b as usize]);
             let triangle = mesh.triangle(corner / 3);
@@ -398,6 +362,10 @@ impl Metric for SurfaceCost {
 
     fn reads_texture(weights: &Weights) -> bool {
         weights.uv > 0.0
+    }
+
+    fn learn_crowding(weights: &mut Weights, crowding: f64) {
+        weights.crowding = crowding;
     }
 
     fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {

@@ -5,6 +5,7 @@
 
 pub mod class;
 pub mod cluster;
+pub mod crowding;
 pub mod edge;
 pub mod orient;
 pub mod pieces;

@@ -10,6 +10,7 @@ use super::options::{Cost, PassOptions, SeamPolicy};
 use super::outcome::{Floor, PassOutcome, Passes, StageSums};
 use super::reconstruct::is_remeshed;
 use super::sample::{self, Survey};
+use super::scale::TextureTraits;
 use super::state::{PassState, Start};
 use super::stops::{Plan, run_plan};
 use super::trim::equal_shares;
@@ -67,8 +68,8 @@ struct Opening {
     plan: Plan,
     /// Whether the plan meets the target to the face.
     is_exact: bool,
-    /// The scales of texture coordinates, in all passes the same.
-    scale: TextureScale,
+    /// What is known of the texture, in all passes the same.
+    texture: TextureTraits,
 }
 
 /// A cluster that is simplified and perhaps not durable yet.
@@ -153,8 +154,8 @@ impl<'a, M: Metric> Run<'a, M> {
     fn simplify(mut self, start: Start) -> Result<Passes> {
         let Start { mut state, mut partition } = start;
         self.crumb = state.crumb;
-        if let Some(scale) = &state.scale {
-            self.scale = scale.clone();
+        if let Some(texture) = &state.texture {
+            self.learn(texture);
         }
         if let Some(census) = &state.census {
             M::settle(&mut self.settings, census);
@@ -228,11 +229,16 @@ impl<'a, M: Metric> Run<'a, M> {
         let step = plan_step(pass, 0);
         let kept = self.job.recall::<Opening>(step)?;
         if is_first {
-            match &kept {
-                Some(opening) => self.scale = opening.scale.clone(),
-                None => (self.scale, state.sample) = self.first_sample(&state.mesh, partition)?,
-            }
-            state.scale = Some(self.scale.clone());
+            let texture = match &kept {
+                Some(opening) => opening.texture.clone(),
+                None => {
+                    let (texture, sample) = self.first_sample(&state.mesh, partition)?;
+                    state.sample = sample;
+                    texture
+                }
+            };
+            self.learn(&texture);
+            state.texture = Some(texture);
             if M::HAS_CENSUS {
                 let census = self.job.once(Step::Census, || self.take_census(&state.mesh, partition))?;
                 M::settle(&mut self.settings, &census);
@@ -247,9 +253,15 @@ impl<'a, M: Metric> Run<'a, M> {
         let faces = if is_first { partition.total_faces() } else { state.mesh.face_count() };
         let thresholds = thresholds.unwrap_or_else(|| self.foresee(sample, pass, faces));
         let (plan, is_exact) = self.plan(&state.mesh, partition, thresholds, pass, faces)?;
-        let opening = Opening { plan, is_exact, scale: self.scale.clone() };
+        let texture = state.texture.clone().unwrap_or_else(|| TextureTraits::none(self.catalogue));
+        let opening = Opening { plan, is_exact, texture };
         self.job.keep(step, 0, [], &opening)?;
         Ok(opening)
+    }
+
+    fn learn(&mut self, texture: &TextureTraits) {
+        self.scale = texture.scale.clone();
+        M::learn_crowding(&mut self.settings, texture.crowding);
     }
 
     /// Number of a pass among those that collapse edges.
@@ -519,9 +531,9 @@ impl<'a, M: Metric> Run<'a, M> {
         cluster::load(partition, mesh, self.catalogue, &self.scale, cluster)
     }
 
-    /// The scale of texture coordinates, and a sample of the clusters of the first pass.
-    fn first_sample(&self, mesh: &StoredMesh, partition: &Partition) -> Result<(TextureScale, ClusterMesh)> {
-        let none = || TextureScale::none(self.catalogue);
+    /// What the passes need to know of the texture, and a sample of the clusters of the first pass.
+    fn first_sample(&self, mesh: &StoredMesh, partition: &Partition) -> Result<(TextureTraits, ClusterMesh)> {
+        let none = || TextureTraits::none(self.catalogue);
         match M::reads_texture(&self.settings) {
             true => self.measure_texture(mesh, partition),
             false if is_single(partition) => Ok((none(), ClusterMesh::default())),

@@ -1,7 +1,10 @@
-//! How much texture coordinates are scaled: measured before the first pass, while the sample for it is taken.
+//! How much texture coordinates are scaled and how crowded the result will be with seams: measured before the first pass,
+//! while the sample for it is taken.
 //!
 //! The scale of a material is a ratio of two sums over its faces, for which one block of faces in four is as good as all;
-//! only where that shows too few faces of a material, all blocks are read.
+//! only where that shows too few faces of a material, all blocks are read. Seams are measured in the sample.
+
+use serde::{Deserialize, Serialize};
 
 use super::pass::{Run, is_single};
 use super::sample;
@@ -9,9 +12,10 @@ use crate::base::Result;
 use crate::base::ordered::map_in_order;
 use crate::cost::Metric;
 use crate::mesh::ClusterMesh;
+use crate::mesh::crowding::SeamTally;
 use crate::partition::cluster::{MaterialArea, material_index};
 use crate::partition::{Partition, TextureScale, reading};
-use crate::store::StoredMesh;
+use crate::store::{Catalogue, StoredMesh};
 
 /// Of so many blocks of faces one is read.
 const STEP: usize = 4;
@@ -20,40 +24,63 @@ const FACES_MIN: u64 = 256;
 
 /// The areas of the materials that a cluster has.
 type SparseAreas = Vec<(usize, MaterialArea)>;
+/// What a cluster gives to the sample.
+type Patch = (ClusterMesh, SeamTally);
+
+/// What the passes know of the texture.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(super) struct TextureTraits {
+    /// Scales of texture coordinates.
+    pub scale: TextureScale,
+    /// Share of the result's vertices that seams would take; infinite if it is not known.
+    pub crowding: f64,
+}
+
+impl TextureTraits {
+    /// Of a mesh whose texture does not matter.
+    pub fn none(catalogue: &Catalogue) -> Self {
+        Self { scale: TextureScale::none(catalogue), crowding: f64::INFINITY }
+    }
+}
+
+/// What the clusters tell of the texture.
+#[derive(Default)]
+struct Measured {
+    areas: Vec<MaterialArea>,
+    seams: SeamTally,
+    sample: ClusterMesh,
+}
 
 impl<M: Metric> Run<'_, M> {
-    /// Sums areas in space and in texture over the clusters, in order, for the scale of texture coordinates; returns a
-    /// sample of the clusters with it.
+    /// Measures the texture; returns a sample of the clusters with it, if there are many.
     pub(super) fn measure_texture(
         &self,
         mesh: &StoredMesh,
         partition: &Partition,
-    ) -> Result<(TextureScale, ClusterMesh)> {
-        let mut sample = ClusterMesh::default();
+    ) -> Result<(TextureTraits, ClusterMesh)> {
         let is_raw = M::wants_raw_texture(&self.settings);
-        let mut areas = self.sum_areas(STEP, mesh, partition, &mut sample)?;
-        let mut named = vec![false; areas.len()];
+        let mut measured = self.measure_clusters(STEP, mesh, partition)?;
+        let mut named = vec![false; measured.areas.len()];
         (0..self.catalogue.parts.len()).for_each(|part| named[material_index(self.catalogue, part as u32)] = true);
-        let is_vague = areas.iter().zip(named).any(|(area, is_named)| is_named && area.faces < FACES_MIN);
+        let is_vague = measured.areas.iter().zip(named).any(|(area, is_named)| is_named && area.faces < FACES_MIN);
         if is_vague && !is_raw {
-            sample = ClusterMesh::default();
-            areas = self.sum_areas(1, mesh, partition, &mut sample)?;
+            measured = self.measure_clusters(1, mesh, partition)?;
         }
+        let Measured { areas, seams, mut sample } = measured;
         let scale = if is_raw { TextureScale::none(self.catalogue) } else { TextureScale::new(&areas) };
+        if is_single(partition) {
+            sample = ClusterMesh::default();
+        }
         sample::scale_texture(&mut sample, |part| scale.of(self.catalogue, part));
-        Ok((scale, sample))
+        let kept = self.options.target as f64 / self.options.input.max(1) as f64;
+        Ok((TextureTraits { scale, crowding: seams.crowding(kept) }, sample))
     }
 
-    /// The areas of each material in one block in `step`, and in all blocks of the clusters that give the sample a patch.
-    fn sum_areas(
-        &self,
-        step: usize,
-        mesh: &StoredMesh,
-        partition: &Partition,
-        sample: &mut ClusterMesh,
-    ) -> Result<Vec<MaterialArea>> {
+    /// Sums over the clusters, in order: the areas of each material in one block in `step`, and in all blocks of the
+    /// clusters that give the sample a patch; the seams in these patches.
+    fn measure_clusters(&self, step: usize, mesh: &StoredMesh, partition: &Partition) -> Result<Measured> {
         let none = || vec![MaterialArea::default(); self.catalogue.materials.len() + 1];
-        let mut areas = none();
+        let mut measured = Measured { areas: none(), ..Measured::default() };
         let survey = self.first_survey(partition);
         map_in_order(
             0..partition.cluster_count(),
@@ -66,19 +93,27 @@ impl<M: Metric> Run<'_, M> {
                 }
                 self.progress.check_stopped()?;
                 let _permit = self.permits.take(self.cluster_bytes(partition, cluster) / 2);
-                let is_wanted = !is_single(partition) && survey.wants(cluster);
+                let is_wanted = survey.wants(cluster);
                 let faces = reading::read_one_in(if is_wanted { 1 } else { step }, partition, mesh, cluster)?;
                 let mut areas = none();
                 faces.add_areas(self.catalogue, &mut areas);
                 let sparse = areas.into_iter().enumerate().filter(|(_, area)| area.faces > 0);
-                Ok((sparse.collect(), is_wanted.then(|| self.patch_of_faces(&survey, partition, faces))))
+                let patch = is_wanted.then(|| {
+                    let patch = self.patch_of_faces(&survey, partition, faces);
+                    let seams = SeamTally::of(&patch);
+                    (patch, seams)
+                });
+                Ok((sparse.collect(), patch))
             },
-            |(sums, patch): (SparseAreas, Option<ClusterMesh>)| {
-                sums.into_iter().for_each(|(material, area)| areas[material] += area);
-                patch.iter().for_each(|patch| sample::append(sample, patch));
+            |(sums, patch): (SparseAreas, Option<Patch>)| {
+                sums.into_iter().for_each(|(material, area)| measured.areas[material] += area);
+                if let Some((patch, seams)) = patch {
+                    sample::append(&mut measured.sample, &patch);
+                    measured.seams += seams;
+                }
                 Ok(())
             },
         )?;
-        Ok(areas)
+        Ok(measured)
     }
 }

@@ -6,11 +6,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::outcome::{Floor, PassOutcome, PassReport, PassSeconds, RemeshReport};
+use super::scale::TextureTraits;
 use crate::base::{Findings, Result};
 use crate::cost::census::Census;
 use crate::job::{Step, WorkFolder};
 use crate::mesh::ClusterMesh;
-use crate::partition::{Partition, TextureScale};
+use crate::partition::Partition;
 use crate::store::StoredMesh;
 
 /// The passes so far.
@@ -24,8 +25,8 @@ pub struct PassState {
     pub(super) sample: ClusterMesh,
     /// Thresholds of the stages of a pass whose partition is there, from its sample.
     pub(super) thresholds: Option<Vec<f32>>,
-    /// Scales of texture coordinates, once they are known.
-    pub(super) scale: Option<TextureScale>,
+    /// What is known of the texture, once it was measured.
+    pub(super) texture: Option<TextureTraits>,
     /// Numbers of the whole mesh that the metric divides by, once they are known.
     pub(super) census: Option<Census>,
     /// Diagonal below which pieces are dropped in the next pass, if any are.

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 
 use super::*;
-use crate::cost::surface::{SurfaceCost, Weights};
+use crate::cost::{SurfaceCost, Weights};
 use crate::mesh::cluster::samples;
 
 fn simplified(mesh: ClusterMesh, faces: usize) -> (ClusterMesh, StageResult) {
