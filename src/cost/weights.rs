@@ -42,7 +42,7 @@ pub const KNOBS: [Knob; 3] = [
     factor(
         "seam",
         1.5,
-        "weight of the squared distance to seams, where they will be in the way: 8 % of it where they are few or take nearly all vertices",
+        "weight of the squared distance to seams; 8 % of it where they will be few or take nearly all vertices",
     ),
     switch(
         "inset",
