@@ -75,11 +75,11 @@ def simplify(asked, cluster_faces, name):
     running = subprocess.Popen([str(word) for word in command])
     while running.poll() is None:
         if not kept.exists():
-            for shared in work.rglob("pass-0-shared-positions.col"):
-                try:
+            try:
+                for shared in work.rglob("pass-0-shared-positions.col"):
                     os.link(shared, kept)
-                except FileNotFoundError:
-                    pass  # removed in between
+            except FileNotFoundError:
+                pass  # removed in between
         time.sleep(0.002)
     if running.returncode:
         sys.exit(f"drystone ended with {running.returncode}")
