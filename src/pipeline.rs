@@ -160,6 +160,7 @@ fn run(
             threshold: passes.reports.last().map_or(0.0, |pass| pass.threshold),
             rms_estimate: passes.rms_estimate,
         },
+        seam_crowding: passes.seam_crowding,
         seconds: SecondFigures {
             total: started.elapsed().as_secs_f64(),
             scan: scan_seconds.as_secs_f64(),

@@ -131,6 +131,8 @@ pub struct Report {
     pub faces: FaceFigures,
     /// Error.
     pub error: ErrorFigures,
+    /// Share of the result's vertices that seams would take if all edges were equally long; none without texture or target.
+    pub seam_crowding: Option<f64>,
     /// Time.
     pub seconds: SecondFigures,
     /// Memory.

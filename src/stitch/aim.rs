@@ -125,15 +125,9 @@ impl<M: Metric> Run<'_, M> {
     }
 
     /// What is sampled before the first pass. Nothing else can be done meanwhile, and where passes follow that do not end
-    /// exactly where they should, half of the faces will do. A cluster that is all alone needs no thresholds, but its seams
-    /// should not be judged by one corner of it.
+    /// exactly where they should, half of the faces will do.
     pub(super) fn first_survey(&self, partition: &Partition) -> Survey {
-        let share = match self.options.passes {
-            _ if is_single(partition) => 4.0,
-            1 => 1.0,
-            _ => 0.5,
-        };
-        Survey::new(&loaded_faces(partition), share)
+        Survey::new(&loaded_faces(partition), if self.options.passes > 1 { 0.5 } else { 1.0 })
     }
 
     /// The patch of a cluster that no mesh was made of.

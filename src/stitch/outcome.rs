@@ -102,6 +102,8 @@ pub struct Passes {
     pub seconds: PassSeconds,
     /// Estimate of the root of the mean squared deviation, in units of length.
     pub rms_estimate: f64,
+    /// Share of the result's vertices that seams would take, if that was asked.
+    pub seam_crowding: Option<f64>,
     /// Faces of the mesh.
     pub faces: u64,
     /// Whether the target was met.

@@ -216,6 +216,7 @@ impl<'a, M: Metric> Run<'a, M> {
             findings: state.findings,
             seconds: state.seconds,
             rms_estimate: state.squared_error.sqrt(),
+            seam_crowding: state.texture.map(|texture| texture.crowding).filter(|crowding| crowding.is_finite()),
             reached: state.reached,
             floor: state.floor,
             scratch_peak: state.scratch_peak,

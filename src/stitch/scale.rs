@@ -2,7 +2,8 @@
 //! while the sample for it is taken.
 //!
 //! The scale of a material is a ratio of two sums over its faces, for which one block of faces in four is as good as all;
-//! only where that shows too few faces of a material, all blocks are read. Seams are measured in the sample.
+//! only where that shows too few faces of a material, all blocks are read. Seams are measured in the clusters that give the
+//! sample its patches.
 
 use serde::{Deserialize, Serialize};
 
@@ -24,8 +25,6 @@ const FACES_MIN: u64 = 256;
 
 /// The areas of the materials that a cluster has.
 type SparseAreas = Vec<(usize, MaterialArea)>;
-/// What a cluster gives to the sample.
-type Patch = (ClusterMesh, SeamTally);
 
 /// What the passes know of the texture.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -68,16 +67,13 @@ impl<M: Metric> Run<'_, M> {
         }
         let Measured { areas, seams, mut sample } = measured;
         let scale = if is_raw { TextureScale::none(self.catalogue) } else { TextureScale::new(&areas) };
-        if is_single(partition) {
-            sample = ClusterMesh::default();
-        }
         sample::scale_texture(&mut sample, |part| scale.of(self.catalogue, part));
         let kept = self.options.target as f64 / self.options.input.max(1) as f64;
         Ok((TextureTraits { scale, crowding: seams.crowding(kept) }, sample))
     }
 
     /// Sums over the clusters, in order: the areas of each material in one block in `step`, and in all blocks of the
-    /// clusters that give the sample a patch; the seams in these patches.
+    /// clusters that give the sample a patch; the seams in these.
     fn measure_clusters(&self, step: usize, mesh: &StoredMesh, partition: &Partition) -> Result<Measured> {
         let none = || vec![MaterialArea::default(); self.catalogue.materials.len() + 1];
         let mut measured = Measured { areas: none(), ..Measured::default() };
@@ -89,7 +85,7 @@ impl<M: Metric> Run<'_, M> {
             self.options.threads * 16,
             |cluster| {
                 if partition.weight(cluster).is_none() {
-                    return Ok((Vec::new(), None));
+                    return Ok((Vec::new(), SeamTally::default(), None));
                 }
                 self.progress.check_stopped()?;
                 let _permit = self.permits.take(self.cluster_bytes(partition, cluster) / 2);
@@ -98,19 +94,15 @@ impl<M: Metric> Run<'_, M> {
                 let mut areas = none();
                 faces.add_areas(self.catalogue, &mut areas);
                 let sparse = areas.into_iter().enumerate().filter(|(_, area)| area.faces > 0);
-                let patch = is_wanted.then(|| {
-                    let patch = self.patch_of_faces(&survey, partition, faces);
-                    let seams = SeamTally::of(&patch);
-                    (patch, seams)
-                });
-                Ok((sparse.collect(), patch))
+                let seams = if is_wanted { faces.tally_seams(self.catalogue) } else { SeamTally::default() };
+                let gives_patch = is_wanted && !is_single(partition);
+                let patch = gives_patch.then(|| self.patch_of_faces(&survey, partition, faces));
+                Ok((sparse.collect(), seams, patch))
             },
-            |(sums, patch): (SparseAreas, Option<Patch>)| {
+            |(sums, seams, patch): (SparseAreas, SeamTally, Option<ClusterMesh>)| {
                 sums.into_iter().for_each(|(material, area)| measured.areas[material] += area);
-                if let Some((patch, seams)) = patch {
-                    sample::append(&mut measured.sample, &patch);
-                    measured.seams += seams;
-                }
+                measured.seams += seams;
+                patch.iter().for_each(|patch| sample::append(&mut measured.sample, patch));
                 Ok(())
             },
         )?;

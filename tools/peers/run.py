@@ -248,6 +248,8 @@ def main():
 
     peers = Peers(options.tools)
     lines = title(options, peers)
+    if options.scratch:
+        os.makedirs(options.scratch, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=options.scratch) as scratch:
         for obj in options.obj:
             lines += compare(obj.resolve(), options, peers, scratch)
