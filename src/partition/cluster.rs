@@ -19,7 +19,6 @@ use super::reading::{
 };
 use crate::base::Result;
 use crate::mesh::cluster::{ClusterMesh, flag};
-use crate::mesh::crowding::SeamTally;
 use crate::mesh::split::EdgePoint;
 use crate::store::decimal::POWERS_OF_TEN;
 use crate::store::piece::{PendingPiece, write_piece};
@@ -27,8 +26,6 @@ use crate::store::{Catalogue, Face, NO_TEXCOORD, Segment, StoredMesh, StoredPiec
 
 /// A moved coordinate is rounded to no coarser than this share of its shortest edge.
 const ROUNDING_SHARE: f64 = 1e-3;
-/// Of so many edges one is looked at for seams.
-const EDGE_STEP: u32 = 8;
 /// Wedges of a vertex that are searched one by one.
 const CHAIN_MAX: usize = 32;
 /// Places that a vertex tries whose own is taken.
@@ -192,19 +189,6 @@ fn pass_faces(
     Ok((piece, degenerate))
 }
 
-/// The edge of a face: its ends, the smaller vertex first, and what the face has there.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Side {
-    ends: [u32; 2],
-    texcoords: [u32; 2],
-    material: u32,
-}
-
-/// Whether one vertex in [`EDGE_STEP`] is this one.
-fn is_drawn(vertex: u32) -> bool {
-    vertex.wrapping_mul(0x9e37_79b1) < u32::MAX / EDGE_STEP
-}
-
 impl ClusterFaces {
     /// Areas of the faces in space and in texture, added by material.
     pub fn add_areas(&self, catalogue: &Catalogue, areas: &mut [MaterialArea]) {
@@ -223,41 +207,6 @@ impl ClusterFaces {
                 sum.texture += texture;
             }
         }
-    }
-
-    /// Measures the faces, and the seams between them by one edge in [`EDGE_STEP`]: those at vertices that are drawn by lot.
-    /// An edge is a seam if its faces differ in material, or in a texture coordinate at one of its ends.
-    pub fn tally_seams(&self, catalogue: &Catalogue) -> SeamTally {
-        let mut tally = SeamTally { faces: self.faces.len() as u64, ..SeamTally::default() };
-        let mut sides: Vec<Side> = Vec::with_capacity(self.faces.len() / 2);
-        for face in &self.faces {
-            let [a, b, c] = face.vertices.map(|v| self.positions[v as usize]);
-            tally.area += 0.5 * (b - a).cross(c - a).length();
-            for (i, j) in [(0, 1), (1, 2), (2, 0)] {
-                let (i, j) = if face.vertices[i] < face.vertices[j] { (i, j) } else { (j, i) };
-                if is_drawn(face.vertices[i]) {
-                    let material = material_index(catalogue, face.part) as u32;
-                    let (ends, texcoords) = ([i, j].map(|k| face.vertices[k]), [i, j].map(|k| face.texcoords[k]));
-                    sides.push(Side { ends, texcoords, material });
-                }
-            }
-        }
-        let ranks = Ranks::new(&self.texcoord_ids);
-        let uv_of =
-            |id: u32| (id != NO_TEXCOORD).then(|| self.texcoords[ranks.of(id) as usize].to_array().map(f64::to_bits));
-        sides.sort_unstable();
-        for edge in sides.chunk_by(|one, other| one.ends == other.ends) {
-            let first = edge[0];
-            let differs = |side: &Side| {
-                side.material != first.material
-                    || (side.texcoords != first.texcoords && side.texcoords.map(uv_of) != first.texcoords.map(uv_of))
-            };
-            if edge.iter().any(differs) {
-                let [a, b] = first.ends.map(|v| self.positions[v as usize]);
-                tally.seams += f64::from(EDGE_STEP) * a.distance(b);
-            }
-        }
-        tally
     }
 
     /// The mesh of the faces.

@@ -27,6 +27,7 @@ pub mod numbering;
 mod ranks;
 pub mod reading;
 pub mod scatter;
+mod seams;
 pub mod texcoords;
 pub mod weight;
 

@@ -1,0 +1,100 @@
+//! The seams of a cluster, by one edge in eight.
+
+use super::cluster::material_index;
+use super::ranks::Ranks;
+use super::reading::ClusterFaces;
+use crate::mesh::crowding::SeamTally;
+use crate::store::{Catalogue, NO_TEXCOORD};
+
+/// Of so many edges one is looked at.
+const EDGE_STEP: u32 = 8;
+
+/// The edge of a face: its ends, the smaller vertex first, and what the face has there.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Side {
+    ends: [u32; 2],
+    texcoords: [u32; 2],
+    material: u32,
+}
+
+/// Whether a vertex is one of those drawn.
+fn is_drawn(vertex: u32) -> bool {
+    vertex.wrapping_mul(0x9e37_79b1) < u32::MAX / EDGE_STEP
+}
+
+impl ClusterFaces {
+    /// Measures the faces, and the seams between them by one edge in eight: those at vertices that are drawn by lot.
+    /// An edge is a seam if its faces differ in material, or in a texture coordinate at one of its ends.
+    pub fn tally_seams(&self, catalogue: &Catalogue) -> SeamTally {
+        let mut tally = SeamTally { faces: self.faces.len() as u64, ..SeamTally::default() };
+        let mut sides: Vec<Side> = Vec::with_capacity(self.faces.len() / 2);
+        for face in &self.faces {
+            let [a, b, c] = face.vertices.map(|v| self.positions[v as usize]);
+            tally.area += 0.5 * (b - a).cross(c - a).length();
+            for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+                let (i, j) = if face.vertices[i] < face.vertices[j] { (i, j) } else { (j, i) };
+                if is_drawn(face.vertices[i]) {
+                    let material = material_index(catalogue, face.part) as u32;
+                    let (ends, texcoords) = ([i, j].map(|k| face.vertices[k]), [i, j].map(|k| face.texcoords[k]));
+                    sides.push(Side { ends, texcoords, material });
+                }
+            }
+        }
+        let ranks = Ranks::new(&self.texcoord_ids);
+        let uv_of =
+            |id: u32| (id != NO_TEXCOORD).then(|| self.texcoords[ranks.of(id) as usize].to_array().map(f64::to_bits));
+        sides.sort_unstable();
+        for edge in sides.chunk_by(|one, other| one.ends == other.ends) {
+            let first = edge[0];
+            let differs = |side: &Side| {
+                side.material != first.material
+                    || (side.texcoords != first.texcoords && side.texcoords.map(uv_of) != first.texcoords.map(uv_of))
+            };
+            if edge.iter().any(differs) {
+                let [a, b] = first.ends.map(|v| self.positions[v as usize]);
+                tally.seams += f64::from(EDGE_STEP) * a.distance(b);
+            }
+        }
+        tally
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec2, DVec3};
+
+    use super::*;
+    use crate::store::Face;
+
+    /// A strip of two columns of squares, `length` long; on the right, u is more by `step`, under ids of its own.
+    fn strip(length: u32, step: f64) -> ClusterFaces {
+        let at = |x: u32, y: u32| DVec3::new(f64::from(x), f64::from(y), 0.0);
+        let (mut positions, mut texcoords, mut faces) = (Vec::new(), Vec::new(), Vec::new());
+        for y in 0..=length {
+            positions.extend((0..3).map(|x| at(x, y)));
+            texcoords.extend([0, 1, 1, 2].map(|x| DVec2::new(f64::from(x), f64::from(y))));
+            texcoords.iter_mut().rev().take(2).for_each(|uv| uv.x += step);
+        }
+        for (y, x) in (0..length).flat_map(|y| [(y, 0), (y, 1)]) {
+            let ends =
+                [[0, 0], [1, 0], [1, 1], [0, 1]].map(|[dx, dy]| [3 * (y + dy) + x + dx, 4 * (y + dy) + 2 * x + dx]);
+            faces.extend([[0, 1, 2], [0, 2, 3]].map(|corners| {
+                let [vertices, texcoords] = [0, 1].map(|kind| corners.map(|corner: usize| ends[corner][kind]));
+                Face { vertices, texcoords, part: 0, continues_polygon: false, deviation: 0.0 }
+            }));
+        }
+        let (vertex_ids, texcoord_ids) = ((0..positions.len() as u32).collect(), (0..texcoords.len() as u32).collect());
+        ClusterFaces { faces, positions, degenerate: 0, vertex_ids, texcoord_ids, texcoords }
+    }
+
+    #[test]
+    fn seams_are_measured_and_rims_are_not() {
+        let part = crate::store::Part { file: 0, object: None, group: None, material: None };
+        let catalogue = Catalogue { parts: vec![part], ..Catalogue::default() };
+        let tally = strip(10_000, 5.0).tally_seams(&catalogue);
+        assert_eq!((tally.faces, tally.area), (40_000, 20_000.0));
+        assert!((tally.seams / 10_000.0 - 1.0).abs() < 0.1, "{}", tally.seams);
+        // Texture coordinates under two ids, but equal.
+        assert_eq!(strip(10_000, 0.0).tally_seams(&catalogue).seams, 0.0);
+    }
+}
