@@ -13,14 +13,16 @@ use crate::os::system;
 use crate::partition::numbering::window_bytes;
 use crate::partition::weight::{ORDINARY_BYTES, limit_bytes};
 use crate::remesh::cvd;
-use crate::scan::ScanOptions;
+use crate::scan::{self, ScanOptions};
 use crate::stitch::sample;
 use crate::write::SHARE_BYTES_MAX;
 
+/// Memory that a thread should have for its work, at least.
+const THREAD_BYTES: u64 = 32 * MIB;
 /// Memory of a chunk that is being parsed, for the scan's share of the budget.
-const CHUNK_BYTES: u64 = 16 * MIB;
-/// Text of a chunk, and a parsed chunk as exporters write it, take this much each.
-const CHUNK_TEXT_BYTES: u64 = 4 * MIB;
+const CHUNK_BYTES: u64 = 4 * CHUNK_TEXT_BYTES;
+/// Text of a chunk, and a third of a parsed chunk as exporters write it, take this much.
+const CHUNK_TEXT_BYTES: u64 = scan::CHUNK_BYTES;
 /// A cluster may come out this much larger than asked for.
 const CLUSTER_EXCESS: f64 = 1.3;
 /// What the allocator keeps of the partition's buffers while clusters are simplified.
@@ -118,10 +120,10 @@ pub fn choose_budget(options: &SimplifyOptions) -> Result<MemoryBudget> {
     Ok(budget)
 }
 
-/// Threads: those asked for, or one for each processor, as far as their chunks of text fit the budget.
+/// Threads: those asked for, or one for each processor, as far as what they need fits the budget.
 pub fn choose_threads(threads: Option<usize>, budget: MemoryBudget) -> usize {
     let wanted = threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
-    wanted.min((budget.for_work() / CHUNK_BYTES / 2).max(1) as usize)
+    wanted.min((budget.for_work() / THREAD_BYTES).max(1) as usize)
 }
 
 /// How the scan shares the budget among its chunks.
