@@ -73,6 +73,8 @@ pub struct Placement {
 #[derive(Debug, Default)]
 pub struct SurfaceCost {
     weights: Weights,
+    /// That of the squared distance to seams, as crowded as they are.
+    seam_weight: f64,
     vertices: Vec<LocalQuadric>,
     wedges: Vec<LocalWedge>,
     area: f64,
@@ -81,7 +83,7 @@ pub struct SurfaceCost {
 impl SurfaceCost {
     /// Without quadrics yet.
     pub fn new(weights: Weights) -> Self {
-        Self { weights, ..Self::default() }
+        Self { weights, seam_weight: weights.of_seams(), ..Self::default() }
     }
 
     fn has_texture(&self) -> bool {
@@ -179,7 +181,7 @@ impl SurfaceCost {
             let weight = match kind {
                 EdgeKind::Inner => continue,
                 EdgeKind::Border => self.weights.border,
-                EdgeKind::Seam => self.weights.of_seams(),
+                EdgeKind::Seam => self.seam_weight,
             };
             let (pa, pb) = (mesh.positions[a as usize], mesh.positions[b as usize]);
             let triangle = mesh.triangle(corner / 3);
