@@ -132,7 +132,7 @@ impl<M: Metric> Run<'_, M> {
 
     /// The patch of a cluster that no mesh was made of.
     pub(super) fn patch_of_faces(&self, survey: &Survey, partition: &Partition, faces: ClusterFaces) -> ClusterMesh {
-        survey.patch_of_faces(faces, |faces| faces.into_source(partition, self.catalogue, &self.scale).mesh)
+        survey.patch_of_faces(faces, |faces| faces.into_source(partition, self.catalogue, &self.texture.scale).mesh)
     }
 
     /// A sample of the clusters as they are before a pass.

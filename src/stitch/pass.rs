@@ -23,7 +23,7 @@ use crate::mesh::ClusterMesh;
 use crate::mesh::pieces;
 use crate::os::mmap;
 use crate::partition::weight::ClusterWeight;
-use crate::partition::{self, ClusterSource, Partition, PartitionOptions, TextureScale, cluster};
+use crate::partition::{self, ClusterSource, Partition, PartitionOptions, cluster};
 use crate::remesh;
 use crate::render::ClusterMap;
 use crate::simplify::{Engine, Milestone};
@@ -89,7 +89,7 @@ pub struct Run<'a, M: Metric> {
     pub(super) job: &'a WorkFolder,
     pub(super) progress: &'a dyn Progress,
     pub(super) permits: Permits,
-    pub(super) scale: TextureScale,
+    pub(super) texture: TextureTraits,
     /// Passes before the first one that collapses edges.
     lead: usize,
     /// Diagonal below which pieces are dropped in this pass, if any are.
@@ -140,7 +140,7 @@ impl<'a, M: Metric> Run<'a, M> {
             job,
             progress,
             permits,
-            scale: TextureScale::none(catalogue),
+            texture: TextureTraits::none(catalogue),
             lead: 0,
             crumb: None,
             map: Mutex::new(None),
@@ -155,7 +155,7 @@ impl<'a, M: Metric> Run<'a, M> {
         let Start { mut state, mut partition } = start;
         self.crumb = state.crumb;
         if let Some(texture) = &state.texture {
-            self.learn(texture);
+            self.learn(texture.clone());
         }
         if let Some(census) = &state.census {
             M::settle(&mut self.settings, census);
@@ -238,8 +238,8 @@ impl<'a, M: Metric> Run<'a, M> {
                     texture
                 }
             };
-            self.learn(&texture);
-            state.texture = Some(texture);
+            self.learn(texture);
+            state.texture = Some(self.texture.clone());
             if M::HAS_CENSUS {
                 let census = self.job.once(Step::Census, || self.take_census(&state.mesh, partition))?;
                 M::settle(&mut self.settings, &census);
@@ -254,15 +254,14 @@ impl<'a, M: Metric> Run<'a, M> {
         let faces = if is_first { partition.total_faces() } else { state.mesh.face_count() };
         let thresholds = thresholds.unwrap_or_else(|| self.foresee(sample, pass, faces));
         let (plan, is_exact) = self.plan(&state.mesh, partition, thresholds, pass, faces)?;
-        let texture = state.texture.clone().unwrap_or_else(|| TextureTraits::none(self.catalogue));
-        let opening = Opening { plan, is_exact, texture };
+        let opening = Opening { plan, is_exact, texture: self.texture.clone() };
         self.job.keep(step, 0, [], &opening)?;
         Ok(opening)
     }
 
-    fn learn(&mut self, texture: &TextureTraits) {
-        self.scale = texture.scale.clone();
+    fn learn(&mut self, texture: TextureTraits) {
         M::learn_crowding(&mut self.settings, texture.crowding);
+        self.texture = texture;
     }
 
     /// Number of a pass among those that collapse edges.
@@ -485,7 +484,7 @@ impl<'a, M: Metric> Run<'a, M> {
             }
             result.patch = keep.patch(cluster, &simplified);
             if !simplified.corners.is_empty() {
-                pending = Some(source.write(&simplified, partition, self.catalogue, &self.scale, &path)?);
+                pending = Some(source.write(&simplified, partition, self.catalogue, &self.texture.scale, &path)?);
             }
         }
         Ok((result, pending))
@@ -529,7 +528,7 @@ impl<'a, M: Metric> Run<'a, M> {
     }
 
     pub(super) fn load(&self, mesh: &StoredMesh, partition: &Partition, cluster: usize) -> Result<ClusterSource> {
-        cluster::load(partition, mesh, self.catalogue, &self.scale, cluster)
+        cluster::load(partition, mesh, self.catalogue, &self.texture.scale, cluster)
     }
 
     /// What the passes need to know of the texture, and a sample of the clusters of the first pass.
