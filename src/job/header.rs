@@ -11,7 +11,7 @@
 pub const HEADER_BYTES: u64 = 64;
 const MAGIC: [u8; 8] = *b"drystone";
 /// Version of the work folder's files.
-pub const FORMAT_VERSION: u32 = 6;
+pub const FORMAT_VERSION: u32 = 7;
 
 #[cfg(target_endian = "big")]
 compile_error!("drystone's files are little-endian and are mapped as they are: big-endian machines are not supported");

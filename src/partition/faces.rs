@@ -18,6 +18,8 @@ use xxhash_rust::xxh3::xxh3_64;
 use super::PartitionOptions;
 use super::numbering::{Numbering, Ranks};
 use super::scatter::{Scatter, ScatterWriter, Sorted};
+use super::shared::Shared;
+use super::stretches::{CellStretch, NamedStretches, SeenStretches};
 use super::weight::RecentWedges;
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Result};
@@ -37,94 +39,22 @@ pub struct CellFaces {
     pub foreign_corners: Vec<u64>,
     /// Wedges of each cell's faces, at most.
     pub wedges: Vec<u64>,
-    /// For each cell, the stretches of [`TEXCOORD_STRETCH`] texture coordinates that its faces name, as bits.
+    /// The stretches of texture coordinates that the cells' faces name.
     #[serde(skip)]
-    stretches: Vec<u64>,
+    pub stretches: NamedStretches,
 }
 
 /// Changes of the window from one block to the next, for each window, up to which windows are loaded as they are needed.
 const WINDOW_CHANGES_MAX: u64 = 4;
+/// Windows that a block names on average from which on two are looked up at once: each time, it is read again.
+const MANY_WINDOWS: usize = 4;
 /// Bytes of a face's three new ids in the file of corners.
 const CORNERS_BYTES: u64 = size_of::<[u32; 3]>() as u64;
-/// Texture coordinates of a stretch: 64 KiB, so that a stretch is about what one random read costs.
-pub const TEXCOORD_STRETCH: u32 = 4096;
 
 impl CellFaces {
     /// Counts all vertices of some ranges as shared: their cells' faces are about to be spread over several pieces.
     pub fn share_all(&mut self, ranges: impl Iterator<Item = std::ops::Range<u32>>) {
-        ranges.flatten().for_each(|vertex| self.shared.insert(vertex));
-        self.shared.count_members();
-    }
-
-    /// Stretches of texture coordinates that the cells' faces name, summed over the cells.
-    pub fn named_stretches(&self) -> u64 {
-        self.stretches.iter().map(|word| u64::from(word.count_ones())).sum()
-    }
-}
-
-/// A set of vertices, with the rank of each member.
-#[derive(Debug, Clone, Default, Serialize, Deserialize)]
-pub struct Shared {
-    bits: Vec<u64>,
-    /// Members before each block of [`RANK_WORDS`] words.
-    before: Vec<u32>,
-    count: u32,
-}
-
-const RANK_WORDS: usize = 8;
-
-impl Shared {
-    fn new(vertices: usize) -> Self {
-        Self { bits: vec![0; vertices.div_ceil(64)], ..Self::default() }
-    }
-
-    fn insert(&mut self, vertex: u32) {
-        self.bits[vertex as usize / 64] |= 1 << (vertex % 64);
-    }
-
-    fn count_members(&mut self) {
-        self.before.clear();
-        self.count = 0;
-        for words in self.bits.chunks(RANK_WORDS) {
-            self.before.push(self.count);
-            self.count += words.iter().map(|word| word.count_ones()).sum::<u32>();
-        }
-    }
-
-    /// Number of members.
-    pub fn len(&self) -> u32 {
-        self.count
-    }
-
-    /// Whether no vertex is shared.
-    pub fn is_empty(&self) -> bool {
-        self.count == 0
-    }
-
-    /// Whether a vertex is shared.
-    #[inline]
-    pub fn contains(&self, vertex: u32) -> bool {
-        self.bits[vertex as usize / 64] >> (vertex % 64) & 1 != 0
-    }
-
-    /// The members, ascending.
-    pub fn iter(&self) -> impl Iterator<Item = u32> {
-        self.bits.iter().enumerate().flat_map(|(at, &word)| {
-            let mut left = word;
-            std::iter::from_fn(move || {
-                let bit = (left != 0).then(|| left.trailing_zeros())?;
-                left &= left - 1;
-                Some(64 * at as u32 + bit)
-            })
-        })
-    }
-
-    /// Number of members below a vertex.
-    pub fn rank(&self, vertex: u32) -> u32 {
-        let word = vertex as usize / 64;
-        let block = word / RANK_WORDS;
-        let whole: u32 = self.bits[block * RANK_WORDS..word].iter().map(|word| word.count_ones()).sum();
-        self.before[block] + whole + (self.bits[word] & ((1 << (vertex % 64)) - 1)).count_ones()
+        ranges.for_each(|vertices| self.shared.insert_all(vertices));
     }
 }
 
@@ -161,8 +91,13 @@ impl Job<'_> {
 
     /// The window of the numbering that holds all its vertices, if one does.
     fn only_window(&self, ranks: &Ranks) -> Option<u32> {
-        let mut touched = (0..ranks.window_count()).filter(|&window| self.may_touch(&ranks.range(window)));
-        touched.next().filter(|_| touched.next().is_none())
+        let mut windows = self.windows(ranks);
+        windows.next().filter(|_| windows.next().is_none())
+    }
+
+    /// The windows of the numbering that its faces may name.
+    fn windows(&self, ranks: &Ranks) -> impl Iterator<Item = u32> {
+        (0..ranks.window_count()).filter(|&window| self.may_touch(&ranks.range(window..window + 1)))
     }
 
     /// Whether a face of the block may name a vertex of a range of mesh ids.
@@ -214,11 +149,10 @@ pub fn distribute(
     };
     let loaded = LoadedWindow::default();
     let mut by_cell = ScatterWriter::create(&folder.join(format!("{name}-faces.scatter")), numbering.cell_count())?;
-    let mut shared = Shared::new(*numbering.starts.last().unwrap_or(&0) as usize);
+    let mut shared = Shared::default();
     let mut foreign_corners = vec![0; numbering.cell_count()];
     let mut wedges = vec![0; numbering.cell_count()];
-    let stretch_words = (mesh.texcoord_count() as usize).div_ceil(TEXCOORD_STRETCH as usize).div_ceil(64);
-    let mut stretches = vec![0u64; stretch_words * numbering.cell_count()];
+    let mut stretches = NamedStretches::new(mesh.texcoord_count());
     let mut degenerate = 0;
     map_in_order(
         jobs.iter().copied(),
@@ -227,7 +161,7 @@ pub fn distribute(
         |job| {
             let mut faces = job.read()?;
             if let Some(window) = job.window {
-                let (start, found) = (ranks.range(window).start, loaded.get(ranks, window)?);
+                let (start, found) = (ranks.range(window..window + 1).start, loaded.get(ranks, window)?);
                 faces.iter_mut().for_each(|face| face.vertices = face.vertices.map(|v| found[(v - start) as usize]));
             } else if let Some(corners) = &looked_up {
                 let found = corners.read(&job, faces.len())?;
@@ -247,14 +181,11 @@ pub fn distribute(
             for (cell, count) in assigned.wedges {
                 wedges[cell as usize] += u64::from(count);
             }
-            for (cell, stretch) in assigned.stretches {
-                stretches[cell as usize * stretch_words + stretch as usize / 64] |= 1 << (stretch % 64);
-            }
+            stretches.add(assigned.stretches);
             by_cell.append(assigned.faces)
         },
     )?;
     findings.count("degenerate_faces", degenerate);
-    shared.count_members();
     Ok(CellFaces { by_cell: by_cell.finish_durable()?, shared, foreign_corners, wedges, stretches })
 }
 
@@ -265,16 +196,16 @@ struct Assigned {
     shared: Vec<(u32, u32)>,
     /// Cells and the wedges of faces that follow each other in them, at most.
     wedges: Vec<(u32, u32)>,
-    /// Cells and the stretches of texture coordinates that their faces name.
-    stretches: Vec<(u32, u32)>,
+    /// Stretches of texture coordinates that the faces name.
+    stretches: Vec<CellStretch>,
     degenerate: u64,
 }
 
 /// Chooses the cell of each face of a block; triangles that repeat a vertex are dropped.
 fn assign(faces: &[Face], numbering: &Numbering) -> Assigned {
     let mut placed: Vec<(u32, Face)> = Vec::with_capacity(faces.len());
-    let (mut shared, mut wedges, mut stretches, mut degenerate) = (Vec::new(), Vec::new(), Vec::new(), 0);
-    let mut recent = [(u32::MAX, 0); 64];
+    let (mut shared, mut wedges, mut degenerate) = (Vec::new(), Vec::new(), 0);
+    let mut stretches = SeenStretches::new();
     let mut recent_wedges = RecentWedges::default();
     let mut last = (0, 0..0);
     let mut cell_of = |vertex: u32| {
@@ -302,15 +233,7 @@ fn assign(faces: &[Face], numbering: &Numbering) -> Assigned {
             if own != cell {
                 shared.push((cell, face.vertices[k]));
             }
-            if face.texcoords[k] == NO_TEXCOORD {
-                continue;
-            }
-            let stretch = (cell, face.texcoords[k] / TEXCOORD_STRETCH);
-            let slot = &mut recent[((stretch.0 ^ stretch.1) % 64) as usize];
-            if *slot != stretch {
-                *slot = stretch;
-                stretches.push(stretch);
-            }
+            stretches.see(cell, face.texcoords[k]);
         }
         let new_wedges = recent_wedges.count_new(face);
         match wedges.last_mut() {
@@ -319,7 +242,7 @@ fn assign(faces: &[Face], numbering: &Numbering) -> Assigned {
         }
         placed.push((cell, *face));
     }
-    Assigned { faces: Sorted::new(&placed), shared, wedges, stretches, degenerate }
+    Assigned { faces: Sorted::new(&placed), shared, wedges, stretches: stretches.seen, degenerate }
 }
 
 /// The window of the numbering that was asked for last.
@@ -335,7 +258,7 @@ impl LoadedWindow {
             return Ok(found.clone());
         }
         *loaded = None;
-        let found = Arc::new(ranks.load(window)?);
+        let found = Arc::new(ranks.load(window..window + 1)?);
         *loaded = Some((window, found.clone()));
         Ok(found)
     }
@@ -360,11 +283,15 @@ impl Corners {
         Ok(corners)
     }
 
-    /// Looks up the corners of blocks, one window of the numbering after the other.
+    /// Looks up the corners of blocks, some windows of the numbering after the others.
     fn look_up(&self, jobs: &[Job<'_>], ranks: &Ranks, options: &PartitionOptions) -> Result<()> {
-        for window in 0..ranks.window_count() {
-            let range = ranks.range(window);
-            let loaded = ranks.load(window)?;
+        let count = ranks.window_count();
+        let named = jobs.iter().map(|job| job.windows(ranks).count()).sum::<usize>();
+        let at_once = if named > MANY_WINDOWS * jobs.len() { 2 } else { 1 };
+        for first in (0..count).step_by(at_once) {
+            let windows = first..(first + at_once as u32).min(count);
+            let range = ranks.range(windows.clone());
+            let loaded = ranks.load(windows)?;
             map_in_order(
                 jobs.iter().copied().filter(|job| job.may_touch(&range)),
                 options.threads,
@@ -436,18 +363,5 @@ mod tests {
         assert_eq!(corners.read(&job, 3).unwrap(), [[4, 5, 6]; 3]);
         write_all_at(&corners.file, &[7], 13).unwrap();
         assert!(matches!(corners.read(&job, 3), Err(Error::Damaged { .. })));
-    }
-
-    #[test]
-    fn ranks_count_the_members_below() {
-        let mut shared = Shared::new(5000);
-        let members = [0, 3, 63, 64, 700, 4096, 4999];
-        members.iter().for_each(|&v| shared.insert(v));
-        shared.count_members();
-        for (rank, &v) in members.iter().enumerate() {
-            assert!(shared.contains(v));
-            assert_eq!(shared.rank(v), rank as u32);
-        }
-        assert_eq!((shared.rank(65), shared.len()), (4, 7));
     }
 }

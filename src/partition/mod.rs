@@ -16,9 +16,9 @@
 //! whatever the order of the input.
 //!
 //! # Memory
-//! A histogram of 8 MiB and its filled cells, at most twice that; 1.1 bits a vertex; a window of the numbering (4 bytes a
-//! vertex, at most a quarter of the work memory at a time) or of texture coordinates (40 bytes each, at most a third of the
-//! work memory); buffers of records by cell, 12 MiB; a cell of 92 bytes a vertex in each thread while duplicates are welded.
+//! A histogram of 8 MiB and its filled cells, at most twice that; 2 bytes a shared vertex; the numbering (4 bytes a
+//! vertex) or two windows of it, 16 MiB or a quarter of the work memory; a window of texture coordinates, half of that; buffers of records by cell, 12 MiB,
+//! or 24 MiB for texture coordinates; a cell of 92 bytes a vertex in each thread while duplicates are welded.
 
 pub mod cells;
 pub mod cluster;
@@ -28,6 +28,8 @@ mod ranks;
 pub mod reading;
 pub mod scatter;
 mod seams;
+mod shared;
+mod stretches;
 pub mod texcoords;
 pub mod weight;
 
@@ -41,7 +43,7 @@ use crate::job::folder_bytes;
 use crate::store::{Catalogue, Segment, StoredMesh};
 
 pub use cluster::{ClusterSource, TextureScale};
-pub use faces::Shared;
+pub use shared::Shared;
 
 /// How a mesh is to be cut.
 #[derive(Debug, Clone, Copy)]
@@ -100,7 +102,7 @@ pub fn partition(
     let weights = weigh(&numbering, &faces, catalogue, options)?;
     let heavy = (0..weights.len()).filter(|&cluster| weights[cluster].is_none());
     faces.share_all(heavy.map(|cluster| numbering.starts[cluster]..numbering.starts[cluster + 1]));
-    let texcoords = match texcoords::are_scattered(mesh, &faces) {
+    let texcoords = match faces.stretches.are_scattered() {
         true => Some(texcoords::bring(mesh, &faces, folder, name, options)?),
         false => None,
     };

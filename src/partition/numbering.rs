@@ -9,9 +9,10 @@
 //! Duplicates lie in one cell, since cells are by position. New ids within a cell follow the old order.
 //!
 //! # Memory
-//! Buffers of 12 MiB, the positions of a cell while it is welded, and a window of [`Ranks`]: 16 MiB at most.
+//! Buffers of 12 MiB, the positions of a cell while it is welded, and [`Ranks`]: 16 MiB at most.
 
 use std::collections::HashMap;
+use std::ops::Range;
 use std::path::Path;
 
 use foldhash::fast::RandomState;
@@ -36,13 +37,18 @@ const RUN_RECORDS: usize = 16 << 10;
 /// Bytes of a colour.
 const COLOUR_BYTES: usize = size_of::<[f32; 3]>();
 /// Bytes of a rank.
-const RANK_BYTES: u64 = 4;
-/// Ranks of a window, at most, in bytes: more would make memory grow with the mesh and save little.
-const WINDOW_BYTES_MAX: u64 = 16 << 20;
+pub const RANK_BYTES: u64 = 4;
+/// All ranks, if they are looked up at once, at most, in bytes: more would make memory grow with the mesh.
+const WHOLE_BYTES_MAX: u64 = 16 << 20;
 
-/// Bytes of the ranks that are looked up at once, when `work_bytes` may be used.
+/// Whether the ranks of so many vertices are looked up all at once when `work_bytes` may be used.
+pub fn fit_one_window(vertices: u64, work_bytes: u64) -> bool {
+    RANK_BYTES * vertices <= (work_bytes / 4).min(WHOLE_BYTES_MAX)
+}
+
+/// Bytes of a window where there are several; two may be in memory.
 pub fn window_bytes(work_bytes: u64) -> u64 {
-    (work_bytes / 4).min(WINDOW_BYTES_MAX)
+    (work_bytes / 4).min(WHOLE_BYTES_MAX) / 2
 }
 
 /// Vertices in cell order.
@@ -86,10 +92,10 @@ impl Ranks {
         self.count.div_ceil(self.window_len).max(1)
     }
 
-    /// Old ids of a window.
-    pub fn range(&self, window: u32) -> std::ops::Range<u32> {
-        let start = window * self.window_len;
-        start..start.saturating_add(self.window_len).min(self.count)
+    /// Old ids of windows that follow each other.
+    pub fn range(&self, windows: Range<u32>) -> Range<u32> {
+        let start_of = |window: u32| window.saturating_mul(self.window_len).min(self.count);
+        start_of(windows.start)..start_of(windows.end)
     }
 
     /// All ranks, if there is one window.
@@ -97,18 +103,20 @@ impl Ranks {
         self.pairs.is_none().then_some(&self.whole)
     }
 
-    /// Loads a window.
+    /// Loads windows that follow each other.
     ///
     /// # Errors
     /// On failed reads.
-    pub fn load(&self, window: u32) -> Result<Vec<u32>> {
+    pub fn load(&self, windows: Range<u32>) -> Result<Vec<u32>> {
         let Some(pairs) = &self.pairs else { return Ok(self.whole.clone()) };
-        let range = self.range(window);
+        let range = self.range(windows.clone());
         let mut ranks = vec![0; range.len()];
-        pairs.read(window as usize, |pairs| {
-            pairs.iter().for_each(|&[old, new]| ranks[(old - range.start) as usize] = new);
-            Ok(())
-        })?;
+        for window in windows {
+            pairs.read(window as usize, |pairs| {
+                pairs.iter().for_each(|&[old, new]| ranks[(old - range.start) as usize] = new);
+                Ok(())
+            })?;
+        }
         Ok(ranks)
     }
 }
@@ -233,8 +241,11 @@ pub(super) fn number<R: VertexRecord>(
     let records = scatter_by_cell::<R>(mesh, cells, &folder.join(format!("{name}-vertices.scatter")), options)?;
 
     let vertex_count = mesh.vertex_count() as u32;
-    let window_len = (window_bytes(options.work_bytes) / RANK_BYTES).max(1 << 16) as u32;
-    let is_whole = vertex_count <= window_len;
+    let is_whole = fit_one_window(mesh.vertex_count(), options.work_bytes);
+    let window_len = match is_whole {
+        true => vertex_count.max(1),
+        false => (window_bytes(options.work_bytes) / RANK_BYTES).max(1 << 16) as u32,
+    };
     let mut whole = if is_whole { vec![0; vertex_count as usize] } else { Vec::new() };
     let mut pairs = match is_whole {
         true => None,

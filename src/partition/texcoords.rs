@@ -21,7 +21,7 @@ use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
 use super::PartitionOptions;
-use super::faces::{CellFaces, TEXCOORD_STRETCH};
+use super::faces::CellFaces;
 use super::numbering::window_bytes;
 use super::reading::texcoord_ids;
 use super::scatter::{Scatter, ScatterWriter};
@@ -29,8 +29,6 @@ use crate::base::Result;
 use crate::base::ordered::map_in_order;
 use crate::store::StoredMesh;
 
-/// Reading stretches is worth it while it reads the column no more often than this.
-const READINGS_MAX: u64 = 4;
 /// Bytes of a texture coordinate.
 const TEXCOORD_BYTES: u64 = 16;
 /// Texture coordinates that are unpacked at once.
@@ -55,11 +53,6 @@ impl CellTexcoords {
         })?;
         Ok(texcoords)
     }
-}
-
-/// Whether the cells' faces name texture coordinates all over the file.
-pub fn are_scattered(mesh: &StoredMesh, faces: &CellFaces) -> bool {
-    faces.named_stretches() * u64::from(TEXCOORD_STRETCH) > READINGS_MAX * mesh.texcoord_count()
 }
 
 /// Brings the texture coordinates to the cells.

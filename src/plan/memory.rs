@@ -10,7 +10,7 @@ use crate::base::bytes::MIB;
 use crate::base::{Error, MemoryBudget, Result, bytes};
 use crate::options::SimplifyOptions;
 use crate::os::system;
-use crate::partition::numbering::window_bytes;
+use crate::partition::numbering::{RANK_BYTES, window_bytes};
 use crate::partition::weight::{ORDINARY_BYTES, limit_bytes};
 use crate::remesh::cvd;
 use crate::scan::{self, ScanOptions};
@@ -67,9 +67,11 @@ pub fn forecast(sizes: &Sizes, budget: MemoryBudget, threads: usize) -> MemoryFo
     let work = budget.for_work();
     let scan = scan_options(budget, threads);
     let scan = (scan.threads + 3 * scan.chunks_in_flight) as u64 * CHUNK_TEXT_BYTES;
-    let sample = sample::bytes_beside_cutting(work).unwrap_or(0);
-    let partition =
-        PARTITION_BYTES + sample + (4 * sizes.vertices).min(window_bytes(work)) + sizes.vertices / 8 + sizes.faces / 16;
+    // All ranks or two windows, or a sample beside few ranks in a later pass.
+    let ranks = (RANK_BYTES * sizes.vertices).min(2 * window_bytes(work));
+    let sample = if sample::fits_beside_cutting(0, work) { sample::SAMPLE_BYTES } else { 0 };
+    let ranks = ranks.max(sample + (RANK_BYTES * sizes.vertices).min(window_bytes(work)));
+    let partition = PARTITION_BYTES + ranks + sizes.vertices / 8 + sizes.faces / 32;
     let cluster = cluster_bytes(sizes.cluster_faces.min(sizes.faces));
     let cluster = if sizes.remesh.is_some() { cluster * cvd::GROWTH / 2 } else { cluster };
     let at_once = (threads as u64).min(sizes.faces.div_ceil(sizes.cluster_faces.max(1)).max(1));

@@ -17,7 +17,7 @@ use super::memory::Sizes;
 use super::passes;
 use crate::base::{Error, MemoryBudget, Result, bytes};
 use crate::os::system;
-use crate::partition::numbering::window_bytes;
+use crate::partition::numbering::fit_one_window;
 use crate::scan::Counts;
 
 /// Scratch space for each byte of OBJ text, before anything has been read; the most that was measured on photogrammetry.
@@ -79,7 +79,7 @@ pub fn forecast(counts: &Counts, sizes: &Sizes, passes: usize, budget: MemoryBud
     let passes = passes::forecast(sizes, passes);
     let first_pass = passes.first().map_or(0, |pass| pass.faces_out);
     // A numbering that is larger than its share of the memory is looked up window by window.
-    let windows = 4 * sizes.vertices > window_bytes(budget.for_work());
+    let windows = !fit_one_window(sizes.vertices, budget.for_work());
     after_first_pass(counts, first_pass, windows)
 }
 

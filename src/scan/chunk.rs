@@ -16,8 +16,8 @@ use memchr::memchr2;
 use crate::base::{Error, Result};
 use crate::os::system::read_exact_at;
 
-/// Bytes of a chunk, before its last line is completed.
-pub const CHUNK_BYTES: u64 = 4 << 20;
+/// Bytes of a chunk, before its last line is completed: what the cache of a core holds together with what is parsed of it.
+pub const CHUNK_BYTES: u64 = 512 << 10;
 /// A line longer than this is refused: no exporter writes one, a damaged or foreign file may.
 pub const LINE_BYTES_MAX: u64 = 64 << 20;
 const WINDOW_BYTES: u64 = 16 << 10;

@@ -4,7 +4,7 @@
 //! counts are the scan's wherever the scan succeeds; a fault inside a statement goes unnoticed here.
 //!
 //! # Memory
-//! `threads` x 4 MiB of text; a line of many MiB takes its length more.
+//! `threads` x 512 KiB of text; a line of many MiB takes its length more.
 
 use std::path::PathBuf;
 use std::sync::Mutex;

@@ -14,7 +14,7 @@
 //! the chunk on it, once that is committed. Nobody holds the cutter while waiting for a ticket: no cycle to deadlock in.
 //!
 //! # Memory
-//! `threads` x 4 MiB of text and `chunks_in_flight` x 12 MiB of parsed chunks at most; a line of many MiB takes its
+//! `threads` x 512 KiB of text and `chunks_in_flight` x 1.5 MiB of parsed chunks; a line of many MiB takes its
 //! length more. Nothing is allocated by a number that a file claims.
 //!
 //! # Files
@@ -56,7 +56,7 @@ pub use self::inputs::find_inputs;
 pub use self::mtl::path_of;
 
 /// Memory of a parsed chunk that is worth keeping for the next one.
-const KEPT_BYTES_MAX: usize = 16 << 20;
+const KEPT_BYTES_MAX: usize = 4 << 20;
 
 /// How the scan may use the machine; nothing here changes the result.
 #[derive(Debug, Clone, Copy)]

@@ -7,8 +7,8 @@
 //! changes           ^ usemtl wall         ^ g roof     before a polygon, in order
 //! ```
 //! # Memory
-//! About three bytes a byte of text in the worst case (`v 1 2 3` becomes 24 bytes, `f 1 2 3` 16), so 12 MiB for a chunk
-//! of 4 MiB; one byte a byte of text as exporters write it.
+//! About three bytes a byte of text in the worst case (`v 1 2 3` becomes 24 bytes, `f 1 2 3` 16), so 1.5 MiB for a chunk
+//! of 512 KiB; one byte a byte of text as exporters write it.
 
 use std::ops::Range;
 

@@ -36,6 +36,8 @@ const EXTRA_PASSES: usize = 12;
 const BOUNDED_LAST_SHARE: f64 = 0.02;
 /// A pass that removes less than this share of the faces has come to the floor.
 const FLOOR_SHARE: f64 = 1e-4;
+/// Clusters after which freed memory goes back to the system: the heaps of the threads have holes by then.
+const CLUSTERS_PER_RELEASE: usize = 64;
 
 /// Memory of a cluster that passes through: a block of faces, their texture coordinates and the piece being written.
 pub(super) const PASS_BYTES: u64 = 16 << 20;
@@ -207,6 +209,7 @@ impl<'a, M: Metric> Run<'a, M> {
             self.job.supersede(step, next_faces, state.mesh.files(), &state, &[Step::Input])?;
             self.progress.tell(&format!("pass {} is done: {}", pass + 1, counted(next_faces, "triangle")));
         }
+        mmap::release_freed_memory();
         state.findings.count("passed_through_faces", state.passed_through);
         Ok(Passes {
             faces: state.mesh.face_count(),
@@ -291,7 +294,7 @@ impl<'a, M: Metric> Run<'a, M> {
         let cut = || partition::partition(mesh, self.catalogue, folder, &name, &options);
         // The thresholds need one thread alone, and cutting the mesh leaves one idle now and then.
         let foresee = || has_sample.then(|| self.foresee(sample, pass, mesh.face_count()));
-        let fits = sample::bytes_beside_cutting(self.options.work_bytes).is_some();
+        let fits = sample::fits_beside_cutting(mesh.vertex_count(), self.options.work_bytes);
         let (thresholds, partition) = both(if fits { self.options.threads } else { 1 }, foresee, cut);
         state.thresholds = thresholds;
         let mut partition = partition?;
@@ -400,8 +403,16 @@ impl<'a, M: Metric> Run<'a, M> {
         (pass, plan): (usize, &Plan),
         keep: Option<&Survey>,
         step: impl Fn(u32) -> Step + Sync,
-        commit: impl FnMut(ClusterResult) -> Result<()>,
+        mut commit: impl FnMut(ClusterResult) -> Result<()>,
     ) -> Result<()> {
+        let mut done = 0;
+        let commit = |result| {
+            done += 1;
+            if done % CLUSTERS_PER_RELEASE == 0 {
+                mmap::release_freed_memory();
+            }
+            commit(result)
+        };
         let work = |cluster: usize| {
             self.progress.check_stopped()?;
             let step = step(cluster as u32);

@@ -9,6 +9,7 @@ use glam::DVec3;
 
 use crate::cost::Metric;
 use crate::mesh::cluster::{ClusterMesh, flag};
+use crate::partition::numbering::{RANK_BYTES, window_bytes};
 use crate::partition::reading::ClusterFaces;
 use crate::partition::weight::ORDINARY_BYTES;
 use crate::simplify::{Engine, Stop};
@@ -22,10 +23,13 @@ const PATCHES: usize = 16;
 
 /// Work memory from which on a sample is simplified while the mesh is being cut, and not before.
 const ROOM_BYTES: u64 = 96 << 20;
+/// Memory that a sample takes.
+pub const SAMPLE_BYTES: u64 = SAMPLE_FACES[1] * ORDINARY_BYTES;
 
-/// Memory that a sample takes while the mesh is being cut, if `work_bytes` may be used for both.
-pub fn bytes_beside_cutting(work_bytes: u64) -> Option<u64> {
-    (work_bytes >= ROOM_BYTES).then_some(SAMPLE_FACES[1] * ORDINARY_BYTES)
+/// Whether a sample may be simplified while a mesh is being cut: where cutting takes much memory itself, it takes so long
+/// that there is nothing to gain.
+pub fn fits_beside_cutting(vertices: u64, work_bytes: u64) -> bool {
+    work_bytes >= ROOM_BYTES && RANK_BYTES * vertices <= window_bytes(work_bytes)
 }
 
 /// Which clusters give a patch, and how large.
