@@ -223,8 +223,8 @@ impl ClusterFaces {
             texcoords,
             points: Vec::new(),
         };
-        for (&id, &position) in source.vertex_ids.iter().zip(&positions) {
-            let shared = partition.faces.shared.contains(id);
+        let are_shared = partition.faces.shared.contains_each(&source.vertex_ids);
+        for (&position, shared) in positions.iter().zip(are_shared) {
             source.mesh.push_vertex(position - origin, if shared { flag::SHARED | flag::LOCKED } else { 0 });
         }
         source.add_faces(&faces, &texcoord_ids, catalogue, scale);

@@ -33,10 +33,17 @@ impl Shared {
         self.members.is_empty()
     }
 
-    /// Whether a vertex is shared.
-    #[inline]
-    pub fn contains(&self, vertex: u32) -> bool {
-        self.members.contains(vertex)
+    /// Whether each of some ascending vertices is shared.
+    pub fn contains_each(&self, vertices: &[u32]) -> impl Iterator<Item = bool> {
+        let mut members = self.members.iter();
+        let mut next = members.next();
+        vertices.iter().map(move |&vertex| {
+            if next.is_some_and(|member| member < vertex) {
+                members.advance_to(vertex);
+                next = members.next();
+            }
+            next == Some(vertex)
+        })
     }
 
     /// The members, ascending.
@@ -59,8 +66,9 @@ mod tests {
         let mut shared = Shared::default();
         let members = [0, 3, 63, 64, 700, 4096, 4999, 1 << 17, u32::MAX - 1];
         members.iter().for_each(|&v| shared.insert(v));
+        assert!(shared.contains_each(&members).all(|is_shared| is_shared));
+        assert!(shared.contains_each(&[1, 3, 62, 4998, 4999, u32::MAX]).eq([false, true, false, false, true, false]));
         for (rank, &v) in members.iter().enumerate() {
-            assert!(shared.contains(v));
             assert_eq!(shared.rank(v), rank as u32);
         }
         assert_eq!((shared.rank(65), shared.len()), (4, 9));
