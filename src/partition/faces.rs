@@ -291,9 +291,13 @@ impl Corners {
         for first in (0..count).step_by(at_once) {
             let windows = first..(first + at_once as u32).min(count);
             let range = ranks.range(windows.clone());
+            let mut touching = jobs.iter().copied().filter(|job| job.may_touch(&range)).peekable();
+            if touching.peek().is_none() {
+                continue;
+            }
             let loaded = ranks.load(windows)?;
             map_in_order(
-                jobs.iter().copied().filter(|job| job.may_touch(&range)),
+                touching,
                 options.threads,
                 options.threads * 2,
                 |job| {

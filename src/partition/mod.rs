@@ -6,6 +6,8 @@
 //!     ├─ numbering: vertices in cell order, duplicates welded; old id → new id
 //!     │
 //! faces ── faces: each one to the cell of most of its corners
+//!     │        shared: the vertices that several cells use
+//!     │        stretches: how far over the file a cell's texture coordinates lie
 //!     │
 //!     ├─ texcoords: brought to the cells, if a cell's lie far apart
 //!     ├─ weight: what a cluster takes in memory; one that is too heavy passes through
@@ -17,8 +19,9 @@
 //!
 //! # Memory
 //! A histogram of 8 MiB and its filled cells, at most twice that; 2 bytes a shared vertex; the numbering (4 bytes a
-//! vertex) or two windows of it, 16 MiB or a quarter of the work memory; a window of texture coordinates, half of that; buffers of records by cell, 12 MiB,
-//! or 24 MiB for texture coordinates; a cell of 92 bytes a vertex in each thread while duplicates are welded.
+//! vertex) or two windows of it, 16 MiB or a quarter of the work memory; a window of texture coordinates, half of that;
+//! buffers of records by cell, 12 MiB, or 24 MiB for texture coordinates; a cell of 92 bytes a vertex in each thread
+//! while duplicates are welded.
 
 pub mod cells;
 pub mod cluster;

@@ -38,17 +38,17 @@ const RUN_RECORDS: usize = 16 << 10;
 const COLOUR_BYTES: usize = size_of::<[f32; 3]>();
 /// Bytes of a rank.
 pub const RANK_BYTES: u64 = 4;
-/// All ranks, if they are looked up at once, at most, in bytes: more would make memory grow with the mesh.
-const WHOLE_BYTES_MAX: u64 = 16 << 20;
+/// Ranks of a window, at most, in bytes: more would make memory grow with the mesh and save little.
+const WINDOW_BYTES_MAX: u64 = 8 << 20;
 
-/// Whether the ranks of so many vertices are looked up all at once when `work_bytes` may be used.
-pub fn fit_one_window(vertices: u64, work_bytes: u64) -> bool {
-    RANK_BYTES * vertices <= (work_bytes / 4).min(WHOLE_BYTES_MAX)
+/// Bytes of a window when `work_bytes` may be used; two may be in memory.
+pub fn window_bytes(work_bytes: u64) -> u64 {
+    (work_bytes / 8).min(WINDOW_BYTES_MAX)
 }
 
-/// Bytes of a window where there are several; two may be in memory.
-pub fn window_bytes(work_bytes: u64) -> u64 {
-    (work_bytes / 4).min(WHOLE_BYTES_MAX) / 2
+/// Whether the ranks of so many vertices are looked up all at once: where they take no more than two windows.
+pub fn fit_one_window(vertices: u64, work_bytes: u64) -> bool {
+    RANK_BYTES * vertices <= 2 * window_bytes(work_bytes)
 }
 
 /// Vertices in cell order.

@@ -67,10 +67,10 @@ pub fn forecast(sizes: &Sizes, budget: MemoryBudget, threads: usize) -> MemoryFo
     let work = budget.for_work();
     let scan = scan_options(budget, threads);
     let scan = (scan.threads + 3 * scan.chunks_in_flight) as u64 * CHUNK_TEXT_BYTES;
-    // All ranks or two windows, or a sample beside few ranks in a later pass.
-    let ranks = (RANK_BYTES * sizes.vertices).min(2 * window_bytes(work));
+    // All ranks or two windows; in a later pass, whose mesh is small, a sample beside one.
+    let (ranks, window) = (RANK_BYTES * sizes.vertices, window_bytes(work));
     let sample = if sample::fits_beside_cutting(0, work) { sample::SAMPLE_BYTES } else { 0 };
-    let ranks = ranks.max(sample + (RANK_BYTES * sizes.vertices).min(window_bytes(work)));
+    let ranks = ranks.min(2 * window).max(ranks.min(window) + sample);
     let partition = PARTITION_BYTES + ranks + sizes.vertices / 8 + sizes.faces / 32;
     let cluster = cluster_bytes(sizes.cluster_faces.min(sizes.faces));
     let cluster = if sizes.remesh.is_some() { cluster * cvd::GROWTH / 2 } else { cluster };
