@@ -7,10 +7,10 @@ A run counts the calls. Then each of them (or so many, evenly spread) goes wrong
 - kill, half: SIGKILL before the call is done, or when half of its bytes are written;
 - full: the disk has no space for it, nor for any later call;
 - error: an I/O error, once;
-- interrupt, short: a signal came first, or only half of the bytes were written: the job has to end as if nothing had been.
+- interrupt, short: a signal came first, or only half of the bytes were written: the job ends as if nothing had been.
 
-Under its own name the result must then be the older one or whole; a job that was not killed ends with the result or with an error
-message and its exit code; and after the same command once more there are the bytes of an undisturbed run.
+Under its own name the result must then be the older one or whole; a job that was not killed ends with the result or with
+an error message and its exit code; and after the same command once more there are the bytes of an undisturbed run.
 """
 
 import argparse
@@ -58,8 +58,8 @@ def main():
                 outcomes[became] += 1
                 if not whole or not became or again.returncode != 0 or job.digest() != expected:
                     faults += 1
-                    print(f"{kind} at call {number}: exit {ended.returncode} {ended.stderr.strip()[-200:]}, whole {whole}")
-                    print(f"    again: exit {again.returncode} {again.stderr.strip()[-200:]}")
+                    print(f"{kind} at call {number}, whole {whole}: {ended.returncode} {ended.stderr.strip()[-200:]}")
+                    print(f"    again: {again.returncode} {again.stderr.strip()[-200:]}")
             told = ", ".join(f"{times} {became}" for became, times in sorted(outcomes.items(), key=str))
             print(f"{kind}: {sum(outcomes.values())} of {count} calls: {told}", flush=True)
             if kind in ("kill", "half") and outcomes["killed"] < sum(outcomes.values()) * 9 // 10:

@@ -3,12 +3,12 @@
 //
 //   FAULT_ROOT  absolute path of the folder that is looked at
 //   FAULT_AT    number of the call that goes wrong, from 1
-//   FAULT_KIND  how: "kill" (SIGKILL before it is done), "half" (SIGKILL, after half of the bytes if it writes), "full" (no space
-//               left for this one and all that follow and need some), "error" (an I/O error), "interrupt" (by a signal:
-//               to be tried again), "short" (half of the bytes are written, if it writes)
-//   FAULT_LOG   file to which every call is appended once it succeeded, with its bytes: what power_cuts.py makes the contents
-//               of a disk from. One line "number operation path offset rest", with tabs between; the rest is how many bytes
-//               were written, which follow the line, or the new path.
+//   FAULT_KIND  how: "kill" (SIGKILL before it is done), "half" (SIGKILL, after half of the bytes if it writes),
+//               "full" (no space left for this one and all that follow and need some), "error" (an I/O error),
+//               "interrupt" (by a signal: to be tried again), "short" (half of the bytes are written, if it writes)
+//   FAULT_LOG   file to which every call is appended once it succeeded, with its bytes: what power_cuts.py makes the
+//               contents of a disk from. One line "number operation path offset rest", with tabs between; the rest is
+//               how many bytes were written, which follow the line, or the new path.
 //
 // One lock is held during each call, so the log has the order in which the system saw them.
 
@@ -76,7 +76,8 @@ static void die(void) {
 
 enum need { NOTHING, SPACE, TO_BE_TRIED_AGAIN, BOTH };
 
-// Takes the lock and counts a call; the number of the error that it fails with, or 0. `*length` becomes what a short write writes.
+// Takes the lock and counts a call; the number of the error that it fails with, or 0. `*length` becomes the bytes of a
+// short write.
 static int enter(enum need need, size_t *length, int *dies) {
     const char *kind = setting("FAULT_KIND");
     long at = atol(setting("FAULT_AT"));
@@ -109,13 +110,15 @@ static int fail(int error) {
 
 static void put(const void *bytes, size_t length) {
     static int log = -2;
-    if (log == -2) log = *setting("FAULT_LOG") ? REAL(open)(setting("FAULT_LOG"), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644) : -1;
-    for (ssize_t done; log >= 0 && length; bytes = (const char *)bytes + done, length -= done)
+    if (log == -2) log = REAL(open)(setting("FAULT_LOG"), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
+    if (log < 0) die();
+    for (ssize_t done; length; bytes = (const char *)bytes + done, length -= done)
         if ((done = REAL(write)(log, bytes, length)) < 0) die();
 }
 
 // Records a call that succeeded, and lets the next one begin.
-static void leave(int succeeded, const char *operation, const char *path, long long offset, const char *rest, const void *bytes, size_t length) {
+static void leave(int succeeded, const char *operation, const char *path, long long offset, const char *rest,
+                  const void *bytes, size_t length) {
     int error = errno;
     if (succeeded && *setting("FAULT_LOG")) {
         char line[2 * PATH_MAX + 128];
@@ -222,9 +225,13 @@ static int open_counted(int folder, const char *name, int flags, mode_t mode) {
         va_end(more);                             \
     }
 int open(const char *name, int flags, ...) { MODE(flags) return open_counted(AT_FDCWD, name, flags, mode); }
-int open64(const char *name, int flags, ...) { MODE(flags) return open_counted(AT_FDCWD, name, flags | O_LARGEFILE, mode); }
+int open64(const char *name, int flags, ...) {
+    MODE(flags) return open_counted(AT_FDCWD, name, flags | O_LARGEFILE, mode);
+}
 int openat(int folder, const char *name, int flags, ...) { MODE(flags) return open_counted(folder, name, flags, mode); }
-int openat64(int folder, const char *name, int flags, ...) { MODE(flags) return open_counted(folder, name, flags | O_LARGEFILE, mode); }
+int openat64(int folder, const char *name, int flags, ...) {
+    MODE(flags) return open_counted(folder, name, flags | O_LARGEFILE, mode);
+}
 
 // Calls of one name, and of two.
 #define CHANGE(function, operation, need, parameters, folder, name, arguments) \
@@ -253,4 +260,5 @@ CHANGE(mkdirat, "folder", SPACE, (int folder, const char *name, mode_t mode), fo
         return outcome;                                                                          \
     }
 RENAME(rename, (const char *from, const char *to), AT_FDCWD, AT_FDCWD, (from, to))
-RENAME(renameat, (int from_folder, const char *from, int to_folder, const char *to), from_folder, to_folder, (from_folder, from, to_folder, to))
+RENAME(renameat, (int from_folder, const char *from, int to_folder, const char *to), from_folder, to_folder,
+       (from_folder, from, to_folder, to))

@@ -1,6 +1,7 @@
-"""A job whose calls that change files are counted, recorded or its last: what kill_at_calls.py and power_cuts.py share.
+"""A job whose calls that change files are counted, recorded or go wrong: what at_calls.py and power_cuts.py share.
 
-The counting is done by calls.c, which is compiled here and loaded into the program (Linux, and a C compiler, as Rust's linker is).
+The counting is done by calls.c, which is compiled here and loaded into the program (Linux, and a C compiler, as Rust's
+linker is).
 """
 
 import hashlib

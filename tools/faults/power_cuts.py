@@ -2,20 +2,20 @@
 
     python3 tools/faults/power_cuts.py target/release/drystone fixtures/town/town.obj --cuts 2000
 
-A run is recorded call by call, with the bytes it writes. From the calls before a cut follows what a disk must hold, and what it
-may: bytes that were written since the file was last synced, and names that were made, changed or removed since the folder was.
-Five disks are made for each cut:
+A run is recorded call by call, with the bytes it writes. From the calls before a cut follows what a disk must hold, and
+what it may: bytes that were written since the file was last synced, and names that were made, changed or removed since
+the folder was. Five disks are made for each cut:
 
 - lost: nothing is there that was not synced, neither bytes nor names;
-- names: all names are there, but of bytes only those that were synced; files have their length and are zero where nothing was synced
-  (a journal of names only, like ext4 with data=writeback);
+- names: all names are there, but of bytes only those that were synced; files have their length and are zero where
+  nothing was synced (a journal of names only, like ext4 with data=writeback);
 - bytes: all bytes are there, but names only as synced;
 - early: as the names, and each folder's last change is missing (names kept in order);
 - some: of unsynced blocks of 4 KiB, and of unsynced changes of names in order, so many as fall by chance.
 
-The job goes on there by the same command and must have the bytes of an undisturbed run; what bears the result's name before
-must be the older result or a whole one. After the last call, when the program has said that it is done, the result
-must be there on every disk without going on.
+The job goes on there by the same command and must have the bytes of an undisturbed run; what bears the result's name
+before must be the older result or a whole one. After the last call, when the program has said that it is done, the
+result must be there on every disk without going on.
 """
 
 import argparse
@@ -102,8 +102,10 @@ class Disk:
     def survivors(self, folder, disk, chance):
         """Names of a folder that a disk holds."""
         held, changes = dict(self.synced[folder]), self.changes[folder]
-        count = {"lost": 0, "bytes": 0, "names": len(changes), "early": len(changes) - 1, "some": chance.randint(0, len(changes))}[disk]
-        for change in changes[: max(0, count)]:
+        all_of_them = len(changes)
+        some = chance.randint(0, all_of_them)
+        count = {"lost": 0, "names": all_of_them, "bytes": 0, "early": max(0, all_of_them - 1), "some": some}[disk]
+        for change in changes[:count]:
             put(held, change)
         return held
 
@@ -156,7 +158,8 @@ def main():
             if not whole or not promised or again.returncode != 0 or job.digest() != expected:
                 faults += 1
                 last = f"{calls[place - 1].operation} {calls[place - 1].path}" if place else "the beginning"
-                print(f"{disk} after {last}: whole {whole}, finished {finished}, exit {again.returncode} {again.stderr.strip()[-200:]}")
+                told = again.stderr.strip()[-200:]
+                print(f"{disk} after {last}: whole {whole}, finished {finished}, exit {again.returncode} {told}")
         print(f"{len(calls)} calls, {len(chosen)} power cuts, {faults} faults")
         return 1 if faults else 0
 
