@@ -8,7 +8,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::print::{print, print_json};
-use crate::base::error::escape_path;
+use crate::base::error::{escape, escape_path};
 use crate::base::{Result, bytes, counted, grouped};
 use crate::job::{Entry, Record, Step, WorkStatus, look};
 
@@ -87,7 +87,7 @@ impl JobStatus {
             seconds_of_process: 0,
             processes: 0,
             input_files: work.manifest.inputs.len(),
-            input_bytes: work.manifest.inputs.iter().map(|file| file.bytes).sum(),
+            input_bytes: work.manifest.inputs.iter().fold(0, |sum, file| sum.saturating_add(file.bytes)),
             triangles: None,
             passes: work.manifest.passes,
             passes_done: 0,
@@ -116,7 +116,7 @@ impl JobStatus {
             Step::Scan => self.triangles = Some(record.amount),
             Step::Cut { pass } => {
                 let clusters = record.amount;
-                self.pass = Some(PassStatus { number: pass + 1, clusters, clusters_done: 0, triangles_done: 0 });
+                self.pass = Some(PassStatus { number: pass.saturating_add(1), clusters, clusters_done: 0, triangles_done: 0 });
             }
             Step::Plan { attempt: 1.., .. } => {
                 if let Some(pass) = &mut self.pass {
@@ -126,7 +126,7 @@ impl JobStatus {
             Step::Cluster { .. } => {
                 if let Some(pass) = &mut self.pass {
                     pass.clusters_done += 1;
-                    pass.triangles_done += record.amount;
+                    pass.triangles_done = pass.triangles_done.saturating_add(record.amount);
                 }
             }
             Step::Pass { pass } => {
@@ -163,7 +163,8 @@ impl JobStatus {
         }
         let _ = writeln!(text, "result     {}", if self.written { "written" } else { "not written" });
         if let Some(error) = &self.last_error {
-            let _ = writeln!(text, "last error {error}");
+            let error: Vec<String> = error.lines().map(|line| escape(line.as_bytes())).collect();
+            let _ = writeln!(text, "last error {}", error.join("\n"));
         }
         let _ = writeln!(text, "space      {}", bytes::display(self.bytes));
         text

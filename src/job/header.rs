@@ -1,17 +1,22 @@
 //! The header that every file of the work folder begins with.
 //!
 //! ```text
-//! 0        8        16      20      24       32         40                64
-//! | magic  | kind   | vers. | size  | count  | checksum | zeros            | records, little-endian …
+//! 0        8        16      20      24       32         40      56         64
+//! | magic  | kind   | vers. | size  | count  | checksum | zeros | checksum | records, little-endian …
 //! ```
 //!
-//! The checksum covers everything after the header, so a file is known by its length and its first 64 bytes.
+//! The first checksum covers everything after the header, so a file is known by its length and its first 64 bytes; the
+//! second one the header before it, in every version: what another version wrote is told from what is damaged.
+
+use xxhash_rust::xxh3::xxh3_64;
 
 /// Bytes of the header that every file of the work folder begins with.
 pub const HEADER_BYTES: u64 = 64;
 const MAGIC: [u8; 8] = *b"drystone";
 /// Version of the work folder's files.
-pub const FORMAT_VERSION: u32 = 7;
+pub const FORMAT_VERSION: u32 = 8;
+/// Where the header's own checksum stands.
+const CHECKSUM_AT: usize = 56;
 
 #[cfg(target_endian = "big")]
 compile_error!("drystone's files are little-endian and are mapped as they are: big-endian machines are not supported");
@@ -39,13 +44,14 @@ impl Header {
         bytes[20..24].copy_from_slice(&self.record_bytes.to_le_bytes());
         bytes[24..32].copy_from_slice(&self.count.to_le_bytes());
         bytes[32..40].copy_from_slice(&self.checksum.to_le_bytes());
+        seal(&mut bytes);
         bytes
     }
 
-    /// The version of the format that wrote the 64 bytes; nothing if they are no header.
+    /// The version of the format that wrote the 64 bytes; nothing if they are no header, or a damaged one.
     pub fn version(bytes: &[u8; HEADER_BYTES as usize]) -> Option<u32> {
         let version = u32::from_le_bytes([bytes[16], bytes[17], bytes[18], bytes[19]]);
-        (bytes[0..8] == MAGIC).then_some(version)
+        (bytes[0..8] == MAGIC && is_sealed(bytes)).then_some(version)
     }
 
     /// Reads the 64 bytes.
@@ -58,6 +64,9 @@ impl Header {
         if bytes[0..8] != MAGIC {
             return Err("it does not begin with 'drystone'".into());
         }
+        if !is_sealed(bytes) {
+            return Err("its header does not have its checksum".into());
+        }
         if word(16) != FORMAT_VERSION {
             return Err(format!("its format is version {}, this program writes version {FORMAT_VERSION}", word(16)));
         }
@@ -65,6 +74,16 @@ impl Header {
         kind.copy_from_slice(&bytes[8..16]);
         Ok(Self { kind, record_bytes: word(20), count: long(24), checksum: long(32) })
     }
+}
+
+/// Gives a header its own checksum.
+pub fn seal(bytes: &mut [u8; HEADER_BYTES as usize]) {
+    let checksum = xxh3_64(&bytes[..CHECKSUM_AT]);
+    bytes[CHECKSUM_AT..].copy_from_slice(&checksum.to_le_bytes());
+}
+
+fn is_sealed(bytes: &[u8; HEADER_BYTES as usize]) -> bool {
+    bytes[CHECKSUM_AT..] == xxh3_64(&bytes[..CHECKSUM_AT]).to_le_bytes()
 }
 
 #[cfg(test)]
@@ -77,6 +96,19 @@ mod tests {
         let mut bytes = header.encode();
         assert_eq!(Header::decode(&bytes), Ok(header));
         bytes[16] = 77;
+        seal(&mut bytes);
         assert!(Header::decode(&bytes).unwrap_err().contains("version 77"));
+        assert_eq!(Header::version(&bytes), Some(77));
+    }
+
+    #[test]
+    fn a_damaged_header_is_no_other_version() {
+        let whole = Header { kind: *b"test    ", record_bytes: 8, count: 3, checksum: 9 }.encode();
+        for at in 0..whole.len() {
+            let mut bytes = whole;
+            bytes[at] ^= 1;
+            assert!(Header::decode(&bytes).is_err(), "byte {at}");
+            assert_eq!(Header::version(&bytes), None, "byte {at}");
+        }
     }
 }

@@ -9,12 +9,14 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use super::codec;
 use super::header::{FORMAT_VERSION, HEADER_BYTES, Header};
-use crate::base::error::escape_path;
+use crate::base::error::{escape, escape_path};
 use crate::base::{Error, Result};
 use crate::os::durable::{DurableFile, no_links};
 
 /// A longer manifest is none of ours: 100,000 tiles take a tenth of it.
 const MANIFEST_BYTES_MAX: u64 = 64 << 20;
+/// Of more differences than these it is only told how many there are.
+const DIFFERENCES_TOLD_MAX: usize = 12;
 
 /// What a work folder was made for.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -106,7 +108,7 @@ impl Manifest {
         let mut found = Vec::new();
         let mut differ = |what: &str, old: &str, new: &str| {
             if old != new {
-                found.push(format!("{what} was {old}, is {new}"));
+                found.push(format!("{what} was {}, is {}", escape(old.as_bytes()), escape(new.as_bytes())));
             }
         };
         differ("the program", &self.program, &new.program);
@@ -123,6 +125,11 @@ impl Manifest {
                 let bytes = |input: &InputFile| format!("{} bytes long", input.bytes);
                 differ(&escape_path(&new.path), &bytes(old), &bytes(new));
             }
+        }
+        if found.len() > DIFFERENCES_TOLD_MAX {
+            let rest = found.len() - DIFFERENCES_TOLD_MAX;
+            found.truncate(DIFFERENCES_TOLD_MAX);
+            found.push(format!("{rest} more"));
         }
         found
     }
@@ -158,6 +165,7 @@ fn fields(text: &str) -> Vec<(String, String)> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::header::seal;
     use super::*;
 
     fn manifest(options: &str) -> Manifest {
@@ -188,14 +196,18 @@ mod tests {
         manifest("{}").write(&path).unwrap();
         assert_eq!(Manifest::read(&path).unwrap(), manifest("{}"));
         let whole = std::fs::read(&path).unwrap();
-        for at in (0..40).chain(64..whole.len()) {
+        for at in 0..whole.len() {
             let mut bytes = whole.clone();
             bytes[at] ^= 4;
             std::fs::write(&path, bytes).unwrap();
             let error = Manifest::read(&path).unwrap_err();
-            let expected = if (16..20).contains(&at) { 5 } else { 8 };
-            assert_eq!(error.exit_code(), expected, "byte {at}: {error}");
+            assert_eq!(error.exit_code(), 8, "byte {at}: {error}");
         }
+        let mut other = whole;
+        other[16] += 1;
+        seal(other.first_chunk_mut().unwrap());
+        std::fs::write(&path, other).unwrap();
+        assert_eq!(Manifest::read(&path).unwrap_err().exit_code(), 5);
         std::fs::write(&path, b"drystone-job\n").unwrap();
         assert_eq!(Manifest::read(&path).unwrap_err().exit_code(), 8);
     }
