@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
-use crate::base::{Error, Result, bytes};
+use crate::base::{Error, Result, bytes, json_path};
 use crate::cost::{Weights, classic, curvature, knob, oblique, sharpness, terrain, weights};
 use crate::job::Resume;
 use crate::remesh::cvd;
@@ -149,6 +149,7 @@ pub struct SimplifyOptions {
 
     /// Folder for intermediate files [default: beside the output]
     #[arg(long, value_name = "DIR")]
+    #[serde(serialize_with = "json_path::lossy_option")]
     pub work: Option<PathBuf>,
 
     /// Whether a job that the work folder holds is gone on with

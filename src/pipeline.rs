@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use self::input::{Input, Reading};
+use self::output::Earlier;
 use self::pictures::Painter;
 use crate::base::{Findings, MemoryBudget, Progress, Result};
 use crate::job::{InputFile, Manifest, Step, WorkFolder, folder_bytes};
@@ -40,6 +41,7 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
     let budget = memory::choose_budget(options)?;
     let threads = memory::choose_threads(options.threads, budget);
     let work_path = work_folder(output, options);
+    output::refuse(input, &inputs, output, &work_path)?;
     let manifest = manifest(&inputs, options)?;
     let input_bytes: u64 = manifest.inputs.iter().map(|file| file.bytes).sum();
     scratch::refuse_small_disk(input_bytes, folder_bytes(&work_path), &work_path)?;
@@ -71,15 +73,26 @@ fn run(
 ) -> Result<Report> {
     let Reading { options, progress, .. } = *reading;
     let started = Instant::now();
-    let finished = output::finished(job, output)?;
-    output::refuse(reading, output, options.force || finished.is_some())?;
+    let earlier = output::earlier(job, output)?;
+    let may_replace = options.force || !matches!(earlier, Earlier::Nothing);
+    output::check(output, job, may_replace)?;
     let is_resumed = job.is_resumed();
 
     let scanned = Instant::now();
-    let (input, start) = reading.begin(job)?;
-    let Input { catalogue, triangles, mut findings, bytes: input_bytes, need, .. } = input;
+    let (mut input, start) = reading.begin(job)?;
+    let mut findings = std::mem::take(&mut input.findings);
+    let Input { ref catalogue, triangles, bytes: input_bytes, ref need, .. } = input;
     let scan_seconds = scanned.elapsed();
     need.check(budget, options, job.path(), start.needs_scratch())?;
+    let write_options = WriteOptions {
+        textures: options.textures.into(),
+        normals: options.normals == Normals::Auto && catalogue.has_normals,
+        force: may_replace,
+        work_bytes: budget.for_work(),
+        sources: input.sources(),
+        job: job.number(),
+    };
+    write::check_output(output, &write_options)?;
 
     let target = options.target(triangles);
     let sizes = Sizes {
@@ -91,7 +104,7 @@ fn run(
     };
     let mut work_bytes = budget.for_work() - need.resident_bytes();
     let painter = Painter {
-        catalogue: &catalogue,
+        catalogue,
         folder: job.path(),
         resources: Resources { threads, work_bytes },
         with_errors: options.drawing == Drawing::PicturesAndErrors,
@@ -107,23 +120,20 @@ fn run(
     }
     let pass_options = pass_options(options, catalogue.has_texcoords, triangles, target, threads, work_bytes)?;
     let pass_options = PassOptions { map, ..pass_options };
-    let passes = pass::simplify(start, &pass_options, &catalogue, job, progress)?;
+    let passes = pass::simplify(start, &pass_options, catalogue, job, progress)?;
     findings.merge(passes.findings);
 
     let written = Instant::now();
-    let write_options = WriteOptions {
-        textures: options.textures.into(),
-        normals: options.normals == Normals::Auto && catalogue.has_normals,
-        force: options.force,
-        work_bytes: budget.for_work(),
-    };
-    let result = match finished {
-        Some(finished) => finished,
-        None => {
-            let staged = write::stage(&passes.mesh, &catalogue, output, job.path(), &write_options, progress)?;
+    let result = match earlier {
+        Earlier::Whole(written) => written,
+        Earlier::Obj | Earlier::Nothing => {
+            let staged = write::stage(&passes.mesh, catalogue, output, job.path(), &write_options, progress)?;
+            input.check_textures(staged.copied_textures())?;
             progress.check_stopped()?;
             job.settle()?;
             job.keep(Step::Written, staged.written().faces, [], staged.written())?;
+            // Without it a result that has its name already would be taken for another one's.
+            job.sync()?;
             staged.commit()?
         }
     };
@@ -238,5 +248,6 @@ fn manifest(inputs: &[PathBuf], options: &SimplifyOptions) -> Result<Manifest> {
         inputs: inputs.iter().map(|path| InputFile::of(path)).collect::<Result<_>>()?,
         passes: options.passes as u64 + u64::from(options.remesh.is_some()),
         began: 0,
+        job: 0,
     })
 }

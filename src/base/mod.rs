@@ -7,6 +7,7 @@ pub mod bytes;
 pub mod counts;
 pub mod error;
 pub mod findings;
+pub mod json_path;
 pub mod ordered;
 pub mod progress;
 

@@ -9,6 +9,7 @@ use serde_json::json;
 use super::print::{print, print_json};
 use crate::base::{Error, Result, Silent};
 use crate::measure::{Check, Regression, Surface, compare_checks, weld_and_check};
+use crate::os::durable::new_job_number;
 use crate::scan::{ScanOptions, find_inputs, scan};
 
 /// Arguments of `drystone check`.
@@ -48,8 +49,9 @@ pub fn run(arguments: &CheckArguments) -> Result<u8> {
 }
 
 fn counts(path: &Path) -> Result<Check> {
-    let folder = std::env::temp_dir().join(format!("drystone-check-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, "create", e))?;
+    let folder = std::env::temp_dir();
+    let folder = folder.join(format!("drystone-check-{:016x}", new_job_number(&folder)));
+    std::fs::create_dir(&folder).map_err(|e| Error::io(&folder, "create", e))?;
     let outcome = find_inputs(path)
         .and_then(|inputs| scan(&inputs, &folder, &ScanOptions { threads: 2, chunks_in_flight: 4 }, &Silent))
         .and_then(|scan| Surface::load(&scan.mesh, &scan.catalogue))

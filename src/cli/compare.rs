@@ -10,10 +10,9 @@ use super::progress::told;
 use crate::base::error::escape_path;
 use crate::base::{Error, Progress, Result, bytes, grouped};
 use crate::measure::compare::{self, BeforeAfter, CompareOptions, Comparison, Distances, Onlooker, Resources, Texture};
-use crate::os::durable::DurableFile;
 use crate::plan::{memory, scratch};
-use crate::report::ComparisonPage;
 use crate::report::gallery::{self, Relief};
+use crate::report::{self, ComparisonPage};
 use crate::scan;
 
 /// Points by area, at least and at most.
@@ -152,11 +151,7 @@ pub fn compare_meshes(
 fn save(comparison: &Comparison, path: &Path) -> Result<()> {
     let text = serde_json::to_string_pretty(comparison)
         .map_err(|e| Error::Damaged { path: path.to_owned(), message: e.to_string() })?;
-    let mut file = DurableFile::create(path, 4096)?;
-    file.write(text.as_bytes())?;
-    file.write(b"\n")?;
-    file.commit()?;
-    Ok(())
+    report::save_text(&text, path)
 }
 
 /// The comparison as a person reads it.

@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::compare::{SamplingArguments, compare_meshes};
 use super::progress::{stoppable, tell};
-use super::stop::{end_late, say_goodbye};
+use super::stop::Goodbye;
 use crate::base::{Error, Result};
 use crate::options::{Drawing, SimplifyOptions};
 use crate::os::signals::StopSignal;
@@ -58,13 +58,14 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
     let options = SimplifyOptions { drawing, ..options.clone() };
     let stop = StopSignal::listen()?;
     let work = pipeline::work_folder(output, &options);
-    end_late(&stop, &work);
+    let goodbye = Goodbye::of_job(&stop, &work);
     let told = stoppable(*quiet, stop.clone());
     let outcome = pipeline::simplify(input, output, &options, &*told);
     let mut result = match outcome {
-        Err(Error::Stopped) => return Ok(say_goodbye(&stop, &work)),
+        Err(Error::Stopped) => return Ok(goodbye.say()),
         outcome => outcome?,
     };
+    goodbye.only_compares(input, output);
     let compared = measure.then(|| {
         let work = work_beside(&work);
         let meshes = [input.as_path(), output.as_path()];
@@ -88,7 +89,11 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
     if !quiet || result.exit_code() != 0 {
         tell(result.summary().trim_end());
     }
-    failure.map_or(Ok(result.exit_code()), Err)
+    match failure {
+        Some(Error::Stopped) => Ok(goodbye.say()),
+        Some(error) => Err(error),
+        None => Ok(result.exit_code()),
+    }
 }
 
 /// The folder for a comparison, apart from that of the run.

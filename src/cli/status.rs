@@ -116,7 +116,8 @@ impl JobStatus {
             Step::Scan => self.triangles = Some(record.amount),
             Step::Cut { pass } => {
                 let clusters = record.amount;
-                self.pass = Some(PassStatus { number: pass.saturating_add(1), clusters, clusters_done: 0, triangles_done: 0 });
+                self.pass =
+                    Some(PassStatus { number: pass.saturating_add(1), clusters, clusters_done: 0, triangles_done: 0 });
             }
             Step::Plan { attempt: 1.., .. } => {
                 if let Some(pass) = &mut self.pass {

@@ -134,6 +134,7 @@ fn inspect_in_clusters(
         inputs: files,
         passes: 1,
         began: 0,
+        job: 0,
     };
     let work = WorkFolder::open(&work_path, &manifest, Resume::Auto)?;
 

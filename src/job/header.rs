@@ -8,7 +8,13 @@
 //! The first checksum covers everything after the header, so a file is known by its length and its first 64 bytes; the
 //! second one the header before it, in every version: what another version wrote is told from what is damaged.
 
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
 use xxhash_rust::xxh3::xxh3_64;
+
+use crate::os::durable::no_links;
 
 /// Bytes of the header that every file of the work folder begins with.
 pub const HEADER_BYTES: u64 = 64;
@@ -52,6 +58,14 @@ impl Header {
     pub fn version(bytes: &[u8; HEADER_BYTES as usize]) -> Option<u32> {
         let version = u32::from_le_bytes([bytes[16], bytes[17], bytes[18], bytes[19]]);
         (bytes[0..8] == MAGIC && is_sealed(bytes)).then_some(version)
+    }
+
+    /// Whether a file begins as those of work folders do.
+    pub fn is_at(path: &Path) -> bool {
+        let mut begins = [0; MAGIC.len()];
+        let mut options = File::options();
+        let file = no_links(options.read(true)).open(path);
+        file.and_then(|mut file| file.read_exact(&mut begins)).is_ok() && begins == MAGIC
     }
 
     /// Reads the 64 bytes.

@@ -4,7 +4,8 @@
 //! header, 64 bytes │ length u32 │ XXH3 u64 │ entry │ length u32 │ XXH3 u64 │ entry │ …
 //! ```
 //! An entry is appended only after the files that it names are written, synced, renamed, and their folder is synced.
-//! The checksum is seeded with the entry's position, so that an entry counts in its own place only. What follows the first
+//! The header has the checksum of the job's manifest, so that no other job's journal is taken for its own. The checksum of an
+//! entry is seeded with its position, so that it counts in its own place only. What follows the first
 //! entry that is cut short or damaged is cut off: the work that it told of is done again.
 //!
 //! An entry is handed to the system at once, so it outlives the process. It is made to outlive the power too within a
@@ -24,6 +25,7 @@ use super::stamp::Stamp;
 use crate::base::{Error, Result};
 use crate::os::durable::{DurableFile, no_links};
 
+const KIND: [u8; 8] = *b"journal ";
 /// Bytes before an entry: its length and its checksum.
 const FRAME_BYTES: usize = 12;
 /// A longer entry is none of ours: a hundred thousand pieces take a tenth of it.
@@ -152,24 +154,24 @@ pub(super) struct Journal {
 }
 
 impl Journal {
-    /// Begins an empty journal.
+    /// Begins an empty journal for the manifest with this checksum.
     ///
     /// # Errors
     /// If it cannot be written.
-    pub(super) fn create(path: &Path) -> Result<Self> {
-        let header = Header { kind: *b"journal ", record_bytes: 0, count: 0, checksum: 0 };
+    pub(super) fn create(path: &Path, manifest: u64) -> Result<Self> {
+        let header = Header { kind: KIND, record_bytes: 0, count: 0, checksum: manifest };
         let mut file = DurableFile::create(path, 64)?;
         file.write(&header.encode())?;
         file.commit()?;
-        Ok(Self::open(path)?.0)
+        Ok(Self::open(path, manifest)?.0)
     }
 
     /// Opens a journal and cuts off what is damaged; returns the entries that are whole.
     ///
     /// # Errors
-    /// [`Error::Damaged`] if it is no journal, else if it cannot be read.
-    pub(super) fn open(path: &Path) -> Result<(Self, Vec<Entry>)> {
-        let (entries, end) = read(path)?;
+    /// [`Error::Damaged`] if it is no journal, or not that of the manifest with this checksum; else if it cannot be read.
+    pub(super) fn open(path: &Path, manifest: u64) -> Result<(Self, Vec<Entry>)> {
+        let (entries, end) = read(path, manifest)?;
         let mut options = OpenOptions::new();
         let file = no_links(options.write(true)).open(path).map_err(|e| Error::io(path, "open", e))?;
         let mut journal = Self { path: path.to_owned(), file, end, synced: Instant::now(), is_dirty: false };
@@ -218,25 +220,30 @@ impl Journal {
     }
 }
 
-/// The whole entries of a journal, and the offset behind the last of them; the journal may be written to meanwhile.
+/// The whole entries of the journal of the manifest with this checksum, and the offset behind the last of them; it may be
+/// written to meanwhile.
 ///
 /// # Errors
-/// [`Error::Damaged`] if it is no journal, else if it cannot be read.
-pub(super) fn read(path: &Path) -> Result<(Vec<Entry>, u64)> {
+/// [`Error::Damaged`] if it is no journal, or another job's; else if it cannot be read.
+pub(super) fn read(path: &Path, manifest: u64) -> Result<(Vec<Entry>, u64)> {
     let wrap = |e| Error::io(path, "read", e);
     let mut options = OpenOptions::new();
     let file = no_links(options.read(true)).open(path).map_err(wrap)?;
-    let length = file.metadata().map_err(wrap)?.len();
+    let meta = file.metadata().map_err(wrap)?;
+    let length = meta.len();
     let mut file = BufReader::new(file);
     let mut header = [0; HEADER_BYTES as usize];
     let damaged = |message: String| Error::Damaged { path: path.to_owned(), message };
-    if length < HEADER_BYTES {
+    if !meta.is_file() || length < HEADER_BYTES {
         return Err(damaged(format!("{length} bytes are no journal")));
     }
     file.read_exact(&mut header).map_err(wrap)?;
-    let kind = Header::decode(&header).map_err(damaged)?.kind;
-    if kind != *b"journal " {
+    let header = Header::decode(&header).map_err(damaged)?;
+    if header.kind != KIND {
         return Err(damaged("it is no journal".into()));
+    }
+    if header.checksum != manifest {
+        return Err(damaged("it is the journal of another job".into()));
     }
     let (mut entries, mut end) = (Vec::new(), HEADER_BYTES);
     let mut payload = Vec::new();
@@ -288,7 +295,7 @@ mod tests {
     fn entries_come_back_up_to_the_first_that_is_damaged() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal.bin");
-        let mut journal = Journal::create(&path).unwrap();
+        let mut journal = Journal::create(&path, 5).unwrap();
         for message in ["one", "two", "three"] {
             journal.append(&failed(message)).unwrap();
         }
@@ -299,15 +306,15 @@ mod tests {
             let mut bytes = whole.clone();
             bytes[at] ^= 0x10;
             std::fs::write(&path, bytes).unwrap();
-            let (entries, _) = read(&path).unwrap();
+            let (entries, _) = read(&path, 5).unwrap();
             assert!(entries.len() <= 2 && messages(&["one", "two"].map(failed)).starts_with(&messages(&entries)));
         }
         for length in 64..whole.len() {
             std::fs::write(&path, &whole[..length]).unwrap();
-            let (mut journal, entries) = Journal::open(&path).unwrap();
+            let (mut journal, entries) = Journal::open(&path, 5).unwrap();
             assert!(entries.len() <= (length - 64) / entry_bytes);
             journal.append(&failed("new")).unwrap();
-            assert_eq!(messages(&read(&path).unwrap().0), [messages(&entries), vec!["new"]].concat());
+            assert_eq!(messages(&read(&path, 5).unwrap().0), [messages(&entries), vec!["new"]].concat());
         }
     }
 
@@ -315,12 +322,12 @@ mod tests {
     fn an_entry_does_not_count_in_another_place() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal.bin");
-        let mut journal = Journal::create(&path).unwrap();
+        let mut journal = Journal::create(&path, 5).unwrap();
         journal.append(&failed("old")).unwrap();
         journal.append(&failed("new")).unwrap();
         let bytes = std::fs::read(&path).unwrap();
         let half = (bytes.len() - 64) / 2;
         std::fs::write(&path, [&bytes[..64], &bytes[64 + half..], &bytes[64..64 + half]].concat()).unwrap();
-        assert!(read(&path).unwrap().0.is_empty());
+        assert!(read(&path, 5).unwrap().0.is_empty());
     }
 }

@@ -42,7 +42,9 @@ pub(super) fn lock_folder(path: &Path) -> Result<File> {
 
 /// Whether another process has the lock of a folder.
 pub(super) fn is_locked(path: &Path) -> bool {
-    File::open(path.join(LOCK)).is_ok_and(|file| FileExt::try_lock_shared(&file).is_err())
+    let mut options = File::options();
+    let lock = no_links(options.read(true)).open(path.join(LOCK));
+    lock.is_ok_and(|file| FileExt::try_lock_shared(&file).is_err())
 }
 
 /// Whether a path still leads to an open file: a lock on one that was removed locks nobody out.

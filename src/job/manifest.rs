@@ -31,6 +31,8 @@ pub struct Manifest {
     pub passes: u64,
     /// Seconds since 1970 when the job was begun.
     pub began: u64,
+    /// A number that no other job has.
+    pub job: u64,
 }
 
 /// An input file as the job found it.
@@ -56,32 +58,35 @@ impl InputFile {
 }
 
 impl Manifest {
-    /// Writes it durably.
+    /// Writes it durably; returns its checksum, by which its journal is known.
     ///
     /// # Errors
     /// On a full disk or a failed write.
-    pub(super) fn write(&self, path: &Path) -> Result<()> {
+    pub(super) fn write(&self, path: &Path) -> Result<u64> {
         let bytes = codec::encode(self).map_err(|message| Error::Damaged { path: path.to_owned(), message })?;
         let mut file = DurableFile::create(path, 4096)?;
         file.write(&Self::header(&bytes).encode())?;
         file.write(&bytes)?;
         file.commit()?;
-        Ok(())
+        Ok(xxh3_64(&bytes))
     }
 
     fn header(content: &[u8]) -> Header {
         Header { kind: *b"manifest", record_bytes: 0, count: 1, checksum: xxh3_64(content) }
     }
 
-    /// Reads it back.
+    /// Reads it back, with its checksum.
     ///
     /// # Errors
     /// [`Error::Changed`] if another version of the format wrote it, [`Error::Damaged`] if it is not what was written.
-    pub(super) fn read(path: &Path) -> Result<Self> {
+    pub(super) fn read(path: &Path) -> Result<(Self, u64)> {
         let wrap = |e| Error::io(path, "read", e);
         let damaged = |message: &str| Error::Damaged { path: path.to_owned(), message: format!("{message}; {AFRESH}") };
         let mut options = OpenOptions::new();
         let file = no_links(options.read(true)).open(path).map_err(wrap)?;
+        if !file.metadata().map_err(wrap)?.is_file() {
+            return Err(damaged("it is no regular file"));
+        }
         let mut bytes = Vec::new();
         file.take(MANIFEST_BYTES_MAX).read_to_end(&mut bytes).map_err(wrap)?;
         let Some((header, content)) = bytes.split_first_chunk::<{ HEADER_BYTES as usize }>() else {
@@ -96,7 +101,8 @@ impl Manifest {
         }
         match decoded {
             Ok(header) if header == Self::header(content) => {
-                codec::decode(content).map_err(|message| damaged(&message))
+                let decoded = codec::decode(content).map_err(|message| damaged(&message))?;
+                Ok((decoded, header.checksum))
             }
             Ok(_) => Err(damaged("its checksum does not match")),
             Err(message) => Err(damaged(&message)),
@@ -170,7 +176,7 @@ mod tests {
 
     fn manifest(options: &str) -> Manifest {
         let inputs = vec![InputFile { path: "/data/city.obj".into(), bytes: 9 }];
-        Manifest { program: "0.1.0".into(), options: options.into(), inputs, passes: 3, began: 1 }
+        Manifest { program: "0.1.0".into(), options: options.into(), inputs, passes: 3, began: 1, job: 0 }
     }
 
     #[test]
@@ -190,11 +196,24 @@ mod tests {
     }
 
     #[test]
+    fn what_a_forged_manifest_says_is_told_in_a_few_plain_words() {
+        let mut old = manifest("Options { seams: \u{1b}[2J }");
+        old.inputs = vec![InputFile { path: "/other\n".into(), bytes: 9 }; 1000];
+        let mut new = manifest("Options { seams: Lock }");
+        new.inputs = vec![InputFile { path: "/data/city.obj".into(), bytes: 9 }; 1000];
+        let told = old.differences(&new);
+        assert_eq!(told[0], "--seams was \\u{1b}[2J, is Lock");
+        assert_eq!(told.len(), DIFFERENCES_TOLD_MAX + 1);
+        assert_eq!(told[DIFFERENCES_TOLD_MAX], "989 more");
+        assert!(!told.concat().contains(char::is_control));
+    }
+
+    #[test]
     fn a_manifest_comes_back_or_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("manifest.bin");
         manifest("{}").write(&path).unwrap();
-        assert_eq!(Manifest::read(&path).unwrap(), manifest("{}"));
+        assert_eq!(Manifest::read(&path).unwrap().0, manifest("{}"));
         let whole = std::fs::read(&path).unwrap();
         for at in 0..whole.len() {
             let mut bytes = whole.clone();

@@ -13,7 +13,8 @@
 //!
 //! # Files
 //! `manifest.bin`, `journal.bin`, `lock`, the values of steps (`*.state`), and what the phases write. A folder that
-//! holds anything foreign is never used, so nothing of the user's is ever removed.
+//! holds anything foreign is never used, nor one that holds files and no manifest of ours, so nothing of the user's is ever
+//! removed.
 
 pub mod codec;
 mod finished;
@@ -24,6 +25,7 @@ mod manifest;
 mod stamp;
 mod status;
 
+use std::collections::hash_map::Entry::Vacant;
 use std::collections::{HashMap, HashSet};
 use std::fs::{self, File};
 use std::io::{ErrorKind, Read};
@@ -37,7 +39,7 @@ use serde::de::DeserializeOwned;
 
 use self::finished::{Finished, append, sync};
 pub use self::header::FORMAT_VERSION;
-use self::header::HEADER_BYTES;
+use self::header::{HEADER_BYTES, Header};
 pub use self::journal::{Entry, Record, Step};
 use self::journal::{Journal, Value, now};
 use self::lock::lock_folder;
@@ -47,6 +49,7 @@ pub use self::stamp::is_file_name;
 pub use self::status::{WorkStatus, folder_bytes, look};
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
+use crate::os::durable::{new_job_number, sync_folder};
 
 const MANIFEST: &str = "manifest.bin";
 const JOURNAL: &str = "journal.bin";
@@ -84,6 +87,8 @@ pub struct WorkFolder {
     is_resumed: bool,
     /// Whether something is kept that another process could go on with; so it is until the contrary is known.
     holds_steps: AtomicBool,
+    /// The job's number.
+    number: u64,
 }
 
 impl WorkFolder {
@@ -112,7 +117,12 @@ impl WorkFolder {
             damage: Mutex::new(Vec::new()),
             is_resumed: false,
             holds_steps: AtomicBool::new(true),
+            number: new_job_number(path),
         };
+        // What an earlier job of this folder left outside of it is found by its number.
+        if let Ok((earlier, _)) = Manifest::read(&path.join(MANIFEST)) {
+            folder.number = earlier.job;
+        }
         let journal = match resume {
             Resume::Never => None,
             _ => folder.take_over(manifest)?,
@@ -141,7 +151,8 @@ impl WorkFolder {
         if !path.exists() {
             return nothing("holds no job to go on with");
         }
-        let differences = Manifest::read(&path)?.differences(manifest);
+        let (earlier, checksum) = Manifest::read(&path)?;
+        let differences = earlier.differences(manifest);
         if !differences.is_empty() {
             let (shown, what) = (escape_path(&self.path), differences.join("; "));
             return Err(Error::Changed(format!("{shown}: made for a job that differs: {what}; {}", manifest::AFRESH)));
@@ -150,20 +161,23 @@ impl WorkFolder {
         if !path.exists() {
             return nothing("holds nothing that is finished");
         }
-        let (journal, entries) = match Journal::open(&path) {
+        let (journal, entries) = match Journal::open(&path, checksum) {
             Err(Error::Damaged { message, .. }) if self.resume != Resume::Require => {
                 self.note_damage(JOURNAL, &message);
                 return Ok(None);
             }
             opened => opened?,
         };
-        for entry in entries {
-            if let Entry::Kept(record) = entry {
-                self.order.retain(|step| *step != record.step);
+        // Of a step that was kept again the last time counts.
+        for entry in entries.into_iter().rev() {
+            if let Entry::Kept(record) = entry
+                && let Vacant(place) = self.recalled.entry(record.step)
+            {
                 self.order.push(record.step);
-                self.recalled.insert(record.step, record);
+                place.insert(record);
             }
         }
+        self.order.reverse();
         if self.order.is_empty() {
             return nothing("holds nothing that is finished").map(|_: Option<Journal>| Some(journal));
         }
@@ -174,20 +188,34 @@ impl WorkFolder {
     /// Empties the folder and begins a job in it.
     fn begin(&self, manifest: &Manifest) -> Result<Journal> {
         self.clear()?;
-        let began = Manifest { began: now(), ..manifest.clone() };
+        let began = Manifest { began: now(), job: self.number, ..manifest.clone() };
         let path = self.path.join(MANIFEST);
-        began.write(&path)?;
+        let checksum = began.write(&path)?;
         // Nobody could go on with a job whose manifest a faulty disk has lost, nor begin one in its folder.
         if let Err(error) = Manifest::read(&path) {
             self.clear()?;
             return Err(error);
         }
-        Journal::create(&self.path.join(JOURNAL))
+        Journal::create(&self.path.join(JOURNAL), checksum)
     }
 
     /// The folder.
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// The job's number, by which the names of its files outside of the folder are its own.
+    pub fn number(&self) -> u64 {
+        self.number
+    }
+
+    /// Makes durable what is kept so far.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn sync(&self) -> Result<()> {
+        self.settle()?;
+        sync(&self.journal)
     }
 
     /// Whether steps of an earlier process were found.
@@ -385,7 +413,10 @@ impl WorkFolder {
 
     /// Removes all files of an earlier job, those that make it one last.
     fn clear(&self) -> Result<()> {
-        remove_files(&self.all_but(&HashSet::new())?)?;
+        let superseded = self.all_but(&HashSet::new())?;
+        remove_files(&superseded)?;
+        // Without a manifest they would be taken for files of others.
+        superseded.first().map_or(Ok(()), |path| sync_folder(path))?;
         for name in [JOURNAL, MANIFEST] {
             for name in [name.to_owned(), format!("{name}.tmp")] {
                 let path = self.path.join(name);
@@ -451,17 +482,22 @@ fn is_phase_file(name: &str) -> bool {
     PREFIXES.iter().any(|prefix| name.starts_with(prefix)) && SUFFIXES.iter().any(|suffix| name.ends_with(suffix))
 }
 
-/// Refuses a folder that holds a file which this program does not write.
+/// Refuses a folder that holds a file which this program does not write, or that no job of it has made.
 fn refuse_foreign(path: &Path) -> Result<()> {
     if !path.is_dir() {
         return Err(Error::Usage(format!("{}: the work folder is not a folder", escape_path(path))));
     }
+    let is_job = [MANIFEST, JOURNAL].iter().any(|name| Header::is_at(&path.join(name)));
     for entry in entries(path)? {
         let name = entry.file_name();
         let name = name.to_string_lossy();
-        let is_own = [MANIFEST, JOURNAL, LOCK].contains(&name.strip_suffix(".tmp").unwrap_or(&name));
-        let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
-        if !(is_file && (is_own || is_phase_file(&name))) {
+        let is_own = match &*name {
+            LOCK => entry.metadata().is_ok_and(|meta| meta.len() == 0),
+            // Left by a process that had just begun, with anything in it after a power cut.
+            "manifest.bin.tmp" => true,
+            name => is_job && ([MANIFEST, JOURNAL, "journal.bin.tmp"].contains(&name) || is_phase_file(name)),
+        };
+        if !(is_own && entry.file_type().is_ok_and(|kind| kind.is_file())) {
             let message = format!("{}: holds files of others; give an empty or a new work folder", escape_path(path));
             return Err(Error::Usage(message));
         }

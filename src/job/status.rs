@@ -31,9 +31,9 @@ pub fn look(path: &Path) -> Result<WorkStatus> {
     if !path.join(MANIFEST).is_file() {
         return Err(Error::Usage(format!("{}: holds no job; give a work folder", escape_path(path))));
     }
-    let manifest = Manifest::read(&path.join(MANIFEST))?;
+    let (manifest, checksum) = Manifest::read(&path.join(MANIFEST))?;
     let entries = match path.join(JOURNAL).exists() {
-        true => journal::read(&path.join(JOURNAL))?.0,
+        true => journal::read(&path.join(JOURNAL), checksum)?.0,
         false => Vec::new(),
     };
     Ok(WorkStatus { manifest, entries, is_running: is_locked(path), bytes: folder_bytes(path) })

@@ -3,7 +3,7 @@ use super::*;
 
 fn manifest() -> Manifest {
     let (program, options) = ("0".into(), "Options { ratio: Some(0.1) }".into());
-    Manifest { program, options, inputs: Vec::new(), passes: 3, began: 0 }
+    Manifest { program, options, inputs: Vec::new(), passes: 3, began: 0, job: 0 }
 }
 
 fn open(path: &Path, resume: Resume) -> Result<WorkFolder> {
@@ -190,4 +190,48 @@ fn a_job_can_be_looked_at_while_it_runs() {
     assert_eq!(status.entries.iter().filter(kept).count(), 2);
     drop(job);
     assert!(!look(&path).unwrap().is_running);
+}
+
+#[test]
+fn files_that_are_named_like_ours_are_not_taken_for_ours() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    fs::create_dir(&path).unwrap();
+    for name in ["scan-000001.bin", "pass-notes.tmp", "lock", "manifest.bin", "journal.bin"] {
+        fs::write(path.join(name), "of the user").unwrap();
+        for resume in [Resume::Auto, Resume::Require, Resume::Never] {
+            let error = open(&path, resume).unwrap_err();
+            assert!(error.to_string().contains("holds files of others"), "{name}: {error}");
+        }
+        assert_eq!(fs::read(path.join(name)).unwrap(), b"of the user");
+        fs::remove_file(path.join(name)).unwrap();
+    }
+    fs::write(path.join("manifest.bin.tmp"), [0; 64]).unwrap();
+    assert!(!open(&path, Resume::Auto).unwrap().is_resumed());
+}
+
+#[test]
+fn the_journal_of_another_job_is_not_gone_on_with() {
+    let parent = tempfile::tempdir().unwrap();
+    let (one, other) = (parent.path().join("one"), parent.path().join("other"));
+    left_over(&one);
+    left_over(&other);
+    fs::copy(other.join(MANIFEST), one.join(MANIFEST)).unwrap();
+    assert!(matches!(open(&one, Resume::Require), Err(Error::Damaged { .. })));
+    assert!(!open(&one, Resume::Auto).unwrap().is_resumed());
+    assert!(open(&other, Resume::Auto).unwrap().is_resumed());
+}
+
+#[test]
+fn a_hundred_thousand_entries_are_read_in_a_moment() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    let job = open(&path, Resume::Auto).unwrap();
+    for cluster in 0..100_000 {
+        job.keep(Step::Cluster { pass: 0, attempt: 0, cluster }, 1, [], &()).unwrap();
+    }
+    drop(job);
+    let job = open(&path, Resume::Auto).unwrap();
+    assert_eq!(job.latest().count(), 100_000);
+    assert_eq!(job.latest().next(), Some(Step::Cluster { pass: 0, attempt: 0, cluster: 99_999 }));
 }

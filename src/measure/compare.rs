@@ -51,7 +51,7 @@ use self::direction::Direction;
 use self::distribution::Distribution;
 use self::points::Sampling;
 use super::border::{BorderDeviation, border_deviation};
-use crate::base::{Error, Findings, Progress, Result};
+use crate::base::{Error, Findings, Progress, Result, json_path};
 use crate::os::system;
 use crate::scan::ScanOptions;
 
@@ -73,8 +73,10 @@ pub struct Comparison {
     /// [`VERSION`].
     pub version: u32,
     /// The original, as named.
+    #[serde(serialize_with = "json_path::lossy")]
     pub original: PathBuf,
     /// The result, as named.
+    #[serde(serialize_with = "json_path::lossy")]
     pub result: PathBuf,
     /// Points by area on each of the two surfaces.
     pub samples: u64,

@@ -1,8 +1,14 @@
 //! Files that are either whole or absent: written under a temporary name, synced, renamed, and the folder synced.
+//!
+//! In a work folder, which is ours, the temporary name is the file's with `.tmp` behind it. Beside what is the user's, no
+//! file may be taken for a left-over and no other process may write to the same one: there it is
+//! `drystone-<job and file>.tmp`, which only the job itself makes and removes ([`waiting_place`]).
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
+
+use xxhash_rust::xxh3::xxh3_64_with_seed;
 
 use crate::base::{Error, Result};
 
@@ -16,22 +22,30 @@ pub struct DurableFile {
 }
 
 impl DurableFile {
-    /// Opens a new file beside `target` with a temporary name; follows no symbolic link and replaces nothing.
+    /// Opens a new file of a work folder with a temporary name; follows no symbolic link and replaces nothing.
     ///
     /// # Errors
     /// [`Error::Io`] if the file cannot be made.
     pub fn create(target: &Path, buffer_bytes: usize) -> Result<Self> {
         let mut name = target.file_name().unwrap_or_default().to_owned();
         name.push(".tmp");
-        let temporary = target.with_file_name(name);
+        Self::create_at(target, target.with_file_name(name), buffer_bytes)
+    }
+
+    /// The same in a folder of the user's, for the job of this number.
+    ///
+    /// # Errors
+    /// As [`create`](DurableFile::create).
+    pub fn create_outside(target: &Path, job: u64, buffer_bytes: usize) -> Result<Self> {
+        Self::create_at(target, waiting_place(target, job), buffer_bytes)
+    }
+
+    fn create_at(target: &Path, temporary: PathBuf, buffer_bytes: usize) -> Result<Self> {
         // NOTE: a left-over of a killed run may stand in the way; it is ours by its name.
         let _ = fs::remove_file(&temporary);
-        let file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .create_new(true)
-            .open(&temporary)
-            .map_err(|e| Error::io(&temporary, "create", e))?;
+        let mut options = OpenOptions::new();
+        let opened = options.read(true).write(true).create_new(true).open(&temporary);
+        let file = opened.map_err(|e| Error::io(target, "create", e))?;
         let writer = Some(BufWriter::with_capacity(buffer_bytes, file));
         Ok(Self { writer, temporary, target: target.to_owned(), has_name: false })
     }
@@ -47,7 +61,7 @@ impl DurableFile {
     /// [`Error::NoSpace`] on a full disk, else [`Error::Io`].
     pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
         let Some(writer) = self.writer.as_mut() else { return Ok(()) };
-        writer.write_all(bytes).map_err(|e| Error::io(&self.temporary, "write", e))
+        writer.write_all(bytes).map_err(|e| Error::io(&self.target, "write", e))
     }
 
     /// Overwrites bytes at an offset, after what was appended so far has been flushed.
@@ -57,7 +71,7 @@ impl DurableFile {
     pub fn write_at(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
         let Some(writer) = self.writer.as_mut() else { return Ok(()) };
         let flushed = writer.flush().and_then(|()| super::system::write_all_at(writer.get_ref(), bytes, offset));
-        flushed.map_err(|e| Error::io(&self.temporary, "write", e))
+        flushed.map_err(|e| Error::io(&self.target, "write", e))
     }
 
     /// Gives the file its name without making anything durable, and returns the open file: for what another process
@@ -67,7 +81,7 @@ impl DurableFile {
     /// As [`write`](DurableFile::write).
     pub fn commit_scratch(mut self) -> Result<File> {
         let mut writer = self.take_writer()?;
-        writer.flush().map_err(|e| Error::io(&self.temporary, "write", e))?;
+        writer.flush().map_err(|e| Error::io(&self.target, "write", e))?;
         self.rename(writer)
     }
 
@@ -78,7 +92,7 @@ impl DurableFile {
     pub fn commit(mut self) -> Result<File> {
         let mut writer = self.take_writer()?;
         let synced = writer.flush().and_then(|()| writer.get_ref().sync_data());
-        synced.map_err(|e| Error::io(&self.temporary, "write", e))?;
+        synced.map_err(|e| Error::io(&self.target, "write", e))?;
         let file = self.rename(writer)?;
         sync_folder(&self.target)?;
         Ok(file)
@@ -104,10 +118,25 @@ impl Drop for DurableFile {
     }
 }
 
-/// The same way of opening a file, which fails where the file is a symbolic link.
+/// Where the file of a job that will be `target` waits for its name. The name follows from both, so the job finds it again
+/// after a kill; no other job has it.
+pub fn waiting_place(target: &Path, job: u64) -> PathBuf {
+    let name = target.file_name().unwrap_or_default().as_encoded_bytes();
+    target.with_file_name(format!("drystone-{:016x}.tmp", xxh3_64_with_seed(name, job)))
+}
+
+/// A number for [`waiting_place`] that no other job has, for all that can be known: made of the time, the process and a
+/// path.
+pub fn new_job_number(path: &Path) -> u64 {
+    let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
+    let seed = since.as_nanos() as u64 ^ u64::from(std::process::id()).rotate_left(40);
+    xxh3_64_with_seed(path.as_os_str().as_encoded_bytes(), seed)
+}
+
+/// The same way of opening a file, which fails where the file is a symbolic link, and does not wait where it is a pipe.
 pub fn no_links(options: &mut OpenOptions) -> &mut OpenOptions {
     #[cfg(unix)]
-    std::os::unix::fs::OpenOptionsExt::custom_flags(options, libc::O_NOFOLLOW);
+    std::os::unix::fs::OpenOptionsExt::custom_flags(options, libc::O_NOFOLLOW | libc::O_NONBLOCK);
     options
 }
 
@@ -140,6 +169,23 @@ mod tests {
         file.write_at(0, b"j").unwrap();
         file.commit().unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"jello");
+    }
+
+    #[test]
+    fn nothing_of_the_users_is_taken_for_a_left_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("city.obj");
+        fs::write(folder.path().join("city.obj.tmp"), "mine").unwrap();
+        let mut of_one = DurableFile::create_outside(&path, 1, 16).unwrap();
+        let mut of_other = DurableFile::create_outside(&path, 2, 16).unwrap();
+        of_one.write(b"one").unwrap();
+        of_other.write(b"other").unwrap();
+        of_one.commit().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"one");
+        of_other.commit().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"other");
+        assert_eq!(fs::read(folder.path().join("city.obj.tmp")).unwrap(), b"mine");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 
     #[test]

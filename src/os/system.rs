@@ -98,17 +98,33 @@ pub fn write_all_at(file: &File, bytes: &[u8], offset: u64) -> io::Result<()> {
     }
 }
 
-/// Whether an error tells of the machine and not of the file: the same call may succeed later.
+/// Whether an error tells of the machine and not of the file: the same call may succeed later. So do all that do not say
+/// that the file is not there or may not be read.
 ///
 /// A file that could not be looked at for such a reason must not be taken for one that is not there.
 pub fn is_of_machine(error: &io::Error) -> bool {
+    use io::ErrorKind::{InvalidFilename, InvalidInput, IsADirectory, NotADirectory, NotFound, PermissionDenied};
+    let Some(code) = error.raw_os_error() else { return false };
     #[cfg(unix)]
-    return matches!(
-        error.raw_os_error(),
-        Some(libc::EIO | libc::EMFILE | libc::ENFILE | libc::ENOMEM | libc::ESTALE | libc::ETIMEDOUT)
-    );
+    let is_loop = code == libc::ELOOP;
     #[cfg(not(unix))]
-    return error.kind() == io::ErrorKind::OutOfMemory;
+    let is_loop = code < 0;
+    let tells_of_file = matches!(
+        error.kind(),
+        NotFound | PermissionDenied | NotADirectory | IsADirectory | InvalidInput | InvalidFilename
+    );
+    !is_loop && !tells_of_file
+}
+
+/// Whether a path leads to a regular file.
+///
+/// # Errors
+/// If the machine fails, so that nobody knows.
+pub fn is_file(path: &Path) -> io::Result<bool> {
+    match fs::metadata(path) {
+        Err(error) if is_of_machine(&error) => Err(error),
+        found => Ok(found.is_ok_and(|meta| meta.is_file())),
+    }
 }
 
 fn proc_status_bytes(field: &str) -> Option<u64> {

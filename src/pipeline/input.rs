@@ -4,6 +4,7 @@
 //! nothing that an earlier process kept is used before the content of every file that it follows from has been
 //! compared.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -18,7 +19,7 @@ use crate::scan::fingerprint::{self, Source};
 use crate::scan::{self, Scan, ScanOptions};
 use crate::stitch::Start;
 use crate::store::Catalogue;
-use crate::write;
+use crate::write::{self, CopiedTexture, NamedTexture, Sources};
 
 /// What the input holds beside geometry.
 #[derive(Debug, Serialize, Deserialize)]
@@ -86,9 +87,8 @@ impl Reading<'_> {
                 return Err(fingerprint::changed(path, "has changed"));
             }
         }
-        let paths = |sources: &[Source]| sources.iter().map(|source| source.path.clone()).collect();
-        let libraries = libraries_at(paths(&input.libraries))?;
-        let textures = self.textures(paths(&input.textures))?;
+        let libraries = libraries_at(input.libraries.iter().map(|source| source.path.as_path()))?;
+        let textures = self.textures(&input.catalogue)?;
         let old = input.libraries.iter().chain(&input.textures);
         for (old, new) in old.zip(libraries.iter().chain(&textures)) {
             if let Some(what) = old.difference(new) {
@@ -102,8 +102,9 @@ impl Reading<'_> {
     fn scan(&self, job: &WorkFolder) -> Result<(Input, Start)> {
         let scanned = scan::scan(self.inputs, job.path(), &self.scan, self.progress)?;
         let Scan { mesh, catalogue, triangles, findings, input_bytes, content_hashes, libraries } = scanned;
-        let textures = self.textures(write::texture_paths(&catalogue).into_iter().collect())?;
-        let (libraries, need) = (libraries_at(libraries)?, Need::of(&mesh, &catalogue));
+        let textures = self.textures(&catalogue)?;
+        let libraries = libraries_at(libraries.iter().map(PathBuf::as_path))?;
+        let need = Need::of(&mesh, &catalogue);
         let input =
             Input { catalogue, triangles, findings, bytes: input_bytes, need, content_hashes, libraries, textures };
         job.keep(Step::Input, triangles, [], &input)?;
@@ -114,14 +115,15 @@ impl Reading<'_> {
     }
 
     /// Textures count by their content where they are copied, and by whether they are there otherwise.
-    fn textures(&self, paths: Vec<PathBuf>) -> Result<Vec<Source>> {
-        let mut sources = Vec::with_capacity(paths.len());
-        let look = |path: PathBuf| {
+    fn textures(&self, catalogue: &Catalogue) -> Result<Vec<Source>> {
+        let named = write::named_textures(catalogue);
+        let mut sources = Vec::with_capacity(named.len());
+        let look = |texture: NamedTexture| {
             self.progress.check_stopped()?;
-            let is_copied = self.options.textures == TextureFiles::Copy;
-            if is_copied { Source::of(&path) } else { Source::presence(&path) }
+            let is_copied = self.options.textures == TextureFiles::Copy && !texture.leaves;
+            if is_copied { Source::inside(&texture.folder, &texture.path) } else { Source::presence(&texture.path) }
         };
-        map_in_order(paths.into_iter(), self.scan.threads, 4 * self.scan.threads, look, |source| {
+        map_in_order(named.into_iter(), self.scan.threads, 4 * self.scan.threads, look, |source| {
             sources.push(source);
             Ok(())
         })?;
@@ -129,6 +131,30 @@ impl Reading<'_> {
     }
 }
 
-fn libraries_at(paths: Vec<PathBuf>) -> Result<Vec<Source>> {
-    paths.iter().map(|path| Source::of(path)).collect()
+fn libraries_at<'a>(paths: impl Iterator<Item = &'a Path>) -> Result<Vec<Source>> {
+    paths.map(Source::of).collect()
+}
+
+impl Input {
+    /// The files that the result follows from.
+    pub(super) fn sources(&self) -> Sources {
+        let beside = self.libraries.iter().chain(&self.textures).map(|source| source.path.as_path());
+        Sources::new(self.catalogue.files.iter().map(PathBuf::as_path).chain(beside))
+    }
+
+    /// Compares textures as they were copied with what they were when the job was begun.
+    ///
+    /// # Errors
+    /// [`Error::Changed`](crate::base::Error::Changed) naming the first that differs.
+    pub(super) fn check_textures(&self, copied: &[CopiedTexture]) -> Result<()> {
+        let known: HashMap<PathBuf, (u64, u64)> = self
+            .textures
+            .iter()
+            .filter_map(|source| Some((source.path.canonicalize().ok()?, source.content?)))
+            .collect();
+        match copied.iter().find(|(path, content)| known.get(path).is_some_and(|known| known != content)) {
+            Some((path, _)) => Err(fingerprint::changed(path, "has changed")),
+            None => Ok(()),
+        }
+    }
 }

@@ -1,63 +1,106 @@
 //! The file that is to be written, before the work is done: one that cannot be is refused, one that is there already is known.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use super::input::Reading;
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 use crate::job::{Step, WorkFolder};
-use crate::os::durable::DurableFile;
+use crate::os::durable::{DurableFile, waiting_place};
 use crate::scan::fingerprint;
-use crate::write::Written;
+use crate::write::{Companion, Sources, Written};
 
-/// What a process that was ended after its result had its name had written, if it is there still.
-pub(super) fn finished(job: &WorkFolder, output: &Path) -> Result<Option<Written>> {
-    let Some(written) = job.recall::<Written>(Step::Written)? else { return Ok(None) };
-    let content = fingerprint::content(output).ok();
-    Ok((content == Some((written.bytes, written.hash))).then_some(written))
+/// Longest name of a file, and what stands behind the output's stem in the name of the textures' folder.
+const NAME_BYTES_MAX: usize = 255;
+const LONGEST_ENDING: &str = "_textures";
+
+/// What a process that was ended while its result got its names had written.
+pub(super) enum Earlier {
+    /// Nothing, or it is there no more.
+    Nothing,
+    /// The OBJ is there; of its MTL and textures not all are.
+    Obj,
+    /// All of it is there.
+    Whole(Written),
 }
 
-/// Refuses, before anything is read, an output that is no OBJ, exists or is one of the inputs.
-pub(super) fn refuse(reading: &Reading<'_>, output: &Path, may_exist: bool) -> Result<()> {
+/// Looks for the result of an earlier process.
+pub(super) fn earlier(job: &WorkFolder, output: &Path) -> Result<Earlier> {
+    let Some(written) = job.recall::<Written>(Step::Written)? else { return Ok(Earlier::Nothing) };
+    if !fingerprint::content(output).is_ok_and(|content| content == (written.bytes, written.hash)) {
+        return Ok(Earlier::Nothing);
+    }
+    if !written.companions.iter().all(Companion::is_there) {
+        return Ok(Earlier::Obj);
+    }
+    // The same was there before, and waited for its names when the process was ended.
+    for target in written.companions.iter().map(|companion| companion.path.as_path()).chain([output]) {
+        let _ = std::fs::remove_file(waiting_place(target, job.number()));
+    }
+    Ok(Earlier::Whole(written))
+}
+
+/// Refuses, before anything is read or made, an output that is no OBJ or one of the inputs, and places that are in the way of
+/// each other.
+pub(super) fn refuse(input: &Path, inputs: &[PathBuf], output: &Path, work: &Path) -> Result<()> {
     let shown = escape_path(output);
     let refused = |words: &str| Err(Error::Usage(format!("{shown}: {words}")));
-    if output.file_name().is_none() || output.is_dir() {
+    let (Some(name), false) = (output.file_name(), output.is_dir()) else {
         return refused("the output must be a file, such as out/city.obj");
-    }
+    };
     if !output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj")) {
         return refused("the output is an OBJ file: its name must end in .obj");
+    }
+    if name.as_encoded_bytes().iter().any(u8::is_ascii_control) {
+        return refused("the output's name has control characters, which an MTL cannot refer to");
+    }
+    if output.file_stem().map_or(0, |stem| stem.len()) + LONGEST_ENDING.len() > NAME_BYTES_MAX {
+        return refused("the output's name is too long");
     }
     // A device or a pipe would be replaced by a file.
     if output.metadata().is_ok_and(|there| !there.is_file()) {
         return refused("is there already, and no regular file");
     }
-    try_output(output)?;
-    let Ok(there) = output.canonicalize() else { return Ok(()) };
-    if reading.inputs.iter().any(|input| input.canonicalize().is_ok_and(|input| input == there)) {
-        return match reading.path.is_dir() {
-            true => {
-                refused(&format!("lies below the input, {}; choose a name outside of it", escape_path(reading.path)))
-            }
-            false => refused("the output is the input; choose another name"),
-        };
+    let there = resolved(output);
+    if input.is_dir() && there.starts_with(resolved(input)) {
+        return refused(&format!("lies below the input, {}; choose a name outside of it", escape_path(input)));
     }
-    if !may_exist {
-        return refused("exists already; --force replaces it");
+    if Sources::new(inputs.iter().map(PathBuf::as_path)).are_at(output) {
+        return refused("the output is the input; choose another name");
+    }
+    let work_folder = resolved(work);
+    let shown = escape_path(work);
+    if there.starts_with(&work_folder) {
+        return Err(Error::Usage(format!("{shown}: the output lies in the work folder; choose another --work")));
+    }
+    if inputs.iter().any(|input| resolved(input).starts_with(&work_folder)) {
+        return Err(Error::Usage(format!("{shown}: the input lies in the work folder; choose another --work")));
     }
     Ok(())
 }
 
-/// Finds out, before the work is done, whether the output can be written.
-fn try_output(output: &Path) -> Result<()> {
+/// Finds out, before the work is done, whether the output can be written, and refuses to replace one that is there.
+pub(super) fn check(output: &Path, job: &WorkFolder, may_exist: bool) -> Result<()> {
     let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
-    DurableFile::create(output, 0).map(drop)
+    DurableFile::create_outside(output, job.number(), 0).map(drop)?;
+    if !may_exist && output.symlink_metadata().is_ok() {
+        return Err(Error::Usage(format!("{}: exists already; --force replaces it", escape_path(output))));
+    }
+    Ok(())
+}
+
+/// A path without links, as far as it is there.
+fn resolved(path: &Path) -> PathBuf {
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let there = absolute.ancestors().find_map(|above| Some((above.canonicalize().ok()?, above)));
+    match there {
+        Some((canonical, above)) => absolute.strip_prefix(above).map_or(canonical.clone(), |rest| canonical.join(rest)),
+        None => absolute,
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use std::path::PathBuf;
-
     use super::*;
     use crate::base::Silent;
     use crate::options::SimplifyOptions;

@@ -25,10 +25,11 @@ pub use self::comparison::ComparisonPage;
 
 use self::gallery::Shot;
 use crate::base::error::escape_path;
+use crate::base::json_path;
 use crate::base::{Error, Result};
 use crate::measure::compare::Comparison;
 use crate::options::SimplifyOptions;
-use crate::os::durable::DurableFile;
+use crate::os::durable::{DurableFile, new_job_number};
 use crate::os::timeline::Timeline;
 use crate::stitch::outcome::{Floor, PassReport, RemeshReport};
 
@@ -118,6 +119,7 @@ pub struct Report {
     /// but for the times of the passes.
     pub resumed: bool,
     /// The OBJ file or folder that was read.
+    #[serde(serialize_with = "json_path::lossy")]
     pub input: PathBuf,
     /// Number of OBJ files in it.
     pub input_files: u64,
@@ -126,6 +128,7 @@ pub struct Report {
     /// Threads that worked.
     pub threads: usize,
     /// The OBJ that was written.
+    #[serde(serialize_with = "json_path::lossy")]
     pub output: PathBuf,
     /// Triangles.
     pub faces: FaceFigures,
@@ -181,8 +184,12 @@ impl Report {
     }
 }
 
-fn save_text(text: &str, path: &Path) -> Result<()> {
-    let mut file = DurableFile::create(path, 64 << 10)?;
+/// Writes a text and a line feed as a file that is whole or absent.
+///
+/// # Errors
+/// The file system's.
+pub fn save_text(text: &str, path: &Path) -> Result<()> {
+    let mut file = DurableFile::create_outside(path, new_job_number(path), 64 << 10)?;
     file.write(text.as_bytes())?;
     file.write(b"\n")?;
     file.commit()?;

@@ -40,6 +40,16 @@ impl Source {
         Self::new(path, content(path))
     }
 
+    /// The same of a file that must not lie outside of a folder, not by a link either: then it counts as missing.
+    ///
+    /// # Errors
+    /// As [`of`](Source::of).
+    pub fn inside(folder: &Path, path: &Path) -> Result<Self> {
+        let ends_inside = || Ok(fs::canonicalize(path)?.starts_with(fs::canonicalize(folder)?));
+        let outside = || Err(ErrorKind::InvalidInput.into());
+        Self::new(path, ends_inside().and_then(|is_inside| if is_inside { content(path) } else { outside() }))
+    }
+
     /// Looks whether a file is there.
     ///
     /// # Errors
@@ -74,10 +84,12 @@ impl Source {
 /// # Errors
 /// The system's; `InvalidInput` if it is no regular file.
 pub fn content(path: &Path) -> std::io::Result<(u64, u64)> {
-    if !fs::metadata(path)?.is_file() {
+    let meta = fs::metadata(path)?;
+    if !meta.is_file() {
         return Err(ErrorKind::InvalidInput.into());
     }
-    let mut file = File::open(path)?;
+    // What the system makes up as it is read, like files of /proc, has no length and may have no end.
+    let mut file = File::open(path)?.take(meta.len());
     let (mut length, mut hash) = (0, Xxh3::new());
     let mut buffer = vec![0; READ_BYTES];
     loop {
@@ -162,7 +174,7 @@ mod tests {
     #[cfg(unix)]
     fn a_file_that_the_machine_fails_to_read_is_not_taken_for_a_missing_one() {
         let failed = |code| Source::new(Path::new("a.png"), Err(std::io::Error::from_raw_os_error(code)));
-        for code in [libc::EIO, libc::EMFILE, libc::ENFILE] {
+        for code in [libc::EIO, libc::EMFILE, libc::ENFILE, libc::EBADMSG, libc::ENOTCONN, libc::EAGAIN] {
             assert!(matches!(failed(code), Err(Error::Io { .. })), "{code}");
         }
         for code in [libc::ENOENT, libc::EACCES, libc::ENOTDIR, libc::ELOOP, libc::ENAMETOOLONG] {

@@ -21,6 +21,7 @@ use super::obj::BYTE_ORDER_MARK;
 use super::parts::FileMaterials;
 use crate::base::error::{escape, escape_path};
 use crate::base::{Error, Findings, Result};
+use crate::os::system::is_file;
 use crate::store::Material;
 use crate::store::mesh::{MaterialDefinition, TextureStatement};
 
@@ -87,7 +88,7 @@ pub fn define_materials(
     let mut named = Vec::new();
     let mut read = HashSet::new();
     for (line, text) in libraries {
-        for (name, path) in find_libraries(obj, text) {
+        for (name, path) in find_libraries(obj, text)? {
             match path {
                 Some(path) => {
                     if read.insert(path.clone()) {
@@ -119,23 +120,31 @@ pub fn define_materials(
 
 /// The names of an `mtllib` statement, with the files that are there: the whole text if there is such a file, else
 /// its words, where a blank after a backslash belongs to a word.
-fn find_libraries(obj: &Path, text: &[u8]) -> Vec<(Vec<u8>, Option<PathBuf>)> {
+///
+/// # Errors
+/// [`Error::Io`] if the machine fails, so that nobody knows whether a file is there.
+fn find_libraries(obj: &Path, text: &[u8]) -> Result<Vec<(Vec<u8>, Option<PathBuf>)>> {
     let folder = obj.parent().unwrap_or(Path::new(""));
-    let find = |name: &[u8]| -> Option<PathBuf> {
+    let find = |name: &[u8]| -> Result<Option<PathBuf>> {
         let relative = path_of(name);
-        let is_drive = name.get(1) == Some(&b':');
+        if relative.has_root() || name.get(1) == Some(&b':') {
+            return Ok(None);
+        }
         let path = folder.join(&relative);
-        (!relative.has_root() && !is_drive && fs::metadata(&path).is_ok_and(|kind| kind.is_file())).then_some(path)
+        match is_file(&path) {
+            Ok(there) => Ok(there.then_some(path)),
+            Err(error) => Err(Error::io(&path, "open", error)),
+        }
     };
-    if let Some(path) = find(text) {
-        return vec![(text.to_vec(), Some(path))];
+    if let Some(path) = find(text)? {
+        return Ok(vec![(text.to_vec(), Some(path))]);
     }
     let names = if memmem::find(text, b"\\ ").is_some() {
         split_escaped(text)
     } else {
         words(text).map(<[u8]>::to_vec).collect()
     };
-    names.into_iter().map(|name| (name.clone(), find(&name))).collect()
+    names.into_iter().map(|name| Ok((name.clone(), find(&name)?))).collect()
 }
 
 fn split_escaped(text: &[u8]) -> Vec<Vec<u8>> {
@@ -328,7 +337,7 @@ mod tests {
             fs::write(folder.path().join(name), "").unwrap();
         }
         let found = |text: &str| -> Vec<bool> {
-            find_libraries(&obj, text.as_bytes()).into_iter().map(|(_, path)| path.is_some()).collect()
+            find_libraries(&obj, text.as_bytes()).unwrap().into_iter().map(|(_, path)| path.is_some()).collect()
         };
         assert_eq!(found("a b.mtl"), [true]);
         assert_eq!(found("b.mtl gone.mtl"), [true, false]);

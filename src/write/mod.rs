@@ -27,26 +27,31 @@ mod normals;
 mod number;
 mod numbering;
 mod obj;
+mod paths;
+mod targets;
 #[cfg(test)]
 mod tests;
 mod textures;
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use xxhash_rust::xxh3::xxh3_64;
 
 use self::batches::in_order;
 use self::grouping::Grouping;
 use self::normals::{PieceNormals, SharedNormals, piece_bytes, piece_normals};
 use self::numbering::{FaceReader, Usage};
 use self::obj::{CornerForm, ObjFile, PartOrder};
+pub use self::paths::{NamedTexture, is_texture_there, named_textures};
+pub use self::targets::Sources;
+use self::targets::Targets;
 use self::textures::TextureStage;
-pub use self::textures::{is_texture_there, texture_paths};
 use crate::base::bytes::MIB;
-use crate::base::error::escape_path;
 use crate::base::{Error, Findings, Progress, Result};
+use crate::job::codec;
 use crate::os::durable::DurableFile;
+use crate::scan::fingerprint;
 use crate::store::mesh::PieceNumbering;
 use crate::store::{Catalogue, NO_TEXCOORD, StoredMesh, StoredPiece};
 
@@ -78,6 +83,10 @@ pub struct WriteOptions {
     pub force: bool,
     /// Memory that the phase may use, in bytes; below 32 MiB it uses somewhat more.
     pub work_bytes: u64,
+    /// Files that must not be replaced.
+    pub sources: Sources,
+    /// Number of the job, by which files that wait for their names are its own.
+    pub job: u64,
 }
 
 /// What was written.
@@ -93,10 +102,35 @@ pub struct Written {
     pub bytes: u64,
     /// XXH3 of the OBJ.
     pub hash: u64,
+    /// The MTL and the textures.
+    pub companions: Vec<Companion>,
     /// Textures that were missing (`missing_texture`) or not taken along (`refused_texture`), and numbers that had to
     /// be replaced by 0 (`non_finite_numbers`).
     pub findings: Findings,
 }
+
+/// A file of the result beside the OBJ.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Companion {
+    /// Where it is.
+    #[serde(with = "codec::path")]
+    pub path: PathBuf,
+    /// Its length in bytes and XXH3; nothing of a link, which only has to lead to a file.
+    pub content: Option<(u64, u64)>,
+}
+
+impl Companion {
+    /// Whether it is there still, as it was written.
+    pub fn is_there(&self) -> bool {
+        match self.content {
+            Some(content) => fingerprint::content(&self.path).is_ok_and(|found| found == content),
+            None => self.path.is_file(),
+        }
+    }
+}
+
+/// A texture of the input that was copied: its canonical path, its length and XXH3 as they were then.
+pub type CopiedTexture = (PathBuf, (u64, u64));
 
 /// A result that is whole, and under temporary names still.
 #[derive(Debug)]
@@ -111,6 +145,11 @@ impl Staged {
     /// What will have been written.
     pub fn written(&self) -> &Written {
         &self.written
+    }
+
+    /// The textures that were copied for it.
+    pub fn copied_textures(&self) -> &[CopiedTexture] {
+        &self.textures.copied
     }
 
     /// Gives the files their names: textures, then the MTL, then the OBJ.
@@ -140,6 +179,14 @@ pub fn write(
     stage(mesh, catalogue, output, work_folder, options, progress)?.commit()
 }
 
+/// Refuses, before the work is done, an output whose OBJ or MTL would replace what it must not.
+///
+/// # Errors
+/// [`Error::Usage`] saying what is in the way.
+pub fn check_output(output: &Path, options: &WriteOptions) -> Result<()> {
+    Targets::choose(output, &options.sources, options.force).map(drop)
+}
+
 /// Writes the mesh beside `output` (an OBJ), under temporary names, with its MTL and its textures.
 ///
 /// # Errors
@@ -155,17 +202,22 @@ pub fn stage(
     progress: &dyn Progress,
 ) -> Result<Staged> {
     progress.begin("write", mesh.face_count(), "faces");
-    let targets = Targets::choose(output, catalogue, options.force)?;
+    let targets = Targets::choose(output, &options.sources, options.force)?;
     let numbering = mesh.numbering()?;
     let mut usage = Usage::sweep(mesh, &numbering, catalogue.parts.len(), options.normals)?;
     let share = (options.work_bytes.saturating_sub(usage.memory_bytes()) / 2).clamp(SHARE_BYTES_MIN, SHARE_BYTES_MAX);
 
-    let mut textures = TextureStage::new(options.textures, options.force, &targets.folder, &targets.stem);
+    let mut textures = TextureStage::new(options, &targets, catalogue);
     let library = mtl::library(catalogue, &usage, &mut textures)?;
     textures.check_targets(&[&targets.obj, &targets.mtl])?;
-    let mtl = library.map(|text| targets.begin_mtl(&text, options.force)).transpose()?;
+    let mut companions = std::mem::take(&mut textures.companions);
+    let mut mtl = None;
+    if let Some(text) = library {
+        mtl = Some(targets.begin_mtl(&text, options.force, options.job)?);
+        companions.push(Companion { path: targets.mtl.clone(), content: Some((text.len() as u64, xxh3_64(&text))) });
+    }
 
-    let mut obj = ObjFile::create(&targets.obj, mtl.is_some().then(|| targets.library_name()))?;
+    let mut obj = ObjFile::create(&targets.obj, options.job, mtl.is_some().then(|| targets.library_name()))?;
     obj.vertices(mesh, &numbering, &usage.vertices, share)?;
     obj.texcoords(mesh, &numbering, &usage.texcoords, share)?;
 
@@ -188,6 +240,7 @@ pub fn stage(
         faces: mesh.face_count(),
         bytes,
         hash,
+        companions,
         findings,
     };
     Ok(Staged { written, textures, mtl, obj })
@@ -196,74 +249,6 @@ pub fn stage(
 /// The comment that the OBJ and the MTL begin with.
 fn signature() -> Vec<u8> {
     format!("# drystone {}\n", env!("CARGO_PKG_VERSION")).into_bytes()
-}
-
-/// Where the result goes; paths in a canonical folder.
-struct Targets {
-    folder: PathBuf,
-    stem: std::ffi::OsString,
-    obj: PathBuf,
-    mtl: PathBuf,
-}
-
-impl Targets {
-    /// Makes the folder and checks that nothing of value is in the way.
-    fn choose(output: &Path, catalogue: &Catalogue, force: bool) -> Result<Self> {
-        let refuse = |why: &str| Err(Error::Usage(format!("{}: {why}", escape_path(output))));
-        let (Some(name), Some(stem)) = (output.file_name(), output.file_stem()) else {
-            return refuse("the output must be a file name");
-        };
-        if name.as_encoded_bytes().iter().any(u8::is_ascii_control) {
-            return refuse("the output's name has control characters, which an OBJ cannot refer to");
-        }
-        let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
-        let folder = fs::canonicalize(folder).map_err(|e| Error::io(folder, "open", e))?;
-        let mut mtl_name = stem.to_owned();
-        mtl_name.push(".mtl");
-        let targets = Self { obj: folder.join(name), mtl: folder.join(mtl_name), stem: stem.to_owned(), folder };
-        if targets.obj == targets.mtl {
-            return refuse("the output is the OBJ; its MTL takes this name");
-        }
-        if targets.obj.is_dir() {
-            return refuse("is a folder; the output must be a file name");
-        }
-        let inputs: Vec<PathBuf> = catalogue.files.iter().filter_map(|file| fs::canonicalize(file).ok()).collect();
-        for target in [&targets.obj, &targets.mtl] {
-            let mut temporary = target.clone().into_os_string();
-            temporary.push(".tmp");
-            let temporary = PathBuf::from(temporary);
-            let ends_at = fs::canonicalize(target).ok();
-            if inputs.iter().any(|input| input == target || *input == temporary || Some(input) == ends_at.as_ref()) {
-                return refuse("an input file would be replaced; choose another output");
-            }
-        }
-        if !force && targets.obj.symlink_metadata().is_ok() {
-            return refuse("exists; --force replaces it");
-        }
-        Ok(targets)
-    }
-
-    /// The MTL's name as the OBJ writes it.
-    fn library_name(&self) -> &[u8] {
-        self.mtl.file_name().unwrap_or_default().as_encoded_bytes()
-    }
-
-    /// Writes the MTL under its temporary name.
-    fn begin_mtl(&self, text: &[u8], force: bool) -> Result<DurableFile> {
-        // NOTE: the very same MTL may be there already, left by a run that was killed before its OBJ got its name.
-        let present = self.mtl.symlink_metadata().is_ok();
-        let same = || {
-            fs::metadata(&self.mtl).is_ok_and(|found| found.len() == text.len() as u64)
-                && fs::read(&self.mtl).is_ok_and(|found| found == text)
-        };
-        if present && !force && !same() {
-            return Err(Error::Usage(format!("{}: exists; --force replaces it", escape_path(&self.mtl))));
-        }
-        let mut file = DurableFile::create(&self.mtl, 64 << 10)?;
-        file.write(text)?;
-        Ok(file)
-    }
 }
 
 /// Gives faces the numbers of the result.

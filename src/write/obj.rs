@@ -78,13 +78,13 @@ struct VertexRun<'a> {
 }
 
 impl ObjFile {
-    /// Begins the file that will be `target`; `library` is the name of the MTL, if there is one.
+    /// Begins the file of a job that will be `target`; `library` is the name of the MTL, if there is one.
     ///
     /// # Errors
     /// If the file cannot be made.
-    pub(super) fn create(target: &Path, library: Option<&[u8]>) -> Result<Self> {
-        let mut obj =
-            Self { file: DurableFile::create(target, FILE_BUFFER_BYTES)?, bytes: 0, hash: Xxh3::new(), non_finite: 0 };
+    pub(super) fn create(target: &Path, job: u64, library: Option<&[u8]>) -> Result<Self> {
+        let file = DurableFile::create_outside(target, job, FILE_BUFFER_BYTES)?;
+        let mut obj = Self { file, bytes: 0, hash: Xxh3::new(), non_finite: 0 };
         let mut text = super::signature();
         if let Some(name) = library {
             put_statement(&mut text, b"mtllib", name);

@@ -1,5 +1,7 @@
 //! Results are read back with an independent reader.
 
+use std::fs;
+
 use glam::{DVec2, DVec3};
 
 use super::*;
@@ -10,7 +12,14 @@ use crate::store::{ColumnWriter, Face, FaceWriter, Material, PackedWriter, Part}
 const BARE: [u32; 3] = [NO_TEXCOORD; 3];
 
 fn options() -> WriteOptions {
-    WriteOptions { textures: Textures::Copy, normals: false, force: false, work_bytes: 32 * MIB }
+    WriteOptions {
+        textures: Textures::Copy,
+        normals: false,
+        force: false,
+        work_bytes: 32 * MIB,
+        sources: Sources::default(),
+        job: 1,
+    }
 }
 
 fn face(vertices: [u32; 3], texcoords: [u32; 3], part: u32) -> Face {
@@ -274,7 +283,8 @@ fn an_input_file_is_never_replaced() {
     let mesh = two_squares(&fixture.path("in"));
     fs::write(fixture.path("out/city.obj"), "input").unwrap();
     let catalogue = Catalogue { files: vec![fixture.path("in/../out/city.obj")], ..two_materials(&fixture.path("in")) };
-    let force = WriteOptions { force: true, ..options() };
+    let sources = Sources::new(catalogue.files.iter().map(PathBuf::as_path));
+    let force = WriteOptions { force: true, sources, ..options() };
     assert!(matches!(fixture.write(&mesh, &catalogue, &force), Err(Error::Usage(m)) if m.contains("input")));
     assert_eq!(fixture.obj(), "input");
 }

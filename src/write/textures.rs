@@ -7,30 +7,42 @@
 //! ```
 //! In: texture names as MTL files write them, which nobody vouches for. Out: references, and files that wait under
 //! temporary names until [`TextureStage::commit`]. Invariant: only regular files inside the MTL's own folder are
-//! copied or linked, and only into one folder, under names that hold no separator. No image is decoded.
+//! copied or linked, only if that folder lies in the OBJ's, and only into one folder, under names that hold no separator. No
+//! image is decoded.
 //!
 //! # Files
 //! `<stem>_textures/` beside the output.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Write};
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
-use super::Textures;
+use xxhash_rust::xxh3::Xxh3;
+
+use super::paths::{Unusable, find_source, path_between, path_of, relative_path, roots};
+use super::targets::{Sources, Targets};
+use super::{Companion, CopiedTexture, Textures, WriteOptions};
 use crate::base::error::{escape, escape_path};
 use crate::base::{Error, Findings, Result};
-use crate::os::durable::sync_folder;
+use crate::os::durable::{sync_folder, waiting_place};
 use crate::os::system::is_of_machine;
+use crate::scan::fingerprint;
 use crate::store::Catalogue;
 
 const COPY_BUFFER_BYTES: usize = 256 << 10;
+/// A longer name leaves no room for a number and an extension in the 255 bytes that file systems take.
+const STEM_BYTES_MAX: usize = 220;
 
 /// Textures on their way to the result.
 #[derive(Debug)]
 pub(super) struct TextureStage {
     mode: Textures,
     force: bool,
+    job: u64,
+    sources: Sources,
+    /// Folders whose files may be copied, and those below them; all if there are none.
+    roots: Vec<PathBuf>,
     output_folder: PathBuf,
     folder: PathBuf,
     folder_name: Vec<u8>,
@@ -40,7 +52,13 @@ pub(super) struct TextureStage {
     names: BTreeMap<PathBuf, Vec<u8>>,
     /// Names in the folder in lower case, since some file systems do not tell the case.
     taken: BTreeSet<Vec<u8>>,
+    /// The number that a name which is taken was last given.
+    numbers: HashMap<Vec<u8>, u64>,
     staged: Vec<StagedFile>,
+    /// All files of the result that are textures.
+    pub(super) companions: Vec<Companion>,
+    /// What was copied.
+    pub(super) copied: Vec<CopiedTexture>,
     /// Removed again, if empty, when nothing is committed; dropped after the files in it.
     made_folder: Option<MadeFolder>,
     /// What was refused or missing.
@@ -69,29 +87,29 @@ impl Drop for MadeFolder {
     }
 }
 
-/// Why a texture stays where it is.
-enum Unusable {
-    Missing(PathBuf, io::Error),
-    Refused(&'static str),
-}
-
 impl TextureStage {
-    /// Textures for an output in `output_folder` (a canonical path) with the file stem `stem`.
-    pub(super) fn new(mode: Textures, force: bool, output_folder: &Path, stem: &std::ffi::OsStr) -> Self {
-        let mut folder_name = stem.to_owned();
+    /// Textures of an input for an output.
+    pub(super) fn new(options: &WriteOptions, targets: &Targets, catalogue: &Catalogue) -> Self {
+        let mut folder_name = targets.stem.clone();
         folder_name.push("_textures");
-        let folder = output_folder.join(&folder_name);
+        let folder = targets.folder.join(&folder_name);
         Self {
-            mode,
-            force,
-            output_folder: output_folder.to_owned(),
+            mode: options.textures,
+            force: options.force,
+            job: options.job,
+            sources: options.sources.clone(),
+            roots: roots(&catalogue.files),
+            output_folder: targets.folder.clone(),
             // The folder may be a symbolic link; what matters is where the files really go.
             folder: fs::canonicalize(&folder).unwrap_or(folder),
             folder_name: folder_name.into_encoded_bytes(),
             references: BTreeMap::new(),
             names: BTreeMap::new(),
             taken: BTreeSet::new(),
+            numbers: HashMap::new(),
             staged: Vec::new(),
+            companions: Vec::new(),
+            copied: Vec::new(),
             made_folder: None,
             findings: Findings::default(),
         }
@@ -106,14 +124,20 @@ impl TextureStage {
         if let Some(reference) = self.references.get(&key) {
             return Ok(reference.clone());
         }
+        let place = |why: &str| format!("{} of {}: {why}", escape(name), escape_path(mtl_folder));
+        let is_outside = !self.roots.is_empty() && !self.roots.iter().any(|root| mtl_folder.starts_with(root));
         let outcome = match self.mode {
-            Textures::Reference => Ok(self.refer(mtl_folder, name)),
+            Textures::Reference => Ok(self.refer(mtl_folder, name)?),
+            Textures::Copy | Textures::Link if is_outside => {
+                let why = "its material library lies outside of the OBJ's folder; it is referred to where it is";
+                self.findings.note("refused_texture", || place(why));
+                Ok(self.refer(mtl_folder, name)?)
+            }
             Textures::Copy | Textures::Link => match find_source(mtl_folder, name) {
                 Ok(source) => self.bring(&source, name)?,
                 Err(unusable) => Err(unusable),
             },
         };
-        let place = |why: &str| format!("{} of {}: {why}", escape(name), escape_path(mtl_folder));
         let reference = match outcome {
             Ok(reference) => reference,
             // A picture that cannot be read just now is not left out for that.
@@ -134,17 +158,18 @@ impl TextureStage {
     }
 
     /// The path from the output's folder to a file that stays where it is.
-    fn refer(&mut self, mtl_folder: &Path, name: &[u8]) -> Vec<u8> {
-        let Some(relative) = relative_path(name) else { return name.to_owned() };
+    fn refer(&mut self, mtl_folder: &Path, name: &[u8]) -> Result<Vec<u8>> {
+        let Some(relative) = relative_path(name) else { return Ok(name.to_owned()) };
         let source = mtl_folder.join(relative);
         match fs::canonicalize(&source).and_then(|path| Ok((fs::metadata(&path)?, path))) {
             Ok((metadata, path)) if metadata.is_file() => {
-                not_an_option(slashes(&path_between(&self.output_folder, &path)))
+                Ok(not_an_option(slashes(&path_between(&self.output_folder, &path))))
             }
+            Err(error) if is_of_machine(&error) => Err(Error::io(&source, "read", error)),
             _ => {
                 let place = || format!("{}: no such file", escape_path(&source));
                 self.findings.note("missing_texture", place);
-                name.to_owned()
+                Ok(name.to_owned())
             }
         }
     }
@@ -164,6 +189,9 @@ impl TextureStage {
             let message = format!("{}: the texture would replace itself; choose another output", escape_path(source));
             return Err(Error::Usage(message));
         }
+        if target.is_dir() {
+            return Err(Error::Usage(format!("{}: is a folder; choose another output", escape_path(&target))));
+        }
         let link = path_between(&self.folder, source);
         let exists = fs::symlink_metadata(&target).is_ok();
         let same = exists
@@ -176,19 +204,29 @@ impl TextureStage {
             return Err(Error::Usage(message));
         }
         // NOTE: a left-over of a killed run may stand there; it is ours by its name.
-        let temporary = self.folder.join(path_of(&[&unique, b".drystone.tmp".as_slice()].concat()));
+        let temporary = waiting_place(&target, self.job);
         let _ = fs::remove_file(&temporary);
+        let mut content = None;
         if !same {
             self.make_folder()?;
-            let staged = StagedFile { temporary, target };
+            let staged = StagedFile { temporary, target: target.clone() };
             let linked = self.mode == Textures::Link
                 && (symlink(&link, &staged.temporary).is_ok() || fs::hard_link(source, &staged.temporary).is_ok());
-            if !linked && let Err(error) = copy(file, &staged.temporary)? {
-                self.taken.remove(&unique.to_ascii_lowercase());
-                return Ok(Err(Unusable::Missing(source.to_owned(), error)));
+            if !linked {
+                match copy(file, &staged.temporary, &target)? {
+                    Ok(copied) => content = Some(copied),
+                    Err(error) => {
+                        self.taken.remove(&unique.to_ascii_lowercase());
+                        return Ok(Err(Unusable::Missing(source.to_owned(), error)));
+                    }
+                }
             }
             self.staged.push(staged);
+        } else if self.mode != Textures::Link {
+            content = Some(fingerprint::content(&target).map_err(|e| Error::io(&target, "read", e))?);
         }
+        self.copied.extend(content.map(|content| (source.to_owned(), content)));
+        self.companions.push(Companion { path: target, content });
         let reference = self.reference_to(&unique);
         self.names.insert(source.to_owned(), unique);
         Ok(Ok(reference))
@@ -208,14 +246,20 @@ impl TextureStage {
             Some(b'.' | b'-' | b' ') => base[0] = b'_',
             Some(_) => {}
         }
-        let dot = base.iter().rposition(|&c| c == b'.').unwrap_or(base.len());
-        let (stem, extension) = base.split_at(dot);
+        let dot = base.iter().rposition(|&c| c == b'.').filter(|dot| base.len() - dot < 16).unwrap_or(base.len());
+        let extension = base.split_off(dot);
+        if base.len() > STEM_BYTES_MAX {
+            base.truncate(STEM_BYTES_MAX);
+            // Not within a character, which takes a leading byte and others that follow.
+            while base.pop().is_some_and(|c| c & 0xc0 == 0x80) {}
+        }
+        let stem = base;
+        let base = [&stem[..], &extension[..]].concat();
         let mut unique = base.clone();
-        for number in 2u64.. {
-            if self.taken.insert(unique.to_ascii_lowercase()) {
-                break;
-            }
-            unique = [stem, format!("_{number}").as_bytes(), extension].concat();
+        let number = self.numbers.entry(base.to_ascii_lowercase()).or_insert(1);
+        while !self.taken.insert(unique.to_ascii_lowercase()) {
+            *number += 1;
+            unique = [&stem[..], format!("_{number}").as_bytes(), &extension[..]].concat();
         }
         unique
     }
@@ -237,7 +281,7 @@ impl TextureStage {
     /// [`Error::Usage`] naming the file; `others` are the further targets of the run.
     pub(super) fn check_targets(&self, others: &[&Path]) -> Result<()> {
         let targets = self.staged.iter().map(|staged| staged.target.as_path()).chain(others.iter().copied());
-        match targets.into_iter().find(|&target| self.names.contains_key(target)) {
+        match targets.into_iter().find(|&target| self.names.contains_key(target) || self.sources.forbid(target)) {
             None => Ok(()),
             Some(target) => {
                 let target = escape_path(target);
@@ -262,79 +306,12 @@ impl TextureStage {
     }
 }
 
-/// Whether a texture that an MTL in `mtl_folder` names is a file that would be copied.
-pub fn is_texture_there(mtl_folder: &Path, name: &[u8]) -> bool {
-    find_source(mtl_folder, name).is_ok()
-}
-
-/// The files that the materials' texture statements name, there or not, in order of their paths.
-pub fn texture_paths(catalogue: &Catalogue) -> BTreeSet<PathBuf> {
-    let definitions = catalogue.materials.iter().filter_map(|material| material.definition.as_ref());
-    let path = |folder: &Path, name: &[u8]| Some(folder.join(relative_path(name)?));
-    definitions.flat_map(|d| d.textures.iter().filter_map(move |texture| path(&d.folder, &texture.name))).collect()
-}
-
-/// The canonical path of a regular file inside the MTL's folder.
-fn find_source(mtl_folder: &Path, name: &[u8]) -> std::result::Result<PathBuf, Unusable> {
-    let relative = relative_path(name).ok_or(Unusable::Refused("it is an absolute path"))?;
-    let mut depth = 0;
-    for component in relative.components() {
-        depth += match component {
-            Component::Normal(_) => 1,
-            Component::ParentDir => -1,
-            _ => 0,
-        };
-        if depth < 0 {
-            return Err(Unusable::Refused("it leaves the folder of its MTL"));
-        }
-    }
-    let mtl_folder = if mtl_folder.as_os_str().is_empty() { Path::new(".") } else { mtl_folder };
-    let missing = |error: io::Error| Unusable::Missing(mtl_folder.join(&relative), error);
-    let folder = fs::canonicalize(mtl_folder).map_err(missing)?;
-    let source = fs::canonicalize(folder.join(&relative)).map_err(missing)?;
-    if !source.starts_with(&folder) {
-        return Err(Unusable::Refused("it leaves the folder of its MTL through a link"));
-    }
-    match fs::metadata(&source).map_err(missing)?.is_file() {
-        true => Ok(source),
-        false => Err(Unusable::Refused("it is not a regular file")),
-    }
-}
-
 fn open_regular(source: &Path) -> io::Result<File> {
     let file = File::open(source)?;
     match file.metadata()?.is_file() {
         true => Ok(file),
         false => Err(io::Error::other("not a regular file")),
     }
-}
-
-/// A name of an MTL as a path, `\` taken for `/`; nothing if it is absolute or names nothing.
-fn relative_path(name: &[u8]) -> Option<PathBuf> {
-    let name: Vec<u8> = name.iter().map(|&c| if c == b'\\' { b'/' } else { c }).collect();
-    let drive = name.len() > 1 && name[0].is_ascii_alphabetic() && name[1] == b':';
-    (!drive && name.first().is_some_and(|&c| c != b'/') && !name.contains(&0)).then(|| path_of(&name))
-}
-
-#[cfg(unix)]
-fn path_of(name: &[u8]) -> PathBuf {
-    use std::os::unix::ffi::OsStrExt;
-    PathBuf::from(std::ffi::OsStr::from_bytes(name))
-}
-
-#[cfg(not(unix))]
-fn path_of(name: &[u8]) -> PathBuf {
-    PathBuf::from(String::from_utf8_lossy(name).into_owned())
-}
-
-/// The path from a folder to a file, both canonical; absolute if they have no root in common.
-fn path_between(folder: &Path, file: &Path) -> PathBuf {
-    let common = folder.components().zip(file.components()).take_while(|(a, b)| a == b).count();
-    if common == 0 {
-        return file.to_owned();
-    }
-    let up = folder.components().skip(common).map(|_| Component::ParentDir);
-    up.chain(file.components().skip(common)).collect()
 }
 
 /// A reference that begins with `-` would be read as an option; `./` keeps it from that.
@@ -357,21 +334,27 @@ fn symlink(target: &Path, link: &Path) -> io::Result<()> {
     std::os::windows::fs::symlink_file(target, link)
 }
 
-/// Copies a file to a new one and syncs it; the inner error is that of reading.
-fn copy(mut source: File, target: &Path) -> Result<io::Result<()>> {
+/// Copies a file to a new one, which will be `target`, and syncs it; returns length and XXH3. The inner error is that of
+/// reading.
+fn copy(mut source: File, temporary: &Path, target: &Path) -> Result<io::Result<(u64, u64)>> {
     let wrap = |error| Error::io(target, "write", error);
-    let mut copy = OpenOptions::new().write(true).create_new(true).open(target).map_err(wrap)?;
+    let mut copy = OpenOptions::new().write(true).create_new(true).open(temporary).map_err(wrap)?;
     let mut buffer = vec![0; COPY_BUFFER_BYTES];
+    let (mut length, mut hash) = (0, Xxh3::new());
     loop {
         match source.read(&mut buffer) {
             Ok(0) => break,
-            Ok(count) => copy.write_all(&buffer[..count]).map_err(wrap)?,
+            Ok(count) => {
+                length += count as u64;
+                hash.update(&buffer[..count]);
+                copy.write_all(&buffer[..count]).map_err(wrap)?;
+            }
             Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
             Err(error) => return Ok(Err(error)),
         }
     }
     copy.sync_data().map_err(wrap)?;
-    Ok(Ok(()))
+    Ok(Ok((length, hash.digest())))
 }
 
 /// Whether both are regular files (no links) with the same bytes.
@@ -419,7 +402,14 @@ mod tests {
     }
 
     fn stage(folders: &Folders, mode: Textures) -> TextureStage {
-        TextureStage::new(mode, false, &folders.output, "city".as_ref())
+        stage_for(&folders.output.join("city.obj"), mode, false)
+    }
+
+    fn stage_for(output: &Path, mode: Textures, force: bool) -> TextureStage {
+        let sources = Sources::default();
+        let targets = Targets::choose(output, &sources, force).unwrap();
+        let options = WriteOptions { textures: mode, normals: false, force, work_bytes: 0, sources, job: 1 };
+        TextureStage::new(&options, &targets, &Catalogue::default())
     }
 
     fn refer(stage: &mut TextureStage, folders: &Folders, name: &str) -> String {
@@ -464,6 +454,37 @@ mod tests {
     }
 
     #[test]
+    fn textures_of_a_library_outside_of_the_objs_folder_stay_where_they_are() {
+        let folders = folders();
+        fs::write(folders.input.join("b/city.obj"), "").unwrap();
+        let sources = Sources::default();
+        let targets = Targets::choose(&folders.output.join("city.obj"), &sources, false).unwrap();
+        let options =
+            WriteOptions { textures: Textures::Copy, normals: false, force: false, work_bytes: 0, sources, job: 1 };
+        let mut catalogue = Catalogue { files: vec![folders.input.join("b/city.obj")], ..Catalogue::default() };
+        let mut stage = TextureStage::new(&options, &targets, &catalogue);
+        let folder = fs::canonicalize(folders.input.join("a")).unwrap();
+        assert_eq!(stage.reference(&folder, b"wall.png").unwrap(), b"../in/a/wall.png");
+        assert_eq!(stage.findings.get("refused_texture"), 1);
+        // Tiles share what lies in the folder of all of them.
+        fs::write(folders.input.join("a/city.obj"), "").unwrap();
+        catalogue.files.push(folders.input.join("a/city.obj"));
+        let mut stage = TextureStage::new(&options, &targets, &catalogue);
+        let folder = fs::canonicalize(&folders.input).unwrap();
+        assert_eq!(stage.reference(&folder, b"a/wall.png").unwrap(), b"city_textures/wall.png");
+    }
+
+    #[test]
+    fn many_textures_of_one_name_are_named_in_a_moment() {
+        let folders = folders();
+        let mut stage = stage(&folders, Textures::Copy);
+        let names: BTreeSet<Vec<u8>> = (0..20_000).map(|_| stage.unique_name(b"wall.png")).collect();
+        assert_eq!(names.len(), 20_000);
+        let long = stage.unique_name(&[b"\xc3\xa4".repeat(140), b".png".to_vec()].concat());
+        assert!(long.len() < 230 && std::str::from_utf8(&long).unwrap().ends_with(".png"));
+    }
+
+    #[test]
     fn hostile_names_become_harmless() {
         let folders = folders();
         let mut stage = stage(&folders, Textures::Copy);
@@ -495,7 +516,7 @@ mod tests {
         let textures = folders.output.join("city_textures");
         fs::create_dir(&textures).unwrap();
         fs::write(textures.join("wall.png"), "first").unwrap();
-        fs::write(textures.join("Wall_2.png.drystone.tmp"), "seco").unwrap();
+        fs::write(waiting_place(&textures.join("Wall_2.png"), 1), "seco").unwrap();
         let mut stage = stage(&folders, Textures::Copy);
         refer(&mut stage, &folders, "a/wall.png");
         refer(&mut stage, &folders, "b/Wall.png");
@@ -523,9 +544,9 @@ mod tests {
         fs::create_dir(folders.input.join("city_textures")).unwrap();
         fs::write(folders.input.join("city_textures/wall.png"), "own").unwrap();
         let folder = fs::canonicalize(&folders.input).unwrap();
-        let mut stage = TextureStage::new(Textures::Copy, true, &folder, "city".as_ref());
+        let mut stage = stage_for(&folder.join("city.obj"), Textures::Copy, true);
         assert!(matches!(stage.reference(&folder, b"city_textures/wall.png"), Err(Error::Usage(_))));
-        let mut stage = TextureStage::new(Textures::Copy, true, &folder, "city".as_ref());
+        let mut stage = stage_for(&folder.join("city.obj"), Textures::Copy, true);
         refer(&mut stage, &folders, "a/wall.png");
         // The second `wall.png` gets another name, but the first one would replace it.
         refer(&mut stage, &folders, "city_textures/wall.png");
@@ -540,7 +561,7 @@ mod tests {
         assert_eq!(refer(&mut stage, &folders, "../in/a/wall.png"), "../in/a/wall.png");
         assert_eq!(refer(&mut stage, &folders, "none.png"), "none.png");
         assert_eq!(stage.findings.get("missing_texture"), 1);
-        let mut stage = TextureStage::new(Textures::Copy, false, &folders.output, "-city".as_ref());
+        let mut stage = stage_for(&folders.output.join("-city.obj"), Textures::Copy, false);
         assert_eq!(refer(&mut stage, &folders, "a/wall.png"), "./-city_textures/wall.png");
     }
 

@@ -185,6 +185,7 @@ impl MeasuredMesh {
             inputs: inputs.iter().map(|path| InputFile::of(path)).collect::<Result<_>>()?,
             passes: 1,
             began: 0,
+            job: 0,
         };
         let work = WorkFolder::open(folder, &manifest, Resume::Auto)?;
         let Scan { mesh, catalogue, mut findings, .. } = scan::scan(&inputs, work.path(), &scan_options, progress)?;

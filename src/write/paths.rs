@@ -1,0 +1,113 @@
+//! Texture names of an MTL as paths: where they lead, and which of them may be taken along.
+//!
+//! In: names as MTL files write them, which nobody vouches for. Out: canonical paths of regular files inside the MTL's own
+//! folder. No file is opened.
+
+use std::collections::BTreeSet;
+use std::path::{Component, Path, PathBuf};
+use std::{fs, io};
+
+use crate::store::Catalogue;
+
+/// Why a texture stays where it is.
+pub(super) enum Unusable {
+    Missing(PathBuf, io::Error),
+    Refused(&'static str),
+}
+
+/// Whether a texture that an MTL in `mtl_folder` names is a file that would be copied.
+pub fn is_texture_there(mtl_folder: &Path, name: &[u8]) -> bool {
+    find_source(mtl_folder, name).is_ok()
+}
+
+/// A texture as a material names it.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct NamedTexture {
+    /// The path, there or not.
+    pub path: PathBuf,
+    /// The canonical folder of the MTL, which it must not leave to be copied.
+    pub folder: PathBuf,
+    /// Whether it leaves it by its very name.
+    pub leaves: bool,
+}
+
+/// The files that the materials' texture statements name, in order of their paths.
+pub fn named_textures(catalogue: &Catalogue) -> BTreeSet<NamedTexture> {
+    let named = |folder: &Path, name: &[u8]| {
+        let relative = relative_path(name)?;
+        Some(NamedTexture { leaves: leaves(&relative), path: folder.join(relative), folder: folder.to_owned() })
+    };
+    let definitions = catalogue.materials.iter().filter_map(|material| material.definition.as_ref());
+    definitions.flat_map(|d| d.textures.iter().filter_map(move |texture| named(&d.folder, &texture.name))).collect()
+}
+
+/// Whether a relative path leads out of its folder on the way.
+fn leaves(relative: &Path) -> bool {
+    let depth_after = |depth: i64, component: Component<'_>| match component {
+        Component::Normal(_) => Some(depth + 1),
+        Component::ParentDir => (depth > 0).then_some(depth - 1),
+        _ => Some(depth),
+    };
+    relative.components().try_fold(0, depth_after).is_none()
+}
+
+/// The folders of OBJ files, and the one that all of them lie in.
+pub(super) fn roots(files: &[PathBuf]) -> Vec<PathBuf> {
+    let folder = |path: &PathBuf| Some(fs::canonicalize(path).ok()?.parent()?.to_owned());
+    let folders: BTreeSet<PathBuf> = files.iter().filter_map(folder).collect();
+    let common = |a: PathBuf, b: &PathBuf| {
+        a.components().zip(b.components()).take_while(|(a, b)| a == b).map(|(a, _)| a).collect()
+    };
+    let mut all = folders.iter();
+    let shared = all.next().map(|first| all.fold(first.clone(), common));
+    // Not the whole disk, if tiles lie everywhere.
+    let shared = shared.filter(|folder| folder.parent().is_some());
+    folders.into_iter().chain(shared).collect()
+}
+
+/// The canonical path of a regular file inside the MTL's folder.
+pub(super) fn find_source(mtl_folder: &Path, name: &[u8]) -> Result<PathBuf, Unusable> {
+    let relative = relative_path(name).ok_or(Unusable::Refused("it is an absolute path"))?;
+    if leaves(&relative) {
+        return Err(Unusable::Refused("it leaves the folder of its MTL"));
+    }
+    let mtl_folder = if mtl_folder.as_os_str().is_empty() { Path::new(".") } else { mtl_folder };
+    let missing = |error: io::Error| Unusable::Missing(mtl_folder.join(&relative), error);
+    let folder = fs::canonicalize(mtl_folder).map_err(missing)?;
+    let source = fs::canonicalize(folder.join(&relative)).map_err(missing)?;
+    if !source.starts_with(&folder) {
+        return Err(Unusable::Refused("it leaves the folder of its MTL through a link"));
+    }
+    match fs::metadata(&source).map_err(missing)?.is_file() {
+        true => Ok(source),
+        false => Err(Unusable::Refused("it is not a regular file")),
+    }
+}
+
+/// A name of an MTL as a path, `\` taken for `/`; nothing if it is absolute or names nothing.
+pub(super) fn relative_path(name: &[u8]) -> Option<PathBuf> {
+    let name: Vec<u8> = name.iter().map(|&c| if c == b'\\' { b'/' } else { c }).collect();
+    let drive = name.len() > 1 && name[0].is_ascii_alphabetic() && name[1] == b':';
+    (!drive && name.first().is_some_and(|&c| c != b'/') && !name.contains(&0)).then(|| path_of(&name))
+}
+
+#[cfg(unix)]
+pub(super) fn path_of(name: &[u8]) -> PathBuf {
+    use std::os::unix::ffi::OsStrExt;
+    PathBuf::from(std::ffi::OsStr::from_bytes(name))
+}
+
+#[cfg(not(unix))]
+pub(super) fn path_of(name: &[u8]) -> PathBuf {
+    PathBuf::from(String::from_utf8_lossy(name).into_owned())
+}
+
+/// The path from a folder to a file, both canonical; absolute if they have no root in common.
+pub(super) fn path_between(folder: &Path, file: &Path) -> PathBuf {
+    let common = folder.components().zip(file.components()).take_while(|(a, b)| a == b).count();
+    if common == 0 {
+        return file.to_owned();
+    }
+    let up = folder.components().skip(common).map(|_| Component::ParentDir);
+    up.chain(file.components().skip(common)).collect()
+}

@@ -1,0 +1,173 @@
+//! Where the result goes, and what must not be replaced on the way.
+//!
+//! In: the output's path, the files that the result follows from. Out: paths of the OBJ and the MTL in a canonical folder.
+//! Invariant: no target is a file of the input, by whatever name the file or the target was given.
+
+use std::collections::HashSet;
+use std::ffi::OsString;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::base::error::escape_path;
+use crate::base::{Error, Result};
+use crate::os::durable::DurableFile;
+
+/// The files that a result follows from: OBJ files, material libraries, textures.
+#[derive(Debug, Clone, Default)]
+pub struct Sources {
+    /// Their entries in folders: canonical, and as they were named but for the folder.
+    entries: HashSet<PathBuf>,
+    /// What else leads to them, such as a name in other letters or a folder that is mounted twice.
+    identities: HashSet<(u64, u64)>,
+}
+
+impl Sources {
+    /// Files that are there or not.
+    pub fn new<'a>(paths: impl IntoIterator<Item = &'a Path>) -> Self {
+        let mut sources = Self::default();
+        for path in paths {
+            sources.entries.extend(fs::canonicalize(path));
+            sources.entries.extend(entry(path));
+            sources
+                .identities
+                .extend([fs::metadata(path), fs::symlink_metadata(path)].iter().flatten().filter_map(identity));
+        }
+        sources
+    }
+
+    /// Whether a file that gets this name replaces one of them.
+    pub fn forbid(&self, target: &Path) -> bool {
+        let known = |meta: fs::Metadata| identity(&meta).is_some_and(|identity| self.identities.contains(&identity));
+        entry(target).is_some_and(|entry| self.entries.contains(&entry))
+            || fs::symlink_metadata(target).is_ok_and(known)
+    }
+
+    /// Whether a path leads to one of them, by links too.
+    pub fn are_at(&self, target: &Path) -> bool {
+        self.forbid(target) || fs::canonicalize(target).is_ok_and(|there| self.entries.contains(&there))
+    }
+}
+
+/// A path in a canonical folder; its last component may be a link.
+fn entry(path: &Path) -> Option<PathBuf> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    Some(fs::canonicalize(folder).ok()?.join(path.file_name()?))
+}
+
+/// Disk and number of a file with one name: another name of a file with several may be replaced.
+fn identity(meta: &fs::Metadata) -> Option<(u64, u64)> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        (meta.nlink() == 1 && !meta.is_dir()).then(|| (meta.dev(), meta.ino()))
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = meta;
+        None
+    }
+}
+
+/// Where the result goes; paths in a canonical folder.
+#[derive(Debug)]
+pub(super) struct Targets {
+    pub(super) folder: PathBuf,
+    pub(super) stem: OsString,
+    pub(super) obj: PathBuf,
+    pub(super) mtl: PathBuf,
+}
+
+impl Targets {
+    /// Makes the folder and checks that nothing of value is in the way.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if something is.
+    pub(super) fn choose(output: &Path, sources: &Sources, force: bool) -> Result<Self> {
+        let refuse = |why: &str| Err(Error::Usage(format!("{}: {why}", escape_path(output))));
+        let (Some(name), Some(stem)) = (output.file_name(), output.file_stem()) else {
+            return refuse("the output must be a file name");
+        };
+        if name.as_encoded_bytes().iter().any(u8::is_ascii_control) {
+            return refuse("the output's name has control characters, which an OBJ cannot refer to");
+        }
+        let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
+        let folder = fs::canonicalize(folder).map_err(|e| Error::io(folder, "open", e))?;
+        let mut mtl_name = stem.to_owned();
+        mtl_name.push(".mtl");
+        let targets = Self { obj: folder.join(name), mtl: folder.join(mtl_name), stem: stem.to_owned(), folder };
+        if targets.obj == targets.mtl {
+            return refuse("the output is the OBJ; its MTL takes this name");
+        }
+        for target in [&targets.obj, &targets.mtl] {
+            if target.is_dir() {
+                return Err(Error::Usage(format!("{}: is a folder; choose another output", escape_path(target))));
+            }
+            if sources.are_at(target) {
+                let target = escape_path(target);
+                return Err(Error::Usage(format!(
+                    "{target}: a file of the input would be replaced; choose another output"
+                )));
+            }
+        }
+        if !force && targets.obj.symlink_metadata().is_ok() {
+            return refuse("exists; --force replaces it");
+        }
+        Ok(targets)
+    }
+
+    /// The MTL's name as the OBJ writes it.
+    pub(super) fn library_name(&self) -> &[u8] {
+        self.mtl.file_name().unwrap_or_default().as_encoded_bytes()
+    }
+
+    /// Writes the MTL under its temporary name.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if another one is there and `force` is not set; the file system's.
+    pub(super) fn begin_mtl(&self, text: &[u8], force: bool, job: u64) -> Result<DurableFile> {
+        // NOTE: the very same MTL may be there already, left by a run that was killed before its OBJ got its name.
+        let present = self.mtl.symlink_metadata().is_ok();
+        let same = || {
+            fs::metadata(&self.mtl).is_ok_and(|found| found.len() == text.len() as u64)
+                && fs::read(&self.mtl).is_ok_and(|found| found == text)
+        };
+        if present && !force && !same() {
+            return Err(Error::Usage(format!("{}: exists; --force replaces it", escape_path(&self.mtl))));
+        }
+        let mut file = DurableFile::create_outside(&self.mtl, job, 64 << 10)?;
+        file.write(text)?;
+        Ok(file)
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_of_the_input_is_known_by_any_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        fs::create_dir(path("store")).unwrap();
+        fs::write(path("store/a.jpg"), "a").unwrap();
+        std::os::unix::fs::symlink("store/a.jpg", path("wall.jpg")).unwrap();
+        std::os::unix::fs::symlink("store", path("shop")).unwrap();
+        let sources = Sources::new([path("wall.jpg").as_path(), &path("not/there.jpg")]);
+        assert!(sources.forbid(&path("wall.jpg")) && sources.forbid(&path("store/a.jpg")));
+        assert!(sources.forbid(&path("shop/../store/a.jpg")));
+        // A link to the input may be replaced, but an output that is one was meant for the input.
+        std::os::unix::fs::symlink("store/a.jpg", path("link.jpg")).unwrap();
+        assert!(!sources.forbid(&path("link.jpg")) && sources.are_at(&path("link.jpg")));
+        assert!(!sources.are_at(&path("new.jpg")));
+    }
+
+    #[test]
+    fn another_name_of_an_input_file_may_be_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let (one, other) = (folder.path().join("one.obj"), folder.path().join("other.obj"));
+        fs::write(&one, "").unwrap();
+        fs::hard_link(&one, &other).unwrap();
+        assert!(!Sources::new([one.as_path()]).are_at(&other));
+    }
+}
