@@ -1,0 +1,179 @@
+//! What lies where a job reads and writes: nothing of the user's is replaced, removed or taken for the job's own, and a
+//! result is one only with all of its files.
+
+mod meshes;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use drystone::base::{Result, Silent};
+use drystone::options::SimplifyOptions;
+use drystone::pipeline;
+use drystone::report::Report;
+use meshes::{in_many_clusters, ratio, town};
+
+/// A copy of the town in `in/`.
+struct Town {
+    folder: tempfile::TempDir,
+}
+
+impl Town {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir(folder.path().join("in")).unwrap();
+        for entry in fs::read_dir(town().parent().unwrap()).unwrap().flatten() {
+            fs::copy(entry.path(), folder.path().join("in").join(entry.file_name())).unwrap();
+        }
+        Self { folder }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn simplify(&self, input: &str, output: &str, options: SimplifyOptions) -> Result<Report> {
+        pipeline::simplify(&self.path(input), &self.path(output), &options, &Silent)
+    }
+
+    /// The message of a refusal, which changed no file that was there.
+    fn refusal(&self, input: &str, output: &str, options: SimplifyOptions) -> String {
+        let before = contents(self.folder.path());
+        let error = self.simplify(input, output, options).unwrap_err();
+        assert_eq!(error.exit_code(), 2, "{error}");
+        let after = contents(self.folder.path());
+        assert!(before.iter().all(|(path, bytes)| after.get(path) == Some(bytes)), "{error}");
+        error.to_string()
+    }
+}
+
+fn options() -> SimplifyOptions {
+    SimplifyOptions { threads: Some(2), force: true, ..in_many_clusters(ratio(0.1)) }
+}
+
+/// Names and bytes of all files below a folder.
+fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    for entry in fs::read_dir(folder).unwrap().flatten() {
+        match entry.file_type().unwrap().is_dir() {
+            true => found.extend(contents(&entry.path())),
+            false => _ = found.insert(entry.path(), fs::read(entry.path()).unwrap_or_default()),
+        }
+    }
+    found
+}
+
+#[test]
+fn files_that_are_named_like_temporary_ones_stay() {
+    let town = Town::new();
+    fs::create_dir(town.path("out")).unwrap();
+    for name in ["town.obj.tmp", "town.mtl.tmp", "town.json.tmp"] {
+        fs::write(town.path("out").join(name), "of the user").unwrap();
+    }
+    fs::rename(town.path("in/town.obj"), town.path("out/new.obj.tmp")).unwrap();
+    for file in fs::read_dir(town.path("in")).unwrap().flatten() {
+        fs::copy(file.path(), town.path("out").join(file.file_name())).unwrap();
+    }
+    let before = contents(&town.path("out"));
+    let report = town.simplify("out/new.obj.tmp", "out/new.obj", options()).unwrap();
+    report.save(&town.path("out/town.json")).unwrap();
+    let after = contents(&town.path("out"));
+    assert!(before.iter().all(|(path, bytes)| after.get(path) == Some(bytes)));
+    let new = after.keys().filter(|path| !before.contains_key(*path)).map(|path| path.file_name().unwrap());
+    assert!(new.clone().all(|name| !name.to_string_lossy().ends_with(".tmp")), "{:?}", new.collect::<Vec<_>>());
+}
+
+#[test]
+fn two_jobs_with_one_output_leave_a_whole_result() {
+    let town = Town::new();
+    town.simplify("in/town.obj", "calm/town.obj", options()).unwrap();
+    let expected: Vec<Vec<u8>> = contents(&town.path("calm")).into_values().collect();
+    let job = |work: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_drystone"));
+        command.arg("simplify").arg(town.path("in/town.obj")).arg("-o").arg(town.path("out/town.obj"));
+        command.args(["--ratio", "0.1", "--cluster-faces", "1000", "--threads", "1", "--memory", "256MiB", "--force"]);
+        command.arg("--quiet").arg("--work").arg(town.path(work)).stdin(Stdio::null()).spawn().unwrap()
+    };
+    for _ in 0..3 {
+        let mut jobs = [job("one"), job("other"), job("third")];
+        jobs[2].kill().unwrap();
+        let codes = jobs.map(|mut job| job.wait().unwrap().code());
+        assert_eq!(codes[..2], [Some(0), Some(0)]);
+        let result: Vec<Vec<u8>> = contents(&town.path("out"))
+            .into_iter()
+            .filter(|(path, _)| path.extension() != Some("tmp".as_ref()))
+            .map(|(_, bytes)| bytes)
+            .collect();
+        assert!(result == expected);
+    }
+}
+
+#[test]
+fn a_result_of_which_files_are_missing_or_old_is_completed() {
+    let town = Town::new();
+    let kept = || SimplifyOptions { keep_work: true, force: false, ..options() };
+    town.simplify("in/town.obj", "out/town.obj", kept()).unwrap();
+    let expected = contents(&town.path("out"));
+    let companions: Vec<&PathBuf> = expected
+        .keys()
+        .filter(|path| !path.starts_with(town.path("out/town.obj.work")) && !path.ends_with("town.obj"))
+        .collect();
+    assert!(companions.len() > 1);
+    for path in companions {
+        for old in [None, Some("of an older result")] {
+            match old {
+                None => fs::remove_file(path).unwrap(),
+                Some(old) => fs::write(path, old).unwrap(),
+            }
+            town.simplify("in/town.obj", "out/town.obj", kept()).unwrap();
+            let found = fs::read(path).unwrap();
+            assert!(found == expected[path], "{}", path.display());
+        }
+    }
+}
+
+#[test]
+fn no_file_of_the_input_is_replaced() {
+    let town = Town::new();
+    // The library of the input bears the name that the new one would get.
+    fs::rename(town.path("in/town.obj"), town.path("in/city.obj")).unwrap();
+    let words = town.refusal("in/city.obj", "in/town.obj", options());
+    assert!(words.contains("town.mtl: a file of the input would be replaced"), "{words}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_texture_of_the_input_that_is_a_link_is_not_replaced() {
+    let town = Town::new();
+    fs::create_dir_all(town.path("in/new_textures")).unwrap();
+    fs::create_dir_all(town.path("in/store")).unwrap();
+    fs::write(town.path("in/store/x.png"), "picture").unwrap();
+    fs::write(town.path("in/wall.png"), "other picture").unwrap();
+    std::os::unix::fs::symlink("../store/x.png", town.path("in/new_textures/wall.png")).unwrap();
+    fs::write(town.path("in/a.mtl"), "newmtl a\nmap_Kd wall.png\nnewmtl b\nmap_Kd new_textures/wall.png\n").unwrap();
+    let mesh = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl a\nf 1 2 3\nusemtl b\nf 1 2 4\n";
+    fs::write(town.path("in/a.obj"), mesh).unwrap();
+    let words = town.refusal("in/a.obj", "in/new.obj", SimplifyOptions { ratio: Some(1.0), ..options() });
+    assert!(words.contains("wall.png: a texture of the input would be replaced"), "{words}");
+}
+
+#[test]
+fn places_that_are_in_the_way_of_each_other_are_refused() {
+    let town = Town::new();
+    fs::create_dir(town.path("out")).unwrap();
+    let work = |name: &str| SimplifyOptions { work: Some(town.path(name)), ..options() };
+    for (output, work, expected) in [
+        ("out/town.obj", work("out"), "the output lies in the work folder"),
+        ("out/below/town.obj", work("out"), "the output lies in the work folder"),
+        ("new/town.obj", work("new"), "the output lies in the work folder"),
+        ("out/town.obj", work("in"), "the input lies in the work folder"),
+        ("in/town.obj", options(), "the output is the input"),
+        ("out/../in/./town.obj", options(), "the output is the input"),
+    ] {
+        let words = town.refusal("in/town.obj", output, work);
+        assert!(words.contains(expected), "{words}");
+    }
+    let words = town.refusal("in", "in/deep/new.obj", options());
+    assert!(words.contains("lies below the input"), "{words}");
+}
