@@ -9,6 +9,7 @@ use super::progress::{stoppable, tell};
 use super::stop::Goodbye;
 use crate::base::{Error, Result};
 use crate::options::{Drawing, SimplifyOptions};
+use crate::os::durable::make_folders;
 use crate::os::signals::StopSignal;
 use crate::pipeline;
 use crate::report;
@@ -46,9 +47,7 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
     sampling.check()?;
     reports.iter().try_for_each(|path| report::Kind::of(path).map(|_| ()))?;
     let folders = reports.iter().filter_map(|path| path.parent());
-    for folder in folders.filter(|folder| !folder.as_os_str().is_empty()) {
-        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
-    }
+    folders.into_iter().try_for_each(make_folders)?;
     let pictures = reports.iter().any(|path| report::Kind::of(path).is_ok_and(|kind| kind == report::Kind::Html));
     let drawing = match (pictures, measure) {
         (false, _) => Drawing::Nothing,

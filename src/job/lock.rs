@@ -11,7 +11,7 @@ use fs4::FileExt;
 
 use super::LOCK;
 use crate::base::{Error, Result};
-use crate::os::durable::no_links;
+use crate::os::durable::{make_folders, no_links};
 
 /// How often, and after what time, a lock is tried again: someone may just be looking at it.
 const TRIES: u32 = 8;
@@ -24,7 +24,7 @@ const INTERVAL: Duration = Duration::from_millis(25);
 pub(super) fn lock_folder(path: &Path) -> Result<File> {
     let lock_path = path.join(LOCK);
     for _ in 0..TRIES {
-        fs::create_dir_all(path).map_err(|e| Error::io(path, "create", e))?;
+        make_folders(path)?;
         let mut options = File::options();
         let file = match no_links(options.create(true).truncate(false).write(true)).open(&lock_path) {
             // A job that has just ended takes its folder away.

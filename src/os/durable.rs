@@ -140,6 +140,26 @@ pub fn no_links(options: &mut OpenOptions) -> &mut OpenOptions {
     options
 }
 
+/// Makes a folder and those above it, as far as they are not there, and their entries durable.
+///
+/// # Errors
+/// [`Error::Io`] if one cannot be made or synced.
+pub fn make_folders(path: &Path) -> Result<()> {
+    let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
+    if path.is_dir() {
+        return Ok(());
+    }
+    if let Some(parent) = path.parent() {
+        make_folders(parent)?;
+    }
+    match fs::create_dir(path) {
+        Ok(()) => sync_folder(path),
+        // Another process may have been quicker.
+        Err(_) if path.is_dir() => Ok(()),
+        Err(error) => Err(Error::io(path, "create", error)),
+    }
+}
+
 /// Makes the entry of `path` in its folder durable.
 ///
 /// # Errors

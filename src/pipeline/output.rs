@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 use crate::job::{Step, WorkFolder};
-use crate::os::durable::{DurableFile, waiting_place};
+use crate::os::durable::{DurableFile, make_folders, waiting_place};
 use crate::scan::fingerprint;
 use crate::write::{Companion, Sources, Written};
 
@@ -80,8 +80,7 @@ pub(super) fn refuse(input: &Path, inputs: &[PathBuf], output: &Path, work: &Pat
 
 /// Finds out, before the work is done, whether the output can be written, and refuses to replace one that is there.
 pub(super) fn check(output: &Path, job: &WorkFolder, may_exist: bool) -> Result<()> {
-    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
+    make_folders(output.parent().unwrap_or(Path::new("")))?;
     DurableFile::create_outside(output, job.number(), 0).map(drop)?;
     if !may_exist && output.symlink_metadata().is_ok() {
         return Err(Error::Usage(format!("{}: exists already; --force replaces it", escape_path(output))));

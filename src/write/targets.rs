@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
-use crate::os::durable::DurableFile;
+use crate::os::durable::{DurableFile, make_folders};
 
 /// The files that a result follows from: OBJ files, material libraries, textures.
 #[derive(Debug, Clone, Default)]
@@ -91,7 +91,7 @@ impl Targets {
             return refuse("the output's name has control characters, which an OBJ cannot refer to");
         }
         let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
+        make_folders(folder)?;
         let folder = fs::canonicalize(folder).map_err(|e| Error::io(folder, "open", e))?;
         let mut mtl_name = stem.to_owned();
         mtl_name.push(".mtl");

@@ -41,7 +41,7 @@ static const char *setting(const char *name) {
 static int below_root(const char *path) {
     const char *root = setting("FAULT_ROOT");
     size_t length = strlen(root);
-    return length && !strncmp(path, root, length) && path[length] == '/';
+    return length && !strncmp(path, root, length) && (path[length] == '/' || !path[length]);
 }
 
 // Whether a descriptor's file lies below the root and still has a name, which is put into `path`.
