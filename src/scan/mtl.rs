@@ -27,6 +27,8 @@ use crate::store::mesh::{MaterialDefinition, TextureStatement};
 
 /// A larger library is ignored.
 pub const LIBRARY_BYTES_MAX: u64 = 64 << 20;
+/// More statements of one material are ignored: there are not half as many to give.
+const STATEMENTS_MAX: usize = 256;
 
 /// Keys of statements that name a texture, in lower case.
 const TEXTURE_KEYS: &[&str] = &[
@@ -243,6 +245,13 @@ fn parse_library(path: &Path, text: &[u8], materials: &mut [Material], used: &Fi
                 format!("{}: '{}' before the first newmtl is ignored", place(), escape(&key[..key.len().min(40)]))
             }),
             Current::Unused => {}
+            Current::Defining(_, definition)
+                if definition.statements.len() + definition.textures.len() >= STATEMENTS_MAX =>
+            {
+                findings.note("too_many_statements", || {
+                    format!("{}: more than {STATEMENTS_MAX} statements of one material; the rest is ignored", place())
+                });
+            }
             Current::Defining(_, definition) if is_texture_key(key) => match split_texture(statement) {
                 Some(texture) => definition.textures.push(texture),
                 None => findings.note("texture_without_name", || {

@@ -230,6 +230,17 @@ fn definitions_come_from_the_libraries_as_written() {
 }
 
 #[test]
+fn a_material_keeps_so_many_statements_and_no_more() {
+    let obj = format!("{TRIANGLE}mtllib a.mtl\nusemtl a\nf 1 2 3\n");
+    let mtl = format!("newmtl a\nKd 1 1 1\n{}", "map_Kd wall.png\n".repeat(1000));
+    let records = scan_files(&[("a.obj", obj.as_bytes()), ("a.mtl", mtl.as_bytes())], CHUNK_BYTES, 1).unwrap();
+    let (catalogue, findings) = (&records.scan.catalogue, &records.scan.findings);
+    let definition = catalogue.materials[0].definition.as_ref().unwrap();
+    assert_eq!((definition.statements.len(), definition.textures.len()), (1, 255));
+    assert_eq!(findings.get("too_many_statements"), 745);
+}
+
+#[test]
 fn a_hundred_thousand_materials_are_read_in_no_time() {
     let mut text = TRIANGLE.to_owned();
     for i in 0..100_000 {
