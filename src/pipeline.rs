@@ -15,7 +15,7 @@ use self::output::Earlier;
 use self::pictures::Painter;
 use crate::base::{Findings, MemoryBudget, Progress, Result};
 use crate::job::{InputFile, Manifest, Step, WorkFolder, folder_bytes};
-use crate::options::{Borders, Drawing, Normals, Pieces, SimplifyOptions, Weld};
+use crate::options::{Borders, Drawing, Normals, Pieces, SimplifyOptions, TextureFiles, Weld};
 use crate::os::system;
 use crate::os::timeline::{Recorder, Timeline};
 use crate::plan::memory::{self, Sizes};
@@ -87,7 +87,8 @@ fn run(
     let write_options = WriteOptions {
         textures: options.textures.into(),
         normals: options.normals == Normals::Auto && catalogue.has_normals,
-        force: may_replace,
+        force: options.force,
+        replaces_own: matches!(earlier, Earlier::Obj | Earlier::Whole(_)),
         work_bytes: budget.for_work(),
         sources: input.sources(),
         job: job.number(),
@@ -128,7 +129,9 @@ fn run(
         Earlier::Whole(written) => written,
         Earlier::Obj | Earlier::Nothing => {
             let staged = write::stage(&passes.mesh, catalogue, output, job.path(), &write_options, progress)?;
-            input.check_textures(staged.copied_textures())?;
+            if options.textures == TextureFiles::Copy {
+                input.check_textures(staged.copied_textures())?;
+            }
             progress.check_stopped()?;
             job.settle()?;
             job.keep(Step::Written, staged.written().faces, [], staged.written())?;

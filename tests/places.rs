@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use drystone::base::{Result, Silent};
-use drystone::options::SimplifyOptions;
+use drystone::options::{SimplifyOptions, TextureFiles};
 use drystone::pipeline;
 use drystone::report::Report;
 use meshes::{in_many_clusters, ratio, town};
@@ -43,7 +43,9 @@ impl Town {
         let error = self.simplify(input, output, options).unwrap_err();
         assert_eq!(error.exit_code(), 2, "{error}");
         let after = contents(self.folder.path());
-        assert!(before.iter().all(|(path, bytes)| after.get(path) == Some(bytes)), "{error}");
+        let is_job =
+            |path: &Path| path.components().any(|folder| folder.as_os_str().to_string_lossy().ends_with(".work"));
+        assert!(before.iter().all(|(path, bytes)| is_job(path) || after.get(path) == Some(bytes)), "{error}");
         error.to_string()
     }
 }
@@ -121,15 +123,16 @@ fn a_result_of_which_files_are_missing_or_old_is_completed() {
         .collect();
     assert!(companions.len() > 1);
     for path in companions {
-        for old in [None, Some("of an older result")] {
-            match old {
-                None => fs::remove_file(path).unwrap(),
-                Some(old) => fs::write(path, old).unwrap(),
-            }
-            town.simplify("in/town.obj", "out/town.obj", kept()).unwrap();
-            let found = fs::read(path).unwrap();
-            assert!(found == expected[path], "{}", path.display());
-        }
+        fs::remove_file(path).unwrap();
+        town.simplify("in/town.obj", "out/town.obj", kept()).unwrap();
+        assert!(fs::read(path).unwrap() == expected[path], "{}", path.display());
+        // One that was changed may be the user's work.
+        fs::write(path, "of the user").unwrap();
+        assert!(town.refusal("in/town.obj", "out/town.obj", kept()).contains("--force replaces it"));
+        assert_eq!(fs::read(path).unwrap(), b"of the user");
+        let force = SimplifyOptions { force: true, ..kept() };
+        town.simplify("in/town.obj", "out/town.obj", force).unwrap();
+        assert!(fs::read(path).unwrap() == expected[path], "{}", path.display());
     }
 }
 
@@ -158,15 +161,52 @@ fn a_texture_of_the_input_that_is_a_link_is_not_replaced() {
     assert!(words.contains("wall.png: a texture of the input would be replaced"), "{words}");
 }
 
+/// Two tiles that share a picture, named from each of their folders.
+fn tiles(town: &Town) {
+    for (tile, texture) in [("a", "wall.png"), ("b", "../a/wall.png")] {
+        let folder = town.path("tiles").join(tile);
+        fs::create_dir_all(&folder).unwrap();
+        fs::write(folder.join("t.mtl"), format!("newmtl {tile}\nmap_Kd {texture}\n")).unwrap();
+        let mesh = format!("mtllib t.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl {tile}\nf 1 2 3\n");
+        fs::write(folder.join("t.obj"), mesh).unwrap();
+    }
+    fs::write(town.path("tiles/a/wall.png"), "picture").unwrap();
+}
+
+#[test]
+fn tiles_may_share_a_picture() {
+    let town = Town::new();
+    tiles(&town);
+    for textures in [TextureFiles::Copy, TextureFiles::Link, TextureFiles::Reference] {
+        let options = SimplifyOptions { ratio: Some(1.0), textures, ..options() };
+        town.simplify("tiles", "out/new.obj", options.clone()).unwrap();
+        town.simplify("tiles", "out/new.obj", options).unwrap();
+    }
+    assert_eq!(fs::read(town.path("out/new_textures/wall.png")).unwrap(), b"picture");
+}
+
+#[cfg(unix)]
+#[test]
+fn an_input_that_is_a_link_has_its_textures_beside_it() {
+    let town = Town::new();
+    tiles(&town);
+    fs::create_dir(town.path("store")).unwrap();
+    fs::rename(town.path("tiles/a/t.obj"), town.path("store/1234.obj")).unwrap();
+    std::os::unix::fs::symlink("../../store/1234.obj", town.path("tiles/a/t.obj")).unwrap();
+    town.simplify("tiles/a/t.obj", "out/new.obj", SimplifyOptions { ratio: Some(1.0), ..options() }).unwrap();
+    assert_eq!(fs::read(town.path("out/new_textures/wall.png")).unwrap(), b"picture");
+}
+
 #[test]
 fn places_that_are_in_the_way_of_each_other_are_refused() {
     let town = Town::new();
     fs::create_dir(town.path("out")).unwrap();
     let work = |name: &str| SimplifyOptions { work: Some(town.path(name)), ..options() };
     for (output, work, expected) in [
-        ("out/town.obj", work("out"), "the output lies in the work folder"),
-        ("out/below/town.obj", work("out"), "the output lies in the work folder"),
-        ("new/town.obj", work("new"), "the output lies in the work folder"),
+        ("out/town.obj", work("out"), "the work folder lie in each other"),
+        ("out/below/town.obj", work("out"), "the work folder lie in each other"),
+        ("new/town.obj", work("new"), "the work folder lie in each other"),
+        ("out/town.obj", work("out/town_textures"), "the work folder lie in each other"),
         ("out/town.obj", work("in"), "the input lies in the work folder"),
         ("in/town.obj", options(), "the output is the input"),
         ("out/../in/./town.obj", options(), "the output is the input"),

@@ -14,7 +14,7 @@ use crate::base::{Error, Result};
 use crate::os::durable::{DurableFile, no_links};
 
 /// A longer manifest is none of ours: 100,000 tiles take a tenth of it.
-const MANIFEST_BYTES_MAX: u64 = 64 << 20;
+pub(super) const MANIFEST_BYTES_MAX: u64 = 64 << 20;
 /// Of more differences than these it is only told how many there are.
 const DIFFERENCES_TOLD_MAX: usize = 12;
 

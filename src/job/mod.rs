@@ -49,7 +49,7 @@ pub use self::stamp::is_file_name;
 pub use self::status::{WorkStatus, folder_bytes, look};
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
-use crate::os::durable::{new_job_number, sync_folder};
+use crate::os::durable::{new_job_number, no_links, sync_folder};
 
 const MANIFEST: &str = "manifest.bin";
 const JOURNAL: &str = "journal.bin";
@@ -493,8 +493,8 @@ fn refuse_foreign(path: &Path) -> Result<()> {
         let name = name.to_string_lossy();
         let is_own = match &*name {
             LOCK => entry.metadata().is_ok_and(|meta| meta.len() == 0),
-            // Left by a process that had just begun, with anything in it after a power cut.
-            "manifest.bin.tmp" => true,
+            // Left by a process that had just begun, with zeros in it after a power cut.
+            "manifest.bin.tmp" => is_job || Header::is_at(&entry.path()) || is_all_zero(&entry.path()),
             name => is_job && ([MANIFEST, JOURNAL, "journal.bin.tmp"].contains(&name) || is_phase_file(name)),
         };
         if !(is_own && entry.file_type().is_ok_and(|kind| kind.is_file())) {
@@ -503,6 +503,15 @@ fn refuse_foreign(path: &Path) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Whether a file is empty, or holds zeros only and no more than a manifest may.
+fn is_all_zero(path: &Path) -> bool {
+    let mut bytes = Vec::new();
+    let mut options = File::options();
+    let file = no_links(options.read(true)).open(path);
+    let read = file.and_then(|file| file.take(manifest::MANIFEST_BYTES_MAX).read_to_end(&mut bytes));
+    read.is_ok() && bytes.iter().all(|byte| *byte == 0)
 }
 
 #[cfg(test)]

@@ -197,7 +197,7 @@ fn files_that_are_named_like_ours_are_not_taken_for_ours() {
     let parent = tempfile::tempdir().unwrap();
     let path = parent.path().join("work");
     fs::create_dir(&path).unwrap();
-    for name in ["scan-000001.bin", "pass-notes.tmp", "lock", "manifest.bin", "journal.bin"] {
+    for name in ["scan-000001.bin", "pass-notes.tmp", "lock", "manifest.bin", "manifest.bin.tmp", "journal.bin"] {
         fs::write(path.join(name), "of the user").unwrap();
         for resume in [Resume::Auto, Resume::Require, Resume::Never] {
             let error = open(&path, resume).unwrap_err();

@@ -160,6 +160,12 @@ pub fn make_folders(path: &Path) -> Result<()> {
     }
 }
 
+/// Waits for the lock of a folder and holds it for as long as what is returned lives; nothing where folders have none.
+pub fn lock_while_open(folder: &Path) -> Option<File> {
+    let folder = File::open(folder).ok()?;
+    fs4::FileExt::lock(&folder).ok().map(|()| folder)
+}
+
 /// Makes the entry of `path` in its folder durable.
 ///
 /// # Errors

@@ -106,14 +106,14 @@ pub fn is_of_machine(error: &io::Error) -> bool {
     use io::ErrorKind::{InvalidFilename, InvalidInput, IsADirectory, NotADirectory, NotFound, PermissionDenied};
     let Some(code) = error.raw_os_error() else { return false };
     #[cfg(unix)]
-    let is_loop = code == libc::ELOOP;
+    let is_of_name = [libc::ELOOP, libc::EILSEQ].contains(&code);
     #[cfg(not(unix))]
-    let is_loop = code < 0;
+    let is_of_name = code < 0;
     let tells_of_file = matches!(
         error.kind(),
         NotFound | PermissionDenied | NotADirectory | IsADirectory | InvalidInput | InvalidFilename
     );
-    !is_loop && !tells_of_file
+    !is_of_name && !tells_of_file
 }
 
 /// Whether a path leads to a regular file.

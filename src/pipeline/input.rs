@@ -87,6 +87,7 @@ impl Reading<'_> {
                 return Err(fingerprint::changed(path, "has changed"));
             }
         }
+        (input.catalogue.files, input.catalogue.folder) = (self.inputs.to_vec(), self.folder());
         let libraries = libraries_at(input.libraries.iter().map(|source| source.path.as_path()))?;
         let textures = self.textures(&input.catalogue)?;
         let old = input.libraries.iter().chain(&input.textures);
@@ -95,13 +96,13 @@ impl Reading<'_> {
                 return Err(fingerprint::changed(&old.path, what));
             }
         }
-        input.catalogue.files = self.inputs.to_vec();
         Ok(Start::recall(job)?.map(|start| (input, start)))
     }
 
     fn scan(&self, job: &WorkFolder) -> Result<(Input, Start)> {
         let scanned = scan::scan(self.inputs, job.path(), &self.scan, self.progress)?;
-        let Scan { mesh, catalogue, triangles, findings, input_bytes, content_hashes, libraries } = scanned;
+        let Scan { mesh, mut catalogue, triangles, findings, input_bytes, content_hashes, libraries } = scanned;
+        catalogue.folder = self.folder();
         let textures = self.textures(&catalogue)?;
         let libraries = libraries_at(libraries.iter().map(PathBuf::as_path))?;
         let need = Need::of(&mesh, &catalogue);
@@ -114,13 +115,18 @@ impl Reading<'_> {
         Ok((input, start))
     }
 
+    /// The folder that was given as input.
+    fn folder(&self) -> Option<PathBuf> {
+        self.path.is_dir().then(|| self.path.to_owned())
+    }
+
     /// Textures count by their content where they are copied, and by whether they are there otherwise.
     fn textures(&self, catalogue: &Catalogue) -> Result<Vec<Source>> {
         let named = write::named_textures(catalogue);
         let mut sources = Vec::with_capacity(named.len());
         let look = |texture: NamedTexture| {
             self.progress.check_stopped()?;
-            let is_copied = self.options.textures == TextureFiles::Copy && !texture.leaves;
+            let is_copied = self.options.textures == TextureFiles::Copy && !texture.stays;
             if is_copied { Source::inside(&texture.folder, &texture.path) } else { Source::presence(&texture.path) }
         };
         map_in_order(named.into_iter(), self.scan.threads, 4 * self.scan.threads, look, |source| {
@@ -142,17 +148,21 @@ impl Input {
         Sources::new(self.catalogue.files.iter().map(PathBuf::as_path).chain(beside))
     }
 
-    /// Compares textures as they were copied with what they were when the job was begun.
+    /// Compares textures as they were copied with what they were when the job was begun, if they are to be copied.
     ///
     /// # Errors
     /// [`Error::Changed`](crate::base::Error::Changed) naming the first that differs.
     pub(super) fn check_textures(&self, copied: &[CopiedTexture]) -> Result<()> {
-        let known: HashMap<PathBuf, (u64, u64)> = self
-            .textures
-            .iter()
-            .filter_map(|source| Some((source.path.canonicalize().ok()?, source.content?)))
-            .collect();
-        match copied.iter().find(|(path, content)| known.get(path).is_some_and(|known| known != content)) {
+        let named = write::named_textures(&self.catalogue);
+        let hashed = named.iter().zip(&self.textures).filter(|(texture, _)| !texture.stays).map(|(_, source)| source);
+        let mut known = HashMap::new();
+        for source in hashed {
+            let path = source.path.canonicalize().unwrap_or_else(|_| source.path.clone());
+            // Of two names the one that leads out of its folder may be refused.
+            let content = known.entry(path).or_insert(source.content);
+            *content = content.or(source.content);
+        }
+        match copied.iter().find(|(path, content)| known.get(path).is_some_and(|known| *known != Some(*content))) {
             Some((path, _)) => Err(fingerprint::changed(path, "has changed")),
             None => Ok(()),
         }

@@ -9,9 +9,9 @@ use crate::os::durable::{DurableFile, make_folders, waiting_place};
 use crate::scan::fingerprint;
 use crate::write::{Companion, Sources, Written};
 
-/// Longest name of a file, and what stands behind the output's stem in the name of the textures' folder.
+/// Longest name of a file, and what stands behind the output's name in the longest that is made of it.
 const NAME_BYTES_MAX: usize = 255;
-const LONGEST_ENDING: &str = "_textures";
+const LONGEST_ENDING: &str = ".work-measure";
 
 /// What a process that was ended while its result got its names had written.
 pub(super) enum Earlier {
@@ -26,7 +26,9 @@ pub(super) enum Earlier {
 /// Looks for the result of an earlier process.
 pub(super) fn earlier(job: &WorkFolder, output: &Path) -> Result<Earlier> {
     let Some(written) = job.recall::<Written>(Step::Written)? else { return Ok(Earlier::Nothing) };
-    if !fingerprint::content(output).is_ok_and(|content| content == (written.bytes, written.hash)) {
+    let folder = resolved(output).parent().map(Path::to_owned).unwrap_or_default();
+    let is_beside = written.companions.iter().all(|companion| companion.path.starts_with(&folder));
+    if !is_beside || !fingerprint::content(output).is_ok_and(|content| content == (written.bytes, written.hash)) {
         return Ok(Earlier::Nothing);
     }
     if !written.companions.iter().all(Companion::is_there) {
@@ -53,7 +55,7 @@ pub(super) fn refuse(input: &Path, inputs: &[PathBuf], output: &Path, work: &Pat
     if name.as_encoded_bytes().iter().any(u8::is_ascii_control) {
         return refused("the output's name has control characters, which an MTL cannot refer to");
     }
-    if output.file_stem().map_or(0, |stem| stem.len()) + LONGEST_ENDING.len() > NAME_BYTES_MAX {
+    if name.len() + LONGEST_ENDING.len() > NAME_BYTES_MAX {
         return refused("the output's name is too long");
     }
     // A device or a pipe would be replaced by a file.
@@ -69,8 +71,10 @@ pub(super) fn refuse(input: &Path, inputs: &[PathBuf], output: &Path, work: &Pat
     }
     let work_folder = resolved(work);
     let shown = escape_path(work);
-    if there.starts_with(&work_folder) {
-        return Err(Error::Usage(format!("{shown}: the output lies in the work folder; choose another --work")));
+    if there.starts_with(&work_folder) || work_folder.starts_with(textures_folder(&there)) {
+        return Err(Error::Usage(format!(
+            "{shown}: the output, or its folder of textures, and the work folder lie in each other; choose another --work"
+        )));
     }
     if inputs.iter().any(|input| resolved(input).starts_with(&work_folder)) {
         return Err(Error::Usage(format!("{shown}: the input lies in the work folder; choose another --work")));
@@ -86,6 +90,12 @@ pub(super) fn check(output: &Path, job: &WorkFolder, may_exist: bool) -> Result<
         return Err(Error::Usage(format!("{}: exists already; --force replaces it", escape_path(output))));
     }
     Ok(())
+}
+
+fn textures_folder(output: &Path) -> PathBuf {
+    let mut name = output.file_stem().unwrap_or_default().to_owned();
+    name.push("_textures");
+    output.with_file_name(name)
 }
 
 /// A path without links, as far as it is there.

@@ -48,9 +48,10 @@ pub use self::targets::Sources;
 use self::targets::Targets;
 use self::textures::TextureStage;
 use crate::base::bytes::MIB;
+use crate::base::error::escape_path;
 use crate::base::{Error, Findings, Progress, Result};
 use crate::job::codec;
-use crate::os::durable::DurableFile;
+use crate::os::durable::{DurableFile, lock_while_open};
 use crate::scan::fingerprint;
 use crate::store::mesh::PieceNumbering;
 use crate::store::{Catalogue, NO_TEXCOORD, StoredMesh, StoredPiece};
@@ -81,6 +82,8 @@ pub struct WriteOptions {
     pub normals: bool,
     /// Whether an older result may be replaced.
     pub force: bool,
+    /// Whether the OBJ that is there is this job's own, which may be replaced in any case.
+    pub replaces_own: bool,
     /// Memory that the phase may use, in bytes; below 32 MiB it uses somewhat more.
     pub work_bytes: u64,
     /// Files that must not be replaced.
@@ -139,6 +142,8 @@ pub struct Staged {
     textures: TextureStage,
     mtl: Option<DurableFile>,
     obj: ObjFile,
+    targets: Targets,
+    may_replace: bool,
 }
 
 impl Staged {
@@ -155,8 +160,15 @@ impl Staged {
     /// Gives the files their names: textures, then the MTL, then the OBJ.
     ///
     /// # Errors
-    /// [`Error::NoSpace`] and [`Error::Io`] from the file system.
+    /// [`Error::NoSpace`] and [`Error::Io`] from the file system; [`Error::Usage`] and [`Error::Changed`] if another process
+    /// has written there meanwhile.
     pub fn commit(self) -> Result<Written> {
+        // One after another, where the system locks folders: or the files of two jobs would mix.
+        let _locked = lock_while_open(&self.targets.folder);
+        if !self.may_replace && self.targets.obj.symlink_metadata().is_ok() {
+            let shown = escape_path(&self.targets.obj);
+            return Err(Error::Usage(format!("{shown}: exists by now; --force replaces it")));
+        }
         self.textures.commit()?;
         self.mtl.map(DurableFile::commit).transpose()?;
         self.obj.commit()?;
@@ -184,7 +196,7 @@ pub fn write(
 /// # Errors
 /// [`Error::Usage`] saying what is in the way.
 pub fn check_output(output: &Path, options: &WriteOptions) -> Result<()> {
-    Targets::choose(output, &options.sources, options.force).map(drop)
+    Targets::choose(output, &options.sources, options.force || options.replaces_own).map(drop)
 }
 
 /// Writes the mesh beside `output` (an OBJ), under temporary names, with its MTL and its textures.
@@ -202,7 +214,8 @@ pub fn stage(
     progress: &dyn Progress,
 ) -> Result<Staged> {
     progress.begin("write", mesh.face_count(), "faces");
-    let targets = Targets::choose(output, &options.sources, options.force)?;
+    let may_replace = options.force || options.replaces_own;
+    let targets = Targets::choose(output, &options.sources, may_replace)?;
     let numbering = mesh.numbering()?;
     let mut usage = Usage::sweep(mesh, &numbering, catalogue.parts.len(), options.normals)?;
     let share = (options.work_bytes.saturating_sub(usage.memory_bytes()) / 2).clamp(SHARE_BYTES_MIN, SHARE_BYTES_MAX);
@@ -243,7 +256,7 @@ pub fn stage(
         companions,
         findings,
     };
-    Ok(Staged { written, textures, mtl, obj })
+    Ok(Staged { written, textures, mtl, obj, targets, may_replace })
 }
 
 /// The comment that the OBJ and the MTL begin with.

@@ -27,16 +27,19 @@ pub struct NamedTexture {
     pub path: PathBuf,
     /// The canonical folder of the MTL, which it must not leave to be copied.
     pub folder: PathBuf,
-    /// Whether it leaves it by its very name.
-    pub leaves: bool,
+    /// Whether it is never copied: by its very name it leaves that folder, or the folder lies elsewhere.
+    pub stays: bool,
 }
 
 /// The files that the materials' texture statements name, in order of their paths.
 pub fn named_textures(catalogue: &Catalogue) -> BTreeSet<NamedTexture> {
+    let roots = roots(catalogue);
     let named = |folder: &Path, name: &[u8]| {
         let relative = relative_path(name)?;
-        Some(NamedTexture { leaves: leaves(&relative), path: folder.join(relative), folder: folder.to_owned() })
+        let stays = leaves(&relative) || is_outside(folder, &roots);
+        Some(NamedTexture { stays, path: folder.join(relative), folder: folder.to_owned() })
     };
+    let named = &named;
     let definitions = catalogue.materials.iter().filter_map(|material| material.definition.as_ref());
     definitions.flat_map(|d| d.textures.iter().filter_map(move |texture| named(&d.folder, &texture.name))).collect()
 }
@@ -51,18 +54,20 @@ fn leaves(relative: &Path) -> bool {
     relative.components().try_fold(0, depth_after).is_none()
 }
 
-/// The folders of OBJ files, and the one that all of them lie in.
-pub(super) fn roots(files: &[PathBuf]) -> Vec<PathBuf> {
-    let folder = |path: &PathBuf| Some(fs::canonicalize(path).ok()?.parent()?.to_owned());
-    let folders: BTreeSet<PathBuf> = files.iter().filter_map(folder).collect();
-    let common = |a: PathBuf, b: &PathBuf| {
-        a.components().zip(b.components()).take_while(|(a, b)| a == b).map(|(a, _)| a).collect()
+/// The folders of OBJ files, where they are and where they are links to, and the folder that was given as input.
+pub(super) fn roots(catalogue: &Catalogue) -> BTreeSet<PathBuf> {
+    let named_in = |path: &PathBuf| {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        fs::canonicalize(folder).ok()
     };
-    let mut all = folders.iter();
-    let shared = all.next().map(|first| all.fold(first.clone(), common));
-    // Not the whole disk, if tiles lie everywhere.
-    let shared = shared.filter(|folder| folder.parent().is_some());
-    folders.into_iter().chain(shared).collect()
+    let lies_in = |path: &PathBuf| Some(fs::canonicalize(path).ok()?.parent()?.to_owned());
+    let folders = catalogue.files.iter().flat_map(|path| [named_in(path), lies_in(path)]).flatten();
+    folders.chain(catalogue.folder.as_ref().and_then(|folder| fs::canonicalize(folder).ok())).collect()
+}
+
+/// Whether a canonical folder is none of these and lies in none; nothing is outside if there are none.
+pub(super) fn is_outside(folder: &Path, roots: &BTreeSet<PathBuf>) -> bool {
+    !roots.is_empty() && !folder.ancestors().any(|above| roots.contains(above))
 }
 
 /// The canonical path of a regular file inside the MTL's folder.

@@ -17,9 +17,13 @@ use crate::os::durable::{DurableFile, make_folders};
 pub struct Sources {
     /// Their entries in folders: canonical, and as they were named but for the folder.
     entries: HashSet<PathBuf>,
-    /// What else leads to them, such as a name in other letters or a folder that is mounted twice.
-    identities: HashSet<(u64, u64)>,
+    /// What else leads to them: a name in other letters, or a folder that is mounted twice with the same name in it.
+    identities: HashSet<Identity>,
+    places: HashSet<(Identity, OsString)>,
 }
+
+/// Disk and number of a file or folder.
+type Identity = (u64, u64);
 
 impl Sources {
     /// Files that are there or not.
@@ -28,17 +32,18 @@ impl Sources {
         for path in paths {
             sources.entries.extend(fs::canonicalize(path));
             sources.entries.extend(entry(path));
-            sources
-                .identities
-                .extend([fs::metadata(path), fs::symlink_metadata(path)].iter().flatten().filter_map(identity));
+            let looks = [fs::metadata(path), fs::symlink_metadata(path)];
+            sources.identities.extend(looks.iter().flatten().filter_map(only_name));
+            sources.places.extend(place(path));
         }
         sources
     }
 
     /// Whether a file that gets this name replaces one of them.
     pub fn forbid(&self, target: &Path) -> bool {
-        let known = |meta: fs::Metadata| identity(&meta).is_some_and(|identity| self.identities.contains(&identity));
+        let known = |meta: fs::Metadata| only_name(&meta).is_some_and(|identity| self.identities.contains(&identity));
         entry(target).is_some_and(|entry| self.entries.contains(&entry))
+            || place(target).is_some_and(|place| self.places.contains(&place))
             || fs::symlink_metadata(target).is_ok_and(known)
     }
 
@@ -54,12 +59,27 @@ fn entry(path: &Path) -> Option<PathBuf> {
     Some(fs::canonicalize(folder).ok()?.join(path.file_name()?))
 }
 
-/// Disk and number of a file with one name: another name of a file with several may be replaced.
-fn identity(meta: &fs::Metadata) -> Option<(u64, u64)> {
+/// A file's folder, however it is mounted, and its name.
+fn place(path: &Path) -> Option<(Identity, OsString)> {
+    let entry = entry(path)?;
+    Some((identity(&fs::metadata(entry.parent()?).ok()?)?, entry.file_name()?.to_owned()))
+}
+
+/// A file with one name: another name of a file with several may be replaced.
+fn only_name(meta: &fs::Metadata) -> Option<Identity> {
+    #[cfg(unix)]
+    if std::os::unix::fs::MetadataExt::nlink(meta) > 1 {
+        return None;
+    }
+    identity(meta).filter(|_| !meta.is_dir())
+}
+
+/// Nothing where the system does not tell.
+fn identity(meta: &fs::Metadata) -> Option<Identity> {
     #[cfg(unix)]
     {
         use std::os::unix::fs::MetadataExt;
-        (meta.nlink() == 1 && !meta.is_dir()).then(|| (meta.dev(), meta.ino()))
+        Some((meta.dev(), meta.ino()))
     }
     #[cfg(not(unix))]
     {

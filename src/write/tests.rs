@@ -16,6 +16,7 @@ fn options() -> WriteOptions {
         textures: Textures::Copy,
         normals: false,
         force: false,
+        replaces_own: false,
         work_bytes: 32 * MIB,
         sources: Sources::default(),
         job: 1,

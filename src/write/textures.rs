@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 
 use xxhash_rust::xxh3::Xxh3;
 
-use super::paths::{Unusable, find_source, path_between, path_of, relative_path, roots};
+use super::paths::{Unusable, find_source, is_outside, path_between, path_of, relative_path, roots};
 use super::targets::{Sources, Targets};
 use super::{Companion, CopiedTexture, Textures, WriteOptions};
 use crate::base::error::{escape, escape_path};
@@ -42,7 +42,7 @@ pub(super) struct TextureStage {
     job: u64,
     sources: Sources,
     /// Folders whose files may be copied, and those below them; all if there are none.
-    roots: Vec<PathBuf>,
+    roots: BTreeSet<PathBuf>,
     output_folder: PathBuf,
     folder: PathBuf,
     folder_name: Vec<u8>,
@@ -59,6 +59,8 @@ pub(super) struct TextureStage {
     pub(super) companions: Vec<Companion>,
     /// What was copied.
     pub(super) copied: Vec<CopiedTexture>,
+    /// What was there already and is as it should be, with how it looked then.
+    kept: Vec<(PathBuf, Look)>,
     /// Removed again, if empty, when nothing is committed; dropped after the files in it.
     made_folder: Option<MadeFolder>,
     /// What was refused or missing.
@@ -98,7 +100,7 @@ impl TextureStage {
             force: options.force,
             job: options.job,
             sources: options.sources.clone(),
-            roots: roots(&catalogue.files),
+            roots: roots(catalogue),
             output_folder: targets.folder.clone(),
             // The folder may be a symbolic link; what matters is where the files really go.
             folder: fs::canonicalize(&folder).unwrap_or(folder),
@@ -110,6 +112,7 @@ impl TextureStage {
             staged: Vec::new(),
             companions: Vec::new(),
             copied: Vec::new(),
+            kept: Vec::new(),
             made_folder: None,
             findings: Findings::default(),
         }
@@ -125,10 +128,9 @@ impl TextureStage {
             return Ok(reference.clone());
         }
         let place = |why: &str| format!("{} of {}: {why}", escape(name), escape_path(mtl_folder));
-        let is_outside = !self.roots.is_empty() && !self.roots.iter().any(|root| mtl_folder.starts_with(root));
         let outcome = match self.mode {
             Textures::Reference => Ok(self.refer(mtl_folder, name)?),
-            Textures::Copy | Textures::Link if is_outside => {
+            Textures::Copy | Textures::Link if is_outside(mtl_folder, &self.roots) => {
                 let why = "its material library lies outside of the OBJ's folder; it is referred to where it is";
                 self.findings.note("refused_texture", || place(why));
                 Ok(self.refer(mtl_folder, name)?)
@@ -222,8 +224,11 @@ impl TextureStage {
                 }
             }
             self.staged.push(staged);
-        } else if self.mode != Textures::Link {
-            content = Some(fingerprint::content(&target).map_err(|e| Error::io(&target, "read", e))?);
+        } else {
+            self.kept.push((target.clone(), look(&target)));
+            if self.mode != Textures::Link {
+                content = Some(fingerprint::content(&target).map_err(|e| Error::io(&target, "read", e))?);
+            }
         }
         self.copied.extend(content.map(|content| (source.to_owned(), content)));
         self.companions.push(Companion { path: target, content });
@@ -293,8 +298,12 @@ impl TextureStage {
     /// Gives the files their names.
     ///
     /// # Errors
-    /// [`Error::Io`] if a file cannot be renamed.
+    /// [`Error::Changed`] if one that was there already is another one now, [`Error::Io`] if a file cannot be renamed.
     pub(super) fn commit(self) -> Result<()> {
+        if let Some((path, _)) = self.kept.iter().find(|(path, looked)| look(path) != *looked) {
+            let path = escape_path(path);
+            return Err(Error::Changed(format!("{path}: has changed while the result was written; try again")));
+        }
         for file in &self.staged {
             fs::rename(&file.temporary, &file.target).map_err(|e| Error::io(&file.target, "rename", e))?;
         }
@@ -304,6 +313,14 @@ impl TextureStage {
         }
         Ok(())
     }
+}
+
+/// Length and time of a file, by which another one is told from it.
+type Look = Option<(u64, Option<std::time::SystemTime>)>;
+
+fn look(path: &Path) -> Look {
+    let meta = fs::symlink_metadata(path).ok()?;
+    Some((meta.len(), meta.modified().ok()))
 }
 
 fn open_regular(source: &Path) -> io::Result<File> {
@@ -408,7 +425,8 @@ mod tests {
     fn stage_for(output: &Path, mode: Textures, force: bool) -> TextureStage {
         let sources = Sources::default();
         let targets = Targets::choose(output, &sources, force).unwrap();
-        let options = WriteOptions { textures: mode, normals: false, force, work_bytes: 0, sources, job: 1 };
+        let options =
+            WriteOptions { textures: mode, normals: false, force, replaces_own: false, work_bytes: 0, sources, job: 1 };
         TextureStage::new(&options, &targets, &Catalogue::default())
     }
 
@@ -459,16 +477,22 @@ mod tests {
         fs::write(folders.input.join("b/city.obj"), "").unwrap();
         let sources = Sources::default();
         let targets = Targets::choose(&folders.output.join("city.obj"), &sources, false).unwrap();
-        let options =
-            WriteOptions { textures: Textures::Copy, normals: false, force: false, work_bytes: 0, sources, job: 1 };
+        let options = WriteOptions {
+            textures: Textures::Copy,
+            normals: false,
+            force: false,
+            replaces_own: false,
+            work_bytes: 0,
+            sources,
+            job: 1,
+        };
         let mut catalogue = Catalogue { files: vec![folders.input.join("b/city.obj")], ..Catalogue::default() };
         let mut stage = TextureStage::new(&options, &targets, &catalogue);
         let folder = fs::canonicalize(folders.input.join("a")).unwrap();
         assert_eq!(stage.reference(&folder, b"wall.png").unwrap(), b"../in/a/wall.png");
         assert_eq!(stage.findings.get("refused_texture"), 1);
-        // Tiles share what lies in the folder of all of them.
-        fs::write(folders.input.join("a/city.obj"), "").unwrap();
-        catalogue.files.push(folders.input.join("a/city.obj"));
+        // Tiles share what lies in the folder that was given.
+        catalogue.folder = Some(folders.input.clone());
         let mut stage = TextureStage::new(&options, &targets, &catalogue);
         let folder = fs::canonicalize(&folders.input).unwrap();
         assert_eq!(stage.reference(&folder, b"a/wall.png").unwrap(), b"city_textures/wall.png");
