@@ -103,6 +103,24 @@ impl Step {
     }
 }
 
+impl Step {
+    /// Whether the step is made of what another one has made.
+    pub fn follows(&self, other: Step) -> bool {
+        self.place() > other.place()
+    }
+
+    /// The pass, from 1, and the place in it.
+    fn place(&self) -> (u64, u8) {
+        match *self {
+            Step::Input | Step::Scan | Step::Census => (0, 0),
+            Step::Cut { pass } => (u64::from(pass) + 1, 0),
+            Step::Plan { pass, .. } | Step::Trial { pass, .. } | Step::Cluster { pass, .. } => (u64::from(pass) + 1, 1),
+            Step::Pass { pass } => (u64::from(pass) + 1, 2),
+            Step::Written => (u64::MAX, 0),
+        }
+    }
+}
+
 /// A finished step.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Record {
@@ -115,6 +133,14 @@ pub struct Record {
     /// Its files.
     pub(super) files: Vec<Stamp>,
     pub(super) value: Value,
+}
+
+impl Record {
+    /// Names of all files of the step that it is the record of.
+    pub(super) fn names(&self, step: &Step) -> Vec<String> {
+        let own = self.files.iter().map(|stamp| stamp.name().to_owned());
+        own.chain([step.file_name()]).collect()
+    }
 }
 
 /// Where the value of a step lies.

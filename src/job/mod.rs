@@ -320,7 +320,9 @@ impl WorkFolder {
         let finished = Finished::new(&self.path, step, amount, files.iter().copied(), value)?;
         let mut names = names_of(files, steps);
         names.insert(step.file_name());
-        // Named now: what the work that goes on writes is none of it.
+        // What an earlier process made of what follows is in the way of what the work that goes on writes under the same
+        // names; the rest can be removed beside it, since it is named now.
+        remove_files(&self.left_of(|other| other.follows(step), &names)?)?;
         let superseded = self.all_but(&names)?;
         let journal = Arc::clone(&self.journal);
         let keep = move || {
@@ -393,12 +395,16 @@ impl WorkFolder {
 
     /// Names of the files that the journal knows.
     fn named_files(&self) -> HashSet<String> {
-        let mut names = HashSet::new();
-        for (step, record) in &self.recalled {
-            names.extend(record.files.iter().map(|stamp| stamp.name().to_owned()));
-            names.insert(step.file_name());
-        }
-        names
+        self.recalled.iter().flat_map(|(step, record)| record.names(step)).collect()
+    }
+
+    /// The files of an earlier process's steps, but those of these names.
+    fn left_of(&self, is_meant: impl Fn(&Step) -> bool, names: &HashSet<String>) -> Result<Vec<PathBuf>> {
+        let meant = self.recalled.iter().filter(|(step, _)| is_meant(step));
+        let left: HashSet<String> = meant.flat_map(|(step, record)| record.names(step)).collect();
+        let mut files = self.all_but(names)?;
+        files.retain(|path| path.file_name().is_some_and(|name| left.contains(&*name.to_string_lossy())));
+        Ok(files)
     }
 
     /// The files of phases, but those of these names.

@@ -118,6 +118,25 @@ fn a_step_that_supersedes_others_is_kept_and_leaves_what_was_begun_since() {
 }
 
 #[test]
+fn what_an_earlier_process_left_of_later_steps_is_not_in_the_way() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    let piece = path.join("pass-1-cluster-0-000000.piece");
+    left_over(&path);
+    let job = open(&path, Resume::Auto).unwrap();
+    // Killed when a cluster was kept, but not yet the cut that it is a part of.
+    fs::rename(path.join(write_value(&path.join("scan-x.state"), b"a cluster").unwrap().name()), &piece).unwrap();
+    job.keep(Step::Cluster { pass: 1, attempt: 0, cluster: 0 }, 1, [piece.as_path()], &()).unwrap();
+    drop(job);
+    let job = open(&path, Resume::Auto).unwrap();
+    job.supersede(Step::Cut { pass: 1 }, 1, [], &(), &[Step::Pass { pass: 0 }]).unwrap();
+    assert!(!piece.exists());
+    fs::write(&piece, b"made anew").unwrap();
+    job.settle().unwrap();
+    assert_eq!(fs::read(&piece).unwrap(), b"made anew");
+}
+
+#[test]
 fn what_fails_beside_the_work_is_told_when_it_is_waited_for() {
     let parent = tempfile::tempdir().unwrap();
     let path = parent.path().join("work");
