@@ -21,6 +21,7 @@
 //! `write-faces.tmp`, `write-stars.tmp`, `write-normals.col` in the work folder, removed before [`write()`] returns.
 
 mod batches;
+mod copy;
 mod grouping;
 mod mtl;
 mod normals;

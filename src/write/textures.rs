@@ -14,12 +14,10 @@
 //! `<stem>_textures/` beside the output.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, Read, Write};
+use std::fs;
 use std::path::{Path, PathBuf};
 
-use xxhash_rust::xxh3::Xxh3;
-
+use super::copy::{Look, copy, look, open_regular, same_content, symlink};
 use super::paths::{Unusable, find_source, is_outside, path_between, path_of, relative_path, roots};
 use super::targets::{Sources, Targets};
 use super::{Companion, CopiedTexture, Textures, WriteOptions};
@@ -30,7 +28,6 @@ use crate::os::system::is_of_machine;
 use crate::scan::fingerprint;
 use crate::store::Catalogue;
 
-const COPY_BUFFER_BYTES: usize = 256 << 10;
 /// A longer name leaves no room for a number and an extension in the 255 bytes that file systems take.
 const STEM_BYTES_MAX: usize = 220;
 
@@ -315,22 +312,6 @@ impl TextureStage {
     }
 }
 
-/// Length and time of a file, by which another one is told from it.
-type Look = Option<(u64, Option<std::time::SystemTime>)>;
-
-fn look(path: &Path) -> Look {
-    let meta = fs::symlink_metadata(path).ok()?;
-    Some((meta.len(), meta.modified().ok()))
-}
-
-fn open_regular(source: &Path) -> io::Result<File> {
-    let file = File::open(source)?;
-    match file.metadata()?.is_file() {
-        true => Ok(file),
-        false => Err(io::Error::other("not a regular file")),
-    }
-}
-
 /// A reference that begins with `-` would be read as an option; `./` keeps it from that.
 fn not_an_option(reference: Vec<u8>) -> Vec<u8> {
     if reference.starts_with(b"-") { [b"./", reference.as_slice()].concat() } else { reference }
@@ -339,60 +320,6 @@ fn not_an_option(reference: Vec<u8>) -> Vec<u8> {
 fn slashes(path: &Path) -> Vec<u8> {
     let bytes = path.as_os_str().as_encoded_bytes();
     bytes.iter().map(|&c| if cfg!(windows) && c == b'\\' { b'/' } else { c }).collect()
-}
-
-#[cfg(unix)]
-fn symlink(target: &Path, link: &Path) -> io::Result<()> {
-    std::os::unix::fs::symlink(target, link)
-}
-
-#[cfg(windows)]
-fn symlink(target: &Path, link: &Path) -> io::Result<()> {
-    std::os::windows::fs::symlink_file(target, link)
-}
-
-/// Copies a file to a new one, which will be `target`, and syncs it; returns length and XXH3. The inner error is that of
-/// reading.
-fn copy(mut source: File, temporary: &Path, target: &Path) -> Result<io::Result<(u64, u64)>> {
-    let wrap = |error| Error::io(target, "write", error);
-    let mut copy = OpenOptions::new().write(true).create_new(true).open(temporary).map_err(wrap)?;
-    let mut buffer = vec![0; COPY_BUFFER_BYTES];
-    let (mut length, mut hash) = (0, Xxh3::new());
-    loop {
-        match source.read(&mut buffer) {
-            Ok(0) => break,
-            Ok(count) => {
-                length += count as u64;
-                hash.update(&buffer[..count]);
-                copy.write_all(&buffer[..count]).map_err(wrap)?;
-            }
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-            Err(error) => return Ok(Err(error)),
-        }
-    }
-    copy.sync_data().map_err(wrap)?;
-    Ok(Ok((length, hash.digest())))
-}
-
-/// Whether both are regular files (no links) with the same bytes.
-fn same_content(a: &Path, b: &Path) -> io::Result<bool> {
-    let metadata = fs::symlink_metadata(a)?;
-    if !metadata.is_file() || metadata.len() != fs::metadata(b)?.len() {
-        return Ok(false);
-    }
-    let mut a = io::BufReader::with_capacity(COPY_BUFFER_BYTES, File::open(a)?);
-    let mut b = File::open(b)?;
-    let (mut left, mut right) = (vec![0; COPY_BUFFER_BYTES], vec![0; COPY_BUFFER_BYTES]);
-    loop {
-        let count = b.read(&mut right)?;
-        if count == 0 {
-            return Ok(true);
-        }
-        a.read_exact(&mut left[..count])?;
-        if left[..count] != right[..count] {
-            return Ok(false);
-        }
-    }
 }
 
 #[cfg(test)]

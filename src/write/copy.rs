@@ -1,0 +1,85 @@
+//! Files on their way from one folder to another: opened, copied, linked, compared.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Read, Write};
+use std::path::Path;
+
+use xxhash_rust::xxh3::Xxh3;
+
+use crate::base::{Error, Result};
+
+const COPY_BUFFER_BYTES: usize = 256 << 10;
+
+/// Length and time of a file, by which another one is told from it.
+pub(super) type Look = Option<(u64, Option<std::time::SystemTime>)>;
+
+/// How a file, or a link, looks now; nothing if it is not there.
+pub(super) fn look(path: &Path) -> Look {
+    let meta = fs::symlink_metadata(path).ok()?;
+    Some((meta.len(), meta.modified().ok()))
+}
+
+/// Opens a regular file.
+pub(super) fn open_regular(source: &Path) -> io::Result<File> {
+    let file = File::open(source)?;
+    match file.metadata()?.is_file() {
+        true => Ok(file),
+        false => Err(io::Error::other("not a regular file")),
+    }
+}
+
+/// Makes a symbolic link.
+#[cfg(unix)]
+pub(super) fn symlink(target: &Path, link: &Path) -> io::Result<()> {
+    std::os::unix::fs::symlink(target, link)
+}
+
+/// Makes a symbolic link.
+#[cfg(windows)]
+pub(super) fn symlink(target: &Path, link: &Path) -> io::Result<()> {
+    std::os::windows::fs::symlink_file(target, link)
+}
+
+/// Copies a file to a new one, which will be `target`, and syncs it; returns length and XXH3. The inner error is that of
+/// reading.
+pub(super) fn copy(mut source: File, temporary: &Path, target: &Path) -> Result<io::Result<(u64, u64)>> {
+    let wrap = |error| Error::io(target, "write", error);
+    let mut copy = OpenOptions::new().write(true).create_new(true).open(temporary).map_err(wrap)?;
+    let mut buffer = vec![0; COPY_BUFFER_BYTES];
+    let (mut length, mut hash) = (0, Xxh3::new());
+    loop {
+        match source.read(&mut buffer) {
+            Ok(0) => break,
+            Ok(count) => {
+                length += count as u64;
+                hash.update(&buffer[..count]);
+                copy.write_all(&buffer[..count]).map_err(wrap)?;
+            }
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => return Ok(Err(error)),
+        }
+    }
+    copy.sync_data().map_err(wrap)?;
+    Ok(Ok((length, hash.digest())))
+}
+
+/// Whether both are regular files (no links) with the same bytes.
+pub(super) fn same_content(a: &Path, b: &Path) -> io::Result<bool> {
+    let metadata = fs::symlink_metadata(a)?;
+    if !metadata.is_file() || metadata.len() != fs::metadata(b)?.len() {
+        return Ok(false);
+    }
+    let mut a = io::BufReader::with_capacity(COPY_BUFFER_BYTES, File::open(a)?);
+    let mut b = File::open(b)?;
+    let (mut left, mut right) = (vec![0; COPY_BUFFER_BYTES], vec![0; COPY_BUFFER_BYTES]);
+    loop {
+        let count = b.read(&mut right)?;
+        if count == 0 {
+            return Ok(true);
+        }
+        a.read_exact(&mut left[..count])?;
+        if left[..count] != right[..count] {
+            return Ok(false);
+        }
+    }
+}
