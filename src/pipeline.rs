@@ -74,8 +74,8 @@ fn run(
     let Reading { options, progress, .. } = *reading;
     let started = Instant::now();
     let earlier = output::earlier(job, output)?;
-    let may_replace = options.force || !matches!(earlier, Earlier::Nothing);
-    output::check(output, job, may_replace)?;
+    let replaces_own = !matches!(earlier, Earlier::Nothing);
+    output::check(output, job, options.force || replaces_own)?;
     let is_resumed = job.is_resumed();
 
     let scanned = Instant::now();
@@ -88,7 +88,7 @@ fn run(
         textures: options.textures.into(),
         normals: options.normals == Normals::Auto && catalogue.has_normals,
         force: options.force,
-        replaces_own: matches!(earlier, Earlier::Obj | Earlier::Whole(_)),
+        replaces_own,
         work_bytes: budget.for_work(),
         sources: input.sources(),
         job: job.number(),

@@ -3,7 +3,6 @@
 
 mod meshes;
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -12,7 +11,7 @@ use drystone::base::{Result, Silent};
 use drystone::options::{SimplifyOptions, TextureFiles};
 use drystone::pipeline;
 use drystone::report::Report;
-use meshes::{in_many_clusters, ratio, town};
+use meshes::{contents, copy_town, in_many_clusters, ratio};
 
 /// A copy of the town in `in/`.
 struct Town {
@@ -22,10 +21,7 @@ struct Town {
 impl Town {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        fs::create_dir(folder.path().join("in")).unwrap();
-        for entry in fs::read_dir(town().parent().unwrap()).unwrap().flatten() {
-            fs::copy(entry.path(), folder.path().join("in").join(entry.file_name())).unwrap();
-        }
+        copy_town(&folder.path().join("in"));
         Self { folder }
     }
 
@@ -52,18 +48,6 @@ impl Town {
 
 fn options() -> SimplifyOptions {
     SimplifyOptions { threads: Some(2), force: true, ..in_many_clusters(ratio(0.1)) }
-}
-
-/// Names and bytes of all files below a folder.
-fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let mut found = BTreeMap::new();
-    for entry in fs::read_dir(folder).unwrap().flatten() {
-        match entry.file_type().unwrap().is_dir() {
-            true => found.extend(contents(&entry.path())),
-            false => _ = found.insert(entry.path(), fs::read(entry.path()).unwrap_or_default()),
-        }
-    }
-    found
 }
 
 #[test]
@@ -117,22 +101,21 @@ fn a_result_of_which_files_are_missing_or_old_is_completed() {
     let kept = || SimplifyOptions { keep_work: true, force: false, ..options() };
     town.simplify("in/town.obj", "out/town.obj", kept()).unwrap();
     let expected = contents(&town.path("out"));
-    let companions: Vec<&PathBuf> = expected
-        .keys()
-        .filter(|path| !path.starts_with(town.path("out/town.obj.work")) && !path.ends_with("town.obj"))
-        .collect();
-    assert!(companions.len() > 1);
-    for path in companions {
+    let companions =
+        || expected.keys().filter(|path| !path.starts_with("town.obj.work") && !path.ends_with("town.obj"));
+    assert!(companions().count() > 1);
+    for name in companions() {
+        let path = &town.path("out").join(name);
         fs::remove_file(path).unwrap();
         town.simplify("in/town.obj", "out/town.obj", kept()).unwrap();
-        assert!(fs::read(path).unwrap() == expected[path], "{}", path.display());
+        assert!(fs::read(path).unwrap() == expected[name], "{}", path.display());
         // One that was changed may be the user's work.
         fs::write(path, "of the user").unwrap();
         assert!(town.refusal("in/town.obj", "out/town.obj", kept()).contains("--force replaces it"));
         assert_eq!(fs::read(path).unwrap(), b"of the user");
         let force = SimplifyOptions { force: true, ..kept() };
         town.simplify("in/town.obj", "out/town.obj", force).unwrap();
-        assert!(fs::read(path).unwrap() == expected[path], "{}", path.display());
+        assert!(fs::read(path).unwrap() == expected[name], "{}", path.display());
     }
 }
 

@@ -14,7 +14,7 @@ use drystone::base::{Error, Progress, Result, Silent};
 use drystone::options::{ResumeChoice, SimplifyOptions};
 use drystone::pipeline;
 use drystone::report::Report;
-use meshes::{in_many_clusters, noise, ratio, town};
+use meshes::{contents, copy_town, files, in_many_clusters, noise, ratio};
 
 /// Stops after so many units of work have been told.
 struct StopAfter {
@@ -47,10 +47,7 @@ struct Job {
 impl Job {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        fs::create_dir(folder.path().join("in")).unwrap();
-        for entry in fs::read_dir(town().parent().unwrap()).unwrap().flatten() {
-            fs::copy(entry.path(), folder.path().join("in").join(entry.file_name())).unwrap();
-        }
+        copy_town(&folder.path().join("in"));
         Self { folder }
     }
 
@@ -84,10 +81,7 @@ impl Job {
 
     /// Every file of the result.
     fn result(&self) -> BTreeMap<PathBuf, Vec<u8>> {
-        files(&self.path("out"))
-            .into_iter()
-            .map(|path| (path.clone(), fs::read(self.path("out").join(path)).unwrap()))
-            .collect()
+        contents(&self.path("out"))
     }
 
     fn command(&self) -> Command {
@@ -97,21 +91,6 @@ impl Job {
         command.stdin(Stdio::null());
         command
     }
-}
-
-fn files(folder: &Path) -> Vec<PathBuf> {
-    let mut found = Vec::new();
-    let mut folders = vec![PathBuf::new()];
-    while let Some(at) = folders.pop() {
-        for entry in fs::read_dir(folder.join(&at)).into_iter().flatten().flatten() {
-            match entry.file_type().unwrap().is_dir() {
-                true => folders.push(at.join(entry.file_name())),
-                false => found.push(at.join(entry.file_name())),
-            }
-        }
-    }
-    found.sort();
-    found
 }
 
 fn undisturbed() -> BTreeMap<PathBuf, Vec<u8>> {

@@ -95,7 +95,7 @@ pub fn run(arguments: &CompareArguments) -> Result<u8> {
         page.save(&comparison, path)?;
     }
     if let Some(path) = json {
-        save(&comparison, path)?;
+        report::save_json(&comparison, path)?;
     }
     print(&table(&comparison));
     Ok(0)
@@ -146,12 +146,6 @@ pub fn compare_meshes(
     };
     let [original, result] = meshes;
     compare::compare(original, result, &CompareOptions { samples, seed, work, resources }, onlooker, progress)
-}
-
-fn save(comparison: &Comparison, path: &Path) -> Result<()> {
-    let text = serde_json::to_string_pretty(comparison)
-        .map_err(|e| Error::Damaged { path: path.to_owned(), message: e.to_string() })?;
-    report::save_text(&text, path)
 }
 
 /// The comparison as a person reads it.

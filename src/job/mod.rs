@@ -119,12 +119,12 @@ impl WorkFolder {
             holds_steps: AtomicBool::new(true),
             number: new_job_number(path),
         };
-        // What an earlier job of this folder left outside of it is found by its number.
-        if let Ok((earlier, _)) = Manifest::read(&path.join(MANIFEST)) {
-            folder.number = earlier.job;
-        }
         let journal = match resume {
-            Resume::Never => None,
+            Resume::Never => {
+                // What the job before left outside of the folder is found by its number.
+                folder.number = Manifest::read(&path.join(MANIFEST)).map_or(folder.number, |(earlier, _)| earlier.job);
+                None
+            }
             _ => folder.take_over(manifest)?,
         };
         let mut journal = match journal {
@@ -152,6 +152,7 @@ impl WorkFolder {
             return nothing("holds no job to go on with");
         }
         let (earlier, checksum) = Manifest::read(&path)?;
+        self.number = earlier.job;
         let differences = earlier.differences(manifest);
         if !differences.is_empty() {
             let (shown, what) = (escape_path(&self.path), differences.join("; "));
@@ -322,7 +323,7 @@ impl WorkFolder {
         names.insert(step.file_name());
         // What an earlier process made of what follows is in the way of what the work that goes on writes under the same
         // names; the rest can be removed beside it, since it is named now.
-        remove_files(&self.left_of(|other| other.follows(step), &names)?)?;
+        remove_files(&self.left_after(step, &names)?)?;
         let superseded = self.all_but(&names)?;
         let journal = Arc::clone(&self.journal);
         let keep = move || {
@@ -398,10 +399,10 @@ impl WorkFolder {
         self.recalled.iter().flat_map(|(step, record)| record.names(step)).collect()
     }
 
-    /// The files of an earlier process's steps, but those of these names.
-    fn left_of(&self, is_meant: impl Fn(&Step) -> bool, names: &HashSet<String>) -> Result<Vec<PathBuf>> {
-        let meant = self.recalled.iter().filter(|(step, _)| is_meant(step));
-        let left: HashSet<String> = meant.flat_map(|(step, record)| record.names(step)).collect();
+    /// The files of the steps of an earlier process that follow one, but those of these names.
+    fn left_after(&self, step: Step, names: &HashSet<String>) -> Result<Vec<PathBuf>> {
+        let later = self.recalled.iter().filter(|(other, _)| other.follows(step));
+        let left: HashSet<String> = later.flat_map(|(other, record)| record.names(other)).collect();
         let mut files = self.all_but(names)?;
         files.retain(|path| path.file_name().is_some_and(|name| left.contains(&*name.to_string_lossy())));
         Ok(files)

@@ -140,6 +140,11 @@ pub fn no_links(options: &mut OpenOptions) -> &mut OpenOptions {
     options
 }
 
+/// The folder that a path names a file in: `.` where it names none.
+pub fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
 /// Makes a folder and those above it, as far as they are not there, and their entries durable.
 ///
 /// # Errors
@@ -174,10 +179,7 @@ pub fn sync_folder(path: &Path) -> Result<()> {
     if cfg!(not(unix)) {
         return Ok(());
     }
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
+    let folder = folder_of(path);
     File::open(folder).and_then(|f| f.sync_all()).map_err(|e| Error::io(folder, "sync", e))
 }
 

@@ -104,16 +104,16 @@ pub fn write_all_at(file: &File, bytes: &[u8], offset: u64) -> io::Result<()> {
 /// A file that could not be looked at for such a reason must not be taken for one that is not there.
 pub fn is_of_machine(error: &io::Error) -> bool {
     use io::ErrorKind::{InvalidFilename, InvalidInput, IsADirectory, NotADirectory, NotFound, PermissionDenied};
-    let Some(code) = error.raw_os_error() else { return false };
     #[cfg(unix)]
-    let is_of_name = [libc::ELOOP, libc::EILSEQ].contains(&code);
+    const OF_NAME: &[i32] = &[libc::ELOOP, libc::EILSEQ];
     #[cfg(not(unix))]
-    let is_of_name = code < 0;
+    const OF_NAME: &[i32] = &[];
+    let Some(code) = error.raw_os_error() else { return false };
     let tells_of_file = matches!(
         error.kind(),
         NotFound | PermissionDenied | NotADirectory | IsADirectory | InvalidInput | InvalidFilename
     );
-    !is_of_name && !tells_of_file
+    !OF_NAME.contains(&code) && !tells_of_file
 }
 
 /// Whether a path leads to a regular file.

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 use crate::job::{Step, WorkFolder};
-use crate::os::durable::{DurableFile, make_folders, waiting_place};
+use crate::os::durable::{DurableFile, folder_of, make_folders, waiting_place};
 use crate::scan::fingerprint;
-use crate::write::{Companion, Sources, Written};
+use crate::write::{Companion, Sources, Written, textures_folder};
 
 /// Longest name of a file, and what stands behind the output's name in the longest that is made of it.
 const NAME_BYTES_MAX: usize = 255;
@@ -26,8 +26,8 @@ pub(super) enum Earlier {
 /// Looks for the result of an earlier process.
 pub(super) fn earlier(job: &WorkFolder, output: &Path) -> Result<Earlier> {
     let Some(written) = job.recall::<Written>(Step::Written)? else { return Ok(Earlier::Nothing) };
-    let folder = resolved(output).parent().map(Path::to_owned).unwrap_or_default();
-    let is_beside = written.companions.iter().all(|companion| companion.path.starts_with(&folder));
+    let there = resolved(output);
+    let is_beside = written.companions.iter().all(|companion| companion.path.starts_with(folder_of(&there)));
     if !is_beside || !fingerprint::content(output).is_ok_and(|content| content == (written.bytes, written.hash)) {
         return Ok(Earlier::Nothing);
     }
@@ -84,18 +84,12 @@ pub(super) fn refuse(input: &Path, inputs: &[PathBuf], output: &Path, work: &Pat
 
 /// Finds out, before the work is done, whether the output can be written, and refuses to replace one that is there.
 pub(super) fn check(output: &Path, job: &WorkFolder, may_exist: bool) -> Result<()> {
-    make_folders(output.parent().unwrap_or(Path::new("")))?;
+    make_folders(folder_of(output))?;
     DurableFile::create_outside(output, job.number(), 0).map(drop)?;
     if !may_exist && output.symlink_metadata().is_ok() {
         return Err(Error::Usage(format!("{}: exists already; --force replaces it", escape_path(output))));
     }
     Ok(())
-}
-
-fn textures_folder(output: &Path) -> PathBuf {
-    let mut name = output.file_stem().unwrap_or_default().to_owned();
-    name.push("_textures");
-    output.with_file_name(name)
 }
 
 /// A path without links, as far as it is there.

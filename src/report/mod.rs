@@ -175,20 +175,25 @@ impl Report {
     /// # Errors
     /// [`Error::Usage`] for another extension than `.json` or `.html`; the file system's.
     pub fn save(&self, path: &Path) -> Result<()> {
-        let text = match Kind::of(path)? {
-            Kind::Html => html::page(self),
-            Kind::Json => serde_json::to_string_pretty(self)
-                .map_err(|e| Error::Damaged { path: path.to_owned(), message: e.to_string() })?,
-        };
-        save_text(&text, path)
+        match Kind::of(path)? {
+            Kind::Html => save_text(&html::page(self), path),
+            Kind::Json => save_json(self, path),
+        }
     }
 }
 
-/// Writes a text and a line feed as a file that is whole or absent.
+/// Writes a value as JSON, as a file that is whole or absent.
 ///
 /// # Errors
-/// The file system's.
-pub fn save_text(text: &str, path: &Path) -> Result<()> {
+/// The file system's; [`Error::Damaged`] for a value that JSON cannot hold.
+pub fn save_json(value: &impl Serialize, path: &Path) -> Result<()> {
+    let text = serde_json::to_string_pretty(value)
+        .map_err(|e| Error::Damaged { path: path.to_owned(), message: e.to_string() })?;
+    save_text(&text, path)
+}
+
+/// Writes a text and a line feed as a file that is whole or absent.
+fn save_text(text: &str, path: &Path) -> Result<()> {
     let mut file = DurableFile::create_outside(path, new_job_number(path), 64 << 10)?;
     file.write(text.as_bytes())?;
     file.write(b"\n")?;

@@ -21,6 +21,7 @@ use super::obj::BYTE_ORDER_MARK;
 use super::parts::FileMaterials;
 use crate::base::error::{escape, escape_path};
 use crate::base::{Error, Findings, Result};
+use crate::os::durable::folder_of;
 use crate::os::system::is_file;
 use crate::store::Material;
 use crate::store::mesh::{MaterialDefinition, TextureStatement};
@@ -203,7 +204,7 @@ enum Current {
 }
 
 fn parse_library(path: &Path, text: &[u8], materials: &mut [Material], used: &FileMaterials, findings: &mut Findings) {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder_of(path);
     // A job may be gone on with from another folder.
     let folder = &fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
     let text = text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text);

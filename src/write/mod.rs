@@ -45,8 +45,8 @@ use self::normals::{PieceNormals, SharedNormals, piece_bytes, piece_normals};
 use self::numbering::{FaceReader, Usage};
 use self::obj::{CornerForm, ObjFile, PartOrder};
 pub use self::paths::{NamedTexture, is_texture_there, named_textures};
-pub use self::targets::Sources;
 use self::targets::Targets;
+pub use self::targets::{Sources, textures_folder};
 use self::textures::TextureStage;
 use crate::base::bytes::MIB;
 use crate::base::error::escape_path;
@@ -91,6 +91,13 @@ pub struct WriteOptions {
     pub sources: Sources,
     /// Number of the job, by which files that wait for their names are its own.
     pub job: u64,
+}
+
+impl WriteOptions {
+    /// Whether an OBJ that is there may be replaced.
+    fn may_replace_obj(&self) -> bool {
+        self.force || self.replaces_own
+    }
 }
 
 /// What was written.
@@ -144,7 +151,7 @@ pub struct Staged {
     mtl: Option<DurableFile>,
     obj: ObjFile,
     targets: Targets,
-    may_replace: bool,
+    may_replace_obj: bool,
 }
 
 impl Staged {
@@ -166,7 +173,7 @@ impl Staged {
     pub fn commit(self) -> Result<Written> {
         // One after another, where the system locks folders: or the files of two jobs would mix.
         let _locked = lock_while_open(&self.targets.folder);
-        if !self.may_replace && self.targets.obj.symlink_metadata().is_ok() {
+        if !self.may_replace_obj && self.targets.obj.symlink_metadata().is_ok() {
             let shown = escape_path(&self.targets.obj);
             return Err(Error::Usage(format!("{shown}: exists by now; --force replaces it")));
         }
@@ -197,7 +204,7 @@ pub fn write(
 /// # Errors
 /// [`Error::Usage`] saying what is in the way.
 pub fn check_output(output: &Path, options: &WriteOptions) -> Result<()> {
-    Targets::choose(output, &options.sources, options.force || options.replaces_own).map(drop)
+    Targets::choose(output, &options.sources, options.may_replace_obj()).map(drop)
 }
 
 /// Writes the mesh beside `output` (an OBJ), under temporary names, with its MTL and its textures.
@@ -215,8 +222,7 @@ pub fn stage(
     progress: &dyn Progress,
 ) -> Result<Staged> {
     progress.begin("write", mesh.face_count(), "faces");
-    let may_replace = options.force || options.replaces_own;
-    let targets = Targets::choose(output, &options.sources, may_replace)?;
+    let targets = Targets::choose(output, &options.sources, options.may_replace_obj())?;
     let numbering = mesh.numbering()?;
     let mut usage = Usage::sweep(mesh, &numbering, catalogue.parts.len(), options.normals)?;
     let share = (options.work_bytes.saturating_sub(usage.memory_bytes()) / 2).clamp(SHARE_BYTES_MIN, SHARE_BYTES_MAX);
@@ -257,7 +263,7 @@ pub fn stage(
         companions,
         findings,
     };
-    Ok(Staged { written, textures, mtl, obj, targets, may_replace })
+    Ok(Staged { written, textures, mtl, obj, targets, may_replace_obj: options.may_replace_obj() })
 }
 
 /// The comment that the OBJ and the MTL begin with.

@@ -7,6 +7,7 @@ use std::collections::BTreeSet;
 use std::path::{Component, Path, PathBuf};
 use std::{fs, io};
 
+use crate::os::durable::folder_of;
 use crate::store::Catalogue;
 
 /// Why a texture stays where it is.
@@ -56,10 +57,7 @@ fn leaves(relative: &Path) -> bool {
 
 /// The folders of OBJ files, where they are and where they are links to, and the folder that was given as input.
 pub(super) fn roots(catalogue: &Catalogue) -> BTreeSet<PathBuf> {
-    let named_in = |path: &PathBuf| {
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        fs::canonicalize(folder).ok()
-    };
+    let named_in = |path: &PathBuf| fs::canonicalize(folder_of(path)).ok();
     let lies_in = |path: &PathBuf| Some(fs::canonicalize(path).ok()?.parent()?.to_owned());
     let folders = catalogue.files.iter().flat_map(|path| [named_in(path), lies_in(path)]).flatten();
     folders.chain(catalogue.folder.as_ref().and_then(|folder| fs::canonicalize(folder).ok())).collect()

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
-use crate::os::durable::{DurableFile, make_folders};
+use crate::os::durable::{DurableFile, folder_of, make_folders};
 
 /// The files that a result follows from: OBJ files, material libraries, textures.
 #[derive(Debug, Clone, Default)]
@@ -55,8 +55,7 @@ impl Sources {
 
 /// A path in a canonical folder; its last component may be a link.
 fn entry(path: &Path) -> Option<PathBuf> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    Some(fs::canonicalize(folder).ok()?.join(path.file_name()?))
+    Some(fs::canonicalize(folder_of(path)).ok()?.join(path.file_name()?))
 }
 
 /// A file's folder, however it is mounted, and its name.
@@ -88,11 +87,17 @@ fn identity(meta: &fs::Metadata) -> Option<Identity> {
     }
 }
 
+/// The folder that the textures of an output go to.
+pub fn textures_folder(output: &Path) -> PathBuf {
+    let mut name = output.file_stem().unwrap_or_default().to_owned();
+    name.push("_textures");
+    output.with_file_name(name)
+}
+
 /// Where the result goes; paths in a canonical folder.
 #[derive(Debug)]
 pub(super) struct Targets {
     pub(super) folder: PathBuf,
-    pub(super) stem: OsString,
     pub(super) obj: PathBuf,
     pub(super) mtl: PathBuf,
 }
@@ -110,12 +115,12 @@ impl Targets {
         if name.as_encoded_bytes().iter().any(u8::is_ascii_control) {
             return refuse("the output's name has control characters, which an OBJ cannot refer to");
         }
-        let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = folder_of(output);
         make_folders(folder)?;
         let folder = fs::canonicalize(folder).map_err(|e| Error::io(folder, "open", e))?;
         let mut mtl_name = stem.to_owned();
         mtl_name.push(".mtl");
-        let targets = Self { obj: folder.join(name), mtl: folder.join(mtl_name), stem: stem.to_owned(), folder };
+        let targets = Self { obj: folder.join(name), mtl: folder.join(mtl_name), folder };
         if targets.obj == targets.mtl {
             return refuse("the output is the OBJ; its MTL takes this name");
         }
@@ -134,6 +139,11 @@ impl Targets {
             return refuse("exists; --force replaces it");
         }
         Ok(targets)
+    }
+
+    /// The folder that textures go to.
+    pub(super) fn textures(&self) -> PathBuf {
+        textures_folder(&self.obj)
     }
 
     /// The MTL's name as the OBJ writes it.

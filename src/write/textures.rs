@@ -89,9 +89,8 @@ impl Drop for MadeFolder {
 impl TextureStage {
     /// Textures of an input for an output.
     pub(super) fn new(options: &WriteOptions, targets: &Targets, catalogue: &Catalogue) -> Self {
-        let mut folder_name = targets.stem.clone();
-        folder_name.push("_textures");
-        let folder = targets.folder.join(&folder_name);
+        let folder = targets.textures();
+        let folder_name = folder.file_name().unwrap_or_default().as_encoded_bytes().to_owned();
         Self {
             mode: options.textures,
             force: options.force,
@@ -101,7 +100,7 @@ impl TextureStage {
             output_folder: targets.folder.clone(),
             // The folder may be a symbolic link; what matters is where the files really go.
             folder: fs::canonicalize(&folder).unwrap_or(folder),
-            folder_name: folder_name.into_encoded_bytes(),
+            folder_name,
             references: BTreeMap::new(),
             names: BTreeMap::new(),
             taken: BTreeSet::new(),

@@ -25,6 +25,35 @@ pub fn town() -> PathBuf {
     fixture("town/town.obj")
 }
 
+/// Copies the town with its library and textures into a new folder.
+pub fn copy_town(folder: &Path) {
+    std::fs::create_dir(folder).unwrap();
+    for entry in std::fs::read_dir(town().parent().unwrap()).unwrap().flatten() {
+        std::fs::copy(entry.path(), folder.join(entry.file_name())).unwrap();
+    }
+}
+
+/// Paths of all files below a folder, from it.
+pub fn files(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    let mut folders = vec![PathBuf::new()];
+    while let Some(at) = folders.pop() {
+        for entry in std::fs::read_dir(folder.join(&at)).into_iter().flatten().flatten() {
+            match entry.file_type().unwrap().is_dir() {
+                true => folders.push(at.join(entry.file_name())),
+                false => found.push(at.join(entry.file_name())),
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+/// Paths of all files below a folder, from it, and their bytes.
+pub fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    files(folder).into_iter().map(|path| (path.clone(), std::fs::read(folder.join(path)).unwrap())).collect()
+}
+
 /// Options with a ratio, 256 MiB and two threads.
 pub fn ratio(ratio: f64) -> SimplifyOptions {
     SimplifyOptions { ratio: Some(ratio), memory: Some(256 << 20), threads: Some(2), ..SimplifyOptions::default() }
