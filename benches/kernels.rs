@@ -40,7 +40,7 @@ fn mesh_path() -> PathBuf {
 }
 
 fn scanned(folder: &Path) -> Scan {
-    let options = ScanOptions { threads: 1, chunks_in_flight: 2 };
+    let options = ScanOptions::default();
     scan(&[mesh_path()], folder, &options, &Silent).expect("a mesh that can be read")
 }
 

@@ -37,7 +37,7 @@ fn folder() -> tempfile::TempDir {
 }
 
 fn scanned(folder: &Path) -> Result<Scan> {
-    let options = ScanOptions { threads: 1, chunks_in_flight: 1 };
+    let options = ScanOptions { chunks_in_flight: 1, ..Default::default() };
     scan(&[folder.join("a.obj")], folder, &options, &Silent)
 }
 

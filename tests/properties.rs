@@ -176,7 +176,7 @@ fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
     let folder = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap();
     let input = folder.path().join("in.obj");
     std::fs::write(&input, sketch.text()).unwrap();
-    let options = ScanOptions { threads: 1, chunks_in_flight: 1 };
+    let options = ScanOptions { chunks_in_flight: 1, ..Default::default() };
     let manifest =
         Manifest { program: String::new(), options: String::new(), inputs: Vec::new(), passes: 1, began: 0, job: 0 };
     let job = WorkFolder::open(&folder.path().join("work"), &manifest, Resume::Never).unwrap();

@@ -69,8 +69,11 @@ fn a_closed_mesh_stays_closed_and_has_the_cells_asked_for() {
 /// Root mean square distance from the town, both ways.
 fn distance_from_town(run: &Run) -> f64 {
     let folder = tempfile::tempdir().unwrap();
-    let resources =
-        Resources { threads: 2, work_bytes: 100 << 20, scan: ScanOptions { threads: 2, chunks_in_flight: 4 } };
+    let resources = Resources {
+        threads: 2,
+        work_bytes: 100 << 20,
+        scan: ScanOptions { threads: 2, chunks_in_flight: 4, catalogue_bytes: 1 << 30 },
+    };
     let options = CompareOptions { samples: 50_000, seed: 1, work: folder.path().join("work"), resources };
     let found = compare(&town(), &run.output, &options, &mut (), &drystone::base::Silent).unwrap();
     found.geometry.symmetric.rms

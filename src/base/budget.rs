@@ -4,8 +4,14 @@
 //! *before* it allocates them, and gives it back by dropping it after they are freed. A worker holds at most one
 //! permit and waits for nothing else while it holds it, so there is no cycle to deadlock in. A request larger than
 //! the whole budget is granted when nobody else holds anything, so that it runs alone instead of never.
+//!
+//! What grows with the input and stays, such as names, has an [`Allowance`] instead: beyond it there is nothing to wait for.
 
+use std::path::Path;
 use std::sync::{Condvar, Mutex};
+
+use super::error::escape_path;
+use super::{Error, Result, bytes};
 
 /// How many bytes of resident memory the process may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -85,6 +91,41 @@ impl Drop for Permit<'_> {
     }
 }
 
+/// Memory for what grows with the input and stays.
+#[derive(Debug)]
+pub struct Allowance {
+    most: u64,
+    taken: u64,
+}
+
+impl Allowance {
+    /// At most `most` bytes in all.
+    pub fn new(most: u64) -> Self {
+        Self { most, taken: 0 }
+    }
+
+    /// Counts bytes that `path` makes necessary.
+    ///
+    /// # Errors
+    /// [`Error::Budget`] if that is more than there is; it names the file.
+    pub fn take(&mut self, bytes: u64, path: &Path) -> Result<()> {
+        self.taken = self.taken.saturating_add(bytes);
+        if self.taken <= self.most {
+            return Ok(());
+        }
+        Err(Error::Budget(format!(
+            "{}: names and materials take more than the {} of memory that there is for them; see --memory",
+            escape_path(path),
+            bytes::display(self.most),
+        )))
+    }
+
+    /// Gives bytes back that were freed.
+    pub fn give_back(&mut self, bytes: u64) {
+        self.taken = self.taken.saturating_sub(bytes);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -106,6 +147,18 @@ mod tests {
             }
         });
         assert!(permits.peak() <= 100);
+    }
+
+    #[test]
+    fn an_allowance_is_refused_once_it_is_used_up() {
+        let mut allowance = Allowance::new(10);
+        allowance.take(8, Path::new("a.obj")).unwrap();
+        allowance.give_back(3);
+        allowance.take(5, Path::new("a.obj")).unwrap();
+        let error = allowance.take(1, Path::new("a.mtl")).unwrap_err();
+        assert_eq!(error.exit_code(), 2);
+        assert!(error.to_string().contains("a.mtl"), "{error}");
+        assert!(allowance.take(u64::MAX, Path::new("a.mtl")).is_err());
     }
 
     #[test]

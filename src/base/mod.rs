@@ -11,7 +11,7 @@ pub mod json_path;
 pub mod ordered;
 pub mod progress;
 
-pub use budget::{MemoryBudget, Permit, Permits};
+pub use budget::{Allowance, MemoryBudget, Permit, Permits};
 pub use counts::{counted, grouped};
 pub use error::{Error, Result};
 pub use findings::Findings;

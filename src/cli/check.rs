@@ -53,7 +53,9 @@ fn counts(path: &Path) -> Result<Check> {
     let folder = folder.join(format!("drystone-check-{:016x}", new_job_number(&folder)));
     std::fs::create_dir(&folder).map_err(|e| Error::io(&folder, "create", e))?;
     let outcome = find_inputs(path)
-        .and_then(|inputs| scan(&inputs, &folder, &ScanOptions { threads: 2, chunks_in_flight: 4 }, &Silent))
+        .and_then(|inputs| {
+            scan(&inputs, &folder, &ScanOptions { threads: 2, chunks_in_flight: 4, ..Default::default() }, &Silent)
+        })
         .and_then(|scan| Surface::load(&scan.mesh, &scan.catalogue))
         .map(|surface| weld_and_check(&surface));
     let _ = std::fs::remove_dir_all(&folder);

@@ -20,11 +20,6 @@ use crate::store::{Catalogue, PackedColumn, StoredMesh};
 
 /// Bits of a vertex in the set of shared ones, with its ranks.
 const VERTEX_BITS: u64 = 9;
-/// Bytes of a part or material beside its name.
-const LABEL_BYTES: u64 = 256;
-/// Bytes of a statement of a material beside its text, and of one that names a texture, with what is remembered of the file.
-const STATEMENT_BYTES: usize = 40;
-const TEXTURE_BYTES: usize = 600;
 
 /// What the mesh is made of.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
@@ -40,21 +35,12 @@ pub(super) struct Need {
 impl Need {
     /// Counts a scanned mesh.
     pub(super) fn of(mesh: &StoredMesh, catalogue: &Catalogue) -> Self {
-        let names = catalogue.names.iter().map(Vec::len).chain(catalogue.materials.iter().map(|m| 2 * m.name.len()));
-        let labels = (catalogue.parts.len() + catalogue.materials.len()) as u64;
-        let definitions = catalogue.materials.iter().filter_map(|material| material.definition.as_ref());
-        let statements = definitions.map(|definition| {
-            let plain = definition.statements.iter().map(|text| text.len() + STATEMENT_BYTES);
-            let textures =
-                definition.textures.iter().map(|t| t.key_and_options.len() + 3 * t.name.len() + TEXTURE_BYTES);
-            plain.chain(textures).sum::<usize>()
-        });
         Self {
             vertices: mesh.vertex_count(),
             faces: mesh.face_count(),
             position_bytes: mesh.position_columns().map(PackedColumn::bytes).sum(),
             has_colours: mesh.has_colours(),
-            label_bytes: labels * LABEL_BYTES + names.chain(statements).sum::<usize>() as u64,
+            label_bytes: catalogue.bytes(),
         }
     }
 

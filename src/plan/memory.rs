@@ -131,7 +131,8 @@ pub fn choose_threads(threads: Option<usize>, budget: MemoryBudget) -> usize {
 /// How the scan shares the budget among its chunks.
 pub fn scan_options(budget: MemoryBudget, threads: usize) -> ScanOptions {
     let fitting = (budget.for_work() / CHUNK_BYTES) as usize;
-    ScanOptions { threads, chunks_in_flight: (threads * 2).min(fitting).max(1) }
+    let chunks_in_flight = (threads * 2).min(fitting).max(1);
+    ScanOptions { threads, chunks_in_flight, catalogue_bytes: budget.for_work() }
 }
 
 #[cfg(test)]

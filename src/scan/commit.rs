@@ -27,6 +27,8 @@ use crate::store::{ColumnWriter, Face, FaceWriter, NO_TEXCOORD, PackedWriter, St
 
 const FACE_BUFFER: usize = 4096;
 const COLOUR_BUFFER: usize = 4096;
+/// Memory of a `mtllib` statement beside the name, which stands in a path as well.
+const LIBRARY_BYTES: u64 = 200;
 
 /// An input file on its way into columns.
 pub struct FileCommit<'a> {
@@ -92,7 +94,7 @@ impl<'a> FileCommit<'a> {
     ///
     /// # Errors
     /// [`Error::Input`] if a relative index passes the first vertex, [`Error::Limit`] if there are too many vertices,
-    /// else what the writers say.
+    /// [`Error::Budget`] if names take too much memory, else what the writers say.
     pub fn append(&mut self, chunk: &Chunk, parsed: &mut ParsedChunk, labels: &mut Labels) -> Result<()> {
         let bases = self.counts;
         self.check_backward(chunk, parsed)?;
@@ -110,7 +112,7 @@ impl<'a> FileCommit<'a> {
             let (line_base, highest) = (self.line_count, parsed.highest);
             self.forward.push(ForwardChunk { chunk: chunk.clone(), bases, line_base, highest });
         }
-        self.report(parsed);
+        self.report(parsed, labels)?;
         self.append_vertices(parsed, bases[0])?;
         self.append_faces(parsed, bases, labels)?;
         self.line_count += parsed.line_count;
@@ -147,7 +149,7 @@ impl<'a> FileCommit<'a> {
         })
     }
 
-    fn report(&mut self, parsed: &ParsedChunk) {
+    fn report(&mut self, parsed: &ParsedChunk, labels: &mut Labels) -> Result<()> {
         for note in &parsed.notes {
             for (line, words) in &note.places {
                 let line = self.line_count + line;
@@ -158,12 +160,14 @@ impl<'a> FileCommit<'a> {
         for library in &parsed.libraries {
             let (line, name) = (self.line_count + library.line, parsed.name(&library.name));
             if !name.is_empty() && self.libraries.last().is_none_or(|(_, last)| last != name) {
+                labels.allow(LIBRARY_BYTES + 2 * name.len() as u64)?;
                 self.libraries.push((line, name.to_vec()));
             }
         }
         self.position_decimals = self.position_decimals.max(parsed.position_decimals);
         self.texcoord_decimals = self.texcoord_decimals.max(parsed.texcoord_decimals);
         self.uses_normals |= parsed.uses_normals;
+        Ok(())
     }
 
     fn append_vertices(&mut self, parsed: &ParsedChunk, vertex_base: u64) -> Result<()> {
@@ -243,7 +247,8 @@ impl<'a> FileCommit<'a> {
     /// of triangles, degenerate ones included.
     ///
     /// # Errors
-    /// [`Error::Input`] if an index names nothing or no face is left, else what the writers say.
+    /// [`Error::Input`] if an index names nothing or no face is left, else those of [`define_materials`] and what the
+    /// writers say.
     pub fn finish(
         mut self,
         labels: &mut Labels,
@@ -256,13 +261,14 @@ impl<'a> FileCommit<'a> {
             return Err(self.no_faces());
         }
         let has_texcoords = !self.texcoords.is_empty();
-        let (catalogue, used) = labels.materials_of_file();
+        let (catalogue, used, allowance) = labels.materials_of_file();
         catalogue.has_normals |= self.uses_normals;
         catalogue.has_texcoords |= has_texcoords;
         catalogue.position_decimals = catalogue.position_decimals.max(self.position_decimals);
         catalogue.texcoord_decimals = catalogue.texcoord_decimals.max(self.texcoord_decimals);
         let materials = &mut catalogue.materials;
-        libraries.extend(define_materials(self.path, &self.libraries, materials, used, &mut self.findings)?);
+        let named = define_materials(self.path, &self.libraries, materials, used, allowance, &mut self.findings)?;
+        libraries.extend(named);
         findings.merge(self.findings);
         let Self { positions, colours, texcoords, faces, .. } = self;
         // They wait for the disk, and not one for the other.

@@ -172,7 +172,7 @@ mod tests {
                 continue;
             }
             let folder = tempfile::tempdir().unwrap();
-            let options = crate::scan::ScanOptions { threads: 1, chunks_in_flight: 2 };
+            let options = crate::scan::ScanOptions::default();
             let inputs = [path];
             let scan = crate::scan::scan(&inputs, folder.path(), &options, &Silent).unwrap();
             let counts = count(&inputs, 2, &Silent).unwrap();

@@ -47,7 +47,7 @@ use self::commit::FileCommit;
 use self::obj::LineError;
 use self::parsed::ParsedChunk;
 use self::parts::Labels;
-use crate::base::{Error, Findings, Progress, Result};
+use crate::base::{Allowance, Error, Findings, Progress, Result};
 use crate::store::{Catalogue, StoredMesh};
 
 pub use self::chunk::CHUNK_BYTES;
@@ -63,8 +63,17 @@ const KEPT_BYTES_MAX: usize = 4 << 20;
 pub struct ScanOptions {
     /// Workers that parse; at least 1.
     pub threads: usize,
-    /// Chunks that are being parsed or wait for the committer, at most; 12 MiB each; at least 1.
+    /// Chunks that are being parsed or wait for the committer, at most; 2 MiB each; at least 1.
     pub chunks_in_flight: usize,
+    /// Memory for the catalogue, in bytes; an input that needs more is refused.
+    pub catalogue_bytes: u64,
+}
+
+impl Default for ScanOptions {
+    /// One thread, and memory as a small machine has it.
+    fn default() -> Self {
+        Self { threads: 1, chunks_in_flight: 2, catalogue_bytes: 1 << 30 }
+    }
 }
 
 /// What a scan leaves.
@@ -90,6 +99,7 @@ pub struct Scan {
 ///
 /// # Errors
 /// [`Error::Input`] with the first line that is damaged, [`Error::Limit`] on more than 2³² - 2 vertices in a file,
+/// [`Error::Budget`] on names and materials beyond the memory for them,
 /// [`Error::Io`] or [`Error::NoSpace`] where the system refuses.
 pub fn scan(inputs: &[PathBuf], folder: &Path, options: &ScanOptions, progress: &dyn Progress) -> Result<Scan> {
     scan_in_chunks(inputs, folder, options, progress, CHUNK_BYTES)
@@ -121,7 +131,8 @@ fn scan_in_chunks(
             scope.spawn(move || work(inputs, cutter, &tickets, &send_outcome));
         }
         drop((tickets, send_outcome));
-        commit_in_order(inputs, folder, outcomes, return_ticket, progress)
+        let labels = Labels::new(Allowance::new(options.catalogue_bytes));
+        commit_in_order(inputs, folder, labels, outcomes, return_ticket, progress)
     })
 }
 
@@ -218,12 +229,13 @@ fn foreign_format(text: &[u8]) -> Option<&'static str> {
 fn commit_in_order(
     inputs: &[PathBuf],
     folder: &Path,
+    mut labels: Labels,
     outcomes: Receiver<Outcome>,
     return_ticket: Sender<ParsedChunk>,
     progress: &dyn Progress,
 ) -> Result<Scan> {
     let mut mesh = StoredMesh::default();
-    let (mut labels, mut findings) = (Labels::default(), Findings::default());
+    let mut findings = Findings::default();
     let (mut triangles, mut input_bytes, mut libraries) = (0, 0, Vec::new());
     let mut content_hashes = vec![0; inputs.len()];
     let mut file: Option<FileCommit> = None;

@@ -20,11 +20,11 @@ use super::number::number;
 use super::obj::BYTE_ORDER_MARK;
 use super::parts::FileMaterials;
 use crate::base::error::{escape, escape_path};
-use crate::base::{Error, Findings, Result};
+use crate::base::{Allowance, Error, Findings, Result};
 use crate::os::durable::folder_of;
 use crate::os::system::is_file;
 use crate::store::Material;
-use crate::store::mesh::{MaterialDefinition, TextureStatement};
+use crate::store::mesh::{MaterialDefinition, TextureStatement, statement_bytes};
 
 /// A larger library is ignored.
 pub const LIBRARY_BYTES_MAX: u64 = 64 << 20;
@@ -80,12 +80,13 @@ const TEXTURE_OPTIONS: &[(&str, usize, bool)] = &[
 /// statements, `materials` the whole catalogue's. Returns the files that the statements name, there or not.
 ///
 /// # Errors
-/// [`Error::Io`] if a library is there but cannot be read.
+/// [`Error::Io`] if a library is there but cannot be read, [`Error::Budget`] if what is kept of it takes too much memory.
 pub fn define_materials(
     obj: &Path,
     libraries: &[(u64, Vec<u8>)],
     materials: &mut [Material],
     used: &FileMaterials,
+    allowance: &mut Allowance,
     findings: &mut Findings,
 ) -> Result<Vec<PathBuf>> {
     let mut named = Vec::new();
@@ -96,7 +97,7 @@ pub fn define_materials(
                 Some(path) => {
                     if read.insert(path.clone()) {
                         named.push(path.clone());
-                        read_library(&path, materials, used, findings)?;
+                        read_library(&path, materials, used, allowance, findings)?;
                     }
                 }
                 None => {
@@ -183,17 +184,25 @@ pub fn path_of(name: &[u8]) -> PathBuf {
     }
 }
 
-fn read_library(path: &Path, materials: &mut [Material], used: &FileMaterials, findings: &mut Findings) -> Result<()> {
+fn read_library(
+    path: &Path,
+    materials: &mut [Material],
+    used: &FileMaterials,
+    allowance: &mut Allowance,
+    findings: &mut Findings,
+) -> Result<()> {
     let (file, length) = open_regular(path)?;
     let mut text = Vec::new();
     if length <= LIBRARY_BYTES_MAX {
-        file.take(LIBRARY_BYTES_MAX).read_to_end(&mut text).map_err(|e| Error::io(path, "read", e))?;
+        allowance.take(length, path)?;
+        file.take(length).read_to_end(&mut text).map_err(|e| Error::io(path, "read", e))?;
     } else {
         findings.note("oversized_mtl", || {
             format!("{}: ignored, since it has {length} bytes; at most {LIBRARY_BYTES_MAX}", escape_path(path))
         });
     }
-    parse_library(path, &text, materials, used, findings);
+    parse_library(path, &text, materials, used, allowance, findings)?;
+    allowance.give_back(text.len() as u64);
     Ok(())
 }
 
@@ -203,7 +212,14 @@ enum Current {
     Defining(usize, MaterialDefinition),
 }
 
-fn parse_library(path: &Path, text: &[u8], materials: &mut [Material], used: &FileMaterials, findings: &mut Findings) {
+fn parse_library(
+    path: &Path,
+    text: &[u8],
+    materials: &mut [Material],
+    used: &FileMaterials,
+    allowance: &mut Allowance,
+    findings: &mut Findings,
+) -> Result<()> {
     let folder = folder_of(path);
     // A job may be gone on with from another folder.
     let folder = &fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
@@ -254,15 +270,22 @@ fn parse_library(path: &Path, text: &[u8], materials: &mut [Material], used: &Fi
                 });
             }
             Current::Defining(_, definition) if is_texture_key(key) => match split_texture(statement) {
-                Some(texture) => definition.textures.push(texture),
+                Some(texture) => {
+                    allowance.take(texture.bytes(), path)?;
+                    definition.textures.push(texture);
+                }
                 None => findings.note("texture_without_name", || {
                     format!("{}: '{}' names no file and is ignored", place(), escape(statement))
                 }),
             },
-            Current::Defining(_, definition) => definition.statements.push(statement.to_vec()),
+            Current::Defining(_, definition) => {
+                allowance.take(statement_bytes(statement), path)?;
+                definition.statements.push(statement.to_vec());
+            }
         }
     }
     keep(current, materials);
+    Ok(())
 }
 
 fn keep(current: Current, materials: &mut [Material]) {

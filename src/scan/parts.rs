@@ -11,14 +11,15 @@ use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use super::parsed::LabelKind;
-use crate::base::{Error, Result};
+use crate::base::{Allowance, Error, Result};
 use crate::store::mesh::MaterialDefinition;
 use crate::store::{Catalogue, Material, Part};
 
 /// The labels of the current face, and all that faces have used.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Labels {
     catalogue: Catalogue,
+    allowance: Allowance,
     name_ids: HashMap<Vec<u8>, u32>,
     part_ids: HashMap<Part, u32>,
     file_materials: FileMaterials,
@@ -54,6 +55,21 @@ impl FileMaterials {
 }
 
 impl Labels {
+    /// None yet; what they take is counted.
+    pub fn new(allowance: Allowance) -> Self {
+        Self {
+            catalogue: Catalogue::default(),
+            allowance,
+            name_ids: HashMap::new(),
+            part_ids: HashMap::new(),
+            file_materials: FileMaterials::default(),
+            object: None,
+            group: None,
+            material: None,
+            part: None,
+        }
+    }
+
     /// Begins a file: its faces have no object, group or material until a statement says so.
     pub fn begin_file(&mut self, path: &Path) {
         self.catalogue.files.push(path.to_owned());
@@ -79,7 +95,7 @@ impl Labels {
     /// Index of the part that a face at this place belongs to.
     ///
     /// # Errors
-    /// [`Error::Limit`] if there are more than 2³² of a kind.
+    /// [`Error::Limit`] if there are more than 2³² of a kind, [`Error::Budget`] if they take too much memory.
     pub fn part(&mut self) -> Result<u32> {
         match self.part {
             Some(part) => Ok(part),
@@ -89,11 +105,13 @@ impl Labels {
 
     fn find_part(&mut self) -> Result<u32> {
         let mut ids = [None; 2];
+        let mut bytes = 0;
         for (id, label) in ids.iter_mut().zip([&mut self.object, &mut self.group]) {
             let Some(label) = label else { continue };
             *id = Some(find_or_number(&mut self.name_ids, &mut label.id, &label.name, self.catalogue.names.len())?);
             if *id == Some(self.catalogue.names.len() as u32) {
                 self.catalogue.names.push(label.name.clone());
+                bytes += label.name.len() as u64;
             }
         }
         let mut material = None;
@@ -102,7 +120,9 @@ impl Labels {
             let id = find_or_number(&mut self.file_materials.ids, &mut label.id, &label.name, next)?;
             if id as usize == next {
                 let (name, output_name) = (label.name.clone(), label.name.clone());
-                self.catalogue.materials.push(Material { name, output_name, definition: None });
+                let material = Material { name, output_name, definition: None };
+                bytes += material.bytes();
+                self.catalogue.materials.push(material);
             }
             material = Some(id);
         }
@@ -112,14 +132,25 @@ impl Labels {
         let index = *self.part_ids.entry(part).or_insert(next);
         if index == next {
             self.catalogue.parts.push(part);
+            bytes += Part::BYTES;
         }
         self.part = Some(index);
+        self.allow(bytes)?;
         Ok(index)
     }
 
-    /// The catalogue so far and the current file's materials in it.
-    pub fn materials_of_file(&mut self) -> (&mut Catalogue, &FileMaterials) {
-        (&mut self.catalogue, &self.file_materials)
+    /// Counts bytes that the current file makes necessary.
+    ///
+    /// # Errors
+    /// [`Error::Budget`] if that is too much.
+    pub fn allow(&mut self, bytes: u64) -> Result<()> {
+        let path = self.catalogue.files.last().map_or(Path::new(""), PathBuf::as_path);
+        self.allowance.take(bytes, path)
+    }
+
+    /// The catalogue so far, the current file's materials in it, and the memory for more.
+    pub fn materials_of_file(&mut self) -> (&mut Catalogue, &FileMaterials, &mut Allowance) {
+        (&mut self.catalogue, &self.file_materials, &mut self.allowance)
     }
 
     /// The catalogue, once all files are read and their materials defined: equal materials of several files become
@@ -242,7 +273,7 @@ mod tests {
     fn use_material(labels: &mut Labels, name: &str, definition: Option<MaterialDefinition>) -> u32 {
         labels.change(LabelKind::Material, name.as_bytes());
         let part = labels.part().unwrap();
-        let (catalogue, materials) = labels.materials_of_file();
+        let (catalogue, materials, _) = labels.materials_of_file();
         let place = materials.find(name.as_bytes()).unwrap();
         catalogue.materials[place].definition = definition;
         part
@@ -250,7 +281,7 @@ mod tests {
 
     #[test]
     fn equal_materials_of_two_files_become_one() {
-        let mut labels = Labels::default();
+        let mut labels = Labels::new(Allowance::new(1 << 20));
         labels.begin_file(Path::new("t/a.obj"));
         let first = use_material(&mut labels, "wall", textured("t", "sub/../wall.png"));
         labels.begin_file(Path::new("t/x/b.obj"));
@@ -263,7 +294,7 @@ mod tests {
 
     #[test]
     fn different_materials_of_one_name_get_names_that_collide_with_none() {
-        let mut labels = Labels::default();
+        let mut labels = Labels::new(Allowance::new(1 << 20));
         for folder in ["t/a", "t/b", "t/c"] {
             labels.begin_file(&Path::new(folder).join("mesh.obj"));
             use_material(&mut labels, "wall", textured(folder, "wall.png"));
@@ -275,7 +306,7 @@ mod tests {
 
     #[test]
     fn labels_without_faces_cost_nothing() {
-        let mut labels = Labels::default();
+        let mut labels = Labels::new(Allowance::new(1 << 20));
         labels.begin_file(Path::new("a.obj"));
         for i in 0..2000 {
             labels.change(LabelKind::Material, format!("m{i}").as_bytes());

@@ -45,7 +45,7 @@ fn scan_files(files: &[(&str, &[u8])], chunk_bytes: u64, threads: usize) -> Resu
     }
     let work = folder.path().join("work");
     fs::create_dir(&work).unwrap();
-    let options = ScanOptions { threads, chunks_in_flight: threads + 1 };
+    let options = ScanOptions { threads, chunks_in_flight: threads + 1, ..Default::default() };
     let scan = scan_in_chunks(&inputs, &work, &options, &Silent, chunk_bytes)?;
     let (mut positions, mut texcoords, mut colours, mut faces) = (vec![], vec![], None::<Vec<_>>, vec![]);
     for piece in &scan.mesh.pieces {
@@ -241,6 +241,35 @@ fn a_material_keeps_so_many_statements_and_no_more() {
 }
 
 #[test]
+fn names_and_materials_beyond_their_memory_are_refused_as_they_come() {
+    let folder = tempfile::tempdir().unwrap();
+    let (inputs, library) = ([folder.path().join("a.obj")], folder.path().join("a.mtl"));
+    let scan_within = |catalogue_bytes: u64, obj: &str, mtl: &str| {
+        fs::write(&inputs[0], [TRIANGLE, obj].concat()).unwrap();
+        fs::write(&library, mtl).unwrap();
+        scan(&inputs, folder.path(), &ScanOptions { catalogue_bytes, ..Default::default() }, &Silent)
+    };
+    let faces: String = (0..1000).map(|i| format!("g g{i}\nf 1 2 3\n")).collect();
+    let libraries: String = (0..1000).map(|i| format!("mtllib {i}.mtl\n")).collect();
+    let one = "mtllib a.mtl\nusemtl a\nf 1 2 3\n";
+    let (textures, statements) = ("bump a\n".repeat(200), format!("Kd{}\n", " 1".repeat(40)).repeat(200));
+    let textures = format!("newmtl a\n{textures}");
+    let statements = format!("newmtl a\n{statements}");
+    let cases = [
+        (faces.as_str(), "", 300_000, "a.obj"),
+        (&(libraries + one), "", 300_000, "a.obj"),
+        (one, &textures, 300_000, "a.mtl"),
+        (one, &statements, 60_000, "a.mtl"),
+    ];
+    for (obj, mtl, enough, name) in cases {
+        let error = scan_within(enough / 4, obj, mtl).unwrap_err();
+        assert!(matches!(error, Error::Budget(_)) && error.to_string().contains(name), "{error}");
+        let catalogue = scan_within(enough, obj, mtl).unwrap().catalogue;
+        assert!(catalogue.bytes() <= enough);
+    }
+}
+
+#[test]
 fn a_hundred_thousand_materials_are_read_in_no_time() {
     let mut text = TRIANGLE.to_owned();
     for i in 0..100_000 {
@@ -360,7 +389,7 @@ fn every_file_of_the_edge_collection_is_read_or_refused_as_expected() {
         let line = case["line"].as_u64();
         let work = tempfile::tempdir().unwrap();
         let inputs = [edge.join(case["main"].as_str().unwrap())];
-        let options = ScanOptions { threads: 2, chunks_in_flight: 4 };
+        let options = ScanOptions { threads: 2, chunks_in_flight: 4, ..Default::default() };
         match scan(&inputs, work.path(), &options, &Silent) {
             Err(error) => {
                 if !allowed("error") || line.is_some_and(|line| !error.to_string().contains(&format!(".obj:{line}:"))) {

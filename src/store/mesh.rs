@@ -21,6 +21,11 @@ use crate::job::codec;
 
 /// Largest number of vertices or texture coordinates; ids are 32 bits and the last one means "none".
 pub const ID_LIMIT: u64 = u32::MAX as u64 - 1;
+/// Memory of a part or material beside its name.
+const LABEL_BYTES: u64 = 256;
+/// Memory of a statement of a material beside its text, and of one that names a texture, with what is remembered of the file.
+const STATEMENT_BYTES: u64 = 40;
+const TEXTURE_BYTES: u64 = 1100;
 
 /// A piece of a stored mesh, with its own vertices, texture coordinates and faces.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -174,6 +179,13 @@ pub struct Material {
     pub definition: Option<MaterialDefinition>,
 }
 
+impl Material {
+    /// Memory that it takes beside its definition, with what is remembered of it along the way, in bytes.
+    pub fn bytes(&self) -> u64 {
+        LABEL_BYTES + (self.name.len() + self.output_name.len()) as u64
+    }
+}
+
 /// The statements of a material in an MTL file.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct MaterialDefinition {
@@ -186,6 +198,20 @@ pub struct MaterialDefinition {
     pub textures: Vec<TextureStatement>,
 }
 
+impl MaterialDefinition {
+    /// Memory that it takes, with what is remembered of its files along the way, in bytes.
+    pub fn bytes(&self) -> u64 {
+        let plain = self.statements.iter().map(|text| statement_bytes(text));
+        let textures = self.textures.iter().map(TextureStatement::bytes);
+        plain.chain(textures).sum()
+    }
+}
+
+/// Memory of a statement that names no texture, in bytes.
+pub fn statement_bytes(statement: &[u8]) -> u64 {
+    STATEMENT_BYTES + statement.len() as u64
+}
+
 /// A statement such as `map_Kd -s 1 1 1 wall.png`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TextureStatement {
@@ -193,6 +219,13 @@ pub struct TextureStatement {
     pub key_and_options: Vec<u8>,
     /// File name as written, options removed: `wall.png`.
     pub name: Vec<u8>,
+}
+
+impl TextureStatement {
+    /// Memory that it takes, with what is remembered of its file along the way, in bytes.
+    pub fn bytes(&self) -> u64 {
+        (self.key_and_options.len() + 3 * self.name.len()) as u64 + TEXTURE_BYTES
+    }
 }
 
 /// What faces are labelled with: a combination of input file, object, group and material.
@@ -206,6 +239,11 @@ pub struct Part {
     pub group: Option<u32>,
     /// Index of the material, if a `usemtl` statement preceded.
     pub material: Option<u32>,
+}
+
+impl Part {
+    /// Memory that it takes, with what is remembered of it along the way, in bytes.
+    pub const BYTES: u64 = LABEL_BYTES;
 }
 
 /// Everything of the input that is not geometry.
@@ -231,4 +269,14 @@ pub struct Catalogue {
     pub position_decimals: u32,
     /// Most decimals that a texture coordinate was written with.
     pub texcoord_decimals: u32,
+}
+
+impl Catalogue {
+    /// Memory that it takes, with what is remembered of it along the way, in bytes.
+    pub fn bytes(&self) -> u64 {
+        let names = self.names.iter().map(|name| name.len() as u64);
+        let materials = self.materials.iter().map(Material::bytes);
+        let definitions = self.materials.iter().filter_map(|material| Some(material.definition.as_ref()?.bytes()));
+        self.parts.len() as u64 * Part::BYTES + names.chain(materials).chain(definitions).sum::<u64>()
+    }
 }

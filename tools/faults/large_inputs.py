@@ -76,6 +76,9 @@ CASES = {
                                        "a.mtl": b"newmtl a\nKd 1 1 1\n"},
     "a_library_of_many": lambda: {"a.obj": b"mtllib a.mtl\nusemtl m7\n" + TRIANGLE + b"f 1 2 3\n",
                                   "a.mtl": repeated(lambda i: b"newmtl m%d\nmap_Kd t%d.png\n" % (i, i))},
+    "a_library_of_used_textures": lambda: {
+        "a.obj": b"mtllib a.mtl\n" + TRIANGLE + b"".join(b"usemtl m%d\nf 1 2 3\n" % i for i in range(5000)),
+        "a.mtl": repeated(lambda i: b"newmtl m%d\n" % i + b"".join(b"bump %d_%d\n" % (i, j) for j in range(250)))},
     "a_library_of_noise": lambda: {"a.obj": b"mtllib a.mtl\nusemtl m7\n" + TRIANGLE + b"f 1 2 3\n", "a.mtl": noise()},
     "a_library_of_one_line": lambda: {"a.obj": b"mtllib a.mtl\nusemtl a\n" + TRIANGLE + b"f 1 2 3\n",
                                       "a.mtl": b"newmtl a\nmap_Kd " + b"../" * (SIZE // 3)},

@@ -7,8 +7,11 @@ use super::super::{Surface, weld_and_check};
 use super::*;
 use crate::base::Silent;
 
-const RESOURCES: Resources =
-    Resources { threads: 2, work_bytes: 100 << 20, scan: ScanOptions { threads: 2, chunks_in_flight: 4 } };
+const RESOURCES: Resources = Resources {
+    threads: 2,
+    work_bytes: 100 << 20,
+    scan: ScanOptions { threads: 2, chunks_in_flight: 4, catalogue_bytes: 1 << 30 },
+};
 
 /// A folder with OBJ files.
 struct Bench(tempfile::TempDir);
