@@ -74,12 +74,13 @@ fn run(
     let Reading { options, progress, .. } = *reading;
     let started = Instant::now();
     let earlier = output::earlier(job, output)?;
+    output::clear_elsewhere(job, output)?;
     let replaces_own = !matches!(earlier, Earlier::Nothing);
     output::check(output, job, options.force || replaces_own)?;
-    let is_resumed = job.is_resumed();
 
     let scanned = Instant::now();
     let (mut input, start) = reading.begin(job)?;
+    let is_resumed = job.is_resumed();
     let mut findings = std::mem::take(&mut input.findings);
     let Input { ref catalogue, triangles, bytes: input_bytes, ref need, .. } = input;
     let scan_seconds = scanned.elapsed();
@@ -123,21 +124,24 @@ fn run(
     let pass_options = PassOptions { map, ..pass_options };
     let passes = pass::simplify(start, &pass_options, catalogue, job, progress)?;
     findings.merge(passes.findings);
+    job.take_damage().iter().for_each(|damage| progress.tell(damage));
 
     let written = Instant::now();
     let result = match earlier {
-        Earlier::Whole(written) => written,
-        Earlier::Obj | Earlier::Nothing => {
+        // Of one that was begun afresh on the way nobody knows that it follows from the input as it is.
+        Earlier::Whole(written) if is_resumed => written,
+        _ => {
+            output::remember(job, output)?;
             let staged = write::stage(&passes.mesh, catalogue, output, job.path(), &write_options, progress)?;
             if options.textures == TextureFiles::Copy {
-                input.check_textures(staged.copied_textures())?;
+                input.check_textures(&staged)?;
             }
             progress.check_stopped()?;
             job.settle()?;
             job.keep(Step::Written, staged.written().faces, [], staged.written())?;
             // Without it a result that has its name already would be taken for another one's.
             job.sync()?;
-            staged.commit()?
+            staged.commit(progress)?
         }
     };
     let scratch_peak = passes.scratch_peak.max(folder_bytes(job.path()));

@@ -200,3 +200,62 @@ fn places_that_are_in_the_way_of_each_other_are_refused() {
     let words = town.refusal("in", "in/deep/new.obj", options());
     assert!(words.contains("lies below the input"), "{words}");
 }
+
+/// Stops nothing, but lets something happen when a phase begins.
+struct When<F>(&'static str, F);
+
+impl<F: Fn() + Sync + Send> drystone::base::Progress for When<F> {
+    fn begin(&self, phase: &'static str, _total: u64, _unit: &'static str) {
+        if phase == self.0 {
+            self.1();
+        }
+    }
+    fn advance(&self, _units: u64) {}
+}
+
+#[test]
+fn a_texture_that_goes_while_the_job_runs_is_told() {
+    let town = Town::new();
+    let texture = contents(&town.path("in")).into_keys().find(|path| path.extension() == Some("jpg".as_ref())).unwrap();
+    let texture = town.path("in").join(texture);
+    let progress = When("write", || fs::remove_file(&texture).unwrap());
+    let error = pipeline::simplify(&town.path("in/town.obj"), &town.path("out/town.obj"), &options(), &progress);
+    let error = error.unwrap_err();
+    assert!(error.exit_code() == 5 && error.to_string().contains("is missing now"), "{error}");
+    assert!(!town.path("out/town.obj").exists());
+}
+
+#[test]
+fn an_old_result_is_not_taken_for_one_of_an_input_that_changed_when_its_state_is_damaged() {
+    let town = Town::new();
+    let mesh = fs::read_to_string(town.path("in/town.obj")).unwrap();
+    // So many names that what is known of the input has a file of its own.
+    let mut grouped = String::new();
+    for (i, line) in mesh.lines().enumerate() {
+        if line.starts_with("f ") && i % 20 == 0 {
+            grouped += &format!("g a_group_with_a_long_name_{i}\n");
+        }
+        grouped += &format!("{line}\n");
+    }
+    fs::write(town.path("in/town.obj"), grouped).unwrap();
+    let kept = || SimplifyOptions { keep_work: true, ..options() };
+    town.simplify("in/town.obj", "out/town.obj", kept()).unwrap();
+    let mtl = fs::read_to_string(town.path("in/town.mtl")).unwrap();
+    fs::write(town.path("in/town.mtl"), mtl + "Ns 77\n").unwrap();
+    assert_eq!(town.simplify("in/town.obj", "out/town.obj", kept()).unwrap_err().exit_code(), 5);
+    let state = town.path("out/town.obj.work/scan-input.state");
+    let mut bytes = fs::read(&state).unwrap();
+    *bytes.last_mut().unwrap() ^= 1;
+    fs::write(&state, bytes).unwrap();
+    town.simplify("in/town.obj", "out/town.obj", kept()).unwrap();
+    assert!(fs::read_to_string(town.path("out/town.mtl")).unwrap().contains("Ns 77"));
+}
+
+#[test]
+fn a_name_that_an_obj_cannot_refer_to_is_refused() {
+    let town = Town::new();
+    for name in ["a\\b.obj", " a.obj", "c:d.obj", "a\n.obj"] {
+        let words = town.refusal("in/town.obj", &format!("out/{name}"), options());
+        assert!(words.contains("cannot refer to"), "{words}");
+    }
+}

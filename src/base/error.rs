@@ -6,6 +6,8 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::bytes;
+
 /// What stopped a run.
 #[non_exhaustive]
 #[derive(Debug, thiserror::Error)]
@@ -73,7 +75,7 @@ impl Error {
     /// Wraps an [`io::Error`] with the file and what was tried; a full disk becomes [`Error::NoSpace`].
     pub fn io(path: &Path, action: &'static str, source: io::Error) -> Self {
         if matches!(source.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded) {
-            return Error::NoSpace { path: path.to_owned(), message: source.to_string() };
+            return Error::NoSpace { path: path.to_owned(), message: what_is_free(path, &source) };
         }
         Error::Io { path: path.to_owned(), action, source }
     }
@@ -96,6 +98,15 @@ impl Error {
             Error::Stopped => 130,
         }
     }
+}
+
+/// What is free where a file was to grow, and the way out.
+fn what_is_free(path: &Path, source: &io::Error) -> String {
+    let folder = path.ancestors().find(|folder| folder.is_dir()).unwrap_or(Path::new("."));
+    let quota = if source.kind() == io::ErrorKind::QuotaExceeded { "the quota is used up; " } else { "" };
+    let free =
+        fs4::available_space(folder).map_or(String::new(), |free| format!("{} are free; ", bytes::display(free)));
+    format!("{quota}{free}free some and give the same command again, which goes on where it was")
 }
 
 fn at_line(path: &Path, line: u64, message: &str) -> String {

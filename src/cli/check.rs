@@ -9,7 +9,7 @@ use serde_json::json;
 use super::print::{print, print_json};
 use crate::base::{Error, Result, Silent};
 use crate::measure::{Check, Regression, Surface, compare_checks, weld_and_check};
-use crate::os::durable::new_job_number;
+use crate::os::durable::temporary_folder;
 use crate::scan::{ScanOptions, find_inputs, scan};
 
 /// Arguments of `drystone check`.
@@ -49,8 +49,7 @@ pub fn run(arguments: &CheckArguments) -> Result<u8> {
 }
 
 fn counts(path: &Path) -> Result<Check> {
-    let folder = std::env::temp_dir();
-    let folder = folder.join(format!("drystone-check-{:016x}", new_job_number(&folder)));
+    let folder = temporary_folder("check");
     std::fs::create_dir(&folder).map_err(|e| Error::io(&folder, "create", e))?;
     let outcome = find_inputs(path)
         .and_then(|inputs| {

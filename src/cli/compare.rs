@@ -6,10 +6,13 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::print::print;
-use super::progress::told;
+use super::progress::stoppable;
+use super::stop::Goodbye;
 use crate::base::error::escape_path;
 use crate::base::{Error, Progress, Result, bytes, grouped};
 use crate::measure::compare::{self, BeforeAfter, CompareOptions, Comparison, Distances, Onlooker, Resources, Texture};
+use crate::os::durable::temporary_folder;
+use crate::os::signals::StopSignal;
 use crate::plan::{memory, scratch};
 use crate::report::gallery::{self, Relief};
 use crate::report::{self, ComparisonPage};
@@ -79,16 +82,22 @@ impl SamplingArguments {
 pub fn run(arguments: &CompareArguments) -> Result<u8> {
     let CompareArguments { original, result, json, html, sampling, memory, threads, work, quiet } = arguments;
     html.iter().try_for_each(|path| ComparisonPage::check_path(path))?;
-    let work = work.clone().unwrap_or_else(temporary_folder);
-    let told = told(*quiet);
+    let work = work.clone().unwrap_or_else(|| temporary_folder("compare"));
+    let stop = StopSignal::listen()?;
+    let goodbye = Goodbye::of_nothing(&stop);
+    let told = stoppable(*quiet, stop);
     let meshes = [original.as_path(), result.as_path()];
     let mut page = ComparisonPage::default();
-    let comparison = match html {
+    let outcome = match html {
         Some(_) => {
             page.resources = drawing_resources(*memory, *threads)?;
-            compare_meshes(meshes, *sampling, *memory, *threads, Relief::BYTES, work, &mut page, &*told)?
+            compare_meshes(meshes, *sampling, *memory, *threads, Relief::BYTES, work, &mut page, &*told)
         }
-        None => compare_meshes(meshes, *sampling, *memory, *threads, 0, work, &mut (), &*told)?,
+        None => compare_meshes(meshes, *sampling, *memory, *threads, 0, work, &mut (), &*told),
+    };
+    let comparison = match outcome {
+        Err(Error::Stopped) => return Ok(goodbye.say()),
+        outcome => outcome?,
     };
     drop(told);
     if let Some(path) = html {
@@ -99,10 +108,6 @@ pub fn run(arguments: &CompareArguments) -> Result<u8> {
     }
     print(&table(&comparison));
     Ok(0)
-}
-
-fn temporary_folder() -> PathBuf {
-    std::env::temp_dir().join(format!("drystone-compare-{}", std::process::id()))
 }
 
 fn drawing_resources(memory: Option<u64>, threads: Option<usize>) -> Result<gallery::Resources> {

@@ -5,9 +5,11 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::print::{print, print_json};
-use super::progress::told;
-use crate::base::{Result, bytes};
+use super::progress::stoppable;
+use super::stop::Goodbye;
+use crate::base::{Error, Result, bytes};
 use crate::inspect::{self, InspectOptions};
+use crate::os::signals::StopSignal;
 
 /// Arguments of `drystone inspect`.
 #[derive(Debug, Args)]
@@ -38,8 +40,13 @@ pub struct InspectArguments {
 pub fn run(arguments: &InspectArguments) -> Result<u8> {
     let InspectArguments { input, memory, threads, work, json, quiet } = arguments;
     let options = InspectOptions { memory: *memory, threads: *threads, work: work.clone() };
-    let told = told(*quiet);
-    let inspection = inspect::inspect(input, &options, &*told)?;
+    let stop = StopSignal::listen()?;
+    let goodbye = Goodbye::of_nothing(&stop);
+    let told = stoppable(*quiet, stop);
+    let inspection = match inspect::inspect(input, &options, &*told) {
+        Err(Error::Stopped) => return Ok(goodbye.say()),
+        outcome => outcome?,
+    };
     drop(told);
     match json {
         true => print_json(&inspection)?,

@@ -64,6 +64,10 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
         Err(Error::Stopped) => return Ok(goodbye.say()),
         outcome => outcome?,
     };
+    if *measure {
+        // A process that is killed while it compares leaves the report of what it has made.
+        reports.iter().try_for_each(|path| result.save(path))?;
+    }
     goodbye.only_compares(input, output);
     let compared = measure.then(|| {
         let work = work_beside(&work);

@@ -1,5 +1,6 @@
 //! `drystone status`: what is done and what is left of a job.
 
+use std::collections::HashSet;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -47,8 +48,10 @@ struct JobStatus {
     pass: Option<PassStatus>,
     /// Whether the result is written.
     written: bool,
-    /// Why the last process ended early, if it said so.
+    /// Why a process ended early, if one has said so; the last one that did.
     last_error: Option<String>,
+    /// Which process that was, from 1.
+    last_error_of_process: Option<u64>,
     /// Bytes in the work folder.
     bytes: u64,
 }
@@ -95,16 +98,21 @@ impl JobStatus {
             pass: None,
             written: false,
             last_error: None,
+            last_error_of_process: None,
             bytes: work.bytes,
         };
+        let mut clusters = HashSet::new();
         for entry in &work.entries {
             match entry {
                 Entry::Began { time } => {
                     status.processes += 1;
                     status.seconds_of_process = now.saturating_sub(*time);
-                    status.last_error = None;
                 }
-                Entry::Failed { message, .. } => status.last_error = Some(message.clone()),
+                Entry::Failed { message, .. } => {
+                    (status.last_error, status.last_error_of_process) = (Some(message.clone()), Some(status.processes));
+                }
+                // A cluster that was found damaged is kept again.
+                Entry::Kept(Record { step: step @ Step::Cluster { .. }, .. }) if !clusters.insert(*step) => {}
                 Entry::Kept(record) => status.see(record),
             }
         }
@@ -136,7 +144,7 @@ impl JobStatus {
                 self.pass = None;
             }
             Step::Written => self.written = true,
-            Step::Input | Step::Census | Step::Plan { .. } | Step::Trial { .. } => {}
+            Step::Input | Step::Census | Step::Output | Step::Plan { .. } | Step::Trial { .. } => {}
         }
     }
 
@@ -144,6 +152,7 @@ impl JobStatus {
         let mut text = format!("{}: ", escape_path(path));
         let _ = match self.running {
             true => writeln!(text, "a process works on it since {} s", self.seconds_of_process),
+            false if self.written => writeln!(text, "no process works on it; the result is written"),
             false => writeln!(text, "no process works on it; the command that began it goes on"),
         };
         let input = bytes::display(self.input_bytes);
@@ -165,7 +174,11 @@ impl JobStatus {
         let _ = writeln!(text, "result     {}", if self.written { "written" } else { "not written" });
         if let Some(error) = &self.last_error {
             let error: Vec<String> = error.lines().map(|line| escape(line.as_bytes())).collect();
-            let _ = writeln!(text, "last error {}", error.join("\n"));
+            let of = match self.last_error_of_process {
+                Some(process) if process < self.processes => format!(", of process {process}"),
+                _ => String::new(),
+            };
+            let _ = writeln!(text, "last error {}{of}", error.join("\n"));
         }
         let _ = writeln!(text, "space      {}", bytes::display(self.bytes));
         text

@@ -1,7 +1,7 @@
 //! What happens when a signal asks the program to stop: the end within a few seconds, and how to go on.
 
-use std::ffi::OsStr;
-use std::path::Path;
+use std::ffi::{OsStr, OsString};
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -11,22 +11,37 @@ use crate::os::signals::StopSignal;
 
 /// Time that the work has to come to a safe end by itself; then the process ends as it is, which is safe too.
 const GRACE: Duration = Duration::from_secs(3);
+/// Time to say the words then.
+const WORDS_TIME: Duration = Duration::from_millis(200);
 const LOOK_INTERVAL: Duration = Duration::from_millis(50);
 
 /// What is said when a signal ends the process: how to go on.
 #[derive(Debug, Clone)]
 pub struct Goodbye {
     stop: StopSignal,
-    words: Arc<Mutex<String>>,
+    words: Arc<Mutex<Words>>,
+}
+
+#[derive(Debug)]
+enum Words {
+    Job { work: PathBuf, command: String },
+    Comparison { command: String },
+    Nothing,
 }
 
 impl Goodbye {
     /// While a job runs whose steps are kept in a work folder: the same command goes on. From now on the process ends soon
     /// after a signal, even if its work does not end by itself.
     pub fn of_job(stop: &StopSignal, work: &Path) -> Self {
-        let command: Vec<String> = std::env::args_os().map(|word| quoted(&word)).collect();
-        let kept = escape_path(work);
-        let words = format!("what is finished is kept in {kept}; go on with\n  {}", command.join(" "));
+        Self::new(stop, Words::Job { work: work.to_owned(), command: command_that_goes_on(std::env::args_os()) })
+    }
+
+    /// While something runs that keeps nothing.
+    pub fn of_nothing(stop: &StopSignal) -> Self {
+        Self::new(stop, Words::Nothing)
+    }
+
+    fn new(stop: &StopSignal, words: Words) -> Self {
         let goodbye = Self { stop: stop.clone(), words: Arc::new(Mutex::new(words)) };
         let late = goodbye.clone();
         std::thread::spawn(move || {
@@ -34,7 +49,11 @@ impl Goodbye {
             loop {
                 std::thread::sleep(LOOK_INTERVAL);
                 if late.stop.number().is_some() && came.get_or_insert_with(Instant::now).elapsed() >= GRACE {
-                    std::process::exit(i32::from(late.say()));
+                    // Who reads the words may do so no more.
+                    let saying = late.clone();
+                    std::thread::spawn(move || saying.say());
+                    std::thread::sleep(WORDS_TIME);
+                    std::process::exit(i32::from(late.exit_code()));
                 }
             }
         });
@@ -44,17 +63,43 @@ impl Goodbye {
     /// From now on only the comparison of a result is under way.
     pub fn only_compares(&self, input: &Path, output: &Path) {
         let [input, output] = [input, output].map(|path| quoted(path.as_os_str()));
-        let words =
-            format!("the result is written; it was not compared. Do so with\n  drystone compare {input} {output}");
+        let words = Words::Comparison { command: format!("drystone compare {input} {output}") };
         *self.words.lock().unwrap_or_else(PoisonError::into_inner) = words;
     }
 
     /// Says it and returns the exit code: 128 and the signal.
     pub fn say(&self) -> u8 {
-        let words = self.words.lock().unwrap_or_else(PoisonError::into_inner);
+        let words = match &*self.words.lock().unwrap_or_else(PoisonError::into_inner) {
+            Words::Job { work, command } if work.exists() => {
+                format!("what is finished is kept in {}; go on with\n  {command}", escape_path(work))
+            }
+            Words::Job { command, .. } => format!("nothing was finished yet; begin again with\n  {command}"),
+            Words::Nothing => "nothing is kept".to_owned(),
+            Words::Comparison { command } => {
+                format!("the result is written; it was not compared. Do so with\n  {command}")
+            }
+        };
         tell(&format!("stopped by {}; {words}", self.stop.name()));
+        self.exit_code()
+    }
+
+    fn exit_code(&self) -> u8 {
         128 + self.stop.number().unwrap_or(0)
     }
+}
+
+/// The command as it was given, but that it goes on where the job was.
+fn command_that_goes_on(words: impl Iterator<Item = OsString>) -> String {
+    let mut is_resume = false;
+    let words = words.map(|word| match word.to_str() {
+        Some("never") if is_resume => "auto".to_owned(),
+        Some("--resume=never") => "--resume=auto".to_owned(),
+        _ => {
+            is_resume = word == "--resume";
+            quoted(&word)
+        }
+    });
+    words.collect::<Vec<_>>().join(" ")
 }
 
 /// A word as a shell takes it; in the way of Bash if it has other than plain text.
@@ -77,6 +122,14 @@ fn quoted(word: &OsStr) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_command_that_goes_on_does_not_begin_afresh() {
+        let goes_on = |command: &str| command_that_goes_on(command.split(' ').map(OsString::from));
+        assert_eq!(goes_on("drystone a.obj --resume never -o never"), "drystone a.obj --resume auto -o never");
+        assert_eq!(goes_on("drystone --resume=never a.obj"), "drystone --resume=auto a.obj");
+        assert_eq!(goes_on("drystone --resume require never"), "drystone --resume require never");
+    }
 
     #[test]
     fn words_are_quoted_where_a_shell_would_part_them() {

@@ -28,6 +28,7 @@ use crate::base::bytes::MIB;
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Permits, Progress, Result, bytes, counted, grouped};
 use crate::job::{InputFile, Manifest, Resume, WorkFolder};
+use crate::os::durable::temporary_folder;
 use crate::partition::{self, Partition, PartitionOptions, TextureScale, cluster};
 use crate::plan::{memory, scratch};
 use crate::scan::{self, Scan};
@@ -125,7 +126,7 @@ fn inspect_in_clusters(
     let inputs = scan::find_inputs(input)?;
     let budget = memory::budget_of(options.memory)?;
     let threads = memory::choose_threads(options.threads, budget);
-    let work_path = options.work.clone().unwrap_or_else(temporary_folder);
+    let work_path = options.work.clone().unwrap_or_else(|| temporary_folder("inspect"));
     let files = inputs.iter().map(|path| InputFile::of(path)).collect::<Result<Vec<_>>>()?;
     scratch::refuse_small_disk(files.iter().map(|file| file.bytes).sum(), 0, &work_path)?;
     let manifest = Manifest {
@@ -136,7 +137,7 @@ fn inspect_in_clusters(
         began: 0,
         job: 0,
     };
-    let work = WorkFolder::open(&work_path, &manifest, Resume::Auto)?;
+    let work = WorkFolder::open(&work_path, &manifest, Resume::Again)?;
 
     let scan_options = memory::scan_options(budget, threads);
     let Scan { mesh, catalogue, triangles, mut findings, input_bytes, .. } =
@@ -182,10 +183,6 @@ fn inspect_in_clusters(
         faults: faults(&findings),
         warnings: findings.warnings(),
     })
-}
-
-fn temporary_folder() -> PathBuf {
-    std::env::temp_dir().join(format!("drystone-inspect-{}", std::process::id()))
 }
 
 /// What the scan found, without what is no fault.
@@ -258,6 +255,7 @@ impl Counting<'_> {
                 sum.add(&cluster.own);
                 degenerate += dropped;
                 progress.advance(faces);
+                progress.check_stopped()?;
                 shared.push(&cluster)
             },
         )?;

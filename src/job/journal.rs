@@ -79,6 +79,8 @@ pub enum Step {
     Written,
     /// Numbers of the whole mesh that the metric divides by.
     Census,
+    /// Where the result waits for its names.
+    Output,
 }
 
 impl Step {
@@ -99,6 +101,7 @@ impl Step {
             Step::Pass { pass } => format!("pass-{pass}-mesh"),
             Step::Written => "write-result".into(),
             Step::Census => "pass-0-census".into(),
+            Step::Output => "write-output".into(),
         }
     }
 }
@@ -116,7 +119,7 @@ impl Step {
             Step::Cut { pass } => (u64::from(pass) + 1, 0),
             Step::Plan { pass, .. } | Step::Trial { pass, .. } | Step::Cluster { pass, .. } => (u64::from(pass) + 1, 1),
             Step::Pass { pass } => (u64::from(pass) + 1, 2),
-            Step::Written => (u64::MAX, 0),
+            Step::Output | Step::Written => (u64::MAX, 0),
         }
     }
 }
@@ -192,17 +195,18 @@ impl Journal {
         Ok(Self::open(path, manifest)?.0)
     }
 
-    /// Opens a journal and cuts off what is damaged; returns the entries that are whole.
+    /// Opens a journal and cuts off what is damaged; returns the entries that are whole, and the bytes that were cut off.
     ///
     /// # Errors
     /// [`Error::Damaged`] if it is no journal, or not that of the manifest with this checksum; else if it cannot be read.
-    pub(super) fn open(path: &Path, manifest: u64) -> Result<(Self, Vec<Entry>)> {
+    pub(super) fn open(path: &Path, manifest: u64) -> Result<(Self, Vec<Entry>, u64)> {
         let (entries, end) = read(path, manifest)?;
         let mut options = OpenOptions::new();
         let file = no_links(options.write(true)).open(path).map_err(|e| Error::io(path, "open", e))?;
         let mut journal = Self { path: path.to_owned(), file, end, synced: Instant::now(), is_dirty: false };
+        let length = journal.file.metadata().map_err(|e| Error::io(path, "open", e))?.len();
         journal.cut()?;
-        Ok((journal, entries))
+        Ok((journal, entries, length.saturating_sub(end)))
     }
 
     /// Appends an entry.
@@ -337,7 +341,7 @@ mod tests {
         }
         for length in 64..whole.len() {
             std::fs::write(&path, &whole[..length]).unwrap();
-            let (mut journal, entries) = Journal::open(&path, 5).unwrap();
+            let (mut journal, entries, _) = Journal::open(&path, 5).unwrap();
             assert!(entries.len() <= (length - 64) / entry_bytes);
             journal.append(&failed("new")).unwrap();
             assert_eq!(messages(&read(&path, 5).unwrap().0), [messages(&entries), vec!["new"]].concat());

@@ -42,7 +42,7 @@ pub use self::header::FORMAT_VERSION;
 use self::header::{HEADER_BYTES, Header};
 pub use self::journal::{Entry, Record, Step};
 use self::journal::{Journal, Value, now};
-use self::lock::lock_folder;
+use self::lock::{is_locked, lock_folder};
 pub use self::manifest::{InputFile, Manifest};
 use self::stamp::Condition;
 pub use self::stamp::is_file_name;
@@ -68,6 +68,8 @@ pub enum Resume {
     Require,
     /// Start afresh.
     Never,
+    /// Start afresh, but refuse a folder of a job with other options: for work that is nothing to go on with.
+    Again,
 }
 
 /// A locked work folder.
@@ -82,6 +84,8 @@ pub struct WorkFolder {
     journal: Arc<Mutex<Option<Journal>>>,
     /// The step that is being kept beside the work.
     under_way: Mutex<Option<JoinHandle<Result<()>>>>,
+    /// The first step that superseded others: what an earlier process kept of those that follow it counts no more.
+    made_anew: Mutex<Option<Step>>,
     /// What was found damaged, in words.
     damage: Mutex<Vec<String>>,
     is_resumed: bool,
@@ -103,7 +107,7 @@ impl WorkFolder {
             refuse_foreign(path)?;
         }
         // A killed job's folder was made by it, and goes with the job that takes it over.
-        let is_ours = is_new || path.join(MANIFEST).exists();
+        let is_ours = is_new || [MANIFEST, LOCK].iter().any(|name| path.join(name).exists());
         let lock = lock_folder(path)?;
         let mut folder = Self {
             path: path.to_owned(),
@@ -114,6 +118,7 @@ impl WorkFolder {
             order: Vec::new(),
             journal: Arc::default(),
             under_way: Mutex::new(None),
+            made_anew: Mutex::new(None),
             damage: Mutex::new(Vec::new()),
             is_resumed: false,
             holds_steps: AtomicBool::new(true),
@@ -125,11 +130,23 @@ impl WorkFolder {
                 folder.number = Manifest::read(&path.join(MANIFEST)).map_or(folder.number, |(earlier, _)| earlier.job);
                 None
             }
-            _ => folder.take_over(manifest)?,
+            Resume::Again => {
+                let path = folder.path.join(MANIFEST);
+                let earlier = path.exists().then(|| Manifest::read(&path)).transpose()?;
+                if earlier.is_some_and(|(earlier, _)| earlier.options != manifest.options) {
+                    let shown = escape_path(&folder.path);
+                    return Err(Error::Changed(format!("{shown}: holds another job; give a new work folder")));
+                }
+                None
+            }
+            Resume::Auto | Resume::Require => folder.take_over(manifest)?,
         };
         let mut journal = match journal {
             Some(journal) => journal,
-            None => folder.begin(manifest)?,
+            None => {
+                folder.holds_steps = AtomicBool::new(false);
+                folder.begin(manifest)?
+            }
         };
         folder.holds_steps = AtomicBool::new(folder.is_resumed);
         journal.append(&Entry::Began { time: now() })?;
@@ -160,15 +177,21 @@ impl WorkFolder {
         }
         let path = self.path.join(JOURNAL);
         if !path.exists() {
+            if !self.all_but(&HashSet::new())?.is_empty() {
+                self.note_damage(JOURNAL, "it is gone");
+            }
             return nothing("holds nothing that is finished");
         }
-        let (journal, entries) = match Journal::open(&path, checksum) {
+        let (journal, entries, cut_off) = match Journal::open(&path, checksum) {
             Err(Error::Damaged { message, .. }) if self.resume != Resume::Require => {
                 self.note_damage(JOURNAL, &message);
                 return Ok(None);
             }
             opened => opened?,
         };
+        if cut_off > 0 {
+            self.note_damage(JOURNAL, &format!("its last {cut_off} bytes are not whole"));
+        }
         // Of a step that was kept again the last time counts.
         for entry in entries.into_iter().rev() {
             if let Entry::Kept(record) = entry
@@ -251,6 +274,9 @@ impl WorkFolder {
     /// # Errors
     /// [`Error::Damaged`] under [`Resume::Require`] if they are not; else if they cannot be read.
     pub fn recall<T: DeserializeOwned>(&self, step: Step) -> Result<Option<T>> {
+        if lock(&self.made_anew).is_some_and(|made| step.follows(made)) {
+            return Ok(None);
+        }
         let Some(record) = self.recalled.get(&step) else { return Ok(None) };
         let in_file = match &record.value {
             Value::InFile(stamp) => Some(stamp),
@@ -259,7 +285,8 @@ impl WorkFolder {
         for stamp in record.files.iter().chain(in_file) {
             match stamp.verify(&self.path)? {
                 Condition::Whole => {}
-                Condition::Gone => return Ok(None),
+                Condition::Gone if self.is_superseded(step) => return Ok(None),
+                Condition::Gone => return self.damaged(stamp.name(), "it is gone".into()),
                 Condition::Damaged(message) => return self.damaged(stamp.name(), message),
             }
         }
@@ -271,6 +298,13 @@ impl WorkFolder {
             Ok(value) => Ok(Some(value)),
             Err(message) => self.damaged(&step.file_name(), message),
         }
+    }
+
+    /// Whether the files of a step were removed since what was made of them is kept.
+    fn is_superseded(&self, step: Step) -> bool {
+        let takes_its_place =
+            |later: &Step| matches!(later, Step::Cut { .. } | Step::Pass { .. }) && later.follows(step);
+        step != Step::Input && self.recalled.keys().any(takes_its_place)
     }
 
     fn damaged<T>(&self, name: &str, message: String) -> Result<Option<T>> {
@@ -323,6 +357,7 @@ impl WorkFolder {
         names.insert(step.file_name());
         // What an earlier process made of what follows is in the way of what the work that goes on writes under the same
         // names; the rest can be removed beside it, since it is named now.
+        lock(&self.made_anew).get_or_insert(step);
         remove_files(&self.left_after(step, &names)?)?;
         let superseded = self.all_but(&names)?;
         let journal = Arc::clone(&self.journal);
@@ -505,6 +540,10 @@ fn refuse_foreign(path: &Path) -> Result<()> {
             name => is_job && ([MANIFEST, JOURNAL, "journal.bin.tmp"].contains(&name) || is_phase_file(name)),
         };
         if !(is_own && entry.file_type().is_ok_and(|kind| kind.is_file())) {
+            // A job that begins or ends there just now, whose files come and go.
+            if is_locked(path) {
+                return Err(Error::Locked(path.to_owned()));
+            }
             let message = format!("{}: holds files of others; give an empty or a new work folder", escape_path(path));
             return Err(Error::Usage(message));
         }

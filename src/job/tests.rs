@@ -254,3 +254,64 @@ fn a_hundred_thousand_entries_are_read_in_a_moment() {
     assert_eq!(job.latest().count(), 100_000);
     assert_eq!(job.latest().next(), Some(Step::Cluster { pass: 0, attempt: 0, cluster: 99_999 }));
 }
+
+#[test]
+fn a_file_that_should_be_there_and_is_not_is_damage() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    let job = open(&path, Resume::Auto).unwrap();
+    let step = Step::Cluster { pass: 0, attempt: 0, cluster: 0 };
+    job.keep(step, 1, [], &vec![7u32; 5000]).unwrap();
+    drop(job);
+    fs::remove_file(path.join(step.file_name())).unwrap();
+    let job = open(&path, Resume::Auto).unwrap();
+    assert_eq!(job.recall::<Vec<u32>>(step).unwrap(), None);
+    assert!(job.take_damage()[0].contains("it is gone"));
+    drop(job);
+    let job = open(&path, Resume::Require).unwrap();
+    assert!(matches!(job.recall::<Vec<u32>>(step), Err(Error::Damaged { .. })));
+    drop(job);
+    // Once the cut that it follows from is made anew, nobody misses it.
+    let job = open(&path, Resume::Require).unwrap();
+    job.supersede(Step::Cut { pass: 0 }, 1, [], &(), &[]).unwrap();
+    assert_eq!(job.recall::<Vec<u32>>(step).unwrap(), None);
+}
+
+#[test]
+fn what_is_cut_off_a_journal_is_told() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    left_over(&path);
+    let journal = File::options().write(true).open(path.join(JOURNAL)).unwrap();
+    journal.set_len(journal.metadata().unwrap().len() - 3).unwrap();
+    let job = open(&path, Resume::Auto).unwrap();
+    assert!(job.take_damage()[0].contains("bytes are not whole"));
+    drop(job);
+    fs::remove_file(path.join(JOURNAL)).unwrap();
+    let job = open(&path, Resume::Auto).unwrap();
+    assert!(!job.is_resumed() && job.take_damage()[0].contains("it is gone"));
+}
+
+#[test]
+fn work_that_is_never_gone_on_with_begins_anew_in_a_folder_of_its_kind_only() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    left_over(&path);
+    let other = Manifest { options: "compare".into(), ..manifest() };
+    let error = WorkFolder::open(&path, &other, Resume::Again).unwrap_err();
+    assert_eq!(error.exit_code(), 5);
+    assert!(path.join("scan-0-positions.col").exists());
+    let moved = Manifest { inputs: vec![InputFile { path: "/a.obj".into(), bytes: 1 }], ..manifest() };
+    let job = WorkFolder::open(&path, &moved, Resume::Again).unwrap();
+    assert!(!job.is_resumed() && !path.join("scan-0-positions.col").exists());
+}
+
+#[test]
+fn a_folder_of_a_job_that_did_not_come_to_begin_goes_with_the_next() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    fs::create_dir(&path).unwrap();
+    fs::write(path.join(LOCK), "").unwrap();
+    open(&path, Resume::Auto).unwrap().finish(false).unwrap();
+    assert!(!path.exists());
+}

@@ -347,6 +347,8 @@ pub trait Onlooker {
 /// Nobody looks on.
 impl Onlooker for () {}
 
+/// What the two meshes are called, and their folders in the work folder.
+const NAMES: [&str; 2] = ["original", "result"];
 /// Points by area on each surface, if not said otherwise.
 pub const SAMPLES: u64 = 1_000_000;
 
@@ -362,9 +364,10 @@ pub fn compare(
     progress: &dyn Progress,
 ) -> Result<Comparison> {
     let started = Instant::now();
-    let is_new = !options.work.exists();
+    // One with the folders of a comparison in it was left by a process that was killed.
+    let is_own = !options.work.exists() || NAMES.iter().any(|name| options.work.join(name).exists());
     let found = compare_in_cells(original, result, options, CELL_FACES, onlooker, progress);
-    if is_new {
+    if is_own {
         let _ = std::fs::remove_dir(&options.work);
     }
     let mut comparison = found?;
@@ -388,7 +391,7 @@ fn compare_in_cells(
         }
         Ok(mesh)
     };
-    let (before, after) = (prepare(original, "original")?, prepare(result, "result")?);
+    let (before, after) = (prepare(original, NAMES[0])?, prepare(result, NAMES[1])?);
     onlooker.see_meshes(&before, &after)?;
     let limit = before.bounds.with(after.bounds).diagonal();
     let measured = |from, to, seed, see_point: &mut dyn FnMut(&Place)| {
@@ -403,7 +406,7 @@ fn compare_in_cells(
     let topology = BeforeAfter { before: before.tallied.topology, after: after.tallied.topology };
     let quality = BeforeAfter { before: before.tallied.quality, after: after.tallied.quality };
     let mut warnings: Vec<String> = Vec::new();
-    for (name, mesh) in [("original", &before), ("result", &after)] {
+    for (name, mesh) in NAMES.into_iter().zip([&before, &after]) {
         warnings.extend(mesh.findings.warnings().into_iter().map(|words| format!("{name}: {words}")));
     }
     warnings.extend(findings.warnings());

@@ -10,6 +10,7 @@ pub mod edge;
 pub mod orient;
 pub mod pieces;
 pub mod polygon;
+mod simple;
 pub mod ring;
 pub mod split;
 

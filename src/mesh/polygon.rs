@@ -1,12 +1,19 @@
 //! Triangulates polygons of four and more corners once their positions are known.
 //!
-//! Ear clipping by the `earcutr` crate in the plane of the polygon's Newell normal; a fan where that fails.
+//! Ear clipping by the `earcutr` crate in the plane of the polygon's Newell normal; a fan where that fails, or would take
+//! for ever.
 
 use glam::DVec3;
 
+use super::simple::is_simple;
+
+/// Up to so many corners no outline takes long.
+const CORNERS_OF_ANY: usize = 32;
+
 /// Triangles, as indices into `polygon`, of a polygon with corners in order; n - 2 of them where possible.
 ///
-/// A quad is cut along the diagonal that keeps both triangles on the polygon's side, the shorter one if both do.
+/// A quad is cut along the diagonal that keeps both triangles on the polygon's side, the shorter one if both do. One whose
+/// outline meets itself is cut into a fan if it has more than a few corners.
 pub fn triangulate(polygon: &[DVec3], out: &mut Vec<[u32; 3]>) {
     out.clear();
     let count = polygon.len() as u32;
@@ -63,8 +70,11 @@ fn ear_cut(polygon: &[DVec3], normal: DVec3) -> Option<Vec<[u32; 3]>> {
             [q.x * normal.z.signum(), q.y]
         }
     };
-    let flat: Vec<f64> = polygon.iter().flat_map(|&p| project(p)).collect();
-    let indices = earcutr::earcut(&flat, &[], 2).ok()?;
+    let outline: Vec<[f64; 2]> = polygon.iter().map(|&p| project(p)).collect();
+    if outline.len() > CORNERS_OF_ANY && !is_simple(&outline) {
+        return None;
+    }
+    let indices = earcutr::earcut(outline.as_flattened(), &[], 2).ok()?;
     let oriented = |t: &[usize]| {
         let across = (polygon[t[1]] - polygon[t[0]]).cross(polygon[t[2]] - polygon[t[0]]);
         let [a, b, c] = [t[0] as u32, t[1] as u32, t[2] as u32];

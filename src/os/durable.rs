@@ -2,15 +2,20 @@
 //!
 //! In a work folder, which is ours, the temporary name is the file's with `.tmp` behind it. Beside what is the user's, no
 //! file may be taken for a left-over and no other process may write to the same one: there it is
-//! `drystone-<job and file>.tmp`, which only the job itself makes and removes ([`waiting_place`]).
+//! `drystone-<job>-<file>.tmp`, which only the job itself makes and removes ([`waiting_place`], [`remove_waiting`]).
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
-use xxhash_rust::xxh3::xxh3_64_with_seed;
+use xxhash_rust::xxh3::{xxh3_64, xxh3_64_with_seed};
 
 use crate::base::{Error, Result};
+
+/// How long a lock of a folder is waited for, which may be the user's and never come free.
+const LOCK_PATIENCE: Duration = Duration::from_secs(20);
+const LOCK_INTERVAL: Duration = Duration::from_millis(20);
 
 /// A file under construction; without [`commit`](DurableFile::commit) it is removed on drop.
 #[derive(Debug)]
@@ -19,6 +24,7 @@ pub struct DurableFile {
     temporary: PathBuf,
     target: PathBuf,
     has_name: bool,
+    is_sealed: bool,
 }
 
 impl DurableFile {
@@ -47,7 +53,7 @@ impl DurableFile {
         let opened = options.read(true).write(true).create_new(true).open(&temporary);
         let file = opened.map_err(|e| Error::io(target, "create", e))?;
         let writer = Some(BufWriter::with_capacity(buffer_bytes, file));
-        Ok(Self { writer, temporary, target: target.to_owned(), has_name: false })
+        Ok(Self { writer, temporary, target: target.to_owned(), has_name: false, is_sealed: false })
     }
 
     /// The path that the file will have once committed.
@@ -61,6 +67,7 @@ impl DurableFile {
     /// [`Error::NoSpace`] on a full disk, else [`Error::Io`].
     pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
         let Some(writer) = self.writer.as_mut() else { return Ok(()) };
+        self.is_sealed = false;
         writer.write_all(bytes).map_err(|e| Error::io(&self.target, "write", e))
     }
 
@@ -70,6 +77,7 @@ impl DurableFile {
     /// As [`write`](DurableFile::write).
     pub fn write_at(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
         let Some(writer) = self.writer.as_mut() else { return Ok(()) };
+        self.is_sealed = false;
         let flushed = writer.flush().and_then(|()| super::system::write_all_at(writer.get_ref(), bytes, offset));
         flushed.map_err(|e| Error::io(&self.target, "write", e))
     }
@@ -85,14 +93,26 @@ impl DurableFile {
         self.rename(writer)
     }
 
+    /// Syncs the file under its temporary name, so that giving it its own can hardly fail any more.
+    ///
+    /// # Errors
+    /// As [`write`](DurableFile::write).
+    pub fn seal(&mut self) -> Result<()> {
+        if let Some(writer) = self.writer.as_mut().filter(|_| !self.is_sealed) {
+            let synced = writer.flush().and_then(|()| writer.get_ref().sync_data());
+            synced.map_err(|e| Error::io(&self.target, "write", e))?;
+            self.is_sealed = true;
+        }
+        Ok(())
+    }
+
     /// Syncs the file, gives it its name, syncs the folder, and returns the open file.
     ///
     /// # Errors
     /// As [`write`](DurableFile::write).
     pub fn commit(mut self) -> Result<File> {
-        let mut writer = self.take_writer()?;
-        let synced = writer.flush().and_then(|()| writer.get_ref().sync_data());
-        synced.map_err(|e| Error::io(&self.target, "write", e))?;
+        self.seal()?;
+        let writer = self.take_writer()?;
         let file = self.rename(writer)?;
         sync_folder(&self.target)?;
         Ok(file)
@@ -122,7 +142,18 @@ impl Drop for DurableFile {
 /// after a kill; no other job has it.
 pub fn waiting_place(target: &Path, job: u64) -> PathBuf {
     let name = target.file_name().unwrap_or_default().as_encoded_bytes();
-    target.with_file_name(format!("drystone-{:016x}.tmp", xxh3_64_with_seed(name, job)))
+    target.with_file_name(format!("drystone-{job:016x}-{:016x}.tmp", xxh3_64(name)))
+}
+
+/// Removes the files of a job that wait for their names in a folder, as far as there are any.
+pub fn remove_waiting(folder: &Path, job: u64) {
+    let prefix = format!("drystone-{job:016x}-");
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        if name.to_str().is_some_and(|name| name.starts_with(&prefix) && name.ends_with(".tmp")) {
+            let _ = fs::remove_file(entry.path());
+        }
+    }
 }
 
 /// A number for [`waiting_place`] that no other job has, for all that can be known: made of the time, the process and a
@@ -131,6 +162,12 @@ pub fn new_job_number(path: &Path) -> u64 {
     let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
     let seed = since.as_nanos() as u64 ^ u64::from(std::process::id()).rotate_left(40);
     xxh3_64_with_seed(path.as_os_str().as_encoded_bytes(), seed)
+}
+
+/// A folder that is not there yet, where the system keeps what is not for long.
+pub fn temporary_folder(purpose: &str) -> PathBuf {
+    let folder = std::env::temp_dir();
+    folder.join(format!("drystone-{purpose}-{:016x}", new_job_number(&folder)))
 }
 
 /// The same way of opening a file, which fails where the file is a symbolic link, and does not wait where it is a pipe.
@@ -165,10 +202,22 @@ pub fn make_folders(path: &Path) -> Result<()> {
     }
 }
 
-/// Waits for the lock of a folder and holds it for as long as what is returned lives; nothing where folders have none.
-pub fn lock_while_open(folder: &Path) -> Option<File> {
-    let folder = File::open(folder).ok()?;
-    fs4::FileExt::lock(&folder).ok().map(|()| folder)
+/// Waits for the lock of a folder and holds it for as long as what is returned lives; nothing where folders have none, nor
+/// after [`LOCK_PATIENCE`]. What `wait` returns ends the waiting; it is called again and again.
+///
+/// # Errors
+/// Those of `wait`.
+pub fn lock_while_open(folder: &Path, mut wait: impl FnMut() -> Result<()>) -> Result<Option<File>> {
+    let Ok(folder) = File::open(folder) else { return Ok(None) };
+    let began = Instant::now();
+    loop {
+        match fs4::FileExt::try_lock(&folder) {
+            Ok(()) => return Ok(Some(folder)),
+            Err(fs4::TryLockError::WouldBlock) if began.elapsed() < LOCK_PATIENCE => wait()?,
+            Err(_) => return Ok(None),
+        }
+        std::thread::sleep(LOCK_INTERVAL);
+    }
 }
 
 /// Makes the entry of `path` in its folder durable.
@@ -214,6 +263,21 @@ mod tests {
         assert_eq!(fs::read(&path).unwrap(), b"other");
         assert_eq!(fs::read(folder.path().join("city.obj.tmp")).unwrap(), b"mine");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
+
+    #[test]
+    fn the_lock_of_a_folder_is_waited_for_until_the_caller_has_enough() {
+        let folder = tempfile::tempdir().unwrap();
+        let held = lock_while_open(folder.path(), || Ok(())).unwrap();
+        assert!(held.is_some());
+        let mut asked = 0;
+        let outcome = lock_while_open(folder.path(), || {
+            asked += 1;
+            if asked < 3 { Ok(()) } else { Err(Error::Stopped) }
+        });
+        assert!(matches!(outcome, Err(Error::Stopped)) && asked == 3);
+        drop(held);
+        assert!(lock_while_open(folder.path(), || Err(Error::Stopped)).unwrap().is_some());
     }
 
     #[test]

@@ -19,7 +19,7 @@ use crate::scan::fingerprint::{self, Source};
 use crate::scan::{self, Scan, ScanOptions};
 use crate::stitch::Start;
 use crate::store::Catalogue;
-use crate::write::{self, CopiedTexture, NamedTexture, Sources};
+use crate::write::{self, NamedTexture, Sources, Staged};
 
 /// What the input holds beside geometry.
 #[derive(Debug, Serialize, Deserialize)]
@@ -66,9 +66,9 @@ impl Reading<'_> {
     /// # Errors
     /// [`Error::Changed`](crate::base::Error::Changed) if the input has changed since the job was begun; those of the scan.
     pub(super) fn begin(&self, job: &mut WorkFolder) -> Result<(Input, Start)> {
-        if job.is_resumed() {
-            let recalled = self.recall(job)?;
-            job.take_damage().iter().for_each(|damage| self.progress.tell(damage));
+        let recalled = if job.is_resumed() { Some(self.recall(job)?) } else { None };
+        job.take_damage().iter().for_each(|damage| self.progress.tell(damage));
+        if let Some(recalled) = recalled {
             if let Some((input, start)) = recalled {
                 self.progress.tell(&start.kept(job));
                 return Ok((input, start));
@@ -152,16 +152,20 @@ impl Input {
     ///
     /// # Errors
     /// [`Error::Changed`](crate::base::Error::Changed) naming the first that differs.
-    pub(super) fn check_textures(&self, copied: &[CopiedTexture]) -> Result<()> {
+    pub(super) fn check_textures(&self, staged: &Staged) -> Result<()> {
         let named = write::named_textures(&self.catalogue);
         let hashed = named.iter().zip(&self.textures).filter(|(texture, _)| !texture.stays).map(|(_, source)| source);
         let mut known = HashMap::new();
         for source in hashed {
+            if source.content.is_some() && staged.left_out_textures().contains(&source.path) {
+                return Err(fingerprint::changed(&source.path, "is missing now"));
+            }
             let path = source.path.canonicalize().unwrap_or_else(|_| source.path.clone());
             // Of two names the one that leads out of its folder may be refused.
             let content = known.entry(path).or_insert(source.content);
             *content = content.or(source.content);
         }
+        let copied = staged.copied_textures();
         match copied.iter().find(|(path, content)| known.get(path).is_some_and(|known| *known != Some(*content))) {
             Some((path, _)) => Err(fingerprint::changed(path, "has changed")),
             None => Ok(()),

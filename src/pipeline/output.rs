@@ -2,12 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
+
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
-use crate::job::{Step, WorkFolder};
-use crate::os::durable::{DurableFile, folder_of, make_folders, waiting_place};
+use crate::job::{Step, WorkFolder, codec};
+use crate::os::durable::{DurableFile, folder_of, make_folders};
 use crate::scan::fingerprint;
-use crate::write::{Companion, Sources, Written, textures_folder};
+use crate::write::{Companion, Sources, Written, remove_waiting_of, textures_folder, why_unnameable};
 
 /// Longest name of a file, and what stands behind the output's name in the longest that is made of it.
 const NAME_BYTES_MAX: usize = 255;
@@ -27,7 +29,9 @@ pub(super) enum Earlier {
 pub(super) fn earlier(job: &WorkFolder, output: &Path) -> Result<Earlier> {
     let Some(written) = job.recall::<Written>(Step::Written)? else { return Ok(Earlier::Nothing) };
     let there = resolved(output);
-    let is_beside = written.companions.iter().all(|companion| companion.path.starts_with(folder_of(&there)));
+    // The folder of textures may be a link.
+    let folders = [folder_of(&there).to_owned(), resolved(&textures_folder(&there))];
+    let is_beside = written.companions.iter().all(|c| folders.iter().any(|folder| c.path.starts_with(folder)));
     if !is_beside || !fingerprint::content(output).is_ok_and(|content| content == (written.bytes, written.hash)) {
         return Ok(Earlier::Nothing);
     }
@@ -35,9 +39,7 @@ pub(super) fn earlier(job: &WorkFolder, output: &Path) -> Result<Earlier> {
         return Ok(Earlier::Obj);
     }
     // The same was there before, and waited for its names when the process was ended.
-    for target in written.companions.iter().map(|companion| companion.path.as_path()).chain([output]) {
-        let _ = std::fs::remove_file(waiting_place(target, job.number()));
-    }
+    remove_waiting_of(output, job.number());
     Ok(Earlier::Whole(written))
 }
 
@@ -52,8 +54,8 @@ pub(super) fn refuse(input: &Path, inputs: &[PathBuf], output: &Path, work: &Pat
     if !output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj")) {
         return refused("the output is an OBJ file: its name must end in .obj");
     }
-    if name.as_encoded_bytes().iter().any(u8::is_ascii_control) {
-        return refused("the output's name has control characters, which an MTL cannot refer to");
+    if let Some(why) = why_unnameable(name) {
+        return refused(why);
     }
     if name.len() + LONGEST_ENDING.len() > NAME_BYTES_MAX {
         return refused("the output's name is too long");
@@ -80,6 +82,33 @@ pub(super) fn refuse(input: &Path, inputs: &[PathBuf], output: &Path, work: &Pat
         return Err(Error::Usage(format!("{shown}: the input lies in the work folder; choose another --work")));
     }
     Ok(())
+}
+
+/// Removes what waits for its names where an earlier process of the job was to put the result, if that was elsewhere.
+///
+/// # Errors
+/// Those of [`WorkFolder::recall`].
+pub(super) fn clear_elsewhere(job: &WorkFolder, output: &Path) -> Result<()> {
+    let there = Place { obj: resolved(output) };
+    if let Some(earlier) = job.recall::<Place>(Step::Output)?.filter(|earlier| *earlier != there) {
+        remove_waiting_of(&earlier.obj, job.number());
+    }
+    Ok(())
+}
+
+/// Remembers where the result is going to wait for its names.
+///
+/// # Errors
+/// Those of [`WorkFolder::keep`].
+pub(super) fn remember(job: &WorkFolder, output: &Path) -> Result<()> {
+    job.keep(Step::Output, 0, [], &Place { obj: resolved(output) })
+}
+
+/// Where an OBJ goes.
+#[derive(Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Place {
+    #[serde(with = "codec::path")]
+    obj: PathBuf,
 }
 
 /// Finds out, before the work is done, whether the output can be written, and refuses to replace one that is there.
@@ -136,6 +165,31 @@ mod tests {
         let words = refusal(Path::new(SPHERE), &output);
         assert!(words.contains("no regular file"), "{words}");
         assert!(output.is_symlink());
+    }
+
+    #[test]
+    fn what_waits_where_an_earlier_process_was_to_write_goes() {
+        use crate::job::Resume;
+        use crate::os::durable::waiting_place;
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let manifest = crate::pipeline::manifest(&[], &SimplifyOptions::default()).unwrap();
+        let open = || WorkFolder::open(&path("work"), &manifest, Resume::Auto).unwrap();
+        let job = open();
+        std::fs::create_dir_all(path("a/city_textures")).unwrap();
+        remember(&job, &path("a/city.obj")).unwrap();
+        for name in ["a/city.obj", "a/city_textures/wall.png"] {
+            std::fs::write(waiting_place(&path(name), job.number()), "").unwrap();
+        }
+        let of_other = waiting_place(&path("a/city.obj"), job.number() + 1);
+        std::fs::write(&of_other, "").unwrap();
+        drop(job);
+        let job = open();
+        clear_elsewhere(&job, &path("a/../a/city.obj")).unwrap();
+        assert!(path("a/city_textures").exists());
+        clear_elsewhere(&job, &path("b/city.obj")).unwrap();
+        let left: Vec<_> = path("a").read_dir().unwrap().map(|entry| entry.unwrap().path()).collect();
+        assert_eq!(left, [of_other]);
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! while numbering       columns + vertices by cell 6 B (18 B with colours) + places 6 B a vertex
 //! after the partition   columns + places + faces by cell 9.5 B a face
 //! at the end of pass 1  texcoords + places + faces by cell + pieces 16 B a face that is left
+//! in a later pass       pieces before + places + faces by cell + pieces after
 //! besides               the sample of a pass, 30 B a face, at most 30,000 faces
 //! ```
 //! Bytes were measured on 2026-11-21 on synthetic cities of 1.0 and 4.3 million triangles with four decimals and seams on a
@@ -14,16 +15,16 @@
 use std::path::{Path, PathBuf};
 
 use super::memory::Sizes;
-use super::passes;
+use super::passes::{self, PassForecast};
 use crate::base::{Error, MemoryBudget, Result, bytes};
 use crate::os::system;
 use crate::partition::numbering::fit_one_window;
 use crate::scan::Counts;
 
-/// Scratch space for each byte of OBJ text, before anything has been read; the most that was measured on photogrammetry.
-const SCRATCH_PER_INPUT: f64 = 0.6;
+/// Scratch space for each byte of OBJ text, before anything has been read; the least that was measured.
+const SCRATCH_PER_INPUT: f64 = 0.3;
 /// Bytes of a face in the scan's blocks, and in the buckets of the cells.
-const FACE_BYTES: f64 = 9.5;
+pub const FACE_BYTES: f64 = 9.5;
 /// Bytes of a position in a column.
 const POSITION_BYTES: f64 = 5.0;
 /// Bytes that a position takes more than in a column where it is numbered, and where it lies for the clusters.
@@ -36,6 +37,8 @@ pub const COLOUR_BYTES: f64 = 12.0;
 pub const RANK_BYTES: f64 = 2.0;
 /// Bytes of a piece for each of its faces: half a position, two thirds of a texcoord, and the face.
 const PIECE_FACE_BYTES: f64 = 16.0;
+/// How many times as much a piece takes of a mesh that was made anew: its positions lie anywhere.
+const REMESHED: f64 = 1.5;
 
 /// Bytes of a face of the sample, and most faces that it has before the first pass.
 const SAMPLE_FACE_BYTES: f64 = 30.0;
@@ -74,23 +77,33 @@ impl FirstPass {
     }
 }
 
+/// Most bytes that the work folder holds in a later pass, from its numbers of faces before and after.
+pub fn later_pass(faces_in: f64, faces_out: f64, colour_bytes: f64) -> f64 {
+    // There is half a vertex a face.
+    let places = 0.5 * (POSITION_BYTES + NUMBERED_BYTES + colour_bytes);
+    (PIECE_FACE_BYTES + 0.5 * colour_bytes + places + FACE_BYTES) * faces_in + PIECE_FACE_BYTES * faces_out
+}
+
 /// Scratch space in bytes of a run of so many passes.
 pub fn forecast(counts: &Counts, sizes: &Sizes, passes: usize, budget: MemoryBudget) -> u64 {
     let passes = passes::forecast(sizes, passes);
-    let first_pass = passes.first().map_or(0, |pass| pass.faces_out);
+    // Faces that count as so many of a piece.
+    let left = |pass: &PassForecast| pass.faces_out as f64 * if pass.is_remesh { REMESHED } else { 1.0 };
+    let first_pass = passes.first().map_or(0.0, left);
     // A numbering that is larger than its share of the memory is looked up window by window.
     let windows = !fit_one_window(sizes.vertices, budget.for_work());
-    after_first_pass(counts, first_pass, windows)
+    let colour_bytes = if counts.has_colours { COLOUR_BYTES } else { 0.0 };
+    let later = passes.windows(2).map(|pair| later_pass(left(&pair[0]), left(&pair[1]), colour_bytes));
+    after_first_pass(counts, first_pass, windows).max(later.fold(0.0, f64::max) as u64)
 }
 
 /// Scratch space in bytes if the first pass leaves so many faces.
-fn after_first_pass(counts: &Counts, first_pass: u64, windows: bool) -> u64 {
+fn after_first_pass(counts: &Counts, faces_out: f64, windows: bool) -> u64 {
     let (vertices, faces) = (counts.vertices as f64, counts.triangles as f64);
     let colour_bytes = if counts.has_colours { COLOUR_BYTES } else { 0.0 };
     let texcoords = TEXCOORD_BYTES * counts.texcoords as f64;
     let columns = (POSITION_BYTES + colour_bytes) * vertices + texcoords + FACE_BYTES * faces;
     let looked_up = if windows { RANK_BYTES * vertices } else { 0.0 };
-    let faces_out = first_pass as f64;
     let first = FirstPass {
         columns,
         texcoords,
@@ -151,7 +164,7 @@ mod tests {
     fn the_forecast_is_what_was_measured_on_a_city() {
         let counts = Counts { vertices: 497_406, texcoords: 606_761, triangles: 993_860, ..Counts::default() };
         let measured = 26_711_313.0;
-        let predicted = after_first_pass(&counts, 467_976, false) as f64;
+        let predicted = after_first_pass(&counts, 467_976.0, false) as f64;
         assert!((predicted / measured - 1.0).abs() < 0.05, "{predicted}");
     }
 

@@ -8,18 +8,21 @@
 //! One window of [`WINDOW_BYTES`] while a cut is searched.
 
 use std::fs::{self, File};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::SystemTime;
 
 use memchr::memchr2;
 
+use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 use crate::os::system::read_exact_at;
 
 /// Bytes of a chunk, before its last line is completed: what the cache of a core holds together with what is parsed of it.
 pub const CHUNK_BYTES: u64 = 512 << 10;
 /// A line longer than this is refused: no exporter writes one, a damaged or foreign file may.
-pub const LINE_BYTES_MAX: u64 = 64 << 20;
+pub const LINE_BYTES_MAX: u64 = 16 << 20;
 const WINDOW_BYTES: u64 = 16 << 10;
 
 /// A range of a file that holds whole statements.
@@ -28,7 +31,7 @@ pub struct Chunk {
     /// Index of the input file.
     pub file_index: usize,
     /// The open file.
-    pub file: Arc<File>,
+    file: Arc<OpenFile>,
     /// Its first byte.
     pub start: u64,
     /// The byte after its last.
@@ -39,16 +42,50 @@ pub struct Chunk {
     pub line_is_too_long: bool,
 }
 
+/// A file as it was when it was opened.
+#[derive(Debug)]
+struct OpenFile {
+    file: File,
+    length: u64,
+    modified: Option<SystemTime>,
+}
+
 impl Chunk {
+    /// Looks whether the file is still the one that was opened.
+    ///
+    /// # Errors
+    /// [`Error::Changed`] if it has another length or was written to since.
+    pub fn check_unchanged(&self, path: &Path) -> Result<()> {
+        let OpenFile { file, length, modified } = &*self.file;
+        let now = file.metadata().map_err(|e| Error::io(path, "open", e))?;
+        match now.len() == *length && now.modified().ok() == *modified {
+            true => Ok(()),
+            false => Err(written_to(path)),
+        }
+    }
+
     /// Replaces the contents of `buffer` by the chunk's bytes.
     ///
     /// # Errors
-    /// The system's; a file that has become shorter is one.
+    /// [`Error::Changed`] if the file has become shorter; the system's.
     pub fn read(&self, path: &Path, buffer: &mut Vec<u8>) -> Result<()> {
         let bytes = (self.end - self.start) as usize;
         buffer.resize(bytes, 0);
-        read_exact_at(&self.file, buffer, self.start).map_err(|e| Error::io(path, "read", e))
+        read_exact_at(&self.file.file, buffer, self.start).map_err(|e| unread(path, e))
     }
+}
+
+/// Why a chunk could not be read.
+fn unread(path: &Path, error: std::io::Error) -> Error {
+    match error.kind() {
+        ErrorKind::UnexpectedEof => written_to(path),
+        _ => Error::io(path, "read", error),
+    }
+}
+
+fn written_to(path: &Path) -> Error {
+    let path = escape_path(path);
+    Error::Changed(format!("{path}: was written to while it was read; give the command again once it is whole"))
 }
 
 /// Hands out the chunks of files one after another.
@@ -58,7 +95,7 @@ pub struct Cutter<'a> {
     chunk_bytes: u64,
     order: u64,
     file_index: usize,
-    open: Option<(Arc<File>, u64)>,
+    open: Option<Arc<OpenFile>>,
     start: u64,
 }
 
@@ -86,17 +123,18 @@ impl<'a> Cutter<'a> {
     }
 
     fn cut(&mut self, path: &Path) -> Result<Chunk> {
-        let (file, length) = match &self.open {
-            Some((file, length)) => (file.clone(), *length),
+        let file = match &self.open {
+            Some(file) => file.clone(),
             None => {
                 let (file, length) = open_regular(path)?;
-                let file = Arc::new(file);
-                self.open = Some((file.clone(), length));
-                (file, length)
+                let modified = file.metadata().and_then(|meta| meta.modified()).ok();
+                let file = Arc::new(OpenFile { file, length, modified });
+                self.open.insert(file).clone()
             }
         };
+        let length = file.length;
         let start = self.start;
-        let cut = find_cut(&file, start, length, self.chunk_bytes).map_err(|e| Error::io(path, "read", e))?;
+        let cut = find_cut(&file.file, start, length, self.chunk_bytes).map_err(|e| unread(path, e))?;
         let end = cut.unwrap_or(length.min(start + self.chunk_bytes));
         self.start = end;
         let is_last = end == length || cut.is_none();
@@ -192,6 +230,22 @@ mod tests {
             let text = format!("{}\r\nb\n", "a".repeat(WINDOW_BYTES as usize - 2 + shift));
             assert_eq!(pieces(&text, 1).len(), 2, "{shift}");
             assert_eq!(pieces(&text, 1).concat(), text);
+        }
+    }
+
+    #[test]
+    fn a_file_that_is_written_to_meanwhile_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let inputs = [folder.path().join("a.obj")];
+        fs::write(&inputs[0], "a\nb\n").unwrap();
+        let chunk = |chunk_bytes| Cutter::new(&inputs, chunk_bytes).next().unwrap().1.unwrap();
+        let whole = chunk(16);
+        whole.check_unchanged(&inputs[0]).unwrap();
+        let file = File::options().write(true).open(&inputs[0]).unwrap();
+        file.set_len(1).unwrap();
+        for outcome in [whole.check_unchanged(&inputs[0]), whole.read(&inputs[0], &mut Vec::new())] {
+            let error = outcome.unwrap_err();
+            assert!(error.exit_code() == 5 && error.to_string().contains("was written to"), "{error}");
         }
     }
 

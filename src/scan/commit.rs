@@ -22,13 +22,14 @@ use super::parts::Labels;
 use crate::base::error::escape_path;
 use crate::base::ordered::both;
 use crate::base::{Error, Findings, Result};
+use crate::store::face::POLYGON_CORNERS_MAX;
 use crate::store::mesh::ID_LIMIT;
 use crate::store::{ColumnWriter, Face, FaceWriter, NO_TEXCOORD, PackedWriter, StoredPiece};
 
 const FACE_BUFFER: usize = 4096;
 const COLOUR_BUFFER: usize = 4096;
-/// Memory of a `mtllib` statement beside the name, which stands in a path as well.
-const LIBRARY_BYTES: u64 = 200;
+/// Memory of a `mtllib` statement beside its text.
+const LIBRARY_BYTES: u64 = 64;
 
 /// An input file on its way into columns.
 pub struct FileCommit<'a> {
@@ -160,7 +161,7 @@ impl<'a> FileCommit<'a> {
         for library in &parsed.libraries {
             let (line, name) = (self.line_count + library.line, parsed.name(&library.name));
             if !name.is_empty() && self.libraries.last().is_none_or(|(_, last)| last != name) {
-                labels.allow(LIBRARY_BYTES + 2 * name.len() as u64)?;
+                labels.allow(LIBRARY_BYTES + name.len() as u64)?;
                 self.libraries.push((line, name.to_vec()));
             }
         }
@@ -217,12 +218,20 @@ impl<'a> FileCommit<'a> {
             }
             let part = labels.part()?;
             let texcoords = parsed.corner_texcoords.get(corners).filter(|texcoords| !texcoords.is_empty());
+            let is_polygon = vertices.len() <= POLYGON_CORNERS_MAX;
             for i in 2..vertices.len() {
+                let triangle = [vertices[0], vertices[i - 1], vertices[i]];
+                if !is_polygon
+                    && (triangle[0] == triangle[1] || triangle[1] == triangle[2] || triangle[2] == triangle[0])
+                {
+                    degenerate_count += 1;
+                    continue;
+                }
                 self.face_buffer.push(Face {
-                    vertices: [vertices[0], vertices[i - 1], vertices[i]],
+                    vertices: triangle,
                     texcoords: texcoords.map_or([NO_TEXCOORD; 3], |t| [t[0], t[i - 1], t[i]]),
                     part,
-                    continues_polygon: i > 2,
+                    continues_polygon: is_polygon && i > 2,
                     deviation: 0.0,
                 });
                 if self.face_buffer.len() == FACE_BUFFER {

@@ -11,6 +11,7 @@ use super::number::{index_at, number_at, short_index_at, short_number_at};
 use super::obj::{COORDINATE_MAX, Parser};
 use super::parsed::Numbered;
 use crate::store::NO_TEXCOORD;
+use crate::store::face::POLYGON_CORNERS_MAX;
 
 impl Parser<'_> {
     /// Reads the statement at the parser's place if it is a plain `v`, `vt`, `vn` or `f` on one line.
@@ -144,7 +145,7 @@ impl Parser<'_> {
             }
         };
         let size = self.chunk.corner_vertices.len() - start;
-        if size < 3 || texcoord_count != 0 && texcoord_count != size {
+        if !(3..=POLYGON_CORNERS_MAX).contains(&size) || texcoord_count != 0 && texcoord_count != size {
             return None;
         }
         if texcoord_count == 0 && !self.chunk.corner_texcoords.is_empty() {

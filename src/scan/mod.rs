@@ -265,6 +265,7 @@ fn commit_in_order(
             progress.advance(chunk_bytes);
             progress.check_stopped()?;
             if let Some(done) = file.take_if(|_| chunk.is_last) {
+                chunk.check_unchanged(path)?;
                 let (piece, file_triangles) = done.finish(&mut labels, &mut findings, &mut libraries)?;
                 mesh.pieces.push(piece);
                 triangles += file_triangles;

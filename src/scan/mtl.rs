@@ -7,6 +7,7 @@
 //! # Memory
 //! One library at a time, at most [`LIBRARY_BYTES_MAX`], and the definitions of used materials.
 
+use std::borrow::Cow;
 use std::collections::HashSet;
 use std::fs;
 use std::io::Read;
@@ -28,6 +29,10 @@ use crate::store::mesh::{MaterialDefinition, TextureStatement, statement_bytes};
 
 /// A larger library is ignored.
 pub const LIBRARY_BYTES_MAX: u64 = 64 << 20;
+/// More names in one statement are ignored.
+const NAMES_MAX: usize = 10_000;
+/// Memory of a library's name, in paths of several kinds, beside its length.
+const LIBRARY_BYTES: u64 = 500;
 /// More statements of one material are ignored: there are not half as many to give.
 const STATEMENTS_MAX: usize = 256;
 
@@ -89,22 +94,25 @@ pub fn define_materials(
     allowance: &mut Allowance,
     findings: &mut Findings,
 ) -> Result<Vec<PathBuf>> {
-    let mut named = Vec::new();
-    let mut read = HashSet::new();
+    let (mut named, mut read) = (Vec::new(), HashSet::new());
+    let mut known = HashSet::new();
     for (line, text) in libraries {
-        for (name, path) in find_libraries(obj, text)? {
-            match path {
-                Some(path) => {
-                    if read.insert(path.clone()) {
-                        named.push(path.clone());
+        for (name, is_there) in find_libraries(obj, text)? {
+            let relative = path_of(&name);
+            let path = obj.with_file_name(&relative);
+            if !relative.has_root() && !known.contains(&path) {
+                allowance.take(LIBRARY_BYTES + 4 * path.as_os_str().len() as u64, obj)?;
+                known.insert(path.clone());
+                named.push(path.clone());
+            }
+            match is_there {
+                // It may have been read by another name.
+                true => {
+                    if read.insert(fs::canonicalize(&path).unwrap_or_else(|_| path.clone())) {
                         read_library(&path, materials, used, allowance, findings)?;
                     }
                 }
-                None => {
-                    let relative = path_of(&name);
-                    if !relative.has_root() && read.insert(obj.with_file_name(&relative)) {
-                        named.push(obj.with_file_name(&relative));
-                    }
+                false => {
                     findings.note("missing_mtl", || {
                         format!("{}:{line}: material library '{}' is not there", escape_path(obj), escape(&name))
                     });
@@ -122,33 +130,33 @@ pub fn define_materials(
     Ok(named)
 }
 
-/// The names of an `mtllib` statement, with the files that are there: the whole text if there is such a file, else
+/// The names of an `mtllib` statement, and whether they are there: the whole text if there is such a file, else
 /// its words, where a blank after a backslash belongs to a word.
 ///
 /// # Errors
 /// [`Error::Io`] if the machine fails, so that nobody knows whether a file is there.
-fn find_libraries(obj: &Path, text: &[u8]) -> Result<Vec<(Vec<u8>, Option<PathBuf>)>> {
+fn find_libraries<'a>(obj: &Path, text: &'a [u8]) -> Result<Vec<(Cow<'a, [u8]>, bool)>> {
     let folder = obj.parent().unwrap_or(Path::new(""));
-    let find = |name: &[u8]| -> Result<Option<PathBuf>> {
+    let find = |name: &[u8]| -> Result<bool> {
         let relative = path_of(name);
         if relative.has_root() || name.get(1) == Some(&b':') {
-            return Ok(None);
+            return Ok(false);
         }
         let path = folder.join(&relative);
         match is_file(&path) {
-            Ok(there) => Ok(there.then_some(path)),
+            Ok(there) => Ok(there),
             Err(error) => Err(Error::io(&path, "open", error)),
         }
     };
-    if let Some(path) = find(text)? {
-        return Ok(vec![(text.to_vec(), Some(path))]);
+    if find(text)? {
+        return Ok(vec![(Cow::Borrowed(text), true)]);
     }
-    let names = if memmem::find(text, b"\\ ").is_some() {
-        split_escaped(text)
+    let names: Vec<Cow<'_, [u8]>> = if memmem::find(text, b"\\ ").is_some() {
+        split_escaped(text).into_iter().take(NAMES_MAX).map(Cow::Owned).collect()
     } else {
-        words(text).map(<[u8]>::to_vec).collect()
+        words(text).take(NAMES_MAX).map(Cow::Borrowed).collect()
     };
-    names.into_iter().map(|name| Ok((name.clone(), find(&name)?))).collect()
+    names.into_iter().map(|name| find(&name).map(|there| (name, there))).collect()
 }
 
 fn split_escaped(text: &[u8]) -> Vec<Vec<u8>> {
@@ -259,7 +267,8 @@ fn parse_library(
         }
         match &mut current {
             Current::BeforeFirst => findings.note("mtl_statement_before_newmtl", || {
-                format!("{}: '{}' before the first newmtl is ignored", place(), escape(&key[..key.len().min(40)]))
+                // NOTE: the OBJ chose the file, which may be none of its own: nothing in it is repeated.
+                format!("{}: a statement before the first newmtl is ignored", place())
             }),
             Current::Unused => {}
             Current::Defining(_, definition)
@@ -275,7 +284,7 @@ fn parse_library(
                     definition.textures.push(texture);
                 }
                 None => findings.note("texture_without_name", || {
-                    format!("{}: '{}' names no file and is ignored", place(), escape(statement))
+                    format!("{}: a statement of a texture names no file and is ignored", place())
                 }),
             },
             Current::Defining(_, definition) => {
@@ -370,7 +379,7 @@ mod tests {
             fs::write(folder.path().join(name), "").unwrap();
         }
         let found = |text: &str| -> Vec<bool> {
-            find_libraries(&obj, text.as_bytes()).unwrap().into_iter().map(|(_, path)| path.is_some()).collect()
+            find_libraries(&obj, text.as_bytes()).unwrap().into_iter().map(|(_, is_there)| is_there).collect()
         };
         assert_eq!(found("a b.mtl"), [true]);
         assert_eq!(found("b.mtl gone.mtl"), [true, false]);

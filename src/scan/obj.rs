@@ -16,6 +16,7 @@ use super::number::{Index, Number, index_at, is_non_finite_word, number};
 use super::parsed::{LabelKind, Library, Numbered, ParsedChunk};
 use crate::base::error::escape;
 use crate::store::NO_TEXCOORD;
+use crate::store::face::POLYGON_CORNERS_MAX;
 use crate::store::mesh::ID_LIMIT;
 
 /// Positions and texture coordinates beyond this are refused, since clusters work with 32-bit floats.
@@ -208,6 +209,9 @@ impl Parser<'_> {
             self.chunk.drop_corners(start, texcoords_start);
             self.note("short_faces", || format!("a face with {size} corners is ignored"));
             return Ok(());
+        }
+        if size > POLYGON_CORNERS_MAX {
+            self.note("fanned_polygons", || format!("a face with {size} corners is read as a fan of triangles"));
         }
         if texcoord_count < size && !self.chunk.corner_texcoords.is_empty() {
             if texcoord_count > 0 {

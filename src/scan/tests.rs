@@ -84,6 +84,33 @@ fn a_polygon_becomes_a_fan() {
 }
 
 #[test]
+fn a_polygon_of_very_many_corners_becomes_triangles_and_is_told() {
+    let corners = |count: usize| (0..count).map(|i| format!(" {}", [1, 2, 3][i % 3])).collect::<String>();
+    let records = scan_text(&format!("{TRIANGLE}f{}\nf{}\n", corners(1024), corners(1026))).unwrap();
+    assert_eq!(records.scan.findings.get("fanned_polygons"), 1);
+    assert_eq!(records.scan.triangles, 1 + 1022 + 1024);
+    let (first, second) = records.faces[1..].split_at(1022);
+    assert!(first.iter().skip(1).all(|face| face.continues_polygon));
+    assert!(second.iter().all(|face| !face.continues_polygon && face.vertices[0] != face.vertices[1]));
+    assert_eq!(records.scan.findings.get("degenerate_faces") + second.len() as u64, 1024);
+}
+
+#[test]
+fn nothing_is_repeated_of_a_file_that_is_no_library_nor_is_one_read_twice() {
+    let obj = format!("{TRIANGLE}mtllib secret.env\nmtllib a.mtl x/../a.mtl\nusemtl a\nf 1 2 3\n");
+    let files: [(&str, &[u8]); 4] = [
+        ("a.obj", obj.as_bytes()),
+        ("secret.env", b"TOPSECRET=1\n"),
+        ("a.mtl", b"newmtl a\nKd 1 1 1\n"),
+        ("x/b.mtl", b""),
+    ];
+    let findings = scan_files(&files, CHUNK_BYTES, 1).unwrap().scan.findings;
+    assert!(!findings.warnings().concat().contains("TOPSECRET"));
+    assert_eq!(findings.get("mtl_statement_before_newmtl"), 1);
+    assert_eq!(findings.get("repeated_material_definition"), 0);
+}
+
+#[test]
 fn a_triangle_that_repeats_a_vertex_is_dropped_and_a_polygon_is_kept() {
     let records = scan_text(&format!("{TRIANGLE}f 1 1 2\nf 1 2 -2\nf 1 2 3 2\n")).unwrap();
     assert_eq!(records.faces.len(), 3);
@@ -257,7 +284,7 @@ fn names_and_materials_beyond_their_memory_are_refused_as_they_come() {
     let statements = format!("newmtl a\n{statements}");
     let cases = [
         (faces.as_str(), "", 300_000, "a.obj"),
-        (&(libraries + one), "", 300_000, "a.obj"),
+        (&(libraries + one), "", 1_200_000, "a.obj"),
         (one, &textures, 300_000, "a.mtl"),
         (one, &statements, 60_000, "a.mtl"),
     ];

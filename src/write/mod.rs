@@ -34,25 +34,27 @@ mod targets;
 mod tests;
 mod textures;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
 use self::batches::in_order;
+use self::copy::{Look, look};
 use self::grouping::Grouping;
 use self::normals::{PieceNormals, SharedNormals, piece_bytes, piece_normals};
 use self::numbering::{FaceReader, Usage};
 use self::obj::{CornerForm, ObjFile, PartOrder};
 pub use self::paths::{NamedTexture, is_texture_there, named_textures};
 use self::targets::Targets;
-pub use self::targets::{Sources, textures_folder};
+pub use self::targets::{Sources, textures_folder, why_unnameable};
 use self::textures::TextureStage;
 use crate::base::bytes::MIB;
 use crate::base::error::escape_path;
 use crate::base::{Error, Findings, Progress, Result};
 use crate::job::codec;
-use crate::os::durable::{DurableFile, lock_while_open};
+use crate::os::durable::{DurableFile, folder_of, lock_while_open, remove_waiting};
 use crate::scan::fingerprint;
 use crate::store::mesh::PieceNumbering;
 use crate::store::{Catalogue, NO_TEXCOORD, StoredMesh, StoredPiece};
@@ -148,9 +150,11 @@ pub type CopiedTexture = (PathBuf, (u64, u64));
 pub struct Staged {
     written: Written,
     textures: TextureStage,
-    mtl: Option<DurableFile>,
+    /// With how what it replaces looked.
+    mtl: Option<(DurableFile, Look)>,
     obj: ObjFile,
     targets: Targets,
+    force: bool,
     may_replace_obj: bool,
 }
 
@@ -165,20 +169,40 @@ impl Staged {
         &self.textures.copied
     }
 
+    /// The textures that were not there, or not such that they may be copied, by the names of materials.
+    pub fn left_out_textures(&self) -> &BTreeSet<PathBuf> {
+        &self.textures.left_out
+    }
+
     /// Gives the files their names: textures, then the MTL, then the OBJ.
     ///
     /// # Errors
-    /// [`Error::NoSpace`] and [`Error::Io`] from the file system; [`Error::Usage`] and [`Error::Changed`] if another process
-    /// has written there meanwhile.
-    pub fn commit(self) -> Result<Written> {
+    /// [`Error::NoSpace`] and [`Error::Io`] from the file system; [`Error::Usage`] and [`Error::Changed`] if somebody else
+    /// has written there meanwhile; [`Error::Stopped`].
+    pub fn commit(self, progress: &dyn Progress) -> Result<Written> {
         // One after another, where the system locks folders: or the files of two jobs would mix.
-        let _locked = lock_while_open(&self.targets.folder);
+        let mut is_told = false;
+        let _locked = lock_while_open(&self.targets.folder, || {
+            if !std::mem::replace(&mut is_told, true) {
+                progress.tell(&format!("{}: locked by another process; waiting", escape_path(&self.targets.folder)));
+            }
+            progress.check_stopped()
+        })?;
+        let appeared = |path: &Path| {
+            let shown = escape_path(path);
+            Err(Error::Usage(format!("{shown}: was written by somebody else meanwhile; --force replaces it")))
+        };
         if !self.may_replace_obj && self.targets.obj.symlink_metadata().is_ok() {
-            let shown = escape_path(&self.targets.obj);
-            return Err(Error::Usage(format!("{shown}: exists by now; --force replaces it")));
+            return appeared(&self.targets.obj);
+        }
+        if !self.force {
+            let mtl = self.mtl.as_ref().map(|(_, looked)| (self.targets.mtl.as_path(), looked));
+            if let Some((path, _)) = self.textures.replaced().chain(mtl).find(|(path, looked)| look(path) != **looked) {
+                return appeared(path);
+            }
         }
         self.textures.commit()?;
-        self.mtl.map(DurableFile::commit).transpose()?;
+        self.mtl.map(|(mtl, _)| mtl.commit()).transpose()?;
         self.obj.commit()?;
         Ok(self.written)
     }
@@ -196,7 +220,7 @@ pub fn write(
     options: &WriteOptions,
     progress: &dyn Progress,
 ) -> Result<Written> {
-    stage(mesh, catalogue, output, work_folder, options, progress)?.commit()
+    stage(mesh, catalogue, output, work_folder, options, progress)?.commit(progress)
 }
 
 /// Refuses, before the work is done, an output whose OBJ or MTL would replace what it must not.
@@ -205,6 +229,15 @@ pub fn write(
 /// [`Error::Usage`] saying what is in the way.
 pub fn check_output(output: &Path, options: &WriteOptions) -> Result<()> {
     Targets::choose(output, &options.sources, options.may_replace_obj()).map(drop)
+}
+
+/// Removes what a process of the job that was ended has left beside an output under temporary names.
+pub fn remove_waiting_of(output: &Path, job: u64) {
+    remove_waiting(folder_of(output), job);
+    let textures = textures_folder(output);
+    remove_waiting(&textures, job);
+    // Nobody but the job has made one that is empty.
+    let _ = std::fs::remove_dir(textures);
 }
 
 /// Writes the mesh beside `output` (an OBJ), under temporary names, with its MTL and its textures.
@@ -223,6 +256,7 @@ pub fn stage(
 ) -> Result<Staged> {
     progress.begin("write", mesh.face_count(), "faces");
     let targets = Targets::choose(output, &options.sources, options.may_replace_obj())?;
+    remove_waiting_of(&targets.obj, options.job);
     let numbering = mesh.numbering()?;
     let mut usage = Usage::sweep(mesh, &numbering, catalogue.parts.len(), options.normals)?;
     let share = (options.work_bytes.saturating_sub(usage.memory_bytes()) / 2).clamp(SHARE_BYTES_MIN, SHARE_BYTES_MAX);
@@ -263,7 +297,10 @@ pub fn stage(
         companions,
         findings,
     };
-    Ok(Staged { written, textures, mtl, obj, targets, may_replace_obj: options.may_replace_obj() })
+    // What may fail still, fails before the first file gets its name.
+    obj.seal()?;
+    let (force, may_replace_obj) = (options.force, options.may_replace_obj());
+    Ok(Staged { written, textures, mtl, obj, targets, force, may_replace_obj })
 }
 
 /// The comment that the OBJ and the MTL begin with.

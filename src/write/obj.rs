@@ -104,6 +104,14 @@ impl ObjFile {
         (self.bytes, self.hash.digest())
     }
 
+    /// Syncs the file under its temporary name.
+    ///
+    /// # Errors
+    /// The file system's.
+    pub(super) fn seal(&mut self) -> Result<()> {
+        self.file.seal()
+    }
+
     /// Gives the file its name.
     ///
     /// # Errors

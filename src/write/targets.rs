@@ -3,11 +3,12 @@
 //! In: the output's path, the files that the result follows from. Out: paths of the OBJ and the MTL in a canonical folder.
 //! Invariant: no target is a file of the input, by whatever name the file or the target was given.
 
-use std::collections::HashSet;
-use std::ffi::OsString;
+use std::collections::{HashMap, HashSet};
+use std::ffi::{OsStr, OsString};
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::copy::{Look, look};
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 use crate::os::durable::{DurableFile, folder_of, make_folders};
@@ -29,12 +30,24 @@ impl Sources {
     /// Files that are there or not.
     pub fn new<'a>(paths: impl IntoIterator<Item = &'a Path>) -> Self {
         let mut sources = Self::default();
+        let mut folders = HashMap::new();
         for path in paths {
-            sources.entries.extend(fs::canonicalize(path));
-            sources.entries.extend(entry(path));
-            let looks = [fs::metadata(path), fs::symlink_metadata(path)];
-            sources.identities.extend(looks.iter().flatten().filter_map(only_name));
-            sources.places.extend(place(path));
+            let folder = folder_of(path);
+            let known = folders.entry(folder).or_insert_with(|| {
+                let folder = fs::canonicalize(folder).ok()?;
+                let identity = fs::metadata(&folder).ok().and_then(|meta| identity(&meta));
+                Some((folder, identity))
+            });
+            if let (Some((folder, identity)), Some(name)) = (known, path.file_name()) {
+                sources.entries.insert(folder.join(name));
+                sources.places.extend(identity.map(|identity| (identity, name.to_owned())));
+            }
+            let Ok(look) = fs::symlink_metadata(path) else { continue };
+            sources.identities.extend(only_name(&look));
+            if !look.is_file() {
+                sources.entries.extend(fs::canonicalize(path));
+                sources.identities.extend(fs::metadata(path).iter().filter_map(only_name));
+            }
         }
         sources
     }
@@ -87,6 +100,19 @@ fn identity(meta: &fs::Metadata) -> Option<Identity> {
     }
 }
 
+/// Why an OBJ or an MTL could not refer to a file of this name, if so.
+pub fn why_unnameable(name: &OsStr) -> Option<&'static str> {
+    let name = name.as_encoded_bytes();
+    if name.iter().any(u8::is_ascii_control) {
+        return Some("the output's name has control characters, which an MTL cannot refer to");
+    }
+    let is_blank = |byte: Option<&u8>| byte == Some(&b' ');
+    if name.contains(&b'\\') || name.get(1) == Some(&b':') || is_blank(name.first()) || is_blank(name.last()) {
+        return Some("the output's name has a backslash, a drive or a blank at an end, which an OBJ cannot refer to");
+    }
+    None
+}
+
 /// The folder that the textures of an output go to.
 pub fn textures_folder(output: &Path) -> PathBuf {
     let mut name = output.file_stem().unwrap_or_default().to_owned();
@@ -112,8 +138,8 @@ impl Targets {
         let (Some(name), Some(stem)) = (output.file_name(), output.file_stem()) else {
             return refuse("the output must be a file name");
         };
-        if name.as_encoded_bytes().iter().any(u8::is_ascii_control) {
-            return refuse("the output's name has control characters, which an OBJ cannot refer to");
+        if let Some(why) = why_unnameable(name) {
+            return refuse(why);
         }
         let folder = folder_of(output);
         make_folders(folder)?;
@@ -151,23 +177,24 @@ impl Targets {
         self.mtl.file_name().unwrap_or_default().as_encoded_bytes()
     }
 
-    /// Writes the MTL under its temporary name.
+    /// Writes the MTL under its temporary name; returns how what it replaces looks, too.
     ///
     /// # Errors
     /// [`Error::Usage`] if another one is there and `force` is not set; the file system's.
-    pub(super) fn begin_mtl(&self, text: &[u8], force: bool, job: u64) -> Result<DurableFile> {
+    pub(super) fn begin_mtl(&self, text: &[u8], force: bool, job: u64) -> Result<(DurableFile, Look)> {
         // NOTE: the very same MTL may be there already, left by a run that was killed before its OBJ got its name.
-        let present = self.mtl.symlink_metadata().is_ok();
+        let before = look(&self.mtl);
         let same = || {
             fs::metadata(&self.mtl).is_ok_and(|found| found.len() == text.len() as u64)
                 && fs::read(&self.mtl).is_ok_and(|found| found == text)
         };
-        if present && !force && !same() {
+        if before.is_some() && !force && !same() {
             return Err(Error::Usage(format!("{}: exists; --force replaces it", escape_path(&self.mtl))));
         }
         let mut file = DurableFile::create_outside(&self.mtl, job, 64 << 10)?;
         file.write(text)?;
-        Ok(file)
+        file.seal()?;
+        Ok((file, before))
     }
 }
 

@@ -279,6 +279,34 @@ fn a_late_failure_removes_everything() {
 }
 
 #[test]
+fn what_can_fail_has_happened_before_the_first_file_gets_its_name() {
+    let f = Fixture::new();
+    fs::write(f.path("in/brick.png"), "picture").unwrap();
+    let (mesh, catalogue) = (two_squares(&f.path("work")), two_materials(&f.path("in")));
+    let staged = stage(&mesh, &catalogue, &f.path("out/city.obj"), &f.path("work"), &options(), &Silent).unwrap();
+    let waiting = crate::os::durable::waiting_place(&f.path("out/city.obj"), options().job);
+    assert_eq!(fs::metadata(waiting).unwrap().len(), staged.written().bytes);
+    assert_eq!(staged.left_out_textures().iter().collect::<Vec<_>>(), [&f.path("in/gone.png")]);
+    staged.commit(&Silent).unwrap();
+}
+
+#[test]
+fn what_somebody_writes_there_meanwhile_is_not_replaced_without_force() {
+    for name in ["city.mtl", "city_textures/brick.png"] {
+        let f = Fixture::new();
+        fs::write(f.path("in/brick.png"), "picture").unwrap();
+        let (mesh, catalogue) = (two_squares(&f.path("work")), two_materials(&f.path("in")));
+        let output = f.path("out/city.obj");
+        let staged = stage(&mesh, &catalogue, &output, &f.path("work"), &options(), &Silent).unwrap();
+        fs::write(f.path("out").join(name), "of the user").unwrap();
+        let error = staged.commit(&Silent).unwrap_err();
+        assert!(error.exit_code() == 2 && error.to_string().contains("by somebody else"), "{error}");
+        assert_eq!(fs::read(f.path("out").join(name)).unwrap(), b"of the user");
+        assert!(!output.exists());
+    }
+}
+
+#[test]
 fn an_input_file_is_never_replaced() {
     let fixture = Fixture::new();
     let mesh = two_squares(&fixture.path("in"));

@@ -62,6 +62,8 @@ pub(super) struct TextureStage {
     made_folder: Option<MadeFolder>,
     /// What was refused or missing.
     pub(super) findings: Findings,
+    /// The paths of these.
+    pub(super) left_out: BTreeSet<PathBuf>,
 }
 
 /// A finished file under a temporary name, removed on drop unless it got its own.
@@ -69,6 +71,8 @@ pub(super) struct TextureStage {
 struct StagedFile {
     temporary: PathBuf,
     target: PathBuf,
+    /// How what it replaces looked.
+    looked: Look,
 }
 
 impl Drop for StagedFile {
@@ -111,6 +115,7 @@ impl TextureStage {
             kept: Vec::new(),
             made_folder: None,
             findings: Findings::default(),
+            left_out: BTreeSet::new(),
         }
     }
 
@@ -136,6 +141,9 @@ impl TextureStage {
                 Err(unusable) => Err(unusable),
             },
         };
+        if outcome.is_err() {
+            self.left_out.extend(relative_path(name).map(|relative| mtl_folder.join(relative)));
+        }
         let reference = match outcome {
             Ok(reference) => reference,
             // A picture that cannot be read just now is not left out for that.
@@ -207,7 +215,7 @@ impl TextureStage {
         let mut content = None;
         if !same {
             self.make_folder()?;
-            let staged = StagedFile { temporary, target: target.clone() };
+            let staged = StagedFile { temporary, target: target.clone(), looked: look(&target) };
             let linked = self.mode == Textures::Link
                 && (symlink(&link, &staged.temporary).is_ok() || fs::hard_link(source, &staged.temporary).is_ok());
             if !linked {
@@ -250,9 +258,10 @@ impl TextureStage {
         let dot = base.iter().rposition(|&c| c == b'.').filter(|dot| base.len() - dot < 16).unwrap_or(base.len());
         let extension = base.split_off(dot);
         if base.len() > STEM_BYTES_MAX {
-            base.truncate(STEM_BYTES_MAX);
-            // Not within a character, which takes a leading byte and others that follow.
-            while base.pop().is_some_and(|c| c & 0xc0 == 0x80) {}
+            // Not within a character, which takes a leading byte and up to three that follow.
+            let is_end = |&end: &usize| base[end] & 0xc0 != 0x80;
+            let end = (STEM_BYTES_MAX - 3..=STEM_BYTES_MAX).rev().find(is_end).unwrap_or(STEM_BYTES_MAX);
+            base.truncate(end);
         }
         let stem = base;
         let base = [&stem[..], &extension[..]].concat();
@@ -291,6 +300,11 @@ impl TextureStage {
         }
     }
 
+    /// The files that will get a name, with how what they replace looked.
+    pub(super) fn replaced(&self) -> impl Iterator<Item = (&Path, &Look)> {
+        self.staged.iter().map(|file| (file.target.as_path(), &file.looked))
+    }
+
     /// Gives the files their names.
     ///
     /// # Errors
@@ -303,8 +317,10 @@ impl TextureStage {
         for file in &self.staged {
             fs::rename(&file.temporary, &file.target).map_err(|e| Error::io(&file.target, "rename", e))?;
         }
-        if let Some(file) = self.staged.first() {
-            sync_folder(&file.target)?;
+        // Kept ones, too, may have got their names by a process that was ended right after.
+        let kept = self.kept.iter().map(|(path, _)| path);
+        if let Some(path) = self.staged.iter().map(|file| &file.target).chain(kept).next() {
+            sync_folder(path)?;
             sync_folder(&self.folder)?;
         }
         Ok(())
@@ -432,6 +448,9 @@ mod tests {
         assert_eq!(names.len(), 20_000);
         let long = stage.unique_name(&[b"\xc3\xa4".repeat(140), b".png".to_vec()].concat());
         assert!(long.len() < 230 && std::str::from_utf8(&long).unwrap().ends_with(".png"));
+        // No text at all.
+        let long = stage.unique_name(&[0x80; 230]);
+        assert!((200..230).contains(&long.len()));
     }
 
     #[test]

@@ -187,7 +187,7 @@ impl MeasuredMesh {
             began: 0,
             job: 0,
         };
-        let work = WorkFolder::open(folder, &manifest, Resume::Auto)?;
+        let work = WorkFolder::open(folder, &manifest, Resume::Again)?;
         let Scan { mesh, catalogue, mut findings, .. } = scan::scan(&inputs, work.path(), &scan_options, progress)?;
         let pictures = Pictures::find(&catalogue, &mut findings);
         let partition_options =
@@ -220,12 +220,14 @@ impl MeasuredMesh {
             },
             |draft| {
                 progress.advance(draft.faces.len() as u64);
+                progress.check_stopped()?;
                 tallies.push(writer.append(draft)?)
             },
         )?;
         for cluster in (0..partition.cluster_count()).filter(|&cluster| partition.weight(cluster).is_none()) {
             cluster::load_in_blocks(&partition, &mesh, &catalogue, &making.scale, cluster, |source| {
                 progress.advance(source.mesh.corners.len() as u64);
+                progress.check_stopped()?;
                 tallies.push(writer.append(making.draft(&source)?)?)
             })?;
         }

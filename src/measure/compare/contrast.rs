@@ -96,6 +96,7 @@ pub fn compare_colours(
             },
             |(group, decoded)| {
                 progress.advance(1);
+                progress.check_stopped()?;
                 let image = group[0].image as usize;
                 let is_first = !std::mem::replace(&mut is_known[image], true);
                 match decoded {

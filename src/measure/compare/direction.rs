@@ -124,6 +124,7 @@ pub fn measure(
         |batch| look_by_area(from, to, sampling, batch, probes),
         |outcome| {
             progress.advance(1);
+            progress.check_stopped()?;
             cut += outcome.cut;
             bound_sq = bound_sq.max(outcome.bound_sq);
             let mut records = Vec::with_capacity(outcome.samples.len());
@@ -151,6 +152,7 @@ pub fn measure(
         },
         |outcome| {
             progress.advance(1);
+            progress.check_stopped()?;
             cut += outcome.cut;
             bound_sq = bound_sq.max(outcome.bound_sq);
             if let Some(place) = outcome.farthest {

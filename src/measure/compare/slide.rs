@@ -190,6 +190,7 @@ impl Atlas<'_> {
             },
             |(group, charts)| {
                 progress.advance(1);
+                progress.check_stopped()?;
                 group.iter().for_each(|&(_, number)| found[number as usize] = charts.place(texel(number)));
                 Ok(())
             },

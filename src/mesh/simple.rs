@@ -1,0 +1,151 @@
+//! Whether the outline of a polygon meets itself: one that does has no ears to clip, and looking for them takes the cube of its
+//! corners.
+
+/// Pairs of edges that are compared for each edge, at most.
+const PAIRS_PER_EDGE: usize = 512;
+/// Corners that stand where another one stands, at most: each hole has two.
+const REPEATS_MAX: usize = 128;
+
+type Point = [f64; 2];
+
+/// Whether a closed outline neither crosses nor touches itself, but along bridges that lead to a hole and back.
+///
+/// Outlines that take too long to look at count as such that do.
+pub fn is_simple(outline: &[Point]) -> bool {
+    let ids = numbered(outline);
+    let edges = edges(&ids);
+    repeats_at_bridges(&ids, &edges) && !crosses(outline, &ids)
+}
+
+/// For each corner a number that it shares with the corners at the same place.
+fn numbered(outline: &[Point]) -> Vec<u32> {
+    let mut order: Vec<u32> = (0..outline.len() as u32).collect();
+    let point = |corner: u32| outline[corner as usize];
+    order.sort_unstable_by(|&a, &b| {
+        let ([ax, ay], [bx, by]) = (point(a), point(b));
+        ax.total_cmp(&bx).then(ay.total_cmp(&by))
+    });
+    let mut ids = vec![0; outline.len()];
+    let mut id = 0;
+    for pair in order.windows(2) {
+        id += u32::from(point(pair[0]) != point(pair[1]));
+        ids[pair[1] as usize] = id;
+    }
+    ids
+}
+
+/// The edges as ordered pairs of numbers, sorted; edges without length left out.
+fn edges(ids: &[u32]) -> Vec<[u32; 2]> {
+    let next = ids.iter().cycle().skip(1);
+    let mut edges: Vec<_> = ids.iter().zip(next).map(|(&a, &b)| [a, b]).filter(|[a, b]| a != b).collect();
+    edges.sort_unstable();
+    edges
+}
+
+/// Whether no edge is walked twice the same way, and every repeated corner ends an edge that is walked there and back.
+fn repeats_at_bridges(ids: &[u32], edges: &[[u32; 2]]) -> bool {
+    if edges.windows(2).any(|pair| pair[0] == pair[1]) {
+        return false;
+    }
+    let mut counts = vec![0u32; ids.len()];
+    edges.iter().for_each(|edge| counts[edge[0] as usize] += 1);
+    let repeats = counts.iter().map(|&count| count.saturating_sub(1) as usize).sum::<usize>();
+    if repeats == 0 {
+        return true;
+    }
+    let mut bridged = vec![0u32; ids.len()];
+    for &[a, b] in edges {
+        if edges.binary_search(&[b, a]).is_ok() {
+            bridged[a as usize] += 1;
+        }
+    }
+    repeats <= REPEATS_MAX && counts.iter().zip(&bridged).all(|(&count, &bridged)| count < 2 || bridged > 0)
+}
+
+/// Whether two edges without a common end meet, or there are too many pairs to look at.
+fn crosses(outline: &[Point], ids: &[u32]) -> bool {
+    struct Span {
+        low: Point,
+        high: Point,
+        ends: [Point; 2],
+        ids: [u32; 2],
+    }
+    let mut spans: Vec<Span> = (0..outline.len())
+        .map(|corner| (corner, (corner + 1) % outline.len()))
+        .filter(|&(a, b)| ids[a] != ids[b])
+        .map(|(a, b)| {
+            let (p, q) = (outline[a], outline[b]);
+            let low = [p[0].min(q[0]), p[1].min(q[1])];
+            let high = [p[0].max(q[0]), p[1].max(q[1])];
+            Span { low, high, ends: [p, q], ids: [ids[a], ids[b]] }
+        })
+        .collect();
+    spans.sort_unstable_by(|a, b| a.low[0].total_cmp(&b.low[0]));
+    let mut pairs = PAIRS_PER_EDGE * spans.len();
+    for (i, a) in spans.iter().enumerate() {
+        for b in spans[i + 1..].iter().take_while(|b| b.low[0] <= a.high[0]) {
+            if pairs == 0 {
+                return true;
+            }
+            pairs -= 1;
+            let is_apart = b.low[1] > a.high[1] || b.high[1] < a.low[1];
+            if !is_apart && !a.ids.iter().any(|id| b.ids.contains(id)) && meet(a.ends, b.ends) {
+                return true;
+            }
+        }
+    }
+    false
+}
+
+/// Whether two segments with overlapping boxes have a point in common.
+fn meet([a, b]: [Point; 2], [c, d]: [Point; 2]) -> bool {
+    let side = |p: Point, q: Point, r: Point| (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
+    let apart = |one: f64, other: f64| one > 0.0 && other > 0.0 || one < 0.0 && other < 0.0;
+    !apart(side(a, b, c), side(a, b, d)) && !apart(side(c, d, a), side(c, d, b))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_star_with_a_hole_is_simple_and_a_pentagram_is_not() {
+        let corner = |i: usize, radius: f64| {
+            let angle = i as f64 * std::f64::consts::TAU / 10.0;
+            [radius * angle.cos(), radius * angle.sin()]
+        };
+        let star: Vec<Point> = (0..10).map(|i| corner(i, if i % 2 == 0 { 2.0 } else { 1.0 })).collect();
+        assert!(is_simple(&star));
+        let mut with_hole = star.clone();
+        let hole = [[0.5, 0.0], [0.0, -0.5], [-0.5, 0.0], [0.0, 0.5], [0.5, 0.0], star[0]];
+        with_hole.splice(1..1, hole);
+        assert!(is_simple(&with_hole));
+        let pentagram: Vec<Point> = [0, 4, 8, 2, 6].map(|i| corner(i, 2.0)).to_vec();
+        assert!(!is_simple(&pentagram));
+    }
+
+    #[test]
+    fn an_outline_that_touches_or_repeats_itself_is_not_simple() {
+        let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        assert!(!is_simple(&[square, square].concat()));
+        let eight = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [2.0, 1.0], [2.0, 2.0], [1.0, 2.0], [1.0, 1.0], [0.0, 1.0]];
+        assert!(!is_simple(&eight));
+        let touching = [[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [2.0, 0.0], [0.0, 2.0]];
+        assert!(!is_simple(&touching));
+    }
+
+    #[test]
+    fn a_long_comb_is_simple() {
+        let teeth = |i: usize| [[i as f64, 0.0], [i as f64, 1.0], [i as f64 + 0.5, 1.0], [i as f64 + 0.5, 0.0]];
+        let mut comb: Vec<Point> = (0..250).flat_map(teeth).collect();
+        comb.extend([[250.0, 0.0], [250.0, -1.0], [0.0, -1.0]]);
+        assert!(is_simple(&comb));
+    }
+
+    #[test]
+    fn any_numbers_are_looked_at() {
+        let odd = [[f64::NAN, 0.0], [f64::INFINITY, 1.0], [0.0, f64::NEG_INFINITY], [1e300, -1e300], [0.0, 0.0]];
+        is_simple(&odd);
+        is_simple(&[[0.0, 0.0]; 40]);
+    }
+}
