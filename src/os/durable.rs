@@ -145,15 +145,18 @@ pub fn waiting_place(target: &Path, job: u64) -> PathBuf {
     target.with_file_name(format!("drystone-{job:016x}-{:016x}.tmp", xxh3_64(name)))
 }
 
-/// Removes the files of a job that wait for their names in a folder, as far as there are any.
-pub fn remove_waiting(folder: &Path, job: u64) {
+/// Removes the files of a job that wait for their names in a folder; returns whether there were any.
+pub fn remove_waiting(folder: &Path, job: u64) -> bool {
+    let mut found = false;
     let prefix = format!("drystone-{job:016x}-");
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name();
         if name.to_str().is_some_and(|name| name.starts_with(&prefix) && name.ends_with(".tmp")) {
             let _ = fs::remove_file(entry.path());
+            found = true;
         }
     }
+    found
 }
 
 /// A number for [`waiting_place`] that no other job has, for all that can be known: made of the time, the process and a
@@ -203,7 +206,7 @@ pub fn make_folders(path: &Path) -> Result<()> {
 }
 
 /// Waits for the lock of a folder and holds it for as long as what is returned lives; nothing where folders have none, nor
-/// after [`LOCK_PATIENCE`]. What `wait` returns ends the waiting; it is called again and again.
+/// after 20 s. What `wait` returns ends the waiting; it is called again and again.
 ///
 /// # Errors
 /// Those of `wait`.

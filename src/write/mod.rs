@@ -235,9 +235,9 @@ pub fn check_output(output: &Path, options: &WriteOptions) -> Result<()> {
 pub fn remove_waiting_of(output: &Path, job: u64) {
     remove_waiting(folder_of(output), job);
     let textures = textures_folder(output);
-    remove_waiting(&textures, job);
-    // Nobody but the job has made one that is empty.
-    let _ = std::fs::remove_dir(textures);
+    if remove_waiting(&textures, job) {
+        let _ = std::fs::remove_dir(textures);
+    }
 }
 
 /// Writes the mesh beside `output` (an OBJ), under temporary names, with its MTL and its textures.
