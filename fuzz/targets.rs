@@ -105,14 +105,7 @@ fn assert_tame(error: &Error) {
 }
 
 fn manifest() -> Manifest {
-    Manifest {
-        program: "fuzz".into(),
-        options: "Options { a: 1 }".into(),
-        inputs: Vec::new(),
-        passes: 3,
-        began: 0,
-        job: 0,
-    }
+    Manifest { program: "fuzz".into(), options: r#"{"a": 1}"#.into(), inputs: Vec::new(), passes: 3, began: 0, job: 0 }
 }
 
 /// Any bytes as one file of a work folder: it is opened or refused, and nothing outside it is touched.

@@ -121,12 +121,12 @@ pub fn escape_path(path: &Path) -> String {
     escape(path.as_os_str().as_encoded_bytes())
 }
 
-/// Text from the input for a message: UTF-8 kept, control characters and other bytes escaped, at most 200 characters.
+/// Text from the input for a message: UTF-8 kept, control characters, invisible ones and other bytes escaped, at most 200 characters.
 pub fn escape(text: &[u8]) -> String {
     let mut out = String::new();
     for chunk in text.utf8_chunks() {
         for c in chunk.valid().chars() {
-            if c.is_control() {
+            if c.is_control() || is_invisible(c) {
                 out.extend(c.escape_default());
             } else {
                 out.push(c);
@@ -143,6 +143,11 @@ pub fn escape(text: &[u8]) -> String {
     out
 }
 
+/// Whether a character turns the text around it, or is not seen.
+fn is_invisible(c: char) -> bool {
+    matches!(c, '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}')
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -151,6 +156,7 @@ mod tests {
     fn control_characters_are_escaped_in_messages() {
         let error = Error::input(Path::new("a\u{1b}[31m.obj"), 7, "expected a number");
         assert_eq!(error.to_string(), "a\\u{1b}[31m.obj:7: expected a number");
+        assert_eq!(escape("a\u{202e}jbo.b".as_bytes()), "a\\u{202e}jbo.b");
     }
 
     #[test]

@@ -7,6 +7,7 @@ use clap::Args;
 use super::compare::{SamplingArguments, compare_meshes};
 use super::progress::{stoppable, tell};
 use super::stop::Goodbye;
+use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 use crate::options::{Drawing, SimplifyOptions};
 use crate::os::durable::make_folders;
@@ -48,6 +49,9 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
     reports.iter().try_for_each(|path| report::Kind::of(path).map(|_| ()))?;
     let folders = reports.iter().filter_map(|path| path.parent());
     folders.into_iter().try_for_each(make_folders)?;
+    if let Some(path) = reports.iter().find(|path| path.is_dir()) {
+        return Err(Error::Usage(format!("--report {}: is a folder", escape_path(path))));
+    }
     let pictures = reports.iter().any(|path| report::Kind::of(path).is_ok_and(|kind| kind == report::Kind::Html));
     let drawing = match (pictures, measure) {
         (false, _) => Drawing::Nothing,

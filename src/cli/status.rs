@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::print::{print, print_json};
 use crate::base::error::{escape, escape_path};
-use crate::base::{Result, bytes, counted, grouped};
+use crate::base::{Result, bytes, counted, grouped, json_path};
 use crate::job::{Entry, Record, Step, WorkStatus, look};
 
 /// Arguments of `drystone status`.
@@ -33,7 +33,9 @@ struct JobStatus {
     seconds_of_process: u64,
     /// Processes that worked on it.
     processes: u64,
-    /// Input files, and their bytes.
+    /// The first input file, how many there are, and their bytes.
+    #[serde(serialize_with = "json_path::lossy_option")]
+    input: Option<PathBuf>,
     input_files: usize,
     input_bytes: u64,
     /// Triangles of the input, once it is scanned.
@@ -89,6 +91,7 @@ impl JobStatus {
             seconds: now.saturating_sub(work.manifest.began),
             seconds_of_process: 0,
             processes: 0,
+            input: work.manifest.inputs.first().map(|file| file.path.clone()),
             input_files: work.manifest.inputs.len(),
             input_bytes: work.manifest.inputs.iter().fold(0, |sum, file| sum.saturating_add(file.bytes)),
             triangles: None,
@@ -155,6 +158,13 @@ impl JobStatus {
             false if self.written => writeln!(text, "no process works on it; the result is written"),
             false => writeln!(text, "no process works on it; the command that began it goes on"),
         };
+        if let Some(path) = &self.input {
+            let more = match self.input_files {
+                0 | 1 => String::new(),
+                files => format!(", and {} more", grouped(files as u64 - 1)),
+            };
+            let _ = writeln!(text, "input      {}{more}", escape_path(path));
+        }
         let input = bytes::display(self.input_bytes);
         let processes = if self.processes == 1 { "process" } else { "processes" };
         let _ = writeln!(text, "begun      {} s ago, by {} {processes} so far", self.seconds, self.processes);

@@ -1,10 +1,12 @@
 //! What a job is: the options that shape its result, and its inputs.
 
+use std::collections::BTreeMap;
 use std::fs::OpenOptions;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::codec;
@@ -23,7 +25,7 @@ const DIFFERENCES_TOLD_MAX: usize = 12;
 pub struct Manifest {
     /// Version of the program.
     pub program: String,
-    /// The options that shape the result, as `name: value` in braces, separated by commas.
+    /// The options that shape the result, as a JSON object, or one word for a job that has none.
     pub options: String,
     /// The input files, in order.
     pub inputs: Vec<InputFile>,
@@ -118,10 +120,11 @@ impl Manifest {
             }
         };
         differ("the program", &self.program, &new.program);
-        let (old_options, new_options) = (fields(&self.options), fields(&new.options));
-        for (name, value) in &new_options {
-            let old = old_options.iter().find(|(old, _)| old == name).map_or("absent", |(_, value)| value.as_str());
-            differ(&format!("--{}", name.replace('_', "-")), old, value);
+        match (fields(&self.options), fields(&new.options)) {
+            (Some(old), Some(new)) => new.iter().for_each(|(name, value)| {
+                differ(&format!("--{name}"), old.get(name).map_or(NOT_GIVEN, String::as_str), value);
+            }),
+            _ => differ("the job", &self.options, &new.options),
         }
         let count = |manifest: &Self| format!("{} files", manifest.inputs.len());
         differ("the input", &count(self), &count(new));
@@ -144,29 +147,33 @@ impl Manifest {
 /// How to go on where a work folder does not fit.
 pub(super) const AFRESH: &str = "--resume never starts afresh in it, --work DIR leaves it alone";
 
-/// Names and values of `Options { a: 1, b: Some(2.5), c: Word }`, `Some` and `None` in plain words.
-fn fields(text: &str) -> Vec<(String, String)> {
-    let inner = text.split_once('{').map_or(text, |(_, inner)| inner).trim_end_matches(['}', ' ']);
-    let (mut depth, mut start, mut parts) = (0i32, 0, Vec::new());
-    for (at, c) in inner.char_indices() {
-        match c {
-            '(' | '[' | '{' => depth += 1,
-            ')' | ']' | '}' => depth -= 1,
-            ',' if depth == 0 => {
-                parts.push(&inner[start..at]);
-                start = at + 1;
-            }
-            _ => {}
+/// How an option is told that is not there.
+const NOT_GIVEN: &str = "not given";
+
+/// Options and their values as a person writes them; an option with settings has its name for each of them. Nothing if it is
+/// no JSON object.
+fn fields(text: &str) -> Option<BTreeMap<String, String>> {
+    let Ok(Value::Object(options)) = serde_json::from_str(text) else { return None };
+    let mut fields = BTreeMap::new();
+    for (name, value) in options {
+        let name = name.replace('_', "-");
+        if let Value::Object(settings) = &value {
+            fields.extend(settings.iter().map(|(setting, value)| (format!("{name} ({setting})"), plain(value))));
         }
+        fields.insert(name, plain(&value));
     }
-    parts.push(&inner[start..]);
-    let plain = |value: &str| {
-        let value = value.trim();
-        let inside = value.strip_prefix("Some(").and_then(|value| value.strip_suffix(')')).unwrap_or(value);
-        if inside == "None" { "absent".to_owned() } else { inside.to_owned() }
-    };
-    let pairs = parts.into_iter().filter_map(|part| part.split_once(':'));
-    pairs.map(|(name, value)| (name.trim().to_owned(), plain(value))).collect()
+    Some(fields)
+}
+
+fn plain(value: &Value) -> String {
+    match value {
+        Value::Null => NOT_GIVEN.to_owned(),
+        Value::String(text) => text.clone(),
+        Value::Array(values) if values.is_empty() => NOT_GIVEN.to_owned(),
+        Value::Array(values) => values.iter().map(plain).collect::<Vec<_>>().join(" "),
+        Value::Object(_) => "given".to_owned(),
+        other => other.to_string(),
+    }
 }
 
 #[cfg(test)]
@@ -181,28 +188,37 @@ mod tests {
 
     #[test]
     fn differences_are_told_in_the_words_of_the_command_line() {
-        let old = manifest("Options { ratio: Some(0.1), faces: None, cluster_faces: 250000, seams: Stitch }");
-        let mut new = manifest("Options { ratio: None, faces: Some(7), cluster_faces: 250000, seams: Lock }");
+        let old = manifest(
+            r#"{"ratio": 0.1, "faces": null, "cluster_faces": 250000, "seams": "stitch", "metric_option": [],
+                "remesh": {"lambda": 2.0, "rings": 2}, "pieces": "keep"}"#,
+        );
+        let mut new = manifest(
+            r#"{"ratio": null, "faces": 7, "cluster_faces": 250000, "seams": "lock", "metric_option": ["border=2"],
+                "remesh": {"lambda": 3.0, "rings": 2}, "pieces": "keep"}"#,
+        );
         new.inputs[0].bytes = 10;
         new.began = 2;
         let expected = [
-            "--ratio was 0.1, is absent",
-            "--faces was absent, is 7",
-            "--seams was Stitch, is Lock",
+            "--faces was not given, is 7",
+            "--metric-option was not given, is border=2",
+            "--ratio was 0.1, is not given",
+            "--remesh (lambda) was 2.0, is 3.0",
+            "--seams was stitch, is lock",
             "/data/city.obj was 9 bytes long, is 10 bytes long",
         ];
         assert_eq!(old.differences(&new), expected);
         assert!(old.differences(&old).is_empty());
+        assert_eq!(manifest("compare").differences(&manifest("inspect")), ["the job was compare, is inspect"]);
     }
 
     #[test]
     fn what_a_forged_manifest_says_is_told_in_a_few_plain_words() {
-        let mut old = manifest("Options { seams: \u{1b}[2J }");
+        let mut old = manifest(r#"{"seams": "\u001b[2J"}"#);
         old.inputs = vec![InputFile { path: "/other\n".into(), bytes: 9 }; 1000];
-        let mut new = manifest("Options { seams: Lock }");
+        let mut new = manifest(r#"{"seams": "lock"}"#);
         new.inputs = vec![InputFile { path: "/data/city.obj".into(), bytes: 9 }; 1000];
         let told = old.differences(&new);
-        assert_eq!(told[0], "--seams was \\u{1b}[2J, is Lock");
+        assert_eq!(told[0], "--seams was \\u{1b}[2J, is lock");
         assert_eq!(told.len(), DIFFERENCES_TOLD_MAX + 1);
         assert_eq!(told[DIFFERENCES_TOLD_MAX], "989 more");
         assert!(!told.concat().contains(char::is_control));

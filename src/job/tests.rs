@@ -2,7 +2,7 @@ use super::finished::write_value;
 use super::*;
 
 fn manifest() -> Manifest {
-    let (program, options) = ("0".into(), "Options { ratio: Some(0.1) }".into());
+    let (program, options) = ("0".into(), r#"{"ratio": 0.1}"#.into());
     Manifest { program, options, inputs: Vec::new(), passes: 3, began: 0, job: 0 }
 }
 
@@ -67,7 +67,7 @@ fn another_job_is_refused_and_left_alone_unless_it_may_go() {
     let parent = tempfile::tempdir().unwrap();
     let path = parent.path().join("work");
     left_over(&path);
-    let other = Manifest { options: "Options { ratio: Some(0.2) }".into(), ..manifest() };
+    let other = Manifest { options: r#"{"ratio": 0.2}"#.into(), ..manifest() };
     let error = WorkFolder::open(&path, &other, Resume::Auto).unwrap_err();
     assert_eq!(error.exit_code(), 5);
     assert!(error.to_string().contains("--ratio was 0.1, is 0.2"), "{error}");

@@ -70,7 +70,12 @@ impl Need {
         // The columns go before the next pass, which leaves what it has, at worst.
         let columns = self.position_bytes as f64 + scratch::FACE_BYTES * first.faces;
         let target = options.most_faces(self.faces) as f64;
-        let later = scratch::later_pass(first.faces_out, target.max(0.7 * first.faces_out), first.colour_bytes);
+        let later = scratch::later_pass(
+            first.faces_out,
+            target.max(0.7 * first.faces_out),
+            first.position_bytes,
+            first.colour_bytes,
+        );
         first.peak().max(later - columns) as u64
     }
 

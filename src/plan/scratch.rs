@@ -25,8 +25,10 @@ use crate::scan::Counts;
 const SCRATCH_PER_INPUT: f64 = 0.3;
 /// Bytes of a face in the scan's blocks, and in the buckets of the cells.
 pub const FACE_BYTES: f64 = 9.5;
-/// Bytes of a position in a column.
+/// Bytes of a position in a column if it has four decimals, what each further one adds, and of one that is kept as doubles.
 const POSITION_BYTES: f64 = 5.0;
+const DECIMAL_BYTES: f64 = 1.42;
+const DOUBLES_BYTES: f64 = 24.0;
 /// Bytes that a position takes more than in a column where it is numbered, and where it lies for the clusters.
 const NUMBERED_BYTES: f64 = 1.0;
 /// Bytes of a texture coordinate.
@@ -35,7 +37,7 @@ const TEXCOORD_BYTES: f64 = 4.5;
 pub const COLOUR_BYTES: f64 = 12.0;
 /// Bytes of a rank that is looked up window by window.
 pub const RANK_BYTES: f64 = 2.0;
-/// Bytes of a piece for each of its faces: half a position, two thirds of a texcoord, and the face.
+/// Bytes of a piece for each of its faces: half a position of four decimals, two thirds of a texcoord, and the face.
 const PIECE_FACE_BYTES: f64 = 16.0;
 /// How many times as much a piece takes of a mesh that was made anew: its positions lie anywhere.
 const REMESHED: f64 = 1.5;
@@ -72,16 +74,29 @@ impl FirstPass {
         let buckets = FACE_BYTES * self.faces;
         let numbering = self.columns + 2.0 * places + self.looked_up;
         let partition = self.columns + places + buckets + self.looked_up;
-        let clusters = self.texcoords + places + buckets + PIECE_FACE_BYTES * self.faces_out;
+        let clusters =
+            self.texcoords + places + buckets + piece_bytes(self.position_bytes, self.colour_bytes) * self.faces_out;
         numbering.max(partition).max(clusters) + SAMPLE_FACE_BYTES * self.faces.min(SAMPLE_FACES)
     }
 }
 
-/// Most bytes that the work folder holds in a later pass, from its numbers of faces before and after.
-pub fn later_pass(faces_in: f64, faces_out: f64, colour_bytes: f64) -> f64 {
+/// Most bytes that the work folder holds in a later pass, from its numbers of faces before and after, and the bytes of a position
+/// and of a colour.
+pub fn later_pass(faces_in: f64, faces_out: f64, position_bytes: f64, colour_bytes: f64) -> f64 {
     // There is half a vertex a face.
-    let places = 0.5 * (POSITION_BYTES + NUMBERED_BYTES + colour_bytes);
-    (PIECE_FACE_BYTES + 0.5 * colour_bytes + places + FACE_BYTES) * faces_in + PIECE_FACE_BYTES * faces_out
+    let piece = piece_bytes(position_bytes, colour_bytes);
+    let places = 0.5 * (position_bytes + NUMBERED_BYTES + colour_bytes);
+    (piece + places + FACE_BYTES) * faces_in + piece * faces_out
+}
+
+/// Bytes of a piece for each of its faces.
+fn piece_bytes(position_bytes: f64, colour_bytes: f64) -> f64 {
+    PIECE_FACE_BYTES + 0.5 * (position_bytes - POSITION_BYTES + colour_bytes)
+}
+
+/// Bytes of a position with so many decimals.
+fn position_bytes(decimals: u32) -> f64 {
+    (POSITION_BYTES + DECIMAL_BYTES * (f64::from(decimals) - 4.0)).clamp(0.5 * POSITION_BYTES, DOUBLES_BYTES)
 }
 
 /// Scratch space in bytes of a run of so many passes.
@@ -93,7 +108,8 @@ pub fn forecast(counts: &Counts, sizes: &Sizes, passes: usize, budget: MemoryBud
     // A numbering that is larger than its share of the memory is looked up window by window.
     let windows = !fit_one_window(sizes.vertices, budget.for_work());
     let colour_bytes = if counts.has_colours { COLOUR_BYTES } else { 0.0 };
-    let later = passes.windows(2).map(|pair| later_pass(left(&pair[0]), left(&pair[1]), colour_bytes));
+    let position = position_bytes(counts.decimals);
+    let later = passes.windows(2).map(|pair| later_pass(left(&pair[0]), left(&pair[1]), position, colour_bytes));
     after_first_pass(counts, first_pass, windows).max(later.fold(0.0, f64::max) as u64)
 }
 
@@ -102,18 +118,10 @@ fn after_first_pass(counts: &Counts, faces_out: f64, windows: bool) -> u64 {
     let (vertices, faces) = (counts.vertices as f64, counts.triangles as f64);
     let colour_bytes = if counts.has_colours { COLOUR_BYTES } else { 0.0 };
     let texcoords = TEXCOORD_BYTES * counts.texcoords as f64;
-    let columns = (POSITION_BYTES + colour_bytes) * vertices + texcoords + FACE_BYTES * faces;
+    let position_bytes = position_bytes(counts.decimals);
+    let columns = (position_bytes + colour_bytes) * vertices + texcoords + FACE_BYTES * faces;
     let looked_up = if windows { RANK_BYTES * vertices } else { 0.0 };
-    let first = FirstPass {
-        columns,
-        texcoords,
-        vertices,
-        position_bytes: POSITION_BYTES,
-        colour_bytes,
-        faces,
-        faces_out,
-        looked_up,
-    };
+    let first = FirstPass { columns, texcoords, vertices, position_bytes, colour_bytes, faces, faces_out, looked_up };
     first.peak() as u64
 }
 
@@ -162,7 +170,8 @@ mod tests {
 
     #[test]
     fn the_forecast_is_what_was_measured_on_a_city() {
-        let counts = Counts { vertices: 497_406, texcoords: 606_761, triangles: 993_860, ..Counts::default() };
+        let counts =
+            Counts { vertices: 497_406, texcoords: 606_761, triangles: 993_860, decimals: 4, ..Counts::default() };
         let measured = 26_711_313.0;
         let predicted = after_first_pass(&counts, 467_976.0, false) as f64;
         assert!((predicted / measured - 1.0).abs() < 0.05, "{predicted}");

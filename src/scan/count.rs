@@ -31,6 +31,8 @@ pub struct Counts {
     pub triangles: u64,
     /// Whether the first vertex of some chunk has a colour.
     pub has_colours: bool,
+    /// Most decimals that a coordinate of such a vertex has; more than any has for one with an exponent.
+    pub decimals: u32,
 }
 
 impl Counts {
@@ -42,6 +44,7 @@ impl Counts {
         self.polygons += other.polygons;
         self.triangles += other.triangles;
         self.has_colours |= other.has_colours;
+        self.decimals = self.decimals.max(other.decimals);
     }
 
     fn see(&mut self, statement: &[u8]) {
@@ -54,6 +57,7 @@ impl Counts {
             b"v" => {
                 if self.vertices == 0 {
                     self.has_colours = words(rest).take_while(|word| word[0] != b'#').count() >= 6;
+                    self.decimals = words(rest).take(3).map(decimals).max().unwrap_or(0);
                 }
                 self.vertices += 1;
             }
@@ -69,6 +73,15 @@ impl Counts {
             _ => {}
         }
     }
+}
+
+/// Decimals of a number as it is written.
+fn decimals(word: &[u8]) -> u32 {
+    if word.iter().any(|byte| matches!(byte, b'e' | b'E')) {
+        return u32::MAX;
+    }
+    let point = word.iter().position(|&byte| byte == b'.');
+    point.map_or(0, |point| (word.len() - point - 1) as u32)
 }
 
 /// Counts what OBJ files hold, in one streaming look.
@@ -155,6 +168,7 @@ mod tests {
             counts_of("\u{feff}v 0 0 0 1 1 1\nvt 0 0\r\nf 1 2 3 4 5 # six\nf 1 2\nfo 1 2 \\\n3\n#f 1 2 3\n").unwrap();
         assert_eq!((counts.vertices, counts.texcoords, counts.polygons, counts.triangles), (1, 1, 2, 4));
         assert!(counts.has_colours);
+        assert_eq!(counts_of("v 0.25 1 -.5000\nv 0.123456 1 1\nf 1 2 1\n").unwrap().decimals, 4);
     }
 
     #[test]

@@ -7,6 +7,7 @@ no result. One line a file: exit code, seconds of processor time, peak memory.
 """
 
 import argparse
+import math
 import os
 import random
 import resource
@@ -44,6 +45,25 @@ def grid(i):
     return b"v %d 0 0\nv %d 1 0\nv %d 0 1\nv %d 1 1\nf -4 -3 -2\nf -3 -1 -2\n" % (i, i, i, i)
 
 
+def polygons(corners, order):
+    """Faces of these corners, again and again, in this order."""
+    vertices = b"".join(b"v %.3f %.3f 0\n" % corner for corner in corners)
+    face = b"f " + b" ".join(b"%d" % (i + 1) for i in order) + b"\n"
+    return vertices + face * max(1, (SIZE - len(vertices)) // len(face))
+
+
+def scattered(count):
+    chance = random.Random(2)
+    return [(100 * chance.random(), 100 * chance.random()) for _ in range(count)]
+
+
+def spiral(count):
+    arm = [[(radius + 0.1 * i, 0.2 * i) for i in range(count // 2)] for radius in (1.0, 1.3)]
+    return [(radius * math.cos(angle), radius * math.sin(angle)) for radius, angle in arm[0] + arm[1][::-1]]
+
+
+SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+
 CASES = {
     # Text that is none.
     "random_bytes": lambda: {"a.obj": noise()},
@@ -74,6 +94,11 @@ CASES = {
     "a_library_a_line": lambda: {"a.obj": TRIANGLE + b"f 1 2 3\n" + repeated(lambda i: b"mtllib m%d.mtl\n" % i)},
     "the_same_library_again": lambda: {"a.obj": TRIANGLE + b"f 1 2 3\n" + repeated(lambda i: b"mtllib a.mtl\n"),
                                        "a.mtl": b"newmtl a\nKd 1 1 1\n"},
+    "a_line_of_libraries": lambda: {
+        "a.obj": b"mtllib" + repeated(lambda i: b" m%d" % i) + b"\n" + TRIANGLE + b"f 1 2 3\n"},
+    "a_library_by_many_names": lambda: {
+        "a.obj": TRIANGLE + b"".join(b"mtllib " + b"x/../" * i + b"a.mtl\n" for i in range(200)) + b"usemtl a\nf 1 2 3\n",
+        "a.mtl": repeated(lambda i: b"newmtl a\nKd 1 1 1\n")},
     "a_library_of_many": lambda: {"a.obj": b"mtllib a.mtl\nusemtl m7\n" + TRIANGLE + b"f 1 2 3\n",
                                   "a.mtl": repeated(lambda i: b"newmtl m%d\nmap_Kd t%d.png\n" % (i, i))},
     "a_library_of_used_textures": lambda: {
@@ -83,6 +108,13 @@ CASES = {
     "a_library_of_one_line": lambda: {"a.obj": b"mtllib a.mtl\nusemtl a\n" + TRIANGLE + b"f 1 2 3\n",
                                       "a.mtl": b"newmtl a\nmap_Kd " + b"../" * (SIZE // 3)},
     "unknown_words": lambda: {"a.obj": TRIANGLE + b"f 1 2 3\n" + repeated(lambda i: b"word%d 1 2 3\n" % i)},
+    # Polygons that are hard to triangulate.
+    "polygons_that_go_round_8_times": lambda: {"a.obj": polygons(SQUARE, [0, 1, 2, 3] * 8)},
+    "polygons_that_go_round_16_times": lambda: {"a.obj": polygons(SQUARE, [0, 1, 2, 3] * 16)},
+    "polygons_that_go_round_250_times": lambda: {"a.obj": polygons(SQUARE, [0, 1, 2, 3] * 250)},
+    "a_polygon_that_goes_round_a_million_times": lambda: {"a.obj": polygons(SQUARE, [0, 1, 2, 3] * 1_200_000)},
+    "polygons_that_cross_themselves": lambda: {"a.obj": polygons(scattered(1000), range(1000))},
+    "spirals": lambda: {"a.obj": polygons(spiral(512), range(512))},
     # Faces that mean nothing.
     "every_face_wrong": lambda: {"a.obj": TRIANGLE + repeated(lambda i: b"f 1 2 %d\n" % (4_000_000_000 + i))},
     "every_face_flat": lambda: {"a.obj": TRIANGLE + repeated(lambda i: b"f 1 1 2\n")},
