@@ -26,6 +26,9 @@ use crate::scan;
 use crate::stitch::{PassOptions, pass};
 use crate::write::{self, WriteOptions};
 
+/// Of more damaged files than these it is only told how many there are.
+const DAMAGES_TOLD_MAX: usize = 12;
+
 /// Simplifies one OBJ, or all below a folder, into one OBJ.
 ///
 /// # Errors
@@ -122,9 +125,10 @@ fn run(
     }
     let pass_options = pass_options(options, catalogue.has_texcoords, triangles, target, threads, work_bytes)?;
     let pass_options = PassOptions { map, ..pass_options };
-    let passes = pass::simplify(start, &pass_options, catalogue, job, progress)?;
+    let outcome = pass::simplify(start, &pass_options, catalogue, job, progress);
+    tell_damage(job, progress);
+    let passes = outcome?;
     findings.merge(passes.findings);
-    job.take_damage().iter().for_each(|damage| progress.tell(damage));
 
     let written = Instant::now();
     let result = match earlier {
@@ -205,6 +209,15 @@ fn run(
         warnings: findings.warnings(),
         repairs: repairs(&findings),
     })
+}
+
+/// Tells what was found damaged and is done again.
+fn tell_damage(job: &WorkFolder, progress: &dyn Progress) {
+    let damage = job.take_damage();
+    damage.iter().take(DAMAGES_TOLD_MAX).for_each(|damage| progress.tell(damage));
+    if let Some(more @ 1..) = damage.len().checked_sub(DAMAGES_TOLD_MAX) {
+        progress.tell(&format!("{more} more files are damaged, and done again"));
+    }
 }
 
 fn repairs(findings: &Findings) -> std::collections::BTreeMap<String, u64> {

@@ -106,7 +106,7 @@ fn what_is_free(path: &Path, source: &io::Error) -> String {
     let quota = if source.kind() == io::ErrorKind::QuotaExceeded { "the quota is used up; " } else { "" };
     let free =
         fs4::available_space(folder).map_or(String::new(), |free| format!("{} are free; ", bytes::display(free)));
-    format!("{quota}{free}free some and give the same command again, which goes on where it was")
+    format!("{quota}{free}free some and give the same command again")
 }
 
 fn at_line(path: &Path, line: u64, message: &str) -> String {

@@ -116,7 +116,12 @@ impl JobStatus {
                 }
                 // A cluster that was found damaged is kept again.
                 Entry::Kept(Record { step: step @ Step::Cluster { .. }, .. }) if !clusters.insert(*step) => {}
-                Entry::Kept(record) => status.see(record),
+                Entry::Kept(record) => {
+                    if matches!(record.step, Step::Cut { .. }) {
+                        clusters.clear();
+                    }
+                    status.see(record);
+                }
             }
         }
         status
@@ -155,7 +160,6 @@ impl JobStatus {
         let mut text = format!("{}: ", escape_path(path));
         let _ = match self.running {
             true => writeln!(text, "a process works on it since {} s", self.seconds_of_process),
-            false if self.written => writeln!(text, "no process works on it; the result is written"),
             false => writeln!(text, "no process works on it; the command that began it goes on"),
         };
         if let Some(path) = &self.input {

@@ -70,7 +70,7 @@ impl Goodbye {
     /// Says it and returns the exit code: 128 and the signal.
     pub fn say(&self) -> u8 {
         let words = match &*self.words.lock().unwrap_or_else(PoisonError::into_inner) {
-            Words::Job { work, command } if work.exists() => {
+            Words::Job { work, command } if work.join("journal.bin").exists() => {
                 format!("what is finished is kept in {}; go on with\n  {command}", escape_path(work))
             }
             Words::Job { command, .. } => format!("nothing was finished yet; begin again with\n  {command}"),

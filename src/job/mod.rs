@@ -107,7 +107,7 @@ impl WorkFolder {
             refuse_foreign(path)?;
         }
         // A killed job's folder was made by it, and goes with the job that takes it over.
-        let is_ours = is_new || [MANIFEST, LOCK].iter().any(|name| path.join(name).exists());
+        let is_ours = is_new || path.join(MANIFEST).exists();
         let lock = lock_folder(path)?;
         let mut folder = Self {
             path: path.to_owned(),
@@ -211,6 +211,10 @@ impl WorkFolder {
 
     /// Empties the folder and begins a job in it.
     fn begin(&self, manifest: &Manifest) -> Result<Journal> {
+        // First of all, so that nobody misses the files that go.
+        if let Ok(journal) = no_links(File::options().write(true)).open(self.path.join(JOURNAL)) {
+            let _ = journal.set_len(HEADER_BYTES).and_then(|()| journal.sync_data());
+        }
         self.clear()?;
         let began = Manifest { began: now(), job: self.number, ..manifest.clone() };
         let path = self.path.join(MANIFEST);
@@ -304,7 +308,9 @@ impl WorkFolder {
     fn is_superseded(&self, step: Step) -> bool {
         let takes_its_place =
             |later: &Step| matches!(later, Step::Cut { .. } | Step::Pass { .. }) && later.follows(step);
-        step != Step::Input && self.recalled.keys().any(takes_its_place)
+        // A job that was done may have been killed while it removed its files.
+        let is_done = self.recalled.contains_key(&Step::Written);
+        is_done || step != Step::Input && self.recalled.keys().any(takes_its_place)
     }
 
     fn damaged<T>(&self, name: &str, message: String) -> Result<Option<T>> {

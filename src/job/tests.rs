@@ -307,11 +307,15 @@ fn work_that_is_never_gone_on_with_begins_anew_in_a_folder_of_its_kind_only() {
 }
 
 #[test]
-fn a_folder_of_a_job_that_did_not_come_to_begin_goes_with_the_next() {
+fn nobody_misses_files_of_a_job_that_was_done() {
     let parent = tempfile::tempdir().unwrap();
     let path = parent.path().join("work");
-    fs::create_dir(&path).unwrap();
-    fs::write(path.join(LOCK), "").unwrap();
-    open(&path, Resume::Auto).unwrap().finish(false).unwrap();
-    assert!(!path.exists());
+    left_over(&path);
+    let job = open(&path, Resume::Auto).unwrap();
+    job.keep(Step::Written, 1, [], &1u8).unwrap();
+    drop(job);
+    fs::remove_file(path.join("scan-mesh.state")).unwrap();
+    let job = open(&path, Resume::Require).unwrap();
+    assert_eq!(job.recall::<Vec<u32>>(Step::Scan).unwrap(), None);
+    assert!(job.take_damage().is_empty());
 }

@@ -3,12 +3,14 @@
 
 /// Pairs of edges that are compared for each edge, at most.
 const PAIRS_PER_EDGE: usize = 512;
-/// Corners that stand where another one stands, at most: each hole has two.
-const REPEATS_MAX: usize = 128;
+/// Corners that stand where another one stands, at most: each hole has two; and those among them that no bridge leads to.
+const REPEATS_MAX: usize = 512;
+const TOUCHES_MAX: usize = 16;
 
 type Point = [f64; 2];
 
-/// Whether a closed outline neither crosses nor touches itself, but along bridges that lead to a hole and back.
+/// Whether a closed outline does not cross itself, nor touches itself but along bridges that lead to a hole and back, and at a
+/// few corners.
 ///
 /// Outlines that take too long to look at count as such that do.
 pub fn is_simple(outline: &[Point]) -> bool {
@@ -42,7 +44,7 @@ fn edges(ids: &[u32]) -> Vec<[u32; 2]> {
     edges
 }
 
-/// Whether no edge is walked twice the same way, and every repeated corner ends an edge that is walked there and back.
+/// Whether no edge is walked twice the same way, and nearly every repeated corner ends an edge that is walked there and back.
 fn repeats_at_bridges(ids: &[u32], edges: &[[u32; 2]]) -> bool {
     if edges.windows(2).any(|pair| pair[0] == pair[1]) {
         return false;
@@ -59,7 +61,8 @@ fn repeats_at_bridges(ids: &[u32], edges: &[[u32; 2]]) -> bool {
             bridged[a as usize] += 1;
         }
     }
-    repeats <= REPEATS_MAX && counts.iter().zip(&bridged).all(|(&count, &bridged)| count < 2 || bridged > 0)
+    let touches = counts.iter().zip(&bridged).filter(|&(&count, &bridged)| count > 1 && bridged == 0);
+    repeats <= REPEATS_MAX && touches.count() <= TOUCHES_MAX
 }
 
 /// Whether two edges without a common end meet, or there are too many pairs to look at.
@@ -129,7 +132,7 @@ mod tests {
         let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
         assert!(!is_simple(&[square, square].concat()));
         let eight = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [2.0, 1.0], [2.0, 2.0], [1.0, 2.0], [1.0, 1.0], [0.0, 1.0]];
-        assert!(!is_simple(&eight));
+        assert!(is_simple(&eight), "one corner may");
         let touching = [[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [2.0, 0.0], [0.0, 2.0]];
         assert!(!is_simple(&touching));
     }

@@ -234,6 +234,7 @@ fn parse_library(
     let text = text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text);
     let (mut at, mut line) = (0, 0);
     let mut current = Current::BeforeFirst;
+    let mut named = HashSet::new();
     while at < text.len() {
         let LogicalLine { text: whole, next, line_count } = logical_line(text, at);
         let first_line = line + 1;
@@ -280,7 +281,9 @@ fn parse_library(
             }
             Current::Defining(_, definition) if is_texture_key(key) => match split_texture(statement) {
                 Some(texture) => {
-                    allowance.take(texture.bytes(), path)?;
+                    // Materials that turn out to be one, and files that several name, are remembered once.
+                    let is_new = named.insert(texture.name.clone());
+                    allowance.take(if is_new { texture.bytes() } else { texture.own_bytes() }, path)?;
                     definition.textures.push(texture);
                 }
                 None => findings.note("texture_without_name", || {

@@ -279,7 +279,8 @@ fn names_and_materials_beyond_their_memory_are_refused_as_they_come() {
     let faces: String = (0..1000).map(|i| format!("g g{i}\nf 1 2 3\n")).collect();
     let libraries: String = (0..1000).map(|i| format!("mtllib {i}.mtl\n")).collect();
     let one = "mtllib a.mtl\nusemtl a\nf 1 2 3\n";
-    let (textures, statements) = ("bump a\n".repeat(200), format!("Kd{}\n", " 1".repeat(40)).repeat(200));
+    let textures: String = (0..200).map(|i| format!("bump a{i}\n")).collect();
+    let statements = format!("Kd{}\n", " 1".repeat(40)).repeat(200);
     let textures = format!("newmtl a\n{textures}");
     let statements = format!("newmtl a\n{statements}");
     let cases = [
