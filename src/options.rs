@@ -352,10 +352,14 @@ impl SimplifyOptions {
 
     /// What becomes of seams: by the metric's own rules, unless something else is asked for.
     pub fn seam_policy(&self) -> SeamPolicy {
+        self.seams_or_default().into()
+    }
+
+    fn seams_or_default(&self) -> Seams {
         match self.seams {
-            Some(seams) => seams.into(),
-            None if matches!(self.metric, None | Some(Metric::Qem | Metric::QemAttributes)) => SeamPolicy::Stitch,
-            None => SeamPolicy::Follow,
+            Some(seams) => seams,
+            None if matches!(self.metric, None | Some(Metric::Qem | Metric::QemAttributes)) => Seams::Stitch,
+            None => Seams::Follow,
         }
     }
 
@@ -369,14 +373,10 @@ impl SimplifyOptions {
             keep_work: false,
             drawing: Drawing::Nothing,
             force: false,
+            seams: Some(self.seams_or_default()),
             ..self.clone()
         };
-        let seams = Some(match self.seam_policy() {
-            SeamPolicy::Stitch => Seams::Stitch,
-            SeamPolicy::Follow => Seams::Follow,
-            SeamPolicy::Lock => Seams::Lock,
-        });
-        serde_json::to_string(&Self { seams, ..shaping }).unwrap_or_default()
+        serde_json::to_string(&shaping).unwrap_or_default()
     }
 }
 

@@ -10,6 +10,7 @@ use glam::{DVec2, DVec3};
 use super::Partition;
 use crate::base::{Error, Result};
 use crate::mesh::polygon;
+use crate::store::face::repeats_vertex;
 use crate::store::{Face, NO_TEXCOORD, Segment, StoredMesh};
 
 /// Vertices and texcoords that are mapped at once while gathering.
@@ -196,7 +197,7 @@ pub(super) fn triangulate_polygons(faces: &mut Vec<Face>, positions: &[DVec3]) -
         for triangle in &triangles {
             let pick = triangle.map(|i| corners[i as usize]);
             let vertices = pick.map(|(v, _)| v);
-            if vertices[0] == vertices[1] || vertices[1] == vertices[2] || vertices[2] == vertices[0] {
+            if repeats_vertex(vertices) {
                 dropped += 1;
                 continue;
             }

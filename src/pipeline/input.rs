@@ -67,7 +67,7 @@ impl Reading<'_> {
     /// [`Error::Changed`](crate::base::Error::Changed) if the input has changed since the job was begun; those of the scan.
     pub(super) fn begin(&self, job: &mut WorkFolder) -> Result<(Input, Start)> {
         let recalled = if job.is_resumed() { Some(self.recall(job)?) } else { None };
-        job.take_damage().iter().for_each(|damage| self.progress.tell(damage));
+        super::tell_damage(job, self.progress);
         if let Some(recalled) = recalled {
             if let Some((input, start)) = recalled {
                 self.progress.tell(&start.kept(job));

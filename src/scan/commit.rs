@@ -22,7 +22,7 @@ use super::parts::Labels;
 use crate::base::error::escape_path;
 use crate::base::ordered::both;
 use crate::base::{Error, Findings, Result};
-use crate::store::face::POLYGON_CORNERS_MAX;
+use crate::store::face::{POLYGON_CORNERS_MAX, repeats_vertex};
 use crate::store::mesh::ID_LIMIT;
 use crate::store::{ColumnWriter, Face, FaceWriter, NO_TEXCOORD, PackedWriter, StoredPiece};
 
@@ -212,7 +212,7 @@ impl<'a> FileCommit<'a> {
             first = corners.end;
             let vertices = &parsed.corner_vertices[corners.clone()];
             self.triangles += vertices.len() as u64 - 2;
-            if matches!(*vertices, [a, b, c] if a == b || b == c || c == a) {
+            if matches!(*vertices, [a, b, c] if repeats_vertex([a, b, c])) {
                 degenerate_count += 1;
                 continue;
             }
@@ -221,9 +221,7 @@ impl<'a> FileCommit<'a> {
             let is_polygon = vertices.len() <= POLYGON_CORNERS_MAX;
             for i in 2..vertices.len() {
                 let triangle = [vertices[0], vertices[i - 1], vertices[i]];
-                if !is_polygon
-                    && (triangle[0] == triangle[1] || triangle[1] == triangle[2] || triangle[2] == triangle[0])
-                {
+                if !is_polygon && repeats_vertex(triangle) {
                     degenerate_count += 1;
                     continue;
                 }

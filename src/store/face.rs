@@ -49,6 +49,11 @@ pub struct Face {
     pub deviation: f32,
 }
 
+/// Whether a triangle names a vertex twice.
+pub fn repeats_vertex([a, b, c]: [u32; 3]) -> bool {
+    a == b || b == c || c == a
+}
+
 /// Where a block of faces lies, and which ids it names.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct FaceBlock {
