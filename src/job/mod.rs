@@ -126,8 +126,7 @@ impl WorkFolder {
         };
         let journal = match resume {
             Resume::Never => {
-                // What the job before left outside of the folder is found by its number.
-                folder.number = Manifest::read(&path.join(MANIFEST)).map_or(folder.number, |(earlier, _)| earlier.job);
+                folder.remember_outside();
                 None
             }
             Resume::Again => {
@@ -177,16 +176,13 @@ impl WorkFolder {
         }
         let path = self.path.join(JOURNAL);
         if !path.exists() {
-            if !self.all_but(&HashSet::new())?.is_empty() {
-                self.note_damage(JOURNAL, "it is gone");
-            }
-            return nothing("holds nothing that is finished");
+            return match self.all_but(&HashSet::new())?.is_empty() {
+                true => nothing("holds nothing that is finished"),
+                false => self.damaged(JOURNAL, "it is gone".into()),
+            };
         }
         let (journal, entries, cut_off) = match Journal::open(&path, checksum) {
-            Err(Error::Damaged { message, .. }) if self.resume != Resume::Require => {
-                self.note_damage(JOURNAL, &message);
-                return Ok(None);
-            }
+            Err(Error::Damaged { message, .. }) => return self.damaged(JOURNAL, message),
             opened => opened?,
         };
         if cut_off > 0 {
@@ -207,6 +203,21 @@ impl WorkFolder {
         }
         self.is_resumed = true;
         Ok(Some(journal))
+    }
+
+    /// Keeps of the job before what finds the files that it left outside of the folder: its number, and where its result
+    /// was to go.
+    fn remember_outside(&mut self) {
+        let Ok((earlier, checksum)) = Manifest::read(&self.path.join(MANIFEST)) else { return };
+        self.number = earlier.job;
+        let entries = journal::read(&self.path.join(JOURNAL), checksum).map_or(Vec::new(), |(entries, _)| entries);
+        let output = |entry| match entry {
+            Entry::Kept(record) if record.step == Step::Output && matches!(record.value, Value::Here(_)) => {
+                Some((Step::Output, record))
+            }
+            _ => None,
+        };
+        self.recalled = entries.into_iter().filter_map(output).collect();
     }
 
     /// Empties the folder and begins a job in it.

@@ -278,6 +278,17 @@ fn a_file_that_should_be_there_and_is_not_is_damage() {
 }
 
 #[test]
+fn a_journal_that_is_gone_is_damage_where_files_are_left() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    left_over(&path);
+    fs::remove_file(path.join(JOURNAL)).unwrap();
+    assert!(matches!(open(&path, Resume::Require), Err(Error::Damaged { .. })));
+    let job = open(&path, Resume::Auto).unwrap();
+    assert!(!job.is_resumed() && job.take_damage()[0].contains("it is gone"));
+}
+
+#[test]
 fn what_is_cut_off_a_journal_is_told() {
     let parent = tempfile::tempdir().unwrap();
     let path = parent.path().join("work");

@@ -1,10 +1,7 @@
 //! Whether the outline of a polygon meets itself: one that does has no ears to clip, and looking for them takes the cube of its
 //! corners.
 
-/// Pairs of edges that are compared for each edge, at most.
-const PAIRS_PER_EDGE: usize = 512;
-/// Corners that stand where another one stands, at most: each hole has two; and those among them that no bridge leads to.
-const REPEATS_MAX: usize = 512;
+/// Corners that stand where another one stands and that no bridge leads to, at most.
 const TOUCHES_MAX: usize = 16;
 
 type Point = [f64; 2];
@@ -12,7 +9,8 @@ type Point = [f64; 2];
 /// Whether a closed outline does not cross itself, nor touches itself but along bridges that lead to a hole and back, and at a
 /// few corners.
 ///
-/// Outlines that take too long to look at count as such that do.
+/// Takes the square of the corners at most, of which a polygon has
+/// [few hundred](crate::store::face::POLYGON_CORNERS_MAX).
 pub fn is_simple(outline: &[Point]) -> bool {
     let ids = numbered(outline);
     let edges = edges(&ids);
@@ -51,8 +49,7 @@ fn repeats_at_bridges(ids: &[u32], edges: &[[u32; 2]]) -> bool {
     }
     let mut counts = vec![0u32; ids.len()];
     edges.iter().for_each(|edge| counts[edge[0] as usize] += 1);
-    let repeats = counts.iter().map(|&count| count.saturating_sub(1) as usize).sum::<usize>();
-    if repeats == 0 {
+    if counts.iter().all(|&count| count < 2) {
         return true;
     }
     let mut bridged = vec![0u32; ids.len()];
@@ -62,10 +59,10 @@ fn repeats_at_bridges(ids: &[u32], edges: &[[u32; 2]]) -> bool {
         }
     }
     let touches = counts.iter().zip(&bridged).filter(|&(&count, &bridged)| count > 1 && bridged == 0);
-    repeats <= REPEATS_MAX && touches.count() <= TOUCHES_MAX
+    touches.count() <= TOUCHES_MAX
 }
 
-/// Whether two edges without a common end meet, or there are too many pairs to look at.
+/// Whether two edges without a common end meet.
 fn crosses(outline: &[Point], ids: &[u32]) -> bool {
     struct Span {
         low: Point,
@@ -84,13 +81,8 @@ fn crosses(outline: &[Point], ids: &[u32]) -> bool {
         })
         .collect();
     spans.sort_unstable_by(|a, b| a.low[0].total_cmp(&b.low[0]));
-    let mut pairs = PAIRS_PER_EDGE * spans.len();
     for (i, a) in spans.iter().enumerate() {
         for b in spans[i + 1..].iter().take_while(|b| b.low[0] <= a.high[0]) {
-            if pairs == 0 {
-                return true;
-            }
-            pairs -= 1;
             let is_apart = b.low[1] > a.high[1] || b.high[1] < a.low[1];
             if !is_apart && !a.ids.iter().any(|id| b.ids.contains(id)) && meet(a.ends, b.ends) {
                 return true;

@@ -171,25 +171,27 @@ mod tests {
     fn what_waits_where_an_earlier_process_was_to_write_goes() {
         use crate::job::Resume;
         use crate::os::durable::waiting_place;
-        let folder = tempfile::tempdir().unwrap();
-        let path = |name: &str| folder.path().join(name);
-        let manifest = crate::pipeline::manifest(&[], &SimplifyOptions::default()).unwrap();
-        let open = || WorkFolder::open(&path("work"), &manifest, Resume::Auto).unwrap();
-        let job = open();
-        std::fs::create_dir_all(path("a/city_textures")).unwrap();
-        remember(&job, &path("a/city.obj")).unwrap();
-        for name in ["a/city.obj", "a/city_textures/wall.png"] {
-            std::fs::write(waiting_place(&path(name), job.number()), "").unwrap();
+        for resume in [Resume::Auto, Resume::Never] {
+            let folder = tempfile::tempdir().unwrap();
+            let path = |name: &str| folder.path().join(name);
+            let manifest = crate::pipeline::manifest(&[], &SimplifyOptions::default()).unwrap();
+            let open = |resume| WorkFolder::open(&path("work"), &manifest, resume).unwrap();
+            let job = open(Resume::Auto);
+            std::fs::create_dir_all(path("a/city_textures")).unwrap();
+            remember(&job, &path("a/city.obj")).unwrap();
+            for name in ["a/city.obj", "a/city_textures/wall.png"] {
+                std::fs::write(waiting_place(&path(name), job.number()), "").unwrap();
+            }
+            let of_other = waiting_place(&path("a/city.obj"), job.number() + 1);
+            std::fs::write(&of_other, "").unwrap();
+            drop(job);
+            let job = open(resume);
+            clear_elsewhere(&job, &path("a/../a/city.obj")).unwrap();
+            assert!(path("a/city_textures").exists());
+            clear_elsewhere(&job, &path("b/city.obj")).unwrap();
+            let left: Vec<_> = path("a").read_dir().unwrap().map(|entry| entry.unwrap().path()).collect();
+            assert_eq!(left, [of_other]);
         }
-        let of_other = waiting_place(&path("a/city.obj"), job.number() + 1);
-        std::fs::write(&of_other, "").unwrap();
-        drop(job);
-        let job = open();
-        clear_elsewhere(&job, &path("a/../a/city.obj")).unwrap();
-        assert!(path("a/city_textures").exists());
-        clear_elsewhere(&job, &path("b/city.obj")).unwrap();
-        let left: Vec<_> = path("a").read_dir().unwrap().map(|entry| entry.unwrap().path()).collect();
-        assert_eq!(left, [of_other]);
     }
 
     #[test]

@@ -7,6 +7,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::base::Silent;
+use crate::store::face::POLYGON_CORNERS_MAX;
 use crate::store::{Face, NO_TEXCOORD, Part};
 
 /// A scan's records in memory.
@@ -86,13 +87,14 @@ fn a_polygon_becomes_a_fan() {
 #[test]
 fn a_polygon_of_very_many_corners_becomes_triangles_and_is_told() {
     let corners = |count: usize| (0..count).map(|i| format!(" {}", [1, 2, 3][i % 3])).collect::<String>();
-    let records = scan_text(&format!("{TRIANGLE}f{}\nf{}\n", corners(1024), corners(1026))).unwrap();
+    let (most, more) = (POLYGON_CORNERS_MAX, POLYGON_CORNERS_MAX + 2);
+    let records = scan_text(&format!("{TRIANGLE}f{}\nf{}\n", corners(most), corners(more))).unwrap();
     assert_eq!(records.scan.findings.get("fanned_polygons"), 1);
-    assert_eq!(records.scan.triangles, 1 + 1022 + 1024);
-    let (first, second) = records.faces[1..].split_at(1022);
+    assert_eq!(records.scan.triangles, (1 + most - 2 + more - 2) as u64);
+    let (first, second) = records.faces[1..].split_at(most - 2);
     assert!(first.iter().skip(1).all(|face| face.continues_polygon));
     assert!(second.iter().all(|face| !face.continues_polygon && face.vertices[0] != face.vertices[1]));
-    assert_eq!(records.scan.findings.get("degenerate_faces") + second.len() as u64, 1024);
+    assert_eq!(records.scan.findings.get("degenerate_faces") + second.len() as u64, more as u64 - 2);
 }
 
 #[test]

@@ -26,7 +26,7 @@ use xxhash_rust::xxh3::xxh3_64;
 /// Stands for a corner without texture coordinate.
 pub const NO_TEXCOORD: u32 = u32::MAX;
 /// A polygon with more corners is kept as triangles from the start: what a polygon stands for must be at hand as a whole.
-pub const POLYGON_CORNERS_MAX: usize = 1024;
+pub const POLYGON_CORNERS_MAX: usize = 512;
 /// Faces of a block, at most; a polygon may cross blocks.
 pub const BLOCK_FACES: usize = 16 << 10;
 
