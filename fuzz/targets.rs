@@ -105,7 +105,7 @@ fn assert_tame(error: &Error) {
 }
 
 fn manifest() -> Manifest {
-    Manifest { program: "fuzz".into(), options: r#"{"a": 1}"#.into(), inputs: Vec::new(), passes: 3, began: 0, job: 0 }
+    Manifest { program: "fuzz".into(), options: r#"{"a": 1}"#.into(), passes: 3, ..Manifest::default() }
 }
 
 /// Any bytes as one file of a work folder: it is opened or refused, and nothing outside it is touched.
@@ -178,7 +178,10 @@ fn forge(whole: &Files, changed: &mut Files) {
     let Some(entries) = changed.get_mut(journal) else { return };
     let mut at = HEADER;
     while let Some((length, rest)) = entries.get_mut(at..).and_then(|rest| rest.split_first_chunk_mut::<4>()) {
-        let length = u32::from_le_bytes(*length) as usize;
+        let bytes = *length;
+        let length = u32::from_le_bytes(bytes) as usize;
+        let Some((length_checksum, rest)) = rest.split_first_chunk_mut::<4>() else { break };
+        *length_checksum = (xxh3_64_with_seed(&bytes, at as u64) as u32).to_le_bytes();
         let Some((checksum, rest)) = rest.split_first_chunk_mut::<8>() else { break };
         let Some(payload) = rest.get_mut(..length) else { break };
         for (old, new) in &stamps {
@@ -187,7 +190,7 @@ fn forge(whole: &Files, changed: &mut Files) {
             }
         }
         *checksum = xxh3_64_with_seed(payload, at as u64).to_le_bytes();
-        at += 12 + length;
+        at += 16 + length;
     }
 }
 

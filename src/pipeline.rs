@@ -13,9 +13,11 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 use self::input::{Input, Reading};
 use self::output::Earlier;
 use self::pictures::Painter;
+use crate::base::threads::make_pool;
 use crate::base::{Findings, MemoryBudget, Progress, Result};
 use crate::job::{InputFile, Manifest, Step, WorkFolder, folder_bytes};
-use crate::options::{Borders, Drawing, Normals, Pieces, SimplifyOptions, TextureFiles, Weld};
+use crate::options::{Borders, Drawing, Normals, Pieces, ResumeChoice, SimplifyOptions, TextureFiles, Weld};
+use crate::os::durable::new_job_number;
 use crate::os::system;
 use crate::os::timeline::{Recorder, Timeline};
 use crate::plan::memory::{self, Sizes};
@@ -36,6 +38,21 @@ const DAMAGES_TOLD_MAX: usize = 12;
 /// [`Error`](crate::base::Error) for the rest. Whatever happens, an older output stays whole until the new one is complete,
 /// and what is finished is kept in the work folder: the same call goes on from there.
 pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress: &dyn Progress) -> Result<Report> {
+    simplify_and(input, output, options, progress, |_, _| Ok(()))
+}
+
+/// The same; the job is done only when `then` is, which is given the report and the job's number. If that fails, the next
+/// call finds the result written and does nothing else again.
+///
+/// # Errors
+/// Those of [`simplify`] and of `then`.
+pub fn simplify_and(
+    input: &Path,
+    output: &Path,
+    options: &SimplifyOptions,
+    progress: &dyn Progress,
+    then: impl FnOnce(&Report, u64) -> Result<()>,
+) -> Result<Report> {
     let began = SystemTime::now();
     let recorder = Recorder::start(progress);
     let progress: &dyn Progress = &recorder;
@@ -45,9 +62,14 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
     let threads = memory::choose_threads(options.threads, budget);
     let work_path = work_folder(output, options);
     output::refuse(input, &inputs, output, &work_path)?;
-    let manifest = manifest(&inputs, options)?;
+    let manifest = Manifest { input_is_folder: input.is_dir(), ..manifest(&inputs, options)? };
     let input_bytes: u64 = manifest.inputs.iter().map(|file| file.bytes).sum();
     scratch::refuse_small_disk(input_bytes, folder_bytes(&work_path), &work_path)?;
+    if options.resume == ResumeChoice::Never {
+        // What is there goes only if the job can be begun.
+        output::check(output, new_job_number(output), options.force)?;
+    }
+    make_pool(threads)?;
     let mut job = WorkFolder::open(&work_path, &manifest, options.resume.into())?;
     let reading = Reading {
         path: input,
@@ -58,12 +80,16 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
         scan: memory::scan_options(budget, threads),
         progress,
     };
-    let outcome = run(&reading, &mut job, output, budget, threads);
+    let outcome = run(&reading, &mut job, output, budget, threads).and_then(|report| {
+        let report = Report { timeline: recorder.finish(), ..report };
+        then(&report, job.number())?;
+        Ok(report)
+    });
     match &outcome {
         Ok(_) => job.finish(options.keep_work)?,
         Err(error) => job.note_failure(error),
     }
-    outcome.map(|report| Report { timeline: recorder.finish(), ..report })
+    outcome
 }
 
 /// Runs the phases in a work folder.
@@ -79,7 +105,7 @@ fn run(
     let earlier = output::earlier(job, output)?;
     output::clear_elsewhere(job, output)?;
     let replaces_own = !matches!(earlier, Earlier::Nothing);
-    output::check(output, job, options.force || replaces_own)?;
+    output::check(output, job.number(), options.force || replaces_own)?;
 
     let scanned = Instant::now();
     let (mut input, start) = reading.begin(job)?;
@@ -267,7 +293,7 @@ fn manifest(inputs: &[PathBuf], options: &SimplifyOptions) -> Result<Manifest> {
         options: options.fingerprint(),
         inputs: inputs.iter().map(|path| InputFile::of(path)).collect::<Result<_>>()?,
         passes: options.passes as u64 + u64::from(options.remesh.is_some()),
-        began: 0,
-        job: 0,
+        owns_folder: options.work.is_none(),
+        ..Manifest::default()
     })
 }

@@ -63,7 +63,7 @@ fn files_that_are_named_like_temporary_ones_stay() {
     }
     let before = contents(&town.path("out"));
     let report = town.simplify("out/new.obj.tmp", "out/new.obj", options()).unwrap();
-    report.save(&town.path("out/town.json")).unwrap();
+    report.save(&town.path("out/town.json"), 1).unwrap();
     let after = contents(&town.path("out"));
     assert!(before.iter().all(|(path, bytes)| after.get(path) == Some(bytes)));
     let new = after.keys().filter(|path| !before.contains_key(*path)).map(|path| path.file_name().unwrap());

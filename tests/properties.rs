@@ -177,8 +177,7 @@ fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
     let input = folder.path().join("in.obj");
     std::fs::write(&input, sketch.text()).unwrap();
     let options = ScanOptions { chunks_in_flight: 1, ..Default::default() };
-    let manifest =
-        Manifest { program: String::new(), options: String::new(), inputs: Vec::new(), passes: 1, began: 0, job: 0 };
+    let manifest = Manifest { passes: 1, ..Manifest::default() };
     let job = WorkFolder::open(&folder.path().join("work"), &manifest, Resume::Never).unwrap();
     let scanned = scan(&[input], job.path(), &options, &Silent).unwrap();
     let before = Surface::load(&scanned.mesh, &scanned.catalogue).unwrap();

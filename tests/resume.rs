@@ -258,6 +258,76 @@ fn another_input_or_other_options_are_refused_with_what_differs() {
 }
 
 /// Replaces the first occurrence of some bytes; a file of the same length keeps its date.
+#[test]
+fn libraries_that_the_names_lead_to_now_count() {
+    // A file named like the whole statement comes before those named by its words.
+    let job = Job::new();
+    edit(&job.path("in/town.obj"), b"mtllib town.mtl", b"mtllib town.mtl b.mtl");
+    assert!(job.stop_after(9));
+    fs::copy(job.path("in/town.mtl"), job.path("in/town.mtl b.mtl")).unwrap();
+    let error = job.run().unwrap_err();
+    assert!(error.exit_code() == 5 && error.to_string().contains("was missing and is there now"), "{error}");
+    fs::remove_file(job.path("in/town.mtl b.mtl")).unwrap();
+    assert!(job.run().unwrap().resumed);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_library_in_a_folder_that_is_another_one_now_is_told() {
+    let job = Job::new();
+    let link = |folder: &str| {
+        let _ = fs::remove_file(job.path("in/library"));
+        std::os::unix::fs::symlink(job.path(folder), job.path("in/library")).unwrap();
+    };
+    copy_town(&job.path("in/one"));
+    copy_town(&job.path("in/other"));
+    edit(&job.path("in/town.obj"), b"mtllib town.mtl", b"mtllib library/town.mtl");
+    link("in/one");
+    assert!(job.stop_after(9));
+    link("in/other");
+    let error = job.run().unwrap_err();
+    assert!(error.exit_code() == 5 && error.to_string().contains("leads to another place"), "{error}");
+    link("in/one");
+    assert!(job.run().unwrap().resumed);
+}
+
+#[test]
+fn a_job_is_done_only_when_what_comes_after_it_is() {
+    let job = Job::new();
+    let [input, output] = ["in/town.obj", "out/town.obj"].map(|name| job.path(name));
+    let run =
+        |then: fn() -> Result<()>| pipeline::simplify_and(&input, &output, &job.options(), &Silent, |_, _| then());
+    assert!(matches!(run(|| Err(Error::Stopped)), Err(Error::Stopped)));
+    let written = fs::metadata(&output).unwrap().modified().unwrap();
+    assert!(run(|| Ok(())).unwrap().resumed);
+    assert_eq!(fs::metadata(&output).unwrap().modified().unwrap(), written);
+    assert_eq!(job.result(), undisturbed());
+}
+
+#[test]
+fn a_job_that_is_refused_removes_nothing() {
+    let job = Job::new();
+    assert!(job.stop_after(20));
+    fs::write(job.path("out/town.obj"), "of the user").unwrap();
+    let before = contents(&job.work());
+    let never = SimplifyOptions { resume: ResumeChoice::Never, ..job.options() };
+    assert_eq!(job.run_with(&never, &Silent).unwrap_err().exit_code(), 2);
+    assert_eq!(contents(&job.work()), before);
+    fs::remove_file(job.path("out/town.obj")).unwrap();
+    assert!(job.run().unwrap().resumed);
+}
+
+#[test]
+fn a_work_folder_of_the_users_stays() {
+    let job = Job::new();
+    let work = job.path("scratch");
+    fs::create_dir(&work).unwrap();
+    let options = SimplifyOptions { work: Some(work.clone()), ..job.options() };
+    assert!(matches!(job.run_with(&options, &StopAfter::units(9)), Err(Error::Stopped)));
+    job.run_with(&options, &Silent).unwrap();
+    assert_eq!(fs::read_dir(&work).unwrap().count(), 0);
+}
+
 fn edit(path: &Path, from: &[u8], to: &[u8]) {
     let date = fs::metadata(path).unwrap().modified().unwrap();
     let mut bytes = fs::read(path).unwrap();

@@ -126,7 +126,7 @@ pub fn escape(text: &[u8]) -> String {
     let mut out = String::new();
     for chunk in text.utf8_chunks() {
         for c in chunk.valid().chars() {
-            if c.is_control() || is_invisible(c) {
+            if is_unseen(c) {
                 out.extend(c.escape_default());
             } else {
                 out.push(c);
@@ -143,9 +143,10 @@ pub fn escape(text: &[u8]) -> String {
     out
 }
 
-/// Whether a character turns the text around it, or is not seen.
-fn is_invisible(c: char) -> bool {
-    matches!(c, '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}')
+/// Whether a character commands the terminal, turns the text around it, or is not seen.
+pub fn is_unseen(c: char) -> bool {
+    c.is_control()
+        || matches!(c, '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}')
 }
 
 #[cfg(test)]

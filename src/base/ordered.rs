@@ -14,6 +14,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::Result;
+use super::threads::{Task, start};
 
 /// Maps `items` on `threads` threads and hands the results to `commit` in order.
 ///
@@ -80,12 +81,24 @@ pub fn settle_in_order<T: Send, P: Send, R: Send>(
             true => items.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).next(),
             false => None,
         };
-        for _ in 0..threads {
+        let settle_beside = |_: &usize| {
+            let (pending, result_sender) = (pending.clone(), result_sender.clone());
+            let settler = move || {
+                for (index, product) in pending {
+                    if result_sender.send((index, guarded(|| settle(product)))).is_err() {
+                        break;
+                    }
+                }
+            };
+            start(scope, settler).is_ok()
+        };
+        let settling = (0..settlers).filter(settle_beside).count();
+        let work_beside = |_| {
             let (pending_sender, result_sender) = (pending_sender.clone(), result_sender.clone());
-            scope.spawn(move || {
+            let worker = move || {
                 while let Some((index, item)) = next() {
                     let is_wanted = match guarded(|| work(item)) {
-                        Ok(Ok(product)) if settlers > 0 => pending_sender.send((index, product)).is_ok(),
+                        Ok(Ok(product)) if settling > 0 => pending_sender.send((index, product)).is_ok(),
                         Ok(outcome) => result_sender.send((index, guarded(|| settle(outcome?)))).is_ok(),
                         Err(panic) => result_sender.send((index, Err(panic))).is_ok(),
                     };
@@ -93,19 +106,12 @@ pub fn settle_in_order<T: Send, P: Send, R: Send>(
                         break;
                     }
                 }
-            });
-        }
-        for _ in 0..settlers {
-            let (pending, result_sender) = (pending.clone(), result_sender.clone());
-            scope.spawn(move || {
-                for (index, product) in pending {
-                    if result_sender.send((index, guarded(|| settle(product)))).is_err() {
-                        break;
-                    }
-                }
-            });
-        }
+            };
+            start(scope, worker).map(drop)
+        };
+        let started = at_least_one((0..threads).map(work_beside));
         drop((pending_sender, pending, result_sender));
+        started?;
         let outcome = commit_in_order(&results, &credit_sender, &mut commit);
         stopped.store(true, Ordering::Relaxed);
         drop(credit_sender);
@@ -122,11 +128,27 @@ pub fn both<A: Send, B>(threads: usize, first: impl FnOnce() -> A + Send, second
     if threads <= 1 {
         return (first(), second());
     }
+    let first = Task::new(first);
     std::thread::scope(|scope| {
-        let first = scope.spawn(first);
+        let thread = start(scope, || first.run()).ok();
         let second = second();
-        (first.join().unwrap_or_else(|panic| resume_unwind(panic)), second)
+        let first = match thread {
+            Some(thread) => thread.join().unwrap_or_else(|panic| resume_unwind(panic)),
+            None => first.run(),
+        };
+        (first.expect("a task is done by the thread, or else here"), second)
     })
+}
+
+/// Of threads that were to start: fewer do the work if the system refuses some.
+///
+/// # Errors
+/// The first one if none started.
+pub fn at_least_one(started: impl Iterator<Item = Result<()>>) -> Result<()> {
+    // All of them are started before one is looked at.
+    let outcomes: Vec<Result<()>> = started.collect();
+    let any = outcomes.iter().any(Result::is_ok);
+    outcomes.into_iter().next().map_or(Ok(()), |first| if any { Ok(()) } else { first })
 }
 
 /// Runs a step whose panic the committer is to pass on: workers that wait for room would wait for ever.

@@ -7,9 +7,13 @@ use clap::Args;
 use serde_json::json;
 
 use super::print::{print, print_json};
-use crate::base::{Error, Result, Silent};
+use super::progress::stoppable;
+use super::stop::Goodbye;
+use crate::base::threads::make_pool;
+use crate::base::{Error, Progress, Result};
 use crate::measure::{Check, Regression, Surface, compare_checks, weld_and_check};
 use crate::os::durable::temporary_folder;
+use crate::os::signals::StopSignal;
 use crate::scan::{ScanOptions, find_inputs, scan};
 
 /// Arguments of `drystone check`.
@@ -30,14 +34,22 @@ pub struct CheckArguments {
 /// # Errors
 /// If a mesh cannot be read.
 pub fn run(arguments: &CheckArguments) -> Result<u8> {
-    let after = counts(&arguments.mesh)?;
-    let before = arguments.against.as_deref().map(counts).transpose()?;
+    let stop = StopSignal::listen()?;
+    let goodbye = Goodbye::of_nothing(&stop);
+    let told = stoppable(true, stop);
+    let counted = counts(&arguments.mesh, &*told)
+        .and_then(|after| Ok((after, arguments.against.as_deref().map(|mesh| counts(mesh, &*told)).transpose()?)));
+    let (after, before) = match counted {
+        Err(Error::Stopped) => return Ok(goodbye.say()),
+        counted => counted?,
+    };
+    drop(told);
     let news = before.as_ref().map_or_else(Vec::new, |before| compare_checks(before, &after));
     if arguments.json {
         let news: Vec<String> = news.iter().map(|regression| regression.to_string()).collect();
         print_json(&json!({ "after": fields(&after), "before": before.as_ref().map(fields), "new": news }))?;
     } else {
-        print(&table(&after, before.as_ref(), &news));
+        print(&table(&after, before.as_ref(), &news))?;
     }
     let faults = after.degenerate_faces
         + after.duplicate_faces
@@ -48,17 +60,19 @@ pub fn run(arguments: &CheckArguments) -> Result<u8> {
     Ok(u8::from(is_bad))
 }
 
-fn counts(path: &Path) -> Result<Check> {
+fn counts(path: &Path, progress: &dyn Progress) -> Result<Check> {
+    const THREADS: usize = 2;
+    make_pool(0)?;
+    let inputs = find_inputs(path)?;
     let folder = temporary_folder("check");
     std::fs::create_dir(&folder).map_err(|e| Error::io(&folder, "create", e))?;
-    let outcome = find_inputs(path)
-        .and_then(|inputs| {
-            scan(&inputs, &folder, &ScanOptions { threads: 2, chunks_in_flight: 4, ..Default::default() }, &Silent)
-        })
-        .and_then(|scan| Surface::load(&scan.mesh, &scan.catalogue))
-        .map(|surface| weld_and_check(&surface));
+    let options = ScanOptions { threads: THREADS, chunks_in_flight: 2 * THREADS, ..Default::default() };
+    let scanned = scan(&inputs, &folder, &options, progress);
+    let loaded = scanned.and_then(|scan| Surface::load(&scan.mesh, &scan.catalogue));
     let _ = std::fs::remove_dir_all(&folder);
-    outcome
+    let surface = loaded?;
+    progress.check_stopped()?;
+    Ok(weld_and_check(&surface))
 }
 
 fn fields(check: &Check) -> serde_json::Map<String, serde_json::Value> {

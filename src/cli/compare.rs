@@ -106,7 +106,7 @@ pub fn run(arguments: &CompareArguments) -> Result<u8> {
     if let Some(path) = json {
         report::save_json(&comparison, path)?;
     }
-    print(&table(&comparison));
+    print(&table(&comparison))?;
     Ok(0)
 }
 

@@ -50,7 +50,7 @@ pub fn run(arguments: &InspectArguments) -> Result<u8> {
     drop(told);
     match json {
         true => print_json(&inspection)?,
-        false => print(&inspection.table()),
+        false => print(&inspection.table())?,
     }
     Ok(0)
 }

@@ -68,7 +68,7 @@ impl Command {
             Command::Compare(arguments) => compare::run(arguments),
             Command::Status(arguments) => status::run(arguments),
             Command::OptionsMarkdown => {
-                print::print(&options_markdown());
+                print::print(&options_markdown())?;
                 Ok(0)
             }
         }

@@ -35,7 +35,7 @@ pub fn run(arguments: &PlanArguments) -> Result<u8> {
     drop(told);
     match arguments.json {
         true => print_json(&plan)?,
-        false => print(&plan.table()),
+        false => print(&plan.table())?,
     }
     plan.refuse_small_disk()?;
     Ok(0)

@@ -1,6 +1,6 @@
 //! Results on stdout; a reader that has left (`| head`) is no reason to fail.
 
-use std::io::Write as _;
+use std::io::{ErrorKind, Write as _};
 use std::path::Path;
 
 use serde::Serialize;
@@ -8,8 +8,14 @@ use serde::Serialize;
 use crate::base::{Error, Result};
 
 /// Prints text.
-pub fn print(text: &str) {
-    let _ = std::io::stdout().write_all(text.as_bytes());
+pub fn print(text: &str) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(Error::io(Path::new("standard output"), "write", error))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Prints a value as JSON.
@@ -19,7 +25,5 @@ pub fn print(text: &str) {
 pub fn print_json(value: &impl Serialize) -> Result<()> {
     let text =
         serde_json::to_string_pretty(value).map_err(|e| Error::io(Path::new("standard output"), "write", e.into()))?;
-    print(&text);
-    print("\n");
-    Ok(())
+    print(&(text + "\n"))
 }

@@ -63,15 +63,16 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
     let work = pipeline::work_folder(output, &options);
     let goodbye = Goodbye::of_job(&stop, &work);
     let told = stoppable(*quiet, stop.clone());
-    let outcome = pipeline::simplify(input, output, &options, &*told);
+    let mut number = 0;
+    // With the job not yet done: where a report cannot be written, the same command goes on.
+    let outcome = pipeline::simplify_and(input, output, &options, &*told, |result, job| {
+        number = job;
+        reports.iter().try_for_each(|path| result.save(path, job))
+    });
     let mut result = match outcome {
         Err(Error::Stopped) => return Ok(goodbye.say()),
         outcome => outcome?,
     };
-    if *measure {
-        // A process that is killed while it compares leaves the report of what it has made.
-        reports.iter().try_for_each(|path| result.save(path))?;
-    }
     goodbye.only_compares(input, output);
     let compared = measure.then(|| {
         let work = work_beside(&work);
@@ -84,7 +85,7 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
         }
     });
     drop(told);
-    // The result is there even if it could not be compared, so its report is written first.
+    // The result is there even if it could not be compared.
     let failure = match compared.transpose() {
         Ok(comparison) => {
             result.comparison = comparison;
@@ -92,7 +93,9 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
         }
         Err(error) => Some(error),
     };
-    reports.iter().try_for_each(|path| result.save(path))?;
+    if *measure {
+        reports.iter().try_for_each(|path| result.save(path, number))?;
+    }
     if !quiet || result.exit_code() != 0 {
         tell(result.summary().trim_end());
     }

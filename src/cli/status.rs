@@ -79,7 +79,7 @@ pub fn run(arguments: &StatusArguments) -> Result<u8> {
     let status = JobStatus::of(&look(&arguments.workdir)?, now);
     match arguments.json {
         true => print_json(&status)?,
-        false => print(&status.table(&arguments.workdir)),
+        false => print(&status.table(&arguments.workdir))?,
     }
     Ok(0)
 }

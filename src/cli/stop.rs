@@ -3,10 +3,11 @@
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::Builder;
 use std::time::{Duration, Instant};
 
 use super::progress::tell;
-use crate::base::error::escape_path;
+use crate::base::error::{escape_path, is_unseen};
 use crate::os::signals::StopSignal;
 
 /// Time that the work has to come to a safe end by itself; then the process ends as it is, which is safe too.
@@ -44,14 +45,15 @@ impl Goodbye {
     fn new(stop: &StopSignal, words: Words) -> Self {
         let goodbye = Self { stop: stop.clone(), words: Arc::new(Mutex::new(words)) };
         let late = goodbye.clone();
-        std::thread::spawn(move || {
+        // Where no thread can be had, the work still ends by itself.
+        let _ = Builder::new().spawn(move || {
             let mut came = None;
             loop {
                 std::thread::sleep(LOOK_INTERVAL);
                 if late.stop.number().is_some() && came.get_or_insert_with(Instant::now).elapsed() >= GRACE {
                     // Who reads the words may do so no more.
                     let saying = late.clone();
-                    std::thread::spawn(move || saying.say());
+                    let _ = Builder::new().spawn(move || saying.say());
                     std::thread::sleep(WORDS_TIME);
                     std::process::exit(i32::from(late.exit_code()));
                 }
@@ -107,7 +109,7 @@ fn quoted(word: &OsStr) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "/._-+=:,@%".contains(c);
     match word.to_str() {
         Some(word) if !word.is_empty() && word.chars().all(is_plain) => word.to_owned(),
-        Some(word) if !word.contains(char::is_control) => format!("'{}'", word.replace('\'', "'\\''")),
+        Some(word) if !word.contains(is_unseen) => format!("'{}'", word.replace('\'', "'\\''")),
         _ => {
             let byte = |&byte: &u8| match byte {
                 b'\'' | b'\\' => format!("\\{}", char::from(byte)),
@@ -137,6 +139,7 @@ mod tests {
         assert_eq!(quoted("--ratio=0.1"), "--ratio=0.1");
         assert_eq!(quoted("my city.obj"), "'my city.obj'");
         assert_eq!(quoted("it's"), "'it'\\''s'");
+        assert_eq!(quoted("a\u{202e}jbo.b"), "$'a\\xe2\\x80\\xaejbo.b'");
         assert_eq!(quoted(""), "''");
         assert_eq!(quoted("\u{1b}[31m it's"), "$'\\x1b[31m it\\'s'");
     }

@@ -134,8 +134,8 @@ fn inspect_in_clusters(
         options: "inspect".to_owned(),
         inputs: files,
         passes: 1,
-        began: 0,
-        job: 0,
+        owns_folder: options.work.is_none(),
+        ..Manifest::default()
     };
     let work = WorkFolder::open(&work_path, &manifest, Resume::Again)?;
 

@@ -1,12 +1,13 @@
 //! The journal of a job: what is finished, in the order in which it was finished.
 //!
 //! ```text
-//! header, 64 bytes │ length u32 │ XXH3 u64 │ entry │ length u32 │ XXH3 u64 │ entry │ …
+//! header, 64 bytes │ length u32 │ its XXH3 u32 │ XXH3 u64 │ entry │ length u32 │ its XXH3 u32 │ XXH3 u64 │ entry │ …
 //! ```
 //! An entry is appended only after the files that it names are written, synced, renamed, and their folder is synced.
-//! The header has the checksum of the job's manifest, so that no other job's journal is taken for its own. The checksum of an
-//! entry is seeded with its position, so that it counts in its own place only. What follows the first
-//! entry that is cut short or damaged is cut off: the work that it told of is done again.
+//! The header has the checksum of the job's manifest, so that no other job's journal is taken for its own. The checksums of
+//! an entry and of its length (the lower half) are seeded with its position, so that it counts in its own place only; an
+//! entry that was cut short is known from one whose length was damaged. What follows the first entry that is cut short or
+//! damaged is cut off: the work that it told of is done again.
 //!
 //! An entry is handed to the system at once, so it outlives the process. It is made to outlive the power too within a
 //! second, and before anything is removed on its word.
@@ -26,8 +27,8 @@ use crate::base::{Error, Result};
 use crate::os::durable::{DurableFile, no_links};
 
 const KIND: [u8; 8] = *b"journal ";
-/// Bytes before an entry: its length and its checksum.
-const FRAME_BYTES: usize = 12;
+/// Bytes before an entry: its length and the checksums of both.
+const FRAME_BYTES: usize = 16;
 /// A longer entry is none of ours: a hundred thousand pieces take a tenth of it.
 const ENTRY_BYTES_MAX: u32 = 64 << 20;
 /// Entries are synced when this much time has passed since the last time.
@@ -192,15 +193,20 @@ impl Journal {
         let mut file = DurableFile::create(path, 64)?;
         file.write(&header.encode())?;
         file.commit()?;
-        Ok(Self::open(path, manifest)?.0)
+        Ok(Self::open(path, manifest, true)?.0)
     }
 
     /// Opens a journal and cuts off what is damaged; returns the entries that are whole, and the bytes that were cut off.
     ///
     /// # Errors
-    /// [`Error::Damaged`] if it is no journal, or not that of the manifest with this checksum; else if it cannot be read.
-    pub(super) fn open(path: &Path, manifest: u64) -> Result<(Self, Vec<Entry>, u64)> {
-        let (entries, end) = read(path, manifest)?;
+    /// [`Error::Damaged`] if it is no journal, or not that of the manifest with this checksum, or, where it `must_be_whole`,
+    /// if it has other damage than that a kill leaves: nothing is cut off then; else if it cannot be read.
+    pub(super) fn open(path: &Path, manifest: u64, must_be_whole: bool) -> Result<(Self, Vec<Entry>, u64)> {
+        let Reading { entries, end, is_spoilt } = read(path, manifest)?;
+        if is_spoilt && must_be_whole {
+            let message = format!("the entry at byte {end} is not what was written");
+            return Err(Error::Damaged { path: path.to_owned(), message });
+        }
         let mut options = OpenOptions::new();
         let file = no_links(options.write(true)).open(path).map_err(|e| Error::io(path, "open", e))?;
         let mut journal = Self { path: path.to_owned(), file, end, synced: Instant::now(), is_dirty: false };
@@ -220,6 +226,7 @@ impl Journal {
         let length = length.ok_or_else(|| damaged("an entry of more than 64 MiB".into()))?;
         let mut bytes = Vec::with_capacity(FRAME_BYTES + payload.len());
         bytes.extend_from_slice(&length.to_le_bytes());
+        bytes.extend_from_slice(&length_checksum(length, self.end).to_le_bytes());
         bytes.extend_from_slice(&xxh3_64_with_seed(&payload, self.end).to_le_bytes());
         bytes.extend_from_slice(&payload);
         if let Err(error) = self.file.write_all(&bytes) {
@@ -250,12 +257,28 @@ impl Journal {
     }
 }
 
-/// The whole entries of the journal of the manifest with this checksum, and the offset behind the last of them; it may be
-/// written to meanwhile.
+/// Checksum of an entry's length at an offset.
+fn length_checksum(length: u32, at: u64) -> u32 {
+    xxh3_64_with_seed(&length.to_le_bytes(), at) as u32
+}
+
+/// What a journal holds.
+#[derive(Debug)]
+pub(super) struct Reading {
+    /// The whole entries, up to the first one that is not.
+    pub(super) entries: Vec<Entry>,
+    /// The offset behind the last of them.
+    end: u64,
+    /// Whether an entry follows that is all there and is not what was written; one that is cut short, as a kill may leave
+    /// it, is none.
+    is_spoilt: bool,
+}
+
+/// Reads the journal of the manifest with this checksum; it may be written to meanwhile.
 ///
 /// # Errors
 /// [`Error::Damaged`] if it is no journal, or another job's; else if it cannot be read.
-pub(super) fn read(path: &Path, manifest: u64) -> Result<(Vec<Entry>, u64)> {
+pub(super) fn read(path: &Path, manifest: u64) -> Result<Reading> {
     let wrap = |e| Error::io(path, "read", e);
     let mut options = OpenOptions::new();
     let file = no_links(options.read(true)).open(path).map_err(wrap)?;
@@ -275,27 +298,29 @@ pub(super) fn read(path: &Path, manifest: u64) -> Result<(Vec<Entry>, u64)> {
     if header.checksum != manifest {
         return Err(damaged("it is the journal of another job".into()));
     }
-    let (mut entries, mut end) = (Vec::new(), HEADER_BYTES);
+    let (mut entries, mut end, mut is_spoilt) = (Vec::new(), HEADER_BYTES, false);
     let mut payload = Vec::new();
     while length - end >= FRAME_BYTES as u64 {
         let mut frame = [0; FRAME_BYTES];
         file.read_exact(&mut frame).map_err(wrap)?;
-        let [a, b, c, d, checksum @ ..] = frame;
-        let bytes = u32::from_le_bytes([a, b, c, d]);
+        let [a, b, c, d, e, f, g, h, checksum @ ..] = frame;
+        let [bytes, bytes_checksum] = [[a, b, c, d], [e, f, g, h]].map(u32::from_le_bytes);
+        is_spoilt = bytes > ENTRY_BYTES_MAX || bytes_checksum != length_checksum(bytes, end);
         let rest = length - end - FRAME_BYTES as u64;
-        if bytes > ENTRY_BYTES_MAX || u64::from(bytes) > rest {
+        if is_spoilt || u64::from(bytes) > rest {
             break;
         }
         payload.resize(bytes as usize, 0);
         file.read_exact(&mut payload).map_err(wrap)?;
-        if xxh3_64_with_seed(&payload, end) != u64::from_le_bytes(checksum) {
+        let is_whole = xxh3_64_with_seed(&payload, end) == u64::from_le_bytes(checksum);
+        let Some(entry) = codec::decode(&payload).ok().filter(|_| is_whole) else {
+            is_spoilt = true;
             break;
-        }
-        let Ok(entry) = codec::decode(&payload) else { break };
+        };
         entries.push(entry);
         end += FRAME_BYTES as u64 + u64::from(bytes);
     }
-    Ok((entries, end))
+    Ok(Reading { entries, end, is_spoilt })
 }
 
 /// Seconds since 1970.
@@ -336,15 +361,16 @@ mod tests {
             let mut bytes = whole.clone();
             bytes[at] ^= 0x10;
             std::fs::write(&path, bytes).unwrap();
-            let (entries, _) = read(&path, 5).unwrap();
+            let Reading { entries, is_spoilt, .. } = read(&path, 5).unwrap();
+            assert!(is_spoilt && Journal::open(&path, 5, true).is_err());
             assert!(entries.len() <= 2 && messages(&["one", "two"].map(failed)).starts_with(&messages(&entries)));
         }
         for length in 64..whole.len() {
             std::fs::write(&path, &whole[..length]).unwrap();
-            let (mut journal, entries, _) = Journal::open(&path, 5).unwrap();
+            let (mut journal, entries, _) = Journal::open(&path, 5, true).unwrap();
             assert!(entries.len() <= (length - 64) / entry_bytes);
             journal.append(&failed("new")).unwrap();
-            assert_eq!(messages(&read(&path, 5).unwrap().0), [messages(&entries), vec!["new"]].concat());
+            assert_eq!(messages(&read(&path, 5).unwrap().entries), [messages(&entries), vec!["new"]].concat());
         }
     }
 
@@ -358,6 +384,6 @@ mod tests {
         let bytes = std::fs::read(&path).unwrap();
         let half = (bytes.len() - 64) / 2;
         std::fs::write(&path, [&bytes[..64], &bytes[64 + half..], &bytes[64..64 + half]].concat()).unwrap();
-        assert!(read(&path, 5).unwrap().0.is_empty());
+        assert!(read(&path, 5).unwrap().entries.is_empty());
     }
 }

@@ -7,7 +7,7 @@ use std::io::ErrorKind;
 use std::path::Path;
 use std::time::Duration;
 
-use fs4::FileExt;
+use fs4::{FileExt, TryLockError};
 
 use super::LOCK;
 use crate::base::{Error, Result};
@@ -31,10 +31,12 @@ pub(super) fn lock_folder(path: &Path) -> Result<File> {
             Err(error) if error.kind() == ErrorKind::NotFound => continue,
             opened => opened.map_err(|e| Error::io(&lock_path, "create", e))?,
         };
-        if FileExt::try_lock(&file).is_err() {
-            std::thread::sleep(INTERVAL);
-        } else if is_file_at(&file, &lock_path) {
-            return Ok(file);
+        match FileExt::try_lock(&file) {
+            Ok(()) if is_file_at(&file, &lock_path) => return Ok(file),
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => std::thread::sleep(INTERVAL),
+            Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Interrupted => {}
+            Err(TryLockError::Error(error)) => return Err(Error::io(&lock_path, "lock", error)),
         }
     }
     Err(Error::Locked(path.to_owned()))
@@ -44,7 +46,7 @@ pub(super) fn lock_folder(path: &Path) -> Result<File> {
 pub(super) fn is_locked(path: &Path) -> bool {
     let mut options = File::options();
     let lock = no_links(options.read(true)).open(path.join(LOCK));
-    lock.is_ok_and(|file| FileExt::try_lock_shared(&file).is_err())
+    lock.is_ok_and(|file| matches!(FileExt::try_lock_shared(&file), Err(TryLockError::WouldBlock)))
 }
 
 /// Whether a path still leads to an open file: a lock on one that was removed locks nobody out.

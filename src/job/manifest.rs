@@ -13,7 +13,7 @@ use super::codec;
 use super::header::{FORMAT_VERSION, HEADER_BYTES, Header};
 use crate::base::error::{escape, escape_path};
 use crate::base::{Error, Result};
-use crate::os::durable::{DurableFile, no_links};
+use crate::os::durable::{DurableFile, folder_of, no_links};
 
 /// A longer manifest is none of ours: 100,000 tiles take a tenth of it.
 pub(super) const MANIFEST_BYTES_MAX: u64 = 64 << 20;
@@ -21,7 +21,7 @@ pub(super) const MANIFEST_BYTES_MAX: u64 = 64 << 20;
 const DIFFERENCES_TOLD_MAX: usize = 12;
 
 /// What a work folder was made for.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Manifest {
     /// Version of the program.
     pub program: String,
@@ -35,12 +35,16 @@ pub struct Manifest {
     pub began: u64,
     /// A number that no other job has.
     pub job: u64,
+    /// Whether the input was given as a folder, which names of textures may begin with.
+    pub input_is_folder: bool,
+    /// Whether the work folder goes with the job: not if it was the user's.
+    pub owns_folder: bool,
 }
 
 /// An input file as the job found it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct InputFile {
-    /// Canonical path.
+    /// Name in the canonical folder that it is reached in, since libraries are looked for there.
     #[serde(with = "codec::path")]
     pub path: PathBuf,
     /// Length in bytes.
@@ -55,7 +59,8 @@ impl InputFile {
     pub fn of(path: &Path) -> Result<Self> {
         let wrap = |e| Error::io(path, "open", e);
         let bytes = path.metadata().map_err(wrap)?.len();
-        Ok(Self { path: path.canonicalize().map_err(wrap)?, bytes })
+        let folder = folder_of(path).canonicalize().map_err(wrap)?;
+        Ok(Self { path: folder.join(path.file_name().unwrap_or_default()), bytes })
     }
 }
 
@@ -120,6 +125,8 @@ impl Manifest {
             }
         };
         differ("the program", &self.program, &new.program);
+        let kind = |manifest: &Self| if manifest.input_is_folder { "a folder" } else { "a file" };
+        differ("the input", kind(self), kind(new));
         match (fields(&self.options), fields(&new.options)) {
             (Some(old), Some(new)) => new.iter().for_each(|(name, value)| {
                 differ(&format!("--{name}"), old.get(name).map_or(NOT_GIVEN, String::as_str), value);
@@ -183,7 +190,14 @@ mod tests {
 
     fn manifest(options: &str) -> Manifest {
         let inputs = vec![InputFile { path: "/data/city.obj".into(), bytes: 9 }];
-        Manifest { program: "0.1.0".into(), options: options.into(), inputs, passes: 3, began: 1, job: 0 }
+        Manifest {
+            program: "0.1.0".into(),
+            options: options.into(),
+            inputs,
+            passes: 3,
+            began: 1,
+            ..Manifest::default()
+        }
     }
 
     #[test]

@@ -48,6 +48,7 @@ use self::stamp::Condition;
 pub use self::stamp::is_file_name;
 pub use self::status::{WorkStatus, folder_bytes, look};
 use crate::base::error::escape_path;
+use crate::base::threads::beside;
 use crate::base::{Error, Result};
 use crate::os::durable::{new_job_number, no_links, sync_folder};
 
@@ -103,11 +104,12 @@ impl WorkFolder {
     /// it was made for something else, [`Error::Damaged`] if it does not say for what.
     pub fn open(path: &Path, manifest: &Manifest, resume: Resume) -> Result<Self> {
         let is_new = !path.exists();
-        if !is_new {
-            refuse_foreign(path)?;
+        match is_new {
+            true if resume == Resume::Require => return Err(nothing_in(path, "is not there")),
+            true => {}
+            false => refuse_foreign(path)?,
         }
-        // A killed job's folder was made by it, and goes with the job that takes it over.
-        let is_ours = is_new || path.join(MANIFEST).exists();
+        let is_ours = is_new || manifest.owns_folder;
         let lock = lock_folder(path)?;
         let mut folder = Self {
             path: path.to_owned(),
@@ -132,9 +134,12 @@ impl WorkFolder {
             Resume::Again => {
                 let path = folder.path.join(MANIFEST);
                 let earlier = path.exists().then(|| Manifest::read(&path)).transpose()?;
-                if earlier.is_some_and(|(earlier, _)| earlier.options != manifest.options) {
-                    let shown = escape_path(&folder.path);
-                    return Err(Error::Changed(format!("{shown}: holds another job; give a new work folder")));
+                if let Some((earlier, _)) = earlier {
+                    if earlier.options != manifest.options {
+                        let shown = escape_path(&folder.path);
+                        return Err(Error::Changed(format!("{shown}: holds another job; give a new work folder")));
+                    }
+                    folder.is_ours |= earlier.owns_folder;
                 }
                 None
             }
@@ -157,18 +162,18 @@ impl WorkFolder {
     /// Goes on with the job that the folder holds; nothing if it holds none.
     fn take_over(&mut self, manifest: &Manifest) -> Result<Option<Journal>> {
         let nothing = |why: &str| match self.resume {
-            Resume::Require => {
-                let shown = escape_path(&self.path);
-                Err(Error::Changed(format!("{shown}: {why}; without --resume require the job begins afresh")))
-            }
+            Resume::Require => Err(nothing_in(&self.path, why)),
             _ => Ok(None),
         };
         let path = self.path.join(MANIFEST);
         if !path.exists() {
-            return nothing("holds no job to go on with");
+            return match self.path.join(JOURNAL).exists() {
+                true => self.damaged(MANIFEST, "it is gone".into()),
+                false => nothing("holds no job to go on with"),
+            };
         }
         let (earlier, checksum) = Manifest::read(&path)?;
-        self.number = earlier.job;
+        (self.number, self.is_ours) = (earlier.job, self.is_ours || earlier.owns_folder);
         let differences = earlier.differences(manifest);
         if !differences.is_empty() {
             let (shown, what) = (escape_path(&self.path), differences.join("; "));
@@ -181,7 +186,7 @@ impl WorkFolder {
                 false => self.damaged(JOURNAL, "it is gone".into()),
             };
         }
-        let (journal, entries, cut_off) = match Journal::open(&path, checksum) {
+        let (journal, entries, cut_off) = match Journal::open(&path, checksum, self.resume == Resume::Require) {
             Err(Error::Damaged { message, .. }) => return self.damaged(JOURNAL, message),
             opened => opened?,
         };
@@ -209,8 +214,8 @@ impl WorkFolder {
     /// was to go.
     fn remember_outside(&mut self) {
         let Ok((earlier, checksum)) = Manifest::read(&self.path.join(MANIFEST)) else { return };
-        self.number = earlier.job;
-        let entries = journal::read(&self.path.join(JOURNAL), checksum).map_or(Vec::new(), |(entries, _)| entries);
+        (self.number, self.is_ours) = (earlier.job, self.is_ours || earlier.owns_folder);
+        let entries = journal::read(&self.path.join(JOURNAL), checksum).map_or(Vec::new(), |reading| reading.entries);
         let output = |entry| match entry {
             Entry::Kept(record) if record.step == Step::Output && matches!(record.value, Value::Here(_)) => {
                 Some((Step::Output, record))
@@ -227,7 +232,7 @@ impl WorkFolder {
             let _ = journal.set_len(HEADER_BYTES).and_then(|()| journal.sync_data());
         }
         self.clear()?;
-        let began = Manifest { began: now(), job: self.number, ..manifest.clone() };
+        let began = Manifest { began: now(), job: self.number, owns_folder: self.is_ours, ..manifest.clone() };
         let path = self.path.join(MANIFEST);
         let checksum = began.write(&path)?;
         // Nobody could go on with a job whose manifest a faulty disk has lost, nor begin one in its folder.
@@ -383,7 +388,7 @@ impl WorkFolder {
             sync(&journal)?;
             remove_files(&superseded)
         };
-        *lock(&self.under_way) = Some(std::thread::spawn(keep));
+        *lock(&self.under_way) = beside(keep)?;
         Ok(())
     }
 
@@ -509,6 +514,11 @@ impl Drop for WorkFolder {
             self.remove();
         }
     }
+}
+
+/// [`Error::Changed`] where a job was to be gone on with and there is none.
+fn nothing_in(path: &Path, why: &str) -> Error {
+    Error::Changed(format!("{}: {why}; without --resume require the job begins afresh", escape_path(path)))
 }
 
 fn names_of<'a>(files: impl IntoIterator<Item = &'a Path>, steps: &[Step]) -> HashSet<String> {

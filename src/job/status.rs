@@ -3,9 +3,10 @@
 use std::fs;
 use std::path::Path;
 
+use super::header::Header;
 use super::journal::{self, Entry};
 use super::lock::is_locked;
-use super::manifest::Manifest;
+use super::manifest::{AFRESH, Manifest};
 use super::{JOURNAL, MANIFEST};
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
@@ -29,11 +30,14 @@ pub struct WorkStatus {
 /// [`Error::Usage`] if it is none; [`Error::Damaged`] and [`Error::Changed`] if it cannot be read.
 pub fn look(path: &Path) -> Result<WorkStatus> {
     if !path.join(MANIFEST).is_file() {
+        if Header::is_at(&path.join(JOURNAL)) {
+            return Err(Error::Damaged { path: path.join(MANIFEST), message: format!("it is gone; {AFRESH}") });
+        }
         return Err(Error::Usage(format!("{}: holds no job; give a work folder", escape_path(path))));
     }
     let (manifest, checksum) = Manifest::read(&path.join(MANIFEST))?;
     let entries = match path.join(JOURNAL).exists() {
-        true => journal::read(&path.join(JOURNAL), checksum)?.0,
+        true => journal::read(&path.join(JOURNAL), checksum)?.entries,
         false => Vec::new(),
     };
     Ok(WorkStatus { manifest, entries, is_running: is_locked(path), bytes: folder_bytes(path) })

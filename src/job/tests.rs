@@ -3,7 +3,7 @@ use super::*;
 
 fn manifest() -> Manifest {
     let (program, options) = ("0".into(), r#"{"ratio": 0.1}"#.into());
-    Manifest { program, options, inputs: Vec::new(), passes: 3, began: 0, job: 0 }
+    Manifest { program, options, inputs: Vec::new(), passes: 3, ..Manifest::default() }
 }
 
 fn open(path: &Path, resume: Resume) -> Result<WorkFolder> {
@@ -286,6 +286,37 @@ fn a_journal_that_is_gone_is_damage_where_files_are_left() {
     assert!(matches!(open(&path, Resume::Require), Err(Error::Damaged { .. })));
     let job = open(&path, Resume::Auto).unwrap();
     assert!(!job.is_resumed() && job.take_damage()[0].contains("it is gone"));
+}
+
+#[test]
+fn a_manifest_that_is_gone_is_damage_where_a_journal_is_left() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    left_over(&path);
+    fs::remove_file(path.join(MANIFEST)).unwrap();
+    assert!(matches!(look(&path), Err(Error::Damaged { .. })));
+    assert!(matches!(open(&path, Resume::Require), Err(Error::Damaged { .. })));
+    let job = open(&path, Resume::Auto).unwrap();
+    assert!(!job.is_resumed() && job.take_damage()[0].contains("it is gone"));
+}
+
+#[test]
+fn a_journal_that_must_be_whole_is_not_cut() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    left_over(&path);
+    let mut bytes = fs::read(path.join(JOURNAL)).unwrap();
+    bytes[HEADER_BYTES as usize + 20] ^= 1;
+    fs::write(path.join(JOURNAL), &bytes).unwrap();
+    assert!(matches!(open(&path, Resume::Require), Err(Error::Damaged { .. })));
+    assert_eq!(fs::read(path.join(JOURNAL)).unwrap(), bytes);
+}
+
+#[test]
+fn where_nothing_is_to_be_gone_on_with_nothing_is_made() {
+    let parent = tempfile::tempdir().unwrap();
+    assert_eq!(open(&parent.path().join("work"), Resume::Require).unwrap_err().exit_code(), 5);
+    assert_eq!(fs::read_dir(parent.path()).unwrap().count(), 0);
 }
 
 #[test]

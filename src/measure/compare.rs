@@ -51,6 +51,7 @@ use self::direction::Direction;
 use self::distribution::Distribution;
 use self::points::Sampling;
 use super::border::{BorderDeviation, border_deviation};
+use crate::base::threads::make_pool;
 use crate::base::{Error, Findings, Progress, Result, json_path};
 use crate::os::system;
 use crate::scan::ScanOptions;
@@ -364,6 +365,7 @@ pub fn compare(
     progress: &dyn Progress,
 ) -> Result<Comparison> {
     let started = Instant::now();
+    make_pool(options.resources.threads)?;
     // One with the folders of a comparison in it was left by a process that was killed.
     let is_own = !options.work.exists() || NAMES.iter().any(|name| options.work.join(name).exists());
     let found = compare_in_cells(original, result, options, CELL_FACES, onlooker, progress);

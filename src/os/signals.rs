@@ -33,6 +33,8 @@ impl StopSignal {
     #[cfg(unix)]
     fn register(&self) -> std::io::Result<()> {
         use signal_hook::flag;
+        // A file that may not grow is an error of the write, not the end of the process.
+        flag::register(libc::SIGXFSZ, Arc::default())?;
         let again = Arc::new(std::sync::atomic::AtomicBool::new(false));
         for (signal, _) in SIGNALS {
             if signal == libc::SIGHUP && is_ignored(signal) {

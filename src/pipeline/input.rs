@@ -15,7 +15,7 @@ use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Progress, Result};
 use crate::job::{Manifest, Step, WorkFolder, folder_bytes};
 use crate::options::{SimplifyOptions, TextureFiles};
-use crate::scan::fingerprint::{self, Source};
+use crate::scan::fingerprint::{self, Contents, Source};
 use crate::scan::{self, Scan, ScanOptions};
 use crate::stitch::Start;
 use crate::store::Catalogue;
@@ -122,12 +122,16 @@ impl Reading<'_> {
 
     /// Textures count by their content where they are copied, and by whether they are there otherwise.
     fn textures(&self, catalogue: &Catalogue) -> Result<Vec<Source>> {
-        let named = write::named_textures(catalogue);
+        let (named, known) = (write::named_textures(catalogue), Contents::default());
         let mut sources = Vec::with_capacity(named.len());
         let look = |texture: NamedTexture| {
             self.progress.check_stopped()?;
             let is_copied = self.options.textures == TextureFiles::Copy && !texture.stays;
-            if is_copied { Source::inside(&texture.folder, &texture.path) } else { Source::presence(&texture.path) }
+            if is_copied {
+                Source::inside(&texture.folder, &texture.path, &known)
+            } else {
+                Source::presence(&texture.path)
+            }
         };
         map_in_order(named.into_iter(), self.scan.threads, 4 * self.scan.threads, look, |source| {
             sources.push(source);
@@ -138,7 +142,8 @@ impl Reading<'_> {
 }
 
 fn libraries_at<'a>(paths: impl Iterator<Item = &'a Path>) -> Result<Vec<Source>> {
-    paths.map(Source::of).collect()
+    let known = Contents::default();
+    paths.map(|path| Source::library(path, &known)).collect()
 }
 
 impl Input {

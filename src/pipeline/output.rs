@@ -112,9 +112,9 @@ struct Place {
 }
 
 /// Finds out, before the work is done, whether the output can be written, and refuses to replace one that is there.
-pub(super) fn check(output: &Path, job: &WorkFolder, may_exist: bool) -> Result<()> {
+pub(super) fn check(output: &Path, job: u64, may_exist: bool) -> Result<()> {
     make_folders(folder_of(output))?;
-    DurableFile::create_outside(output, job.number(), 0).map(drop)?;
+    DurableFile::create_outside(output, job, 0).map(drop)?;
     if !may_exist && output.symlink_metadata().is_ok() {
         return Err(Error::Usage(format!("{}: exists already; --force replaces it", escape_path(output))));
     }

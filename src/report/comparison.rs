@@ -89,7 +89,7 @@ impl ComparisonPage {
                 section { h2 { "Warnings" } ul { @for warning in &warnings { li { (warning) } } } }
             }
         };
-        save_text(&figures::page(&title, &body, ""), path)
+        save_text(&figures::page(&title, &body, ""), path, crate::os::durable::new_job_number(path))
     }
 }
 

@@ -170,14 +170,14 @@ impl Report {
         }
     }
 
-    /// Writes the report as JSON, or as a page by the extension.
+    /// Writes the report as JSON, or as a page by the extension, for the job of this number.
     ///
     /// # Errors
     /// [`Error::Usage`] for another extension than `.json` or `.html`; the file system's.
-    pub fn save(&self, path: &Path) -> Result<()> {
+    pub fn save(&self, path: &Path, job: u64) -> Result<()> {
         match Kind::of(path)? {
-            Kind::Html => save_text(&html::page(self), path),
-            Kind::Json => save_json(self, path),
+            Kind::Html => save_text(&html::page(self), path, job),
+            Kind::Json => save_text(&json(self, path)?, path, job),
         }
     }
 }
@@ -187,14 +187,17 @@ impl Report {
 /// # Errors
 /// The file system's; [`Error::Damaged`] for a value that JSON cannot hold.
 pub fn save_json(value: &impl Serialize, path: &Path) -> Result<()> {
-    let text = serde_json::to_string_pretty(value)
-        .map_err(|e| Error::Damaged { path: path.to_owned(), message: e.to_string() })?;
-    save_text(&text, path)
+    save_text(&json(value, path)?, path, new_job_number(path))
+}
+
+fn json(value: &impl Serialize, path: &Path) -> Result<String> {
+    let damaged = |e: serde_json::Error| Error::Damaged { path: path.to_owned(), message: e.to_string() };
+    serde_json::to_string_pretty(value).map_err(damaged)
 }
 
 /// Writes a text and a line feed as a file that is whole or absent.
-fn save_text(text: &str, path: &Path) -> Result<()> {
-    let mut file = DurableFile::create_outside(path, new_job_number(path), 64 << 10)?;
+fn save_text(text: &str, path: &Path, job: u64) -> Result<()> {
+    let mut file = DurableFile::create_outside(path, job, 64 << 10)?;
     file.write(text.as_bytes())?;
     file.write(b"\n")?;
     file.commit()?;

@@ -12,6 +12,7 @@ use std::sync::Mutex;
 use super::chunk::{CHUNK_BYTES, Chunk, Cutter, LINE_BYTES_MAX};
 use super::line::{logical_line, split_keyword, trim, words};
 use super::{foreign_format, obj};
+use crate::base::threads::start;
 use crate::base::{Error, Progress, Result};
 
 /// How much there is of what.
@@ -97,11 +98,12 @@ pub fn count(inputs: &[PathBuf], threads: usize, progress: &dyn Progress) -> Res
     progress.begin("count", length, "B");
     let cutter = Mutex::new(Cutter::new(inputs, CHUNK_BYTES));
     let outcomes: Vec<Result<Counts>> = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads.max(1)).map(|_| scope.spawn(|| work(inputs, &cutter, progress))).collect();
-        workers
-            .into_iter()
-            .map(|worker| worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
-            .collect()
+        let counting = || work(inputs, &cutter, progress);
+        let others: Vec<_> = (1..threads).filter_map(|_| start(scope, counting).ok()).collect();
+        let own = counting();
+        let others = others.into_iter().map(|worker| worker.join());
+        let others = others.map(|outcome| outcome.unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
+        std::iter::once(own).chain(others).collect()
     });
     let mut counts = Counts::default();
     for outcome in outcomes {

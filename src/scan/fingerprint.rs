@@ -6,9 +6,11 @@
 //! # Memory
 //! A chunk for each thread.
 
+use std::collections::HashMap;
 use std::fs::{self, File};
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
@@ -29,31 +31,55 @@ pub struct Source {
     pub path: PathBuf,
     /// Length in bytes and XXH3 of the content; nothing if it is no regular file that can be read.
     pub content: Option<(u64, u64)>,
+    /// Hash of the canonical path, where names in the file count from its folder; else 0.
+    place: u64,
+}
+
+/// Contents of files that are known, so that one of many names is read once.
+#[derive(Debug, Default)]
+pub struct Contents(Mutex<HashMap<PathBuf, (u64, u64)>>);
+
+impl Contents {
+    /// As [`content`], of a canonical path.
+    fn of(&self, path: PathBuf) -> std::io::Result<(u64, u64)> {
+        let known = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(content) = known().get(&path) {
+            return Ok(*content);
+        }
+        let content = content(&path)?;
+        known().insert(path, content);
+        Ok(content)
+    }
 }
 
 impl Source {
-    /// Looks at a file and reads it.
+    /// Looks at a material library and reads it.
     ///
     /// # Errors
     /// If the machine fails, so that nobody knows whether the file is there.
-    pub fn of(path: &Path) -> Result<Self> {
-        Self::new(path, content(path))
+    pub fn library(path: &Path, known: &Contents) -> Result<Self> {
+        let canonical = fs::canonicalize(path);
+        let place = canonical.as_ref().map_or(0, |path| xxh3_64(path.as_os_str().as_encoded_bytes()));
+        Ok(Self { place, ..Self::new(path, canonical.and_then(|path| known.of(path)))? })
     }
 
-    /// The same of a file that must not lie outside of a folder, not by a link either: then it counts as missing.
+    /// The same of a texture, which must not lie outside of a folder, not by a link either: then it counts as missing.
     ///
     /// # Errors
-    /// As [`of`](Source::of).
-    pub fn inside(folder: &Path, path: &Path) -> Result<Self> {
-        let ends_inside = || Ok(fs::canonicalize(path)?.starts_with(fs::canonicalize(folder)?));
-        let outside = || Err(ErrorKind::InvalidInput.into());
-        Self::new(path, ends_inside().and_then(|is_inside| if is_inside { content(path) } else { outside() }))
+    /// As [`library`](Source::library).
+    pub fn inside(folder: &Path, path: &Path, known: &Contents) -> Result<Self> {
+        let look = || {
+            let path = fs::canonicalize(path)?;
+            let is_inside = path.starts_with(fs::canonicalize(folder)?);
+            if is_inside { known.of(path) } else { Err(ErrorKind::InvalidInput.into()) }
+        };
+        Self::new(path, look())
     }
 
     /// Looks whether a file is there.
     ///
     /// # Errors
-    /// As [`of`](Source::of).
+    /// As [`library`](Source::library).
     pub fn presence(path: &Path) -> Result<Self> {
         let is_file =
             |found: fs::Metadata| if found.is_file() { Ok((0, 0)) } else { Err(ErrorKind::InvalidInput.into()) };
@@ -65,13 +91,14 @@ impl Source {
             Err(error) if is_of_machine(&error) => return Err(Error::io(path, "read", error)),
             found => found.ok(),
         };
-        Ok(Self { content, path: std::path::absolute(path).unwrap_or_else(|_| path.to_owned()) })
+        Ok(Self { content, place: 0, path: std::path::absolute(path).unwrap_or_else(|_| path.to_owned()) })
     }
 
     /// What has become different since, in words.
     pub fn difference(&self, now: &Self) -> Option<&'static str> {
         match (self.content, now.content) {
-            (old, new) if old == new => None,
+            (old, new) if old == new && self.place == now.place => None,
+            (old, new) if old == new => Some("leads to another place"),
             (Some(_), None) => Some("is missing now"),
             (None, Some(_)) => Some("was missing and is there now"),
             _ => Some("has changed"),
@@ -158,16 +185,17 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.mtl");
         fs::write(&path, "newmtl a\n").unwrap();
-        let (was, inputs) = (Source::of(&path).unwrap(), [path.clone()]);
+        let library = || Source::library(&path, &Contents::default()).unwrap();
+        let (was, inputs) = (library(), [path.clone()]);
         let hashes = content_hashes(&inputs, 2, &Silent).unwrap();
         fs::write(&path, "newmtl a\n").unwrap();
-        assert_eq!(was.difference(&Source::of(&path).unwrap()), None);
+        assert_eq!(was.difference(&library()), None);
         assert_eq!(content_hashes(&inputs, 1, &Silent).unwrap(), hashes);
         fs::write(&path, "newmtl b\n").unwrap();
-        assert_eq!(was.difference(&Source::of(&path).unwrap()), Some("has changed"));
+        assert_eq!(was.difference(&library()), Some("has changed"));
         assert_ne!(content_hashes(&inputs, 1, &Silent).unwrap(), hashes);
         fs::remove_file(&path).unwrap();
-        assert_eq!(was.difference(&Source::of(&path).unwrap()), Some("is missing now"));
+        assert_eq!(was.difference(&library()), Some("is missing now"));
     }
 
     #[test]

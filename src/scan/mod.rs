@@ -47,6 +47,8 @@ use self::commit::FileCommit;
 use self::obj::LineError;
 use self::parsed::ParsedChunk;
 use self::parts::Labels;
+use crate::base::ordered::at_least_one;
+use crate::base::threads::start;
 use crate::base::{Allowance, Error, Findings, Progress, Result};
 use crate::store::{Catalogue, StoredMesh};
 
@@ -126,10 +128,11 @@ fn scan_in_chunks(
     let (send_outcome, outcomes) = unbounded();
     let cutter = Mutex::new(Cutter::new(inputs, chunk_bytes));
     std::thread::scope(|scope| {
-        for _ in 0..options.threads.clamp(1, tickets_in_flight) {
+        let work_beside = |_| {
             let (tickets, send_outcome, cutter) = (tickets.clone(), send_outcome.clone(), &cutter);
-            scope.spawn(move || work(inputs, cutter, &tickets, &send_outcome));
-        }
+            start(scope, move || work(inputs, cutter, &tickets, &send_outcome)).map(drop)
+        };
+        at_least_one((0..options.threads.clamp(1, tickets_in_flight)).map(work_beside))?;
         drop((tickets, send_outcome));
         let labels = Labels::new(Allowance::new(options.catalogue_bytes));
         commit_in_order(inputs, folder, labels, outcomes, return_ticket, progress)

@@ -29,6 +29,8 @@ use crate::store::mesh::{MaterialDefinition, TextureStatement, statement_bytes};
 
 /// A larger library is ignored.
 pub const LIBRARY_BYTES_MAX: u64 = 64 << 20;
+/// No file has a longer path.
+const NAME_BYTES_MAX: usize = 4096;
 /// More names in one statement are ignored.
 const NAMES_MAX: usize = 10_000;
 /// Memory of a library's name, in paths of several kinds, beside its length.
@@ -82,7 +84,7 @@ const TEXTURE_OPTIONS: &[(&str, usize, bool)] = &[
 ];
 
 /// Defines the materials of an OBJ file from its libraries: `libraries` are the lines and texts of its `mtllib`
-/// statements, `materials` the whole catalogue's. Returns the files that the statements name, there or not.
+/// statements, `materials` the whole catalogue's. Returns the files that the statements name or may be taken to name, there or not.
 ///
 /// # Errors
 /// [`Error::Io`] if a library is there but cannot be read, [`Error::Budget`] if what is kept of it takes too much memory.
@@ -97,14 +99,20 @@ pub fn define_materials(
     let (mut named, mut read) = (Vec::new(), HashSet::new());
     let mut known = HashSet::new();
     for (line, text) in libraries {
-        for (name, is_there) in find_libraries(obj, text)? {
-            let relative = path_of(&name);
+        let found = find_libraries(obj, text)?;
+        // A file named like the whole text would count instead, if there was one.
+        let whole = (text.len() <= NAME_BYTES_MAX).then_some(&text[..]);
+        for name in whole.into_iter().chain(found.iter().map(|(name, _)| &name[..])) {
+            let relative = path_of(name);
             let path = obj.with_file_name(&relative);
             if !relative.has_root() && !known.contains(&path) {
                 allowance.take(LIBRARY_BYTES + 4 * path.as_os_str().len() as u64, obj)?;
                 known.insert(path.clone());
-                named.push(path.clone());
+                named.push(path);
             }
+        }
+        for (name, is_there) in found {
+            let path = obj.with_file_name(path_of(&name));
             match is_there {
                 // It may have been read by another name.
                 true => {

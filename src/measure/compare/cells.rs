@@ -184,8 +184,8 @@ impl MeasuredMesh {
             options: "compare".to_owned(),
             inputs: inputs.iter().map(|path| InputFile::of(path)).collect::<Result<_>>()?,
             passes: 1,
-            began: 0,
-            job: 0,
+            owns_folder: true,
+            ..Manifest::default()
         };
         let work = WorkFolder::open(folder, &manifest, Resume::Again)?;
         let Scan { mesh, catalogue, mut findings, .. } = scan::scan(&inputs, work.path(), &scan_options, progress)?;
