@@ -80,6 +80,17 @@ impl Error {
         Error::Io { path: path.to_owned(), action, source }
     }
 
+    /// The same, with what was still to be written there if the disk is full.
+    pub fn lacking(self, missing: u64) -> Self {
+        match self {
+            Error::NoSpace { path, message } => {
+                let message = format!("at least {} more are needed, {message}", bytes::display(missing));
+                Error::NoSpace { path, message }
+            }
+            other => other,
+        }
+    }
+
     /// An [`Error::Input`] at a line (0: no line).
     pub fn input(path: &Path, line: u64, message: impl Into<String>) -> Self {
         Error::Input { path: path.to_owned(), line, message: message.into() }
@@ -158,6 +169,13 @@ mod tests {
         let error = Error::input(Path::new("a\u{1b}[31m.obj"), 7, "expected a number");
         assert_eq!(error.to_string(), "a\\u{1b}[31m.obj:7: expected a number");
         assert_eq!(escape("a\u{202e}jbo.b".as_bytes()), "a\\u{202e}jbo.b");
+    }
+
+    #[test]
+    fn a_full_disk_is_told_with_what_is_missing() {
+        let full = || io::Error::from(io::ErrorKind::StorageFull);
+        let error = Error::io(Path::new("a.obj"), "write", full()).lacking(2 << 20);
+        assert!(error.to_string().contains("at least 2 MiB more are needed") && error.exit_code() == 7, "{error}");
     }
 
     #[test]

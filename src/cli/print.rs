@@ -12,7 +12,7 @@ pub fn print(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            Err(Error::io(Path::new("standard output"), "write", error))
+            Err(Error::Io { path: "standard output".into(), action: "write", source: error })
         }
         _ => Ok(()),
     }

@@ -68,7 +68,8 @@ impl DurableFile {
     pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
         let Some(writer) = self.writer.as_mut() else { return Ok(()) };
         self.is_sealed = false;
-        writer.write_all(bytes).map_err(|e| Error::io(&self.target, "write", e))
+        let held = writer.buffer().len();
+        writer.write_all(bytes).map_err(|e| Error::io(&self.target, "write", e).lacking((held + bytes.len()) as u64))
     }
 
     /// Overwrites bytes at an offset, after what was appended so far has been flushed.
@@ -79,7 +80,7 @@ impl DurableFile {
         let Some(writer) = self.writer.as_mut() else { return Ok(()) };
         self.is_sealed = false;
         let flushed = writer.flush().and_then(|()| super::system::write_all_at(writer.get_ref(), bytes, offset));
-        flushed.map_err(|e| Error::io(&self.target, "write", e))
+        flushed.map_err(|e| Error::io(&self.target, "write", e).lacking(bytes.len() as u64))
     }
 
     /// Gives the file its name without making anything durable, and returns the open file: for what another process
@@ -99,8 +100,9 @@ impl DurableFile {
     /// As [`write`](DurableFile::write).
     pub fn seal(&mut self) -> Result<()> {
         if let Some(writer) = self.writer.as_mut().filter(|_| !self.is_sealed) {
+            let held = writer.buffer().len() as u64;
             let synced = writer.flush().and_then(|()| writer.get_ref().sync_data());
-            synced.map_err(|e| Error::io(&self.target, "write", e))?;
+            synced.map_err(|e| Error::io(&self.target, "write", e).lacking(held))?;
             self.is_sealed = true;
         }
         Ok(())
