@@ -62,6 +62,11 @@ def spiral(count):
     return [(radius * math.cos(angle), radius * math.sin(angle)) for radius, angle in arm[0] + arm[1][::-1]]
 
 
+def spelling(i, bits):
+    """A path that leads nowhere, another one for each number."""
+    return b"".join(b"de"[i >> bit & 1 :][:1] + b"/../" for bit in range(bits))
+
+
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
 
 CASES = {
@@ -107,6 +112,13 @@ CASES = {
     "a_library_of_noise": lambda: {"a.obj": b"mtllib a.mtl\nusemtl m7\n" + TRIANGLE + b"f 1 2 3\n", "a.mtl": noise()},
     "a_library_of_one_line": lambda: {"a.obj": b"mtllib a.mtl\nusemtl a\n" + TRIANGLE + b"f 1 2 3\n",
                                       "a.mtl": b"newmtl a\nmap_Kd " + b"../" * (SIZE // 3)},
+    "a_library_by_many_names": lambda: {
+        "a.obj": b"".join(b"mtllib %sa.mtl\n" % spelling(i, 14) for i in range(9999)) + TRIANGLE + b"f 1 2 3\n",
+        "a.mtl": repeated(lambda i: b"newmtl x%d\nKd 1 1 1\n" % i), "d/.keep": b"", "e/.keep": b""},
+    "a_texture_by_many_names": lambda: {
+        "a.obj": b"mtllib a.mtl\n" + TRIANGLE + b"".join(b"usemtl m%d\nf 1 2 3\n" % i for i in range(60_000)),
+        "a.mtl": b"".join(b"newmtl m%d\nmap_Kd %st.png\n" % (i, spelling(i, 16)) for i in range(60_000)),
+        "t.png": noise(), "d/.keep": b"", "e/.keep": b""},
     "unknown_words": lambda: {"a.obj": TRIANGLE + b"f 1 2 3\n" + repeated(lambda i: b"word%d 1 2 3\n" % i)},
     # Polygons that are hard to triangulate.
     "polygons_that_go_round_8_times": lambda: {"a.obj": polygons(SQUARE, [0, 1, 2, 3] * 8)},
@@ -133,7 +145,9 @@ CASES = {
 def write(name, folder):
     folder.mkdir()
     for file, content in CASES[name]().items():
-        (folder / file).write_bytes(content)
+        path = folder / file
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(content)
 
 
 def limit():
