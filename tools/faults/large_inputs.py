@@ -112,10 +112,10 @@ CASES = {
     "a_library_of_noise": lambda: {"a.obj": b"mtllib a.mtl\nusemtl m7\n" + TRIANGLE + b"f 1 2 3\n", "a.mtl": noise()},
     "a_library_of_one_line": lambda: {"a.obj": b"mtllib a.mtl\nusemtl a\n" + TRIANGLE + b"f 1 2 3\n",
                                       "a.mtl": b"newmtl a\nmap_Kd " + b"../" * (SIZE // 3)},
-    "a_library_by_many_names": lambda: {
+    "a_library_by_many_ways": lambda: {
         "a.obj": b"".join(b"mtllib %sa.mtl\n" % spelling(i, 14) for i in range(9999)) + TRIANGLE + b"f 1 2 3\n",
         "a.mtl": repeated(lambda i: b"newmtl x%d\nKd 1 1 1\n" % i), "d/.keep": b"", "e/.keep": b""},
-    "a_texture_by_many_names": lambda: {
+    "a_texture_by_many_ways": lambda: {
         "a.obj": b"mtllib a.mtl\n" + TRIANGLE + b"".join(b"usemtl m%d\nf 1 2 3\n" % i for i in range(60_000)),
         "a.mtl": b"".join(b"newmtl m%d\nmap_Kd %st.png\n" % (i, spelling(i, 16)) for i in range(60_000)),
         "t.png": noise(), "d/.keep": b"", "e/.keep": b""},
