@@ -14,7 +14,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::Result;
-use super::threads::{Task, start};
+use super::threads::{Task, at_least_one, start};
 
 /// Maps `items` on `threads` threads and hands the results to `commit` in order.
 ///
@@ -138,17 +138,6 @@ pub fn both<A: Send, B>(threads: usize, first: impl FnOnce() -> A + Send, second
         };
         (first.expect("a task is done by the thread, or else here"), second)
     })
-}
-
-/// Of threads that were to start: fewer do the work if the system refuses some.
-///
-/// # Errors
-/// The first one if none started.
-pub fn at_least_one(started: impl Iterator<Item = Result<()>>) -> Result<()> {
-    // All of them are started before one is looked at.
-    let outcomes: Vec<Result<()>> = started.collect();
-    let any = outcomes.iter().any(Result::is_ok);
-    outcomes.into_iter().next().map_or(Ok(()), |first| if any { Ok(()) } else { first })
 }
 
 /// Runs a step whose panic the committer is to pass on: workers that wait for room would wait for ever.

@@ -17,6 +17,17 @@ pub fn start<'scope, T: Send + 'scope>(
     Builder::new().spawn_scoped(scope, work).map_err(|e| Error::io(Path::new("a thread"), "start", e))
 }
 
+/// Of threads that were to start: fewer do the work if the system refuses some.
+///
+/// # Errors
+/// The first one if none started.
+pub fn at_least_one(started: impl Iterator<Item = Result<()>>) -> Result<()> {
+    // All of them are started before one is looked at.
+    let outcomes: Vec<Result<()>> = started.collect();
+    let any = outcomes.iter().any(Result::is_ok);
+    outcomes.into_iter().next().map_or(Ok(()), |first| if any { Ok(()) } else { first })
+}
+
 /// A piece of work that one of several does.
 #[derive(Debug)]
 pub struct Task<F>(Mutex<Option<F>>);
@@ -64,6 +75,13 @@ pub fn make_pool(threads: usize) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn one_thread_of_several_is_enough() {
+        let refused = || Err(Error::Limit("no".into()));
+        assert!(at_least_one([refused(), Ok(()), refused()].into_iter()).is_ok());
+        assert!(at_least_one([refused(), refused()].into_iter()).is_err());
+    }
 
     #[test]
     fn a_task_is_done_once() {

@@ -47,8 +47,7 @@ use self::commit::FileCommit;
 use self::obj::LineError;
 use self::parsed::ParsedChunk;
 use self::parts::Labels;
-use crate::base::ordered::at_least_one;
-use crate::base::threads::start;
+use crate::base::threads::{at_least_one, start};
 use crate::base::{Allowance, Error, Findings, Progress, Result};
 use crate::store::{Catalogue, StoredMesh};
 
