@@ -17,7 +17,6 @@ use crate::base::threads::make_pool;
 use crate::base::{Findings, MemoryBudget, Progress, Result};
 use crate::job::{InputFile, Manifest, Step, WorkFolder, folder_bytes};
 use crate::options::{Borders, Drawing, Normals, Pieces, ResumeChoice, SimplifyOptions, TextureFiles, Weld};
-use crate::os::durable::new_job_number;
 use crate::os::system;
 use crate::os::timeline::{Recorder, Timeline};
 use crate::plan::memory::{self, Sizes};
@@ -62,12 +61,12 @@ pub fn simplify_and(
     let threads = memory::choose_threads(options.threads, budget);
     let work_path = work_folder(output, options);
     output::refuse(input, &inputs, output, &work_path)?;
-    let manifest = Manifest { input_is_folder: input.is_dir(), ..manifest(&inputs, options)? };
+    let manifest = manifest(input, &inputs, options)?;
     let input_bytes: u64 = manifest.inputs.iter().map(|file| file.bytes).sum();
     scratch::refuse_small_disk(input_bytes, folder_bytes(&work_path), &work_path)?;
     if options.resume == ResumeChoice::Never {
         // What is there goes only if the job can be begun.
-        output::check(output, new_job_number(output), options.force)?;
+        output::refuse_existing(output, options.force)?;
     }
     make_pool(threads)?;
     let mut job = WorkFolder::open(&work_path, &manifest, options.resume.into())?;
@@ -287,8 +286,9 @@ pub fn work_folder(output: &Path, options: &SimplifyOptions) -> PathBuf {
     output.with_file_name(name)
 }
 
-fn manifest(inputs: &[PathBuf], options: &SimplifyOptions) -> Result<Manifest> {
+fn manifest(input: &Path, inputs: &[PathBuf], options: &SimplifyOptions) -> Result<Manifest> {
     Ok(Manifest {
+        input_folder: if input.is_dir() { input.canonicalize().unwrap_or_default() } else { PathBuf::new() },
         program: env!("CARGO_PKG_VERSION").to_owned(),
         options: options.fingerprint(),
         inputs: inputs.iter().map(|path| InputFile::of(path)).collect::<Result<_>>()?,

@@ -257,7 +257,6 @@ fn another_input_or_other_options_are_refused_with_what_differs() {
     assert_eq!(job.result(), undisturbed());
 }
 
-/// Replaces the first occurrence of some bytes; a file of the same length keeps its date.
 #[test]
 fn libraries_that_the_names_lead_to_now_count() {
     // A file named like the whole statement comes before those named by its words.
@@ -268,6 +267,8 @@ fn libraries_that_the_names_lead_to_now_count() {
     let error = job.run().unwrap_err();
     assert!(error.exit_code() == 5 && error.to_string().contains("was missing and is there now"), "{error}");
     fs::remove_file(job.path("in/town.mtl b.mtl")).unwrap();
+    // A folder of that name is no library.
+    fs::create_dir(job.path("in/b.mtl")).unwrap();
     assert!(job.run().unwrap().resumed);
 }
 
@@ -328,6 +329,7 @@ fn a_work_folder_of_the_users_stays() {
     assert_eq!(fs::read_dir(&work).unwrap().count(), 0);
 }
 
+/// Replaces the first occurrence of some bytes; a file of the same length keeps its date.
 fn edit(path: &Path, from: &[u8], to: &[u8]) {
     let date = fs::metadata(path).unwrap().modified().unwrap();
     let mut bytes = fs::read(path).unwrap();

@@ -80,11 +80,11 @@ impl Error {
         Error::Io { path: path.to_owned(), action, source }
     }
 
-    /// The same, with what was still to be written there if the disk is full.
+    /// The same, with what was still to be written there, about, if the disk is full.
     pub fn lacking(self, missing: u64) -> Self {
         match self {
-            Error::NoSpace { path, message } => {
-                let message = format!("at least {} more are needed, {message}", bytes::display(missing));
+            Error::NoSpace { path, message } if missing > 0 => {
+                let message = format!("about {} more are needed to go on, {message}", bytes::display(missing));
                 Error::NoSpace { path, message }
             }
             other => other,
@@ -175,7 +175,7 @@ mod tests {
     fn a_full_disk_is_told_with_what_is_missing() {
         let full = || io::Error::from(io::ErrorKind::StorageFull);
         let error = Error::io(Path::new("a.obj"), "write", full()).lacking(2 << 20);
-        assert!(error.to_string().contains("at least 2 MiB more are needed") && error.exit_code() == 7, "{error}");
+        assert!(error.to_string().contains("about 2 MiB more are needed") && error.exit_code() == 7, "{error}");
     }
 
     #[test]

@@ -61,12 +61,9 @@ pub fn settle_in_order<T: Send, P: Send, R: Send>(
 ) -> Result<()> {
     let Crew { threads, settlers } = crew;
     if threads <= 1 {
-        for item in items {
-            commit(settle(work(item)?)?)?;
-        }
-        return Ok(());
+        return alone(&mut items.enumerate(), work, settle, commit);
     }
-    let stopped = AtomicBool::new(false);
+    let (stopped, settling) = (AtomicBool::new(false), AtomicBool::new(false));
     let items = Mutex::new(items.enumerate());
     let (pending_sender, pending) = crossbeam_channel::unbounded::<(usize, P)>();
     let (result_sender, results) = crossbeam_channel::unbounded::<(usize, std::thread::Result<Result<R>>)>();
@@ -75,13 +72,13 @@ pub fn settle_in_order<T: Send, P: Send, R: Send>(
         let _ = credit_sender.send(());
     }
     std::thread::scope(|scope| {
-        let (work, settle, stopped, items, credits) = (&work, &settle, &stopped, &items, &credits);
+        let (work, settle, stopped, settling, items, credits) = (&work, &settle, &stopped, &settling, &items, &credits);
         // The next item, once there is room for its result.
         let next = move || match credits.recv().is_ok() && !stopped.load(Ordering::Relaxed) {
             true => items.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).next(),
             false => None,
         };
-        let settle_beside = |_: &usize| {
+        let settle_beside = |_| {
             let (pending, result_sender) = (pending.clone(), result_sender.clone());
             let settler = move || {
                 for (index, product) in pending {
@@ -90,15 +87,16 @@ pub fn settle_in_order<T: Send, P: Send, R: Send>(
                     }
                 }
             };
-            start(scope, settler).is_ok()
+            start(scope, settler).map(drop)
         };
-        let settling = (0..settlers).filter(settle_beside).count();
         let work_beside = |_| {
             let (pending_sender, result_sender) = (pending_sender.clone(), result_sender.clone());
             let worker = move || {
                 while let Some((index, item)) = next() {
                     let is_wanted = match guarded(|| work(item)) {
-                        Ok(Ok(product)) if settling > 0 => pending_sender.send((index, product)).is_ok(),
+                        Ok(Ok(product)) if settling.load(Ordering::Relaxed) => {
+                            pending_sender.send((index, product)).is_ok()
+                        }
                         Ok(outcome) => result_sender.send((index, guarded(|| settle(outcome?)))).is_ok(),
                         Err(panic) => result_sender.send((index, Err(panic))).is_ok(),
                     };
@@ -109,15 +107,32 @@ pub fn settle_in_order<T: Send, P: Send, R: Send>(
             };
             start(scope, worker).map(drop)
         };
-        let started = at_least_one((0..threads).map(work_beside));
+        // Where the system gives few threads, the first works; where it gives none, the caller does.
+        let mut is_working = work_beside(0).is_ok();
+        if is_working && settlers > 0 {
+            settling.store(at_least_one((0..settlers).map(settle_beside)).is_ok(), Ordering::Relaxed);
+        }
+        is_working = (1..threads).fold(is_working, |any, worker| work_beside(worker).is_ok() || any);
         drop((pending_sender, pending, result_sender));
-        started?;
+        if !is_working {
+            return alone(&mut *items.lock().unwrap_or_else(|poisoned| poisoned.into_inner()), work, settle, commit);
+        }
         let outcome = commit_in_order(&results, &credit_sender, &mut commit);
         stopped.store(true, Ordering::Relaxed);
         drop(credit_sender);
         drop(results);
         outcome
     })
+}
+
+/// The same on the calling thread.
+fn alone<T, P, R>(
+    items: &mut impl Iterator<Item = (usize, T)>,
+    work: impl Fn(T) -> Result<P>,
+    settle: impl Fn(P) -> Result<R>,
+    mut commit: impl FnMut(R) -> Result<()>,
+) -> Result<()> {
+    items.try_for_each(|(_, item)| commit(settle(work(item)?)?))
 }
 
 /// Does two things side by side, or one after the other on a single thread.
@@ -167,6 +182,31 @@ fn commit_in_order<R>(
 mod tests {
     use super::*;
     use crate::base::Error;
+
+    #[test]
+    fn the_results_are_the_same_with_few_threads_or_none() {
+        use crate::base::threads::tests::with_threads;
+        for (left, settlers) in (0..6).flat_map(|left| [(left, 0), (left, 3)]) {
+            let mut results = Vec::new();
+            let crew = Crew { threads: 3, settlers };
+            let outcome = with_threads(left, || {
+                settle_in_order(
+                    0..100,
+                    crew,
+                    4,
+                    |item| Ok(2 * item),
+                    |item| Ok(item + 1),
+                    |result| {
+                        results.push(result);
+                        Ok(())
+                    },
+                )
+            });
+            assert!(outcome.is_ok());
+            assert_eq!(results, (0..100).map(|item| 2 * item + 1).collect::<Vec<_>>(), "{left} threads");
+            assert_eq!(with_threads(left, || both(2, || 1, || 2)), (1, 2));
+        }
+    }
 
     #[test]
     fn results_arrive_in_order_at_any_thread_count() {

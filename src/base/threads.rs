@@ -1,7 +1,8 @@
 //! Threads, which the system may refuse: then fewer do the work, or the caller does it, and nothing panics.
 
+use std::error::Error as _;
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread::{Builder, JoinHandle, Scope, ScopedJoinHandle};
 
 use super::{Error, Result};
@@ -14,7 +15,10 @@ pub fn start<'scope, T: Send + 'scope>(
     scope: &'scope Scope<'scope, '_>,
     work: impl FnOnce() -> T + Send + 'scope,
 ) -> Result<ScopedJoinHandle<'scope, T>> {
-    Builder::new().spawn_scoped(scope, work).map_err(|e| Error::io(Path::new("a thread"), "start", e))
+    let refused = |e| Error::io(Path::new("a thread"), "start", e);
+    #[cfg(test)]
+    tests::give_one().map_err(refused)?;
+    Builder::new().spawn_scoped(scope, work).map_err(refused)
 }
 
 /// Of threads that were to start: fewer do the work if the system refuses some.
@@ -58,23 +62,50 @@ pub fn beside<F: FnOnce() -> Result<()> + Send + 'static>(work: F) -> Result<Opt
     }
 }
 
-/// Makes the threads that data-parallel loops share, unless there are some.
+/// Makes the threads that data-parallel loops share, for as long as the process runs: the first call says how many.
 ///
 /// # Errors
-/// [`Error::Io`] if the system refuses them.
+/// [`Error::Io`] if the system refused them.
 pub fn make_pool(threads: usize) -> Result<()> {
-    match rayon::ThreadPoolBuilder::new().num_threads(threads).build_global() {
-        // The other reason is that it is there already.
-        Err(error) if std::error::Error::source(&error).is_some() => {
-            Err(Error::io(Path::new("threads"), "start", std::io::Error::other(error)))
+    static REFUSED: OnceLock<Option<String>> = OnceLock::new();
+    let refused = REFUSED.get_or_init(|| {
+        let outcome = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+        // Without a source, the reason is that there are some already.
+        outcome.err().filter(|error| error.source().is_some()).map(|error| error.to_string())
+    });
+    match refused {
+        Some(words) => {
+            let error = std::io::Error::other(format!("{words}; --threads 1 needs fewer"));
+            Err(Error::io(Path::new("threads"), "start", error))
         }
-        _ => Ok(()),
+        None => Ok(()),
     }
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
+    use std::cell::Cell;
+
     use super::*;
+
+    thread_local! {
+        /// How many threads the system gives to this one.
+        static LEFT: Cell<usize> = const { Cell::new(usize::MAX) };
+    }
+
+    /// Runs with so many threads to be had, and no more.
+    pub fn with_threads<T>(threads: usize, run: impl FnOnce() -> T) -> T {
+        LEFT.set(threads);
+        let outcome = run();
+        LEFT.set(usize::MAX);
+        outcome
+    }
+
+    pub fn give_one() -> std::io::Result<()> {
+        let left = LEFT.get().checked_sub(1).ok_or(std::io::ErrorKind::WouldBlock)?;
+        LEFT.set(left);
+        Ok(())
+    }
 
     #[test]
     fn one_thread_of_several_is_enough() {

@@ -68,7 +68,10 @@ fn counts(path: &Path, progress: &dyn Progress) -> Result<Check> {
     std::fs::create_dir(&folder).map_err(|e| Error::io(&folder, "create", e))?;
     let options = ScanOptions { threads: THREADS, chunks_in_flight: 2 * THREADS, ..Default::default() };
     let scanned = scan(&inputs, &folder, &options, progress);
-    let loaded = scanned.and_then(|scan| Surface::load(&scan.mesh, &scan.catalogue));
+    let loaded = scanned.and_then(|scan| {
+        progress.check_stopped()?;
+        Surface::load(&scan.mesh, &scan.catalogue)
+    });
     let _ = std::fs::remove_dir_all(&folder);
     let surface = loaded?;
     progress.check_stopped()?;

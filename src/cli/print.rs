@@ -8,6 +8,9 @@ use serde::Serialize;
 use crate::base::{Error, Result};
 
 /// Prints text.
+///
+/// # Errors
+/// [`Error::Io`], also for a full disk: what is printed is not what a work folder goes on with.
 pub fn print(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
@@ -21,7 +24,7 @@ pub fn print(text: &str) -> Result<()> {
 /// Prints a value as JSON.
 ///
 /// # Errors
-/// If a value has no form in JSON.
+/// If a value has no form in JSON; those of [`print`].
 pub fn print_json(value: &impl Serialize) -> Result<()> {
     let text =
         serde_json::to_string_pretty(value).map_err(|e| Error::io(Path::new("standard output"), "write", e.into()))?;

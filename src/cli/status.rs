@@ -160,7 +160,10 @@ impl JobStatus {
         let mut text = format!("{}: ", escape_path(path));
         let _ = match self.running {
             true => writeln!(text, "a process works on it since {} s", self.seconds_of_process),
-            false if self.written => writeln!(text, "no process works on it; the result is written"),
+            false if self.written => writeln!(
+                text,
+                "no process works on it; the result is written, but for its end: the same command goes on"
+            ),
             false => writeln!(text, "no process works on it; the command that began it goes on"),
         };
         if let Some(path) = &self.input {

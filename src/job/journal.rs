@@ -196,12 +196,13 @@ impl Journal {
         Ok(Self::open(path, manifest, true)?.0)
     }
 
-    /// Opens a journal and cuts off what is damaged; returns the entries that are whole, and the bytes that were cut off.
+    /// Opens a journal and cuts off what is damaged; returns the entries that are whole, the bytes that were cut off, and
+    /// whether they are other damage than a kill or a power cut leaves.
     ///
     /// # Errors
     /// [`Error::Damaged`] if it is no journal, or not that of the manifest with this checksum, or, where it `must_be_whole`,
-    /// if it has other damage than that a kill leaves: nothing is cut off then; else if it cannot be read.
-    pub(super) fn open(path: &Path, manifest: u64, must_be_whole: bool) -> Result<(Self, Vec<Entry>, u64)> {
+    /// if it has such damage: nothing is cut off then; else if it cannot be read.
+    pub(super) fn open(path: &Path, manifest: u64, must_be_whole: bool) -> Result<(Self, Vec<Entry>, u64, bool)> {
         let Reading { entries, end, is_spoilt } = read(path, manifest)?;
         if is_spoilt && must_be_whole {
             let message = format!("the entry at byte {end} is not what was written");
@@ -212,7 +213,7 @@ impl Journal {
         let mut journal = Self { path: path.to_owned(), file, end, synced: Instant::now(), is_dirty: false };
         let length = journal.file.metadata().map_err(|e| Error::io(path, "open", e))?.len();
         journal.cut()?;
-        Ok((journal, entries, length.saturating_sub(end)))
+        Ok((journal, entries, length.saturating_sub(end), is_spoilt))
     }
 
     /// Appends an entry.
@@ -269,8 +270,7 @@ pub(super) struct Reading {
     pub(super) entries: Vec<Entry>,
     /// The offset behind the last of them.
     end: u64,
-    /// Whether an entry follows that is all there and is not what was written; one that is cut short, as a kill may leave
-    /// it, is none.
+    /// Whether something else follows than an entry that is cut short, as a kill may leave it, or zeros.
     is_spoilt: bool,
 }
 
@@ -320,6 +320,11 @@ pub(super) fn read(path: &Path, manifest: u64) -> Result<Reading> {
         entries.push(entry);
         end += FRAME_BYTES as u64 + u64::from(bytes);
     }
+    if is_spoilt {
+        // Nor are zeros, which a power cut leaves where the file grew.
+        file.seek(SeekFrom::Start(end)).map_err(wrap)?;
+        is_spoilt = !file.bytes().all(|byte| byte.is_ok_and(|byte| byte == 0));
+    }
     Ok(Reading { entries, end, is_spoilt })
 }
 
@@ -367,7 +372,7 @@ mod tests {
         }
         for length in 64..whole.len() {
             std::fs::write(&path, &whole[..length]).unwrap();
-            let (mut journal, entries, _) = Journal::open(&path, 5, true).unwrap();
+            let (mut journal, entries, ..) = Journal::open(&path, 5, true).unwrap();
             assert!(entries.len() <= (length - 64) / entry_bytes);
             journal.append(&failed("new")).unwrap();
             assert_eq!(messages(&read(&path, 5).unwrap().entries), [messages(&entries), vec!["new"]].concat());

@@ -35,8 +35,9 @@ pub struct Manifest {
     pub began: u64,
     /// A number that no other job has.
     pub job: u64,
-    /// Whether the input was given as a folder, which names of textures may begin with.
-    pub input_is_folder: bool,
+    /// The canonical folder that was given as input, in which textures may lie; empty for a file.
+    #[serde(with = "codec::path")]
+    pub input_folder: PathBuf,
     /// Whether the work folder goes with the job: not if it was the user's.
     pub owns_folder: bool,
 }
@@ -47,6 +48,9 @@ pub struct InputFile {
     /// Name in the canonical folder that it is reached in, since libraries are looked for there.
     #[serde(with = "codec::path")]
     pub path: PathBuf,
+    /// Canonical path: textures may lie there too.
+    #[serde(with = "codec::path")]
+    pub leads_to: PathBuf,
     /// Length in bytes.
     pub bytes: u64,
 }
@@ -60,7 +64,8 @@ impl InputFile {
         let wrap = |e| Error::io(path, "open", e);
         let bytes = path.metadata().map_err(wrap)?.len();
         let folder = folder_of(path).canonicalize().map_err(wrap)?;
-        Ok(Self { path: folder.join(path.file_name().unwrap_or_default()), bytes })
+        let leads_to = path.canonicalize().map_err(wrap)?;
+        Ok(Self { path: folder.join(path.file_name().unwrap_or_default()), leads_to, bytes })
     }
 }
 
@@ -125,8 +130,11 @@ impl Manifest {
             }
         };
         differ("the program", &self.program, &new.program);
-        let kind = |manifest: &Self| if manifest.input_is_folder { "a folder" } else { "a file" };
-        differ("the input", kind(self), kind(new));
+        let given = |manifest: &Self| match manifest.input_folder.as_os_str().is_empty() {
+            true => "a file".to_owned(),
+            false => format!("the folder {}", manifest.input_folder.display()),
+        };
+        differ("the input", &given(self), &given(new));
         match (fields(&self.options), fields(&new.options)) {
             (Some(old), Some(new)) => new.iter().for_each(|(name, value)| {
                 differ(&format!("--{name}"), old.get(name).map_or(NOT_GIVEN, String::as_str), value);
@@ -138,6 +146,11 @@ impl Manifest {
         for (old, new) in self.inputs.iter().zip(&new.inputs) {
             differ("an input", &escape_path(&old.path), &escape_path(&new.path));
             if old.path == new.path {
+                differ(
+                    &format!("what {} leads to", escape_path(&new.path)),
+                    &escape_path(&old.leads_to),
+                    &escape_path(&new.leads_to),
+                );
                 let bytes = |input: &InputFile| format!("{} bytes long", input.bytes);
                 differ(&escape_path(&new.path), &bytes(old), &bytes(new));
             }
@@ -189,7 +202,7 @@ mod tests {
     use super::*;
 
     fn manifest(options: &str) -> Manifest {
-        let inputs = vec![InputFile { path: "/data/city.obj".into(), bytes: 9 }];
+        let inputs = vec![InputFile { path: "/data/city.obj".into(), leads_to: "/data/city.obj".into(), bytes: 9 }];
         Manifest {
             program: "0.1.0".into(),
             options: options.into(),
@@ -228,9 +241,10 @@ mod tests {
     #[test]
     fn what_a_forged_manifest_says_is_told_in_a_few_plain_words() {
         let mut old = manifest(r#"{"seams": "\u001b[2J"}"#);
-        old.inputs = vec![InputFile { path: "/other\n".into(), bytes: 9 }; 1000];
+        old.inputs = vec![InputFile { path: "/other\n".into(), leads_to: "/other\n".into(), bytes: 9 }; 1000];
         let mut new = manifest(r#"{"seams": "lock"}"#);
-        new.inputs = vec![InputFile { path: "/data/city.obj".into(), bytes: 9 }; 1000];
+        new.inputs =
+            vec![InputFile { path: "/data/city.obj".into(), leads_to: "/data/city.obj".into(), bytes: 9 }; 1000];
         let told = old.differences(&new);
         assert_eq!(told[0], "--seams was \\u{1b}[2J, is lock");
         assert_eq!(told.len(), DIFFERENCES_TOLD_MAX + 1);

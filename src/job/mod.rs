@@ -101,7 +101,8 @@ impl WorkFolder {
     ///
     /// # Errors
     /// [`Error::Locked`] if another process works in it, [`Error::Usage`] if it holds foreign files, [`Error::Changed`] if
-    /// it was made for something else, [`Error::Damaged`] if it does not say for what.
+    /// it was made for something else or, under [`Resume::Require`], holds nothing, [`Error::Damaged`] if it does not say for
+    /// what or, under the same, its manifest or journal is gone or damaged.
     pub fn open(path: &Path, manifest: &Manifest, resume: Resume) -> Result<Self> {
         let is_new = !path.exists();
         match is_new {
@@ -154,6 +155,9 @@ impl WorkFolder {
         };
         folder.holds_steps = AtomicBool::new(folder.is_resumed);
         journal.append(&Entry::Began { time: now() })?;
+        if resume == Resume::Never {
+            folder.recalled.values().try_for_each(|record| journal.append(&Entry::Kept(record.clone())))?;
+        }
         folder.journal = Arc::new(Mutex::new(Some(journal)));
         remove_files(&folder.all_but(&folder.named_files())?)?;
         Ok(folder)
@@ -186,12 +190,19 @@ impl WorkFolder {
                 false => self.damaged(JOURNAL, "it is gone".into()),
             };
         }
-        let (journal, entries, cut_off) = match Journal::open(&path, checksum, self.resume == Resume::Require) {
-            Err(Error::Damaged { message, .. }) => return self.damaged(JOURNAL, message),
-            opened => opened?,
-        };
+        let (journal, entries, cut_off, is_spoilt) =
+            match Journal::open(&path, checksum, self.resume == Resume::Require) {
+                Err(Error::Damaged { message, .. }) => return self.damaged(JOURNAL, message),
+                opened => opened?,
+            };
         if cut_off > 0 {
-            self.note_damage(JOURNAL, &format!("its last {cut_off} bytes are not whole"));
+            match is_spoilt {
+                true => self.note_damage(JOURNAL, &format!("its last {cut_off} bytes are not whole")),
+                false => {
+                    let path = escape_path(&path);
+                    lock(&self.damage).push(format!("{path}: its last entry was cut short, and is done again"));
+                }
+            }
         }
         // Of a step that was kept again the last time counts.
         for entry in entries.into_iter().rev() {

@@ -313,6 +313,20 @@ fn a_journal_that_must_be_whole_is_not_cut() {
 }
 
 #[test]
+fn zeros_that_a_power_cut_leaves_are_no_damage() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    left_over(&path);
+    let whole = fs::read(path.join(JOURNAL)).unwrap();
+    fs::write(path.join(JOURNAL), [&whole[..], &[0; 100]].concat()).unwrap();
+    let job = open(&path, Resume::Require).unwrap();
+    assert!(job.is_resumed() && job.take_damage()[0].contains("cut short"));
+    drop(job);
+    fs::write(path.join(JOURNAL), [&whole[..], &[0; 99], &[1]].concat()).unwrap();
+    assert!(matches!(open(&path, Resume::Require), Err(Error::Damaged { .. })));
+}
+
+#[test]
 fn where_nothing_is_to_be_gone_on_with_nothing_is_made() {
     let parent = tempfile::tempdir().unwrap();
     assert_eq!(open(&parent.path().join("work"), Resume::Require).unwrap_err().exit_code(), 5);
@@ -343,7 +357,10 @@ fn work_that_is_never_gone_on_with_begins_anew_in_a_folder_of_its_kind_only() {
     let error = WorkFolder::open(&path, &other, Resume::Again).unwrap_err();
     assert_eq!(error.exit_code(), 5);
     assert!(path.join("scan-0-positions.col").exists());
-    let moved = Manifest { inputs: vec![InputFile { path: "/a.obj".into(), bytes: 1 }], ..manifest() };
+    let moved = Manifest {
+        inputs: vec![InputFile { path: "/a.obj".into(), leads_to: "/a.obj".into(), bytes: 1 }],
+        ..manifest()
+    };
     let job = WorkFolder::open(&path, &moved, Resume::Again).unwrap();
     assert!(!job.is_resumed() && !path.join("scan-0-positions.col").exists());
 }

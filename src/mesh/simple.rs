@@ -10,7 +10,7 @@ type Point = [f64; 2];
 /// few corners.
 ///
 /// Takes the square of the corners at most, of which a polygon has
-/// [few hundred](crate::store::face::POLYGON_CORNERS_MAX).
+/// [a few hundred](crate::store::face::POLYGON_CORNERS_MAX).
 pub fn is_simple(outline: &[Point]) -> bool {
     let ids = numbered(outline);
     let edges = edges(&ids);

@@ -90,8 +90,15 @@ impl Reading<'_> {
         (input.catalogue.files, input.catalogue.folder) = (self.inputs.to_vec(), self.folder());
         let libraries = libraries_at(input.libraries.iter().map(|source| source.path.as_path()))?;
         let textures = self.textures(&input.catalogue)?;
-        let old = input.libraries.iter().chain(&input.textures);
-        for (old, new) in old.zip(libraries.iter().chain(&textures)) {
+        let mut all = Vec::new();
+        for (old, new) in [(&input.libraries, &libraries), (&input.textures, &textures)] {
+            let pairs = || old.iter().zip(new);
+            if old.len() != new.len() || pairs().any(|(old, new)| old.path != new.path) {
+                return Err(fingerprint::changed(self.path, "names libraries or textures in other places"));
+            }
+            all.extend(pairs());
+        }
+        for (old, new) in all {
             if let Some(what) = old.difference(new) {
                 return Err(fingerprint::changed(&old.path, what));
             }

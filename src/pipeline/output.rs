@@ -115,6 +115,11 @@ struct Place {
 pub(super) fn check(output: &Path, job: u64, may_exist: bool) -> Result<()> {
     make_folders(folder_of(output))?;
     DurableFile::create_outside(output, job, 0).map(drop)?;
+    refuse_existing(output, may_exist)
+}
+
+/// Refuses to replace an OBJ that is there.
+pub(super) fn refuse_existing(output: &Path, may_exist: bool) -> Result<()> {
     if !may_exist && output.symlink_metadata().is_ok() {
         return Err(Error::Usage(format!("{}: exists already; --force replaces it", escape_path(output))));
     }
@@ -174,7 +179,7 @@ mod tests {
         for resume in [Resume::Auto, Resume::Never] {
             let folder = tempfile::tempdir().unwrap();
             let path = |name: &str| folder.path().join(name);
-            let manifest = crate::pipeline::manifest(&[], &SimplifyOptions::default()).unwrap();
+            let manifest = crate::pipeline::manifest(Path::new(""), &[], &SimplifyOptions::default()).unwrap();
             let open = |resume| WorkFolder::open(&path("work"), &manifest, resume).unwrap();
             let job = open(Resume::Auto);
             std::fs::create_dir_all(path("a/city_textures")).unwrap();

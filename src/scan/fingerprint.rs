@@ -1,10 +1,11 @@
 //! Fingerprints of what a result follows from, so that a job which goes on later can tell whether it has changed.
 //!
-//! In: OBJ files, material libraries, textures. Out: hashes of their contents; dates and places do not count. An OBJ is hashed
+//! In: OBJ files, material libraries, textures. Out: hashes of their contents; dates do not count, and of places only those of libraries, beside which
+//! their textures lie. An OBJ is hashed
 //! chunk by chunk, as the scan does on its way.
 //!
 //! # Memory
-//! A chunk for each thread.
+//! A chunk for each thread, and the path of each file beside the OBJ.
 
 use std::collections::HashMap;
 use std::fs::{self, File};
@@ -60,7 +61,8 @@ impl Source {
     pub fn library(path: &Path, known: &Contents) -> Result<Self> {
         let canonical = fs::canonicalize(path);
         let place = canonical.as_ref().map_or(0, |path| xxh3_64(path.as_os_str().as_encoded_bytes()));
-        Ok(Self { place, ..Self::new(path, canonical.and_then(|path| known.of(path)))? })
+        let source = Self::new(path, canonical.and_then(|path| known.of(path)))?;
+        Ok(Self { place: if source.content.is_some() { place } else { 0 }, ..source })
     }
 
     /// The same of a texture, which must not lie outside of a folder, not by a link either: then it counts as missing.

@@ -84,7 +84,8 @@ const TEXTURE_OPTIONS: &[(&str, usize, bool)] = &[
 ];
 
 /// Defines the materials of an OBJ file from its libraries: `libraries` are the lines and texts of its `mtllib`
-/// statements, `materials` the whole catalogue's. Returns the files that the statements name or may be taken to name, there or not.
+/// statements, `materials` the whole catalogue's. Returns the files that the statements name or may be taken to name, there
+/// or not.
 ///
 /// # Errors
 /// [`Error::Io`] if a library is there but cannot be read, [`Error::Budget`] if what is kept of it takes too much memory.
