@@ -341,7 +341,7 @@ fn what_is_cut_off_a_journal_is_told() {
     let journal = File::options().write(true).open(path.join(JOURNAL)).unwrap();
     journal.set_len(journal.metadata().unwrap().len() - 3).unwrap();
     let job = open(&path, Resume::Auto).unwrap();
-    assert!(job.take_damage()[0].contains("bytes are not whole"));
+    assert!(job.take_damage()[0].contains("cut short"));
     drop(job);
     fs::remove_file(path.join(JOURNAL)).unwrap();
     let job = open(&path, Resume::Auto).unwrap();
