@@ -112,7 +112,7 @@ pub fn settle_in_order<T: Send, P: Send, R: Send>(
         if is_working && settlers > 0 {
             settling.store(at_least_one((0..settlers).map(settle_beside)).is_ok(), Ordering::Relaxed);
         }
-        is_working = (1..threads).fold(is_working, |any, worker| work_beside(worker).is_ok() || any);
+        is_working |= at_least_one((1..threads).map(work_beside)).is_ok();
         drop((pending_sender, pending, result_sender));
         if !is_working {
             return alone(&mut *items.lock().unwrap_or_else(|poisoned| poisoned.into_inner()), work, settle, commit);

@@ -18,6 +18,7 @@
 
 pub mod codec;
 mod finished;
+mod foreign;
 pub mod header;
 mod journal;
 mod lock;
@@ -38,11 +39,12 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use self::finished::{Finished, append, sync};
+use self::foreign::{entries, is_phase_file, refuse_foreign};
 pub use self::header::FORMAT_VERSION;
-use self::header::{HEADER_BYTES, Header};
+use self::header::HEADER_BYTES;
 pub use self::journal::{Entry, Record, Step};
 use self::journal::{Journal, Value, now};
-use self::lock::{is_locked, lock_folder};
+use self::lock::lock_folder;
 pub use self::manifest::{InputFile, Manifest};
 use self::stamp::Condition;
 pub use self::stamp::is_file_name;
@@ -55,9 +57,6 @@ use crate::os::durable::{new_job_number, no_links, sync_folder};
 const MANIFEST: &str = "manifest.bin";
 const JOURNAL: &str = "journal.bin";
 const LOCK: &str = "lock";
-/// Names of all other files begin and end so.
-const PREFIXES: [&str; 4] = ["scan-", "pass-", "write-", "measure-"];
-const SUFFIXES: [&str; 8] = [".col", ".plc", ".blk", ".scatter", ".piece", ".bin", ".state", ".tmp"];
 
 /// What to do with a work folder that holds a job already.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -552,50 +551,6 @@ fn read_value(path: &Path) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     file.read_to_end(&mut bytes).map_err(wrap)?;
     Ok(bytes)
-}
-
-fn entries(folder: &Path) -> Result<Vec<fs::DirEntry>> {
-    fs::read_dir(folder).and_then(Iterator::collect).map_err(|e| Error::io(folder, "read", e))
-}
-
-fn is_phase_file(name: &str) -> bool {
-    PREFIXES.iter().any(|prefix| name.starts_with(prefix)) && SUFFIXES.iter().any(|suffix| name.ends_with(suffix))
-}
-
-/// Refuses a folder that holds a file which this program does not write, or that no job of it has made.
-fn refuse_foreign(path: &Path) -> Result<()> {
-    if !path.is_dir() {
-        return Err(Error::Usage(format!("{}: the work folder is not a folder", escape_path(path))));
-    }
-    let is_job = [MANIFEST, JOURNAL].iter().any(|name| Header::is_at(&path.join(name)));
-    for entry in entries(path)? {
-        let name = entry.file_name();
-        let name = name.to_string_lossy();
-        let is_own = match &*name {
-            LOCK => entry.metadata().is_ok_and(|meta| meta.len() == 0),
-            // Left by a process that had just begun, with zeros in it after a power cut.
-            "manifest.bin.tmp" => is_job || Header::is_at(&entry.path()) || is_all_zero(&entry.path()),
-            name => is_job && ([MANIFEST, JOURNAL, "journal.bin.tmp"].contains(&name) || is_phase_file(name)),
-        };
-        if !(is_own && entry.file_type().is_ok_and(|kind| kind.is_file())) {
-            // A job that begins or ends there just now, whose files come and go.
-            if is_locked(path) {
-                return Err(Error::Locked(path.to_owned()));
-            }
-            let message = format!("{}: holds files of others; give an empty or a new work folder", escape_path(path));
-            return Err(Error::Usage(message));
-        }
-    }
-    Ok(())
-}
-
-/// Whether a file is empty, or holds zeros only and no more than a manifest may.
-fn is_all_zero(path: &Path) -> bool {
-    let mut bytes = Vec::new();
-    let mut options = File::options();
-    let file = no_links(options.read(true)).open(path);
-    let read = file.and_then(|file| file.take(manifest::MANIFEST_BYTES_MAX).read_to_end(&mut bytes));
-    read.is_ok() && bytes.iter().all(|byte| *byte == 0)
 }
 
 #[cfg(test)]

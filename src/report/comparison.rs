@@ -11,6 +11,7 @@ use crate::base::error::escape_path;
 use crate::base::{Error, Findings, Result, bytes};
 use crate::measure::compare::cells::MeasuredMesh;
 use crate::measure::compare::{Comparison, Distances, Geometry, Onlooker, Place, Quality, Seams, Texture, Topology};
+use crate::os::durable::new_job_number;
 
 /// Places of the largest distances that are shown.
 const SHOWN_PLACES: usize = 5;
@@ -89,7 +90,7 @@ impl ComparisonPage {
                 section { h2 { "Warnings" } ul { @for warning in &warnings { li { (warning) } } } }
             }
         };
-        save_text(&figures::page(&title, &body, ""), path, crate::os::durable::new_job_number(path))
+        save_text(&figures::page(&title, &body, ""), path, new_job_number(path))
     }
 }
 
