@@ -1,6 +1,8 @@
 //! The phases in order: scan, partition and simplify in passes, write.
 
 #[cfg(test)]
+mod forged;
+#[cfg(test)]
 mod hostile;
 mod input;
 mod need;

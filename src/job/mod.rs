@@ -304,6 +304,19 @@ impl WorkFolder {
     /// # Errors
     /// [`Error::Damaged`] under [`Resume::Require`] if they are not; else if they cannot be read.
     pub fn recall<T: DeserializeOwned>(&self, step: Step) -> Result<Option<T>> {
+        self.recall_if(step, |_| true)
+    }
+
+    /// The same for a value that chooses places in memory or in files: one that is not sound, though its checksum matches,
+    /// counts as damaged.
+    ///
+    /// # Errors
+    /// As [`recall`](WorkFolder::recall).
+    pub fn recall_if<T: DeserializeOwned>(
+        &self,
+        step: Step,
+        is_sound: impl FnOnce(&mut T) -> bool,
+    ) -> Result<Option<T>> {
         if lock(&self.made_anew).is_some_and(|made| step.follows(made)) {
             return Ok(None);
         }
@@ -324,7 +337,11 @@ impl WorkFolder {
             Value::Here(bytes) => codec::decode(bytes),
             Value::InFile(stamp) => codec::decode(&read_value(&self.path.join(stamp.name()))?),
         };
-        match decoded {
+        let sound = decoded.and_then(|mut value| match is_sound(&mut value) {
+            true => Ok(value),
+            false => Err("what it says contradicts itself".into()),
+        });
+        match sound {
             Ok(value) => Ok(Some(value)),
             Err(message) => self.damaged(&step.file_name(), message),
         }

@@ -378,3 +378,19 @@ fn nobody_misses_files_of_a_job_that_was_done() {
     assert_eq!(job.recall::<Vec<u32>>(Step::Scan).unwrap(), None);
     assert!(job.take_damage().is_empty());
 }
+
+impl WorkFolder {
+    /// The bytes of the value of a step that was recalled, if they are still there.
+    pub(crate) fn value_of(&self, step: Step) -> Option<Vec<u8>> {
+        match &self.recalled.get(&step)?.value {
+            Value::Here(bytes) => Some(bytes.clone()),
+            Value::InFile(stamp) => read_value(&self.path.join(stamp.name())).ok(),
+        }
+    }
+
+    /// Gives a step that was recalled another value, checksums and all, as somebody would who means harm.
+    pub(crate) fn forge(&self, step: Step, value: Vec<u8>) {
+        let record = Record { value: Value::Here(value), ..self.recalled[&step].clone() };
+        append(&self.journal, &Entry::Kept(record)).unwrap();
+    }
+}

@@ -56,6 +56,19 @@ pub struct ClusterMesh {
 }
 
 impl ClusterMesh {
+    /// Whether its ids name what is there, for a mesh without dead faces or linked wedges that was read back.
+    pub fn is_sound(&self) -> bool {
+        let (vertices, wedges, faces) = (self.positions.len(), self.wedge_vertex.len(), self.corners.len());
+        let vertex_of = |wedge: u32| self.wedge_vertex.get(wedge as usize).copied();
+        self.flags.len() == vertices
+            && self.wedge_uv.len() == wedges
+            && (self.wedge_next.is_empty() && self.wedge_moved.is_empty())
+            && [self.corner_vertices.len(), self.parts.len(), self.deviations.len(), self.is_turned.len()] == [faces; 4]
+            && self.face_count == faces
+            && self.wedge_vertex.iter().all(|&vertex| (vertex as usize) < vertices)
+            && self.corners.iter().zip(&self.corner_vertices).all(|(c, v)| c.map(vertex_of) == v.map(Some))
+    }
+
     /// Vertices of a face's corners; the face must not be dead.
     #[inline]
     pub fn vertices(&self, face: u32) -> [u32; 3] {
@@ -291,5 +304,28 @@ mod tests {
         }
         mesh.unlink_unused_wedges();
         assert_eq!(mesh.wedge_next[seam_vertex as usize], seam_vertex);
+    }
+
+    #[test]
+    fn a_mesh_that_names_what_is_not_there_is_not_sound() {
+        let mut whole = samples::grid(2, 0.0);
+        (whole.wedge_next, whole.wedge_moved) = (Vec::new(), Vec::new());
+        assert!(whole.is_sound() && ClusterMesh::default().is_sound());
+        let changes: [fn(&mut ClusterMesh); 9] = [
+            |mesh| mesh.corners[3][1] = 9,
+            |mesh| mesh.corner_vertices[3][1] += 1,
+            |mesh| mesh.wedge_vertex[8] = 9,
+            |mesh| mesh.flags.truncate(8),
+            |mesh| mesh.wedge_uv.truncate(8),
+            |mesh| mesh.parts.truncate(7),
+            |mesh| mesh.deviations.push(0.0),
+            |mesh| mesh.kill(0),
+            |mesh| mesh.link_wedges(),
+        ];
+        for (i, change) in changes.iter().enumerate() {
+            let mut changed = whole.clone();
+            change(&mut changed);
+            assert!(!changed.is_sound(), "change {i}");
+        }
     }
 }

@@ -73,6 +73,11 @@ impl TextureScale {
         Self { scales: vec![1.0; catalogue.materials.len() + 1] }
     }
 
+    /// Whether it has one for each material, for a value that was read back.
+    pub fn is_sound(&self, catalogue: &Catalogue) -> bool {
+        self.scales.len() == catalogue.materials.len() + 1
+    }
+
     /// The scale of a part's material.
     pub fn of(&self, catalogue: &Catalogue, part: u32) -> f64 {
         self.scales[material_index(catalogue, part)]

@@ -194,6 +194,25 @@ impl Partition {
         self.texcoords.iter_mut().for_each(|texcoords| texcoords.answers.locate(folder));
     }
 
+    /// Whether its tables and files fit each other and the files of the mesh that are still needed, for values that were
+    /// read back and located.
+    pub fn is_sound(&self, mesh: &StoredMesh) -> bool {
+        let (faces, numbering, count) = (&self.faces, &self.numbering, self.weights.len());
+        let weighs_no_more = |(cluster, weight): (usize, &Option<weight::ClusterWeight>)| {
+            let faces = self.face_count(cluster);
+            weight.is_none_or(|weight| weight.faces == faces && weight.vertices.max(weight.wedges) <= 3 * faces)
+        };
+        (!self.needs_texcoords_of_mesh() || mesh.has_sound_texcoords())
+            && faces.by_cell.is_sound()
+            && self.texcoords.iter().all(|texcoords| texcoords.answers.is_sound())
+            && numbering.is_sound()
+            && numbering.cell_count() == count
+            && faces.by_cell.cell_count() == count
+            && self.texcoords.iter().all(|texcoords| texcoords.answers.cell_count() == count)
+            && faces.shared.is_within(numbering.positions.len())
+            && self.weights.iter().enumerate().all(weighs_no_more)
+    }
+
     /// Its files.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
         let colours = self.numbering.colours.iter().map(Segment::path);
@@ -203,8 +222,12 @@ impl Partition {
 
     /// The files of the mesh that its clusters are still loaded from.
     pub fn files_of<'a>(&self, mesh: &'a StoredMesh) -> impl Iterator<Item = &'a Path> + use<'a> {
-        // What passes through reads them from the mesh even where they were brought.
-        let needs_texcoords = self.texcoords.is_none() || self.weights.iter().any(Option::is_none);
+        let needs_texcoords = self.needs_texcoords_of_mesh();
         mesh.texcoord_files().filter(move |_| needs_texcoords)
+    }
+
+    /// Whether texture coordinates are read from the mesh: what passes through does so even where they were brought.
+    fn needs_texcoords_of_mesh(&self) -> bool {
+        self.texcoords.is_none() || self.weights.iter().any(Option::is_none)
     }
 }

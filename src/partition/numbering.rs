@@ -68,6 +68,16 @@ impl Numbering {
         self.starts.len() - 1
     }
 
+    /// Whether the cells follow each other and the files hold so many vertices, for a value that was read back and located.
+    pub fn is_sound(&self) -> bool {
+        let count = self.positions.len();
+        self.positions.is_sound()
+            && self.colours.iter().all(|colours| colours.is_sound() && colours.len() == u64::from(count))
+            && self.starts.first() == Some(&0)
+            && self.starts.last() == Some(&count)
+            && self.starts.is_sorted()
+    }
+
     /// The cell of a vertex.
     #[inline]
     pub fn cell_of(&self, vertex: u32) -> u32 {

@@ -15,7 +15,7 @@ use crate::base::{Error, Result};
 use crate::job::header::{HEADER_BYTES, Header};
 use crate::os::durable::DurableFile;
 use crate::os::system::read_exact_at;
-use crate::store::column::file_name;
+use crate::store::column::{file_name, holds};
 use crate::store::face::{self, Face};
 use crate::store::packed::{self, Coordinates};
 use crate::store::varint::{self, VARINT_BYTES_MAX, unzigzag, zigzag};
@@ -375,6 +375,18 @@ impl<T: Record> Scatter<T> {
     /// Says in which folder the file lies, after the value was read back.
     pub fn locate(&mut self, folder: &Path) {
         self.path = folder.join(&self.path);
+    }
+
+    /// Number of cells.
+    pub fn cell_count(&self) -> usize {
+        self.extents.len()
+    }
+
+    /// Whether a file of this size is there, for a value that was read back and located.
+    pub fn is_sound(&self) -> bool {
+        let extents = || self.extents.iter().flatten();
+        extents().all(|extent| extent.records <= extent.bytes)
+            && holds(&self.path, extents().map(|extent| u64::from(extent.bytes)).sum())
     }
 
     /// Number of records of a cell.

@@ -46,6 +46,11 @@ impl Shared {
         })
     }
 
+    /// Whether all members are among the first `count` vertices.
+    pub fn is_within(&self, count: u32) -> bool {
+        self.members.max().is_none_or(|last| last < count)
+    }
+
     /// The members, ascending.
     pub fn iter(&self) -> impl Iterator<Item = u32> {
         self.members.iter()

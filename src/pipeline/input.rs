@@ -79,7 +79,11 @@ impl Reading<'_> {
     }
 
     fn recall(&self, job: &WorkFolder) -> Result<Option<(Input, Start)>> {
-        let Some(mut input) = job.recall::<Input>(Step::Input)? else { return Ok(None) };
+        let is_sound = |input: &mut Input| {
+            (input.catalogue.files, input.catalogue.folder) = (self.inputs.to_vec(), self.folder());
+            input.catalogue.is_sound()
+        };
+        let Some(input) = job.recall_if(Step::Input, is_sound)? else { return Ok(None) };
         self.progress.begin("compare", input.bytes, "B");
         let hashes = fingerprint::content_hashes(self.inputs, self.scan.threads, self.progress)?;
         for (path, (old, new)) in self.inputs.iter().zip(input.content_hashes.iter().zip(hashes)) {
@@ -87,7 +91,6 @@ impl Reading<'_> {
                 return Err(fingerprint::changed(path, "has changed"));
             }
         }
-        (input.catalogue.files, input.catalogue.folder) = (self.inputs.to_vec(), self.folder());
         let libraries = libraries_at(input.libraries.iter().map(|source| source.path.as_path()))?;
         let textures = self.textures(&input.catalogue)?;
         let mut all = Vec::new();
@@ -103,7 +106,7 @@ impl Reading<'_> {
                 return Err(fingerprint::changed(&old.path, what));
             }
         }
-        Ok(Start::recall(job)?.map(|start| (input, start)))
+        Ok(Start::recall(job, &input.catalogue)?.map(|start| (input, start)))
     }
 
     fn scan(&self, job: &WorkFolder) -> Result<(Input, Start)> {

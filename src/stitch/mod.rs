@@ -20,6 +20,7 @@
 //! is kept in the journal; files are removed as soon as what follows from them is kept.
 
 mod aim;
+mod kept;
 pub mod options;
 pub mod outcome;
 pub mod pass;

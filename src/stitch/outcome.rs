@@ -129,6 +129,15 @@ pub struct PassSeconds {
     pub stitch: Duration,
 }
 
+impl PassSeconds {
+    /// Whether a process can have measured them, so that more can be added.
+    pub(super) fn is_sound(&self) -> bool {
+        [self.partition, self.remesh, self.simplify, self.stitch]
+            .iter()
+            .all(|time| time.as_secs() <= u64::from(u32::MAX))
+    }
+}
+
 /// Sums over the clusters of a pass, stage by stage.
 #[derive(Debug, Default)]
 pub(super) struct StageSums {

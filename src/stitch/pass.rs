@@ -4,8 +4,7 @@ use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard};
 use std::time::Instant;
 
-use serde::{Deserialize, Serialize};
-
+use super::kept::{ClusterResult, Opening};
 use super::options::{Cost, PassOptions, SeamPolicy};
 use super::outcome::{Floor, PassOutcome, Passes, StageSums};
 use super::reconstruct::is_remeshed;
@@ -26,7 +25,7 @@ use crate::partition::weight::ClusterWeight;
 use crate::partition::{self, ClusterSource, Partition, PartitionOptions, cluster};
 use crate::remesh;
 use crate::render::ClusterMap;
-use crate::simplify::{Engine, Milestone};
+use crate::simplify::Engine;
 use crate::store::piece::PendingPiece;
 use crate::store::{Catalogue, StoredMesh, StoredPiece};
 
@@ -41,38 +40,6 @@ const CLUSTERS_PER_RELEASE: usize = 64;
 
 /// Memory of a cluster that passes through: a block of faces, their texture coordinates and the piece being written.
 pub(super) const PASS_BYTES: u64 = 16 << 20;
-
-/// What simplifying one cluster gave.
-#[derive(Default, Serialize, Deserialize)]
-pub(super) struct ClusterResult {
-    pieces: Vec<StoredPiece>,
-    passed_through: bool,
-    faces_in: u64,
-    pub(super) faces: u64,
-    cost: f32,
-    area: f64,
-    squared_error: f64,
-    milestones: Vec<Milestone>,
-    seam_vertices: u64,
-    degenerate: u64,
-    dropped_pieces: u64,
-    optimized: u64,
-    dropped_faces: u64,
-    floor: Floor,
-    pub(super) log: Vec<(f32, u8)>,
-    /// A patch for the sample of the next pass.
-    patch: Option<ClusterMesh>,
-}
-
-/// What a pass begins with.
-#[derive(Serialize, Deserialize)]
-struct Opening {
-    plan: Plan,
-    /// Whether the plan meets the target to the face.
-    is_exact: bool,
-    /// What is known of the texture, in all passes the same.
-    texture: TextureTraits,
-}
 
 /// A cluster that is simplified and perhaps not durable yet.
 struct Product {
@@ -231,7 +198,8 @@ impl<'a, M: Metric> Run<'a, M> {
     fn open_pass(&mut self, state: &mut PassState, partition: &Partition) -> Result<Opening> {
         let (pass, is_first) = (state.pass, self.turn(state.pass) == 0);
         let step = plan_step(pass, 0);
-        let kept = self.job.recall::<Opening>(step)?;
+        let is_sound = |opening: &mut Opening| opening.is_sound(partition.cluster_count(), self.catalogue);
+        let kept = self.job.recall_if(step, is_sound)?;
         if is_first {
             let texture = match &kept {
                 Some(opening) => opening.texture.clone(),
@@ -313,7 +281,7 @@ impl<'a, M: Metric> Run<'a, M> {
     /// Runs a pass by its plan, and once more if that overshot the target.
     fn run_plans(&self, mesh: &StoredMesh, partition: &Partition, pass: usize, plan: &Plan) -> Result<PassOutcome> {
         let again = plan_step(pass, 1);
-        let better = match self.job.recall(again)? {
+        let better = match self.job.recall_if(again, |plan: &mut Plan| plan.is_sound(partition.cluster_count()))? {
             Some(better) => better,
             None => {
                 let outcome = self.run_pass(mesh, partition, pass, plan, 0)?;
@@ -416,8 +384,11 @@ impl<'a, M: Metric> Run<'a, M> {
         let work = |cluster: usize| {
             self.progress.check_stopped()?;
             let step = step(cluster as u32);
-            if let Some(mut result) = self.job.recall::<ClusterResult>(step)? {
-                result.pieces.iter_mut().for_each(|piece| piece.locate(self.job.path()));
+            let is_sound = |kept: &mut ClusterResult| {
+                kept.pieces.iter_mut().for_each(|piece| piece.locate(self.job.path()));
+                kept.is_sound(partition.face_count(cluster))
+            };
+            if let Some(result) = self.job.recall_if(step, is_sound)? {
                 return Ok(Product { cluster, result, pending: None, is_kept: true });
             }
             let _permit = self.permits.take(self.cluster_bytes(partition, cluster));

@@ -77,11 +77,12 @@ impl<M: Metric> Run<'_, M> {
             self.progress.check_stopped()?;
             let step = Step::Cluster { pass: pass as u32, attempt: 0, cluster: cluster as u32 };
             let faces = partition.face_count(cluster);
-            let remeshed = match self.job.recall::<Remeshed>(step)? {
-                Some(mut remeshed) => {
-                    remeshed.pieces.iter_mut().for_each(|piece| piece.locate(self.job.path()));
-                    remeshed
-                }
+            let is_sound = |kept: &mut Remeshed| {
+                kept.pieces.iter_mut().for_each(|piece| piece.locate(self.job.path()));
+                kept.pieces.iter().all(StoredPiece::is_sound)
+            };
+            let remeshed = match self.job.recall_if(step, is_sound)? {
+                Some(remeshed) => remeshed,
                 None => {
                     let _permit = self.permits.take(remesh_bytes(partition, cluster));
                     let remeshed = self.remesh_cluster(settings, &frame, &state.mesh, partition, step, cluster)?;

@@ -12,7 +12,7 @@ use crate::cost::census::Census;
 use crate::job::{Step, WorkFolder};
 use crate::mesh::ClusterMesh;
 use crate::partition::Partition;
-use crate::store::StoredMesh;
+use crate::store::{Catalogue, StoredMesh};
 
 /// The passes so far.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -56,6 +56,17 @@ pub struct PassState {
 }
 
 impl PassState {
+    /// Whether it can be the state of a job whose next pass is this one; of its mesh nothing is asked.
+    fn is_sound(&self, pass: u32, catalogue: &Catalogue) -> bool {
+        let pass = pass as usize;
+        self.pass == pass
+            && self.remeshed.len() <= pass
+            && self.stuck as usize <= pass
+            && self.seconds.is_sound()
+            && self.texture.iter().all(|texture| texture.scale.is_sound(catalogue))
+            && self.sample.is_sound()
+    }
+
     /// Takes the outcome of a pass.
     pub(super) fn take(&mut self, mut outcome: PassOutcome) {
         outcome.report.stages = outcome.stages.reports(self.squared_error);
@@ -99,21 +110,38 @@ impl Start {
     ///
     /// # Errors
     /// Those of [`WorkFolder::recall`].
-    pub fn recall(job: &WorkFolder) -> Result<Option<Self>> {
+    pub fn recall(job: &WorkFolder, catalogue: &Catalogue) -> Result<Option<Self>> {
+        let folder = job.path();
         for step in job.latest() {
             let found = match step {
-                Step::Cut { .. } => job.recall(step)?.map(|(state, partition)| (state, Some(partition))),
-                Step::Pass { .. } => job.recall(step)?.map(|state| (state, None)),
+                Step::Cut { pass } => {
+                    let is_sound = |(state, partition): &mut (PassState, Partition)| {
+                        state.mesh.locate(folder);
+                        partition.locate(folder);
+                        // Of the mesh's files only those are left that the clusters need.
+                        state.is_sound(pass, catalogue) && partition.is_sound(&state.mesh)
+                    };
+                    job.recall_if(step, is_sound)?.map(|(state, partition)| (state, Some(partition)))
+                }
+                Step::Pass { pass } => {
+                    let is_sound = |state: &mut PassState| {
+                        state.mesh.locate(folder);
+                        state.is_sound(pass.saturating_add(1), catalogue) && state.mesh.is_sound()
+                    };
+                    job.recall_if(step, is_sound)?.map(|state| (state, None))
+                }
                 Step::Scan => {
-                    let begun = |mesh| (PassState { mesh, ..PassState::default() }, None);
-                    job.recall(step)?.map(begun)
+                    let is_sound = |mesh: &mut StoredMesh| {
+                        mesh.locate(folder);
+                        mesh.is_sound()
+                    };
+                    job.recall_if(step, is_sound)?.map(|mesh| (PassState { mesh, ..PassState::default() }, None))
                 }
                 _ => None,
             };
-            let Some((mut state, mut partition)): Option<(PassState, Option<Partition>)> = found else { continue };
-            state.mesh.locate(job.path());
-            partition.iter_mut().for_each(|partition| partition.locate(job.path()));
-            return Ok(Some(Self { state, partition }));
+            if let Some((state, partition)) = found {
+                return Ok(Some(Self { state, partition }));
+            }
         }
         Ok(None)
     }

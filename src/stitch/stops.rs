@@ -34,6 +34,14 @@ impl Plan {
             _ => None,
         }
     }
+
+    /// Whether it says how each of so many clusters stops, for a value that was read back.
+    pub(super) fn is_sound(&self, cluster_count: usize) -> bool {
+        match self {
+            Plan::Trim(_, keep) => keep.len() == cluster_count,
+            _ => true,
+        }
+    }
 }
 
 /// Runs the stages of a plan; returns the highest cost of the last stage that did anything. In a trial every collapse of

@@ -121,6 +121,12 @@ impl<T: Pod> Segment<T> {
         self.path = folder.join(&self.path).into();
     }
 
+    /// Whether a file of this size is there, for a value that was read back and located.
+    pub fn is_sound(&self) -> bool {
+        let bytes = self.count.checked_mul(size_of::<T>() as u64);
+        bytes.and_then(|bytes| bytes.checked_add(self.offset_bytes)).is_some_and(|end| holds(&self.path, end))
+    }
+
     /// Maps a range of the records; its pages leave memory on drop.
     ///
     /// # Errors
@@ -147,6 +153,11 @@ impl<T: Pod> Segment<T> {
         let (count, step) = (self.count, records.max(1));
         (0..count.div_ceil(step)).map(move |i| i * step..((i + 1) * step).min(count))
     }
+}
+
+/// Whether a file has so many bytes: what is allocated for records that somebody claims to be there follows from it.
+pub fn holds(path: &Path, bytes: u64) -> bool {
+    path.metadata().is_ok_and(|file| file.len() >= bytes)
 }
 
 /// A path as its file name alone, since a work folder may be moved.

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::Xxh3;
 
-use super::column::file_name;
+use super::column::{file_name, holds};
 use super::face::{BLOCK_FACES, FACE_BYTES_MAX, Face, FaceBlock, encode_block};
 use crate::base::{Error, Result};
 use crate::job::header::{HEADER_BYTES, Header};
@@ -48,6 +48,14 @@ impl FaceBlocks {
     /// Says in which folder the file lies, after the value was read back.
     pub fn locate(&mut self, folder: &Path) {
         self.path = folder.join(&self.path).into();
+    }
+
+    /// Whether its blocks add up and a file of their size is there, for a value that was read back and located.
+    pub fn is_sound(&self) -> bool {
+        let sum = |of: fn(&FaceBlock) -> u32| self.blocks.iter().map(|block| u64::from(of(block))).sum::<u64>();
+        self.blocks.iter().all(|block| block.faces <= block.bytes)
+            && sum(|block| block.faces) == self.count
+            && holds(&self.path, sum(|block| block.bytes))
     }
 
     /// Where the blocks lie, in order.

@@ -49,6 +49,20 @@ impl StoredPiece {
         self.faces.locate(folder);
     }
 
+    /// Whether what it says of its files can be, for a value that was read back and located.
+    pub fn is_sound(&self) -> bool {
+        self.positions.len() <= ID_LIMIT
+            && self.positions.is_sound()
+            && self.has_sound_texcoords()
+            && self.faces.is_sound()
+            && self.colours.iter().all(|colours| colours.is_sound() && colours.len() == self.positions.len())
+    }
+
+    /// The same of its texture coordinates alone.
+    fn has_sound_texcoords(&self) -> bool {
+        self.texcoords.len() <= ID_LIMIT && self.texcoords.is_sound()
+    }
+
     /// Its files, some of them more than once.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
         let colours = self.colours.iter().map(Segment::path);
@@ -98,6 +112,18 @@ impl StoredMesh {
         self.shared_positions.iter_mut().for_each(|segment| segment.locate(folder));
         self.shared_colours.iter_mut().for_each(|segment| segment.locate(folder));
         self.pieces.iter_mut().for_each(|piece| piece.locate(folder));
+    }
+
+    /// Whether what it says of its files can be, for a value that was read back and located.
+    pub fn is_sound(&self) -> bool {
+        self.shared_positions.iter().all(|positions| positions.is_sound() && positions.len() <= ID_LIMIT)
+            && self.shared_colours.iter().all(|colours| colours.is_sound() && colours.len() == self.shared_count())
+            && self.pieces.iter().all(StoredPiece::is_sound)
+    }
+
+    /// The same of its texture coordinates alone.
+    pub fn has_sound_texcoords(&self) -> bool {
+        self.pieces.iter().all(StoredPiece::has_sound_texcoords)
     }
 
     /// All files, some of them more than once.
@@ -283,5 +309,16 @@ impl Catalogue {
         let materials = self.materials.iter().map(Material::bytes);
         let definitions = self.materials.iter().filter_map(|material| Some(material.definition.as_ref()?.bytes()));
         self.parts.len() as u64 * Part::BYTES + names.chain(materials).chain(definitions).sum::<u64>()
+    }
+
+    /// Whether its parts name what is there, for a value that was read back.
+    pub fn is_sound(&self) -> bool {
+        let names = |index: Option<u32>, count: usize| index.is_none_or(|index| (index as usize) < count);
+        self.parts.iter().all(|part| {
+            (part.file as usize) < self.files.len()
+                && names(part.object, self.names.len())
+                && names(part.group, self.names.len())
+                && names(part.material, self.materials.len())
+        })
     }
 }

@@ -24,7 +24,7 @@ use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
-use super::column::file_name;
+use super::column::{file_name, holds};
 use super::decimal;
 use super::varint::{self, VARINT_BYTES_MAX, unzigzag, zigzag};
 use crate::base::{Error, Result};
@@ -372,6 +372,20 @@ impl<T: Coordinates> PackedColumn<T> {
     /// Says in which folder the file lies, after the value was read back.
     pub fn locate(&mut self, folder: &Path) {
         self.path = folder.join(&self.path).into();
+    }
+
+    /// Whether its blocks follow each other and a file of their size is there, for a value that was read back and located.
+    pub fn is_sound(&self) -> bool {
+        let ends = self.blocks.iter().skip(1).map(|block| block.first).chain([self.count]);
+        let holds_its_own = |(block, end): (&Block, u64)| {
+            let records = end.checked_sub(block.first);
+            records.is_some_and(|records| {
+                (1..=BLOCK_RECORDS as u64).contains(&records) && records <= u64::from(block.bytes)
+            })
+        };
+        self.blocks.first().map_or(self.count == 0, |first| first.first == 0)
+            && self.blocks.iter().zip(ends).all(holds_its_own)
+            && holds(&self.path, self.bytes())
     }
 
     /// A range of the records.

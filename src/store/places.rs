@@ -19,7 +19,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::Xxh3;
 
-use super::column::file_name;
+use super::column::{file_name, holds};
 use super::decimal;
 use crate::base::{Error, Result};
 use crate::job::header::{HEADER_BYTES, Header};
@@ -92,6 +92,14 @@ impl Run {
             return raw;
         }
         Self { record_bytes, decimals: decimals as u8, bits: [bits[0], bits[1]], least, ..raw }
+    }
+
+    /// Whether x and y fit a record.
+    fn is_sound(&self) -> bool {
+        let bytes = self.record_bytes;
+        let [bx, by] = self.bits.map(u32::from);
+        bytes == RAW_BYTES
+            || (1..=COUNTED_BYTES_MAX as u8).contains(&bytes) && bx + by <= 8 * u32::from(bytes) && bx.max(by) <= 64
     }
 
     /// The record at an index of mapped bytes that hold it and [`COUNTED_BYTES_MAX`] more.
@@ -200,6 +208,18 @@ impl Places {
     /// Says in which folder the file lies, after the value was read back.
     pub fn locate(&mut self, folder: &Path) {
         self.path = folder.join(&self.path);
+    }
+
+    /// Whether its runs follow each other and a file of their size is there, for a value that was read back and located.
+    pub fn is_sound(&self) -> bool {
+        let ends = self.runs.iter().skip(1).map(|run| run.first).chain([self.count]);
+        let bytes_of = |(run, end): (&Run, u32)| {
+            let is_sound = run.is_sound() && run.first < end;
+            is_sound.then(|| u64::from(end - run.first) * u64::from(run.record_bytes))
+        };
+        let bytes: Option<u64> = self.runs.iter().zip(ends).map(bytes_of).sum();
+        self.runs.first().map_or(self.count == 0, |first| first.first == 0)
+            && bytes.is_some_and(|bytes| holds(&self.path, bytes))
     }
 
     /// Positions at ascending ids.

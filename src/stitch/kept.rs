@@ -1,0 +1,59 @@
+//! What a pass keeps of its beginning and of each cluster, so that a later process need not find it out again.
+
+use serde::{Deserialize, Serialize};
+
+use super::outcome::Floor;
+use super::scale::TextureTraits;
+use super::stops::Plan;
+use crate::mesh::ClusterMesh;
+use crate::simplify::Milestone;
+use crate::store::{Catalogue, StoredPiece};
+
+/// What a pass begins with.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Opening {
+    pub(super) plan: Plan,
+    /// Whether the plan meets the target to the face.
+    pub(super) is_exact: bool,
+    /// What is known of the texture, in all passes the same.
+    pub(super) texture: TextureTraits,
+}
+
+impl Opening {
+    /// Whether it is one of a pass over so many clusters.
+    pub(super) fn is_sound(&self, cluster_count: usize, catalogue: &Catalogue) -> bool {
+        self.plan.is_sound(cluster_count) && self.texture.scale.is_sound(catalogue)
+    }
+}
+
+/// What simplifying one cluster gave.
+#[derive(Default, Serialize, Deserialize)]
+pub(super) struct ClusterResult {
+    pub(super) pieces: Vec<StoredPiece>,
+    pub(super) passed_through: bool,
+    pub(super) faces_in: u64,
+    pub(super) faces: u64,
+    pub(super) cost: f32,
+    pub(super) area: f64,
+    pub(super) squared_error: f64,
+    pub(super) milestones: Vec<Milestone>,
+    pub(super) seam_vertices: u64,
+    pub(super) degenerate: u64,
+    pub(super) dropped_pieces: u64,
+    pub(super) optimized: u64,
+    pub(super) dropped_faces: u64,
+    pub(super) floor: Floor,
+    pub(super) log: Vec<(f32, u8)>,
+    /// A patch for the sample of the next pass.
+    pub(super) patch: Option<ClusterMesh>,
+}
+
+impl ClusterResult {
+    /// Whether it can be that of a cluster of so many faces, once its pieces are located.
+    pub(super) fn is_sound(&self, faces: u64) -> bool {
+        let milestones = self.milestones.iter().map(|milestone| milestone.faces as u64);
+        milestones.chain([self.faces_in, self.faces]).all(|count| count <= faces)
+            && self.pieces.iter().all(StoredPiece::is_sound)
+            && self.patch.iter().all(ClusterMesh::is_sound)
+    }
+}
