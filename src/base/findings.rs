@@ -65,7 +65,7 @@ impl Findings {
         self.iter()
             .filter(|(_, finding)| !finding.places.is_empty())
             .map(|(kind, finding)| {
-                let rest = finding.count - finding.places.len() as u64;
+                let rest = finding.count.saturating_sub(finding.places.len() as u64);
                 let more = if rest > 0 { format!("; and {rest} more") } else { String::new() };
                 format!("{}: {}{more}", kind.replace('_', " "), finding.places.join("; "))
             })

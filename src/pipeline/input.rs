@@ -81,7 +81,7 @@ impl Reading<'_> {
     fn recall(&self, job: &WorkFolder) -> Result<Option<(Input, Start)>> {
         let is_sound = |input: &mut Input| {
             (input.catalogue.files, input.catalogue.folder) = (self.inputs.to_vec(), self.folder());
-            input.catalogue.is_sound()
+            input.catalogue.is_sound() && input.need.is_sound()
         };
         let Some(input) = job.recall_if(Step::Input, is_sound)? else { return Ok(None) };
         self.progress.begin("compare", input.bytes, "B");
