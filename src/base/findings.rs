@@ -60,6 +60,12 @@ impl Findings {
         self.kinds.iter().map(|(kind, finding)| (kind.as_ref(), finding))
     }
 
+    /// Whether all words are such as are noted, without control characters, for a value that was read back.
+    pub fn are_plain(&self) -> bool {
+        let words = self.iter().flat_map(|(kind, finding)| finding.places.iter().map(String::as_str).chain([kind]));
+        words.flat_map(str::chars).all(|c| !c.is_control())
+    }
+
     /// One line for each kind that has words: `degenerate_faces: 12 (city.obj:7: …; …)`.
     pub fn warnings(&self) -> Vec<String> {
         self.iter()

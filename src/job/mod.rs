@@ -307,16 +307,12 @@ impl WorkFolder {
         self.recall_if(step, |_| true)
     }
 
-    /// The same for a value that chooses places in memory or in files: one that is not sound, though its checksum matches,
+    /// The same for a value that chooses places in memory or in files: one that `accept` refuses, though its checksum matches,
     /// counts as damaged.
     ///
     /// # Errors
     /// As [`recall`](WorkFolder::recall).
-    pub fn recall_if<T: DeserializeOwned>(
-        &self,
-        step: Step,
-        is_sound: impl FnOnce(&mut T) -> bool,
-    ) -> Result<Option<T>> {
+    pub fn recall_if<T: DeserializeOwned>(&self, step: Step, accept: impl FnOnce(&mut T) -> bool) -> Result<Option<T>> {
         if lock(&self.made_anew).is_some_and(|made| step.follows(made)) {
             return Ok(None);
         }
@@ -337,7 +333,7 @@ impl WorkFolder {
             Value::Here(bytes) => codec::decode(bytes),
             Value::InFile(stamp) => codec::decode(&read_value(&self.path.join(stamp.name()))?),
         };
-        let sound = decoded.and_then(|mut value| match is_sound(&mut value) {
+        let sound = decoded.and_then(|mut value| match accept(&mut value) {
             true => Ok(value),
             false => Err("what it says contradicts itself".into()),
         });

@@ -388,7 +388,8 @@ impl WorkFolder {
         }
     }
 
-    /// Gives a step that was recalled another value, checksums and all, as somebody would who means harm.
+    /// Gives a step that was recalled another value, checksums and all, as somebody would who means harm; it becomes the
+    /// latest step.
     pub(crate) fn forge(&self, step: Step, value: Vec<u8>) {
         let record = Record { value: Value::Here(value), ..self.recalled[&step].clone() };
         append(&self.journal, &Entry::Kept(record)).unwrap();

@@ -79,10 +79,11 @@ impl Job<'_> {
         let vertices = self.numbering.own + self.numbering.vertex_base;
         let texcoords = u64::from(self.numbering.texcoord_base) + self.piece.texcoords.len();
         for face in &mut faces {
+            let is_of_block = face.vertices.iter().all(|v| self.block.vertices.contains(v));
             *face = self.numbering.globalise(face);
             let is_missing = |&t: &u32| t != NO_TEXCOORD && u64::from(t) >= texcoords;
-            if face.vertices.iter().any(|&v| v >= vertices) || face.texcoords.iter().any(is_missing) {
-                let message = "a face names a vertex or texture coordinate that does not exist".to_owned();
+            if !is_of_block || face.vertices.iter().any(|&v| v >= vertices) || face.texcoords.iter().any(is_missing) {
+                let message = "a face names a vertex or texture coordinate that is not there".to_owned();
                 return Err(Error::Damaged { path: self.piece.faces.path().to_owned(), message });
             }
         }
@@ -367,5 +368,20 @@ mod tests {
         assert_eq!(corners.read(&job, 3).unwrap(), [[4, 5, 6]; 3]);
         write_all_at(&corners.file, &[7], 13).unwrap();
         assert!(matches!(corners.read(&job, 3), Err(Error::Damaged { .. })));
+    }
+
+    #[test]
+    fn a_face_that_its_block_does_not_name_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let faces = [Face { vertices: [0, 1, 2], texcoords: [NO_TEXCOORD; 3], ..Face::default() }; 3];
+        let path = folder.path().join("a.piece");
+        let piece = crate::store::piece::write_piece(&path, &[glam::DVec3::ZERO; 3], &[], None, &faces).unwrap();
+        let piece = piece.commit().unwrap();
+        let numbering = PieceNumbering { own: 3, vertex_base: 0, texcoord_base: 0 };
+        let whole = &piece.faces.blocks()[0];
+        let forged = FaceBlock { vertices: 0..2, ..whole.clone() };
+        let read = |block| Job { index: 0, piece: &piece, numbering, block, first: 0, window: None }.read();
+        assert_eq!(read(whole).unwrap(), faces);
+        assert!(matches!(read(&forged), Err(Error::Damaged { .. })));
     }
 }

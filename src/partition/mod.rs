@@ -194,13 +194,19 @@ impl Partition {
         self.texcoords.iter_mut().for_each(|texcoords| texcoords.answers.locate(folder));
     }
 
-    /// Whether its tables and files fit each other and the files of the mesh that are still needed, for values that were
-    /// read back and located.
-    pub fn is_sound(&self, mesh: &StoredMesh) -> bool {
+    /// Whether its tables and files fit each other, the files of the mesh that are still needed and clusters of about so many
+    /// faces, for values that were read back and located.
+    pub fn is_sound(&self, mesh: &StoredMesh, cluster_faces: u64) -> bool {
         let (faces, numbering, count) = (&self.faces, &self.numbering, self.weights.len());
-        let weighs_no_more = |(cluster, weight): (usize, &Option<weight::ClusterWeight>)| {
+        let limit = weight::limit_bytes(cluster_faces);
+        let can_be_loaded = |(cluster, weight): (usize, &Option<weight::ClusterWeight>)| {
             let faces = self.face_count(cluster);
-            weight.is_none_or(|weight| weight.faces == faces && weight.vertices.max(weight.wedges) <= 3 * faces)
+            let texcoords = self.texcoords.as_ref().map_or(0, |texcoords| texcoords.answers.len(cluster));
+            weight.is_none_or(|weight| {
+                weight.faces == faces
+                    && weight.vertices.max(weight.wedges).max(texcoords) <= 3 * faces
+                    && weight.bytes() <= limit
+            })
         };
         (!self.needs_texcoords_of_mesh() || mesh.has_sound_texcoords())
             && faces.by_cell.is_sound()
@@ -210,7 +216,7 @@ impl Partition {
             && faces.by_cell.cell_count() == count
             && self.texcoords.iter().all(|texcoords| texcoords.answers.cell_count() == count)
             && faces.shared.is_within(numbering.positions.len())
-            && self.weights.iter().enumerate().all(weighs_no_more)
+            && self.weights.iter().enumerate().all(can_be_loaded)
     }
 
     /// Its files.

@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3};
 use super::Partition;
 use crate::base::{Error, Result};
 use crate::mesh::polygon;
-use crate::store::face::repeats_vertex;
+use crate::store::face::{POLYGON_CORNERS_MAX, repeats_vertex};
 use crate::store::{Face, NO_TEXCOORD, Segment, StoredMesh};
 
 /// Vertices and texcoords that are mapped at once while gathering.
@@ -184,7 +184,7 @@ pub(super) fn triangulate_polygons(faces: &mut Vec<Face>, positions: &[DVec3]) -
     let (mut corners, mut outline, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
     let mut at = 0;
     while at < faces.len() {
-        let more = faces[at + 1..].iter().take_while(|face| face.continues_polygon).count();
+        let more = faces[at + 1..].iter().take(POLYGON_CORNERS_MAX).take_while(|face| face.continues_polygon).count();
         let fan = &faces[at..=at + more];
         at += more + 1;
         let first = fan[0];

@@ -308,6 +308,13 @@ struct Extent {
     checksum: u64,
 }
 
+impl Extent {
+    /// Whether one of this size is ever written.
+    fn is_sound(&self) -> bool {
+        self.bytes as usize <= EXTENT_BYTES_MAX && self.records as usize <= EXTENT_RECORDS_MAX
+    }
+}
+
 /// Records by cell.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(bound = "")]
@@ -339,7 +346,7 @@ impl<T: Record> Scatter<T> {
         let file = File::open(&self.path).map_err(|e| Error::io(&self.path, "open", e))?;
         let (mut bytes, mut records) = (Vec::new(), Vec::new());
         for extent in self.extents[cell].iter().step_by(step) {
-            if extent.bytes as usize > EXTENT_BYTES_MAX || extent.records as usize > EXTENT_RECORDS_MAX {
+            if !extent.is_sound() {
                 return Err(damaged(format!("an extent of {} records in {} bytes", extent.records, extent.bytes)));
             }
             bytes.resize(extent.bytes as usize, 0);
@@ -382,11 +389,11 @@ impl<T: Record> Scatter<T> {
         self.extents.len()
     }
 
-    /// Whether a file of this size is there, for a value that was read back and located.
+    /// Whether its extents are such as are written and lie in the file, for a value that was read back and located.
     pub fn is_sound(&self) -> bool {
         let extents = || self.extents.iter().flatten();
-        extents().all(|extent| extent.records <= extent.bytes)
-            && holds(&self.path, extents().map(|extent| u64::from(extent.bytes)).sum())
+        extents().all(|extent| extent.is_sound() && extent.records <= extent.bytes)
+            && holds(&self.path, extents().map(|extent| (extent.offset_bytes, u64::from(extent.bytes))))
     }
 
     /// Number of records of a cell.
@@ -430,5 +437,31 @@ mod tests {
         assert!(matches!(read(0), Err(Error::Damaged { .. })));
         assert!(matches!(read(1), Err(Error::Damaged { .. })));
         assert_eq!(found, (0..500).map(|i| [2 * i + 1, 2 * i + 2]).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn extents_beyond_the_file_or_larger_than_any_are_not_sound() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut writer = ScatterWriter::create(&folder.path().join("a.scatter"), 2).unwrap();
+        (0..1000u32).for_each(|i| writer.push(i % 2, [i, i + 1]).unwrap());
+        let mut scatter: Scatter<[u32; 2]> = writer.finish().unwrap();
+        assert!(scatter.is_sound());
+        let whole = scatter.extents.clone();
+        let changes: [fn(&mut Extent); 5] = [
+            |extent| extent.records = extent.bytes + 1,
+            |extent| extent.records = EXTENT_RECORDS_MAX as u32 + 1,
+            |extent| extent.bytes *= 1000,
+            |extent| extent.offset_bytes = u64::MAX,
+            |extent| extent.offset_bytes += 1 << 20,
+        ];
+        for change in changes {
+            change(&mut scatter.extents[1][0]);
+            assert!(!scatter.is_sound());
+            scatter.extents.clone_from(&whole);
+        }
+        // The same extent over and over is more than the file has.
+        let again = vec![whole[0][0]; 1000];
+        scatter.extents[0].extend(again);
+        assert!(!scatter.is_sound());
     }
 }

@@ -10,7 +10,7 @@ use std::time::SystemTime;
 
 use serde::{Deserialize, Serialize};
 
-use super::need::Need;
+use super::need::{COUNT_LIMIT, Need};
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Progress, Result};
 use crate::job::{Manifest, Step, WorkFolder, folder_bytes};
@@ -79,11 +79,14 @@ impl Reading<'_> {
     }
 
     fn recall(&self, job: &WorkFolder) -> Result<Option<(Input, Start)>> {
-        let is_sound = |input: &mut Input| {
+        let accept = |input: &mut Input| {
             (input.catalogue.files, input.catalogue.folder) = (self.inputs.to_vec(), self.folder());
-            input.catalogue.is_sound() && input.need.is_sound()
+            input.catalogue.is_sound()
+                && input.need.is_sound()
+                && input.triangles.max(input.bytes) < COUNT_LIMIT
+                && input.findings.are_plain()
         };
-        let Some(input) = job.recall_if(Step::Input, is_sound)? else { return Ok(None) };
+        let Some(input) = job.recall_if(Step::Input, accept)? else { return Ok(None) };
         self.progress.begin("compare", input.bytes, "B");
         let hashes = fingerprint::content_hashes(self.inputs, self.scan.threads, self.progress)?;
         for (path, (old, new)) in self.inputs.iter().zip(input.content_hashes.iter().zip(hashes)) {
@@ -106,7 +109,7 @@ impl Reading<'_> {
                 return Err(fingerprint::changed(&old.path, what));
             }
         }
-        Ok(Start::recall(job, &input.catalogue)?.map(|start| (input, start)))
+        Ok(Start::recall(job, &input.catalogue, self.options.cluster_faces)?.map(|start| (input, start)))
     }
 
     fn scan(&self, job: &WorkFolder) -> Result<(Input, Start)> {

@@ -16,14 +16,13 @@ use crate::options::SimplifyOptions;
 use crate::os::system;
 use crate::partition::weight::limit_bytes;
 use crate::plan::scratch::{self, FirstPass};
-use crate::store::mesh::ID_LIMIT;
 use crate::store::{Catalogue, PackedColumn, StoredMesh};
 
 /// Bits of a vertex in the set of shared ones, with its ranks.
 const VERTEX_BITS: u64 = 9;
 
 /// More faces, or bytes, than any mesh has.
-const COUNT_LIMIT: u64 = 1 << 48;
+pub(super) const COUNT_LIMIT: u64 = 1 << 48;
 
 /// What the mesh is made of.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
@@ -50,7 +49,7 @@ impl Need {
 
     /// Whether a mesh can be made of so much, for a value that was read back.
     pub(super) fn is_sound(&self) -> bool {
-        self.vertices <= ID_LIMIT && self.faces.max(self.position_bytes).max(self.label_bytes) < COUNT_LIMIT
+        [self.vertices, self.faces, self.position_bytes, self.label_bytes].iter().all(|count| *count < COUNT_LIMIT)
     }
 
     /// Memory that stays taken through all passes, in bytes.

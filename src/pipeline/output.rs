@@ -27,7 +27,8 @@ pub(super) enum Earlier {
 
 /// Looks for the result of an earlier process.
 pub(super) fn earlier(job: &WorkFolder, output: &Path) -> Result<Earlier> {
-    let Some(written) = job.recall::<Written>(Step::Written)? else { return Ok(Earlier::Nothing) };
+    let is_sound = |written: &mut Written| written.findings.are_plain();
+    let Some(written) = job.recall_if(Step::Written, is_sound)? else { return Ok(Earlier::Nothing) };
     let there = resolved(output);
     // The folder of textures may be a link.
     let folders = [folder_of(&there).to_owned(), resolved(&textures_folder(&there))];

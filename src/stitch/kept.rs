@@ -1,4 +1,5 @@
-//! What a pass keeps of its beginning and of each cluster, so that a later process need not find it out again.
+//! What a pass that collapses edges keeps of its beginning and of each cluster, so that a later process need not find it
+//! out again.
 
 use serde::{Deserialize, Serialize};
 

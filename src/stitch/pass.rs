@@ -14,7 +14,7 @@ use super::state::{PassState, Start};
 use super::stops::{Plan, run_plan};
 use super::trim::equal_shares;
 use crate::base::ordered::{Crew, both, map_in_order, settle_in_order};
-use crate::base::{Permits, Progress, Result, counted};
+use crate::base::{Error, Permits, Progress, Result, counted};
 use crate::cost::census::Census;
 use crate::cost::{ClassicCost, CurvatureCost, Metric, ObliqueCost, SharpnessCost, SurfaceCost, TerrainCost};
 use crate::job::{Step, WorkFolder, folder_bytes};
@@ -177,6 +177,10 @@ impl<'a, M: Metric> Run<'a, M> {
             self.progress.tell(&format!("pass {} is done: {}", pass + 1, counted(next_faces, "triangle")));
         }
         mmap::release_freed_memory();
+        if partition.is_some() {
+            let message = format!("no job has a pass {}", state.pass + 1);
+            return Err(Error::Damaged { path: self.job.path().to_owned(), message });
+        }
         state.findings.count("passed_through_faces", state.passed_through);
         Ok(Passes {
             faces: state.mesh.face_count(),
@@ -384,11 +388,11 @@ impl<'a, M: Metric> Run<'a, M> {
         let work = |cluster: usize| {
             self.progress.check_stopped()?;
             let step = step(cluster as u32);
-            let is_sound = |kept: &mut ClusterResult| {
+            let accept = |kept: &mut ClusterResult| {
                 kept.pieces.iter_mut().for_each(|piece| piece.locate(self.job.path()));
                 kept.is_sound(partition.face_count(cluster))
             };
-            if let Some(result) = self.job.recall_if(step, is_sound)? {
+            if let Some(result) = self.job.recall_if(step, accept)? {
                 return Ok(Product { cluster, result, pending: None, is_kept: true });
             }
             let _permit = self.permits.take(self.cluster_bytes(partition, cluster));

@@ -77,11 +77,11 @@ impl<M: Metric> Run<'_, M> {
             self.progress.check_stopped()?;
             let step = Step::Cluster { pass: pass as u32, attempt: 0, cluster: cluster as u32 };
             let faces = partition.face_count(cluster);
-            let is_sound = |kept: &mut Remeshed| {
+            let accept = |kept: &mut Remeshed| {
                 kept.pieces.iter_mut().for_each(|piece| piece.locate(self.job.path()));
                 kept.pieces.iter().all(StoredPiece::is_sound)
             };
-            let remeshed = match self.job.recall_if(step, is_sound)? {
+            let remeshed = match self.job.recall_if(step, accept)? {
                 Some(remeshed) => remeshed,
                 None => {
                     let _permit = self.permits.take(remesh_bytes(partition, cluster));

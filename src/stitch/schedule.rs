@@ -12,6 +12,11 @@ const LAST_STAGE_SHARE: f64 = 0.7;
 /// A last pass in many clusters aims this much above the target; the trim removes the rest.
 pub const TRIM_SHARE: f64 = 0.06;
 
+/// Stages of a pass, at most: what [`stage_shares`] makes of the smallest share.
+pub const STAGES_MAX: usize = 59;
+/// The smallest share of the faces that a pass goes for.
+const SHARE_MIN: f64 = 1e-9;
+
 /// Faces that pass `pass` (from 0) of `passes` aims at, on the way from `input` to `target` faces.
 ///
 /// 4 × → 2 × → 1 × of the target for three passes, but never more than an even share of the way.
@@ -25,7 +30,7 @@ pub fn pass_target(input: u64, target: u64, pass: usize, passes: usize) -> f64 {
 
 /// Shares of the faces to keep at the end of each stage of pass `pass` (from 0) of `passes`, the last one being `share`.
 pub fn stage_shares(share: f64, pass: usize, passes: usize) -> Vec<f64> {
-    let share = share.clamp(1e-9, 1.0);
+    let share = share.clamp(SHARE_MIN, 1.0);
     let stage_share = match pass {
         0 => FIRST_STAGE_SHARE,
         _ if pass + 1 < passes => MIDDLE_STAGE_SHARE,
@@ -38,6 +43,12 @@ pub fn stage_shares(share: f64, pass: usize, passes: usize) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_smallest_share_has_the_most_stages() {
+        assert_eq!(stage_shares(0.0, 2, 3).len(), STAGES_MAX);
+        assert!(stage_shares(0.0, 0, 1).len() < STAGES_MAX && stage_shares(0.0, 1, 3).len() < STAGES_MAX);
+    }
 
     #[test]
     fn three_passes_go_over_four_and_two_times_the_target() {

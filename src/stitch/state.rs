@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::outcome::{Floor, PassOutcome, PassReport, PassSeconds, RemeshReport};
 use super::scale::TextureTraits;
+use super::schedule::STAGES_MAX;
 use crate::base::{Findings, Result};
 use crate::cost::census::Census;
 use crate::job::{Step, WorkFolder};
@@ -63,6 +64,8 @@ impl PassState {
             && self.remeshed.len() <= pass
             && self.stuck as usize <= pass
             && self.seconds.is_sound()
+            && self.findings.are_plain()
+            && self.thresholds.iter().all(|thresholds| thresholds.len() <= STAGES_MAX)
             && self.texture.iter().all(|texture| texture.scale.is_sound(catalogue))
             && self.sample.is_sound()
     }
@@ -106,36 +109,39 @@ impl From<StoredMesh> for Start {
 }
 
 impl Start {
-    /// The latest state that an earlier process kept and that is whole, if there is one.
+    /// The latest state that an earlier process kept and that is whole, if there is one; clusters are to have about so many
+    /// faces.
     ///
     /// # Errors
     /// Those of [`WorkFolder::recall`].
-    pub fn recall(job: &WorkFolder, catalogue: &Catalogue) -> Result<Option<Self>> {
+    pub fn recall(job: &WorkFolder, catalogue: &Catalogue, cluster_faces: u64) -> Result<Option<Self>> {
         let folder = job.path();
         for step in job.latest() {
             let found = match step {
                 Step::Cut { pass } => {
-                    let is_sound = |(state, partition): &mut (PassState, Partition)| {
+                    let accept = |(state, partition): &mut (PassState, Partition)| {
                         state.mesh.locate(folder);
                         partition.locate(folder);
                         // Of the mesh's files only those are left that the clusters need.
-                        state.is_sound(pass, catalogue) && partition.is_sound(&state.mesh)
+                        !state.is_over
+                            && state.is_sound(pass, catalogue)
+                            && partition.is_sound(&state.mesh, cluster_faces)
                     };
-                    job.recall_if(step, is_sound)?.map(|(state, partition)| (state, Some(partition)))
+                    job.recall_if(step, accept)?.map(|(state, partition)| (state, Some(partition)))
                 }
                 Step::Pass { pass } => {
-                    let is_sound = |state: &mut PassState| {
+                    let accept = |state: &mut PassState| {
                         state.mesh.locate(folder);
                         state.is_sound(pass.saturating_add(1), catalogue) && state.mesh.is_sound()
                     };
-                    job.recall_if(step, is_sound)?.map(|state| (state, None))
+                    job.recall_if(step, accept)?.map(|state| (state, None))
                 }
                 Step::Scan => {
-                    let is_sound = |mesh: &mut StoredMesh| {
+                    let accept = |mesh: &mut StoredMesh| {
                         mesh.locate(folder);
                         mesh.is_sound()
                     };
-                    job.recall_if(step, is_sound)?.map(|mesh| (PassState { mesh, ..PassState::default() }, None))
+                    job.recall_if(step, accept)?.map(|mesh| (PassState { mesh, ..PassState::default() }, None))
                 }
                 _ => None,
             };

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::sample;
+use super::schedule::STAGES_MAX;
 use crate::cost::Metric;
 use crate::simplify::{Engine, Stop};
 
@@ -35,11 +36,13 @@ impl Plan {
         }
     }
 
-    /// Whether it says how each of so many clusters stops, for a value that was read back.
+    /// Whether it says how each of so many clusters stops, in no more stages than a pass has, for a value that was read back.
     pub(super) fn is_sound(&self, cluster_count: usize) -> bool {
         match self {
-            Plan::Trim(_, keep) => keep.len() == cluster_count,
-            _ => true,
+            Plan::Shares(shares) | Plan::Faces(shares, _) => shares.len() <= STAGES_MAX,
+            Plan::Costs(costs) => costs.len() <= STAGES_MAX,
+            Plan::Deviation(_) => true,
+            Plan::Trim(costs, keep) => costs.len() <= STAGES_MAX && keep.len() == cluster_count,
         }
     }
 }
@@ -84,5 +87,19 @@ fn run_bounded<M: Metric>(engine: &mut Engine<M>, most: f64) -> f32 {
         if (before - engine.mesh.face_count) as f64 <= before as f64 * BOUNDED_STAGE_SHARE {
             return highest;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plan_for_other_clusters_or_with_endless_stages_is_not_sound() {
+        assert!(Plan::Trim(vec![1.0], vec![7; 3]).is_sound(3));
+        assert!(!Plan::Trim(vec![1.0], vec![7; 3]).is_sound(4));
+        assert!(Plan::Costs(vec![1.0; STAGES_MAX]).is_sound(1));
+        assert!(!Plan::Costs(vec![1.0; STAGES_MAX + 1]).is_sound(1));
+        assert!(!Plan::Faces(vec![0.5; STAGES_MAX + 1], 7).is_sound(1));
     }
 }

@@ -4,6 +4,7 @@
 //! A writer holds its buffer, a reader the windows that are alive.
 
 use std::fs::File;
+use std::io::ErrorKind;
 use std::marker::PhantomData;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -124,7 +125,7 @@ impl<T: Pod> Segment<T> {
     /// Whether a file of this size is there, for a value that was read back and located.
     pub fn is_sound(&self) -> bool {
         let bytes = self.count.checked_mul(size_of::<T>() as u64);
-        bytes.and_then(|bytes| bytes.checked_add(self.offset_bytes)).is_some_and(|end| holds(&self.path, end))
+        bytes.is_some_and(|bytes| holds(&self.path, [(self.offset_bytes, bytes)]))
     }
 
     /// Maps a range of the records; its pages leave memory on drop.
@@ -141,9 +142,7 @@ impl<T: Pod> Segment<T> {
         let file = File::open(&self.path).map_err(|e| Error::io(&self.path, "open", e))?;
         let offset = self.offset_bytes + range.start * size_of::<T>() as u64;
         mmap::map_records(&file, offset, count).map_err(|e| match e.kind() {
-            std::io::ErrorKind::InvalidInput => {
-                Error::Damaged { path: self.path.to_path_buf(), message: e.to_string() }
-            }
+            ErrorKind::InvalidInput => Error::Damaged { path: self.path.to_path_buf(), message: e.to_string() },
             _ => Error::io(&self.path, "map", e),
         })
     }
@@ -155,9 +154,19 @@ impl<T: Pod> Segment<T> {
     }
 }
 
-/// Whether a file has so many bytes: what is allocated for records that somebody claims to be there follows from it.
-pub fn holds(path: &Path, bytes: u64) -> bool {
-    path.metadata().is_ok_and(|file| file.len() >= bytes)
+/// Whether a file has room for extents, each an offset and a length in bytes, side by side: what is allocated for records
+/// that somebody claims to be there follows from it. One that cannot be asked for its size is told when it is read.
+pub fn holds(path: &Path, extents: impl IntoIterator<Item = (u64, u64)>) -> bool {
+    let length = match path.metadata() {
+        Ok(file) => file.len(),
+        Err(error) => return error.kind() != ErrorKind::NotFound,
+    };
+    let mut left = length;
+    extents.into_iter().all(|(offset, bytes)| {
+        let fits = offset.checked_add(bytes).is_some_and(|end| end <= length) && bytes <= left;
+        left = left.saturating_sub(bytes);
+        fits
+    })
 }
 
 /// A path as its file name alone, since a work folder may be moved.

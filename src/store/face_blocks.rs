@@ -52,10 +52,9 @@ impl FaceBlocks {
 
     /// Whether its blocks add up and a file of their size is there, for a value that was read back and located.
     pub fn is_sound(&self) -> bool {
-        let sum = |of: fn(&FaceBlock) -> u32| self.blocks.iter().map(|block| u64::from(of(block))).sum::<u64>();
-        self.blocks.iter().all(|block| block.faces <= block.bytes)
-            && sum(|block| block.faces) == self.count
-            && holds(&self.path, sum(|block| block.bytes))
+        self.blocks.iter().all(|block| block.faces <= block.bytes && block.faces as usize <= BLOCK_FACES)
+            && self.blocks.iter().map(|block| u64::from(block.faces)).sum::<u64>() == self.count
+            && holds(&self.path, self.blocks.iter().map(|block| (block.offset_bytes, u64::from(block.bytes))))
     }
 
     /// Where the blocks lie, in order.
@@ -194,5 +193,26 @@ mod tests {
         let faces = writer.finish().unwrap();
         let counts: Vec<_> = faces.blocks().iter().map(|block| block.faces as usize).collect();
         assert_eq!(counts, [BLOCK_FACES - 1, BLOCK_FACES, 6]);
+    }
+
+    #[test]
+    fn blocks_that_do_not_add_up_or_pass_the_end_are_not_sound() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut writer = FaceWriter::create(&folder.path().join("f")).unwrap();
+        writer.append(&[Face { vertices: [0, 1, 2], ..Face::default() }; 100]).unwrap();
+        let whole = writer.finish().unwrap();
+        assert!(whole.is_sound());
+        let changes: [fn(&mut FaceBlocks); 5] = [
+            |faces| faces.count = 1 << 61,
+            |faces| faces.blocks.clear(),
+            |faces| faces.blocks[0].faces = 0,
+            |faces| faces.blocks[0].bytes += 1,
+            |faces| faces.blocks[0].offset_bytes = u64::MAX,
+        ];
+        for (i, change) in changes.iter().enumerate() {
+            let mut changed = whole.clone();
+            change(&mut changed);
+            assert!(!changed.is_sound(), "change {i}");
+        }
     }
 }

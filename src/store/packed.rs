@@ -385,7 +385,7 @@ impl<T: Coordinates> PackedColumn<T> {
         };
         self.blocks.first().map_or(self.count == 0, |first| first.first == 0)
             && self.blocks.iter().zip(ends).all(holds_its_own)
-            && holds(&self.path, self.bytes())
+            && holds(&self.path, self.blocks.iter().map(|block| (block.offset_bytes, u64::from(block.bytes))))
     }
 
     /// A range of the records.
@@ -546,5 +546,28 @@ mod tests {
         assert!(matches!(column.gather(&[9_999]), Err(Error::Damaged { .. })));
         assert!(column.gather(&[0]).is_ok());
         assert!(std::fs::metadata(folder.path().join("p")).unwrap().len() < 5 * 10_000);
+    }
+
+    #[test]
+    fn blocks_that_overlap_or_pass_the_end_are_not_sound() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut writer = PackedWriter::create(&folder.path().join("p"), *b"position").unwrap();
+        writer.append(&[DVec3::X; 2 * BLOCK_RECORDS + 7]).unwrap();
+        let whole: PackedColumn<DVec3> = writer.finish().unwrap();
+        assert!(whole.is_sound());
+        let changes: [fn(&mut u64, &mut Vec<Block>); 6] = [
+            |count, _| *count = 1 << 40,
+            |count, _| *count = 0,
+            |_, blocks| blocks.clear(),
+            |_, blocks| blocks[0].first = 1,
+            |_, blocks| blocks[1].first = 0,
+            |_, blocks| blocks[2].offset_bytes += 1 << 20,
+        ];
+        for (i, change) in changes.iter().enumerate() {
+            let (mut changed, mut blocks) = (whole.clone(), whole.blocks.to_vec());
+            change(&mut changed.count, &mut blocks);
+            changed.blocks = blocks.into();
+            assert!(!changed.is_sound(), "change {i}");
+        }
     }
 }

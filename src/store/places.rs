@@ -99,7 +99,7 @@ impl Run {
         let bytes = self.record_bytes;
         let [bx, by] = self.bits.map(u32::from);
         bytes == RAW_BYTES
-            || (1..=COUNTED_BYTES_MAX as u8).contains(&bytes) && bx + by <= 8 * u32::from(bytes) && bx.max(by) <= 64
+            || (1..=COUNTED_BYTES_MAX as u8).contains(&bytes) && bx + by <= 8 * u32::from(bytes) && bx.max(by) < 64
     }
 
     /// The record at an index of mapped bytes that hold it and [`COUNTED_BYTES_MAX`] more.
@@ -213,13 +213,12 @@ impl Places {
     /// Whether its runs follow each other and a file of their size is there, for a value that was read back and located.
     pub fn is_sound(&self) -> bool {
         let ends = self.runs.iter().skip(1).map(|run| run.first).chain([self.count]);
-        let bytes_of = |(run, end): (&Run, u32)| {
-            let is_sound = run.is_sound() && run.first < end;
-            is_sound.then(|| u64::from(end - run.first) * u64::from(run.record_bytes))
-        };
-        let bytes: Option<u64> = self.runs.iter().zip(ends).map(bytes_of).sum();
+        let extents = self.runs.iter().zip(ends.clone()).map(|(run, end)| {
+            (run.offset_bytes, u64::from(end.saturating_sub(run.first)) * u64::from(run.record_bytes))
+        });
         self.runs.first().map_or(self.count == 0, |first| first.first == 0)
-            && bytes.is_some_and(|bytes| holds(&self.path, bytes))
+            && self.runs.iter().zip(ends).all(|(run, end)| run.is_sound() && run.first < end)
+            && holds(&self.path, extents)
     }
 
     /// Positions at ascending ids.
@@ -299,5 +298,31 @@ mod tests {
         let run = EncodedRun::new(&positions).run;
         assert!(run.record_bytes <= 8, "{run:?}");
         assert_eq!(bits(&come_back(std::slice::from_ref(&positions))), bits(&positions));
+    }
+
+    #[test]
+    fn runs_that_overlap_or_pass_the_end_are_not_sound() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut writer = PlacesWriter::create(&folder.path().join("p")).unwrap();
+        (0..3).for_each(|_| writer.append(EncodedRun::new(&[DVec3::X, DVec3::Y])).unwrap());
+        let mut places = writer.finish().unwrap();
+        assert!(places.is_sound());
+        let whole = places.runs.clone();
+        let changes: [fn(&mut Vec<Run>); 7] = [
+            Vec::clear,
+            |runs| runs[0].first = 1,
+            |runs| runs[1].first = 9,
+            |runs| runs[1].record_bytes = 0,
+            |runs| runs[1].record_bytes = 17,
+            |runs| runs[1].bits = [64, 64],
+            |runs| runs[2].offset_bytes = u64::MAX,
+        ];
+        for (i, change) in changes.iter().enumerate() {
+            change(&mut places.runs);
+            assert!(!places.is_sound(), "change {i}");
+            places.runs.clone_from(&whole);
+        }
+        places.count = u32::MAX;
+        assert!(!places.is_sound());
     }
 }
