@@ -156,7 +156,7 @@ pub struct SimplifyOptions {
     #[arg(long, value_enum, default_value_t = ResumeChoice::Auto)]
     pub resume: ResumeChoice,
 
-    /// Keep the work folder after success
+    /// Keep the work folder after success: the same command then finds its result there
     #[arg(long)]
     pub keep_work: bool,
 
