@@ -50,7 +50,7 @@ pub enum Weld {
 pub enum Pieces {
     /// Kept
     Keep,
-    /// Dropped where the diagonal of their bounding box is below the deviation so far (or the largest allowed)
+    /// Dropped where the diagonal of their bounding box is below the deviation so far; not with --max-error
     Drop,
 }
 
@@ -135,7 +135,8 @@ pub struct SimplifyOptions {
     #[arg(long, value_name = "COUNT", group = "target", allow_negative_numbers = true)]
     pub faces: Option<u64>,
 
-    /// Largest distance between result and input, in the mesh's unit of length, either way; as few triangles as it allows
+    /// Largest distance between any point of the result and the input, and the other way round, in the mesh's unit of length; as few
+    /// triangles as it allows. 0 removes only what changes nothing
     #[arg(long, value_name = "LENGTH", group = "target", allow_negative_numbers = true)]
     pub max_error: Option<f64>,
 
@@ -269,8 +270,8 @@ impl SimplifyOptions {
                 return fail(format!("--ratio {ratio}: expected a share above 0 and up to 1"));
             }
             (None, Some(0), None) => return fail("--faces 0: expected at least 1".into()),
-            (None, None, Some(length)) if !(length > 0.0 && length.is_finite()) => {
-                return fail(format!("--max-error {length}: expected a length above 0"));
+            (None, None, Some(length)) if !(length >= 0.0 && length.is_finite()) => {
+                return fail(format!("--max-error {length}: expected a length of 0 or more"));
             }
             (Some(_), None, None) | (None, Some(_), None) | (None, None, Some(_)) => {}
             _ => return fail("give one target: --ratio, --faces or --max-error".into()),
@@ -287,6 +288,9 @@ impl SimplifyOptions {
         self.cost(true)?;
         if self.optimize && self.max_error.is_some() {
             return fail("--optimize moves vertices without a bound: leave it out with --max-error".into());
+        }
+        if self.pieces == Pieces::Drop && self.max_error.is_some() {
+            return fail("--pieces drop removes surface without a bound: leave it out with --max-error".into());
         }
         if self.remesh.is_some() && self.max_error.is_some() {
             return fail("--remesh moves the surface without a bound: leave it out with --max-error".into());

@@ -47,8 +47,8 @@ fn choices() -> impl Strategy<Value = Choice> {
             metric: what.0,
             max_error: what.1,
             has_uv_metric: what.2,
-            drop_pieces: what.3,
-            // The command line refuses both.
+            // The command line refuses these with a bound.
+            drop_pieces: what.3 && what.1.is_none(),
             remesh: what.4 && what.1.is_none(),
             cluster_faces,
             passes,
@@ -194,7 +194,7 @@ fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
         seams: choice.seams,
         lock_borders: choice.lock_borders,
         remesh: choice.remesh.then(cvd::Settings::default),
-        optimize: choice.has_uv_metric,
+        optimize: choice.has_uv_metric && choice.max_error.is_none(),
         weld: choice.weld,
         map: None,
         threads: choice.threads,
@@ -229,6 +229,53 @@ fn news(sketch: &Sketch, choice: &Choice) -> Result<(), TestCaseError> {
     Ok(())
 }
 
+/// Points on a triangle: its corners, and others in rows between them.
+fn points_on([a, b, c]: [DVec3; 3]) -> impl Iterator<Item = DVec3> {
+    const ROWS: u32 = 7;
+    let share = |i: u32| f64::from(i) / f64::from(ROWS);
+    (0..=ROWS).flat_map(move |i| (0..=ROWS - i).map(move |j| a + (b - a) * share(i) + (c - a) * share(j)))
+}
+
+/// Distance of a point to a triangle: to its plane where the foot lies inside, else to the nearest side.
+fn distance(p: DVec3, corners: [DVec3; 3]) -> f64 {
+    let [a, b, c] = corners;
+    let normal = (b - a).cross(c - a);
+    let sides = [(a, b), (b, c), (c, a)];
+    if normal.length_squared() > 0.0 && sides.iter().all(|&(q, r)| (r - q).cross(p - q).dot(normal) >= 0.0) {
+        return (p - a).dot(normal).abs() / normal.length();
+    }
+    let to_side = |&(q, r): &(DVec3, DVec3)| {
+        let along = r - q;
+        let share = if along.length_squared() > 0.0 { (p - q).dot(along) / along.length_squared() } else { 0.0 };
+        p.distance(q + along * share.clamp(0.0, 1.0))
+    };
+    sides.iter().map(to_side).fold(f64::INFINITY, f64::min)
+}
+
+/// Largest distance of points on one surface to the other; faces that repeat a vertex are no surface.
+fn farthest(from: &Surface, to: &Surface) -> f64 {
+    let triangles = |surface: &Surface| -> Vec<[DVec3; 3]> {
+        let places = surface.faces.iter().map(|face| face.map(|v| surface.position(v)));
+        places.filter(|[a, b, c]| a != b && b != c && c != a).collect()
+    };
+    let targets = triangles(to);
+    let nearest = |p: DVec3| targets.iter().map(|&corners| distance(p, corners)).fold(f64::INFINITY, f64::min);
+    triangles(from).into_iter().flat_map(points_on).map(nearest).fold(0.0, f64::max)
+}
+
+/// No point of either surface is farther from the other than the bound, but for the rounding of numbers.
+fn keeps_bound(sketch: &Sketch, choice: &Choice, most: f64) -> Result<(), TestCaseError> {
+    let (before, after) = run(sketch, &Choice { max_error: Some(most), drop_pieces: false, remesh: false, ..*choice });
+    let (forward, backward) = (farthest(&before, &after), farthest(&after, &before));
+    prop_assert!(forward <= most + 1e-12 && backward <= most + 1e-12, "{forward} {backward} > {most}");
+    Ok(())
+}
+
+/// Bounds from none at all to the size of the mesh.
+fn bounds() -> impl Strategy<Value = f64> {
+    prop_oneof![1 => Just(0.0), 8 => (-4.0..0.5f64).prop_map(|power| 10f64.powf(power))]
+}
+
 /// The same cases in every run, so that a failure is the change's; PROPTEST_CASES=5000 tries so many new ones.
 fn cases() -> ProptestConfig {
     let explored = ProptestConfig { failure_persistence: None, max_shrink_iters: 2000, ..ProptestConfig::default() };
@@ -249,5 +296,15 @@ proptest! {
     #[test]
     fn a_soup_comes_out_no_worse_than_it_was(sketch in soups(), choice in choices()) {
         news(&sketch, &choice)?;
+    }
+
+    #[test]
+    fn no_point_of_a_grid_leaves_the_bound(sketch in grids(), choice in choices(), most in bounds()) {
+        keeps_bound(&sketch, &choice, most)?;
+    }
+
+    #[test]
+    fn no_point_of_a_soup_leaves_the_bound(sketch in soups(), choice in choices(), most in bounds()) {
+        keeps_bound(&sketch, &choice, most)?;
     }
 }

@@ -26,6 +26,12 @@ pub mod flag {
     pub const MOVED: u8 = 4;
 }
 
+/// The nearest single-precision number that is not below: how bounds on deviations are kept.
+pub fn rounded_up(value: f64) -> f32 {
+    let near = value as f32;
+    if f64::from(near) < value { near.next_up() } else { near }
+}
+
 /// A cluster's triangles.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct ClusterMesh {
@@ -304,6 +310,14 @@ mod tests {
         }
         mesh.unlink_unused_wedges();
         assert_eq!(mesh.wedge_next[seam_vertex as usize], seam_vertex);
+    }
+
+    #[test]
+    fn bounds_are_rounded_up() {
+        for value in [0.1, 0.3, 1e-30, 0.25] {
+            assert!(f64::from(rounded_up(value)) >= value);
+        }
+        assert_eq!(rounded_up(0.25), 0.25);
     }
 
     #[test]

@@ -18,7 +18,7 @@ use super::reading::{
     ClusterFaces, for_each_block, gather, gather_texcoords, read, read_faces, texcoord_ids, triangulate_polygons,
 };
 use crate::base::Result;
-use crate::mesh::cluster::{ClusterMesh, flag};
+use crate::mesh::cluster::{ClusterMesh, flag, rounded_up};
 use crate::mesh::split::EdgePoint;
 use crate::store::decimal::POWERS_OF_TEN;
 use crate::store::piece::{PendingPiece, write_piece};
@@ -26,6 +26,9 @@ use crate::store::{Catalogue, Face, NO_TEXCOORD, Segment, StoredMesh, StoredPiec
 
 /// A moved coordinate is rounded to no coarser than this share of its shortest edge.
 const ROUNDING_SHARE: f64 = 1e-3;
+/// Where the error is bounded, a unit of a moved coordinate's last decimal is at most this share of the bound: rounding and
+/// [`STEPS_ASIDE_MAX`] units aside move a vertex by less than a sixtieth of it.
+const BOUND_UNIT_SHARE: f64 = 1.0 / 1024.0;
 /// Wedges of a vertex that are searched one by one.
 const CHAIN_MAX: usize = 32;
 /// Places that a vertex tries whose own is taken.
@@ -313,6 +316,9 @@ impl ClusterSource {
 
     /// Writes the simplified mesh as a piece of the next stored mesh; `partition` is the one it was loaded from.
     ///
+    /// Where the deviation is bounded, that of a face grows by what rounding moves its corners: less than a sixtieth of
+    /// `max_error`, which is in units of length.
+    ///
     /// # Errors
     /// On a full disk or failed reads and writes.
     pub fn write(
@@ -321,12 +327,14 @@ impl ClusterSource {
         partition: &Partition,
         catalogue: &Catalogue,
         scale: &TextureScale,
+        max_error: Option<f64>,
         path: &Path,
     ) -> Result<PendingPiece> {
         let used = self.used_vertices(simplified);
         let loaded = used.partition_point(|&v| (v as usize) < self.vertex_ids.len());
         let own_ids: Vec<u32> = used[..loaded].iter().map(|&v| self.vertex_ids[v as usize]).collect();
-        let positions = self.positions_of(simplified, partition, catalogue, &used, &own_ids)?;
+        let rounding = Rounding { input_decimals: catalogue.position_decimals, max_error };
+        let positions = self.positions_of(simplified, partition, rounding, &used, &own_ids)?;
         let colours = match &partition.numbering.colours {
             Some(colours) => {
                 let mut own = gather(colours, &own_ids)?;
@@ -336,8 +344,12 @@ impl ClusterSource {
             None => None,
         };
         let mut piece_id = vec![u32::MAX; simplified.positions.len()];
+        let mut shifts = vec![0.0; simplified.positions.len()];
         for (i, &v) in used.iter().enumerate() {
             piece_id[v as usize] = i as u32;
+            if max_error.is_some() && simplified.flags[v as usize] & flag::MOVED != 0 {
+                shifts[v as usize] = positions[i].distance(simplified.positions[v as usize] + self.origin);
+            }
         }
         let own_count = used.len() as u32;
         let mut texcoord_id = vec![NO_TEXCOORD; simplified.wedge_vertex.len()];
@@ -358,7 +370,8 @@ impl ClusterSource {
                 }
             }
             let texcoords = corners.map(|w| texcoord_id[w as usize]);
-            let deviation = simplified.deviations[face];
+            let shift = corners.map(|w| shifts[simplified.wedge_vertex[w as usize] as usize]);
+            let deviation = rounded_up(f64::from(simplified.deviations[face]) + shift.into_iter().fold(0.0, f64::max));
             faces.push(Face { vertices, texcoords, part, continues_polygon: false, deviation });
         }
         write_piece(path, &positions, &texcoords, colours.as_deref(), &faces)
@@ -396,7 +409,7 @@ impl ClusterSource {
         &self,
         simplified: &ClusterMesh,
         partition: &Partition,
-        catalogue: &Catalogue,
+        rounding: Rounding,
         used: &[u32],
         ids: &[u32],
     ) -> Result<Vec<DVec3>> {
@@ -415,9 +428,7 @@ impl ClusterSource {
         positions.resize(used.len(), DVec3::NAN);
         let rounded = |v: u32| {
             let exact = simplified.positions[v as usize] + self.origin;
-            let step = 2.0 * ROUNDING_SHARE * shortest_sq[v as usize].sqrt();
-            // The input's decimals, but no finer than a thousandth of what is needed: some exporters write 1e-05.
-            let decimals = catalogue.position_decimals.min(decimals_for(step * 1e-3)).max(decimals_for(step));
+            let decimals = rounding.decimals(shortest_sq[v as usize].sqrt());
             (DVec3::from_array(exact.to_array().map(|x| round_to(x, decimals))), decimals)
         };
         let moved = || (0..used.len()).filter(|&at| simplified.flags[used[at] as usize] & flag::MOVED != 0);
@@ -442,6 +453,25 @@ impl ClusterSource {
         // NOTE: six decimals are a sixtieth of a texel of a 16K image.
         let decimals = catalogue.texcoord_decimals.max(6);
         DVec2::new(round_to(uv.x, decimals), round_to(uv.y, decimals))
+    }
+}
+
+/// How finely the coordinates of vertices that moved are rounded.
+#[derive(Debug, Clone, Copy)]
+struct Rounding {
+    /// Decimals of the input's positions.
+    input_decimals: u32,
+    /// Largest deviation allowed, if it is bounded.
+    max_error: Option<f64>,
+}
+
+impl Rounding {
+    /// Decimals for a vertex whose shortest edge is this long.
+    fn decimals(&self, shortest: f64) -> u32 {
+        let bounded = self.max_error.map_or(f64::INFINITY, |most| BOUND_UNIT_SHARE * most);
+        let step = (2.0 * ROUNDING_SHARE * shortest).min(bounded);
+        // The input's decimals, but no finer than a thousandth of what is needed: some exporters write 1e-05.
+        self.input_decimals.min(decimals_for(step * 1e-3)).max(decimals_for(step))
     }
 }
 
@@ -515,6 +545,17 @@ mod tests {
         assert_eq!(round_to(1e300, 3), 1e300);
         assert_eq!(decimals_for(0.002), 3);
         assert_eq!(decimals_for(0.0), 0);
+    }
+
+    #[test]
+    fn rounding_leaves_room_below_a_bound() {
+        let free = Rounding { input_decimals: 2, max_error: None };
+        assert_eq!(free.decimals(50.0), 2);
+        for max_error in [1e-6, 0.003, 0.5] {
+            let decimals = Rounding { max_error: Some(max_error), ..free }.decimals(50.0);
+            let unit = 1.0 / POWERS_OF_TEN[decimals as usize];
+            assert!((f64::from(STEPS_ASIDE_MAX) + 0.5 * 3f64.sqrt()) * unit < max_error / 60.0);
+        }
     }
 
     #[test]

@@ -34,6 +34,8 @@ pub struct Collapser {
     star: EdgeStar,
     uvs: Vec<DVec2>,
     patches: Patches,
+    /// Faces that change and stay.
+    changed: Vec<u32>,
     /// Largest deviation from the input that is allowed, if it is bounded.
     pub deviation_max: Option<f64>,
 }
@@ -66,13 +68,10 @@ impl Collapser {
         let collapse = Collapse { onto: onto && insets == [Vec2::ZERO; 2], ..collapse };
         let moving = if stays && collapse.onto { &[from][..] } else { &[from, to][..] };
         self.star.check_faces(mesh, rings, moving, position, &self.uvs)?;
-        let deviation = self.check_deviation(mesh, rings, collapse, position)?;
+        self.bound_deviation(mesh, rings, collapse, position)?;
         let edge = EdgeCase { from, to, onto, stays, wedges: &self.star.wedges, insets };
         cost.join(mesh, &edge);
         self.star.stranded.iter().for_each(|&wedge| cost.bring(mesh, &edge, wedge));
-        if let Some(deviation) = deviation {
-            self.set_deviation(mesh, rings, collapse, deviation);
-        }
         Ok(self.apply(mesh, rings, collapse, position))
     }
 
@@ -107,40 +106,34 @@ impl Collapser {
         Ok(())
     }
 
-    /// Bound on the deviation of the new faces, if it is bounded at all.
-    fn check_deviation(
+    /// Bounds the deviation of the new faces, if it is to be bounded at all; they get their bounds, too.
+    ///
+    /// # Errors
+    /// If one of them may deviate by more than is allowed; the mesh is then unchanged.
+    fn bound_deviation(
         &mut self,
-        mesh: &ClusterMesh,
+        mesh: &mut ClusterMesh,
         rings: &Rings,
         collapse: Collapse,
         position: DVec3,
-    ) -> Result<Option<f64>, Refusal> {
-        let Some(most) = self.deviation_max else { return Ok(None) };
-        let changing = changing_corners(&self.star, mesh, rings, collapse);
-        let before = changing.map(|(corner, _)| mesh.deviations[corner as usize / 3]).fold(0.0, f32::max);
-        self.gather_patches(mesh, rings, collapse, position);
-        self.patches.bound(before, most).map(Some)
-    }
-
-    fn gather_patches(&mut self, mesh: &ClusterMesh, rings: &Rings, collapse: Collapse, position: DVec3) {
+    ) -> Result<(), Refusal> {
+        let Some(most) = self.deviation_max else { return Ok(()) };
         self.patches.clear();
+        self.changed.clear();
         for (corner, is_dying) in changing_corners(&self.star, mesh, rings, collapse) {
-            let mut triangle = mesh.triangle(corner / 3);
-            triangle.rotate_left(corner as usize % 3);
-            self.patches.old.push(triangle);
+            let face = corner / 3;
+            let mut triangle = mesh.triangle(face);
+            self.patches.push_old(triangle, mesh.deviations[face as usize]);
             if !is_dying {
-                triangle[0] = position;
-                self.patches.new.push(triangle);
+                triangle[corner as usize % 3] = position;
+                self.patches.push_new(triangle);
+                self.changed.push(face);
             }
         }
-    }
-
-    fn set_deviation(&self, mesh: &mut ClusterMesh, rings: &Rings, collapse: Collapse, deviation: f64) {
-        let changing: Vec<u32> =
-            changing_corners(&self.star, mesh, rings, collapse).map(|(corner, _)| corner / 3).collect();
-        for face in changing {
-            mesh.deviations[face as usize] = deviation as f32;
+        for (&face, bound) in self.changed.iter().zip(self.patches.bound(most)?) {
+            mesh.deviations[face as usize] = bound;
         }
+        Ok(())
     }
 
     fn apply(&self, mesh: &mut ClusterMesh, rings: &Rings, collapse: Collapse, position: DVec3) -> usize {

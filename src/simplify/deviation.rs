@@ -1,27 +1,32 @@
-//! How far a collapse moves the surface, both ways.
+//! How far a collapse moves the surface, both ways, at most.
 //!
-//! Every face carries a bound on its distance from the input. A collapse replaces a patch of faces by another with the
-//! same rim; the new faces' bound is the largest of the old patch plus the distance between both patches:
+//! Every face carries a bound: each of its points is that near to the input, and each point of the input is, for some
+//! face, that near to it. A collapse replaces a patch of faces by another with the same rim:
 //!
 //! ```text
-//! input ── bound of the old patch ── old patch ── sampled, both ways ── new patch
+//! input ── bound of each old face ── old faces ── covered, both ways ── new faces
 //! ```
-//! The sum overestimates, since deviations rarely add up; the samples (corners that move, middles of spokes, centroids)
-//! underestimate a little; together the bound held in all our measurements.
+//! Every part of a new face is within some distance of one old face, and so within that face's bound more of the input;
+//! every part of an old face is within some distance of one new face, which takes the old face's bound along. Both hold
+//! for all points (`cover.rs`), so that the bound of what comes out is proved, and is too large only because moves that
+//! cancel each other are added.
 
 use glam::DVec3;
 
+use super::cover::{Cover, Target};
 use super::legality::Refusal;
-use super::texture::closest_weights;
+use crate::mesh::cluster::rounded_up;
 
-/// Old and new triangles around an edge, each turned so that its first corner is the one that moves; scratch space is
-/// kept between edges.
+/// Old and new triangles around an edge; scratch space is kept between edges.
 #[derive(Debug, Default)]
 pub struct Patches {
-    /// Faces that will be replaced.
-    pub old: Vec<[DVec3; 3]>,
+    /// Faces that will be replaced, each with its bound.
+    old: Vec<Target>,
     /// Faces that replace them.
-    pub new: Vec<[DVec3; 3]>,
+    new: Vec<Target>,
+    /// Bounds of these.
+    bounds: Vec<f64>,
+    cover: Cover,
 }
 
 impl Patches {
@@ -31,56 +36,37 @@ impl Patches {
         self.new.clear();
     }
 
-    /// Bound of the new patch, if the old one's was `before`.
+    /// Adds a face that will be replaced, with its bound.
+    pub fn push_old(&mut self, corners: [DVec3; 3], bound: f32) {
+        self.old.push(Target { corners, base: f64::from(bound) });
+    }
+
+    /// Adds a face that replaces others.
+    pub fn push_new(&mut self, corners: [DVec3; 3]) {
+        self.new.push(Target { corners, base: 0.0 });
+    }
+
+    /// Bounds of the new faces, in the order in which they were added.
     ///
     /// # Errors
-    /// If it exceeds `most`.
-    pub fn bound(&self, before: f32, most: f64) -> Result<f64, Refusal> {
-        let room = most - f64::from(before);
-        if room < 0.0 {
-            return Err(Refusal::Deviation);
-        }
-        let moved = self.distance_within(room).ok_or(Refusal::Deviation)?;
-        Ok(f64::from(before) + moved)
-    }
-
-    /// The larger of both sampled one-sided distances between the patches; nothing if it exceeds `most`.
-    fn distance_within(&self, most: f64) -> Option<f64> {
-        let most_sq = most * most;
-        let there = one_sided_sq(&self.new, &self.old, most_sq)?;
-        let back = one_sided_sq(&self.old, &self.new, most_sq)?;
-        Some(there.max(back).sqrt())
-    }
-}
-
-/// Largest squared distance of samples on `from` to `to`; nothing if one exceeds `most_sq`.
-fn one_sided_sq(from: &[[DVec3; 3]], to: &[[DVec3; 3]], most_sq: f64) -> Option<f64> {
-    let mut farthest_sq = 0f64;
-    let mut last = DVec3::NAN;
-    for [a, b, c] in from {
-        // The rim is common to both patches: only what moves is sampled, a corner once, a spoke once.
-        let corner = (*a != last).then_some(*a);
-        last = *a;
-        for sample in corner.into_iter().chain([(a + b) * 0.5, (a + b + c) / 3.0]) {
-            let mut nearest_sq = f64::INFINITY;
-            for triangle in to {
-                nearest_sq = nearest_sq.min(distance_sq(sample, *triangle));
-                if nearest_sq <= farthest_sq {
-                    break;
-                }
-            }
-            farthest_sq = farthest_sq.max(nearest_sq);
-            if farthest_sq > most_sq {
-                return None;
+    /// If one exceeds `most`.
+    pub fn bound(&mut self, most: f64) -> Result<impl Iterator<Item = f32> + '_, Refusal> {
+        let Self { old, new, bounds, cover } = self;
+        bounds.clear();
+        bounds.resize(new.len(), 0.0);
+        for face in old.iter() {
+            let take = |at: usize, distance: f64| bounds[at] = bounds[at].max(face.base + distance);
+            if !cover.cover(face.corners, new, most - face.base, take) {
+                return Err(Refusal::Deviation);
             }
         }
+        for (face, bound) in new.iter().zip(bounds.iter_mut()) {
+            if !cover.cover(face.corners, old, most, |_, distance| *bound = bound.max(distance)) {
+                return Err(Refusal::Deviation);
+            }
+        }
+        Ok(bounds.iter().map(|&bound| rounded_up(bound)))
     }
-    Some(farthest_sq)
-}
-
-fn distance_sq(p: DVec3, triangle: [DVec3; 3]) -> f64 {
-    let w = closest_weights(p, triangle);
-    p.distance_squared(triangle[0] * w[0] + triangle[1] * w[1] + triangle[2] * w[2])
 }
 
 #[cfg(test)]
@@ -89,19 +75,33 @@ mod tests {
 
     const TRIANGLE: [DVec3; 3] = [DVec3::ZERO, DVec3::X, DVec3::Y];
 
+    fn bounds(old: &[([DVec3; 3], f32)], new: &[[DVec3; 3]], most: f64) -> Option<Vec<f32>> {
+        let mut patches = Patches::default();
+        old.iter().for_each(|&(corners, bound)| patches.push_old(corners, bound));
+        new.iter().for_each(|&corners| patches.push_new(corners));
+        patches.bound(most).ok().map(Iterator::collect)
+    }
+
     #[test]
     fn a_lifted_copy_is_as_far_as_it_was_lifted() {
         let lifted = TRIANGLE.map(|p| p + DVec3::Z * 0.25);
-        let patches = Patches { old: vec![TRIANGLE], new: vec![lifted] };
-        assert!((patches.distance_within(1.0).unwrap() - 0.25).abs() < 1e-12);
-        assert_eq!(patches.distance_within(0.2), None);
+        assert_eq!(bounds(&[(TRIANGLE, 0.0)], &[lifted], 1.0), Some(vec![0.25]));
+        assert_eq!(bounds(&[(TRIANGLE, 0.5)], &[lifted], 1.0), Some(vec![0.75]));
+        assert_eq!(bounds(&[(TRIANGLE, 0.0)], &[lifted], 0.2), None);
+        assert_eq!(bounds(&[(TRIANGLE, 0.1)], &[lifted], 0.3), None);
     }
 
     #[test]
     fn a_patch_that_lost_a_corner_is_as_far_as_that_corner() {
         let whole = [DVec3::X, DVec3::Y, DVec3::ZERO];
         let cut = [DVec3::X * 0.5, DVec3::Y, DVec3::ZERO];
-        let patches = Patches { old: vec![whole], new: vec![cut] };
-        assert!((patches.distance_within(1.0).unwrap() - 0.5).abs() < 1e-12);
+        assert_eq!(bounds(&[(whole, 0.0)], &[cut], 1.0), Some(vec![0.5]));
+    }
+
+    #[test]
+    fn what_is_far_in_one_place_does_not_count_in_another() {
+        let beside = TRIANGLE.map(|p| p + 5.0 * DVec3::X);
+        let lifted = TRIANGLE.map(|p| p + 0.25 * DVec3::Z);
+        assert_eq!(bounds(&[(TRIANGLE, 0.0), (beside, 0.5)], &[lifted, beside], 1.0), Some(vec![0.25, 0.5]));
     }
 }

@@ -8,6 +8,7 @@
 //! See `partition::weight`: about 200 bytes a face with texture, the mesh included.
 
 pub mod collapse;
+pub mod cover;
 pub mod deviation;
 pub mod engine;
 pub mod legality;

@@ -131,14 +131,13 @@ impl Settler {
         self.patches.clear();
         for &corner in rings.of(vertex) {
             let mut triangle = mesh.triangle(corner / 3);
-            triangle.rotate_left(corner as usize % 3);
-            self.patches.old.push(triangle);
-            triangle[0] = position;
-            self.patches.new.push(triangle);
+            self.patches.push_old(triangle, mesh.deviations[corner as usize / 3]);
+            triangle[corner as usize % 3] = position;
+            self.patches.push_new(triangle);
         }
-        let before = rings.of(vertex).iter().map(|corner| mesh.deviations[*corner as usize / 3]).fold(0.0, f32::max);
-        let deviation = self.patches.bound(before, most)?;
-        rings.of(vertex).iter().for_each(|corner| mesh.deviations[*corner as usize / 3] = deviation as f32);
+        for (&corner, bound) in rings.of(vertex).iter().zip(self.patches.bound(most)?) {
+            mesh.deviations[corner as usize / 3] = bound;
+        }
         Ok(())
     }
 

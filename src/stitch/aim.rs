@@ -49,7 +49,7 @@ impl<M: Metric> Run<'_, M> {
     /// What a pass of `faces` faces is to reach.
     fn goal(&self, pass: usize, faces: u64) -> Goal {
         let options = self.options;
-        if let Some(most) = options.max_error {
+        if let Some(most) = self.bound() {
             let left = options.passes.saturating_sub(self.turn(pass) + 1) as i32;
             return Goal::Deviation(most * BOUND_SAFETY * libm::pow(0.5, f64::from(left)));
         }

@@ -4,6 +4,8 @@ use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard};
 use std::time::Instant;
 
+use glam::DVec3;
+
 use super::kept::{ClusterResult, Opening};
 use super::options::{Cost, PassOptions, SeamPolicy};
 use super::outcome::{Floor, PassOutcome, Passes, StageSums};
@@ -38,6 +40,9 @@ const FLOOR_SHARE: f64 = 1e-4;
 /// Clusters after which freed memory goes back to the system: the heaps of the threads have holes by then.
 const CLUSTERS_PER_RELEASE: usize = 64;
 
+/// Units in the last place of the largest coordinate that count as no deviation.
+const NOISE_UNITS: f64 = 8.0;
+
 /// Memory of a cluster that passes through: a block of faces, their texture coordinates and the piece being written.
 pub(super) const PASS_BYTES: u64 = 16 << 20;
 
@@ -63,8 +68,16 @@ pub struct Run<'a, M: Metric> {
     lead: usize,
     /// Diagonal below which pieces are dropped in this pass, if any are.
     crumb: Option<f64>,
+    /// Deviation that comes of rounding alone, in the mesh that the pass begins with.
+    noise: f64,
     /// Map of the pass that is under way, if one is wanted. A worker holds it while it draws one cluster.
     map: Mutex<Option<ClusterMap>>,
+}
+
+/// Deviation that the rounding of coordinates within these bounds makes of none.
+fn rounding_noise((low, high): (DVec3, DVec3)) -> f64 {
+    let largest = low.abs().max(high.abs()).max_element();
+    if largest.is_finite() { NOISE_UNITS * f64::EPSILON * largest } else { 0.0 }
 }
 
 /// Simplifies a mesh to the target, or goes on with what was begun, with the metric that the options name.
@@ -112,6 +125,7 @@ impl<'a, M: Metric> Run<'a, M> {
             texture: TextureTraits::none(catalogue),
             lead: 0,
             crumb: None,
+            noise: 0.0,
             map: Mutex::new(None),
         }
     }
@@ -133,6 +147,7 @@ impl<'a, M: Metric> Run<'a, M> {
         self.lead = state.remeshed.len();
         while !state.is_over && state.pass < self.lead + self.options.passes + EXTRA_PASSES {
             let pass = state.pass;
+            self.noise = rounding_noise(state.mesh.bounds());
             let partition = match partition.take() {
                 Some(partition) => partition,
                 None => self.partition(&mut state)?,
@@ -154,7 +169,7 @@ impl<'a, M: Metric> Run<'a, M> {
             state.scratch_peak = state.scratch_peak.max(folder_bytes(self.job.path()));
             state.take(outcome);
             if self.options.drop_pieces {
-                self.crumb = Some(self.options.max_error.unwrap_or(state.squared_error.sqrt()));
+                self.crumb = Some(state.squared_error.sqrt());
                 state.crumb = self.crumb;
             }
             let gained = faces_in - next_faces;
@@ -470,7 +485,8 @@ impl<'a, M: Metric> Run<'a, M> {
             }
             result.patch = keep.patch(cluster, &simplified);
             if !simplified.corners.is_empty() {
-                pending = Some(source.write(&simplified, partition, self.catalogue, &self.texture.scale, &path)?);
+                let (scale, bound) = (&self.texture.scale, self.bound());
+                pending = Some(source.write(&simplified, partition, self.catalogue, scale, bound, &path)?);
             }
         }
         Ok((result, pending))
@@ -500,6 +516,11 @@ impl<'a, M: Metric> Run<'a, M> {
         let (pieces, degenerate) = cluster::pass_through(partition, mesh, cluster, path)?;
         let faces = pieces.iter().map(|piece| piece.faces.len()).sum();
         Ok(ClusterResult { pieces, degenerate, faces_in: faces, faces, ..unchanged })
+    }
+
+    /// Largest deviation allowed, in units of length, if it is bounded: what is asked for, but no less than rounding does.
+    pub(super) fn bound(&self) -> Option<f64> {
+        self.options.max_error.map(|most| most.max(self.noise))
     }
 
     pub(super) fn engine(&self, mesh: ClusterMesh, pass: usize) -> Engine<M> {

@@ -195,7 +195,9 @@ impl<M: Metric> Run<'_, M> {
         };
         if !made.corners.is_empty() {
             let path: &Path = &self.piece_path(step, 0);
-            remeshed.pieces.push(source.write(&made, partition, self.catalogue, &self.texture.scale, path)?.commit()?);
+            remeshed
+                .pieces
+                .push(source.write(&made, partition, self.catalogue, &self.texture.scale, None, path)?.commit()?);
         }
         Ok(remeshed)
     }
