@@ -55,82 +55,188 @@ impl Target {
     }
 }
 
-/// A convex polygon in a plane.
-#[derive(Debug, Clone, Copy)]
+/// A convex polygon in a plane: its corners among the points of a [`Cover`].
+#[derive(Debug, Clone, Copy, Default)]
 struct Part {
-    corners: [DVec3; CORNERS_MAX],
+    corners: [u16; CORNERS_MAX],
     count: usize,
 }
 
 impl Part {
-    fn triangle([a, b, c]: [DVec3; 3]) -> Self {
-        let mut corners = [DVec3::ZERO; CORNERS_MAX];
-        corners[..3].copy_from_slice(&[a, b, c]);
-        Self { corners, count: 3 }
-    }
-
-    fn empty() -> Self {
-        Self { corners: [DVec3::ZERO; CORNERS_MAX], count: 0 }
-    }
-
-    fn corners(&self) -> &[DVec3] {
+    fn corners(&self) -> &[u16] {
         &self.corners[..self.count]
     }
 
-    fn push(&mut self, corner: DVec3) {
+    fn push(&mut self, corner: u16) {
         self.corners[self.count] = corner;
         self.count += 1;
     }
+}
 
-    fn middle(&self) -> DVec3 {
-        self.corners().iter().copied().sum::<DVec3>() / self.count as f64
+/// Covers triangles by a set of targets; holds scratch space only.
+#[derive(Debug, Default)]
+pub struct Cover {
+    targets: Vec<Target>,
+    /// Corners of triangles, which the triangles of a patch share, then those of parts.
+    points: Vec<DVec3>,
+    /// Distance of each point to each target, its base included.
+    distances: Vec<f64>,
+    parts: Vec<Part>,
+}
+
+impl Cover {
+    /// Sets the targets for the triangles that follow.
+    pub fn aim_at(&mut self, targets: &[Target]) {
+        self.targets.clear();
+        self.targets.extend_from_slice(targets);
+        self.points.clear();
+        self.distances.clear();
+    }
+
+    /// Finds for every part of a triangle one of the targets and how far the part is from it, at most: distance plus the
+    /// target's base.
+    ///
+    /// Returns false if that would be more than `most` for some part, or cannot be shown to be less; `found` is then
+    /// not to be relied on.
+    pub fn cover(&mut self, triangle: [DVec3; 3], most: f64, mut found: impl FnMut(usize, f64)) -> bool {
+        let mut whole = Part::default();
+        triangle.into_iter().for_each(|corner| whole.push(self.shared_point(corner)));
+        let shared = self.points.len();
+        self.parts.clear();
+        self.parts.push(whole);
+        let (mut made, mut farthest) = (1, 0f64);
+        let mut is_covered = true;
+        while let Some(part) = self.parts.pop() {
+            let nearest = self.nearest(&part);
+            farthest = farthest.max(nearest.corner);
+            let is_tight = nearest.bound <= farthest * TIGHT + most * SLACK;
+            if nearest.bound <= most && (is_tight || made >= PARTS_MAX) {
+                found(nearest.target, nearest.bound);
+            } else if nearest.corner > most || made >= PARTS_MAX {
+                is_covered = false;
+                break;
+            } else {
+                made += self.split(&part);
+            }
+        }
+        self.points.truncate(shared);
+        self.distances.truncate(shared * self.targets.len());
+        is_covered
+    }
+
+    fn shared_point(&mut self, point: DVec3) -> u16 {
+        match self.points.iter().position(|&known| known == point) {
+            Some(at) => at as u16,
+            None => self.push_point(point),
+        }
+    }
+
+    fn push_point(&mut self, point: DVec3) -> u16 {
+        self.points.push(point);
+        self.distances.extend(self.targets.iter().map(|target| target.distance(point)));
+        (self.points.len() - 1) as u16
+    }
+
+    fn distances_of(&self, point: u16) -> &[f64] {
+        let count = self.targets.len();
+        &self.distances[usize::from(point) * count..][..count]
+    }
+
+    fn point(&self, corner: u16) -> DVec3 {
+        self.points[usize::from(corner)]
+    }
+
+    /// The target that a part as a whole is nearest to.
+    fn nearest(&self, part: &Part) -> Nearest {
+        let mut best = Nearest { target: 0, bound: f64::INFINITY, corner: 0.0 };
+        for target in 0..self.targets.len() {
+            let distances = part.corners().iter().map(|&corner| self.distances_of(corner)[target]);
+            let bound = distances.fold(0.0, f64::max);
+            if bound < best.bound {
+                best = Nearest { target, bound, ..best };
+            }
+        }
+        for &corner in part.corners() {
+            best.corner = best.corner.max(self.distances_of(corner).iter().copied().fold(f64::INFINITY, f64::min));
+        }
+        best
+    }
+
+    /// Cuts a part along the sides of the target nearest to its corners on average, or in halves where that cuts nothing;
+    /// returns how many parts there are more.
+    fn split(&mut self, part: &Part) -> usize {
+        let before = self.parts.len();
+        let sum = |target: usize| part.corners().iter().map(|&corner| self.distances_of(corner)[target]).sum::<f64>();
+        let nearest = (0..self.targets.len()).min_by(|&a, &b| sum(a).total_cmp(&sum(b)));
+        let mut inside = *part;
+        if part.count + 3 <= CORNERS_MAX {
+            let sides = nearest.map(|target| self.targets[target].sides());
+            for side in sides.into_iter().flatten() {
+                let [within, beyond] = self.cut(&inside, side);
+                if beyond.count >= 3 && within.count >= 3 {
+                    self.parts.push(beyond);
+                    inside = within;
+                }
+            }
+        }
+        if self.parts.len() == before {
+            let halves = self.halves(part);
+            self.parts.extend(halves);
+        } else {
+            self.parts.push(inside);
+        }
+        self.parts.len() - before
     }
 
     /// The parts on both sides of a plane, inside first; a part without an inner point has no corners.
-    fn cut(&self, (normal, offset): (DVec3, f64)) -> [Self; 2] {
-        let height = |corner: DVec3| normal.dot(corner) - offset;
-        let heights = self.corners().iter().map(|&corner| height(corner));
-        let (low, high) = heights.fold((0f64, 0f64), |(low, high), h| (low.min(h), high.max(h)));
+    fn cut(&mut self, part: &Part, (normal, offset): (DVec3, f64)) -> [Part; 2] {
+        let mut heights = [0.0; CORNERS_MAX];
+        let (mut low, mut high) = (0f64, 0f64);
+        for (height, &corner) in heights.iter_mut().zip(part.corners()) {
+            *height = normal.dot(self.point(corner)) - offset;
+            (low, high) = (low.min(*height), high.max(*height));
+        }
         // Corners this near to the plane lie on it: the sides of neighbours are the same line, but for rounding.
         let touch = 1e-9 * (high - low);
         if high <= touch {
-            return [*self, Self::empty()];
+            return [*part, Part::default()];
         }
         if -low <= touch {
-            return [Self::empty(), *self];
+            return [Part::default(), *part];
         }
-        let mut parts = [Self::empty(), Self::empty()];
-        for i in 0..self.count {
-            let (p, q) = (self.corners[i], self.corners[(i + 1) % self.count]);
-            let (at_p, at_q) = (height(p), height(q));
-            if at_p <= touch {
-                parts[0].push(p);
+        let [mut within, mut beyond] = [Part::default(); 2];
+        for i in 0..part.count {
+            let next = (i + 1) % part.count;
+            let (corner, at, at_next) = (part.corners[i], heights[i], heights[next]);
+            if at <= touch {
+                within.push(corner);
             }
-            if at_p >= -touch {
-                parts[1].push(p);
+            if at >= -touch {
+                beyond.push(corner);
             }
-            if (at_p < -touch && at_q > touch) || (at_p > touch && at_q < -touch) {
-                let crossing = p.lerp(q, at_p / (at_p - at_q));
-                parts[0].push(crossing);
-                parts[1].push(crossing);
+            if (at < -touch && at_next > touch) || (at > touch && at_next < -touch) {
+                let ends = (self.point(corner), self.point(part.corners[next]));
+                let crossing = self.push_point(ends.0.lerp(ends.1, at / (at - at_next)));
+                within.push(crossing);
+                beyond.push(crossing);
             }
         }
-        parts
+        [within, beyond]
     }
 
     /// Both halves across the middle of the longest side.
-    fn halves(&self) -> [Self; 2] {
-        let next = |i: usize| (i + 1) % self.count;
-        let length_sq = |i: usize| self.corners[i].distance_squared(self.corners[next(i)]);
-        let longest = (0..self.count).max_by(|&a, &b| length_sq(a).total_cmp(&length_sq(b))).unwrap_or(0);
-        let middle = self.corners[longest].midpoint(self.corners[next(longest)]);
+    fn halves(&mut self, part: &Part) -> [Part; 2] {
+        let ends = |i: usize| (self.point(part.corners[i]), self.point(part.corners[(i + 1) % part.count]));
+        let length_sq = |i: usize| ends(i).0.distance_squared(ends(i).1);
+        let longest = (0..part.count).max_by(|&a, &b| length_sq(a).total_cmp(&length_sq(b))).unwrap_or(0);
+        let (a, b) = ends(longest);
+        let middle = self.push_point(a.midpoint(b));
         // From the middle round to the corner opposite, and on from there.
-        let turn = (self.count - 1).div_ceil(2);
-        let mut halves = [Self::empty(), Self::empty()];
-        halves[0].push(middle);
-        halves[1].push(middle);
-        for step in 1..=self.count {
-            let corner = self.corners[(longest + step) % self.count];
+        let turn = (part.count - 1).div_ceil(2);
+        let mut halves = [Part::default(); 2];
+        halves.iter_mut().for_each(|half| half.push(middle));
+        for step in 1..=part.count {
+            let corner = part.corners[(longest + step) % part.count];
             if step <= turn {
                 halves[0].push(corner);
             }
@@ -139,68 +245,6 @@ impl Part {
             }
         }
         halves
-    }
-}
-
-/// Covers triangles; holds scratch space only.
-#[derive(Debug, Default)]
-pub struct Cover {
-    parts: Vec<Part>,
-}
-
-impl Cover {
-    /// Finds for every part of a triangle one of the targets and how far the part is from it, at most: distance plus the
-    /// target's base.
-    ///
-    /// Returns false if that would be more than `most` for some part, or cannot be shown to be less; `found` is then
-    /// not to be relied on.
-    pub fn cover(
-        &mut self,
-        triangle: [DVec3; 3],
-        targets: &[Target],
-        most: f64,
-        mut found: impl FnMut(usize, f64),
-    ) -> bool {
-        self.parts.clear();
-        self.parts.push(Part::triangle(triangle));
-        let (mut made, mut farthest) = (1, 0f64);
-        while let Some(part) = self.parts.pop() {
-            let Some(Nearest { target, bound, corner }) = nearest(&part, targets, most) else { return false };
-            farthest = farthest.max(corner);
-            let is_tight = bound <= farthest * TIGHT + most * SLACK;
-            if bound <= most && (is_tight || made >= PARTS_MAX) {
-                found(target, bound);
-            } else if made >= PARTS_MAX {
-                return false;
-            } else {
-                made += self.split(&part, targets);
-            }
-        }
-        true
-    }
-
-    /// Cuts a part along the sides of the target nearest to its middle, or in halves where that cuts nothing; returns
-    /// how many parts there are more.
-    fn split(&mut self, part: &Part, targets: &[Target]) -> usize {
-        let before = self.parts.len();
-        let middle = part.middle();
-        let nearest = targets.iter().min_by(|a, b| a.distance(middle).total_cmp(&b.distance(middle)));
-        let mut inside = *part;
-        if part.count + 3 <= CORNERS_MAX {
-            for side in nearest.into_iter().flat_map(Target::sides) {
-                let [within, beyond] = inside.cut(side);
-                if beyond.count >= 3 && within.count >= 3 {
-                    self.parts.push(beyond);
-                    inside = within;
-                }
-            }
-        }
-        if self.parts.len() == before {
-            self.parts.extend(part.halves());
-        } else {
-            self.parts.push(inside);
-        }
-        self.parts.len() - before
     }
 }
 
@@ -213,25 +257,6 @@ struct Nearest {
     corner: f64,
 }
 
-/// Finds it, unless a corner is farther than `most` from all targets.
-fn nearest(part: &Part, targets: &[Target], most: f64) -> Option<Nearest> {
-    let mut least = [f64::INFINITY; CORNERS_MAX];
-    let mut best = Nearest { target: 0, bound: f64::INFINITY, corner: 0.0 };
-    for (i, target) in targets.iter().enumerate() {
-        let mut bound = 0f64;
-        for (corner, least) in part.corners().iter().zip(&mut least) {
-            let distance = target.distance(*corner);
-            bound = bound.max(distance);
-            *least = least.min(distance);
-        }
-        if bound < best.bound {
-            best = Nearest { target: i, bound, ..best };
-        }
-    }
-    best.corner = least[..part.count].iter().copied().fold(0.0, f64::max);
-    (best.corner <= most).then_some(best)
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -240,9 +265,9 @@ mod tests {
 
     fn bound_of(triangle: [DVec3; 3], set: &[[DVec3; 3]], most: f64) -> Option<f64> {
         let targets: Vec<Target> = set.iter().map(|&corners| Target { corners, base: 0.0 }).collect();
-        let mut bound = 0f64;
-        let is_covered = Cover::default().cover(triangle, &targets, most, |_, distance| bound = bound.max(distance));
-        is_covered.then_some(bound)
+        let (mut cover, mut bound) = (Cover::default(), 0f64);
+        cover.aim_at(&targets);
+        cover.cover(triangle, most, |_, distance| bound = bound.max(distance)).then_some(bound)
     }
 
     fn square() -> [[DVec3; 3]; 2] {
@@ -273,10 +298,11 @@ mod tests {
     fn the_base_of_a_target_is_added() {
         let [corners, _] = square();
         let mut found = Vec::new();
-        let target = Target { corners, base: 0.5 };
-        assert!(Cover::default().cover(corners, &[target], 0.6, |target, bound| found.push((target, bound))));
+        let mut cover = Cover::default();
+        cover.aim_at(&[Target { corners, base: 0.5 }]);
+        assert!(cover.cover(corners, 0.6, |target, bound| found.push((target, bound))));
         assert_eq!(found, [(0, 0.5)]);
-        assert!(!Cover::default().cover(corners, &[target], 0.4, |_, _| ()));
+        assert!(!cover.cover(corners, 0.4, |_, _| ()));
     }
 
     fn point() -> impl Strategy<Value = DVec3> {
@@ -310,19 +336,20 @@ mod tests {
 
         #[test]
         fn parts_of_a_part_have_its_area(triangle in triangle(), other in triangle()) {
-            let area = |part: &Part| {
-                let corners = part.corners();
-                (1..part.count.saturating_sub(1))
-                    .map(|i| 0.5 * (corners[i] - corners[0]).cross(corners[i + 1] - corners[0]).length())
-                    .sum::<f64>()
+            let area = |cover: &Cover, part: &Part| {
+                let corner = |i: usize| cover.point(part.corners[i]) - cover.point(part.corners[0]);
+                (1..part.count.saturating_sub(1)).map(|i| 0.5 * corner(i).cross(corner(i + 1)).length()).sum::<f64>()
             };
-            let whole = Part::triangle(triangle);
             let mut cover = Cover::default();
-            cover.split(&whole, &[Target { corners: other, base: 0.0 }]);
-            let sum: f64 = cover.parts.iter().map(area).sum();
-            prop_assert!((sum - area(&whole)).abs() < 1e-9);
-            let sum: f64 = whole.halves().iter().map(area).sum();
-            prop_assert!((sum - area(&whole)).abs() < 1e-12);
+            cover.aim_at(&[Target { corners: other, base: 0.0 }]);
+            let mut whole = Part::default();
+            triangle.into_iter().for_each(|corner| whole.push(cover.shared_point(corner)));
+            cover.split(&whole);
+            let sum: f64 = cover.parts.iter().map(|part| area(&cover, part)).sum();
+            prop_assert!((sum - area(&cover, &whole)).abs() < 1e-9);
+            let halves = cover.halves(&whole);
+            let sum: f64 = halves.iter().map(|part| area(&cover, part)).sum();
+            prop_assert!((sum - area(&cover, &whole)).abs() < 1e-12);
         }
     }
 }

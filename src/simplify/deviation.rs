@@ -54,14 +54,16 @@ impl Patches {
         let Self { old, new, bounds, cover } = self;
         bounds.clear();
         bounds.resize(new.len(), 0.0);
+        cover.aim_at(new);
         for face in old.iter() {
             let take = |at: usize, distance: f64| bounds[at] = bounds[at].max(face.base + distance);
-            if !cover.cover(face.corners, new, most - face.base, take) {
+            if !cover.cover(face.corners, most - face.base, take) {
                 return Err(Refusal::Deviation);
             }
         }
+        cover.aim_at(old);
         for (face, bound) in new.iter().zip(bounds.iter_mut()) {
-            if !cover.cover(face.corners, old, most, |_, distance| *bound = bound.max(distance)) {
+            if !cover.cover(face.corners, most, |_, distance| *bound = bound.max(distance)) {
                 return Err(Refusal::Deviation);
             }
         }
