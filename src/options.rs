@@ -5,52 +5,52 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
-use crate::base::{Error, Result, bytes, json_path};
+use crate::base::{Error, Result, bytes, json_path, quantity};
 use crate::cost::{Weights, classic, curvature, knob, oblique, sharpness, terrain, weights};
 use crate::job::Resume;
 use crate::remesh::cvd;
 use crate::stitch::{Cost, SeamPolicy};
 use crate::write::Textures;
 
-/// What becomes of vertices on texture seams.
+/// How texture seams are simplified.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Seams {
-    /// Locked in the first pass, then collapsed along themselves
+    /// Lock seams in the first pass, then collapse them along their own line
     Stitch,
-    /// Collapsed along themselves in every pass
+    /// Collapse seams along their own line in every pass
     Follow,
-    /// Never touched
+    /// Keep every seam vertex where it is
     Lock,
 }
 
-/// What becomes of open borders.
+/// How open borders are simplified.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Borders {
-    /// Collapsed along themselves
+    /// Collapse borders along their own line
     Simplify,
-    /// Never touched
+    /// Keep every border vertex where it is
     Lock,
 }
 
-/// Whether vertices at the same place become one.
+/// Whether vertices at the same position are merged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Weld {
-    /// Those at bit-identical positions
+    /// Merge vertices whose positions are identical to the bit
     Exact,
-    /// None
+    /// Merge nothing
     Off,
 }
 
-/// What becomes of whole pieces that are smaller than the error.
+/// What happens to connected components that are smaller than the error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Pieces {
-    /// Kept
+    /// Keep every component
     Keep,
-    /// Dropped where the diagonal of their bounding box is below the deviation so far; not with --max-error
+    /// Remove a component whose bounding-box diagonal is below the error so far; not with --max-error
     Drop,
 }
 
@@ -60,28 +60,28 @@ pub enum Pieces {
 pub enum Metric {
     /// Distance to the surface
     Qem,
-    /// Distance to the surface and slide of the picture
+    /// Distance to the surface, and texture drift
     QemAttributes,
-    /// Distance to planes of equal weight; borders wear away (Garland & Heckbert 1997, the papers' baseline)
+    /// Distance to planes of equal weight; open borders erode (Garland & Heckbert 1997, the papers' baseline)
     #[value(name = "qem-1997")]
     Qem1997,
-    /// Oblique photogrammetry: rough ground goes first, pictures keep their shape (Wang et al. 2024)
+    /// Oblique photogrammetry: removes rough ground first, keeps textures undistorted (Wang et al. 2024)
     Oblique,
-    /// Thin and bent parts outlast flat ones (Quan et al. 2015)
+    /// Keeps thin and bent parts longer than flat ones (Quan et al. 2015)
     Curvature,
-    /// Terrain: position, picture and normal; borders are kept edge for edge (Li, Shi & Zhu 2018)
+    /// Terrain: position, texture and normal; keeps open borders edge for edge (Li, Shi & Zhu 2018)
     Terrain,
-    /// Sharp and richly painted parts outlast the rest; borders stay (Li, Jiang & Tang 2020)
+    /// Keeps sharp and richly textured parts longest, and open borders (Li, Jiang & Tang 2020)
     Sharpness,
 }
 
-/// What becomes of normals.
+/// How normals are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Normals {
-    /// Computed anew (60° crease) if the input had any
+    /// Recompute normals (60° crease) if the input has any
     Auto,
-    /// Left out
+    /// Write no normals
     Drop,
 }
 
@@ -97,131 +97,164 @@ pub enum Drawing {
     PicturesAndErrors,
 }
 
-/// What becomes of texture images.
+/// How texture images reach the output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TextureFiles {
-    /// Copied beside the output
+    /// Copy them beside the output
     Copy,
-    /// Linked beside the output
+    /// Link to them beside the output
     Link,
-    /// Left where they are
+    /// Leave them; the MTL names their paths
     Reference,
 }
 
-/// Whether a job that the work folder holds is gone on with.
+/// What to do with an unfinished job in the work folder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ResumeChoice {
-    /// If input and options are the same; otherwise it is refused
+    /// Resume it if the input and options match, otherwise stop with exit code 5
     Auto,
-    /// It must be there, the same, and undamaged
+    /// Resume it; fail if it is missing, different or damaged
     Require,
-    /// Never: what it holds is removed
+    /// Delete it and start over
     Never,
 }
 
 /// Triangles of a cluster, about, unless given.
 const CLUSTER_FACES: u64 = 50_000;
 
+/// Headings of `--help`, in the order in which it prints them.
+pub mod heading {
+    /// How far to simplify.
+    pub const TARGET: &str = "Target";
+    /// What is read, and what holds while it is simplified.
+    pub const INPUT: &str = "Input";
+    /// Texture seams and images.
+    pub const TEXTURE: &str = "Texture";
+    /// Memory, threads, files.
+    pub const JOB: &str = "Job";
+    /// What is said afterwards.
+    pub const REPORT: &str = "Report";
+    /// Published methods and their parameters.
+    pub const PAPERS: &str = "Methods of papers";
+}
+
 /// Options of `drystone simplify`.
 #[derive(Debug, Clone, PartialEq, Args, Serialize)]
 pub struct SimplifyOptions {
-    /// Share of the triangles to keep, above 0 and up to 1
-    #[arg(long, value_name = "SHARE", group = "target", allow_negative_numbers = true)]
+    /// Share of the triangles to keep, above 0 and up to 1, such as 0.1 or 10%
+    #[arg(long, value_name = "SHARE", group = "target", allow_negative_numbers = true, help_heading = heading::TARGET)]
+    #[arg(value_parser = quantity::parse_share)]
     pub ratio: Option<f64>,
 
-    /// Number of triangles to keep
-    #[arg(long, value_name = "COUNT", group = "target", allow_negative_numbers = true)]
+    /// Number of triangles to keep, such as 50000, 50k or 1.5M
+    #[arg(long, value_name = "COUNT", group = "target", allow_negative_numbers = true, help_heading = heading::TARGET)]
+    #[arg(value_parser = quantity::parse_count)]
     pub faces: Option<u64>,
 
-    /// Largest distance between any point of the result and the input, and the other way round, in the mesh's unit of length; as few
-    /// triangles as it allows. 0 removes only what changes nothing
-    #[arg(long, value_name = "LENGTH", group = "target", allow_negative_numbers = true)]
+    /// Largest distance between result and input, in the mesh's unit of length
+    ///
+    /// Largest distance from any point of the result to the input, and from any point of the input to the result, in the mesh's
+    /// unit of length. The result has as few triangles as the bound allows; 0 removes only what changes nothing
+    #[arg(long, value_name = "LENGTH", group = "target", allow_negative_numbers = true, help_heading = heading::TARGET)]
+    #[arg(value_parser = quantity::parse_length)]
     pub max_error: Option<f64>,
 
+    /// How to simplify open borders
+    #[arg(long, value_enum, default_value_t = Borders::Simplify, value_name = "HOW", hide_short_help = true, help_heading = heading::INPUT)]
+    pub borders: Borders,
+
+    /// Whether to merge vertices at the same position
+    #[arg(long, value_enum, default_value_t = Weld::Exact, value_name = "HOW", hide_short_help = true, help_heading = heading::INPUT)]
+    pub weld: Weld,
+
+    /// What to do with connected components smaller than the error
+    #[arg(long, value_enum, default_value_t = Pieces::Keep, value_name = "HOW", hide_short_help = true, help_heading = heading::INPUT)]
+    pub pieces: Pieces,
+
+    /// How to write normals
+    #[arg(long, value_enum, default_value_t = Normals::Auto, value_name = "HOW", help_heading = heading::INPUT, hide_short_help = true)]
+    pub normals: Normals,
+
+    /// How to simplify texture seams
+    ///
+    /// How to simplify texture seams [default: stitch, but follow with the metrics of papers]
+    #[arg(long, value_enum, value_name = "HOW", help_heading = heading::TEXTURE)]
+    pub seams: Option<Seams>,
+
+    /// How to write textures
+    ///
+    /// How to write texture images
+    #[arg(long, value_enum, value_name = "HOW", default_value_t = TextureFiles::Copy, help_heading = heading::TEXTURE)]
+    pub textures: TextureFiles,
+
+    /// Weight of texture drift, 0 to 1000; at 1 a metre of drift costs as much as a metre of distance
+    #[arg(long, value_name = "WEIGHT", default_value_t = 0.7, allow_negative_numbers = true, help_heading = heading::TEXTURE)]
+    #[arg(value_parser = quantity::parse_number, hide_short_help = true)]
+    pub uv_weight: f64,
+
+    /// Memory that the program may use [default: half of the machine's]
+    ///
     /// Memory that the program may use, at least 128MiB [default: half of the machine's or cgroup's]
-    #[arg(long, value_name = "SIZE", value_parser = bytes::parse)]
+    #[arg(long, value_name = "SIZE", value_parser = bytes::parse, help_heading = heading::JOB)]
     pub memory: Option<u64>,
 
-    /// Threads; the result does not depend on them [default: one for each processor]
-    #[arg(long, value_name = "COUNT")]
+    /// Number of threads [default: one per processor]
+    ///
+    /// Number of threads; the result does not depend on it [default: one per processor]
+    #[arg(long, value_name = "COUNT", value_parser = quantity::parse_whole::<usize>, help_heading = heading::JOB)]
     pub threads: Option<usize>,
 
-    /// Folder for intermediate files [default: beside the output]
-    #[arg(long, value_name = "DIR")]
+    /// Folder for intermediate files [default: OUTPUT.work]
+    #[arg(long, value_name = "DIR", help_heading = heading::JOB)]
     #[serde(serialize_with = "json_path::lossy_option")]
     pub work: Option<PathBuf>,
 
-    /// Whether a job that the work folder holds is gone on with
-    #[arg(long, value_enum, default_value_t = ResumeChoice::Auto)]
+    /// What to do with an unfinished job in the work folder
+    #[arg(long, value_enum, default_value_t = ResumeChoice::Auto, value_name = "HOW", hide_short_help = true, help_heading = heading::JOB)]
     pub resume: ResumeChoice,
 
-    /// Keep the work folder after success: the same command then finds its result there
-    #[arg(long)]
+    /// Keep the work folder after success; the same command then ends at once
+    #[arg(long, help_heading = heading::JOB, hide_short_help = true)]
     pub keep_work: bool,
 
-    /// What becomes of vertices on texture seams [default: stitch; follow with the metrics of papers, by their own rules]
-    #[arg(long, value_enum)]
-    pub seams: Option<Seams>,
+    /// Replace an existing output
+    #[arg(long, help_heading = heading::JOB)]
+    pub force: bool,
 
-    /// What becomes of open borders
-    #[arg(long, value_enum, default_value_t = Borders::Simplify)]
-    pub borders: Borders,
-
-    /// Whether vertices at the same place become one
-    #[arg(long, value_enum, default_value_t = Weld::Exact)]
-    pub weld: Weld,
-
-    /// What becomes of whole pieces that are smaller than the error
-    #[arg(long, value_enum, default_value_t = Pieces::Keep)]
-    pub pieces: Pieces,
-
-    /// Cost of a collapse [default: qem-attributes with texture, else qem]
-    #[arg(long, value_enum)]
-    pub metric: Option<Metric>,
-
-    /// Constant of the metric, as name=value, such as border=2; may be repeated (docs/choosing.md lists them)
-    #[arg(long, value_name = "NAME=VALUE")]
-    pub metric_option: Vec<String>,
-
-    /// Before, make the mesh anew by centroidal Voronoi cells, dense where the surface bends (Liu, Chen & Wang 2020): cvd, or
-    /// cvd:2 with the power of curvature; cvd:cells=5000 leaves it at so many cells (docs/choosing.md lists the settings)
-    #[arg(long, value_name = "cvd[:SETTINGS]")]
-    pub remesh: Option<cvd::Settings>,
-
-    /// Afterwards, move vertices among slivers to the middle of their ring (Li, Jiang & Tang 2020): rounder triangles, more error
-    #[arg(long)]
-    pub optimize: bool,
-
-    /// Weight of the picture's slide against distance, 0 to 1000: at 1 a metre of slide costs as much as a metre of distance
-    #[arg(long, value_name = "WEIGHT", default_value_t = 0.7, allow_negative_numbers = true)]
-    pub uv_weight: f64,
-
-    /// What becomes of normals
-    #[arg(long, value_enum, default_value_t = Normals::Auto)]
-    pub normals: Normals,
-
-    /// What becomes of texture images
-    #[arg(long, value_enum, default_value_t = TextureFiles::Copy)]
-    pub textures: TextureFiles,
-
-    /// Triangles of a cluster, about; 1000 to 10 million. Changes the result slightly, the memory much
-    #[arg(long, value_name = "COUNT", default_value_t = CLUSTER_FACES)]
+    /// Triangles per cluster, about; 1000 to 10 million. Changes memory a lot and the result slightly
+    #[arg(long, value_name = "COUNT", default_value_t = CLUSTER_FACES, help_heading = heading::JOB, hide_short_help = true)]
+    #[arg(value_parser = quantity::parse_count)]
     pub cluster_faces: u64,
 
-    /// Passes over shifted clusters, 1 to 16; more are made while clusters still lock what could go
-    #[arg(long, value_name = "COUNT", default_value_t = 3)]
+    /// Passes over shifted clusters, 1 to 16; more follow while cluster borders still hold the target
+    #[arg(long, value_name = "COUNT", default_value_t = 3, help_heading = heading::JOB, hide_short_help = true)]
+    #[arg(value_parser = quantity::parse_whole::<usize>)]
     pub passes: usize,
 
-    /// Pictures of the input and of the result; `--report FILE.html` asks for them
+    /// Cost of a collapse [default: qem-attributes with texture, else qem]
+    #[arg(long, value_enum, help_heading = heading::PAPERS, hide_short_help = true)]
+    pub metric: Option<Metric>,
+
+    /// Set a parameter of the metric, such as border=2; may be repeated. docs/choosing.md lists the parameters
+    #[arg(long, value_name = "NAME=VALUE", help_heading = heading::PAPERS, hide_short_help = true)]
+    pub metric_option: Vec<String>,
+
+    /// Before simplifying, remesh by centroidal Voronoi cells, denser where the surface bends (Liu, Chen & Wang 2020).
+    /// cvd:2 sets the power of the curvature; cvd:cells=5000 stops at 5000 cells. docs/choosing.md lists the settings
+    #[arg(long, value_name = "cvd[:SETTINGS]", help_heading = heading::PAPERS, hide_short_help = true)]
+    pub remesh: Option<cvd::Settings>,
+
+    /// After simplifying, move the vertices of slivers to the middle of their neighbours (Li, Jiang & Tang 2020).
+    /// Triangles get rounder, the error grows
+    #[arg(long, help_heading = heading::PAPERS, hide_short_help = true)]
+    pub optimize: bool,
+
+    /// Renderings of the input and of the result; `--report FILE.html` asks for them
     #[arg(skip)]
     #[serde(skip)]
     pub drawing: Drawing,
-
-    /// Replace an existing output
-    #[arg(long)]
-    pub force: bool,
 }
 
 impl Default for SimplifyOptions {
@@ -230,26 +263,26 @@ impl Default for SimplifyOptions {
             ratio: None,
             faces: None,
             max_error: None,
+            borders: Borders::Simplify,
+            weld: Weld::Exact,
+            pieces: Pieces::Keep,
+            normals: Normals::Auto,
+            seams: None,
+            textures: TextureFiles::Copy,
+            uv_weight: 0.7,
             memory: None,
             threads: None,
             work: None,
             resume: ResumeChoice::Auto,
             keep_work: false,
-            seams: None,
-            borders: Borders::Simplify,
-            weld: Weld::Exact,
-            pieces: Pieces::Keep,
+            force: false,
+            cluster_faces: CLUSTER_FACES,
+            passes: 3,
             metric: None,
             metric_option: Vec::new(),
             remesh: None,
             optimize: false,
-            uv_weight: 0.7,
-            normals: Normals::Auto,
-            textures: TextureFiles::Copy,
-            cluster_faces: CLUSTER_FACES,
-            passes: 3,
             drawing: Drawing::Nothing,
-            force: false,
         }
     }
 }

@@ -47,7 +47,7 @@ fn compared(original: &Path, result: &Path, options: &[&str]) -> Value {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("c.json");
     let mut arguments =
-        vec!["compare", text(original), text(result), "--json", text(&file), "--samples", "20000", "-q"];
+        vec!["compare", text(original), text(result), "--report", text(&file), "--samples", "20000", "-q"];
     arguments.extend(options);
     let done = drystone(&arguments);
     assert_eq!(done.status.code(), Some(0), "{}", String::from_utf8_lossy(&done.stderr));

@@ -219,7 +219,7 @@ def run(mesh, name, target, *options, whole=True, original=None):
     if done.returncode not in (0, 3):
         raise SystemExit(f"{command}: {done.stderr}")
     numbers, told = result.with_suffix(".json"), json.loads(result.with_suffix(".run.json").read_text())
-    compare = [ASKED.program, "compare", original, result, "--json", numbers, "-q", "--samples", ASKED.samples]
+    compare = [ASKED.program, "compare", original, result, "--report", numbers, "-q", "--samples", ASKED.samples]
     subprocess.run(compare, check=True, capture_output=True)
     measured = json.loads(numbers.read_text())
     measured["path"], measured["peak"] = result, told["memory"]["peak_resident"]

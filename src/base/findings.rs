@@ -1,12 +1,12 @@
-//! What a run repaired, dropped or noticed: counted by kind, with the first few places of each.
+//! What a run repaired, dropped or noticed: counted by kind, with the first places of each.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-/// How many places of one kind are told in words; the rest are counted.
-const PLACES_PER_KIND: usize = 3;
+/// How many places of one kind are kept in words; the rest are counted.
+pub const PLACES_PER_KIND: usize = 20;
 
 /// Counted findings by kind; a kind is a fixed snake-case word such as `degenerate_faces`.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -66,16 +66,18 @@ impl Findings {
         words.flat_map(str::chars).all(|c| !c.is_control())
     }
 
-    /// One line for each kind that has words: `degenerate_faces: 12 (city.obj:7: …; …)`.
+    /// The first places of each kind, one a line, and how many more there are: `degenerate faces: city.obj:7: …`.
     pub fn warnings(&self) -> Vec<String> {
-        self.iter()
-            .filter(|(_, finding)| !finding.places.is_empty())
-            .map(|(kind, finding)| {
-                let rest = finding.count.saturating_sub(finding.places.len() as u64);
-                let more = if rest > 0 { format!("; and {rest} more") } else { String::new() };
-                format!("{}: {}{more}", kind.replace('_', " "), finding.places.join("; "))
-            })
-            .collect()
+        let mut lines = Vec::new();
+        for (kind, finding) in self.iter().filter(|(_, finding)| !finding.places.is_empty()) {
+            let kind = kind.replace('_', " ");
+            lines.extend(finding.places.iter().map(|place| format!("{kind}: {place}")));
+            match finding.count.saturating_sub(finding.places.len() as u64) {
+                0 => {}
+                rest => lines.push(format!("{kind}: and {rest} more")),
+            }
+        }
+        lines
     }
 }
 
@@ -90,6 +92,9 @@ mod tests {
             findings.note("bad_texcoord_index", || format!("a.obj:{line}"));
         }
         assert_eq!(findings.get("bad_texcoord_index"), 5000);
-        assert_eq!(findings.warnings(), ["bad texcoord index: a.obj:0; a.obj:1; a.obj:2; and 4997 more"]);
+        let lines = findings.warnings();
+        assert_eq!(lines[0], "bad texcoord index: a.obj:0");
+        assert_eq!(lines[PLACES_PER_KIND], format!("bad texcoord index: and {} more", 5000 - PLACES_PER_KIND));
+        assert_eq!(lines.len(), PLACES_PER_KIND + 1);
     }
 }

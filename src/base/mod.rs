@@ -10,6 +10,7 @@ pub mod findings;
 pub mod json_path;
 pub mod ordered;
 pub mod progress;
+pub mod quantity;
 pub mod threads;
 
 pub use budget::{Allowance, MemoryBudget, Permit, Permits};

@@ -21,7 +21,7 @@ use crate::scan::{ScanOptions, find_inputs, scan};
 pub struct CheckArguments {
     /// OBJ file
     mesh: PathBuf,
-    /// OBJ file that the mesh was made from
+    /// OBJ file that the mesh was made from; only faults that it does not have count then
     #[arg(long, value_name = "FILE")]
     against: Option<PathBuf>,
     /// Print JSON
@@ -85,13 +85,23 @@ fn fields(check: &Check) -> serde_json::Map<String, serde_json::Value> {
     }
 }
 
+/// The name of a count, as `inspect` and `compare` write it.
+fn words(name: &str) -> String {
+    match name {
+        "euler" => "Euler characteristic".to_owned(),
+        "t_junctions" => "T-junctions".to_owned(),
+        "folded_uv" => "folded texture triangles".to_owned(),
+        _ => name.replace('_', " ").replace("non manifold", "non-manifold").replace("zero area", "zero-area"),
+    }
+}
+
 /// The counts as a person reads them, and a verdict where there is a mesh to compare with.
 fn table(after: &Check, before: Option<&Check>, news: &[Regression]) -> String {
     let mut text = String::new();
     let old = before.map(fields);
     for (name, value) in fields(after) {
         let old = old.as_ref().and_then(|old| old.get(&name)).map(|old| format!("   (before: {old})"));
-        let _ = writeln!(text, "{:28} {value}{}", name.replace('_', " "), old.unwrap_or_default());
+        let _ = writeln!(text, "{:28} {value}{}", words(&name), old.unwrap_or_default());
     }
     for regression in news {
         let _ = writeln!(text, "new: {regression}");

@@ -5,17 +5,18 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::print::print;
+use super::print::{print, print_json};
 use super::progress::stoppable;
 use super::stop::Goodbye;
 use crate::base::error::escape_path;
-use crate::base::{Error, Progress, Result, bytes, grouped};
+use crate::base::{Error, Progress, Result, bytes, grouped, quantity};
 use crate::measure::compare::{self, BeforeAfter, CompareOptions, Comparison, Distances, Onlooker, Resources, Texture};
+use crate::options::heading;
 use crate::os::durable::temporary_folder;
 use crate::os::signals::StopSignal;
 use crate::plan::{memory, scratch};
 use crate::report::gallery::{self, Relief};
-use crate::report::{self, ComparisonPage};
+use crate::report::{self, ComparisonPage, Kind};
 use crate::scan;
 
 /// Points by area, at least and at most.
@@ -24,28 +25,28 @@ const SAMPLES: std::ops::RangeInclusive<u64> = 1_000..=1_000_000_000;
 /// Arguments of `drystone compare`.
 #[derive(Debug, Args)]
 pub struct CompareArguments {
-    /// OBJ file, or a folder: every OBJ in it and below it is one mesh
+    /// OBJ file, or a folder: every OBJ in and below it joins one mesh
     original: PathBuf,
-    /// OBJ file that was made of it, or a folder
+    /// OBJ file made from it, or a folder
     result: PathBuf,
-    /// Write the numbers as JSON; docs/report.md says what they mean
+    /// Write a report: .json for scripts (docs/report.md explains the numbers), .html for people; may be repeated
     #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// Write a page for people, with pictures
-    #[arg(long, value_name = "FILE")]
-    html: Option<PathBuf>,
+    report: Vec<PathBuf>,
+    /// Print the numbers as JSON
+    #[arg(long)]
+    json: bool,
     #[command(flatten)]
     sampling: SamplingArguments,
     /// Memory that the program may use, at least 128MiB [default: half of the machine's or cgroup's]
     #[arg(long, value_name = "SIZE", value_parser = bytes::parse)]
     memory: Option<u64>,
-    /// Threads; the numbers do not depend on them [default: one for each processor]
+    /// Number of threads; the results do not depend on it [default: one per processor]
     #[arg(long, value_name = "COUNT")]
     threads: Option<usize>,
     /// Folder for intermediate files, removed at the end [default: in the system's temporary folder]
     #[arg(long, value_name = "DIR")]
     work: Option<PathBuf>,
-    /// Say nothing but the numbers and errors
+    /// Print the numbers and errors only
     #[arg(short, long)]
     quiet: bool,
 }
@@ -53,11 +54,13 @@ pub struct CompareArguments {
 /// Which points are compared.
 #[derive(Debug, Clone, Copy, Args)]
 pub struct SamplingArguments {
-    /// Points by area on each of the two surfaces; vertices, and points on edges, come on top. 1000 to 1000000000
-    #[arg(long, value_name = "COUNT", default_value_t = compare::SAMPLES)]
+    /// Sample points by area on each surface, 1000 to 1 billion; vertices and points on edges are measured besides
+    #[arg(long, value_name = "COUNT", default_value_t = compare::SAMPLES, value_parser = quantity::parse_count)]
+    #[arg(help_heading = heading::REPORT, hide_short_help = true)]
     samples: u64,
-    /// Number that chooses the points
-    #[arg(long, value_name = "NUMBER", default_value_t = 1)]
+    /// Seed of the random sample points
+    #[arg(long, value_name = "NUMBER", default_value_t = 1, value_parser = quantity::parse_whole::<u64>)]
+    #[arg(help_heading = heading::REPORT, hide_short_help = true)]
     seed: u64,
 }
 
@@ -80,33 +83,39 @@ impl SamplingArguments {
 /// # Errors
 /// Those of [`compare::compare`], and of writing the JSON.
 pub fn run(arguments: &CompareArguments) -> Result<u8> {
-    let CompareArguments { original, result, json, html, sampling, memory, threads, work, quiet } = arguments;
-    html.iter().try_for_each(|path| ComparisonPage::check_path(path))?;
+    let CompareArguments { original, result, report: reports, json, sampling, memory, threads, work, quiet } =
+        arguments;
+    reports.iter().try_for_each(|path| Kind::of(path).map(drop))?;
+    let pages: Vec<_> = reports.iter().filter(|path| Kind::of(path).is_ok_and(|kind| kind == Kind::Html)).collect();
+    pages.iter().try_for_each(|path| ComparisonPage::check_path(path))?;
     let work = work.clone().unwrap_or_else(|| temporary_folder("compare"));
     let stop = StopSignal::listen()?;
     let goodbye = Goodbye::of_nothing(&stop);
     let told = stoppable(*quiet, stop);
     let meshes = [original.as_path(), result.as_path()];
     let mut page = ComparisonPage::default();
-    let outcome = match html {
-        Some(_) => {
+    let outcome = match pages.is_empty() {
+        false => {
             page.resources = drawing_resources(*memory, *threads)?;
             compare_meshes(meshes, *sampling, *memory, *threads, Relief::BYTES, work, &mut page, &*told)
         }
-        None => compare_meshes(meshes, *sampling, *memory, *threads, 0, work, &mut (), &*told),
+        true => compare_meshes(meshes, *sampling, *memory, *threads, 0, work, &mut (), &*told),
     };
     let comparison = match outcome {
         Err(Error::Stopped) => return Ok(goodbye.say()),
         outcome => outcome?,
     };
     drop(told);
-    if let Some(path) = html {
-        page.save(&comparison, path)?;
+    for path in reports {
+        match Kind::of(path)? {
+            Kind::Html => page.save(&comparison, path)?,
+            Kind::Json => report::save_json(&comparison, path)?,
+        }
     }
-    if let Some(path) = json {
-        report::save_json(&comparison, path)?;
+    match json {
+        true => print_json(&comparison)?,
+        false => print(&table(&comparison))?,
     }
-    print(&table(&comparison))?;
     Ok(0)
 }
 
@@ -171,16 +180,19 @@ fn table(comparison: &Comparison) -> String {
     ];
     let ways = [&geometry.forward, &geometry.backward, &geometry.symmetric];
     for (name, figure) in figures {
-        let [a, b, c] = ways.map(|way| length(figure(way)));
+        let [a, b, c] = ways.map(|way| distance(figure(way), geometry.diagonal));
         let _ = writeln!(text, "{name:22}{a:>16}{b:>16}{c:>16}");
     }
     if geometry.symmetric.cut_searches > 0 {
-        let [a, b, c] = ways.map(|way| length(way.max_bound));
+        let [a, b, c] = ways.map(|way| distance(way.max_bound, geometry.diagonal));
         let _ = writeln!(text, "{:22}{a:>16}{b:>16}{c:>16}", "largest, at most");
     }
     let _ = writeln!(text, "in 1e-4 of the diagonal");
     for (name, figure) in figures.into_iter().filter(|(name, _)| *name != "half is nearer than") {
-        let [a, b, c] = ways.map(|way| length(1e4 * figure(way) / geometry.diagonal));
+        let [a, b, c] = ways.map(|way| match 1e4 * figure(way) / geometry.diagonal {
+            share if share > 0.0 && share < 1e4 * ROUNDING => format!("<{:.0e}", 1e4 * ROUNDING),
+            share => length(share),
+        });
         let _ = writeln!(text, "  {name:20}{a:>16}{b:>16}{c:>16}");
     }
     let mut row = |name: &str, words: String| {
@@ -201,7 +213,10 @@ fn table(comparison: &Comparison) -> String {
         row("volume", format!("{} of the original's", percent(ratio)));
     }
     if let Some(border) = geometry.border {
-        row("open borders", format!("at most {} away, RMS {}", length(border.max), length(border.rms)));
+        row("open borders", {
+            let [max, rms] = [border.max, border.rms].map(|length| distance(length, geometry.diagonal));
+            format!("at most {max} away, RMS {rms}")
+        });
     }
     if let Some(texture) = &comparison.texture {
         describe_texture(texture, &mut row);
@@ -214,9 +229,9 @@ fn table(comparison: &Comparison) -> String {
     for (name, before, after) in [
         ("triangles", old.faces, new.faces),
         ("vertices", old.vertices, new.vertices),
-        ("pieces", old.components, new.components),
-        ("open edges", old.boundary_edges, new.boundary_edges),
-        ("open borders", old.boundary_loops, new.boundary_loops),
+        ("components", old.components, new.components),
+        ("boundary edges", old.boundary_edges, new.boundary_edges),
+        ("boundary loops", old.boundary_loops, new.boundary_loops),
         ("non-manifold edges", old.non_manifold_edges, new.non_manifold_edges),
         ("seam edges", old.seam_edges, new.seam_edges),
         ("charts", old.charts, new.charts),
@@ -224,7 +239,7 @@ fn table(comparison: &Comparison) -> String {
     ] {
         pair(name, grouped(before), grouped(after));
     }
-    pair("Euler number", old.euler.to_string(), new.euler.to_string());
+    pair("Euler characteristic", old.euler.to_string(), new.euler.to_string());
     let (old, new) = (&quality.before, &quality.after);
     pair("mean regularity", format!("{:.4}", old.regularity_mean), format!("{:.4}", new.regularity_mean));
     pair("slivers", percent(old.sliver_share), percent(new.sliver_share));
@@ -240,11 +255,11 @@ fn describe_texture(texture: &Texture, row: &mut impl FnMut(&str, String)) {
     row("colour, to original", colours(texture.colour_mean, texture.colour_rms));
     row("colour, to result", colours(texture.colour_backward_mean, texture.colour_backward_rms));
     let slide = format!("half below {}, 95 % below {}", length(texture.slide_median), length(texture.slide_p95));
-    row("slide of the picture", slide);
+    row("texture drift", slide);
     let texels = format!("half below {:.2}, 95 % below {:.2}", texture.slide_texels_median, texture.slide_texels_p95);
     row("the same in texels", texels);
     row("outside of all charts", percent(texture.outside_fraction));
-    row("without picture", percent(texture.untextured_fraction));
+    row("without image", percent(texture.untextured_fraction));
     let folded =
         format!("{} before, {} after", grouped(texture.folded_triangles_before), grouped(texture.folded_triangles));
     row("folded in texture", folded);
@@ -262,6 +277,18 @@ fn describe_texture(texture: &Texture, row: &mut impl FnMut(&str, String)) {
     row("the same in texels", texels.join(" before, ") + " after");
 }
 
+/// Distances below this share of the diagonal are roundings.
+const ROUNDING: f64 = 1e-12;
+
+/// A distance, but for roundings.
+fn distance(value: f64, diagonal: f64) -> String {
+    match value {
+        0.0 => "0".to_owned(),
+        _ if value < ROUNDING * diagonal => format!("<{ROUNDING:.0e} diagonal"),
+        _ => length(value),
+    }
+}
+
 /// A length with five significant digits.
 fn length(length: f64) -> String {
     let digits = if length == 0.0 { 0.0 } else { libm::floor(libm::log10(length.abs())) };
@@ -273,4 +300,15 @@ fn length(length: f64) -> String {
 
 fn percent(share: f64) -> String {
     format!("{:.3} %", 100.0 * share)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn roundings_are_no_five_digits() {
+        assert_eq!(distance(7.0741e-18, 2.83), "<1e-12 diagonal");
+        assert_eq!([0.0, 1e-9, 0.5].map(|value| distance(value, 2.83)), ["0", "1.0000e-9", "0.50000"]);
+    }
 }

@@ -5,17 +5,17 @@ use std::fmt::Write as _;
 /// Every exit code and what it means.
 pub const CODES: [(u8, &str); 12] = [
     (0, "done"),
-    (1, "failed: the system refused, a limit was passed, or a check found something new"),
-    (2, "usage: the options or the memory budget cannot be"),
+    (1, "failed: the system refused, a limit was exceeded, or a check found a new fault"),
+    (2, "usage: an option or the memory budget is not possible"),
     (3, "written, but the target was missed; the report says why"),
     (4, "bad input: the message names file and line"),
     (5, "the input or the options changed since the work folder was made"),
     (6, "another process works in the work folder"),
     (7, "no space left on a disk, or not enough to begin"),
     (8, "a file of the work folder is damaged"),
-    (129, "stopped by SIGHUP; the same command goes on"),
-    (130, "stopped by SIGINT (Ctrl-C); the same command goes on"),
-    (143, "stopped by SIGTERM; the same command goes on"),
+    (129, "stopped by SIGHUP; the same command resumes"),
+    (130, "stopped by SIGINT (Ctrl-C); the same command resumes"),
+    (143, "stopped by SIGTERM; the same command resumes"),
 ];
 
 /// The table as `--help` prints it.

@@ -14,12 +14,12 @@ use crate::os::signals::StopSignal;
 /// Arguments of `drystone inspect`.
 #[derive(Debug, Args)]
 pub struct InspectArguments {
-    /// OBJ file, or a folder: every OBJ in it and below it is one mesh
+    /// OBJ file, or a folder: every OBJ in and below it joins one mesh
     input: PathBuf,
     /// Memory that the program may use, at least 128MiB [default: half of the machine's or cgroup's]
     #[arg(long, value_name = "SIZE", value_parser = bytes::parse)]
     memory: Option<u64>,
-    /// Threads; the counts do not depend on them [default: one for each processor]
+    /// Number of threads; the results do not depend on it [default: one per processor]
     #[arg(long, value_name = "COUNT")]
     threads: Option<usize>,
     /// Folder for intermediate files, removed at the end [default: in the system's temporary folder]
@@ -28,7 +28,7 @@ pub struct InspectArguments {
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// Say nothing but the counts and errors
+    /// Print the counts and errors only
     #[arg(short, long)]
     quiet: bool,
 }

@@ -20,8 +20,9 @@ pub fn options_markdown() -> String {
     let mut page = INTRODUCTION.to_owned();
     let mut program = Cli::command();
     program.build();
+    let simplify = program.find_subcommand("simplify").cloned().unwrap_or_default();
     for command in program.get_subcommands().filter(|command| !command.is_hide_set() && command.get_name() != "help") {
-        describe(&mut page, command);
+        describe(&mut page, command, &simplify);
     }
     page.push_str("\n## Exit codes\n\n| Code | Meaning |\n| --- | --- |\n");
     for (code, meaning) in exit::CODES {
@@ -30,25 +31,49 @@ pub fn options_markdown() -> String {
     page
 }
 
-fn describe(page: &mut String, command: &Command) {
+/// A section for a command: its arguments, then its options by heading; those that it shares with `simplify` only once.
+fn describe(page: &mut String, command: &Command, simplify: &Command) {
     let about = command.get_about().map(ToString::to_string).unwrap_or_default();
     let positionals: Vec<String> =
         command.get_positionals().map(|argument| argument.get_id().as_str().to_uppercase()).collect();
     let _ = writeln!(page, "\n## drystone {}\n\n{about}.", command.get_name());
-    let _ = writeln!(page, "\n```\ndrystone {} {} [OPTIONS]\n```", command.get_name(), positionals.join(" "));
-    page.push_str("\n| Option | Default | Meaning |\n| --- | --- | --- |\n");
-    for argument in command.get_positionals() {
-        let _ = writeln!(page, "| `{}` | | {} |", argument.get_id().as_str().to_uppercase(), meaning(argument));
+    let usage = [vec![format!("drystone {}", command.get_name())], positionals, vec!["[OPTIONS]".to_owned()]];
+    let _ = writeln!(page, "\n```\n{}\n```", usage.concat().join(" "));
+    let is_other = command.get_name() != simplify.get_name();
+    let takes_all = is_other && command.get_arguments().any(|argument| argument.get_id() == "ratio");
+    if takes_all {
+        page.push_str("\nTakes the options of [simplify](#drystone-simplify) that shape the result or the job, and:\n");
     }
-    let options = command.get_arguments().filter(|argument| !argument.is_positional() && !argument.is_hide_set());
-    for argument in options.filter(|argument| argument.get_id().as_str() != "help") {
-        let (meaning, default) = split_default(meaning(argument), argument);
-        let _ = writeln!(page, "| {} | {default} | {meaning} |", flag(argument));
+    let is_said =
+        |argument: &Arg| takes_all && simplify.get_arguments().any(|other| other.get_id() == argument.get_id());
+    let options: Vec<&Arg> = command
+        .get_arguments()
+        .filter(|argument| !argument.is_hide_set() && argument.get_id() != "help")
+        .filter(|argument| argument.is_positional() || argument.get_id() == "quiet" || !is_said(argument))
+        .collect();
+    let mut headings: Vec<Option<&str>> = Vec::new();
+    for argument in &options {
+        if !headings.contains(&argument.get_help_heading()) {
+            headings.push(argument.get_help_heading());
+        }
+    }
+    for heading in headings {
+        if let Some(heading) = heading {
+            let _ = writeln!(page, "\n### {heading}");
+        }
+        page.push_str("\n| Option | Default | Meaning |\n| --- | --- | --- |\n");
+        for argument in options.iter().filter(|argument| argument.get_help_heading() == heading) {
+            let (meaning, default) = split_default(meaning(argument), argument);
+            let _ = writeln!(page, "| {} | {default} | {meaning} |", flag(argument));
+        }
     }
 }
 
 /// `-o`, `--output FILE`.
 fn flag(argument: &Arg) -> String {
+    if argument.is_positional() {
+        return format!("`{}`", argument.get_id().as_str().to_uppercase());
+    }
     let mut text = argument.get_short().map(|short| format!("`-{short}`, ")).unwrap_or_default();
     let _ = write!(text, "`--{}", argument.get_long().unwrap_or_default());
     if argument.get_action().takes_values() {
@@ -69,7 +94,8 @@ fn choices(argument: &Arg) -> Vec<clap::builder::PossibleValue> {
 
 /// The option's words, then its choices with theirs.
 fn meaning(argument: &Arg) -> String {
-    let mut text = argument.get_help().map(ToString::to_string).unwrap_or_default();
+    let words = argument.get_long_help().or(argument.get_help());
+    let mut text = words.map(ToString::to_string).unwrap_or_default().replace("\n", " ");
     if argument.is_required_set() && !argument.is_positional() {
         text.push_str(" (needed)");
     }

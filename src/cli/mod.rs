@@ -4,6 +4,7 @@ mod check;
 mod compare;
 mod exit;
 mod inspect;
+mod manual;
 mod markdown;
 mod plan;
 mod print;
@@ -11,6 +12,7 @@ mod progress;
 mod simplify;
 mod status;
 mod stop;
+mod version;
 
 use std::process::ExitCode;
 
@@ -22,7 +24,8 @@ pub use self::markdown::options_markdown;
 
 /// Simplifies textured triangle meshes larger than memory.
 #[derive(Debug, Parser)]
-#[command(name = "drystone", version, about, after_help = exit::help())]
+#[command(name = "drystone", about, after_help = exit::help())]
+#[command(version = version::SHORT, long_version = version::LONG)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -30,18 +33,23 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Simplify an OBJ, or every OBJ below a folder, into one OBJ
+    /// Simplify an OBJ, or every OBJ in and below a folder, into one OBJ
+    #[command(after_help = simplify::MORE, after_long_help = simplify::EXAMPLES)]
     Simplify(Box<simplify::SimplifyArguments>),
-    /// Tell what a run will take: clusters, memory, scratch space, time; one streaming look, writes nothing
+    /// Predict what a run takes: clusters, memory, scratch space, time. Reads the input once and writes nothing
     Plan(Box<plan::PlanArguments>),
-    /// Tell what an OBJ holds: counts, bounds, materials, seams, borders, faults; within a memory budget
+    /// Print what an OBJ holds: counts, bounds, materials, seams, boundaries, faults. Works within a memory budget
     Inspect(inspect::InspectArguments),
     /// Count cracks, topology faults and folded texture; exit code 1 if any is new. Holds the mesh in memory
     Check(check::CheckArguments),
-    /// Measure what a simplification did: distances, colours, topology, shapes; within a memory budget
+    /// Measure what a simplification changed: distances, colours, topology, shapes. Works within a memory budget
     Compare(compare::CompareArguments),
-    /// Tell what is done and what is left of the job in a work folder; it may be running
+    /// Print what a job has done and what is left, also while it runs
     Status(status::StatusArguments),
+    /// Print the completion script of a shell
+    Completions(manual::CompletionsArguments),
+    /// Write the manual pages to a folder
+    Man(manual::ManArguments),
     /// Print docs/options.md
     #[command(hide = true)]
     OptionsMarkdown,
@@ -67,6 +75,8 @@ impl Command {
             Command::Check(arguments) => check::run(arguments),
             Command::Compare(arguments) => compare::run(arguments),
             Command::Status(arguments) => status::run(arguments),
+            Command::Completions(arguments) => manual::print_completions(arguments),
+            Command::Man(arguments) => manual::write_pages(arguments),
             Command::OptionsMarkdown => {
                 print::print(&options_markdown())?;
                 Ok(0)

@@ -13,14 +13,14 @@ use crate::plan;
 /// Arguments of `drystone plan`.
 #[derive(Debug, Args)]
 pub struct PlanArguments {
-    /// OBJ file, or a folder: every OBJ in it and below it becomes one mesh
+    /// OBJ file, or a folder: every OBJ in and below it joins one mesh
     input: PathBuf,
     #[command(flatten)]
     options: SimplifyOptions,
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// Say nothing but the plan and errors
+    /// Print the plan and errors only
     #[arg(short, long)]
     quiet: bool,
 }

@@ -2,24 +2,42 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use super::compare::{SamplingArguments, compare_meshes};
+use super::print::{print, print_json};
 use super::progress::{stoppable, tell};
 use super::stop::Goodbye;
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
-use crate::options::{Drawing, SimplifyOptions};
+use crate::options::{Drawing, SimplifyOptions, heading};
 use crate::os::durable::make_folders;
 use crate::os::signals::StopSignal;
 use crate::pipeline;
 use crate::report;
 use crate::report::gallery::Relief;
 
+/// After `-h`.
+pub const MORE: &str = "--help has every option, each with its choices, and examples.";
+
+/// After `--help`.
+pub const EXAMPLES: &str = "\
+Examples:
+  drystone simplify city.obj -o out/city.obj --ratio 10%
+      Keep a tenth of the triangles; MTL and textures go beside the result.
+  drystone simplify tiles/ -o out/city.obj --faces 2M --memory 1GiB
+      Join every OBJ in and below tiles/ into one mesh of 2 million triangles, within 1 GiB of memory.
+  drystone simplify city.obj -o out/city.obj --max-error 0.05 --report out/city.html
+      Remove whatever moves the surface by less than 0.05 units; write a page with renderings and plots.
+  drystone simplify city.obj -o out/city.obj --ratio 0.1 --quiet --format json | jq .faces
+      Print the report as JSON and nothing else.
+  drystone status out/city.obj.work
+      See, from another terminal, how far it is. A stopped or killed job resumes with the command that started it.";
+
 /// Arguments of `drystone simplify`.
 #[derive(Debug, Args)]
 pub struct SimplifyArguments {
-    /// OBJ file, or a folder: every OBJ in it and below it becomes one mesh
+    /// OBJ file, or a folder: every OBJ in and below it joins one mesh
     input: PathBuf,
     /// OBJ file to write; its MTL and textures go beside it
     #[arg(short, long, value_name = "FILE")]
@@ -27,16 +45,32 @@ pub struct SimplifyArguments {
     #[command(flatten)]
     options: SimplifyOptions,
     /// Write a report: .json for scripts, .html for people; may be repeated
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = heading::REPORT)]
     report: Vec<PathBuf>,
-    /// Compare the result with the input, as `drystone compare` does, and put the numbers into the reports
-    #[arg(long)]
+    /// Compare the result with the input, as `drystone compare` does
+    ///
+    /// Compare the result with the input, as `drystone compare` does; the reports get the numbers
+    #[arg(long, help_heading = heading::REPORT)]
     measure: bool,
     #[command(flatten)]
     sampling: SamplingArguments,
-    /// Say nothing but errors
-    #[arg(short, long)]
+    /// Form of the summary on stdout
+    #[arg(long, value_enum, value_name = "FORM", default_value_t = Format::Text, help_heading = heading::REPORT)]
+    format: Format,
+    /// Print errors only
+    ///
+    /// Print errors only; --format json still prints its object
+    #[arg(short, long, help_heading = heading::REPORT)]
     quiet: bool,
+}
+
+/// Form of the summary on stdout.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Format {
+    /// Lines of `key: value`, numbers without blanks
+    Text,
+    /// The report, as one JSON object
+    Json,
 }
 
 /// Simplifies, compares if asked to, prints the closing words and returns the exit code.
@@ -44,7 +78,7 @@ pub struct SimplifyArguments {
 /// # Errors
 /// Those of [`pipeline::simplify`] and of the reports.
 pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
-    let SimplifyArguments { input, output, options, report: reports, measure, sampling, quiet } = arguments;
+    let SimplifyArguments { input, output, options, report: reports, measure, sampling, format, quiet } = arguments;
     sampling.check()?;
     reports.iter().try_for_each(|path| report::Kind::of(path).map(|_| ()))?;
     let folders = reports.iter().filter_map(|path| path.parent());
@@ -96,8 +130,14 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
     if *measure {
         reports.iter().try_for_each(|path| result.save(path, number))?;
     }
-    if !quiet || result.exit_code() != 0 {
-        tell(result.summary().trim_end());
+    if !quiet {
+        tell_lines(result.warning_lines());
+    }
+    tell_lines(result.miss_lines());
+    match format {
+        Format::Json => print_json(&result)?,
+        Format::Text if !quiet => print(&result.summary())?,
+        Format::Text => {}
     }
     match failure {
         Some(Error::Stopped) => Ok(goodbye.say()),
@@ -111,4 +151,27 @@ fn work_beside(work: &Path) -> PathBuf {
     let mut name = work.file_name().unwrap_or_default().to_owned();
     name.push("-measure");
     work.with_file_name(name)
+}
+
+/// Prints lines on stderr, where a script that reads the summary does not meet them.
+fn tell_lines(lines: Vec<String>) {
+    lines.iter().for_each(|line| tell(line));
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_short_help_is_one_screen() {
+        let mut program = crate::cli::Cli::command().term_width(100);
+        program.build();
+        let simplify = program.find_subcommand_mut("simplify").unwrap();
+        let (short, long) = (simplify.render_help().to_string(), simplify.render_long_help().to_string());
+        assert!(short.lines().count() <= 40, "{short}");
+        assert!(short.lines().chain(long.lines()).all(|line| line.chars().count() <= 100), "{long}");
+        let headings = ["Target:", "Input:", "Texture:", "Job:", "Methods of papers:", "Report:", "Examples:"];
+        let places = headings.map(|heading| long.find(&format!("\n{heading}\n")));
+        assert!(places.iter().all(Option::is_some) && places.is_sorted(), "{places:?}");
+    }
 }

@@ -16,7 +16,7 @@ use crate::job::{Entry, Record, Step, WorkStatus, look};
 /// Arguments of `drystone status`.
 #[derive(Debug, Args)]
 pub struct StatusArguments {
-    /// Work folder: OUTPUT.work beside the output, or what --work named
+    /// Work folder: OUTPUT.work, or the folder of --work
     workdir: PathBuf,
     /// Print JSON
     #[arg(long)]

@@ -41,7 +41,7 @@ pub struct Tally {
     /// Edges of several faces that differ in texture coordinate or material at an end.
     pub seam_edges: u64,
     /// Edges of one face.
-    pub open_edges: u64,
+    pub boundary_edges: u64,
     /// Edges of three or more faces.
     pub non_manifold_edges: u64,
 }
@@ -53,14 +53,14 @@ impl Tally {
         self.seam_vertices += other.seam_vertices;
         self.edges += other.edges;
         self.seam_edges += other.seam_edges;
-        self.open_edges += other.open_edges;
+        self.boundary_edges += other.boundary_edges;
         self.non_manifold_edges += other.non_manifold_edges;
     }
 
     fn add_edge(&mut self, faces: u64, is_seam: bool) {
         self.edges += 1;
         self.seam_edges += u64::from(is_seam);
-        self.open_edges += u64::from(faces == 1);
+        self.boundary_edges += u64::from(faces == 1);
         self.non_manifold_edges += u64::from(faces > 2);
     }
 }

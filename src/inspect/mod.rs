@@ -296,13 +296,13 @@ impl Inspection {
         let topology = &self.topology;
         row("seam vertices", share(topology.seam_vertices, topology.vertices));
         row("seam edges", share(topology.seam_edges, topology.edges));
-        row("open border edges", share(topology.open_edges, topology.edges));
+        row("boundary edges", share(topology.boundary_edges, topology.edges));
         row("non-manifold edges", grouped(topology.non_manifold_edges));
         if self.faults.is_empty() {
             row("faults", "none".to_owned());
         }
         for (kind, count) in &self.faults {
-            row("fault", format!("{}: {}", kind.replace('_', " "), grouped(*count)));
+            row(&kind.replace('_', " "), grouped(*count));
         }
         for warning in &self.warnings {
             row("warning", warning.clone());
@@ -339,7 +339,7 @@ mod tests {
     fn a_closed_sphere_has_no_border_and_twice_as_many_faces_as_vertices_less_four() {
         let found = inspected("fixtures/miniatures/closed_sphere.obj");
         let topology = found.topology;
-        assert_eq!((topology.open_edges, topology.non_manifold_edges), (0, 0));
+        assert_eq!((topology.boundary_edges, topology.non_manifold_edges), (0, 0));
         assert_eq!(topology.edges, found.triangles * 3 / 2);
         assert_eq!(topology.vertices * 2 - 4, found.triangles);
     }
@@ -347,7 +347,7 @@ mod tests {
     #[test]
     fn a_cube_of_24_vertices_is_closed_after_welding() {
         let found = inspected("fixtures/miniatures/cube_24_vertices.obj");
-        assert_eq!((found.vertices, found.welded_vertices, found.topology.open_edges), (24, 16, 0));
+        assert_eq!((found.vertices, found.welded_vertices, found.topology.boundary_edges), (24, 16, 0));
     }
 
     #[test]

@@ -51,7 +51,7 @@ impl ComparisonPage {
     pub fn check_path(path: &Path) -> Result<()> {
         match Kind::of(path) {
             Ok(Kind::Html) => Ok(()),
-            _ => Err(Error::Usage(format!("--html {}: expected a name that ends in .html", escape_path(path)))),
+            _ => Err(Error::Usage(format!("--report {}: expected a name that ends in .html", escape_path(path)))),
         }
     }
 
@@ -272,7 +272,7 @@ fn shapes(comparison: &Comparison) -> Markup {
         ("triangles", |t| spaced(t.faces)),
         ("vertices", |t| spaced(t.vertices)),
         ("pieces", |t| spaced(t.components)),
-        ("open edges", |t| spaced(t.boundary_edges)),
+        ("boundary edges", |t| spaced(t.boundary_edges)),
         ("open borders", |t| spaced(t.boundary_loops)),
         ("non-manifold edges", |t| spaced(t.non_manifold_edges)),
         ("seam edges", |t| spaced(t.seam_edges)),

@@ -94,11 +94,11 @@ fn floor(report: &Report) -> Markup {
 
 /// What was repaired, dropped or noticed.
 fn findings(report: &Report) -> Markup {
-    let places = |kind: &str| {
+    let places = |kind: &str| -> Vec<&str> {
         let name = kind.replace('_', " ");
-        report.warnings.iter().find_map(|words| words.strip_prefix(&name)?.strip_prefix(": "))
+        report.warnings.iter().filter_map(|words| words.strip_prefix(&name)?.strip_prefix(": ")).collect()
     };
-    let has_places = report.repairs.keys().any(|kind| places(kind).is_some());
+    let has_places = report.repairs.keys().any(|kind| !places(kind).is_empty());
     html! {
         section {
             h2 { "Warnings and repairs" }
@@ -112,7 +112,7 @@ fn findings(report: &Report) -> Markup {
                             tr {
                                 th scope="row" { (kind.replace('_', " ")) }
                                 td.number { (spaced(*count)) }
-                                @if has_places { td.wide { (places(kind).unwrap_or("")) } }
+                                @if has_places { td.wide { @for place in places(kind) { div { (place) } } } }
                             }
                         }
                     }

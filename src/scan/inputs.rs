@@ -18,6 +18,9 @@ use crate::base::{Error, Result};
 /// [`Error::Input`] if the path is neither file nor folder or nothing is there, if something named `*.obj` is neither,
 /// or if nothing is found; [`Error::Io`] if a folder cannot be read.
 pub fn find_inputs(path: &Path) -> Result<Vec<PathBuf>> {
+    if path.as_os_str() == "-" && !path.exists() {
+        return Err(not_a_file(path));
+    }
     let kind = fs::metadata(path).map_err(|e| match e.kind() {
         ErrorKind::NotFound => Error::input(path, 0, format!("cannot open: {e}")),
         _ => Error::io(path, "open", e),
@@ -64,7 +67,11 @@ fn read_folder(folder: &Path, folders: &mut Vec<PathBuf>, found: &mut Vec<PathBu
 }
 
 fn not_a_file(path: &Path) -> Error {
-    Error::input(path, 0, "expected a regular file or a folder; pipes, sockets and devices cannot be read in chunks")
+    Error::input(
+        path,
+        0,
+        "expected a file or a folder; pipes and devices cannot be read: save the mesh to a file and name that",
+    )
 }
 
 #[cfg(test)]

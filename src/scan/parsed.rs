@@ -14,6 +14,7 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 
+use crate::base::findings::PLACES_PER_KIND;
 use crate::store::PackedBlocks;
 
 /// Which of the three numbered kinds of statements an index counts.
@@ -83,8 +84,8 @@ pub struct Note {
     pub places: Vec<(u64, String)>,
 }
 
-/// How many places of a kind a chunk tells in words.
-const PLACES_MAX: usize = 3;
+/// How many places of a kind a chunk keeps in words: as many as the file may, so that chunk borders change nothing.
+const PLACES_MAX: usize = PLACES_PER_KIND;
 
 /// A chunk's statements; everything is counted from the chunk's beginning.
 #[derive(Debug, Default)]

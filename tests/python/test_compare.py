@@ -23,7 +23,7 @@ MESHES = {
 
 def compare(drystone, original, result, folder, *options):
     path = Path(folder) / "comparison.json"
-    drystone("compare", original, result, "--json", path, "--quiet", *options)
+    drystone("compare", original, result, "--report", path, "--quiet", *options)
     return json.loads(path.read_text())
 
 

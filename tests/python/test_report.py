@@ -84,7 +84,7 @@ def comparison(drystone, town_path, tmp_path_factory):
     folder = tmp_path_factory.mktemp("comparison")
     result = drystone.simplify(town_path, folder, "--ratio", 0.1).output
     path = folder / "comparison.html"
-    drystone("compare", town_path, result, "--samples", 100_000, "--html", path)
+    drystone("compare", town_path, result, "--samples", 100_000, "--report", path)
     return path
 
 

@@ -13,7 +13,7 @@ import subprocess
 def compared(binary, source, result, samples):
     """Geometry, colour and outside by `drystone compare`; None where there is no picture."""
     report = result.with_suffix(".compare.json")
-    command = [binary, "compare", source, result, "--json", report, "--samples", str(samples)]
+    command = [binary, "compare", source, result, "--report", report, "--samples", str(samples)]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     told = json.loads(report.read_text())
     report.unlink()

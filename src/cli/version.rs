@@ -1,0 +1,19 @@
+//! `--version`: the version, the commit that it was built from, and for which machine; `build.rs` finds them.
+
+/// `-V`: `0.1.0`.
+pub const SHORT: &str = env!("CARGO_PKG_VERSION");
+
+/// `--version`: `0.1.0 (commit 1f292f3c6d2a, x86_64-unknown-linux-gnu)`. Without the commit where nobody knows it: in a
+/// build from an archive, and in one for development, which would compile everything again at each commit.
+pub const LONG: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("DRYSTONE_BUILD"), ")");
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_long_version_names_the_target() {
+        assert!(LONG.starts_with(SHORT));
+        assert!(LONG.contains(std::env::consts::ARCH) && LONG.contains(std::env::consts::OS), "{LONG}");
+    }
+}
