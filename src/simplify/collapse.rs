@@ -24,6 +24,8 @@ pub struct Collapse {
     pub chain: bool,
     /// What is known of `from`; if it strands wedges, they come to `to` with their texture coordinates.
     pub fan: Fan,
+    /// What it costs, in area × squared distance; infinity if the metric counts in something else.
+    pub cost: f64,
     /// Share of what the chain would leave its charts by that texture coordinates of `to` move inwards instead.
     pub inset: f64,
 }
@@ -67,7 +69,7 @@ impl Collapser {
         self.uvs.iter_mut().zip(insets).for_each(|(uv, inset)| *uv += inset.as_dvec2());
         let collapse = Collapse { onto: onto && insets == [Vec2::ZERO; 2], ..collapse };
         let moving = if stays && collapse.onto { &[from][..] } else { &[from, to][..] };
-        self.star.check_faces(mesh, rings, moving, position, &self.uvs)?;
+        self.star.check_faces(mesh, rings, moving, position, &self.uvs, collapse.cost)?;
         self.bound_deviation(mesh, rings, collapse, position)?;
         let edge = EdgeCase { from, to, onto, stays, wedges: &self.star.wedges, insets };
         cost.join(mesh, &edge);

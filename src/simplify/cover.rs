@@ -17,7 +17,7 @@
 
 use glam::DVec3;
 
-use super::texture::closest_weights;
+use super::texture::distance_sq;
 
 /// A part's bound may exceed the distance of its farthest corner by this factor.
 const TIGHT: f64 = 1.15;
@@ -39,9 +39,7 @@ pub struct Target {
 
 impl Target {
     fn distance(&self, point: DVec3) -> f64 {
-        let [a, b, c] = self.corners;
-        let w = closest_weights(point, self.corners);
-        self.base + point.distance(a * w[0] + b * w[1] + c * w[2])
+        self.base + distance_sq(point, self.corners).sqrt()
     }
 
     /// The planes through its sides at right angles to it: outward normal and offset. NaN where it has no area.

@@ -470,7 +470,9 @@ impl<M: Metric> Engine<M> {
         let class = self.classes[from as usize];
         let fan = Fan { closed: class == Class::Smooth, strands: M::CORNERS_VANISH && class.is_corner() };
         let inset = self.inset(to, chain);
-        let collapse = Collapse { from, to, onto, stays: self.stays(to), chain, fan, inset };
+        // NOTE: the metrics of papers judge collapses by their own rules alone.
+        let price = if M::ENDPOINTS { f64::from(cost) } else { f64::INFINITY };
+        let collapse = Collapse { from, to, onto, stays: self.stays(to), chain, fan, cost: price, inset };
         match self.collapser.try_collapse(&mut self.mesh, &self.rings, &mut self.cost, collapse) {
             Ok(died) => {
                 self.touched[from as usize] = self.round;

@@ -6,6 +6,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::texture::distance_sq;
 use crate::mesh::class::VALENCE_MAX;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
@@ -16,6 +17,14 @@ const TURN_COSINE: f64 = 0.2;
 const REGULARITY_MIN: f64 = 0.02;
 /// A texture triangle may not lose more than this share of its size beside the change of the face's own area.
 const UV_AREA_SHARE_MIN: f64 = 0.05;
+
+/// A face whose area grows by more than this factor (squared here) must have surface beneath its middle: one that is pulled
+/// out of a sliver, within the planes around it, costs nothing and may span what was empty.
+const GROWTH_SQ: f64 = 4.0 * 4.0;
+/// Distance from its middle to the old surface, as share of the root of its area, that such a face may have.
+const HOVER_SHARE: f64 = 0.05;
+/// The same in units of the collapse's cost: area × squared distance.
+const HOVER_COST: f64 = 4.0;
 
 /// Why an edge did not collapse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -29,7 +38,7 @@ pub enum Refusal {
     Seam,
     /// The answer needs faces that another cluster has.
     Rim,
-    /// A face would fold over or become a needle.
+    /// A face would fold over, become a needle, or span what was empty.
     Fold,
     /// A texture triangle would change its sign.
     UvFold,
@@ -198,7 +207,8 @@ impl EdgeStar {
     }
 
     /// Checks that no face folds over, in space or in the picture, when the `moving` vertices come to one position and the
-    /// wedges of each pair to one of `uvs`; [`check_topology`](EdgeStar::check_topology) must have passed.
+    /// wedges of each pair to one of `uvs`; [`check_topology`](EdgeStar::check_topology) must have passed. Nor may a face
+    /// span what was empty: `cost` is that of the collapse, in area × squared distance; infinity allows it.
     ///
     /// # Errors
     /// The first reason found against the collapse.
@@ -209,6 +219,7 @@ impl EdgeStar {
         moving: &[u32],
         position: DVec3,
         uvs: &[DVec2],
+        cost: f64,
     ) -> Result<(), Refusal> {
         for &vertex in moving {
             for &corner in rings.of(vertex) {
@@ -225,12 +236,33 @@ impl EdgeStar {
                     uv_after[k] = uv;
                 }
                 let areas_sq = areas_if_survives(before, after).ok_or(Refusal::Fold)?;
+                let grows = areas_sq[1] > GROWTH_SQ * areas_sq[0];
+                if grows && self.hovers(mesh, rings, moving, after, areas_sq[1].sqrt(), cost) {
+                    return Err(Refusal::Fold);
+                }
                 if !uv_survives(uv_before, uv_after, areas_sq) {
                     return Err(Refusal::UvFold);
                 }
             }
         }
         Ok(())
+    }
+
+    /// Whether the middle of a new face is farther from all faces around the moving vertices than its size and the
+    /// collapse's cost explain.
+    fn hovers(
+        &self,
+        mesh: &ClusterMesh,
+        rings: &Rings,
+        moving: &[u32],
+        [a, b, c]: [DVec3; 3],
+        area: f64,
+        cost: f64,
+    ) -> bool {
+        let middle = (a + b + c) / 3.0;
+        let allowed_sq = (HOVER_SHARE * HOVER_SHARE * area).max(HOVER_COST * cost / area);
+        let mut old = moving.iter().flat_map(|&vertex| rings.faces(mesh, vertex)).map(|face| mesh.triangle(face));
+        old.all(|triangle| distance_sq(middle, triangle) > allowed_sq)
     }
 
     /// Makes the collapse in the mesh: faces at the edge die, the others come to `to` with their wedges.
@@ -317,4 +349,36 @@ pub fn uv_survives(before: [DVec2; 3], after: [DVec2; 3], areas_sq: [f64; 2]) ->
     let [old_sq, new_sq] = if areas_sq[0] > 0.0 { areas_sq } else { [1.0; 2] };
     let (kept, least) = (new * old.signum(), UV_AREA_SHARE_MIN * old);
     kept > 0.0 && kept * kept * old_sq > least * least * new_sq.min(old_sq)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    //   4                        4 ........
+    //   ||  a strip 6 cm wide    |          ........
+    //   ||  on the ground 0-1-2  |                  ........
+    //   30 ----------------- 1   3 ------------------------- 1     0 goes to 1: nothing is left of the plane of the strip
+    #[test]
+    fn no_face_is_pulled_out_over_empty_space() {
+        let mut mesh = ClusterMesh::default();
+        for (x, y, z) in [(0.0, 0.0, 0.0), (29.0, 0.0, 0.0), (10.0, -10.0, 0.0), (-0.06, 0.0, 0.0), (0.0, 0.0, 6.0)] {
+            let vertex = mesh.push_vertex(DVec3::new(x, y, z), 0);
+            mesh.push_wedge(vertex, DVec2::NAN);
+        }
+        [[0, 1, 2], [0, 2, 3], [0, 3, 4]].into_iter().for_each(|face| mesh.push_face(face, 0));
+        mesh.link_wedges();
+        let mut rings = Rings::default();
+        rings.build(&mesh);
+        let mut star = EdgeStar::default();
+        star.reset(5);
+        star.gather(&mesh, &rings, 0, 1);
+        let uvs = [DVec2::NAN];
+        let at = |cost| star.check_faces(&mesh, &rings, &[0], mesh.positions[1], &uvs, cost);
+        assert_eq!(at(0.0), Err(Refusal::Fold));
+        assert_eq!(at(f64::INFINITY), Ok(()));
+        // The strip's ground face grows as much, but over the ground.
+        mesh.kill(2);
+        assert_eq!(star.check_faces(&mesh, &rings, &[0], mesh.positions[1], &uvs, 0.0), Ok(()));
+    }
 }

@@ -176,6 +176,12 @@ pub fn closest_weights(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
     [1.0 - v - w, v, w]
 }
 
+/// Squared distance of a point to a triangle.
+pub fn distance_sq(p: DVec3, triangle: [DVec3; 3]) -> f64 {
+    let w = closest_weights(p, triangle);
+    p.distance_squared(triangle[0] * w[0] + triangle[1] * w[1] + triangle[2] * w[2])
+}
+
 fn ratio(part: f64, whole: f64) -> f64 {
     if whole == 0.0 { 0.0 } else { part / whole }
 }

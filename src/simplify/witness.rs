@@ -10,7 +10,7 @@
 
 use glam::DVec3;
 
-use super::texture::closest_weights;
+use super::texture::distance_sq;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
 
@@ -47,12 +47,8 @@ impl Witnesses {
             while let Some(next) = went_to(vertex) {
                 vertex = next;
             }
-            let distance_sq = |face| {
-                let triangle = mesh.triangle(face);
-                let w = closest_weights(position, triangle);
-                position.distance_squared(triangle[0] * w[0] + triangle[1] * w[1] + triangle[2] * w[2])
-            };
-            let nearest_sq = rings.faces(mesh, vertex).map(distance_sq).fold(f64::INFINITY, f64::min);
+            let to_face_sq = |face| distance_sq(position, mesh.triangle(face));
+            let nearest_sq = rings.faces(mesh, vertex).map(to_face_sq).fold(f64::INFINITY, f64::min);
             if nearest_sq.is_finite() {
                 sum += area * nearest_sq;
                 total += area;

@@ -144,7 +144,7 @@ impl Shrinker {
         self.uvs.clear();
         self.uvs.extend(self.star.wedges.iter().map(|pair| mesh.wedge_uv[pair.1 as usize]));
         let position = mesh.positions[to as usize];
-        if self.star.check_faces(mesh, rings, &[from], position, &self.uvs).is_err() {
+        if self.star.check_faces(mesh, rings, &[from], position, &self.uvs, f64::INFINITY).is_err() {
             return false;
         }
         self.star.apply(mesh, rings, from, to);

@@ -25,6 +25,31 @@ fn a_flat_square_becomes_two_triangles_of_the_same_area() {
     assert!((area(&mesh) - 144.0).abs() < 1e-3, "{}", area(&mesh));
 }
 
+/// A flat grid whose vertices are moved about within the plane.
+fn jittered(n: u32, seed: u32) -> ClusterMesh {
+    let mut mesh = samples::grid(n, 0.0);
+    let shift = |i: u32| f64::from((i ^ seed).wrapping_mul(0x9e37_79b9) >> 16) / 65_536.0 - 0.5;
+    for (i, position) in (0..).zip(&mut mesh.positions) {
+        *position += 0.48 * DVec3::new(shift(2 * i), shift(2 * i + 1), 0.0);
+    }
+    mesh
+}
+
+#[test]
+fn no_face_of_a_flat_mesh_turns_over() {
+    for seed in 0..20 {
+        let whole = jittered(12, seed);
+        for faces in [200, 100, 40, 10] {
+            let (mesh, _) = simplified(whole.clone(), faces);
+            let normals = (0..mesh.corners.len() as u32).map(|face| {
+                let [a, b, c] = mesh.triangle(face);
+                (b - a).cross(c - a)
+            });
+            assert!(normals.clone().all(|normal| normal.z > 0.0), "seed {seed}, {faces} faces");
+        }
+    }
+}
+
 #[test]
 fn the_face_target_is_hit() {
     let (mesh, result) = simplified(samples::grid(40, 0.5), 801);
