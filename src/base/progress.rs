@@ -6,6 +6,8 @@ use super::{Error, Result};
 pub trait Progress: Sync + Send {
     /// A phase begins; it has `total` units (bytes, faces, clusters) to do.
     fn begin(&self, phase: &'static str, total: u64, unit: &'static str);
+    /// A pass over all clusters begins, counted from 1; `begin` follows for each of its phases.
+    fn begin_pass(&self, _number: usize) {}
     /// Something that a person should know, such as what is gone on with.
     fn tell(&self, _message: &str) {}
     /// Whether the run shall stop at the next safe place; it ends with [`Error::Stopped`].

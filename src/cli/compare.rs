@@ -65,6 +65,11 @@ pub struct SamplingArguments {
 }
 
 impl SamplingArguments {
+    /// Points by area on each surface.
+    pub fn samples(self) -> u64 {
+        self.samples
+    }
+
     /// Checks ranges.
     ///
     /// # Errors

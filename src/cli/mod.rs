@@ -9,6 +9,7 @@ mod markdown;
 mod plan;
 mod print;
 mod progress;
+mod share;
 mod simplify;
 mod status;
 mod stop;

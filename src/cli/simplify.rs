@@ -6,7 +6,8 @@ use clap::{Args, ValueEnum};
 
 use super::compare::{SamplingArguments, compare_meshes};
 use super::print::{print, print_json};
-use super::progress::{stoppable, tell};
+use super::progress::{of_job, tell};
+use super::share::JobShare;
 use super::stop::Goodbye;
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
@@ -96,7 +97,8 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
     let stop = StopSignal::listen()?;
     let work = pipeline::work_folder(output, &options);
     let goodbye = Goodbye::of_job(&stop, &work);
-    let told = stoppable(*quiet, stop.clone());
+    let share = JobShare::of(input, &options, if *measure { sampling.samples() } else { 0 });
+    let told = of_job(*quiet, stop.clone(), share, &work);
     let mut number = 0;
     // With the job not yet done: where a report cannot be written, the same command goes on.
     let outcome = pipeline::simplify_and(input, output, &options, &*told, |result, job| {

@@ -2,16 +2,22 @@
 
 use std::collections::HashSet;
 use std::fmt::Write as _;
+use std::fs::File;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::Args;
 use serde::Serialize;
+use serde_json::json;
 
 use super::print::{print, print_json};
 use crate::base::error::{escape, escape_path};
 use crate::base::{Result, bytes, counted, grouped, json_path};
 use crate::job::{Entry, Record, Step, WorkStatus, look};
+
+/// How every OBJ that the program writes begins.
+const OWN_BEGINNING: [u8; 11] = *b"# drystone ";
 
 /// Arguments of `drystone status`.
 #[derive(Debug, Args)]
@@ -75,11 +81,36 @@ struct PassStatus {
 /// # Errors
 /// Those of [`look`].
 pub fn run(arguments: &StatusArguments) -> Result<u8> {
+    if let Some(output) = finished(&arguments.workdir) {
+        return print_finished(&arguments.workdir, &output, arguments.json);
+    }
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     let status = JobStatus::of(&look(&arguments.workdir)?, now);
     match arguments.json {
         true => print_json(&status)?,
         false => print(&status.table(&arguments.workdir))?,
+    }
+    Ok(0)
+}
+
+/// The result beside a work folder `OUTPUT.work` that was removed at the end of its job; `None` for anything else.
+fn finished(work: &Path) -> Option<PathBuf> {
+    if work.exists() || work.extension()? != "work" {
+        return None;
+    }
+    let output = work.with_extension("");
+    let mut beginning = [0; OWN_BEGINNING.len()];
+    File::open(&output).and_then(|mut file| file.read_exact(&mut beginning)).ok()?;
+    (beginning == OWN_BEGINNING).then_some(output)
+}
+
+fn print_finished(work: &Path, output: &Path, as_json: bool) -> Result<u8> {
+    let (folder, result) = (escape_path(work), escape_path(output));
+    match as_json {
+        true => print_json(&json!({ "running": false, "written": true, "output": result }))?,
+        false => print(&format!(
+            "{folder}: finished: {result} is written, and the work folder was removed (--keep-work would keep it)\n"
+        ))?,
     }
     Ok(0)
 }
@@ -159,12 +190,11 @@ impl JobStatus {
     fn table(&self, path: &Path) -> String {
         let mut text = format!("{}: ", escape_path(path));
         let _ = match self.running {
-            true => writeln!(text, "a process works on it since {} s", self.seconds_of_process),
-            false if self.written => writeln!(
-                text,
-                "no process works on it; the result is written, but for its end: the same command goes on"
-            ),
-            false => writeln!(text, "no process works on it; the command that began it goes on"),
+            true => writeln!(text, "running for {} s (process {})", self.seconds_of_process, self.processes),
+            false if self.written => {
+                writeln!(text, "idle; the result is written; run the original command again to finish")
+            }
+            false => writeln!(text, "idle; run the original command again to resume"),
         };
         if let Some(path) = &self.input {
             let more = match self.input_files {
@@ -200,5 +230,25 @@ impl JobStatus {
         }
         let _ = writeln!(text, "space      {}", bytes::display(self.bytes));
         text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_removed_work_folder_beside_a_result_of_ours_is_a_finished_job() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        std::fs::write(path("ours.obj"), "# drystone 0.1.0\nv 0 0 0\n").unwrap();
+        std::fs::write(path("theirs.obj"), "# Blender\nv 0 0 0\n").unwrap();
+        std::fs::write(path("short.obj"), "#").unwrap();
+        assert_eq!(finished(&path("ours.obj.work")), Some(path("ours.obj")));
+        for other in ["theirs.obj.work", "short.obj.work", "none.obj.work", "ours.obj", "ours.obj.other", ".work", ""] {
+            assert_eq!(finished(&path(other)), None, "{other}");
+        }
+        std::fs::create_dir(path("ours.obj.work")).unwrap();
+        assert_eq!(finished(&path("ours.obj.work")), None);
     }
 }

@@ -73,9 +73,9 @@ impl Goodbye {
     pub fn say(&self) -> u8 {
         let words = match &*self.words.lock().unwrap_or_else(PoisonError::into_inner) {
             Words::Job { work, command } if work.join("journal.bin").exists() => {
-                format!("what is finished is kept in {}; go on with\n  {command}", escape_path(work))
+                format!("what is finished is kept in {}; resume with\n  {command}", escape_path(work))
             }
-            Words::Job { command, .. } => format!("nothing was finished yet; begin again with\n  {command}"),
+            Words::Job { command, .. } => format!("nothing was finished yet; start again with\n  {command}"),
             Words::Nothing => "nothing is kept".to_owned(),
             Words::Comparison { command } => {
                 format!("the result is written; it was not compared. Do so with\n  {command}")

@@ -118,6 +118,10 @@ impl Progress for Recorder<'_> {
         self.listener.begin(phase, total, unit);
     }
 
+    fn begin_pass(&self, number: usize) {
+        self.listener.begin_pass(number);
+    }
+
     fn advance(&self, units: u64) {
         self.listener.advance(units);
     }

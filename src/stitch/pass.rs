@@ -147,6 +147,7 @@ impl<'a, M: Metric> Run<'a, M> {
         self.lead = state.remeshed.len();
         while !state.is_over && state.pass < self.lead + self.options.passes + EXTRA_PASSES {
             let pass = state.pass;
+            self.progress.begin_pass(pass + 1);
             self.noise = rounding_noise(state.mesh.bounds());
             let partition = match partition.take() {
                 Some(partition) => partition,

@@ -254,13 +254,16 @@ pub fn stage(
     options: &WriteOptions,
     progress: &dyn Progress,
 ) -> Result<Staged> {
-    progress.begin("write", mesh.face_count(), "faces");
+    progress.begin("collect", 0, "");
     let targets = Targets::choose(output, &options.sources, options.may_replace_obj())?;
     remove_waiting_of(&targets.obj, options.job);
     let numbering = mesh.numbering()?;
     let mut usage = Usage::sweep(mesh, &numbering, catalogue.parts.len(), options.normals)?;
     let share = (options.work_bytes.saturating_sub(usage.memory_bytes()) / 2).clamp(SHARE_BYTES_MIN, SHARE_BYTES_MAX);
 
+    if options.textures == Textures::Copy && catalogue.has_texcoords {
+        progress.begin("textures", 0, "");
+    }
     let mut textures = TextureStage::new(options, &targets, catalogue);
     let library = mtl::library(catalogue, &usage, &mut textures)?;
     textures.check_targets(&[&targets.obj, &targets.mtl])?;
@@ -272,8 +275,12 @@ pub fn stage(
     }
 
     let mut obj = ObjFile::create(&targets.obj, options.job, mtl.is_some().then(|| targets.library_name()))?;
+    let lines = [usage.vertices.len(), usage.texcoords.len(), mesh.face_count()];
+    progress.begin("write", lines.iter().sum(), "lines");
     obj.vertices(mesh, &numbering, &usage.vertices, share)?;
+    progress.advance(lines[0]);
     obj.texcoords(mesh, &numbering, &usage.texcoords, share)?;
+    progress.advance(lines[1]);
 
     let form = CornerForm { texcoords: usage.has_texcoords(), normals: options.normals };
     let order = PartOrder::new(catalogue, &usage);

@@ -1,0 +1,226 @@
+//! The share of a whole run that is done, by the times that `drystone plan` predicts.
+//!
+//! ```text
+//! scan │ cut 1 │ pass 1        │ cut 2 │ pass 2 │ … │ write │ comparison
+//!      └─ known once the triangles are counted; until then they are estimated from the bytes
+//! ```
+//! In: phases as they begin and advance. Out: a share that never falls. Nothing that shapes a result reads it.
+
+use std::path::Path;
+
+use crate::options::SimplifyOptions;
+use crate::plan::memory::{self, Sizes};
+use crate::plan::{passes, time};
+use crate::scan;
+
+/// Bytes of OBJ text for each triangle, about.
+const BYTES_PER_TRIANGLE: u64 = 70;
+/// Seconds that a comparison takes for each sample on one core, about; both ways, colours included.
+const SECONDS_PER_SAMPLE: f64 = 8e-6;
+/// Phases of a comparison.
+const COMPARISON_PHASES: f64 = 11.0;
+
+/// Follows a run.
+#[derive(Debug, Clone)]
+pub struct JobShare {
+    options: SimplifyOptions,
+    threads: usize,
+    bytes: u64,
+    comparison: f64,
+    /// Predicted seconds: of the scan, of cutting and of simplifying in each pass, of writing.
+    scan: f64,
+    passes: Vec<[f64; 2]>,
+    write: f64,
+    has_triangles: bool,
+    pass: usize,
+    /// Where the phase under way begins and ends, in predicted seconds.
+    phase: [f64; 2],
+    /// Predicted seconds of phases that an earlier process has done.
+    skipped: f64,
+    has_written: bool,
+    /// Phases of the comparison that began.
+    compared: f64,
+    share: f64,
+}
+
+impl JobShare {
+    /// A run that has not begun, followed by a comparison with so many samples.
+    pub fn of(input: &Path, options: &SimplifyOptions, samples: u64) -> Self {
+        let files = scan::find_inputs(input).unwrap_or_default();
+        let bytes = files.iter().filter_map(|path| path.metadata().ok()).map(|meta| meta.len()).sum();
+        let budget = memory::choose_budget(options);
+        let threads = budget.map_or(1, |budget| memory::choose_threads(options.threads, budget)).max(1);
+        Self::new(options, bytes, threads, samples)
+    }
+
+    fn new(options: &SimplifyOptions, bytes: u64, threads: usize, samples: u64) -> Self {
+        let mut share = Self {
+            options: options.clone(),
+            threads,
+            bytes,
+            comparison: samples as f64 * SECONDS_PER_SAMPLE / threads as f64,
+            scan: 0.0,
+            passes: Vec::new(),
+            write: 0.0,
+            has_triangles: false,
+            pass: 0,
+            phase: [0.0; 2],
+            skipped: 0.0,
+            has_written: false,
+            compared: 0.0,
+            share: 0.0,
+        };
+        share.predict(bytes / BYTES_PER_TRIANGLE);
+        share
+    }
+
+    fn predict(&mut self, triangles: u64) {
+        let Self { options, threads, bytes, .. } = &*self;
+        let target = options.most_faces(triangles);
+        let sizes = Sizes {
+            faces: triangles,
+            vertices: triangles / 2,
+            target,
+            cluster_faces: options.cluster_faces,
+            remesh: options.remesh,
+        };
+        let found = passes::forecast(&sizes, options.passes);
+        let upto = |count: usize| time::forecast(*bytes, &found[..count], target, *threads);
+        let each = |count: usize| {
+            let (before, after) = (upto(count), upto(count + 1));
+            [after.partition - before.partition, after.simplify - before.simplify]
+        };
+        let (start, each) = (upto(0), (0..found.len()).map(each).collect());
+        (self.scan, self.write, self.passes) = (start.scan, start.write, each);
+    }
+
+    /// Predicted seconds of the whole run.
+    pub fn predicted_seconds(&self) -> f64 {
+        self.scan + self.passes.iter().flatten().sum::<f64>() + self.write + self.comparison
+    }
+
+    /// `pass 2 of 4` while passes are under way. A pass more than expected is the last one, as far as is known.
+    pub fn pass(&self) -> Option<String> {
+        (self.pass > 0).then(|| format!("pass {} of {}", self.pass, self.passes.len().max(self.pass)))
+    }
+
+    /// A pass begins, counted from 1.
+    pub fn begin_pass(&mut self, number: usize) {
+        self.pass = number;
+    }
+
+    /// A phase begins.
+    pub fn begin(&mut self, phase: &str, total: u64) {
+        let is_first = self.pass <= 1;
+        let is_pass = matches!(phase, "simplify" | "stitch" | "remesh" | "weigh");
+        if is_pass && is_first && !self.has_triangles {
+            self.has_triangles = true;
+            self.predict(if phase == "weigh" { total / 2 } else { total });
+        }
+        let ended = self.pass.saturating_sub(1).min(self.passes.len());
+        let before: f64 = self.scan + self.passes[..ended].iter().flatten().sum::<f64>();
+        let [cut, simplify] = self.passes.get(ended).copied().unwrap_or_default();
+        let all = self.scan + self.passes.iter().flatten().sum::<f64>();
+        let end = self.phase[1];
+        self.phase = match phase {
+            _ if self.has_written && phase != "draw" => self.next_of_comparison(all + self.write),
+            "scan" => [0.0, self.scan],
+            "partition" if self.pass > 0 => [before, before + cut],
+            _ if is_pass => [before + cut, before + cut + simplify],
+            "collect" | "textures" => [all, all],
+            "write" => [all, all + self.write],
+            _ => [end; 2],
+        };
+        self.skipped += (self.phase[0] - end).max(0.0);
+        if matches!(phase, "collect" | "textures" | "write") {
+            self.pass = 0;
+        }
+        self.has_written |= phase == "write";
+        self.advance(0.0);
+    }
+
+    fn next_of_comparison(&mut self, start: f64) -> [f64; 2] {
+        let step = |number: f64| start + self.comparison * (number / COMPARISON_PHASES).min(1.0);
+        self.compared += 1.0;
+        [step(self.compared - 1.0), step(self.compared)]
+    }
+
+    /// This share of the phase is done; returns that of the whole run.
+    pub fn advance(&mut self, of_phase: f64) -> f64 {
+        let [begin, end] = self.phase;
+        let done = begin + (end - begin) * of_phase.clamp(0.0, 1.0);
+        let share = done / self.predicted_seconds().max(f64::MIN_POSITIVE);
+        self.share = self.share.max(share.clamp(0.0, 1.0));
+        self.share
+    }
+}
+
+impl JobShare {
+    /// Seconds that are left, about, if this process has taken `elapsed` so far; `None` while too little is done to say.
+    pub fn seconds_left(&self, elapsed: f64) -> Option<f64> {
+        let predicted = self.predicted_seconds();
+        let done = self.share * predicted - self.skipped;
+        (done > 0.02 * predicted).then(|| elapsed * (1.0 - self.share) * predicted / done)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn city() -> JobShare {
+        let options = SimplifyOptions { ratio: Some(0.1), ..SimplifyOptions::default() };
+        JobShare::new(&options, 300 << 20, 2, 0)
+    }
+
+    #[test]
+    fn a_run_goes_from_nothing_to_all() {
+        let mut share = city();
+        let mut last = 0.0;
+        share.begin("scan", 300 << 20);
+        for pass in 1..=4 {
+            share.begin_pass(pass);
+            for phase in ["partition", "stitch"] {
+                share.begin(phase, 4_313_336 >> pass);
+                let now = share.advance(1.0);
+                assert!(now > last && now < 1.0, "pass {pass}, {phase}: {last} {now}");
+                last = now;
+            }
+            assert_eq!(share.pass(), Some(format!("pass {pass} of 4")));
+        }
+        share.begin("write", 1_000_000);
+        assert_eq!(share.pass(), None);
+        assert!((share.advance(1.0) - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_an_earlier_process_did_does_not_count_as_speed() {
+        let mut share = city();
+        share.begin_pass(3);
+        share.begin("partition", 0);
+        assert_eq!(share.seconds_left(1.0), None);
+        share.begin("stitch", 1_200_000);
+        share.advance(1.0);
+        let whole = share.predicted_seconds();
+        assert!(share.seconds_left(whole / 10.0).is_some_and(|left| left > whole / 20.0 && left < whole));
+    }
+
+    proptest! {
+        #[test]
+        fn the_share_never_falls_and_never_passes_all(steps in prop::collection::vec((0_usize..9, 0_usize..6, 0.0..1.5_f64), 0..60)) {
+            let names = ["scan", "compare", "partition", "weigh", "remesh", "simplify", "stitch", "textures", "write"];
+            let mut share = city();
+            let mut last = 0.0;
+            for (name, pass, done) in steps {
+                if pass > 0 {
+                    share.begin_pass(pass);
+                }
+                share.begin(names[name], 1000);
+                let now = share.advance(done);
+                prop_assert!(now >= last && now <= 1.0);
+                last = now;
+            }
+        }
+    }
+}
