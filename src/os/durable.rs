@@ -102,6 +102,7 @@ impl DurableFile {
         if let Some(writer) = self.writer.as_mut().filter(|_| !self.is_sealed) {
             let held = writer.buffer().len() as u64;
             let synced = writer.flush().and_then(|()| writer.get_ref().sync_data());
+            witness::note("sync", &self.temporary);
             synced.map_err(|e| Error::io(&self.target, "write", e).lacking(held))?;
             self.is_sealed = true;
         }
@@ -127,6 +128,7 @@ impl DurableFile {
 
     fn rename(&mut self, writer: BufWriter<File>) -> Result<File> {
         fs::rename(&self.temporary, &self.target).map_err(|e| Error::io(&self.target, "rename", e))?;
+        witness::note("rename", &self.target);
         self.has_name = true;
         writer.into_inner().map_err(|e| Error::io(&self.target, "write", e.into_error()))
     }
@@ -200,7 +202,10 @@ pub fn make_folders(path: &Path) -> Result<()> {
         make_folders(parent)?;
     }
     match fs::create_dir(path) {
-        Ok(()) => sync_folder(path),
+        Ok(()) => {
+            witness::note("make", path);
+            sync_folder(path)
+        }
         // Another process may have been quicker.
         Err(_) if path.is_dir() => Ok(()),
         Err(error) => Err(Error::io(path, "create", error)),
@@ -234,7 +239,34 @@ pub fn sync_folder(path: &Path) -> Result<()> {
         return Ok(());
     }
     let folder = folder_of(path);
-    File::open(folder).and_then(|f| f.sync_all()).map_err(|e| Error::io(folder, "sync", e))
+    File::open(folder).and_then(|f| f.sync_all()).map_err(|e| Error::io(folder, "sync", e))?;
+    witness::note("sync", folder);
+    Ok(())
+}
+
+/// What a thread made durable, and in which order, for tests; nothing otherwise.
+pub(crate) mod witness {
+    use std::path::Path;
+    #[cfg(test)]
+    use std::{cell::RefCell, path::PathBuf};
+
+    #[cfg(test)]
+    thread_local! {
+        static SEEN: RefCell<Vec<(&'static str, PathBuf)>> = const { RefCell::new(Vec::new()) };
+    }
+
+    /// Notes a call that succeeded.
+    #[inline(always)]
+    pub(super) fn note(_what: &'static str, _path: &Path) {
+        #[cfg(test)]
+        SEEN.with_borrow_mut(|seen| seen.push((_what, _path.to_owned())));
+    }
+
+    /// Takes the notes of this thread.
+    #[cfg(test)]
+    pub(crate) fn take() -> Vec<(&'static str, PathBuf)> {
+        SEEN.take()
+    }
 }
 
 #[cfg(test)]
@@ -251,6 +283,54 @@ mod tests {
         file.write_at(0, b"j").unwrap();
         file.commit().unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"jello");
+    }
+
+    #[test]
+    fn a_file_is_synced_before_it_has_its_name_and_its_folder_afterwards() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, waiting) = (folder.path().join("a.bin"), folder.path().join("a.bin.tmp"));
+        let mut file = DurableFile::create(&path, 16).unwrap();
+        file.write(b"hello").unwrap();
+        file.seal().unwrap();
+        file.write(b" again").unwrap();
+        witness::take();
+        file.commit().unwrap();
+        let expected = [("sync", waiting), ("rename", path), ("sync", folder.path().to_owned())];
+        assert_eq!(witness::take(), expected);
+    }
+
+    #[test]
+    fn what_was_sealed_and_not_changed_since_is_not_synced_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.bin");
+        let mut file = DurableFile::create(&path, 16).unwrap();
+        file.write(b"hello").unwrap();
+        file.seal().unwrap();
+        witness::take();
+        file.commit().unwrap();
+        assert_eq!(witness::take(), [("rename", path), ("sync", folder.path().to_owned())]);
+    }
+
+    #[test]
+    fn scratch_is_never_synced() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.bin");
+        let file = DurableFile::create(&path, 16).unwrap();
+        witness::take();
+        file.commit_scratch().unwrap();
+        assert_eq!(witness::take(), [("rename", path)]);
+    }
+
+    #[test]
+    fn each_new_folder_is_synced_into_the_one_above_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let (outer, inner) = (folder.path().join("outer"), folder.path().join("outer/inner"));
+        witness::take();
+        make_folders(&inner).unwrap();
+        let root = folder.path().to_owned();
+        assert_eq!(witness::take(), [("make", outer.clone()), ("sync", root), ("make", inner), ("sync", outer)]);
+        make_folders(&folder.path().join("outer/inner")).unwrap();
+        assert_eq!(witness::take(), []);
     }
 
     #[test]
