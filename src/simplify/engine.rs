@@ -142,11 +142,12 @@ impl<M: Metric> Engine<M> {
         M::count(settings, &engine.mesh, &engine.rings, &engine.classes, census);
     }
 
-    /// Number of vertices with faces that may move or vanish under the current locks.
-    pub fn count_free(&mut self) -> usize {
+    /// Number of faces that would go if every vertex vanished that may move or vanish under the current locks: two for
+    /// each, but one for a vertex on an open border.
+    pub fn count_free_faces(&mut self) -> usize {
         self.prepare();
-        let vertices = 0..self.mesh.positions.len() as u32;
-        vertices.filter(|&v| !self.rings.of(v).is_empty() && !self.is_held(v)).count()
+        let free = (0..self.mesh.positions.len() as u32).filter(|&v| !self.rings.of(v).is_empty() && !self.is_held(v));
+        free.map(|v| if self.classes[v as usize].is_border() { 1 } else { 2 }).sum()
     }
 
     /// Number of living vertices of each class, in the order of [`Class::ALL`].

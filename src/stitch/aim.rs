@@ -22,6 +22,8 @@ const TRIM_SHARE_MAX: f64 = 0.15;
 const SHARED_TRIM_FACES: u64 = 5_000;
 /// The dearest collapse of a trim by shares may cost this many times what twice as many collapses cost in the sample.
 const TRIM_SPREAD: f32 = 4.0;
+/// Trials of a trim by cost beyond the first, each at [`TRIM_SPREAD`] times the cost of the one before.
+const TRIALS_MAX: u32 = 4;
 /// Share of the allowed error that is used: positions are rounded afterwards.
 const BOUND_SAFETY: f64 = 0.98;
 
@@ -171,13 +173,13 @@ impl<M: Metric> Run<'_, M> {
                 cluster += 1;
                 Ok(())
             })?;
-            if notes.died() >= excess || cost == f32::INFINITY {
+            if notes.died() >= excess || trial == TRIALS_MAX {
                 let (quota, _) = notes.cut(excess, partition.cluster_count());
                 let keep =
                     quota.iter().enumerate().map(|(c, lost)| partition.face_count(c).saturating_sub(*lost)).collect();
                 return Ok(Plan::Trim(vec![cost], keep));
             }
-            cost = if cost > 0.0 && cost < 1e30 { cost * 4.0 } else { f32::INFINITY };
+            cost *= TRIM_SPREAD;
             trial += 1;
         }
     }

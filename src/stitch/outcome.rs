@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use super::sample::STEEPEST;
 use crate::base::Findings;
 use crate::cost::Metric;
 use crate::mesh::ClusterMesh;
@@ -71,6 +72,9 @@ pub struct StageReport {
     /// Estimate of the root of the mean squared deviation since the beginning of the run, in units of length.
     pub rms_estimate: f64,
 }
+
+/// A leap of costs from one stage to the next is at least this.
+const LEAP_MIN: f64 = 64.0;
 
 /// Why no more faces could be removed: edges refused in the last pass and vertices that hold still, by cause.
 #[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
@@ -182,6 +186,20 @@ impl StageSums {
     }
 }
 
+/// Costs of the stages of a pass up to where they leap, and from there on what may be expected; `None` if they never
+/// leap. Below `least`, costs say nothing.
+pub(super) fn before_leap(stages: &[StageReport], least: f64) -> Option<Vec<f32>> {
+    let leaps = |pair: &[StageReport]| {
+        let rise = pair[0].faces as f64 / pair[1].faces.max(1) as f64;
+        let expected = pair[0].threshold * libm::pow(rise, STEEPEST);
+        (pair[0].threshold > least && pair[1].threshold > expected.max(LEAP_MIN * pair[0].threshold))
+            .then_some(expected)
+    };
+    let (at, expected) = stages.windows(2).enumerate().find_map(|(at, pair)| leaps(pair).map(|cost| (at, cost)))?;
+    let cost_of = |stage: usize| if stage <= at { stages[stage].threshold } else { expected };
+    Some((0..stages.len()).map(|stage| cost_of(stage) as f32).collect())
+}
+
 impl Floor {
     /// Counts of a cluster after its last stage.
     pub(super) fn of<M: Metric>(engine: &Engine<M>) -> Self {
@@ -218,6 +236,10 @@ pub(super) struct PassOutcome {
     pub(super) cluster_faces: Vec<u64>,
     pub(super) stages: StageSums,
     pub(super) squared_error: f64,
+    /// Area of the surface when the last stages began.
+    pub(super) area: f64,
+    /// Whether it was run once more, since the target could be met only by far dearer collapses, or not at all.
+    pub(super) is_wall: bool,
     pub(super) degenerate: u64,
     pub(super) dropped_pieces: u64,
     pub(super) optimized: u64,
@@ -229,6 +251,17 @@ pub(super) struct PassOutcome {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn costs_that_leap_are_cut_off_there() {
+        let stage = |faces, threshold| StageReport { faces, threshold, rms_estimate: 0.0 };
+        let stages = [stage(20_000, 25.0), stage(18_000, 2e5), stage(17_900, 1e5)];
+        let costs = before_leap(&stages, 0.1).unwrap();
+        assert!(costs[0] == 25.0 && (100.0..200.0).contains(&costs[1]) && costs[1] == costs[2]);
+        assert_eq!(before_leap(&stages[..1], 0.1), None);
+        assert_eq!(before_leap(&[stage(20_000, 25.0), stage(10_000, 200.0)], 0.1), None);
+        assert_eq!(before_leap(&stages, 30.0), None);
+    }
 
     #[test]
     fn a_cluster_with_fewer_stages_counts_as_it_stayed() {

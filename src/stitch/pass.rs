@@ -8,7 +8,7 @@ use glam::DVec3;
 
 use super::kept::{ClusterResult, Opening};
 use super::options::{Cost, PassOptions, SeamPolicy};
-use super::outcome::{Floor, PassOutcome, Passes, StageSums};
+use super::outcome::{Floor, PassOutcome, Passes, StageSums, before_leap};
 use super::reconstruct::is_remeshed;
 use super::sample::{self, Survey};
 use super::scale::TextureTraits;
@@ -35,6 +35,10 @@ use crate::store::{Catalogue, StoredMesh, StoredPiece};
 const EXTRA_PASSES: usize = 12;
 /// With a bounded error, passes end when one removes less than this share of the faces.
 const BOUNDED_LAST_SHARE: f64 = 0.02;
+/// A pass beyond those asked for may cost this many times what the pass before it cost.
+const EXTRA_PASS_RISE: f32 = 4.0;
+/// One that removes less than this share of the faces by it stands before a wall: the next would cost far more for little.
+const WALL_SHARE: f64 = 0.08;
 /// A pass that removes less than this share of the faces has come to the floor.
 const FLOOR_SHARE: f64 = 1e-4;
 /// Clusters after which freed memory goes back to the system: the heaps of the threads have holes by then.
@@ -163,10 +167,12 @@ impl<'a, M: Metric> Run<'a, M> {
             let started = Instant::now();
             let faces_in = partition.total_faces();
             let Opening { plan, is_exact, .. } = self.open_pass(&mut state, &partition)?;
+            let steepest = self.steepest(&state);
             let is_last = self.is_last(pass);
             let outcome = self.run_plans(&state.mesh, &partition, pass, &plan)?;
             let single = is_single(&partition);
             let next_faces = outcome.report.faces_out;
+            let met_wall = outcome.is_wall;
             state.scratch_peak = state.scratch_peak.max(folder_bytes(self.job.path()));
             state.take(outcome);
             if self.options.drop_pieces {
@@ -183,7 +189,9 @@ impl<'a, M: Metric> Run<'a, M> {
                 // In one cluster nothing was locked; in many, what was locked in one pass is free in the next. An exact
                 // plan that removed faces may remove more.
                 let is_stuck = state.stuck > 2 || (single && state.stuck > 0);
-                state.is_over = state.reached || (is_last && is_stuck && !(is_exact && gained > 0));
+                let is_steep = plan.costs().is_some_and(|costs| costs.iter().copied().reduce(f32::max) == steepest);
+                let is_wall = met_wall || (is_steep && (gained as f64) < faces_in as f64 * WALL_SHARE);
+                state.is_over = state.reached || is_wall || (is_last && is_stuck && !(is_exact && gained > 0));
             }
             *(if self.turn(pass) == 0 { &mut state.seconds.simplify } else { &mut state.seconds.stitch }) +=
                 started.elapsed();
@@ -243,11 +251,20 @@ impl<'a, M: Metric> Run<'a, M> {
         }
         // In the first pass faces that repeat a vertex are still in the mesh.
         let faces = if is_first { partition.total_faces() } else { state.mesh.face_count() };
-        let thresholds = thresholds.unwrap_or_else(|| self.foresee(sample, pass, faces));
+        let mut thresholds = thresholds.unwrap_or_else(|| self.foresee(sample, pass, faces));
+        if let Some(most) = self.steepest(state) {
+            thresholds.iter_mut().for_each(|cost| *cost = cost.min(most));
+        }
         let (plan, is_exact) = self.plan(&state.mesh, partition, thresholds, pass, faces)?;
         let opening = Opening { plan, is_exact, texture: self.texture.clone() };
         self.job.keep(step, 0, [], &opening)?;
         Ok(opening)
+    }
+
+    /// The highest threshold of a pass beyond those asked for, if it is one and the pass before it had a threshold.
+    fn steepest(&self, state: &PassState) -> Option<f32> {
+        let before = state.reports.last().map(|pass| pass.threshold as f32).filter(|&cost| cost > 0.0)?;
+        (self.turn(state.pass) >= self.options.passes).then_some(before * EXTRA_PASS_RISE)
     }
 
     fn learn(&mut self, texture: TextureTraits) {
@@ -298,20 +315,15 @@ impl<'a, M: Metric> Run<'a, M> {
         Ok(partition)
     }
 
-    /// Runs a pass by its plan, and once more if that overshot the target.
+    /// Runs a pass by its plan, and once more if that overshot the target, or if a single cluster was simplified by far
+    /// dearer collapses than before for little.
     fn run_plans(&self, mesh: &StoredMesh, partition: &Partition, pass: usize, plan: &Plan) -> Result<PassOutcome> {
         let again = plan_step(pass, 1);
         let better = match self.job.recall_if(again, |plan: &mut Plan| plan.is_sound(partition.cluster_count()))? {
             Some(better) => better,
             None => {
                 let outcome = self.run_pass(mesh, partition, pass, plan, 0)?;
-                let overshot = outcome.report.faces_out < self.options.target;
-                let Some(costs) = plan.costs().filter(|_| overshot) else { return Ok(outcome) };
-                // The sample was no picture of the whole: the same thresholds again, but stopped above the target, where
-                // the trim goes on. Where next to nothing was left, what was left in each cluster says nothing.
-                let is_picture = 2 * outcome.report.faces_out >= self.options.target;
-                let shares = if is_picture { outcome.cluster_faces } else { partition.face_counts() };
-                let better = Plan::Trim(costs.to_vec(), equal_shares(&shares, self.before_trim()));
+                let Some(better) = self.better_plan(partition, plan, &outcome) else { return Ok(outcome) };
                 self.job.keep(again, 0, [], &better)?;
                 let pass = pass as u32;
                 let steps = [Step::Input, Step::Cut { pass }, plan_step(pass as usize, 0), again, Step::Census];
@@ -319,7 +331,33 @@ impl<'a, M: Metric> Run<'a, M> {
                 better
             }
         };
-        self.run_pass(mesh, partition, pass, &better, 1)
+        let outcome = self.run_pass(mesh, partition, pass, &better, 1)?;
+        Ok(PassOutcome { is_wall: matches!(plan, Plan::Faces(..)), ..outcome })
+    }
+
+    /// The plan by which a pass is to be run once more, if it is.
+    fn better_plan(&self, partition: &Partition, plan: &Plan, outcome: &PassOutcome) -> Option<Plan> {
+        let target = self.options.target;
+        match plan {
+            Plan::Costs(costs) if outcome.report.faces_out < target => {
+                // The sample was no picture of the whole: the same thresholds again, but stopped above the target, where
+                // the trim goes on. Where next to nothing was left, what was left in each cluster says nothing.
+                let is_picture = 2 * outcome.report.faces_out >= target;
+                let shares = if is_picture { outcome.cluster_faces.clone() } else { partition.face_counts() };
+                // A cluster ends one face below where it stops, or not at all.
+                let keep = equal_shares(&shares, self.before_trim()).into_iter().map(|faces| faces + 1).collect();
+                Some(Plan::Trim(costs.clone(), keep))
+            }
+            // What can be met is met, whatever it costs; on the way there, and where it cannot be, the shape comes first.
+            Plan::Faces(_, target) if outcome.report.faces_out <= *target => None,
+            Plan::Faces(..) | Plan::Shares(_) => {
+                let mean_area = outcome.area / outcome.report.faces_in.max(1) as f64;
+                let least = f64::from(sample::NEGLIGIBLE) * mean_area * mean_area;
+                let costs = before_leap(&outcome.stages.reports(0.0), least)?;
+                Some(Plan::Trim(costs, vec![target; partition.cluster_count()]))
+            }
+            _ => None,
+        }
     }
 
     fn run_pass(
@@ -374,6 +412,7 @@ impl<'a, M: Metric> Run<'a, M> {
             Ok(())
         })?;
         outcome.squared_error = if area > 0.0 { error / area } else { 0.0 };
+        outcome.area = area;
         outcome.stages = stages;
         outcome.report.map = self.map().take().and_then(|map| map.to_png());
         outcome.mesh.pieces = pieces;

@@ -21,6 +21,15 @@ const FACES_PER_SAMPLE_FACE: u64 = 40;
 /// Patches of the sample, at most.
 const PATCHES: usize = 16;
 
+/// Where faces become fewer, costs rise by this power of their number at most: by the third to the eighth on real meshes,
+/// but by the thirtieth and more where nothing is left that could go sensibly. What costs more waits for a pass in which
+/// other vertices are free.
+pub const STEEPEST: f64 = 16.0;
+/// The same as a factor.
+const LEAP_MAX: f64 = 1000.0;
+/// Below this share of the squared mean area of the faces, a cost says nothing: flat faces cost none.
+pub const NEGLIGIBLE: f32 = 1e-4;
+
 /// Work memory from which on a sample is simplified while the mesh is being cut, and not before.
 const ROOM_BYTES: u64 = 96 << 20;
 /// Memory that a sample takes.
@@ -179,22 +188,44 @@ pub fn scale_texture(sample: &mut ClusterMesh, scale_of: impl Fn(u32) -> f64) {
     sample.wedge_uv.iter_mut().zip(scales).for_each(|(uv, scale)| *uv *= scale);
 }
 
-/// The threshold at each share of the faces; infinite where the sample could not reach it.
+/// The threshold at each share of the faces.
 pub fn thresholds<M: Metric>(engine: &mut Engine<M>, shares: &[f64]) -> Vec<f32> {
     engine.mesh.link_wedges();
     let faces = engine.mesh.face_count;
-    let free = engine.count_free();
-    shares.iter().map(|share| cost_at(engine, faces, free, *share)).collect()
+    let free = engine.count_free_faces();
+    shares.iter().map(|share| cost_at(engine, face_goal(faces, free, *share))).collect()
 }
 
-fn cost_at<M: Metric>(engine: &mut Engine<M>, faces: usize, free: usize, share: f64) -> f32 {
-    let result = engine.run(Stop::Faces(face_goal(faces, free, share)));
-    if result.reached && faces > 0 { result.cost } else { f32::INFINITY }
+/// The cost at which a sample has a number of faces left, but no more than half of the way to it makes likely.
+fn cost_at<M: Metric>(engine: &mut Engine<M>, goal: usize) -> f32 {
+    let before = engine.mesh.face_count;
+    engine.log = Some(Vec::new());
+    let result = engine.run(Stop::Faces(goal));
+    let log = engine.log.take().unwrap_or_default();
+    let mean_area = (engine.area() / before.max(1) as f64) as f32;
+    let likely = likely_cost(&log, before, goal).max(NEGLIGIBLE * mean_area * mean_area);
+    if result.reached { result.cost.min(likely) } else { likely }
 }
 
-/// Faces left when each free vertex has kept its chance of `share`: a vanished vertex takes two faces along.
+/// The cost of the collapses half-way to a number of faces, or half-way to where they ended, raised by as much as costs may
+/// rise from there.
+fn likely_cost(log: &[(f32, u8)], before: usize, goal: usize) -> f32 {
+    let removed: usize = log.iter().map(|&(_, died)| usize::from(died)).sum();
+    let half_way = before - removed.min(before.saturating_sub(goal)) / 2;
+    let (mut cost, mut faces) = (0f32, before);
+    for &(next, died) in log {
+        if faces <= half_way {
+            break;
+        }
+        cost = cost.max(next);
+        faces -= usize::from(died);
+    }
+    cost * libm::pow(half_way as f64 / goal.max(1) as f64, STEEPEST).min(LEAP_MAX) as f32
+}
+
+/// Faces left when those that are `free` to go have kept their chance of `share`, and no fewer than the share of all.
 pub fn face_goal(faces: usize, free: usize, share: f64) -> usize {
-    (faces as f64 - 2.0 * free as f64 * (1.0 - share)).max(0.0).round() as usize
+    (faces as f64 - free as f64 * (1.0 - share)).max(faces as f64 * share).round() as usize
 }
 
 #[cfg(test)]
@@ -212,8 +243,25 @@ mod tests {
     }
 
     #[test]
-    fn locked_vertices_do_not_count_against_the_share() {
-        assert_eq!(face_goal(1000, 500, 0.5), 500);
-        assert_eq!(face_goal(1000, 250, 0.5), 750);
+    fn what_is_locked_does_not_count_against_the_share() {
+        assert_eq!(face_goal(1000, 1000, 0.5), 500);
+        assert_eq!(face_goal(1000, 500, 0.5), 750);
+    }
+
+    #[test]
+    fn no_goal_is_below_the_share_of_all_faces() {
+        for share in [0.0, 0.003, 0.5, 1.0] {
+            assert_eq!(face_goal(1000, 1020, share), (1000.0 * share) as usize);
+        }
+    }
+
+    #[test]
+    fn a_few_dear_collapses_say_nothing_of_the_others() {
+        let mut log = vec![(1.0, 2); 95];
+        log.extend([(1e6, 2); 5]);
+        let likely = likely_cost(&log, 1000, 800);
+        assert!((1.0..8.0).contains(&likely), "{likely}");
+        assert!(likely_cost(&log, 1000, 20) <= 1.0 * LEAP_MAX as f32);
+        assert_eq!(likely_cost(&[], 1000, 800), 0.0);
     }
 }

@@ -56,7 +56,7 @@ pub(super) fn run_plan<M: Metric>(engine: &mut Engine<M>, plan: &Plan, cluster: 
         Plan::Costs(costs) => costs.iter().map(|&cost| Stop::Cost(cost, 0)).collect(),
         Plan::Trim(costs, keep) => costs.iter().map(|&cost| Stop::Cost(cost, keep[cluster] as usize)).collect(),
         Plan::Shares(shares) => {
-            let free = engine.count_free();
+            let free = engine.count_free_faces();
             shares.iter().map(|share| Stop::Faces(sample::face_goal(faces, free, *share))).collect()
         }
         Plan::Faces(shares, target) => {

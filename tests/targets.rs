@@ -1,0 +1,108 @@
+//! Targets of open and broken meshes: a result is never below its target by more than one collapse, and above it only where
+//! the report says so.
+
+mod meshes;
+
+use drystone::options::SimplifyOptions;
+use drystone::report::Status;
+use glam::DVec3;
+use meshes::{Sketch, noise, simplify_text};
+use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
+
+/// A grid of columns × rows squares; `bump` is the height of its hills, `turn` bends it around an axis.
+fn grid(columns: usize, rows: usize, bump: f64, turn: f64, seed: u64) -> Sketch {
+    let mut sketch = Sketch::default();
+    for j in 0..=rows {
+        for i in 0..=columns {
+            let angle = turn * i as f64 / columns as f64;
+            let radius = 10.0 + j as f64;
+            let flat = DVec3::new(i as f64, j as f64, bump * noise(i, j, seed));
+            let bent = DVec3::new(radius * angle.cos(), radius * angle.sin(), flat.z);
+            sketch.positions.push(if turn > 0.0 { bent } else { flat });
+        }
+    }
+    for j in 0..rows {
+        for i in 0..columns {
+            let v = j * (columns + 1) + i;
+            let [a, b, c, d] = [v, v + 1, v + columns + 2, v + columns + 1];
+            sketch.faces.extend([[a, b, c], [a, c, d]].map(|face| face.map(|v| (v, v))));
+        }
+    }
+    sketch
+}
+
+/// Triangles that hang on nothing, and triangles between few vertices.
+fn soup(faces: usize, vertices: usize, seed: u64) -> Sketch {
+    let mut sketch = Sketch::default();
+    for v in 0..vertices.max(3) {
+        sketch.positions.push(DVec3::new(noise(v, 0, seed), noise(v, 1, seed), noise(v, 2, seed)) * 10.0);
+    }
+    for face in 0..faces {
+        let first = (noise(face, 3, seed) * vertices as f64) as usize;
+        let corner = |k: usize| (first + k * (1 + face % 3)) % vertices.max(3);
+        let corners = if vertices < 7 { [0, 1, 2] } else { [corner(0), corner(1), corner(2)] };
+        sketch.faces.push(corners.map(|v| (v, v)));
+    }
+    sketch
+}
+
+/// Planes, terrains, strips, discs with a hole, soups: up to some thousands of triangles.
+fn open_meshes() -> impl Strategy<Value = Sketch> {
+    let sheet = (1usize..60, 1usize..60, prop_oneof![Just(0.0), 0.0..2.0f64], any::<u64>())
+        .prop_map(|(columns, rows, bump, seed)| grid(columns, rows, bump, 0.0, seed));
+    let strip = (1usize..2000, 1usize..3, 0.0..1.0f64, any::<u64>())
+        .prop_map(|(columns, rows, bump, seed)| grid(columns, rows, bump, 0.0, seed));
+    let disc = (3usize..60, 1usize..30, 0.0..1.0f64, 1.0..6.2f64, any::<u64>())
+        .prop_map(|(columns, rows, bump, turn, seed)| grid(columns, rows, bump, turn, seed));
+    let soup =
+        (1usize..1500, 7usize..600, any::<u64>()).prop_map(|(faces, vertices, seed)| soup(faces, vertices, seed));
+    prop_oneof![3 => sheet, 2 => strip, 2 => disc, 1 => soup]
+}
+
+fn cases() -> ProptestConfig {
+    let explored = ProptestConfig { failure_persistence: None, max_shrink_iters: 200, ..ProptestConfig::default() };
+    match std::env::var_os("PROPTEST_CASES") {
+        Some(_) => explored,
+        None => ProptestConfig { cases: 48, rng_seed: RngSeed::Fixed(1), ..explored },
+    }
+}
+
+proptest! {
+    #![proptest_config(cases())]
+
+    #[test]
+    fn no_result_is_below_its_target_by_more_than_one_collapse(
+        sketch in open_meshes(),
+        power in -5.0..-0.3f64,
+        in_many_clusters in any::<bool>(),
+        passes in 1usize..4,
+    ) {
+        let options = SimplifyOptions {
+            ratio: Some(10f64.powf(power)),
+            memory: Some(256 << 20),
+            threads: Some(1),
+            cluster_faces: if in_many_clusters { 1000 } else { 50_000 },
+            passes,
+            ..SimplifyOptions::default()
+        };
+        let run = simplify_text(&sketch.text(), &options);
+        let (left, target) = (run.mesh().face_count() as f64, run.report.faces.target as f64);
+        let tolerance = (0.001 * target).max(2.0);
+        prop_assert!(left >= target - tolerance, "{left} of {target}");
+        let is_met = matches!(run.report.status, Status::Done);
+        prop_assert_eq!(is_met, left <= target, "{} of {}, {:?}", left, target, run.report.status);
+    }
+}
+
+//  20,000 triangles, as flat as can be: the exact result has two
+#[test]
+fn a_flat_plane_keeps_its_area_at_any_target() {
+    for faces in [2, 5, 60, 400] {
+        let options = SimplifyOptions { faces: Some(faces), threads: Some(2), ..SimplifyOptions::default() };
+        let run = simplify_text(&grid(100, 100, 0.0, 0.0, 1).text(), &options);
+        let mesh = run.mesh();
+        assert!(mesh.face_count() + 1 >= faces && mesh.face_count() <= faces, "{} of {faces}", mesh.face_count());
+        assert!((mesh.area() - 10_000.0).abs() < 1e-3, "{} at {faces} faces", mesh.area());
+    }
+}
