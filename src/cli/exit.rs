@@ -5,7 +5,10 @@ use std::fmt::Write as _;
 /// Every exit code and what it means.
 pub const CODES: [(u8, &str); 12] = [
     (0, "done"),
-    (1, "failed: the system refused, a limit was exceeded, or a check found a new fault"),
+    (
+        1,
+        "failed: the system refused, a limit was exceeded, a check found a new fault, or --measure found --max-error broken",
+    ),
     (2, "usage: an option or the memory budget is not possible"),
     (3, "written, but the target was missed; the report says why"),
     (4, "bad input: the message names file and line"),

@@ -136,6 +136,7 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
         tell_lines(result.warning_lines());
     }
     tell_lines(result.miss_lines());
+    tell_lines(result.broken_bound().into_iter().collect());
     match format {
         Format::Json => print_json(&result)?,
         Format::Text if !quiet => print(&result.summary())?,

@@ -9,6 +9,7 @@
 //! escaped, and the page loads nothing: style, plots and pictures are inside it.
 
 mod comparison;
+mod deviation;
 mod figures;
 pub mod gallery;
 mod html;
@@ -162,9 +163,10 @@ pub struct Report {
 }
 
 impl Report {
-    /// Exit code of the process: 0, or 3 if the target was missed.
+    /// Exit code of the process: 1 if a measured distance passes `--max-error`, else 3 if the target was missed, else 0.
     pub fn exit_code(&self) -> u8 {
         match self.status {
+            _ if self.broken_bound().is_some() => 1,
             Status::Done => 0,
             Status::TargetMissed => 3,
         }

@@ -3,7 +3,6 @@
 use std::fmt::Write as _;
 
 use super::Report;
-use super::figures::length;
 use crate::base::error::escape_path;
 use crate::base::{bytes, counted, grouped};
 
@@ -24,7 +23,7 @@ impl Report {
         let _ = writeln!(text, "seconds: {:.1}", self.seconds.total);
         let _ = writeln!(text, "peak memory: {}", bytes::display(self.memory.peak_resident));
         let _ = writeln!(text, "memory allowed: {}", bytes::display(self.memory.budget));
-        let _ = writeln!(text, "deviation about: {} (RMS, in the mesh's units)", length(self.error.rms_estimate));
+        self.add_deviation(&mut text);
         for (kind, count) in &self.repairs {
             let _ = writeln!(text, "{}: {count}", kind.replace('_', " "));
         }

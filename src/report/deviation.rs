@@ -1,0 +1,110 @@
+//! What a comparison measured of the deviation, and whether it keeps the bound that was asked for.
+//!
+//! In: the distances of a [`Comparison`](crate::measure::compare::Comparison). Out: lines for the terminal, and a message if
+//! some point is farther away than `--max-error` allows.
+
+use std::fmt::Write as _;
+
+use super::Report;
+use super::figures::length;
+use crate::measure::compare::{Comparison, Distances, Geometry};
+
+/// Units in the last place of a coordinate that rounding alone may add to a distance.
+const ROUNDING_UNITS: f64 = 16.0;
+
+impl Report {
+    /// What to say if the comparison found a point that is farther away than `--max-error` allows; `None` if the bound is
+    /// kept, was not asked for or was not measured.
+    pub fn broken_bound(&self) -> Option<String> {
+        broken_bound(self.options.max_error?, &self.comparison.as_ref()?.geometry)
+    }
+
+    /// Appends the lines of the summary that are about the deviation.
+    pub(super) fn add_deviation(&self, text: &mut String) {
+        if let Some(bound) = self.options.max_error {
+            let _ = writeln!(text, "deviation allowed: {bound}");
+        }
+        match &self.comparison {
+            Some(comparison) => add_measured(text, comparison),
+            None => text.push_str("deviation: not measured (--measure compares the result with the input)\n"),
+        }
+    }
+}
+
+/// The measured figures, in the mesh's unit of length.
+fn add_measured(text: &mut String, Comparison { geometry, samples, .. }: &Comparison) {
+    let _ = writeln!(
+        text,
+        "deviation: {} (RMS both ways, measured at {samples} points each)",
+        length(geometry.symmetric.rms)
+    );
+    let _ = writeln!(text, "largest deviation: {}", length(largest(geometry)));
+}
+
+/// Largest distance found either way.
+fn largest(geometry: &Geometry) -> f64 {
+    geometry.forward.max.max(geometry.backward.max)
+}
+
+/// Where and by how much distances pass a bound.
+fn broken_bound(bound: f64, geometry: &Geometry) -> Option<String> {
+    let ways =
+        [(&geometry.forward, "from the result to the input"), (&geometry.backward, "from the input to the result")];
+    let (way, words) = ways.into_iter().max_by(|(a, _), (b, _)| a.max.total_cmp(&b.max))?;
+    if way.max <= bound + rounding(way) {
+        return None;
+    }
+    let place = way.worst.first().map_or_else(String::new, |worst| {
+        let [x, y, z] = worst.position;
+        format!(", at {x} {y} {z}")
+    });
+    Some(format!(
+        "--max-error {bound} is broken: the distance {words} is {}{place}; a smaller --max-error gives a closer result",
+        length(way.max),
+    ))
+}
+
+/// Distance that the rounding of coordinates makes of none, at the farthest point.
+fn rounding(way: &Distances) -> f64 {
+    let coordinates = way.worst.first().into_iter().flat_map(|worst| worst.position.into_iter().chain(worst.closest));
+    ROUNDING_UNITS * f64::EPSILON * coordinates.fold(0.0f64, |largest, x| largest.max(x.abs()))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::measure::compare::Place;
+
+    /// Distances whose largest lies at a corner of a cube around the origin.
+    fn up_to(max: f64, corner: f64) -> Distances {
+        let worst = Place { distance: max, position: [corner; 3], closest: [corner; 3] };
+        Distances { max, worst: vec![worst], ..Distances::default() }
+    }
+
+    proptest! {
+        #[test]
+        fn a_bound_is_broken_by_the_larger_of_both_ways(
+            bound in 1e-6f64..1e3,
+            shares in [0.0f64..3.0, 0.0f64..3.0],
+        ) {
+            let [forward, backward] = shares.map(|share| up_to(share * bound, 1.0));
+            let geometry = Geometry { forward, backward, ..Geometry::default() };
+            let is_broken = shares[0].max(shares[1]) > 1.000_001;
+            let is_kept = shares[0].max(shares[1]) <= 1.0;
+            prop_assume!(is_broken || is_kept);
+            let found = broken_bound(bound, &geometry);
+            prop_assert_eq!(found.is_some(), is_broken);
+            let way = if shares[0] > shares[1] { "from the result" } else { "from the input" };
+            prop_assert!(found.is_none_or(|words| words.contains(way)));
+        }
+    }
+
+    #[test]
+    fn rounding_of_coordinates_breaks_no_bound() {
+        let geometry = |max| Geometry { forward: up_to(max, 5e6), ..Geometry::default() };
+        assert_eq!(broken_bound(0.0, &geometry(2e-9)), None);
+        assert!(broken_bound(0.0, &geometry(1e-7)).unwrap().contains("at 5000000 5000000 5000000"));
+    }
+}
