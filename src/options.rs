@@ -255,6 +255,11 @@ pub struct SimplifyOptions {
     #[arg(skip)]
     #[serde(skip)]
     pub drawing: Drawing,
+
+    /// The command line, for the report
+    #[arg(skip)]
+    #[serde(skip)]
+    pub command: Option<String>,
 }
 
 impl Default for SimplifyOptions {
@@ -283,6 +288,7 @@ impl Default for SimplifyOptions {
             remesh: None,
             optimize: false,
             drawing: Drawing::Nothing,
+            command: None,
         }
     }
 }

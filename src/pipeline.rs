@@ -24,10 +24,11 @@ use crate::os::timeline::{Recorder, Timeline};
 use crate::plan::memory::{self, Sizes};
 use crate::plan::scratch;
 use crate::report::gallery::{self, Resources};
-use crate::report::{ErrorFigures, FaceFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
+use crate::report::{ErrorFigures, FaceFigures, FileFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
 use crate::scan;
 use crate::stitch::{PassOptions, pass};
-use crate::write::{self, WriteOptions};
+use crate::store::Catalogue;
+use crate::write::{self, Companion, WriteOptions};
 
 /// Of more damaged files than these it is only told how many there are.
 const DAMAGES_TOLD_MAX: usize = 12;
@@ -176,6 +177,7 @@ fn run(
         }
     };
     let scratch_peak = passes.scratch_peak.max(folder_bytes(job.path()));
+    let files = file_figures(catalogue, &result.companions);
     findings.merge(result.findings);
     let write_seconds = written.elapsed();
     let shots = before.and_then(|(from, before)| {
@@ -191,6 +193,7 @@ fn run(
     let status = if passes.reached { Status::Done } else { Status::TargetMissed };
     Ok(Report {
         program: env!("CARGO_PKG_VERSION"),
+        command: options.command.clone(),
         began: reading.began.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()),
         status,
         resumed: is_resumed,
@@ -226,7 +229,8 @@ fn run(
                 .max(drawing_peak),
             peak_resident: system::peak_resident_bytes(),
         },
-        io: IoFigures { input: input_bytes, read, written, scratch_peak },
+        io: IoFigures { input: input_bytes, read, written, output: result.bytes, scratch_peak },
+        files,
         timeline: Timeline::default(),
         remesh: passes.remeshed,
         passes: passes.reports,
@@ -236,6 +240,17 @@ fn run(
         warnings: findings.warnings(),
         repairs: repairs(&findings),
     })
+}
+
+/// Counts materials of the input and textures of the result.
+fn file_figures(catalogue: &Catalogue, companions: &[Companion]) -> FileFigures {
+    let is_texture = |companion: &&Companion| companion.path.extension().is_none_or(|extension| extension != "mtl");
+    let textures = || companions.iter().filter(is_texture);
+    FileFigures {
+        materials: catalogue.materials.len() as u64,
+        textures: textures().count() as u64,
+        texture_bytes: textures().filter_map(|companion| Some(companion.content?.0)).sum(),
+    }
 }
 
 /// Tells what was found damaged and is done again.

@@ -8,7 +8,7 @@ use super::compare::{SamplingArguments, compare_meshes};
 use super::print::{print, print_json};
 use super::progress::{of_job, tell};
 use super::share::JobShare;
-use super::stop::Goodbye;
+use super::stop::{Goodbye, command_line};
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 use crate::options::{Drawing, SimplifyOptions, heading};
@@ -93,7 +93,7 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
         (true, false) => Drawing::Pictures,
         (true, true) => Drawing::PicturesAndErrors,
     };
-    let options = SimplifyOptions { drawing, ..options.clone() };
+    let options = SimplifyOptions { drawing, command: Some(command_line()), ..options.clone() };
     let stop = StopSignal::listen()?;
     let work = pipeline::work_folder(output, &options);
     let goodbye = Goodbye::of_job(&stop, &work);

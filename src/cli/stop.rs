@@ -90,6 +90,11 @@ impl Goodbye {
     }
 }
 
+/// The command as it was given.
+pub fn command_line() -> String {
+    std::env::args_os().map(|word| quoted(&word)).collect::<Vec<_>>().join(" ")
+}
+
 /// The command as it was given, but that it goes on where the job was.
 fn command_that_goes_on(words: impl Iterator<Item = OsString>) -> String {
     let mut is_resume = false;

@@ -197,6 +197,7 @@ fn errors(comparison: &Comparison, after: &[Shot]) -> Markup {
                 div.ramp role="img" aria-label="scale of colours, from no distance to the largest shown" {}
                 @for step in 0..=4 { span { (length(most * f64::from(step) / 4.0)) @if step == 4 { " and more" } } }
             }
+            p.quiet { "Measured from each point of the result to the original; the last colour begins where 1 % of the surface is farther away." }
             div.pair.shots {
                 @for (place, relief) in coloured {
                     (picture(&relief.colour(most), &format!("distance from the original, {}", place.name)))
@@ -226,8 +227,8 @@ fn texture_tables(texture: &Texture) -> Markup {
                 table {
                     thead { tr { th { "Surface" } th.number { "half below · 95 % below" } } }
                     tbody {
-                        (row("slide of the picture, mesh units", &two(texture.slide_median, texture.slide_p95)))
-                        (row("slide of the picture, texels", &two(texture.slide_texels_median, texture.slide_texels_p95)))
+                        (row("texture drift, mesh units", &two(texture.slide_median, texture.slide_p95)))
+                        (row("texture drift, texels", &two(texture.slide_texels_median, texture.slide_texels_p95)))
                     }
                     thead { tr { th { "Colours, of 255" } th.number { "mean · root mean square" } } }
                     tbody {
@@ -253,7 +254,8 @@ fn texture_tables(texture: &Texture) -> Markup {
                 }
             }
             p.quiet {
-                "Slide: from where the picture at a point of the result lies on the original to the closest point there. Gap: from "
+                "Texture drift: how far the texture image moved over the surface, from where the texel at a point of the result lies on "
+                "the original to the closest point there. Where an image repeats, that may be another repetition: read the colours then. Gap: from "
                 "where the texel on one side of a seam lies on the original to where that on the other side lies; it is measured on "
                 "a grid of texels, so a seam that did not change has a gap of up to a texel of it."
             }
@@ -271,13 +273,13 @@ fn shapes(comparison: &Comparison) -> Markup {
     let counts: [Figure<Topology, String>; 9] = [
         ("triangles", |t| spaced(t.faces)),
         ("vertices", |t| spaced(t.vertices)),
-        ("pieces", |t| spaced(t.components)),
+        ("components", |t| spaced(t.components)),
         ("boundary edges", |t| spaced(t.boundary_edges)),
-        ("open borders", |t| spaced(t.boundary_loops)),
+        ("boundary loops", |t| spaced(t.boundary_loops)),
         ("non-manifold edges", |t| spaced(t.non_manifold_edges)),
         ("seam edges", |t| spaced(t.seam_edges)),
         ("charts", |t| spaced(t.charts)),
-        ("Euler number", |t| signed(t.euler)),
+        ("Euler characteristic", |t| signed(t.euler)),
     ];
     let shapes: [Figure<Quality, String>; 4] = [
         ("mean regularity of triangles", |q| length(q.regularity_mean)),

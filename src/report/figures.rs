@@ -34,6 +34,7 @@ pub(super) fn pictures(before: &[Shot], after: &[Shot]) -> Markup {
     html! {
         section {
             h2 { "Before and after" }
+            p.quiet { "Both sides of a triangle are lit alike: a back face looks like a front face. Holes show the background." }
             @for ((place, before), after) in VANTAGES.iter().zip(before).zip(after) {
                 @let edges = if place.with_edges { ", with edges" } else { "" };
                 div.pair.shots {

@@ -57,14 +57,15 @@ fn key_figures(report: &Report) -> Markup {
                         (figure("difference of colour", &length(texture.colour_rms), "RMS, of 255"))
                     }
                 }
-                None => (figure("deviation, estimated", &length(report.error.rms_estimate), "root mean square, mesh units")),
+                None => (figure("deviation, estimated", &length(report.error.rms_estimate), "RMS by the cost function, mesh units; --measure measures it")),
             }
             (figure("time", &seconds(report.seconds.total), &format!("{} threads", report.threads)))
             (figure("peak memory", &bytes::display(report.memory.peak_resident),
                 &format!("{} of the {} allowed", percent(memory_share), bytes::display(report.memory.budget))))
-            @if report.comparison.as_ref().is_none_or(|comparison| comparison.texture.is_none()) {
-                (figure("input", &bytes::display(report.io.input), "of OBJ text, read once"))
-            }
+            (figure("OBJ before", &bytes::display(report.io.input), "read once"))
+            (figure("OBJ after", &bytes::display(report.io.output), "without MTL and textures"))
+            (figure("materials", &spaced(report.files.materials), "of the input"))
+            (figure("textures", &spaced(report.files.textures), &format!("beside the result, {} copied", bytes::display(report.files.texture_bytes))))
         }
     }
 }
@@ -103,7 +104,7 @@ fn findings(report: &Report) -> Markup {
         section {
             h2 { "Warnings and repairs" }
             @if report.repairs.is_empty() {
-                p { "None: everything that was read is in the result." }
+                p { "Nothing was repaired or dropped while reading and writing." }
             } @else {
                 table.narrow[!has_places] {
                     thead { tr { th { "Kind" } th.number { "Count" } @if has_places { th.wide { "Where" } } } }
@@ -233,7 +234,7 @@ fn passes(report: &Report) -> Markup {
                     tr {
                         th { "Pass" } th.number { "Clusters" } th.number { "Triangles before" } th.number { "after" }
                         th.number { "Locked on cell borders" } th.number { "On seams" }
-                        th.number { "Threshold" } th.number { "Deviation" }
+                        th.number { "Threshold" } th.number { "Deviation, estimated" }
                     }
                 }
                 tbody {
@@ -294,7 +295,8 @@ fn asked(report: &Report) -> Markup {
     };
     html! {
         section {
-            h2 { "Options" }
+            h2 { "Command and options" }
+            @if let Some(command) = &report.command { pre.command { code { (command) } } }
             dl {
                 @for (name, value) in &options {
                     div { dt { "--" (name.replace('_', "-")) } dd.none[value.is_null()] { (shown(name, value)) } }

@@ -103,8 +103,21 @@ pub struct IoFigures {
     pub read: u64,
     /// Written by system calls.
     pub written: u64,
+    /// Length of the OBJ that was written.
+    pub output: u64,
     /// Most that the work folder held.
     pub scratch_peak: u64,
+}
+
+/// Materials and textures.
+#[derive(Debug, Clone, Serialize)]
+pub struct FileFigures {
+    /// Materials that faces of the input name.
+    pub materials: u64,
+    /// Texture images beside the result, copied or linked.
+    pub textures: u64,
+    /// Bytes of those that were copied.
+    pub texture_bytes: u64,
 }
 
 /// Everything about a run.
@@ -112,6 +125,8 @@ pub struct IoFigures {
 pub struct Report {
     /// Version of the program.
     pub program: &'static str,
+    /// The command line, if the run was started by one.
+    pub command: Option<String>,
     /// When it began, in seconds since 1970.
     pub began: u64,
     /// How it ended.
@@ -143,6 +158,8 @@ pub struct Report {
     pub memory: MemoryFigures,
     /// Input and output.
     pub io: IoFigures,
+    /// Materials and textures.
+    pub files: FileFigures,
     /// Memory and bytes moved over time.
     pub timeline: Timeline,
     /// Each pass that made the mesh anew.

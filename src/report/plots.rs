@@ -12,7 +12,7 @@ use plotters::style::text_anchor;
 
 use crate::base::bytes::MIB;
 use crate::measure::compare::Histogram;
-use crate::os::timeline::Timeline;
+use crate::os::timeline::{PhaseSpan, Timeline};
 use crate::stitch::outcome::{PassReport, StageReport};
 
 /// Width and height of a plot in its own units; the page scales it.
@@ -30,6 +30,9 @@ const TEXT_SIZE: i32 = 13;
 /// A distribution is drawn where it has more than this share of the surface, in percent.
 const SHOWN_PERCENT: f64 = 0.02;
 
+/// Share of a plot's width that a letter takes.
+const NAME_SHARE: f64 = 0.0135;
+
 type Drawn = Result<(), Box<dyn std::error::Error>>;
 type Chart<'a, 'b, X, Y> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<X, Y>>;
 
@@ -40,7 +43,8 @@ pub fn memory(timeline: &Timeline, budget: u64) -> Option<String> {
     let highest = points.iter().map(|point| point.1).fold(0.0, f64::max);
     // A generous budget would press the curve to the ground.
     let shown_budget = Some(mib(budget)).filter(|budget| *budget <= 3.0 * highest);
-    let top = shown_budget.unwrap_or(highest).max(highest) * 1.12;
+    // Room above the budget for its name and for those of the phases.
+    let top = (shown_budget.unwrap_or(0.0) * 1.25).max(highest * 1.12);
     over_time(timeline, top, "MiB resident", |chart| {
         chart.draw_series(AreaSeries::new(points.iter().copied(), 0.0, WASH))?;
         chart.draw_series(LineSeries::new(points.iter().copied(), FIRST.stroke_width(2)))?;
@@ -76,7 +80,7 @@ pub fn moved(timeline: &Timeline) -> Option<String> {
 
 /// Deviation against faces at the end of each stage, both in decades.
 pub fn faces_against_error(passes: &[PassReport]) -> Option<String> {
-    against_faces(passes, "deviation (RMS, mesh units)", |stage| stage.rms_estimate)
+    against_faces(passes, "estimated deviation (RMS)", |stage| stage.rms_estimate)
 }
 
 /// Highest cost of a collapse in each stage against faces at its end, both in decades.
@@ -114,17 +118,37 @@ fn against_faces(passes: &[PassReport], y_name: &str, of: impl Fn(&StageReport) 
             .y_label_formatter(&|value| round_in(&y, *value, plain(value)))
             .draw()?;
         chart.draw_series(LineSeries::new(shown.iter().copied(), FIRST.stroke_width(2)))?;
+        let mut names: Vec<PassName> = Vec::new();
         for (number, pass) in passes.iter().enumerate() {
             let points = points(pass);
             chart.draw_series(points.iter().map(|&point| Circle::new(point, 3, FIRST.filled())))?;
             if let Some(&end) = points.last() {
                 chart.draw_series([Circle::new(end, 5, SECOND.filled())])?;
-                let name = format!("pass {}", number + 1);
-                note(&mut chart, &name, end, (9, -3), label(SECOND).pos(left_above()))?;
+                let is_near = |names: &PassName| {
+                    is_near(&x, names.end.0, end.0, 552.0, 70.0) && is_near(&y, names.end.1, end.1, 244.0, 18.0)
+                };
+                match names.iter_mut().find(|names| is_near(names)) {
+                    Some(names) => names.words = format!("{}, {}", names.words.replace("pass ", "passes "), number + 1),
+                    None => names.push(PassName { end, words: format!("pass {}", number + 1) }),
+                }
             }
+        }
+        for PassName { end, words } in names {
+            note(&mut chart, &words, end, (9, -3), label(SECOND).pos(left_above()))?;
         }
         Ok(())
     })
+}
+
+/// Words beside the end of a pass, or of several whose words would lie over each other.
+struct PassName {
+    end: (f64, f64),
+    words: String,
+}
+
+/// Whether two places of an axis of decades, `units` long, are less than `least` units apart.
+fn is_near(range: &Range<f64>, a: f64, b: f64, units: f64, least: f64) -> bool {
+    units * libm::fabs(libm::log(a / b)) / libm::log(range.end / range.start) < least
 }
 
 /// How much of the surface lies how far, both ways; distances in decades.
@@ -186,7 +210,9 @@ fn over_time(
         for phase in timeline.phases.iter().skip(1) {
             chart.draw_series(LineSeries::new([(phase.begin, 0.0), (phase.begin, top)], RULE.stroke_width(1)))?;
         }
-        for phase in timeline.phases.iter().filter(|phase| phase.end - phase.begin > 0.09 * end) {
+        let has_room =
+            |phase: &&PhaseSpan| (phase.end - phase.begin) / end > NAME_SHARE * (phase.name.len() + 1) as f64;
+        for phase in timeline.phases.iter().filter(has_room) {
             let middle = ((phase.begin + phase.end) / 2.0, top);
             let anchor = text_anchor::Pos::new(text_anchor::HPos::Center, text_anchor::VPos::Top);
             note(&mut chart, phase.name, middle, (0, 2), label(MUTED).pos(anchor))?;
@@ -312,7 +338,7 @@ fn left_above() -> text_anchor::Pos {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::os::timeline::{PhaseSpan, Sample};
+    use crate::os::timeline::Sample;
 
     fn timeline(samples: &[(f64, u64)]) -> Timeline {
         let sample = |&(seconds, resident)| Sample { seconds, resident, read: resident / 2, written: resident / 4 };
@@ -362,5 +388,15 @@ mod tests {
         assert_eq!(faces_against_error(std::slice::from_ref(&flat)), None);
         let drawn = faces_against_error(&[flat, pass(vec![stage(10, 0.01), stage(4, 0.1)])]).unwrap();
         assert!(drawn.contains("pass 2") && !drawn.contains("pass 1"));
+    }
+
+    #[test]
+    fn passes_that_end_at_the_same_place_share_their_words() {
+        let pass = |faces, rms_estimate| {
+            let stage = |faces| StageReport { faces, threshold: 1.0, rms_estimate };
+            PassReport { stages: vec![stage(faces)], ..PassReport::default() }
+        };
+        let drawn = faces_against_error(&[pass(4_000_000, 0.01), pass(444_000, 0.04), pass(431_000, 0.041)]).unwrap();
+        assert!(drawn.contains("pass 1") && drawn.contains("passes 2, 3") && !drawn.contains("pass 3"));
     }
 }
