@@ -156,6 +156,9 @@ fn run(
     let outcome = pass::simplify(start, &pass_options, catalogue, job, progress);
     tell_damage(job, progress);
     let passes = outcome?;
+    if passes.faces == 0 {
+        return Err(input::nothing_left(reading.path, triangles));
+    }
     findings.merge(passes.findings);
 
     let written = Instant::now();

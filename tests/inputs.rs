@@ -5,8 +5,10 @@ mod meshes;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
+use drystone::base::Silent;
 use drystone::measure::compare_checks;
-use drystone::options::{Normals, Seams, SimplifyOptions};
+use drystone::options::{Normals, Seams, SimplifyOptions, TextureFiles};
+use drystone::pipeline;
 use glam::DVec3;
 use meshes::{
     Mesh, Sketch, bits, fixture, in_many_clusters, ratio, read, simplify, simplify_text, terrain, torus, town,
@@ -237,5 +239,46 @@ fn an_offset_moves_the_result_and_nothing_else() {
         let same = far.surface.positions.iter().filter(|p| here.contains(&rounded(**p - offset))).count();
         println!("{same} of {} vertices are the same", here.len());
         assert!(same * 4 >= here.len() * 3, "{same} of {}", here.len());
+    }
+}
+
+#[test]
+fn textures_outside_of_the_folder_are_named_by_a_path_that_works_from_the_output() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().canonicalize().unwrap();
+    for name in ["tiles", "tex", "out/deep"] {
+        std::fs::create_dir_all(root.join(name)).unwrap();
+    }
+    std::fs::write(root.join("tex/roof.jpg"), "roof").unwrap();
+    let absolute = format!("map_AO {}\n", root.join("tex/roof.jpg").display());
+    std::fs::write(root.join("tiles/a.mtl"), format!("newmtl m\nmap_Kd ../tex/roof.jpg\n{absolute}")).unwrap();
+    let obj = "mtllib a.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    std::fs::write(root.join("tiles/a.obj"), obj).unwrap();
+    for textures in [TextureFiles::Copy, TextureFiles::Link, TextureFiles::Reference] {
+        let options = SimplifyOptions { textures, force: true, ..ratio(1.0) };
+        let output = root.join("out/deep/a.obj");
+        let report = pipeline::simplify(&root.join("tiles/a.obj"), &output, &options, &Silent).unwrap();
+        let mtl = std::fs::read_to_string(output.with_extension("mtl")).unwrap();
+        let names: Vec<_> = mtl.lines().filter_map(|line| line.strip_prefix("map_")?.split_once(' ')).collect();
+        assert_eq!(names.len(), 2, "{mtl}");
+        for (_, name) in names {
+            assert_eq!(std::fs::read(root.join("out/deep").join(name)).unwrap(), b"roof", "{name}");
+        }
+        let is_told = report.warnings.iter().any(|line| line.starts_with("refused texture"));
+        assert_eq!(is_told, textures != TextureFiles::Reference);
+    }
+}
+
+#[test]
+fn an_input_of_which_nothing_is_left_is_an_error_and_leaves_no_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("a.obj");
+    std::fs::write(&input, "v 0 0 0\nv 0 0 0\nv 0 0 0\nf 1 2 3\n").unwrap();
+    for (i, options) in [ratio(0.5), ratio(1.0), in_many_clusters(ratio(0.5))].into_iter().enumerate() {
+        let output = folder.path().join(format!("out-{i}.obj"));
+        let error = pipeline::simplify(&input, &output, &options, &Silent).unwrap_err();
+        assert_eq!(error.exit_code(), 4, "{error}");
+        assert!(error.to_string().contains("of 1 triangle none is left"), "{error}");
+        assert!(!output.exists());
     }
 }

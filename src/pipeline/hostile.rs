@@ -96,8 +96,9 @@ fn ten_thousand_texture_coordinates_at_one_vertex_take_no_time() {
 fn vertices_at_one_place_are_kept_apart_if_asked_for() {
     let mut text = "v 1 2 3\n".repeat(FACES + 2);
     (0..FACES).for_each(|i| _ = writeln!(text, "f {} {} {}", i + 1, i + 2, i + 3));
+    text.push_str("v 5 5 5\nv 6 5 5\nv 5 6 5\nf -3 -2 -1\n");
     let (welded, _) = simplified(&text, |_| ());
-    assert_eq!((welded.faces.output, welded.repairs["degenerate_faces"]), (0, FACES as u64));
+    assert_eq!((welded.faces.output, welded.repairs["degenerate_faces"]), (1, FACES as u64));
     let (apart, _) = simplified(&text, |options| options.weld = Weld::Off);
     assert!(!apart.repairs.contains_key("degenerate_faces"));
 }

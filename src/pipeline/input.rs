@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::need::{COUNT_LIMIT, Need};
 use crate::base::ordered::map_in_order;
-use crate::base::{Findings, Progress, Result};
+use crate::base::{Error, Findings, Progress, Result, counted};
 use crate::job::{Manifest, Step, WorkFolder, folder_bytes};
 use crate::options::{SimplifyOptions, TextureFiles};
 use crate::scan::fingerprint::{self, Contents, Source};
@@ -152,6 +152,14 @@ impl Reading<'_> {
         })?;
         Ok(sources)
     }
+}
+
+/// The error of an input whose triangles all went.
+pub(super) fn nothing_left(path: &Path, triangles: u64) -> Error {
+    let triangles = counted(triangles, "triangle");
+    let cause =
+        "once vertices at the same place are one, every triangle repeats a vertex or belongs to a dropped piece";
+    Error::input(path, 0, format!("of {triangles} none is left: {cause}; --weld off keeps such vertices apart"))
 }
 
 fn libraries_at<'a>(paths: impl Iterator<Item = &'a Path>) -> Result<Vec<Source>> {

@@ -10,6 +10,7 @@
 //! # Files
 //! `scan-<index>-positions.col`, `-texcoords.col`, `-colours.col` (if a vertex has one) and `-faces.blk`.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
@@ -24,7 +25,7 @@ use crate::base::ordered::both;
 use crate::base::{Error, Findings, Result};
 use crate::store::face::{POLYGON_CORNERS_MAX, repeats_vertex};
 use crate::store::mesh::ID_LIMIT;
-use crate::store::{ColumnWriter, Face, FaceWriter, NO_TEXCOORD, PackedWriter, StoredPiece};
+use crate::store::{ColumnWriter, Face, FaceBlocks, FaceWriter, NO_TEXCOORD, PackedWriter, StoredPiece};
 
 const FACE_BUFFER: usize = 4096;
 const COLOUR_BUFFER: usize = 4096;
@@ -48,6 +49,8 @@ pub struct FileCommit<'a> {
     position_decimals: u32,
     texcoord_decimals: u32,
     uses_normals: bool,
+    /// Whether faces name texture coordinates and the file has none at all.
+    lacks_texcoords: bool,
     findings: Findings,
 }
 
@@ -82,6 +85,7 @@ impl<'a> FileCommit<'a> {
             position_decimals: 0,
             texcoord_decimals: 0,
             uses_normals: false,
+            lacks_texcoords: false,
             findings: Findings::default(),
         })
     }
@@ -98,7 +102,7 @@ impl<'a> FileCommit<'a> {
     /// [`Error::Budget`] if names take too much memory, else what the writers say.
     pub fn append(&mut self, chunk: &Chunk, parsed: &mut ParsedChunk, labels: &mut Labels) -> Result<()> {
         let bases = self.counts;
-        self.check_backward(chunk, parsed)?;
+        let may_lack_texcoords = self.check_backward(chunk, parsed)?;
         for (count, added) in self.counts.iter_mut().zip(parsed.counts()) {
             *count += added;
         }
@@ -109,8 +113,12 @@ impl<'a> FileCommit<'a> {
                 return Err(Error::Limit(format!("{path}: more than {ID_LIMIT} {what}; split the file into tiles")));
             }
         }
-        if parsed.highest.iter().zip(self.counts).any(|(highest, count)| *highest > count) {
-            let (line_base, highest) = (self.line_count, parsed.highest);
+        let mut highest = parsed.highest;
+        if may_lack_texcoords {
+            highest[Numbered::Texcoord as usize] = u64::MAX;
+        }
+        if highest.iter().zip(self.counts).any(|(highest, count)| *highest > count) {
+            let line_base = self.line_count;
             self.forward.push(ForwardChunk { chunk: chunk.clone(), bases, line_base, highest });
         }
         self.report(parsed, labels)?;
@@ -120,9 +128,12 @@ impl<'a> FileCommit<'a> {
         Ok(())
     }
 
-    fn check_backward(&mut self, chunk: &Chunk, parsed: &ParsedChunk) -> Result<()> {
+    /// Refuses relative indices that pass the first vertex; returns whether some pass the first texture coordinate of a
+    /// file that has none so far, which only its end can judge.
+    fn check_backward(&mut self, chunk: &Chunk, parsed: &ParsedChunk) -> Result<bool> {
         let passes_first = |kind: Numbered| self.counts[kind as usize] as i64 + parsed.lowest[kind as usize] < 0;
-        if passes_first(Numbered::Vertex) || passes_first(Numbered::Texcoord) {
+        let has_texcoords = self.counts[1] + parsed.counts()[1] > 0;
+        if passes_first(Numbered::Vertex) || passes_first(Numbered::Texcoord) && has_texcoords {
             let kinds = [Numbered::Vertex, Numbered::Texcoord];
             return Err(self.locate(chunk, self.counts, self.line_count, [u64::MAX; 3], &kinds)?);
         }
@@ -130,7 +141,7 @@ impl<'a> FileCommit<'a> {
             let error = self.locate(chunk, self.counts, self.line_count, [u64::MAX; 3], &[Numbered::Normal])?;
             self.findings.note("dangling_normals", || format!("{error}; normals are computed anew"));
         }
-        Ok(())
+        Ok(passes_first(Numbered::Texcoord))
     }
 
     /// Reads a chunk again to name the first line whose index names nothing.
@@ -277,11 +288,11 @@ impl<'a> FileCommit<'a> {
         let named = define_materials(self.path, &self.libraries, materials, used, allowance, &mut self.findings)?;
         libraries.extend(named);
         findings.merge(self.findings);
-        let Self { positions, colours, texcoords, faces, .. } = self;
+        let Self { positions, colours, texcoords, faces, lacks_texcoords, .. } = self;
         // They wait for the disk, and not one for the other.
         let (faces, rest) = both(
             2,
-            || faces.finish(),
+            || faces.finish().and_then(|faces| if lacks_texcoords { without_texcoords(faces) } else { Ok(faces) }),
             || -> Result<_> {
                 Ok((positions.finish()?, colours.map(ColumnWriter::finish).transpose()?, texcoords.finish()?))
             },
@@ -293,10 +304,19 @@ impl<'a> FileCommit<'a> {
     fn check_forward(&mut self) -> Result<()> {
         let dangles =
             |forward: &&ForwardChunk, kind: Numbered| forward.highest[kind as usize] > self.counts[kind as usize];
-        let is_error = |f: &&ForwardChunk| dangles(f, Numbered::Vertex) || dangles(f, Numbered::Texcoord);
+        let has_texcoords = !self.texcoords.is_empty();
+        let is_error =
+            |f: &&ForwardChunk| dangles(f, Numbered::Vertex) || dangles(f, Numbered::Texcoord) && has_texcoords;
         if let Some(forward) = self.forward.iter().find(is_error) {
             let kinds = [Numbered::Vertex, Numbered::Texcoord];
             return Err(self.locate(&forward.chunk, forward.bases, forward.line_base, self.counts, &kinds)?);
+        }
+        if let Some(forward) = self.forward.iter().find(|forward| dangles(forward, Numbered::Texcoord)) {
+            let kinds = [Numbered::Texcoord];
+            let error = self.locate(&forward.chunk, forward.bases, forward.line_base, self.counts, &kinds)?;
+            let words = "the file has no texture coordinates, so its faces are read without them";
+            self.findings.note("dangling_texture_coordinates", || format!("{error}; {words}"));
+            self.lacks_texcoords = true;
         }
         if let Some(forward) = self.forward.iter().find(|forward| dangles(forward, Numbered::Normal)) {
             let kinds = [Numbered::Normal];
@@ -315,6 +335,22 @@ impl<'a> FileCommit<'a> {
         };
         Error::input(self.path, 0, found)
     }
+}
+
+/// Writes the faces of a file again, without texture coordinates.
+fn without_texcoords(faces: FaceBlocks) -> Result<FaceBlocks> {
+    let mut writer = FaceWriter::create(&faces.path().with_extension("bare.blk"))?;
+    let (file, mut bytes, mut block_faces) = (faces.open()?, Vec::new(), Vec::new());
+    for block in faces.blocks() {
+        faces.read_block(&file, block, &mut bytes, &mut block_faces)?;
+        for face in &mut block_faces {
+            face.texcoords = [NO_TEXCOORD; 3];
+        }
+        writer.append(&block_faces)?;
+    }
+    let bare = writer.finish()?;
+    fs::remove_file(faces.path()).map_err(|e| Error::io(faces.path(), "remove", e))?;
+    Ok(bare)
 }
 
 fn append_uncoloured(colours: &mut ColumnWriter<[f32; 3]>, mut count: u64) -> Result<()> {

@@ -38,32 +38,10 @@ const LIBRARY_BYTES: u64 = 500;
 /// More statements of one material are ignored: there are not half as many to give.
 const STATEMENTS_MAX: usize = 256;
 
-/// Keys of statements that name a texture, in lower case.
-const TEXTURE_KEYS: &[&str] = &[
-    "map_ka",
-    "map_kd",
-    "map_ks",
-    "map_ke",
-    "map_ns",
-    "map_d",
-    "map_bump",
-    "bump",
-    "norm",
-    "disp",
-    "decal",
-    "refl",
-    "map_pr",
-    "map_pm",
-    "map_ps",
-    "map_refl",
-    "map_opacity",
-    "map_kn",
-    "map_tr",
-    "map_disp",
-    "map_aat",
-    "map_rma",
-    "map_orm",
-];
+/// Keys of statements that name a texture, beside all that begin with `map_`; in lower case.
+const TEXTURE_KEYS: &[&str] = &["bump", "norm", "disp", "decal", "refl"];
+/// Begins with `map_` and is a switch: `map_aat on`.
+const TEXTURE_SWITCH: &[u8] = b"map_aat";
 
 /// Options of texture statements: name, most values, whether the values are numbers.
 const TEXTURE_OPTIONS: &[(&str, usize, bool)] = &[
@@ -316,7 +294,9 @@ fn keep(current: Current, materials: &mut [Material]) {
 }
 
 fn is_texture_key(key: &[u8]) -> bool {
-    TEXTURE_KEYS.iter().any(|texture| key.eq_ignore_ascii_case(texture.as_bytes()))
+    let is_map = key.get(..4).is_some_and(|start| start.eq_ignore_ascii_case(b"map_"));
+    is_map && !key.eq_ignore_ascii_case(TEXTURE_SWITCH)
+        || TEXTURE_KEYS.iter().any(|texture| key.eq_ignore_ascii_case(texture.as_bytes()))
 }
 
 /// Splits a trimmed texture statement into key with options, and file name; nothing if the name is missing.
@@ -376,6 +356,16 @@ mod tests {
         }
         assert_eq!(split("map_Kd"), None);
         assert_eq!(split("map_Kd -clamp"), None);
+    }
+
+    #[test]
+    fn every_map_names_a_texture_but_the_switch() {
+        for key in ["map_Kd", "MAP_KD", "map_AO", "map_emissive", "map_", "norm", "Bump"] {
+            assert!(is_texture_key(key.as_bytes()), "{key}");
+        }
+        for key in ["map_aat", "Kd", "map", "mapping", "illum", ""] {
+            assert!(!is_texture_key(key.as_bytes()), "{key}");
+        }
     }
 
     #[test]

@@ -174,7 +174,9 @@ fn damaged_lines_are_named() {
         ("v 0 0 0\nf 1.5 1 1\n", "a.obj:2: expected a corner such as 1/2/3, found '1.5'"),
         ("v 0 0 0\nv 0 0 0\nf -1 -2 -3\nv 0 0 0\n", "a.obj:3: face refers to vertex -3, the file has 2 so far"),
         ("v 0 0 0\n\nf \\\n1 1 9\n", "a.obj:3: face refers to vertex 9, the file has 1"),
-        ("v 0 0 0\nf 1/1 1/1 1/1\n", "a.obj:2: face refers to texture coordinate 1, the file has 0"),
+        ("v 0 0 0\nvt 0 0\nf 1/2 1/1 1/1\n", "a.obj:3: face refers to texture coordinate 2, the file has 1"),
+        ("v 0 0 0\nf 1/2 1/1 1/1\nvt 0 0\n", "a.obj:2: face refers to texture coordinate 2, the file has 1"),
+        ("v 0 0 0\nf 1/-1 1/1 1/1\nvt 0 0\n", "a.obj:2: face refers to texture coordinate -1, the file has 0"),
         ("ply\nformat ascii 1.0\n", "a.obj:1: expected OBJ text, found a PLY file"),
         ("V 0 0 0\nF 1 1 1\n", "a.obj: no faces; 2 lines are not OBJ"),
         ("f 1 1 1\nv 0 0 0\n", "a.obj: no faces: all 1 repeat a vertex"),
@@ -202,6 +204,27 @@ fn the_first_error_is_named_at_any_chunk_size() {
             let error = scan_files(&[("a.obj", text.as_bytes())], chunk_bytes, threads).unwrap_err().to_string();
             assert!(error.ends_with("a.obj:26: face refers to vertex 99999, the file has 3"), "{error}");
         }
+    }
+}
+
+proptest! {
+    #[test]
+    fn a_file_without_texture_coordinates_is_read_without_its_texture_indices(
+        faces in prop::collection::vec((prop::array::uniform3(-9i64..9), any::<bool>()), 1..40),
+        chunk_bytes in 1u64..300,
+    ) {
+        let text = |with_texture: bool| faces.iter().fold(TRIANGLE.to_owned(), |text, ([a, b, c], is_relative)| {
+            let vertices = if *is_relative { [-3, -2, -1] } else { [1, 2, 3] };
+            let corner = |v: i64, t: i64| if with_texture && t != 0 { format!("{v}/{t}") } else { v.to_string() };
+            let [u, v, w] = vertices;
+            format!("{text}f {} {} {}\n", corner(u, *a), corner(v, *b), corner(w, *c))
+        });
+        let bare = scan_text(&text(false)).unwrap();
+        let found = scan_files(&[("a.obj", text(true).as_bytes())], chunk_bytes, 2).unwrap();
+        prop_assert_eq!(&found.faces, &bare.faces);
+        prop_assert!(!found.scan.catalogue.has_texcoords);
+        let names_any = faces.iter().any(|(texcoords, _)| texcoords.iter().any(|t| *t != 0));
+        prop_assert_eq!(found.scan.findings.get("dangling_texture_coordinates"), u64::from(names_any));
     }
 }
 

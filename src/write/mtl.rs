@@ -4,11 +4,13 @@
 //! [`textures`](super::textures) puts the images.
 
 use std::collections::BTreeSet;
+use std::path::Path;
 
 use super::numbering::Usage;
 use super::obj::put_statement;
 use super::textures::TextureStage;
-use crate::base::Result;
+use crate::base::error::escape;
+use crate::base::{Findings, Result, counted};
 use crate::store::Catalogue;
 
 /// The text of the MTL, or nothing if no used material has a definition.
@@ -18,6 +20,7 @@ use crate::store::Catalogue;
 pub(super) fn library(catalogue: &Catalogue, usage: &Usage, textures: &mut TextureStage) -> Result<Option<Vec<u8>>> {
     let parts = catalogue.parts.iter().zip(&usage.faces_per_part).filter(|&(_, &faces)| faces > 0);
     let used: BTreeSet<u32> = parts.filter_map(|(part, _)| part.material).collect();
+    note_losses(catalogue, &used, &mut textures.findings);
     let mut names = BTreeSet::new();
     let mut text = Vec::new();
     for index in used {
@@ -40,4 +43,29 @@ pub(super) fn library(catalogue: &Catalogue, usage: &Usage, textures: &mut Textu
         }
     }
     Ok((!text.is_empty()).then(|| [super::signature(), text].concat()))
+}
+
+/// Tells which materials, and which of their textures, no face of the result uses any more.
+fn note_losses(catalogue: &Catalogue, used: &BTreeSet<u32>, findings: &mut Findings) {
+    let all = 0..catalogue.materials.len() as u32;
+    let lost = all.clone().filter(|index| !used.contains(index));
+    let lost = lost.map(|index| &catalogue.materials[index as usize].output_name[..]).collect();
+    note_lost("lost_materials", "material", all.len(), lost, findings);
+
+    let textures = |indices: &mut dyn Iterator<Item = u32>| -> BTreeSet<(&Path, &[u8])> {
+        let definitions = indices.filter_map(|index| catalogue.materials[index as usize].definition.as_ref());
+        definitions.flat_map(|d| d.textures.iter().map(|texture| (d.folder.as_path(), &texture.name[..]))).collect()
+    };
+    let (before, left) = (textures(&mut all.clone()), textures(&mut used.iter().copied()));
+    let lost = before.difference(&left).map(|(_, name)| *name).collect();
+    note_lost("lost_textures", "texture", before.len(), lost, findings);
+}
+
+/// The first one also says how many of `total` are left.
+fn note_lost(kind: &'static str, what: &str, total: usize, lost: Vec<&[u8]>, findings: &mut Findings) {
+    let left = format!("{} of {} left; ", total - lost.len(), counted(total as u64, what));
+    for (place, name) in lost.into_iter().enumerate() {
+        let left = if place == 0 { left.as_str() } else { "" };
+        findings.note(kind, || format!("{left}'{}' is on no face of the result", escape(name)));
+    }
 }

@@ -36,9 +36,8 @@ pub struct NamedTexture {
 pub fn named_textures(catalogue: &Catalogue) -> BTreeSet<NamedTexture> {
     let roots = roots(catalogue);
     let named = |folder: &Path, name: &[u8]| {
-        let relative = relative_path(name)?;
-        let stays = leaves(&relative) || is_outside(folder, &roots);
-        Some(NamedTexture { stays, path: folder.join(relative), folder: folder.to_owned() })
+        let stays = relative_path(name).is_none_or(|relative| leaves(&relative)) || is_outside(folder, &roots);
+        Some(NamedTexture { stays, path: place_of(folder, name)?, folder: folder.to_owned() })
     };
     let named = &named;
     let definitions = catalogue.materials.iter().filter_map(|material| material.definition.as_ref());
@@ -87,11 +86,22 @@ pub(super) fn find_source(mtl_folder: &Path, name: &[u8]) -> Result<PathBuf, Unu
     }
 }
 
+/// Where a name of an MTL in `mtl_folder` leads, in the folder or not; nothing if it names no place of this system.
+pub(super) fn place_of(mtl_folder: &Path, name: &[u8]) -> Option<PathBuf> {
+    let name = with_slashes(name);
+    let is_place = name.first() == Some(&b'/') && !name.contains(&0);
+    Some(mtl_folder.join(relative_path(&name).or_else(|| is_place.then(|| path_of(&name)))?))
+}
+
 /// A name of an MTL as a path, `\` taken for `/`; nothing if it is absolute or names nothing.
 pub(super) fn relative_path(name: &[u8]) -> Option<PathBuf> {
-    let name: Vec<u8> = name.iter().map(|&c| if c == b'\\' { b'/' } else { c }).collect();
+    let name = with_slashes(name);
     let drive = name.len() > 1 && name[0].is_ascii_alphabetic() && name[1] == b':';
     (!drive && name.first().is_some_and(|&c| c != b'/') && !name.contains(&0)).then(|| path_of(&name))
+}
+
+fn with_slashes(name: &[u8]) -> Vec<u8> {
+    name.iter().map(|&c| if c == b'\\' { b'/' } else { c }).collect()
 }
 
 #[cfg(unix)]

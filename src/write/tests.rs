@@ -256,6 +256,28 @@ fn an_older_result_is_replaced_only_with_force_and_only_as_a_whole() {
 }
 
 #[test]
+fn materials_and_textures_of_the_last_face_are_told_when_it_is_gone() {
+    let f = Fixture::new();
+    let mut catalogue = two_materials(&f.path("in"));
+    // One of its three is on no face.
+    let lost = (0..30).map(|i| material(&format!("roof\n{i}"), &f.path("in"), &format!("roof{i}.png")));
+    catalogue.materials.extend(lost);
+    // One that is lost and shares its texture with one that stays.
+    catalogue.materials.push(Material {
+        name: b"twin".into(),
+        output_name: b"twin".into(),
+        ..catalogue.materials[0].clone()
+    });
+    let written = f.write(&two_squares(&f.path("in")), &catalogue, &options()).unwrap();
+    assert_eq!((written.findings.get("lost_materials"), written.findings.get("lost_textures")), (32, 31));
+    assert!(written.findings.are_plain());
+    let warnings = written.findings.warnings();
+    let first = warnings.iter().find(|line| line.starts_with("lost materials")).unwrap();
+    assert!(first.contains("2 of 34 materials left; 'never used' is on no face"), "{first}");
+    assert!(warnings.len() < 60);
+}
+
+#[test]
 fn the_same_mtl_of_a_killed_run_is_no_obstacle() {
     let fixture = Fixture::new();
     let mesh = two_squares(&fixture.path("in"));

@@ -1,7 +1,7 @@
 //! Where the images of a material go, and how the MTL refers to them.
 //!
 //! ```text
-//! map_Kd -s 1 1 1 ..\wall.png      refused: leaves the MTL's folder; the statement stays as it was
+//! map_Kd -s 1 1 1 ..\wall.png  →    map_Kd -s 1 1 1 ../in/wall.png (outside of the MTL's folder: never copied)
 //! map_Kd photos/wall.png      →    map_Kd city_textures/wall.png
 //! map_Kd roofs/wall.png       →    map_Kd city_textures/wall_2.png
 //! ```
@@ -18,7 +18,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::copy::{Look, copy, look, open_regular, same_content, symlink};
-use super::paths::{Unusable, find_source, is_outside, path_between, path_of, relative_path, roots};
+use super::paths::{Unusable, find_source, is_outside, path_between, path_of, place_of, roots};
 use super::targets::{Sources, Targets};
 use super::{Companion, CopiedTexture, Textures, WriteOptions};
 use crate::base::error::{escape, escape_path};
@@ -30,6 +30,9 @@ use crate::store::Catalogue;
 
 /// A longer name leaves no room for a number and an extension in the 255 bytes that file systems take.
 const STEM_BYTES_MAX: usize = 220;
+
+/// What becomes of a texture that is not copied.
+const REFERRED: &str = "the MTL names the file where it is";
 
 /// Textures on their way to the result.
 #[derive(Debug)]
@@ -132,8 +135,8 @@ impl TextureStage {
         let outcome = match self.mode {
             Textures::Reference => Ok(self.refer(mtl_folder, name)?),
             Textures::Copy | Textures::Link if is_outside(mtl_folder, &self.roots) => {
-                let why = "its material library lies outside of the OBJ's folder; it is referred to where it is";
-                self.findings.note("refused_texture", || place(why));
+                let why = "its material library lies outside of the OBJ's folder";
+                self.findings.note("refused_texture", || place(&format!("{why}; {REFERRED}")));
                 Ok(self.refer(mtl_folder, name)?)
             }
             Textures::Copy | Textures::Link => match find_source(mtl_folder, name) {
@@ -142,7 +145,7 @@ impl TextureStage {
             },
         };
         if outcome.is_err() {
-            self.left_out.extend(relative_path(name).map(|relative| mtl_folder.join(relative)));
+            self.left_out.extend(place_of(mtl_folder, name));
         }
         let reference = match outcome {
             Ok(reference) => reference,
@@ -155,8 +158,8 @@ impl TextureStage {
                 name.to_owned()
             }
             Err(Unusable::Refused(why)) => {
-                self.findings.note("refused_texture", || place(why));
-                name.to_owned()
+                self.findings.note("refused_texture", || place(&format!("{why}; {REFERRED}")));
+                self.refer(mtl_folder, name)?
             }
         };
         self.references.insert(key, reference.clone());
@@ -165,8 +168,7 @@ impl TextureStage {
 
     /// The path from the output's folder to a file that stays where it is.
     fn refer(&mut self, mtl_folder: &Path, name: &[u8]) -> Result<Vec<u8>> {
-        let Some(relative) = relative_path(name) else { return Ok(name.to_owned()) };
-        let source = mtl_folder.join(relative);
+        let Some(source) = place_of(mtl_folder, name) else { return Ok(name.to_owned()) };
         match fs::canonicalize(&source).and_then(|path| Ok((fs::metadata(&path)?, path))) {
             Ok((metadata, path)) if metadata.is_file() => {
                 Ok(not_an_option(slashes(&path_between(&self.output_folder, &path))))
@@ -399,16 +401,18 @@ mod tests {
         let names =
             ["../secret.txt", "..\\secret.txt", "a/../../secret.txt", absolute.to_str().unwrap(), "C:\\x.png", "a"];
         for name in names {
-            assert_eq!(refer(&mut stage, &folders, name), name);
+            let is_there = name.contains("secret");
+            assert_eq!(refer(&mut stage, &folders, name), if is_there { "../secret.txt" } else { name });
         }
         #[cfg(unix)]
         {
             std::os::unix::fs::symlink(&absolute, folders.input.join("innocent.png")).unwrap();
-            assert_eq!(refer(&mut stage, &folders, "innocent.png"), "innocent.png");
+            assert_eq!(refer(&mut stage, &folders, "innocent.png"), "../secret.txt");
             assert_eq!(stage.findings.get("refused_texture"), 7);
         }
         assert_eq!(refer(&mut stage, &folders, "none.png"), "none.png");
-        assert_eq!(stage.findings.get("missing_texture"), 1);
+        // A folder, a file that is not there; another system's drive is not looked for.
+        assert_eq!(stage.findings.get("missing_texture"), 2);
         stage.commit().unwrap();
         assert_eq!(fs::read_dir(&folders.output).unwrap().count(), 0);
     }
