@@ -13,7 +13,7 @@
 //!      b-----\-/--c                                             b    | \   c   part over 2
 //! ```
 //! Flat parts cost one cut for each side that crosses them, and their bound is exact. Bent parts are cut until the bound is
-//! within [`TIGHT`] of the distance of a corner, or until there are [`PARTS_MAX`] of them.
+//! within 15 % of the distance of a corner, or until there are 48 of them.
 
 use glam::DVec3;
 
