@@ -81,7 +81,7 @@ fn floor(report: &Report) -> Markup {
     html! {
         section.alarm {
             h2 { "The target was missed by " (spaced(over)) " triangles" }
-            p { "No legal collapse is left in the last pass. What stands in the way:" }
+            p { "No legal collapse of a sensible cost is left in the last pass. What stands in the way:" }
             table {
                 (row("vertices on open borders", &spaced(floor.border)))
                 (row("vertices on texture seams", &spaced(floor.seam)))

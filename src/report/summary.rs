@@ -3,13 +3,18 @@
 use std::fmt::Write as _;
 
 use super::Report;
+use super::figures::length;
 use crate::base::error::escape_path;
 use crate::base::{bytes, counted, grouped};
+use crate::options::{Borders, Pieces, Seams, Weld};
+use crate::stitch::outcome::{Floor, StageReport};
 
 /// Characters of a line of warning, at most; the report has the rest.
 const LINE_CHARACTERS: usize = 200;
 /// Lines of warning of one kind, at most; the report has the rest.
 const LINES_PER_KIND: usize = 3;
+/// Growth of the error that is a leap, in that of a smooth surface.
+const LEAP: f64 = 3.0;
 
 impl Report {
     /// The summary, a line for each figure: `key: value`, numbers without blanks.
@@ -35,12 +40,19 @@ impl Report {
         warning_lines(&self.warnings)
     }
 
-    /// What holds the mesh above its target, if it was missed; no line otherwise.
+    /// Where the run stopped above its target, what holds it there and which options would free it; no line if the target
+    /// was met.
     pub fn miss_lines(&self) -> Vec<String> {
         let Some(floor) = &self.floor else { return Vec::new() };
         let vertices = if floor.border == 1 { "vertex" } else { "vertices" };
-        vec![
-            format!("the target of {} was missed: no legal collapse is left", counted(self.faces.target, "triangle")),
+        let share = |faces: u64| 100.0 * faces as f64 / self.faces.input.max(1) as f64;
+        let mut lines = vec![
+            format!(
+                "stopped at {:.2} % ({}): the target of {} cannot be met by legal collapses of a sensible cost",
+                share(self.faces.output),
+                counted(self.faces.output, "triangle"),
+                counted(self.faces.target, "triangle"),
+            ),
             format!(
                 "what holds the rest: {} {vertices} on borders, {} on seams, {} at non-manifold places; {} refused to \
                  keep the topology, {} to keep pieces",
@@ -50,8 +62,54 @@ impl Report {
                 counted(floor.topology, "edge"),
                 grouped(floor.pieces),
             ),
-        ]
+        ];
+        let stages: Vec<_> = self.passes.iter().flat_map(|pass| &pass.stages).collect();
+        lines.push(match last_sensible(&stages) {
+            Some([before, after]) => format!(
+                "below {:.2} % the estimated RMS error leaps from {} to {}: the least sensible target is about --ratio {:.4}",
+                share(before.faces),
+                length(before.rms_estimate),
+                length(after.rms_estimate),
+                share(before.faces) / 100.0,
+            ),
+            None => format!("the least sensible target is about --ratio {:.4}", share(self.faces.output) / 100.0),
+        });
+        lines.extend(self.ways_out(floor));
+        lines
     }
+
+    /// What to type to free the vertices and edges that hold the mesh above its target.
+    fn ways_out(&self, floor: &Floor) -> Vec<String> {
+        let options = &self.options;
+        let is_simplified = options.metric.is_none();
+        let ways = [
+            (floor.border, options.borders == Borders::Lock, "--borders simplify", "vertices on borders"),
+            (floor.seam, is_simplified && options.seams == Some(Seams::Lock), "--seams stitch", "vertices on seams"),
+            (
+                floor.non_manifold,
+                options.weld == Weld::Exact,
+                "--weld off",
+                "vertices at non-manifold places, if only \
+              equal positions join the faces there",
+            ),
+            (floor.pieces, options.pieces == Pieces::Keep, "--pieces drop", "edges of small components"),
+        ];
+        let is_way = |way: &&(u64, bool, &str, &str)| way.0 > 0 && way.1;
+        let words = |(count, _, option, what): &(u64, bool, &str, &str)| {
+            format!("{option} would free up to {} {what}", grouped(*count))
+        };
+        ways.iter().filter(is_way).map(words).collect()
+    }
+}
+
+/// The first two stages in a row between which the error leaps: it grows more than [`LEAP`] times as fast as on a smooth
+/// surface, where the distance is inversely proportional to the number of faces.
+fn last_sensible<'a>(stages: &[&'a StageReport]) -> Option<[&'a StageReport; 2]> {
+    let leaps = |pair: &&[&StageReport]| {
+        let fewer = pair[0].faces as f64 / pair[1].faces.max(1) as f64;
+        pair[0].rms_estimate > 0.0 && pair[1].rms_estimate > LEAP * fewer * pair[0].rms_estimate
+    };
+    stages.windows(2).find(leaps).map(|pair| [pair[0], pair[1]])
 }
 
 /// `warning: kind: place`, a few of each kind, each clipped; then how many more there are.
@@ -84,6 +142,15 @@ fn clipped(line: &str) -> String {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn the_least_sensible_target_is_where_the_error_leaps() {
+        let stage = |faces, rms_estimate| StageReport { faces, threshold: 0.0, rms_estimate };
+        let stages = [stage(1000, 0.1), stage(500, 0.2), stage(250, 0.5), stage(200, 9.0), stage(100, 90.0)];
+        let stages: Vec<_> = stages.iter().collect();
+        assert_eq!(last_sensible(&stages).unwrap().map(|stage| stage.faces), [250, 200]);
+        assert!(last_sensible(&stages[..3]).is_none());
+    }
 
     #[test]
     fn a_few_warnings_of_each_kind_are_printed() {

@@ -14,7 +14,7 @@ use super::sample::{self, Survey};
 use super::scale::TextureTraits;
 use super::state::{PassState, Start};
 use super::stops::{Plan, run_plan};
-use super::trim::equal_shares;
+use super::trim::halfway;
 use crate::base::ordered::{Crew, both, map_in_order, settle_in_order};
 use crate::base::{Error, Permits, Progress, Result, counted};
 use crate::cost::census::Census;
@@ -341,11 +341,10 @@ impl<'a, M: Metric> Run<'a, M> {
         match plan {
             Plan::Costs(costs) if outcome.report.faces_out < target => {
                 // The sample was no picture of the whole: the same thresholds again, but stopped above the target, where
-                // the trim goes on. Where next to nothing was left, what was left in each cluster says nothing.
-                let is_picture = 2 * outcome.report.faces_out >= target;
-                let shares = if is_picture { outcome.cluster_faces.clone() } else { partition.face_counts() };
+                // the trim goes on.
+                let keep = halfway(&partition.face_counts(), &outcome.cluster_faces, self.before_trim());
                 // A cluster ends one face below where it stops, or not at all.
-                let keep = equal_shares(&shares, self.before_trim()).into_iter().map(|faces| faces + 1).collect();
+                let keep = keep.into_iter().map(|faces| faces + 1).collect();
                 Some(Plan::Trim(costs.clone(), keep))
             }
             // What can be met is met, whatever it costs; on the way there, and where it cannot be, the shape comes first.

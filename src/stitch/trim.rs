@@ -22,6 +22,22 @@ pub fn equal_shares(faces: &[u64], target: u64) -> Vec<u64> {
     faces.iter().map(keep_of).collect()
 }
 
+/// Faces that clusters keep so that all have `target`, or one less, when a run left them with `after` of `before` faces:
+/// each goes the same share of its way, so none is asked for more than it has.
+pub fn halfway(before: &[u64], after: &[u64], target: u64) -> Vec<u64> {
+    let [all, left] = [before, after].map(|faces| faces.iter().sum::<u64>());
+    let (wanted, way) = (target.clamp(left.min(all), all) - left.min(all), all.saturating_sub(left).max(1));
+    let (mut stretch, mut given) = (0u64, 0);
+    let mut keep_of = |(&before, &after): (&u64, &u64)| {
+        stretch += before.saturating_sub(after);
+        let due = (u128::from(stretch) * u128::from(wanted) / u128::from(way)) as u64;
+        let more = due - given;
+        given = due;
+        after.min(before) + more
+    };
+    before.iter().zip(after).map(&mut keep_of).collect()
+}
+
 /// A collapse as noted: the highest cost so far in its cluster, and faces that died.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Note {
@@ -87,6 +103,18 @@ mod tests {
                 assert!((keep as f64 - due).abs() <= 2.0, "{keep} of {count}");
             }
         }
+    }
+
+    #[test]
+    fn a_cluster_that_lost_nothing_is_not_asked_for_more_than_it_has() {
+        let (before, after) = ([100, 1000, 0], [100, 10, 0]);
+        for target in [110, 150, 500, 1100] {
+            let keep = halfway(&before, &after, target);
+            assert_eq!(keep.iter().sum::<u64>(), target);
+            assert!(keep.iter().zip(&before).all(|(keep, before)| keep <= before));
+        }
+        assert_eq!(halfway(&[10, 10], &[0, 0], 10), [5, 5]);
+        assert_eq!(halfway(&[], &[], 3), [0; 0]);
     }
 
     #[test]
