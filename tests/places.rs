@@ -218,7 +218,7 @@ fn a_texture_that_goes_while_the_job_runs_is_told() {
     let town = Town::new();
     let texture = contents(&town.path("in")).into_keys().find(|path| path.extension() == Some("jpg".as_ref())).unwrap();
     let texture = town.path("in").join(texture);
-    let progress = When("write", || fs::remove_file(&texture).unwrap());
+    let progress = When("textures", || fs::remove_file(&texture).unwrap());
     let error = pipeline::simplify(&town.path("in/town.obj"), &town.path("out/town.obj"), &options(), &progress);
     let error = error.unwrap_err();
     assert!(error.exit_code() == 5 && error.to_string().contains("is missing now"), "{error}");
