@@ -156,8 +156,9 @@ pub struct SimplifyOptions {
     /// Largest distance between result and input, in the mesh's unit of length
     ///
     /// Largest distance from any point of the result to the input, and from any point of the input to the result, in the mesh's
-    /// unit of length. The result has as few triangles as the bound allows; 0 removes only what changes nothing
-    #[arg(long, value_name = "LENGTH", group = "target", allow_negative_numbers = true, help_heading = heading::TARGET)]
+    /// unit of length. The result has as few triangles as the bound allows; 0 removes only what changes nothing. With
+    /// --ratio or --faces, whichever comes first
+    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, help_heading = heading::TARGET)]
     #[arg(value_parser = quantity::parse_length)]
     pub max_error: Option<f64>,
 
@@ -305,15 +306,15 @@ impl SimplifyOptions {
             (None, None, None) if has_cells => {}
             (None, None, None) => return fail("give a target: --ratio, --faces or --max-error".into()),
             _ if has_cells => return fail("--remesh cvd:cells=… is the target: give no other".into()),
-            (Some(ratio), None, None) if !(ratio > 0.0 && ratio <= 1.0) => {
+            (Some(_), Some(_), _) => return fail("give one of --ratio and --faces".into()),
+            (Some(ratio), _, _) if !(ratio > 0.0 && ratio <= 1.0) => {
                 return fail(format!("--ratio {ratio}: expected a share above 0 and up to 1"));
             }
-            (None, Some(0), None) => return fail("--faces 0: expected at least 1".into()),
-            (None, None, Some(length)) if !(length >= 0.0 && length.is_finite()) => {
+            (_, Some(0), _) => return fail("--faces 0: expected at least 1".into()),
+            (_, _, Some(length)) if !(length >= 0.0 && length.is_finite()) => {
                 return fail(format!("--max-error {length}: expected a length of 0 or more"));
             }
-            (Some(_), None, None) | (None, Some(_), None) | (None, None, Some(_)) => {}
-            _ => return fail("give one target: --ratio, --faces or --max-error".into()),
+            _ => {}
         }
         if !(1000..=10_000_000).contains(&self.cluster_faces) {
             return fail(format!("--cluster-faces {}: expected 1000 to 10000000", self.cluster_faces));
@@ -358,9 +359,9 @@ impl SimplifyOptions {
     /// Faces to keep of an input with so many triangles; 0, as few as possible, with a bounded error.
     pub fn target(&self, triangles: u64) -> u64 {
         match (self.ratio, self.faces) {
-            _ if self.max_error.is_some() => 0,
             (Some(ratio), _) => (ratio * triangles as f64).round() as u64,
             (None, Some(faces)) => faces.min(triangles),
+            (None, None) if self.max_error.is_some() => 0,
             (None, None) => self.cells().map_or(triangles, |cells| triangles.min(cells.saturating_mul(2))),
         }
     }

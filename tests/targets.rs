@@ -106,3 +106,22 @@ fn a_flat_plane_keeps_its_area_at_any_target() {
         assert!((mesh.area() - 10_000.0).abs() < 1e-3, "{} at {faces} faces", mesh.area());
     }
 }
+
+#[test]
+fn a_target_and_a_bound_end_a_run_whichever_comes_first() {
+    let text = grid(60, 60, 1.0, 0.0, 7).text();
+    let run = |faces: Option<u64>, max_error: Option<f64>, cluster_faces: u64| {
+        let threads = Some(2);
+        let options = SimplifyOptions { faces, max_error, cluster_faces, threads, ..SimplifyOptions::default() };
+        let run = simplify_text(&text, &options);
+        assert_eq!(run.report.status, Status::Done);
+        run.mesh().face_count()
+    };
+    for cluster_faces in [1000, 50_000] {
+        let bounded = run(None, Some(0.05), cluster_faces);
+        assert!((2000..7200).contains(&bounded), "{bounded}");
+        let both = run(Some(100), Some(0.05), cluster_faces);
+        assert!((bounded as f64 * 0.8..7200.0).contains(&(both as f64)), "{both}, by the bound alone {bounded}");
+        assert!((998..=1000).contains(&run(Some(1000), Some(100.0), cluster_faces)));
+    }
+}

@@ -108,7 +108,7 @@ pub fn plan(input: &Path, options: &SimplifyOptions, progress: &dyn Progress) ->
             polygons: counts.polygons,
             triangles: counts.triangles,
         },
-        target: options.max_error.is_none().then_some(target),
+        target: (options.has_target() || options.max_error.is_none()).then_some(options.target(counts.triangles)),
         threads: threads as u64,
         cluster_faces: options.cluster_faces,
         memory: memory::forecast(&sizes, budget, threads),

@@ -48,12 +48,19 @@ impl<M: Metric> Run<'_, M> {
         stage_shares(share, self.turn(pass), self.options.passes)
     }
 
+    /// The deviation that is allowed in a pass, if it is bounded: more from pass to pass.
+    pub(super) fn bound_of(&self, pass: usize) -> Option<f64> {
+        let left = self.options.passes.saturating_sub(self.turn(pass) + 1) as i32;
+        Some(self.bound()? * BOUND_SAFETY * libm::pow(0.5, f64::from(left)))
+    }
+
     /// What a pass of `faces` faces is to reach.
     fn goal(&self, pass: usize, faces: u64) -> Goal {
         let options = self.options;
-        if let Some(most) = self.bound() {
-            let left = options.passes.saturating_sub(self.turn(pass) + 1) as i32;
-            return Goal::Deviation(most * BOUND_SAFETY * libm::pow(0.5, f64::from(left)));
+        if options.target == 0
+            && let Some(most) = self.bound_of(pass)
+        {
+            return Goal::Deviation(most);
         }
         let (all, target) = (faces.max(1) as f64, options.target as f64);
         if !self.is_last(pass) {

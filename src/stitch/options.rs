@@ -57,7 +57,7 @@ fn face_bytes<M: Metric>() -> u64 {
 /// What the passes need to know.
 #[derive(Debug, Clone, Copy)]
 pub struct PassOptions {
-    /// Faces wanted; the fewest that `max_error` allows, if that is given.
+    /// Faces wanted; 0 for the fewest that `max_error` allows.
     pub target: u64,
     /// Largest distance between result and input, either way, in units of length.
     pub max_error: Option<f64>,

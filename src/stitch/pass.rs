@@ -180,7 +180,7 @@ impl<'a, M: Metric> Run<'a, M> {
                 state.crumb = self.crumb;
             }
             let gained = faces_in - next_faces;
-            if self.options.max_error.is_some() {
+            if self.options.max_error.is_some() && target == 0 {
                 state.reached = is_last && (single || (gained as f64) < faces_in as f64 * BOUNDED_LAST_SHARE);
                 state.is_over = state.reached;
             } else {
@@ -192,6 +192,8 @@ impl<'a, M: Metric> Run<'a, M> {
                 let is_steep = plan.costs().is_some_and(|costs| costs.iter().copied().reduce(f32::max) == steepest);
                 let is_wall = met_wall || (is_steep && (gained as f64) < faces_in as f64 * WALL_SHARE);
                 state.is_over = state.reached || is_wall || (is_last && is_stuck && !(is_exact && gained > 0));
+                // Target or bound, whichever comes first.
+                state.reached |= state.is_over && self.options.max_error.is_some();
             }
             *(if self.turn(pass) == 0 { &mut state.seconds.simplify } else { &mut state.seconds.stitch }) +=
                 started.elapsed();
@@ -565,6 +567,9 @@ impl<'a, M: Metric> Run<'a, M> {
     pub(super) fn engine(&self, mesh: ClusterMesh, pass: usize) -> Engine<M> {
         let mut engine = Engine::new(mesh, &self.settings);
         engine.lock_borders = self.options.lock_borders;
+        if let Some(most) = self.bound_of(pass) {
+            engine.bound_deviation(most);
+        }
         engine.lock_seams = match self.options.seams {
             SeamPolicy::Stitch => self.turn(pass) == 0 && self.options.passes > 1,
             SeamPolicy::Follow => false,
