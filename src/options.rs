@@ -155,9 +155,8 @@ pub struct SimplifyOptions {
 
     /// Largest distance between result and input, in the mesh's unit of length
     ///
-    /// Largest distance from any point of the result to the input, and from any point of the input to the result, in the mesh's
-    /// unit of length. The result has as few triangles as the bound allows; 0 removes only what changes nothing. With
-    /// --ratio or --faces, whichever comes first
+    /// Holds for every point of both surfaces. The result has as few triangles as it allows; 0 removes only what changes
+    /// nothing. With --ratio or --faces, whichever comes first
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, help_heading = heading::TARGET)]
     #[arg(value_parser = quantity::parse_length)]
     pub max_error: Option<f64>,
@@ -180,12 +179,10 @@ pub struct SimplifyOptions {
 
     /// How to simplify texture seams
     ///
-    /// How to simplify texture seams [default: stitch, but follow with the metrics of papers]
+    /// [default: stitch, but follow with the metrics of papers]
     #[arg(long, value_enum, value_name = "HOW", help_heading = heading::TEXTURE)]
     pub seams: Option<Seams>,
 
-    /// How to write textures
-    ///
     /// How to write texture images
     #[arg(long, value_enum, value_name = "HOW", default_value_t = TextureFiles::Copy, help_heading = heading::TEXTURE)]
     pub textures: TextureFiles,
@@ -195,15 +192,15 @@ pub struct SimplifyOptions {
     #[arg(value_parser = quantity::parse_number, hide_short_help = true)]
     pub uv_weight: f64,
 
-    /// Memory that the program may use [default: half of the machine's]
+    /// Memory that the program may use
     ///
-    /// Memory that the program may use, at least 128MiB [default: half of the machine's or cgroup's]
+    /// At least 128MiB [default: half of the machine's or cgroup's]
     #[arg(long, value_name = "SIZE", value_parser = bytes::parse, help_heading = heading::JOB)]
     pub memory: Option<u64>,
 
-    /// Number of threads [default: one per processor]
+    /// Number of threads
     ///
-    /// Number of threads; the result does not depend on it [default: one per processor]
+    /// The result does not depend on it [default: one per processor]
     #[arg(long, value_name = "COUNT", value_parser = quantity::parse_whole::<usize>, help_heading = heading::JOB)]
     pub threads: Option<usize>,
 

@@ -12,7 +12,6 @@ use drystone::stitch::{PassOptions, SeamPolicy, pass};
 use glam::{DVec2, DVec3};
 use meshes::{Sketch, noise};
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 
 /// What the command line would set, and clusters that it would call too small.
 #[derive(Debug, Clone, Copy)]
@@ -276,17 +275,8 @@ fn bounds() -> impl Strategy<Value = f64> {
     prop_oneof![1 => Just(0.0), 8 => (-4.0..0.5f64).prop_map(|power| 10f64.powf(power))]
 }
 
-/// The same cases in every run, so that a failure is the change's; PROPTEST_CASES=5000 tries so many new ones.
-fn cases() -> ProptestConfig {
-    let explored = ProptestConfig { failure_persistence: None, max_shrink_iters: 2000, ..ProptestConfig::default() };
-    match std::env::var_os("PROPTEST_CASES") {
-        Some(_) => explored,
-        None => ProptestConfig { cases: 64, rng_seed: RngSeed::Fixed(1), ..explored },
-    }
-}
-
 proptest! {
-    #![proptest_config(cases())]
+    #![proptest_config(meshes::cases(64, 2000))]
 
     #[test]
     fn a_grid_comes_out_as_whole_as_it_was(sketch in grids(), choice in choices()) {

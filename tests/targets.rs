@@ -8,7 +8,6 @@ use drystone::report::Status;
 use glam::DVec3;
 use meshes::{Sketch, noise, simplify_text};
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 
 /// A grid of columns × rows squares; `bump` is the height of its hills, `turn` bends it around an axis.
 fn grid(columns: usize, rows: usize, bump: f64, turn: f64, seed: u64) -> Sketch {
@@ -60,16 +59,8 @@ fn open_meshes() -> impl Strategy<Value = Sketch> {
     prop_oneof![3 => sheet, 2 => strip, 2 => disc, 1 => soup]
 }
 
-fn cases() -> ProptestConfig {
-    let explored = ProptestConfig { failure_persistence: None, max_shrink_iters: 200, ..ProptestConfig::default() };
-    match std::env::var_os("PROPTEST_CASES") {
-        Some(_) => explored,
-        None => ProptestConfig { cases: 48, rng_seed: RngSeed::Fixed(1), ..explored },
-    }
-}
-
 proptest! {
-    #![proptest_config(cases())]
+    #![proptest_config(meshes::cases(48, 200))]
 
     #[test]
     fn no_result_is_below_its_target_by_more_than_one_collapse(

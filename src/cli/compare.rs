@@ -90,29 +90,26 @@ impl SamplingArguments {
 pub fn run(arguments: &CompareArguments) -> Result<u8> {
     let CompareArguments { original, result, report: reports, json, sampling, memory, threads, work, quiet } =
         arguments;
-    reports.iter().try_for_each(|path| Kind::of(path).map(drop))?;
-    let pages: Vec<_> = reports.iter().filter(|path| Kind::of(path).is_ok_and(|kind| kind == Kind::Html)).collect();
-    pages.iter().try_for_each(|path| ComparisonPage::check_path(path))?;
+    let kinds = reports.iter().map(|path| Kind::of(path)).collect::<Result<Vec<_>>>()?;
     let work = work.clone().unwrap_or_else(|| temporary_folder("compare"));
     let stop = StopSignal::listen()?;
     let goodbye = Goodbye::of_nothing(&stop);
     let told = stoppable(*quiet, stop);
     let meshes = [original.as_path(), result.as_path()];
     let mut page = ComparisonPage::default();
-    let outcome = match pages.is_empty() {
-        false => {
-            page.resources = drawing_resources(*memory, *threads)?;
-            compare_meshes(meshes, *sampling, *memory, *threads, Relief::BYTES, work, &mut page, &*told)
-        }
-        true => compare_meshes(meshes, *sampling, *memory, *threads, 0, work, &mut (), &*told),
+    let outcome = if kinds.contains(&Kind::Html) {
+        page.resources = drawing_resources(*memory, *threads)?;
+        compare_meshes(meshes, *sampling, *memory, *threads, Relief::BYTES, work, &mut page, &*told)
+    } else {
+        compare_meshes(meshes, *sampling, *memory, *threads, 0, work, &mut (), &*told)
     };
     let comparison = match outcome {
         Err(Error::Stopped) => return Ok(goodbye.say()),
         outcome => outcome?,
     };
     drop(told);
-    for path in reports {
-        match Kind::of(path)? {
+    for (path, kind) in reports.iter().zip(kinds) {
+        match kind {
             Kind::Html => page.save(&comparison, path)?,
             Kind::Json => report::save_json(&comparison, path)?,
         }

@@ -95,7 +95,9 @@ fn choices(argument: &Arg) -> Vec<clap::builder::PossibleValue> {
 /// The option's words, then its choices with theirs.
 fn meaning(argument: &Arg) -> String {
     let words = argument.get_long_help().or(argument.get_help());
-    let mut text = words.map(ToString::to_string).unwrap_or_default().replace("\n", " ");
+    let words = words.map(ToString::to_string).unwrap_or_default();
+    // Paragraphs of `--help` are sentences of one cell; a default stands behind the last.
+    let mut text = words.replace("\n\n[", " [").replace("\n\n", ". ").replace('\n', " ");
     if argument.is_required_set() && !argument.is_positional() {
         text.push_str(" (needed)");
     }

@@ -30,8 +30,8 @@ pub fn stoppable(quiet: bool, stop: StopSignal) -> Box<dyn Progress> {
 }
 
 /// The same for a whole run in a work folder.
-pub fn of_job(quiet: bool, stop: StopSignal, share: JobShare, work: &Path) -> Box<dyn Progress> {
-    Box::new(Told::new(quiet, stop, Some(share), escape_path(work)))
+pub fn of_job(stop: StopSignal, share: JobShare, work: &Path) -> Box<dyn Progress> {
+    Box::new(Told::new(false, stop, Some(share), escape_path(work)))
 }
 
 /// Tells progress to a person.

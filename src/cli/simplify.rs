@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 
 use super::compare::{SamplingArguments, compare_meshes};
 use super::print::{print, print_json};
-use super::progress::{of_job, tell};
+use super::progress::{of_job, stoppable, tell};
 use super::share::JobShare;
 use super::stop::{Goodbye, command_line};
 use crate::base::error::escape_path;
@@ -50,7 +50,7 @@ pub struct SimplifyArguments {
     report: Vec<PathBuf>,
     /// Compare the result with the input, as `drystone compare` does
     ///
-    /// Compare the result with the input, as `drystone compare` does; the reports get the numbers
+    /// The reports get the numbers; exit code 1 if --max-error is broken
     #[arg(long, help_heading = heading::REPORT)]
     measure: bool,
     #[command(flatten)]
@@ -60,7 +60,7 @@ pub struct SimplifyArguments {
     format: Format,
     /// Print errors only
     ///
-    /// Print errors only; --format json still prints its object
+    /// --format json still prints its object
     #[arg(short, long, help_heading = heading::REPORT)]
     quiet: bool,
 }
@@ -97,8 +97,13 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
     let stop = StopSignal::listen()?;
     let work = pipeline::work_folder(output, &options);
     let goodbye = Goodbye::of_job(&stop, &work);
-    let share = JobShare::of(input, &options, if *measure { sampling.samples() } else { 0 });
-    let told = of_job(*quiet, stop.clone(), share, &work);
+    let samples = if *measure { sampling.samples() } else { 0 };
+    // A quiet run has no bar, and need not look at the input for one.
+    let told = if *quiet {
+        stoppable(true, stop.clone())
+    } else {
+        of_job(stop.clone(), JobShare::of(input, &options, samples), &work)
+    };
     let mut number = 0;
     // With the job not yet done: where a report cannot be written, the same command goes on.
     let outcome = pipeline::simplify_and(input, output, &options, &*told, |result, job| {

@@ -102,8 +102,9 @@ impl DurableFile {
         if let Some(writer) = self.writer.as_mut().filter(|_| !self.is_sealed) {
             let held = writer.buffer().len() as u64;
             let synced = writer.flush().and_then(|()| writer.get_ref().sync_data());
-            witness::note("sync", &self.temporary);
-            synced.map_err(|e| Error::io(&self.target, "write", e).lacking(held))?;
+            synced
+                .inspect(|()| witness::note("sync", &self.temporary))
+                .map_err(|e| Error::io(&self.target, "write", e).lacking(held))?;
             self.is_sealed = true;
         }
         Ok(())
@@ -285,13 +286,20 @@ mod tests {
         assert_eq!(fs::read(&path).unwrap(), b"jello");
     }
 
-    #[test]
-    fn a_file_is_synced_before_it_has_its_name_and_its_folder_afterwards() {
+    /// A sealed file with some bytes, the name that it will have, and its folder.
+    fn sealed() -> (tempfile::TempDir, PathBuf, DurableFile) {
         let folder = tempfile::tempdir().unwrap();
-        let (path, waiting) = (folder.path().join("a.bin"), folder.path().join("a.bin.tmp"));
+        let path = folder.path().join("a.bin");
         let mut file = DurableFile::create(&path, 16).unwrap();
         file.write(b"hello").unwrap();
         file.seal().unwrap();
+        (folder, path, file)
+    }
+
+    #[test]
+    fn a_file_is_synced_before_it_has_its_name_and_its_folder_afterwards() {
+        let (folder, path, mut file) = sealed();
+        let waiting = folder.path().join("a.bin.tmp");
         file.write(b" again").unwrap();
         witness::take();
         file.commit().unwrap();
@@ -301,11 +309,7 @@ mod tests {
 
     #[test]
     fn what_was_sealed_and_not_changed_since_is_not_synced_again() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.bin");
-        let mut file = DurableFile::create(&path, 16).unwrap();
-        file.write(b"hello").unwrap();
-        file.seal().unwrap();
+        let (folder, path, file) = sealed();
         witness::take();
         file.commit().unwrap();
         assert_eq!(witness::take(), [("rename", path), ("sync", folder.path().to_owned())]);

@@ -6,9 +6,9 @@ use maud::{Markup, html};
 
 use super::figures::{self, figure, length, percent, picture, pictures, plot, row, seconds, signed, spaced};
 use super::gallery::{self, Resources, Shot, VANTAGES, Viewpoints};
-use super::{Kind, plots, save_text};
+use super::{plots, save_text};
 use crate::base::error::escape_path;
-use crate::base::{Error, Findings, Result, bytes};
+use crate::base::{Findings, Result, bytes};
 use crate::measure::compare::cells::MeasuredMesh;
 use crate::measure::compare::{Comparison, Distances, Geometry, Onlooker, Place, Quality, Seams, Texture, Topology};
 use crate::os::durable::new_job_number;
@@ -44,17 +44,6 @@ impl Onlooker for ComparisonPage {
 }
 
 impl ComparisonPage {
-    /// Refuses a name that does not end in `.html`.
-    ///
-    /// # Errors
-    /// [`Error::Usage`].
-    pub fn check_path(path: &Path) -> Result<()> {
-        match Kind::of(path) {
-            Ok(Kind::Html) => Ok(()),
-            _ => Err(Error::Usage(format!("--report {}: expected a name that ends in .html", escape_path(path)))),
-        }
-    }
-
     /// Writes the page.
     ///
     /// # Errors

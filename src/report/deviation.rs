@@ -38,12 +38,7 @@ fn add_measured(text: &mut String, Comparison { geometry, samples, .. }: &Compar
         "deviation: {} (RMS both ways, measured at {samples} points each)",
         length(geometry.symmetric.rms)
     );
-    let _ = writeln!(text, "largest deviation: {}", length(largest(geometry)));
-}
-
-/// Largest distance found either way.
-fn largest(geometry: &Geometry) -> f64 {
-    geometry.forward.max.max(geometry.backward.max)
+    let _ = writeln!(text, "largest deviation: {}", length(geometry.symmetric.max));
 }
 
 /// Where and by how much distances pass a bound.

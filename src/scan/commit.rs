@@ -8,7 +8,8 @@
 //! Buffers of the writers, [`FACE_BUFFER`] faces, and 80 bytes a chunk whose faces refer to vertices after it.
 //!
 //! # Files
-//! `scan-<index>-positions.col`, `-texcoords.col`, `-colours.col` (if a vertex has one) and `-faces.blk`.
+//! `scan-<index>-positions.col`, `-texcoords.col`, `-colours.col` (if a vertex has one) and `-faces.blk`, or
+//! `-faces.bare.blk` where faces name texture coordinates and the file has none.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -132,7 +133,8 @@ impl<'a> FileCommit<'a> {
     /// file that has none so far, which only its end can judge.
     fn check_backward(&mut self, chunk: &Chunk, parsed: &ParsedChunk) -> Result<bool> {
         let passes_first = |kind: Numbered| self.counts[kind as usize] as i64 + parsed.lowest[kind as usize] < 0;
-        let has_texcoords = self.counts[1] + parsed.counts()[1] > 0;
+        let texcoord = Numbered::Texcoord as usize;
+        let has_texcoords = self.counts[texcoord] + parsed.counts()[texcoord] > 0;
         if passes_first(Numbered::Vertex) || passes_first(Numbered::Texcoord) && has_texcoords {
             let kinds = [Numbered::Vertex, Numbered::Texcoord];
             return Err(self.locate(chunk, self.counts, self.line_count, [u64::MAX; 3], &kinds)?);

@@ -35,10 +35,6 @@ const COST_SPREAD: f32 = 4.0;
 /// A stage that stops on a cost ends when a round over all its candidates removes less than this share of the faces.
 const LAST_SHARE: f64 = 0.0005;
 
-/// A vertex settles only while the faces around it stay below this share of the largest deviation allowed: a move back
-/// towards the input counts like one away from it, and what it takes is lost to the collapses that follow.
-const SETTLING_SHARE: f64 = 0.25;
-
 /// Simplifies one cluster.
 #[derive(Debug)]
 pub struct Engine<M> {
@@ -500,7 +496,7 @@ impl<M: Metric> Engine<M> {
 
     /// Moves every vertex that others collapsed onto to its best place, in the order of ids.
     fn settle(&mut self) {
-        let deviation_max = self.collapser.deviation_max.map(|most| SETTLING_SHARE * most);
+        let deviation_max = self.collapser.deviation_max;
         for vertex in 0..self.mesh.positions.len() as u32 {
             if self.joined[vertex as usize] && !self.is_held(vertex) && !self.rings.of(vertex).is_empty() {
                 let is_inside = self.classes[vertex as usize] == Class::Smooth;

@@ -237,7 +237,7 @@ impl EdgeStar {
                 }
                 let areas_sq = areas_if_survives(before, after).ok_or(Refusal::Fold)?;
                 let grows = areas_sq[1] > GROWTH_SQ * areas_sq[0];
-                if grows && self.hovers(mesh, rings, moving, after, areas_sq[1].sqrt(), cost) {
+                if grows && hovers(mesh, rings, moving, after, areas_sq[1].sqrt(), cost) {
                     return Err(Refusal::Fold);
                 }
                 if !uv_survives(uv_before, uv_after, areas_sq) {
@@ -246,23 +246,6 @@ impl EdgeStar {
             }
         }
         Ok(())
-    }
-
-    /// Whether the middle of a new face is farther from all faces around the moving vertices than its size and the
-    /// collapse's cost explain.
-    fn hovers(
-        &self,
-        mesh: &ClusterMesh,
-        rings: &Rings,
-        moving: &[u32],
-        [a, b, c]: [DVec3; 3],
-        area: f64,
-        cost: f64,
-    ) -> bool {
-        let middle = (a + b + c) / 3.0;
-        let allowed_sq = (HOVER_SHARE * HOVER_SHARE * area).max(HOVER_COST * cost / area);
-        let mut old = moving.iter().flat_map(|&vertex| rings.faces(mesh, vertex)).map(|face| mesh.triangle(face));
-        old.all(|triangle| distance_sq(middle, triangle) > allowed_sq)
     }
 
     /// Makes the collapse in the mesh: faces at the edge die, the others come to `to` with their wedges.
@@ -300,6 +283,15 @@ impl EdgeStar {
         };
         if refusal == Refusal::Rim || rings.faces(mesh, to).any(doubles) { Err(refusal) } else { Ok(()) }
     }
+}
+
+/// Whether the middle of a new face is farther from all faces around the moving vertices than its area and the collapse's
+/// cost explain.
+fn hovers(mesh: &ClusterMesh, rings: &Rings, moving: &[u32], [a, b, c]: [DVec3; 3], area: f64, cost: f64) -> bool {
+    let middle = (a + b + c) / 3.0;
+    let allowed_sq = (HOVER_SHARE * HOVER_SHARE * area).max(HOVER_COST * cost / area);
+    let mut old = moving.iter().flat_map(|&vertex| rings.faces(mesh, vertex)).map(|face| mesh.triangle(face));
+    old.all(|triangle| distance_sq(middle, triangle) > allowed_sq)
 }
 
 /// Checks that moving a corner keeps a triangle's side and shape.
@@ -355,10 +347,11 @@ pub fn uv_survives(before: [DVec2; 3], after: [DVec2; 3], areas_sq: [f64; 2]) ->
 mod tests {
     use super::*;
 
-    //   4                        4 ........
-    //   ||  a strip 6 cm wide    |          ........
-    //   ||  on the ground 0-1-2  |                  ........
-    //   30 ----------------- 1   3 ------------------------- 1     0 goes to 1: nothing is left of the plane of the strip
+    //   4                       4 ........
+    //   |\   face 0-3-4,        | \        ........       vertex 0 goes to 1: face 0-3-4 becomes 1-3-4, which spans
+    //   3-0 ------------- 1     3 ------------------ 1    what was empty; face 0-2-3 becomes 1-2-3, over the ground
+    //     \  ground  /            \   ground   /
+    //          2                        2
     #[test]
     fn no_face_is_pulled_out_over_empty_space() {
         let mut mesh = ClusterMesh::default();
@@ -377,7 +370,7 @@ mod tests {
         let at = |cost| star.check_faces(&mesh, &rings, &[0], mesh.positions[1], &uvs, cost);
         assert_eq!(at(0.0), Err(Refusal::Fold));
         assert_eq!(at(f64::INFINITY), Ok(()));
-        // The strip's ground face grows as much, but over the ground.
+        // Without face 0-3-4 nothing but the ground is left.
         mesh.kill(2);
         assert_eq!(star.check_faces(&mesh, &rings, &[0], mesh.positions[1], &uvs, 0.0), Ok(()));
     }

@@ -29,6 +29,10 @@ const LEAST_RETURN: f64 = 0.5;
 /// padding shows as specks along seams.
 const REACH: f64 = 0.1;
 
+/// A vertex settles only while the faces around it stay below this share of the largest deviation allowed: a move back
+/// towards the input counts like one away from it, and what it takes is lost to the collapses that follow.
+const DEVIATION_SHARE: f64 = 0.25;
+
 /// Moves vertices to their best places; holds scratch space only.
 #[derive(Debug, Default)]
 pub struct Settler {
@@ -39,7 +43,7 @@ pub struct Settler {
 
 impl Settler {
     /// Moves a vertex to its best place, or half-way there, if no face around it folds over and none deviates from the
-    /// input by more than `deviation_max`.
+    /// input by more than a share of `deviation_max`.
     pub fn settle<M: Metric>(
         &mut self,
         mesh: &mut ClusterMesh,
@@ -135,7 +139,7 @@ impl Settler {
             triangle[corner as usize % 3] = position;
             self.patches.push_new(triangle);
         }
-        for (&corner, bound) in rings.of(vertex).iter().zip(self.patches.bound(most)?) {
+        for (&corner, bound) in rings.of(vertex).iter().zip(self.patches.bound(DEVIATION_SHARE * most)?) {
             mesh.deviations[corner as usize / 3] = bound;
         }
         Ok(())

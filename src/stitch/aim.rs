@@ -1,6 +1,8 @@
 //! Chooses how far each cluster goes: shares and thresholds from the schedule and the sample, the last faces from the
 //! costs of all clusters.
 
+use glam::DVec3;
+
 use super::options::SeamPolicy;
 use super::pass::{Run, is_single};
 use super::sample::{self, Survey};
@@ -27,6 +29,9 @@ const TRIALS_MAX: u32 = 4;
 /// Share of the allowed error that is used: positions are rounded afterwards.
 const BOUND_SAFETY: f64 = 0.98;
 
+/// Units in the last place of the largest coordinate that count as no deviation.
+const NOISE_UNITS: f64 = 8.0;
+
 /// What the clusters of a pass are to reach together.
 #[derive(Debug, Clone, PartialEq)]
 enum Goal {
@@ -38,6 +43,12 @@ enum Goal {
     Stages(Vec<f64>),
 }
 
+/// Deviation that the rounding of coordinates within these bounds makes of none.
+pub(super) fn rounding_noise((low, high): (DVec3, DVec3)) -> f64 {
+    let largest = low.abs().max(high.abs()).max_element();
+    if largest.is_finite() { NOISE_UNITS * f64::EPSILON * largest } else { 0.0 }
+}
+
 impl<M: Metric> Run<'_, M> {
     /// Whether a pass is to reach the target.
     pub(super) fn is_last(&self, pass: usize) -> bool {
@@ -46,6 +57,11 @@ impl<M: Metric> Run<'_, M> {
 
     fn stages(&self, share: f64, pass: usize) -> Vec<f64> {
         stage_shares(share, self.turn(pass), self.options.passes)
+    }
+
+    /// Largest deviation allowed, in units of length, if it is bounded: what is asked for, but no less than rounding does.
+    pub(super) fn bound(&self) -> Option<f64> {
+        self.options.max_error.map(|most| most.max(self.noise))
     }
 
     /// The deviation that is allowed in a pass, if it is bounded: more from pass to pass.

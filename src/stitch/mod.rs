@@ -19,6 +19,7 @@
 //! Each cluster leaves one piece; a pass leaves a column of shared positions. A finished cluster, plan, partition or pass
 //! is kept in the journal; files are removed as soon as what follows from them is kept.
 
+mod again;
 mod aim;
 mod kept;
 pub mod options;

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::sample::STEEPEST;
+use super::sample::steepest_rise;
 use crate::base::Findings;
 use crate::cost::Metric;
 use crate::mesh::ClusterMesh;
@@ -190,8 +190,7 @@ impl StageSums {
 /// leap. Below `least`, costs say nothing.
 pub(super) fn before_leap(stages: &[StageReport], least: f64) -> Option<Vec<f32>> {
     let leaps = |pair: &[StageReport]| {
-        let rise = pair[0].faces as f64 / pair[1].faces.max(1) as f64;
-        let expected = pair[0].threshold * libm::pow(rise, STEEPEST);
+        let expected = pair[0].threshold * steepest_rise(pair[0].faces, pair[1].faces);
         (pair[0].threshold > least && pair[1].threshold > expected.max(LEAP_MIN * pair[0].threshold))
             .then_some(expected)
     };

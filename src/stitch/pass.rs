@@ -4,17 +4,15 @@ use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard};
 use std::time::Instant;
 
-use glam::DVec3;
-
+use super::aim::rounding_noise;
 use super::kept::{ClusterResult, Opening};
 use super::options::{Cost, PassOptions, SeamPolicy};
-use super::outcome::{Floor, PassOutcome, Passes, StageSums, before_leap};
+use super::outcome::{Floor, PassOutcome, Passes, StageSums};
 use super::reconstruct::is_remeshed;
 use super::sample::{self, Survey};
 use super::scale::TextureTraits;
 use super::state::{PassState, Start};
 use super::stops::{Plan, run_plan};
-use super::trim::halfway;
 use crate::base::ordered::{Crew, both, map_in_order, settle_in_order};
 use crate::base::{Error, Permits, Progress, Result, counted};
 use crate::cost::census::Census;
@@ -44,9 +42,6 @@ const FLOOR_SHARE: f64 = 1e-4;
 /// Clusters after which freed memory goes back to the system: the heaps of the threads have holes by then.
 const CLUSTERS_PER_RELEASE: usize = 64;
 
-/// Units in the last place of the largest coordinate that count as no deviation.
-const NOISE_UNITS: f64 = 8.0;
-
 /// Memory of a cluster that passes through: a block of faces, their texture coordinates and the piece being written.
 pub(super) const PASS_BYTES: u64 = 16 << 20;
 
@@ -73,15 +68,9 @@ pub struct Run<'a, M: Metric> {
     /// Diagonal below which pieces are dropped in this pass, if any are.
     crumb: Option<f64>,
     /// Deviation that comes of rounding alone, in the mesh that the pass begins with.
-    noise: f64,
+    pub(super) noise: f64,
     /// Map of the pass that is under way, if one is wanted. A worker holds it while it draws one cluster.
     map: Mutex<Option<ClusterMap>>,
-}
-
-/// Deviation that the rounding of coordinates within these bounds makes of none.
-fn rounding_noise((low, high): (DVec3, DVec3)) -> f64 {
-    let largest = low.abs().max(high.abs()).max_element();
-    if largest.is_finite() { NOISE_UNITS * f64::EPSILON * largest } else { 0.0 }
 }
 
 /// Simplifies a mesh to the target, or goes on with what was begun, with the metric that the options name.
@@ -317,51 +306,7 @@ impl<'a, M: Metric> Run<'a, M> {
         Ok(partition)
     }
 
-    /// Runs a pass by its plan, and once more if that overshot the target, or if a single cluster was simplified by far
-    /// dearer collapses than before for little.
-    fn run_plans(&self, mesh: &StoredMesh, partition: &Partition, pass: usize, plan: &Plan) -> Result<PassOutcome> {
-        let again = plan_step(pass, 1);
-        let better = match self.job.recall_if(again, |plan: &mut Plan| plan.is_sound(partition.cluster_count()))? {
-            Some(better) => better,
-            None => {
-                let outcome = self.run_pass(mesh, partition, pass, plan, 0)?;
-                let Some(better) = self.better_plan(partition, plan, &outcome) else { return Ok(outcome) };
-                self.job.keep(again, 0, [], &better)?;
-                let pass = pass as u32;
-                let steps = [Step::Input, Step::Cut { pass }, plan_step(pass as usize, 0), again, Step::Census];
-                self.job.retain(partition.files().chain(partition.files_of(mesh)), &steps)?;
-                better
-            }
-        };
-        let outcome = self.run_pass(mesh, partition, pass, &better, 1)?;
-        Ok(PassOutcome { is_wall: matches!(plan, Plan::Faces(..)), ..outcome })
-    }
-
-    /// The plan by which a pass is to be run once more, if it is.
-    fn better_plan(&self, partition: &Partition, plan: &Plan, outcome: &PassOutcome) -> Option<Plan> {
-        let target = self.options.target;
-        match plan {
-            Plan::Costs(costs) if outcome.report.faces_out < target => {
-                // The sample was no picture of the whole: the same thresholds again, but stopped above the target, where
-                // the trim goes on.
-                let keep = halfway(&partition.face_counts(), &outcome.cluster_faces, self.before_trim());
-                // A cluster ends one face below where it stops, or not at all.
-                let keep = keep.into_iter().map(|faces| faces + 1).collect();
-                Some(Plan::Trim(costs.clone(), keep))
-            }
-            // What can be met is met, whatever it costs; on the way there, and where it cannot be, the shape comes first.
-            Plan::Faces(_, target) if outcome.report.faces_out <= *target => None,
-            Plan::Faces(..) | Plan::Shares(_) => {
-                let mean_area = outcome.area / outcome.report.faces_in.max(1) as f64;
-                let least = f64::from(sample::NEGLIGIBLE) * mean_area * mean_area;
-                let costs = before_leap(&outcome.stages.reports(0.0), least)?;
-                Some(Plan::Trim(costs, vec![target; partition.cluster_count()]))
-            }
-            _ => None,
-        }
-    }
-
-    fn run_pass(
+    pub(super) fn run_pass(
         &self,
         mesh: &StoredMesh,
         partition: &Partition,
@@ -557,11 +502,6 @@ impl<'a, M: Metric> Run<'a, M> {
         let (pieces, degenerate) = cluster::pass_through(partition, mesh, cluster, path)?;
         let faces = pieces.iter().map(|piece| piece.faces.len()).sum();
         Ok(ClusterResult { pieces, degenerate, faces_in: faces, faces, ..unchanged })
-    }
-
-    /// Largest deviation allowed, in units of length, if it is bounded: what is asked for, but no less than rounding does.
-    pub(super) fn bound(&self) -> Option<f64> {
-        self.options.max_error.map(|most| most.max(self.noise))
     }
 
     pub(super) fn engine(&self, mesh: ClusterMesh, pass: usize) -> Engine<M> {

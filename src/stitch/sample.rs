@@ -24,7 +24,7 @@ const PATCHES: usize = 16;
 /// Where faces become fewer, costs rise by this power of their number at most: by the third to the eighth on real meshes,
 /// but by the thirtieth and more where nothing is left that could go sensibly. What costs more waits for a pass in which
 /// other vertices are free.
-pub const STEEPEST: f64 = 16.0;
+const STEEPEST: f64 = 16.0;
 /// The same as a factor.
 const LEAP_MAX: f64 = 1000.0;
 /// Below this share of the squared mean area of the faces, a cost says nothing: flat faces cost none.
@@ -220,7 +220,12 @@ fn likely_cost(log: &[(f32, u8)], before: usize, goal: usize) -> f32 {
         cost = cost.max(next);
         faces -= usize::from(died);
     }
-    cost * libm::pow(half_way as f64 / goal.max(1) as f64, STEEPEST).min(LEAP_MAX) as f32
+    cost * steepest_rise(half_way as u64, goal as u64).min(LEAP_MAX) as f32
+}
+
+/// How many times as much a collapse may cost when a mesh of `before` faces has `after` left.
+pub fn steepest_rise(before: u64, after: u64) -> f64 {
+    libm::pow(before as f64 / after.max(1) as f64, STEEPEST)
 }
 
 /// Faces left when those that are `free` to go have kept their chance of `share`, and no fewer than the share of all.

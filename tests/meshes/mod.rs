@@ -13,6 +13,8 @@ use drystone::pipeline;
 use drystone::report::{Report, Status};
 use drystone::store::NO_TEXCOORD;
 use glam::{DVec2, DVec3};
+use proptest::prelude::ProptestConfig;
+use proptest::test_runner::RngSeed;
 use tempfile::TempDir;
 
 /// A file under `fixtures/`.
@@ -52,6 +54,15 @@ pub fn files(folder: &Path) -> Vec<PathBuf> {
 /// Paths of all files below a folder, from it, and their bytes.
 pub fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     files(folder).into_iter().map(|path| (path.clone(), std::fs::read(folder.join(path)).unwrap())).collect()
+}
+
+/// The same cases in every run, so that a failure is the change's; PROPTEST_CASES=5000 tries so many new ones.
+pub fn cases(cases: u32, max_shrink_iters: u32) -> ProptestConfig {
+    let explored = ProptestConfig { failure_persistence: None, max_shrink_iters, ..ProptestConfig::default() };
+    match std::env::var_os("PROPTEST_CASES") {
+        Some(_) => explored,
+        None => ProptestConfig { cases, rng_seed: RngSeed::Fixed(1), ..explored },
+    }
 }
 
 /// Options with a ratio, 256 MiB and two threads.
