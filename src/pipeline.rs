@@ -157,6 +157,7 @@ fn run(
     tell_damage(job, progress);
     let passes = outcome?;
     if passes.faces == 0 {
+        job.give_up();
         return Err(input::nothing_left(reading.path, triangles));
     }
     findings.merge(passes.findings);

@@ -279,6 +279,6 @@ fn an_input_of_which_nothing_is_left_is_an_error_and_leaves_no_file() {
         let error = pipeline::simplify(&input, &output, &options, &Silent).unwrap_err();
         assert_eq!(error.exit_code(), 4, "{error}");
         assert!(error.to_string().contains("of 1 triangle none is left"), "{error}");
-        assert!(!output.exists());
+        assert!(!output.exists() && !pipeline::work_folder(&output, &options).exists());
     }
 }

@@ -2,13 +2,12 @@
 
 mod meshes;
 
-use drystone::measure::compare::{CompareOptions, Resources, compare};
 use drystone::options::SimplifyOptions;
 use drystone::remesh::cvd::Settings;
-use drystone::scan::ScanOptions;
 use glam::DVec2;
 use meshes::{
-    Run, Sketch, assert_sound, in_many_clusters, noise, ratio, read, simplify, simplify_text, terrain, torus, town,
+    Run, Sketch, assert_sound, in_many_clusters, noise, ratio, read, rms_distance, simplify, simplify_text, terrain,
+    torus, town,
 };
 
 fn remeshed(settings: &str, options: SimplifyOptions) -> SimplifyOptions {
@@ -66,24 +65,11 @@ fn a_closed_mesh_stays_closed_and_has_the_cells_asked_for() {
     }
 }
 
-/// Root mean square distance from the town, both ways.
-fn distance_from_town(run: &Run) -> f64 {
-    let folder = tempfile::tempdir().unwrap();
-    let resources = Resources {
-        threads: 2,
-        work_bytes: 100 << 20,
-        scan: ScanOptions { threads: 2, chunks_in_flight: 4, catalogue_bytes: 1 << 30 },
-    };
-    let options = CompareOptions { samples: 50_000, seed: 1, work: folder.path().join("work"), resources };
-    let found = compare(&town(), &run.output, &options, &mut (), &drystone::base::Silent).unwrap();
-    found.geometry.symmetric.rms
-}
-
 #[test]
 fn many_clusters_err_no_more_than_one() {
     let [one, many] = [ratio(0.3), in_many_clusters(ratio(0.3))].map(|options| {
         let run = simplify(&town(), &remeshed("cvd", options));
-        distance_from_town(&run)
+        rms_distance(&town(), &run)
     });
     println!("{one} in one cluster, {many} in many: {}", many / one);
     assert!(many <= 1.10 * one, "{one} {many}");

@@ -6,7 +6,7 @@ mod meshes;
 use drystone::options::SimplifyOptions;
 use drystone::report::Status;
 use glam::DVec3;
-use meshes::{Sketch, noise, simplify_text};
+use meshes::{Sketch, noise, ratio, rms_distance, simplify, simplify_text, town};
 use proptest::prelude::*;
 
 /// A grid of columns × rows squares; `bump` is the height of its hills, `turn` bends it around an axis.
@@ -114,5 +114,18 @@ fn a_target_and_a_bound_end_a_run_whichever_comes_first() {
         let both = run(Some(100), Some(0.05), cluster_faces);
         assert!((bounded as f64 * 0.8..7200.0).contains(&(both as f64)), "{both}, by the bound alone {bounded}");
         assert!((998..=1000).contains(&run(Some(1000), Some(100.0), cluster_faces)));
+    }
+}
+
+/// Who asks for the impossible gets what they would have got for asking for as much as is possible.
+#[test]
+fn a_missed_target_ruins_nothing() {
+    for share in [0.002, 0.0005] {
+        let missed = simplify(&town(), &ratio(share));
+        assert_eq!(missed.report.status, Status::TargetMissed);
+        let asked = SimplifyOptions { faces: Some(missed.report.faces.output), ratio: None, ..ratio(share) };
+        let asked = simplify(&town(), &asked);
+        let [missed, asked] = [missed, asked].map(|run| rms_distance(&town(), &run));
+        assert!(missed < 1.3 * asked, "{missed} at a ratio of {share}, asked for as many faces {asked}");
     }
 }

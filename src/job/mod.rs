@@ -447,6 +447,11 @@ impl WorkFolder {
         let _ = sync(&self.journal);
     }
 
+    /// Marks the job as one that cannot be gone on with: when it ends, its folder goes.
+    pub fn give_up(&self) {
+        self.holds_steps.store(false, Ordering::Relaxed);
+    }
+
     /// Removes all files but those given and the values of some steps.
     ///
     /// # Errors

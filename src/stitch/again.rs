@@ -1,32 +1,27 @@
 //! A pass that is run twice: the first run shows by what plan it should have been run.
 
-use super::outcome::{PassOutcome, before_leap};
+use super::outcome::{PassOutcome, PassReport, before_leap};
 use super::pass::{Run, plan_step};
 use super::sample;
+use super::state::PassState;
 use super::stops::Plan;
 use super::trim::halfway;
 use crate::base::Result;
 use crate::cost::Metric;
 use crate::job::Step;
 use crate::partition::Partition;
-use crate::store::StoredMesh;
 
 impl<M: Metric> Run<'_, M> {
     /// Runs a pass by its plan, and once more if that overshot the target, or if a single cluster was simplified by far
     /// dearer collapses than before for little.
-    pub(super) fn run_plans(
-        &self,
-        mesh: &StoredMesh,
-        partition: &Partition,
-        pass: usize,
-        plan: &Plan,
-    ) -> Result<PassOutcome> {
+    pub(super) fn run_plans(&self, state: &PassState, partition: &Partition, plan: &Plan) -> Result<PassOutcome> {
+        let (mesh, pass) = (&state.mesh, state.pass);
         let again = plan_step(pass, 1);
         let better = match self.job.recall_if(again, |plan: &mut Plan| plan.is_sound(partition.cluster_count()))? {
             Some(better) => better,
             None => {
                 let outcome = self.run_pass(mesh, partition, pass, plan, 0)?;
-                let Some(better) = self.better_plan(partition, plan, &outcome) else { return Ok(outcome) };
+                let Some(better) = self.better_plan(state, partition, plan, &outcome) else { return Ok(outcome) };
                 self.job.keep(again, 0, [], &better)?;
                 let pass = pass as u32;
                 let steps = [Step::Input, Step::Cut { pass }, plan_step(pass as usize, 0), again, Step::Census];
@@ -39,7 +34,13 @@ impl<M: Metric> Run<'_, M> {
     }
 
     /// The plan by which a pass is to be run once more, if it is.
-    fn better_plan(&self, partition: &Partition, plan: &Plan, outcome: &PassOutcome) -> Option<Plan> {
+    fn better_plan(
+        &self,
+        state: &PassState,
+        partition: &Partition,
+        plan: &Plan,
+        outcome: &PassOutcome,
+    ) -> Option<Plan> {
         let target = self.options.target;
         match plan {
             Plan::Costs(costs) if outcome.report.faces_out < target => {
@@ -55,7 +56,8 @@ impl<M: Metric> Run<'_, M> {
             Plan::Faces(..) | Plan::Shares(_) => {
                 let mean_area = outcome.area / outcome.report.faces_in.max(1) as f64;
                 let least = f64::from(sample::NEGLIGIBLE) * mean_area * mean_area;
-                let costs = before_leap(&outcome.stages.reports(0.0), least)?;
+                let before = state.reports.last().map(PassReport::end);
+                let costs = before_leap(before, &outcome.stages.reports(0.0), least)?;
                 Some(Plan::Trim(costs, vec![target; partition.cluster_count()]))
             }
             _ => None,

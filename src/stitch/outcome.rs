@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::sample::steepest_rise;
+use super::sample::rise;
 use crate::base::Findings;
 use crate::cost::Metric;
 use crate::mesh::ClusterMesh;
@@ -73,8 +73,17 @@ pub struct StageReport {
     pub rms_estimate: f64,
 }
 
+impl PassReport {
+    /// How its last stage ended.
+    pub(super) fn end(&self) -> StageReport {
+        StageReport { faces: self.faces_out, threshold: self.threshold, rms_estimate: 0.0 }
+    }
+}
+
 /// A leap of costs from one stage to the next is at least this.
 const LEAP_MIN: f64 = 64.0;
+/// Where faces become fewer, costs rise by this power of their number on most meshes, or by less.
+const USUAL_RISE: f64 = 8.0;
 
 /// Why no more faces could be removed: edges refused in the last pass and vertices that hold still, by cause.
 #[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
@@ -187,16 +196,18 @@ impl StageSums {
 }
 
 /// Costs of the stages of a pass up to where they leap, and from there on what may be expected; `None` if they never
-/// leap. Below `least`, costs say nothing.
-pub(super) fn before_leap(stages: &[StageReport], least: f64) -> Option<Vec<f32>> {
+/// leap. `before` is how the pass before it ended. Below `least`, costs say nothing.
+pub(super) fn before_leap(before: Option<StageReport>, stages: &[StageReport], least: f64) -> Option<Vec<f32>> {
+    let skipped = usize::from(before.is_some());
+    let stages: Vec<StageReport> = before.into_iter().chain(stages.iter().copied()).collect();
     let leaps = |pair: &[StageReport]| {
-        let expected = pair[0].threshold * steepest_rise(pair[0].faces, pair[1].faces);
+        let expected = pair[0].threshold * rise(pair[0].faces, pair[1].faces, USUAL_RISE);
         (pair[0].threshold > least && pair[1].threshold > expected.max(LEAP_MIN * pair[0].threshold))
             .then_some(expected)
     };
     let (at, expected) = stages.windows(2).enumerate().find_map(|(at, pair)| leaps(pair).map(|cost| (at, cost)))?;
     let cost_of = |stage: usize| if stage <= at { stages[stage].threshold } else { expected };
-    Some((0..stages.len()).map(|stage| cost_of(stage) as f32).collect())
+    Some((skipped..stages.len()).map(|stage| cost_of(stage) as f32).collect())
 }
 
 impl Floor {
@@ -255,11 +266,13 @@ mod tests {
     fn costs_that_leap_are_cut_off_there() {
         let stage = |faces, threshold| StageReport { faces, threshold, rms_estimate: 0.0 };
         let stages = [stage(20_000, 25.0), stage(18_000, 2e5), stage(17_900, 1e5)];
-        let costs = before_leap(&stages, 0.1).unwrap();
-        assert!(costs[0] == 25.0 && (100.0..200.0).contains(&costs[1]) && costs[1] == costs[2]);
-        assert_eq!(before_leap(&stages[..1], 0.1), None);
-        assert_eq!(before_leap(&[stage(20_000, 25.0), stage(10_000, 200.0)], 0.1), None);
-        assert_eq!(before_leap(&stages, 30.0), None);
+        let costs = before_leap(None, &stages, 0.1).unwrap();
+        assert!(costs[0] == 25.0 && (50.0..100.0).contains(&costs[1]) && costs[1] == costs[2]);
+        assert_eq!(before_leap(None, &stages[..1], 0.1), None);
+        assert_eq!(before_leap(None, &[stage(20_000, 25.0), stage(10_000, 200.0)], 0.1), None);
+        assert_eq!(before_leap(None, &stages, 30.0), None);
+        let costs = before_leap(Some(stage(22_000, 20.0)), &stages[1..], 0.1).unwrap();
+        assert!((20.0..150.0).contains(&costs[0]) && costs[0] == costs[1]);
     }
 
     #[test]

@@ -158,7 +158,7 @@ impl<'a, M: Metric> Run<'a, M> {
             let Opening { plan, is_exact, .. } = self.open_pass(&mut state, &partition)?;
             let steepest = self.steepest(&state);
             let is_last = self.is_last(pass);
-            let outcome = self.run_plans(&state.mesh, &partition, pass, &plan)?;
+            let outcome = self.run_plans(&state, &partition, &plan)?;
             let single = is_single(&partition);
             let next_faces = outcome.report.faces_out;
             let met_wall = outcome.is_wall;

@@ -193,25 +193,36 @@ pub fn thresholds<M: Metric>(engine: &mut Engine<M>, shares: &[f64]) -> Vec<f32>
     engine.mesh.link_wedges();
     let faces = engine.mesh.face_count;
     let free = engine.count_free_faces();
-    shares.iter().map(|share| cost_at(engine, face_goal(faces, free, *share))).collect()
+    let mut before = None;
+    let mut threshold = |share: &f64| {
+        let cost = cost_at(engine, face_goal(faces, free, *share), before);
+        before = Some(cost);
+        cost
+    };
+    shares.iter().map(&mut threshold).collect()
 }
 
-/// The cost at which a sample has a number of faces left, but no more than half of the way to it makes likely.
-fn cost_at<M: Metric>(engine: &mut Engine<M>, goal: usize) -> f32 {
+/// The cost at which a sample has a number of faces left, but no more than half of the way to it makes likely; where legal
+/// collapses run out on the way, no more than the `threshold` of the stage before it makes likely, either.
+fn cost_at<M: Metric>(engine: &mut Engine<M>, goal: usize, threshold: Option<f32>) -> f32 {
     let before = engine.mesh.face_count;
     engine.log = Some(Vec::new());
     let result = engine.run(Stop::Faces(goal));
     let log = engine.log.take().unwrap_or_default();
     let mean_area = (engine.area() / before.max(1) as f64) as f32;
-    let likely = likely_cost(&log, before, goal).max(NEGLIGIBLE * mean_area * mean_area);
-    if result.reached { result.cost.min(likely) } else { likely }
+    let negligible = NEGLIGIBLE * mean_area * mean_area;
+    let left = engine.mesh.face_count;
+    let likely = likely_cost(&log, before, goal.max(left)).max(negligible);
+    if result.reached {
+        return result.cost.min(likely);
+    }
+    let most = |cost: f32| (cost * rise(before as u64, left as u64, STEEPEST) as f32).max(negligible);
+    threshold.map_or(likely, |cost| likely.min(most(cost)))
 }
 
-/// The cost of the collapses half-way to a number of faces, or half-way to where they ended, raised by as much as costs may
-/// rise from there.
+/// The cost of the collapses half-way to a number of faces, raised by as much as costs may rise from there.
 fn likely_cost(log: &[(f32, u8)], before: usize, goal: usize) -> f32 {
-    let removed: usize = log.iter().map(|&(_, died)| usize::from(died)).sum();
-    let half_way = before - removed.min(before.saturating_sub(goal)) / 2;
+    let half_way = before - before.saturating_sub(goal) / 2;
     let (mut cost, mut faces) = (0f32, before);
     for &(next, died) in log {
         if faces <= half_way {
@@ -220,12 +231,12 @@ fn likely_cost(log: &[(f32, u8)], before: usize, goal: usize) -> f32 {
         cost = cost.max(next);
         faces -= usize::from(died);
     }
-    cost * steepest_rise(half_way as u64, goal as u64).min(LEAP_MAX) as f32
+    cost * rise(half_way as u64, goal as u64, STEEPEST).min(LEAP_MAX) as f32
 }
 
-/// How many times as much a collapse may cost when a mesh of `before` faces has `after` left.
-pub fn steepest_rise(before: u64, after: u64) -> f64 {
-    libm::pow(before as f64 / after.max(1) as f64, STEEPEST)
+/// How many times as much a collapse costs when a mesh of `before` faces has `after` left, if costs rise by this power.
+pub fn rise(before: u64, after: u64, power: f64) -> f64 {
+    libm::pow(before as f64 / after.max(1) as f64, power)
 }
 
 /// Faces left when those that are `free` to go have kept their chance of `share`, and no fewer than the share of all.
@@ -266,7 +277,7 @@ mod tests {
         log.extend([(1e6, 2); 5]);
         let likely = likely_cost(&log, 1000, 800);
         assert!((1.0..8.0).contains(&likely), "{likely}");
-        assert!(likely_cost(&log, 1000, 20) <= 1.0 * LEAP_MAX as f32);
+        assert_eq!(likely_cost(&[(1.0, 2); 490], 1000, 20), LEAP_MAX as f32);
         assert_eq!(likely_cost(&[], 1000, 800), 0.0);
     }
 }

@@ -7,10 +7,12 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use drystone::base::Silent;
+use drystone::measure::compare::{CompareOptions, Resources, compare};
 use drystone::measure::{Check, Surface, compare_checks, weld_and_check};
 use drystone::options::SimplifyOptions;
 use drystone::pipeline;
 use drystone::report::{Report, Status};
+use drystone::scan::ScanOptions;
 use drystone::store::NO_TEXCOORD;
 use glam::{DVec2, DVec3};
 use proptest::prelude::ProptestConfig;
@@ -98,6 +100,15 @@ pub fn simplify_text(text: &str, options: &SimplifyOptions) -> Run {
     let input = folder.path().join("in.obj");
     std::fs::write(&input, text).unwrap();
     simplify(&input, options)
+}
+
+/// Root mean square distance between an input and the result of a run, both ways.
+pub fn rms_distance(input: &Path, run: &Run) -> f64 {
+    let folder = tempfile::tempdir().unwrap();
+    let scan = ScanOptions { threads: 2, chunks_in_flight: 4, catalogue_bytes: 1 << 30 };
+    let resources = Resources { threads: 2, work_bytes: 100 << 20, scan };
+    let options = CompareOptions { samples: 50_000, seed: 1, work: folder.path().join("work"), resources };
+    compare(input, &run.output, &options, &mut (), &Silent).unwrap().geometry.symmetric.rms
 }
 
 impl Run {
