@@ -18,6 +18,7 @@ use self::pictures::Painter;
 use crate::base::threads::make_pool;
 use crate::base::{Findings, MemoryBudget, Progress, Result};
 use crate::job::{InputFile, Manifest, Step, WorkFolder, folder_bytes};
+use crate::measure::gauge::gauge;
 use crate::options::{Borders, Drawing, Normals, Pieces, ResumeChoice, SimplifyOptions, TextureFiles, Weld};
 use crate::os::system;
 use crate::os::timeline::{Recorder, Timeline};
@@ -184,6 +185,7 @@ fn run(
     let files = file_figures(catalogue, &result.companions);
     findings.merge(result.findings);
     let write_seconds = written.elapsed();
+    let measured = gauge(&passes.probes, &passes.mesh, progress)?;
     let shots = before.and_then(|(from, before)| {
         let (_, after) = painter.draw(&passes.mesh, Some(from), &mut findings)?;
         Some([before, after])
@@ -211,10 +213,7 @@ fn run(
             target: if options.has_target() { target } else { passes.faces },
             output: passes.faces,
         },
-        error: ErrorFigures {
-            threshold: passes.reports.last().map_or(0.0, |pass| pass.threshold),
-            rms_estimate: passes.rms_estimate,
-        },
+        error: ErrorFigures { threshold: passes.reports.last().map_or(0.0, |pass| pass.threshold), measured },
         seam_crowding: passes.seam_crowding,
         seconds: SecondFigures {
             total: started.elapsed().as_secs_f64(),

@@ -82,6 +82,8 @@ pub enum Step {
     Census,
     /// Where the result waits for its names.
     Output,
+    /// What is kept of the input to measure the result by.
+    Probes,
 }
 
 impl Step {
@@ -103,6 +105,7 @@ impl Step {
             Step::Written => "write-result".into(),
             Step::Census => "pass-0-census".into(),
             Step::Output => "write-output".into(),
+            Step::Probes => "pass-0-probes".into(),
         }
     }
 }
@@ -119,6 +122,7 @@ impl Step {
             Step::Input | Step::Scan | Step::Census => (0, 0),
             Step::Cut { pass } => (u64::from(pass) + 1, 0),
             Step::Plan { pass, .. } | Step::Trial { pass, .. } | Step::Cluster { pass, .. } => (u64::from(pass) + 1, 1),
+            Step::Probes => (1, 1),
             Step::Pass { pass } => (u64::from(pass) + 1, 2),
             Step::Output | Step::Written => (u64::MAX, 0),
         }

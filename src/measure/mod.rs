@@ -19,6 +19,7 @@ pub mod check;
 pub mod compare;
 pub mod edges;
 pub mod forest;
+pub mod gauge;
 pub mod surface;
 pub mod tjunction;
 

@@ -8,6 +8,7 @@ use std::fmt::Write as _;
 use super::Report;
 use super::figures::length;
 use crate::measure::compare::{Comparison, Distances, Geometry};
+use crate::measure::gauge::Gauged;
 
 /// Units in the last place of a coordinate that rounding alone may add to a distance.
 const ROUNDING_UNITS: f64 = 16.0;
@@ -26,7 +27,7 @@ impl Report {
         }
         match &self.comparison {
             Some(comparison) => add_measured(text, comparison),
-            None => text.push_str("deviation: not measured (--measure compares the result with the input)\n"),
+            None => add_gauged(text, self.error.measured.as_ref()),
         }
     }
 }
@@ -39,6 +40,16 @@ fn add_measured(text: &mut String, Comparison { geometry, samples, .. }: &Compar
         length(geometry.symmetric.rms)
     );
     let _ = writeln!(text, "largest deviation: {}", length(geometry.symmetric.max));
+}
+
+/// The figures that every run measures.
+fn add_gauged(text: &mut String, found: Option<&Gauged>) {
+    let _ = match found {
+        Some(found) => {
+            writeln!(text, "deviation: {} (RMS both ways, measured at {} points)", length(found.rms), found.points)
+        }
+        None => writeln!(text, "deviation: not measured (--measure compares the result with the input)"),
+    };
 }
 
 /// Where and by how much distances pass a bound.

@@ -42,6 +42,17 @@ fn head(report: &Report, title: &str) -> Markup {
     }
 }
 
+/// The deviation at some thousand points.
+fn measured(report: &Report) -> Markup {
+    match &report.error.measured {
+        Some(found) => {
+            let points = format!("RMS both ways, mesh units, measured at {} points", spaced(found.points));
+            figure("distance, RMS", &length(found.rms), &points)
+        }
+        None => figure("distance", "not measured", "--measure measures it"),
+    }
+}
+
 fn key_figures(report: &Report) -> Markup {
     let faces = &report.faces;
     let share = 100.0 * faces.output as f64 / faces.input.max(1) as f64;
@@ -57,7 +68,7 @@ fn key_figures(report: &Report) -> Markup {
                         (figure("difference of colour", &length(texture.colour_rms), "RMS, of 255"))
                     }
                 }
-                None => (figure("deviation, estimated", &length(report.error.rms_estimate), "RMS by the cost function, mesh units; --measure measures it")),
+                None => (measured(report)),
             }
             (figure("time", &seconds(report.seconds.total), &format!("{} threads", report.threads)))
             (figure("peak memory", &bytes::display(report.memory.peak_resident),

@@ -29,6 +29,7 @@ use crate::base::error::escape_path;
 use crate::base::json_path;
 use crate::base::{Error, Result};
 use crate::measure::compare::Comparison;
+use crate::measure::gauge::Gauged;
 use crate::options::SimplifyOptions;
 use crate::os::durable::{DurableFile, new_job_number};
 use crate::os::timeline::Timeline;
@@ -55,13 +56,13 @@ pub struct FaceFigures {
     pub output: u64,
 }
 
-/// What the cost function says of the error.
+/// How far the result lies from the input.
 #[derive(Debug, Clone, Serialize)]
 pub struct ErrorFigures {
     /// Highest cost of a collapse in the last pass, in area × length².
     pub threshold: f64,
-    /// Estimate of the root of the mean squared deviation, in the mesh's unit of length.
-    pub rms_estimate: f64,
+    /// What was measured at some thousand points; nothing if the mesh was made anew, or has no area.
+    pub measured: Option<Gauged>,
 }
 
 /// Times of the phases in seconds.

@@ -4,9 +4,11 @@
 use serde::{Deserialize, Serialize};
 
 use super::outcome::Floor;
+use super::probes::{Probes, Probing};
 use super::scale::TextureTraits;
 use super::stops::Plan;
 use crate::mesh::ClusterMesh;
+use crate::partition::Partition;
 use crate::simplify::Milestone;
 use crate::store::{Catalogue, StoredPiece};
 
@@ -18,12 +20,16 @@ pub(super) struct Opening {
     pub(super) is_exact: bool,
     /// What is known of the texture, in all passes the same.
     pub(super) texture: TextureTraits,
+    /// How the clusters are probed, if they are those of the input.
+    pub(super) probing: Option<Probing>,
 }
 
 impl Opening {
-    /// Whether it is one of a pass over so many clusters.
-    pub(super) fn is_sound(&self, cluster_count: usize, catalogue: &Catalogue) -> bool {
-        self.plan.is_sound(cluster_count) && self.texture.scale.is_sound(catalogue)
+    /// Whether it is one of a pass over a partition.
+    pub(super) fn is_sound(&self, partition: &Partition, catalogue: &Catalogue) -> bool {
+        self.plan.is_sound(partition.cluster_count())
+            && self.texture.scale.is_sound(catalogue)
+            && self.probing.iter().all(|probing| probing.is_sound(partition.total_faces()))
     }
 }
 
@@ -47,14 +53,18 @@ pub(super) struct ClusterResult {
     pub(super) log: Vec<(f32, u8)>,
     /// A patch for the sample of the next pass.
     pub(super) patch: Option<ClusterMesh>,
+    /// What is kept of a cluster of the input.
+    pub(super) probes: Option<Probes>,
 }
 
 impl ClusterResult {
-    /// Whether it can be that of a cluster of so many faces, once its pieces are located.
-    pub(super) fn is_sound(&self, faces: u64) -> bool {
+    /// Whether it can be that of a cluster, once its pieces are located.
+    pub(super) fn is_sound(&self, partition: &Partition, cluster: usize) -> bool {
+        let faces = partition.face_count(cluster);
         let milestones = self.milestones.iter().map(|milestone| milestone.faces as u64);
         milestones.chain([self.faces_in, self.faces]).all(|count| count <= faces)
             && self.pieces.iter().all(StoredPiece::is_sound)
             && self.patch.iter().all(ClusterMesh::is_sound)
+            && self.probes.iter().all(|probes| probes.is_sound(partition.total_faces()))
     }
 }

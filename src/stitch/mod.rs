@@ -25,6 +25,7 @@ mod kept;
 pub mod options;
 pub mod outcome;
 pub mod pass;
+pub mod probes;
 mod reconstruct;
 pub mod sample;
 mod scale;

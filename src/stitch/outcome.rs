@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use super::probes::Probes;
 use super::sample::rise;
 use crate::base::Findings;
 use crate::cost::Metric;
@@ -113,8 +114,8 @@ pub struct Passes {
     pub findings: Findings,
     /// Time in partitioning, in the first pass, and in the passes after it.
     pub seconds: PassSeconds,
-    /// Estimate of the root of the mean squared deviation, in units of length.
-    pub rms_estimate: f64,
+    /// What was kept of the input, to measure the result by.
+    pub probes: Probes,
     /// Share of the result's vertices that seams would take, if that was asked.
     pub seam_crowding: Option<f64>,
     /// Faces of the mesh.
@@ -242,6 +243,8 @@ pub(super) struct PassOutcome {
     /// Patches of the mesh.
     pub(super) sample: ClusterMesh,
     pub(super) report: PassReport,
+    /// What is kept of the mesh that the pass began with, if it is the input.
+    pub(super) probes: Probes,
     /// Faces that each cluster was left with.
     pub(super) cluster_faces: Vec<u64>,
     pub(super) stages: StageSums,

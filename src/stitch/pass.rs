@@ -8,6 +8,7 @@ use super::aim::rounding_noise;
 use super::kept::{ClusterResult, Opening};
 use super::options::{Cost, PassOptions, SeamPolicy};
 use super::outcome::{Floor, PassOutcome, Passes, StageSums};
+use super::probes::{Probes, Probing};
 use super::reconstruct::is_remeshed;
 use super::sample::{self, Survey};
 use super::scale::TextureTraits;
@@ -63,6 +64,10 @@ pub struct Run<'a, M: Metric> {
     pub(super) progress: &'a dyn Progress,
     pub(super) permits: Permits,
     pub(super) texture: TextureTraits,
+    /// How the clusters of the input are probed, in the pass over it if there are several.
+    probing: Option<Probing>,
+    /// What is kept of the input.
+    probes: Probes,
     /// Passes before the first one that collapses edges.
     lead: usize,
     /// Diagonal below which pieces are dropped in this pass, if any are.
@@ -116,6 +121,8 @@ impl<'a, M: Metric> Run<'a, M> {
             progress,
             permits,
             texture: TextureTraits::none(catalogue),
+            probing: None,
+            probes: Probes::default(),
             lead: 0,
             crumb: None,
             noise: 0.0,
@@ -130,6 +137,12 @@ impl<'a, M: Metric> Run<'a, M> {
     fn simplify(mut self, start: Start) -> Result<Passes> {
         let Start { mut state, mut partition } = start;
         self.crumb = state.crumb;
+        if state.pass > 0 {
+            self.probes = self
+                .job
+                .recall_if(Step::Probes, |probes: &mut Probes| probes.is_sound(probes.faces()))?
+                .unwrap_or_default();
+        }
         if let Some(texture) = &state.texture {
             self.learn(texture.clone());
         }
@@ -158,11 +171,16 @@ impl<'a, M: Metric> Run<'a, M> {
             let Opening { plan, is_exact, .. } = self.open_pass(&mut state, &partition)?;
             let steepest = self.steepest(&state);
             let is_last = self.is_last(pass);
-            let outcome = self.run_plans(&state, &partition, &plan)?;
+            let mut outcome = self.run_plans(&state, &partition, &plan)?;
             let single = is_single(&partition);
             let next_faces = outcome.report.faces_out;
             let met_wall = outcome.is_wall;
             state.scratch_peak = state.scratch_peak.max(folder_bytes(self.job.path()));
+            let probes = std::mem::take(&mut outcome.probes);
+            if !probes.is_empty() {
+                self.job.keep(Step::Probes, 0, [], &probes)?;
+                self.probes = probes;
+            }
             state.take(outcome);
             if self.options.drop_pieces {
                 self.crumb = Some(state.squared_error.sqrt());
@@ -188,7 +206,7 @@ impl<'a, M: Metric> Run<'a, M> {
                 started.elapsed();
             state.pass += 1;
             let step = Step::Pass { pass: pass as u32 };
-            self.job.supersede(step, next_faces, state.mesh.files(), &state, &[Step::Input])?;
+            self.job.supersede(step, next_faces, state.mesh.files(), &state, &[Step::Input, Step::Probes])?;
             self.progress.tell(&format!("pass {} is done: {}", pass + 1, counted(next_faces, "triangle")));
         }
         mmap::release_freed_memory();
@@ -204,7 +222,7 @@ impl<'a, M: Metric> Run<'a, M> {
             remeshed: state.remeshed,
             findings: state.findings,
             seconds: state.seconds,
-            rms_estimate: state.squared_error.sqrt(),
+            probes: self.probes,
             seam_crowding: state.texture.map(|texture| texture.crowding).filter(|crowding| crowding.is_finite()),
             reached: state.reached,
             floor: state.floor,
@@ -217,13 +235,19 @@ impl<'a, M: Metric> Run<'a, M> {
     fn open_pass(&mut self, state: &mut PassState, partition: &Partition) -> Result<Opening> {
         let (pass, is_first) = (state.pass, self.turn(state.pass) == 0);
         let step = plan_step(pass, 0);
-        let is_sound = |opening: &mut Opening| opening.is_sound(partition.cluster_count(), self.catalogue);
+        let is_sound = |opening: &mut Opening| opening.is_sound(partition, self.catalogue);
         let kept = self.job.recall_if(step, is_sound)?;
+        self.probing = None;
         if is_first {
             let texture = match &kept {
-                Some(opening) => opening.texture.clone(),
+                Some(opening) => {
+                    self.probing = opening.probing;
+                    opening.texture.clone()
+                }
                 None => {
                     let (texture, sample) = self.first_sample(&state.mesh, partition)?;
+                    let is_input = pass == 0 && !sample.corners.is_empty();
+                    self.probing = is_input.then(|| self.probing_of(partition, &sample));
                     state.sample = sample;
                     texture
                 }
@@ -247,9 +271,15 @@ impl<'a, M: Metric> Run<'a, M> {
             thresholds.iter_mut().for_each(|cost| *cost = cost.min(most));
         }
         let (plan, is_exact) = self.plan(&state.mesh, partition, thresholds, pass, faces)?;
-        let opening = Opening { plan, is_exact, texture: self.texture.clone() };
+        let opening = Opening { plan, is_exact, texture: self.texture.clone(), probing: self.probing };
         self.job.keep(step, 0, [], &opening)?;
         Ok(opening)
+    }
+
+    /// How the input is probed, if a patch of it is like the whole.
+    fn probing_of(&self, partition: &Partition, patch: &ClusterMesh) -> Probing {
+        let faces = partition.total_faces();
+        Probing::of([faces, if self.options.target > 0 { self.options.target } else { faces }], patch)
     }
 
     /// The highest threshold of a pass beyond those asked for, if it is one and the pass before it had a threshold.
@@ -301,7 +331,7 @@ impl<'a, M: Metric> Run<'a, M> {
         let step = Step::Cut { pass: pass as u32 };
         let files = partition.files().chain(partition.files_of(&state.mesh));
         let clusters = partition.filled_count();
-        self.job.supersede(step, clusters, files, &(&*state, &partition), &[Step::Input])?;
+        self.job.supersede(step, clusters, files, &(&*state, &partition), &[Step::Input, Step::Probes])?;
         self.progress.tell(&format!("pass {}: {}", pass + 1, counted(clusters, "cluster")));
         Ok(partition)
     }
@@ -334,6 +364,7 @@ impl<'a, M: Metric> Run<'a, M> {
             dropped_pieces,
             dropped_faces,
             optimized,
+            probes,
             ..
         } = &mut outcome;
         let step = |cluster| Step::Cluster { pass: pass as u32, attempt, cluster };
@@ -354,6 +385,7 @@ impl<'a, M: Metric> Run<'a, M> {
                 *passed_through += result.faces;
             }
             result.patch.iter().for_each(|patch| sample::append(&mut sample, patch));
+            result.probes.into_iter().for_each(|of_cluster| probes.add(of_cluster));
             pieces.extend(result.pieces);
             Ok(())
         })?;
@@ -391,7 +423,7 @@ impl<'a, M: Metric> Run<'a, M> {
             let step = step(cluster as u32);
             let accept = |kept: &mut ClusterResult| {
                 kept.pieces.iter_mut().for_each(|piece| piece.locate(self.job.path()));
-                kept.is_sound(partition.face_count(cluster))
+                kept.is_sound(partition, cluster)
             };
             if let Some(result) = self.job.recall_if(step, accept)? {
                 return Ok(Product { cluster, result, pending: None, is_kept: true });
@@ -437,6 +469,11 @@ impl<'a, M: Metric> Run<'a, M> {
         {
             map.draw(cluster as u32, &source.mesh, source.origin);
         }
+        let probing = match self.probing {
+            None if pass == 0 && is_single(partition) => Some(self.probing_of(partition, &source.mesh)),
+            probing => probing,
+        };
+        let probes = probing.map(|probing| probing.take(&source.mesh, source.origin, cluster));
         let (dropped_pieces, dropped_faces) = match self.crumb {
             Some(diagonal) => pieces::drop_small(&mut source.mesh, diagonal),
             None => (0, 0),
@@ -461,6 +498,7 @@ impl<'a, M: Metric> Run<'a, M> {
             floor: Floor::of(&engine),
             log: engine.log.take().unwrap_or_default(),
             patch: None,
+            probes,
         };
         let mut pending = None;
         if let Some(keep) = keep {
@@ -501,7 +539,15 @@ impl<'a, M: Metric> Run<'a, M> {
         let path = |part| self.piece_path(step, part);
         let (pieces, degenerate) = cluster::pass_through(partition, mesh, cluster, path)?;
         let faces = pieces.iter().map(|piece| piece.faces.len()).sum();
-        Ok(ClusterResult { pieces, degenerate, faces_in: faces, faces, ..unchanged })
+        let mut probes = Probes::default();
+        if let Some(probing) = &self.probing {
+            cluster::load_in_blocks(partition, mesh, self.catalogue, &self.texture.scale, cluster, |block| {
+                probes.add(probing.take(&block.mesh, block.origin, cluster));
+                Ok(())
+            })?;
+        }
+        let probes = self.probing.map(|_| probes);
+        Ok(ClusterResult { pieces, degenerate, faces_in: faces, faces, probes, ..unchanged })
     }
 
     pub(super) fn engine(&self, mesh: ClusterMesh, pass: usize) -> Engine<M> {

@@ -117,7 +117,7 @@ impl<M: Metric> Run<'_, M> {
         state.pass += 1;
         let step = Step::Pass { pass: pass as u32 };
         let faces = state.mesh.face_count();
-        self.job.supersede(step, faces, state.mesh.files(), &*state, &[Step::Input])?;
+        self.job.supersede(step, faces, state.mesh.files(), &*state, &[Step::Input, Step::Probes])?;
         self.progress.tell(&format!("the mesh is made anew: {faces} triangles"));
         Ok(())
     }

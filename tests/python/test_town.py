@@ -41,7 +41,7 @@ def test_target_is_met_and_reported(tenth, town):
 
 def test_report_has_the_fixed_names(tenth):
     report = tenth.report
-    assert {"threshold", "rms_estimate"} <= report["error"].keys()
+    assert {"threshold", "measured"} <= report["error"].keys()
     assert {"total", "scan", "partition", "simplify", "stitch", "write"} <= report["seconds"].keys()
     assert {"budget", "predicted_peak", "peak_resident"} <= report["memory"].keys()
     assert {"read", "written", "scratch_peak"} <= report["io"].keys()

@@ -1,0 +1,130 @@
+//! How far a result lies from its input, measured at some thousand points when a run ends.
+//!
+//! In: what the passes kept of the input ([`Probes`]), and the result as it is stored. Out: the root of the mean squared
+//! distance each way. The distances are exact; that they are those of some points makes the figures estimates of what
+//! [`compare`](super::compare) finds with more of them.
+//!
+//! # Memory
+//! A piece of the result at a time: 72 bytes a triangle and about as much for its tree.
+
+use glam::DVec3;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::boxtree::{Bounds, BoxTree};
+use super::compare::closest::closest_point;
+use crate::base::{Progress, Result};
+use crate::stitch::probes::{ChosenCells, Probes, Spread};
+use crate::store::{StoredMesh, StoredPiece};
+
+/// Units in the last place of the largest coordinate up to which a distance is that of rounding.
+const ROUNDING_UNITS: f64 = 8.0;
+/// The same of a triangle that is kept to single precision, as a share of its size.
+const SINGLE_ROUNDING: f64 = 1e-7;
+
+/// Points that are tried on the result, in those that its input would take.
+const CANDIDATES_MAX: u64 = 16;
+
+/// Distances between input and result, in the mesh's unit of length.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Gauged {
+    /// Root of the mean squared distance, both ways with equal weight.
+    pub rms: f64,
+    /// The same from the result to the input.
+    pub to_input: f64,
+    /// The same from the input to the result.
+    pub to_result: f64,
+    /// Points on both surfaces together.
+    pub points: u64,
+}
+
+/// Measures a result by what was kept of its input; nothing if one of the two has no area.
+///
+/// # Errors
+/// On failed reads and damaged files.
+pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> Result<Option<Gauged>> {
+    let kept = probes.triangles();
+    let share = probes.probing.share();
+    let spacing = probes.area() * share / probes.probing.points as f64;
+    if kept.is_empty() || !spacing.is_normal() {
+        return Ok(None);
+    }
+    let mut to_result = vec![f64::INFINITY; probes.points.len()];
+    let most = CANDIDATES_MAX * (probes.probing.points as f64 / share) as u64;
+    let mut spread = Spread::new(spacing, most, 0);
+    let (mut chosen, mut of_result) = (ChosenCells::new(probes.probing), Vec::new());
+    for piece in &result.pieces {
+        progress.check_stopped()?;
+        let triangles = triangles_of(result, piece)?;
+        nearest_sq(&triangles, &probes.points, &mut to_result);
+        for &triangle in &triangles {
+            spread.over(triangle, |point| of_result.extend(chosen.hold(point).then_some(point)));
+        }
+    }
+    let mut to_input = vec![f64::INFINITY; of_result.len()];
+    nearest_sq(&kept, &of_result, &mut to_input);
+    if to_input.is_empty() || to_result.is_empty() || result.face_count() == 0 {
+        return Ok(None);
+    }
+    let mean_size = (probes.area() / probes.faces().max(1) as f64).sqrt();
+    let noise = ROUNDING_UNITS * f64::EPSILON * largest(result.bounds()) + SINGLE_ROUNDING * mean_size;
+    let counted = |distance_sq: &f64| if *distance_sq <= noise * noise { 0.0 } else { *distance_sq };
+    let mean_of = |distances: &[f64]| distances.iter().map(counted).sum::<f64>() / distances.len() as f64;
+    let to_input_sq = mean_of(&to_input);
+    let (mut sum, mut area_sum, mut rest) = (0.0, 0.0, &to_result[..]);
+    for &(area, count) in probes.strata.iter().filter(|(_, count)| *count > 0) {
+        let (own, others) = rest.split_at(count as usize);
+        rest = others;
+        sum += area * mean_of(own);
+        area_sum += area;
+    }
+    let to_result_sq = sum / area_sum;
+    Ok(Some(Gauged {
+        rms: (0.5 * (to_input_sq + to_result_sq)).sqrt(),
+        to_input: to_input_sq.sqrt(),
+        to_result: to_result_sq.sqrt(),
+        points: (to_input.len() + to_result.len()) as u64,
+    }))
+}
+
+/// Lowers the squared distances of points to those from some triangles.
+fn nearest_sq(triangles: &[[DVec3; 3]], points: &[DVec3], distances_sq: &mut [f64]) {
+    let boxes: Vec<Bounds> = triangles.iter().map(|&triangle| Bounds::around(triangle)).collect();
+    let whole = boxes.iter().fold(Bounds::EMPTY, |all, bounds| all.with(*bounds));
+    let tree = BoxTree::new(&boxes);
+    points.par_iter().zip(distances_sq).for_each(|(&point, nearest_sq)| {
+        if whole.distance_sq(point) < *nearest_sq {
+            let distance_sq = |face: u32| closest_point(point, triangles[face as usize]).distance_squared(point);
+            *nearest_sq = nearest_sq.min(tree.nearest_sq(point, distance_sq));
+        }
+    });
+}
+
+/// The triangles of a piece.
+fn triangles_of(mesh: &StoredMesh, piece: &StoredPiece) -> Result<Vec<[DVec3; 3]>> {
+    let own_count = piece.positions.len() as u32;
+    let file = piece.faces.open()?;
+    let (mut bytes, mut faces) = (Vec::new(), Vec::new());
+    let mut corners: Vec<[u32; 3]> = Vec::new();
+    for block in piece.faces.blocks() {
+        piece.faces.read_block(&file, block, &mut bytes, &mut faces)?;
+        corners.extend(faces.iter().map(|face| face.vertices));
+    }
+    let mut shared: Vec<u32> = corners.iter().flatten().filter_map(|vertex| vertex.checked_sub(own_count)).collect();
+    shared.sort_unstable();
+    shared.dedup();
+    let shared_positions = match &mesh.shared_positions {
+        Some(column) => column.gather(&shared)?,
+        None => Vec::new(),
+    };
+    let own_positions = piece.positions.window(0..piece.positions.len())?;
+    let position = |vertex: u32| match vertex.checked_sub(own_count) {
+        None => own_positions[vertex as usize],
+        Some(id) => shared_positions[shared.partition_point(|&other| other < id)],
+    };
+    Ok(corners.into_iter().map(|corners| corners.map(position)).collect())
+}
+
+fn largest((low, high): (DVec3, DVec3)) -> f64 {
+    low.abs().max(high.abs()).max_element()
+}

@@ -1,0 +1,392 @@
+//! What is kept of the input, so that the result can be measured against it when nothing else of the input is left.
+//!
+//! ```text
+//!   .  ▒▒▒▒▒▒▒   .     points, spread over the input by area: the result is searched for what is nearest to each
+//!      ▒▒┌──┐▒▒    .
+//!    . ▒▒│  │▒▒        cells of space, chosen by chance: points of the result in them are searched for in the
+//!      ▒▒└──┘▒▒  .     triangles of the input that lie in a cell or half its side around it
+//!  .   ▒▒▒▒▒▒▒
+//! ```
+//! Cells are chosen by their place alone, one at most of each block of cells, so that every cluster finds its triangles by
+//! itself. Where a point of the result is farther from the input than half a side, its distance may come out too large.
+//!
+//! # Memory
+//! 24 bytes for each of up to four times [`POINTS_MAX`] points, 48 for each of some [`TRIANGLES_PER_FACE`] ·
+//! [`CHOSEN_FACES`] triangles.
+
+use glam::{DVec3, Vec3};
+use serde::{Deserialize, Serialize};
+
+use crate::mesh::ClusterMesh;
+
+/// Points on each of the two surfaces: for so many faces one, within these limits.
+const FACES_PER_POINT: u64 = 160;
+const POINTS_MIN: u64 = 2048;
+const POINTS_MAX: u64 = 8192;
+/// Faces of the input in all chosen cells, about.
+const CHOSEN_FACES: f64 = 8192.0;
+/// Faces of the input in a cell, if its surface is flat there, and no more than a tenth of them is to be left.
+const CELL_FACES: f64 = 32.0;
+/// Where fewer are to be left, distances are larger, and cells have up to this many times as many faces.
+const CELL_GROWTH_MAX: f64 = 8.0;
+/// Triangles that are kept for each face in a chosen cell, about.
+const TRIANGLES_PER_FACE: f64 = 5.0;
+/// Area of a triangle as a share of the square of its longest side: of an equilateral one.
+const SHAPE: f64 = 0.433;
+/// Cells along the side of a block are two to this power, at most.
+const BLOCK_BITS_MAX: f64 = 6.0;
+/// Parts of a cell's side that positions are rounded to.
+const SIDE_PARTS: i64 = 256;
+/// No place is farther from the origin: what lies beyond counts as there.
+const PLACE_MAX: i64 = 1 << 60;
+/// A triangle that lies in more blocks than that is kept without looking at each.
+const BLOCKS_MAX: i128 = 64;
+/// Points and triangles of a cluster: this many times what is expected, and some more, at most.
+const EXCESS: u64 = 4;
+const EXCESS_MORE: u64 = 64;
+
+/// How the input is probed; the same for all clusters.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Probing {
+    /// Points on each of the two surfaces, about.
+    pub points: u64,
+    /// Side of a cell.
+    side: f64,
+    /// Cells along the side of a block are two to this power.
+    block_bits: u32,
+    /// Share of the blocks that have a chosen cell.
+    odds: f64,
+    faces: u64,
+}
+
+/// What is kept of the input.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct Probes {
+    /// How it was probed.
+    pub probing: Probing,
+    /// Points on the input, cluster by cluster.
+    pub points: Vec<DVec3>,
+    /// Area of each cluster and the number of its points.
+    pub strata: Vec<(f64, u32)>,
+    /// Triangles in and around the chosen cells: a corner, and what leads from it to the others.
+    triangles: Vec<(DVec3, [Vec3; 2])>,
+}
+
+impl Probing {
+    /// For a mesh of so many faces, of which `target` are to be left, whose longest sides have this mean square.
+    pub fn new(faces: u64, target: u64, side_sq: f64) -> Self {
+        let share = (CHOSEN_FACES / faces.max(1) as f64).min(1.0);
+        let block_bits = (share.recip().log2() / 3.0).clamp(0.0, BLOCK_BITS_MAX) as u32;
+        let growth = (0.1 * faces as f64 / target.max(1) as f64).sqrt().clamp(1.0, CELL_GROWTH_MAX);
+        let side = (CELL_FACES * growth * SHAPE * side_sq).sqrt();
+        Self {
+            points: (faces / FACES_PER_POINT).clamp(POINTS_MIN, POINTS_MAX),
+            side: if side.is_normal() { side } else { 1.0 },
+            block_bits,
+            odds: share * f64::from(1 << (3 * block_bits)),
+            faces,
+        }
+    }
+
+    /// The same for a mesh that is one cluster, or like this patch of it.
+    pub(super) fn of([faces, target]: [u64; 2], patch: &ClusterMesh) -> Self {
+        let longest_sq =
+            |[a, b, c]: [DVec3; 3]| a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+        let (mut sum, mut count) = (0.0, 0u64);
+        for triangle in triangles(patch, DVec3::ZERO) {
+            sum += longest_sq(triangle);
+            count += 1;
+        }
+        Self::new(faces, target, sum / count.max(1) as f64)
+    }
+
+    /// Whether it can be that of a mesh of so many faces, for a value that was read back.
+    pub(super) fn is_sound(&self, faces: u64) -> bool {
+        self.side.is_normal() && self.side > 0.0 && *self == Self { side: self.side, ..Self::new(faces, 1, 1.0) }
+    }
+
+    /// Share of space that the chosen cells take.
+    pub fn share(&self) -> f64 {
+        self.odds / f64::from(1 << (3 * self.block_bits))
+    }
+
+    /// Probes a cluster of the input; clusters differ by their number.
+    pub(super) fn take(&self, mesh: &ClusterMesh, origin: DVec3, cluster: usize) -> Probes {
+        let share = mesh.corners.len() as f64 / self.faces.max(1) as f64;
+        let most = |expected: f64| (EXCESS as f64 * expected * share) as usize + EXCESS_MORE as usize;
+        let triangles_max = most(TRIANGLES_PER_FACE * CHOSEN_FACES);
+        let mut chosen = ChosenCells::new(*self);
+        let places: Vec<Place> = mesh.positions.iter().map(|&position| chosen.place(origin + position)).collect();
+        let mut kept = Vec::new();
+        for face in 0..mesh.corners.len() as u32 {
+            if kept.len() < triangles_max && chosen.are_near(mesh.vertices(face).map(|v| &places[v as usize])) {
+                let [a, b, c] = mesh.triangle(face);
+                kept.push((origin + a, [b, c].map(|corner| (corner - a).as_vec3())));
+            }
+        }
+        let mut area = 0.0;
+        let mut ends = Vec::with_capacity(mesh.corners.len());
+        for face in 0..mesh.corners.len() as u32 {
+            let own = area_of(mesh.triangle(face));
+            area += if own.is_finite() { own } else { 0.0 };
+            ends.push(area);
+        }
+        let count = (self.points as f64 * share).ceil() as usize;
+        let mut hash = mixed(cluster as u64);
+        let mut points = Vec::with_capacity(count);
+        for part in 0..if area > 0.0 { count } else { 0 } {
+            hash = mixed(hash);
+            let place = (part as f64 + unit(hash)) / count as f64 * area;
+            let face = ends.partition_point(|&end| end <= place).min(ends.len() - 1) as u32;
+            points.push(point_on(mesh.triangle(face).map(|corner| origin + corner), &mut hash));
+        }
+        let strata = vec![(area, points.len() as u32)];
+        Probes { probing: *self, points, strata, triangles: kept }
+    }
+}
+
+/// A position in parts of a cell's side.
+type Place = [i64; 3];
+
+/// Looks for chosen cells; remembers the block that it looked at last.
+#[derive(Debug)]
+pub struct ChosenCells {
+    probing: Probing,
+    parts: f64,
+    last: Option<(Place, Option<Place>)>,
+}
+
+impl ChosenCells {
+    /// The chosen cells of a probing.
+    pub fn new(probing: Probing) -> Self {
+        Self { probing, parts: SIDE_PARTS as f64 / probing.side, last: None }
+    }
+
+    /// Whether a position lies in one.
+    pub fn hold(&mut self, position: DVec3) -> bool {
+        let place = self.place(position);
+        self.are_between(place, place)
+    }
+
+    /// Whether a triangle comes near one: no farther than half a side.
+    fn are_near(&mut self, [a, b, c]: [&Place; 3]) -> bool {
+        let ends = |axis: usize| [a[axis].min(b[axis]).min(c[axis]), a[axis].max(b[axis]).max(c[axis])];
+        let [x, y, z] = [0, 1, 2].map(|axis| {
+            let [low, high] = ends(axis);
+            [low.saturating_sub(SIDE_PARTS / 2), high.saturating_add(SIDE_PARTS / 2)]
+        });
+        self.are_between([x[0], y[0], z[0]], [x[1], y[1], z[1]])
+    }
+
+    /// Whether one meets a box.
+    fn are_between(&mut self, low: Place, high: Place) -> bool {
+        let shift = self.probing.block_bits + SIDE_PARTS.trailing_zeros();
+        let [from, to] = [low, high].map(|place| place.map(|p| p >> shift));
+        if from == to {
+            return self.does_meet(from, low, high);
+        }
+        let counts = [0, 1, 2].map(|axis| i128::from(to[axis]) - i128::from(from[axis]) + 1);
+        if counts.iter().product::<i128>() > BLOCKS_MAX {
+            return true;
+        }
+        (from[0]..=to[0])
+            .any(|x| (from[1]..=to[1]).any(|y| (from[2]..=to[2]).any(|z| self.does_meet([x, y, z], low, high))))
+    }
+
+    /// Whether the chosen cell of a block meets a box.
+    fn does_meet(&mut self, block: Place, low: Place, high: Place) -> bool {
+        let cell = self.cell(block);
+        cell.is_some_and(|cell| (0..3).all(|axis| cell[axis] <= high[axis] && low[axis] < cell[axis] + SIDE_PARTS))
+    }
+
+    fn place(&self, position: DVec3) -> Place {
+        (position * self.parts).to_array().map(|c| {
+            let whole = c as i64;
+            whole.saturating_sub(i64::from(whole as f64 > c)).clamp(-PLACE_MAX, PLACE_MAX)
+        })
+    }
+
+    /// The low corner of the chosen cell of a block, if it has one.
+    fn cell(&mut self, block: Place) -> Option<Place> {
+        if let Some((last, cell)) = self.last
+            && last == block
+        {
+            return cell;
+        }
+        let mut hash = block.iter().fold(0, |hash, &b| mixed(hash ^ b as u64));
+        let cell = (unit(hash) < self.probing.odds).then(|| {
+            let bits = self.probing.block_bits;
+            block.map(|b| {
+                hash = mixed(hash);
+                ((b << bits) + (hash & ((1 << bits) - 1)) as i64) * SIDE_PARTS
+            })
+        });
+        self.last = Some((block, cell));
+        cell
+    }
+}
+
+impl Probes {
+    /// Adds those of other clusters, if there are any.
+    pub(super) fn add(&mut self, other: Self) {
+        if other.strata.is_empty() {
+            return;
+        }
+        self.probing = other.probing;
+        self.points.extend(other.points);
+        self.strata.extend(other.strata);
+        self.triangles.extend(other.triangles);
+    }
+
+    /// Whether nothing was probed.
+    pub fn is_empty(&self) -> bool {
+        self.strata.is_empty()
+    }
+
+    /// The triangles in and around the chosen cells, to single precision.
+    pub fn triangles(&self) -> Vec<[DVec3; 3]> {
+        self.triangles.iter().map(|&(a, [to_b, to_c])| [a, a + to_b.as_dvec3(), a + to_c.as_dvec3()]).collect()
+    }
+
+    /// Faces of the input.
+    pub fn faces(&self) -> u64 {
+        self.probing.faces
+    }
+
+    /// Area of the input.
+    pub fn area(&self) -> f64 {
+        self.strata.iter().map(|(area, _)| area).sum()
+    }
+
+    /// Whether they can be those of a mesh of so many faces, for a value that was read back.
+    pub(super) fn is_sound(&self, faces: u64) -> bool {
+        self.probing.is_sound(faces)
+            && self.strata.iter().all(|&(area, _)| area.is_finite() && area >= 0.0)
+            && self.strata.iter().map(|&(_, count)| count as usize).sum::<usize>() == self.points.len()
+            && self.points.iter().all(|point| point.is_finite())
+            && self.triangles.iter().all(|(corner, sides)| corner.is_finite() && sides.iter().all(|s| s.is_finite()))
+    }
+}
+
+/// Points on triangles that come one after the other, one to an area.
+#[derive(Debug)]
+pub struct Spread {
+    /// Area of a point.
+    spacing: f64,
+    owed: f64,
+    hash: u64,
+    /// Points that may still come.
+    left: u64,
+}
+
+impl Spread {
+    /// One point to this area, at most so many; the same `seed` gives the same points.
+    pub fn new(spacing: f64, most: u64, seed: u64) -> Self {
+        Self { spacing, owed: unit(mixed(seed)), hash: mixed(seed), left: most }
+    }
+
+    /// The points on the next triangle; none if it has no area.
+    pub fn over(&mut self, [a, b, c]: [DVec3; 3], mut visit: impl FnMut(DVec3)) {
+        let due = area_of([a, b, c]) / self.spacing;
+        if !due.is_finite() {
+            return;
+        }
+        self.owed += due;
+        while self.owed >= 1.0 && self.left > 0 {
+            self.owed -= 1.0;
+            self.left -= 1;
+            visit(point_on([a, b, c], &mut self.hash));
+        }
+    }
+}
+
+fn triangles(mesh: &ClusterMesh, origin: DVec3) -> impl Iterator<Item = [DVec3; 3]> {
+    (0..mesh.corners.len() as u32)
+        .filter(|&face| !mesh.is_dead(face))
+        .map(move |face| mesh.triangle(face).map(|p| origin + p))
+}
+
+/// A point of a triangle by chance (Turk, Graphics Gems, 1990).
+fn point_on([a, b, c]: [DVec3; 3], hash: &mut u64) -> DVec3 {
+    *hash = mixed(*hash);
+    let root = unit(*hash).sqrt();
+    *hash = mixed(*hash);
+    let along = unit(*hash);
+    a * (1.0 - root) + b * (root * (1.0 - along)) + c * (root * along)
+}
+
+fn area_of([a, b, c]: [DVec3; 3]) -> f64 {
+    0.5 * (b - a).cross(c - a).length()
+}
+
+/// The finaliser of SplitMix64 (Steele, Lea and Flood 2014, "Fast Splittable Pseudorandom Number Generators").
+fn mixed(seed: u64) -> u64 {
+    let mut z = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ z >> 31
+}
+
+/// A number from 0 up to 1.
+fn unit(hash: u64) -> f64 {
+    (hash >> 11) as f64 / (1u64 << 53) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn corner() -> impl Strategy<Value = DVec3> {
+        prop::array::uniform3(-40.0f64..40.0).prop_map(DVec3::from_array)
+    }
+
+    proptest! {
+        #[test]
+        fn triangles_near_a_point_in_a_chosen_cell_are_kept(
+            point in corner(),
+            ends in prop::array::uniform3(corner()),
+            faces in 1u64..10_000_000,
+        ) {
+            let probing = Probing::new(faces, faces / 10, 1.0);
+            let mut chosen = ChosenCells::new(probing);
+            let steps = (0..4_000_000).map(|step| point + DVec3::new(0.31, 0.17, 0.05) * probing.side * f64::from(step));
+            let point = steps.into_iter().find(|point| chosen.hold(*point)).unwrap();
+            // A triangle with a corner less than half a side away.
+            let near = point + ends[0].normalize_or_zero() * 0.49 * probing.side;
+            let places = [near, ends[1], ends[2]].map(|corner| chosen.place(corner));
+            prop_assert!(chosen.are_near([&places[0], &places[1], &places[2]]));
+        }
+    }
+
+    #[test]
+    fn the_chosen_cells_take_their_share_of_space() {
+        for faces in [1_000, 100_000, 3_000_000] {
+            let probing = Probing::new(faces, faces / 10, 1.0);
+            let mut chosen = ChosenCells::new(probing);
+            let mut hash = 1;
+            let mut coordinate = || {
+                hash = mixed(hash);
+                (unit(hash) - 0.5) * 2000.0
+            };
+            let count = 400_000;
+            let held = (0..count).filter(|_| chosen.hold(DVec3::new(coordinate(), coordinate(), coordinate()))).count();
+            let quotient = held as f64 / f64::from(count) / probing.share();
+            assert!((0.8..1.2).contains(&quotient), "{faces} faces: {quotient}");
+        }
+    }
+
+    #[test]
+    fn points_spread_by_area() {
+        let right = |x: f64, size: f64| [[0.0, 0.0], [size, 0.0], [0.0, size]].map(|[u, v]| DVec3::new(x + u, v, 0.0));
+        let mut spread = Spread::new(0.001, 10_000, 7);
+        let (mut small, mut large) = (0, 0);
+        spread.over(right(0.0, 1.0), |_| small += 1);
+        spread.over(right(9.0, 2.0), |point| {
+            assert!(point.x >= 9.0 && point.y >= 0.0 && point.x - 9.0 + point.y <= 2.0 + 1e-12);
+            large += 1;
+        });
+        assert!((499..=501).contains(&small) && (1999..=2001).contains(&large));
+    }
+}

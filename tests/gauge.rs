@@ -1,0 +1,68 @@
+//! The deviation that every run measures: near what a comparison finds, in one cluster and in many, and zero only where
+//! nothing moved.
+
+mod meshes;
+
+use drystone::options::SimplifyOptions;
+use drystone::report::Report;
+use meshes::{Sketch, in_many_clusters, ratio, rms_distance, simplify, simplify_text, terrain, torus, town};
+
+fn measured(report: &Report) -> f64 {
+    report.error.measured.expect("a result with faces is measured").rms
+}
+
+fn check(text: &str, options: &SimplifyOptions) {
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("in.obj");
+    std::fs::write(&input, text).unwrap();
+    let run = simplify(&input, options);
+    let (gauge, comparison) = (measured(&run.report), rms_distance(&input, &run));
+    assert!((0.88..1.12).contains(&(gauge / comparison)), "{gauge} measured, {comparison} by comparison");
+}
+
+#[test]
+fn it_is_near_what_a_comparison_finds() {
+    for sketch in [terrain(150), torus(150, 60)] {
+        for share in [0.5, 0.1, 0.02] {
+            check(&sketch.text(), &ratio(share));
+            check(&sketch.text(), &in_many_clusters(ratio(share)));
+        }
+    }
+    for share in [0.5, 0.1, 0.02] {
+        let run = simplify(&town(), &in_many_clusters(ratio(share)));
+        let quotient = measured(&run.report) / rms_distance(&town(), &run);
+        assert!((0.85..1.15).contains(&quotient), "{quotient}");
+    }
+}
+
+#[test]
+fn a_mesh_made_anew_is_not_measured_and_one_that_stays_as_it_is_does_not_deviate() {
+    let same = simplify(&town(), &ratio(1.0));
+    assert_eq!(measured(&same.report), 0.0);
+    let remeshed = SimplifyOptions { remesh: Some("cvd".parse().unwrap()), ..ratio(0.3) };
+    assert!(simplify(&town(), &remeshed).report.error.measured.is_none());
+}
+
+/// A flat square of 10 × 10 squares of which a triangle is left: half of it is gone.
+#[test]
+fn half_of_a_square_that_is_gone_is_seen() {
+    let mut sketch = Sketch::default();
+    for i in 0..11 {
+        for j in 0..11 {
+            sketch.positions.push(glam::DVec3::new(f64::from(i), f64::from(j), 0.0));
+        }
+    }
+    for i in 0..10 {
+        for j in 0..10 {
+            let at = |i: usize, j: usize| (i * 11 + j, 0);
+            sketch.faces.push([at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
+            sketch.faces.push([at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
+        }
+    }
+    for faces in [1, 2, 100] {
+        let options = SimplifyOptions { faces: Some(faces), ..SimplifyOptions::default() };
+        let run = simplify_text(&sketch.text(), &options);
+        let is_whole = (run.mesh().area() - 100.0).abs() < 1e-9;
+        assert_eq!(measured(&run.report) == 0.0, is_whole, "{faces} faces: {}", measured(&run.report));
+    }
+}
