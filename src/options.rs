@@ -109,6 +109,16 @@ pub enum TextureFiles {
     Reference,
 }
 
+/// How texture images outside of the folder of their MTL reach the output.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TexturesOutside {
+    /// Leave them; the MTL names their paths
+    Refer,
+    /// Copy or link them as the others; for input that you trust
+    Copy,
+}
+
 /// What to do with an unfinished job in the work folder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -186,6 +196,13 @@ pub struct SimplifyOptions {
     /// How to write texture images
     #[arg(long, value_enum, value_name = "HOW", default_value_t = TextureFiles::Copy, help_heading = heading::TEXTURE)]
     pub textures: TextureFiles,
+
+    /// How to write textures outside of the MTL's folder
+    ///
+    /// How to write texture images that an MTL names outside of its own folder, absolute names too
+    #[arg(long, value_enum, value_name = "HOW", default_value_t = TexturesOutside::Refer, help_heading = heading::TEXTURE)]
+    #[arg(hide_short_help = true)]
+    pub textures_outside: TexturesOutside,
 
     /// Weight of texture drift, 0 to 1000; at 1 a metre of drift costs as much as a metre of distance
     #[arg(long, value_name = "WEIGHT", default_value_t = 0.7, allow_negative_numbers = true, help_heading = heading::TEXTURE)]
@@ -272,6 +289,7 @@ impl Default for SimplifyOptions {
             normals: Normals::Auto,
             seams: None,
             textures: TextureFiles::Copy,
+            textures_outside: TexturesOutside::Refer,
             uv_weight: 0.7,
             memory: None,
             threads: None,

@@ -19,7 +19,9 @@ use crate::base::threads::make_pool;
 use crate::base::{Findings, MemoryBudget, Progress, Result};
 use crate::job::{InputFile, Manifest, Step, WorkFolder, folder_bytes};
 use crate::measure::gauge::gauge;
-use crate::options::{Borders, Drawing, Normals, Pieces, ResumeChoice, SimplifyOptions, TextureFiles, Weld};
+use crate::options::{
+    Borders, Drawing, Normals, Pieces, ResumeChoice, SimplifyOptions, TextureFiles, TexturesOutside, Weld,
+};
 use crate::os::system;
 use crate::os::timeline::{Recorder, Timeline};
 use crate::plan::memory::{self, Sizes};
@@ -119,6 +121,7 @@ fn run(
     need.check(budget, options, job.path(), start.needs_scratch())?;
     let write_options = WriteOptions {
         textures: options.textures.into(),
+        brings_outside: options.textures_outside == TexturesOutside::Copy,
         normals: options.normals == Normals::Auto && catalogue.has_normals,
         force: options.force,
         replaces_own,
@@ -171,7 +174,7 @@ fn run(
             output::remember(job, output)?;
             let staged = write::stage(&passes.mesh, catalogue, output, job.path(), &write_options, progress)?;
             if options.textures == TextureFiles::Copy {
-                input.check_textures(&staged)?;
+                input.check_textures(&staged, write_options.brings_outside)?;
             }
             progress.check_stopped()?;
             job.settle()?;

@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 
 use drystone::base::Silent;
 use drystone::measure::compare_checks;
-use drystone::options::{Normals, Seams, SimplifyOptions, TextureFiles};
+use drystone::options::{Normals, Seams, SimplifyOptions, TextureFiles, TexturesOutside};
 use drystone::pipeline;
 use glam::DVec3;
 use meshes::{
@@ -267,6 +267,39 @@ fn textures_outside_of_the_folder_are_named_by_a_path_that_works_from_the_output
         let is_told = report.warnings.iter().any(|line| line.starts_with("refused texture"));
         assert_eq!(is_told, textures != TextureFiles::Reference);
     }
+}
+
+#[test]
+fn textures_outside_of_the_folder_are_copied_where_the_user_allows_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().canonicalize().unwrap();
+    for name in ["tiles/out_textures", "tex", "out"] {
+        std::fs::create_dir_all(root.join(name)).unwrap();
+    }
+    std::fs::write(root.join("tex/roof.jpg"), "roof").unwrap();
+    std::fs::write(root.join("tiles/roof.jpg"), "inside").unwrap();
+    let absolute = root.join("tex/../tex/roof.jpg");
+    let mtl = format!("newmtl m\nmap_Kd ../tex/roof.jpg\nmap_AO {}\nmap_Ks roof.jpg\n", absolute.display());
+    std::fs::write(root.join("tiles/a.mtl"), mtl).unwrap();
+    let obj = "mtllib a.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    std::fs::write(root.join("tiles/a.obj"), obj).unwrap();
+    let options = SimplifyOptions { textures_outside: TexturesOutside::Copy, ..ratio(1.0) };
+    let report = pipeline::simplify(&root.join("tiles/a.obj"), &root.join("out/a.obj"), &options, &Silent).unwrap();
+    assert!(report.warnings.is_empty(), "{:?}", report.warnings);
+    let mtl = std::fs::read_to_string(root.join("out/a.mtl")).unwrap();
+    let names: Vec<_> = mtl.lines().filter_map(|line| line.strip_prefix("map_")).collect();
+    assert_eq!(names, ["Kd a_textures/roof.jpg", "AO a_textures/roof.jpg", "Ks a_textures/roof_2.jpg"]);
+    for (name, bytes) in [("roof.jpg", "roof"), ("roof_2.jpg", "inside")] {
+        assert_eq!(std::fs::read_to_string(root.join("out/a_textures").join(name)).unwrap(), bytes);
+    }
+    // One that would land on a file of the input is refused, whatever is forced.
+    std::fs::write(root.join("tiles/out_textures/roof.jpg"), "own").unwrap();
+    let mtl = "newmtl m\nmap_Kd ../tex/roof.jpg\nmap_Ks out_textures/roof.jpg\n";
+    std::fs::write(root.join("tiles/a.mtl"), mtl).unwrap();
+    let options = SimplifyOptions { force: true, ..options };
+    let refused = pipeline::simplify(&root.join("tiles/a.obj"), &root.join("tiles/out.obj"), &options, &Silent);
+    assert_eq!(refused.unwrap_err().exit_code(), 2);
+    assert_eq!(std::fs::read_to_string(root.join("tiles/out_textures/roof.jpg")).unwrap(), "own");
 }
 
 #[test]

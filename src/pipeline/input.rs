@@ -14,7 +14,7 @@ use super::need::{COUNT_LIMIT, Need};
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Progress, Result, counted};
 use crate::job::{Manifest, Step, WorkFolder, folder_bytes};
-use crate::options::{SimplifyOptions, TextureFiles};
+use crate::options::{SimplifyOptions, TextureFiles, TexturesOutside};
 use crate::scan::fingerprint::{self, Contents, Source};
 use crate::scan::{self, Scan, ScanOptions};
 use crate::stitch::Start;
@@ -135,12 +135,15 @@ impl Reading<'_> {
 
     /// Textures count by their content where they are copied, and by whether they are there otherwise.
     fn textures(&self, catalogue: &Catalogue) -> Result<Vec<Source>> {
-        let (named, known) = (write::named_textures(catalogue), Contents::default());
+        let brings_outside = self.options.textures_outside == TexturesOutside::Copy;
+        let (named, known) = (write::named_textures(catalogue, brings_outside), Contents::default());
         let mut sources = Vec::with_capacity(named.len());
         let look = |texture: NamedTexture| {
             self.progress.check_stopped()?;
             let is_copied = self.options.textures == TextureFiles::Copy && !texture.stays;
-            if is_copied {
+            if is_copied && brings_outside {
+                Source::anywhere(&texture.path, &known)
+            } else if is_copied {
                 Source::inside(&texture.folder, &texture.path, &known)
             } else {
                 Source::presence(&texture.path)
@@ -178,8 +181,8 @@ impl Input {
     ///
     /// # Errors
     /// [`Error::Changed`](crate::base::Error::Changed) naming the first that differs.
-    pub(super) fn check_textures(&self, staged: &Staged) -> Result<()> {
-        let named = write::named_textures(&self.catalogue);
+    pub(super) fn check_textures(&self, staged: &Staged, brings_outside: bool) -> Result<()> {
+        let named = write::named_textures(&self.catalogue, brings_outside);
         let hashed = named.iter().zip(&self.textures).filter(|(texture, _)| !texture.stays).map(|(_, source)| source);
         let mut known = HashMap::new();
         for source in hashed {

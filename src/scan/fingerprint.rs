@@ -78,6 +78,14 @@ impl Source {
         Self::new(path, look())
     }
 
+    /// The same of a texture that may lie anywhere.
+    ///
+    /// # Errors
+    /// As [`library`](Source::library).
+    pub fn anywhere(path: &Path, known: &Contents) -> Result<Self> {
+        Self::new(path, fs::canonicalize(path).and_then(|path| known.of(path)))
+    }
+
     /// Looks whether a file is there.
     ///
     /// # Errors

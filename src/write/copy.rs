@@ -42,9 +42,15 @@ pub(super) fn symlink(target: &Path, link: &Path) -> io::Result<()> {
 
 /// Copies a file to a new one, which will be `target`, and syncs it; returns length and XXH3. The inner error is that of
 /// reading.
-pub(super) fn copy(mut source: File, temporary: &Path, target: &Path) -> Result<io::Result<(u64, u64)>> {
+pub(super) fn copy(source: File, temporary: &Path, target: &Path) -> Result<io::Result<(u64, u64)>> {
     let wrap = |error| Error::io(target, "write", error);
     let mut copy = OpenOptions::new().write(true).create_new(true).open(temporary).map_err(wrap)?;
+    // What the system makes up as it is read, like files of /proc, may have no end.
+    let source_bytes = match source.metadata() {
+        Ok(metadata) => metadata.len(),
+        Err(error) => return Ok(Err(error)),
+    };
+    let mut source = source.take(source_bytes);
     let mut buffer = vec![0; COPY_BUFFER_BYTES];
     let (mut length, mut hash) = (0, Xxh3::new());
     loop {

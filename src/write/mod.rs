@@ -81,6 +81,8 @@ pub enum Textures {
 pub struct WriteOptions {
     /// What becomes of the textures.
     pub textures: Textures,
+    /// Whether those outside of the MTL's folder are copied or linked like the others.
+    pub brings_outside: bool,
     /// Whether vertex normals are computed and written.
     pub normals: bool,
     /// Whether an older result may be replaced.

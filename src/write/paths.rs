@@ -32,12 +32,17 @@ pub struct NamedTexture {
     pub stays: bool,
 }
 
-/// The files that the materials' texture statements name, in order of their paths.
-pub fn named_textures(catalogue: &Catalogue) -> BTreeSet<NamedTexture> {
+/// The files that the materials' texture statements name, in order of their paths; `brings_outside` as in
+/// [`WriteOptions`](super::WriteOptions::brings_outside).
+pub fn named_textures(catalogue: &Catalogue, brings_outside: bool) -> BTreeSet<NamedTexture> {
     let roots = roots(catalogue);
     let named = |folder: &Path, name: &[u8]| {
-        let stays = relative_path(name).is_none_or(|relative| leaves(&relative)) || is_outside(folder, &roots);
-        Some(NamedTexture { stays, path: place_of(folder, name)?, folder: folder.to_owned() })
+        let leaves_roots = relative_path(name).is_none_or(|relative| leaves(&relative)) || is_outside(folder, &roots);
+        Some(NamedTexture {
+            stays: leaves_roots && !brings_outside,
+            path: place_of(folder, name)?,
+            folder: folder.to_owned(),
+        })
     };
     let named = &named;
     let definitions = catalogue.materials.iter().filter_map(|material| material.definition.as_ref());
@@ -80,6 +85,17 @@ pub(super) fn find_source(mtl_folder: &Path, name: &[u8]) -> Result<PathBuf, Unu
     if !source.starts_with(&folder) {
         return Err(Unusable::Refused("it leaves the folder of its MTL through a link"));
     }
+    match fs::metadata(&source).map_err(missing)?.is_file() {
+        true => Ok(source),
+        false => Err(Unusable::Refused("it is not a regular file")),
+    }
+}
+
+/// The canonical path of a regular file, wherever an MTL in `mtl_folder` says that it is.
+pub(super) fn find_anywhere(mtl_folder: &Path, name: &[u8]) -> Result<PathBuf, Unusable> {
+    let place = place_of(mtl_folder, name).ok_or(Unusable::Refused("it is a path of another system"))?;
+    let missing = |error: io::Error| Unusable::Missing(place.clone(), error);
+    let source = fs::canonicalize(&place).map_err(missing)?;
     match fs::metadata(&source).map_err(missing)?.is_file() {
         true => Ok(source),
         false => Err(Unusable::Refused("it is not a regular file")),

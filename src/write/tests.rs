@@ -14,6 +14,7 @@ const BARE: [u32; 3] = [NO_TEXCOORD; 3];
 fn options() -> WriteOptions {
     WriteOptions {
         textures: Textures::Copy,
+        brings_outside: false,
         normals: false,
         force: false,
         replaces_own: false,

@@ -7,8 +7,8 @@
 //! ```
 //! In: texture names as MTL files write them, which nobody vouches for. Out: references, and files that wait under
 //! temporary names until [`TextureStage::commit`]. Invariant: only regular files inside the MTL's own folder are
-//! copied or linked, only if that folder lies in the OBJ's, and only into one folder, under names that hold no separator. No
-//! image is decoded.
+//! copied or linked, and only if that folder lies in the OBJ's, unless the user allows more; always into one folder, under names
+//! that hold no separator. No image is decoded.
 //!
 //! # Files
 //! `<stem>_textures/` beside the output.
@@ -18,7 +18,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::copy::{Look, copy, look, open_regular, same_content, symlink};
-use super::paths::{Unusable, find_source, is_outside, path_between, path_of, place_of, roots};
+use super::paths::{Unusable, find_anywhere, find_source, is_outside, path_between, path_of, place_of, roots};
 use super::targets::{Sources, Targets};
 use super::{Companion, CopiedTexture, Textures, WriteOptions};
 use crate::base::error::{escape, escape_path};
@@ -32,12 +32,13 @@ use crate::store::Catalogue;
 const STEM_BYTES_MAX: usize = 220;
 
 /// What becomes of a texture that is not copied.
-const REFERRED: &str = "the MTL names the file where it is";
+const REFERRED: &str = "the MTL names the file where it is; --textures-outside copy takes it along";
 
 /// Textures on their way to the result.
 #[derive(Debug)]
 pub(super) struct TextureStage {
     mode: Textures,
+    brings_outside: bool,
     force: bool,
     job: u64,
     sources: Sources,
@@ -100,6 +101,7 @@ impl TextureStage {
         let folder_name = folder.file_name().unwrap_or_default().as_encoded_bytes().to_owned();
         Self {
             mode: options.textures,
+            brings_outside: options.brings_outside,
             force: options.force,
             job: options.job,
             sources: options.sources.clone(),
@@ -134,6 +136,10 @@ impl TextureStage {
         let place = |why: &str| format!("{} of {}: {why}", escape(name), escape_path(mtl_folder));
         let outcome = match self.mode {
             Textures::Reference => Ok(self.refer(mtl_folder, name)?),
+            Textures::Copy | Textures::Link if self.brings_outside => match find_anywhere(mtl_folder, name) {
+                Ok(source) => self.bring(&source, name)?,
+                Err(unusable) => Err(unusable),
+            },
             Textures::Copy | Textures::Link if is_outside(mtl_folder, &self.roots) => {
                 let why = "its material library lies outside of the OBJ's folder";
                 self.findings.note("refused_texture", || place(&format!("{why}; {REFERRED}")));
@@ -369,8 +375,16 @@ mod tests {
     fn stage_for(output: &Path, mode: Textures, force: bool) -> TextureStage {
         let sources = Sources::default();
         let targets = Targets::choose(output, &sources, force).unwrap();
-        let options =
-            WriteOptions { textures: mode, normals: false, force, replaces_own: false, work_bytes: 0, sources, job: 1 };
+        let options = WriteOptions {
+            textures: mode,
+            brings_outside: false,
+            normals: false,
+            force,
+            replaces_own: false,
+            work_bytes: 0,
+            sources,
+            job: 1,
+        };
         TextureStage::new(&options, &targets, &Catalogue::default())
     }
 
@@ -425,6 +439,7 @@ mod tests {
         let targets = Targets::choose(&folders.output.join("city.obj"), &sources, false).unwrap();
         let options = WriteOptions {
             textures: Textures::Copy,
+            brings_outside: false,
             normals: false,
             force: false,
             replaces_own: false,
