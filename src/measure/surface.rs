@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::edges::repeats_vertex;
 use crate::base::{Error, Result};
 use crate::partition::numbering::position_key;
+use crate::partition::reading::triangulate_polygons;
 use crate::store::packed::Coordinates;
 use crate::store::{Catalogue, NO_TEXCOORD, PackedColumn, StoredMesh};
 
@@ -32,7 +33,7 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// Reads all pieces of a stored mesh; polygon fans are taken as they are.
+    /// Reads all pieces of a stored mesh; polygons are cut as they are for simplification.
     ///
     /// # Errors
     /// [`Error::Damaged`] if a face names a vertex, a texture coordinate or a part that does not exist,
@@ -60,7 +61,7 @@ impl Surface {
             let vertex_limit = u64::from(numbering.own) + mesh.shared_count();
             for block in piece.faces.blocks() {
                 piece.faces.read_block(&file, block, &mut bytes, &mut faces)?;
-                for face in &faces {
+                for face in &mut faces {
                     if let Some(v) = face.vertices.into_iter().find(|&v| u64::from(v) >= vertex_limit) {
                         return Err(damaged(format!("a face names vertex {v}, there are {vertex_limit}")));
                     }
@@ -69,14 +70,17 @@ impl Surface {
                         let count = piece.texcoords.len();
                         return Err(damaged(format!("a face names texture coordinate {t}, there are {count}")));
                     }
-                    let Some(part) = catalogue.parts.get(face.part as usize) else {
+                    if face.part as usize >= catalogue.parts.len() {
                         let count = catalogue.parts.len();
                         return Err(damaged(format!("a face names part {}, there are {count}", face.part)));
-                    };
-                    let face = numbering.globalise(face);
+                    }
+                    *face = numbering.globalise(face);
+                }
+                triangulate_polygons(&mut faces, &surface.positions);
+                for face in &faces {
                     surface.faces.push(face.vertices);
                     surface.face_texcoords.push(face.texcoords);
-                    surface.face_materials.push(part.material.unwrap_or(NO_MATERIAL));
+                    surface.face_materials.push(catalogue.parts[face.part as usize].material.unwrap_or(NO_MATERIAL));
                 }
             }
         }

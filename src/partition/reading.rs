@@ -175,7 +175,7 @@ impl<'a> LocalIds<'a> {
 }
 
 /// Replaces fans by proper triangulations, and drops their triangles that repeat a vertex; returns how many.
-pub(super) fn triangulate_polygons(faces: &mut Vec<Face>, positions: &[DVec3]) -> u64 {
+pub fn triangulate_polygons(faces: &mut Vec<Face>, positions: &[DVec3]) -> u64 {
     if !faces.iter().any(|face| face.continues_polygon) {
         return 0;
     }
