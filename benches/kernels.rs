@@ -45,8 +45,14 @@ fn scanned(folder: &Path) -> Scan {
 }
 
 fn cut(scan: &Scan, folder: &Path) -> Partition {
-    let options =
-        PartitionOptions { cluster_faces: CLUSTER_FACES, pass: 0, weld: true, threads: 1, work_bytes: WORK_BYTES };
+    let options = PartitionOptions {
+        cluster_faces: CLUSTER_FACES,
+        pass: 0,
+        weld: true,
+        drop_doubles: false,
+        threads: 1,
+        work_bytes: WORK_BYTES,
+    };
     partition(&scan.mesh, &scan.catalogue, folder, "bench", &options).expect("a partition")
 }
 

@@ -54,6 +54,16 @@ pub enum Pieces {
     Drop,
 }
 
+/// What happens to faces that lie on each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Doubles {
+    /// Keep all; their vertices hold still
+    Keep,
+    /// Keep the first of the faces that have the same three vertices, whichever way they face
+    Drop,
+}
+
 /// The cost of a collapse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -183,6 +193,10 @@ pub struct SimplifyOptions {
     #[arg(long, value_enum, default_value_t = Pieces::Keep, value_name = "HOW", hide_short_help = true, help_heading = heading::INPUT)]
     pub pieces: Pieces,
 
+    /// What to do with copies and back sides of faces
+    #[arg(long, value_enum, default_value_t = Doubles::Keep, value_name = "HOW", hide_short_help = true, help_heading = heading::INPUT)]
+    pub doubles: Doubles,
+
     /// How to write normals
     #[arg(long, value_enum, default_value_t = Normals::Auto, value_name = "HOW", help_heading = heading::INPUT, hide_short_help = true)]
     pub normals: Normals,
@@ -286,6 +300,7 @@ impl Default for SimplifyOptions {
             borders: Borders::Simplify,
             weld: Weld::Exact,
             pieces: Pieces::Keep,
+            doubles: Doubles::Keep,
             normals: Normals::Auto,
             seams: None,
             textures: TextureFiles::Copy,

@@ -20,7 +20,7 @@ use crate::base::{Findings, MemoryBudget, Progress, Result};
 use crate::job::{InputFile, Manifest, Step, WorkFolder, folder_bytes};
 use crate::measure::gauge::gauge;
 use crate::options::{
-    Borders, Drawing, Normals, Pieces, ResumeChoice, SimplifyOptions, TextureFiles, TexturesOutside, Weld,
+    Borders, Doubles, Drawing, Normals, Pieces, ResumeChoice, SimplifyOptions, TextureFiles, TexturesOutside, Weld,
 };
 use crate::os::system;
 use crate::os::timeline::{Recorder, Timeline};
@@ -290,6 +290,7 @@ fn pass_options(
         seams: options.seam_policy(),
         lock_borders: options.borders == Borders::Lock,
         drop_pieces: options.pieces == Pieces::Drop,
+        drop_doubles: options.doubles == Doubles::Drop,
         remesh: options.remesh,
         optimize: options.optimize,
         weld: options.weld == Weld::Exact,

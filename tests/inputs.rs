@@ -7,8 +7,9 @@ use std::fmt::Write as _;
 
 use drystone::base::Silent;
 use drystone::measure::compare_checks;
-use drystone::options::{Normals, Seams, SimplifyOptions, TextureFiles, TexturesOutside};
+use drystone::options::{Doubles, Normals, Seams, SimplifyOptions, TextureFiles, TexturesOutside};
 use drystone::pipeline;
+use drystone::report::Status;
 use glam::DVec3;
 use meshes::{
     Mesh, Sketch, bits, fixture, in_many_clusters, ratio, read, simplify, simplify_text, terrain, torus, town,
@@ -313,5 +314,47 @@ fn an_input_of_which_nothing_is_left_is_an_error_and_leaves_no_file() {
         assert_eq!(error.exit_code(), 4, "{error}");
         assert!(error.to_string().contains("of 1 triangle none is left"), "{error}");
         assert!(!output.exists() && !pipeline::work_folder(&output, &options).exists());
+    }
+}
+
+/// Every face of a torus twice: as a copy, or as its own back side.
+fn doubled_torus(is_copy: bool) -> Sketch {
+    let mut sketch = torus(60, 30);
+    let turned = |&[a, b, c]: &[(usize, usize); 3]| if is_copy { [b, c, a] } else { [a, c, b] };
+    let doubles: Vec<_> = sketch.faces.iter().map(turned).collect();
+    sketch.faces.extend(doubles);
+    sketch
+}
+
+#[test]
+fn doubled_faces_are_told_and_go_where_the_user_says_so() {
+    for is_copy in [true, false] {
+        let sketch = doubled_torus(is_copy);
+        let faces = sketch.faces.len() as u64;
+        for options in [ratio(0.2), in_many_clusters(ratio(0.2))] {
+            let kept = simplify_text(&sketch.text(), &options);
+            assert_eq!(kept.report.status, Status::TargetMissed);
+            assert!(kept.report.repairs["doubled_faces"] > faces / 4);
+            assert!(kept.report.miss_lines().iter().any(|line| line.contains("--doubles drop")));
+            let dropped = simplify_text(&sketch.text(), &SimplifyOptions { doubles: Doubles::Drop, ..options });
+            assert_eq!(dropped.report.repairs["dropped_doubles"], faces / 2);
+            let output = dropped.report.faces.output;
+            assert!(output <= faces / 5 && output + 2 >= faces / 5, "{output} of {}", faces / 5);
+            assert_eq!(dropped.mesh().check().boundary_edges, 0);
+        }
+    }
+}
+
+#[test]
+fn both_sides_of_a_square_are_cut_alike() {
+    let front = [1, 2, 3, 4];
+    for first in 0..4 {
+        let mut back: Vec<i32> = front.into_iter().rev().collect();
+        back.rotate_left(first);
+        let [a, b, c, d] = back[..] else { panic!("four corners") };
+        let text = format!("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\nf {a} {b} {c} {d}\n");
+        let run = simplify_text(&text, &SimplifyOptions { doubles: Doubles::Drop, ..ratio(1.0) });
+        assert_eq!(run.report.repairs["dropped_doubles"], 2);
+        assert_eq!(run.mesh().face_count(), 2);
     }
 }

@@ -185,6 +185,7 @@ fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
     let options = PassOptions {
         max_error: choice.max_error,
         drop_pieces: choice.drop_pieces,
+        drop_doubles: false,
         target: choice.max_error.map_or((scanned.triangles as f64 * choice.ratio).round() as u64, |_| 0),
         input: scanned.triangles,
         passes: choice.passes,

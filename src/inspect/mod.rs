@@ -28,6 +28,7 @@ use crate::base::bytes::MIB;
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Permits, Progress, Result, bytes, counted, grouped};
 use crate::job::{InputFile, Manifest, Resume, WorkFolder};
+use crate::mesh::doubles::doubles;
 use crate::os::durable::temporary_folder;
 use crate::partition::{self, Partition, PartitionOptions, TextureScale, cluster};
 use crate::plan::{memory, scratch};
@@ -149,7 +150,8 @@ fn inspect_in_clusters(
     let work_bytes = budget.for_work();
     let allowed = work_bytes.saturating_sub(BUFFERS_BYTES) / (FACE_BYTES_ALLOWED * (threads as u64 + 1));
     let cluster_faces = allowed.max(CLUSTER_FACES_MIN).min(cluster_faces);
-    let partition_options = PartitionOptions { cluster_faces, pass: 0, weld: true, threads, work_bytes };
+    let partition_options =
+        PartitionOptions { cluster_faces, pass: 0, weld: true, drop_doubles: false, threads, work_bytes };
     progress.begin("partition", 0, "");
     let mut partition = partition::partition(&mesh, &catalogue, work.path(), "pass-0", &partition_options)?;
     findings.merge(std::mem::take(&mut partition.findings));
@@ -241,7 +243,7 @@ impl Counting<'_> {
         let permits = Permits::new(self.work_bytes.saturating_sub(BUFFERS_BYTES));
         let mut sum = Tally::default();
         let mut shared = SharedTallies::create(folder, faces, self.work_bytes / 4)?;
-        let mut degenerate = 0;
+        let (mut degenerate, mut doubled) = (0, 0);
         map_in_order(
             0..self.partition.cluster_count(),
             self.threads,
@@ -249,17 +251,21 @@ impl Counting<'_> {
             |cluster| {
                 let _permit = permits.take(self.partition.face_count(cluster) * FACE_BYTES);
                 let source = cluster::load(self.partition, self.mesh, self.catalogue, &scale, cluster)?;
-                Ok((tally(&source, self.catalogue), source.degenerate, self.partition.face_count(cluster)))
+                let doubled = doubles(source.mesh.corners.len(), |face| source.mesh.vertices(face)).len() as u64;
+                let tally = tally(&source, self.catalogue);
+                Ok((tally, [source.degenerate, doubled], self.partition.face_count(cluster)))
             },
-            |(cluster, dropped, faces)| {
+            |(cluster, [dropped, doubles], faces)| {
                 sum.add(&cluster.own);
                 degenerate += dropped;
+                doubled += doubles;
                 progress.advance(faces);
                 progress.check_stopped()?;
                 shared.push(&cluster)
             },
         )?;
         findings.count("degenerate_faces", degenerate);
+        findings.count("doubled_faces", doubled);
         sum.add(&shared.finish()?);
         Ok(sum)
     }

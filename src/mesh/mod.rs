@@ -6,6 +6,7 @@
 pub mod class;
 pub mod cluster;
 pub mod crowding;
+pub mod doubles;
 pub mod edge;
 pub mod orient;
 pub mod pieces;

@@ -3,6 +3,8 @@
 //! Ear clipping by the `earcutr` crate in the plane of the polygon's Newell normal; a fan where that fails, or would take
 //! for ever.
 
+use std::cmp::Ordering;
+
 use glam::DVec3;
 
 use super::simple::is_simple;
@@ -12,7 +14,8 @@ const CORNERS_OF_ANY: usize = 32;
 
 /// Triangles, as indices into `polygon`, of a polygon with corners in order; n - 2 of them where possible.
 ///
-/// A quad is cut along the diagonal that keeps both triangles on the polygon's side, the shorter one if both do. One whose
+/// A quad is cut along the diagonal that keeps both triangles on the polygon's side, the shorter one if both do, and of two
+/// of one length that of its first corner by position: it does not matter where its corners begin or which way they run. One whose
 /// outline meets itself is cut into a fan if it has more than a few corners.
 pub fn triangulate(polygon: &[DVec3], out: &mut Vec<[u32; 3]>) {
     out.clear();
@@ -52,9 +55,17 @@ fn cut_quad(p: &[DVec3], normal: DVec3) -> [[u32; 3]; 2] {
     let is_first = match (first > 0.0, second > 0.0) {
         (true, false) => true,
         (false, true) => false,
-        _ => p[0].distance_squared(p[2]) <= p[1].distance_squared(p[3]),
+        _ => {
+            let lengths = p[0].distance_squared(p[2]).total_cmp(&p[1].distance_squared(p[3]));
+            let end = |a: usize, b: usize| if by_position(p[a], p[b]).is_le() { p[a] } else { p[b] };
+            lengths.then_with(|| by_position(end(0, 2), end(1, 3))).is_le()
+        }
     };
     if is_first { [[0, 1, 2], [0, 2, 3]] } else { [[1, 2, 3], [1, 3, 0]] }
+}
+
+fn by_position(a: DVec3, b: DVec3) -> Ordering {
+    a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z))
 }
 
 fn ear_cut(polygon: &[DVec3], normal: DVec3) -> Option<Vec<[u32; 3]>> {

@@ -377,7 +377,11 @@ mod tests {
     fn planned(positions: &[DVec3], cluster_faces: u64, pass: usize) -> Cells {
         let folder = tempfile::tempdir().unwrap();
         let mesh = mesh_of(folder.path(), positions);
-        plan(&mesh, &PartitionOptions { cluster_faces, pass, weld: true, threads: 2, work_bytes: 1 << 24 }).unwrap()
+        plan(
+            &mesh,
+            &PartitionOptions { cluster_faces, pass, weld: true, drop_doubles: false, threads: 2, work_bytes: 1 << 24 },
+        )
+        .unwrap()
     }
 
     fn largest(cells: &Cells, positions: &[DVec3]) -> usize {

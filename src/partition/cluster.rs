@@ -102,6 +102,8 @@ pub struct ClusterSource {
     pub origin: DVec3,
     /// Triangles that repeat a vertex, found while triangulating polygons.
     pub degenerate: u64,
+    /// Faces that were left out since an earlier one has their vertices.
+    pub doubles: u64,
     /// Id in the partition of each vertex.
     vertex_ids: Vec<u32>,
     /// Index in `texcoords` of each wedge, or [`NO_TEXCOORD`].
@@ -219,13 +221,14 @@ impl ClusterFaces {
 
     /// The mesh of the faces.
     pub fn into_source(self, partition: &Partition, catalogue: &Catalogue, scale: &TextureScale) -> ClusterSource {
-        let Self { faces, positions, degenerate, vertex_ids, texcoord_ids, texcoords } = self;
+        let Self { faces, positions, degenerate, doubles, vertex_ids, texcoord_ids, texcoords } = self;
         let origin = positions.first().copied().unwrap_or(DVec3::ZERO);
         let mesh = ClusterMesh::default();
         let mut source = ClusterSource {
             mesh,
             origin,
             degenerate,
+            doubles,
             vertex_ids,
             wedge_texcoord: Vec::new(),
             texcoords,

@@ -57,6 +57,8 @@ pub struct PartitionOptions {
     pub pass: usize,
     /// Whether vertices at bit-identical positions become one.
     pub weld: bool,
+    /// Whether of faces with the same three vertices the first alone is kept.
+    pub drop_doubles: bool,
     /// Threads.
     pub threads: usize,
     /// Bytes that windows and buffers may take.
@@ -74,6 +76,8 @@ pub struct Partition {
     texcoords: Option<texcoords::CellTexcoords>,
     /// What each cluster takes in memory; nothing for those that pass through.
     weights: Vec<Option<weight::ClusterWeight>>,
+    /// Whether clusters are loaded without doubles.
+    drops_doubles: bool,
     /// What was welded and dropped.
     pub findings: Findings,
     /// Most bytes that the folder held meanwhile.
@@ -110,7 +114,8 @@ pub fn partition(
         false => None,
     };
     scratch_peak = scratch_peak.max(folder_bytes(folder));
-    Ok(Partition { numbering, faces, texcoords, weights, findings, scratch_peak })
+    let drops_doubles = options.drop_doubles;
+    Ok(Partition { numbering, faces, texcoords, weights, drops_doubles, findings, scratch_peak })
 }
 
 /// The weight of each cluster; none where it is beyond the limit.

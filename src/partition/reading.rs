@@ -9,6 +9,7 @@ use glam::{DVec2, DVec3};
 
 use super::Partition;
 use crate::base::{Error, Result};
+use crate::mesh::doubles::doubles;
 use crate::mesh::polygon;
 use crate::store::face::{POLYGON_CORNERS_MAX, repeats_vertex};
 use crate::store::{Face, NO_TEXCOORD, Segment, StoredMesh};
@@ -27,6 +28,7 @@ pub struct ClusterFaces {
     pub(super) faces: Vec<Face>,
     pub(super) positions: Vec<DVec3>,
     pub(super) degenerate: u64,
+    pub(super) doubles: u64,
     pub(super) vertex_ids: Vec<u32>,
     pub(super) texcoord_ids: Vec<u32>,
     pub(super) texcoords: Vec<DVec2>,
@@ -100,13 +102,14 @@ pub(super) fn read_faces(
     // NOTE: before polygons are triangulated, which may drop triangles: brought texcoords answer all faces of the cell.
     let texcoord_ids = texcoord_ids(&faces);
     let degenerate = triangulate_polygons(&mut faces, &positions);
+    let doubles = if partition.drops_doubles { drop_doubles(&mut faces) } else { 0 };
     let texcoords = texcoords(&texcoord_ids)?;
     if texcoords.len() != texcoord_ids.len() {
         let path = partition.faces.by_cell.path().to_owned();
         let message = format!("{} texture coordinates for {} ids", texcoords.len(), texcoord_ids.len());
         return Err(Error::Damaged { path, message });
     }
-    Ok(ClusterFaces { faces, positions, degenerate, vertex_ids, texcoord_ids, texcoords })
+    Ok(ClusterFaces { faces, positions, degenerate, doubles, vertex_ids, texcoord_ids, texcoords })
 }
 
 /// Hands the faces of a cluster to `take` in blocks of about [`PASS_FACES`]; no polygon lies in two of them.
@@ -126,6 +129,17 @@ pub(super) fn for_each_block(
         Ok(())
     })?;
     take(pending)
+}
+
+/// Drops faces whose vertices an earlier one has; returns how many.
+fn drop_doubles(faces: &mut Vec<Face>) -> u64 {
+    let doubles = doubles(faces.len(), |face| faces[face as usize].vertices);
+    let (mut dropped, mut number) = (doubles.iter().copied().peekable(), 0);
+    faces.retain(|_| {
+        number += 1;
+        dropped.next_if_eq(&(number - 1)).is_none()
+    });
+    doubles.len() as u64
 }
 
 /// Ids of all vertices that faces use, ascending.

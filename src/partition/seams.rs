@@ -84,7 +84,7 @@ mod tests {
             }));
         }
         let (vertex_ids, texcoord_ids) = ((0..positions.len() as u32).collect(), (0..texcoords.len() as u32).collect());
-        ClusterFaces { faces, positions, degenerate: 0, vertex_ids, texcoord_ids, texcoords }
+        ClusterFaces { faces, positions, degenerate: 0, doubles: 0, vertex_ids, texcoord_ids, texcoords }
     }
 
     #[test]

@@ -107,7 +107,14 @@ impl Scene for StoredScene<'_> {
 
     fn triangles(&self, resources: &Resources, draw: &mut dyn FnMut(&Triangle)) -> Result<()> {
         let Resources { threads, work_bytes } = *resources;
-        let options = PartitionOptions { cluster_faces: CELL_FACES, pass: 0, weld: false, threads, work_bytes };
+        let options = PartitionOptions {
+            cluster_faces: CELL_FACES,
+            pass: 0,
+            weld: false,
+            drop_doubles: false,
+            threads,
+            work_bytes,
+        };
         let partition = partition::partition(self.mesh, self.catalogue, self.folder, "pass-view", &options)?;
         let scale = TextureScale::none(self.catalogue);
         let mut draw_source = |source: ClusterSource| {

@@ -6,7 +6,7 @@ use super::Report;
 use super::figures::length;
 use crate::base::error::escape_path;
 use crate::base::{bytes, counted, grouped};
-use crate::options::{Borders, Pieces, Seams, Weld};
+use crate::options::{Borders, Doubles, Pieces, Seams, Weld};
 use crate::stitch::outcome::{Floor, StageReport};
 
 /// Characters of a line of warning, at most; the report has the rest.
@@ -92,6 +92,7 @@ impl Report {
                 "vertices at non-manifold places, if only \
               equal positions join the faces there",
             ),
+            (floor.doubles, options.doubles == Doubles::Keep, "--doubles drop", "copies and back sides of faces"),
             (floor.pieces, options.pieces == Pieces::Keep, "--pieces drop", "edges of small components"),
         ];
         let is_way = |way: &&(u64, bool, &str, &str)| way.0 > 0 && way.1;

@@ -41,10 +41,10 @@ pub struct Engine<M> {
     /// The mesh as it stands.
     pub mesh: ClusterMesh,
     cost: M,
-    rings: Rings,
+    pub(super) rings: Rings,
     /// Whether no face is dead and the rings are as built.
     is_tidy: bool,
-    classes: Vec<Class>,
+    pub(super) classes: Vec<Class>,
     /// Whether the classes are those of the mesh as it stands.
     is_classified: bool,
     /// Of every vertex.
@@ -144,17 +144,6 @@ impl<M: Metric> Engine<M> {
         self.prepare();
         let free = (0..self.mesh.positions.len() as u32).filter(|&v| !self.rings.of(v).is_empty() && !self.is_held(v));
         free.map(|v| if self.classes[v as usize].is_border() { 1 } else { 2 }).sum()
-    }
-
-    /// Number of living vertices of each class, in the order of [`Class::ALL`].
-    pub fn class_counts(&self) -> [u64; 7] {
-        let mut counts = [0; 7];
-        for vertex in 0..self.classes.len() {
-            if !self.rings.of(vertex as u32).is_empty() {
-                counts[self.classes[vertex] as usize] += 1;
-            }
-        }
-        counts
     }
 
     /// Runs one stage.

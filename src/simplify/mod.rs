@@ -13,6 +13,7 @@ pub mod deviation;
 pub mod engine;
 pub mod legality;
 mod proposal;
+mod remains;
 mod settle;
 mod stage;
 pub mod texture;

@@ -46,6 +46,7 @@ pub(super) struct ClusterResult {
     pub(super) milestones: Vec<Milestone>,
     pub(super) seam_vertices: u64,
     pub(super) degenerate: u64,
+    pub(super) doubles: u64,
     pub(super) dropped_pieces: u64,
     pub(super) optimized: u64,
     pub(super) dropped_faces: u64,

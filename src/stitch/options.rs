@@ -75,6 +75,8 @@ pub struct PassOptions {
     pub lock_borders: bool,
     /// Whether pieces smaller than the deviation are dropped after the first pass.
     pub drop_pieces: bool,
+    /// Whether of faces with the same three vertices the first alone is kept.
+    pub drop_doubles: bool,
     /// How the mesh is made anew before the first pass, if it is.
     pub remesh: Option<cvd::Settings>,
     /// Whether vertices among slivers are moved after the last passes.

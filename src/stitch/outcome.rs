@@ -99,6 +99,8 @@ pub struct Floor {
     pub pieces: u64,
     /// Vertices at non-manifold places.
     pub non_manifold: u64,
+    /// Faces there that have the vertices of others: copies or back sides.
+    pub doubles: u64,
 }
 
 /// The outcome of all passes.
@@ -223,6 +225,7 @@ impl Floor {
             topology: refused(Refusal::Topology) + refused(Refusal::Fold) + refused(Refusal::UvFold),
             pieces: refused(Refusal::Piece),
             non_manifold: count(Class::Fixed),
+            doubles: engine.doubles(),
         }
     }
 
@@ -233,6 +236,7 @@ impl Floor {
         self.topology += other.topology;
         self.pieces += other.pieces;
         self.non_manifold += other.non_manifold;
+        self.doubles += other.doubles;
     }
 }
 
@@ -254,6 +258,8 @@ pub(super) struct PassOutcome {
     /// Whether it was run once more, since the target could be met only by far dearer collapses, or not at all.
     pub(super) is_wall: bool,
     pub(super) degenerate: u64,
+    /// Faces that were dropped since an earlier one has their vertices.
+    pub(super) doubles: u64,
     pub(super) dropped_pieces: u64,
     pub(super) optimized: u64,
     pub(super) dropped_faces: u64,

@@ -307,6 +307,7 @@ impl<'a, M: Metric> Run<'a, M> {
             cluster_faces: self.options.cluster_faces,
             pass,
             weld: self.options.weld && pass == 0,
+            drop_doubles: self.options.drop_doubles,
             threads: self.options.threads,
             work_bytes: self.options.work_bytes,
         };
@@ -360,6 +361,7 @@ impl<'a, M: Metric> Run<'a, M> {
             cluster_faces,
             floor,
             degenerate,
+            doubles,
             passed_through,
             dropped_pieces,
             dropped_faces,
@@ -377,6 +379,7 @@ impl<'a, M: Metric> Run<'a, M> {
             stages.add(result.faces_in, result.area, &result.milestones);
             error += result.area * result.squared_error;
             *degenerate += result.degenerate;
+            *doubles += result.doubles;
             *dropped_pieces += result.dropped_pieces;
             *optimized += result.optimized;
             *dropped_faces += result.dropped_faces;
@@ -492,6 +495,7 @@ impl<'a, M: Metric> Run<'a, M> {
             milestones: std::mem::take(&mut engine.milestones),
             seam_vertices: engine.seam_vertices,
             degenerate: source.degenerate,
+            doubles: source.doubles,
             dropped_pieces,
             optimized: 0,
             dropped_faces,

@@ -46,6 +46,7 @@ struct Remeshed {
     pieces: Vec<StoredPiece>,
     faces: u64,
     degenerate: u64,
+    doubles: u64,
     cells: u64,
     held: u64,
     added: u64,
@@ -103,6 +104,7 @@ impl<M: Metric> Run<'_, M> {
             report.kept += remeshed.kept;
             report.passed_through += remeshed.passed_through;
             findings.count("degenerate_faces", remeshed.degenerate);
+            findings.count("dropped_doubles", remeshed.doubles);
             mesh.pieces.extend(remeshed.pieces);
             Ok(())
         })?;
@@ -186,6 +188,7 @@ impl<M: Metric> Run<'_, M> {
             pieces: Vec::new(),
             faces: made.corners.len() as u64,
             degenerate: source.degenerate,
+            doubles: source.doubles,
             cells: outcome.cells,
             held: outcome.held,
             added: outcome.added,

@@ -77,6 +77,10 @@ impl PassState {
         self.sample = outcome.sample;
         self.squared_error += outcome.squared_error;
         self.findings.count("degenerate_faces", outcome.degenerate);
+        self.findings.count("dropped_doubles", outcome.doubles);
+        if self.reports.is_empty() {
+            self.findings.count("doubled_faces", outcome.floor.doubles);
+        }
         self.findings.count("dropped_pieces", outcome.dropped_pieces);
         self.findings.count("optimized_vertices", outcome.optimized);
         self.findings.count("dropped_piece_faces", outcome.dropped_faces);

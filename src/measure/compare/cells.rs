@@ -190,8 +190,14 @@ impl MeasuredMesh {
         let work = WorkFolder::open(folder, &manifest, Resume::Again)?;
         let Scan { mesh, catalogue, mut findings, .. } = scan::scan(&inputs, work.path(), &scan_options, progress)?;
         let pictures = Pictures::find(&catalogue, &mut findings);
-        let partition_options =
-            PartitionOptions { cluster_faces: cell_faces, pass: 0, weld: true, threads, work_bytes };
+        let partition_options = PartitionOptions {
+            cluster_faces: cell_faces,
+            pass: 0,
+            weld: true,
+            drop_doubles: false,
+            threads,
+            work_bytes,
+        };
         progress.begin("partition", 0, "");
         let mut partition = partition::partition(&mesh, &catalogue, work.path(), "pass-0", &partition_options)?;
         let dropped = std::mem::take(&mut partition.findings);
