@@ -9,6 +9,7 @@ mod need;
 mod output;
 mod pictures;
 
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
@@ -28,7 +29,7 @@ use crate::plan::memory::{self, Sizes};
 use crate::plan::scratch;
 use crate::report::gallery::{self, Resources};
 use crate::report::{ErrorFigures, FaceFigures, FileFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
-use crate::scan;
+use crate::scan::{self, InputChoice};
 use crate::stitch::{PassOptions, pass};
 use crate::store::Catalogue;
 use crate::write::{self, Companion, WriteOptions};
@@ -36,13 +37,18 @@ use crate::write::{self, Companion, WriteOptions};
 /// Of more damaged files than these it is only told how many there are.
 const DAMAGES_TOLD_MAX: usize = 12;
 
-/// Simplifies one OBJ, or all below a folder, into one OBJ.
+/// Simplifies OBJ files, or all below folders, into one OBJ.
 ///
 /// # Errors
 /// [`Error::Usage`](crate::base::Error::Usage) and [`Error::Budget`](crate::base::Error::Budget) before anything is read; see
 /// [`Error`](crate::base::Error) for the rest. Whatever happens, an older output stays whole until the new one is complete,
 /// and what is finished is kept in the work folder: the same call goes on from there.
-pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress: &dyn Progress) -> Result<Report> {
+pub fn simplify(
+    input: impl Into<InputChoice>,
+    output: &Path,
+    options: &SimplifyOptions,
+    progress: &dyn Progress,
+) -> Result<Report> {
     simplify_and(input, output, options, progress, |_, _| Ok(()))
 }
 
@@ -52,7 +58,7 @@ pub fn simplify(input: &Path, output: &Path, options: &SimplifyOptions, progress
 /// # Errors
 /// Those of [`simplify`] and of `then`.
 pub fn simplify_and(
-    input: &Path,
+    input: impl Into<InputChoice>,
     output: &Path,
     options: &SimplifyOptions,
     progress: &dyn Progress,
@@ -62,12 +68,13 @@ pub fn simplify_and(
     let recorder = Recorder::start(progress);
     let progress: &dyn Progress = &recorder;
     options.check()?;
-    let inputs = scan::find_inputs(input)?;
+    let choice = input.into();
+    let inputs = scan::find_inputs(&choice)?;
     let budget = memory::choose_budget(options)?;
     let threads = memory::choose_threads(options.threads, budget);
     let work_path = work_folder(output, options);
-    output::refuse(input, &inputs, output, &work_path)?;
-    let manifest = manifest(input, &inputs, options)?;
+    output::refuse(&choice, &inputs, output, &work_path)?;
+    let manifest = manifest(&choice, &inputs, options)?;
     let input_bytes: u64 = manifest.inputs.iter().map(|file| file.bytes).sum();
     scratch::refuse_small_disk(input_bytes, folder_bytes(&work_path), &work_path)?;
     if options.resume == ResumeChoice::Never {
@@ -77,7 +84,7 @@ pub fn simplify_and(
     make_pool(threads)?;
     let mut job = WorkFolder::open(&work_path, &manifest, options.resume.into())?;
     let reading = Reading {
-        path: input,
+        choice: &choice,
         began,
         inputs: &inputs,
         manifest: &manifest,
@@ -162,7 +169,7 @@ fn run(
     let passes = outcome?;
     if passes.faces == 0 {
         job.give_up();
-        return Err(input::nothing_left(reading.path, triangles));
+        return Err(input::nothing_left(reading.choice.name(), triangles));
     }
     findings.merge(passes.findings);
 
@@ -206,7 +213,8 @@ fn run(
         began: reading.began.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()),
         status,
         resumed: is_resumed,
-        input: reading.path.to_owned(),
+        input: reading.choice.name().to_owned(),
+        inputs: reading.choice.paths.clone(),
         input_files: reading.inputs.len() as u64,
         options: options.clone(),
         threads,
@@ -310,9 +318,10 @@ pub fn work_folder(output: &Path, options: &SimplifyOptions) -> PathBuf {
     output.with_file_name(name)
 }
 
-fn manifest(input: &Path, inputs: &[PathBuf], options: &SimplifyOptions) -> Result<Manifest> {
+fn manifest(choice: &InputChoice, inputs: &[PathBuf], options: &SimplifyOptions) -> Result<Manifest> {
+    let folders: Vec<OsString> = choice.folders().map(|f| f.canonicalize().unwrap_or_default().into()).collect();
     Ok(Manifest {
-        input_folder: if input.is_dir() { input.canonicalize().unwrap_or_default() } else { PathBuf::new() },
+        input_folders: PathBuf::from(folders.join(OsStr::new("\n"))),
         program: env!("CARGO_PKG_VERSION").to_owned(),
         options: options.fingerprint(),
         inputs: inputs.iter().map(|path| InputFile::of(path)).collect::<Result<_>>()?,

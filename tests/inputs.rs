@@ -10,6 +10,7 @@ use drystone::measure::compare_checks;
 use drystone::options::{Doubles, Normals, Seams, SimplifyOptions, TextureFiles, TexturesOutside};
 use drystone::pipeline;
 use drystone::report::Status;
+use drystone::scan::InputChoice;
 use glam::DVec3;
 use meshes::{
     Mesh, Sketch, bits, fixture, in_many_clusters, ratio, read, simplify, simplify_text, terrain, torus, town,
@@ -258,7 +259,7 @@ fn textures_outside_of_the_folder_are_named_by_a_path_that_works_from_the_output
     for textures in [TextureFiles::Copy, TextureFiles::Link, TextureFiles::Reference] {
         let options = SimplifyOptions { textures, force: true, ..ratio(1.0) };
         let output = root.join("out/deep/a.obj");
-        let report = pipeline::simplify(&root.join("tiles/a.obj"), &output, &options, &Silent).unwrap();
+        let report = pipeline::simplify(root.join("tiles/a.obj"), &output, &options, &Silent).unwrap();
         let mtl = std::fs::read_to_string(output.with_extension("mtl")).unwrap();
         let names: Vec<_> = mtl.lines().filter_map(|line| line.strip_prefix("map_")?.split_once(' ')).collect();
         assert_eq!(names.len(), 2, "{mtl}");
@@ -285,7 +286,7 @@ fn textures_outside_of_the_folder_are_copied_where_the_user_allows_it() {
     let obj = "mtllib a.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
     std::fs::write(root.join("tiles/a.obj"), obj).unwrap();
     let options = SimplifyOptions { textures_outside: TexturesOutside::Copy, ..ratio(1.0) };
-    let report = pipeline::simplify(&root.join("tiles/a.obj"), &root.join("out/a.obj"), &options, &Silent).unwrap();
+    let report = pipeline::simplify(root.join("tiles/a.obj"), &root.join("out/a.obj"), &options, &Silent).unwrap();
     assert!(report.warnings.is_empty(), "{:?}", report.warnings);
     let mtl = std::fs::read_to_string(root.join("out/a.mtl")).unwrap();
     let names: Vec<_> = mtl.lines().filter_map(|line| line.strip_prefix("map_")).collect();
@@ -298,7 +299,7 @@ fn textures_outside_of_the_folder_are_copied_where_the_user_allows_it() {
     let mtl = "newmtl m\nmap_Kd ../tex/roof.jpg\nmap_Ks out_textures/roof.jpg\n";
     std::fs::write(root.join("tiles/a.mtl"), mtl).unwrap();
     let options = SimplifyOptions { force: true, ..options };
-    let refused = pipeline::simplify(&root.join("tiles/a.obj"), &root.join("tiles/out.obj"), &options, &Silent);
+    let refused = pipeline::simplify(root.join("tiles/a.obj"), &root.join("tiles/out.obj"), &options, &Silent);
     assert_eq!(refused.unwrap_err().exit_code(), 2);
     assert_eq!(std::fs::read_to_string(root.join("tiles/out_textures/roof.jpg")).unwrap(), "own");
 }
@@ -357,4 +358,39 @@ fn both_sides_of_a_square_are_cut_alike() {
         assert_eq!(run.report.repairs["dropped_doubles"], 2);
         assert_eq!(run.mesh().face_count(), 2);
     }
+}
+
+#[test]
+fn several_inputs_join_and_what_is_excluded_stays_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    std::fs::create_dir_all(root.join("tiles/backup")).unwrap();
+    let [near, far] = [0.0, 500.0].map(|x| {
+        let mut sketch = terrain(20);
+        sketch.positions.iter_mut().for_each(|p| p.x += x);
+        sketch.text()
+    });
+    let faces = terrain(20).faces.len() as u64;
+    std::fs::write(root.join("tiles/a.obj"), &near).unwrap();
+    std::fs::write(root.join("tiles/backup/a.obj"), &near).unwrap();
+    std::fs::write(root.join("b.obj"), &far).unwrap();
+    let run = |names: &[&str], exclude: &[&str]| {
+        let paths = names.iter().map(|name| root.join(name)).collect();
+        let exclude = exclude.iter().map(|&pattern| pattern.to_owned()).collect();
+        let output = root.join(format!("out-{}-{}.obj", names.len(), names[0].len()));
+        pipeline::simplify(InputChoice { paths, exclude }, &output, &ratio(1.0), &Silent).unwrap()
+    };
+    let doubled = run(&["tiles"], &[]);
+    assert_eq!(doubled.faces.input, 2 * faces);
+    assert!(doubled.warnings.iter().any(|line| line.contains("are the same") && line.contains("--exclude")));
+    std::fs::remove_file(&doubled.output).unwrap();
+    let single = run(&["tiles"], &["backup"]);
+    assert_eq!((single.faces.input, single.warnings.len()), (faces, 0));
+    // Neighbours are no doubles, and a file that is named twice is read once.
+    let joined = run(&["b.obj", "tiles/a.obj", "tiles/../b.obj"], &[]);
+    assert_eq!((joined.faces.input, joined.input_files, joined.warnings.len()), (2 * faces, 2, 0));
+    let coarser = simplify(&root.join("tiles/a.obj"), &ratio(0.3));
+    std::fs::copy(&coarser.output, root.join("tiles/backup/a.obj")).unwrap();
+    let levels = run(&["tiles", "b.obj"], &[]);
+    assert!(levels.warnings.iter().any(|line| line.contains("fill the same space")), "{:?}", levels.warnings);
 }

@@ -63,7 +63,7 @@ pub fn run(arguments: &CheckArguments) -> Result<u8> {
 fn counts(path: &Path, progress: &dyn Progress) -> Result<Check> {
     const THREADS: usize = 2;
     make_pool(0)?;
-    let inputs = find_inputs(path)?;
+    let inputs = find_inputs(&path.into())?;
     let folder = temporary_folder("check");
     std::fs::create_dir(&folder).map_err(|e| Error::io(&folder, "create", e))?;
     let options = ScanOptions { threads: THREADS, chunks_in_flight: 2 * THREADS, ..Default::default() };

@@ -1,7 +1,7 @@
 //! `drystone compare`: what a simplification did to a mesh.
 
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
@@ -18,6 +18,7 @@ use crate::plan::{memory, scratch};
 use crate::report::gallery::{self, Relief};
 use crate::report::{self, ComparisonPage, Kind};
 use crate::scan;
+use crate::scan::InputChoice;
 
 /// Points by area, at least and at most.
 const SAMPLES: std::ops::RangeInclusive<u64> = 1_000..=1_000_000_000;
@@ -95,7 +96,7 @@ pub fn run(arguments: &CompareArguments) -> Result<u8> {
     let stop = StopSignal::listen()?;
     let goodbye = Goodbye::of_nothing(&stop);
     let told = stoppable(*quiet, stop);
-    let meshes = [original.as_path(), result.as_path()];
+    let meshes = [&original.into(), &result.into()];
     let mut page = ComparisonPage::default();
     let outcome = if kinds.contains(&Kind::Html) {
         page.resources = drawing_resources(*memory, *threads)?;
@@ -133,7 +134,7 @@ fn drawing_resources(memory: Option<u64>, threads: Option<usize>) -> Result<gall
 /// Those of [`compare::compare`]; [`Error::Usage`], [`Error::Budget`] and [`Error::NoSpace`] before anything is read.
 #[allow(clippy::too_many_arguments, reason = "each an option of its own")]
 pub fn compare_meshes(
-    meshes: [&Path; 2],
+    meshes: [&InputChoice; 2],
     sampling: SamplingArguments,
     memory: Option<u64>,
     threads: Option<usize>,
@@ -161,7 +162,13 @@ pub fn compare_meshes(
         scan: memory::scan_options(budget, threads),
     };
     let [original, result] = meshes;
-    compare::compare(original, result, &CompareOptions { samples, seed, work, resources }, onlooker, progress)
+    compare::compare(
+        original.clone(),
+        result.clone(),
+        &CompareOptions { samples, seed, work, resources },
+        onlooker,
+        progress,
+    )
 }
 
 /// The comparison as a person reads it.

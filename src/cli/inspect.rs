@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::input::InputArguments;
 use super::print::{print, print_json};
 use super::progress::stoppable;
 use super::stop::Goodbye;
@@ -14,8 +15,8 @@ use crate::os::signals::StopSignal;
 /// Arguments of `drystone inspect`.
 #[derive(Debug, Args)]
 pub struct InspectArguments {
-    /// OBJ file, or a folder: every OBJ in and below it joins one mesh
-    input: PathBuf,
+    #[command(flatten)]
+    input: InputArguments,
     /// Memory that the program may use, at least 128MiB [default: half of the machine's or cgroup's]
     #[arg(long, value_name = "SIZE", value_parser = bytes::parse)]
     memory: Option<u64>,
@@ -43,7 +44,7 @@ pub fn run(arguments: &InspectArguments) -> Result<u8> {
     let stop = StopSignal::listen()?;
     let goodbye = Goodbye::of_nothing(&stop);
     let told = stoppable(*quiet, stop);
-    let inspection = match inspect::inspect(input, &options, &*told) {
+    let inspection = match inspect::inspect(input.choice(), &options, &*told) {
         Err(Error::Stopped) => return Ok(goodbye.say()),
         outcome => outcome?,
     };

@@ -3,6 +3,7 @@
 mod check;
 mod compare;
 mod exit;
+mod input;
 mod inspect;
 mod manual;
 mod markdown;

@@ -1,9 +1,8 @@
 //! `drystone plan`: what a run will take.
 
-use std::path::PathBuf;
-
 use clap::Args;
 
+use super::input::InputArguments;
 use super::print::{print, print_json};
 use super::progress::told;
 use crate::base::Result;
@@ -13,10 +12,10 @@ use crate::plan;
 /// Arguments of `drystone plan`.
 #[derive(Debug, Args)]
 pub struct PlanArguments {
-    /// OBJ file, or a folder: every OBJ in and below it joins one mesh
-    input: PathBuf,
     #[command(flatten)]
     options: SimplifyOptions,
+    #[command(flatten)]
+    input: InputArguments,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -31,7 +30,7 @@ pub struct PlanArguments {
 /// Those of [`plan::plan`], and [`Error::NoSpace`](crate::base::Error::NoSpace) after the plan if the disk is too small.
 pub fn run(arguments: &PlanArguments) -> Result<u8> {
     let told = told(arguments.quiet);
-    let plan = plan::plan(&arguments.input, &arguments.options, &*told)?;
+    let plan = plan::plan(arguments.input.choice(), &arguments.options, &*told)?;
     drop(told);
     match arguments.json {
         true => print_json(&plan)?,

@@ -6,12 +6,11 @@
 //! ```
 //! In: phases as they begin and advance. Out: a share that never falls. Nothing that shapes a result reads it.
 
-use std::path::Path;
-
 use crate::options::SimplifyOptions;
 use crate::plan::memory::{self, Sizes};
 use crate::plan::{passes, time};
 use crate::scan;
+use crate::scan::InputChoice;
 
 /// Bytes of OBJ text for each triangle, about.
 const BYTES_PER_TRIANGLE: u64 = 70;
@@ -45,7 +44,7 @@ pub struct JobShare {
 
 impl JobShare {
     /// A run that has not begun, followed by a comparison with so many samples.
-    pub fn of(input: &Path, options: &SimplifyOptions, samples: u64) -> Self {
+    pub fn of(input: &InputChoice, options: &SimplifyOptions, samples: u64) -> Self {
         let files = scan::find_inputs(input).unwrap_or_default();
         let bytes = files.iter().filter_map(|path| path.metadata().ok()).map(|meta| meta.len()).sum();
         let budget = memory::choose_budget(options);

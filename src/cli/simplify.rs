@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 
 use super::compare::{SamplingArguments, compare_meshes};
+use super::input::InputArguments;
 use super::print::{print, print_json};
 use super::progress::{of_job, stoppable, tell};
 use super::share::JobShare;
@@ -26,8 +27,8 @@ pub const EXAMPLES: &str = "\
 Examples:
   drystone simplify city.obj -o out/city.obj --ratio 10%
       Keep a tenth of the triangles; MTL and textures go beside the result.
-  drystone simplify tiles/ -o out/city.obj --faces 2M --memory 1GiB
-      Join every OBJ in and below tiles/ into one mesh of 2 million triangles, within 1 GiB of memory.
+  drystone simplify tiles/ -o out/city.obj --faces 2M --memory 1GiB --exclude '*_lod*'
+      Join every OBJ in and below tiles/, but those named *_lod*, into one mesh of 2 million triangles, within 1 GiB.
   drystone simplify city.obj -o out/city.obj --max-error 0.05 --report out/city.html
       Remove whatever moves the surface by less than 0.05 units; write a page with renderings and plots.
   drystone simplify city.obj -o out/city.obj --ratio 0.1 --quiet --format json | jq .faces
@@ -38,13 +39,13 @@ Examples:
 /// Arguments of `drystone simplify`.
 #[derive(Debug, Args)]
 pub struct SimplifyArguments {
-    /// OBJ file, or a folder: every OBJ in and below it joins one mesh
-    input: PathBuf,
     /// OBJ file to write; its MTL and textures go beside it
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     #[command(flatten)]
     options: SimplifyOptions,
+    #[command(flatten)]
+    input: InputArguments,
     /// Write a report: .json for scripts, .html for people; may be repeated
     #[arg(long, value_name = "FILE", help_heading = heading::REPORT)]
     report: Vec<PathBuf>,
@@ -94,6 +95,7 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
         (true, true) => Drawing::PicturesAndErrors,
     };
     let options = SimplifyOptions { drawing, command: Some(command_line()), ..options.clone() };
+    let choice = input.choice();
     let stop = StopSignal::listen()?;
     let work = pipeline::work_folder(output, &options);
     let goodbye = Goodbye::of_job(&stop, &work);
@@ -102,11 +104,11 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
     let told = if *quiet {
         stoppable(true, stop.clone())
     } else {
-        of_job(stop.clone(), JobShare::of(input, &options, samples), &work)
+        of_job(stop.clone(), JobShare::of(&choice, &options, samples), &work)
     };
     let mut number = 0;
     // With the job not yet done: where a report cannot be written, the same command goes on.
-    let outcome = pipeline::simplify_and(input, output, &options, &*told, |result, job| {
+    let outcome = pipeline::simplify_and(choice.clone(), output, &options, &*told, |result, job| {
         number = job;
         reports.iter().try_for_each(|path| result.save(path, job))
     });
@@ -114,10 +116,10 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
         Err(Error::Stopped) => return Ok(goodbye.say()),
         outcome => outcome?,
     };
-    goodbye.only_compares(input, output);
+    goodbye.only_compares(&choice, output);
     let compared = measure.then(|| {
         let work = work_beside(&work);
-        let meshes = [input.as_path(), output.as_path()];
+        let meshes = [&choice, &output.into()];
         match &mut result.shots {
             Some([_, after]) => {
                 compare_meshes(meshes, *sampling, options.memory, options.threads, Relief::BYTES, work, after, &*told)

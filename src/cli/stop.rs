@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use super::progress::tell;
 use crate::base::error::{escape_path, is_unseen};
 use crate::os::signals::StopSignal;
+use crate::scan::InputChoice;
 
 /// Time that the work has to come to a safe end by itself; then the process ends as it is, which is safe too.
 const GRACE: Duration = Duration::from_secs(3);
@@ -63,8 +64,9 @@ impl Goodbye {
     }
 
     /// From now on only the comparison of a result is under way.
-    pub fn only_compares(&self, input: &Path, output: &Path) {
-        let [input, output] = [input, output].map(|path| quoted(path.as_os_str()));
+    pub fn only_compares(&self, input: &InputChoice, output: &Path) {
+        // A comparison takes one input: of several, whoever wants it names a folder.
+        let [input, output] = [input.name(), output].map(|path| quoted(path.as_os_str()));
         let words = Words::Comparison { command: format!("drystone compare {input} {output}") };
         *self.words.lock().unwrap_or_else(PoisonError::into_inner) = words;
     }

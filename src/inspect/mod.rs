@@ -32,6 +32,7 @@ use crate::mesh::doubles::doubles;
 use crate::os::durable::temporary_folder;
 use crate::partition::{self, Partition, PartitionOptions, TextureScale, cluster};
 use crate::plan::{memory, scratch};
+use crate::scan::InputChoice;
 use crate::scan::{self, Scan};
 use crate::store::{Catalogue, StoredMesh};
 use crate::write::is_texture_there;
@@ -110,13 +111,13 @@ pub struct Inspection {
 ///
 /// # Errors
 /// [`Error::Budget`] and [`Error::NoSpace`] before anything is read; else those of the scan and the partition.
-pub fn inspect(input: &Path, options: &InspectOptions, progress: &dyn Progress) -> Result<Inspection> {
-    inspect_in_clusters(input, options, CLUSTER_FACES_MAX, progress)
+pub fn inspect(input: impl Into<InputChoice>, options: &InspectOptions, progress: &dyn Progress) -> Result<Inspection> {
+    inspect_in_clusters(&input.into(), options, CLUSTER_FACES_MAX, progress)
 }
 
 /// Looks at an OBJ in clusters of at most about `cluster_faces` faces.
 fn inspect_in_clusters(
-    input: &Path,
+    input: &InputChoice,
     options: &InspectOptions,
     cluster_faces: u64,
     progress: &dyn Progress,
@@ -364,7 +365,7 @@ mod tests {
             for cluster_faces in [20, 300] {
                 let folder = tempfile::tempdir().unwrap();
                 let options = InspectOptions { work: Some(folder.path().to_owned()), ..InspectOptions::default() };
-                assert_eq!(inspect_in_clusters(&input, &options, cluster_faces, &Silent).unwrap(), whole);
+                assert_eq!(inspect_in_clusters(&(&input).into(), &options, cluster_faces, &Silent).unwrap(), whole);
             }
         }
     }

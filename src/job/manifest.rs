@@ -35,9 +35,10 @@ pub struct Manifest {
     pub began: u64,
     /// A number that no other job has.
     pub job: u64,
-    /// The canonical folder that was given as input, in which textures may lie; empty for a file.
+    /// The canonical folders that were given as input, in which textures may lie, as one list of search paths; empty where
+    /// files alone were given.
     #[serde(with = "codec::path")]
-    pub input_folder: PathBuf,
+    pub input_folders: PathBuf,
     /// Whether the work folder goes with the job: not if it was the user's.
     pub owns_folder: bool,
 }
@@ -130,9 +131,9 @@ impl Manifest {
             }
         };
         differ("the program", &self.program, &new.program);
-        let given = |manifest: &Self| match manifest.input_folder.as_os_str().is_empty() {
-            true => "a file".to_owned(),
-            false => format!("the folder {}", manifest.input_folder.display()),
+        let given = |manifest: &Self| match manifest.input_folders.as_os_str().is_empty() {
+            true => "files".to_owned(),
+            false => format!("in {}", manifest.input_folders.display()),
         };
         differ("the input", &given(self), &given(new));
         match (fields(&self.options), fields(&new.options)) {

@@ -41,7 +41,7 @@ mod tests;
 mod texture;
 pub mod tilted;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use serde::Serialize;
@@ -54,7 +54,7 @@ use super::border::{BorderDeviation, border_deviation};
 use crate::base::threads::make_pool;
 use crate::base::{Error, Findings, Progress, Result, json_path};
 use crate::os::system;
-use crate::scan::ScanOptions;
+use crate::scan::{InputChoice, ScanOptions};
 
 /// Version of the JSON's form.
 pub const VERSION: u32 = 1;
@@ -358,8 +358,8 @@ pub const SAMPLES: u64 = 1_000_000;
 /// # Errors
 /// Those of the scan; [`Error::Input`] for a mesh without triangles; on a full disk, failed reads and writes.
 pub fn compare(
-    original: &Path,
-    result: &Path,
+    original: impl Into<InputChoice>,
+    result: impl Into<InputChoice>,
     options: &CompareOptions,
     onlooker: &mut dyn Onlooker,
     progress: &dyn Progress,
@@ -368,7 +368,7 @@ pub fn compare(
     make_pool(options.resources.threads)?;
     // One with the folders of a comparison in it was left by a process that was killed.
     let is_own = !options.work.exists() || NAMES.iter().any(|name| options.work.join(name).exists());
-    let found = compare_in_cells(original, result, options, CELL_FACES, onlooker, progress);
+    let found = compare_in_cells([&original.into(), &result.into()], options, CELL_FACES, onlooker, progress);
     if is_own {
         let _ = std::fs::remove_dir(&options.work);
     }
@@ -379,17 +379,20 @@ pub fn compare(
 
 /// Compares meshes in cells of about `cell_faces` triangles.
 fn compare_in_cells(
-    original: &Path,
-    result: &Path,
+    [original, result]: [&InputChoice; 2],
     options: &CompareOptions,
     cell_faces: u64,
     onlooker: &mut dyn Onlooker,
     progress: &dyn Progress,
 ) -> Result<Comparison> {
-    let prepare = |input: &Path, name: &str| {
+    let prepare = |input: &InputChoice, name: &str| {
         let mesh = MeasuredMesh::prepare(input, &options.work.join(name), cell_faces, &options.resources, progress)?;
         if mesh.cells.is_empty() {
-            return Err(Error::input(input, 0, "expected triangles, found none; nothing can be compared with it"));
+            return Err(Error::input(
+                input.name(),
+                0,
+                "expected triangles, found none; nothing can be compared with it",
+            ));
         }
         Ok(mesh)
     };
@@ -422,8 +425,8 @@ fn compare_in_cells(
     }
     Ok(Comparison {
         version: VERSION,
-        original: original.to_owned(),
-        result: result.to_owned(),
+        original: original.name().to_owned(),
+        result: result.name().to_owned(),
         samples: options.samples,
         seed: options.seed,
         geometry,

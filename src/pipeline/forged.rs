@@ -96,7 +96,8 @@ impl HalfDone {
     fn open(&self, work: &Path) -> WorkFolder {
         fs::create_dir(work).unwrap();
         self.files.iter().for_each(|(name, content)| fs::write(work.join(name), content).unwrap());
-        let manifest = super::manifest(&self.input, std::slice::from_ref(&self.input), &self.options).unwrap();
+        let manifest =
+            super::manifest(&(&self.input).into(), std::slice::from_ref(&self.input), &self.options).unwrap();
         WorkFolder::open(work, &manifest, Resume::Require).unwrap()
     }
 

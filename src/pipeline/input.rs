@@ -16,7 +16,7 @@ use crate::base::{Error, Findings, Progress, Result, counted};
 use crate::job::{Manifest, Step, WorkFolder, folder_bytes};
 use crate::options::{SimplifyOptions, TextureFiles, TexturesOutside};
 use crate::scan::fingerprint::{self, Contents, Source};
-use crate::scan::{self, Scan, ScanOptions};
+use crate::scan::{self, InputChoice, Scan, ScanOptions};
 use crate::stitch::Start;
 use crate::store::Catalogue;
 use crate::write::{self, NamedTexture, Sources, Staged};
@@ -44,8 +44,8 @@ pub(super) struct Input {
 
 /// How the input is read.
 pub(super) struct Reading<'a> {
-    /// OBJ file or folder.
-    pub(super) path: &'a Path,
+    /// What the user named.
+    pub(super) choice: &'a InputChoice,
     /// When the process began.
     pub(super) began: SystemTime,
     /// OBJ files.
@@ -80,7 +80,7 @@ impl Reading<'_> {
 
     fn recall(&self, job: &WorkFolder) -> Result<Option<(Input, Start)>> {
         let accept = |input: &mut Input| {
-            (input.catalogue.files, input.catalogue.folder) = (self.inputs.to_vec(), self.folder());
+            (input.catalogue.files, input.catalogue.folders) = (self.inputs.to_vec(), self.folders());
             input.catalogue.is_sound()
                 && input.need.is_sound()
                 && input.triangles.max(input.bytes) < COUNT_LIMIT
@@ -100,7 +100,7 @@ impl Reading<'_> {
         for (old, new) in [(&input.libraries, &libraries), (&input.textures, &textures)] {
             let pairs = || old.iter().zip(new);
             if old.len() != new.len() || pairs().any(|(old, new)| old.path != new.path) {
-                return Err(fingerprint::changed(self.path, "names libraries or textures in other places"));
+                return Err(fingerprint::changed(self.choice.name(), "names libraries or textures in other places"));
             }
             all.extend(pairs());
         }
@@ -115,7 +115,7 @@ impl Reading<'_> {
     fn scan(&self, job: &WorkFolder) -> Result<(Input, Start)> {
         let scanned = scan::scan(self.inputs, job.path(), &self.scan, self.progress)?;
         let Scan { mesh, mut catalogue, triangles, findings, input_bytes, content_hashes, libraries } = scanned;
-        catalogue.folder = self.folder();
+        catalogue.folders = self.folders();
         let textures = self.textures(&catalogue)?;
         let libraries = libraries_at(libraries.iter().map(PathBuf::as_path))?;
         let need = Need::of(&mesh, &catalogue);
@@ -128,9 +128,9 @@ impl Reading<'_> {
         Ok((input, start))
     }
 
-    /// The folder that was given as input.
-    fn folder(&self) -> Option<PathBuf> {
-        self.path.is_dir().then(|| self.path.to_owned())
+    /// The folders that were given as input.
+    fn folders(&self) -> Vec<PathBuf> {
+        self.choice.folders().cloned().collect()
     }
 
     /// Textures count by their content where they are copied, and by whether they are there otherwise.

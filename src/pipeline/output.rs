@@ -8,7 +8,7 @@ use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 use crate::job::{Step, WorkFolder, codec};
 use crate::os::durable::{DurableFile, folder_of, make_folders};
-use crate::scan::fingerprint;
+use crate::scan::{InputChoice, fingerprint};
 use crate::write::{Companion, Sources, Written, remove_waiting_of, textures_folder, why_unnameable};
 
 /// Longest name of a file, and what stands behind the output's name in the longest that is made of it.
@@ -46,7 +46,7 @@ pub(super) fn earlier(job: &WorkFolder, output: &Path) -> Result<Earlier> {
 
 /// Refuses, before anything is read or made, an output that is no OBJ or one of the inputs, and places that are in the way of
 /// each other.
-pub(super) fn refuse(input: &Path, inputs: &[PathBuf], output: &Path, work: &Path) -> Result<()> {
+pub(super) fn refuse(choice: &InputChoice, inputs: &[PathBuf], output: &Path, work: &Path) -> Result<()> {
     let shown = escape_path(output);
     let refused = |words: &str| Err(Error::Usage(format!("{shown}: {words}")));
     let (Some(name), false) = (output.file_name(), output.is_dir()) else {
@@ -66,8 +66,8 @@ pub(super) fn refuse(input: &Path, inputs: &[PathBuf], output: &Path, work: &Pat
         return refused("is there already, and no regular file");
     }
     let there = resolved(output);
-    if input.is_dir() && there.starts_with(resolved(input)) {
-        return refused(&format!("lies below the input, {}; choose a name outside of it", escape_path(input)));
+    if let Some(folder) = choice.folders().find(|folder| there.starts_with(resolved(folder))) {
+        return refused(&format!("lies below the input, {}; choose a name outside of it", escape_path(folder)));
     }
     if Sources::new(inputs.iter().map(PathBuf::as_path)).are_at(output) {
         return refused("the output is the input; choose another name");
@@ -180,7 +180,7 @@ mod tests {
         for resume in [Resume::Auto, Resume::Never] {
             let folder = tempfile::tempdir().unwrap();
             let path = |name: &str| folder.path().join(name);
-            let manifest = crate::pipeline::manifest(Path::new(""), &[], &SimplifyOptions::default()).unwrap();
+            let manifest = crate::pipeline::manifest(&"".into(), &[], &SimplifyOptions::default()).unwrap();
             let open = |resume| WorkFolder::open(&path("work"), &manifest, resume).unwrap();
             let job = open(Resume::Auto);
             std::fs::create_dir_all(path("a/city_textures")).unwrap();

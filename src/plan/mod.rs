@@ -24,6 +24,7 @@ use crate::base::{Progress, Result, bytes, counted, grouped};
 use crate::options::SimplifyOptions;
 use crate::os::system;
 use crate::scan;
+use crate::scan::InputChoice;
 
 /// What the input holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -83,9 +84,9 @@ pub struct Plan {
 /// # Errors
 /// As [`pipeline::simplify`](crate::pipeline::simplify) for options, an impossible budget and inputs that are no OBJ; a
 /// disk that is too small is told by [`Plan::refuse_small_disk`].
-pub fn plan(input: &Path, options: &SimplifyOptions, progress: &dyn Progress) -> Result<Plan> {
+pub fn plan(input: impl Into<InputChoice>, options: &SimplifyOptions, progress: &dyn Progress) -> Result<Plan> {
     options.check()?;
-    let inputs = scan::find_inputs(input)?;
+    let inputs = scan::find_inputs(&input.into())?;
     let budget = memory::choose_budget(options)?;
     let threads = memory::choose_threads(options.threads, budget);
     let counts = scan::count(&inputs, threads, progress)?;

@@ -33,7 +33,7 @@ fn head(report: &Report, title: &str) -> Markup {
         header {
             p.mark { "drystone simplify" }
             h1 { (title) }
-            p.files { code { (escape_path(&report.input)) } " → " code { (escape_path(&report.output)) } }
+            p.files { @for input in &report.inputs { code { (escape_path(input)) } " " } "→ " code { (escape_path(&report.output)) } }
             @match report.status {
                 Status::Done => p.badge.good { "target met" },
                 Status::TargetMissed => p.badge.bad { "target missed" },

@@ -138,6 +138,9 @@ pub struct Report {
     /// The OBJ file or folder that was read.
     #[serde(serialize_with = "json_path::lossy")]
     pub input: PathBuf,
+    /// All inputs as the user named them.
+    #[serde(serialize_with = "json_path::lossy_list")]
+    pub inputs: Vec<PathBuf>,
     /// Number of OBJ files in it.
     pub input_files: u64,
     /// What was asked for.

@@ -1,23 +1,72 @@
-//! Which files a path stands for.
+//! Which files the user means.
 //!
-//! In: a path as the user gave it. Out: OBJ files sorted by the bytes of their paths, so that the order is the same on
-//! every machine.
+//! In: files and folders as the user named them. Out: OBJ files sorted by the bytes of their paths, so that the order is the
+//! same on every machine, and whatever order they were named in.
 
 use std::collections::HashSet;
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
+use glob::Pattern;
+
 use crate::base::{Error, Result};
 
-/// The OBJ files that `path` stands for: a regular file itself, or every `*.obj` (in any case) below a folder.
+/// What the user names as the input.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct InputChoice {
+    /// OBJ files, and folders of them.
+    pub paths: Vec<PathBuf>,
+    /// Patterns of names, or of paths from a folder on, that are left out of the folders.
+    pub exclude: Vec<String>,
+}
+
+impl<P: AsRef<Path>> From<P> for InputChoice {
+    fn from(path: P) -> Self {
+        Self { paths: vec![path.as_ref().to_owned()], exclude: Vec::new() }
+    }
+}
+
+impl InputChoice {
+    /// The first of the paths, by which the input is called in messages.
+    pub fn name(&self) -> &Path {
+        self.paths.first().map_or(Path::new(""), PathBuf::as_path)
+    }
+
+    /// The paths that are folders.
+    pub fn folders(&self) -> impl Iterator<Item = &PathBuf> {
+        self.paths.iter().filter(|path| path.is_dir())
+    }
+}
+
+/// The OBJ files that a choice stands for: regular files themselves, and every `*.obj` (in any case) below a folder that no
+/// pattern leaves out. A file that is named twice is read once.
 ///
 /// Symbolic links are followed; a folder that is reached twice is read once, so loops end.
 ///
 /// # Errors
-/// [`Error::Input`] if the path is neither file nor folder or nothing is there, if something named `*.obj` is neither,
-/// or if nothing is found; [`Error::Io`] if a folder cannot be read.
-pub fn find_inputs(path: &Path) -> Result<Vec<PathBuf>> {
+/// [`Error::Input`] if a path is neither file nor folder or nothing is there, if something named `*.obj` is neither,
+/// or if nothing is found in a folder; [`Error::Io`] if a folder cannot be read; [`Error::Usage`] for a pattern that is none.
+pub fn find_inputs(choice: &InputChoice) -> Result<Vec<PathBuf>> {
+    let pattern = |text: &String| {
+        Pattern::new(text)
+            .map_err(|error| Error::Usage(format!("--exclude {text}: {}, at character {}", error.msg, error.pos)))
+    };
+    let left_out = choice.exclude.iter().map(pattern).collect::<Result<Vec<_>>>()?;
+    let mut found = Vec::new();
+    for path in &choice.paths {
+        add_inputs(path, &left_out, &mut found)?;
+    }
+    found.sort_unstable_by(|a, b| a.as_os_str().as_encoded_bytes().cmp(b.as_os_str().as_encoded_bytes()));
+    if choice.paths.len() > 1 {
+        let mut seen = HashSet::new();
+        found.retain(|path| seen.insert(fs::canonicalize(path).unwrap_or_else(|_| path.clone())));
+    }
+    Ok(found)
+}
+
+/// Adds the OBJ files that a path stands for.
+fn add_inputs(path: &Path, left_out: &[Pattern], found: &mut Vec<PathBuf>) -> Result<()> {
     if path.as_os_str() == "-" && !path.exists() {
         return Err(not_a_file(path));
     }
@@ -26,34 +75,51 @@ pub fn find_inputs(path: &Path) -> Result<Vec<PathBuf>> {
         _ => Error::io(path, "open", e),
     })?;
     if kind.is_file() {
-        return Ok(vec![path.to_owned()]);
+        found.push(path.to_owned());
+        return Ok(());
     }
     if !kind.is_dir() {
         return Err(not_a_file(path));
     }
+    let before = found.len();
+    let is_left_out = |entry: &Path| {
+        let name = entry.file_name().map(Path::new);
+        let inside = entry.strip_prefix(path).ok();
+        left_out.iter().any(|pattern| name.into_iter().chain(inside).any(|part| pattern.matches_path(part)))
+    };
     let mut seen = HashSet::new();
     let mut folders = vec![path.to_owned()];
-    let mut found = Vec::new();
     while let Some(folder) = folders.pop() {
         let real = fs::canonicalize(&folder).map_err(|e| Error::io(&folder, "open", e))?;
         if seen.insert(real) {
-            read_folder(&folder, &mut folders, &mut found)?;
+            read_folder(&folder, &is_left_out, &mut folders, found)?;
         }
     }
-    found.sort_unstable_by(|a, b| a.as_os_str().as_encoded_bytes().cmp(b.as_os_str().as_encoded_bytes()));
-    if found.is_empty() {
-        return Err(Error::input(path, 0, "expected OBJ files, found no *.obj in this folder or below it"));
+    if found.len() > before {
+        return Ok(());
     }
-    Ok(found)
+    let words = match left_out {
+        [] => "expected OBJ files, found no *.obj in this folder or below it",
+        _ => "expected OBJ files, found no *.obj in this folder or below it that --exclude does not leave out",
+    };
+    Err(Error::input(path, 0, words))
 }
 
-fn read_folder(folder: &Path, folders: &mut Vec<PathBuf>, found: &mut Vec<PathBuf>) -> Result<()> {
+fn read_folder(
+    folder: &Path,
+    is_left_out: &impl Fn(&Path) -> bool,
+    folders: &mut Vec<PathBuf>,
+    found: &mut Vec<PathBuf>,
+) -> Result<()> {
     let entries = fs::read_dir(folder).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
     let mut paths: Vec<_> =
         entries.map_err(|e| Error::io(folder, "read", e))?.into_iter().map(|entry| entry.path()).collect();
     // The last folder pushed is read next: the order of names decides which of two links to a folder is taken.
     paths.sort_unstable_by(|a, b| b.cmp(a));
     for path in paths {
+        if is_left_out(&path) {
+            continue;
+        }
         let is_obj = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj"));
         match fs::metadata(&path) {
             Ok(kind) if kind.is_dir() => folders.push(path),
@@ -85,17 +151,43 @@ mod tests {
         for name in ["c.OBJ", "b/x.obj", "a.obj", "Z.obj", "a.mtl"] {
             fs::write(folder.path().join(name), "").unwrap();
         }
-        let found = find_inputs(folder.path()).unwrap();
+        let found = find_inputs(&folder.path().into()).unwrap();
         let names: Vec<_> = found.iter().map(|path| path.strip_prefix(folder.path()).unwrap()).collect();
         assert_eq!(names, ["Z.obj", "a.obj", "b/x.obj", "c.OBJ"].map(Path::new));
-        assert_eq!(find_inputs(&found[1]).unwrap(), [found[1].clone()]);
+        assert_eq!(find_inputs(&(&found[1]).into()).unwrap(), [found[1].clone()]);
+    }
+
+    #[test]
+    fn several_inputs_are_sorted_taken_once_and_left_out_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir_all(at("tiles/lod/deep")).unwrap();
+        let names = ["tiles/b.obj", "tiles/a_lod1.obj", "tiles/lod/deep/c.obj", "tiles/lod/d.obj", "z.obj"];
+        names.iter().for_each(|name| fs::write(at(name), "").unwrap());
+        let find = |paths: &[&str], exclude: &[&str]| {
+            let paths = paths.iter().map(|name| at(name)).collect();
+            let choice = InputChoice { paths, exclude: exclude.iter().map(|&text| text.to_owned()).collect() };
+            let found = find_inputs(&choice).map_err(|error| error.exit_code())?;
+            Ok(found.iter().map(|path| path.strip_prefix(folder.path()).unwrap().display().to_string()).collect())
+        };
+        let ok = |names: &[&str]| Ok::<Vec<String>, u8>(names.iter().map(|&name| name.to_owned()).collect());
+        assert_eq!(
+            find(&["z.obj", "tiles/lod", "tiles"], &[]),
+            ok(&[names[1], names[0], names[3], names[2], names[4]])
+        );
+        assert_eq!(find(&["tiles"], &["*_lod*"]), ok(&[names[0], names[3], names[2]]));
+        assert_eq!(find(&["tiles"], &["lod"]), ok(&[names[1], names[0]]));
+        assert_eq!(find(&["tiles"], &["lod/*/*.obj", "?.obj"]), ok(&[names[1]]));
+        assert_eq!(find(&["tiles"], &["*"]), Err(4));
+        assert_eq!(find(&["tiles"], &["[z"]), Err(2));
+        assert_eq!(find(&["z.obj"], &["z*"]), ok(&["z.obj"]), "who names a file wants it");
     }
 
     #[test]
     fn an_empty_folder_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
-        assert!(matches!(find_inputs(folder.path()), Err(Error::Input { .. })));
-        let error = find_inputs(&folder.path().join("gone")).unwrap_err();
+        assert!(matches!(find_inputs(&folder.path().into()), Err(Error::Input { .. })));
+        let error = find_inputs(&folder.path().join("gone").into()).unwrap_err();
         assert_eq!(error.exit_code(), 4, "{error}");
     }
 
@@ -106,12 +198,12 @@ mod tests {
         fs::create_dir(folder.path().join("tiles")).unwrap();
         fs::write(folder.path().join("tiles/a.obj"), "").unwrap();
         std::os::unix::fs::symlink(folder.path(), folder.path().join("tiles/up")).unwrap();
-        assert_eq!(find_inputs(folder.path()).unwrap().len(), 1);
+        assert_eq!(find_inputs(&folder.path().into()).unwrap().len(), 1);
     }
 
     #[cfg(unix)]
     #[test]
     fn a_device_is_refused() {
-        assert!(matches!(find_inputs(Path::new("/dev/null")), Err(Error::Input { .. })));
+        assert!(matches!(find_inputs(&"/dev/null".into()), Err(Error::Input { .. })));
     }
 }

@@ -32,6 +32,7 @@ mod number;
 mod obj;
 mod parsed;
 mod parts;
+mod twins;
 #[cfg(test)]
 mod tests;
 
@@ -53,7 +54,7 @@ use crate::store::{Catalogue, StoredMesh};
 
 pub use self::chunk::CHUNK_BYTES;
 pub use self::count::{Counts, count};
-pub use self::inputs::find_inputs;
+pub use self::inputs::{InputChoice, find_inputs};
 pub use self::mtl::path_of;
 
 /// Memory of a parsed chunk that is worth keeping for the next one.
@@ -275,6 +276,7 @@ fn commit_in_order(
             recycle(parsed, &return_ticket);
         }
     }
+    twins::note_twins(inputs, &content_hashes, &mesh, &mut findings);
     Ok(Scan { mesh, catalogue: labels.finish(), triangles, findings, input_bytes, content_hashes, libraries })
 }
 

@@ -283,9 +283,9 @@ pub struct Catalogue {
     /// The input files, in order; not kept with the job, which may be gone on with under other paths to them.
     #[serde(skip)]
     pub files: Vec<PathBuf>,
-    /// The folder that they were found in, if one was given.
+    /// The folders that the user named.
     #[serde(skip)]
-    pub folder: Option<PathBuf>,
+    pub folders: Vec<PathBuf>,
     /// Object and group names, as bytes.
     pub names: Vec<Vec<u8>>,
     /// Materials in order of first use.

@@ -64,7 +64,7 @@ pub(super) fn roots(catalogue: &Catalogue) -> BTreeSet<PathBuf> {
     let named_in = |path: &PathBuf| fs::canonicalize(folder_of(path)).ok();
     let lies_in = |path: &PathBuf| Some(fs::canonicalize(path).ok()?.parent()?.to_owned());
     let folders = catalogue.files.iter().flat_map(|path| [named_in(path), lies_in(path)]).flatten();
-    folders.chain(catalogue.folder.as_ref().and_then(|folder| fs::canonicalize(folder).ok())).collect()
+    folders.chain(catalogue.folders.iter().filter_map(|folder| fs::canonicalize(folder).ok())).collect()
 }
 
 /// Whether a canonical folder is none of these and lies in none; nothing is outside if there are none.

@@ -453,7 +453,7 @@ mod tests {
         assert_eq!(stage.reference(&folder, b"wall.png").unwrap(), b"../in/a/wall.png");
         assert_eq!(stage.findings.get("refused_texture"), 1);
         // Tiles share what lies in the folder that was given.
-        catalogue.folder = Some(folders.input.clone());
+        catalogue.folders = vec![folders.input.clone()];
         let mut stage = TextureStage::new(&options, &targets, &catalogue);
         let folder = fs::canonicalize(&folders.input).unwrap();
         assert_eq!(stage.reference(&folder, b"a/wall.png").unwrap(), b"city_textures/wall.png");

@@ -32,6 +32,7 @@ use crate::os::durable::DurableFile;
 use crate::os::mmap::MappedRecords;
 use crate::partition::cluster;
 use crate::partition::{self, ClusterSource, PartitionOptions, TextureScale};
+use crate::scan::InputChoice;
 use crate::scan::{self, Scan};
 use crate::store::{Catalogue, Segment, StoredMesh};
 
@@ -171,7 +172,7 @@ impl MeasuredMesh {
     /// # Errors
     /// Those of the scan and the partition.
     pub fn prepare(
-        input: &Path,
+        input: &InputChoice,
         folder: &Path,
         cell_faces: u64,
         resources: &Resources,

@@ -35,7 +35,7 @@ impl Bench {
 
     fn compare(&self, original: &Path, result: &Path, cell_faces: u64) -> Comparison {
         let options = CompareOptions { samples: 20_000, seed: 7, work: self.path("work"), resources: RESOURCES };
-        compare_in_cells(original, result, &options, cell_faces, &mut (), &Silent).unwrap()
+        compare_in_cells([&original.into(), &result.into()], &options, cell_faces, &mut (), &Silent).unwrap()
     }
 }
 
@@ -195,7 +195,8 @@ fn the_numbers_do_not_depend_on_threads_and_hardly_on_cells() {
     let measured = |threads: usize, cell_faces: u64| {
         let resources = Resources { threads, ..RESOURCES };
         let options = CompareOptions { samples: 30_000, seed: 1, work: bench.path("work"), resources };
-        let found = compare_in_cells(&original, &result, &options, cell_faces, &mut (), &Silent).unwrap();
+        let found =
+            compare_in_cells([&(&original).into(), &(&result).into()], &options, cell_faces, &mut (), &Silent).unwrap();
         Comparison { peak_resident: 0, ..found }
     };
     let (one, many) = (measured(1, 400), measured(3, 400));
@@ -213,12 +214,13 @@ fn cells_count_what_the_whole_counts() {
         if name.extension().is_none_or(|extension| extension != "obj") {
             continue;
         }
-        let inputs = crate::scan::find_inputs(&name).unwrap();
+        let inputs = crate::scan::find_inputs(&(&name).into()).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let found = crate::scan::scan(&inputs, folder.path(), &RESOURCES.scan, &Silent).unwrap();
         let check = weld_and_check(&Surface::load(&found.mesh, &found.catalogue).unwrap());
         for cell_faces in [20, 300, 100_000] {
-            let mesh = MeasuredMesh::prepare(&name, &bench.path("work"), cell_faces, &RESOURCES, &Silent).unwrap();
+            let mesh =
+                MeasuredMesh::prepare(&(&name).into(), &bench.path("work"), cell_faces, &RESOURCES, &Silent).unwrap();
             let t = mesh.tallied.topology;
             let expected = Topology {
                 vertices: check.vertices,

@@ -1,0 +1,67 @@
+//! Inputs that hold one surface twice: a backup, or coarser levels of detail beside a mesh.
+//!
+//! In: the files and folders of an input with the boxes around their vertices. Out: pairs that fill the same box. Neighbours
+//! do not; neither do the parts of a mesh, except where each of them reaches all the way in all three directions.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use crate::base::Findings;
+use crate::base::error::escape_path;
+use crate::store::StoredMesh;
+use crate::store::packed::Bounds;
+
+/// Two boxes are the same if their common part has at least this share of the extent of both together, on each axis.
+const SAME_SHARE: f64 = 0.98;
+
+/// Notes files, and folders, that fill the same box, and files of equal content.
+pub(super) fn note_twins(files: &[PathBuf], hashes: &[u64], mesh: &StoredMesh, findings: &mut Findings) {
+    let pieces = files.iter().zip(hashes).zip(&mesh.pieces).filter(|(_, piece)| !piece.faces.is_empty());
+    let mut folders: BTreeMap<&Path, (Bounds, u64)> = BTreeMap::new();
+    let mut places = Vec::new();
+    for ((path, &hash), piece) in pieces {
+        let bounds = piece.positions.bounds();
+        places.push(Place { path, bounds, hash: Some(hash) });
+        let (of_folder, count) = folders.entry(path.parent().unwrap_or(path)).or_default();
+        of_folder.merge(&bounds);
+        *count += 1;
+    }
+    let of_several = folders.into_iter().filter(|(_, (_, count))| *count > 1);
+    places.extend(of_several.map(|(path, (bounds, _))| Place { path, bounds, hash: None }));
+    places.sort_by(|a, b| a.bounds.low[0].total_cmp(&b.bounds.low[0]).then(a.path.cmp(b.path)));
+    for (first, place) in places.iter().enumerate() {
+        let reached = places[first + 1..].iter().take_while(|other| other.bounds.low[0] <= place.bounds.high[0]);
+        for other in reached.filter(|other| place.is_twin_of(other)) {
+            let [a, b] = if place.path <= other.path { [place, other] } else { [other, place] };
+            let [a_name, b_name] = [a, b].map(|place| escape_path(place.path));
+            let words = match a.hash.is_some() && a.hash == b.hash {
+                true => "are the same",
+                false => "fill the same space; if one is a copy or another level of detail of the other",
+            };
+            findings.note("doubled_surface", || format!("{a_name} and {b_name} {words}: leave one out with --exclude"));
+        }
+    }
+}
+
+/// A file, or a folder of several.
+struct Place<'a> {
+    path: &'a Path,
+    bounds: Bounds,
+    /// That of the content; none for a folder.
+    hash: Option<u64>,
+}
+
+impl Place<'_> {
+    fn is_twin_of(&self, other: &Self) -> bool {
+        let is_inside = |folder: &Self, file: &Self| folder.hash.is_none() && file.path.starts_with(folder.path);
+        !is_inside(self, other) && !is_inside(other, self) && are_same(&self.bounds, &other.bounds)
+    }
+}
+
+fn are_same(a: &Bounds, b: &Bounds) -> bool {
+    (0..3).all(|axis| {
+        let common = a.high[axis].min(b.high[axis]) - a.low[axis].max(b.low[axis]);
+        let both = a.high[axis].max(b.high[axis]) - a.low[axis].min(b.low[axis]);
+        common >= SAME_SHARE * both
+    })
+}
