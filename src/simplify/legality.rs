@@ -344,34 +344,4 @@ pub fn uv_survives(before: [DVec2; 3], after: [DVec2; 3], areas_sq: [f64; 2]) ->
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    //   4                       4 ........
-    //   |\   face 0-3-4,        | \        ........       vertex 0 goes to 1: face 0-3-4 becomes 1-3-4, which spans
-    //   3-0 ------------- 1     3 ------------------ 1    what was empty; face 0-2-3 becomes 1-2-3, over the ground
-    //     \  ground  /            \   ground   /
-    //          2                        2
-    #[test]
-    fn no_face_is_pulled_out_over_empty_space() {
-        let mut mesh = ClusterMesh::default();
-        for (x, y, z) in [(0.0, 0.0, 0.0), (29.0, 0.0, 0.0), (10.0, -10.0, 0.0), (-0.06, 0.0, 0.0), (0.0, 0.0, 6.0)] {
-            let vertex = mesh.push_vertex(DVec3::new(x, y, z), 0);
-            mesh.push_wedge(vertex, DVec2::NAN);
-        }
-        [[0, 1, 2], [0, 2, 3], [0, 3, 4]].into_iter().for_each(|face| mesh.push_face(face, 0));
-        mesh.link_wedges();
-        let mut rings = Rings::default();
-        rings.build(&mesh);
-        let mut star = EdgeStar::default();
-        star.reset(5);
-        star.gather(&mesh, &rings, 0, 1);
-        let uvs = [DVec2::NAN];
-        let at = |cost| star.check_faces(&mesh, &rings, &[0], mesh.positions[1], &uvs, cost);
-        assert_eq!(at(0.0), Err(Refusal::Fold));
-        assert_eq!(at(f64::INFINITY), Ok(()));
-        // Without face 0-3-4 nothing but the ground is left.
-        mesh.kill(2);
-        assert_eq!(star.check_faces(&mesh, &rings, &[0], mesh.positions[1], &uvs, 0.0), Ok(()));
-    }
-}
+mod tests;
