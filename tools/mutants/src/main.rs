@@ -30,7 +30,7 @@ use tests::{Outcome, Test};
 /// outside the checkout skip. A change that makes a test hang counts as noticed. Exit code 1: there are survivors.
 #[derive(Parser)]
 struct Arguments {
-    /// Source files and folders whose changes are tried
+    /// Source files and folders whose changes are tried, in this order
     #[arg(default_value = "src")]
     paths: Vec<PathBuf>,
     /// Try only N changes, drawn at random
@@ -83,6 +83,9 @@ fn run(arguments: &Arguments) -> io::Result<usize> {
     let known = read_results(&results);
     let mut chosen: Vec<usize> =
         (1..=checkout.mutants.len()).filter(|number| !checkout.left_out.contains(number)).collect();
+    let named =
+        |&number: &usize| arguments.paths.iter().position(|path| checkout.mutants[number - 1].file.starts_with(path));
+    chosen.sort_by_key(named);
     if let Some(count) = arguments.sample {
         chosen.sort_by_key(|number| hash_of(&(arguments.seed, number)));
         chosen.truncate(count);
