@@ -3,6 +3,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use proptest::prelude::*;
 
 use super::*;
+use crate::mesh::cluster::flag;
 
 //   4                       4 ........
 //   |\   face 0-3-4,        | \        ........       vertex 0 goes to 1: face 0-3-4 becomes 1-3-4, which spans
@@ -229,4 +230,69 @@ fn is_surface(faces: &[[u32; 3]]) -> bool {
         around.is_empty()
     };
     sorted.len() == faces.len() && sides(faces).values().all(|&count| count <= 2) && faces.iter().flatten().all(is_fan)
+}
+
+/// A mesh of these faces whose `shared` vertices other clusters use too.
+fn with_shared(count: u32, shared: &[u32], faces: &[[u32; 3]]) -> (ClusterMesh, Rings) {
+    let (mut mesh, rings) = mesh_of(&vec![DVec3::ZERO; count as usize], faces);
+    shared.iter().for_each(|&vertex| mesh.flags[vertex as usize] |= flag::SHARED);
+    (mesh, rings)
+}
+
+fn verdict((mesh, rings): &(ClusterMesh, Rings), from: u32, to: u32) -> Result<(), Refusal> {
+    let mut star = EdgeStar::default();
+    star.reset(mesh.positions.len());
+    star.gather(mesh, rings, from, to);
+    star.check_topology(mesh, rings, from, to, Fan::default())
+}
+
+#[test]
+fn the_last_face_of_a_piece_stays_unless_another_cluster_may_have_more_of_it() {
+    for (shared, refusal) in
+        [(&[][..], Refusal::Piece), (&[1], Refusal::Piece), (&[2], Refusal::Piece), (&[1, 2], Refusal::Rim)]
+    {
+        assert_eq!(verdict(&with_shared(3, shared, &[[0, 1, 2]]), 0, 1), Err(refusal), "{shared:?}");
+    }
+}
+
+//    3---2      Vertex 0 goes to 1, with 2 and 6 opposite. Where 1 and 4 are shared, another cluster
+//   / \ / \     may have an edge between them.
+//  4---0---1
+//   \ / \ /
+//    5---6
+#[test]
+fn no_edge_is_made_that_another_cluster_may_have() {
+    let fan: Vec<[u32; 3]> = (1..7).map(|k| [0, k, k % 6 + 1]).collect();
+    for (shared, expected) in [
+        (&[][..], Ok(())),
+        (&[1], Ok(())),
+        (&[3, 4, 5], Ok(())),
+        (&[1, 2, 6], Ok(())),
+        (&[1, 4], Err(Refusal::Rim)),
+        (&[1, 3], Err(Refusal::Rim)),
+    ] {
+        assert_eq!(verdict(&with_shared(7, shared, &fan), 0, 1), expected, "{shared:?}");
+    }
+}
+
+#[test]
+fn a_collapse_that_turns_a_texture_triangle_over_is_refused_at_either_end_of_the_edge() {
+    let mut mesh = ClusterMesh::default();
+    for (x, y) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)] {
+        let vertex = mesh.push_vertex(DVec3::new(x, y, 0.0), 0);
+        mesh.push_wedge(vertex, DVec2::new(x, y));
+    }
+    mesh.push_face([0, 1, 2], 0);
+    mesh.link_wedges();
+    let mut rings = Rings::default();
+    rings.build(&mesh);
+    let check = |pair, uv| {
+        let star = EdgeStar { wedges: vec![pair], ..EdgeStar::default() };
+        star.check_faces(&mesh, &rings, &[0], DVec3::ZERO, &[uv], 0.0)
+    };
+    for pair in [(0, 9), (9, 0)] {
+        assert_eq!(check(pair, DVec2::splat(0.1)), Ok(()));
+        assert_eq!(check(pair, DVec2::splat(0.9)), Err(Refusal::UvFold));
+    }
+    assert_eq!(check((8, 9), DVec2::splat(0.9)), Ok(()));
 }
