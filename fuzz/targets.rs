@@ -65,7 +65,7 @@ pub fn scan_mtl(bytes: &[u8]) {
     fs::write(folder.path().join("secret"), "outside").expect("written");
     let output = folder.path().join("out/a.obj");
     let options = SimplifyOptions { ratio: Some(1.0), memory: Some(128 << 20), threads: Some(1), ..Default::default() };
-    match pipeline::simplify(&folder.path().join("a.obj"), &output, &options, &Silent) {
+    match pipeline::simplify(folder.path().join("a.obj"), &output, &options, &Silent) {
         Ok(_) => assert_readable(&output),
         Err(error) => assert_tame(&error),
     }
@@ -362,7 +362,7 @@ pub fn collapse(bytes: &[u8]) {
     let folder = folder();
     fs::write(folder.path().join("a.obj"), text).expect("written");
     let output = folder.path().join("out/a.obj");
-    match pipeline::simplify(&folder.path().join("a.obj"), &output, &options, &Silent) {
+    match pipeline::simplify(folder.path().join("a.obj"), &output, &options, &Silent) {
         Ok(report) => {
             let (models, _) =
                 tobj::load_obj(&output, &tobj::LoadOptions::default()).expect("a result that can be read");

@@ -30,7 +30,7 @@ impl Town {
     }
 
     fn simplify(&self, input: &str, output: &str, options: SimplifyOptions) -> Result<Report> {
-        pipeline::simplify(&self.path(input), &self.path(output), &options, &Silent)
+        pipeline::simplify(self.path(input), &self.path(output), &options, &Silent)
     }
 
     /// The message of a refusal, which changed no file that was there.
@@ -219,7 +219,7 @@ fn a_texture_that_goes_while_the_job_runs_is_told() {
     let texture = contents(&town.path("in")).into_keys().find(|path| path.extension() == Some("jpg".as_ref())).unwrap();
     let texture = town.path("in").join(texture);
     let progress = When("textures", || fs::remove_file(&texture).unwrap());
-    let error = pipeline::simplify(&town.path("in/town.obj"), &town.path("out/town.obj"), &options(), &progress);
+    let error = pipeline::simplify(town.path("in/town.obj"), &town.path("out/town.obj"), &options(), &progress);
     let error = error.unwrap_err();
     assert!(error.exit_code() == 5 && error.to_string().contains("is missing now"), "{error}");
     assert!(!town.path("out/town.obj").exists());

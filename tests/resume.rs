@@ -64,7 +64,7 @@ impl Job {
     }
 
     fn run_with(&self, options: &SimplifyOptions, progress: &dyn Progress) -> Result<Report> {
-        pipeline::simplify(&self.path("in/town.obj"), &self.path("out/town.obj"), options, progress)
+        pipeline::simplify(self.path("in/town.obj"), &self.path("out/town.obj"), options, progress)
     }
 
     fn run(&self) -> Result<Report> {
