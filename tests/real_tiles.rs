@@ -60,3 +60,13 @@ fn a_target_that_cyanhabao_cannot_meet_leaves_its_shape() {
         assert!(faces.output < faces.input / 20 && rms < 0.35, "{faces:?}, RMS {rms} m");
     }
 }
+
+/// A building with walls as thin as paper: faces that met at its ridges came to lie on each other.
+#[test]
+fn no_faces_of_a_building_fold_onto_each_other() {
+    let Some(path) = mesh("repro/building_412.obj") else { return };
+    assert_eq!(read(&path).check().folded_edges, 0);
+    for share in [0.7, 0.5, 0.3, 0.1] {
+        assert_eq!(simplify(&path, &ratio(share)).mesh().check().folded_edges, 0, "at a ratio of {share}");
+    }
+}

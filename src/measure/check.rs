@@ -17,13 +17,15 @@ use serde::Serialize;
 
 use super::boxtree::Bounds;
 use super::chart::{ChartCounts, count_charts};
-use super::edges::{EdgeTable, repeats_vertex, vertices_of};
+use super::edges::{EdgeTable, HalfEdge, repeats_vertex, vertices_of};
 use super::forest::DisjointSets;
 use super::surface::Surface;
 use super::tjunction::count_t_junctions;
 
 /// How near a boundary vertex has to be to a boundary edge for a T-junction, per length of the bounding box's diagonal.
 pub const T_JUNCTION_TOLERANCE: f64 = 1e-6;
+/// Two faces with less than this angle between them, in radians, are folded onto each other.
+pub const FOLD_ANGLE: f64 = 0.1;
 /// A triangle lower than this, per length of its longest side, has no area.
 const FLAT_RATIO: f64 = 1e-9;
 /// A triangle lower than this many roundings of the largest coordinate has no area.
@@ -53,6 +55,9 @@ pub struct Check {
     pub non_manifold_edges: u64,
     /// Edges of two faces that run along it in the same direction.
     pub inconsistent_edges: u64,
+    /// Edges of two faces that are folded onto each other, back to back: less than [`FOLD_ANGLE`] is between them. Faces without
+    /// area do not count.
+    pub folded_edges: u64,
     /// Vertices whose faces form more than one fan: not all of them hang together over edges at the vertex.
     pub non_manifold_vertices: u64,
     /// Sets of faces that hang together over edges; faces that share only a vertex are apart.
@@ -102,6 +107,7 @@ pub fn check(surface: &Surface) -> Check {
         boundary_loops: count_loops(surface.positions.len(), &boundary),
         non_manifold_edges: topology.non_manifold_edges,
         inconsistent_edges: topology.inconsistent_edges,
+        folded_edges: topology.folded_edges,
         non_manifold_vertices: topology.non_manifold_vertices,
         components: topology.components,
         euler: vertices as i64 - topology.edges as i64 + face_count as i64,
@@ -134,25 +140,40 @@ fn has_no_area([a, b, c]: [DVec3; 3], largest: f64) -> bool {
     is_flat((b - a).cross(c - a).length(), longest_sq, largest)
 }
 
+#[derive(Default)]
 struct Topology {
     edges: u64,
     non_manifold_edges: u64,
     inconsistent_edges: u64,
+    folded_edges: u64,
     non_manifold_vertices: u64,
     components: u64,
 }
 
+/// Whether two faces at an edge are folded onto each other: their third corners lie in one direction from it.
+fn are_folded(surface: &Surface, [a, b]: [HalfEdge; 2]) -> bool {
+    let [low, high] = [a.low(), a.high()].map(|v| surface.position(v));
+    let along = (high - low).normalize_or_zero();
+    let away = |half: HalfEdge| {
+        let third = surface.position(surface.faces[half.face()][(half.corner() + 2) % 3]) - low;
+        (third - along * third.dot(along)).normalize_or_zero()
+    };
+    away(a).dot(away(b)) > FOLD_ANGLE.cos()
+}
+
 fn count_topology(surface: &Surface, edges: &EdgeTable) -> Topology {
     let faces = &surface.faces;
-    let mut topology =
-        Topology { edges: 0, non_manifold_edges: 0, inconsistent_edges: 0, non_manifold_vertices: 0, components: 0 };
+    let mut topology = Topology::default();
     let mut corners = DisjointSets::new(faces.len() * 3);
     let mut pieces = DisjointSets::new(faces.len());
     for edge in edges.iter() {
         topology.edges += 1;
         match edge {
             [_] => {}
-            [a, b] => topology.inconsistent_edges += u64::from(a.runs_up(faces) == b.runs_up(faces)),
+            [a, b] => {
+                topology.inconsistent_edges += u64::from(a.runs_up(faces) == b.runs_up(faces));
+                topology.folded_edges += u64::from(are_folded(surface, [*a, *b]));
+            }
             _ => topology.non_manifold_edges += 1,
         }
         let first = edge[0];

@@ -36,7 +36,7 @@ use crate::mesh::class::{Class, classify};
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::ring::Rings;
 use crate::mesh::split::regularity;
-use crate::simplify::legality::{areas_if_survives, uv_survives};
+use crate::simplify::legality::{change_of, uv_survives};
 
 /// A face below this regularity is a sliver.
 pub const SLIVER: f64 = 0.5;
@@ -187,7 +187,7 @@ fn is_better(mesh: &ClusterMesh, fan: &Fan, vertex: u32, worst: f64, position: D
         let Some(k) = mesh.vertices(spoke.face).iter().position(|&v| v == vertex) else { return false };
         (after[k], uv_after[k]) = (position, uv);
         regularity(after) > worst
-            && areas_if_survives(before, after).is_some_and(|areas_sq| uv_survives(uv_before, uv_after, areas_sq))
+            && change_of(before, after).is_some_and(|change| uv_survives(uv_before, uv_after, change.areas_sq))
     })
 }
 

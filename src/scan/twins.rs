@@ -35,10 +35,12 @@ pub(super) fn note_twins(files: &[PathBuf], hashes: &[u64], mesh: &StoredMesh, f
             let [a, b] = if place.path <= other.path { [place, other] } else { [other, place] };
             let [a_name, b_name] = [a, b].map(|place| escape_path(place.path));
             let words = match a.hash.is_some() && a.hash == b.hash {
-                true => "are the same",
-                false => "fill the same space; if one is a copy or another level of detail of the other",
+                true => "are the same: leave one out with --exclude",
+                false => {
+                    "fill the same space: if one is a copy or a level of detail of the other, --exclude leaves it out"
+                }
             };
-            findings.note("doubled_surface", || format!("{a_name} and {b_name} {words}: leave one out with --exclude"));
+            findings.note("doubled_surface", || format!("{a_name} and {b_name} {words}"));
         }
     }
 }

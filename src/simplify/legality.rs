@@ -6,6 +6,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::fold::folds;
 use super::texture::distance_sq;
 use crate::mesh::class::VALENCE_MAX;
 use crate::mesh::cluster::ClusterMesh;
@@ -13,6 +14,8 @@ use crate::mesh::ring::Rings;
 
 /// A face may turn by no more than about 78° in one collapse (cosine).
 const TURN_COSINE: f64 = 0.2;
+/// Where no face turns by more than about 10° (squared cosine), no two come to lie on each other.
+const FOLD_TURN_COSINE_SQ: f64 = 0.97;
 /// A face may not become thinner than this regularity (4√3 · area / Σ length²; 1 is equilateral), unless it was.
 const REGULARITY_MIN: f64 = 0.02;
 /// A texture triangle may not lose more than this share of its size beside the change of the face's own area.
@@ -221,6 +224,7 @@ impl EdgeStar {
         uvs: &[DVec2],
         cost: f64,
     ) -> Result<(), Refusal> {
+        let mut turns = false;
         for &vertex in moving {
             for &corner in rings.of(vertex) {
                 let Some(wedge) = mesh.living(corner) else { continue };
@@ -235,7 +239,8 @@ impl EdgeStar {
                 if let Some((_, &uv)) = pairs.find(|((a, b), _)| *a == wedge || *b == wedge) {
                     uv_after[k] = uv;
                 }
-                let areas_sq = areas_if_survives(before, after).ok_or(Refusal::Fold)?;
+                let Change { areas_sq, turns: face_turns } = change_of(before, after).ok_or(Refusal::Fold)?;
+                turns |= face_turns;
                 let grows = areas_sq[1] > GROWTH_SQ * areas_sq[0];
                 if grows && hovers(mesh, rings, moving, after, areas_sq[1].sqrt(), cost) {
                     return Err(Refusal::Fold);
@@ -245,7 +250,7 @@ impl EdgeStar {
                 }
             }
         }
-        Ok(())
+        if turns && folds(mesh, rings, &self.dying, moving, position) { Err(Refusal::Fold) } else { Ok(()) }
     }
 
     /// Makes the collapse in the mesh: faces at the edge die, the others come to `to` with their wedges.
@@ -297,14 +302,23 @@ fn hovers(mesh: &ClusterMesh, rings: &Rings, moving: &[u32], [a, b, c]: [DVec3; 
 /// Checks that moving a corner keeps a triangle's side and shape.
 #[inline]
 pub fn triangle_survives(before: [DVec3; 3], after: [DVec3; 3]) -> bool {
-    areas_if_survives(before, after).is_some()
+    change_of(before, after).is_some()
 }
 
-/// The squared areas of a triangle before and after a corner moves, if that keeps its side and shape.
+/// How a triangle changes when a corner moves.
+#[derive(Debug, Clone, Copy)]
+pub struct Change {
+    /// Squared areas before and after.
+    pub areas_sq: [f64; 2],
+    /// Whether it turns by more than about 10°: it may come to lie on a neighbour.
+    pub turns: bool,
+}
+
+/// How a triangle changes when a corner moves, if that keeps its side and shape.
 ///
 /// Without roots or divisions: most of the time in which a collapse is checked goes here.
 #[inline(always)]
-pub fn areas_if_survives(before: [DVec3; 3], after: [DVec3; 3]) -> Option<[f64; 2]> {
+pub fn change_of(before: [DVec3; 3], after: [DVec3; 3]) -> Option<Change> {
     let across = |t: [DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]);
     let (old, new) = (across(before), across(after));
     let (old_sq, new_sq) = (old.length_squared(), new.length_squared());
@@ -322,7 +336,15 @@ pub fn areas_if_survives(before: [DVec3; 3], after: [DVec3; 3]) -> Option<[f64; 
             let was = lengths(before);
             new_sq * was * was >= old_sq * now * now
         });
-    survives.then_some([0.25 * old_sq, 0.25 * new_sq])
+    let turns = may_fold(turn, old_sq * new_sq);
+    survives.then_some(Change { areas_sq: [0.25 * old_sq, 0.25 * new_sq], turns })
+}
+
+/// Whether a face turns so much that it may come to lie on a neighbour; from the dot product of its normals before and after,
+/// and the product of their squared lengths.
+#[inline(always)]
+pub(super) fn may_fold(turn: f64, lengths_sq: f64) -> bool {
+    turn < 0.0 || turn * turn < FOLD_TURN_COSINE_SQ * lengths_sq
 }
 
 /// Twice the area of a triangle in the picture, negative if it is turned over.

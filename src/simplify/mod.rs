@@ -11,6 +11,7 @@ pub mod collapse;
 pub mod cover;
 pub mod deviation;
 pub mod engine;
+mod fold;
 pub mod legality;
 mod proposal;
 mod remains;

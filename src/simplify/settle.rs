@@ -15,7 +15,8 @@
 use glam::{DVec2, DVec3};
 
 use super::deviation::Patches;
-use super::legality::{Refusal, areas_if_survives, doubled_uv_area, uv_survives};
+use super::fold::folds;
+use super::legality::{Refusal, change_of, doubled_uv_area, uv_survives};
 use super::texture::closest_weights;
 use crate::cost::{Metric, SettlingWedge};
 use crate::mesh::cluster::{ClusterMesh, flag};
@@ -110,7 +111,8 @@ impl Settler {
 
     /// Whether no face around the vertex folds over or collapses, on the surface or in the picture.
     fn fits(&self, mesh: &ClusterMesh, rings: &Rings, vertex: u32, position: DVec3) -> bool {
-        rings.of(vertex).iter().all(|&corner| {
+        let mut turns = false;
+        let fits = |&corner: &u32| {
             let (face, k) = (corner / 3, corner as usize % 3);
             let (before, uv_before) = (mesh.triangle(face), mesh.uv_triangle(face));
             let (mut after, mut uv_after) = (before, uv_before);
@@ -118,8 +120,12 @@ impl Settler {
             if let Some(i) = self.place_of(mesh.wedge_of(corner)) {
                 uv_after[k] = self.uvs[i];
             }
-            areas_if_survives(before, after).is_some_and(|areas_sq| uv_survives(uv_before, uv_after, areas_sq))
-        })
+            change_of(before, after).is_some_and(|change| {
+                turns |= change.turns;
+                uv_survives(uv_before, uv_after, change.areas_sq)
+            })
+        };
+        rings.of(vertex).iter().all(fits) && !(turns && folds(mesh, rings, &[], &[vertex], position))
     }
 
     /// Bounds the deviation of the faces around the vertex, if deviations are bounded.

@@ -14,14 +14,16 @@
 //! 24 bytes for each of up to four times [`POINTS_MAX`] points, 48 for each of some [`TRIANGLES_PER_FACE`] ·
 //! [`CHOSEN_FACES`] triangles.
 
+use std::cell::Cell;
+
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::mesh::ClusterMesh;
 
 /// Points on each of the two surfaces: for so many faces one, within these limits.
-const FACES_PER_POINT: u64 = 160;
-const POINTS_MIN: u64 = 2048;
+const FACES_PER_POINT: u64 = 200;
+const POINTS_MIN: u64 = 1536;
 const POINTS_MAX: u64 = 8192;
 /// Faces of the input in all chosen cells, about.
 const CHOSEN_FACES: f64 = 8192.0;
@@ -44,6 +46,11 @@ const BLOCKS_MAX: i128 = 64;
 /// Points and triangles of a cluster: this many times what is expected, and some more, at most.
 const EXCESS: u64 = 4;
 const EXCESS_MORE: u64 = 64;
+
+thread_local! {
+    /// Places of the vertices of a cluster and sums of areas of its faces, kept from cluster to cluster.
+    static SCRATCH: Cell<(Vec<Place>, Vec<f64>)> = const { Cell::new((Vec::new(), Vec::new())) };
+}
 
 /// How the input is probed; the same for all clusters.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -116,7 +123,10 @@ impl Probing {
         let most = |expected: f64| (EXCESS as f64 * expected * share) as usize + EXCESS_MORE as usize;
         let triangles_max = most(TRIANGLES_PER_FACE * CHOSEN_FACES);
         let mut chosen = ChosenCells::new(*self);
-        let places: Vec<Place> = mesh.positions.iter().map(|&position| chosen.place(origin + position)).collect();
+        let (mut places, mut ends) = SCRATCH.take();
+        places.clear();
+        places.extend(mesh.positions.iter().map(|&position| chosen.place(origin + position)));
+        ends.clear();
         let mut kept = Vec::new();
         for face in 0..mesh.corners.len() as u32 {
             if kept.len() < triangles_max && chosen.are_near(mesh.vertices(face).map(|v| &places[v as usize])) {
@@ -125,7 +135,6 @@ impl Probing {
             }
         }
         let mut area = 0.0;
-        let mut ends = Vec::with_capacity(mesh.corners.len());
         for face in 0..mesh.corners.len() as u32 {
             let own = area_of(mesh.triangle(face));
             area += if own.is_finite() { own } else { 0.0 };
@@ -140,6 +149,7 @@ impl Probing {
             let face = ends.partition_point(|&end| end <= place).min(ends.len() - 1) as u32;
             points.push(point_on(mesh.triangle(face).map(|corner| origin + corner), &mut hash));
         }
+        SCRATCH.set((places, ends));
         let strata = vec![(area, points.len() as u32)];
         Probes { probing: *self, points, strata, triangles: kept }
     }

@@ -211,3 +211,13 @@ fn border_is_its_own(surface: &Surface) -> bool {
     let border = super::super::border::border_of(surface);
     super::super::border::border_deviation(&border, &border).max < 1e-9
 }
+
+//  3 lies almost on 2, on the other side of the edge 0 - 1
+#[test]
+fn faces_that_lie_on_each_other_are_folded() {
+    let folded = |height: f64, y: f64| {
+        let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 1.0, 0.0], [0.5, y, height]];
+        check(&bare(&positions, &[[0, 1, 2], [1, 0, 3]])).folded_edges
+    };
+    assert_eq!([folded(0.05, 1.0), folded(0.2, 1.0), folded(0.0, 0.3), folded(0.0, -1.0)], [1, 0, 1, 0]);
+}

@@ -73,7 +73,7 @@ proptest! {
 
     #[test]
     fn the_areas_of_a_face_that_survives_are_given(before in 0.1..9.0, after in 0.1..9.0) {
-        let [old_sq, new_sq] = areas_if_survives(over_edge(before, 0.0), over_edge(after, 0.1)).unwrap();
+        let [old_sq, new_sq] = change_of(over_edge(before, 0.0), over_edge(after, 0.1)).unwrap().areas_sq;
         prop_assert!((old_sq.sqrt() - before / 2.0).abs() < 1e-12 && (new_sq.sqrt() - after / 2.0).abs() < 1e-12);
     }
 
