@@ -180,6 +180,8 @@ impl<'a, M: Metric> Run<'a, M> {
             if !probes.is_empty() {
                 self.job.keep(Step::Probes, 0, [], &probes)?;
                 self.probes = probes;
+                self.probes.shrink();
+                mmap::release_freed_memory();
             }
             state.take(outcome);
             if self.options.drop_pieces {

@@ -26,7 +26,7 @@ const FACES_PER_POINT: u64 = 200;
 const POINTS_MIN: u64 = 1536;
 const POINTS_MAX: u64 = 8192;
 /// Faces of the input in all chosen cells, about.
-const CHOSEN_FACES: f64 = 8192.0;
+const CHOSEN_FACES: f64 = 6144.0;
 /// Faces of the input in a cell, if its surface is flat there, and no more than a tenth of them is to be left.
 const CELL_FACES: f64 = 32.0;
 /// Where fewer are to be left, distances are larger, and cells have up to this many times as many faces.
@@ -246,6 +246,12 @@ impl Probes {
         self.points.extend(other.points);
         self.strata.extend(other.strata);
         self.triangles.extend(other.triangles);
+    }
+
+    /// Gives memory back that nothing more comes to.
+    pub(super) fn shrink(&mut self) {
+        self.points.shrink_to_fit();
+        self.triangles.shrink_to_fit();
     }
 
     /// Whether nothing was probed.
