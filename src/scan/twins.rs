@@ -55,7 +55,7 @@ struct Place<'a> {
 
 impl Place<'_> {
     fn is_twin_of(&self, other: &Self) -> bool {
-        let is_inside = |folder: &Self, file: &Self| folder.hash.is_none() && file.path.starts_with(folder.path);
+        let is_inside = |folder: &Self, file: &Self| folder.hash.is_none() && file.path.parent() == Some(folder.path);
         !is_inside(self, other) && !is_inside(other, self) && are_same(&self.bounds, &other.bounds)
     }
 }
