@@ -117,6 +117,29 @@ fn a_job_that_is_stopped_again_and_again_ends_with_the_same_bytes() {
     }
 }
 
+/// Passes are also run twice, on the way to some of these targets.
+#[test]
+fn a_job_that_was_stopped_measures_what_an_undisturbed_one_does() {
+    let mut reruns = 0;
+    for share in [0.2, 0.1, 0.005] {
+        let options = SimplifyOptions { threads: Some(2), ..in_many_clusters(ratio(share)) };
+        let undisturbed = Job::new().run_with(&options, &Silent).unwrap();
+        let job = Job::new();
+        let mut stops = 0;
+        let resumed = loop {
+            match job.run_with(&options, &StopAfter::units(2 + 2 * stops)) {
+                Err(Error::Stopped) => stops += 1,
+                outcome => break outcome.unwrap(),
+            }
+            reruns +=
+                contents(&job.work()).keys().filter(|path| path.to_string_lossy().contains("-cluster-1-")).count();
+        };
+        assert!(stops > 0 && undisturbed.error.measured.is_some());
+        assert_eq!(resumed.error.measured, undisturbed.error.measured, "{share}");
+    }
+    assert!(reruns > 0, "no pass was run twice");
+}
+
 #[test]
 fn a_job_that_makes_the_mesh_anew_goes_on_with_the_same_bytes() {
     let remeshed = |job: &Job| SimplifyOptions { remesh: Some(Default::default()), ..job.options() };

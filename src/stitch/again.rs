@@ -24,7 +24,8 @@ impl<M: Metric> Run<'_, M> {
                 let Some(better) = self.better_plan(state, partition, plan, &outcome) else { return Ok(outcome) };
                 self.job.keep(again, 0, [], &better)?;
                 let pass = pass as u32;
-                let steps = [Step::Input, Step::Cut { pass }, plan_step(pass as usize, 0), again, Step::Census];
+                let steps =
+                    [Step::Input, Step::Cut { pass }, plan_step(pass as usize, 0), again, Step::Census, Step::Probes];
                 self.job.retain(partition.files().chain(partition.files_of(mesh)), &steps)?;
                 better
             }
