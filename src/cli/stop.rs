@@ -27,7 +27,7 @@ pub struct Goodbye {
 #[derive(Debug)]
 enum Words {
     Job { work: PathBuf, command: String },
-    Comparison { command: String },
+    Comparison { command: Option<String> },
     Nothing,
 }
 
@@ -65,9 +65,10 @@ impl Goodbye {
 
     /// From now on only the comparison of a result is under way.
     pub fn only_compares(&self, input: &InputChoice, output: &Path) {
-        // A comparison takes one input: of several, whoever wants it names a folder.
+        // The command takes one whole input.
+        let is_one = input.paths.len() == 1 && input.exclude.is_empty();
         let [input, output] = [input.name(), output].map(|path| quoted(path.as_os_str()));
-        let words = Words::Comparison { command: format!("drystone compare {input} {output}") };
+        let words = Words::Comparison { command: is_one.then(|| format!("drystone compare {input} {output}")) };
         *self.words.lock().unwrap_or_else(PoisonError::into_inner) = words;
     }
 
@@ -79,9 +80,10 @@ impl Goodbye {
             }
             Words::Job { command, .. } => format!("nothing was finished yet; start again with\n  {command}"),
             Words::Nothing => "nothing is kept".to_owned(),
-            Words::Comparison { command } => {
+            Words::Comparison { command: Some(command) } => {
                 format!("the result is written; it was not compared. Do so with\n  {command}")
             }
+            Words::Comparison { command: None } => "the result is written; it was not compared".to_owned(),
         };
         tell(&format!("stopped by {}; {words}", self.stop.name()));
         self.exit_code()
