@@ -21,11 +21,10 @@ use super::edges::{EdgeTable, HalfEdge, repeats_vertex, vertices_of};
 use super::forest::DisjointSets;
 use super::surface::Surface;
 use super::tjunction::count_t_junctions;
+use crate::mesh::fold::are_folded;
 
 /// How near a boundary vertex has to be to a boundary edge for a T-junction, per length of the bounding box's diagonal.
 pub const T_JUNCTION_TOLERANCE: f64 = 1e-6;
-/// Two faces with less than this angle between them, in radians, are folded onto each other.
-pub const FOLD_ANGLE: f64 = 0.1;
 /// A triangle lower than this, per length of its longest side, has no area.
 const FLAT_RATIO: f64 = 1e-9;
 /// A triangle lower than this many roundings of the largest coordinate has no area.
@@ -55,7 +54,8 @@ pub struct Check {
     pub non_manifold_edges: u64,
     /// Edges of two faces that run along it in the same direction.
     pub inconsistent_edges: u64,
-    /// Edges of two faces that are folded onto each other, back to back: less than [`FOLD_ANGLE`] is between them. Faces without
+    /// Edges of two faces that are folded onto each other, back to back: less than
+    /// [`FOLD_ANGLE`](crate::mesh::fold::FOLD_ANGLE) is between them. Faces without
     /// area do not count.
     pub folded_edges: u64,
     /// Vertices whose faces form more than one fan: not all of them hang together over edges at the vertex.
@@ -150,15 +150,10 @@ struct Topology {
     components: u64,
 }
 
-/// Whether two faces at an edge are folded onto each other: their third corners lie in one direction from it.
-fn are_folded(surface: &Surface, [a, b]: [HalfEdge; 2]) -> bool {
-    let [low, high] = [a.low(), a.high()].map(|v| surface.position(v));
-    let along = (high - low).normalize_or_zero();
-    let away = |half: HalfEdge| {
-        let third = surface.position(surface.faces[half.face()][(half.corner() + 2) % 3]) - low;
-        (third - along * third.dot(along)).normalize_or_zero()
-    };
-    away(a).dot(away(b)) > FOLD_ANGLE.cos()
+/// Whether the two faces of an edge are folded onto each other.
+fn is_fold(surface: &Surface, [a, b]: [HalfEdge; 2]) -> bool {
+    let third = |half: HalfEdge| surface.position(surface.faces[half.face()][(half.corner() + 2) % 3]);
+    are_folded([a.low(), a.high()].map(|v| surface.position(v)), [third(a), third(b)])
 }
 
 fn count_topology(surface: &Surface, edges: &EdgeTable) -> Topology {
@@ -172,7 +167,7 @@ fn count_topology(surface: &Surface, edges: &EdgeTable) -> Topology {
             [_] => {}
             [a, b] => {
                 topology.inconsistent_edges += u64::from(a.runs_up(faces) == b.runs_up(faces));
-                topology.folded_edges += u64::from(are_folded(surface, [*a, *b]));
+                topology.folded_edges += u64::from(is_fold(surface, [*a, *b]));
             }
             _ => topology.non_manifold_edges += 1,
         }

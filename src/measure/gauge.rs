@@ -15,11 +15,10 @@ use super::boxtree::{Bounds, BoxTree};
 use super::compare::closest::closest_point;
 use crate::base::{Progress, Result};
 use crate::stitch::probes::{ChosenCells, Probes, Spread};
-use crate::store::{StoredMesh, StoredPiece};
+use crate::store::StoredMesh;
+use crate::store::corners::PieceCorners;
 
-/// Units in the last place of the largest coordinate up to which a distance is that of rounding.
-const ROUNDING_UNITS: f64 = 8.0;
-/// The same of a triangle that is kept to single precision, as a share of its size.
+/// Distance that the rounding to single precision makes of none, as a share of a triangle's size.
 const SINGLE_ROUNDING: f64 = 1e-7;
 
 /// Points that are tried on the result, in those that its input would take.
@@ -55,7 +54,10 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
     let (mut chosen, mut of_result) = (ChosenCells::new(probes.probing), Vec::new());
     for piece in &result.pieces {
         progress.check_stopped()?;
-        let triangles = triangles_of(result, piece)?;
+        let corners = PieceCorners::read(result, piece, false)?;
+        let triangle = |face: &[u32; 3]| face.map(|vertex| corners.position(vertex));
+        let triangles: Vec<[DVec3; 3]> = corners.vertices.as_chunks().0.iter().map(triangle).collect();
+        drop(corners);
         nearest_sq(&triangles, &probes.points, &mut to_result);
         for &triangle in &triangles {
             spread.over(triangle, |point| of_result.extend(chosen.hold(point).then_some(point)));
@@ -67,7 +69,7 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
         return Ok(None);
     }
     let mean_size = (probes.area() / probes.faces().max(1) as f64).sqrt();
-    let noise = ROUNDING_UNITS * f64::EPSILON * largest(result.bounds()) + SINGLE_ROUNDING * mean_size;
+    let noise = result.rounding_noise() + SINGLE_ROUNDING * mean_size;
     let counted = |distance_sq: &f64| if *distance_sq <= noise * noise { 0.0 } else { *distance_sq };
     let mean_of = |distances: &[f64]| distances.iter().map(counted).sum::<f64>() / distances.len() as f64;
     let to_input_sq = mean_of(&to_input);
@@ -98,33 +100,4 @@ fn nearest_sq(triangles: &[[DVec3; 3]], points: &[DVec3], distances_sq: &mut [f6
             *nearest_sq = nearest_sq.min(tree.nearest_sq(point, distance_sq));
         }
     });
-}
-
-/// The triangles of a piece.
-fn triangles_of(mesh: &StoredMesh, piece: &StoredPiece) -> Result<Vec<[DVec3; 3]>> {
-    let own_count = piece.positions.len() as u32;
-    let file = piece.faces.open()?;
-    let (mut bytes, mut faces) = (Vec::new(), Vec::new());
-    let mut corners: Vec<[u32; 3]> = Vec::new();
-    for block in piece.faces.blocks() {
-        piece.faces.read_block(&file, block, &mut bytes, &mut faces)?;
-        corners.extend(faces.iter().map(|face| face.vertices));
-    }
-    let mut shared: Vec<u32> = corners.iter().flatten().filter_map(|vertex| vertex.checked_sub(own_count)).collect();
-    shared.sort_unstable();
-    shared.dedup();
-    let shared_positions = match &mesh.shared_positions {
-        Some(column) => column.gather(&shared)?,
-        None => Vec::new(),
-    };
-    let own_positions = piece.positions.window(0..piece.positions.len())?;
-    let position = |vertex: u32| match vertex.checked_sub(own_count) {
-        None => own_positions[vertex as usize],
-        Some(id) => shared_positions[shared.partition_point(|&other| other < id)],
-    };
-    Ok(corners.into_iter().map(|corners| corners.map(position)).collect())
-}
-
-fn largest((low, high): (DVec3, DVec3)) -> f64 {
-    low.abs().max(high.abs()).max_element()
 }

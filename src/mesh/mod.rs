@@ -8,11 +8,12 @@ pub mod cluster;
 pub mod crowding;
 pub mod doubles;
 pub mod edge;
+pub mod fold;
 pub mod orient;
 pub mod pieces;
 pub mod polygon;
-mod simple;
 pub mod ring;
+mod simple;
 pub mod split;
 
 pub use class::{Class, Rule};

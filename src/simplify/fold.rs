@@ -10,10 +10,9 @@ use glam::DVec3;
 
 use super::legality::may_fold;
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::fold::are_folded;
 use crate::mesh::ring::Rings;
 
-/// Square of the cosine of the angle between two faces below which they lie on each other: 0.1.
-const FOLD_COSINE_SQ: f64 = 0.990_033_288_920_621;
 /// A face around the vertices that move, which stays.
 struct Moved {
     face: u32,
@@ -69,13 +68,4 @@ fn fold_together(moved: &[Moved], position: DVec3) -> bool {
                 && !(one.from == other.from && are_folded([one.from, ridge], [one.at[0], other.at[1]]))
         })
     })
-}
-
-/// Whether two faces at an edge lie on each other: their third corners are in one direction from it.
-fn are_folded([a, b]: [DVec3; 2], thirds: [DVec3; 2]) -> bool {
-    let along = b - a;
-    let length_sq = along.length_squared();
-    let [p, q] = thirds.map(|third| (third - a) * length_sq - along * (third - a).dot(along));
-    let dot = p.dot(q);
-    dot > 0.0 && dot * dot > FOLD_COSINE_SQ * p.length_squared() * q.length_squared()
 }

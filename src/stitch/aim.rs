@@ -1,8 +1,6 @@
 //! Chooses how far each cluster goes: shares and thresholds from the schedule and the sample, the last faces from the
 //! costs of all clusters.
 
-use glam::DVec3;
-
 use super::options::SeamPolicy;
 use super::pass::{Run, is_single};
 use super::sample::{self, Survey};
@@ -29,9 +27,6 @@ const TRIALS_MAX: u32 = 4;
 /// Share of the allowed error that is used: positions are rounded afterwards.
 const BOUND_SAFETY: f64 = 0.98;
 
-/// Units in the last place of the largest coordinate that count as no deviation.
-const NOISE_UNITS: f64 = 8.0;
-
 /// What the clusters of a pass are to reach together.
 #[derive(Debug, Clone, PartialEq)]
 enum Goal {
@@ -41,12 +36,6 @@ enum Goal {
     Trim(f64),
     /// These shares of the faces, stage by stage.
     Stages(Vec<f64>),
-}
-
-/// Deviation that the rounding of coordinates within these bounds makes of none.
-pub(super) fn rounding_noise((low, high): (DVec3, DVec3)) -> f64 {
-    let largest = low.abs().max(high.abs()).max_element();
-    if largest.is_finite() { NOISE_UNITS * f64::EPSILON * largest } else { 0.0 }
 }
 
 impl<M: Metric> Run<'_, M> {

@@ -21,6 +21,7 @@
 
 mod again;
 mod aim;
+mod clusters;
 mod kept;
 pub mod options;
 pub mod outcome;

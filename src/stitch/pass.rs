@@ -4,31 +4,26 @@ use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard};
 use std::time::Instant;
 
-use super::aim::rounding_noise;
-use super::kept::{ClusterResult, Opening};
+use super::kept::Opening;
 use super::options::{Cost, PassOptions, SeamPolicy};
-use super::outcome::{Floor, PassOutcome, Passes, StageSums};
+use super::outcome::{PassOutcome, Passes, StageSums};
 use super::probes::{Probes, Probing};
 use super::reconstruct::is_remeshed;
-use super::sample::{self, Survey};
+use super::sample;
 use super::scale::TextureTraits;
 use super::state::{PassState, Start};
-use super::stops::{Plan, run_plan};
-use crate::base::ordered::{Crew, both, map_in_order, settle_in_order};
+use super::stops::Plan;
+use crate::base::ordered::{both, map_in_order};
 use crate::base::{Error, Permits, Progress, Result, counted};
 use crate::cost::census::Census;
 use crate::cost::{ClassicCost, CurvatureCost, Metric, ObliqueCost, SharpnessCost, SurfaceCost, TerrainCost};
 use crate::job::{Step, WorkFolder, folder_bytes};
 use crate::mesh::ClusterMesh;
-use crate::mesh::pieces;
 use crate::os::mmap;
-use crate::partition::weight::ClusterWeight;
 use crate::partition::{self, ClusterSource, Partition, PartitionOptions, cluster};
-use crate::remesh;
 use crate::render::ClusterMap;
 use crate::simplify::Engine;
-use crate::store::piece::PendingPiece;
-use crate::store::{Catalogue, StoredMesh, StoredPiece};
+use crate::store::{Catalogue, StoredMesh};
 
 /// Passes beyond those asked for, while they still remove faces.
 const EXTRA_PASSES: usize = 12;
@@ -40,20 +35,6 @@ const EXTRA_PASS_RISE: f32 = 4.0;
 const WALL_SHARE: f64 = 0.08;
 /// A pass that removes less than this share of the faces has come to the floor.
 const FLOOR_SHARE: f64 = 1e-4;
-/// Clusters after which freed memory goes back to the system: the heaps of the threads have holes by then.
-const CLUSTERS_PER_RELEASE: usize = 64;
-
-/// Memory of a cluster that passes through: a block of faces, their texture coordinates and the piece being written.
-pub(super) const PASS_BYTES: u64 = 16 << 20;
-
-/// A cluster that is simplified and perhaps not durable yet.
-struct Product {
-    cluster: usize,
-    result: ClusterResult,
-    pending: Option<PendingPiece>,
-    /// Whether an earlier process has kept it.
-    is_kept: bool,
-}
 
 /// A run of passes.
 pub struct Run<'a, M: Metric> {
@@ -65,13 +46,13 @@ pub struct Run<'a, M: Metric> {
     pub(super) permits: Permits,
     pub(super) texture: TextureTraits,
     /// How the clusters of the input are probed, in the pass over it if there are several.
-    probing: Option<Probing>,
+    pub(super) probing: Option<Probing>,
     /// What is kept of the input.
     probes: Probes,
     /// Passes before the first one that collapses edges.
     lead: usize,
     /// Diagonal below which pieces are dropped in this pass, if any are.
-    crumb: Option<f64>,
+    pub(super) crumb: Option<f64>,
     /// Deviation that comes of rounding alone, in the mesh that the pass begins with.
     pub(super) noise: f64,
     /// Map of the pass that is under way, if one is wanted. A worker holds it while it draws one cluster.
@@ -154,7 +135,7 @@ impl<'a, M: Metric> Run<'a, M> {
         while !state.is_over && state.pass < self.lead + self.options.passes + EXTRA_PASSES {
             let pass = state.pass;
             self.progress.begin_pass(pass + 1);
-            self.noise = rounding_noise(state.mesh.bounds());
+            self.noise = state.mesh.rounding_noise();
             let partition = match partition.take() {
                 Some(partition) => partition,
                 None => self.partition(&mut state)?,
@@ -279,7 +260,7 @@ impl<'a, M: Metric> Run<'a, M> {
     }
 
     /// How the input is probed, if a patch of it is like the whole.
-    fn probing_of(&self, partition: &Partition, patch: &ClusterMesh) -> Probing {
+    pub(super) fn probing_of(&self, partition: &Partition, patch: &ClusterMesh) -> Probing {
         let faces = partition.total_faces();
         Probing::of([faces, if self.options.target > 0 { self.options.target } else { faces }], patch)
     }
@@ -404,158 +385,6 @@ impl<'a, M: Metric> Run<'a, M> {
         Ok(outcome)
     }
 
-    /// Loads, simplifies and (if `keep`) writes every cluster that has faces; results come in order of clusters. What
-    /// an earlier process finished of it is taken as it is.
-    pub(super) fn each_cluster(
-        &self,
-        mesh: &StoredMesh,
-        partition: &Partition,
-        (pass, plan): (usize, &Plan),
-        keep: Option<&Survey>,
-        step: impl Fn(u32) -> Step + Sync,
-        mut commit: impl FnMut(ClusterResult) -> Result<()>,
-    ) -> Result<()> {
-        let mut done = 0;
-        let commit = |result| {
-            done += 1;
-            if done % CLUSTERS_PER_RELEASE == 0 {
-                mmap::release_freed_memory();
-            }
-            commit(result)
-        };
-        let work = |cluster: usize| {
-            self.progress.check_stopped()?;
-            let step = step(cluster as u32);
-            let accept = |kept: &mut ClusterResult| {
-                kept.pieces.iter_mut().for_each(|piece| piece.locate(self.job.path()));
-                kept.is_sound(partition, cluster)
-            };
-            if let Some(result) = self.job.recall_if(step, accept)? {
-                return Ok(Product { cluster, result, pending: None, is_kept: true });
-            }
-            let _permit = self.permits.take(self.cluster_bytes(partition, cluster));
-            let (result, pending) = self.simplify_cluster(mesh, partition, step, (pass, plan), keep, cluster)?;
-            Ok(Product { cluster, result, pending, is_kept: false })
-        };
-        let settle = |Product { cluster, mut result, pending, is_kept }| {
-            let faces = partition.face_count(cluster);
-            if let Some(pending) = pending {
-                result.pieces.push(pending.commit()?);
-            }
-            if !is_kept {
-                let files = result.pieces.iter().flat_map(StoredPiece::files);
-                self.job.keep(step(cluster as u32), faces, files, &result)?;
-            }
-            if keep.is_some() {
-                self.progress.advance(faces);
-            }
-            Ok(result)
-        };
-        let threads = self.options.threads;
-        let crew = Crew { threads, settlers: threads };
-        settle_in_order(0..partition.cluster_count(), crew, threads * 4, work, settle, commit)
-    }
-
-    fn simplify_cluster(
-        &self,
-        mesh: &StoredMesh,
-        partition: &Partition,
-        step: Step,
-        (pass, plan): (usize, &Plan),
-        keep: Option<&Survey>,
-        cluster: usize,
-    ) -> Result<(ClusterResult, Option<PendingPiece>)> {
-        if partition.weight(cluster).is_none() {
-            return Ok((self.pass_through(mesh, partition, step, keep, cluster)?, None));
-        }
-        let mut source = self.load(mesh, partition, cluster)?;
-        if keep.is_some()
-            && let Some(map) = self.map().as_mut()
-        {
-            map.draw(cluster as u32, &source.mesh, source.origin);
-        }
-        let probing = match self.probing {
-            None if pass == 0 && is_single(partition) => Some(self.probing_of(partition, &source.mesh)),
-            probing => probing,
-        };
-        let probes = probing.map(|probing| probing.take(&source.mesh, source.origin, cluster));
-        let (dropped_pieces, dropped_faces) = match self.crumb {
-            Some(diagonal) => pieces::drop_small(&mut source.mesh, diagonal),
-            None => (0, 0),
-        };
-        let mut engine = self.engine(std::mem::take(&mut source.mesh), pass);
-        let faces_in = engine.mesh.face_count as u64;
-        let cost = run_plan(&mut engine, plan, cluster, keep.is_none());
-        let mut result = ClusterResult {
-            pieces: Vec::new(),
-            passed_through: false,
-            faces_in,
-            faces: engine.mesh.face_count as u64,
-            cost,
-            area: engine.area(),
-            squared_error: engine.squared_error,
-            milestones: std::mem::take(&mut engine.milestones),
-            seam_vertices: engine.seam_vertices,
-            degenerate: source.degenerate,
-            doubles: source.doubles,
-            dropped_pieces,
-            optimized: 0,
-            dropped_faces,
-            floor: Floor::of(&engine),
-            log: engine.log.take().unwrap_or_default(),
-            patch: None,
-            probes,
-        };
-        let mut pending = None;
-        if let Some(keep) = keep {
-            let path = self.piece_path(step, 0);
-            let mut simplified = engine.finish();
-            if self.options.optimize && self.turn(pass) + 1 >= self.options.passes {
-                result.optimized = remesh::relax(&mut simplified);
-            }
-            result.patch = keep.patch(cluster, &simplified);
-            if !simplified.corners.is_empty() {
-                let (scale, bound) = (&self.texture.scale, self.bound());
-                pending = Some(source.write(&simplified, partition, self.catalogue, scale, bound, &path)?);
-            }
-        }
-        Ok((result, pending))
-    }
-
-    /// Memory of a cluster while it is in work, or while it passes through.
-    pub(super) fn cluster_bytes(&self, partition: &Partition, cluster: usize) -> u64 {
-        let weigh =
-            |weight: ClusterWeight| weight.bytes() + weight.vertices * M::VERTEX_BYTES + weight.wedges * M::WEDGE_BYTES;
-        partition.weight(cluster).map_or(PASS_BYTES, weigh)
-    }
-
-    fn pass_through(
-        &self,
-        mesh: &StoredMesh,
-        partition: &Partition,
-        step: Step,
-        keep: Option<&Survey>,
-        cluster: usize,
-    ) -> Result<ClusterResult> {
-        let faces = partition.face_count(cluster);
-        let unchanged = ClusterResult { faces, passed_through: true, ..ClusterResult::default() };
-        if keep.is_none() {
-            return Ok(unchanged);
-        }
-        let path = |part| self.piece_path(step, part);
-        let (pieces, degenerate) = cluster::pass_through(partition, mesh, cluster, path)?;
-        let faces = pieces.iter().map(|piece| piece.faces.len()).sum();
-        let mut probes = Probes::default();
-        if let Some(probing) = &self.probing {
-            cluster::load_in_blocks(partition, mesh, self.catalogue, &self.texture.scale, cluster, |block| {
-                probes.add(probing.take(&block.mesh, block.origin, cluster));
-                Ok(())
-            })?;
-        }
-        let probes = self.probing.map(|_| probes);
-        Ok(ClusterResult { pieces, degenerate, faces_in: faces, faces, probes, ..unchanged })
-    }
-
     pub(super) fn engine(&self, mesh: ClusterMesh, pass: usize) -> Engine<M> {
         let mut engine = Engine::new(mesh, &self.settings);
         engine.lock_borders = self.options.lock_borders;
@@ -611,7 +440,7 @@ impl<'a, M: Metric> Run<'a, M> {
         Ok(census)
     }
 
-    fn map(&self) -> MutexGuard<'_, Option<ClusterMap>> {
+    pub(super) fn map(&self) -> MutexGuard<'_, Option<ClusterMap>> {
         self.map.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 

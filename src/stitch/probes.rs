@@ -11,14 +11,14 @@
 //! itself. Where a point of the result is farther from the input than half a side, its distance may come out too large.
 //!
 //! # Memory
-//! 24 bytes for each of up to four times [`POINTS_MAX`] points, 48 for each of some [`TRIANGLES_PER_FACE`] ·
-//! [`CHOSEN_FACES`] triangles.
+//! 24 bytes for each of up to four times 8,192 points, 48 for each of some 30,000 triangles.
 
 use std::cell::Cell;
 
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
+use crate::base::chance::{mixed, place_on_triangle, unit};
 use crate::mesh::ClusterMesh;
 
 /// Points on each of the two surfaces: for so many faces one, within these limits.
@@ -127,16 +127,13 @@ impl Probing {
         places.clear();
         places.extend(mesh.positions.iter().map(|&position| chosen.place(origin + position)));
         ends.clear();
-        let mut kept = Vec::new();
+        let (mut kept, mut area) = (Vec::new(), 0.0);
         for face in 0..mesh.corners.len() as u32 {
+            let [a, b, c] = mesh.triangle(face);
             if kept.len() < triangles_max && chosen.are_near(mesh.vertices(face).map(|v| &places[v as usize])) {
-                let [a, b, c] = mesh.triangle(face);
                 kept.push((origin + a, [b, c].map(|corner| (corner - a).as_vec3())));
             }
-        }
-        let mut area = 0.0;
-        for face in 0..mesh.corners.len() as u32 {
-            let own = area_of(mesh.triangle(face));
+            let own = area_of([a, b, c]);
             area += if own.is_finite() { own } else { 0.0 };
             ends.push(area);
         }
@@ -322,30 +319,17 @@ fn triangles(mesh: &ClusterMesh, origin: DVec3) -> impl Iterator<Item = [DVec3; 
         .map(move |face| mesh.triangle(face).map(|p| origin + p))
 }
 
-/// A point of a triangle by chance (Turk, Graphics Gems, 1990).
 fn point_on([a, b, c]: [DVec3; 3], hash: &mut u64) -> DVec3 {
-    *hash = mixed(*hash);
-    let root = unit(*hash).sqrt();
-    *hash = mixed(*hash);
-    let along = unit(*hash);
-    a * (1.0 - root) + b * (root * (1.0 - along)) + c * (root * along)
+    let [across, along] = [0, 1].map(|_| {
+        *hash = mixed(*hash);
+        unit(*hash)
+    });
+    let [of_a, of_b, of_c] = place_on_triangle(across, along);
+    a * of_a + b * of_b + c * of_c
 }
 
 fn area_of([a, b, c]: [DVec3; 3]) -> f64 {
     0.5 * (b - a).cross(c - a).length()
-}
-
-/// The finaliser of SplitMix64 (Steele, Lea and Flood 2014, "Fast Splittable Pseudorandom Number Generators").
-fn mixed(seed: u64) -> u64 {
-    let mut z = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ z >> 31
-}
-
-/// A number from 0 up to 1.
-fn unit(hash: u64) -> f64 {
-    (hash >> 11) as f64 / (1u64 << 53) as f64
 }
 
 #[cfg(test)]

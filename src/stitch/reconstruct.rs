@@ -15,8 +15,9 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
+use super::clusters::PASS_BYTES;
 use super::outcome::RemeshReport;
-use super::pass::{PASS_BYTES, Run, plan_step};
+use super::pass::{Run, plan_step};
 use super::state::PassState;
 use crate::base::Result;
 use crate::base::ordered::map_in_order;

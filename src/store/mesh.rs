@@ -27,6 +27,9 @@ const LABEL_BYTES: u64 = 256;
 const STATEMENT_BYTES: u64 = 40;
 const TEXTURE_BYTES: u64 = 980;
 
+/// Units in the last place of the largest coordinate that count as no distance.
+const NOISE_UNITS: f64 = 8.0;
+
 /// A piece of a stored mesh, with its own vertices, texture coordinates and faces.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct StoredPiece {
@@ -143,6 +146,13 @@ impl StoredMesh {
         let mut bounds = Bounds::default();
         self.position_columns().for_each(|column| bounds.merge(&column.bounds()));
         (bounds.low.into(), bounds.high.into())
+    }
+
+    /// Distance that the rounding of coordinates makes of none, in the mesh's unit of length.
+    pub fn rounding_noise(&self) -> f64 {
+        let (low, high) = self.bounds();
+        let largest = low.abs().max(high.abs()).max_element();
+        if largest.is_finite() { NOISE_UNITS * f64::EPSILON * largest } else { 0.0 }
     }
 
     /// Columns of positions in the order of vertex ids.

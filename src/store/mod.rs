@@ -8,6 +8,7 @@
 //! `docs/format.md` describes every byte.
 
 pub mod column;
+pub mod corners;
 pub mod decimal;
 pub mod face;
 pub mod face_blocks;

@@ -44,7 +44,7 @@ use self::batches::in_order;
 use self::copy::{Look, look};
 use self::grouping::Grouping;
 use self::normals::{PieceNormals, SharedNormals, piece_bytes, piece_normals};
-use self::numbering::{FaceReader, Usage};
+use self::numbering::Usage;
 use self::obj::{CornerForm, ObjFile, PartOrder};
 pub use self::paths::{NamedTexture, is_texture_there, named_textures};
 use self::targets::Targets;
@@ -56,6 +56,7 @@ use crate::base::{Error, Findings, Progress, Result};
 use crate::job::codec;
 use crate::os::durable::{DurableFile, folder_of, lock_while_open, remove_waiting};
 use crate::scan::fingerprint;
+use crate::store::corners::FaceReader;
 use crate::store::mesh::PieceNumbering;
 use crate::store::{Catalogue, NO_TEXCOORD, StoredMesh, StoredPiece};
 

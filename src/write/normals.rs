@@ -25,8 +25,8 @@ use bytemuck::Pod;
 use glam::DVec3;
 
 use super::grouping::Grouping;
-use super::numbering::FaceReader;
 use crate::base::{Error, Result};
+use crate::store::corners::{FaceReader, PieceCorners};
 use crate::store::{Column, ColumnWriter, Segment, StoredMesh, StoredPiece};
 
 /// Cosine of the crease angle of 60°.
@@ -128,52 +128,8 @@ fn number_normals(normals: &[RoundedNormal], unique: &mut Vec<RoundedNormal>, nu
     numbers.extend(normals.iter().map(|n| (first + unique[first..].partition_point(|other| other < n)) as u32));
 }
 
-/// The vertices of a piece's faces, with the positions that they need.
-struct PieceCorners {
-    own: u32,
-    /// The vertex of each corner, by the piece's ids.
-    vertices: Vec<u32>,
-    own_positions: Vec<DVec3>,
-    /// The shared vertices that occur, in order.
-    shared: Vec<u32>,
-    shared_positions: Vec<DVec3>,
-}
-
-impl PieceCorners {
-    fn read(mesh: &StoredMesh, piece: &StoredPiece, only_at_shared: bool) -> Result<Self> {
-        let own = piece.positions.len() as u32;
-        let mut vertices = Vec::with_capacity(if only_at_shared { 0 } else { 3 * piece.faces.len() as usize });
-        let mut shared = Vec::new();
-        FaceReader::default().each_block(piece, |faces| {
-            for face in faces {
-                let before = shared.len();
-                shared.extend(face.vertices.into_iter().filter(|&v| v >= own).map(|v| v - own));
-                if !only_at_shared || shared.len() > before {
-                    vertices.extend_from_slice(&face.vertices);
-                }
-            }
-            Ok(())
-        })?;
-        shared.sort_unstable();
-        shared.dedup();
-        let mut shared_positions = Vec::new();
-        if let Some(column) = &mesh.shared_positions {
-            shared_positions = column.gather(&shared)?;
-        }
-        let own_positions = piece.positions.window(0..piece.positions.len())?;
-        Ok(Self { own, vertices, own_positions, shared, shared_positions })
-    }
-
-    fn position(&self, vertex: u32) -> DVec3 {
-        match vertex.checked_sub(self.own) {
-            None => self.own_positions[vertex as usize],
-            Some(shared) => self.shared_positions[self.shared.partition_point(|&v| v < shared)],
-        }
-    }
-
-    fn face_normal(&self, corners: &[u32]) -> ([f32; 3], [f32; 3]) {
-        face_normal([0, 1, 2].map(|k| self.position(corners[k])))
-    }
+fn normal_of(piece: &PieceCorners, corners: &[u32]) -> ([f32; 3], [f32; 3]) {
+    face_normal([0, 1, 2].map(|k| piece.position(corners[k])))
 }
 
 /// Hands the records of ascending ranges to `visit`, range by range, mapping neighbours together.
@@ -237,7 +193,7 @@ impl SharedNormals {
         for piece in mesh.pieces.iter().filter(|piece| touches_shared(piece)) {
             let corners = PieceCorners::read(mesh, piece, true)?;
             for face in corners.vertices.chunks_exact(3) {
-                let (normal, angles) = corners.face_normal(face);
+                let (normal, angles) = normal_of(&corners, face);
                 let [x, y, z] = normal.map(f32::to_bits);
                 for (&v, angle) in face.iter().zip(angles).filter(|&(&v, _)| v >= corners.own) {
                     stars.push(v - corners.own, &[x, y, z, angle.to_bits()])?;
@@ -352,7 +308,7 @@ pub(super) fn piece_normals(mesh: &StoredMesh, piece: &StoredPiece, shared: &Sha
     // Holds the bits of each corner's angle first, and the number of its normal once its star is solved.
     let mut numbers = Vec::with_capacity(corners.vertices.len());
     for face in corners.vertices.chunks_exact(3) {
-        let (normal, angles) = corners.face_normal(face);
+        let (normal, angles) = normal_of(&corners, face);
         face_normals.push(normal);
         numbers.extend(angles.map(f32::to_bits));
     }

@@ -7,9 +7,9 @@
 //! 3/16 byte for each vertex and texture coordinate, 8 bytes for each part, and one block of faces.
 
 use crate::base::{Error, Result};
-use crate::store::face::BLOCK_FACES;
+use crate::store::corners::FaceReader;
 use crate::store::mesh::PieceNumbering;
-use crate::store::{Face, NO_TEXCOORD, StoredMesh, StoredPiece};
+use crate::store::{NO_TEXCOORD, StoredMesh};
 
 /// A set of ids 0 .. n that knows how many of its members are smaller than an id.
 #[derive(Debug, Default)]
@@ -137,38 +137,6 @@ impl Usage {
     pub(super) fn memory_bytes(&self) -> u64 {
         let counts = self.faces_per_part.capacity() + self.corners_per_shared.capacity();
         self.vertices.memory_bytes() + self.texcoords.memory_bytes() + 8 * counts as u64
-    }
-}
-
-/// Reads the faces of pieces, block by block, with scratch space that is kept.
-#[derive(Debug, Default)]
-pub(super) struct FaceReader {
-    bytes: Vec<u8>,
-    faces: Vec<Face>,
-}
-
-impl FaceReader {
-    /// Bytes of one reader: a block of faces, decoded and encoded.
-    pub(super) const MEMORY_BYTES: u64 = (BLOCK_FACES * (size_of::<Face>() + 12)) as u64;
-
-    /// Hands the faces of a piece to `visit`, a block at a time and in order.
-    ///
-    /// # Errors
-    /// If the file cannot be read, and those of `visit`.
-    pub(super) fn each_block(
-        &mut self,
-        piece: &StoredPiece,
-        mut visit: impl FnMut(&[Face]) -> Result<()>,
-    ) -> Result<()> {
-        if piece.faces.is_empty() {
-            return Ok(());
-        }
-        let file = piece.faces.open()?;
-        for block in piece.faces.blocks() {
-            piece.faces.read_block(&file, block, &mut self.bytes, &mut self.faces)?;
-            visit(&self.faces)?;
-        }
-        Ok(())
     }
 }
 

@@ -7,14 +7,14 @@
 //! Which points these are depends on the mesh, the seed and their number alone.
 //!
 //! # Source
-//! Metro (Cignoni, Rocchini and Scopigno 1998) for what is sampled; the square root that spreads points evenly over a
-//! triangle is Turk's (Graphics Gems, 1990).
+//! Metro (Cignoni, Rocchini and Scopigno 1998) for what is sampled.
 
 use std::ops::Range;
 
 use glam::DVec3;
 
 use super::cells::{CellView, MeasuredMesh, area, side_length};
+use crate::base::chance;
 
 /// Points of a batch, at most.
 pub const BATCH_POINTS: u64 = 1 << 14;
@@ -149,9 +149,8 @@ impl<'a> Sampling<'a> {
                 let ends = running_sums(view, area);
                 self.spread(&self.areas, batch, 0, |part, place| {
                     let face = face_at(&ends, place);
-                    let root = unit(self.seed, part, 1).sqrt();
-                    let along = unit(self.seed, part, 2);
-                    at(view, face, [1.0 - root, root * (1.0 - along), root * along])
+                    let [across, along] = [1, 2].map(|stream| chance_of(self.seed, part, stream));
+                    at(view, face, chance::place_on_triangle(across, along))
                 })
             }
             Kind::Edges => {
@@ -166,18 +165,14 @@ impl<'a> Sampling<'a> {
     }
 
     fn spread(&self, steps: &Steps, batch: &Batch, stream: u64, point: impl Fn(u64, f64) -> Point) -> Vec<Point> {
-        let place = |part: u64| Some((part, steps.place(batch.cell, part, unit(self.seed, part, stream))?));
+        let place = |part: u64| Some((part, steps.place(batch.cell, part, chance_of(self.seed, part, stream))?));
         batch.range.clone().filter_map(place).map(|(part, place)| point(part, place)).collect()
     }
 }
 
 /// A number from 0 up to 1 that follows from seed, part and stream.
-pub fn unit(seed: u64, part: u64, stream: u64) -> f64 {
-    // Steele, Lea and Flood 2014, "Fast Splittable Pseudorandom Number Generators": the finaliser of SplitMix64.
-    let mut z = seed.wrapping_add((part * 4 + stream + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
-    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ z >> 31) >> 11) as f64 / (1u64 << 53) as f64
+pub fn chance_of(seed: u64, part: u64, stream: u64) -> f64 {
+    chance::unit(chance::mixed(seed.wrapping_add((part * 4 + stream).wrapping_mul(chance::INCREMENT))))
 }
 
 fn running_sums(view: &CellView, amount: impl Fn([DVec3; 3]) -> f64) -> Vec<f64> {

@@ -21,7 +21,7 @@ use glam::DVec2;
 
 use super::direction::TexturePair;
 use super::pictures::NO_PICTURE;
-use super::points::unit;
+use super::points::chance_of;
 use crate::base::Result;
 use crate::mesh::cluster::ClusterMesh;
 use crate::store::{Column, ColumnWriter};
@@ -156,7 +156,7 @@ impl SeamEdges {
         let mut file = ColumnWriter::create(&folder.join("measure-seam-points.col"), *b"samples ")?;
         let count = (samples as f64 * SEAM_SHARE).ceil();
         let step = self.length / count;
-        let place = |part: u64| (part as f64 + unit(seed, part, 0)) * step;
+        let place = |part: u64| (part as f64 + chance_of(seed, part, 0)) * step;
         let (mut part, mut start) = (0, 0.0);
         let mut points = Vec::new();
         for range in self.edges.ranges(WINDOW_RECORDS) {

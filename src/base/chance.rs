@@ -1,0 +1,24 @@
+//! Numbers by chance that are the same in every run.
+
+/// What the state of SplitMix64 grows by from number to number.
+pub const INCREMENT: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// A step and the finaliser of SplitMix64 (Steele, Lea and Flood 2014, "Fast Splittable Pseudorandom Number Generators").
+pub fn mixed(state: u64) -> u64 {
+    let mut z = state.wrapping_add(INCREMENT);
+    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ z >> 31
+}
+
+/// A number from 0 up to 1, of the upper 53 bits.
+pub fn unit(hash: u64) -> f64 {
+    (hash >> 11) as f64 / (1u64 << 53) as f64
+}
+
+/// Weights of a triangle's corners at a point by chance, from two numbers from 0 to 1: all places are as likely (Turk,
+/// Graphics Gems, 1990).
+pub fn place_on_triangle(across: f64, along: f64) -> [f64; 3] {
+    let root = across.sqrt();
+    [1.0 - root, root * (1.0 - along), root * along]
+}

@@ -1,0 +1,36 @@
+//! Faces that are folded onto each other, back to back.
+
+use glam::DVec3;
+
+/// Two faces with less than this angle between them, in radians, are folded onto each other.
+pub const FOLD_ANGLE: f64 = 0.1;
+/// Square of its cosine.
+const FOLD_COSINE_SQ: f64 = 0.990_033_288_920_621;
+
+/// Whether the two faces at an edge, with these third corners, are folded onto each other; not if one has no area.
+pub fn are_folded([a, b]: [DVec3; 2], thirds: [DVec3; 2]) -> bool {
+    let along = (b - a).normalize_or_zero();
+    let [p, q] = thirds.map(|third| (third - a) - along * (third - a).dot(along));
+    let dot = p.dot(q);
+    dot > 0.0 && dot * dot > FOLD_COSINE_SQ * p.length_squared() * q.length_squared()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faces_are_folded_below_the_angle_and_not_above() {
+        let edge = [DVec3::ZERO, DVec3::new(3.0, 1.0, -2.0)];
+        let across = edge[1].any_orthonormal_vector();
+        let up = edge[1].normalize().cross(across);
+        let at = |angle: f64| (across * angle.cos() + up * angle.sin()) * 2.0 + edge[1] * 0.3;
+        for size in [1e-20, 1.0, 1e20] {
+            for (angle, folded) in [(0.0, true), (0.999, true), (1.001, false), (20.0, false), (31.4, false)] {
+                let thirds = [at(0.0), at(angle * FOLD_ANGLE)].map(|third| third * size);
+                assert_eq!(are_folded(edge.map(|end| end * size), thirds), folded, "{size}, {angle}");
+            }
+        }
+        assert!(!are_folded(edge, [edge[1] * 0.5, at(0.0)]));
+    }
+}
