@@ -104,12 +104,11 @@ impl BorderIndex {
             let at = |part: usize| if part == parts { to } else { from.lerp(to, part as f64 / parts as f64) };
             pieces.extend((0..parts).map(|part| [at(part), at(part + 1)]));
         }
-        let boxes: Vec<Bounds> = pieces.iter().map(|&piece| Bounds::around(piece)).collect();
-        Self { tree: BoxTree::new(&boxes), pieces }
+        Self { tree: BoxTree::new(pieces.len(), |item| Bounds::around(pieces[item as usize])), pieces }
     }
 
     fn distance_sq(&self, point: DVec3) -> f64 {
-        self.tree.nearest_sq(point, |item| segment_distance_sq(point, self.pieces[item as usize]))
+        self.tree.nearest_sq(point, f64::INFINITY, |item| segment_distance_sq(point, self.pieces[item as usize]))
     }
 }
 

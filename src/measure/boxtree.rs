@@ -11,7 +11,7 @@
 //! Unlike a uniform grid it does not care how unevenly lengths and densities are spread.
 //!
 //! # Memory
-//! 48 bytes a box plus 48 · 2 / 8 to 48 · 4 / 8 for the nodes.
+//! 4 bytes a box plus 48 · 2 / 8 to 48 · 4 / 8 for the nodes; 16 more while it is built.
 
 use glam::{BVec3, DVec3};
 use rayon::prelude::*;
@@ -54,6 +54,11 @@ impl Bounds {
         (self.low - point).max(point - self.high).max(DVec3::ZERO).length_squared()
     }
 
+    /// Squared distance of the corner that is farthest from a point.
+    pub fn farthest_sq(self, point: DVec3) -> f64 {
+        (point - self.low).abs().max((self.high - point).abs()).length_squared()
+    }
+
     /// Whether the segment meets the box grown by the segment's margin on all sides; an empty box meets nothing.
     fn meets(self, segment: &Slabs) -> bool {
         let (low, high) = (self.low - segment.margin - segment.from, self.high + segment.margin - segment.from);
@@ -92,27 +97,32 @@ pub struct BoxTree {
 }
 
 impl BoxTree {
-    /// Sorts the boxes of the items 0 .. n; O(n log n).
-    pub fn new(boxes: &[Bounds]) -> Self {
-        let whole = boxes.iter().fold(Bounds::EMPTY, |all, b| all.with(*b));
+    /// Sorts the boxes of the items 0 .. `count`; O(n log n).
+    pub fn new(count: usize, box_of: impl Fn(u32) -> Bounds) -> Self {
+        let whole = (0..count as u32).fold(Bounds::EMPTY, |all, item| all.with(box_of(item)));
         let scale =
             f64::from((1u32 << MORTON_BITS) - 1) / (whole.high - whole.low).max_element().max(f64::MIN_POSITIVE);
-        let code = |b: &Bounds| {
+        let code = |b: Bounds| {
             let at = ((b.low + b.high) * 0.5 - whole.low) * scale;
             spread_bits(at.x as u64) | spread_bits(at.y as u64) << 1 | spread_bits(at.z as u64) << 2
         };
-        let mut keys: Vec<(u64, u32)> = boxes.iter().zip(0u32..).map(|(b, item)| (code(b), item)).collect();
+        let mut keys: Vec<(u64, u32)> = (0..count as u32).map(|item| (code(box_of(item)), item)).collect();
         keys.par_sort_unstable();
         let items: Vec<u32> = keys.into_iter().map(|(_, item)| item).collect();
         let leaf_base = items.len().div_ceil(LEAF_BOXES).next_power_of_two();
         let mut nodes = vec![Bounds::EMPTY; 2 * leaf_base];
         for (node, leaf) in nodes[leaf_base..].iter_mut().zip(items.chunks(LEAF_BOXES)) {
-            *node = leaf.iter().fold(Bounds::EMPTY, |all, &item| all.with(boxes[item as usize]));
+            *node = leaf.iter().fold(Bounds::EMPTY, |all, &item| all.with(box_of(item)));
         }
         for node in (1..leaf_base).rev() {
             nodes[node] = nodes[2 * node].with(nodes[2 * node + 1]);
         }
         Self { items, nodes, leaf_base }
+    }
+
+    /// The box around all.
+    pub fn bounds(&self) -> Bounds {
+        self.nodes[1]
     }
 
     fn leaf(&self, node: usize) -> &[u32] {
@@ -137,10 +147,9 @@ impl BoxTree {
         }
     }
 
-    /// Smallest of `distance_sq` over all items, where an item is no nearer to `point` than its box; infinity
-    /// without items.
-    pub fn nearest_sq(&self, point: DVec3, mut distance_sq: impl FnMut(u32) -> f64) -> f64 {
-        let mut best = f64::INFINITY;
+    /// Smallest of `limit` and of `distance_sq` over all items, where an item is no nearer to `point` than its box.
+    pub fn nearest_sq(&self, point: DVec3, limit: f64, mut distance_sq: impl FnMut(u32) -> f64) -> f64 {
+        let mut best = limit;
         let mut pending = Vec::with_capacity(64);
         pending.push((0.0, 1));
         while let Some((bound, node)) = pending.pop() {
@@ -181,8 +190,8 @@ mod tests {
 
     #[test]
     fn an_empty_tree_has_nothing_near() {
-        let tree = BoxTree::new(&[]);
-        assert_eq!(tree.nearest_sq(DVec3::ZERO, |_| 0.0), f64::INFINITY);
+        let tree = BoxTree::new(0, |_| Bounds::EMPTY);
+        assert_eq!(tree.nearest_sq(DVec3::ZERO, f64::INFINITY, |_| 0.0), f64::INFINITY);
         tree.near_segment([DVec3::ZERO, DVec3::ONE], 1.0, |_| panic!("nothing to visit"));
     }
 
@@ -200,14 +209,14 @@ mod tests {
             points in prop::collection::vec(prop::array::uniform3(-9i8..9), 1..80),
             from in prop::array::uniform3(-9i8..9),
             to in prop::array::uniform3(-9i8..9),
+            limit in prop_oneof![Just(f64::INFINITY), 0.5..99.0],
         ) {
             let vector = |p: [i8; 3]| DVec3::from(p.map(f64::from));
             let points: Vec<DVec3> = points.into_iter().map(vector).collect();
             let (from, to) = (vector(from), vector(to));
-            let boxes: Vec<Bounds> = points.iter().map(|&p| Bounds::around([p])).collect();
-            let tree = BoxTree::new(&boxes);
-            let nearest = tree.nearest_sq(from, |item| points[item as usize].distance_squared(from));
-            let expected = points.iter().map(|p| p.distance_squared(from)).fold(f64::INFINITY, f64::min);
+            let tree = BoxTree::new(points.len(), |item| Bounds::around([points[item as usize]]));
+            let nearest = tree.nearest_sq(from, limit, |item| points[item as usize].distance_squared(from));
+            let expected = points.iter().map(|p| p.distance_squared(from)).fold(limit, f64::min);
             prop_assert_eq!(nearest, expected);
             let mut seen = vec![false; points.len()];
             tree.near_segment([from, to], 0.5, |item| seen[item as usize] = true);

@@ -18,9 +18,6 @@ use crate::stitch::probes::{ChosenCells, Probes, Spread};
 use crate::store::StoredMesh;
 use crate::store::corners::PieceCorners;
 
-/// Distance that the rounding to single precision makes of none, as a share of a triangle's size.
-const SINGLE_ROUNDING: f64 = 1e-7;
-
 /// Points that are tried on the result, in those that its input would take.
 const CANDIDATES_MAX: u64 = 16;
 
@@ -42,13 +39,12 @@ pub struct Gauged {
 /// # Errors
 /// On failed reads and damaged files.
 pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> Result<Option<Gauged>> {
-    let kept = probes.triangles();
     let share = probes.probing.share();
     let spacing = probes.area() * share / probes.probing.points as f64;
-    if kept.is_empty() || !spacing.is_normal() {
+    if probes.triangle_count() == 0 || !spacing.is_normal() {
         return Ok(None);
     }
-    let mut to_result = vec![f64::INFINITY; probes.points.len()];
+    let mut to_result: Vec<f64> = probes.points.iter().map(|&point| farthest_sq(result, point)).collect();
     let most = CANDIDATES_MAX * (probes.probing.points as f64 / share) as u64;
     let mut spread = Spread::new(spacing, most, 0);
     let (mut chosen, mut of_result) = (ChosenCells::new(probes.probing), Vec::new());
@@ -58,18 +54,22 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
         let triangle = |face: &[u32; 3]| face.map(|vertex| corners.position(vertex));
         let triangles: Vec<[DVec3; 3]> = corners.vertices.as_chunks().0.iter().map(triangle).collect();
         drop(corners);
-        nearest_sq(&triangles, &probes.points, &mut to_result);
-        for &triangle in &triangles {
-            spread.over(triangle, |point| of_result.extend(chosen.hold(point).then_some(point)));
-        }
+        let search = || nearest_sq(triangles.len(), |face| triangles[face as usize], &probes.points, &mut to_result);
+        rayon::join(search, || {
+            for &triangle in &triangles {
+                match chosen.are_met(triangle) {
+                    true => spread.over(triangle, |point| of_result.extend(chosen.hold(point).then_some(point))),
+                    false => spread.pass(triangle),
+                }
+            }
+        });
     }
     let mut to_input = vec![f64::INFINITY; of_result.len()];
-    nearest_sq(&kept, &of_result, &mut to_input);
+    nearest_sq(probes.triangle_count(), |face| probes.triangle(face), &of_result, &mut to_input);
     if to_input.is_empty() || to_result.is_empty() || result.face_count() == 0 {
         return Ok(None);
     }
-    let mean_size = (probes.area() / probes.faces().max(1) as f64).sqrt();
-    let noise = result.rounding_noise() + SINGLE_ROUNDING * mean_size;
+    let noise = result.rounding_noise();
     let counted = |distance_sq: &f64| if *distance_sq <= noise * noise { 0.0 } else { *distance_sq };
     let mean_of = |distances: &[f64]| distances.iter().map(counted).sum::<f64>() / distances.len() as f64;
     let to_input_sq = mean_of(&to_input);
@@ -89,15 +89,25 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
     }))
 }
 
-/// Lowers the squared distances of points to those from some triangles.
-fn nearest_sq(triangles: &[[DVec3; 3]], points: &[DVec3], distances_sq: &mut [f64]) {
-    let boxes: Vec<Bounds> = triangles.iter().map(|&triangle| Bounds::around(triangle)).collect();
-    let whole = boxes.iter().fold(Bounds::EMPTY, |all, bounds| all.with(*bounds));
-    let tree = BoxTree::new(&boxes);
+/// No point is farther from the result, squared: each side of the box around a piece's own vertices touches a face.
+fn farthest_sq(result: &StoredMesh, point: DVec3) -> f64 {
+    let farthest_sq = |bounds: Bounds| bounds.farthest_sq(point);
+    let boxes = result.pieces.iter().filter(|piece| !piece.positions.is_empty()).map(|piece| piece.positions.bounds());
+    boxes.map(|own| farthest_sq(Bounds { low: own.low.into(), high: own.high.into() })).fold(f64::INFINITY, f64::min)
+}
+
+/// Lowers the squared distances of points to those from `count` triangles.
+fn nearest_sq(count: usize, triangle: impl Fn(u32) -> [DVec3; 3] + Sync, points: &[DVec3], distances_sq: &mut [f64]) {
+    let tree = BoxTree::new(count, |face| Bounds::around(triangle(face)));
     points.par_iter().zip(distances_sq).for_each(|(&point, nearest_sq)| {
-        if whole.distance_sq(point) < *nearest_sq {
-            let distance_sq = |face: u32| closest_point(point, triangles[face as usize]).distance_squared(point);
-            *nearest_sq = nearest_sq.min(tree.nearest_sq(point, distance_sq));
+        if tree.bounds().distance_sq(point) < *nearest_sq {
+            tree.nearest_sq(point, *nearest_sq, |face| {
+                let corners = triangle(face);
+                if Bounds::around(corners).distance_sq(point) < *nearest_sq {
+                    *nearest_sq = nearest_sq.min(closest_point(point, corners).distance_squared(point));
+                }
+                *nearest_sq
+            });
         }
     });
 }

@@ -25,8 +25,7 @@ const SEARCH_MARGIN: f64 = 1.01;
 /// it, farther than that from both of its ends. About O(n log n).
 pub fn count_t_junctions(positions: &[DVec3], boundary: &[[u32; 2]], tolerance: f64) -> u64 {
     let vertices = vertices_of(boundary);
-    let boxes: Vec<Bounds> = vertices.iter().map(|&v| Bounds::around([positions[v as usize]])).collect();
-    let tree = BoxTree::new(&boxes);
+    let tree = BoxTree::new(vertices.len(), |item| Bounds::around([positions[vertices[item as usize] as usize]]));
     let mut touching: Vec<u32> = boundary
         .par_chunks(EDGES_AT_ONCE)
         .flat_map_iter(|edges| {

@@ -8,9 +8,19 @@ pub const FOLD_ANGLE: f64 = 0.1;
 const FOLD_COSINE_SQ: f64 = 0.990_033_288_920_621;
 
 /// Whether the two faces at an edge, with these third corners, are folded onto each other; not if one has no area.
+#[inline]
 pub fn are_folded([a, b]: [DVec3; 2], thirds: [DVec3; 2]) -> bool {
-    let along = (b - a).normalize_or_zero();
-    let [p, q] = thirds.map(|third| (third - a) - along * (third - a).dot(along));
+    let along = b - a;
+    let [p, q] = thirds.map(|third| third - a);
+    // Mostly the two lie on different sides of the edge.
+    let same_side = p.dot(q) * along.length_squared() > p.dot(along) * q.dot(along);
+    same_side && is_angle_small(along, [p, q])
+}
+
+/// Whether the angle between two faces that share a side is below [`FOLD_ANGLE`].
+fn is_angle_small(side: DVec3, others: [DVec3; 2]) -> bool {
+    let side = side.normalize_or_zero();
+    let [p, q] = others.map(|other| other - side * other.dot(side));
     let dot = p.dot(q);
     dot > 0.0 && dot * dot > FOLD_COSINE_SQ * p.length_squared() * q.length_squared()
 }

@@ -15,7 +15,8 @@ use super::cluster::ClusterMesh;
 const NONE: u32 = u32::MAX;
 
 /// Turns faces over until two that share an edge, which no third one has, run along it in opposite directions, wherever
-/// there is such a choice; the first face of each surface stays. No face may be dead. O(n log n), 24 bytes a face.
+/// there is such a choice; the first face of each surface stays. No face may be dead. O(n) but for hubs,
+/// 24 bytes a face and 4 a vertex.
 pub fn orient(mesh: &mut ClusterMesh) {
     let twins = twins(mesh);
     let mut is_known = vec![false; mesh.corners.len()];
@@ -56,17 +57,33 @@ fn swap_turned(mesh: &mut ClusterMesh) {
 
 /// The other half-edge of each edge of two faces; a half-edge is named by the corner where it begins.
 fn twins(mesh: &ClusterMesh) -> Vec<u32> {
-    let ends = |&half: &u32| {
+    let count = 3 * mesh.corners.len() as u32;
+    let ends = |half: u32| {
         let (a, b) = (mesh.vertex_of(half), mesh.vertex_of(ClusterMesh::following(half)[0]));
-        (a.min(b), a.max(b))
+        [a.min(b), a.max(b)]
     };
-    let mut halves: Vec<u32> = (0..3 * mesh.corners.len() as u32).collect();
-    halves.sort_unstable_by_key(|half| (ends(half), *half));
-    let mut twins = vec![NONE; halves.len()];
-    for edge in halves.chunk_by(|a, b| ends(a) == ends(b)) {
-        if let &[a, b] = edge {
-            (twins[a as usize], twins[b as usize]) = (b, a);
+    // The half-edges of each vertex that is the lower end, vertex after vertex; each vertex's begin where the one before ends.
+    let mut places = vec![0u32; mesh.positions.len() + 1];
+    (0..count).for_each(|half| places[ends(half)[0] as usize + 1] += 1);
+    (1..places.len()).for_each(|vertex| places[vertex] += places[vertex - 1]);
+    let mut halves = vec![0; count as usize];
+    for half in 0..count {
+        let place = &mut places[ends(half)[0] as usize];
+        halves[*place as usize] = half;
+        *place += 1;
+    }
+    let (mut twins, mut start) = (vec![NONE; count as usize], 0);
+    let mut spokes: Vec<(u32, u32)> = Vec::new();
+    for &end in &places[..mesh.positions.len()] {
+        spokes.clear();
+        spokes.extend(halves[start..end as usize].iter().map(|&half| (ends(half)[1], half)));
+        spokes.sort_unstable();
+        for edge in spokes.chunk_by(|a, b| a.0 == b.0) {
+            if let &[(_, a), (_, b)] = edge {
+                (twins[a as usize], twins[b as usize]) = (b, a);
+            }
         }
+        start = end as usize;
     }
     twins
 }

@@ -8,64 +8,92 @@
 
 use glam::DVec3;
 
-use super::legality::may_fold;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::fold::are_folded;
 use crate::mesh::ring::Rings;
 
-/// A face around the vertices that move, which stays.
-struct Moved {
-    face: u32,
-    /// The two vertices that stay, counter-clockwise.
-    ends: [u32; 2],
-    /// Where they are.
-    at: [DVec3; 2],
-    /// Where the corner was that moves.
-    from: DVec3,
-    /// Whether it turns so much that it may come to lie on a neighbour.
-    turns: bool,
+/// Where no face turns by more than about 10° (squared cosine), no two come to lie on each other.
+const TURN_COSINE_SQ: f64 = 0.97;
+
+/// Whether a face turns so much that it may come to lie on a neighbour; from the dot product of its normals before and after,
+/// and the product of their squared lengths.
+#[inline(always)]
+pub(super) fn may_fold(turn: f64, lengths_sq: f64) -> bool {
+    turn < 0.0 || turn * turn < TURN_COSINE_SQ * lengths_sq
 }
 
-/// Whether, with all `moving` vertices at `position` and the `dying` faces gone, two faces that share an edge would be folded
-/// onto each other that are not now. It need not be asked where no face turns much.
-pub fn folds(mesh: &ClusterMesh, rings: &Rings, dying: &[u32], moving: &[u32], position: DVec3) -> bool {
-    let corners = || moving.iter().flat_map(|&vertex| rings.of(vertex)).copied();
-    let stays = |corner: &u32| mesh.living(*corner).is_some() && !dying.contains(&(corner / 3));
-    let moved: Vec<Moved> = corners().filter(stays).map(|corner| Moved::of(mesh, corner, position)).collect();
-    moved.iter().any(|one| one.turns && folds_outwards(mesh, rings, one, position)) || fold_together(&moved, position)
+/// The faces around vertices that move to one place; scratch space is kept from one move to the next.
+#[derive(Debug, Default)]
+pub(super) struct FoldCheck {
+    /// Corners at the moving vertices whose faces turn so much that they [may fold](may_fold).
+    pub(super) turned: Vec<u32>,
+    moved: Vec<Moved>,
+}
+
+/// A face around the vertices that move, which stays.
+#[derive(Debug)]
+struct Moved {
+    /// Its corner that moves.
+    corner: u32,
+    /// The two vertices that stay, counter-clockwise.
+    ends: [u32; 2],
 }
 
 impl Moved {
-    fn of(mesh: &ClusterMesh, corner: u32, position: DVec3) -> Self {
-        let face = corner / 3;
-        let (vertices, triangle) = (mesh.vertices(face), mesh.triangle(face));
-        let [apex, first, second] = [0, 1, 2].map(|k| (corner as usize + k - 3 * face as usize) % 3);
-        let (at, from) = ([triangle[first], triangle[second]], triangle[apex]);
-        let [old, new] = [from, position].map(|corner| (at[1] - at[0]).cross(corner - at[0]));
-        let turns = may_fold(old.dot(new), old.length_squared() * new.length_squared());
-        Self { face, ends: [vertices[first], vertices[second]], at, from, turns }
+    fn of(mesh: &ClusterMesh, corner: u32) -> Self {
+        Self { corner, ends: ClusterMesh::following(corner).map(|corner| mesh.vertex_of(corner)) }
+    }
+}
+
+impl FoldCheck {
+    /// Whether, with all `moving` vertices at `position` and the `dying` faces gone, two faces that share an edge would be
+    /// folded onto each other that are not now. `turned` must be filled.
+    pub(super) fn finds(
+        &mut self,
+        mesh: &ClusterMesh,
+        rings: &Rings,
+        dying: &[u32],
+        moving: &[u32],
+        position: DVec3,
+    ) -> bool {
+        if self.turned.is_empty() {
+            return false;
+        }
+        let corners = moving.iter().flat_map(|&vertex| rings.of(vertex)).copied();
+        let staying = corners.filter(|corner| mesh.living(*corner).is_some() && !dying.contains(&(corner / 3)));
+        self.moved.clear();
+        self.moved.extend(staying.map(|corner| Moved::of(mesh, corner)));
+        self.turned.iter().any(|&corner| {
+            let one = Moved::of(mesh, corner);
+            folds_outwards(mesh, rings, &one, position)
+                || self.moved.iter().any(|other| {
+                    (other.ends[0] == one.ends[1] && fold_together(mesh, [&one, other], position))
+                        || (other.ends[1] == one.ends[0] && fold_together(mesh, [other, &one], position))
+                })
+        })
     }
 }
 
 /// Whether a face folds onto the one across the side that does not move.
 fn folds_outwards(mesh: &ClusterMesh, rings: &Rings, one: &Moved, position: DVec3) -> bool {
-    let [a, b] = one.ends;
-    let mut beside = rings.faces(mesh, a).filter(|&face| face != one.face && mesh.vertices(face).contains(&b));
-    let (Some(other), None) = (beside.next(), beside.next()) else { return false };
-    let Some(k) = mesh.vertices(other).iter().position(|&v| v != a && v != b) else { return false };
-    let third = mesh.triangle(other)[k];
-    are_folded(one.at, [position, third]) && !are_folded(one.at, [one.from, third])
+    let ([a, b], face) = (one.ends, one.corner / 3);
+    let mut beside = rings.of(a).iter().filter_map(|&corner| {
+        let far = ClusterMesh::following(corner);
+        let at = far.iter().position(|&corner| mesh.vertex_of(corner) == b)?;
+        (corner / 3 != face && mesh.living(corner).is_some()).then(|| mesh.vertex_of(far[1 - at]))
+    });
+    let (Some(third), None) = (beside.next(), beside.next()) else { return false };
+    let [a, b, third, from] = [a, b, third, mesh.vertex_of(one.corner)].map(|v| mesh.positions[v as usize]);
+    are_folded([a, b], [position, third]) && !are_folded([a, b], [from, third])
 }
 
-/// Whether two of the faces that move fold onto each other.
-fn fold_together(moved: &[Moved], position: DVec3) -> bool {
-    moved.iter().any(|one| {
-        let follows =
-            |other: &&Moved| other.ends[0] == one.ends[1] && (one.turns || other.turns) && other.face != one.face;
-        moved.iter().filter(follows).any(|other| {
-            let ridge = one.at[1];
-            are_folded([position, ridge], [one.at[0], other.at[1]])
-                && !(one.from == other.from && are_folded([one.from, ridge], [one.at[0], other.at[1]]))
-        })
-    })
+/// Whether two faces that move fold onto each other; the second begins where the first ends.
+fn fold_together(mesh: &ClusterMesh, [one, other]: [&Moved; 2], position: DVec3) -> bool {
+    if one.corner / 3 == other.corner / 3 {
+        return false;
+    }
+    let [from, from_other] = [one, other].map(|moved| mesh.vertex_of(moved.corner));
+    let [before, ridge, first, last] =
+        [from, one.ends[1], one.ends[0], other.ends[1]].map(|v| mesh.positions[v as usize]);
+    are_folded([position, ridge], [first, last]) && !(from == from_other && are_folded([before, ridge], [first, last]))
 }

@@ -6,7 +6,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::fold::folds;
+use super::fold::{FoldCheck, may_fold};
 use super::texture::distance_sq;
 use crate::mesh::class::VALENCE_MAX;
 use crate::mesh::cluster::ClusterMesh;
@@ -14,8 +14,6 @@ use crate::mesh::ring::Rings;
 
 /// A face may turn by no more than about 78° in one collapse (cosine).
 const TURN_COSINE: f64 = 0.2;
-/// Where no face turns by more than about 10° (squared cosine), no two come to lie on each other.
-const FOLD_TURN_COSINE_SQ: f64 = 0.97;
 /// A face may not become thinner than this regularity (4√3 · area / Σ length²; 1 is equilateral), unless it was.
 const REGULARITY_MIN: f64 = 0.02;
 /// A texture triangle may not lose more than this share of its size beside the change of the face's own area.
@@ -93,6 +91,7 @@ pub struct EdgeStar {
     opposite: Vec<u32>,
     mark: Vec<u32>,
     epoch: u32,
+    folds: FoldCheck,
 }
 
 impl EdgeStar {
@@ -216,7 +215,7 @@ impl EdgeStar {
     /// # Errors
     /// The first reason found against the collapse.
     pub fn check_faces(
-        &self,
+        &mut self,
         mesh: &ClusterMesh,
         rings: &Rings,
         moving: &[u32],
@@ -224,7 +223,7 @@ impl EdgeStar {
         uvs: &[DVec2],
         cost: f64,
     ) -> Result<(), Refusal> {
-        let mut turns = false;
+        self.folds.turned.clear();
         for &vertex in moving {
             for &corner in rings.of(vertex) {
                 let Some(wedge) = mesh.living(corner) else { continue };
@@ -240,7 +239,9 @@ impl EdgeStar {
                     uv_after[k] = uv;
                 }
                 let Change { areas_sq, turns: face_turns } = change_of(before, after).ok_or(Refusal::Fold)?;
-                turns |= face_turns;
+                if face_turns {
+                    self.folds.turned.push(corner);
+                }
                 let grows = areas_sq[1] > GROWTH_SQ * areas_sq[0];
                 if grows && hovers(mesh, rings, moving, after, areas_sq[1].sqrt(), cost) {
                     return Err(Refusal::Fold);
@@ -250,7 +251,7 @@ impl EdgeStar {
                 }
             }
         }
-        if turns && folds(mesh, rings, &self.dying, moving, position) { Err(Refusal::Fold) } else { Ok(()) }
+        if self.folds.finds(mesh, rings, &self.dying, moving, position) { Err(Refusal::Fold) } else { Ok(()) }
     }
 
     /// Makes the collapse in the mesh: faces at the edge die, the others come to `to` with their wedges.
@@ -338,13 +339,6 @@ pub fn change_of(before: [DVec3; 3], after: [DVec3; 3]) -> Option<Change> {
         });
     let turns = may_fold(turn, old_sq * new_sq);
     survives.then_some(Change { areas_sq: [0.25 * old_sq, 0.25 * new_sq], turns })
-}
-
-/// Whether a face turns so much that it may come to lie on a neighbour; from the dot product of its normals before and after,
-/// and the product of their squared lengths.
-#[inline(always)]
-pub(super) fn may_fold(turn: f64, lengths_sq: f64) -> bool {
-    turn < 0.0 || turn * turn < FOLD_TURN_COSINE_SQ * lengths_sq
 }
 
 /// Twice the area of a triangle in the picture, negative if it is turned over.

@@ -15,7 +15,7 @@
 use glam::{DVec2, DVec3};
 
 use super::deviation::Patches;
-use super::fold::folds;
+use super::fold::FoldCheck;
 use super::legality::{Refusal, change_of, doubled_uv_area, uv_survives};
 use super::texture::closest_weights;
 use crate::cost::{Metric, SettlingWedge};
@@ -40,6 +40,7 @@ pub struct Settler {
     wedges: Vec<SettlingWedge>,
     uvs: Vec<DVec2>,
     patches: Patches,
+    folds: FoldCheck,
 }
 
 impl Settler {
@@ -110,9 +111,9 @@ impl Settler {
     }
 
     /// Whether no face around the vertex folds over or collapses, on the surface or in the picture.
-    fn fits(&self, mesh: &ClusterMesh, rings: &Rings, vertex: u32, position: DVec3) -> bool {
-        let mut turns = false;
-        let fits = |&corner: &u32| {
+    fn fits(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32, position: DVec3) -> bool {
+        self.folds.turned.clear();
+        for &corner in rings.of(vertex) {
             let (face, k) = (corner / 3, corner as usize % 3);
             let (before, uv_before) = (mesh.triangle(face), mesh.uv_triangle(face));
             let (mut after, mut uv_after) = (before, uv_before);
@@ -120,12 +121,15 @@ impl Settler {
             if let Some(i) = self.place_of(mesh.wedge_of(corner)) {
                 uv_after[k] = self.uvs[i];
             }
-            change_of(before, after).is_some_and(|change| {
-                turns |= change.turns;
-                uv_survives(uv_before, uv_after, change.areas_sq)
-            })
-        };
-        rings.of(vertex).iter().all(fits) && !(turns && folds(mesh, rings, &[], &[vertex], position))
+            let Some(change) = change_of(before, after) else { return false };
+            if !uv_survives(uv_before, uv_after, change.areas_sq) {
+                return false;
+            }
+            if change.turns {
+                self.folds.turned.push(corner);
+            }
+        }
+        !self.folds.finds(mesh, rings, &[], &[vertex], position)
     }
 
     /// Bounds the deviation of the faces around the vertex, if deviations are bounded.

@@ -11,14 +11,14 @@
 //! itself. Where a point of the result is farther from the input than half a side, its distance may come out too large.
 //!
 //! # Memory
-//! 24 bytes for each of up to four times 8,192 points, 48 for each of some 30,000 triangles.
+//! 24 bytes for each of up to four times 8,192 points, about 24 for each of some 30,000 triangles.
 
 use std::cell::Cell;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::base::chance::{mixed, place_on_triangle, unit};
+use crate::base::chance::{INCREMENT, mixed, place_on_triangle, unit};
 use crate::mesh::ClusterMesh;
 
 /// Points on each of the two surfaces: for so many faces one, within these limits.
@@ -39,17 +39,21 @@ const SHAPE: f64 = 0.433;
 const BLOCK_BITS_MAX: f64 = 6.0;
 /// Parts of a cell's side that positions are rounded to.
 const SIDE_PARTS: i64 = 256;
+/// A triangle is small if it is shorter than this share of a cell's side along each axis: less than a half.
+const SMALL: f64 = 0.49;
 /// No place is farther from the origin: what lies beyond counts as there.
 const PLACE_MAX: i64 = 1 << 60;
 /// A triangle that lies in more blocks than that is kept without looking at each.
 const BLOCKS_MAX: i128 = 64;
+/// Blocks and cells that are remembered.
+const SLOTS: usize = 512;
 /// Points and triangles of a cluster: this many times what is expected, and some more, at most.
 const EXCESS: u64 = 4;
 const EXCESS_MORE: u64 = 64;
 
 thread_local! {
-    /// Places of the vertices of a cluster and sums of areas of its faces, kept from cluster to cluster.
-    static SCRATCH: Cell<(Vec<Place>, Vec<f64>)> = const { Cell::new((Vec::new(), Vec::new())) };
+    /// Sums of areas of the faces of a cluster, and which of its vertices are kept under which number.
+    static SCRATCH: Cell<(Vec<f64>, Vec<u32>)> = const { Cell::new((Vec::new(), Vec::new())) };
 }
 
 /// How the input is probed; the same for all clusters.
@@ -75,8 +79,10 @@ pub struct Probes {
     pub points: Vec<DVec3>,
     /// Area of each cluster and the number of its points.
     pub strata: Vec<(f64, u32)>,
-    /// Triangles in and around the chosen cells: a corner, and what leads from it to the others.
-    triangles: Vec<(DVec3, [Vec3; 2])>,
+    /// Triangles in and around the chosen cells.
+    triangles: Vec<[u32; 3]>,
+    /// Their vertices.
+    vertices: Vec<DVec3>,
 }
 
 impl Probing {
@@ -123,15 +129,22 @@ impl Probing {
         let most = |expected: f64| (EXCESS as f64 * expected * share) as usize + EXCESS_MORE as usize;
         let triangles_max = most(TRIANGLES_PER_FACE * CHOSEN_FACES);
         let mut chosen = ChosenCells::new(*self);
-        let (mut places, mut ends) = SCRATCH.take();
-        places.clear();
-        places.extend(mesh.positions.iter().map(|&position| chosen.place(origin + position)));
+        let (mut ends, mut numbers) = SCRATCH.take();
         ends.clear();
-        let (mut kept, mut area) = (Vec::new(), 0.0);
+        numbers.clear();
+        numbers.resize(mesh.positions.len(), u32::MAX);
+        let (mut triangles, mut vertices, mut area) = (Vec::new(), Vec::new(), 0.0);
         for face in 0..mesh.corners.len() as u32 {
             let [a, b, c] = mesh.triangle(face);
-            if kept.len() < triangles_max && chosen.are_near(mesh.vertices(face).map(|v| &places[v as usize])) {
-                kept.push((origin + a, [b, c].map(|corner| (corner - a).as_vec3())));
+            if triangles.len() < triangles_max && chosen.are_near([a, b, c].map(|corner| origin + corner)) {
+                triangles.push(mesh.vertices(face).map(|vertex| {
+                    let number = &mut numbers[vertex as usize];
+                    if *number == u32::MAX {
+                        *number = vertices.len() as u32;
+                        vertices.push(origin + mesh.positions[vertex as usize]);
+                    }
+                    *number
+                }));
             }
             let own = area_of([a, b, c]);
             area += if own.is_finite() { own } else { 0.0 };
@@ -146,64 +159,109 @@ impl Probing {
             let face = ends.partition_point(|&end| end <= place).min(ends.len() - 1) as u32;
             points.push(point_on(mesh.triangle(face).map(|corner| origin + corner), &mut hash));
         }
-        SCRATCH.set((places, ends));
+        SCRATCH.set((ends, numbers));
         let strata = vec![(area, points.len() as u32)];
-        Probes { probing: *self, points, strata, triangles: kept }
+        Probes { probing: *self, points, strata, triangles, vertices }
     }
 }
 
 /// A position in parts of a cell's side.
 type Place = [i64; 3];
 
-/// Looks for chosen cells; remembers the block that it looked at last.
+/// Looks for chosen cells; remembers where it looked last.
 #[derive(Debug)]
 pub struct ChosenCells {
     probing: Probing,
     parts: f64,
-    last: Option<(Place, Option<Place>)>,
+    /// Blocks that were looked at, each at its slot, and their chosen cells.
+    seen: Vec<Option<(Place, Option<Place>)>>,
+    /// Cells that were looked around, each at its slot.
+    around: Vec<Option<(Place, Around)>>,
+}
+
+/// Chosen cells, by their low corners, among a cell and those around it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Around {
+    None,
+    One(Place),
+    Many,
 }
 
 impl ChosenCells {
     /// The chosen cells of a probing.
     pub fn new(probing: Probing) -> Self {
-        Self { probing, parts: SIDE_PARTS as f64 / probing.side, last: None }
+        Self { probing, parts: SIDE_PARTS as f64 / probing.side, seen: vec![None; SLOTS], around: vec![None; SLOTS] }
     }
 
     /// Whether a position lies in one.
     pub fn hold(&mut self, position: DVec3) -> bool {
         let place = self.place(position);
-        self.are_between(place, place)
+        self.any_between(place, place, |_| true)
     }
 
-    /// Whether a triangle comes near one: no farther than half a side.
-    fn are_near(&mut self, [a, b, c]: [&Place; 3]) -> bool {
-        let ends = |axis: usize| [a[axis].min(b[axis]).min(c[axis]), a[axis].max(b[axis]).max(c[axis])];
-        let [x, y, z] = [0, 1, 2].map(|axis| {
-            let [low, high] = ends(axis);
-            [low.saturating_sub(SIDE_PARTS / 2), high.saturating_add(SIDE_PARTS / 2)]
+    /// Whether the box around a triangle meets one.
+    pub fn are_met(&mut self, triangle: [DVec3; 3]) -> bool {
+        self.are_within(triangle, 0)
+    }
+
+    /// Whether a triangle comes near one: its box no farther than half a side.
+    fn are_near(&mut self, [a, b, c]: [DVec3; 3]) -> bool {
+        let (low, high, side) = (a.min(b).min(c), a.max(b).max(c), self.probing.side);
+        // Most are smaller than half a side: all of their corners are within a side of the cell then.
+        let is_small = (high - low).max_element() < SMALL * side;
+        match if is_small { self.around(a) } else { Around::Many } {
+            Around::None => false,
+            Around::One(cell) => {
+                let cell = DVec3::from_array(cell.map(|place| place as f64 / self.parts));
+                cell.cmple(high + 0.5 * side).all() && low.cmple(cell + 1.5 * side).all()
+            }
+            Around::Many => self.are_within([a, b, c], SIDE_PARTS / 2),
+        }
+    }
+
+    /// Those among the cell of a position and the cells around it.
+    fn around(&mut self, position: DVec3) -> Around {
+        let cell = self.place(position).map(|place| place >> SIDE_PARTS.trailing_zeros());
+        let slot = slot_of(cell);
+        if let Some((last, around)) = self.around[slot]
+            && last == cell
+        {
+            return around;
+        }
+        let low = cell.map(|place| (place - 1) * SIDE_PARTS);
+        let mut around = Around::None;
+        self.any_between(low, low.map(|place| place + 3 * SIDE_PARTS - 1), |cell| {
+            around = if around == Around::None { Around::One(cell) } else { Around::Many };
+            false
         });
-        self.are_between([x[0], y[0], z[0]], [x[1], y[1], z[1]])
+        self.around[slot] = Some((cell, around));
+        around
     }
 
-    /// Whether one meets a box.
-    fn are_between(&mut self, low: Place, high: Place) -> bool {
+    /// Whether one meets the box around a triangle, grown by a margin.
+    fn are_within(&mut self, [a, b, c]: [DVec3; 3], margin: i64) -> bool {
+        let (low, high) = (self.place(a.min(b).min(c)), self.place(a.max(b).max(c)));
+        let (low, high) = (low.map(|p| p.saturating_sub(margin)), high.map(|p| p.saturating_add(margin)));
+        self.any_between(low, high, |_| true)
+    }
+
+    /// Whether one meets a box and is accepted; also if the box is too large to look for them.
+    fn any_between(&mut self, low: Place, high: Place, mut accept: impl FnMut(Place) -> bool) -> bool {
         let shift = self.probing.block_bits + SIDE_PARTS.trailing_zeros();
         let [from, to] = [low, high].map(|place| place.map(|p| p >> shift));
+        let mut accept_in = |block: Place| {
+            let meets =
+                |cell: &Place| (0..3).all(|axis| cell[axis] <= high[axis] && low[axis] < cell[axis] + SIDE_PARTS);
+            self.cell(block).filter(meets).is_some_and(&mut accept)
+        };
         if from == to {
-            return self.does_meet(from, low, high);
+            return accept_in(from);
         }
         let counts = [0, 1, 2].map(|axis| i128::from(to[axis]) - i128::from(from[axis]) + 1);
         if counts.iter().product::<i128>() > BLOCKS_MAX {
             return true;
         }
-        (from[0]..=to[0])
-            .any(|x| (from[1]..=to[1]).any(|y| (from[2]..=to[2]).any(|z| self.does_meet([x, y, z], low, high))))
-    }
-
-    /// Whether the chosen cell of a block meets a box.
-    fn does_meet(&mut self, block: Place, low: Place, high: Place) -> bool {
-        let cell = self.cell(block);
-        cell.is_some_and(|cell| (0..3).all(|axis| cell[axis] <= high[axis] && low[axis] < cell[axis] + SIDE_PARTS))
+        (from[0]..=to[0]).any(|x| (from[1]..=to[1]).any(|y| (from[2]..=to[2]).any(|z| accept_in([x, y, z]))))
     }
 
     fn place(&self, position: DVec3) -> Place {
@@ -215,7 +273,8 @@ impl ChosenCells {
 
     /// The low corner of the chosen cell of a block, if it has one.
     fn cell(&mut self, block: Place) -> Option<Place> {
-        if let Some((last, cell)) = self.last
+        let seen = &mut self.seen[slot_of(block)];
+        if let Some((last, cell)) = *seen
             && last == block
         {
             return cell;
@@ -228,9 +287,15 @@ impl ChosenCells {
                 ((b << bits) + (hash & ((1 << bits) - 1)) as i64) * SIDE_PARTS
             })
         });
-        self.last = Some((block, cell));
+        *seen = Some((block, cell));
         cell
     }
+}
+
+/// Where a block or a cell is remembered.
+fn slot_of(place: Place) -> usize {
+    let hash = place.iter().fold(0, |hash, &p| (hash ^ p as u64).wrapping_mul(INCREMENT));
+    (hash >> 32) as usize % SLOTS
 }
 
 impl Probes {
@@ -242,13 +307,16 @@ impl Probes {
         self.probing = other.probing;
         self.points.extend(other.points);
         self.strata.extend(other.strata);
-        self.triangles.extend(other.triangles);
+        let first = self.vertices.len() as u32;
+        self.triangles.extend(other.triangles.into_iter().map(|corners| corners.map(|vertex| first + vertex)));
+        self.vertices.extend(other.vertices);
     }
 
     /// Gives memory back that nothing more comes to.
     pub(super) fn shrink(&mut self) {
         self.points.shrink_to_fit();
         self.triangles.shrink_to_fit();
+        self.vertices.shrink_to_fit();
     }
 
     /// Whether nothing was probed.
@@ -256,9 +324,14 @@ impl Probes {
         self.strata.is_empty()
     }
 
-    /// The triangles in and around the chosen cells, to single precision.
-    pub fn triangles(&self) -> Vec<[DVec3; 3]> {
-        self.triangles.iter().map(|&(a, [to_b, to_c])| [a, a + to_b.as_dvec3(), a + to_c.as_dvec3()]).collect()
+    /// Number of triangles in and around the chosen cells.
+    pub fn triangle_count(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// One of them.
+    pub fn triangle(&self, index: u32) -> [DVec3; 3] {
+        self.triangles[index as usize].map(|vertex| self.vertices[vertex as usize])
     }
 
     /// Faces of the input.
@@ -277,7 +350,8 @@ impl Probes {
             && self.strata.iter().all(|&(area, _)| area.is_finite() && area >= 0.0)
             && self.strata.iter().map(|&(_, count)| count as usize).sum::<usize>() == self.points.len()
             && self.points.iter().all(|point| point.is_finite())
-            && self.triangles.iter().all(|(corner, sides)| corner.is_finite() && sides.iter().all(|s| s.is_finite()))
+            && self.vertices.iter().all(|vertex| vertex.is_finite())
+            && self.triangles.iter().flatten().all(|&vertex| (vertex as usize) < self.vertices.len())
     }
 }
 
@@ -299,17 +373,25 @@ impl Spread {
     }
 
     /// The points on the next triangle; none if it has no area.
-    pub fn over(&mut self, [a, b, c]: [DVec3; 3], mut visit: impl FnMut(DVec3)) {
-        let due = area_of([a, b, c]) / self.spacing;
-        if !due.is_finite() {
-            return;
+    pub fn over(&mut self, triangle: [DVec3; 3], mut visit: impl FnMut(DVec3)) {
+        for _ in 0..self.due(triangle) {
+            visit(point_on(triangle, &mut self.hash));
         }
-        self.owed += due;
-        while self.owed >= 1.0 && self.left > 0 {
-            self.owed -= 1.0;
-            self.left -= 1;
-            visit(point_on([a, b, c], &mut self.hash));
-        }
+    }
+
+    /// Passes the next triangle over, whose points nobody looks at.
+    pub fn pass(&mut self, triangle: [DVec3; 3]) {
+        self.due(triangle);
+    }
+
+    /// Number of points on the next triangle.
+    fn due(&mut self, triangle: [DVec3; 3]) -> u64 {
+        let due = area_of(triangle) / self.spacing;
+        self.owed += if due.is_finite() { due } else { 0.0 };
+        let whole = (self.owed as u64).min(self.left);
+        self.owed -= whole as f64;
+        self.left -= whole;
+        whole
     }
 }
 
@@ -355,8 +437,9 @@ mod tests {
             let point = steps.into_iter().find(|point| chosen.hold(*point)).unwrap();
             // A triangle with a corner less than half a side away.
             let near = point + ends[0].normalize_or_zero() * 0.49 * probing.side;
-            let places = [near, ends[1], ends[2]].map(|corner| chosen.place(corner));
-            prop_assert!(chosen.are_near([&places[0], &places[1], &places[2]]));
+            prop_assert!(chosen.are_near([near, ends[1], ends[2]]));
+            let small = ends.map(|end| near + (end - ends[0]).normalize_or_zero() * 0.3 * probing.side);
+            prop_assert!(chosen.are_near(small));
         }
     }
 

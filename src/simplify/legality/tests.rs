@@ -25,7 +25,7 @@ fn no_face_is_pulled_out_over_empty_space() {
     star.reset(5);
     star.gather(&mesh, &rings, 0, 1);
     let uvs = [DVec2::NAN];
-    let at = |cost| star.check_faces(&mesh, &rings, &[0], mesh.positions[1], &uvs, cost);
+    let mut at = |cost| star.check_faces(&mesh, &rings, &[0], mesh.positions[1], &uvs, cost);
     assert_eq!(at(0.0), Err(Refusal::Fold));
     assert_eq!(at(f64::INFINITY), Ok(()));
     // Without face 0-3-4 nothing but the ground is left.
