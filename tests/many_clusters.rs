@@ -18,7 +18,7 @@ const TOWN_RATIO_MAX: f64 = 1.25;
 /// Root of the mean squared distance from points spread evenly over one mesh to another.
 fn rms_one_way(from: &Mesh, to: &Mesh) -> f64 {
     let triangles: Vec<[DVec3; 3]> = to.triangles().collect();
-    let tree = BoxTree::new(&triangles.iter().map(|&t| Bounds::around(t)).collect::<Vec<_>>());
+    let tree = BoxTree::new(triangles.len(), |item| Bounds::around(triangles[item as usize]));
     let area = from.area();
     let (mut sum, mut count, mut owed) = (0.0, 0, 0.0);
     for (face, [a, b, c]) in from.triangles().enumerate() {
@@ -30,7 +30,7 @@ fn rms_one_way(from: &Mesh, to: &Mesh) -> f64 {
                 (s, t) = (1.0 - s, 1.0 - t);
             }
             let point = a + (b - a) * s + (c - a) * t;
-            sum += tree.nearest_sq(point, |item| {
+            sum += tree.nearest_sq(point, f64::INFINITY, |item| {
                 let [a, b, c] = triangles[item as usize];
                 let [u, v, w] = closest_weights(point, [a, b, c]);
                 (a * u + b * v + c * w).distance_squared(point)

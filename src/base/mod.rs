@@ -12,6 +12,7 @@ pub mod json_path;
 pub mod ordered;
 pub mod progress;
 pub mod quantity;
+pub mod records;
 pub mod threads;
 
 pub use budget::{Allowance, MemoryBudget, Permit, Permits};

@@ -75,6 +75,22 @@ pub mod path {
 mod tests {
     use super::*;
 
+    #[derive(Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+    struct Pair(#[serde(with = "crate::base::records")] Vec<[u32; 3]>, u8);
+
+    #[test]
+    fn records_come_back_and_half_a_record_is_refused() {
+        let pair = Pair(vec![[1, 2, 3], [4, 5, u32::MAX]], 7);
+        let mut bytes = encode(&pair).unwrap();
+        assert_eq!(decode::<Pair>(&bytes), Ok(pair));
+        assert_eq!(bytes[0], 24);
+        bytes[0] = 23;
+        bytes.pop();
+        assert!(decode::<Pair>(&bytes).is_err());
+        bytes.splice(0..1, [253, 0, 0, 0, 0, 0, 0, 0, 0x10]);
+        assert!(decode::<Pair>(&bytes).is_err());
+    }
+
     #[test]
     fn a_forged_count_is_refused_before_it_is_allocated() {
         let mut bytes = encode(&vec![7u64; 3]).unwrap();

@@ -57,8 +57,10 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
         let search = || nearest_sq(triangles.len(), |face| triangles[face as usize], &probes.points, &mut to_result);
         rayon::join(search, || {
             for &triangle in &triangles {
-                match chosen.are_met(triangle) {
-                    true => spread.over(triangle, |point| of_result.extend(chosen.hold(point).then_some(point))),
+                let are_met = chosen.are_met(triangle);
+                let mut is_searched = |point| chosen.holding(point).is_some_and(|cell| probes.has_all_near(cell));
+                match are_met {
+                    true => spread.over(triangle, |point| of_result.extend(is_searched(point).then_some(point))),
                     false => spread.pass(triangle),
                 }
             }

@@ -36,24 +36,33 @@ pub fn rounded_up(value: f64) -> f32 {
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct ClusterMesh {
     /// Position of each vertex relative to the cluster's origin, in the mesh's unit of length.
+    #[serde(with = "crate::base::records")]
     pub positions: Vec<DVec3>,
     /// Bits of [`flag`] for each vertex.
+    #[serde(with = "crate::base::records")]
     pub flags: Vec<u8>,
     /// Vertex of each wedge.
+    #[serde(with = "crate::base::records")]
     pub wedge_vertex: Vec<u32>,
     /// Texture coordinate of each wedge times the scale of its material, in units of length; NaN where it has none.
+    #[serde(with = "crate::base::records")]
     pub wedge_uv: Vec<DVec2>,
     /// Next wedge of the same vertex, cyclic.
+    #[serde(with = "crate::base::records")]
     pub wedge_next: Vec<u32>,
     /// Whether the wedge has left the texture coordinate that it came with.
     pub wedge_moved: Vec<bool>,
     /// Wedges of each face's corners, counter-clockwise.
+    #[serde(with = "crate::base::records")]
     pub corners: Vec<[u32; 3]>,
     /// Vertices of each face's corners: those of its wedges, at hand.
+    #[serde(with = "crate::base::records")]
     pub corner_vertices: Vec<[u32; 3]>,
     /// Part (label) of each face.
+    #[serde(with = "crate::base::records")]
     pub parts: Vec<u32>,
     /// Bound on the distance of each face from the input, in units of length; kept only where the error is bounded.
+    #[serde(with = "crate::base::records")]
     pub deviations: Vec<f32>,
     /// Whether each face was turned over by [`orient`](super::orient).
     pub is_turned: Vec<bool>,

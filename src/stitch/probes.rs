@@ -11,7 +11,7 @@
 //! itself. Where a point of the result is farther from the input than half a side, its distance may come out too large.
 //!
 //! # Memory
-//! 24 bytes for each of up to four times 8,192 points, about 24 for each of some 30,000 triangles.
+//! 24 bytes for each of up to four times 8,192 points, about 24 for each of some 25,000 triangles.
 
 use std::cell::Cell;
 
@@ -26,13 +26,13 @@ const FACES_PER_POINT: u64 = 200;
 const POINTS_MIN: u64 = 1536;
 const POINTS_MAX: u64 = 8192;
 /// Faces of the input in all chosen cells, about.
-const CHOSEN_FACES: f64 = 6144.0;
+const CHOSEN_FACES: f64 = 3072.0;
 /// Faces of the input in a cell, if its surface is flat there, and no more than a tenth of them is to be left.
 const CELL_FACES: f64 = 32.0;
 /// Where fewer are to be left, distances are larger, and cells have up to this many times as many faces.
 const CELL_GROWTH_MAX: f64 = 8.0;
 /// Triangles that are kept for each face in a chosen cell, about.
-const TRIANGLES_PER_FACE: f64 = 5.0;
+const TRIANGLES_PER_FACE: f64 = 12.0;
 /// Area of a triangle as a share of the square of its longest side: of an equilateral one.
 const SHAPE: f64 = 0.433;
 /// Cells along the side of a block are two to this power, at most.
@@ -76,12 +76,18 @@ pub struct Probes {
     /// How it was probed.
     pub probing: Probing,
     /// Points on the input, cluster by cluster.
+    #[serde(with = "crate::base::records")]
     pub points: Vec<DVec3>,
     /// Area of each cluster and the number of its points.
     pub strata: Vec<(f64, u32)>,
     /// Triangles in and around the chosen cells.
+    #[serde(with = "crate::base::records")]
     triangles: Vec<[u32; 3]>,
-    /// Their vertices.
+    /// Low corners of chosen cells that have too many triangles near them, so that not all are kept; ascending.
+    #[serde(with = "crate::base::records")]
+    crowded: Vec<Place>,
+    /// The vertices of the triangles.
+    #[serde(with = "crate::base::records")]
     vertices: Vec<DVec3>,
 }
 
@@ -133,10 +139,13 @@ impl Probing {
         ends.clear();
         numbers.clear();
         numbers.resize(mesh.positions.len(), u32::MAX);
-        let (mut triangles, mut vertices, mut area) = (Vec::new(), Vec::new(), 0.0);
+        let (mut triangles, mut vertices, mut crowded, mut area) = (Vec::new(), Vec::new(), Vec::new(), 0.0);
         for face in 0..mesh.corners.len() as u32 {
             let [a, b, c] = mesh.triangle(face);
-            if triangles.len() < triangles_max && chosen.are_near([a, b, c].map(|corner| origin + corner)) {
+            let is_near = chosen.are_near([a, b, c].map(|corner| origin + corner));
+            if is_near && triangles.len() == triangles_max {
+                chosen.each_near([a, b, c].map(|corner| origin + corner), |cell| crowded.push(cell));
+            } else if is_near {
                 triangles.push(mesh.vertices(face).map(|vertex| {
                     let number = &mut numbers[vertex as usize];
                     if *number == u32::MAX {
@@ -161,12 +170,14 @@ impl Probing {
         }
         SCRATCH.set((ends, numbers));
         let strata = vec![(area, points.len() as u32)];
-        Probes { probing: *self, points, strata, triangles, vertices }
+        crowded.sort_unstable();
+        crowded.dedup();
+        Probes { probing: *self, points, strata, triangles, crowded, vertices }
     }
 }
 
 /// A position in parts of a cell's side.
-type Place = [i64; 3];
+pub type Place = [i64; 3];
 
 /// Looks for chosen cells; remembers where it looked last.
 #[derive(Debug)]
@@ -193,10 +204,14 @@ impl ChosenCells {
         Self { probing, parts: SIDE_PARTS as f64 / probing.side, seen: vec![None; SLOTS], around: vec![None; SLOTS] }
     }
 
-    /// Whether a position lies in one.
-    pub fn hold(&mut self, position: DVec3) -> bool {
-        let place = self.place(position);
-        self.any_between(place, place, |_| true)
+    /// The low corner of the one that a position lies in.
+    pub fn holding(&mut self, position: DVec3) -> Option<Place> {
+        let (place, mut holding) = (self.place(position), None);
+        self.any_between(place, place, |cell| {
+            holding = Some(cell);
+            true
+        });
+        holding
     }
 
     /// Whether the box around a triangle meets one.
@@ -219,6 +234,15 @@ impl ChosenCells {
         }
     }
 
+    /// Hands over the chosen cells that a triangle comes near, if it is not too large to look for them.
+    fn each_near(&mut self, triangle: [DVec3; 3], mut visit: impl FnMut(Place)) {
+        let [low, high] = self.places_around(triangle, SIDE_PARTS / 2);
+        self.any_between(low, high, |cell| {
+            visit(cell);
+            false
+        });
+    }
+
     /// Those among the cell of a position and the cells around it.
     fn around(&mut self, position: DVec3) -> Around {
         let cell = self.place(position).map(|place| place >> SIDE_PARTS.trailing_zeros());
@@ -239,10 +263,15 @@ impl ChosenCells {
     }
 
     /// Whether one meets the box around a triangle, grown by a margin.
-    fn are_within(&mut self, [a, b, c]: [DVec3; 3], margin: i64) -> bool {
-        let (low, high) = (self.place(a.min(b).min(c)), self.place(a.max(b).max(c)));
-        let (low, high) = (low.map(|p| p.saturating_sub(margin)), high.map(|p| p.saturating_add(margin)));
+    fn are_within(&mut self, triangle: [DVec3; 3], margin: i64) -> bool {
+        let [low, high] = self.places_around(triangle, margin);
         self.any_between(low, high, |_| true)
+    }
+
+    /// The lowest and the highest place of the box around a triangle, grown by a margin.
+    fn places_around(&self, [a, b, c]: [DVec3; 3], margin: i64) -> [Place; 2] {
+        let (low, high) = (self.place(a.min(b).min(c)), self.place(a.max(b).max(c)));
+        [low.map(|p| p.saturating_sub(margin)), high.map(|p| p.saturating_add(margin))]
     }
 
     /// Whether one meets a box and is accepted; also if the box is too large to look for them.
@@ -310,6 +339,14 @@ impl Probes {
         let first = self.vertices.len() as u32;
         self.triangles.extend(other.triangles.into_iter().map(|corners| corners.map(|vertex| first + vertex)));
         self.vertices.extend(other.vertices);
+        self.crowded.extend(other.crowded);
+        self.crowded.sort_unstable();
+        self.crowded.dedup();
+    }
+
+    /// Whether all triangles near a chosen cell are kept.
+    pub fn has_all_near(&self, cell: Place) -> bool {
+        self.crowded.binary_search(&cell).is_err()
     }
 
     /// Gives memory back that nothing more comes to.
@@ -351,6 +388,7 @@ impl Probes {
             && self.strata.iter().map(|&(_, count)| count as usize).sum::<usize>() == self.points.len()
             && self.points.iter().all(|point| point.is_finite())
             && self.vertices.iter().all(|vertex| vertex.is_finite())
+            && self.crowded.is_sorted()
             && self.triangles.iter().flatten().all(|&vertex| (vertex as usize) < self.vertices.len())
     }
 }
@@ -434,13 +472,55 @@ mod tests {
             let probing = Probing::new(faces, faces / 10, 1.0);
             let mut chosen = ChosenCells::new(probing);
             let steps = (0..4_000_000).map(|step| point + DVec3::new(0.31, 0.17, 0.05) * probing.side * f64::from(step));
-            let point = steps.into_iter().find(|point| chosen.hold(*point)).unwrap();
+            let point = steps.into_iter().find(|point| chosen.holding(*point).is_some()).unwrap();
             // A triangle with a corner less than half a side away.
             let near = point + ends[0].normalize_or_zero() * 0.49 * probing.side;
             prop_assert!(chosen.are_near([near, ends[1], ends[2]]));
             let small = ends.map(|end| near + (end - ends[0]).normalize_or_zero() * 0.3 * probing.side);
             prop_assert!(chosen.are_near(small));
         }
+    }
+
+    #[test]
+    fn a_cell_that_lacks_triangles_near_it_is_crowded() {
+        // A cluster that has a thousandth of all faces, and more of them near chosen cells than it may keep.
+        let probing = Probing::new(20_000_000, 2_000_000, 1.0);
+        let mut chosen = ChosenCells::new(probing);
+        let steps = (0..9_000_000).map(|step| DVec3::new(0.31, 0.17, 0.05) * probing.side * f64::from(step));
+        let inside: Vec<DVec3> = steps.filter(|point| chosen.holding(*point).is_some()).collect();
+        let (few, many) = (inside[0], *inside.last().unwrap());
+        assert!(few.distance(many) > 9.0 * probing.side);
+        let mut mesh = ClusterMesh::default();
+        let mut hash = 3;
+        for face in 0..20_000u32 {
+            let mut coordinate = |size: f64| {
+                hash = mixed(hash);
+                (unit(hash) - 0.5) * size * probing.side
+            };
+            let middle = if face < 100 { few } else { many };
+            let middle = middle + DVec3::new(coordinate(6.0), coordinate(6.0), coordinate(6.0));
+            for _ in 0..3 {
+                let corner = middle + DVec3::new(coordinate(0.6), coordinate(0.6), coordinate(0.6));
+                let vertex = mesh.push_vertex(corner, 0);
+                mesh.push_wedge(vertex, glam::DVec2::NAN);
+            }
+            mesh.push_face([3 * face, 3 * face + 1, 3 * face + 2], 0);
+        }
+        let probes = probing.take(&mesh, DVec3::ZERO, 0);
+        let (mut whole, mut kept) = (0, 0);
+        for face in 0..20_000 {
+            let triangle = mesh.triangle(face);
+            if !chosen.are_near(triangle) {
+                continue;
+            }
+            let is_kept = probes.triangles.iter().any(|&[a, _, _]| probes.vertices[a as usize] == triangle[0]);
+            kept += usize::from(is_kept);
+            chosen.each_near(triangle, |cell| {
+                assert!(is_kept || !probes.has_all_near(cell));
+                whole += usize::from(probes.has_all_near(cell));
+            });
+        }
+        assert!(kept == probes.triangle_count() && !probes.crowded.is_empty() && whole > 0, "{whole}");
     }
 
     #[test]
@@ -454,7 +534,9 @@ mod tests {
                 (unit(hash) - 0.5) * 2000.0
             };
             let count = 400_000;
-            let held = (0..count).filter(|_| chosen.hold(DVec3::new(coordinate(), coordinate(), coordinate()))).count();
+            let held = (0..count)
+                .filter(|_| chosen.holding(DVec3::new(coordinate(), coordinate(), coordinate())).is_some())
+                .count();
             let quotient = held as f64 / f64::from(count) / probing.share();
             assert!((0.8..1.2).contains(&quotient), "{faces} faces: {quotient}");
         }

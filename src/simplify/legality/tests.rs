@@ -287,7 +287,7 @@ fn a_collapse_that_turns_a_texture_triangle_over_is_refused_at_either_end_of_the
     let mut rings = Rings::default();
     rings.build(&mesh);
     let check = |pair, uv| {
-        let star = EdgeStar { wedges: vec![pair], ..EdgeStar::default() };
+        let mut star = EdgeStar { wedges: vec![pair], ..EdgeStar::default() };
         star.check_faces(&mesh, &rings, &[0], DVec3::ZERO, &[uv], 0.0)
     };
     for pair in [(0, 9), (9, 0)] {

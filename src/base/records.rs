@@ -1,0 +1,41 @@
+//! Vectors of plain numbers as one run of bytes, for serde: `#[serde(with = "records")]`.
+
+use std::fmt;
+use std::marker::PhantomData;
+
+use bytemuck::Pod;
+use serde::de::{Error, Visitor};
+use serde::{Deserializer, Serializer};
+
+/// Writes the records as they lie in memory.
+///
+/// # Errors
+/// The serializer's.
+pub fn serialize<T: Pod, S: Serializer>(records: &[T], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_bytes(bytemuck::cast_slice(records))
+}
+
+/// Reads records.
+///
+/// # Errors
+/// The deserializer's, and if the bytes are no whole number of records.
+pub fn deserialize<'de, T: Pod, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<T>, D::Error> {
+    deserializer.deserialize_bytes(Records(PhantomData))
+}
+
+struct Records<T>(PhantomData<T>);
+
+impl<T: Pod> Visitor<'_> for Records<T> {
+    type Value = Vec<T>;
+
+    fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "records of {} bytes", size_of::<T>())
+    }
+
+    fn visit_bytes<E: Error>(self, bytes: &[u8]) -> Result<Vec<T>, E> {
+        match bytes.len().is_multiple_of(size_of::<T>()) {
+            true => Ok(bytemuck::pod_collect_to_vec(bytes)),
+            false => Err(E::invalid_length(bytes.len(), &self)),
+        }
+    }
+}
