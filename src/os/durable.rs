@@ -298,13 +298,17 @@ mod tests {
 
     #[test]
     fn a_file_is_synced_before_it_has_its_name_and_its_folder_afterwards() {
-        let (folder, path, mut file) = sealed();
-        let waiting = folder.path().join("a.bin.tmp");
-        file.write(b" again").unwrap();
-        witness::take();
-        file.commit().unwrap();
-        let expected = [("sync", waiting), ("rename", path), ("sync", folder.path().to_owned())];
-        assert_eq!(witness::take(), expected);
+        let changes: [fn(&mut DurableFile); 2] =
+            [|file| file.write(b" again").unwrap(), |file| file.write_at(0, b"j").unwrap()];
+        for change in changes {
+            let (folder, path, mut file) = sealed();
+            let waiting = folder.path().join("a.bin.tmp");
+            change(&mut file);
+            witness::take();
+            file.commit().unwrap();
+            let expected = [("sync", waiting), ("rename", path), ("sync", folder.path().to_owned())];
+            assert_eq!(witness::take(), expected);
+        }
     }
 
     #[test]

@@ -170,11 +170,14 @@ impl EdgeStar {
             if to_shared && ring.iter().any(|&v| mesh.is_shared(v) && !self.opposite.contains(&v)) {
                 return Err(Refusal::Rim);
             }
-            // A face (to, x, y) may exist already: x and y are then the two opposite vertices.
+            // The face becomes one of `to` and the two opposite vertices, which may exist already.
             if ring.iter().all(|v| self.opposite.contains(v)) {
-                let hidden = to_shared && ring.iter().all(|&v| mesh.is_shared(v));
-                return Err(if hidden { Refusal::Rim } else { Refusal::Topology })
-                    .or_else(|refusal| self.face_exists(mesh, rings, to, refusal));
+                if to_shared && ring.iter().all(|&v| mesh.is_shared(v)) {
+                    return Err(Refusal::Rim);
+                }
+                if self.face_exists(mesh, rings, to) {
+                    return Err(Refusal::Topology);
+                }
             }
         }
         let mut common_count = 0;
@@ -281,13 +284,10 @@ impl EdgeStar {
         Err(if mesh.is_shared(to) && mesh.is_shared(opposite) { Refusal::Rim } else { Refusal::Piece })
     }
 
-    /// A surviving face spans both opposite vertices: legal only if the face that it becomes does not exist yet.
-    fn face_exists(&self, mesh: &ClusterMesh, rings: &Rings, to: u32, refusal: Refusal) -> Result<(), Refusal> {
-        let doubles = |face: u32| {
-            !self.dying.contains(&face)
-                && mesh.vertices(face).into_iter().all(|v| v == to || self.opposite.contains(&v))
-        };
-        if refusal == Refusal::Rim || rings.faces(mesh, to).any(doubles) { Err(refusal) } else { Ok(()) }
+    /// Whether a face that stays has `to` and the opposite vertices for corners.
+    fn face_exists(&self, mesh: &ClusterMesh, rings: &Rings, to: u32) -> bool {
+        let is_between = |v: u32| v == to || self.opposite.contains(&v);
+        rings.faces(mesh, to).any(|face| !self.dying.contains(&face) && mesh.vertices(face).into_iter().all(is_between))
     }
 }
 

@@ -275,6 +275,23 @@ fn no_edge_is_made_that_another_cluster_may_have() {
     }
 }
 
+//      3
+//     /|\        Vertex 0 goes to 1: what is left is the face 1-2-3, which another cluster may have where it uses all
+//    / 0 \       three vertices, and this one has if the piece is closed below.
+//   /.' '.\
+//  1-------2
+#[test]
+fn no_face_is_made_that_is_there_or_that_another_cluster_may_have() {
+    let cap = [[0, 1, 2], [0, 2, 3], [0, 3, 1]];
+    for (shared, expected) in [(&[][..], Ok(())), (&[1, 2], Ok(())), (&[2, 3], Ok(())), (&[1, 2, 3], Err(Refusal::Rim))]
+    {
+        assert_eq!(verdict(&with_shared(4, shared, &cap), 0, 1), expected, "{shared:?}");
+    }
+    let closed = [cap[0], cap[1], cap[2], [1, 3, 2]];
+    assert_eq!(verdict(&with_shared(4, &[], &closed), 0, 1), Err(Refusal::Topology));
+    assert_eq!(verdict(&with_shared(4, &[1, 2], &closed), 0, 1), Err(Refusal::Topology));
+}
+
 #[test]
 fn a_collapse_that_turns_a_texture_triangle_over_is_refused_at_either_end_of_the_edge() {
     let mut mesh = ClusterMesh::default();
