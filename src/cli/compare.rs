@@ -242,6 +242,7 @@ fn table(comparison: &Comparison) -> String {
         ("boundary edges", old.boundary_edges, new.boundary_edges),
         ("boundary loops", old.boundary_loops, new.boundary_loops),
         ("non-manifold edges", old.non_manifold_edges, new.non_manifold_edges),
+        ("folded edges", old.folded_edges, new.folded_edges),
         ("seam edges", old.seam_edges, new.seam_edges),
         ("charts", old.charts, new.charts),
         ("most edges at a vertex", quality.before.valence_max, quality.after.valence_max),

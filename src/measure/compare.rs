@@ -263,6 +263,8 @@ pub struct Topology {
     pub boundary_loops: u64,
     /// Edges of three or more faces.
     pub non_manifold_edges: u64,
+    /// Edges of two faces that are folded onto each other, back to back.
+    pub folded_edges: u64,
     /// Sets of faces that hang together over edges.
     pub components: u64,
     /// Vertices - edges + faces.

@@ -14,13 +14,18 @@ pub fn are_folded([a, b]: [DVec3; 2], thirds: [DVec3; 2]) -> bool {
     let [p, q] = thirds.map(|third| third - a);
     // Mostly the two lie on different sides of the edge.
     let same_side = p.dot(q) * along.length_squared() > p.dot(along) * q.dot(along);
-    same_side && is_angle_small(along, [p, q])
+    same_side && is_angle_small([p, q].map(|third| across(along, third)))
 }
 
-/// Whether the angle between two faces that share a side is below [`FOLD_ANGLE`].
-fn is_angle_small(side: DVec3, others: [DVec3; 2]) -> bool {
+/// Which way a face leads away from a side of its own, in the face and across the side, to a third corner relative to one
+/// end of it.
+pub fn across(side: DVec3, third: DVec3) -> DVec3 {
     let side = side.normalize_or_zero();
-    let [p, q] = others.map(|other| other - side * other.dot(side));
+    third - side * third.dot(side)
+}
+
+/// Whether two faces at an edge that lead away from it [like this](across) are folded onto each other.
+pub fn is_angle_small([p, q]: [DVec3; 2]) -> bool {
     let dot = p.dot(q);
     dot > 0.0 && dot * dot > FOLD_COSINE_SQ * p.length_squared() * q.length_squared()
 }

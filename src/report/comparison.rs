@@ -259,13 +259,14 @@ fn trio(name: &str, before: &str, after: &str) -> Markup {
 
 fn shapes(comparison: &Comparison) -> Markup {
     let Comparison { topology, quality, geometry, .. } = comparison;
-    let counts: [Figure<Topology, String>; 9] = [
+    let counts: [Figure<Topology, String>; 10] = [
         ("triangles", |t| spaced(t.faces)),
         ("vertices", |t| spaced(t.vertices)),
         ("components", |t| spaced(t.components)),
         ("boundary edges", |t| spaced(t.boundary_edges)),
         ("boundary loops", |t| spaced(t.boundary_loops)),
         ("non-manifold edges", |t| spaced(t.non_manifold_edges)),
+        ("folded edges", |t| spaced(t.folded_edges)),
         ("seam edges", |t| spaced(t.seam_edges)),
         ("charts", |t| spaced(t.charts)),
         ("Euler characteristic", |t| signed(t.euler)),

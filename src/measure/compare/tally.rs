@@ -16,7 +16,7 @@
 //! bucket of shared sides at a time.
 //!
 //! # Files
-//! `measure-sides.scatter` (56 bytes for each side of a face between shared vertices), removed at the end, and what
+//! `measure-sides.scatter` (80 bytes for each side of a face between shared vertices), removed at the end, and what
 //! [`seams`](super::seams) keeps.
 
 use std::path::Path;
@@ -31,6 +31,7 @@ use super::seams::{EdgeTexture, SeamEdge, SeamEdges, SeamWriter};
 use super::{Quality, SLIVER_REGULARITY, Topology};
 use crate::base::Result;
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::fold::{across, is_angle_small};
 use crate::mesh::split::regularity;
 use crate::partition::cluster::material_index;
 use crate::partition::scatter::{ScatterWriter, Verbatim};
@@ -67,6 +68,7 @@ impl Counts {
         t.boundary_edges += o.boundary_edges;
         t.boundary_loops += o.boundary_loops;
         t.non_manifold_edges += o.non_manifold_edges;
+        t.folded_edges += o.folded_edges;
         t.components += o.components;
         t.seam_edges += o.seam_edges;
         t.charts += o.charts;
@@ -96,6 +98,11 @@ impl Counts {
         self.topology.seam_edges += u64::from(faces == 2 && is_seam);
     }
 
+    /// Counts an edge of two faces that lead away from it in these directions, if they are folded.
+    fn add_fold(&mut self, across: [DVec3; 2]) {
+        self.topology.folded_edges += u64::from(is_angle_small(across));
+    }
+
     fn add_chart(&mut self, chart: &Chart) {
         self.topology.charts += 1;
         self.folded += match chart.area.total_cmp(&0.0) {
@@ -123,6 +130,8 @@ struct SharedSide {
     vertices: [u32; 2],
     /// Texture coordinate and material at each of them, as a number.
     keys: [u64; 2],
+    /// Which way the face leads away from it.
+    across: [f64; 3],
     piece: u32,
     /// [`NO_CHART`] without texture.
     chart: u32,
@@ -198,6 +207,9 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue, pictures: &[u32]) ->
         }
         let is_seam = edge[1..].iter().any(|side| side.1 != wedges);
         found.counts.add_edge(edge.len(), is_seam);
+        if let [a, b] = edge {
+            found.counts.add_fold([*a, *b].map(|side| across_side(mesh, side)));
+        }
         vertices.iter().for_each(|&vertex| edges_at[vertex as usize] += 1);
         match edge {
             [_] => {
@@ -221,6 +233,7 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue, pictures: &[u32]) ->
         let side = SharedSide {
             vertices: vertices.map(|vertex| source.vertex_id(vertex)),
             keys: wedges.map(|wedge| keys[wedge as usize]),
+            across: across_side(mesh, side).to_array(),
             piece: piece_of[pieces.root(face) as usize],
             chart,
             texture: texture(side),
@@ -235,6 +248,13 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue, pictures: &[u32]) ->
         }
     }
     found
+}
+
+/// Which way the face of a side leads away from it.
+fn across_side(mesh: &ClusterMesh, (ends, _, face): Side) -> DVec3 {
+    let [low, high] = ends.map(|vertex| mesh.positions[vertex as usize]);
+    let third = mesh.vertices(face).into_iter().find(|vertex| !ends.contains(vertex));
+    third.map_or(DVec3::ZERO, |third| across(high - low, mesh.positions[third as usize] - low))
 }
 
 fn sorted_sides(mesh: &ClusterMesh) -> Vec<Side> {
@@ -447,6 +467,9 @@ impl<'a> Tallies<'a> {
                 let is_seam = edge.iter().any(|side| side.keys != first.keys);
                 let is_border = edge.len() == 1;
                 sum.counts.add_edge(edge.len(), is_seam);
+                if let [a, b] = edge {
+                    sum.counts.add_fold([a, b].map(|side| side.across.into()));
+                }
                 edge[1..].iter().for_each(|side| pieces.join(first.piece, side.piece));
                 first.vertices.into_iter().for_each(|v| sum.meet(v, 1 | if is_border { ON_BORDER } else { 0 }));
                 match edge {

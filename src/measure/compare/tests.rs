@@ -229,6 +229,7 @@ fn cells_count_what_the_whole_counts() {
                 boundary_edges: check.boundary_edges,
                 boundary_loops: check.boundary_loops,
                 non_manifold_edges: check.non_manifold_edges,
+                folded_edges: check.folded_edges,
                 components: check.components,
                 euler: check.euler,
                 seam_edges: check.atlas.seam_edges,
@@ -238,6 +239,25 @@ fn cells_count_what_the_whole_counts() {
             assert_eq!(t, expected, "{} in cells of {cell_faces}", name.display());
             assert_eq!(mesh.tallied.folded, check.atlas.folded_uv, "{}", name.display());
         }
+    }
+}
+
+/// Fins of two triangles each that stand on a line, every second one closed up, so that cells are cut between them.
+#[test]
+fn folds_are_counted_within_cells_and_between_them() {
+    let bench = Bench::new();
+    let path = bench.path("fins.obj");
+    let mut text = String::new();
+    for i in 0..60 {
+        let width = if i % 2 == 0 { 0.04 } else { 0.2 };
+        let x = f64::from(i);
+        text += &format!("v {x} 0 0\nv {} 0 0\nv {x} 1 {width}\nv {x} 1 -{width}\nf -4 -3 -2\nf -3 -4 -1\n", x + 1.0);
+    }
+    fs::write(&path, text).unwrap();
+    for cell_faces in [3, 10, 1000] {
+        let mesh =
+            MeasuredMesh::prepare(&(&path).into(), &bench.path("work"), cell_faces, &RESOURCES, &Silent).unwrap();
+        assert_eq!(mesh.tallied.topology.folded_edges, 30, "cells of {cell_faces}");
     }
 }
 
