@@ -312,6 +312,28 @@ fn no_face_is_made_that_is_there_or_that_another_cluster_may_have() {
 }
 
 #[test]
+fn a_wedge_without_counterpart_is_stranded_or_holds_the_seam() {
+    let mut fan: Vec<[u32; 3]> = (1..7).map(|k| [0, k, k % 6 + 1]).collect();
+    // Away from the edge 0-1 two faces have a wedge of their own, number 7.
+    fan[2..4].iter_mut().for_each(|face| face[0] = 7);
+    let mut mesh = ClusterMesh::default();
+    (0..7).for_each(|_| drop(mesh.push_vertex(DVec3::ZERO, 0)));
+    (0..7).chain([0]).for_each(|vertex| drop(mesh.push_wedge(vertex, DVec2::NAN)));
+    fan.into_iter().for_each(|face| mesh.push_face(face, 0));
+    mesh.link_wedges();
+    let mut rings = Rings::default();
+    rings.build(&mesh);
+    let mut star = EdgeStar::default();
+    star.reset(7);
+    for strands in [false, true] {
+        star.gather(&mesh, &rings, 0, 1);
+        let outcome = star.check_topology(&mesh, &rings, 0, 1, Fan { closed: false, strands });
+        assert_eq!(outcome, if strands { Ok(()) } else { Err(Refusal::Seam) });
+        assert_eq!(star.stranded, if strands { vec![7] } else { vec![] });
+    }
+}
+
+#[test]
 fn a_collapse_that_turns_a_texture_triangle_over_is_refused_at_either_end_of_the_edge() {
     let mut mesh = ClusterMesh::default();
     for (x, y) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)] {
