@@ -22,51 +22,51 @@ pub(super) fn may_fold(turn: f64, lengths_sq: f64) -> bool {
     turn < 0.0 || turn * turn < TURN_COSINE_SQ * lengths_sq
 }
 
-/// The faces around vertices that move to one place; scratch space is kept from one move to the next.
+/// The faces around vertices that join at one place; scratch space is kept from one move to the next.
 #[derive(Debug, Default)]
 pub(super) struct FoldCheck {
-    /// Corners at the moving vertices whose faces turn so much that they [may fold](may_fold).
+    /// Corners at these vertices whose faces turn so much that they [may fold](may_fold).
     pub(super) turned: Vec<u32>,
-    moved: Vec<Moved>,
+    joined: Vec<Joined>,
 }
 
-/// A face around the vertices that move, which stays.
+/// A face around the vertices that join, which stays.
 #[derive(Debug)]
-struct Moved {
-    /// Its corner that moves.
+struct Joined {
+    /// Its corner at one of them.
     corner: u32,
-    /// The two vertices that stay, counter-clockwise.
+    /// The two other vertices, counter-clockwise.
     ends: [u32; 2],
 }
 
-impl Moved {
+impl Joined {
     fn of(mesh: &ClusterMesh, corner: u32) -> Self {
         Self { corner, ends: ClusterMesh::following(corner).map(|corner| mesh.vertex_of(corner)) }
     }
 }
 
 impl FoldCheck {
-    /// Whether, with all `moving` vertices at `position` and the `dying` faces gone, two faces that share an edge would be
+    /// Whether, with all `joining` vertices at `position` and the `dying` faces gone, two faces that share an edge would be
     /// folded onto each other that are not now. `turned` must be filled.
     pub(super) fn finds(
         &mut self,
         mesh: &ClusterMesh,
         rings: &Rings,
         dying: &[u32],
-        moving: &[u32],
+        joining: &[u32],
         position: DVec3,
     ) -> bool {
         if self.turned.is_empty() {
             return false;
         }
-        let corners = moving.iter().flat_map(|&vertex| rings.of(vertex)).copied();
+        let corners = joining.iter().flat_map(|&vertex| rings.of(vertex)).copied();
         let staying = corners.filter(|corner| mesh.living(*corner).is_some() && !dying.contains(&(corner / 3)));
-        self.moved.clear();
-        self.moved.extend(staying.map(|corner| Moved::of(mesh, corner)));
+        self.joined.clear();
+        self.joined.extend(staying.map(|corner| Joined::of(mesh, corner)));
         self.turned.iter().any(|&corner| {
-            let one = Moved::of(mesh, corner);
+            let one = Joined::of(mesh, corner);
             folds_outwards(mesh, rings, &one, position)
-                || self.moved.iter().any(|other| {
+                || self.joined.iter().any(|other| {
                     (other.ends[0] == one.ends[1] && fold_together(mesh, [&one, other], position))
                         || (other.ends[1] == one.ends[0] && fold_together(mesh, [other, &one], position))
                 })
@@ -74,8 +74,8 @@ impl FoldCheck {
     }
 }
 
-/// Whether a face folds onto the one across the side that does not move.
-fn folds_outwards(mesh: &ClusterMesh, rings: &Rings, one: &Moved, position: DVec3) -> bool {
+/// Whether a face folds onto the one across the side that none of the vertices is an end of.
+fn folds_outwards(mesh: &ClusterMesh, rings: &Rings, one: &Joined, position: DVec3) -> bool {
     let ([a, b], face) = (one.ends, one.corner / 3);
     let mut beside = rings.of(a).iter().filter_map(|&corner| {
         let far = ClusterMesh::following(corner);
@@ -87,12 +87,12 @@ fn folds_outwards(mesh: &ClusterMesh, rings: &Rings, one: &Moved, position: DVec
     are_folded([a, b], [position, third]) && !are_folded([a, b], [from, third])
 }
 
-/// Whether two faces that move fold onto each other; the second begins where the first ends.
-fn fold_together(mesh: &ClusterMesh, [one, other]: [&Moved; 2], position: DVec3) -> bool {
+/// Whether two of the faces fold onto each other; the second begins where the first ends.
+fn fold_together(mesh: &ClusterMesh, [one, other]: [&Joined; 2], position: DVec3) -> bool {
     if one.corner / 3 == other.corner / 3 {
         return false;
     }
-    let [from, from_other] = [one, other].map(|moved| mesh.vertex_of(moved.corner));
+    let [from, from_other] = [one, other].map(|joined| mesh.vertex_of(joined.corner));
     let [before, ridge, first, last] =
         [from, one.ends[1], one.ends[0], other.ends[1]].map(|v| mesh.positions[v as usize]);
     are_folded([position, ridge], [first, last]) && !(from == from_other && are_folded([before, ridge], [first, last]))

@@ -88,6 +88,8 @@ pub struct EdgeStar {
     pub wedges: Vec<(u32, u32)>,
     /// Wedges of the vanishing vertex that no edge face has, in living faces.
     pub stranded: Vec<u32>,
+    /// Both ends of the edge.
+    ends: [u32; 2],
     opposite: Vec<u32>,
     mark: Vec<u32>,
     epoch: u32,
@@ -108,6 +110,7 @@ impl EdgeStar {
         self.wedges.clear();
         self.opposite.clear();
         self.stranded.clear();
+        self.ends = [from, to];
         for &corner in rings.of(from) {
             let Some(wedge) = mesh.living(corner) else { continue };
             let far = ClusterMesh::following(corner);
@@ -254,7 +257,7 @@ impl EdgeStar {
                 }
             }
         }
-        if self.folds.finds(mesh, rings, &self.dying, moving, position) { Err(Refusal::Fold) } else { Ok(()) }
+        if self.folds.finds(mesh, rings, &self.dying, &self.ends, position) { Err(Refusal::Fold) } else { Ok(()) }
     }
 
     /// Makes the collapse in the mesh: faces at the edge die, the others come to `to` with their wedges.

@@ -3,7 +3,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use proptest::prelude::*;
 
 use super::*;
+use crate::base::chance::{mixed, unit};
 use crate::mesh::cluster::flag;
+use crate::mesh::fold::are_folded;
 
 //   4                       4 ........
 //   |\   face 0-3-4,        | \        ........       vertex 0 goes to 1: face 0-3-4 becomes 1-3-4, which spans
@@ -198,6 +200,11 @@ fn mesh_of(positions: &[DVec3], faces: &[[u32; 3]]) -> (ClusterMesh, Rings) {
     (mesh, rings)
 }
 
+/// Whether a face has both vertices.
+fn face_with(faces: &[[u32; 3]], one: u32, other: u32) -> bool {
+    faces.iter().any(|face| face.contains(&one) && face.contains(&other))
+}
+
 /// How many faces each edge has.
 fn sides(faces: &[[u32; 3]]) -> BTreeMap<[u32; 2], usize> {
     let mut sides = BTreeMap::new();
@@ -258,6 +265,84 @@ fn the_last_face_of_a_piece_stays_unless_another_cluster_may_have_more_of_it() {
     {
         assert_eq!(verdict(&with_shared(3, shared, &[[0, 1, 2]]), 0, 1), Err(refusal), "{shared:?}");
     }
+}
+
+/// A vertex goes to another or both to a place between them, on a crumpled sheet: refused are faces that do not survive,
+/// and two that lie on each other afterwards, share an edge and did not lie so before, if one of them turns enough.
+#[test]
+fn no_two_faces_fold_onto_each_other() {
+    let faces = sheet([false; 2]);
+    let mut hash = 5;
+    let mut number = || {
+        hash = mixed(hash);
+        unit(hash)
+    };
+    let (mut folds, mut allowed) = (0, 0);
+    for _ in 0..20_000 {
+        // In pleats, most of them steep.
+        let (width, height) = (0.05 + 0.5 * number(), 2.0 * number());
+        let place = |v: usize| DVec3::new(width * (v % SIDE) as f64, (v / SIDE) as f64, height * (v % SIDE % 2) as f64);
+        let crumple = |v: usize| place(v) + DVec3::new(width * number(), number(), number()) * 0.5;
+        let positions: Vec<DVec3> = (0..SIDE * SIDE).map(crumple).collect();
+        let face = faces[(number() * faces.len() as f64) as usize];
+        let (from, to) = (face[0], face[1]);
+        let borders = borders(&faces);
+        if borders.contains(&from) || borders.contains(&to) {
+            continue;
+        }
+        let (mesh, rings) = mesh_of(&positions, &faces);
+        let goes_half_way = number() < 0.5;
+        let [start, end] = [from, to].map(|v| positions[v as usize]);
+        // Often into the plane of a face beside one of those that move.
+        let beside = faces.iter().filter(|face| !face.contains(&from) && !face.contains(&to));
+        let beside: Vec<&[u32; 3]> = beside.filter(|face| face.iter().any(|v| face_with(&faces, from, *v))).collect();
+        let [a, b, c] = beside[(number() * beside.len() as f64) as usize].map(|v| positions[v as usize]);
+        let in_plane = a + (b - a) * number() + (c - a) * number();
+        let position = match (goes_half_way, number() < 0.7) {
+            (false, _) => end,
+            (true, true) => in_plane,
+            (true, false) => start.lerp(end, number()),
+        };
+        let moving = if goes_half_way { vec![from, to] } else { vec![from] };
+        let mut star = EdgeStar::default();
+        star.reset(positions.len());
+        star.gather(&mesh, &rings, from, to);
+        let outcome = star.check_faces(&mesh, &rings, &moving, position, &[DVec2::NAN], f64::INFINITY);
+
+        let stays = |face: &u32| !(faces[*face as usize].contains(&from) && faces[*face as usize].contains(&to));
+        let moves = |face: &u32| faces[*face as usize].iter().any(|v| moving.contains(v));
+        let before = |face: u32| faces[face as usize].map(|v| positions[v as usize]);
+        let place = |v: u32| if v == from || v == to { position } else { positions[v as usize] };
+        let joined = |v: u32| if v == from { to } else { v };
+        let after = |face: u32| faces[face as usize].map(place);
+        let change = |face: u32| change_of(before(face), after(face));
+        let staying: Vec<u32> = (0..faces.len() as u32).filter(stays).collect();
+        let survive = staying.iter().filter(|face| moves(face)).all(|&face| change(face).is_some());
+        let turns = |face: u32| moves(&face) && change(face).is_some_and(|change| change.turns);
+        let mut is_fold = false;
+        for (i, &one) in staying.iter().enumerate() {
+            for &other in &staying[i + 1..] {
+                let [of_one, of_other] = [one, other].map(|face| faces[face as usize].map(joined));
+                let ends: Vec<u32> = of_one.into_iter().filter(|v| of_other.contains(v)).collect();
+                let &[a, b] = &ends[..] else { continue };
+                let third = |of: [u32; 3]| of.into_iter().find(|v| !ends.contains(v)).unwrap();
+                let thirds = [of_one, of_other].map(third);
+                let lie_on_each_other = are_folded([a, b].map(place), thirds.map(place));
+                let old_ends: Vec<u32> =
+                    faces[one as usize].into_iter().filter(|v| faces[other as usize].contains(v)).collect();
+                let did_before = old_ends.len() == 2 && {
+                    let third = |face: u32| faces[face as usize].into_iter().find(|v| !old_ends.contains(v)).unwrap();
+                    let at = |v: u32| positions[v as usize];
+                    are_folded([at(old_ends[0]), at(old_ends[1])], [one, other].map(third).map(at))
+                };
+                is_fold |= lie_on_each_other && !did_before && (turns(one) || turns(other));
+            }
+        }
+        assert_eq!(outcome.is_ok(), survive && !is_fold, "{from} to {to} of {positions:?}");
+        folds += usize::from(survive && is_fold);
+        allowed += usize::from(outcome.is_ok());
+    }
+    assert!(folds > 20 && allowed > 1000, "{folds} {allowed}");
 }
 
 #[test]
