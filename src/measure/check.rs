@@ -247,6 +247,7 @@ pub fn compare_checks(before: &Check, after: &Check) -> Vec<Regression> {
     risen("non-manifold edges", before.non_manifold_edges, after.non_manifold_edges);
     risen("non-manifold vertices", before.non_manifold_vertices, after.non_manifold_vertices);
     risen("inconsistent edges", before.inconsistent_edges, after.inconsistent_edges);
+    risen("folded edges", before.folded_edges, after.folded_edges);
     risen("components", before.components, after.components);
     risen("degenerate faces", before.degenerate_faces, after.degenerate_faces);
     risen("zero-area faces", before.zero_area_faces, after.zero_area_faces);

@@ -128,6 +128,9 @@ fn only_what_is_worse_is_new() {
     let new: Vec<String> = compare_checks(&closed, &open).iter().map(Regression::to_string).collect();
     assert_eq!(new, ["open edges of a closed mesh: 0 before, 3 after", "boundary loops: 0 before, 1 after"]);
     let more_open_edges = Check { boundary_edges: 5, ..open };
+    let folded = Check { folded_edges: 2, ..closed };
+    assert_eq!(compare_checks(&folded, &folded), []);
+    assert_eq!(compare_checks(&closed, &folded).len(), 1);
     assert_eq!(compare_checks(&open, &more_open_edges), []);
 }
 

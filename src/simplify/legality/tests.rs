@@ -402,8 +402,12 @@ fn a_wedge_without_counterpart_is_stranded_or_holds_the_seam() {
     // Away from the edge 0-1 two faces have a wedge of their own, number 7.
     fan[2..4].iter_mut().for_each(|face| face[0] = 7);
     let mut mesh = ClusterMesh::default();
-    (0..7).for_each(|_| drop(mesh.push_vertex(DVec3::ZERO, 0)));
-    (0..7).chain([0]).for_each(|vertex| drop(mesh.push_wedge(vertex, DVec2::NAN)));
+    for _ in 0..7 {
+        mesh.push_vertex(DVec3::ZERO, 0);
+    }
+    for vertex in (0..7).chain([0]) {
+        mesh.push_wedge(vertex, DVec2::NAN);
+    }
     fan.into_iter().for_each(|face| mesh.push_face(face, 0));
     mesh.link_wedges();
     let mut rings = Rings::default();
