@@ -37,7 +37,7 @@ fn no_face_is_pulled_out_over_empty_space() {
 
 /// A triangle over the edge from 0 to 1 on the x axis, with its apex at this height, turned about the edge.
 fn over_edge(height: f64, angle: f64) -> [DVec3; 3] {
-    [DVec3::ZERO, DVec3::X, DVec3::new(0.5, height * angle.cos(), height * angle.sin())]
+    [DVec3::ZERO, DVec3::X, DVec3::new(0.3, height * angle.cos(), height * angle.sin())]
 }
 
 fn scaled(triangle: [DVec3; 3], scale: f64) -> [DVec3; 3] {
@@ -46,7 +46,7 @@ fn scaled(triangle: [DVec3; 3], scale: f64) -> [DVec3; 3] {
 
 /// 4√3 · area / Σ length² of a triangle over the edge.
 fn regularity(height: f64) -> f64 {
-    4.0 * 3f64.sqrt() * (height / 2.0) / (1.5 + 2.0 * height * height)
+    4.0 * 3f64.sqrt() * (height / 2.0) / (1.58 + 2.0 * height * height)
 }
 
 /// A triangle in the picture of this doubled area.
@@ -66,11 +66,24 @@ proptest! {
     }
 
     #[test]
-    fn a_face_may_be_thin_only_if_it_was_thinner(before in 1e-3..0.03, after in 1e-3..0.03, scale in 1e-3..1e3) {
+    fn a_face_may_be_thin_only_if_it_was_thinner(
+        before in 1e-3..0.03,
+        after in 1e-3..0.03,
+        scales in prop::array::uniform2(1e-3..1e3),
+    ) {
         let [thin_before, thin_after] = [before, after].map(regularity);
         prop_assume!((thin_after - 0.02).abs() > 1e-9 && (thin_after - thin_before).abs() > 1e-9);
-        let [old, new] = [before, after].map(|height| scaled(over_edge(height, 0.0), scale));
+        let [old, new] = [(before, scales[0]), (after, scales[1])];
+        let [old, new] = [old, new].map(|(height, scale)| scaled(over_edge(height, 0.0), scale));
         prop_assert_eq!(triangle_survives(old, new), thin_after > 0.02 || thin_after > thin_before);
+    }
+
+    #[test]
+    fn a_face_that_turns_by_more_than_ten_degrees_may_fold(angle in prop_oneof![-1.3..1.3, 0.1..0.25], scale in 1e-3..1e3) {
+        let [before, after] = [0.0, angle].map(|angle| scaled(over_edge(0.8, angle), scale));
+        let limit = 0.97f64.sqrt().acos();
+        prop_assume!((angle.abs() - limit).abs() > 1e-9);
+        prop_assert_eq!(change_of(before, after).unwrap().turns, angle.abs() > limit);
     }
 
     #[test]
@@ -174,6 +187,7 @@ fn a_face_without_area_never_survives_and_an_unseen_texture_triangle_always_does
     assert!(uv_survives([DVec2::NAN; 3], [DVec2::NAN; 3], [1.0; 2]));
     assert!(uv_survives(picture(0.0), picture(-1.0), [1.0; 2]));
     assert!(!uv_survives(picture(1.0), picture(0.0), [1.0, 0.0]));
+    assert!(uv_survives(picture(1.0), picture(0.5), [0.0, 1.0]));
 }
 
 /// Vertices along each side of a [`sheet`].
@@ -393,6 +407,27 @@ fn no_face_is_made_that_is_there_or_that_another_cluster_may_have() {
             assert_eq!(verdict(&cap), expected, "{shared:?}");
             assert_eq!(verdict(&with_bottom), expected.and(Err(Refusal::Topology)), "{shared:?}");
         }
+    }
+}
+
+#[test]
+fn a_wedge_that_would_become_two_holds_the_seam() {
+    let mut fan: Vec<[u32; 3]> = (1..7).map(|k| [0, k, k % 6 + 1]).collect();
+    // One of the two faces at the edge 0-1 has another wedge there.
+    fan[0][1] = 7;
+    for closed in [false, true] {
+        let mut mesh = ClusterMesh::default();
+        for _ in 0..7 {
+            mesh.push_vertex(DVec3::ZERO, 0);
+        }
+        for vertex in (0..7).chain([1]) {
+            mesh.push_wedge(vertex, DVec2::NAN);
+        }
+        fan.iter().for_each(|&face| mesh.push_face(face, 0));
+        mesh.link_wedges();
+        let mut rings = Rings::default();
+        rings.build(&mesh);
+        assert_eq!(verdict_of(&(mesh, rings), 0, 1, Fan { closed, strands: false }), Err(Refusal::Seam));
     }
 }
 
