@@ -386,10 +386,10 @@ impl SimplifyOptions {
         if self.remesh.is_some() { bytes * cvd::GROWTH / 2 } else { bytes }
     }
 
-    /// Faces to keep of an input with so many triangles; 0, as few as possible, with a bounded error.
+    /// Faces to keep of an input with so many triangles: at least one, or 0, as few as possible, with a bounded error only.
     pub fn target(&self, triangles: u64) -> u64 {
         match (self.ratio, self.faces) {
-            (Some(ratio), _) => (ratio * triangles as f64).round() as u64,
+            (Some(ratio), _) => ((ratio * triangles as f64).round() as u64).max(1),
             (None, Some(faces)) => faces.min(triangles),
             (None, None) if self.max_error.is_some() => 0,
             (None, None) => self.cells().map_or(triangles, |cells| triangles.min(cells.saturating_mul(2))),
@@ -492,6 +492,8 @@ mod tests {
     fn the_target_is_rounded_from_the_triangles() {
         let options = SimplifyOptions { ratio: Some(0.1), ..SimplifyOptions::default() };
         assert_eq!(options.target(248_438), 24_844);
+        let least = SimplifyOptions { ratio: Some(1e-9), ..options };
+        assert_eq!(least.target(248_438), 1);
     }
 
     #[test]

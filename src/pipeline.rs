@@ -1,5 +1,6 @@
 //! The phases in order: scan, partition and simplify in passes, write.
 
+mod files;
 #[cfg(test)]
 mod forged;
 #[cfg(test)]
@@ -28,11 +29,10 @@ use crate::os::timeline::{Recorder, Timeline};
 use crate::plan::memory::{self, Sizes};
 use crate::plan::scratch;
 use crate::report::gallery::{self, Resources};
-use crate::report::{ErrorFigures, FaceFigures, FileFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
+use crate::report::{ErrorFigures, FaceFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
 use crate::scan::{self, InputChoice};
 use crate::stitch::{PassOptions, pass};
-use crate::store::Catalogue;
-use crate::write::{self, Companion, WriteOptions};
+use crate::write::{self, WriteOptions};
 
 /// Of more damaged files than these it is only told how many there are.
 const DAMAGES_TOLD_MAX: usize = 12;
@@ -192,7 +192,8 @@ fn run(
         }
     };
     let scratch_peak = passes.scratch_peak.max(folder_bytes(job.path()));
-    let files = file_figures(catalogue, &result.companions);
+    let is_drawn = options.drawing != Drawing::Nothing;
+    let files = files::figures(catalogue, &result.findings, &result.companions, write_options.brings_outside, is_drawn);
     findings.merge(result.findings);
     let write_seconds = written.elapsed();
     let measured = gauge(&passes.probes, &passes.mesh, progress)?;
@@ -254,17 +255,6 @@ fn run(
         warnings: findings.warnings(),
         repairs: repairs(&findings),
     })
-}
-
-/// Counts materials of the input and textures of the result.
-fn file_figures(catalogue: &Catalogue, companions: &[Companion]) -> FileFigures {
-    let is_texture = |companion: &&Companion| companion.path.extension().is_none_or(|extension| extension != "mtl");
-    let textures = || companions.iter().filter(is_texture);
-    FileFigures {
-        materials: catalogue.materials.len() as u64,
-        textures: textures().count() as u64,
-        texture_bytes: textures().filter_map(|companion| Some(companion.content?.0)).sum(),
-    }
 }
 
 /// Tells what was found damaged and is done again.

@@ -4,9 +4,9 @@ use maud::{Markup, html};
 
 use super::figures::{self, figure, length, percent, pictures, plot, row, seconds, spaced};
 use super::gallery::png_address;
-use super::{Report, Status, comparison, plots};
-use crate::base::bytes;
+use super::{FileFigures, Report, Status, comparison, plots};
 use crate::base::error::escape_path;
+use crate::base::{bytes, counted};
 use crate::os::timeline::{PhaseSpan, Timeline};
 
 /// The page.
@@ -75,9 +75,27 @@ fn key_figures(report: &Report) -> Markup {
                 &format!("{} of the {} allowed", percent(memory_share), bytes::display(report.memory.budget))))
             (figure("OBJ before", &bytes::display(report.io.input), "read once"))
             (figure("OBJ after", &bytes::display(report.io.output), "without MTL and textures"))
-            (figure("materials", &spaced(report.files.materials), "of the input"))
-            (figure("textures", &spaced(report.files.textures), &format!("beside the result, {} copied", bytes::display(report.files.texture_bytes))))
+            (figure("materials left", &spaced(report.files.materials_left), &lost(report.files.materials, report.files.materials_left)))
+            (figure("textures left", &spaced(report.files.textures_left), &lost(report.files.textures, report.files.textures_left)))
+            (figure("texture images", &bytes::display(report.files.image_bytes), &images(&report.files)))
         }
+    }
+}
+
+/// How many there were and how many are on no face of the result.
+fn lost(before: u64, left: u64) -> String {
+    let lost = if left == before { "none lost".into() } else { format!("{} lost", spaced(before - left)) };
+    format!("of {}: {lost}", spaced(before))
+}
+
+/// Texture images beside the result.
+fn images(files: &FileFigures) -> String {
+    let count = format!("copied; {}", counted(files.images, "image"));
+    match files.megapixels {
+        Some([before, after]) if before > 0.0 => {
+            format!("{count}, {} of {} megapixels", length(after), length(before))
+        }
+        _ => count,
     }
 }
 

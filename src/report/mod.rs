@@ -115,10 +115,19 @@ pub struct IoFigures {
 pub struct FileFigures {
     /// Materials that faces of the input name.
     pub materials: u64,
-    /// Texture images beside the result, copied or linked.
+    /// Those that are on a face of the result.
+    pub materials_left: u64,
+    /// Textures that these materials name in the input.
     pub textures: u64,
+    /// Those that are on a face of the result.
+    pub textures_left: u64,
+    /// Texture images beside the result, copied or linked.
+    pub images: u64,
     /// Bytes of those that were copied.
-    pub texture_bytes: u64,
+    pub image_bytes: u64,
+    /// Millions of pixels of the input's texture images that may be copied, and of those beside the result; none if
+    /// nothing was drawn.
+    pub megapixels: Option<[f64; 2]>,
 }
 
 /// Everything about a run.

@@ -43,6 +43,7 @@ use xxhash_rust::xxh3::xxh3_64;
 use self::batches::in_order;
 use self::copy::{Look, look};
 use self::grouping::Grouping;
+pub use self::mtl::texture_count;
 use self::normals::{PieceNormals, SharedNormals, piece_bytes, piece_normals};
 use self::numbering::Usage;
 use self::obj::{CornerForm, ObjFile, PartOrder};

@@ -52,13 +52,20 @@ fn note_losses(catalogue: &Catalogue, used: &BTreeSet<u32>, findings: &mut Findi
     let lost = lost.map(|index| &catalogue.materials[index as usize].output_name[..]).collect();
     note_lost("lost_materials", "material", all.len(), lost, findings);
 
-    let textures = |indices: &mut dyn Iterator<Item = u32>| -> BTreeSet<(&Path, &[u8])> {
-        let definitions = indices.filter_map(|index| catalogue.materials[index as usize].definition.as_ref());
-        definitions.flat_map(|d| d.textures.iter().map(|texture| (d.folder.as_path(), &texture.name[..]))).collect()
-    };
-    let (before, left) = (textures(&mut all.clone()), textures(&mut used.iter().copied()));
+    let (before, left) = (textures(catalogue, all), textures(catalogue, used.iter().copied()));
     let lost = before.difference(&left).map(|(_, name)| *name).collect();
     note_lost("lost_textures", "texture", before.len(), lost, findings);
+}
+
+/// Textures of some materials: the folder of the MTL and the name in it.
+fn textures(catalogue: &Catalogue, materials: impl Iterator<Item = u32>) -> BTreeSet<(&Path, &[u8])> {
+    let definitions = materials.filter_map(|index| catalogue.materials[index as usize].definition.as_ref());
+    definitions.flat_map(|d| d.textures.iter().map(|texture| (d.folder.as_path(), &texture.name[..]))).collect()
+}
+
+/// How many textures the materials of the input name.
+pub fn texture_count(catalogue: &Catalogue) -> u64 {
+    textures(catalogue, 0..catalogue.materials.len() as u32).len() as u64
 }
 
 /// The first one also says how many of `total` are left.

@@ -1,0 +1,44 @@
+//! Materials and textures of a run, counted.
+
+use std::path::{Path, PathBuf};
+
+use crate::base::Findings;
+use crate::report::FileFigures;
+use crate::store::Catalogue;
+use crate::write::{self, Companion};
+
+/// Counts materials and textures of the input, what is left of them (`written` says what is lost) and their files.
+/// Sizes of images are read only `with_pixels`.
+pub(super) fn figures(
+    catalogue: &Catalogue,
+    written: &Findings,
+    companions: &[Companion],
+    brings_outside: bool,
+    with_pixels: bool,
+) -> FileFigures {
+    let is_texture = |companion: &&Companion| companion.path.extension().is_none_or(|extension| extension != "mtl");
+    let images: Vec<&Companion> = companions.iter().filter(is_texture).collect();
+    let textures = write::texture_count(catalogue);
+    let before = || -> Vec<PathBuf> {
+        let named = write::named_textures(catalogue, brings_outside);
+        named.into_iter().filter(|texture| !texture.stays).map(|texture| texture.path).collect()
+    };
+    let materials = catalogue.materials.len() as u64;
+    FileFigures {
+        materials,
+        materials_left: materials.saturating_sub(written.get("lost_materials")),
+        textures,
+        textures_left: textures.saturating_sub(written.get("lost_textures")),
+        images: images.len() as u64,
+        image_bytes: images.iter().filter_map(|image| Some(image.content?.0)).sum(),
+        megapixels: with_pixels
+            .then(|| [megapixels(before().iter()), megapixels(images.iter().map(|image| &image.path))]),
+    }
+}
+
+/// Millions of pixels of all images whose header can be read.
+fn megapixels(paths: impl Iterator<Item = impl AsRef<Path>>) -> f64 {
+    let size = |path: &Path| if path.is_file() { image::image_dimensions(path).ok() } else { None };
+    let sizes = paths.filter_map(|path| size(path.as_ref()));
+    sizes.map(|(width, height)| f64::from(width) * f64::from(height)).sum::<f64>() / 1e6
+}
