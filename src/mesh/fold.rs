@@ -6,15 +6,28 @@ use glam::DVec3;
 pub const FOLD_ANGLE: f64 = 0.1;
 /// Square of its cosine.
 const FOLD_COSINE_SQ: f64 = 0.990_033_288_920_621;
+/// Squared cosine of 0.15: no collapse brings faces nearer, since positions are rounded when they are written.
+const NEARLY_COSINE_SQ: f64 = 0.977_668_245;
 
 /// Whether the two faces at an edge, with these third corners, are folded onto each other; not if one has no area.
 #[inline]
-pub fn are_folded([a, b]: [DVec3; 2], thirds: [DVec3; 2]) -> bool {
+pub fn are_folded(edge: [DVec3; 2], thirds: [DVec3; 2]) -> bool {
+    are_within(FOLD_COSINE_SQ, edge, thirds)
+}
+
+/// Whether they are folded onto each other, or nearly so.
+#[inline]
+pub fn are_nearly_folded(edge: [DVec3; 2], thirds: [DVec3; 2]) -> bool {
+    are_within(NEARLY_COSINE_SQ, edge, thirds)
+}
+
+#[inline]
+fn are_within(cosine_sq: f64, [a, b]: [DVec3; 2], thirds: [DVec3; 2]) -> bool {
     let along = b - a;
     let [p, q] = thirds.map(|third| third - a);
     // Mostly the two lie on different sides of the edge.
     let same_side = p.dot(q) * along.length_squared() > p.dot(along) * q.dot(along);
-    same_side && is_angle_small([p, q].map(|third| across(along, third)))
+    same_side && is_angle_below(cosine_sq, [p, q].map(|third| across(along, third)))
 }
 
 /// Which way a face leads away from a side of its own, in the face and across the side, to a third corner relative to one
@@ -25,9 +38,14 @@ pub fn across(side: DVec3, third: DVec3) -> DVec3 {
 }
 
 /// Whether two faces at an edge that lead away from it [like this](across) are folded onto each other.
-pub fn is_angle_small([p, q]: [DVec3; 2]) -> bool {
+pub fn is_angle_small(ways: [DVec3; 2]) -> bool {
+    is_angle_below(FOLD_COSINE_SQ, ways)
+}
+
+#[inline]
+fn is_angle_below(cosine_sq: f64, [p, q]: [DVec3; 2]) -> bool {
     let dot = p.dot(q);
-    dot > 0.0 && dot * dot > FOLD_COSINE_SQ * p.length_squared() * q.length_squared()
+    dot > 0.0 && dot * dot > cosine_sq * p.length_squared() * q.length_squared()
 }
 
 #[cfg(test)]

@@ -8,26 +8,53 @@
 
 use glam::DVec3;
 
+use super::legality::Change;
 use crate::mesh::cluster::ClusterMesh;
-use crate::mesh::fold::are_folded;
+use crate::mesh::fold::are_nearly_folded;
 use crate::mesh::ring::Rings;
 
 /// Where no face turns by more than about 10° (squared cosine), no two come to lie on each other.
 const TURN_COSINE_SQ: f64 = 0.97;
 
+/// Of two faces with opposite normals one leans away from the sum of both, and from that of more faces, by this much and
+/// more (squared cosine of about 70°).
+const LEAN_COSINE_SQ: f64 = 0.117;
+/// Number of faces that says nothing of the surface around them.
+const FEW_FACES: usize = 2;
+
+/// Whether a normal leans away from a sum of normals.
+#[inline]
+fn leans(normal: DVec3, sum: DVec3) -> bool {
+    let along = normal.dot(sum);
+    along <= 0.0 || along * along < LEAN_COSINE_SQ * normal.length_squared() * sum.length_squared()
+}
+
 /// Whether a face turns so much that it may come to lie on a neighbour; from the dot product of its normals before and after,
 /// and the product of their squared lengths.
 #[inline(always)]
 pub(super) fn may_fold(turn: f64, lengths_sq: f64) -> bool {
-    turn < 0.0 || turn * turn < TURN_COSINE_SQ * lengths_sq
+    turn < 0.0 || turn * turn <= TURN_COSINE_SQ * lengths_sq
 }
 
 /// The faces around vertices that join at one place; scratch space is kept from one move to the next.
 #[derive(Debug, Default)]
 pub(super) struct FoldCheck {
-    /// Corners at these vertices whose faces turn so much that they [may fold](may_fold).
-    pub(super) turned: Vec<u32>,
+    /// The faces that change.
+    changing: Vec<Changing>,
+    /// Corners at these vertices whose faces may come to lie on others.
+    turned: Vec<u32>,
     joined: Vec<Joined>,
+}
+
+/// A face that stays and changes.
+#[derive(Debug)]
+struct Changing {
+    /// Its corner at one of the vertices.
+    corner: u32,
+    /// Its new normal, twice as long as its area.
+    normal: DVec3,
+    /// Whether it [may fold](may_fold).
+    turns: bool,
 }
 
 /// A face around the vertices that join, which stays.
@@ -46,8 +73,29 @@ impl Joined {
 }
 
 impl FoldCheck {
+    /// Begins a move.
+    pub(super) fn clear(&mut self) {
+        self.changing.clear();
+    }
+
+    /// Adds a face that stays and changes, by its corner at a vertex that moves.
+    #[inline(always)]
+    pub(super) fn push(&mut self, corner: u32, change: &Change) {
+        self.changing.push(Changing { corner, normal: change.normal, turns: change.turns });
+    }
+
+    /// Chooses the faces that turn, and those that lean away from the others: they may have turned step by step.
+    fn choose_turned(&mut self) {
+        let sum: DVec3 = self.changing.iter().map(|face| face.normal).sum();
+        // Few faces may all lean away from what is around them.
+        let are_few = self.changing.len() <= FEW_FACES;
+        let chosen = self.changing.iter().filter(|face| are_few || face.turns || leans(face.normal, sum));
+        self.turned.clear();
+        self.turned.extend(chosen.map(|face| face.corner));
+    }
+
     /// Whether, with all `joining` vertices at `position` and the `dying` faces gone, two faces that share an edge would be
-    /// folded onto each other that are not now. `turned` must be filled.
+    /// folded onto each other that are not now. The faces that change must have been [pushed](FoldCheck::push).
     pub(super) fn finds(
         &mut self,
         mesh: &ClusterMesh,
@@ -56,6 +104,7 @@ impl FoldCheck {
         joining: &[u32],
         position: DVec3,
     ) -> bool {
+        self.choose_turned();
         if self.turned.is_empty() {
             return false;
         }
@@ -84,7 +133,7 @@ fn folds_outwards(mesh: &ClusterMesh, rings: &Rings, one: &Joined, position: DVe
     });
     let (Some(third), None) = (beside.next(), beside.next()) else { return false };
     let [a, b, third, from] = [a, b, third, mesh.vertex_of(one.corner)].map(|v| mesh.positions[v as usize]);
-    are_folded([a, b], [position, third]) && !are_folded([a, b], [from, third])
+    are_nearly_folded([a, b], [position, third]) && !are_nearly_folded([a, b], [from, third])
 }
 
 /// Whether two of the faces fold onto each other; the second begins where the first ends.
@@ -95,5 +144,6 @@ fn fold_together(mesh: &ClusterMesh, [one, other]: [&Joined; 2], position: DVec3
     let [from, from_other] = [one, other].map(|joined| mesh.vertex_of(joined.corner));
     let [before, ridge, first, last] =
         [from, one.ends[1], one.ends[0], other.ends[1]].map(|v| mesh.positions[v as usize]);
-    are_folded([position, ridge], [first, last]) && !(from == from_other && are_folded([before, ridge], [first, last]))
+    are_nearly_folded([position, ridge], [first, last])
+        && !(from == from_other && are_nearly_folded([before, ridge], [first, last]))
 }

@@ -229,7 +229,7 @@ impl EdgeStar {
         uvs: &[DVec2],
         cost: f64,
     ) -> Result<(), Refusal> {
-        self.folds.turned.clear();
+        self.folds.clear();
         for &vertex in moving {
             for &corner in rings.of(vertex) {
                 let Some(wedge) = mesh.living(corner) else { continue };
@@ -244,10 +244,9 @@ impl EdgeStar {
                 if let Some((_, &uv)) = pairs.find(|((a, b), _)| *a == wedge || *b == wedge) {
                     uv_after[k] = uv;
                 }
-                let Change { areas_sq, turns: face_turns } = change_of(before, after).ok_or(Refusal::Fold)?;
-                if face_turns {
-                    self.folds.turned.push(corner);
-                }
+                let change = change_of(before, after).ok_or(Refusal::Fold)?;
+                self.folds.push(corner, &change);
+                let areas_sq = change.areas_sq;
                 let grows = areas_sq[1] > GROWTH_SQ * areas_sq[0];
                 if grows && hovers(mesh, rings, moving, after, areas_sq[1].sqrt(), cost) {
                     return Err(Refusal::Fold);
@@ -316,6 +315,8 @@ pub struct Change {
     pub areas_sq: [f64; 2],
     /// Whether it turns by more than about 10°: it may come to lie on a neighbour.
     pub turns: bool,
+    /// Its normal afterwards, twice as long as the area.
+    pub normal: DVec3,
 }
 
 /// How a triangle changes when a corner moves, if that keeps its side and shape.
@@ -341,7 +342,7 @@ pub fn change_of(before: [DVec3; 3], after: [DVec3; 3]) -> Option<Change> {
             new_sq * was * was >= old_sq * now * now
         });
     let turns = may_fold(turn, old_sq * new_sq);
-    survives.then_some(Change { areas_sq: [0.25 * old_sq, 0.25 * new_sq], turns })
+    survives.then_some(Change { areas_sq: [0.25 * old_sq, 0.25 * new_sq], turns, normal: new })
 }
 
 /// Twice the area of a triangle in the picture, negative if it is turned over.
