@@ -255,6 +255,12 @@ impl Journal {
         Ok(())
     }
 
+    /// Whether all entries are on the disk.
+    #[cfg(test)]
+    pub(super) fn is_durable(&self) -> bool {
+        !self.is_dirty
+    }
+
     /// Cuts off what lies behind the last whole entry.
     fn cut(&mut self) -> Result<()> {
         let cut = self.file.set_len(self.end).and_then(|()| self.file.seek(SeekFrom::Start(self.end)));

@@ -348,6 +348,46 @@ fn what_is_cut_off_a_journal_is_told() {
     assert!(!job.is_resumed() && job.take_damage()[0].contains("it is gone"));
 }
 
+/// What a power cut takes from a journal is what was not synced.
+#[test]
+fn entries_are_durable_before_anything_that_relies_on_them() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    let job = open(&path, Resume::Auto).unwrap();
+    let is_durable = || lock(&job.journal).as_ref().unwrap().is_durable();
+    let pass = |pass| Step::Pass { pass };
+
+    job.keep(pass(0), 3, [], &1u8).unwrap();
+    assert!(!is_durable(), "the test must be able to tell");
+    job.sync().unwrap();
+    assert!(is_durable());
+
+    // The files of what is superseded go.
+    job.supersede(pass(1), 2, [], &2u8, &[]).unwrap();
+    job.settle().unwrap();
+    assert!(is_durable());
+
+    job.keep(pass(2), 1, [], &3u8).unwrap();
+    job.retain([], &[pass(2)]).unwrap();
+    assert!(is_durable());
+
+    job.keep(pass(3), 1, [], &4u8).unwrap();
+    job.note_failure(&Error::Usage("no".into()));
+    assert!(is_durable());
+}
+
+#[test]
+fn a_job_that_begins_afresh_leaves_nothing_of_the_one_before() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    left_over(&path);
+    let mut job = open(&path, Resume::Auto).unwrap();
+    job.restart(&manifest()).unwrap();
+    let mut names: Vec<_> = fs::read_dir(&path).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    names.sort();
+    assert_eq!(names, [JOURNAL, LOCK, MANIFEST]);
+}
+
 #[test]
 fn work_that_is_never_gone_on_with_begins_anew_in_a_folder_of_its_kind_only() {
     let parent = tempfile::tempdir().unwrap();
