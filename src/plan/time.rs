@@ -50,6 +50,7 @@ pub fn forecast(input_bytes: u64, passes: &[PassForecast], target: u64, threads:
     let speed_up = |items: u64| 1.0 + (threads as u64).min(items).saturating_sub(1) as f64 * THREAD_SHARE;
     let scan = input_bytes as f64 / SCAN_BYTES_PER_SECOND / speed_up(u64::MAX);
     let (mut partition, mut simplify) = (0.0, 0.0);
+    let left = target as f64 / passes.first().map_or(target, |pass| pass.faces_in).max(1) as f64;
     for (number, pass) in passes.iter().enumerate() {
         let faces = pass.faces_in as f64;
         partition += CUT_SECONDS + faces / PARTITION_FACES_PER_SECOND / speed_up(u64::MAX);
@@ -64,7 +65,7 @@ pub fn forecast(input_bytes: u64, passes: &[PassForecast], target: u64, threads:
         if pass.clusters > 1 && !pass.is_remesh {
             // One queue on one thread, while the rest waits or cuts; half of it before the first pass.
             let share = if is_first { 0.5 } else { 1.0 };
-            simplify += share * sample_faces(pass.faces_in) as f64 / LATER_FACES_PER_SECOND;
+            simplify += share * sample_faces(pass.faces_in, left) as f64 / LATER_FACES_PER_SECOND;
         }
     }
     let write = WRITE_SECONDS + target as f64 / WRITE_FACES_PER_SECOND;

@@ -15,19 +15,13 @@ use crate::mesh::ring::Rings;
 
 /// Where no face turns by more than about 10° (squared cosine), no two come to lie on each other.
 const TURN_COSINE_SQ: f64 = 0.97;
-
-/// Of two faces with opposite normals one leans away from the sum of both, and from that of more faces, by this much and
-/// more (squared cosine of about 70°).
+/// A face that leans away from the sum of the normals by about 70° (squared cosine) may have turned step by step.
 const LEAN_COSINE_SQ: f64 = 0.117;
+/// Of two faces that are folded onto each other, one leans away from any direction by at least 85.7°: half of what is
+/// between their normals (squared cosine of 85.6°).
+const OPPOSED_COSINE_SQ: f64 = 0.0059;
 /// Number of faces that says nothing of the surface around them.
 const FEW_FACES: usize = 2;
-
-/// Whether a normal leans away from a sum of normals.
-#[inline]
-fn leans(normal: DVec3, sum: DVec3) -> bool {
-    let along = normal.dot(sum);
-    along <= 0.0 || along * along < LEAN_COSINE_SQ * normal.length_squared() * sum.length_squared()
-}
 
 /// Whether a face turns so much that it may come to lie on a neighbour; from the dot product of its normals before and after,
 /// and the product of their squared lengths.
@@ -41,8 +35,12 @@ pub(super) fn may_fold(turn: f64, lengths_sq: f64) -> bool {
 pub(super) struct FoldCheck {
     /// The faces that change.
     changing: Vec<Changing>,
-    /// Corners at these vertices whose faces may come to lie on others.
+    /// Sum of their normals.
+    sum: DVec3,
+    /// Corners at these vertices whose faces may come to lie on one that does not change.
     turned: Vec<u32>,
+    /// Those of them whose faces may come to lie on one that changes.
+    opposed: Vec<u32>,
     joined: Vec<Joined>,
 }
 
@@ -76,49 +74,76 @@ impl FoldCheck {
     /// Begins a move.
     pub(super) fn clear(&mut self) {
         self.changing.clear();
+        self.sum = DVec3::ZERO;
     }
 
     /// Adds a face that stays and changes, by its corner at a vertex that moves.
     #[inline(always)]
     pub(super) fn push(&mut self, corner: u32, change: &Change) {
+        self.sum += change.normal;
         self.changing.push(Changing { corner, normal: change.normal, turns: change.turns });
     }
 
-    /// Chooses the faces that turn, and those that lean away from the others: they may have turned step by step.
-    fn choose_turned(&mut self) {
-        let sum: DVec3 = self.changing.iter().map(|face| face.normal).sum();
+    /// Chooses the faces that turn, and those that lean away from the others.
+    fn choose(&mut self) {
+        let (sum, sum_sq) = (self.sum, self.sum.length_squared());
         // Few faces may all lean away from what is around them.
         let are_few = self.changing.len() <= FEW_FACES;
-        let chosen = self.changing.iter().filter(|face| are_few || face.turns || leans(face.normal, sum));
         self.turned.clear();
-        self.turned.extend(chosen.map(|face| face.corner));
+        self.opposed.clear();
+        for &Changing { corner, normal, turns } in &self.changing {
+            let along = normal.dot(sum);
+            let [along_sq, lengths_sq] = [along * along, normal.length_squared() * sum_sq];
+            let leans = |cosine_sq: f64| along <= 0.0 || along_sq < cosine_sq * lengths_sq;
+            if are_few || turns || leans(LEAN_COSINE_SQ) {
+                self.turned.push(corner);
+                if leans(OPPOSED_COSINE_SQ) {
+                    self.opposed.push(corner);
+                }
+            }
+        }
     }
 
-    /// Whether, with all `joining` vertices at `position` and the `dying` faces gone, two faces that share an edge would be
-    /// folded onto each other that are not now. The faces that change must have been [pushed](FoldCheck::push).
+    /// Whether, with the `moving` vertices at `position` and the `dying` faces gone, two faces that share an edge would be
+    /// folded onto each other that are not now. The faces that change must have been [pushed](FoldCheck::push). If the
+    /// vertex at that position stays as it is, `anchor` names it and the vertices that both have for neighbours.
     pub(super) fn finds(
         &mut self,
         mesh: &ClusterMesh,
         rings: &Rings,
         dying: &[u32],
-        joining: &[u32],
+        moving: &[u32],
+        anchor: Option<(u32, &[u32])>,
         position: DVec3,
     ) -> bool {
-        self.choose_turned();
-        if self.turned.is_empty() {
-            return false;
-        }
-        let corners = joining.iter().flat_map(|&vertex| rings.of(vertex)).copied();
-        let staying = corners.filter(|corner| mesh.living(*corner).is_some() && !dying.contains(&(corner / 3)));
-        self.joined.clear();
-        self.joined.extend(staying.map(|corner| Joined::of(mesh, corner)));
-        self.turned.iter().any(|&corner| {
+        self.choose();
+        let staying = |vertex: u32| {
+            let corners = rings.of(vertex).iter().copied();
+            let corners = corners.filter(|corner| mesh.living(*corner).is_some() && !dying.contains(&(corner / 3)));
+            corners.map(|corner| Joined::of(mesh, corner))
+        };
+        let folds = |one: &Joined, other: &Joined| {
+            (other.ends[0] == one.ends[1] && fold_together(mesh, [one, other], position))
+                || (other.ends[1] == one.ends[0] && fold_together(mesh, [other, one], position))
+        };
+        let folds_now = |&corner: &u32| {
             let one = Joined::of(mesh, corner);
             folds_outwards(mesh, rings, &one, position)
-                || self.joined.iter().any(|other| {
-                    (other.ends[0] == one.ends[1] && fold_together(mesh, [&one, other], position))
-                        || (other.ends[1] == one.ends[0] && fold_together(mesh, [other, &one], position))
+                || anchor.is_some_and(|(vertex, common)| {
+                    one.ends.iter().any(|end| common.contains(end)) && staying(vertex).any(|other| folds(&one, &other))
                 })
+        };
+        if self.turned.iter().any(folds_now) {
+            return true;
+        }
+        if self.opposed.is_empty() {
+            return false;
+        }
+        self.joined.clear();
+        self.joined.extend(moving.iter().flat_map(|&vertex| staying(vertex)));
+        self.opposed.iter().any(|&corner| {
+            let one = Joined::of(mesh, corner);
+            self.joined.iter().any(|other| folds(&one, other))
         })
     }
 }
@@ -126,12 +151,18 @@ impl FoldCheck {
 /// Whether a face folds onto the one across the side that none of the vertices is an end of.
 fn folds_outwards(mesh: &ClusterMesh, rings: &Rings, one: &Joined, position: DVec3) -> bool {
     let ([a, b], face) = (one.ends, one.corner / 3);
-    let mut beside = rings.of(a).iter().filter_map(|&corner| {
-        let far = ClusterMesh::following(corner);
-        let at = far.iter().position(|&corner| mesh.vertex_of(corner) == b)?;
-        (corner / 3 != face && mesh.living(corner).is_some()).then(|| mesh.vertex_of(far[1 - at]))
-    });
-    let (Some(third), None) = (beside.next(), beside.next()) else { return false };
+    let mut third = None;
+    for beside in rings.of(a).iter().map(|corner| corner / 3).filter(|&beside| beside != face) {
+        let corners = mesh.vertices(beside);
+        if corners.contains(&b) && !mesh.is_dead(beside) {
+            let other = corners.into_iter().find(|&corner| corner != a && corner != b);
+            if third.is_some() || other.is_none() {
+                return false;
+            }
+            third = other;
+        }
+    }
+    let Some(third) = third else { return false };
     let [a, b, third, from] = [a, b, third, mesh.vertex_of(one.corner)].map(|v| mesh.positions[v as usize]);
     are_nearly_folded([a, b], [position, third]) && !are_nearly_folded([a, b], [from, third])
 }

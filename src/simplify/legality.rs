@@ -256,7 +256,9 @@ impl EdgeStar {
                 }
             }
         }
-        if self.folds.finds(mesh, rings, &self.dying, &self.ends, position) { Err(Refusal::Fold) } else { Ok(()) }
+        let anchor = self.ends.into_iter().find(|end| !moving.contains(end)).map(|end| (end, &self.opposite[..]));
+        let folds = self.folds.finds(mesh, rings, &self.dying, moving, anchor, position);
+        if folds { Err(Refusal::Fold) } else { Ok(()) }
     }
 
     /// Makes the collapse in the mesh: faces at the edge die, the others come to `to` with their wedges.

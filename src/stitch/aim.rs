@@ -135,13 +135,18 @@ impl<M: Metric> Run<'_, M> {
 
     /// What is sampled while a pass runs, for the next one.
     pub(super) fn survey(&self, partition: &Partition) -> Survey {
-        Survey::new(&loaded_faces(partition), 1.0)
+        Survey::new(&loaded_faces(partition), self.left(), 1.0)
     }
 
     /// What is sampled before the first pass. Nothing else can be done meanwhile, and where passes follow that do not end
     /// exactly where they should, half of the faces will do.
     pub(super) fn first_survey(&self, partition: &Partition) -> Survey {
-        Survey::new(&loaded_faces(partition), if self.options.passes > 1 { 0.5 } else { 1.0 })
+        Survey::new(&loaded_faces(partition), self.left(), if self.options.passes > 1 { 0.5 } else { 1.0 })
+    }
+
+    /// Share of the input's faces that is to be left.
+    fn left(&self) -> f64 {
+        self.options.target as f64 / self.options.input.max(1) as f64
     }
 
     /// The patch of a cluster that no mesh was made of.
