@@ -210,7 +210,7 @@ impl Fan {
             let differs = spokes[next].wedge != spoke.wedge;
             changes += usize::from(differs);
             seams += usize::from(differs || spokes[next].next_wedge != spoke.previous_wedge);
-            if Some(next) == start || next == start.unwrap_or(0) {
+            if next == start.unwrap_or(0) {
                 break;
             }
             at = next;
@@ -256,6 +256,8 @@ fn find(lanes: &[[u32; LANES]], vertex: u32) -> u32 {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::super::cluster::samples;
     use super::*;
 
@@ -390,5 +392,126 @@ mod tests {
         mesh.link_wedges();
         assert_eq!(classes_of(&mesh)[0], Class::Fixed);
         assert_eq!(classes_of(&mesh)[1], Class::Border);
+    }
+
+    /// A face around vertex 0: the two vertices that follow, and which wedge each of the three has.
+    #[derive(Debug, Clone, Copy)]
+    struct Around {
+        ends: [u32; 2],
+        wedges: [u32; 3],
+    }
+
+    /// Fans that are closed or open, some of them with a face that is turned, or one more anywhere.
+    fn fan() -> impl Strategy<Value = Vec<Around>> {
+        let wedges = prop::array::uniform3(prop_oneof![3 => Just(0u32), 1 => 1u32..3]);
+        let face = ((1u32..8, 1u32..7), wedges.clone());
+        let wild = face.prop_map(|((a, step), wedges)| Around { ends: [a, (a + step - 1) % 7 + 1], wedges });
+        let change = prop_oneof![
+            4 => Just(None),
+            1 => any::<prop::sample::Index>().prop_map(|at| Some((at, None))),
+            1 => (any::<prop::sample::Index>(), wild).prop_map(|(at, face)| Some((at, Some(face)))),
+        ];
+        let fan = (prop::collection::vec(wedges, 1..8), any::<bool>(), change);
+        fan.prop_map(|(wedges, is_open, change)| {
+            let count = wedges.len() as u32;
+            let ring = if is_open || count < 3 { 8 } else { count };
+            let faces = (0..count).zip(wedges);
+            let mut faces: Vec<_> =
+                faces.map(|(at, wedges)| Around { ends: [at % ring + 1, (at + 1) % ring + 1], wedges }).collect();
+            match change {
+                None => {}
+                Some((at, None)) => at.get_mut(&mut faces[..]).ends.reverse(),
+                Some((at, Some(face))) => faces.insert(at.index(faces.len()), face),
+            }
+            faces.retain(|face| face.ends[0] != face.ends[1]);
+            faces
+        })
+    }
+
+    /// The class of vertex 0, face by face and edge by edge.
+    fn expected_class(faces: &[Around]) -> Class {
+        let at = |k: usize, vertex: u32| -> Vec<usize> {
+            (0..faces.len()).filter(|&face| faces[face].ends[k] == vertex).collect()
+        };
+        let (mut seams, mut changes, mut ends) = (0, 0, 0);
+        let mut group: Vec<usize> = (0..faces.len()).collect();
+        for vertex in 1..9 {
+            match (&at(0, vertex)[..], &at(1, vertex)[..]) {
+                ([], []) => {}
+                ([_], []) | ([], [_]) => ends += 1,
+                (&[after], &[before]) => {
+                    let (before_wedges, after_wedges) = (faces[before].wedges, faces[after].wedges);
+                    let (own, outer) = (before_wedges[0] != after_wedges[0], before_wedges[2] != after_wedges[1]);
+                    changes += usize::from(own);
+                    seams += usize::from(own || outer);
+                    let [one, other] = [group[before], group[after]];
+                    group.iter_mut().filter(|group| **group == one).for_each(|group| *group = other);
+                }
+                _ => return Class::Fixed,
+            }
+        }
+        if faces.is_empty() || group.iter().any(|&other| other != group[0]) {
+            return Class::Fixed;
+        }
+        match (ends, seams, changes) {
+            (0, 0, _) => Class::Smooth,
+            (0, 2, 2) => Class::Seam,
+            (0, ..) => Class::Corner,
+            (_, 0, _) => Class::Border,
+            (_, 1, 1) => Class::BorderSeam,
+            _ => Class::BorderCorner,
+        }
+    }
+
+    /// Whether two faces run the same way along an edge that no other has, if that can be told from one edge alone.
+    fn expected_back(faces: &[Around]) -> Option<bool> {
+        let mut runs = std::collections::BTreeMap::new();
+        for &Around { ends: [a, b], .. } in faces {
+            for [from, to] in [[0, a], [a, b], [b, 0]] {
+                runs.entry([from.min(to), from.max(to)]).or_insert([0, 0])[usize::from(from < to)] += 1;
+            }
+        }
+        let bad: Vec<_> = runs.values().filter(|run| run.iter().any(|&count| count > 1)).collect();
+        match bad[..] {
+            [] => Some(false),
+            [&run] => Some(run == [2, 0] || run == [0, 2]),
+            _ => None,
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_class_is_that_of_the_edges_around_a_vertex(fans in prop::collection::vec(fan(), 1..3)) {
+            let (mut rings, mut classes) = (Rings::default(), Vec::new());
+            for faces in fans {
+                let mut mesh = ClusterMesh::default();
+                for vertex in 0..9 {
+                    mesh.push_vertex(glam::DVec3::ZERO, 0);
+                    (0..3).for_each(|_| _ = mesh.push_wedge(vertex, glam::DVec2::NAN));
+                }
+                for &Around { ends: [a, b], wedges: [own, of_a, of_b] } in &faces {
+                    mesh.push_face([own, 3 * a + of_a, 3 * b + of_b], 0);
+                }
+                mesh.link_wedges();
+                rings.build(&mesh);
+                let shows_back = classify(&mesh, &rings, &mut classes);
+                prop_assert_eq!(classes[0], expected_class(&faces), "{:?}", faces);
+                prop_assert!(expected_back(&faces).is_none_or(|expected| shows_back == expected), "{:?}", faces);
+            }
+        }
+    }
+
+    #[test]
+    fn a_fan_of_too_many_faces_is_fixed() {
+        for (count, expected) in [(VALENCE_MAX, Class::Smooth), (VALENCE_MAX + 1, Class::Fixed)] {
+            let mut mesh = ClusterMesh::default();
+            for _ in 0..=count {
+                let vertex = mesh.push_vertex(glam::DVec3::ZERO, 0);
+                mesh.push_wedge(vertex, glam::DVec2::NAN);
+            }
+            (0..count as u32).for_each(|at| _ = mesh.push_face([0, at + 1, (at + 1) % count as u32 + 1], 0));
+            mesh.link_wedges();
+            assert_eq!(classes_of(&mesh)[0], expected);
+        }
     }
 }

@@ -169,9 +169,6 @@ fn folds_outwards(mesh: &ClusterMesh, rings: &Rings, one: &Joined, position: DVe
 
 /// Whether two of the faces fold onto each other; the second begins where the first ends.
 fn fold_together(mesh: &ClusterMesh, [one, other]: [&Joined; 2], position: DVec3) -> bool {
-    if one.corner / 3 == other.corner / 3 {
-        return false;
-    }
     let [from, from_other] = [one, other].map(|joined| mesh.vertex_of(joined.corner));
     let [before, ridge, first, last] =
         [from, one.ends[1], one.ends[0], other.ends[1]].map(|v| mesh.positions[v as usize]);

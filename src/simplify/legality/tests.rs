@@ -76,6 +76,7 @@ proptest! {
         let [old, new] = [(before, scales[0]), (after, scales[1])];
         let [old, new] = [old, new].map(|(height, scale)| scaled(over_edge(height, 0.0), scale));
         prop_assert_eq!(triangle_survives(old, new), thin_after > 0.02 || thin_after > thin_before);
+        prop_assert!(triangle_survives(old, old));
     }
 
     #[test]
@@ -124,9 +125,9 @@ proptest! {
     //       / /1\ \      face from 3 on, and more than explained from 3.6 on. Up to 4 times the area is allowed.
     //      /_/___\_\
     #[test]
-    fn a_face_that_hovers_may_grow_to_four_times_its_area(growth in 3.7..4.3) {
+    fn a_face_that_hovers_may_grow_to_four_times_its_area(growth in 3.7..4.3, scale in 1e-3..1e3) {
         prop_assume!(f64::abs(growth - 4.0) > 1e-9);
-        let corners = [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]].map(DVec3::from);
+        let corners = [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]].map(|corner| DVec3::from(corner) * scale);
         let (mesh, rings) = mesh_of(&corners, &[[0, 1, 2]]);
         let outcome = EdgeStar::default().check_faces(&mesh, &rings, &[0], corners[0] * growth, &[], 0.0);
         prop_assert_eq!(outcome, if growth > 4.0 { Err(Refusal::Fold) } else { Ok(()) });
@@ -140,6 +141,7 @@ proptest! {
         let mut faces = sheet(wraps);
         let positions = vec![DVec3::ZERO; SIDE * SIDE];
         let mut star = EdgeStar::default();
+        star.reset(positions.len());
         for (pick, k) in picks {
             let face = faces[pick % faces.len()];
             let (from, to) = (face[k], face[(k + 1) % 3]);
@@ -153,7 +155,6 @@ proptest! {
             after.iter_mut().flatten().filter(|v| **v == from).for_each(|v| *v = to);
             after.retain(|[a, b, c]| a != b && b != c && c != a);
             let keeps = is_surface(&after) && euler_number(&after) == euler_number(&faces);
-            star.reset(positions.len());
             star.gather(&mesh, &rings, from, to);
             for closed in [false, !borders.contains(&from)] {
                 let outcome = star.check_topology(&mesh, &rings, from, to, Fan { closed, strands: false });
@@ -184,6 +185,8 @@ proptest! {
 fn a_face_without_area_never_survives_and_an_unseen_texture_triangle_always_does() {
     assert!(!triangle_survives(over_edge(0.0, 0.0), over_edge(0.0, 0.0)));
     assert!(!triangle_survives(over_edge(1.0, 0.0), over_edge(0.0, 0.0)));
+    // But it may get some.
+    assert!(triangle_survives(over_edge(0.0, 0.0), over_edge(1.0, 0.0)));
     assert!(uv_survives([DVec2::NAN; 3], [DVec2::NAN; 3], [1.0; 2]));
     assert!(uv_survives(picture(0.0), picture(-1.0), [1.0; 2]));
     assert!(!uv_survives(picture(1.0), picture(0.0), [1.0, 0.0]));
@@ -365,6 +368,42 @@ fn no_two_faces_fold_onto_each_other() {
         allowed += usize::from(outcome.is_ok());
     }
     assert!(folds > 20 && slow > 0 && allowed > 1000, "{folds} {slow} {allowed}");
+}
+
+//    \           \  0                 The face at the edge turns about it, by small steps, towards the wall behind. Few
+//  ---0-|   ──▶   ---|\|  wall        faces or many move with it: those on the left hardly turn.
+#[test]
+fn a_face_that_nears_a_wall_step_by_step_is_stopped() {
+    let [edge, halves] = [vec![[0, 1, 2]], vec![[0, 1, 6], [0, 6, 2]]];
+    let rest = [[0, 2, 3], [0, 3, 4], [0, 4, 1]];
+    let [wall, wall_halves] = [vec![[2, 1, 5]], vec![[6, 1, 5], [2, 6, 5]]];
+    for (turning, wall, rest, wall_degrees) in [
+        (&edge, &wall, &rest[..], 180.0),
+        (&edge, &wall, &rest[..], 90.0),
+        (&edge, &wall, &[], 90.0),
+        (&edge, &wall, &[], 30.0),
+        (&halves, &wall_halves, &rest[..], 180.0),
+        (&halves, &wall_halves, &[], 30.0),
+    ] {
+        let around = |degrees: f64| DVec3::new(-degrees.to_radians().cos(), 0.0, degrees.to_radians().sin()) * 0.3;
+        let flat = [[0.0, -1.0], [0.0, 1.0], [-8.0, 8.0], [-8.0, -8.0]].map(|[x, y]| DVec3::new(x, y, 0.0));
+        let positions = [&[around(0.0)], &flat[..], &[around(wall_degrees), DVec3::ZERO]].concat();
+        let faces = [&turning[..], rest, wall].concat();
+        let (mut mesh, rings) = mesh_of(&positions, &faces);
+        let mut star = EdgeStar::default();
+        let mut degrees = 0.0;
+        loop {
+            assert!(degrees < wall_degrees, "past the wall at {wall_degrees}: {faces:?}");
+            let position = around(degrees + 2.0);
+            if star.check_faces(&mesh, &rings, &[0], position, &[], f64::INFINITY).is_err() {
+                break;
+            }
+            mesh.positions[0] = position;
+            degrees += 2.0;
+        }
+        let left = wall_degrees - degrees;
+        assert!((8.5..11.0).contains(&left), "{left} before the wall at {wall_degrees}: {faces:?}");
+    }
 }
 
 #[test]
