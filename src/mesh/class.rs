@@ -509,7 +509,7 @@ mod tests {
                 let vertex = mesh.push_vertex(glam::DVec3::ZERO, 0);
                 mesh.push_wedge(vertex, glam::DVec2::NAN);
             }
-            (0..count as u32).for_each(|at| _ = mesh.push_face([0, at + 1, (at + 1) % count as u32 + 1], 0));
+            (0..count as u32).for_each(|at| mesh.push_face([0, at + 1, (at + 1) % count as u32 + 1], 0));
             mesh.link_wedges();
             assert_eq!(classes_of(&mesh)[0], expected);
         }
