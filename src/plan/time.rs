@@ -7,7 +7,7 @@
 use serde::Serialize;
 
 use super::passes::PassForecast;
-use crate::stitch::sample::sample_faces;
+use crate::stitch::sample::{Purpose, sample_faces};
 
 /// Bytes of OBJ text scanned in a second by one core.
 const SCAN_BYTES_PER_SECOND: f64 = 398e6;
@@ -50,7 +50,6 @@ pub fn forecast(input_bytes: u64, passes: &[PassForecast], target: u64, threads:
     let speed_up = |items: u64| 1.0 + (threads as u64).min(items).saturating_sub(1) as f64 * THREAD_SHARE;
     let scan = input_bytes as f64 / SCAN_BYTES_PER_SECOND / speed_up(u64::MAX);
     let (mut partition, mut simplify) = (0.0, 0.0);
-    let left = target as f64 / passes.first().map_or(target, |pass| pass.faces_in).max(1) as f64;
     for (number, pass) in passes.iter().enumerate() {
         let faces = pass.faces_in as f64;
         partition += CUT_SECONDS + faces / PARTITION_FACES_PER_SECOND / speed_up(u64::MAX);
@@ -65,7 +64,9 @@ pub fn forecast(input_bytes: u64, passes: &[PassForecast], target: u64, threads:
         if pass.clusters > 1 && !pass.is_remesh {
             // One queue on one thread, while the rest waits or cuts; half of it before the first pass.
             let share = if is_first { 0.5 } else { 1.0 };
-            simplify += share * sample_faces(pass.faces_in, left) as f64 / LATER_FACES_PER_SECOND;
+            let is_last = passes.get(number + 1).is_none_or(|next| next.is_trim);
+            let purpose = Purpose { left: target as f64 / faces.max(1.0), is_last };
+            simplify += share * sample_faces(pass.faces_in, purpose) as f64 / LATER_FACES_PER_SECOND;
         }
     }
     let write = WRITE_SECONDS + target as f64 / WRITE_FACES_PER_SECOND;

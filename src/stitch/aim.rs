@@ -3,7 +3,7 @@
 
 use super::options::SeamPolicy;
 use super::pass::{Run, is_single};
-use super::sample::{self, Survey};
+use super::sample::{self, Purpose, Survey};
 use super::schedule::{TRIM_SHARE, pass_target, stage_shares};
 use super::stops::Plan;
 use super::trim::{Notes, equal_shares};
@@ -134,19 +134,25 @@ impl<M: Metric> Run<'_, M> {
     }
 
     /// What is sampled while a pass runs, for the next one.
-    pub(super) fn survey(&self, partition: &Partition) -> Survey {
-        Survey::new(&loaded_faces(partition), self.left(), 1.0)
+    pub(super) fn survey(&self, partition: &Partition, pass: usize) -> Survey {
+        let target = self.options.target;
+        let faces = pass_target(self.options.input, target, self.turn(pass), self.options.passes);
+        Survey::new(&loaded_faces(partition), self.purpose(faces, pass + 1), 1.0)
     }
 
     /// What is sampled before the first pass. Nothing else can be done meanwhile, and where passes follow that do not end
     /// exactly where they should, half of the faces will do.
     pub(super) fn first_survey(&self, partition: &Partition) -> Survey {
-        Survey::new(&loaded_faces(partition), self.left(), if self.options.passes > 1 { 0.5 } else { 1.0 })
+        let is_only = self.options.passes <= 1;
+        let purpose = self.purpose(partition.total_faces() as f64, 0);
+        Survey::new(&loaded_faces(partition), purpose, if is_only { 1.0 } else { 0.5 })
     }
 
-    /// Share of the input's faces that is to be left.
-    fn left(&self) -> f64 {
-        self.options.target as f64 / self.options.input.max(1) as f64
+    /// What the sample for a pass over about so many faces is for.
+    fn purpose(&self, faces: f64, pass: usize) -> Purpose {
+        let target = self.options.target as f64;
+        let left = if target > 0.0 { target / faces.max(1.0) } else { 1.0 };
+        Purpose { left, is_last: self.is_last(pass) }
     }
 
     /// The patch of a cluster that no mesh was made of.

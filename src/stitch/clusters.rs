@@ -11,6 +11,7 @@ use crate::base::ordered::{Crew, settle_in_order};
 use crate::cost::Metric;
 use crate::job::Step;
 use crate::mesh::pieces;
+use crate::os::mmap;
 use crate::partition::weight::ClusterWeight;
 use crate::partition::{Partition, cluster};
 use crate::remesh;
@@ -47,7 +48,7 @@ impl<M: Metric> Run<'_, M> {
         let commit = |result| {
             done += 1;
             if done % CLUSTERS_PER_RELEASE == 0 {
-                self.release_freed_memory();
+                mmap::release_freed_memory();
             }
             commit(result)
         };

@@ -36,11 +36,6 @@ const WALL_SHARE: f64 = 0.08;
 /// A pass that removes less than this share of the faces has come to the floor.
 const FLOOR_SHARE: f64 = 1e-4;
 
-/// Faces of a mesh up to which what is freed is kept for what comes next, where work memory is ample: a few MiB.
-const SMALL_MESH_FACES: u64 = 1 << 20;
-/// Work memory that is ample.
-const AMPLE_BYTES: u64 = 128 << 20;
-
 /// A run of passes.
 pub struct Run<'a, M: Metric> {
     pub(super) options: &'a PassOptions,
@@ -167,7 +162,7 @@ impl<'a, M: Metric> Run<'a, M> {
                 self.job.keep(Step::Probes, 0, [], &probes)?;
                 self.probes = probes;
                 self.probes.shrink();
-                self.release_freed_memory();
+                mmap::release_freed_memory();
             }
             state.take(outcome);
             if self.options.drop_pieces {
@@ -197,7 +192,7 @@ impl<'a, M: Metric> Run<'a, M> {
             self.job.supersede(step, next_faces, state.mesh.files(), &state, &[Step::Input, Step::Probes])?;
             self.progress.tell(&format!("pass {} is done: {}", pass + 1, counted(next_faces, "triangle")));
         }
-        self.release_freed_memory();
+        mmap::release_freed_memory();
         if partition.is_some() {
             let message = format!("no job has a pass {}", state.pass + 1);
             return Err(Error::Damaged { path: self.job.path().to_owned(), message });
@@ -217,13 +212,6 @@ impl<'a, M: Metric> Run<'a, M> {
             scratch_peak: state.scratch_peak,
             permit_peak: self.permits.peak(),
         })
-    }
-
-    /// Gives freed memory back to the system, unless it is little.
-    pub(super) fn release_freed_memory(&self) {
-        if self.options.input > SMALL_MESH_FACES || self.options.work_bytes < AMPLE_BYTES {
-            mmap::release_freed_memory();
-        }
     }
 
     /// How a pass whose partition is there begins: as an earlier process found it, or as the sample tells.
@@ -308,7 +296,7 @@ impl<'a, M: Metric> Run<'a, M> {
         };
         self.progress.begin("partition", 0, "");
         // What the clusters of the pass before have left free.
-        self.release_freed_memory();
+        mmap::release_freed_memory();
         let (mesh, folder) = (&state.mesh, self.job.path());
         let sample = std::mem::take(&mut state.sample);
         let has_sample = !sample.corners.is_empty() && self.turn(pass) > 0;
@@ -320,7 +308,7 @@ impl<'a, M: Metric> Run<'a, M> {
         let (thresholds, partition) = both(if fits { self.options.threads } else { 1 }, foresee, cut);
         state.thresholds = thresholds;
         let mut partition = partition?;
-        self.release_freed_memory();
+        mmap::release_freed_memory();
         state.findings.merge(std::mem::take(&mut partition.findings));
         state.scratch_peak = state.scratch_peak.max(partition.scratch_peak);
         state.seconds.partition += started.elapsed();
@@ -347,7 +335,7 @@ impl<'a, M: Metric> Run<'a, M> {
         outcome.report.faces_in = partition.total_faces();
         outcome.report.border_vertices = u64::from(partition.faces.shared.len());
         let (mut area, mut error, mut stages) = (0.0, 0.0, StageSums::default());
-        let survey = self.survey(partition);
+        let survey = self.survey(partition, pass);
         let mut sample = ClusterMesh::default();
         let mut pieces = Vec::new();
         *self.map() = self.options.map.map(ClusterMap::new);

@@ -14,12 +14,13 @@ use crate::partition::reading::ClusterFaces;
 use crate::partition::weight::ORDINARY_BYTES;
 use crate::simplify::{Engine, Stop};
 
-/// Faces of the sample, at least and at most (or all that there are): at 40,000 a run to a tenth takes 5 % longer and has
-/// the same error.
-const SAMPLE_FACES: [u64; 2] = [28_000, 60_000];
+/// Faces of the sample, at least and at most (or all that there are).
+const SAMPLE_FACES: [u64; 2] = [10_000, 60_000];
+/// At least as many for the pass that is to come down just above the target: below it, it would have to run again.
+const LAST_SAMPLE_FACES: u64 = 20_000;
 /// Faces of the mesh for each face of the sample, between these limits.
 const FACES_PER_SAMPLE_FACE: u64 = 40;
-/// As many of them would be left if all passes went over the sample: fewer say too little of the last costs.
+/// As many of them would be left if all passes that follow went over the sample: fewer say too little of the last costs.
 const LEFT_FACES: f64 = 2_800.0;
 /// Patches of the sample, at most.
 const PATCHES: usize = 16;
@@ -44,6 +45,15 @@ pub fn fits_beside_cutting(vertices: u64, work_bytes: u64) -> bool {
     work_bytes >= ROOM_BYTES && RANK_BYTES * vertices <= window_bytes(work_bytes)
 }
 
+/// What a sample is for.
+#[derive(Debug, Clone, Copy)]
+pub struct Purpose {
+    /// Share of the faces that is to be left of them in the end.
+    pub left: f64,
+    /// Whether the pass is to come down just above the target.
+    pub is_last: bool,
+}
+
 /// Which clusters give a patch, and how large.
 #[derive(Debug, Clone)]
 pub struct Survey {
@@ -53,11 +63,10 @@ pub struct Survey {
 }
 
 impl Survey {
-    /// Chooses clusters, evenly spread among those with faces, for a sample of this share of the ordinary size; `left` is the
-    /// share of the input's faces that is to be left.
-    pub fn new(face_counts: &[u64], left: f64, share: f64) -> Self {
+    /// Chooses clusters, evenly spread among those with faces, for a sample of this share of the ordinary size.
+    pub fn new(face_counts: &[u64], purpose: Purpose, share: f64) -> Self {
         let clusters = sampled_clusters(face_counts);
-        let sample_faces = sample_faces(face_counts.iter().sum(), left) as f64 * share;
+        let sample_faces = sample_faces(face_counts.iter().sum(), purpose) as f64 * share;
         let patch_faces = sample_faces as usize / clusters.len().max(1);
         Self { clusters, patch_faces }
     }
@@ -95,10 +104,11 @@ impl Survey {
     }
 }
 
-/// Faces of the sample for a mesh with so many, on the way from the input to this share of its faces.
-pub fn sample_faces(faces: u64, left: f64) -> u64 {
+/// Faces of the sample for a mesh with so many.
+pub fn sample_faces(faces: u64, purpose: Purpose) -> u64 {
     let [least, most] = SAMPLE_FACES;
-    (faces / FACES_PER_SAMPLE_FACE).max((LEFT_FACES / left) as u64).clamp(least, most)
+    let least = if purpose.is_last { LAST_SAMPLE_FACES } else { least };
+    (faces / FACES_PER_SAMPLE_FACE).max((LEFT_FACES / purpose.left) as u64).clamp(least, most)
 }
 
 /// Clusters to take patches from: evenly spread among those with faces.
@@ -261,6 +271,15 @@ mod tests {
         assert_eq!(sampled.len(), PATCHES);
         assert!(sampled.windows(2).all(|pair| pair[0] < pair[1]));
         assert_eq!(sampled_clusters(&[0, 5, 0]), [1]);
+    }
+
+    #[test]
+    fn a_sample_has_more_faces_for_a_far_target_a_last_pass_and_a_large_mesh() {
+        let count = |faces, left, is_last| sample_faces(faces, Purpose { left, is_last });
+        assert_eq!([count(100_000, 0.5, false), count(100_000, 0.5, true)], [10_000, 20_000]);
+        assert_eq!([count(100_000, 0.1, false), count(100_000, 0.1, true)], [28_000; 2]);
+        assert_eq!([count(1_600_000, 0.5, false), count(1_600_000, 0.5, true)], [40_000; 2]);
+        assert_eq!([count(100_000, 0.001, false), count(9_000_000, 0.5, true)], [60_000; 2]);
     }
 
     #[test]
