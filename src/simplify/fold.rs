@@ -24,10 +24,10 @@ const OPPOSED_COSINE_SQ: f64 = 0.0059;
 const FEW_FACES: usize = 2;
 
 /// Whether a face turns so much that it may come to lie on a neighbour; from the dot product of its normals before and after,
-/// and the product of their squared lengths.
+/// which is not negative, and the product of their squared lengths.
 #[inline(always)]
 pub(super) fn may_fold(turn: f64, lengths_sq: f64) -> bool {
-    turn < 0.0 || turn * turn <= TURN_COSINE_SQ * lengths_sq
+    turn * turn <= TURN_COSINE_SQ * lengths_sq
 }
 
 /// The faces around vertices that join at one place; scratch space is kept from one move to the next.

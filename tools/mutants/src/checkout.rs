@@ -75,6 +75,14 @@ impl Checkout {
         hasher.finish()
     }
 
+    /// Names a mutant and the text of its file: what was found out of it holds for no other text.
+    pub fn key(&self, number: usize) -> String {
+        let mutant = &self.mutants[number - 1];
+        let mut hasher = DefaultHasher::new();
+        self.sources.get(&mutant.file).map(|(text, _)| text).hash(&mut hasher);
+        format!("{:016x}\t{mutant}", hasher.finish())
+    }
+
     /// Writes the sources with their switches.
     pub fn write(&self) -> io::Result<()> {
         for (name, (source, switches)) in &self.sources {

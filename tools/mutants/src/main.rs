@@ -26,8 +26,9 @@ use tests::{Outcome, Test};
 ///
 ///     cargo run --release --manifest-path tools/mutants/Cargo.toml -- src/simplify src/os/durable.rs
 ///
-/// What has been tried is kept in target/mutants/results.tsv, and a later run goes on after it. Tests that need data from
-/// outside the checkout skip. A change that makes a test hang counts as noticed. Exit code 1: there are survivors.
+/// What has been tried is kept in target/mutants/results.tsv, and a later run goes on after it in files that are the
+/// same. Tests that need data from outside the checkout skip. A change that makes a test hang counts as noticed. Exit
+/// code 1: there are survivors.
 #[derive(Parser)]
 struct Arguments {
     /// Source files and folders whose changes are tried, in this order
@@ -90,7 +91,7 @@ fn run(arguments: &Arguments) -> io::Result<usize> {
         chosen.sort_by_key(|number| hash_of(&(arguments.seed, number)));
         chosen.truncate(count);
     }
-    let verdict = |number: usize| known.get(&checkout.mutants[number - 1].to_string()).map(String::as_str);
+    let verdict = |number: usize| known.get(&checkout.key(number)).map(String::as_str);
     let (mut again, mut settled) = (Vec::new(), Vec::new());
     for number in chosen {
         let survived = matches!(verdict(number), Some("survived" | "not reached"));
@@ -161,7 +162,7 @@ fn try_all(
         if matches!(verdict, "survived" | "not reached") {
             println!("{verdict}\t{mutant}");
         }
-        writeln!(file.lock().unwrap_or_else(|e| e.into_inner()), "{verdict}\t{mutant}")?;
+        writeln!(file.lock().unwrap_or_else(|e| e.into_inner()), "{verdict}\t{}", checkout.key(number))?;
         Ok((number, verdict.to_owned()))
     })
 }
