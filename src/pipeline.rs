@@ -169,7 +169,7 @@ fn run(
     let passes = outcome?;
     if passes.faces == 0 {
         job.give_up();
-        return Err(input::nothing_left(reading.choice.name(), triangles));
+        return Err(input::nothing_left(reading.choice.name(), triangles, options));
     }
     findings.merge(passes.findings);
 

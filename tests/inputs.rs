@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 
 use drystone::base::Silent;
 use drystone::measure::compare_checks;
-use drystone::options::{Doubles, Normals, Seams, SimplifyOptions, TextureFiles, TexturesOutside};
+use drystone::options::{Doubles, Normals, Pieces, Seams, SimplifyOptions, TextureFiles, TexturesOutside};
 use drystone::pipeline;
 use drystone::report::Status;
 use drystone::scan::InputChoice;
@@ -309,11 +309,14 @@ fn an_input_of_which_nothing_is_left_is_an_error_and_leaves_no_file() {
     let folder = tempfile::tempdir().unwrap();
     let input = folder.path().join("a.obj");
     std::fs::write(&input, "v 0 0 0\nv 0 0 0\nv 0 0 0\nf 1 2 3\n").unwrap();
-    for (i, options) in [ratio(0.5), ratio(1.0), in_many_clusters(ratio(0.5))].into_iter().enumerate() {
+    let dropping = SimplifyOptions { pieces: Pieces::Drop, ..ratio(0.5) };
+    let runs = [ratio(0.5), ratio(1.0), in_many_clusters(ratio(0.5)), dropping];
+    for (i, (options, advice)) in runs.into_iter().zip(["--weld", "--weld", "--weld", "--pieces"]).enumerate() {
         let output = folder.path().join(format!("out-{i}.obj"));
         let error = pipeline::simplify(&input, &output, &options, &Silent).unwrap_err();
         assert_eq!(error.exit_code(), 4, "{error}");
         assert!(error.to_string().contains("of 1 triangle none is left"), "{error}");
+        assert!(error.to_string().contains(advice), "{error}");
         assert!(!output.exists() && !pipeline::work_folder(&output, &options).exists());
     }
 }

@@ -14,7 +14,7 @@ use super::need::{COUNT_LIMIT, Need};
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Progress, Result, counted};
 use crate::job::{Manifest, Step, WorkFolder, folder_bytes};
-use crate::options::{SimplifyOptions, TextureFiles, TexturesOutside};
+use crate::options::{Pieces, SimplifyOptions, TextureFiles, TexturesOutside};
 use crate::scan::fingerprint::{self, Contents, Source};
 use crate::scan::{self, InputChoice, Scan, ScanOptions};
 use crate::stitch::Start;
@@ -158,11 +158,14 @@ impl Reading<'_> {
 }
 
 /// The error of an input whose triangles all went.
-pub(super) fn nothing_left(path: &Path, triangles: u64) -> Error {
-    let triangles = counted(triangles, "triangle");
-    let cause =
-        "once vertices at the same place are one, every triangle repeats a vertex or belongs to a dropped piece";
-    Error::input(path, 0, format!("of {triangles} none is left: {cause}; --weld off keeps such vertices apart"))
+pub(super) fn nothing_left(path: &Path, triangles: u64, options: &SimplifyOptions) -> Error {
+    let why = match options.pieces {
+        Pieces::Keep => {
+            "every triangle repeats a vertex once those at the same place are one; --weld off keeps them apart"
+        }
+        Pieces::Drop => "every triangle belongs to a small piece or repeats a vertex; --pieces keep keeps the pieces",
+    };
+    Error::input(path, 0, format!("of {} none is left: {why}", counted(triangles, "triangle")))
 }
 
 fn libraries_at<'a>(paths: impl Iterator<Item = &'a Path>) -> Result<Vec<Source>> {
