@@ -144,17 +144,21 @@ fn a_job_that_was_stopped_measures_what_an_undisturbed_one_does() {
 fn a_job_that_makes_the_mesh_anew_goes_on_with_the_same_bytes() {
     let remeshed = |job: &Job| SimplifyOptions { remesh: Some(Default::default()), ..job.options() };
     let undisturbed = Job::new();
-    undisturbed.run_with(&remeshed(&undisturbed), &Silent).unwrap();
+    let expected = undisturbed.run_with(&remeshed(&undisturbed), &Silent).unwrap();
     for units in [10, 60] {
         let job = Job::new();
         let mut stops = 0;
-        while let Err(error) = job.run_with(&remeshed(&job), &StopAfter::units(units + 4 * stops)) {
-            assert!(matches!(error, Error::Stopped), "{error}");
-            stops += 1;
+        let report = loop {
+            match job.run_with(&remeshed(&job), &StopAfter::units(units + 4 * stops)) {
+                Err(Error::Stopped) => stops += 1,
+                outcome => break outcome.unwrap(),
+            }
             assert!(stops < 200, "no progress from stop to stop");
-        }
+        };
         assert!(stops > 0, "{units}");
         assert_eq!(job.result(), undisturbed.result());
+        assert!(report.error.measured.is_some());
+        assert_eq!(report.error.measured, expected.error.measured);
     }
 }
 

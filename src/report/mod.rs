@@ -61,7 +61,7 @@ pub struct FaceFigures {
 pub struct ErrorFigures {
     /// Highest cost of a collapse in the last pass, in area × length².
     pub threshold: f64,
-    /// What was measured at some thousand points; nothing if the mesh was made anew, or has no area.
+    /// What was measured at some thousand points; nothing if it or the result has no area.
     pub measured: Option<Gauged>,
 }
 

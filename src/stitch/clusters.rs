@@ -3,7 +3,7 @@
 use super::kept::ClusterResult;
 use super::outcome::Floor;
 use super::pass::{Run, is_single};
-use super::probes::Probes;
+use super::probes::{Probes, Probing};
 use super::sample::Survey;
 use super::stops::{Plan, run_plan};
 use crate::base::Result;
@@ -174,14 +174,23 @@ impl<M: Metric> Run<'_, M> {
         let path = |part| self.piece_path(step, part);
         let (pieces, degenerate) = cluster::pass_through(partition, mesh, cluster, path)?;
         let faces = pieces.iter().map(|piece| piece.faces.len()).sum();
-        let mut probes = Probes::default();
-        if let Some(probing) = &self.probing {
-            cluster::load_in_blocks(partition, mesh, self.catalogue, &self.texture.scale, cluster, |block| {
-                probes.add(probing.take(&block.mesh, block.origin, cluster));
-                Ok(())
-            })?;
-        }
-        let probes = self.probing.map(|_| probes);
+        let probes = self.probing.map(|probing| self.probe_blocks(&probing, mesh, partition, cluster)).transpose()?;
         Ok(ClusterResult { pieces, degenerate, faces_in: faces, faces, probes, ..unchanged })
+    }
+
+    /// Probes a cluster of the input that cannot be loaded as a whole.
+    pub(super) fn probe_blocks(
+        &self,
+        probing: &Probing,
+        mesh: &StoredMesh,
+        partition: &Partition,
+        cluster: usize,
+    ) -> Result<Probes> {
+        let mut probes = Probes::default();
+        cluster::load_in_blocks(partition, mesh, self.catalogue, &self.texture.scale, cluster, |block| {
+            probes.add(probing.take(&block.mesh, block.origin, cluster));
+            Ok(())
+        })?;
+        Ok(probes)
     }
 }

@@ -159,9 +159,7 @@ impl<'a, M: Metric> Run<'a, M> {
             state.scratch_peak = state.scratch_peak.max(folder_bytes(self.job.path()));
             let probes = std::mem::take(&mut outcome.probes);
             if !probes.is_empty() {
-                self.job.keep(Step::Probes, 0, [], &probes)?;
-                self.probes = probes;
-                self.probes.shrink();
+                self.keep_probes(probes)?;
                 mmap::release_freed_memory();
             }
             state.take(outcome);
@@ -212,6 +210,14 @@ impl<'a, M: Metric> Run<'a, M> {
             scratch_peak: state.scratch_peak,
             permit_peak: self.permits.peak(),
         })
+    }
+
+    /// Keeps what the input was probed for until the result is measured.
+    pub(super) fn keep_probes(&mut self, probes: Probes) -> Result<()> {
+        self.job.keep(Step::Probes, 0, [], &probes)?;
+        self.probes = probes;
+        self.probes.shrink();
+        Ok(())
     }
 
     /// How a pass whose partition is there begins: as an earlier process found it, or as the sample tells.

@@ -91,6 +91,33 @@ pub struct Probes {
     vertices: Vec<DVec3>,
 }
 
+/// Squares of the longest sides of faces, and their number.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Sides {
+    sum: f64,
+    count: u64,
+}
+
+impl Sides {
+    /// Those of a cluster.
+    pub fn of(mesh: &ClusterMesh) -> Self {
+        let longest_sq =
+            |[a, b, c]: [DVec3; 3]| a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+        let sides = triangles(mesh, DVec3::ZERO).map(|triangle| Self { sum: longest_sq(triangle), count: 1 });
+        sides.fold(Self::default(), Self::with)
+    }
+
+    /// These and others.
+    pub fn with(self, other: Self) -> Self {
+        Self { sum: self.sum + other.sum, count: self.count + other.count }
+    }
+
+    /// Their mean square; 0 without faces.
+    pub fn mean_sq(self) -> f64 {
+        self.sum / self.count.max(1) as f64
+    }
+}
+
 impl Probing {
     /// For a mesh of so many faces, of which `target` are to be left, whose longest sides have this mean square.
     pub fn new(faces: u64, target: u64, side_sq: f64) -> Self {
@@ -109,14 +136,7 @@ impl Probing {
 
     /// The same for a mesh that is one cluster, or like this patch of it.
     pub(super) fn of([faces, target]: [u64; 2], patch: &ClusterMesh) -> Self {
-        let longest_sq =
-            |[a, b, c]: [DVec3; 3]| a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
-        let (mut sum, mut count) = (0.0, 0u64);
-        for triangle in triangles(patch, DVec3::ZERO) {
-            sum += longest_sq(triangle);
-            count += 1;
-        }
-        Self::new(faces, target, sum / count.max(1) as f64)
+        Self::new(faces, target, Sides::of(patch).mean_sq())
     }
 
     /// Whether it can be that of a mesh of so many faces, for a value that was read back.

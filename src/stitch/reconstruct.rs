@@ -18,13 +18,13 @@ use serde::{Deserialize, Serialize};
 use super::clusters::PASS_BYTES;
 use super::outcome::RemeshReport;
 use super::pass::{Run, plan_step};
+use super::probes::{Probes, Probing, Sides};
 use super::state::PassState;
 use crate::base::Result;
 use crate::base::ordered::map_in_order;
 use crate::cost::Metric;
 use crate::job::{Step, folder_bytes};
-use crate::mesh::ClusterMesh;
-use crate::partition::{Partition, cluster};
+use crate::partition::{ClusterSource, Partition, cluster};
 use crate::remesh::cvd::mass::MassSums;
 use crate::remesh::cvd::{self, Frame, Settings, Stock};
 use crate::store::{StoredMesh, StoredPiece};
@@ -39,6 +39,14 @@ pub(super) fn is_remeshed(settings: &Settings, done: &[RemeshReport]) -> bool {
         (None, Some(_)) => true,
         (Some(_), Some(last)) => last.clusters <= 1 || done.len() >= CELL_PASSES,
     }
+}
+
+/// What both looks found.
+#[derive(Serialize, Deserialize)]
+struct Found {
+    frame: Frame,
+    /// What is kept of the input, if this is the first pass.
+    probes: Probes,
 }
 
 /// What was made of a cluster.
@@ -61,10 +69,26 @@ impl<M: Metric> Run<'_, M> {
     ///
     /// # Errors
     /// On a full disk, failed reads and writes, and damaged files.
-    pub(super) fn reconstruct(&self, settings: &Settings, state: &mut PassState, partition: &Partition) -> Result<()> {
+    pub(super) fn reconstruct(
+        &mut self,
+        settings: &Settings,
+        state: &mut PassState,
+        partition: &Partition,
+    ) -> Result<()> {
         let started = Instant::now();
         let pass = state.pass;
-        let frame = self.job.once(plan_step(pass, 0), || self.find_frame(settings, &state.mesh, partition))?;
+        let is_sound = |found: &mut Found| found.probes.is_empty() || found.probes.is_sound(partition.total_faces());
+        let Found { frame, probes } = match self.job.recall_if(plan_step(pass, 0), is_sound)? {
+            Some(found) => found,
+            None => {
+                let found = self.find_frame(settings, state, partition)?;
+                self.job.keep(plan_step(pass, 0), 0, [], &found)?;
+                found
+            }
+        };
+        if !probes.is_empty() {
+            self.keep_probes(probes)?;
+        }
         self.progress.begin("remesh", partition.total_faces(), "faces");
         let mut report = RemeshReport {
             clusters: partition.filled_count(),
@@ -75,24 +99,25 @@ impl<M: Metric> Run<'_, M> {
             ..RemeshReport::default()
         };
         let mut mesh = StoredMesh::default();
+        let run = &*self;
         let work = |cluster: usize| {
-            self.progress.check_stopped()?;
+            run.progress.check_stopped()?;
             let step = Step::Cluster { pass: pass as u32, attempt: 0, cluster: cluster as u32 };
             let faces = partition.face_count(cluster);
             let accept = |kept: &mut Remeshed| {
-                kept.pieces.iter_mut().for_each(|piece| piece.locate(self.job.path()));
+                kept.pieces.iter_mut().for_each(|piece| piece.locate(run.job.path()));
                 kept.pieces.iter().all(StoredPiece::is_sound)
             };
-            let remeshed = match self.job.recall_if(step, accept)? {
+            let remeshed = match run.job.recall_if(step, accept)? {
                 Some(remeshed) => remeshed,
                 None => {
-                    let _permit = self.permits.take(remesh_bytes(partition, cluster));
-                    let remeshed = self.remesh_cluster(settings, &frame, &state.mesh, partition, step, cluster)?;
-                    self.job.keep(step, faces, remeshed.pieces.iter().flat_map(StoredPiece::files), &remeshed)?;
+                    let _permit = run.permits.take(remesh_bytes(partition, cluster));
+                    let remeshed = run.remesh_cluster(settings, &frame, &state.mesh, partition, step, cluster)?;
+                    run.job.keep(step, faces, remeshed.pieces.iter().flat_map(StoredPiece::files), &remeshed)?;
                     remeshed
                 }
             };
-            self.progress.advance(faces);
+            run.progress.advance(faces);
             Ok(remeshed)
         };
         let (threads, findings) = (self.options.threads, &mut state.findings);
@@ -125,39 +150,61 @@ impl<M: Metric> Run<'_, M> {
         Ok(())
     }
 
-    /// Looks at all clusters twice.
-    fn find_frame(&self, settings: &Settings, mesh: &StoredMesh, partition: &Partition) -> Result<Frame> {
+    /// Looks at all clusters twice; those of the input are probed, too.
+    fn find_frame(&self, settings: &Settings, state: &PassState, partition: &Partition) -> Result<Found> {
         self.progress.begin("weigh", 2 * partition.total_faces(), "faces");
-        let mut sums = MassSums::default();
-        let weigh = |cluster: &ClusterMesh| {
+        let is_input = state.pass == 0;
+        let (mut sums, mut sides) = (MassSums::default(), Sides::default());
+        let weigh = |source: &ClusterSource, _: usize| {
             let mut own = MassSums::default();
-            cvd::weigh(cluster, settings, &mut own);
-            own
+            cvd::weigh(&source.mesh, settings, &mut own);
+            (own, if is_input { Sides::of(&source.mesh) } else { Sides::default() })
         };
-        self.look(mesh, partition, weigh, |own| sums.merge(&own))?;
+        let skip = |_: usize| Ok(Default::default());
+        self.look(&state.mesh, partition, weigh, skip, |(own, own_sides)| {
+            sums.merge(&own);
+            sides = sides.with(own_sides);
+        })?;
         let frame = Frame::new(&sums, settings);
-        let mut stock = Stock::default();
-        self.look(mesh, partition, |cluster| cvd::take_stock(cluster, settings, &frame), |own| stock.merge(&own))?;
-        Ok(Frame { threshold: stock.threshold(&frame), ..frame })
+        let faces = partition.total_faces();
+        // A closed surface has two faces a cell.
+        let target = settings.cells.map_or(self.options.target, |cells| 2 * cells);
+        let probing = is_input.then(|| Probing::new(faces, if target > 0 { target } else { faces }, sides.mean_sq()));
+        let (mut stock, mut probes) = (Stock::default(), Probes::default());
+        let take = |source: &ClusterSource, cluster: usize| {
+            let probes = probing.map(|probing| probing.take(&source.mesh, source.origin, cluster));
+            (cvd::take_stock(&source.mesh, settings, &frame), probes.unwrap_or_default())
+        };
+        let take_blocks = |cluster: usize| {
+            let probes = probing.map(|probing| self.probe_blocks(&probing, &state.mesh, partition, cluster));
+            Ok((Stock::default(), probes.transpose()?.unwrap_or_default()))
+        };
+        self.look(&state.mesh, partition, take, take_blocks, |(own, own_probes)| {
+            stock.merge(&own);
+            probes.add(own_probes);
+        })?;
+        Ok(Found { frame: Frame { threshold: stock.threshold(&frame), ..frame }, probes })
     }
 
-    /// Looks at every cluster that can be loaded; what it gives comes in order of clusters.
-    fn look<T: Default + Send>(
+    /// Looks at every cluster that can be loaded, and in another way at the others; what that gives comes in order of
+    /// clusters.
+    fn look<T: Send>(
         &self,
         mesh: &StoredMesh,
         partition: &Partition,
-        look_at: impl Fn(&ClusterMesh) -> T + Sync,
+        look_at: impl Fn(&ClusterSource, usize) -> T + Sync,
+        look_past: impl Fn(usize) -> Result<T> + Sync,
         mut take: impl FnMut(T),
     ) -> Result<()> {
         let work = |cluster: usize| {
-            if partition.weight(cluster).is_none() {
-                return Ok(T::default());
-            }
             self.progress.check_stopped()?;
+            if partition.weight(cluster).is_none() {
+                return look_past(cluster);
+            }
             let _permit = self.permits.take(remesh_bytes(partition, cluster));
             let source = self.load(mesh, partition, cluster)?;
             self.progress.advance(partition.face_count(cluster));
-            Ok(look_at(&source.mesh))
+            Ok(look_at(&source, cluster))
         };
         let threads = self.options.threads;
         map_in_order(0..partition.cluster_count(), threads, threads + 1, work, |own| {
