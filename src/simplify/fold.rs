@@ -104,7 +104,7 @@ impl FoldCheck {
         }
     }
 
-    /// Whether, with the `moving` vertices at `position` and the `dying` faces gone, two faces that share an edge would be
+    /// Whether, with the vertices that move at `position` and the `dying` faces gone, two faces that share an edge would be
     /// folded onto each other that are not now. The faces that change must have been [pushed](FoldCheck::push). If the
     /// vertex at that position stays as it is, `anchor` names it and the vertices that both have for neighbours.
     pub(super) fn finds(
@@ -112,26 +112,14 @@ impl FoldCheck {
         mesh: &ClusterMesh,
         rings: &Rings,
         dying: &[u32],
-        moving: &[u32],
         anchor: Option<(u32, &[u32])>,
         position: DVec3,
     ) -> bool {
         self.choose();
-        let staying = |vertex: u32| {
-            let corners = rings.of(vertex).iter().copied();
-            let corners = corners.filter(|corner| mesh.living(*corner).is_some() && !dying.contains(&(corner / 3)));
-            corners.map(|corner| Joined::of(mesh, corner))
-        };
-        let folds = |one: &Joined, other: &Joined| {
-            (other.ends[0] == one.ends[1] && fold_together(mesh, [one, other], position))
-                || (other.ends[1] == one.ends[0] && fold_together(mesh, [other, one], position))
-        };
         let folds_now = |&corner: &u32| {
             let one = Joined::of(mesh, corner);
             folds_outwards(mesh, rings, &one, position)
-                || anchor.is_some_and(|(vertex, common)| {
-                    one.ends.iter().any(|end| common.contains(end)) && staying(vertex).any(|other| folds(&one, &other))
-                })
+                || anchor.is_some_and(|anchor| folds_at_anchor(mesh, rings, dying, &one, anchor, position))
         };
         if self.turned.iter().any(folds_now) {
             return true;
@@ -140,10 +128,13 @@ impl FoldCheck {
             return false;
         }
         self.joined.clear();
-        self.joined.extend(moving.iter().flat_map(|&vertex| staying(vertex)));
+        self.joined.extend(self.changing.iter().map(|face| Joined::of(mesh, face.corner)));
         self.opposed.iter().any(|&corner| {
             let one = Joined::of(mesh, corner);
-            self.joined.iter().any(|other| folds(&one, other))
+            self.joined.iter().any(|other| {
+                (other.ends[0] == one.ends[1] && fold_together(mesh, [&one, other], position))
+                    || (other.ends[1] == one.ends[0] && fold_together(mesh, [other, &one], position))
+            })
         })
     }
 }
@@ -151,20 +142,44 @@ impl FoldCheck {
 /// Whether a face folds onto the one across the side that none of the vertices is an end of.
 fn folds_outwards(mesh: &ClusterMesh, rings: &Rings, one: &Joined, position: DVec3) -> bool {
     let ([a, b], face) = (one.ends, one.corner / 3);
-    let mut third = None;
-    for beside in rings.of(a).iter().map(|corner| corner / 3).filter(|&beside| beside != face) {
-        let corners = mesh.vertices(beside);
-        if corners.contains(&b) && !mesh.is_dead(beside) {
-            let other = corners.into_iter().find(|&corner| corner != a && corner != b);
-            if third.is_some() || other.is_none() {
-                return false;
-            }
-            third = other;
+    let mut thirds = thirds_at(mesh, rings, [a, b]).filter(|&(beside, _)| beside != face);
+    let Some((_, third)) = thirds.next() else { return false };
+    let [p, q, third, from] = [a, b, third, mesh.vertex_of(one.corner)].map(|v| mesh.positions[v as usize]);
+    are_nearly_folded([p, q], [position, third])
+        && !are_nearly_folded([p, q], [from, third])
+        // Of several faces, none is the one across.
+        && thirds.next().is_none()
+}
+
+/// Whether a face folds onto one that stays as it is, at an edge from the `anchor` to a vertex that both have for neighbour.
+fn folds_at_anchor(
+    mesh: &ClusterMesh,
+    rings: &Rings,
+    dying: &[u32],
+    one: &Joined,
+    (anchor, common): (u32, &[u32]),
+    position: DVec3,
+) -> bool {
+    let [a, b] = one.ends;
+    [[a, b], [b, a]].into_iter().filter(|[end, _]| common.contains(end)).any(|[end, last]| {
+        let mut thirds = thirds_at(mesh, rings, [anchor, end]).filter(|(beside, _)| !dying.contains(beside));
+        thirds.any(|(_, third)| {
+            let [end, last, third] = [end, last, third].map(|v| mesh.positions[v as usize]);
+            are_nearly_folded([position, end], [last, third])
+        })
+    })
+}
+
+/// The living faces that have both vertices, and the third vertex of each.
+fn thirds_at<'a>(mesh: &'a ClusterMesh, rings: &'a Rings, [a, b]: [u32; 2]) -> impl Iterator<Item = (u32, u32)> + 'a {
+    rings.of(a).iter().filter_map(move |corner| {
+        let face = corner / 3;
+        let corners = mesh.vertices(face);
+        if !corners.contains(&b) || mesh.is_dead(face) {
+            return None;
         }
-    }
-    let Some(third) = third else { return false };
-    let [a, b, third, from] = [a, b, third, mesh.vertex_of(one.corner)].map(|v| mesh.positions[v as usize]);
-    are_nearly_folded([a, b], [position, third]) && !are_nearly_folded([a, b], [from, third])
+        Some((face, corners.into_iter().find(|&corner| corner != a && corner != b)?))
+    })
 }
 
 /// Whether two of the faces fold onto each other; the second begins where the first ends.

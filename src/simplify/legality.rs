@@ -257,7 +257,7 @@ impl EdgeStar {
             }
         }
         let anchor = self.ends.into_iter().find(|end| !moving.contains(end)).map(|end| (end, &self.opposite[..]));
-        let folds = self.folds.finds(mesh, rings, &self.dying, moving, anchor, position);
+        let folds = self.folds.finds(mesh, rings, &self.dying, anchor, position);
         if folds { Err(Refusal::Fold) } else { Ok(()) }
     }
 

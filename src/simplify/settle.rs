@@ -127,7 +127,7 @@ impl Settler {
             }
             self.folds.push(corner, &change);
         }
-        !self.folds.finds(mesh, rings, &[], &[vertex], None, position)
+        !self.folds.finds(mesh, rings, &[], None, position)
     }
 
     /// Bounds the deviation of the faces around the vertex, if deviations are bounded.
