@@ -93,6 +93,24 @@ fn run_bounded<M: Metric>(engine: &mut Engine<M>, most: f64) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cost::SurfaceCost;
+    use crate::mesh::cluster::samples;
+
+    #[test]
+    fn a_plan_tells_what_its_last_stage_that_did_anything_cost() {
+        let run = |costs: &[f32]| {
+            let mut engine = Engine::<SurfaceCost>::new(samples::grid(12, 0.3), &Default::default());
+            let faces = engine.mesh.face_count;
+            let cost = run_plan(&mut engine, &Plan::Costs(costs.to_vec()), 0, false);
+            (cost, faces - engine.mesh.face_count)
+        };
+        let (early, some) = run(&[0.01]);
+        assert!(early > 0.0 && early <= 0.01 && some > 0);
+        let (late, more) = run(&[0.01, 0.1]);
+        assert!(late > early && late <= 0.1 && more > some);
+        assert_eq!(run(&[0.01, 1e-9]), (early, some));
+        assert_eq!(run(&[1e-20]), (0.0, 0));
+    }
 
     #[test]
     fn a_plan_for_other_clusters_or_with_endless_stages_is_not_sound() {
