@@ -1,7 +1,8 @@
 //! Finds what can be changed in a source file: comparisons and arithmetic, conditions, statements, literals, constants,
 //! `true` and `false`, `!`, `min` and `max`.
 //!
-//! Left alone: tests, constant expressions, patterns, types, attributes, and what stands inside a macro.
+//! Left alone: tests, constant expressions, patterns, types, attributes, what stands inside a macro, and calls that only
+//! say how much room there is.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -173,6 +174,22 @@ fn has_pattern(expression: &Expr) -> bool {
     }
 }
 
+/// Calls that change how much memory is taken and when, and nothing else.
+const OF_ROOM: [&str; 6] =
+    ["with_capacity", "reserve", "reserve_exact", "shrink_to_fit", "shrink_to", "release_freed_memory"];
+
+fn is_of_room(expression: &Expr) -> bool {
+    let name = match expression {
+        Expr::MethodCall(call) => Some(&call.method),
+        Expr::Call(call) => match &*call.func {
+            Expr::Path(path) => path.path.segments.last().map(|last| &last.ident),
+            _ => None,
+        },
+        _ => None,
+    };
+    name.is_some_and(|name| OF_ROOM.iter().any(|room| name == room))
+}
+
 /// What an operator becomes: at its limit or reversed, and negated.
 fn swapped(operator: &BinOp) -> &'static [&'static str] {
     match operator {
@@ -278,7 +295,7 @@ impl<'t> Visit<'t> for Finder<'_> {
             let Stmt::Expr(expression, Some(_)) = statement else { continue };
             let called = if let Expr::Try(tried) = expression { &tried.expr } else { expression };
             let goes = match called {
-                Expr::Call(_) | Expr::MethodCall(_) | Expr::Assign(_) => true,
+                Expr::Call(_) | Expr::MethodCall(_) | Expr::Assign(_) => !is_of_room(called),
                 // Where it is all that a branch does, the condition is forced instead.
                 Expr::Return(_) | Expr::Continue(_) | Expr::Break(_) => block.stmts.len() > 1,
                 _ => false,
@@ -320,6 +337,12 @@ impl<'t> Visit<'t> for Finder<'_> {
             }
         }
         visit::visit_expr_binary(self, node);
+    }
+
+    fn visit_expr(&mut self, node: &'t Expr) {
+        if !is_of_room(node) {
+            visit::visit_expr(self, node);
+        }
     }
 
     fn visit_expr_unary(&mut self, node: &'t syn::ExprUnary) {
