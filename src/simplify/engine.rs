@@ -19,6 +19,7 @@ use super::stage::{Milestone, StageResult, Stop};
 use super::texture::insets;
 use super::witness::Witnesses;
 use crate::cost::census::Census;
+use crate::cost::planes::area_of;
 use crate::cost::{EdgeCase, Metric};
 use crate::mesh::class::{Class, Rule, classify, reclassify};
 use crate::mesh::cluster::{ClusterMesh, flag};
@@ -196,9 +197,9 @@ impl<M: Metric> Engine<M> {
         result
     }
 
-    /// Area of the mesh when the last stage began.
+    /// Area of the mesh when the last stage began, or as it is if no stage had anything to do.
     pub fn area(&self) -> f64 {
-        self.cost.area()
+        if self.milestones.is_empty() { area_of(&self.mesh) } else { self.cost.area() }
     }
 
     /// Bounds the deviation from the input, in units of length.

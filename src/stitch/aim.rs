@@ -6,7 +6,7 @@ use super::pass::{Run, is_single};
 use super::sample::{self, Purpose, Survey};
 use super::schedule::{TRIM_SHARE, pass_target, stage_shares};
 use super::stops::Plan;
-use super::trim::{Notes, equal_shares};
+use super::trim::{Notes, spread_shares};
 use crate::base::Result;
 use crate::cost::Metric;
 use crate::job::Step;
@@ -177,9 +177,9 @@ impl<M: Metric> Run<'_, M> {
         partition.filled_count() * SHARED_TRIM_FACES <= self.options.target
     }
 
-    /// Lets every cluster lose the same share of its faces, at no more than [`TRIM_SPREAD`] times the cost.
+    /// Lets as few clusters as can lose the same share of their faces, at no more than [`TRIM_SPREAD`] times the cost.
     fn share_trim(&self, partition: &Partition, cost: f32) -> Plan {
-        Plan::Trim(vec![cost * TRIM_SPREAD], equal_shares(&partition.face_counts(), self.options.target))
+        Plan::Trim(vec![cost * TRIM_SPREAD], spread_shares(&partition.face_counts(), self.options.target))
     }
 
     /// Simplifies every cluster a little too far, up to a cost, and merges what that cost.

@@ -160,7 +160,6 @@ impl<'a, M: Metric> Run<'a, M> {
             let probes = std::mem::take(&mut outcome.probes);
             if !probes.is_empty() {
                 self.keep_probes(probes)?;
-                mmap::release_freed_memory();
             }
             state.take(outcome);
             if self.options.drop_pieces {

@@ -22,7 +22,7 @@ use crate::base::chance::{INCREMENT, mixed, place_on_triangle, unit};
 use crate::mesh::ClusterMesh;
 
 /// Points on each of the two surfaces: for so many faces one, within these limits.
-const FACES_PER_POINT: u64 = 200;
+const FACES_PER_POINT: u64 = 400;
 const POINTS_MIN: u64 = 1536;
 const POINTS_MAX: u64 = 8192;
 /// Faces of the input in all chosen cells, about.

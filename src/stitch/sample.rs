@@ -65,7 +65,7 @@ pub struct Survey {
 impl Survey {
     /// Chooses clusters, evenly spread among those with faces, for a sample of this share of the ordinary size.
     pub fn new(face_counts: &[u64], purpose: Purpose, share: f64) -> Self {
-        let clusters = sampled_clusters(face_counts);
+        let clusters = evenly_spread(face_counts, (PATCHES as f64 * share) as usize);
         let sample_faces = sample_faces(face_counts.iter().sum(), purpose) as f64 * share;
         let patch_faces = sample_faces as usize / clusters.len().max(1);
         Self { clusters, patch_faces }
@@ -111,10 +111,10 @@ pub fn sample_faces(faces: u64, purpose: Purpose) -> u64 {
     (faces / FACES_PER_SAMPLE_FACE).max((LEFT_FACES / purpose.left) as u64).clamp(least, most)
 }
 
-/// Clusters to take patches from: evenly spread among those with faces.
-fn sampled_clusters(face_counts: &[u64]) -> Vec<usize> {
-    let filled: Vec<usize> = (0..face_counts.len()).filter(|&cluster| face_counts[cluster] > 0).collect();
-    let count = filled.len().min(PATCHES);
+/// So many of the clusters that have faces, evenly spread, ascending; all of them if there are no more.
+pub fn evenly_spread(faces: &[u64], count: usize) -> Vec<usize> {
+    let filled: Vec<usize> = (0..faces.len()).filter(|&cluster| faces[cluster] > 0).collect();
+    let count = filled.len().min(count);
     (0..count).map(|i| filled[(2 * i + 1) * filled.len() / (2 * count)]).collect()
 }
 
@@ -267,10 +267,10 @@ mod tests {
     fn the_sample_is_spread_over_filled_clusters() {
         let mut counts = vec![10; 100];
         counts[3] = 0;
-        let sampled = sampled_clusters(&counts);
+        let sampled = evenly_spread(&counts, PATCHES);
         assert_eq!(sampled.len(), PATCHES);
         assert!(sampled.windows(2).all(|pair| pair[0] < pair[1]));
-        assert_eq!(sampled_clusters(&[0, 5, 0]), [1]);
+        assert_eq!(evenly_spread(&[0, 5, 0], PATCHES), [1]);
     }
 
     #[test]

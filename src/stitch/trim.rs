@@ -1,19 +1,44 @@
 //! The last faces over the target.
 //!
-//! A pass that was told to stop at a threshold ends near the target, everywhere at one cost: where every cluster then
-//! loses the same share of its faces, costs stay as even as they are. Some may have nothing cheap to lose. What that
-//! leaves over is chosen over all clusters as one queue would: every cluster is simplified a little too far, and notes
-//! what each collapse cost; the notes of all clusters are merged by cost; the prefix that removes just enough says how
-//! many faces each cluster may lose. A second run of each cluster, the same to the bit, stops there.
+//! A pass that was told to stop at a threshold ends near the target, everywhere at one cost: where clusters then lose the
+//! same small share of their faces, costs stay nearly as even as they are, and what the others would lose saves more time
+//! than it is worth. Some clusters may have nothing cheap to lose. What that leaves over is chosen over all of them as one
+//! queue would: every cluster is simplified a little too far, and notes what each collapse cost; the notes of all clusters
+//! are merged by cost; the prefix that removes just enough says how many faces each cluster may lose. A second run of
+//! each cluster, the same to the bit, stops there.
+
+use super::sample::evenly_spread;
+
+/// As long as no cluster loses more than this share of its faces, some of them lose faces and the others stay as they are.
+const SPREAD_SHARE: f64 = 0.06;
+
+/// Faces that clusters of so many have afterwards, so that all have `target`, or one less: as few clusters as can, spread
+/// over all, each lose the same share.
+pub fn spread_shares(faces: &[u64], target: u64) -> Vec<u64> {
+    let all: u64 = faces.iter().sum();
+    let excess = all.saturating_sub(target);
+    let is_enough = |chosen: &Vec<usize>| {
+        let of_chosen: u64 = chosen.iter().map(|&cluster| faces[cluster]).sum();
+        excess as f64 <= SPREAD_SHARE * of_chosen as f64
+    };
+    let count = (excess as f64 / (SPREAD_SHARE * all.max(1) as f64) * faces.len() as f64) as usize;
+    let some = (count.max(1)..faces.len()).map(|count| evenly_spread(faces, count)).find(is_enough);
+    let chosen = some.unwrap_or_else(|| evenly_spread(faces, faces.len()));
+    let of_chosen: Vec<u64> = chosen.iter().map(|&cluster| faces[cluster]).collect();
+    let left = of_chosen.iter().sum::<u64>().saturating_sub(excess);
+    let mut keep = faces.to_vec();
+    chosen.iter().zip(equal_shares(&of_chosen, left)).for_each(|(&cluster, faces)| keep[cluster] = faces);
+    keep
+}
 
 /// Faces that clusters of so many have afterwards, so that all have `target`, or one less: each the same share.
-pub fn equal_shares(faces: &[u64], target: u64) -> Vec<u64> {
+fn equal_shares(faces: &[u64], target: u64) -> Vec<u64> {
     let all = faces.iter().sum::<u64>().max(1);
     let (mut before, mut given) = (0, 0);
     let keep_of = |&count: &u64| {
         before += count;
         let due = (u128::from(before) * u128::from(target) / u128::from(all)) as u64;
-        let keep = due.saturating_sub(given);
+        let keep = due.saturating_sub(given).min(count);
         // Most collapses take two faces: where an odd number is to go, one more goes, and the next cluster keeps it.
         let keep = keep.saturating_sub(count.saturating_sub(keep) % 2);
         given += keep;
@@ -89,6 +114,8 @@ impl Notes {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
 
     #[test]
@@ -96,11 +123,42 @@ mod tests {
         for (faces, target) in [(vec![1001, 500, 733, 0, 12], 2000), (vec![7], 3), (vec![10, 10], 40), (vec![], 5)] {
             let keep = equal_shares(&faces, target);
             let (all, kept) = (faces.iter().sum::<u64>(), keep.iter().sum::<u64>());
-            assert!(all == 0 || kept <= target && kept + 1 >= target, "{keep:?}");
+            assert!(kept <= target.min(all) && kept + 1 >= target.min(all), "{keep:?}");
             for (&count, &keep) in faces.iter().zip(&keep) {
                 assert!(keep >= count || (count - keep).is_multiple_of(2));
-                let due = count as f64 * target as f64 / all as f64;
+                let due = count as f64 * target.min(all) as f64 / all as f64;
                 assert!((keep as f64 - due).abs() <= 2.0, "{keep} of {count}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_small_excess_is_taken_from_few_clusters() {
+        let faces = [1000, 0, 1000, 1000, 1000];
+        assert_eq!(spread_shares(&faces, 3980), [1000, 0, 1000, 980, 1000]);
+        assert_eq!(spread_shares(&faces, 3900), [1000, 0, 950, 1000, 950]);
+        assert_eq!(spread_shares(&faces, 3600), [900, 0, 900, 900, 900]);
+        assert_eq!(spread_shares(&faces, 4000), faces);
+        assert_eq!(spread_shares(&faces, 5000), faces);
+        assert_eq!(spread_shares(&[], 5), [0; 0]);
+    }
+
+    proptest! {
+        #[test]
+        fn clusters_lose_the_excess_together(
+            faces in proptest::collection::vec(prop_oneof![Just(0u64), 1u64..20_000], 0..40),
+            share in 0.0..1.2f64,
+        ) {
+            let all: u64 = faces.iter().sum();
+            let target = (all as f64 * share) as u64;
+            let keep = spread_shares(&faces, target);
+            let kept: u64 = keep.iter().sum();
+            prop_assert!(kept <= target.min(all) && kept + 1 >= target.min(all), "{kept} of {target}");
+            prop_assert!(keep.iter().zip(&faces).all(|(keep, faces)| keep <= faces));
+            let losses = || keep.iter().zip(&faces).filter(|(keep, faces)| keep < faces);
+            let most = SPREAD_SHARE.max(1.0 - share);
+            for (keep, faces) in losses() {
+                prop_assert!((faces - keep) as f64 <= most * *faces as f64 + 3.0, "{keep} of {faces}");
             }
         }
     }
