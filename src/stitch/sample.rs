@@ -65,7 +65,7 @@ pub struct Survey {
 impl Survey {
     /// Chooses clusters, evenly spread among those with faces, for a sample of this share of the ordinary size.
     pub fn new(face_counts: &[u64], purpose: Purpose, share: f64) -> Self {
-        let clusters = evenly_spread(face_counts, (PATCHES as f64 * share) as usize);
+        let clusters = evenly_spread(face_counts, PATCHES);
         let sample_faces = sample_faces(face_counts.iter().sum(), purpose) as f64 * share;
         let patch_faces = sample_faces as usize / clusters.len().max(1);
         Self { clusters, patch_faces }
