@@ -100,7 +100,9 @@ impl<M: Metric> Run<'_, M> {
     ) -> Result<(Plan, bool)> {
         let goal = self.goal(pass, faces);
         if let Goal::Deviation(most) = goal {
-            return Ok((Plan::Deviation(most), false));
+            // What is nearest goes first; later passes begin with what half of their bound allowed.
+            let bounds = if self.turn(pass) == 0 { vec![0.5 * most, most] } else { vec![most] };
+            return Ok((Plan::Deviation(bounds), false));
         }
         if is_single(partition) {
             let (target, faces) = (self.options.target, faces.max(1) as f64);

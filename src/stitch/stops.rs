@@ -21,8 +21,8 @@ pub(super) enum Plan {
     Faces(Vec<f64>, u64),
     /// Thresholds, stage by stage.
     Costs(Vec<f32>),
-    /// As far as this bound on the deviation allows.
-    Deviation(f64),
+    /// As far as these bounds on the deviation allow, one after the other.
+    Deviation(Vec<f64>),
     /// Thresholds, and each cluster's number of faces, at which it stops.
     Trim(Vec<f32>, Vec<u64>),
 }
@@ -41,7 +41,7 @@ impl Plan {
         match self {
             Plan::Shares(shares) | Plan::Faces(shares, _) => shares.len() <= STAGES_MAX,
             Plan::Costs(costs) => costs.len() <= STAGES_MAX,
-            Plan::Deviation(_) => true,
+            Plan::Deviation(bounds) => bounds.len() <= STAGES_MAX,
             Plan::Trim(costs, keep) => costs.len() <= STAGES_MAX && keep.len() == cluster_count,
         }
     }
@@ -52,7 +52,7 @@ impl Plan {
 pub(super) fn run_plan<M: Metric>(engine: &mut Engine<M>, plan: &Plan, cluster: usize, is_trial: bool) -> f32 {
     let faces = engine.mesh.face_count;
     let stops: Vec<Stop> = match plan {
-        Plan::Deviation(most) => return run_bounded(engine, *most),
+        Plan::Deviation(bounds) => return run_bounded(engine, bounds),
         Plan::Costs(costs) => costs.iter().map(|&cost| Stop::Cost(cost, 0)).collect(),
         Plan::Trim(costs, keep) => costs.iter().map(|&cost| Stop::Cost(cost, keep[cluster] as usize)).collect(),
         Plan::Shares(shares) => {
@@ -76,18 +76,23 @@ pub(super) fn run_plan<M: Metric>(engine: &mut Engine<M>, plan: &Plan, cluster: 
     cost
 }
 
-/// Runs stages until the bound on the deviation stops them; returns the highest cost of all.
-fn run_bounded<M: Metric>(engine: &mut Engine<M>, most: f64) -> f32 {
-    engine.bound_deviation(most);
+/// Runs stages until the last of these bounds on the deviation stops them; returns the highest cost of all. A bound on
+/// the way to it makes place for the next one as soon as a stage cannot do all that a stage may.
+fn run_bounded<M: Metric>(engine: &mut Engine<M>, bounds: &[f64]) -> f32 {
     let mut highest = 0f32;
-    loop {
-        let before = engine.mesh.face_count;
-        let goal = (before as f64 * BOUNDED_STAGE_KEEPS) as usize;
-        highest = highest.max(engine.run(Stop::Cost(f32::INFINITY, goal)).cost);
-        if (before - engine.mesh.face_count) as f64 <= before as f64 * BOUNDED_STAGE_SHARE {
-            return highest;
+    for (i, &most) in bounds.iter().enumerate() {
+        engine.bound_deviation(most);
+        let least = if i + 1 < bounds.len() { 1.0 - BOUNDED_STAGE_KEEPS } else { BOUNDED_STAGE_SHARE };
+        loop {
+            let before = engine.mesh.face_count;
+            let goal = (before as f64 * BOUNDED_STAGE_KEEPS) as usize;
+            highest = highest.max(engine.run(Stop::Cost(f32::INFINITY, goal)).cost);
+            if (before - engine.mesh.face_count) as f64 <= before as f64 * least {
+                break;
+            }
         }
     }
+    highest
 }
 
 #[cfg(test)]
@@ -110,6 +115,20 @@ mod tests {
         assert!(late > early && late <= 0.1 && more > some);
         assert_eq!(run(&[0.01, 1e-9]), (early, some));
         assert_eq!(run(&[1e-20]), (0.0, 0));
+    }
+
+    #[test]
+    fn a_bound_on_the_way_says_what_goes_first_and_not_what_is_allowed() {
+        let run = |bounds: &[f64]| {
+            let mut engine = Engine::<SurfaceCost>::new(samples::grid(20, 0.3), &Default::default());
+            assert!(run_plan(&mut engine, &Plan::Deviation(bounds.to_vec()), 0, false) > 0.0);
+            let mesh = engine.finish();
+            (mesh.corners.len(), mesh.deviations.iter().fold(0.0, |most: f64, &own| most.max(own.into())))
+        };
+        let [direct, half, by_half] = [&[0.2][..], &[0.1], &[0.1, 0.2]].map(run);
+        assert!(half.1 <= 0.1 && half.0 > direct.0.max(by_half.0), "{direct:?} {half:?} {by_half:?}");
+        assert!(by_half.1 > 0.1 && by_half.1 <= 0.2 && direct.1 <= 0.2);
+        assert_ne!(by_half, direct);
     }
 
     #[test]
