@@ -49,6 +49,9 @@ struct Arguments {
     /// Try what survived before once more, and nothing else
     #[arg(long)]
     survivors: bool,
+    /// Print the changes and try none
+    #[arg(long)]
+    list: bool,
 }
 
 /// What was compiled and recorded, for these sources.
@@ -78,22 +81,17 @@ fn run(arguments: &Arguments) -> io::Result<usize> {
     }
     let under = project.join("target/mutants");
     let mut checkout = Checkout::new(&project, &under, &arguments.paths)?;
+    if arguments.list {
+        chosen(arguments, &checkout).into_iter().for_each(|number| println!("{}", checkout.mutants[number - 1]));
+        return Ok(0);
+    }
     let tests = record(&mut checkout, &under, arguments.unit)?;
 
     let results = under.join("results.tsv");
     let known = read_results(&results);
-    let mut chosen: Vec<usize> =
-        (1..=checkout.mutants.len()).filter(|number| !checkout.left_out.contains(number)).collect();
-    let named =
-        |&number: &usize| arguments.paths.iter().position(|path| checkout.mutants[number - 1].file.starts_with(path));
-    chosen.sort_by_key(named);
-    if let Some(count) = arguments.sample {
-        chosen.sort_by_key(|number| hash_of(&(arguments.seed, number)));
-        chosen.truncate(count);
-    }
     let verdict = |number: usize| known.get(&checkout.key(number)).map(String::as_str);
     let (mut again, mut settled) = (Vec::new(), Vec::new());
-    for number in chosen {
+    for number in chosen(arguments, &checkout) {
         let survived = matches!(verdict(number), Some("survived" | "not reached"));
         match verdict(number) {
             None if !arguments.survivors => again.push(number),
@@ -107,6 +105,20 @@ fn run(arguments: &Arguments) -> io::Result<usize> {
     settled.extend(tried);
     settled.sort();
     Ok(print_summary(&settled, &checkout))
+}
+
+/// The numbers of the changes to try, in the order of the paths or as they are drawn.
+fn chosen(arguments: &Arguments, checkout: &Checkout) -> Vec<usize> {
+    let mut chosen: Vec<usize> =
+        (1..=checkout.mutants.len()).filter(|number| !checkout.left_out.contains(number)).collect();
+    let named =
+        |&number: &usize| arguments.paths.iter().position(|path| checkout.mutants[number - 1].file.starts_with(path));
+    chosen.sort_by_key(named);
+    if let Some(count) = arguments.sample {
+        chosen.sort_by_key(|number| hash_of(&(arguments.seed, number)));
+        chosen.truncate(count);
+    }
+    chosen
 }
 
 /// Compiles the copy and runs every test once, unless that was done for the same sources.
