@@ -24,7 +24,7 @@ use super::codec;
 use super::header::{HEADER_BYTES, Header};
 use super::stamp::Stamp;
 use crate::base::{Error, Result};
-use crate::os::durable::{DurableFile, no_links};
+use crate::os::durable::{DurableFile, no_links, sync_file};
 
 const KIND: [u8; 8] = *b"journal ";
 /// Bytes before an entry: its length and the checksums of both.
@@ -249,7 +249,7 @@ impl Journal {
     /// The system's.
     pub(super) fn sync(&mut self) -> Result<()> {
         if self.is_dirty {
-            self.file.sync_data().map_err(|e| Error::io(&self.path, "sync", e))?;
+            sync_file(&self.file, &self.path).map_err(|e| Error::io(&self.path, "sync", e))?;
         }
         (self.is_dirty, self.synced) = (false, Instant::now());
         Ok(())

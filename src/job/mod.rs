@@ -52,7 +52,7 @@ pub use self::status::{WorkStatus, folder_bytes, look};
 use crate::base::error::escape_path;
 use crate::base::threads::beside;
 use crate::base::{Error, Result};
-use crate::os::durable::{new_job_number, no_links, sync_folder};
+use crate::os::durable::{new_job_number, no_links, sync_file, sync_folder};
 
 const MANIFEST: &str = "manifest.bin";
 const JOURNAL: &str = "journal.bin";
@@ -238,8 +238,9 @@ impl WorkFolder {
     /// Empties the folder and begins a job in it.
     fn begin(&self, manifest: &Manifest) -> Result<Journal> {
         // First of all, so that nobody misses the files that go.
-        if let Ok(journal) = no_links(File::options().write(true)).open(self.path.join(JOURNAL)) {
-            let _ = journal.set_len(HEADER_BYTES).and_then(|()| journal.sync_data());
+        let path = self.path.join(JOURNAL);
+        if let Ok(journal) = no_links(File::options().write(true)).open(&path) {
+            let _ = journal.set_len(HEADER_BYTES).and_then(|()| sync_file(&journal, &path));
         }
         self.clear()?;
         let began = Manifest { began: now(), job: self.number, owns_folder: self.is_ours, ..manifest.clone() };

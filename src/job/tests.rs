@@ -1,5 +1,6 @@
 use super::finished::write_value;
 use super::*;
+use crate::os::durable::witness;
 
 fn manifest() -> Manifest {
     let (program, options) = ("0".into(), r#"{"ratio": 0.1}"#.into());
@@ -386,6 +387,42 @@ fn a_job_that_begins_afresh_leaves_nothing_of_the_one_before() {
     let mut names: Vec<_> = fs::read_dir(&path).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     names.sort();
     assert_eq!(names, [JOURNAL, LOCK, MANIFEST]);
+}
+
+/// Were the manifest gone and files left, or files gone of which an old journal tells, a power cut would leave a folder
+/// that nobody can go on with.
+#[test]
+fn a_job_that_begins_afresh_takes_its_files_away_in_an_order_that_a_power_cut_may_end() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    left_over(&path);
+    witness::take();
+    open(&path, Resume::Again).unwrap();
+    let [journal, manifest] = [JOURNAL, MANIFEST].map(|name| path.join(name));
+    let waiting = |name: &str| path.join(format!("{name}.tmp"));
+    let expected = [
+        ("sync", journal.clone()),
+        ("sync", path.clone()),
+        ("sync", waiting(MANIFEST)),
+        ("rename", manifest),
+        ("sync", path.clone()),
+        ("sync", waiting(JOURNAL)),
+        ("rename", journal),
+        ("sync", path.clone()),
+    ];
+    assert_eq!(witness::take(), expected);
+}
+
+#[test]
+fn a_job_that_was_killed_before_its_first_step_leaves_no_folder_either() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    let job = open(&path, Resume::Auto).unwrap();
+    // As a kill leaves it: nobody tidies up.
+    std::mem::forget(job);
+    fs::remove_file(path.join(LOCK)).unwrap();
+    drop(open(&path, Resume::Auto).unwrap());
+    assert!(!path.exists());
 }
 
 #[test]

@@ -5,7 +5,7 @@
 //! `drystone-<job>-<file>.tmp`, which only the job itself makes and removes ([`waiting_place`], [`remove_waiting`]).
 
 use std::fs::{self, File, OpenOptions};
-use std::io::{BufWriter, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -101,10 +101,8 @@ impl DurableFile {
     pub fn seal(&mut self) -> Result<()> {
         if let Some(writer) = self.writer.as_mut().filter(|_| !self.is_sealed) {
             let held = writer.buffer().len() as u64;
-            let synced = writer.flush().and_then(|()| writer.get_ref().sync_data());
-            synced
-                .inspect(|()| witness::note("sync", &self.temporary))
-                .map_err(|e| Error::io(&self.target, "write", e).lacking(held))?;
+            let synced = writer.flush().and_then(|()| sync_file(writer.get_ref(), &self.temporary));
+            synced.map_err(|e| Error::io(&self.target, "write", e).lacking(held))?;
             self.is_sealed = true;
         }
         Ok(())
@@ -128,8 +126,7 @@ impl DurableFile {
     }
 
     fn rename(&mut self, writer: BufWriter<File>) -> Result<File> {
-        fs::rename(&self.temporary, &self.target).map_err(|e| Error::io(&self.target, "rename", e))?;
-        witness::note("rename", &self.target);
+        give_name(&self.temporary, &self.target)?;
         self.has_name = true;
         writer.into_inner().map_err(|e| Error::io(&self.target, "write", e.into_error()))
     }
@@ -229,6 +226,24 @@ pub fn lock_while_open(folder: &Path, mut wait: impl FnMut() -> Result<()>) -> R
         }
         std::thread::sleep(LOCK_INTERVAL);
     }
+}
+
+/// Makes durable what was written to an open file.
+///
+/// # Errors
+/// The system's.
+pub fn sync_file(file: &File, path: &Path) -> io::Result<()> {
+    file.sync_data().inspect(|()| witness::note("sync", path))
+}
+
+/// Gives a file that waits under a temporary name its own; the folder is not synced.
+///
+/// # Errors
+/// [`Error::Io`] if it cannot be renamed.
+pub fn give_name(temporary: &Path, target: &Path) -> Result<()> {
+    fs::rename(temporary, target).map_err(|e| Error::io(target, "rename", e))?;
+    witness::note("rename", target);
+    Ok(())
 }
 
 /// Makes the entry of `path` in its folder durable.

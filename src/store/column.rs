@@ -201,6 +201,8 @@ pub mod file_name {
 
 #[cfg(test)]
 mod tests {
+    use xxhash_rust::xxh3::xxh3_64;
+
     use super::*;
 
     #[test]
@@ -213,5 +215,19 @@ mod tests {
         assert_eq!(&*column.window(1..4).unwrap(), &[2, 3, 4]);
         assert_eq!(column.ranges(2).collect::<Vec<_>>(), [0..2, 2..4, 4..5]);
         assert!(column.window(3..6).is_err());
+    }
+
+    #[test]
+    fn the_header_has_the_checksum_of_all_records() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.col");
+        let mut writer = ColumnWriter::create(&path, *b"test    ").unwrap();
+        writer.append(&[1u64, 2, 3]).unwrap();
+        writer.append(&[4, 5]).unwrap();
+        writer.finish().unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let (header, records) = bytes.split_first_chunk().unwrap();
+        let header = Header::decode(header).unwrap();
+        assert_eq!((header.count, header.record_bytes, header.checksum), (5, 8, xxh3_64(records)));
     }
 }

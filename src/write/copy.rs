@@ -7,6 +7,7 @@ use std::path::Path;
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::base::{Error, Result};
+use crate::os::durable::sync_file;
 
 const COPY_BUFFER_BYTES: usize = 256 << 10;
 
@@ -65,7 +66,7 @@ pub(super) fn copy(source: File, temporary: &Path, target: &Path) -> Result<io::
             Err(error) => return Ok(Err(error)),
         }
     }
-    copy.sync_data().map_err(wrap)?;
+    sync_file(&copy, temporary).map_err(wrap)?;
     Ok(Ok((length, hash.digest())))
 }
 

@@ -6,6 +6,7 @@ use glam::{DVec2, DVec3};
 
 use super::*;
 use crate::base::Silent;
+use crate::os::durable::{waiting_place, witness};
 use crate::store::mesh::{MaterialDefinition, TextureStatement};
 use crate::store::{ColumnWriter, Face, FaceWriter, Material, PackedWriter, Part};
 
@@ -307,10 +308,37 @@ fn what_can_fail_has_happened_before_the_first_file_gets_its_name() {
     fs::write(f.path("in/brick.png"), "picture").unwrap();
     let (mesh, catalogue) = (two_squares(&f.path("work")), two_materials(&f.path("in")));
     let staged = stage(&mesh, &catalogue, &f.path("out/city.obj"), &f.path("work"), &options(), &Silent).unwrap();
-    let waiting = crate::os::durable::waiting_place(&f.path("out/city.obj"), options().job);
+    let waiting = waiting_place(&f.path("out/city.obj"), options().job);
     assert_eq!(fs::metadata(waiting).unwrap().len(), staged.written().bytes);
     assert_eq!(staged.left_out_textures().iter().collect::<Vec<_>>(), [&f.path("in/gone.png")]);
     staged.commit(&Silent).unwrap();
+}
+
+#[test]
+fn each_file_is_durable_before_it_has_its_name_and_the_obj_gets_its_name_last() {
+    let f = Fixture::new();
+    let (mesh, catalogue) = (two_squares(&f.path("work")), two_materials(&f.path("in")));
+    let targets = ["out/city_textures/brick.png", "out/city.mtl", "out/city.obj"].map(|name| f.path(name));
+    witness::take();
+    let staged = stage(&mesh, &catalogue, &targets[2], &f.path("work"), &options(), &Silent).unwrap();
+    let mut synced = witness::take();
+    // Files of a computation are no part of this.
+    synced.retain(|(_, path)| path.starts_with(f.path("out")));
+    let waiting = targets.each_ref().map(|target| ("sync", waiting_place(target, options().job)));
+    assert_eq!(synced, waiting);
+    staged.commit(&Silent).unwrap();
+    let [texture, mtl, obj] = targets;
+    let (out, textures) = (f.path("out"), f.path("out/city_textures"));
+    let expected = [
+        ("rename", texture),
+        ("sync", textures),
+        ("sync", out.clone()),
+        ("rename", mtl),
+        ("sync", out.clone()),
+        ("rename", obj),
+        ("sync", out),
+    ];
+    assert_eq!(witness::take(), expected);
 }
 
 #[test]

@@ -23,7 +23,7 @@ use super::targets::{Sources, Targets};
 use super::{Companion, CopiedTexture, Textures, WriteOptions};
 use crate::base::error::{escape, escape_path};
 use crate::base::{Error, Findings, Result};
-use crate::os::durable::{sync_folder, waiting_place};
+use crate::os::durable::{give_name, sync_folder, waiting_place};
 use crate::os::system::is_of_machine;
 use crate::scan::fingerprint;
 use crate::store::Catalogue;
@@ -323,7 +323,7 @@ impl TextureStage {
             return Err(Error::Changed(format!("{path}: has changed while the result was written; try again")));
         }
         for file in &self.staged {
-            fs::rename(&file.temporary, &file.target).map_err(|e| Error::io(&file.target, "rename", e))?;
+            give_name(&file.temporary, &file.target)?;
         }
         // Kept ones, too, may have got their names by a process that was ended right after.
         let kept = self.kept.iter().map(|(path, _)| path);
