@@ -544,6 +544,45 @@ mod tests {
     }
 
     #[test]
+    fn probes_of_no_mesh_are_not_sound() {
+        let mut mesh = ClusterMesh::default();
+        for corner in [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::ONE] {
+            let vertex = mesh.push_vertex(corner, 0);
+            mesh.push_wedge(vertex, glam::DVec2::NAN);
+        }
+        mesh.push_face([0, 1, 2], 0);
+        mesh.push_face([2, 1, 3], 0);
+        let whole = Probing::new(2, 1, 1.0).take(&mesh, DVec3::ZERO, 0);
+        assert!(whole.is_sound(2) && whole.triangle_count() == 2 && !whole.points.is_empty());
+        let changes: [fn(&mut Probes); 15] = [
+            |probes| probes.probing = Probing::new(1 << 40, 1, 1.0),
+            |probes| probes.probing.side = 0.0,
+            |probes| probes.probing.side = -1.0,
+            |probes| probes.probing.side = f64::NAN,
+            |probes| probes.probing.points += 1,
+            |probes| probes.strata[0].0 = f64::INFINITY,
+            |probes| probes.strata[0].0 = -1.0,
+            |probes| probes.strata[0].0 = f64::NAN,
+            |probes| probes.strata[0].1 += 1,
+            |probes| probes.strata.push((0.0, u32::MAX)),
+            |probes| probes.points[0].y = f64::NAN,
+            |probes| probes.points.truncate(1),
+            |probes| probes.vertices[1].z = f64::INFINITY,
+            |probes| probes.triangles[1][2] = probes.vertices.len() as u32,
+            |probes| probes.crowded = vec![[1; 3], [0; 3]],
+        ];
+        for (i, change) in changes.into_iter().enumerate() {
+            let mut changed = whole.clone();
+            change(&mut changed);
+            assert!(!changed.is_sound(2), "change {i}");
+        }
+        // A surface without area is one.
+        let mut flat = whole;
+        flat.strata[0].0 = 0.0;
+        assert!(flat.is_sound(2));
+    }
+
+    #[test]
     fn the_chosen_cells_take_their_share_of_space() {
         for faces in [1_000, 100_000, 3_000_000] {
             let probing = Probing::new(faces, faces / 10, 1.0);

@@ -182,3 +182,40 @@ impl Start {
         format!("resumed: kept from before are {passes}{under_way}")
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn a_state_of_no_pass_is_not_sound() {
+        let catalogue = Catalogue::default();
+        let whole = || PassState {
+            pass: 2,
+            stuck: 2,
+            remeshed: vec![RemeshReport::default(); 2],
+            thresholds: Some(vec![1.0; STAGES_MAX]),
+            texture: Some(TextureTraits::none(&catalogue)),
+            ..PassState::default()
+        };
+        assert!(whole().is_sound(2, &catalogue) && !whole().is_sound(1, &catalogue));
+        let mut sample = ClusterMesh::default();
+        sample.corners.push([0; 3]);
+        let mut findings = Findings::default();
+        findings.note("degenerate faces", || "\x1b[2J".into());
+        let changed = [
+            PassState { pass: 3, ..whole() },
+            PassState { stuck: 3, ..whole() },
+            PassState { remeshed: vec![RemeshReport::default(); 3], ..whole() },
+            PassState { seconds: PassSeconds { stitch: Duration::MAX, ..PassSeconds::default() }, ..whole() },
+            PassState { findings, ..whole() },
+            PassState { thresholds: Some(vec![1.0; STAGES_MAX + 1]), ..whole() },
+            PassState { sample, ..whole() },
+        ];
+        for (i, state) in changed.into_iter().enumerate() {
+            assert!(!state.is_sound(2, &catalogue), "change {i}");
+        }
+    }
+}

@@ -332,3 +332,105 @@ impl Catalogue {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::{ColumnWriter, FaceWriter, PackedWriter};
+
+    /// A mesh in a folder: three shared vertices, and a piece with one face and a vertex of its own.
+    fn mesh(folder: &Path) -> StoredMesh {
+        let positions = |name: &str, count: usize| {
+            let mut writer = PackedWriter::create(&folder.join(name), *b"position").unwrap();
+            writer.append(&vec![DVec3::ONE; count]).unwrap();
+            writer.finish().unwrap()
+        };
+        let colours = |name: &str, count: usize| {
+            let mut writer = ColumnWriter::create(&folder.join(name), *b"colour  ").unwrap();
+            writer.append(&vec![[0.5f32; 3]; count]).unwrap();
+            writer.finish().unwrap()
+        };
+        let mut texcoords = PackedWriter::create(&folder.join("texcoords"), *b"texcoord").unwrap();
+        texcoords.append(&[DVec2::ZERO; 3]).unwrap();
+        let mut faces = FaceWriter::create(&folder.join("faces")).unwrap();
+        faces.append(&[Face { vertices: [0, 1, 2], texcoords: [0, 1, 2], ..Face::default() }]).unwrap();
+        let piece = StoredPiece {
+            positions: positions("positions", 1),
+            colours: Some(colours("colours", 1)),
+            texcoords: texcoords.finish().unwrap(),
+            faces: faces.finish().unwrap(),
+        };
+        StoredMesh {
+            shared_positions: Some(positions("shared", 3)),
+            shared_colours: Some(colours("shared-colours", 3)),
+            pieces: vec![piece],
+        }
+    }
+
+    /// The value as a journal holds it, read back in another place.
+    fn moved(mesh: &StoredMesh, folder: &Path) -> StoredMesh {
+        let mut mesh: StoredMesh = codec::decode(&codec::encode(mesh).unwrap()).unwrap();
+        mesh.locate(folder);
+        mesh
+    }
+
+    #[test]
+    fn a_mesh_that_was_read_back_is_found_in_its_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let mesh = mesh(folder.path());
+        let found = moved(&mesh, folder.path());
+        assert!(found.is_sound() && found.has_sound_texcoords());
+        assert_eq!((found.vertex_count(), found.texcoord_count(), found.face_count()), (4, 3, 1));
+        assert!(mesh.files().count() == 6 && found.files().eq(mesh.files()));
+        let elsewhere = moved(&mesh, &folder.path().join("elsewhere"));
+        assert!(!elsewhere.is_sound());
+        assert!(elsewhere.files().all(|file| file.parent() == Some(&folder.path().join("elsewhere"))));
+    }
+
+    #[test]
+    fn a_mesh_without_one_of_its_files_is_not_sound() {
+        let folder = tempfile::tempdir().unwrap();
+        let mesh = mesh(folder.path());
+        for file in mesh.files() {
+            let bytes = std::fs::read(file).unwrap();
+            std::fs::write(file, &bytes[..bytes.len() - 1]).unwrap();
+            assert!(!mesh.is_sound(), "{file:?}");
+            assert_eq!(mesh.has_sound_texcoords(), !file.ends_with("texcoords"));
+            std::fs::write(file, bytes).unwrap();
+        }
+        assert!(mesh.is_sound());
+    }
+
+    #[test]
+    fn colours_that_not_each_vertex_has_are_not_sound() {
+        let folder = tempfile::tempdir().unwrap();
+        let mesh = mesh(folder.path());
+        let changes: [fn(&mut StoredMesh); 3] = [
+            |mesh| std::mem::swap(&mut mesh.shared_colours, &mut mesh.pieces[0].colours),
+            |mesh| mesh.shared_positions = None,
+            |mesh| mesh.pieces[0].colours.clone_from(&mesh.shared_colours),
+        ];
+        for (i, change) in changes.into_iter().enumerate() {
+            let mut changed = mesh.clone();
+            change(&mut changed);
+            assert!(!changed.is_sound(), "change {i}");
+        }
+    }
+
+    #[test]
+    fn parts_that_name_what_is_not_there_are_not_sound() {
+        let part = Part { file: 0, object: Some(0), group: Some(1), material: None };
+        let names = vec!["a".into(), "b".into()];
+        let whole = Catalogue { parts: vec![part], files: vec!["a.obj".into()], names, ..Catalogue::default() };
+        assert!(whole.is_sound());
+        let parts = [
+            Part { file: 1, ..part },
+            Part { object: Some(2), ..part },
+            Part { group: Some(2), ..part },
+            Part { material: Some(0), ..part },
+        ];
+        for other in parts {
+            assert!(!Catalogue { parts: vec![part, other], ..whole.clone() }.is_sound(), "{other:?}");
+        }
+    }
+}
