@@ -192,6 +192,8 @@ fn find_cut(file: &File, start: u64, length: u64, chunk_bytes: u64) -> std::io::
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
 
     fn pieces(text: &str, chunk_bytes: u64) -> Vec<String> {
@@ -217,6 +219,27 @@ mod tests {
     #[test]
     fn continued_lines_stay_together() {
         assert_eq!(pieces("a\\\nb\nc\\\r\nd\\\re\nf", 1), ["a\\\nb\n", "c\\\r\nd\\\re\n", "f"]);
+    }
+
+    proptest! {
+        #[test]
+        fn a_chunk_ends_with_the_first_line_that_reaches_its_size(text in "[ab\\\\\r\n]{0,60}", chunk_bytes in 1u64..20) {
+            let bytes = text.as_bytes();
+            let ends_line = |&end: &usize| {
+                let before = &bytes[..end];
+                let line = before.strip_suffix(b"\r\n").or(before.strip_suffix(b"\n")).or(before.strip_suffix(b"\r"));
+                let is_within_a_pair = before.ends_with(b"\r") && bytes.get(end) == Some(&b'\n');
+                end == bytes.len() || !is_within_a_pair && line.is_some_and(|line| !line.ends_with(b"\\"))
+            };
+            let mut start = 0;
+            for piece in pieces(&text, chunk_bytes) {
+                let least = (start + chunk_bytes as usize).min(bytes.len());
+                let end = (least..=bytes.len()).find(ends_line).unwrap_or(bytes.len());
+                prop_assert_eq!(piece, &text[start..end]);
+                start = end;
+            }
+            prop_assert_eq!(start, bytes.len());
+        }
     }
 
     #[test]

@@ -171,6 +171,7 @@ mod tests {
         assert_eq!((counts.vertices, counts.texcoords, counts.polygons, counts.triangles), (1, 1, 2, 4));
         assert!(counts.has_colours);
         assert_eq!(counts_of("v 0.25 1 -.5000\nv 0.123456 1 1\nf 1 2 1\n").unwrap().decimals, 4);
+        assert_eq!(counts_of("v 1E-7 0 0\nf 1 1 1\n").unwrap().decimals, u32::MAX);
     }
 
     #[test]

@@ -203,6 +203,17 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
+    fn of_many_links_to_a_folder_the_first_by_name_is_taken() {
+        let (folder, tiles) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        fs::write(tiles.path().join("a.obj"), "").unwrap();
+        for i in (10..40).rev() {
+            std::os::unix::fs::symlink(tiles.path(), folder.path().join(format!("link{i}"))).unwrap();
+        }
+        assert_eq!(find_inputs(&folder.path().into()).unwrap(), [folder.path().join("link10/a.obj")]);
+    }
+
+    #[cfg(unix)]
+    #[test]
     fn a_device_is_refused() {
         assert!(matches!(find_inputs(&"/dev/null".into()), Err(Error::Input { .. })));
     }

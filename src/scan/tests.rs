@@ -233,6 +233,11 @@ fn a_normal_that_is_not_there_is_told() {
     let records = scan_text(&format!("{TRIANGLE}f 1//1 2//7 3//1\nvn 0 0 1\n")).unwrap();
     assert_eq!(records.faces.len(), 2);
     assert!(records.scan.findings.warnings()[0].contains("a.obj:5: face refers to normal 7, the file has 1"));
+    let records = scan_text(&format!("vn 0 0 1\n{TRIANGLE}f 1//-1 2//-2 3//1\nvn 0 0 1\nvn 0 0 1\n")).unwrap();
+    assert_eq!(records.scan.findings.get("dangling_normals"), 1);
+    assert!(records.scan.findings.warnings()[0].contains("a.obj:6: "), "{:?}", records.scan.findings);
+    let records = scan_text(&format!("vn 0 0 1\n{TRIANGLE}f 1//-1 2//-1 3//1\n")).unwrap();
+    assert_eq!(records.scan.findings.get("dangling_normals"), 0);
 }
 
 #[test]
@@ -279,6 +284,7 @@ fn definitions_come_from_the_libraries_as_written() {
         assert_eq!(findings.get(kind), 1, "{kind}");
     }
     assert!(findings.warnings().iter().any(|warning| warning.contains("a.obj:9: material library 'x.mtl'")));
+    assert!(findings.warnings().iter().any(|warning| warning.contains("sub/m.mtl:5: ")), "{findings:?}");
 }
 
 #[test]
@@ -320,6 +326,23 @@ fn names_and_materials_beyond_their_memory_are_refused_as_they_come() {
         let catalogue = scan_within(enough, obj, mtl).unwrap().catalogue;
         assert!(catalogue.bytes() <= enough);
     }
+}
+
+#[test]
+fn the_text_of_a_library_takes_memory_while_it_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let inputs = [folder.path().join("a.obj")];
+    let scan_with = |library_bytes: usize| {
+        let mut obj = TRIANGLE.to_owned();
+        for i in 0..3 {
+            fs::write(folder.path().join(format!("{i}.mtl")), "#".repeat(library_bytes)).unwrap();
+            obj.push_str(&format!("mtllib {i}.mtl\n"));
+        }
+        fs::write(&inputs[0], obj).unwrap();
+        scan(&inputs, folder.path(), &ScanOptions { catalogue_bytes: 200_000, ..Default::default() }, &Silent)
+    };
+    scan_with(100_000).unwrap();
+    assert!(matches!(scan_with(300_000), Err(Error::Budget(_))));
 }
 
 #[test]
