@@ -397,3 +397,57 @@ fn several_inputs_join_and_what_is_excluded_stays_out() {
     let levels = run(&["tiles", "b.obj"], &[]);
     assert!(levels.warnings.iter().any(|line| line.contains("fill the same space")), "{:?}", levels.warnings);
 }
+
+#[test]
+fn only_what_fills_the_same_space_is_warned_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("tiles");
+    let part = |name: &str, shift: [f64; 3], scale: f64| {
+        let mut sketch = terrain(12);
+        sketch.positions.iter_mut().for_each(|p| *p = *p * scale + DVec3::from_array(shift));
+        let path = root.join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, sketch.text()).unwrap();
+    };
+    let warnings = || {
+        let output = folder.path().join("out.obj");
+        let options = SimplifyOptions { force: true, ..ratio(1.0) };
+        let warnings = pipeline::simplify(&root, &output, &options, &Silent).unwrap().warnings;
+        warnings.into_iter().filter(|line| line.contains("same")).collect::<Vec<_>>()
+    };
+    // A small mesh within the box of a large one, which is that of the folder, too; and neighbours on each axis.
+    part("a.obj", [0.0; 3], 1.0);
+    part("within.obj", [5.0, 5.0, 0.0], 0.1);
+    part("beside.obj", [12.5, 0.0, 0.0], 1.0);
+    part("behind.obj", [0.0, 12.5, 0.0], 1.0);
+    part("above.obj", [0.0, 0.0, 30.0], 1.0);
+    assert_eq!(warnings(), [""; 0]);
+    // Half of it is elsewhere on one axis.
+    part("shifted.obj", [0.0, 0.0, 3.0], 1.0);
+    assert_eq!(warnings(), [""; 0]);
+    // A coarser level of the whole, cut elsewhere.
+    for (name, shift) in [("lod/1.obj", [0.0; 3]), ("lod/2.obj", [0.01, 0.0, 0.0])] {
+        part(name, shift, 1.001);
+    }
+    let found = warnings();
+    assert!(found.iter().any(|line| line.contains("a.obj") && line.contains("lod/1.obj")), "{found:?}");
+    assert!(found.iter().all(|line| line.contains("lod")), "{found:?}");
+}
+
+#[test]
+fn folders_that_fill_the_same_space_are_warned_of_as_folders() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("tiles");
+    for (name, first) in [("fine", 10.0), ("coarse", 14.0)] {
+        std::fs::create_dir_all(root.join(name)).unwrap();
+        for (file, range) in [("1.obj", [0.0, first]), ("2.obj", [first, 20.0])] {
+            let [a, b] = range;
+            let text = format!("v {a} 0 0\nv {b} 0 0\nv {b} 5 1\nv {a} 5 2\nf 1 2 3 4\n");
+            std::fs::write(root.join(name).join(file), text).unwrap();
+        }
+    }
+    let output = folder.path().join("out.obj");
+    let warnings = pipeline::simplify(&root, &output, &ratio(1.0), &Silent).unwrap().warnings;
+    let found: Vec<_> = warnings.iter().filter(|line| line.contains("fill the same space")).collect();
+    assert!(found.len() == 1 && found[0].contains("coarse and ") && found[0].contains("fine fill"), "{warnings:?}");
+}

@@ -96,6 +96,45 @@ fn soup() -> Sketch {
     sketch
 }
 
+/// Hills of three materials: some faces are turned, some have no texture coordinates, a slit without thickness runs across,
+/// and beyond it the edges are half as long.
+fn patchwork() -> String {
+    let mut sketch = terrain(32);
+    let is_beyond = |face: &[(usize, usize); 3]| face[0].0 / 33 >= 16;
+    sketch.faces.retain(is_beyond);
+    let coarse = terrain(16);
+    let first = sketch.positions.len();
+    sketch.positions.extend(coarse.positions.iter().map(|p| DVec3::new(2.0 * p.x, 2.0 * p.y, p.z)));
+    sketch.texcoords.extend(&coarse.texcoords);
+    let near = coarse.faces.iter().filter(|face| face[0].0 / 17 < 8);
+    sketch.faces.extend(near.map(|face| face.map(|(v, t)| (first + v, first + t))));
+    sketch.materials = (0..sketch.faces.len()).map(|face| face / 150 % 3).collect();
+    for (i, face) in sketch.faces.iter_mut().enumerate().filter(|(i, _)| i % 11 == 0 || i / 60 % 5 == 0) {
+        face.swap(i % 2, 2);
+    }
+    let bare = |(i, line): (usize, &str)| {
+        let is_bare = line.starts_with("f ") && i / 40 % 4 == 0;
+        let words = line.split(' ').map(|word| if is_bare { word.split('/').next().unwrap_or(word) } else { word });
+        words.collect::<Vec<_>>().join(" ") + "\n"
+    };
+    sketch.text().lines().enumerate().map(bare).collect()
+}
+
+#[test]
+fn of_a_patchwork() {
+    let runs = [
+        ("half", ratio(0.5)),
+        ("a tenth in clusters", in_many_clusters(ratio(0.1))),
+        ("bound", in_many_clusters(bound(0.3))),
+        ("not welded", SimplifyOptions { weld: Weld::Off, seams: Some(Seams::Follow), ..ratio(0.2) }),
+        ("oblique", metric(Metric::Oblique, &[], 0.2)),
+        ("sharpness", metric(Metric::Sharpness, &[], 0.2)),
+        ("optimized", SimplifyOptions { optimize: true, ..in_many_clusters(ratio(0.3)) }),
+        ("remeshed", in_many_clusters(remesh("cvd", 0.2))),
+    ];
+    on_text("patchwork", &patchwork(), &runs);
+}
+
 #[test]
 fn of_the_town_at_any_target() {
     on_town(&[
@@ -220,6 +259,7 @@ fn of_the_miniatures() {
         runs.push((format!("{name}, bound"), simplify(&file, &bound(0.05))));
         let options = SimplifyOptions { normals: Normals::Drop, borders: Borders::Lock, ..ratio(0.5) };
         runs.push((format!("{name}, half without normals"), simplify(&file, &options)));
+        runs.push((format!("{name}, remeshed"), simplify(&file, &remesh("cvd", 0.5))));
     }
     compare(runs);
 }

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use drystone::base::{Error, Progress, Result, Silent};
-use drystone::options::{ResumeChoice, SimplifyOptions};
+use drystone::options::{Metric, Pieces, ResumeChoice, SimplifyOptions};
 use drystone::pipeline;
 use drystone::report::Report;
 use meshes::{contents, copy_town, files, in_many_clusters, noise, ratio};
@@ -420,6 +420,42 @@ fn a_job_that_is_killed_at_any_time_ends_with_the_same_bytes() {
         }
     }
     panic!("only {killed} of {kills} kills came before the end");
+}
+
+/// What one process leaves for the next differs from option to option.
+fn stop_with(options: &SimplifyOptions) {
+    let calm = Job::new();
+    calm.run_with(options, &Silent).unwrap();
+    for units in [3, 11, 40] {
+        let job = Job::new();
+        let mut stops = 0;
+        while let Err(error) = job.run_with(options, &StopAfter::units(units + 2 * stops)) {
+            assert!(matches!(error, Error::Stopped), "{error}");
+            stops += 1;
+        }
+        assert!(stops > 0);
+        assert_eq!(job.result(), calm.result(), "{units} units");
+    }
+}
+
+#[test]
+fn a_stopped_job_that_drops_small_pieces_ends_with_the_same_bytes() {
+    stop_with(&SimplifyOptions { pieces: Pieces::Drop, ..in_many_clusters(ratio(0.05)) });
+}
+
+#[test]
+fn a_stopped_job_with_a_bound_ends_with_the_same_bytes() {
+    stop_with(&SimplifyOptions { ratio: None, max_error: Some(0.3), ..in_many_clusters(ratio(0.5)) });
+}
+
+#[test]
+fn a_stopped_job_whose_metric_counts_first_ends_with_the_same_bytes() {
+    stop_with(&SimplifyOptions { metric: Some(Metric::Curvature), optimize: true, ..in_many_clusters(ratio(0.3)) });
+}
+
+#[test]
+fn a_stopped_job_that_remeshes_ends_with_the_same_bytes() {
+    stop_with(&SimplifyOptions { remesh: Some("cvd".parse().unwrap()), ..in_many_clusters(ratio(0.3)) });
 }
 
 #[test]

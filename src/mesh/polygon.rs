@@ -135,6 +135,22 @@ mod tests {
     }
 
     #[test]
+    fn every_triangle_faces_as_its_polygon_does_at_any_size() {
+        let outline = [[0.0, 0.0], [3.0, 0.0], [3.0, 1.0], [1.0, 1.0], [1.0, 3.0], [0.0, 3.0]];
+        for size in [1e-4, 1.0, 1e4] {
+            for turn in [1.0, -1.0] {
+                let polygon = outline.map(|[x, y]| DVec3::new(x, turn * y, 0.3 * x) * size);
+                let mut triangles = Vec::new();
+                triangulate(&polygon, &mut triangles);
+                assert_eq!(triangles.len(), 4);
+                for [a, b, c] in triangles.iter().map(|t| t.map(|i| polygon[i as usize])) {
+                    assert!((b - a).cross(c - a).z * turn > 0.0, "{size} {turn}");
+                }
+            }
+        }
+    }
+
+    #[test]
     fn a_polygon_without_area_becomes_a_fan() {
         let mut triangles = Vec::new();
         triangulate(&[DVec3::ZERO; 6], &mut triangles);

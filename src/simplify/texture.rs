@@ -188,6 +188,8 @@ fn ratio(part: f64, whole: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
     use crate::mesh::cluster::samples;
 
@@ -209,6 +211,44 @@ mod tests {
         ] {
             assert!((closest(p) - expected).length() < 1e-12, "{p}");
         }
+    }
+
+    proptest! {
+        #[test]
+        fn no_point_of_a_triangle_is_closer(
+            corners in prop::array::uniform3(prop::array::uniform3(-1.0f64..1.0)),
+            point in prop::array::uniform3(-2.0f64..2.0),
+        ) {
+            let (triangle, point) = (corners.map(DVec3::from_array), DVec3::from_array(point));
+            let weights = closest_weights(point, triangle);
+            prop_assert!(weights.iter().all(|weight| (0.0..=1.0).contains(weight)));
+            prop_assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+            let closest = triangle[0] * weights[0] + triangle[1] * weights[1] + triangle[2] * weights[2];
+            // A point of a convex set is the closest if and only if none of the set lies beyond it.
+            for corner in triangle {
+                prop_assert!((point - closest).dot(corner - closest) < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn a_texture_coordinate_comes_from_the_closest_face_that_has_some() {
+        let mut mesh = samples::grid(2, 0.0);
+        let mut rings = Rings::default();
+        rings.build(&mesh);
+        let at = DVec3::new(0.75, 0.25, 3.0);
+        let uv = uv_on_ring(&mesh, &rings, &[4, 0], at).unwrap();
+        let mut expected = (f64::INFINITY, DVec2::NAN);
+        for face in [4, 0].into_iter().flat_map(|vertex| rings.faces(&mesh, vertex)) {
+            let (weights, triangle) = (closest_weights(at, mesh.triangle(face)), mesh.triangle(face));
+            let distance = (0..3).map(|k| triangle[k] * weights[k]).sum::<DVec3>().distance(at);
+            if distance < expected.0 {
+                expected = (distance, (0..3).map(|k| mesh.uv_triangle(face)[k] * weights[k]).sum());
+            }
+        }
+        assert!(uv.distance(expected.1) < 1e-12, "{uv} {expected:?}");
+        mesh.wedge_uv.fill(DVec2::NAN);
+        assert_eq!(uv_on_ring(&mesh, &rings, &[4, 0], at), None);
     }
 
     //   2          charts left and right of the line x = 2; the chain 2-7-12-17 keeps both sides in step

@@ -218,4 +218,11 @@ mod tests {
             assert!(!state.is_sound(2, &catalogue), "change {i}");
         }
     }
+
+    #[test]
+    fn a_mesh_is_as_it_was_read_until_the_first_pass_begins() {
+        assert!(Start::from(StoredMesh::default()).unsimplified().is_some());
+        let state = PassState { pass: 1, ..PassState::default() };
+        assert!(Start { state, partition: None }.unsimplified().is_none());
+    }
 }

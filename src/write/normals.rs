@@ -418,4 +418,14 @@ mod tests {
             assert!((angle.to_degrees() - degrees).abs() < 1e-4);
         }
     }
+
+    #[test]
+    fn angles_of_any_triangle_are_those_between_its_sides() {
+        let [a, b, c] = [DVec3::new(0.2, 0.1, 3.0), DVec3::new(2.0, 0.3, 2.0), DVec3::new(-0.4, 1.0, 1.0)];
+        let (normal, angles) = face_normal([a, b, c]);
+        assert!(vector(normal).distance((b - a).cross(c - a).normalize()) < 1e-6);
+        for (angle, [at, one, other]) in angles.into_iter().zip([[a, b, c], [b, c, a], [c, a, b]]) {
+            assert!((f64::from(angle) - (one - at).angle_between(other - at)).abs() < 1e-6);
+        }
+    }
 }
