@@ -2,7 +2,7 @@
 
 mod meshes;
 
-use drystone::measure::boxtree::{Bounds, BoxTree};
+use drystone::mesh::boxtree::{Bounds, BoxTree};
 use drystone::simplify::texture::closest_weights;
 use glam::DVec3;
 use meshes::{Mesh, in_many_clusters, noise, ratio, read, simplify, simplify_text, terrain, town};

@@ -13,9 +13,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::boxtree::{Bounds, BoxTree};
 use super::edges::EdgeTable;
 use super::surface::Surface;
+use crate::mesh::boxtree::{Bounds, BoxTree};
 
 /// Points taken along the border, at most (beyond its vertices).
 const SAMPLE_LIMIT: f64 = 1e6;

@@ -15,12 +15,12 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::boxtree::Bounds;
 use super::chart::{ChartCounts, count_charts};
 use super::edges::{EdgeTable, HalfEdge, repeats_vertex, vertices_of};
 use super::forest::DisjointSets;
 use super::surface::Surface;
 use super::tjunction::count_t_junctions;
+use crate::mesh::boxtree::Bounds;
 use crate::mesh::fold::are_folded;
 
 /// How near a boundary vertex has to be to a boundary edge for a T-junction, per length of the bounding box's diagonal.

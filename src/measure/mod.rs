@@ -13,7 +13,6 @@
 //! bytes a face while it runs. Measuring is therefore for results and samples, not for inputs larger than memory.
 
 pub mod border;
-pub mod boxtree;
 pub mod chart;
 pub mod check;
 pub mod compare;

@@ -13,8 +13,8 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::boxtree::{Bounds, BoxTree};
 use super::edges::vertices_of;
+use crate::mesh::boxtree::{Bounds, BoxTree};
 
 /// Edges that a thread takes at a time.
 const EDGES_AT_ONCE: usize = 4096;

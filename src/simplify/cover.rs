@@ -17,6 +17,7 @@
 
 use glam::DVec3;
 
+use super::parts::{Part, Parts};
 use super::texture::distance_sq;
 
 /// A part's bound may exceed the distance of its farthest corner by this factor.
@@ -25,8 +26,6 @@ const TIGHT: f64 = 1.15;
 const SLACK: f64 = 1.0 / 128.0;
 /// Parts that a triangle is cut into, at most; what is left is bounded as it is.
 const PARTS_MAX: usize = 48;
-/// Corners of a part, at most; a triangle that is cut once more gains one.
-const CORNERS_MAX: usize = 9;
 
 /// A triangle that others are measured against.
 #[derive(Debug, Clone, Copy)]
@@ -38,12 +37,13 @@ pub struct Target {
 }
 
 impl Target {
-    fn distance(&self, point: DVec3) -> f64 {
+    /// Distance of a point from it, its base included.
+    pub fn distance(&self, point: DVec3) -> f64 {
         self.base + distance_sq(point, self.corners).sqrt()
     }
 
     /// The planes through its sides at right angles to it: outward normal and offset. NaN where it has no area.
-    fn sides(&self) -> [(DVec3, f64); 3] {
+    pub fn sides(&self) -> [(DVec3, f64); 3] {
         let [a, b, c] = self.corners;
         let normal = (b - a).cross(c - a);
         [(a, b), (b, c), (c, a)].map(|(p, q)| {
@@ -53,32 +53,15 @@ impl Target {
     }
 }
 
-/// A convex polygon in a plane: its corners among the points of a [`Cover`].
-#[derive(Debug, Clone, Copy, Default)]
-struct Part {
-    corners: [u16; CORNERS_MAX],
-    count: usize,
-}
-
-impl Part {
-    fn corners(&self) -> &[u16] {
-        &self.corners[..self.count]
-    }
-
-    fn push(&mut self, corner: u16) {
-        self.corners[self.count] = corner;
-        self.count += 1;
-    }
-}
-
 /// Covers triangles by a set of targets; holds scratch space only.
 #[derive(Debug, Default)]
 pub struct Cover {
     targets: Vec<Target>,
-    /// Corners of triangles, which the triangles of a patch share, then those of parts.
-    points: Vec<DVec3>,
+    /// Corners of triangles, which the triangles of a patch share, then those of their parts.
+    cutter: Parts,
     /// Distance of each point to each target, its base included.
     distances: Vec<f64>,
+    /// Parts that are still to be covered.
     parts: Vec<Part>,
 }
 
@@ -87,7 +70,7 @@ impl Cover {
     pub fn aim_at(&mut self, targets: &[Target]) {
         self.targets.clear();
         self.targets.extend_from_slice(targets);
-        self.points.clear();
+        self.cutter.points.clear();
         self.distances.clear();
     }
 
@@ -97,9 +80,9 @@ impl Cover {
     /// Returns false if that would be more than `most` for some part, or cannot be shown to be less; `found` is then
     /// not to be relied on.
     pub fn cover(&mut self, triangle: [DVec3; 3], most: f64, mut found: impl FnMut(usize, f64)) -> bool {
-        let mut whole = Part::default();
-        triangle.into_iter().for_each(|corner| whole.push(self.shared_point(corner)));
-        let shared = self.points.len();
+        let whole = Part::triangle(triangle.map(|corner| self.shared_point(corner)));
+        self.find_distances();
+        let shared = self.cutter.points.len();
         self.parts.clear();
         self.parts.push(whole);
         let (mut made, mut farthest) = (1, 0f64);
@@ -117,31 +100,29 @@ impl Cover {
                 made += self.split(&part);
             }
         }
-        self.points.truncate(shared);
+        self.cutter.points.truncate(shared);
         self.distances.truncate(shared * self.targets.len());
         is_covered
     }
 
     fn shared_point(&mut self, point: DVec3) -> u16 {
-        match self.points.iter().position(|&known| known == point) {
+        match self.cutter.points.iter().position(|&known| known == point) {
             Some(at) => at as u16,
-            None => self.push_point(point),
+            None => self.cutter.push(point),
         }
     }
 
-    fn push_point(&mut self, point: DVec3) -> u16 {
-        self.points.push(point);
-        self.distances.extend(self.targets.iter().map(|target| target.distance(point)));
-        (self.points.len() - 1) as u16
+    /// Finds the distances of the points that have none yet.
+    fn find_distances(&mut self) {
+        let known = self.distances.len() / self.targets.len().max(1);
+        for &point in &self.cutter.points[known..] {
+            self.distances.extend(self.targets.iter().map(|target| target.distance(point)));
+        }
     }
 
     fn distances_of(&self, point: u16) -> &[f64] {
         let count = self.targets.len();
         &self.distances[usize::from(point) * count..][..count]
-    }
-
-    fn point(&self, corner: u16) -> DVec3 {
-        self.points[usize::from(corner)]
     }
 
     /// The target that a part as a whole is nearest to.
@@ -166,83 +147,14 @@ impl Cover {
         let before = self.parts.len();
         let sum = |target: usize| part.corners().iter().map(|&corner| self.distances_of(corner)[target]).sum::<f64>();
         let nearest = (0..self.targets.len()).min_by(|&a, &b| sum(a).total_cmp(&sum(b)));
-        let mut inside = *part;
-        if part.count + 3 <= CORNERS_MAX {
-            let sides = nearest.map(|target| self.targets[target].sides());
-            for side in sides.into_iter().flatten() {
-                let [within, beyond] = self.cut(&inside, side);
-                if beyond.count >= 3 && within.count >= 3 {
-                    self.parts.push(beyond);
-                    inside = within;
-                }
-            }
+        let Self { targets, cutter, parts, .. } = self;
+        let is_cut =
+            nearest.is_some_and(|target| cutter.cut_along(part, targets[target].sides(), |part| parts.push(part)));
+        if !is_cut {
+            parts.extend(cutter.halves(part));
         }
-        if self.parts.len() == before {
-            let halves = self.halves(part);
-            self.parts.extend(halves);
-        } else {
-            self.parts.push(inside);
-        }
+        self.find_distances();
         self.parts.len() - before
-    }
-
-    /// The parts on both sides of a plane, inside first; a part without an inner point has no corners.
-    fn cut(&mut self, part: &Part, (normal, offset): (DVec3, f64)) -> [Part; 2] {
-        let mut heights = [0.0; CORNERS_MAX];
-        let (mut low, mut high) = (0f64, 0f64);
-        for (height, &corner) in heights.iter_mut().zip(part.corners()) {
-            *height = normal.dot(self.point(corner)) - offset;
-            (low, high) = (low.min(*height), high.max(*height));
-        }
-        // Corners this near to the plane lie on it: the sides of neighbours are the same line, but for rounding.
-        let touch = 1e-9 * (high - low);
-        if high <= touch {
-            return [*part, Part::default()];
-        }
-        if -low <= touch {
-            return [Part::default(), *part];
-        }
-        let [mut within, mut beyond] = [Part::default(); 2];
-        for i in 0..part.count {
-            let next = (i + 1) % part.count;
-            let (corner, at, at_next) = (part.corners[i], heights[i], heights[next]);
-            if at <= touch {
-                within.push(corner);
-            }
-            if at >= -touch {
-                beyond.push(corner);
-            }
-            if (at < -touch && at_next > touch) || (at > touch && at_next < -touch) {
-                let ends = (self.point(corner), self.point(part.corners[next]));
-                let crossing = self.push_point(ends.0.lerp(ends.1, at / (at - at_next)));
-                within.push(crossing);
-                beyond.push(crossing);
-            }
-        }
-        [within, beyond]
-    }
-
-    /// Both halves across the middle of the longest side.
-    fn halves(&mut self, part: &Part) -> [Part; 2] {
-        let ends = |i: usize| (self.point(part.corners[i]), self.point(part.corners[(i + 1) % part.count]));
-        let length_sq = |i: usize| ends(i).0.distance_squared(ends(i).1);
-        let longest = (0..part.count).max_by(|&a, &b| length_sq(a).total_cmp(&length_sq(b))).unwrap_or(0);
-        let (a, b) = ends(longest);
-        let middle = self.push_point(a.midpoint(b));
-        // From the middle round to the corner opposite, and on from there.
-        let turn = (part.count - 1).div_ceil(2);
-        let mut halves = [Part::default(); 2];
-        halves.iter_mut().for_each(|half| half.push(middle));
-        for step in 1..=part.count {
-            let corner = part.corners[(longest + step) % part.count];
-            if step <= turn {
-                halves[0].push(corner);
-            }
-            if step >= turn {
-                halves[1].push(corner);
-            }
-        }
-        halves
     }
 }
 
@@ -330,24 +242,6 @@ mod tests {
                 }
             }
             prop_assert!(farthest <= bound + 1e-12, "{farthest} > {bound}");
-        }
-
-        #[test]
-        fn parts_of_a_part_have_its_area(triangle in triangle(), other in triangle()) {
-            let area = |cover: &Cover, part: &Part| {
-                let corner = |i: usize| cover.point(part.corners[i]) - cover.point(part.corners[0]);
-                (1..part.count.saturating_sub(1)).map(|i| 0.5 * corner(i).cross(corner(i + 1)).length()).sum::<f64>()
-            };
-            let mut cover = Cover::default();
-            cover.aim_at(&[Target { corners: other, base: 0.0 }]);
-            let mut whole = Part::default();
-            triangle.into_iter().for_each(|corner| whole.push(cover.shared_point(corner)));
-            cover.split(&whole);
-            let sum: f64 = cover.parts.iter().map(|part| area(&cover, part)).sum();
-            prop_assert!((sum - area(&cover, &whole)).abs() < 1e-9);
-            let halves = cover.halves(&whole);
-            let sum: f64 = halves.iter().map(|part| area(&cover, part)).sum();
-            prop_assert!((sum - area(&cover, &whole)).abs() < 1e-12);
         }
     }
 }

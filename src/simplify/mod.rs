@@ -7,12 +7,14 @@
 //! # Memory
 //! See `partition::weight`: about 200 bytes a face with texture, the mesh included.
 
+pub mod anchor;
 pub mod collapse;
 pub mod cover;
 pub mod deviation;
 pub mod engine;
 mod fold;
 pub mod legality;
+pub mod parts;
 mod proposal;
 mod remains;
 mod settle;
@@ -20,5 +22,6 @@ mod stage;
 pub mod texture;
 pub mod witness;
 
+pub use anchor::Anchor;
 pub use engine::Engine;
 pub use stage::{Milestone, StageResult, Stop};

@@ -5,12 +5,15 @@ use serde::{Deserialize, Serialize};
 use super::sample;
 use super::schedule::STAGES_MAX;
 use crate::cost::Metric;
-use crate::simplify::{Engine, Stop};
+use crate::simplify::{Anchor, Engine, Stop};
 
 /// With a bounded error, share of its faces that a stage keeps, at least.
 const BOUNDED_STAGE_KEEPS: f64 = 0.6;
 /// With a bounded error, stages end when one removes less than this share of the faces.
 const BOUNDED_STAGE_SHARE: f64 = 0.02;
+/// Deviations are found anew where no more than this share of the faces is left since the last time, and so often at most.
+const TIGHTENED_KEEPS: f64 = 0.9;
+const TIGHTENED_TIMES: usize = 4;
 
 /// How the clusters of a pass are told to stop.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -77,22 +80,41 @@ pub(super) fn run_plan<M: Metric>(engine: &mut Engine<M>, plan: &Plan, cluster: 
 }
 
 /// Runs stages until the last of these bounds on the deviation stops them; returns the highest cost of all. A bound on
-/// the way to it makes place for the next one as soon as a stage cannot do all that a stage may.
+/// the way to it makes place for the next one as soon as a stage cannot do all that a stage may. At the last one the
+/// deviations are found anew, and what they leave of it is used, while that removes much.
 fn run_bounded<M: Metric>(engine: &mut Engine<M>, bounds: &[f64]) -> f32 {
+    let Some((&last, before)) = bounds.split_last() else { return 0.0 };
+    let first = Anchor::of(&engine.mesh);
     let mut highest = 0f32;
-    for (i, &most) in bounds.iter().enumerate() {
+    for &most in before {
         engine.bound_deviation(most);
-        let least = if i + 1 < bounds.len() { 1.0 - BOUNDED_STAGE_KEEPS } else { BOUNDED_STAGE_SHARE };
-        loop {
-            let before = engine.mesh.face_count;
-            let goal = (before as f64 * BOUNDED_STAGE_KEEPS) as usize;
-            highest = highest.max(engine.run(Stop::Cost(f32::INFINITY, goal)).cost);
-            if (before - engine.mesh.face_count) as f64 <= before as f64 * least {
-                break;
-            }
+        highest = highest.max(run_stages(engine, 1.0 - BOUNDED_STAGE_KEEPS));
+    }
+    engine.bound_deviation(last);
+    highest = highest.max(run_stages(engine, BOUNDED_STAGE_SHARE));
+    let mut faces = first.face_count();
+    for _ in 0..TIGHTENED_TIMES {
+        let left = engine.mesh.face_count;
+        if left as f64 > faces as f64 * TIGHTENED_KEEPS || !first.tighten(&mut engine.mesh, last) {
+            break;
         }
+        highest = highest.max(run_stages(engine, BOUNDED_STAGE_SHARE));
+        faces = left;
     }
     highest
+}
+
+/// Runs stages while they remove more than this share of the faces; returns the highest cost.
+fn run_stages<M: Metric>(engine: &mut Engine<M>, least: f64) -> f32 {
+    let mut highest = 0f32;
+    loop {
+        let before = engine.mesh.face_count;
+        let goal = (before as f64 * BOUNDED_STAGE_KEEPS) as usize;
+        highest = highest.max(engine.run(Stop::Cost(f32::INFINITY, goal)).cost);
+        if (before - engine.mesh.face_count) as f64 <= before as f64 * least {
+            return highest;
+        }
+    }
 }
 
 #[cfg(test)]

@@ -18,7 +18,6 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use xxhash_rust::xxh3::Xxh3;
 
-use super::super::boxtree::Bounds;
 use super::Resources;
 use super::closest::{self, Answer, Pair, Question, Tree, TreeView};
 use super::pictures::{NO_PICTURE, Pictures};
@@ -28,6 +27,7 @@ use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Permits, Progress, Result};
 use crate::job::header::{HEADER_BYTES, Header};
 use crate::job::{InputFile, Manifest, Resume, WorkFolder};
+use crate::mesh::boxtree::Bounds;
 use crate::os::durable::DurableFile;
 use crate::os::mmap::MappedRecords;
 use crate::partition::cluster;

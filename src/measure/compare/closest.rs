@@ -19,7 +19,7 @@
 //! # Where we differ
 //! Other trees were tried with a million points around a city of 0.99 million triangles (one thread, 2026-11-21; seconds
 //! to build, to ask): this one 0.4 and 0.6; the crates `bvh` 0.13 0.65 and 0.6, `parry3d-f64` 0.31 0.57 and 0.93, `rstar`
-//! 0.14 0.73 and 4.7; [`BoxTree`](super::super::boxtree)'s order along a curve, as a tree of triangles, 0.26 and 1.1.
+//! 0.14 0.73 and 4.7; [`BoxTree`](crate::mesh::boxtree::BoxTree)'s order along a curve, as a tree of triangles, 0.26 and 1.1.
 //! None of the crates lies in a file, which a mesh larger than memory needs.
 //!
 //! # Memory

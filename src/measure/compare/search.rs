@@ -21,11 +21,11 @@
 
 use glam::DVec3;
 
-use super::super::boxtree::Bounds;
 use super::cells::{CellView, MeasuredMesh};
 use super::closest::{Question, closest_point, weights};
 use super::pictures::NO_PICTURE;
 use crate::base::Result;
+use crate::mesh::boxtree::Bounds;
 
 /// Cells that are kept open at once.
 pub const VIEWS: usize = 4;

@@ -1,0 +1,180 @@
+//! Convex parts of triangles: cut by planes, or halved.
+
+use glam::DVec3;
+
+/// Corners of a part, at most; a triangle that is cut once more gains one.
+pub const CORNERS_MAX: usize = 9;
+
+/// A convex polygon in a plane: its corners among the points of [`Parts`].
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Part {
+    corners: [u16; CORNERS_MAX],
+    count: usize,
+}
+
+impl Part {
+    /// A triangle.
+    pub fn triangle(corners: [u16; 3]) -> Self {
+        let mut part = Self::default();
+        corners.into_iter().for_each(|corner| part.push(corner));
+        part
+    }
+
+    /// The corners in order.
+    pub fn corners(&self) -> &[u16] {
+        &self.corners[..self.count]
+    }
+
+    /// Whether there is room for the corners that cuts by the three sides of a triangle add.
+    pub fn can_be_cut(&self) -> bool {
+        self.count + 3 <= CORNERS_MAX
+    }
+
+    fn push(&mut self, corner: u16) {
+        self.corners[self.count] = corner;
+        self.count += 1;
+    }
+}
+
+/// The points that parts have for corners.
+#[derive(Debug, Default)]
+pub struct Parts {
+    /// Points of whole triangles, then those of cuts.
+    pub points: Vec<DVec3>,
+}
+
+impl Parts {
+    /// The place of a corner.
+    pub fn point(&self, corner: u16) -> DVec3 {
+        self.points[usize::from(corner)]
+    }
+
+    /// Adds a point.
+    pub fn push(&mut self, point: DVec3) -> u16 {
+        self.points.push(point);
+        (self.points.len() - 1) as u16
+    }
+
+    /// Cuts a part along planes; the part within all of them comes last. Nothing if no plane cuts it, or if it has no room
+    /// for more corners.
+    pub fn cut_along(&mut self, part: &Part, planes: [(DVec3, f64); 3], mut found: impl FnMut(Part)) -> bool {
+        let (mut inside, mut is_cut) = (*part, false);
+        if part.can_be_cut() {
+            for plane in planes {
+                let [within, beyond] = self.cut(&inside, plane);
+                if beyond.count >= 3 && within.count >= 3 {
+                    found(beyond);
+                    (inside, is_cut) = (within, true);
+                }
+            }
+        }
+        if is_cut {
+            found(inside);
+        }
+        is_cut
+    }
+
+    /// The parts on both sides of a plane, inside first; a part without an inner point has no corners.
+    fn cut(&mut self, part: &Part, (normal, offset): (DVec3, f64)) -> [Part; 2] {
+        let mut heights = [0.0; CORNERS_MAX];
+        let (mut low, mut high) = (0f64, 0f64);
+        for (height, &corner) in heights.iter_mut().zip(part.corners()) {
+            *height = normal.dot(self.point(corner)) - offset;
+            (low, high) = (low.min(*height), high.max(*height));
+        }
+        // Corners this near to the plane lie on it: the sides of neighbours are the same line, but for rounding.
+        let touch = 1e-9 * (high - low);
+        if high <= touch {
+            return [*part, Part::default()];
+        }
+        if -low <= touch {
+            return [Part::default(), *part];
+        }
+        let [mut within, mut beyond] = [Part::default(); 2];
+        for i in 0..part.count {
+            let next = (i + 1) % part.count;
+            let (corner, at, at_next) = (part.corners[i], heights[i], heights[next]);
+            if at <= touch {
+                within.push(corner);
+            }
+            if at >= -touch {
+                beyond.push(corner);
+            }
+            if (at < -touch && at_next > touch) || (at > touch && at_next < -touch) {
+                let ends = (self.point(corner), self.point(part.corners[next]));
+                let crossing = self.push(ends.0.lerp(ends.1, at / (at - at_next)));
+                within.push(crossing);
+                beyond.push(crossing);
+            }
+        }
+        [within, beyond]
+    }
+
+    /// Both halves across the middle of the longest side.
+    pub fn halves(&mut self, part: &Part) -> [Part; 2] {
+        let ends = |i: usize| (self.point(part.corners[i]), self.point(part.corners[(i + 1) % part.count]));
+        let length_sq = |i: usize| ends(i).0.distance_squared(ends(i).1);
+        let longest = (0..part.count).max_by(|&a, &b| length_sq(a).total_cmp(&length_sq(b))).unwrap_or(0);
+        let (a, b) = ends(longest);
+        let middle = self.push(a.midpoint(b));
+        // From the middle round to the corner opposite, and on from there.
+        let turn = (part.count - 1).div_ceil(2);
+        let mut halves = [Part::default(); 2];
+        halves.iter_mut().for_each(|half| half.push(middle));
+        for step in 1..=part.count {
+            let corner = part.corners[(longest + step) % part.count];
+            if step <= turn {
+                halves[0].push(corner);
+            }
+            if step >= turn {
+                halves[1].push(corner);
+            }
+        }
+        halves
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn point() -> impl Strategy<Value = DVec3> {
+        (-1.0..1.0f64, -1.0..1.0f64, -0.2..0.2f64).prop_map(|(x, y, z)| DVec3::new(x, y, z))
+    }
+
+    fn area(parts: &Parts, part: &Part) -> f64 {
+        let corner = |i: usize| parts.point(part.corners()[i]) - parts.point(part.corners()[0]);
+        (1..part.count.saturating_sub(1)).map(|i| 0.5 * corner(i).cross(corner(i + 1)).length()).sum()
+    }
+
+    proptest! {
+        #[test]
+        fn parts_of_a_part_have_its_area_and_lie_on_their_sides_of_the_planes(
+            triangle in [point(), point(), point()],
+            normals in [point(), point(), point()],
+            through in point(),
+        ) {
+            let mut parts = Parts::default();
+            let whole = Part::triangle(triangle.map(|corner| parts.push(corner)));
+            let planes = normals.map(|normal| (normal, normal.dot(through)));
+            let mut found = Vec::new();
+            let is_cut = parts.cut_along(&whole, planes, |part| found.push(part));
+            prop_assert_eq!(is_cut, found.len() > 1);
+            prop_assert_eq!(found.is_empty(), !is_cut);
+            if let Some(inside) = found.last() {
+                let sum: f64 = found.iter().map(|part| area(&parts, part)).sum();
+                prop_assert!((sum - area(&parts, &whole)).abs() < 1e-9);
+                // Planes that do not cut the part leave it on one side or the other.
+                let is_within = |&(normal, offset): &(DVec3, f64)| {
+                    inside.corners().iter().all(|&corner| normal.dot(parts.point(corner)) - offset < 1e-9)
+                };
+                prop_assert!(planes.iter().filter(|plane| is_within(plane)).count() >= found.len() - 1);
+            }
+            let halves = parts.halves(&whole);
+            let [first, second] = halves.each_ref().map(|half| area(&parts, half));
+            prop_assert!((first - second).abs() < 1e-12 && (first + second - area(&parts, &whole)).abs() < 1e-12);
+        }
+    }
+}
