@@ -381,11 +381,6 @@ impl SimplifyOptions {
         self.ratio.is_some() || self.faces.is_some()
     }
 
-    /// Memory of the heaviest cluster, if it takes `bytes` while its edges collapse.
-    pub fn cluster_bytes(&self, bytes: u64) -> u64 {
-        if self.remesh.is_some() { bytes * cvd::GROWTH / 2 } else { bytes }
-    }
-
     /// Faces to keep of an input with so many triangles: at least one, or 0, as few as possible, with a bounded error only.
     pub fn target(&self, triangles: u64) -> u64 {
         match (self.ratio, self.faces) {

@@ -139,13 +139,7 @@ fn run(
     write::check_output(output, &write_options)?;
 
     let target = options.target(triangles);
-    let sizes = Sizes {
-        faces: triangles,
-        vertices: need.vertices,
-        target: options.most_faces(triangles),
-        cluster_faces: options.cluster_faces,
-        remesh: options.remesh,
-    };
+    let sizes = Sizes::of(triangles, need.vertices, options);
     let mut work_bytes = budget.for_work() - need.resident_bytes();
     let painter = Painter {
         catalogue,

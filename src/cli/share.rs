@@ -76,13 +76,7 @@ impl JobShare {
     fn predict(&mut self, triangles: u64) {
         let Self { options, threads, bytes, .. } = &*self;
         let target = options.most_faces(triangles);
-        let sizes = Sizes {
-            faces: triangles,
-            vertices: triangles / 2,
-            target,
-            cluster_faces: options.cluster_faces,
-            remesh: options.remesh,
-        };
+        let sizes = Sizes::of(triangles, triangles / 2, options);
         let found = passes::forecast(&sizes, options.passes);
         let upto = |count: usize| time::forecast(*bytes, &found[..count], target, *threads);
         let each = |count: usize| {

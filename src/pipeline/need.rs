@@ -15,6 +15,7 @@ use crate::base::{Error, MemoryBudget, Result, bytes};
 use crate::options::SimplifyOptions;
 use crate::os::system;
 use crate::partition::weight::limit_bytes;
+use crate::plan::memory::in_work;
 use crate::plan::scratch::{self, FirstPass};
 use crate::store::{Catalogue, PackedColumn, StoredMesh};
 
@@ -100,7 +101,8 @@ impl Need {
         needs_scratch: bool,
     ) -> Result<()> {
         let cluster_faces = options.cluster_faces;
-        let cluster = options.cluster_bytes(limit_bytes(cluster_faces.min(self.faces)));
+        let cluster =
+            in_work(limit_bytes(cluster_faces.min(self.faces)), options.remesh.is_some(), options.max_error.is_some());
         let resident = self.resident_bytes();
         if resident + cluster > budget.for_work() {
             let needed = MemoryBudget::FIXED_BYTES + resident + cluster + bytes::MIB;

@@ -14,6 +14,7 @@ use crate::partition::numbering::{RANK_BYTES, window_bytes};
 use crate::partition::weight::{ORDINARY_BYTES, limit_bytes};
 use crate::remesh::cvd;
 use crate::scan::{self, ScanOptions};
+use crate::simplify::Anchor;
 use crate::stitch::sample;
 use crate::write::SHARE_BYTES_MAX;
 
@@ -60,6 +61,22 @@ pub struct Sizes {
     pub cluster_faces: u64,
     /// How the mesh is made anew, if it is.
     pub remesh: Option<cvd::Settings>,
+    /// Whether the distance from the input is bounded.
+    pub is_bounded: bool,
+}
+
+impl Sizes {
+    /// The sizes of a run on so many faces and vertices.
+    pub fn of(faces: u64, vertices: u64, options: &SimplifyOptions) -> Self {
+        Self {
+            faces,
+            vertices,
+            target: options.most_faces(faces),
+            cluster_faces: options.cluster_faces,
+            remesh: options.remesh,
+            is_bounded: options.max_error.is_some(),
+        }
+    }
 }
 
 /// Predicts the memory of a run.
@@ -73,13 +90,19 @@ pub fn forecast(sizes: &Sizes, budget: MemoryBudget, threads: usize) -> MemoryFo
     let ranks = ranks.min(2 * window).max(ranks.min(window) + sample);
     let partition = PARTITION_BYTES + ranks + sizes.vertices / 8 + sizes.faces / 32;
     let cluster = cluster_bytes(sizes.cluster_faces.min(sizes.faces));
-    let cluster = if sizes.remesh.is_some() { cluster * cvd::GROWTH / 2 } else { cluster };
+    let cluster = in_work(cluster, sizes.remesh.is_some(), sizes.is_bounded);
     let at_once = (threads as u64).min(sizes.faces.div_ceil(sizes.cluster_faces.max(1)).max(1));
     let simplify = cluster * at_once + KEPT_BYTES;
     let write = (sizes.target * WRITE_FACE_BYTES).min(2 * SHARE_BYTES_MAX) + sizes.target / 4 + KEPT_BYTES;
     let [scan, partition, simplify, write] =
         [scan, partition, simplify, write].map(|bytes| MemoryBudget::FIXED_BYTES + bytes.min(work));
     MemoryForecast { scan, partition, simplify, write, peak: scan.max(partition).max(simplify).max(write) }
+}
+
+/// Memory of a cluster that takes `bytes` once it is loaded, while it is made anew or its edges collapse.
+pub fn in_work(bytes: u64, is_remeshed: bool, is_bounded: bool) -> u64 {
+    let remeshed = if is_remeshed { bytes * cvd::GROWTH / 2 } else { bytes };
+    if is_bounded { remeshed.max(Anchor::with_room(bytes)) } else { remeshed }
 }
 
 /// Memory of the largest cluster when cells aim at `faces` faces.
@@ -108,7 +131,7 @@ pub fn budget_of(memory: Option<u64>) -> Result<MemoryBudget> {
 /// [`Error::Budget`] saying what would do.
 pub fn choose_budget(options: &SimplifyOptions) -> Result<MemoryBudget> {
     let budget = budget_of(options.memory)?;
-    let cluster = options.cluster_bytes(limit_bytes(options.cluster_faces));
+    let cluster = in_work(limit_bytes(options.cluster_faces), options.remesh.is_some(), options.max_error.is_some());
     let cluster = cluster + options.cost(true)?.extra_face_bytes() * options.cluster_faces;
     if cluster > budget.for_work() {
         let most = budget.for_work() * options.cluster_faces / cluster;
@@ -139,8 +162,14 @@ pub fn scan_options(budget: MemoryBudget, threads: usize) -> ScanOptions {
 mod tests {
     use super::*;
 
-    const CITY: Sizes =
-        Sizes { faces: 4_313_336, vertices: 2_160_000, target: 431_334, cluster_faces: 250_000, remesh: None };
+    const CITY: Sizes = Sizes {
+        faces: 4_313_336,
+        vertices: 2_160_000,
+        target: 431_334,
+        cluster_faces: 250_000,
+        remesh: None,
+        is_bounded: false,
+    };
 
     #[test]
     fn the_forecast_stays_within_the_budget_and_does_not_grow_with_the_input() {

@@ -91,13 +91,7 @@ pub fn plan(input: impl Into<InputChoice>, options: &SimplifyOptions, progress: 
     let threads = memory::choose_threads(options.threads, budget);
     let counts = scan::count(&inputs, threads, progress)?;
     let target = options.most_faces(counts.triangles);
-    let sizes = Sizes {
-        faces: counts.triangles,
-        vertices: counts.vertices,
-        target,
-        cluster_faces: options.cluster_faces,
-        remesh: options.remesh,
-    };
+    let sizes = Sizes::of(counts.triangles, counts.vertices, options);
     let passes = passes::forecast(&sizes, options.passes);
     let folder = scratch::existing_folder(options.work.as_deref().unwrap_or(Path::new(".")));
     Ok(Plan {

@@ -81,7 +81,14 @@ mod tests {
 
     #[test]
     fn one_cluster_gains_nothing_from_more_threads() {
-        let sizes = |faces, target| Sizes { faces, vertices: faces / 2, target, cluster_faces: 250_000, remesh: None };
+        let sizes = |faces, target| Sizes {
+            faces,
+            vertices: faces / 2,
+            target,
+            cluster_faces: 250_000,
+            remesh: None,
+            is_bounded: false,
+        };
         let one = passes::forecast(&sizes(100_000, 10_000), 3);
         let many = passes::forecast(&sizes(4_313_336, 431_334), 3);
         let simplify = |passes: &[PassForecast], threads| forecast(1, passes, 1, threads).simplify;

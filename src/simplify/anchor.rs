@@ -14,6 +14,7 @@
 //! # Memory
 //! See [`Anchor::with_room`].
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::DVec3;
@@ -33,6 +34,8 @@ const TIGHT: f64 = 1.2;
 const PARTS_MAX: usize = 4096;
 /// With fewer faces than this share that are not near enough by the bounds they have, nothing is gained.
 const FAR_SHARE_MIN: f64 = 0.1;
+/// Faces of a run: the search for each begins where that for the one before ended, which bounds it from the start.
+const RUN_FACES: usize = 256;
 
 /// The surface that a cluster had at first.
 #[derive(Debug)]
@@ -53,8 +56,8 @@ impl Anchor {
         }
     }
 
-    /// Memory of a cluster of so many bytes together with its anchor: 28 bytes of a face of 200, and 32 more while bounds
-    /// are found.
+    /// Memory of a cluster of `cluster_bytes` together with its anchor: 28 bytes a face where a face takes 200, and 32 more
+    /// while bounds are found.
     pub fn with_room(cluster_bytes: u64) -> u64 {
         cluster_bytes + cluster_bytes / 3
     }
@@ -78,27 +81,40 @@ impl Anchor {
         // Distances are not negative, so that their bits have the order of their values.
         let bounds: Vec<AtomicU64> = mesh.deviations.iter().map(|_| AtomicU64::new(0)).collect();
         let raise = |face: u32, bound: f64| bounds[face as usize].fetch_max(bound.to_bits(), Ordering::Relaxed);
-        let all_found = (0..self.faces.len() as u32).into_par_iter().map_init(Scratch::default, |scratch, face| {
-            let base = first.base(face);
-            now.cover(first.triangle(face), (most - base).max(0.0), scratch, |at, distance| {
-                raise(at, base + distance);
+        let all_found = runs(self.faces.len()).map_init(Scratch::default, |scratch, mut run| {
+            scratch.last = None;
+            run.all(|face| {
+                let base = first.base(face);
+                let most = (most - base).max(0.0);
+                now.cover(first.triangle(face), most, scratch, |at, distance| {
+                    raise(at, base + distance);
+                })
             })
         });
         if !all_found.all(|is_found| is_found) {
             return false;
         }
-        (0..mesh.corner_vertices.len() as u32).into_par_iter().for_each_init(Scratch::default, |scratch, face| {
-            let known = mesh.deviations[face as usize];
-            let mut own = 0f64;
-            let is_found = !is_near(known)
-                && first.cover(now.triangle(face), most, scratch, |_, distance| own = own.max(distance));
-            raise(face, if is_found { own.min(known.into()) } else { known.into() });
+        runs(mesh.corner_vertices.len()).for_each_init(Scratch::default, |scratch, run| {
+            scratch.last = None;
+            for face in run {
+                let known = mesh.deviations[face as usize];
+                let mut own = 0f64;
+                let is_found = !is_near(known)
+                    && first.cover(now.triangle(face), most, scratch, |_, distance| own = own.max(distance));
+                raise(face, if is_found { own.min(known.into()) } else { known.into() });
+            }
         });
         for (kept, bound) in mesh.deviations.iter_mut().zip(bounds) {
             *kept = rounded_up(f64::from_bits(bound.into_inner()));
         }
         true
     }
+}
+
+/// The faces 0 .. `count`, run by run.
+fn runs(count: usize) -> impl ParallelIterator<Item = Range<u32>> {
+    let run = move |begin: usize| begin as u32..(begin + RUN_FACES).min(count) as u32;
+    (0..count).into_par_iter().step_by(RUN_FACES).map(run)
 }
 
 /// Triangles by place.
@@ -128,12 +144,14 @@ impl<'a> Surface<'a> {
         Target { corners: self.triangle(face), base: self.base(face) }
     }
 
-    /// The face nearest to a point, its base included, and how far it is; none is looked for that is farther than `hint`, or
-    /// nearly as far.
+    /// The face nearest to a point, its base included, and how far it is; `hint` if none is nearer than that.
     fn nearest(&self, point: DVec3, hint: Option<u32>) -> Option<(u32, f64)> {
         let mut nearest = hint.map(|face| (face, self.target(face).distance(point)));
         let mut least_sq = nearest.map_or(f64::INFINITY, |(_, distance)| distance * distance);
         self.tree.nearest_sq(point, least_sq, |face| {
+            if Bounds::around(self.triangle(face)).distance_sq(point) >= least_sq {
+                return f64::INFINITY;
+            }
             let distance = self.target(face).distance(point);
             if distance * distance < least_sq {
                 least_sq = distance * distance;
@@ -147,7 +165,7 @@ impl<'a> Surface<'a> {
     /// Finds for every part of a triangle one of the faces and how far the part is from it, at most, the face's base
     /// included. Returns false if that would be more than `most` for some part, or cannot be shown to be less.
     fn cover(&self, triangle: [DVec3; 3], most: f64, scratch: &mut Scratch, mut found: impl FnMut(u32, f64)) -> bool {
-        let Scratch { cutter, parts } = scratch;
+        let Scratch { cutter, parts, last } = scratch;
         cutter.points.clear();
         parts.clear();
         parts.push((Part::triangle(triangle.map(|corner| cutter.push(corner))), None));
@@ -162,7 +180,8 @@ impl<'a> Surface<'a> {
                 continue;
             }
             let middle = corners().sum::<DVec3>() / part.corners().len() as f64;
-            let Some((face, distance)) = self.nearest(middle, hint) else { return false };
+            let Some((face, distance)) = self.nearest(middle, hint.or(*last)) else { return false };
+            *last = Some(face);
             let target = self.target(face);
             let bound = bound_by(&target);
             if bound <= most && (bound <= farthest.max(distance * TIGHT) || made >= PARTS_MAX) {
@@ -186,5 +205,100 @@ impl<'a> Surface<'a> {
 #[derive(Default)]
 struct Scratch {
     cutter: Parts,
+    /// Parts that are still to be covered, each with the face that the part before it was near.
     parts: Vec<(Part, Option<u32>)>,
+    /// The face that was nearest to the part before.
+    last: Option<u32>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::chance::{mixed, unit};
+    use crate::mesh::cluster::samples;
+    use proptest::prelude::*;
+
+    /// A grid of so many cells a side whose vertices lie at heights up to `height`, all faces bounded by `bound`.
+    fn hills(cells: u32, height: f64, bound: f32, seed: u64) -> ClusterMesh {
+        let mut mesh = samples::grid(cells, 0.0);
+        for (i, position) in (0..).zip(&mut mesh.positions) {
+            position.z = height * unit(mixed(seed ^ i));
+        }
+        mesh.deviations.fill(bound);
+        mesh
+    }
+
+    /// The same square in faces of two cells a side.
+    fn coarser(cells: u32, bound: f32) -> ClusterMesh {
+        let mut mesh = hills(cells / 2, 0.0, bound, 0);
+        mesh.positions.iter_mut().for_each(|position| *position *= 2.0);
+        mesh
+    }
+
+    fn middles(mesh: &ClusterMesh) -> impl Iterator<Item = DVec3> + '_ {
+        (0..mesh.corners.len() as u32).map(|face| mesh.triangle(face).into_iter().sum::<DVec3>() / 3.0)
+    }
+
+    fn surface<'a>(mesh: &'a ClusterMesh, bases: Option<&'a [f32]>) -> Surface<'a> {
+        Surface::new(&mesh.positions, &mesh.corner_vertices, bases)
+    }
+
+    #[test]
+    fn moves_that_cancel_leave_the_bounds_of_the_first_faces() {
+        let first = hills(12, 0.5, 0.25, 7);
+        let mut now = first.clone();
+        now.deviations.fill(0.9);
+        assert!(Anchor::of(&first).tighten(&mut now, 1.0));
+        assert!(now.deviations.iter().all(|&bound| bound == 0.25), "{:?}", now.deviations);
+    }
+
+    #[test]
+    fn a_surface_that_left_the_bound_keeps_what_it_has() {
+        let first = hills(12, 0.5, 0.25, 7);
+        let mut now = first.clone();
+        now.positions.iter_mut().for_each(|position| position.z += 2.0);
+        now.deviations.fill(0.9);
+        assert!(!Anchor::of(&first).tighten(&mut now, 1.0));
+        assert!(now.deviations.iter().all(|&bound| bound == 0.9));
+        // Nothing is gained where bounds are small.
+        now.deviations.fill(0.5);
+        assert!(!Anchor::of(&first).tighten(&mut now, 1.0));
+    }
+
+    proptest! {
+        #[test]
+        fn bounds_are_no_less_than_distances_and_no_more_than_before(
+            height in 0.0..0.4, base in 0f32..0.2, seed in any::<u64>(),
+        ) {
+            let first = hills(16, height, base, seed);
+            let mut now = coarser(16, 0.9);
+            prop_assert!(Anchor::of(&first).tighten(&mut now, 1.0));
+            prop_assert!(now.deviations.iter().all(|&bound| (base..=0.9).contains(&bound)), "{:?}", now.deviations);
+            let bound_at = |face: u32| f64::from(now.deviations[face as usize]);
+            let to_first = surface(&first, Some(&first.deviations));
+            for (face, middle) in (0..).zip(middles(&now)) {
+                prop_assert!(to_first.nearest(middle, None).unwrap().1 <= bound_at(face) + 1e-9);
+            }
+            // A point of the input is near some face, within that face's bound.
+            for middle in middles(&first) {
+                let is_near = (0..now.corners.len() as u32).any(|face| {
+                    let target = Target { corners: now.triangle(face), base: f64::from(base) };
+                    target.distance(middle) <= bound_at(face) + 1e-9
+                });
+                prop_assert!(is_near);
+            }
+        }
+    }
+
+    #[test]
+    fn bounds_do_not_depend_on_the_threads() {
+        let first = hills(40, 0.3, 0.1, 3);
+        let bounds = [1, 3].map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let mut now = coarser(40, 0.9);
+            assert!(pool.install(|| Anchor::of(&first).tighten(&mut now, 1.0)));
+            now.deviations
+        });
+        assert_eq!(bounds[0], bounds[1]);
+    }
 }

@@ -118,7 +118,7 @@ impl Parts {
         let (a, b) = ends(longest);
         let middle = self.push(a.midpoint(b));
         // From the middle round to the corner opposite, and on from there.
-        let turn = (part.count - 1).div_ceil(2);
+        let turn = part.count.div_ceil(2);
         let mut halves = [Part::default(); 2];
         halves.iter_mut().for_each(|half| half.push(middle));
         for step in 1..=part.count {

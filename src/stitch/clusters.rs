@@ -15,6 +15,7 @@ use crate::os::mmap;
 use crate::partition::weight::ClusterWeight;
 use crate::partition::{Partition, cluster};
 use crate::remesh;
+use crate::simplify::Anchor;
 use crate::store::piece::PendingPiece;
 use crate::store::{StoredMesh, StoredPiece};
 
@@ -155,7 +156,8 @@ impl<M: Metric> Run<'_, M> {
     pub(super) fn cluster_bytes(&self, partition: &Partition, cluster: usize) -> u64 {
         let weigh =
             |weight: ClusterWeight| weight.bytes() + weight.vertices * M::VERTEX_BYTES + weight.wedges * M::WEDGE_BYTES;
-        partition.weight(cluster).map_or(PASS_BYTES, weigh)
+        let bytes = partition.weight(cluster).map_or(PASS_BYTES, weigh);
+        if self.bound().is_some() { Anchor::with_room(bytes) } else { bytes }
     }
 
     fn pass_through(

@@ -11,9 +11,12 @@ use crate::simplify::{Anchor, Engine, Stop};
 const BOUNDED_STAGE_KEEPS: f64 = 0.6;
 /// With a bounded error, stages end when one removes less than this share of the faces.
 const BOUNDED_STAGE_SHARE: f64 = 0.02;
-/// Deviations are found anew where no more than this share of the faces is left since the last time, and so often at most.
+/// Deviations are found anew where no more than this share of the first faces is left: above, they have hardly added up.
+const TIGHTENED_BELOW: f64 = 0.7;
+/// They are found anew at most this often,
+const TIGHTENED_TIMES: usize = 2;
+/// and once more only if the time before left no more than this share of the faces.
 const TIGHTENED_KEEPS: f64 = 0.9;
-const TIGHTENED_TIMES: usize = 4;
 
 /// How the clusters of a pass are told to stop.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -92,14 +95,14 @@ fn run_bounded<M: Metric>(engine: &mut Engine<M>, bounds: &[f64]) -> f32 {
     }
     engine.bound_deviation(last);
     highest = highest.max(run_stages(engine, BOUNDED_STAGE_SHARE));
-    let mut faces = first.face_count();
+    let mut most_left = first.face_count() as f64 * TIGHTENED_BELOW;
     for _ in 0..TIGHTENED_TIMES {
-        let left = engine.mesh.face_count;
-        if left as f64 > faces as f64 * TIGHTENED_KEEPS || !first.tighten(&mut engine.mesh, last) {
+        let left = engine.mesh.face_count as f64;
+        if left > most_left || !first.tighten(&mut engine.mesh, last) {
             break;
         }
         highest = highest.max(run_stages(engine, BOUNDED_STAGE_SHARE));
-        faces = left;
+        most_left = left * TIGHTENED_KEEPS;
     }
     highest
 }
