@@ -9,7 +9,7 @@ use crate::base::{Error, Result, bytes, json_path, quantity};
 use crate::cost::{Weights, classic, curvature, knob, oblique, sharpness, terrain, weights};
 use crate::job::Resume;
 use crate::remesh::cvd;
-use crate::stitch::{Cost, SeamPolicy};
+use crate::stitch::{Cost, SeamPolicy, schedule};
 use crate::write::Textures;
 
 /// How texture seams are simplified.
@@ -42,6 +42,16 @@ pub enum Weld {
     Exact,
     /// Merge nothing
     Off,
+}
+
+/// Whether the topology may change.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Topology {
+    /// Where that costs no more than another collapse: holes close, pieces vanish, non-manifold vertices collapse
+    Simplify,
+    /// It stays: no hole closes, no piece vanishes, non-manifold vertices stay where they are
+    Keep,
 }
 
 /// What happens to connected components that are smaller than the error.
@@ -193,6 +203,10 @@ pub struct SimplifyOptions {
     #[arg(long, value_enum, default_value_t = Pieces::Keep, value_name = "HOW", hide_short_help = true, help_heading = heading::INPUT)]
     pub pieces: Pieces,
 
+    /// Whether the surface keeps its holes, handles and pieces
+    #[arg(long, value_enum, default_value_t = Topology::Simplify, value_name = "HOW", hide_short_help = true, help_heading = heading::TARGET)]
+    pub topology: Topology,
+
     /// What to do with copies and back sides of faces
     #[arg(long, value_enum, default_value_t = Doubles::Keep, value_name = "HOW", hide_short_help = true, help_heading = heading::INPUT)]
     pub doubles: Doubles,
@@ -257,7 +271,7 @@ pub struct SimplifyOptions {
     #[arg(value_parser = quantity::parse_count)]
     pub cluster_faces: u64,
 
-    /// Passes over shifted clusters, 1 to 16; more follow while cluster borders still hold the target
+    /// Passes over shifted clusters, 1 to 16; more where the target is far below the input, or borders of clusters hold it
     #[arg(long, value_name = "COUNT", default_value_t = 3, help_heading = heading::JOB, hide_short_help = true)]
     #[arg(value_parser = quantity::parse_whole::<usize>)]
     pub passes: usize,
@@ -300,6 +314,7 @@ impl Default for SimplifyOptions {
             borders: Borders::Simplify,
             weld: Weld::Exact,
             pieces: Pieces::Keep,
+            topology: Topology::Simplify,
             doubles: Doubles::Keep,
             normals: Normals::Auto,
             seams: None,
@@ -379,6 +394,20 @@ impl SimplifyOptions {
     /// Whether a number of triangles is asked for, and not an error or a number of cells.
     pub fn has_target(&self) -> bool {
         self.ratio.is_some() || self.faces.is_some()
+    }
+
+    /// Whether the topology may change; the metrics of papers go by their own rules.
+    pub fn frees_topology(&self) -> bool {
+        self.topology == Topology::Simplify && matches!(self.metric, None | Some(Metric::Qem | Metric::QemAttributes))
+    }
+
+    /// Passes over an input with so many triangles: those asked for, or as many as a far target takes.
+    pub fn pass_count(&self, triangles: u64) -> usize {
+        if self.frees_topology() {
+            schedule::pass_count(self.passes, triangles, self.most_faces(triangles))
+        } else {
+            self.passes
+        }
     }
 
     /// Faces to keep of an input with so many triangles: at least one, or 0, as few as possible, with a bounded error only.

@@ -88,7 +88,6 @@ fn a_result_is_compared_in_the_names_that_the_page_promises() {
     assert_eq!(found["texture"]["folded_triangles"], 0);
     assert_eq!(found["topology"]["before"]["faces"], 18_218);
     assert_eq!(found["topology"]["after"]["non_manifold_edges"], 0);
-    assert_eq!(found["topology"]["before"]["euler"], found["topology"]["after"]["euler"]);
     // the report of the run that made it says the same
     assert_eq!(without_cost(report["comparison"].clone())["geometry"], found["geometry"]);
 }

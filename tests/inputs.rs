@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 
 use drystone::base::Silent;
 use drystone::measure::compare_checks;
-use drystone::options::{Doubles, Normals, Pieces, Seams, SimplifyOptions, TextureFiles, TexturesOutside};
+use drystone::options::{Doubles, Normals, Pieces, Seams, SimplifyOptions, TextureFiles, TexturesOutside, Topology};
 use drystone::pipeline;
 use drystone::report::Status;
 use drystone::scan::InputChoice;
@@ -335,7 +335,8 @@ fn doubled_faces_are_told_and_go_where_the_user_says_so() {
     for is_copy in [true, false] {
         let sketch = doubled_torus(is_copy);
         let faces = sketch.faces.len() as u64;
-        for options in [ratio(0.2), in_many_clusters(ratio(0.2))] {
+        let keep = || SimplifyOptions { topology: Topology::Keep, ..ratio(0.2) };
+        for options in [keep(), in_many_clusters(keep())] {
             let kept = simplify_text(&sketch.text(), &options);
             assert_eq!(kept.report.status, Status::TargetMissed);
             assert!(kept.report.repairs["doubled_faces"] > faces / 4);

@@ -4,7 +4,7 @@ mod meshes;
 
 use drystone::base::Silent;
 use drystone::job::{Manifest, Resume, WorkFolder};
-use drystone::measure::{Check, Surface, check, compare_checks, weld_and_check};
+use drystone::measure::{Check, Surface, check, compare_checks, compare_topology, weld_and_check};
 use drystone::options::{Metric, SimplifyOptions};
 use drystone::remesh::cvd;
 use drystone::scan::{ScanOptions, scan};
@@ -24,6 +24,7 @@ struct Choice {
     metric: Option<Metric>,
     max_error: Option<f64>,
     drop_pieces: bool,
+    frees_topology: bool,
     remesh: bool,
     cluster_faces: u64,
     passes: usize,
@@ -36,7 +37,7 @@ fn choices() -> impl Strategy<Value = Choice> {
     let published = [Metric::Oblique, Metric::Curvature, Metric::Terrain, Metric::Sharpness];
     let metric = prop::option::weighted(0.4, prop::sample::select(published.to_vec()));
     let max_error = prop::option::weighted(0.2, 0.0..2.0f64);
-    let what = (metric, max_error, any::<bool>(), prop::bool::weighted(0.2), prop::bool::weighted(0.2));
+    let what = (metric, max_error, any::<bool>(), prop::bool::weighted(0.2), prop::bool::weighted(0.2), any::<bool>());
     (0.0..1.0f64, seams, any::<bool>(), prop::bool::weighted(0.8), what, cluster_faces, 1usize..5, 1usize..4).prop_map(
         |(ratio, seams, lock_borders, weld, what, cluster_faces, passes, threads)| Choice {
             ratio: ratio * ratio,
@@ -48,6 +49,7 @@ fn choices() -> impl Strategy<Value = Choice> {
             has_uv_metric: what.2,
             // The command line refuses these with a bound.
             drop_pieces: what.3 && what.1.is_none(),
+            frees_topology: what.5,
             remesh: what.4 && what.1.is_none(),
             cluster_faces,
             passes,
@@ -186,6 +188,7 @@ fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
         max_error: choice.max_error,
         drop_pieces: choice.drop_pieces,
         drop_doubles: false,
+        frees_topology: choice.frees_topology,
         target: choice.max_error.map_or((scanned.triangles as f64 * choice.ratio).round() as u64, |_| 0),
         input: scanned.triangles,
         passes: choice.passes,
@@ -218,10 +221,13 @@ fn news(sketch: &Sketch, choice: &Choice) -> Result<(), TestCaseError> {
     let faulty = |check: &Check| check.inconsistent_edges + check.non_manifold_edges;
     prop_assert!(faulty(&now) <= faulty(&was), "{was:?} {now:?}");
     let mut news = compare_checks(&was, &now);
+    if !choice.frees_topology {
+        news.extend(compare_topology(&was, &now));
+    }
     news.retain(|regression| regression.what != "inconsistent edges");
     // Likewise two that lie on each other, and two whose texture triangles lie on one side of it: they are in one chart only
     // once nothing else meets there, and once they run against each other.
-    let became_sound = faulty(&now) < faulty(&was);
+    let became_sound = faulty(&now) < faulty(&was) || now.non_manifold_edges < was.non_manifold_edges;
     let shows = |what: &str| what == "folded edges" || what == "folded texture triangles";
     news.retain(|regression| !shows(regression.what) || !became_sound);
     // Copies that are kept apart may leave each other along a straight border.

@@ -11,7 +11,7 @@ use super::progress::stoppable;
 use super::stop::Goodbye;
 use crate::base::threads::make_pool;
 use crate::base::{Error, Progress, Result};
-use crate::measure::{Check, Regression, Surface, compare_checks, weld_and_check};
+use crate::measure::{Check, Regression, Surface, compare_checks, compare_topology, weld_and_check};
 use crate::os::durable::temporary_folder;
 use crate::os::signals::StopSignal;
 use crate::scan::{ScanOptions, find_inputs, scan};
@@ -105,6 +105,9 @@ fn table(after: &Check, before: Option<&Check>, news: &[Regression]) -> String {
     }
     for regression in news {
         let _ = writeln!(text, "new: {regression}");
+    }
+    for change in before.map_or_else(Vec::new, |before| compare_topology(before, after)) {
+        let _ = writeln!(text, "changed: {change}");
     }
     if before.is_some() && news.is_empty() {
         text.push_str("no fault is new\n");

@@ -77,7 +77,7 @@ impl JobShare {
         let Self { options, threads, bytes, .. } = &*self;
         let target = options.most_faces(triangles);
         let sizes = Sizes::of(triangles, triangles / 2, options);
-        let found = passes::forecast(&sizes, options.passes);
+        let found = passes::forecast(&sizes, options.pass_count(triangles));
         let upto = |count: usize| time::forecast(*bytes, &found[..count], target, *threads);
         let each = |count: usize| {
             let (before, after) = (upto(count), upto(count + 1));

@@ -120,7 +120,7 @@ pub trait Metric: Sized {
     #[inline]
     fn rule(&self, from: Class, to: Class, kind: EdgeKind) -> Rule {
         let leads_on = Self::CORNERS_VANISH && fits_corner(from, kind);
-        if fits(from, kind) || leads_on { from.rule(to) } else { Rule::Never }
+        if fits(from, kind) || leads_on || from == Class::Complex { from.rule(to) } else { Rule::Never }
     }
 
     /// The metric's own texture coordinate for each wedge pair of a collapse to `position`, in `out`; false to take those

@@ -394,7 +394,7 @@ impl ObliqueCost {
         let alpha = |class: &Class| match class {
             Class::Smooth | Class::Border => smooth,
             Class::Seam | Class::BorderSeam => seam,
-            Class::Corner | Class::BorderCorner | Class::Fixed => corner,
+            Class::Corner | Class::BorderCorner | Class::Complex | Class::Fixed => corner,
         };
         self.alphas = classes.iter().map(|class| alpha(class) as f32).collect();
         self.places.resize(mesh.positions.len(), Place::default());

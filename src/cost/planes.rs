@@ -68,7 +68,7 @@ pub fn each_chain_edge(
     for k in 0..3 {
         let (a, b) = (vertices[k], vertices[(k + 1) % 3]);
         let ends = [classes[a as usize], classes[b as usize]];
-        if ends.contains(&Class::Smooth) || ends == [Class::Fixed; 2] {
+        if ends.contains(&Class::Smooth) || ends.iter().all(|end| matches!(end, Class::Complex | Class::Fixed)) {
             continue;
         }
         match edge_kind(mesh, rings, a, b) {

@@ -156,7 +156,7 @@ impl Metric for SharpnessCost {
             let share = if self.settings.has_texture { share.min(self.settings.cap) } else { 0.0 };
             *quadric = quadric.scaled(libm::pow(BASE, sigma + share));
         }
-        let is_complex = |(vertex, class): (usize, &Class)| *class == Class::Fixed && !mesh.is_shared(vertex as u32);
+        let is_complex = |(vertex, class): (usize, &Class)| *class == Class::Complex && !mesh.is_shared(vertex as u32);
         self.complex = classes.iter().enumerate().map(is_complex).collect();
     }
 

@@ -23,5 +23,5 @@ pub mod surface;
 pub mod tjunction;
 
 pub use border::{BorderDeviation, border_deviation, border_of};
-pub use check::{Check, Regression, check, compare_checks, weld_and_check};
+pub use check::{Check, Regression, check, compare_checks, compare_topology, weld_and_check};
 pub use surface::{NO_MATERIAL, Surface};

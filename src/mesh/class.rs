@@ -33,7 +33,9 @@ pub enum Class {
     BorderSeam,
     /// On an open border, where several seams end.
     BorderCorner,
-    /// At a non-manifold place, or of too high a valence to be handled.
+    /// At a non-manifold place: an edge of three faces or more, or fans that meet in a point.
+    Complex,
+    /// Of too high a valence to be handled, without faces, or used by other clusters.
     Fixed,
 }
 
@@ -57,13 +59,14 @@ pub const VALENCE_MAX: usize = 128;
 
 impl Class {
     /// All classes, in the order of the table.
-    pub const ALL: [Class; 7] = [
+    pub const ALL: [Class; 8] = [
         Class::Smooth,
         Class::Seam,
         Class::Corner,
         Class::Border,
         Class::BorderSeam,
         Class::BorderCorner,
+        Class::Complex,
         Class::Fixed,
     ];
 
@@ -87,17 +90,18 @@ impl Class {
 }
 
 /// Rows: the vertex that vanishes. Columns: the vertex that stays.
-const RULES: [[Rule; 7]; 7] = {
+const RULES: [[Rule; 8]; 8] = {
     use Rule::{Chain, ChainOnto as Along, Free, Never, Onto};
     [
-        // Smooth Seam   Corner Border BSeam  BCorner Fixed
-        [Free, Onto, Onto, Onto, Onto, Onto, Onto],        // Smooth
-        [Never, Chain, Along, Never, Along, Along, Along], // Seam
-        [Never, Along, Along, Never, Along, Along, Along], // Corner
-        [Never, Never, Never, Chain, Along, Along, Along], // Border
-        [Never, Never, Never, Along, Along, Along, Along], // BorderSeam
-        [Never, Never, Never, Along, Along, Along, Along], // BorderCorner
-        [Never, Never, Never, Never, Never, Never, Never], // Fixed
+        // Smooth Seam   Corner Border BSeam  BCorner Complex Fixed
+        [Free, Onto, Onto, Onto, Onto, Onto, Onto, Onto], // Smooth
+        [Never, Chain, Along, Never, Along, Along, Along, Along], // Seam
+        [Never, Along, Along, Never, Along, Along, Along, Along], // Corner
+        [Never, Never, Never, Chain, Along, Along, Along, Along], // Border
+        [Never, Never, Never, Along, Along, Along, Along, Along], // BorderSeam
+        [Never, Never, Never, Along, Along, Along, Along, Along], // BorderCorner
+        [Onto, Onto, Onto, Onto, Onto, Onto, Onto, Onto], // Complex
+        [Never, Never, Never, Never, Never, Never, Never, Never], // Fixed
     ]
 };
 
@@ -192,11 +196,11 @@ impl Fan {
             if begin_alike > 1 || end_alike > 1 {
                 self.shows_back |= begin_alike == 2 && find(&self.ends, spoke.next) < ONE
                     || end_alike == 2 && find(&self.begins, spoke.previous) < ONE;
-                return Class::Fixed;
+                return Class::Complex;
             }
             if find(&self.ends, spoke.next) < ONE {
                 if start.is_some() {
-                    return Class::Fixed;
+                    return Class::Complex;
                 }
                 start = Some(i);
             }
@@ -217,7 +221,7 @@ impl Fan {
             visited += 1;
         }
         if visited != spokes.len() {
-            return Class::Fixed;
+            return Class::Complex;
         }
         match (is_open, seams, changes) {
             (false, 0, _) => Class::Smooth,
@@ -283,7 +287,9 @@ mod tests {
             let expected = match to {
                 Class::Seam => Rule::Chain,
                 Class::Smooth | Class::Border => Rule::Never,
-                Class::Corner | Class::BorderSeam | Class::BorderCorner | Class::Fixed => Rule::ChainOnto,
+                Class::Corner | Class::BorderSeam | Class::BorderCorner | Class::Complex | Class::Fixed => {
+                    Rule::ChainOnto
+                }
             };
             assert_eq!(Class::Seam.rule(to), expected, "{to:?}");
         }
@@ -295,10 +301,15 @@ mod tests {
             let expected = match to {
                 Class::Border => Rule::Chain,
                 Class::Smooth | Class::Seam | Class::Corner => Rule::Never,
-                Class::BorderSeam | Class::BorderCorner | Class::Fixed => Rule::ChainOnto,
+                Class::BorderSeam | Class::BorderCorner | Class::Complex | Class::Fixed => Rule::ChainOnto,
             };
             assert_eq!(Class::Border.rule(to), expected, "{to:?}");
         }
+    }
+
+    #[test]
+    fn a_complex_vertex_may_go_anywhere() {
+        assert!(Class::ALL.into_iter().all(|to| Class::Complex.rule(to) == Rule::Onto));
     }
 
     #[test]
@@ -356,14 +367,14 @@ mod tests {
     //    \|/        three faces on one edge
     //     |
     #[test]
-    fn both_ends_of_a_non_manifold_edge_are_fixed_and_nothing_else() {
+    fn both_ends_of_a_non_manifold_edge_are_complex_and_nothing_else() {
         let mut mesh = samples::grid(4, 0.0);
         let top = mesh.push_vertex(glam::DVec3::new(1.5, 1.5, 1.0), 0);
         let wedge = mesh.push_wedge(top, glam::DVec2::ZERO);
         mesh.push_face([6, 7, wedge], 0);
         mesh.link_wedges();
         let classes = classes_of(&mesh);
-        let fixed: Vec<_> = (0..26).filter(|&v| classes[v] == Class::Fixed).collect();
+        let fixed: Vec<_> = (0..26).filter(|&v| classes[v] == Class::Complex).collect();
         assert_eq!(fixed, [6, 7]);
     }
 
@@ -381,7 +392,7 @@ mod tests {
 
     //  two triangles that share only a vertex
     #[test]
-    fn a_bow_tie_vertex_is_fixed() {
+    fn a_bow_tie_vertex_is_complex() {
         let mut mesh = ClusterMesh::default();
         for p in [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]] {
             let v = mesh.push_vertex(glam::DVec3::new(p[0], p[1], 0.0), 0);
@@ -390,7 +401,7 @@ mod tests {
         mesh.push_face([0, 1, 2], 0);
         mesh.push_face([0, 3, 4], 0);
         mesh.link_wedges();
-        assert_eq!(classes_of(&mesh)[0], Class::Fixed);
+        assert_eq!(classes_of(&mesh)[0], Class::Complex);
         assert_eq!(classes_of(&mesh)[1], Class::Border);
     }
 
@@ -447,11 +458,14 @@ mod tests {
                     let [one, other] = [group[before], group[after]];
                     group.iter_mut().filter(|group| **group == one).for_each(|group| *group = other);
                 }
-                _ => return Class::Fixed,
+                _ => return Class::Complex,
             }
         }
-        if faces.is_empty() || group.iter().any(|&other| other != group[0]) {
+        if faces.is_empty() {
             return Class::Fixed;
+        }
+        if group.iter().any(|&other| other != group[0]) {
+            return Class::Complex;
         }
         match (ends, seams, changes) {
             (0, 0, _) => Class::Smooth,

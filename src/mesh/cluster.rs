@@ -66,6 +66,9 @@ pub struct ClusterMesh {
     pub deviations: Vec<f32>,
     /// Whether each face was turned over by [`orient`](super::orient).
     pub is_turned: Vec<bool>,
+    /// The vertex that each of the last ones is a copy of, which is no copy itself.
+    #[serde(skip)]
+    pub copied_from: Vec<u32>,
     /// Number of faces that are not dead.
     pub face_count: usize,
 }

@@ -341,7 +341,7 @@ impl ClusterSource {
         let colours = match &partition.numbering.colours {
             Some(colours) => {
                 let mut own = gather(colours, &own_ids)?;
-                own.extend(self.colours_on_edges(colours, &used[loaded..])?);
+                own.extend(self.colours_on_edges(simplified, colours, &used[loaded..])?);
                 Some(own)
             }
             None => None,
@@ -390,8 +390,22 @@ impl ClusterSource {
     }
 
     /// Colours of vertices that were put into edges, between those of the ends; an end without colour has no say.
-    fn colours_on_edges(&self, colours: &Segment<[f32; 3]>, vertices: &[u32]) -> Result<Vec<[f32; 3]>> {
-        let point_of = |&v: &u32| self.points[v as usize - self.vertex_ids.len()];
+    fn colours_on_edges(
+        &self,
+        simplified: &ClusterMesh,
+        colours: &Segment<[f32; 3]>,
+        vertices: &[u32],
+    ) -> Result<Vec<[f32; 3]>> {
+        // Behind the vertices that were loaded come those that were put into edges, then copies of either.
+        let origin_of = |v: u32| match (v as usize).checked_sub(self.vertex_ids.len() + self.points.len()) {
+            Some(copy) => simplified.copied_from[copy],
+            None => v,
+        };
+        let point_of = |&v: &u32| {
+            let origin = origin_of(v);
+            let point = (origin as usize).checked_sub(self.vertex_ids.len()).map(|point| self.points[point]);
+            point.unwrap_or(EdgePoint { ends: [origin; 2], share: 0.0 })
+        };
         let end_id = |end: u32| self.vertex_ids[end as usize];
         let mut ids: Vec<u32> = vertices.iter().flat_map(|v| point_of(v).ends.map(end_id)).collect();
         ids.sort_unstable();

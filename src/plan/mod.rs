@@ -92,7 +92,7 @@ pub fn plan(input: impl Into<InputChoice>, options: &SimplifyOptions, progress: 
     let counts = scan::count(&inputs, threads, progress)?;
     let target = options.most_faces(counts.triangles);
     let sizes = Sizes::of(counts.triangles, counts.vertices, options);
-    let passes = passes::forecast(&sizes, options.passes);
+    let passes = passes::forecast(&sizes, options.pass_count(counts.triangles));
     let folder = scratch::existing_folder(options.work.as_deref().unwrap_or(Path::new(".")));
     Ok(Plan {
         input: InputFigures {
@@ -109,7 +109,7 @@ pub fn plan(input: impl Into<InputChoice>, options: &SimplifyOptions, progress: 
         memory: memory::forecast(&sizes, budget, threads),
         budget: budget.bytes,
         scratch: ScratchFigures {
-            bytes: scratch::forecast(&counts, &sizes, options.passes, budget),
+            bytes: scratch::forecast(&counts, &sizes, options.pass_count(counts.triangles), budget),
             free: system::free_disk_bytes(&folder).ok(),
             folder,
         },

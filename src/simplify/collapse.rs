@@ -43,6 +43,11 @@ pub struct Collapser {
 }
 
 impl Collapser {
+    /// Vertices around which the last collapse changed more than a plain one does, so that their classes may be others.
+    pub fn unsettled(&self) -> &[u32] {
+        &self.star.unsettled
+    }
+
     /// Prepares for a mesh.
     pub fn reset(&mut self, mesh: &ClusterMesh) {
         self.star.reset(mesh.positions.len());
@@ -131,6 +136,11 @@ impl Collapser {
                 self.patches.push_new(triangle);
                 self.changed.push(face);
             }
+        }
+        // Where the topology changes, faces may vanish that only the staying vertex has.
+        let at_to = |&&face: &&u32| !mesh.vertices(face).contains(&collapse.from);
+        for &face in self.star.dying.iter().filter(at_to) {
+            self.patches.push_old(mesh.triangle(face), mesh.deviations[face as usize]);
         }
         for (&face, bound) in self.changed.iter().zip(self.patches.bound(most)?) {
             mesh.deviations[face as usize] = bound;

@@ -52,6 +52,9 @@ impl Patches {
     /// If one exceeds `most`.
     pub fn bound(&mut self, most: f64) -> Result<impl Iterator<Item = f32> + '_, Refusal> {
         let Self { old, new, bounds, cover } = self;
+        if new.is_empty() {
+            return Err(Refusal::Deviation);
+        }
         bounds.clear();
         bounds.resize(new.len(), 0.0);
         cover.aim_at(new);

@@ -12,8 +12,10 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use super::collapse::{Collapse, Collapser};
+use super::handles;
 use super::legality::{Fan, Refusal};
-use super::proposal::{EdgeAt, Proposal, chain_edges_at};
+use super::loners::Loners;
+use super::proposal::{EdgeAt, Proposal, all_edges_at, chain_edges_at};
 use super::settle::Settler;
 use super::stage::{Milestone, StageResult, Stop};
 use super::texture::insets;
@@ -36,6 +38,11 @@ const COST_SPREAD: f32 = 4.0;
 /// A stage that stops on a cost ends when a round over all its candidates removes less than this share of the faces.
 const LAST_SHARE: f64 = 0.0005;
 
+/// A handle is cut where an edge of it may have a squared length of this share of the root of what a collapse may cost.
+const HANDLE_SHARE: f64 = 2.0;
+/// Where nothing else is left, handles whose edges have up to this many times the least squared length are cut at once.
+const HANDLES_SQ: f64 = 4.0;
+
 /// Simplifies one cluster.
 #[derive(Debug)]
 pub struct Engine<M> {
@@ -55,6 +62,11 @@ pub struct Engine<M> {
     collapser: Collapser,
     settler: Settler,
     witnesses: Witnesses,
+    loners: Loners,
+    /// Cost of the dearest collapse so far.
+    last_cost: f32,
+    /// Handles that were cut.
+    pub handle_count: u64,
     /// Round in which a vertex took part in a collapse.
     touched: Vec<u32>,
     /// Round in which a face around a vertex changed, doubled; and one more if all its edges were then judged anew.
@@ -91,6 +103,8 @@ pub struct Engine<M> {
     pub lock_seams: bool,
     /// Whether border vertices are locked.
     pub lock_borders: bool,
+    /// Whether the topology may change where that is cheap: holes close, pieces vanish, complex vertices collapse.
+    pub frees_topology: bool,
 }
 
 impl<M: Metric> Engine<M> {
@@ -108,6 +122,9 @@ impl<M: Metric> Engine<M> {
             collapser: Collapser::default(),
             settler: Settler::default(),
             witnesses: Witnesses::default(),
+            loners: Loners::default(),
+            last_cost: 0.0,
+            handle_count: 0,
             touched: Vec::new(),
             stirred: Vec::new(),
             survivors: Vec::new(),
@@ -129,6 +146,7 @@ impl<M: Metric> Engine<M> {
             log: None,
             lock_seams: false,
             lock_borders: false,
+            frees_topology: false,
         }
     }
 
@@ -147,11 +165,48 @@ impl<M: Metric> Engine<M> {
         free.map(|v| if self.classes[v as usize].is_border() { 1 } else { 2 }).sum()
     }
 
-    /// Runs one stage.
+    /// Runs one stage. Where the topology may change and a number of faces cannot be reached otherwise, handles are cut
+    /// on the way.
     pub fn run(&mut self, stop: Stop) -> StageResult {
+        let mut result = self.run_once(stop);
+        while matches!(stop, Stop::Faces(_)) && !result.reached && self.cut_handles(f64::INFINITY) {
+            let again = self.run_once(stop);
+            result = StageResult { cost: result.cost.max(again.cost), ..again };
+        }
+        result
+    }
+
+    /// Cuts handles up to a length, or those about as long as the shortest; returns whether there were any.
+    fn cut_handles(&mut self, most_sq: f64) -> bool {
+        if !self.frees_topology || self.collapser.deviation_max.is_some() {
+            return false;
+        }
+        self.prepare();
+        let mut handles = handles::find(&self.mesh, &self.rings, &self.classes, most_sq);
+        if most_sq.is_infinite()
+            && let Some(shortest_sq) = handles.first().map(|handle| handle.length_sq)
+        {
+            handles.retain(|handle| handle.length_sq <= HANDLES_SQ * shortest_sq);
+        }
+        let changed = handles::cut(&mut self.mesh, &self.rings, &handles);
+        self.handle_count += changed.len() as u64 / 3;
+        changed.iter().for_each(|&vertex| self.classes[vertex as usize] = Class::Complex);
+        self.classes.resize(self.mesh.positions.len(), Class::Complex);
+        (self.is_tidy, self.is_classified) = (changed.is_empty(), changed.is_empty());
+        !changed.is_empty()
+    }
+
+    fn run_once(&mut self, stop: Stop) -> StageResult {
         let mut result = StageResult::default();
         if self.is_done(stop) {
             return StageResult { reached: true, ..result };
+        }
+        let cost = match stop {
+            Stop::Cost(cost, _) if cost < f32::MAX => cost,
+            _ => self.last_cost,
+        };
+        if cost > 0.0 {
+            self.cut_handles(HANDLE_SHARE * f64::from(cost).sqrt());
         }
         self.prepare();
         self.cost.refresh(&self.mesh, &self.rings, &self.classes);
@@ -186,6 +241,7 @@ impl<M: Metric> Engine<M> {
             self.rejudge();
         }
         result.reached |= matches!(stop, Stop::Cost(..));
+        self.last_cost = self.last_cost.max(result.cost);
         (self.is_tidy, self.is_classified) = (false, false);
         self.tidy();
         if M::ENDPOINTS {
@@ -263,8 +319,18 @@ impl<M: Metric> Engine<M> {
                 Class::Seam | Class::Corner => self.lock_seams,
                 Class::BorderSeam | Class::BorderCorner => self.lock_seams || self.lock_borders,
                 Class::Border => self.lock_borders,
+                Class::Complex => {
+                    !self.frees_topology || self.lock_borders || (self.lock_seams && self.has_seams(vertex))
+                }
                 Class::Fixed => true,
             }
+    }
+
+    /// Whether faces around a vertex have several wedges of it.
+    fn has_seams(&self, vertex: u32) -> bool {
+        let mut wedges = self.rings.of(vertex).iter().filter_map(|&corner| self.mesh.living(corner));
+        let first = wedges.next();
+        wedges.any(|wedge| Some(wedge) != first)
     }
 
     fn may_vanish(&self, vertex: u32) -> bool {
@@ -304,12 +370,19 @@ impl<M: Metric> Engine<M> {
             if !self.may_vanish(vertex) {
                 continue;
             }
-            if self.is_alone(vertex) {
+            if !self.frees_topology && self.is_alone(vertex) {
                 self.refusals[Refusal::Piece as usize] += 1;
                 continue;
             }
             self.candidates.push(vertex);
-            self.judge(vertex, None);
+        }
+        if self.frees_topology {
+            let alone = self.candidates.iter().copied().filter(|&vertex| self.is_alone(vertex));
+            let faces = alone.map(|vertex| (vertex, self.rings.of(vertex)[0] / 3)).collect();
+            self.loners.price(&self.mesh, faces);
+        }
+        for i in 0..self.candidates.len() {
+            self.judge(self.candidates[i], None);
         }
     }
 
@@ -328,7 +401,13 @@ impl<M: Metric> Engine<M> {
                 *best = Proposal { second_best: after.is_some(), ..proposal };
             }
         };
-        if self.classes[vertex as usize] == Class::Smooth {
+        if let Some(price) = self.loners.price_of(vertex) {
+            let living = self.rings.of(vertex).iter().find(|&&corner| self.mesh.living(corner).is_some());
+            if let Some(&corner) = living {
+                let to = self.mesh.vertex_of(ClusterMesh::following(corner)[0]);
+                take(&mut best, Proposal::onto(to, price));
+            }
+        } else if self.classes[vertex as usize] == Class::Smooth {
             // One closed fan and one wedge: each face has the edge that leads on from it.
             if !self.mesh.is_locked(vertex) && M::ENDPOINTS {
                 self.propose_onto_all(vertex, |proposal| take(&mut best, proposal));
@@ -337,6 +416,12 @@ impl<M: Metric> Engine<M> {
                     take(&mut best, self.propose(vertex, &edge));
                 }
             }
+        } else if self.classes[vertex as usize] == Class::Complex && self.may_vanish(vertex) {
+            let mut spokes = std::mem::take(&mut self.spokes);
+            all_edges_at(&self.mesh, &self.rings, vertex, &mut spokes, |edge| {
+                take(&mut best, self.propose(vertex, edge));
+            });
+            self.spokes = spokes;
         } else if self.may_vanish(vertex) {
             let mut spokes = std::mem::take(&mut self.spokes);
             let is_on_border = self.classes[vertex as usize].is_border();
@@ -380,7 +465,8 @@ impl<M: Metric> Engine<M> {
     #[inline(always)]
     fn propose(&self, from: u32, edge: &EdgeAt) -> Proposal {
         let (to, kind) = (edge.other, edge.kind());
-        let rule = if edge.face_count <= 2 { self.rule(from, to, kind) } else { Rule::Never };
+        let is_plain = edge.face_count <= 2 || self.classes[from as usize] == Class::Complex;
+        let rule = if is_plain { self.rule(from, to, kind) } else { Rule::Never };
         // An edge whose ends meet in between costs the same from both: the lower one proposes it, if both may.
         let meets = |rule| matches!(rule, Rule::Free | Rule::Chain);
         if rule == Rule::Never || (meets(rule) && to < from && meets(self.rule(to, from, kind))) {
@@ -455,7 +541,14 @@ impl<M: Metric> Engine<M> {
             return true;
         }
         let class = self.classes[from as usize];
-        let fan = Fan { closed: class == Class::Smooth, strands: M::CORNERS_VANISH && class.is_corner() };
+        let is_complex = class == Class::Complex;
+        let fan = Fan {
+            closed: class == Class::Smooth,
+            strands: M::CORNERS_VANISH && (class.is_corner() || is_complex),
+            is_complex,
+            is_alone: self.loners.price_of(from).is_some(),
+            is_free: self.frees_topology,
+        };
         let inset = self.inset(to, chain);
         // NOTE: the metrics of papers judge collapses by their own rules alone.
         let price = if M::ENDPOINTS { f64::from(cost) } else { f64::INFINITY };
@@ -467,6 +560,12 @@ impl<M: Metric> Engine<M> {
                 self.rings.join(&self.mesh, from, to);
                 self.survivors.push(to);
                 self.joined[to as usize] = true;
+                for &vertex in self.collapser.unsettled() {
+                    let class = &mut self.classes[vertex as usize];
+                    if *class != Class::Fixed {
+                        *class = Class::Complex;
+                    }
+                }
                 // Where it went is kept for the witnesses.
                 self.proposals[from as usize].cost = f32::INFINITY;
                 result.cost = result.cost.max(cost);
@@ -497,8 +596,11 @@ impl<M: Metric> Engine<M> {
 
     /// Adds what this stage moved to the estimate of the error.
     fn measure_stage(&mut self) {
+        // A vertex may also be without faces since its piece has vanished.
         let went_to = |vertex: u32| {
-            self.rings.of(vertex).is_empty().then(|| self.proposals[vertex as usize].to).filter(|&to| to != u32::MAX)
+            let proposal = &self.proposals[vertex as usize];
+            let went = self.rings.of(vertex).is_empty() && proposal.cost == f32::INFINITY && proposal.to != u32::MAX;
+            went.then_some(proposal.to)
         };
         self.squared_error += self.witnesses.mean_sq(&self.mesh, &self.rings, went_to);
     }

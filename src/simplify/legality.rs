@@ -59,6 +59,12 @@ pub struct Fan {
     pub closed: bool,
     /// Wedges of the vertex may be left without counterpart.
     pub strands: bool,
+    /// It is at a non-manifold place.
+    pub is_complex: bool,
+    /// It belongs to a face that hangs on no other, and that may vanish.
+    pub is_alone: bool,
+    /// The topology may change.
+    pub is_free: bool,
 }
 
 /// The vertices around a vertex with one closed fan of at least four faces, and not too many.
@@ -79,6 +85,42 @@ impl Ring {
     }
 }
 
+/// A vertex beside an edge, with how many faces join it to the ends.
+#[derive(Debug, Clone, Copy)]
+struct Neighbour {
+    vertex: u32,
+    /// To the vanishing end and to the staying one.
+    before: [u32; 2],
+    /// To the staying one, when the other has vanished.
+    after: u32,
+    /// In how many of these it comes right after the staying end.
+    after_ahead: u32,
+}
+
+impl Neighbour {
+    /// Whether the edge has no more faces than before, or than two; two that meet there now run along it in opposite
+    /// directions.
+    fn is_plain(&self) -> bool {
+        let [at_from, at_to] = self.before;
+        let is_joined = at_from > 0 && at_to > 0 && self.after == 2;
+        self.after <= at_from.max(at_to).max(2) && (!is_joined || self.after_ahead == 1)
+    }
+}
+
+fn neighbour_of(neighbours: &mut Vec<Neighbour>, vertex: u32) -> &mut Neighbour {
+    let at = neighbours.iter().position(|known| known.vertex == vertex).unwrap_or_else(|| {
+        neighbours.push(Neighbour { vertex, before: [0; 2], after: 0, after_ahead: 0 });
+        neighbours.len() - 1
+    });
+    &mut neighbours[at]
+}
+
+/// Whether a face has the first of two vertices right after the second: it looks the other way than one that has them in
+/// order.
+fn goes_back(face: [u32; 3], [first, second]: [u32; 2]) -> bool {
+    (0..3).any(|k| face[k] == second && face[(k + 1) % 3] == first)
+}
+
 /// What a collapse does to the faces around its edge; scratch space is kept between edges.
 #[derive(Debug, Default)]
 pub struct EdgeStar {
@@ -88,6 +130,10 @@ pub struct EdgeStar {
     pub wedges: Vec<(u32, u32)>,
     /// Wedges of the vanishing vertex that no edge face has, in living faces.
     pub stranded: Vec<u32>,
+    /// Vertices whose classes may be others afterwards, where the topology changes.
+    pub unsettled: Vec<u32>,
+    /// Neighbours of the ends, where the topology changes.
+    neighbours: Vec<Neighbour>,
     /// Both ends of the edge.
     ends: [u32; 2],
     opposite: Vec<u32>,
@@ -110,6 +156,7 @@ impl EdgeStar {
         self.wedges.clear();
         self.opposite.clear();
         self.stranded.clear();
+        self.unsettled.clear();
         self.ends = [from, to];
         for &corner in rings.of(from) {
             let Some(wedge) = mesh.living(corner) else { continue };
@@ -134,7 +181,118 @@ impl EdgeStar {
         rings: &Rings,
         from: u32,
         to: u32,
-        Fan { closed, strands }: Fan,
+        fan: Fan,
+    ) -> Result<(), Refusal> {
+        match self.check_link(mesh, rings, from, to, fan) {
+            Err(Refusal::Topology | Refusal::Piece) if fan.is_free => self.check_edges(mesh, rings, from, to, fan),
+            Ok(()) if fan.is_complex => {
+                self.unsettled.push(to);
+                Ok(())
+            }
+            checked => checked,
+        }
+    }
+
+    /// The same where the topology may change: no edge has more faces afterwards than before, or than two; of faces with
+    /// the same vertices one stays, or none if they look opposite ways and close nothing any more.
+    ///
+    /// ```text
+    ///      x           x         the hole between a, b and x closes: ax and bx become one edge of two faces;
+    ///     / \          |         if they had two faces each, it would have four
+    ///    a---b   ──▶   b
+    /// ```
+    fn check_edges(&mut self, mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32, fan: Fan) -> Result<(), Refusal> {
+        let is_hub = |v: u32| rings.faces(mesh, v).nth(2 * VALENCE_MAX).is_some();
+        if self.dying.is_empty() || is_hub(to) || mesh.is_shared(to) {
+            return Err(Refusal::Topology);
+        }
+        self.stranded.clear();
+        self.unsettled.clear();
+        self.neighbours.clear();
+        let at_edge = self.dying.len();
+        for end in [from, to] {
+            for &corner in rings.of(end).iter().filter(|&&corner| mesh.living(corner).is_some()) {
+                let is_dying = self.dying[..at_edge].contains(&(corner / 3));
+                let far = ClusterMesh::following(corner).map(|c| mesh.vertex_of(c));
+                for (place, vertex) in far.into_iter().enumerate().filter(|(_, v)| !self.ends.contains(v)) {
+                    let neighbour = neighbour_of(&mut self.neighbours, vertex);
+                    neighbour.before[usize::from(end == to)] += 1;
+                    neighbour.after += u32::from(!is_dying);
+                    neighbour.after_ahead += u32::from(!is_dying && place == 0);
+                }
+            }
+        }
+        let mut last_double = None;
+        let mut stays = false;
+        for &corner in rings.of(from) {
+            let Some(wedge) = mesh.living(corner) else { continue };
+            let face = corner / 3;
+            if self.dying[..at_edge].contains(&face) {
+                continue;
+            }
+            let far = ClusterMesh::following(corner).map(|c| mesh.vertex_of(c));
+            let is_double = |&other: &u32| {
+                !self.dying.contains(&other) && far.iter().all(|vertex| mesh.vertices(other).contains(vertex))
+            };
+            if let Some(other) = rings.faces(mesh, to).find(is_double) {
+                self.dying.push(face);
+                let goes_back = goes_back(mesh.vertices(other), far);
+                if goes_back {
+                    self.dying.push(other);
+                    last_double = Some(other);
+                }
+                for (place, &vertex) in far.iter().enumerate() {
+                    let neighbour = neighbour_of(&mut self.neighbours, vertex);
+                    neighbour.after -= 1 + u32::from(goes_back);
+                    neighbour.after_ahead -= u32::from(place == 0 || goes_back);
+                }
+                continue;
+            }
+            stays = true;
+            match self.wedges.iter().filter(|pair| pair.0 == wedge).count() {
+                1 => {}
+                0 if fan.strands => {
+                    if !self.stranded.contains(&wedge) {
+                        self.stranded.push(wedge);
+                    }
+                }
+                _ => return Err(Refusal::Seam),
+            }
+        }
+        stays |= rings.faces(mesh, to).any(|face| !self.dying.contains(&face));
+        // Of the two sides of all that is left of a piece one stays.
+        if let Some(double) = last_double.filter(|_| !stays) {
+            self.dying.retain(|&face| face != double);
+            for neighbour in &mut self.neighbours {
+                (neighbour.after, neighbour.after_ahead) = (neighbour.after + 1, 1);
+            }
+            stays = true;
+        }
+        if !self.neighbours.iter().all(Neighbour::is_plain) {
+            return Err(Refusal::Topology);
+        }
+        if !stays && !fan.is_alone {
+            return Err(Refusal::Piece);
+        }
+        // Across the edges that become one, faces meet that did not.
+        let joined = self.neighbours.iter().filter(|neighbour| neighbour.before.iter().all(|&count| count > 0));
+        for vertex in joined.map(|neighbour| neighbour.vertex) {
+            if !self.opposite.contains(&vertex) {
+                self.opposite.push(vertex);
+            }
+        }
+        self.unsettled.push(to);
+        self.unsettled.extend(self.neighbours.iter().map(|neighbour| neighbour.vertex));
+        Ok(())
+    }
+
+    fn check_link(
+        &mut self,
+        mesh: &ClusterMesh,
+        rings: &Rings,
+        from: u32,
+        to: u32,
+        Fan { closed, strands, .. }: Fan,
     ) -> Result<(), Refusal> {
         // Counted no further than that: a hub is asked again and again.
         let is_hub =

@@ -70,7 +70,10 @@ impl EdgeAt {
     fn among(spokes: &[Spoke], other: u32) -> Self {
         let mut edge = Self { other, wedges: [(0, 0); 2], face_count: 0 };
         for wedges in spokes.iter().filter_map(|spoke| spoke.edge_to(other)) {
-            edge.wedges[usize::from(edge.face_count > 0)] = wedges;
+            // Of more than two faces, one whose wedges are others is the second.
+            if edge.face_count < 2 || edge.wedges[0] == edge.wedges[1] {
+                edge.wedges[usize::from(edge.face_count > 0)] = wedges;
+            }
             edge.face_count += 1;
         }
         if edge.face_count == 1 {
@@ -112,6 +115,26 @@ pub fn chain_edges_at(
         }
         if is_on_border && spokes.iter().all(|other| other.next != spoke.previous) {
             take(&EdgeAt::among(spokes, spoke.previous));
+        }
+    }
+}
+
+/// Hands every edge at a vertex to `take`, once, with the wedges at both ends in up to two faces; `spokes` is scratch
+/// space.
+pub fn all_edges_at(
+    mesh: &ClusterMesh,
+    rings: &Rings,
+    vertex: u32,
+    spokes: &mut Vec<Spoke>,
+    mut take: impl FnMut(&EdgeAt),
+) {
+    let corners = rings.of(vertex).iter().filter(|&&corner| mesh.living(corner).is_some());
+    spokes.clear();
+    spokes.extend(corners.map(|&corner| Spoke::of(mesh, corner)));
+    for (i, spoke) in spokes.iter().enumerate() {
+        let is_new = |end: u32| spokes[..i].iter().all(|before| before.edge_to(end).is_none());
+        for end in [spoke.next, spoke.previous].into_iter().filter(|&end| is_new(end)) {
+            take(&EdgeAt::among(spokes, end));
         }
     }
 }

@@ -75,6 +75,8 @@ pub struct PassOptions {
     pub lock_borders: bool,
     /// Whether pieces smaller than the deviation are dropped after the first pass.
     pub drop_pieces: bool,
+    /// Whether the topology may change where that is cheap.
+    pub frees_topology: bool,
     /// Whether of faces with the same three vertices the first alone is kept.
     pub drop_doubles: bool,
     /// How the mesh is made anew before the first pass, if it is.

@@ -224,7 +224,7 @@ impl Floor {
             seam: count(Class::Seam) + count(Class::Corner),
             topology: refused(Refusal::Topology) + refused(Refusal::Fold) + refused(Refusal::UvFold),
             pieces: refused(Refusal::Piece),
-            non_manifold: count(Class::Fixed),
+            non_manifold: count(Class::Complex) + count(Class::Fixed),
             doubles: engine.doubles(),
         }
     }

@@ -166,7 +166,7 @@ impl<'a, M: Metric> Run<'a, M> {
                 self.crumb = Some(state.squared_error.sqrt());
                 state.crumb = self.crumb;
             }
-            let gained = faces_in - next_faces;
+            let gained = faces_in.saturating_sub(next_faces);
             if self.options.max_error.is_some() && target == 0 {
                 state.reached = is_last && (single || (gained as f64) < faces_in as f64 * BOUNDED_LAST_SHARE);
                 state.is_over = state.reached;
@@ -393,6 +393,7 @@ impl<'a, M: Metric> Run<'a, M> {
     pub(super) fn engine(&self, mesh: ClusterMesh, pass: usize) -> Engine<M> {
         let mut engine = Engine::new(mesh, &self.settings);
         engine.lock_borders = self.options.lock_borders;
+        engine.frees_topology = self.options.frees_topology;
         if let Some(most) = self.bound_of(pass) {
             engine.bound_deviation(most);
         }

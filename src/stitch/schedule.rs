@@ -17,14 +17,35 @@ pub const STAGES_MAX: usize = 59;
 /// The smallest share of the faces that a pass goes for.
 const SHARE_MIN: f64 = 1e-9;
 
+/// Share of its faces that a pass before the last two keeps, at least: quadrics of what is far coarser say little, and what
+/// a cluster's rim holds must be made good by the next pass.
+const PASS_SHARE_MIN: f64 = 0.25;
+
+/// Passes that a target takes: those that are `wanted`, or as many as the way from `input` to `target` faces needs in steps
+/// of [`PASS_SHARE_MIN`]; a single one stays alone.
+pub fn pass_count(wanted: usize, input: u64, target: u64) -> usize {
+    if wanted <= 1 || target == 0 || input == 0 {
+        return wanted;
+    }
+    let before_last = (4.0 * target as f64 / input as f64).min(1.0);
+    let steps = (libm::log(before_last) / libm::log(PASS_SHARE_MIN) - STEP_SLACK).ceil().max(0.0) as usize;
+    wanted.max(2 + steps)
+}
+
+/// Part of a step that the steps before it may do as well.
+const STEP_SLACK: f64 = 0.05;
+
 /// Faces that pass `pass` (from 0) of `passes` aims at, on the way from `input` to `target` faces.
 ///
-/// 4 × → 2 × → 1 × of the target for three passes, but never more than an even share of the way.
+/// Even steps to 4 ×, then 2 × → 1 × of the target, but never more than an even share of the whole way.
 pub fn pass_target(input: u64, target: u64, pass: usize, passes: usize) -> f64 {
     let left = passes.saturating_sub(pass + 1) as i32;
     let ratio = (target as f64 / input.max(1) as f64).clamp(0.0, 1.0);
     let even = libm::pow(ratio, (pass + 1) as f64 / passes as f64);
-    let doubled = ratio * libm::pow(2.0, f64::from(left));
+    let doubled = match left {
+        0 | 1 => ratio * libm::pow(2.0, f64::from(left)),
+        _ => libm::pow(4.0 * ratio, (pass + 1) as f64 / (passes - 2) as f64),
+    };
     if left <= 0 { target as f64 } else { input as f64 * even.min(doubled).min(1.0) }
 }
 
@@ -54,6 +75,15 @@ mod tests {
     fn three_passes_go_over_four_and_two_times_the_target() {
         let targets: Vec<u64> = (0..3).map(|pass| pass_target(1000, 100, pass, 3).round() as u64).collect();
         assert_eq!(targets, [400, 200, 100]);
+    }
+
+    #[test]
+    fn a_far_target_takes_more_passes_of_a_quarter_each_at_most() {
+        let counts = [500, 100, 40, 20, 5, 1].map(|target| pass_count(3, 1000, target));
+        assert_eq!(counts, [3, 3, 4, 4, 5, 6]);
+        assert_eq!([pass_count(1, 1000, 1), pass_count(8, 1000, 1), pass_count(3, 1000, 0)], [1, 8, 3]);
+        let targets: Vec<u64> = (0..5).map(|pass| pass_target(100_000, 500, pass, 5).round() as u64).collect();
+        assert_eq!(targets, [27_144, 7_368, 2_000, 1_000, 500]);
     }
 
     #[test]

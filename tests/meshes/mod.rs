@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 
 use drystone::base::Silent;
 use drystone::measure::compare::{CompareOptions, Resources, compare};
-use drystone::measure::{Check, Surface, compare_checks, weld_and_check};
-use drystone::options::SimplifyOptions;
+use drystone::measure::{Check, Surface, compare_checks, compare_topology, weld_and_check};
+use drystone::options::{SimplifyOptions, Topology};
 use drystone::pipeline;
 use drystone::report::{Report, Status};
 use drystone::scan::ScanOptions;
@@ -261,7 +261,11 @@ pub fn assert_sound(input: &Mesh, run: &Run) {
     }
     assert_indices(&text);
     assert_materials(input, &mesh);
-    let news = compare_checks(&input.check(), &mesh.check());
+    let (before, after) = (input.check(), mesh.check());
+    let mut news = compare_checks(&before, &after);
+    if run.report.options.topology == Topology::Keep {
+        news.extend(compare_topology(&before, &after));
+    }
     assert!(news.is_empty(), "{}", news.iter().map(|n| n.to_string()).collect::<Vec<_>>().join("; "));
 }
 

@@ -157,7 +157,7 @@ proptest! {
             let keeps = is_surface(&after) && euler_number(&after) == euler_number(&faces);
             star.gather(&mesh, &rings, from, to);
             for closed in [false, !borders.contains(&from)] {
-                let outcome = star.check_topology(&mesh, &rings, from, to, Fan { closed, strands: false });
+                let outcome = star.check_topology(&mesh, &rings, from, to, Fan { closed, ..Fan::default() });
                 prop_assert_eq!(outcome.is_ok(), keeps, "{:?} from {} to {}: {:?}", &faces, from, to, outcome);
             }
             if keeps {
@@ -476,7 +476,7 @@ fn no_edge_is_made_that_another_cluster_may_have() {
         (&[1, 3], Err(Refusal::Rim)),
     ] {
         for closed in [false, true] {
-            let fan = verdict_of(&with_shared(7, shared, &fan), 0, 1, Fan { closed, strands: false });
+            let fan = verdict_of(&with_shared(7, shared, &fan), 0, 1, Fan { closed, ..Fan::default() });
             assert_eq!(fan, expected, "{shared:?}");
         }
     }
@@ -494,7 +494,7 @@ fn no_face_is_made_that_is_there_or_that_another_cluster_may_have() {
     {
         let with_bottom = [cap[0], cap[1], cap[2], [1, 3, 2]];
         for closed in [false, true] {
-            let verdict = |faces| verdict_of(&with_shared(4, shared, faces), 0, 1, Fan { closed, strands: false });
+            let verdict = |faces| verdict_of(&with_shared(4, shared, faces), 0, 1, Fan { closed, ..Fan::default() });
             assert_eq!(verdict(&cap), expected, "{shared:?}");
             assert_eq!(verdict(&with_bottom), expected.and(Err(Refusal::Topology)), "{shared:?}");
         }
@@ -518,7 +518,7 @@ fn a_wedge_that_would_become_two_holds_the_seam() {
         mesh.link_wedges();
         let mut rings = Rings::default();
         rings.build(&mesh);
-        assert_eq!(verdict_of(&(mesh, rings), 0, 1, Fan { closed, strands: false }), Err(Refusal::Seam));
+        assert_eq!(verdict_of(&(mesh, rings), 0, 1, Fan { closed, ..Fan::default() }), Err(Refusal::Seam));
     }
 }
 
@@ -542,7 +542,7 @@ fn a_wedge_without_counterpart_is_stranded_or_holds_the_seam() {
     star.reset(7);
     for strands in [false, true] {
         star.gather(&mesh, &rings, 0, 1);
-        let outcome = star.check_topology(&mesh, &rings, 0, 1, Fan { closed: false, strands });
+        let outcome = star.check_topology(&mesh, &rings, 0, 1, Fan { strands, ..Fan::default() });
         assert_eq!(outcome, if strands { Ok(()) } else { Err(Refusal::Seam) });
         assert_eq!(star.stranded, if strands { vec![7] } else { vec![] });
     }
@@ -568,4 +568,61 @@ fn a_collapse_that_turns_a_texture_triangle_over_is_refused_at_either_end_of_the
         assert_eq!(check(pair, DVec2::splat(0.9)), Err(Refusal::UvFold));
     }
     assert_eq!(check((8, 9), DVec2::splat(0.9)), Ok(()));
+}
+
+/// What a free collapse of 0 into 1 does: the verdict, and how often each edge is used when it is made.
+fn free_collapse(faces: &[[u32; 3]]) -> (Result<(), Refusal>, BTreeMap<[u32; 2], usize>) {
+    let positions: Vec<DVec3> = (0..9).map(|i| DVec3::new(f64::from(i), f64::from(i * i), 1.0)).collect();
+    let (mut mesh, rings) = mesh_of(&positions, faces);
+    let mut star = EdgeStar::default();
+    star.reset(9);
+    star.gather(&mesh, &rings, 0, 1);
+    let fan = Fan { is_free: true, ..Fan::default() };
+    let verdict = star.check_topology(&mesh, &rings, 0, 1, fan);
+    if verdict.is_ok() {
+        star.apply(&mut mesh, &rings, 0, 1);
+        mesh.compact_faces();
+    }
+    (verdict, sides(&mesh.corner_vertices))
+}
+
+//     4───2───5
+//      ╲ ╱ ╲ ╱       the hole 0-1-2 closes: 2-1 then has the faces of 0-2 and of 1-2
+//       0───1
+//        ╲ ╱
+//         3
+#[test]
+fn a_hole_of_three_edges_closes_where_the_topology_may_change() {
+    let faces = [[0, 3, 1], [0, 2, 4], [1, 5, 2]];
+    let (verdict, sides) = free_collapse(&faces);
+    assert_eq!(verdict, Ok(()));
+    assert_eq!(sides.get(&[1, 2]), Some(&2));
+    let kept = verdict_of(&mesh_of(&[DVec3::ZERO; 6], &faces), 0, 1, Fan::default());
+    assert_eq!(kept, Err(Refusal::Topology));
+}
+
+#[test]
+fn no_edge_gets_a_third_face_or_two_that_run_along_it_the_same_way() {
+    let with_third = [[0, 3, 1], [0, 2, 4], [0, 6, 2], [1, 5, 2]];
+    assert_eq!(free_collapse(&with_third).0, Err(Refusal::Topology));
+    let turned = [[0, 3, 1], [0, 4, 2], [1, 5, 2]];
+    assert_eq!(free_collapse(&turned).0, Err(Refusal::Topology));
+}
+
+#[test]
+fn two_sides_that_come_to_lie_on_each_other_vanish_but_for_the_last_of_a_piece() {
+    // A pocket 0-1-2-3 on a surface: 0-2-3 and 1-3-2 come back to back and close nothing.
+    let tetrahedron = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+    let (verdict, sides) = free_collapse(&tetrahedron);
+    assert_eq!(verdict, Ok(()));
+    assert_eq!(sides.values().copied().collect::<Vec<_>>(), [1, 1, 1], "one face is left");
+    let with_more = [&tetrahedron[..], &[[1, 4, 5]]].concat();
+    let (verdict, sides) = free_collapse(&with_more);
+    assert_eq!(verdict, Ok(()));
+    assert_eq!(sides.keys().copied().collect::<Vec<_>>(), [[1, 4], [1, 5], [4, 5]], "only the other face is left");
+}
+
+#[test]
+fn the_last_face_of_a_piece_goes_only_if_it_may() {
+    assert_eq!(free_collapse(&[[0, 1, 2], [4, 5, 6]]).0, Err(Refusal::Piece));
 }

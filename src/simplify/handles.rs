@@ -1,0 +1,292 @@
+//! Cuts handles and necks: closed ways over three edges around which the surface is a tube.
+//!
+//! ```text
+//!        \   |   /              \   |   /
+//!         \  |  /                \__|__/      one triangle closes each side; the vertices of the way
+//!     a....b....c....a   ──▶     ‾‾‾‾‾‾‾      are there twice
+//!         /  |  \                /  |  \
+//!        /   |   \              /   |   \
+//! ```
+//! No edge of such a way may collapse: its two sides would meet in one edge of four faces. Cut, both sides are as
+//! closed as before, and go on by themselves.
+
+use glam::DVec2;
+
+use crate::mesh::class::Class;
+use crate::mesh::cluster::{ClusterMesh, flag};
+use crate::mesh::fold::are_nearly_folded;
+use crate::mesh::ring::{Rings, Spoke};
+
+/// Three vertices, each joined to the next by an edge, that are not the corners of a face.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Handle {
+    /// Squared length of the longest edge.
+    pub length_sq: f64,
+    /// The vertices, ascending.
+    pub vertices: [u32; 3],
+}
+
+/// The handles whose edges have squared lengths up to `most_sq`, shortest first. Only vertices inside the surface that no
+/// other cluster uses have handles; `classes` tells which.
+pub fn find(mesh: &ClusterMesh, rings: &Rings, classes: &[Class], most_sq: f64) -> Vec<Handle> {
+    let is_inside =
+        |v: u32| matches!(classes[v as usize], Class::Smooth | Class::Seam | Class::Corner) && !mesh.is_locked(v);
+    let length_sq = |a: u32, b: u32| mesh.positions[a as usize].distance_squared(mesh.positions[b as usize]);
+    let mut beside = vec![u32::MAX; mesh.positions.len()];
+    let mut found = Vec::new();
+    for a in (0..mesh.positions.len() as u32).filter(|&v| is_inside(v)) {
+        let ends = || next_vertices(mesh, rings, a).filter(|&b| is_inside(b) && length_sq(a, b) <= most_sq);
+        ends().for_each(|b| beside[b as usize] = a);
+        for b in ends().filter(|&b| b > a) {
+            for c in next_vertices(mesh, rings, b).filter(|&c| c > b && beside[c as usize] == a) {
+                let longest = length_sq(a, b).max(length_sq(b, c)).max(length_sq(c, a));
+                let is_face =
+                    || rings.faces(mesh, a).any(|face| [b, c].iter().all(|v| mesh.vertices(face).contains(v)));
+                if longest <= most_sq && !is_face() {
+                    found.push(Handle { length_sq: longest, vertices: [a, b, c] });
+                }
+            }
+        }
+    }
+    found.sort_by(|a, b| a.length_sq.total_cmp(&b.length_sq).then(a.vertices.cmp(&b.vertices)));
+    found
+}
+
+/// The vertices that follow one in the faces around it: all neighbours of a vertex inside the surface.
+fn next_vertices<'a>(mesh: &'a ClusterMesh, rings: &'a Rings, vertex: u32) -> impl Iterator<Item = u32> + 'a {
+    let living = rings.of(vertex).iter().filter(|&&corner| mesh.living(corner).is_some());
+    living.map(|&corner| mesh.vertex_of(ClusterMesh::following(corner)[0]))
+}
+
+/// Cuts handles as long as no two that are cut have a vertex in common; returns the vertices whose classes are others
+/// now. The rings are to be built anew.
+pub fn cut(mesh: &mut ClusterMesh, rings: &Rings, handles: &[Handle]) -> Vec<u32> {
+    let mut is_used = vec![false; mesh.positions.len()];
+    let mut changed = Vec::new();
+    for Handle { vertices, .. } in handles {
+        if vertices.iter().any(|&v| is_used[v as usize]) {
+            continue;
+        }
+        let Some(sides) = Sides::of(mesh, rings, *vertices) else { continue };
+        // What is beside it must be as the rings have it.
+        vertices.iter().for_each(|&v| is_used[v as usize] = true);
+        sides.part(mesh);
+        changed.extend_from_slice(vertices);
+    }
+    changed
+}
+
+/// The faces on both sides of a handle, at each of its vertices.
+struct Sides {
+    vertices: [u32; 3],
+    /// Corners at each vertex whose faces lie to the right of the way from the first vertex to the second.
+    right: [Vec<u32>; 3],
+    /// Corners of the face to the left of the first edge, and of that to the right of it, at the first vertex.
+    beside_first: [u32; 2],
+    /// Corner at the third vertex of a face to the left.
+    left_at_third: u32,
+}
+
+impl Sides {
+    fn of(mesh: &ClusterMesh, rings: &Rings, vertices: [u32; 3]) -> Option<Self> {
+        let mut right: [Vec<u32>; 3] = Default::default();
+        for k in 0..3 {
+            let (vertex, next, before) = (vertices[k], vertices[(k + 1) % 3], vertices[(k + 2) % 3]);
+            let corners: Vec<u32> =
+                rings.of(vertex).iter().copied().filter(|&corner| mesh.living(corner).is_some()).collect();
+            let starting_at = |v: u32| corners.iter().copied().find(|&corner| Spoke::of(mesh, corner).next == v);
+            // To the right lie the faces from the edge to the vertex before on, up to the edge to the next.
+            let mut at = starting_at(before)?;
+            loop {
+                right[k].push(at);
+                let previous = Spoke::of(mesh, at).previous;
+                if previous == next {
+                    break;
+                }
+                if right[k].len() >= corners.len() {
+                    return None;
+                }
+                at = starting_at(previous)?;
+            }
+            if right[k].len() == corners.len() {
+                return None;
+            }
+        }
+        let [a, b, _] = vertices;
+        let at_first = |wanted: fn(&Spoke) -> u32| {
+            rings.of(a).iter().copied().find(|&c| mesh.living(c).is_some() && wanted(&Spoke::of(mesh, c)) == b)
+        };
+        let beside_first = [at_first(|spoke| spoke.next)?, at_first(|spoke| spoke.previous)?];
+        let is_left = |corner: &u32| mesh.living(*corner).is_some() && !right[2].contains(corner);
+        let left_at_third = rings.of(vertices[2]).iter().copied().find(is_left)?;
+        // Neither may the triangle that closes a side lie on a face beside it.
+        let place = |v: u32| mesh.positions[v as usize];
+        let folds = (0..3).any(|k| {
+            let (vertex, next, before) = (vertices[k], vertices[(k + 1) % 3], vertices[(k + 2) % 3]);
+            let beside = rings.faces(mesh, vertex).map(|face| mesh.vertices(face)).filter(|face| face.contains(&next));
+            let thirds = beside.filter_map(|face| face.into_iter().find(|&v| v != vertex && v != next));
+            let mut thirds = thirds.map(place);
+            thirds.any(|third| are_nearly_folded([vertex, next].map(place), [third, place(before)]))
+        });
+        (!folds).then_some(Self { vertices, right, beside_first, left_at_third })
+    }
+
+    /// Gives the right side vertices of its own, and closes both sides.
+    fn part(self, mesh: &mut ClusterMesh) {
+        let [left_part, right_part] = self.beside_first.map(|corner| mesh.parts[corner as usize / 3]);
+        let wedge_at = |mesh: &ClusterMesh, corner: u32, vertex: u32| {
+            let corners = mesh.corners[corner as usize / 3];
+            corners.into_iter().find(|&wedge| mesh.wedge_vertex[wedge as usize] == vertex)
+        };
+        let [a, b, _] = self.vertices;
+        let left = [a, b].map(|v| wedge_at(mesh, self.beside_first[0], v));
+        let mut copies = [0; 3];
+        for (k, corners) in self.right.iter().enumerate() {
+            let vertex = self.vertices[k];
+            copies[k] = mesh.copy_vertex(vertex);
+            let mut wedges: Vec<(u32, u32)> = Vec::new();
+            for &corner in corners {
+                let old = mesh.wedge_of(corner);
+                let new = match wedges.iter().find(|pair| pair.0 == old) {
+                    Some(pair) => pair.1,
+                    None => {
+                        let beside = wedges.first().map(|pair: &(u32, u32)| pair.1);
+                        let new = mesh.add_wedge(copies[k], mesh.wedge_uv[old as usize], beside);
+                        wedges.push((old, new));
+                        new
+                    }
+                };
+                mesh.corners.as_flattened_mut()[corner as usize] = new;
+                mesh.corner_vertices.as_flattened_mut()[corner as usize] = copies[k];
+            }
+        }
+        let thirds = [self.left_at_third, self.right[2][0]].map(|corner| mesh.wedge_of(corner));
+        let [copy_a, copy_b, _] = copies;
+        let right = [copy_a, copy_b].map(|v| wedge_at(mesh, self.beside_first[1], v));
+        if let [Some(wa), Some(wb)] = left {
+            let wc = mesh.closing_wedge([wa, wb], thirds[0]);
+            mesh.push_face([wa, wc, wb], left_part);
+        }
+        if let [Some(wa), Some(wb)] = right {
+            let wc = mesh.closing_wedge([wa, wb], thirds[1]);
+            mesh.push_face([wa, wb, wc], right_part);
+        }
+    }
+}
+
+impl ClusterMesh {
+    /// Adds a vertex at the place of another one.
+    fn copy_vertex(&mut self, vertex: u32) -> u32 {
+        let first = (self.positions.len() - self.copied_from.len()) as u32;
+        let origin = if vertex < first { vertex } else { self.copied_from[(vertex - first) as usize] };
+        let copy = self.push_vertex(self.positions[vertex as usize], flag::MOVED);
+        self.copied_from.push(origin);
+        copy
+    }
+
+    /// Adds a wedge, linked to another one of its vertex, if there is one.
+    fn add_wedge(&mut self, vertex: u32, uv: DVec2, beside: Option<u32>) -> u32 {
+        let wedge = self.push_wedge(vertex, uv);
+        self.wedge_moved.push(true);
+        self.wedge_next.push(wedge);
+        beside.into_iter().for_each(|beside| self.bring_wedge(wedge, beside));
+        wedge
+    }
+
+    /// The wedge of a vertex that has `own` for a face with two others: without texture the same, else one between theirs,
+    /// so that the face shows no more than a line of the texture.
+    fn closing_wedge(&mut self, ends: [u32; 2], own: u32) -> u32 {
+        let between = ends.map(|wedge| self.wedge_uv[wedge as usize]).into_iter().sum::<DVec2>() / 2.0;
+        if between.is_nan() {
+            return own;
+        }
+        self.add_wedge(self.wedge_vertex[own as usize], between, Some(own))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use glam::DVec3;
+
+    use super::*;
+    use crate::mesh::class::classify;
+
+    //  2 ──── 5 ──── 8      three corners a level, closed at both ends; 3-4-5 is a way around that is no face
+    //  │ ╲    │ ╲    │
+    //  0-1 ── 3-4 ── 6-7
+    fn tube(levels: u32, uv: DVec2) -> ClusterMesh {
+        let mut mesh = ClusterMesh::default();
+        for level in 0..levels {
+            for (x, y) in [(0.0, 0.0), (1.0, 0.0), (0.5, 0.9)] {
+                let vertex = mesh.push_vertex(DVec3::new(x, y, 2.0 * f64::from(level)), 0);
+                mesh.push_wedge(vertex, uv);
+            }
+        }
+        for base in (0..levels - 1).map(|level| 3 * level) {
+            for (a, b) in [(0, 1), (1, 2), (2, 0)].map(|(a, b)| (base + a, base + b)) {
+                mesh.push_face([a, b, b + 3], 0);
+                mesh.push_face([a, b + 3, a + 3], 0);
+            }
+        }
+        let top = 3 * (levels - 1);
+        mesh.push_face([2, 1, 0], 0);
+        mesh.push_face([top, top + 1, top + 2], 0);
+        mesh.link_wedges();
+        mesh
+    }
+
+    fn found(mesh: &ClusterMesh, most_sq: f64) -> (Rings, Vec<Handle>) {
+        let (mut rings, mut classes) = (Rings::default(), Vec::new());
+        rings.build(mesh);
+        classify(mesh, &rings, &mut classes);
+        let handles = find(mesh, &rings, &classes, most_sq);
+        (rings, handles)
+    }
+
+    /// Uses of every edge, from its lower end and from its higher one.
+    fn edges(mesh: &ClusterMesh) -> BTreeMap<(u32, u32), [u32; 2]> {
+        let mut uses: BTreeMap<_, [u32; 2]> = BTreeMap::new();
+        for face in &mesh.corner_vertices {
+            for (a, b) in [(face[0], face[1]), (face[1], face[2]), (face[2], face[0])] {
+                uses.entry((a.min(b), a.max(b))).or_default()[usize::from(a > b)] += 1;
+            }
+        }
+        uses
+    }
+
+    #[test]
+    fn ways_around_a_tube_are_its_handles_and_its_ends_are_not() {
+        let mesh = tube(4, DVec2::NAN);
+        let ways: Vec<[u32; 3]> = found(&mesh, 1.5).1.iter().map(|handle| handle.vertices).collect();
+        assert_eq!(ways, [[3, 4, 5], [6, 7, 8]]);
+        assert_eq!(found(&mesh, 0.9).1, []);
+    }
+
+    #[test]
+    fn a_tube_that_is_cut_is_two_closed_ones_each_the_same_way_round() {
+        for uv in [DVec2::NAN, DVec2::ONE] {
+            let mut mesh = tube(3, uv);
+            let (rings, handles) = found(&mesh, f64::INFINITY);
+            assert_eq!(cut(&mut mesh, &rings, &handles), [3, 4, 5]);
+            assert_eq!((mesh.corners.len(), mesh.face_count, mesh.positions.len()), (16, 16, 12));
+            assert_eq!(mesh.copied_from, [3, 4, 5]);
+            assert!(edges(&mesh).values().all(|uses| *uses == [1, 1]), "{:?}", edges(&mesh));
+            let is_below = |face: &[u32; 3]| face.iter().any(|&v| v < 3);
+            assert!(mesh.corner_vertices.iter().filter(|face| is_below(face)).flatten().all(|v| !(6..9).contains(v)));
+            let vertex_of = |wedge: u32| mesh.wedge_vertex[wedge as usize];
+            assert!(mesh.corners.iter().zip(&mesh.corner_vertices).all(|(w, v)| w.map(vertex_of) == *v));
+            // Wedges stay linked by their vertex.
+            let next = |wedge: usize| mesh.wedge_next[wedge] as usize;
+            assert!((0..mesh.wedge_vertex.len()).all(|w| mesh.wedge_vertex[next(w)] == mesh.wedge_vertex[w]));
+        }
+    }
+
+    #[test]
+    fn handles_with_a_vertex_in_common_are_not_cut_at_once() {
+        let mut mesh = tube(3, DVec2::NAN);
+        let (rings, handles) = found(&mesh, f64::INFINITY);
+        assert_eq!(cut(&mut mesh, &rings, &[handles[0], handles[0]]).len(), 3);
+    }
+}

@@ -1,0 +1,87 @@
+//! What it costs to let the last face of a piece vanish: its area times the squared distance to what is left.
+//!
+//! A quadric knows planes, and what lies in a plane may be far from everything that is in it. A face is priced as it is
+//! when a stage begins; a piece that becomes one face later waits for the next stage.
+
+use glam::DVec3;
+
+use crate::mesh::ClusterMesh;
+use crate::mesh::boxtree::{Bounds, BoxTree};
+
+use super::texture::distance_sq;
+
+/// Price of a face, in its area × squared distance to what is left: it stands for all of its piece, and what is beside it
+/// may vanish, too.
+const PRICE: f64 = 16.0;
+
+/// Vertices of faces that hang on no other, with the price of the face.
+#[derive(Debug, Default)]
+pub struct Loners {
+    /// In the order of vertices.
+    prices: Vec<(u32, f32)>,
+}
+
+impl Loners {
+    /// Prices faces, each with a vertex of it, in the order of vertices; the mesh must have no dead faces. Sorts all
+    /// faces by place: O(n log n), if there are any.
+    pub fn price(&mut self, mesh: &ClusterMesh, faces: Vec<(u32, u32)>) {
+        self.prices.clear();
+        if faces.is_empty() {
+            return;
+        }
+        let tree = BoxTree::new(mesh.corners.len(), |face| Bounds::around(mesh.triangle(face)));
+        self.prices.extend(faces.into_iter().filter_map(|(vertex, face)| {
+            let triangle = mesh.triangle(face);
+            let middle = triangle.into_iter().sum::<DVec3>() / 3.0;
+            let distance = |other: u32| match other == face {
+                true => f64::INFINITY,
+                false => distance_sq(middle, mesh.triangle(other)),
+            };
+            let away_sq = tree.nearest_sq(middle, f64::INFINITY, distance);
+            let area = 0.5 * (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).length();
+            let price = (PRICE * area * away_sq) as f32;
+            price.is_finite().then_some((vertex, price))
+        }));
+    }
+
+    /// What it costs if the face of a vertex vanishes, if it hangs on no other.
+    pub fn price_of(&self, vertex: u32) -> Option<f32> {
+        if self.prices.is_empty() {
+            return None;
+        }
+        let at = self.prices.binary_search_by_key(&vertex, |&(vertex, _)| vertex).ok()?;
+        Some(self.prices[at].1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec2;
+
+    use super::*;
+    use crate::mesh::cluster::samples;
+
+    #[test]
+    fn a_face_costs_its_area_times_the_squared_distance_to_what_is_left() {
+        let mut mesh = samples::grid(4, 0.0);
+        let corners = [[1.0, 1.0], [2.0, 1.0], [1.0, 2.0]].map(|[x, y]| {
+            let vertex = mesh.push_vertex(DVec3::new(x, y, 3.0), 0);
+            mesh.push_wedge(vertex, DVec2::NAN)
+        });
+        mesh.push_face(corners, 0);
+        let (vertex, face) = (mesh.positions.len() as u32 - 3, mesh.corners.len() as u32 - 1);
+        let mut loners = Loners::default();
+        loners.price(&mesh, vec![(vertex, face)]);
+        assert_eq!(loners.price_of(vertex), Some((PRICE * 0.5 * 9.0) as f32));
+        assert_eq!(loners.price_of(0), None);
+        // The only face of all has no price: something must be left.
+        let mut single = ClusterMesh::default();
+        let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|[x, y]| {
+            let vertex = single.push_vertex(DVec3::new(x, y, 0.0), 0);
+            single.push_wedge(vertex, DVec2::NAN)
+        });
+        single.push_face(corners, 0);
+        loners.price(&single, vec![(0, 0)]);
+        assert_eq!(loners.price_of(0), None);
+    }
+}
