@@ -115,7 +115,7 @@ fn run(
     let Reading { options, progress, .. } = *reading;
     let started = Instant::now();
     let earlier = output::earlier(job, output)?;
-    output::clear_elsewhere(job, output)?;
+    let was_writing = output::was_writing(job, output)?;
     let replaces_own = !matches!(earlier, Earlier::Nothing);
     output::check(output, job.number(), options.force || replaces_own)?;
 
@@ -136,7 +136,7 @@ fn run(
         sources: input.sources(),
         job: job.number(),
     };
-    write::check_output(output, &write_options)?;
+    write::check_output(output, catalogue, &write_options, was_writing)?;
 
     let target = options.target(triangles);
     let sizes = Sizes::of(triangles, need.vertices, options);
