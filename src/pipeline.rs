@@ -148,10 +148,12 @@ fn run(
         with_errors: options.drawing == Drawing::PicturesAndErrors,
         progress,
     };
+    let drawn = Instant::now();
     let before = match start.unsimplified() {
         Some(mesh) if options.drawing != Drawing::Nothing => painter.draw(mesh, None, &mut findings),
         _ => None,
     };
+    let mut draw_seconds = drawn.elapsed();
     let map = before.as_ref().map(|(from, _)| from.map(pictures::MAP_SIZE));
     if map.is_some() {
         work_bytes = work_bytes.saturating_sub(pictures::MAP_BYTES);
@@ -190,11 +192,17 @@ fn run(
     let files = files::figures(catalogue, &result.findings, &result.companions, write_options.brings_outside, is_drawn);
     findings.merge(result.findings);
     let write_seconds = written.elapsed();
+    let gauged = Instant::now();
+    progress.begin("measure", 0, "");
     let measured = gauge(&passes.probes, &passes.mesh, progress)?;
+    let measure_seconds = gauged.elapsed();
+    let drawn = Instant::now();
     let shots = before.and_then(|(from, before)| {
         let (_, after) = painter.draw(&passes.mesh, Some(from), &mut findings)?;
         Some([before, after])
     });
+
+    draw_seconds += drawn.elapsed();
 
     let (read, written) = system::io_bytes();
     let drawing_peak = match shots {
@@ -229,6 +237,8 @@ fn run(
             simplify: passes.seconds.simplify.as_secs_f64(),
             stitch: passes.seconds.stitch.as_secs_f64(),
             write: write_seconds.as_secs_f64(),
+            measure: measure_seconds.as_secs_f64(),
+            draw: draw_seconds.as_secs_f64(),
         },
         memory: MemoryFigures {
             budget: budget.bytes,

@@ -102,3 +102,15 @@ fn one_raised_vertex_that_is_gone_is_seen() {
         assert!((0.7..1.4).contains(&(gauge / comparison)), "{gauge} measured, {comparison} by comparison");
     }
 }
+
+#[test]
+fn the_seconds_of_the_phases_add_up() {
+    let seconds = simplify(&town(), &ratio(0.3)).report.seconds;
+    let phases = [seconds.scan, seconds.partition, seconds.simplify, seconds.stitch, seconds.write, seconds.measure];
+    let sum: f64 = phases.iter().sum();
+    assert!(
+        seconds.measure > 0.0 && sum <= seconds.total && sum > 0.8 * seconds.total,
+        "{phases:?} of {}",
+        seconds.total
+    );
+}

@@ -183,9 +183,8 @@ mod tests {
             let output = folder.path().join("a.obj");
             std::fs::create_dir(folder.path().join("a_textures")).unwrap();
             std::fs::write(folder.path().join(other), "mine").unwrap();
-            let run = |options: &SimplifyOptions, phases: &Phases| {
-                crate::pipeline::simplify(input, &output, options, phases)
-            };
+            let run =
+                |options: &SimplifyOptions, phases: &Phases| crate::pipeline::simplify(input, &output, options, phases);
             let (phases, options) = (Phases::default(), SimplifyOptions { ratio: Some(0.5), ..Default::default() });
             let error = run(&options, &phases).unwrap_err();
             assert!(error.exit_code() == 2 && error.to_string().contains(other), "{error}");

@@ -82,6 +82,10 @@ pub struct SecondFigures {
     pub stitch: f64,
     /// Writing the result.
     pub write: f64,
+    /// Measuring the deviation.
+    pub measure: f64,
+    /// Drawing input and result for a page.
+    pub draw: f64,
 }
 
 /// Memory in bytes.
