@@ -23,6 +23,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 pub use self::comparison::ComparisonPage;
+pub use self::summary::warning_lines;
 
 use self::gallery::Shot;
 use crate::base::error::escape_path;
