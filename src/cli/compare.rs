@@ -256,8 +256,8 @@ fn table(comparison: &Comparison) -> String {
     pair("mean regularity", format!("{:.4}", old.regularity_mean), format!("{:.4}", new.regularity_mean));
     pair("slivers", percent(old.sliver_share), percent(new.sliver_share));
     pair("5 to 7 edges", percent(old.valence_regular_share), percent(new.valence_regular_share));
-    for warning in &comparison.warnings {
-        let _ = writeln!(text, "warning: {warning}");
+    for line in report::warning_lines(&comparison.warnings, "--json lists them") {
+        let _ = writeln!(text, "{line}");
     }
     text
 }
