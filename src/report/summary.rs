@@ -6,7 +6,7 @@ use super::figures::length;
 use super::{Report, Status};
 use crate::base::error::escape_path;
 use crate::base::{bytes, counted, grouped};
-use crate::options::{Borders, Doubles, Pieces, Seams, Weld};
+use crate::options::{Borders, Doubles, Pieces, Seams, SimplifyOptions, Weld};
 use crate::stitch::outcome::{Floor, StageReport};
 
 /// Characters of a line of warning, at most; the report has the rest.
@@ -86,27 +86,32 @@ impl Report {
 
     /// What to type to free the vertices and edges that hold the mesh above its target.
     fn ways_out(&self, floor: &Floor) -> Vec<String> {
-        let options = &self.options;
-        let is_simplified = options.metric.is_none();
-        let ways = [
-            (floor.border, options.borders == Borders::Lock, "--borders simplify", "vertices on borders"),
-            (floor.seam, is_simplified && options.seams == Some(Seams::Lock), "--seams stitch", "vertices on seams"),
-            (
-                floor.non_manifold,
-                options.weld == Weld::Exact,
-                "--weld off",
-                "vertices at non-manifold places, if only \
-              equal positions join the faces there",
-            ),
-            (floor.doubles, options.doubles == Doubles::Keep, "--doubles drop", "copies and back sides of faces"),
-            (floor.pieces, options.pieces == Pieces::Keep, "--pieces drop", "edges of small components"),
-        ];
-        let is_way = |way: &&(u64, bool, &str, &str)| way.0 > 0 && way.1;
-        let words = |(count, _, option, what): &(u64, bool, &str, &str)| {
-            format!("{option} would free up to {} {what}", grouped(*count))
-        };
-        ways.iter().filter(is_way).map(words).collect()
+        ways_out(&self.options, floor, self.repairs.get("welded_vertices").copied().unwrap_or(0))
     }
+}
+
+/// What to type to free what holds a mesh, of which `welded` vertices were joined with others.
+fn ways_out(options: &SimplifyOptions, floor: &Floor, welded: u64) -> Vec<String> {
+    let is_simplified = options.metric.is_none();
+    let ways = [
+        (floor.border, options.borders == Borders::Lock, "--borders simplify", "vertices on borders"),
+        (floor.seam, is_simplified && options.seams == Some(Seams::Lock), "--seams stitch", "vertices on seams"),
+        (
+            // Where no vertices were joined, nothing comes apart.
+            floor.non_manifold.min(welded),
+            options.weld == Weld::Exact,
+            "--weld off",
+            "vertices at non-manifold places, if only \
+              equal positions join the faces there",
+        ),
+        (floor.doubles, options.doubles == Doubles::Keep, "--doubles drop", "copies and back sides of faces"),
+        (floor.pieces, options.pieces == Pieces::Keep, "--pieces drop", "edges of small components"),
+    ];
+    let is_way = |way: &&(u64, bool, &str, &str)| way.0 > 0 && way.1;
+    let words = |(count, _, option, what): &(u64, bool, &str, &str)| {
+        format!("{option} would free up to {} {what}", grouped(*count))
+    };
+    ways.iter().filter(is_way).map(words).collect()
 }
 
 /// The first two stages in a row between which the error leaps: it grows more than [`LEAP`] times as fast as on a smooth
@@ -158,6 +163,14 @@ mod tests {
         let stages: Vec<_> = stages.iter().collect();
         assert_eq!(last_sensible(&stages).unwrap().map(|stage| stage.faces), [250, 200]);
         assert!(last_sensible(&stages[..3]).is_none());
+    }
+
+    #[test]
+    fn welding_is_left_out_only_where_vertices_were_joined() {
+        let floor = Floor { non_manifold: 90, ..Floor::default() };
+        let ways = |welded| ways_out(&SimplifyOptions::default(), &floor, welded);
+        assert_eq!(ways(0), [""; 0]);
+        assert!(ways(7)[0].starts_with("--weld off would free up to 7 vertices"), "{:?}", ways(7));
     }
 
     #[test]
