@@ -49,3 +49,18 @@ fn the_switch_of_other_commands_points_to_the_format() {
     assert_eq!(run.status.code(), Some(2));
     assert!(text(&run.stderr).contains("--format json"), "{}", text(&run.stderr));
 }
+
+#[test]
+fn the_report_has_every_option_that_was_given() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = |more: &[&str]| {
+        let run = simplify(folder.path(), TOWN, &[&["--ratio", "0.5", "--format", "json", "-q"], more].concat());
+        serde_json::from_slice::<serde_json::Value>(&run.stdout).unwrap()["options"].clone()
+    };
+    let given = options(&["--measure", "--samples", "2000", "--seed", "7", "--exclude", "*_lod*"]);
+    assert_eq!(given["measure"], true);
+    assert_eq!((given["samples"].as_u64(), given["seed"].as_u64()), (Some(2000), Some(7)));
+    assert_eq!(given["exclude"], serde_json::json!(["*_lod*"]));
+    let plain = options(&[]);
+    assert!(plain["measure"] == false && plain["samples"].is_null() && plain["seed"].is_null(), "{plain}");
+}

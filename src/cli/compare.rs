@@ -73,6 +73,11 @@ impl SamplingArguments {
         self.samples
     }
 
+    /// Seed of their places.
+    pub fn seed(self) -> u64 {
+        self.seed
+    }
+
     /// Checks ranges.
     ///
     /// # Errors

@@ -114,8 +114,16 @@ fn simplify(arguments: &SimplifyArguments, is_printed: &mut bool) -> Result<u8> 
         (true, false) => Drawing::Pictures,
         (true, true) => Drawing::PicturesAndErrors,
     };
-    let options = SimplifyOptions { drawing, command: Some(command_line()), ..options.clone() };
     let choice = input.choice();
+    let options = SimplifyOptions {
+        drawing,
+        exclude: choice.exclude.clone(),
+        measure: *measure,
+        samples: measure.then(|| sampling.samples()),
+        seed: measure.then(|| sampling.seed()),
+        command: Some(command_line()),
+        ..options.clone()
+    };
     let stop = StopSignal::listen()?;
     let work = pipeline::work_folder(output, &options);
     let goodbye = Goodbye::of_job(&stop, &work);
