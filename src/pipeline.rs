@@ -69,7 +69,7 @@ pub fn simplify_and(
     let progress: &dyn Progress = &recorder;
     options.check()?;
     let choice = input.into();
-    let inputs = scan::find_inputs(&choice)?;
+    let (inputs, idle) = scan::find_inputs_and_idle(&choice)?;
     let budget = memory::choose_budget(options)?;
     let threads = memory::choose_threads(options.threads, budget);
     let work_path = work_folder(output, options);
@@ -87,6 +87,7 @@ pub fn simplify_and(
         choice: &choice,
         began,
         inputs: &inputs,
+        idle: &idle,
         manifest: &manifest,
         options,
         scan: memory::scan_options(budget, threads),
@@ -123,6 +124,7 @@ fn run(
     let (mut input, start) = reading.begin(job)?;
     let is_resumed = job.is_resumed();
     let mut findings = std::mem::take(&mut input.findings);
+    findings.merge(reading.idle.clone());
     let Input { ref catalogue, triangles, bytes: input_bytes, ref need, .. } = input;
     let scan_seconds = scanned.elapsed();
     need.check(budget, options, job.path(), start.needs_scratch())?;

@@ -128,7 +128,7 @@ fn inspect_in_clusters(
     if options.threads == Some(0) {
         return Err(Error::Usage("--threads 0: expected at least 1".into()));
     }
-    let inputs = scan::find_inputs(input)?;
+    let (inputs, idle) = scan::find_inputs_and_idle(input)?;
     let budget = memory::budget_of(options.memory)?;
     let threads = memory::choose_threads(options.threads, budget);
     let work_path = options.work.clone().unwrap_or_else(|| temporary_folder("inspect"));
@@ -187,7 +187,7 @@ fn inspect_in_clusters(
         unused_vertices: (mesh.vertex_count() - welded_vertices).saturating_sub(topology.vertices),
         topology,
         faults: faults(&findings),
-        warnings: findings.warnings(),
+        warnings: [findings, idle].iter().flat_map(Findings::warnings).collect(),
     })
 }
 
