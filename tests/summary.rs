@@ -64,3 +64,40 @@ fn the_report_has_every_option_that_was_given() {
     let plain = options(&[]);
     assert!(plain["measure"] == false && plain["samples"].is_null() && plain["seed"].is_null(), "{plain}");
 }
+
+#[test]
+fn every_command_tells_the_version() {
+    for command in [&["--version"][..], &["simplify", "--version"], &["compare", "-V"]] {
+        let run = drystone(command);
+        assert!(run.status.success() && text(&run.stdout).contains(env!("CARGO_PKG_VERSION")), "{command:?}");
+    }
+}
+
+#[test]
+fn a_folder_without_a_job_may_be_that_of_one_that_is_done() {
+    let folder = tempfile::tempdir().unwrap();
+    let work = folder.path().join("scratch");
+    let work = work.to_str().unwrap();
+    assert!(simplify(folder.path(), TOWN, &["--ratio", "0.5", "--work", work]).status.success());
+    let status = drystone(&["status", work]);
+    assert_eq!(status.status.code(), Some(2));
+    assert!(text(&status.stderr).contains("or it is done"), "{}", text(&status.stderr));
+}
+
+#[test]
+fn a_comment_behind_a_library_names_no_library() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let mesh = "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n";
+    std::fs::write(path("my mesh.mtl"), "newmtl red\nKd 1 0 0\n").unwrap();
+    std::fs::write(path("#1.mtl"), "newmtl red\nKd 1 0 0\n").unwrap();
+    for library in ["my mesh.mtl # exported at noon", "gone.mtl #1.mtl", "my\\ mesh.mtl #x"] {
+        let input = path("in.obj");
+        std::fs::write(&input, format!("mtllib {library}\n{mesh}")).unwrap();
+        let run = simplify(folder.path(), input.to_str().unwrap(), &["--ratio", "1", "--format", "json", "-q"]);
+        let found: serde_json::Value = serde_json::from_slice(&run.stdout).unwrap();
+        assert!(found["repairs"].get("undefined_material").is_none(), "{library}: {}", found["warnings"]);
+        let missing = if library.starts_with("gone") { 1 } else { 0 };
+        assert_eq!(found["repairs"]["missing_mtl"].as_u64().unwrap_or(0), missing, "{library}: {}", found["warnings"]);
+    }
+}
