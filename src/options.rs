@@ -299,6 +299,22 @@ pub struct SimplifyOptions {
     #[serde(skip)]
     pub drawing: Drawing,
 
+    /// Patterns of what was left out of the input, for the report
+    #[arg(skip)]
+    pub exclude: Vec<String>,
+
+    /// Whether the result is to be compared with the input, for the report
+    #[arg(skip)]
+    pub measure: bool,
+
+    /// Sample points of the comparison, for the report
+    #[arg(skip)]
+    pub samples: Option<u64>,
+
+    /// Seed of the places of these points, for the report
+    #[arg(skip)]
+    pub seed: Option<u64>,
+
     /// The command line, for the report
     #[arg(skip)]
     #[serde(skip)]
@@ -334,6 +350,10 @@ impl Default for SimplifyOptions {
             remesh: None,
             optimize: false,
             drawing: Drawing::Nothing,
+            exclude: Vec::new(),
+            measure: false,
+            samples: None,
+            seed: None,
             command: None,
         }
     }
@@ -470,6 +490,10 @@ impl SimplifyOptions {
             resume: ResumeChoice::Auto,
             keep_work: false,
             drawing: Drawing::Nothing,
+            exclude: Vec::new(),
+            measure: false,
+            samples: None,
+            seed: None,
             force: false,
             seams: Some(self.seams_or_default()),
             ..self.clone()
@@ -536,6 +560,9 @@ mod tests {
         let one = SimplifyOptions { ratio: Some(0.5), threads: Some(1), ..SimplifyOptions::default() };
         let two = SimplifyOptions { threads: Some(2), memory: Some(1 << 30), ..one.clone() };
         assert_eq!(one.fingerprint(), two.fingerprint());
+        // Nor does how the result is measured.
+        let measured = SimplifyOptions { measure: true, samples: Some(5000), seed: Some(2), ..one.clone() };
+        assert_eq!(one.fingerprint(), measured.fingerprint());
         // Nor does what is said that holds anyway.
         let said = SimplifyOptions { seams: Some(Seams::Stitch), ..one.clone() };
         assert_eq!(one.fingerprint(), said.fingerprint());

@@ -69,7 +69,7 @@ pub fn simplify_and(
     let progress: &dyn Progress = &recorder;
     options.check()?;
     let choice = input.into();
-    let inputs = scan::find_inputs(&choice)?;
+    let (inputs, idle) = scan::find_inputs_and_idle(&choice)?;
     let budget = memory::choose_budget(options)?;
     let threads = memory::choose_threads(options.threads, budget);
     let work_path = work_folder(output, options);
@@ -87,6 +87,7 @@ pub fn simplify_and(
         choice: &choice,
         began,
         inputs: &inputs,
+        idle: &idle,
         manifest: &manifest,
         options,
         scan: memory::scan_options(budget, threads),
@@ -115,7 +116,7 @@ fn run(
     let Reading { options, progress, .. } = *reading;
     let started = Instant::now();
     let earlier = output::earlier(job, output)?;
-    output::clear_elsewhere(job, output)?;
+    let was_writing = output::was_writing(job, output)?;
     let replaces_own = !matches!(earlier, Earlier::Nothing);
     output::check(output, job.number(), options.force || replaces_own)?;
 
@@ -123,6 +124,7 @@ fn run(
     let (mut input, start) = reading.begin(job)?;
     let is_resumed = job.is_resumed();
     let mut findings = std::mem::take(&mut input.findings);
+    findings.merge(reading.idle.clone());
     let Input { ref catalogue, triangles, bytes: input_bytes, ref need, .. } = input;
     let scan_seconds = scanned.elapsed();
     need.check(budget, options, job.path(), start.needs_scratch())?;
@@ -136,7 +138,7 @@ fn run(
         sources: input.sources(),
         job: job.number(),
     };
-    write::check_output(output, &write_options)?;
+    write::check_output(output, catalogue, &write_options, was_writing)?;
 
     let target = options.target(triangles);
     let sizes = Sizes::of(triangles, need.vertices, options);
@@ -148,10 +150,12 @@ fn run(
         with_errors: options.drawing == Drawing::PicturesAndErrors,
         progress,
     };
+    let drawn = Instant::now();
     let before = match start.unsimplified() {
         Some(mesh) if options.drawing != Drawing::Nothing => painter.draw(mesh, None, &mut findings),
         _ => None,
     };
+    let mut draw_seconds = drawn.elapsed();
     let map = before.as_ref().map(|(from, _)| from.map(pictures::MAP_SIZE));
     if map.is_some() {
         work_bytes = work_bytes.saturating_sub(pictures::MAP_BYTES);
@@ -190,11 +194,17 @@ fn run(
     let files = files::figures(catalogue, &result.findings, &result.companions, write_options.brings_outside, is_drawn);
     findings.merge(result.findings);
     let write_seconds = written.elapsed();
+    let gauged = Instant::now();
+    progress.begin("measure", 0, "");
     let measured = gauge(&passes.probes, &passes.mesh, progress)?;
+    let measure_seconds = gauged.elapsed();
+    let drawn = Instant::now();
     let shots = before.and_then(|(from, before)| {
         let (_, after) = painter.draw(&passes.mesh, Some(from), &mut findings)?;
         Some([before, after])
     });
+
+    draw_seconds += drawn.elapsed();
 
     let (read, written) = system::io_bytes();
     let drawing_peak = match shots {
@@ -229,6 +239,8 @@ fn run(
             simplify: passes.seconds.simplify.as_secs_f64(),
             stitch: passes.seconds.stitch.as_secs_f64(),
             write: write_seconds.as_secs_f64(),
+            measure: measure_seconds.as_secs_f64(),
+            draw: draw_seconds.as_secs_f64(),
         },
         memory: MemoryFigures {
             budget: budget.bytes,

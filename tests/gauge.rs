@@ -73,3 +73,44 @@ fn half_of_a_square_that_is_gone_is_seen() {
         assert_eq!(measured(&run.report) == 0.0, is_whole, "{faces} faces: {}", measured(&run.report));
     }
 }
+
+/// A flat square in which one vertex is raised: a handful of its 20,000 faces are all that a comparison finds changed.
+#[test]
+fn one_raised_vertex_that_is_gone_is_seen() {
+    const SIDE: usize = 101;
+    let mut sketch = Sketch::default();
+    for i in 0..SIDE {
+        for j in 0..SIDE {
+            let height = if (i, j) == (88, 45) { 0.5 } else { 0.0 };
+            sketch.positions.push(glam::DVec3::new(i as f64, j as f64, height));
+        }
+    }
+    for i in 0..SIDE - 1 {
+        for j in 0..SIDE - 1 {
+            let at = |i: usize, j: usize| (i * SIDE + j, 0);
+            sketch.faces.push([at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
+            sketch.faces.push([at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
+        }
+    }
+    let options = SimplifyOptions { faces: Some(2), ..SimplifyOptions::default() };
+    for options in [in_many_clusters(options.clone()), options] {
+        let folder = tempfile::tempdir().unwrap();
+        let input = folder.path().join("in.obj");
+        std::fs::write(&input, sketch.text()).unwrap();
+        let run = simplify(&input, &options);
+        let (gauge, comparison) = (measured(&run.report), rms_distance(&input, &run));
+        assert!((0.7..1.4).contains(&(gauge / comparison)), "{gauge} measured, {comparison} by comparison");
+    }
+}
+
+#[test]
+fn the_seconds_of_the_phases_add_up() {
+    let seconds = simplify(&town(), &ratio(0.3)).report.seconds;
+    let phases = [seconds.scan, seconds.partition, seconds.simplify, seconds.stitch, seconds.write, seconds.measure];
+    let sum: f64 = phases.iter().sum();
+    assert!(
+        seconds.measure > 0.0 && sum <= seconds.total && sum > 0.8 * seconds.total,
+        "{phases:?} of {}",
+        seconds.total
+    );
+}

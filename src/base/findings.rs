@@ -6,7 +6,9 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 /// How many places of one kind are kept in words; the rest are counted.
-pub const PLACES_PER_KIND: usize = 20;
+pub const PLACES_PER_KIND: usize = 100;
+/// Kinds that are listed in full: there are no more than materials and textures, which the memory budget bounds.
+const LISTED_KINDS: [&str; 2] = ["lost_materials", "lost_textures"];
 
 /// Counted findings by kind; a kind is a fixed snake-case word such as `degenerate_faces`.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -35,7 +37,7 @@ impl Findings {
     pub fn note(&mut self, kind: &'static str, place: impl FnOnce() -> String) {
         let finding = self.kinds.entry(kind.into()).or_default();
         finding.count += 1;
-        if finding.places.len() < PLACES_PER_KIND {
+        if finding.places.len() < places_max(kind) {
             finding.places.push(place());
         }
     }
@@ -43,9 +45,10 @@ impl Findings {
     /// Adds the findings of `other`, which came later.
     pub fn merge(&mut self, other: Findings) {
         for (kind, theirs) in other.kinds {
+            let most = places_max(&kind);
             let ours = self.kinds.entry(kind).or_default();
             ours.count += theirs.count;
-            let room = PLACES_PER_KIND.saturating_sub(ours.places.len());
+            let room = most.saturating_sub(ours.places.len());
             ours.places.extend(theirs.places.into_iter().take(room));
         }
     }
@@ -81,9 +84,26 @@ impl Findings {
     }
 }
 
+/// How many places of a kind are kept in words.
+fn places_max(kind: &str) -> usize {
+    if LISTED_KINDS.contains(&kind) { usize::MAX } else { PLACES_PER_KIND }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn lost_materials_and_textures_are_listed_in_full() {
+        for kind in LISTED_KINDS {
+            let (mut findings, mut all) = (Findings::default(), Findings::default());
+            (0..1000).for_each(|number| findings.note(kind, || format!("'m{number}' is on no face")));
+            all.merge(findings.clone());
+            all.merge(findings);
+            let lines = all.warnings();
+            assert!(lines.len() == 2000 && lines[1999].contains("m999"), "{}", lines.len());
+        }
+    }
 
     #[test]
     fn many_findings_are_counted_and_few_are_told() {

@@ -10,7 +10,9 @@ use super::progress::stoppable;
 use super::stop::Goodbye;
 use crate::base::error::escape_path;
 use crate::base::{Error, Progress, Result, bytes, grouped, quantity};
-use crate::measure::compare::{self, BeforeAfter, CompareOptions, Comparison, Distances, Onlooker, Resources, Texture};
+use crate::measure::compare::{
+    self, BeforeAfter, CompareOptions, Comparison, Distances, Onlooker, ROUNDING_SHARE, Resources, Texture,
+};
 use crate::options::heading;
 use crate::os::durable::temporary_folder;
 use crate::os::signals::StopSignal;
@@ -69,6 +71,11 @@ impl SamplingArguments {
     /// Points by area on each surface.
     pub fn samples(self) -> u64 {
         self.samples
+    }
+
+    /// Seed of their places.
+    pub fn seed(self) -> u64 {
+        self.seed
     }
 
     /// Checks ranges.
@@ -199,7 +206,7 @@ fn table(comparison: &Comparison) -> String {
     let _ = writeln!(text, "in 1e-4 of the diagonal");
     for (name, figure) in figures.into_iter().filter(|(name, _)| *name != "half is nearer than") {
         let [a, b, c] = ways.map(|way| match 1e4 * figure(way) / geometry.diagonal {
-            share if share > 0.0 && share < 1e4 * ROUNDING => format!("<{:.0e}", 1e4 * ROUNDING),
+            share if share > 0.0 && share < 1e4 * ROUNDING_SHARE => format!("<{:.0e}", 1e4 * ROUNDING_SHARE),
             share => length(share),
         });
         let _ = writeln!(text, "  {name:20}{a:>16}{b:>16}{c:>16}");
@@ -254,8 +261,8 @@ fn table(comparison: &Comparison) -> String {
     pair("mean regularity", format!("{:.4}", old.regularity_mean), format!("{:.4}", new.regularity_mean));
     pair("slivers", percent(old.sliver_share), percent(new.sliver_share));
     pair("5 to 7 edges", percent(old.valence_regular_share), percent(new.valence_regular_share));
-    for warning in &comparison.warnings {
-        let _ = writeln!(text, "warning: {warning}");
+    for line in report::warning_lines(&comparison.warnings, "--json lists them") {
+        let _ = writeln!(text, "{line}");
     }
     text
 }
@@ -287,14 +294,11 @@ fn describe_texture(texture: &Texture, row: &mut impl FnMut(&str, String)) {
     row("the same in texels", texels.join(" before, ") + " after");
 }
 
-/// Distances below this share of the diagonal are roundings.
-const ROUNDING: f64 = 1e-12;
-
 /// A distance, but for roundings.
 fn distance(value: f64, diagonal: f64) -> String {
     match value {
         0.0 => "0".to_owned(),
-        _ if value < ROUNDING * diagonal => format!("<{ROUNDING:.0e} diagonal"),
+        _ if value < ROUNDING_SHARE * diagonal => format!("<{ROUNDING_SHARE:.0e} diagonal"),
         _ => length(value),
     }
 }

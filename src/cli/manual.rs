@@ -2,11 +2,12 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, CommandFactory};
+use clap::{ArgAction, Args, Command, CommandFactory};
 use clap_complete::Shell;
+use clap_mangen::Man;
 
-use super::Cli;
 use super::print::print;
+use super::{Cli, version};
 use crate::base::{Error, Result};
 
 /// Arguments of `drystone completions`.
@@ -43,8 +44,72 @@ pub fn print_completions(arguments: &CompletionsArguments) -> Result<u8> {
 pub fn write_pages(arguments: &ManArguments) -> Result<u8> {
     let folder = &arguments.out;
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
-    clap_mangen::generate_to(Cli::command(), folder).map_err(|e| Error::io(folder, "write to", e))?;
+    let mut program = Cli::command().disable_help_subcommand(true);
+    program.build();
+    let shown = program.get_subcommands().filter(|command| !command.is_hide_set());
+    for command in std::iter::once(&program).chain(shown) {
+        let name = command.get_display_name().unwrap_or(command.get_name());
+        let path = folder.join(format!("{name}.1"));
+        let text = page(command, name).map_err(|e| Error::io(&path, "write", e))?;
+        std::fs::write(&path, text).map_err(|e| Error::io(&path, "write", e))?;
+    }
     Ok(0)
+}
+
+/// The page of a command.
+fn page(command: &Command, name: &str) -> std::io::Result<Vec<u8>> {
+    let man = Man::new(command.clone().version(version::SHORT))
+        .title(name.to_uppercase())
+        .source(format!("drystone {}", version::SHORT))
+        .manual("drystone manual");
+    let mut text = Vec::new();
+    man.render_title(&mut text)?;
+    man.render_name_section(&mut text)?;
+    text.extend(synopsis(command).into_bytes());
+    man.render_description_section(&mut text)?;
+    man.render_options_section(&mut text)?;
+    if command.get_subcommands().any(|command| !command.is_hide_set()) {
+        man.render_subcommands_section(&mut text)?;
+    }
+    let more = command.get_after_long_help().or(command.get_after_help()).map(ToString::to_string).unwrap_or_default();
+    // `Examples:` and lines, which stay as they are.
+    if let Some((heading, lines)) = more.split_once(":\n") {
+        let lines: String = lines.lines().map(|line| roff(line) + "\n").collect();
+        text.extend(format!(".SH {}\n.nf\n{lines}.fi\n", heading.to_uppercase()).into_bytes());
+    }
+    man.render_version_section(&mut text)?;
+    Ok(text)
+}
+
+/// How a command is written: each option with the name of its value, those that may be left out in brackets.
+fn synopsis(command: &Command) -> String {
+    let bin = command.get_bin_name().unwrap_or(command.get_name());
+    let mut text = format!(".SH SYNOPSIS\n\\fB{}\\fR", roff(bin));
+    for argument in command.get_arguments().filter(|argument| !argument.is_hide_set()) {
+        let names = argument.get_value_names().unwrap_or_default();
+        let value = match argument.is_positional() || argument.get_action().takes_values() {
+            true => names.first().map(|name| format!("\\fI{}\\fR", roff(name))),
+            false => None,
+        };
+        let flag = argument.get_long().map(|long| format!("\\fB\\-\\-{}\\fR", roff(long)));
+        let words = [flag, value].into_iter().flatten().collect::<Vec<_>>().join(" ");
+        let more =
+            if argument.is_positional() && matches!(argument.get_action(), ArgAction::Append) { "..." } else { "" };
+        text += &match argument.is_required_set() {
+            true => format!(" {words}{more}"),
+            false => format!(" [{words}{more}]"),
+        };
+    }
+    if command.has_subcommands() {
+        text += " \\fICOMMAND\\fR";
+    }
+    text + "\n"
+}
+
+/// A line of text as a manual page writes it.
+fn roff(line: &str) -> String {
+    let text = line.replace('\\', "\\e").replace('-', "\\-");
+    if text.starts_with(['.', '\'']) { format!("\\&{text}") } else { text }
 }
 
 #[cfg(test)]
@@ -63,6 +128,15 @@ mod tests {
         let simplify = page("drystone-simplify.1");
         let is_there = |name: &str| simplify.contains(&name.replace('-', "\\-"));
         assert!(["ratio", "max-error", "metric-option"].into_iter().all(is_there), "{simplify}");
+        let has = |words: &str| assert!(simplify.contains(words), "{words}: {simplify}");
+        has(".TH DRYSTONE-SIMPLIFY 1");
+        has(".SH EXAMPLES\n.nf\n  drystone simplify city.obj");
+        has("\\fB\\-\\-output\\fR \\fIFILE\\fR");
+        has("[\\fB\\-\\-ratio\\fR \\fISHARE\\fR]");
+        for name in ["drystone.1", "drystone-simplify.1", "drystone-status.1"] {
+            assert!(page(name).contains(&format!("drystone {}", version::SHORT)) && !page(name).contains(".SH EXTRA"));
+        }
+        assert!(page("drystone.1").contains(".SH EXIT CODES\n.nf\n"));
     }
 
     #[test]

@@ -44,11 +44,12 @@ fn describe(page: &mut String, command: &Command, simplify: &Command) {
     if takes_all {
         page.push_str("\nTakes the options of [simplify](#drystone-simplify) that shape the result or the job, and:\n");
     }
-    let is_said =
-        |argument: &Arg| takes_all && simplify.get_arguments().any(|other| other.get_id() == argument.get_id());
+    let is_said = |argument: &Arg| {
+        takes_all && simplify.get_arguments().any(|other| !other.is_hide_set() && other.get_id() == argument.get_id())
+    };
     let options: Vec<&Arg> = command
         .get_arguments()
-        .filter(|argument| !argument.is_hide_set() && argument.get_id() != "help")
+        .filter(|argument| !argument.is_hide_set() && argument.get_id() != "help" && argument.get_id() != "version")
         .filter(|argument| argument.is_positional() || argument.get_id() == "quiet" || !is_said(argument))
         .collect();
     let mut headings: Vec<Option<&str>> = Vec::new();

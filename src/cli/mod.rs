@@ -27,7 +27,7 @@ pub use self::markdown::options_markdown;
 /// Simplifies textured triangle meshes larger than memory.
 #[derive(Debug, Parser)]
 #[command(name = "drystone", about, after_help = exit::help())]
-#[command(version = version::SHORT, long_version = version::LONG)]
+#[command(version = version::SHORT, long_version = version::LONG, propagate_version = true)]
 struct Cli {
     #[command(subcommand)]
     command: Command,

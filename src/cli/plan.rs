@@ -4,10 +4,11 @@ use clap::Args;
 
 use super::input::InputArguments;
 use super::print::{print, print_json};
-use super::progress::told;
+use super::progress::{tell, told};
 use crate::base::Result;
 use crate::options::SimplifyOptions;
 use crate::plan;
+use crate::report;
 
 /// Arguments of `drystone plan`.
 #[derive(Debug, Args)]
@@ -32,6 +33,9 @@ pub fn run(arguments: &PlanArguments) -> Result<u8> {
     let told = told(arguments.quiet);
     let plan = plan::plan(arguments.input.choice(), &arguments.options, &*told)?;
     drop(told);
+    if !arguments.quiet {
+        report::warning_lines(&plan.warnings, "--json lists them").iter().for_each(|line| tell(line));
+    }
     match arguments.json {
         true => print_json(&plan)?,
         false => print(&plan.table())?,

@@ -1,12 +1,12 @@
 //! The share of a whole run that is done, by the times that `drystone plan` predicts.
 //!
 //! ```text
-//! scan │ cut 1 │ pass 1        │ cut 2 │ pass 2 │ … │ write │ comparison
+//! scan │ draw │ cut 1 │ pass 1        │ cut 2 │ pass 2 │ … │ textures │ write │ measure │ draw │ comparison
 //!      └─ known once the triangles are counted; until then they are estimated from the bytes
 //! ```
 //! In: phases as they begin and advance. Out: a share that never falls. Nothing that shapes a result reads it.
 
-use crate::options::SimplifyOptions;
+use crate::options::{Drawing, SimplifyOptions, TextureFiles};
 use crate::plan::memory::{self, Sizes};
 use crate::plan::{passes, time};
 use crate::scan;
@@ -16,6 +16,13 @@ use crate::scan::InputChoice;
 const BYTES_PER_TRIANGLE: u64 = 70;
 /// Seconds that a comparison takes for each sample on one core, about; both ways, colours included.
 const SECONDS_PER_SAMPLE: f64 = 8e-6;
+/// Seconds that drawing a mesh takes on one core, about, and what each of its triangles adds.
+const DRAW_SECONDS: f64 = 1.0;
+const DRAW_SECONDS_PER_TRIANGLE: f64 = 4e-6;
+/// Seconds that measuring the deviation takes for each triangle of the input, about.
+const GAUGE_SECONDS_PER_TRIANGLE: f64 = 3e-7;
+/// Time that copying textures takes, in that of writing the OBJ; nobody knows their size.
+const TEXTURES_PER_WRITE: f64 = 0.3;
 /// Phases of a comparison.
 const COMPARISON_PHASES: f64 = 11.0;
 
@@ -26,10 +33,14 @@ pub struct JobShare {
     threads: usize,
     bytes: u64,
     comparison: f64,
-    /// Predicted seconds: of the scan, of cutting and of simplifying in each pass, of writing.
+    /// Predicted seconds: of the scan, of drawing input and result, of cutting and of simplifying in each pass, of copying
+    /// textures, of writing, of measuring.
     scan: f64,
+    draw: [f64; 2],
     passes: Vec<[f64; 2]>,
+    textures: f64,
     write: f64,
+    gauge: f64,
     has_triangles: bool,
     pass: usize,
     /// Where the phase under way begins and ends, in predicted seconds.
@@ -59,8 +70,11 @@ impl JobShare {
             bytes,
             comparison: samples as f64 * SECONDS_PER_SAMPLE / threads as f64,
             scan: 0.0,
+            draw: [0.0; 2],
             passes: Vec::new(),
+            textures: 0.0,
             write: 0.0,
+            gauge: 0.0,
             has_triangles: false,
             pass: 0,
             phase: [0.0; 2],
@@ -84,12 +98,25 @@ impl JobShare {
             [after.partition - before.partition, after.simplify - before.simplify]
         };
         let (start, each) = (upto(0), (0..found.len()).map(each).collect());
-        (self.scan, self.write, self.passes) = (start.scan, start.write, each);
+        let drawn = |triangles: u64| match options.drawing {
+            Drawing::Nothing => 0.0,
+            _ => (DRAW_SECONDS + DRAW_SECONDS_PER_TRIANGLE * triangles as f64) / *threads as f64,
+        };
+        let draw = [drawn(triangles), drawn(target)];
+        let textures = match options.textures {
+            TextureFiles::Copy => TEXTURES_PER_WRITE * start.write,
+            TextureFiles::Link | TextureFiles::Reference => 0.0,
+        };
+        (self.scan, self.draw, self.passes) = (start.scan, draw, each);
+        (self.textures, self.write) = (textures, start.write);
+        self.gauge = GAUGE_SECONDS_PER_TRIANGLE * triangles as f64;
     }
 
     /// Predicted seconds of the whole run.
     pub fn predicted_seconds(&self) -> f64 {
-        self.scan + self.passes.iter().flatten().sum::<f64>() + self.write + self.comparison
+        let passes: f64 = self.passes.iter().flatten().sum();
+        let end = self.textures + self.write + self.gauge + self.comparison;
+        self.scan + self.draw.iter().sum::<f64>() + passes + end
     }
 
     /// `pass 2 of 4` while passes are under way. A pass more than expected is the last one, as far as is known.
@@ -111,17 +138,26 @@ impl JobShare {
             self.predict(if phase == "weigh" { total / 2 } else { total });
         }
         let ended = self.pass.saturating_sub(1).min(self.passes.len());
-        let before: f64 = self.scan + self.passes[..ended].iter().flatten().sum::<f64>();
+        let start = self.scan + self.draw[0];
+        let before: f64 = start + self.passes[..ended].iter().flatten().sum::<f64>();
         let [cut, simplify] = self.passes.get(ended).copied().unwrap_or_default();
-        let all = self.scan + self.passes.iter().flatten().sum::<f64>();
+        let all = start + self.passes.iter().flatten().sum::<f64>();
+        let copied = all + self.textures;
+        let written = copied + self.write;
+        let measured = written + self.gauge;
+        let drawn = measured + self.draw[1];
         let end = self.phase[1];
         self.phase = match phase {
-            _ if self.has_written && phase != "draw" => self.next_of_comparison(all + self.write),
+            "measure" => [written, measured],
+            "draw" if self.has_written => [measured, drawn],
+            _ if self.has_written => self.next_of_comparison(drawn),
             "scan" => [0.0, self.scan],
+            "draw" => [self.scan, start],
             "partition" if self.pass > 0 => [before, before + cut],
             _ if is_pass => [before + cut, before + cut + simplify],
-            "collect" | "textures" => [all, all],
-            "write" => [all, all + self.write],
+            "collect" => [all, all],
+            "textures" => [all, copied],
+            "write" => [copied, written],
             _ => [end; 2],
         };
         self.skipped += (self.phase[0] - end).max(0.0);
@@ -168,6 +204,19 @@ mod tests {
     }
 
     #[test]
+    fn drawing_textures_and_measuring_have_their_shares() {
+        let options = SimplifyOptions { ratio: Some(0.1), drawing: Drawing::Pictures, ..SimplifyOptions::default() };
+        let mut share = JobShare::new(&options, 300 << 20, 2, 1_000_000);
+        let mut last = 0.0;
+        for phase in ["scan", "draw", "textures", "write", "measure", "draw", "partition", "compare"] {
+            share.begin(phase, 0);
+            let now = share.advance(1.0);
+            assert!(now > last && now < 1.0, "{phase}: {last} {now}");
+            last = now;
+        }
+    }
+
+    #[test]
     fn a_run_goes_from_nothing_to_all() {
         let mut share = city();
         let mut last = 0.0;
@@ -184,6 +233,8 @@ mod tests {
         }
         share.begin("write", 1_000_000);
         assert_eq!(share.pass(), None);
+        assert!(share.advance(1.0) < 1.0);
+        share.begin("measure", 0);
         assert!((share.advance(1.0) - 1.0).abs() < 1e-9);
     }
 

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
+use serde_json::json;
 
 use super::compare::{SamplingArguments, compare_meshes};
 use super::input::InputArguments;
@@ -59,11 +60,12 @@ pub struct SimplifyArguments {
     /// Form of the summary on stdout
     #[arg(long, value_enum, value_name = "FORM", default_value_t = Format::Text, help_heading = heading::REPORT)]
     format: Format,
-    /// Print errors only
-    ///
-    /// --format json still prints its object
+    /// Print the summary and errors only
     #[arg(short, long, help_heading = heading::REPORT)]
     quiet: bool,
+    /// What other commands call it; refused with words that help
+    #[arg(long, hide = true)]
+    json: bool,
 }
 
 /// Form of the summary on stdout.
@@ -75,12 +77,30 @@ enum Format {
     Json,
 }
 
-/// Simplifies, compares if asked to, prints the closing words and returns the exit code.
+/// Simplifies, compares if asked to, prints the closing words and returns the exit code. With `--format json` stdout gets one
+/// object, also for a run that fails.
 ///
 /// # Errors
 /// Those of [`pipeline::simplify`] and of the reports.
 pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
-    let SimplifyArguments { input, output, options, report: reports, measure, sampling, format, quiet } = arguments;
+    if arguments.json {
+        return Err(Error::Usage("--json: simplify prints its report as JSON with --format json".into()));
+    }
+    let mut is_printed = false;
+    let outcome = simplify(arguments, &mut is_printed);
+    if arguments.format == Format::Json && !is_printed {
+        let (status, code) = match &outcome {
+            Ok(code) => ("stopped", *code),
+            Err(error) => ("failed", error.exit_code()),
+        };
+        let error = outcome.as_ref().err().unwrap_or(&Error::Stopped).to_string();
+        print_json(&json!({ "status": status, "exit_code": code, "error": error }))?;
+    }
+    outcome
+}
+
+fn simplify(arguments: &SimplifyArguments, is_printed: &mut bool) -> Result<u8> {
+    let SimplifyArguments { input, output, options, report: reports, measure, sampling, format, quiet, .. } = arguments;
     sampling.check()?;
     reports.iter().try_for_each(|path| report::Kind::of(path).map(|_| ()))?;
     let folders = reports.iter().filter_map(|path| path.parent());
@@ -94,8 +114,16 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
         (true, false) => Drawing::Pictures,
         (true, true) => Drawing::PicturesAndErrors,
     };
-    let options = SimplifyOptions { drawing, command: Some(command_line()), ..options.clone() };
     let choice = input.choice();
+    let options = SimplifyOptions {
+        drawing,
+        exclude: choice.exclude.clone(),
+        measure: *measure,
+        samples: measure.then(|| sampling.samples()),
+        seed: measure.then(|| sampling.seed()),
+        command: Some(command_line()),
+        ..options.clone()
+    };
     let stop = StopSignal::listen()?;
     let work = pipeline::work_folder(output, &options);
     let goodbye = Goodbye::of_job(&stop, &work);
@@ -146,9 +174,9 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
     tell_lines(result.broken_bound().into_iter().collect());
     match format {
         Format::Json => print_json(&result)?,
-        Format::Text if !quiet => print(&result.summary())?,
-        Format::Text => {}
+        Format::Text => print(&result.summary())?,
     }
+    *is_printed = true;
     match failure {
         Some(Error::Stopped) => Ok(goodbye.say()),
         Some(error) => Err(error),

@@ -32,6 +32,7 @@ use crate::mesh::doubles::doubles;
 use crate::os::durable::temporary_folder;
 use crate::partition::{self, Partition, PartitionOptions, TextureScale, cluster};
 use crate::plan::{memory, scratch};
+use crate::report::warning_lines;
 use crate::scan::InputChoice;
 use crate::scan::{self, Scan};
 use crate::store::{Catalogue, StoredMesh};
@@ -46,6 +47,8 @@ const CLUSTER_FACES_MIN: u64 = 5_000;
 const CLUSTER_FACES_MAX: u64 = 250_000;
 /// Buffers of two files by bucket.
 const BUFFERS_BYTES: u64 = 24 * MIB;
+/// Characters of the column of names.
+const NAME_WIDTH: usize = 20;
 
 /// Options of `drystone inspect`; none changes the counts.
 #[derive(Debug, Clone, Default)]
@@ -125,7 +128,7 @@ fn inspect_in_clusters(
     if options.threads == Some(0) {
         return Err(Error::Usage("--threads 0: expected at least 1".into()));
     }
-    let inputs = scan::find_inputs(input)?;
+    let (inputs, idle) = scan::find_inputs_and_idle(input)?;
     let budget = memory::budget_of(options.memory)?;
     let threads = memory::choose_threads(options.threads, budget);
     let work_path = options.work.clone().unwrap_or_else(|| temporary_folder("inspect"));
@@ -184,7 +187,7 @@ fn inspect_in_clusters(
         unused_vertices: (mesh.vertex_count() - welded_vertices).saturating_sub(topology.vertices),
         topology,
         faults: faults(&findings),
-        warnings: findings.warnings(),
+        warnings: [findings, idle].iter().flat_map(Findings::warnings).collect(),
     })
 }
 
@@ -277,7 +280,7 @@ impl Inspection {
     pub fn table(&self) -> String {
         let mut text = String::new();
         let mut row = |name: &str, words: String| {
-            let _ = writeln!(text, "{name:20}{words}");
+            let _ = writeln!(text, "{name:NAME_WIDTH$}{words}");
         };
         row("input", format!("{}, {}", counted(self.files, "file"), bytes::display(self.bytes)));
         row("triangles", grouped(self.triangles));
@@ -309,10 +312,13 @@ impl Inspection {
             row("faults", "none".to_owned());
         }
         for (kind, count) in &self.faults {
-            row(&kind.replace('_', " "), grouped(*count));
+            let name = kind.replace('_', " ");
+            // Names longer than the column have a gap behind them, too.
+            let gap = if name.len() < NAME_WIDTH { "" } else { " " };
+            row(&(name + gap), grouped(*count));
         }
-        for warning in &self.warnings {
-            row("warning", warning.clone());
+        for line in warning_lines(&self.warnings, "--json lists them") {
+            let _ = writeln!(text, "{line}");
         }
         text
     }
@@ -368,6 +374,18 @@ mod tests {
                 assert_eq!(inspect_in_clusters(&(&input).into(), &options, cluster_faces, &Silent).unwrap(), whole);
             }
         }
+    }
+
+    #[test]
+    fn long_names_have_a_gap_and_long_warnings_are_clipped() {
+        let folder = tempfile::tempdir().unwrap();
+        let input = folder.path().join("a.obj");
+        let library = "m".repeat(400);
+        let text = format!("mtllib {library}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1 2/2 3/3\n");
+        std::fs::write(&input, text).unwrap();
+        let table = inspected(&input.to_string_lossy()).table();
+        assert!(table.contains("\ndangling texture coordinates 1\n"), "{table}");
+        assert!(table.lines().all(|line| line.chars().count() <= 200), "{table}");
     }
 
     #[test]

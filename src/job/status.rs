@@ -33,7 +33,10 @@ pub fn look(path: &Path) -> Result<WorkStatus> {
         if Header::is_at(&path.join(JOURNAL)) {
             return Err(Error::Damaged { path: path.join(MANIFEST), message: format!("it is gone; {AFRESH}") });
         }
-        return Err(Error::Usage(format!("{}: holds no job; give a work folder", escape_path(path))));
+        let folder = escape_path(path);
+        return Err(Error::Usage(format!(
+            "{folder}: holds no job: none was begun there, or it is done and its files were removed (--keep-work keeps them)"
+        )));
     }
     let (manifest, checksum) = Manifest::read(&path.join(MANIFEST))?;
     let entries = match path.join(JOURNAL).exists() {

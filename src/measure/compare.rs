@@ -58,6 +58,8 @@ use crate::scan::{InputChoice, ScanOptions};
 
 /// Version of the JSON's form.
 pub const VERSION: u32 = 1;
+/// Distances below this share of the original's diagonal are roundings.
+pub const ROUNDING_SHARE: f64 = 1e-12;
 
 /// A figure of the original and of the result.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]

@@ -5,7 +5,8 @@
 //! [`compare`](super::compare) finds with more of them.
 //!
 //! # Memory
-//! A piece of the result at a time: 72 bytes a triangle and about as much for its tree.
+//! A piece of the result at a time: 72 bytes a triangle and about as much for its tree. 24 bytes and a tree for each of up to
+//! 65,536 landmarks, 32 bytes for each of some 50,000 points.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -20,6 +21,11 @@ use crate::store::corners::PieceCorners;
 
 /// Points that are tried on the result, in those that its input would take.
 const CANDIDATES_MAX: u64 = 16;
+/// For so many vertices of the result one is a landmark, but of all no more than [`LANDMARKS_MAX`] are.
+const VERTICES_PER_LANDMARK: u64 = 8;
+const LANDMARKS_MAX: u64 = 65_536;
+/// The whole is taken to deviate so many times more, or less, than the cells, at most.
+const SCALE_MAX: f64 = 8.0;
 
 /// Distances between input and result, in the mesh's unit of length.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
@@ -40,21 +46,29 @@ pub struct Gauged {
 /// On failed reads and damaged files.
 pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> Result<Option<Gauged>> {
     let share = probes.probing.share();
-    let spacing = probes.area() * share / probes.probing.points as f64;
+    let spacing = probes.area() * share / probes.probing.cell_points() as f64;
     if probes.triangle_count() == 0 || !spacing.is_normal() {
         return Ok(None);
     }
-    let mut to_result: Vec<f64> = probes.points.iter().map(|&point| farthest_sq(result, point)).collect();
-    let most = CANDIDATES_MAX * (probes.probing.points as f64 / share) as u64;
-    let mut spread = Spread::new(spacing, most, 0);
+    let most = CANDIDATES_MAX * (probes.probing.cell_points() as f64 / share) as u64;
     let (mut chosen, mut of_result) = (ChosenCells::new(probes.probing), Vec::new());
+    // Points of the input in the cells, which tell how well these stand for the whole.
+    let mut of_input = probes.points.clone();
+    let mut spread = Spread::new(spacing, most, 1);
+    for face in 0..probes.triangle_count() as u32 {
+        spread.over(probes.triangle(face), |point| {
+            of_input.extend(chosen.holding(point).filter(|&cell| probes.has_all_near(cell)).map(|_| point));
+        });
+    }
+    let mut to_result = at_most_sq(result, &of_input)?;
+    let mut spread = Spread::new(spacing, most, 0);
     for piece in &result.pieces {
         progress.check_stopped()?;
         let corners = PieceCorners::read(result, piece, false)?;
         let triangle = |face: &[u32; 3]| face.map(|vertex| corners.position(vertex));
         let triangles: Vec<[DVec3; 3]> = corners.vertices.as_chunks().0.iter().map(triangle).collect();
         drop(corners);
-        let search = || nearest_sq(triangles.len(), |face| triangles[face as usize], &probes.points, &mut to_result);
+        let search = || nearest_sq(triangles.len(), |face| triangles[face as usize], &of_input, &mut to_result);
         rayon::join(search, || {
             for &triangle in &triangles {
                 let are_met = chosen.are_met(triangle);
@@ -73,16 +87,14 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
     }
     let noise = result.rounding_noise();
     let counted = |distance_sq: &f64| if *distance_sq <= noise * noise { 0.0 } else { *distance_sq };
-    let mean_of = |distances: &[f64]| distances.iter().map(counted).sum::<f64>() / distances.len() as f64;
-    let to_input_sq = mean_of(&to_input);
-    let (mut sum, mut area_sum, mut rest) = (0.0, 0.0, &to_result[..]);
-    for &(area, count) in probes.strata.iter().filter(|(_, count)| *count > 0) {
-        let (own, others) = rest.split_at(count as usize);
-        rest = others;
-        sum += area * mean_of(own);
-        area_sum += area;
-    }
-    let to_result_sq = sum / area_sum;
+    let mean_of = |distances: &[f64]| match distances.len() {
+        0 => 0.0,
+        count => distances.iter().map(counted).sum::<f64>() / count as f64,
+    };
+    let (anywhere, in_cells) = to_result.split_at(probes.points.len());
+    let weighed = anywhere.iter().zip(&probes.weights).map(|(distance_sq, weight)| weight * counted(distance_sq));
+    let to_result_sq = weighed.sum::<f64>() / probes.area();
+    let to_input_sq = scaled(mean_of(&to_input), mean_of(in_cells), to_result_sq);
     Ok(Some(Gauged {
         rms: (0.5 * (to_input_sq + to_result_sq)).sqrt(),
         to_input: to_input_sq.sqrt(),
@@ -91,11 +103,31 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
     }))
 }
 
-/// No point is farther from the result, squared: each side of the box around a piece's own vertices touches a face.
-fn farthest_sq(result: &StoredMesh, point: DVec3) -> f64 {
-    let farthest_sq = |bounds: Bounds| bounds.farthest_sq(point);
-    let boxes = result.pieces.iter().filter(|piece| !piece.positions.is_empty()).map(|piece| piece.positions.bounds());
-    boxes.map(|own| farthest_sq(Bounds { low: own.low.into(), high: own.high.into() })).fold(f64::INFINITY, f64::min)
+/// What is found in the cells one way, as much larger as the whole is than the cells the other way: both ways, surface
+/// deviates at the same places.
+fn scaled(in_cells: f64, others_in_cells: f64, others: f64) -> f64 {
+    match (in_cells > 0.0, others_in_cells > 0.0) {
+        (_, true) => in_cells * (others / others_in_cells).clamp(1.0 / SCALE_MAX, SCALE_MAX),
+        (true, false) => in_cells,
+        // Nothing changed in any cell.
+        (false, false) => others,
+    }
+}
+
+/// Squared distances of points to the nearest of some vertices of the result, so that faces farther away are passed over.
+fn at_most_sq(result: &StoredMesh, points: &[DVec3]) -> Result<Vec<f64>> {
+    let own: u64 = result.pieces.iter().map(|piece| piece.positions.len()).sum();
+    let step = (own / LANDMARKS_MAX).max(VERTICES_PER_LANDMARK) as usize;
+    let mut landmarks = Vec::new();
+    for piece in &result.pieces {
+        // All of them are at faces.
+        landmarks.extend(piece.positions.window(0..piece.positions.len())?.into_iter().step_by(step));
+    }
+    let tree = BoxTree::new(landmarks.len(), |index| Bounds::around([landmarks[index as usize]]));
+    let nearest_sq = |&point: &DVec3| {
+        tree.nearest_sq(point, f64::INFINITY, |index| landmarks[index as usize].distance_squared(point))
+    };
+    Ok(points.par_iter().map(nearest_sq).collect())
 }
 
 /// Lowers the squared distances of points to those from `count` triangles.

@@ -50,6 +50,8 @@ pub(super) struct Reading<'a> {
     pub(super) began: SystemTime,
     /// OBJ files.
     pub(super) inputs: &'a [PathBuf],
+    /// Patterns of the choice that leave nothing out.
+    pub(super) idle: &'a Findings,
     /// What the job is.
     pub(super) manifest: &'a Manifest,
     /// Options of the job.

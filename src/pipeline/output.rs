@@ -85,16 +85,18 @@ pub(super) fn refuse(choice: &InputChoice, inputs: &[PathBuf], output: &Path, wo
     Ok(())
 }
 
-/// Removes what waits for its names where an earlier process of the job was to put the result, if that was elsewhere.
+/// Whether an earlier process of the job had begun to put the result there. If that was elsewhere, removes what waits for
+/// its names.
 ///
 /// # Errors
 /// Those of [`WorkFolder::recall`].
-pub(super) fn clear_elsewhere(job: &WorkFolder, output: &Path) -> Result<()> {
+pub(super) fn was_writing(job: &WorkFolder, output: &Path) -> Result<bool> {
     let there = Place { obj: resolved(output) };
-    if let Some(earlier) = job.recall::<Place>(Step::Output)?.filter(|earlier| *earlier != there) {
+    let Some(earlier) = job.recall::<Place>(Step::Output)? else { return Ok(false) };
+    if earlier != there {
         remove_waiting_of(&earlier.obj, job.number());
     }
-    Ok(())
+    Ok(earlier == there)
 }
 
 /// Remembers where the result is going to wait for its names.
@@ -162,6 +164,39 @@ mod tests {
         assert_eq!(folder.path().read_dir().unwrap().count(), 0);
     }
 
+    /// Remembers the phases that began.
+    #[derive(Default)]
+    struct Phases(std::sync::Mutex<Vec<&'static str>>);
+
+    impl crate::base::Progress for Phases {
+        fn begin(&self, phase: &'static str, _total: u64, _unit: &'static str) {
+            self.0.lock().unwrap().push(phase);
+        }
+        fn advance(&self, _units: u64) {}
+    }
+
+    #[test]
+    fn an_mtl_or_a_texture_of_others_is_refused_before_the_passes() {
+        let input = Path::new("fixtures/town/town.obj");
+        for other in ["a.mtl", "a_textures/roof.jpg"] {
+            let folder = tempfile::tempdir().unwrap();
+            let output = folder.path().join("a.obj");
+            std::fs::create_dir(folder.path().join("a_textures")).unwrap();
+            std::fs::write(folder.path().join(other), "mine").unwrap();
+            let run =
+                |options: &SimplifyOptions, phases: &Phases| crate::pipeline::simplify(input, &output, options, phases);
+            let (phases, options) = (Phases::default(), SimplifyOptions { ratio: Some(0.5), ..Default::default() });
+            let error = run(&options, &phases).unwrap_err();
+            assert!(error.exit_code() == 2 && error.to_string().contains(other), "{error}");
+            assert_eq!(*phases.0.lock().unwrap(), ["scan"]);
+            assert_eq!(std::fs::read(folder.path().join(other)).unwrap(), b"mine");
+            run(&SimplifyOptions { force: true, ..options.clone() }, &phases).unwrap();
+            // What an ended process left is no hindrance.
+            std::fs::remove_file(&output).unwrap();
+            run(&options, &phases).unwrap();
+        }
+    }
+
     #[cfg(unix)]
     #[test]
     fn a_device_is_not_replaced() {
@@ -192,9 +227,9 @@ mod tests {
             std::fs::write(&of_other, "").unwrap();
             drop(job);
             let job = open(resume);
-            clear_elsewhere(&job, &path("a/../a/city.obj")).unwrap();
+            was_writing(&job, &path("a/../a/city.obj")).unwrap();
             assert!(path("a/city_textures").exists());
-            clear_elsewhere(&job, &path("b/city.obj")).unwrap();
+            was_writing(&job, &path("b/city.obj")).unwrap();
             let left: Vec<_> = path("a").read_dir().unwrap().map(|entry| entry.unwrap().path()).collect();
             assert_eq!(left, [of_other]);
         }

@@ -77,6 +77,8 @@ pub struct Plan {
     pub output_bytes: u64,
     /// Time by phase.
     pub seconds: TimeForecast,
+    /// Inputs that may hold one surface twice, and patterns that leave nothing out.
+    pub warnings: Vec<String>,
 }
 
 /// Plans a run; the work folder's disk is that of `options.work`, else that of the current folder.
@@ -86,10 +88,11 @@ pub struct Plan {
 /// disk that is too small is told by [`Plan::refuse_small_disk`].
 pub fn plan(input: impl Into<InputChoice>, options: &SimplifyOptions, progress: &dyn Progress) -> Result<Plan> {
     options.check()?;
-    let inputs = scan::find_inputs(&input.into())?;
+    let (inputs, mut findings) = scan::find_inputs_and_idle(&input.into())?;
     let budget = memory::choose_budget(options)?;
     let threads = memory::choose_threads(options.threads, budget);
-    let counts = scan::count(&inputs, threads, progress)?;
+    let (counts, boxes) = scan::count(&inputs, threads, progress)?;
+    scan::note_twin_boxes(&inputs, &boxes, &mut findings);
     let target = options.most_faces(counts.triangles);
     let sizes = Sizes::of(counts.triangles, counts.vertices, options);
     let passes = passes::forecast(&sizes, options.pass_count(counts.triangles));
@@ -116,6 +119,7 @@ pub fn plan(input: impl Into<InputChoice>, options: &SimplifyOptions, progress: 
         output_bytes: (counts.bytes as f64 * target as f64 / counts.triangles as f64) as u64,
         seconds: time::forecast(counts.bytes, &passes, target, threads),
         passes,
+        warnings: findings.warnings(),
     })
 }
 
@@ -226,6 +230,24 @@ mod tests {
         assert_eq!(plan.target, None);
         assert!(plan.passes.iter().all(|pass| pass.faces_out == 18_218), "{:?}", plan.passes);
         assert!(plan.table().contains("at most about"), "{}", plan.table());
+    }
+
+    #[test]
+    fn a_folder_with_a_backup_is_planned_with_a_warning() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("backup")).unwrap();
+        for name in ["town.obj", "backup/town.obj"] {
+            std::fs::copy("fixtures/town/town.obj", folder.path().join(name)).unwrap();
+        }
+        let options = SimplifyOptions { ratio: Some(0.1), ..SimplifyOptions::default() };
+        let choice = |exclude: &[&str]| InputChoice {
+            paths: vec![folder.path().to_owned()],
+            exclude: exclude.iter().map(|&pattern| pattern.to_owned()).collect(),
+        };
+        let warnings = |exclude: &[&str]| plan(choice(exclude), &options, &Silent).unwrap().warnings;
+        assert!(warnings(&[])[0].contains("fill the same space"), "{:?}", warnings(&[]));
+        assert_eq!(warnings(&["./backup"]), [""; 0]);
+        assert_eq!(warnings(&["backup", "*_lod*"]), ["unused exclude: --exclude '*_lod*' leaves nothing out"]);
     }
 
     #[test]

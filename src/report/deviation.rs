@@ -7,11 +7,13 @@ use std::fmt::Write as _;
 
 use super::Report;
 use super::figures::length;
-use crate::measure::compare::{Comparison, Distances, Geometry};
+use crate::measure::compare::{Comparison, Distances, Geometry, ROUNDING_SHARE};
 use crate::measure::gauge::Gauged;
 
 /// Units in the last place of a coordinate that rounding alone may add to a distance.
 const ROUNDING_UNITS: f64 = 16.0;
+/// What is said of a broken bound that could be smaller.
+const CLOSER: &str = "; a smaller --max-error gives a closer result";
 
 impl Report {
     /// What to say if the comparison found a point that is farther away than `--max-error` allows; `None` if the bound is
@@ -57,23 +59,24 @@ fn broken_bound(bound: f64, geometry: &Geometry) -> Option<String> {
     let ways =
         [(&geometry.forward, "from the result to the input"), (&geometry.backward, "from the input to the result")];
     let (way, words) = ways.into_iter().max_by(|(a, _), (b, _)| a.max.total_cmp(&b.max))?;
-    if way.max <= bound + rounding(way) {
+    if way.max <= bound + rounding(way, geometry.diagonal) {
         return None;
     }
     let place = way.worst.first().map_or_else(String::new, |worst| {
         let [x, y, z] = worst.position;
         format!(", at {x} {y} {z}")
     });
-    Some(format!(
-        "--max-error {bound} is broken: the distance {words} is {}{place}; a smaller --max-error gives a closer result",
-        length(way.max),
-    ))
+    let advice = if bound > 0.0 { CLOSER } else { "" };
+    let found = length(way.max);
+    Some(format!("--max-error {bound} is broken: the distance {words} is {found}{place}{advice}"))
 }
 
-/// Distance that the rounding of coordinates makes of none, at the farthest point.
-fn rounding(way: &Distances) -> f64 {
+/// Distance that rounding makes of none at the farthest point: that of its coordinates as they are written, or that of
+/// measuring, which is larger at long and thin triangles.
+fn rounding(way: &Distances, diagonal: f64) -> f64 {
     let coordinates = way.worst.first().into_iter().flat_map(|worst| worst.position.into_iter().chain(worst.closest));
-    ROUNDING_UNITS * f64::EPSILON * coordinates.fold(0.0f64, |largest, x| largest.max(x.abs()))
+    let written = ROUNDING_UNITS * f64::EPSILON * coordinates.fold(0.0f64, |largest, x| largest.max(x.abs()));
+    written.max(ROUNDING_SHARE * diagonal)
 }
 
 #[cfg(test)]
@@ -112,5 +115,16 @@ mod tests {
         let geometry = |max| Geometry { forward: up_to(max, 5e6), ..Geometry::default() };
         assert_eq!(broken_bound(0.0, &geometry(2e-9)), None);
         assert!(broken_bound(0.0, &geometry(1e-7)).unwrap().contains("at 5000000 5000000 5000000"));
+        // A city of 5 km: what is measured of a mesh that stays as it is.
+        let city = |max| Geometry { forward: up_to(max, 2e3), diagonal: 5e3, ..Geometry::default() };
+        assert_eq!(broken_bound(0.0, &city(1.2e-9)), None);
+        assert!(broken_bound(0.0, &city(1e-8)).is_some());
+    }
+
+    #[test]
+    fn a_smaller_bound_is_advised_where_there_is_one() {
+        let found = |bound| broken_bound(bound, &Geometry { forward: up_to(2.0, 1.0), ..Geometry::default() }).unwrap();
+        assert!(found(1.0).contains("a smaller --max-error"));
+        assert!(found(0.0).ends_with("at 1 1 1"), "{}", found(0.0));
     }
 }

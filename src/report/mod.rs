@@ -23,6 +23,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 pub use self::comparison::ComparisonPage;
+pub use self::summary::warning_lines;
 
 use self::gallery::Shot;
 use crate::base::error::escape_path;
@@ -82,6 +83,10 @@ pub struct SecondFigures {
     pub stitch: f64,
     /// Writing the result.
     pub write: f64,
+    /// Measuring the deviation.
+    pub measure: f64,
+    /// Drawing input and result for a page.
+    pub draw: f64,
 }
 
 /// Memory in bytes.

@@ -2,11 +2,11 @@
 
 use std::fmt::Write as _;
 
-use super::Report;
 use super::figures::length;
+use super::{Report, Status};
 use crate::base::error::escape_path;
 use crate::base::{bytes, counted, grouped};
-use crate::options::{Borders, Doubles, Pieces, Seams, Weld};
+use crate::options::{Borders, Doubles, Pieces, Seams, SimplifyOptions, Weld};
 use crate::stitch::outcome::{Floor, StageReport};
 
 /// Characters of a line of warning, at most; the report has the rest.
@@ -21,6 +21,12 @@ impl Report {
     pub fn summary(&self) -> String {
         let mut text = String::new();
         let share = 100.0 * self.faces.output as f64 / self.faces.input.max(1) as f64;
+        let status = match self.status {
+            _ if self.broken_bound().is_some() => "bound-broken",
+            Status::Done => "done",
+            Status::TargetMissed => "target-missed",
+        };
+        let _ = writeln!(text, "status: {status}");
         let _ = writeln!(text, "output: {}", escape_path(&self.output));
         let _ = writeln!(text, "triangles: {}", self.faces.output);
         let _ = writeln!(text, "triangles before: {}", self.faces.input);
@@ -37,7 +43,7 @@ impl Report {
 
     /// The warnings for a terminal: a few of each kind, each a line of at most 200 characters.
     pub fn warning_lines(&self) -> Vec<String> {
-        warning_lines(&self.warnings)
+        warning_lines(&self.warnings, "--report FILE.json or FILE.html lists them")
     }
 
     /// Where the run stopped above its target, what holds it there and which options would free it; no line if the target
@@ -80,27 +86,32 @@ impl Report {
 
     /// What to type to free the vertices and edges that hold the mesh above its target.
     fn ways_out(&self, floor: &Floor) -> Vec<String> {
-        let options = &self.options;
-        let is_simplified = options.metric.is_none();
-        let ways = [
-            (floor.border, options.borders == Borders::Lock, "--borders simplify", "vertices on borders"),
-            (floor.seam, is_simplified && options.seams == Some(Seams::Lock), "--seams stitch", "vertices on seams"),
-            (
-                floor.non_manifold,
-                options.weld == Weld::Exact,
-                "--weld off",
-                "vertices at non-manifold places, if only \
-              equal positions join the faces there",
-            ),
-            (floor.doubles, options.doubles == Doubles::Keep, "--doubles drop", "copies and back sides of faces"),
-            (floor.pieces, options.pieces == Pieces::Keep, "--pieces drop", "edges of small components"),
-        ];
-        let is_way = |way: &&(u64, bool, &str, &str)| way.0 > 0 && way.1;
-        let words = |(count, _, option, what): &(u64, bool, &str, &str)| {
-            format!("{option} would free up to {} {what}", grouped(*count))
-        };
-        ways.iter().filter(is_way).map(words).collect()
+        ways_out(&self.options, floor, self.repairs.get("welded_vertices").copied().unwrap_or(0))
     }
+}
+
+/// What to type to free what holds a mesh, of which `welded` vertices were joined with others.
+fn ways_out(options: &SimplifyOptions, floor: &Floor, welded: u64) -> Vec<String> {
+    let is_simplified = options.metric.is_none();
+    let ways = [
+        (floor.border, options.borders == Borders::Lock, "--borders simplify", "vertices on borders"),
+        (floor.seam, is_simplified && options.seams == Some(Seams::Lock), "--seams stitch", "vertices on seams"),
+        (
+            // Where no vertices were joined, nothing comes apart.
+            floor.non_manifold.min(welded),
+            options.weld == Weld::Exact,
+            "--weld off",
+            "vertices at non-manifold places, if only \
+              equal positions join the faces there",
+        ),
+        (floor.doubles, options.doubles == Doubles::Keep, "--doubles drop", "copies and back sides of faces"),
+        (floor.pieces, options.pieces == Pieces::Keep, "--pieces drop", "edges of small components"),
+    ];
+    let is_way = |way: &&(u64, bool, &str, &str)| way.0 > 0 && way.1;
+    let words = |(count, _, option, what): &(u64, bool, &str, &str)| {
+        format!("{option} would free up to {} {what}", grouped(*count))
+    };
+    ways.iter().filter(is_way).map(words).collect()
 }
 
 /// The first two stages in a row between which the error leaps: it grows more than [`LEAP`] times as fast as on a smooth
@@ -113,8 +124,9 @@ fn last_sensible<'a>(stages: &[&'a StageReport]) -> Option<[&'a StageReport; 2]>
     stages.windows(2).find(leaps).map(|pair| [pair[0], pair[1]])
 }
 
-/// `warning: kind: place`, a few of each kind, each clipped; then how many more there are.
-fn warning_lines(warnings: &[String]) -> Vec<String> {
+/// `warning: kind: place`, a few of each kind, each a line of at most 200 characters; then that there are more, and which
+/// option lists them.
+pub fn warning_lines(warnings: &[String], way: &str) -> Vec<String> {
     let kind_of = |line: &String| line.split(':').next().unwrap_or_default().to_owned();
     let mut lines = Vec::new();
     for group in warnings.chunk_by(|a, b| kind_of(a) == kind_of(b)) {
@@ -122,7 +134,7 @@ fn warning_lines(warnings: &[String]) -> Vec<String> {
         lines.extend(group[..told].iter().map(|line| clipped(&format!("warning: {line}"))));
         if told < group.len() {
             let kind = kind_of(&group[0]);
-            lines.push(clipped(&format!("warning: {kind}: and more; --report FILE.json or FILE.html lists them")));
+            lines.push(clipped(&format!("warning: {kind}: and more; {way}")));
         }
     }
     lines
@@ -154,11 +166,19 @@ mod tests {
     }
 
     #[test]
+    fn welding_is_left_out_only_where_vertices_were_joined() {
+        let floor = Floor { non_manifold: 90, ..Floor::default() };
+        let ways = |welded| ways_out(&SimplifyOptions::default(), &floor, welded);
+        assert_eq!(ways(0), [""; 0]);
+        assert!(ways(7)[0].starts_with("--weld off would free up to 7 vertices"), "{:?}", ways(7));
+    }
+
+    #[test]
     fn a_few_warnings_of_each_kind_are_printed() {
         let mut warnings: Vec<_> = (0..20).map(|line| format!("degenerate faces: a.obj:{line}")).collect();
         warnings.push("degenerate faces: and 4 more".to_owned());
         warnings.push("missing texture: roof.jpg is not there".to_owned());
-        let lines = warning_lines(&warnings);
+        let lines = warning_lines(&warnings, "--report lists them");
         assert_eq!(lines.len(), LINES_PER_KIND + 2);
         assert_eq!(lines[0], "warning: degenerate faces: a.obj:0");
         assert!(lines[LINES_PER_KIND].contains("--report"));

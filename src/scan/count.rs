@@ -11,9 +11,11 @@ use std::sync::Mutex;
 
 use super::chunk::{CHUNK_BYTES, Chunk, Cutter, LINE_BYTES_MAX};
 use super::line::{logical_line, split_keyword, trim, words};
+use super::number::number;
 use super::{foreign_format, obj};
 use crate::base::threads::start;
 use crate::base::{Error, Progress, Result};
+use crate::store::packed::Bounds;
 
 /// How much there is of what.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -48,7 +50,7 @@ impl Counts {
         self.decimals = self.decimals.max(other.decimals);
     }
 
-    fn see(&mut self, statement: &[u8]) {
+    fn see(&mut self, statement: &[u8], bounds: Option<&mut Bounds>) {
         let statement = match statement.strip_prefix(obj::BYTE_ORDER_MARK) {
             Some(rest) => trim(rest),
             None => statement,
@@ -61,6 +63,11 @@ impl Counts {
                     self.decimals = words(rest).take(3).map(decimals).max().unwrap_or(0);
                 }
                 self.vertices += 1;
+                if let Some(bounds) = bounds
+                    && let Some(position) = position(rest)
+                {
+                    bounds.merge(&Bounds { low: position, high: position });
+                }
             }
             b"vt" => self.texcoords += 1,
             b"vn" => self.normals += 1,
@@ -76,6 +83,12 @@ impl Counts {
     }
 }
 
+/// The first three numbers of a `v` statement; `None` if they are not all there and finite.
+fn position(text: &[u8]) -> Option<[f64; 3]> {
+    let mut numbers = words(text).map(|word| number(word).map(|number| number.value).filter(|x| x.is_finite()));
+    Some([numbers.next()??, numbers.next()??, numbers.next()??])
+}
+
 /// Decimals of a number as it is written.
 fn decimals(word: &[u8]) -> u32 {
     if word.iter().any(|byte| matches!(byte, b'e' | b'E')) {
@@ -85,19 +98,19 @@ fn decimals(word: &[u8]) -> u32 {
     point.map_or(0, |point| (word.len() - point - 1) as u32)
 }
 
-/// Counts what OBJ files hold, in one streaming look.
+/// Counts what OBJ files hold, in one streaming look; of several files also the box around the vertices of each.
 ///
 /// # Errors
 /// [`Error::Input`] if a file is of another format, has a line without end or if no file has a face; [`Error::Io`] where the
 /// system refuses.
-pub fn count(inputs: &[PathBuf], threads: usize, progress: &dyn Progress) -> Result<Counts> {
+pub fn count(inputs: &[PathBuf], threads: usize, progress: &dyn Progress) -> Result<(Counts, Vec<Bounds>)> {
     let mut length = 0;
     for path in inputs {
         length += path.metadata().map_err(|e| Error::io(path, "open", e))?.len();
     }
     progress.begin("count", length, "B");
     let cutter = Mutex::new(Cutter::new(inputs, CHUNK_BYTES));
-    let outcomes: Vec<Result<Counts>> = std::thread::scope(|scope| {
+    let outcomes: Vec<Result<(Counts, Vec<Bounds>)>> = std::thread::scope(|scope| {
         let counting = || work(inputs, &cutter, progress);
         let others: Vec<_> = (1..threads).filter_map(|_| start(scope, counting).ok()).collect();
         let own = counting();
@@ -105,25 +118,32 @@ pub fn count(inputs: &[PathBuf], threads: usize, progress: &dyn Progress) -> Res
         let others = others.map(|outcome| outcome.unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
         std::iter::once(own).chain(others).collect()
     });
-    let mut counts = Counts::default();
+    let (mut counts, mut boxes) = (Counts::default(), no_boxes(inputs));
     for outcome in outcomes {
-        counts.add(&outcome?);
+        let (own, of_files) = outcome?;
+        counts.add(&own);
+        boxes.iter_mut().zip(&of_files).for_each(|(all, own)| all.merge(own));
     }
     if counts.triangles == 0 {
         let path = inputs.first().map_or(std::path::Path::new(""), PathBuf::as_path);
         return Err(Error::input(path, 0, "no faces; expected OBJ text with 'f' statements"));
     }
-    Ok(counts)
+    Ok((counts, boxes))
 }
 
-fn work(inputs: &[PathBuf], cutter: &Mutex<Cutter>, progress: &dyn Progress) -> Result<Counts> {
-    let mut counts = Counts::default();
+/// A box around nothing for each of several files.
+fn no_boxes(inputs: &[PathBuf]) -> Vec<Bounds> {
+    vec![Bounds::default(); if inputs.len() > 1 { inputs.len() } else { 0 }]
+}
+
+fn work(inputs: &[PathBuf], cutter: &Mutex<Cutter>, progress: &dyn Progress) -> Result<(Counts, Vec<Bounds>)> {
+    let (mut counts, mut boxes) = (Counts::default(), no_boxes(inputs));
     let mut text = Vec::new();
     loop {
         let next = cutter.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).next();
-        let Some((_, chunk)) = next else { return Ok(counts) };
+        let Some((_, chunk)) = next else { return Ok((counts, boxes)) };
         let chunk = chunk?;
-        counts.add(&count_chunk(inputs, &chunk, &mut text)?);
+        counts.add(&count_chunk(inputs, &chunk, boxes.get_mut(chunk.file_index), &mut text)?);
         progress.advance(chunk.end - chunk.start);
         if text.capacity() > 2 * CHUNK_BYTES as usize {
             text = Vec::new();
@@ -131,7 +151,12 @@ fn work(inputs: &[PathBuf], cutter: &Mutex<Cutter>, progress: &dyn Progress) -> 
     }
 }
 
-fn count_chunk(inputs: &[PathBuf], chunk: &Chunk, text: &mut Vec<u8>) -> Result<Counts> {
+fn count_chunk(
+    inputs: &[PathBuf],
+    chunk: &Chunk,
+    mut bounds: Option<&mut Bounds>,
+    text: &mut Vec<u8>,
+) -> Result<Counts> {
     let path = &inputs[chunk.file_index];
     chunk.read(path, text)?;
     if let Some(format) = foreign_format(text).filter(|_| chunk.start == 0) {
@@ -146,7 +171,7 @@ fn count_chunk(inputs: &[PathBuf], chunk: &Chunk, text: &mut Vec<u8>) -> Result<
     let mut at = 0;
     while at < text.len() {
         let line = logical_line(text, at);
-        counts.see(trim(&line.text));
+        counts.see(trim(&line.text), bounds.as_deref_mut());
         at = line.next;
     }
     Ok(counts)
@@ -161,7 +186,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.obj");
         std::fs::write(&path, text).unwrap();
-        count(&[path], 2, &Silent)
+        count(&[path], 2, &Silent).map(|(counts, _)| counts)
     }
 
     #[test]
@@ -192,7 +217,7 @@ mod tests {
             let options = crate::scan::ScanOptions::default();
             let inputs = [path];
             let scan = crate::scan::scan(&inputs, folder.path(), &options, &Silent).unwrap();
-            let counts = count(&inputs, 2, &Silent).unwrap();
+            let (counts, _) = count(&inputs, 2, &Silent).unwrap();
             assert_eq!(counts.triangles, scan.triangles, "{inputs:?}");
             assert_eq!(counts.vertices, scan.mesh.vertex_count(), "{inputs:?}");
             files += 1;

@@ -3,6 +3,7 @@
 //! In: files and folders as the user named them. Out: OBJ files sorted by the bytes of their paths, so that the order is the
 //! same on every machine, and whatever order they were named in.
 
+use std::cell::Cell;
 use std::collections::HashSet;
 use std::fs;
 use std::io::ErrorKind;
@@ -10,7 +11,8 @@ use std::path::{Path, PathBuf};
 
 use glob::Pattern;
 
-use crate::base::{Error, Result};
+use crate::base::error::escape;
+use crate::base::{Error, Findings, Result};
 
 /// What the user names as the input.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -48,9 +50,21 @@ impl InputChoice {
 /// [`Error::Input`] if a path is neither file nor folder or nothing is there, if something named `*.obj` is neither,
 /// or if nothing is found in a folder; [`Error::Io`] if a folder cannot be read; [`Error::Usage`] for a pattern that is none.
 pub fn find_inputs(choice: &InputChoice) -> Result<Vec<PathBuf>> {
+    find_inputs_and_idle(choice).map(|(found, _)| found)
+}
+
+/// The same, and a finding for each pattern that leaves nothing out.
+///
+/// # Errors
+/// Those of [`find_inputs`].
+pub fn find_inputs_and_idle(choice: &InputChoice) -> Result<(Vec<PathBuf>, Findings)> {
     let pattern = |text: &String| {
-        Pattern::new(text)
-            .map_err(|error| Error::Usage(format!("--exclude {text}: {}, at character {}", error.msg, error.pos)))
+        // `./old/` is what a shell completes.
+        let plain = text.strip_prefix("./").unwrap_or(text);
+        let plain = plain.strip_suffix('/').unwrap_or(plain);
+        let pattern = Pattern::new(plain)
+            .map_err(|error| Error::Usage(format!("--exclude {text}: {}, at character {}", error.msg, error.pos)))?;
+        Ok(Exclusion { pattern, has_matched: Cell::new(false) })
     };
     let left_out = choice.exclude.iter().map(pattern).collect::<Result<Vec<_>>>()?;
     let mut found = Vec::new();
@@ -62,11 +76,29 @@ pub fn find_inputs(choice: &InputChoice) -> Result<Vec<PathBuf>> {
         let mut seen = HashSet::new();
         found.retain(|path| seen.insert(fs::canonicalize(path).unwrap_or_else(|_| path.clone())));
     }
-    Ok(found)
+    let mut findings = Findings::default();
+    for (text, _) in choice.exclude.iter().zip(&left_out).filter(|(_, exclusion)| !exclusion.has_matched.get()) {
+        findings.note("unused_exclude", || format!("--exclude '{}' leaves nothing out", escape(text.as_bytes())));
+    }
+    Ok((found, findings))
+}
+
+/// A pattern of what is left out.
+struct Exclusion {
+    pattern: Pattern,
+    has_matched: Cell<bool>,
+}
+
+impl Exclusion {
+    fn matches(&self, part: &Path) -> bool {
+        let matches = self.pattern.matches_path(part);
+        self.has_matched.set(self.has_matched.get() || matches);
+        matches
+    }
 }
 
 /// Adds the OBJ files that a path stands for.
-fn add_inputs(path: &Path, left_out: &[Pattern], found: &mut Vec<PathBuf>) -> Result<()> {
+fn add_inputs(path: &Path, left_out: &[Exclusion], found: &mut Vec<PathBuf>) -> Result<()> {
     if path.as_os_str() == "-" && !path.exists() {
         return Err(not_a_file(path));
     }
@@ -85,7 +117,10 @@ fn add_inputs(path: &Path, left_out: &[Pattern], found: &mut Vec<PathBuf>) -> Re
     let is_left_out = |entry: &Path| {
         let name = entry.file_name().map(Path::new);
         let inside = entry.strip_prefix(path).ok();
-        left_out.iter().any(|pattern| name.into_iter().chain(inside).any(|part| pattern.matches_path(part)))
+        // Each is asked, to know which leave something out.
+        let matching =
+            left_out.iter().filter(|exclusion| name.into_iter().chain(inside).any(|part| exclusion.matches(part)));
+        matching.count() > 0
     };
     let mut seen = HashSet::new();
     let mut folders = vec![path.to_owned()];

@@ -78,10 +78,11 @@ pub fn define_materials(
     let (mut named, mut read) = (Vec::new(), HashSet::new());
     let mut known = HashSet::new();
     for (line, text) in libraries {
-        let found = find_libraries(obj, text)?;
+        let plain = without_comment(obj, text)?;
+        let found = find_libraries(obj, plain)?;
         // A file named like the whole text would count instead, if there was one.
-        let whole = (text.len() <= NAME_BYTES_MAX).then_some(&text[..]);
-        for name in whole.into_iter().chain(found.iter().map(|(name, _)| &name[..])) {
+        let whole = [&text[..], plain].into_iter().filter(|text| !text.is_empty() && text.len() <= NAME_BYTES_MAX);
+        for name in whole.chain(found.iter().map(|(name, _)| &name[..])) {
             let relative = path_of(name);
             let path = obj.with_file_name(&relative);
             if !relative.has_root() && !known.contains(&path) {
@@ -123,18 +124,7 @@ pub fn define_materials(
 /// # Errors
 /// [`Error::Io`] if the machine fails, so that nobody knows whether a file is there.
 fn find_libraries<'a>(obj: &Path, text: &'a [u8]) -> Result<Vec<(Cow<'a, [u8]>, bool)>> {
-    let folder = obj.parent().unwrap_or(Path::new(""));
-    let find = |name: &[u8]| -> Result<bool> {
-        let relative = path_of(name);
-        if relative.has_root() || name.get(1) == Some(&b':') {
-            return Ok(false);
-        }
-        let path = folder.join(&relative);
-        match is_file(&path) {
-            Ok(there) => Ok(there),
-            Err(error) => Err(Error::io(&path, "open", error)),
-        }
-    };
+    let find = |name: &[u8]| is_there(obj, name);
     if find(text)? {
         return Ok(vec![(Cow::Borrowed(text), true)]);
     }
@@ -144,6 +134,34 @@ fn find_libraries<'a>(obj: &Path, text: &'a [u8]) -> Result<Vec<(Cow<'a, [u8]>, 
         words(text).take(NAMES_MAX).map(Cow::Borrowed).collect()
     };
     names.into_iter().map(|name| find(&name).map(|there| (name, there))).collect()
+}
+
+/// The text of an `mtllib` statement up to a comment: a word that begins with `#`, unless a file is named like the whole
+/// text or like this word.
+///
+/// # Errors
+/// Those of [`find_libraries`].
+fn without_comment<'a>(obj: &Path, text: &'a [u8]) -> Result<&'a [u8]> {
+    let is_start = |&at: &usize| text[at] == b'#' && (at == 0 || is_blank(text[at - 1]));
+    let Some(start) = (0..text.len()).find(is_start) else { return Ok(text) };
+    let word = words(&text[start..]).next().unwrap_or_default();
+    match is_there(obj, text)? || is_there(obj, word)? {
+        true => Ok(text),
+        false => Ok(trim(&text[..start])),
+    }
+}
+
+/// Whether the folder of an OBJ has a library of this name.
+///
+/// # Errors
+/// [`Error::Io`] if the machine fails.
+fn is_there(obj: &Path, name: &[u8]) -> Result<bool> {
+    let relative = path_of(name);
+    if name.is_empty() || relative.has_root() || name.get(1) == Some(&b':') {
+        return Ok(false);
+    }
+    let path = obj.parent().unwrap_or(Path::new("")).join(&relative);
+    is_file(&path).map_err(|error| Error::io(&path, "open", error))
 }
 
 fn split_escaped(text: &[u8]) -> Vec<Vec<u8>> {

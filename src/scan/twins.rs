@@ -14,20 +14,28 @@ use crate::store::packed::Bounds;
 /// Two boxes are the same if their common part has at least this share of the extent of both together, on each axis.
 const SAME_SHARE: f64 = 0.98;
 
-/// Notes files, and folders, that fill the same box, and files of equal content.
+/// Notes files of a scanned mesh, and folders, that fill the same box, and files of equal content.
 pub(super) fn note_twins(files: &[PathBuf], hashes: &[u64], mesh: &StoredMesh, findings: &mut Findings) {
     let pieces = files.iter().zip(hashes).zip(&mesh.pieces).filter(|(_, piece)| !piece.faces.is_empty());
+    note(pieces.map(|((path, &hash), piece)| (path.as_path(), piece.positions.bounds(), Some(hash))), findings);
+}
+
+/// The same for files whose contents nobody has compared, by the boxes around them.
+pub fn note_twin_boxes(files: &[PathBuf], boxes: &[Bounds], findings: &mut Findings) {
+    note(files.iter().zip(boxes).map(|(path, &bounds)| (path.as_path(), bounds, None)), findings);
+}
+
+fn note<'a>(files: impl Iterator<Item = (&'a Path, Bounds, Option<u64>)>, findings: &mut Findings) {
     let mut folders: BTreeMap<&Path, (Bounds, u64)> = BTreeMap::new();
     let mut places = Vec::new();
-    for ((path, &hash), piece) in pieces {
-        let bounds = piece.positions.bounds();
-        places.push(Place { path, bounds, hash: Some(hash) });
+    for (path, bounds, hash) in files {
+        places.push(Place { path, bounds, hash, is_folder: false });
         let (of_folder, count) = folders.entry(path.parent().unwrap_or(path)).or_default();
         of_folder.merge(&bounds);
         *count += 1;
     }
     let of_several = folders.into_iter().filter(|(_, (_, count))| *count > 1);
-    places.extend(of_several.map(|(path, (bounds, _))| Place { path, bounds, hash: None }));
+    places.extend(of_several.map(|(path, (bounds, _))| Place { path, bounds, hash: None, is_folder: true }));
     places.sort_by(|a, b| a.bounds.low[0].total_cmp(&b.bounds.low[0]).then(a.path.cmp(b.path)));
     for (first, place) in places.iter().enumerate() {
         let reached = places[first + 1..].iter().take_while(|other| other.bounds.low[0] <= place.bounds.high[0]);
@@ -49,13 +57,14 @@ pub(super) fn note_twins(files: &[PathBuf], hashes: &[u64], mesh: &StoredMesh, f
 struct Place<'a> {
     path: &'a Path,
     bounds: Bounds,
-    /// That of the content; none for a folder.
+    /// That of the content; `None` for a folder, and where it is not known.
     hash: Option<u64>,
+    is_folder: bool,
 }
 
 impl Place<'_> {
     fn is_twin_of(&self, other: &Self) -> bool {
-        let is_inside = |folder: &Self, file: &Self| folder.hash.is_none() && file.path.parent() == Some(folder.path);
+        let is_inside = |folder: &Self, file: &Self| folder.is_folder && file.path.parent() == Some(folder.path);
         !is_inside(self, other) && !is_inside(other, self) && are_same(&self.bounds, &other.bounds)
     }
 }

@@ -1,7 +1,7 @@
 //! What is kept of the input, so that the result can be measured against it when nothing else of the input is left.
 //!
 //! ```text
-//!   .  ▒▒▒▒▒▒▒   .     points, spread over the input by area: the result is searched for what is nearest to each
+//!   .  ▒▒▒▒▒▒▒   .     points on the input, more where faces may leave an error: the result is searched for what is nearest
 //!      ▒▒┌──┐▒▒    .
 //!    . ▒▒│  │▒▒        cells of space, chosen by chance: points of the result in them are searched for in the
 //!      ▒▒└──┘▒▒  .     triangles of the input that lie in a cell or half its side around it
@@ -11,7 +11,8 @@
 //! itself. Where a point of the result is farther from the input than half a side, its distance may come out too large.
 //!
 //! # Memory
-//! 24 bytes for each of up to four times 8,192 points, about 24 for each of some 25,000 triangles.
+//! 32 bytes for each of up to four times 32,768 points, about 24 for each of some 50,000 triangles; 32 bytes a vertex and 16 a
+//! face of the cluster that is probed.
 
 use std::cell::Cell;
 
@@ -21,12 +22,20 @@ use serde::{Deserialize, Serialize};
 use crate::base::chance::{INCREMENT, mixed, place_on_triangle, unit};
 use crate::mesh::ClusterMesh;
 
-/// Points on each of the two surfaces: for so many faces one, within these limits.
-const FACES_PER_POINT: u64 = 400;
-const POINTS_MIN: u64 = 1536;
-const POINTS_MAX: u64 = 8192;
+/// Points on the input: for so many faces one, within these limits.
+const FACES_PER_POINT: u64 = 16;
+const POINTS_MIN: u64 = 2048;
+const POINTS_MAX: u64 = 32_768;
+/// Points in the chosen cells on each of the two surfaces, at most.
+const CELL_POINTS_MAX: u64 = 8192;
+/// Shares of the points that go by area, by faces and by what they may add to the error.
+const BY_AREA: f64 = 0.4;
+const BY_FACES: f64 = 0.2;
+const BY_STAKES: f64 = 0.4;
+/// Surface that bends less counts as flat: one less the length of the mean of unit normals around a vertex.
+const BEND_MIN: f32 = 1e-6;
 /// Faces of the input in all chosen cells, about.
-const CHOSEN_FACES: f64 = 3072.0;
+const CHOSEN_FACES: f64 = 6144.0;
 /// Faces of the input in a cell, if its surface is flat there, and no more than a tenth of them is to be left.
 const CELL_FACES: f64 = 32.0;
 /// Where fewer are to be left, distances are larger, and cells have up to this many times as many faces.
@@ -52,14 +61,27 @@ const EXCESS: u64 = 4;
 const EXCESS_MORE: u64 = 64;
 
 thread_local! {
-    /// Sums of areas of the faces of a cluster, and which of its vertices are kept under which number.
-    static SCRATCH: Cell<(Vec<f64>, Vec<u32>)> = const { Cell::new((Vec::new(), Vec::new())) };
+    static SCRATCH: Cell<Scratch> = Cell::default();
+}
+
+/// What a cluster is probed with.
+#[derive(Debug, Default)]
+struct Scratch {
+    /// Sums of the faces' chances to get a point.
+    ends: Vec<f64>,
+    /// Which vertices are kept under which number.
+    numbers: Vec<u32>,
+    /// Sums of the normals of the faces around each vertex, as long as the areas, and of these areas.
+    normals: Vec<[f32; 4]>,
+    /// What each face is expected to add to the error if it goes, and the same once more.
+    stakes: Vec<f32>,
+    sorted: Vec<f32>,
 }
 
 /// How the input is probed; the same for all clusters.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Probing {
-    /// Points on each of the two surfaces, about.
+    /// Points on the input, about.
     pub points: u64,
     /// Side of a cell.
     side: f64,
@@ -68,6 +90,8 @@ pub struct Probing {
     /// Share of the blocks that have a chosen cell.
     odds: f64,
     faces: u64,
+    /// Faces that are to be left.
+    target: u64,
 }
 
 /// What is kept of the input.
@@ -75,11 +99,14 @@ pub struct Probing {
 pub struct Probes {
     /// How it was probed.
     pub probing: Probing,
-    /// Points on the input, cluster by cluster.
+    /// Points on the input.
     #[serde(with = "crate::base::records")]
     pub points: Vec<DVec3>,
-    /// Area of each cluster and the number of its points.
-    pub strata: Vec<(f64, u32)>,
+    /// Area that each speaks for.
+    #[serde(with = "crate::base::records")]
+    pub weights: Vec<f64>,
+    /// Area of each cluster.
+    areas: Vec<f64>,
     /// Triangles in and around the chosen cells.
     #[serde(with = "crate::base::records")]
     triangles: Vec<[u32; 3]>,
@@ -131,6 +158,7 @@ impl Probing {
             block_bits,
             odds: share * f64::from(1 << (3 * block_bits)),
             faces,
+            target,
         }
     }
 
@@ -141,7 +169,14 @@ impl Probing {
 
     /// Whether it can be that of a mesh of so many faces, for a value that was read back.
     pub(super) fn is_sound(&self, faces: u64) -> bool {
-        self.side.is_normal() && self.side > 0.0 && *self == Self { side: self.side, ..Self::new(faces, 1, 1.0) }
+        self.side.is_normal()
+            && self.side > 0.0
+            && *self == Self { side: self.side, ..Self::new(faces, self.target, 1.0) }
+    }
+
+    /// Points in the chosen cells on each of the two surfaces, about.
+    pub fn cell_points(&self) -> u64 {
+        self.points.min(CELL_POINTS_MAX)
     }
 
     /// Share of space that the chosen cells take.
@@ -155,11 +190,11 @@ impl Probing {
         let most = |expected: f64| (EXCESS as f64 * expected * share) as usize + EXCESS_MORE as usize;
         let triangles_max = most(TRIANGLES_PER_FACE * CHOSEN_FACES);
         let mut chosen = ChosenCells::new(*self);
-        let (mut ends, mut numbers) = SCRATCH.take();
-        ends.clear();
+        let mut scratch = SCRATCH.take();
+        let numbers = &mut scratch.numbers;
         numbers.clear();
         numbers.resize(mesh.positions.len(), u32::MAX);
-        let (mut triangles, mut vertices, mut crowded, mut area) = (Vec::new(), Vec::new(), Vec::new(), 0.0);
+        let (mut triangles, mut vertices, mut crowded) = (Vec::new(), Vec::new(), Vec::new());
         for face in 0..mesh.corners.len() as u32 {
             let [a, b, c] = mesh.triangle(face);
             let is_near = chosen.are_near([a, b, c].map(|corner| origin + corner));
@@ -175,25 +210,94 @@ impl Probing {
                     *number
                 }));
             }
-            let own = area_of([a, b, c]);
-            area += if own.is_finite() { own } else { 0.0 };
-            ends.push(area);
         }
-        let count = (self.points as f64 * share).ceil() as usize;
+        let left = self.target as f64 / self.faces.max(1) as f64;
+        let area = scratch.weigh(mesh, left);
+        let count = if area > 0.0 { (self.points as f64 * share).ceil() as usize } else { 0 };
         let mut hash = mixed(cluster as u64);
-        let mut points = Vec::with_capacity(count);
-        for part in 0..if area > 0.0 { count } else { 0 } {
+        let (mut points, mut weights) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        let ends = &scratch.ends;
+        let all = ends.last().copied().unwrap_or(0.0);
+        for part in 0..count {
             hash = mixed(hash);
-            let place = (part as f64 + unit(hash)) / count as f64 * area;
-            let face = ends.partition_point(|&end| end <= place).min(ends.len() - 1) as u32;
-            points.push(point_on(mesh.triangle(face).map(|corner| origin + corner), &mut hash));
+            let place = (part as f64 + unit(hash)) / count as f64 * all;
+            let face = ends.partition_point(|&end| end <= place).min(ends.len() - 1);
+            let chance = ends[face] - if face > 0 { ends[face - 1] } else { 0.0 };
+            let triangle = mesh.triangle(face as u32);
+            points.push(point_on(triangle.map(|corner| origin + corner), &mut hash));
+            weights.push(finite(area_of(triangle)) / chance.max(f64::MIN_POSITIVE) * all / count as f64);
         }
-        SCRATCH.set((ends, numbers));
-        let strata = vec![(area, points.len() as u32)];
+        SCRATCH.set(scratch);
         crowded.sort_unstable();
         crowded.dedup();
-        Probes { probing: *self, points, strata, triangles, crowded, vertices }
+        Probes { probing: *self, points, weights, areas: vec![area], triangles, crowded, vertices }
     }
+}
+
+impl Scratch {
+    /// Fills `ends` with sums of chances, and returns the area. A part of the points goes by area, a part by faces, and the
+    /// rest by what faces are expected to add to the error: area × bend × length², up to that of the faces which stay if the
+    /// share `left` of all is to be left.
+    fn weigh(&mut self, mesh: &ClusterMesh, left: f64) -> f64 {
+        let faces = mesh.corners.len();
+        self.normals.clear();
+        self.normals.resize(mesh.positions.len(), [0.0; 4]);
+        let (mut area, mut with_area) = (0.0, 0u64);
+        for face in 0..faces as u32 {
+            let [a, b, c] = mesh.triangle(face);
+            let normal = (b - a).cross(c - a);
+            let length = finite(normal.length());
+            if length == 0.0 {
+                continue;
+            }
+            area += 0.5 * length;
+            with_area += 1;
+            let sum = [normal.x, normal.y, normal.z, length].map(|x| x as f32);
+            for vertex in mesh.vertices(face) {
+                let of_vertex = &mut self.normals[vertex as usize];
+                (0..4).for_each(|k| of_vertex[k] += sum[k]);
+            }
+        }
+        self.stakes.clear();
+        for face in 0..faces as u32 {
+            let bends = mesh.vertices(face).map(|vertex| {
+                let [x, y, z, length] = self.normals[vertex as usize];
+                let bend = 1.0 - (x * x + y * y + z * z).sqrt() / length;
+                if bend > BEND_MIN { bend } else { 0.0 }
+            });
+            let [a, b, c] = mesh.triangle(face);
+            let longest_sq = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+            let bend = bends.into_iter().fold(0.0, f32::max);
+            let stake = area_of([a, b, c]) * f64::from(bend) * longest_sq;
+            self.stakes.push(if stake.is_finite() { stake as f32 } else { 0.0 });
+        }
+        self.sorted.clear();
+        self.sorted.extend(self.stakes.iter().filter(|&&stake| stake > 0.0));
+        let most = match self.sorted.len() {
+            0 => 0.0,
+            count => {
+                let place = ((1.0 - left).max(0.0) * count as f64) as usize;
+                *self.sorted.select_nth_unstable_by(place.min(count - 1), f32::total_cmp).1
+            }
+        };
+        let stakes: f64 = self.stakes.iter().map(|stake| f64::from(stake.min(most))).sum();
+        self.ends.clear();
+        let mut end = 0.0;
+        for face in 0..faces {
+            let own = finite(area_of(mesh.triangle(face as u32)));
+            if own > 0.0 {
+                end += BY_AREA * own / area + BY_FACES / with_area as f64;
+                end += if stakes > 0.0 { BY_STAKES * f64::from(self.stakes[face].min(most)) / stakes } else { 0.0 };
+            }
+            self.ends.push(end);
+        }
+        area
+    }
+}
+
+/// The number, or 0 for what is none.
+fn finite(number: f64) -> f64 {
+    if number.is_finite() { number } else { 0.0 }
 }
 
 /// A position in parts of a cell's side.
@@ -350,12 +454,13 @@ fn slot_of(place: Place) -> usize {
 impl Probes {
     /// Adds those of other clusters, if there are any.
     pub(super) fn add(&mut self, other: Self) {
-        if other.strata.is_empty() {
+        if other.areas.is_empty() {
             return;
         }
         self.probing = other.probing;
         self.points.extend(other.points);
-        self.strata.extend(other.strata);
+        self.weights.extend(other.weights);
+        self.areas.extend(other.areas);
         let first = self.vertices.len() as u32;
         self.triangles.extend(other.triangles.into_iter().map(|corners| corners.map(|vertex| first + vertex)));
         self.vertices.extend(other.vertices);
@@ -372,13 +477,14 @@ impl Probes {
     /// Gives memory back that nothing more comes to.
     pub(super) fn shrink(&mut self) {
         self.points.shrink_to_fit();
+        self.weights.shrink_to_fit();
         self.triangles.shrink_to_fit();
         self.vertices.shrink_to_fit();
     }
 
     /// Whether nothing was probed.
     pub fn is_empty(&self) -> bool {
-        self.strata.is_empty()
+        self.areas.is_empty()
     }
 
     /// Number of triangles in and around the chosen cells.
@@ -398,14 +504,14 @@ impl Probes {
 
     /// Area of the input.
     pub fn area(&self) -> f64 {
-        self.strata.iter().map(|(area, _)| area).sum()
+        self.areas.iter().sum()
     }
 
     /// Whether they can be those of a mesh of so many faces, for a value that was read back.
     pub(super) fn is_sound(&self, faces: u64) -> bool {
         self.probing.is_sound(faces)
-            && self.strata.iter().all(|&(area, _)| area.is_finite() && area >= 0.0)
-            && self.strata.iter().map(|&(_, count)| count as usize).sum::<usize>() == self.points.len()
+            && self.areas.iter().chain(&self.weights).all(|&area| area.is_finite() && area >= 0.0)
+            && self.weights.len() == self.points.len()
             && self.points.iter().all(|point| point.is_finite())
             && self.vertices.iter().all(|vertex| vertex.is_finite())
             && self.crowded.is_sorted()
@@ -560,11 +666,11 @@ mod tests {
             |probes| probes.probing.side = -1.0,
             |probes| probes.probing.side = f64::NAN,
             |probes| probes.probing.points += 1,
-            |probes| probes.strata[0].0 = f64::INFINITY,
-            |probes| probes.strata[0].0 = -1.0,
-            |probes| probes.strata[0].0 = f64::NAN,
-            |probes| probes.strata[0].1 += 1,
-            |probes| probes.strata.push((0.0, u32::MAX)),
+            |probes| probes.areas[0] = f64::INFINITY,
+            |probes| probes.areas[0] = -1.0,
+            |probes| probes.areas[0] = f64::NAN,
+            |probes| probes.weights[0] = f64::INFINITY,
+            |probes| probes.weights.push(1.0),
             |probes| probes.points[0].y = f64::NAN,
             |probes| probes.points.truncate(1),
             |probes| probes.vertices[1].z = f64::INFINITY,
@@ -578,7 +684,7 @@ mod tests {
         }
         // A surface without area is one.
         let mut flat = whole;
-        flat.strata[0].0 = 0.0;
+        flat.areas[0] = 0.0;
         assert!(flat.is_sound(2));
     }
 

@@ -227,12 +227,27 @@ pub fn write(
     stage(mesh, catalogue, output, work_folder, options, progress)?.commit(progress)
 }
 
-/// Refuses, before the work is done, an output whose OBJ or MTL would replace what it must not.
+/// Refuses, before the work is done, an output whose OBJ, MTL or textures would replace what they must not. A part of the
+/// MTL and the same textures are no hindrance: a process that was ended may have left them. If this job's had begun to
+/// write, only the OBJ and the files of the input are looked at.
 ///
 /// # Errors
 /// [`Error::Usage`] saying what is in the way.
-pub fn check_output(output: &Path, options: &WriteOptions) -> Result<()> {
-    Targets::choose(output, &options.sources, options.may_replace_obj()).map(drop)
+pub fn check_output(output: &Path, catalogue: &Catalogue, options: &WriteOptions, was_writing: bool) -> Result<()> {
+    let targets = Targets::choose(output, &options.sources, options.may_replace_obj())?;
+    // NOTE: textures of materials that lost all their faces may have left their names to others.
+    if was_writing {
+        return Ok(());
+    }
+    if look(&targets.mtl).is_none() && look(&targets.textures()).is_none() {
+        return Ok(());
+    }
+    let mut textures = TextureStage::rehearsal(options, &targets, catalogue);
+    let library = mtl::whole_library(catalogue, &mut textures)?;
+    if let Some(whole) = library {
+        targets.check_mtl(&whole, options.force)?;
+    }
+    textures.check_targets(&[&targets.obj, &targets.mtl])
 }
 
 /// Removes what a process of the job that was ended has left beside an output under temporary names.

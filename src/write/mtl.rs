@@ -13,7 +13,7 @@ use crate::base::error::escape;
 use crate::base::{Findings, Result, counted};
 use crate::store::Catalogue;
 
-/// The text of the MTL, or nothing if no used material has a definition.
+/// The text of the MTL; `None` if no used material has a definition.
 ///
 /// # Errors
 /// Those of [`TextureStage::reference`].
@@ -21,6 +21,40 @@ pub(super) fn library(catalogue: &Catalogue, usage: &Usage, textures: &mut Textu
     let parts = catalogue.parts.iter().zip(&usage.faces_per_part).filter(|&(_, &faces)| faces > 0);
     let used: BTreeSet<u32> = parts.filter_map(|(part, _)| part.material).collect();
     note_losses(catalogue, &used, &mut textures.findings);
+    text_of(catalogue, used, textures)
+}
+
+/// The text of the MTL if every material that faces of the input name is on a face of the result.
+///
+/// # Errors
+/// Those of [`TextureStage::reference`].
+pub(super) fn whole_library(catalogue: &Catalogue, textures: &mut TextureStage) -> Result<Option<Vec<u8>>> {
+    text_of(catalogue, catalogue.parts.iter().filter_map(|part| part.material).collect(), textures)
+}
+
+/// Whether an MTL is `whole`, or `whole` without some of its materials: what a run that was ended may have left.
+pub(super) fn is_part_of(mtl: &[u8], whole: &[u8]) -> bool {
+    let (mut found, mut all) = (blocks(mtl), blocks(whole));
+    found.next() == all.next() && found.all(|block| all.any(|other| other == block))
+}
+
+/// The signature of an MTL, then each of its materials.
+fn blocks(text: &[u8]) -> impl Iterator<Item = &[u8]> {
+    const BEGINNING: &[u8] = b"\n\nnewmtl ";
+    let mut rest = Some(text);
+    std::iter::from_fn(move || {
+        let text = rest?;
+        match text.windows(BEGINNING.len()).position(|window| window == BEGINNING) {
+            Some(end) => {
+                rest = Some(&text[end + 1..]);
+                Some(&text[..=end])
+            }
+            None => rest.take(),
+        }
+    })
+}
+
+fn text_of(catalogue: &Catalogue, used: BTreeSet<u32>, textures: &mut TextureStage) -> Result<Option<Vec<u8>>> {
     let mut names = BTreeSet::new();
     let mut text = Vec::new();
     for index in used {
@@ -74,5 +108,21 @@ fn note_lost(kind: &'static str, what: &str, total: usize, lost: Vec<&[u8]>, fin
     for (place, name) in lost.into_iter().enumerate() {
         let left = if place == 0 { left.as_str() } else { "" };
         findings.note(kind, || format!("{left}'{}' is on no face of the result", escape(name)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_mtl_without_some_materials_is_a_part_of_the_whole() {
+        let whole = b"# drystone 0\n\nnewmtl a\nKd 1 1 1\n\nnewmtl b\n\nnewmtl c\nKd 0 0 0\n";
+        for part in ["\nnewmtl b\n", "\nnewmtl a\nKd 1 1 1\n\nnewmtl c\nKd 0 0 0\n", ""] {
+            assert!(is_part_of(format!("# drystone 0\n{part}").as_bytes(), whole), "{part}");
+        }
+        for other in ["# drystone 0\n\nnewmtl b\nKd 1 1 1\n", "\nnewmtl b\n", "", "# drystone 0\n\nnewmtl d\n"] {
+            assert!(!is_part_of(other.as_bytes(), whole), "{other}");
+        }
     }
 }

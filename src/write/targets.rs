@@ -9,6 +9,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::copy::{Look, look};
+use super::mtl;
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 use crate::os::durable::{DurableFile, folder_of, make_folders};
@@ -177,6 +178,25 @@ impl Targets {
         self.mtl.file_name().unwrap_or_default().as_encoded_bytes()
     }
 
+    /// Refuses another MTL than a part of `whole`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if another one is there and `force` is not set.
+    pub(super) fn check_mtl(&self, whole: &[u8], force: bool) -> Result<()> {
+        let is_ours = || {
+            fs::metadata(&self.mtl).is_ok_and(|found| found.len() <= whole.len() as u64)
+                && fs::read(&self.mtl).is_ok_and(|found| mtl::is_part_of(&found, whole))
+        };
+        if look(&self.mtl).is_some() && !force && !is_ours() {
+            return Err(self.mtl_exists());
+        }
+        Ok(())
+    }
+
+    fn mtl_exists(&self) -> Error {
+        Error::Usage(format!("{}: exists; --force replaces it", escape_path(&self.mtl)))
+    }
+
     /// Writes the MTL under its temporary name; returns how what it replaces looks, too.
     ///
     /// # Errors
@@ -189,7 +209,7 @@ impl Targets {
                 && fs::read(&self.mtl).is_ok_and(|found| found == text)
         };
         if before.is_some() && !force && !same() {
-            return Err(Error::Usage(format!("{}: exists; --force replaces it", escape_path(&self.mtl))));
+            return Err(self.mtl_exists());
         }
         let mut file = DurableFile::create_outside(&self.mtl, job, 64 << 10)?;
         file.write(text)?;

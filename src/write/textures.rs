@@ -40,6 +40,8 @@ pub(super) struct TextureStage {
     mode: Textures,
     brings_outside: bool,
     force: bool,
+    /// Whether files are only looked for, before the work is done.
+    is_rehearsal: bool,
     job: u64,
     sources: Sources,
     /// Folders whose files may be copied, and those below them; all if there are none.
@@ -56,6 +58,8 @@ pub(super) struct TextureStage {
     /// The number that a name which is taken was last given.
     numbers: HashMap<Vec<u8>, u64>,
     staged: Vec<StagedFile>,
+    /// Files that are written or replaced.
+    targets: Vec<PathBuf>,
     /// All files of the result that are textures.
     pub(super) companions: Vec<Companion>,
     /// What was copied.
@@ -97,12 +101,22 @@ impl Drop for MadeFolder {
 impl TextureStage {
     /// Textures of an input for an output.
     pub(super) fn new(options: &WriteOptions, targets: &Targets, catalogue: &Catalogue) -> Self {
+        Self::make(options, targets, catalogue, false)
+    }
+
+    /// One that writes nothing, to find out beforehand what is in the way.
+    pub(super) fn rehearsal(options: &WriteOptions, targets: &Targets, catalogue: &Catalogue) -> Self {
+        Self::make(options, targets, catalogue, true)
+    }
+
+    fn make(options: &WriteOptions, targets: &Targets, catalogue: &Catalogue, is_rehearsal: bool) -> Self {
         let folder = targets.textures();
         let folder_name = folder.file_name().unwrap_or_default().as_encoded_bytes().to_owned();
         Self {
             mode: options.textures,
             brings_outside: options.brings_outside,
             force: options.force,
+            is_rehearsal,
             job: options.job,
             sources: options.sources.clone(),
             roots: roots(catalogue),
@@ -115,6 +129,7 @@ impl TextureStage {
             taken: BTreeSet::new(),
             numbers: HashMap::new(),
             staged: Vec::new(),
+            targets: Vec::new(),
             companions: Vec::new(),
             copied: Vec::new(),
             kept: Vec::new(),
@@ -217,6 +232,14 @@ impl TextureStage {
             let message = format!("{}: exists and differs; --force replaces it", escape_path(&target));
             return Err(Error::Usage(message));
         }
+        if !same {
+            self.targets.push(target.clone());
+        }
+        if self.is_rehearsal {
+            let reference = self.reference_to(&unique);
+            self.names.insert(source.to_owned(), unique);
+            return Ok(Ok(reference));
+        }
         // NOTE: a left-over of a killed run may stand there; it is ours by its name.
         let temporary = waiting_place(&target, self.job);
         let _ = fs::remove_file(&temporary);
@@ -231,6 +254,7 @@ impl TextureStage {
                     Ok(copied) => content = Some(copied),
                     Err(error) => {
                         self.taken.remove(&unique.to_ascii_lowercase());
+                        self.targets.pop();
                         return Ok(Err(Unusable::Missing(source.to_owned(), error)));
                     }
                 }
@@ -298,7 +322,7 @@ impl TextureStage {
     /// # Errors
     /// [`Error::Usage`] naming the file; `others` are the further targets of the run.
     pub(super) fn check_targets(&self, others: &[&Path]) -> Result<()> {
-        let targets = self.staged.iter().map(|staged| staged.target.as_path()).chain(others.iter().copied());
+        let targets = self.targets.iter().map(PathBuf::as_path).chain(others.iter().copied());
         match targets.into_iter().find(|&target| self.names.contains_key(target) || self.sources.forbid(target)) {
             None => Ok(()),
             Some(target) => {
