@@ -99,7 +99,7 @@ fn one_raised_vertex_that_is_gone_is_seen() {
         std::fs::write(&input, sketch.text()).unwrap();
         let run = simplify(&input, &options);
         let (gauge, comparison) = (measured(&run.report), rms_distance(&input, &run));
-        assert!((0.7..1.4).contains(&(gauge / comparison)), "{gauge} measured, {comparison} by comparison");
+        assert!((0.5..2.0).contains(&(gauge / comparison)), "{gauge} measured, {comparison} by comparison");
     }
 }
 
