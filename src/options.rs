@@ -203,7 +203,7 @@ pub struct SimplifyOptions {
     #[arg(long, value_enum, default_value_t = Pieces::Keep, value_name = "HOW", hide_short_help = true, help_heading = heading::INPUT)]
     pub pieces: Pieces,
 
-    /// Whether the surface keeps its holes, handles and pieces
+    /// Whether the surface keeps its holes, handles and pieces; it does where borders or seams are locked
     #[arg(long, value_enum, default_value_t = Topology::Simplify, value_name = "HOW", hide_short_help = true, help_heading = heading::TARGET)]
     pub topology: Topology,
 
@@ -416,9 +416,12 @@ impl SimplifyOptions {
         self.ratio.is_some() || self.faces.is_some()
     }
 
-    /// Whether the topology may change; the metrics of papers go by their own rules.
+    /// Whether the topology may change: not where borders or seams are locked; the metrics of papers go by their own rules.
     pub fn frees_topology(&self) -> bool {
-        self.topology == Topology::Simplify && matches!(self.metric, None | Some(Metric::Qem | Metric::QemAttributes))
+        let is_locked = self.borders == Borders::Lock || self.seam_policy() == SeamPolicy::Lock;
+        self.topology == Topology::Simplify
+            && !is_locked
+            && matches!(self.metric, None | Some(Metric::Qem | Metric::QemAttributes))
     }
 
     /// Passes over an input with so many triangles: those asked for, or as many as a far target takes.
