@@ -98,12 +98,13 @@ struct Neighbour {
 }
 
 impl Neighbour {
-    /// Whether the edge has no more faces than before, or than two; two that meet there now run along it in opposite
+    /// Whether the edge has no more faces than before, or than two, and none where it becomes a border; two that meet there now run along it in opposite
     /// directions.
     fn is_plain(&self) -> bool {
         let [at_from, at_to] = self.before;
         let is_joined = at_from > 0 && at_to > 0 && self.after == 2;
-        self.after <= at_from.max(at_to).max(2) && (!is_joined || self.after_ahead == 1)
+        let opens = self.after == 1 && at_from != 1 && at_to != 1;
+        !opens && self.after <= at_from.max(at_to).max(2) && (!is_joined || self.after_ahead == 1)
     }
 }
 
@@ -237,6 +238,12 @@ impl EdgeStar {
             if let Some(other) = rings.faces(mesh, to).find(is_double) {
                 self.dying.push(face);
                 let goes_back = goes_back(mesh.vertices(other), far);
+                // The third side, which does not move, may not become a border either.
+                let beside =
+                    rings.faces(mesh, far[0]).filter(|&beside| mesh.vertices(beside).contains(&far[1])).count();
+                if beside == 2 + usize::from(goes_back) {
+                    return Err(Refusal::Topology);
+                }
                 if goes_back {
                     self.dying.push(other);
                     last_double = Some(other);
@@ -267,8 +274,10 @@ impl EdgeStar {
                 (neighbour.after, neighbour.after_ahead) = (neighbour.after + 1, 1);
             }
             stays = true;
+            self.unsettled.push(to);
         }
-        if !self.neighbours.iter().all(Neighbour::is_plain) {
+        let is_last = !self.unsettled.is_empty();
+        if !is_last && !self.neighbours.iter().all(Neighbour::is_plain) {
             return Err(Refusal::Topology);
         }
         if !stays && !fan.is_alone {
