@@ -139,7 +139,7 @@ def test_checker_finds_a_punched_hole(tenth, drystone, town_path, tmp_path):
     lines[faces[inner]] = ""
     punched = tmp_path / "punched.obj"
     punched.write_text("".join(lines))
-    drystone("check", punched, "--against", town_path, codes=(1,))
+    drystone("check", punched, "--against", tenth.output, codes=(1,))
 
 
 def test_many_clusters_are_many(drystone, town_path, tmp_path):
