@@ -65,8 +65,6 @@ pub struct Engine<M> {
     loners: Loners,
     /// Cost of the dearest collapse so far.
     last_cost: f32,
-    /// Handles that were cut.
-    pub handle_count: u64,
     /// Round in which a vertex took part in a collapse.
     touched: Vec<u32>,
     /// Round in which a face around a vertex changed, doubled; and one more if all its edges were then judged anew.
@@ -124,7 +122,6 @@ impl<M: Metric> Engine<M> {
             witnesses: Witnesses::default(),
             loners: Loners::default(),
             last_cost: 0.0,
-            handle_count: 0,
             touched: Vec::new(),
             stirred: Vec::new(),
             survivors: Vec::new(),
@@ -189,7 +186,6 @@ impl<M: Metric> Engine<M> {
             handles.retain(|handle| handle.length_sq <= HANDLES_SQ * shortest_sq);
         }
         let changed = handles::cut(&mut self.mesh, &self.rings, &handles);
-        self.handle_count += changed.len() as u64 / 3;
         changed.iter().for_each(|&vertex| self.classes[vertex as usize] = Class::Complex);
         self.classes.resize(self.mesh.positions.len(), Class::Complex);
         (self.is_tidy, self.is_classified) = (changed.is_empty(), changed.is_empty());

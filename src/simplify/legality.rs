@@ -98,8 +98,8 @@ struct Neighbour {
 }
 
 impl Neighbour {
-    /// Whether the edge has no more faces than before, or than two, and none where it becomes a border; two that meet there now run along it in opposite
-    /// directions.
+    /// Whether the edge gets no face too many: no more than it had at either end, or two. Two faces that meet there now must
+    /// run along it in opposite directions, and it may not become a border.
     fn is_plain(&self) -> bool {
         let [at_from, at_to] = self.before;
         let is_joined = at_from > 0 && at_to > 0 && self.after == 2;
@@ -114,6 +114,12 @@ fn neighbour_of(neighbours: &mut Vec<Neighbour>, vertex: u32) -> &mut Neighbour 
         neighbours.len() - 1
     });
     &mut neighbours[at]
+}
+
+/// Whether a vertex has too many faces for another to collapse onto it. Counted no further than that: a hub is asked again
+/// and again.
+fn is_hub(mesh: &ClusterMesh, rings: &Rings, vertex: u32) -> bool {
+    rings.of(vertex).len() > 2 * VALENCE_MAX && rings.faces(mesh, vertex).nth(2 * VALENCE_MAX).is_some()
 }
 
 /// Whether a face has the first of two vertices right after the second: it looks the other way than one that has them in
@@ -203,8 +209,7 @@ impl EdgeStar {
     ///    a---b   ──▶   b
     /// ```
     fn check_edges(&mut self, mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32, fan: Fan) -> Result<(), Refusal> {
-        let is_hub = |v: u32| rings.faces(mesh, v).nth(2 * VALENCE_MAX).is_some();
-        if self.dying.is_empty() || is_hub(to) || mesh.is_shared(to) {
+        if self.dying.is_empty() || is_hub(mesh, rings, to) || mesh.is_shared(to) {
             return Err(Refusal::Topology);
         }
         self.stranded.clear();
@@ -270,17 +275,9 @@ impl EdgeStar {
         // Of the two sides of all that is left of a piece one stays.
         if let Some(double) = last_double.filter(|_| !stays) {
             self.dying.retain(|&face| face != double);
-            for neighbour in &mut self.neighbours {
-                (neighbour.after, neighbour.after_ahead) = (neighbour.after + 1, 1);
-            }
-            stays = true;
-            self.unsettled.push(to);
-        }
-        let is_last = !self.unsettled.is_empty();
-        if !is_last && !self.neighbours.iter().all(Neighbour::is_plain) {
+        } else if !self.neighbours.iter().all(Neighbour::is_plain) {
             return Err(Refusal::Topology);
-        }
-        if !stays && !fan.is_alone {
+        } else if !stays && !fan.is_alone {
             return Err(Refusal::Piece);
         }
         // Across the edges that become one, faces meet that did not.
@@ -303,10 +300,7 @@ impl EdgeStar {
         to: u32,
         Fan { closed, strands, .. }: Fan,
     ) -> Result<(), Refusal> {
-        // Counted no further than that: a hub is asked again and again.
-        let is_hub =
-            |v: u32| rings.of(v).len() > 2 * VALENCE_MAX && rings.faces(mesh, v).nth(2 * VALENCE_MAX).is_some();
-        if self.dying.is_empty() || self.dying.len() > 2 || is_hub(to) {
+        if self.dying.is_empty() || self.dying.len() > 2 || is_hub(mesh, rings, to) {
             return Err(Refusal::Topology);
         }
         let to_shared = mesh.is_shared(to);

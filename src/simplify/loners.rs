@@ -9,6 +9,7 @@ use crate::mesh::ClusterMesh;
 use crate::mesh::boxtree::{Bounds, BoxTree};
 
 use super::texture::distance_sq;
+use super::witness::area_of;
 
 /// Price of a face, in its area × squared distance to what is left: it stands for all of its piece, and what is beside it
 /// may vanish, too.
@@ -38,8 +39,7 @@ impl Loners {
                 false => distance_sq(middle, mesh.triangle(other)),
             };
             let away_sq = tree.nearest_sq(middle, f64::INFINITY, distance);
-            let area = 0.5 * (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).length();
-            let price = (PRICE * area * away_sq) as f32;
+            let price = (PRICE * area_of(triangle) * away_sq) as f32;
             price.is_finite().then_some((vertex, price))
         }));
     }

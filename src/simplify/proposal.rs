@@ -104,9 +104,7 @@ pub fn chain_edges_at(
     spokes: &mut Vec<Spoke>,
     mut take: impl FnMut(&EdgeAt),
 ) {
-    let corners = rings.of(vertex).iter().filter(|&&corner| mesh.living(corner).is_some());
-    spokes.clear();
-    spokes.extend(corners.map(|&corner| Spoke::of(mesh, corner)));
+    gather_spokes(mesh, rings, vertex, spokes);
     for spoke in &*spokes {
         // All are looked at: where the other face of the edge stands, no branch could foresee.
         let differs = |other: &Spoke| (other.wedge ^ spoke.wedge) | (other.previous_wedge ^ spoke.next_wedge);
@@ -119,6 +117,14 @@ pub fn chain_edges_at(
     }
 }
 
+/// The living faces around a vertex.
+#[inline(always)]
+fn gather_spokes(mesh: &ClusterMesh, rings: &Rings, vertex: u32, spokes: &mut Vec<Spoke>) {
+    let corners = rings.of(vertex).iter().filter(|&&corner| mesh.living(corner).is_some());
+    spokes.clear();
+    spokes.extend(corners.map(|&corner| Spoke::of(mesh, corner)));
+}
+
 /// Hands every edge at a vertex to `take`, once, with the wedges at both ends in up to two faces; `spokes` is scratch
 /// space.
 pub fn all_edges_at(
@@ -128,9 +134,7 @@ pub fn all_edges_at(
     spokes: &mut Vec<Spoke>,
     mut take: impl FnMut(&EdgeAt),
 ) {
-    let corners = rings.of(vertex).iter().filter(|&&corner| mesh.living(corner).is_some());
-    spokes.clear();
-    spokes.extend(corners.map(|&corner| Spoke::of(mesh, corner)));
+    gather_spokes(mesh, rings, vertex, spokes);
     for (i, spoke) in spokes.iter().enumerate() {
         let is_new = |end: u32| spokes[..i].iter().all(|before| before.edge_to(end).is_none());
         for end in [spoke.next, spoke.previous].into_iter().filter(|&end| is_new(end)) {

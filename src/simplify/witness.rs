@@ -58,7 +58,8 @@ impl Witnesses {
     }
 }
 
-fn area_of([a, b, c]: [DVec3; 3]) -> f64 {
+/// Area of a triangle.
+pub(super) fn area_of([a, b, c]: [DVec3; 3]) -> f64 {
     0.5 * (b - a).cross(c - a).length()
 }
 
