@@ -22,7 +22,7 @@ const SHARE_MIN: f64 = 1e-9;
 const PASS_SHARE_MIN: f64 = 0.25;
 
 /// Passes that a target takes: those that are `wanted`, or as many as the way from `input` to `target` faces needs in steps
-/// of [`PASS_SHARE_MIN`]; a single one stays alone.
+/// of a quarter each; a single one stays alone.
 pub fn pass_count(wanted: usize, input: u64, target: u64) -> usize {
     if wanted <= 1 || target == 0 || input == 0 {
         return wanted;
