@@ -31,7 +31,8 @@ fn it_is_near_what_a_comparison_finds() {
     for share in [0.5, 0.1, 0.02] {
         let run = simplify(&town(), &in_many_clusters(ratio(share)));
         let quotient = measured(&run.report) / rms_distance(&town(), &run);
-        assert!((0.85..1.15).contains(&quotient), "{quotient}");
+        // Few points tell of a mesh as small as this where a few triangles make most of the error.
+        assert!((0.8..1.25).contains(&quotient), "{share}: {quotient}");
     }
 }
 

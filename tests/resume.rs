@@ -121,7 +121,9 @@ fn a_job_that_is_stopped_again_and_again_ends_with_the_same_bytes() {
 #[test]
 fn a_job_that_was_stopped_measures_what_an_undisturbed_one_does() {
     let mut reruns = 0;
-    for (share, topology) in [(0.2, Topology::Simplify), (0.1, Topology::Keep), (0.005, Topology::Keep)] {
+    for (share, topology) in
+        [(0.2, Topology::Simplify), (0.1, Topology::Keep), (0.03, Topology::Keep), (0.005, Topology::Keep)]
+    {
         let options = SimplifyOptions { threads: Some(2), topology, ..in_many_clusters(ratio(share)) };
         let undisturbed = Job::new().run_with(&options, &Silent).unwrap();
         let job = Job::new();

@@ -8,6 +8,7 @@
 
 pub mod census;
 pub mod classic;
+mod crease;
 pub mod curvature;
 pub mod fan;
 pub mod knob;

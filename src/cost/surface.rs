@@ -1,5 +1,5 @@
 //! The default cost: squared distance to the planes of the surface, of its borders and seams, and, with texture,
-//! squared slide of the picture; all weighted by area.
+//! squared slide of the picture; all weighted by area. Sharp edges are held like borders ([`crease`](super::crease)).
 //!
 //! # Source
 //! Garland & Heckbert 1997 and 1998 ("Simplifying surfaces with color and texture using quadric error metrics"),
@@ -18,6 +18,7 @@
 
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec3A};
 
+use super::crease::{Normals, add_creases};
 use super::local::{LocalQuadric, LocalWedge, Planes};
 use super::metric::{Metric, SettlingWedge};
 use super::weights::Weights;
@@ -129,8 +130,14 @@ impl SurfaceCost {
                 }
             }
             let planes = planes.quadratic();
-            vertices.iter().for_each(|&vertex| self.vertices[vertex as usize].add_quadratic(&planes));
+            let weighted_normal = (0.5 * across).as_vec3();
+            for &vertex in vertices {
+                let vertex = &mut self.vertices[vertex as usize];
+                vertex.add_quadratic(&planes);
+                Normals::add(vertex, weighted_normal, area as f32);
+            }
         }
+        add_creases(&mut self.vertices, mesh, rings, self.weights.border);
         let mut spokes = Vec::new();
         for vertex in (0..classes.len() as u32).filter(|&vertex| classes[vertex as usize] != Class::Smooth) {
             self.add_chain_edges(mesh, rings, classes, vertex, &mut spokes);

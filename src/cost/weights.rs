@@ -3,7 +3,8 @@
 //! A straightened seam lies outside of one of its two charts by as much as it lies inside the other. Where few vertices of
 //! the result will lie on seams, these are so short that it hardly does, however lightly they are held, and the surface may
 //! have the vertices; the more there are, the more firmly must they be held. Where they would take nearly all vertices,
-//! that costs the surface more than it gives the picture, and they are held lightly again.
+//! that costs the surface more than it gives the picture, and they are held lightly again; where they would take more than
+//! there are, by the square of that.
 
 use super::knob::{Knob, factor, switch};
 
@@ -13,6 +14,9 @@ const FIRM: [f64; 2] = [0.52, 0.65];
 const LOOSE: [f64; 2] = [0.32, 0.85];
 /// Weight of seams that are held lightly, relative to that of firm ones; between both it grows by equal factors.
 const LIGHT: f64 = 0.08;
+
+/// Crowding beyond which seams are held no more lightly.
+const CROWDING_MAX: f64 = 4.0;
 
 /// Weights of the terms, all relative to the area-weighted squared distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,7 +67,8 @@ impl Weights {
         let sparse = (FIRM[0] - self.crowding) / (FIRM[0] - LOOSE[0]);
         let crowded = (self.crowding - FIRM[1]) / (LOOSE[1] - FIRM[1]);
         let lightness = sparse.max(crowded).clamp(0.0, 1.0);
-        self.seam * libm::pow(LIGHT, lightness)
+        let overcrowding = (self.crowding.min(CROWDING_MAX) / LOOSE[1]).max(1.0);
+        self.seam * libm::pow(LIGHT, lightness) / (overcrowding * overcrowding)
     }
 }
 
@@ -74,7 +79,8 @@ mod tests {
     #[test]
     fn few_seams_and_crowded_ones_are_held_lightly() {
         let at = |crowding| Weights { crowding, seam: 1.0, ..Weights::default() }.of_seams();
-        assert_eq!([at(0.0), at(0.32), at(0.85), at(f64::INFINITY)], [LIGHT; 4]);
+        assert_eq!([at(0.0), at(0.32), at(0.85)], [LIGHT; 3]);
+        assert!((at(1.7) / LIGHT - 0.25).abs() < 1e-12 && at(f64::INFINITY) == at(CROWDING_MAX));
         assert_eq!([at(0.52), at(0.65)], [1.0; 2]);
         assert!(at(0.35) < at(0.45) && at(0.7) > at(0.8));
     }

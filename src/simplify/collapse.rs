@@ -26,6 +26,8 @@ pub struct Collapse {
     pub fan: Fan,
     /// What it costs, in area × squared distance; infinity if the metric counts in something else.
     pub cost: f64,
+    /// Faces that may die at most.
+    pub dying_max: usize,
     /// Share of what the chain would leave its charts by that texture coordinates of `to` move inwards instead.
     pub inset: f64,
 }
@@ -67,6 +69,9 @@ impl Collapser {
         let Collapse { from, to, onto, stays, .. } = collapse;
         self.star.gather(mesh, rings, from, to);
         self.star.check_topology(mesh, rings, from, to, collapse.fan)?;
+        if self.star.dying.len() > collapse.dying_max {
+            return Err(Refusal::Piece);
+        }
         let insets = insets(mesh, rings, collapse.inset, (from, to), &self.star.wedges);
         let position =
             cost.place(mesh, &EdgeCase { from, to, onto, stays, wedges: &self.star.wedges, insets }).position;

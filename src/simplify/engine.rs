@@ -11,17 +11,19 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
+use super::changes::Changes;
 use super::collapse::{Collapse, Collapser};
-use super::handles;
 use super::legality::{Fan, Refusal};
 use super::loners::Loners;
 use super::proposal::{EdgeAt, Proposal, all_edges_at, chain_edges_at};
+use super::rips::Rips;
 use super::settle::Settler;
 use super::stage::{Milestone, StageResult, Stop};
 use super::texture::insets;
 use super::witness::Witnesses;
+use super::witness::area_of;
 use crate::cost::census::Census;
-use crate::cost::planes::area_of;
+use crate::cost::planes;
 use crate::cost::{EdgeCase, Metric};
 use crate::mesh::class::{Class, Rule, classify, reclassify};
 use crate::mesh::cluster::{ClusterMesh, flag};
@@ -37,6 +39,9 @@ const TRIES_PER_COLLAPSE: f64 = 2.0;
 const COST_SPREAD: f32 = 4.0;
 /// A stage that stops on a cost ends when a round over all its candidates removes less than this share of the faces.
 const LAST_SHARE: f64 = 0.0005;
+
+/// Faces that the last collapse of a stage may take below its target.
+const BELOW_MAX: usize = 2;
 
 /// A handle is cut where an edge of it may have a squared length of this share of the root of what a collapse may cost.
 const HANDLE_SHARE: f64 = 2.0;
@@ -63,6 +68,7 @@ pub struct Engine<M> {
     settler: Settler,
     witnesses: Witnesses,
     loners: Loners,
+    rips: Rips,
     /// Cost of the dearest collapse so far.
     last_cost: f32,
     /// Round in which a vertex took part in a collapse.
@@ -87,6 +93,10 @@ pub struct Engine<M> {
     candidates: Vec<u32>,
     /// Those of this round, with the bits of their costs above: in order of cost.
     chosen: Vec<u64>,
+    /// What became of the topology.
+    pub changes: Changes,
+    /// Vertices at non-manifold places that the mesh came with.
+    complex_before: Option<u64>,
     /// How often each [`Refusal`] was met.
     pub refusals: [u64; Refusal::COUNT],
     /// Estimate of the mean squared deviation that the stages so far have added, in units of length².
@@ -101,6 +111,8 @@ pub struct Engine<M> {
     pub lock_seams: bool,
     /// Whether border vertices are locked.
     pub lock_borders: bool,
+    /// Whether borders that run along each other are welded, where the topology may change.
+    pub welds: bool,
     /// Whether the topology may change where that is cheap: holes close, pieces vanish, complex vertices collapse.
     pub frees_topology: bool,
 }
@@ -121,6 +133,7 @@ impl<M: Metric> Engine<M> {
             settler: Settler::default(),
             witnesses: Witnesses::default(),
             loners: Loners::default(),
+            rips: Rips::default(),
             last_cost: 0.0,
             touched: Vec::new(),
             stirred: Vec::new(),
@@ -136,6 +149,8 @@ impl<M: Metric> Engine<M> {
             patience: f32::INFINITY,
             candidates: Vec::new(),
             chosen: Vec::new(),
+            changes: Changes::default(),
+            complex_before: None,
             refusals: [0; Refusal::COUNT],
             squared_error: 0.0,
             milestones: Vec::new(),
@@ -143,6 +158,7 @@ impl<M: Metric> Engine<M> {
             log: None,
             lock_seams: false,
             lock_borders: false,
+            welds: false,
             frees_topology: false,
         }
     }
@@ -173,25 +189,6 @@ impl<M: Metric> Engine<M> {
         result
     }
 
-    /// Cuts handles up to a length, or those about as long as the shortest; returns whether there were any.
-    fn cut_handles(&mut self, most_sq: f64) -> bool {
-        if !self.frees_topology || self.collapser.deviation_max.is_some() {
-            return false;
-        }
-        self.prepare();
-        let mut handles = handles::find(&self.mesh, &self.rings, &self.classes, most_sq);
-        if most_sq.is_infinite()
-            && let Some(shortest_sq) = handles.first().map(|handle| handle.length_sq)
-        {
-            handles.retain(|handle| handle.length_sq <= HANDLES_SQ * shortest_sq);
-        }
-        let changed = handles::cut(&mut self.mesh, &self.rings, &handles);
-        changed.iter().for_each(|&vertex| self.classes[vertex as usize] = Class::Complex);
-        self.classes.resize(self.mesh.positions.len(), Class::Complex);
-        (self.is_tidy, self.is_classified) = (changed.is_empty(), changed.is_empty());
-        !changed.is_empty()
-    }
-
     fn run_once(&mut self, stop: Stop) -> StageResult {
         let mut result = StageResult::default();
         if self.is_done(stop) {
@@ -202,7 +199,7 @@ impl<M: Metric> Engine<M> {
             _ => self.last_cost,
         };
         if cost > 0.0 {
-            self.cut_handles(HANDLE_SHARE * f64::from(cost).sqrt());
+            self.mend(f64::from(cost));
         }
         self.prepare();
         self.cost.refresh(&self.mesh, &self.rings, &self.classes);
@@ -251,7 +248,7 @@ impl<M: Metric> Engine<M> {
 
     /// Area of the mesh when the last stage began, or as it is if no stage had anything to do.
     pub fn area(&self) -> f64 {
-        if self.milestones.is_empty() { area_of(&self.mesh) } else { self.cost.area() }
+        if self.milestones.is_empty() { planes::area_of(&self.mesh) } else { self.cost.area() }
     }
 
     /// Bounds the deviation from the input, in units of length.
@@ -297,6 +294,8 @@ impl<M: Metric> Engine<M> {
                 }
             }
             self.is_classified = true;
+            let count = self.complex_count();
+            self.complex_before.get_or_insert(count);
         }
         self.touched.clear();
         self.touched.resize(self.mesh.positions.len(), 0);
@@ -373,20 +372,11 @@ impl<M: Metric> Engine<M> {
             self.candidates.push(vertex);
         }
         if self.frees_topology {
-            let alone = self.candidates.iter().copied().filter(|&vertex| self.is_alone(vertex));
-            let faces = alone.map(|vertex| (vertex, self.rings.of(vertex)[0] / 3)).collect();
-            self.loners.price(&self.mesh, faces);
+            self.look_around();
         }
         for i in 0..self.candidates.len() {
             self.judge(self.candidates[i], None);
         }
-    }
-
-    /// Whether a vertex belongs to a triangle that hangs on no other.
-    fn is_alone(&self, vertex: u32) -> bool {
-        let &[corner] = self.rings.of(vertex) else { return false };
-        let ring = ClusterMesh::following(corner).map(|corner| self.mesh.vertex_of(corner));
-        ring.iter().all(|&far| self.rings.of(far).len() == 1 && !self.mesh.is_shared(far))
     }
 
     /// Finds the cheapest collapse of a vertex, or the cheapest after one that was refused.
@@ -397,7 +387,7 @@ impl<M: Metric> Engine<M> {
                 *best = Proposal { second_best: after.is_some(), ..proposal };
             }
         };
-        if let Some(price) = self.loners.price_of(vertex) {
+        if let Some(price) = self.price_alone(vertex) {
             let living = self.rings.of(vertex).iter().find(|&&corner| self.mesh.living(corner).is_some());
             if let Some(&corner) = living {
                 let to = self.mesh.vertex_of(ClusterMesh::following(corner)[0]);
@@ -425,6 +415,9 @@ impl<M: Metric> Engine<M> {
                 take(&mut best, self.propose(vertex, edge));
             });
             self.spokes = spokes;
+        }
+        if let Some(proposal) = self.propose_weld(vertex) {
+            take(&mut best, proposal);
         }
         self.proposals[vertex as usize] = best;
     }
@@ -473,7 +466,8 @@ impl<M: Metric> Engine<M> {
         let chain = matches!(rule, Rule::Chain | Rule::ChainOnto);
         let insets = insets(&self.mesh, &self.rings, self.inset(to, chain), (from, to), wedges);
         let case = EdgeCase { from, to, onto, stays: self.stays(to), wedges, insets };
-        let cost = self.cost.place(&self.mesh, &case).cost as f32;
+        let share = if kind == EdgeKind::Border { self.closing_share(from, to) } else { 1.0 };
+        let cost = share * self.cost.place(&self.mesh, &case).cost as f32;
         if cost.is_finite() { Proposal { cost, to, onto, chain, second_best: false } } else { Proposal::NONE }
     }
 
@@ -519,7 +513,7 @@ impl<M: Metric> Engine<M> {
             if !self.survivors.is_empty() && self.proposals[from as usize].cost > self.patience {
                 return;
             }
-            if !self.try_proposal(from, result) && self.proposals[from as usize].cost <= bound {
+            if !self.try_proposal(from, stop, result) && self.proposals[from as usize].cost <= bound {
                 self.again.push(Reverse((self.proposals[from as usize].cost.to_bits(), from)));
             }
             if self.is_done(stop) {
@@ -530,7 +524,7 @@ impl<M: Metric> Engine<M> {
 
     /// Collapses a vertex as proposed, unless one end took part in a collapse of this round; returns false if the
     /// proposal was refused and another one has taken its place.
-    fn try_proposal(&mut self, from: u32, result: &mut StageResult) -> bool {
+    fn try_proposal(&mut self, from: u32, stop: Stop, result: &mut StageResult) -> bool {
         let proposal = self.proposals[from as usize];
         let Proposal { cost, to, onto, chain, .. } = proposal;
         if self.touched[from as usize] == self.round || self.touched[to as usize] == self.round {
@@ -538,19 +532,37 @@ impl<M: Metric> Engine<M> {
         }
         let class = self.classes[from as usize];
         let is_complex = class == Class::Complex;
+        let is_rip = self.is_apart(from, to);
+        let may_close = self.frees_topology && !is_rip && (class.is_border() || class == Class::Complex);
+        let closes_hole = may_close && self.is_beside_hole(from, to);
         let fan = Fan {
             closed: class == Class::Smooth,
             strands: M::CORNERS_VANISH && (class.is_corner() || is_complex),
             is_complex,
-            is_alone: self.loners.price_of(from).is_some(),
+            is_alone: self.price_alone(from).is_some(),
             is_free: self.frees_topology,
+            is_rip,
         };
+        if fan.is_alone && self.has_lost_neighbour(from) {
+            self.proposals[from as usize] = Proposal { second_best: true, ..Proposal::NONE };
+            return false;
+        }
         let inset = self.inset(to, chain);
+        let area = if fan.is_alone { area_of(self.mesh.triangle(self.rings.of(from)[0] / 3)) } else { 0.0 };
         // NOTE: the metrics of papers judge collapses by their own rules alone.
         let price = if M::ENDPOINTS { f64::from(cost) } else { f64::INFINITY };
-        let collapse = Collapse { from, to, onto, stays: self.stays(to), chain, fan, cost: price, inset };
+        let (Stop::Faces(target) | Stop::Cost(_, target)) = stop;
+        let dying_max = self.mesh.face_count.saturating_sub(target) + BELOW_MAX;
+        let stays = self.stays(to);
+        let collapse = Collapse { from, to, onto, stays, chain, fan, cost: price, dying_max, inset };
         match self.collapser.try_collapse(&mut self.mesh, &self.rings, &mut self.cost, collapse) {
             Ok(died) => {
+                self.changes.vertices_welded += u64::from(is_rip);
+                self.changes.holes_closed += u64::from(closes_hole);
+                if fan.is_alone {
+                    self.changes.pieces_dropped += 1;
+                    self.changes.pieces_area += area;
+                }
                 self.touched[from as usize] = self.round;
                 self.touched[to as usize] = self.round;
                 self.rings.join(&self.mesh, from, to);
@@ -592,13 +604,7 @@ impl<M: Metric> Engine<M> {
 
     /// Adds what this stage moved to the estimate of the error.
     fn measure_stage(&mut self) {
-        // A vertex may also be without faces since its piece has vanished.
-        let went_to = |vertex: u32| {
-            let proposal = &self.proposals[vertex as usize];
-            let went = self.rings.of(vertex).is_empty() && proposal.cost == f32::INFINITY && proposal.to != u32::MAX;
-            went.then_some(proposal.to)
-        };
-        self.squared_error += self.witnesses.mean_sq(&self.mesh, &self.rings, went_to);
+        self.squared_error += self.witnesses.mean_sq(&self.mesh, &self.rings, |vertex| self.went_to(vertex));
     }
 
     /// Judges anew what this round's collapses changed: the survivors, their neighbours, and refused vertices near them.
@@ -682,6 +688,8 @@ impl<M: Metric> Engine<M> {
         }
     }
 }
+
+mod topology;
 
 #[cfg(test)]
 mod tests;

@@ -10,12 +10,15 @@
 //! No edge of such a way may collapse: its two sides would meet in one edge of four faces. Cut, both sides are as
 //! closed as before, and go on by themselves.
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use crate::mesh::class::Class;
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::fold::are_nearly_folded;
 use crate::mesh::ring::{Rings, Spoke};
+
+/// How far the picture of a face that closes something goes beyond the side that it is taken from, as share of that side.
+const LEAN: f64 = 0.05;
 
 /// Three vertices, each joined to the next by an edge, that are not the corners of a face.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -139,6 +142,10 @@ impl Sides {
             corners.into_iter().find(|&wedge| mesh.wedge_vertex[wedge as usize] == vertex)
         };
         let [a, b, _] = self.vertices;
+        let beyond = self.beside_first.map(|corner| {
+            let corners = ClusterMesh::following(corner).map(|c| mesh.wedge_of(c));
+            if mesh.wedge_vertex[corners[0] as usize] == b { corners[1] } else { corners[0] }
+        });
         let left = [a, b].map(|v| wedge_at(mesh, self.beside_first[0], v));
         let mut copies = [0; 3];
         for (k, corners) in self.right.iter().enumerate() {
@@ -164,11 +171,11 @@ impl Sides {
         let [copy_a, copy_b, _] = copies;
         let right = [copy_a, copy_b].map(|v| wedge_at(mesh, self.beside_first[1], v));
         if let [Some(wa), Some(wb)] = left {
-            let wc = mesh.closing_wedge([wa, wb], thirds[0]);
+            let wc = mesh.closing_wedge([wa, wb], beyond[0], thirds[0]);
             mesh.push_face([wa, wc, wb], left_part);
         }
         if let [Some(wa), Some(wb)] = right {
-            let wc = mesh.closing_wedge([wa, wb], thirds[1]);
+            let wc = mesh.closing_wedge([wa, wb], beyond[1], thirds[1]);
             mesh.push_face([wa, wb, wc], right_part);
         }
     }
@@ -185,7 +192,7 @@ impl ClusterMesh {
     }
 
     /// Adds a wedge, linked to another one of its vertex, if there is one.
-    fn add_wedge(&mut self, vertex: u32, uv: DVec2, beside: Option<u32>) -> u32 {
+    pub(super) fn add_wedge(&mut self, vertex: u32, uv: DVec2, beside: Option<u32>) -> u32 {
         let wedge = self.push_wedge(vertex, uv);
         self.wedge_moved.push(true);
         self.wedge_next.push(wedge);
@@ -193,22 +200,31 @@ impl ClusterMesh {
         wedge
     }
 
-    /// The wedge of a vertex that has `own` for a face with two others: without texture the same, else one between theirs,
-    /// so that the face shows no more than a line of the texture.
-    fn closing_wedge(&mut self, ends: [u32; 2], own: u32) -> u32 {
-        let between = ends.map(|wedge| self.wedge_uv[wedge as usize]).into_iter().sum::<DVec2>() / 2.0;
-        if between.is_nan() {
-            return own;
-        }
-        self.add_wedge(self.wedge_vertex[own as usize], between, Some(own))
+    /// The wedge of a vertex that has `own`, for a face that closes what is beyond a side with two wedges, whose own face has
+    /// the third one `beyond`: without texture the same, else one beside the side, so that the face shows no more than a
+    /// line of the picture, and none of it turned over.
+    pub(super) fn closing_wedge(&mut self, side: [u32; 2], beyond: u32, own: u32) -> u32 {
+        let vertex = self.wedge_vertex[own as usize];
+        let uv = uv_beside(self, side, self.wedge_uv[beyond as usize], self.positions[vertex as usize]);
+        if uv.is_nan() { own } else { self.add_wedge(vertex, uv, Some(own)) }
     }
+}
+
+/// The texture coordinate for a point beyond a side, whose own face has the third texture coordinate `beyond`: nearly that
+/// at the nearest place of the side.
+fn uv_beside(mesh: &ClusterMesh, side: [u32; 2], beyond: DVec2, point: DVec3) -> DVec2 {
+    let [from, to] = side.map(|wedge| mesh.positions[mesh.wedge_vertex[wedge as usize] as usize]);
+    let [uv_from, uv_to] = side.map(|wedge| mesh.wedge_uv[wedge as usize]);
+    let (along, uv_along) = (to - from, uv_to - uv_from);
+    let share = ((point - from).dot(along) / along.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+    let is_left = uv_along.perp_dot(beyond - uv_from) > 0.0;
+    let outwards = if is_left { -uv_along.perp() } else { uv_along.perp() };
+    uv_from.lerp(uv_to, share) + LEAN * outwards
 }
 
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
-
-    use glam::DVec3;
 
     use super::*;
     use crate::mesh::class::classify;

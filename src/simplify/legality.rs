@@ -65,6 +65,8 @@ pub struct Fan {
     pub is_alone: bool,
     /// The topology may change.
     pub is_free: bool,
+    /// It comes to a vertex that it has no edge with.
+    pub is_rip: bool,
 }
 
 /// The vertices around a vertex with one closed fan of at least four faces, and not too many.
@@ -95,22 +97,26 @@ struct Neighbour {
     after: u32,
     /// In how many of these it comes right after the staying end.
     after_ahead: u32,
+    /// How many of these are turned over, and will be turned back.
+    after_turned: u32,
 }
 
 impl Neighbour {
     /// Whether the edge gets no face too many: no more than it had at either end, or two. Two faces that meet there now must
-    /// run along it in opposite directions, and it may not become a border.
+    /// run along it in opposite directions, now and when they are turned back, and it may not become a border.
     fn is_plain(&self) -> bool {
         let [at_from, at_to] = self.before;
         let is_joined = at_from > 0 && at_to > 0 && self.after == 2;
         let opens = self.after == 1 && at_from != 1 && at_to != 1;
-        !opens && self.after <= at_from.max(at_to).max(2) && (!is_joined || self.after_ahead == 1)
+        !opens
+            && self.after <= at_from.max(at_to).max(2)
+            && (!is_joined || (self.after_ahead == 1 && self.after_turned != 1))
     }
 }
 
 fn neighbour_of(neighbours: &mut Vec<Neighbour>, vertex: u32) -> &mut Neighbour {
     let at = neighbours.iter().position(|known| known.vertex == vertex).unwrap_or_else(|| {
-        neighbours.push(Neighbour { vertex, before: [0; 2], after: 0, after_ahead: 0 });
+        neighbours.push(Neighbour { vertex, before: [0; 2], after: 0, after_ahead: 0, after_turned: 0 });
         neighbours.len() - 1
     });
     &mut neighbours[at]
@@ -139,6 +145,8 @@ pub struct EdgeStar {
     pub stranded: Vec<u32>,
     /// Vertices whose classes may be others afterwards, where the topology changes.
     pub unsettled: Vec<u32>,
+    /// A wedge of the staying vertex, where the ends have no face in common.
+    beside: Option<u32>,
     /// Neighbours of the ends, where the topology changes.
     neighbours: Vec<Neighbour>,
     /// Both ends of the edge.
@@ -164,6 +172,7 @@ impl EdgeStar {
         self.opposite.clear();
         self.stranded.clear();
         self.unsettled.clear();
+        self.beside = None;
         self.ends = [from, to];
         for &corner in rings.of(from) {
             let Some(wedge) = mesh.living(corner) else { continue };
@@ -176,6 +185,24 @@ impl EdgeStar {
                 self.wedges.push(pair);
             }
         }
+        if self.dying.is_empty() {
+            self.pair_alike(mesh, rings, from, to);
+        }
+    }
+
+    /// Pairs the wedges of two vertices that have the same texture coordinate, or none.
+    fn pair_alike(&mut self, mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32) {
+        let wedges_of = |vertex: u32| rings.of(vertex).iter().filter_map(|&corner| mesh.living(corner));
+        let uv = |wedge: u32| mesh.wedge_uv[wedge as usize];
+        for wedge in wedges_of(from) {
+            let is_alike = |&other: &u32| uv(other) == uv(wedge) || (uv(other).is_nan() && uv(wedge).is_nan());
+            if let Some(other) = wedges_of(to).find(is_alike)
+                && !self.wedges.contains(&(wedge, other))
+            {
+                self.wedges.push((wedge, other));
+            }
+        }
+        self.beside = wedges_of(to).next();
     }
 
     /// Checks everything but geometry; [`gather`](EdgeStar::gather) must have run for this edge.
@@ -209,7 +236,7 @@ impl EdgeStar {
     ///    a---b   ──▶   b
     /// ```
     fn check_edges(&mut self, mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32, fan: Fan) -> Result<(), Refusal> {
-        if self.dying.is_empty() || is_hub(mesh, rings, to) || mesh.is_shared(to) {
+        if self.dying.is_empty() != fan.is_rip || is_hub(mesh, rings, to) || mesh.is_shared(to) {
             return Err(Refusal::Topology);
         }
         self.stranded.clear();
@@ -225,6 +252,7 @@ impl EdgeStar {
                     neighbour.before[usize::from(end == to)] += 1;
                     neighbour.after += u32::from(!is_dying);
                     neighbour.after_ahead += u32::from(!is_dying && place == 0);
+                    neighbour.after_turned += u32::from(!is_dying && mesh.is_turned[corner as usize / 3]);
                 }
             }
         }
@@ -257,13 +285,15 @@ impl EdgeStar {
                     let neighbour = neighbour_of(&mut self.neighbours, vertex);
                     neighbour.after -= 1 + u32::from(goes_back);
                     neighbour.after_ahead -= u32::from(place == 0 || goes_back);
+                    let is_turned = |face: u32| u32::from(mesh.is_turned[face as usize]);
+                    neighbour.after_turned -= is_turned(face) + u32::from(goes_back) * is_turned(other);
                 }
                 continue;
             }
             stays = true;
             match self.wedges.iter().filter(|pair| pair.0 == wedge).count() {
                 1 => {}
-                0 if fan.strands => {
+                0 if fan.strands || fan.is_rip => {
                     if !self.stranded.contains(&wedge) {
                         self.stranded.push(wedge);
                     }
@@ -434,7 +464,7 @@ impl EdgeStar {
             }
             mesh.corner_vertices.as_flattened_mut()[corner as usize] = to;
         }
-        if let Some(&(_, beside)) = self.wedges.first() {
+        if let Some(beside) = self.wedges.first().map(|pair| pair.1).or(self.beside) {
             self.stranded.iter().for_each(|&wedge| mesh.bring_wedge(wedge, beside));
         }
     }

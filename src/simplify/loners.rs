@@ -13,13 +13,13 @@ use super::witness::area_of;
 
 /// Price of a face, in its area × squared distance to what is left: it stands for all of its piece, and what is beside it
 /// may vanish, too.
-const PRICE: f64 = 16.0;
+const PRICE: f64 = 32.0;
 
 /// Vertices of faces that hang on no other, with the price of the face.
 #[derive(Debug, Default)]
 pub struct Loners {
     /// In the order of vertices.
-    prices: Vec<(u32, f32)>,
+    prices: Vec<Price>,
 }
 
 impl Loners {
@@ -31,27 +31,53 @@ impl Loners {
             return;
         }
         let tree = BoxTree::new(mesh.corners.len(), |face| Bounds::around(mesh.triangle(face)));
+        let mut loners: Vec<u32> = faces.iter().map(|&(_, face)| face).collect();
+        loners.sort_unstable();
+        let size_of = |face: u32| (area_of(mesh.triangle(face)), face);
         self.prices.extend(faces.into_iter().filter_map(|(vertex, face)| {
             let triangle = mesh.triangle(face);
+            let stays_longer = |other: u32| loners.binary_search(&other).is_err() || size_of(other) > size_of(face);
             let middle = triangle.into_iter().sum::<DVec3>() / 3.0;
-            let distance = |other: u32| match other == face {
-                true => f64::INFINITY,
-                false => distance_sq(middle, mesh.triangle(other)),
-            };
-            let away_sq = tree.nearest_sq(middle, f64::INFINITY, distance);
+            let mut nearest = (f64::INFINITY, face);
+            tree.nearest_sq(middle, f64::INFINITY, |other| {
+                let away_sq =
+                    if stays_longer(other) { distance_sq(middle, mesh.triangle(other)) } else { f64::INFINITY };
+                if (away_sq, other) < nearest {
+                    nearest = (away_sq, other);
+                }
+                away_sq
+            });
+            let (away_sq, other) = nearest;
             let price = (PRICE * area_of(triangle) * away_sq) as f32;
-            price.is_finite().then_some((vertex, price))
+            price.is_finite().then(|| Price { vertex, price, neighbour: mesh.vertices(other)[0] })
         }));
+    }
+
+    fn find(&self, vertex: u32) -> Option<Price> {
+        if self.prices.is_empty() {
+            return None;
+        }
+        let at = self.prices.binary_search_by_key(&vertex, |price| price.vertex).ok()?;
+        Some(self.prices[at])
     }
 
     /// What it costs if the face of a vertex vanishes, if it hangs on no other.
     pub fn price_of(&self, vertex: u32) -> Option<f32> {
-        if self.prices.is_empty() {
-            return None;
-        }
-        let at = self.prices.binary_search_by_key(&vertex, |&(vertex, _)| vertex).ok()?;
-        Some(self.prices[at].1)
+        self.find(vertex).map(|found| found.price)
     }
+
+    /// A vertex of what is nearest to the face of a vertex that hangs on no other: if that vanishes, the price is wrong.
+    pub fn neighbour_of(&self, vertex: u32) -> Option<u32> {
+        self.find(vertex).map(|found| found.neighbour)
+    }
+}
+
+/// Of a vertex.
+#[derive(Debug, Clone, Copy)]
+struct Price {
+    vertex: u32,
+    price: f32,
+    neighbour: u32,
 }
 
 #[cfg(test)]

@@ -8,6 +8,8 @@
 //! See `partition::weight`: about 200 bytes a face with texture, the mesh included.
 
 pub mod anchor;
+mod caps;
+pub mod changes;
 pub mod collapse;
 pub mod cover;
 pub mod deviation;
@@ -19,11 +21,13 @@ mod loners;
 pub mod parts;
 mod proposal;
 mod remains;
+mod rips;
 mod settle;
 mod stage;
 pub mod texture;
 pub mod witness;
 
 pub use anchor::Anchor;
+pub use changes::Changes;
 pub use engine::Engine;
 pub use stage::{Milestone, StageResult, Stop};

@@ -1,0 +1,152 @@
+//! Planes through sharp edges, upright on both of their faces: they hold the rims of thin sheets.
+//!
+//! The planes of two faces that lie back to back are nearly one. Quadrics of such planes let the rim wander inwards for
+//! nothing, and leaves, fences and railings shrink. So a sharp edge is held like an open border, the more the sharper:
+//!
+//! ```text
+//!      ______________        turn 180°: four times the weight of a border
+//!     <______________        turn  90°: a quarter of it
+//! ```
+//!
+//! # Source
+//! Constraint planes as in Garland & Heckbert 1997, §6; there for open borders alone.
+
+use glam::{DVec3, Vec3};
+
+use super::local::LocalQuadric;
+use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::ring::Rings;
+
+/// Vertices whose faces have a mean normal shorter than this may have sharp edges.
+const MEAN_NORMAL_MAX: f32 = 0.9;
+/// Power of sin²(turn / 2) that the weight goes by.
+const POWER: i32 = 4;
+
+/// Sums of the normals around vertices, kept in those parts of their quadrics that are 0 until vertices move.
+#[derive(Debug)]
+pub struct Normals;
+
+impl Normals {
+    /// Adds a face, by its area and its unit normal, to a vertex.
+    #[inline(always)]
+    pub fn add(vertex: &mut LocalQuadric, weighted_normal: Vec3, area: f32) {
+        vertex.linear += weighted_normal;
+        vertex.constant += area;
+    }
+
+    fn are_spread(vertex: &LocalQuadric) -> bool {
+        vertex.linear.length() < MEAN_NORMAL_MAX * vertex.constant
+    }
+
+    fn clear(vertices: &mut [LocalQuadric]) {
+        for vertex in vertices {
+            (vertex.linear, vertex.constant) = (Vec3::ZERO, 0.0);
+        }
+    }
+}
+
+/// Weight of each of the two planes of an edge that turns by 180°, in those of a border.
+const STIFFNESS: f64 = 2.0;
+
+/// Adds the planes of all sharp edges to their ends, and forgets the sums of normals. `weight` is that of an open border
+/// per squared length.
+pub fn add_creases(vertices: &mut [LocalQuadric], mesh: &ClusterMesh, rings: &Rings, weight: f64) {
+    for a in 0..vertices.len() as u32 {
+        if !Normals::are_spread(&vertices[a as usize]) {
+            continue;
+        }
+        for &corner in rings.of(a) {
+            let [next, previous] = ClusterMesh::following(corner);
+            let b = mesh.vertex_of(next);
+            if b < a || !Normals::are_spread(&vertices[b as usize]) {
+                continue;
+            }
+            let leads_back = |other: &u32| mesh.vertex_of(ClusterMesh::following(*other)[1]) == b;
+            let Some(other) = rings.of(a).iter().copied().find(leads_back) else { continue };
+            let thirds = [previous, ClusterMesh::following(other)[0]].map(|corner| mesh.vertex_of(corner));
+            let place = |v: u32| mesh.positions[v as usize] - mesh.positions[a as usize];
+            let Some((uprights, share)) = crease(place(b), thirds.map(place)) else { continue };
+            let weight = (STIFFNESS * weight * share * place(b).length_squared()) as f32;
+            for upright in uprights {
+                for end in [a, b] {
+                    vertices[end as usize].add_plane(upright.as_vec3(), weight);
+                }
+            }
+        }
+    }
+    Normals::clear(vertices);
+}
+
+/// Unit normals of the planes through an edge from the origin, upright on the faces to the left and right of it, with the
+/// share of a border's weight; nothing if the edge turns by less than 90°.
+fn crease(edge: DVec3, [left, right]: [DVec3; 2]) -> Option<([DVec3; 2], f64)> {
+    let across = [edge.cross(left), right.cross(edge)];
+    let cosine = across[0].dot(across[1]) / (across[0].length() * across[1].length());
+    // Not so either if a face has no area.
+    if cosine >= 0.0 || cosine.is_nan() {
+        return None;
+    }
+    let uprights = across.map(|normal| edge.cross(normal).normalize_or_zero());
+    Some((uprights, (0.5 * (1.0 - cosine)).powi(POWER)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::cluster::samples;
+
+    #[test]
+    fn a_sharp_edge_weighs_the_more_the_sharper_it_is() {
+        let share = |degrees: f64| {
+            let turn = degrees.to_radians();
+            crease(DVec3::X, [DVec3::Y, DVec3::new(0.0, -turn.cos(), -turn.sin())]).map(|(_, share)| share)
+        };
+        assert_eq!(share(45.0), None);
+        assert!((share(90.001).unwrap() - 1.0 / 16.0).abs() < 1e-4);
+        assert!(share(120.0).unwrap() < share(150.0).unwrap());
+        assert!((share(180.0).unwrap() - 1.0).abs() < 1e-12);
+    }
+
+    /// Two square sheets of 4 × 4, `gap` apart at the middle and joined at their rims.
+    fn cushion(gap: f64) -> ClusterMesh {
+        let top = samples::grid(4, 0.0);
+        let is_rim = |v: u32| v.is_multiple_of(5) || v % 5 == 4 || v / 5 == 0 || v / 5 == 4;
+        let mut mesh = top.clone();
+        let below: Vec<u32> = (0..25)
+            .map(|v| {
+                if is_rim(v) {
+                    return v;
+                }
+                let vertex = mesh.push_vertex(top.positions[v as usize] - gap * DVec3::Z, 0);
+                mesh.push_wedge(vertex, top.wedge_uv[v as usize])
+            })
+            .collect();
+        for corners in &top.corners {
+            let [a, b, c] = corners.map(|wedge| below[wedge as usize]);
+            mesh.push_face([a, c, b], 0);
+        }
+        mesh.link_wedges();
+        mesh
+    }
+
+    #[test]
+    fn the_rim_of_a_thin_sheet_is_held_and_its_inside_is_not() {
+        let mesh = cushion(1e-3);
+        let mut rings = Rings::default();
+        rings.build(&mesh);
+        let mut vertices = vec![LocalQuadric::default(); mesh.positions.len()];
+        for (face, corners) in mesh.corner_vertices.iter().enumerate() {
+            let [a, b, c] = mesh.triangle(face as u32);
+            let across = 0.5 * (b - a).cross(c - a);
+            for &vertex in corners {
+                Normals::add(&mut vertices[vertex as usize], across.as_vec3(), across.length() as f32);
+            }
+        }
+        add_creases(&mut vertices, &mesh, &rings, 1.0);
+        let inwards = |vertex: u32| vertices[vertex as usize].at(Vec3::new(0.0, 0.1, 0.0));
+        // Two edges of length 1 meet in vertex 2, each with two planes.
+        assert!(inwards(2) > 0.06 && inwards(2) < 0.18, "{}", inwards(2));
+        assert_eq!(inwards(12), 0.0);
+        assert!(vertices.iter().all(|vertex| vertex.linear == Vec3::ZERO && vertex.constant == 0.0));
+    }
+}

@@ -1,0 +1,191 @@
+//! Shuts small holes: short loops of border edges get faces of their own where that costs no more than a collapse.
+//!
+//! ```text
+//!    a-------------b            a-------------b
+//!     \   hole    /      ──▶     \`-.  cap   /     what is left of a rip whose two sides have other vertices
+//!      c---d-----e                c---d-----e
+//! ```
+//! A cap stands for no surface of the input. It costs what its points are away from the rim: area × squared height.
+
+use super::witness::area_of;
+use crate::mesh::class::Class;
+use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::ring::{Rings, Spoke};
+
+/// Edges of a hole, at most.
+const EDGES_MAX: usize = 8;
+/// Mean squared distance of a triangle's points to its longest side, for each squared height.
+const MEAN_SQ: f64 = 1.0 / 6.0;
+
+/// Shuts the holes that cost up to `most` each, as long as no two have a vertex in common; returns how many. The rings are
+/// to be built anew then.
+pub fn shut(mesh: &mut ClusterMesh, rings: &Rings, classes: &[Class], most: f64) -> u64 {
+    let may_border = |v: u32| classes[v as usize].is_border() || classes[v as usize] == Class::Complex;
+    let mut is_used = vec![false; classes.len()];
+    let mut count = 0;
+    for start in (0..classes.len() as u32).filter(|&v| may_border(v)) {
+        if is_used[start as usize] {
+            continue;
+        }
+        let Some(hole) = Hole::at(mesh, rings, start) else { continue };
+        let is_turned = hole.rim[0].is_turned;
+        let is_free =
+            |edge: &Rim| !is_used[edge.from as usize] && !mesh.is_shared(edge.from) && edge.is_turned == is_turned;
+        if !hole.rim.iter().all(is_free) {
+            continue;
+        }
+        let Some(ears) = hole.ears(mesh, rings, most) else { continue };
+        hole.rim.iter().for_each(|edge| is_used[edge.from as usize] = true);
+        hole.shut(mesh, &ears);
+        count += 1;
+    }
+    count
+}
+
+/// An edge of the rim of a hole, as a face that shuts it would have it.
+#[derive(Debug, Clone, Copy)]
+struct Rim {
+    from: u32,
+    to: u32,
+    /// Wedges of both ends in the face beside it.
+    wedges: [u32; 2],
+    part: u32,
+    /// Whether that face is turned over, and will be turned back.
+    is_turned: bool,
+    /// The third vertex of that face.
+    beyond: u32,
+    /// Its wedge there.
+    beyond_wedge: u32,
+}
+
+/// The border edges that lead on from a vertex around a hole.
+fn rims_from(mesh: &ClusterMesh, rings: &Rings, from: u32) -> Vec<Rim> {
+    let living = || rings.of(from).iter().copied().filter(|&corner| mesh.living(corner).is_some());
+    let is_border = |corner: &u32| {
+        let before = Spoke::of(mesh, *corner).previous;
+        living().filter(|other| other != corner).all(|other| Spoke::of(mesh, other).edge_to(before).is_none())
+    };
+    let rim = |corner: u32| {
+        let spoke = Spoke::of(mesh, corner);
+        let wedges = [spoke.wedge, spoke.previous_wedge];
+        let (part, is_turned) = (mesh.parts[corner as usize / 3], mesh.is_turned[corner as usize / 3]);
+        Rim { from, to: spoke.previous, wedges, part, is_turned, beyond: spoke.next, beyond_wedge: spoke.next_wedge }
+    };
+    living().filter(is_border).map(rim).collect()
+}
+
+/// A loop of border edges.
+struct Hole {
+    rim: Vec<Rim>,
+}
+
+impl Hole {
+    /// The shortest loop through a vertex, if it is short enough.
+    fn at(mesh: &ClusterMesh, rings: &Rings, start: u32) -> Option<Self> {
+        let mut ways: Vec<Vec<Rim>> = rims_from(mesh, rings, start).into_iter().map(|rim| vec![rim]).collect();
+        for _ in 1..EDGES_MAX {
+            let mut longer = Vec::new();
+            for way in ways {
+                let last = way.last()?.to;
+                for rim in rims_from(mesh, rings, last) {
+                    if way.iter().skip(1).any(|edge| edge.from == rim.to) {
+                        continue;
+                    }
+                    let mut on = way.clone();
+                    on.push(rim);
+                    if rim.to == start {
+                        return (on.len() > 2).then_some(Self { rim: on });
+                    }
+                    longer.push(on);
+                }
+            }
+            ways = longer;
+            ways.truncate(EDGES_MAX);
+        }
+        None
+    }
+
+    /// The triangles that shut it, cheapest first, as places in the rim of their corners; nothing if they cost more than
+    /// `most`, fold, or have edges that are there.
+    fn ears(&self, mesh: &ClusterMesh, rings: &Rings, most: f64) -> Option<Vec<[usize; 3]>> {
+        let place = |at: usize| mesh.positions[self.rim[at].from as usize];
+        let price = |ear: [usize; 3]| {
+            let corners = ear.map(place);
+            let longest_sq = (0..3).map(|k| corners[k].distance_squared(corners[(k + 1) % 3])).fold(0.0, f64::max);
+            let area = area_of(corners);
+            // Height² = (2 area)² / longest².
+            MEAN_SQ * 4.0 * area * area * area / longest_sq.max(f64::MIN_POSITIVE)
+        };
+        let mut left: Vec<usize> = (0..self.rim.len()).collect();
+        let (mut ears, mut cost) = (Vec::new(), 0.0);
+        while left.len() > 2 {
+            let n = left.len();
+            let ear_at = |k: usize| [left[k], left[(k + 1) % n], left[(k + 2) % n]];
+            let is_new = |[a, _, c]: [usize; 3]| {
+                let [a, c] = [a, c].map(|at| self.rim[at].from);
+                n == 3 || rings.faces(mesh, a).all(|face| !mesh.vertices(face).contains(&c))
+            };
+            let best = (0..if n == 3 { 1 } else { n }).filter(|&k| is_new(ear_at(k))).map(|k| (price(ear_at(k)), k));
+            let (price, k) = best.min_by(|a, b| a.0.total_cmp(&b.0))?;
+            cost += price;
+            if cost > most || cost.is_nan() || self.folds(mesh, ear_at(k)) {
+                return None;
+            }
+            ears.push(ear_at(k));
+            left.remove((k + 1) % n);
+        }
+        Some(ears)
+    }
+
+    /// Whether a triangle faces against a face beside the rim.
+    fn folds(&self, mesh: &ClusterMesh, ear: [usize; 3]) -> bool {
+        let vertex = |at: usize| self.rim[at].from;
+        let normal = |corners: [u32; 3]| {
+            let [a, b, c] = corners.map(|v| mesh.positions[v as usize]);
+            (b - a).cross(c - a).normalize_or_zero()
+        };
+        let own = normal(ear.map(vertex));
+        (0..3).any(|k| {
+            let edge = &self.rim[ear[k]];
+            edge.to == vertex(ear[(k + 1) % 3]) && own.dot(normal([edge.to, edge.from, edge.beyond])) < 0.0
+        })
+    }
+
+    /// Adds the triangles. Each shows the line of the picture along its longest side whose face is there.
+    fn shut(&self, mesh: &mut ClusterMesh, ears: &[[usize; 3]]) {
+        let mut sides: Vec<Rim> = self.rim.clone();
+        for ear in ears {
+            let vertices = ear.map(|at| self.rim[at].from);
+            let length_sq =
+                |side: &Rim| mesh.positions[side.from as usize].distance_squared(mesh.positions[side.to as usize]);
+            let is_known =
+                |k: &usize| sides.iter().any(|side| side.from == vertices[*k] && side.to == vertices[(*k + 1) % 3]);
+            let side_at = |k: usize| {
+                sides.iter().copied().find(|side| side.from == vertices[k] && side.to == vertices[(k + 1) % 3])
+            };
+            let longest = (0..3).filter(is_known).filter_map(|k| side_at(k).map(|side| (k, side)));
+            let Some((k, side)) = longest.max_by(|a, b| length_sq(&a.1).total_cmp(&length_sq(&b.1))) else { continue };
+            let third = vertices[(k + 2) % 3];
+            let own = sides.iter().find(|side| side.from == third).map(|side| side.wedges[0]);
+            let own = own.or_else(|| sides.iter().find(|side| side.to == third).map(|side| side.wedges[1]));
+            let Some(own) = own else { continue };
+            let wedge = mesh.closing_wedge(side.wedges, side.beyond_wedge, own);
+            let mut corners = [0; 3];
+            (corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]) = (side.wedges[0], side.wedges[1], wedge);
+            mesh.push_face(corners, side.part);
+            mesh.is_turned.iter_mut().last().into_iter().for_each(|is_turned| *is_turned = side.is_turned);
+            for j in 0..3 {
+                let [from, to, beyond] = [j, (j + 1) % 3, (j + 2) % 3];
+                sides.push(Rim {
+                    from: vertices[to],
+                    to: vertices[from],
+                    wedges: [corners[to], corners[from]],
+                    part: side.part,
+                    is_turned: side.is_turned,
+                    beyond: vertices[beyond],
+                    beyond_wedge: corners[beyond],
+                });
+            }
+        }
+    }
+}

@@ -1,0 +1,143 @@
+//! Where the topology may change: handles are cut, holes shut, rips closed, and the last triangles of pieces go.
+
+use super::{Engine, HANDLE_SHARE, HANDLES_SQ};
+use crate::cost::{EdgeCase, Metric};
+use crate::mesh::class::Class;
+use crate::mesh::cluster::ClusterMesh;
+use crate::simplify::proposal::Proposal;
+use crate::simplify::rips::border_ends;
+use crate::simplify::{caps, handles};
+
+/// Share of its cost that a collapse takes if it closes a rip or a hole of three edges: border planes hold both sides where
+/// they are, and what is left open is seen before any distance is.
+const CLOSING_SHARE: f32 = 0.1;
+
+impl<M: Metric> Engine<M> {
+    /// Cuts handles and shuts holes that cost no more than a collapse may.
+    pub(super) fn mend(&mut self, cost: f64) {
+        self.cut_handles(HANDLE_SHARE * cost.sqrt());
+        if self.closes_rips() {
+            self.prepare();
+            let count = caps::shut(&mut self.mesh, &self.rings, &self.classes, cost);
+            self.changes.holes_closed += count;
+            (self.is_tidy, self.is_classified) = (count == 0, count == 0);
+        }
+    }
+
+    /// Cuts handles up to a length, or those about as long as the shortest; returns whether there were any.
+    pub(super) fn cut_handles(&mut self, most_sq: f64) -> bool {
+        if !self.frees_topology || self.collapser.deviation_max.is_some() {
+            return false;
+        }
+        self.prepare();
+        let mut handles = handles::find(&self.mesh, &self.rings, &self.classes, most_sq);
+        if most_sq.is_infinite()
+            && let Some(shortest_sq) = handles.first().map(|handle| handle.length_sq)
+        {
+            handles.retain(|handle| handle.length_sq <= HANDLES_SQ * shortest_sq);
+        }
+        let changed = handles::cut(&mut self.mesh, &self.rings, &handles);
+        changed.iter().for_each(|&vertex| self.classes[vertex as usize] = Class::Complex);
+        self.classes.resize(self.mesh.positions.len(), Class::Complex);
+        self.changes.handles_cut += changed.len() as u64 / 3;
+        (self.is_tidy, self.is_classified) = (changed.is_empty(), changed.is_empty());
+        !changed.is_empty()
+    }
+
+    /// Whether borders are welded to each other.
+    pub(super) fn closes_rips(&self) -> bool {
+        M::ENDPOINTS && self.frees_topology && self.welds && self.collapser.deviation_max.is_none()
+    }
+
+    /// Prices the triangles that hang on no other, and pairs the borders along rips. The vertices of rips become
+    /// candidates, even if they may do nothing else.
+    pub(super) fn look_around(&mut self) {
+        let alone = self.candidates.iter().copied().filter(|&vertex| self.is_alone(vertex));
+        let faces = alone.map(|vertex| (vertex, self.rings.of(vertex)[0] / 3)).collect();
+        self.loners.price(&self.mesh, faces);
+        if self.closes_rips() {
+            self.rips.pair(&self.mesh, &self.rings, &self.classes);
+            self.candidates.extend(self.rips.vertices());
+            self.candidates.sort_unstable();
+            self.candidates.dedup();
+        }
+    }
+
+    /// Whether a vertex belongs to a triangle that hangs on no other.
+    pub(super) fn is_alone(&self, vertex: u32) -> bool {
+        let &[corner] = self.rings.of(vertex) else { return false };
+        let ring = ClusterMesh::following(corner).map(|corner| self.mesh.vertex_of(corner));
+        ring.iter().all(|&far| self.rings.of(far).len() == 1 && !self.mesh.is_shared(far))
+    }
+
+    /// What it costs if the triangle of a vertex vanishes, if it hangs on no other.
+    pub(super) fn price_alone(&self, vertex: u32) -> Option<f32> {
+        self.loners.price_of(vertex).filter(|_| self.is_alone(vertex))
+    }
+
+    /// Whether a triangle that hangs on no other has lost what was nearest to it, by which it was priced.
+    pub(super) fn has_lost_neighbour(&self, vertex: u32) -> bool {
+        let (Some(neighbour), &[corner, ..]) = (self.loners.neighbour_of(vertex), self.rings.of(vertex)) else {
+            return false;
+        };
+        self.rings.faces(&self.mesh, self.followed(neighbour)).all(|face| face == corner / 3)
+    }
+
+    /// The collapse of a vertex onto that of another border that it was paired with, or what that one went into.
+    pub(super) fn propose_weld(&self, vertex: u32) -> Option<Proposal> {
+        let to = self.followed(self.rips.partner_of(vertex)?);
+        let is_fixed = self.mesh.is_locked(vertex) || self.classes[vertex as usize] == Class::Fixed;
+        // A triangle that hangs on no other has a price of its own.
+        if is_fixed
+            || self.is_alone(vertex)
+            || to == vertex
+            || self.rings.of(to).is_empty()
+            || !self.is_apart(vertex, to)
+        {
+            return None;
+        }
+        let case = EdgeCase { from: vertex, to, onto: true, stays: true, wedges: &[], insets: Default::default() };
+        Some(Proposal::onto(to, CLOSING_SHARE * self.cost.place(&self.mesh, &case).cost as f32))
+    }
+
+    /// Whether a vertex was paired with one that it has no face in common with.
+    pub(super) fn is_apart(&self, from: u32, to: u32) -> bool {
+        let has_to = |face: u32| self.mesh.vertices(face).contains(&to);
+        self.rips.partner_of(from).is_some() && !self.rings.faces(&self.mesh, from).any(has_to)
+    }
+
+    /// Share of its cost that the collapse of a border edge takes.
+    pub(super) fn closing_share(&self, from: u32, to: u32) -> f32 {
+        if self.closes_rips() && self.is_beside_hole(from, to) { CLOSING_SHARE } else { 1.0 }
+    }
+
+    /// Whether a hole of three edges has this border edge.
+    pub(super) fn is_beside_hole(&self, from: u32, to: u32) -> bool {
+        let ends = |v: u32| border_ends(&self.mesh, &self.rings, v);
+        let is_face = |third: u32| {
+            let has_both = |face: u32| [to, third].iter().all(|vertex| self.mesh.vertices(face).contains(vertex));
+            self.rings.faces(&self.mesh, from).any(has_both)
+        };
+        ends(from).any(|third| third != to && ends(to).any(|end| end == third) && !is_face(third))
+    }
+
+    /// The vertex that a vertex went into in this stage, or itself.
+    pub(super) fn followed(&self, mut vertex: u32) -> u32 {
+        while let Some(next) = self.went_to(vertex) {
+            vertex = next;
+        }
+        vertex
+    }
+
+    /// What a vertex collapsed onto in this stage. A vertex may also be without faces since its piece has vanished.
+    pub(super) fn went_to(&self, vertex: u32) -> Option<u32> {
+        let proposal = &self.proposals[vertex as usize];
+        let went = self.rings.of(vertex).is_empty() && proposal.cost == f32::INFINITY && proposal.to != u32::MAX;
+        went.then_some(proposal.to)
+    }
+
+    /// Vertices at non-manifold places that no other cluster uses.
+    pub(super) fn complex_count(&self) -> u64 {
+        self.classes.iter().filter(|&&class| class == Class::Complex).count() as u64
+    }
+}

@@ -1,0 +1,132 @@
+//! Rips: open borders that run along other open borders, such as those of tiles that overlap by a strip. They are closed
+//! vertex by vertex, so that they do not draw back from each other.
+//!
+//! ```text
+//!    \   /  \   /           \   /   \  /
+//!   --a0------a1--         --c0------c1--     c0 is a0 and b0: edges that have both ends in common
+//!   -b0-------b1--   ──▶   /  \    /   \      are one from then on
+//!    /  \    /  \
+//! ```
+
+use glam::{DVec3, Vec3};
+
+use crate::mesh::ClusterMesh;
+use crate::mesh::boxtree::{Bounds, BoxTree};
+use crate::mesh::class::Class;
+use crate::mesh::ring::{Rings, Spoke};
+
+/// Two borders along a rip face each other by at least this cosine.
+const FACING_MIN: f32 = 0.0;
+
+/// Border vertices, each with the nearest one of another border, or of another part of its own.
+#[derive(Debug, Default)]
+pub struct Rips {
+    /// In the order of vertices.
+    pairs: Vec<(u32, u32)>,
+}
+
+impl Rips {
+    /// Pairs the border vertices of a mesh without dead faces, up to the length of their shortest border edge. Sorts them
+    /// by place: O(n log n).
+    pub fn pair(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
+        self.pairs.clear();
+        let may_border = |v: &u32| classes[*v as usize].is_border() || classes[*v as usize] == Class::Complex;
+        let mut spokes = Vec::new();
+        let mut rims = Vec::new();
+        for vertex in (0..mesh.positions.len() as u32).filter(may_border) {
+            rims.extend(Rim::of(mesh, rings, vertex, &mut spokes));
+        }
+        if rims.is_empty() {
+            return;
+        }
+        let place = |item: u32| mesh.positions[rims[item as usize].vertex as usize];
+        let tree = BoxTree::new(rims.len(), |item| Bounds::around([place(item)]));
+        for rim in rims.iter().filter(|rim| !mesh.is_locked(rim.vertex)) {
+            let at = mesh.positions[rim.vertex as usize];
+            let mut nearest = (rim.reach_sq, u32::MAX);
+            tree.nearest_sq(at, rim.reach_sq, |item| {
+                let other = &rims[item as usize];
+                let is_beside = |face: u32| mesh.vertices(face).contains(&other.vertex);
+                if !rim.faces(other) || mesh.is_shared(other.vertex) || rings.faces(mesh, rim.vertex).any(is_beside) {
+                    return f64::INFINITY;
+                }
+                let distance_sq = at.distance_squared(place(item));
+                if (distance_sq, other.vertex) < nearest {
+                    nearest = (distance_sq, other.vertex);
+                }
+                distance_sq
+            });
+            if nearest.1 != u32::MAX {
+                self.pairs.push((rim.vertex, nearest.1));
+            }
+        }
+    }
+
+    /// The vertices that have partners, ascending.
+    pub fn vertices(&self) -> impl Iterator<Item = u32> + '_ {
+        self.pairs.iter().map(|&(vertex, _)| vertex)
+    }
+
+    /// The vertex that a border vertex was paired with.
+    pub fn partner_of(&self, vertex: u32) -> Option<u32> {
+        if self.pairs.is_empty() {
+            return None;
+        }
+        let at = self.pairs.binary_search_by_key(&vertex, |&(vertex, _)| vertex).ok()?;
+        Some(self.pairs[at].1)
+    }
+}
+
+/// The other ends of the border edges at a vertex, with two for each gap between its faces.
+pub fn border_ends<'a>(mesh: &'a ClusterMesh, rings: &'a Rings, vertex: u32) -> impl Iterator<Item = u32> + 'a {
+    let spokes = move || {
+        rings.of(vertex).iter().filter(|&&corner| mesh.living(corner).is_some()).map(|&corner| Spoke::of(mesh, corner))
+    };
+    spokes().flat_map(move |spoke| {
+        let leaves = spokes().all(|other| other.previous != spoke.next).then_some(spoke.next);
+        let comes = spokes().all(|other| other.next != spoke.previous).then_some(spoke.previous);
+        leaves.into_iter().chain(comes)
+    })
+}
+
+/// A border at one of its vertices.
+#[derive(Debug, PartialEq)]
+struct Rim {
+    vertex: u32,
+    /// Squared length of its shortest border edge.
+    reach_sq: f64,
+    /// Unit normal of the faces.
+    normal: Vec3,
+    /// Unit vector into the surface, at right angles to the border.
+    inwards: Vec3,
+}
+
+impl Rim {
+    /// Of a vertex, if it lies on a border; `spokes` is scratch space.
+    fn of(mesh: &ClusterMesh, rings: &Rings, vertex: u32, spokes: &mut Vec<Spoke>) -> Option<Self> {
+        spokes.clear();
+        spokes.extend(rings.of(vertex).iter().map(|&corner| Spoke::of(mesh, corner)));
+        let place = |v: u32| mesh.positions[v as usize] - mesh.positions[vertex as usize];
+        let (mut along, mut reach_sq, mut normal) = (DVec3::ZERO, f64::INFINITY, DVec3::ZERO);
+        for spoke in &*spokes {
+            normal += place(spoke.next).cross(place(spoke.previous));
+            if spokes.iter().all(|other| other.previous != spoke.next) {
+                along += place(spoke.next);
+                reach_sq = reach_sq.min(place(spoke.next).length_squared());
+            }
+            if spokes.iter().all(|other| other.next != spoke.previous) {
+                along -= place(spoke.previous);
+                reach_sq = reach_sq.min(place(spoke.previous).length_squared());
+            }
+        }
+        let normal = normal.normalize_or_zero();
+        let inwards = normal.cross(along).normalize_or_zero();
+        let (normal, inwards) = (normal.as_vec3(), inwards.as_vec3());
+        reach_sq.is_finite().then_some(Self { vertex, reach_sq, normal, inwards })
+    }
+
+    /// Whether the surface goes on beyond the other border: both look the same way, and lie on opposite sides.
+    fn faces(&self, other: &Self) -> bool {
+        self.normal.dot(other.normal) > FACING_MIN && self.inwards.dot(other.inwards) < -FACING_MIN
+    }
+}
