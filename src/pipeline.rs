@@ -230,6 +230,8 @@ fn run(
             output: passes.faces,
         },
         error: ErrorFigures { threshold: passes.reports.last().map_or(0.0, |pass| pass.threshold), measured },
+        topology: passes.changes,
+        new_texture_below: new_texture_below(passes.seam_crowding, passes.faces, triangles),
         seam_crowding: passes.seam_crowding,
         seconds: SecondFigures {
             total: started.elapsed().as_secs_f64(),
@@ -326,4 +328,12 @@ fn manifest(choice: &InputChoice, inputs: &[PathBuf], options: &SimplifyOptions)
         owns_folder: options.work.is_none(),
         ..Manifest::default()
     })
+}
+
+/// Share of the triangles at which seams would take as many vertices as there are, if the result has fewer.
+///
+/// NOTE: seams get shorter with the square root of the faces where edges get longer by it.
+fn new_texture_below(crowding: Option<f64>, faces: u64, input: u64) -> Option<f64> {
+    let share = faces as f64 / input.max(1) as f64;
+    crowding.filter(|&crowding| crowding > 1.0).map(|crowding| (share * crowding * crowding).min(1.0))
 }

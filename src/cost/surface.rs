@@ -1,5 +1,5 @@
 //! The default cost: squared distance to the planes of the surface, of its borders and seams, and, with texture,
-//! squared slide of the picture; all weighted by area. Sharp edges are held like borders ([`crease`](super::crease)).
+//! squared slide of the picture; all weighted by area. Sharp edges are held like borders (`crease.rs`).
 //!
 //! # Source
 //! Garland & Heckbert 1997 and 1998 ("Simplifying surfaces with color and texture using quadric error metrics"),

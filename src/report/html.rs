@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::figures::{self, figure, length, percent, pictures, plot, row, seconds, spaced};
 use super::gallery::png_address;
-use super::{FileFigures, Report, Status, comparison, plots};
+use super::{FileFigures, Report, Status, comparison, plots, summary};
 use crate::base::error::escape_path;
 use crate::base::{bytes, counted};
 use crate::os::timeline::{PhaseSpan, Timeline};
@@ -20,6 +20,7 @@ pub(super) fn page(report: &Report) -> String {
         @if let Some(comparison) = &report.comparison {
             (comparison::body(comparison, report.shots.as_ref().map_or(&[], |[_, after]| after)))
         }
+        (topology(report))
         (findings(report))
         (time(report))
         (passes(report))
@@ -117,6 +118,29 @@ fn floor(report: &Report) -> Markup {
                 (row("vertices at non-manifold places", &spaced(floor.non_manifold)))
                 (row("collapses refused to keep the topology", &spaced(floor.topology)))
                 (row("collapses refused to keep whole pieces", &spaced(floor.pieces)))
+            }
+        }
+    }
+}
+
+/// What became of the topology.
+fn topology(report: &Report) -> Markup {
+    let changes: Vec<_> = summary::changes(&report.topology).collect();
+    html! {
+        section {
+            h2 { "Topology" }
+            @if changes.is_empty() {
+                p { "No hole closed, no handle was cut, no piece vanished." }
+            } @else {
+                table {
+                    @for (name, count) in &changes { (row(name, count)) }
+                }
+            }
+            @if let Some(share) = report.new_texture_below {
+                p {
+                    "Below " (format!("{:.2} %", 100.0 * share)) " of the triangles, the seams of the texture would take more "
+                    "vertices than there are: from there on a new texture gives a better picture."
+                }
             }
         }
     }

@@ -34,6 +34,7 @@ use crate::measure::gauge::Gauged;
 use crate::options::SimplifyOptions;
 use crate::os::durable::{DurableFile, new_job_number};
 use crate::os::timeline::Timeline;
+use crate::simplify::Changes;
 use crate::stitch::outcome::{Floor, PassReport, RemeshReport};
 
 /// How a run ended.
@@ -168,6 +169,11 @@ pub struct Report {
     pub faces: FaceFigures,
     /// Error.
     pub error: ErrorFigures,
+    /// What became of the topology.
+    pub topology: Changes,
+    /// Share of the triangles below which a new texture would pay: seams would take more vertices than there are. None
+    /// where the result has more, or has no texture.
+    pub new_texture_below: Option<f64>,
     /// Share of the result's vertices that seams would take if all edges were equally long; none without texture or target.
     pub seam_crowding: Option<f64>,
     /// Time.

@@ -7,6 +7,7 @@ use super::{Report, Status};
 use crate::base::error::escape_path;
 use crate::base::{bytes, counted, grouped};
 use crate::options::{Borders, Doubles, Pieces, Seams, SimplifyOptions, Weld};
+use crate::simplify::Changes;
 use crate::stitch::outcome::{Floor, StageReport};
 
 /// Characters of a line of warning, at most; the report has the rest.
@@ -15,6 +16,19 @@ const LINE_CHARACTERS: usize = 200;
 const LINES_PER_KIND: usize = 3;
 /// Growth of the error that is a leap, in that of a smooth surface.
 const LEAP: f64 = 3.0;
+
+/// The changes of the topology that were made, in words.
+pub(super) fn changes(made: &Changes) -> impl Iterator<Item = (&'static str, String)> {
+    let counts = [
+        ("holes closed", made.holes_closed),
+        ("handles cut", made.handles_cut),
+        ("pieces dropped", made.pieces_dropped),
+        ("border vertices welded", made.vertices_welded),
+        ("non-manifold vertices resolved", made.complex_resolved),
+    ];
+    let area = (made.pieces_area > 0.0).then(|| ("area of the pieces dropped", length(made.pieces_area)));
+    counts.into_iter().filter(|(_, count)| *count > 0).map(|(name, count)| (name, count.to_string())).chain(area)
+}
 
 impl Report {
     /// The summary, a line for each figure: `key: value`, numbers without blanks.
@@ -35,6 +49,12 @@ impl Report {
         let _ = writeln!(text, "peak memory: {}", bytes::display(self.memory.peak_resident));
         let _ = writeln!(text, "memory allowed: {}", bytes::display(self.memory.budget));
         self.add_deviation(&mut text);
+        for (name, count) in changes(&self.topology) {
+            let _ = writeln!(text, "{name}: {count}");
+        }
+        if let Some(share) = self.new_texture_below {
+            let _ = writeln!(text, "a new texture would pay below: {:.2}%", 100.0 * share);
+        }
         for (kind, count) in &self.repairs {
             let _ = writeln!(text, "{}: {count}", kind.replace('_', " "));
         }

@@ -93,8 +93,8 @@ pub struct Engine<M> {
     candidates: Vec<u32>,
     /// Those of this round, with the bits of their costs above: in order of cost.
     chosen: Vec<u64>,
-    /// What became of the topology.
-    pub changes: Changes,
+    /// What became of the topology; see [`changes`](Engine::changes) for all of it.
+    pub(super) changes: Changes,
     /// Vertices at non-manifold places that the mesh came with.
     complex_before: Option<u64>,
     /// How often each [`Refusal`] was met.
@@ -254,6 +254,15 @@ impl<M: Metric> Engine<M> {
     /// Bounds the deviation from the input, in units of length.
     pub fn bound_deviation(&mut self, most: f64) {
         self.collapser.deviation_max = Some(most);
+    }
+
+    /// What became of the topology so far.
+    pub fn changes(&mut self) -> Changes {
+        let before = self.complex_before.unwrap_or(0);
+        if before > 0 {
+            self.prepare();
+        }
+        Changes { complex_resolved: before.saturating_sub(self.complex_count()), ..self.changes }
     }
 
     /// Gives the mesh back, without dead faces, every face the way round that it came.

@@ -129,6 +129,7 @@ impl<M: Metric> Run<'_, M> {
             degenerate: source.degenerate,
             doubles: source.doubles,
             dropped_pieces,
+            changes: engine.changes(),
             optimized: 0,
             dropped_faces,
             floor: Floor::of(&engine),

@@ -9,6 +9,7 @@ use super::scale::TextureTraits;
 use super::stops::Plan;
 use crate::mesh::ClusterMesh;
 use crate::partition::Partition;
+use crate::simplify::Changes;
 use crate::simplify::Milestone;
 use crate::store::{Catalogue, StoredPiece};
 
@@ -48,6 +49,7 @@ pub(super) struct ClusterResult {
     pub(super) degenerate: u64,
     pub(super) doubles: u64,
     pub(super) dropped_pieces: u64,
+    pub(super) changes: Changes,
     pub(super) optimized: u64,
     pub(super) dropped_faces: u64,
     pub(super) floor: Floor,

@@ -8,6 +8,7 @@ use crate::base::Findings;
 use crate::cost::Metric;
 use crate::mesh::ClusterMesh;
 use crate::mesh::class::Class;
+use crate::simplify::Changes;
 use crate::simplify::legality::Refusal;
 use crate::simplify::{Engine, Milestone};
 use crate::store::StoredMesh;
@@ -122,6 +123,8 @@ pub struct Passes {
     pub seam_crowding: Option<f64>,
     /// Faces of the mesh.
     pub faces: u64,
+    /// What became of the topology.
+    pub changes: Changes,
     /// Whether the target was met.
     pub reached: bool,
     /// What stands in the way, if it was not.
@@ -261,6 +264,7 @@ pub(super) struct PassOutcome {
     /// Faces that were dropped since an earlier one has their vertices.
     pub(super) doubles: u64,
     pub(super) dropped_pieces: u64,
+    pub(super) changes: Changes,
     pub(super) optimized: u64,
     pub(super) dropped_faces: u64,
     pub(super) passed_through: u64,

@@ -204,6 +204,7 @@ impl<'a, M: Metric> Run<'a, M> {
             seconds: state.seconds,
             probes: self.probes,
             seam_crowding: state.texture.map(|texture| texture.crowding).filter(|crowding| crowding.is_finite()),
+            changes: state.changes,
             reached: state.reached,
             floor: state.floor,
             scratch_peak: state.scratch_peak,
@@ -353,6 +354,7 @@ impl<'a, M: Metric> Run<'a, M> {
             passed_through,
             dropped_pieces,
             dropped_faces,
+            changes,
             optimized,
             probes,
             ..
@@ -369,6 +371,7 @@ impl<'a, M: Metric> Run<'a, M> {
             *degenerate += result.degenerate;
             *doubles += result.doubles;
             *dropped_pieces += result.dropped_pieces;
+            *changes += result.changes;
             *optimized += result.optimized;
             *dropped_faces += result.dropped_faces;
             floor.add(&result.floor);

@@ -13,6 +13,7 @@ use crate::cost::census::Census;
 use crate::job::{Step, WorkFolder};
 use crate::mesh::ClusterMesh;
 use crate::partition::Partition;
+use crate::simplify::Changes;
 use crate::store::{Catalogue, StoredMesh};
 
 /// The passes so far.
@@ -34,6 +35,8 @@ pub struct PassState {
     pub(super) crumb: Option<f64>,
     /// What was repaired.
     pub(super) findings: Findings,
+    /// What became of the topology.
+    pub(super) changes: Changes,
     /// What passes did that made the mesh anew.
     pub(super) remeshed: Vec<RemeshReport>,
     /// What the passes did that collapse edges.
@@ -84,6 +87,7 @@ impl PassState {
         self.findings.count("dropped_pieces", outcome.dropped_pieces);
         self.findings.count("optimized_vertices", outcome.optimized);
         self.findings.count("dropped_piece_faces", outcome.dropped_faces);
+        self.changes += outcome.changes;
         self.reports.push(outcome.report);
         self.passed_through = outcome.passed_through;
         self.floor = outcome.floor;
