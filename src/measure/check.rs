@@ -244,9 +244,15 @@ pub fn compare_checks(before: &Check, after: &Check) -> Vec<Regression> {
         0 => after.boundary_edges - 3 * after.single_faces,
         _ => 0,
     };
+    // A border that is closed along most of its length leaves several loops of fewer edges; a tear adds edges.
+    let new_loops = match after.boundary_edges > before.boundary_edges {
+        true => after.boundary_loops.saturating_sub(before.boundary_loops + after.single_faces),
+        false => 0,
+    };
     let resolved = before.non_manifold_edges.saturating_sub(after.non_manifold_edges);
     risen(&[
         ("open edges of a closed mesh", 0, open_edges),
+        ("boundary loops of more edges", 0, new_loops),
         ("T-junctions", before.t_junctions, after.t_junctions),
         ("non-manifold edges", before.non_manifold_edges, after.non_manifold_edges),
         ("inconsistent edges", before.inconsistent_edges + resolved, after.inconsistent_edges),

@@ -127,7 +127,52 @@ def fast_simplification(source, result, ratio, steps):
     return len(faces), len(triangles)
 
 
+def meshoptimizer(source, result, ratio, steps, flags=0):
+    """Positions alone; `flags` as in meshoptimizer.h, or None for its sloppy mode."""
+    import meshoptimizer as library
+    import numpy
+
+    places, faces = [], []
+    with open(source, errors="replace") as lines:
+        for line in lines:
+            words = line.split()
+            if words[:1] == ["v"]:
+                places.append([float(word) for word in words[1:4]])
+            elif words[:1] == ["f"]:
+                corners = [int(word.split("/")[0]) for word in words[1:]]
+                corners = [corner - 1 if corner > 0 else len(places) + corner for corner in corners]
+                faces += [[corners[0], corners[k], corners[k + 1]] for k in range(1, len(corners) - 1)]
+    places = numpy.array(places)
+    centre = places.mean(axis=0)
+    places, index = numpy.unique(places, axis=0, return_inverse=True)
+    corners = index.reshape(-1)[numpy.array(faces).reshape(-1)].astype(numpy.uint32)
+    local = numpy.ascontiguousarray(places - centre, dtype=numpy.float32)
+    steps.done("read")
+    kept = numpy.zeros_like(corners)
+    target = dict(target_index_count=3 * int(len(faces) * ratio), target_error=1e9)
+    if flags is None:
+        count = library.simplify_sloppy(kept, corners, local, **target)
+    else:
+        count = library.simplify(kept, corners, local, options=flags, **target)
+    steps.done("simplify")
+    with open(result, "w") as out:
+        out.writelines(f"v {x:.6f} {y:.6f} {z:.6f}\n" for x, y, z in places)
+        out.writelines(f"f {a} {b} {c}\n" for a, b, c in kept[:count].reshape(-1, 3) + 1)
+    return len(faces), count // 3
+
+
+def meshoptimizer_permissive(source, result, ratio, steps):
+    return meshoptimizer(source, result, ratio, steps, flags=1 << 5)
+
+
+def meshoptimizer_sloppy(source, result, ratio, steps):
+    return meshoptimizer(source, result, ratio, steps, flags=None)
+
+
 TOOLS = {
+    "meshoptimizer": meshoptimizer,
+    "meshoptimizer-permissive": meshoptimizer_permissive,
+    "meshoptimizer-sloppy": meshoptimizer_sloppy,
     "pymeshlab": pymeshlab,
     "pymeshlab-texture": pymeshlab_texture,
     "fast-simplification": fast_simplification,

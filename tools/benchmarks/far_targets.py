@@ -1,0 +1,93 @@
+#!/usr/bin/env python3
+"""far_targets.py NAME=IN.obj...: drystone and its peers at far targets, as a page of Markdown on stdout.
+
+    python3 tools/benchmarks/far_targets.py block=block.obj --drystone target/release/drystone > docs/results/far-targets.md
+
+Every tool gets the same mesh: positions alone, since most peers keep nothing else. The error is the root mean square of
+the distances both ways, in 1e-4 of the diagonal of the mesh's box, measured by `drystone compare`. A tool that stops more
+than 0.1 % above its target has its number of triangles in brackets. Runs with the Python that has the packages of
+tools/peers/requirements.txt.
+"""
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+RATIOS = [0.1, 0.05, 0.02, 0.005, 0.001]
+PEERS = ["vtk", "pymeshlab", "meshoptimizer", "meshoptimizer-permissive", "meshoptimizer-sloppy"]
+SIMPLIFY = Path(__file__).parent.parent / "peers" / "simplify.py"
+
+
+def bare(path, out):
+    """Copies positions and the position indices of faces; returns how many triangles they are."""
+    triangles = 0
+    with open(path, errors="replace") as lines, open(out, "w") as copy:
+        for line in lines:
+            words = line.split()
+            if words[:1] == ["v"]:
+                print("v", *words[1:4], file=copy)
+            elif words[:1] == ["f"]:
+                print("f", *(word.split("/")[0] for word in words[1:]), file=copy)
+                triangles += len(words) - 3
+    return triangles
+
+
+class Bench:
+    """One mesh in a folder of its own."""
+
+    def __init__(self, program, path, folder, samples):
+        self.program, self.samples = program, str(samples)
+        self.input, self.output = Path(folder) / "input.obj", Path(folder) / "output.obj"
+        self.faces = bare(path, self.input)
+
+    def run(self, tool, ratio):
+        """Simplifies; returns the triangles that are left, or none if the tool fails."""
+        self.output.unlink(missing_ok=True)
+        if tool == "drystone":
+            command = [self.program, "simplify", self.input, "-o", self.output, "--ratio", str(ratio), "--force", "--quiet"]
+        else:
+            command = [sys.executable, SIMPLIFY, tool, self.input, self.output, "--ratio", str(ratio)]
+        subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        return self.output.exists()
+
+    def error(self):
+        """Error of the result, and its triangles."""
+        command = [self.program, "compare", self.input, self.output, "--quiet", "--json", "--samples", self.samples]
+        found = json.loads(subprocess.run(command, capture_output=True, check=True).stdout)
+        geometry = found["geometry"]
+        mean_sq = sum(geometry[way]["rms"] ** 2 for way in ("forward", "backward")) / 2
+        return 1e4 * mean_sq**0.5 / geometry["diagonal"], found["topology"]["after"]["faces"]
+
+    def cell(self, tool, ratio):
+        if not self.run(tool, ratio):
+            return "–"
+        error, left = self.error()
+        target = max(1, round(ratio * self.faces))
+        missed = left > target + max(2, 0.001 * target)
+        return f"{error:.3g}" + (f" ({left})" if missed else "")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("meshes", nargs="+", metavar="NAME=IN.obj")
+    parser.add_argument("--drystone", default="target/release/drystone")
+    parser.add_argument("--samples", type=int, default=200_000)
+    options = parser.parse_args()
+    version = subprocess.run([options.drystone, "--version"], capture_output=True, text=True, check=True).stdout.strip()
+    print("# Far targets\n\nMade by `tools/benchmarks/far_targets.py` with " + version + ".")
+    print("Positions alone. Root mean square of the distances both ways, in 1e-4 of the diagonal; triangles in brackets")
+    print("where a tool stopped above its target.\n")
+    print("| Mesh | Kept |", " | ".join(["drystone", *PEERS]), "|\n|" + " --- |" * (len(PEERS) + 3))
+    for name, path in (mesh.split("=", 1) for mesh in options.meshes):
+        with tempfile.TemporaryDirectory() as folder:
+            bench = Bench(options.drystone, path, folder, options.samples)
+            for ratio in RATIOS:
+                cells = [bench.cell(tool, ratio) for tool in ["drystone", *PEERS]]
+                target = max(1, round(ratio * bench.faces))
+                print(f"| {name} | {100 * ratio:g} % ({target}) |", " | ".join(cells), "|", flush=True)
+
+
+if __name__ == "__main__":
+    main()
