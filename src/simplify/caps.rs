@@ -7,6 +7,7 @@
 //! ```
 //! A cap stands for no surface of the input. It costs what its points are away from the rim: area × squared height.
 
+use super::rips::FACES_MAX;
 use super::witness::area_of;
 use crate::mesh::class::Class;
 use crate::mesh::cluster::ClusterMesh;
@@ -60,6 +61,9 @@ struct Rim {
 
 /// The border edges that lead on from a vertex around a hole.
 fn rims_from(mesh: &ClusterMesh, rings: &Rings, from: u32) -> Vec<Rim> {
+    if rings.of(from).len() > FACES_MAX {
+        return Vec::new();
+    }
     let living = || rings.of(from).iter().copied().filter(|&corner| mesh.living(corner).is_some());
     let is_border = |corner: &u32| {
         let before = Spoke::of(mesh, *corner).previous;

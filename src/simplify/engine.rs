@@ -392,7 +392,11 @@ impl<M: Metric> Engine<M> {
     fn judge(&mut self, vertex: u32, after: Option<(u32, u32)>) {
         let mut best = Proposal { second_best: after.is_some(), ..Proposal::NONE };
         let take = |best: &mut Proposal, proposal: Proposal| {
-            if proposal.key() < best.key() && after.is_none_or(|after| proposal.key() > after) {
+            // What costs infinitely much is no proposal: an infinite cost marks what has vanished.
+            if proposal.cost.is_finite()
+                && proposal.key() < best.key()
+                && after.is_none_or(|after| proposal.key() > after)
+            {
                 *best = Proposal { second_best: after.is_some(), ..proposal };
             }
         };

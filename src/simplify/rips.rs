@@ -18,11 +18,24 @@ use crate::mesh::ring::{Rings, Spoke};
 /// Two borders along a rip face each other by at least this cosine.
 const FACING_MIN: f32 = 0.0;
 
+/// Vertices of more faces have no part in this: each looks at all pairs of its faces.
+pub const FACES_MAX: usize = 32;
+
+/// A border vertex, and that of another border that is nearest.
+#[derive(Debug, Clone, Copy)]
+pub struct Pair {
+    vertex: u32,
+    /// The other one.
+    pub partner: u32,
+    /// Their distance, as share of the shortest border edge at the first one.
+    pub closeness: f32,
+}
+
 /// Border vertices, each with the nearest one of another border, or of another part of its own.
 #[derive(Debug, Default)]
 pub struct Rips {
     /// In the order of vertices.
-    pairs: Vec<(u32, u32)>,
+    pairs: Vec<Pair>,
 }
 
 impl Rips {
@@ -57,31 +70,33 @@ impl Rips {
                 distance_sq
             });
             if nearest.1 != u32::MAX {
-                self.pairs.push((rim.vertex, nearest.1));
+                let closeness = (nearest.0 / rim.reach_sq).sqrt() as f32;
+                self.pairs.push(Pair { vertex: rim.vertex, partner: nearest.1, closeness });
             }
         }
     }
 
     /// The vertices that have partners, ascending.
     pub fn vertices(&self) -> impl Iterator<Item = u32> + '_ {
-        self.pairs.iter().map(|&(vertex, _)| vertex)
+        self.pairs.iter().map(|pair| pair.vertex)
     }
 
     /// The vertex that a border vertex was paired with.
-    pub fn partner_of(&self, vertex: u32) -> Option<u32> {
+    pub fn pair_of(&self, vertex: u32) -> Option<Pair> {
         if self.pairs.is_empty() {
             return None;
         }
-        let at = self.pairs.binary_search_by_key(&vertex, |&(vertex, _)| vertex).ok()?;
-        Some(self.pairs[at].1)
+        let at = self.pairs.binary_search_by_key(&vertex, |pair| pair.vertex).ok()?;
+        Some(self.pairs[at])
     }
 }
 
 /// The other ends of the border edges at a vertex, with two for each gap between its faces.
 pub fn border_ends<'a>(mesh: &'a ClusterMesh, rings: &'a Rings, vertex: u32) -> impl Iterator<Item = u32> + 'a {
-    let spokes = move || {
-        rings.of(vertex).iter().filter(|&&corner| mesh.living(corner).is_some()).map(|&corner| Spoke::of(mesh, corner))
-    };
+    let corners = rings.of(vertex);
+    let corners = if corners.len() > FACES_MAX { &[] } else { corners };
+    let spokes =
+        move || corners.iter().filter(|&&corner| mesh.living(corner).is_some()).map(|&corner| Spoke::of(mesh, corner));
     spokes().flat_map(move |spoke| {
         let leaves = spokes().all(|other| other.previous != spoke.next).then_some(spoke.next);
         let comes = spokes().all(|other| other.next != spoke.previous).then_some(spoke.previous);
@@ -105,6 +120,9 @@ impl Rim {
     /// Of a vertex, if it lies on a border; `spokes` is scratch space.
     fn of(mesh: &ClusterMesh, rings: &Rings, vertex: u32, spokes: &mut Vec<Spoke>) -> Option<Self> {
         spokes.clear();
+        if rings.of(vertex).len() > FACES_MAX {
+            return None;
+        }
         spokes.extend(rings.of(vertex).iter().map(|&corner| Spoke::of(mesh, corner)));
         let place = |v: u32| mesh.positions[v as usize] - mesh.positions[vertex as usize];
         let (mut along, mut reach_sq, mut normal) = (DVec3::ZERO, f64::INFINITY, DVec3::ZERO);

@@ -13,6 +13,7 @@ import json
 import subprocess
 import sys
 import tempfile
+from decimal import Decimal
 from pathlib import Path
 
 RATIOS = [0.1, 0.05, 0.02, 0.005, 0.001]
@@ -21,13 +22,18 @@ SIMPLIFY = Path(__file__).parent.parent / "peers" / "simplify.py"
 
 
 def bare(path, out):
-    """Copies positions and the position indices of faces; returns how many triangles they are."""
-    triangles = 0
+    """Copies positions, relative to the first, and the position indices of faces; returns how many triangles they are.
+
+    Most peers compute in single precision, which is too coarse for coordinates on a map.
+    """
+    triangles, first = 0, None
     with open(path, errors="replace") as lines, open(out, "w") as copy:
         for line in lines:
             words = line.split()
             if words[:1] == ["v"]:
-                print("v", *words[1:4], file=copy)
+                place = [Decimal(word) for word in words[1:4]]
+                first = first or place
+                print("v", *(x - x0 for x, x0 in zip(place, first)), file=copy)
             elif words[:1] == ["f"]:
                 print("f", *(word.split("/")[0] for word in words[1:]), file=copy)
                 triangles += len(words) - 3

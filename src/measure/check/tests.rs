@@ -126,7 +126,10 @@ fn only_what_is_worse_is_new() {
     assert_eq!(compare_checks(&closed, &closed), []);
     assert_eq!(compare_checks(&open, &closed), []);
     let new: Vec<String> = compare_checks(&closed, &open).iter().map(Regression::to_string).collect();
-    assert_eq!(new, ["open edges of a closed mesh: 0 before, 3 after", "boundary loops of more edges: 0 before, 1 after"]);
+    assert_eq!(
+        new,
+        ["open edges of a closed mesh: 0 before, 3 after", "boundary loops of more edges: 0 before, 1 after"]
+    );
     let holes: Vec<String> = compare_topology(&closed, &open).iter().map(Regression::to_string).collect();
     assert_eq!(holes, ["boundary loops: 0 before, 1 after"]);
     let apart = Check { components: 2, ..closed };

@@ -85,7 +85,8 @@ impl<M: Metric> Engine<M> {
 
     /// The collapse of a vertex onto that of another border that it was paired with, or what that one went into.
     pub(super) fn propose_weld(&self, vertex: u32) -> Option<Proposal> {
-        let to = self.followed(self.rips.partner_of(vertex)?);
+        let pair = self.rips.pair_of(vertex)?;
+        let to = self.followed(pair.partner);
         let is_fixed = self.mesh.is_locked(vertex) || self.classes[vertex as usize] == Class::Fixed;
         // A triangle that hangs on no other has a price of its own.
         if is_fixed
@@ -97,13 +98,14 @@ impl<M: Metric> Engine<M> {
             return None;
         }
         let case = EdgeCase { from: vertex, to, onto: true, stays: true, wedges: &[], insets: Default::default() };
-        Some(Proposal::onto(to, CLOSING_SHARE * self.cost.place(&self.mesh, &case).cost as f32))
+        let share = pair.closeness.max(CLOSING_SHARE);
+        Some(Proposal::onto(to, share * self.cost.place(&self.mesh, &case).cost as f32))
     }
 
     /// Whether a vertex was paired with one that it has no face in common with.
     pub(super) fn is_apart(&self, from: u32, to: u32) -> bool {
         let has_to = |face: u32| self.mesh.vertices(face).contains(&to);
-        self.rips.partner_of(from).is_some() && !self.rings.faces(&self.mesh, from).any(has_to)
+        self.rips.pair_of(from).is_some() && !self.rings.faces(&self.mesh, from).any(has_to)
     }
 
     /// Share of its cost that the collapse of a border edge takes.
