@@ -162,12 +162,10 @@ impl Hole {
             let vertices = ear.map(|at| self.rim[at].from);
             let length_sq =
                 |side: &Rim| mesh.positions[side.from as usize].distance_squared(mesh.positions[side.to as usize]);
-            let is_known =
-                |k: &usize| sides.iter().any(|side| side.from == vertices[*k] && side.to == vertices[(*k + 1) % 3]);
             let side_at = |k: usize| {
                 sides.iter().copied().find(|side| side.from == vertices[k] && side.to == vertices[(k + 1) % 3])
             };
-            let longest = (0..3).filter(is_known).filter_map(|k| side_at(k).map(|side| (k, side)));
+            let longest = (0..3).filter_map(|k| side_at(k).map(|side| (k, side)));
             let Some((k, side)) = longest.max_by(|a, b| length_sq(&a.1).total_cmp(&length_sq(&b.1))) else { continue };
             let third = vertices[(k + 2) % 3];
             let own = sides.iter().find(|side| side.from == third).map(|side| side.wedges[0]);

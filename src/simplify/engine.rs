@@ -20,8 +20,7 @@ use super::rips::Rips;
 use super::settle::Settler;
 use super::stage::{Milestone, StageResult, Stop};
 use super::texture::insets;
-use super::witness::Witnesses;
-use super::witness::area_of;
+use super::witness::{Witnesses, area_of};
 use crate::cost::census::Census;
 use crate::cost::planes;
 use crate::cost::{EdgeCase, Metric};
@@ -42,11 +41,6 @@ const LAST_SHARE: f64 = 0.0005;
 
 /// Faces that the last collapse of a stage may take below its target.
 const BELOW_MAX: usize = 2;
-
-/// A handle is cut where an edge of it may have a squared length of this share of the root of what a collapse may cost.
-const HANDLE_SHARE: f64 = 2.0;
-/// Where nothing else is left, handles whose edges have up to this many times the least squared length are cut at once.
-const HANDLES_SQ: f64 = 4.0;
 
 /// Simplifies one cluster.
 #[derive(Debug)]

@@ -9,8 +9,7 @@ use super::scale::TextureTraits;
 use super::stops::Plan;
 use crate::mesh::ClusterMesh;
 use crate::partition::Partition;
-use crate::simplify::Changes;
-use crate::simplify::Milestone;
+use crate::simplify::{Changes, Milestone};
 use crate::store::{Catalogue, StoredPiece};
 
 /// What a pass begins with.

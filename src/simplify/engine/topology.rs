@@ -1,12 +1,17 @@
 //! Where the topology may change: handles are cut, holes shut, rips closed, and the last triangles of pieces go.
 
-use super::{Engine, HANDLE_SHARE, HANDLES_SQ};
+use super::Engine;
 use crate::cost::{EdgeCase, Metric};
 use crate::mesh::class::Class;
 use crate::mesh::cluster::ClusterMesh;
 use crate::simplify::proposal::Proposal;
 use crate::simplify::rips::border_ends;
 use crate::simplify::{caps, handles};
+
+/// A handle is cut where an edge of it may have a squared length of this share of the root of what a collapse may cost.
+const HANDLE_SHARE: f64 = 2.0;
+/// Where nothing else is left, handles whose edges have up to this many times the least squared length are cut at once.
+const HANDLES_SQ: f64 = 4.0;
 
 /// Share of its cost that a collapse takes if it closes a rip or a hole of three edges: border planes hold both sides where
 /// they are, and what is left open is seen before any distance is.
