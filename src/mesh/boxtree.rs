@@ -18,6 +18,8 @@ use rayon::prelude::*;
 
 /// Boxes of a leaf.
 const LEAF_BOXES: usize = 8;
+/// Nodes above a leaf, at most: items are counted in 32 bits.
+const DEPTH_MAX: usize = 32;
 /// Bits of a Morton code along each axis.
 const MORTON_BITS: u32 = 21;
 
@@ -150,18 +152,25 @@ impl BoxTree {
     /// Smallest of `limit` and of `distance_sq` over all items, where an item is no nearer to `point` than its box.
     pub fn nearest_sq(&self, point: DVec3, limit: f64, mut distance_sq: impl FnMut(u32) -> f64) -> f64 {
         let mut best = limit;
-        let mut pending = Vec::with_capacity(64);
-        pending.push((0.0, 1));
-        while let Some((bound, node)) = pending.pop() {
-            if bound >= best {
-                continue;
+        // The farther child of each node on the way down.
+        let mut pending = [(0.0, 0); DEPTH_MAX];
+        let mut count = 1;
+        pending[0] = (0.0, 1);
+        while count > 0 {
+            count -= 1;
+            let (mut bound, mut node) = pending[count];
+            while bound < best && node < self.leaf_base {
+                let [a, b] = [2 * node, 2 * node + 1].map(|child| (self.nodes[child].distance_sq(point), child));
+                let (near, far) = if a.0 <= b.0 { (a, b) } else { (b, a) };
+                if far.0 < best {
+                    pending[count] = far;
+                    count += 1;
+                }
+                (bound, node) = near;
             }
-            if node >= self.leaf_base {
+            if bound < best {
                 best = self.leaf(node).iter().fold(best, |best, &item| best.min(distance_sq(item)));
-                continue;
             }
-            let [a, b] = [2 * node, 2 * node + 1].map(|child| (self.nodes[child].distance_sq(point), child));
-            pending.extend(if a.0 <= b.0 { [b, a] } else { [a, b] });
         }
         best
     }

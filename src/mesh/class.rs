@@ -110,17 +110,25 @@ const RULES: [[Rule; 8]; 8] = {
 pub fn classify(mesh: &ClusterMesh, rings: &Rings, classes: &mut Vec<Class>) -> bool {
     classes.clear();
     classes.resize(mesh.positions.len(), Class::Fixed);
-    reclassify(mesh, rings, classes)
+    reclassify_all(mesh, rings, classes)
 }
 
 /// The classes after legal collapses: those of vertices that were [`Class::Smooth`] are the same. Returns what
 /// [`classify`] does.
-pub fn reclassify(mesh: &ClusterMesh, rings: &Rings, classes: &mut [Class]) -> bool {
+pub fn reclassify_all(mesh: &ClusterMesh, rings: &Rings, classes: &mut [Class]) -> bool {
     let mut fan = Fan::default();
     for (vertex, class) in classes.iter_mut().enumerate().filter(|(_, class)| **class != Class::Smooth) {
         *class = fan.class(mesh, rings, vertex as u32);
     }
     fan.shows_back
+}
+
+/// The classes of some vertices, whatever they were.
+pub fn reclassify(mesh: &ClusterMesh, rings: &Rings, classes: &mut [Class], vertices: impl IntoIterator<Item = u32>) {
+    let mut fan = Fan::default();
+    for vertex in vertices {
+        classes[vertex as usize] = fan.class(mesh, rings, vertex);
+    }
 }
 
 /// Vertices that are looked for at once.
@@ -386,7 +394,7 @@ mod tests {
         classify(&mesh, &rings, &mut classes);
         let before = classes.clone();
         classes.iter_mut().filter(|class| **class == Class::Seam).for_each(|class| *class = Class::Fixed);
-        reclassify(&mesh, &rings, &mut classes);
+        reclassify_all(&mesh, &rings, &mut classes);
         assert_eq!(classes, before);
     }
 

@@ -18,12 +18,21 @@ const EDGES_MAX: usize = 8;
 /// Mean squared distance of a triangle's points to its longest side, for each squared height.
 const MEAN_SQ: f64 = 1.0 / 6.0;
 
-/// Shuts the holes that cost up to `most` each, as long as no two have a vertex in common; returns how many. The rings are
-/// to be built anew then.
-pub fn shut(mesh: &mut ClusterMesh, rings: &Rings, classes: &[Class], most: f64) -> u64 {
+/// Holes that were shut.
+#[derive(Debug, Default)]
+pub struct Shut {
+    /// Number of holes.
+    pub count: u64,
+    /// The vertices of their rims.
+    pub vertices: Vec<u32>,
+}
+
+/// Shuts the holes that cost up to `most` each, as long as no two have a vertex in common. If there are any, the rings are
+/// to be built anew, and the classes of the vertices found.
+pub fn shut(mesh: &mut ClusterMesh, rings: &Rings, classes: &[Class], most: f64) -> Shut {
     let may_border = |v: u32| classes[v as usize].is_border() || classes[v as usize] == Class::Complex;
     let mut is_used = vec![false; classes.len()];
-    let mut count = 0;
+    let mut shut = Shut::default();
     for start in (0..classes.len() as u32).filter(|&v| may_border(v)) {
         if is_used[start as usize] {
             continue;
@@ -36,11 +45,14 @@ pub fn shut(mesh: &mut ClusterMesh, rings: &Rings, classes: &[Class], most: f64)
             continue;
         }
         let Some(ears) = hole.ears(mesh, rings, most) else { continue };
-        hole.rim.iter().for_each(|edge| is_used[edge.from as usize] = true);
+        for edge in &hole.rim {
+            is_used[edge.from as usize] = true;
+            shut.vertices.push(edge.from);
+        }
         hole.shut(mesh, &ears);
-        count += 1;
+        shut.count += 1;
     }
-    count
+    shut
 }
 
 /// An edge of the rim of a hole, as a face that shuts it would have it.

@@ -24,7 +24,7 @@ use super::witness::{Witnesses, area_of};
 use crate::cost::census::Census;
 use crate::cost::planes;
 use crate::cost::{EdgeCase, Metric};
-use crate::mesh::class::{Class, Rule, classify, reclassify};
+use crate::mesh::class::{Class, Rule, classify, reclassify, reclassify_all};
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::edge::EdgeKind;
 use crate::mesh::orient::{orient, restore};
@@ -109,6 +109,8 @@ pub struct Engine<M> {
     pub welds: bool,
     /// Whether the topology may change where that is cheap: holes close, pieces vanish, complex vertices collapse.
     pub frees_topology: bool,
+    /// Whether handles are cut before the first stage as well: of a mesh as it came, that takes long and brings little.
+    pub seeks_handles: bool,
 }
 
 impl<M: Metric> Engine<M> {
@@ -154,6 +156,7 @@ impl<M: Metric> Engine<M> {
             lock_borders: false,
             welds: false,
             frees_topology: false,
+            seeks_handles: false,
         }
     }
 
@@ -176,7 +179,7 @@ impl<M: Metric> Engine<M> {
     /// on the way.
     pub fn run(&mut self, stop: Stop) -> StageResult {
         let mut result = self.run_once(stop);
-        while matches!(stop, Stop::Faces(_)) && !result.reached && self.cut_handles(f64::INFINITY) {
+        while matches!(stop, Stop::Faces(_)) && !result.reached && self.cut_shortest_handles() {
             let again = self.run_once(stop);
             result = StageResult { cost: result.cost.max(again.cost), ..again };
         }
@@ -192,10 +195,11 @@ impl<M: Metric> Engine<M> {
             Stop::Cost(cost, _) if cost < f32::MAX => cost,
             _ => self.last_cost,
         };
+        self.prepare();
         if cost > 0.0 {
             self.mend(f64::from(cost));
         }
-        self.prepare();
+        self.begin_stage();
         self.cost.refresh(&self.mesh, &self.rings, &self.classes);
         let is_seam =
             |class: &&Class| matches!(class, Class::Seam | Class::Corner | Class::BorderSeam | Class::BorderCorner);
@@ -254,7 +258,10 @@ impl<M: Metric> Engine<M> {
     pub fn changes(&mut self) -> Changes {
         let before = self.complex_before.unwrap_or(0);
         if before > 0 {
-            self.prepare();
+            self.tidy();
+            let is_complex = |vertex: &u32| self.classes[*vertex as usize] == Class::Complex;
+            let complex: Vec<u32> = (0..self.classes.len() as u32).filter(is_complex).collect();
+            self.classify_anew(&complex);
         }
         Changes { complex_resolved: before.saturating_sub(self.complex_count()), ..self.changes }
     }
@@ -285,7 +292,7 @@ impl<M: Metric> Engine<M> {
         if !self.is_classified {
             self.mesh.unlink_unused_wedges();
             if !self.classes.is_empty() {
-                reclassify(&self.mesh, &self.rings, &mut self.classes);
+                reclassify_all(&self.mesh, &self.rings, &mut self.classes);
             } else if classify(&self.mesh, &self.rings, &mut self.classes) {
                 orient(&mut self.mesh);
                 self.rings.build(&self.mesh);
@@ -300,6 +307,18 @@ impl<M: Metric> Engine<M> {
             let count = self.complex_count();
             self.complex_before.get_or_insert(count);
         }
+    }
+
+    /// Finds the classes of some vertices anew; the others have theirs.
+    fn classify_anew(&mut self, vertices: &[u32]) {
+        self.classes.resize(self.mesh.positions.len(), Class::Fixed);
+        reclassify(&self.mesh, &self.rings, &mut self.classes, vertices.iter().copied());
+        for &vertex in vertices.iter().filter(|&&vertex| self.mesh.is_shared(vertex)) {
+            self.classes[vertex as usize] = Class::Fixed;
+        }
+    }
+
+    fn begin_stage(&mut self) {
         self.touched.clear();
         self.touched.resize(self.mesh.positions.len(), 0);
         self.stirred.clear();

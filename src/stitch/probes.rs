@@ -11,7 +11,7 @@
 //! itself. Where a point of the result is farther from the input than half a side, its distance may come out too large.
 //!
 //! # Memory
-//! 32 bytes for each of up to four times 32,768 points, about 24 for each of some 50,000 triangles; 32 bytes a vertex and 16 a
+//! 32 bytes for each of up to four times 32,768 points, about 24 for each of some 37,000 triangles; 24 bytes a vertex and 32 a
 //! face of the cluster that is probed.
 
 use std::cell::Cell;
@@ -23,11 +23,11 @@ use crate::base::chance::{INCREMENT, mixed, place_on_triangle, unit};
 use crate::mesh::ClusterMesh;
 
 /// Points on the input: for so many faces one, within these limits.
-const FACES_PER_POINT: u64 = 16;
+const FACES_PER_POINT: u64 = 64;
 const POINTS_MIN: u64 = 2048;
 const POINTS_MAX: u64 = 32_768;
 /// Points in the chosen cells on each of the two surfaces, at most.
-const CELL_POINTS_MAX: u64 = 8192;
+const CELL_POINTS_MAX: u64 = 4096;
 /// Shares of the points that go by area, by faces and by what they may add to the error.
 const BY_AREA: f64 = 0.4;
 const BY_FACES: f64 = 0.2;
@@ -35,7 +35,7 @@ const BY_STAKES: f64 = 0.4;
 /// Surface that bends less counts as flat: one less the length of the mean of unit normals around a vertex.
 const BEND_MIN: f32 = 1e-6;
 /// Faces of the input in all chosen cells, about.
-const CHOSEN_FACES: f64 = 6144.0;
+const CHOSEN_FACES: f64 = 3072.0;
 /// Faces of the input in a cell, if its surface is flat there, and no more than a tenth of them is to be left.
 const CELL_FACES: f64 = 32.0;
 /// Where fewer are to be left, distances are larger, and cells have up to this many times as many faces.
@@ -73,6 +73,10 @@ struct Scratch {
     numbers: Vec<u32>,
     /// Sums of the normals of the faces around each vertex, as long as the areas, and of these areas.
     normals: Vec<[f32; 4]>,
+    /// How far the surface bends at each vertex: one less the length of the mean of unit normals.
+    bends: Vec<f32>,
+    /// Area of each face, and the square of its longest side.
+    sizes: Vec<(f64, f32)>,
     /// What each face is expected to add to the error if it goes, and the same once more.
     stakes: Vec<f32>,
     sorted: Vec<f32>,
@@ -242,11 +246,15 @@ impl Scratch {
         let faces = mesh.corners.len();
         self.normals.clear();
         self.normals.resize(mesh.positions.len(), [0.0; 4]);
+        self.sizes.clear();
         let (mut area, mut with_area) = (0.0, 0u64);
         for face in 0..faces as u32 {
             let [a, b, c] = mesh.triangle(face);
-            let normal = (b - a).cross(c - a);
+            let (ab, ac) = (b - a, c - a);
+            let normal = ab.cross(ac);
             let length = finite(normal.length());
+            let longest_sq = ab.length_squared().max(ac.length_squared()).max(b.distance_squared(c));
+            self.sizes.push((0.5 * length, longest_sq as f32));
             if length == 0.0 {
                 continue;
             }
@@ -258,18 +266,17 @@ impl Scratch {
                 (0..4).for_each(|k| of_vertex[k] += sum[k]);
             }
         }
+        self.bends.clear();
+        self.bends.extend(self.normals.iter().map(|&[x, y, z, length]| {
+            let bend = 1.0 - (x * x + y * y + z * z).sqrt() / length;
+            if bend > BEND_MIN { bend } else { 0.0 }
+        }));
         self.stakes.clear();
-        for face in 0..faces as u32 {
-            let bends = mesh.vertices(face).map(|vertex| {
-                let [x, y, z, length] = self.normals[vertex as usize];
-                let bend = 1.0 - (x * x + y * y + z * z).sqrt() / length;
-                if bend > BEND_MIN { bend } else { 0.0 }
-            });
-            let [a, b, c] = mesh.triangle(face);
-            let longest_sq = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+        for (face, &(area, longest_sq)) in self.sizes.iter().enumerate() {
+            let bends = mesh.vertices(face as u32).map(|vertex| self.bends[vertex as usize]);
             let bend = bends.into_iter().fold(0.0, f32::max);
-            let stake = area_of([a, b, c]) * f64::from(bend) * longest_sq;
-            self.stakes.push(if stake.is_finite() { stake as f32 } else { 0.0 });
+            let stake = area as f32 * bend * longest_sq;
+            self.stakes.push(if stake.is_finite() { stake } else { 0.0 });
         }
         self.sorted.clear();
         self.sorted.extend(self.stakes.iter().filter(|&&stake| stake > 0.0));
@@ -283,11 +290,11 @@ impl Scratch {
         let stakes: f64 = self.stakes.iter().map(|stake| f64::from(stake.min(most))).sum();
         self.ends.clear();
         let mut end = 0.0;
-        for face in 0..faces {
-            let own = finite(area_of(mesh.triangle(face as u32)));
+        let (by_area, by_faces) = (BY_AREA / area, BY_FACES / with_area as f64);
+        let by_stakes = if stakes > 0.0 { BY_STAKES / stakes } else { 0.0 };
+        for (&(own, _), stake) in self.sizes.iter().zip(&self.stakes) {
             if own > 0.0 {
-                end += BY_AREA * own / area + BY_FACES / with_area as f64;
-                end += if stakes > 0.0 { BY_STAKES * f64::from(self.stakes[face].min(most)) / stakes } else { 0.0 };
+                end += by_area * own + by_faces + by_stakes * f64::from(stake.min(most));
             }
             self.ends.push(end);
         }

@@ -18,35 +18,57 @@ const HANDLES_SQ: f64 = 4.0;
 const CLOSING_SHARE: f32 = 0.1;
 
 impl<M: Metric> Engine<M> {
-    /// Cuts handles and shuts holes that cost no more than a collapse may.
+    /// Cuts handles up to a length that goes by what a collapse may cost, and shuts holes that cost no more than that. The mesh is to be prepared, and is so afterwards.
     pub(super) fn mend(&mut self, cost: f64) {
-        self.cut_handles(HANDLE_SHARE * cost.sqrt());
-        if self.closes_rips() {
-            self.prepare();
-            let count = caps::shut(&mut self.mesh, &self.rings, &self.classes, cost);
-            self.changes.holes_closed += count;
-            (self.is_tidy, self.is_classified) = (count == 0, count == 0);
+        let mut changed = Vec::new();
+        if self.cuts_handles() && (self.seeks_handles || !self.milestones.is_empty()) {
+            let handles = handles::find(&self.mesh, &self.rings, &self.classes, HANDLE_SHARE * cost.sqrt());
+            changed = self.cut(&handles);
         }
+        if self.closes_rips() {
+            // What was cut has no vertex on a border.
+            let shut = caps::shut(&mut self.mesh, &self.rings, &self.classes, cost);
+            self.changes.holes_closed += shut.count;
+            changed.extend(shut.vertices);
+        }
+        self.follow_changes(&changed);
     }
 
-    /// Cuts handles up to a length, or those about as long as the shortest; returns whether there were any.
-    pub(super) fn cut_handles(&mut self, most_sq: f64) -> bool {
-        if !self.frees_topology || self.collapser.deviation_max.is_some() {
+    /// Cuts the shortest handles, and those about as long; returns whether there were any.
+    pub(super) fn cut_shortest_handles(&mut self) -> bool {
+        if !self.cuts_handles() {
             return false;
         }
         self.prepare();
-        let mut handles = handles::find(&self.mesh, &self.rings, &self.classes, most_sq);
-        if most_sq.is_infinite()
-            && let Some(shortest_sq) = handles.first().map(|handle| handle.length_sq)
-        {
-            handles.retain(|handle| handle.length_sq <= HANDLES_SQ * shortest_sq);
-        }
-        let changed = handles::cut(&mut self.mesh, &self.rings, &handles);
-        changed.iter().for_each(|&vertex| self.classes[vertex as usize] = Class::Complex);
-        self.classes.resize(self.mesh.positions.len(), Class::Complex);
-        self.changes.handles_cut += changed.len() as u64 / 3;
-        (self.is_tidy, self.is_classified) = (changed.is_empty(), changed.is_empty());
+        let mut handles = handles::find(&self.mesh, &self.rings, &self.classes, f64::INFINITY);
+        let Some(shortest_sq) = handles.first().map(|handle| handle.length_sq) else { return false };
+        handles.retain(|handle| handle.length_sq <= HANDLES_SQ * shortest_sq);
+        let changed = self.cut(&handles);
+        self.follow_changes(&changed);
         !changed.is_empty()
+    }
+
+    fn cuts_handles(&self) -> bool {
+        self.frees_topology && self.collapser.deviation_max.is_none()
+    }
+
+    /// Cuts handles; returns the vertices at them, with their copies.
+    fn cut(&mut self, handles: &[handles::Handle]) -> Vec<u32> {
+        let copies = self.mesh.positions.len() as u32;
+        let mut changed = handles::cut(&mut self.mesh, &self.rings, handles);
+        self.changes.handles_cut += changed.len() as u64 / 3;
+        changed.extend(copies..self.mesh.positions.len() as u32);
+        changed
+    }
+
+    /// Builds the rings, and finds the classes of some vertices, if there are any whose faces were changed.
+    fn follow_changes(&mut self, changed: &[u32]) {
+        if !changed.is_empty() {
+            self.is_tidy = false;
+            self.tidy();
+            self.mesh.unlink_unused_wedges();
+            self.classify_anew(changed);
+        }
     }
 
     /// Whether borders are welded to each other.
