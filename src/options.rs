@@ -60,7 +60,8 @@ pub enum Topology {
 pub enum Pieces {
     /// Keep every component
     Keep,
-    /// Remove a component whose bounding-box diagonal is below the error so far; not with --max-error
+    /// Remove components whose bounding-box diagonal is below the error so far, the smallest first, but not below the
+    /// target; not with --max-error
     Drop,
 }
 

@@ -67,7 +67,7 @@ fn a_result_is_compared_in_the_names_that_the_page_promises() {
     let (output, report) = simplified(folder.path());
     let found = compared(&town(), &output, &[]);
     let page = std::fs::read_to_string("docs/report.md").unwrap();
-    for part in ["geometry", "texture"] {
+    for part in ["geometry", "texture", "pinholes"] {
         for name in found[part].as_object().unwrap().keys() {
             assert!(page.contains(&format!("`{name}")), "docs/report.md does not describe {part}.{name}");
         }
@@ -86,6 +86,8 @@ fn a_result_is_compared_in_the_names_that_the_page_promises() {
         assert!(found["texture"][name].as_f64().is_some(), "{name}");
     }
     assert_eq!(found["texture"]["folded_triangles"], 0);
+    assert!(found["pinholes"]["ppm"].as_f64().unwrap() < 1000.0, "{}", found["pinholes"]);
+    assert!(found["pinholes"]["pixels"].as_u64().unwrap() > 1_000_000);
     assert_eq!(found["topology"]["before"]["faces"], 18_218);
     assert_eq!(found["topology"]["after"]["non_manifold_edges"], 0);
     // the report of the run that made it says the same

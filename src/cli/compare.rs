@@ -234,6 +234,15 @@ fn table(comparison: &Comparison) -> String {
             format!("at most {max} away, RMS {rms}")
         });
     }
+    if let Some(pinholes) = &comparison.pinholes {
+        let (through, behind) = (pinholes.ppm, pinholes.behind_ppm);
+        row("pinholes", format!("{through:.1} ppm see-through, {behind:.1} ppm show what lies behind"));
+        let worst = &pinholes.worst;
+        if worst.ppm > 0.0 {
+            let (ppm, turn, tilt) = (worst.ppm, worst.turn, worst.tilt);
+            row("  most of them", format!("{ppm:.1} ppm, seen from {turn}° around and {tilt}° above"));
+        }
+    }
     if let Some(texture) = &comparison.texture {
         describe_texture(texture, &mut row);
     }

@@ -13,6 +13,7 @@
 //! result ──── cells ──┘  both ways       └── pairs of texcoords ──┐
 //!    │                                                            ├───▶ texture
 //!    ├── seams: what both sides show ─────────────────────────────┘
+//!    ├── pinholes: what is seen through                       ──▶ pinholes
 //!    └── tally: edges, pieces, charts, shapes                         ──▶ topology, quality
 //! ```
 //! Invariant: the numbers depend on the meshes, the number of samples and the seed; on the memory budget only if an image
@@ -31,6 +32,7 @@ mod contrast;
 mod direction;
 mod distribution;
 pub mod pictures;
+pub mod pinholes;
 mod points;
 mod search;
 mod seams;
@@ -49,6 +51,7 @@ use serde::Serialize;
 use self::cells::MeasuredMesh;
 use self::direction::Direction;
 use self::distribution::Distribution;
+use self::pinholes::Pinholes;
 use self::points::Sampling;
 use super::border::{BorderDeviation, border_deviation};
 use crate::base::threads::make_pool;
@@ -89,6 +92,8 @@ pub struct Comparison {
     pub geometry: Geometry,
     /// How the picture changed; nothing if one of the meshes has none, or none that can be read.
     pub texture: Option<Texture>,
+    /// Where one sees through the result; nothing if the original has no extent.
+    pub pinholes: Option<Pinholes>,
     /// Counts of edges and pieces, after welding.
     pub topology: BeforeAfter<Topology>,
     /// Shapes of triangles.
@@ -411,6 +416,7 @@ fn compare_in_cells(
     let backward = measured(&before, &after, options.seed ^ 1 << 63, &mut |_| {})?;
     let mut findings = Findings::default();
     let texture = texture::compare([&before, &after], [&forward, &backward], limit, options, &mut findings, progress)?;
+    let pinholes = pinholes::find(&before, &after, options.resources.work_bytes, progress)?;
     let geometry = geometry(&before, &after, &forward, &backward);
     let topology = BeforeAfter { before: before.tallied.topology, after: after.tallied.topology };
     let quality = BeforeAfter { before: before.tallied.quality, after: after.tallied.quality };
@@ -435,6 +441,7 @@ fn compare_in_cells(
         seed: options.seed,
         geometry,
         texture,
+        pinholes,
         topology,
         quality,
         seconds: 0.0,

@@ -1,12 +1,15 @@
 //! Pieces of a cluster that are smaller than the error of the result.
 
+use std::collections::BTreeMap;
+
 use glam::DVec3;
 
 use super::cluster::ClusterMesh;
 
 /// Removes whole pieces (faces connected through vertices) whose bounding box has a diagonal below `diagonal`, in units
-/// of length; returns how many pieces and how many faces went. A piece that another cluster also has stays.
-pub fn drop_small(mesh: &mut ClusterMesh, diagonal: f64) -> (u64, u64) {
+/// of length, the smallest first, as long as they have no more than `faces_max` faces together; returns how many pieces
+/// and how many faces went. A piece that another cluster also has stays.
+pub fn drop_small(mesh: &mut ClusterMesh, diagonal: f64, faces_max: u64) -> (u64, u64) {
     let mut parents: Vec<u32> = (0..mesh.positions.len() as u32).collect();
     for vertices in &mesh.corner_vertices {
         for pair in [[vertices[0], vertices[1]], [vertices[1], vertices[2]]] {
@@ -23,20 +26,27 @@ pub fn drop_small(mesh: &mut ClusterMesh, diagonal: f64) -> (u64, u64) {
         boxes[piece] = (low.min(position), high.max(position));
         is_shared[piece] |= mesh.is_shared(v);
     }
-    let is_small = |piece: usize| !is_shared[piece] && boxes[piece].0.distance(boxes[piece].1) < diagonal;
-    let (mut faces, mut pieces) = (0, Vec::new());
-    for face in 0..mesh.corners.len() {
-        let piece = root(&mut parents, mesh.corner_vertices[face][0]);
-        if is_small(piece as usize) {
-            mesh.kill(face as u32);
-            faces += 1;
-            pieces.push(piece);
+    let size_of = |piece: u32| boxes[piece as usize].0.distance(boxes[piece as usize].1);
+    let mut pieces = BTreeMap::<u32, Vec<u32>>::new();
+    for face in 0..mesh.corners.len() as u32 {
+        let piece = root(&mut parents, mesh.vertices(face)[0]);
+        if !is_shared[piece as usize] && size_of(piece) < diagonal {
+            pieces.entry(piece).or_default().push(face);
         }
     }
+    let mut pieces: Vec<(u32, Vec<u32>)> = pieces.into_iter().collect();
+    pieces.sort_by(|a, b| size_of(a.0).total_cmp(&size_of(b.0)));
+    let (mut dropped, mut faces_dropped) = (0, 0);
+    for (_, faces) in pieces {
+        if faces_dropped + faces.len() as u64 > faces_max {
+            break;
+        }
+        dropped += 1;
+        faces_dropped += faces.len() as u64;
+        faces.into_iter().for_each(|face| mesh.kill(face));
+    }
     mesh.compact_faces();
-    pieces.sort_unstable();
-    pieces.dedup();
-    (pieces.len() as u64, faces)
+    (dropped, faces_dropped)
 }
 
 fn root(parents: &mut [u32], mut vertex: u32) -> u32 {
@@ -64,8 +74,9 @@ mod tests {
         });
         mesh.push_face(crumb, 0);
         mesh.link_wedges();
-        assert_eq!(drop_small(&mut mesh.clone(), 0.05), (0, 0));
-        assert_eq!(drop_small(&mut mesh, 0.5), (1, 1));
+        assert_eq!(drop_small(&mut mesh.clone(), 0.05, 99), (0, 0));
+        assert_eq!(drop_small(&mut mesh.clone(), 0.5, 0), (0, 0));
+        assert_eq!(drop_small(&mut mesh, 0.5, 1), (1, 1));
         assert_eq!(mesh.face_count, 32);
     }
 }

@@ -1,5 +1,8 @@
 //! Which pixels a triangle covers.
 
+/// A weight that is so much below 0 is a rounding: no pixel between two triangles with a side in common is left out.
+const SLACK: f64 = 1e-9;
+
 /// Calls `plot` with index, nearness and weights of the corners for each pixel of a picture whose middle lies in a
 /// triangle, its rim included; corners are column, row and nearness in pixels.
 #[inline]
@@ -17,9 +20,9 @@ pub fn each_pixel(corners: &[[f64; 3]; 3], size: [usize; 2], mut plot: impl FnMu
             let of_b = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / area;
             let of_c = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / area;
             let of_a = 1.0 - of_b - of_c;
-            if of_a >= 0.0 && of_b >= 0.0 && of_c >= 0.0 {
+            if of_a >= -SLACK && of_b >= -SLACK && of_c >= -SLACK {
                 let near = of_a * a[2] + of_b * b[2] + of_c * c[2];
-                plot(row * size[0] + column, near, [of_a, of_b, of_c]);
+                plot(row * size[0] + column, near, [of_a, of_b, of_c].map(|weight| weight.max(0.0)));
             }
         }
     }

@@ -10,6 +10,7 @@ use super::{plots, save_text};
 use crate::base::error::escape_path;
 use crate::base::{Findings, Result, bytes};
 use crate::measure::compare::cells::MeasuredMesh;
+use crate::measure::compare::pinholes::Pinholes;
 use crate::measure::compare::{Comparison, Distances, Geometry, Onlooker, Place, Quality, Seams, Texture, Topology};
 use crate::os::durable::new_job_number;
 
@@ -88,6 +89,7 @@ pub(super) fn body(comparison: &Comparison, after: &[Shot]) -> Markup {
     html! {
         (distances(comparison))
         (errors(comparison, after))
+        @if let Some(found) = &comparison.pinholes { (pinholes(found)) }
         @if let Some(texture) = &comparison.texture { (texture_tables(texture)) }
         (shapes(comparison))
     }
@@ -190,6 +192,39 @@ fn errors(comparison: &Comparison, after: &[Shot]) -> Markup {
             div.pair.shots {
                 @for (place, relief) in coloured {
                     (picture(&relief.colour(most), &format!("distance from the original, {}", place.name)))
+                }
+            }
+        }
+    }
+}
+
+/// What is seen through, and the view with most of it.
+fn pinholes(found: &Pinholes) -> Markup {
+    html! {
+        section {
+            h2 { "Pinholes" }
+            table {
+                thead { tr { th { "Pixels per million" } th.number { "all views" } th.number { "the worst" } } }
+                tbody {
+                    tr {
+                        th scope="row" { "show the background" }
+                        td.number { (length(found.ppm)) } td.number { (length(found.worst.ppm)) }
+                    }
+                    tr {
+                        th scope="row" { "show a surface far behind" }
+                        td.number { (length(found.behind_ppm)) } td.number { (length(found.worst.behind_ppm)) }
+                    }
+                }
+            }
+            p.quiet {
+                "Of " (spaced(found.pixels)) " pixels in 16 views, at least 5 pixels inside the outline of the original. Far behind: more "
+                "than a hundredth of the diagonal behind the surface that the original shows there."
+            }
+            @if !found.worst.picture.is_empty() {
+                div.shots {
+                    (picture(&gallery::jpeg_file_address(&found.worst.picture), &format!(
+                        "the view with most pinholes: {:.0}° around, {:.0}° above the horizon; background in red, surfaces behind in orange",
+                        found.worst.turn, found.worst.tilt)))
                 }
             }
         }

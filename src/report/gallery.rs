@@ -339,7 +339,11 @@ fn reduced(sample: usize, width: usize) -> usize {
 }
 
 fn jpeg_address(pixels: &[u8]) -> String {
-    let file = encode::jpeg(pixels, SIZE).unwrap_or_default();
+    jpeg_file_address(&encode::jpeg(pixels, SIZE).unwrap_or_default())
+}
+
+/// The address of a JPEG.
+pub fn jpeg_file_address(file: &[u8]) -> String {
     format!("data:image/jpeg;base64,{}", STANDARD.encode(file))
 }
 

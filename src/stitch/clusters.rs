@@ -110,7 +110,10 @@ impl<M: Metric> Run<'_, M> {
         };
         let probes = probing.map(|probing| probing.take(&source.mesh, source.origin, cluster));
         let (dropped_pieces, dropped_faces) = match self.crumb {
-            Some(diagonal) => pieces::drop_small(&mut source.mesh, diagonal),
+            Some(diagonal) => {
+                let faces_max = self.spare_faces(source.mesh.face_count as u64, partition.total_faces());
+                pieces::drop_small(&mut source.mesh, diagonal, faces_max)
+            }
             None => (0, 0),
         };
         let mut engine = self.engine(std::mem::take(&mut source.mesh), pass);
@@ -151,6 +154,12 @@ impl<M: Metric> Run<'_, M> {
             }
         }
         Ok((result, pending))
+    }
+
+    /// Faces of a cluster that may go before the mesh, of which it has that share, is below the target.
+    fn spare_faces(&self, own: u64, all: u64) -> u64 {
+        let spare = all.saturating_sub(self.options.target);
+        (u128::from(own) * u128::from(spare) / u128::from(all.max(1))) as u64
     }
 
     /// Memory of a cluster while it is in work, or while it passes through.

@@ -450,3 +450,26 @@ fn a_soup_of_triangles_has_no_border() {
     assert_eq!(found.topology.after.boundary_edges, 3 * faces.len() as u64);
     assert_eq!(found.geometry.border, None);
 }
+
+#[test]
+fn what_a_gap_shows_is_its_share_of_the_surface() {
+    let bench = Bench::new();
+    // 200 × 200 squares of 0.05 units; four in the middle are missing in the result.
+    let (positions, faces) = plane(200, |x, y| 0.3 * (x * 0.6).sin() * y.cos());
+    let original = bench.write("whole.obj", &positions, &faces);
+    let is_kept = |face: &&[usize; 3]| {
+        let [x, y] = [0, 1].map(|axis| face.iter().map(|&v| positions[v][axis]).sum::<f64>() / 3.0);
+        (x - 5.0).abs() > 0.05 || (y - 5.0).abs() > 0.05
+    };
+    let left: Vec<[usize; 3]> = faces.iter().filter(is_kept).copied().collect();
+    assert_eq!(faces.len() - left.len(), 8);
+    let holed = bench.write("holed.obj", &positions, &left);
+    let found = bench.compare(&original, &holed, 10_000).pinholes.unwrap();
+    // 4 of 40,000 squares; the rim of the outline does not count.
+    assert!((80.0..150.0).contains(&found.ppm) && found.behind_ppm < 20.0, "{found:?}");
+    assert!(found.worst.ppm >= found.ppm && !found.worst.picture.is_empty());
+    let same = bench.compare(&original, &original, 3_000).pinholes.unwrap();
+    assert_eq!((same.ppm, same.behind_ppm, same.worst.picture.len()), (0.0, 0.0, 0));
+    // A hole that closes is none.
+    assert_eq!(bench.compare(&holed, &original, 10_000).pinholes.unwrap().ppm, 0.0);
+}
