@@ -61,11 +61,17 @@ pub fn add_creases(vertices: &mut [LocalQuadric], mesh: &ClusterMesh, rings: &Ri
             if b < a || !Normals::are_spread(&vertices[b as usize]) {
                 continue;
             }
-            let leads_back = |other: &u32| mesh.vertex_of(ClusterMesh::following(*other)[1]) == b;
-            let Some(other) = rings.of(a).iter().copied().find(leads_back) else { continue };
-            let thirds = [previous, ClusterMesh::following(other)[0]].map(|corner| mesh.vertex_of(corner));
+            let leads_back = |other: &&u32| mesh.vertex_of(ClusterMesh::following(**other)[1]) == b;
             let place = |v: u32| mesh.positions[v as usize] - mesh.positions[a as usize];
-            let Some((uprights, share)) = crease(place(b), thirds.map(place)) else { continue };
+            let third = |corner: u32| place(mesh.vertex_of(corner));
+            // Where more than two faces meet, the surface goes on over the flattest turn.
+            let turns = rings.of(a).iter().filter(leads_back).map(|&other| {
+                let thirds = [third(previous), third(ClusterMesh::following(other)[0])];
+                crease(place(b), thirds).map_or(([DVec3::ZERO; 2], 0.0), |sharp| sharp)
+            });
+            let Some((uprights, share)) = turns.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|turn| turn.1 > 0.0) else {
+                continue;
+            };
             let weight = (STIFFNESS * weight * share * place(b).length_squared()) as f32;
             for upright in uprights {
                 for end in [a, b] {

@@ -15,6 +15,8 @@ use crate::mesh::ring::{Rings, Spoke};
 
 /// Edges of a hole, at most.
 const EDGES_MAX: usize = 8;
+/// Cosine of the angle between a cap and a face beside it, at least.
+const FOLD_MIN: f64 = -0.8;
 /// Mean squared distance of a triangle's points to its longest side, for each squared height.
 const MEAN_SQ: f64 = 1.0 / 6.0;
 
@@ -153,7 +155,7 @@ impl Hole {
         Some(ears)
     }
 
-    /// Whether a triangle faces against a face beside the rim.
+    /// Whether a triangle lies back to back on a face beside the rim, as the back side of a single sheet would.
     fn folds(&self, mesh: &ClusterMesh, ear: [usize; 3]) -> bool {
         let vertex = |at: usize| self.rim[at].from;
         let normal = |corners: [u32; 3]| {
@@ -163,7 +165,7 @@ impl Hole {
         let own = normal(ear.map(vertex));
         (0..3).any(|k| {
             let edge = &self.rim[ear[k]];
-            edge.to == vertex(ear[(k + 1) % 3]) && own.dot(normal([edge.to, edge.from, edge.beyond])) < 0.0
+            edge.to == vertex(ear[(k + 1) % 3]) && own.dot(normal([edge.to, edge.from, edge.beyond])) < FOLD_MIN
         })
     }
 

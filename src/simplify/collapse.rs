@@ -50,6 +50,11 @@ impl Collapser {
         &self.star.unsettled
     }
 
+    /// Edges of more than two faces that the last collapse made, less those that it resolved.
+    pub fn new_non_manifold_edges(&self) -> i64 {
+        self.star.new_non_manifold_edges
+    }
+
     /// Prepares for a mesh.
     pub fn reset(&mut self, mesh: &ClusterMesh) {
         self.star.reset(mesh.positions.len());

@@ -91,6 +91,9 @@ pub struct Engine<M> {
     pub(super) changes: Changes,
     /// Vertices at non-manifold places that the mesh came with.
     complex_before: Option<u64>,
+    /// Edges of more than two faces that were resolved, less those that were made. So many may be made: where a wall stands on
+    /// a floor between the floor's vertices, nothing else would let either be simplified.
+    spare_edges: i64,
     /// How often each [`Refusal`] was met.
     pub refusals: [u64; Refusal::COUNT],
     /// Estimate of the mean squared deviation that the stages so far have added, in units of length².
@@ -147,6 +150,7 @@ impl<M: Metric> Engine<M> {
             chosen: Vec::new(),
             changes: Changes::default(),
             complex_before: None,
+            spare_edges: 0,
             refusals: [0; Refusal::COUNT],
             squared_error: 0.0,
             milestones: Vec::new(),
@@ -568,6 +572,7 @@ impl<M: Metric> Engine<M> {
             is_alone: self.price_alone(from).is_some(),
             is_free: self.frees_topology,
             is_rip,
+            may_meet: self.spare_edges > 0,
         };
         if fan.is_alone && self.has_lost_neighbour(from) {
             self.proposals[from as usize] = Proposal { second_best: true, ..Proposal::NONE };
@@ -583,6 +588,7 @@ impl<M: Metric> Engine<M> {
         let collapse = Collapse { from, to, onto, stays, chain, fan, cost: price, dying_max, inset };
         match self.collapser.try_collapse(&mut self.mesh, &self.rings, &mut self.cost, collapse) {
             Ok(died) => {
+                self.spare_edges -= self.collapser.new_non_manifold_edges();
                 self.changes.vertices_welded += u64::from(is_rip);
                 self.changes.holes_closed += u64::from(closes_hole);
                 if fan.is_alone {

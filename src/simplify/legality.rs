@@ -52,6 +52,9 @@ impl Refusal {
     pub const COUNT: usize = 7;
 }
 
+/// Faces of an edge at which surfaces meet, at most.
+const FACES_MEETING_MAX: u32 = 8;
+
 /// What is known of the faces around a vertex that is to vanish.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Fan {
@@ -67,6 +70,8 @@ pub struct Fan {
     pub is_free: bool,
     /// It comes to a vertex that it has no edge with.
     pub is_rip: bool,
+    /// Surfaces may meet at an edge, which has more than two faces then.
+    pub may_meet: bool,
 }
 
 /// The vertices around a vertex with one closed fan of at least four faces, and not too many.
@@ -102,15 +107,23 @@ struct Neighbour {
 }
 
 impl Neighbour {
-    /// Whether the edge gets no face too many: no more than it had at either end, or two. Two faces that meet there now must
-    /// run along it in opposite directions, now and when they are turned back, and it may not become a border.
-    fn is_plain(&self) -> bool {
+    /// Whether the edge gets no face too many: no more than it had at either end, or two; or up to [`FACES_MEETING_MAX`] where
+    /// surfaces `may_meet`. Two faces that meet there now must run along it in opposite directions, now and when they are
+    /// turned back, and it may not become a border.
+    fn is_plain(&self, may_meet: bool) -> bool {
         let [at_from, at_to] = self.before;
         let is_joined = at_from > 0 && at_to > 0 && self.after == 2;
         let opens = self.after == 1 && at_from != 1 && at_to != 1;
+        let meets = may_meet && self.after <= FACES_MEETING_MAX;
         !opens
-            && self.after <= at_from.max(at_to).max(2)
+            && (self.after <= at_from.max(at_to).max(2) || meets)
             && (!is_joined || (self.after_ahead == 1 && self.after_turned != 1))
+    }
+
+    /// Edges of more than two faces that there are more afterwards.
+    fn new_non_manifold_edges(&self) -> i64 {
+        let count = |faces: u32| i64::from(faces > 2);
+        count(self.after) - self.before.into_iter().map(count).sum::<i64>()
     }
 }
 
@@ -145,6 +158,8 @@ pub struct EdgeStar {
     pub stranded: Vec<u32>,
     /// Vertices whose classes may be others afterwards, where the topology changes.
     pub unsettled: Vec<u32>,
+    /// Edges of more than two faces that there are more afterwards, where the topology changes.
+    pub new_non_manifold_edges: i64,
     /// A wedge of the staying vertex, where the ends have no face in common.
     beside: Option<u32>,
     /// Neighbours of the ends, where the topology changes.
@@ -172,6 +187,7 @@ impl EdgeStar {
         self.opposite.clear();
         self.stranded.clear();
         self.unsettled.clear();
+        self.new_non_manifold_edges = 0;
         self.beside = None;
         self.ends = [from, to];
         for &corner in rings.of(from) {
@@ -219,16 +235,14 @@ impl EdgeStar {
     ) -> Result<(), Refusal> {
         match self.check_link(mesh, rings, from, to, fan) {
             Err(Refusal::Topology | Refusal::Piece) if fan.is_free => self.check_edges(mesh, rings, from, to, fan),
-            Ok(()) if fan.is_complex => {
-                self.unsettled.push(to);
-                Ok(())
-            }
+            // Edges of three faces or more may become one of two: which way these run is to be looked at.
+            Ok(()) if fan.is_complex && fan.is_free => self.check_edges(mesh, rings, from, to, fan),
             checked => checked,
         }
     }
 
-    /// The same where the topology may change: no edge has more faces afterwards than before, or than two; of faces with
-    /// the same vertices one stays, or none if they look opposite ways and close nothing any more.
+    /// The same where the topology may change: no edge has more faces afterwards than before, or than two, unless surfaces may
+    /// meet; of faces with the same vertices one stays, or none if they look opposite ways and close nothing any more.
     ///
     /// ```text
     ///      x           x         the hole between a, b and x closes: ax and bx become one edge of two faces;
@@ -305,7 +319,7 @@ impl EdgeStar {
         // Of the two sides of all that is left of a piece one stays.
         if let Some(double) = last_double.filter(|_| !stays) {
             self.dying.retain(|&face| face != double);
-        } else if !self.neighbours.iter().all(Neighbour::is_plain) {
+        } else if !self.neighbours.iter().all(|neighbour| neighbour.is_plain(fan.may_meet)) {
             return Err(Refusal::Topology);
         } else if !stays && !fan.is_alone {
             return Err(Refusal::Piece);
@@ -317,6 +331,8 @@ impl EdgeStar {
                 self.opposite.push(vertex);
             }
         }
+        self.new_non_manifold_edges = self.neighbours.iter().map(Neighbour::new_non_manifold_edges).sum::<i64>();
+        self.new_non_manifold_edges -= i64::from(at_edge > 2);
         self.unsettled.push(to);
         self.unsettled.extend(self.neighbours.iter().map(|neighbour| neighbour.vertex));
         Ok(())

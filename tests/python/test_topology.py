@@ -20,16 +20,24 @@ def test_closed_sphere_stays_closed_in_many_clusters(drystone, tmp_path):
     assert np.abs(np.linalg.norm(mesh.position, axis=1) - 1).max() < 0.01
 
 
-def test_rooms_with_walls_in_common_come_to_their_target(drystone, tmp_path):
-    source = tmp_path / "rooms.obj"
-    write_hostile(source, "rooms", 200_000)
-    run = drystone.simplify(source, tmp_path, "--ratio", 0.2)
-    was, now = objlib.topology(objlib.read(source)), objlib.topology(run.mesh)
+@pytest.fixture(scope="module")
+def rooms(tmp_path_factory):
+    source = tmp_path_factory.mktemp("rooms") / "rooms.obj"
+    write_hostile(source, "rooms", 100_000)
+    return source
+
+
+@pytest.mark.parametrize("ratio, error", [(0.1, 0.05), (0.03, 0.05), (0.005, 1.0)])
+def test_rooms_with_doubled_walls_and_t_junctions_come_to_their_target(drystone, tmp_path, rooms, ratio, error):
+    """Rooms have a side of 4, their walls are rough by 0.03; at half a percent there are fewer triangles than walls."""
+    run = drystone.simplify(rooms, tmp_path, "--ratio", ratio)
+    was, now = objlib.topology(objlib.read(rooms)), objlib.topology(run.mesh)
     assert was.non_manifold_edges > 5000
     assert now.non_manifold_edges <= was.non_manifold_edges
-    assert now.border_edges == was.border_edges == 0
+    assert now.border_edges <= was.border_edges
     asked, got = run.report["faces"]["target"], len(run.mesh.face)
-    assert abs(got - asked) <= 8
+    assert asked - 2 <= got <= asked
+    assert run.report["error"]["measured"]["rms"] < error
 
 
 @pytest.fixture(params=[make.__name__ for make in MINIATURES])
