@@ -82,7 +82,7 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
     }
     let mut to_input = vec![f64::INFINITY; of_result.len()];
     nearest_sq(probes.triangle_count(), |face| probes.triangle(face), &of_result, &mut to_input);
-    if to_input.is_empty() || to_result.is_empty() || result.face_count() == 0 {
+    if to_result.is_empty() || result.face_count() == 0 {
         return Ok(None);
     }
     let noise = result.rounding_noise();
@@ -94,7 +94,11 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
     let (anywhere, in_cells) = to_result.split_at(probes.points.len());
     let weighed = anywhere.iter().zip(&probes.weights).map(|(distance_sq, weight)| weight * counted(distance_sq));
     let to_result_sq = weighed.sum::<f64>() / probes.area();
-    let to_input_sq = scaled(mean_of(&to_input), mean_of(in_cells), to_result_sq);
+    // A result of a few hundred faces may have no point in any cell: it deviates as much as the input does from it then.
+    let to_input_sq = match to_input.is_empty() {
+        true => to_result_sq,
+        false => scaled(mean_of(&to_input), mean_of(in_cells), to_result_sq),
+    };
     Ok(Some(Gauged {
         rms: (0.5 * (to_input_sq + to_result_sq)).sqrt(),
         to_input: to_input_sq.sqrt(),
