@@ -4,8 +4,9 @@
     python3 tools/benchmarks/far_targets.py block=block.obj --drystone target/release/drystone > docs/results/far-targets.md
 
 Every tool gets the same mesh: positions alone, since most peers keep nothing else. The error is the root mean square of
-the distances both ways, in 1e-4 of the diagonal of the mesh's box, measured by `drystone compare`. A tool that stops more
-than 0.1 % above its target has its number of triangles in brackets. Runs with the Python that has the packages of
+the distances both ways, in 1e-4 of the diagonal of the mesh's box, and after it the pixels per million that one sees
+through, both measured by `drystone compare`. A tool that stops more than 0.1 % above its target has its number of
+triangles in brackets. Runs with the Python that has the packages of
 tools/peers/requirements.txt.
 """
 import argparse
@@ -59,20 +60,21 @@ class Bench:
         return self.output.exists()
 
     def error(self):
-        """Error of the result, and its triangles."""
+        """Error of the result, pixels per million that one sees through, and its triangles."""
         command = [self.program, "compare", self.input, self.output, "--quiet", "--json", "--samples", self.samples]
         found = json.loads(subprocess.run(command, capture_output=True, check=True).stdout)
         geometry = found["geometry"]
         mean_sq = sum(geometry[way]["rms"] ** 2 for way in ("forward", "backward")) / 2
-        return 1e4 * mean_sq**0.5 / geometry["diagonal"], found["topology"]["after"]["faces"]
+        error = 1e4 * mean_sq**0.5 / geometry["diagonal"]
+        return error, found["pinholes"]["ppm"], found["topology"]["after"]["faces"]
 
     def cell(self, tool, ratio):
         if not self.run(tool, ratio):
             return "–"
-        error, left = self.error()
+        error, pinholes, left = self.error()
         target = max(1, round(ratio * self.faces))
         missed = left > target + max(2, 0.001 * target)
-        return f"{error:.3g}" + (f" ({left})" if missed else "")
+        return f"{error:.3g} · {pinholes:.0f}" + (f" ({left})" if missed else "")
 
 
 def main():
@@ -83,8 +85,9 @@ def main():
     options = parser.parse_args()
     version = subprocess.run([options.drystone, "--version"], capture_output=True, text=True, check=True).stdout.strip()
     print("# Far targets\n\nMade by `tools/benchmarks/far_targets.py` with " + version + ".")
-    print("Positions alone. Root mean square of the distances both ways, in 1e-4 of the diagonal; triangles in brackets")
-    print("where a tool stopped above its target.\n")
+    print("Positions alone. Root mean square of the distances both ways, in 1e-4 of the diagonal; after it pixels")
+    print("per million through which one sees the background (`pinholes.ppm` of `compare`); triangles in brackets where a tool")
+    print("stopped above its target.\n")
     print("| Mesh | Kept |", " | ".join(["drystone", *PEERS]), "|\n|" + " --- |" * (len(PEERS) + 3))
     for name, path in (mesh.split("=", 1) for mesh in options.meshes):
         with tempfile.TemporaryDirectory() as folder:
