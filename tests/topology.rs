@@ -6,7 +6,8 @@ mod meshes;
 use drystone::options::{SimplifyOptions, Topology};
 use drystone::report::Status;
 use glam::DVec3;
-use meshes::{Sketch, assert_sound, in_many_clusters, ratio, read, simplify, simplify_text, terrain, torus};
+use meshes::{Sketch, assert_sound, in_many_clusters, noise, ratio, read, simplify, simplify_text, terrain, torus};
+use proptest::prelude::*;
 
 /// Hills with a hole of two triangles in every tenth row and column.
 fn sieve() -> Sketch {
@@ -30,6 +31,41 @@ fn crowd(count: usize) -> Sketch {
         sketch.positions.extend(corners.map(|corner| at + corner * size));
         let faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
         sketch.faces.extend(faces.map(|face| face.map(|corner| (base + corner, base + corner))));
+    }
+    sketch
+}
+
+/// Rooms of `side` × `side` squares a wall: some walls are missing, some there twice, one side or the other out, some of half
+/// as many vertices along a side, so that those of their neighbours lie on their edges.
+fn rooms(storeys: usize, side: usize, seed: u64) -> Sketch {
+    let mut sketch = Sketch::default();
+    let mut vertices = std::collections::BTreeMap::new();
+    let axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+    for wall in 0..storeys * 27 {
+        let (origin, turn) = ([wall / 3 % 3, wall / 9 % 3, wall / 27], wall % 3);
+        let (across, up) = (axes[turn], axes[(turn + 1) % 3]);
+        let kind = noise(wall, turn, seed);
+        let step = if kind < 0.2 { 2 } else { 1 };
+        let mut vertex = |i: usize, j: usize| {
+            let at = [0, 1, 2].map(|axis| side * origin[axis] + i * across[axis] + j * up[axis]);
+            let number = *vertices.entry(at).or_insert_with(|| {
+                let rough = [0, 1, 2].map(|axis| 0.2 * noise(at[0] * 1000 + at[1], at[2] * 3 + axis, seed));
+                sketch.positions.push(DVec3::from_array([0, 1, 2].map(|axis| at[axis] as f64 + rough[axis])));
+                sketch.positions.len() - 1
+            });
+            (number, number)
+        };
+        for (i, j) in (0..side).step_by(step).flat_map(|i| (0..side).step_by(step).map(move |j| (i, j))) {
+            let [a, b, c, d] = [(0, 0), (step, 0), (step, step), (0, step)].map(|(x, y)| vertex(i + x, j + y));
+            let front = [[a, b, c], [a, c, d]];
+            let back = [[c, b, a], [d, c, a]];
+            match kind {
+                ..0.2 | 0.5..0.9 => sketch.faces.extend(front),
+                0.2..0.35 => sketch.faces.extend(front.into_iter().chain(back)),
+                0.35..0.5 => sketch.faces.extend(back),
+                _ => {}
+            }
+        }
     }
     sketch
 }
@@ -102,5 +138,27 @@ fn far_targets_of_the_town_are_met_and_nothing_tears() {
             assert_eq!(run.report.status, Status::Done, "{faces}");
             assert_sound(&read(&town), &run);
         }
+    }
+}
+
+proptest! {
+    #![proptest_config(meshes::cases(24, 60))]
+
+    #[test]
+    fn no_result_has_more_non_manifold_or_border_edges(
+        storeys in 1usize..4,
+        half in 1usize..6,
+        seed in any::<u64>(),
+        power in -2.5..-0.2f64,
+        cluster_faces in prop_oneof![Just(1_000u64), Just(50_000)],
+    ) {
+        let sketch = rooms(storeys, 2 * half, seed);
+        let options = SimplifyOptions { cluster_faces, threads: Some(2), ..ratio(10f64.powf(power)) };
+        let run = simplify_text(&sketch.text(), &options);
+        let whole = simplify_text(&sketch.text(), &SimplifyOptions { topology: Topology::Keep, ..ratio(1.0) });
+        let (before, after) = (whole.mesh().check(), run.mesh().check());
+        prop_assert!(after.non_manifold_edges <= before.non_manifold_edges, "{before:?} {after:?}");
+        prop_assert!(after.boundary_edges <= before.boundary_edges, "{before:?} {after:?}");
+        prop_assert!(run.report.faces.output <= run.report.faces.target || run.report.status != Status::Done);
     }
 }
