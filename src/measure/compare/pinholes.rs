@@ -7,11 +7,11 @@
 //!   ██████████       ████░█████    ░ background: see-through; or a surface far behind the original's: behind
 //!   ██████████       ██████████
 //! ```
-//! Both meshes are looked at from [`TURNS`] × [`TILTS`] sides, in parallel projection. Pixels count that lie at least [`RIM`]
-//! steps inside the original's outline: what is missing there is no outline that moved.
+//! Both meshes are looked at from 16 sides, in parallel projection. Pixels count that lie at least 5 pixels inside the
+//! original's outline: what is missing there is no outline that moved.
 //!
 //! # Memory
-//! [`VIEW_BYTES`] for each view that is drawn at once, at least one; the triangles of one cell.
+//! 8 MB for each view that is drawn at once, at least one, up to half of what there is; one cell's pages.
 
 use glam::DVec3;
 use rayon::prelude::*;
