@@ -70,6 +70,25 @@ fn rooms(storeys: usize, side: usize, seed: u64) -> Sketch {
     sketch
 }
 
+/// Two sheets of `side` × `side` squares beside each other, with vertices of their own along the gap between them.
+fn torn(side: usize, gap: f64, seed: u64) -> Sketch {
+    let mut sketch = Sketch::default();
+    for sheet in 0..2 {
+        let first = sketch.positions.len();
+        for (i, j) in (0..=side).flat_map(|j| (0..=side).map(move |i| (i, j))) {
+            let along = j as f64 + 0.3 * (noise(i, j + 1000 * sheet, seed) - 0.5);
+            let across = i as f64 + sheet as f64 * (side as f64 + gap);
+            sketch.positions.push(DVec3::new(across, along, (0.2 * across).sin() + (0.3 * along).cos()));
+        }
+        for (i, j) in (0..side).flat_map(|j| (0..side).map(move |i| (i, j))) {
+            let v = |i: usize, j: usize| (first + j * (side + 1) + i, 0);
+            let [a, b, c, d] = [v(i, j), v(i + 1, j), v(i + 1, j + 1), v(i, j + 1)];
+            sketch.faces.extend([[a, b, c], [a, c, d]].map(|face| face.map(|(v, _)| (v, v))));
+        }
+    }
+    sketch
+}
+
 fn keep(share: f64) -> SimplifyOptions {
     SimplifyOptions { topology: Topology::Keep, ..ratio(share) }
 }
@@ -143,6 +162,23 @@ fn far_targets_of_the_town_are_met_and_nothing_tears() {
 
 proptest! {
     #![proptest_config(meshes::cases(24, 60))]
+
+    #[test]
+    fn a_rip_closes_and_two_sheets_become_one(
+        side in 20usize..50,
+        gap in 0.01..0.3f64,
+        seed in any::<u64>(),
+        share in 0.03..0.12f64,
+        cluster_faces in prop_oneof![Just(1_000u64), Just(50_000)],
+    ) {
+        let text = torn(side, gap, seed).text();
+        let run = simplify_text(&text, &SimplifyOptions { cluster_faces, ..ratio(share) });
+        let check = run.mesh().check();
+        prop_assert_eq!(check.components, 1);
+        // The outline, and perhaps a hole or two in the rip.
+        prop_assert!(check.boundary_loops <= 3, "{:?}", check);
+        prop_assert_eq!(simplify_text(&text, &keep(share)).mesh().check().components, 2);
+    }
 
     #[test]
     fn no_result_has_more_non_manifold_or_border_edges(
