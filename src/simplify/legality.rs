@@ -10,6 +10,7 @@ use super::fold::{FoldCheck, may_fold};
 use super::texture::distance_sq;
 use crate::mesh::class::VALENCE_MAX;
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::fold::are_nearly_folded;
 use crate::mesh::ring::Rings;
 
 /// A face may turn by no more than about 78° in one collapse (cosine).
@@ -145,6 +146,11 @@ fn is_hub(mesh: &ClusterMesh, rings: &Rings, vertex: u32) -> bool {
 /// order.
 fn goes_back(face: [u32; 3], [first, second]: [u32; 2]) -> bool {
     (0..3).any(|k| face[k] == second && face[(k + 1) % 3] == first)
+}
+
+/// The vertex of a face that is none of the two given.
+fn third_of(mesh: &ClusterMesh, face: u32, [a, b]: [u32; 2]) -> u32 {
+    mesh.vertices(face).into_iter().find(|&vertex| vertex != a && vertex != b).unwrap_or(a)
 }
 
 /// What a collapse does to the faces around its edge; scratch space is kept between edges.
@@ -286,10 +292,18 @@ impl EdgeStar {
                 self.dying.push(face);
                 let goes_back = goes_back(mesh.vertices(other), far);
                 // The third side, which does not move, may not become a border either.
-                let beside =
-                    rings.faces(mesh, far[0]).filter(|&beside| mesh.vertices(beside).contains(&far[1])).count();
-                if beside == 2 + usize::from(goes_back) {
+                let beside = || rings.faces(mesh, far[0]).filter(|&beside| mesh.vertices(beside).contains(&far[1]));
+                if beside().count() == 2 + usize::from(goes_back) {
                     return Err(Refusal::Topology);
+                }
+                // Nor may the two that it is left with lie back to back.
+                let is_left = |&beside: &u32| beside != face && (beside != other || !goes_back);
+                let thirds: Vec<u32> = beside().filter(is_left).map(|beside| third_of(mesh, beside, far)).collect();
+                let place = |vertex: u32| mesh.positions[vertex as usize];
+                if let [one, another] = thirds[..]
+                    && are_nearly_folded(far.map(place), [one, another].map(place))
+                {
+                    return Err(Refusal::Fold);
                 }
                 if goes_back {
                     self.dying.push(other);
@@ -325,7 +339,10 @@ impl EdgeStar {
             return Err(Refusal::Piece);
         }
         // Across the edges that become one, faces meet that did not.
-        let joined = self.neighbours.iter().filter(|neighbour| neighbour.before.iter().all(|&count| count > 0));
+        let joined = self.neighbours.iter().filter(|neighbour| {
+            let is_left_with_two = neighbour.after == 2 && neighbour.before.iter().any(|&count| count > 2);
+            is_left_with_two || neighbour.before.iter().all(|&count| count > 0)
+        });
         for vertex in joined.map(|neighbour| neighbour.vertex) {
             if !self.opposite.contains(&vertex) {
                 self.opposite.push(vertex);

@@ -91,16 +91,22 @@ impl Rips {
     }
 }
 
-/// The other ends of the border edges at a vertex, with two for each gap between its faces.
-pub fn border_ends<'a>(mesh: &'a ClusterMesh, rings: &'a Rings, vertex: u32) -> impl Iterator<Item = u32> + 'a {
+/// Whether one of the border edges at a vertex has an other end that is accepted.
+pub fn border_ends(mesh: &ClusterMesh, rings: &Rings, vertex: u32, mut accept: impl FnMut(u32) -> bool) -> bool {
     let corners = rings.of(vertex);
-    let corners = if corners.len() > FACES_MAX { &[] } else { corners };
-    let spokes =
-        move || corners.iter().filter(|&&corner| mesh.living(corner).is_some()).map(|&corner| Spoke::of(mesh, corner));
-    spokes().flat_map(move |spoke| {
-        let leaves = spokes().all(|other| other.previous != spoke.next).then_some(spoke.next);
-        let comes = spokes().all(|other| other.next != spoke.previous).then_some(spoke.previous);
-        leaves.into_iter().chain(comes)
+    if corners.len() > FACES_MAX {
+        return false;
+    }
+    // The vertices that each face has after this one, and before it.
+    let (mut ends, mut count) = ([[0; 2]; FACES_MAX], 0);
+    for &corner in corners.iter().filter(|&&corner| mesh.living(corner).is_some()) {
+        ends[count] = ClusterMesh::following(corner).map(|corner| mesh.vertex_of(corner));
+        count += 1;
+    }
+    let ends = &ends[..count];
+    ends.iter().any(|&[next, previous]| {
+        (ends.iter().all(|other| other[1] != next) && accept(next))
+            || (ends.iter().all(|other| other[0] != previous) && accept(previous))
     })
 }
 

@@ -13,7 +13,7 @@ const LAST_STAGE_SHARE: f64 = 0.7;
 pub const TRIM_SHARE: f64 = 0.06;
 
 /// Stages of a pass, at most: what [`stage_shares`] makes of the smallest share.
-pub const STAGES_MAX: usize = 59;
+pub const STAGES_MAX: usize = 58;
 /// The smallest share of the faces that a pass goes for.
 const SHARE_MIN: f64 = 1e-9;
 
@@ -49,6 +49,9 @@ pub fn pass_target(input: u64, target: u64, pass: usize, passes: usize) -> f64 {
     if left <= 0 { target as f64 } else { input as f64 * even.min(doubled).min(1.0) }
 }
 
+/// Part of a stage that the others may do as well, so that a pass that ended a little above its target costs no other one.
+const STAGE_SLACK: f64 = 0.25;
+
 /// Shares of the faces to keep at the end of each stage of pass `pass` (from 0) of `passes`, the last one being `share`.
 pub fn stage_shares(share: f64, pass: usize, passes: usize) -> Vec<f64> {
     let share = share.clamp(SHARE_MIN, 1.0);
@@ -57,7 +60,7 @@ pub fn stage_shares(share: f64, pass: usize, passes: usize) -> Vec<f64> {
         _ if pass + 1 < passes => MIDDLE_STAGE_SHARE,
         _ => LAST_STAGE_SHARE,
     };
-    let stages = (libm::log(share) / libm::log(stage_share)).ceil().max(1.0);
+    let stages = (libm::log(share) / libm::log(stage_share) - STAGE_SLACK).ceil().max(1.0);
     (1..=stages as u32).map(|stage| libm::pow(share, f64::from(stage) / stages)).collect()
 }
 

@@ -15,7 +15,7 @@ const HANDLES_SQ: f64 = 4.0;
 
 /// Share of its cost that a collapse takes if it closes a rip or a hole of three edges: border planes hold both sides where
 /// they are, and what is left open is seen before any distance is.
-const CLOSING_SHARE: f32 = 0.05;
+const CLOSING_SHARE: f32 = 0.1;
 
 impl<M: Metric> Engine<M> {
     /// Cuts handles up to a length that goes by what a collapse may cost, and shuts holes that cost no more than that. The mesh is to be prepared, and is so afterwards.
@@ -99,7 +99,7 @@ impl<M: Metric> Engine<M> {
 
     /// What it costs if the triangle of a vertex vanishes, if it hangs on no other.
     pub(super) fn price_alone(&self, vertex: u32) -> Option<f32> {
-        self.loners.price_of(vertex).filter(|_| self.is_alone(vertex))
+        if self.is_alone(vertex) { self.loners.price_of(vertex) } else { None }
     }
 
     /// Whether a triangle that hangs on no other has lost what was nearest to it, by which it was priced.
@@ -112,6 +112,9 @@ impl<M: Metric> Engine<M> {
 
     /// The collapse of a vertex onto that of another border that it was paired with, or what that one went into.
     pub(super) fn propose_weld(&self, vertex: u32) -> Option<Proposal> {
+        if self.classes[vertex as usize] == Class::Smooth {
+            return None;
+        }
         let pair = self.rips.pair_of(vertex)?;
         let to = self.followed(pair.partner);
         let is_fixed = self.mesh.is_locked(vertex) || self.classes[vertex as usize] == Class::Fixed;
@@ -132,7 +135,9 @@ impl<M: Metric> Engine<M> {
     /// Whether a vertex was paired with one that it has no face in common with.
     pub(super) fn is_apart(&self, from: u32, to: u32) -> bool {
         let has_to = |face: u32| self.mesh.vertices(face).contains(&to);
-        self.rips.pair_of(from).is_some() && !self.rings.faces(&self.mesh, from).any(has_to)
+        self.classes[from as usize] != Class::Smooth
+            && self.rips.pair_of(from).is_some()
+            && !self.rings.faces(&self.mesh, from).any(has_to)
     }
 
     /// Share of its cost that the collapse of a border edge takes.
@@ -142,12 +147,12 @@ impl<M: Metric> Engine<M> {
 
     /// Whether a hole of three edges has this border edge.
     pub(super) fn is_beside_hole(&self, from: u32, to: u32) -> bool {
-        let ends = |v: u32| border_ends(&self.mesh, &self.rings, v);
-        let is_face = |third: u32| {
-            let has_both = |face: u32| [to, third].iter().all(|vertex| self.mesh.vertices(face).contains(vertex));
-            self.rings.faces(&self.mesh, from).any(has_both)
+        let count_at = |vertex: u32, both: [u32; 2]| {
+            let has_both = |face: &u32| both.iter().all(|other| self.mesh.vertices(*face).contains(other));
+            self.rings.faces(&self.mesh, vertex).filter(has_both).take(2).count()
         };
-        ends(from).any(|third| third != to && ends(to).any(|end| end == third) && !is_face(third))
+        let closes = |third: u32| third != to && count_at(to, [to, third]) == 1 && count_at(to, [from, third]) == 0;
+        border_ends(&self.mesh, &self.rings, from, closes)
     }
 
     /// The vertex that a vertex went into in this stage, or itself.
