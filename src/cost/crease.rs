@@ -67,7 +67,7 @@ pub fn add_creases(vertices: &mut [LocalQuadric], mesh: &ClusterMesh, rings: &Ri
             // Where more than two faces meet, the surface goes on over the flattest turn.
             let turns = rings.of(a).iter().filter(leads_back).map(|&other| {
                 let thirds = [third(previous), third(ClusterMesh::following(other)[0])];
-                crease(place(b), thirds).map_or(([DVec3::ZERO; 2], 0.0), |sharp| sharp)
+                crease(place(b), thirds).unwrap_or_default()
             });
             let Some((uprights, share)) = turns.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|turn| turn.1 > 0.0) else {
                 continue;

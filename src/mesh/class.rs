@@ -82,6 +82,11 @@ impl Class {
         matches!(self, Class::Corner | Class::BorderSeam | Class::BorderCorner)
     }
 
+    /// Whether a vertex of this class may have border edges.
+    pub fn may_border(self) -> bool {
+        self.is_border() || self == Self::Complex
+    }
+
     /// Whether the vertex lies on an open border.
     #[inline]
     pub fn is_border(self) -> bool {

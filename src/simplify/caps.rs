@@ -32,7 +32,7 @@ pub struct Shut {
 /// Shuts the holes that cost up to `most` each, as long as no two have a vertex in common. If there are any, the rings are
 /// to be built anew, and the classes of the vertices found.
 pub fn shut(mesh: &mut ClusterMesh, rings: &Rings, classes: &[Class], most: f64) -> Shut {
-    let may_border = |v: u32| classes[v as usize].is_border() || classes[v as usize] == Class::Complex;
+    let may_border = |v: u32| classes[v as usize].may_border();
     let mut is_used = vec![false; classes.len()];
     let mut shut = Shut::default();
     for start in (0..classes.len() as u32).filter(|&v| may_border(v)) {

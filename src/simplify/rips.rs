@@ -43,7 +43,7 @@ impl Rips {
     /// by place: O(n log n).
     pub fn pair(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
         self.pairs.clear();
-        let may_border = |v: &u32| classes[*v as usize].is_border() || classes[*v as usize] == Class::Complex;
+        let may_border = |v: &u32| classes[*v as usize].may_border();
         let mut spokes = Vec::new();
         let mut rims = Vec::new();
         for vertex in (0..mesh.positions.len() as u32).filter(may_border) {
@@ -92,7 +92,7 @@ impl Rips {
 }
 
 /// Whether one of the border edges at a vertex has an other end that is accepted.
-pub fn border_ends(mesh: &ClusterMesh, rings: &Rings, vertex: u32, mut accept: impl FnMut(u32) -> bool) -> bool {
+pub fn has_border_end(mesh: &ClusterMesh, rings: &Rings, vertex: u32, mut accept: impl FnMut(u32) -> bool) -> bool {
     let corners = rings.of(vertex);
     if corners.len() > FACES_MAX {
         return false;

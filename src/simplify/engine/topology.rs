@@ -5,7 +5,7 @@ use crate::cost::{EdgeCase, Metric};
 use crate::mesh::class::Class;
 use crate::mesh::cluster::ClusterMesh;
 use crate::simplify::proposal::Proposal;
-use crate::simplify::rips::border_ends;
+use crate::simplify::rips::has_border_end;
 use crate::simplify::{caps, handles};
 
 /// A handle is cut where an edge of it may have a squared length of this share of the root of what a collapse may cost.
@@ -152,7 +152,7 @@ impl<M: Metric> Engine<M> {
             self.rings.faces(&self.mesh, vertex).filter(has_both).take(2).count()
         };
         let closes = |third: u32| third != to && count_at(to, [to, third]) == 1 && count_at(to, [from, third]) == 0;
-        border_ends(&self.mesh, &self.rings, from, closes)
+        has_border_end(&self.mesh, &self.rings, from, closes)
     }
 
     /// The vertex that a vertex went into in this stage, or itself.
