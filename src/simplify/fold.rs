@@ -37,6 +37,8 @@ pub(super) struct FoldCheck {
     changing: Vec<Changing>,
     /// Sum of their normals.
     sum: DVec3,
+    /// Whether faces meet that did not: they may lie on each other without a turn.
+    joins: bool,
     /// Corners at these vertices whose faces may come to lie on one that does not change.
     turned: Vec<u32>,
     /// Those of them whose faces may come to lie on one that changes.
@@ -71,10 +73,11 @@ impl Joined {
 }
 
 impl FoldCheck {
-    /// Begins a move.
-    pub(super) fn clear(&mut self) {
+    /// Begins a move; `joins` tells whether faces will share an edge that have none in common now, nor with one that vanishes.
+    pub(super) fn begin(&mut self, joins: bool) {
         self.changing.clear();
         self.sum = DVec3::ZERO;
+        self.joins = joins;
     }
 
     /// Adds a face that stays and changes, by its corner at a vertex that moves.
@@ -87,8 +90,8 @@ impl FoldCheck {
     /// Chooses the faces that turn, and those that lean away from the others.
     fn choose(&mut self) {
         let (sum, sum_sq) = (self.sum, self.sum.length_squared());
-        // Few faces may all lean away from what is around them.
-        let are_few = self.changing.len() <= FEW_FACES;
+        // Few faces may all lean away from what is around them, and those of another fan have no part in the sum.
+        let are_few = self.joins || self.changing.len() <= FEW_FACES;
         self.turned.clear();
         self.opposed.clear();
         for &Changing { corner, normal, turns } in &self.changing {

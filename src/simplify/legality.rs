@@ -166,6 +166,8 @@ pub struct EdgeStar {
     pub unsettled: Vec<u32>,
     /// Edges of more than two faces that there are more afterwards, where the topology changes.
     pub new_non_manifold_edges: i64,
+    /// Whether faces meet afterwards that no vanishing face lies between.
+    joins: bool,
     /// A wedge of the staying vertex, where the ends have no face in common.
     beside: Option<u32>,
     /// Neighbours of the ends, where the topology changes.
@@ -194,6 +196,7 @@ impl EdgeStar {
         self.stranded.clear();
         self.unsettled.clear();
         self.new_non_manifold_edges = 0;
+        self.joins = false;
         self.beside = None;
         self.ends = [from, to];
         for &corner in rings.of(from) {
@@ -338,14 +341,15 @@ impl EdgeStar {
         } else if !stays && !fan.is_alone {
             return Err(Refusal::Piece);
         }
-        // Across the edges that become one, faces meet that did not.
-        let joined = self.neighbours.iter().filter(|neighbour| {
+        // Across the edges that become one, and those of three faces or more that keep two, faces meet that did not.
+        for neighbour in &self.neighbours {
             let is_left_with_two = neighbour.after == 2 && neighbour.before.iter().any(|&count| count > 2);
-            is_left_with_two || neighbour.before.iter().all(|&count| count > 0)
-        });
-        for vertex in joined.map(|neighbour| neighbour.vertex) {
-            if !self.opposite.contains(&vertex) {
-                self.opposite.push(vertex);
+            let is_new = !self.opposite.contains(&neighbour.vertex);
+            if is_left_with_two || (is_new && neighbour.before.iter().all(|&count| count > 0)) {
+                self.joins = true;
+                if is_new {
+                    self.opposite.push(neighbour.vertex);
+                }
             }
         }
         self.new_non_manifold_edges = self.neighbours.iter().map(Neighbour::new_non_manifold_edges).sum::<i64>();
@@ -453,7 +457,7 @@ impl EdgeStar {
         uvs: &[DVec2],
         cost: f64,
     ) -> Result<(), Refusal> {
-        self.folds.clear();
+        self.folds.begin(self.joins);
         for &vertex in moving {
             for &corner in rings.of(vertex) {
                 let Some(wedge) = mesh.living(corner) else { continue };

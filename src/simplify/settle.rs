@@ -112,7 +112,7 @@ impl Settler {
 
     /// Whether no face around the vertex folds over or collapses, on the surface or in the picture.
     fn fits(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32, position: DVec3) -> bool {
-        self.folds.clear();
+        self.folds.begin(false);
         for &corner in rings.of(vertex) {
             let (face, k) = (corner / 3, corner as usize % 3);
             let (before, uv_before) = (mesh.triangle(face), mesh.uv_triangle(face));

@@ -15,7 +15,7 @@ const HANDLES_SQ: f64 = 4.0;
 
 /// Share of its cost that a collapse takes if it closes a rip or a hole of three edges: border planes hold both sides where
 /// they are, and what is left open is seen before any distance is.
-const CLOSING_SHARE: f32 = 0.1;
+const CLOSING_SHARE: f32 = 0.05;
 
 impl<M: Metric> Engine<M> {
     /// Cuts handles up to a length that goes by what a collapse may cost, and shuts holes that cost no more than that. The mesh is to be prepared, and is so afterwards.
