@@ -37,8 +37,8 @@ pub(super) struct FoldCheck {
     changing: Vec<Changing>,
     /// Sum of their normals.
     sum: DVec3,
-    /// Whether faces meet that did not: they may lie on each other without a turn.
-    joins: bool,
+    /// Whether any two may come to lie on each other, even if none of them turns or leans.
+    looks_at_all: bool,
     /// Corners at these vertices whose faces may come to lie on one that does not change.
     turned: Vec<u32>,
     /// Those of them whose faces may come to lie on one that changes.
@@ -73,11 +73,12 @@ impl Joined {
 }
 
 impl FoldCheck {
-    /// Begins a move; `joins` tells whether faces will share an edge that have none in common now, nor with one that vanishes.
-    pub(super) fn begin(&mut self, joins: bool) {
+    /// Begins a move. All faces are to be looked at where some meet that did not, or may run along an edge the same way: such
+    /// as lie on each other have one normal.
+    pub(super) fn begin(&mut self, looks_at_all: bool) {
         self.changing.clear();
         self.sum = DVec3::ZERO;
-        self.joins = joins;
+        self.looks_at_all = looks_at_all;
     }
 
     /// Adds a face that stays and changes, by its corner at a vertex that moves.
@@ -90,8 +91,8 @@ impl FoldCheck {
     /// Chooses the faces that turn, and those that lean away from the others.
     fn choose(&mut self) {
         let (sum, sum_sq) = (self.sum, self.sum.length_squared());
-        // Few faces may all lean away from what is around them, and those of another fan have no part in the sum.
-        let are_few = self.joins || self.changing.len() <= FEW_FACES;
+        // Few faces may all lean away from what is around them.
+        let are_few = self.looks_at_all || self.changing.len() <= FEW_FACES;
         self.turned.clear();
         self.opposed.clear();
         for &Changing { corner, normal, turns } in &self.changing {
@@ -100,7 +101,7 @@ impl FoldCheck {
             let leans = |cosine_sq: f64| along <= 0.0 || along_sq < cosine_sq * lengths_sq;
             if are_few || turns || leans(LEAN_COSINE_SQ) {
                 self.turned.push(corner);
-                if leans(OPPOSED_COSINE_SQ) {
+                if self.looks_at_all || leans(OPPOSED_COSINE_SQ) {
                     self.opposed.push(corner);
                 }
             }
@@ -134,10 +135,7 @@ impl FoldCheck {
         self.joined.extend(self.changing.iter().map(|face| Joined::of(mesh, face.corner)));
         self.opposed.iter().any(|&corner| {
             let one = Joined::of(mesh, corner);
-            self.joined.iter().any(|other| {
-                (other.ends[0] == one.ends[1] && fold_together(mesh, [&one, other], position))
-                    || (other.ends[1] == one.ends[0] && fold_together(mesh, [other, &one], position))
-            })
+            self.joined.iter().any(|other| other.corner != corner && fold_together(mesh, [&one, other], position))
         })
     }
 }
@@ -185,11 +183,15 @@ fn thirds_at<'a>(mesh: &'a ClusterMesh, rings: &'a Rings, [a, b]: [u32; 2]) -> i
     })
 }
 
-/// Whether two of the faces fold onto each other; the second begins where the first ends.
+/// Whether two of the faces share an edge at the place where they join, and fold onto each other there.
 fn fold_together(mesh: &ClusterMesh, [one, other]: [&Joined; 2], position: DVec3) -> bool {
     let [from, from_other] = [one, other].map(|joined| mesh.vertex_of(joined.corner));
-    let [before, ridge, first, last] =
-        [from, one.ends[1], one.ends[0], other.ends[1]].map(|v| mesh.positions[v as usize]);
-    are_nearly_folded([position, ridge], [first, last])
-        && !(from == from_other && are_nearly_folded([before, ridge], [first, last]))
+    // Mostly one begins where the other ends; not so where they run along the edge the same way.
+    let shared = (0..2).flat_map(|i| (0..2).map(move |j| (i, j))).filter(|&(i, j)| one.ends[i] == other.ends[j]);
+    shared.into_iter().any(|(i, j)| {
+        let [before, ridge, first, last] =
+            [from, one.ends[i], one.ends[1 - i], other.ends[1 - j]].map(|v| mesh.positions[v as usize]);
+        are_nearly_folded([position, ridge], [first, last])
+            && !(from == from_other && are_nearly_folded([before, ridge], [first, last]))
+    })
 }

@@ -69,7 +69,7 @@ impl Settler {
                 let slide = slide.map_or_else(|| cost.best_slide(wedge, step), |slide| share * slide);
                 mesh.wedge_uv[wedge as usize] + slide
             }));
-            if self.fits(mesh, rings, vertex, position)
+            if self.fits(mesh, rings, vertex, is_inside_chart, position)
                 && self.keeps_deviation(mesh, rings, vertex, position, deviation_max).is_ok()
             {
                 self.apply(mesh, vertex, position);
@@ -111,8 +111,8 @@ impl Settler {
     }
 
     /// Whether no face around the vertex folds over or collapses, on the surface or in the picture.
-    fn fits(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32, position: DVec3) -> bool {
-        self.folds.begin(false);
+    fn fits(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32, is_inside_chart: bool, position: DVec3) -> bool {
+        self.folds.begin(!is_inside_chart);
         for &corner in rings.of(vertex) {
             let (face, k) = (corner / 3, corner as usize % 3);
             let (before, uv_before) = (mesh.triangle(face), mesh.uv_triangle(face));
