@@ -25,7 +25,7 @@
 
 use super::knob::{Knob, factor};
 use super::metric::{Metric, fits};
-use super::planes::{area_of, best_place, priced, unit_planes};
+use super::planes::{area_of, best_place, newcomers, priced, unit_planes};
 use super::quadric::Quadric;
 use super::surface::{EdgeCase, Placement};
 use crate::mesh::class::{Class, Rule};
@@ -71,9 +71,8 @@ impl Metric for ClassicCost {
 
     fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
         self.area = area_of(mesh);
-        if self.quadrics.is_empty() {
-            self.quadrics = unit_planes(mesh, rings, classes, self.settings.border);
-        }
+        let planes = || unit_planes(mesh, rings, classes, self.settings.border);
+        self.quadrics.extend(newcomers(self.quadrics.len(), mesh.positions.len(), planes));
     }
 
     fn place(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Placement {

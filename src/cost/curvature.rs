@@ -33,7 +33,7 @@ use super::census::Census;
 use super::fan::{Fan, angle_between};
 use super::knob::{Knob, factor, switch};
 use super::metric::Metric;
-use super::planes::{area_of, best_place, priced, unit_planes};
+use super::planes::{area_of, best_place, newcomers, priced, unit_planes};
 use super::quadric::Quadric;
 use super::surface::{EdgeCase, Placement};
 use crate::mesh::class::Class;
@@ -154,11 +154,10 @@ impl Metric for CurvatureCost {
 
     fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
         self.area = area_of(mesh);
-        if self.quadrics.is_empty() {
-            self.quadrics = unit_planes(mesh, rings, classes, self.settings.border);
-            self.weights = vec![0.0; mesh.positions.len()];
-            self.seen = vec![0; mesh.positions.len()];
-        }
+        let planes = || unit_planes(mesh, rings, classes, self.settings.border);
+        self.quadrics.extend(newcomers(self.quadrics.len(), mesh.positions.len(), planes));
+        self.weights.resize(mesh.positions.len(), 0.0);
+        self.seen.resize(mesh.positions.len(), 0);
         for vertex in 0..mesh.positions.len() as u32 {
             self.weigh(mesh, rings, vertex);
         }

@@ -43,7 +43,7 @@ use super::census::Census;
 use super::fan::{Fan, angle_between};
 use super::knob::{Knob, factor, switch};
 use super::metric::Metric;
-use super::planes::{LENGTH_SHARE, area_of, each_chain_edge, ends, least, plane_of};
+use super::planes::{LENGTH_SHARE, area_of, each_chain_edge, ends, least, newcomers, plane_of};
 use super::surface::{EdgeCase, Placement};
 use super::wide::WideQuadric;
 use crate::mesh::class::{Class, Rule};
@@ -134,14 +134,15 @@ impl ObliqueCost {
         )
     }
 
-    fn sum_quadrics(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
-        self.quadrics = vec![Quadric::default(); mesh.wedge_vertex.len()];
+    /// The triangles around each wedge, and planes through border edges.
+    fn sum_quadrics(&self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) -> Vec<Quadric> {
+        let mut quadrics = vec![Quadric::default(); mesh.wedge_vertex.len()];
         for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
             let wedges = mesh.corners[face as usize];
             let Some((normal, _)) = plane_of(mesh.triangle(face)) else { continue };
             let Some(quadric) = Quadric::of_triangle(wedges.map(|wedge| self.point(mesh, wedge))) else { continue };
             for wedge in wedges {
-                self.quadrics[wedge as usize] += quadric;
+                quadrics[wedge as usize] += quadric;
             }
             if self.settings.border <= 0.0 {
                 continue;
@@ -152,11 +153,12 @@ impl ObliqueCost {
                 if kind == EdgeKind::Border {
                     let quadric = Quadric::of_plane(upright, -upright.dot(pa), self.settings.border);
                     for wedge in [a, b].into_iter().filter_map(|vertex| mesh.wedge_at(face, vertex)) {
-                        self.quadrics[wedge as usize] += quadric;
+                        quadrics[wedge as usize] += quadric;
                     }
                 }
             });
         }
+        quadrics
     }
 
     /// Normal, area and density of a vertex.
@@ -303,9 +305,9 @@ impl Metric for ObliqueCost {
 
     fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
         self.area = area_of(mesh);
-        if self.quadrics.is_empty() {
-            self.sum_quadrics(mesh, rings, classes);
-        }
+        let all = || self.sum_quadrics(mesh, rings, classes);
+        let more = newcomers(self.quadrics.len(), mesh.wedge_vertex.len(), all);
+        self.quadrics.extend(more);
         self.refresh_factors(mesh, rings, classes);
     }
 

@@ -29,6 +29,12 @@ pub fn area_of(mesh: &ClusterMesh) -> f64 {
     living.filter_map(|face| plane_of(mesh.triangle(face))).map(|(_, area)| area).sum()
 }
 
+/// What vertices or wedges start with that came since `known` of them were, as copies do where a handle is cut; `all` makes
+/// that of all of them.
+pub fn newcomers<T>(known: usize, count: usize, all: impl FnOnce() -> Vec<T>) -> Vec<T> {
+    if known < count { all().split_off(known) } else { Vec::new() }
+}
+
 /// The squared distance to the planes of the faces around each vertex; to planes through border edges, upright on their
 /// faces, `border` times, and through seam edges, on each side, half as often.
 pub fn unit_planes(mesh: &ClusterMesh, rings: &Rings, classes: &[Class], border: f64) -> Vec<Quadric> {

@@ -30,7 +30,7 @@ use super::census::Census;
 use super::fan::{Fan, angle_between};
 use super::knob::{Knob, factor, switch};
 use super::metric::{Metric, fits};
-use super::planes::{area_of, ends, least, priced, unit_planes};
+use super::planes::{area_of, ends, least, newcomers, priced, unit_planes};
 use super::quadric::Quadric;
 use super::surface::{EdgeCase, Placement};
 use crate::mesh::class::{Class, Rule};
@@ -109,6 +109,20 @@ pub struct SharpnessCost {
 }
 
 impl SharpnessCost {
+    /// The planes of the faces around each vertex, by how sharp and how textured its place is.
+    fn sharp_planes(&self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) -> Vec<Quadric> {
+        let mut quadrics = unit_planes(mesh, rings, classes, self.settings.border);
+        let mut fan = Fan::default();
+        for (vertex, quadric) in quadrics.iter_mut().enumerate() {
+            fan.gather(mesh, rings, vertex as u32);
+            let sigma = if self.settings.has_sigma { sharpness(&fan) } else { 0.0 };
+            let share = texture_share(mesh, &fan) / self.settings.mean_share;
+            let share = if self.settings.has_texture { share.min(self.settings.cap) } else { 0.0 };
+            *quadric = quadric.scaled(libm::pow(BASE, sigma + share));
+        }
+        quadrics
+    }
+
     fn sum(&self, edge: &EdgeCase<'_>) -> Quadric {
         self.quadrics[edge.from as usize] + self.quadrics[edge.to as usize]
     }
@@ -144,20 +158,12 @@ impl Metric for SharpnessCost {
 
     fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
         self.area = area_of(mesh);
-        if !self.quadrics.is_empty() {
-            return;
-        }
-        self.quadrics = unit_planes(mesh, rings, classes, self.settings.border);
-        let mut fan = Fan::default();
-        for (vertex, quadric) in self.quadrics.iter_mut().enumerate() {
-            fan.gather(mesh, rings, vertex as u32);
-            let sigma = if self.settings.has_sigma { sharpness(&fan) } else { 0.0 };
-            let share = texture_share(mesh, &fan) / self.settings.mean_share;
-            let share = if self.settings.has_texture { share.min(self.settings.cap) } else { 0.0 };
-            *quadric = quadric.scaled(libm::pow(BASE, sigma + share));
-        }
+        let all = || self.sharp_planes(mesh, rings, classes);
+        let more = newcomers(self.quadrics.len(), mesh.positions.len(), all);
+        self.quadrics.extend(more);
         let is_complex = |(vertex, class): (usize, &Class)| *class == Class::Complex && !mesh.is_shared(vertex as u32);
-        self.complex = classes.iter().enumerate().map(is_complex).collect();
+        let all_complex = || classes.iter().enumerate().map(is_complex).collect();
+        self.complex.extend(newcomers(self.complex.len(), classes.len(), all_complex));
     }
 
     fn place(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Placement {

@@ -32,7 +32,7 @@ use super::census::Census;
 use super::fan::Fan;
 use super::knob::{Knob, factor, switch};
 use super::metric::{Metric, fits};
-use super::planes::{area_of, ends, least, priced};
+use super::planes::{area_of, ends, least, newcomers, priced};
 use super::surface::{EdgeCase, Placement};
 use super::wide::WideQuadric;
 use crate::mesh::class::{Class, Rule};
@@ -85,6 +85,19 @@ pub struct TerrainCost {
 }
 
 impl TerrainCost {
+    /// The triangles around each wedge.
+    fn sum_quadrics(&self, mesh: &ClusterMesh) -> Vec<Quadric> {
+        let mut quadrics = vec![Quadric::default(); mesh.wedge_vertex.len()];
+        for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
+            let wedges = mesh.corners[face as usize];
+            let Some(quadric) = Quadric::of_triangle(wedges.map(|wedge| self.point(mesh, wedge))) else { continue };
+            for wedge in wedges {
+                quadrics[wedge as usize] += quadric;
+            }
+        }
+        quadrics
+    }
+
     fn point(&self, mesh: &ClusterMesh, wedge: u32) -> [f64; 8] {
         let vertex = mesh.wedge_vertex[wedge as usize] as usize;
         let (p, n, uv) = (mesh.positions[vertex], self.normals[vertex], mesh.wedge_uv[wedge as usize]);
@@ -200,17 +213,9 @@ impl Metric for TerrainCost {
             self.find_normal(mesh, rings, vertex);
         }
         self.is_border = classes.iter().map(|class| class.is_border()).collect();
-        if !self.quadrics.is_empty() {
-            return;
-        }
-        self.quadrics = vec![Quadric::default(); mesh.wedge_vertex.len()];
-        for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
-            let wedges = mesh.corners[face as usize];
-            let Some(quadric) = Quadric::of_triangle(wedges.map(|wedge| self.point(mesh, wedge))) else { continue };
-            for wedge in wedges {
-                self.quadrics[wedge as usize] += quadric;
-            }
-        }
+        let all = || self.sum_quadrics(mesh);
+        let more = newcomers(self.quadrics.len(), mesh.wedge_vertex.len(), all);
+        self.quadrics.extend(more);
     }
 
     fn place(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Placement {

@@ -29,9 +29,9 @@ pub struct Shut {
     pub vertices: Vec<u32>,
 }
 
-/// Shuts the holes that cost up to `most` each, as long as no two have a vertex in common. If there are any, the rings are
-/// to be built anew, and the classes of the vertices found.
-pub fn shut(mesh: &mut ClusterMesh, rings: &Rings, classes: &[Class], most: f64) -> Shut {
+/// Shuts the holes that cost up to `most` each, as long as no two have a vertex in common and there is `room` for more faces.
+/// If there are any, the rings are to be built anew, and the classes of the vertices found.
+pub fn shut(mesh: &mut ClusterMesh, rings: &Rings, classes: &[Class], most: f64, mut room: usize) -> Shut {
     let may_border = |v: u32| classes[v as usize].may_border();
     let mut is_used = vec![false; classes.len()];
     let mut shut = Shut::default();
@@ -46,7 +46,8 @@ pub fn shut(mesh: &mut ClusterMesh, rings: &Rings, classes: &[Class], most: f64)
         if !hole.rim.iter().all(is_free) {
             continue;
         }
-        let Some(ears) = hole.ears(mesh, rings, most) else { continue };
+        let Some(ears) = hole.ears(mesh, rings, most).filter(|ears| ears.len() <= room) else { continue };
+        room -= ears.len();
         for edge in &hole.rim {
             is_used[edge.from as usize] = true;
             shut.vertices.push(edge.from);

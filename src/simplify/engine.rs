@@ -89,6 +89,8 @@ pub struct Engine<M> {
     chosen: Vec<u64>,
     /// What became of the topology; see [`changes`](Engine::changes) for all of it.
     pub(super) changes: Changes,
+    /// Faces that the mesh came with.
+    faces_before: usize,
     /// Vertices at non-manifold places that the mesh came with.
     complex_before: Option<u64>,
     /// Edges of more than two faces that were resolved, less those that were made. So many may be made: where a wall stands on
@@ -120,6 +122,7 @@ impl<M: Metric> Engine<M> {
     /// Takes a mesh.
     pub fn new(mesh: ClusterMesh, settings: &M::Settings) -> Self {
         Self {
+            faces_before: mesh.face_count,
             mesh,
             cost: M::new(settings),
             rings: Rings::default(),

@@ -29,11 +29,16 @@ pub struct Handle {
     pub vertices: [u32; 3],
 }
 
-/// The handles whose edges have squared lengths up to `most_sq`, shortest first. Only vertices inside the surface that no
-/// other cluster uses have handles; `classes` tells which.
-pub fn find(mesh: &ClusterMesh, rings: &Rings, classes: &[Class], most_sq: f64) -> Vec<Handle> {
-    let is_inside =
-        |v: u32| matches!(classes[v as usize], Class::Smooth | Class::Seam | Class::Corner) && !mesh.is_locked(v);
+/// The handles over vertices inside the surface that are free to change and whose edges have squared lengths up to
+/// `most_sq`, shortest first; `classes` tells which are inside.
+pub fn find(
+    mesh: &ClusterMesh,
+    rings: &Rings,
+    classes: &[Class],
+    is_free: impl Fn(u32) -> bool,
+    most_sq: f64,
+) -> Vec<Handle> {
+    let is_inside = |v: u32| matches!(classes[v as usize], Class::Smooth | Class::Seam | Class::Corner) && is_free(v);
     let length_sq = |a: u32, b: u32| mesh.positions[a as usize].distance_squared(mesh.positions[b as usize]);
     let mut beside = vec![u32::MAX; mesh.positions.len()];
     let mut found = Vec::new();

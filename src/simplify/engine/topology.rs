@@ -22,12 +22,13 @@ impl<M: Metric> Engine<M> {
     pub(super) fn mend(&mut self, cost: f64) {
         let mut changed = Vec::new();
         if self.cuts_handles() && (self.seeks_handles || !self.milestones.is_empty()) {
-            let handles = handles::find(&self.mesh, &self.rings, &self.classes, HANDLE_SHARE * cost.sqrt());
+            let handles = self.handles(HANDLE_SHARE * cost.sqrt());
             changed = self.cut(&handles);
         }
         if self.closes_rips() {
             // What was cut has no vertex on a border.
-            let shut = caps::shut(&mut self.mesh, &self.rings, &self.classes, cost);
+            let room = self.faces_before.saturating_sub(self.mesh.face_count);
+            let shut = caps::shut(&mut self.mesh, &self.rings, &self.classes, cost, room);
             self.changes.holes_closed += shut.count;
             changed.extend(shut.vertices);
         }
@@ -40,7 +41,7 @@ impl<M: Metric> Engine<M> {
             return false;
         }
         self.prepare();
-        let mut handles = handles::find(&self.mesh, &self.rings, &self.classes, f64::INFINITY);
+        let mut handles = self.handles(f64::INFINITY);
         let Some(shortest_sq) = handles.first().map(|handle| handle.length_sq) else { return false };
         handles.retain(|handle| handle.length_sq <= HANDLES_SQ * shortest_sq);
         let changed = self.cut(&handles);
@@ -50,6 +51,10 @@ impl<M: Metric> Engine<M> {
 
     fn cuts_handles(&self) -> bool {
         self.frees_topology && self.collapser.deviation_max.is_none()
+    }
+
+    fn handles(&self, most_sq: f64) -> Vec<handles::Handle> {
+        handles::find(&self.mesh, &self.rings, &self.classes, |vertex| !self.is_held(vertex), most_sq)
     }
 
     /// Cuts handles; returns the vertices at them, with their copies.
@@ -73,7 +78,8 @@ impl<M: Metric> Engine<M> {
 
     /// Whether borders are welded to each other.
     pub(super) fn closes_rips(&self) -> bool {
-        M::ENDPOINTS && self.frees_topology && self.welds && self.collapser.deviation_max.is_none()
+        let may_close = self.frees_topology && self.welds && !self.lock_borders;
+        M::ENDPOINTS && may_close && self.collapser.deviation_max.is_none()
     }
 
     /// Prices the triangles that hang on no other, and pairs the borders along rips. The vertices of rips become
@@ -117,9 +123,8 @@ impl<M: Metric> Engine<M> {
         }
         let pair = self.rips.pair_of(vertex)?;
         let to = self.followed(pair.partner);
-        let is_fixed = self.mesh.is_locked(vertex) || self.classes[vertex as usize] == Class::Fixed;
         // A triangle that hangs on no other has a price of its own.
-        if is_fixed
+        if self.is_held(vertex)
             || self.is_alone(vertex)
             || to == vertex
             || self.rings.of(to).is_empty()
