@@ -262,7 +262,7 @@ mod tests {
         let (mut rings, mut classes) = (Rings::default(), Vec::new());
         rings.build(mesh);
         classify(mesh, &rings, &mut classes);
-        let handles = find(mesh, &rings, &classes, most_sq);
+        let handles = find(mesh, &rings, &classes, |vertex| !mesh.is_locked(vertex), most_sq);
         (rings, handles)
     }
 

@@ -6,11 +6,12 @@
 
 use glam::{DVec2, DVec3};
 
+use edges::Neighbour;
+
 use super::fold::{FoldCheck, may_fold};
 use super::texture::distance_sq;
 use crate::mesh::class::VALENCE_MAX;
 use crate::mesh::cluster::ClusterMesh;
-use crate::mesh::fold::are_nearly_folded;
 use crate::mesh::ring::Rings;
 
 /// A face may turn by no more than about 78° in one collapse (cosine).
@@ -53,9 +54,6 @@ impl Refusal {
     pub const COUNT: usize = 7;
 }
 
-/// Faces of an edge at which surfaces meet, at most.
-const FACES_MEETING_MAX: u32 = 8;
-
 /// What is known of the faces around a vertex that is to vanish.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Fan {
@@ -93,64 +91,10 @@ impl Ring {
     }
 }
 
-/// A vertex beside an edge, with how many faces join it to the ends.
-#[derive(Debug, Clone, Copy)]
-struct Neighbour {
-    vertex: u32,
-    /// To the vanishing end and to the staying one.
-    before: [u32; 2],
-    /// To the staying one, when the other has vanished.
-    after: u32,
-    /// In how many of these it comes right after the staying end.
-    after_ahead: u32,
-    /// How many of these are turned over, and will be turned back.
-    after_turned: u32,
-}
-
-impl Neighbour {
-    /// Whether the edge gets no face too many: no more than it had at either end, or two; or up to [`FACES_MEETING_MAX`] where
-    /// surfaces `may_meet`. Two faces that meet there now must run along it in opposite directions, now and when they are
-    /// turned back, and it may not become a border.
-    fn is_plain(&self, may_meet: bool) -> bool {
-        let [at_from, at_to] = self.before;
-        let is_joined = at_from > 0 && at_to > 0 && self.after == 2;
-        let opens = self.after == 1 && at_from != 1 && at_to != 1;
-        let meets = may_meet && self.after <= FACES_MEETING_MAX;
-        !opens
-            && (self.after <= at_from.max(at_to).max(2) || meets)
-            && (!is_joined || (self.after_ahead == 1 && self.after_turned != 1))
-    }
-
-    /// Edges of more than two faces that there are more afterwards.
-    fn new_non_manifold_edges(&self) -> i64 {
-        let count = |faces: u32| i64::from(faces > 2);
-        count(self.after) - self.before.into_iter().map(count).sum::<i64>()
-    }
-}
-
-fn neighbour_of(neighbours: &mut Vec<Neighbour>, vertex: u32) -> &mut Neighbour {
-    let at = neighbours.iter().position(|known| known.vertex == vertex).unwrap_or_else(|| {
-        neighbours.push(Neighbour { vertex, before: [0; 2], after: 0, after_ahead: 0, after_turned: 0 });
-        neighbours.len() - 1
-    });
-    &mut neighbours[at]
-}
-
 /// Whether a vertex has too many faces for another to collapse onto it. Counted no further than that: a hub is asked again
 /// and again.
 fn is_hub(mesh: &ClusterMesh, rings: &Rings, vertex: u32) -> bool {
     rings.of(vertex).len() > 2 * VALENCE_MAX && rings.faces(mesh, vertex).nth(2 * VALENCE_MAX).is_some()
-}
-
-/// Whether a face has the first of two vertices right after the second: it looks the other way than one that has them in
-/// order.
-fn goes_back(face: [u32; 3], [first, second]: [u32; 2]) -> bool {
-    (0..3).any(|k| face[k] == second && face[(k + 1) % 3] == first)
-}
-
-/// The vertex of a face that is none of the two given.
-fn third_of(mesh: &ClusterMesh, face: u32, [a, b]: [u32; 2]) -> u32 {
-    mesh.vertices(face).into_iter().find(|&vertex| vertex != a && vertex != b).unwrap_or(a)
 }
 
 /// What a collapse does to the faces around its edge; scratch space is kept between edges.
@@ -172,6 +116,8 @@ pub struct EdgeStar {
     beside: Option<u32>,
     /// Neighbours of the ends, where the topology changes.
     neighbours: Vec<Neighbour>,
+    /// Sides of vanishing doubles that neither end is on.
+    far_sides: Vec<[u32; 2]>,
     /// Both ends of the edge.
     ends: [u32; 2],
     opposite: Vec<u32>,
@@ -248,115 +194,6 @@ impl EdgeStar {
             Ok(()) if fan.is_complex && fan.is_free => self.check_edges(mesh, rings, from, to, fan),
             checked => checked,
         }
-    }
-
-    /// The same where the topology may change: no edge has more faces afterwards than before, or than two, unless surfaces may
-    /// meet; of faces with the same vertices one stays, or none if they look opposite ways and close nothing any more.
-    ///
-    /// ```text
-    ///      x           x         the hole between a, b and x closes: ax and bx become one edge of two faces;
-    ///     / \          |         if they had two faces each, it would have four
-    ///    a---b   ──▶   b
-    /// ```
-    fn check_edges(&mut self, mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32, fan: Fan) -> Result<(), Refusal> {
-        if self.dying.is_empty() != fan.is_rip || is_hub(mesh, rings, to) || mesh.is_shared(to) {
-            return Err(Refusal::Topology);
-        }
-        self.stranded.clear();
-        self.unsettled.clear();
-        self.neighbours.clear();
-        let at_edge = self.dying.len();
-        for end in [from, to] {
-            for &corner in rings.of(end).iter().filter(|&&corner| mesh.living(corner).is_some()) {
-                let is_dying = self.dying[..at_edge].contains(&(corner / 3));
-                let far = ClusterMesh::following(corner).map(|c| mesh.vertex_of(c));
-                for (place, vertex) in far.into_iter().enumerate().filter(|(_, v)| !self.ends.contains(v)) {
-                    let neighbour = neighbour_of(&mut self.neighbours, vertex);
-                    neighbour.before[usize::from(end == to)] += 1;
-                    neighbour.after += u32::from(!is_dying);
-                    neighbour.after_ahead += u32::from(!is_dying && place == 0);
-                    neighbour.after_turned += u32::from(!is_dying && mesh.is_turned[corner as usize / 3]);
-                }
-            }
-        }
-        let mut last_double = None;
-        let mut stays = false;
-        for &corner in rings.of(from) {
-            let Some(wedge) = mesh.living(corner) else { continue };
-            let face = corner / 3;
-            if self.dying[..at_edge].contains(&face) {
-                continue;
-            }
-            let far = ClusterMesh::following(corner).map(|c| mesh.vertex_of(c));
-            let is_double = |&other: &u32| {
-                !self.dying.contains(&other) && far.iter().all(|vertex| mesh.vertices(other).contains(vertex))
-            };
-            if let Some(other) = rings.faces(mesh, to).find(is_double) {
-                self.dying.push(face);
-                let goes_back = goes_back(mesh.vertices(other), far);
-                // The third side, which does not move, may not become a border either.
-                let beside = || rings.faces(mesh, far[0]).filter(|&beside| mesh.vertices(beside).contains(&far[1]));
-                if beside().count() == 2 + usize::from(goes_back) {
-                    return Err(Refusal::Topology);
-                }
-                // Nor may the two that it is left with lie back to back.
-                let is_left = |&beside: &u32| beside != face && (beside != other || !goes_back);
-                let thirds: Vec<u32> = beside().filter(is_left).map(|beside| third_of(mesh, beside, far)).collect();
-                let place = |vertex: u32| mesh.positions[vertex as usize];
-                if let [one, another] = thirds[..]
-                    && are_nearly_folded(far.map(place), [one, another].map(place))
-                {
-                    return Err(Refusal::Fold);
-                }
-                if goes_back {
-                    self.dying.push(other);
-                    last_double = Some(other);
-                }
-                for (place, &vertex) in far.iter().enumerate() {
-                    let neighbour = neighbour_of(&mut self.neighbours, vertex);
-                    neighbour.after -= 1 + u32::from(goes_back);
-                    neighbour.after_ahead -= u32::from(place == 0 || goes_back);
-                    let is_turned = |face: u32| u32::from(mesh.is_turned[face as usize]);
-                    neighbour.after_turned -= is_turned(face) + u32::from(goes_back) * is_turned(other);
-                }
-                continue;
-            }
-            stays = true;
-            match self.wedges.iter().filter(|pair| pair.0 == wedge).count() {
-                1 => {}
-                0 if fan.strands || fan.is_rip => {
-                    if !self.stranded.contains(&wedge) {
-                        self.stranded.push(wedge);
-                    }
-                }
-                _ => return Err(Refusal::Seam),
-            }
-        }
-        stays |= rings.faces(mesh, to).any(|face| !self.dying.contains(&face));
-        // Of the two sides of all that is left of a piece one stays.
-        if let Some(double) = last_double.filter(|_| !stays) {
-            self.dying.retain(|&face| face != double);
-        } else if !self.neighbours.iter().all(|neighbour| neighbour.is_plain(fan.may_meet)) {
-            return Err(Refusal::Topology);
-        } else if !stays && !fan.is_alone {
-            return Err(Refusal::Piece);
-        }
-        // Across the edges that become one, and those of three faces or more that keep two, faces meet that did not.
-        for neighbour in &self.neighbours {
-            let is_left_with_two = neighbour.after == 2 && neighbour.before.iter().any(|&count| count > 2);
-            let is_new = !self.opposite.contains(&neighbour.vertex);
-            if is_left_with_two || (is_new && neighbour.before.iter().all(|&count| count > 0)) {
-                self.joins = true;
-                if is_new {
-                    self.opposite.push(neighbour.vertex);
-                }
-            }
-        }
-        self.new_non_manifold_edges = self.neighbours.iter().map(Neighbour::new_non_manifold_edges).sum::<i64>();
-        self.new_non_manifold_edges -= i64::from(at_edge > 2);
-        self.unsettled.push(to);
-        self.unsettled.extend(self.neighbours.iter().map(|neighbour| neighbour.vertex));
-        Ok(())
     }
 
     fn check_link(
@@ -593,5 +430,6 @@ pub fn uv_survives(before: [DVec2; 3], after: [DVec2; 3], areas_sq: [f64; 2]) ->
     kept > 0.0 && kept * kept * old_sq > least * least * new_sq.min(old_sq)
 }
 
+mod edges;
 #[cfg(test)]
 mod tests;

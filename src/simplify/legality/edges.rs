@@ -1,0 +1,216 @@
+//! Whether an edge may collapse where the topology may change: by the number of faces at each edge around it.
+
+use super::{EdgeStar, Fan, Refusal, is_hub};
+use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::fold::are_nearly_folded;
+use crate::mesh::ring::Rings;
+
+/// Faces of an edge at which surfaces meet, at most.
+const FACES_MEETING_MAX: u32 = 8;
+
+/// A vertex beside an edge, with how many faces join it to the ends.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Neighbour {
+    vertex: u32,
+    /// To the vanishing end and to the staying one.
+    before: [u32; 2],
+    /// To the staying one, when the other has vanished.
+    after: u32,
+    /// In how many of these it comes right after the staying end.
+    after_ahead: u32,
+    /// How many of these are turned over, and will be turned back.
+    after_turned: u32,
+}
+
+impl Neighbour {
+    /// Whether the edge gets no face too many: no more than it had at either end, or two; or up to [`FACES_MEETING_MAX`] where
+    /// surfaces `may_meet`. Two faces that meet there now must run along it in opposite directions, now and when they are
+    /// turned back, and it may not become a border.
+    fn is_plain(&self, may_meet: bool) -> bool {
+        let [at_from, at_to] = self.before;
+        let is_joined = at_from > 0 && at_to > 0 && self.after == 2;
+        let opens = self.after == 1 && at_from != 1 && at_to != 1;
+        let meets = may_meet && self.after <= FACES_MEETING_MAX;
+        !opens
+            && (self.after <= at_from.max(at_to).max(2) || meets)
+            && (!is_joined || (self.after_ahead == 1 && self.after_turned != 1))
+    }
+
+    /// Edges of more than two faces that there are more afterwards.
+    fn new_non_manifold_edges(&self) -> i64 {
+        let count = |faces: u32| i64::from(faces > 2);
+        count(self.after) - self.before.into_iter().map(count).sum::<i64>()
+    }
+}
+
+fn neighbour_of(neighbours: &mut Vec<Neighbour>, vertex: u32) -> &mut Neighbour {
+    let at = neighbours.iter().position(|known| known.vertex == vertex).unwrap_or_else(|| {
+        neighbours.push(Neighbour { vertex, before: [0; 2], after: 0, after_ahead: 0, after_turned: 0 });
+        neighbours.len() - 1
+    });
+    &mut neighbours[at]
+}
+
+/// Whether a face has the first of two vertices right after the second: it looks the other way than one that has them in
+/// order.
+fn goes_back(face: [u32; 3], [first, second]: [u32; 2]) -> bool {
+    (0..3).any(|k| face[k] == second && face[(k + 1) % 3] == first)
+}
+
+/// The vertex of a face that is none of the two given.
+fn third_of(mesh: &ClusterMesh, face: u32, [a, b]: [u32; 2]) -> u32 {
+    mesh.vertices(face).into_iter().find(|&vertex| vertex != a && vertex != b).unwrap_or(a)
+}
+
+impl EdgeStar {
+    /// Checks everything but geometry where the topology may change: no edge has more faces afterwards than before, or than two, unless surfaces may
+    /// meet; of faces with the same vertices one stays, or none if they look opposite ways and close nothing any more.
+    ///
+    /// ```text
+    ///      x           x         the hole between a, b and x closes: ax and bx become one edge of two faces;
+    ///     / \          |         if they had two faces each, it would have four
+    ///    a---b   ──▶   b
+    /// ```
+    pub(super) fn check_edges(
+        &mut self,
+        mesh: &ClusterMesh,
+        rings: &Rings,
+        from: u32,
+        to: u32,
+        fan: Fan,
+    ) -> Result<(), Refusal> {
+        if self.dying.is_empty() != fan.is_rip || is_hub(mesh, rings, to) || mesh.is_shared(to) {
+            return Err(Refusal::Topology);
+        }
+        self.unsettled.clear();
+        let at_edge = self.dying.len();
+        self.count_neighbours(mesh, rings);
+        let last_double = self.drop_doubles(mesh, rings);
+        let is_dead = |face: &u32| self.dying.contains(face);
+        let stays = [from, to].iter().any(|&end| rings.faces(mesh, end).any(|face| !is_dead(&face)));
+        // Of the two sides of all that is left of a piece one stays.
+        if let Some(double) = last_double.filter(|_| !stays) {
+            self.dying.retain(|&face| face != double);
+        } else if !self.neighbours.iter().all(|neighbour| neighbour.is_plain(fan.may_meet)) {
+            return Err(Refusal::Topology);
+        } else if !stays && !fan.is_alone {
+            return Err(Refusal::Piece);
+        } else {
+            self.check_far_sides(mesh, rings)?;
+        }
+        self.strand(mesh, rings, from, fan)?;
+        self.find_joined();
+        self.new_non_manifold_edges = self.neighbours.iter().map(Neighbour::new_non_manifold_edges).sum::<i64>();
+        self.new_non_manifold_edges -= i64::from(at_edge > 2);
+        self.unsettled.push(to);
+        self.unsettled.extend(self.neighbours.iter().map(|neighbour| neighbour.vertex));
+        Ok(())
+    }
+
+    /// Counts the faces at the edges to the vertices around, before and after the faces at the collapsing edge are gone.
+    fn count_neighbours(&mut self, mesh: &ClusterMesh, rings: &Rings) {
+        self.neighbours.clear();
+        let [from, to] = self.ends;
+        for end in [from, to] {
+            for &corner in rings.of(end).iter().filter(|&&corner| mesh.living(corner).is_some()) {
+                let is_dying = self.dying.contains(&(corner / 3));
+                let far = ClusterMesh::following(corner).map(|c| mesh.vertex_of(c));
+                for (place, vertex) in far.into_iter().enumerate().filter(|(_, v)| !self.ends.contains(v)) {
+                    let neighbour = neighbour_of(&mut self.neighbours, vertex);
+                    neighbour.before[usize::from(end == to)] += 1;
+                    neighbour.after += u32::from(!is_dying);
+                    neighbour.after_ahead += u32::from(!is_dying && place == 0);
+                    neighbour.after_turned += u32::from(!is_dying && mesh.is_turned[corner as usize / 3]);
+                }
+            }
+        }
+    }
+
+    /// Lets die, of faces that will have the same vertices, the one at the vanishing end, and the other if it looks the
+    /// other way; returns the last such other.
+    fn drop_doubles(&mut self, mesh: &ClusterMesh, rings: &Rings) -> Option<u32> {
+        self.far_sides.clear();
+        let [from, to] = self.ends;
+        let mut last_double = None;
+        for &corner in rings.of(from).iter().filter(|&&corner| mesh.living(corner).is_some()) {
+            let face = corner / 3;
+            let far = ClusterMesh::following(corner).map(|c| mesh.vertex_of(c));
+            let is_double = |&other: &u32| {
+                !self.dying.contains(&other) && far.iter().all(|vertex| mesh.vertices(other).contains(vertex))
+            };
+            if self.dying.contains(&face) {
+                continue;
+            }
+            let Some(other) = rings.faces(mesh, to).find(is_double) else { continue };
+            let goes_back = goes_back(mesh.vertices(other), far);
+            self.far_sides.push(far);
+            self.dying.push(face);
+            if goes_back {
+                self.dying.push(other);
+                last_double = Some(other);
+            }
+            for (place, &vertex) in far.iter().enumerate() {
+                let neighbour = neighbour_of(&mut self.neighbours, vertex);
+                neighbour.after -= 1 + u32::from(goes_back);
+                neighbour.after_ahead -= u32::from(place == 0 || goes_back);
+                let is_turned = |face: u32| u32::from(mesh.is_turned[face as usize]);
+                neighbour.after_turned -= is_turned(face) + u32::from(goes_back) * is_turned(other);
+            }
+        }
+        last_double
+    }
+
+    /// Checks the sides of vanishing doubles that neither end is on, and that do not move: none may become a border, nor
+    /// may the two faces that one is left with lie back to back.
+    fn check_far_sides(&self, mesh: &ClusterMesh, rings: &Rings) -> Result<(), Refusal> {
+        let place = |vertex: u32| mesh.positions[vertex as usize];
+        for &[a, b] in &self.far_sides {
+            let is_left = |&face: &u32| mesh.vertices(face).contains(&b) && !self.dying.contains(&face);
+            let mut thirds = rings.faces(mesh, a).filter(is_left).map(|face| third_of(mesh, face, [a, b]));
+            match [thirds.next(), thirds.next(), thirds.next()] {
+                [Some(_), None, _] => return Err(Refusal::Topology),
+                [Some(one), Some(other), None] if are_nearly_folded([a, b].map(place), [one, other].map(place)) => {
+                    return Err(Refusal::Fold);
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Finds the wedges of the vanishing end, in faces that stay, that no face at the edge has.
+    fn strand(&mut self, mesh: &ClusterMesh, rings: &Rings, from: u32, fan: Fan) -> Result<(), Refusal> {
+        self.stranded.clear();
+        for &corner in rings.of(from) {
+            let Some(wedge) = mesh.living(corner) else { continue };
+            if self.dying.contains(&(corner / 3)) {
+                continue;
+            }
+            match self.wedges.iter().filter(|pair| pair.0 == wedge).count() {
+                1 => {}
+                0 if fan.strands || fan.is_rip => {
+                    if !self.stranded.contains(&wedge) {
+                        self.stranded.push(wedge);
+                    }
+                }
+                _ => return Err(Refusal::Seam),
+            }
+        }
+        Ok(())
+    }
+
+    /// Finds the vertices at edges across which faces meet that did not: edges that become one, and those of three faces or
+    /// more that keep two.
+    fn find_joined(&mut self) {
+        for neighbour in &self.neighbours {
+            let is_left_with_two = neighbour.after == 2 && neighbour.before.iter().any(|&count| count > 2);
+            let is_new = !self.opposite.contains(&neighbour.vertex);
+            if is_left_with_two || (is_new && neighbour.before.iter().all(|&count| count > 0)) {
+                self.joins = true;
+                if is_new {
+                    self.opposite.push(neighbour.vertex);
+                }
+            }
+        }
+    }
+}
