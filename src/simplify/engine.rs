@@ -575,7 +575,7 @@ impl<M: Metric> Engine<M> {
             is_alone: self.price_alone(from).is_some(),
             is_free: self.frees_topology,
             is_rip,
-            may_meet: self.spare_edges > 0,
+            spare_edges: self.spare_edges,
         };
         if fan.is_alone && self.has_lost_neighbour(from) {
             self.proposals[from as usize] = Proposal { second_best: true, ..Proposal::NONE };

@@ -91,7 +91,7 @@ impl EdgeStar {
         // Of the two sides of all that is left of a piece one stays.
         if let Some(double) = last_double.filter(|_| !stays) {
             self.dying.retain(|&face| face != double);
-        } else if !self.neighbours.iter().all(|neighbour| neighbour.is_plain(fan.may_meet)) {
+        } else if !self.neighbours.iter().all(|neighbour| neighbour.is_plain(fan.spare_edges > 0)) {
             return Err(Refusal::Topology);
         } else if !stays && !fan.is_alone {
             return Err(Refusal::Piece);
@@ -102,6 +102,9 @@ impl EdgeStar {
         self.find_joined();
         self.new_non_manifold_edges = self.neighbours.iter().map(Neighbour::new_non_manifold_edges).sum::<i64>();
         self.new_non_manifold_edges -= i64::from(at_edge > 2);
+        if self.new_non_manifold_edges > fan.spare_edges.max(0) {
+            return Err(Refusal::Topology);
+        }
         self.unsettled.push(to);
         self.unsettled.extend(self.neighbours.iter().map(|neighbour| neighbour.vertex));
         Ok(())
