@@ -3,6 +3,7 @@
 use glam::{DVec2, DVec3, Vec2};
 
 use super::deviation::Patches;
+use super::last_faces::LastFaces;
 use super::legality::{EdgeStar, Fan, Refusal};
 use super::texture::{insets, uv_on_chain, uv_on_ring};
 use crate::cost::{EdgeCase, Metric};
@@ -38,6 +39,7 @@ pub struct Collapser {
     star: EdgeStar,
     uvs: Vec<DVec2>,
     patches: Patches,
+    last_faces: LastFaces,
     /// Faces that change and stay.
     changed: Vec<u32>,
     /// Largest deviation from the input that is allowed, if it is bounded.
@@ -58,6 +60,7 @@ impl Collapser {
     /// Prepares for a mesh.
     pub fn reset(&mut self, mesh: &ClusterMesh) {
         self.star.reset(mesh.positions.len());
+        self.last_faces.count(mesh);
     }
 
     /// Collapses the edge and returns how many faces died.
@@ -74,7 +77,9 @@ impl Collapser {
         let Collapse { from, to, onto, stays, .. } = collapse;
         self.star.gather(mesh, rings, from, to);
         self.star.check_topology(mesh, rings, from, to, collapse.fan)?;
-        if self.star.dying.len() > collapse.dying_max {
+        if self.star.dying.len() > collapse.dying_max
+            || (M::ENDPOINTS && self.last_faces.are_last(mesh, &self.star.dying))
+        {
             return Err(Refusal::Piece);
         }
         let insets = insets(mesh, rings, collapse.inset, (from, to), &self.star.wedges);
@@ -158,7 +163,7 @@ impl Collapser {
         Ok(())
     }
 
-    fn apply(&self, mesh: &mut ClusterMesh, rings: &Rings, collapse: Collapse, position: DVec3) -> usize {
+    fn apply(&mut self, mesh: &mut ClusterMesh, rings: &Rings, collapse: Collapse, position: DVec3) -> usize {
         let Collapse { from, to, .. } = collapse;
         self.star.apply(mesh, rings, from, to);
         if !collapse.stays && mesh.positions[to as usize] != position {
@@ -171,6 +176,7 @@ impl Collapser {
                 mesh.wedge_moved[wedge as usize] = true;
             }
         }
+        self.last_faces.remove(mesh, &self.star.dying);
         self.star.dying.len()
     }
 }

@@ -35,7 +35,7 @@ const HOVER_COST: f64 = 4.0;
 pub enum Refusal {
     /// The surface would change its topology: pinch, close a hole, double a face.
     Topology,
-    /// It is all that is left of a piece.
+    /// It is all that is left of a piece, or of a large part.
     Piece,
     /// A seam would be torn off its chart.
     Seam,
@@ -69,8 +69,8 @@ pub struct Fan {
     pub is_free: bool,
     /// It comes to a vertex that it has no edge with.
     pub is_rip: bool,
-    /// Surfaces may meet at an edge, which has more than two faces then.
-    pub may_meet: bool,
+    /// So many edges may get more than two faces: surfaces meet there.
+    pub spare_edges: i64,
 }
 
 /// The vertices around a vertex with one closed fan of at least four faces, and not too many.

@@ -16,6 +16,7 @@ pub mod deviation;
 pub mod engine;
 mod fold;
 mod handles;
+mod last_faces;
 pub mod legality;
 mod loners;
 pub mod parts;
