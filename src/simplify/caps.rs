@@ -33,10 +33,13 @@ pub struct Shut {
 /// If there are any, the rings are to be built anew, and the classes of the vertices found.
 pub fn shut(mesh: &mut ClusterMesh, rings: &Rings, classes: &[Class], most: f64, mut room: usize) -> Shut {
     let may_border = |v: u32| classes[v as usize].may_border();
+    let onwards: Vec<Onwards> = (0..classes.len() as u32)
+        .map(|v| if may_border(v) { Onwards::from(mesh, rings, v) } else { Onwards::Nowhere })
+        .collect();
     let mut is_used = vec![false; classes.len()];
     let mut shut = Shut::default();
-    for start in (0..classes.len() as u32).filter(|&v| may_border(v)) {
-        if is_used[start as usize] {
+    for start in 0..classes.len() as u32 {
+        if is_used[start as usize] || !may_return(&onwards, start) {
             continue;
         }
         let Some(hole) = Hole::at(mesh, rings, start) else { continue };
@@ -74,23 +77,67 @@ struct Rim {
     beyond_wedge: u32,
 }
 
+/// Where the border edges lead that go on from a vertex around a hole.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Onwards {
+    Nowhere,
+    To(u32),
+    SeveralWays,
+}
+
+impl Onwards {
+    fn from(mesh: &ClusterMesh, rings: &Rings, from: u32) -> Self {
+        if rings.of(from).len() > FACES_MAX {
+            return Self::Nowhere;
+        }
+        let mut onwards = Self::Nowhere;
+        for &corner in rings.of(from).iter().filter(|&&corner| is_before_rim(mesh, rings, corner)) {
+            onwards = match onwards {
+                Self::Nowhere => Self::To(mesh.vertex_of(ClusterMesh::following(corner)[1])),
+                _ => Self::SeveralWays,
+            };
+        }
+        onwards
+    }
+}
+
+/// Whether a short way from a vertex along borders may lead back to it.
+fn may_return(onwards: &[Onwards], start: u32) -> bool {
+    let mut at = start;
+    for _ in 0..EDGES_MAX {
+        at = match onwards[at as usize] {
+            Onwards::Nowhere => return false,
+            Onwards::To(next) if next == start => return true,
+            Onwards::To(next) => next,
+            Onwards::SeveralWays => return true,
+        };
+    }
+    false
+}
+
+/// Whether the face of a corner lives, and no other has the edge to the corner before: from this corner it leads on around a
+/// hole.
+fn is_before_rim(mesh: &ClusterMesh, rings: &Rings, corner: u32) -> bool {
+    let before = mesh.vertex_of(ClusterMesh::following(corner)[1]);
+    let has_edge = |&other: &u32| {
+        let ends = ClusterMesh::following(other).map(|far| mesh.vertex_of(far));
+        other != corner && ends.contains(&before) && mesh.living(other).is_some()
+    };
+    mesh.living(corner).is_some() && !rings.of(mesh.vertex_of(corner)).iter().any(has_edge)
+}
+
 /// The border edges that lead on from a vertex around a hole.
 fn rims_from(mesh: &ClusterMesh, rings: &Rings, from: u32) -> Vec<Rim> {
     if rings.of(from).len() > FACES_MAX {
         return Vec::new();
     }
-    let living = || rings.of(from).iter().copied().filter(|&corner| mesh.living(corner).is_some());
-    let is_border = |corner: &u32| {
-        let before = Spoke::of(mesh, *corner).previous;
-        living().filter(|other| other != corner).all(|other| Spoke::of(mesh, other).edge_to(before).is_none())
-    };
     let rim = |corner: u32| {
         let spoke = Spoke::of(mesh, corner);
         let wedges = [spoke.wedge, spoke.previous_wedge];
         let (part, is_turned) = (mesh.parts[corner as usize / 3], mesh.is_turned[corner as usize / 3]);
         Rim { from, to: spoke.previous, wedges, part, is_turned, beyond: spoke.next, beyond_wedge: spoke.next_wedge }
     };
-    living().filter(is_border).map(rim).collect()
+    rings.of(from).iter().copied().filter(|&corner| is_before_rim(mesh, rings, corner)).map(rim).collect()
 }
 
 /// A loop of border edges.

@@ -631,8 +631,8 @@ impl<M: Metric> Engine<M> {
         let deviation_max = self.collapser.deviation_max;
         for vertex in 0..self.mesh.positions.len() as u32 {
             if self.joined[vertex as usize] && !self.is_held(vertex) && !self.rings.of(vertex).is_empty() {
-                let is_inside = self.classes[vertex as usize] == Class::Smooth;
-                self.settler.settle(&mut self.mesh, &self.rings, &self.cost, vertex, is_inside, deviation_max);
+                let class = self.classes[vertex as usize];
+                self.settler.settle(&mut self.mesh, &self.rings, &self.cost, vertex, class, deviation_max);
             }
         }
     }

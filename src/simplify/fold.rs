@@ -143,13 +143,16 @@ impl FoldCheck {
 /// Whether a face folds onto the one across the side that none of the vertices is an end of.
 fn folds_outwards(mesh: &ClusterMesh, rings: &Rings, one: &Joined, position: DVec3) -> bool {
     let ([a, b], face) = (one.ends, one.corner / 3);
-    let mut thirds = thirds_at(mesh, rings, [a, b]).filter(|&(beside, _)| beside != face);
-    let Some((_, third)) = thirds.next() else { return false };
-    let [p, q, third, from] = [a, b, third, mesh.vertex_of(one.corner)].map(|v| mesh.positions[v as usize]);
-    are_nearly_folded([p, q], [position, third])
-        && !are_nearly_folded([p, q], [from, third])
+    let mut across = None;
+    for (beside, third) in thirds_at(mesh, rings, [a, b]) {
         // Of several faces, none is the one across.
-        && thirds.next().is_none()
+        if beside != face && across.replace(third).is_some() {
+            return false;
+        }
+    }
+    let Some(third) = across else { return false };
+    let [p, q, third, from] = [a, b, third, mesh.vertex_of(one.corner)].map(|v| mesh.positions[v as usize]);
+    are_nearly_folded([p, q], [position, third]) && !are_nearly_folded([p, q], [from, third])
 }
 
 /// Whether a face folds onto one that stays as it is, at an edge from the `anchor` to a vertex that both have for neighbour.
@@ -172,26 +175,32 @@ fn folds_at_anchor(
 }
 
 /// The living faces that have both vertices, and the third vertex of each.
+#[inline(always)]
 fn thirds_at<'a>(mesh: &'a ClusterMesh, rings: &'a Rings, [a, b]: [u32; 2]) -> impl Iterator<Item = (u32, u32)> + 'a {
-    rings.of(a).iter().filter_map(move |corner| {
-        let face = corner / 3;
-        let corners = mesh.vertices(face);
-        if !corners.contains(&b) || mesh.is_dead(face) {
-            return None;
-        }
-        Some((face, corners.into_iter().find(|&corner| corner != a && corner != b)?))
+    rings.of(a).iter().filter_map(move |&corner| {
+        let [next, previous] = ClusterMesh::following(corner).map(|far| mesh.vertex_of(far));
+        let third = if next == b { previous } else { next };
+        ((next == b || previous == b) && !mesh.is_dead(corner / 3)).then_some((corner / 3, third))
     })
 }
 
 /// Whether two of the faces share an edge at the place where they join, and fold onto each other there.
+#[inline(always)]
 fn fold_together(mesh: &ClusterMesh, [one, other]: [&Joined; 2], position: DVec3) -> bool {
-    let [from, from_other] = [one, other].map(|joined| mesh.vertex_of(joined.corner));
     // Mostly one begins where the other ends; not so where they run along the edge the same way.
-    let shared = (0..2).flat_map(|i| (0..2).map(move |j| (i, j))).filter(|&(i, j)| one.ends[i] == other.ends[j]);
-    shared.into_iter().any(|(i, j)| {
-        let [before, ridge, first, last] =
-            [from, one.ends[i], one.ends[1 - i], other.ends[1 - j]].map(|v| mesh.positions[v as usize]);
-        are_nearly_folded([position, ridge], [first, last])
-            && !(from == from_other && are_nearly_folded([before, ridge], [first, last]))
-    })
+    for [i, j] in [[0, 1], [1, 0], [0, 0], [1, 1]] {
+        if one.ends[i] == other.ends[j] && fold_at_edge(mesh, [one, other], [i, j], position) {
+            return true;
+        }
+    }
+    false
+}
+
+/// The same for the edge to these ends of theirs.
+fn fold_at_edge(mesh: &ClusterMesh, [one, other]: [&Joined; 2], [i, j]: [usize; 2], position: DVec3) -> bool {
+    let [from, from_other] = [one, other].map(|joined| mesh.vertex_of(joined.corner));
+    let [before, ridge, first, last] =
+        [from, one.ends[i], one.ends[1 - i], other.ends[1 - j]].map(|v| mesh.positions[v as usize]);
+    are_nearly_folded([position, ridge], [first, last])
+        && !(from == from_other && are_nearly_folded([before, ridge], [first, last]))
 }

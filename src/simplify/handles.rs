@@ -40,18 +40,29 @@ pub fn find(
 ) -> Vec<Handle> {
     let is_inside = |v: u32| matches!(classes[v as usize], Class::Smooth | Class::Seam | Class::Corner) && is_free(v);
     let length_sq = |a: u32, b: u32| mesh.positions[a as usize].distance_squared(mesh.positions[b as usize]);
-    let mut beside = vec![u32::MAX; mesh.positions.len()];
-    let mut found = Vec::new();
+    // Around the vertex that is looked at: which it is, and the vertex that follows.
+    let mut around = vec![[u32::MAX; 2]; mesh.positions.len()];
+    let (mut found, mut ends) = (Vec::new(), Vec::new());
     for a in (0..mesh.positions.len() as u32).filter(|&v| is_inside(v)) {
-        let ends = || next_vertices(mesh, rings, a).filter(|&b| is_inside(b) && length_sq(a, b) <= most_sq);
-        ends().for_each(|b| beside[b as usize] = a);
-        for b in ends().filter(|&b| b > a) {
-            for c in next_vertices(mesh, rings, b).filter(|&c| c > b && beside[c as usize] == a) {
-                let longest = length_sq(a, b).max(length_sq(b, c)).max(length_sq(c, a));
-                let is_face =
-                    || rings.faces(mesh, a).any(|face| [b, c].iter().all(|v| mesh.vertices(face).contains(v)));
-                if longest <= most_sq && !is_face() {
-                    found.push(Handle { length_sq: longest, vertices: [a, b, c] });
+        // Each way is found at its lowest vertex.
+        ends.clear();
+        for [b, follower] in edges_at(mesh, rings, a) {
+            if b > a && length_sq(a, b) <= most_sq && is_inside(b) {
+                ends.push(b);
+                around[b as usize] = [a, follower];
+            }
+        }
+        if ends.len() < 2 {
+            continue;
+        }
+        for &b in &ends {
+            for [c, _] in edges_at(mesh, rings, b) {
+                let is_face = || around[b as usize][1] == c || around[c as usize][1] == b;
+                if c > b && around[c as usize][0] == a && !is_face() {
+                    let longest = length_sq(a, b).max(length_sq(b, c)).max(length_sq(c, a));
+                    if longest <= most_sq {
+                        found.push(Handle { length_sq: longest, vertices: [a, b, c] });
+                    }
                 }
             }
         }
@@ -60,10 +71,11 @@ pub fn find(
     found
 }
 
-/// The vertices that follow one in the faces around it: all neighbours of a vertex inside the surface.
-fn next_vertices<'a>(mesh: &'a ClusterMesh, rings: &'a Rings, vertex: u32) -> impl Iterator<Item = u32> + 'a {
+/// The two other vertices of each face around one, counter-clockwise: around a vertex inside the surface every neighbour comes
+/// first once, and then the one that follows it.
+fn edges_at<'a>(mesh: &'a ClusterMesh, rings: &'a Rings, vertex: u32) -> impl Iterator<Item = [u32; 2]> + 'a {
     let living = rings.of(vertex).iter().filter(|&&corner| mesh.living(corner).is_some());
-    living.map(|&corner| mesh.vertex_of(ClusterMesh::following(corner)[0]))
+    living.map(|&corner| ClusterMesh::following(corner).map(|corner| mesh.vertex_of(corner)))
 }
 
 /// Cuts handles as long as no two that are cut have a vertex in common; returns the vertices whose classes are others

@@ -3,6 +3,10 @@
 //! Costs know planes and pictures, and where charts of several materials meet, one of them may shrink to nothing for
 //! little. What a part covers is compared with what faces cover on average, so the rule gives way as faces get fewer.
 
+use std::collections::HashMap;
+
+use foldhash::fast::FixedState;
+
 use super::witness::area_of;
 use crate::mesh::ClusterMesh;
 
@@ -12,69 +16,62 @@ const MEAN_FACES: f64 = 2.0;
 /// The faces that each part has, in meshes of several parts.
 #[derive(Debug, Default)]
 pub struct LastFaces {
-    /// In order.
-    parts: Vec<u32>,
-    /// Of each part.
-    holdings: Vec<Holding>,
-    /// Area of the mesh, in units of length².
+    parts: HashMap<u32, Holding, FixedState>,
+    /// Area of the mesh when it was seen first, in units of length².
     area: f64,
 }
 
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Default)]
 struct Holding {
     faces: u32,
-    /// Area when the count began, in units of length².
+    /// Area when the mesh was seen first, in units of length².
     area: f64,
 }
 
 impl LastFaces {
-    /// Counts the faces of a mesh that has no dead ones.
+    /// Counts the faces of a mesh that has no dead ones, and finds the areas at first: collapses keep them about the same.
     pub fn count(&mut self, mesh: &ClusterMesh) {
-        self.parts.clear();
-        self.parts.extend(&mesh.parts);
-        self.parts.dedup();
-        self.parts.sort_unstable();
-        self.parts.dedup();
-        self.holdings.clear();
-        self.area = 0.0;
-        if self.parts.len() < 2 {
-            self.parts.clear();
+        if self.area == 0.0 && mesh.parts.windows(2).any(|pair| pair[0] != pair[1]) {
+            for (face, &part) in mesh.parts.iter().enumerate() {
+                let area = area_of(mesh.triangle(face as u32));
+                self.parts.entry(part).or_default().area += area;
+                self.area += area;
+            }
+        }
+        if self.parts.is_empty() {
             return;
         }
-        self.holdings.resize(self.parts.len(), Holding::default());
-        for face in 0..mesh.corners.len() as u32 {
-            let area = area_of(mesh.triangle(face));
-            self.area += area;
-            if let Some(holding) = self.holding(mesh, face) {
-                holding.faces += 1;
-                holding.area += area;
-            }
+        self.parts.values_mut().for_each(|holding| holding.faces = 0);
+        for faces in mesh.parts.chunk_by(|a, b| a == b) {
+            self.parts.entry(faces[0]).or_default().faces += faces.len() as u32;
         }
     }
 
     /// Whether a large part would have no face if these vanished, each of which is named once.
-    pub fn are_last(&mut self, mesh: &ClusterMesh, dying: &[u32]) -> bool {
-        let (area, part_of) = (self.area, |face: u32| mesh.parts[face as usize]);
+    pub fn are_last(&self, mesh: &ClusterMesh, dying: &[u32]) -> bool {
+        if self.parts.is_empty() {
+            return false;
+        }
+        let part_of = |face: u32| mesh.parts[face as usize];
         dying.iter().any(|&face| {
             let of_part = dying.iter().filter(|&&other| part_of(other) == part_of(face)).count();
-            self.holding(mesh, face).is_some_and(|holding| {
-                holding.faces as usize <= of_part && holding.area * mesh.face_count as f64 >= MEAN_FACES * area
+            self.parts.get(&part_of(face)).is_some_and(|holding| {
+                let is_large = holding.area * mesh.face_count as f64 >= MEAN_FACES * self.area;
+                holding.faces as usize <= of_part && is_large
             })
         })
     }
 
     /// Takes note of faces that have vanished.
     pub fn remove(&mut self, mesh: &ClusterMesh, died: &[u32]) {
+        if self.parts.is_empty() {
+            return;
+        }
         for &face in died {
-            if let Some(holding) = self.holding(mesh, face) {
+            if let Some(holding) = self.parts.get_mut(&mesh.parts[face as usize]) {
                 holding.faces -= 1;
             }
         }
-    }
-
-    fn holding(&mut self, mesh: &ClusterMesh, face: u32) -> Option<&mut Holding> {
-        let at = self.parts.binary_search(&mesh.parts[face as usize]).ok()?;
-        Some(&mut self.holdings[at])
     }
 }
 

@@ -40,8 +40,12 @@ impl Loners {
             let middle = triangle.into_iter().sum::<DVec3>() / 3.0;
             let mut nearest = (f64::INFINITY, face);
             tree.nearest_sq(middle, f64::INFINITY, |other| {
-                let away_sq =
-                    if stays_longer(other) { distance_sq(middle, mesh.triangle(other)) } else { f64::INFINITY };
+                let corners = mesh.triangle(other);
+                // Most are found too far away by their boxes.
+                if Bounds::around(corners).distance_sq(middle) > nearest.0 || !stays_longer(other) {
+                    return f64::INFINITY;
+                }
+                let away_sq = distance_sq(middle, corners);
                 if (away_sq, other) < nearest {
                     nearest = (away_sq, other);
                 }

@@ -21,20 +21,23 @@ const FACING_MIN: f32 = 0.0;
 /// Vertices of more faces have no part in this: each looks at all pairs of its faces.
 pub const FACES_MAX: usize = 32;
 
-/// A border vertex, and that of another border that is nearest.
+/// The vertex of another border that is nearest to one.
 #[derive(Debug, Clone, Copy)]
 pub struct Pair {
-    vertex: u32,
-    /// The other one.
+    /// That vertex.
     pub partner: u32,
-    /// Their distance, as share of the shortest border edge at the first one.
+    /// Their distance, as share of the shortest border edge at the one.
     pub closeness: f32,
+}
+
+impl Pair {
+    const NONE: Self = Self { partner: u32::MAX, closeness: 1.0 };
 }
 
 /// Border vertices, each with the nearest one of another border, or of another part of its own.
 #[derive(Debug, Default)]
 pub struct Rips {
-    /// In the order of vertices.
+    /// Of each vertex, if there are any.
     pairs: Vec<Pair>,
 }
 
@@ -59,35 +62,35 @@ impl Rips {
             let mut nearest = (rim.reach_sq, u32::MAX);
             tree.nearest_sq(at, rim.reach_sq, |item| {
                 let other = &rims[item as usize];
+                let distance_sq = at.distance_squared(place(item));
                 let is_beside = |face: u32| mesh.vertices(face).contains(&other.vertex);
-                if !rim.faces(other) || mesh.is_shared(other.vertex) || rings.faces(mesh, rim.vertex).any(is_beside) {
+                if (distance_sq, other.vertex) >= nearest
+                    || !rim.faces(other)
+                    || mesh.is_shared(other.vertex)
+                    || rings.faces(mesh, rim.vertex).any(is_beside)
+                {
                     return f64::INFINITY;
                 }
-                let distance_sq = at.distance_squared(place(item));
-                if (distance_sq, other.vertex) < nearest {
-                    nearest = (distance_sq, other.vertex);
-                }
+                nearest = (distance_sq, other.vertex);
                 distance_sq
             });
             if nearest.1 != u32::MAX {
                 let closeness = (nearest.0 / rim.reach_sq).sqrt() as f32;
-                self.pairs.push(Pair { vertex: rim.vertex, partner: nearest.1, closeness });
+                self.pairs.resize(mesh.positions.len(), Pair::NONE);
+                self.pairs[rim.vertex as usize] = Pair { partner: nearest.1, closeness };
             }
         }
     }
 
     /// The vertices that have partners, ascending.
     pub fn vertices(&self) -> impl Iterator<Item = u32> + '_ {
-        self.pairs.iter().map(|pair| pair.vertex)
+        (0..self.pairs.len() as u32).filter(|&vertex| self.pair_of(vertex).is_some())
     }
 
     /// The vertex that a border vertex was paired with.
+    #[inline]
     pub fn pair_of(&self, vertex: u32) -> Option<Pair> {
-        if self.pairs.is_empty() {
-            return None;
-        }
-        let at = self.pairs.binary_search_by_key(&vertex, |pair| pair.vertex).ok()?;
-        Some(self.pairs[at])
+        self.pairs.get(vertex as usize).copied().filter(|pair| pair.partner != u32::MAX)
     }
 }
 

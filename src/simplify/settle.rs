@@ -19,6 +19,7 @@ use super::fold::FoldCheck;
 use super::legality::{Refusal, change_of, doubled_uv_area, uv_survives};
 use super::texture::closest_weights;
 use crate::cost::{Metric, SettlingWedge};
+use crate::mesh::class::Class;
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::ring::Rings;
 
@@ -52,9 +53,10 @@ impl Settler {
         rings: &Rings,
         cost: &M,
         vertex: u32,
-        is_inside_chart: bool,
+        class: Class,
         deviation_max: Option<f64>,
     ) {
+        let is_inside_chart = class == Class::Smooth;
         self.gather(mesh, rings, vertex, is_inside_chart);
         let Some(mut best) = cost.best_step(vertex, &self.wedges) else { return };
         if !is_inside_chart && self.hold_back(mesh, rings, cost, vertex, best) {
@@ -69,7 +71,7 @@ impl Settler {
                 let slide = slide.map_or_else(|| cost.best_slide(wedge, step), |slide| share * slide);
                 mesh.wedge_uv[wedge as usize] + slide
             }));
-            if self.fits(mesh, rings, vertex, is_inside_chart, position)
+            if self.fits(mesh, rings, vertex, class == Class::Complex, position)
                 && self.keeps_deviation(mesh, rings, vertex, position, deviation_max).is_ok()
             {
                 self.apply(mesh, vertex, position);
@@ -111,8 +113,9 @@ impl Settler {
     }
 
     /// Whether no face around the vertex folds over or collapses, on the surface or in the picture.
-    fn fits(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32, is_inside_chart: bool, position: DVec3) -> bool {
-        self.folds.begin(!is_inside_chart);
+    fn fits(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32, is_complex: bool, position: DVec3) -> bool {
+        // Faces at non-manifold places may run along an edge the same way.
+        self.folds.begin(is_complex);
         for &corner in rings.of(vertex) {
             let (face, k) = (corner / 3, corner as usize % 3);
             let (before, uv_before) = (mesh.triangle(face), mesh.uv_triangle(face));

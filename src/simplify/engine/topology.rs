@@ -152,12 +152,32 @@ impl<M: Metric> Engine<M> {
 
     /// Whether a hole of three edges has this border edge.
     pub(super) fn is_beside_hole(&self, from: u32, to: u32) -> bool {
-        let count_at = |vertex: u32, both: [u32; 2]| {
-            let has_both = |face: &u32| both.iter().all(|other| self.mesh.vertices(*face).contains(other));
-            self.rings.faces(&self.mesh, vertex).filter(has_both).take(2).count()
-        };
-        let closes = |third: u32| third != to && count_at(to, [to, third]) == 1 && count_at(to, [from, third]) == 0;
+        let closes = |third: u32| third != to && self.is_border_beside(to, [third, from]);
+        if self.classes[from as usize].is_border() {
+            // Around one open fan every vertex follows another and precedes one, but for the two on the border.
+            let mut third = to;
+            for &corner in self.rings.of(from).iter().filter(|&&corner| self.mesh.living(corner).is_some()) {
+                let [next, previous] = ClusterMesh::following(corner).map(|corner| self.mesh.vertex_of(corner));
+                third ^= next ^ previous;
+            }
+            return (third as usize) < self.classes.len() && closes(third) && self.is_border_beside(from, [third, to]);
+        }
         has_border_end(&self.mesh, &self.rings, from, closes)
+    }
+
+    /// Whether a vertex has a border edge to another one, and no face with that and a third one.
+    fn is_border_beside(&self, vertex: u32, [end, third]: [u32; 2]) -> bool {
+        let mut count = 0;
+        for face in self.rings.faces(&self.mesh, vertex) {
+            let corners = self.mesh.vertices(face);
+            if corners.contains(&end) {
+                if corners.contains(&third) {
+                    return false;
+                }
+                count += 1;
+            }
+        }
+        count == 1
     }
 
     /// The vertex that a vertex went into in this stage, or itself.
