@@ -1,6 +1,8 @@
 //! Whether an edge may collapse where the topology may change: by the number of faces at each edge around it.
 
-use super::{EdgeStar, Fan, Refusal, is_hub};
+use glam::DVec2;
+
+use super::{EdgeStar, Fan, Refusal, doubled_uv_area, is_hub};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::fold::are_nearly_folded;
 use crate::mesh::ring::Rings;
@@ -100,6 +102,9 @@ impl EdgeStar {
         }
         self.strand(mesh, rings, from, fan)?;
         self.find_joined();
+        if self.joins && self.joins_mirrored(mesh, rings) {
+            return Err(Refusal::UvFold);
+        }
         self.new_non_manifold_edges = self.neighbours.iter().map(Neighbour::new_non_manifold_edges).sum::<i64>();
         self.new_non_manifold_edges -= i64::from(at_edge > 2);
         if self.new_non_manifold_edges > fan.spare_edges.max(0) {
@@ -169,11 +174,17 @@ impl EdgeStar {
         let place = |vertex: u32| mesh.positions[vertex as usize];
         for &[a, b] in &self.far_sides {
             let is_left = |&face: &u32| mesh.vertices(face).contains(&b) && !self.dying.contains(&face);
-            let mut thirds = rings.faces(mesh, a).filter(is_left).map(|face| third_of(mesh, face, [a, b]));
-            match [thirds.next(), thirds.next(), thirds.next()] {
+            let mut left = rings.faces(mesh, a).filter(is_left);
+            match [left.next(), left.next(), left.next()] {
                 [Some(_), None, _] => return Err(Refusal::Topology),
-                [Some(one), Some(other), None] if are_nearly_folded([a, b].map(place), [one, other].map(place)) => {
-                    return Err(Refusal::Fold);
+                [Some(one), Some(other), None] => {
+                    let thirds = [one, other].map(|face| place(third_of(mesh, face, [a, b])));
+                    if are_nearly_folded([a, b].map(place), thirds) {
+                        return Err(Refusal::Fold);
+                    }
+                    if self.are_mirrored(mesh, [one, other], [a, b]) {
+                        return Err(Refusal::UvFold);
+                    }
                 }
                 _ => {}
             }
@@ -216,4 +227,53 @@ impl EdgeStar {
             }
         }
     }
+
+    /// Whether faces that will meet at an edge become one chart there, and one of their texture triangles is a mirror image.
+    fn joins_mirrored(&self, mesh: &ClusterMesh, rings: &Rings) -> bool {
+        let [from, to] = self.ends;
+        self.neighbours.iter().filter(|neighbour| neighbour.after == 2).any(|&Neighbour { vertex, .. }| {
+            let at_ends = [from, to].into_iter().flat_map(|end| rings.faces(mesh, end));
+            let mut faces = at_ends.filter(|face| !self.dying.contains(face) && mesh.vertices(*face).contains(&vertex));
+            match [faces.next(), faces.next()] {
+                [Some(one), Some(other)] => self.are_mirrored(mesh, [one, other], [vertex, to]),
+                _ => false,
+            }
+        })
+    }
+
+    /// Whether two faces run along an edge against each other, with the same texture coordinates, and their texture triangles
+    /// have opposite signs. The vanishing end counts as the staying one.
+    fn are_mirrored(&self, mesh: &ClusterMesh, faces: [u32; 2], edge: [u32; 2]) -> bool {
+        let [one, other] = faces.map(|face| self.side_of(mesh, face, edge));
+        one.leads_on != other.leads_on
+            && one.is_turned == other.is_turned
+            && one.uvs == other.uvs
+            && one.doubled_uv_area * other.doubled_uv_area < 0.0
+    }
+
+    /// What a face is like at an edge of it.
+    fn side_of(&self, mesh: &ClusterMesh, face: u32, edge: [u32; 2]) -> Side {
+        let [from, to] = self.ends;
+        let vertices = mesh.vertices(face).map(|vertex| if vertex == from { to } else { vertex });
+        let ends = edge.map(|end| vertices.into_iter().position(|vertex| vertex == end).unwrap_or(0));
+        let wedge_after = |wedge: u32| self.wedges.iter().find(|pair| pair.0 == wedge).map_or(wedge, |pair| pair.1);
+        Side {
+            leads_on: (ends[0] + 1) % 3 == ends[1],
+            is_turned: mesh.is_turned[face as usize],
+            uvs: ends.map(|k| mesh.wedge_uv[wedge_after(mesh.corners[face as usize][k]) as usize]),
+            doubled_uv_area: doubled_uv_area(mesh.uv_triangle(face)),
+        }
+    }
+}
+
+/// A face at an edge.
+#[derive(Debug)]
+struct Side {
+    /// Whether the second end follows the first in the face.
+    leads_on: bool,
+    /// Whether the face is turned over, and will be turned back.
+    is_turned: bool,
+    /// Its texture coordinates at both ends.
+    uvs: [DVec2; 2],
+    doubled_uv_area: f64,
 }

@@ -602,6 +602,27 @@ fn a_hole_of_three_edges_closes_where_the_topology_may_change() {
 }
 
 #[test]
+fn no_hole_closes_that_would_leave_a_texture_triangle_mirrored_in_its_chart() {
+    let faces = [[0, 3, 1], [0, 2, 4], [1, 5, 2]];
+    let close = |apex: [f64; 2], has_seam: bool| {
+        let (mut mesh, mut rings) = mesh_of(&[DVec3::ZERO; 6], &[]);
+        let picture = [[0.0, 0.0], [1.0, 0.0], [0.5, 1.0], [0.5, -1.0], [-0.5, 1.0], apex];
+        mesh.wedge_uv = picture.map(DVec2::from_array).to_vec();
+        let mut faces = faces;
+        if has_seam {
+            faces[2][2] = mesh.push_wedge(2, DVec2::new(0.5, 1.5));
+        }
+        faces.iter().for_each(|&face| mesh.push_face(face, 0));
+        mesh.link_wedges();
+        rings.build(&mesh);
+        verdict_of(&(mesh, rings), 0, 1, Fan { is_free: true, ..Fan::default() })
+    };
+    assert_eq!(close([1.5, 1.0], false), Ok(()));
+    assert_eq!(close([0.0, -1.0], false), Err(Refusal::UvFold));
+    assert_eq!(close([0.0, -1.0], true), Ok(()));
+}
+
+#[test]
 fn no_edge_gets_a_third_face_or_two_that_run_along_it_the_same_way() {
     let with_third = [[0, 3, 1], [0, 2, 4], [0, 6, 2], [1, 5, 2]];
     assert_eq!(free_collapse(&with_third).0, Err(Refusal::Topology));
