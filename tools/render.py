@@ -117,16 +117,19 @@ def main():
     parser.add_argument("--turn", type=float, default=30, help="degrees about the vertical (default: 30)")
     parser.add_argument("--tilt", type=float, default=42, help="degrees above the horizon (default: 42)")
     parser.add_argument("--wire", action="store_true", help="draw the triangles' edges")
+    parser.add_argument("--columns", type=int, help="views side by side (default: all)")
     parser.add_argument("--palette", type=int, metavar="N", help="reduce to N colours, for a smaller file")
     options = parser.parse_args()
     width, height = (int(x) for x in options.size.split("x"))
     big = (width * SUPERSAMPLE, height * SUPERSAMPLE)
-    page, view = Image.new("RGB", (width * len(options.meshes), height)), None
+    columns = options.columns or len(options.meshes)
+    rows = -(-len(options.meshes) // columns)
+    page, view = Image.new("RGB", (width * columns, height * rows), BACKGROUND), None
     for k, path in enumerate(options.meshes):
         mesh = objlib.read(path)
         view = view or View(mesh, *big, options.turn, options.tilt)
         drawn = Image.fromarray(draw(mesh, load_textures(path), view, *big, options.wire))
-        page.paste(drawn.resize((width, height), Image.LANCZOS), (k * width, 0))
+        page.paste(drawn.resize((width, height), Image.LANCZOS), (k % columns * width, k // columns * height))
     if options.palette:
         page = page.quantize(options.palette, dither=Image.Dither.NONE)
     page.save(options.picture, optimize=True)
