@@ -87,17 +87,12 @@ enum Onwards {
 
 impl Onwards {
     fn from(mesh: &ClusterMesh, rings: &Rings, from: u32) -> Self {
-        if rings.of(from).len() > FACES_MAX {
-            return Self::Nowhere;
+        let mut corners = corners_before_rims(mesh, rings, from);
+        match [corners.next(), corners.next()] {
+            [None, _] => Self::Nowhere,
+            [Some(corner), None] => Self::To(mesh.vertex_of(ClusterMesh::following(corner)[1])),
+            _ => Self::SeveralWays,
         }
-        let mut onwards = Self::Nowhere;
-        for &corner in rings.of(from).iter().filter(|&&corner| is_before_rim(mesh, rings, corner)) {
-            onwards = match onwards {
-                Self::Nowhere => Self::To(mesh.vertex_of(ClusterMesh::following(corner)[1])),
-                _ => Self::SeveralWays,
-            };
-        }
-        onwards
     }
 }
 
@@ -115,29 +110,27 @@ fn may_return(onwards: &[Onwards], start: u32) -> bool {
     false
 }
 
-/// Whether the face of a corner lives, and no other has the edge to the corner before: from this corner it leads on around a
-/// hole.
-fn is_before_rim(mesh: &ClusterMesh, rings: &Rings, corner: u32) -> bool {
-    let before = mesh.vertex_of(ClusterMesh::following(corner)[1]);
-    let has_edge = |&other: &u32| {
-        let ends = ClusterMesh::following(other).map(|far| mesh.vertex_of(far));
-        other != corner && ends.contains(&before) && mesh.living(other).is_some()
-    };
-    mesh.living(corner).is_some() && !rings.of(mesh.vertex_of(corner)).iter().any(has_edge)
+/// The corners at a vertex whose faces alone have the edge to the corner before: along it the way leads on around a hole.
+fn corners_before_rims<'a>(mesh: &'a ClusterMesh, rings: &'a Rings, from: u32) -> impl Iterator<Item = u32> + 'a {
+    let corners = rings.of(from);
+    let corners = if corners.len() > FACES_MAX { &[] } else { corners };
+    let living = move || corners.iter().copied().filter(|&corner| mesh.living(corner).is_some());
+    living().filter(move |&corner| {
+        let before = mesh.vertex_of(ClusterMesh::following(corner)[1]);
+        let has_edge = |other: u32| ClusterMesh::following(other).iter().any(|&far| mesh.vertex_of(far) == before);
+        living().all(|other| other == corner || !has_edge(other))
+    })
 }
 
 /// The border edges that lead on from a vertex around a hole.
 fn rims_from(mesh: &ClusterMesh, rings: &Rings, from: u32) -> Vec<Rim> {
-    if rings.of(from).len() > FACES_MAX {
-        return Vec::new();
-    }
     let rim = |corner: u32| {
         let spoke = Spoke::of(mesh, corner);
         let wedges = [spoke.wedge, spoke.previous_wedge];
         let (part, is_turned) = (mesh.parts[corner as usize / 3], mesh.is_turned[corner as usize / 3]);
         Rim { from, to: spoke.previous, wedges, part, is_turned, beyond: spoke.next, beyond_wedge: spoke.next_wedge }
     };
-    rings.of(from).iter().copied().filter(|&corner| is_before_rim(mesh, rings, corner)).map(rim).collect()
+    corners_before_rims(mesh, rings, from).map(rim).collect()
 }
 
 /// A loop of border edges.

@@ -21,12 +21,12 @@ const FACING_MIN: f32 = 0.0;
 /// Vertices of more faces have no part in this: each looks at all pairs of its faces.
 pub const FACES_MAX: usize = 32;
 
-/// The vertex of another border that is nearest to one.
+/// What a border vertex is paired with.
 #[derive(Debug, Clone, Copy)]
 pub struct Pair {
-    /// That vertex.
+    /// The nearest vertex of another border.
     pub partner: u32,
-    /// Their distance, as share of the shortest border edge at the one.
+    /// Distance to it, as share of the shortest border edge at the border vertex.
     pub closeness: f32,
 }
 
@@ -37,7 +37,7 @@ impl Pair {
 /// Border vertices, each with the nearest one of another border, or of another part of its own.
 #[derive(Debug, Default)]
 pub struct Rips {
-    /// Of each vertex, if there are any.
+    /// Of each vertex, or empty if there is no border.
     pairs: Vec<Pair>,
 }
 
@@ -55,6 +55,7 @@ impl Rips {
         if rims.is_empty() {
             return;
         }
+        self.pairs.resize(mesh.positions.len(), Pair::NONE);
         let place = |item: u32| mesh.positions[rims[item as usize].vertex as usize];
         let tree = BoxTree::new(rims.len(), |item| Bounds::around([place(item)]));
         for rim in rims.iter().filter(|rim| !mesh.is_locked(rim.vertex)) {
@@ -76,7 +77,6 @@ impl Rips {
             });
             if nearest.1 != u32::MAX {
                 let closeness = (nearest.0 / rim.reach_sq).sqrt() as f32;
-                self.pairs.resize(mesh.positions.len(), Pair::NONE);
                 self.pairs[rim.vertex as usize] = Pair { partner: nearest.1, closeness };
             }
         }
