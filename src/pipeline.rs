@@ -17,6 +17,7 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 use self::input::{Input, Reading};
 use self::output::Earlier;
 use self::pictures::Painter;
+use crate::base::ordered::both;
 use crate::base::threads::make_pool;
 use crate::base::{Findings, MemoryBudget, Progress, Result};
 use crate::job::{InputFile, Manifest, Step, WorkFolder, folder_bytes};
@@ -172,32 +173,35 @@ fn run(
     findings.merge(passes.findings);
 
     let written = Instant::now();
-    let result = match earlier {
-        // Of one that was begun afresh on the way nobody knows that it follows from the input as it is.
-        Earlier::Whole(written) if is_resumed => written,
-        _ => {
-            output::remember(job, output)?;
-            let staged = write::stage(&passes.mesh, catalogue, output, job.path(), &write_options, progress)?;
-            if options.textures == TextureFiles::Copy {
-                input.check_textures(&staged, write_options.brings_outside)?;
+    let write = || {
+        let result = match earlier {
+            // Of one that was begun afresh on the way nobody knows that it follows from the input as it is.
+            Earlier::Whole(written) if is_resumed => written,
+            _ => {
+                output::remember(job, output)?;
+                let staged = write::stage(&passes.mesh, catalogue, output, job.path(), &write_options, progress)?;
+                if options.textures == TextureFiles::Copy {
+                    input.check_textures(&staged, write_options.brings_outside)?;
+                }
+                progress.check_stopped()?;
+                job.settle()?;
+                job.keep(Step::Written, staged.written().faces, [], staged.written())?;
+                // Without it a result that has its name already would be taken for another one's.
+                job.sync()?;
+                staged.commit(progress)?
             }
-            progress.check_stopped()?;
-            job.settle()?;
-            job.keep(Step::Written, staged.written().faces, [], staged.written())?;
-            // Without it a result that has its name already would be taken for another one's.
-            job.sync()?;
-            staged.commit(progress)?
-        }
+        };
+        progress.begin("measure", 0, "");
+        Ok((result, written.elapsed()))
     };
+    // Text is written by one thread most of the time.
+    let (result, measured) = both(threads, write, || gauge(&passes.probes, &passes.mesh, progress));
+    let ((result, write_seconds), measured) = (result?, measured?);
+    let measure_seconds = written.elapsed() - write_seconds;
     let scratch_peak = passes.scratch_peak.max(folder_bytes(job.path()));
     let is_drawn = options.drawing != Drawing::Nothing;
     let files = files::figures(catalogue, &result.findings, &result.companions, write_options.brings_outside, is_drawn);
     findings.merge(result.findings);
-    let write_seconds = written.elapsed();
-    let gauged = Instant::now();
-    progress.begin("measure", 0, "");
-    let measured = gauge(&passes.probes, &passes.mesh, progress)?;
-    let measure_seconds = gauged.elapsed();
     let drawn = Instant::now();
     let shots = before.and_then(|(from, before)| {
         let (_, after) = painter.draw(&passes.mesh, Some(from), &mut findings)?;

@@ -148,10 +148,8 @@ struct GridBox {
 pub fn plan(mesh: &StoredMesh, options: &PartitionOptions) -> Result<Cells> {
     let vertices = mesh.vertex_count();
     let mut cells = Cells { nodes: vec![Node::Leaf { cell: 0 }], count: 1 };
-    let faces = mesh.face_count();
-    let weight = ClusterWeight { faces, vertices, wedges: vertices.max(mesh.texcoord_count()) }.bytes();
-    let fits = faces <= options.cluster_faces && weight <= limit_bytes(options.cluster_faces);
-    if fits || faces == 0 || vertices <= 4 {
+    let (faces, weight) = (mesh.face_count(), weight_of(mesh).bytes());
+    if fits_one(mesh, options.cluster_faces) || faces == 0 || vertices <= 4 {
         return Ok(cells);
     }
     // Vertices of a cell that has `cluster_faces` faces, if both are spread alike.
@@ -177,6 +175,17 @@ pub fn plan(mesh: &StoredMesh, options: &PartitionOptions) -> Result<Cells> {
     }
     cells.number_leaves();
     Ok(cells)
+}
+
+/// Whether [`plan`] will make a single cell, since the mesh is no larger than a cluster may be.
+pub fn fits_one(mesh: &StoredMesh, cluster_faces: u64) -> bool {
+    mesh.face_count() <= cluster_faces && weight_of(mesh).bytes() <= limit_bytes(cluster_faces)
+}
+
+/// The weight of a whole mesh.
+fn weight_of(mesh: &StoredMesh) -> ClusterWeight {
+    let (faces, vertices) = (mesh.face_count(), mesh.vertex_count());
+    ClusterWeight { faces, vertices, wedges: vertices.max(mesh.texcoord_count()) }
 }
 
 /// Cells that [`plan`] will make of so many faces, if every plane moved by half of its play.

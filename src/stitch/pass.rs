@@ -20,6 +20,7 @@ use crate::cost::{ClassicCost, CurvatureCost, Metric, ObliqueCost, SharpnessCost
 use crate::job::{Step, WorkFolder, folder_bytes};
 use crate::mesh::ClusterMesh;
 use crate::os::mmap;
+use crate::partition::cells::fits_one;
 use crate::partition::{self, ClusterSource, Partition, PartitionOptions, cluster};
 use crate::render::ClusterMap;
 use crate::simplify::Engine;
@@ -305,11 +306,13 @@ impl<'a, M: Metric> Run<'a, M> {
         mmap::release_freed_memory();
         let (mesh, folder) = (&state.mesh, self.job.path());
         let sample = std::mem::take(&mut state.sample);
-        let has_sample = !sample.corners.is_empty() && self.turn(pass) > 0;
+        // A single cluster needs no threshold.
+        let is_sampled = !sample.corners.is_empty() && self.turn(pass) > 0;
+        let is_wanted = is_sampled && !fits_one(mesh, self.options.cluster_faces);
         let name = format!("pass-{pass}");
         let cut = || partition::partition(mesh, self.catalogue, folder, &name, &options);
         // The thresholds need one thread alone, and cutting the mesh leaves one idle now and then.
-        let foresee = || has_sample.then(|| self.foresee(sample, pass, mesh.face_count()));
+        let foresee = || is_wanted.then(|| self.foresee(sample, pass, mesh.face_count()));
         let fits = sample::fits_beside_cutting(mesh.vertex_count(), self.options.work_bytes);
         let (thresholds, partition) = both(if fits { self.options.threads } else { 1 }, foresee, cut);
         state.thresholds = thresholds;
