@@ -278,6 +278,25 @@ mod tests {
     use super::super::cluster::samples;
     use super::*;
 
+    /// Two faces that run the same way along their edge, 0-1, show it at both of its ends.
+    #[test]
+    fn a_face_that_shows_its_back_is_seen_from_either_end_of_the_edge() {
+        let mut mesh = ClusterMesh::default();
+        for vertex in 0..4 {
+            mesh.push_vertex(glam::DVec3::ZERO, 0);
+            mesh.push_wedge(vertex, glam::DVec2::NAN);
+        }
+        [[0, 1, 2], [0, 1, 3]].iter().for_each(|&face| mesh.push_face(face, 0));
+        mesh.link_wedges();
+        let mut rings = Rings::default();
+        rings.build(&mesh);
+        for (vertex, expected) in [(0, true), (1, true), (2, false), (3, false)] {
+            let mut fan = Fan::default();
+            fan.class(&mesh, &rings, vertex);
+            assert_eq!(fan.shows_back, expected, "{vertex}");
+        }
+    }
+
     fn classes_of(mesh: &ClusterMesh) -> Vec<Class> {
         let (mut rings, mut classes) = (Rings::default(), Vec::new());
         rings.build(mesh);

@@ -23,7 +23,6 @@ pub struct DurableFile {
     writer: Option<BufWriter<File>>,
     temporary: PathBuf,
     target: PathBuf,
-    has_name: bool,
     is_sealed: bool,
 }
 
@@ -53,7 +52,7 @@ impl DurableFile {
         let opened = options.read(true).write(true).create_new(true).open(&temporary);
         let file = opened.map_err(|e| Error::io(target, "create", e))?;
         let writer = Some(BufWriter::with_capacity(buffer_bytes, file));
-        Ok(Self { writer, temporary, target: target.to_owned(), has_name: false, is_sealed: false })
+        Ok(Self { writer, temporary, target: target.to_owned(), is_sealed: false })
     }
 
     /// The path that the file will have once committed.
@@ -89,9 +88,9 @@ impl DurableFile {
     /// # Errors
     /// As [`write`](DurableFile::write).
     pub fn commit_scratch(mut self) -> Result<File> {
-        let mut writer = self.take_writer()?;
-        writer.flush().map_err(|e| Error::io(&self.target, "write", e))?;
-        self.rename(writer)
+        let file = self.take_file()?;
+        give_name(&self.temporary, &self.target)?;
+        Ok(file)
     }
 
     /// Syncs the file under its temporary name, so that giving it its own can hardly fail any more.
@@ -114,29 +113,24 @@ impl DurableFile {
     /// As [`write`](DurableFile::write).
     pub fn commit(mut self) -> Result<File> {
         self.seal()?;
-        let writer = self.take_writer()?;
-        let file = self.rename(writer)?;
+        let file = self.take_file()?;
+        give_name(&self.temporary, &self.target)?;
         sync_folder(&self.target)?;
         Ok(file)
     }
 
-    fn take_writer(&mut self) -> Result<BufWriter<File>> {
+    /// Writes what is held back, and gives up the open file.
+    fn take_file(&mut self) -> Result<File> {
         let again = || Error::Damaged { path: self.target.clone(), message: "committed twice".into() };
-        self.writer.take().ok_or_else(again)
-    }
-
-    fn rename(&mut self, writer: BufWriter<File>) -> Result<File> {
-        give_name(&self.temporary, &self.target)?;
-        self.has_name = true;
+        let writer = self.writer.take().ok_or_else(again)?;
         writer.into_inner().map_err(|e| Error::io(&self.target, "write", e.into_error()))
     }
 }
 
 impl Drop for DurableFile {
     fn drop(&mut self) {
-        if !self.has_name {
-            let _ = fs::remove_file(&self.temporary);
-        }
+        // One that has its name waits under no other.
+        let _ = fs::remove_file(&self.temporary);
     }
 }
 
@@ -165,8 +159,8 @@ pub fn remove_waiting(folder: &Path, job: u64) -> bool {
 /// path.
 pub fn new_job_number(path: &Path) -> u64 {
     let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
-    let seed = since.as_nanos() as u64 ^ u64::from(std::process::id()).rotate_left(40);
-    xxh3_64_with_seed(path.as_os_str().as_encoded_bytes(), seed)
+    let seed = [&since.as_nanos().to_le_bytes()[..], &std::process::id().to_le_bytes()].concat();
+    xxh3_64_with_seed(path.as_os_str().as_encoded_bytes(), xxh3_64(&seed))
 }
 
 /// A folder that is not there yet, where the system keeps what is not for long.
@@ -215,13 +209,17 @@ pub fn make_folders(path: &Path) -> Result<()> {
 ///
 /// # Errors
 /// Those of `wait`.
-pub fn lock_while_open(folder: &Path, mut wait: impl FnMut() -> Result<()>) -> Result<Option<File>> {
+pub fn lock_while_open(folder: &Path, wait: impl FnMut() -> Result<()>) -> Result<Option<File>> {
+    lock_within(LOCK_PATIENCE, folder, wait)
+}
+
+fn lock_within(patience: Duration, folder: &Path, mut wait: impl FnMut() -> Result<()>) -> Result<Option<File>> {
     let Ok(folder) = File::open(folder) else { return Ok(None) };
     let began = Instant::now();
     loop {
         match fs4::FileExt::try_lock(&folder) {
             Ok(()) => return Ok(Some(folder)),
-            Err(fs4::TryLockError::WouldBlock) if began.elapsed() < LOCK_PATIENCE => wait()?,
+            Err(fs4::TryLockError::WouldBlock) if began.elapsed() < patience => wait()?,
             Err(_) => return Ok(None),
         }
         std::thread::sleep(LOCK_INTERVAL);
@@ -255,9 +253,8 @@ pub fn sync_folder(path: &Path) -> Result<()> {
         return Ok(());
     }
     let folder = folder_of(path);
-    File::open(folder).and_then(|f| f.sync_all()).map_err(|e| Error::io(folder, "sync", e))?;
-    witness::note("sync", folder);
-    Ok(())
+    let synced = File::open(folder).and_then(|f| f.sync_all());
+    synced.inspect(|()| witness::note("sync", folder)).map_err(|e| Error::io(folder, "sync", e))
 }
 
 /// What a thread made durable, and in which order, for tests; nothing otherwise.
@@ -327,6 +324,68 @@ mod tests {
     }
 
     #[test]
+    fn a_file_without_bytes_is_synced_too() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.bin");
+        let file = DurableFile::create(&path, 16).unwrap();
+        witness::take();
+        file.commit().unwrap();
+        assert_eq!(witness::take().first(), Some(&("sync", folder.path().join("a.bin.tmp"))));
+    }
+
+    #[test]
+    fn what_is_committed_is_handed_over_to_be_read() {
+        use std::io::{Read, Seek};
+        let commits: [fn(DurableFile) -> Result<File>; 2] = [DurableFile::commit, DurableFile::commit_scratch];
+        for commit in commits {
+            let folder = tempfile::tempdir().unwrap();
+            let mut file = DurableFile::create(&folder.path().join("a.bin"), 16).unwrap();
+            file.write(b"hello").unwrap();
+            let (mut file, mut text) = (commit(file).unwrap(), String::new());
+            file.rewind().unwrap();
+            file.read_to_string(&mut text).unwrap();
+            assert_eq!(text, "hello");
+        }
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_full_disk_is_told_with_what_is_missing() {
+        let message = |change: fn(&mut DurableFile) -> Result<()>| {
+            let full = OpenOptions::new().read(true).write(true).open("/dev/full").unwrap();
+            let writer = Some(BufWriter::with_capacity(8192, full));
+            let [temporary, target] = ["nowhere/a.tmp", "nowhere/a"].map(PathBuf::from);
+            let mut file = DurableFile { writer, temporary, target, is_sealed: false };
+            file.write(&[7; 5120]).unwrap();
+            match change(&mut file) {
+                Err(Error::NoSpace { path, message }) => {
+                    // What was not written is no concern of the file's end.
+                    std::mem::forget(file);
+                    (path, message)
+                }
+                other => panic!("{other:?}"),
+            }
+        };
+        let (path, written) = message(|file| file.write(&[7; 4096]));
+        assert!(path == Path::new("nowhere/a") && written.starts_with("about 9 KiB"), "{written}");
+        let (_, sealed) = message(DurableFile::seal);
+        assert!(sealed.starts_with("about 5 KiB"), "{sealed}");
+        let (_, overwritten) = message(|file| file.write_at(0, &[7; 3072]));
+        assert!(overwritten.starts_with("about 3 KiB"), "{overwritten}");
+    }
+
+    #[test]
+    fn what_waits_for_its_name_is_found_and_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("city.obj");
+        fs::write(waiting_place(&path, 1), "left").unwrap();
+        assert!(!remove_waiting(folder.path(), 2));
+        assert!(remove_waiting(folder.path(), 1));
+        assert!(!remove_waiting(folder.path(), 1));
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
     fn what_was_sealed_and_not_changed_since_is_not_synced_again() {
         let (folder, path, file) = sealed();
         witness::take();
@@ -353,6 +412,7 @@ mod tests {
         let root = folder.path().to_owned();
         assert_eq!(witness::take(), [("make", outer.clone()), ("sync", root), ("make", inner), ("sync", outer)]);
         make_folders(&folder.path().join("outer/inner")).unwrap();
+        make_folders(Path::new("")).unwrap();
         assert_eq!(witness::take(), []);
     }
 
@@ -384,6 +444,8 @@ mod tests {
             if asked < 3 { Ok(()) } else { Err(Error::Stopped) }
         });
         assert!(matches!(outcome, Err(Error::Stopped)) && asked == 3);
+        let without_patience = lock_within(Duration::ZERO, folder.path(), || panic!("nobody waits"));
+        assert!(without_patience.unwrap().is_none());
         drop(held);
         assert!(lock_while_open(folder.path(), || Err(Error::Stopped)).unwrap().is_some());
     }

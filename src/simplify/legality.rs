@@ -143,7 +143,6 @@ impl EdgeStar {
         self.unsettled.clear();
         self.new_non_manifold_edges = 0;
         self.joins = false;
-        self.beside = None;
         self.ends = [from, to];
         for &corner in rings.of(from) {
             let Some(wedge) = mesh.living(corner) else { continue };

@@ -84,7 +84,6 @@ impl EdgeStar {
         if self.dying.is_empty() != fan.is_rip || is_hub(mesh, rings, to) || mesh.is_shared(to) {
             return Err(Refusal::Topology);
         }
-        self.unsettled.clear();
         let at_edge = self.dying.len();
         self.count_neighbours(mesh, rings);
         let last_double = self.drop_doubles(mesh, rings);
@@ -234,10 +233,8 @@ impl EdgeStar {
         self.neighbours.iter().filter(|neighbour| neighbour.after == 2).any(|&Neighbour { vertex, .. }| {
             let at_ends = [from, to].into_iter().flat_map(|end| rings.faces(mesh, end));
             let mut faces = at_ends.filter(|face| !self.dying.contains(face) && mesh.vertices(*face).contains(&vertex));
-            match [faces.next(), faces.next()] {
-                [Some(one), Some(other)] => self.are_mirrored(mesh, [one, other], [vertex, to]),
-                _ => false,
-            }
+            let both = faces.next().zip(faces.next());
+            both.is_some_and(|(one, other)| self.are_mirrored(mesh, [one, other], [vertex, to]))
         })
     }
 
@@ -277,3 +274,6 @@ struct Side {
     uvs: [DVec2; 2],
     doubled_uv_area: f64,
 }
+
+#[cfg(test)]
+mod tests;

@@ -647,3 +647,66 @@ fn two_sides_that_come_to_lie_on_each_other_vanish_but_for_the_last_of_a_piece()
 fn the_last_face_of_a_piece_goes_only_if_it_may() {
     assert_eq!(free_collapse(&[[0, 1, 2], [4, 5, 6]]).0, Err(Refusal::Piece));
 }
+
+#[test]
+fn the_top_of_a_tetrahedron_does_not_go_onto_its_bottom() {
+    let tetrahedron = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+    let mesh = mesh_of(&[DVec3::ZERO; 4], &tetrahedron);
+    assert_eq!(verdict_of(&mesh, 0, 1, Fan { closed: true, ..Fan::default() }), Err(Refusal::Topology));
+}
+
+#[test]
+fn a_collapse_tells_nothing_of_the_one_before_it() {
+    // Around 0-1 there is a hole; where it closes, the edge to 2 has four faces. Around 5-6 there is none.
+    let faces = [[0, 3, 1], [0, 2, 4], [0, 7, 2], [1, 5, 2], [1, 2, 6], [5, 6, 8], [6, 5, 9], [5, 8, 9]];
+    let (mesh, rings) = mesh_of(&[DVec3::ZERO; 10], &faces);
+    let mut star = EdgeStar::default();
+    star.reset(10);
+    star.gather(&mesh, &rings, 0, 1);
+    let fan = Fan { is_free: true, spare_edges: 1, ..Fan::default() };
+    assert_eq!(star.check_topology(&mesh, &rings, 0, 1, fan), Ok(()));
+    assert_eq!(star.new_non_manifold_edges, 1);
+    assert!(star.joins && !star.unsettled.is_empty());
+    star.gather(&mesh, &rings, 3, 0);
+    assert_eq!(star.new_non_manifold_edges, 0);
+    assert!(!star.joins && star.unsettled.is_empty());
+}
+
+#[test]
+fn a_mesh_is_looked_at_as_if_there_had_been_none_before() {
+    let open_fan: Vec<[u32; 3]> = (1..6).map(|k| [0, k, k + 1]).collect();
+    let (mesh, rings) = mesh_of(&[DVec3::ZERO; 9], &open_fan);
+    let (other, other_rings) = mesh_of(&[DVec3::ZERO; 9], &[[7, 1, 2], [7, 2, 8], [1, 3, 2], [2, 3, 4]]);
+    let mut star = EdgeStar::default();
+    let mut legal = |(mesh, rings): (&ClusterMesh, &Rings), [from, to]: [u32; 2]| {
+        star.reset(9);
+        star.gather(mesh, rings, from, to);
+        star.check_topology(mesh, rings, from, to, Fan::default())
+    };
+    assert_eq!(legal((&mesh, &rings), [0, 1]), Ok(()));
+    assert_eq!(legal((&other, &other_rings), [7, 2]), Ok(()));
+}
+
+#[test]
+fn wedges_of_vertices_that_have_no_edge_are_paired_where_their_pictures_are_alike() {
+    let uv = |x: f64| DVec2::new(x, 0.5);
+    let (mut mesh, mut rings) = (ClusterMesh::default(), Rings::default());
+    for vertex in 0..6 {
+        mesh.push_vertex(DVec3::new(f64::from(vertex), 0.0, 0.0), 0);
+    }
+    // Wedges 6 to 8 are more of 0, and 9 to 11 of 3.
+    let own = (0..6).map(|vertex| (vertex, uv(f64::from(vertex))));
+    let more = [(0, uv(9.0)), (0, DVec2::NAN), (0, uv(7.0)), (3, DVec2::NAN), (3, uv(9.0)), (3, uv(8.0))];
+    own.chain(more).for_each(|(vertex, uv)| {
+        mesh.push_wedge(vertex, uv);
+    });
+    let faces = [[6, 1, 2], [7, 2, 1], [8, 1, 2], [6, 2, 1], [9, 4, 5], [10, 4, 5], [11, 4, 5]];
+    faces.iter().for_each(|&face| mesh.push_face(face, 0));
+    mesh.link_wedges();
+    rings.build(&mesh);
+    let mut star = EdgeStar::default();
+    star.reset(6);
+    star.gather(&mesh, &rings, 0, 3);
+    assert_eq!(star.wedges, [(6, 10), (7, 9)]);
+    assert_eq!(star.beside, Some(9));
+}
