@@ -1,10 +1,10 @@
 //! Chooses how far each cluster goes: shares and thresholds from the schedule and the sample, the last faces from the
 //! costs of all clusters.
 
-use super::options::SeamPolicy;
+use super::goal::{Aim, Goal};
+use super::options::{PassOptions, SeamPolicy};
 use super::pass::{Run, is_single};
-use super::sample::{self, Purpose, Survey};
-use super::schedule::{TRIM_SHARE, pass_target, stage_shares};
+use super::sample::{self, Survey};
 use super::stops::Plan;
 use super::trim::{Notes, spread_shares};
 use crate::base::Result;
@@ -16,36 +16,17 @@ use crate::partition::reading::{self, ClusterFaces};
 use crate::partition::weight::ORDINARY_BYTES;
 use crate::store::StoredMesh;
 
-/// The trim takes over when no more than this share above the target is left.
-const TRIM_SHARE_MAX: f64 = 0.15;
 /// Faces of a cluster, on average, from which on a trim goes by shares.
 const SHARED_TRIM_FACES: u64 = 5_000;
 /// The dearest collapse of a trim by shares may cost this many times what twice as many collapses cost in the sample.
 const TRIM_SPREAD: f32 = 4.0;
 /// Trials of a trim by cost beyond the first, each at [`TRIM_SPREAD`] times the cost of the one before.
 const TRIALS_MAX: u32 = 4;
-/// Share of the allowed error that is used: positions are rounded afterwards.
-const BOUND_SAFETY: f64 = 0.98;
-
-/// What the clusters of a pass are to reach together.
-#[derive(Debug, Clone, PartialEq)]
-enum Goal {
-    /// This bound on the deviation.
-    Deviation(f64),
-    /// The target to the face, on the way to this share of the faces.
-    Trim(f64),
-    /// These shares of the faces, stage by stage.
-    Stages(Vec<f64>),
-}
 
 impl<M: Metric> Run<'_, M> {
     /// Whether a pass is to reach the target.
     pub(super) fn is_last(&self, pass: usize) -> bool {
-        self.turn(pass) + 1 >= self.options.passes
-    }
-
-    fn stages(&self, share: f64, pass: usize) -> Vec<f64> {
-        stage_shares(share, self.turn(pass), self.options.passes)
+        self.aim().is_last(self.turn(pass))
     }
 
     /// Largest deviation allowed, in units of length, if it is bounded: what is asked for, but no less than rounding does.
@@ -55,33 +36,17 @@ impl<M: Metric> Run<'_, M> {
 
     /// The deviation that is allowed in a pass, if it is bounded: more from pass to pass.
     pub(super) fn bound_of(&self, pass: usize) -> Option<f64> {
-        let left = self.options.passes.saturating_sub(self.turn(pass) + 1) as i32;
-        Some(self.bound()? * BOUND_SAFETY * libm::pow(0.5, f64::from(left)))
+        self.aim().bound_of(self.turn(pass))
     }
 
-    /// What a pass of `faces` faces is to reach.
-    fn goal(&self, pass: usize, faces: u64) -> Goal {
-        let options = self.options;
-        if options.target == 0
-            && let Some(most) = self.bound_of(pass)
-        {
-            return Goal::Deviation(most);
-        }
-        let (all, target) = (faces.max(1) as f64, options.target as f64);
-        if !self.is_last(pass) {
-            let wanted = pass_target(options.input, options.target, self.turn(pass), options.passes);
-            return Goal::Stages(self.stages(wanted / all, pass));
-        }
-        if faces as f64 <= target * (1.0 + TRIM_SHARE_MAX) {
-            let excess = faces.saturating_sub(options.target) as f64;
-            return Goal::Trim((target - (2.0 * excess).min(TRIM_SHARE_MAX * target)).max(1.0) / all);
-        }
-        Goal::Stages(self.stages(target / all * (1.0 + TRIM_SHARE), pass))
+    fn aim(&self) -> Aim {
+        let &PassOptions { target, input, passes, .. } = self.options;
+        Aim { target, input, passes, bound: self.bound() }
     }
 
     /// The thresholds that a pass of `faces` faces needs in many clusters, from a sample of them.
     pub(super) fn foresee(&self, sample: ClusterMesh, pass: usize, faces: u64) -> Vec<f32> {
-        match self.goal(pass, faces) {
+        match self.aim().goal(self.turn(pass), faces) {
             Goal::Deviation(_) => Vec::new(),
             Goal::Trim(share) => self.thresholds(sample, pass, &[share]),
             Goal::Stages(shares) => self.thresholds(sample, pass, &shares),
@@ -98,19 +63,13 @@ impl<M: Metric> Run<'_, M> {
         pass: usize,
         faces: u64,
     ) -> Result<(Plan, bool)> {
-        let goal = self.goal(pass, faces);
+        let (aim, turn) = (self.aim(), self.turn(pass));
+        let goal = aim.goal(turn, faces);
         if let Goal::Deviation(most) = goal {
-            // What is nearest goes first; later passes begin with what half of their bound allowed.
-            let bounds = if self.turn(pass) == 0 { vec![0.5 * most, most] } else { vec![most] };
-            return Ok((Plan::Deviation(bounds), false));
+            return Ok((aim.within(most, turn), false));
         }
         if is_single(partition) {
-            let (target, faces) = (self.options.target, faces.max(1) as f64);
-            let wanted = pass_target(self.options.input, target, self.turn(pass), self.options.passes);
-            return Ok(match self.is_last(pass) {
-                true => (Plan::Faces(self.stages(target as f64 / faces, pass), target), true),
-                false => (Plan::Shares(self.stages(wanted / faces, pass)), false),
-            });
+            return Ok((aim.in_one_cluster(turn, faces), aim.is_last(turn)));
         }
         match (goal, thresholds.first()) {
             (Goal::Trim(_), Some(&cost)) if self.turn(pass) <= self.options.passes && self.has_large(partition) => {
@@ -123,7 +82,7 @@ impl<M: Metric> Run<'_, M> {
 
     /// Faces that a pass leaves to the trim when it is stopped by their number.
     pub(super) fn before_trim(&self) -> u64 {
-        (self.options.target as f64 * (1.0 + 0.5 * TRIM_SHARE)).ceil() as u64
+        self.aim().before_trim()
     }
 
     /// Thresholds for shares of the faces, from a sample.
@@ -137,24 +96,16 @@ impl<M: Metric> Run<'_, M> {
 
     /// What is sampled while a pass runs, for the next one.
     pub(super) fn survey(&self, partition: &Partition, pass: usize) -> Survey {
-        let target = self.options.target;
-        let faces = pass_target(self.options.input, target, self.turn(pass), self.options.passes);
-        Survey::new(&loaded_faces(partition), self.purpose(faces, pass + 1), 1.0)
+        let faces = self.aim().faces_after(self.turn(pass));
+        Survey::new(&loaded_faces(partition), self.aim().purpose(self.turn(pass + 1), faces), 1.0)
     }
 
     /// What is sampled before the first pass. Nothing else can be done meanwhile, and where passes follow that do not end
     /// exactly where they should, half of the faces will do.
     pub(super) fn first_survey(&self, partition: &Partition) -> Survey {
         let is_only = self.options.passes <= 1;
-        let purpose = self.purpose(partition.total_faces() as f64, 0);
+        let purpose = self.aim().purpose(0, partition.total_faces() as f64);
         Survey::new(&loaded_faces(partition), purpose, if is_only { 1.0 } else { 0.5 })
-    }
-
-    /// What the sample for a pass over about so many faces is for.
-    fn purpose(&self, faces: f64, pass: usize) -> Purpose {
-        let target = self.options.target as f64;
-        let left = if target > 0.0 { target / faces.max(1.0) } else { 1.0 };
-        Purpose { left, is_last: self.is_last(pass) }
     }
 
     /// The patch of a cluster that no mesh was made of.

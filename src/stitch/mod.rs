@@ -22,6 +22,7 @@
 mod again;
 mod aim;
 mod clusters;
+mod goal;
 mod kept;
 pub mod options;
 pub mod outcome;

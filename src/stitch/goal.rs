@@ -1,0 +1,180 @@
+//! What the clusters of a pass are to reach together: it follows from the target, the bound and the schedule alone.
+
+use super::sample::Purpose;
+use super::schedule::{TRIM_SHARE, pass_target, stage_shares};
+use super::stops::Plan;
+
+/// The trim takes over when no more than this share above the target is left.
+const TRIM_SHARE_MAX: f64 = 0.15;
+/// Share of the allowed error that is used: positions are rounded afterwards.
+const BOUND_SAFETY: f64 = 0.98;
+
+/// What the clusters of a pass are to reach together.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Goal {
+    /// This bound on the deviation.
+    Deviation(f64),
+    /// The target to the face, on the way to this share of the faces.
+    Trim(f64),
+    /// These shares of the faces, stage by stage.
+    Stages(Vec<f64>),
+}
+
+/// What a run of passes aims at. Turns count the passes that collapse edges, from 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Aim {
+    /// Faces wanted; 0 for the fewest that the bound allows.
+    pub target: u64,
+    /// Faces of the input.
+    pub input: u64,
+    /// Passes; those beyond them aim at the target, too.
+    pub passes: usize,
+    /// Largest deviation, in units of length, if it is bounded.
+    pub bound: Option<f64>,
+}
+
+impl Aim {
+    /// Whether a pass is to reach the target.
+    pub fn is_last(self, turn: usize) -> bool {
+        turn + 1 >= self.passes
+    }
+
+    /// The deviation that is allowed in a pass, if it is bounded: more from pass to pass.
+    pub fn bound_of(self, turn: usize) -> Option<f64> {
+        let left = self.passes.saturating_sub(turn + 1) as i32;
+        Some(self.bound? * BOUND_SAFETY * libm::pow(0.5, f64::from(left)))
+    }
+
+    /// Faces that a pass is to leave.
+    pub fn faces_after(self, turn: usize) -> f64 {
+        pass_target(self.input, self.target, turn, self.passes)
+    }
+
+    /// What a pass of `faces` faces is to reach.
+    pub fn goal(self, turn: usize, faces: u64) -> Goal {
+        if let (0, Some(most)) = (self.target, self.bound_of(turn)) {
+            return Goal::Deviation(most);
+        }
+        let (all, target) = (faces.max(1) as f64, self.target as f64);
+        if !self.is_last(turn) {
+            return Goal::Stages(self.stages(self.faces_after(turn) / all, turn));
+        }
+        if faces as f64 <= target * (1.0 + TRIM_SHARE_MAX) {
+            let excess = faces.saturating_sub(self.target) as f64;
+            return Goal::Trim((target - (2.0 * excess).min(TRIM_SHARE_MAX * target)).max(1.0) / all);
+        }
+        Goal::Stages(self.stages(target / all * (1.0 + TRIM_SHARE), turn))
+    }
+
+    /// How a single cluster of so many faces stops; the last pass ends at the target to the face.
+    pub fn in_one_cluster(self, turn: usize, faces: u64) -> Plan {
+        let faces = faces.max(1) as f64;
+        if self.is_last(turn) {
+            return Plan::Faces(self.stages(self.target as f64 / faces, turn), self.target);
+        }
+        Plan::Shares(self.stages(self.faces_after(turn) / faces, turn))
+    }
+
+    /// How a pass stops that may deviate by so much: what is nearest goes first; later passes begin with what half of their
+    /// bound allowed.
+    pub fn within(self, most: f64, turn: usize) -> Plan {
+        Plan::Deviation(if turn == 0 { vec![0.5 * most, most] } else { vec![most] })
+    }
+
+    /// Faces that a pass leaves to the trim when it is stopped by their number.
+    pub fn before_trim(self) -> u64 {
+        (self.target as f64 * (1.0 + 0.5 * TRIM_SHARE)).ceil() as u64
+    }
+
+    /// What the sample for a pass over about so many faces is for.
+    pub fn purpose(self, turn: usize, faces: f64) -> Purpose {
+        let left = if self.target > 0 { self.target as f64 / faces.max(1.0) } else { 1.0 };
+        Purpose { left, is_last: self.is_last(turn) }
+    }
+
+    fn stages(self, share: f64, turn: usize) -> Vec<f64> {
+        stage_shares(share, turn, self.passes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const AIM: Aim = Aim { target: 1000, input: 10_000, passes: 3, bound: None };
+
+    /// The share that the last stage of a goal ends at.
+    fn share(goal: Goal) -> f64 {
+        match goal {
+            Goal::Stages(shares) => *shares.last().unwrap(),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    fn is_near(one: f64, other: f64) -> bool {
+        (one - other).abs() < 1e-12
+    }
+
+    #[test]
+    fn the_last_of_the_passes_wanted_and_all_beyond_it_aim_at_the_target() {
+        assert_eq!([0, 1, 2, 3].map(|turn| AIM.is_last(turn)), [false, false, true, true]);
+        assert!(is_near(share(AIM.goal(0, 10_000)), 0.4) && is_near(share(AIM.goal(1, 4000)), 0.5));
+        for turn in [2, 3] {
+            assert!(is_near(share(AIM.goal(turn, 2000)), 0.53), "the trim removes the rest");
+        }
+        assert_eq!(AIM.goal(0, 0), AIM.goal(0, 1));
+    }
+
+    #[test]
+    fn a_trim_takes_over_near_the_target_and_is_foreseen_for_twice_what_is_left() {
+        assert_eq!(AIM.goal(2, 1010), Goal::Trim(980.0 / 1010.0));
+        assert_eq!(AIM.goal(2, 1150), Goal::Trim(850.0 / 1150.0));
+        assert!(matches!(AIM.goal(2, 1151), Goal::Stages(_)));
+        assert!(matches!(AIM.goal(1, 1010), Goal::Stages(_)));
+        let single = Aim { target: 1, ..AIM };
+        assert_eq!(single.goal(2, 1), Goal::Trim(1.0));
+        assert_eq!(AIM.before_trim(), 1030);
+    }
+
+    #[test]
+    fn bounds_double_from_pass_to_pass_and_stand_alone_without_a_target() {
+        let bounded = Aim { target: 0, bound: Some(8.0), ..AIM };
+        let allowed = [0, 1, 2, 3].map(|turn| bounded.bound_of(turn).unwrap());
+        assert!(allowed.iter().zip([1.96, 3.92, 7.84, 7.84]).all(|(allowed, expected)| is_near(*allowed, expected)));
+        assert_eq!(bounded.goal(1, 5000), Goal::Deviation(allowed[1]));
+        // A target is a goal, and the bound holds besides.
+        assert_eq!(Aim { bound: Some(8.0), ..AIM }.goal(1, 4000), AIM.goal(1, 4000));
+        assert_eq!(AIM.bound_of(0), None);
+        let stops = |turn| match bounded.within(4.0, turn) {
+            Plan::Deviation(bounds) => bounds,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!([stops(0), stops(1)], [vec![2.0, 4.0], vec![4.0]]);
+    }
+
+    #[test]
+    fn a_single_cluster_ends_at_the_target_in_the_last_pass_alone() {
+        match AIM.in_one_cluster(2, 2000) {
+            Plan::Faces(shares, target) => assert!(target == 1000 && is_near(*shares.last().unwrap(), 0.5)),
+            other => panic!("{other:?}"),
+        }
+        match AIM.in_one_cluster(1, 4000) {
+            Plan::Shares(shares) => assert!(is_near(*shares.last().unwrap(), 0.5)),
+            other => panic!("{other:?}"),
+        }
+        assert!(matches!(AIM.in_one_cluster(2, 0), Plan::Faces(..)));
+    }
+
+    #[test]
+    fn a_sample_is_taken_for_what_will_be_left_of_it() {
+        let of = |aim: Aim, turn, faces| {
+            let Purpose { left, is_last } = aim.purpose(turn, faces);
+            (left, is_last)
+        };
+        assert_eq!(of(AIM, 1, 4000.0), (0.25, false));
+        assert_eq!(of(AIM, 2, 2000.0), (0.5, true));
+        assert_eq!(of(AIM, 2, 0.0), (1000.0, true));
+        assert_eq!(of(Aim { target: 0, ..AIM }, 0, 4000.0), (1.0, false));
+        assert_eq!([0, 1, 2].map(|turn| AIM.faces_after(turn).round()), [4000.0, 2000.0, 1000.0]);
+    }
+}
