@@ -33,6 +33,8 @@ impl Rings {
             total += std::mem::take(length);
         }
         self.corners.clear();
+        // Room for the rows of collapses.
+        self.corners.reserve_exact(2 * total as usize);
         self.corners.resize(total as usize, 0);
         let living = mesh.corners.iter().zip(&mesh.corner_vertices).enumerate();
         for (face, (_, vertices)) in living.filter(|(_, (corners, _))| is_living(corners)) {

@@ -234,6 +234,8 @@ impl ClusterFaces {
             texcoords,
             points: Vec::new(),
         };
+        source.mesh.positions.reserve_exact(positions.len());
+        source.mesh.flags.reserve_exact(positions.len());
         let are_shared = partition.faces.shared.contains_each(&source.vertex_ids);
         for (&position, shared) in positions.iter().zip(are_shared) {
             source.mesh.push_vertex(position - origin, if shared { flag::SHARED | flag::LOCKED } else { 0 });

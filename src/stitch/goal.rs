@@ -5,7 +5,7 @@ use super::schedule::{TRIM_SHARE, pass_target, stage_shares};
 use super::stops::Plan;
 
 /// The trim takes over when no more than this share above the target is left.
-const TRIM_SHARE_MAX: f64 = 0.15;
+const TRIM_SHARE_MAX: f64 = 0.25;
 /// Share of the allowed error that is used: positions are rounded afterwards.
 const BOUND_SAFETY: f64 = 0.98;
 
@@ -128,8 +128,8 @@ mod tests {
     #[test]
     fn a_trim_takes_over_near_the_target_and_is_foreseen_for_twice_what_is_left() {
         assert_eq!(AIM.goal(2, 1010), Goal::Trim(980.0 / 1010.0));
-        assert_eq!(AIM.goal(2, 1150), Goal::Trim(850.0 / 1150.0));
-        assert!(matches!(AIM.goal(2, 1151), Goal::Stages(_)));
+        assert_eq!(AIM.goal(2, 1250), Goal::Trim(750.0 / 1250.0));
+        assert!(matches!(AIM.goal(2, 1251), Goal::Stages(_)));
         assert!(matches!(AIM.goal(1, 1010), Goal::Stages(_)));
         let single = Aim { target: 1, ..AIM };
         assert_eq!(single.goal(2, 1), Goal::Trim(1.0));
