@@ -85,8 +85,19 @@ mod tests {
         let counts = [500, 100, 40, 20, 5, 1].map(|target| pass_count(3, 1000, target));
         assert_eq!(counts, [3, 3, 4, 4, 5, 6]);
         assert_eq!([pass_count(1, 1000, 1), pass_count(8, 1000, 1), pass_count(3, 1000, 0)], [1, 8, 3]);
+        // Of two, the last goes from twice the target, the first to it; a little more than a quarter is no step of its own.
+        assert_eq!([500, 100, 60, 50].map(|target| pass_count(2, 1000, target)), [2, 3, 3, 4]);
         let targets: Vec<u64> = (0..5).map(|pass| pass_target(100_000, 500, pass, 5).round() as u64).collect();
         assert_eq!(targets, [27_144, 7_368, 2_000, 1_000, 500]);
+    }
+
+    #[test]
+    fn stages_go_so_far_in_each_pass() {
+        let stages = |share, pass| stage_shares(share, pass, 3).len();
+        assert_eq!([0.3, 0.2, 0.05].map(|share| stages(share, 0)), [1, 2, 3]);
+        assert_eq!([0.36, 0.25, 0.15].map(|share| stages(share, 1)), [1, 2, 2]);
+        assert_eq!([0.7, 0.5, 0.36].map(|share| stages(share, 2)), [1, 2, 3]);
+        assert_eq!(stage_shares(1.5, 0, 3), [1.0]);
     }
 
     #[test]

@@ -143,6 +143,31 @@ mod tests {
     }
 
     #[test]
+    fn faces_are_reached_stage_by_stage_and_the_last_ones_exactly() {
+        let run = |plan: Plan, is_trial| {
+            let mut engine = Engine::<SurfaceCost>::new(samples::grid(12, 0.3), &Default::default());
+            run_plan(&mut engine, &plan, 0, is_trial);
+            let ends: Vec<usize> = engine.milestones.iter().map(|stage| stage.faces).collect();
+            (ends, engine.log)
+        };
+        let is_near = |faces: usize, goal: usize| faces <= goal && faces + 2 > goal;
+        let (ends, log) = run(Plan::Faces(vec![0.5, 0.2], 40), false);
+        assert!(ends.len() == 2 && is_near(ends[0], 144) && is_near(ends[1], 40), "{ends:?}");
+        assert!(log.is_none());
+        // What a trial notes is all of its last stage.
+        let (ends, log) = run(Plan::Faces(vec![0.5, 0.2], 40), true);
+        let died: usize = log.unwrap().iter().map(|&(_, died)| usize::from(died)).sum();
+        assert_eq!(died, ends[0] - ends[1]);
+        // No stage goes below the target on the way to it.
+        let (ends, _) = run(Plan::Faces(vec![0.1, 0.2], 100), false);
+        assert!(ends.len() == 1 && is_near(ends[0], 100), "{ends:?}");
+        let (ends, _) = run(Plan::Trim(vec![f32::MAX], vec![100]), false);
+        assert!(ends.len() == 1 && is_near(ends[0], 100), "{ends:?}");
+        let (ends, _) = run(Plan::Shares(vec![0.5]), false);
+        assert!(ends.len() == 1 && is_near(ends[0], 144), "{ends:?}");
+    }
+
+    #[test]
     fn a_bound_on_the_way_says_what_goes_first_and_not_what_is_allowed() {
         let run = |bounds: &[f64]| {
             let mut engine = Engine::<SurfaceCost>::new(samples::grid(20, 0.3), &Default::default());
