@@ -100,6 +100,16 @@ fn is_sealed(bytes: &[u8; HEADER_BYTES as usize]) -> bool {
     bytes[CHECKSUM_AT..] == xxh3_64(&bytes[..CHECKSUM_AT]).to_le_bytes()
 }
 
+/// The header of a file, whose checksum is to be that of everything behind it.
+#[cfg(test)]
+pub fn checked_header(path: &Path) -> Header {
+    let bytes = std::fs::read(path).unwrap();
+    let (header, rest) = bytes.split_first_chunk().unwrap();
+    let header = Header::decode(header).unwrap();
+    assert_eq!(header.checksum, xxh3_64(rest), "{}", path.display());
+    header
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -181,6 +181,7 @@ impl FaceWriter {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::job::header::checked_header;
 
     #[test]
     fn a_polygon_never_begins_at_the_last_face_of_a_block() {
@@ -193,6 +194,9 @@ mod tests {
         let faces = writer.finish().unwrap();
         let counts: Vec<_> = faces.blocks().iter().map(|block| block.faces as usize).collect();
         assert_eq!(counts, [BLOCK_FACES - 1, BLOCK_FACES, 6]);
+        assert_eq!(checked_header(&folder.path().join("f")).count, 2 * BLOCK_FACES as u64 + 5);
+        let empty = FaceWriter::create(&folder.path().join("e")).unwrap().finish().unwrap();
+        assert!(empty.blocks().is_empty() && checked_header(&folder.path().join("e")).count == 0);
     }
 
     #[test]

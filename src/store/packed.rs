@@ -496,6 +496,7 @@ impl<T: Coordinates> Reader<'_, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::job::header::checked_header;
     use proptest::prelude::*;
 
     fn bits(records: &[DVec3]) -> Vec<[u64; 3]> {
@@ -519,6 +520,35 @@ mod tests {
     }
 
     #[test]
+    fn a_block_that_is_not_what_it_says_is_refused() {
+        let refusal = |bytes: &[u8], count| decode_block(bytes, count, &mut Vec::<DVec2>::new()).unwrap_err();
+        let block = |records: &[DVec2]| {
+            let mut bytes = Vec::new();
+            encode_block(records, &mut 0, &mut bytes);
+            bytes
+        };
+        let (counted, raw) = (block(&[DVec2::new(0.5, 2.0); 3]), block(&[DVec2::new(f64::NAN, 2.0); 3]));
+        assert!(raw.len() == HEAD_BYTES + 3 * 16 && counted.len() < raw.len());
+        for bytes in [&counted, &raw] {
+            assert!(decode_block(bytes, 3, &mut Vec::<DVec2>::new()).is_ok());
+            assert!(refusal(bytes, 2).contains("not of 2"));
+            let shorter = refusal(&bytes[..bytes.len() - 1], 3);
+            assert!(shorter.contains("raw records") || shorter.contains("inside a number"), "{shorter}");
+            let longer = refusal(&[&bytes[..], &[0]].concat(), 3);
+            assert!(longer.contains("raw records") || longer.contains("are left"), "{longer}");
+        }
+        assert!(refusal(&counted, BLOCK_RECORDS + 1).contains("at most"));
+        assert!(refusal(&counted[..2], 3).contains("head"));
+        let mut fine = counted.clone();
+        fine[2] = decimal::DECIMALS_MAX as u8 + 1;
+        assert!(refusal(&fine, 3).contains("decimals"));
+        // A block begins with the decimals of the one before: they are found once.
+        let mut decimals = 0;
+        encode_block(&[DVec2::new(0.125, 2.0)], &mut decimals, &mut Vec::new());
+        assert_eq!(decimals, 3);
+    }
+
+    #[test]
     fn windows_and_single_records_are_those_that_were_appended() {
         let folder = tempfile::tempdir().unwrap();
         let records: Vec<DVec3> = (0..10_000)
@@ -530,6 +560,7 @@ mod tests {
         writer.append(&records[9000..]).unwrap();
         let column = writer.finish().unwrap();
         assert_eq!(column.len(), 10_000);
+        assert_eq!(checked_header(&folder.path().join("p")).count, 10_000);
         for range in [0..10_000u64, 50..150, 4095..4300, 9999..10_000, 7..7] {
             assert_eq!(column.window(range.clone()).unwrap(), records[range.start as usize..range.end as usize]);
         }
@@ -539,6 +570,7 @@ mod tests {
         assert_eq!((covered[0].start, covered.last().unwrap().end), (0, 10_000));
         assert!(covered.windows(2).all(|pair| pair[0].end == pair[1].start));
         assert!(column.window(9_000..10_001).is_err());
+        assert!(column.window(Range { start: 9, end: 7 }).is_err());
         assert!(column.gather(&[10_000]).is_err());
         let mut bytes = std::fs::read(folder.path().join("p")).unwrap();
         *bytes.last_mut().unwrap() ^= 1;

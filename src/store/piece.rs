@@ -89,6 +89,7 @@ pub fn write_piece(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::job::header::checked_header;
     use crate::store::NO_TEXCOORD;
 
     #[test]
@@ -107,5 +108,9 @@ mod tests {
         let file = piece.faces.open().unwrap();
         piece.faces.read_block(&file, &piece.faces.blocks()[0], &mut Vec::new(), &mut faces).unwrap();
         assert_eq!(faces, [face]);
+        assert_eq!(checked_header(&path).count, 1);
+        // The numbers stand first: what is empty is told from what is another thing's.
+        let counts = &std::fs::read(&path).unwrap()[HEADER_BYTES as usize..][..32];
+        assert_eq!(bytemuck::pod_collect_to_vec::<u8, u64>(counts), [3, 1, 3, 1]);
     }
 }
