@@ -123,6 +123,11 @@ mod tests {
         seal(&mut bytes);
         assert!(Header::decode(&bytes).unwrap_err().contains("version 77"));
         assert_eq!(Header::version(&bytes), Some(77));
+        // What begins otherwise is another program's, whatever checksum it has.
+        bytes[0] = b'D';
+        seal(&mut bytes);
+        assert!(Header::decode(&bytes).unwrap_err().contains("begin"));
+        assert_eq!(Header::version(&bytes), None);
     }
 
     #[test]

@@ -63,3 +63,33 @@ fn is_file_at(file: &File, path: &Path) -> bool {
         path.exists()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn a_lock_on_a_file_that_was_removed_is_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(LOCK);
+        let file = File::create(&path).unwrap();
+        assert!(is_file_at(&file, &path));
+        fs::remove_file(&path).unwrap();
+        assert!(!is_file_at(&file, &path));
+        let other = File::create(&path).unwrap();
+        assert!(!is_file_at(&file, &path) && is_file_at(&other, &path));
+    }
+
+    #[test]
+    fn a_locked_folder_is_locked_until_the_lock_is_given_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("work");
+        assert!(!is_locked(&path));
+        let lock = lock_folder(&path).unwrap();
+        assert!(is_locked(&path));
+        assert!(matches!(lock_folder(&path), Err(Error::Locked(found)) if found == path));
+        drop(lock);
+        assert!(!is_locked(&path) && lock_folder(&path).is_ok());
+    }
+}

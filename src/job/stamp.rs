@@ -134,6 +134,18 @@ mod tests {
         assert!(matches!(stamp.verify(folder.path()).unwrap(), Condition::Damaged(_)));
         fs::remove_file(&path).unwrap();
         assert_eq!(stamp.verify(folder.path()).unwrap(), Condition::Gone);
+        // A folder in its place is not opened.
+        fs::create_dir(&path).unwrap();
+        let is_no_file = |condition| matches!(condition, Condition::Damaged(what) if what.contains("regular"));
+        assert!(is_no_file(stamp.verify(folder.path()).unwrap()));
+        let nowhere = stamp.verify(&path.join("a").join("b"));
+        assert_eq!(nowhere.unwrap(), Condition::Gone);
+    }
+
+    #[test]
+    fn a_name_is_one_of_a_file_in_a_folder() {
+        assert!(["a.col", "a..b", ".a"].iter().all(|name| is_file_name(name)));
+        assert!(!["", ".", "..", "a/b", "a\\b", "/", "a\0"].iter().any(|name| is_file_name(name)));
     }
 
     #[test]

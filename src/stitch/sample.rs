@@ -261,7 +261,104 @@ pub fn face_goal(faces: usize, free: usize, share: f64) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::{HashMap, HashSet};
+
     use super::*;
+    use crate::cost::SurfaceCost;
+    use crate::mesh::cluster::samples;
+
+    fn place(position: DVec3) -> [u64; 3] {
+        position.to_array().map(f64::to_bits)
+    }
+
+    /// How many faces there are around each place.
+    fn faces_around(mesh: &ClusterMesh) -> HashMap<[u64; 3], usize> {
+        let mut around = HashMap::new();
+        for face in 0..mesh.corners.len() as u32 {
+            mesh.triangle(face).iter().for_each(|&corner| *around.entry(place(corner)).or_default() += 1);
+        }
+        around
+    }
+
+    #[test]
+    fn a_patch_is_compact_and_locked_where_it_was_cut_off() {
+        let mut mesh = samples::grid(20, 0.3);
+        mesh.parts.iter_mut().zip(0..).for_each(|(part, face)| *part = face);
+        let survey = Survey::new(&[800, 0, 800], Purpose { left: 0.5, is_last: false }, 0.04);
+        assert_eq!(survey.clusters(), [0, 2]);
+        assert!(survey.patch(1, &mesh).is_none());
+        let patch = survey.patch(2, &mesh).unwrap();
+        assert_eq!(patch.corners.len(), 200);
+        assert!(patch.parts.is_sorted() && patch.parts.iter().all(|&part| part < 800));
+        for (face, &part) in (0..).zip(&patch.parts) {
+            assert_eq!(patch.triangle(face), mesh.triangle(part));
+        }
+        // Each vertex once, with the wedge that it had.
+        assert_eq!(patch.positions.iter().map(|&at| place(at)).collect::<HashSet<_>>().len(), patch.positions.len());
+        assert_eq!(patch.wedge_vertex.len(), patch.positions.len());
+        let (all, own) = (faces_around(&mesh), faces_around(&patch));
+        for (&position, &flags) in patch.positions.iter().zip(&patch.flags) {
+            let is_cut_off = own[&place(position)] < all[&place(position)];
+            assert_eq!(flags & flag::LOCKED != 0, is_cut_off, "{position}");
+            assert_eq!(flags & flag::SHARED != 0, is_cut_off, "{position}");
+        }
+        // Nothing outside is nearer to its middle than what is inside.
+        let centre = |face: u32| mesh.triangle(face).into_iter().sum::<DVec3>() / 3.0;
+        let away = |face: u32| centre(face).distance(centre(400));
+        let farthest = patch.parts.iter().map(|&part| away(part)).fold(0.0, f64::max);
+        let is_outside = |face: &u32| !patch.parts.contains(face);
+        assert!((0..800).filter(is_outside).all(|face| away(face) >= farthest));
+        let whole = Survey::new(&[800], Purpose { left: 0.5, is_last: false }, 1.0).patch(0, &mesh).unwrap();
+        assert_eq!(whole.corners.len(), 800);
+        assert!(whole.flags.iter().all(|&flags| flags == 0));
+    }
+
+    #[test]
+    fn a_sample_is_its_patches_side_by_side_and_each_part_is_scaled() {
+        let mut sample = ClusterMesh::default();
+        let (one, mut other) = (samples::grid(2, 0.0), samples::grid(3, 0.0));
+        other.parts.fill(1);
+        append(&mut sample, &one);
+        append(&mut sample, &other);
+        assert_eq!(sample.corners.len(), 8 + 18);
+        for face in 0..18 {
+            assert_eq!(sample.triangle(8 + face), other.triangle(face));
+        }
+        scale_texture(&mut sample, |part| [2.0, 3.0][part as usize]);
+        let (first, second) = sample.wedge_uv.split_at(one.wedge_uv.len());
+        assert!(first.iter().zip(&one.wedge_uv).all(|(scaled, &uv)| *scaled == 2.0 * uv));
+        assert!(second.iter().zip(&other.wedge_uv).all(|(scaled, &uv)| *scaled == 3.0 * uv));
+    }
+
+    #[test]
+    fn a_threshold_leads_near_its_share_and_none_is_infinite() {
+        let engine = || Engine::<SurfaceCost>::new(samples::grid(30, 0.3), &Default::default());
+        let costs = thresholds(&mut engine(), &[0.5, 0.25]);
+        assert!(costs[0] > 0.0 && costs[0] < costs[1] && costs[1].is_finite(), "{costs:?}");
+        let left = |costs: &[f32]| {
+            let mut engine = engine();
+            costs.iter().for_each(|&cost| _ = engine.run(Stop::Cost(cost, 0)));
+            engine.mesh.face_count as f64 / 1800.0
+        };
+        let shares = [left(&costs[..1]), left(&costs)];
+        assert!((0.45..0.7).contains(&shares[0]) && (0.2..0.35).contains(&shares[1]), "{shares:?}");
+        // Where no more can go, a cost is what the collapses before make likely.
+        let mut held = samples::grid(30, 0.3);
+        held.flags.iter_mut().skip(200).for_each(|flags| *flags |= flag::LOCKED);
+        let mut held = Engine::<SurfaceCost>::new(held, &Default::default());
+        let [before, after] = [Some(0.01), None].map(|threshold| cost_at(&mut held, 10, threshold));
+        assert!(held.mesh.face_count > 10 && before.is_finite() && after.is_finite());
+        let spread = rise(1800, held.mesh.face_count as u64, STEEPEST) as f32;
+        assert!(before <= 0.01 * spread, "{before} {spread}");
+    }
+
+    #[test]
+    fn a_sample_waits_where_cutting_takes_the_memory() {
+        assert!(fits_beside_cutting(1000, ROOM_BYTES));
+        assert!(!fits_beside_cutting(1000, ROOM_BYTES - 1));
+        let most = window_bytes(ROOM_BYTES) / RANK_BYTES;
+        assert!(fits_beside_cutting(most, ROOM_BYTES) && !fits_beside_cutting(most + 1, ROOM_BYTES));
+    }
 
     #[test]
     fn the_sample_is_spread_over_filled_clusters() {
@@ -271,6 +368,7 @@ mod tests {
         assert_eq!(sampled.len(), PATCHES);
         assert!(sampled.windows(2).all(|pair| pair[0] < pair[1]));
         assert_eq!(evenly_spread(&[0, 5, 0], PATCHES), [1]);
+        assert_eq!(evenly_spread(&[1; 8], 2), [2, 6]);
     }
 
     #[test]
