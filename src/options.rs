@@ -295,6 +295,11 @@ pub struct SimplifyOptions {
     #[arg(long, help_heading = heading::PAPERS, hide_short_help = true)]
     pub optimize: bool,
 
+    /// Collapse one edge at a time, always the cheapest, as the heaps of the papers do. The time grows with the square of
+    /// the triangles of a cluster
+    #[arg(long, help_heading = heading::PAPERS, hide_short_help = true)]
+    pub one_by_one: bool,
+
     /// Renderings of the input and of the result; `--report FILE.html` asks for them
     #[arg(skip)]
     #[serde(skip)]
@@ -350,6 +355,7 @@ impl Default for SimplifyOptions {
             metric_option: Vec::new(),
             remesh: None,
             optimize: false,
+            one_by_one: false,
             drawing: Drawing::Nothing,
             exclude: Vec::new(),
             measure: false,

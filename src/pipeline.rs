@@ -301,6 +301,7 @@ fn pass_options(
         lock_borders: options.borders == Borders::Lock,
         drop_pieces: options.pieces == Pieces::Drop,
         frees_topology: options.frees_topology(),
+        one_by_one: options.one_by_one,
         drop_doubles: options.doubles == Doubles::Drop,
         remesh: options.remesh,
         optimize: options.optimize,

@@ -25,7 +25,7 @@ fn every_setting_of_a_metric_and_of_the_reconstruction_is_on_the_page_about_choo
         let mut lines = page.lines().skip_while(|line| !line.starts_with(first));
         for knob in knobs {
             let line = lines.next().unwrap_or_default();
-            assert!(line.contains(&format!("| `{}` | {} |", knob.name, knob.default)), "{}: {line}", knob.name);
+            assert!(line.contains(&format!("| `{}` | {} |", knob.name, knob.default_text())), "{}: {line}", knob.name);
         }
     }
 }

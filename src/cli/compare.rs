@@ -11,7 +11,7 @@ use super::stop::Goodbye;
 use crate::base::error::escape_path;
 use crate::base::{Error, Progress, Result, bytes, grouped, quantity};
 use crate::measure::compare::{
-    self, BeforeAfter, CompareOptions, Comparison, Distances, Onlooker, ROUNDING_SHARE, Resources, Texture,
+    self, BeforeAfter, CompareOptions, Comparison, Distances, Onlooker, ROUNDING_SHARE, Resources, Spread, Texture,
 };
 use crate::options::heading;
 use crate::os::durable::temporary_folder;
@@ -40,6 +40,9 @@ pub struct CompareArguments {
     json: bool,
     #[command(flatten)]
     sampling: SamplingArguments,
+    /// Measure distances at the vertices of each mesh, as many papers do, instead of at points by area
+    #[arg(long, conflicts_with_all = ["samples", "seed"], help_heading = heading::REPORT, hide_short_help = true)]
+    vertices: bool,
     /// Memory that the program may use, at least 128MiB [default: half of the machine's or cgroup's]
     #[arg(long, value_name = "SIZE", value_parser = bytes::parse)]
     memory: Option<u64>,
@@ -65,6 +68,9 @@ pub struct SamplingArguments {
     #[arg(long, value_name = "NUMBER", default_value_t = 1, value_parser = quantity::parse_whole::<u64>)]
     #[arg(help_heading = heading::REPORT, hide_short_help = true)]
     seed: u64,
+    /// Whether the vertices are measured instead.
+    #[arg(skip)]
+    at_vertices: bool,
 }
 
 impl SamplingArguments {
@@ -96,8 +102,9 @@ impl SamplingArguments {
 /// # Errors
 /// Those of [`compare::compare`], and of writing the JSON.
 pub fn run(arguments: &CompareArguments) -> Result<u8> {
-    let CompareArguments { original, result, report: reports, json, sampling, memory, threads, work, quiet } =
+    let CompareArguments { original, result, report: reports, json, sampling, memory, threads, work, quiet, .. } =
         arguments;
+    let sampling = &SamplingArguments { at_vertices: arguments.vertices, ..*sampling };
     let kinds = reports.iter().map(|path| Kind::of(path)).collect::<Result<Vec<_>>>()?;
     let work = work.clone().unwrap_or_else(|| temporary_folder("compare"));
     let stop = StopSignal::listen()?;
@@ -151,7 +158,8 @@ pub fn compare_meshes(
     progress: &dyn Progress,
 ) -> Result<Comparison> {
     sampling.check()?;
-    let SamplingArguments { samples, seed } = sampling;
+    let SamplingArguments { samples, seed, at_vertices } = sampling;
+    let spread = if at_vertices { Spread::Vertices } else { Spread::Area(samples) };
     if threads == Some(0) {
         return Err(Error::Usage("--threads 0: expected at least 1".into()));
     }
@@ -172,7 +180,7 @@ pub fn compare_meshes(
     compare::compare(
         original.clone(),
         result.clone(),
-        &CompareOptions { samples, seed, work, resources },
+        &CompareOptions { spread, seed, work, resources },
         onlooker,
         progress,
     )

@@ -15,17 +15,25 @@
 //!
 //! # Where we differ
 //! * Only edges are pairs: no two vertices are joined that no edge joins.
-//! * Folds are refused, and the link condition holds, as for every metric here; the paper leaves both to the reader.
+//! * Folds are refused, and the link condition holds, as for every metric here; the paper leaves both to the reader. With
+//!   `guards=0` faces may fold, become needles, and turn over in the texture, as in the baselines that papers compare with.
 //! * A spring of a millionth of the stiffness keeps the minimum near the edge where the planes do not determine it; a
 //!   minimum beyond two edge lengths gives way to the best of the middle and both ends.
-//! * Seams of the texture collapse along themselves; the picture is read off the old surface.
+//! * Seams of the texture collapse along themselves; the picture is read off the old surface. With `guards=0` texture
+//!   coordinates are those of the edge, at the share of it that is nearest to the new vertex.
+//! * Collapses are made in rounds, not from a heap: see [`engine`](crate::simplify::engine).
+//!
+//! `placement=three` takes the best of both ends and the middle, as the paper does where the minimum does not exist (§4),
+//! and as the baseline of [`sharpness`](super::sharpness) does everywhere.
 //!
 //! # Memory
 //! 80 bytes a vertex.
 
-use super::knob::{Knob, factor};
+use glam::{DVec2, DVec3};
+
+use super::knob::{Knob, choice, factor, switch};
 use super::metric::{Metric, fits};
-use super::planes::{area_of, best_place, newcomers, priced, unit_planes};
+use super::planes::{PlacePolicy, area_of, best_of_three, best_place, ends, newcomers, priced, unit_planes};
 use super::quadric::Quadric;
 use super::surface::{EdgeCase, Placement};
 use crate::mesh::class::{Class, Rule};
@@ -34,19 +42,26 @@ use crate::mesh::edge::EdgeKind;
 use crate::mesh::ring::Rings;
 
 /// What may be set.
-pub const KNOBS: [Knob; 1] =
-    [factor("border", 0.0, "weight of the planes through border edges; 0 leaves borders to wear away")];
+pub const KNOBS: [Knob; 3] = [
+    factor("border", 0.0, "weight of the planes through border edges; 0 leaves borders to wear away"),
+    choice("placement", PlacePolicy::WORDS, "three places vertices at the best of both ends and the middle"),
+    switch("guards", 1.0, "0 lets faces fold, become needles and turn over in the texture"),
+];
 
 /// Settings, in the order of [`KNOBS`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
     /// Weight of a plane through a border edge.
     pub border: f64,
+    /// Where a vertex goes.
+    pub placement: PlacePolicy,
+    /// Whether folds and turned texture are refused.
+    pub has_guards: bool,
 }
 
-impl From<[f64; 1]> for Settings {
-    fn from([border]: [f64; 1]) -> Self {
-        Self { border }
+impl From<[f64; 3]> for Settings {
+    fn from([border, placement, guards]: [f64; 3]) -> Self {
+        Self { border, placement: PlacePolicy::from_knob(placement), has_guards: guards > 0.0 }
     }
 }
 
@@ -77,7 +92,10 @@ impl Metric for ClassicCost {
 
     fn place(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Placement {
         let sum = self.quadrics[edge.from as usize] + self.quadrics[edge.to as usize];
-        let position = best_place(mesh, edge, &sum);
+        let position = match self.settings.placement {
+            PlacePolicy::Optimal => best_place(mesh, edge, &sum),
+            PlacePolicy::BestOfThree => best_of_three(mesh, edge, &sum),
+        };
         priced(mesh, edge, position, sum.at(position))
     }
 
@@ -88,6 +106,22 @@ impl Metric for ClassicCost {
 
     fn area(&self) -> f64 {
         self.area
+    }
+
+    fn has_guards(&self) -> bool {
+        self.settings.has_guards
+    }
+
+    fn texcoords(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, position: DVec3, out: &mut Vec<DVec2>) -> bool {
+        if self.settings.has_guards {
+            return false;
+        }
+        let (pa, pb) = ends(mesh, edge);
+        let along = (position - pa).dot(pb - pa) / pa.distance_squared(pb);
+        let share = if along.is_finite() { along.clamp(0.0, 1.0) } else { 1.0 };
+        let uv = |wedge: u32| mesh.wedge_uv[wedge as usize];
+        out.extend(edge.wedges.iter().map(|&(a, b)| uv(a).lerp(uv(b), share)));
+        true
     }
 
     /// Without border planes a border vertex is free: an inner one that joins it goes where the planes want it.

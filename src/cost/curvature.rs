@@ -13,8 +13,9 @@
 //! | c = k1² + k2² = 4H² - 2K | `Bend::total` |
 //! | Q' = A c Q \[4.12\] | `weights` × `quadrics` |
 //!
-//! A c has no unit, so the cost is a length², whatever the scale. After each round of collapses the curvatures of the
-//! vertices around them are computed anew.
+//! A c has no unit, so the cost is a length², whatever the scale. After each round of collapses the areas and curvatures of
+//! the vertices around them are computed anew. `curvature=0` takes c = 1, and is like the metric in all else: the
+//! area-weighted baseline of the patent.
 //!
 //! # Where we differ
 //! * A/3, and not the patent's A: with A, c is negative on a sphere.
@@ -22,7 +23,10 @@
 //!   none), so that flat ground keeps an order.
 //! * On borders K = 0, and edges without two faces are left out of H: a flat border has no curvature.
 //! * Border and seam edges have planes of their own, as in the metric of 1997 with `border`, so that they hold their line.
-//! * The weighted sum is what is minimised, too.
+//! * The patent does not say whether areas weight each plane or the sum of a vertex; here it is the sum.
+//! * Q is carried without its weight; the weighted sum of both ends is what is minimised.
+//! * A minimum beyond two edge lengths gives way to the best of the middle and both ends.
+//! * Collapses are made in rounds, not from a heap: see [`engine`](crate::simplify::engine).
 //!
 //! # Memory
 //! 104 bytes a vertex.
@@ -117,6 +121,14 @@ impl CurvatureCost {
     }
 }
 
+#[cfg(test)]
+impl CurvatureCost {
+    /// A c of a vertex.
+    pub(super) fn weight(&self, vertex: u32) -> f64 {
+        self.weights[vertex as usize]
+    }
+}
+
 impl Metric for CurvatureCost {
     type Settings = Settings;
 
@@ -180,12 +192,6 @@ impl Metric for CurvatureCost {
     }
 
     fn follow(&mut self, mesh: &ClusterMesh, rings: &Rings, survivors: &[u32], changed: &mut Vec<u32>) {
-        if !self.settings.has_curvature {
-            for &vertex in survivors {
-                self.weigh(mesh, rings, vertex);
-            }
-            return;
-        }
         self.round += 1;
         for &survivor in survivors {
             for vertex in rings.faces(mesh, survivor).flat_map(|face| mesh.vertices(face)) {

@@ -123,6 +123,12 @@ pub trait Metric: Sized {
         if fits(from, kind) || leads_on || from == Class::Complex { from.rule(to) } else { Rule::Never }
     }
 
+    /// Whether collapses are refused that fold a face, make it a needle, or turn it over in the texture.
+    #[inline]
+    fn has_guards(&self) -> bool {
+        true
+    }
+
     /// The metric's own texture coordinate for each wedge pair of a collapse to `position`, in `out`; false to take those
     /// of the old surface there.
     #[inline]

@@ -27,10 +27,13 @@
 //! * Border vertices have planes through their border edges too: a flat corner of the border would cost nothing. `border=0`
 //!   is the paper's.
 //! * Two border vertices also need a border edge between them: a chord would pinch the surface.
-//! * u and v are scaled to lengths, so den is relative to the mean density of the material; `unit-bbox=1` takes the paper's
-//!   literal unit box and texture coordinates as they are.
+//! * u and v are scaled to lengths, so den is relative to the mean density of the material, and textures of different sizes
+//!   count alike; `unit-bbox=1` takes the paper's literal unit box and texture coordinates as they are.
 //! * LRS is at least `floor` times the median of its positive values in the mesh: on flat ground it is 0.
-//! * A minimum beyond two edge lengths gives way to the best of the middle and both ends.
+//! * A minimum beyond two edge lengths gives way to the best of the middle and both ends. `placement=three` takes that
+//!   everywhere: what \[3\] leaves where the systems are singular.
+//! * Collapses are made in rounds, not from a heap, and factors are refreshed between them: see
+//!   [`engine`](crate::simplify::engine).
 //! * A vertex may join one that is locked, or at a non-manifold place, which stays.
 //! * Without texture, S_tex = S.
 //!
@@ -41,9 +44,9 @@ use glam::{DVec2, DVec3};
 
 use super::census::Census;
 use super::fan::{Fan, angle_between};
-use super::knob::{Knob, factor, switch};
+use super::knob::{Knob, choice, factor, switch};
 use super::metric::Metric;
-use super::planes::{LENGTH_SHARE, area_of, each_chain_edge, ends, least, newcomers, plane_of};
+use super::planes::{LENGTH_SHARE, PlacePolicy, area_of, each_chain_edge, ends, least, newcomers, plane_of};
 use super::surface::{EdgeCase, Placement};
 use super::wide::WideQuadric;
 use crate::mesh::class::{Class, Rule};
@@ -55,7 +58,7 @@ use crate::mesh::ring::Rings;
 const REACH: f64 = 2.0;
 
 /// What may be set.
-pub const KNOBS: [Knob; 9] = [
+pub const KNOBS: [Knob; 10] = [
     factor("border", 1.0, "weight of the planes through border edges; 0 is the paper's"),
     factor("floor", 1e-3, "least fluctuation, in medians of its positive values"),
     factor("alpha-smooth", 1.0, "weight of a smooth vertex's texture density"),
@@ -65,6 +68,7 @@ pub const KNOBS: [Knob; 9] = [
     switch("mean-area", 1.0, "0 leaves the mean area out"),
     switch("tex", 1.0, "0 leaves the texture deformation factor out"),
     switch("unit-bbox", 0.0, "1 scales positions to the unit box instead of texture coordinates to lengths"),
+    choice("placement", PlacePolicy::WORDS, "three places smooth vertices at the best of both ends and the middle"),
 ];
 
 /// Settings, in the order of [`KNOBS`], and the frozen normalisers.
@@ -77,14 +81,15 @@ pub struct Settings {
     has_area: bool,
     has_stretch: bool,
     has_unit_box: bool,
+    placement: PlacePolicy,
     /// Least LRS, in 1 / length.
     floor: f64,
     /// Length of a unit of u and v as the mesh has them.
     uv_scale: f64,
 }
 
-impl From<[f64; 9]> for Settings {
-    fn from([border, floor_share, smooth, seam, corner, lrs, area, tex, unit]: [f64; 9]) -> Self {
+impl From<[f64; 10]> for Settings {
+    fn from([border, floor_share, smooth, seam, corner, lrs, area, tex, unit, placement]: [f64; 10]) -> Self {
         Self {
             border,
             floor_share,
@@ -93,6 +98,7 @@ impl From<[f64; 9]> for Settings {
             has_area: area > 0.0,
             has_stretch: tex > 0.0,
             has_unit_box: unit > 0.0,
+            placement: PlacePolicy::from_knob(placement),
             floor: f64::MIN_POSITIVE,
             uv_scale: 1.0,
         }
@@ -232,7 +238,11 @@ impl ObliqueCost {
             let p = DVec3::new(v[0], v[1], v[2]);
             p.distance_squared(0.5 * (pa + pb)) <= REACH * REACH * pa.distance_squared(pb)
         };
-        sum.minimum().filter(is_near).unwrap_or_else(|| least([middle, a, b], |v| sum.at(&v)))
+        let minimum = match self.settings.placement {
+            PlacePolicy::Optimal => sum.minimum().filter(is_near),
+            PlacePolicy::BestOfThree => None,
+        };
+        minimum.unwrap_or_else(|| least([middle, a, b], |v| sum.at(&v)))
     }
 
     /// The weighted quadrics' value when every wedge of `to` has the texture coordinate that it has.

@@ -16,6 +16,26 @@ const REACH: f64 = 2.0;
 /// Share of an edge's length, to the power that the cost has, that a collapse costs on a flat patch: it orders ties.
 pub(super) const LENGTH_SHARE: f64 = 1e-7;
 
+/// Where the vertex of a collapse goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum PlacePolicy {
+    /// To the minimum of its quadric.
+    #[default]
+    Optimal,
+    /// To the best of both ends and the middle.
+    BestOfThree,
+}
+
+impl PlacePolicy {
+    /// The words of its setting, in the order of its values.
+    pub const WORDS: &[&str] = &["optimal", "three"];
+
+    /// From the value of its setting.
+    pub fn from_knob(value: f64) -> Self {
+        if value > 0.0 { Self::BestOfThree } else { Self::Optimal }
+    }
+}
+
 /// Unit normal and area of a triangle, if it has any.
 pub fn plane_of(triangle: [DVec3; 3]) -> Option<(DVec3, f64)> {
     let across = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]);
@@ -93,8 +113,14 @@ pub fn best_place(mesh: &ClusterMesh, edge: &EdgeCase<'_>, quadric: &Quadric) ->
     let middle = 0.5 * (pa + pb);
     match quadric.minimum_near(middle, SPRING * quadric.diagonal.element_sum()) {
         Some(p) if p.distance_squared(middle) <= REACH * REACH * pa.distance_squared(pb) => p,
-        _ => least([middle, pa, pb], |p| quadric.at(p)),
+        _ => best_of_three(mesh, edge, quadric),
     }
+}
+
+/// The best of the middle and both ends of an edge.
+pub fn best_of_three(mesh: &ClusterMesh, edge: &EdgeCase<'_>, quadric: &Quadric) -> DVec3 {
+    let (pa, pb) = ends(mesh, edge);
+    if edge.onto { pb } else { least([0.5 * (pa + pb), pa, pb], |p| quadric.at(p)) }
 }
 
 /// The first of the candidates of least value.

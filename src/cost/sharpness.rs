@@ -16,10 +16,13 @@
 //!
 //! # Where we differ
 //! * R is divided by its mean over the whole mesh, since its unit is uv² / length², and is at most `cap`: slivers
-//!   overflow 2^R.
+//!   overflow 2^R. S_tex is scaled to lengths for each material before, as for every metric here, so that R tells dense
+//!   places of a texture from sparse ones of the same texture, and not one texture from another.
 //! * Q is the sum of unit planes; those of seam edges are added with half the weight of `border`.
 //! * Seams collapse along themselves.
-//! * An inner vertex may join a boundary vertex, which stays, if `boundary` is 1; the paper puts such edges last.
+//! * Edges at boundary and complex vertices never collapse; the paper gives them the maximal cost, so that they go last.
+//!   If `boundary` is 1, an inner vertex may join a boundary vertex, which stays.
+//! * Collapses are made in rounds, not from a heap: see [`engine`](crate::simplify::engine).
 //!
 //! # Memory
 //! 80 bytes a vertex.
@@ -28,7 +31,7 @@ use glam::{DVec2, DVec3};
 
 use super::census::Census;
 use super::fan::{Fan, angle_between};
-use super::knob::{Knob, factor, switch};
+use super::knob::{Knob, factor, number, switch};
 use super::metric::{Metric, fits};
 use super::planes::{area_of, ends, least, newcomers, priced, unit_planes};
 use super::quadric::Quadric;
@@ -45,7 +48,7 @@ pub const BASE: f64 = 2.0;
 pub const KNOBS: [Knob; 5] = [
     switch("sigma", 1.0, "0 leaves the sharpness out"),
     switch("texture", 1.0, "0 leaves the texture factor out"),
-    Knob { name: "cap", default: 8.0, range: [0.0, 64.0], meaning: "largest texture factor, in means of the mesh" },
+    number("cap", 8.0, [0.0, 64.0], "largest texture factor, in means of the mesh"),
     factor("border", 1.0, "weight of the planes through border edges"),
     switch("boundary", 0.0, "1 lets inner vertices join boundary vertices, which stay"),
 ];

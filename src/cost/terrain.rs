@@ -11,20 +11,23 @@
 //! | e1, e2 \[6, 7\]; D², A, b, c \[8\] to \[12\] | [`WideQuadric`], one for each wedge |
 //! | interior, general, border edges: none, one, both ends on the border | `class_weight` |
 //!
-//! The place is the optimal one. After each round, normals and costs at the new vertices are computed anew; the quadrics
-//! of both ends add.
+//! The place is the optimal one. The paper repeats its steps "for the edges at the end of the collapsed one", which may mean
+//! the costs alone or the quadrics, too. Here the quadrics of both ends add, and normals and costs at the new vertices are
+//! computed anew after each round; with `carry=0` the quadrics around them are, too.
 //!
 //! # Where we differ
 //! * Borders are locked: in the paper's table all 566 border edges survive. `border-weights=1` multiplies costs by 1,
 //!   `general` and `border` instead.
 //! * u and v are scaled to lengths, and N by `normal` times the mean edge length; `box-scale=1` scales N by the diagonal
 //!   of the box instead, which makes the result depend on the extent.
+//! * `raw=1` takes positions, texture coordinates and unit normals as they are, in whatever units they have.
 //! * Without texture u = v = 0.
+//! * Collapses are made in rounds, not from a heap: see [`engine`](crate::simplify::engine).
 //! * Along a seam the vertex goes to the best of the middle and both ends, on both sides of it.
 //! * A minimum beyond two edge lengths gives way to the best of the middle and both ends.
 //!
 //! # Memory
-//! 36 bytes a vertex, 360 a wedge.
+//! 40 bytes a vertex, 360 a wedge.
 
 use glam::{DVec2, DVec3};
 
@@ -32,7 +35,7 @@ use super::census::Census;
 use super::fan::Fan;
 use super::knob::{Knob, factor, switch};
 use super::metric::{Metric, fits};
-use super::planes::{area_of, ends, least, newcomers, priced};
+use super::planes::{area_of, ends, least, newcomers, plane_of, priced};
 use super::surface::{EdgeCase, Placement};
 use super::wide::WideQuadric;
 use crate::mesh::class::{Class, Rule};
@@ -44,12 +47,14 @@ use crate::mesh::ring::Rings;
 const REACH: f64 = 2.0;
 
 /// What may be set.
-pub const KNOBS: [Knob; 5] = [
+pub const KNOBS: [Knob; 7] = [
     factor("normal", 0.1, "weight of the normal, in mean edge lengths (box diagonals with box-scale)"),
     switch("box-scale", 0.0, "1 scales the normal by the diagonal of the box"),
     switch("border-weights", 0.0, "1 weights edges by class instead of locking borders"),
     factor("general", 10.0, "weight of an edge with one end on the border"),
     factor("border", 1e6, "weight of an edge with both ends on the border"),
+    switch("raw", 0.0, "1 takes texture coordinates and unit normals as they are"),
+    switch("carry", 1.0, "0 computes the quadrics around new vertices anew instead of adding them"),
 ];
 
 /// Settings, in the order of [`KNOBS`], and the frozen scale.
@@ -60,13 +65,24 @@ pub struct Settings {
     has_weights: bool,
     general: f64,
     border: f64,
+    is_raw: bool,
+    carries: bool,
     /// Length of the normal.
     normal_scale: f64,
 }
 
-impl From<[f64; 5]> for Settings {
-    fn from([normal, box_scale, weights, general, border]: [f64; 5]) -> Self {
-        Self { normal, has_box_scale: box_scale > 0.0, has_weights: weights > 0.0, general, border, normal_scale: 0.0 }
+impl From<[f64; 7]> for Settings {
+    fn from([normal, box_scale, weights, general, border, raw, carry]: [f64; 7]) -> Self {
+        Self {
+            normal,
+            has_box_scale: box_scale > 0.0,
+            has_weights: weights > 0.0,
+            general,
+            border,
+            is_raw: raw > 0.0,
+            carries: carry > 0.0,
+            normal_scale: 0.0,
+        }
     }
 }
 
@@ -80,6 +96,9 @@ pub struct TerrainCost {
     /// Scaled normals.
     normals: Vec<DVec3>,
     is_border: Vec<bool>,
+    /// Round in which the quadrics at the vertex were computed.
+    seen: Vec<u32>,
+    round: u32,
     fan: Fan,
     area: f64,
 }
@@ -89,13 +108,29 @@ impl TerrainCost {
     fn sum_quadrics(&self, mesh: &ClusterMesh) -> Vec<Quadric> {
         let mut quadrics = vec![Quadric::default(); mesh.wedge_vertex.len()];
         for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
-            let wedges = mesh.corners[face as usize];
-            let Some(quadric) = Quadric::of_triangle(wedges.map(|wedge| self.point(mesh, wedge))) else { continue };
-            for wedge in wedges {
+            let Some(quadric) = self.of_face(mesh, face) else { continue };
+            for wedge in mesh.corners[face as usize] {
                 quadrics[wedge as usize] += quadric;
             }
         }
         quadrics
+    }
+
+    /// The squared distance to a face, if it has an area.
+    fn of_face(&self, mesh: &ClusterMesh, face: u32) -> Option<Quadric> {
+        plane_of(mesh.triangle(face))?;
+        Quadric::of_triangle(mesh.corners[face as usize].map(|wedge| self.point(mesh, wedge)))
+    }
+
+    /// Computes the quadrics of a vertex's wedges anew.
+    fn sum_around(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) {
+        let corners = || rings.of(vertex).iter().filter_map(|&corner| Some((corner, mesh.living(corner)?)));
+        corners().for_each(|(_, wedge)| self.quadrics[wedge as usize] = Quadric::default());
+        for (corner, wedge) in corners() {
+            if let Some(quadric) = self.of_face(mesh, corner / 3) {
+                self.quadrics[wedge as usize] += quadric;
+            }
+        }
     }
 
     fn point(&self, mesh: &ClusterMesh, wedge: u32) -> [f64; 8] {
@@ -162,6 +197,14 @@ impl TerrainCost {
     }
 }
 
+#[cfg(test)]
+impl TerrainCost {
+    /// The scaled normal of a vertex.
+    pub(super) fn normal(&self, vertex: u32) -> DVec3 {
+        self.normals[vertex as usize]
+    }
+}
+
 /// N of a vertex: the mean of its faces' normals by angle, shorter than 1 where the surface is sharp.
 fn mean_normal(fan: &Fan) -> DVec3 {
     let (mut sum, mut angles) = (DVec3::ZERO, 0.0);
@@ -188,9 +231,15 @@ impl Metric for TerrainCost {
             quadrics: Vec::new(),
             normals: Vec::new(),
             is_border: Vec::new(),
+            seen: Vec::new(),
+            round: 0,
             fan: Fan::default(),
             area: 0.0,
         }
+    }
+
+    fn wants_raw_texture(settings: &Settings) -> bool {
+        settings.is_raw
     }
 
     /// Counts the edges of every face, so that those inside count twice however the mesh is cut.
@@ -203,12 +252,13 @@ impl Metric for TerrainCost {
 
     fn settle(settings: &mut Settings, census: &Census) {
         let length = if settings.has_box_scale { census.diagonal() } else { census.mean().unwrap_or(0.0) };
-        settings.normal_scale = settings.normal * length;
+        settings.normal_scale = if settings.is_raw { 1.0 } else { settings.normal * length };
     }
 
     fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
         self.area = area_of(mesh);
         self.normals.resize(mesh.positions.len(), DVec3::ZERO);
+        self.seen.resize(mesh.positions.len(), 0);
         for vertex in 0..mesh.positions.len() as u32 {
             self.find_normal(mesh, rings, vertex);
         }
@@ -263,9 +313,21 @@ impl Metric for TerrainCost {
         true
     }
 
-    fn follow(&mut self, mesh: &ClusterMesh, rings: &Rings, survivors: &[u32], _changed: &mut Vec<u32>) {
-        for &vertex in survivors {
-            self.find_normal(mesh, rings, vertex);
+    fn follow(&mut self, mesh: &ClusterMesh, rings: &Rings, survivors: &[u32], changed: &mut Vec<u32>) {
+        if self.settings.carries {
+            survivors.iter().for_each(|&vertex| self.find_normal(mesh, rings, vertex));
+            return;
         }
+        self.round += 1;
+        let start = changed.len();
+        for &survivor in survivors {
+            for vertex in rings.faces(mesh, survivor).flat_map(|face| mesh.vertices(face)) {
+                if std::mem::replace(&mut self.seen[vertex as usize], self.round) != self.round {
+                    self.find_normal(mesh, rings, vertex);
+                    changed.push(vertex);
+                }
+            }
+        }
+        changed[start..].iter().for_each(|&vertex| self.sum_around(mesh, rings, vertex));
     }
 }

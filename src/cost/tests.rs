@@ -80,7 +80,7 @@ where
 
 #[test]
 fn the_metric_of_1997_obeys_the_laws() {
-    obeys_the_laws::<ClassicCost, 1>(&classic::KNOBS, 2);
+    obeys_the_laws::<ClassicCost, 3>(&classic::KNOBS, 2);
 }
 
 #[test]
@@ -95,12 +95,12 @@ fn the_sharpness_metric_obeys_the_laws() {
 
 #[test]
 fn the_terrain_metric_obeys_the_laws() {
-    obeys_the_laws::<TerrainCost, 5>(&terrain::KNOBS, 2);
+    obeys_the_laws::<TerrainCost, 7>(&terrain::KNOBS, 2);
 }
 
 #[test]
 fn the_oblique_metric_obeys_the_laws() {
-    obeys_the_laws::<ObliqueCost, 9>(&oblique::KNOBS, 6);
+    obeys_the_laws::<ObliqueCost, 10>(&oblique::KNOBS, 6);
 }
 
 /// Σ (n·(p - q))² over the faces around a vertex.
@@ -124,13 +124,109 @@ fn agrees(found: f64, wanted: f64) {
 
 #[test]
 fn the_metric_of_1997_is_the_sum_of_squared_distances_to_planes() {
-    let it = prepared::<ClassicCost>(&samples::grid(6, 0.7), [0.0]);
+    let it = prepared::<ClassicCost>(&samples::grid(6, 0.7), [0.0, 0.0, 1.0]);
     let found = it.price(&INNER);
     let sum = |p| plane_sum(&it.mesh, &it.rings, 16, p) + plane_sum(&it.mesh, &it.rings, 24, p);
     agrees(found.cost, sum(found.position));
     for step in [DVec3::X, DVec3::Y, DVec3::Z] {
         assert!(sum(found.position) <= sum(found.position + 0.01 * step) + 1e-9);
         assert!(sum(found.position) <= sum(found.position - 0.01 * step) + 1e-9);
+    }
+}
+
+/// The knobs' defaults, but for one.
+fn with<const N: usize>(knobs: &[knob::Knob; N], name: &str, value: f64) -> [f64; N] {
+    assert!(knobs.iter().any(|knob| knob.name == name));
+    knobs.map(|knob| if knob.name == name { value } else { knob.default })
+}
+
+#[test]
+fn three_places_are_the_ends_and_the_middle() {
+    fn check<M: Metric>(three: Prepared<M>, optimal: Prepared<M>) {
+        let (a, b) = (three.mesh.positions[16], three.mesh.positions[24]);
+        let found = three.price(&INNER);
+        assert!([a, b, 0.5 * (a + b)].contains(&found.position), "{found:?}");
+        assert!(found.cost > optimal.price(&INNER).cost * 1.01, "{found:?}");
+    }
+    let mesh = samples::grid(6, 0.7);
+    let classic = with(&classic::KNOBS, "placement", 1.0);
+    let it = prepared::<ClassicCost>(&mesh, classic);
+    let found = it.price(&INNER);
+    let sum = |p| plane_sum(&mesh, &it.rings, 16, p) + plane_sum(&mesh, &it.rings, 24, p);
+    let (a, b) = (mesh.positions[16], mesh.positions[24]);
+    let least = [a, b, 0.5 * (a + b)].map(sum).into_iter().fold(f64::INFINITY, f64::min);
+    agrees(found.cost, least);
+    check(it, prepared::<ClassicCost>(&mesh, classic::KNOBS.map(|knob| knob.default)));
+    let oblique = with(&oblique::KNOBS, "placement", 1.0);
+    let optimal = oblique::KNOBS.map(|knob| knob.default);
+    check(prepared::<ObliqueCost>(&mesh, oblique), prepared::<ObliqueCost>(&mesh, optimal));
+}
+
+#[test]
+fn the_area_weighted_baseline_follows_a_change_as_the_curvature_metric_does() {
+    for curvature in [0.0, 1.0] {
+        let settings = || with(&curvature::KNOBS, "curvature", curvature);
+        let mut it = prepared::<CurvatureCost>(&samples::grid(6, 0.7), settings());
+        it.mesh.positions[24].z += 0.4;
+        let mut changed = Vec::new();
+        it.cost.follow(&it.mesh, &it.rings, &[24], &mut changed);
+        changed.sort_unstable();
+        assert_eq!(changed, [16, 17, 23, 24, 25, 31, 32]);
+        let fresh = prepared::<CurvatureCost>(&it.mesh, settings());
+        for &vertex in &changed {
+            assert_eq!(it.cost.weight(vertex), fresh.cost.weight(vertex), "{curvature} {vertex}");
+        }
+    }
+}
+
+#[test]
+fn terrain_quadrics_that_are_not_carried_are_those_of_the_mesh_as_it_stands() {
+    // As it is, so that no normaliser changes with the mesh.
+    let settings = |carry: f64| {
+        terrain::KNOBS.map(|knob| match knob.name {
+            "raw" => 1.0,
+            "carry" => carry,
+            _ => knob.default,
+        })
+    };
+    let mut it = prepared::<TerrainCost>(&samples::grid(6, 0.7), settings(0.0));
+    it.mesh.positions[24].z += 0.4;
+    let mut changed = Vec::new();
+    it.cost.follow(&it.mesh, &it.rings, &[24], &mut changed);
+    let fresh = prepared::<TerrainCost>(&it.mesh, settings(0.0));
+    for (from, to) in [(24, 16), (24, 32), (24, 25)] {
+        let wedges = [(from, to)];
+        let edge = EdgeCase { from, to, wedges: &wedges, ..INNER };
+        agrees(it.price(&edge).cost, fresh.price(&edge).cost);
+    }
+    let carried = prepared::<TerrainCost>(&samples::grid(6, 0.7), settings(1.0));
+    let stale = carried.cost.place(&it.mesh, &INNER).cost;
+    assert!((stale / fresh.price(&INNER).cost - 1.0).abs() > 0.05, "what is carried knows nothing of the change");
+}
+
+#[test]
+fn terrain_counts_no_face_without_area() {
+    let mut mesh = samples::grid(6, 0.7);
+    (mesh.positions[16].z, mesh.positions[17].z) = (0.5, 0.25);
+    let raw = || with(&terrain::KNOBS, "raw", 1.0);
+    let before = prepared::<TerrainCost>(&mesh, raw()).price(&INNER).cost;
+    // Normals of its corners differ, so that it has a plane in eight dimensions.
+    let middle = mesh.push_vertex(0.5 * (mesh.positions[16] + mesh.positions[17]), 0);
+    let wedge = mesh.push_wedge(middle, DVec2::new(0.25, 0.2));
+    mesh.push_face([16, wedge, 17], 0);
+    mesh.link_wedges();
+    agrees(prepared::<TerrainCost>(&mesh, raw()).price(&INNER).cost, before);
+}
+
+#[test]
+fn raw_terrain_has_unit_normals() {
+    let mesh = samples::grid(6, 0.7);
+    let it = prepared::<TerrainCost>(&mesh, with(&terrain::KNOBS, "raw", 1.0));
+    let settings = terrain::Settings::from(with(&terrain::KNOBS, "raw", 1.0));
+    assert!(TerrainCost::wants_raw_texture(&settings));
+    for vertex in 0..49 {
+        let length = it.cost.normal(vertex).length();
+        assert!(length > 0.5 && length < 1.0 + 1e-12, "{length}");
     }
 }
 
@@ -275,7 +371,7 @@ fn wide_sum<const N: usize>(faces: &[[[f64; N]; 3]], v: [f64; N]) -> f64 {
 
 #[test]
 fn the_terrain_metric_is_the_squared_distance_to_planes_in_eight_dimensions() {
-    let it = prepared::<TerrainCost>(&samples::grid(6, 0.7), [0.1, 0.0, 0.0, 10.0, 1e6]);
+    let it = prepared::<TerrainCost>(&samples::grid(6, 0.7), terrain::KNOBS.map(|knob| knob.default));
     let onto = EdgeCase { onto: true, stays: true, ..INNER };
     let found = it.price(&onto);
     let (mut lengths, mut count) = (0.0, 0.0);

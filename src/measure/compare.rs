@@ -53,6 +53,7 @@ use self::direction::Direction;
 use self::distribution::Distribution;
 use self::pinholes::Pinholes;
 use self::points::Sampling;
+pub use self::points::Spread;
 use super::border::{BorderDeviation, border_deviation};
 use crate::base::threads::make_pool;
 use crate::base::{Error, Findings, Progress, Result, json_path};
@@ -84,8 +85,8 @@ pub struct Comparison {
     /// The result, as named.
     #[serde(serialize_with = "json_path::lossy")]
     pub result: PathBuf,
-    /// Points by area on each of the two surfaces.
-    pub samples: u64,
+    /// Points by area on each of the two surfaces; nothing if distances were taken at vertices.
+    pub samples: Option<u64>,
     /// Seed of the points.
     pub seed: u64,
     /// Distances between the surfaces.
@@ -316,8 +317,8 @@ pub const SLIVER_REGULARITY: f64 = 0.5;
 /// How meshes are compared.
 #[derive(Debug, Clone)]
 pub struct CompareOptions {
-    /// Points by area on each surface.
-    pub samples: u64,
+    /// Where distances are taken on each surface.
+    pub spread: Spread,
     /// Seed of the points.
     pub seed: u64,
     /// Folder for the two work folders.
@@ -409,7 +410,7 @@ fn compare_in_cells(
     onlooker.see_meshes(&before, &after)?;
     let limit = before.bounds.with(after.bounds).diagonal();
     let measured = |from, to, seed, see_point: &mut dyn FnMut(&Place)| {
-        let sampling = Sampling::new(from, options.samples, seed);
+        let sampling = Sampling::new(from, options.spread, seed);
         direction::measure(from, to, &sampling, limit, &options.resources, see_point, progress)
     };
     let forward = measured(&after, &before, options.seed, &mut |place| onlooker.see_point(place))?;
@@ -437,7 +438,7 @@ fn compare_in_cells(
         version: VERSION,
         original: original.name().to_owned(),
         result: result.name().to_owned(),
-        samples: options.samples,
+        samples: options.spread.by_area(),
         seed: options.seed,
         geometry,
         texture,

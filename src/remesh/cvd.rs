@@ -67,7 +67,7 @@ use self::clustering::{Clustering, Pull};
 use self::dual::Shrunk;
 use self::mass::{MassSums, Part};
 use self::queue::{ErrorCounts, Queue, sound_faces};
-use crate::cost::knob::{self, Knob, factor, switch};
+use crate::cost::knob::{self, Knob, factor, number, switch};
 use crate::mesh::class::{Class, classify};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
@@ -78,7 +78,7 @@ pub const KNOBS: [Knob; 8] = [
     factor("lambda", 2.0, "power of the curvature in a vertex's mass"),
     factor("cells", 0.0, "cells wanted, without a collapse afterwards; 0 takes as many as there are vertices"),
     factor("floor", 1e-3, "least k1² + k2², in medians of its positive values"),
-    Knob { name: "rings", default: 2.0, range: [1.0, 4.0], meaning: "rings of vertices that a jet is fitted to" },
+    number("rings", 2.0, [1.0, 4.0], "rings of vertices that a jet is fitted to"),
     factor("spring", 1e-3, "stiffness of the spring from a centre to the middle of its cell, in traces of its quadric"),
     factor("sweeps", 50.0, "times that vertices may change their cell, at most"),
     switch("centroidal", 0.0, "1 takes the centroids of cells for centres while vertices choose (ACVD)"),

@@ -132,8 +132,14 @@ fn distances(comparison: &Comparison) -> Markup {
                     "How much of the surface is how far; distances in mesh units"))
             }
             p.quiet {
-                "Exact distances from " (spaced(comparison.samples)) " points by area on each surface, and from vertices and points on "
-                "edges for the largest one. To the original: what was added. To the result: what was lost. Diagonal of the original: "
+                @match comparison.samples {
+                    Some(count) => {
+                        "Exact distances from " (spaced(count)) " points by area on each surface, and from vertices and points on "
+                        "edges for the largest one."
+                    }
+                    None => "Exact distances from all vertices of each surface.",
+                }
+                " To the original: what was added. To the result: what was lost. Diagonal of the original: "
                 (length(geometry.diagonal)) "."
                 @if geometry.symmetric.cut_searches > 0 {
                     " " (spaced(geometry.symmetric.cut_searches)) " points were given up, since triangles lie across each other by "

@@ -36,11 +36,9 @@ impl Report {
 
 /// The measured figures, in the mesh's unit of length.
 fn add_measured(text: &mut String, Comparison { geometry, samples, .. }: &Comparison) {
-    let _ = writeln!(
-        text,
-        "deviation: {} (RMS both ways, measured at {samples} points each)",
-        length(geometry.symmetric.rms)
-    );
+    let points = samples.map_or("all vertices".into(), |count| format!("{count} points each"));
+    let rms = length(geometry.symmetric.rms);
+    let _ = writeln!(text, "deviation: {rms} (RMS both ways, measured at {points})");
     let _ = writeln!(text, "largest deviation: {}", length(geometry.symmetric.max));
 }
 

@@ -89,7 +89,9 @@ impl Collapser {
         self.uvs.iter_mut().zip(insets).for_each(|(uv, inset)| *uv += inset.as_dvec2());
         let collapse = Collapse { onto: onto && insets == [Vec2::ZERO; 2], ..collapse };
         let moving = if stays && collapse.onto { &[from][..] } else { &[from, to][..] };
-        self.star.check_faces(mesh, rings, moving, position, &self.uvs, collapse.cost)?;
+        if cost.has_guards() {
+            self.star.check_faces(mesh, rings, moving, position, &self.uvs, collapse.cost)?;
+        }
         self.bound_deviation(mesh, rings, collapse, position)?;
         let edge = EdgeCase { from, to, onto, stays, wedges: &self.star.wedges, insets };
         cost.join(mesh, &edge);

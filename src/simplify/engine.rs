@@ -116,6 +116,8 @@ pub struct Engine<M> {
     pub frees_topology: bool,
     /// Whether handles are cut before the first stage as well: of a mesh as it came, that takes long and brings little.
     pub seeks_handles: bool,
+    /// Whether a round is one collapse: the order of a heap that is kept up to date.
+    pub one_by_one: bool,
 }
 
 impl<M: Metric> Engine<M> {
@@ -164,6 +166,7 @@ impl<M: Metric> Engine<M> {
             welds: false,
             frees_topology: false,
             seeks_handles: false,
+            one_by_one: false,
         }
     }
 
@@ -227,7 +230,7 @@ impl<M: Metric> Engine<M> {
                 result.reached = true;
                 break;
             }
-            let few = (before as f64 * LAST_SHARE) as usize;
+            let few = if self.one_by_one { 0 } else { (before as f64 * LAST_SHARE) as usize };
             let is_last = match stop {
                 Stop::Faces(_) => tried_all && removed == 0,
                 Stop::Cost(..) => tried_all && removed <= few,
@@ -235,7 +238,8 @@ impl<M: Metric> Engine<M> {
             if is_last {
                 break;
             }
-            widen = if removed * 8 < (before as f64 * ROUND_SHARE) as usize { widen * 2.0 } else { 1.0 };
+            let aim = if self.one_by_one { 1 } else { (before as f64 * ROUND_SHARE) as usize };
+            widen = if removed * 8 < aim { widen * 2.0 } else { 1.0 };
             self.rejudge();
         }
         result.reached |= matches!(stop, Stop::Cost(..));
@@ -512,7 +516,7 @@ impl<M: Metric> Engine<M> {
             Stop::Faces(target) => (f32::MAX, (self.mesh.face_count - target) as f64),
             Stop::Cost(cost, _) => (cost.min(f32::MAX), faces),
         };
-        let collapses = (0.5 * excess.min(faces * ROUND_SHARE)).ceil();
+        let collapses = if self.one_by_one { 1.0 } else { (0.5 * excess.min(faces * ROUND_SHARE)).ceil() };
         let wanted = (collapses * TRIES_PER_COLLAPSE * widen).max(8.0) as usize;
         let proposals = &self.proposals;
         let cost_of = |&vertex: &u32| proposals[vertex as usize].cost;
@@ -549,7 +553,7 @@ impl<M: Metric> Engine<M> {
             if !self.try_proposal(from, stop, result) && self.proposals[from as usize].cost <= bound {
                 self.again.push(Reverse((self.proposals[from as usize].cost.to_bits(), from)));
             }
-            if self.is_done(stop) {
+            if self.is_done(stop) || (self.one_by_one && !self.survivors.is_empty()) {
                 return;
             }
         }

@@ -77,6 +77,8 @@ pub struct PassOptions {
     pub drop_pieces: bool,
     /// Whether the topology may change where that is cheap.
     pub frees_topology: bool,
+    /// Whether edges collapse one at a time, the cheapest first.
+    pub one_by_one: bool,
     /// Whether of faces with the same three vertices the first alone is kept.
     pub drop_doubles: bool,
     /// How the mesh is made anew before the first pass, if it is.

@@ -400,6 +400,7 @@ impl<'a, M: Metric> Run<'a, M> {
         let mut engine = Engine::new(mesh, &self.settings);
         engine.lock_borders = self.options.lock_borders;
         engine.frees_topology = self.options.frees_topology;
+        engine.one_by_one = self.options.one_by_one;
         engine.seeks_handles = self.turn(pass) > 0;
         engine.welds = self.options.weld;
         if let Some(most) = self.bound_of(pass) {

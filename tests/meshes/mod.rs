@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use drystone::base::Silent;
-use drystone::measure::compare::{CompareOptions, Resources, compare};
+use drystone::measure::compare::{CompareOptions, Resources, Spread, compare};
 use drystone::measure::{Check, Surface, compare_checks, compare_topology, weld_and_check};
 use drystone::options::{SimplifyOptions, Topology};
 use drystone::pipeline;
@@ -107,7 +107,7 @@ pub fn rms_distance(input: &Path, run: &Run) -> f64 {
     let folder = tempfile::tempdir().unwrap();
     let scan = ScanOptions { threads: 2, chunks_in_flight: 4, catalogue_bytes: 1 << 30 };
     let resources = Resources { threads: 2, work_bytes: 100 << 20, scan };
-    let options = CompareOptions { samples: 50_000, seed: 1, work: folder.path().join("work"), resources };
+    let options = CompareOptions { spread: Spread::Area(50_000), seed: 1, work: folder.path().join("work"), resources };
     compare(input, &run.output, &options, &mut (), &Silent).unwrap().geometry.symmetric.rms
 }
 

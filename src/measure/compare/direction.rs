@@ -3,7 +3,7 @@
 //! In: two meshes in cells. Out: distributions, the places of the largest distances, and a record for each point by area
 //! that the texture is compared with. Invariant: points are taken in their order, so sums do not depend on threads.
 //!
-//! Points by area come first. Of vertices and points on edges only those matter that lie farther than what is known by
+//! Points by area come first, or the vertices if they are asked for. Of vertices and points on edges only those matter that lie farther than what is known by
 //! then, so most of them are done with at the first triangle that is near enough.
 //!
 //! # Memory
@@ -18,7 +18,7 @@ use glam::DVec3;
 use super::cells::MeasuredMesh;
 use super::distribution::Distribution;
 use super::pictures::NO_PICTURE;
-use super::points::{Batch, Kind, Point, Sampling};
+use super::points::{Batch, Point, Sampling};
 use super::search::{Closest, Farthest, Found, Search, VIEWS, texcoord_at, unit_normal};
 use super::{Place, Resources, WORST_PLACES};
 use crate::base::bytes::MIB;
@@ -115,7 +115,8 @@ pub fn measure(
     let mut farthest: Vec<Option<Place>> = vec![None; from.cells.len()];
     let fitting = resources.work_bytes / (CELL_BYTES * (VIEWS as u64 + 2));
     let threads = resources.threads.min(fitting.max(1) as usize);
-    let (by_area, others): (Vec<Batch>, Vec<Batch>) = batches.into_iter().partition(|batch| batch.kind == Kind::Area);
+    let (by_area, others): (Vec<Batch>, Vec<Batch>) =
+        batches.into_iter().partition(|batch| batch.kind == sampling.measured());
     let probes = (PROBES / by_area.len().max(1)).clamp(1, PROBES_OF_BATCH);
     map_in_order(
         by_area.iter(),

@@ -4,7 +4,8 @@
 //!   |----|------|--|-----------|---|   faces one after the other, each as long as its area
 //!   ^  ^   ^  ^   ^   ^  ^  ^   ^ ^    point k lies somewhere in the k-th of equal parts of the whole
 //! ```
-//! Which points these are depends on the mesh, the seed and their number alone.
+//! Which points these are depends on the mesh, the seed and their number alone. Where the vertices are what is asked for, they
+//! take the place of the points by area, and there are no points on edges; one that several cells have counts in each.
 //!
 //! # Source
 //! Metro (Cignoni, Rocchini and Scopigno 1998) for what is sampled.
@@ -12,6 +13,7 @@
 use std::ops::Range;
 
 use glam::DVec3;
+use serde::Serialize;
 
 use super::cells::{CellView, MeasuredMesh, area, side_length};
 use crate::base::chance;
@@ -20,6 +22,26 @@ use crate::base::chance;
 pub const BATCH_POINTS: u64 = 1 << 14;
 /// Points on edges for each point by area.
 const EDGE_SHARE: f64 = 0.25;
+
+/// Where distances are taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Spread {
+    /// At so many points by area, at points on edges and at vertices; all but the largest distance is of the points by area.
+    Area(u64),
+    /// At vertices alone, as in many papers: what leaves vertices where they were errs by nothing there.
+    Vertices,
+}
+
+impl Spread {
+    /// Points by area; nothing where there are none.
+    pub fn by_area(self) -> Option<u64> {
+        match self {
+            Self::Area(count) => Some(count),
+            Self::Vertices => None,
+        }
+    }
+}
 
 /// What points of a batch are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,9 +71,9 @@ pub struct Batch {
 pub struct Point {
     /// Its position.
     pub position: DVec3,
-    /// Triangle of the cell; of no meaning for vertices.
+    /// Triangle of the cell; for a vertex the last one that has it, where vertices are what is asked for, else of no meaning.
     pub face: u32,
-    /// Weights of the triangle's corners; of no meaning for vertices.
+    /// Weights of the triangle's corners.
     pub weights: [f64; 3],
 }
 
@@ -60,6 +82,7 @@ pub struct Point {
 pub struct Sampling<'a> {
     mesh: &'a MeasuredMesh,
     seed: u64,
+    spread: Spread,
     areas: Steps,
     lengths: Steps,
 }
@@ -82,7 +105,7 @@ impl Steps {
             sum += amount;
             starts.push(sum);
         }
-        let is_something = sum > 0.0 && sum.is_finite();
+        let is_something = sum > 0.0 && sum.is_finite() && count > 0;
         let step = if is_something { sum / count as f64 } else { 0.0 };
         Self { starts, step, count: if is_something { count } else { 0 } }
     }
@@ -106,14 +129,24 @@ impl Steps {
 }
 
 impl<'a> Sampling<'a> {
-    /// `samples` points by area, a quarter as many on edges, and all vertices.
-    pub fn new(mesh: &'a MeasuredMesh, samples: u64, seed: u64) -> Self {
+    /// So many points by area, a quarter as many on edges, and all vertices; or the vertices alone.
+    pub fn new(mesh: &'a MeasuredMesh, spread: Spread, seed: u64) -> Self {
+        let samples = spread.by_area().unwrap_or(0);
         let edge_samples = (samples as f64 * EDGE_SHARE).ceil() as u64;
         Self {
             mesh,
             seed,
+            spread,
             areas: Steps::new(mesh.cells.iter().map(|cell| cell.area), samples),
             lengths: Steps::new(mesh.cells.iter().map(|cell| cell.side_length), edge_samples),
+        }
+    }
+
+    /// What the points are that means are taken of.
+    pub fn measured(&self) -> Kind {
+        match self.spread {
+            Spread::Area(_) => Kind::Area,
+            Spread::Vertices => Kind::Vertices,
         }
     }
 
@@ -141,9 +174,13 @@ impl<'a> Sampling<'a> {
     pub fn points(&self, batch: &Batch, view: &CellView) -> Vec<Point> {
         match batch.kind {
             Kind::Vertices => {
-                let positions = &view.positions[batch.range.start as usize..batch.range.end as usize];
+                let range = batch.range.start as usize..batch.range.end as usize;
                 let point = |&at: &DVec3| Point { position: view.origin + at, face: 0, weights: [1.0, 0.0, 0.0] };
-                positions.iter().map(point).collect()
+                let mut points: Vec<Point> = view.positions[range.clone()].iter().map(point).collect();
+                if self.spread == Spread::Vertices {
+                    put_on_faces(&mut points, view, range.start);
+                }
+                points
             }
             Kind::Area => {
                 let ends = running_sums(view, area);
@@ -167,6 +204,19 @@ impl<'a> Sampling<'a> {
     fn spread(&self, steps: &Steps, batch: &Batch, stream: u64, point: impl Fn(u64, f64) -> Point) -> Vec<Point> {
         let place = |part: u64| Some((part, steps.place(batch.cell, part, chance_of(self.seed, part, stream))?));
         batch.range.clone().filter_map(place).map(|(part, place)| point(part, place)).collect()
+    }
+}
+
+/// Gives vertices of a cell, from the `first` on, a face and their place on it.
+fn put_on_faces(vertices: &mut [Point], view: &CellView, first: usize) {
+    for (number, face) in view.faces.iter().enumerate() {
+        for (corner, &vertex) in face.vertices.iter().enumerate() {
+            if let Some(point) = (vertex as usize).checked_sub(first).and_then(|at| vertices.get_mut(at)) {
+                point.face = number as u32;
+                point.weights = [0.0; 3];
+                point.weights[corner] = 1.0;
+            }
+        }
     }
 }
 

@@ -34,7 +34,11 @@ impl Bench {
     }
 
     fn compare(&self, original: &Path, result: &Path, cell_faces: u64) -> Comparison {
-        let options = CompareOptions { samples: 20_000, seed: 7, work: self.path("work"), resources: RESOURCES };
+        self.compare_at(Spread::Area(20_000), original, result, cell_faces)
+    }
+
+    fn compare_at(&self, spread: Spread, original: &Path, result: &Path, cell_faces: u64) -> Comparison {
+        let options = CompareOptions { spread, seed: 7, work: self.path("work"), resources: RESOURCES };
         compare_in_cells([&original.into(), &result.into()], &options, cell_faces, &mut (), &Silent).unwrap()
     }
 }
@@ -194,7 +198,7 @@ fn the_numbers_do_not_depend_on_threads_and_hardly_on_cells() {
     let result = bench.write("b.obj", &positions, &faces);
     let measured = |threads: usize, cell_faces: u64| {
         let resources = Resources { threads, ..RESOURCES };
-        let options = CompareOptions { samples: 30_000, seed: 1, work: bench.path("work"), resources };
+        let options = CompareOptions { spread: Spread::Area(30_000), seed: 1, work: bench.path("work"), resources };
         let found =
             compare_in_cells([&(&original).into(), &(&result).into()], &options, cell_faces, &mut (), &Silent).unwrap();
         Comparison { peak_resident: 0, ..found }
@@ -362,7 +366,8 @@ fn a_mesh_of_nothing_but_points_and_lines_is_refused() {
     let bench = Bench::new();
     let (positions, faces) = plane(2, |_, _| 0.0);
     let (original, empty) = (bench.write("a.obj", &positions, &faces), bench.write("b.obj", &positions, &[[0, 0, 1]]));
-    let options = CompareOptions { samples: 1000, seed: 1, work: bench.path("work"), resources: RESOURCES };
+    let options =
+        CompareOptions { spread: Spread::Area(1000), seed: 1, work: bench.path("work"), resources: RESOURCES };
     let error = compare(&original, &empty, &options, &mut (), &Silent).unwrap_err();
     assert!(error.to_string().contains("no faces"), "{error}");
     assert!(!bench.path("work").exists());
@@ -472,4 +477,24 @@ fn what_a_gap_shows_is_its_share_of_the_surface() {
     assert_eq!((same.ppm, same.behind_ppm, same.worst.picture.len()), (0.0, 0.0, 0));
     // A hole that closes is none.
     assert_eq!(bench.compare(&holed, &original, 10_000).pinholes.unwrap().ppm, 0.0);
+}
+
+/// A sheet whose middle vertex rises by 1 is 1 / n away at its n vertices, whatever the area around it; the other way only the
+/// surface beneath the peak is near.
+#[test]
+fn at_vertices_every_vertex_counts_the_same() {
+    let bench = Bench::new();
+    let (flat, faces) = plane(4, |_, _| 0.0);
+    let mut peak = flat.clone();
+    peak[12].z = 1.0;
+    let (original, result) = (bench.write("flat.obj", &flat, &faces), bench.write("peak.obj", &peak, &faces));
+    let found = bench.compare_at(Spread::Vertices, &original, &result, 1 << 16);
+    let Distances { max, mean, rms, median, .. } = found.geometry.forward;
+    assert_eq!([max, mean, rms], [1.0, 1.0 / 25.0, 1.0 / 5.0]);
+    assert!(median < 1e-15, "{median}");
+    let backward = &found.geometry.backward;
+    assert!(backward.max > 0.5 && near(backward.mean, backward.max / 25.0, 1e-12), "{backward:?}");
+    assert_eq!(found.samples, None);
+    let by_area = bench.compare(&original, &result, 1 << 16).geometry.forward;
+    assert!(by_area.mean > 1.5 * mean && by_area.max == 1.0, "{by_area:?}");
 }

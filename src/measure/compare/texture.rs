@@ -11,7 +11,7 @@ use super::contrast::{Pairs, compare_colours};
 use super::direction::Direction;
 use super::distribution::Distribution;
 use super::slide::{Atlas, Gaps};
-use super::{BeforeAfter, CompareOptions, Seams, Texture, share};
+use super::{BeforeAfter, CompareOptions, SAMPLES, Seams, Texture, share};
 use crate::base::{Findings, Progress, Result};
 
 /// Bit of the seed that chooses other points on seams than on surfaces.
@@ -34,8 +34,8 @@ pub fn compare(
     let resources = &options.resources;
     let contents = [before, after].map(|mesh| mesh.pictures.contents());
     let [old, new] = [(&before.pictures, &*contents[0]), (&after.pictures, &*contents[1])];
-    let seam_points =
-        |mesh: &MeasuredMesh| mesh.tallied.seams.points(mesh.folder(), options.samples, options.seed ^ SEAM_SEED);
+    let count = options.spread.by_area().unwrap_or(SAMPLES);
+    let seam_points = |mesh: &MeasuredMesh| mesh.tallied.seams.points(mesh.folder(), count, options.seed ^ SEAM_SEED);
     let [old_seams, new_seams] = [seam_points(before)?, seam_points(after)?];
     let sets = [
         Pairs { column: forward, own: new, other: old },

@@ -86,7 +86,7 @@ fn a_seam_keeps_both_charts_on_their_sides() {
 #[test]
 fn an_edge_that_only_its_upper_end_may_collapse_is_proposed_by_it() {
     // Vertex 4 is the only one inside; without border planes it may meet a border vertex, but none may meet it.
-    let settings = crate::cost::classic::Settings { border: 0.0 };
+    let settings = crate::cost::classic::Settings::from(crate::cost::classic::KNOBS.map(|knob| knob.default));
     let mut engine = Engine::<crate::cost::ClassicCost>::new(samples::grid(2, 0.5), &settings);
     engine.prepare();
     engine.cost.refresh(&engine.mesh, &engine.rings, &engine.classes);
@@ -184,4 +184,43 @@ fn outside_share(inset: f64) -> f64 {
 fn a_seam_whose_picture_moves_inwards_hardly_leaves_its_charts() {
     let (kept, moved) = (outside_share(0.0), outside_share(1.0));
     assert!(kept > 0.02 && moved < 0.25 * kept, "{kept} {moved}");
+}
+
+fn classic(guards: f64) -> crate::cost::classic::Settings {
+    [0.0, 1.0, guards].into()
+}
+
+#[test]
+fn without_guards_nothing_is_refused_for_its_shape() {
+    let refused = |guards: f64| {
+        let mut mesh = samples::grid(40, 0.0);
+        for (number, position) in mesh.positions.iter_mut().enumerate() {
+            position.z = 3.0 * crate::base::chance::unit(crate::base::chance::mixed(number as u64));
+        }
+        let mut engine = Engine::<crate::cost::ClassicCost>::new(mesh, &classic(guards));
+        assert!(engine.run(Stop::Faces(300)).reached);
+        [Refusal::Fold, Refusal::UvFold].map(|why| engine.refusals[why as usize])
+    };
+    let ([folds, uv_folds], without) = (refused(1.0), refused(0.0));
+    assert!(folds > 0 && uv_folds > 0, "{folds} {uv_folds}");
+    assert_eq!(without, [0; 2]);
+}
+
+#[test]
+fn one_by_one_each_round_is_the_cheapest_collapse() {
+    let mut engine = Engine::<crate::cost::ClassicCost>::new(samples::grid(16, 0.7), &classic(1.0));
+    engine.one_by_one = true;
+    engine.log = Some(Vec::new());
+    assert!(engine.run(Stop::Faces(200)).reached);
+    let log = engine.log.as_ref().unwrap();
+    assert!(log.len() as u32 <= engine.round && engine.mesh.face_count >= 198);
+    assert!(engine.round as usize <= log.len() + 4, "{} rounds for {} collapses", engine.round, log.len());
+    // The first ones are those that a heap of all edges has on its top.
+    let mut heap = Engine::<crate::cost::ClassicCost>::new(samples::grid(16, 0.7), &classic(1.0));
+    heap.prepare();
+    heap.cost.refresh(&heap.mesh, &heap.rings, &heap.classes);
+    heap.begin_stage();
+    heap.judge_all();
+    let least = heap.proposals.iter().map(|proposal| proposal.cost).fold(f32::INFINITY, f32::min);
+    assert_eq!(log[0].0, least);
 }
