@@ -2,6 +2,8 @@
 
 mod meshes;
 
+use drystone::cost::knob::Knob;
+use drystone::cost::{classic, curvature, oblique, sharpness, terrain};
 use drystone::options::{Metric, Seams, SimplifyOptions};
 use meshes::{in_many_clusters, ratio, simplify, town};
 
@@ -37,5 +39,44 @@ fn every_metric_gives_the_same_bytes_at_any_number_of_threads() {
         let options = in_many_clusters(SimplifyOptions { metric: Some(metric), optimize: true, ..ratio(0.5) });
         let four = SimplifyOptions { threads: Some(4), memory: Some(1 << 30), ..options.clone() };
         assert!(files(&options) == files(&four), "{metric:?}");
+    }
+}
+
+/// Each setting of a metric by itself, at another value than its default.
+fn other_settings(metric: Metric, knobs: &[Knob]) -> Vec<(Metric, String)> {
+    let other = |knob: &Knob| match knob.words {
+        [_, word, ..] => (*word).to_owned(),
+        _ if knob.range == [0.0, 1.0] => (1.0 - knob.default).to_string(),
+        _ => (0.5 * knob.default + 0.5).to_string(),
+    };
+    knobs.iter().map(|knob| (metric, format!("{}={}", knob.name, other(knob)))).collect()
+}
+
+#[test]
+fn every_setting_of_a_metric_gives_the_same_bytes_at_any_number_of_threads() {
+    let settings = [
+        other_settings(Metric::Qem1997, &classic::KNOBS),
+        other_settings(Metric::Oblique, &oblique::KNOBS),
+        other_settings(Metric::Curvature, &curvature::KNOBS),
+        other_settings(Metric::Terrain, &terrain::KNOBS),
+        other_settings(Metric::Sharpness, &sharpness::KNOBS),
+    ];
+    for (metric, setting) in settings.concat() {
+        let options = SimplifyOptions { metric: Some(metric), metric_option: vec![setting.clone()], ..ratio(0.5) };
+        let options = in_many_clusters(options);
+        let four = SimplifyOptions { threads: Some(4), memory: Some(1 << 30), ..options.clone() };
+        let (files, again) = (files(&options), files(&four));
+        assert!(files == again, "{metric:?} {setting}");
+    }
+}
+
+#[test]
+fn one_edge_at_a_time_gives_the_same_bytes_at_any_number_of_threads() {
+    for metric in [None, Some(Metric::Oblique)] {
+        let options = in_many_clusters(SimplifyOptions { metric, one_by_one: true, ..ratio(0.3) });
+        let four = SimplifyOptions { threads: Some(4), memory: Some(1 << 30), ..options.clone() };
+        let rounds = SimplifyOptions { one_by_one: false, ..options.clone() };
+        assert!(files(&options) == files(&four), "{metric:?}");
+        assert!(files(&options) != files(&rounds), "{metric:?}: the order of a heap is another one");
     }
 }

@@ -487,6 +487,13 @@ fn a_stopped_job_whose_metric_counts_first_ends_with_the_same_bytes() {
 }
 
 #[test]
+fn a_stopped_job_that_takes_one_edge_at_a_time_ends_with_the_same_bytes() {
+    let metric_option = vec!["carry=0".into()];
+    let options = SimplifyOptions { metric: Some(Metric::Terrain), metric_option, one_by_one: true, ..ratio(0.3) };
+    stop_with(&in_many_clusters(options));
+}
+
+#[test]
 fn a_stopped_job_that_remeshes_ends_with_the_same_bytes() {
     stop_with(&SimplifyOptions { remesh: Some("cvd".parse().unwrap()), ..in_many_clusters(ratio(0.3)) });
 }

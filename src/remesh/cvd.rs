@@ -31,16 +31,19 @@
 //! the cells are as many as asked for.
 //!
 //! # Where we differ
-//! * Vertices are what cells are made of, distances are straight (in the paper geodesic), and cells grow and
-//!   change along edges only.
+//! * Vertices are what cells are made of: section 1.2 of the paper ends with "the latter", which may mean vertices or
+//!   faces. Distances are straight (in the paper geodesic), and cells grow and change along edges only.
 //! * Seeds come in Morton order, and cells grow breadth-first (the paper walks the file's order); what cannot grow joins
 //!   the lightest neighbour.
 //! * k1² + k2² is floored at a share of its positive median (`floor`): flat ground would weigh nothing.
 //! * D_avg and the queue's threshold are those of the whole mesh and frozen: as many cells in every cluster would undo
 //!   what the masses are for. The paper puts D_avg to a use in the queue that it does not explain; here the queue ends
 //!   when there are as many centres as wanted.
-//! * A picked point splits its edge and becomes a vertex; an edge takes at most seven, one between two held vertices none, a
-//!   cluster no more than it has vertices.
+//! * The planes that choose a centre and that the queue errs by are weighted by area. A centre within a quarter of its
+//!   edge from an end is that end.
+//! * A picked point splits its edge and becomes a vertex; an edge takes at most seven, one between two held vertices, one with
+//!   a centre on it, or one of a thin face none, a cluster no more than it has vertices. A point stays a quarter of its part
+//!   of the edge away from both ends of it.
 //! * On flat ground, where every point has the same error, a spring (`spring`) draws a centre to the middle of its cell.
 //! * Held vertices (seams, borders, rims) are cells of their own, whatever they weigh.
 //! * The dual is reached by legal collapses; what cannot collapse is left as it is and counted.

@@ -26,6 +26,7 @@
 //! * Texture coordinates take the same barycentric coordinates. Seam, border, locked and shared vertices stay, and a move
 //!   that folds a face or its picture is not made.
 //! * The two vertices of the ring that are farthest from each other are pinned.
+//! * A ring of more than 24 vertices is left as it is: triangles among them grow with the third power.
 
 use glam::{DVec2, DVec3};
 use nalgebra::{Cholesky, DMatrix, DVector};
