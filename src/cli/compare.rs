@@ -288,11 +288,19 @@ fn describe_texture(texture: &Texture, row: &mut impl FnMut(&str, String)) {
     let colours = |mean: f64, rms: f64| format!("mean {mean:.2}, RMS {rms:.2} of 255");
     row("colour, to original", colours(texture.colour_mean, texture.colour_rms));
     row("colour, to result", colours(texture.colour_backward_mean, texture.colour_backward_rms));
-    let slide = format!("half below {}, 95 % below {}", length(texture.slide_median), length(texture.slide_p95));
-    row("texture drift", slide);
-    let texels = format!("half below {:.2}, 95 % below {:.2}", texture.slide_texels_median, texture.slide_texels_p95);
-    row("the same in texels", texels);
-    row("outside of all charts", percent(texture.outside_fraction));
+    if let Some((half, most)) = texture.slide_median.zip(texture.slide_p95) {
+        row("texture drift", format!("half below {}, 95 % below {}", length(half), length(most)));
+    }
+    if let Some((half, most)) = texture.slide_texels_median.zip(texture.slide_texels_p95) {
+        row("the same in texels", format!("half below {half:.2}, 95 % below {most:.2}"));
+    }
+    if texture.repeated_fraction > 0.0 {
+        let share = percent(texture.repeated_fraction);
+        row("no drift is told of", format!("{share} of the surface, whose images are shown more than once"));
+    }
+    if let Some(outside) = texture.outside_fraction {
+        row("outside of all charts", percent(outside));
+    }
     row("without image", percent(texture.untextured_fraction));
     let folded =
         format!("{} before, {} after", grouped(texture.folded_triangles_before), grouped(texture.folded_triangles));
@@ -303,12 +311,12 @@ fn describe_texture(texture: &Texture, row: &mut impl FnMut(&str, String)) {
         "colour across seams",
         pair(colours(before.colour_mean, before.colour_rms), colours(after.colour_mean, after.colour_rms)),
     );
-    row(
-        "gap of seams, 95 %",
-        pair(format!("below {}", length(before.gap_p95)), format!("below {}", length(after.gap_p95))),
-    );
-    let texels = [before, after].map(|seams| format!("below {:.2}", seams.gap_texels_p95));
-    row("the same in texels", texels.join(" before, ") + " after");
+    if let Some((before, after)) = before.gap_p95.zip(after.gap_p95) {
+        row("gap of seams, 95 %", pair(format!("below {}", length(before)), format!("below {}", length(after))));
+    }
+    if let Some((before, after)) = before.gap_texels_p95.zip(after.gap_texels_p95) {
+        row("the same in texels", pair(format!("below {before:.2}"), format!("below {after:.2}")));
+    }
 }
 
 /// A distance, but for roundings.

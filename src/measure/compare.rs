@@ -209,18 +209,21 @@ pub struct Texture {
     pub colour_backward_mean: f64,
     /// Root of the mean squared difference from points of the original to the result.
     pub colour_backward_rms: f64,
-    /// Mean slide: from where the picture at a point of the result lies on the original to the closest point there.
-    pub slide_mean: f64,
+    /// Mean slide: from where the picture at a point of the result lies on the original to the closest point there. This and
+    /// the next ones are of images that the original shows once; nothing if there are none.
+    pub slide_mean: Option<f64>,
     /// Half of the surface slid by less.
-    pub slide_median: f64,
+    pub slide_median: Option<f64>,
     /// 95 % of the surface slid by less.
-    pub slide_p95: f64,
+    pub slide_p95: Option<f64>,
     /// Half of the surface slid by less, in texels of the original's image.
-    pub slide_texels_median: f64,
+    pub slide_texels_median: Option<f64>,
     /// 95 % of the surface slid by less, in texels of the original's image.
-    pub slide_texels_p95: f64,
-    /// Share of the result's textured surface that shows no chart of the original.
-    pub outside_fraction: f64,
+    pub slide_texels_p95: Option<f64>,
+    /// Share of the result's surface whose image the original shows more than once: where it slid to cannot be told.
+    pub repeated_fraction: f64,
+    /// Share of the result's other textured surface that shows no chart of the original.
+    pub outside_fraction: Option<f64>,
     /// Share of the result's surface that shows no image of the original.
     pub untextured_fraction: f64,
     /// Triangles of the result that run against the majority of their chart in texture space.
@@ -244,16 +247,17 @@ pub struct Seams {
     pub colour_mean: f64,
     /// Root of the mean squared difference.
     pub colour_rms: f64,
-    /// How far apart the two texels lie on the original that meet at a point of a seam: half of the length by less.
-    pub gap_median: f64,
+    /// How far apart the two texels lie on the original that meet at a point of a seam: half of the length by less. This and
+    /// the next ones are of images that the original shows once; nothing if no seam has such.
+    pub gap_median: Option<f64>,
     /// 95 % of the length by less.
-    pub gap_p95: f64,
+    pub gap_p95: Option<f64>,
     /// The same as `gap_median` in texels of the image on one side.
-    pub gap_texels_median: f64,
+    pub gap_texels_median: Option<f64>,
     /// The same as `gap_p95` in texels.
-    pub gap_texels_p95: f64,
+    pub gap_texels_p95: Option<f64>,
     /// Share of the length of which a side shows no chart of the original.
-    pub outside_fraction: f64,
+    pub outside_fraction: Option<f64>,
 }
 
 /// Counts after welding vertices at bit-identical positions.

@@ -99,8 +99,16 @@ class Result:
 
     @property
     def mirrored(self):
-        """Texture triangles that run against their chart, beyond those of the original."""
-        after, before = self.checked["counts"].get("folded texture triangles", [0, 0])
+        """Texture triangles that run against most of their chart, beyond those of the original."""
+        return self.more_than_before("folded texture triangles")
+
+    @property
+    def turned_over(self):
+        """Texture triangles of negative area beyond those of the original."""
+        return self.more_than_before("uv negative")
+
+    def more_than_before(self, count):
+        after, before = self.checked["counts"].get(count, [0, 0])
         return max(after - before, 0)
 
     def phase(self, *names):

@@ -6,7 +6,7 @@ from .runs import FOLDER, SHARED, run
 
 TRIANGLES, BORDER_EDGES = 30868, 566
 BASE, BEST_KEPT = "qem-1997 guards=0", "qem-1997 placement=three --borders=lock"
-SYSTEMS = [BASE, "qem-1997", "qem-1997 border=10", "qem-1997 --borders=lock", BEST_KEPT, "terrain", "terrain border-weights=1", "terrain carry=0", "terrain raw=1", "terrain normal=0"]
+SYSTEMS = [BASE, "qem-1997", "qem-1997 border=10", "qem-1997 --borders=lock", BEST_KEPT, "terrain", "terrain border-weights=1", "terrain carry=0", "terrain raw=1", "terrain normal=0", "qem --borders=lock"]
 # Faces: border edges, largest (m) and mean (m), of the original method and of the improved one.
 PAPER = {
     24692: ((555, 566), (0.096, 0.051), (0.021, 0.013)),
@@ -28,7 +28,7 @@ def write():
     rows = [["paper, original method", *(f"{most[0]} / {mean[0]} / {edges[0]}" for edges, most, mean in PAPER.values())], ["paper, improved", *(f"{most[1]} / {mean[1]} / {edges[1]}" for edges, most, mean in PAPER.values())]]
     rows += [[f"`{system}`", *(f"{result.distances()[0]:.3f} / {result.distances('forward')[1]:.3f} / {result.border_edges}" for result in results.values())] for system, results in found.items()]
     page.table(["largest / mean / border edges", *(f"{faces:,} triangles" for faces in PAPER)], rows)
-    page.text("`border-weights=1` is the paper's own mechanism: a border corner that costs nothing is cut off all the same, since a weight times nothing is nothing; the lock, which is the default, is stronger. `carry=0` computes the quadrics around a new vertex anew, the other reading of the paper's step 5. `raw=1` takes metres, texture coordinates from 0 to 1 and unit normals as they are. The row with `placement=three` asks whether the paper's baseline did without optimal placement.")
+    page.text("`border-weights=1` is the paper's own mechanism: a border corner that costs nothing is cut off all the same, since a weight times nothing is nothing; the lock, which is the default, is stronger. `carry=0` computes the quadrics around a new vertex anew, the other reading of the paper's step 5. `raw=1` takes metres, texture coordinates from 0 to 1 and unit normals as they are. The last row is our own metric with locked borders. The row with `placement=three` asks whether the paper's baseline did without optimal placement.")
     page.head("The picture")
     page.text("RMS of the difference of colours (of 255), and texture triangles that turned over.")
     page.table(["", *(f"{faces:,} triangles" for faces in PAPER)], [[f"`{system}`", *(f"{result.texture['colour_rms']:.2f} / {result.mirrored}" for result in found[system].values())] for system in (BASE, "qem-1997", "terrain", "terrain normal=0")])

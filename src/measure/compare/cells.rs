@@ -12,6 +12,7 @@
 //! While it is made, 400 bytes a face for each cell in work; afterwards about 150 bytes a cell. A cell that is being read
 //! takes the pages that are touched, at most 75 bytes a face, or 83 with tilted boxes.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use bytemuck::{Pod, Zeroable};
@@ -64,8 +65,8 @@ pub struct Cell {
     pub area: f64,
     /// Sum of the lengths of their sides, in their order.
     pub side_length: f64,
-    /// The pictures that its triangles show, ascending.
-    pub pictures: Vec<u32>,
+    /// The pictures that its triangles show, ascending, and how much of each: the sum of the areas in texture space.
+    pub pictures: Vec<(u32, f64)>,
     positions: Segment<DVec3>,
     pairs: Segment<Pair>,
     tilted: Segment<TiltedBox>,
@@ -145,6 +146,12 @@ pub fn area([a, b, c]: [DVec3; 3]) -> f64 {
     0.5 * (b - a).cross(c - a).length()
 }
 
+/// Area of a triangle in texture space.
+fn texture_area([a, b, c]: [[f32; 2]; 3]) -> f64 {
+    let [across, along] = [b, c].map(|end| [0, 1].map(|axis| f64::from(end[axis]) - f64::from(a[axis])));
+    0.5 * (across[0] * along[1] - across[1] * along[0]).abs()
+}
+
 /// Length of the three sides.
 pub fn side_length([a, b, c]: [DVec3; 3]) -> f64 {
     a.distance(b) + b.distance(c) + c.distance(a)
@@ -157,7 +164,8 @@ struct Draft {
     area: f64,
     side_length: f64,
     volume: f64,
-    pictures: Vec<u32>,
+    /// Area in texture space by picture.
+    shown: BTreeMap<u32, f64>,
     positions: Vec<DVec3>,
     pairs: Vec<Pair>,
     tilted: Vec<TiltedBox>,
@@ -291,7 +299,7 @@ impl Making<'_> {
             area: 0.0,
             side_length: 0.0,
             volume: 0.0,
-            pictures: Vec::new(),
+            shown: BTreeMap::new(),
             positions: mesh.positions.clone(),
             pairs,
             tilted,
@@ -307,14 +315,10 @@ impl Making<'_> {
             let corners = triangle.map(|corner| corner + source.origin - self.reference);
             draft.volume += corners[0].dot(corners[1].cross(corners[2])) / 6.0;
             let (picture, texcoords) = self.texture(source, face);
-            if draft.pictures.last() != Some(&picture) {
-                draft.pictures.push(picture);
-            }
+            *draft.shown.entry(picture).or_default() += texture_area(texcoords);
             draft.faces.push(CellFace { vertices: mesh.vertices(face), picture, texcoords });
         }
         draft.bounds = Bounds { low: bounds.low + source.origin, high: bounds.high + source.origin };
-        draft.pictures.sort_unstable();
-        draft.pictures.dedup();
         Ok(draft)
     }
 
@@ -361,7 +365,7 @@ impl CellWriter {
                 bounds: draft.bounds,
                 area: draft.area,
                 side_length: draft.side_length,
-                pictures: draft.pictures,
+                pictures: draft.shown.into_iter().collect(),
                 positions,
                 pairs,
                 tilted,

@@ -8,6 +8,8 @@
 //! ```
 //! In: pairs of points. Out: [`Slides`] and [`Gaps`]. Invariant: pairs are summed in their order.
 //!
+//! An image that the original shows more than once, as walls of bricks do, lies at several places: nothing is told of it.
+//!
 //! Places are those of texels of a grid, [`GRID_SIDE`] on each side of an image, so that slides of up to a texel's size are
 //! found on a picture that did not move.
 //!
@@ -28,6 +30,8 @@ use crate::base::ordered::map_in_order;
 use crate::base::{Progress, Result};
 use crate::store::Column;
 
+/// An image is taken to be shown more than once if the triangles that show it are larger than it by more than this.
+const SHOWN_MAX: f64 = 1.1;
 /// Texels of the grid along each side of an image, on which slides are measured.
 const GRID_SIDE: usize = 2048;
 /// The same if there are more than [`MANY_PICTURES`].
@@ -56,7 +60,9 @@ pub struct Slides {
     pub texels: Distribution,
     /// Points that show a picture of the original.
     pub textured: u64,
-    /// Those that show none of its charts.
+    /// Those whose picture is shown more than once.
+    pub repeated: u64,
+    /// Those of the others that show none of its charts.
     pub outside: u64,
     /// All points.
     pub points: u64,
@@ -69,29 +75,41 @@ pub struct Gaps {
     pub lengths: Distribution,
     /// In texels of the images that are shown.
     pub texels: Distribution,
-    /// Points of which both sides show a picture of the original.
+    /// Points of which both sides show a picture of the original that is shown once.
     pub textured: u64,
     /// Those of which a side shows none of its charts.
     pub outside: u64,
 }
 
 /// The original, where texels are looked for.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug)]
 pub struct Atlas<'a> {
-    /// The original.
-    pub original: &'a MeasuredMesh,
-    /// For each picture that is asked for those of the original that it shows, ascending.
-    pub sources: &'a [Vec<u32>],
-    /// A length that no slide exceeds by much.
-    pub limit: f64,
-    /// What may be used.
-    pub resources: &'a Resources,
+    original: &'a MeasuredMesh,
+    sources: &'a [Vec<u32>],
+    /// Whether each picture that is asked for is shown more than once.
+    repeated: Vec<bool>,
+    limit: f64,
+    resources: &'a Resources,
 }
 
 /// A place of an image.
 type Texel = (u32, [f32; 2]);
 
-impl Atlas<'_> {
+impl<'a> Atlas<'a> {
+    /// The original, with those of its pictures, ascending, that each picture shows that is asked for. No slide exceeds
+    /// `limit` by much.
+    pub fn new(original: &'a MeasuredMesh, sources: &'a [Vec<u32>], limit: f64, resources: &'a Resources) -> Self {
+        let mut shown = vec![0.0; original.pictures.files.len()];
+        for &(picture, area) in original.cells.iter().flat_map(|cell| &cell.pictures) {
+            if let Some(sum) = shown.get_mut(picture as usize) {
+                *sum += area;
+            }
+        }
+        let area = |sources: &Vec<u32>| sources.iter().map(|&source| shown[source as usize]).sum::<f64>();
+        let repeated = sources.iter().map(|sources| area(sources) > SHOWN_MAX).collect();
+        Self { original, sources, repeated, limit, resources }
+    }
+
     /// Measures how far the picture slid at points of the result, whose closest points lie on the original.
     ///
     /// # Errors
@@ -102,6 +120,7 @@ impl Atlas<'_> {
             lengths: Distribution::new(self.limit),
             texels: Distribution::new(TEXELS_MAX),
             textured: 0,
+            repeated: 0,
             outside: 0,
             points: pairs.len(),
         };
@@ -111,6 +130,10 @@ impl Atlas<'_> {
             let places = self.places(&texels, progress)?;
             for (pair, place) in window.iter().zip(places).filter(|(pair, _)| self.is_shown(pair.picture)) {
                 slides.textured += 1;
+                if self.is_repeated(pair.picture) {
+                    slides.repeated += 1;
+                    continue;
+                }
                 let Some(place) = place else {
                     slides.outside += 1;
                     continue;
@@ -142,7 +165,9 @@ impl Atlas<'_> {
             let sides = |pair: &TexturePair| [(pair.picture, pair.texcoord), (pair.other_picture, pair.other_texcoord)];
             let texels: Vec<Texel> = window.iter().flat_map(sides).collect();
             let places = self.places(&texels, progress)?;
-            let is_shown = |pair: &TexturePair| self.is_shown(pair.picture) && self.is_shown(pair.other_picture);
+            let is_shown = |pair: &TexturePair| {
+                [pair.picture, pair.other_picture].iter().all(|&side| self.is_shown(side) && !self.is_repeated(side))
+            };
             for (pair, places) in window.iter().zip(places.chunks_exact(2)).filter(|(pair, _)| is_shown(pair)) {
                 gaps.textured += 1;
                 let &[Some(from), Some(to)] = places else {
@@ -168,11 +193,17 @@ impl Atlas<'_> {
         picture != NO_PICTURE && !self.sources[picture as usize].is_empty()
     }
 
-    /// Where texels lie on the original; nothing for those that lie in none of its charts.
+    /// Whether the original shows a picture more than once.
+    fn is_repeated(&self, picture: u32) -> bool {
+        self.repeated[picture as usize]
+    }
+
+    /// Where texels lie on the original; nothing for those that lie in none of its charts, or in several.
     fn places(&self, texels: &[Texel], progress: &dyn Progress) -> Result<Vec<Option<DVec3>>> {
         let side = if self.original.pictures.files.len() > MANY_PICTURES { GRID_SIDE_OF_MANY } else { GRID_SIDE };
         let numbered = texels.iter().map(|texel| texel.0).zip(0u32..);
-        let mut asked: Vec<(u32, u32)> = numbered.filter(|&(picture, _)| self.is_shown(picture)).collect();
+        let mut asked: Vec<(u32, u32)> =
+            numbered.filter(|&(picture, _)| self.is_shown(picture) && !self.is_repeated(picture)).collect();
         asked.sort_unstable();
         let groups: Vec<&[(u32, u32)]> = asked.chunk_by(|a, b| a.0 == b.0).collect();
         progress.begin("slides", groups.len() as u64, "images");
@@ -240,7 +271,7 @@ impl Charts {
     /// Draws the triangles of a mesh that show one of some pictures (ascending).
     fn draw(&mut self, mesh: &MeasuredMesh, pictures: &[u32]) -> Result<()> {
         let is_shown = |picture: &u32| pictures.binary_search(picture).is_ok();
-        for cell in mesh.cells.iter().filter(|cell| cell.pictures.iter().any(is_shown)) {
+        for cell in mesh.cells.iter().filter(|cell| cell.pictures.iter().any(|(picture, _)| is_shown(picture))) {
             let view = cell.view()?;
             for face in 0..view.faces.len() as u32 {
                 if is_shown(&view.faces[face as usize].picture) {

@@ -48,7 +48,7 @@ pub fn compare(
         return Ok(None);
     }
     let sources = [old, new].map(|(pictures, contents)| pictures.sources(contents, old));
-    let [old_atlas, atlas] = sources.each_ref().map(|sources| Atlas { original: before, sources, limit, resources });
+    let [old_atlas, atlas] = sources.each_ref().map(|sources| Atlas::new(before, sources, limit, resources));
     let slides = atlas.slides(forward, progress)?;
     let [to_original, to_result, across_old, across_new] = [0, 1, 2, 3].map(|set| &colours.differences[set]);
     Ok(Some(Texture {
@@ -56,12 +56,13 @@ pub fn compare(
         colour_rms: to_original.rms(),
         colour_backward_mean: to_result.mean(),
         colour_backward_rms: to_result.rms(),
-        slide_mean: slides.lengths.mean(),
-        slide_median: slides.lengths.quantile(0.5),
-        slide_p95: slides.lengths.quantile(0.95),
-        slide_texels_median: slides.texels.quantile(0.5),
-        slide_texels_p95: slides.texels.quantile(0.95),
-        outside_fraction: share(slides.outside, slides.textured),
+        slide_mean: slides.lengths.told(Distribution::mean),
+        slide_median: slides.lengths.told(|lengths| lengths.quantile(0.5)),
+        slide_p95: slides.lengths.told(|lengths| lengths.quantile(0.95)),
+        slide_texels_median: slides.texels.told(|texels| texels.quantile(0.5)),
+        slide_texels_p95: slides.texels.told(|texels| texels.quantile(0.95)),
+        outside_fraction: share_of_some(slides.outside, slides.textured - slides.repeated),
+        repeated_fraction: share(slides.repeated, slides.points),
         untextured_fraction: share(slides.points - slides.textured, slides.points),
         folded_triangles: after.tallied.folded,
         folded_triangles_before: before.tallied.folded,
@@ -74,15 +75,20 @@ pub fn compare(
     }))
 }
 
+/// The share of a part; nothing of nothing.
+fn share_of_some(part: u64, of: u64) -> Option<f64> {
+    (of > 0).then(|| share(part, of))
+}
+
 fn seams(mesh: &MeasuredMesh, across: &Distribution, gaps: &Gaps) -> Seams {
     Seams {
         length: mesh.tallied.seams.length,
         colour_mean: across.mean(),
         colour_rms: across.rms(),
-        gap_median: gaps.lengths.quantile(0.5),
-        gap_p95: gaps.lengths.quantile(0.95),
-        gap_texels_median: gaps.texels.quantile(0.5),
-        gap_texels_p95: gaps.texels.quantile(0.95),
-        outside_fraction: share(gaps.outside, gaps.textured),
+        gap_median: gaps.lengths.told(|lengths| lengths.quantile(0.5)),
+        gap_p95: gaps.lengths.told(|lengths| lengths.quantile(0.95)),
+        gap_texels_median: gaps.texels.told(|texels| texels.quantile(0.5)),
+        gap_texels_p95: gaps.texels.told(|texels| texels.quantile(0.95)),
+        outside_fraction: share_of_some(gaps.outside, gaps.textured),
     }
 }
