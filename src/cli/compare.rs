@@ -296,7 +296,7 @@ fn describe_texture(texture: &Texture, row: &mut impl FnMut(&str, String)) {
     }
     if texture.repeated_fraction > 0.0 {
         let share = percent(texture.repeated_fraction);
-        row("no drift is told of", format!("{share} of the surface, whose images are shown more than once"));
+        row("drift unknown", format!("{share} of the surface: the original shows its images more than once"));
     }
     if let Some(outside) = texture.outside_fraction {
         row("outside of all charts", percent(outside));

@@ -209,8 +209,8 @@ pub struct Texture {
     pub colour_backward_mean: f64,
     /// Root of the mean squared difference from points of the original to the result.
     pub colour_backward_rms: f64,
-    /// Mean slide: from where the picture at a point of the result lies on the original to the closest point there. This and
-    /// the next ones are of images that the original shows once; nothing if there are none.
+    /// Mean slide: from where the picture at a point of the result lies on the original to the closest point there. Slides
+    /// are measured on images that the original shows once; `None` if there are none.
     pub slide_mean: Option<f64>,
     /// Half of the surface slid by less.
     pub slide_median: Option<f64>,
@@ -220,7 +220,7 @@ pub struct Texture {
     pub slide_texels_median: Option<f64>,
     /// 95 % of the surface slid by less, in texels of the original's image.
     pub slide_texels_p95: Option<f64>,
-    /// Share of the result's surface whose image the original shows more than once: where it slid to cannot be told.
+    /// Share of the result's surface whose image the original shows more than once, so that its drift is unknown.
     pub repeated_fraction: f64,
     /// Share of the result's other textured surface that shows no chart of the original.
     pub outside_fraction: Option<f64>,
@@ -247,8 +247,8 @@ pub struct Seams {
     pub colour_mean: f64,
     /// Root of the mean squared difference.
     pub colour_rms: f64,
-    /// How far apart the two texels lie on the original that meet at a point of a seam: half of the length by less. This and
-    /// the next ones are of images that the original shows once; nothing if no seam has such.
+    /// How far apart the two texels lie on the original that meet at a point of a seam: half of the length by less. Gaps
+    /// are measured on images that the original shows once; `None` if no seam has such an image.
     pub gap_median: Option<f64>,
     /// 95 % of the length by less.
     pub gap_p95: Option<f64>,

@@ -237,19 +237,19 @@ fn pinholes(found: &Pinholes) -> Markup {
     }
 }
 
-/// What stands for a figure that could not be told.
-const UNTOLD: &str = "not told";
+/// Stands for a figure that cannot be measured.
+const UNKNOWN: &str = "unknown";
 
-fn told_length(figure: Option<f64>) -> String {
-    figure.map_or(UNTOLD.into(), length)
+fn known_length(figure: Option<f64>) -> String {
+    figure.map_or(UNKNOWN.into(), length)
 }
 
-fn told_lengths(half: Option<f64>, most: Option<f64>) -> String {
-    half.zip(most).map_or(UNTOLD.into(), |(half, most)| format!("{} · {}", length(half), length(most)))
+fn known_lengths(half: Option<f64>, most: Option<f64>) -> String {
+    half.zip(most).map_or(UNKNOWN.into(), |(half, most)| format!("{} · {}", length(half), length(most)))
 }
 
-fn told_share(figure: Option<f64>) -> String {
-    figure.map_or(UNTOLD.into(), |share| percent(100.0 * share))
+fn known_share(figure: Option<f64>) -> String {
+    figure.map_or(UNKNOWN.into(), |share| percent(100.0 * share))
 }
 
 fn texture_tables(texture: &Texture) -> Markup {
@@ -259,11 +259,11 @@ fn texture_tables(texture: &Texture) -> Markup {
         ("length of all seams", |s| length(s.length)),
         ("difference of colour across, mean", |s| length(s.colour_mean)),
         ("root mean square", |s| length(s.colour_rms)),
-        ("gap: half of the length below", |s| told_length(s.gap_median)),
-        ("95 % below", |s| told_length(s.gap_p95)),
-        ("in texels: half below", |s| told_length(s.gap_texels_median)),
-        ("95 % below", |s| told_length(s.gap_texels_p95)),
-        ("a side outside of all charts", |s| told_share(s.outside_fraction)),
+        ("gap: half of the length below", |s| known_length(s.gap_median)),
+        ("95 % below", |s| known_length(s.gap_p95)),
+        ("in texels: half below", |s| known_length(s.gap_texels_median)),
+        ("95 % below", |s| known_length(s.gap_texels_p95)),
+        ("a side outside of all charts", |s| known_share(s.outside_fraction)),
     ];
     html! {
         section {
@@ -272,8 +272,8 @@ fn texture_tables(texture: &Texture) -> Markup {
                 table {
                     thead { tr { th { "Surface" } th.number { "half below · 95 % below" } } }
                     tbody {
-                        (row("texture drift, mesh units", &told_lengths(texture.slide_median, texture.slide_p95)))
-                        (row("texture drift, texels", &told_lengths(texture.slide_texels_median, texture.slide_texels_p95)))
+                        (row("texture drift, mesh units", &known_lengths(texture.slide_median, texture.slide_p95)))
+                        (row("texture drift, texels", &known_lengths(texture.slide_texels_median, texture.slide_texels_p95)))
                     }
                     thead { tr { th { "Colours, of 255" } th.number { "mean · root mean square" } } }
                     tbody {
@@ -282,8 +282,8 @@ fn texture_tables(texture: &Texture) -> Markup {
                     }
                     thead { tr { th { "Charts and images" } th {} } }
                     tbody {
-                        (row("surface that shows a place outside of all charts", &told_share(texture.outside_fraction)))
-                        (row("surface whose image is shown more than once", &percent(100.0 * texture.repeated_fraction)))
+                        (row("surface that shows a place outside of all charts", &known_share(texture.outside_fraction)))
+                        (row("surface whose image the original shows more than once", &percent(100.0 * texture.repeated_fraction)))
                         (row("surface without image", &percent(100.0 * texture.untextured_fraction)))
                         (row("images read", &spaced(texture.images)))
                         @if texture.reduced_images > 0 {

@@ -6,7 +6,7 @@
 //! │        then only vertices around changed ones propose anew
 //! └ settle vertices that others collapsed onto move to their best place
 //! ```
-//! Rounds give the quality of a heap at two to three times its speed.
+//! Rounds give the mean error of a heap within 4 % in a quarter to a half of its time (`docs/reproduction.md`).
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;

@@ -177,15 +177,26 @@ def bevelled_box(path, side=24):
 
 
 def without_texture(source, path):
-    """The same triangles and materials without texture coordinates."""
+    """The same triangles without texture coordinates and materials."""
     with path.open("w") as out:
         for line in source.open():
             word, *rest = line.split() or [""]
-            if word in ("v", "usemtl"):
+            if word == "v":
                 out.write(line)
             elif word == "f":
                 out.write("f " + " ".join(corner.split("/")[0] for corner in rest) + "\n")
     return path
+
+
+def shuffled(path, vertices, faces, seed):
+    """The same mesh turned about, its vertices and triangles in another order."""
+    random = np.random.default_rng(seed)
+    order = random.permutation(len(vertices))
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    turn = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    turn *= np.linalg.det(turn)
+    return write_obj(path, vertices[order] @ turn.T, place[faces][random.permutation(len(faces))])
 
 
 def part_of(source, path, materials):
@@ -198,7 +209,7 @@ def part_of(source, path, materials):
         elif word == "usemtl":
             material = rest
         elif word == "f" and material in materials:
-            faces.append([int(corner) - 1 for corner in rest.split()])
+            faces.append([int(corner.split("/")[0]) - 1 for corner in rest.split()])
     return write_obj(path, vertices, faces)
 
 

@@ -47,8 +47,9 @@ def write(page=None):
                 page.note(mesh, system, 1 - removed, result.distances()[2])
         page.plot(mesh, f"{mesh}: RMS distance", "triangles left, share", "RMS distance (m)", "Root mean square distance, both ways, by area.")
     ablations(page)
-    pictures = [found[town.stem][system][REMOVED.index(0.7)].path for system in (BASE, "sharpness", "oblique")]
-    page.picture("town", pictures, "The town with 30 % of its triangles: by `qem-1997 guards=0`, by `sharpness` and by `oblique`.", "--turn", "30", size="420x320")
+    for at, removed in enumerate(REMOVED):
+        pictures = [found[town.stem][system][at].path for system in (BASE, "sharpness", "oblique")]
+        page.picture(f"town-{removed:.0%}".rstrip("%"), pictures, f"The town, {removed:.0%} of its triangles removed: by `qem-1997 guards=0`, by `sharpness` and by `oblique`.", "--turn", "30", size="330x250")
     page.save()
 
 

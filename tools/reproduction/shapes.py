@@ -4,14 +4,15 @@ import numpy as np
 
 
 def triangles_of(path):
-    """Positions of the triangles of a mesh, and of its vertices' numbers."""
+    """Positions of the vertices, and the triangles; polygons are cut into fans."""
     vertices, faces = [], []
     for line in path.open(errors="replace"):
         words = line.split()
         if words and words[0] == "v":
             vertices.append([float(w) for w in words[1:4]])
         elif words and words[0] == "f":
-            faces.append([int(w.split("/")[0]) - 1 for w in words[1:4]])
+            corners = [int(w.split("/")[0]) - 1 for w in words[1:]]
+            faces += [(corners[0], *pair) for pair in zip(corners[1:], corners[2:])]
     return np.array(vertices), np.array(faces)
 
 

@@ -44,8 +44,8 @@ impl Distribution {
         self.bins[bin as usize] += 1;
     }
 
-    /// A figure of the lengths; nothing of nothing.
-    pub fn told(&self, figure: impl Fn(&Self) -> f64) -> Option<f64> {
+    /// A figure of the lengths; `None` if there are none.
+    pub fn known(&self, figure: impl Fn(&Self) -> f64) -> Option<f64> {
         (self.count > 0).then(|| figure(self))
     }
 

@@ -8,7 +8,8 @@
 //! ```
 //! In: pairs of points. Out: [`Slides`] and [`Gaps`]. Invariant: pairs are summed in their order.
 //!
-//! An image that the original shows more than once, as walls of bricks do, lies at several places: nothing is told of it.
+//! Where the original shows an image more than once, as brick walls do, a texel lies at several places. Drift on such an
+//! image is not measured.
 //!
 //! Places are those of texels of a grid, [`GRID_SIDE`] on each side of an image, so that slides of up to a texel's size are
 //! found on a picture that did not move.
@@ -30,7 +31,7 @@ use crate::base::ordered::map_in_order;
 use crate::base::{Progress, Result};
 use crate::store::Column;
 
-/// An image is taken to be shown more than once if the triangles that show it are larger than it by more than this.
+/// The original shows an image more than once if the triangles that show it cover more than this times its area.
 const SHOWN_MAX: f64 = 1.1;
 /// Texels of the grid along each side of an image, on which slides are measured.
 const GRID_SIDE: usize = 2048;

@@ -502,10 +502,10 @@ fn at_vertices_every_vertex_counts_the_same() {
     assert!(by_area.mean > 1.5 * mean && by_area.max == 1.0, "{by_area:?}");
 }
 
-/// What is shown at two places slid from one of them, and nobody can tell from which: of such images nothing is told, and of
-/// others all the same.
+/// A texel that lies at two places may have drifted from either. Drift on such images is unknown; on others it is measured as
+/// before.
 #[test]
-fn of_an_image_that_is_shown_twice_no_slide_is_told() {
+fn the_drift_of_an_image_that_is_shown_twice_is_unknown() {
     let bench = Bench::new();
     let once = ramp(&bench, "once.obj", 0.0);
     let both = |name: &str| {

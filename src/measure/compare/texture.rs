@@ -56,11 +56,11 @@ pub fn compare(
         colour_rms: to_original.rms(),
         colour_backward_mean: to_result.mean(),
         colour_backward_rms: to_result.rms(),
-        slide_mean: slides.lengths.told(Distribution::mean),
-        slide_median: slides.lengths.told(|lengths| lengths.quantile(0.5)),
-        slide_p95: slides.lengths.told(|lengths| lengths.quantile(0.95)),
-        slide_texels_median: slides.texels.told(|texels| texels.quantile(0.5)),
-        slide_texels_p95: slides.texels.told(|texels| texels.quantile(0.95)),
+        slide_mean: slides.lengths.known(Distribution::mean),
+        slide_median: slides.lengths.known(|lengths| lengths.quantile(0.5)),
+        slide_p95: slides.lengths.known(|lengths| lengths.quantile(0.95)),
+        slide_texels_median: slides.texels.known(|texels| texels.quantile(0.5)),
+        slide_texels_p95: slides.texels.known(|texels| texels.quantile(0.95)),
         outside_fraction: share_of_some(slides.outside, slides.textured - slides.repeated),
         repeated_fraction: share(slides.repeated, slides.points),
         untextured_fraction: share(slides.points - slides.textured, slides.points),
@@ -75,7 +75,7 @@ pub fn compare(
     }))
 }
 
-/// The share of a part; nothing of nothing.
+/// The share of a part; `None` if the whole is empty.
 fn share_of_some(part: u64, of: u64) -> Option<f64> {
     (of > 0).then(|| share(part, of))
 }
@@ -85,10 +85,10 @@ fn seams(mesh: &MeasuredMesh, across: &Distribution, gaps: &Gaps) -> Seams {
         length: mesh.tallied.seams.length,
         colour_mean: across.mean(),
         colour_rms: across.rms(),
-        gap_median: gaps.lengths.told(|lengths| lengths.quantile(0.5)),
-        gap_p95: gaps.lengths.told(|lengths| lengths.quantile(0.95)),
-        gap_texels_median: gaps.texels.told(|texels| texels.quantile(0.5)),
-        gap_texels_p95: gaps.texels.told(|texels| texels.quantile(0.95)),
+        gap_median: gaps.lengths.known(|lengths| lengths.quantile(0.5)),
+        gap_p95: gaps.lengths.known(|lengths| lengths.quantile(0.95)),
+        gap_texels_median: gaps.texels.known(|texels| texels.quantile(0.5)),
+        gap_texels_p95: gaps.texels.known(|texels| texels.quantile(0.95)),
         outside_fraction: share_of_some(gaps.outside, gaps.textured),
     }
 }
