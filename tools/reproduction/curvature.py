@@ -45,7 +45,8 @@ def write():
                 page.note(f"{name}-max", system, 1 - share, result.distances()[0])
         page.plot(f"{name}-max", f"Generated {name}: largest distance", "triangles left, share", "largest distance", "Largest distance, both ways, of one run.")
     straight = {name: meshes.write_obj(FOLDER / f"{name}.obj", pair.vertices, pair.faces) for name, pair in figures.items()}
-    page.picture("figures", [run(mesh, system, 0.2).path for mesh in straight.values() for system in (AREA, CURVATURE)], "The figures with 20 % of their triangles: each by area alone, then by curvature and area.", "--tilt", "20", "--wire", size="300x300")
+    for name, mesh in straight.items():
+        page.picture(name, [run(mesh, system, 0.2).path for system in (AREA, CURVATURE)], f"The {name} with 20 % of its triangles: by area alone, and by curvature and area.", "--tilt", "20", "--wire", size="420x420")
     page.picture("car", [run(FOLDER / "car.obj", system, 0.25).path for system in (AREA, CURVATURE)], "The car with 25 % of its triangles: by area alone, and by curvature and area.", "--tilt", "20", "--wire", size="480x360")
     page.picture("rotor", [run(FOLDER / "rotor.obj", system, 0.07).path for system in (AREA, CURVATURE)], "The rotor with 7 % of its triangles: by area alone, and by curvature and area.", "--tilt", "20", "--wire", size="480x360")
     page.save()
