@@ -9,7 +9,7 @@ about half an hour on one core. What was measured is kept in target/reproduce, s
 
 import argparse
 
-from reproduction import runs, pages, curvature, oblique, overview, reconstruction, sharpness, terrain
+from reproduction import runs, curvature, oblique, overview, reconstruction, sharpness, terrain
 
 PAPERS = {"oblique": oblique, "reconstruction": reconstruction, "curvature": curvature, "terrain": terrain, "sharpness": sharpness}
 

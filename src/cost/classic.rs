@@ -7,7 +7,7 @@
 //! | --- | --- |
 //! | Kp of a face's plane p, without the weight of its area | `planes::unit_planes` |
 //! | Q = Σ Kp over the faces around a vertex (§5) | `quadrics` |
-//! | v̄ of least v̄ᵀ(Q1 + Q2)v̄ (§4) | `planes::best_place` |
+//! | v̄ of least v̄ᵀ(Q1 + Q2)v̄ (§4) | [`PlacePolicy::place`] |
 //! | constraint planes through border edges (§6) | `border` |
 //!
 //! Q1 + Q2 is carried from the first stage of a pass to its last. Without `border`, which is the baseline that papers
@@ -33,7 +33,7 @@ use glam::{DVec2, DVec3};
 
 use super::knob::{Knob, choice, factor, switch};
 use super::metric::{Metric, fits};
-use super::planes::{PlacePolicy, area_of, best_of_three, best_place, ends, newcomers, priced, unit_planes};
+use super::planes::{PlacePolicy, area_of, ends, newcomers, priced, texcoords_along, unit_planes};
 use super::quadric::Quadric;
 use super::surface::{EdgeCase, Placement};
 use crate::mesh::class::{Class, Rule};
@@ -92,10 +92,7 @@ impl Metric for ClassicCost {
 
     fn place(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Placement {
         let sum = self.quadrics[edge.from as usize] + self.quadrics[edge.to as usize];
-        let position = match self.settings.placement {
-            PlacePolicy::Optimal => best_place(mesh, edge, &sum),
-            PlacePolicy::BestOfThree => best_of_three(mesh, edge, &sum),
-        };
+        let position = self.settings.placement.place(mesh, edge, &sum);
         priced(mesh, edge, position, sum.at(position))
     }
 
@@ -119,8 +116,7 @@ impl Metric for ClassicCost {
         let (pa, pb) = ends(mesh, edge);
         let along = (position - pa).dot(pb - pa) / pa.distance_squared(pb);
         let share = if along.is_finite() { along.clamp(0.0, 1.0) } else { 1.0 };
-        let uv = |wedge: u32| mesh.wedge_uv[wedge as usize];
-        out.extend(edge.wedges.iter().map(|&(a, b)| uv(a).lerp(uv(b), share)));
+        texcoords_along(mesh, edge, share, out);
         true
     }
 

@@ -13,9 +13,9 @@
 //! | c = k1² + k2² = 4H² - 2K | `Bend::total` |
 //! | Q' = A c Q \[4.12\] | `weights` × `quadrics` |
 //!
-//! A c has no unit, so the cost is a length², whatever the scale. After each round of collapses the areas and curvatures of
-//! the vertices around them are computed anew. `curvature=0` takes c = 1, and is like the metric in all else: the
-//! area-weighted baseline of the patent.
+//! A c has no unit, so the cost is a length², whatever the scale. Each round of collapses recomputes the areas and
+//! curvatures of the vertices around it. `curvature=0` takes c = 1 and changes nothing else: the patent's area-weighted
+//! baseline.
 //!
 //! # Where we differ
 //! * A/3, and not the patent's A: with A, c is negative on a sphere.
@@ -33,6 +33,7 @@
 
 use std::f64::consts::TAU;
 
+use super::around::Around;
 use super::census::Census;
 use super::fan::{Fan, angle_between};
 use super::knob::{Knob, factor, switch};
@@ -105,9 +106,7 @@ pub struct CurvatureCost {
     quadrics: Vec<Quadric>,
     /// A c.
     weights: Vec<f64>,
-    /// Round in which the weight was computed.
-    seen: Vec<u32>,
-    round: u32,
+    around: Around,
     fan: Fan,
     area: f64,
 }
@@ -140,8 +139,7 @@ impl Metric for CurvatureCost {
             settings: *settings,
             quadrics: Vec::new(),
             weights: Vec::new(),
-            seen: Vec::new(),
-            round: 0,
+            around: Around::default(),
             fan: Fan::default(),
             area: 0.0,
         }
@@ -169,7 +167,7 @@ impl Metric for CurvatureCost {
         let planes = || unit_planes(mesh, rings, classes, self.settings.border);
         self.quadrics.extend(newcomers(self.quadrics.len(), mesh.positions.len(), planes));
         self.weights.resize(mesh.positions.len(), 0.0);
-        self.seen.resize(mesh.positions.len(), 0);
+        self.around.resize(mesh.positions.len());
         for vertex in 0..mesh.positions.len() as u32 {
             self.weigh(mesh, rings, vertex);
         }
@@ -192,14 +190,8 @@ impl Metric for CurvatureCost {
     }
 
     fn follow(&mut self, mesh: &ClusterMesh, rings: &Rings, survivors: &[u32], changed: &mut Vec<u32>) {
-        self.round += 1;
-        for &survivor in survivors {
-            for vertex in rings.faces(mesh, survivor).flat_map(|face| mesh.vertices(face)) {
-                if std::mem::replace(&mut self.seen[vertex as usize], self.round) != self.round {
-                    self.weigh(mesh, rings, vertex);
-                    changed.push(vertex);
-                }
-            }
-        }
+        let start = changed.len();
+        self.around.collect(mesh, rings, survivors, changed);
+        changed[start..].iter().for_each(|&vertex| self.weigh(mesh, rings, vertex));
     }
 }

@@ -6,6 +6,7 @@
 //! A cost function sees a cluster's mesh and an edge; it knows of no files, threads or locks. Legality is decided in
 //! `simplify` and never looks at a cost.
 
+pub mod around;
 pub mod census;
 pub mod classic;
 mod crease;

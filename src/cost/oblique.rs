@@ -42,6 +42,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::around::Around;
 use super::census::Census;
 use super::fan::{Fan, angle_between};
 use super::knob::{Knob, choice, factor, switch};
@@ -124,8 +125,7 @@ pub struct ObliqueCost {
     quadrics: Vec<Quadric>,
     places: Vec<Place>,
     alphas: Vec<f32>,
-    seen: Vec<u32>,
-    round: u32,
+    around: Around,
     fan: Fan,
     neighbours: Vec<u32>,
     area: f64,
@@ -285,8 +285,7 @@ impl Metric for ObliqueCost {
             quadrics: Vec::new(),
             places: Vec::new(),
             alphas: Vec::new(),
-            seen: Vec::new(),
-            round: 0,
+            around: Around::default(),
             fan: Fan::default(),
             neighbours: Vec::new(),
             area: 0.0,
@@ -385,15 +384,13 @@ impl Metric for ObliqueCost {
 
     fn follow(&mut self, mesh: &ClusterMesh, rings: &Rings, survivors: &[u32], changed: &mut Vec<u32>) {
         let start = changed.len();
-        self.round += 1;
-        self.ring_of(mesh, rings, survivors, changed);
+        self.around.collect(mesh, rings, survivors, changed);
         for &vertex in &changed[start..] {
             self.survey(mesh, rings, vertex);
         }
-        self.round += 1;
         let first = changed[start..].to_vec();
         changed.truncate(start);
-        self.ring_of(mesh, rings, &first, changed);
+        self.around.collect(mesh, rings, &first, changed);
         for &vertex in &changed[start..] {
             self.measure(mesh, rings, vertex);
         }
@@ -410,23 +407,12 @@ impl ObliqueCost {
         };
         self.alphas = classes.iter().map(|class| alpha(class) as f32).collect();
         self.places.resize(mesh.positions.len(), Place::default());
-        self.seen.resize(mesh.positions.len(), 0);
+        self.around.resize(mesh.positions.len());
         for vertex in 0..mesh.positions.len() as u32 {
             self.survey(mesh, rings, vertex);
         }
         for vertex in 0..mesh.positions.len() as u32 {
             self.measure(mesh, rings, vertex);
-        }
-    }
-
-    /// Adds the vertices of all faces around some vertices, each once.
-    fn ring_of(&mut self, mesh: &ClusterMesh, rings: &Rings, vertices: &[u32], out: &mut Vec<u32>) {
-        for &centre in vertices {
-            for vertex in rings.faces(mesh, centre).flat_map(|face| mesh.vertices(face)) {
-                if std::mem::replace(&mut self.seen[vertex as usize], self.round) != self.round {
-                    out.push(vertex);
-                }
-            }
         }
     }
 }

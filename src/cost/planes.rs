@@ -1,6 +1,6 @@
 //! Quadrics of unit planes, without the weight of their area, and where a vertex goes by them.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::quadric::Quadric;
 use super::surface::{EdgeCase, Placement};
@@ -33,6 +33,14 @@ impl PlacePolicy {
     /// From the value of its setting.
     pub fn from_knob(value: f64) -> Self {
         if value > 0.0 { Self::BestOfThree } else { Self::Optimal }
+    }
+
+    /// Where a vertex goes by a quadric.
+    pub fn place(self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, quadric: &Quadric) -> DVec3 {
+        match self {
+            Self::Optimal => best_place(mesh, edge, quadric),
+            Self::BestOfThree => best_of_three(mesh, edge, quadric),
+        }
     }
 }
 
@@ -118,7 +126,7 @@ pub fn best_place(mesh: &ClusterMesh, edge: &EdgeCase<'_>, quadric: &Quadric) ->
 }
 
 /// The best of the middle and both ends of an edge.
-pub fn best_of_three(mesh: &ClusterMesh, edge: &EdgeCase<'_>, quadric: &Quadric) -> DVec3 {
+fn best_of_three(mesh: &ClusterMesh, edge: &EdgeCase<'_>, quadric: &Quadric) -> DVec3 {
     let (pa, pb) = ends(mesh, edge);
     if edge.onto { pb } else { least([0.5 * (pa + pb), pa, pb], |p| quadric.at(p)) }
 }
@@ -133,6 +141,12 @@ pub fn least<T: Copy, const N: usize>(candidates: [T; N], value: impl Fn(T) -> f
         }
     }
     best.1
+}
+
+/// Texture coordinates of each wedge pair at a share of the way from the end that vanishes to the one that stays.
+pub fn texcoords_along(mesh: &ClusterMesh, edge: &EdgeCase<'_>, share: f64, out: &mut Vec<DVec2>) {
+    let uv = |wedge: u32| mesh.wedge_uv[wedge as usize];
+    out.extend(edge.wedges.iter().map(|&(a, b)| uv(a).lerp(uv(b), share)));
 }
 
 /// Positions of the vertex that vanishes and of the one that stays.

@@ -33,7 +33,7 @@ use super::census::Census;
 use super::fan::{Fan, angle_between};
 use super::knob::{Knob, factor, number, switch};
 use super::metric::{Metric, fits};
-use super::planes::{area_of, ends, least, newcomers, priced, unit_planes};
+use super::planes::{area_of, ends, least, newcomers, priced, texcoords_along, unit_planes};
 use super::quadric::Quadric;
 use super::surface::{EdgeCase, Placement};
 use crate::mesh::class::{Class, Rule};
@@ -194,9 +194,7 @@ impl Metric for SharpnessCost {
     }
 
     fn texcoords(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, _position: DVec3, out: &mut Vec<DVec2>) -> bool {
-        let share = self.best_share(mesh, edge);
-        let uv = |wedge: u32| mesh.wedge_uv[wedge as usize];
-        out.extend(edge.wedges.iter().map(|&(a, b)| uv(a).lerp(uv(b), share)));
+        texcoords_along(mesh, edge, self.best_share(mesh, edge), out);
         true
     }
 }

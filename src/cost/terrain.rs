@@ -12,8 +12,8 @@
 //! | interior, general, border edges: none, one, both ends on the border | `class_weight` |
 //!
 //! The place is the optimal one. The paper repeats its steps "for the edges at the end of the collapsed one", which may mean
-//! the costs alone or the quadrics, too. Here the quadrics of both ends add, and normals and costs at the new vertices are
-//! computed anew after each round; with `carry=0` the quadrics around them are, too.
+//! the costs alone or the quadrics, too. Here the quadrics of both ends add, and each round recomputes normals and costs at the
+//! new vertices; with `carry=0` it recomputes the quadrics around them, too.
 //!
 //! # Where we differ
 //! * Borders are locked: in the paper's table all 566 border edges survive. `border-weights=1` multiplies costs by 1,
@@ -31,11 +31,12 @@
 
 use glam::{DVec2, DVec3};
 
+use super::around::Around;
 use super::census::Census;
 use super::fan::Fan;
 use super::knob::{Knob, factor, switch};
 use super::metric::{Metric, fits};
-use super::planes::{area_of, ends, least, newcomers, plane_of, priced};
+use super::planes::{area_of, ends, least, newcomers, plane_of, priced, texcoords_along};
 use super::surface::{EdgeCase, Placement};
 use super::wide::WideQuadric;
 use crate::mesh::class::{Class, Rule};
@@ -54,7 +55,7 @@ pub const KNOBS: [Knob; 7] = [
     factor("general", 10.0, "weight of an edge with one end on the border"),
     factor("border", 1e6, "weight of an edge with both ends on the border"),
     switch("raw", 0.0, "1 takes texture coordinates and unit normals as they are"),
-    switch("carry", 1.0, "0 computes the quadrics around new vertices anew instead of adding them"),
+    switch("carry", 1.0, "0 recomputes the quadrics around new vertices instead of adding them"),
 ];
 
 /// Settings, in the order of [`KNOBS`], and the frozen scale.
@@ -96,9 +97,7 @@ pub struct TerrainCost {
     /// Scaled normals.
     normals: Vec<DVec3>,
     is_border: Vec<bool>,
-    /// Round in which the quadrics at the vertex were computed.
-    seen: Vec<u32>,
-    round: u32,
+    around: Around,
     fan: Fan,
     area: f64,
 }
@@ -122,7 +121,7 @@ impl TerrainCost {
         Quadric::of_triangle(mesh.corners[face as usize].map(|wedge| self.point(mesh, wedge)))
     }
 
-    /// Computes the quadrics of a vertex's wedges anew.
+    /// Recomputes the quadrics of a vertex's wedges.
     fn sum_around(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) {
         let corners = || rings.of(vertex).iter().filter_map(|&corner| Some((corner, mesh.living(corner)?)));
         corners().for_each(|(_, wedge)| self.quadrics[wedge as usize] = Quadric::default());
@@ -231,8 +230,7 @@ impl Metric for TerrainCost {
             quadrics: Vec::new(),
             normals: Vec::new(),
             is_border: Vec::new(),
-            seen: Vec::new(),
-            round: 0,
+            around: Around::default(),
             fan: Fan::default(),
             area: 0.0,
         }
@@ -258,7 +256,7 @@ impl Metric for TerrainCost {
     fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
         self.area = area_of(mesh);
         self.normals.resize(mesh.positions.len(), DVec3::ZERO);
-        self.seen.resize(mesh.positions.len(), 0);
+        self.around.resize(mesh.positions.len());
         for vertex in 0..mesh.positions.len() as u32 {
             self.find_normal(mesh, rings, vertex);
         }
@@ -303,8 +301,7 @@ impl Metric for TerrainCost {
     fn texcoords(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, _position: DVec3, out: &mut Vec<DVec2>) -> bool {
         let uv = |wedge: u32| mesh.wedge_uv[wedge as usize];
         if edge.wedges.len() > 1 {
-            let share = self.seam_share(mesh, edge);
-            out.extend(edge.wedges.iter().map(|&(a, b)| uv(a).lerp(uv(b), share)));
+            texcoords_along(mesh, edge, self.seam_share(mesh, edge), out);
             return true;
         }
         let has_uv = edge.wedges.iter().all(|&(a, b)| uv(a).is_finite() && uv(b).is_finite());
@@ -318,16 +315,9 @@ impl Metric for TerrainCost {
             survivors.iter().for_each(|&vertex| self.find_normal(mesh, rings, vertex));
             return;
         }
-        self.round += 1;
         let start = changed.len();
-        for &survivor in survivors {
-            for vertex in rings.faces(mesh, survivor).flat_map(|face| mesh.vertices(face)) {
-                if std::mem::replace(&mut self.seen[vertex as usize], self.round) != self.round {
-                    self.find_normal(mesh, rings, vertex);
-                    changed.push(vertex);
-                }
-            }
-        }
+        self.around.collect(mesh, rings, survivors, changed);
+        changed[start..].iter().for_each(|&vertex| self.find_normal(mesh, rings, vertex));
         changed[start..].iter().for_each(|&vertex| self.sum_around(mesh, rings, vertex));
     }
 }

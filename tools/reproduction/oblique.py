@@ -19,7 +19,7 @@ HEAD = ["", *(f"{share:.0%} removed" for share in REMOVED)]
 KINDS = {"green": ["green"], "façades and roofs": ["facade", "roof"], "street": ["street"]}
 
 
-def write(page=None):
+def write():
     page = Page("oblique", "Oblique photogrammetry", "Wang, Zhang, Li, Chen, Li: Lightweight algorithm for preventing texture distortion in oblique photogrammetry model simplification. Foreign Electronic Measurement Technology 43(3), 2024.")
     surveys = [meshes.cut(FOLDER / f"{name}-{TRIANGLES}.obj", path, TRIANGLES) for name in ("cc_cyanhabao", "odm_bocimi") if (path := SHARED / name / f"{name}.obj").exists()]
     town = meshes.town(FOLDER / "town", TRIANGLES)
