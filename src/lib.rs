@@ -22,8 +22,10 @@
 // In the order in which the data flows; imports point up this list, which `tests/layering.rs` checks.
 pub mod base;
 pub mod os;
+pub mod geometry;
 pub mod job;
 pub mod store;
+pub mod image;
 pub mod scan;
 pub mod mesh;
 pub mod partition;

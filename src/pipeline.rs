@@ -1,5 +1,9 @@
 //! The phases in order: scan, partition and simplify in passes, write.
 
+use self::damage::report_damage;
+use crate::report::scene::DrawResources;
+
+mod damage;
 mod files;
 #[cfg(test)]
 mod forged;
@@ -29,14 +33,11 @@ use crate::os::system;
 use crate::os::timeline::{Recorder, Timeline};
 use crate::plan::memory::{self, Sizes};
 use crate::plan::scratch;
-use crate::report::gallery::{self, Resources};
+use crate::report::gallery;
 use crate::report::{ErrorFigures, FaceFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
 use crate::scan::{self, InputChoice};
 use crate::stitch::{PassOptions, pass};
 use crate::write::{self, WriteOptions};
-
-/// Of more damaged files than these it is only told how many there are.
-const DAMAGES_TOLD_MAX: usize = 12;
 
 /// Simplifies OBJ files, or all below folders, into one OBJ.
 ///
@@ -147,7 +148,7 @@ fn run(
     let painter = Painter {
         catalogue,
         folder: job.path(),
-        resources: Resources { threads, work_bytes },
+        resources: DrawResources { threads, work_bytes },
         with_errors: options.drawing == Drawing::PicturesAndErrors,
         progress,
     };
@@ -164,7 +165,7 @@ fn run(
     let pass_options = pass_options(options, catalogue.has_texcoords, triangles, target, threads, work_bytes)?;
     let pass_options = PassOptions { map, ..pass_options };
     let outcome = pass::simplify(start, &pass_options, catalogue, job, progress);
-    tell_damage(job, progress);
+    report_damage(job, progress);
     let passes = outcome?;
     if passes.faces == 0 {
         job.give_up();
@@ -267,15 +268,6 @@ fn run(
         warnings: findings.warnings(),
         repairs: repairs(&findings),
     })
-}
-
-/// Tells what was found damaged and is done again.
-fn tell_damage(job: &WorkFolder, progress: &dyn Progress) {
-    let damage = job.take_damage();
-    damage.iter().take(DAMAGES_TOLD_MAX).for_each(|damage| progress.tell(damage));
-    if let Some(more @ 1..) = damage.len().checked_sub(DAMAGES_TOLD_MAX) {
-        progress.tell(&format!("{more} more files are damaged, and done again"));
-    }
 }
 
 fn repairs(findings: &Findings) -> std::collections::BTreeMap<String, u64> {

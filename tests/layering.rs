@@ -1,88 +1,55 @@
-//! Imports point up the list of modules in `src/lib.rs`, never down it.
+//! Imports point up the list of modules in `src/lib.rs`, and no files import each other in a circle.
+
+mod source;
 
 use std::fs;
-use std::path::{Path, PathBuf};
+
+use source::{ModulePath, Source, circles};
 
 /// Names of the modules in `src/lib.rs`, in its order.
 fn modules() -> Vec<String> {
     let text = fs::read_to_string("src/lib.rs").unwrap();
-    let names = text.lines().filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';'));
+    let names = text.lines().filter_map(|line| {
+        line.trim_start_matches("pub(crate) ").trim_start_matches("pub ").strip_prefix("mod ")?.strip_suffix(';')
+    });
     names.map(str::to_owned).collect()
 }
 
-fn rust_files(folder: &Path, found: &mut Vec<PathBuf>) {
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            rust_files(&path, found);
-        } else if path.extension().is_some_and(|extension| extension == "rs") {
-            found.push(path);
-        }
-    }
-}
-
-/// First word of each path after `crate::` in the code, comments left out: `crate::base::Error`, and each member of
-/// `crate::{pipeline, report}`.
-fn imported(text: &str) -> Vec<String> {
-    let code: Vec<&str> = text.lines().map(|line| line.split("//").next().unwrap_or("")).collect();
-    let code = code.join("\n");
-    let mut words = Vec::new();
-    for (at, found) in code.match_indices("crate::") {
-        let path = &code[at + found.len()..];
-        match path.strip_prefix('{') {
-            Some(list) => words.extend(members(list)),
-            None => words.push(first_word(path)),
-        }
-    }
-    words
-}
-
-/// First words of the members of a list, up to its closing brace.
-fn members(list: &str) -> Vec<String> {
-    let (mut depth, mut words, mut start) = (0, Vec::new(), 0);
-    for (at, c) in list.char_indices() {
-        match c {
-            '{' => depth += 1,
-            '}' if depth > 0 => depth -= 1,
-            ',' | '}' if depth == 0 => {
-                words.push(first_word(list[start..at].trim()));
-                start = at + 1;
-                if c == '}' {
-                    break;
-                }
-            }
-            _ => {}
-        }
-    }
-    words.retain(|word| !word.is_empty());
-    words
-}
-
-fn first_word(path: &str) -> String {
-    path.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
+fn name(module: &ModulePath) -> String {
+    module.join("::")
 }
 
 #[test]
 fn no_module_imports_one_that_comes_after_it() {
     let modules = modules();
-    let place = |name: &str| modules.iter().position(|module| module == name);
-    assert!(modules.len() > 10, "the modules stand in src/lib.rs, one `pub mod` a line");
-    let mut files = Vec::new();
-    rust_files(Path::new("src"), &mut files);
-    files.sort();
+    assert!(modules.len() > 10, "the modules stand in src/lib.rs, one `mod` a line");
+    let place = |module: &ModulePath| modules.iter().position(|name| Some(name) == module.first());
+    let source = Source::read();
     let mut faults = Vec::new();
-    for path in files {
-        let inside = path.strip_prefix("src").unwrap();
-        let first = inside.components().next().unwrap().as_os_str().to_string_lossy().into_owned();
-        let Some(own) = place(first.trim_end_matches(".rs")) else { continue };
-        for word in imported(&fs::read_to_string(&path).unwrap()) {
-            match place(&word) {
-                Some(other) if other > own => faults.push(format!("{}: imports crate::{word}", path.display())),
-                _ => {}
-            }
-        }
+    for (module, others) in source.imports() {
+        let Some(own) = place(module) else { continue };
+        let later = others.iter().filter(|other| place(other).is_none_or(|other| other > own));
+        faults.extend(later.map(|other| format!("{} imports {}", name(module), name(other))));
     }
     assert_eq!(faults, Vec::<String>::new());
+}
+
+#[test]
+fn no_files_import_each_other_in_a_circle() {
+    let source = Source::read();
+    let imports = source.imports();
+    let circles = circles(&imports);
+    let told: Vec<String> = circles
+        .iter()
+        .map(|circle| {
+            let edges = circle.iter().flat_map(|module| {
+                let inside = imports[module].iter().filter(|other| circle.contains(other));
+                inside.map(|other| format!("{} -> {}", name(module), name(other)))
+            });
+            edges.collect::<Vec<String>>().join("\n  ")
+        })
+        .collect();
+    assert!(circles.is_empty(), "circles of files:\n  {}", told.join("\n\n  "));
 }
 
 #[test]
@@ -97,6 +64,15 @@ fn every_folder_and_file_below_src_is_in_the_list() {
 
 #[test]
 fn imports_are_found_in_every_form() {
-    let text = "use crate::base::{Error, Result};\nuse crate::{pipeline, report::{a, b}};\n// crate::cli\nlet x = crate::os::y();";
-    assert_eq!(imported(text), ["base", "pipeline", "report", "os"]);
+    let source = Source::read();
+    let imports = source.imports();
+    let module = |name: &str| name.split("::").map(str::to_owned).collect::<ModulePath>();
+    // `use crate::{...}`, `use super::`, a path in the code, and a name that `base/mod.rs` hands on.
+    let cost = &imports[&module("cost::classic")];
+    assert!(cost.contains(&module("cost::quadric")), "{cost:?}");
+    assert!(imports.values().flatten().any(|other| **other == module("base::error")));
+    assert!(
+        !imports.values().flatten().any(|other| **other == module("base")),
+        "names of base are defined in its files"
+    );
 }

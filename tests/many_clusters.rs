@@ -2,8 +2,8 @@
 
 mod meshes;
 
-use drystone::mesh::boxtree::{Bounds, BoxTree};
-use drystone::simplify::texture::closest_weights;
+use drystone::geometry::boxtree::{Bounds, BoxTree};
+use drystone::geometry::closest_weights;
 use glam::DVec3;
 use meshes::{Mesh, in_many_clusters, noise, ratio, read, simplify, simplify_text, terrain, town};
 

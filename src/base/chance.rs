@@ -22,3 +22,8 @@ pub fn place_on_triangle(across: f64, along: f64) -> [f64; 3] {
     let root = across.sqrt();
     [1.0 - root, root * (1.0 - along), root * along]
 }
+
+/// A number from 0 up to 1 that follows from a seed, a part and one of four streams.
+pub fn of_stream(seed: u64, part: u64, stream: u64) -> f64 {
+    unit(mixed(seed.wrapping_add((part * 4 + stream).wrapping_mul(INCREMENT))))
+}

@@ -17,7 +17,8 @@ use crate::options::heading;
 use crate::os::durable::temporary_folder;
 use crate::os::signals::StopSignal;
 use crate::plan::{memory, scratch};
-use crate::report::gallery::{self, Relief};
+use crate::report::gallery::Relief;
+use crate::report::scene::DrawResources;
 use crate::report::{self, ComparisonPage, Kind};
 use crate::scan;
 use crate::scan::InputChoice;
@@ -136,10 +137,10 @@ pub fn run(arguments: &CompareArguments) -> Result<u8> {
     Ok(0)
 }
 
-fn drawing_resources(memory: Option<u64>, threads: Option<usize>) -> Result<gallery::Resources> {
+fn drawing_resources(memory: Option<u64>, threads: Option<usize>) -> Result<DrawResources> {
     let budget = memory::budget_of(memory)?;
     let work_bytes = budget.for_work().saturating_sub(Relief::BYTES);
-    Ok(gallery::Resources { threads: memory::choose_threads(threads, budget), work_bytes })
+    Ok(DrawResources { threads: memory::choose_threads(threads, budget), work_bytes })
 }
 
 /// Compares `[original, result]`, and leaves so many bytes of the memory to others.

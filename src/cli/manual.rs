@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
-use clap::{ArgAction, Args, Command, CommandFactory};
+use clap::{ArgAction, Args, Command};
 use clap_complete::Shell;
 use clap_mangen::Man;
 
 use super::print::print;
-use super::{Cli, version};
+use super::version;
 use crate::base::{Error, Result};
 
 /// Arguments of `drystone completions`.
@@ -26,25 +26,25 @@ pub struct ManArguments {
     out: PathBuf,
 }
 
-/// Prints the script.
+/// Prints the completion script of `program`.
 ///
 /// # Errors
 /// Those of [`print`].
-pub fn print_completions(arguments: &CompletionsArguments) -> Result<u8> {
+pub fn print_completions(arguments: &CompletionsArguments, mut program: Command) -> Result<u8> {
     let mut script = Vec::new();
-    clap_complete::generate(arguments.shell, &mut Cli::command(), "drystone", &mut script);
+    clap_complete::generate(arguments.shell, &mut program, "drystone", &mut script);
     print(&String::from_utf8_lossy(&script))?;
     Ok(0)
 }
 
-/// Writes one page for the program and one for each command.
+/// Writes a page for `program` and one for each of its commands.
 ///
 /// # Errors
 /// The file system's.
-pub fn write_pages(arguments: &ManArguments) -> Result<u8> {
+pub fn write_pages(arguments: &ManArguments, program: Command) -> Result<u8> {
     let folder = &arguments.out;
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "create", e))?;
-    let mut program = Cli::command().disable_help_subcommand(true);
+    let mut program = program.disable_help_subcommand(true);
     program.build();
     let shown = program.get_subcommands().filter(|command| !command.is_hide_set());
     for command in std::iter::once(&program).chain(shown) {
@@ -114,12 +114,15 @@ fn roff(line: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use clap::CommandFactory;
+
+    use super::super::Cli;
     use super::*;
 
     #[test]
     fn every_command_has_a_page_and_every_page_the_options() {
         let folder = tempfile::tempdir().unwrap();
-        write_pages(&ManArguments { out: folder.path().join("man") }).unwrap();
+        write_pages(&ManArguments { out: folder.path().join("man") }, Cli::command()).unwrap();
         let page = |name: &str| std::fs::read_to_string(folder.path().join("man").join(name)).unwrap();
         for command in Cli::command().get_subcommands().filter(|command| !command.is_hide_set()) {
             assert!(page("drystone.1").contains(command.get_name()), "{}", command.get_name());

@@ -18,7 +18,7 @@ mod version;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::base::Result;
 
@@ -77,8 +77,8 @@ impl Command {
             Command::Check(arguments) => check::run(arguments),
             Command::Compare(arguments) => compare::run(arguments),
             Command::Status(arguments) => status::run(arguments),
-            Command::Completions(arguments) => manual::print_completions(arguments),
-            Command::Man(arguments) => manual::write_pages(arguments),
+            Command::Completions(arguments) => manual::print_completions(arguments, Cli::command()),
+            Command::Man(arguments) => manual::write_pages(arguments, Cli::command()),
             Command::OptionsMarkdown => {
                 print::print(&options_markdown())?;
                 Ok(0)

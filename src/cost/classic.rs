@@ -32,10 +32,9 @@
 use glam::{DVec2, DVec3};
 
 use super::knob::{Knob, choice, factor, switch};
-use super::metric::{Metric, fits};
+use super::metric::{EdgeCase, Metric, Placement, fits};
 use super::planes::{PlacePolicy, area_of, ends, newcomers, priced, texcoords_along, unit_planes};
 use super::quadric::Quadric;
-use super::surface::{EdgeCase, Placement};
 use crate::mesh::class::{Class, Rule};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::edge::EdgeKind;

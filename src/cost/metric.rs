@@ -2,14 +2,47 @@
 //!
 //! The engine is compiled once for each [`Metric`]; every hook that a metric leaves alone costs nothing.
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec2};
 
 use super::census::Census;
-use super::surface::{EdgeCase, Placement};
 use crate::mesh::class::{Class, Rule};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::edge::EdgeKind;
 use crate::mesh::ring::Rings;
+
+/// An edge whose collapse is to be judged.
+#[derive(Debug, Clone, Copy)]
+pub struct EdgeCase<'a> {
+    /// The vertex that vanishes.
+    pub from: u32,
+    /// The vertex that stays.
+    pub to: u32,
+    /// Whether `to` keeps its texture coordinates.
+    pub onto: bool,
+    /// Whether `to` keeps its place, too.
+    pub stays: bool,
+    /// Which wedge of `from` becomes which wedge of `to`.
+    pub wedges: &'a [(u32, u32)],
+    /// How far the texture coordinate of each pair's wedge of `to` moves.
+    pub insets: [Vec2; 2],
+}
+
+impl<'a> EdgeCase<'a> {
+    /// Inside a chart, onto a vertex that keeps its place.
+    #[inline(always)]
+    pub fn inside(from: u32, to: u32, wedges: &'a [(u32, u32)]) -> Self {
+        Self { from, to, onto: true, stays: true, wedges, insets: [Vec2::ZERO; 2] }
+    }
+}
+
+/// Where the vertex goes and what that costs (area × length²).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placement {
+    /// Position, relative to the cluster's origin.
+    pub position: DVec3,
+    /// Cost, at least 0.
+    pub cost: f64,
+}
 
 /// A wedge of a vertex that moves to its best place.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -26,11 +26,11 @@ pub mod wide;
 
 pub use classic::ClassicCost;
 pub use curvature::CurvatureCost;
-pub use metric::{Metric, SettlingWedge};
+pub use metric::{EdgeCase, Metric, Placement, SettlingWedge};
 pub use oblique::ObliqueCost;
 pub use quadric::{Quadric, WedgeQuadric};
 pub use sharpness::SharpnessCost;
-pub use surface::{EdgeCase, Placement, SurfaceCost};
+pub use surface::SurfaceCost;
 pub use terrain::TerrainCost;
 pub use weights::Weights;
 

@@ -2,8 +2,8 @@
 
 use glam::{DVec2, DVec3};
 
+use super::metric::{EdgeCase, Placement};
 use super::quadric::Quadric;
-use super::surface::{EdgeCase, Placement};
 use crate::mesh::class::Class;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::edge::{EdgeKind, edge_kind};

@@ -20,7 +20,7 @@ use glam::{DVec2, DVec3, Vec2, Vec3, Vec3A};
 
 use super::crease::{Normals, add_creases};
 use super::local::{LocalQuadric, LocalWedge, Planes};
-use super::metric::{Metric, SettlingWedge};
+use super::metric::{EdgeCase, Metric, Placement, SettlingWedge};
 use super::weights::Weights;
 use crate::mesh::class::{Class, VALENCE_MAX};
 use crate::mesh::cluster::{ClusterMesh, DEAD};
@@ -35,40 +35,6 @@ const LEAST_GAIN: f64 = 0.02;
 const LENGTH_SHARE: f32 = 1e-6;
 /// Collapses that are judged at once.
 const LANES: usize = 8;
-
-/// An edge whose collapse is to be judged.
-#[derive(Debug, Clone, Copy)]
-pub struct EdgeCase<'a> {
-    /// The vertex that vanishes.
-    pub from: u32,
-    /// The vertex that stays.
-    pub to: u32,
-    /// Whether `to` keeps its texture coordinates.
-    pub onto: bool,
-    /// Whether `to` keeps its place, too.
-    pub stays: bool,
-    /// Which wedge of `from` becomes which wedge of `to`.
-    pub wedges: &'a [(u32, u32)],
-    /// How far the texture coordinate of each pair's wedge of `to` moves.
-    pub insets: [Vec2; 2],
-}
-
-impl<'a> EdgeCase<'a> {
-    /// Inside a chart, onto a vertex that keeps its place.
-    #[inline(always)]
-    pub fn inside(from: u32, to: u32, wedges: &'a [(u32, u32)]) -> Self {
-        Self { from, to, onto: true, stays: true, wedges, insets: [Vec2::ZERO; 2] }
-    }
-}
-
-/// Where the vertex goes and what that costs (area × length²).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Placement {
-    /// Position, relative to the cluster's origin.
-    pub position: DVec3,
-    /// Cost, at least 0.
-    pub cost: f64,
-}
 
 /// Quadrics of every vertex and wedge of a cluster.
 #[derive(Debug, Default)]

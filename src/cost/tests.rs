@@ -4,7 +4,7 @@ use glam::{DMat3, DQuat, DVec2, DVec3, Vec2};
 
 use super::census::Census;
 use super::fan::{Fan, angle_between};
-use super::surface::EdgeCase;
+use super::metric::EdgeCase;
 use super::*;
 use crate::mesh::class::{Class, classify};
 use crate::mesh::cluster::{ClusterMesh, samples};

@@ -22,7 +22,6 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use crate::base::Result;
 use crate::partition::ClusterSource;
-use crate::partition::cluster::material_index;
 use crate::partition::scatter::{ScatterWriter, Verbatim};
 use crate::store::Catalogue;
 
@@ -154,7 +153,7 @@ fn shared_keys(source: &ClusterSource, catalogue: &Catalogue) -> Vec<u64> {
             let key = &mut keys[wedge as usize];
             if *key == 0 && mesh.is_shared(mesh.wedge_vertex[wedge as usize]) {
                 let [u, v] = mesh.wedge_uv[wedge as usize].to_array().map(f64::to_bits);
-                let words = [u, v, material_index(catalogue, part) as u64];
+                let words = [u, v, catalogue.material_index(part) as u64];
                 *key = xxh3_64(bytemuck::cast_slice(&words)).max(1);
             }
         }

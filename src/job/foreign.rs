@@ -5,9 +5,9 @@ use std::io::Read;
 use std::path::Path;
 
 use super::header::Header;
-use super::lock::is_locked;
-use super::manifest::MANIFEST_BYTES_MAX;
-use super::{JOURNAL, LOCK, MANIFEST};
+use super::journal::JOURNAL;
+use super::lock::{LOCK, is_locked};
+use super::manifest::{MANIFEST, MANIFEST_BYTES_MAX};
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 use crate::os::durable::no_links;

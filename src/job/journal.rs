@@ -26,6 +26,9 @@ use super::stamp::Stamp;
 use crate::base::{Error, Result};
 use crate::os::durable::{DurableFile, no_links, sync_file};
 
+/// Name of the journal in a work folder.
+pub(super) const JOURNAL: &str = "journal.bin";
+
 const KIND: [u8; 8] = *b"journal ";
 /// Bytes before an entry: its length and the checksums of both.
 const FRAME_BYTES: usize = 16;

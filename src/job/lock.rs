@@ -9,9 +9,11 @@ use std::time::Duration;
 
 use fs4::{FileExt, TryLockError};
 
-use super::LOCK;
 use crate::base::{Error, Result};
 use crate::os::durable::{make_folders, no_links};
+
+/// Name of the file that a running process locks in its work folder.
+pub(super) const LOCK: &str = "lock";
 
 /// How often, and after what time, a lock is tried again: someone may just be looking at it.
 const TRIES: u32 = 8;

@@ -15,6 +15,9 @@ use crate::base::error::{escape, escape_path};
 use crate::base::{Error, Result};
 use crate::os::durable::{DurableFile, folder_of, no_links};
 
+/// Name of the manifest in a work folder.
+pub(super) const MANIFEST: &str = "manifest.bin";
+
 /// A longer manifest is none of ours: 100,000 tiles take a tenth of it.
 pub(super) const MANIFEST_BYTES_MAX: u64 = 64 << 20;
 /// Of more differences than these it is only told how many there are.

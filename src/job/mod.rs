@@ -43,8 +43,9 @@ use self::foreign::{entries, is_phase_file, refuse_foreign};
 pub use self::header::FORMAT_VERSION;
 use self::header::HEADER_BYTES;
 pub use self::journal::{Entry, Record, Step};
-use self::journal::{Journal, Value, now};
-use self::lock::lock_folder;
+use self::journal::{JOURNAL, Journal, Value, now};
+use self::lock::{LOCK, lock_folder};
+use self::manifest::MANIFEST;
 pub use self::manifest::{InputFile, Manifest};
 use self::stamp::Condition;
 pub use self::stamp::is_file_name;
@@ -53,10 +54,6 @@ use crate::base::error::escape_path;
 use crate::base::threads::beside;
 use crate::base::{Error, Result};
 use crate::os::durable::{new_job_number, no_links, sync_file, sync_folder};
-
-const MANIFEST: &str = "manifest.bin";
-const JOURNAL: &str = "journal.bin";
-const LOCK: &str = "lock";
 
 /// What to do with a work folder that holds a job already.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -4,10 +4,9 @@ use std::fs;
 use std::path::Path;
 
 use super::header::Header;
-use super::journal::{self, Entry};
+use super::journal::{self, Entry, JOURNAL};
 use super::lock::is_locked;
-use super::manifest::{AFRESH, Manifest};
-use super::{JOURNAL, MANIFEST};
+use super::manifest::{AFRESH, MANIFEST, Manifest};
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 

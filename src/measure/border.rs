@@ -15,7 +15,7 @@ use serde::Serialize;
 
 use super::edges::EdgeTable;
 use super::surface::Surface;
-use crate::mesh::boxtree::{Bounds, BoxTree};
+use crate::geometry::boxtree::{Bounds, BoxTree};
 
 /// Points taken along the border, at most (beyond its vertices).
 const SAMPLE_LIMIT: f64 = 1e6;

@@ -14,10 +14,10 @@
 
 use serde::Serialize;
 
-use super::check::is_flat;
 use super::edges::{EdgeTable, HalfEdge};
 use super::forest::DisjointSets;
 use super::surface::Surface;
+use crate::geometry::triangle::is_flat;
 use crate::store::NO_TEXCOORD;
 
 /// Counts of what is in the texture atlas.

@@ -20,16 +20,12 @@ use super::edges::{EdgeTable, HalfEdge, repeats_vertex, vertices_of};
 use super::forest::DisjointSets;
 use super::surface::Surface;
 use super::tjunction::count_t_junctions;
-use crate::mesh::boxtree::Bounds;
+use crate::geometry::boxtree::Bounds;
+use crate::geometry::triangle::is_flat;
 use crate::mesh::fold::are_folded;
 
 /// How near a boundary vertex has to be to a boundary edge for a T-junction, per length of the bounding box's diagonal.
 pub const T_JUNCTION_TOLERANCE: f64 = 1e-6;
-/// A triangle lower than this, per length of its longest side, has no area.
-const FLAT_RATIO: f64 = 1e-9;
-/// A triangle lower than this many roundings of the largest coordinate has no area.
-const FLAT_ROUNDINGS: f64 = 4.0;
-
 /// What was counted on a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct Check {
@@ -127,15 +123,6 @@ pub fn weld_and_check(surface: &Surface) -> Check {
     let welded = surface.welded();
     let dropped = surface.faces.len() - welded.faces.len();
     Check { degenerate_faces: dropped as u64, ..check(&welded) }
-}
-
-/// Whether a triangle of doubled area `area_2` and of a longest side of squared length `longest_sq` is flat, among
-/// coordinates of up to `largest`.
-pub(super) fn is_flat(area_2: f64, longest_sq: f64, largest: f64) -> bool {
-    let longest = longest_sq.sqrt();
-    let height_limit = FLAT_RATIO * longest + FLAT_ROUNDINGS * f64::EPSILON * largest;
-    // a triangle with a coordinate that is not a number has no area either
-    area_2 <= longest * height_limit || area_2.is_nan() || height_limit.is_nan()
 }
 
 fn has_no_area([a, b, c]: [DVec3; 3], largest: f64) -> bool {

@@ -26,12 +26,11 @@
 //! Two work folders, `original` and `result`, removed at the end.
 
 pub mod cells;
-pub mod closest;
-pub mod colour;
 mod contrast;
 mod direction;
 mod distribution;
-pub mod pictures;
+mod figures;
+mod options;
 pub mod pinholes;
 mod points;
 mod search;
@@ -41,306 +40,25 @@ mod tally;
 #[cfg(test)]
 mod tests;
 mod texture;
-pub mod tilted;
+mod texture_pair;
 
-use std::path::PathBuf;
 use std::time::Instant;
-
-use serde::Serialize;
 
 use self::cells::MeasuredMesh;
 use self::direction::Direction;
 use self::distribution::Distribution;
-use self::pinholes::Pinholes;
+use self::figures::share;
+pub use self::figures::{
+    BeforeAfter, Comparison, Distances, Geometry, Histogram, Normals, Pinholes, Place, Quality, ROUNDING_SHARE,
+    SLIVER_REGULARITY, Seams, Texture, Topology, VERSION, WORST_PLACES, WorstView,
+};
+pub use self::options::{CompareOptions, Resources, SAMPLES, Spread};
 use self::points::Sampling;
-pub use self::points::Spread;
-use super::border::{BorderDeviation, border_deviation};
+use super::border::border_deviation;
 use crate::base::threads::make_pool;
-use crate::base::{Error, Findings, Progress, Result, json_path};
+use crate::base::{Error, Findings, Progress, Result};
 use crate::os::system;
-use crate::scan::{InputChoice, ScanOptions};
-
-/// Version of the JSON's form.
-pub const VERSION: u32 = 1;
-/// Distances below this share of the original's diagonal are roundings.
-pub const ROUNDING_SHARE: f64 = 1e-12;
-
-/// A figure of the original and of the result.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct BeforeAfter<T> {
-    /// Of the original.
-    pub before: T,
-    /// Of the result.
-    pub after: T,
-}
-
-/// Everything that comparing two meshes finds.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Comparison {
-    /// [`VERSION`].
-    pub version: u32,
-    /// The original, as named.
-    #[serde(serialize_with = "json_path::lossy")]
-    pub original: PathBuf,
-    /// The result, as named.
-    #[serde(serialize_with = "json_path::lossy")]
-    pub result: PathBuf,
-    /// Points by area on each of the two surfaces; nothing if distances were taken at vertices.
-    pub samples: Option<u64>,
-    /// Seed of the points.
-    pub seed: u64,
-    /// Distances between the surfaces.
-    pub geometry: Geometry,
-    /// How the picture changed; nothing if one of the meshes has none, or none that can be read.
-    pub texture: Option<Texture>,
-    /// Where one sees through the result; nothing if the original has no extent.
-    pub pinholes: Option<Pinholes>,
-    /// Counts of edges and pieces, after welding.
-    pub topology: BeforeAfter<Topology>,
-    /// Shapes of triangles.
-    pub quality: BeforeAfter<Quality>,
-    /// Time in seconds.
-    pub seconds: f64,
-    /// Peak resident memory of the process so far, in bytes.
-    pub peak_resident: u64,
-    /// What was ignored or could not be measured, in words.
-    pub warnings: Vec<String>,
-}
-
-/// Distances between the surfaces, and what follows from their shapes.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
-pub struct Geometry {
-    /// Diagonal of the original's bounding box.
-    pub diagonal: f64,
-    /// From the result to the original.
-    pub forward: Distances,
-    /// From the original to the result.
-    pub backward: Distances,
-    /// Both ways together, with equal weight.
-    pub symmetric: Distances,
-    /// Angles between the normals of the result and of the original at its closest point.
-    pub normals: Normals,
-    /// Areas.
-    pub area: BeforeAfter<f64>,
-    /// Area of the result per area of the original.
-    pub area_ratio: f64,
-    /// Enclosed volumes; nothing for a mesh with open borders.
-    pub volume: BeforeAfter<Option<f64>>,
-    /// Volume of the result per volume of the original, if both are closed.
-    pub volume_ratio: Option<f64>,
-    /// How far the open borders of the result lie from those of the original; a seam that came apart inside the surface
-    /// is far from them. Nothing if the original has no border, or a mesh more of it than fits the memory budget, or if one is
-    /// a soup of triangles.
-    pub border: Option<BorderDeviation>,
-}
-
-/// Distances in one direction.
-///
-/// `max` is over points by area, all vertices, and points on edges; everything else over points by area alone, so that
-/// it is a mean over the surface.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
-pub struct Distances {
-    /// Largest distance (one-sided Hausdorff distance).
-    pub max: f64,
-    /// Mean.
-    pub mean: f64,
-    /// Root of the mean square.
-    pub rms: f64,
-    /// Half of the surface is nearer.
-    pub median: f64,
-    /// 95 % of the surface is nearer.
-    pub p95: f64,
-    /// 99 % of the surface is nearer.
-    pub p99: f64,
-    /// The places of the largest distances, the largest first: at most one in each cell of the mesh, at most
-    /// [`WORST_PLACES`].
-    pub worst: Vec<Place>,
-    /// How much of the surface is how far.
-    pub histogram: Histogram,
-    /// Points that were given up, where triangles lie across each other by the thousand. Others of them, near by, that were
-    /// searched to the end speak for them in the means.
-    pub cut_searches: u64,
-    /// No point is farther than this: `max`, unless points were given up, which may lie between.
-    pub max_bound: f64,
-}
-
-/// Number of places that are told, at most.
-pub const WORST_PLACES: usize = 8;
-
-/// A point of a surface and what is nearest to it on the other one.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct Place {
-    /// Distance.
-    pub distance: f64,
-    /// The point.
-    pub position: [f64; 3],
-    /// The closest point of the other surface.
-    pub closest: [f64; 3],
-}
-
-/// Shares of the surface by distance.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
-pub struct Histogram {
-    /// Distances, ascending: bin i reaches from edge i to edge i + 1. The first is 0, the next ones grow by a fixed factor.
-    pub edges: Vec<f64>,
-    /// Share of the surface in each bin; one less than there are edges.
-    pub shares: Vec<f64>,
-}
-
-/// Angles between normals.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct Normals {
-    /// Mean, in degrees.
-    pub mean: f64,
-    /// 95 % of the surface is nearer, in degrees.
-    pub p95: f64,
-    /// Share of the surface that is turned by more than 90°.
-    pub flipped: f64,
-}
-
-/// How the picture on the surface changed.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct Texture {
-    /// Mean difference of colour (mean over the channels) between a point of the result and the closest point of the original.
-    pub colour_mean: f64,
-    /// Root of the mean squared difference.
-    pub colour_rms: f64,
-    /// The same from points of the original to the result.
-    pub colour_backward_mean: f64,
-    /// Root of the mean squared difference from points of the original to the result.
-    pub colour_backward_rms: f64,
-    /// Mean slide: from where the picture at a point of the result lies on the original to the closest point there. Slides
-    /// are measured on images that the original shows once; `None` if there are none.
-    pub slide_mean: Option<f64>,
-    /// Half of the surface slid by less.
-    pub slide_median: Option<f64>,
-    /// 95 % of the surface slid by less.
-    pub slide_p95: Option<f64>,
-    /// Half of the surface slid by less, in texels of the original's image.
-    pub slide_texels_median: Option<f64>,
-    /// 95 % of the surface slid by less, in texels of the original's image.
-    pub slide_texels_p95: Option<f64>,
-    /// Share of the result's surface whose image the original shows more than once, so that its drift is unknown.
-    pub repeated_fraction: f64,
-    /// Share of the result's other textured surface that shows no chart of the original.
-    pub outside_fraction: Option<f64>,
-    /// Share of the result's surface that shows no image of the original.
-    pub untextured_fraction: f64,
-    /// Triangles of the result that run against the majority of their chart in texture space.
-    pub folded_triangles: u64,
-    /// Those of the original.
-    pub folded_triangles_before: u64,
-    /// What meets along seams.
-    pub seams: BeforeAfter<Seams>,
-    /// Images that were read.
-    pub images: u64,
-    /// Images that were too large for the memory budget and were read at a lower resolution.
-    pub reduced_images: u64,
-}
-
-/// What meets along the seams of a mesh: edges between two faces that show different places of images.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct Seams {
-    /// Length of all seams.
-    pub length: f64,
-    /// Mean difference of colour between the two sides.
-    pub colour_mean: f64,
-    /// Root of the mean squared difference.
-    pub colour_rms: f64,
-    /// How far apart the two texels lie on the original that meet at a point of a seam: half of the length by less. Gaps
-    /// are measured on images that the original shows once; `None` if no seam has such an image.
-    pub gap_median: Option<f64>,
-    /// 95 % of the length by less.
-    pub gap_p95: Option<f64>,
-    /// The same as `gap_median` in texels of the image on one side.
-    pub gap_texels_median: Option<f64>,
-    /// The same as `gap_p95` in texels.
-    pub gap_texels_p95: Option<f64>,
-    /// Share of the length of which a side shows no chart of the original.
-    pub outside_fraction: Option<f64>,
-}
-
-/// Counts after welding vertices at bit-identical positions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
-pub struct Topology {
-    /// Vertices that faces use.
-    pub vertices: u64,
-    /// Edges.
-    pub edges: u64,
-    /// Triangles, without those that repeat a vertex.
-    pub faces: u64,
-    /// Edges of one face.
-    pub boundary_edges: u64,
-    /// Sets of boundary edges that hang together over vertices.
-    pub boundary_loops: u64,
-    /// Edges of three or more faces.
-    pub non_manifold_edges: u64,
-    /// Edges of two faces that are folded onto each other, back to back.
-    pub folded_edges: u64,
-    /// Sets of faces that hang together over edges.
-    pub components: u64,
-    /// Vertices - edges + faces.
-    pub euler: i64,
-    /// Edges of two faces that differ there in texture coordinate or material.
-    pub seam_edges: u64,
-    /// Sets of textured faces that hang together over edges that are no seams.
-    pub charts: u64,
-    /// Faces that repeat a vertex.
-    pub degenerate_faces: u64,
-}
-
-/// Open edges up to which a mesh of more of them than triangles is not a soup: a single square has more.
-const SOUP_EDGES: u64 = 100_000;
-
-impl Topology {
-    /// Whether the mesh is a soup of triangles, most of which hang together with few others: its open edges are no border.
-    fn is_soup(&self) -> bool {
-        self.boundary_edges > SOUP_EDGES.max(self.faces)
-    }
-}
-
-/// Shapes of triangles.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct Quality {
-    /// Mean of 4 √3 area / Σ side², which is 1 for an equilateral triangle and 0 for one without area.
-    pub regularity_mean: f64,
-    /// Share of triangles below a regularity of [`SLIVER_REGULARITY`].
-    pub sliver_share: f64,
-    /// Mean number of edges at a vertex.
-    pub valence_mean: f64,
-    /// Most edges at a vertex.
-    pub valence_max: u64,
-    /// Share of inner vertices with 5, 6 or 7 edges.
-    pub valence_regular_share: f64,
-}
-
-/// A triangle is a sliver if its regularity is below this (as Li, Jiang and Tang 2020 count them): an isosceles one
-/// lower than a quarter of its base, about.
-pub const SLIVER_REGULARITY: f64 = 0.5;
-
-/// How meshes are compared.
-#[derive(Debug, Clone)]
-pub struct CompareOptions {
-    /// Where distances are taken on each surface.
-    pub spread: Spread,
-    /// Seed of the points.
-    pub seed: u64,
-    /// Folder for the two work folders.
-    pub work: PathBuf,
-    /// What the comparison may use.
-    pub resources: Resources,
-}
-
-/// What a comparison may use; it does not change the numbers.
-#[derive(Debug, Clone, Copy)]
-pub struct Resources {
-    /// Threads, at least 1.
-    pub threads: usize,
-    /// Memory in bytes.
-    pub work_bytes: u64,
-    /// How the meshes are read.
-    pub scan: ScanOptions,
-}
+use crate::scan::InputChoice;
 
 /// Triangles of a cell, about. Numbers that are measured depend on it by their last digits.
 const CELL_FACES: u64 = 1 << 16;
@@ -364,8 +82,6 @@ impl Onlooker for () {}
 
 /// What the two meshes are called, and their folders in the work folder.
 const NAMES: [&str; 2] = ["original", "result"];
-/// Points by area on each surface, if not said otherwise.
-pub const SAMPLES: u64 = 1_000_000;
 
 /// Compares a result with its original; each is an OBJ, or a folder of them.
 ///
@@ -506,8 +222,4 @@ fn distances(distances: &Distribution, worst: Vec<Place>, cut_searches: u64, max
         cut_searches,
         max_bound,
     }
-}
-
-fn share(part: u64, of: u64) -> f64 {
-    if of == 0 { 0.0 } else { part as f64 / of as f64 }
 }

@@ -12,9 +12,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::compare::closest::closest_point;
 use crate::base::{Progress, Result};
-use crate::mesh::boxtree::{Bounds, BoxTree};
+use crate::geometry::boxtree::{Bounds, BoxTree};
+use crate::geometry::closest_point;
 use crate::stitch::probes::{ChosenCells, Probes, Spread};
 use crate::store::StoredMesh;
 use crate::store::corners::PieceCorners;

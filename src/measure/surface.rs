@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::edges::repeats_vertex;
 use crate::base::{Error, Result};
-use crate::partition::numbering::position_key;
+use crate::geometry::position_key;
 use crate::partition::reading::triangulate_polygons;
 use crate::store::packed::Coordinates;
 use crate::store::{Catalogue, NO_TEXCOORD, PackedColumn, StoredMesh};

@@ -14,7 +14,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::edges::vertices_of;
-use crate::mesh::boxtree::{Bounds, BoxTree};
+use crate::geometry::boxtree::{Bounds, BoxTree};
 
 /// Edges that a thread takes at a time.
 const EDGES_AT_ONCE: usize = 4096;

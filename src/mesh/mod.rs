@@ -3,7 +3,6 @@
 //! Topology is by position; texture coordinate and material live on wedges. A wedge is the corners of one vertex that
 //! share texture coordinate and material. Nothing here knows of files, costs or threads.
 
-pub mod boxtree;
 pub mod class;
 pub mod cluster;
 pub mod crowding;

@@ -12,6 +12,7 @@
 use glam::DVec3;
 
 use super::cluster::{ClusterMesh, flag};
+use crate::geometry::triangle::regularity;
 
 /// A point on the edge between two vertices, which must have the same wedges in all faces of the edge.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -135,12 +136,6 @@ impl Scratch {
             open.extend([(i, k), (k, j)]);
         }
     }
-}
-
-/// 4√3 · area / Σ length²: 1 for an equilateral triangle, 0 for a line.
-pub fn regularity([a, b, c]: [DVec3; 3]) -> f64 {
-    let lengths = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
-    2.0 * 3f64.sqrt() * (b - a).cross(c - a).length() / lengths.max(f64::MIN_POSITIVE)
 }
 
 #[cfg(test)]

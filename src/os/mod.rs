@@ -2,6 +2,7 @@
 
 pub mod durable;
 pub mod mmap;
+pub mod path;
 pub mod signals;
 pub mod system;
 pub mod timeline;

@@ -6,7 +6,7 @@
 
 use glam::DVec3;
 
-use super::PartitionOptions;
+use super::options::PartitionOptions;
 use super::weight::{ClusterWeight, ORDINARY_BYTES, limit_bytes};
 use crate::base::Result;
 use crate::base::ordered::map_in_order;

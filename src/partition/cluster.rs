@@ -12,12 +12,11 @@ use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::Partition;
-use super::numbering::position_key;
 use super::ranks::Ranks;
-use super::reading::{
-    ClusterFaces, for_each_block, gather, gather_texcoords, read, read_faces, texcoord_ids, triangulate_polygons,
-};
+use super::reading::{ClusterFaces, for_each_block, gather, gather_texcoords, read, read_faces, triangulate_polygons};
+use super::texcoord_ids::texcoord_ids;
 use crate::base::Result;
+use crate::geometry::position_key;
 use crate::mesh::cluster::{ClusterMesh, flag, rounded_up};
 use crate::mesh::split::EdgePoint;
 use crate::store::decimal::POWERS_OF_TEN;
@@ -83,14 +82,8 @@ impl TextureScale {
 
     /// The scale of a part's material.
     pub fn of(&self, catalogue: &Catalogue, part: u32) -> f64 {
-        self.scales[material_index(catalogue, part)]
+        self.scales[catalogue.material_index(part)]
     }
-}
-
-/// Index of a part's material; that after the last for none.
-pub fn material_index(catalogue: &Catalogue, part: u32) -> usize {
-    let material = catalogue.parts.get(part as usize).and_then(|part| part.material);
-    material.map_or(catalogue.materials.len(), |material| material as usize)
 }
 
 /// A loaded cluster, and where its parts came from.
@@ -204,7 +197,7 @@ impl ClusterFaces {
     pub fn add_areas(&self, catalogue: &Catalogue, areas: &mut [MaterialArea]) {
         let ranks = Ranks::new(&self.texcoord_ids);
         for face in &self.faces {
-            let sum = &mut areas[material_index(catalogue, face.part)];
+            let sum = &mut areas[catalogue.material_index(face.part)];
             sum.faces += 1;
             if face.texcoords.contains(&NO_TEXCOORD) {
                 continue;
@@ -262,7 +255,7 @@ impl ClusterSource {
         // Wedges of a vertex beyond the first few; looked up only.
         let mut crowd: HashMap<(u32, u32, [u64; 2]), u32> = HashMap::new();
         for face in faces {
-            let material = material_index(catalogue, face.part) as u32;
+            let material = catalogue.material_index(face.part) as u32;
             let scale = scale.of(catalogue, face.part);
             let mut corners = [0; 3];
             // By place: iterators over whole arrays would move them about.

@@ -15,8 +15,8 @@ use std::sync::{Arc, Mutex};
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::PartitionOptions;
 use super::numbering::{Numbering, Ranks};
+use super::options::PartitionOptions;
 use super::scatter::{Scatter, ScatterWriter, Sorted};
 use super::shared::Shared;
 use super::stretches::{CellStretch, NamedStretches, SeenStretches};

@@ -27,12 +27,14 @@ pub mod cells;
 pub mod cluster;
 pub mod faces;
 pub mod numbering;
+mod options;
 mod ranks;
 pub mod reading;
 pub mod scatter;
 mod seams;
 mod shared;
 mod stretches;
+mod texcoord_ids;
 pub mod texcoords;
 pub mod weight;
 
@@ -46,24 +48,8 @@ use crate::job::folder_bytes;
 use crate::store::{Catalogue, Segment, StoredMesh};
 
 pub use cluster::{ClusterSource, TextureScale};
+pub use options::PartitionOptions;
 pub use shared::Shared;
-
-/// How a mesh is to be cut.
-#[derive(Debug, Clone, Copy)]
-pub struct PartitionOptions {
-    /// Faces of a cell, about.
-    pub cluster_faces: u64,
-    /// Number of the pass; it shifts the cells.
-    pub pass: usize,
-    /// Whether vertices at bit-identical positions become one.
-    pub weld: bool,
-    /// Whether of faces with the same three vertices the first alone is kept.
-    pub drop_doubles: bool,
-    /// Threads.
-    pub threads: usize,
-    /// Bytes that windows and buffers may take.
-    pub work_bytes: u64,
-}
 
 /// A mesh cut into clusters.
 #[derive(Debug, Serialize, Deserialize)]

@@ -19,11 +19,12 @@ use foldhash::fast::RandomState;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::PartitionOptions;
 use super::cells::Cells;
+use super::options::PartitionOptions;
 use super::scatter::{Record, Scatter, ScatterWriter, Sorted, decode_coordinates, encode_coordinates};
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Result};
+use crate::geometry::position_key;
 use crate::job::folder_bytes;
 use crate::store::varint::{self, VARINT_BYTES_MAX, unzigzag, zigzag};
 use crate::store::{ColumnWriter, EncodedRun, Places, PlacesWriter, Segment, StoredMesh};
@@ -414,9 +415,4 @@ fn weld_crowd<R: VertexRecord>(
         part.add(records, weld, &mut known, &mut fresh);
         put(part.encoded())
     })
-}
-
-/// Bits of a position; 0 and -0 are the same place.
-pub fn position_key(position: DVec3) -> [u64; 3] {
-    (position + 0.0).to_array().map(f64::to_bits)
 }

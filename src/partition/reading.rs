@@ -8,19 +8,17 @@ use std::collections::HashSet;
 use glam::{DVec2, DVec3};
 
 use super::Partition;
+use super::texcoord_ids::texcoord_ids;
 use crate::base::{Error, Result};
 use crate::mesh::doubles::doubles;
 use crate::mesh::polygon;
 use crate::store::face::{POLYGON_CORNERS_MAX, repeats_vertex};
-use crate::store::{Face, NO_TEXCOORD, Segment, StoredMesh};
+use crate::store::{Face, Segment, StoredMesh};
 
 /// Vertices and texcoords that are mapped at once while gathering.
 const GATHER_RECORDS: u64 = 64 << 10;
 /// Faces of a block of a cluster that is too heavy to be loaded at once.
 const PASS_FACES: usize = 64 << 10;
-/// Ids that a face may stand for on average where a bit is kept for each; a list takes 32 times that, and is sorted.
-const SPAN_PER_FACE: u64 = 64;
-
 /// The faces of a cluster as they were read, with what they refer to.
 #[derive(Debug)]
 pub struct ClusterFaces {
@@ -220,42 +218,6 @@ pub fn triangulate_polygons(faces: &mut Vec<Face>, positions: &[DVec3]) -> u64 {
     }
     *faces = out;
     dropped
-}
-
-/// Ids of all texcoords that faces use, ascending.
-pub(super) fn texcoord_ids(faces: &[Face]) -> Vec<u32> {
-    let used = || faces.iter().flat_map(|face| face.texcoords).filter(|&id| id != NO_TEXCOORD);
-    let (first, last) = used().fold((u32::MAX, 0), |(first, last), id| (first.min(id), last.max(id)));
-    let span = (u64::from(last) + 1).saturating_sub(u64::from(first));
-    if span <= SPAN_PER_FACE * faces.len() as u64 {
-        return ids_of_span(used(), first, span as usize);
-    }
-    let mut ids: Vec<u32> = Vec::with_capacity(faces.len());
-    let mut recent = [NO_TEXCOORD; 64];
-    for id in used() {
-        let slot = &mut recent[id as usize % 64];
-        if *slot != id {
-            *slot = id;
-            ids.push(id);
-        }
-    }
-    ids.sort_unstable();
-    ids.dedup();
-    ids
-}
-
-/// The distinct ids among `used`, which all lie in the `span` from `first` on, ascending.
-fn ids_of_span(used: impl Iterator<Item = u32>, first: u32, span: usize) -> Vec<u32> {
-    let mut bits = vec![0u64; span.div_ceil(64)];
-    used.for_each(|id| bits[(id - first) as usize / 64] |= 1 << ((id - first) % 64));
-    let mut ids = Vec::with_capacity(bits.iter().map(|word| word.count_ones() as usize).sum());
-    for (at, mut word) in bits.into_iter().enumerate() {
-        while word != 0 {
-            ids.push(first + 64 * at as u32 + word.trailing_zeros());
-            word &= word - 1;
-        }
-    }
-    ids
 }
 
 /// Records at ascending ids, read through bounded windows.

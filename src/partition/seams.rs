@@ -1,6 +1,5 @@
 //! The seams of a cluster, by one edge in eight.
 
-use super::cluster::material_index;
 use super::ranks::Ranks;
 use super::reading::ClusterFaces;
 use crate::mesh::crowding::SeamTally;
@@ -34,7 +33,7 @@ impl ClusterFaces {
             for (i, j) in [(0, 1), (1, 2), (2, 0)] {
                 let (i, j) = if face.vertices[i] < face.vertices[j] { (i, j) } else { (j, i) };
                 if is_drawn(face.vertices[i]) {
-                    let material = material_index(catalogue, face.part) as u32;
+                    let material = catalogue.material_index(face.part) as u32;
                     let (ends, texcoords) = ([i, j].map(|k| face.vertices[k]), [i, j].map(|k| face.texcoords[k]));
                     sides.push(Side { ends, texcoords, material });
                 }

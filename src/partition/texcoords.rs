@@ -20,11 +20,11 @@ use std::path::Path;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-use super::PartitionOptions;
 use super::faces::CellFaces;
 use super::numbering::window_bytes;
-use super::reading::texcoord_ids;
+use super::options::PartitionOptions;
 use super::scatter::{Scatter, ScatterWriter};
+use super::texcoord_ids::texcoord_ids;
 use crate::base::Result;
 use crate::base::ordered::map_in_order;
 use crate::store::StoredMesh;

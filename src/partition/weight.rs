@@ -13,7 +13,6 @@ use std::hash::{BuildHasherDefault, Hasher};
 
 use serde::{Deserialize, Serialize};
 
-use super::cluster::material_index;
 use crate::store::{Catalogue, Face};
 
 const FACE_BYTES: u64 = 56;
@@ -68,7 +67,7 @@ impl<'a> WedgeCounter<'a> {
     /// Counts the wedges of further faces.
     pub fn add(&mut self, faces: &[Face]) {
         for face in faces {
-            let material = material_index(self.catalogue, face.part) as u32;
+            let material = self.catalogue.material_index(face.part) as u32;
             for (vertex, texcoord) in face.vertices.into_iter().zip(face.texcoords) {
                 let key = mix(mix(u64::from(vertex) << 32 | u64::from(texcoord)) ^ u64::from(material));
                 let recent = &mut self.recent[key as usize % RECENT];

@@ -10,6 +10,7 @@ use std::time::SystemTime;
 
 use serde::{Deserialize, Serialize};
 
+use super::damage::report_damage;
 use super::need::{COUNT_LIMIT, Need};
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Progress, Result, counted};
@@ -69,7 +70,7 @@ impl Reading<'_> {
     /// [`Error::Changed`](crate::base::Error::Changed) if the input has changed since the job was begun; those of the scan.
     pub(super) fn begin(&self, job: &mut WorkFolder) -> Result<(Input, Start)> {
         let recalled = if job.is_resumed() { Some(self.recall(job)?) } else { None };
-        super::tell_damage(job, self.progress);
+        report_damage(job, self.progress);
         if let Some(recalled) = recalled {
             if let Some((input, start)) = recalled {
                 self.progress.tell(&start.kept(job));

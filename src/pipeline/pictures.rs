@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use crate::base::{Findings, Progress, Result};
-use crate::report::gallery::{self, Resources, Shot, Viewpoints};
+use crate::report::gallery::{self, Shot, Viewpoints};
+use crate::report::scene::DrawResources;
 use crate::report::scene::StoredScene;
 use crate::store::{Catalogue, StoredMesh};
 
@@ -16,7 +17,7 @@ pub(super) const MAP_BYTES: u64 = (MAP_SIZE[0] * MAP_SIZE[1]) as u64 * 16;
 pub(super) struct Painter<'a> {
     pub(super) catalogue: &'a Catalogue,
     pub(super) folder: &'a Path,
-    pub(super) resources: Resources,
+    pub(super) resources: DrawResources,
     /// Whether the result is to be coloured by error afterwards.
     pub(super) with_errors: bool,
     pub(super) progress: &'a dyn Progress,

@@ -33,10 +33,10 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::cost::fan::Fan;
 use crate::cost::sharpness::sharpness;
+use crate::geometry::triangle::regularity;
 use crate::mesh::class::{Class, classify};
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::ring::Rings;
-use crate::mesh::split::regularity;
 use crate::simplify::legality::{change_of, uv_survives};
 
 /// A face below this regularity is a sliver.

@@ -5,12 +5,14 @@ use std::path::Path;
 use maud::{Markup, html};
 
 use super::figures::{self, figure, length, percent, picture, pictures, plot, row, seconds, signed, spaced};
-use super::gallery::{self, Resources, Shot, VANTAGES, Viewpoints};
-use super::{plots, save_text};
+use super::file::save_text;
+use super::gallery::{self, Shot, VANTAGES, Viewpoints};
+use super::plots;
+use super::scene::DrawResources;
 use crate::base::error::escape_path;
 use crate::base::{Findings, Result, bytes};
+use crate::measure::compare::Pinholes;
 use crate::measure::compare::cells::MeasuredMesh;
-use crate::measure::compare::pinholes::Pinholes;
 use crate::measure::compare::{Comparison, Distances, Geometry, Onlooker, Place, Quality, Seams, Texture, Topology};
 use crate::os::durable::new_job_number;
 
@@ -24,7 +26,7 @@ type Figure<T, F> = (&'static str, fn(&T) -> F);
 #[derive(Debug, Default)]
 pub struct ComparisonPage {
     /// What drawing may use.
-    pub resources: Resources,
+    pub resources: DrawResources,
     shots: Option<[Vec<Shot>; 2]>,
     findings: Findings,
 }

@@ -5,8 +5,8 @@
 
 use std::fmt::Write as _;
 
-use super::Report;
 use super::figures::length;
+use super::run::Report;
 use crate::measure::compare::{Comparison, Distances, Geometry, ROUNDING_SHARE};
 use crate::measure::gauge::Gauged;
 

@@ -1,4 +1,4 @@
-//! Pictures of a mesh from fixed places, as `data:` addresses for the page.
+//! TextureImages of a mesh from fixed places, as `data:` addresses for the page.
 //!
 //! ```text
 //! triangles ──▶ canvases, as many as fit ──▶ which image each pixel shows
@@ -18,12 +18,12 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use glam::DVec3;
 
-use super::scene::Scene;
+use super::scene::{DrawResources, Scene};
 use crate::base::error::escape_path;
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Permits, Result};
-use crate::measure::compare::colour::{self, Image};
-use crate::measure::compare::pictures::Picture;
+use crate::image::decode::{self, Image};
+use crate::image::textures::TextureImage;
 use crate::measure::compare::{Onlooker, Place};
 use crate::render::canvas::Seen;
 use crate::render::encode;
@@ -77,15 +77,6 @@ pub const VANTAGES: [Vantage; 4] = [
     Vantage { name: "from above", turn: 0.0, tilt: 90.0, zoom: 1.0, with_edges: false },
     Vantage { name: "the middle, enlarged", turn: -35.0, tilt: 44.0, zoom: 7.0, with_edges: true },
 ];
-
-/// What drawing may use; nothing of it changes a picture, unless an image does not fit the memory.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Resources {
-    /// Threads, at least 1.
-    pub threads: usize,
-    /// Memory in bytes.
-    pub work_bytes: u64,
-}
 
 /// From where a mesh is drawn: the same for its original and its result.
 #[derive(Debug, Clone)]
@@ -154,7 +145,7 @@ pub fn draw(
     scene: &dyn Scene,
     from: &Viewpoints,
     with_relief: bool,
-    resources: &Resources,
+    resources: &DrawResources,
     findings: &mut Findings,
 ) -> Result<Vec<Shot>> {
     let at_once = canvases_at_once(resources.work_bytes);
@@ -163,7 +154,7 @@ pub fn draw(
         let canvas = |(place, view): (&Vantage, &View)| Canvas::new(*view, place.with_edges);
         let mut canvases: Vec<Canvas> = places.iter().zip(views).map(canvas).collect();
         let work_bytes = resources.work_bytes.saturating_sub(CANVAS_BYTES * canvases.len() as u64);
-        let left = Resources { work_bytes, ..*resources };
+        let left = DrawResources { work_bytes, ..*resources };
         scene.triangles(&left, &mut |triangle| canvases.iter_mut().for_each(|canvas| canvas.draw(triangle)))?;
         let developed = develop(&canvases, &scene.pictures().files, &left, findings)?;
         shots.extend(
@@ -189,8 +180,8 @@ pub fn peak_bytes(work_bytes: u64) -> u64 {
 /// Gives canvases their colours.
 fn develop(
     canvases: &[Canvas],
-    files: &[Picture],
-    resources: &Resources,
+    files: &[TextureImage],
+    resources: &DrawResources,
     findings: &mut Findings,
 ) -> Result<Vec<String>> {
     let mut films: Vec<Film> = canvases.iter().map(Film::new).collect();
@@ -199,9 +190,9 @@ fn develop(
     let permits = Permits::new(resources.work_bytes);
     let colour_image = |number: usize| {
         let path = &files[number].path;
-        let plan = colour::plan(path, resources.work_bytes);
+        let plan = decode::plan(path, resources.work_bytes);
         let _permit = plan.as_ref().ok().map(|plan| permits.take(plan.bytes));
-        let image = plan.and_then(|plan| colour::decode(path, &plan));
+        let image = plan.and_then(|plan| decode::decode(path, &plan));
         let colours = |(canvas, list): (&Canvas, &PixelLists)| -> Vec<[f32; 3]> {
             let pixels = list.of(number).iter().map(|&pixel| pixel as usize);
             let seen = pixels.filter_map(|pixel| Some((pixel, canvas.seen(pixel)?)));

@@ -4,7 +4,8 @@ use maud::{Markup, html};
 
 use super::figures::{self, figure, length, percent, pictures, plot, row, seconds, spaced};
 use super::gallery::png_address;
-use super::{FileFigures, Report, Status, comparison, plots, summary};
+use super::run::{FileFigures, Report, Status};
+use super::{comparison, plots, summary};
 use crate::base::error::escape_path;
 use crate::base::{bytes, counted};
 use crate::os::timeline::{PhaseSpan, Timeline};

@@ -16,14 +16,22 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::gallery::Resources;
 use crate::base::{Findings, Result};
+use crate::image::textures::{NO_IMAGE, TextureImages};
 use crate::measure::compare::cells::MeasuredMesh;
-use crate::measure::compare::pictures::{NO_PICTURE, Pictures};
 use crate::partition::{self, ClusterSource, PartitionOptions, TextureScale, cluster};
 use crate::render::{Paint, Triangle};
 use crate::store::mesh::MaterialDefinition;
 use crate::store::{Catalogue, StoredMesh};
+
+/// What drawing may use; nothing of it changes a picture, unless an image does not fit the memory.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct DrawResources {
+    /// Threads, at least 1.
+    pub threads: usize,
+    /// Memory in bytes.
+    pub work_bytes: u64,
+}
 
 /// Triangles of a cell, about.
 const CELL_FACES: u64 = 1 << 16;
@@ -35,7 +43,7 @@ const STONE: [u8; 3] = [188, 172, 150];
 /// A mesh that can be drawn; what is handed out comes in an order that depends on the mesh alone.
 pub trait Scene {
     /// The images that it shows.
-    fn pictures(&self) -> &Pictures;
+    fn pictures(&self) -> &TextureImages;
 
     /// Hands all positions to `look`, many at a time; some may come more than once.
     ///
@@ -47,7 +55,7 @@ pub trait Scene {
     ///
     /// # Errors
     /// On a full disk, failed reads and writes.
-    fn triangles(&self, resources: &Resources, draw: &mut dyn FnMut(&Triangle)) -> Result<()>;
+    fn triangles(&self, resources: &DrawResources, draw: &mut dyn FnMut(&Triangle)) -> Result<()>;
 }
 
 /// A stored mesh.
@@ -56,7 +64,7 @@ pub struct StoredScene<'a> {
     mesh: &'a StoredMesh,
     catalogue: &'a Catalogue,
     folder: &'a Path,
-    pictures: Pictures,
+    pictures: TextureImages,
     /// What each part shows.
     paints: Vec<Paint>,
 }
@@ -64,9 +72,9 @@ pub struct StoredScene<'a> {
 impl<'a> StoredScene<'a> {
     /// Looks up the images; intermediate files go to `folder`.
     pub fn new(mesh: &'a StoredMesh, catalogue: &'a Catalogue, folder: &'a Path, findings: &mut Findings) -> Self {
-        let pictures = Pictures::find(catalogue, findings);
+        let pictures = TextureImages::find(catalogue, findings);
         let paint = |(part, &picture): (usize, &u32)| match picture {
-            NO_PICTURE => Paint::Colour(colour_of(catalogue, part)),
+            NO_IMAGE => Paint::Colour(colour_of(catalogue, part)),
             picture => Paint::Picture(picture),
         };
         let paints = pictures.of_part.iter().enumerate().map(paint).collect();
@@ -92,7 +100,7 @@ impl<'a> StoredScene<'a> {
 }
 
 impl Scene for StoredScene<'_> {
-    fn pictures(&self) -> &Pictures {
+    fn pictures(&self) -> &TextureImages {
         &self.pictures
     }
 
@@ -105,8 +113,8 @@ impl Scene for StoredScene<'_> {
         Ok(())
     }
 
-    fn triangles(&self, resources: &Resources, draw: &mut dyn FnMut(&Triangle)) -> Result<()> {
-        let Resources { threads, work_bytes } = *resources;
+    fn triangles(&self, resources: &DrawResources, draw: &mut dyn FnMut(&Triangle)) -> Result<()> {
+        let DrawResources { threads, work_bytes } = *resources;
         let options = PartitionOptions {
             cluster_faces: CELL_FACES,
             pass: 0,
@@ -135,7 +143,7 @@ impl Scene for StoredScene<'_> {
 }
 
 impl Scene for MeasuredMesh {
-    fn pictures(&self) -> &Pictures {
+    fn pictures(&self) -> &TextureImages {
         &self.pictures
     }
 
@@ -147,12 +155,12 @@ impl Scene for MeasuredMesh {
         Ok(())
     }
 
-    fn triangles(&self, _resources: &Resources, draw: &mut dyn FnMut(&Triangle)) -> Result<()> {
+    fn triangles(&self, _resources: &DrawResources, draw: &mut dyn FnMut(&Triangle)) -> Result<()> {
         for cell in &self.cells {
             let view = cell.view()?;
             for (number, face) in view.faces.iter().enumerate() {
                 let paint = match face.picture {
-                    NO_PICTURE => Paint::Colour(STONE),
+                    NO_IMAGE => Paint::Colour(STONE),
                     picture => Paint::Picture(picture),
                 };
                 let corners = view.triangle(number as u32).map(|corner| corner + view.origin);

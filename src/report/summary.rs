@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::figures::length;
-use super::{Report, Status};
+use super::run::{Report, Status};
 use crate::base::error::escape_path;
 use crate::base::{bytes, counted, grouped};
 use crate::options::{Borders, Doubles, Pieces, Seams, SimplifyOptions, Weld};

@@ -55,7 +55,6 @@ use crate::store::{Catalogue, StoredMesh};
 pub use self::chunk::CHUNK_BYTES;
 pub use self::count::{Counts, count};
 pub use self::inputs::{InputChoice, find_inputs, find_inputs_and_idle};
-pub use self::mtl::path_of;
 pub use self::twins::note_twin_boxes;
 
 /// Memory of a parsed chunk that is worth keeping for the next one.

@@ -23,6 +23,7 @@ use super::parts::FileMaterials;
 use crate::base::error::{escape, escape_path};
 use crate::base::{Allowance, Error, Findings, Result};
 use crate::os::durable::folder_of;
+use crate::os::path::path_of_name;
 use crate::os::system::is_file;
 use crate::store::Material;
 use crate::store::mesh::{MaterialDefinition, TextureStatement, statement_bytes};
@@ -83,7 +84,7 @@ pub fn define_materials(
         // A file named like the whole text would count instead, if there was one.
         let whole = [&text[..], plain].into_iter().filter(|text| !text.is_empty() && text.len() <= NAME_BYTES_MAX);
         for name in whole.chain(found.iter().map(|(name, _)| &name[..])) {
-            let relative = path_of(name);
+            let relative = path_of_name(name);
             let path = obj.with_file_name(&relative);
             if !relative.has_root() && !known.contains(&path) {
                 allowance.take(LIBRARY_BYTES + 4 * path.as_os_str().len() as u64, obj)?;
@@ -92,7 +93,7 @@ pub fn define_materials(
             }
         }
         for (name, is_there) in found {
-            let path = obj.with_file_name(path_of(&name));
+            let path = obj.with_file_name(path_of_name(&name));
             match is_there {
                 // It may have been read by another name.
                 true => {
@@ -156,7 +157,7 @@ fn without_comment<'a>(obj: &Path, text: &'a [u8]) -> Result<&'a [u8]> {
 /// # Errors
 /// [`Error::Io`] if the machine fails.
 fn is_there(obj: &Path, name: &[u8]) -> Result<bool> {
-    let relative = path_of(name);
+    let relative = path_of_name(name);
     if name.is_empty() || relative.has_root() || name.get(1) == Some(&b':') {
         return Ok(false);
     }
@@ -181,20 +182,6 @@ fn split_escaped(text: &[u8]) -> Vec<Vec<u8>> {
         names.push(name);
     }
     names
-}
-
-/// A path from a name in OBJ or MTL text, where `\` separates folders as `/` does.
-pub fn path_of(name: &[u8]) -> PathBuf {
-    let name: Vec<u8> = name.iter().map(|byte| if *byte == b'\\' { b'/' } else { *byte }).collect();
-    #[cfg(unix)]
-    {
-        use std::os::unix::ffi::OsStringExt;
-        PathBuf::from(std::ffi::OsString::from_vec(name))
-    }
-    #[cfg(not(unix))]
-    {
-        PathBuf::from(String::from_utf8_lossy(&name).into_owned())
-    }
 }
 
 fn read_library(

@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 
 use super::parsed::LabelKind;
 use crate::base::{Allowance, Error, Result};
+use crate::os::path::path_of_name;
 use crate::store::mesh::MaterialDefinition;
 use crate::store::{Catalogue, Material, Part};
 
@@ -228,7 +229,7 @@ fn put_text(key: &mut Vec<u8>, text: &[u8]) {
 fn resolve(folder: &Path, name: &[u8]) -> PathBuf {
     use std::path::Component;
     let mut out = PathBuf::new();
-    for component in folder.join(super::mtl::path_of(name)).components() {
+    for component in folder.join(path_of_name(name)).components() {
         match component {
             Component::CurDir => {}
             Component::ParentDir if matches!(out.components().next_back(), Some(Component::Normal(_))) => {

@@ -22,8 +22,8 @@ use rayon::prelude::*;
 
 use super::cover::Target;
 use super::parts::{Part, Parts};
+use crate::geometry::boxtree::{Bounds, BoxTree};
 use crate::mesh::ClusterMesh;
-use crate::mesh::boxtree::{Bounds, BoxTree};
 use crate::mesh::cluster::rounded_up;
 
 /// A part this near, as a share of the bound, is near enough.

@@ -18,7 +18,7 @@
 use glam::DVec3;
 
 use super::parts::{Part, Parts};
-use super::texture::distance_sq;
+use crate::geometry::distance_sq;
 
 /// A part's bound may exceed the distance of its farthest corner by this factor.
 const TIGHT: f64 = 1.15;

@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3};
 use edges::Neighbour;
 
 use super::fold::{FoldCheck, may_fold};
-use super::texture::distance_sq;
+use crate::geometry::distance_sq;
 use crate::mesh::class::VALENCE_MAX;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;

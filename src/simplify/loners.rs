@@ -5,10 +5,10 @@
 
 use glam::DVec3;
 
+use crate::geometry::boxtree::{Bounds, BoxTree};
+use crate::geometry::distance_sq;
 use crate::mesh::ClusterMesh;
-use crate::mesh::boxtree::{Bounds, BoxTree};
 
-use super::texture::distance_sq;
 use super::witness::area_of;
 
 /// Price of a face, in its area × squared distance to what is left: it stands for all of its piece, and what is beside it

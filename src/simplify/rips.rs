@@ -10,8 +10,8 @@
 
 use glam::{DVec3, Vec3};
 
+use crate::geometry::boxtree::{Bounds, BoxTree};
 use crate::mesh::ClusterMesh;
-use crate::mesh::boxtree::{Bounds, BoxTree};
 use crate::mesh::class::Class;
 use crate::mesh::ring::{Rings, Spoke};
 

@@ -11,6 +11,7 @@
 
 use glam::{DVec2, DVec3, Vec2};
 
+use crate::geometry::closest_weights;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
 
@@ -136,100 +137,10 @@ fn chain_end(mesh: &ClusterMesh, rings: &Rings, vertex: u32, wedge: u32, exclude
     if ends[1].is_some() { None } else { ends[0] }
 }
 
-/// Barycentric weights of the point of a triangle that is closest to `p`.
-///
-/// # Source
-/// Ericson, "Real-Time Collision Detection", 2005, section 5.1.5 (regions of the triangle's plane).
-pub fn closest_weights(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
-    let (ab, ac, ap) = (b - a, c - a, p - a);
-    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
-    if d1 <= 0.0 && d2 <= 0.0 {
-        return [1.0, 0.0, 0.0];
-    }
-    let bp = p - b;
-    let (d3, d4) = (ab.dot(bp), ac.dot(bp));
-    if d3 >= 0.0 && d4 <= d3 {
-        return [0.0, 1.0, 0.0];
-    }
-    let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-        let t = ratio(d1, d1 - d3);
-        return [1.0 - t, t, 0.0];
-    }
-    let cp = p - c;
-    let (d5, d6) = (ab.dot(cp), ac.dot(cp));
-    if d6 >= 0.0 && d5 <= d6 {
-        return [0.0, 0.0, 1.0];
-    }
-    let vb = d5 * d2 - d1 * d6;
-    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-        let t = ratio(d2, d2 - d6);
-        return [1.0 - t, 0.0, t];
-    }
-    let va = d3 * d6 - d5 * d4;
-    if va <= 0.0 && d4 >= d3 && d5 >= d6 {
-        let t = ratio(d4 - d3, (d4 - d3) + (d5 - d6));
-        return [0.0, 1.0 - t, t];
-    }
-    let total = va + vb + vc;
-    let (v, w) = (ratio(vb, total), ratio(vc, total));
-    [1.0 - v - w, v, w]
-}
-
-/// Squared distance of a point to a triangle.
-pub fn distance_sq(p: DVec3, triangle: [DVec3; 3]) -> f64 {
-    let w = closest_weights(p, triangle);
-    p.distance_squared(triangle[0] * w[0] + triangle[1] * w[1] + triangle[2] * w[2])
-}
-
-fn ratio(part: f64, whole: f64) -> f64 {
-    if whole == 0.0 { 0.0 } else { part / whole }
-}
-
 #[cfg(test)]
 mod tests {
-    use proptest::prelude::*;
-
     use super::*;
     use crate::mesh::cluster::samples;
-
-    #[test]
-    fn the_closest_point_is_found_in_every_region() {
-        let triangle = [DVec3::ZERO, DVec3::X, DVec3::Y];
-        let closest = |p| {
-            let w = closest_weights(p, triangle);
-            triangle[0] * w[0] + triangle[1] * w[1] + triangle[2] * w[2]
-        };
-        for (p, expected) in [
-            (DVec3::new(0.2, 0.3, 5.0), DVec3::new(0.2, 0.3, 0.0)),
-            (DVec3::new(-1.0, -1.0, 1.0), DVec3::ZERO),
-            (DVec3::new(2.0, -1.0, 0.0), DVec3::X),
-            (DVec3::new(-1.0, 3.0, 0.0), DVec3::Y),
-            (DVec3::new(0.4, -1.0, 0.0), DVec3::new(0.4, 0.0, 0.0)),
-            (DVec3::new(-1.0, 0.7, 0.0), DVec3::new(0.0, 0.7, 0.0)),
-            (DVec3::new(1.0, 1.0, 0.0), DVec3::new(0.5, 0.5, 0.0)),
-        ] {
-            assert!((closest(p) - expected).length() < 1e-12, "{p}");
-        }
-    }
-
-    proptest! {
-        #[test]
-        fn no_point_of_a_triangle_is_closer(
-            corners in prop::array::uniform3(prop::array::uniform3(-1.0f64..1.0)),
-            point in prop::array::uniform3(-2.0f64..2.0),
-        ) {
-            let (triangle, point) = (corners.map(DVec3::from_array), DVec3::from_array(point));
-            let weights = closest_weights(point, triangle);
-            prop_assert!(weights.iter().all(|weight| (0.0..=1.0).contains(weight)));
-            prop_assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
-            let closest = triangle[0] * weights[0] + triangle[1] * weights[1] + triangle[2] * weights[2];
-            // A point of a convex set is the closest if and only if none of the set lies beyond it.
-            for corner in triangle {
-                prop_assert!((point - closest).dot(corner - closest) < 1e-12);
-            }
-        }
-    }
 
     #[test]
     fn a_texture_coordinate_comes_from_the_closest_face_that_has_some() {

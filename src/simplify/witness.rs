@@ -10,7 +10,7 @@
 
 use glam::DVec3;
 
-use super::texture::distance_sq;
+use crate::geometry::distance_sq;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
 

@@ -14,7 +14,7 @@ use crate::base::ordered::map_in_order;
 use crate::cost::Metric;
 use crate::mesh::ClusterMesh;
 use crate::mesh::crowding::SeamTally;
-use crate::partition::cluster::{MaterialArea, material_index};
+use crate::partition::cluster::MaterialArea;
 use crate::partition::{Partition, TextureScale, reading};
 use crate::store::{Catalogue, StoredMesh};
 
@@ -60,7 +60,7 @@ impl<M: Metric> Run<'_, M> {
         let is_raw = M::wants_raw_texture(&self.settings);
         let mut measured = self.measure_clusters(STEP, mesh, partition)?;
         let mut named = vec![false; measured.areas.len()];
-        (0..self.catalogue.parts.len()).for_each(|part| named[material_index(self.catalogue, part as u32)] = true);
+        (0..self.catalogue.parts.len()).for_each(|part| named[self.catalogue.material_index(part as u32)] = true);
         let is_vague = measured.areas.iter().zip(named).any(|(area, is_named)| is_named && area.faces < FACES_MIN);
         if is_vague && !is_raw {
             measured = self.measure_clusters(1, mesh, partition)?;

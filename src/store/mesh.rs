@@ -313,6 +313,12 @@ pub struct Catalogue {
 }
 
 impl Catalogue {
+    /// Index of a part's material; that after the last for a part without one.
+    pub fn material_index(&self, part: u32) -> usize {
+        let material = self.parts.get(part as usize).and_then(|part| part.material);
+        material.map_or(self.materials.len(), |material| material as usize)
+    }
+
     /// Memory that it takes, with what is remembered of it along the way, in bytes.
     pub fn bytes(&self) -> u64 {
         let names = self.names.iter().map(|name| name.len() as u64);

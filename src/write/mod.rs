@@ -21,6 +21,7 @@
 //! `write-faces.tmp`, `write-stars.tmp`, `write-normals.col` in the work folder, removed before [`write()`] returns.
 
 mod batches;
+mod companion;
 mod copy;
 mod grouping;
 mod mtl;
@@ -28,7 +29,9 @@ mod normals;
 mod number;
 mod numbering;
 mod obj;
+mod options;
 mod paths;
+mod signature;
 mod targets;
 #[cfg(test)]
 mod tests;
@@ -41,12 +44,14 @@ use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
 use self::batches::in_order;
+pub use self::companion::{Companion, CopiedTexture};
 use self::copy::{Look, look};
 use self::grouping::Grouping;
 pub use self::mtl::texture_count;
 use self::normals::{PieceNormals, SharedNormals, piece_bytes, piece_normals};
 use self::numbering::Usage;
 use self::obj::{CornerForm, ObjFile, PartOrder};
+pub use self::options::{Textures, WriteOptions};
 pub use self::paths::{NamedTexture, is_texture_there, named_textures};
 use self::targets::Targets;
 pub use self::targets::{Sources, textures_folder, why_unnameable};
@@ -54,9 +59,7 @@ use self::textures::TextureStage;
 use crate::base::bytes::MIB;
 use crate::base::error::escape_path;
 use crate::base::{Error, Findings, Progress, Result};
-use crate::job::codec;
 use crate::os::durable::{DurableFile, folder_of, lock_while_open, remove_waiting};
-use crate::scan::fingerprint;
 use crate::store::corners::FaceReader;
 use crate::store::mesh::PieceNumbering;
 use crate::store::{Catalogue, NO_TEXCOORD, StoredMesh, StoredPiece};
@@ -65,46 +68,6 @@ use crate::store::{Catalogue, NO_TEXCOORD, StoredMesh, StoredPiece};
 const SHARE_BYTES_MIN: u64 = 4 * MIB;
 /// The same, at most: more would make memory grow with the result and save little.
 pub const SHARE_BYTES_MAX: u64 = 8 * MIB;
-
-/// What becomes of the images that materials refer to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Textures {
-    /// Copied into `<stem>_textures/` beside the output.
-    #[default]
-    Copy,
-    /// Linked there: a symbolic link, else a hard link, else a copy.
-    Link,
-    /// Left where they are; the MTL names the path to them from the output's folder.
-    Reference,
-}
-
-/// How the result is written.
-#[derive(Debug, Clone)]
-pub struct WriteOptions {
-    /// What becomes of the textures.
-    pub textures: Textures,
-    /// Whether those outside of the MTL's folder are copied or linked like the others.
-    pub brings_outside: bool,
-    /// Whether vertex normals are computed and written.
-    pub normals: bool,
-    /// Whether an older result may be replaced.
-    pub force: bool,
-    /// Whether the OBJ that is there is this job's own, which may be replaced in any case.
-    pub replaces_own: bool,
-    /// Memory that the phase may use, in bytes; below 32 MiB it uses somewhat more.
-    pub work_bytes: u64,
-    /// Files that must not be replaced.
-    pub sources: Sources,
-    /// Number of the job, by which files that wait for their names are its own.
-    pub job: u64,
-}
-
-impl WriteOptions {
-    /// Whether an OBJ that is there may be replaced.
-    fn may_replace_obj(&self) -> bool {
-        self.force || self.replaces_own
-    }
-}
 
 /// What was written.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -125,29 +88,6 @@ pub struct Written {
     /// be replaced by 0 (`non_finite_numbers`).
     pub findings: Findings,
 }
-
-/// A file of the result beside the OBJ.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Companion {
-    /// Where it is.
-    #[serde(with = "codec::path")]
-    pub path: PathBuf,
-    /// Its length in bytes and XXH3; nothing of a link, which only has to lead to a file.
-    pub content: Option<(u64, u64)>,
-}
-
-impl Companion {
-    /// Whether it is there still, as it was written.
-    pub fn is_there(&self) -> bool {
-        match self.content {
-            Some(content) => fingerprint::content(&self.path).is_ok_and(|found| found == content),
-            None => self.path.is_file(),
-        }
-    }
-}
-
-/// A texture of the input that was copied: its canonical path, its length and XXH3 as they were then.
-pub type CopiedTexture = (PathBuf, (u64, u64));
 
 /// A result that is whole, and under temporary names still.
 #[derive(Debug)]
@@ -327,11 +267,6 @@ pub fn stage(
     obj.seal()?;
     let (force, may_replace_obj) = (options.force, options.may_replace_obj());
     Ok(Staged { written, textures, mtl, obj, targets, force, may_replace_obj })
-}
-
-/// The comment that the OBJ and the MTL begin with.
-fn signature() -> Vec<u8> {
-    format!("# drystone {}\n", env!("CARGO_PKG_VERSION")).into_bytes()
 }
 
 /// Gives faces the numbers of the result.

@@ -8,6 +8,7 @@ use std::path::Path;
 
 use super::numbering::Usage;
 use super::obj::put_statement;
+use super::signature::signature;
 use super::textures::TextureStage;
 use crate::base::error::escape;
 use crate::base::{Findings, Result, counted};
@@ -32,28 +33,6 @@ pub(super) fn whole_library(catalogue: &Catalogue, textures: &mut TextureStage) 
     text_of(catalogue, catalogue.parts.iter().filter_map(|part| part.material).collect(), textures)
 }
 
-/// Whether an MTL is `whole`, or `whole` without some of its materials: what a run that was ended may have left.
-pub(super) fn is_part_of(mtl: &[u8], whole: &[u8]) -> bool {
-    let (mut found, mut all) = (blocks(mtl), blocks(whole));
-    found.next() == all.next() && found.all(|block| all.any(|other| other == block))
-}
-
-/// The signature of an MTL, then each of its materials.
-fn blocks(text: &[u8]) -> impl Iterator<Item = &[u8]> {
-    const BEGINNING: &[u8] = b"\n\nnewmtl ";
-    let mut rest = Some(text);
-    std::iter::from_fn(move || {
-        let text = rest?;
-        match text.windows(BEGINNING.len()).position(|window| window == BEGINNING) {
-            Some(end) => {
-                rest = Some(&text[end + 1..]);
-                Some(&text[..=end])
-            }
-            None => rest.take(),
-        }
-    })
-}
-
 fn text_of(catalogue: &Catalogue, used: BTreeSet<u32>, textures: &mut TextureStage) -> Result<Option<Vec<u8>>> {
     let mut names = BTreeSet::new();
     let mut text = Vec::new();
@@ -76,7 +55,7 @@ fn text_of(catalogue: &Catalogue, used: BTreeSet<u32>, textures: &mut TextureSta
             put_statement(&mut text, &texture.key_and_options, &reference);
         }
     }
-    Ok((!text.is_empty()).then(|| [super::signature(), text].concat()))
+    Ok((!text.is_empty()).then(|| [signature(), text].concat()))
 }
 
 /// Tells which materials, and which of their textures, no face of the result uses any more.
@@ -108,21 +87,5 @@ fn note_lost(kind: &'static str, what: &str, total: usize, lost: Vec<&[u8]>, fin
     for (place, name) in lost.into_iter().enumerate() {
         let left = if place == 0 { left.as_str() } else { "" };
         findings.note(kind, || format!("{left}'{}' is on no face of the result", escape(name)));
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_mtl_without_some_materials_is_a_part_of_the_whole() {
-        let whole = b"# drystone 0\n\nnewmtl a\nKd 1 1 1\n\nnewmtl b\n\nnewmtl c\nKd 0 0 0\n";
-        for part in ["\nnewmtl b\n", "\nnewmtl a\nKd 1 1 1\n\nnewmtl c\nKd 0 0 0\n", ""] {
-            assert!(is_part_of(format!("# drystone 0\n{part}").as_bytes(), whole), "{part}");
-        }
-        for other in ["# drystone 0\n\nnewmtl b\nKd 1 1 1\n", "\nnewmtl b\n", "", "# drystone 0\n\nnewmtl d\n"] {
-            assert!(!is_part_of(other.as_bytes(), whole), "{other}");
-        }
     }
 }

@@ -27,6 +27,7 @@ use super::grouping::{Group, Grouping};
 use super::normals::RoundedNormal;
 use super::number::{put_f32, put_f64, put_four_decimals, put_u32};
 use super::numbering::{IdSet, Usage};
+use super::signature::signature;
 use crate::base::{Progress, Result};
 use crate::os::durable::DurableFile;
 use crate::store::mesh::PieceNumbering;
@@ -85,7 +86,7 @@ impl ObjFile {
     pub(super) fn create(target: &Path, job: u64, library: Option<&[u8]>) -> Result<Self> {
         let file = DurableFile::create_outside(target, job, FILE_BUFFER_BYTES)?;
         let mut obj = Self { file, bytes: 0, hash: Xxh3::new(), non_finite: 0 };
-        let mut text = super::signature();
+        let mut text = signature();
         if let Some(name) = library {
             put_statement(&mut text, b"mtllib", name);
         }

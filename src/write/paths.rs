@@ -8,6 +8,7 @@ use std::path::{Component, Path, PathBuf};
 use std::{fs, io};
 
 use crate::os::durable::folder_of;
+use crate::os::path::path_of_bytes;
 use crate::store::Catalogue;
 
 /// Why a texture stays where it is.
@@ -106,29 +107,18 @@ pub(super) fn find_anywhere(mtl_folder: &Path, name: &[u8]) -> Result<PathBuf, U
 pub(super) fn place_of(mtl_folder: &Path, name: &[u8]) -> Option<PathBuf> {
     let name = with_slashes(name);
     let is_place = name.first() == Some(&b'/') && !name.contains(&0);
-    Some(mtl_folder.join(relative_path(&name).or_else(|| is_place.then(|| path_of(&name)))?))
+    Some(mtl_folder.join(relative_path(&name).or_else(|| is_place.then(|| path_of_bytes(&name)))?))
 }
 
 /// A name of an MTL as a path, `\` taken for `/`; nothing if it is absolute or names nothing.
 pub(super) fn relative_path(name: &[u8]) -> Option<PathBuf> {
     let name = with_slashes(name);
     let drive = name.len() > 1 && name[0].is_ascii_alphabetic() && name[1] == b':';
-    (!drive && name.first().is_some_and(|&c| c != b'/') && !name.contains(&0)).then(|| path_of(&name))
+    (!drive && name.first().is_some_and(|&c| c != b'/') && !name.contains(&0)).then(|| path_of_bytes(&name))
 }
 
 fn with_slashes(name: &[u8]) -> Vec<u8> {
     name.iter().map(|&c| if c == b'\\' { b'/' } else { c }).collect()
-}
-
-#[cfg(unix)]
-pub(super) fn path_of(name: &[u8]) -> PathBuf {
-    use std::os::unix::ffi::OsStrExt;
-    PathBuf::from(std::ffi::OsStr::from_bytes(name))
-}
-
-#[cfg(not(unix))]
-pub(super) fn path_of(name: &[u8]) -> PathBuf {
-    PathBuf::from(String::from_utf8_lossy(name).into_owned())
 }
 
 /// The path from a folder to a file, both canonical; absolute if they have no root in common.

@@ -9,7 +9,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::copy::{Look, look};
-use super::mtl;
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 use crate::os::durable::{DurableFile, folder_of, make_folders};
@@ -185,7 +184,7 @@ impl Targets {
     pub(super) fn check_mtl(&self, whole: &[u8], force: bool) -> Result<()> {
         let is_ours = || {
             fs::metadata(&self.mtl).is_ok_and(|found| found.len() <= whole.len() as u64)
-                && fs::read(&self.mtl).is_ok_and(|found| mtl::is_part_of(&found, whole))
+                && fs::read(&self.mtl).is_ok_and(|found| is_part_of(&found, whole))
         };
         if look(&self.mtl).is_some() && !force && !is_ours() {
             return Err(self.mtl_exists());
@@ -218,6 +217,28 @@ impl Targets {
     }
 }
 
+/// Whether an MTL is `whole`, or `whole` without some of its materials: what a run that was ended may have left.
+fn is_part_of(mtl: &[u8], whole: &[u8]) -> bool {
+    let (mut found, mut all) = (blocks(mtl), blocks(whole));
+    found.next() == all.next() && found.all(|block| all.any(|other| other == block))
+}
+
+/// The signature of an MTL, then each of its materials.
+fn blocks(text: &[u8]) -> impl Iterator<Item = &[u8]> {
+    const BEGINNING: &[u8] = b"\n\nnewmtl ";
+    let mut rest = Some(text);
+    std::iter::from_fn(move || {
+        let text = rest?;
+        match text.windows(BEGINNING.len()).position(|window| window == BEGINNING) {
+            Some(end) => {
+                rest = Some(&text[end + 1..]);
+                Some(&text[..=end])
+            }
+            None => rest.take(),
+        }
+    })
+}
+
 #[cfg(all(test, unix))]
 mod tests {
     use super::*;
@@ -246,5 +267,16 @@ mod tests {
         fs::write(&one, "").unwrap();
         fs::hard_link(&one, &other).unwrap();
         assert!(!Sources::new([one.as_path()]).are_at(&other));
+    }
+
+    #[test]
+    fn an_mtl_without_some_materials_is_a_part_of_the_whole() {
+        let whole = b"# drystone 0\n\nnewmtl a\nKd 1 1 1\n\nnewmtl b\n\nnewmtl c\nKd 0 0 0\n";
+        for part in ["\nnewmtl b\n", "\nnewmtl a\nKd 1 1 1\n\nnewmtl c\nKd 0 0 0\n", ""] {
+            assert!(is_part_of(format!("# drystone 0\n{part}").as_bytes(), whole), "{part}");
+        }
+        for other in ["# drystone 0\n\nnewmtl b\nKd 1 1 1\n", "\nnewmtl b\n", "", "# drystone 0\n\nnewmtl d\n"] {
+            assert!(!is_part_of(other.as_bytes(), whole), "{other}");
+        }
     }
 }

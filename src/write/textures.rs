@@ -17,13 +17,15 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::companion::{Companion, CopiedTexture};
 use super::copy::{Look, copy, look, open_regular, same_content, symlink};
-use super::paths::{Unusable, find_anywhere, find_source, is_outside, path_between, path_of, place_of, roots};
+use super::options::{Textures, WriteOptions};
+use super::paths::{Unusable, find_anywhere, find_source, is_outside, path_between, place_of, roots};
 use super::targets::{Sources, Targets};
-use super::{Companion, CopiedTexture, Textures, WriteOptions};
 use crate::base::error::{escape, escape_path};
 use crate::base::{Error, Findings, Result};
 use crate::os::durable::{give_name, sync_folder, waiting_place};
+use crate::os::path::path_of_bytes;
 use crate::os::system::is_of_machine;
 use crate::scan::fingerprint;
 use crate::store::Catalogue;
@@ -213,7 +215,7 @@ impl TextureStage {
             Err(error) => return Ok(Err(Unusable::Missing(source.to_owned(), error))),
         };
         let unique = self.unique_name(name);
-        let target = self.folder.join(path_of(&unique));
+        let target = self.folder.join(path_of_bytes(&unique));
         if target == source {
             let message = format!("{}: the texture would replace itself; choose another output", escape_path(source));
             return Err(Error::Usage(message));

@@ -19,16 +19,17 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use xxhash_rust::xxh3::Xxh3;
 
-use super::Resources;
-use super::closest::{self, Answer, Pair, Question, Tree, TreeView};
-use super::pictures::{NO_PICTURE, Pictures};
+use super::options::Resources;
 use super::tally::{CellTally, Tallied, Tallies, tally};
-use super::tilted::TiltedBox;
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Permits, Progress, Result};
+use crate::geometry::boxtree::Bounds;
+use crate::geometry::tilted::TiltedBox;
+use crate::geometry::triangle::{area, perimeter, texture_area};
+use crate::geometry::triangle_tree::{self, Answer, Pair, Question, Tree, TreeView};
+use crate::image::textures::{NO_IMAGE, TextureImages};
 use crate::job::header::{HEADER_BYTES, Header};
 use crate::job::{InputFile, Manifest, Resume, WorkFolder};
-use crate::mesh::boxtree::Bounds;
 use crate::os::durable::DurableFile;
 use crate::os::mmap::MappedRecords;
 use crate::partition::cluster;
@@ -48,7 +49,7 @@ const BORDER_EDGE_BYTES: u64 = 600;
 pub struct CellFace {
     /// Vertices of the cell.
     pub vertices: [u32; 3],
-    /// Picture of the mesh, or [`NO_PICTURE`].
+    /// Picture of the mesh, or [`NO_IMAGE`].
     pub picture: u32,
     /// Texture coordinates, moved by whole numbers so that the least lie between 0 and 1; zeros without a picture.
     pub texcoords: [[f32; 2]; 3],
@@ -100,7 +101,7 @@ pub struct MeasuredMesh {
     /// Counts.
     pub tallied: Tallied,
     /// The images that it shows.
-    pub pictures: Pictures,
+    pub pictures: TextureImages,
     /// What was ignored, dropped or repaired.
     pub findings: Findings,
     work: WorkFolder,
@@ -139,22 +140,6 @@ impl CellView {
         let tree = TreeView { pairs: &self.pairs, tilted: &self.tilted, count: self.faces.len() };
         tree.ask(question, |face| self.triangle(face))
     }
-}
-
-/// Area of a triangle.
-pub fn area([a, b, c]: [DVec3; 3]) -> f64 {
-    0.5 * (b - a).cross(c - a).length()
-}
-
-/// Area of a triangle in texture space.
-fn texture_area([a, b, c]: [[f32; 2]; 3]) -> f64 {
-    let [across, along] = [b, c].map(|end| [0, 1].map(|axis| f64::from(end[axis]) - f64::from(a[axis])));
-    0.5 * (across[0] * along[1] - across[1] * along[0]).abs()
-}
-
-/// Length of the three sides.
-pub fn side_length([a, b, c]: [DVec3; 3]) -> f64 {
-    a.distance(b) + b.distance(c) + c.distance(a)
 }
 
 /// A cell on its way to the file.
@@ -198,7 +183,7 @@ impl MeasuredMesh {
         };
         let work = WorkFolder::open(folder, &manifest, Resume::Again)?;
         let Scan { mesh, catalogue, mut findings, .. } = scan::scan(&inputs, work.path(), &scan_options, progress)?;
-        let pictures = Pictures::find(&catalogue, &mut findings);
+        let pictures = TextureImages::find(&catalogue, &mut findings);
         let partition_options = PartitionOptions {
             cluster_faces: cell_faces,
             pass: 0,
@@ -283,7 +268,7 @@ fn remove_columns(mesh: &StoredMesh) {
 /// Making cells of clusters.
 struct Making<'a> {
     catalogue: &'a Catalogue,
-    pictures: &'a Pictures,
+    pictures: &'a TextureImages,
     scale: TextureScale,
     /// Volumes are sums of tetrahedra over this point.
     reference: DVec3,
@@ -292,7 +277,7 @@ struct Making<'a> {
 impl Making<'_> {
     fn draft(&self, source: &ClusterSource) -> Result<Draft> {
         let mesh = &source.mesh;
-        let Tree { pairs, tilted, order } = closest::build(mesh.corners.len(), |face| mesh.triangle(face));
+        let Tree { pairs, tilted, order } = triangle_tree::build(mesh.corners.len(), |face| mesh.triangle(face));
         let mut draft = Draft {
             origin: source.origin,
             bounds: Bounds::EMPTY,
@@ -311,7 +296,7 @@ impl Making<'_> {
             let triangle = mesh.triangle(face);
             bounds = bounds.with(Bounds::around(triangle));
             draft.area += area(triangle);
-            draft.side_length += side_length(triangle);
+            draft.side_length += perimeter(triangle);
             let corners = triangle.map(|corner| corner + source.origin - self.reference);
             draft.volume += corners[0].dot(corners[1].cross(corners[2])) / 6.0;
             let (picture, texcoords) = self.texture(source, face);
@@ -327,8 +312,8 @@ impl Making<'_> {
         let picture = self.pictures.of_part[source.mesh.parts[face as usize] as usize];
         let [a, b, c] = source.mesh.uv_triangle(face);
         let low = a.min(b).min(c).floor();
-        if picture == NO_PICTURE || !(a + b + c).is_finite() {
-            return (NO_PICTURE, [[0.0; 2]; 3]);
+        if picture == NO_IMAGE || !(a + b + c).is_finite() {
+            return (NO_IMAGE, [[0.0; 2]; 3]);
         }
         (picture, [a, b, c].map(|uv| (uv - low).as_vec2().to_array()))
     }

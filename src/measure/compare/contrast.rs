@@ -11,14 +11,14 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
 
-use super::Resources;
-use super::colour;
-use super::direction::TexturePair;
 use super::distribution::Distribution;
-use super::pictures::{Content, NO_PICTURE, Pictures};
+use super::options::Resources;
+use super::texture_pair::TexturePair;
 use crate::base::error::escape_path;
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Permits, Progress, Result};
+use crate::image::decode;
+use crate::image::textures::{Content, NO_IMAGE, TextureImages};
 use crate::store::Column;
 
 /// Largest difference of colours.
@@ -34,9 +34,9 @@ pub struct Pairs<'a> {
     /// The pairs.
     pub column: &'a Column<TexturePair>,
     /// Those of the point, and their contents.
-    pub own: (&'a Pictures, &'a [Option<Content>]),
+    pub own: (&'a TextureImages, &'a [Option<Content>]),
     /// Those of the other point.
-    pub other: (&'a Pictures, &'a [Option<Content>]),
+    pub other: (&'a TextureImages, &'a [Option<Content>]),
 }
 
 /// Differences of colour, and images that were read for them.
@@ -87,9 +87,9 @@ pub fn compare_colours(
             resources.threads + 1,
             |group| {
                 let path = images.paths[group[0].image as usize];
-                let decoded = colour::plan(path, allowed).and_then(|plan| {
+                let decoded = decode::plan(path, allowed).and_then(|plan| {
                     let _permit = permits.take(plan.bytes);
-                    let image = colour::decode(path, &plan)?;
+                    let image = decode::decode(path, &plan)?;
                     Ok((plan.reduction, group.iter().map(|asked| image.colour(asked.texcoord)).collect::<Vec<_>>()))
                 });
                 Ok((*group, decoded))
@@ -166,7 +166,7 @@ fn questions(round: &[(usize, Range<u64>)], sets: &[Pairs], images: &Images) -> 
     for (set, range) in round {
         let [of_own, of_other] = &images.of_sets[*set];
         for (pair, place) in sets[*set].column.window(range.clone())?.iter().zip((first..).step_by(2)) {
-            if pair.picture != NO_PICTURE && pair.other_picture != NO_PICTURE {
+            if pair.picture != NO_IMAGE && pair.other_picture != NO_IMAGE {
                 let (image, other) = (of_own[pair.picture as usize], of_other[pair.other_picture as usize]);
                 questions.push(Question { image, place, texcoord: pair.texcoord });
                 questions.push(Question { image: other, place: place + 1, texcoord: pair.other_texcoord });
@@ -190,7 +190,7 @@ impl<'a> Images<'a> {
         let mut by_content: BTreeMap<Content, u32> = BTreeMap::new();
         let mut by_path: BTreeMap<&'a Path, u32> = BTreeMap::new();
         let mut paths: Vec<&'a Path> = Vec::new();
-        let mut numbers = |(pictures, contents): (&'a Pictures, &'a [Option<Content>])| -> Vec<u32> {
+        let mut numbers = |(pictures, contents): (&'a TextureImages, &'a [Option<Content>])| -> Vec<u32> {
             let mut number = |path: &'a Path, content: &Option<Content>| {
                 let next = paths.len() as u32;
                 let number = match content {
@@ -217,7 +217,7 @@ mod tests {
     #[test]
     fn rounds_hold_all_pairs_and_no_more_than_fit() {
         let folder = tempfile::tempdir().unwrap();
-        let pictures = Pictures::default();
+        let pictures = TextureImages::default();
         let column = |name: &str, count: usize| {
             let mut writer = ColumnWriter::create(&folder.path().join(name), *b"samples ").unwrap();
             writer.append(&vec![bytemuck::Zeroable::zeroed(); count]).unwrap();

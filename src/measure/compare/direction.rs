@@ -12,18 +12,20 @@
 //! # Files
 //! `measure-samples.col`, 56 bytes a point by area, if both meshes show pictures.
 
-use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::cells::MeasuredMesh;
 use super::distribution::Distribution;
-use super::pictures::NO_PICTURE;
+use super::figures::{Place, WORST_PLACES};
+use super::options::Resources;
 use super::points::{Batch, Point, Sampling};
-use super::search::{Closest, Farthest, Found, Search, VIEWS, texcoord_at, unit_normal};
-use super::{Place, Resources, WORST_PLACES};
+use super::search::{Closest, Farthest, Found, Search, VIEWS, texcoord_at};
+use super::texture_pair::TexturePair;
 use crate::base::bytes::MIB;
 use crate::base::ordered::map_in_order;
 use crate::base::{Progress, Result};
+use crate::geometry::triangle::unit_normal;
+use crate::image::textures::NO_IMAGE;
 use crate::store::{Column, ColumnWriter};
 
 /// Memory of a thread for each cell that it keeps open, and for its batch of points.
@@ -33,25 +35,6 @@ const PROBES: usize = 1024;
 const PROBES_OF_BATCH: usize = 16;
 /// Largest angle between two normals, in degrees.
 const ANGLE_MAX: f64 = 180.0;
-
-/// The texture at a point and at its closest point.
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-#[repr(C)]
-pub struct TexturePair {
-    /// The closest point.
-    pub closest: [f64; 3],
-    /// Picture at the point, of the mesh that it lies on.
-    pub picture: u32,
-    /// Picture at the closest point, of the other mesh.
-    pub other_picture: u32,
-    /// Texture coordinate at the point.
-    pub texcoord: [f32; 2],
-    /// Texture coordinate at the closest point.
-    pub other_texcoord: [f32; 2],
-    /// Length in texture space per length in space, at the closest point.
-    pub other_density: f32,
-    pub(super) zero: u32,
-}
 
 /// What is found in one direction.
 #[derive(Debug)]
@@ -209,7 +192,7 @@ fn look_by_area(
                 closest: closest.position.to_array(),
                 picture: own.picture,
                 other_picture: closest.picture,
-                texcoord: if own.picture == NO_PICTURE { [0.0; 2] } else { texcoord_at(&own.texcoords, weights) },
+                texcoord: if own.picture == NO_IMAGE { [0.0; 2] } else { texcoord_at(&own.texcoords, weights) },
                 other_texcoord: closest.texcoord,
                 other_density: closest.density,
                 zero: 0,

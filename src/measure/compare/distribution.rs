@@ -5,7 +5,7 @@
 //! # Memory
 //! 512 KiB.
 
-use super::Histogram;
+use super::figures::Histogram;
 
 /// Bits of a length's mantissa that choose its bin.
 const MANTISSA_BITS: u32 = 10;

@@ -15,9 +15,9 @@
 
 use glam::DVec3;
 use rayon::prelude::*;
-use serde::Serialize;
 
 use super::cells::MeasuredMesh;
+use super::figures::{Pinholes, WorstView};
 use crate::base::{Progress, Result};
 use crate::render::view::View;
 use crate::render::{Frame, encode, raster};
@@ -40,35 +40,6 @@ const MARK: usize = 2;
 const SEE_THROUGH_COLOUR: [u8; 3] = [214, 32, 32];
 const BEHIND_COLOUR: [u8; 3] = [236, 142, 20];
 const BACKGROUND: [u8; 3] = [226, 230, 235];
-
-/// How much of the surface is seen through, in pixels per million of those inside the original's outline.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
-pub struct Pinholes {
-    /// Pixels that show the background.
-    pub ppm: f64,
-    /// Pixels that show a surface more than a hundredth of the diagonal behind the original's.
-    pub behind_ppm: f64,
-    /// Pixels inside the original's outline, over all views.
-    pub pixels: u64,
-    /// The view with the largest share of pinholes.
-    pub worst: WorstView,
-}
-
-/// A view, and what is seen through in it.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
-pub struct WorstView {
-    /// From where, in degrees around the vertical: 0 looks north, and it goes on to the west.
-    pub turn: f64,
-    /// Degrees above the horizon.
-    pub tilt: f64,
-    /// Pixels that show the background.
-    pub ppm: f64,
-    /// Pixels that show a surface far behind the original's.
-    pub behind_ppm: f64,
-    /// The result as a JPEG, with pinholes in red and what is seen behind in orange; empty if there are none.
-    #[serde(skip)]
-    pub picture: Vec<u8>,
-}
 
 /// Looks through a result.
 ///

@@ -13,35 +13,16 @@
 use std::ops::Range;
 
 use glam::DVec3;
-use serde::Serialize;
 
-use super::cells::{CellView, MeasuredMesh, area, side_length};
+use super::cells::{CellView, MeasuredMesh};
+use super::options::Spread;
 use crate::base::chance;
+use crate::geometry::triangle::{area, perimeter};
 
 /// Points of a batch, at most.
 pub const BATCH_POINTS: u64 = 1 << 14;
 /// Points on edges for each point by area.
 const EDGE_SHARE: f64 = 0.25;
-
-/// Where distances are taken.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Spread {
-    /// At so many points by area, at points on edges and at vertices; all but the largest distance is of the points by area.
-    Area(u64),
-    /// At vertices alone, as in many papers: what leaves vertices where they were errs by nothing there.
-    Vertices,
-}
-
-impl Spread {
-    /// Points by area; nothing where there are none.
-    pub fn by_area(self) -> Option<u64> {
-        match self {
-            Self::Area(count) => Some(count),
-            Self::Vertices => None,
-        }
-    }
-}
 
 /// What points of a batch are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -186,12 +167,12 @@ impl<'a> Sampling<'a> {
                 let ends = running_sums(view, area);
                 self.spread(&self.areas, batch, 0, |part, place| {
                     let face = face_at(&ends, place);
-                    let [across, along] = [1, 2].map(|stream| chance_of(self.seed, part, stream));
+                    let [across, along] = [1, 2].map(|stream| chance::of_stream(self.seed, part, stream));
                     at(view, face, chance::place_on_triangle(across, along))
                 })
             }
             Kind::Edges => {
-                let ends = running_sums(view, side_length);
+                let ends = running_sums(view, perimeter);
                 self.spread(&self.lengths, batch, 3, |_, place| {
                     let face = face_at(&ends, place);
                     let before = if face == 0 { 0.0 } else { ends[face as usize - 1] };
@@ -202,7 +183,8 @@ impl<'a> Sampling<'a> {
     }
 
     fn spread(&self, steps: &Steps, batch: &Batch, stream: u64, point: impl Fn(u64, f64) -> Point) -> Vec<Point> {
-        let place = |part: u64| Some((part, steps.place(batch.cell, part, chance_of(self.seed, part, stream))?));
+        let place =
+            |part: u64| Some((part, steps.place(batch.cell, part, chance::of_stream(self.seed, part, stream))?));
         batch.range.clone().filter_map(place).map(|(part, place)| point(part, place)).collect()
     }
 }
@@ -218,11 +200,6 @@ fn put_on_faces(vertices: &mut [Point], view: &CellView, first: usize) {
             }
         }
     }
-}
-
-/// A number from 0 up to 1 that follows from seed, part and stream.
-pub fn chance_of(seed: u64, part: u64, stream: u64) -> f64 {
-    chance::unit(chance::mixed(seed.wrapping_add((part * 4 + stream).wrapping_mul(chance::INCREMENT))))
 }
 
 fn running_sums(view: &CellView, amount: impl Fn([DVec3; 3]) -> f64) -> Vec<f64> {

@@ -19,10 +19,10 @@ use std::path::Path;
 use bytemuck::{Pod, Zeroable};
 use glam::DVec2;
 
-use super::direction::TexturePair;
-use super::pictures::NO_PICTURE;
-use super::points::chance_of;
+use super::texture_pair::TexturePair;
 use crate::base::Result;
+use crate::base::chance;
+use crate::image::textures::NO_IMAGE;
 use crate::mesh::cluster::ClusterMesh;
 use crate::store::{Column, ColumnWriter};
 
@@ -35,7 +35,7 @@ const WINDOW_RECORDS: u64 = 1 << 14;
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct EdgeTexture {
-    /// Picture of the mesh, or [`NO_PICTURE`].
+    /// Picture of the mesh, or [`NO_IMAGE`].
     picture: u32,
     /// Texture coordinates at both ends, moved by whole numbers so that the least lie between 0 and 1.
     texcoords: [[f32; 2]; 2],
@@ -46,8 +46,8 @@ impl EdgeTexture {
     pub fn of(mesh: &ClusterMesh, wedges: [u32; 2], picture: u32) -> Self {
         let [from, to] = wedges.map(|wedge| mesh.wedge_uv[wedge as usize]);
         let low = from.min(to).floor();
-        if picture == NO_PICTURE || !(from + to).is_finite() {
-            return Self { picture: NO_PICTURE, texcoords: [[0.0; 2]; 2] };
+        if picture == NO_IMAGE || !(from + to).is_finite() {
+            return Self { picture: NO_IMAGE, texcoords: [[0.0; 2]; 2] };
         }
         Self { picture, texcoords: [from, to].map(|uv| (uv - low).as_vec2().to_array()) }
     }
@@ -87,7 +87,7 @@ pub struct SeamEdge {
 impl SeamEdge {
     /// An edge of two faces, if both show a picture.
     pub fn between(length: f64, sides: [EdgeTexture; 2]) -> Option<Self> {
-        let is_shown = sides.iter().all(|side| side.picture != NO_PICTURE) && length > 0.0 && length.is_finite();
+        let is_shown = sides.iter().all(|side| side.picture != NO_IMAGE) && length > 0.0 && length.is_finite();
         is_shown.then_some(Self { length, sides })
     }
 
@@ -156,7 +156,7 @@ impl SeamEdges {
         let mut file = ColumnWriter::create(&folder.join("measure-seam-points.col"), *b"samples ")?;
         let count = (samples as f64 * SEAM_SHARE).ceil();
         let step = self.length / count;
-        let place = |part: u64| (part as f64 + chance_of(seed, part, 0)) * step;
+        let place = |part: u64| (part as f64 + chance::of_stream(seed, part, 0)) * step;
         let (mut part, mut start) = (0, 0.0);
         let mut points = Vec::new();
         for range in self.edges.ranges(WINDOW_RECORDS) {
@@ -211,7 +211,7 @@ mod tests {
 
     #[test]
     fn a_side_without_picture_makes_no_seam() {
-        let sides = [side(0, [0.0; 2], [1.0; 2]), side(NO_PICTURE, [0.0; 2], [0.0; 2])];
+        let sides = [side(0, [0.0; 2], [1.0; 2]), side(NO_IMAGE, [0.0; 2], [0.0; 2])];
         assert!(SeamEdge::between(1.0, sides).is_none());
         assert!(SeamEdge::between(0.0, [sides[0]; 2]).is_none());
     }

@@ -22,10 +22,12 @@
 use glam::DVec3;
 
 use super::cells::{CellView, MeasuredMesh};
-use super::closest::{Question, closest_point, weights};
-use super::pictures::NO_PICTURE;
 use crate::base::Result;
-use crate::mesh::boxtree::Bounds;
+use crate::geometry::boxtree::Bounds;
+use crate::geometry::closest_point;
+use crate::geometry::triangle::{area, barycentric, unit_normal};
+use crate::geometry::triangle_tree::Question;
+use crate::image::textures::NO_IMAGE;
 
 /// Cells that are kept open at once.
 pub const VIEWS: usize = 4;
@@ -75,7 +77,7 @@ pub struct Closest {
     pub position: DVec3,
     /// Normal of the triangle; zero if it has no area.
     pub normal: DVec3,
-    /// Picture of the triangle, or [`NO_PICTURE`].
+    /// Picture of the triangle, or [`NO_IMAGE`].
     pub picture: u32,
     /// Texture coordinate of the point.
     pub texcoord: [f32; 2],
@@ -278,20 +280,15 @@ impl<'a> Search<'a> {
         let triangle = view.triangle(found.face);
         let face = view.faces[found.face as usize];
         let position = closest_point(point - view.origin, triangle);
-        let weights = weights(position, triangle);
+        let weights = barycentric(position, triangle);
         Ok(Closest {
             position: position + view.origin,
             normal: unit_normal(triangle),
             picture: face.picture,
             texcoord: texcoord_at(&face.texcoords, weights),
-            density: if face.picture == NO_PICTURE { 0.0 } else { density(triangle, &face.texcoords) },
+            density: if face.picture == NO_IMAGE { 0.0 } else { density(triangle, &face.texcoords) },
         })
     }
-}
-
-/// Normal of length 1, or zero without area.
-pub fn unit_normal([a, b, c]: [DVec3; 3]) -> DVec3 {
-    (b - a).cross(c - a).normalize_or_zero()
 }
 
 /// Texture coordinate at a point of a triangle, moved by whole numbers to between 0 and 1.
@@ -304,7 +301,7 @@ pub fn texcoord_at(texcoords: &[[f32; 2]; 3], weights: [f64; 3]) -> [f32; 2] {
 
 fn density(triangle: [DVec3; 3], texcoords: &[[f32; 2]; 3]) -> f32 {
     let [a, b, c] = texcoords.map(|uv| glam::DVec2::new(f64::from(uv[0]), f64::from(uv[1])));
-    let area = super::cells::area(triangle);
+    let area = area(triangle);
     let density = (0.5 * (b - a).perp_dot(c - a).abs() / area).sqrt();
     if density.is_finite() { density as f32 } else { 0.0 }
 }

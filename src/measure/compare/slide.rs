@@ -22,13 +22,13 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 
-use super::Resources;
 use super::cells::{CellView, MeasuredMesh};
-use super::direction::TexturePair;
 use super::distribution::Distribution;
-use super::pictures::{NO_PICTURE, Pictures};
+use super::options::Resources;
+use super::texture_pair::TexturePair;
 use crate::base::ordered::map_in_order;
 use crate::base::{Progress, Result};
+use crate::image::textures::{NO_IMAGE, TextureImages};
 use crate::store::Column;
 
 /// The original shows an image more than once if the triangles that show it cover more than this times its area.
@@ -37,7 +37,7 @@ const SHOWN_MAX: f64 = 1.1;
 const GRID_SIDE: usize = 2048;
 /// The same if there are more than [`MANY_PICTURES`].
 const GRID_SIDE_OF_MANY: usize = 1024;
-/// Pictures from which on each has a coarser grid.
+/// TextureImages from which on each has a coarser grid.
 const MANY_PICTURES: usize = 40;
 /// A texel whose middle lies outside of a chart still shows it if it lies this near, in weights of a triangle's corners
 const OUTSIDE_WEIGHT: f64 = 0.3;
@@ -153,7 +153,7 @@ impl<'a> Atlas<'a> {
     ///
     /// # Errors
     /// On failed reads.
-    pub fn gaps(&self, pairs: &Column<TexturePair>, pictures: &Pictures, progress: &dyn Progress) -> Result<Gaps> {
+    pub fn gaps(&self, pairs: &Column<TexturePair>, pictures: &TextureImages, progress: &dyn Progress) -> Result<Gaps> {
         let sizes = sizes(pictures);
         let mut gaps = Gaps {
             lengths: Distribution::new(self.limit),
@@ -191,7 +191,7 @@ impl<'a> Atlas<'a> {
 
     /// Whether a picture is one of the original's.
     fn is_shown(&self, picture: u32) -> bool {
-        picture != NO_PICTURE && !self.sources[picture as usize].is_empty()
+        picture != NO_IMAGE && !self.sources[picture as usize].is_empty()
     }
 
     /// Whether the original shows a picture more than once.
@@ -232,7 +232,7 @@ impl<'a> Atlas<'a> {
 }
 
 /// Side of a square with as many pixels as each picture has; nothing if it is no image.
-fn sizes(pictures: &Pictures) -> Vec<Option<f64>> {
+fn sizes(pictures: &TextureImages) -> Vec<Option<f64>> {
     let size = |(width, height): (u32, u32)| (f64::from(width) * f64::from(height)).sqrt();
     pictures.files.iter().map(|file| image::image_dimensions(&file.path).ok().map(size)).collect()
 }

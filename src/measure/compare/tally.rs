@@ -25,15 +25,13 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::super::check::is_flat;
 use super::super::forest::DisjointSets;
+use super::figures::{Quality, SLIVER_REGULARITY, Topology};
 use super::seams::{EdgeTexture, SeamEdge, SeamEdges, SeamWriter};
-use super::{Quality, SLIVER_REGULARITY, Topology};
 use crate::base::Result;
+use crate::geometry::triangle::{is_flat, regularity};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::fold::{across, is_angle_small};
-use crate::mesh::split::regularity;
-use crate::partition::cluster::material_index;
 use crate::partition::scatter::{ScatterWriter, Verbatim};
 use crate::partition::{ClusterSource, Shared};
 use crate::store::Catalogue;
@@ -276,7 +274,7 @@ fn shared_keys(source: &ClusterSource, catalogue: &Catalogue) -> Vec<u64> {
     for (corners, &part) in mesh.corners.iter().zip(&mesh.parts) {
         for &wedge in corners.iter().filter(|&&wedge| mesh.is_shared(mesh.wedge_vertex[wedge as usize])) {
             let [u, v] = mesh.wedge_uv[wedge as usize].to_array().map(|x| (x + 0.0).to_bits());
-            keys[wedge as usize] = xxh3_64(bytemuck::cast_slice(&[u, v, material_index(catalogue, part) as u64]));
+            keys[wedge as usize] = xxh3_64(bytemuck::cast_slice(&[u, v, catalogue.material_index(part) as u64]));
         }
     }
     keys

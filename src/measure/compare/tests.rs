@@ -6,6 +6,9 @@ use glam::DVec3;
 use super::super::{Surface, weld_and_check};
 use super::*;
 use crate::base::Silent;
+use crate::geometry::closest_point;
+use crate::geometry::triangle;
+use crate::scan::ScanOptions;
 
 const RESOURCES: Resources = Resources {
     threads: 2,
@@ -137,7 +140,7 @@ fn a_sphere_and_its_refinement_differ_by_the_height_of_their_caps() {
     let (mut deepest, mut sum, mut area) = (0.0f64, 0.0, 0.0);
     for face in faces {
         let [a, b, c] = face.map(|v| positions[v]);
-        let part = cells::area([a, b, c]);
+        let part = triangle::area([a, b, c]);
         let mut mean = 0.0;
         for i in 0..30 {
             for j in 0..30 - i {
@@ -407,7 +410,7 @@ fn points_that_are_given_up_are_counted_and_spoken_for() {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 11) as f64 / (1u64 << 53) as f64
     };
-    let areas: Vec<f64> = (0..faces.len()).map(|face| cells::area(triangle(face))).collect();
+    let areas: Vec<f64> = (0..faces.len()).map(|face| triangle::area(triangle(face))).collect();
     let total: f64 = areas.iter().sum();
     let (mut sum, mut most) = (0.0, 0.0f64);
     for _ in 0..400 {
@@ -419,7 +422,7 @@ fn points_that_are_given_up_are_counted_and_spoken_for() {
         let [a, b, c] = triangle(face.unwrap_or(0));
         let (root, along) = (unit().sqrt(), unit());
         let point = a * (1.0 - root) + b * (root * (1.0 - along)) + c * (root * along) + DVec3::splat(0.01);
-        let nearest = (0..faces.len()).map(|face| closest::closest_point(point, triangle(face)).distance(point));
+        let nearest = (0..faces.len()).map(|face| closest_point(point, triangle(face)).distance(point));
         let nearest = nearest.fold(f64::INFINITY, f64::min);
         sum += nearest;
         most = most.max(nearest);

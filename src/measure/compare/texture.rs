@@ -10,8 +10,9 @@ use super::cells::MeasuredMesh;
 use super::contrast::{Pairs, compare_colours};
 use super::direction::Direction;
 use super::distribution::Distribution;
+use super::figures::{BeforeAfter, Seams, Texture, share};
+use super::options::{CompareOptions, SAMPLES};
 use super::slide::{Atlas, Gaps};
-use super::{BeforeAfter, CompareOptions, SAMPLES, Seams, Texture, share};
 use crate::base::{Findings, Progress, Result};
 
 /// Bit of the seed that chooses other points on seams than on surfaces.

@@ -157,8 +157,8 @@ impl Shrinker {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::triangle::regularity;
     use crate::mesh::cluster::samples;
-    use crate::mesh::split::regularity;
 
     /// A grid of 9 × 9 squares with cells of 3 × 3 vertices inside; borders are held, and cells of their own.
     fn cells_of_nine() -> (ClusterMesh, Vec<u32>, Vec<u32>) {

@@ -20,9 +20,10 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use crate::geometry::triangle::regularity;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
-use crate::mesh::split::{EdgePoint, regularity};
+use crate::mesh::split::EdgePoint;
 
 /// A picked point makes new candidates so many times: at most 7 points an edge.
 const DEPTH: u32 = 3;

@@ -35,63 +35,6 @@ proptest! {
             prop_assert!(enough.1 <= distance_sq * 4.0);
         }
     }
-
-    #[test]
-    fn no_point_of_a_triangle_is_nearer_than_the_closest(
-        raw in prop::array::uniform3(prop::array::uniform3(-9i16..9)),
-        point in prop::array::uniform3(-20i16..20),
-    ) {
-        let (triangle, point) = (vectors(raw, 1.0), DVec3::from(point.map(f64::from)));
-        let closest = closest_point(point, triangle);
-        for i in 0..=16 {
-            for j in 0..=16 - i {
-                let [u, v] = [i, j].map(|k| f64::from(k) / 16.0);
-                let other = triangle[0] * (1.0 - u - v) + triangle[1] * u + triangle[2] * v;
-                prop_assert!(closest.distance(point) <= other.distance(point) + 1e-9);
-            }
-        }
-    }
-}
-
-#[test]
-fn a_closest_point_lies_over_the_inside_on_a_side_or_at_a_corner() {
-    let triangle = [DVec3::ZERO, DVec3::X, DVec3::Y];
-    for (point, expected) in [
-        ([0.25, 0.25, 3.0], [0.25, 0.25, 0.0]),
-        ([0.5, -2.0, 1.0], [0.5, 0.0, 0.0]),
-        ([2.0, 2.0, 0.0], [0.5, 0.5, 0.0]),
-        ([-1.0, -1.0, 5.0], [0.0, 0.0, 0.0]),
-    ] {
-        let closest = closest_point(DVec3::from(point), triangle);
-        assert!(closest.distance(DVec3::from(expected)) < 1e-12);
-    }
-}
-
-proptest! {
-    #[test]
-    fn a_point_over_a_needle_is_as_far_as_it_was_lifted(
-        thin in -11i32..-1, first in 0usize..3, long in 1.0f64..5000.0, height in 0.0f64..3.0,
-        u in 0.01f64..0.98, share in 0.01f64..0.98, middle in -0.9f64..1.9,
-    ) {
-        // long and thin, in a plane that lies askew, with any corner as the first; the third corner may lie beyond the others
-        let (x, y) = (DVec3::new(2.0, 1.0, 2.0) / 3.0, DVec3::new(-2.0, 2.0, 1.0) / 3.0);
-        let corners = [DVec3::ZERO, x * long, x * (long * middle) + y * (long * 10f64.powi(thin))];
-        let mut triangle = corners;
-        triangle.rotate_left(first);
-        let v = (1.0 - u) * share;
-        let inside = corners[1] * u + corners[2] * v;
-        let lifted = inside + x.cross(y) * height;
-        let closest = closest_point(lifted, triangle);
-        prop_assert!((closest.distance(lifted) - height).abs() < 2.0 * FLAT_SINE * long, "{} {height}", closest.distance(lifted));
-    }
-}
-
-#[test]
-fn weights_give_the_point_back() {
-    let triangle = [DVec3::new(3.0, 1.0, 2.0), DVec3::new(-1.0, 4.0, 0.0), DVec3::new(2.0, 2.0, 7.0)];
-    let point = triangle[0] * 0.2 + triangle[1] * 0.3 + triangle[2] * 0.5;
-    let weights = weights(point, triangle);
-    assert!((weights[0] - 0.2).abs() < 1e-12 && (weights[2] - 0.5).abs() < 1e-12);
 }
 
 #[test]

@@ -14,12 +14,12 @@
 //!
 //! # Source
 //! Boxes are split by the surface area heuristic over bins (Wald 2007, "On fast Construction of SAH-based Bounding Volume
-//! Hierarchies"). The closest point of a triangle is Ericson's ("Real-Time Collision Detection", 5.1.5).
+//! Hierarchies").
 //!
 //! # Where we differ
 //! Other trees were tried with a million points around a city of 0.99 million triangles (one thread, 2026-11-21; seconds
 //! to build, to ask): this one 0.4 and 0.6; the crates `bvh` 0.13 0.65 and 0.6, `parry3d-f64` 0.31 0.57 and 0.93, `rstar`
-//! 0.14 0.73 and 4.7; [`BoxTree`](crate::mesh::boxtree::BoxTree)'s order along a curve, as a tree of triangles, 0.26 and 1.1.
+//! 0.14 0.73 and 4.7; [`BoxTree`](crate::geometry::boxtree::BoxTree)'s order along a curve, as a tree of triangles, 0.26 and 1.1.
 //! None of the crates lies in a file, which a mesh larger than memory needs.
 //!
 //! # Memory
@@ -29,6 +29,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3A, Vec4};
 
+use super::closest_point;
 use super::tilted::TiltedBox;
 
 /// Triangles of a leaf, at most, unless they cannot be told apart.
@@ -52,11 +53,6 @@ const OVERLAP: f32 = 0.5;
 const TILTED_SHARE: f32 = 0.5;
 /// Boxes count as this thick at least, as a share of the longest side, where sizes are compared.
 const THICKNESS: f32 = 1.0 / 256.0;
-/// A triangle is a needle if the sine of its first angle is below this: weights lose twice as many digits as it has zeros,
-const NEEDLE_SINE: f64 = 1e-3;
-/// and flat if it is below this, so that no point of it is farther from its sides than that share of their length; rounding
-/// of its normal would move a point as far.
-const FLAT_SINE: f64 = 1e-8;
 /// Mark in the count of a child that has a tilted box; the other bits are the box's number.
 const TILTED: u32 = 1 << 31;
 
@@ -377,82 +373,6 @@ impl TreeView<'_> {
             0 => (distance_sq, index, count),
             _ => (distance_sq.max(self.tilted[(count ^ TILTED) as usize].distance_sq(point)), index, 0),
         }
-    }
-}
-
-/// The point of a triangle that is nearest to `point`; of its corners and sides, if it has no area.
-pub fn closest_point(point: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
-    let (ab, ac, ap) = (b - a, c - a, point - a);
-    let normal = ab.cross(ac);
-    let sine_sq = normal.length_squared() / (ab.length_squared() * ac.length_squared());
-    if sine_sq.is_nan() || sine_sq < NEEDLE_SINE * NEEDLE_SINE {
-        return closest_of_needle(point, [a, b, c], normal, sine_sq);
-    }
-    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
-    if d1 <= 0.0 && d2 <= 0.0 {
-        return a;
-    }
-    let bp = point - b;
-    let (d3, d4) = (ab.dot(bp), ac.dot(bp));
-    if d3 >= 0.0 && d4 <= d3 {
-        return b;
-    }
-    let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 && d1 > d3 {
-        return a + ab * (d1 / (d1 - d3));
-    }
-    let cp = point - c;
-    let (d5, d6) = (ab.dot(cp), ac.dot(cp));
-    if d6 >= 0.0 && d5 <= d6 {
-        return c;
-    }
-    let vb = d5 * d2 - d1 * d6;
-    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 && d2 > d6 {
-        return a + ac * (d2 / (d2 - d6));
-    }
-    let va = d3 * d6 - d5 * d4;
-    if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 && (d4 - d3) + (d5 - d6) > 0.0 {
-        return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
-    }
-    let sum = va + vb + vc;
-    a + ab * (vb / sum) + ac * (vc / sum)
-}
-
-/// The same for two sides that run along each other from the first corner: there the differences of products above are
-/// mostly rounding, so that a point on the triangle could be told as one that lies far along it.
-fn closest_of_needle(point: DVec3, [a, b, c]: [DVec3; 3], normal: DVec3, sine_sq: f64) -> DVec3 {
-    if sine_sq > FLAT_SINE * FLAT_SINE {
-        let foot = point - normal * ((point - a).dot(normal) / normal.length_squared());
-        let is_inside = |[from, to]: [DVec3; 2]| (from - foot).cross(to - foot).dot(normal) >= 0.0;
-        if [[a, b], [b, c], [c, a]].into_iter().all(is_inside) {
-            return foot;
-        }
-    }
-    [[a, b], [b, c], [c, a]]
-        .map(|side| closest_of_side(point, side))
-        .into_iter()
-        .min_by(|p, q| p.distance_squared(point).total_cmp(&q.distance_squared(point)))
-        .unwrap_or(a)
-}
-
-fn closest_of_side(point: DVec3, [from, to]: [DVec3; 2]) -> DVec3 {
-    let step = to - from;
-    let length_sq = step.length_squared();
-    let along = if length_sq > 0.0 { ((point - from).dot(step) / length_sq).clamp(0.0, 1.0) } else { 0.0 };
-    from + step * along
-}
-
-/// Weights of the corners of a triangle at a point of it; the first corner alone if it has no area.
-pub fn weights(point: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
-    let (ab, ac, ap) = (b - a, c - a, point - a);
-    let normal = ab.cross(ac);
-    let area_sq = normal.length_squared();
-    if area_sq > 0.0 {
-        let at_c = ab.cross(ap).dot(normal) / area_sq;
-        let at_b = ap.cross(ac).dot(normal) / area_sq;
-        [1.0 - at_b - at_c, at_b, at_c]
-    } else {
-        [1.0, 0.0, 0.0]
     }
 }
 

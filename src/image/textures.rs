@@ -5,7 +5,7 @@
 //!           city_textures/wall_2.png  same content as           original's  roofs/wall.png      that one
 //!           wall.png                  same name as              original's  photos/wall.png     that one, re-encoded
 //! ```
-//! In: a catalogue. Out: [`Pictures`]. Invariant: nothing is decoded here, and nothing but regular files is opened.
+//! In: a catalogue. Out: [`TextureImages`]. Invariant: nothing is decoded here, and nothing but regular files is opened.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fs::{self, File};
@@ -16,18 +16,18 @@ use xxhash_rust::xxh3::Xxh3;
 
 use crate::base::Findings;
 use crate::base::error::{escape, escape_path};
-use crate::scan::path_of;
+use crate::os::path::path_of_name;
 use crate::store::Catalogue;
 use crate::store::mesh::MaterialDefinition;
 
 /// Stands for a face that shows no picture.
-pub const NO_PICTURE: u32 = u32::MAX;
+pub const NO_IMAGE: u32 = u32::MAX;
 /// Bytes read at once.
 const READ_BYTES: usize = 256 << 10;
 
 /// An image file.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Picture {
+pub struct TextureImage {
     /// The file, all links followed.
     pub path: PathBuf,
     /// Its name in the MTL, without folders.
@@ -36,14 +36,14 @@ pub struct Picture {
 
 /// The images that a mesh shows.
 #[derive(Debug, Clone, Default)]
-pub struct Pictures {
+pub struct TextureImages {
     /// Each once.
-    pub files: Vec<Picture>,
-    /// Index in `files` for each part of the catalogue, or [`NO_PICTURE`].
+    pub files: Vec<TextureImage>,
+    /// Index in `files` for each part of the catalogue, or [`NO_IMAGE`].
     pub of_part: Vec<u32>,
 }
 
-impl Pictures {
+impl TextureImages {
     /// Finds the diffuse images (`map_Kd`) of a catalogue's materials; what is not there is noted.
     pub fn find(catalogue: &Catalogue, findings: &mut Findings) -> Self {
         let mut pictures = Self::default();
@@ -53,21 +53,21 @@ impl Pictures {
             .iter()
             .map(|material| {
                 let Some((definition, name)) = material.definition.as_ref().and_then(diffuse) else {
-                    return NO_PICTURE;
+                    return NO_IMAGE;
                 };
                 let Some(path) = find_file(definition, name) else {
                     findings.note("missing_picture", || {
                         format!("{} of {}: no such file", escape(name), escape_path(&definition.folder))
                     });
-                    return NO_PICTURE;
+                    return NO_IMAGE;
                 };
                 *known.entry(path.clone()).or_insert_with(|| {
-                    pictures.files.push(Picture { path, name: base_name(name).to_vec() });
+                    pictures.files.push(TextureImage { path, name: base_name(name).to_vec() });
                     pictures.files.len() as u32 - 1
                 })
             })
             .collect();
-        let material_of = |part: &crate::store::Part| part.material.map_or(NO_PICTURE, |m| of_material[m as usize]);
+        let material_of = |part: &crate::store::Part| part.material.map_or(NO_IMAGE, |m| of_material[m as usize]);
         pictures.of_part = catalogue.parts.iter().map(material_of).collect();
         pictures
     }
@@ -87,7 +87,7 @@ impl Pictures {
                 by_content.entry(*content).or_default().push(number);
             }
         }
-        let sources = |(file, &content): (&Picture, &Option<Content>)| {
+        let sources = |(file, &content): (&TextureImage, &Option<Content>)| {
             let named = by_name.get(&*file.name).cloned().unwrap_or_default();
             let same = |&number: &u32| content.is_some() && contents[number as usize] == content;
             match named.iter().any(same) {
@@ -121,7 +121,7 @@ fn find_file(definition: &MaterialDefinition, name: &[u8]) -> Option<PathBuf> {
     let folder = if definition.folder.as_os_str().is_empty() { Path::new(".") } else { &definition.folder };
     [name, base_name(name)]
         .into_iter()
-        .filter_map(|name| fs::canonicalize(folder.join(path_of(name))).ok())
+        .filter_map(|name| fs::canonicalize(folder.join(path_of_name(name))).ok())
         .find(|path| fs::metadata(path).is_ok_and(|kind| kind.is_file()))
 }
 
@@ -153,13 +153,13 @@ impl Content {
 mod tests {
     use super::*;
 
-    fn pictures(folder: &Path, files: &[(&str, &str)]) -> Pictures {
+    fn pictures(folder: &Path, files: &[(&str, &str)]) -> TextureImages {
         fs::create_dir_all(folder).unwrap();
         let picture = |&(name, content): &(&str, &str)| {
             fs::write(folder.join(name), content).unwrap();
-            Picture { path: folder.join(name), name: name.as_bytes().to_vec() }
+            TextureImage { path: folder.join(name), name: name.as_bytes().to_vec() }
         };
-        Pictures { files: files.iter().map(picture).collect(), of_part: Vec::new() }
+        TextureImages { files: files.iter().map(picture).collect(), of_part: Vec::new() }
     }
 
     #[test]

@@ -1,0 +1,8 @@
+//! Positions as keys.
+
+use glam::DVec3;
+
+/// Bits of a position; 0 and -0 are the same place.
+pub fn position_key(position: DVec3) -> [u64; 3] {
+    (position + 0.0).to_array().map(f64::to_bits)
+}

@@ -1,0 +1,4 @@
+//! Texture images: which files materials show, and their pixels, decoded in bounded memory.
+
+pub mod decode;
+pub mod textures;

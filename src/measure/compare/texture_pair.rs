@@ -1,0 +1,22 @@
+//! What two surfaces show at a point and at its closest point.
+
+use bytemuck::{Pod, Zeroable};
+
+/// The texture at a point and at its closest point.
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+pub struct TexturePair {
+    /// The closest point.
+    pub closest: [f64; 3],
+    /// Picture at the point, of the mesh that it lies on.
+    pub picture: u32,
+    /// Picture at the closest point, of the other mesh.
+    pub other_picture: u32,
+    /// Texture coordinate at the point.
+    pub texcoord: [f32; 2],
+    /// Texture coordinate at the closest point.
+    pub other_texcoord: [f32; 2],
+    /// Length in texture space per length in space, at the closest point.
+    pub other_density: f32,
+    pub(super) zero: u32,
+}
