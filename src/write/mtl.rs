@@ -1,7 +1,7 @@
-//! The MTL: every material that a written face uses, with its statements as the input wrote them.
+//! Writes the MTL: every material that a written face uses, with its statements as in the input.
 //!
-//! In: the catalogue and which parts have faces. Out: the file's text; texture statements refer to where
-//! [`textures`](super::textures) puts the images.
+//! In: the catalogue, and which parts have faces. Out: the text of the file. Texture statements refer to the files that
+//! [`textures`](super::textures) provides.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -13,7 +13,7 @@ use crate::base::error::escape;
 use crate::base::{Findings, Result, counted};
 use crate::store::Catalogue;
 
-/// The text of the MTL; `None` if no used material has a definition.
+/// Text of the MTL; `None` if no used material has a definition.
 ///
 /// # Errors
 /// Those of [`TextureStage::reference`].
@@ -24,7 +24,7 @@ pub(super) fn library(catalogue: &Catalogue, usage: &Usage, textures: &mut Textu
     text_of(catalogue, used, textures)
 }
 
-/// The text of the MTL if every material that faces of the input name is on a face of the result.
+/// Text of the MTL if every material used by the input were used by the result.
 ///
 /// # Errors
 /// Those of [`TextureStage::reference`].
@@ -32,13 +32,14 @@ pub(super) fn whole_library(catalogue: &Catalogue, textures: &mut TextureStage) 
     text_of(catalogue, catalogue.parts.iter().filter_map(|part| part.material).collect(), textures)
 }
 
-/// Whether an MTL is `whole`, or `whole` without some of its materials: what a run that was ended may have left.
+/// Reports whether an MTL equals `whole`, or `whole` without some of its materials, as an interrupted run may have left
+/// it.
 pub(super) fn is_part_of(mtl: &[u8], whole: &[u8]) -> bool {
     let (mut found, mut all) = (blocks(mtl), blocks(whole));
     found.next() == all.next() && found.all(|block| all.any(|other| other == block))
 }
 
-/// The signature of an MTL, then each of its materials.
+/// Splits an MTL into its signature and its materials.
 fn blocks(text: &[u8]) -> impl Iterator<Item = &[u8]> {
     const BEGINNING: &[u8] = b"\n\nnewmtl ";
     let mut rest = Some(text);
@@ -79,7 +80,7 @@ fn text_of(catalogue: &Catalogue, used: BTreeSet<u32>, textures: &mut TextureSta
     Ok((!text.is_empty()).then(|| [super::signature(), text].concat()))
 }
 
-/// Tells which materials, and which of their textures, no face of the result uses any more.
+/// Reports the materials and textures that no face of the result uses any more.
 fn note_losses(catalogue: &Catalogue, used: &BTreeSet<u32>, findings: &mut Findings) {
     let all = 0..catalogue.materials.len() as u32;
     let lost = all.clone().filter(|index| !used.contains(index));
@@ -91,18 +92,18 @@ fn note_losses(catalogue: &Catalogue, used: &BTreeSet<u32>, findings: &mut Findi
     note_lost("lost_textures", "texture", before.len(), lost, findings);
 }
 
-/// Textures of some materials: the folder of the MTL and the name in it.
+/// Textures of some materials: the folder of the MTL, and the name in it.
 fn textures(catalogue: &Catalogue, materials: impl Iterator<Item = u32>) -> BTreeSet<(&Path, &[u8])> {
     let definitions = materials.filter_map(|index| catalogue.materials[index as usize].definition.as_ref());
     definitions.flat_map(|d| d.textures.iter().map(|texture| (d.folder.as_path(), &texture.name[..]))).collect()
 }
 
-/// How many textures the materials of the input name.
+/// Number of textures that the materials of the input name.
 pub fn texture_count(catalogue: &Catalogue) -> u64 {
     textures(catalogue, 0..catalogue.materials.len() as u32).len() as u64
 }
 
-/// The first one also says how many of `total` are left.
+/// Notes each lost item; the first note also says how many of `total` are left.
 fn note_lost(kind: &'static str, what: &str, total: usize, lost: Vec<&[u8]>, findings: &mut Findings) {
     let left = format!("{} of {} left; ", total - lost.len(), counted(total as u64, what));
     for (place, name) in lost.into_iter().enumerate() {
