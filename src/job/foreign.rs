@@ -49,7 +49,8 @@ pub(super) fn refuse_foreign(path: &Path) -> Result<()> {
             if is_locked(path) {
                 return Err(Error::Locked(path.to_owned()));
             }
-            let message = format!("{}: holds foreign files; choose an empty or new folder with --work DIR", escape_path(path));
+            let message =
+                format!("{}: holds foreign files; choose an empty or new folder with --work DIR", escape_path(path));
             return Err(Error::Usage(message));
         }
     }

@@ -277,8 +277,8 @@ fn split(
     let can_cut = |axis: &usize| occupied.high[*axis] - occupied.low[*axis] > 1;
     let wider = |a: &usize, b: &usize| extent(*a).total_cmp(&extent(*b)).then(b.cmp(a));
     let is_too_coarse = (0..3).max_by(wider).is_some_and(|widest| !can_cut(&widest));
-    // Do not split along a shorter axis instead: where an outlier makes the grid coarse, that would give thin slabs
-    // that are all border.
+    // Refine rather than split along a shorter axis: where an outlier makes the grid coarse, such a split would give
+    // slabs that are all border.
     if is_too_coarse && refine(grid, node, level, occupied, next) {
         return;
     }

@@ -305,8 +305,8 @@ impl ParsedChunk {
         }
     }
 
-    /// Appends a triangle by its vertex and texture coordinate indices, counted from 1. Returns false and appends
-    /// nothing if some corner before it has no texture coordinate.
+    /// Appends a triangle by its vertex and texture coordinate indices, counted from 1. Returns false without appending
+    /// if some corner before it has no texture coordinate.
     #[inline(always)]
     pub(super) fn push_textured_triangle(&mut self, corners: [[u32; 3]; 2]) -> bool {
         let is_textured = self.corner_texcoords.len() == self.corner_vertices.len();

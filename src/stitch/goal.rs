@@ -76,7 +76,8 @@ impl Aim {
     }
 
     /// Returns how a pass with the deviation bound `most` stops. The first pass spends half of the bound before it uses
-    /// the rest, so that the cheapest collapses come first; later passes start from such a mesh.
+    /// the rest, so that the cheapest collapses come first; later passes start from a mesh simplified under half of
+    /// their bound.
     pub fn within(self, most: f64, turn: usize) -> Plan {
         Plan::Deviation(if turn == 0 { vec![0.5 * most, most] } else { vec![most] })
     }

@@ -98,7 +98,7 @@ pub struct Floor {
     pub topology: u64,
     /// Collapses refused because they would remove a connected component.
     pub pieces: u64,
-    /// Non-manifold vertices.
+    /// Non-manifold vertices, and fixed ones: of too high a valence, without faces, or shared with other clusters.
     pub non_manifold: u64,
     /// Faces with the same three vertices as another face: copies or back sides.
     pub doubles: u64,

@@ -54,8 +54,9 @@ impl Plan {
     }
 }
 
-/// Runs the stages of a plan; returns the cost of the last stage that collapsed an edge, or 0 if none did. In a trial,
-/// every collapse of the last stage is logged.
+/// Runs the stages of a plan. Returns the cost of the last stage that collapsed an edge, or 0 if none did; for a plan
+/// with bounds on the deviation, the highest cost of all stages. In a trial, every collapse of the last stage is
+/// logged.
 pub(super) fn run_plan<M: Metric>(engine: &mut Engine<M>, plan: &Plan, cluster: usize, is_trial: bool) -> f32 {
     let faces = engine.mesh.face_count;
     let stops: Vec<Stop> = match plan {
