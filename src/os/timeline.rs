@@ -1,7 +1,7 @@
 //! Records the memory and I/O of a run over time, with its phases.
 //!
 //! A [`Recorder`] sits between the phases and the listener to their progress. It records when each phase begins, and
-//! samples the process on its own thread, at first every 20 ms. At [`SAMPLES_MAX`] samples it drops every second one
+//! samples the process on its own thread, at first every 20 ms. At `SAMPLES_MAX` samples it drops every second one
 //! and doubles the interval, so a run of hours has as many as one of seconds. No result depends on this.
 
 use std::sync::{Arc, Mutex, MutexGuard};

@@ -311,7 +311,7 @@ fn finite(number: f64) -> f64 {
     if number.is_finite() { number } else { 0.0 }
 }
 
-/// A position in units of a cell's side / [`SIDE_PARTS`].
+/// A position in units of a cell's side / `SIDE_PARTS`.
 pub type Place = [i64; 3];
 
 /// Finds chosen cells; caches recent answers.
