@@ -1,11 +1,12 @@
-//! The memory budget: one number that the user sets, and permits that keep the work inside it.
+//! The memory budget that the user sets, and permits that keep the work within it.
 //!
-//! Who holds what: a worker takes a [`Permit`] for the bytes that a cluster (or a block, or a chunk) will need
-//! *before* it allocates them, and gives it back by dropping it after they are freed. A worker holds at most one
-//! permit and waits for nothing else while it holds it, so there is no cycle to deadlock in. A request larger than
-//! the whole budget is granted when nobody else holds anything, so that it runs alone instead of never.
+//! Who holds what: a worker takes a [`Permit`] for the bytes that a cluster (or a block, or a chunk) will need *before*
+//! it allocates them, and returns it by dropping it after they are freed. A worker holds at most one permit and waits
+//! for nothing else meanwhile, so there is no deadlock. A request larger than the whole budget is granted once no other
+//! permit is held, so that it runs alone instead of never.
 //!
-//! What grows with the input and stays, such as names, has an [`Allowance`] instead: beyond it there is nothing to wait for.
+//! Memory that grows with the input and is never freed, such as names, has an [`Allowance`] instead: if it is exceeded,
+//! waiting would not help.
 
 use std::path::Path;
 use std::sync::{Condvar, Mutex};
@@ -13,20 +14,20 @@ use std::sync::{Condvar, Mutex};
 use super::error::escape_path;
 use super::{Error, Result, bytes};
 
-/// How many bytes of resident memory the process may use.
+/// Resident memory that the process may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MemoryBudget {
-    /// Bytes in all, code and mapped pages included.
+    /// Total bytes, including code and mapped pages.
     pub bytes: u64,
 }
 
 impl MemoryBudget {
-    /// The smallest budget that is accepted.
+    /// Smallest accepted budget.
     pub const FLOOR_BYTES: u64 = 128 << 20;
-    /// What the process holds whatever it does: code, stacks, tables, allocator slack.
+    /// Memory of the process in any case: code, stacks, tables, allocator overhead.
     pub const FIXED_BYTES: u64 = 28 << 20;
 
-    /// Bytes that are left for work, once the fixed part is taken.
+    /// Bytes left for work after the fixed part.
     pub fn for_work(&self) -> u64 {
         self.bytes.saturating_sub(Self::FIXED_BYTES)
     }
@@ -48,12 +49,12 @@ struct State {
 }
 
 impl Permits {
-    /// Permits for `capacity` bytes in all.
+    /// Permits for `capacity` bytes in total.
     pub fn new(capacity: u64) -> Self {
         Self { capacity, state: Mutex::new(State::default()), returned: Condvar::new() }
     }
 
-    /// Waits until `bytes` are free, and takes them; a request beyond the capacity waits until it is alone.
+    /// Waits until `bytes` are free, and takes them. A request beyond the capacity waits until no permit is held.
     pub fn take(&self, bytes: u64) -> Permit<'_> {
         let mut state = self.lock();
         while state.holders > 0 && state.held.saturating_add(bytes) > self.capacity {
@@ -65,7 +66,7 @@ impl Permits {
         Permit { permits: self, bytes }
     }
 
-    /// The most bytes that were held at once.
+    /// Largest number of bytes held at once.
     pub fn peak(&self) -> u64 {
         self.lock().peak
     }
@@ -75,7 +76,7 @@ impl Permits {
     }
 }
 
-/// Bytes taken from [`Permits`]; given back on drop.
+/// Bytes taken from [`Permits`]; returned on drop.
 #[derive(Debug)]
 pub struct Permit<'a> {
     permits: &'a Permits,
@@ -91,7 +92,7 @@ impl Drop for Permit<'_> {
     }
 }
 
-/// Memory for what grows with the input and stays.
+/// Memory for data that grows with the input and is kept.
 #[derive(Debug)]
 pub struct Allowance {
     most: u64,
@@ -99,15 +100,15 @@ pub struct Allowance {
 }
 
 impl Allowance {
-    /// At most `most` bytes in all.
+    /// Allows `most` bytes in total.
     pub fn new(most: u64) -> Self {
         Self { most, taken: 0 }
     }
 
-    /// Counts bytes that `path` makes necessary.
+    /// Charges bytes on account of the file `path`.
     ///
     /// # Errors
-    /// [`Error::Budget`] if that is more than there is; it names the file.
+    /// [`Error::Budget`] that names the file if the allowance is exceeded.
     pub fn take(&mut self, bytes: u64, path: &Path) -> Result<()> {
         self.taken = self.taken.saturating_add(bytes);
         if self.taken <= self.most {
@@ -120,7 +121,7 @@ impl Allowance {
         )))
     }
 
-    /// Gives bytes back that were freed.
+    /// Credits bytes that were freed.
     pub fn give_back(&mut self, bytes: u64) {
         self.taken = self.taken.saturating_sub(bytes);
     }

@@ -1,4 +1,4 @@
-//! Sizes in bytes, as people write and read them.
+//! Parses and formats sizes in bytes.
 
 /// One KiB, in bytes.
 pub const KIB: u64 = 1 << 10;
@@ -7,12 +7,12 @@ pub const MIB: u64 = 1 << 20;
 /// One GiB, in bytes.
 pub const GIB: u64 = 1 << 30;
 
-/// Bytes from text such as `512MiB`, `1.5GiB`, `2G`, `800M`, `1000000`.
+/// Parses a size such as `512MiB`, `1.5GiB`, `2G`, `800M`, `1000000`; returns bytes.
 ///
 /// `K`, `M`, `G`, `T` alone and with `iB` are powers of 1024; `kB`, `MB`, `GB`, `TB` are powers of 1000.
 ///
 /// # Errors
-/// Says what is wrong with the text.
+/// A description of the fault.
 pub fn parse(text: &str) -> Result<u64, String> {
     let text = text.trim();
     let split = text.find(|c: char| !(c.is_ascii_digit() || c == '.')).unwrap_or(text.len());
@@ -38,7 +38,7 @@ pub fn parse(text: &str) -> Result<u64, String> {
     Ok(bytes as u64)
 }
 
-/// Bytes for a person: `384 MiB`, `1.2 GiB`.
+/// Formats bytes for a reader: `384 MiB`, `1.20 GiB`.
 pub fn display(bytes: u64) -> String {
     match bytes {
         0..KIB => format!("{bytes} B"),

@@ -1,9 +1,10 @@
-//! Numbers by chance that are the same in every run.
+//! Pseudorandom numbers that are the same in every run.
 
-/// What the state of SplitMix64 grows by from number to number.
+/// Increment of the state of SplitMix64.
 pub const INCREMENT: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// A step and the finaliser of SplitMix64 (Steele, Lea and Flood 2014, "Fast Splittable Pseudorandom Number Generators").
+/// One step of SplitMix64 and its finaliser (Steele, Lea and Flood 2014, "Fast Splittable Pseudorandom Number
+/// Generators").
 pub fn mixed(state: u64) -> u64 {
     let mut z = state.wrapping_add(INCREMENT);
     z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -11,12 +12,12 @@ pub fn mixed(state: u64) -> u64 {
     z ^ z >> 31
 }
 
-/// A number from 0 up to 1, of the upper 53 bits.
+/// Converts the upper 53 bits of a hash to a number in [0, 1).
 pub fn unit(hash: u64) -> f64 {
     (hash >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// Weights of a triangle's corners at a point by chance, from two numbers from 0 to 1: all places are as likely (Turk,
+/// Barycentric weights of a uniformly distributed point on a triangle, from two uniform numbers in [0, 1] (Turk,
 /// Graphics Gems, 1990).
 pub fn place_on_triangle(across: f64, along: f64) -> [f64; 3] {
     let root = across.sqrt();

@@ -1,6 +1,6 @@
-//! Counts as a person reads them.
+//! Formats counts for a reader.
 
-/// A number with a blank before every three digits: `16 609 988`.
+/// Formats a number with digits in groups of three: `16 609 988`.
 pub fn grouped(number: u64) -> String {
     let digits = number.to_string();
     let mut text = String::new();
@@ -13,7 +13,7 @@ pub fn grouped(number: u64) -> String {
     text
 }
 
-/// A number of things: `1 cluster`, `16 609 988 clusters`; `thing` takes an s in the plural.
+/// Formats a count with its noun: `1 cluster`, `16 609 988 clusters`; appends an s to `thing` in the plural.
 pub fn counted(number: u64, thing: &str) -> String {
     format!("{} {thing}{}", grouped(number), if number == 1 { "" } else { "s" })
 }

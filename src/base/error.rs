@@ -1,38 +1,38 @@
-//! The one error type of the library, and the exit code that each kind of error has.
+//! The error type of the library, and the exit code of each kind of error.
 //!
-//! Messages are lower case, begin with `file:line:` where a line is known, and name what was expected, what was
-//! found and the way out. Text that comes from the input is escaped before it is quoted.
+//! Messages are lower case, begin with `file:line:` if a line is known, and say what was expected, what was found and
+//! what to do. Text from the input is escaped.
 
 use std::io;
 use std::path::{Path, PathBuf};
 
 use super::bytes;
 
-/// What stopped a run.
+/// Why a run stopped.
 #[non_exhaustive]
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The options contradict each other or are out of range.
     #[error("{0}")]
     Usage(String),
-    /// The input cannot be read as a mesh; `line` is 1-based, 0 where no line is to blame.
+    /// The input is not a valid mesh; `line` is counted from 1, or 0 if no line is at fault.
     #[error("{}", at_line(.path, *.line, .message))]
     Input {
         /// File at fault.
         path: PathBuf,
-        /// 1-based line, or 0.
+        /// Line, counted from 1, or 0.
         line: u64,
         /// What was expected and what was found.
         message: String,
     },
-    /// The operating system refused a file operation.
+    /// A file operation failed.
     #[error("{}: cannot {action}: {source}", escape_path(.path))]
     Io {
         /// File at fault.
         path: PathBuf,
-        /// What was tried: "open", "write", …
+        /// The operation that failed: "open", "write", …
         action: &'static str,
-        /// The system's answer.
+        /// Error of the system.
         source: io::Error,
     },
     /// A disk is full, or would be.
@@ -46,13 +46,13 @@ pub enum Error {
     /// The memory budget cannot hold the job.
     #[error("the memory budget is too small: {0}")]
     Budget(String),
-    /// The input or the options differ from those that the work folder was made with.
+    /// The input or the options differ from those that the work folder was created with.
     #[error("{0}")]
     Changed(String),
-    /// Another process holds the work folder.
+    /// Another process holds the lock of the work folder.
     #[error("{}: locked by another process", escape_path(.0))]
     Locked(PathBuf),
-    /// A file of the work folder does not hold what was written to it.
+    /// The content of a file in the work folder is not what was written.
     #[error("{}: damaged: {message}", escape_path(.path))]
     Damaged {
         /// File at fault.
@@ -60,10 +60,10 @@ pub enum Error {
         /// What was expected and what was found.
         message: String,
     },
-    /// The caller asked to stop; what is finished is kept.
+    /// The caller asked to stop; finished steps stay recorded.
     #[error("stopped")]
     Stopped,
-    /// The mesh passes a limit of the program (such as 2³² - 2 vertices).
+    /// The mesh exceeds a limit of the program (such as 2³² - 2 vertices).
     #[error("{0}")]
     Limit(String),
 }
@@ -72,7 +72,7 @@ pub enum Error {
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
-    /// Wraps an [`io::Error`] with the file and what was tried; a full disk becomes [`Error::NoSpace`].
+    /// Wraps an [`io::Error`] with the file and the operation; returns [`Error::NoSpace`] for a full disk.
     pub fn io(path: &Path, action: &'static str, source: io::Error) -> Self {
         if matches!(source.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded) {
             return Error::NoSpace { path: path.to_owned(), message: what_is_free(path, &source) };
@@ -80,11 +80,11 @@ impl Error {
         Error::Io { path: path.to_owned(), action, source }
     }
 
-    /// The same, with what was still to be written there, about, if the disk is full.
+    /// If the disk is full, adds the approximate number of bytes that were still to be written.
     pub fn lacking(self, missing: u64) -> Self {
         match self {
             Error::NoSpace { path, message } if missing > 0 => {
-                let message = format!("about {} more are needed to go on, {message}", bytes::display(missing));
+                let message = format!("about {} more are needed, {message}", bytes::display(missing));
                 Error::NoSpace { path, message }
             }
             other => other,
@@ -96,7 +96,7 @@ impl Error {
         Error::Input { path: path.to_owned(), line, message: message.into() }
     }
 
-    /// The process's exit code for this error; the table stands in `docs/options.md`.
+    /// Exit code of the process for this error; `docs/options.md` has the table.
     pub fn exit_code(&self) -> u8 {
         match self {
             Error::Io { .. } | Error::Limit(_) => 1,
@@ -111,13 +111,13 @@ impl Error {
     }
 }
 
-/// What is free where a file was to grow, and the way out.
+/// Describes how much space is free at `path`, and what to do.
 fn what_is_free(path: &Path, source: &io::Error) -> String {
     let folder = path.ancestors().find(|folder| folder.is_dir()).unwrap_or(Path::new("."));
     let quota = if source.kind() == io::ErrorKind::QuotaExceeded { "the quota is used up; " } else { "" };
     let free =
         fs4::available_space(folder).map_or(String::new(), |free| format!("{} are free; ", bytes::display(free)));
-    format!("{quota}{free}free some and give the same command again")
+    format!("{quota}{free}free some and run the same command again")
 }
 
 fn at_line(path: &Path, line: u64, message: &str) -> String {
@@ -127,12 +127,13 @@ fn at_line(path: &Path, line: u64, message: &str) -> String {
     }
 }
 
-/// A path for a message: control characters and bytes outside UTF-8 are escaped.
+/// Formats a path for a message; escapes control characters and bytes outside UTF-8.
 pub fn escape_path(path: &Path) -> String {
     escape(path.as_os_str().as_encoded_bytes())
 }
 
-/// Text from the input for a message: UTF-8 kept, control characters, invisible ones and other bytes escaped, at most 200 characters.
+/// Formats text from the input for a message: escapes control characters, invisible ones and invalid UTF-8; truncates
+/// after 200 characters.
 pub fn escape(text: &[u8]) -> String {
     let mut out = String::new();
     for chunk in text.utf8_chunks() {
@@ -154,7 +155,7 @@ pub fn escape(text: &[u8]) -> String {
     out
 }
 
-/// Whether a character commands the terminal, turns the text around it, or is not seen.
+/// Reports whether a character controls the terminal, changes the text direction, or is invisible.
 pub fn is_unseen(c: char) -> bool {
     c.is_control()
         || matches!(c, '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}')

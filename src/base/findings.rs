@@ -5,12 +5,13 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-/// How many places of one kind are kept in words; the rest are counted.
+/// Largest number of places described per kind; further ones are only counted.
 pub const PLACES_PER_KIND: usize = 100;
-/// Kinds that are listed in full: there are no more than materials and textures, which the memory budget bounds.
+/// Kinds whose places are all listed. Their number is at most that of materials and textures, which the memory budget
+/// bounds.
 const LISTED_KINDS: [&str; 2] = ["lost_materials", "lost_textures"];
 
-/// Counted findings by kind; a kind is a fixed snake-case word such as `degenerate_faces`.
+/// Counted findings by kind. A kind is a fixed snake-case word such as `degenerate_faces`.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Findings {
     kinds: BTreeMap<Cow<'static, str>, Finding>,
@@ -19,21 +20,21 @@ pub struct Findings {
 /// One kind of finding.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Finding {
-    /// How often it was met.
+    /// Number of findings.
     pub count: u64,
-    /// The first few, in words, escaped, with `file:line:` where known; none for plain counts.
+    /// Descriptions of the first few, escaped, with `file:line:` if known; empty for plain counts.
     pub places: Vec<String>,
 }
 
 impl Findings {
-    /// Counts `count` findings of a kind, without words.
+    /// Adds `count` findings of a kind, without descriptions.
     pub fn count(&mut self, kind: &'static str, count: u64) {
         if count > 0 {
             self.kinds.entry(kind.into()).or_default().count += count;
         }
     }
 
-    /// Counts one finding and keeps its words if it is among the first of its kind.
+    /// Adds one finding, and keeps its description if it is among the first of its kind.
     pub fn note(&mut self, kind: &'static str, place: impl FnOnce() -> String) {
         let finding = self.kinds.entry(kind.into()).or_default();
         finding.count += 1;
@@ -42,7 +43,7 @@ impl Findings {
         }
     }
 
-    /// Adds the findings of `other`, which came later.
+    /// Adds the findings of `other`, which come later.
     pub fn merge(&mut self, other: Findings) {
         for (kind, theirs) in other.kinds {
             let most = places_max(&kind);
@@ -53,23 +54,24 @@ impl Findings {
         }
     }
 
-    /// How often a kind was met.
+    /// Number of findings of a kind.
     pub fn get(&self, kind: &str) -> u64 {
         self.kinds.get(kind).map_or(0, |finding| finding.count)
     }
 
-    /// Every kind met, by name.
+    /// All findings, sorted by kind.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &Finding)> {
         self.kinds.iter().map(|(kind, finding)| (kind.as_ref(), finding))
     }
 
-    /// Whether all words are such as are noted, without control characters, for a value that was read back.
+    /// Reports whether recalled descriptions are free of control characters.
     pub fn are_plain(&self) -> bool {
         let words = self.iter().flat_map(|(kind, finding)| finding.places.iter().map(String::as_str).chain([kind]));
         words.flat_map(str::chars).all(|c| !c.is_control())
     }
 
-    /// The first places of each kind, one a line, and how many more there are: `degenerate faces: city.obj:7: …`.
+    /// Lists the described places of each kind, one per line, and how many more there are: `degenerate faces:
+    /// city.obj:7: …`.
     pub fn warnings(&self) -> Vec<String> {
         let mut lines = Vec::new();
         for (kind, finding) in self.iter().filter(|(_, finding)| !finding.places.is_empty()) {
@@ -84,7 +86,7 @@ impl Findings {
     }
 }
 
-/// How many places of a kind are kept in words.
+/// Largest number of places described for a kind.
 fn places_max(kind: &str) -> usize {
     if LISTED_KINDS.contains(&kind) { usize::MAX } else { PLACES_PER_KIND }
 }

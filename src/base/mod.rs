@@ -1,6 +1,6 @@
-//! Words that every phase speaks: errors, sizes in bytes, the memory budget, progress and findings.
+//! Vocabulary of all phases: errors, sizes in bytes, the memory budget, progress and findings.
 //!
-//! Nothing here knows of meshes in files, clusters or costs; everything may import it.
+//! This module knows no mesh files, clusters or costs; every other module may import it.
 
 pub mod budget;
 pub mod bytes;

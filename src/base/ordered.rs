@@ -1,12 +1,12 @@
-//! Work in parallel, results in order.
+//! Maps items in parallel and commits the results in order.
 //!
-//! Workers take items as they come; one committer, the calling thread, receives the results in the items' order. At
-//! most `in_flight` items are between "handed out" and "committed", which bounds the memory of waiting results. Nobody
-//! holds a result while waiting for another: the committer keeps what came early in a map of at most that size.
+//! Workers take items one by one; the calling thread commits the results in the order of the items. At most `in_flight`
+//! items are taken but not committed yet, which bounds the memory of waiting results. No thread holds a result while it
+//! waits for another one: the committer keeps early results in a map of at most that size.
 //!
-//! What has to wait for the disk before it is a result is *settled* by threads of its own, so that workers never sleep
-//! while there are items. (A worker that sleeps wakes up beside another one often enough, and the system takes up to
-//! 30 ms to see that a core is idle.)
+//! Work that waits for the disk is *settled* on separate threads, so that workers never sleep while there are items. (A
+//! worker that wakes up is often placed on a busy core, and the system takes up to 30 ms to notice that another one is
+//! idle.)
 
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -16,15 +16,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::Result;
 use super::threads::{Task, at_least_one, start};
 
-/// Maps `items` on `threads` threads and hands the results to `commit` in order.
+/// Maps `items` on `threads` threads and passes the results to `commit` in order.
 ///
 /// The first error, in the order of items, ends the work and is returned.
 ///
 /// # Errors
-/// What `work` or `commit` returns.
+/// Those of `work` and `commit`.
 ///
 /// # Panics
-/// If `work` panics, its panic is passed on.
+/// Propagates a panic of `work`.
 pub fn map_in_order<T: Send, R: Send>(
     items: impl Iterator<Item = T> + Send,
     threads: usize,
@@ -35,22 +35,22 @@ pub fn map_in_order<T: Send, R: Send>(
     settle_in_order(items, Crew { threads, settlers: 0 }, in_flight, work, Ok, commit)
 }
 
-/// How many threads work, and how many wait for the disk in their place.
+/// Numbers of threads that compute and that wait for the disk.
 #[derive(Debug, Clone, Copy)]
 pub struct Crew {
-    /// Threads that work; with one, everything happens on the calling thread.
+    /// Threads that compute; with one, everything runs on the calling thread.
     pub threads: usize,
-    /// Threads that settle; with none, workers do it.
+    /// Threads that settle; with none, workers settle.
     pub settlers: usize,
 }
 
-/// Maps `items` as [`map_in_order`] does, in two steps: `work` computes, `settle` waits for the disk.
+/// Maps `items` like [`map_in_order`], in two steps: `work` computes, `settle` waits for the disk.
 ///
 /// # Errors
-/// What `work`, `settle` or `commit` returns.
+/// Those of `work`, `settle` and `commit`.
 ///
 /// # Panics
-/// If `work` or `settle` panics, its panic is passed on.
+/// Propagates a panic of `work` or `settle`.
 pub fn settle_in_order<T: Send, P: Send, R: Send>(
     items: impl Iterator<Item = T> + Send,
     crew: Crew,
@@ -73,7 +73,7 @@ pub fn settle_in_order<T: Send, P: Send, R: Send>(
     }
     std::thread::scope(|scope| {
         let (work, settle, stopped, settling, items, credits) = (&work, &settle, &stopped, &settling, &items, &credits);
-        // The next item, once there is room for its result.
+        // Returns the next item once there is room for its result.
         let next = move || match credits.recv().is_ok() && !stopped.load(Ordering::Relaxed) {
             true => items.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).next(),
             false => None,
@@ -107,7 +107,7 @@ pub fn settle_in_order<T: Send, P: Send, R: Send>(
             };
             start(scope, worker).map(drop)
         };
-        // Where the system gives few threads, the first works; where it gives none, the caller does.
+        // If the system refuses threads: the first one is a worker; without any, the caller does the work.
         let mut is_working = work_beside(0).is_ok();
         if is_working && settlers > 0 {
             settling.store(at_least_one((0..settlers).map(settle_beside)).is_ok(), Ordering::Relaxed);
@@ -125,7 +125,7 @@ pub fn settle_in_order<T: Send, P: Send, R: Send>(
     })
 }
 
-/// The same on the calling thread.
+/// Does the same on the calling thread.
 fn alone<T, P, R>(
     items: &mut impl Iterator<Item = (usize, T)>,
     work: impl Fn(T) -> Result<P>,
@@ -135,10 +135,10 @@ fn alone<T, P, R>(
     items.try_for_each(|(_, item)| commit(settle(work(item)?)?))
 }
 
-/// Does two things side by side, or one after the other on a single thread.
+/// Runs two functions in parallel, or one after the other if `threads` is 1.
 ///
 /// # Panics
-/// If the first one panics, its panic is passed on.
+/// Propagates a panic of the first one.
 pub fn both<A: Send, B>(threads: usize, first: impl FnOnce() -> A + Send, second: impl FnOnce() -> B) -> (A, B) {
     if threads <= 1 {
         return (first(), second());
@@ -155,7 +155,7 @@ pub fn both<A: Send, B>(threads: usize, first: impl FnOnce() -> A + Send, second
     })
 }
 
-/// Runs a step whose panic the committer is to pass on: workers that wait for room would wait for ever.
+/// Catches a panic, which the committer propagates; otherwise workers that wait for room would wait forever.
 fn guarded<R>(step: impl FnOnce() -> Result<R>) -> std::thread::Result<Result<R>> {
     catch_unwind(AssertUnwindSafe(step))
 }

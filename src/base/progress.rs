@@ -1,16 +1,16 @@
-//! How a run tells how far it is, and hears that it shall stop.
+//! Reports the progress of a run, and lets the listener stop it.
 
 use super::{Error, Result};
 
-/// Receives the progress of a run; every call may come from any thread.
+/// Listener to the progress of a run; calls may come from any thread.
 pub trait Progress: Sync + Send {
-    /// A phase begins; it has `total` units (bytes, faces, clusters) to do.
+    /// A phase begins; it has `total` units (bytes, faces, clusters) of work.
     fn begin(&self, phase: &'static str, total: u64, unit: &'static str);
     /// A pass over all clusters begins, counted from 1; `begin` follows for each of its phases.
     fn begin_pass(&self, _number: usize) {}
-    /// Something that a person should know, such as what is gone on with.
+    /// A message for the user, such as what is resumed.
     fn tell(&self, _message: &str) {}
-    /// Whether the run shall stop at the next safe place; it ends with [`Error::Stopped`].
+    /// Whether the run should stop at the next safe point, with [`Error::Stopped`].
     fn is_stopped(&self) -> bool {
         false
     }
@@ -19,7 +19,7 @@ pub trait Progress: Sync + Send {
 }
 
 impl dyn Progress + '_ {
-    /// Ends the work if the run shall stop.
+    /// Returns an error if the run should stop.
     ///
     /// # Errors
     /// [`Error::Stopped`].
@@ -28,7 +28,7 @@ impl dyn Progress + '_ {
     }
 }
 
-/// Tells nothing.
+/// Listener that ignores everything and never stops the run.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 

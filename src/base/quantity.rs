@@ -1,11 +1,11 @@
-//! Numbers on the command line, as people write them: `10%`, `50k`, `1.5M`.
+//! Parses numbers on the command line: `10%`, `50k`, `1.5M`.
 
 use std::str::FromStr;
 
-/// A share from text such as `0.1` or `10%`; its range is checked by the caller.
+/// Parses a share such as `0.1` or `10%`. Does not check its range.
 ///
 /// # Errors
-/// Says what is expected.
+/// A description of what is expected.
 pub fn parse_share(text: &str) -> Result<f64, String> {
     let expected = || "expected a share such as 0.1 or 10%".to_owned();
     let text = text.trim();
@@ -15,10 +15,10 @@ pub fn parse_share(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A count from text such as `50000`, `50k` or `1.5M` (thousands and millions).
+/// Parses a count such as `50000`, `50k` or `1.5M` (thousands and millions).
 ///
 /// # Errors
-/// Says what is expected, also for a count that is not whole or beyond 10^15.
+/// A description of what is expected, also for a count that is not an integer or exceeds 10^15.
 pub fn parse_count(text: &str) -> Result<u64, String> {
     let expected = || "expected a whole number such as 50000, 50k or 1.5M".to_owned();
     let text = text.trim();
@@ -32,7 +32,8 @@ pub fn parse_count(text: &str) -> Result<u64, String> {
     if !number.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.') {
         return Err(expected());
     }
-    // NOTE: 1.001 thousand is 1000.9999999999999 in binary; a count within a millionth of a whole one is meant to be whole.
+    // NOTE: 1.001 thousand is 1000.9999999999999 in binary; a count within a millionth of an integer is meant to be
+    // one.
     let count: f64 = number.parse::<f64>().map_err(|_| expected())? * factor;
     let whole = count.round();
     if (count - whole).abs() > 1e-6 || whole > 1e15 {
@@ -41,26 +42,26 @@ pub fn parse_count(text: &str) -> Result<u64, String> {
     Ok(whole as u64)
 }
 
-/// A length from text such as `0.05`; its range is checked by the caller.
+/// Parses a length such as `0.05`. Does not check its range.
 ///
 /// # Errors
-/// Says what is expected.
+/// A description of what is expected.
 pub fn parse_length(text: &str) -> Result<f64, String> {
     text.trim().parse().map_err(|_| "expected a length in the mesh's unit, such as 0.05".to_owned())
 }
 
-/// Any number.
+/// Parses a number.
 ///
 /// # Errors
-/// Says what is expected.
+/// A description of what is expected.
 pub fn parse_number(text: &str) -> Result<f64, String> {
     text.trim().parse().map_err(|_| "expected a number such as 0.7".to_owned())
 }
 
-/// A whole number, not negative.
+/// Parses a non-negative integer.
 ///
 /// # Errors
-/// Says what is expected.
+/// A description of what is expected.
 pub fn parse_whole<T: FromStr>(text: &str) -> Result<T, String> {
     text.trim().parse().map_err(|_| "expected a whole number such as 2".to_owned())
 }

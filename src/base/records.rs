@@ -1,4 +1,4 @@
-//! Vectors of plain numbers as one run of bytes, for serde: `#[serde(with = "records")]`.
+//! Serialises vectors of plain numbers as one byte string: `#[serde(with = "records")]`.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -7,18 +7,18 @@ use bytemuck::Pod;
 use serde::de::{Error, Visitor};
 use serde::{Deserializer, Serializer};
 
-/// Writes the records as they lie in memory.
+/// Serialises the records as they lie in memory.
 ///
 /// # Errors
-/// The serializer's.
+/// Those of the serializer.
 pub fn serialize<T: Pod, S: Serializer>(records: &[T], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_bytes(bytemuck::cast_slice(records))
 }
 
-/// Reads records.
+/// Deserialises records.
 ///
 /// # Errors
-/// The deserializer's, and if the bytes are no whole number of records.
+/// Those of the deserializer, and if the bytes are not a whole number of records.
 pub fn deserialize<'de, T: Pod, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<T>, D::Error> {
     deserializer.deserialize_bytes(Records(PhantomData))
 }

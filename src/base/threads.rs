@@ -1,4 +1,4 @@
-//! Threads, which the system may refuse: then fewer do the work, or the caller does it, and nothing panics.
+//! Starts threads. If the system refuses some, fewer do the work, or the caller does it; nothing panics.
 
 use std::error::Error as _;
 use std::path::Path;
@@ -7,10 +7,10 @@ use std::thread::{Builder, JoinHandle, Scope, ScopedJoinHandle};
 
 use super::{Error, Result};
 
-/// Starts a thread of a scope.
+/// Starts a scoped thread.
 ///
 /// # Errors
-/// [`Error::Io`] if the system refuses one.
+/// [`Error::Io`] if the system refuses it.
 pub fn start<'scope, T: Send + 'scope>(
     scope: &'scope Scope<'scope, '_>,
     work: impl FnOnce() -> T + Send + 'scope,
@@ -21,38 +21,38 @@ pub fn start<'scope, T: Send + 'scope>(
     Builder::new().spawn_scoped(scope, work).map_err(refused)
 }
 
-/// Of threads that were to start: fewer do the work if the system refuses some.
+/// Succeeds if at least one of several threads started.
 ///
 /// # Errors
-/// The first one if none started.
+/// The first error if none started.
 pub fn at_least_one(started: impl Iterator<Item = Result<()>>) -> Result<()> {
-    // All of them are started before one is looked at.
+    // Start all of them before looking at any outcome.
     let outcomes: Vec<Result<()>> = started.collect();
     let any = outcomes.iter().any(Result::is_ok);
     outcomes.into_iter().next().map_or(Ok(()), |first| if any { Ok(()) } else { first })
 }
 
-/// A piece of work that one of several does.
+/// Work that one of several threads does.
 #[derive(Debug)]
 pub struct Task<F>(Mutex<Option<F>>);
 
 impl<T, F: FnOnce() -> T> Task<F> {
-    /// Work that nobody has begun.
+    /// Creates work that has not begun.
     pub fn new(work: F) -> Self {
         Self(Mutex::new(Some(work)))
     }
 
-    /// Does it; nothing if somebody has begun it.
+    /// Runs the work; `None` if it has already begun elsewhere.
     pub fn run(&self) -> Option<T> {
         let work = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
         work.map(|work| work())
     }
 }
 
-/// Does work on a thread of its own, or at once where the system refuses one; then there is no thread to wait for.
+/// Runs work on a new thread, or at once if the system refuses one; then returns `None`.
 ///
 /// # Errors
-/// Those of the work if it was done at once.
+/// Those of the work if it ran at once.
 pub fn beside<F: FnOnce() -> Result<()> + Send + 'static>(work: F) -> Result<Option<JoinHandle<Result<()>>>> {
     let task = Arc::new(Task::new(work));
     let theirs = Arc::clone(&task);
@@ -62,15 +62,16 @@ pub fn beside<F: FnOnce() -> Result<()> + Send + 'static>(work: F) -> Result<Opt
     }
 }
 
-/// Makes the threads that data-parallel loops share, for as long as the process runs: the first call says how many.
+/// Creates the global thread pool of data-parallel loops, for the life of the process. Only the first call has an
+/// effect.
 ///
 /// # Errors
-/// [`Error::Io`] if the system refused them.
+/// [`Error::Io`] if the system refused the threads.
 pub fn make_pool(threads: usize) -> Result<()> {
     static REFUSED: OnceLock<Option<String>> = OnceLock::new();
     let refused = REFUSED.get_or_init(|| {
         let outcome = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
-        // Without a source, the reason is that there are some already.
+        // An error without a source means that the pool exists already.
         outcome.err().filter(|error| error.source().is_some()).map(|error| error.to_string())
     });
     match refused {
@@ -89,11 +90,11 @@ pub(super) mod tests {
     use super::*;
 
     thread_local! {
-        /// How many threads the system gives to this one.
+        /// Number of threads that the system grants to this thread.
         static LEFT: Cell<usize> = const { Cell::new(usize::MAX) };
     }
 
-    /// Runs with so many threads to be had, and no more.
+    /// Runs with this many threads available.
     pub fn with_threads<T>(threads: usize, run: impl FnOnce() -> T) -> T {
         LEFT.set(threads);
         let outcome = run();

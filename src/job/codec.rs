@@ -1,26 +1,26 @@
-//! Values as bytes and back: bincode in its standard configuration, with a limit on what is allocated.
+//! Encodes values as bytes: bincode in its standard configuration, with a limit on allocations.
 //!
-//! A decoder takes counts from the bytes that it decodes. The limit grows with the number of bytes at hand, so that a
-//! forged count ends in an error instead of an allocation.
+//! A decoder takes counts from the bytes that it decodes. The limit grows with the number of bytes, so that a forged
+//! count ends in an error and not in a huge allocation.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// Bytes of memory for each encoded byte, at least: a varint of one byte may stand for eight.
+/// Smallest limit in bytes of memory per encoded byte: a varint of one byte may stand for eight.
 const GROWTH: usize = 16;
 
-/// A value's bytes.
+/// Encodes a value.
 ///
 /// # Errors
-/// In words, if the value cannot be encoded.
+/// A description of the fault if the value cannot be encoded.
 pub fn encode<T: Serialize>(value: &T) -> Result<Vec<u8>, String> {
     bincode::serde::encode_to_vec(value, bincode::config::standard()).map_err(|e| e.to_string())
 }
 
-/// The value that all of `bytes` stand for.
+/// Decodes a value from all of `bytes`.
 ///
 /// # Errors
-/// In words, if they stand for none, or for one beyond the limit.
+/// A description of the fault if they are invalid or exceed the limit.
 pub fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {
     let config = bincode::config::standard();
     const MIB: usize = 1 << 20;
@@ -37,7 +37,7 @@ pub fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {
     }
 }
 
-/// Paths as bytes, since a path need not be UTF-8.
+/// Serialises paths as bytes, since a path need not be UTF-8.
 pub mod path {
     use std::path::{Path, PathBuf};
 
@@ -46,7 +46,7 @@ pub mod path {
     /// Writes a path.
     ///
     /// # Errors
-    /// The serializer's.
+    /// Those of the serializer.
     pub fn serialize<S: Serializer>(path: &Path, serializer: S) -> Result<S::Ok, S::Error> {
         path.as_os_str().as_encoded_bytes().serialize(serializer)
     }
@@ -54,7 +54,7 @@ pub mod path {
     /// Reads a path.
     ///
     /// # Errors
-    /// The deserializer's.
+    /// Those of the deserializer.
     pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<PathBuf, D::Error> {
         Ok(from_bytes(Vec::deserialize(deserializer)?))
     }

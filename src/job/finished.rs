@@ -1,7 +1,7 @@
-//! A finished step on its way into the journal.
+//! A finished step that is about to be recorded in the journal.
 //!
-//! In: the step's value and its files, which are durable. Out: the value, durable too, and then the entry. Holds all that it
-//! needs, so that it can be kept on another thread than the one that finished the step.
+//! In: the value of the step and its durable files. Out: the value, made durable, and then the journal entry. Owns all
+//! that it needs, so that another thread can record the step.
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -16,21 +16,21 @@ use super::{codec, lock};
 use crate::base::{Error, Result};
 use crate::os::durable::DurableFile;
 
-/// A larger value gets a file of its own.
+/// Largest value in bytes that is stored in the entry; a larger one gets its own file.
 const VALUE_BYTES_HERE: usize = 4 << 10;
 
-/// A finished step on its way into the journal.
+/// A finished step that is about to be recorded in the journal.
 pub(super) struct Finished {
     step: Step,
     amount: u64,
     files: Vec<Stamp>,
-    /// The value, and where it goes if it gets a file of its own.
+    /// The encoded value, and the path of its file if it gets one.
     value: Vec<u8>,
     path: PathBuf,
 }
 
 impl Finished {
-    /// Of files that were committed, in a work folder.
+    /// Prepares the record of a step; `files` must be committed and lie in `folder`.
     ///
     /// # Errors
     /// If a file cannot be read.
@@ -50,7 +50,7 @@ impl Finished {
         Ok(Self { step, amount, files, value, path })
     }
 
-    /// Writes the value, if it gets a file of its own, and the entry.
+    /// Writes the value to its own file if it is large, then appends the entry.
     ///
     /// # Errors
     /// On a full disk or a failed write.
@@ -74,7 +74,7 @@ pub(super) fn sync(journal: &Mutex<Option<Journal>>) -> Result<()> {
     lock(journal).as_mut().map_or(Ok(()), Journal::sync)
 }
 
-/// Writes a value as a file of its own.
+/// Writes a value to its own file.
 pub(super) fn write_value(path: &Path, bytes: &[u8]) -> Result<Stamp> {
     let header = Header { kind: *b"state   ", record_bytes: 0, count: 1, checksum: xxh3_64(bytes) };
     let mut file = DurableFile::create(path, 64 << 10)?;

@@ -1,4 +1,4 @@
-//! What a work folder may hold: files that this program writes, and no others, so that nothing of the user's is ever removed.
+//! Checks that a work folder contains only files that this program writes, so that no file of the user is ever removed.
 
 use std::fs::{self, File};
 use std::io::Read;
@@ -12,24 +12,24 @@ use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 use crate::os::durable::no_links;
 
-/// Names of all other files begin and end so.
+/// Prefixes and suffixes of the names of all other files.
 const PREFIXES: [&str; 4] = ["scan-", "pass-", "write-", "measure-"];
 const SUFFIXES: [&str; 8] = [".col", ".plc", ".blk", ".scatter", ".piece", ".bin", ".state", ".tmp"];
 
-/// The entries of a folder.
+/// Returns the entries of a folder.
 ///
 /// # Errors
-/// The system's.
+/// [`Error::Io`] if the folder cannot be read.
 pub(super) fn entries(folder: &Path) -> Result<Vec<fs::DirEntry>> {
     fs::read_dir(folder).and_then(Iterator::collect).map_err(|e| Error::io(folder, "read", e))
 }
 
-/// Whether a phase of a job writes files of this name.
+/// Reports whether phases of a job write files of this name.
 pub(super) fn is_phase_file(name: &str) -> bool {
     PREFIXES.iter().any(|prefix| name.starts_with(prefix)) && SUFFIXES.iter().any(|suffix| name.ends_with(suffix))
 }
 
-/// Refuses a folder that holds a file which this program does not write, or that no job of it has made.
+/// Refuses a folder with files that this program does not write, or with files but no manifest or journal.
 pub(super) fn refuse_foreign(path: &Path) -> Result<()> {
     if !path.is_dir() {
         return Err(Error::Usage(format!("{}: the work folder is not a folder", escape_path(path))));
@@ -40,23 +40,24 @@ pub(super) fn refuse_foreign(path: &Path) -> Result<()> {
         let name = name.to_string_lossy();
         let is_own = match &*name {
             LOCK => entry.metadata().is_ok_and(|meta| meta.len() == 0),
-            // Left by a process that had just begun, with zeros in it after a power cut.
+            // Left by a process that was killed at its start; contains zeros after a power cut.
             "manifest.bin.tmp" => is_job || Header::is_at(&entry.path()) || is_all_zero(&entry.path()),
             name => is_job && ([MANIFEST, JOURNAL, "journal.bin.tmp"].contains(&name) || is_phase_file(name)),
         };
         if !(is_own && entry.file_type().is_ok_and(|kind| kind.is_file())) {
-            // A job that begins or ends there just now, whose files come and go.
+            // A job may be starting or ending there just now, whose files come and go.
             if is_locked(path) {
                 return Err(Error::Locked(path.to_owned()));
             }
-            let message = format!("{}: holds files of others; give an empty or a new work folder", escape_path(path));
+            let message =
+                format!("{}: holds foreign files; choose an empty or new folder with --work DIR", escape_path(path));
             return Err(Error::Usage(message));
         }
     }
     Ok(())
 }
 
-/// Whether a file is empty, or holds zeros only and no more than a manifest may.
+/// Reports whether a file is empty, or holds zeros up to the largest size of a manifest.
 fn is_all_zero(path: &Path) -> bool {
     let mut bytes = Vec::new();
     let mut options = File::options();

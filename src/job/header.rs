@@ -1,12 +1,12 @@
-//! The header that every file of the work folder begins with.
+//! The header at the start of every file in the work folder.
 //!
 //! ```text
 //! 0        8        16      20      24       32         40      56         64
 //! | magic  | kind   | vers. | size  | count  | checksum | zeros | checksum | records, little-endian …
 //! ```
 //!
-//! The first checksum covers everything after the header, so a file is known by its length and its first 64 bytes; the
-//! second one the header before it, in every version: what another version wrote is told from what is damaged.
+//! The first checksum covers everything after the header, so length and first 64 bytes identify a file. The second
+//! covers the header before it, in every version, so that another version is distinguishable from damage.
 
 use std::fs::File;
 use std::io::Read;
@@ -16,12 +16,12 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use crate::os::durable::no_links;
 
-/// Bytes of the header that every file of the work folder begins with.
+/// Size of the header in bytes.
 pub const HEADER_BYTES: u64 = 64;
 const MAGIC: [u8; 8] = *b"drystone";
 /// Version of the work folder's files.
 pub const FORMAT_VERSION: u32 = 15;
-/// Where the header's own checksum stands.
+/// Offset of the header's own checksum.
 const CHECKSUM_AT: usize = 56;
 
 #[cfg(target_endian = "big")]
@@ -30,18 +30,18 @@ compile_error!("drystone's files are little-endian and are mapped as they are: b
 /// The header of a file of records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Header {
-    /// What the records are, in ASCII, padded with blanks.
+    /// Kind of the records, in ASCII, padded with blanks.
     pub kind: [u8; 8],
-    /// Bytes of a record.
+    /// Bytes per record; 0 if records vary in size.
     pub record_bytes: u32,
     /// Number of records.
     pub count: u64,
-    /// XXH3 of the records' bytes.
+    /// XXH3 of everything after the header.
     pub checksum: u64,
 }
 
 impl Header {
-    /// The 64 bytes.
+    /// Encodes the header.
     pub fn encode(&self) -> [u8; HEADER_BYTES as usize] {
         let mut bytes = [0; HEADER_BYTES as usize];
         bytes[0..8].copy_from_slice(&MAGIC);
@@ -54,13 +54,13 @@ impl Header {
         bytes
     }
 
-    /// The version of the format that wrote the 64 bytes; nothing if they are no header, or a damaged one.
+    /// Returns the format version of an encoded header; `None` if it is no header, or a damaged one.
     pub fn version(bytes: &[u8; HEADER_BYTES as usize]) -> Option<u32> {
         let version = u32::from_le_bytes([bytes[16], bytes[17], bytes[18], bytes[19]]);
         (bytes[0..8] == MAGIC && is_sealed(bytes)).then_some(version)
     }
 
-    /// Whether a file begins as those of work folders do.
+    /// Reports whether a file starts like those of work folders.
     pub fn is_at(path: &Path) -> bool {
         let mut begins = [0; MAGIC.len()];
         let mut options = File::options();
@@ -68,10 +68,10 @@ impl Header {
         file.and_then(|mut file| file.read_exact(&mut begins)).is_ok() && begins == MAGIC
     }
 
-    /// Reads the 64 bytes.
+    /// Decodes a header.
     ///
     /// # Errors
-    /// Says in words what does not fit.
+    /// A description of the mismatch.
     pub fn decode(bytes: &[u8; HEADER_BYTES as usize]) -> Result<Self, String> {
         let word = |at: usize| u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
         let long = |at: usize| u64::from(word(at)) | u64::from(word(at + 4)) << 32;
@@ -90,7 +90,7 @@ impl Header {
     }
 }
 
-/// Gives a header its own checksum.
+/// Stores the header's own checksum.
 pub fn seal(bytes: &mut [u8; HEADER_BYTES as usize]) {
     let checksum = xxh3_64(&bytes[..CHECKSUM_AT]);
     bytes[CHECKSUM_AT..].copy_from_slice(&checksum.to_le_bytes());
@@ -100,7 +100,7 @@ fn is_sealed(bytes: &[u8; HEADER_BYTES as usize]) -> bool {
     bytes[CHECKSUM_AT..] == xxh3_64(&bytes[..CHECKSUM_AT]).to_le_bytes()
 }
 
-/// The header of a file, whose checksum is to be that of everything behind it.
+/// Reads the header of a file and asserts that its checksum matches the rest.
 #[cfg(test)]
 pub fn checked_header(path: &Path) -> Header {
     let bytes = std::fs::read(path).unwrap();
@@ -123,7 +123,7 @@ mod tests {
         seal(&mut bytes);
         assert!(Header::decode(&bytes).unwrap_err().contains("version 77"));
         assert_eq!(Header::version(&bytes), Some(77));
-        // What begins otherwise is another program's, whatever checksum it has.
+        // Another magic means a file of another program, whatever its checksum.
         bytes[0] = b'D';
         seal(&mut bytes);
         assert!(Header::decode(&bytes).unwrap_err().contains("begin"));

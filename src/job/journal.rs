@@ -1,16 +1,16 @@
-//! The journal of a job: what is finished, in the order in which it was finished.
+//! The journal of a job: its finished steps, in the order in which they finished.
 //!
 //! ```text
 //! header, 64 bytes │ length u32 │ its XXH3 u32 │ XXH3 u64 │ entry │ length u32 │ its XXH3 u32 │ XXH3 u64 │ entry │ …
 //! ```
-//! An entry is appended only after the files that it names are written, synced, renamed, and their folder is synced.
-//! The header has the checksum of the job's manifest, so that no other job's journal is taken for its own. The checksums of
-//! an entry and of its length (the lower half) are seeded with its position, so that it counts in its own place only; an
-//! entry that was cut short is known from one whose length was damaged. What follows the first entry that is cut short or
-//! damaged is cut off: the work that it told of is done again.
+//! An entry is appended only after the files that it names are written, synced and renamed, and their folder is synced.
+//! The header contains the checksum of the job's manifest, so that a journal is not mistaken for that of another job.
+//! The checksums of an entry and of its length (the lower half) are seeded with its offset, so that an entry is valid
+//! only there, and so that a truncated entry is distinguishable from one with a damaged length. Everything from the
+//! first truncated or damaged entry on is discarded; that work is recomputed.
 //!
-//! An entry is handed to the system at once, so it outlives the process. It is made to outlive the power too within a
-//! second, and before anything is removed on its word.
+//! An entry is passed to the system at once, so it survives a kill. It is synced within a second, and before any file
+//! is removed because of it, so it survives a power cut, too.
 
 use std::fs::{File, OpenOptions};
 use std::io::{BufReader, Read, Seek, SeekFrom, Write};
@@ -30,17 +30,17 @@ use crate::os::durable::{DurableFile, no_links, sync_file};
 pub(super) const JOURNAL: &str = "journal.bin";
 
 const KIND: [u8; 8] = *b"journal ";
-/// Bytes before an entry: its length and the checksums of both.
+/// Bytes before an entry: its length, the checksum of the length and that of the entry.
 const FRAME_BYTES: usize = 16;
-/// A longer entry is none of ours: a hundred thousand pieces take a tenth of it.
+/// Largest valid entry in bytes; a hundred thousand pieces take a tenth of it.
 const ENTRY_BYTES_MAX: u32 = 64 << 20;
-/// Entries are synced when this much time has passed since the last time.
+/// Entries are synced when this much time has passed since the last sync.
 const SYNC_INTERVAL: Duration = Duration::from_secs(1);
 
-/// A step of a job whose result can be kept.
+/// A step of a job whose result is recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Step {
-    /// What the input holds beside geometry, and the fingerprints of its content.
+    /// The input except geometry, and the fingerprints of its content.
     Input,
     /// The columns of the input.
     Scan,
@@ -53,14 +53,14 @@ pub enum Step {
     Plan {
         /// Number of the pass.
         pass: u32,
-        /// 0, or 1 where the first plan overshot.
+        /// 0 for the first plan, 1 for the one that replaces it.
         attempt: u32,
     },
-    /// A cluster that was simplified to see what that costs.
+    /// A cluster simplified to learn the costs of its collapses.
     Trial {
         /// Number of the pass.
         pass: u32,
-        /// Number of the trial in it.
+        /// Index of the trial in the pass.
         trial: u32,
         /// The cluster.
         cluster: u32,
@@ -69,7 +69,7 @@ pub enum Step {
     Cluster {
         /// Number of the pass.
         pass: u32,
-        /// The plan's attempt.
+        /// Attempt of the plan.
         attempt: u32,
         /// The cluster.
         cluster: u32,
@@ -79,23 +79,23 @@ pub enum Step {
         /// Number of the pass.
         pass: u32,
     },
-    /// The result, under its own name.
+    /// The published result.
     Written,
-    /// Numbers of the whole mesh that the metric divides by.
+    /// Global statistics of the mesh that the metric is normalised by.
     Census,
-    /// Where the result waits for its names.
+    /// Path of the output whose temporary files may exist.
     Output,
-    /// What is kept of the input to measure the result by.
+    /// Probes of the input, for measuring the result.
     Probes,
 }
 
 impl Step {
-    /// Name of the file that holds a large value of the step.
+    /// Name of the file for a large value of the step.
     pub fn file_name(&self) -> String {
         self.stem() + ".state"
     }
 
-    /// What the names of the step's own files begin with.
+    /// Prefix of the names of the step's own files.
     pub fn stem(&self) -> String {
         match self {
             Step::Input => "scan-input".into(),
@@ -114,12 +114,12 @@ impl Step {
 }
 
 impl Step {
-    /// Whether the step is made of what another one has made.
+    /// Reports whether the step comes after another one, so that it may depend on it.
     pub fn follows(&self, other: Step) -> bool {
         self.place() > other.place()
     }
 
-    /// The pass, from 1, and the place in it.
+    /// Order of the step: number of its pass, from 1, and position in the pass.
     fn place(&self) -> (u64, u8) {
         match *self {
             Step::Input | Step::Scan | Step::Census => (0, 0),
@@ -132,14 +132,15 @@ impl Step {
     }
 }
 
-/// A finished step.
+/// Record of a finished step.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Record {
     /// The step.
     pub step: Step,
-    /// How much it is: triangles of the input and of a pass, clusters of a partition, faces of a cluster.
+    /// Size of its result, for `drystone status`: triangles of the input or of a pass, clusters of a partition, faces
+    /// of a cluster.
     pub amount: u64,
-    /// Seconds since 1970.
+    /// Time in seconds since 1970.
     pub time: u64,
     /// Its files.
     pub(super) files: Vec<Stamp>,
@@ -147,40 +148,40 @@ pub struct Record {
 }
 
 impl Record {
-    /// Names of all files of the step that it is the record of.
+    /// Names of all files of the step; `step` is the step recorded.
     pub(super) fn names(&self, step: &Step) -> Vec<String> {
         let own = self.files.iter().map(|stamp| stamp.name().to_owned());
         own.chain([step.file_name()]).collect()
     }
 }
 
-/// Where the value of a step lies.
+/// Where the value of a step is stored.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) enum Value {
     Here(Vec<u8>),
     InFile(Stamp),
 }
 
-/// A line of the journal.
+/// An entry of the journal.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub enum Entry {
-    /// A process began to work.
+    /// A process started to work.
     Began {
-        /// Seconds since 1970.
+        /// Time in seconds since 1970.
         time: u64,
     },
     /// A step is finished.
     Kept(Record),
-    /// A process ended early; why, in words.
+    /// A process ended early.
     Failed {
-        /// Seconds since 1970.
+        /// Time in seconds since 1970.
         time: u64,
-        /// The error.
+        /// Text of the error.
         message: String,
     },
 }
 
-/// The journal of the job at hand, open for appending.
+/// The journal of the current job, open for appending.
 #[derive(Debug)]
 pub(super) struct Journal {
     path: PathBuf,
@@ -191,10 +192,10 @@ pub(super) struct Journal {
 }
 
 impl Journal {
-    /// Begins an empty journal for the manifest with this checksum.
+    /// Creates an empty journal for the manifest with this checksum.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If the file cannot be written.
     pub(super) fn create(path: &Path, manifest: u64) -> Result<Self> {
         let header = Header { kind: KIND, record_bytes: 0, count: 0, checksum: manifest };
         let mut file = DurableFile::create(path, 64)?;
@@ -203,12 +204,12 @@ impl Journal {
         Ok(Self::open(path, manifest, true)?.0)
     }
 
-    /// Opens a journal and cuts off what is damaged; returns the entries that are whole, the bytes that were cut off, and
-    /// whether they are other damage than a kill or a power cut leaves.
+    /// Opens a journal and truncates it after the last valid entry. Returns the valid entries, the number of bytes
+    /// removed, and whether these show damage that neither a kill nor a power cut causes.
     ///
     /// # Errors
-    /// [`Error::Damaged`] if it is no journal, or not that of the manifest with this checksum, or, where it `must_be_whole`,
-    /// if it has such damage: nothing is cut off then; else if it cannot be read.
+    /// [`Error::Damaged`] if it is no journal or that of another manifest, or, if it `must_be_whole`, if it has such
+    /// damage; nothing is truncated then. [`Error::Io`] if it cannot be read.
     pub(super) fn open(path: &Path, manifest: u64, must_be_whole: bool) -> Result<(Self, Vec<Entry>, u64, bool)> {
         let Reading { entries, end, is_spoilt } = read(path, manifest)?;
         if is_spoilt && must_be_whole {
@@ -226,7 +227,7 @@ impl Journal {
     /// Appends an entry.
     ///
     /// # Errors
-    /// On a full disk or a failed write; the journal then ends before the entry.
+    /// On a full disk or a failed write; the partial entry is removed again.
     pub(super) fn append(&mut self, entry: &Entry) -> Result<()> {
         let damaged = |message| Error::Damaged { path: self.path.clone(), message };
         let payload = codec::encode(entry).map_err(damaged)?;
@@ -249,7 +250,7 @@ impl Journal {
     /// Makes all entries durable.
     ///
     /// # Errors
-    /// The system's.
+    /// [`Error::Io`] if the sync fails.
     pub(super) fn sync(&mut self) -> Result<()> {
         if self.is_dirty {
             sync_file(&self.file, &self.path).map_err(|e| Error::io(&self.path, "sync", e))?;
@@ -258,39 +259,39 @@ impl Journal {
         Ok(())
     }
 
-    /// Whether all entries are on the disk.
+    /// Reports whether all entries are synced.
     #[cfg(test)]
     pub(super) fn is_durable(&self) -> bool {
         !self.is_dirty
     }
 
-    /// Cuts off what lies behind the last whole entry.
+    /// Truncates the file after the last valid entry.
     fn cut(&mut self) -> Result<()> {
         let cut = self.file.set_len(self.end).and_then(|()| self.file.seek(SeekFrom::Start(self.end)));
         cut.map(|_| ()).map_err(|e| Error::io(&self.path, "truncate", e))
     }
 }
 
-/// Checksum of an entry's length at an offset.
+/// Checksum of the length of an entry at an offset.
 fn length_checksum(length: u32, at: u64) -> u32 {
     xxh3_64_with_seed(&length.to_le_bytes(), at) as u32
 }
 
-/// What a journal holds.
+/// Contents of a journal.
 #[derive(Debug)]
 pub(super) struct Reading {
-    /// The whole entries, up to the first one that is not.
+    /// The valid entries before the first invalid one.
     pub(super) entries: Vec<Entry>,
-    /// The offset behind the last of them.
+    /// Offset after the last of them.
     end: u64,
-    /// Whether something else follows than an entry that is cut short, as a kill may leave it, or zeros.
+    /// Whether it continues with anything but a truncated entry, as a kill may leave it, or zeros.
     is_spoilt: bool,
 }
 
-/// Reads the journal of the manifest with this checksum; it may be written to meanwhile.
+/// Reads the journal of the manifest with this checksum; safe while another process appends to it.
 ///
 /// # Errors
-/// [`Error::Damaged`] if it is no journal, or another job's; else if it cannot be read.
+/// [`Error::Damaged`] if it is no journal or that of another job; [`Error::Io`] if it cannot be read.
 pub(super) fn read(path: &Path, manifest: u64) -> Result<Reading> {
     let wrap = |e| Error::io(path, "read", e);
     let mut options = OpenOptions::new();
@@ -301,12 +302,12 @@ pub(super) fn read(path: &Path, manifest: u64) -> Result<Reading> {
     let mut header = [0; HEADER_BYTES as usize];
     let damaged = |message: String| Error::Damaged { path: path.to_owned(), message };
     if !meta.is_file() || length < HEADER_BYTES {
-        return Err(damaged(format!("{length} bytes are no journal")));
+        return Err(damaged(format!("{length} bytes are not a journal")));
     }
     file.read_exact(&mut header).map_err(wrap)?;
     let header = Header::decode(&header).map_err(damaged)?;
     if header.kind != KIND {
-        return Err(damaged("it is no journal".into()));
+        return Err(damaged("it is not a journal".into()));
     }
     if header.checksum != manifest {
         return Err(damaged("it is the journal of another job".into()));
@@ -334,14 +335,14 @@ pub(super) fn read(path: &Path, manifest: u64) -> Result<Reading> {
         end += FRAME_BYTES as u64 + u64::from(bytes);
     }
     if is_spoilt {
-        // Nor are zeros, which a power cut leaves where the file grew.
+        // Zeros, which a power cut leaves where the file grew, are no damage either.
         file.seek(SeekFrom::Start(end)).map_err(wrap)?;
         is_spoilt = !file.bytes().all(|byte| byte.is_ok_and(|byte| byte == 0));
     }
     Ok(Reading { entries, end, is_spoilt })
 }
 
-/// Seconds since 1970.
+/// Current time in seconds since 1970.
 pub(super) fn now() -> u64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs())
 }

@@ -1,6 +1,6 @@
-//! The lock of a work folder: one process at a time, and the lock of a process that is gone is none.
+//! The lock of a work folder, which admits one process at a time and is released when that process ends.
 //!
-//! The system holds it for as long as the file stays open, so a kill gives it back. The file itself goes with the folder.
+//! The system holds the lock while the file is open, so a kill releases it. The file itself is removed with the folder.
 
 use std::fs::{self, File};
 use std::io::ErrorKind;
@@ -14,22 +14,21 @@ use crate::os::durable::{make_folders, no_links};
 
 /// Name of the file that a running process locks in its work folder.
 pub(super) const LOCK: &str = "lock";
-
-/// How often, and after what time, a lock is tried again: someone may just be looking at it.
+/// Attempts to lock, and the time between them: another process may briefly test the lock.
 const TRIES: u32 = 8;
 const INTERVAL: Duration = Duration::from_millis(25);
 
-/// Makes the folder if it is not there, and locks it for this process.
+/// Creates the folder if needed and locks it for this process.
 ///
 /// # Errors
-/// [`Error::Locked`] if another process has it; [`Error::Io`] if the folder or the file cannot be made.
+/// [`Error::Locked`] if another process holds the lock; [`Error::Io`] if the folder or the file cannot be created.
 pub(super) fn lock_folder(path: &Path) -> Result<File> {
     let lock_path = path.join(LOCK);
     for _ in 0..TRIES {
         make_folders(path)?;
         let mut options = File::options();
         let file = match no_links(options.create(true).truncate(false).write(true)).open(&lock_path) {
-            // A job that has just ended takes its folder away.
+            // A job that has just ended may have removed its folder.
             Err(error) if error.kind() == ErrorKind::NotFound => continue,
             opened => opened.map_err(|e| Error::io(&lock_path, "create", e))?,
         };
@@ -44,14 +43,14 @@ pub(super) fn lock_folder(path: &Path) -> Result<File> {
     Err(Error::Locked(path.to_owned()))
 }
 
-/// Whether another process has the lock of a folder.
+/// Reports whether another process holds the lock of a folder.
 pub(super) fn is_locked(path: &Path) -> bool {
     let mut options = File::options();
     let lock = no_links(options.read(true)).open(path.join(LOCK));
     lock.is_ok_and(|file| matches!(FileExt::try_lock_shared(&file), Err(TryLockError::WouldBlock)))
 }
 
-/// Whether a path still leads to an open file: a lock on one that was removed locks nobody out.
+/// Reports whether a path still leads to an open file: a lock on a removed file excludes nobody.
 fn is_file_at(file: &File, path: &Path) -> bool {
     #[cfg(unix)]
     {

@@ -1,4 +1,4 @@
-//! What a job is: the options that shape its result, and its inputs.
+//! The manifest of a job: its inputs and the options that shape its result.
 
 use std::collections::BTreeMap;
 use std::fs::OpenOptions;
@@ -17,42 +17,40 @@ use crate::os::durable::{DurableFile, folder_of, no_links};
 
 /// Name of the manifest in a work folder.
 pub(super) const MANIFEST: &str = "manifest.bin";
-
-/// A longer manifest is none of ours: 100,000 tiles take a tenth of it.
+/// Largest valid manifest in bytes; 100,000 tiles take a tenth of it.
 pub(super) const MANIFEST_BYTES_MAX: u64 = 64 << 20;
-/// Of more differences than these it is only told how many there are.
+/// Largest number of differences that are listed; further ones are counted.
 const DIFFERENCES_TOLD_MAX: usize = 12;
 
-/// What a work folder was made for.
+/// What a work folder was created for.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Manifest {
     /// Version of the program.
     pub program: String,
-    /// The options that shape the result, as a JSON object, or one word for a job that has none.
+    /// The options that shape the result, as a JSON object, or one word for a job without options.
     pub options: String,
     /// The input files, in order.
     pub inputs: Vec<InputFile>,
-    /// Passes asked for.
+    /// Number of passes asked for.
     pub passes: u64,
-    /// Seconds since 1970 when the job was begun.
+    /// Time when the job began, in seconds since 1970.
     pub began: u64,
-    /// A number that no other job has.
+    /// Unique id of the job.
     pub job: u64,
-    /// The canonical folders that were given as input, in which textures may lie, as one list of search paths; empty where
-    /// files alone were given.
+    /// Canonical input folders, in which textures may lie, as one list of search paths; empty if only files were given.
     #[serde(with = "codec::path")]
     pub input_folders: PathBuf,
-    /// Whether the work folder goes with the job: not if it was the user's.
+    /// Whether the work folder is removed with the job; false if the user created it.
     pub owns_folder: bool,
 }
 
 /// An input file as the job found it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct InputFile {
-    /// Name in the canonical folder that it is reached in, since libraries are looked for there.
+    /// Name in its canonical folder, since libraries are looked for there.
     #[serde(with = "codec::path")]
     pub path: PathBuf,
-    /// Canonical path: textures may lie there too.
+    /// Canonical path; textures may lie there, too.
     #[serde(with = "codec::path")]
     pub leads_to: PathBuf,
     /// Length in bytes.
@@ -60,10 +58,10 @@ pub struct InputFile {
 }
 
 impl InputFile {
-    /// Looks at a file.
+    /// Describes a file.
     ///
     /// # Errors
-    /// If it is not there.
+    /// If it does not exist.
     pub fn of(path: &Path) -> Result<Self> {
         let wrap = |e| Error::io(path, "open", e);
         let bytes = path.metadata().map_err(wrap)?.len();
@@ -74,7 +72,7 @@ impl InputFile {
 }
 
 impl Manifest {
-    /// Writes it durably; returns its checksum, by which its journal is known.
+    /// Writes the manifest durably; returns its checksum, which identifies its journal.
     ///
     /// # Errors
     /// On a full disk or a failed write.
@@ -91,10 +89,10 @@ impl Manifest {
         Header { kind: *b"manifest", record_bytes: 0, count: 1, checksum: xxh3_64(content) }
     }
 
-    /// Reads it back, with its checksum.
+    /// Reads a manifest; returns it with its checksum.
     ///
     /// # Errors
-    /// [`Error::Changed`] if another version of the format wrote it, [`Error::Damaged`] if it is not what was written.
+    /// [`Error::Changed`] if another version of the format wrote it, [`Error::Damaged`] if it is invalid.
     pub(super) fn read(path: &Path) -> Result<(Self, u64)> {
         let wrap = |e| Error::io(path, "read", e);
         let damaged = |message: &str| Error::Damaged { path: path.to_owned(), message: format!("{message}; {AFRESH}") };
@@ -125,7 +123,7 @@ impl Manifest {
         }
     }
 
-    /// What another job differs in, in words; nothing if it is the same job.
+    /// Describes how a new job differs; empty if it is the same job.
     pub(super) fn differences(&self, new: &Self) -> Vec<String> {
         let mut found = Vec::new();
         let mut differ = |what: &str, old: &str, new: &str| {
@@ -168,14 +166,14 @@ impl Manifest {
     }
 }
 
-/// How to go on where a work folder does not fit.
-pub(super) const AFRESH: &str = "--resume never starts afresh in it, --work DIR leaves it alone";
+/// Advice for a work folder that cannot be resumed.
+pub(super) const AFRESH: &str = "start over with --resume never, or use another folder with --work DIR";
 
-/// How an option is told that is not there.
+/// Text for an option that was not given.
 const NOT_GIVEN: &str = "not given";
 
-/// Options and their values as a person writes them; an option with settings has its name for each of them. Nothing if it is
-/// no JSON object.
+/// Options with their values as a user writes them; an option with settings has an entry per setting. `None` if the
+/// text is no JSON object.
 fn fields(text: &str) -> Option<BTreeMap<String, String>> {
     let Ok(Value::Object(options)) = serde_json::from_str(text) else { return None };
     let mut fields = BTreeMap::new();

@@ -1,20 +1,19 @@
-//! The work folder of a job: what it was made for, what is finished in it, and the files that hold it.
+//! The work folder of a job: its manifest, its finished steps and their files.
 //!
-//! In: finished steps, with their files and a value each. Out: the same steps after an interruption, verified. Invariant: a
-//! step is either kept whole or not at all; a file is trusted only if its length and its checksum are those that the
-//! journal has.
+//! In: finished steps, each with its files and a value. Out: the same steps after an interruption, verified. Invariant:
+//! a step is recorded either completely or not at all; a file is trusted only if its length and checksum match the
+//! journal.
 //!
 //! ```text
-//! keep     files written, synced, renamed, folder synced ──▶ value, likewise ──▶ entry in the journal
-//! recall   entry in the journal ──▶ its files and its value read and compared ──▶ the value, or nothing
-//! retain   journal synced ──▶ all files removed but those that are still needed
+//! keep     write, sync and rename files, sync folder ──▶ value, likewise ──▶ entry in the journal
+//! recall   entry in the journal ──▶ read its files and its value and verify them ──▶ the value, or `None`
+//! retain   sync the journal ──▶ remove all files that are no longer needed
 //! ```
-//! Between two phases both happen at once and beside the work that goes on ([`WorkFolder::supersede`]).
+//! Between two phases, keep and retain run together, in the background ([`WorkFolder::supersede`]).
 //!
 //! # Files
-//! `manifest.bin`, `journal.bin`, `lock`, the values of steps (`*.state`), and what the phases write. A folder that
-//! holds anything foreign is never used, nor one that holds files and no manifest of ours, so nothing of the user's is ever
-//! removed.
+//! `manifest.bin`, `journal.bin`, `lock`, the values of steps (`*.state`), and the files of the phases. A folder with
+//! foreign files is never used, nor one with files but no manifest of ours, so no file of the user is ever removed.
 
 pub mod codec;
 mod finished;
@@ -55,17 +54,17 @@ use crate::base::threads::beside;
 use crate::base::{Error, Result};
 use crate::os::durable::{new_job_number, no_links, sync_file, sync_folder};
 
-/// What to do with a work folder that holds a job already.
+/// What to do with an existing job in the work folder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Resume {
-    /// Go on where it was, if it is the same job; otherwise refuse.
+    /// Resume it if it is the same job; otherwise refuse.
     #[default]
     Auto,
-    /// Go on, or refuse; a damaged file is an error.
+    /// Resume it or refuse; a damaged file is an error.
     Require,
-    /// Start afresh.
+    /// Start over.
     Never,
-    /// Start afresh, but refuse a folder of a job with other options: for work that is nothing to go on with.
+    /// Start over, but refuse a folder of a job with other options; for work that cannot be resumed.
     Again,
 }
 
@@ -79,26 +78,28 @@ pub struct WorkFolder {
     recalled: HashMap<Step, Record>,
     order: Vec<Step>,
     journal: Arc<Mutex<Option<Journal>>>,
-    /// The step that is being kept beside the work.
+    /// Thread that records a step in the background.
     under_way: Mutex<Option<JoinHandle<Result<()>>>>,
-    /// The first step that superseded others: what an earlier process kept of those that follow it counts no more.
+    /// The first step that this process superseded others with; records of an earlier process for steps that follow it
+    /// are void.
     made_anew: Mutex<Option<Step>>,
-    /// What was found damaged, in words.
+    /// Descriptions of damage found.
     damage: Mutex<Vec<String>>,
     is_resumed: bool,
-    /// Whether something is kept that another process could go on with; so it is until the contrary is known.
+    /// Whether anything is recorded that another process could resume; true until known otherwise.
     holds_steps: AtomicBool,
-    /// The job's number.
+    /// Id of the job.
     number: u64,
 }
 
 impl WorkFolder {
-    /// Makes a folder or takes one over, locks it and reads what was kept in it.
+    /// Creates a folder or takes one over, locks it and reads its journal.
     ///
     /// # Errors
-    /// [`Error::Locked`] if another process works in it, [`Error::Usage`] if it holds foreign files, [`Error::Changed`] if
-    /// it was made for something else or, under [`Resume::Require`], holds nothing, [`Error::Damaged`] if it does not say for
-    /// what or, under the same, its manifest or journal is gone or damaged.
+    /// [`Error::Locked`] if another process works in it, [`Error::Usage`] if it contains foreign files,
+    /// [`Error::Changed`] if it belongs to a different job or, under [`Resume::Require`], holds no finished step,
+    /// [`Error::Damaged`] if its manifest is damaged or, under [`Resume::Require`], its manifest or journal is missing
+    /// or damaged.
     pub fn open(path: &Path, manifest: &Manifest, resume: Resume) -> Result<Self> {
         let is_new = !path.exists();
         match is_new {
@@ -134,7 +135,7 @@ impl WorkFolder {
                 if let Some((earlier, _)) = earlier {
                     if earlier.options != manifest.options {
                         let shown = escape_path(&folder.path);
-                        return Err(Error::Changed(format!("{shown}: holds another job; give a new work folder")));
+                        return Err(Error::Changed(format!("{shown}: holds another job; use another --work DIR")));
                     }
                     folder.is_ours |= earlier.owns_folder;
                 }
@@ -159,7 +160,7 @@ impl WorkFolder {
         Ok(folder)
     }
 
-    /// Goes on with the job that the folder holds; nothing if it holds none.
+    /// Resumes the job in the folder; `None` if there is none.
     fn take_over(&mut self, manifest: &Manifest) -> Result<Option<Journal>> {
         let nothing = |why: &str| match self.resume {
             Resume::Require => Err(nothing_in(&self.path, why)),
@@ -169,7 +170,7 @@ impl WorkFolder {
         if !path.exists() {
             return match self.path.join(JOURNAL).exists() {
                 true => self.damaged(MANIFEST, "it is gone".into()),
-                false => nothing("holds no job to go on with"),
+                false => nothing("holds no job to resume"),
             };
         }
         let (earlier, checksum) = Manifest::read(&path)?;
@@ -182,7 +183,7 @@ impl WorkFolder {
         let path = self.path.join(JOURNAL);
         if !path.exists() {
             return match self.all_but(&HashSet::new())?.is_empty() {
-                true => nothing("holds nothing that is finished"),
+                true => nothing("holds no finished step"),
                 false => self.damaged(JOURNAL, "it is gone".into()),
             };
         }
@@ -196,11 +197,11 @@ impl WorkFolder {
                 true => self.note_damage(JOURNAL, &format!("its last {cut_off} bytes are not whole")),
                 false => {
                     let path = escape_path(&path);
-                    lock(&self.damage).push(format!("{path}: its last entry was cut short, and is done again"));
+                    lock(&self.damage).push(format!("{path}: its last entry was cut short; that step is redone"));
                 }
             }
         }
-        // Of a step that was kept again the last time counts.
+        // If a step was recorded several times, the last record counts.
         for entry in entries.into_iter().rev() {
             if let Entry::Kept(record) = entry
                 && let Vacant(place) = self.recalled.entry(record.step)
@@ -211,14 +212,14 @@ impl WorkFolder {
         }
         self.order.reverse();
         if self.order.is_empty() {
-            return nothing("holds nothing that is finished").map(|_: Option<Journal>| Some(journal));
+            return nothing("holds no finished step").map(|_: Option<Journal>| Some(journal));
         }
         self.is_resumed = true;
         Ok(Some(journal))
     }
 
-    /// Keeps of the job before what finds the files that it left outside of the folder: its number, and where its result
-    /// was to go.
+    /// Keeps the data of the previous job that is needed to find its files outside of the folder: its id, and the path
+    /// of its output.
     fn remember_outside(&mut self) {
         let Ok((earlier, checksum)) = Manifest::read(&self.path.join(MANIFEST)) else { return };
         (self.number, self.is_ours) = (earlier.job, self.is_ours || earlier.owns_folder);
@@ -234,7 +235,7 @@ impl WorkFolder {
 
     /// Empties the folder and begins a job in it.
     fn begin(&self, manifest: &Manifest) -> Result<Journal> {
-        // First of all, so that nobody misses the files that go.
+        // First of all, so that no entry refers to files that are removed.
         let path = self.path.join(JOURNAL);
         if let Ok(journal) = no_links(File::options().write(true)).open(&path) {
             let _ = journal.set_len(HEADER_BYTES).and_then(|()| sync_file(&journal, &path));
@@ -243,7 +244,7 @@ impl WorkFolder {
         let began = Manifest { began: now(), job: self.number, owns_folder: self.is_ours, ..manifest.clone() };
         let path = self.path.join(MANIFEST);
         let checksum = began.write(&path)?;
-        // Nobody could go on with a job whose manifest a faulty disk has lost, nor begin one in its folder.
+        // A job whose manifest a faulty disk lost could neither be resumed nor replaced in this folder.
         if let Err(error) = Manifest::read(&path) {
             self.clear()?;
             return Err(error);
@@ -251,34 +252,34 @@ impl WorkFolder {
         Journal::create(&self.path.join(JOURNAL), checksum)
     }
 
-    /// The folder.
+    /// Path of the folder.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The job's number, by which the names of its files outside of the folder are its own.
+    /// Id of the job, which marks its files outside of the folder.
     pub fn number(&self) -> u64 {
         self.number
     }
 
-    /// Makes durable what is kept so far.
+    /// Makes all records durable.
     ///
     /// # Errors
-    /// The system's.
+    /// [`Error::Io`] if the sync fails, and those of [`settle`](WorkFolder::settle).
     pub fn sync(&self) -> Result<()> {
         self.settle()?;
         sync(&self.journal)
     }
 
-    /// Whether steps of an earlier process were found.
+    /// Reports whether steps of an earlier process were found.
     pub fn is_resumed(&self) -> bool {
         self.is_resumed
     }
 
-    /// Forgets what was kept: the job begins afresh.
+    /// Discards all records: the job starts over.
     ///
     /// # Errors
-    /// If the files cannot be removed or written.
+    /// If files cannot be removed or written.
     pub fn restart(&mut self, manifest: &Manifest) -> Result<()> {
         *self.journal() = None;
         (self.recalled, self.order, self.is_resumed) = (HashMap::new(), Vec::new(), false);
@@ -287,26 +288,27 @@ impl WorkFolder {
         Ok(())
     }
 
-    /// Steps that an earlier process finished, the latest first.
+    /// Steps that an earlier process finished, latest first.
     pub fn latest(&self) -> impl Iterator<Item = Step> + '_ {
         self.order.iter().rev().copied()
     }
 
-    /// What was found damaged so far, in words; it is done again.
+    /// Returns and clears the descriptions of damage found so far; the steps concerned are recomputed.
     pub fn take_damage(&self) -> Vec<String> {
         std::mem::take(&mut lock(&self.damage))
     }
 
-    /// The value of a step that an earlier process finished, if it and the files of the step are whole.
+    /// Returns the value of a step that an earlier process finished; `None` if there is none or its files are not
+    /// intact.
     ///
     /// # Errors
-    /// [`Error::Damaged`] under [`Resume::Require`] if they are not; else if they cannot be read.
+    /// [`Error::Damaged`] under [`Resume::Require`] if they are not intact; [`Error::Io`] if they cannot be read.
     pub fn recall<T: DeserializeOwned>(&self, step: Step) -> Result<Option<T>> {
         self.recall_if(step, |_| true)
     }
 
-    /// The same for a value that chooses places in memory or in files: one that `accept` refuses, though its checksum matches,
-    /// counts as damaged.
+    /// Like [`recall`](WorkFolder::recall), for a value that is used to index memory or files: if `accept` returns
+    /// false, the value counts as damaged although its checksum matches.
     ///
     /// # Errors
     /// As [`recall`](WorkFolder::recall).
@@ -333,7 +335,7 @@ impl WorkFolder {
         };
         let sound = decoded.and_then(|mut value| match accept(&mut value) {
             true => Ok(value),
-            false => Err("what it says contradicts itself".into()),
+            false => Err("its content is inconsistent".into()),
         });
         match sound {
             Ok(value) => Ok(Some(value)),
@@ -341,11 +343,11 @@ impl WorkFolder {
         }
     }
 
-    /// Whether the files of a step were removed since what was made of them is kept.
+    /// Reports whether the files of a step were removed because a later step replaces them.
     fn is_superseded(&self, step: Step) -> bool {
         let takes_its_place =
             |later: &Step| matches!(later, Step::Cut { .. } | Step::Pass { .. }) && later.follows(step);
-        // A job that was done may have been killed while it removed its files.
+        // A finished job may have been killed while it removed its files.
         let is_done = self.recalled.contains_key(&Step::Written);
         is_done || step != Step::Input && self.recalled.keys().any(takes_its_place)
     }
@@ -360,10 +362,10 @@ impl WorkFolder {
 
     fn note_damage(&self, name: &str, message: &str) {
         let path = escape_path(&self.path.join(name));
-        lock(&self.damage).push(format!("{path}: damaged, and done again: {message}"));
+        lock(&self.damage).push(format!("{path}: damaged, so its step is redone: {message}"));
     }
 
-    /// Keeps a finished step: `files` were committed; `amount` is told by `drystone status`.
+    /// Records a finished step; `files` must be committed. `drystone status` reports `amount`.
     ///
     /// # Errors
     /// On a full disk, failed reads and writes.
@@ -378,9 +380,9 @@ impl WorkFolder {
         Finished::new(&self.path, step, amount, files, value)?.keep(&self.journal)
     }
 
-    /// Keeps a finished step and removes all files but those given, which are its own and those that what follows needs, and
-    /// the values of the steps given. That waits for the disk a lot, so it happens on a thread of its own while the caller
-    /// goes on; an error is returned by the next call of this or of [`settle`](WorkFolder::settle).
+    /// Records a finished step. Then removes all files except `files`, which are its own and those still needed, and
+    /// the values of `steps`. Most of this runs on a background thread, since it waits for the disk; the next call of
+    /// this or of [`settle`](WorkFolder::settle) returns its error.
     ///
     /// # Errors
     /// As [`keep`](WorkFolder::keep).
@@ -398,8 +400,8 @@ impl WorkFolder {
         let finished = Finished::new(&self.path, step, amount, files.iter().copied(), value)?;
         let mut names = names_of(files, steps);
         names.insert(step.file_name());
-        // What an earlier process made of what follows is in the way of what the work that goes on writes under the same
-        // names; the rest can be removed beside it, since it is named now.
+        // Files of an earlier process for later steps must go first: this process writes files with the same names. All
+        // others can be removed in the background, since they are listed here.
         lock(&self.made_anew).get_or_insert(step);
         remove_files(&self.left_after(step, &names)?)?;
         let superseded = self.all_but(&names)?;
@@ -413,19 +415,19 @@ impl WorkFolder {
         Ok(())
     }
 
-    /// Waits for the step that is being kept beside the work.
+    /// Waits for the step that is being recorded in the background.
     ///
     /// # Errors
     /// Those of [`keep`](WorkFolder::keep) and [`retain`](WorkFolder::retain).
     ///
     /// # Panics
-    /// If keeping it panics, its panic is passed on.
+    /// Propagates a panic of the background thread.
     pub fn settle(&self) -> Result<()> {
         let under_way = lock(&self.under_way).take();
         under_way.map_or(Ok(()), |thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
     }
 
-    /// The value of a step: recalled, or made and kept.
+    /// Returns the value of a step: recalled, or else computed by `make` and recorded.
     ///
     /// # Errors
     /// Those of [`recall`](WorkFolder::recall), [`keep`](WorkFolder::keep) and `make`.
@@ -438,32 +440,32 @@ impl WorkFolder {
         Ok(value)
     }
 
-    /// Notes why the process ends early, as well as that is possible.
+    /// Records why the process ends early, on a best-effort basis.
     pub fn note_failure(&self, error: &Error) {
         let _ = self.settle();
         let _ = append(&self.journal, &Entry::Failed { time: now(), message: error.to_string() });
         let _ = sync(&self.journal);
     }
 
-    /// Marks the job as one that cannot be gone on with: when it ends, its folder goes.
+    /// Marks the job as not resumable: its folder is removed when it ends.
     pub fn give_up(&self) {
         self.holds_steps.store(false, Ordering::Relaxed);
     }
 
-    /// Removes all files but those given and the values of some steps.
+    /// Removes all files except those given and the values of some steps.
     ///
     /// # Errors
-    /// If the journal, on whose word they go, cannot be made durable.
+    /// If the journal cannot be synced first, or a file cannot be removed.
     pub fn retain<'a>(&self, files: impl IntoIterator<Item = &'a Path>, steps: &[Step]) -> Result<()> {
         self.settle()?;
         sync(&self.journal)?;
         remove_files(&self.all_but(&names_of(files, steps))?)
     }
 
-    /// Ends the job: the folder goes, unless it is to be kept or was the user's.
+    /// Ends the job: removes the folder unless `keep` is set or the user created it.
     ///
     /// # Errors
-    /// If the journal cannot be made durable.
+    /// If the journal cannot be synced.
     pub fn finish(mut self, keep: bool) -> Result<()> {
         self.settle()?;
         sync(&self.journal)?;
@@ -477,12 +479,12 @@ impl WorkFolder {
         lock(&self.journal)
     }
 
-    /// Names of the files that the journal knows.
+    /// Names of the files that the journal lists.
     fn named_files(&self) -> HashSet<String> {
         self.recalled.iter().flat_map(|(step, record)| record.names(step)).collect()
     }
 
-    /// The files of the steps of an earlier process that follow one, but those of these names.
+    /// Files of an earlier process for steps that follow `step`, except these names.
     fn left_after(&self, step: Step, names: &HashSet<String>) -> Result<Vec<PathBuf>> {
         let later = self.recalled.iter().filter(|(other, _)| other.follows(step));
         let left: HashSet<String> = later.flat_map(|(other, record)| record.names(other)).collect();
@@ -491,7 +493,7 @@ impl WorkFolder {
         Ok(files)
     }
 
-    /// The files of phases, but those of these names.
+    /// Files of phases, except these names.
     fn all_but(&self, names: &HashSet<String>) -> Result<Vec<PathBuf>> {
         let is_superseded = |entry: &fs::DirEntry| {
             let name = entry.file_name();
@@ -501,11 +503,11 @@ impl WorkFolder {
         Ok(entries(&self.path)?.iter().filter(|entry| is_superseded(entry)).map(fs::DirEntry::path).collect())
     }
 
-    /// Removes all files of an earlier job, those that make it one last.
+    /// Removes all files of an earlier job, the manifest last.
     fn clear(&self) -> Result<()> {
         let superseded = self.all_but(&HashSet::new())?;
         remove_files(&superseded)?;
-        // Without a manifest they would be taken for files of others.
+        // Without a manifest they would count as foreign.
         superseded.first().map_or(Ok(()), |path| sync_folder(path))?;
         for name in [JOURNAL, MANIFEST] {
             for name in [name.to_owned(), format!("{name}.tmp")] {
@@ -532,9 +534,9 @@ impl WorkFolder {
 }
 
 impl Drop for WorkFolder {
-    /// A folder in which nothing is finished goes; one that a job can go on with stays.
+    /// Removes a folder without a finished step; one that can be resumed stays.
     fn drop(&mut self) {
-        // Not by `settle`: a panic there must not meet another one here.
+        // Not by `settle`: it could panic during another panic.
         let _ = lock(&self.under_way).take().map(JoinHandle::join);
         if self.lock.is_some() && !self.holds_steps.load(Ordering::Relaxed) {
             self.remove();
@@ -542,9 +544,9 @@ impl Drop for WorkFolder {
     }
 }
 
-/// [`Error::Changed`] where a job was to be gone on with and there is none.
+/// Returns [`Error::Changed`] for a job that should be resumed and does not exist.
 fn nothing_in(path: &Path, why: &str) -> Error {
-    Error::Changed(format!("{}: {why}; without --resume require the job begins afresh", escape_path(path)))
+    Error::Changed(format!("{}: {why}; to start over, leave out --resume require", escape_path(path)))
 }
 
 fn names_of<'a>(files: impl IntoIterator<Item = &'a Path>, steps: &[Step]) -> HashSet<String> {

@@ -1,4 +1,4 @@
-//! What is remembered of a finished file, so that it can be verified before it is trusted again.
+//! Stamps of finished files, by which they are verified before they are trusted again.
 
 use std::fs::{self, File};
 use std::io::{ErrorKind, Read};
@@ -13,7 +13,8 @@ use crate::os::durable::no_links;
 
 const READ_BYTES: usize = 256 << 10;
 
-/// A file of the work folder: its name, its length, and its first 64 bytes, which hold the checksum of the rest.
+/// Stamp of a file in the work folder: its name, its length and a hash of its first 64 bytes, which contain the
+/// checksum of the rest.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stamp {
     name: String,
@@ -22,19 +23,19 @@ pub struct Stamp {
     header: u64,
 }
 
-/// What became of a file since it was stamped.
+/// State of a file compared with its stamp.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Condition {
-    /// It holds what was written.
+    /// Its content is unchanged.
     Whole,
-    /// It is not there: removed when it was no longer needed, or by somebody else.
+    /// It does not exist: removed when no longer needed, or by someone else.
     Gone,
-    /// It holds something else; says what.
+    /// Its content differs, with a description.
     Damaged(String),
 }
 
 impl Stamp {
-    /// Stamps a file that has just been committed.
+    /// Stamps a file that was just committed.
     ///
     /// # Errors
     /// If it cannot be read.
@@ -53,10 +54,10 @@ impl Stamp {
         &self.name
     }
 
-    /// Reads the whole file and compares.
+    /// Reads the whole file and compares it with the stamp.
     ///
     /// # Errors
-    /// If it is there and cannot be read.
+    /// If the file exists and cannot be read.
     pub fn verify(&self, folder: &Path) -> Result<Condition> {
         let path = folder.join(&self.name);
         let damaged = |what: &str| Ok(Condition::Damaged(what.to_owned()));
@@ -98,7 +99,7 @@ impl Stamp {
     }
 }
 
-/// Whether a name stands for a file in a folder itself: no separators, no way up.
+/// Reports whether a name denotes a file in the folder itself: no separators, not `.` or `..`.
 pub fn is_file_name(name: &str) -> bool {
     !name.is_empty() && name != "." && name != ".." && !name.contains(['/', '\\', '\0'])
 }

@@ -1,4 +1,4 @@
-//! What a work folder tells of its job, without a lock and while the job runs.
+//! Reads the state of a job from its work folder, without a lock and while the job runs.
 
 use std::fs;
 use std::path::Path;
@@ -10,23 +10,23 @@ use super::manifest::{AFRESH, MANIFEST, Manifest};
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 
-/// What can be told of a work folder while a job runs in it.
+/// State of a job, readable while it runs.
 #[derive(Debug)]
 pub struct WorkStatus {
-    /// What it was made for.
+    /// Its manifest.
     pub manifest: Manifest,
-    /// What happened.
+    /// Entries of its journal.
     pub entries: Vec<Entry>,
-    /// Whether a process works in it.
+    /// Whether a process holds the lock of the folder.
     pub is_running: bool,
-    /// Bytes of all files.
+    /// Size of all its files in bytes.
     pub bytes: u64,
 }
 
-/// Looks at a work folder without disturbing it.
+/// Reads the state of a work folder without disturbing it.
 ///
 /// # Errors
-/// [`Error::Usage`] if it is none; [`Error::Damaged`] and [`Error::Changed`] if it cannot be read.
+/// [`Error::Usage`] if it is no work folder; [`Error::Damaged`] and [`Error::Changed`] if it cannot be read.
 pub fn look(path: &Path) -> Result<WorkStatus> {
     if !path.join(MANIFEST).is_file() {
         if Header::is_at(&path.join(JOURNAL)) {
@@ -45,7 +45,7 @@ pub fn look(path: &Path) -> Result<WorkStatus> {
     Ok(WorkStatus { manifest, entries, is_running: is_locked(path), bytes: folder_bytes(path) })
 }
 
-/// Bytes of all files in a folder.
+/// Size of all files in a folder, in bytes.
 pub fn folder_bytes(folder: &Path) -> u64 {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     entries.filter_map(|entry| entry.metadata().ok()).map(|meta| meta.len()).sum()

@@ -125,7 +125,7 @@ fn what_an_earlier_process_left_of_later_steps_is_not_in_the_way() {
     let piece = path.join("pass-1-cluster-0-000000.piece");
     left_over(&path);
     let job = open(&path, Resume::Auto).unwrap();
-    // Killed when a cluster was kept, but not yet the cut that it is a part of.
+    // Killed after a cluster was recorded, before the partition that it belongs to was.
     fs::rename(path.join(write_value(&path.join("scan-x.state"), b"a cluster").unwrap().name()), &piece).unwrap();
     job.keep(Step::Cluster { pass: 1, attempt: 0, cluster: 0 }, 1, [piece.as_path()], &()).unwrap();
     drop(job);
@@ -221,7 +221,7 @@ fn files_that_are_named_like_ours_are_not_taken_for_ours() {
         fs::write(path.join(name), "of the user").unwrap();
         for resume in [Resume::Auto, Resume::Require, Resume::Never] {
             let error = open(&path, resume).unwrap_err();
-            assert!(error.to_string().contains("holds files of others"), "{name}: {error}");
+            assert!(error.to_string().contains("holds foreign files"), "{name}: {error}");
         }
         assert_eq!(fs::read(path.join(name)).unwrap(), b"of the user");
         fs::remove_file(path.join(name)).unwrap();
@@ -272,7 +272,7 @@ fn a_file_that_should_be_there_and_is_not_is_damage() {
     let job = open(&path, Resume::Require).unwrap();
     assert!(matches!(job.recall::<Vec<u32>>(step), Err(Error::Damaged { .. })));
     drop(job);
-    // Once the cut that it follows from is made anew, nobody misses it.
+    // Once the partition that it belongs to is recomputed, it is not missed.
     let job = open(&path, Resume::Require).unwrap();
     job.supersede(Step::Cut { pass: 0 }, 1, [], &(), &[]).unwrap();
     assert_eq!(job.recall::<Vec<u32>>(step).unwrap(), None);
@@ -349,7 +349,7 @@ fn what_is_cut_off_a_journal_is_told() {
     assert!(!job.is_resumed() && job.take_damage()[0].contains("it is gone"));
 }
 
-/// What a power cut takes from a journal is what was not synced.
+/// A power cut removes only unsynced entries from a journal.
 #[test]
 fn entries_are_durable_before_anything_that_relies_on_them() {
     let parent = tempfile::tempdir().unwrap();
@@ -363,7 +363,7 @@ fn entries_are_durable_before_anything_that_relies_on_them() {
     job.sync().unwrap();
     assert!(is_durable());
 
-    // The files of what is superseded go.
+    // The files of superseded steps are removed.
     job.supersede(pass(1), 2, [], &2u8, &[]).unwrap();
     job.settle().unwrap();
     assert!(is_durable());
@@ -389,8 +389,8 @@ fn a_job_that_begins_afresh_leaves_nothing_of_the_one_before() {
     assert_eq!(names, [JOURNAL, LOCK, MANIFEST]);
 }
 
-/// Were the manifest gone and files left, or files gone of which an old journal tells, a power cut would leave a folder
-/// that nobody can go on with.
+/// If the manifest were removed before other files, or files before the journal that lists them, a power cut would
+/// leave a folder that cannot be resumed.
 #[test]
 fn a_job_that_begins_afresh_takes_its_files_away_in_an_order_that_a_power_cut_may_end() {
     let parent = tempfile::tempdir().unwrap();
@@ -418,7 +418,7 @@ fn a_job_that_was_killed_before_its_first_step_leaves_no_folder_either() {
     let parent = tempfile::tempdir().unwrap();
     let path = parent.path().join("work");
     let job = open(&path, Resume::Auto).unwrap();
-    // As a kill leaves it: nobody tidies up.
+    // As a kill leaves it: nothing is cleaned up.
     std::mem::forget(job);
     fs::remove_file(path.join(LOCK)).unwrap();
     drop(open(&path, Resume::Auto).unwrap());
@@ -457,7 +457,7 @@ fn nobody_misses_files_of_a_job_that_was_done() {
 }
 
 impl WorkFolder {
-    /// The bytes of the value of a step that was recalled, if they are still there.
+    /// The encoded value of a recalled step; `None` if it no longer exists.
     pub(crate) fn value_of(&self, step: Step) -> Option<Vec<u8>> {
         match &self.recalled.get(&step)?.value {
             Value::Here(bytes) => Some(bytes.clone()),
@@ -465,8 +465,7 @@ impl WorkFolder {
         }
     }
 
-    /// Gives a step that was recalled another value, checksums and all, as somebody would who means harm; it becomes the
-    /// latest step.
+    /// Replaces the value of a recalled step, with valid checksums, as an attacker would; it becomes the latest step.
     pub(crate) fn forge(&self, step: Step, value: Vec<u8>) {
         let record = Record { value: Value::Here(value), ..self.recalled[&step].clone() };
         append(&self.journal, &Entry::Kept(record)).unwrap();

@@ -1,8 +1,9 @@
-//! Files that are either whole or absent: written under a temporary name, synced, renamed, and the folder synced.
+//! Files that are either complete or absent: written under a temporary name, synced and renamed; then the folder is
+//! synced.
 //!
-//! In a work folder, which is ours, the temporary name is the file's with `.tmp` behind it. Beside what is the user's, no
-//! file may be taken for a left-over and no other process may write to the same one: there it is
-//! `drystone-<job>-<file>.tmp`, which only the job itself makes and removes ([`waiting_place`], [`remove_waiting`]).
+//! In a work folder, the temporary name is that of the file plus `.tmp`. In folders of the user, it must neither match
+//! a file of the user nor of another process; there it is `drystone-<job>-<hash of the file name>.tmp`, which only this
+//! job creates and removes ([`waiting_place`], [`remove_waiting`]).
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
@@ -13,11 +14,11 @@ use xxhash_rust::xxh3::{xxh3_64, xxh3_64_with_seed};
 
 use crate::base::{Error, Result};
 
-/// How long a lock of a folder is waited for, which may be the user's and never come free.
+/// Longest wait for the lock of a folder, which may belong to the user and never be released.
 const LOCK_PATIENCE: Duration = Duration::from_secs(20);
 const LOCK_INTERVAL: Duration = Duration::from_millis(20);
 
-/// A file under construction; without [`commit`](DurableFile::commit) it is removed on drop.
+/// A file being written; removed on drop unless it is [committed](DurableFile::commit).
 #[derive(Debug)]
 pub struct DurableFile {
     writer: Option<BufWriter<File>>,
@@ -27,17 +28,17 @@ pub struct DurableFile {
 }
 
 impl DurableFile {
-    /// Opens a new file of a work folder with a temporary name; follows no symbolic link and replaces nothing.
+    /// Creates a file under a temporary name in a work folder; follows no symbolic link and replaces no other file.
     ///
     /// # Errors
-    /// [`Error::Io`] if the file cannot be made.
+    /// [`Error::Io`] if the file cannot be created.
     pub fn create(target: &Path, buffer_bytes: usize) -> Result<Self> {
         let mut name = target.file_name().unwrap_or_default().to_owned();
         name.push(".tmp");
         Self::create_at(target, target.with_file_name(name), buffer_bytes)
     }
 
-    /// The same in a folder of the user's, for the job of this number.
+    /// Creates a file under a temporary name of this job in a folder of the user.
     ///
     /// # Errors
     /// As [`create`](DurableFile::create).
@@ -46,7 +47,7 @@ impl DurableFile {
     }
 
     fn create_at(target: &Path, temporary: PathBuf, buffer_bytes: usize) -> Result<Self> {
-        // NOTE: a left-over of a killed run may stand in the way; it is ours by its name.
+        // NOTE: a killed run may have left this file; only this program uses the name.
         let _ = fs::remove_file(&temporary);
         let mut options = OpenOptions::new();
         let opened = options.read(true).write(true).create_new(true).open(&temporary);
@@ -55,7 +56,7 @@ impl DurableFile {
         Ok(Self { writer, temporary, target: target.to_owned(), is_sealed: false })
     }
 
-    /// The path that the file will have once committed.
+    /// Path of the file once it is committed.
     pub fn target(&self) -> &Path {
         &self.target
     }
@@ -71,7 +72,7 @@ impl DurableFile {
         writer.write_all(bytes).map_err(|e| Error::io(&self.target, "write", e).lacking((held + bytes.len()) as u64))
     }
 
-    /// Overwrites bytes at an offset, after what was appended so far has been flushed.
+    /// Flushes appended bytes, then overwrites bytes at an offset.
     ///
     /// # Errors
     /// As [`write`](DurableFile::write).
@@ -82,8 +83,8 @@ impl DurableFile {
         flushed.map_err(|e| Error::io(&self.target, "write", e).lacking(bytes.len() as u64))
     }
 
-    /// Gives the file its name without making anything durable, and returns the open file: for what another process
-    /// never reads.
+    /// Renames the file to its final name without syncing, and returns the open file. For files that only this process
+    /// reads.
     ///
     /// # Errors
     /// As [`write`](DurableFile::write).
@@ -93,7 +94,7 @@ impl DurableFile {
         Ok(file)
     }
 
-    /// Syncs the file under its temporary name, so that giving it its own can hardly fail any more.
+    /// Syncs the file under its temporary name, so that little can fail when it is renamed.
     ///
     /// # Errors
     /// As [`write`](DurableFile::write).
@@ -107,7 +108,7 @@ impl DurableFile {
         Ok(())
     }
 
-    /// Syncs the file, gives it its name, syncs the folder, and returns the open file.
+    /// Syncs the file, renames it to its final name, syncs the folder, and returns the open file.
     ///
     /// # Errors
     /// As [`write`](DurableFile::write).
@@ -119,7 +120,7 @@ impl DurableFile {
         Ok(file)
     }
 
-    /// Writes what is held back, and gives up the open file.
+    /// Flushes the buffer and returns the open file.
     fn take_file(&mut self) -> Result<File> {
         let again = || Error::Damaged { path: self.target.clone(), message: "committed twice".into() };
         let writer = self.writer.take().ok_or_else(again)?;
@@ -129,19 +130,19 @@ impl DurableFile {
 
 impl Drop for DurableFile {
     fn drop(&mut self) {
-        // One that has its name waits under no other.
+        // Has no effect once the file is renamed.
         let _ = fs::remove_file(&self.temporary);
     }
 }
 
-/// Where the file of a job that will be `target` waits for its name. The name follows from both, so the job finds it again
-/// after a kill; no other job has it.
+/// Returns the temporary path of a job's file that will become `target`. It depends on both, so that the job finds the
+/// file again after a kill and no other job uses it.
 pub fn waiting_place(target: &Path, job: u64) -> PathBuf {
     let name = target.file_name().unwrap_or_default().as_encoded_bytes();
     target.with_file_name(format!("drystone-{job:016x}-{:016x}.tmp", xxh3_64(name)))
 }
 
-/// Removes the files of a job that wait for their names in a folder; returns whether there were any.
+/// Removes the temporary files of a job from a folder; returns whether there were any.
 pub fn remove_waiting(folder: &Path, job: u64) -> bool {
     let mut found = false;
     let prefix = format!("drystone-{job:016x}-");
@@ -155,36 +156,35 @@ pub fn remove_waiting(folder: &Path, job: u64) -> bool {
     found
 }
 
-/// A number for [`waiting_place`] that no other job has, for all that can be known: made of the time, the process and a
-/// path.
+/// Returns an id for [`waiting_place`] that is unique in practice: a hash of the time, the process id and a path.
 pub fn new_job_number(path: &Path) -> u64 {
     let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
     let seed = [&since.as_nanos().to_le_bytes()[..], &std::process::id().to_le_bytes()].concat();
     xxh3_64_with_seed(path.as_os_str().as_encoded_bytes(), xxh3_64(&seed))
 }
 
-/// A folder that is not there yet, where the system keeps what is not for long.
+/// Returns a path in the system's temporary folder that does not exist yet.
 pub fn temporary_folder(purpose: &str) -> PathBuf {
     let folder = std::env::temp_dir();
     folder.join(format!("drystone-{purpose}-{:016x}", new_job_number(&folder)))
 }
 
-/// The same way of opening a file, which fails where the file is a symbolic link, and does not wait where it is a pipe.
+/// Makes opening fail on a symbolic link, and not block on a pipe.
 pub fn no_links(options: &mut OpenOptions) -> &mut OpenOptions {
     #[cfg(unix)]
     std::os::unix::fs::OpenOptionsExt::custom_flags(options, libc::O_NOFOLLOW | libc::O_NONBLOCK);
     options
 }
 
-/// The folder that a path names a file in: `.` where it names none.
+/// Returns the folder of a path; `.` if the path names none.
 pub fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Makes a folder and those above it, as far as they are not there, and their entries durable.
+/// Creates a folder and its missing parents, and makes their entries durable.
 ///
 /// # Errors
-/// [`Error::Io`] if one cannot be made or synced.
+/// [`Error::Io`] if one cannot be created or synced.
 pub fn make_folders(path: &Path) -> Result<()> {
     let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
     if path.is_dir() {
@@ -198,14 +198,14 @@ pub fn make_folders(path: &Path) -> Result<()> {
             witness::note("make", path);
             sync_folder(path)
         }
-        // Another process may have been quicker.
+        // Another process may have created it first.
         Err(_) if path.is_dir() => Ok(()),
         Err(error) => Err(Error::io(path, "create", error)),
     }
 }
 
-/// Waits for the lock of a folder and holds it for as long as what is returned lives; nothing where folders have none, nor
-/// after 20 s. What `wait` returns ends the waiting; it is called again and again.
+/// Waits for the lock of a folder; it is held until the returned file is dropped. `None` if folders cannot be locked,
+/// or after 20 s. Calls `wait` between attempts; an error of it ends the waiting.
 ///
 /// # Errors
 /// Those of `wait`.
@@ -226,15 +226,15 @@ fn lock_within(patience: Duration, folder: &Path, mut wait: impl FnMut() -> Resu
     }
 }
 
-/// Makes durable what was written to an open file.
+/// Syncs the data of an open file.
 ///
 /// # Errors
-/// The system's.
+/// The error of the system call.
 pub fn sync_file(file: &File, path: &Path) -> io::Result<()> {
     file.sync_data().inspect(|()| witness::note("sync", path))
 }
 
-/// Gives a file that waits under a temporary name its own; the folder is not synced.
+/// Renames a temporary file to its final name; does not sync the folder.
 ///
 /// # Errors
 /// [`Error::Io`] if it cannot be renamed.
@@ -257,7 +257,7 @@ pub fn sync_folder(path: &Path) -> Result<()> {
     synced.inspect(|()| witness::note("sync", folder)).map_err(|e| Error::io(folder, "sync", e))
 }
 
-/// What a thread made durable, and in which order, for tests; nothing otherwise.
+/// Records what a thread made durable and in which order, in tests; does nothing otherwise.
 pub(crate) mod witness {
     use std::path::Path;
     #[cfg(test)]
@@ -268,14 +268,14 @@ pub(crate) mod witness {
         static SEEN: RefCell<Vec<(&'static str, PathBuf)>> = const { RefCell::new(Vec::new()) };
     }
 
-    /// Notes a call that succeeded.
+    /// Records a call that succeeded.
     #[inline(always)]
     pub(super) fn note(_what: &'static str, _path: &Path) {
         #[cfg(test)]
         SEEN.with_borrow_mut(|seen| seen.push((_what, _path.to_owned())));
     }
 
-    /// Takes the notes of this thread.
+    /// Returns and clears the records of this thread.
     #[cfg(test)]
     pub(crate) fn take() -> Vec<(&'static str, PathBuf)> {
         SEEN.take()
@@ -298,7 +298,7 @@ mod tests {
         assert_eq!(fs::read(&path).unwrap(), b"jello");
     }
 
-    /// A sealed file with some bytes, the name that it will have, and its folder.
+    /// A sealed file with some bytes, its final path, and its folder.
     fn sealed() -> (tempfile::TempDir, PathBuf, DurableFile) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.bin");
@@ -359,7 +359,7 @@ mod tests {
             file.write(&[7; 5120]).unwrap();
             match change(&mut file) {
                 Err(Error::NoSpace { path, message }) => {
-                    // What was not written is no concern of the file's end.
+                    // Unwritten bytes do not affect how the file ends.
                     std::mem::forget(file);
                     (path, message)
                 }

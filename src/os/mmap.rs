@@ -1,7 +1,7 @@
-//! The one place that asks the system for mappings, and so the one place with `unsafe`.
+//! The only module that creates memory maps, and so the only one with `unsafe`.
 //!
-//! Only files that this program wrote and closed are mapped, never the input: an input that shrinks under a mapping
-//! would end the process with SIGBUS. The files lie in the job's work folder, which is locked by the job.
+//! Maps only files that this program wrote and closed, never the input: an input that shrinks while mapped would end
+//! the process with SIGBUS. The files lie in the work folder, which is locked by the job.
 #![allow(unsafe_code, reason = "the fence: a memory map cannot be made in safe Rust")]
 
 use std::fs::File;
@@ -11,19 +11,19 @@ use std::ops::Deref;
 use bytemuck::Pod;
 use memmap2::{Mmap, MmapOptions};
 
-/// A read-only mapped range of a file, seen as records.
+/// A read-only mapped range of a file, as a slice of records.
 #[derive(Debug)]
 pub struct MappedRecords<T> {
     map: Option<Mmap>,
     record: PhantomData<T>,
 }
 
-/// Maps `count` records that start at `offset_bytes`; the range must lie inside the file.
+/// Maps `count` records from `offset_bytes` on; the range must lie within the file.
 ///
-/// The pages leave memory when the value is dropped.
+/// The pages are released when the value is dropped.
 ///
 /// # Errors
-/// The system's, or `InvalidInput` if the range passes the file's end or is not aligned for `T`.
+/// The error of the system call, or `InvalidInput` if the range exceeds the file or is not aligned for `T`.
 pub fn map_records<T: Pod>(file: &File, offset_bytes: u64, count: usize) -> std::io::Result<MappedRecords<T>> {
     let passes_end = || std::io::Error::new(std::io::ErrorKind::InvalidInput, "range passes the end of the file");
     let bytes = count.checked_mul(size_of::<T>()).ok_or_else(passes_end)?;
@@ -44,15 +44,15 @@ pub fn map_records<T: Pod>(file: &File, offset_bytes: u64, count: usize) -> std:
     Ok(MappedRecords { map: Some(map), record: PhantomData })
 }
 
-/// Allocations of at least this many bytes are mappings of their own.
+/// Allocations of at least this many bytes get a mapping of their own.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const LARGE_ALLOCATION_BYTES: libc::c_int = 4 << 20;
 
-/// Makes large allocations leave memory when they are freed; call once, before threads begin.
+/// Makes large allocations return to the system when they are freed; call once, before threads start.
 ///
-/// By itself, glibc learns from freed mappings to keep allocations of up to 32 MiB in its heaps, one for each thread,
-/// and the holes between them stay resident: c4m at 256 MiB peaked at 172 MiB so, and peaks at 101 MiB with this.
-/// mimalloc 2 peaked at 208 MiB and was slower. Other systems are left as they are.
+/// By default, glibc adapts to freed mappings and keeps allocations of up to 32 MiB in the heap of each thread, where
+/// the holes between them stay resident: c4m at 256 MiB peaked at 172 MiB, and at 101 MiB with this. mimalloc 2 peaked
+/// at 208 MiB and was slower. No effect on other systems.
 pub fn map_large_allocations() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     // SAFETY: `mallopt` takes plain numbers; it is called before any other thread could allocate. What stays possible:
@@ -63,10 +63,10 @@ pub fn map_large_allocations() {
     }
 }
 
-/// Gives memory that was freed back to the system; call where many small allocations have gone.
+/// Returns freed memory to the system; call after many small allocations were freed.
 ///
-/// The buffers of many cells are small ones, and what is allocated after them keeps their pages: 56 million triangles at
-/// 512 MiB kept 43 MiB so. Other systems are left as they are.
+/// The buffers of many cells are small, and later allocations keep their pages resident: 43 MiB for 56 million
+/// triangles at 512 MiB. No effect on other systems.
 pub fn release_freed_memory() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     // SAFETY: `malloc_trim` takes a plain number and touches free memory only; it is safe in any thread.

@@ -1,4 +1,4 @@
-//! The outside world: mapped files, durable files, signals, and what the system says of memory and bytes moved.
+//! The operating system: mapped files, durable files, signals, and figures about memory and I/O.
 
 pub mod durable;
 pub mod mmap;

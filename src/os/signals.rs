@@ -1,28 +1,28 @@
 //! Signals that ask the process to stop.
 //!
-//! The first one is noted, and the work comes to an end at the next safe place. A second one ends the process at once: that is
-//! as safe as `kill -9`, which is safe at any time.
+//! The first signal is recorded, and work ends at the next safe point. A second one ends the process at once, which is
+//! as safe as `kill -9`, and that is safe at any time.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::base::Result;
 
-/// Which signal came, if one did.
+/// The signal received, if any.
 #[derive(Debug, Clone, Default)]
 pub struct StopSignal(Arc<AtomicUsize>);
 
-/// A signal, and what it is called.
+/// A signal and its name.
 #[cfg(unix)]
 const SIGNALS: [(libc::c_int, &str); 3] =
     [(libc::SIGINT, "SIGINT"), (libc::SIGTERM, "SIGTERM"), (libc::SIGHUP, "SIGHUP")];
 
 impl StopSignal {
-    /// Listens for SIGINT, SIGTERM and SIGHUP from now on; SIGHUP is left ignored where it is (`nohup`). Elsewhere than
-    /// on Unix the system ends the process, which loses no more than a kill does.
+    /// Listens for SIGINT, SIGTERM and SIGHUP; leaves SIGHUP ignored if it is (`nohup`). On other systems than Unix the
+    /// process is ended instead, which loses no more than a kill.
     ///
     /// # Errors
-    /// If the system refuses.
+    /// If a handler cannot be registered.
     pub fn listen() -> Result<Self> {
         let stop = Self::default();
         #[cfg(unix)]
@@ -33,7 +33,7 @@ impl StopSignal {
     #[cfg(unix)]
     fn register(&self) -> std::io::Result<()> {
         use signal_hook::flag;
-        // A file that may not grow is an error of the write, not the end of the process.
+        // A file that exceeds its size limit makes the write fail instead of ending the process.
         flag::register(libc::SIGXFSZ, Arc::default())?;
         let again = Arc::new(std::sync::atomic::AtomicBool::new(false));
         for (signal, _) in SIGNALS {
@@ -47,12 +47,12 @@ impl StopSignal {
         Ok(())
     }
 
-    /// The number of the signal that came.
+    /// Number of the signal received, or `None`.
     pub fn number(&self) -> Option<u8> {
         u8::try_from(self.0.load(Ordering::Relaxed)).ok().filter(|number| *number != 0)
     }
 
-    /// Its name.
+    /// Name of the signal received.
     pub fn name(&self) -> &'static str {
         #[cfg(unix)]
         if let Some((_, name)) = SIGNALS.iter().find(|(signal, _)| self.number().map(i32::from) == Some(*signal)) {
@@ -62,7 +62,7 @@ impl StopSignal {
     }
 }
 
-/// Whether the process was started with a signal ignored.
+/// Reports whether the process was started with a signal ignored.
 #[cfg(unix)]
 fn is_ignored(signal: libc::c_int) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();

@@ -1,20 +1,20 @@
-//! What the system says of memory and disk, and positional file access.
+//! Memory and disk figures of the system, and positional file access.
 
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Peak resident memory of this process in bytes (`VmHWM`), 0 where the system does not tell.
+/// Peak resident memory of this process in bytes (`VmHWM`); 0 if unknown.
 pub fn peak_resident_bytes() -> u64 {
     proc_status_bytes("VmHWM:").unwrap_or(0)
 }
 
-/// Resident memory of this process in bytes (`VmRSS`), 0 where the system does not tell.
+/// Resident memory of this process in bytes (`VmRSS`); 0 if unknown.
 pub fn resident_bytes() -> u64 {
     proc_status_bytes("VmRSS:").unwrap_or(0)
 }
 
-/// Bytes that this process caused to be read from and written to storage, as far as the system counts them.
+/// Bytes that this process has read and written by system calls (`rchar`, `wchar`); 0 if unknown.
 pub fn io_bytes() -> (u64, u64) {
     let text = fs::read_to_string("/proc/self/io").unwrap_or_default();
     let field = |name: &str| {
@@ -24,7 +24,8 @@ pub fn io_bytes() -> (u64, u64) {
     (field("rchar:"), field("wchar:"))
 }
 
-/// Memory of the machine or of the cgroups that the process is in, whichever is least, in bytes.
+/// Memory of the machine or the smallest limit of the process's cgroups, whichever is less, in bytes; `None` if
+/// unknown.
 pub fn memory_bytes() -> Option<u64> {
     let machine = fs::read_to_string("/proc/meminfo").ok().and_then(|text| kib_field(&text, "MemTotal:"));
     let cgroups = fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
@@ -33,8 +34,8 @@ pub fn memory_bytes() -> Option<u64> {
     [machine, cgroup].into_iter().flatten().min()
 }
 
-/// Files that may hold a memory limit of a process whose `/proc/self/cgroup` is given: those of its cgroup and of all
-/// above it, up to the one that the process sees as the root.
+/// Files that may contain a memory limit of a process, given its `/proc/self/cgroup`: those of its cgroup and of all
+/// its ancestors up to the root that the process sees.
 fn limit_files(cgroups: &str) -> Vec<PathBuf> {
     let mut files = Vec::new();
     for line in cgroups.lines() {
@@ -53,18 +54,18 @@ fn limit_files(cgroups: &str) -> Vec<PathBuf> {
     files
 }
 
-/// Bytes that are free for this user on the disk that holds `path`.
+/// Bytes available to this user on the disk of `path`.
 ///
 /// # Errors
-/// The system's.
+/// The error of the system call.
 pub fn free_disk_bytes(path: &Path) -> io::Result<u64> {
     fs4::available_space(path)
 }
 
-/// Fills `buffer` from an offset of a file, without moving its cursor.
+/// Fills `buffer` from an offset of a file. Does not move the file's cursor on Unix.
 ///
 /// # Errors
-/// The system's; `UnexpectedEof` where the file is shorter.
+/// The error of the system call; `UnexpectedEof` if the file is too short.
 pub fn read_exact_at(file: &File, buffer: &mut [u8], offset: u64) -> io::Result<()> {
     #[cfg(unix)]
     return std::os::unix::fs::FileExt::read_exact_at(file, buffer, offset);
@@ -84,7 +85,7 @@ pub fn read_exact_at(file: &File, buffer: &mut [u8], offset: u64) -> io::Result<
 /// Writes all of `bytes` at an offset of a file.
 ///
 /// # Errors
-/// The system's.
+/// The error of the system call.
 pub fn write_all_at(file: &File, bytes: &[u8], offset: u64) -> io::Result<()> {
     #[cfg(unix)]
     return std::os::unix::fs::FileExt::write_all_at(file, bytes, offset);
@@ -98,10 +99,10 @@ pub fn write_all_at(file: &File, bytes: &[u8], offset: u64) -> io::Result<()> {
     }
 }
 
-/// Whether an error tells of the machine and not of the file: the same call may succeed later. So do all that do not say
-/// that the file is not there or may not be read.
+/// Reports whether an error concerns the machine and not the file, so that the same call may succeed later. That is
+/// every system error except those that say that the file does not exist or may not be read.
 ///
-/// A file that could not be looked at for such a reason must not be taken for one that is not there.
+/// After such an error, a file must not be treated as missing.
 pub fn is_of_machine(error: &io::Error) -> bool {
     use io::ErrorKind::{InvalidFilename, InvalidInput, IsADirectory, NotADirectory, NotFound, PermissionDenied};
     #[cfg(unix)]
@@ -116,10 +117,10 @@ pub fn is_of_machine(error: &io::Error) -> bool {
     !OF_NAME.contains(&code) && !tells_of_file
 }
 
-/// Whether a path leads to a regular file.
+/// Reports whether a path leads to a regular file.
 ///
 /// # Errors
-/// If the machine fails, so that nobody knows.
+/// On an error of the machine, which leaves this unknown.
 pub fn is_file(path: &Path) -> io::Result<bool> {
     match fs::metadata(path) {
         Err(error) if is_of_machine(&error) => Err(error),

@@ -1,9 +1,8 @@
-//! Memory and bytes moved over the time of a run, with its phases.
+//! Records the memory and I/O of a run over time, with its phases.
 //!
-//! A [`Recorder`] stands between the phases and whoever listens to their progress: it notes when each phase begins, and
-//! a thread of its own asks the system how the process stands, every 20 ms at first. When there are many samples every
-//! second one is dropped and the interval doubles, so a run of hours has as many as one of seconds. Nothing that shapes
-//! a result reads any of this.
+//! A [`Recorder`] sits between the phases and the listener to their progress. It records when each phase begins, and
+//! samples the process on its own thread, at first every 20 ms. At `SAMPLES_MAX` samples it drops every second one
+//! and doubles the interval, so a run of hours has as many as one of seconds. No result depends on this.
 
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::thread::JoinHandle;
@@ -15,17 +14,17 @@ use serde::Serialize;
 use super::system;
 use crate::base::Progress;
 
-/// Time between two samples at the beginning of a run.
+/// Time between two samples at the start of a run.
 const FIRST_INTERVAL: Duration = Duration::from_millis(20);
-/// Samples at which every second one is dropped.
+/// Number of samples at which every second one is dropped.
 const SAMPLES_MAX: usize = 1000;
 
-/// How the process stood at one moment.
+/// State of the process at one moment.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Sample {
-    /// Since the run began.
+    /// Seconds since the run began.
     pub seconds: f64,
-    /// Resident memory in bytes, mapped pages included.
+    /// Resident memory in bytes, including mapped pages.
     pub resident: u64,
     /// Bytes read by system calls since the run began.
     pub read: u64,
@@ -33,27 +32,27 @@ pub struct Sample {
     pub written: u64,
 }
 
-/// A stretch of time that one phase took.
+/// Time span of a phase.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PhaseSpan {
-    /// `scan`, `partition`, `simplify`, `stitch`, `write` and the like; the same name may come again.
+    /// `scan`, `partition`, `simplify`, `stitch`, `write` etc.; a name may occur several times.
     pub name: &'static str,
-    /// Beginning and end in seconds since the run began.
+    /// Start in seconds since the run began.
     pub begin: f64,
-    /// See `begin`.
+    /// End in seconds since the run began.
     pub end: f64,
 }
 
-/// A run over time.
+/// Record of a run.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Timeline {
-    /// Phases in order, without gaps.
+    /// Phases in order, without gaps between them.
     pub phases: Vec<PhaseSpan>,
     /// Samples in order.
     pub samples: Vec<Sample>,
 }
 
-/// Records a [`Timeline`] and passes progress on.
+/// Records a [`Timeline`] and forwards progress to a listener.
 pub struct Recorder<'a> {
     listener: &'a dyn Progress,
     clock: Clock,
@@ -63,7 +62,7 @@ pub struct Recorder<'a> {
 }
 
 impl<'a> Recorder<'a> {
-    /// Starts the clock. Where no thread can be had, phases are recorded without samples.
+    /// Starts recording. If no thread can be started, records phases without samples.
     pub fn start(listener: &'a dyn Progress) -> Self {
         let clock = Clock { started: Instant::now(), io_base: system::io_bytes() };
         let timeline = Arc::new(Mutex::new(Timeline::default()));
@@ -81,7 +80,7 @@ impl<'a> Recorder<'a> {
         Self { listener, clock, timeline, stop: Some(stop), sampler }
     }
 
-    /// Stops the clock.
+    /// Stops recording and returns the timeline.
     pub fn finish(mut self) -> Timeline {
         self.halt();
         let mut timeline = std::mem::take(&mut *lock(&self.timeline));
@@ -94,7 +93,7 @@ impl<'a> Recorder<'a> {
     fn halt(&mut self) {
         drop(self.stop.take());
         if let Some(sampler) = self.sampler.take() {
-            // A sampler that panicked has left what it had.
+            // If the sampler panicked, its samples so far are kept.
             let _ = sampler.join();
         }
     }
@@ -145,7 +144,7 @@ fn close(phases: &mut [PhaseSpan], now: f64) {
     }
 }
 
-/// When a run began, and what the process had read and written until then.
+/// Start of a run, with the bytes that the process had read and written before.
 #[derive(Debug, Clone, Copy)]
 struct Clock {
     started: Instant,
@@ -164,7 +163,7 @@ impl Clock {
     }
 }
 
-/// Appends a sample, taken once nobody else can append; returns whether every second one was dropped.
+/// Appends a sample, taken while the list is locked; returns whether every second one was dropped.
 fn keep(samples: &mut Vec<Sample>, sample: impl FnOnce() -> Sample) -> bool {
     samples.push(sample());
     if samples.len() < SAMPLES_MAX {

@@ -1,8 +1,8 @@
-//! Where the cells are: a kd-tree whose planes follow the vertices.
+//! Plans the cells of a partition: a kd-tree whose split planes follow the vertices.
 //!
-//! A histogram of positions on a dense grid is split again and again until a part holds no more vertices than a cell
-//! should; a plane is moved by up to a tenth of the vertices to where few of them lie (a street rather than a wall).
-//! A part that is too full and no wider than a grid cell gets a finer grid of its own.
+//! Vertices are counted in a histogram on a dense grid. The grid is split until no part holds more vertices than a cell
+//! should. A split plane may move by up to a tenth of the vertices to where few of them lie (along a street, not
+//! through a wall). A part that is too full and no wider than a grid cell gets a finer grid.
 
 use glam::DVec3;
 
@@ -12,24 +12,25 @@ use crate::base::Result;
 use crate::base::ordered::map_in_order;
 use crate::store::{PackedColumn, StoredMesh};
 
-/// Grid cells along an axis: of the whole mesh, and of a part that is looked at again.
+/// Grid cells along each axis: for the whole mesh, and for a part that is refined.
 const GRID_SIDES: [usize; 2] = [128, 32];
-/// Parts that are looked at again in one sweep.
+/// Largest number of parts refined in one sweep over the vertices.
 const PARTS_PER_SWEEP: usize = 64;
-/// Times that a part may be looked at again; each divides its extent by 32, and a double has 53 bits.
+/// Largest number of refinements of a part. Each divides its extent by 32, and a double has 53 bits.
 const REFINEMENTS_MAX: usize = 12;
-/// A plane may move by this share of the vertices to where few of them lie.
+/// Largest distance of a plane from its wanted position, as a share of the vertices of the part it splits.
 const PLANE_PLAY: f64 = 0.1;
-/// Share of the vertices below the first planes, by pass: no plane of one pass is one of the next.
+/// Share of the vertices below the first planes, by pass modulo 3. They differ so that no plane of one pass returns in
+/// the next.
 const FIRST_SHARES: [f64; 3] = [1.0 / 2.0, 1.0 / 3.0, 2.0 / 3.0];
-/// Levels of the tree that use the first shares; below, parts are split evenly.
+/// Levels of the tree that use the first shares; deeper parts are split evenly.
 const SHIFTED_LEVELS: usize = 3;
-/// Bytes of a face up to which cells have the faces asked for; in a soup of triangles they have fewer.
+/// Bytes per face up to which cells get the number of faces asked for; in a triangle soup they get fewer.
 const PLAIN_FACE_BYTES: f64 = 1.5 * ORDINARY_BYTES as f64;
-/// Positions that a sweep maps at once.
+/// Positions read at once by a sweep.
 const SWEEP_RECORDS: u64 = 128 << 10;
 
-/// The kd-tree.
+/// A kd-tree of cells.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cells {
     nodes: Vec<Node>,
@@ -38,7 +39,7 @@ pub struct Cells {
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Node {
-    /// Positions with `p[axis] < plane` go to `below`, others to the node after it.
+    /// Positions with `p[axis] < plane` go to node `below`, others to node `below + 1`.
     Split {
         axis: usize,
         plane: f64,
@@ -55,7 +56,7 @@ impl Cells {
         self.count
     }
 
-    /// The cell of a position.
+    /// Cell that contains a position.
     #[inline]
     pub fn of(&self, position: DVec3) -> u32 {
         let mut at = 0;
@@ -67,7 +68,7 @@ impl Cells {
         }
     }
 
-    /// Numbers the leaves from left to right.
+    /// Numbers the leaves in depth-first order, lower side first.
     fn number_leaves(&mut self) {
         let mut next = 0;
         let mut stack = vec![0usize];
@@ -84,14 +85,14 @@ impl Cells {
     }
 }
 
-/// A box with a count of vertices on a grid inside it.
+/// A grid over a box, with a count of vertices per grid cell.
 struct Histogram {
     node: u32,
     level: usize,
     low: DVec3,
     step: DVec3,
     side: usize,
-    /// Empty until the vertices are counted.
+    /// Empty before the vertices are counted.
     counts: Vec<u32>,
 }
 
@@ -108,12 +109,12 @@ impl Histogram {
         (cell.z as usize * self.side + cell.y as usize) * self.side + cell.x as usize
     }
 
-    /// As many zeros as the grid has cells.
+    /// A zero for each grid cell.
     fn zeros(&self) -> Vec<u32> {
         vec![0; self.side * self.side * self.side]
     }
 
-    /// The grid cells with vertices, a small part of all; the counts are gone then.
+    /// Returns the grid cells with vertices, usually few, and clears the counts.
     fn take_filled(&mut self) -> Vec<Filled> {
         let counts = std::mem::take(&mut self.counts);
         let at = |i: usize| [i % self.side, i / self.side % self.side, i / self.side / self.side].map(|n| n as u8);
@@ -121,27 +122,27 @@ impl Histogram {
         filled.map(|(i, &count)| Filled { at: at(i), count }).collect()
     }
 
-    /// Position of grid plane `index` of an axis.
+    /// Coordinate of grid plane `index` along an axis.
     fn plane(&self, axis: usize, index: usize) -> f64 {
         self.low[axis] + self.step[axis] * index as f64
     }
 }
 
-/// A grid cell with vertices.
+/// A grid cell that contains vertices.
 #[derive(Debug, Clone, Copy)]
 struct Filled {
     at: [u8; 3],
     count: u32,
 }
 
-/// A range of grid cells: low (inclusive) to high (exclusive).
+/// A range of grid cells: `low` is inclusive, `high` exclusive.
 #[derive(Debug, Clone, Copy)]
 struct GridBox {
     low: [usize; 3],
     high: [usize; 3],
 }
 
-/// Plans the cells of a mesh.
+/// Plans the cells for a mesh.
 ///
 /// # Errors
 /// On failed reads.
@@ -152,7 +153,7 @@ pub fn plan(mesh: &StoredMesh, options: &PartitionOptions) -> Result<Cells> {
     if fits_one(mesh, options.cluster_faces) || faces == 0 || vertices <= 4 {
         return Ok(cells);
     }
-    // Vertices of a cell that has `cluster_faces` faces, if both are spread alike.
+    // Vertices in a cell of `cluster_faces` faces, if both are distributed alike.
     let per_face = vertices as f64 / faces as f64;
     let plain = (PLAIN_FACE_BYTES / (weight as f64 / faces as f64)).min(1.0);
     let limit = (options.cluster_faces as f64 * plain * per_face).max(4.0) as u64;
@@ -177,18 +178,18 @@ pub fn plan(mesh: &StoredMesh, options: &PartitionOptions) -> Result<Cells> {
     Ok(cells)
 }
 
-/// Whether [`plan`] will make a single cell, since the mesh is no larger than a cluster may be.
+/// Reports whether [`plan`] makes a single cell, because the mesh is no larger than a cluster may be.
 pub fn fits_one(mesh: &StoredMesh, cluster_faces: u64) -> bool {
     mesh.face_count() <= cluster_faces && weight_of(mesh).bytes() <= limit_bytes(cluster_faces)
 }
 
-/// The weight of a whole mesh.
+/// Weight of a whole mesh.
 fn weight_of(mesh: &StoredMesh) -> ClusterWeight {
     let (faces, vertices) = (mesh.face_count(), mesh.vertex_count());
     ClusterWeight { faces, vertices, wedges: vertices.max(mesh.texcoord_count()) }
 }
 
-/// Cells that [`plan`] will make of so many faces, if every plane moved by half of its play.
+/// Predicts how many cells [`plan`] makes of `faces` faces, if every plane moves by half of its range.
 pub fn expected_count(faces: u64, cluster_faces: u64, pass: usize) -> u64 {
     fn count(faces: f64, limit: f64, level: usize, pass: usize) -> u64 {
         if faces <= limit {
@@ -202,7 +203,7 @@ pub fn expected_count(faces: u64, cluster_faces: u64, pass: usize) -> u64 {
     count(faces as f64, cluster_faces.max(1) as f64, 0, pass)
 }
 
-/// Counts vertices into the histograms of the leaves that have one.
+/// Counts vertices into the histograms of the parts.
 fn count(mesh: &StoredMesh, cells: &Cells, parts: &mut [Histogram], options: &PartitionOptions) -> Result<()> {
     if let [part] = &mut parts[..]
         && part.node == 0
@@ -246,7 +247,7 @@ fn count(mesh: &StoredMesh, cells: &Cells, parts: &mut [Histogram], options: &Pa
     Ok(())
 }
 
-/// Splits a leaf until each part holds no more than `limit` vertices; parts that need a finer grid go to `next`.
+/// Splits a leaf until no part holds more than `limit` vertices. Parts that need a finer grid go to `next`.
 #[allow(clippy::too_many_arguments, reason = "a recursion over plain values")]
 fn split(
     cells: &mut Cells,
@@ -264,7 +265,7 @@ fn split(
     if total <= limit {
         return;
     }
-    // The extent that is occupied decides the axis.
+    // Split along the longest occupied extent.
     let mut occupied = range;
     for (axis, counts) in slabs.iter().enumerate() {
         let first = counts.iter().position(|&n| n > 0).unwrap_or(0);
@@ -276,7 +277,8 @@ fn split(
     let can_cut = |axis: &usize| occupied.high[*axis] - occupied.low[*axis] > 1;
     let wider = |a: &usize, b: &usize| extent(*a).total_cmp(&extent(*b)).then(b.cmp(a));
     let is_too_coarse = (0..3).max_by(wider).is_some_and(|widest| !can_cut(&widest));
-    // Where a distant vertex makes the grid coarse, planes of the axes that can be cut would leave slabs that are all border.
+    // Refine rather than split along a shorter axis: where an outlier makes the grid coarse, such a split would give
+    // slabs that are all border.
     if is_too_coarse && refine(grid, node, level, occupied, next) {
         return;
     }
@@ -308,7 +310,7 @@ fn slab_counts(filled: &[Filled], range: GridBox) -> [Vec<u64>; 3] {
     slabs
 }
 
-/// The grid plane near `share` of the vertices whose two slabs hold the fewest.
+/// Returns the grid plane near `share` of the vertices whose two adjacent slabs hold the fewest vertices.
 fn choose_cut(slabs: &[u64], base: usize, low: usize, high: usize, total: u64, share: f64) -> usize {
     let mut below = 0;
     let mut best: Option<(bool, u64, f64, usize)> = None;
@@ -328,7 +330,7 @@ fn choose_cut(slabs: &[u64], base: usize, low: usize, high: usize, total: u64, s
     best.map_or(low + 1, |best| best.3)
 }
 
-/// Asks for a finer look at a part of the grid, if doubles can tell positions in it apart; whether they can.
+/// Queues a part for refinement, unless its extent is at the precision of doubles. Returns whether it was queued.
 fn refine(grid: &Histogram, node: u32, level: usize, cell: GridBox, next: &mut Vec<Histogram>) -> bool {
     let low = DVec3::from_array(std::array::from_fn(|axis| grid.plane(axis, cell.low[axis])));
     let high = DVec3::from_array(std::array::from_fn(|axis| grid.plane(axis, cell.high[axis])));
@@ -340,7 +342,7 @@ fn refine(grid: &Histogram, node: u32, level: usize, cell: GridBox, next: &mut V
     is_finer
 }
 
-/// Maps windows of all positions in parallel and takes the results in order.
+/// Applies `look` to windows of all positions in parallel; passes the results to `take` in order.
 fn sweep<R: Send>(
     mesh: &StoredMesh,
     options: &PartitionOptions,
@@ -419,7 +421,7 @@ mod tests {
         assert!(largest(&planned(&positions, 2000, 0), &positions) <= 1000);
     }
 
-    /// Neighbours on a grid of 100 × 100 that lie in different cells.
+    /// Number of adjacent points on a grid of 100 × 100 that lie in different cells.
     fn borders(cells: &Cells, hills: &[DVec3]) -> usize {
         let differs = |i: usize, j: usize| usize::from(cells.of(hills[i]) != cells.of(hills[j]));
         (0..9900).map(|i| differs(i, i + 100) + if i % 100 < 99 { differs(i, i + 1) } else { 0 }).sum()

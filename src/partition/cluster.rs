@@ -1,8 +1,8 @@
-//! One cluster is loaded for simplification, and its result becomes a piece of the next mesh.
+//! Loads a cluster for simplification, and writes the result as a piece of the next mesh.
 //!
 //! # Memory
-//! While loading: 32 bytes a face for the bucket, 8 to 12 bytes a texcoord beside the mesh itself; afterwards 4 bytes a
-//! vertex and 20 bytes a wedge to lead back to where everything came from.
+//! While loading: 32 bytes per face of the bucket and 8 to 12 bytes per texcoord, in addition to the mesh. Afterwards:
+//! 4 bytes per vertex and 20 bytes per wedge, to map them back to the partition.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -23,26 +23,26 @@ use crate::store::decimal::POWERS_OF_TEN;
 use crate::store::piece::{PendingPiece, write_piece};
 use crate::store::{Catalogue, Face, NO_TEXCOORD, Segment, StoredMesh, StoredPiece};
 
-/// A moved coordinate is rounded to no coarser than this share of its shortest edge.
+/// Largest rounding error of a moved vertex, as a share of its shortest edge.
 const ROUNDING_SHARE: f64 = 1e-3;
-/// Where the error is bounded, a unit of a moved coordinate's last decimal is at most this share of the bound: rounding and
-/// [`STEPS_ASIDE_MAX`] units aside move a vertex by less than a sixtieth of it.
+/// Largest unit of the last decimal of a moved coordinate, as a share of the bound on the error. Rounding and up to
+/// [`STEPS_ASIDE_MAX`] units of shift then move a vertex by less than a sixtieth of the bound.
 const BOUND_UNIT_SHARE: f64 = 1.0 / 1024.0;
-/// Wedges of a vertex that are searched one by one.
+/// Wedges of a vertex that are searched linearly; further ones are in a hash map.
 const CHAIN_MAX: usize = 32;
-/// Places that a vertex tries whose own is taken.
+/// Positions tried for a moved vertex whose own is taken.
 const STEPS_ASIDE_MAX: u32 = 16;
-/// Decimals beyond which a coordinate is not rounded at all.
+/// Decimals from which a coordinate is not rounded.
 const DECIMALS_MAX: u32 = POWERS_OF_TEN.len() as u32 - 1;
 
-/// Faces of a material, and their doubled areas.
+/// Faces of a material and their doubled areas.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct MaterialArea {
     /// Number of faces.
     pub faces: u64,
-    /// Area in space of those that have texture coordinates.
+    /// Doubled area in space of the faces that have texture coordinates.
     pub space: f64,
-    /// Their area in texture.
+    /// Doubled area of the same faces in texture space.
     pub texture: f64,
 }
 
@@ -54,14 +54,14 @@ impl std::ops::AddAssign for MaterialArea {
     }
 }
 
-/// Scale of texture coordinates by material, the last one for faces without material; see `cost::surface`.
+/// Scale of texture coordinates per material; the last entry is for faces without material. See `cost::surface`.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct TextureScale {
     scales: Vec<f64>,
 }
 
 impl TextureScale {
-    /// From areas by material; one without area in space or in texture has scale 1.
+    /// Computes the scales from areas by material; a material without area in space or in texture has scale 1.
     pub fn new(areas: &[MaterialArea]) -> Self {
         let scale = |area: &MaterialArea| {
             let scale = (area.space / area.texture).sqrt();
@@ -70,39 +70,39 @@ impl TextureScale {
         Self { scales: areas.iter().map(scale).collect() }
     }
 
-    /// Texture coordinates as they are.
+    /// Scale 1 for all materials.
     pub fn none(catalogue: &Catalogue) -> Self {
         Self { scales: vec![1.0; catalogue.materials.len() + 1] }
     }
 
-    /// Whether it has one for each material, for a value that was read back.
+    /// Reports whether a recalled value has a scale for each material.
     pub fn is_sound(&self, catalogue: &Catalogue) -> bool {
         self.scales.len() == catalogue.materials.len() + 1
     }
 
-    /// The scale of a part's material.
+    /// Scale of the material of a part.
     pub fn of(&self, catalogue: &Catalogue, part: u32) -> f64 {
         self.scales[catalogue.material_index(part)]
     }
 }
 
-/// A loaded cluster, and where its parts came from.
+/// A loaded cluster, with the origin of its vertices and wedges in the partition.
 #[derive(Debug)]
 pub struct ClusterSource {
     /// The mesh, relative to `origin`.
     pub mesh: ClusterMesh,
-    /// Position of the mesh's origin.
+    /// Position of the mesh's origin in space.
     pub origin: DVec3,
-    /// Triangles that repeat a vertex, found while triangulating polygons.
+    /// Triangles of triangulated polygons that were dropped because they repeat a vertex.
     pub degenerate: u64,
-    /// Faces that were left out since an earlier one has their vertices.
+    /// Faces dropped because an earlier face has the same vertices.
     pub doubles: u64,
-    /// Id in the partition of each vertex.
+    /// Partition id of each loaded vertex.
     vertex_ids: Vec<u32>,
     /// Index in `texcoords` of each wedge, or [`NO_TEXCOORD`].
     wedge_texcoord: Vec<u32>,
     texcoords: Vec<DVec2>,
-    /// Where the vertices lie that were put into edges; their ids follow on those of the loaded ones.
+    /// Vertices inserted into edges; their ids follow those of the loaded ones.
     points: Vec<EdgePoint>,
 }
 
@@ -120,10 +120,11 @@ pub fn load(
     Ok(read(partition, mesh, cluster)?.into_source(partition, catalogue, scale))
 }
 
-/// Loads a cluster that is too heavy to be loaded at once, block by block; vertices are repeated from block to block.
+/// Loads a cluster that is too heavy to load at once, block by block. Vertices are repeated in each block that uses
+/// them.
 ///
 /// # Errors
-/// On failed reads and damaged files, and what `take` returns.
+/// On failed reads and damaged files, and those of `take`.
 pub fn load_in_blocks(
     partition: &Partition,
     mesh: &StoredMesh,
@@ -138,10 +139,10 @@ pub fn load_in_blocks(
     })
 }
 
-/// Writes the faces of a cluster that is too heavy to be loaded as pieces of their own, block by block.
+/// Writes the faces of a cluster that is too heavy to load, one piece per block.
 ///
-/// All its vertices are shared, so the pieces have none of their own. Returns the pieces, and the triangles that repeat
-/// a vertex, found while triangulating polygons.
+/// All its vertices are shared, so the pieces have no vertices of their own. Returns the pieces, and the number of
+/// triangles of polygons that were dropped because they repeat a vertex.
 ///
 /// # Errors
 /// On a full disk, failed reads and writes, and damaged files.
@@ -193,7 +194,7 @@ fn pass_faces(
 }
 
 impl ClusterFaces {
-    /// Areas of the faces in space and in texture, added by material.
+    /// Adds the areas of the faces in space and in texture to those of their materials.
     pub fn add_areas(&self, catalogue: &Catalogue, areas: &mut [MaterialArea]) {
         let ranks = Ranks::new(&self.texcoord_ids);
         for face in &self.faces {
@@ -212,7 +213,7 @@ impl ClusterFaces {
         }
     }
 
-    /// The mesh of the faces.
+    /// Builds the mesh of the faces.
     pub fn into_source(self, partition: &Partition, catalogue: &Catalogue, scale: &TextureScale) -> ClusterSource {
         let Self { faces, positions, degenerate, doubles, vertex_ids, texcoord_ids, texcoords } = self;
         let origin = positions.first().copied().unwrap_or(DVec3::ZERO);
@@ -248,17 +249,17 @@ impl ClusterSource {
         mesh.deviations.reserve_exact(faces.len());
         mesh.is_turned.reserve_exact(faces.len());
         let mut first_wedge = vec![u32::MAX; mesh.positions.len()];
-        // Next wedge of the same vertex while they are gathered, and the wedge's material.
+        // For each wedge: the next wedge of the same vertex, and its material.
         let mut gathered: Vec<(u32, u32)> = Vec::with_capacity(mesh.positions.len() + mesh.positions.len() / 4);
-        // The wedge that a texture coordinate was last used by: most often the one that is wanted again.
+        // The last wedge that used each texture coordinate, which is usually the one wanted next.
         let mut recent = vec![u32::MAX; self.texcoords.len()];
-        // Wedges of a vertex beyond the first few; looked up only.
+        // Wedges of a vertex beyond the first [`CHAIN_MAX`]; only looked up, never iterated.
         let mut crowd: HashMap<(u32, u32, [u64; 2]), u32> = HashMap::new();
         for face in faces {
             let material = catalogue.material_index(face.part) as u32;
             let scale = scale.of(catalogue, face.part);
             let mut corners = [0; 3];
-            // By place: iterators over whole arrays would move them about.
+            // By index: iterators over whole arrays would copy them.
             for (k, corner) in corners.iter_mut().enumerate() {
                 let (vertex, id) = (face.vertices[k], face.texcoords[k]);
                 let index = if id == NO_TEXCOORD { id } else { ranks.of(id) };
@@ -302,20 +303,20 @@ impl ClusterSource {
         mesh.link_wedges();
     }
 
-    /// Takes note of vertices that were put into edges between loaded ones, in the order of their ids.
+    /// Registers vertices that were inserted into edges between loaded ones, in the order of their ids.
     pub fn adopt(&mut self, points: Vec<EdgePoint>) {
         self.points = points;
     }
 
-    /// Id in the partition of a loaded vertex of the mesh.
+    /// Partition id of a loaded vertex.
     pub fn vertex_id(&self, vertex: u32) -> u32 {
         self.vertex_ids[vertex as usize]
     }
 
     /// Writes the simplified mesh as a piece of the next stored mesh; `partition` is the one it was loaded from.
     ///
-    /// Where the deviation is bounded, that of a face grows by what rounding moves its corners: less than a sixtieth of
-    /// `max_error`, which is in units of length.
+    /// If `max_error` (in units of length) bounds the deviation, the deviation of a face grows by the distance that
+    /// rounding moves its corners: less than a sixtieth of `max_error`.
     ///
     /// # Errors
     /// On a full disk or failed reads and writes.
@@ -375,7 +376,7 @@ impl ClusterSource {
         write_piece(path, &positions, &texcoords, colours.as_deref(), &faces)
     }
 
-    /// Own vertices that faces use, in order.
+    /// Vertices that faces use and no other cluster shares, ascending.
     fn used_vertices(&self, simplified: &ClusterMesh) -> Vec<u32> {
         let mut used = vec![false; simplified.positions.len()];
         for &wedge in simplified.corners.iter().flatten() {
@@ -384,14 +385,15 @@ impl ClusterSource {
         (0..used.len() as u32).filter(|&v| used[v as usize] && !simplified.is_shared(v)).collect()
     }
 
-    /// Colours of vertices that were put into edges, between those of the ends; an end without colour has no say.
+    /// Interpolates the colours of vertices on edges from the two ends; if one end has no colour, takes that of the
+    /// other.
     fn colours_on_edges(
         &self,
         simplified: &ClusterMesh,
         colours: &Segment<[f32; 3]>,
         vertices: &[u32],
     ) -> Result<Vec<[f32; 3]>> {
-        // Behind the vertices that were loaded come those that were put into edges, then copies of either.
+        // Ids: loaded vertices, then vertices inserted into edges, then copies of either.
         let origin_of = |v: u32| match (v as usize).checked_sub(self.vertex_ids.len() + self.points.len()) {
             Some(copy) => simplified.copied_from[copy],
             None => v,
@@ -416,7 +418,7 @@ impl ClusterSource {
         Ok(vertices.iter().map(between).collect())
     }
 
-    /// Positions of own vertices: those that stayed as they came, those that moved rounded.
+    /// Positions of the vertices `used`: unmoved ones exactly as loaded, moved ones rounded.
     fn positions_of(
         &self,
         simplified: &ClusterMesh,
@@ -436,7 +438,7 @@ impl ClusterSource {
             }
         }
         let mut positions = partition.numbering.positions.gather(ids)?;
-        // Vertices that were put into edges have moved, and are placed below.
+        // Vertices inserted into edges are flagged as moved, and get their positions below.
         positions.resize(used.len(), DVec3::NAN);
         let rounded = |v: u32| {
             let exact = simplified.positions[v as usize] + self.origin;
@@ -456,7 +458,7 @@ impl ClusterSource {
         Ok(positions)
     }
 
-    /// Texture coordinate of a wedge in the units of the file: as it came, or unscaled and rounded.
+    /// Texture coordinate of a wedge in units of the file: as loaded, or unscaled and rounded if it moved.
     fn texcoord_of(&self, simplified: &ClusterMesh, catalogue: &Catalogue, wedge: u32, scale: f64) -> DVec2 {
         if !simplified.wedge_moved[wedge as usize] {
             return self.texcoords[self.wedge_texcoord[wedge as usize] as usize];
@@ -468,43 +470,43 @@ impl ClusterSource {
     }
 }
 
-/// How finely the coordinates of vertices that moved are rounded.
+/// Rounding of the coordinates of moved vertices.
 #[derive(Debug, Clone, Copy)]
 struct Rounding {
-    /// Decimals of the input's positions.
+    /// Largest number of decimals of a position in the input.
     input_decimals: u32,
-    /// Largest deviation allowed, if it is bounded.
+    /// Largest allowed deviation in units of length; `None` if it is unbounded.
     max_error: Option<f64>,
 }
 
 impl Rounding {
-    /// Decimals for a vertex whose shortest edge is this long.
+    /// Decimals for a vertex whose shortest edge has length `shortest`.
     fn decimals(&self, shortest: f64) -> u32 {
         let bounded = self.max_error.map_or(f64::INFINITY, |most| BOUND_UNIT_SHARE * most);
         let step = (2.0 * ROUNDING_SHARE * shortest).min(bounded);
-        // The input's decimals, but no finer than a thousandth of what is needed: some exporters write 1e-05.
+        // The decimals of the input, but no finer than a thousandth of what is needed: some exporters write 1e-05.
         self.input_decimals.min(decimals_for(step * 1e-3)).max(decimals_for(step))
     }
 }
 
-/// Places that are taken: two sheets of one shape may be simplified to one place, where they would seem joined.
+/// Positions in use. Two sheets of the same shape may simplify to the same positions, and would then seem joined.
 struct Taken {
-    /// Where each vertex was.
+    /// Position of each vertex before it moved.
     before: Vec<DVec3>,
-    /// A vertex at each place; looked up only.
+    /// One vertex at each position; only looked up, never iterated.
     at: HashMap<[u64; 3], usize>,
 }
 
 impl Taken {
-    /// By the vertices that stay, whose places before are given.
+    /// Marks the positions of the vertices that stay as taken.
     fn new(before: Vec<DVec3>, stays: impl Fn(usize) -> bool) -> Self {
         let staying =
             (0..before.len()).filter(|&vertex| stays(vertex)).map(|vertex| (position_key(before[vertex]), vertex));
         Self { at: staying.collect(), before }
     }
 
-    /// The place for a vertex that moved: the one wanted, or one a unit or more of its last decimal beside it if a vertex is
-    /// there that was elsewhere before.
+    /// Returns the position for a moved vertex: `wanted`, or if a vertex is there that was elsewhere before, a position
+    /// shifted along x by one or more units of the last decimal. Falls back to `wanted` if all are taken.
     fn place(&mut self, vertex: usize, wanted: DVec3, decimals: u32) -> DVec3 {
         let unit = 1.0 / POWERS_OF_TEN[decimals.min(DECIMALS_MAX) as usize];
         let beside = (0..STEPS_ASIDE_MAX).map(|step| DVec3::new(wanted.x + f64::from(step) * unit, wanted.y, wanted.z));
@@ -518,7 +520,7 @@ impl Taken {
     }
 }
 
-/// Whether some of the positions may be the same: no means no.
+/// Reports whether some of the positions may be equal; false is certain.
 fn may_have_twins(positions: &[DVec3]) -> bool {
     let hash = |position: &DVec3| xxh3_64(bytemuck::bytes_of(&position_key(*position)));
     let mut hashes: Vec<u64> = positions.iter().map(hash).collect();
@@ -526,7 +528,7 @@ fn may_have_twins(positions: &[DVec3]) -> bool {
     hashes.windows(2).any(|pair| pair[0] == pair[1])
 }
 
-/// Decimals at which a step in the last place is at most `step`.
+/// Smallest number of decimals whose last unit is at most `step`.
 fn decimals_for(step: f64) -> u32 {
     if step > 0.0 && step.is_finite() {
         (-libm::log10(step)).ceil().max(0.0).min(f64::from(DECIMALS_MAX)) as u32
@@ -535,7 +537,7 @@ fn decimals_for(step: f64) -> u32 {
     }
 }
 
-/// The double nearest to `x` rounded to a number of decimals; `x` itself where doubles are coarser.
+/// Rounds `x` to a number of decimals; returns `x` itself if doubles are coarser than that.
 fn round_to(x: f64, decimals: u32) -> f64 {
     let factor = POWERS_OF_TEN[decimals.min(DECIMALS_MAX) as usize];
     let scaled = (x * factor).round();

@@ -1,11 +1,12 @@
-//! Faces go to cells, and vertices that several cells use are marked.
+//! Distributes faces to cells, and marks the vertices that several cells use.
 //!
-//! A triangle belongs to the cell of most of its corners (the smallest of three), a polygon to that of its first
-//! corner, since it must stay whole until it is triangulated. Every corner that lies in another cell is *shared*.
+//! A triangle goes to the cell of most of its corners (the smallest id of three), a polygon to that of its first
+//! corner, because it must stay whole until it is triangulated. Every corner that lies in another cell is *shared*.
 //!
-//! Old ids are looked up window by window of the numbering, so that a shuffled file causes no random access. Blocks of faces
-//! that need one window are looked up as they come, if the file's order is such that windows seldom change; the ids of the
-//! others are found before, window after window, and wait in a file of 12 bytes a face.
+//! Old ids are looked up window by window of the numbering, so that a shuffled file causes no random access. Blocks of
+//! faces that need one window are looked up as they are read, if the order of the file is such that windows rarely
+//! change. The ids of other blocks are looked up beforehand, window by window, and kept in a temporary file of 12 bytes
+//! per face.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -28,47 +29,49 @@ use crate::store::face::FaceBlock;
 use crate::store::mesh::PieceNumbering;
 use crate::store::{Face, NO_TEXCOORD, StoredMesh, StoredPiece};
 
-/// Faces by cell, and the vertices that several cells use.
+/// Faces by cell, and the vertices shared by several cells.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct CellFaces {
     /// Faces of each cell, with new vertex ids and texcoord ids of the mesh.
     pub by_cell: Scatter<Face>,
-    /// Vertices that several cells use.
+    /// Vertices used by several cells.
     pub shared: Shared,
-    /// Corners of each cell's faces that lie in other cells.
+    /// For each cell, the corners of its faces that lie in other cells.
     pub foreign_corners: Vec<u64>,
-    /// Wedges of each cell's faces, at most.
+    /// Upper bound on the wedges of each cell.
     pub wedges: Vec<u64>,
-    /// The stretches of texture coordinates that the cells' faces name.
+    /// Stretches of texture coordinates that the faces of each cell refer to.
     #[serde(skip)]
     pub stretches: NamedStretches,
 }
 
-/// Changes of the window from one block to the next, for each window, up to which windows are loaded as they are needed.
+/// Largest mean number of window changes per window with which windows are loaded on demand.
 const WINDOW_CHANGES_MAX: u64 = 4;
-/// Windows that a block names on average from which on two are looked up at once: each time, it is read again.
+/// Mean number of windows per block above which two windows are looked up at once, since each lookup reads the block
+/// again.
 const MANY_WINDOWS: usize = 4;
-/// Bytes of a face's three new ids in the file of corners.
+/// Bytes per face in the file of corners: three new vertex ids.
 const CORNERS_BYTES: u64 = size_of::<[u32; 3]>() as u64;
 
 impl CellFaces {
-    /// Counts all vertices of some ranges as shared: their cells' faces are about to be spread over several pieces.
+    /// Marks all vertices of some ranges as shared, because the faces of their cells will be spread over several
+    /// pieces.
     pub fn share_all(&mut self, ranges: impl Iterator<Item = std::ops::Range<u32>>) {
         ranges.for_each(|vertices| self.shared.insert_all(vertices));
     }
 }
 
-/// One block of faces and where its piece stands.
+/// A block of faces, with the numbering of its piece.
 #[derive(Debug, Clone, Copy)]
 struct Job<'a> {
-    /// Number of blocks before it.
+    /// Index among all blocks.
     index: usize,
     piece: &'a StoredPiece,
     numbering: PieceNumbering,
     block: &'a FaceBlock,
-    /// Number of faces before it.
+    /// Number of faces in earlier blocks.
     first: u64,
-    /// The window of the numbering that its vertices lie in, if they are to be looked up as it comes.
+    /// The window of the numbering with all its vertices, if they are looked up on demand.
     window: Option<u32>,
 }
 
@@ -90,18 +93,18 @@ impl Job<'_> {
         Ok(faces)
     }
 
-    /// The window of the numbering that holds all its vertices, if one does.
+    /// The window of the numbering that contains all its vertices; `None` if it needs several.
     fn only_window(&self, ranks: &Ranks) -> Option<u32> {
         let mut windows = self.windows(ranks);
         windows.next().filter(|_| windows.next().is_none())
     }
 
-    /// The windows of the numbering that its faces may name.
+    /// The windows of the numbering that its faces may refer to.
     fn windows(&self, ranks: &Ranks) -> impl Iterator<Item = u32> {
         (0..ranks.window_count()).filter(|&window| self.may_touch(&ranks.range(window..window + 1)))
     }
 
-    /// Whether a face of the block may name a vertex of a range of mesh ids.
+    /// Reports whether a face of the block may refer to a vertex in a range of mesh ids.
     fn may_touch(&self, range: &std::ops::Range<u32>) -> bool {
         let PieceNumbering { own, vertex_base, .. } = self.numbering;
         let (low, high) = (self.block.vertices.start, self.block.vertices.end);
@@ -190,19 +193,19 @@ pub fn distribute(
     Ok(CellFaces { by_cell: by_cell.finish_durable()?, shared, foreign_corners, wedges, stretches })
 }
 
-/// What became of a block of faces.
+/// Result of assigning a block of faces.
 struct Assigned {
     faces: Sorted<Face>,
-    /// Corners in other cells: the face's cell, and the vertex.
+    /// Corners in other cells: the cell of the face, and the vertex.
     shared: Vec<(u32, u32)>,
-    /// Cells and the wedges of faces that follow each other in them, at most.
+    /// Cells, with an upper bound on the wedges of consecutive faces in each.
     wedges: Vec<(u32, u32)>,
-    /// Stretches of texture coordinates that the faces name.
+    /// Stretches of texture coordinates that the faces refer to.
     stretches: Vec<CellStretch>,
     degenerate: u64,
 }
 
-/// Chooses the cell of each face of a block; triangles that repeat a vertex are dropped.
+/// Chooses the cell of each face of a block; drops triangles that repeat a vertex.
 fn assign(faces: &[Face], numbering: &Numbering) -> Assigned {
     let mut placed: Vec<(u32, Face)> = Vec::with_capacity(faces.len());
     let (mut shared, mut wedges, mut degenerate) = (Vec::new(), Vec::new(), 0);
@@ -246,7 +249,7 @@ fn assign(faces: &[Face], numbering: &Numbering) -> Assigned {
     Assigned { faces: Sorted::new(&placed), shared, wedges, stretches: stretches.seen, degenerate }
 }
 
-/// The window of the numbering that was asked for last.
+/// Cache of the last window of the numbering.
 #[derive(Default)]
 struct LoadedWindow {
     window: Mutex<Option<(u32, Arc<Vec<u32>>)>>,
@@ -265,11 +268,11 @@ impl LoadedWindow {
     }
 }
 
-/// New vertex ids of all corners, in a file that goes with the value.
+/// New vertex ids of all corners, in a temporary file that is deleted on drop.
 struct Corners {
     file: File,
     path: PathBuf,
-    /// XXH3 of what was written of each block; 0 before that.
+    /// XXH3 of the data of each block; 0 before it is written.
     checksums: Vec<AtomicU64>,
 }
 
@@ -284,7 +287,7 @@ impl Corners {
         Ok(corners)
     }
 
-    /// Looks up the corners of blocks, some windows of the numbering after the others.
+    /// Looks up the corners of blocks, one or two windows of the numbering at a time.
     fn look_up(&self, jobs: &[Job<'_>], ranks: &Ranks, options: &PartitionOptions) -> Result<()> {
         let count = ranks.window_count();
         let named = jobs.iter().map(|job| job.windows(ranks).count()).sum::<usize>();
@@ -325,7 +328,7 @@ impl Corners {
         write_all_at(&self.file, bytes, job.first * CORNERS_BYTES).map_err(|e| Error::io(&self.path, "write", e))
     }
 
-    /// What was written of a block, zeros before that.
+    /// Reads the corners of a block; zeros if none were written yet.
     fn read(&self, job: &Job<'_>, count: usize) -> Result<Vec<[u32; 3]>> {
         let mut corners = vec![[0u32; 3]; count];
         let checksum = self.checksums[job.index].load(Ordering::Relaxed);

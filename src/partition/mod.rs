@@ -1,26 +1,26 @@
-//! A stored mesh is cut into clusters of bounded size.
+//! Partitions a stored mesh into clusters of bounded size.
 //!
 //! ```text
 //! positions ── cells: a kd-tree over a histogram
 //!     │
 //!     ├─ numbering: vertices in cell order, duplicates welded; old id → new id
 //!     │
-//! faces ── faces: each one to the cell of most of its corners
-//!     │        shared: the vertices that several cells use
-//!     │        stretches: how far over the file a cell's texture coordinates lie
+//! faces ── faces: each goes to the cell of most of its corners
+//!     │        shared: the vertices used by several cells
+//!     │        stretches: how scattered over the file the texture coordinates of a cell are
 //!     │
-//!     ├─ texcoords: brought to the cells, if a cell's lie far apart
-//!     ├─ weight: what a cluster takes in memory; one that is too heavy passes through
+//!     ├─ texcoords: copied to the cells, if a cell's are scattered
+//!     ├─ weight: memory that a cluster takes; one that is too heavy passes through
 //!     └─ cluster: one bucket with its positions and texcoords, ready to be simplified
 //! ```
-//! In: a [`StoredMesh`]. Out: a [`Partition`], whose clusters load one by one. Invariant:
-//! the cells depend on the mesh, the cluster size and the pass alone; all files are read and written in order,
-//! whatever the order of the input.
+//! In: a [`StoredMesh`]. Out: a [`Partition`], whose clusters are loaded one by one. Invariant: the cells depend on the
+//! mesh, the cluster size and the pass alone. All files are read and written sequentially, whatever the order of the
+//! input.
 //!
 //! # Memory
-//! A histogram of 8 MiB and its filled cells, at most twice that; 2 bytes a shared vertex; the numbering (4 bytes a
+//! A histogram of 8 MiB and its filled cells, at most twice that; 2 bytes per shared vertex; the numbering (4 bytes per
 //! vertex) or two windows of it, 16 MiB or a quarter of the work memory; a window of texture coordinates, half of that;
-//! buffers of records by cell, 12 MiB, or 24 MiB for texture coordinates; a cell of 92 bytes a vertex in each thread
+//! buffers of records by cell, 12 MiB, or 24 MiB for texture coordinates; 92 bytes per vertex of a cell in each thread
 //! while duplicates are welded.
 
 pub mod cells;
@@ -51,27 +51,27 @@ pub use cluster::{ClusterSource, TextureScale};
 pub use options::PartitionOptions;
 pub use shared::Shared;
 
-/// A mesh cut into clusters.
+/// A mesh partitioned into clusters.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Partition {
     /// Vertices in cell order.
     pub numbering: numbering::Numbering,
     /// Faces by cell.
     pub faces: faces::CellFaces,
-    /// Texture coordinates by cell, if they would be scattered otherwise.
+    /// Texture coordinates by cell, if they are scattered over the mesh's files.
     texcoords: Option<texcoords::CellTexcoords>,
-    /// What each cluster takes in memory; nothing for those that pass through.
+    /// Weight of each cluster; `None` for those that pass through.
     weights: Vec<Option<weight::ClusterWeight>>,
-    /// Whether clusters are loaded without doubles.
+    /// Whether clusters are loaded without repeated faces.
     drops_doubles: bool,
     /// What was welded and dropped.
     pub findings: Findings,
-    /// Most bytes that the folder held meanwhile.
+    /// Largest size of the folder meanwhile, in bytes.
     #[serde(skip)]
     pub scratch_peak: u64,
 }
 
-/// Cuts a mesh; the files go to `folder`, their names begin with `name`.
+/// Partitions a mesh. Writes files to `folder`, with names that begin with `name`.
 ///
 /// # Errors
 /// On a full disk, failed reads and writes, and damaged files.
@@ -104,7 +104,7 @@ pub fn partition(
     Ok(Partition { numbering, faces, texcoords, weights, drops_doubles, findings, scratch_peak })
 }
 
-/// The weight of each cluster; none where it is beyond the limit.
+/// Weighs each cluster; `None` where it exceeds the limit.
 fn weigh(
     numbering: &numbering::Numbering,
     faces: &faces::CellFaces,
@@ -167,7 +167,7 @@ impl Partition {
         (0..self.cluster_count()).map(|cluster| self.face_count(cluster)).collect()
     }
 
-    /// What a cluster takes in memory; nothing if it is too heavy to be loaded and has to pass through.
+    /// Weight of a cluster; `None` if it is too heavy to load and has to pass through.
     pub fn weight(&self, cluster: usize) -> Option<weight::ClusterWeight> {
         self.weights[cluster]
     }
@@ -177,7 +177,7 @@ impl Partition {
         (0..self.cluster_count()).map(|cluster| self.face_count(cluster)).sum()
     }
 
-    /// Says in which folder the files lie, after the value was read back.
+    /// Sets the folder of the files of a recalled value.
     pub fn locate(&mut self, folder: &Path) {
         self.numbering.positions.locate(folder);
         self.numbering.colours.iter_mut().for_each(|segment| segment.locate(folder));
@@ -185,8 +185,8 @@ impl Partition {
         self.texcoords.iter_mut().for_each(|texcoords| texcoords.answers.locate(folder));
     }
 
-    /// Whether its tables and files fit each other, the files of the mesh that are still needed and clusters of about so many
-    /// faces, for values that were read back and located.
+    /// Reports whether the tables and files of a recalled and located value are consistent, whether the required files
+    /// of the mesh exist, and whether its clusters are no heavier than `cluster_faces` allows.
     pub fn is_sound(&self, mesh: &StoredMesh, cluster_faces: u64) -> bool {
         let (faces, numbering, count) = (&self.faces, &self.numbering, self.weights.len());
         let limit = weight::limit_bytes(cluster_faces);
@@ -210,20 +210,21 @@ impl Partition {
             && self.weights.iter().enumerate().all(can_be_loaded)
     }
 
-    /// Its files.
+    /// Paths of its files.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
         let colours = self.numbering.colours.iter().map(Segment::path);
         let texcoords = self.texcoords.iter().map(|texcoords| texcoords.answers.path());
         [self.numbering.positions.path(), self.faces.by_cell.path()].into_iter().chain(colours).chain(texcoords)
     }
 
-    /// The files of the mesh that its clusters are still loaded from.
+    /// Paths of the mesh's files that its clusters still need.
     pub fn files_of<'a>(&self, mesh: &'a StoredMesh) -> impl Iterator<Item = &'a Path> + use<'a> {
         let needs_texcoords = self.needs_texcoords_of_mesh();
         mesh.texcoord_files().filter(move |_| needs_texcoords)
     }
 
-    /// Whether texture coordinates are read from the mesh: what passes through does so even where they were brought.
+    /// Reports whether texture coordinates are read from the mesh. Clusters that pass through read them there even if
+    /// they were copied to the cells.
     fn needs_texcoords_of_mesh(&self) -> bool {
         self.texcoords.is_none() || self.weights.iter().any(Option::is_none)
     }

@@ -1,4 +1,4 @@
-//! Vertices get new ids in cell order, and duplicates become one.
+//! Numbers the vertices in cell order, and welds duplicates.
 //!
 //! ```text
 //! old ids   0 1 2 3 4 5 6 …          file order
@@ -6,10 +6,10 @@
 //! new ids   | 1 4 5 | 0 2 6 | 3 |    cell 0, cell 1, cell 2
 //! ranks     3 0 4 6 1 2 5 …          old id → new id; the same new id for duplicates
 //! ```
-//! Duplicates lie in one cell, since cells are by position. New ids within a cell follow the old order.
+//! Duplicates lie in the same cell, since cells are chosen by position. New ids within a cell follow the old order.
 //!
 //! # Memory
-//! Buffers of 12 MiB, the positions of a cell while it is welded, and [`Ranks`]: 16 MiB at most.
+//! Buffers of 12 MiB, the positions of a cell while it is welded, and [`Ranks`]: at most 16 MiB.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -29,25 +29,27 @@ use crate::job::folder_bytes;
 use crate::store::varint::{self, VARINT_BYTES_MAX, unzigzag, zigzag};
 use crate::store::{ColumnWriter, EncodedRun, Places, PlacesWriter, Segment, StoredMesh};
 
-/// Positions that are read at once: little enough that what is made of them stays in the caches and the heap.
+/// Positions read at once, few enough that the records made of them stay in the caches and in the heap.
 const SWEEP_RECORDS: u64 = 16 << 10;
-/// A cell of more vertices is welded alone and extent by extent: it could not be split, so its places are few.
+/// A cell of more vertices is welded on its own, extent by extent. It could not be split, so it has few distinct
+/// positions.
 const CROWD_RECORDS: u64 = 1 << 20;
-/// Positions of a run, at most.
+/// Largest number of positions in a run.
 const RUN_RECORDS: usize = 16 << 10;
 /// Bytes of a colour.
 const COLOUR_BYTES: usize = size_of::<[f32; 3]>();
 /// Bytes of a rank.
 pub const RANK_BYTES: u64 = 4;
-/// Ranks of a window, at most, in bytes: more would make memory grow with the mesh and save little.
+/// Largest size of a window of ranks in bytes. Larger ones would make memory grow with the mesh and save little time.
 const WINDOW_BYTES_MAX: u64 = 8 << 20;
 
-/// Bytes of a window when `work_bytes` may be used; two may be in memory.
+/// Size of a window in bytes for this work memory; two may be loaded at once.
 pub fn window_bytes(work_bytes: u64) -> u64 {
     (work_bytes / 8).min(WINDOW_BYTES_MAX)
 }
 
-/// Whether the ranks of so many vertices are looked up all at once: where they take no more than two windows.
+/// Reports whether the ranks of `vertices` vertices are kept in memory as a whole: if they take no more than two
+/// windows.
 pub fn fit_one_window(vertices: u64, work_bytes: u64) -> bool {
     RANK_BYTES * vertices <= 2 * window_bytes(work_bytes)
 }
@@ -57,9 +59,9 @@ pub fn fit_one_window(vertices: u64, work_bytes: u64) -> bool {
 pub struct Numbering {
     /// Positions by new id.
     pub positions: Places,
-    /// Colours by new id, if the mesh has any.
+    /// Colours by new id; `None` if the mesh has none.
     pub colours: Option<Segment<[f32; 3]>>,
-    /// First new id of each cell, and the number of all.
+    /// First new id of each cell, then the number of vertices.
     pub starts: Vec<u32>,
 }
 
@@ -69,7 +71,7 @@ impl Numbering {
         self.starts.len() - 1
     }
 
-    /// Whether the cells follow each other and the files hold so many vertices, for a value that was read back and located.
+    /// Reports whether the tables and files of a recalled and located value are consistent.
     pub fn is_sound(&self) -> bool {
         let count = self.positions.len();
         self.positions.is_sound()
@@ -79,21 +81,21 @@ impl Numbering {
             && self.starts.is_sorted()
     }
 
-    /// The cell of a vertex.
+    /// Cell of a vertex.
     #[inline]
     pub fn cell_of(&self, vertex: u32) -> u32 {
         (self.starts.partition_point(|&start| start <= vertex) - 1) as u32
     }
 }
 
-/// Old id → new id, in windows of old ids.
+/// Maps old ids to new ids, in windows of old ids.
 #[derive(Debug)]
 pub struct Ranks {
     window_len: u32,
     count: u32,
-    /// All ranks, if they fit one window.
+    /// All ranks, if they are kept in memory as a whole.
     whole: Vec<u32>,
-    /// Pairs (old, new) by window, otherwise.
+    /// Otherwise, pairs (old, new) by window.
     pairs: Option<Scatter<[u32; 2]>>,
 }
 
@@ -103,18 +105,18 @@ impl Ranks {
         self.count.div_ceil(self.window_len).max(1)
     }
 
-    /// Old ids of windows that follow each other.
+    /// Old ids of consecutive windows.
     pub fn range(&self, windows: Range<u32>) -> Range<u32> {
         let start_of = |window: u32| window.saturating_mul(self.window_len).min(self.count);
         start_of(windows.start)..start_of(windows.end)
     }
 
-    /// All ranks, if there is one window.
+    /// All ranks if they are in memory as a whole, otherwise `None`.
     pub fn whole(&self) -> Option<&[u32]> {
         self.pairs.is_none().then_some(&self.whole)
     }
 
-    /// Loads windows that follow each other.
+    /// Loads the ranks of consecutive windows.
     ///
     /// # Errors
     /// On failed reads.
@@ -132,7 +134,7 @@ impl Ranks {
     }
 }
 
-/// A vertex on its way to its cell.
+/// Record of a vertex that is scattered to its cell.
 pub(super) trait VertexRecord: Record {
     fn new(position: DVec3, id: u32, colour: [f32; 3]) -> Self;
     fn position(&self) -> DVec3;
@@ -140,7 +142,7 @@ pub(super) trait VertexRecord: Record {
     fn colour(&self) -> Option<[f32; 3]>;
 }
 
-/// Without colour.
+/// Record without colour.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PlainRecord {
     position: DVec3,
@@ -165,7 +167,7 @@ impl VertexRecord for PlainRecord {
     }
 }
 
-/// All positions, then the ids as differences from the one before.
+/// Encodes all positions, then the ids as differences from the previous one.
 impl Record for PlainRecord {
     fn encode(records: &[Self], out: &mut Vec<u8>) {
         encode_coordinates(&records.iter().map(|record| record.position).collect::<Vec<_>>(), out);
@@ -192,7 +194,7 @@ impl Record for PlainRecord {
     }
 }
 
-/// With colour.
+/// Record with colour.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ColouredRecord {
     plain: PlainRecord,
@@ -217,7 +219,7 @@ impl VertexRecord for ColouredRecord {
     }
 }
 
-/// All colours as they are, then the rest.
+/// Encodes all colours verbatim, then the plain records.
 impl Record for ColouredRecord {
     fn encode(records: &[Self], out: &mut Vec<u8>) {
         records.iter().for_each(|record| out.extend_from_slice(bytemuck::bytes_of(&record.colour)));
@@ -234,8 +236,8 @@ impl Record for ColouredRecord {
     }
 }
 
-/// Numbers the vertices of a mesh by cell; records hold a colour if the mesh has any. Tells the most bytes that the folder
-/// held meanwhile.
+/// Numbers the vertices of a mesh by cell. `R` must have a colour if the mesh has colours. Also returns the largest
+/// size of the folder meanwhile, in bytes.
 ///
 /// # Errors
 /// On a full disk, failed reads and writes.
@@ -353,28 +355,28 @@ fn scatter_by_cell<R: VertexRecord>(
     scatter.finish()
 }
 
-/// Index of each place that was seen, by the bits of its position. Looked up only, never iterated, so the random seed
-/// leaves no trace in the result.
+/// Index of each position seen, by its bits. Only looked up, never iterated, so the random seed does not affect the
+/// result.
 type Known = HashMap<[u64; 3], u32, RandomState>;
 
-/// The vertices of a cell after welding, or of a part of it.
+/// Vertices of a cell, or of a part of it, after welding.
 #[derive(Debug, Default)]
 struct WeldedCell {
     positions: Vec<DVec3>,
     colours: Vec<[f32; 3]>,
-    /// Old id, and index of its place in the cell.
+    /// Old id, and index of its position in the cell.
     local: Vec<(u32, u32)>,
 }
 
 impl WeldedCell {
-    /// The same with its positions encoded.
+    /// Encodes the positions.
     fn encoded(mut self) -> (Self, Vec<EncodedRun>) {
         let runs = self.positions.chunks(RUN_RECORDS).map(EncodedRun::new).collect();
         self.positions = Vec::new();
         (self, runs)
     }
 
-    /// Adds records; `known` is the index of each place so far, `fresh` that of the next one.
+    /// Adds records; `known` maps positions to their indices so far, `fresh` is the next index.
     fn add<R: VertexRecord>(&mut self, records: &[R], weld: bool, known: &mut Known, fresh: &mut u32) {
         for record in records {
             let local = match weld {
@@ -402,7 +404,7 @@ fn weld_cell<R: VertexRecord>(records: &Scatter<R>, cell: usize, weld: bool) -> 
     Ok(welded)
 }
 
-/// The same for a cell of any size: hands over what each extent adds.
+/// Welds a cell of any size; passes the result of each extent to `put`.
 fn weld_crowd<R: VertexRecord>(
     records: &Scatter<R>,
     cell: usize,

@@ -1,18 +1,18 @@
 //! How a mesh is cut into clusters.
 
-/// How a mesh is to be cut.
+/// How to partition a mesh.
 #[derive(Debug, Clone, Copy)]
 pub struct PartitionOptions {
-    /// Faces of a cell, about.
+    /// Target number of faces per cell.
     pub cluster_faces: u64,
-    /// Number of the pass; it shifts the cells.
+    /// Index of the pass; it shifts the cells.
     pub pass: usize,
-    /// Whether vertices at bit-identical positions become one.
+    /// Whether vertices at equal positions are merged.
     pub weld: bool,
-    /// Whether of faces with the same three vertices the first alone is kept.
+    /// Whether only the first of several faces with the same three vertices is kept.
     pub drop_doubles: bool,
-    /// Threads.
+    /// Worker threads.
     pub threads: usize,
-    /// Bytes that windows and buffers may take.
+    /// Memory in bytes for windows and buffers.
     pub work_bytes: u64,
 }

@@ -1,28 +1,28 @@
-//! The place of an id in an ascending list, in constant time where ids are evenly spread.
+//! Finds the index of an id in an ascending list, in constant time if ids are evenly spread.
 //!
 //! ```text
-//! ids     100 103 104 | 117 | 131 ...      one slot for each 16 ids of the range, as many slots as ids, about
+//! ids     100 103 104 | 117 | 131 ...      a slot per 2^shift ids of the range, about as many slots as ids
 //! starts  0             3     4
 //! ```
 //!
 //! # Memory
-//! 4 bytes an id.
+//! 4 bytes per id.
 
-/// So many ids are all compared, more are halved.
+/// Largest slot that is searched linearly; larger ones are searched by bisection.
 const FEW: usize = 8;
 
-/// Places of ids in a list.
+/// Indices of ids in an ascending list.
 #[derive(Debug)]
 pub struct Ranks<'a> {
     ids: &'a [u32],
-    /// Bits of an id that do not choose its slot.
+    /// Low bits of an id that do not select its slot.
     shift: u32,
-    /// Where each slot's ids begin in the list, and where the last one's end.
+    /// Index in the list of the first id of each slot, then the length of the list.
     starts: Vec<u32>,
 }
 
 impl<'a> Ranks<'a> {
-    /// Of an ascending list.
+    /// Indexes an ascending list.
     pub fn new(ids: &'a [u32]) -> Self {
         let span = ids.last().zip(ids.first()).map_or(0, |(last, first)| last - first);
         let shift = (0..u32::BITS - 1).find(|&shift| (span >> shift) as usize <= ids.len()).unwrap_or(u32::BITS - 1);
@@ -35,7 +35,7 @@ impl<'a> Ranks<'a> {
         Self { ids, shift, starts }
     }
 
-    /// Place of an id that is in the list; somewhere in it, or its end, for another.
+    /// Index of an id in the list. For an id that is not in the list, some index up to its length.
     #[inline]
     pub fn of(&self, id: u32) -> u32 {
         let slot = (id.wrapping_sub(self.ids.first().copied().unwrap_or(0)) >> self.shift) as usize;

@@ -1,7 +1,7 @@
-//! The faces of a cluster are read, with the positions and texture coordinates that they refer to.
+//! Reads the faces of a cluster, with their positions and texture coordinates.
 //!
 //! # Memory
-//! 36 bytes a face, 24 bytes a vertex, 8 to 20 bytes a texcoord.
+//! 36 bytes per face, 24 bytes per vertex, 8 to 20 bytes per texcoord.
 
 use std::collections::HashSet;
 
@@ -15,14 +15,14 @@ use crate::mesh::polygon;
 use crate::store::face::{POLYGON_CORNERS_MAX, repeats_vertex};
 use crate::store::{Face, Segment, StoredMesh};
 
-/// Vertices and texcoords that are mapped at once while gathering.
+/// Largest span of a window while gathering, in records.
 const GATHER_RECORDS: u64 = 64 << 10;
-/// Faces of a block of a cluster that is too heavy to be loaded at once.
+/// Faces per block of a cluster that is too heavy to load at once.
 const PASS_FACES: usize = 64 << 10;
-/// The faces of a cluster as they were read, with what they refer to.
+/// Faces of a cluster as read, with their positions and texture coordinates.
 #[derive(Debug)]
 pub struct ClusterFaces {
-    /// Vertices are places in `vertex_ids` and `positions`, texcoords ids of the mesh.
+    /// Vertices are indices into `vertex_ids` and `positions`; texcoords are ids of the mesh.
     pub(super) faces: Vec<Face>,
     pub(super) positions: Vec<DVec3>,
     pub(super) degenerate: u64,
@@ -48,18 +48,18 @@ impl ClusterFaces {
         self.faces[face as usize].vertices
     }
 
-    /// Positions of a face's corners.
+    /// Positions of the corners of a face.
     pub fn triangle(&self, face: u32) -> [DVec3; 3] {
         self.vertices(face).map(|v| self.positions[v as usize])
     }
 
-    /// Keeps some faces, named ascending, and all that faces refer to.
+    /// Keeps only these faces, given ascending; keeps all vertices and texcoords.
     pub fn keep(&mut self, faces: &[u32]) {
         self.faces = faces.iter().map(|&face| self.faces[face as usize]).collect();
     }
 }
 
-/// Reads a cluster as it lies on disk: what a mesh is made of.
+/// Reads a cluster from disk.
 ///
 /// # Errors
 /// On failed reads and damaged files.
@@ -67,8 +67,8 @@ pub fn read(partition: &Partition, mesh: &StoredMesh, cluster: usize) -> Result<
     read_one_in(1, partition, mesh, cluster)
 }
 
-/// Reads one block in `step` of a cluster's faces; all of them where texture coordinates were brought to the cells, since
-/// those answer all faces together.
+/// Reads one in `step` blocks of the faces of a cluster. Reads all of them if texture coordinates were copied to the
+/// cells, because those are stored for all faces together.
 ///
 /// # Errors
 /// On failed reads and damaged files.
@@ -82,7 +82,7 @@ pub fn read_one_in(step: usize, partition: &Partition, mesh: &StoredMesh, cluste
     read_faces(partition, partition.faces.by_cell.to_vec(step, cluster)?, own, texcoords)
 }
 
-/// Reads faces; most of their vertices lie in the range `own` of the partition's ids.
+/// Reads the vertices and texcoords of faces; most vertices lie in the range `own` of partition ids.
 pub(super) fn read_faces(
     partition: &Partition,
     mut faces: Vec<Face>,
@@ -97,7 +97,7 @@ pub(super) fn read_faces(
         face.vertices = face.vertices.map(|id| local.of(id));
     }
     drop(std::mem::take(&mut local));
-    // NOTE: before polygons are triangulated, which may drop triangles: brought texcoords answer all faces of the cell.
+    // NOTE: before triangulation, which may drop triangles: copied texcoords cover all faces of the cell.
     let texcoord_ids = texcoord_ids(&faces);
     let degenerate = triangulate_polygons(&mut faces, &positions);
     let doubles = if partition.drops_doubles { drop_doubles(&mut faces) } else { 0 };
@@ -110,7 +110,7 @@ pub(super) fn read_faces(
     Ok(ClusterFaces { faces, positions, degenerate, doubles, vertex_ids, texcoord_ids, texcoords })
 }
 
-/// Hands the faces of a cluster to `take` in blocks of about [`PASS_FACES`]; no polygon lies in two of them.
+/// Passes the faces of a cluster to `take` in blocks of about [`PASS_FACES`]; does not split polygons.
 pub(super) fn for_each_block(
     partition: &Partition,
     cluster: usize,
@@ -129,7 +129,7 @@ pub(super) fn for_each_block(
     take(pending)
 }
 
-/// Drops faces whose vertices an earlier one has; returns how many.
+/// Drops faces with the same vertices as an earlier one; returns their number.
 fn drop_doubles(faces: &mut Vec<Face>) -> u64 {
     let doubles = doubles(faces.len(), |face| faces[face as usize].vertices);
     let (mut dropped, mut number) = (doubles.iter().copied().peekable(), 0);
@@ -151,7 +151,7 @@ fn vertex_ids(faces: &[Face], own: &std::ops::Range<u32>) -> Vec<u32> {
             foreign.insert(id);
         }
     }
-    // NOTE: sorted at once, so the set's order leaves no trace.
+    // NOTE: sorted at once, so the order of the set does not affect the result.
     let mut ids: Vec<u32> = foreign.into_iter().collect();
     ids.sort_unstable();
     let at = ids.partition_point(|&id| id < own.start);
@@ -160,7 +160,7 @@ fn vertex_ids(faces: &[Face], own: &std::ops::Range<u32>) -> Vec<u32> {
     ids
 }
 
-/// Partition id → local id.
+/// Maps partition ids to local ids.
 #[derive(Debug, Default)]
 struct LocalIds<'a> {
     ids: &'a [u32],
@@ -186,7 +186,7 @@ impl<'a> LocalIds<'a> {
     }
 }
 
-/// Replaces fans by proper triangulations, and drops their triangles that repeat a vertex; returns how many.
+/// Replaces the fans of polygons by triangulations; drops triangles that repeat a vertex and returns their number.
 pub fn triangulate_polygons(faces: &mut Vec<Face>, positions: &[DVec3]) -> u64 {
     if !faces.iter().any(|face| face.continues_polygon) {
         return 0;
@@ -220,7 +220,7 @@ pub fn triangulate_polygons(faces: &mut Vec<Face>, positions: &[DVec3]) -> u64 {
     dropped
 }
 
-/// Records at ascending ids, read through bounded windows.
+/// Returns the records at ascending ids, read through windows of bounded size.
 ///
 /// # Errors
 /// On failed reads.
@@ -237,7 +237,7 @@ pub fn gather<T: bytemuck::Pod>(column: &Segment<T>, ids: &[u32]) -> Result<Vec<
     Ok(out)
 }
 
-/// Texture coordinates at ascending ids of the mesh.
+/// Returns the texture coordinates at ascending ids of the mesh.
 pub(super) fn gather_texcoords(mesh: &StoredMesh, ids: &[u32]) -> Result<Vec<DVec2>> {
     let mut out = Vec::with_capacity(ids.len());
     let (mut base, mut at) = (0u64, 0);

@@ -1,6 +1,6 @@
-//! Records by cell, in one file: each cell's records lie in extents that are spread over the file.
+//! Stores records by cell in one file; the records of a cell lie in extents spread over the file.
 //!
-//! An extent is compared with its checksum whenever it is read: ids from it choose places in memory.
+//! The checksum of an extent is verified on every read, because ids from it are used as indices into memory.
 
 use std::fs::File;
 use std::marker::PhantomData;
@@ -20,28 +20,28 @@ use crate::store::face::{self, Face};
 use crate::store::packed::{self, Coordinates};
 use crate::store::varint::{self, VARINT_BYTES_MAX, unzigzag, zigzag};
 
-/// Bytes of all buffers together.
+/// Memory of all buffers together, in bytes.
 const BUFFERS_BYTES: usize = 12 << 20;
-/// Records of an extent, at most.
+/// Largest number of records in an extent.
 const EXTENT_RECORDS_MAX: usize = 32 << 10;
-/// Records of one cell among those that are sorted together that become an extent of their own.
+/// Smallest number of records of one cell, in a batch, that are written as an extent of their own.
 const MANY_RECORDS: usize = 1024;
-/// Bytes of an extent, at most: more were never written.
+/// Largest size of an extent in bytes; no writer exceeds it.
 const EXTENT_BYTES_MAX: usize = EXTENT_RECORDS_MAX * 64;
 
-/// A record that can be written together with others that were pushed to the same cell.
+/// A record that is encoded together with others of its cell.
 pub trait Record: Copy + Send + Sync {
-    /// Encodes records at the end of `out`.
+    /// Appends the encoded records to `out`.
     fn encode(records: &[Self], out: &mut Vec<u8>);
 
-    /// Decodes `count` records to the end of `out`.
+    /// Decodes `count` records and appends them to `out`.
     ///
     /// # Errors
-    /// Says in words where the bytes make no sense.
+    /// A description of the fault if the bytes are invalid.
     fn decode(bytes: &[u8], count: usize, out: &mut Vec<Self>) -> std::result::Result<(), String>;
 }
 
-/// Two numbers, each as the difference from that of the record before.
+/// Two numbers, each encoded as the difference from that of the previous record.
 impl Record for [u32; 2] {
     fn encode(records: &[Self], out: &mut Vec<u8>) {
         let mut at = out.len();
@@ -90,7 +90,7 @@ impl Record for DVec2 {
     }
 }
 
-/// A record that is written as it lies in memory.
+/// A record that is stored as it lies in memory.
 pub trait Verbatim: Pod + Send + Sync {}
 
 impl<T: Verbatim> Record for T {
@@ -107,7 +107,7 @@ impl<T: Verbatim> Record for T {
     }
 }
 
-/// Encodes coordinates in blocks behind their lengths.
+/// Encodes coordinates in blocks, each preceded by its length.
 pub(super) fn encode_coordinates<T: Coordinates>(records: &[T], out: &mut Vec<u8>) {
     let mut decimals = 0;
     for records in records.chunks(packed::BLOCK_RECORDS) {
@@ -119,7 +119,7 @@ pub(super) fn encode_coordinates<T: Coordinates>(records: &[T], out: &mut Vec<u8
     }
 }
 
-/// Decodes `count` coordinates from the front of `bytes`; returns what follows.
+/// Decodes `count` coordinates from the front of `bytes`; returns the remaining bytes.
 pub(super) fn decode_coordinates<'a, T: Coordinates>(
     mut bytes: &'a [u8],
     count: usize,
@@ -137,22 +137,22 @@ pub(super) fn decode_coordinates<'a, T: Coordinates>(
     Ok(bytes)
 }
 
-/// Records on their way to their cells.
+/// A batch of records, sorted by cell.
 #[derive(Debug)]
 pub struct Sorted<T> {
-    /// Of cells that have many, encoded: a cell, bytes, and number of records.
+    /// Encoded records of cells with many: cell, bytes, number of records.
     many: Vec<(u32, Vec<u8>, u32)>,
-    /// The others, one by one.
+    /// Records of the other cells.
     few: Vec<(u32, T)>,
 }
 
 impl<T: Record> Sorted<T> {
-    /// Sorts records by cell; those of one cell stay in their order.
+    /// Sorts records by cell; keeps the order within a cell.
     pub fn new(records: &[(u32, T)]) -> Self {
         let mut sorted = Self { many: Vec::new(), few: Vec::new() };
         let cells = || records.iter().map(|entry| entry.0);
         let (Some(low), Some(high)) = (cells().min(), cells().max()) else { return sorted };
-        // A counting sort: cells are numbered in the order of space, so that few lie between those of one block.
+        // Counting sort: cell numbers follow space, so a batch spans few cells.
         let mut places = vec![0usize; (high - low) as usize + 2];
         cells().for_each(|cell| places[(cell - low) as usize + 1] += 1);
         (1..places.len()).for_each(|at| places[at] += places[at - 1]);
@@ -180,7 +180,7 @@ impl<T: Record> Sorted<T> {
     }
 }
 
-/// Collects records by cell.
+/// Writes records by cell.
 pub struct ScatterWriter<T> {
     file: DurableFile,
     pending: Vec<Vec<T>>,
@@ -193,10 +193,10 @@ pub struct ScatterWriter<T> {
 }
 
 impl<T: Record> ScatterWriter<T> {
-    /// Begins a file for `cell_count` cells.
+    /// Creates a file for `cell_count` cells.
     ///
     /// # Errors
-    /// If the file cannot be made.
+    /// If the file cannot be created.
     pub fn create(path: &Path, cell_count: usize) -> Result<Self> {
         let mut file = DurableFile::create(path, 256 << 10)?;
         file.write(&[0; HEADER_BYTES as usize])?;
@@ -223,7 +223,7 @@ impl<T: Record> ScatterWriter<T> {
         if pending.len() >= self.extent_records { self.flush(cell as usize) } else { Ok(()) }
     }
 
-    /// Adds records to their cells, behind those that are there.
+    /// Appends a batch of records to their cells.
     ///
     /// # Errors
     /// On a full disk or a failed write.
@@ -262,7 +262,8 @@ impl<T: Record> ScatterWriter<T> {
         Ok(())
     }
 
-    /// Writes what is pending and opens the file for reading by this process; it goes when the value is dropped.
+    /// Writes pending records and opens the file for reading by this process. The file is deleted when the value is
+    /// dropped.
     ///
     /// # Errors
     /// On a full disk or a failed write.
@@ -273,7 +274,7 @@ impl<T: Record> ScatterWriter<T> {
         Ok(Scatter { path, extents: self.extents, is_scratch: true, record: PhantomData })
     }
 
-    /// Writes what is pending, makes the file durable and opens it for reading.
+    /// Writes pending records, makes the file durable and opens it for reading.
     ///
     /// # Errors
     /// On a full disk or a failed write.
@@ -296,10 +297,10 @@ impl<T: Record> ScatterWriter<T> {
     }
 }
 
-/// Records of one cell that lie together.
+/// Consecutive records of one cell.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct Extent {
-    /// Position of its first byte in the file.
+    /// Offset of its first byte in the file.
     offset_bytes: u64,
     /// Length in bytes.
     bytes: u32,
@@ -309,7 +310,7 @@ struct Extent {
 }
 
 impl Extent {
-    /// Whether one of this size is ever written.
+    /// Reports whether a writer can have written an extent of this size.
     fn is_sound(&self) -> bool {
         self.bytes as usize <= EXTENT_BYTES_MAX && self.records as usize <= EXTENT_RECORDS_MAX
     }
@@ -322,22 +323,22 @@ pub struct Scatter<T> {
     #[serde(with = "file_name")]
     path: PathBuf,
     extents: Vec<Vec<Extent>>,
-    /// Whether the file goes with the value.
+    /// Whether the file is deleted on drop.
     #[serde(skip)]
     is_scratch: bool,
     record: PhantomData<T>,
 }
 
 impl<T: Record> Scatter<T> {
-    /// Hands the records of a cell to `take`, extent after extent, in the order in which they were pushed.
+    /// Passes the records of a cell to `take`, extent by extent, in the order in which they were added.
     ///
     /// # Errors
-    /// On failed reads and damaged files, and what `take` returns.
+    /// On failed reads and damaged files, and those of `take`.
     pub fn read(&self, cell: usize, take: impl FnMut(&[T]) -> Result<()>) -> Result<()> {
         self.read_one_in(1, cell, take)
     }
 
-    /// The same for the first extent of each `step` extents.
+    /// Like [`read`](Scatter::read), for the first of every `step` extents.
     ///
     /// # Errors
     /// As [`read`](Scatter::read).
@@ -361,7 +362,7 @@ impl<T: Record> Scatter<T> {
         Ok(())
     }
 
-    /// The records of the first extent of each `step` extents of a cell.
+    /// Returns the records of the first of every `step` extents of a cell.
     ///
     /// # Errors
     /// On failed reads and damaged files.
@@ -374,12 +375,12 @@ impl<T: Record> Scatter<T> {
         Ok(all)
     }
 
-    /// The file.
+    /// Path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Says in which folder the file lies, after the value was read back.
+    /// Sets the folder of the file of a recalled value.
     pub fn locate(&mut self, folder: &Path) {
         self.path = folder.join(&self.path);
     }
@@ -389,7 +390,7 @@ impl<T: Record> Scatter<T> {
         self.extents.len()
     }
 
-    /// Whether its extents are such as are written and lie in the file, for a value that was read back and located.
+    /// Reports whether the extents of a recalled and located value are valid and lie within the file.
     pub fn is_sound(&self) -> bool {
         let extents = || self.extents.iter().flatten();
         extents().all(|extent| extent.is_sound() && extent.records <= extent.bytes)
@@ -429,7 +430,7 @@ mod tests {
             })
         };
         read(1).unwrap();
-        // A write that lost a byte and said nothing: all that follows has moved.
+        // A write that silently lost a byte: everything after it is shifted.
         let mut bytes = std::fs::read(&path).unwrap();
         bytes.remove(HEADER_BYTES as usize);
         bytes.push(0);
@@ -459,7 +460,7 @@ mod tests {
             assert!(!scatter.is_sound());
             scatter.extents.clone_from(&whole);
         }
-        // The same extent over and over is more than the file has.
+        // The same extent repeatedly adds up to more than the file has.
         let again = vec![whole[0][0]; 1000];
         scatter.extents[0].extend(again);
         assert!(!scatter.is_sound());

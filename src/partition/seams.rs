@@ -1,14 +1,14 @@
-//! The seams of a cluster, by one edge in eight.
+//! Measures the seams of a cluster on a sample of one edge in eight.
 
 use super::ranks::Ranks;
 use super::reading::ClusterFaces;
 use crate::mesh::crowding::SeamTally;
 use crate::store::{Catalogue, NO_TEXCOORD};
 
-/// Of so many edges one is looked at.
+/// One in this many edges is sampled.
 const EDGE_STEP: u32 = 8;
 
-/// The edge of a face: its ends, the smaller vertex first, and what the face has there.
+/// An edge of a face: its ends, the smaller vertex first, and the texcoords and material of the face there.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Side {
     ends: [u32; 2],
@@ -16,14 +16,14 @@ struct Side {
     material: u32,
 }
 
-/// Whether a vertex is one of those drawn.
+/// Reports whether the edges whose smaller vertex is this one are sampled.
 fn is_drawn(vertex: u32) -> bool {
     vertex.wrapping_mul(0x9e37_79b1) < u32::MAX / EDGE_STEP
 }
 
 impl ClusterFaces {
-    /// Measures the faces, and the seams between them by one edge in eight: those at vertices that are drawn by lot.
-    /// An edge is a seam if its faces differ in material, or in a texture coordinate at one of its ends.
+    /// Measures the faces, and estimates the length of the seams between them from one edge in eight, sampled by a hash
+    /// of a vertex. An edge is a seam if its faces differ in material, or in a texture coordinate at one of its ends.
     pub fn tally_seams(&self, catalogue: &Catalogue) -> SeamTally {
         let mut tally = SeamTally { faces: self.faces.len() as u64, ..SeamTally::default() };
         let mut sides: Vec<Side> = Vec::with_capacity(self.faces.len() / 2);
@@ -65,7 +65,7 @@ mod tests {
     use super::*;
     use crate::store::Face;
 
-    /// A strip of two columns of squares, `length` long; on the right, u is more by `step`, under ids of its own.
+    /// A strip of two columns of squares, `length` long. In the right column u is larger by `step` and has its own ids.
     fn strip(length: u32, step: f64) -> ClusterFaces {
         let at = |x: u32, y: u32| DVec3::new(f64::from(x), f64::from(y), 0.0);
         let (mut positions, mut texcoords, mut faces) = (Vec::new(), Vec::new(), Vec::new());
@@ -93,7 +93,7 @@ mod tests {
         let tally = strip(10_000, 5.0).tally_seams(&catalogue);
         assert_eq!((tally.faces, tally.area), (40_000, 20_000.0));
         assert!((tally.seams / 10_000.0 - 1.0).abs() < 0.1, "{}", tally.seams);
-        // Texture coordinates under two ids, but equal.
+        // Equal texture coordinates under two ids.
         assert_eq!(strip(10_000, 0.0).tally_seams(&catalogue).seams, 0.0);
     }
 }

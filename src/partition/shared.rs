@@ -1,14 +1,14 @@
-//! The vertices that several cells use.
+//! The set of vertices used by several cells.
 //!
 //! # Memory
-//! 2 bytes a member where few of the vertices are members, as along the borders of cells; a bit a vertex where many are.
+//! 2 bytes per member if few vertices are members, as along the borders of cells; a bit per vertex if many are.
 
 use std::ops::Range;
 
 use roaring::RoaringBitmap;
 use serde::{Deserialize, Serialize};
 
-/// A set of vertices, with the rank of each member.
+/// A set of vertices that returns the rank of each member.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Shared {
     members: RoaringBitmap,
@@ -28,12 +28,12 @@ impl Shared {
         self.members.len() as u32
     }
 
-    /// Whether no vertex is shared.
+    /// Reports whether no vertex is shared.
     pub fn is_empty(&self) -> bool {
         self.members.is_empty()
     }
 
-    /// Whether each of some ascending vertices is shared.
+    /// Reports for each of some ascending vertices whether it is shared.
     pub fn contains_each(&self, vertices: &[u32]) -> impl Iterator<Item = bool> {
         let mut members = self.members.iter();
         let mut next = members.next();
@@ -46,12 +46,12 @@ impl Shared {
         })
     }
 
-    /// Whether all members are among the first `count` vertices.
+    /// Reports whether all members are below `count`.
     pub fn is_within(&self, count: u32) -> bool {
         self.members.max().is_none_or(|last| last < count)
     }
 
-    /// The members, ascending.
+    /// Members, ascending.
     pub fn iter(&self) -> impl Iterator<Item = u32> {
         self.members.iter()
     }

@@ -1,11 +1,11 @@
-//! How far over the file the texture coordinates of each cell lie.
+//! Measures how scattered over the file the texture coordinates of each cell are.
 //!
-//! The texture coordinates are counted in stretches; what matters is how many of them the cells' faces name, summed over the
-//! cells: so often they would be read if each cell read its own.
+//! The texture coordinates are divided into stretches. The measure is the number of stretches that the faces of a cell
+//! refer to, summed over the cells: the number of stretches read if each cell reads its own.
 //!
 //! # Memory
-//! A pair of numbers for each stretch of each cell, up to [`READINGS_MAX`] times the stretches of the file: from there on
-//! the answer is known.
+//! A pair of numbers per stretch of each cell, up to [`READINGS_MAX`] times the stretches of the file; beyond that the
+//! answer is known.
 
 use std::collections::HashSet;
 
@@ -13,21 +13,21 @@ use foldhash::fast::RandomState;
 
 use crate::store::NO_TEXCOORD;
 
-/// Texture coordinates of a stretch: 64 KiB, so that a stretch is about what one random read costs.
+/// Texture coordinates per stretch: 64 KiB, so that reading one costs about as much as a random access.
 const STRETCH_LEN: u32 = 4096;
-/// Reading stretches is worth it while it reads the column no more often than this.
+/// Largest number of times that the whole column may be read, stretch by stretch, before sorting it by cell is cheaper.
 const READINGS_MAX: u64 = 4;
-/// Stretches that were seen last among faces, by the low bits of cell and stretch.
+/// Slots of the cache of recent stretches, indexed by the low bits of cell and stretch.
 const RECENT_COUNT: usize = 64;
 
-/// A cell, and a stretch that one of its faces names.
+/// A cell, and a stretch that one of its faces refers to.
 pub type CellStretch = (u32, u32);
 
-/// The stretches that some faces name; a pair may stand in it more than once.
+/// Stretches that some faces refer to; may contain repetitions.
 #[derive(Debug)]
 pub struct SeenStretches {
     recent: [CellStretch; RECENT_COUNT],
-    /// In the order of the faces.
+    /// In order of the faces.
     pub seen: Vec<CellStretch>,
 }
 
@@ -37,7 +37,7 @@ impl SeenStretches {
         Self { recent: [(u32::MAX, 0); RECENT_COUNT], seen: Vec::new() }
     }
 
-    /// Sees the texture coordinate of a corner, if it has one.
+    /// Records the texture coordinate of a corner, unless it is [`NO_TEXCOORD`].
     #[inline]
     pub fn see(&mut self, cell: u32, texcoord: u32) {
         if texcoord == NO_TEXCOORD {
@@ -52,21 +52,21 @@ impl SeenStretches {
     }
 }
 
-/// The distinct stretches that the cells' faces name, as far as they need to be known.
+/// Distinct stretches that the faces of each cell refer to, up to the number that decides.
 #[derive(Debug, Default)]
 pub struct NamedStretches {
-    // NOTE: only its length is asked for, so the seed leaves no trace.
+    // NOTE: only its length is used, so the seed does not affect the result.
     named: HashSet<CellStretch, RandomState>,
     enough: u64,
 }
 
 impl NamedStretches {
-    /// For a mesh of so many texture coordinates.
+    /// Creates an empty set for a mesh of `texcoord_count` texture coordinates.
     pub fn new(texcoord_count: u64) -> Self {
         Self { named: HashSet::default(), enough: READINGS_MAX * texcoord_count / u64::from(STRETCH_LEN) }
     }
 
-    /// Adds what was seen.
+    /// Adds recorded stretches.
     pub fn add(&mut self, seen: Vec<CellStretch>) {
         for stretch in seen {
             if self.are_scattered() {
@@ -76,7 +76,7 @@ impl NamedStretches {
         }
     }
 
-    /// Whether the cells' faces name texture coordinates all over the file.
+    /// Reports whether the texture coordinates of cells are scattered over the file.
     pub fn are_scattered(&self) -> bool {
         self.named.len() as u64 > self.enough
     }

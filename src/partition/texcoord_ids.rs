@@ -2,7 +2,8 @@
 
 use crate::store::{Face, NO_TEXCOORD};
 
-/// Ids that a face may stand for on average where a bit is kept for each; a list takes 32 times that, and is sorted.
+/// Largest span of texcoord ids per face for which they are collected in a bit set; a list takes 32 times that and is
+/// sorted.
 const SPAN_PER_FACE: u64 = 64;
 
 /// Ids of all texcoords that faces use, ascending.
@@ -27,7 +28,7 @@ pub(super) fn texcoord_ids(faces: &[Face]) -> Vec<u32> {
     ids
 }
 
-/// The distinct ids among `used`, which all lie in the `span` from `first` on, ascending.
+/// Distinct ids in `used`, ascending; all must lie in the `span` ids from `first` on.
 fn ids_of_span(used: impl Iterator<Item = u32>, first: u32, span: usize) -> Vec<u32> {
     let mut bits = vec![0u64; span.div_ceil(64)];
     used.for_each(|id| bits[(id - first) as usize / 64] |= 1 << ((id - first) % 64));

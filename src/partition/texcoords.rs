@@ -1,18 +1,19 @@
-//! Texture coordinates are brought to the cells, where a cell's lie far apart in the file.
+//! Copies texture coordinates to the cells, if those of a cell are scattered over the file.
 //!
 //! ```text
-//! each cell   ids that its faces name, ascending        ──▶ questions, by window of ids
-//! each window its texture coordinates, its questions    ──▶ answers, by cell, in the order of the ids
+//! each cell     ids that its faces refer to, ascending      ──▶ questions, by window of ids
+//! each window   its texture coordinates, its questions      ──▶ answers, by cell, in the order of the ids
 //! ```
-//! Every file is read and written in order. A cluster of a file in an exporter's order reads its own short stretches
-//! instead, which is faster; what it gets is the same.
+//! Every file is read and written sequentially. If the file is in the order of an exporter, each cluster reads its few
+//! stretches from the mesh instead, which is faster and has the same result.
 //!
 //! # Memory
-//! The ids of a cell in each thread, one window ([`window_bytes`], as for the ranks of vertices), and 24 MiB of buffers.
+//! The ids of a cell in each thread, one window ([`window_bytes`], as for the ranks of vertices), and 24 MiB of
+//! buffers.
 //!
 //! # Files
-//! `<name>-questions.scatter` (2 to 4 bytes for each id of each cell) while they are answered, `<name>-texcoords.scatter`
-//! (5 bytes each) until the partition is removed.
+//! `<name>-questions.scatter` (2 to 4 bytes per id of each cell) until they are answered, `<name>-texcoords.scatter` (5
+//! bytes each) until the partition is removed.
 
 use std::ops::Range;
 use std::path::Path;
@@ -31,17 +32,17 @@ use crate::store::StoredMesh;
 
 /// Bytes of a texture coordinate.
 const TEXCOORD_BYTES: u64 = 16;
-/// Texture coordinates that are unpacked at once.
+/// Texture coordinates decoded at once.
 const STEP: u64 = 1 << 16;
 
-/// Texture coordinates of each cell, in the order of their ids.
+/// Texture coordinates of each cell, in order of their ids.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct CellTexcoords {
     pub(super) answers: Scatter<DVec2>,
 }
 
 impl CellTexcoords {
-    /// Those of a cell.
+    /// Returns the texture coordinates of a cell.
     ///
     /// # Errors
     /// On failed reads.
@@ -55,7 +56,7 @@ impl CellTexcoords {
     }
 }
 
-/// Brings the texture coordinates to the cells.
+/// Copies the texture coordinates to the cells.
 ///
 /// # Errors
 /// On a full disk, failed reads and writes.
@@ -91,7 +92,7 @@ pub fn bring(
     Ok(CellTexcoords { answers: answers.finish_durable()? })
 }
 
-/// Texture coordinates of a range of ids.
+/// Returns the texture coordinates of a range of ids.
 fn texcoords_in(mesh: &StoredMesh, ids: Range<u64>) -> Result<Vec<DVec2>> {
     let mut texcoords = Vec::with_capacity((ids.end - ids.start) as usize);
     let mut base = 0;

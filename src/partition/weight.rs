@@ -1,12 +1,13 @@
-//! What a cluster takes in memory while it is simplified, and which cluster is too heavy to be loaded at all.
+//! Memory of a cluster while it is simplified, and the limit above which it is not loaded.
 //!
 //! # Memory
 //! ```text
 //! face     56 bytes   corners, part, ring entries, candidates
-//! vertex  150 bytes   position, flags, quadric, class, marks, ring start, candidates, way back
-//! wedge   110 bytes   texture coordinate, links, quadric, way back
+//! vertex  150 bytes   position, flags, quadric, class, marks, ring start, candidates, partition id
+//! wedge   110 bytes   texture coordinate, links, quadric, texcoord index
 //! ```
-//! 202 bytes a face of an ordinary textured mesh (half a vertex and 0.65 wedges a face), up to 836 in a soup.
+//! About 200 bytes per face of an ordinary textured mesh (half a vertex and 0.65 wedges per face), up to 836 in a
+//! triangle soup.
 
 use std::collections::HashSet;
 use std::hash::{BuildHasherDefault, Hasher};
@@ -18,23 +19,23 @@ use crate::store::{Catalogue, Face};
 const FACE_BYTES: u64 = 56;
 const VERTEX_BYTES: u64 = 150;
 const WEDGE_BYTES: u64 = 110;
-/// Bytes of an ordinary face, about.
+/// Approximate bytes per face of an ordinary mesh.
 pub const ORDINARY_BYTES: u64 = 200;
-/// A cluster heavier than this many times what its faces should weigh passes through unchanged.
+/// A cluster passes through unchanged if it weighs more than this many times an ordinary cluster of the target size.
 ///
-/// NOTE: part of what shapes the result, so it depends on the cluster size alone and not on the budget.
+/// NOTE: it shapes the result, so it depends on the cluster size alone and not on the memory budget.
 const LIMIT_FACTOR: u64 = 2;
-/// Wedges that are remembered beside a count: most corners are of one of them.
+/// Slots of the cache of recent wedges; most corners hit it.
 const RECENT: usize = 4096;
 
-/// Numbers that a cluster's memory follows from.
+/// Counts from which the memory of a cluster is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct ClusterWeight {
     /// Faces.
     pub faces: u64,
-    /// Vertices, those of other cells included; at most.
+    /// Upper bound on the vertices, including those of other cells.
     pub vertices: u64,
-    /// Wedges; at most.
+    /// Upper bound on the wedges.
     pub wedges: u64,
 }
 
@@ -45,12 +46,12 @@ impl ClusterWeight {
     }
 }
 
-/// The heaviest cluster that is loaded, in bytes, when clusters should have `cluster_faces` faces.
+/// Heaviest cluster that is loaded, in bytes, if clusters should have `cluster_faces` faces.
 pub fn limit_bytes(cluster_faces: u64) -> u64 {
     LIMIT_FACTOR * ORDINARY_BYTES * cluster_faces
 }
 
-/// Counts the wedges of a cluster's faces.
+/// Counts the wedges of the faces of a cluster.
 pub struct WedgeCounter<'a> {
     catalogue: &'a Catalogue,
     known: HashSet<u64, BuildHasherDefault<Mixed>>,
@@ -58,7 +59,7 @@ pub struct WedgeCounter<'a> {
 }
 
 impl<'a> WedgeCounter<'a> {
-    /// Nothing counted yet of so many faces.
+    /// Creates a counter for `faces` faces.
     pub fn new(catalogue: &'a Catalogue, faces: u64) -> Self {
         let known = HashSet::with_capacity_and_hasher(faces as usize, BuildHasherDefault::default());
         Self { catalogue, known, recent: vec![0; RECENT] }
@@ -79,13 +80,13 @@ impl<'a> WedgeCounter<'a> {
         }
     }
 
-    /// Wedges so far.
+    /// Number of wedges so far.
     pub fn count(&self) -> u64 {
         self.known.len() as u64
     }
 }
 
-/// The wedges that a sweep over faces met last.
+/// Cache of the wedges seen last in a sweep over faces.
 pub struct RecentWedges {
     /// Vertex, texture coordinate and part.
     slots: Vec<[u32; 3]>,
@@ -98,8 +99,8 @@ impl Default for RecentWedges {
 }
 
 impl RecentWedges {
-    /// Number of corners of a face whose wedges were not met of late: summed over a cell's faces, no less than the number
-    /// of its wedges, and little more in any order that keeps neighbours together.
+    /// Number of corners of a face whose wedges are not in the cache. The sum over the faces of a cell is at least the
+    /// number of its wedges, and only slightly more in any order that keeps adjacent faces together.
     #[inline]
     pub fn count_new(&mut self, face: &Face) -> u32 {
         let mut count = 0;
@@ -113,7 +114,7 @@ impl RecentWedges {
     }
 }
 
-/// Takes keys that are mixed already: a tenth of the cost of the standard hash, and its seed is not needed.
+/// Hasher for keys that are already mixed: a tenth of the cost of the standard one, whose seed is not needed.
 #[derive(Debug, Default)]
 struct Mixed(u64);
 
@@ -133,7 +134,7 @@ impl Hasher for Mixed {
     }
 }
 
-/// Spreads the bits of a number over all bits (Stafford's 13th variant of the MurmurHash3 finaliser); one to one.
+/// Spreads the bits of a number over all bits, bijectively (Stafford's variant 13 of the MurmurHash3 finaliser).
 fn mix(mut x: u64) -> u64 {
     x = (x ^ x >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     x = (x ^ x >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);

@@ -1,11 +1,11 @@
-//! Cuts files into chunks of whole statements.
+//! Splits files into chunks of whole statements.
 //!
-//! In: the input files. Out: byte ranges, in order, of about the chunk size each, that begin and end between two
-//! statements. Where the cuts lie depends on the file alone: a chunk ends with the first line that reaches the chunk
-//! size and is not continued.
+//! In: the input files. Out: consecutive byte ranges of about the chunk size, each of which begins and ends between two
+//! statements. The split points depend on the file alone: a chunk ends after the first line that reaches the chunk size
+//! and is not continued.
 //!
 //! # Memory
-//! One window of [`WINDOW_BYTES`] while a cut is searched.
+//! One window of [`WINDOW_BYTES`] while a split point is searched.
 
 use std::fs::{self, File};
 use std::io::ErrorKind;
@@ -19,30 +19,31 @@ use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 use crate::os::system::read_exact_at;
 
-/// Bytes of a chunk, before its last line is completed: what the cache of a core holds together with what is parsed of it.
+/// Size of a chunk in bytes, before its last line is completed. Text and parsed records of a chunk fit in the cache of
+/// a core.
 pub const CHUNK_BYTES: u64 = 512 << 10;
-/// A line longer than this is refused: no exporter writes one, a damaged or foreign file may.
+/// Longest accepted line in bytes. No exporter writes a longer one; a damaged or foreign file may.
 pub const LINE_BYTES_MAX: u64 = 16 << 20;
 const WINDOW_BYTES: u64 = 16 << 10;
 
-/// A range of a file that holds whole statements.
+/// A byte range of a file that holds whole statements.
 #[derive(Debug, Clone)]
 pub struct Chunk {
     /// Index of the input file.
     pub file_index: usize,
     /// The open file.
     file: Arc<OpenFile>,
-    /// Its first byte.
+    /// Offset of its first byte.
     pub start: u64,
-    /// The byte after its last.
+    /// Offset of the byte after its last.
     pub end: u64,
-    /// Whether it ends its file.
+    /// Whether it is the last chunk of its file.
     pub is_last: bool,
-    /// Whether no line end was found where the longest line should have ended; the range holds what comes before.
+    /// Whether no line end was found within the longest accepted line; the range then ends at the chunk size.
     pub line_is_too_long: bool,
 }
 
-/// A file as it was when it was opened.
+/// An input file, with its state when it was opened.
 #[derive(Debug)]
 struct OpenFile {
     file: File,
@@ -51,10 +52,10 @@ struct OpenFile {
 }
 
 impl Chunk {
-    /// Looks whether the file is still the one that was opened.
+    /// Checks that the file is still the one that was opened.
     ///
     /// # Errors
-    /// [`Error::Changed`] if it has another length or was written to since.
+    /// [`Error::Changed`] if its length or modification time differs.
     pub fn check_unchanged(&self, path: &Path) -> Result<()> {
         let OpenFile { file, length, modified } = &*self.file;
         let now = file.metadata().map_err(|e| Error::io(path, "open", e))?;
@@ -64,10 +65,10 @@ impl Chunk {
         }
     }
 
-    /// Replaces the contents of `buffer` by the chunk's bytes.
+    /// Replaces the contents of `buffer` with the bytes of the chunk.
     ///
     /// # Errors
-    /// [`Error::Changed`] if the file has become shorter; the system's.
+    /// [`Error::Changed`] if the file was truncated; [`Error::Io`] if it cannot be read.
     pub fn read(&self, path: &Path, buffer: &mut Vec<u8>) -> Result<()> {
         let bytes = (self.end - self.start) as usize;
         buffer.resize(bytes, 0);
@@ -75,7 +76,7 @@ impl Chunk {
     }
 }
 
-/// Why a chunk could not be read.
+/// Converts the error of a failed read.
 fn unread(path: &Path, error: std::io::Error) -> Error {
     match error.kind() {
         ErrorKind::UnexpectedEof => written_to(path),
@@ -85,10 +86,10 @@ fn unread(path: &Path, error: std::io::Error) -> Error {
 
 fn written_to(path: &Path) -> Error {
     let path = escape_path(path);
-    Error::Changed(format!("{path}: was written to while it was read; give the command again once it is whole"))
+    Error::Changed(format!("{path}: was written to while it was read; run the same command again once it is complete"))
 }
 
-/// Hands out the chunks of files one after another.
+/// Returns the chunks of all files in order.
 #[derive(Debug)]
 pub struct Cutter<'a> {
     inputs: &'a [PathBuf],
@@ -100,15 +101,16 @@ pub struct Cutter<'a> {
 }
 
 impl<'a> Cutter<'a> {
-    /// A cutter at the beginning of the first file.
+    /// Creates a cutter at the start of the first file.
     pub fn new(inputs: &'a [PathBuf], chunk_bytes: u64) -> Self {
         Self { inputs, chunk_bytes, order: 0, file_index: 0, open: None, start: 0 }
     }
 
-    /// The next chunk and its place in the order of all chunks; an empty file has one empty chunk; nothing after the last file.
+    /// Returns the next chunk and its index among all chunks; `None` after the last file. An empty file has one empty
+    /// chunk.
     ///
     /// # Errors
-    /// If a file cannot be opened or read; the cutter then stands behind that file.
+    /// If a file cannot be opened or read; the cutter then continues with the next file.
     pub fn next(&mut self) -> Option<(u64, Result<Chunk>)> {
         let path = self.inputs.get(self.file_index)?;
         let order = self.order;
@@ -142,10 +144,10 @@ impl<'a> Cutter<'a> {
     }
 }
 
-/// Opens a file that must be a regular one, and tells its length.
+/// Opens a regular file and returns it with its length in bytes.
 ///
 /// # Errors
-/// [`Error::Input`] if it is none: opening a pipe would wait for ever.
+/// [`Error::Input`] if it is not a regular file: opening a pipe could block forever.
 pub fn open_regular(path: &Path) -> Result<(File, u64)> {
     let kind = fs::metadata(path).map_err(|e| Error::io(path, "open", e))?;
     if !kind.is_file() {
@@ -156,7 +158,7 @@ pub fn open_regular(path: &Path) -> Result<(File, u64)> {
     Ok((file, length))
 }
 
-/// End of the chunk that begins at `start`, or nothing if its last line is too long.
+/// Returns the end of the chunk that begins at `start`, or `None` if its last line is too long.
 fn find_cut(file: &File, start: u64, length: u64, chunk_bytes: u64) -> std::io::Result<Option<u64>> {
     let mut window = Vec::new();
     let mut from = start + chunk_bytes.max(1) - 1;
@@ -165,7 +167,8 @@ fn find_cut(file: &File, start: u64, length: u64, chunk_bytes: u64) -> std::io::
         if from > limit {
             return Ok(None);
         }
-        // Two bytes before the searched ones tell whether a line end is continued, one after them whether CR LF.
+        // The window includes two bytes before `from`, to see whether a line end is continued, and one byte after, for
+        // CR LF.
         let window_start = from.saturating_sub(2).max(start);
         let window_end = (from + WINDOW_BYTES + 1).min(length);
         window.resize((window_end - window_start) as usize, 0);

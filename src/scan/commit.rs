@@ -1,15 +1,15 @@
-//! Appends parsed chunks to the columns of a file, in order.
+//! Appends the parsed chunks of a file to its columns, in order.
 //!
-//! In: the chunks of one input file, one after another. Out: a [`StoredPiece`]. Invariant: this is the only place that
-//! knows what came before a chunk, so it alone turns relative indices into ids and chunk lines into file lines; what
-//! it does depends on the order of chunks and on nothing else.
+//! In: the chunks of one input file, in order. Out: a [`StoredPiece`]. Invariant: only this module knows what precedes
+//! a chunk, so it alone converts relative indices to ids and chunk lines to file lines; the output depends on the order
+//! of chunks alone.
 //!
 //! # Memory
-//! Buffers of the writers, [`FACE_BUFFER`] faces, and 80 bytes a chunk whose faces refer to vertices after it.
+//! The buffers of the writers, [`FACE_BUFFER`] faces, and 80 bytes per chunk with faces that refer to later vertices.
 //!
 //! # Files
-//! `scan-<index>-positions.col`, `-texcoords.col`, `-colours.col` (if a vertex has one) and `-faces.blk`, or
-//! `-faces.bare.blk` where faces name texture coordinates and the file has none.
+//! `scan-<index>-positions.col`, `-texcoords.col`, `-colours.col` (if a vertex has a colour) and `-faces.blk`. The last
+//! is `-faces.bare.blk` if faces refer to texture coordinates and the file has none.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -30,10 +30,10 @@ use crate::store::{ColumnWriter, Face, FaceBlocks, FaceWriter, NO_TEXCOORD, Pack
 
 const FACE_BUFFER: usize = 4096;
 const COLOUR_BUFFER: usize = 4096;
-/// Memory of a `mtllib` statement beside its text.
+/// Bytes that an `mtllib` statement takes in addition to its text.
 const LIBRARY_BYTES: u64 = 64;
 
-/// An input file on its way into columns.
+/// Writer of the columns of an input file.
 pub struct FileCommit<'a> {
     path: &'a Path,
     colours_path: PathBuf,
@@ -50,12 +50,12 @@ pub struct FileCommit<'a> {
     position_decimals: u32,
     texcoord_decimals: u32,
     uses_normals: bool,
-    /// Whether faces name texture coordinates and the file has none at all.
+    /// Whether faces refer to texture coordinates and the file has none at all.
     lacks_texcoords: bool,
     findings: Findings,
 }
 
-/// A chunk with an index that nothing before its end answers.
+/// A chunk with an index that no statement up to its end defines.
 struct ForwardChunk {
     chunk: Chunk,
     bases: [u64; 3],
@@ -64,10 +64,10 @@ struct ForwardChunk {
 }
 
 impl<'a> FileCommit<'a> {
-    /// Begins the files of an input in the work folder.
+    /// Creates the column files of an input in the work folder.
     ///
     /// # Errors
-    /// If they cannot be made.
+    /// If a file cannot be created.
     pub fn begin(path: &'a Path, folder: &Path, index: usize) -> Result<Self> {
         let file = |what: &str| folder.join(format!("scan-{index}-{what}"));
         Ok(Self {
@@ -91,7 +91,7 @@ impl<'a> FileCommit<'a> {
         })
     }
 
-    /// An error at a line of the chunk that comes next.
+    /// Returns an error at a line of the next chunk.
     pub fn error_at(&self, error: LineError) -> Error {
         Error::input(self.path, self.line_count + error.line, error.message)
     }
@@ -99,8 +99,8 @@ impl<'a> FileCommit<'a> {
     /// Appends the next chunk.
     ///
     /// # Errors
-    /// [`Error::Input`] if a relative index passes the first vertex, [`Error::Limit`] if there are too many vertices,
-    /// [`Error::Budget`] if names take too much memory, else what the writers say.
+    /// [`Error::Input`] if a relative index points before the first vertex, [`Error::Limit`] if there are too many
+    /// vertices, [`Error::Budget`] if names take too much memory, and those of the writers.
     pub fn append(&mut self, chunk: &Chunk, parsed: &mut ParsedChunk, labels: &mut Labels) -> Result<()> {
         let bases = self.counts;
         let may_lack_texcoords = self.check_backward(chunk, parsed)?;
@@ -129,8 +129,8 @@ impl<'a> FileCommit<'a> {
         Ok(())
     }
 
-    /// Refuses relative indices that pass the first vertex; returns whether some pass the first texture coordinate of a
-    /// file that has none so far, which only its end can judge.
+    /// Refuses relative indices that point before the first vertex. Returns whether some point before the first texture
+    /// coordinate of a file that has none so far; that is judged at the end of the file.
     fn check_backward(&mut self, chunk: &Chunk, parsed: &ParsedChunk) -> Result<bool> {
         let passes_first = |kind: Numbered| self.counts[kind as usize] as i64 + parsed.lowest[kind as usize] < 0;
         let texcoord = Numbered::Texcoord as usize;
@@ -141,12 +141,12 @@ impl<'a> FileCommit<'a> {
         }
         if passes_first(Numbered::Normal) {
             let error = self.locate(chunk, self.counts, self.line_count, [u64::MAX; 3], &[Numbered::Normal])?;
-            self.findings.note("dangling_normals", || format!("{error}; normals are computed anew"));
+            self.findings.note("dangling_normals", || format!("{error}; normals are recomputed"));
         }
         Ok(passes_first(Numbered::Texcoord))
     }
 
-    /// Reads a chunk again to name the first line whose index names nothing.
+    /// Reads a chunk again to report the first line with a dangling index.
     fn locate(
         &self,
         chunk: &Chunk,
@@ -263,12 +263,11 @@ impl<'a> FileCommit<'a> {
         Ok(())
     }
 
-    /// Checks forward references, reads the material libraries and closes the files; returns the piece and its number
-    /// of triangles, degenerate ones included.
+    /// Checks forward references, reads the material libraries and finishes the columns. Returns the piece and its
+    /// number of triangles, including degenerate ones.
     ///
     /// # Errors
-    /// [`Error::Input`] if an index names nothing or no face is left, else those of [`define_materials`] and what the
-    /// writers say.
+    /// [`Error::Input`] if an index dangles or no face is left, and those of [`define_materials`] and of the writers.
     pub fn finish(
         mut self,
         labels: &mut Labels,
@@ -291,7 +290,7 @@ impl<'a> FileCommit<'a> {
         libraries.extend(named);
         findings.merge(self.findings);
         let Self { positions, colours, texcoords, faces, lacks_texcoords, .. } = self;
-        // They wait for the disk, and not one for the other.
+        // Both wait for the disk; run them in parallel.
         let (faces, rest) = both(
             2,
             || faces.finish().and_then(|faces| if lacks_texcoords { without_texcoords(faces) } else { Ok(faces) }),
@@ -323,7 +322,7 @@ impl<'a> FileCommit<'a> {
         if let Some(forward) = self.forward.iter().find(|forward| dangles(forward, Numbered::Normal)) {
             let kinds = [Numbered::Normal];
             let error = self.locate(&forward.chunk, forward.bases, forward.line_base, self.counts, &kinds)?;
-            self.findings.note("dangling_normals", || format!("{error}; normals are computed anew"));
+            self.findings.note("dangling_normals", || format!("{error}; normals are recomputed"));
         }
         Ok(())
     }
@@ -339,7 +338,7 @@ impl<'a> FileCommit<'a> {
     }
 }
 
-/// Writes the faces of a file again, without texture coordinates.
+/// Rewrites the faces of a file without texture coordinates.
 fn without_texcoords(faces: FaceBlocks) -> Result<FaceBlocks> {
     let mut writer = FaceWriter::create(&faces.path().with_extension("bare.blk"))?;
     let (file, mut bytes, mut block_faces) = (faces.open()?, Vec::new(), Vec::new());

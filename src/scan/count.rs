@@ -1,10 +1,10 @@
-//! A light look at OBJ text: how much there is of what, without parsing a number.
+//! Counts the statements of OBJ text without parsing them.
 //!
-//! In: OBJ files. Out: [`Counts`], with the triangles that a scan would find. Invariant: nothing is written, and the
-//! counts are the scan's wherever the scan succeeds; a fault inside a statement goes unnoticed here.
+//! In: OBJ files. Out: [`Counts`], including the triangles that a scan would find. Invariant: writes nothing; the
+//! counts equal those of the scan if the scan succeeds. Faults inside statements are not noticed here.
 //!
 //! # Memory
-//! `threads` x 512 KiB of text; a line of many MiB takes its length more.
+//! `threads` × 512 KiB of text, plus the length of a line longer than that.
 
 use std::path::PathBuf;
 use std::sync::Mutex;
@@ -17,7 +17,7 @@ use crate::base::threads::start;
 use crate::base::{Error, Progress, Result};
 use crate::store::packed::Bounds;
 
-/// How much there is of what.
+/// Counts of the statements of an input.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Bytes of OBJ text.
@@ -32,9 +32,9 @@ pub struct Counts {
     pub polygons: u64,
     /// Triangles: n - 2 for each polygon of n corners.
     pub triangles: u64,
-    /// Whether the first vertex of some chunk has a colour.
+    /// Whether the first vertex of any chunk has a colour.
     pub has_colours: bool,
-    /// Most decimals that a coordinate of such a vertex has; more than any has for one with an exponent.
+    /// Most decimals of a coordinate among the first vertices of chunks; `u32::MAX` if one has an exponent.
     pub decimals: u32,
 }
 
@@ -83,13 +83,13 @@ impl Counts {
     }
 }
 
-/// The first three numbers of a `v` statement; `None` if they are not all there and finite.
+/// Returns the first three numbers of a `v` statement; `None` if one is missing or not finite.
 fn position(text: &[u8]) -> Option<[f64; 3]> {
     let mut numbers = words(text).map(|word| number(word).map(|number| number.value).filter(|x| x.is_finite()));
     Some([numbers.next()??, numbers.next()??, numbers.next()??])
 }
 
-/// Decimals of a number as it is written.
+/// Number of decimals of a number as written; `u32::MAX` if it has an exponent.
 fn decimals(word: &[u8]) -> u32 {
     if word.iter().any(|byte| matches!(byte, b'e' | b'E')) {
         return u32::MAX;
@@ -98,11 +98,11 @@ fn decimals(word: &[u8]) -> u32 {
     point.map_or(0, |point| (word.len() - point - 1) as u32)
 }
 
-/// Counts what OBJ files hold, in one streaming look; of several files also the box around the vertices of each.
+/// Counts the contents of OBJ files in one streaming pass. Given several files, also returns the bounding box of each.
 ///
 /// # Errors
-/// [`Error::Input`] if a file is of another format, has a line without end or if no file has a face; [`Error::Io`] where the
-/// system refuses.
+/// [`Error::Input`] if a file has another format or a line that is too long, or if no file has a face; [`Error::Io`] if
+/// a file cannot be read.
 pub fn count(inputs: &[PathBuf], threads: usize, progress: &dyn Progress) -> Result<(Counts, Vec<Bounds>)> {
     let mut length = 0;
     for path in inputs {
@@ -131,7 +131,7 @@ pub fn count(inputs: &[PathBuf], threads: usize, progress: &dyn Progress) -> Res
     Ok((counts, boxes))
 }
 
-/// A box around nothing for each of several files.
+/// Returns an empty box per file, or no boxes for a single file.
 fn no_boxes(inputs: &[PathBuf]) -> Vec<Bounds> {
     vec![Bounds::default(); if inputs.len() > 1 { inputs.len() } else { 0 }]
 }

@@ -1,8 +1,8 @@
-//! The form of statements that exporters write, read in one pass over the bytes.
+//! Fast reader for statements in the form that exporters write, in one pass over the bytes.
 //!
-//! In: a parser at the beginning of a line. Out: the statement in the chunk, or nothing changed where the line is not
-//! of the plain form: then the reader in `obj.rs` takes it. Invariant: both readers agree on every line that this one
-//! takes, which a test checks.
+//! In: a parser at the start of a line. Out: the statement appended to the chunk, or no change if the line has another
+//! form; the general reader in `obj.rs` then reads it. Invariant: both readers agree on every line that this one
+//! accepts; a test checks it.
 
 use glam::{DVec2, DVec3};
 use memchr::memchr3;
@@ -14,7 +14,8 @@ use crate::store::NO_TEXCOORD;
 use crate::store::face::POLYGON_CORNERS_MAX;
 
 impl Parser<'_> {
-    /// Reads the statement at the parser's place if it is a plain `v`, `vt`, `vn` or `f` on one line.
+    /// Reads the statement at the parser's position if it is a plain `v`, `vt`, `vn` or `f` on one line; returns
+    /// whether it did.
     #[inline]
     pub(super) fn read_plain_statement(&mut self) -> bool {
         let Some(&[first, second]) = self.text[self.at..].first_chunk::<2>() else { return false };
@@ -70,7 +71,7 @@ impl Parser<'_> {
         self.finish_line(row.next)
     }
 
-    /// Normals are counted, not read: they are computed anew from the result.
+    /// Counts normals without reading them: they are recomputed for the result.
     #[inline]
     fn skip_plain_normal(&mut self) -> bool {
         if !matches!(self.text.get(self.at + 2), Some(b' ' | b'\t')) {
@@ -83,7 +84,8 @@ impl Parser<'_> {
         self.finish_line(next)
     }
 
-    /// Reads `f v/vt v/vt v/vt` with short positive indices and single blanks: most lines of a textured mesh.
+    /// Reads `f v/vt v/vt v/vt` with short positive indices and single blanks, the form of most lines in a textured
+    /// mesh.
     #[inline(always)]
     fn read_textured_triangle(&mut self) -> bool {
         let (text, mut at) = (self.text, self.at + 1);
@@ -116,7 +118,8 @@ impl Parser<'_> {
         }
     }
 
-    /// Appends the corners of a face and returns the place of the next line; on `None` some may have been appended.
+    /// Appends the corners of a face and returns the offset of the next line. If it returns `None`, some corners may
+    /// have been appended.
     #[inline]
     fn plain_corners(&mut self, mut at: usize) -> Option<usize> {
         let text = self.text;
@@ -171,7 +174,7 @@ impl Parser<'_> {
         Some(end)
     }
 
-    /// `N` short numbers with single blanks before them that fill the rest of a line, as most lines are.
+    /// Reads `N` short numbers, each after a single blank, that fill the rest of a line; most lines have this form.
     #[inline(always)]
     fn short_numbers<const N: usize>(&self, mut at: usize) -> Option<Row<N>> {
         let mut row = Row { values: [0.0; N], decimals: [0; N], count: N, next: 0 };
@@ -186,7 +189,7 @@ impl Parser<'_> {
         Some(row)
     }
 
-    /// Up to `N` numbers that fill the rest of a line.
+    /// Reads up to `N` numbers that fill the rest of a line.
     #[inline]
     fn plain_numbers<const N: usize>(&self, mut at: usize) -> Option<Row<N>> {
         let mut row = Row { values: [0.0; N], decimals: [0; N], count: 0, next: 0 };
@@ -231,7 +234,7 @@ fn skip_blanks(text: &[u8], mut at: usize) -> usize {
     at
 }
 
-/// The place after the line end at `at`, if one is there; a lone CR is left to the other reader.
+/// Returns the offset after the LF or CR LF at `at`, or `None`; a lone CR is left to the general reader.
 #[inline]
 fn plain_line_end(text: &[u8], at: usize) -> Option<usize> {
     match text.get(at)? {

@@ -1,11 +1,11 @@
-//! Fingerprints of what a result follows from, so that a job which goes on later can tell whether it has changed.
+//! Fingerprints of all inputs of a result, by which a resumed job detects that one has changed.
 //!
-//! In: OBJ files, material libraries, textures. Out: hashes of their contents; dates do not count, and of places only those of libraries, beside which
-//! their textures lie. An OBJ is hashed
-//! chunk by chunk, as the scan does on its way.
+//! In: OBJ files, material libraries, texture images. Out: hashes of their contents. Modification times are ignored,
+//! and so are paths, except those of libraries, since texture names are relative to their folder. An OBJ is hashed
+//! chunk by chunk, as the scan hashes it.
 //!
 //! # Memory
-//! A chunk for each thread, and the path of each file beside the OBJ.
+//! A chunk per thread, and the path of each file other than the OBJs.
 
 use std::collections::HashMap;
 use std::fs::{self, File};
@@ -24,24 +24,24 @@ use crate::os::system::is_of_machine;
 
 const READ_BYTES: usize = 256 << 10;
 
-/// A file beside the OBJ that the result follows from.
+/// A file that the result depends on, other than the OBJs.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Source {
     /// Absolute path.
     #[serde(with = "codec::path")]
     pub path: PathBuf,
-    /// Length in bytes and XXH3 of the content; nothing if it is no regular file that can be read.
+    /// Length in bytes and XXH3 of the content; `None` if it is not a readable regular file.
     pub content: Option<(u64, u64)>,
-    /// Hash of the canonical path, where names in the file count from its folder; else 0.
+    /// Hash of the canonical path if names in the file are relative to its folder, else 0.
     place: u64,
 }
 
-/// Contents of files that are known, so that one of many names is read once.
+/// Cache of file contents, so that a file with several names is read once.
 #[derive(Debug, Default)]
 pub struct Contents(Mutex<HashMap<PathBuf, (u64, u64)>>);
 
 impl Contents {
-    /// As [`content`], of a canonical path.
+    /// Returns [`content`] of a canonical path, cached.
     fn of(&self, path: PathBuf) -> std::io::Result<(u64, u64)> {
         let known = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(content) = known().get(&path) {
@@ -54,10 +54,10 @@ impl Contents {
 }
 
 impl Source {
-    /// Looks at a material library and reads it.
+    /// Fingerprints a material library.
     ///
     /// # Errors
-    /// If the machine fails, so that nobody knows whether the file is there.
+    /// On an I/O error that leaves unknown whether the file exists.
     pub fn library(path: &Path, known: &Contents) -> Result<Self> {
         let canonical = fs::canonicalize(path);
         let place = canonical.as_ref().map_or(0, |path| xxh3_64(path.as_os_str().as_encoded_bytes()));
@@ -65,7 +65,7 @@ impl Source {
         Ok(Self { place: if source.content.is_some() { place } else { 0 }, ..source })
     }
 
-    /// The same of a texture, which must not lie outside of a folder, not by a link either: then it counts as missing.
+    /// Fingerprints a texture image inside a folder. One that lies outside of it, even by a link, counts as missing.
     ///
     /// # Errors
     /// As [`library`](Source::library).
@@ -78,7 +78,7 @@ impl Source {
         Self::new(path, look())
     }
 
-    /// The same of a texture that may lie anywhere.
+    /// Fingerprints a texture image that may lie anywhere.
     ///
     /// # Errors
     /// As [`library`](Source::library).
@@ -86,7 +86,7 @@ impl Source {
         Self::new(path, fs::canonicalize(path).and_then(|path| known.of(path)))
     }
 
-    /// Looks whether a file is there.
+    /// Records whether a file exists, without reading it.
     ///
     /// # Errors
     /// As [`library`](Source::library).
@@ -104,7 +104,7 @@ impl Source {
         Ok(Self { content, place: 0, path: std::path::absolute(path).unwrap_or_else(|_| path.to_owned()) })
     }
 
-    /// What has become different since, in words.
+    /// Describes what has changed since, or returns `None`.
     pub fn difference(&self, now: &Self) -> Option<&'static str> {
         match (self.content, now.content) {
             (old, new) if old == new && self.place == now.place => None,
@@ -116,16 +116,16 @@ impl Source {
     }
 }
 
-/// Length and XXH3 of a regular file.
+/// Returns the length in bytes and the XXH3 of a regular file.
 ///
 /// # Errors
-/// The system's; `InvalidInput` if it is no regular file.
+/// An I/O error; `InvalidInput` if it is not a regular file.
 pub fn content(path: &Path) -> std::io::Result<(u64, u64)> {
     let meta = fs::metadata(path)?;
     if !meta.is_file() {
         return Err(ErrorKind::InvalidInput.into());
     }
-    // What the system makes up as it is read, like files of /proc, has no length and may have no end.
+    // Files that the system generates, like those of /proc, have no length and may have no end.
     let mut file = File::open(path)?.take(meta.len());
     let (mut length, mut hash) = (0, Xxh3::new());
     let mut buffer = vec![0; READ_BYTES];
@@ -142,10 +142,10 @@ pub fn content(path: &Path) -> std::io::Result<(u64, u64)> {
     }
 }
 
-/// The hash of each OBJ, as [`Scan::content_hashes`](super::Scan::content_hashes) has them.
+/// Returns the hash of each OBJ, as in [`Scan::content_hashes`](super::Scan::content_hashes).
 ///
 /// # Errors
-/// If a file cannot be read; [`Error::Stopped`].
+/// If a file cannot be read; [`Error::Stopped`] if asked to stop.
 pub fn content_hashes(inputs: &[PathBuf], threads: usize, progress: &dyn Progress) -> Result<Vec<u64>> {
     let mut hashes = vec![0; inputs.len()];
     let mut cutter = Cutter::new(inputs, CHUNK_BYTES);
@@ -168,7 +168,7 @@ pub fn content_hashes(inputs: &[PathBuf], threads: usize, progress: &dyn Progres
     Ok(hashes)
 }
 
-/// Adds a chunk to the hash of its file.
+/// Chains the hash of a chunk to the hash of its file.
 pub(super) fn chain(file_hash: &mut u64, bytes: u64, hash: u64) {
     let mut words = [0; 24];
     for (place, word) in words.chunks_exact_mut(8).zip([*file_hash, bytes, hash]) {
@@ -177,11 +177,11 @@ pub(super) fn chain(file_hash: &mut u64, bytes: u64, hash: u64) {
     *file_hash = xxh3_64(&words);
 }
 
-/// [`Error::Changed`] for a file of the input.
+/// Returns [`Error::Changed`] for a changed input file.
 pub fn changed(path: &Path, what: &str) -> Error {
     let shown = crate::base::error::escape_path(path);
     Error::Changed(format!(
-        "{shown}: {what} since the job was begun; --resume never starts afresh, --work DIR leaves the old job alone"
+        "{shown}: {what} since the job began; start over with --resume never, or use another folder with --work DIR"
     ))
 }
 

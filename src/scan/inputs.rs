@@ -1,7 +1,7 @@
-//! Which files the user means.
+//! Finds the input files.
 //!
-//! In: files and folders as the user named them. Out: OBJ files sorted by the bytes of their paths, so that the order is the
-//! same on every machine, and whatever order they were named in.
+//! In: files and folders as the user named them. Out: OBJ files sorted by the bytes of their paths, so that the order
+//! is the same on every machine and in whatever order they were named.
 
 use std::cell::Cell;
 use std::collections::HashSet;
@@ -14,12 +14,12 @@ use glob::Pattern;
 use crate::base::error::escape;
 use crate::base::{Error, Findings, Result};
 
-/// What the user names as the input.
+/// The input as the user named it.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct InputChoice {
-    /// OBJ files, and folders of them.
+    /// OBJ files, and folders that hold some.
     pub paths: Vec<PathBuf>,
-    /// Patterns of names, or of paths from a folder on, that are left out of the folders.
+    /// Glob patterns of names, or of paths relative to a folder, that exclude files and folders.
     pub exclude: Vec<String>,
 }
 
@@ -30,36 +30,36 @@ impl<P: AsRef<Path>> From<P> for InputChoice {
 }
 
 impl InputChoice {
-    /// The first of the paths, by which the input is called in messages.
+    /// Returns the first path, by which messages name the input.
     pub fn name(&self) -> &Path {
         self.paths.first().map_or(Path::new(""), PathBuf::as_path)
     }
 
-    /// The paths that are folders.
+    /// Returns the paths that are folders.
     pub fn folders(&self) -> impl Iterator<Item = &PathBuf> {
         self.paths.iter().filter(|path| path.is_dir())
     }
 }
 
-/// The OBJ files that a choice stands for: regular files themselves, and every `*.obj` (in any case) below a folder that no
-/// pattern leaves out. A file that is named twice is read once.
+/// Returns the OBJ files of a choice: the files named, and every `*.obj` (in any case) below a named folder that no
+/// pattern excludes. A file that is named twice is read once.
 ///
-/// Symbolic links are followed; a folder that is reached twice is read once, so loops end.
+/// Follows symbolic links. Reads a folder once even if several paths lead to it, so loops end.
 ///
 /// # Errors
-/// [`Error::Input`] if a path is neither file nor folder or nothing is there, if something named `*.obj` is neither,
-/// or if nothing is found in a folder; [`Error::Io`] if a folder cannot be read; [`Error::Usage`] for a pattern that is none.
+/// [`Error::Input`] if a path does not exist or is neither a file nor a folder, if an `*.obj` is neither, or if a
+/// folder contains no OBJ file; [`Error::Io`] if a folder cannot be read; [`Error::Usage`] if a pattern is invalid.
 pub fn find_inputs(choice: &InputChoice) -> Result<Vec<PathBuf>> {
     find_inputs_and_idle(choice).map(|(found, _)| found)
 }
 
-/// The same, and a finding for each pattern that leaves nothing out.
+/// Like [`find_inputs`], and adds a finding for each pattern that excludes nothing.
 ///
 /// # Errors
 /// Those of [`find_inputs`].
 pub fn find_inputs_and_idle(choice: &InputChoice) -> Result<(Vec<PathBuf>, Findings)> {
     let pattern = |text: &String| {
-        // `./old/` is what a shell completes.
+        // Shells complete a folder name to `./old/`.
         let plain = text.strip_prefix("./").unwrap_or(text);
         let plain = plain.strip_suffix('/').unwrap_or(plain);
         let pattern = Pattern::new(plain)
@@ -83,7 +83,7 @@ pub fn find_inputs_and_idle(choice: &InputChoice) -> Result<(Vec<PathBuf>, Findi
     Ok((found, findings))
 }
 
-/// A pattern of what is left out.
+/// An exclusion pattern.
 struct Exclusion {
     pattern: Pattern,
     has_matched: Cell<bool>,
@@ -97,7 +97,7 @@ impl Exclusion {
     }
 }
 
-/// Adds the OBJ files that a path stands for.
+/// Adds the OBJ files of a path.
 fn add_inputs(path: &Path, left_out: &[Exclusion], found: &mut Vec<PathBuf>) -> Result<()> {
     if path.as_os_str() == "-" && !path.exists() {
         return Err(not_a_file(path));
@@ -117,7 +117,7 @@ fn add_inputs(path: &Path, left_out: &[Exclusion], found: &mut Vec<PathBuf>) -> 
     let is_left_out = |entry: &Path| {
         let name = entry.file_name().map(Path::new);
         let inside = entry.strip_prefix(path).ok();
-        // Each is asked, to know which leave something out.
+        // Test every pattern, to know which of them match nothing.
         let matching =
             left_out.iter().filter(|exclusion| name.into_iter().chain(inside).any(|part| exclusion.matches(part)));
         matching.count() > 0
@@ -149,7 +149,7 @@ fn read_folder(
     let entries = fs::read_dir(folder).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
     let mut paths: Vec<_> =
         entries.map_err(|e| Error::io(folder, "read", e))?.into_iter().map(|entry| entry.path()).collect();
-    // The last folder pushed is read next: the order of names decides which of two links to a folder is taken.
+    // The folder pushed last is read next: the order of names decides which of two links to a folder is read.
     paths.sort_unstable_by(|a, b| b.cmp(a));
     for path in paths {
         if is_left_out(&path) {

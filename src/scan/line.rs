@@ -1,24 +1,24 @@
-//! Lines of OBJ and MTL text.
+//! Splits OBJ and MTL text into lines.
 //!
-//! In: bytes. Out: logical lines and how many physical ones each takes. A line ends in LF, CR LF or a lone CR; a
-//! backslash right before the end joins it with the next one, except in a comment.
+//! In: bytes. Out: logical lines, and the number of physical lines in each. A line ends in LF, CR LF or a lone CR; a
+//! backslash right before the line end joins it with the next line, except in a comment.
 
 use std::borrow::Cow;
 
 use memchr::memchr2;
 
-/// One statement's worth of text.
+/// One logical line.
 #[derive(Debug)]
 pub struct LogicalLine<'a> {
-    /// Its bytes without line end; joined with a blank where it is continued.
+    /// Its bytes without line end. The parts of a continued line are joined by a blank.
     pub text: Cow<'a, [u8]>,
-    /// Place of the next line.
+    /// Offset of the next line.
     pub next: usize,
-    /// Physical lines that it takes.
+    /// Number of physical lines in it.
     pub line_count: u64,
 }
 
-/// The logical line that begins at `at`.
+/// Returns the logical line that begins at `at`.
 pub fn logical_line(text: &[u8], at: usize) -> LogicalLine<'_> {
     let (end, mut next) = line_end(text, at);
     let first = &text[at..end];
@@ -45,7 +45,7 @@ pub fn logical_line(text: &[u8], at: usize) -> LogicalLine<'_> {
     LogicalLine { text: Cow::Owned(joined), next, line_count }
 }
 
-/// End of the physical line that `at` lies in, and the place after its line end.
+/// Returns the end of the physical line that contains `at`, and the offset after its line end.
 pub fn line_end(text: &[u8], at: usize) -> (usize, usize) {
     match memchr2(b'\n', b'\r', &text[at..]) {
         None => (text.len(), text.len()),
@@ -57,7 +57,7 @@ pub fn line_end(text: &[u8], at: usize) -> (usize, usize) {
     }
 }
 
-/// Number of line ends in a text.
+/// Counts the line ends in a text.
 pub fn count_line_ends(text: &[u8]) -> u64 {
     let (mut at, mut count) = (0, 0);
     while at < text.len() {
@@ -68,26 +68,26 @@ pub fn count_line_ends(text: &[u8]) -> u64 {
     count
 }
 
-/// Whether a byte separates words: blank, tab, vertical tab, form feed.
+/// Reports whether a byte separates words: blank, tab, vertical tab or form feed.
 #[inline]
 pub fn is_blank(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t' | 0x0b | 0x0c)
 }
 
-/// A text without blanks at its ends.
+/// Strips blanks from both ends.
 pub fn trim(text: &[u8]) -> &[u8] {
     let Some(start) = text.iter().position(|byte| !is_blank(*byte)) else { return &[] };
     let end = text.iter().rposition(|byte| !is_blank(*byte)).map_or(start, |last| last + 1);
     &text[start..end]
 }
 
-/// The first word of a trimmed text, and the trimmed rest.
+/// Splits trimmed text into its first word and the trimmed rest.
 pub fn split_keyword(text: &[u8]) -> (&[u8], &[u8]) {
     let end = text.iter().position(|byte| is_blank(*byte)).unwrap_or(text.len());
     (&text[..end], trim(&text[end..]))
 }
 
-/// Words of a text.
+/// Splits text into words.
 pub fn words(text: &[u8]) -> impl Iterator<Item = &[u8]> {
     text.split(|byte| is_blank(*byte)).filter(|word| !word.is_empty())
 }

@@ -1,21 +1,22 @@
-//! Text to records: streaming OBJ and MTL.
+//! Scans OBJ and MTL text into records, as a stream.
 //!
 //! ```text
-//! files ── cut into chunks ──▶ workers parse ──▶ in order ──▶ one committer appends ──▶ columns, catalogue
-//!             ▲                                                        │
-//!             └───────────────── a ticket for each chunk in flight ◀───┘
+//! files ── split into chunks ──▶ workers parse ──▶ in order ──▶ one committer appends ──▶ columns, catalogue
+//!             ▲                                                          │
+//!             └────────────────── a ticket per chunk in flight ◀─────────┘
 //! ```
-//! In: OBJ files. Out: one [`StoredPiece`](crate::store::StoredPiece) a file, and the [`Catalogue`] of everything that
-//! is not geometry. Invariant: chunks depend on the files alone and are committed in order, so the result, down to the
-//! words of an error, is the same at any number of threads.
+//! In: OBJ files. Out: one [`StoredPiece`](crate::store::StoredPiece) per file, and the [`Catalogue`] of everything
+//! that is not geometry. Invariant: chunks depend on the files alone and are committed in order, so the result and the
+//! text of any error are the same for any number of threads.
 //!
-//! Who holds what: a worker takes a ticket, then the next chunk from the cutter, so a chunk that was cut has a ticket
-//! and gets done; the committer waits for the oldest chunk only and returns its ticket, with the emptied memory of
-//! the chunk on it, once that is committed. Nobody holds the cutter while waiting for a ticket: no cycle to deadlock in.
+//! Who holds what: a worker takes a ticket, then the next chunk from the cutter, so every chunk taken has a ticket and
+//! gets parsed. The committer waits only for the oldest chunk. Once that is committed, it returns the ticket, which
+//! carries the emptied buffers of the chunk. No worker holds the cutter while it waits for a ticket, so there is no
+//! deadlock.
 //!
 //! # Memory
-//! `threads` x 512 KiB of text and `chunks_in_flight` x 1.5 MiB of parsed chunks; a line of many MiB takes its
-//! length more. Nothing is allocated by a number that a file claims.
+//! `threads` × 512 KiB of text and `chunks_in_flight` × 1.5 MiB of parsed chunks, plus the length of a line longer than
+//! a chunk. No allocation is sized by a number read from a file.
 //!
 //! # Files
 //! Those of `commit.rs`, in the work folder.
@@ -57,52 +58,52 @@ pub use self::count::{Counts, count};
 pub use self::inputs::{InputChoice, find_inputs, find_inputs_and_idle};
 pub use self::twins::note_twin_boxes;
 
-/// Memory of a parsed chunk that is worth keeping for the next one.
+/// Buffers of a parsed chunk larger than this, in bytes, are freed instead of reused.
 const KEPT_BYTES_MAX: usize = 4 << 20;
 
-/// How the scan may use the machine; nothing here changes the result.
+/// Resources that the scan may use; they do not change the result.
 #[derive(Debug, Clone, Copy)]
 pub struct ScanOptions {
-    /// Workers that parse; at least 1.
+    /// Parsing threads; at least 1.
     pub threads: usize,
-    /// Chunks that are being parsed or wait for the committer, at most; 2 MiB each; at least 1.
+    /// Largest number of chunks that are being parsed or wait for the committer; 2 MiB each; at least 1.
     pub chunks_in_flight: usize,
-    /// Memory for the catalogue, in bytes; an input that needs more is refused.
+    /// Memory for the catalogue in bytes; an input that needs more is refused.
     pub catalogue_bytes: u64,
 }
 
 impl Default for ScanOptions {
-    /// One thread, and memory as a small machine has it.
+    /// One thread, two chunks in flight and 1 GiB for the catalogue.
     fn default() -> Self {
         Self { threads: 1, chunks_in_flight: 2, catalogue_bytes: 1 << 30 }
     }
 }
 
-/// What a scan leaves.
+/// Result of a scan.
 #[derive(Debug)]
 pub struct Scan {
-    /// The mesh, one piece an input file.
+    /// The mesh, one piece per input file.
     pub mesh: StoredMesh,
     /// Everything that is not geometry.
     pub catalogue: Catalogue,
-    /// Triangles of the input: n - 2 for each polygon of n corners, degenerate ones included.
+    /// Triangles of the input: n - 2 for each polygon of n corners, including degenerate ones.
     pub triangles: u64,
     /// What was ignored or repaired.
     pub findings: Findings,
     /// Bytes of OBJ text.
     pub input_bytes: u64,
-    /// XXH3 over the hashes of the chunks of each OBJ file.
+    /// Hash of each OBJ file: XXH3 chained over the hashes of its chunks.
     pub content_hashes: Vec<u64>,
-    /// Material libraries that the OBJ files name, whether they are there or not.
+    /// Material libraries that the OBJ files name, whether they exist or not.
     pub libraries: Vec<PathBuf>,
 }
 
 /// Reads OBJ files and the MTL files that they name into columns in `folder`, which must exist.
 ///
 /// # Errors
-/// [`Error::Input`] with the first line that is damaged, [`Error::Limit`] on more than 2³² - 2 vertices in a file,
-/// [`Error::Budget`] on names and materials beyond the memory for them,
-/// [`Error::Io`] or [`Error::NoSpace`] where the system refuses.
+/// [`Error::Input`] with the first damaged line, [`Error::Limit`] if a file has more than 2³² - 2 vertices,
+/// [`Error::Budget`] if names and materials exceed their memory, [`Error::Io`] or [`Error::NoSpace`] if the system
+/// reports an error.
 pub fn scan(inputs: &[PathBuf], folder: &Path, options: &ScanOptions, progress: &dyn Progress) -> Result<Scan> {
     scan_in_chunks(inputs, folder, options, progress, CHUNK_BYTES)
 }
@@ -122,7 +123,7 @@ fn scan_in_chunks(
     let tickets_in_flight = options.chunks_in_flight.max(1);
     let (return_ticket, tickets) = bounded(tickets_in_flight);
     for _ in 0..tickets_in_flight {
-        // The channel has room for all of them and its other end is in this scope.
+        // The channel has room for all tickets, and its other end lives in this scope.
         let _ = return_ticket.send(ParsedChunk::default());
     }
     let (send_outcome, outcomes) = unbounded();
@@ -139,7 +140,7 @@ fn scan_in_chunks(
     })
 }
 
-/// A chunk that a worker is done with.
+/// Result of a worker for one chunk.
 struct Outcome {
     order: u64,
     result: Result<Parsed>,
@@ -151,7 +152,7 @@ struct Parsed {
     statements: std::result::Result<ParsedChunk, LineError>,
 }
 
-/// Parses chunks until there are no more, or until the committer has gone.
+/// Parses chunks until none is left or the committer has stopped.
 fn work(inputs: &[PathBuf], cutter: &Mutex<Cutter>, tickets: &Receiver<ParsedChunk>, outcomes: &Sender<Outcome>) {
     let mut text = Vec::new();
     while let Ok(memory) = tickets.recv() {
@@ -169,7 +170,7 @@ fn work(inputs: &[PathBuf], cutter: &Mutex<Cutter>, tickets: &Receiver<ParsedChu
     }
 }
 
-/// Wakes the committer if a worker panics, so that the panic ends the run instead of leaving it to wait for ever.
+/// Wakes the committer if a worker panics, so that the panic ends the run instead of leaving the committer waiting.
 struct Alarm<'a> {
     order: u64,
     outcomes: &'a Sender<Outcome>,
@@ -207,7 +208,7 @@ fn parse_chunk(inputs: &[PathBuf], chunk: Chunk, mut memory: ParsedChunk, text: 
     Ok(Parsed { chunk, hash, statements })
 }
 
-/// What a file is, if its first bytes say that it is no OBJ.
+/// Returns the name of another file format if the first bytes identify one, else `None`.
 fn foreign_format(text: &[u8]) -> Option<&'static str> {
     const FORMATS: &[(&[u8], &str)] = &[
         (b"\x1f\x8b", "gzip data; decompress it first"),
@@ -228,7 +229,7 @@ fn foreign_format(text: &[u8]) -> Option<&'static str> {
     FORMATS.iter().find(|(magic, _)| text.starts_with(magic)).map(|(_, name)| *name)
 }
 
-/// Commits outcomes by their order; ends at the first error, which ends the workers too, since nothing returns tickets.
+/// Commits outcomes in order. Ends at the first error; the workers then end, too, since no tickets return.
 fn commit_in_order(
     inputs: &[PathBuf],
     folder: &Path,
@@ -285,6 +286,6 @@ fn recycle(mut parsed: ParsedChunk, return_ticket: &Sender<ParsedChunk>) {
         parsed = ParsedChunk::default();
     }
     parsed.clear();
-    // No worker is left to take it once the last chunk was cut.
+    // Fails once no worker is left, after the last chunk was taken.
     let _ = return_ticket.send(parsed);
 }

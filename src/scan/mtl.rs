@@ -1,11 +1,11 @@
-//! Material libraries: the definitions of the materials that faces use.
+//! Reads material libraries: the definitions of the materials that faces use.
 //!
 //! In: the `mtllib` statements of an OBJ file. Out: a [`MaterialDefinition`] for each used material that a library
-//! defines. Statements are kept as they were written, so that the output says what the input said; `tobj` parses them
-//! into numbers, drops what it does not know and leaves options in texture names, so the lines are read here.
+//! defines. Statements are kept as written, so that the output repeats the input. `tobj` would parse them into numbers,
+//! drop unknown ones and leave options in texture names, so the lines are read here.
 //!
 //! # Memory
-//! One library at a time, at most [`LIBRARY_BYTES_MAX`], and the definitions of used materials.
+//! One library at a time, at most [`LIBRARY_BYTES_MAX`], and the definitions of the used materials.
 
 use std::borrow::Cow;
 use std::collections::HashSet;
@@ -28,23 +28,23 @@ use crate::os::system::is_file;
 use crate::store::Material;
 use crate::store::mesh::{MaterialDefinition, TextureStatement, statement_bytes};
 
-/// A larger library is ignored.
+/// Larger libraries are ignored, in bytes.
 pub const LIBRARY_BYTES_MAX: u64 = 64 << 20;
-/// No file has a longer path.
+/// Longest possible path, in bytes.
 const NAME_BYTES_MAX: usize = 4096;
-/// More names in one statement are ignored.
+/// Further names in one statement are ignored.
 const NAMES_MAX: usize = 10_000;
-/// Memory of a library's name, in paths of several kinds, beside its length.
+/// Bytes that the paths of a library take in addition to its name.
 const LIBRARY_BYTES: u64 = 500;
-/// More statements of one material are ignored: there are not half as many to give.
+/// Further statements of one material are ignored; the format has fewer than half as many.
 const STATEMENTS_MAX: usize = 256;
 
-/// Keys of statements that name a texture, beside all that begin with `map_`; in lower case.
+/// Keywords of statements that name a texture, besides all that begin with `map_`; in lower case.
 const TEXTURE_KEYS: &[&str] = &["bump", "norm", "disp", "decal", "refl"];
-/// Begins with `map_` and is a switch: `map_aat on`.
+/// Begins with `map_` but is a switch: `map_aat on`.
 const TEXTURE_SWITCH: &[u8] = b"map_aat";
 
-/// Options of texture statements: name, most values, whether the values are numbers.
+/// Options of texture statements: name, largest number of values, whether the values are numbers.
 const TEXTURE_OPTIONS: &[(&str, usize, bool)] = &[
     ("-blendu", 1, false),
     ("-blendv", 1, false),
@@ -62,12 +62,12 @@ const TEXTURE_OPTIONS: &[(&str, usize, bool)] = &[
     ("-t", 3, true),
 ];
 
-/// Defines the materials of an OBJ file from its libraries: `libraries` are the lines and texts of its `mtllib`
-/// statements, `materials` the whole catalogue's. Returns the files that the statements name or may be taken to name, there
-/// or not.
+/// Defines the materials of an OBJ file from its libraries. `libraries` are the lines and texts of its `mtllib`
+/// statements, `materials` those of the whole catalogue. Returns the files that the statements name or may be meant to
+/// name, whether they exist or not.
 ///
 /// # Errors
-/// [`Error::Io`] if a library is there but cannot be read, [`Error::Budget`] if what is kept of it takes too much memory.
+/// [`Error::Io`] if a library exists but cannot be read, [`Error::Budget`] if its definitions take too much memory.
 pub fn define_materials(
     obj: &Path,
     libraries: &[(u64, Vec<u8>)],
@@ -81,7 +81,7 @@ pub fn define_materials(
     for (line, text) in libraries {
         let plain = without_comment(obj, text)?;
         let found = find_libraries(obj, plain)?;
-        // A file named like the whole text would count instead, if there was one.
+        // A file named like the whole text would take precedence, if it existed.
         let whole = [&text[..], plain].into_iter().filter(|text| !text.is_empty() && text.len() <= NAME_BYTES_MAX);
         for name in whole.chain(found.iter().map(|(name, _)| &name[..])) {
             let relative = path_of_name(name);
@@ -95,7 +95,7 @@ pub fn define_materials(
         for (name, is_there) in found {
             let path = obj.with_file_name(path_of_name(&name));
             match is_there {
-                // It may have been read by another name.
+                // The same file may already have been read by another name.
                 true => {
                     if read.insert(fs::canonicalize(&path).unwrap_or_else(|_| path.clone())) {
                         read_library(&path, materials, used, allowance, findings)?;
@@ -119,11 +119,11 @@ pub fn define_materials(
     Ok(named)
 }
 
-/// The names of an `mtllib` statement, and whether they are there: the whole text if there is such a file, else
-/// its words, where a blank after a backslash belongs to a word.
+/// Returns the names in an `mtllib` statement, and whether each exists. The whole text is the name if there is such a
+/// file; otherwise each word is one, and a blank after a backslash belongs to the word.
 ///
 /// # Errors
-/// [`Error::Io`] if the machine fails, so that nobody knows whether a file is there.
+/// [`Error::Io`] on an I/O error that leaves unknown whether a file exists.
 fn find_libraries<'a>(obj: &Path, text: &'a [u8]) -> Result<Vec<(Cow<'a, [u8]>, bool)>> {
     let find = |name: &[u8]| is_there(obj, name);
     if find(text)? {
@@ -137,8 +137,8 @@ fn find_libraries<'a>(obj: &Path, text: &'a [u8]) -> Result<Vec<(Cow<'a, [u8]>, 
     names.into_iter().map(|name| find(&name).map(|there| (name, there))).collect()
 }
 
-/// The text of an `mtllib` statement up to a comment: a word that begins with `#`, unless a file is named like the whole
-/// text or like this word.
+/// Returns the text of an `mtllib` statement up to a comment. A comment is a word that begins with `#`, unless a file
+/// is named like the whole text or like this word.
 ///
 /// # Errors
 /// Those of [`find_libraries`].
@@ -152,10 +152,10 @@ fn without_comment<'a>(obj: &Path, text: &'a [u8]) -> Result<&'a [u8]> {
     }
 }
 
-/// Whether the folder of an OBJ has a library of this name.
+/// Reports whether a library of this name exists in the folder of an OBJ.
 ///
 /// # Errors
-/// [`Error::Io`] if the machine fails.
+/// [`Error::Io`] on an I/O error that leaves this unknown.
 fn is_there(obj: &Path, name: &[u8]) -> Result<bool> {
     let relative = path_of_name(name);
     if name.is_empty() || relative.has_root() || name.get(1) == Some(&b':') {
@@ -221,7 +221,7 @@ fn parse_library(
     findings: &mut Findings,
 ) -> Result<()> {
     let folder = folder_of(path);
-    // A job may be gone on with from another folder.
+    // A job may be resumed from another working directory.
     let folder = &fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
     let text = text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text);
     let (mut at, mut line) = (0, 0);
@@ -260,7 +260,7 @@ fn parse_library(
         }
         match &mut current {
             Current::BeforeFirst => findings.note("mtl_statement_before_newmtl", || {
-                // NOTE: the OBJ chose the file, which may be none of its own: nothing in it is repeated.
+                // NOTE: the OBJ chose this file, which may not be an MTL at all; do not echo its contents.
                 format!("{}: a statement before the first newmtl is ignored", place())
             }),
             Current::Unused => {}
@@ -273,7 +273,7 @@ fn parse_library(
             }
             Current::Defining(_, definition) if is_texture_key(key) => match split_texture(statement) {
                 Some(texture) => {
-                    // Materials that turn out to be one, and files that several name, are remembered once.
+                    // Count a file name once, even if several statements or materials name it.
                     let is_new = named.insert(texture.name.clone());
                     allowance.take(if is_new { texture.bytes() } else { texture.own_bytes() }, path)?;
                     definition.textures.push(texture);
@@ -304,9 +304,9 @@ fn is_texture_key(key: &[u8]) -> bool {
         || TEXTURE_KEYS.iter().any(|texture| key.eq_ignore_ascii_case(texture.as_bytes()))
 }
 
-/// Splits a trimmed texture statement into key with options, and file name; nothing if the name is missing.
+/// Splits a trimmed texture statement into key with options, and file name; `None` if the name is missing.
 ///
-/// `-o`, `-s` and `-t` take one to three numbers, and a file may be named `12`: the last word is never a value.
+/// `-o`, `-s` and `-t` take one to three numbers, and a file may be named `12`, so the last word is never a value.
 fn split_texture(statement: &[u8]) -> Option<TextureStatement> {
     let start_of = |word: &[u8]| word.as_ptr() as usize - statement.as_ptr() as usize;
     let words: Vec<&[u8]> = words(statement).collect();

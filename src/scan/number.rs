@@ -1,8 +1,8 @@
-//! Numbers and indices of OBJ text.
+//! Parses the numbers and indices of OBJ text.
 //!
-//! In: bytes and a place in them. Out: the number that stands there and the place after it. A number is
-//! `[+-] digits [. digits] [e [+-] digits]` with a digit before or after the point; hexadecimal, `nan`, `inf` and
-//! decimal commas are not numbers.
+//! In: bytes and an offset. Out: the number at that offset and the offset after it. A number is `[+-] digits [. digits]
+//! [e [+-] digits]` with a digit before or after the point; hexadecimal, `nan`, `inf` and decimal commas are not
+//! numbers.
 //!
 //! # Source
 //! W. D. Clinger, "How to read floating point numbers accurately", PLDI 1990: a mantissa below 2⁵³ divided by a power
@@ -10,11 +10,11 @@
 //! else goes through `fast-float2`. D. Lemire, "Number parsing at a gigabyte per second", 2021: eight digits are read
 //! as one word.
 
-/// Decimals beyond this are not told apart.
+/// Largest number of decimals that is reported; more count as this many.
 pub const DECIMALS_MAX: u32 = 40;
 
 const EXACT_MANTISSA: u64 = 1 << 53;
-/// Digits that cannot overflow a u64.
+/// Largest number of digits that cannot overflow a `u64`.
 const EXACT_DIGITS: usize = 19;
 const POWERS_OF_TEN: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20,
@@ -22,18 +22,18 @@ const POWERS_OF_TEN: [f64; 23] = [
 ];
 const TENS: [u64; 9] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000];
 
-/// A number as it stands in a text.
+/// A number in a text.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Number {
-    /// Its value, correctly rounded; infinite where it passes the range of an f64.
+    /// Its value, correctly rounded; infinite if it exceeds the range of an `f64`.
     pub value: f64,
-    /// Digits after the point once the exponent is applied, at most [`DECIMALS_MAX`].
+    /// Digits after the point once the exponent is applied, 0 to [`DECIMALS_MAX`].
     pub decimals: u32,
-    /// Place of the first byte after it.
+    /// Offset of the first byte after it.
     pub end: usize,
 }
 
-/// The longest number that begins at `start`, or nothing if none does.
+/// Returns the longest number that begins at `start`, or `None`.
 #[inline(always)]
 pub fn number_at(text: &[u8], start: usize) -> Option<Number> {
     let mut at = start;
@@ -70,8 +70,8 @@ pub fn number_at(text: &[u8], start: usize) -> Option<Number> {
     Some(Number { value: if negative { -magnitude } else { magnitude }, decimals: decimals as u32, end: at })
 }
 
-/// The number `[-] digits . digits` that begins at `start`, with at most seven digits on either side and some before the
-/// point; nothing where another form stands.
+/// Returns the number of the form `[-] digits . digits` that begins at `start`, with one to seven digits before the
+/// point and at most seven after it; `None` for any other form.
 #[inline(always)]
 pub fn short_number_at(text: &[u8], start: usize) -> Option<Number> {
     let negative = text.get(start) == Some(&b'-');
@@ -80,19 +80,20 @@ pub fn short_number_at(text: &[u8], start: usize) -> Option<Number> {
     let point = first_digit + count;
     let (part, decimals) = leading_digits(eight_at(text, point + 1)?);
     let is_short = (1..8).contains(&count) && decimals < 8 && text.get(point) == Some(&b'.');
-    // Signed, since that is one instruction to convert; a sign bit, since signs of coordinates cannot be foretold.
+    // Signed integers convert to floats in one instruction. The sign is set as a bit, since a branch on it is
+    // unpredictable.
     let mantissa = (whole * TENS[decimals] + part) as i64;
     let magnitude = mantissa as f64 / POWERS_OF_TEN[decimals];
     let value = f64::from_bits(magnitude.to_bits() | u64::from(negative) << 63);
     is_short.then_some(Number { value, decimals: decimals as u32, end: point + 1 + decimals })
 }
 
-/// A token that is one number from end to end.
+/// Parses a token that is one number from end to end.
 pub fn number(token: &[u8]) -> Option<Number> {
     number_at(token, 0).filter(|number| number.end == token.len())
 }
 
-/// Whether a token is one of the texts that programs print for a number that is not finite: `nan`, `-inf`, `nan(0x1)`.
+/// Reports whether a token is a non-finite number as programs print it: `nan`, `-inf`, `nan(0x1)`.
 pub fn is_non_finite_word(token: &[u8]) -> bool {
     let word = token.strip_prefix(b"-").or_else(|| token.strip_prefix(b"+")).unwrap_or(token).to_ascii_lowercase();
     matches!(word.as_slice(), b"nan" | b"inf" | b"infinity") || word.starts_with(b"nan(") && word.ends_with(b")")
@@ -118,13 +119,13 @@ fn any_number(text: &[u8], start: usize, mantissa_end: usize, decimals: usize) -
         }
     }
     let unsigned = start + usize::from(text[start] == b'+');
-    // NOTE: the grammar was checked above, so the parser cannot refuse; NaN would be caught as not finite.
+    // NOTE: the grammar was checked above, so parsing cannot fail; a NaN would be refused as not finite.
     let value = fast_float2::parse(&text[unsigned..end]).unwrap_or(f64::NAN);
     let decimals = (decimals as i64).saturating_sub(exponent).clamp(0, i64::from(DECIMALS_MAX));
     Number { value, decimals: decimals as u32, end }
 }
 
-/// The digits from `start` on behind those of `value`, as one number modulo 2⁶⁴, and the place after them.
+/// Appends the digits from `start` on to `value`, modulo 2⁶⁴; returns the sum and the offset after them.
 #[inline(always)]
 fn digits_at(text: &[u8], start: usize, mut value: u64) -> (u64, usize) {
     let mut at = start;
@@ -143,24 +144,24 @@ fn digits_at(text: &[u8], start: usize, mut value: u64) -> (u64, usize) {
     (value, at)
 }
 
-/// Eight bytes as one word, the first the lowest, if there are so many.
+/// Returns eight bytes as one word, the first byte lowest, or `None` near the end of the text.
 #[inline(always)]
 fn eight_at(text: &[u8], at: usize) -> Option<u64> {
     text.get(at..)?.first_chunk().map(|eight| u64::from_le_bytes(*eight))
 }
 
-/// The number that the first bytes of eight make, the lowest byte first, and how many of them are digits.
+/// Returns the value of the leading digits of eight bytes, the lowest byte first, and their number.
 #[inline(always)]
 fn leading_digits(eight: u64) -> (u64, usize) {
     const ONES: u64 = u64::MAX / 0xff;
-    // Each byte less its '0'; the high bit of the first that is none is set, and none below it.
+    // Subtract '0' from each byte, then set the high bit of the first byte that is no digit, and no bit below it.
     let values = eight ^ (ONES * 0x30);
     let others = (values.wrapping_add(ONES * 0x76) | values) & (ONES * 0x80);
     let count = (others.trailing_zeros() / 8) as usize;
     if count == 0 {
         return (0, 0);
     }
-    // Leading zeros for those that are missing; then pairs, pairs of pairs, and both halves.
+    // Shift in zeros for missing digits, then combine pairs of digits, pairs of pairs, and both halves.
     let digits = values << (64 - 8 * count);
     let pairs = digits.wrapping_mul(10).wrapping_add(digits >> 8);
     let halves = |pairs: u64, powers: u64| (pairs & 0x0000_00ff_0000_00ff).wrapping_mul(powers);
@@ -174,16 +175,16 @@ fn digit_at(text: &[u8], at: usize) -> Option<u64> {
     (digit < 10).then_some(u64::from(digit))
 }
 
-/// An index as written: OBJ counts from 1, negative ones count back from what was read last.
+/// An index as written: positive ones count from 1, negative ones count back from the last statement read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Index {
-    /// Without its sign; `u64::MAX` stands for everything from there on.
+    /// Absolute value; `u64::MAX` also stands for all larger ones.
     pub magnitude: u64,
     /// Whether it counts back.
     pub negative: bool,
 }
 
-/// The integer that begins at `start` and the place after it, or nothing if none does.
+/// Returns the integer that begins at `start` and the offset after it, or `None`.
 #[inline(always)]
 pub fn index_at(text: &[u8], start: usize) -> Option<(Index, usize)> {
     let mut at = start;
@@ -207,14 +208,15 @@ pub fn index_at(text: &[u8], start: usize) -> Option<(Index, usize)> {
     (at > first_digit).then_some((Index { magnitude, negative }, at))
 }
 
-/// The integer of one to seven digits that begins at `start`, without sign and not 0, and the place after it.
+/// Returns the unsigned integer of one to seven digits that begins at `start`, and the offset after it; `None` if it is
+/// 0.
 #[inline(always)]
 pub fn short_index_at(text: &[u8], start: usize) -> Option<(u32, usize)> {
     let (value, count) = leading_digits(eight_at(text, start)?);
     (value > 0 && count < 8).then_some((value as u32, start + count))
 }
 
-/// Value of many digits, at most `u64::MAX`.
+/// Value of a long run of digits, at most `u64::MAX`.
 #[cold]
 fn saturated(digits: &[u8]) -> u64 {
     digits.iter().fold(0, |sum: u64, digit| sum.saturating_mul(10).saturating_add(u64::from(digit - b'0')))

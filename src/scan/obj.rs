@@ -1,12 +1,12 @@
-//! The statements of a chunk of OBJ text.
+//! Parses the statements of a chunk of OBJ text.
 //!
-//! In: bytes that begin and end between statements. Out: a [`ParsedChunk`], or the first line at fault. Invariant:
-//! the chunk is read without knowing what comes before it: negative indices stay relative to its beginning, and
-//! whether positive ones exist is checked when the file has been read.
+//! In: bytes that begin and end between statements. Out: a [`ParsedChunk`], or the first faulty line. Invariant: a
+//! chunk is parsed without knowing what precedes it. Negative indices stay relative to its start; whether positive ones
+//! exist is checked at the end of the file.
 //!
-//! Each statement has two readers. The one in `fast.rs` knows only the form that exporters write (`v 1.5 2 3`,
-//! `f 1/2/3 4/5/6 7/8/9`) and steps aside for anything else; the one here takes the line apart into words, knows every
-//! form, and says what is wrong.
+//! Each statement has two readers. The one in `fast.rs` knows only the form that exporters write (`v 1.5 2 3`, `f 1/2/3
+//! 4/5/6 7/8/9`) and leaves everything else to the one here, which splits the line into words, knows every form and
+//! reports what is wrong.
 
 use glam::{DVec2, DVec3};
 use memchr::memchr;
@@ -19,11 +19,11 @@ use crate::store::NO_TEXCOORD;
 use crate::store::face::POLYGON_CORNERS_MAX;
 use crate::store::mesh::ID_LIMIT;
 
-/// Positions and texture coordinates beyond this are refused, since clusters work with 32-bit floats.
+/// Largest magnitude of positions and texture coordinates: clusters store them as 32-bit floats.
 pub const COORDINATE_MAX: f64 = f32::MAX as f64;
 pub(super) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
-/// A line that is no OBJ.
+/// A faulty line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LineError {
     /// Line in the chunk, from 1.
@@ -37,13 +37,13 @@ type LineResult<T> = Result<T, String>;
 /// Reads the statements of `text` into `chunk`, which must be empty.
 ///
 /// # Errors
-/// The first line that is damaged.
+/// The first damaged line.
 pub fn parse(text: &[u8], chunk: &mut ParsedChunk) -> Result<(), LineError> {
     let mut parser = Parser { text, at: 0, line: 1, chunk };
     parser.run()
 }
 
-/// A place in a chunk, and what was read before it.
+/// A position in a chunk, and the records parsed before it.
 pub(super) struct Parser<'a> {
     pub(super) text: &'a [u8],
     pub(super) at: usize,
@@ -227,7 +227,8 @@ impl Parser<'_> {
         Ok(())
     }
 
-    /// What an index refers to; nothing for a texture coordinate or normal 0, which some exporters write for "none".
+    /// Returns what an index refers to; `None` for texture coordinate or normal 0, which some exporters write for
+    /// "none".
     fn resolve(&mut self, kind: Numbered, index: Option<Index>) -> LineResult<Option<Reference>> {
         let Some(index) = index else { return Ok(None) };
         if index.magnitude == 0 {
@@ -239,7 +240,7 @@ impl Parser<'_> {
         match self.chunk.refer(kind, index) {
             Some(reference) => Ok(Some(reference)),
             None => Err(format!(
-                "face refers to {} {}{}, at most {ID_LIMIT} can be told apart",
+                "face refers to {} {}{}; at most {ID_LIMIT} are supported",
                 kind.word(),
                 if index.negative { "-" } else { "" },
                 index.magnitude
@@ -252,17 +253,18 @@ impl Parser<'_> {
     }
 }
 
-/// An index from 0.
+/// An index counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Reference {
-    /// Counted from the file's first.
+    /// Counted from the first of the file.
     Absolute(u32),
-    /// Counted from the chunk's first, modulo 2³².
+    /// Counted from the first of the chunk, modulo 2³².
     Relative(u32),
 }
 
 impl ParsedChunk {
-    /// Turns an index other than 0 into a reference and notes how far it reaches; nothing if it is beyond all limits.
+    /// Converts a nonzero index to a reference and records how far it reaches; `None` if its magnitude exceeds
+    /// [`ID_LIMIT`].
     #[inline]
     pub(super) fn refer(&mut self, kind: Numbered, index: Index) -> Option<Reference> {
         if index.magnitude > ID_LIMIT {
@@ -289,7 +291,7 @@ impl ParsedChunk {
         }
     }
 
-    /// Gives the corner that was pushed last a texture coordinate.
+    /// Assigns a texture coordinate to the last corner.
     #[inline]
     pub(super) fn push_corner_texcoord(&mut self, texcoord: Reference) {
         let corner = self.corner_vertices.len() - 1;
@@ -303,8 +305,8 @@ impl ParsedChunk {
         }
     }
 
-    /// Appends a triangle by its indices from 1, vertices and texture coordinates; nothing happens, and false comes back,
-    /// while there are corners without texture coordinate.
+    /// Appends a triangle by its vertex and texture coordinate indices, counted from 1. Returns false without appending
+    /// if some corner before it has no texture coordinate.
     #[inline(always)]
     pub(super) fn push_textured_triangle(&mut self, corners: [[u32; 3]; 2]) -> bool {
         let is_textured = self.corner_texcoords.len() == self.corner_vertices.len();
@@ -320,7 +322,7 @@ impl ParsedChunk {
         is_textured
     }
 
-    /// Takes back the corners of a face that is not finished.
+    /// Removes the corners of an unfinished face.
     pub(super) fn drop_corners(&mut self, start: usize, texcoords_start: usize) {
         self.corner_vertices.truncate(start);
         self.corner_texcoords.truncate(texcoords_start);
@@ -332,8 +334,8 @@ impl ParsedChunk {
     }
 }
 
-/// First line with an index of one of `kinds` that names nothing: a positive one above `totals`, a negative one that
-/// passes the first. `bases` are the counts of v, vt and vn before the chunk.
+/// Returns the first line with a dangling index of one of `kinds`: a positive one above `totals`, or a negative one
+/// that points before the first. `bases` are the counts of v, vt and vn before the chunk.
 pub fn find_dangling_index(text: &[u8], bases: [u64; 3], totals: [u64; 3], kinds: &[Numbered]) -> Option<LineError> {
     let (mut at, mut line, mut counts) = (0, 1, bases);
     while at < text.len() {
@@ -374,7 +376,7 @@ pub fn find_dangling_index(text: &[u8], bases: [u64; 3], totals: [u64; 3], kinds
     None
 }
 
-/// `v`, `v/t`, `v//n`, `v/t/n`, also with slashes at the end.
+/// Splits `v`, `v/t`, `v//n` or `v/t/n`; trailing slashes are accepted.
 fn split_corner(word: &[u8]) -> LineResult<[Option<Index>; 3]> {
     let mut corner = [None; 3];
     let mut parts = word.split(|byte| *byte == b'/');

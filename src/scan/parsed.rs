@@ -1,4 +1,4 @@
-//! What a chunk of OBJ text holds.
+//! Records parsed from a chunk of OBJ text.
 //!
 //! ```text
 //! polygon_sizes     3        4            3
@@ -7,8 +7,8 @@
 //! changes           ^ usemtl wall         ^ g roof     before a polygon, in order
 //! ```
 //! # Memory
-//! About three bytes a byte of text in the worst case (`v 1 2 3` becomes 24 bytes, `f 1 2 3` 16), so 1.5 MiB for a chunk
-//! of 512 KiB; one byte a byte of text as exporters write it.
+//! Up to three bytes per byte of text (`v 1 2 3` takes 24 bytes, `f 1 2 3` 16), so 1.5 MiB for a chunk of 512 KiB;
+//! about one byte per byte of text in the form that exporters write.
 
 use std::ops::Range;
 
@@ -17,7 +17,7 @@ use glam::{DVec2, DVec3};
 use crate::base::findings::PLACES_PER_KIND;
 use crate::store::PackedBlocks;
 
-/// Which of the three numbered kinds of statements an index counts.
+/// Kind of statement that an index counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Numbered {
     /// `v`
@@ -29,10 +29,10 @@ pub enum Numbered {
 }
 
 impl Numbered {
-    /// The three kinds, in the order of a corner's indices.
+    /// The three kinds, in the order of the indices of a corner.
     pub const ALL: [Numbered; 3] = [Numbered::Vertex, Numbered::Texcoord, Numbered::Normal];
 
-    /// For messages.
+    /// Name for messages.
     pub fn word(self) -> &'static str {
         match self {
             Numbered::Vertex => "vertex",
@@ -42,7 +42,7 @@ impl Numbered {
     }
 }
 
-/// What a statement changes for the faces after it.
+/// Label of the following faces that a statement sets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LabelKind {
     /// `o`
@@ -56,11 +56,11 @@ pub enum LabelKind {
 /// A change of object, group or material.
 #[derive(Debug, Clone)]
 pub struct Change {
-    /// Number of polygons of the chunk before it.
+    /// Number of polygons of the chunk before the change.
     pub polygon: u32,
-    /// What changes.
+    /// Label that changes.
     pub kind: LabelKind,
-    /// The name, as a range of [`ParsedChunk::names`].
+    /// Name as a range of [`ParsedChunk::names`].
     pub name: Range<u32>,
 }
 
@@ -73,69 +73,69 @@ pub struct Library {
     pub name: Range<u32>,
 }
 
-/// How often something was met in a chunk, and the first few places.
+/// Number of findings of a kind in a chunk, and the first few of them.
 #[derive(Debug)]
 pub struct Note {
     /// Kind of finding.
     pub kind: &'static str,
-    /// How often.
+    /// Number of findings.
     pub count: u64,
-    /// Line in the chunk, from 1, and what to say.
+    /// Line in the chunk, from 1, and description.
     pub places: Vec<(u64, String)>,
 }
 
-/// How many places of a kind a chunk keeps in words: as many as the file may, so that chunk borders change nothing.
+/// Largest number of places kept per kind: the limit of a whole file, so that chunk borders do not change the report.
 const PLACES_MAX: usize = PLACES_PER_KIND;
 
-/// A chunk's statements; everything is counted from the chunk's beginning.
+/// Statements of a chunk; indices and lines are relative to its start.
 #[derive(Debug, Default)]
 pub struct ParsedChunk {
-    /// Lines of the chunk.
+    /// Physical lines of the chunk.
     pub line_count: u64,
     /// Positions.
     pub positions: Vec<DVec3>,
-    /// Empty if no vertex of the chunk has a colour, else one each, NaN for those without.
+    /// Colour of each vertex, NaN for vertices without; empty if no vertex of the chunk has one.
     pub colours: Vec<[f32; 3]>,
     /// Texture coordinates.
     pub texcoords: Vec<DVec2>,
-    /// Positions as they are stored, once they are [packed](ParsedChunk::pack).
+    /// Positions as stored; filled by [`pack`](ParsedChunk::pack).
     pub packed_positions: PackedBlocks,
-    /// Texture coordinates as they are stored, in the same way.
+    /// Texture coordinates as stored; filled by [`pack`](ParsedChunk::pack).
     pub packed_texcoords: PackedBlocks,
-    /// Number of `vn`.
+    /// Number of `vn` statements.
     pub normal_count: u64,
-    /// Corners of each polygon.
+    /// Number of corners of each polygon.
     pub polygon_sizes: Vec<u32>,
-    /// Vertex of each corner, from 0; relative ones count from the chunk's first vertex, modulo 2³².
+    /// Vertex of each corner, from 0; relative ones count from the first vertex of the chunk, modulo 2³².
     pub corner_vertices: Vec<u32>,
-    /// Empty, or the texture coordinate of each corner in the same way, or `NO_TEXCOORD`.
+    /// Texture coordinate of each corner in the same way, or `NO_TEXCOORD`; may be shorter than the corners, or empty.
     pub corner_texcoords: Vec<u32>,
     /// Corners whose vertex is relative.
     pub relative_vertices: Vec<u32>,
     /// Corners whose texture coordinate is relative.
     pub relative_texcoords: Vec<u32>,
-    /// Highest absolute index (from 1) of v, vt and vn; 0 if there is none.
+    /// Highest absolute index (from 1) of v, vt and vn; 0 without any.
     pub highest: [u64; 3],
-    /// Lowest relative v, vt and vn, counted from the chunk's first; negative ones reach into earlier chunks.
+    /// Lowest relative v, vt and vn, counted from the first of the chunk; negative ones refer to earlier chunks.
     pub lowest: [i64; 3],
     /// Changes of object, group and material.
     pub changes: Vec<Change>,
     /// Material libraries.
     pub libraries: Vec<Library>,
-    /// Text of changes and libraries.
+    /// Text of the changes and libraries.
     pub names: Vec<u8>,
-    /// Most decimals of a position.
+    /// Largest number of decimals of a position.
     pub position_decimals: u32,
-    /// Most decimals of a texture coordinate.
+    /// Largest number of decimals of a texture coordinate.
     pub texcoord_decimals: u32,
-    /// Whether a face names a normal.
+    /// Whether a face refers to a normal.
     pub uses_normals: bool,
-    /// What was noticed.
+    /// Findings.
     pub notes: Vec<Note>,
 }
 
 impl ParsedChunk {
-    /// Forgets everything but keeps the memory.
+    /// Clears the chunk but keeps the buffers of the larger columns.
     pub fn clear(&mut self) {
         let kept = std::mem::take(self);
         *self = Self {
@@ -153,13 +153,13 @@ impl ParsedChunk {
         };
     }
 
-    /// Encodes positions and texture coordinates for the files that they go to.
+    /// Encodes positions and texture coordinates for their files.
     pub fn pack(&mut self) {
         self.packed_positions = PackedBlocks::new(&self.positions);
         self.packed_texcoords = PackedBlocks::new(&self.texcoords);
     }
 
-    /// Bytes that the larger columns hold.
+    /// Capacity of the larger columns in bytes.
     pub fn capacity_bytes(&self) -> usize {
         self.positions.capacity() * size_of::<DVec3>()
             + self.colours.capacity() * size_of::<[f32; 3]>()
@@ -173,7 +173,7 @@ impl ParsedChunk {
             + self.names.capacity()
     }
 
-    /// Number of v, vt and vn.
+    /// Number of v, vt and vn statements.
     pub fn counts(&self) -> [u64; 3] {
         [self.positions.len() as u64, self.texcoords.len() as u64, self.normal_count]
     }
@@ -190,7 +190,7 @@ impl ParsedChunk {
         self.positions.push(position);
     }
 
-    /// Records a change; one that no face has used yet is replaced, so that changes without faces cost nothing.
+    /// Records a change. Replaces one that no face has used yet, so that changes without faces take no memory.
     pub fn push_change(&mut self, kind: LabelKind, name: &[u8]) {
         let polygon = self.polygon_sizes.len() as u32;
         let name = self.push_name(name);
@@ -201,19 +201,19 @@ impl ParsedChunk {
         }
     }
 
-    /// Appends a name to the names.
+    /// Appends a name to `names` and returns its range.
     pub fn push_name(&mut self, name: &[u8]) -> Range<u32> {
         let start = self.names.len() as u32;
         self.names.extend_from_slice(name);
         start..self.names.len() as u32
     }
 
-    /// A name by its range.
+    /// Returns a name by its range.
     pub fn name(&self, range: &Range<u32>) -> &[u8] {
         &self.names[range.start as usize..range.end as usize]
     }
 
-    /// Counts a finding, and keeps its words if it is among the first of its kind.
+    /// Counts a finding, and keeps its description if it is among the first of its kind.
     pub fn note(&mut self, kind: &'static str, line: u64, words: impl FnOnce() -> String) {
         let note = self.note_of(kind);
         note.count += 1;
@@ -222,7 +222,7 @@ impl ParsedChunk {
         }
     }
 
-    /// Counts a finding without words.
+    /// Counts a finding without description.
     pub fn count(&mut self, kind: &'static str) {
         self.note_of(kind).count += 1;
     }

@@ -1,11 +1,11 @@
-//! Labels of faces: objects, groups and materials, and their combinations.
+//! Labels of faces: objects, groups, materials and their combinations (parts).
 //!
-//! In: changes of labels in the order of the input. Out: the index of the part that the next face belongs to, and in
-//! the end the [`Catalogue`]. Invariant: names, materials and parts are numbered in order of their first use by a face,
-//! so labels that no face uses cost nothing; hash maps are looked up, never walked through.
+//! In: label changes in input order. Out: the part index of each face, and finally the [`Catalogue`]. Invariant: names,
+//! materials and parts are numbered in order of their first use by a face, so unused labels take no memory. Hash maps
+//! are only looked up, never iterated.
 //!
 //! # Memory
-//! The catalogue: about 100 bytes and the name for each object, group and material that has faces, 28 for each part.
+//! The catalogue: about 100 bytes plus the name for each used object, group and material, 28 for each part.
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use crate::os::path::path_of_name;
 use crate::store::mesh::MaterialDefinition;
 use crate::store::{Catalogue, Material, Part};
 
-/// The labels of the current face, and all that faces have used.
+/// Labels of the current face, and all labels used so far.
 #[derive(Debug)]
 pub struct Labels {
     catalogue: Catalogue,
@@ -44,19 +44,19 @@ pub struct FileMaterials {
 }
 
 impl FileMaterials {
-    /// Place of a material in the catalogue, if a face of the file uses it.
+    /// Returns the catalogue index of a material, or `None` if no face of the file uses it.
     pub fn find(&self, name: &[u8]) -> Option<usize> {
         self.ids.get(name).map(|id| *id as usize)
     }
 
-    /// Place of the file's first material in the catalogue; its others follow.
+    /// Catalogue index of the file's first material; its others follow.
     pub fn first(&self) -> usize {
         self.first
     }
 }
 
 impl Labels {
-    /// None yet; what they take is counted.
+    /// Creates an empty catalogue whose memory is charged to `allowance`.
     pub fn new(allowance: Allowance) -> Self {
         Self {
             catalogue: Catalogue::default(),
@@ -71,14 +71,14 @@ impl Labels {
         }
     }
 
-    /// Begins a file: its faces have no object, group or material until a statement says so.
+    /// Begins a file: its faces have no object, group or material until a statement sets one.
     pub fn begin_file(&mut self, path: &Path) {
         self.catalogue.files.push(path.to_owned());
         (self.object, self.group, self.material, self.part) = (None, None, None, None);
         self.file_materials = FileMaterials { first: self.catalogue.materials.len(), ids: HashMap::new() };
     }
 
-    /// Sets the object, group or material of the faces that follow; a `usemtl` without name means none.
+    /// Sets the object, group or material of the faces that follow; a `usemtl` without a name clears the material.
     pub fn change(&mut self, kind: LabelKind, name: &[u8]) {
         let label = match kind {
             LabelKind::Object => &mut self.object,
@@ -93,10 +93,10 @@ impl Labels {
         self.part = None;
     }
 
-    /// Index of the part that a face at this place belongs to.
+    /// Returns the part index of a face with the current labels.
     ///
     /// # Errors
-    /// [`Error::Limit`] if there are more than 2³² of a kind, [`Error::Budget`] if they take too much memory.
+    /// [`Error::Limit`] if there are more than 2³² of a kind, [`Error::Budget`] if they exceed their memory.
     pub fn part(&mut self) -> Result<u32> {
         match self.part {
             Some(part) => Ok(part),
@@ -140,22 +140,22 @@ impl Labels {
         Ok(index)
     }
 
-    /// Counts bytes that the current file makes necessary.
+    /// Charges bytes to the current file.
     ///
     /// # Errors
-    /// [`Error::Budget`] if that is too much.
+    /// [`Error::Budget`] if the allowance is used up.
     pub fn allow(&mut self, bytes: u64) -> Result<()> {
         let path = self.catalogue.files.last().map_or(Path::new(""), PathBuf::as_path);
         self.allowance.take(bytes, path)
     }
 
-    /// The catalogue so far, the current file's materials in it, and the memory for more.
+    /// Returns the catalogue so far, the current file's materials in it, and the memory left.
     pub fn materials_of_file(&mut self) -> (&mut Catalogue, &FileMaterials, &mut Allowance) {
         (&mut self.catalogue, &self.file_materials, &mut self.allowance)
     }
 
-    /// The catalogue, once all files are read and their materials defined: equal materials of several files become
-    /// one, and different ones of one name get output names of their own.
+    /// Returns the catalogue, once all files are read and their materials defined. Merges equal materials of several
+    /// files, and gives different materials of the same name distinct output names.
     pub fn finish(mut self) -> Catalogue {
         merge_materials(&mut self.catalogue);
         name_outputs(&mut self.catalogue.materials);
@@ -201,8 +201,8 @@ fn merge_materials(catalogue: &mut Catalogue) {
     }
 }
 
-/// Bytes that two materials share if and only if they look the same: name, statements, and textures with the files
-/// that they resolve to.
+/// Returns a key that is equal for two materials if and only if they look the same: name, statements, and textures with
+/// their resolved paths.
 fn identity(material: &Material) -> Vec<u8> {
     let mut key = Vec::new();
     put_text(&mut key, &material.name);

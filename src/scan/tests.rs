@@ -1,4 +1,4 @@
-//! Tests of the whole scan: text in, records out.
+//! Tests of the whole scan, from text to records.
 
 use std::fs;
 
@@ -10,7 +10,7 @@ use crate::base::Silent;
 use crate::store::face::POLYGON_CORNERS_MAX;
 use crate::store::{Face, NO_TEXCOORD, Part};
 
-/// A scan's records in memory.
+/// Records of a scan, in memory.
 #[derive(Debug)]
 struct Records {
     scan: Scan,
@@ -21,7 +21,7 @@ struct Records {
 }
 
 impl Records {
-    /// Everything that must not depend on how the text was cut, in a form that compares.
+    /// Everything that must not depend on how the text was split, in a comparable form.
     fn fingerprint(&self) -> String {
         let Scan { catalogue, triangles, findings, input_bytes, .. } = &self.scan;
         let Catalogue { names, materials, parts, position_decimals, texcoord_decimals, .. } = catalogue;
@@ -357,7 +357,8 @@ fn a_hundred_thousand_materials_are_read_in_no_time() {
     assert!(begin.elapsed().as_secs() < 10);
 }
 
-/// Lines of every kind, valid in any order after three vertices and two texture coordinates of each way to count.
+/// Lines of every kind, valid in any order after three vertices and two texture coordinates, with absolute and relative
+/// indices.
 fn any_line() -> impl Strategy<Value = String> {
     let number = prop_oneof!["-?[0-9]{1,9}\\.[0-9]{0,9}", "-?[0-9]{1,4}(e-?[0-9])?", "[0-9]\\.[0-9]{20}"];
     let vertex = prop::collection::vec(number.clone(), 3..8).prop_map(|n| format!("v {}", n.join(" ")));
@@ -428,7 +429,7 @@ proptest! {
 
     #[test]
     fn the_two_readers_agree(line in any_line(), end in prop_oneof![Just("\n"), Just("\r\n")]) {
-        // A comment at the end sends a line to the general reader.
+        // A trailing comment sends a line to the general reader.
         let plain = obj_of(&format!("{line}{end}"));
         let general = obj_of(&format!("{line} #{end}"));
         prop_assume!(!line.starts_with(['g', 'o', 'u', 'm']));
@@ -447,7 +448,7 @@ fn obj_of(text: &str) -> String {
     format!("{result:?} {chunk:?}")
 }
 
-/// Runs over a folder of small files with known faults and an `expected.json` that tells what a reader should do.
+/// Runs over a folder of small files with known faults and an `expected.json` with the expected results.
 #[test]
 fn every_file_of_the_edge_collection_is_read_or_refused_as_expected() {
     let shared = std::env::var_os("DRYSTONE_SHARED")
@@ -474,7 +475,7 @@ fn every_file_of_the_edge_collection_is_read_or_refused_as_expected() {
             }
             Ok(scan) => {
                 let (count, warnings) = (case["counts"]["tris"].as_u64(), scan.findings.warnings().join("\n"));
-                // A statement that this reader takes for a face may not be one for the referee.
+                // This reader may accept a statement as a face that the reference reader does not.
                 let known = case["tris_any"].as_array().is_some_and(|any| any.contains(&scan.triangles.into()));
                 let is_expected = expect != "error" && (count == Some(scan.triangles) || known);
                 let names_line =

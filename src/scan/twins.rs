@@ -1,7 +1,7 @@
-//! Inputs that hold one surface twice: a backup, or coarser levels of detail beside a mesh.
+//! Detects inputs that contain the same surface twice: a backup, or levels of detail beside a mesh.
 //!
-//! In: the files and folders of an input with the boxes around their vertices. Out: pairs that fill the same box. Neighbours
-//! do not; neither do the parts of a mesh, except where each of them reaches all the way in all three directions.
+//! In: the files and folders of an input with their bounding boxes. Out: pairs with the same box. Adjacent tiles do not
+//! have the same box; nor do parts of a mesh, unless each of them spans the mesh along all three axes.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,16 +11,16 @@ use crate::base::error::escape_path;
 use crate::store::StoredMesh;
 use crate::store::packed::Bounds;
 
-/// Two boxes are the same if their common part has at least this share of the extent of both together, on each axis.
+/// Two boxes count as the same if, on each axis, their overlap is at least this share of their union.
 const SAME_SHARE: f64 = 0.98;
 
-/// Notes files of a scanned mesh, and folders, that fill the same box, and files of equal content.
+/// Reports files and folders of a scanned mesh with the same bounding box, and which files have equal content.
 pub(super) fn note_twins(files: &[PathBuf], hashes: &[u64], mesh: &StoredMesh, findings: &mut Findings) {
     let pieces = files.iter().zip(hashes).zip(&mesh.pieces).filter(|(_, piece)| !piece.faces.is_empty());
     note(pieces.map(|((path, &hash), piece)| (path.as_path(), piece.positions.bounds(), Some(hash))), findings);
 }
 
-/// The same for files whose contents nobody has compared, by the boxes around them.
+/// The same by bounding boxes alone, for files that were not hashed.
 pub fn note_twin_boxes(files: &[PathBuf], boxes: &[Bounds], findings: &mut Findings) {
     note(files.iter().zip(boxes).map(|(path, &bounds)| (path.as_path(), bounds, None)), findings);
 }
@@ -57,7 +57,7 @@ fn note<'a>(files: impl Iterator<Item = (&'a Path, Bounds, Option<u64>)>, findin
 struct Place<'a> {
     path: &'a Path,
     bounds: Bounds,
-    /// That of the content; `None` for a folder, and where it is not known.
+    /// Hash of the content; `None` for a folder or if it is unknown.
     hash: Option<u64>,
     is_folder: bool,
 }

@@ -1,4 +1,4 @@
-//! A pass that is run twice: the first run shows by what plan it should have been run.
+//! Runs a pass a second time when the first attempt shows that its plan was wrong.
 
 use super::outcome::{PassOutcome, PassReport, before_leap};
 use super::pass::{Run, plan_step};
@@ -12,8 +12,8 @@ use crate::job::Step;
 use crate::partition::Partition;
 
 impl<M: Metric> Run<'_, M> {
-    /// Runs a pass by its plan, and once more if that overshot the target, or if a single cluster was simplified by far
-    /// dearer collapses than before for little.
+    /// Runs a pass by its plan. Runs it a second time if the first attempt went below the target, or if a single
+    /// cluster ended with collapses that cost far more than those before and removed few faces.
     pub(super) fn run_plans(&self, state: &PassState, partition: &Partition, plan: &Plan) -> Result<PassOutcome> {
         let (mesh, pass) = (&state.mesh, state.pass);
         let again = plan_step(pass, 1);
@@ -34,7 +34,7 @@ impl<M: Metric> Run<'_, M> {
         Ok(PassOutcome { is_wall: matches!(plan, Plan::Faces(..)), ..outcome })
     }
 
-    /// The plan by which a pass is to be run once more, if it is.
+    /// Returns the plan for the second attempt, or `None` if the first attempt stands.
     fn better_plan(
         &self,
         state: &PassState,
@@ -45,14 +45,15 @@ impl<M: Metric> Run<'_, M> {
         let target = self.options.target;
         match plan {
             Plan::Costs(costs) if outcome.report.faces_out < target => {
-                // The sample was no picture of the whole: the same thresholds again, but stopped above the target, where
-                // the trim goes on.
+                // The sample did not represent the whole mesh. Keep the thresholds, but stop each cluster above the
+                // target, where the trim takes over.
                 let keep = halfway(&partition.face_counts(), &outcome.cluster_faces, self.before_trim());
-                // A cluster ends one face below where it stops, or not at all.
+                // A cluster ends one face below its stop, or exactly at it.
                 let keep = keep.into_iter().map(|faces| faces + 1).collect();
                 Some(Plan::Trim(costs.clone(), keep))
             }
-            // What can be met is met, whatever it costs; on the way there, and where it cannot be, the shape comes first.
+            // A target that was met stands, whatever the last collapses cost. In earlier passes, and where the target
+            // was missed, preserving the shape comes first.
             Plan::Faces(_, target) if outcome.report.faces_out <= *target => None,
             Plan::Faces(..) | Plan::Shares(_) => {
                 let mean_area = outcome.area / outcome.report.faces_in.max(1) as f64;

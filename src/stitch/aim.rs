@@ -1,4 +1,4 @@
-//! Chooses how far each cluster goes: shares and thresholds from the schedule and the sample, the last faces from the
+//! Chooses where each cluster stops: by shares and thresholds from the schedule and the sample, and in the trim by the
 //! costs of all clusters.
 
 use super::goal::{Aim, Goal};
@@ -16,25 +16,27 @@ use crate::partition::reading::{self, ClusterFaces};
 use crate::partition::weight::ORDINARY_BYTES;
 use crate::store::StoredMesh;
 
-/// Faces of a cluster, on average, from which on a trim goes by shares.
+/// Mean faces per cluster at the target from which a trim uses shares instead of costs.
 const SHARED_TRIM_FACES: u64 = 5_000;
-/// The dearest collapse of a trim by shares may cost this many times what twice as many collapses cost in the sample.
+/// Factor on the sampled threshold up to which a trim by shares may collapse edges. The sampled threshold comes from
+/// about twice as many collapses as the trim needs.
 const TRIM_SPREAD: f32 = 4.0;
-/// Trials of a trim by cost beyond the first, each at [`TRIM_SPREAD`] times the cost of the one before.
+/// Trials of a trim by cost after the first one; each uses [`TRIM_SPREAD`] times the cost of the previous trial.
 const TRIALS_MAX: u32 = 4;
 
 impl<M: Metric> Run<'_, M> {
-    /// Whether a pass is to reach the target.
+    /// Reports whether a pass aims at the target itself.
     pub(super) fn is_last(&self, pass: usize) -> bool {
         self.aim().is_last(self.turn(pass))
     }
 
-    /// Largest deviation allowed, in units of length, if it is bounded: what is asked for, but no less than rounding does.
+    /// Largest allowed deviation in units of length; `None` if it is unbounded. At least the rounding error of the
+    /// mesh.
     pub(super) fn bound(&self) -> Option<f64> {
         self.options.max_error.map(|most| most.max(self.noise))
     }
 
-    /// The deviation that is allowed in a pass, if it is bounded: more from pass to pass.
+    /// Deviation allowed in a pass, in units of length; it doubles from pass to pass. `None` if it is unbounded.
     pub(super) fn bound_of(&self, pass: usize) -> Option<f64> {
         self.aim().bound_of(self.turn(pass))
     }
@@ -44,7 +46,8 @@ impl<M: Metric> Run<'_, M> {
         Aim { target, input, passes, bound: self.bound() }
     }
 
-    /// The thresholds that a pass of `faces` faces needs in many clusters, from a sample of them.
+    /// Returns the cost thresholds of a pass over `faces` faces in several clusters, measured on a sample of them.
+    /// Empty if the pass is bounded by deviation.
     pub(super) fn foresee(&self, sample: ClusterMesh, pass: usize, faces: u64) -> Vec<f32> {
         match self.aim().goal(self.turn(pass), faces) {
             Goal::Deviation(_) => Vec::new(),
@@ -53,8 +56,8 @@ impl<M: Metric> Run<'_, M> {
         }
     }
 
-    /// Chooses how the clusters of a pass stop, and whether that meets the target to the face; `faces` and thresholds are
-    /// those of [`foresee`](Run::foresee).
+    /// Returns how the clusters of a pass stop, and whether that meets the target to the face. `faces` and `thresholds`
+    /// are those of [`foresee`](Run::foresee).
     pub(super) fn plan(
         &self,
         mesh: &StoredMesh,
@@ -80,12 +83,12 @@ impl<M: Metric> Run<'_, M> {
         }
     }
 
-    /// Faces that a pass leaves to the trim when it is stopped by their number.
+    /// Faces above which a pass that is stopped by face count leaves the rest to the trim.
     pub(super) fn before_trim(&self) -> u64 {
         self.aim().before_trim()
     }
 
-    /// Thresholds for shares of the faces, from a sample.
+    /// Returns the thresholds for these shares of the faces, measured on a sample.
     fn thresholds(&self, sample: ClusterMesh, pass: usize, shares: &[f64]) -> Vec<f32> {
         let _permit =
             self.permits.take(sample.corners.len() as u64 * (ORDINARY_BYTES + self.options.cost.extra_face_bytes()));
@@ -94,26 +97,26 @@ impl<M: Metric> Run<'_, M> {
         sample::thresholds(&mut engine, shares)
     }
 
-    /// What is sampled while a pass runs, for the next one.
+    /// Chooses the clusters that give patches during a pass, as the sample for the next pass.
     pub(super) fn survey(&self, partition: &Partition, pass: usize) -> Survey {
         let faces = self.aim().faces_after(self.turn(pass));
         Survey::new(&loaded_faces(partition), self.aim().purpose(self.turn(pass + 1), faces), 1.0)
     }
 
-    /// What is sampled before the first pass. Nothing else can be done meanwhile, and where passes follow that do not end
-    /// exactly where they should, half of the faces will do.
+    /// Chooses the clusters that give patches before the first pass. No other work overlaps this sampling, so it uses
+    /// half the faces if later passes can correct its error.
     pub(super) fn first_survey(&self, partition: &Partition) -> Survey {
         let is_only = self.options.passes <= 1;
         let purpose = self.aim().purpose(0, partition.total_faces() as f64);
         Survey::new(&loaded_faces(partition), purpose, if is_only { 1.0 } else { 0.5 })
     }
 
-    /// The patch of a cluster that no mesh was made of.
+    /// Cuts the patch out of the faces of a cluster before a mesh is built from them.
     pub(super) fn patch_of_faces(&self, survey: &Survey, partition: &Partition, faces: ClusterFaces) -> ClusterMesh {
         survey.patch_of_faces(faces, |faces| faces.into_source(partition, self.catalogue, &self.texture.scale).mesh)
     }
 
-    /// A sample of the clusters as they are before a pass.
+    /// Samples the clusters as they are before a pass.
     pub(super) fn take_sample(&self, mesh: &StoredMesh, partition: &Partition) -> Result<ClusterMesh> {
         let survey = self.first_survey(partition);
         let mut sample = ClusterMesh::default();
@@ -125,17 +128,19 @@ impl<M: Metric> Run<'_, M> {
         Ok(sample)
     }
 
-    /// Whether clusters are so large that a face too few in each of them does not matter.
+    /// Reports whether clusters are so large at the target that one face too few in each does not matter.
     fn has_large(&self, partition: &Partition) -> bool {
         partition.filled_count() * SHARED_TRIM_FACES <= self.options.target
     }
 
-    /// Lets as few clusters as can lose the same share of their faces, at no more than [`TRIM_SPREAD`] times the cost.
+    /// Plans a trim in which as few clusters as possible lose the same share of their faces, at no more than
+    /// [`TRIM_SPREAD`] times `cost`.
     fn share_trim(&self, partition: &Partition, cost: f32) -> Plan {
         Plan::Trim(vec![cost * TRIM_SPREAD], spread_shares(&partition.face_counts(), self.options.target))
     }
 
-    /// Simplifies every cluster a little too far, up to a cost, and merges what that cost.
+    /// Plans a trim by cost: simplifies every cluster slightly too far, then picks the cheapest logged collapses of all
+    /// clusters. Raises `cost` until enough faces can go.
     fn plan_trim(&self, mesh: &StoredMesh, partition: &Partition, mut cost: f32, pass: usize) -> Result<Plan> {
         let excess = partition.total_faces().saturating_sub(self.options.target);
         let mut trial = 0;
@@ -161,7 +166,7 @@ impl<M: Metric> Run<'_, M> {
     }
 }
 
-/// Faces of the clusters that are loaded; none for those that pass through.
+/// Faces of each cluster; 0 for clusters too heavy to load.
 fn loaded_faces(partition: &Partition) -> Vec<u64> {
     let faces_of = |cluster| partition.weight(cluster).map_or(0, |weight| weight.faces);
     (0..partition.cluster_count()).map(faces_of).collect()

@@ -1,4 +1,4 @@
-//! One pass over the clusters: each is read, simplified and written, by several threads at once.
+//! Runs one pass over the clusters: reads, simplifies and writes each of them, on several threads.
 
 use super::kept::ClusterResult;
 use super::outcome::Floor;
@@ -19,23 +19,24 @@ use crate::simplify::Anchor;
 use crate::store::piece::PendingPiece;
 use crate::store::{StoredMesh, StoredPiece};
 
-/// Clusters after which freed memory goes back to the system: the heaps of the threads have holes by then.
+/// Clusters after which freed memory is returned to the system; by then the heaps of the threads are fragmented.
 const CLUSTERS_PER_RELEASE: usize = 64;
-/// Memory of a cluster that passes through: a block of faces, their texture coordinates and the piece being written.
+/// Memory in bytes of a cluster that passes through: a block of faces, their texture coordinates and the piece being
+/// written.
 pub(super) const PASS_BYTES: u64 = 16 << 20;
 
-/// A cluster that is simplified and perhaps not durable yet.
+/// A simplified cluster whose piece may not be durable yet.
 struct Product {
     cluster: usize,
     result: ClusterResult,
     pending: Option<PendingPiece>,
-    /// Whether an earlier process has kept it.
+    /// Whether an earlier process recorded it in the journal.
     is_kept: bool,
 }
 
 impl<M: Metric> Run<'_, M> {
-    /// Loads, simplifies and (if `keep`) writes every cluster that has faces; results come in order of clusters. What
-    /// an earlier process finished of it is taken as it is.
+    /// Loads and simplifies every cluster that has faces, and writes it if `keep` is `Some`; passes results to `commit`
+    /// in cluster order. Reuses results that an earlier process recorded.
     pub(super) fn each_cluster(
         &self,
         mesh: &StoredMesh,
@@ -156,13 +157,13 @@ impl<M: Metric> Run<'_, M> {
         Ok((result, pending))
     }
 
-    /// Faces of a cluster that may go before the mesh, of which it has that share, is below the target.
+    /// Returns the faces that a cluster with `own` of `all` faces may lose before the mesh falls below the target.
     fn spare_faces(&self, own: u64, all: u64) -> u64 {
         let spare = all.saturating_sub(self.options.target);
         (u128::from(own) * u128::from(spare) / u128::from(all.max(1))) as u64
     }
 
-    /// Memory of a cluster while it is in work, or while it passes through.
+    /// Memory in bytes of a cluster while it is simplified or passed through.
     pub(super) fn cluster_bytes(&self, partition: &Partition, cluster: usize) -> u64 {
         let weigh =
             |weight: ClusterWeight| weight.bytes() + weight.vertices * M::VERTEX_BYTES + weight.wedges * M::WEDGE_BYTES;
@@ -190,7 +191,7 @@ impl<M: Metric> Run<'_, M> {
         Ok(ClusterResult { pieces, degenerate, faces_in: faces, faces, probes, ..unchanged })
     }
 
-    /// Probes a cluster of the input that cannot be loaded as a whole.
+    /// Probes a cluster of the input that is too large to load at once, block by block.
     pub(super) fn probe_blocks(
         &self,
         probing: &Probing,

@@ -1,56 +1,56 @@
-//! What the clusters of a pass are to reach together: it follows from the target, the bound and the schedule alone.
+//! Computes what the clusters of a pass must reach together, from the target, the bound and the schedule alone.
 
 use super::sample::Purpose;
 use super::schedule::{TRIM_SHARE, pass_target, stage_shares};
 use super::stops::Plan;
 
-/// The trim takes over when no more than this share above the target is left.
+/// Largest excess over the target, as a share of the target, at which a trim replaces an ordinary pass.
 const TRIM_SHARE_MAX: f64 = 0.25;
-/// Share of the allowed error that is used: positions are rounded afterwards.
+/// Share of the allowed error that collapses may use; the rest covers rounding of the positions.
 const BOUND_SAFETY: f64 = 0.98;
 
-/// What the clusters of a pass are to reach together.
+/// What the clusters of a pass must reach together.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Goal {
-    /// This bound on the deviation.
+    /// Keep the deviation below this bound, in units of length.
     Deviation(f64),
-    /// The target to the face, on the way to this share of the faces.
+    /// Reach the target to the face. The sampled threshold is the one for this share of the faces.
     Trim(f64),
-    /// These shares of the faces, stage by stage.
+    /// Keep these shares of the faces at the end of each stage.
     Stages(Vec<f64>),
 }
 
-/// What a run of passes aims at. Turns count the passes that collapse edges, from 0.
+/// Aim of all passes. A turn is the index, from 0, of a pass among those that collapse edges.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Aim {
-    /// Faces wanted; 0 for the fewest that the bound allows.
+    /// Faces wanted; 0 for as few as the bound allows.
     pub target: u64,
     /// Faces of the input.
     pub input: u64,
-    /// Passes; those beyond them aim at the target, too.
+    /// Planned passes; extra passes aim at the target, too.
     pub passes: usize,
-    /// Largest deviation, in units of length, if it is bounded.
+    /// Largest deviation in units of length; `None` if it is unbounded.
     pub bound: Option<f64>,
 }
 
 impl Aim {
-    /// Whether a pass is to reach the target.
+    /// Reports whether a pass aims at the target itself.
     pub fn is_last(self, turn: usize) -> bool {
         turn + 1 >= self.passes
     }
 
-    /// The deviation that is allowed in a pass, if it is bounded: more from pass to pass.
+    /// Deviation allowed in a pass, in units of length; it doubles from pass to pass. `None` if it is unbounded.
     pub fn bound_of(self, turn: usize) -> Option<f64> {
         let left = self.passes.saturating_sub(turn + 1) as i32;
         Some(self.bound? * BOUND_SAFETY * libm::pow(0.5, f64::from(left)))
     }
 
-    /// Faces that a pass is to leave.
+    /// Number of faces that a pass aims to leave.
     pub fn faces_after(self, turn: usize) -> f64 {
         pass_target(self.input, self.target, turn, self.passes)
     }
 
-    /// What a pass of `faces` faces is to reach.
+    /// Returns what a pass over `faces` faces must reach.
     pub fn goal(self, turn: usize, faces: u64) -> Goal {
         if let (0, Some(most)) = (self.target, self.bound_of(turn)) {
             return Goal::Deviation(most);
@@ -66,7 +66,7 @@ impl Aim {
         Goal::Stages(self.stages(target / all * (1.0 + TRIM_SHARE), turn))
     }
 
-    /// How a single cluster of so many faces stops; the last pass ends at the target to the face.
+    /// Returns how a single cluster of `faces` faces stops; the last pass ends at the target to the face.
     pub fn in_one_cluster(self, turn: usize, faces: u64) -> Plan {
         let faces = faces.max(1) as f64;
         if self.is_last(turn) {
@@ -75,18 +75,19 @@ impl Aim {
         Plan::Shares(self.stages(self.faces_after(turn) / faces, turn))
     }
 
-    /// How a pass stops that may deviate by so much: what is nearest goes first; later passes begin with what half of their
-    /// bound allowed.
+    /// Returns how a pass with the deviation bound `most` stops. The first pass spends half of the bound before it uses
+    /// the rest, so that the cheapest collapses come first; later passes start from a mesh simplified under half of
+    /// their bound.
     pub fn within(self, most: f64, turn: usize) -> Plan {
         Plan::Deviation(if turn == 0 { vec![0.5 * most, most] } else { vec![most] })
     }
 
-    /// Faces that a pass leaves to the trim when it is stopped by their number.
+    /// Faces above which a pass that is stopped by face count leaves the rest to the trim.
     pub fn before_trim(self) -> u64 {
         (self.target as f64 * (1.0 + 0.5 * TRIM_SHARE)).ceil() as u64
     }
 
-    /// What the sample for a pass over about so many faces is for.
+    /// Returns what the sample for a pass over about `faces` faces is for.
     pub fn purpose(self, turn: usize, faces: f64) -> Purpose {
         let left = if self.target > 0 { self.target as f64 / faces.max(1.0) } else { 1.0 };
         Purpose { left, is_last: self.is_last(turn) }
@@ -103,7 +104,7 @@ mod tests {
 
     const AIM: Aim = Aim { target: 1000, input: 10_000, passes: 3, bound: None };
 
-    /// The share that the last stage of a goal ends at.
+    /// The share at the end of the last stage of a goal.
     fn share(goal: Goal) -> f64 {
         match goal {
             Goal::Stages(shares) => *shares.last().unwrap(),
@@ -142,7 +143,7 @@ mod tests {
         let allowed = [0, 1, 2, 3].map(|turn| bounded.bound_of(turn).unwrap());
         assert!(allowed.iter().zip([1.96, 3.92, 7.84, 7.84]).all(|(allowed, expected)| is_near(*allowed, expected)));
         assert_eq!(bounded.goal(1, 5000), Goal::Deviation(allowed[1]));
-        // A target is a goal, and the bound holds besides.
+        // With both a target and a bound, the goal comes from the target.
         assert_eq!(Aim { bound: Some(8.0), ..AIM }.goal(1, 4000), AIM.goal(1, 4000));
         assert_eq!(AIM.bound_of(0), None);
         let stops = |turn| match bounded.within(4.0, turn) {

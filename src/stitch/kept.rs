@@ -1,5 +1,5 @@
-//! What a pass that collapses edges keeps of its beginning and of each cluster, so that a later process need not find it
-//! out again.
+//! Records in the journal how a pass begins and what each cluster yields, so that a resumed job does not recompute
+//! them.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,20 +12,20 @@ use crate::partition::Partition;
 use crate::simplify::{Changes, Milestone};
 use crate::store::{Catalogue, StoredPiece};
 
-/// What a pass begins with.
+/// How a pass begins.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Opening {
     pub(super) plan: Plan,
     /// Whether the plan meets the target to the face.
     pub(super) is_exact: bool,
-    /// What is known of the texture, in all passes the same.
+    /// Properties of the texture; the same in all passes.
     pub(super) texture: TextureTraits,
-    /// How the clusters are probed, if they are those of the input.
+    /// How clusters are probed, if they are those of the input.
     pub(super) probing: Option<Probing>,
 }
 
 impl Opening {
-    /// Whether it is one of a pass over a partition.
+    /// Reports whether a recalled value fits this partition.
     pub(super) fn is_sound(&self, partition: &Partition, catalogue: &Catalogue) -> bool {
         self.plan.is_sound(partition.cluster_count())
             && self.texture.scale.is_sound(catalogue)
@@ -33,7 +33,7 @@ impl Opening {
     }
 }
 
-/// What simplifying one cluster gave.
+/// What simplifying one cluster yields.
 #[derive(Default, Serialize, Deserialize)]
 pub(super) struct ClusterResult {
     pub(super) pieces: Vec<StoredPiece>,
@@ -53,14 +53,14 @@ pub(super) struct ClusterResult {
     pub(super) dropped_faces: u64,
     pub(super) floor: Floor,
     pub(super) log: Vec<(f32, u8)>,
-    /// A patch for the sample of the next pass.
+    /// Patch for the sample of the next pass.
     pub(super) patch: Option<ClusterMesh>,
-    /// What is kept of a cluster of the input.
+    /// Probes of a cluster of the input.
     pub(super) probes: Option<Probes>,
 }
 
 impl ClusterResult {
-    /// Whether it can be that of a cluster, once its pieces are located.
+    /// Reports whether a recalled value fits this cluster. Call it once the pieces are located.
     pub(super) fn is_sound(&self, partition: &Partition, cluster: usize) -> bool {
         let faces = partition.face_count(cluster);
         let milestones = self.milestones.iter().map(|milestone| milestone.faces as u64);

@@ -1,23 +1,23 @@
-//! The passes: the same two steps, partition and simplify, again and again on shifted cells.
+//! The passes: partition the mesh and simplify its clusters, repeatedly, with shifted cells.
 //!
 //! ```text
-//! (remesh   every cluster made anew by Voronoi cells, if that is asked for; it takes a number among the passes)
+//! (remesh   every cluster is remeshed by Voronoi cells, if asked for; this takes the first pass numbers)
 //! pass 1   cells cut at 1/2   borders locked, seams locked     to about 4 × the target
 //! pass 2   cells cut at 1/3   the borders of pass 1 are inside to about 2 × the target
 //! pass 3   cells cut at 2/3   …                                to the target
-//! trim     what is left over the target: the same share of each cluster, or chosen over all of them by cost
+//! trim     the faces left over the target: the same share of each cluster, or the cheapest of all clusters
 //! ```
-//! A threshold on the cost, never a count, stops a cluster, so that the faces are spent where one queue over the whole
-//! mesh would spend them. The threshold comes from a sample: patches of up to sixteen clusters, simplified as one mesh.
-//! Once one cluster holds everything, it is simplified to the face.
+//! Before the trim, clusters stop at a threshold on the cost and not at a face count, so that faces are removed where
+//! one queue over the whole mesh would remove them. The threshold comes from a sample: patches of up to sixteen
+//! clusters, simplified as one mesh. A mesh that fits in one cluster is simplified to an exact face count instead.
 //!
 //! # Memory
-//! A cluster in work takes its [`ClusterWeight`](crate::partition::weight::ClusterWeight); permits keep their sum within
-//! the budget. One that is too heavy passes through in blocks, unchanged and counted.
+//! A cluster in work takes its [`ClusterWeight`](crate::partition::weight::ClusterWeight) in bytes; permits keep the
+//! sum within the budget. A cluster that is too heavy passes through in blocks; its faces are unchanged and counted.
 //!
 //! # Files
-//! Each cluster leaves one piece; a pass leaves a column of shared positions. A finished cluster, plan, partition or pass
-//! is kept in the journal; files are removed as soon as what follows from them is kept.
+//! Each cluster writes one piece; a pass writes a column of shared positions. The journal records each finished plan,
+//! cluster, partition and pass; files are deleted as soon as the results computed from them are recorded.
 
 mod again;
 mod aim;

@@ -1,4 +1,4 @@
-//! What the passes need to know.
+//! Options of the passes.
 
 use crate::cost::{
     ClassicCost, CurvatureCost, Metric, ObliqueCost, SharpnessCost, SurfaceCost, TerrainCost, Weights, classic,
@@ -7,7 +7,7 @@ use crate::cost::{
 use crate::remesh::cvd;
 use crate::render::View;
 
-/// When vertices on seams are locked.
+/// In which passes vertices on seams are locked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SeamPolicy {
     /// In the first pass.
@@ -36,7 +36,7 @@ pub enum Cost {
 }
 
 impl Cost {
-    /// Bytes that the metric keeps for an ordinary face beyond those of every cluster.
+    /// Bytes that the metric adds to the memory of an ordinary face.
     pub fn extra_face_bytes(&self) -> u64 {
         match self {
             Self::Surface(_) => face_bytes::<SurfaceCost>(),
@@ -49,48 +49,48 @@ impl Cost {
     }
 }
 
-/// Bytes of half a vertex and 0.65 wedges.
+/// Metric bytes of a face: those of half a vertex and 0.65 wedges.
 fn face_bytes<M: Metric>() -> u64 {
     M::VERTEX_BYTES / 2 + M::WEDGE_BYTES * 65 / 100
 }
 
-/// What the passes need to know.
+/// Options of the passes.
 #[derive(Debug, Clone, Copy)]
 pub struct PassOptions {
     /// Faces wanted; 0 for the fewest that `max_error` allows.
     pub target: u64,
-    /// Largest distance between result and input, either way, in units of length.
+    /// Largest distance between result and input, in both directions, in units of length; `None` for no bound.
     pub max_error: Option<f64>,
     /// Faces of the input, for the schedule.
     pub input: u64,
-    /// Passes.
+    /// Passes that collapse edges, without extra passes.
     pub passes: usize,
-    /// Faces of a cluster, about.
+    /// Target number of faces per cluster.
     pub cluster_faces: u64,
-    /// What a collapse costs.
+    /// Metric and its settings.
     pub cost: Cost,
-    /// Seams.
+    /// In which passes vertices on seams are locked.
     pub seams: SeamPolicy,
     /// Whether open borders are locked.
     pub lock_borders: bool,
-    /// Whether pieces smaller than the deviation are dropped after the first pass.
+    /// Whether connected components smaller than the deviation are dropped after the first pass.
     pub drop_pieces: bool,
-    /// Whether the topology may change where that is cheap.
+    /// Whether collapses may change the topology where that is cheap.
     pub frees_topology: bool,
-    /// Whether edges collapse one at a time, the cheapest first.
+    /// Whether edges collapse one at a time in order of cost.
     pub one_by_one: bool,
-    /// Whether of faces with the same three vertices the first alone is kept.
+    /// Whether only the first of several faces with the same three vertices is kept.
     pub drop_doubles: bool,
-    /// How the mesh is made anew before the first pass, if it is.
+    /// Settings of the remeshing before the first pass; `None` for no remeshing.
     pub remesh: Option<cvd::Settings>,
-    /// Whether vertices among slivers are moved after the last passes.
+    /// Whether vertices beside slivers are relocated in the last passes.
     pub optimize: bool,
-    /// Whether duplicates are welded before the first pass.
+    /// Whether duplicate vertices are welded before the first pass.
     pub weld: bool,
-    /// From where the clusters of each pass are drawn, if a map is wanted; it changes nothing else.
+    /// Viewpoint for a map of the clusters of each pass; `None` for no map. Does not change the result.
     pub map: Option<View>,
-    /// Threads.
+    /// Worker threads.
     pub threads: usize,
-    /// Bytes for clusters in work.
+    /// Memory in bytes for clusters in work.
     pub work_bytes: u64,
 }

@@ -1,4 +1,4 @@
-//! What the passes did, and why they may have stopped short of the target.
+//! Results of the passes, and why they may have stopped above the target.
 
 use std::time::Duration;
 
@@ -13,7 +13,7 @@ use crate::simplify::legality::Refusal;
 use crate::simplify::{Engine, Milestone};
 use crate::store::StoredMesh;
 
-/// What one pass did.
+/// Result of one pass.
 #[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
 pub struct PassReport {
     /// Number of clusters with faces.
@@ -24,18 +24,18 @@ pub struct PassReport {
     pub faces_out: u64,
     /// Highest cost of a collapse, in area × length².
     pub threshold: f64,
-    /// Vertices that several clusters use; they were locked.
+    /// Vertices shared by several clusters; they were locked.
     pub border_vertices: u64,
     /// Vertices on seams.
     pub seam_vertices: u64,
-    /// The clusters from above as a PNG, if a map was asked for.
+    /// Clusters seen from above, as a PNG; `None` if no map was asked for.
     #[serde(skip)]
     pub map: Option<Vec<u8>>,
-    /// Each stage of the pass; the sample that thresholds come from is not in it.
+    /// Each stage of the pass, without those of the sample.
     pub stages: Vec<StageReport>,
 }
 
-/// What a pass did that made the mesh anew by centroidal Voronoi cells.
+/// Result of one remeshing pass with centroidal Voronoi cells.
 #[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
 pub struct RemeshReport {
     /// Number of clusters with faces.
@@ -48,90 +48,90 @@ pub struct RemeshReport {
     pub wanted: u64,
     /// D_avg: mass of a cell.
     pub cell_mass: f64,
-    /// Collapse error from which edges were split, in area × length²; infinite where none was.
+    /// Collapse error above which edges were split, in area × length²; infinite if none was split.
     pub threshold: f64,
-    /// Cells that grew.
+    /// Cells grown.
     pub cells: u64,
-    /// Vertices that hold still, which are cells of their own.
+    /// Fixed vertices, each a cell of its own.
     pub held: u64,
-    /// Centres that the queue added.
+    /// Centres added by the queue.
     pub added: u64,
     /// Junctions of cells that became vertices.
     pub junctions: u64,
-    /// Vertices that stayed since no legal collapse takes them to their centre.
+    /// Vertices kept because no legal collapse merges them into their centre.
     pub kept: u64,
     /// Faces of clusters that passed through.
     pub passed_through: u64,
 }
 
-/// What all clusters together were like at the end of a stage.
+/// State of all clusters together at the end of a stage.
 #[derive(Debug, Clone, Copy, Default, serde::Serialize, serde::Deserialize)]
 pub struct StageReport {
     /// Faces left.
     pub faces: u64,
     /// Highest cost of a collapse, in area × length².
     pub threshold: f64,
-    /// Estimate of the root of the mean squared deviation since the beginning of the run, in units of length.
+    /// Estimated root mean squared deviation from the input, in units of length.
     pub rms_estimate: f64,
 }
 
 impl PassReport {
-    /// How its last stage ended.
+    /// State at the end of its last stage.
     pub(super) fn end(&self) -> StageReport {
         StageReport { faces: self.faces_out, threshold: self.threshold, rms_estimate: 0.0 }
     }
 }
 
-/// A leap of costs from one stage to the next is at least this.
+/// Smallest factor between the costs of two stages that counts as a leap.
 const LEAP_MIN: f64 = 64.0;
-/// Where faces become fewer, costs rise by this power of their number on most meshes, or by less.
+/// On most meshes costs rise by at most this power of the reduction in faces.
 const USUAL_RISE: f64 = 8.0;
 
-/// Why no more faces could be removed: edges refused in the last pass and vertices that hold still, by cause.
+/// Why no more faces could be removed: counts of refused edges and of locked vertices in the last pass, by cause.
 #[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
 pub struct Floor {
     /// Vertices on open borders.
     pub border: u64,
     /// Vertices on seams and at their corners.
     pub seam: u64,
-    /// Refusals by the link condition and by folds.
+    /// Collapses refused by the link condition or because they fold the surface or its texture.
     pub topology: u64,
-    /// Refusals that would have ended a piece.
+    /// Collapses refused because they would remove a connected component.
     pub pieces: u64,
-    /// Vertices at non-manifold places.
+    /// Non-manifold vertices, and fixed ones: of too high a valence, without faces, or shared with other clusters.
     pub non_manifold: u64,
-    /// Faces there that have the vertices of others: copies or back sides.
+    /// Faces with the same three vertices as another face: copies or back sides.
     pub doubles: u64,
 }
 
-/// The outcome of all passes.
+/// Result of all passes.
 #[derive(Debug)]
 pub struct Passes {
     /// The simplified mesh.
     pub mesh: StoredMesh,
-    /// Each pass that made the mesh anew.
+    /// Each remeshing pass.
     pub remeshed: Vec<RemeshReport>,
     /// Each pass that collapsed edges.
     pub reports: Vec<PassReport>,
     /// What was repaired.
     pub findings: Findings,
-    /// Time in partitioning, in the first pass, and in the passes after it.
+    /// Time by phase.
     pub seconds: PassSeconds,
-    /// What was kept of the input, to measure the result by.
+    /// Probes of the input, for measuring the result.
     pub probes: Probes,
-    /// Share of the result's vertices that seams would take, if that was asked.
+    /// Predicted share of the result's vertices that lie on seams; `None` if it was not measured.
     pub seam_crowding: Option<f64>,
     /// Faces of the mesh.
     pub faces: u64,
-    /// What became of the topology.
+    /// Changes of topology.
     pub changes: Changes,
     /// Whether the target was met.
     pub reached: bool,
-    /// What stands in the way, if it was not.
+    /// What prevented further collapses.
     pub floor: Floor,
-    /// Most bytes that the work folder held.
+    /// Largest size of the work folder, in bytes.
     pub scratch_peak: u64,
-    /// Most bytes that clusters in work were granted at once.
+    /// Largest memory granted to clusters at once, in bytes.
     pub permit_peak: u64,
 }
 
@@ -140,7 +140,7 @@ pub struct Passes {
 pub struct PassSeconds {
     /// Partitioning.
     pub partition: Duration,
-    /// Making the mesh anew.
+    /// Remeshing.
     pub remesh: Duration,
     /// Simplifying in the first pass.
     pub simplify: Duration,
@@ -149,7 +149,7 @@ pub struct PassSeconds {
 }
 
 impl PassSeconds {
-    /// Whether a process can have measured them, so that more can be added.
+    /// Reports whether the times are small enough to add to, for a recalled value.
     pub(super) fn is_sound(&self) -> bool {
         [self.partition, self.remesh, self.simplify, self.stitch]
             .iter()
@@ -160,7 +160,7 @@ impl PassSeconds {
 /// Sums over the clusters of a pass, stage by stage.
 #[derive(Debug, Default)]
 pub(super) struct StageSums {
-    /// Before the first stage, then after each.
+    /// One before the first stage, then one after each.
     sums: Vec<StageSum>,
     area: f64,
 }
@@ -174,7 +174,7 @@ struct StageSum {
 }
 
 impl StageSums {
-    /// Adds a cluster that began with so many faces; where it had fewer stages than others it stayed as it was.
+    /// Adds a cluster that began with `faces` faces. In stages that it did not run, it counts with its last state.
     pub(super) fn add(&mut self, faces: u64, area: f64, milestones: &[Milestone]) {
         let after = |m: &Milestone| StageSum { faces: m.faces as u64, cost: m.cost, error: m.squared_error * area };
         let mut stages = std::iter::once(StageSum { faces, cost: 0.0, error: 0.0 }).chain(milestones.iter().map(after));
@@ -190,7 +190,8 @@ impl StageSums {
         self.area += area;
     }
 
-    /// The stages, when the passes before had added `squared_error` already.
+    /// Returns the stages; `squared_error` is the mean squared deviation of the earlier passes, in units of length
+    /// squared.
     pub(super) fn reports(&self, squared_error: f64) -> Vec<StageReport> {
         let report = |sum: &StageSum| StageReport {
             faces: sum.faces,
@@ -201,8 +202,9 @@ impl StageSums {
     }
 }
 
-/// Costs of the stages of a pass up to where they leap, and from there on what may be expected; `None` if they never
-/// leap. `before` is how the pass before it ended. Below `least`, costs say nothing.
+/// Returns the cost thresholds of the stages: the measured costs up to the first leap, and the cost to be expected
+/// there for the rest. `None` if costs never leap. `before` is the end of the previous pass. Costs up to `least` are
+/// not compared.
 pub(super) fn before_leap(before: Option<StageReport>, stages: &[StageReport], least: f64) -> Option<Vec<f32>> {
     let skipped = usize::from(before.is_some());
     let stages: Vec<StageReport> = before.into_iter().chain(stages.iter().copied()).collect();
@@ -217,7 +219,7 @@ pub(super) fn before_leap(before: Option<StageReport>, stages: &[StageReport], l
 }
 
 impl Floor {
-    /// Counts of a cluster after its last stage.
+    /// Counts the causes in a cluster after its last stage.
     pub(super) fn of<M: Metric>(engine: &Engine<M>) -> Self {
         let classes = engine.class_counts();
         let count = |class: Class| classes[class as usize];
@@ -232,7 +234,7 @@ impl Floor {
         }
     }
 
-    /// Adds another cluster's counts.
+    /// Adds the counts of another cluster.
     pub(super) fn add(&mut self, other: &Floor) {
         self.border += other.border;
         self.seam += other.seam;
@@ -243,25 +245,26 @@ impl Floor {
     }
 }
 
-/// What a pass made, and what it met.
+/// Result of one pass, as it is summed over the clusters.
 #[derive(Debug, Default)]
 pub(super) struct PassOutcome {
     pub(super) mesh: StoredMesh,
-    /// Patches of the mesh.
+    /// Sample for the next pass: patches of the mesh.
     pub(super) sample: ClusterMesh,
     pub(super) report: PassReport,
-    /// What is kept of the mesh that the pass began with, if it is the input.
+    /// Probes of the mesh before the pass, if that is the input.
     pub(super) probes: Probes,
-    /// Faces that each cluster was left with.
+    /// Faces left in each cluster.
     pub(super) cluster_faces: Vec<u64>,
     pub(super) stages: StageSums,
     pub(super) squared_error: f64,
-    /// Area of the surface when the last stages began.
+    /// Surface area at the start of the last stages.
     pub(super) area: f64,
-    /// Whether it was run once more, since the target could be met only by far dearer collapses, or not at all.
+    /// Whether the pass ran a second time because the target could only be met by far costlier collapses, or not at
+    /// all.
     pub(super) is_wall: bool,
     pub(super) degenerate: u64,
-    /// Faces that were dropped since an earlier one has their vertices.
+    /// Faces dropped because an earlier face has the same vertices.
     pub(super) doubles: u64,
     pub(super) dropped_pieces: u64,
     pub(super) changes: Changes,

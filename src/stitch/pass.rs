@@ -1,4 +1,4 @@
-//! Passes over a stored mesh until the target is met, or nothing more can be done.
+//! Runs passes over a stored mesh until the target is met or no further face can be removed.
 
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard};
@@ -26,18 +26,19 @@ use crate::render::ClusterMap;
 use crate::simplify::Engine;
 use crate::store::{Catalogue, StoredMesh};
 
-/// Passes beyond those asked for, while they still remove faces.
+/// Largest number of passes beyond those asked for.
 const EXTRA_PASSES: usize = 12;
-/// With a bounded error, passes end when one removes less than this share of the faces.
+/// With a bound on the error and no target, the passes end when one removes less than this share of the faces.
 const BOUNDED_LAST_SHARE: f64 = 0.02;
-/// A pass beyond those asked for may cost this many times what the pass before it cost.
+/// Threshold of an extra pass, as a factor on the threshold of the pass before it.
 const EXTRA_PASS_RISE: f32 = 4.0;
-/// One that removes less than this share of the faces by it stands before a wall: the next would cost far more for little.
+/// An extra pass at that threshold which removes less than this share of the faces is the last: another one would cost
+/// far more and remove little.
 const WALL_SHARE: f64 = 0.08;
-/// A pass that removes less than this share of the faces has come to the floor.
+/// A pass that removes at most this share of the faces counts as stuck.
 const FLOOR_SHARE: f64 = 1e-4;
 
-/// A run of passes.
+/// A run of all passes.
 pub struct Run<'a, M: Metric> {
     pub(super) options: &'a PassOptions,
     pub(super) settings: M::Settings,
@@ -46,24 +47,25 @@ pub struct Run<'a, M: Metric> {
     pub(super) progress: &'a dyn Progress,
     pub(super) permits: Permits,
     pub(super) texture: TextureTraits,
-    /// How the clusters of the input are probed, in the pass over it if there are several.
+    /// How the clusters of the input are probed, in the pass over the input if it has several clusters.
     pub(super) probing: Option<Probing>,
-    /// What is kept of the input.
+    /// Probes of the input.
     probes: Probes,
-    /// Passes before the first one that collapses edges.
+    /// Number of remeshing passes, which come first.
     lead: usize,
-    /// Diagonal below which pieces are dropped in this pass, if any are.
+    /// Bounding-box diagonal below which connected components are dropped in this pass, in units of length; `None` for
+    /// none.
     pub(super) crumb: Option<f64>,
-    /// Deviation that comes of rounding alone, in the mesh that the pass begins with.
+    /// Deviation caused by rounding alone in the mesh at the start of the pass, in units of length.
     pub(super) noise: f64,
-    /// Map of the pass that is under way, if one is wanted. A worker holds it while it draws one cluster.
+    /// Map of the current pass, if one is wanted. A worker holds the lock while it draws one cluster.
     map: Mutex<Option<ClusterMap>>,
 }
 
-/// Simplifies a mesh to the target, or goes on with what was begun, with the metric that the options name.
+/// Simplifies a mesh to the target, or resumes an earlier run, with the metric that the options name.
 ///
 /// # Errors
-/// On a full disk, failed reads and writes, and damaged files.
+/// On a full disk, failed reads or writes, and damaged files.
 pub fn simplify(
     start: Start,
     options: &PassOptions,
@@ -86,7 +88,7 @@ pub fn simplify(
 }
 
 impl<'a, M: Metric> Run<'a, M> {
-    /// Prepares; files go to the job's folder, and what is finished to its journal.
+    /// Prepares a run whose files go to the folder of `job` and whose finished steps go to its journal.
     fn new(
         options: &'a PassOptions,
         settings: M::Settings,
@@ -112,10 +114,10 @@ impl<'a, M: Metric> Run<'a, M> {
         }
     }
 
-    /// Simplifies a mesh to the target, or goes on with what was begun.
+    /// Simplifies a mesh to the target, or resumes an earlier run.
     ///
     /// # Errors
-    /// On a full disk, failed reads and writes, and damaged files.
+    /// On a full disk, failed reads or writes, and damaged files.
     fn simplify(mut self, start: Start) -> Result<Passes> {
         let Start { mut state, mut partition } = start;
         self.crumb = state.crumb;
@@ -174,13 +176,13 @@ impl<'a, M: Metric> Run<'a, M> {
             } else {
                 state.reached = is_last && next_faces <= target;
                 state.stuck = if gained as f64 <= faces_in as f64 * FLOOR_SHARE { state.stuck + 1 } else { 0 };
-                // In one cluster nothing was locked; in many, what was locked in one pass is free in the next. An exact
-                // plan that removed faces may remove more.
+                // A single cluster has no locked rim, so one stuck pass is final. With several, vertices locked in one
+                // pass are free in the next. An exact plan that removed faces may remove more.
                 let is_stuck = state.stuck > 2 || (single && state.stuck > 0);
                 let is_steep = plan.costs().is_some_and(|costs| costs.iter().copied().reduce(f32::max) == steepest);
                 let is_wall = met_wall || (is_steep && (gained as f64) < faces_in as f64 * WALL_SHARE);
                 state.is_over = state.reached || is_wall || (is_last && is_stuck && !(is_exact && gained > 0));
-                // Target or bound, whichever comes first.
+                // With both a target and a bound, the one that stops the passes first counts as reached.
                 state.reached |= state.is_over && self.options.max_error.is_some();
             }
             *(if self.turn(pass) == 0 { &mut state.seconds.simplify } else { &mut state.seconds.stitch }) +=
@@ -192,7 +194,7 @@ impl<'a, M: Metric> Run<'a, M> {
         }
         mmap::release_freed_memory();
         if partition.is_some() {
-            let message = format!("no job has a pass {}", state.pass + 1);
+            let message = format!("pass {} is partitioned, but the passes end before it", state.pass + 1);
             return Err(Error::Damaged { path: self.job.path().to_owned(), message });
         }
         state.findings.count("passed_through_faces", state.passed_through);
@@ -213,7 +215,7 @@ impl<'a, M: Metric> Run<'a, M> {
         })
     }
 
-    /// Keeps what the input was probed for until the result is measured.
+    /// Records the probes of the input in the journal and keeps them until the result is measured.
     pub(super) fn keep_probes(&mut self, probes: Probes) -> Result<()> {
         self.job.keep(Step::Probes, 0, [], &probes)?;
         self.probes = probes;
@@ -221,7 +223,7 @@ impl<'a, M: Metric> Run<'a, M> {
         Ok(())
     }
 
-    /// How a pass whose partition is there begins: as an earlier process found it, or as the sample tells.
+    /// Returns how a partitioned pass begins: as recorded by an earlier process, or computed from the sample.
     fn open_pass(&mut self, state: &mut PassState, partition: &Partition) -> Result<Opening> {
         let (pass, is_first) = (state.pass, self.turn(state.pass) == 0);
         let step = plan_step(pass, 0);
@@ -254,7 +256,7 @@ impl<'a, M: Metric> Run<'a, M> {
         if let Some(opening) = kept {
             return Ok(opening);
         }
-        // In the first pass faces that repeat a vertex are still in the mesh.
+        // Before the first pass the mesh still contains faces that repeat a vertex.
         let faces = if is_first { partition.total_faces() } else { state.mesh.face_count() };
         let mut thresholds = thresholds.unwrap_or_else(|| self.foresee(sample, pass, faces));
         if let Some(most) = self.steepest(state) {
@@ -266,13 +268,14 @@ impl<'a, M: Metric> Run<'a, M> {
         Ok(opening)
     }
 
-    /// How the input is probed, if a patch of it is like the whole.
+    /// Returns how the input is probed; `patch` is a representative part of it.
     pub(super) fn probing_of(&self, partition: &Partition, patch: &ClusterMesh) -> Probing {
         let faces = partition.total_faces();
         Probing::of([faces, if self.options.target > 0 { self.options.target } else { faces }], patch)
     }
 
-    /// The highest threshold of a pass beyond those asked for, if it is one and the pass before it had a threshold.
+    /// Highest allowed threshold of an extra pass; `None` in an ordinary pass, or if the previous pass had no
+    /// threshold.
     fn steepest(&self, state: &PassState) -> Option<f32> {
         let before = state.reports.last().map(|pass| pass.threshold as f32).filter(|&cost| cost > 0.0)?;
         (self.turn(state.pass) >= self.options.passes).then_some(before * EXTRA_PASS_RISE)
@@ -283,13 +286,13 @@ impl<'a, M: Metric> Run<'a, M> {
         self.texture = texture;
     }
 
-    /// Number of a pass among those that collapse edges.
+    /// Index of a pass among those that collapse edges.
     pub(super) fn turn(&self, pass: usize) -> usize {
         pass.saturating_sub(self.lead)
     }
 
-    /// Cuts the mesh for the pass that comes next, and takes the pass's thresholds from the sample, if the pass before left
-    /// one.
+    /// Partitions the mesh for the next pass. Computes the thresholds of the pass meanwhile, if the previous pass left
+    /// a sample.
     fn partition(&self, state: &mut PassState) -> Result<Partition> {
         let started = Instant::now();
         let pass = state.pass;
@@ -302,7 +305,7 @@ impl<'a, M: Metric> Run<'a, M> {
             work_bytes: self.options.work_bytes,
         };
         self.progress.begin("partition", 0, "");
-        // What the clusters of the pass before have left free.
+        // Return the memory freed by the clusters of the previous pass.
         mmap::release_freed_memory();
         let (mesh, folder) = (&state.mesh, self.job.path());
         let sample = std::mem::take(&mut state.sample);
@@ -311,7 +314,7 @@ impl<'a, M: Metric> Run<'a, M> {
         let is_wanted = is_sampled && !fits_one(mesh, self.options.cluster_faces);
         let name = format!("pass-{pass}");
         let cut = || partition::partition(mesh, self.catalogue, folder, &name, &options);
-        // The thresholds need one thread alone, and cutting the mesh leaves one idle now and then.
+        // The thresholds take one thread, and partitioning leaves one idle at times.
         let foresee = || is_wanted.then(|| self.foresee(sample, pass, mesh.face_count()));
         let fits = sample::fits_beside_cutting(mesh.vertex_count(), self.options.work_bytes);
         let (thresholds, partition) = both(if fits { self.options.threads } else { 1 }, foresee, cut);
@@ -418,7 +421,7 @@ impl<'a, M: Metric> Run<'a, M> {
         cluster::load(partition, mesh, self.catalogue, &self.texture.scale, cluster)
     }
 
-    /// What the passes need to know of the texture, and a sample of the clusters of the first pass.
+    /// Returns the properties of the texture that the metric reads, and a sample of the clusters of the first pass.
     fn first_sample(&self, mesh: &StoredMesh, partition: &Partition) -> Result<(TextureTraits, ClusterMesh)> {
         let none = || TextureTraits::none(self.catalogue);
         match M::reads_texture(&self.settings) {
@@ -428,7 +431,7 @@ impl<'a, M: Metric> Run<'a, M> {
         }
     }
 
-    /// Counts the numbers of the whole mesh that the metric divides by.
+    /// Sums the global statistics of the mesh that the metric is normalised by.
     fn take_census(&self, mesh: &StoredMesh, partition: &Partition) -> Result<Census> {
         let mut census = Census::default();
         map_in_order(
@@ -459,7 +462,7 @@ impl<'a, M: Metric> Run<'a, M> {
         self.map.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
-    /// Path of a piece of a cluster; each step has names of its own.
+    /// Path of a piece of a cluster; each step has its own file names.
     pub(super) fn piece_path(&self, step: Step, part: usize) -> PathBuf {
         let part = if part > 0 { format!("-{part}") } else { String::new() };
         self.job.path().join(format!("{}{part}.piece", step.stem()))

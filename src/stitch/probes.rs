@@ -1,18 +1,20 @@
-//! What is kept of the input, so that the result can be measured against it when nothing else of the input is left.
+//! Probes of the input: sample points and triangles by which the result is measured after the input's files are
+//! deleted.
 //!
 //! ```text
-//!   .  ▒▒▒▒▒▒▒   .     points on the input, more where faces may leave an error: the result is searched for what is nearest
+//!   .  ▒▒▒▒▒▒▒   .     points on the input, denser where error is expected: each finds the nearest point of the result
 //!      ▒▒┌──┐▒▒    .
-//!    . ▒▒│  │▒▒        cells of space, chosen by chance: points of the result in them are searched for in the
-//!      ▒▒└──┘▒▒  .     triangles of the input that lie in a cell or half its side around it
+//!    . ▒▒│  │▒▒        cells of space, chosen by a hash: each point of the result in one finds the nearest point among
+//!      ▒▒└──┘▒▒  .     the input's triangles that lie in the cell or within half its side around it
 //!  .   ▒▒▒▒▒▒▒
 //! ```
-//! Cells are chosen by their place alone, one at most of each block of cells, so that every cluster finds its triangles by
-//! itself. Where a point of the result is farther from the input than half a side, its distance may come out too large.
+//! A cell is chosen by its coordinates alone, at most one per block of cells, so that every cluster finds its own
+//! triangles. For a point of the result farther from the input than half a side, the measured distance may be too
+//! large.
 //!
 //! # Memory
-//! 32 bytes for each of up to four times 32,768 points, about 24 for each of some 37,000 triangles; 24 bytes a vertex and 32 a
-//! face of the cluster that is probed.
+//! 32 bytes for each of up to 4 × 32,768 points, about 24 for each of some 37,000 triangles; 24 bytes per vertex and 32
+//! per face of the cluster that is probed.
 
 use std::cell::Cell;
 
@@ -22,41 +24,42 @@ use serde::{Deserialize, Serialize};
 use crate::base::chance::{INCREMENT, mixed, place_on_triangle, unit};
 use crate::mesh::ClusterMesh;
 
-/// Points on the input: for so many faces one, within these limits.
+/// Faces of the input per point on it; the number of points is clamped to `POINTS_MIN..=POINTS_MAX`.
 const FACES_PER_POINT: u64 = 64;
 const POINTS_MIN: u64 = 2048;
 const POINTS_MAX: u64 = 32_768;
-/// Points in the chosen cells on each of the two surfaces, at most.
+/// Largest number of points in the chosen cells, on each of the two surfaces.
 const CELL_POINTS_MAX: u64 = 4096;
-/// Shares of the points that go by area, by faces and by what they may add to the error.
+/// Shares of the points that are distributed by area, by face, and by expected error.
 const BY_AREA: f64 = 0.4;
 const BY_FACES: f64 = 0.2;
 const BY_STAKES: f64 = 0.4;
-/// Surface that bends less counts as flat: one less the length of the mean of unit normals around a vertex.
+/// Bend below which a vertex counts as flat. Bend: 1 minus the length of the mean unit normal around the vertex.
 const BEND_MIN: f32 = 1e-6;
-/// Faces of the input in all chosen cells, about.
+/// Expected number of faces of the input in all chosen cells.
 const CHOSEN_FACES: f64 = 3072.0;
-/// Faces of the input in a cell, if its surface is flat there, and no more than a tenth of them is to be left.
+/// Faces of the input in a flat cell, for targets of a tenth of the faces or more.
 const CELL_FACES: f64 = 32.0;
-/// Where fewer are to be left, distances are larger, and cells have up to this many times as many faces.
+/// Largest factor on the faces per cell for smaller targets, where distances are larger.
 const CELL_GROWTH_MAX: f64 = 8.0;
-/// Triangles that are kept for each face in a chosen cell, about.
+/// Expected number of triangles kept per face in a chosen cell.
 const TRIANGLES_PER_FACE: f64 = 12.0;
-/// Area of a triangle as a share of the square of its longest side: of an equilateral one.
+/// Area of an equilateral triangle divided by the square of its side.
 const SHAPE: f64 = 0.433;
-/// Cells along the side of a block are two to this power, at most.
+/// Largest binary logarithm of the number of cells along the side of a block.
 const BLOCK_BITS_MAX: f64 = 6.0;
-/// Parts of a cell's side that positions are rounded to.
+/// Units per side of a cell; positions are rounded down to them.
 const SIDE_PARTS: i64 = 256;
-/// A triangle is small if it is shorter than this share of a cell's side along each axis: less than a half.
+/// A triangle is small if its bounding box is shorter than this share of a cell's side along each axis. Less than a
+/// half.
 const SMALL: f64 = 0.49;
-/// No place is farther from the origin: what lies beyond counts as there.
+/// Largest absolute coordinate, in units; farther positions are clamped to it.
 const PLACE_MAX: i64 = 1 << 60;
-/// A triangle that lies in more blocks than that is kept without looking at each.
+/// A triangle whose bounding box meets more blocks than this is kept without testing the cells.
 const BLOCKS_MAX: i128 = 64;
-/// Blocks and cells that are remembered.
+/// Slots of the caches of blocks and of cells.
 const SLOTS: usize = 512;
-/// Points and triangles of a cluster: this many times what is expected, and some more, at most.
+/// Largest number of triangles kept per cluster: `EXCESS` times the expected number plus `EXCESS_MORE`.
 const EXCESS: u64 = 4;
 const EXCESS_MORE: u64 = 64;
 
@@ -64,49 +67,49 @@ thread_local! {
     static SCRATCH: Cell<Scratch> = Cell::default();
 }
 
-/// What a cluster is probed with.
+/// Scratch buffers for probing a cluster.
 #[derive(Debug, Default)]
 struct Scratch {
-    /// Sums of the faces' chances to get a point.
+    /// Running sums of the faces' sampling weights.
     ends: Vec<f64>,
-    /// Which vertices are kept under which number.
+    /// Index of each mesh vertex among the kept vertices; `u32::MAX` if it is not kept.
     numbers: Vec<u32>,
-    /// Sums of the normals of the faces around each vertex, as long as the areas, and of these areas.
+    /// Around each vertex: sum of the cross products of the faces, and sum of their lengths.
     normals: Vec<[f32; 4]>,
-    /// How far the surface bends at each vertex: one less the length of the mean of unit normals.
+    /// Bend at each vertex: 1 minus the length of the mean unit normal.
     bends: Vec<f32>,
     /// Area of each face, and the square of its longest side.
     sizes: Vec<(f64, f32)>,
-    /// What each face is expected to add to the error if it goes, and the same once more.
+    /// Expected error of each face if it is removed: area × bend × length².
     stakes: Vec<f32>,
     sorted: Vec<f32>,
 }
 
-/// How the input is probed; the same for all clusters.
+/// Parameters of probing; the same for all clusters.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Probing {
-    /// Points on the input, about.
+    /// Approximate number of points on the input.
     pub points: u64,
-    /// Side of a cell.
+    /// Side of a cell, in units of length.
     side: f64,
-    /// Cells along the side of a block are two to this power.
+    /// Binary logarithm of the number of cells along the side of a block.
     block_bits: u32,
-    /// Share of the blocks that have a chosen cell.
+    /// Probability that a block has a chosen cell.
     odds: f64,
     faces: u64,
-    /// Faces that are to be left.
+    /// Faces wanted in the result.
     target: u64,
 }
 
-/// What is kept of the input.
+/// Probes of the input.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Probes {
-    /// How it was probed.
+    /// Parameters they were taken with.
     pub probing: Probing,
     /// Points on the input.
     #[serde(with = "crate::base::records")]
     pub points: Vec<DVec3>,
-    /// Area that each speaks for.
+    /// Area that each point represents.
     #[serde(with = "crate::base::records")]
     pub weights: Vec<f64>,
     /// Area of each cluster.
@@ -114,7 +117,7 @@ pub struct Probes {
     /// Triangles in and around the chosen cells.
     #[serde(with = "crate::base::records")]
     triangles: Vec<[u32; 3]>,
-    /// Low corners of chosen cells that have too many triangles near them, so that not all are kept; ascending.
+    /// Chosen cells, by their low corners, some of whose triangles were not kept because there are too many; ascending.
     #[serde(with = "crate::base::records")]
     crowded: Vec<Place>,
     /// The vertices of the triangles.
@@ -122,7 +125,7 @@ pub struct Probes {
     vertices: Vec<DVec3>,
 }
 
-/// Squares of the longest sides of faces, and their number.
+/// Sum of the squared longest sides of faces, and their number.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Sides {
     sum: f64,
@@ -130,7 +133,7 @@ pub(super) struct Sides {
 }
 
 impl Sides {
-    /// Those of a cluster.
+    /// Sums over a cluster.
     pub fn of(mesh: &ClusterMesh) -> Self {
         let longest_sq =
             |[a, b, c]: [DVec3; 3]| a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
@@ -138,7 +141,7 @@ impl Sides {
         sides.fold(Self::default(), Self::with)
     }
 
-    /// These and others.
+    /// Adds the sums of other faces.
     pub fn with(self, other: Self) -> Self {
         Self { sum: self.sum + other.sum, count: self.count + other.count }
     }
@@ -150,7 +153,8 @@ impl Sides {
 }
 
 impl Probing {
-    /// For a mesh of so many faces, of which `target` are to be left, whose longest sides have this mean square.
+    /// Parameters for a mesh of `faces` faces of which `target` are wanted; `side_sq` is the mean square of their
+    /// longest sides.
     pub fn new(faces: u64, target: u64, side_sq: f64) -> Self {
         let share = (CHOSEN_FACES / faces.max(1) as f64).min(1.0);
         let block_bits = (share.recip().log2() / 3.0).clamp(0.0, BLOCK_BITS_MAX) as u32;
@@ -166,29 +170,29 @@ impl Probing {
         }
     }
 
-    /// The same for a mesh that is one cluster, or like this patch of it.
+    /// Parameters for a mesh of which `patch` is all or a representative part.
     pub(super) fn of([faces, target]: [u64; 2], patch: &ClusterMesh) -> Self {
         Self::new(faces, target, Sides::of(patch).mean_sq())
     }
 
-    /// Whether it can be that of a mesh of so many faces, for a value that was read back.
+    /// Reports whether recalled parameters fit a mesh of `faces` faces.
     pub(super) fn is_sound(&self, faces: u64) -> bool {
         self.side.is_normal()
             && self.side > 0.0
             && *self == Self { side: self.side, ..Self::new(faces, self.target, 1.0) }
     }
 
-    /// Points in the chosen cells on each of the two surfaces, about.
+    /// Approximate number of points in the chosen cells, on each of the two surfaces.
     pub fn cell_points(&self) -> u64 {
         self.points.min(CELL_POINTS_MAX)
     }
 
-    /// Share of space that the chosen cells take.
+    /// Share of space that lies in chosen cells.
     pub fn share(&self) -> f64 {
         self.odds / f64::from(1 << (3 * self.block_bits))
     }
 
-    /// Probes a cluster of the input; clusters differ by their number.
+    /// Probes a cluster of the input; the cluster number seeds the points.
     pub(super) fn take(&self, mesh: &ClusterMesh, origin: DVec3, cluster: usize) -> Probes {
         let share = mesh.corners.len() as f64 / self.faces.max(1) as f64;
         let most = |expected: f64| (EXCESS as f64 * expected * share) as usize + EXCESS_MORE as usize;
@@ -239,9 +243,9 @@ impl Probing {
 }
 
 impl Scratch {
-    /// Fills `ends` with sums of chances, and returns the area. A part of the points goes by area, a part by faces, and the
-    /// rest by what faces are expected to add to the error: area × bend × length², up to that of the faces which stay if the
-    /// share `left` of all is to be left.
+    /// Fills `ends` with running sums of the sampling weights and returns the area. A share of the weight goes by area,
+    /// a share by face, and the rest by expected error: area × bend × length². The last is capped at the value that a
+    /// share `left` of the faces exceeds, since those faces stay.
     fn weigh(&mut self, mesh: &ClusterMesh, left: f64) -> f64 {
         let faces = mesh.corners.len();
         self.normals.clear();
@@ -302,26 +306,26 @@ impl Scratch {
     }
 }
 
-/// The number, or 0 for what is none.
+/// Returns the number, or 0 if it is not finite.
 fn finite(number: f64) -> f64 {
     if number.is_finite() { number } else { 0.0 }
 }
 
-/// A position in parts of a cell's side.
+/// A position in units of a cell's side / `SIDE_PARTS`.
 pub type Place = [i64; 3];
 
-/// Looks for chosen cells; remembers where it looked last.
+/// Finds chosen cells; caches recent answers.
 #[derive(Debug)]
 pub struct ChosenCells {
     probing: Probing,
     parts: f64,
-    /// Blocks that were looked at, each at its slot, and their chosen cells.
+    /// Cached blocks, each in its slot, with their chosen cells.
     seen: Vec<Option<(Place, Option<Place>)>>,
-    /// Cells that were looked around, each at its slot.
+    /// Cached cells, each in its slot, with the chosen cells around them.
     around: Vec<Option<(Place, Around)>>,
 }
 
-/// Chosen cells, by their low corners, among a cell and those around it.
+/// Chosen cells among a cell and its 26 neighbours, by their low corners.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Around {
     None,
@@ -330,12 +334,12 @@ enum Around {
 }
 
 impl ChosenCells {
-    /// The chosen cells of a probing.
+    /// The chosen cells for these parameters.
     pub fn new(probing: Probing) -> Self {
         Self { probing, parts: SIDE_PARTS as f64 / probing.side, seen: vec![None; SLOTS], around: vec![None; SLOTS] }
     }
 
-    /// The low corner of the one that a position lies in.
+    /// Low corner of the chosen cell that contains a position, or `None`.
     pub fn holding(&mut self, position: DVec3) -> Option<Place> {
         let (place, mut holding) = (self.place(position), None);
         self.any_between(place, place, |cell| {
@@ -345,15 +349,15 @@ impl ChosenCells {
         holding
     }
 
-    /// Whether the box around a triangle meets one.
+    /// Reports whether the bounding box of a triangle meets a chosen cell.
     pub fn are_met(&mut self, triangle: [DVec3; 3]) -> bool {
         self.are_within(triangle, 0)
     }
 
-    /// Whether a triangle comes near one: its box no farther than half a side.
+    /// Reports whether the bounding box of a triangle is within half a side of a chosen cell.
     fn are_near(&mut self, [a, b, c]: [DVec3; 3]) -> bool {
         let (low, high, side) = (a.min(b).min(c), a.max(b).max(c), self.probing.side);
-        // Most are smaller than half a side: all of their corners are within a side of the cell then.
+        // Most triangles are smaller than half a side; all of their corners are then within one side of the cell.
         let is_small = (high - low).max_element() < SMALL * side;
         match if is_small { self.around(a) } else { Around::Many } {
             Around::None => false,
@@ -365,7 +369,7 @@ impl ChosenCells {
         }
     }
 
-    /// Hands over the chosen cells that a triangle comes near, if it is not too large to look for them.
+    /// Visits the chosen cells near a triangle; visits none if its bounding box meets more than [`BLOCKS_MAX`] blocks.
     fn each_near(&mut self, triangle: [DVec3; 3], mut visit: impl FnMut(Place)) {
         let [low, high] = self.places_around(triangle, SIDE_PARTS / 2);
         self.any_between(low, high, |cell| {
@@ -374,7 +378,7 @@ impl ChosenCells {
         });
     }
 
-    /// Those among the cell of a position and the cells around it.
+    /// Chosen cells among the cell of a position and its neighbours.
     fn around(&mut self, position: DVec3) -> Around {
         let cell = self.place(position).map(|place| place >> SIDE_PARTS.trailing_zeros());
         let slot = slot_of(cell);
@@ -393,19 +397,20 @@ impl ChosenCells {
         around
     }
 
-    /// Whether one meets the box around a triangle, grown by a margin.
+    /// Reports whether a chosen cell meets the bounding box of a triangle, grown by `margin` units.
     fn are_within(&mut self, triangle: [DVec3; 3], margin: i64) -> bool {
         let [low, high] = self.places_around(triangle, margin);
         self.any_between(low, high, |_| true)
     }
 
-    /// The lowest and the highest place of the box around a triangle, grown by a margin.
+    /// Low and high corner of the bounding box of a triangle, grown by `margin` units.
     fn places_around(&self, [a, b, c]: [DVec3; 3], margin: i64) -> [Place; 2] {
         let (low, high) = (self.place(a.min(b).min(c)), self.place(a.max(b).max(c)));
         [low.map(|p| p.saturating_sub(margin)), high.map(|p| p.saturating_add(margin))]
     }
 
-    /// Whether one meets a box and is accepted; also if the box is too large to look for them.
+    /// Reports whether `accept` returns true for a chosen cell that meets a box. Also true, without a call, if the box
+    /// meets more than [`BLOCKS_MAX`] blocks.
     fn any_between(&mut self, low: Place, high: Place, mut accept: impl FnMut(Place) -> bool) -> bool {
         let shift = self.probing.block_bits + SIDE_PARTS.trailing_zeros();
         let [from, to] = [low, high].map(|place| place.map(|p| p >> shift));
@@ -431,7 +436,7 @@ impl ChosenCells {
         })
     }
 
-    /// The low corner of the chosen cell of a block, if it has one.
+    /// Low corner of the chosen cell of a block, or `None`.
     fn cell(&mut self, block: Place) -> Option<Place> {
         let seen = &mut self.seen[slot_of(block)];
         if let Some((last, cell)) = *seen
@@ -452,14 +457,14 @@ impl ChosenCells {
     }
 }
 
-/// Where a block or a cell is remembered.
+/// Cache slot of a block or a cell.
 fn slot_of(place: Place) -> usize {
     let hash = place.iter().fold(0, |hash, &p| (hash ^ p as u64).wrapping_mul(INCREMENT));
     (hash >> 32) as usize % SLOTS
 }
 
 impl Probes {
-    /// Adds those of other clusters, if there are any.
+    /// Adds the probes of other clusters.
     pub(super) fn add(&mut self, other: Self) {
         if other.areas.is_empty() {
             return;
@@ -476,12 +481,12 @@ impl Probes {
         self.crowded.dedup();
     }
 
-    /// Whether all triangles near a chosen cell are kept.
+    /// Reports whether all triangles near a chosen cell were kept.
     pub fn has_all_near(&self, cell: Place) -> bool {
         self.crowded.binary_search(&cell).is_err()
     }
 
-    /// Gives memory back that nothing more comes to.
+    /// Returns unused capacity.
     pub(super) fn shrink(&mut self) {
         self.points.shrink_to_fit();
         self.weights.shrink_to_fit();
@@ -489,7 +494,7 @@ impl Probes {
         self.vertices.shrink_to_fit();
     }
 
-    /// Whether nothing was probed.
+    /// Reports whether no cluster was probed.
     pub fn is_empty(&self) -> bool {
         self.areas.is_empty()
     }
@@ -499,7 +504,7 @@ impl Probes {
         self.triangles.len()
     }
 
-    /// One of them.
+    /// Returns a triangle by its index.
     pub fn triangle(&self, index: u32) -> [DVec3; 3] {
         self.triangles[index as usize].map(|vertex| self.vertices[vertex as usize])
     }
@@ -514,7 +519,7 @@ impl Probes {
         self.areas.iter().sum()
     }
 
-    /// Whether they can be those of a mesh of so many faces, for a value that was read back.
+    /// Reports whether recalled probes fit a mesh of `faces` faces.
     pub(super) fn is_sound(&self, faces: u64) -> bool {
         self.probing.is_sound(faces)
             && self.areas.iter().chain(&self.weights).all(|&area| area.is_finite() && area >= 0.0)
@@ -526,31 +531,31 @@ impl Probes {
     }
 }
 
-/// Points on triangles that come one after the other, one to an area.
+/// Random points on a sequence of triangles at a fixed density.
 #[derive(Debug)]
 pub struct Spread {
-    /// Area of a point.
+    /// Area per point.
     spacing: f64,
     owed: f64,
     hash: u64,
-    /// Points that may still come.
+    /// Number of points that may still be placed.
     left: u64,
 }
 
 impl Spread {
-    /// One point to this area, at most so many; the same `seed` gives the same points.
+    /// Places one point per `spacing` of area, at most `most`. The same `seed` gives the same points.
     pub fn new(spacing: f64, most: u64, seed: u64) -> Self {
         Self { spacing, owed: unit(mixed(seed)), hash: mixed(seed), left: most }
     }
 
-    /// The points on the next triangle; none if it has no area.
+    /// Visits the points on the next triangle; none if its area is zero or not finite.
     pub fn over(&mut self, triangle: [DVec3; 3], mut visit: impl FnMut(DVec3)) {
         for _ in 0..self.due(triangle) {
             visit(point_on(triangle, &mut self.hash));
         }
     }
 
-    /// Passes the next triangle over, whose points nobody looks at.
+    /// Skips the points on the next triangle.
     pub fn pass(&mut self, triangle: [DVec3; 3]) {
         self.due(triangle);
     }
@@ -616,7 +621,7 @@ mod tests {
 
     #[test]
     fn a_cell_that_lacks_triangles_near_it_is_crowded() {
-        // A cluster that has a thousandth of all faces, and more of them near chosen cells than it may keep.
+        // A cluster with a thousandth of all faces, more of which are near chosen cells than it may keep.
         let probing = Probing::new(20_000_000, 2_000_000, 1.0);
         let mut chosen = ChosenCells::new(probing);
         let steps = (0..9_000_000).map(|step| DVec3::new(0.31, 0.17, 0.05) * probing.side * f64::from(step));
@@ -689,7 +694,7 @@ mod tests {
             change(&mut changed);
             assert!(!changed.is_sound(2), "change {i}");
         }
-        // A surface without area is one.
+        // A surface of zero area is valid.
         let mut flat = whole;
         flat.areas[0] = 0.0;
         assert!(flat.is_sound(2));

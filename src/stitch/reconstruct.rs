@@ -1,14 +1,14 @@
-//! The pass before the others: every cluster is made anew by centroidal Voronoi cells.
+//! The remeshing pass, which runs before the others: remeshes every cluster by centroidal Voronoi cells.
 //!
 //! ```text
-//! look at the masses of all clusters ──▶ D_avg ──▶ look at their cells and candidates ──▶ threshold ──▶ the pass
+//! measure the masses of all clusters ──▶ D_avg ──▶ count their cells and candidates ──▶ threshold ──▶ the pass
 //! ```
-//! Both looks come before anything is changed, and what they find is frozen, so that the result does not depend on the order
-//! of clusters; both are kept as one step. With a number of cells as the target the pass is made again on
-//! shifted clusters, so that former rims are remeshed, too.
+//! Both surveys precede any change and their results are frozen, so that the output does not depend on the order of
+//! clusters. The journal records both as one step. If the target is a number of cells, the pass is repeated on shifted
+//! clusters to remesh the rims of earlier ones, too.
 //!
 //! # Memory
-//! A cluster takes [`cvd::GROWTH`] halves of its weight.
+//! A cluster takes [`cvd::GROWTH`] / 2 times its weight in bytes.
 
 use std::path::Path;
 use std::time::Instant;
@@ -29,10 +29,10 @@ use crate::remesh::cvd::mass::MassSums;
 use crate::remesh::cvd::{self, Frame, Settings, Stock};
 use crate::store::{StoredMesh, StoredPiece};
 
-/// Passes that a number of cells takes where there are several clusters.
+/// Remeshing passes for a target in cells, if there are several clusters.
 pub const CELL_PASSES: usize = 3;
 
-/// Whether no further pass makes the mesh anew.
+/// Reports whether no further remeshing pass follows.
 pub(super) fn is_remeshed(settings: &Settings, done: &[RemeshReport]) -> bool {
     match (settings.cells, done.last()) {
         (_, None) => false,
@@ -41,15 +41,15 @@ pub(super) fn is_remeshed(settings: &Settings, done: &[RemeshReport]) -> bool {
     }
 }
 
-/// What both looks found.
+/// Result of both surveys.
 #[derive(Serialize, Deserialize)]
 struct Found {
     frame: Frame,
-    /// What is kept of the input, if this is the first pass.
+    /// Probes of the input, if this is the first pass.
     probes: Probes,
 }
 
-/// What was made of a cluster.
+/// Result of remeshing a cluster.
 #[derive(Default, Serialize, Deserialize)]
 struct Remeshed {
     pieces: Vec<StoredPiece>,
@@ -65,10 +65,10 @@ struct Remeshed {
 }
 
 impl<M: Metric> Run<'_, M> {
-    /// Makes the mesh anew, cluster by cluster.
+    /// Remeshes the mesh, cluster by cluster.
     ///
     /// # Errors
-    /// On a full disk, failed reads and writes, and damaged files.
+    /// On a full disk, failed reads or writes, and damaged files.
     pub(super) fn reconstruct(
         &mut self,
         settings: &Settings,
@@ -146,11 +146,11 @@ impl<M: Metric> Run<'_, M> {
         let step = Step::Pass { pass: pass as u32 };
         let faces = state.mesh.face_count();
         self.job.supersede(step, faces, state.mesh.files(), &*state, &[Step::Input, Step::Probes])?;
-        self.progress.tell(&format!("the mesh is made anew: {faces} triangles"));
+        self.progress.tell(&format!("remeshed: {faces} triangles"));
         Ok(())
     }
 
-    /// Looks at all clusters twice; those of the input are probed, too.
+    /// Surveys all clusters twice; probes those of the input in the second survey.
     fn find_frame(&self, settings: &Settings, state: &PassState, partition: &Partition) -> Result<Found> {
         self.progress.begin("weigh", 2 * partition.total_faces(), "faces");
         let is_input = state.pass == 0;
@@ -167,7 +167,7 @@ impl<M: Metric> Run<'_, M> {
         })?;
         let frame = Frame::new(&sums, settings);
         let faces = partition.total_faces();
-        // A closed surface has two faces a cell.
+        // A closed surface has about two faces per cell.
         let target = settings.cells.map_or(self.options.target, |cells| 2 * cells);
         let probing = is_input.then(|| Probing::new(faces, if target > 0 { target } else { faces }, sides.mean_sq()));
         let (mut stock, mut probes) = (Stock::default(), Probes::default());
@@ -186,8 +186,8 @@ impl<M: Metric> Run<'_, M> {
         Ok(Found { frame: Frame { threshold: stock.threshold(&frame), ..frame }, probes })
     }
 
-    /// Looks at every cluster that can be loaded, and in another way at the others; what that gives comes in order of
-    /// clusters.
+    /// Applies `look_at` to every cluster that can be loaded and `look_past` to the others; passes the results to
+    /// `take` in cluster order.
     fn look<T: Send>(
         &self,
         mesh: &StoredMesh,
@@ -254,7 +254,7 @@ impl<M: Metric> Run<'_, M> {
     }
 }
 
-/// Memory of a cluster while it is remeshed, or while it passes through.
+/// Memory in bytes of a cluster while it is remeshed or passed through.
 fn remesh_bytes(partition: &Partition, cluster: usize) -> u64 {
     partition.weight(cluster).map_or(PASS_BYTES, |weight| weight.bytes() * cvd::GROWTH / 2)
 }

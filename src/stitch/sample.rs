@@ -1,9 +1,9 @@
-//! Which threshold leads to which share of the faces: tried on a sample.
+//! Measures on a sample which cost threshold leaves which share of the faces.
 //!
-//! The sample is a compact patch from each of up to sixteen clusters, evenly spread; all patches together are
-//! simplified as one mesh with one queue, and the cost reached at each stage is the threshold for all clusters. A
-//! patch's rim is locked, as it is in a cluster; only vertices that are free are counted against the share. Patches for
-//! a pass are taken while the pass before it has its clusters in memory.
+//! The sample is a compact patch from each of up to sixteen evenly spread clusters. All patches are simplified as one
+//! mesh with one queue; the cost reached at each stage becomes the threshold of all clusters. The rim of a patch is
+//! locked, like that of a cluster; only faces that are free to go count toward the share. The patches for a pass are
+//! cut during the previous pass, while its clusters are in memory.
 
 use glam::DVec3;
 
@@ -14,33 +14,33 @@ use crate::partition::reading::ClusterFaces;
 use crate::partition::weight::ORDINARY_BYTES;
 use crate::simplify::{Engine, Stop};
 
-/// Faces of the sample, at least and at most (or all that there are).
+/// Smallest and largest number of faces in the sample; all faces if the mesh has fewer.
 const SAMPLE_FACES: [u64; 2] = [10_000, 60_000];
-/// At least as many for the pass that is to come down just above the target: below it, it would have to run again.
+/// Smallest sample for the pass that must end just above the target: if it ends below, it has to run again.
 const LAST_SAMPLE_FACES: u64 = 20_000;
 /// Faces of the mesh for each face of the sample, between these limits.
 const FACES_PER_SAMPLE_FACE: u64 = 40;
-/// As many of them would be left if all passes that follow went over the sample: fewer say too little of the last costs.
+/// The sample is large enough that the remaining passes would leave this many of its faces; fewer say too little about
+/// the last costs.
 const LEFT_FACES: f64 = 2_800.0;
-/// Patches of the sample, at most.
+/// Largest number of patches in the sample.
 const PATCHES: usize = 16;
 
-/// Where faces become fewer, costs rise by this power of their number at most: by the third to the eighth on real meshes,
-/// but by the thirtieth and more where nothing is left that could go sensibly. What costs more waits for a pass in which
-/// other vertices are free.
+/// Largest power of the reduction in faces by which costs may rise. On real meshes the power is 3 to 8, but 30 and more
+/// where no sensible collapse is left. Costlier collapses wait for a pass in which other vertices are free.
 const STEEPEST: f64 = 16.0;
-/// The same as a factor.
+/// Largest factor by which costs may rise.
 const LEAP_MAX: f64 = 1000.0;
-/// Below this share of the squared mean area of the faces, a cost says nothing: flat faces cost none.
+/// Costs below this share of the squared mean face area carry no information: collapses on flat surfaces cost about 0.
 pub const NEGLIGIBLE: f32 = 1e-4;
 
-/// Work memory from which on a sample is simplified while the mesh is being cut, and not before.
+/// Smallest work memory in bytes with which a sample is simplified during partitioning instead of before it.
 const ROOM_BYTES: u64 = 96 << 20;
-/// Memory that a sample takes.
+/// Memory of a sample, in bytes.
 pub const SAMPLE_BYTES: u64 = SAMPLE_FACES[1] * ORDINARY_BYTES;
 
-/// Whether a sample may be simplified while a mesh is being cut: where cutting takes much memory itself, it takes so long
-/// that there is nothing to gain.
+/// Reports whether a sample may be simplified during partitioning. If partitioning itself needs much memory, it takes
+/// so long that overlapping saves nothing.
 pub fn fits_beside_cutting(vertices: u64, work_bytes: u64) -> bool {
     work_bytes >= ROOM_BYTES && RANK_BYTES * vertices <= window_bytes(work_bytes)
 }
@@ -48,13 +48,13 @@ pub fn fits_beside_cutting(vertices: u64, work_bytes: u64) -> bool {
 /// What a sample is for.
 #[derive(Debug, Clone, Copy)]
 pub struct Purpose {
-    /// Share of the faces that is to be left of them in the end.
+    /// Share of the faces to be left at the end of all passes.
     pub left: f64,
-    /// Whether the pass is to come down just above the target.
+    /// Whether the pass must end just above the target.
     pub is_last: bool,
 }
 
-/// Which clusters give a patch, and how large.
+/// Which clusters give a patch, and the size of a patch.
 #[derive(Debug, Clone)]
 pub struct Survey {
     clusters: Vec<usize>,
@@ -63,7 +63,7 @@ pub struct Survey {
 }
 
 impl Survey {
-    /// Chooses clusters, evenly spread among those with faces, for a sample of this share of the ordinary size.
+    /// Chooses evenly spread clusters among those with faces, for a sample of `share` of the ordinary size.
     pub fn new(face_counts: &[u64], purpose: Purpose, share: f64) -> Self {
         let clusters = evenly_spread(face_counts, PATCHES);
         let sample_faces = sample_faces(face_counts.iter().sum(), purpose) as f64 * share;
@@ -76,12 +76,12 @@ impl Survey {
         &self.clusters
     }
 
-    /// Whether a cluster is one of those chosen.
+    /// Reports whether a cluster was chosen.
     pub fn wants(&self, cluster: usize) -> bool {
         self.clusters.binary_search(&cluster).is_ok()
     }
 
-    /// The patch of a cluster, if it is one of those chosen.
+    /// Returns the patch of a cluster, or `None` if it was not chosen.
     pub fn patch(&self, cluster: usize, mesh: &ClusterMesh) -> Option<ClusterMesh> {
         self.wants(cluster).then(|| {
             let (triangle, vertices) = (|face| mesh.triangle(face), |face| mesh.vertices(face));
@@ -90,7 +90,7 @@ impl Survey {
         })
     }
 
-    /// The same before a mesh is made of the cluster: `make` makes one of the patch's faces alone.
+    /// Cuts a patch before the mesh of its cluster is built: `make` builds the mesh of the patch's faces alone.
     pub fn patch_of_faces(
         &self,
         mut faces: ClusterFaces,
@@ -104,31 +104,31 @@ impl Survey {
     }
 }
 
-/// Faces of the sample for a mesh with so many.
+/// Number of faces to sample from a mesh with `faces` faces.
 pub fn sample_faces(faces: u64, purpose: Purpose) -> u64 {
     let [least, most] = SAMPLE_FACES;
     let least = if purpose.is_last { LAST_SAMPLE_FACES } else { least };
     (faces / FACES_PER_SAMPLE_FACE).max((LEFT_FACES / purpose.left) as u64).clamp(least, most)
 }
 
-/// So many of the clusters that have faces, evenly spread, ascending; all of them if there are no more.
+/// Returns up to `count` of the clusters that have faces, evenly spread, ascending.
 pub fn evenly_spread(faces: &[u64], count: usize) -> Vec<usize> {
     let filled: Vec<usize> = (0..faces.len()).filter(|&cluster| faces[cluster] > 0).collect();
     let count = filled.len().min(count);
     (0..count).map(|i| filled[(2 * i + 1) * filled.len() / (2 * count)]).collect()
 }
 
-/// Which faces of a cluster make a patch, and what stands around it.
+/// Faces of a cluster that form a patch, and the rim of that patch.
 #[derive(Debug)]
 struct Patch {
     /// The faces, ascending.
     faces: Vec<u32>,
-    /// Whether a face beside the patch has the vertex, too.
+    /// Whether a face outside the patch uses the vertex, too.
     is_rim: Vec<bool>,
 }
 
 impl Patch {
-    /// Of about `wanted` faces around the middle of `count` faces with `vertex_count` vertices.
+    /// Chooses the `wanted` faces nearest to the middle one of `count` faces with `vertex_count` vertices.
     fn choose(
         count: usize,
         wanted: usize,
@@ -157,7 +157,7 @@ impl Patch {
         Self { faces, is_rim }
     }
 
-    /// The patch as a mesh whose wedges are not linked, from some `faces` of `mesh`.
+    /// Builds the patch as a mesh with unlinked wedges from these `faces` of `mesh`.
     fn cut_from(&self, mesh: &ClusterMesh, faces: impl Iterator<Item = u32>) -> ClusterMesh {
         let mut patch = ClusterMesh::default();
         let mut vertex_of = vec![u32::MAX; mesh.positions.len()];
@@ -194,7 +194,7 @@ pub fn append(sample: &mut ClusterMesh, patch: &ClusterMesh) {
     }
 }
 
-/// Scales the texture coordinates of a sample that was taken before the scale of each part was known.
+/// Scales the texture coordinates of a sample that was taken before the scales of the parts were known.
 pub fn scale_texture(sample: &mut ClusterMesh, scale_of: impl Fn(u32) -> f64) {
     let mut scales = vec![1.0; sample.wedge_vertex.len()];
     for (corners, &part) in sample.corners.iter().zip(&sample.parts) {
@@ -203,7 +203,7 @@ pub fn scale_texture(sample: &mut ClusterMesh, scale_of: impl Fn(u32) -> f64) {
     sample.wedge_uv.iter_mut().zip(scales).for_each(|(uv, scale)| *uv *= scale);
 }
 
-/// The threshold at each share of the faces.
+/// Simplifies a sample and returns its cost threshold at each share of the faces.
 pub fn thresholds<M: Metric>(engine: &mut Engine<M>, shares: &[f64]) -> Vec<f32> {
     engine.mesh.link_wedges();
     let faces = engine.mesh.face_count;
@@ -217,8 +217,9 @@ pub fn thresholds<M: Metric>(engine: &mut Engine<M>, shares: &[f64]) -> Vec<f32>
     shares.iter().map(&mut threshold).collect()
 }
 
-/// The cost at which a sample has a number of faces left, but no more than half of the way to it makes likely; where legal
-/// collapses run out on the way, no more than the `threshold` of the stage before it makes likely, either.
+/// Simplifies a sample to `goal` faces and returns the cost reached, capped at what the first half of the collapses
+/// predicts. If legal collapses run out first, it is also capped at what `threshold`, the cost of the previous stage,
+/// predicts.
 fn cost_at<M: Metric>(engine: &mut Engine<M>, goal: usize, threshold: Option<f32>) -> f32 {
     let before = engine.mesh.face_count;
     engine.log = Some(Vec::new());
@@ -235,7 +236,8 @@ fn cost_at<M: Metric>(engine: &mut Engine<M>, goal: usize, threshold: Option<f32
     threshold.map_or(likely, |cost| likely.min(most(cost)))
 }
 
-/// The cost of the collapses half-way to a number of faces, raised by as much as costs may rise from there.
+/// Predicts the cost at `goal` faces: the highest cost in the first half of the collapses, times the largest plausible
+/// rise.
 fn likely_cost(log: &[(f32, u8)], before: usize, goal: usize) -> f32 {
     let half_way = before - before.saturating_sub(goal) / 2;
     let (mut cost, mut faces) = (0f32, before);
@@ -249,12 +251,12 @@ fn likely_cost(log: &[(f32, u8)], before: usize, goal: usize) -> f32 {
     cost * rise(half_way as u64, goal as u64, STEEPEST).min(LEAP_MAX) as f32
 }
 
-/// How many times as much a collapse costs when a mesh of `before` faces has `after` left, if costs rise by this power.
+/// Factor by which the cost of a collapse rises from `before` to `after` faces, if costs rise by this power.
 pub fn rise(before: u64, after: u64, power: f64) -> f64 {
     libm::pow(before as f64 / after.max(1) as f64, power)
 }
 
-/// Faces left when those that are `free` to go have kept their chance of `share`, and no fewer than the share of all.
+/// Faces left if `free` of them are reduced to `share` and the others stay, but at least `share` of all faces.
 pub fn face_goal(faces: usize, free: usize, share: f64) -> usize {
     (faces as f64 - free as f64 * (1.0 - share)).max(faces as f64 * share).round() as usize
 }
@@ -271,7 +273,7 @@ mod tests {
         position.to_array().map(f64::to_bits)
     }
 
-    /// How many faces there are around each place.
+    /// Number of faces around each position.
     fn faces_around(mesh: &ClusterMesh) -> HashMap<[u64; 3], usize> {
         let mut around = HashMap::new();
         for face in 0..mesh.corners.len() as u32 {
@@ -293,7 +295,7 @@ mod tests {
         for (face, &part) in (0..).zip(&patch.parts) {
             assert_eq!(patch.triangle(face), mesh.triangle(part));
         }
-        // Each vertex once, with the wedge that it had.
+        // Each vertex occurs once, with its own wedge.
         assert_eq!(patch.positions.iter().map(|&at| place(at)).collect::<HashSet<_>>().len(), patch.positions.len());
         assert_eq!(patch.wedge_vertex.len(), patch.positions.len());
         let (all, own) = (faces_around(&mesh), faces_around(&patch));
@@ -302,7 +304,7 @@ mod tests {
             assert_eq!(flags & flag::LOCKED != 0, is_cut_off, "{position}");
             assert_eq!(flags & flag::SHARED != 0, is_cut_off, "{position}");
         }
-        // Nothing outside is nearer to its middle than what is inside.
+        // No face outside the patch is nearer to its middle than those inside.
         let centre = |face: u32| mesh.triangle(face).into_iter().sum::<DVec3>() / 3.0;
         let away = |face: u32| centre(face).distance(centre(400));
         let farthest = patch.parts.iter().map(|&part| away(part)).fold(0.0, f64::max);
@@ -342,7 +344,7 @@ mod tests {
         };
         let shares = [left(&costs[..1]), left(&costs)];
         assert!((0.45..0.7).contains(&shares[0]) && (0.2..0.35).contains(&shares[1]), "{shares:?}");
-        // Where no more can go, a cost is what the collapses before make likely.
+        // Where no face can go, the cost is predicted from the collapses before.
         let mut held = samples::grid(30, 0.3);
         held.flags.iter_mut().skip(200).for_each(|flags| *flags |= flag::LOCKED);
         let mut held = Engine::<SurfaceCost>::new(held, &Default::default());

@@ -1,9 +1,8 @@
-//! How much texture coordinates are scaled and how crowded the result will be with seams: measured before the first pass,
-//! while the sample for it is taken.
+//! Measures the scale of texture coordinates and the density of seams before the first pass, while its sample is taken.
 //!
-//! The scale of a material is a ratio of two sums over its faces, for which one block of faces in four is as good as all;
-//! only where that shows too few faces of a material, all blocks are read. Seams are measured in the clusters that give the
-//! sample its patches.
+//! The scale of a material is a ratio of two sums over its faces, which every fourth block of faces estimates well
+//! enough. All blocks are read only if that sample has too few faces of a material. Seams are counted in the clusters
+//! that give patches to the sample.
 
 use serde::{Deserialize, Serialize};
 
@@ -18,31 +17,31 @@ use crate::partition::cluster::MaterialArea;
 use crate::partition::{Partition, TextureScale, reading};
 use crate::store::{Catalogue, StoredMesh};
 
-/// Of so many blocks of faces one is read.
+/// One in this many blocks of faces is read.
 const STEP: usize = 4;
-/// Faces of a material, at least, by which it is measured; or all that it has.
+/// Fewest faces by which a material is measured, unless it has fewer in the whole mesh.
 const FACES_MIN: u64 = 256;
 
-/// The areas of the materials that a cluster has.
+/// Areas of the materials that occur in a cluster, by material index.
 type SparseAreas = Vec<(usize, MaterialArea)>;
 
-/// What the passes know of the texture.
+/// Properties of the texture that the passes use.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct TextureTraits {
     /// Scales of texture coordinates.
     pub scale: TextureScale,
-    /// Share of the result's vertices that seams would take; infinite if it is not known.
+    /// Predicted share of the result's vertices that lie on seams; infinite if it was not measured.
     pub crowding: f64,
 }
 
 impl TextureTraits {
-    /// Of a mesh whose texture does not matter.
+    /// Traits for a metric that ignores the texture.
     pub fn none(catalogue: &Catalogue) -> Self {
         Self { scale: TextureScale::none(catalogue), crowding: f64::INFINITY }
     }
 }
 
-/// What the clusters tell of the texture.
+/// Sums over the clusters.
 #[derive(Default)]
 struct Measured {
     areas: Vec<MaterialArea>,
@@ -51,7 +50,7 @@ struct Measured {
 }
 
 impl<M: Metric> Run<'_, M> {
-    /// Measures the texture; returns a sample of the clusters with it, if there are many.
+    /// Measures the texture; also returns a sample of the clusters, empty if there is only one.
     pub(super) fn measure_texture(
         &self,
         mesh: &StoredMesh,
@@ -72,8 +71,8 @@ impl<M: Metric> Run<'_, M> {
         Ok((TextureTraits { scale, crowding: seams.crowding(kept) }, sample))
     }
 
-    /// Sums over the clusters, in order: the areas of each material in one block in `step`, and in all blocks of the
-    /// clusters that give the sample a patch; the seams in these.
+    /// Sums over the clusters, in order. Areas per material come from one block in `step`, and from all blocks of
+    /// clusters that give a patch; seams come from the latter alone.
     fn measure_clusters(&self, step: usize, mesh: &StoredMesh, partition: &Partition) -> Result<Measured> {
         let none = || vec![MaterialArea::default(); self.catalogue.materials.len() + 1];
         let mut measured = Measured { areas: none(), ..Measured::default() };
@@ -81,7 +80,7 @@ impl<M: Metric> Run<'_, M> {
         map_in_order(
             0..partition.cluster_count(),
             self.options.threads,
-            // A cluster that gives a patch takes many times as long as one that gives sums.
+            // A cluster that gives a patch takes many times as long as one that is only summed.
             self.options.threads * 16,
             |cluster| {
                 if partition.weight(cluster).is_none() {

@@ -1,28 +1,28 @@
-//! How far each pass goes, and in how many stages.
+//! How far each pass simplifies, and in how many stages.
 //!
-//! Quadrics are recomputed between stages. That matters where much is lost already and takes little time there, since few
-//! faces are left: the last pass has the most stages.
+//! Quadrics are recomputed between stages. That matters most once many faces are gone, and is cheapest then, so the
+//! last pass has the most stages.
 
-/// Share of its faces that a stage of the first pass keeps, about: one stage for ratios down to a tenth.
+/// Approximate share of its faces that a stage of the first pass keeps: one stage for ratios down to a tenth.
 const FIRST_STAGE_SHARE: f64 = 0.3;
-/// The same between the first pass and the last: one stage on the way from four times the target to twice.
+/// The same for passes between the first and the last: one stage from 4 × to 2 × the target.
 const MIDDLE_STAGE_SHARE: f64 = 0.36;
-/// The same in the last pass: two stages from twice the target.
+/// The same for the last pass: two stages from 2 × the target.
 const LAST_STAGE_SHARE: f64 = 0.7;
-/// A last pass in many clusters aims this much above the target; the trim removes the rest.
+/// A last pass over several clusters aims this share above the target; the trim removes the rest.
 pub const TRIM_SHARE: f64 = 0.06;
 
-/// Stages of a pass, at most: what [`stage_shares`] makes of the smallest share.
+/// Largest number of stages of a pass: that of [`stage_shares`] for the smallest share.
 pub const STAGES_MAX: usize = 58;
-/// The smallest share of the faces that a pass goes for.
+/// Smallest share of the faces that a pass aims at.
 const SHARE_MIN: f64 = 1e-9;
 
-/// Share of its faces that a pass before the last two keeps, at least: quadrics of what is far coarser say little, and what
-/// a cluster's rim holds must be made good by the next pass.
+/// Smallest share of its faces that a pass before the last two keeps. Quadrics of a much coarser mesh carry little
+/// information, and the next pass must catch up on the locked rims of clusters.
 const PASS_SHARE_MIN: f64 = 0.25;
 
-/// Passes that a target takes: those that are `wanted`, or as many as the way from `input` to `target` faces needs in steps
-/// of a quarter each; a single one stays alone.
+/// Number of passes for a target: `wanted`, or as many as it takes from `input` to `target` faces in steps of a
+/// quarter. `wanted` if that is at most 1, or if `target` or `input` is 0.
 pub fn pass_count(wanted: usize, input: u64, target: u64) -> usize {
     if wanted <= 1 || target == 0 || input == 0 {
         return wanted;
@@ -32,12 +32,12 @@ pub fn pass_count(wanted: usize, input: u64, target: u64) -> usize {
     wanted.max(2 + steps)
 }
 
-/// Part of a step that the steps before it may do as well.
+/// Part of a step that is spread over the other steps instead of adding one.
 const STEP_SLACK: f64 = 0.05;
 
-/// Faces that pass `pass` (from 0) of `passes` aims at, on the way from `input` to `target` faces.
+/// Number of faces that pass `pass` (from 0) of `passes` aims at, between `input` and `target` faces.
 ///
-/// Even steps to 4 ×, then 2 × → 1 × of the target, but never more than an even share of the whole way.
+/// Even steps down to 4 × the target, then 2 ×, then 1 ×, but never above an even share of the whole way.
 pub fn pass_target(input: u64, target: u64, pass: usize, passes: usize) -> f64 {
     let left = passes.saturating_sub(pass + 1) as i32;
     let ratio = (target as f64 / input.max(1) as f64).clamp(0.0, 1.0);
@@ -49,10 +49,10 @@ pub fn pass_target(input: u64, target: u64, pass: usize, passes: usize) -> f64 {
     if left <= 0 { target as f64 } else { input as f64 * even.min(doubled).min(1.0) }
 }
 
-/// Part of a stage that the others may do as well, so that a pass that ended a little above its target costs no other one.
+/// Part of a stage that is spread over the others, so that a pass that ended slightly above its target adds no stage.
 const STAGE_SLACK: f64 = 0.25;
 
-/// Shares of the faces to keep at the end of each stage of pass `pass` (from 0) of `passes`, the last one being `share`.
+/// Shares of the faces to keep at the end of each stage of pass `pass` (from 0) of `passes`; the last one is `share`.
 pub fn stage_shares(share: f64, pass: usize, passes: usize) -> Vec<f64> {
     let share = share.clamp(SHARE_MIN, 1.0);
     let stage_share = match pass {
@@ -85,7 +85,7 @@ mod tests {
         let counts = [500, 100, 40, 20, 5, 1].map(|target| pass_count(3, 1000, target));
         assert_eq!(counts, [3, 3, 4, 4, 5, 6]);
         assert_eq!([pass_count(1, 1000, 1), pass_count(8, 1000, 1), pass_count(3, 1000, 0)], [1, 8, 3]);
-        // Of two, the last goes from twice the target, the first to it; a little more than a quarter is no step of its own.
+        // With two passes the last starts from twice the target. Slightly more than a quarter does not add a step.
         assert_eq!([500, 100, 60, 50].map(|target| pass_count(2, 1000, target)), [2, 3, 3, 4]);
         let targets: Vec<u64> = (0..5).map(|pass| pass_target(100_000, 500, pass, 5).round() as u64).collect();
         assert_eq!(targets, [27_144, 7_368, 2_000, 1_000, 500]);

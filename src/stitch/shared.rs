@@ -1,4 +1,4 @@
-//! The vertices that several clusters use are written once for all of their pieces.
+//! Writes the vertices shared by several clusters, once for all of their pieces.
 
 use super::pass::Run;
 use crate::base::Result;
@@ -6,11 +6,11 @@ use crate::cost::Metric;
 use crate::partition::{Partition, reading};
 use crate::store::{ColumnWriter, PackedWriter, StoredMesh};
 
-/// Vertices that are picked at once.
+/// Vertices gathered at once.
 const SHARED_RECORDS: usize = 64 << 10;
 
 impl<M: Metric> Run<'_, M> {
-    /// Writes the positions (and colours) of the vertices that several pieces use, in order.
+    /// Writes the positions (and colours, if any) of the vertices shared by several clusters, in order of their ids.
     pub(super) fn write_shared(&self, partition: &Partition, pass: usize, mesh: &mut StoredMesh) -> Result<()> {
         let (shared, numbering) = (&partition.faces.shared, &partition.numbering);
         if shared.is_empty() {

@@ -1,7 +1,7 @@
-//! What a run of passes carries from one pass to the next, and how a later process takes it up.
+//! State carried from one pass to the next, and how a later process resumes it.
 //!
-//! In: the journal of a job. Out: where the passes go on: with the mesh after a pass, or with the partition of the pass
-//! that was under way; its finished clusters are found one by one.
+//! In: the journal of a job. Out: the state to resume from: the mesh after a pass, or the partition of an unfinished
+//! pass. Finished clusters of that pass are recalled one by one.
 
 use serde::{Deserialize, Serialize};
 
@@ -16,38 +16,38 @@ use crate::partition::Partition;
 use crate::simplify::Changes;
 use crate::store::{Catalogue, StoredMesh};
 
-/// The passes so far.
+/// State of the passes so far.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct PassState {
-    /// Number of the pass that comes next or is under way.
+    /// Number, from 0, of the next or current pass.
     pub pass: usize,
-    /// The mesh that it begins with.
+    /// Mesh at the start of that pass.
     pub mesh: StoredMesh,
-    /// Patches of the mesh, until they have given the thresholds.
+    /// Sample for the thresholds of the next pass, until they are computed.
     pub(super) sample: ClusterMesh,
-    /// Thresholds of the stages of a pass whose partition is there, from its sample.
+    /// Thresholds of the stages of the partitioned pass, computed from its sample.
     pub(super) thresholds: Option<Vec<f32>>,
-    /// What is known of the texture, once it was measured.
+    /// Properties of the texture, once measured.
     pub(super) texture: Option<TextureTraits>,
-    /// Numbers of the whole mesh that the metric divides by, once they are known.
+    /// Global statistics of the mesh that the metric is normalised by, once counted.
     pub(super) census: Option<Census>,
-    /// Diagonal below which pieces are dropped in the next pass, if any are.
+    /// Bounding-box diagonal below which connected components are dropped in the next pass, in units of length.
     pub(super) crumb: Option<f64>,
     /// What was repaired.
     pub(super) findings: Findings,
-    /// What became of the topology.
+    /// Changes of topology.
     pub(super) changes: Changes,
-    /// What passes did that made the mesh anew.
+    /// Results of the remeshing passes.
     pub(super) remeshed: Vec<RemeshReport>,
-    /// What the passes did that collapse edges.
+    /// Results of the passes that collapse edges.
     pub(super) reports: Vec<PassReport>,
-    /// Sum of the mean squared deviations.
+    /// Sum over the passes of the mean squared deviation, in units of length squared.
     pub(super) squared_error: f64,
-    /// Passes in a row that removed next to nothing.
+    /// Number of consecutive passes that removed almost no faces.
     pub(super) stuck: u32,
     /// Faces of clusters that passed through in the last pass.
     pub(super) passed_through: u64,
-    /// What stands in the way of further collapses.
+    /// What prevents further collapses.
     pub(super) floor: Floor,
     /// Whether the target is met.
     pub(super) reached: bool,
@@ -55,12 +55,12 @@ pub struct PassState {
     pub(super) is_over: bool,
     /// Time so far.
     pub(super) seconds: PassSeconds,
-    /// Most bytes that the work folder held.
+    /// Largest size of the work folder, in bytes.
     pub scratch_peak: u64,
 }
 
 impl PassState {
-    /// Whether it can be the state of a job whose next pass is this one; of its mesh nothing is asked.
+    /// Reports whether a recalled value can be the state before pass `pass`. Does not check the mesh.
     fn is_sound(&self, pass: u32, catalogue: &Catalogue) -> bool {
         let pass = pass as usize;
         self.pass == pass
@@ -73,7 +73,7 @@ impl PassState {
             && self.sample.is_sound()
     }
 
-    /// Takes the outcome of a pass.
+    /// Adds the result of a pass.
     pub(super) fn take(&mut self, mut outcome: PassOutcome) {
         outcome.report.stages = outcome.stages.reports(self.squared_error);
         self.mesh = outcome.mesh;
@@ -94,17 +94,17 @@ impl PassState {
     }
 }
 
-/// Where passes begin.
+/// Where the passes begin or resume.
 #[derive(Debug)]
 pub struct Start {
-    /// The passes before.
+    /// State of the passes before.
     pub state: PassState,
-    /// The partition of the pass that was under way.
+    /// Partition of the unfinished pass, if there is one.
     pub(super) partition: Option<Partition>,
 }
 
 impl Start {
-    /// The mesh as it was read, if no pass has begun on it.
+    /// The mesh as it was read; `None` once a pass has begun.
     pub fn unsimplified(&self) -> Option<&StoredMesh> {
         (self.state.pass == 0 && self.partition.is_none()).then_some(&self.state.mesh)
     }
@@ -117,8 +117,8 @@ impl From<StoredMesh> for Start {
 }
 
 impl Start {
-    /// The latest state that an earlier process kept and that is whole, if there is one; clusters are to have about so many
-    /// faces.
+    /// Recalls the latest sound state that an earlier process recorded, or `None`. `cluster_faces` is the target size
+    /// of clusters.
     ///
     /// # Errors
     /// Those of [`WorkFolder::recall`].
@@ -130,7 +130,7 @@ impl Start {
                     let accept = |(state, partition): &mut (PassState, Partition)| {
                         state.mesh.locate(folder);
                         partition.locate(folder);
-                        // Of the mesh's files only those are left that the clusters need.
+                        // Only those files of the mesh remain that the clusters still need.
                         !state.is_over
                             && state.is_sound(pass, catalogue)
                             && partition.is_sound(&state.mesh, cluster_faces)
@@ -160,12 +160,12 @@ impl Start {
         Ok(None)
     }
 
-    /// Whether the scratch space of the first pass is still to be taken.
+    /// Reports whether the first pass has yet to allocate its scratch space.
     pub fn needs_scratch(&self) -> bool {
         self.state.pass == 0 && self.partition.is_none()
     }
 
-    /// What is gone on with, in words.
+    /// Describes what is resumed, for the log.
     pub fn kept(&self, job: &WorkFolder) -> String {
         let pass = self.state.pass;
         let of_pass = |step: &Step| matches!(step, Step::Cluster { pass: of, .. } if *of as usize == pass);
@@ -183,7 +183,7 @@ impl Start {
                 format!(", and {clusters} of {of} clusters of pass {}", pass + 1)
             }
         };
-        format!("resumed: kept from before are {passes}{under_way}")
+        format!("resumed after {passes}{under_way}")
     }
 }
 

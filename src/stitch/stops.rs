@@ -1,4 +1,4 @@
-//! How the clusters of a pass are told to stop, and the stages that follow from it.
+//! How the clusters of a pass stop, and the stages that follow from it.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,34 +7,35 @@ use super::schedule::STAGES_MAX;
 use crate::cost::Metric;
 use crate::simplify::{Anchor, Engine, Stop};
 
-/// With a bounded error, share of its faces that a stage keeps, at least.
+/// With a bounded error: smallest share of its faces that a stage keeps.
 const BOUNDED_STAGE_KEEPS: f64 = 0.6;
-/// With a bounded error, stages end when one removes less than this share of the faces.
+/// With a bounded error: stages end when one removes at most this share of the faces.
 const BOUNDED_STAGE_SHARE: f64 = 0.02;
-/// Deviations are found anew where no more than this share of the first faces is left: above, they have hardly added up.
+/// Deviations are recomputed once at most this share of the first faces is left; with more left, accumulated bounds are
+/// still tight.
 const TIGHTENED_BELOW: f64 = 0.7;
-/// They are found anew at most this often,
+/// Largest number of times that deviations are recomputed.
 const TIGHTENED_TIMES: usize = 2;
-/// and once more only if the time before left no more than this share of the faces.
+/// They are recomputed again only if at most this share of the faces was left since the time before.
 const TIGHTENED_KEEPS: f64 = 0.9;
 
-/// How the clusters of a pass are told to stop.
+/// How the clusters of a pass stop.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) enum Plan {
-    /// One cluster: keep these shares of the free faces, stage by stage.
+    /// One cluster: keep these shares of the free faces at the end of each stage.
     Shares(Vec<f64>),
-    /// One cluster: these shares of the faces, the last one exactly this many.
+    /// One cluster: keep these shares of the faces, except that the last stage leaves exactly this number.
     Faces(Vec<f64>, u64),
-    /// Thresholds, stage by stage.
+    /// Stop each stage at a cost threshold.
     Costs(Vec<f32>),
-    /// As far as these bounds on the deviation allow, one after the other.
+    /// Simplify as far as these bounds on the deviation allow, one after the other, in units of length.
     Deviation(Vec<f64>),
-    /// Thresholds, and each cluster's number of faces, at which it stops.
+    /// Stop at cost thresholds, or at the face count of each cluster.
     Trim(Vec<f32>, Vec<u64>),
 }
 
 impl Plan {
-    /// The thresholds of a plan that has nothing else.
+    /// Returns the thresholds if the plan has no other stop, otherwise `None`.
     pub(super) fn costs(&self) -> Option<&[f32]> {
         match self {
             Plan::Costs(costs) => Some(costs),
@@ -42,7 +43,7 @@ impl Plan {
         }
     }
 
-    /// Whether it says how each of so many clusters stops, in no more stages than a pass has, for a value that was read back.
+    /// Reports whether a recalled plan fits `cluster_count` clusters and has at most [`STAGES_MAX`] stages.
     pub(super) fn is_sound(&self, cluster_count: usize) -> bool {
         match self {
             Plan::Shares(shares) | Plan::Faces(shares, _) => shares.len() <= STAGES_MAX,
@@ -53,8 +54,9 @@ impl Plan {
     }
 }
 
-/// Runs the stages of a plan; returns the highest cost of the last stage that did anything. In a trial every collapse of
-/// the last stage is logged.
+/// Runs the stages of a plan. Returns the cost of the last stage that collapsed an edge, or 0 if none did; for a plan
+/// with bounds on the deviation, the highest cost of all stages. In a trial, every collapse of the last stage is
+/// logged.
 pub(super) fn run_plan<M: Metric>(engine: &mut Engine<M>, plan: &Plan, cluster: usize, is_trial: bool) -> f32 {
     let faces = engine.mesh.face_count;
     let stops: Vec<Stop> = match plan {
@@ -82,9 +84,9 @@ pub(super) fn run_plan<M: Metric>(engine: &mut Engine<M>, plan: &Plan, cluster: 
     cost
 }
 
-/// Runs stages until the last of these bounds on the deviation stops them; returns the highest cost of all. A bound on
-/// the way to it makes place for the next one as soon as a stage cannot do all that a stage may. At the last one the
-/// deviations are found anew, and what they leave of it is used, while that removes much.
+/// Runs stages under each bound on the deviation in turn; returns the highest cost. An earlier bound yields to the next
+/// once a stage cannot remove all that it may. Under the last bound, deviations are recomputed and the slack that this
+/// gains is used, as long as many faces go.
 fn run_bounded<M: Metric>(engine: &mut Engine<M>, bounds: &[f64]) -> f32 {
     let Some((&last, before)) = bounds.split_last() else { return 0.0 };
     let first = Anchor::of(&engine.mesh);
@@ -107,7 +109,7 @@ fn run_bounded<M: Metric>(engine: &mut Engine<M>, bounds: &[f64]) -> f32 {
     highest
 }
 
-/// Runs stages while they remove more than this share of the faces; returns the highest cost.
+/// Runs stages while each removes more than the share `least` of the faces; returns the highest cost.
 fn run_stages<M: Metric>(engine: &mut Engine<M>, least: f64) -> f32 {
     let mut highest = 0f32;
     loop {
@@ -154,11 +156,11 @@ mod tests {
         let (ends, log) = run(Plan::Faces(vec![0.5, 0.2], 40), false);
         assert!(ends.len() == 2 && is_near(ends[0], 144) && is_near(ends[1], 40), "{ends:?}");
         assert!(log.is_none());
-        // What a trial notes is all of its last stage.
+        // The log of a trial covers all of its last stage.
         let (ends, log) = run(Plan::Faces(vec![0.5, 0.2], 40), true);
         let died: usize = log.unwrap().iter().map(|&(_, died)| usize::from(died)).sum();
         assert_eq!(died, ends[0] - ends[1]);
-        // No stage goes below the target on the way to it.
+        // Earlier stages do not go below the target.
         let (ends, _) = run(Plan::Faces(vec![0.1, 0.2], 100), false);
         assert!(ends.len() == 1 && is_near(ends[0], 100), "{ends:?}");
         let (ends, _) = run(Plan::Trim(vec![f32::MAX], vec![100]), false);

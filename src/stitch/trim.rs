@@ -1,19 +1,19 @@
-//! The last faces over the target.
+//! Removes the last faces above the target.
 //!
-//! A pass that was told to stop at a threshold ends near the target, everywhere at one cost: where clusters then lose the
-//! same small share of their faces, costs stay nearly as even as they are, and what the others would lose saves more time
-//! than it is worth. Some clusters may have nothing cheap to lose. What that leaves over is chosen over all of them as one
-//! queue would: every cluster is simplified a little too far, and notes what each collapse cost; the notes of all clusters
-//! are merged by cost; the prefix that removes just enough says how many faces each cluster may lose. A second run of
-//! each cluster, the same to the bit, stops there.
+//! A pass that stops at a threshold ends near the target, at one cost everywhere. Clusters may then lose the same small
+//! share of their faces: costs stay nearly even, and only some clusters have to be simplified again. Where some
+//! clusters have no cheap collapse left, faces are chosen over all clusters as one queue would choose them: every
+//! cluster is simplified slightly too far and logs the cost of each collapse; the logs are merged by cost; the prefix
+//! that removes enough faces gives each cluster its quota. A second run of each cluster, identical to the bit, stops at
+//! its quota.
 
 use super::sample::evenly_spread;
 
-/// As long as no cluster loses more than this share of its faces, some of them lose faces and the others stay as they are.
+/// Largest share of its faces that a cluster loses while other clusters stay as they are.
 const SPREAD_SHARE: f64 = 0.06;
 
-/// Faces that clusters of so many have afterwards, so that all have `target`, or one less: as few clusters as can, spread
-/// over all, each lose the same share.
+/// Returns the faces that each cluster keeps so that they sum to `target`, or one less. As few clusters as possible,
+/// evenly spread, lose the same share.
 pub fn spread_shares(faces: &[u64], target: u64) -> Vec<u64> {
     let all: u64 = faces.iter().sum();
     let excess = all.saturating_sub(target);
@@ -31,7 +31,7 @@ pub fn spread_shares(faces: &[u64], target: u64) -> Vec<u64> {
     keep
 }
 
-/// Faces that clusters of so many have afterwards, so that all have `target`, or one less: each the same share.
+/// Returns the faces that each cluster keeps so that they sum to `target`, or one less; all lose the same share.
 fn equal_shares(faces: &[u64], target: u64) -> Vec<u64> {
     let all = faces.iter().sum::<u64>().max(1);
     let (mut before, mut given) = (0, 0);
@@ -39,7 +39,8 @@ fn equal_shares(faces: &[u64], target: u64) -> Vec<u64> {
         before += count;
         let due = (u128::from(before) * u128::from(target) / u128::from(all)) as u64;
         let keep = due.saturating_sub(given).min(count);
-        // Most collapses take two faces: where an odd number is to go, one more goes, and the next cluster keeps it.
+        // Most collapses remove two faces. If an odd number has to go, remove one more here and one less in the next
+        // cluster.
         let keep = keep.saturating_sub(count.saturating_sub(keep) % 2);
         given += keep;
         keep
@@ -47,8 +48,9 @@ fn equal_shares(faces: &[u64], target: u64) -> Vec<u64> {
     faces.iter().map(keep_of).collect()
 }
 
-/// Faces that clusters keep so that all have `target`, or one less, when a run left them with `after` of `before` faces:
-/// each goes the same share of its way, so none is asked for more than it has.
+/// Returns the faces that each cluster keeps so that they sum to `target`, clamped to what is possible, after a run
+/// reduced them from `before` to `after`. All give back the same share of what they lost, so none needs more than it
+/// had.
 pub fn halfway(before: &[u64], after: &[u64], target: u64) -> Vec<u64> {
     let [all, left] = [before, after].map(|faces| faces.iter().sum::<u64>());
     let (wanted, way) = (target.clamp(left.min(all), all) - left.min(all), all.saturating_sub(left).max(1));
@@ -63,7 +65,7 @@ pub fn halfway(before: &[u64], after: &[u64], target: u64) -> Vec<u64> {
     before.iter().zip(after).map(&mut keep_of).collect()
 }
 
-/// A collapse as noted: the highest cost so far in its cluster, and faces that died.
+/// A logged collapse: the highest cost so far in its cluster, and the number of faces removed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Note {
     cost: f32,
@@ -71,7 +73,7 @@ struct Note {
     died: u8,
 }
 
-/// Notes of all clusters.
+/// Logged collapses of all clusters.
 #[derive(Debug, Default)]
 pub struct Notes {
     notes: Vec<Note>,
@@ -79,7 +81,7 @@ pub struct Notes {
 }
 
 impl Notes {
-    /// Adds the log of a cluster, in the order of its collapses; clusters must come in order.
+    /// Adds the log of a cluster in collapse order. Add clusters in ascending order.
     pub fn add(&mut self, cluster: usize, log: &[(f32, u8)]) {
         let mut highest = 0f32;
         for &(cost, died) in log {
@@ -89,14 +91,15 @@ impl Notes {
         }
     }
 
-    /// Faces that died in all.
+    /// Number of faces removed in all.
     pub fn died(&self) -> u64 {
         self.died
     }
 
-    /// Faces that each cluster may lose so that `excess` are lost in all, or one more; and the cost reached.
+    /// Returns the faces that each cluster may lose so that together they lose `excess`, or one more, and the highest
+    /// cost that this takes.
     pub fn cut(mut self, excess: u64, cluster_count: usize) -> (Vec<u64>, f32) {
-        // Stable: equal costs stay in the order of clusters and of collapses.
+        // The sort is stable: equal costs stay in the order of clusters and collapses.
         self.notes.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         let mut quota = vec![0; cluster_count];
         let (mut lost, mut cost) = (0, 0f32);

@@ -1,7 +1,7 @@
-//! One kind of fixed-size record in a file: appended in order, read in windows.
+//! Stores fixed-size records of one kind in a file: appended in order, read in windows.
 //!
 //! # Memory
-//! A writer holds its buffer, a reader the windows that are alive.
+//! A writer holds its buffer; a reader holds the windows in use.
 
 use std::fs::File;
 use std::io::ErrorKind;
@@ -31,10 +31,10 @@ pub struct ColumnWriter<T> {
 }
 
 impl<T: Pod> ColumnWriter<T> {
-    /// Begins the file `path`; `kind` names the records.
+    /// Creates the file `path`; `kind` identifies the records.
     ///
     /// # Errors
-    /// If the file cannot be made.
+    /// If the file cannot be created.
     pub fn create(path: &Path, kind: [u8; 8]) -> Result<Self> {
         let mut file = DurableFile::create(path, WRITE_BUFFER_BYTES)?;
         file.write(&[0; HEADER_BYTES as usize])?;
@@ -76,10 +76,10 @@ impl<T: Pod> ColumnWriter<T> {
     }
 }
 
-/// A whole file of records.
+/// A file of records.
 pub type Column<T> = Segment<T>;
 
-/// A range of a file that holds records of one kind.
+/// A range of a file that contains records of one kind.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct Segment<T> {
@@ -97,7 +97,7 @@ impl<T> Clone for Segment<T> {
 }
 
 impl<T: Pod> Segment<T> {
-    /// `count` records at an offset (in bytes, a multiple of 8) of a file.
+    /// `count` records at an offset (in bytes, a multiple of 8) in a file.
     pub fn new(path: PathBuf, offset_bytes: u64, count: u64) -> Self {
         Self { path: path.into(), offset_bytes, count, record: PhantomData }
     }
@@ -112,26 +112,26 @@ impl<T: Pod> Segment<T> {
         self.count == 0
     }
 
-    /// The file.
+    /// Path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Says in which folder the file lies, after the value was read back.
+    /// Sets the folder of the file of a recalled value.
     pub fn locate(&mut self, folder: &Path) {
         self.path = folder.join(&self.path).into();
     }
 
-    /// Whether a file of this size is there, for a value that was read back and located.
+    /// Reports whether the file of a recalled and located value exists and is large enough.
     pub fn is_sound(&self) -> bool {
         let bytes = self.count.checked_mul(size_of::<T>() as u64);
         bytes.is_some_and(|bytes| holds(&self.path, [(self.offset_bytes, bytes)]))
     }
 
-    /// Maps a range of the records; its pages leave memory on drop.
+    /// Maps a range of the records; its pages are released on drop.
     ///
     /// # Errors
-    /// [`Error::Damaged`] if the range passes the end of the file, else [`Error::Io`].
+    /// [`Error::Damaged`] if the range exceeds the file, else [`Error::Io`].
     pub fn window(&self, range: Range<u64>) -> Result<MappedRecords<T>> {
         let fits = range.start <= range.end && range.end <= self.count;
         let count = usize::try_from(range.end.saturating_sub(range.start)).ok().filter(|_| fits);
@@ -147,15 +147,16 @@ impl<T: Pod> Segment<T> {
         })
     }
 
-    /// Ranges of at most `records` records that cover the segment, in order.
+    /// Splits the segment into ranges of at most `records` records, in order.
     pub fn ranges(&self, records: u64) -> impl Iterator<Item = Range<u64>> + use<T> {
         let (count, step) = (self.count, records.max(1));
         (0..count.div_ceil(step)).map(move |i| i * step..((i + 1) * step).min(count))
     }
 }
 
-/// Whether a file has room for extents, each an offset and a length in bytes, side by side: what is allocated for records
-/// that somebody claims to be there follows from it. One that cannot be asked for its size is told when it is read.
+/// Reports whether a file is large enough for disjoint extents, each given as offset and length in bytes. Checked
+/// before memory is allocated for records that a journal claims to exist. True if the size of an existing file cannot
+/// be determined; reading it then reports the error.
 pub fn holds(path: &Path, extents: impl IntoIterator<Item = (u64, u64)>) -> bool {
     let length = match path.metadata() {
         Ok(file) => file.len(),
@@ -169,7 +170,7 @@ pub fn holds(path: &Path, extents: impl IntoIterator<Item = (u64, u64)>) -> bool
     })
 }
 
-/// A path as its file name alone, since a work folder may be moved.
+/// Serialises a path as its file name alone, since a work folder may be moved.
 pub mod file_name {
     use std::path::{Path, PathBuf};
 
@@ -181,7 +182,7 @@ pub mod file_name {
     /// Writes the file name of a path.
     ///
     /// # Errors
-    /// The serializer's.
+    /// Those of the serializer.
     pub fn serialize<S: Serializer>(path: &(impl AsRef<Path> + ?Sized), serializer: S) -> Result<S::Ok, S::Error> {
         path.as_ref().file_name().unwrap_or_default().to_string_lossy().serialize(serializer)
     }
@@ -189,7 +190,7 @@ pub mod file_name {
     /// Reads a file name.
     ///
     /// # Errors
-    /// If it is a path that leads elsewhere; the deserializer's.
+    /// If the name leads to another folder, and those of the deserializer.
     pub fn deserialize<'de, D: Deserializer<'de>, P: From<PathBuf>>(deserializer: D) -> Result<P, D::Error> {
         let name = String::deserialize(deserializer)?;
         if !is_file_name(&name) {

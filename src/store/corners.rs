@@ -1,7 +1,7 @@
-//! The faces of a piece in memory: block by block, or all of them with the positions of their corners.
+//! Reads the faces of a piece: block by block, or all of them with the positions of their corners.
 //!
 //! # Memory
-//! A block: [`FaceReader::MEMORY_BYTES`]. A piece: 12 bytes a face and 24 an own vertex.
+//! A block: [`FaceReader::MEMORY_BYTES`]. A piece: 12 bytes per face and 24 per own vertex.
 
 use glam::DVec3;
 
@@ -9,7 +9,7 @@ use super::face::{BLOCK_FACES, Face};
 use super::mesh::{StoredMesh, StoredPiece};
 use crate::base::Result;
 
-/// Reads the faces of pieces, block by block, with scratch space that is kept.
+/// Reads the faces of pieces block by block, with reused scratch buffers.
 #[derive(Debug, Default)]
 pub struct FaceReader {
     bytes: Vec<u8>,
@@ -17,10 +17,10 @@ pub struct FaceReader {
 }
 
 impl FaceReader {
-    /// Bytes of one reader: a block of faces, decoded and encoded.
+    /// Memory of a reader in bytes: a block of faces, decoded and encoded.
     pub const MEMORY_BYTES: u64 = (BLOCK_FACES * (size_of::<Face>() + 12)) as u64;
 
-    /// Hands the faces of a piece to `visit`, a block at a time and in order.
+    /// Passes the faces of a piece to `visit`, block by block, in order.
     ///
     /// # Errors
     /// If the file cannot be read, and those of `visit`.
@@ -37,21 +37,21 @@ impl FaceReader {
     }
 }
 
-/// The vertices of a piece's faces, with the positions that they need.
+/// Vertices of the faces of a piece, with their positions.
 #[derive(Debug)]
 pub struct PieceCorners {
-    /// Number of the piece's own vertices.
+    /// Number of own vertices of the piece.
     pub own: u32,
-    /// The vertex of each corner, by the piece's ids.
+    /// Vertex of each corner, as an id of the piece.
     pub vertices: Vec<u32>,
     own_positions: Vec<DVec3>,
-    /// The shared vertices that occur, in order of their ids.
+    /// Shared vertices that occur, as ids of the mesh, ascending.
     pub shared: Vec<u32>,
     shared_positions: Vec<DVec3>,
 }
 
 impl PieceCorners {
-    /// Reads a piece: all its faces, or only those with a shared vertex.
+    /// Reads all faces of a piece, or only those with a shared vertex.
     ///
     /// # Errors
     /// If a file cannot be read.
@@ -79,7 +79,7 @@ impl PieceCorners {
         Ok(Self { own, vertices, own_positions, shared, shared_positions })
     }
 
-    /// Where a vertex lies.
+    /// Position of a vertex, given as an id of the piece.
     pub fn position(&self, vertex: u32) -> DVec3 {
         match vertex.checked_sub(self.own) {
             None => self.own_positions[vertex as usize],

@@ -1,37 +1,38 @@
-//! Doubles that a decimal text stands for, as whole counts of their last place.
+//! Converts doubles that come from decimal text to integer counts of their last decimal place.
 //!
-//! Most coordinates come from a text of a few decimals or were rounded to some: 4581200.1234 is 45812001234 · 10⁻⁴. A
-//! quotient of two doubles is the double nearest to the true quotient, and so is what a text of as many decimals reads
-//! as: count and decimals give the coordinate back bit for bit.
+//! Most coordinates come from text with few decimals, or were rounded to few: 4581200.1234 is 45812001234 · 10⁻⁴. The
+//! quotient of two doubles is the double nearest to the true quotient, which is also how a parser reads a text with
+//! that many decimals. So count and decimals restore the coordinate bit for bit.
 
-/// Decimals that are tried, at most.
+/// Largest number of decimals tried.
 pub const DECIMALS_MAX: u32 = 15;
 
-/// Powers of ten that decimals stand for.
+/// Powers of ten.
 pub const POWERS_OF_TEN: [f64; 18] =
     [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17];
-/// A number of this size has no places after the point; adding and subtracting it rounds.
+/// Numbers of this size have no fraction, so adding and subtracting it rounds to an integer.
 const ROUNDER: f64 = 1.5 * (1u64 << 52) as f64;
-/// Counts stay below this, so that they are exact and `ROUNDER` rounds them.
+/// Limit of the magnitude of counts, so that they are exact and `ROUNDER` rounds them.
 const COUNT_LIMIT: f64 = (1u64 << 51) as f64;
 
-/// How many units of the last of `decimals` places `x` is; nothing if it is no whole number of them.
+/// Returns `x` in units of the last of `decimals` places; `None` if that is not an integer.
 #[inline]
 pub fn count(x: f64, decimals: u32) -> Option<i64> {
     let power = POWERS_OF_TEN[decimals as usize];
     let scaled = x * power;
     let count = (scaled + ROUNDER) - ROUNDER;
-    // NOTE: a negative zero and what is not finite fail the comparison of bits.
+    // NOTE: negative zero and non-finite numbers fail this comparison of bits.
     (scaled.abs() < COUNT_LIMIT && (count / power).to_bits() == x.to_bits()).then_some(count as i64)
 }
 
-/// The number that is `count` units of the last of `decimals` places.
+/// Returns the number that is `count` units of the last of `decimals` places.
 #[inline]
 pub fn value(count: i64, decimals: u32) -> f64 {
     count as f64 / POWERS_OF_TEN[decimals as usize]
 }
 
-/// Counts of all numbers, with the fewest decimals, `at_least` or more, that do for all; nothing if none do.
+/// Converts all numbers to counts with the fewest common decimals, at least `at_least`. Returns those decimals; `None`
+/// if no number of decimals fits all.
 pub fn counts(numbers: &[f64], at_least: u32, out: &mut Vec<i64>) -> Option<u32> {
     out.clear();
     let mut decimals = at_least;
@@ -41,7 +42,7 @@ pub fn counts(numbers: &[f64], at_least: u32, out: &mut Vec<i64>) -> Option<u32>
             match count(x, decimals) {
                 Some(count) => out.push(count),
                 None => {
-                    // Most often the next place does; what needs more than there are fails at once.
+                    // Usually the next place suffices. A number that fits no number of decimals fails at once.
                     count(x, DECIMALS_MAX).or_else(|| (decimals..DECIMALS_MAX).find_map(|more| count(x, more)))?;
                     decimals += 1;
                     continue 'more;

@@ -1,4 +1,5 @@
-//! Faces, and blocks of them as bytes: differences of ids in one to four bytes each, whose sizes stand ahead of them.
+//! Faces, and their encoding in blocks: differences of ids in one to four bytes each, preceded by a tag with their
+//! sizes.
 //!
 //! ```text
 //! tag        16 bits, little-endian
@@ -10,12 +11,12 @@
 //! vertices   zigzag(v0 - previous v0), zigzag(v1 - v0), zigzag(v2 - v1)
 //! texcoords  the same of id + 1, so that 0 stands for "none"
 //! ```
-//! An exporter's order takes 8-11 bytes a face instead of 28; a shuffled one about as many as raw ids. Since no byte says
-//! whether another one follows, a value takes no branch: a face is read in a third of the time that bytes with a mark for
-//! "more" take.
+//! In the order of an exporter a face takes 8-11 bytes instead of 28; in a shuffled order about as many as raw ids.
+//! Since sizes are known in advance, a value is decoded without a branch: a face is read in a third of the time that
+//! bytes with a continuation bit take.
 //!
 //! # Source
-//! Sizes apart from values as in Lemire, Kurz, Rupp 2018 ("Stream VByte"), but beside each face, so that blocks are
+//! Sizes are stored apart from values as in Lemire, Kurz, Rupp 2018 ("Stream VByte"), but per face, so that blocks are
 //! written in one sweep.
 
 use std::ops::Range;
@@ -23,11 +24,12 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
-/// Stands for a corner without texture coordinate.
+/// Marks a corner without texture coordinate.
 pub const NO_TEXCOORD: u32 = u32::MAX;
-/// A polygon with more corners is kept as triangles from the start: what a polygon stands for must be at hand as a whole.
+/// Polygons with more corners are split into triangles on reading, because triangulation needs a whole polygon in
+/// memory.
 pub const POLYGON_CORNERS_MAX: usize = 512;
-/// Faces of a block, at most; a polygon may cross blocks.
+/// Largest number of faces in a block; a polygon may cross blocks.
 pub const BLOCK_FACES: usize = 16 << 10;
 
 /// A triangle by ids; corners counter-clockwise as in the input.
@@ -39,44 +41,43 @@ pub struct Face {
     pub texcoords: [u32; 3],
     /// Index of the part (file, object, group, material) in the catalogue.
     pub part: u32,
-    /// Whether this is a further fan triangle of the same polygon as the face before it.
+    /// Whether this is a further fan triangle of the polygon of the face before it.
     ///
-    /// A polygon c0 c1 … cn-1 is stored as the fan (c0 c1 c2), (c0 c2 c3), … until its positions are at hand and it
-    /// can be triangulated properly.
+    /// A polygon c0 c1 … cn-1 is stored as the fan (c0 c1 c2), (c0 c2 c3), … until its positions are loaded and it can
+    /// be triangulated.
     pub continues_polygon: bool,
-    /// Bound on the distance between this face and what it stands for in the input, in units of length; kept only
-    /// where the error is bounded.
+    /// Upper bound on the distance between this face and the input surface that it replaces, in units of length; only
+    /// maintained if the error is bounded.
     pub deviation: f32,
 }
 
-/// Whether a triangle names a vertex twice.
+/// Reports whether a triangle uses a vertex twice.
 pub fn repeats_vertex([a, b, c]: [u32; 3]) -> bool {
     a == b || b == c || c == a
 }
 
-/// Where a block of faces lies, and which ids it names.
+/// Location of a block of faces, and the ids that it uses.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct FaceBlock {
-    /// Position of its first byte in the file.
+    /// Offset of its first byte in the file.
     pub offset_bytes: u64,
     /// Length in bytes.
     pub bytes: u32,
     /// Number of faces.
     pub faces: u32,
-    /// Vertex ids that occur lie in this range.
+    /// Range that contains all its vertex ids.
     pub vertices: Range<u32>,
-    /// Texture coordinate ids that occur lie in this range; empty if there are none.
+    /// Range that contains all its texture coordinate ids; empty if there are none.
     pub texcoords: Range<u32>,
     /// XXH3 of its bytes.
     pub checksum: u64,
 }
 
 impl FaceBlock {
-    /// Decodes the block's bytes to the end of `out`, if they are those that were written: their ids choose places in
-    /// memory.
+    /// Appends the decoded faces to `out`, after verifying the checksum: ids are used as indices into memory.
     ///
     /// # Errors
-    /// Says in words what is wrong.
+    /// A description of the fault.
     pub fn decode(&self, bytes: &[u8], out: &mut Vec<Face>) -> Result<(), String> {
         match self.faces as usize {
             count if count > BLOCK_FACES => Err(format!("a block of {count} faces; at most {BLOCK_FACES} are written")),
@@ -86,11 +87,11 @@ impl FaceBlock {
     }
 }
 
-/// Bytes of a face in the worst case: a tag, seven values of 4 bytes and a float.
+/// Largest size of an encoded face in bytes: a tag, seven values of 4 bytes and a float.
 pub(super) const FACE_BYTES_MAX: usize = 2 + 7 * 4 + 4;
-/// Bytes that are looked at to take or put a face: the last value may be read four bytes wide.
+/// Bytes accessed to decode or encode a face; the last value may be read four bytes wide.
 const WINDOW_BYTES: usize = 40;
-/// Faces for which room is made at once while encoding.
+/// Number of faces for which output is reserved at once.
 const ENCODED_AT_ONCE: usize = 256;
 
 const PART_DIFFERS: u16 = 1;
@@ -99,7 +100,7 @@ const BARE: u16 = 4;
 const DEVIATES: u16 = 8;
 const SIZES_SHIFT: u32 = 4;
 
-/// What differences are taken from.
+/// Values of the previous face, from which differences are taken.
 #[derive(Debug, Default)]
 struct Before {
     vertex: u32,
@@ -108,7 +109,7 @@ struct Before {
     part: u32,
 }
 
-/// Encodes faces (at most [`BLOCK_FACES`]) at the end of `out`; the block's offset is left at 0.
+/// Appends the encoding of faces (at most [`BLOCK_FACES`]) to `out`; leaves the offset of the block at 0.
 pub fn encode_block(faces: &[Face], out: &mut Vec<u8>) -> FaceBlock {
     let start = out.len();
     encode(faces, out);
@@ -124,7 +125,7 @@ pub fn encode_block(faces: &[Face], out: &mut Vec<u8>) -> FaceBlock {
     }
 }
 
-/// Encodes faces at the end of `out`.
+/// Appends the encoding of faces to `out`.
 pub fn encode(faces: &[Face], out: &mut Vec<u8>) {
     let mut at = out.len();
     let mut before = Before::default();
@@ -139,10 +140,10 @@ pub fn encode(faces: &[Face], out: &mut Vec<u8>) {
     out.truncate(at);
 }
 
-/// Decodes `count` faces to the end of `out`.
+/// Decodes `count` faces and appends them to `out`.
 ///
 /// # Errors
-/// Says in words where the bytes make no sense.
+/// A description of the fault if the bytes are invalid.
 pub fn decode(bytes: &[u8], count: usize, out: &mut Vec<Face>) -> Result<(), String> {
     out.reserve(count);
     let mut before = Before::default();
@@ -167,7 +168,7 @@ pub fn decode(bytes: &[u8], count: usize, out: &mut Vec<Face>) -> Result<(), Str
     }
 }
 
-/// Writes a face and returns how many bytes it took.
+/// Encodes a face; returns its size in bytes.
 #[inline(always)]
 fn put_face(window: &mut [u8; WINDOW_BYTES], face: &Face, before: &mut Before) -> usize {
     let bare = face.texcoords == [NO_TEXCOORD; 3];
@@ -205,7 +206,7 @@ fn put_face(window: &mut [u8; WINDOW_BYTES], face: &Face, before: &mut Before) -
     at
 }
 
-/// Takes a face and tells how many bytes it took.
+/// Decodes a face; returns it with its size in bytes.
 #[inline(always)]
 fn take_face(window: &[u8; WINDOW_BYTES], before: &mut Before) -> (Face, usize) {
     let tag = u16::from_le_bytes([window[0], window[1]]);
@@ -244,7 +245,7 @@ fn take_face(window: &[u8; WINDOW_BYTES], before: &mut Before) -> (Face, usize) 
     )
 }
 
-/// Puts a difference of two ids, taken by the shorter way round and folded to an unsigned number: 0, -1, 1, -2, 2, …
+/// Encodes the difference of two ids, modulo 2³², folded to an unsigned number: 0, -1, 1, -2, 2, …
 #[inline(always)]
 fn put_difference(window: &mut [u8; WINDOW_BYTES], at: &mut usize, sizes: &mut u32, place: u32, difference: u32) {
     let value = difference << 1 ^ ((difference as i32) >> 31) as u32;
@@ -263,7 +264,7 @@ fn take_difference(window: &[u8; WINDOW_BYTES], at: &mut usize, sizes: &mut u32)
     value >> 1 ^ (value & 1).wrapping_neg()
 }
 
-/// NOTE: places are below [`WINDOW_BYTES`] - 4 by the sizes that a tag can name; the default is never taken.
+/// NOTE: offsets stay below [`WINDOW_BYTES`] - 4 for all sizes that a tag can hold, so the default is never used.
 #[inline(always)]
 fn word_at(window: &[u8; WINDOW_BYTES], at: usize) -> u32 {
     window.get(at..at + 4).and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_le_bytes)

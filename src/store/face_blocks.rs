@@ -1,4 +1,4 @@
-//! Faces in a file of blocks. A block holds up to [`BLOCK_FACES`] faces and stands alone.
+//! Stores faces in a file of blocks. A block holds up to [`BLOCK_FACES`] faces and is decoded on its own.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -24,7 +24,7 @@ pub struct FaceBlocks {
 }
 
 impl FaceBlocks {
-    /// The blocks of a file, whose offsets are those in the file.
+    /// Creates the value from the blocks of a file, with their offsets in it.
     pub fn new(path: PathBuf, blocks: Vec<FaceBlock>) -> Self {
         let count = blocks.iter().map(|block| u64::from(block.faces)).sum();
         Self { path: path.into(), blocks, count }
@@ -40,24 +40,24 @@ impl FaceBlocks {
         self.count == 0
     }
 
-    /// The file.
+    /// Path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Says in which folder the file lies, after the value was read back.
+    /// Sets the folder of the file of a recalled value.
     pub fn locate(&mut self, folder: &Path) {
         self.path = folder.join(&self.path).into();
     }
 
-    /// Whether its blocks add up and a file of their size is there, for a value that was read back and located.
+    /// Reports whether the blocks of a recalled and located value add up, and its file exists and is large enough.
     pub fn is_sound(&self) -> bool {
         self.blocks.iter().all(|block| block.faces <= block.bytes && block.faces as usize <= BLOCK_FACES)
             && self.blocks.iter().map(|block| u64::from(block.faces)).sum::<u64>() == self.count
             && holds(&self.path, self.blocks.iter().map(|block| (block.offset_bytes, u64::from(block.bytes))))
     }
 
-    /// Where the blocks lie, in order.
+    /// Locations of the blocks, in order.
     pub fn blocks(&self) -> &[FaceBlock] {
         &self.blocks
     }
@@ -65,12 +65,12 @@ impl FaceBlocks {
     /// Opens the file for [`read_block`](FaceBlocks::read_block).
     ///
     /// # Errors
-    /// The system's.
+    /// [`Error::Io`] if the file cannot be opened.
     pub fn open(&self) -> Result<File> {
         File::open(&self.path).map_err(|e| Error::io(&self.path, "open", e))
     }
 
-    /// Replaces `out` by the faces of a block; `bytes` is scratch space.
+    /// Replaces `out` with the faces of a block; `bytes` is scratch space.
     ///
     /// # Errors
     /// [`Error::Damaged`] if the block does not decode, else [`Error::Io`].
@@ -101,10 +101,10 @@ pub struct FaceWriter {
 }
 
 impl FaceWriter {
-    /// Begins the file `path`.
+    /// Creates the file `path`.
     ///
     /// # Errors
-    /// If the file cannot be made.
+    /// If the file cannot be created.
     pub fn create(path: &Path) -> Result<Self> {
         let mut file = DurableFile::create(path, 256 << 10)?;
         file.write(&[0; HEADER_BYTES as usize])?;
@@ -146,8 +146,8 @@ impl FaceWriter {
         Ok(())
     }
 
-    /// Writes a block. A polygon that goes on beyond it begins a block of its own, so that whoever reads a face also
-    /// sees whether it begins a polygon.
+    /// Writes a block. A polygon that continues beyond it moves to the next block, so that a reader of a block sees
+    /// where its polygons begin.
     fn flush(&mut self, polygon_goes_on: bool) -> Result<()> {
         let begins = self.pending.iter().rposition(|face| !face.continues_polygon).unwrap_or(0);
         let cut = if polygon_goes_on && begins > 0 { begins } else { self.pending.len() };

@@ -1,11 +1,11 @@
-//! A mesh that lies in files: what the scan leaves, and what every pass leaves for the next.
+//! A mesh stored in files: the output of the scan and of every pass.
 //!
 //! ```text
-//! vertex ids   0 .. shared        vertices that several pieces use
-//!              shared ..          the pieces' own vertices, piece after piece
-//! texcoord ids 0 ..               the pieces' texture coordinates, piece after piece
+//! vertex ids   0 .. shared        vertices used by several pieces
+//!              shared ..          own vertices of the pieces, piece by piece
+//! texcoord ids 0 ..               texture coordinates of the pieces, piece by piece
 //! ```
-//! Inside a piece, faces name its own vertices by 0 .. own and shared vertices by own .. own + shared.
+//! Within a piece, ids 0 .. own are its own vertices, and own .. own + shared are the shared ones.
 
 use std::path::{Path, PathBuf};
 
@@ -19,23 +19,24 @@ use super::packed::{Bounds, PackedColumn};
 use crate::base::{Error, Result};
 use crate::job::codec;
 
-/// Largest number of vertices or texture coordinates; ids are 32 bits and the last one means "none".
+/// Largest number of vertices or texture coordinates: ids are 32 bits, and the last one means "none".
 pub const ID_LIMIT: u64 = u32::MAX as u64 - 1;
-/// Memory of a part or material beside its name.
+/// Bytes of a part or material, in addition to its name.
 const LABEL_BYTES: u64 = 256;
-/// Memory of a statement of a material beside its text, and of one that names a texture, with what is remembered of the file.
+/// Bytes of a material statement in addition to its text; and of a texture statement, including bookkeeping of its
+/// file.
 const STATEMENT_BYTES: u64 = 40;
 const TEXTURE_BYTES: u64 = 980;
 
-/// Units in the last place of the largest coordinate that count as no distance.
+/// Rounding noise in units in the last place of the largest coordinate.
 const NOISE_UNITS: f64 = 8.0;
 
-/// A piece of a stored mesh, with its own vertices, texture coordinates and faces.
+/// A piece of a stored mesh: its own vertices, texture coordinates and faces.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct StoredPiece {
-    /// Positions of its own vertices, in the mesh's unit of length.
+    /// Positions of its own vertices, in units of length of the mesh.
     pub positions: PackedColumn<DVec3>,
-    /// Colours of its own vertices as the input wrote them, if the mesh has any; NaN where a vertex has none.
+    /// Colours of its own vertices as the input has them, NaN for vertices without; `None` if the mesh has none.
     pub colours: Option<Segment<[f32; 3]>>,
     /// Texture coordinates.
     pub texcoords: PackedColumn<DVec2>,
@@ -44,7 +45,7 @@ pub struct StoredPiece {
 }
 
 impl StoredPiece {
-    /// Says in which folder the files lie, after the value was read back.
+    /// Sets the folder of the files of a recalled value.
     pub fn locate(&mut self, folder: &Path) {
         self.positions.locate(folder);
         self.colours.iter_mut().for_each(|segment| segment.locate(folder));
@@ -52,7 +53,7 @@ impl StoredPiece {
         self.faces.locate(folder);
     }
 
-    /// Whether what it says of its files can be, for a value that was read back and located.
+    /// Reports whether a recalled and located value is consistent with its files.
     pub fn is_sound(&self) -> bool {
         self.positions.len() <= ID_LIMIT
             && self.positions.is_sound()
@@ -61,12 +62,12 @@ impl StoredPiece {
             && self.colours.iter().all(|colours| colours.is_sound() && colours.len() == self.positions.len())
     }
 
-    /// The same of its texture coordinates alone.
+    /// Reports the same for its texture coordinates alone.
     fn has_sound_texcoords(&self) -> bool {
         self.texcoords.len() <= ID_LIMIT && self.texcoords.is_sound()
     }
 
-    /// Its files, some of them more than once.
+    /// Paths of its files; some occur more than once.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
         let colours = self.colours.iter().map(Segment::path);
         [self.positions.path(), self.texcoords.path(), self.faces.path()].into_iter().chain(colours)
@@ -76,7 +77,7 @@ impl StoredPiece {
 /// A mesh in files.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct StoredMesh {
-    /// Positions of the vertices that several pieces use; they come first in the numbering.
+    /// Positions of the vertices used by several pieces; they have the first ids.
     pub shared_positions: Option<PackedColumn<DVec3>>,
     /// Colours of the shared vertices.
     pub shared_colours: Option<Segment<[f32; 3]>>,
@@ -110,45 +111,45 @@ impl StoredMesh {
         self.shared_colours.is_some() || self.pieces.iter().any(|piece| piece.colours.is_some())
     }
 
-    /// Says in which folder the files lie, after the value was read back.
+    /// Sets the folder of the files of a recalled value.
     pub fn locate(&mut self, folder: &Path) {
         self.shared_positions.iter_mut().for_each(|segment| segment.locate(folder));
         self.shared_colours.iter_mut().for_each(|segment| segment.locate(folder));
         self.pieces.iter_mut().for_each(|piece| piece.locate(folder));
     }
 
-    /// Whether what it says of its files can be, for a value that was read back and located.
+    /// Reports whether a recalled and located value is consistent with its files.
     pub fn is_sound(&self) -> bool {
         self.shared_positions.iter().all(|positions| positions.is_sound() && positions.len() <= ID_LIMIT)
             && self.shared_colours.iter().all(|colours| colours.is_sound() && colours.len() == self.shared_count())
             && self.pieces.iter().all(StoredPiece::is_sound)
     }
 
-    /// The same of its texture coordinates alone.
+    /// Reports the same for its texture coordinates alone.
     pub fn has_sound_texcoords(&self) -> bool {
         self.pieces.iter().all(StoredPiece::has_sound_texcoords)
     }
 
-    /// All files, some of them more than once.
+    /// Paths of all files; some occur more than once.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
         let shared = self.shared_positions.iter().map(PackedColumn::path);
         let shared = shared.chain(self.shared_colours.iter().map(Segment::path));
         shared.chain(self.pieces.iter().flat_map(StoredPiece::files))
     }
 
-    /// The files that hold texture coordinates, some of them more than once.
+    /// Paths of the files with texture coordinates; some occur more than once.
     pub fn texcoord_files(&self) -> impl Iterator<Item = &Path> {
         self.pieces.iter().map(|piece| piece.texcoords.path())
     }
 
-    /// The least box around all positions, those of vertices without faces included; inside out if there are none.
+    /// Bounding box of all positions, including vertices without faces; low exceeds high if there are none.
     pub fn bounds(&self) -> (DVec3, DVec3) {
         let mut bounds = Bounds::default();
         self.position_columns().for_each(|column| bounds.merge(&column.bounds()));
         (bounds.low.into(), bounds.high.into())
     }
 
-    /// Distance that the rounding of coordinates makes of none, in the mesh's unit of length.
+    /// Distance that rounding of coordinates alone may cause, in units of length of the mesh.
     pub fn rounding_noise(&self) -> f64 {
         let (low, high) = self.bounds();
         let largest = low.abs().max(high.abs()).max_element();
@@ -160,14 +161,14 @@ impl StoredMesh {
         self.shared_positions.iter().chain(self.pieces.iter().map(|piece| &piece.positions))
     }
 
-    /// How the ids of each piece become ids of the mesh.
+    /// Returns how to convert the ids of each piece to ids of the mesh.
     ///
     /// # Errors
-    /// [`Error::Limit`] if there are more than 2³² - 2 of a kind.
+    /// [`Error::Limit`] if there are more than 2³² - 2 vertices or texture coordinates.
     pub fn numbering(&self) -> Result<Vec<PieceNumbering>> {
         for (count, what) in [(self.vertex_count(), "vertices"), (self.texcoord_count(), "texture coordinates")] {
             if count > ID_LIMIT {
-                return Err(Error::Limit(format!("the mesh has {count} {what}; at most {ID_LIMIT} can be told apart")));
+                return Err(Error::Limit(format!("the mesh has {count} {what}; at most {ID_LIMIT} are supported")));
             }
         }
         let (mut vertex_base, mut texcoord_base) = (self.shared_count() as u32, 0);
@@ -184,10 +185,10 @@ impl StoredMesh {
     }
 }
 
-/// Turns the ids of a piece into ids of its mesh.
+/// Converts ids of a piece to ids of its mesh.
 #[derive(Debug, Clone, Copy)]
 pub struct PieceNumbering {
-    /// Number of the piece's own vertices.
+    /// Number of own vertices of the piece.
     pub own: u32,
     /// Mesh id of its first own vertex.
     pub vertex_base: u32,
@@ -196,7 +197,7 @@ pub struct PieceNumbering {
 }
 
 impl PieceNumbering {
-    /// A face with ids of the mesh.
+    /// Returns the face with ids of the mesh.
     pub fn globalise(&self, face: &Face) -> Face {
         let vertex = |v: u32| if v < self.own { self.vertex_base + v } else { v - self.own };
         let texcoord = |t: u32| if t == NO_TEXCOORD { t } else { self.texcoord_base + t };
@@ -204,28 +205,28 @@ impl PieceNumbering {
     }
 }
 
-/// A material as faces refer to it.
+/// A material that faces refer to.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Material {
     /// Name in the input (`usemtl`), as bytes; need not be UTF-8.
     pub name: Vec<u8>,
-    /// Name in the output: the input's, with a suffix where two inputs use one name for different materials.
+    /// Name in the output: that of the input, with a suffix if two inputs use it for different materials.
     pub output_name: Vec<u8>,
-    /// Its definition: the statements after `newmtl`, or nothing if no MTL file defines it.
+    /// The statements after `newmtl`; `None` if no MTL file defines the material.
     pub definition: Option<MaterialDefinition>,
 }
 
 impl Material {
-    /// Memory that it takes beside its definition, with what is remembered of it along the way, in bytes.
+    /// Memory in bytes without the definition, including bookkeeping.
     pub fn bytes(&self) -> u64 {
         LABEL_BYTES + (self.name.len() + self.output_name.len()) as u64
     }
 }
 
-/// The statements of a material in an MTL file.
+/// Statements of a material in an MTL file.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct MaterialDefinition {
-    /// Folder of the MTL file, against which texture names are resolved.
+    /// Folder of the MTL file; texture names are relative to it.
     #[serde(with = "codec::path")]
     pub folder: PathBuf,
     /// Statements that name no texture, as written.
@@ -235,7 +236,7 @@ pub struct MaterialDefinition {
 }
 
 impl MaterialDefinition {
-    /// Memory that it takes, with what is remembered of its files along the way, in bytes.
+    /// Memory in bytes, including bookkeeping of its files.
     pub fn bytes(&self) -> u64 {
         let plain = self.statements.iter().map(|text| statement_bytes(text));
         let textures = self.textures.iter().map(TextureStatement::bytes);
@@ -258,42 +259,42 @@ pub struct TextureStatement {
 }
 
 impl TextureStatement {
-    /// Memory that it takes, in bytes.
+    /// Memory in bytes.
     pub fn own_bytes(&self) -> u64 {
         (self.key_and_options.len() + self.name.len()) as u64 + 3 * STATEMENT_BYTES
     }
 
-    /// The same with what is remembered of its file along the way.
+    /// Memory in bytes, including bookkeeping of its file.
     pub fn bytes(&self) -> u64 {
         self.own_bytes() + 2 * self.name.len() as u64 + TEXTURE_BYTES
     }
 }
 
-/// What faces are labelled with: a combination of input file, object, group and material.
+/// Label of faces: a combination of input file, object, group and material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Part {
     /// Index of the input file.
     pub file: u32,
-    /// Index of the object's name in [`Catalogue::names`], if an `o` statement preceded.
+    /// Index of the object's name in [`Catalogue::names`]; `None` without an `o` statement.
     pub object: Option<u32>,
-    /// Index of the groups' names (the text after `g`), if a `g` statement preceded.
+    /// Index of the group names (the text after `g`) in [`Catalogue::names`]; `None` without a `g` statement.
     pub group: Option<u32>,
-    /// Index of the material, if a `usemtl` statement preceded.
+    /// Index of the material; `None` without a `usemtl` statement.
     pub material: Option<u32>,
 }
 
 impl Part {
-    /// Memory that it takes, with what is remembered of it along the way, in bytes.
+    /// Memory in bytes, including bookkeeping.
     pub const BYTES: u64 = LABEL_BYTES;
 }
 
-/// Everything of the input that is not geometry.
+/// Everything in the input that is not geometry.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Catalogue {
-    /// The input files, in order; not kept with the job, which may be gone on with under other paths to them.
+    /// Input files, in order. Not stored with the job, which may be resumed with other paths to them.
     #[serde(skip)]
     pub files: Vec<PathBuf>,
-    /// The folders that the user named.
+    /// Folders that the user named.
     #[serde(skip)]
     pub folders: Vec<PathBuf>,
     /// Object and group names, as bytes.
@@ -306,9 +307,9 @@ pub struct Catalogue {
     pub has_normals: bool,
     /// Whether the input had texture coordinates.
     pub has_texcoords: bool,
-    /// Most decimals that a position was written with.
+    /// Largest number of decimals of a position in the input.
     pub position_decimals: u32,
-    /// Most decimals that a texture coordinate was written with.
+    /// Largest number of decimals of a texture coordinate in the input.
     pub texcoord_decimals: u32,
 }
 
@@ -318,8 +319,7 @@ impl Catalogue {
         let material = self.parts.get(part as usize).and_then(|part| part.material);
         material.map_or(self.materials.len(), |material| material as usize)
     }
-
-    /// Memory that it takes, with what is remembered of it along the way, in bytes.
+    /// Memory in bytes, including bookkeeping.
     pub fn bytes(&self) -> u64 {
         let names = self.names.iter().map(|name| name.len() as u64);
         let materials = self.materials.iter().map(Material::bytes);
@@ -327,7 +327,7 @@ impl Catalogue {
         self.parts.len() as u64 * Part::BYTES + names.chain(materials).chain(definitions).sum::<u64>()
     }
 
-    /// Whether its parts name what is there, for a value that was read back.
+    /// Reports whether the parts of a recalled value refer to existing entries.
     pub fn is_sound(&self) -> bool {
         let names = |index: Option<u32>, count: usize| index.is_none_or(|index| (index as usize) < count);
         self.parts.iter().all(|part| {
@@ -344,7 +344,7 @@ mod tests {
     use super::*;
     use crate::store::{ColumnWriter, FaceWriter, PackedWriter};
 
-    /// A mesh in a folder: three shared vertices, and a piece with one face and a vertex of its own.
+    /// A mesh in a folder: three shared vertices, and a piece with one face and one own vertex.
     fn mesh(folder: &Path) -> StoredMesh {
         let positions = |name: &str, count: usize| {
             let mut writer = PackedWriter::create(&folder.join(name), *b"position").unwrap();
@@ -373,7 +373,7 @@ mod tests {
         }
     }
 
-    /// The value as a journal holds it, read back in another place.
+    /// The value as recalled from a journal in another folder.
     fn moved(mesh: &StoredMesh, folder: &Path) -> StoredMesh {
         let mut mesh: StoredMesh = codec::decode(&codec::encode(mesh).unwrap()).unwrap();
         mesh.locate(folder);

@@ -1,8 +1,8 @@
-//! Records in files of the work folder: columns of vertices and texture coordinates, blocks of faces, and the
-//! stored mesh that is made of them.
+//! Records in files of the work folder: columns of vertices and texture coordinates, blocks of faces, and the stored
+//! mesh made of them.
 //!
-//! In: records in order. Out: read-only windows of them. Invariant: a file has a header that names itself and is
-//! written once, synced and renamed; what can be opened is whole.
+//! In: records in order. Out: read-only windows of them. Invariant: a file has a header that identifies it; it is
+//! written once, synced and renamed. A file that can be opened is complete.
 //!
 //! # Files
 //! `docs/format.md` describes every byte.

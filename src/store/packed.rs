@@ -1,17 +1,17 @@
-//! Positions and texture coordinates in compressed blocks: appended in order, read in windows.
+//! Stores positions and texture coordinates in compressed blocks: appended in order, read in windows.
 //!
-//! A block holds up to [`BLOCK_RECORDS`] records and stands alone:
+//! A block holds up to [`BLOCK_RECORDS`] records and is decoded on its own:
 //!
 //! ```text
 //! records    two bytes
-//! decimals   one byte; 255: doubles as they are follow
-//! numbers    for each record and coordinate, zigzag varint of its count minus that of the record before
+//! decimals   one byte; 255 if the doubles follow uncompressed
+//! numbers    per record and coordinate, zigzag varint of its count minus that of the record before
 //! ```
-//! A count is that of units in the last decimal place, see [`decimal`]. Neighbours in a file are neighbours in
-//! space: 2 bytes a coordinate instead of 8, in files of three or four decimals.
+//! A count is in units of the last decimal place, see [`decimal`]. Records adjacent in a file are usually adjacent in
+//! space: 2 bytes per coordinate instead of 8, in files with three or four decimals.
 //!
 //! # Memory
-//! A writer holds a block, a window its records.
+//! A writer holds a block; a window holds its records.
 
 use std::fs::File;
 use std::marker::PhantomData;
@@ -32,17 +32,17 @@ use crate::job::header::{HEADER_BYTES, Header};
 use crate::os::durable::DurableFile;
 use crate::os::system::read_exact_at;
 
-/// Records of a block, at most.
+/// Largest number of records in a block.
 pub const BLOCK_RECORDS: usize = 4096;
-/// Bytes before the numbers of a block.
+/// Bytes of a block before its numbers.
 const HEAD_BYTES: usize = 3;
-/// Stands for a block of doubles as they are.
+/// Marks a block of uncompressed doubles.
 const RAW: u8 = u8::MAX;
 const WRITE_BUFFER_BYTES: usize = 256 << 10;
 
 /// A record of coordinates.
 pub trait Coordinates: Pod {
-    /// How many.
+    /// Number of coordinates.
     const COUNT: usize;
 }
 
@@ -54,8 +54,8 @@ impl Coordinates for DVec3 {
     const COUNT: usize = 3;
 }
 
-/// Encodes records (at most [`BLOCK_RECORDS`]) at the end of `out`; `decimals` are those of the block before, and become
-/// those of this one.
+/// Appends the encoding of records (at most [`BLOCK_RECORDS`]) to `out`. `decimals` are those of the previous block,
+/// and are replaced with those of this one.
 pub fn encode_block<T: Coordinates>(records: &[T], decimals: &mut u32, out: &mut Vec<u8>) {
     out.extend_from_slice(&(records.len() as u16).to_le_bytes());
     let numbers: &[f64] = bytemuck::cast_slice(records);
@@ -81,10 +81,10 @@ pub fn encode_block<T: Coordinates>(records: &[T], decimals: &mut u32, out: &mut
     out.truncate(at);
 }
 
-/// Decodes a block of `count` records to the end of `out`.
+/// Decodes a block of `count` records and appends them to `out`.
 ///
 /// # Errors
-/// Says in words where the bytes make no sense.
+/// A description of the fault if the bytes are invalid.
 pub fn decode_block<T: Coordinates>(bytes: &[u8], count: usize, out: &mut Vec<T>) -> std::result::Result<(), String> {
     if count > BLOCK_RECORDS {
         return Err(format!("a block of {count} records; at most {BLOCK_RECORDS} are written"));
@@ -119,12 +119,12 @@ pub fn decode_block<T: Coordinates>(bytes: &[u8], count: usize, out: &mut Vec<T>
     if at == bytes.len() { Ok(()) } else { Err(format!("{} bytes are left after a block", bytes.len() - at)) }
 }
 
-/// Where a block lies.
+/// Location of a block.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct Block {
-    /// Its first record.
+    /// Index of its first record.
     first: u64,
-    /// Position of its first byte in the file.
+    /// Offset of its first byte in the file.
     offset_bytes: u64,
     /// Length in bytes.
     bytes: u32,
@@ -132,12 +132,12 @@ struct Block {
     checksum: u64,
 }
 
-/// The least box around positions, of as many axes as their records have coordinates.
+/// Bounding box of records; records of two coordinates use the first two axes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Bounds {
-    /// Least coordinates; infinite around nothing.
+    /// Smallest coordinates; positive infinity for an empty box.
     pub low: [f64; 3],
-    /// Greatest coordinates.
+    /// Largest coordinates; negative infinity for an empty box.
     pub high: [f64; 3],
 }
 
@@ -148,7 +148,7 @@ impl Default for Bounds {
 }
 
 impl Bounds {
-    /// The least box around this one and another.
+    /// Extends the box to include another one.
     pub fn merge(&mut self, other: &Self) {
         self.low.iter_mut().zip(other.low).for_each(|(low, other)| *low = low.min(other));
         self.high.iter_mut().zip(other.high).for_each(|(high, other)| *high = high.max(other));
@@ -163,7 +163,7 @@ impl Bounds {
     }
 }
 
-/// Encoded blocks on their way to a file.
+/// Encoded blocks of records, before they are written to a file.
 #[derive(Debug, Default)]
 pub struct PackedBlocks {
     bytes: Vec<u8>,
@@ -195,7 +195,7 @@ impl PackedBlocks {
         packed
     }
 
-    /// All bytes.
+    /// Encoded bytes of all blocks.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
@@ -224,10 +224,10 @@ pub struct PackedWriter<T> {
 }
 
 impl<T: Coordinates> PackedWriter<T> {
-    /// Begins the file `path`; `kind` names the records.
+    /// Creates the file `path`; `kind` identifies the records.
     ///
     /// # Errors
-    /// If the file cannot be made.
+    /// If the file cannot be created.
     pub fn create(path: &Path, kind: [u8; 8]) -> Result<Self> {
         let mut file = DurableFile::create(path, WRITE_BUFFER_BYTES)?;
         file.write(&[0; HEADER_BYTES as usize])?;
@@ -269,7 +269,7 @@ impl<T: Coordinates> PackedWriter<T> {
         Ok(())
     }
 
-    /// Appends records that were encoded elsewhere.
+    /// Appends records that are already encoded.
     ///
     /// # Errors
     /// On a full disk or a failed write.
@@ -308,7 +308,7 @@ impl<T: Coordinates> PackedWriter<T> {
     }
 }
 
-/// Adds the places of encoded blocks whose first record and first byte are given.
+/// Appends the locations of encoded blocks to `out`, given the first record's index and the first byte's offset.
 fn place(packed: &PackedBlocks, mut first: u64, mut offset_bytes: u64, out: &mut Vec<Block>) {
     for &PackedBlock { records, bytes, checksum } in &packed.blocks {
         out.push(Block { first, offset_bytes, bytes, checksum });
@@ -317,7 +317,7 @@ fn place(packed: &PackedBlocks, mut first: u64, mut offset_bytes: u64, out: &mut
     }
 }
 
-/// Records in blocks of a file.
+/// Records stored in blocks of a file.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct PackedColumn<T> {
@@ -336,7 +336,7 @@ impl<T> Clone for PackedColumn<T> {
 }
 
 impl<T: Coordinates> PackedColumn<T> {
-    /// The blocks of a file that begin at an offset.
+    /// Encoded blocks that begin at an offset of a file.
     pub fn new(path: PathBuf, offset_bytes: u64, packed: &PackedBlocks) -> Self {
         let mut blocks = Vec::with_capacity(packed.blocks.len());
         place(packed, 0, offset_bytes, &mut blocks);
@@ -344,7 +344,7 @@ impl<T: Coordinates> PackedColumn<T> {
         Self { path: path.into(), blocks, bounds, count: packed.len(), record: PhantomData }
     }
 
-    /// The least box around its records.
+    /// Bounding box of the records.
     pub fn bounds(&self) -> Bounds {
         self.bounds
     }
@@ -359,22 +359,23 @@ impl<T: Coordinates> PackedColumn<T> {
         self.count == 0
     }
 
-    /// Bytes of its blocks.
+    /// Size of the blocks in bytes.
     pub fn bytes(&self) -> u64 {
         self.blocks.iter().map(|block| u64::from(block.bytes)).sum()
     }
 
-    /// The file.
+    /// Path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Says in which folder the file lies, after the value was read back.
+    /// Sets the folder of the file of a recalled value.
     pub fn locate(&mut self, folder: &Path) {
         self.path = folder.join(&self.path).into();
     }
 
-    /// Whether its blocks follow each other and a file of their size is there, for a value that was read back and located.
+    /// Reports whether the blocks of a recalled and located value are consecutive, and its file exists and is large
+    /// enough.
     pub fn is_sound(&self) -> bool {
         let ends = self.blocks.iter().skip(1).map(|block| block.first).chain([self.count]);
         let holds_its_own = |(block, end): (&Block, u64)| {
@@ -388,10 +389,10 @@ impl<T: Coordinates> PackedColumn<T> {
             && holds(&self.path, self.blocks.iter().map(|block| (block.offset_bytes, u64::from(block.bytes))))
     }
 
-    /// A range of the records.
+    /// Reads a range of the records.
     ///
     /// # Errors
-    /// [`Error::Damaged`] if the range passes the end or a block does not decode, else [`Error::Io`].
+    /// [`Error::Damaged`] if the range exceeds the column or a block does not decode, else [`Error::Io`].
     pub fn window(&self, range: Range<u64>) -> Result<Vec<T>> {
         if range.start > range.end || range.end > self.count {
             return Err(self.damaged(format!("records {range:?} asked for, it holds {}", self.count)));
@@ -414,7 +415,7 @@ impl<T: Coordinates> PackedColumn<T> {
         Ok(out)
     }
 
-    /// Records at ascending ids; only blocks that hold one are read.
+    /// Reads the records at ascending ids; reads only blocks that contain one.
     ///
     /// # Errors
     /// As [`window`](PackedColumn::window).
@@ -440,7 +441,7 @@ impl<T: Coordinates> PackedColumn<T> {
         Ok(out)
     }
 
-    /// Ranges of about `records` records that cover the column, in order, each of whole blocks.
+    /// Splits the column into ranges of about `records` records, in order; each consists of whole blocks.
     pub fn ranges(&self, records: u64) -> impl Iterator<Item = Range<u64>> + use<T> {
         let (blocks, count, mut at) = (self.blocks.clone(), self.count, 0);
         std::iter::from_fn(move || {
@@ -465,7 +466,7 @@ impl<T: Coordinates> PackedColumn<T> {
     }
 }
 
-/// Reads blocks of a column that is open.
+/// Reads blocks of an open column.
 struct Reader<'a, T> {
     column: &'a PackedColumn<T>,
     file: File,
@@ -473,7 +474,7 @@ struct Reader<'a, T> {
 }
 
 impl<T: Coordinates> Reader<'_, T> {
-    /// Decodes a block to the end of `out`.
+    /// Decodes a block and appends its records to `out`.
     fn decode(&mut self, block: usize, out: &mut Vec<T>) -> Result<()> {
         let column = self.column;
         let Block { first, offset_bytes, bytes, checksum } = column.blocks[block];
@@ -542,7 +543,7 @@ mod tests {
         let mut fine = counted.clone();
         fine[2] = decimal::DECIMALS_MAX as u8 + 1;
         assert!(refusal(&fine, 3).contains("decimals"));
-        // A block begins with the decimals of the one before: they are found once.
+        // A block starts with the decimals of the previous one, so they are searched only once.
         let mut decimals = 0;
         encode_block(&[DVec2::new(0.125, 2.0)], &mut decimals, &mut Vec::new());
         assert_eq!(decimals, 3);

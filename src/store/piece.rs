@@ -1,10 +1,10 @@
-//! One piece of a mesh in one file: positions, colours, texture coordinates and faces behind one header.
+//! Stores a piece of a mesh in one file: positions, colours, texture coordinates and faces after one header.
 //!
 //! ```text
 //! 0        64            96
 //! | header | four counts | colours 12 B | positions, in blocks | texcoords, in blocks | faces, in blocks |
 //! ```
-//! The header's count is the number of faces, its checksum covers everything after it.
+//! The count in the header is the number of faces; its checksum covers everything after it.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ use crate::base::Result;
 use crate::job::header::{HEADER_BYTES, Header};
 use crate::os::durable::DurableFile;
 
-/// A piece that is written and not durable yet.
+/// A piece that is written but not durable yet.
 #[derive(Debug)]
 pub struct PendingPiece {
     file: DurableFile,
@@ -28,7 +28,7 @@ pub struct PendingPiece {
 }
 
 impl PendingPiece {
-    /// Makes the file durable, gives it its name and opens it. Waits for the disk.
+    /// Makes the file durable, renames it to its final name and opens it. Blocks on the disk.
     ///
     /// # Errors
     /// On a full disk or a failed write.
@@ -38,7 +38,7 @@ impl PendingPiece {
     }
 }
 
-/// Writes a piece.
+/// Writes a piece; [`commit`](PendingPiece::commit) makes it durable.
 ///
 /// # Errors
 /// On a full disk or a failed write.
@@ -109,7 +109,7 @@ mod tests {
         piece.faces.read_block(&file, &piece.faces.blocks()[0], &mut Vec::new(), &mut faces).unwrap();
         assert_eq!(faces, [face]);
         assert_eq!(checked_header(&path).count, 1);
-        // The numbers stand first: what is empty is told from what is another thing's.
+        // The counts come first, so that an empty section is distinguishable from the next one.
         let counts = &std::fs::read(&path).unwrap()[HEADER_BYTES as usize..][..32];
         assert_eq!(bytemuck::pod_collect_to_vec::<u8, u64>(counts), [3, 1, 3, 1]);
     }

@@ -1,12 +1,12 @@
-//! Positions in runs of records of one size, for access by id: what clusters are loaded from.
+//! Stores positions in runs of fixed-size records, for access by id; clusters are loaded from it.
 //!
-//! The records of a run are as short as its extent allows. With counts of units in the last decimal place (see
-//! [`decimal`]), of which the run's least ones are taken off:
+//! The records of a run are as short as its extent allows. They contain counts of units in the last decimal place (see
+//! [`decimal`]), relative to the smallest counts of the run:
 //!
 //! ```text
 //! bits 0 .. bx        x
-//!      bx .. bx+by    y        in as many bytes as x, y and z need: 8 for a cluster of 200 m at four decimals
-//!      bx+by ..       z        24, three doubles as they are, where they have no common decimals
+//!      bx .. bx+by    y        in as few bytes as x, y and z need: 8 for a cluster of 200 m at four decimals
+//!      bx+by ..       z        24 (three uncompressed doubles) if they have no common decimals
 //! ```
 //!
 //! # Memory
@@ -26,30 +26,31 @@ use crate::job::header::{HEADER_BYTES, Header};
 use crate::os::durable::DurableFile;
 use crate::os::mmap;
 
-/// Records that are mapped at once.
+/// Largest number of records mapped at once.
 const WINDOW_RECORDS: usize = 64 << 10;
-/// Bytes of a record of doubles as they are.
+/// Size of a record of uncompressed doubles, in bytes.
 const RAW_BYTES: u8 = 24;
-/// Bytes of a record of counts, at most; as many zeros follow each run, so that every record can be read as a whole word.
+/// Largest size of a record of counts in bytes. As many zeros follow each run, so that every record can be read as a
+/// whole 128-bit word.
 const COUNTED_BYTES_MAX: usize = 16;
 const WRITE_BUFFER_BYTES: usize = 256 << 10;
 
-/// Records of one size.
+/// Fixed-size records of consecutive ids.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Run {
     /// Id of its first record.
     first: u32,
-    /// Position of its first byte in the file.
+    /// Offset of its first byte in the file.
     offset_bytes: u64,
     record_bytes: u8,
     decimals: u8,
-    /// Of x and of y.
+    /// Bits of x and of y.
     bits: [u8; 2],
-    /// Least count of each coordinate.
+    /// Smallest count of each coordinate.
     least: [i64; 3],
 }
 
-/// Positions that lie close together, on their way to a file.
+/// An encoded run of positions, before it is written to a file.
 #[derive(Debug)]
 pub struct EncodedRun {
     run: Run,
@@ -79,7 +80,7 @@ impl EncodedRun {
 }
 
 impl Run {
-    /// The shortest records for some positions, whose counts go to `counts`.
+    /// Returns the shortest record format for some positions; stores their counts in `counts`.
     fn fitting(positions: &[DVec3], counts: &mut Vec<i64>) -> Self {
         let raw = Self { first: 0, offset_bytes: 0, record_bytes: RAW_BYTES, decimals: 0, bits: [0; 2], least: [0; 3] };
         let Some(decimals) = decimal::counts(bytemuck::cast_slice(positions), 0, counts) else { return raw };
@@ -94,7 +95,7 @@ impl Run {
         Self { record_bytes, decimals: decimals as u8, bits: [bits[0], bits[1]], least, ..raw }
     }
 
-    /// Whether x and y fit a record.
+    /// Reports whether the fields of a recalled run are consistent.
     fn is_sound(&self) -> bool {
         let bytes = self.record_bytes;
         let [bx, by] = self.bits.map(u32::from);
@@ -102,7 +103,8 @@ impl Run {
             || (1..=COUNTED_BYTES_MAX as u8).contains(&bytes) && bx + by <= 8 * u32::from(bytes) && bx.max(by) < 64
     }
 
-    /// The record at an index of mapped bytes that hold it and [`COUNTED_BYTES_MAX`] more.
+    /// Decodes the record at an index; `bytes` must contain it and [`COUNTED_BYTES_MAX`] more bytes. `None` if they do
+    /// not.
     #[inline]
     fn decode(&self, bytes: &[u8], index: usize) -> Option<DVec3> {
         let at = index * self.record_bytes as usize;
@@ -131,10 +133,10 @@ pub struct PlacesWriter {
 }
 
 impl PlacesWriter {
-    /// Begins the file `path`.
+    /// Creates the file `path`.
     ///
     /// # Errors
-    /// If the file cannot be made.
+    /// If the file cannot be created.
     pub fn create(path: &Path) -> Result<Self> {
         let mut file = DurableFile::create(path, WRITE_BUFFER_BYTES)?;
         file.write(&[0; HEADER_BYTES as usize])?;
@@ -146,7 +148,7 @@ impl PlacesWriter {
         self.count
     }
 
-    /// Whether there is none yet.
+    /// Whether no position was appended yet.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
@@ -195,22 +197,23 @@ impl Places {
         self.count
     }
 
-    /// Whether there is none.
+    /// Whether there is no position.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
 
-    /// The file.
+    /// Path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Says in which folder the file lies, after the value was read back.
+    /// Sets the folder of the file of a recalled value.
     pub fn locate(&mut self, folder: &Path) {
         self.path = folder.join(&self.path);
     }
 
-    /// Whether its runs follow each other and a file of their size is there, for a value that was read back and located.
+    /// Reports whether the runs of a recalled and located value are consecutive, and its file exists and is large
+    /// enough.
     pub fn is_sound(&self) -> bool {
         let ends = self.runs.iter().skip(1).map(|run| run.first).chain([self.count]);
         let extents = self.runs.iter().zip(ends.clone()).map(|(run, end)| {
@@ -221,10 +224,10 @@ impl Places {
             && holds(&self.path, extents)
     }
 
-    /// Positions at ascending ids.
+    /// Reads the positions at ascending ids.
     ///
     /// # Errors
-    /// [`Error::Damaged`] if there are not as many, else [`Error::Io`].
+    /// [`Error::Damaged`] if an id is out of range or the file is too short, else [`Error::Io`].
     pub fn gather(&self, ids: &[u32]) -> Result<Vec<DVec3>> {
         let mut out = Vec::with_capacity(ids.len());
         let file = File::open(&self.path).map_err(|e| Error::io(&self.path, "open", e))?;

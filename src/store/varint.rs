@@ -1,24 +1,24 @@
-//! Whole numbers in few bytes: seven bits a byte, the low ones first; the top bit says that more follow.
+//! Encodes integers in few bytes: seven bits per byte, the low ones first; the top bit marks that more follow.
 //!
 //! # Source
 //! LEB128 as in DWARF; signed numbers by zigzag as in Protocol Buffers.
 
-/// Bytes of a number of 64 bits, at most.
+/// Largest size of a 64-bit number in bytes.
 pub const VARINT_BYTES_MAX: usize = 10;
 
-/// A signed number as an unsigned one: 0, -1, 1, -2, 2, …
+/// Folds a signed number to an unsigned one: 0, -1, 1, -2, 2, … become 0, 1, 2, 3, 4, …
 #[inline]
 pub fn zigzag(number: i64) -> u64 {
     (number << 1 ^ number >> 63) as u64
 }
 
-/// Undoes [`zigzag`].
+/// Inverse of [`zigzag`].
 #[inline]
 pub fn unzigzag(number: u64) -> i64 {
     (number >> 1) as i64 ^ -((number & 1) as i64)
 }
 
-/// Writes a number at `at`, where [`VARINT_BYTES_MAX`] bytes must be left; returns the place after it.
+/// Writes a number at `at`, where [`VARINT_BYTES_MAX`] bytes must be available; returns the offset after it.
 #[inline]
 pub fn put(out: &mut [u8], mut at: usize, mut number: u64) -> usize {
     while number >= 0x80 {
@@ -30,9 +30,9 @@ pub fn put(out: &mut [u8], mut at: usize, mut number: u64) -> usize {
     at + 1
 }
 
-/// Takes the number that begins at `at`, which moves behind it; nothing if it is cut off or has more than 64 bits.
+/// Reads the number at `at` and advances `at` past it; `None` if it is truncated or exceeds 64 bits.
 ///
-/// One byte after the other: with one or two bytes, as nearly all have, that is faster than eight at once.
+/// Reads byte by byte: nearly all numbers have one or two bytes, for which that is faster than eight at once.
 #[inline]
 pub fn take(bytes: &[u8], at: &mut usize) -> Option<u64> {
     let mut number = 0u64;

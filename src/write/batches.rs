@@ -1,21 +1,21 @@
-//! Parallel work whose results are taken in order: the bytes do not depend on the number of threads.
+//! Runs work in parallel and takes the results in order, so that the output does not depend on the number of threads.
 //!
 //! # Memory
-//! The costs of a batch, at most the budget, or one item where an item alone passes it.
+//! The costs of a batch: at most the budget, or one item that exceeds it alone.
 
 use rayon::prelude::*;
 
 use crate::base::Result;
 
-/// Items of a batch for each thread, so that unequal items even out.
+/// Largest number of items in a batch per thread; several, so that unequal items balance.
 const ITEMS_PER_THREAD: usize = 4;
 
-/// Runs `work` on every item, several at once, and hands the results to `sink` in the items' order.
+/// Runs `work` on all items in parallel batches, and passes the results to `sink` in the order of the items.
 ///
-/// `cost_bytes` is what an item and its result need in memory.
+/// `cost_bytes` returns the memory that an item and its result take, in bytes.
 ///
 /// # Errors
-/// The first error in the items' order.
+/// The first error in the order of the items.
 pub(super) fn in_order<I: Send, O: Send>(
     items: impl Iterator<Item = I>,
     budget_bytes: u64,

@@ -7,18 +7,18 @@ use serde::{Deserialize, Serialize};
 use crate::job::codec;
 use crate::scan::fingerprint;
 
-/// A file of the result beside the OBJ.
+/// A file of the result other than the OBJ.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Companion {
-    /// Where it is.
+    /// Its path.
     #[serde(with = "codec::path")]
     pub path: PathBuf,
-    /// Its length in bytes and XXH3; nothing of a link, which only has to lead to a file.
+    /// Its length in bytes and XXH3; `None` for a link, which only has to lead to a file.
     pub content: Option<(u64, u64)>,
 }
 
 impl Companion {
-    /// Whether it is there still, as it was written.
+    /// Reports whether it still exists with the content that was written.
     pub fn is_there(&self) -> bool {
         match self.content {
             Some(content) => fingerprint::content(&self.path).is_ok_and(|found| found == content),
@@ -27,5 +27,5 @@ impl Companion {
     }
 }
 
-/// A texture of the input that was copied: its canonical path, its length and XXH3 as they were then.
+/// A texture of the input that was copied: its canonical path, and its length in bytes and XXH3 at that time.
 pub type CopiedTexture = (PathBuf, (u64, u64));

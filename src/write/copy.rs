@@ -1,4 +1,4 @@
-//! Files on their way from one folder to another: opened, copied, linked, compared.
+//! Opens, copies, links and compares files.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Write};
@@ -11,10 +11,10 @@ use crate::os::durable::sync_file;
 
 const COPY_BUFFER_BYTES: usize = 256 << 10;
 
-/// Length and time of a file, by which another one is told from it.
+/// Length and modification time of a file, by which a change is detected; `None` if it does not exist.
 pub(super) type Look = Option<(u64, Option<std::time::SystemTime>)>;
 
-/// How a file, or a link, looks now; nothing if it is not there.
+/// Returns the current length and modification time of a file or link; `None` if it does not exist.
 pub(super) fn look(path: &Path) -> Look {
     let meta = fs::symlink_metadata(path).ok()?;
     Some((meta.len(), meta.modified().ok()))
@@ -29,24 +29,24 @@ pub(super) fn open_regular(source: &Path) -> io::Result<File> {
     }
 }
 
-/// Makes a symbolic link.
+/// Creates a symbolic link.
 #[cfg(unix)]
 pub(super) fn symlink(target: &Path, link: &Path) -> io::Result<()> {
     std::os::unix::fs::symlink(target, link)
 }
 
-/// Makes a symbolic link.
+/// Creates a symbolic link.
 #[cfg(windows)]
 pub(super) fn symlink(target: &Path, link: &Path) -> io::Result<()> {
     std::os::windows::fs::symlink_file(target, link)
 }
 
-/// Copies a file to a new one, which will be `target`, and syncs it; returns length and XXH3. The inner error is that of
-/// reading.
+/// Copies a file to the new file `temporary` and syncs it; returns length and XXH3. The inner error is that of reading;
+/// the outer one names `target`.
 pub(super) fn copy(source: File, temporary: &Path, target: &Path) -> Result<io::Result<(u64, u64)>> {
     let wrap = |error| Error::io(target, "write", error);
     let mut copy = OpenOptions::new().write(true).create_new(true).open(temporary).map_err(wrap)?;
-    // What the system makes up as it is read, like files of /proc, may have no end.
+    // Files that the system generates, like those of /proc, may have no end.
     let source_bytes = match source.metadata() {
         Ok(metadata) => metadata.len(),
         Err(error) => return Ok(Err(error)),
@@ -70,7 +70,7 @@ pub(super) fn copy(source: File, temporary: &Path, target: &Path) -> Result<io::
     Ok(Ok((length, hash.digest())))
 }
 
-/// Whether both are regular files (no links) with the same bytes.
+/// Reports whether both are regular files (`a` not a link) with the same bytes.
 pub(super) fn same_content(a: &Path, b: &Path) -> io::Result<bool> {
     let metadata = fs::symlink_metadata(a)?;
     if !metadata.is_file() || metadata.len() != fs::metadata(b)?.len() {

@@ -1,19 +1,19 @@
-//! A stable sort of small records by a key whose counts are known: in memory, or through one file where they are more.
+//! Stable sort of small records by a key whose counts are known: in memory, or through one file if they exceed it.
 //!
 //! ```text
-//! keys      0 0 0 1 1 2 2 2 2 2 2 2 2 2 3 4 5 5 …      counted before
-//! buckets   |  0      |  1              |  2    …      consecutive keys that fit the memory, or one larger key
-//! file      | region  | region          | region …     one region a bucket, filled through a small buffer
+//! keys      0 0 0 1 1 2 2 2 2 2 2 2 2 2 3 4 5 5 …      counted in advance
+//! buckets   |  0      |  1              |  2    …      consecutive keys that fit in memory, or one larger key
+//! file      | region  | region          | region …     one region per bucket, filled through a small buffer
 //! ```
-//! In: records (words of 32 bits) with their keys, in any order of keys. Out: the records, key after key, each key's
-//! in the order of arrival. Since the counts are known, a record goes straight to its slot; a key larger than the
-//! memory has its region to itself and is read back as it lies there.
+//! In: records (32-bit words) with their keys, in any order. Out: the records, key by key, in order of arrival within a
+//! key. Since the counts are known, a record goes straight to its slot. A key that exceeds the memory has a region of
+//! its own, which is read back in order.
 //!
 //! # Memory
-//! 8 bytes a key and at most `memory_bytes`: the records, or the buffers, or one bucket.
+//! 8 bytes per key and at most `memory_bytes`: the records, or the buffers, or one bucket.
 //!
 //! # Files
-//! One temporary file with key and record, 4 + 4 `payload_words` bytes each; removed on drop.
+//! One temporary file of key and record, 4 + 4 × `payload_words` bytes each; removed on drop.
 
 use std::fs::{self, File, OpenOptions};
 use std::ops::Range;
@@ -24,17 +24,17 @@ use crate::os::system::{read_exact_at, write_all_at};
 
 const BUFFER_BYTES_MIN: u64 = 4 << 10;
 const BUFFER_BYTES_MAX: u64 = 256 << 10;
-/// Bytes that are read from the file at once.
+/// Bytes read from the file at once.
 const READ_BYTES: usize = 256 << 10;
 
-/// Records of one key: the key and its records' words, one record after the other.
+/// Records of one key: the key, and the words of its records.
 pub(super) type Group<'a> = (u32, &'a [u32]);
 
-/// Records that are being grouped by key.
+/// Records being grouped by key.
 #[derive(Debug)]
 pub(super) struct Grouping {
     payload_words: usize,
-    /// The slot that the next record of each key takes.
+    /// Slot of the next record of each key.
     next: Vec<u64>,
     place: Place,
 }
@@ -44,7 +44,7 @@ enum Place {
     Memory {
         words: Vec<u32>,
     },
-    /// `most` records fit the memory.
+    /// `most` records fit in memory.
     Disk {
         spill: Spill,
         buckets: Vec<Bucket>,
@@ -53,7 +53,7 @@ enum Place {
     },
 }
 
-/// Consecutive keys, their slots, and what waits to be written to their region.
+/// Consecutive keys, their slots, and records not yet written to their region.
 #[derive(Debug)]
 struct Bucket {
     keys: Range<u32>,
@@ -63,10 +63,10 @@ struct Bucket {
 }
 
 impl Grouping {
-    /// Prepares for `counts[key]` records of `payload_words` words; `path` names the file that may be needed.
+    /// Prepares for `counts[key]` records of `payload_words` words; `path` is the temporary file to use if needed.
     ///
     /// # Errors
-    /// If the file is needed and cannot be made.
+    /// If the file is needed and cannot be created.
     pub(super) fn new(mut counts: Vec<u64>, payload_words: usize, memory_bytes: u64, path: &Path) -> Result<Self> {
         let mut total = 0;
         for count in &mut counts {
@@ -83,7 +83,7 @@ impl Grouping {
             let share = memory_bytes / buckets.len().max(1) as u64;
             let buffer_words = share.clamp(BUFFER_BYTES_MIN, BUFFER_BYTES_MAX) as usize / 4;
             for bucket in &mut buckets {
-                // NOTE: the last record may not pass the capacity, or the buffer would double.
+                // NOTE: the last record must not exceed the capacity, or the buffer would double.
                 bucket.buffer = Vec::with_capacity(buffer_words.max(payload_words + 1));
             }
             Place::Disk { spill: Spill::create(path)?, buckets, recent: 0, most }
@@ -94,7 +94,7 @@ impl Grouping {
     /// Adds a record.
     ///
     /// # Errors
-    /// On a full disk, or if there are more records than were counted.
+    /// On a full disk, or if there are more records than counted.
     pub(super) fn push(&mut self, key: u32, payload: &[u32]) -> Result<()> {
         debug_assert_eq!(payload.len(), self.payload_words);
         match &mut self.place {
@@ -123,10 +123,10 @@ impl Grouping {
         }
     }
 
-    /// Hands out the groups in order of keys, several at once; a large group may come in several parts.
+    /// Passes the groups to `visit` in order of keys, several at once. A large group may come in several parts.
     ///
     /// # Errors
-    /// If the file cannot be read back, and those of `visit`.
+    /// If the file cannot be read, and those of `visit`.
     pub(super) fn drain(mut self, mut visit: impl FnMut(&[Group<'_>]) -> Result<()>) -> Result<()> {
         let payload_words = self.payload_words;
         match self.place {
@@ -182,7 +182,7 @@ impl Grouping {
     }
 }
 
-/// The groups of `keys` that are not empty; `ends` holds each key's last slot, plus one.
+/// Nonempty groups of `keys`; `ends` are the slots after the last one of each key.
 fn groups<'a>(
     words: &'a [u32],
     first_slot: u64,
@@ -202,7 +202,7 @@ fn groups<'a>(
     groups
 }
 
-/// Buckets of consecutive keys with at most `most` records, a larger key by itself.
+/// Buckets of consecutive keys with at most `most` records; a larger key has a bucket of its own.
 fn bucket_keys(starts: &[u64], total: u64, most: u64) -> Vec<Bucket> {
     let mut buckets: Vec<Bucket> = Vec::new();
     for (key, &start) in starts.iter().enumerate() {
@@ -226,7 +226,7 @@ fn pieces_of(slots: &Range<u64>, most: u64) -> impl Iterator<Item = Range<u64>> 
     (0..(end - start).div_ceil(most)).map(move |i| start + i * most..(start + (i + 1) * most).min(end))
 }
 
-/// The file of records; it goes when this value goes.
+/// The file of records; deleted on drop.
 #[derive(Debug)]
 struct Spill {
     file: File,
@@ -235,7 +235,7 @@ struct Spill {
 
 impl Spill {
     fn create(path: &Path) -> Result<Self> {
-        // NOTE: a left-over of a killed run may stand in the way; it is ours by its name.
+        // NOTE: a killed run may have left this file; only this program uses the name.
         let _ = fs::remove_file(path);
         let file = OpenOptions::new().read(true).write(true).create_new(true).open(path);
         Ok(Self { file: file.map_err(|e| Error::io(path, "create", e))?, path: path.to_owned() })

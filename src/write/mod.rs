@@ -1,9 +1,9 @@
-//! A stored mesh becomes one OBJ with its MTL and textures.
+//! Writes a stored mesh as one OBJ with its MTL and textures.
 //!
-//! In: a [`StoredMesh`] and the [`Catalogue`] of its parts. Out: the files of the result, under their names only once
-//! all of them are whole: textures, then the MTL, then the OBJ. Invariant: the bytes depend on the mesh, the catalogue
-//! and the options, not on the memory or the number of threads; vertices and texture coordinates keep the stored
-//! order, those that no face uses are left out; each part's faces stand together in the stored order.
+//! In: a [`StoredMesh`] and the [`Catalogue`] of its parts. Out: the files of the result, which get their final names
+//! only once all of them are complete: textures, then the MTL, then the OBJ. Invariant: the bytes depend on the mesh,
+//! the catalogue and the options, not on the memory or the number of threads. Vertices and texture coordinates keep the
+//! stored order; unused ones are left out. The faces of a part are consecutive, in the stored order.
 //!
 //! ```text
 //!  faces ──► usage ──► numbers of vertices and texcoords ──┐
@@ -13,9 +13,9 @@
 //! ```
 //!
 //! # Memory
-//! 3/16 byte for each vertex and texture coordinate, 12 bytes for each shared vertex (only with normals), and
-//! [`WriteOptions::work_bytes`] less these: half for the grouping, half for what is in flight. A piece whose normals
-//! need more (64 bytes a face) than that half runs alone.
+//! 3/16 byte per vertex and texture coordinate, 12 bytes per shared vertex (only with normals), and the rest of
+//! [`WriteOptions::work_bytes`]: half for the grouping, half for work in flight. A piece whose normals need more than
+//! that half (64 bytes per face) is processed alone.
 //!
 //! # Files
 //! `write-faces.tmp`, `write-stars.tmp`, `write-normals.col` in the work folder, removed before [`write()`] returns.
@@ -64,12 +64,12 @@ use crate::store::corners::FaceReader;
 use crate::store::mesh::PieceNumbering;
 use crate::store::{Catalogue, NO_TEXCOORD, StoredMesh, StoredPiece};
 
-/// Memory that the grouping and what is in flight get at least, each.
+/// Smallest memory in bytes for the grouping, and for work in flight.
 const SHARE_BYTES_MIN: u64 = 4 * MIB;
-/// The same, at most: more would make memory grow with the result and save little.
+/// Largest memory in bytes for each of them; more would make memory grow with the result and save little time.
 pub const SHARE_BYTES_MAX: u64 = 8 * MIB;
 
-/// What was written.
+/// The result as written.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Written {
     /// Number of `v` lines.
@@ -84,17 +84,17 @@ pub struct Written {
     pub hash: u64,
     /// The MTL and the textures.
     pub companions: Vec<Companion>,
-    /// Textures that were missing (`missing_texture`) or not taken along (`refused_texture`), and numbers that had to
-    /// be replaced by 0 (`non_finite_numbers`).
+    /// Textures that were missing (`missing_texture`) or left in place (`refused_texture`), and numbers replaced by 0
+    /// (`non_finite_numbers`).
     pub findings: Findings,
 }
 
-/// A result that is whole, and under temporary names still.
+/// A complete result under temporary names.
 #[derive(Debug)]
 pub struct Staged {
     written: Written,
     textures: TextureStage,
-    /// With how what it replaces looked.
+    /// With the state of the file that it replaces.
     mtl: Option<(DurableFile, Look)>,
     obj: ObjFile,
     targets: Targets,
@@ -103,28 +103,28 @@ pub struct Staged {
 }
 
 impl Staged {
-    /// What will have been written.
+    /// Describes the result to be committed.
     pub fn written(&self) -> &Written {
         &self.written
     }
 
-    /// The textures that were copied for it.
+    /// Textures that were copied for it.
     pub fn copied_textures(&self) -> &[CopiedTexture] {
         &self.textures.copied
     }
 
-    /// The textures that were not there, or not such that they may be copied, by the names of materials.
+    /// Textures that do not exist or may not be copied, by the paths that the materials give.
     pub fn left_out_textures(&self) -> &BTreeSet<PathBuf> {
         &self.textures.left_out
     }
 
-    /// Gives the files their names: textures, then the MTL, then the OBJ.
+    /// Renames the files to their final names: textures, then the MTL, then the OBJ.
     ///
     /// # Errors
-    /// [`Error::NoSpace`] and [`Error::Io`] from the file system; [`Error::Usage`] and [`Error::Changed`] if somebody else
-    /// has written there meanwhile; [`Error::Stopped`].
+    /// [`Error::NoSpace`] and [`Error::Io`] from the file system; [`Error::Usage`] and [`Error::Changed`] if another
+    /// process has written there meanwhile; [`Error::Stopped`] if asked to stop.
     pub fn commit(self, progress: &dyn Progress) -> Result<Written> {
-        // One after another, where the system locks folders: or the files of two jobs would mix.
+        // Commits are serialised where the system locks folders; otherwise the files of two jobs would mix.
         let mut is_told = false;
         let _locked = lock_while_open(&self.targets.folder, || {
             if !std::mem::replace(&mut is_told, true) {
@@ -134,7 +134,7 @@ impl Staged {
         })?;
         let appeared = |path: &Path| {
             let shown = escape_path(path);
-            Err(Error::Usage(format!("{shown}: was written by somebody else meanwhile; --force replaces it")))
+            Err(Error::Usage(format!("{shown}: was written by another process meanwhile; replace it with --force")))
         };
         if !self.may_replace_obj && self.targets.obj.symlink_metadata().is_ok() {
             return appeared(&self.targets.obj);
@@ -152,7 +152,7 @@ impl Staged {
     }
 }
 
-/// Writes the mesh to `output` (an OBJ), its MTL and its textures beside it.
+/// Writes the mesh to `output` (an OBJ), with its MTL and its textures beside it.
 ///
 /// # Errors
 /// Those of [`stage`] and of [`Staged::commit`].
@@ -167,15 +167,15 @@ pub fn write(
     stage(mesh, catalogue, output, work_folder, options, progress)?.commit(progress)
 }
 
-/// Refuses, before the work is done, an output whose OBJ, MTL or textures would replace what they must not. A part of the
-/// MTL and the same textures are no hindrance: a process that was ended may have left them. If this job's had begun to
-/// write, only the OBJ and the files of the input are looked at.
+/// Refuses an output whose OBJ, MTL or textures would replace files that they must not, before any work is done.
+/// Accepts a part of the same MTL and the same textures, which an interrupted process may have left. If `was_writing`,
+/// checks the OBJ and the files of the input alone.
 ///
 /// # Errors
-/// [`Error::Usage`] saying what is in the way.
+/// [`Error::Usage`] that names the file in the way.
 pub fn check_output(output: &Path, catalogue: &Catalogue, options: &WriteOptions, was_writing: bool) -> Result<()> {
     let targets = Targets::choose(output, &options.sources, options.may_replace_obj())?;
-    // NOTE: textures of materials that lost all their faces may have left their names to others.
+    // NOTE: a texture that is no longer used may have left its name to another one.
     if was_writing {
         return Ok(());
     }
@@ -190,7 +190,7 @@ pub fn check_output(output: &Path, catalogue: &Catalogue, options: &WriteOptions
     textures.check_targets(&[&targets.obj, &targets.mtl])
 }
 
-/// Removes what a process of the job that was ended has left beside an output under temporary names.
+/// Removes temporary files that an interrupted process of the job left beside an output.
 pub fn remove_waiting_of(output: &Path, job: u64) {
     remove_waiting(folder_of(output), job);
     let textures = textures_folder(output);
@@ -199,12 +199,12 @@ pub fn remove_waiting_of(output: &Path, job: u64) {
     }
 }
 
-/// Writes the mesh beside `output` (an OBJ), under temporary names, with its MTL and its textures.
+/// Writes the mesh beside `output` (an OBJ) under temporary names, with its MTL and its textures.
 ///
 /// # Errors
 /// [`Error::Usage`] if the output exists and `force` is not set, or if it is a file of the input; [`Error::NoSpace`]
-/// and [`Error::Io`] from the file system; [`Error::Damaged`] if the mesh's files do not hold what they should. An
-/// older result is still whole then, and nothing of the new one is left.
+/// and [`Error::Io`] from the file system; [`Error::Damaged`] if the files of the mesh are inconsistent. An existing
+/// result is then unchanged, and no file of the new one is left.
 pub fn stage(
     mesh: &StoredMesh,
     catalogue: &Catalogue,
@@ -263,13 +263,13 @@ pub fn stage(
         companions,
         findings,
     };
-    // What may fail still, fails before the first file gets its name.
+    // Anything that can still fail must fail before the first file gets its final name.
     obj.seal()?;
     let (force, may_replace_obj) = (options.force, options.may_replace_obj());
     Ok(Staged { written, textures, mtl, obj, targets, force, may_replace_obj })
 }
 
-/// Gives faces the numbers of the result.
+/// Converts the faces to the numbering of the result.
 struct Numberer<'a> {
     mesh: &'a StoredMesh,
     numbering: &'a [PieceNumbering],
@@ -280,7 +280,7 @@ struct Numberer<'a> {
 }
 
 impl Numberer<'_> {
-    /// Adds every face to `faces`, and the normals of the pieces' own vertices to the OBJ.
+    /// Adds every face to `faces`, and writes the normals at the pieces' own vertices to the OBJ.
     fn number_faces(&self, mut faces: Grouping, memory_bytes: u64, obj: &mut ObjFile) -> Result<Grouping> {
         let mut reader = FaceReader::default();
         let mut normal_count = u64::from(self.shared.count);

@@ -1,7 +1,7 @@
-//! The MTL: every material that a written face uses, with its statements as the input wrote them.
+//! Writes the MTL: every material that a written face uses, with its statements as in the input.
 //!
-//! In: the catalogue and which parts have faces. Out: the file's text; texture statements refer to where
-//! [`textures`](super::textures) puts the images.
+//! In: the catalogue, and which parts have faces. Out: the text of the file. Texture statements refer to the files that
+//! [`textures`](super::textures) provides.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -14,7 +14,7 @@ use crate::base::error::escape;
 use crate::base::{Findings, Result, counted};
 use crate::store::Catalogue;
 
-/// The text of the MTL; `None` if no used material has a definition.
+/// Text of the MTL; `None` if no used material has a definition.
 ///
 /// # Errors
 /// Those of [`TextureStage::reference`].
@@ -25,7 +25,7 @@ pub(super) fn library(catalogue: &Catalogue, usage: &Usage, textures: &mut Textu
     text_of(catalogue, used, textures)
 }
 
-/// The text of the MTL if every material that faces of the input name is on a face of the result.
+/// Text of the MTL if every material used by the input were used by the result.
 ///
 /// # Errors
 /// Those of [`TextureStage::reference`].
@@ -58,7 +58,7 @@ fn text_of(catalogue: &Catalogue, used: BTreeSet<u32>, textures: &mut TextureSta
     Ok((!text.is_empty()).then(|| [signature(), text].concat()))
 }
 
-/// Tells which materials, and which of their textures, no face of the result uses any more.
+/// Reports the materials and textures that no face of the result uses any more.
 fn note_losses(catalogue: &Catalogue, used: &BTreeSet<u32>, findings: &mut Findings) {
     let all = 0..catalogue.materials.len() as u32;
     let lost = all.clone().filter(|index| !used.contains(index));
@@ -70,18 +70,18 @@ fn note_losses(catalogue: &Catalogue, used: &BTreeSet<u32>, findings: &mut Findi
     note_lost("lost_textures", "texture", before.len(), lost, findings);
 }
 
-/// Textures of some materials: the folder of the MTL and the name in it.
+/// Textures of some materials: the folder of the MTL, and the name in it.
 fn textures(catalogue: &Catalogue, materials: impl Iterator<Item = u32>) -> BTreeSet<(&Path, &[u8])> {
     let definitions = materials.filter_map(|index| catalogue.materials[index as usize].definition.as_ref());
     definitions.flat_map(|d| d.textures.iter().map(|texture| (d.folder.as_path(), &texture.name[..]))).collect()
 }
 
-/// How many textures the materials of the input name.
+/// Number of textures that the materials of the input name.
 pub fn texture_count(catalogue: &Catalogue) -> u64 {
     textures(catalogue, 0..catalogue.materials.len() as u32).len() as u64
 }
 
-/// The first one also says how many of `total` are left.
+/// Notes each lost item; the first note also says how many of `total` are left.
 fn note_lost(kind: &'static str, what: &str, total: usize, lost: Vec<&[u8]>, findings: &mut Findings) {
     let left = format!("{} of {} left; ", total - lost.len(), counted(total as u64, what));
     for (place, name) in lost.into_iter().enumerate() {

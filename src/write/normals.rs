@@ -7,16 +7,16 @@
 //! ----------- v ----------     corners of v with the same rounded normal share one `vn` line
 //!          /   |\
 //! ```
-//! In: pieces with positions. Out: for each corner the number of its `vn` line, and the lines' normals. The star of a
-//! piece's own vertex lies in the piece. That of a shared vertex is gathered from all pieces first; every answer is
-//! kept under the vertex and the normal of the face, since nothing else decides it.
+//! In: pieces with positions. Out: the number of the `vn` line of each corner, and the normals of these lines. The star
+//! of a piece's own vertex lies within the piece. That of a shared vertex is gathered from all pieces in advance; the
+//! result is stored by vertex and face normal, since it depends on nothing else.
 //!
 //! # Memory
-//! A piece: [`piece_bytes`], about 64 bytes a face and 28 an own vertex. Shared vertices: 12 bytes each, the records
-//! of the stars within the memory given to [`SharedNormals::gather`], and 50 bytes for each face of the largest star.
+//! A piece: [`piece_bytes`], about 64 bytes per face and 28 per own vertex. Shared vertices: 12 bytes each, the records
+//! of the stars within the memory given to [`SharedNormals::gather`], and 50 bytes per face of the largest star.
 //!
 //! # Files
-//! The answers for shared vertices, 16 bytes for each distinct face normal at each of them.
+//! The normals at shared vertices, 16 bytes per distinct face normal at each of them.
 
 use std::ops::Range;
 use std::path::Path;
@@ -31,34 +31,34 @@ use crate::store::{Column, ColumnWriter, Segment, StoredMesh, StoredPiece};
 
 /// Cosine of the crease angle of 60°.
 ///
-/// NOTE: a millionth less than 1/2, so that faces which meet at 60° exactly do not part by a rounding error.
+/// NOTE: a millionth below 1/2, so that rounding does not separate faces that meet at exactly 60°.
 const CREASE_COSINE: f64 = 0.499_999;
-/// Cosine of half the crease angle: faces this near to a common direction are near to each other.
+/// Cosine of half the crease angle: faces within it of a common direction are within the crease angle of each other.
 const HALF_CREASE_COSINE: f64 = 0.866_026;
-/// Faces around a vertex up to which every pair is compared.
+/// Largest number of faces around a vertex for which every pair is compared.
 ///
-/// NOTE: beyond it (the centre of a huge fan) a corner across a crease keeps its own face's normal, since comparing
-/// all pairs of a million faces would not end.
+/// NOTE: above it (the centre of a huge fan) a corner across a crease gets the normal of its own face, since comparing
+/// all pairs of a million faces would take forever.
 const STAR_FACES_MAX: usize = 512;
-/// Records between two wanted ones that are mapped along rather than mapped apart.
+/// Largest gap in records between two ranges that are mapped together.
 const RUN_GAP: u64 = 128;
-/// Records of a mapped run, at most.
+/// Largest number of records mapped together.
 const RUN_RECORDS_MAX: u64 = 64 << 10;
 
-/// A unit normal in units of 1/10 000, as it is written.
+/// A unit normal in units of 1/10 000, as written.
 pub(super) type RoundedNormal = [i16; 3];
 
-/// Where a corner without any normal points.
+/// Normal of a corner without any other.
 const UP: RoundedNormal = [0, 0, 10_000];
 
-/// A face as a corner's star sees it: its unit normal (zero if it has no area) and its angle there.
+/// A face in the star of a vertex: its unit normal (zero if it has no area), and its angle at the vertex in radians.
 #[derive(Debug, Clone, Copy)]
 struct StarFace {
     normal: [f32; 3],
     angle: f32,
 }
 
-/// Unit normal (zero for a face without area) and the three angles of a face.
+/// Unit normal (zero for a face without area) and the three angles of a face in radians.
 fn face_normal(positions: [DVec3; 3]) -> ([f32; 3], [f32; 3]) {
     let [a, b, c] = positions;
     let (ab, bc, ca) = (b - a, c - b, a - c);
@@ -67,7 +67,7 @@ fn face_normal(positions: [DVec3; 3]) -> ([f32; 3], [f32; 3]) {
     if !(length > 0.0 && length.is_finite()) {
         return ([0.0; 3], [0.0; 3]);
     }
-    // NOTE: acos of libm, since the system's differs between platforms in the last bit.
+    // NOTE: acos of libm, since that of the system differs between platforms in the last bit.
     let angle = |u: DVec3, v: DVec3| libm::acos((u.dot(v) / (u.length() * v.length())).clamp(-1.0, 1.0)) as f32;
     let normal = cross / length;
     ([normal.x as f32, normal.y as f32, normal.z as f32], [angle(ab, -ca), angle(bc, -ab), angle(ca, -bc)])
@@ -84,7 +84,7 @@ fn rounded(sum: DVec3) -> Option<RoundedNormal> {
     (length > 1e-12 && length.is_finite()).then(|| [round(sum.x), round(sum.y), round(sum.z)])
 }
 
-/// Replaces `out` by the normal of each face's corner at the centre of a star.
+/// Replaces `out` with the normal of each face's corner at the centre of a star.
 fn corner_normals(star: &[StarFace], out: &mut Vec<RoundedNormal>) {
     out.clear();
     let weighted = |face: &StarFace| vector(face.normal) * f64::from(face.angle);
@@ -92,7 +92,7 @@ fn corner_normals(star: &[StarFace], out: &mut Vec<RoundedNormal>) {
     let whole = rounded(sum);
     let mean = sum / sum.length();
     let has_area = |face: &StarFace| face.normal != [0.0; 3];
-    // NOTE: written so that a mean of NaN (opposite faces) takes the long way.
+    // NOTE: the comparison is false for a mean of NaN (opposite faces), which then takes the slow path.
     let near = |face: &StarFace| !has_area(face) || vector(face.normal).dot(mean) > HALF_CREASE_COSINE;
     if star.iter().all(near) {
         out.resize(star.len(), whole.unwrap_or(UP));
@@ -111,7 +111,8 @@ fn corner_normals(star: &[StarFace], out: &mut Vec<RoundedNormal>) {
     }));
 }
 
-/// Appends the distinct normals of a star to `unique` and replaces `numbers` by the number of each face's.
+/// Appends the distinct normals of a star to `unique`, and replaces `numbers` with the index of each face's normal in
+/// it.
 fn number_normals(normals: &[RoundedNormal], unique: &mut Vec<RoundedNormal>, numbers: &mut Vec<u32>) {
     let first = unique.len();
     unique.extend_from_slice(normals);
@@ -132,7 +133,7 @@ fn normal_of(piece: &PieceCorners, corners: &[u32]) -> ([f32; 3], [f32; 3]) {
     face_normal([0, 1, 2].map(|k| piece.position(corners[k])))
 }
 
-/// Hands the records of ascending ranges to `visit`, range by range, mapping neighbours together.
+/// Passes the records of ascending ranges to `visit`, range by range; maps nearby ranges together.
 fn gather<T: Pod>(
     column: &Segment<T>,
     wanted: impl Iterator<Item = Range<u64>>,
@@ -159,19 +160,19 @@ fn gather<T: Pod>(
     show(&mut run)
 }
 
-/// The normals at shared vertices.
+/// Normals at the shared vertices.
 #[derive(Debug)]
 pub(super) struct SharedNormals {
-    /// Where the answers of each shared vertex begin, and the end; empty if there is no shared vertex.
+    /// Index of the first answer of each shared vertex, then the number of answers; empty if there is no shared vertex.
     starts: Vec<u32>,
-    /// Bits of a face's normal and the number of the `vn` line, sorted by both within a vertex.
+    /// Bits of a face normal and number of the `vn` line, sorted within a vertex.
     answers: Option<Column<[u32; 4]>>,
-    /// Number of `vn` lines of shared vertices; they come first.
+    /// Number of `vn` lines of shared vertices, which come first.
     pub(super) count: u32,
 }
 
 impl SharedNormals {
-    /// Gathers the stars of all shared vertices and hands their normals to `visit` in the order of their numbers.
+    /// Gathers the stars of all shared vertices, and passes their normals to `visit` in the order of their numbers.
     ///
     /// # Errors
     /// If a file cannot be read or written, and those of `visit`.
@@ -186,7 +187,7 @@ impl SharedNormals {
             return Ok(Self { starts: Vec::new(), answers: None, count: 0 });
         }
         let mut starts = vec![0; corners_per_shared.len() + 1];
-        // NOTE: a star must come in one part, so the largest one has its memory even where it passes the share.
+        // NOTE: a star must come in one part, so the largest one gets its memory even if it exceeds the share.
         let largest_bytes = 16 * corners_per_shared.iter().copied().max().unwrap_or(0);
         let memory_bytes = memory_bytes.max(largest_bytes);
         let mut stars = Grouping::new(corners_per_shared, 4, memory_bytes, &work_folder.join("write-stars.tmp"))?;
@@ -237,7 +238,7 @@ impl SharedNormals {
         Ok(Self { starts, answers: Some(answers.finish()?), count: count as u32 })
     }
 
-    /// The answers of `shared` vertices (ascending), one after the other, and where each vertex's begin.
+    /// Returns the answers of `shared` vertices (ascending), and the index of the first answer of each.
     fn of(&self, shared: &[u32]) -> Result<(Vec<usize>, Vec<[u32; 4]>)> {
         let (mut starts, mut found) = (vec![0], Vec::new());
         if let Some(answers) = &self.answers {
@@ -263,7 +264,7 @@ fn touches_shared(piece: &StoredPiece) -> bool {
     piece.faces.blocks().iter().any(|block| u64::from(block.vertices.end) > piece.positions.len())
 }
 
-/// What the star of one vertex needs, kept from vertex to vertex.
+/// Scratch buffers for the star of a vertex.
 #[derive(Default)]
 struct StarScratch {
     star: Vec<StarFace>,
@@ -274,23 +275,23 @@ struct StarScratch {
 }
 
 impl StarScratch {
-    /// Appends the star's distinct normals to `unique`; `numbers` then says which is whose.
+    /// Appends the distinct normals of the star to `unique`; stores the index of each face's normal in `numbers`.
     fn solve(&mut self) {
         corner_normals(&self.star, &mut self.normals);
         number_normals(&self.normals, &mut self.unique, &mut self.numbers);
     }
 }
 
-/// The normals of a piece.
+/// Normals of a piece.
 #[derive(Debug, Default)]
 pub(super) struct PieceNormals {
-    /// Normals at the piece's own vertices.
+    /// Normals at the own vertices of the piece.
     pub(super) unique: Vec<RoundedNormal>,
-    /// For each corner, the number of a shared vertex's normal, or the number of shared ones plus an index of `unique`.
+    /// Per corner: the number of a normal at a shared vertex, or the number of those plus an index in `unique`.
     pub(super) corners: Vec<u32>,
 }
 
-/// Bytes that [`piece_normals`] needs, its result included.
+/// Memory of [`piece_normals`] in bytes, including its result.
 pub(super) fn piece_bytes(piece: &StoredPiece) -> u64 {
     64 * piece.faces.len() + 48 * piece.positions.len() + FaceReader::MEMORY_BYTES
 }
@@ -305,7 +306,7 @@ pub(super) fn piece_normals(mesh: &StoredMesh, piece: &StoredPiece, shared: &Sha
     let (answer_starts, answers) = shared.of(&corners.shared)?;
 
     let mut face_normals = Vec::with_capacity(corners.vertices.len() / 3);
-    // Holds the bits of each corner's angle first, and the number of its normal once its star is solved.
+    // Holds the bits of each corner's angle, later the number of its normal.
     let mut numbers = Vec::with_capacity(corners.vertices.len());
     for face in corners.vertices.chunks_exact(3) {
         let (normal, angles) = normal_of(&corners, face);
@@ -344,7 +345,7 @@ pub(super) fn piece_normals(mesh: &StoredMesh, piece: &StoredPiece, shared: &Sha
     Ok(PieceNormals { unique: scratch.unique, corners: numbers })
 }
 
-/// The corners at each of the vertices 0 .. `own`, vertex after vertex, and where each vertex's begin.
+/// Corners at each of the vertices 0 .. `own`, with the index of the first corner of each vertex.
 fn stars(vertices: &[u32], own: usize) -> (Vec<u32>, Vec<u32>) {
     let mut starts = vec![0u32; own + 2];
     for &v in vertices.iter().filter(|&&v| (v as usize) < own) {
@@ -385,7 +386,7 @@ mod tests {
     fn faces_within_the_crease_share_the_weighted_sum() {
         let (a, b) = ([0.6, 0.0, 0.8], [-0.6, 0.0, 0.8]);
         assert_eq!(star(&[(a, 1.0), ([0.0, 0.0, 1.0], 1.0)]), [[3162, 0, 9487]; 2]);
-        // The two outer ones are 74° apart: each sees the middle one, which sees both.
+        // The outer two are 74° apart: each is within 60° of the middle one alone, which is within 60° of both.
         assert_eq!(
             star(&[(a, 1.0), ([0.0, 0.0, 1.0], 1.0), (b, 1.0)]),
             [[3162, 0, 9487], [0, 0, 10_000], [-3162, 0, 9487]]

@@ -1,15 +1,15 @@
-//! Numbers as text: the shortest decimal that reads back bit for bit, without an exponent where people read it.
+//! Formats numbers as the shortest decimal that reads back bit for bit, without an exponent in the usual range.
 
-/// Smallest power of ten that is written without an exponent.
+/// Smallest power of ten written without an exponent.
 ///
-/// NOTE: texture coordinates such as 0.000001 are common and some readers know no exponents.
+/// NOTE: texture coordinates such as 0.000001 are common, and some readers do not accept exponents.
 const PLAIN_EXPONENT_MIN: i32 = -15;
-/// Below this the shortest form has an exponent.
+/// Below this, the shortest form has an exponent.
 const SHORT_MIN: f64 = 1e-4;
-/// From here on the shortest form has an exponent.
+/// From this on, the shortest form has an exponent.
 const SHORT_MAX: f64 = 1e16;
 
-/// Appends a number; `5` for 5.0, `0` for -0.0 and for what is not finite.
+/// Appends a number: `5` for 5.0, `0` for -0.0 and non-finite numbers.
 pub(super) fn put_f64(out: &mut Vec<u8>, value: f64) {
     let size = value.abs();
     let mut buffer = ryu::Buffer::new();
@@ -23,7 +23,7 @@ pub(super) fn put_f64(out: &mut Vec<u8>, value: f64) {
     }
 }
 
-/// Appends a number of single precision, as [`put_f64`] does.
+/// Appends a single-precision number in the same way.
 pub(super) fn put_f32(out: &mut Vec<u8>, value: f32) {
     if value == 0.0 || !value.is_finite() {
         out.push(b'0');
@@ -32,7 +32,7 @@ pub(super) fn put_f32(out: &mut Vec<u8>, value: f32) {
     }
 }
 
-/// Appends a whole number.
+/// Appends an integer.
 pub(super) fn put_u32(out: &mut Vec<u8>, value: u32) {
     out.extend_from_slice(itoa::Buffer::new().format(value).as_bytes());
 }
@@ -47,7 +47,7 @@ pub(super) fn put_four_decimals(out: &mut Vec<u8>, value: i16) {
     out.extend_from_slice(&[digit(10_000), b'.', digit(1000), digit(100), digit(10), digit(1)]);
 }
 
-/// Appends `[-]d[.d…][e[-]n]` in plain decimals, except for very large and very small numbers.
+/// Appends `[-]d[.d…][e[-]n]`, without the exponent if it is -15 to -1.
 fn put_short(out: &mut Vec<u8>, text: &[u8]) {
     let Some(e) = text.iter().position(|&c| c == b'e') else {
         out.extend_from_slice(text.strip_suffix(b".0").unwrap_or(text));

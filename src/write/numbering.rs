@@ -1,27 +1,27 @@
-//! Which vertices and texture coordinates the faces use, and the numbers that these get in the result.
+//! Collects the vertices and texture coordinates that faces use, and their numbers in the result.
 //!
-//! In: the faces of a stored mesh. Out: sets of used ids that know the rank of each member. The result keeps the
-//! stored order (shared vertices, then piece after piece), so the rank of an id is its number in the result.
+//! In: the faces of a stored mesh. Out: sets of used ids with the rank of each member. The result keeps the stored
+//! order (shared vertices, then piece by piece), so the rank of an id is its number in the result, counted from 0.
 //!
 //! # Memory
-//! 3/16 byte for each vertex and texture coordinate, 8 bytes for each part, and one block of faces.
+//! 3/16 byte per vertex and texture coordinate, 8 bytes per part, and one block of faces.
 
 use crate::base::{Error, Result};
 use crate::store::corners::FaceReader;
 use crate::store::mesh::PieceNumbering;
 use crate::store::{NO_TEXCOORD, StoredMesh};
 
-/// A set of ids 0 .. n that knows how many of its members are smaller than an id.
+/// A set of ids 0 .. n that returns the rank of each member.
 #[derive(Debug, Default)]
 pub(super) struct IdSet {
     words: Vec<u64>,
-    /// Members before each word; filled by [`rank_members`](IdSet::rank_members).
+    /// Number of members before each word; computed by [`rank_members`](IdSet::rank_members).
     before: Vec<u32>,
     count: u64,
 }
 
 impl IdSet {
-    /// An empty set that may hold ids below `limit`.
+    /// Creates an empty set for ids below `limit`.
     pub(super) fn new(limit: u64) -> Self {
         Self { words: vec![0; limit.div_ceil(64) as usize], before: Vec::new(), count: 0 }
     }
@@ -31,12 +31,12 @@ impl IdSet {
         self.words[id as usize / 64] |= 1 << (id % 64);
     }
 
-    /// Whether an id is a member.
+    /// Reports whether an id is a member.
     pub(super) fn contains(&self, id: u32) -> bool {
         self.words[id as usize / 64] >> (id % 64) & 1 != 0
     }
 
-    /// Makes [`rank`](IdSet::rank) and [`len`](IdSet::len) answer for the members of now.
+    /// Updates [`rank`](IdSet::rank) and [`len`](IdSet::len) to the current members.
     pub(super) fn rank_members(&mut self) {
         self.count = 0;
         self.before.clear();
@@ -52,27 +52,27 @@ impl IdSet {
         self.before[word] + (self.words[word] & ((1 << (id % 64)) - 1)).count_ones()
     }
 
-    /// Number of members.
+    /// Number of members at the last call of [`rank_members`](IdSet::rank_members).
     pub(super) fn len(&self) -> u64 {
         self.count
     }
 
-    /// Bytes that it holds.
+    /// Memory in bytes.
     pub(super) fn memory_bytes(&self) -> u64 {
         (self.words.capacity() * 8 + self.before.capacity() * 4) as u64
     }
 }
 
-/// What the faces of a mesh use.
+/// Ids that the faces of a mesh use.
 #[derive(Debug)]
 pub(super) struct Usage {
-    /// Vertices by ids of the mesh.
+    /// Used vertices, by ids of the mesh.
     pub(super) vertices: IdSet,
-    /// Texture coordinates by ids of the mesh.
+    /// Used texture coordinates, by ids of the mesh.
     pub(super) texcoords: IdSet,
-    /// Number of faces of each part of the catalogue.
+    /// Number of faces of each part.
     pub(super) faces_per_part: Vec<u64>,
-    /// Number of corners at each shared vertex, if asked for.
+    /// Number of corners at each shared vertex; empty unless asked for.
     pub(super) corners_per_shared: Vec<u64>,
 }
 
@@ -80,7 +80,7 @@ impl Usage {
     /// Reads every face once.
     ///
     /// # Errors
-    /// [`Error::Damaged`] if a face names what is not there.
+    /// [`Error::Damaged`] if a face refers to a vertex, texture coordinate or part that does not exist.
     pub(super) fn sweep(
         mesh: &StoredMesh,
         numbering: &[PieceNumbering],
@@ -128,12 +128,12 @@ impl Usage {
         Ok(usage)
     }
 
-    /// Whether some face has texture coordinates.
+    /// Reports whether a face has texture coordinates.
     pub(super) fn has_texcoords(&self) -> bool {
         self.texcoords.len() > 0
     }
 
-    /// Bytes that it holds.
+    /// Memory in bytes.
     pub(super) fn memory_bytes(&self) -> u64 {
         let counts = self.faces_per_part.capacity() + self.corners_per_shared.capacity();
         self.vertices.memory_bytes() + self.texcoords.memory_bytes() + 8 * counts as u64

@@ -1,20 +1,20 @@
-//! The lines of the OBJ.
+//! Writes the lines of the OBJ.
 //!
 //! ```text
 //! # drystone 0.1.0          header
 //! mtllib city.mtl
-//! v 452123.25 5411820.5 31  vertices that faces use: shared ones, then piece after piece
-//! vt 0.25 0.5               texture coordinates that faces use, piece after piece
+//! v 452123.25 5411820.5 31  vertices that faces use: shared ones, then piece by piece
+//! vt 0.25 0.5               texture coordinates that faces use, piece by piece
 //! vn 0.0000 0.0000 1.0000   normals, of shared vertices first
-//! o house                   parts; what did not change since the part before is not repeated
+//! o house                   parts; only statements that differ from the previous part
 //! usemtl brick
 //! f 1/1/1 2/2/1 3/3/1
 //! ```
 //! In: the used ids, the normals of each piece and the grouped faces. Out: bytes in a durable file that is not
-//! committed yet. Every block of lines is formatted by itself and the blocks are written in order.
+//! committed yet. Blocks of lines are formatted independently and written in order.
 //!
 //! # Memory
-//! The blocks in flight: [`LINES_BYTES`] each, within the memory that is given.
+//! The blocks in flight: [`LINES_BYTES`] each, within the memory given.
 
 use std::ops::Range;
 use std::path::Path;
@@ -33,13 +33,13 @@ use crate::os::durable::DurableFile;
 use crate::store::mesh::PieceNumbering;
 use crate::store::{Catalogue, PackedColumn, Segment, StoredMesh};
 
-/// Lines that are formatted in one go.
+/// Number of lines formatted at once.
 const BLOCK_LINES: u64 = 16 << 10;
-/// Bytes of a block of lines in the worst case: six numbers of 25 characters, and the records.
+/// Largest size of a block of lines in bytes: six numbers of 25 characters, and the records.
 const LINES_BYTES: u64 = BLOCK_LINES * (6 * 25 + 36);
 const FILE_BUFFER_BYTES: usize = 64 << 10;
 
-/// What the corners of the faces carry beside the vertex.
+/// Indices of a corner in addition to the vertex.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CornerForm {
     /// Whether some corner has a texture coordinate.
@@ -49,18 +49,18 @@ pub(super) struct CornerForm {
 }
 
 impl CornerForm {
-    /// Words of a face: for each corner vertex, texture coordinate (0 for none) and normal, counted from 1.
+    /// Words per face: for each corner vertex, texture coordinate (0 for none) and normal, counted from 1.
     pub(super) fn words(self) -> usize {
         3 * (1 + usize::from(self.texcoords) + usize::from(self.normals))
     }
 }
 
-/// An OBJ under construction.
+/// An OBJ being written.
 pub(super) struct ObjFile {
     file: DurableFile,
     bytes: u64,
     hash: Xxh3,
-    /// Numbers that were NaN or infinite and are written as 0.
+    /// Count of numbers that were NaN or infinite and are written as 0.
     pub(super) non_finite: u64,
 }
 
@@ -79,10 +79,11 @@ struct VertexRun<'a> {
 }
 
 impl ObjFile {
-    /// Begins the file of a job that will be `target`; `library` is the name of the MTL, if there is one.
+    /// Creates a temporary file of the job that will become `target`; `library` is the name of the MTL, if there is
+    /// one.
     ///
     /// # Errors
-    /// If the file cannot be made.
+    /// If the file cannot be created.
     pub(super) fn create(target: &Path, job: u64, library: Option<&[u8]>) -> Result<Self> {
         let file = DurableFile::create_outside(target, job, FILE_BUFFER_BYTES)?;
         let mut obj = Self { file, bytes: 0, hash: Xxh3::new(), non_finite: 0 };
@@ -100,7 +101,7 @@ impl ObjFile {
         self.file.write(text)
     }
 
-    /// Length in bytes and XXH3 of what was written.
+    /// Length in bytes and XXH3 of the text so far.
     pub(super) fn content(&self) -> (u64, u64) {
         (self.bytes, self.hash.digest())
     }
@@ -108,12 +109,12 @@ impl ObjFile {
     /// Syncs the file under its temporary name.
     ///
     /// # Errors
-    /// The file system's.
+    /// Those of the file system.
     pub(super) fn seal(&mut self) -> Result<()> {
         self.file.seal()
     }
 
-    /// Gives the file its name.
+    /// Renames the file to its final name.
     ///
     /// # Errors
     /// On a full disk or a failed write.
@@ -122,10 +123,10 @@ impl ObjFile {
         Ok(())
     }
 
-    /// Writes the vertices that are used.
+    /// Writes the used vertices.
     ///
     /// # Errors
-    /// If a column cannot be read or the file not written.
+    /// If a column cannot be read or the file cannot be written.
     pub(super) fn vertices(
         &mut self,
         mesh: &StoredMesh,
@@ -142,7 +143,7 @@ impl ObjFile {
         self.blocks(runs, memory_bytes, |run| vertex_lines(&run, used))
     }
 
-    /// Writes the texture coordinates that are used.
+    /// Writes the used texture coordinates.
     ///
     /// # Errors
     /// As [`vertices`](ObjFile::vertices).
@@ -198,10 +199,10 @@ impl ObjFile {
         Ok(())
     }
 
-    /// Writes the faces, part after part.
+    /// Writes the faces, part by part.
     ///
     /// # Errors
-    /// If the faces cannot be read back or the file not written.
+    /// If the faces cannot be read back or the file cannot be written.
     pub(super) fn faces(
         &mut self,
         grouped: Grouping,
@@ -298,20 +299,21 @@ fn face_lines(faces: &[u32], form: CornerForm) -> Vec<u8> {
     text
 }
 
-/// In which order the parts are written.
+/// The order in which parts are written.
 #[derive(Debug)]
 pub(super) struct PartOrder {
-    /// The parts that have faces, in order.
+    /// Parts with faces, in order.
     parts: Vec<u32>,
-    /// The place of each part in that order.
+    /// Position of each part in that order.
     places: Vec<u32>,
 }
 
 impl PartOrder {
-    /// Parts in the catalogue's order, those without material first, of these those without object, then without group.
+    /// Parts in the order of the catalogue: first those without material, among them those without object, then without
+    /// group.
     ///
-    /// NOTE: a statement holds until the next of its kind, and nothing ends a material. Objects and groups can be
-    /// ended by the name `default`, which [`Labels`] does where parts with and without are mixed all the same.
+    /// NOTE: a statement holds until the next of its kind, and none ends a material. Objects and groups are ended by
+    /// the name `default`, which [`Labels`] writes if a part without one follows a part with one.
     pub(super) fn new(catalogue: &Catalogue, usage: &Usage) -> Self {
         let mut parts: Vec<u32> = (0u32..).take(catalogue.parts.len()).collect();
         parts.retain(|&part| usage.faces_per_part[part as usize] > 0);
@@ -326,18 +328,18 @@ impl PartOrder {
         Self { parts, places }
     }
 
-    /// The place of a part.
+    /// Position of a part.
     pub(super) fn place(&self, part: u32) -> u32 {
         self.places[part as usize]
     }
 
-    /// Number of faces at each place.
+    /// Number of faces at each position.
     pub(super) fn counts(&self, usage: &Usage) -> Vec<u64> {
         self.parts.iter().map(|&part| usage.faces_per_part[part as usize]).collect()
     }
 }
 
-/// What a reader of the file holds as current object, group and material.
+/// The object, group and material that are current for a reader of the file.
 struct Labels<'a> {
     catalogue: &'a Catalogue,
     part: Option<u32>,
@@ -347,7 +349,7 @@ struct Labels<'a> {
 }
 
 impl Labels<'_> {
-    /// The statements that lead from the current part to `part`.
+    /// Returns the statements that change the current part to `part`.
     fn turn_to(&mut self, part: u32) -> Vec<u8> {
         let mut text = Vec::new();
         if self.part.replace(part) == Some(part) {
@@ -372,7 +374,7 @@ fn turn<'a>(text: &mut Vec<u8>, key: &[u8], current: &mut Option<&'a [u8]>, want
     }
 }
 
-/// Appends `key value` and a line end; line ends within the value become blanks.
+/// Appends `key value` and a line end; replaces line ends and NULs in the value with blanks.
 pub(super) fn put_statement(text: &mut Vec<u8>, key: &[u8], value: &[u8]) {
     text.extend_from_slice(key);
     text.push(b' ');

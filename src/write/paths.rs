@@ -1,7 +1,7 @@
-//! Texture names of an MTL as paths: where they lead, and which of them may be taken along.
+//! Resolves the texture names of an MTL to paths, and decides which files may be copied.
 //!
-//! In: names as MTL files write them, which nobody vouches for. Out: canonical paths of regular files inside the MTL's own
-//! folder. No file is opened.
+//! In: names from MTL files, which are not trusted. Out: canonical paths of regular files inside the MTL's own folder.
+//! No file is opened.
 
 use std::collections::BTreeSet;
 use std::path::{Component, Path, PathBuf};
@@ -11,29 +11,29 @@ use crate::os::durable::folder_of;
 use crate::os::path::path_of_bytes;
 use crate::store::Catalogue;
 
-/// Why a texture stays where it is.
+/// Why a texture is not copied.
 pub(super) enum Unusable {
     Missing(PathBuf, io::Error),
     Refused(&'static str),
 }
 
-/// Whether a texture that an MTL in `mtl_folder` names is a file that would be copied.
+/// Reports whether a texture name of an MTL in `mtl_folder` resolves to a file that would be copied.
 pub fn is_texture_there(mtl_folder: &Path, name: &[u8]) -> bool {
     find_source(mtl_folder, name).is_ok()
 }
 
-/// A texture as a material names it.
+/// A texture that a material names.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct NamedTexture {
-    /// The path, there or not.
+    /// Its path, whether it exists or not.
     pub path: PathBuf,
-    /// The canonical folder of the MTL, which it must not leave to be copied.
+    /// Folder of the MTL; only files inside it are copied.
     pub folder: PathBuf,
-    /// Whether it is never copied: by its very name it leaves that folder, or the folder lies elsewhere.
+    /// Whether it is never copied: its name leads out of that folder, or the folder is outside of the input.
     pub stays: bool,
 }
 
-/// The files that the materials' texture statements name, in order of their paths; `brings_outside` as in
+/// Returns the files that the texture statements of the materials name, sorted by path; `brings_outside` as in
 /// [`WriteOptions`](super::WriteOptions::brings_outside).
 pub fn named_textures(catalogue: &Catalogue, brings_outside: bool) -> BTreeSet<NamedTexture> {
     let roots = roots(catalogue);
@@ -50,7 +50,7 @@ pub fn named_textures(catalogue: &Catalogue, brings_outside: bool) -> BTreeSet<N
     definitions.flat_map(|d| d.textures.iter().filter_map(move |texture| named(&d.folder, &texture.name))).collect()
 }
 
-/// Whether a relative path leads out of its folder on the way.
+/// Reports whether a relative path leads out of its folder at any component.
 fn leaves(relative: &Path) -> bool {
     let depth_after = |depth: i64, component: Component<'_>| match component {
         Component::Normal(_) => Some(depth + 1),
@@ -60,7 +60,7 @@ fn leaves(relative: &Path) -> bool {
     relative.components().try_fold(0, depth_after).is_none()
 }
 
-/// The folders of OBJ files, where they are and where they are links to, and the folder that was given as input.
+/// Canonical folders of the OBJ files and of the files that they link to, and the input folders.
 pub(super) fn roots(catalogue: &Catalogue) -> BTreeSet<PathBuf> {
     let named_in = |path: &PathBuf| fs::canonicalize(folder_of(path)).ok();
     let lies_in = |path: &PathBuf| Some(fs::canonicalize(path).ok()?.parent()?.to_owned());
@@ -68,12 +68,12 @@ pub(super) fn roots(catalogue: &Catalogue) -> BTreeSet<PathBuf> {
     folders.chain(catalogue.folders.iter().filter_map(|folder| fs::canonicalize(folder).ok())).collect()
 }
 
-/// Whether a canonical folder is none of these and lies in none; nothing is outside if there are none.
+/// Reports whether a canonical folder is outside of all roots; false if there are no roots.
 pub(super) fn is_outside(folder: &Path, roots: &BTreeSet<PathBuf>) -> bool {
     !roots.is_empty() && !folder.ancestors().any(|above| roots.contains(above))
 }
 
-/// The canonical path of a regular file inside the MTL's folder.
+/// Returns the canonical path of a regular file inside the MTL's folder.
 pub(super) fn find_source(mtl_folder: &Path, name: &[u8]) -> Result<PathBuf, Unusable> {
     let relative = relative_path(name).ok_or(Unusable::Refused("it is an absolute path"))?;
     if leaves(&relative) {
@@ -92,7 +92,7 @@ pub(super) fn find_source(mtl_folder: &Path, name: &[u8]) -> Result<PathBuf, Unu
     }
 }
 
-/// The canonical path of a regular file, wherever an MTL in `mtl_folder` says that it is.
+/// Returns the canonical path of a regular file, inside the MTL's folder or not.
 pub(super) fn find_anywhere(mtl_folder: &Path, name: &[u8]) -> Result<PathBuf, Unusable> {
     let place = place_of(mtl_folder, name).ok_or(Unusable::Refused("it is a path of another system"))?;
     let missing = |error: io::Error| Unusable::Missing(place.clone(), error);
@@ -103,14 +103,15 @@ pub(super) fn find_anywhere(mtl_folder: &Path, name: &[u8]) -> Result<PathBuf, U
     }
 }
 
-/// Where a name of an MTL in `mtl_folder` leads, in the folder or not; nothing if it names no place of this system.
+/// Path that a name of an MTL in `mtl_folder` leads to, inside the folder or not; `None` if it is not a path of this
+/// system.
 pub(super) fn place_of(mtl_folder: &Path, name: &[u8]) -> Option<PathBuf> {
     let name = with_slashes(name);
     let is_place = name.first() == Some(&b'/') && !name.contains(&0);
     Some(mtl_folder.join(relative_path(&name).or_else(|| is_place.then(|| path_of_bytes(&name)))?))
 }
 
-/// A name of an MTL as a path, `\` taken for `/`; nothing if it is absolute or names nothing.
+/// Converts a name of an MTL to a path, with `\` as `/`; `None` if it is absolute or empty.
 pub(super) fn relative_path(name: &[u8]) -> Option<PathBuf> {
     let name = with_slashes(name);
     let drive = name.len() > 1 && name[0].is_ascii_alphabetic() && name[1] == b':';
@@ -121,7 +122,7 @@ fn with_slashes(name: &[u8]) -> Vec<u8> {
     name.iter().map(|&c| if c == b'\\' { b'/' } else { c }).collect()
 }
 
-/// The path from a folder to a file, both canonical; absolute if they have no root in common.
+/// Relative path from a folder to a file, both canonical; the absolute path if they have no common root.
 pub(super) fn path_between(folder: &Path, file: &Path) -> PathBuf {
     let common = folder.components().zip(file.components()).take_while(|(a, b)| a == b).count();
     if common == 0 {

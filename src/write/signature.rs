@@ -1,6 +1,6 @@
 //! The first line of the files that are written.
 
-/// The comment that the OBJ and the MTL begin with.
+/// The comment at the start of the OBJ and the MTL.
 pub(super) fn signature() -> Vec<u8> {
     format!("# drystone {}\n", env!("CARGO_PKG_VERSION")).into_bytes()
 }

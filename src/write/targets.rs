@@ -1,7 +1,7 @@
-//! Where the result goes, and what must not be replaced on the way.
+//! Chooses the paths of the result, and refuses to replace files that must be kept.
 //!
-//! In: the output's path, the files that the result follows from. Out: paths of the OBJ and the MTL in a canonical folder.
-//! Invariant: no target is a file of the input, by whatever name the file or the target was given.
+//! In: the path of the output, and the files that the result depends on. Out: paths of the OBJ and the MTL in a
+//! canonical folder. Invariant: no target is a file of the input, by whatever name either is given.
 
 use std::collections::{HashMap, HashSet};
 use std::ffi::{OsStr, OsString};
@@ -13,21 +13,21 @@ use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 use crate::os::durable::{DurableFile, folder_of, make_folders};
 
-/// The files that a result follows from: OBJ files, material libraries, textures.
+/// The files that a result depends on: OBJ files, material libraries, texture images.
 #[derive(Debug, Clone, Default)]
 pub struct Sources {
-    /// Their entries in folders: canonical, and as they were named but for the folder.
+    /// Their directory entries: canonical paths, and the paths as named with the folder made canonical.
     entries: HashSet<PathBuf>,
-    /// What else leads to them: a name in other letters, or a folder that is mounted twice with the same name in it.
+    /// Other ways to reach them: a name in different case, or the same name in a folder that is mounted twice.
     identities: HashSet<Identity>,
     places: HashSet<(Identity, OsString)>,
 }
 
-/// Disk and number of a file or folder.
+/// Device and inode of a file or folder.
 type Identity = (u64, u64);
 
 impl Sources {
-    /// Files that are there or not.
+    /// Collects these files, whether they exist or not.
     pub fn new<'a>(paths: impl IntoIterator<Item = &'a Path>) -> Self {
         let mut sources = Self::default();
         let mut folders = HashMap::new();
@@ -52,7 +52,7 @@ impl Sources {
         sources
     }
 
-    /// Whether a file that gets this name replaces one of them.
+    /// Reports whether a file written to this path would replace one of them.
     pub fn forbid(&self, target: &Path) -> bool {
         let known = |meta: fs::Metadata| only_name(&meta).is_some_and(|identity| self.identities.contains(&identity));
         entry(target).is_some_and(|entry| self.entries.contains(&entry))
@@ -60,24 +60,24 @@ impl Sources {
             || fs::symlink_metadata(target).is_ok_and(known)
     }
 
-    /// Whether a path leads to one of them, by links too.
+    /// Reports whether a path leads to one of them, possibly through links.
     pub fn are_at(&self, target: &Path) -> bool {
         self.forbid(target) || fs::canonicalize(target).is_ok_and(|there| self.entries.contains(&there))
     }
 }
 
-/// A path in a canonical folder; its last component may be a link.
+/// The path with its folder made canonical; its last component may be a link.
 fn entry(path: &Path) -> Option<PathBuf> {
     Some(fs::canonicalize(folder_of(path)).ok()?.join(path.file_name()?))
 }
 
-/// A file's folder, however it is mounted, and its name.
+/// Identity of the file's folder, and the file name.
 fn place(path: &Path) -> Option<(Identity, OsString)> {
     let entry = entry(path)?;
     Some((identity(&fs::metadata(entry.parent()?).ok()?)?, entry.file_name()?.to_owned()))
 }
 
-/// A file with one name: another name of a file with several may be replaced.
+/// Identity of a file that has a single name; `None` for one with several, since another name of it may be replaced.
 fn only_name(meta: &fs::Metadata) -> Option<Identity> {
     #[cfg(unix)]
     if std::os::unix::fs::MetadataExt::nlink(meta) > 1 {
@@ -86,7 +86,7 @@ fn only_name(meta: &fs::Metadata) -> Option<Identity> {
     identity(meta).filter(|_| !meta.is_dir())
 }
 
-/// Nothing where the system does not tell.
+/// Identity of a file; `None` if the system does not provide one.
 fn identity(meta: &fs::Metadata) -> Option<Identity> {
     #[cfg(unix)]
     {
@@ -100,7 +100,7 @@ fn identity(meta: &fs::Metadata) -> Option<Identity> {
     }
 }
 
-/// Why an OBJ or an MTL could not refer to a file of this name, if so.
+/// Returns why an OBJ or MTL could not refer to a file of this name, or `None` if it can.
 pub fn why_unnameable(name: &OsStr) -> Option<&'static str> {
     let name = name.as_encoded_bytes();
     if name.iter().any(u8::is_ascii_control) {
@@ -113,14 +113,14 @@ pub fn why_unnameable(name: &OsStr) -> Option<&'static str> {
     None
 }
 
-/// The folder that the textures of an output go to.
+/// Folder for the textures of an output.
 pub fn textures_folder(output: &Path) -> PathBuf {
     let mut name = output.file_stem().unwrap_or_default().to_owned();
     name.push("_textures");
     output.with_file_name(name)
 }
 
-/// Where the result goes; paths in a canonical folder.
+/// Paths of the result in a canonical folder.
 #[derive(Debug)]
 pub(super) struct Targets {
     pub(super) folder: PathBuf,
@@ -129,10 +129,10 @@ pub(super) struct Targets {
 }
 
 impl Targets {
-    /// Makes the folder and checks that nothing of value is in the way.
+    /// Creates the folder, and checks that no file which must be kept is in the way.
     ///
     /// # Errors
-    /// [`Error::Usage`] if something is.
+    /// [`Error::Usage`] that names the file in the way.
     pub(super) fn choose(output: &Path, sources: &Sources, force: bool) -> Result<Self> {
         let refuse = |why: &str| Err(Error::Usage(format!("{}: {why}", escape_path(output))));
         let (Some(name), Some(stem)) = (output.file_name(), output.file_stem()) else {
@@ -167,20 +167,20 @@ impl Targets {
         Ok(targets)
     }
 
-    /// The folder that textures go to.
+    /// Folder for the textures.
     pub(super) fn textures(&self) -> PathBuf {
         textures_folder(&self.obj)
     }
 
-    /// The MTL's name as the OBJ writes it.
+    /// Name of the MTL as the OBJ refers to it.
     pub(super) fn library_name(&self) -> &[u8] {
         self.mtl.file_name().unwrap_or_default().as_encoded_bytes()
     }
 
-    /// Refuses another MTL than a part of `whole`.
+    /// Refuses to replace an MTL that is not a part of `whole`.
     ///
     /// # Errors
-    /// [`Error::Usage`] if another one is there and `force` is not set.
+    /// [`Error::Usage`] if there is one and `force` is not set.
     pub(super) fn check_mtl(&self, whole: &[u8], force: bool) -> Result<()> {
         let is_ours = || {
             fs::metadata(&self.mtl).is_ok_and(|found| found.len() <= whole.len() as u64)
@@ -196,12 +196,12 @@ impl Targets {
         Error::Usage(format!("{}: exists; --force replaces it", escape_path(&self.mtl)))
     }
 
-    /// Writes the MTL under its temporary name; returns how what it replaces looks, too.
+    /// Writes the MTL under a temporary name; also returns the state of the file that it replaces.
     ///
     /// # Errors
-    /// [`Error::Usage`] if another one is there and `force` is not set; the file system's.
+    /// [`Error::Usage`] if a different MTL exists and `force` is not set; those of the file system.
     pub(super) fn begin_mtl(&self, text: &[u8], force: bool, job: u64) -> Result<(DurableFile, Look)> {
-        // NOTE: the very same MTL may be there already, left by a run that was killed before its OBJ got its name.
+        // NOTE: the same MTL may exist already, left by a run that was killed before it renamed its OBJ.
         let before = look(&self.mtl);
         let same = || {
             fs::metadata(&self.mtl).is_ok_and(|found| found.len() == text.len() as u64)
@@ -217,13 +217,14 @@ impl Targets {
     }
 }
 
-/// Whether an MTL is `whole`, or `whole` without some of its materials: what a run that was ended may have left.
+/// Reports whether an MTL equals `whole`, or `whole` without some of its materials, as an interrupted run may have left
+/// it.
 fn is_part_of(mtl: &[u8], whole: &[u8]) -> bool {
     let (mut found, mut all) = (blocks(mtl), blocks(whole));
     found.next() == all.next() && found.all(|block| all.any(|other| other == block))
 }
 
-/// The signature of an MTL, then each of its materials.
+/// Splits an MTL into its signature and its materials.
 fn blocks(text: &[u8]) -> impl Iterator<Item = &[u8]> {
     const BEGINNING: &[u8] = b"\n\nnewmtl ";
     let mut rest = Some(text);
@@ -254,7 +255,7 @@ mod tests {
         let sources = Sources::new([path("wall.jpg").as_path(), &path("not/there.jpg")]);
         assert!(sources.forbid(&path("wall.jpg")) && sources.forbid(&path("store/a.jpg")));
         assert!(sources.forbid(&path("shop/../store/a.jpg")));
-        // A link to the input may be replaced, but an output that is one was meant for the input.
+        // A link to the input may be replaced, but an output that is one was meant to be the input.
         std::os::unix::fs::symlink("store/a.jpg", path("link.jpg")).unwrap();
         assert!(!sources.forbid(&path("link.jpg")) && sources.are_at(&path("link.jpg")));
         assert!(!sources.are_at(&path("new.jpg")));

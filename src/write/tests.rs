@@ -1,4 +1,4 @@
-//! Results are read back with an independent reader.
+//! Tests that read results back with an independent reader.
 
 use std::fs;
 
@@ -88,7 +88,7 @@ fn one_part() -> Catalogue {
     Catalogue { parts: vec![part(None, None, None)], ..Catalogue::default() }
 }
 
-/// Two squares that share an edge, one a piece; vertex 1 of the first piece and texcoord 4 of the second are unused.
+/// Two squares that share an edge, one per piece; vertex 1 of the first piece and texcoord 4 of the second are unused.
 ///
 /// ```text
 ///  v3 ---- s1 ---- v2
@@ -201,7 +201,7 @@ fn two_pieces_become_one_file() {
 fn materials_and_textures_arrive_with_the_faces() {
     let fixture = Fixture::new();
     let mut mesh = two_squares(&fixture.path("in"));
-    // NOTE: tobj takes colours for all vertices or for none.
+    // NOTE: tobj accepts colours for all vertices or for none.
     mesh.pieces[0].colours = None;
     fixture.write(&mesh, &two_materials(&fixture.path("in")), &options()).unwrap();
     let (models, materials) = tobj::load_obj(fixture.path("out/city.obj"), &tobj::LoadOptions::default()).unwrap();
@@ -242,7 +242,7 @@ fn an_older_result_is_replaced_only_with_force_and_only_as_a_whole() {
     fs::write(fixture.path("out/city.obj"), "old").unwrap();
     assert!(matches!(fixture.write(&mesh, &catalogue, &options()), Err(Error::Usage(m)) if m.contains("--force")));
     let force = WriteOptions { force: true, ..options() };
-    // The faces are unreadable: the write fails late.
+    // The faces are unreadable, so the write fails late.
     let damaged =
         store(&fixture.path("in"), &[], &[Piece { faces: vec![face([0, 1, 2], BARE, 0)], ..Piece::default() }]);
     assert!(matches!(fixture.write(&damaged, &catalogue, &force), Err(Error::Damaged { .. })));
@@ -261,10 +261,10 @@ fn an_older_result_is_replaced_only_with_force_and_only_as_a_whole() {
 fn materials_and_textures_of_the_last_face_are_told_when_it_is_gone() {
     let f = Fixture::new();
     let mut catalogue = two_materials(&f.path("in"));
-    // One of its three is on no face.
+    // One of the three is on no face.
     let lost = (0..30).map(|i| material(&format!("roof\n{i}"), &f.path("in"), &format!("roof{i}.png")));
     catalogue.materials.extend(lost);
-    // One that is lost and shares its texture with one that stays.
+    // One that is lost, and shares its texture with one that stays.
     catalogue.materials.push(Material {
         name: b"twin".into(),
         output_name: b"twin".into(),
@@ -322,7 +322,7 @@ fn each_file_is_durable_before_it_has_its_name_and_the_obj_gets_its_name_last() 
     witness::take();
     let staged = stage(&mesh, &catalogue, &targets[2], &f.path("work"), &options(), &Silent).unwrap();
     let mut synced = witness::take();
-    // Files of a computation are no part of this.
+    // Temporary files in the work folder do not count here.
     synced.retain(|(_, path)| path.starts_with(f.path("out")));
     let waiting = targets.each_ref().map(|target| ("sync", waiting_place(target, options().job)));
     assert_eq!(synced, waiting);
@@ -351,7 +351,7 @@ fn what_somebody_writes_there_meanwhile_is_not_replaced_without_force() {
         let staged = stage(&mesh, &catalogue, &output, &f.path("work"), &options(), &Silent).unwrap();
         fs::write(f.path("out").join(name), "of the user").unwrap();
         let error = staged.commit(&Silent).unwrap_err();
-        assert!(error.exit_code() == 2 && error.to_string().contains("by somebody else"), "{error}");
+        assert!(error.exit_code() == 2 && error.to_string().contains("by another process"), "{error}");
         assert_eq!(fs::read(f.path("out").join(name)).unwrap(), b"of the user");
         assert!(!output.exists());
     }

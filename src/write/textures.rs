@@ -1,14 +1,14 @@
-//! Where the images of a material go, and how the MTL refers to them.
+//! Provides the texture images of the result, and how the MTL refers to them.
 //!
 //! ```text
 //! map_Kd -s 1 1 1 ..\wall.png  →    map_Kd -s 1 1 1 ../in/wall.png (outside of the MTL's folder: never copied)
 //! map_Kd photos/wall.png      →    map_Kd city_textures/wall.png
 //! map_Kd roofs/wall.png       →    map_Kd city_textures/wall_2.png
 //! ```
-//! In: texture names as MTL files write them, which nobody vouches for. Out: references, and files that wait under
-//! temporary names until [`TextureStage::commit`]. Invariant: only regular files inside the MTL's own folder are
-//! copied or linked, and only if that folder lies in the OBJ's, unless the user allows more; always into one folder, under names
-//! that hold no separator. No image is decoded.
+//! In: texture names from MTL files, which are not trusted. Out: references, and files under temporary names until
+//! [`TextureStage::commit`]. Invariant: only regular files inside the MTL's own folder are copied or linked, and only
+//! if that folder lies in the OBJ's, unless the user allows more. All of them go to one folder, under names without
+//! separators. No image is decoded.
 //!
 //! # Files
 //! `<stem>_textures/` beside the output.
@@ -30,58 +30,58 @@ use crate::os::system::is_of_machine;
 use crate::scan::fingerprint;
 use crate::store::Catalogue;
 
-/// A longer name leaves no room for a number and an extension in the 255 bytes that file systems take.
+/// Longest stem in bytes; leaves room for a number and an extension in the 255 bytes that file systems allow.
 const STEM_BYTES_MAX: usize = 220;
 
-/// What becomes of a texture that is not copied.
-const REFERRED: &str = "the MTL names the file where it is; --textures-outside copy takes it along";
+/// Advice for a texture that is not copied.
+const REFERRED: &str = "the MTL refers to it in place; copy it with --textures-outside copy";
 
-/// Textures on their way to the result.
+/// Textures being prepared for the result.
 #[derive(Debug)]
 pub(super) struct TextureStage {
     mode: Textures,
     brings_outside: bool,
     force: bool,
-    /// Whether files are only looked for, before the work is done.
+    /// Whether files are only checked, before any work is done.
     is_rehearsal: bool,
     job: u64,
     sources: Sources,
-    /// Folders whose files may be copied, and those below them; all if there are none.
+    /// Folders whose contents may be copied, at any depth; all folders if empty.
     roots: BTreeSet<PathBuf>,
     output_folder: PathBuf,
     folder: PathBuf,
     folder_name: Vec<u8>,
-    /// References by the MTL's folder and the name that it writes.
+    /// References by the folder of the MTL and the name in it.
     references: BTreeMap<(PathBuf, Vec<u8>), Vec<u8>>,
-    /// Names in the folder by source.
+    /// Names in the textures folder by source path.
     names: BTreeMap<PathBuf, Vec<u8>>,
-    /// Names in the folder in lower case, since some file systems do not tell the case.
+    /// Names in the textures folder in lower case, since some file systems ignore case.
     taken: BTreeSet<Vec<u8>>,
-    /// The number that a name which is taken was last given.
+    /// Last number that was appended to a repeated name.
     numbers: HashMap<Vec<u8>, u64>,
     staged: Vec<StagedFile>,
     /// Files that are written or replaced.
     targets: Vec<PathBuf>,
-    /// All files of the result that are textures.
+    /// All textures of the result.
     pub(super) companions: Vec<Companion>,
-    /// What was copied.
+    /// Textures that were copied.
     pub(super) copied: Vec<CopiedTexture>,
-    /// What was there already and is as it should be, with how it looked then.
+    /// Textures that existed already with the right content, and their state.
     kept: Vec<(PathBuf, Look)>,
-    /// Removed again, if empty, when nothing is committed; dropped after the files in it.
+    /// Created folder; removed on drop if it is empty. Declared after the files in it, to be dropped after them.
     made_folder: Option<MadeFolder>,
-    /// What was refused or missing.
+    /// Textures that were refused or missing.
     pub(super) findings: Findings,
-    /// The paths of these.
+    /// Paths of those.
     pub(super) left_out: BTreeSet<PathBuf>,
 }
 
-/// A finished file under a temporary name, removed on drop unless it got its own.
+/// A complete file under a temporary name, removed on drop unless it was renamed.
 #[derive(Debug)]
 struct StagedFile {
     temporary: PathBuf,
     target: PathBuf,
-    /// How what it replaces looked.
+    /// State of the file that it replaces.
     looked: Look,
 }
 
@@ -101,12 +101,12 @@ impl Drop for MadeFolder {
 }
 
 impl TextureStage {
-    /// Textures of an input for an output.
+    /// Prepares the textures of an input for an output.
     pub(super) fn new(options: &WriteOptions, targets: &Targets, catalogue: &Catalogue) -> Self {
         Self::make(options, targets, catalogue, false)
     }
 
-    /// One that writes nothing, to find out beforehand what is in the way.
+    /// Prepares a rehearsal, which writes nothing and finds files in the way.
     pub(super) fn rehearsal(options: &WriteOptions, targets: &Targets, catalogue: &Catalogue) -> Self {
         Self::make(options, targets, catalogue, true)
     }
@@ -123,7 +123,7 @@ impl TextureStage {
             sources: options.sources.clone(),
             roots: roots(catalogue),
             output_folder: targets.folder.clone(),
-            // The folder may be a symbolic link; what matters is where the files really go.
+            // The folder may be a symbolic link; resolve it to where files really go.
             folder: fs::canonicalize(&folder).unwrap_or(folder),
             folder_name,
             references: BTreeMap::new(),
@@ -141,10 +141,10 @@ impl TextureStage {
         }
     }
 
-    /// How the new MTL refers to the texture `name` of an MTL in `mtl_folder`; copies or links it on first mention.
+    /// Returns how the new MTL refers to the texture `name` of an MTL in `mtl_folder`; copies or links it on first use.
     ///
     /// # Errors
-    /// [`Error::Usage`] if a file is in the way, [`Error::Io`] or [`Error::NoSpace`] if the copy fails.
+    /// [`Error::Usage`] if a file is in the way, [`Error::Io`] or [`Error::NoSpace`] if copying fails.
     pub(super) fn reference(&mut self, mtl_folder: &Path, name: &[u8]) -> Result<Vec<u8>> {
         let key = (mtl_folder.to_owned(), name.to_owned());
         if let Some(reference) = self.references.get(&key) {
@@ -172,7 +172,7 @@ impl TextureStage {
         }
         let reference = match outcome {
             Ok(reference) => reference,
-            // A picture that cannot be read just now is not left out for that.
+            // A texture image is not left out because of a temporary I/O error.
             Err(Unusable::Missing(path, error)) if is_of_machine(&error) => {
                 return Err(Error::io(&path, "read", error));
             }
@@ -189,7 +189,7 @@ impl TextureStage {
         Ok(reference)
     }
 
-    /// The path from the output's folder to a file that stays where it is.
+    /// Returns the path from the output's folder to a file that stays in place.
     fn refer(&mut self, mtl_folder: &Path, name: &[u8]) -> Result<Vec<u8>> {
         let Some(source) = place_of(mtl_folder, name) else { return Ok(name.to_owned()) };
         match fs::canonicalize(&source).and_then(|path| Ok((fs::metadata(&path)?, path))) {
@@ -205,7 +205,7 @@ impl TextureStage {
         }
     }
 
-    /// Copies or links a file into the folder, unless it is on its way already.
+    /// Copies or links a file into the textures folder, unless that was done already.
     fn bring(&mut self, source: &Path, name: &[u8]) -> Result<std::result::Result<Vec<u8>, Unusable>> {
         if let Some(known) = self.names.get(source) {
             return Ok(Ok(self.reference_to(known)));
@@ -242,7 +242,7 @@ impl TextureStage {
             self.names.insert(source.to_owned(), unique);
             return Ok(Ok(reference));
         }
-        // NOTE: a left-over of a killed run may stand there; it is ours by its name.
+        // NOTE: a killed run may have left this file; only this program uses the name.
         let temporary = waiting_place(&target, self.job);
         let _ = fs::remove_file(&temporary);
         let mut content = None;
@@ -279,7 +279,7 @@ impl TextureStage {
         not_an_option([&self.folder_name, b"/".as_slice(), name].concat())
     }
 
-    /// The last component of `name`, made harmless and different from all names so far.
+    /// Returns the last component of `name`, sanitised and different from all names so far.
     fn unique_name(&mut self, name: &[u8]) -> Vec<u8> {
         let base = name.rsplit(|&c| c == b'/' || c == b'\\').next().unwrap_or(name);
         let unsafe_in_names = |c: u8| c.is_ascii_control() || b"/\\:*?\"<>|".contains(&c);
@@ -292,7 +292,7 @@ impl TextureStage {
         let dot = base.iter().rposition(|&c| c == b'.').filter(|dot| base.len() - dot < 16).unwrap_or(base.len());
         let extension = base.split_off(dot);
         if base.len() > STEM_BYTES_MAX {
-            // Not within a character, which takes a leading byte and up to three that follow.
+            // Do not cut within a UTF-8 character: a leading byte and up to three more.
             let is_end = |&end: &usize| base[end] & 0xc0 != 0x80;
             let end = (STEM_BYTES_MAX - 3..=STEM_BYTES_MAX).rev().find(is_end).unwrap_or(STEM_BYTES_MAX);
             base.truncate(end);
@@ -319,10 +319,10 @@ impl TextureStage {
         }
     }
 
-    /// Refuses to go on if a file that was read would be replaced.
+    /// Refuses targets that would replace a file of the input.
     ///
     /// # Errors
-    /// [`Error::Usage`] naming the file; `others` are the further targets of the run.
+    /// [`Error::Usage`] that names the file; `others` are the further targets of the run.
     pub(super) fn check_targets(&self, others: &[&Path]) -> Result<()> {
         let targets = self.targets.iter().map(PathBuf::as_path).chain(others.iter().copied());
         match targets.into_iter().find(|&target| self.names.contains_key(target) || self.sources.forbid(target)) {
@@ -334,15 +334,15 @@ impl TextureStage {
         }
     }
 
-    /// The files that will get a name, with how what they replace looked.
+    /// Files that will be renamed, with the state of those that they replace.
     pub(super) fn replaced(&self) -> impl Iterator<Item = (&Path, &Look)> {
         self.staged.iter().map(|file| (file.target.as_path(), &file.looked))
     }
 
-    /// Gives the files their names.
+    /// Renames the files to their final names.
     ///
     /// # Errors
-    /// [`Error::Changed`] if one that was there already is another one now, [`Error::Io`] if a file cannot be renamed.
+    /// [`Error::Changed`] if an existing texture has changed meanwhile, [`Error::Io`] if a file cannot be renamed.
     pub(super) fn commit(self) -> Result<()> {
         if let Some((path, _)) = self.kept.iter().find(|(path, looked)| look(path) != *looked) {
             let path = escape_path(path);
@@ -351,7 +351,7 @@ impl TextureStage {
         for file in &self.staged {
             give_name(&file.temporary, &file.target)?;
         }
-        // Kept ones, too, may have got their names by a process that was ended right after.
+        // Existing textures may have been renamed by a process that was interrupted before it synced the folder.
         let kept = self.kept.iter().map(|(path, _)| path);
         if let Some(path) = self.staged.iter().map(|file| &file.target).chain(kept).next() {
             sync_folder(path)?;
@@ -361,7 +361,7 @@ impl TextureStage {
     }
 }
 
-/// A reference that begins with `-` would be read as an option; `./` keeps it from that.
+/// Prefixes `./` to a reference that begins with `-`, which would be read as an option.
 fn not_an_option(reference: Vec<u8>) -> Vec<u8> {
     if reference.starts_with(b"-") { [b"./", reference.as_slice()].concat() } else { reference }
 }
@@ -451,7 +451,7 @@ mod tests {
             assert_eq!(stage.findings.get("refused_texture"), 7);
         }
         assert_eq!(refer(&mut stage, &folders, "none.png"), "none.png");
-        // A folder, a file that is not there; another system's drive is not looked for.
+        // A folder and a missing file count; the drive of another system is not looked for.
         assert_eq!(stage.findings.get("missing_texture"), 2);
         stage.commit().unwrap();
         assert_eq!(fs::read_dir(&folders.output).unwrap().count(), 0);
@@ -478,7 +478,7 @@ mod tests {
         let folder = fs::canonicalize(folders.input.join("a")).unwrap();
         assert_eq!(stage.reference(&folder, b"wall.png").unwrap(), b"../in/a/wall.png");
         assert_eq!(stage.findings.get("refused_texture"), 1);
-        // Tiles share what lies in the folder that was given.
+        // Tiles share texture images in the folder that was given.
         catalogue.folders = vec![folders.input.clone()];
         let mut stage = TextureStage::new(&options, &targets, &catalogue);
         let folder = fs::canonicalize(&folders.input).unwrap();
@@ -493,7 +493,7 @@ mod tests {
         assert_eq!(names.len(), 20_000);
         let long = stage.unique_name(&[b"\xc3\xa4".repeat(140), b".png".to_vec()].concat());
         assert!(long.len() < 230 && std::str::from_utf8(&long).unwrap().ends_with(".png"));
-        // No text at all.
+        // Not valid UTF-8.
         let long = stage.unique_name(&[0x80; 230]);
         assert!((200..230).contains(&long.len()));
     }
