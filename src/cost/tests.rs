@@ -201,7 +201,7 @@ fn terrain_quadrics_that_are_not_carried_are_those_of_the_mesh_as_it_stands() {
     }
     let carried = prepared::<TerrainCost>(&samples::grid(6, 0.7), settings(1.0));
     let stale = carried.cost.place(&it.mesh, &INNER).cost;
-    assert!((stale / fresh.price(&INNER).cost - 1.0).abs() > 0.05, "what is carried knows nothing of the change");
+    assert!((stale / fresh.price(&INNER).cost - 1.0).abs() > 0.05, "carried quadrics ignore the change");
 }
 
 #[test]

@@ -124,7 +124,7 @@ mod tests {
         let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
         assert!(!is_simple(&[square, square].concat()));
         let eight = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [2.0, 1.0], [2.0, 2.0], [1.0, 2.0], [1.0, 1.0], [0.0, 1.0]];
-        assert!(is_simple(&eight), "one corner may");
+        assert!(is_simple(&eight), "the outline may touch itself at one corner");
         let touching = [[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [2.0, 0.0], [0.0, 2.0]];
         assert!(!is_simple(&touching));
     }
