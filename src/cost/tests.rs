@@ -61,7 +61,7 @@ where
     assert!(here.cost > 1e-6, "a bumpy grid costs something: {here:?}");
 
     let flat = prepared::<M>(&samples::grid(6, 0.0), defaults()).price(&INNER);
-    assert!(flat.cost < 1e-5, "flat ground with an affine picture costs no more than its tie breaker: {flat:?}");
+    assert!(flat.cost < 1e-5, "flat ground with an affine texture costs no more than its tie breaker: {flat:?}");
     assert!((flat.position.z).abs() < 1e-6);
 
     let large = prepared::<M>(&moved(&mesh, 3.0, DMat3::IDENTITY, DVec3::ZERO), defaults()).price(&INNER);

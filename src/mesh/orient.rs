@@ -134,7 +134,7 @@ mod tests {
         assert_eq!(mesh.corners[4], came);
     }
 
-    // 0-2-4-(1)    a Möbius strip of five faces
+    //  0-2-4-(1)    a Möbius strip of five faces
     //  |/|/|/
     //  1-3-(0)
     #[test]

@@ -1,6 +1,7 @@
 //! The corners around each vertex, as compressed sparse rows.
 //!
 //! A collapse drops two rows and appends their union. Rows are rebuilt once more than half of the entries are unused:
+//!
 //! ```text
 //! built     | row 0 | row 1 | row 2 | …        after 2 went into 0    | ····· | row 1 | ····· | … | row 0 |
 //! ```
@@ -92,11 +93,11 @@ pub struct Spoke {
     pub wedge: u32,
     /// The vertex after the centre in the face, counter-clockwise.
     pub next: u32,
-    /// Wedge of that one.
+    /// Wedge of `next`.
     pub next_wedge: u32,
     /// The vertex before the centre.
     pub previous: u32,
-    /// Wedge of that one.
+    /// Wedge of `previous`.
     pub previous_wedge: u32,
 }
 

@@ -85,7 +85,7 @@ mod tests {
         assert!(pixels(far, [3, 3]).len() <= 9);
         assert!(pixels([[f64::NAN; 3], [1.0, 0.0, 0.0], [0.0, 9.0, 0.0]], [3, 3]).is_empty());
         assert!(pixels([[5.0, 5.0, 0.0], [9.0, 5.0, 0.0], [5.0, 9.0, 0.0]], [3, 3]).is_empty());
-        each_pixel_of_line([-1e300, 0.0, 0.0], [1e300, 0.0, 0.0], [3, 3], |_, _| panic!("the line is too long to draw"));
+        each_pixel_of_line([-1e300, 0.0, 0.0], [1e300, 0.0, 0.0], [3, 3], |_, _| panic!("too long to draw"));
     }
 
     #[test]

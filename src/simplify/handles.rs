@@ -248,7 +248,7 @@ mod tests {
     use super::*;
     use crate::mesh::class::classify;
 
-    // 2 ──── 5 ──── 8      three corners a level, closed at both ends; the path 3-4-5 around it is no face
+    //  2 ──── 5 ──── 8      three corners a level, closed at both ends; the path 3-4-5 around it is no face
     //  │ ╲    │ ╲    │
     //  0-1 ── 3-4 ── 6-7
     fn tube(levels: u32, uv: DVec2) -> ClusterMesh {

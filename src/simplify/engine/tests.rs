@@ -145,7 +145,7 @@ fn a_corner_vanishes_along_a_seam_and_the_third_chart_follows_part_of_the_way() 
         let uv = corners.map(|w| mesh.wedge_uv[w as usize]);
         let charts = uv.map(|uv| (uv.x / 100.0).round());
         assert!(charts.iter().all(|&chart| chart == charts[0]), "a face spans charts: {uv:?}");
-        assert!((uv[1] - uv[0]).perp_dot(uv[2] - uv[0]) > 0.0, "a folded picture: {uv:?}");
+        assert!((uv[1] - uv[0]).perp_dot(uv[2] - uv[0]) > 0.0, "a folded texture triangle: {uv:?}");
         let (low, high) = areas[charts[0] as usize];
         for (uv, vertex) in uv.into_iter().zip(vertices) {
             let outside = |place: DVec2| place.distance(place.clamp(low, high));
