@@ -1,26 +1,23 @@
-//! The vertices around those that a round of collapses changed.
-//!
-//! # Memory
-//! 4 bytes a vertex.
+//! Collects the one-rings of the vertices that a round of collapses changed.
 
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
 
-/// Finds neighbourhoods; remembers which vertices the search under way has met.
+/// Collects one-rings without duplicates.
 #[derive(Debug, Default)]
 pub struct Around {
-    /// Search that last met each vertex.
+    /// Number of the search that last met each vertex.
     met: Vec<u32>,
     search: u32,
 }
 
 impl Around {
-    /// Makes room for the vertices of a mesh.
+    /// Sets the number of vertices of the mesh.
     pub fn resize(&mut self, vertex_count: usize) {
         self.met.resize(vertex_count, 0);
     }
 
-    /// Appends the vertices of all faces around some vertices, each once.
+    /// Appends all vertices of the faces around `vertices` to `out`, each once.
     pub fn collect(&mut self, mesh: &ClusterMesh, rings: &Rings, vertices: &[u32], out: &mut Vec<u32>) {
         self.search += 1;
         for &centre in vertices {

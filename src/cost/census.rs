@@ -1,5 +1,5 @@
-//! Numbers of the whole mesh that a metric divides by, counted once over all clusters and then frozen, so that costs in
-//! different clusters can be compared.
+//! Statistics of the whole mesh that a metric normalises by. They are summed over all clusters once and then frozen, so
+//! that costs in different clusters can be compared.
 //!
 //! # Memory
 //! 12 bytes for each magnitude that occurs, at most 131,072 of them.
@@ -8,10 +8,10 @@ use std::collections::BTreeMap;
 
 use glam::DVec3;
 
-/// Bits of a double that are left out of a magnitude: 64 magnitudes from each power of two to the next.
+/// Low bits of a double that a magnitude drops: 64 magnitudes per power of two remain.
 const MAGNITUDE_SHIFT: u32 = 46;
 
-/// Sums over the mesh.
+/// Count, sum, histogram and bounding box of the values of a mesh.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Census {
     /// Number of positive values by magnitude.
@@ -30,7 +30,7 @@ impl Default for Census {
 }
 
 impl Census {
-    /// Counts a value; the median is that of the positive ones.
+    /// Adds a value; ignores it if it is not finite. Only positive values count for the median.
     pub fn add(&mut self, value: f64) {
         if !value.is_finite() {
             return;
@@ -42,13 +42,13 @@ impl Census {
         }
     }
 
-    /// Widens the box by a position of the whole mesh's coordinates.
+    /// Extends the box to a position in coordinates of the whole mesh.
     pub fn enclose(&mut self, position: DVec3) {
         self.low = self.low.min(position);
         self.high = self.high.max(position);
     }
 
-    /// Adds another cluster's; clusters must come in order.
+    /// Adds the statistics of another cluster. Clusters must come in order, because the sum is rounded.
     pub fn merge(&mut self, other: &Self) {
         for (&magnitude, &count) in &other.magnitudes {
             *self.magnitudes.entry(magnitude).or_default() += count;
@@ -59,12 +59,12 @@ impl Census {
         self.high = self.high.max(other.high);
     }
 
-    /// Mean of the values, if there are any.
+    /// Mean of the values; `None` without values.
     pub fn mean(&self) -> Option<f64> {
         (self.count > 0).then(|| self.sum / self.count as f64)
     }
 
-    /// Median of the positive values, at most 1/64 too small, if there are any.
+    /// Median of the positive values, at most 1/64 too low; `None` without positive values.
     pub fn median(&self) -> Option<f64> {
         let half = self.magnitudes.values().sum::<u64>().div_ceil(2);
         let mut seen = 0;
@@ -77,7 +77,7 @@ impl Census {
         None
     }
 
-    /// Diagonal of the box; at least the smallest positive number.
+    /// Diagonal of the box, at least the smallest positive normal number.
     pub fn diagonal(&self) -> f64 {
         let diagonal = (self.high - self.low).length();
         if diagonal.is_normal() { diagonal } else { f64::MIN_POSITIVE }

@@ -10,21 +10,22 @@
 //! | v̄ of least v̄ᵀ(Q1 + Q2)v̄ (§4) | [`PlacePolicy::place`] |
 //! | constraint planes through border edges (§6) | `border` |
 //!
-//! Q1 + Q2 is carried from the first stage of a pass to its last. Without `border`, which is the baseline that papers
-//! compare with, an open border is surface like any other and wears away.
+//! The sum Q1 + Q2 is kept from the first stage of a pass to its last. Without `border`, as in the baseline that papers
+//! compare with, an open border has no constraint planes and wears away.
 //!
 //! # Where we differ
-//! * Only edges are pairs: no two vertices are joined that no edge joins.
-//! * Folds are refused, and the link condition holds, as for every metric here; the paper leaves both to the reader. With
-//!   `guards=0` faces may fold, become needles, and turn over in the texture, as in the baselines that papers compare with.
-//! * A spring of a millionth of the stiffness keeps the minimum near the edge where the planes do not determine it; a
-//!   minimum beyond two edge lengths gives way to the best of the middle and both ends.
-//! * Seams of the texture collapse along themselves; the picture is read off the old surface. With `guards=0` texture
-//!   coordinates are those of the edge, at the share of it that is nearest to the new vertex.
+//! * Only edges are candidate pairs: two vertices without a common edge never merge.
+//! * Folds are refused and the link condition holds, as for every metric here; the paper leaves both to the reader.
+//!   With `guards=0` faces may fold, become needles, and turn over in the texture, as in the baselines that papers
+//!   compare with.
+//! * A spring of a millionth of the stiffness keeps the minimum near the edge where the planes do not determine it. If
+//!   the minimum is more than two edge lengths away, the best of the middle and both ends is taken.
+//! * Texture seams collapse along themselves; texture coordinates are read off the old surface. With `guards=0` they
+//!   are those of the edge at the point nearest to the new vertex.
 //! * Collapses are made in rounds, not from a heap: see [`engine`](crate::simplify::engine).
 //!
-//! `placement=three` takes the best of both ends and the middle, as the paper does where the minimum does not exist (§4),
-//! and as the baseline of [`sharpness`](super::sharpness) does everywhere.
+//! `placement=three` takes the best of both ends and the middle, as the paper does where the minimum does not exist
+//! (§4), and as the baseline of [`sharpness`](super::sharpness) does everywhere.
 //!
 //! # Memory
 //! 80 bytes a vertex.
@@ -40,7 +41,7 @@ use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::edge::EdgeKind;
 use crate::mesh::ring::Rings;
 
-/// What may be set.
+/// Parameters.
 pub const KNOBS: [Knob; 3] = [
     factor("border", 0.0, "weight of the planes through border edges; 0 leaves borders to wear away"),
     choice("placement", PlacePolicy::WORDS, "three places vertices at the best of both ends and the middle"),
@@ -52,9 +53,9 @@ pub const KNOBS: [Knob; 3] = [
 pub struct Settings {
     /// Weight of a plane through a border edge.
     pub border: f64,
-    /// Where a vertex goes.
+    /// Placement of a vertex.
     pub placement: PlacePolicy,
-    /// Whether folds and turned texture are refused.
+    /// Whether collapses that fold faces or turn texture over are refused.
     pub has_guards: bool,
 }
 
@@ -64,7 +65,7 @@ impl From<[f64; 3]> for Settings {
     }
 }
 
-/// Quadrics of every vertex of a cluster.
+/// The cost function: a quadric per vertex of a cluster.
 #[derive(Debug)]
 pub struct ClassicCost {
     settings: Settings,
@@ -119,7 +120,8 @@ impl Metric for ClassicCost {
         true
     }
 
-    /// Without border planes a border vertex is free: an inner one that joins it goes where the planes want it.
+    /// Without border planes a border vertex is unconstrained: collapses onto it and along the border have free
+    /// placement.
     fn rule(&self, from: Class, to: Class, kind: EdgeKind) -> Rule {
         match (from, to, kind) {
             (Class::Smooth, Class::Border, EdgeKind::Inner) if self.settings.border == 0.0 => Rule::Free,

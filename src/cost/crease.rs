@@ -1,7 +1,8 @@
-//! Planes through sharp edges, upright on both of their faces: they hold the rims of thin sheets.
+//! Planes through sharp edges, perpendicular to both of their faces: they hold the rims of thin sheets.
 //!
-//! The planes of two faces that lie back to back are nearly one. Quadrics of such planes let the rim wander inwards for
-//! nothing, and leaves, fences and railings shrink. So a sharp edge is held like an open border, the more the sharper:
+//! The planes of two faces that lie back to back are nearly the same. Quadrics of these planes alone let the rim move
+//! inwards at no cost, so leaves, fences and railings shrink. A sharp edge is therefore held like an open border, with
+//! a weight that grows with its turn:
 //!
 //! ```text
 //!      ______________        turn 180°: four times the weight of a border
@@ -9,7 +10,7 @@
 //! ```
 //!
 //! # Source
-//! Constraint planes as in Garland & Heckbert 1997, §6; there for open borders alone.
+//! Constraint planes as in Garland & Heckbert 1997, §6, which has them for open borders only.
 
 use glam::{DVec3, Vec3};
 
@@ -17,17 +18,17 @@ use super::local::LocalQuadric;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
 
-/// Vertices whose faces have a mean normal shorter than this may have sharp edges.
+/// A vertex may have sharp edges if the mean normal of its faces is shorter than this.
 const MEAN_NORMAL_MAX: f32 = 0.9;
-/// Power of sin²(turn / 2) that the weight goes by.
+/// The weight is sin²(turn / 2) to this power.
 const POWER: i32 = 4;
 
-/// Sums of the normals around vertices, kept in those parts of their quadrics that are 0 until vertices move.
+/// Sums of normals and areas around vertices, stored in those parts of their quadrics that are 0 until vertices move.
 #[derive(Debug)]
 pub struct Normals;
 
 impl Normals {
-    /// Adds a face, by its area and its unit normal, to a vertex.
+    /// Adds a face to a vertex; `weighted_normal` is its unit normal times its area.
     #[inline(always)]
     pub fn add(vertex: &mut LocalQuadric, weighted_normal: Vec3, area: f32) {
         vertex.linear += weighted_normal;
@@ -45,11 +46,11 @@ impl Normals {
     }
 }
 
-/// Weight of each of the two planes of an edge that turns by 180°, in those of a border.
+/// Weight of each of the two planes of an edge that turns by 180°, relative to that of a border.
 const STIFFNESS: f64 = 2.0;
 
-/// Adds the planes of all sharp edges to their ends, and forgets the sums of normals. `weight` is that of an open border
-/// per squared length.
+/// Adds the planes of all sharp edges to the quadrics of their ends, and clears the sums of normals. `weight` is that
+/// of an open border per squared length.
 pub fn add_creases(vertices: &mut [LocalQuadric], mesh: &ClusterMesh, rings: &Rings, weight: f64) {
     for a in 0..vertices.len() as u32 {
         if !Normals::are_spread(&vertices[a as usize]) {
@@ -64,7 +65,7 @@ pub fn add_creases(vertices: &mut [LocalQuadric], mesh: &ClusterMesh, rings: &Ri
             let leads_back = |other: &&u32| mesh.vertex_of(ClusterMesh::following(**other)[1]) == b;
             let place = |v: u32| mesh.positions[v as usize] - mesh.positions[a as usize];
             let third = |corner: u32| place(mesh.vertex_of(corner));
-            // Where more than two faces meet, the surface goes on over the flattest turn.
+            // Where more than two faces meet, the flattest turn counts as the continuation of the surface.
             let turns = rings.of(a).iter().filter(leads_back).map(|&other| {
                 let thirds = [third(previous), third(ClusterMesh::following(other)[0])];
                 crease(place(b), thirds).unwrap_or_default()
@@ -83,12 +84,12 @@ pub fn add_creases(vertices: &mut [LocalQuadric], mesh: &ClusterMesh, rings: &Ri
     Normals::clear(vertices);
 }
 
-/// Unit normals of the planes through an edge from the origin, upright on the faces to the left and right of it, with the
-/// share of a border's weight; nothing if the edge turns by less than 90°.
+/// Unit normals of the planes through an edge that starts at the origin, perpendicular to its left and its right face,
+/// and their share of the full weight. `None` if the edge turns by 90° or less.
 fn crease(edge: DVec3, [left, right]: [DVec3; 2]) -> Option<([DVec3; 2], f64)> {
     let across = [edge.cross(left), right.cross(edge)];
     let cosine = across[0].dot(across[1]) / (across[0].length() * across[1].length());
-    // Not so either if a face has no area.
+    // NaN: a face has no area.
     if cosine >= 0.0 || cosine.is_nan() {
         return None;
     }
@@ -113,7 +114,7 @@ mod tests {
         assert!((share(180.0).unwrap() - 1.0).abs() < 1e-12);
     }
 
-    /// Two square sheets of 4 × 4, `gap` apart at the middle and joined at their rims.
+    /// Two square sheets of 4 × 4 squares, `gap` apart inside and joined at their rims.
     fn cushion(gap: f64) -> ClusterMesh {
         let top = samples::grid(4, 0.0);
         let is_rim = |v: u32| v.is_multiple_of(5) || v % 5 == 4 || v / 5 == 0 || v / 5 == 4;

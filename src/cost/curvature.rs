@@ -1,8 +1,8 @@
 //! Quadrics weighted by area and curvature: thin parts outlast flat ones.
 //!
 //! # Source
-//! Quan, Wu, Yang, Bai, Wang, Zhao, Wang, Wei, Hou, "Improved QEM three-dimensional model simplification method", patent
-//! CN105303614A, 2015/2016; its formulas are lost in the published text and reconstructed here.
+//! Quan, Wu, Yang, Bai, Wang, Zhao, Wang, Wei, Hou, "Improved QEM three-dimensional model simplification method",
+//! patent CN105303614A, 2015/2016. The published text lacks its formulas; they are reconstructed here.
 //!
 //! | symbol | here |
 //! | --- | --- |
@@ -13,19 +13,19 @@
 //! | c = k1² + k2² = 4H² - 2K | `Bend::total` |
 //! | Q' = A c Q \[4.12\] | `weights` × `quadrics` |
 //!
-//! A c has no unit, so the cost is a length², whatever the scale. Each round of collapses recomputes the areas and
-//! curvatures of the vertices around it. `curvature=0` takes c = 1 and changes nothing else: the patent's area-weighted
-//! baseline.
+//! A c has no unit, so the cost is a length² at any scale. Each round of collapses recomputes the areas and curvatures
+//! of the vertices around it. `curvature=0` sets c = 1 and changes nothing else: the patent's area-weighted baseline.
 //!
 //! # Where we differ
-//! * A/3, and not the patent's A: with A, c is negative on a sphere.
-//! * c is at least `floor` times the median of its positive values over the whole mesh (1 / diagonal² where there is
-//!   none), so that flat ground keeps an order.
+//! * A/3 instead of the patent's A, with which c is negative on a sphere.
+//! * c is at least `floor` times the median of its positive values over the whole mesh (1 / diagonal² if there are
+//!   none), so that collapses on flat ground are ordered, too.
 //! * On borders K = 0, and edges without two faces are left out of H: a flat border has no curvature.
-//! * Border and seam edges have planes of their own, as in the metric of 1997 with `border`, so that they hold their line.
-//! * The patent does not say whether areas weight each plane or the sum of a vertex; here it is the sum.
-//! * Q is carried without its weight; the weighted sum of both ends is what is minimised.
-//! * A minimum beyond two edge lengths gives way to the best of the middle and both ends.
+//! * Border and seam edges have their own planes, weighted by `border`, as in the metric of 1997, so that they keep
+//!   their line.
+//! * The patent does not say whether areas weight each plane or the sum of a vertex; here they weight the sum.
+//! * Q is accumulated without its weight; the weighted sum of both ends is minimised.
+//! * If the minimum is more than two edge lengths away, the best of the middle and both ends is taken.
 //! * Collapses are made in rounds, not from a heap: see [`engine`](crate::simplify::engine).
 //!
 //! # Memory
@@ -44,7 +44,7 @@ use crate::mesh::class::Class;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
 
-/// What may be set.
+/// Parameters.
 pub const KNOBS: [Knob; 3] = [
     switch("curvature", 1.0, "0 takes c = 1: quadrics weighted by area alone, the patent's baseline"),
     factor("floor", 1e-3, "least c, in medians of its positive values"),
@@ -67,14 +67,14 @@ impl From<[f64; 3]> for Settings {
     }
 }
 
-/// How a surface bends at a vertex.
+/// Curvature and area at a vertex.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Bend {
-    /// K.
+    /// Gaussian curvature K, in 1 / length².
     pub gauss: f64,
-    /// H.
+    /// Mean curvature H, in 1 / length.
     pub mean: f64,
-    /// A.
+    /// Area A of the one-ring.
     area: f64,
 }
 
@@ -92,18 +92,18 @@ impl Bend {
         Self { gauss: if fan.is_closed { (TAU - angles) / third } else { 0.0 }, mean: 0.25 * turn / third, area }
     }
 
-    /// c, not below 0.
+    /// c = 4H² - 2K, clamped at 0; in 1 / length².
     pub fn total(&self) -> f64 {
         (4.0 * self.mean * self.mean - 2.0 * self.gauss).max(0.0)
     }
 }
 
-/// Quadrics and weights of every vertex of a cluster.
+/// The cost function: a quadric and a weight per vertex of a cluster.
 #[derive(Debug)]
 pub struct CurvatureCost {
     settings: Settings,
     quadrics: Vec<Quadric>,
-    /// A c.
+    /// A c of each vertex.
     weights: Vec<f64>,
     around: Around,
     fan: Fan,

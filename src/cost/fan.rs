@@ -1,4 +1,4 @@
-//! The faces around a vertex, in order, with their angles, areas and normals.
+//! The faces around a vertex, in order, with angles, areas and normals.
 
 use glam::DVec3;
 
@@ -10,35 +10,35 @@ use crate::mesh::ring::Rings;
 pub struct Spoke {
     /// The face.
     pub face: u32,
-    /// The vertex after the centre in it, counter-clockwise.
+    /// The vertex after the centre in the face, counter-clockwise.
     pub next: u32,
-    /// The vertex before the centre in it.
+    /// The vertex before the centre in the face.
     pub previous: u32,
     /// Unit normal; zero for a face without area.
     pub normal: DVec3,
     /// Area.
     pub area: f64,
-    /// Angle at the centre.
+    /// Angle at the centre, in radians.
     pub angle: f64,
 }
 
 /// The faces around a vertex.
 #[derive(Debug, Clone, Default)]
 pub struct Fan {
-    /// Counter-clockwise, from the border if there is one; in order of their ids where they form no single fan.
+    /// Counter-clockwise, starting at the border if there is one. Unordered where the faces do not form a single fan.
     pub spokes: Vec<Spoke>,
-    /// Whether the faces go all the way round.
+    /// Whether the fan is closed: the last face shares an edge with the first.
     pub is_closed: bool,
 }
 
 impl Fan {
-    /// Gathers the faces around a vertex, those without area too.
+    /// Collects and orders the faces around a vertex, including those without area.
     pub fn gather(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) {
         self.collect(mesh, rings, vertex);
         self.sort();
     }
 
-    /// Gathers the faces around a vertex in order of their ids; whether they close is not found out.
+    /// Collects the faces around a vertex, ordered by id; does not set `is_closed`.
     pub fn collect(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) {
         self.spokes.clear();
         self.spokes.extend(rings.of(vertex).iter().filter(|&&corner| mesh.living(corner).is_some()).map(|&corner| {
@@ -54,7 +54,7 @@ impl Fan {
         }));
     }
 
-    /// Puts each face behind the one whose last edge it begins with.
+    /// Orders the faces so that each begins with the last edge of the previous one.
     fn sort(&mut self) {
         let spokes = &mut self.spokes;
         let start = (0..spokes.len()).find(|&i| !spokes.iter().any(|s| s.previous == spokes[i].next));
@@ -72,20 +72,20 @@ impl Fan {
         self.is_closed &= spokes.last().is_some_and(|last| last.previous == spokes[0].next);
     }
 
-    /// Each pair of faces that share an edge at the centre, and the edge's other end.
+    /// Each pair of consecutive faces that share an edge at the centre, and the other end of this edge.
     pub fn joints(&self) -> impl Iterator<Item = (&Spoke, &Spoke, u32)> {
         let count = self.spokes.len();
         let pairs = (0..count).map(move |i| (&self.spokes[i], &self.spokes[(i + 1) % count]));
         pairs.filter(|(a, b)| a.face != b.face && a.previous == b.next).map(|(a, b)| (a, b, a.previous))
     }
 
-    /// Area of all faces.
+    /// Total area of the faces.
     pub fn area(&self) -> f64 {
         self.spokes.iter().map(|spoke| spoke.area).sum()
     }
 }
 
-/// Angle between two unit vectors.
+/// Angle between two unit vectors, in radians.
 pub fn angle_between(a: DVec3, b: DVec3) -> f64 {
     libm::atan2(a.cross(b).length(), a.dot(b))
 }

@@ -1,50 +1,50 @@
-//! Constants of a published system that its user may set: `--metric-option name=value`.
+//! Parameters of a cost function that a user may set: `--metric-option name=value`.
 
-/// One such constant.
+/// One parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Knob {
     /// Its name.
     pub name: &'static str,
-    /// Its value if nothing is said.
+    /// Its default value.
     pub default: f64,
     /// Smallest and largest value.
     pub range: [f64; 2],
-    /// Names of its values 0, 1, …, if they have any.
+    /// Names of its values 0, 1, …; empty for a number.
     pub words: &'static [&'static str],
-    /// What it does.
+    /// What it does, for the help text.
     pub meaning: &'static str,
 }
 
-/// A switch: 0 or 1.
+/// A switch, 0 or 1, or a share: any number between is accepted.
 pub const fn switch(name: &'static str, default: f64, meaning: &'static str) -> Knob {
     number(name, default, [0.0, 1.0], meaning)
 }
 
-/// A number of any size from 0.
+/// A number from 0 to 10⁹.
 pub const fn factor(name: &'static str, default: f64, meaning: &'static str) -> Knob {
     number(name, default, [0.0, 1e9], meaning)
 }
 
-/// A number between two others.
+/// A number within a range, ends included.
 pub const fn number(name: &'static str, default: f64, range: [f64; 2], meaning: &'static str) -> Knob {
     Knob { name, default, range, words: &[], meaning }
 }
 
-/// One of several words, the first unless said otherwise; its value is its place among them.
+/// One of several words, by default the first; its value is the index of the word.
 pub const fn choice(name: &'static str, words: &'static [&'static str], meaning: &'static str) -> Knob {
     Knob { name, default: 0.0, range: [0.0, words.len() as f64 - 1.0], words, meaning }
 }
 
 impl Knob {
-    /// The default as it is written.
+    /// The default as a user would type it.
     pub fn default_text(&self) -> String {
         self.words.first().map_or_else(|| self.default.to_string(), |word| (*word).to_owned())
     }
 
-    /// The value that a text stands for.
+    /// Parses a value.
     ///
     /// # Errors
-    /// What is accepted, in words.
+    /// Words that describe the accepted values.
     fn parse(&self, text: &str) -> Result<f64, String> {
         if !self.words.is_empty() {
             let place = self.words.iter().position(|word| *word == text);
@@ -58,10 +58,10 @@ impl Knob {
     }
 }
 
-/// The values of a system's constants, in their order.
+/// Values of all parameters, in the order of `knobs`; `given` holds settings as `name=value`.
 ///
 /// # Errors
-/// Words that name the setting which is unknown, no number, or out of range.
+/// Words that name the setting that is unknown, not a number, or out of range.
 pub fn read<const N: usize>(knobs: &[Knob; N], given: &[String]) -> Result<[f64; N], String> {
     let mut values = knobs.map(|knob| knob.default);
     for setting in given {

@@ -1,8 +1,8 @@
-//! Error quadrics about their own vertex, in single precision.
+//! Error quadrics relative to their own vertex, in single precision.
 //!
-//! Right after a mesh was read, all planes of a vertex go through it and its texture coordinates fit exactly: in a frame
-//! whose origin is the vertex only the quadratic part is left, and single precision loses nothing that matters. What
-//! merges adds linear and constant parts, moved over from the frame of the vertex that vanished.
+//! Right after a mesh was read, all planes of a vertex pass through it and its texture coordinates fit exactly. In a
+//! frame whose origin is the vertex only the quadratic part is then nonzero, so single precision is enough. Merged
+//! quadrics add linear and constant parts, translated from the frame of the vanished vertex.
 //!
 //! ```text
 //! error of moving the vertex by d and its texture coordinate by s:
@@ -26,7 +26,7 @@ pub struct LocalQuadric {
     pub quadratic: [f32; 6],
     /// b.
     pub linear: Vec3,
-    /// c: the error that the vertex has where it is.
+    /// c: the error at the vertex itself.
     pub constant: f32,
 }
 
@@ -39,7 +39,7 @@ impl LocalQuadric {
         self.add_quadratic(&planes.quadratic());
     }
 
-    /// Adds the quadratic part of another one about the same point.
+    /// Adds the quadratic part of another quadric with the same origin.
     #[inline(always)]
     pub fn add_quadratic(&mut self, other: &[f32; 6]) {
         self.quadratic.iter_mut().zip(other).for_each(|(own, other)| *own += other);
@@ -52,7 +52,7 @@ impl LocalQuadric {
         Vec3::new(xx * d.x + xy * d.y + zx * d.z, xy * d.x + yy * d.y + yz * d.z, zx * d.x + yz * d.y + zz * d.z)
     }
 
-    /// Its value at a displacement.
+    /// Value at a displacement d.
     #[inline(always)]
     pub fn at(&self, d: Vec3) -> f32 {
         (self.apply(d) + 2.0 * self.linear).dot(d) + self.constant

@@ -1,10 +1,10 @@
-//! What a collapse costs and where its vertex goes: quadrics and the published cost functions.
+//! Cost and placement of a collapse: quadrics and the published cost functions.
 //!
-//! The published systems, one to a file: [`oblique`], [`curvature`], [`terrain`], [`sharpness`], and the baseline that they
-//! compare with, [`classic`]; [`surface`] is this program's own.
+//! One published system per file: [`oblique`], [`curvature`], [`terrain`], [`sharpness`], and their common baseline
+//! [`classic`]. [`surface`] is this program's own cost.
 //!
-//! A cost function sees a cluster's mesh and an edge; it knows of no files, threads or locks. Legality is decided in
-//! `simplify` and never looks at a cost.
+//! A cost function reads a cluster's mesh and an edge; it does not depend on files, threads or locks. `simplify`
+//! decides legality, and never reads a cost to do so.
 
 pub mod around;
 pub mod census;

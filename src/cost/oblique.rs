@@ -1,4 +1,5 @@
-//! Oblique photogrammetry: quadrics of position and texture, weighted so that rough ground goes first and pictures last.
+//! Oblique photogrammetry: quadrics of position and texture, weighted so that rough ground collapses first and dense
+//! texture last.
 //!
 //! # Source
 //! Wang, Zhang, Li, Chen, Li, "Lightweight algorithm for preventing texture distortion in oblique photogrammetry model
@@ -16,25 +17,26 @@
 //! | tex_ij = \|v_i - v_j\| (α_i den_i + α_j den_j) \[13\] | `stretch` |
 //! | cost = v̄ᵀ (Ā_i Q_i / LRS_i + Ā_j Q_j / LRS_j) v̄ · tex_ij \[14\] | `place` |
 //!
-//! The rules for an edge: two smooth vertices go to v̄ with the texture coordinates of v̄; a seam vertex or corner stays where
-//! it is when a smooth one joins it; two seam vertices meet in the middle of an edge of their seam, with the mean texture
-//! coordinates of each side; all else is forbidden. Both ends or neither lie on the border.
+//! The paper's collapse rules: two smooth vertices merge at v̄ with the texture coordinates of v̄; a seam vertex or
+//! corner stays where it is when a smooth one collapses onto it; two seam vertices merge at the middle of an edge of
+//! their seam, with the mean texture coordinates of each side; all other collapses are forbidden. Both ends or neither
+//! lie on the border.
 //!
-//! The cost is length⁶ times a density, not an error in any sense. Q is carried unweighted; the factors are those of the
-//! mesh as it stands, refreshed over two rings after each round.
+//! The cost is length⁶ times a density, so it is no error bound. Q is accumulated unweighted; the factors are those of
+//! the current mesh, recomputed over two rings after each round.
 //!
 //! # Where we differ
-//! * Border vertices have planes through their border edges too: a flat corner of the border would cost nothing. `border=0`
-//!   is the paper's.
+//! * Border vertices also have planes through their border edges, because otherwise a flat corner of the border would
+//!   cost nothing. `border=0` is the paper's version.
 //! * Two border vertices also need a border edge between them: a chord would pinch the surface.
-//! * u and v are scaled to lengths, so den is relative to the mean density of the material, and textures of different sizes
-//!   count alike; `unit-bbox=1` takes the paper's literal unit box and texture coordinates as they are.
+//! * u and v are scaled to lengths, so den is relative to the mean density of the material, and textures of different
+//!   sizes count alike. `unit-bbox=1` takes the paper's literal unit box and unscaled texture coordinates.
 //! * LRS is at least `floor` times the median of its positive values in the mesh: on flat ground it is 0.
-//! * A minimum beyond two edge lengths gives way to the best of the middle and both ends. `placement=three` takes that
-//!   everywhere: what \[3\] leaves where the systems are singular.
-//! * Collapses are made in rounds, not from a heap, and factors are refreshed between them: see
+//! * If the minimum is more than two edge lengths away, the best of the middle and both ends is taken.
+//!   `placement=three` always takes the latter, as \[3\] does where the systems are singular.
+//! * Collapses are made in rounds, not from a heap, and factors are recomputed between rounds: see
 //!   [`engine`](crate::simplify::engine).
-//! * A vertex may join one that is locked, or at a non-manifold place, which stays.
+//! * A vertex may collapse onto a locked or a non-manifold vertex, which stays.
 //! * Without texture, S_tex = S.
 //!
 //! # Memory
@@ -54,10 +56,10 @@ use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::edge::EdgeKind;
 use crate::mesh::ring::Rings;
 
-/// A placement farther from the middle of the edge than this many edge lengths is not believed.
+/// A placement farther from the middle of the edge than this many edge lengths is rejected.
 const REACH: f64 = 2.0;
 
-/// What may be set.
+/// Parameters.
 pub const KNOBS: [Knob; 10] = [
     factor("border", 1.0, "weight of the planes through border edges; 0 is the paper's"),
     factor("floor", 1e-3, "least fluctuation, in medians of its positive values"),
@@ -84,7 +86,7 @@ pub struct Settings {
     placement: PlacePolicy,
     /// Least LRS, in 1 / length.
     floor: f64,
-    /// Length of a unit of u and v as the mesh has them.
+    /// Length of a unit of u and v, as they are in the mesh.
     uv_scale: f64,
 }
 
@@ -117,7 +119,7 @@ struct Place {
 
 type Quadric = WideQuadric<5, 15>;
 
-/// Quadrics of every wedge and factors of every vertex of a cluster.
+/// The cost function: a quadric per wedge and factors per vertex of a cluster.
 #[derive(Debug)]
 pub struct ObliqueCost {
     settings: Settings,
@@ -139,7 +141,7 @@ impl ObliqueCost {
         )
     }
 
-    /// The triangles around each wedge, and planes through border edges.
+    /// Quadric of each wedge: the triangles around it, and the planes through border edges.
     fn sum_quadrics(&self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) -> Vec<Quadric> {
         let mut quadrics = vec![Quadric::default(); mesh.wedge_vertex.len()];
         for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
@@ -166,7 +168,7 @@ impl ObliqueCost {
         quadrics
     }
 
-    /// Normal, area and density of a vertex.
+    /// Computes normal, mean area and density of a vertex.
     fn survey(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) {
         self.fan.collect(mesh, rings, vertex);
         let place = &mut self.places[vertex as usize];
@@ -185,7 +187,7 @@ impl ObliqueCost {
         place.density = f64::from(self.alphas[vertex as usize]) * density / count;
     }
 
-    /// LRS of a vertex from its neighbours' normals.
+    /// Computes LRS of a vertex from its neighbours' normals.
     fn measure(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) {
         let ends = |&corner: &u32| ClusterMesh::following(corner).map(|c| mesh.vertex_of(c));
         let corners = rings.of(vertex).iter().filter(|&&corner| mesh.living(corner).is_some());
@@ -212,7 +214,7 @@ impl ObliqueCost {
         (place.mean_area, place.density, place.fluctuation)
     }
 
-    /// Ā / LRS.
+    /// Weight Ā / LRS of a vertex's quadrics.
     fn weight(&self, vertex: u32) -> f64 {
         let place = &self.places[vertex as usize];
         let area = if self.settings.has_area { place.mean_area } else { 1.0 };
@@ -220,13 +222,13 @@ impl ObliqueCost {
         area / fluctuation
     }
 
-    /// tex of an edge.
+    /// tex_ij of an edge of this length.
     fn stretch(&self, edge: &EdgeCase<'_>, length: f64) -> f64 {
         let density = |vertex: u32| self.places[vertex as usize].density;
         if self.settings.has_stretch { length * (density(edge.from) + density(edge.to)) } else { 1.0 }
     }
 
-    /// v̄ of a free edge: position and texture coordinate.
+    /// v̄ of an edge with free placement: position and texture coordinate.
     fn solve(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> [f64; 5] {
         let (pa, pb) = ends(mesh, edge);
         let Some(&(wa, wb)) = edge.wedges.first() else { return join(pb, DVec2::ZERO) };
@@ -244,7 +246,7 @@ impl ObliqueCost {
         minimum.unwrap_or_else(|| least([middle, a, b], |v| sum.at(&v)))
     }
 
-    /// The weighted quadrics' value when every wedge of `to` has the texture coordinate that it has.
+    /// Sum of the weighted quadrics if every wedge of `to` keeps its texture coordinate.
     fn cost_onto(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> f64 {
         let Some(&(_, first)) = edge.wedges.first() else { return 0.0 };
         let (from_weight, to_weight) = (self.weight(edge.from), self.weight(edge.to));
@@ -262,7 +264,7 @@ impl ObliqueCost {
         }
     }
 
-    /// Whether the edge's vertex goes to the middle: both ends lie on a seam.
+    /// Whether both ends lie on a seam, so that the placement is the middle.
     fn is_seam(edge: &EdgeCase<'_>) -> bool {
         edge.wedges.len() > 1
     }

@@ -1,4 +1,4 @@
-//! Quadrics of unit planes, without the weight of their area, and where a vertex goes by them.
+//! Quadrics of planes that are not weighted by area, and placements by quadrics.
 
 use glam::{DVec2, DVec3};
 
@@ -9,33 +9,34 @@ use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::edge::{EdgeKind, edge_kind};
 use crate::mesh::ring::Rings;
 
-/// Stiffness of the spring that holds a free placement to the middle of its edge, relative to the trace of A.
+/// Stiffness of the spring that pulls a free placement to the middle of its edge, relative to the trace of A.
 const SPRING: f64 = 1e-6;
-/// A placement farther from the middle of the edge than this many edge lengths is not believed.
+/// A placement farther from the middle of the edge than this many edge lengths is rejected.
 const REACH: f64 = 2.0;
-/// Share of an edge's length, to the power that the cost has, that a collapse costs on a flat patch: it orders ties.
+/// Cost of a collapse on a flat patch, relative to the edge length raised to the cost's power of length: it orders
+/// ties.
 pub(super) const LENGTH_SHARE: f64 = 1e-7;
 
-/// Where the vertex of a collapse goes.
+/// Placement of a collapse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum PlacePolicy {
-    /// To the minimum of its quadric.
+    /// At the minimum of the quadric.
     #[default]
     Optimal,
-    /// To the best of both ends and the middle.
+    /// At the best of both ends and the middle.
     BestOfThree,
 }
 
 impl PlacePolicy {
-    /// The words of its setting, in the order of its values.
+    /// Words of the parameter, in the order of its values.
     pub const WORDS: &[&str] = &["optimal", "three"];
 
-    /// From the value of its setting.
+    /// The policy for a value of the parameter.
     pub fn from_knob(value: f64) -> Self {
         if value > 0.0 { Self::BestOfThree } else { Self::Optimal }
     }
 
-    /// Where a vertex goes by a quadric.
+    /// Position of least error under this policy.
     pub fn place(self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, quadric: &Quadric) -> DVec3 {
         match self {
             Self::Optimal => best_place(mesh, edge, quadric),
@@ -44,7 +45,7 @@ impl PlacePolicy {
     }
 }
 
-/// Unit normal and area of a triangle, if it has any.
+/// Unit normal and area of a triangle; `None` if it has no area.
 pub fn plane_of(triangle: [DVec3; 3]) -> Option<(DVec3, f64)> {
     let across = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]);
     let length = across.length();
@@ -57,14 +58,15 @@ pub fn area_of(mesh: &ClusterMesh) -> f64 {
     living.filter_map(|face| plane_of(mesh.triangle(face))).map(|(_, area)| area).sum()
 }
 
-/// What vertices or wedges start with that came since `known` of them were, as copies do where a handle is cut; `all` makes
-/// that of all of them.
+/// Initial values for the vertices or wedges added since there were `known` of them, such as copies made where a handle
+/// is cut. `all` computes the values of all `count` of them.
 pub fn newcomers<T>(known: usize, count: usize, all: impl FnOnce() -> Vec<T>) -> Vec<T> {
     if known < count { all().split_off(known) } else { Vec::new() }
 }
 
-/// The squared distance to the planes of the faces around each vertex; to planes through border edges, upright on their
-/// faces, `border` times, and through seam edges, on each side, half as often.
+/// For each vertex, the squared distance to the planes of the faces around it. With `border` > 0 it includes the planes
+/// through border edges, perpendicular to their face, with weight `border`, and those through seam edges, on each side,
+/// with half that weight.
 pub fn unit_planes(mesh: &ClusterMesh, rings: &Rings, classes: &[Class], border: f64) -> Vec<Quadric> {
     let mut quadrics = vec![Quadric::default(); mesh.positions.len()];
     for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
@@ -90,7 +92,8 @@ pub fn unit_planes(mesh: &ClusterMesh, rings: &Rings, classes: &[Class], border:
     quadrics
 }
 
-/// The edges of a face that are borders or seams, except those between two fixed vertices, which may only look so.
+/// Calls `each` for the border and seam edges of a face. Leaves out edges between two complex or fixed vertices: faces
+/// of another cluster may be missing there.
 pub fn each_chain_edge(
     mesh: &ClusterMesh,
     rings: &Rings,
@@ -112,7 +115,8 @@ pub fn each_chain_edge(
     }
 }
 
-/// The best place of a quadric near an edge: its minimum, else the best of the middle and both ends.
+/// Position near an edge with the least error: the minimum of the quadric; or else the best of the middle and both
+/// ends.
 pub fn best_place(mesh: &ClusterMesh, edge: &EdgeCase<'_>, quadric: &Quadric) -> DVec3 {
     let (pa, pb) = ends(mesh, edge);
     if edge.onto {
@@ -125,13 +129,13 @@ pub fn best_place(mesh: &ClusterMesh, edge: &EdgeCase<'_>, quadric: &Quadric) ->
     }
 }
 
-/// The best of the middle and both ends of an edge.
+/// The best of the middle and both ends of an edge; the end that stays if the collapse is `onto` it.
 fn best_of_three(mesh: &ClusterMesh, edge: &EdgeCase<'_>, quadric: &Quadric) -> DVec3 {
     let (pa, pb) = ends(mesh, edge);
     if edge.onto { pb } else { least([0.5 * (pa + pb), pa, pb], |p| quadric.at(p)) }
 }
 
-/// The first of the candidates of least value.
+/// The candidate of least value; the first of several.
 pub fn least<T: Copy, const N: usize>(candidates: [T; N], value: impl Fn(T) -> f64) -> T {
     let mut best = (value(candidates[0]), candidates[0]);
     for candidate in &candidates[1..] {
@@ -143,7 +147,8 @@ pub fn least<T: Copy, const N: usize>(candidates: [T; N], value: impl Fn(T) -> f
     best.1
 }
 
-/// Texture coordinates of each wedge pair at a share of the way from the end that vanishes to the one that stays.
+/// Appends the texture coordinate of each wedge pair, interpolated by `share` from the vertex that vanishes to the one
+/// that stays.
 pub fn texcoords_along(mesh: &ClusterMesh, edge: &EdgeCase<'_>, share: f64, out: &mut Vec<DVec2>) {
     let uv = |wedge: u32| mesh.wedge_uv[wedge as usize];
     out.extend(edge.wedges.iter().map(|&(a, b)| uv(a).lerp(uv(b), share)));
@@ -154,7 +159,8 @@ pub fn ends(mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> (DVec3, DVec3) {
     (mesh.positions[edge.from as usize], mesh.positions[edge.to as usize])
 }
 
-/// A placement whose cost (length²) is clamped at 0, with a share of the squared edge length that orders ties.
+/// A placement whose cost (length²) is clamped at 0 and increased by a share of the squared edge length, which orders
+/// ties.
 pub fn priced(mesh: &ClusterMesh, edge: &EdgeCase<'_>, position: DVec3, cost: f64) -> Placement {
     let (pa, pb) = ends(mesh, edge);
     Placement { position, cost: cost.max(0.0) + LENGTH_SHARE * pa.distance_squared(pb) }

@@ -3,7 +3,7 @@
 //! # Source
 //! Garland & Heckbert, "Surface simplification using quadric error metrics", 1997: the sum of squared distances to
 //! planes, p·Ap + 2 b·p + c. Hoppe, "New quadric metric for simplifying meshes with appearance attributes", 1999: an
-//! attribute s that varies over a face as g·p + d errs by (g·p + d - s)².
+//! attribute s that is g·p + d on a face has the error (g·p + d - s)².
 //!
 //! | symbol | here |
 //! | --- | --- |
@@ -30,7 +30,7 @@ pub struct Quadric {
 }
 
 impl Quadric {
-    /// weight · (n·p + d)²: the squared distance to a plane with unit normal n.
+    /// weight · (n·p + d)²: the weighted squared distance to a plane with unit normal n.
     #[inline]
     pub fn plane(normal: DVec3, offset: f64, weight: f64) -> Self {
         let scaled = normal * weight;
@@ -42,13 +42,13 @@ impl Quadric {
         }
     }
 
-    /// Its value at a position.
+    /// Value at a position.
     #[inline]
     pub fn at(&self, p: DVec3) -> f64 {
         self.apply(p).dot(p) + 2.0 * self.linear.dot(p) + self.constant
     }
 
-    /// So many times itself.
+    /// The quadric times `weight`.
     #[inline]
     pub fn scaled(&self, weight: f64) -> Self {
         Self {
@@ -70,8 +70,8 @@ impl Quadric {
         )
     }
 
-    /// The position of least value near `from`, held back by a spring of stiffness `spring` (in units of A) to `from`;
-    /// nothing where the system is singular all the same.
+    /// The minimiser, with a spring of stiffness `spring` (in units of A) to `from`. `None` if the system is singular
+    /// even with the spring.
     #[inline]
     pub fn minimum_near(&self, from: DVec3, spring: f64) -> Option<DVec3> {
         let residual = self.apply(from) + self.linear;
@@ -111,7 +111,7 @@ impl std::ops::Add for Quadric {
 
 /// The part of the texture error that depends on the wedge: Σ area·(s² - 2 s (g·p + d)) for u and v.
 ///
-/// The rest, Σ area·(g·p + d)², is a [`Quadric`] and is kept with the vertex.
+/// The rest, Σ area·(g·p + d)², does not depend on s: it is a [`Quadric`] of the vertex.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct WedgeQuadric {
     /// Σ area·g for u and v.
@@ -123,9 +123,10 @@ pub struct WedgeQuadric {
 }
 
 impl WedgeQuadric {
-    /// Of one face: the wedge's share and the vertex's share of its texture error, weighted by `weight`.
+    /// The texture error of one face, times `weight`: the part of the wedge and the part of the vertex. `None` if the
+    /// face has no area or no texture coordinates.
     ///
-    /// The gradient lies in the face's plane; a face without area has none.
+    /// The gradient lies in the face's plane.
     pub fn of_face(triangle: [DVec3; 3], uv: [DVec2; 3], normal: DVec3, weight: f64) -> Option<(Self, Quadric)> {
         let (e1, e2) = (triangle[1] - triangle[0], triangle[2] - triangle[0]);
         let across = e1.cross(e2);
@@ -148,14 +149,15 @@ impl WedgeQuadric {
         (wedge.gradient[0].is_finite() && wedge.gradient[1].is_finite()).then_some((wedge, vertex))
     }
 
-    /// Its value at a position and texture coordinate.
+    /// Value at a position and texture coordinate.
     #[inline]
     pub fn at(&self, p: DVec3, uv: DVec2) -> f64 {
         let mapped = self.mapped(p);
         self.weight * uv.length_squared() - 2.0 * uv.dot(mapped)
     }
 
-    /// Adds to a quadric of the position what [`at`](WedgeQuadric::at) is for a texture coordinate that is held.
+    /// Adds to `quadric` the value of [`at`](WedgeQuadric::at) as a function of the position, for a fixed texture
+    /// coordinate.
     #[inline]
     pub fn add_held(&self, uv: DVec2, quadric: &mut Quadric) {
         quadric.linear -= self.gradient[0] * uv.x + self.gradient[1] * uv.y;
@@ -168,7 +170,7 @@ impl WedgeQuadric {
         DVec2::new(self.gradient[0].dot(p), self.gradient[1].dot(p)) + self.offset
     }
 
-    /// The quadric of a position that remains when the texture coordinate is always the best one.
+    /// The quadric of the position that remains when the texture coordinate is always that of least error.
     #[inline]
     pub fn eliminated(&self) -> Quadric {
         let mut quadric = Quadric::default();

@@ -1,4 +1,4 @@
-//! Quadrics weighted by sharpness and by the texture that a face holds: small parts and painted detail outlast the rest.
+//! Quadrics weighted by sharpness and by the texture area of a face: small parts and painted detail outlast the rest.
 //!
 //! # Source
 //! Li, Jiang, Tang, "High-quality simplified algorithm of texture model for detailed features preserving", Application
@@ -11,17 +11,18 @@
 //! | R = (1/n) Σ S_tex / S \[6\] | `texture_share` |
 //! | cost = v0ᵀ (A^(σ1+R1) Q1 + A^(σ2+R2) Q2) v0 with A = 2 \[7\] | `quadrics`, [`BASE`] |
 //!
-//! The candidates for v0 are both ends and the middle; texture coordinates move as positions do. The factors are part of Q
-//! from the beginning of a pass, are never computed anew, and weighted Qs add. Boundary and complex vertices never vanish.
+//! The candidates for v0 are both ends and the middle; texture coordinates are interpolated like positions. The factors
+//! are applied to Q at the start of a pass and never recomputed; weighted Qs add. Boundary and complex vertices never
+//! vanish.
 //!
 //! # Where we differ
 //! * R is divided by its mean over the whole mesh, since its unit is uv² / length², and is at most `cap`: slivers
-//!   overflow 2^R. S_tex is scaled to lengths for each material before, as for every metric here, so that R tells dense
-//!   places of a texture from sparse ones of the same texture, and not one texture from another.
+//!   overflow 2^R. S_tex is first scaled to lengths for each material, as for every metric here, so R compares places
+//!   of one texture, not textures with each other.
 //! * Q is the sum of unit planes; those of seam edges are added with half the weight of `border`.
 //! * Seams collapse along themselves.
-//! * Edges at boundary and complex vertices never collapse; the paper gives them the maximal cost, so that they go last.
-//!   If `boundary` is 1, an inner vertex may join a boundary vertex, which stays.
+//! * Edges at boundary and complex vertices never collapse; the paper gives them the maximal cost, so that they go
+//!   last. If `boundary` is 1, an inner vertex may collapse onto a boundary vertex, which stays.
 //! * Collapses are made in rounds, not from a heap: see [`engine`](crate::simplify::engine).
 //!
 //! # Memory
@@ -40,10 +41,10 @@ use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::edge::EdgeKind;
 use crate::mesh::ring::Rings;
 
-/// A.
+/// The base A of the weight.
 pub const BASE: f64 = 2.0;
 
-/// What may be set.
+/// Parameters.
 pub const KNOBS: [Knob; 5] = [
     switch("sigma", 1.0, "0 leaves the sharpness out"),
     switch("texture", 1.0, "0 leaves the texture factor out"),
@@ -77,7 +78,7 @@ impl From<[f64; 5]> for Settings {
     }
 }
 
-/// σ of a vertex; 0 where its ring has no area.
+/// σ of a vertex; 0 if its one-ring has no area.
 pub fn sharpness(fan: &Fan) -> f64 {
     let area = fan.area();
     if area <= 0.0 {
@@ -101,7 +102,7 @@ fn texture_share(mesh: &ClusterMesh, fan: &Fan) -> f64 {
     if count > 0.0 { sum / count } else { 0.0 }
 }
 
-/// Weighted quadrics of every vertex of a cluster.
+/// The cost function: a weighted quadric per vertex of a cluster.
 #[derive(Debug)]
 pub struct SharpnessCost {
     settings: Settings,
@@ -111,7 +112,7 @@ pub struct SharpnessCost {
 }
 
 impl SharpnessCost {
-    /// The planes of the faces around each vertex, by how sharp and how textured its place is.
+    /// Quadrics of all vertices, times A^(σ+R).
     fn sharp_planes(&self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) -> Vec<Quadric> {
         let mut quadrics = unit_planes(mesh, rings, classes, self.settings.border);
         let mut fan = Fan::default();
@@ -129,7 +130,7 @@ impl SharpnessCost {
         self.quadrics[edge.from as usize] + self.quadrics[edge.to as usize]
     }
 
-    /// Share of the way from the end that vanishes to the one that stays: 0, ½ or 1.
+    /// Position along the edge, from the end that vanishes (0) to the one that stays (1): 0, ½ or 1.
     fn best_share(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> f64 {
         let (pa, pb) = ends(mesh, edge);
         let sum = self.sum(edge);

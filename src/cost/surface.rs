@@ -1,5 +1,5 @@
 //! The default cost: squared distance to the planes of the surface, of its borders and seams, and, with texture,
-//! squared slide of the picture; all weighted by area. Sharp edges are held like borders (`crease.rs`).
+//! squared texture drift, all weighted by area. Sharp edges are held like borders (`crease.rs`).
 //!
 //! # Source
 //! Garland & Heckbert 1997 and 1998 ("Simplifying surfaces with color and texture using quadric error metrics"),
@@ -7,11 +7,11 @@
 //! Turk 1998 and Hoppe 1999.
 //!
 //! # Where we differ
-//! * Texture coordinates are scaled by √(Σ area / Σ texture area) of their material, so that a metre of slide costs
-//!   what a metre of distance costs.
-//! * Vertices collapse onto others, which is judged in a tenth of the time of an optimal placement; what is left is
-//!   moved to its best place at the end of each stage, before the quadrics are computed anew.
-//! * A spring to where the vertex is keeps that place finite on flat and straight parts.
+//! * Texture coordinates are scaled by √(Σ area / Σ texture area) of their material, so a drift of one unit of length
+//!   costs as much as a distance of one.
+//! * Vertices collapse onto others, which takes a tenth of the time of an optimal placement. The remaining vertices are
+//!   relocated to their best positions at the end of each stage, before the quadrics are recomputed.
+//! * A spring to the vertex's current position keeps the best position finite on flat and straight parts.
 //!
 //! # Memory
 //! 40 bytes a vertex and, with texture, 36 bytes a wedge.
@@ -27,20 +27,20 @@ use crate::mesh::cluster::{ClusterMesh, DEAD};
 use crate::mesh::edge::{EdgeKind, edge_kind, kind_among};
 use crate::mesh::ring::{Rings, Spoke};
 
-/// Stiffness of the spring that holds a vertex to its place, relative to the trace of A.
+/// Stiffness of the spring that holds a vertex to its position, relative to the trace of A.
 const SPRING: f64 = 1e-5;
-/// A move that lowers the error by less than this share is not made.
+/// A relocation must lower the error by at least this share.
 const LEAST_GAIN: f64 = 0.02;
-/// Area share of a squared edge length that a collapse costs on a perfectly flat patch: it orders ties, no more.
+/// Cost of a collapse on a flat patch, relative to the fourth power of the edge length: it only orders ties.
 const LENGTH_SHARE: f32 = 1e-6;
-/// Collapses that are judged at once.
+/// Collapses whose costs are computed together.
 const LANES: usize = 8;
 
-/// Quadrics of every vertex and wedge of a cluster.
+/// The cost function: a quadric for each vertex and wedge of a cluster.
 #[derive(Debug, Default)]
 pub struct SurfaceCost {
     weights: Weights,
-    /// That of the squared distance to seams, as crowded as they are.
+    /// Weight of the squared distance to seams at their predicted density.
     seam_weight: f64,
     vertices: Vec<LocalQuadric>,
     wedges: Vec<LocalWedge>,
@@ -48,7 +48,7 @@ pub struct SurfaceCost {
 }
 
 impl SurfaceCost {
-    /// Without quadrics yet.
+    /// A cost function without quadrics; [`refresh`](SurfaceCost::refresh) must follow.
     pub fn new(weights: Weights) -> Self {
         Self { weights, seam_weight: weights.of_seams(), ..Self::default() }
     }
@@ -110,8 +110,8 @@ impl SurfaceCost {
         }
     }
 
-    /// Adds to the ends of the border and seam edges that lead on from a vertex the planes through them, upright on each
-    /// face.
+    /// Adds to the ends of the border and seam edges that start at a vertex the planes through them, perpendicular to
+    /// each face.
     fn add_chain_edges(
         &mut self,
         mesh: &ClusterMesh,
@@ -136,7 +136,7 @@ impl SurfaceCost {
             if !is_chained(classes[b as usize]) {
                 continue;
             }
-            // An edge whose other face has the same wedges is most often found so, without a branch for each face.
+            // Finds most inner edges without a branch for each face: their other face has the same wedges.
             let own = spokes.get(i);
             let differs = |other: &Spoke, own: &Spoke| {
                 (other.previous ^ own.next) | (other.wedge ^ own.wedge) | (other.previous_wedge ^ own.next_wedge)
@@ -167,7 +167,7 @@ impl SurfaceCost {
         }
     }
 
-    /// Cost of a collapse of `from` onto `to`, and the place of `to`.
+    /// Cost of collapsing `from` onto `to`, with the position of `to`.
     #[inline(always)]
     pub fn place(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Placement {
         let d = shift(mesh, edge);
@@ -177,7 +177,7 @@ impl SurfaceCost {
         Placement { position: mesh.positions[edge.to as usize], cost: f64::from(cost) }
     }
 
-    /// Error that `from` and its wedges have at the place of `to` and its wedges.
+    /// Error of `from` and its wedges at the position of `to` and its texture coordinates.
     #[inline(always)]
     fn moved(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, d: Vec3) -> f32 {
         let mut error = self.vertices[edge.from as usize].at(d);
@@ -195,7 +195,8 @@ impl SurfaceCost {
         error
     }
 
-    /// Costs of collapses inside a chart, as [`place`](SurfaceCost::place) tells them, several in the lanes of one register.
+    /// Appends the costs of collapses inside a chart: the same as from [`place`](SurfaceCost::place), `LANES` at a time
+    /// in vector registers.
     #[inline(always)]
     fn costs_onto(&self, mesh: &ClusterMesh, from: u32, wedge: u32, ends: &[(u32, u32)], costs: &mut Vec<f32>) {
         let here = mesh.positions[from as usize];
@@ -225,7 +226,7 @@ impl SurfaceCost {
         }
     }
 
-    /// Adds the quadrics of a vertex that vanished and of its wedges to those that stay.
+    /// Adds the quadrics of the vanished vertex and its wedges to those that stay.
     pub fn join(&mut self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) {
         let d = shift(mesh, edge);
         let mut vanished = self.vertices[edge.from as usize];
@@ -259,8 +260,8 @@ impl SurfaceCost {
         vertex.constant += vanished.constant;
     }
 
-    /// Moves the quadric of a wedge to the place of the vertex that stays; its texture coordinate is as it was, and what
-    /// that costs is part of the vertex's quadric.
+    /// Translates the quadric of a wedge to the vertex that stays; its texture coordinate is unchanged, and the cost of
+    /// that is part of the vertex's quadric.
     pub fn bring(&mut self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, wedge: u32) {
         if self.has_texture() {
             let wedge = &mut self.wedges[wedge as usize];
@@ -268,7 +269,8 @@ impl SurfaceCost {
         }
     }
 
-    /// Step that takes a vertex to its least error, with what its wedges do meanwhile; nothing if that gains next to nothing.
+    /// Step of a vertex to its position of least error; `None` if the error falls by less than 2 %. Wedges take their
+    /// best texture coordinates, except those with a fixed `slide`.
     pub fn best_step(&self, vertex: u32, wedges: &[SettlingWedge]) -> Option<DVec3> {
         let quadric = self.vertices[vertex as usize];
         let mut reduced = quadric.widened();
@@ -285,7 +287,7 @@ impl SurfaceCost {
         gains.then_some(step)
     }
 
-    /// Slide of a wedge's texture coordinate that has the least error when its vertex makes a step.
+    /// Change of a wedge's texture coordinate that has the least error when its vertex makes `step`.
     pub fn best_slide(&self, wedge: u32, step: DVec3) -> DVec2 {
         match self.wedges.get(wedge as usize) {
             Some(texture) if texture.weight > 0.0 => {
@@ -302,22 +304,22 @@ impl SurfaceCost {
     }
 }
 
-/// From the vertex that vanishes to the one that stays.
+/// Vector from the vertex that vanishes to the one that stays.
 #[inline(always)]
 fn shift(mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Vec3 {
     (mesh.positions[edge.to as usize] - mesh.positions[edge.from as usize]).as_vec3()
 }
 
-/// From the texture coordinate of one wedge to that of another; NaN where one has none.
+/// Difference of the texture coordinates of two wedges; NaN if one has none.
 #[inline(always)]
 fn slide(mesh: &ClusterMesh, from: u32, to: u32) -> Vec2 {
     (mesh.wedge_uv[to as usize] - mesh.wedge_uv[from as usize]).as_vec2()
 }
 
-/// Gradients of u and v in the plane of a triangle, from what its edges span in space and in texture; `upright` is its
-/// normal divided by its doubled area. Not finite without texture.
+/// Gradients of u and v in the plane of a triangle, from its edge vectors in space and in texture. `upright` is the
+/// normal divided by twice the area. Not finite without texture.
 ///
-/// NOTE: in double precision, since in a needle two long vectors leave a short one.
+/// NOTE: in double precision, because in a needle the difference of two long vectors is short.
 #[inline(always)]
 fn texture_gradients(edges: [DVec3; 2], texture: [DVec2; 2], upright: DVec3) -> [Vec3A; 2] {
     let across = [edges[1].cross(upright), upright.cross(edges[0])];
@@ -402,14 +404,15 @@ mod tests {
     const EDGE: EdgeCase<'_> =
         EdgeCase { from: 6, to: 12, onto: true, stays: true, wedges: &[(6, 12)], insets: [Vec2::ZERO; 2] };
 
-    /// A field of hills, so that quadrics, textures and places are of all kinds.
+    /// A bumpy grid with a curved texture mapping, so that quadrics of all kinds occur.
     fn hills() -> ClusterMesh {
         let mut mesh = samples::grid(6, 0.7);
         mesh.wedge_uv.iter_mut().for_each(|t| *t += DVec2::new(t.x * t.y, 0.3 * t.x) * 0.5);
         mesh
     }
 
-    /// Squared distances to planes and squared slides over the faces around a vertex, in double precision.
+    /// Sum of the squared distances to planes and the squared texture drift over the faces around a vertex, in double
+    /// precision.
     fn plain_error(mesh: &ClusterMesh, vertex: u32, position: DVec3, uv: DVec2) -> f64 {
         let mut error = 0.0;
         for face in (0..mesh.corners.len() as u32).filter(|&face| mesh.vertices(face).contains(&vertex)) {
@@ -489,7 +492,8 @@ mod tests {
         assert!((here / there - 1.0).abs() < 1e-3, "{here} {there}");
     }
 
-    /// A vertex that two others collapsed onto, and the error of three of them at a place with a texture coordinate.
+    /// A cost function after collapses of 16 and 18 onto 17, and the summed error of the three after a step and a
+    /// drift.
     fn joined() -> (SurfaceCost, impl Fn(DVec3, DVec2) -> f64) {
         let mesh = hills();
         let mut cost = prepared(&mesh);

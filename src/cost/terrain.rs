@@ -1,8 +1,8 @@
-//! Terrain: quadrics of position, texture and normal in eight dimensions; borders are kept edge for edge.
+//! Terrain: quadrics of position, texture and normal in eight dimensions; all border edges are kept.
 //!
 //! # Source
-//! Li, Shi, Zhu, "Simplification approach for 3D terrain with multi-constraints consideration", Geomatics and Information
-//! Science of Wuhan University 43(2), 2018, doi 10.13203/j.whugis20160431.
+//! Li, Shi, Zhu, "Simplification approach for 3D terrain with multi-constraints consideration", Geomatics and
+//! Information Science of Wuhan University 43(2), 2018, doi 10.13203/j.whugis20160431.
 //!
 //! | symbol | here |
 //! | --- | --- |
@@ -11,20 +11,20 @@
 //! | e1, e2 \[6, 7\]; D², A, b, c \[8\] to \[12\] | [`WideQuadric`], one for each wedge |
 //! | interior, general, border edges: none, one, both ends on the border | `class_weight` |
 //!
-//! The place is the optimal one. The paper repeats its steps "for the edges at the end of the collapsed one", which may mean
-//! the costs alone or the quadrics, too. Here the quadrics of both ends add, and each round recomputes normals and costs at the
-//! new vertices; with `carry=0` it recomputes the quadrics around them, too.
+//! The placement is the minimum. The paper repeats its steps "for the edges at the end of the collapsed one", which may
+//! mean the costs alone or also the quadrics. Here the quadrics of both ends add, and each round recomputes normals and
+//! costs at the new vertices; with `carry=0` it also recomputes the quadrics around them.
 //!
 //! # Where we differ
 //! * Borders are locked: in the paper's table all 566 border edges survive. `border-weights=1` multiplies costs by 1,
 //!   `general` and `border` instead.
-//! * u and v are scaled to lengths, and N by `normal` times the mean edge length; `box-scale=1` scales N by the diagonal
-//!   of the box instead, which makes the result depend on the extent.
-//! * `raw=1` takes positions, texture coordinates and unit normals as they are, in whatever units they have.
+//! * u and v are scaled to lengths, and N by `normal` times the mean edge length. `box-scale=1` scales N by the
+//!   diagonal of the bounding box instead, so that the result depends on the extent.
+//! * `raw=1` takes positions, texture coordinates and unit normals unscaled, in whatever units they have.
 //! * Without texture u = v = 0.
 //! * Collapses are made in rounds, not from a heap: see [`engine`](crate::simplify::engine).
-//! * Along a seam the vertex goes to the best of the middle and both ends, on both sides of it.
-//! * A minimum beyond two edge lengths gives way to the best of the middle and both ends.
+//! * Along a seam the placement is the best of the middle and both ends, on both sides of the seam.
+//! * If the minimum is more than two edge lengths away, the best of the middle and both ends is taken.
 //!
 //! # Memory
 //! 40 bytes a vertex, 360 a wedge.
@@ -43,10 +43,10 @@ use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::edge::EdgeKind;
 use crate::mesh::ring::Rings;
 
-/// A placement farther from the middle of the edge than this many edge lengths is not believed.
+/// A placement farther from the middle of the edge than this many edge lengths is rejected.
 const REACH: f64 = 2.0;
 
-/// What may be set.
+/// Parameters.
 pub const KNOBS: [Knob; 7] = [
     factor("normal", 0.1, "weight of the normal, in mean edge lengths (box diagonals with box-scale)"),
     switch("box-scale", 0.0, "1 scales the normal by the diagonal of the box"),
@@ -67,7 +67,7 @@ pub struct Settings {
     border: f64,
     is_raw: bool,
     carries: bool,
-    /// Length of the normal.
+    /// Length that a unit normal is scaled to.
     normal_scale: f64,
 }
 
@@ -88,7 +88,7 @@ impl From<[f64; 7]> for Settings {
 
 type Quadric = WideQuadric<8, 36>;
 
-/// Quadrics of every wedge and normals of every vertex of a cluster.
+/// The cost function: a quadric per wedge and a normal per vertex of a cluster.
 #[derive(Debug)]
 pub struct TerrainCost {
     settings: Settings,
@@ -102,7 +102,7 @@ pub struct TerrainCost {
 }
 
 impl TerrainCost {
-    /// The triangles around each wedge.
+    /// Quadric of each wedge: the sum over the triangles around it.
     fn sum_quadrics(&self, mesh: &ClusterMesh) -> Vec<Quadric> {
         let mut quadrics = vec![Quadric::default(); mesh.wedge_vertex.len()];
         for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
@@ -114,7 +114,7 @@ impl TerrainCost {
         quadrics
     }
 
-    /// The squared distance to a face, if it has an area.
+    /// The squared distance to a face; `None` if the face has no area.
     fn of_face(&self, mesh: &ClusterMesh, face: u32) -> Option<Quadric> {
         plane_of(mesh.triangle(face))?;
         Quadric::of_triangle(mesh.corners[face as usize].map(|wedge| self.point(mesh, wedge)))
@@ -152,7 +152,7 @@ impl TerrainCost {
         }
     }
 
-    /// The place of a free edge in eight dimensions.
+    /// Placement of a free edge in eight dimensions, and its cost; `None` if the edge has no wedge pair.
     fn solve(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Option<([f64; 8], f64)> {
         let (pa, pb) = ends(mesh, edge);
         let &(wa, wb) = edge.wedges.first()?;
@@ -168,7 +168,7 @@ impl TerrainCost {
         Some((best, sum.at(&best)))
     }
 
-    /// Cost at a share of the way along an edge, summed over all sides of it.
+    /// Cost of the position `share` along an edge, summed over all sides of the edge.
     fn cost_at(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, share: f64) -> f64 {
         let cost = |&(wa, wb): &(u32, u32)| {
             let v = between(&self.point(mesh, wa), &self.point(mesh, wb), share);
@@ -181,7 +181,7 @@ impl TerrainCost {
         least([0.5, 0.0, 1.0], |share| self.cost_at(mesh, edge, share))
     }
 
-    /// Cost of wedges of the staying vertex that the edge does not touch.
+    /// Cost of the wedges of the vertex that stays that are in no wedge pair of the edge.
     fn cost_beside(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> f64 {
         let Some(&(_, first)) = edge.wedges.first() else { return 0.0 };
         let (mut cost, mut wedge) = (0.0, mesh.wedge_next[first as usize]);
@@ -203,7 +203,7 @@ impl TerrainCost {
     }
 }
 
-/// N of a vertex: the mean of its faces' normals by angle, shorter than 1 where the surface is sharp.
+/// N of a vertex: the mean of its faces' normals by angle, shorter than 1 at sharp vertices.
 fn mean_normal(fan: &Fan) -> DVec3 {
     let (mut sum, mut angles) = (DVec3::ZERO, 0.0);
     for spoke in fan.spokes.iter().filter(|spoke| spoke.area > 0.0) {
@@ -239,7 +239,7 @@ impl Metric for TerrainCost {
         settings.is_raw
     }
 
-    /// Counts the edges of every face, so that those inside count twice however the mesh is cut.
+    /// Counts the edges of every face. Inner edges count twice, wherever the clusters' borders are.
     fn count(_: &Settings, mesh: &ClusterMesh, _: &Rings, _: &[Class], census: &mut Census) {
         for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
             let [a, b, c] = mesh.triangle(face);

@@ -1,4 +1,4 @@
-//! What holds for every metric, and each metric beside a plain evaluation of its formulas.
+//! Laws that hold for every metric, and each metric against a direct evaluation of its formulas.
 
 use glam::{DMat3, DQuat, DVec2, DVec3, Vec2};
 
@@ -23,7 +23,7 @@ struct Prepared<M> {
     cost: M,
 }
 
-/// A metric with its defaults, settled and refreshed on a mesh.
+/// A metric on a mesh, with its normalisers set and its state refreshed.
 fn prepared<M: Metric>(mesh: &ClusterMesh, settings: impl Into<M::Settings>) -> Prepared<M> {
     let (mut rings, mut classes, mut settings, mut census) =
         (Rings::default(), Vec::new(), settings.into(), Census::default());
@@ -50,7 +50,7 @@ fn moved(mesh: &ClusterMesh, scale: f64, turn: DMat3, shift: DVec3) -> ClusterMe
     mesh
 }
 
-/// `power`: of the length that the cost is.
+/// The cost is a length to this `power`.
 fn obeys_the_laws<M: Metric, const N: usize>(knobs: &[knob::Knob; N], power: i32)
 where
     M::Settings: From<[f64; N]>,
@@ -61,7 +61,7 @@ where
     assert!(here.cost > 1e-6, "a bumpy grid costs something: {here:?}");
 
     let flat = prepared::<M>(&samples::grid(6, 0.0), defaults()).price(&INNER);
-    assert!(flat.cost < 1e-5, "flat ground with an affine picture costs no more than its tie breaker: {flat:?}");
+    assert!(flat.cost < 1e-5, "flat ground with an affine texture costs no more than its tie breaker: {flat:?}");
     assert!((flat.position.z).abs() < 1e-6);
 
     let large = prepared::<M>(&moved(&mesh, 3.0, DMat3::IDENTITY, DVec3::ZERO), defaults()).price(&INNER);
@@ -134,7 +134,7 @@ fn the_metric_of_1997_is_the_sum_of_squared_distances_to_planes() {
     }
 }
 
-/// The knobs' defaults, but for one.
+/// The defaults of all parameters except one.
 fn with<const N: usize>(knobs: &[knob::Knob; N], name: &str, value: f64) -> [f64; N] {
     assert!(knobs.iter().any(|knob| knob.name == name));
     knobs.map(|knob| if knob.name == name { value } else { knob.default })
@@ -181,7 +181,7 @@ fn the_area_weighted_baseline_follows_a_change_as_the_curvature_metric_does() {
 
 #[test]
 fn terrain_quadrics_that_are_not_carried_are_those_of_the_mesh_as_it_stands() {
-    // As it is, so that no normaliser changes with the mesh.
+    // Raw, so that no normaliser changes with the mesh.
     let settings = |carry: f64| {
         terrain::KNOBS.map(|knob| match knob.name {
             "raw" => 1.0,
@@ -201,7 +201,7 @@ fn terrain_quadrics_that_are_not_carried_are_those_of_the_mesh_as_it_stands() {
     }
     let carried = prepared::<TerrainCost>(&samples::grid(6, 0.7), settings(1.0));
     let stale = carried.cost.place(&it.mesh, &INNER).cost;
-    assert!((stale / fresh.price(&INNER).cost - 1.0).abs() > 0.05, "what is carried knows nothing of the change");
+    assert!((stale / fresh.price(&INNER).cost - 1.0).abs() > 0.05, "carried quadrics ignore the change");
 }
 
 #[test]
@@ -210,7 +210,7 @@ fn terrain_counts_no_face_without_area() {
     (mesh.positions[16].z, mesh.positions[17].z) = (0.5, 0.25);
     let raw = || with(&terrain::KNOBS, "raw", 1.0);
     let before = prepared::<TerrainCost>(&mesh, raw()).price(&INNER).cost;
-    // Normals of its corners differ, so that it has a plane in eight dimensions.
+    // The normals of its corners differ, so it has a plane in eight dimensions.
     let middle = mesh.push_vertex(0.5 * (mesh.positions[16] + mesh.positions[17]), 0);
     let wedge = mesh.push_wedge(middle, DVec2::new(0.25, 0.2));
     mesh.push_face([16, wedge, 17], 0);
@@ -354,7 +354,7 @@ fn the_sharpness_of_a_cubes_corner_is_a_quarter_turn_times_three_joints_shares()
     assert!((sharpness::sharpness(&fan) - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
 }
 
-/// |w|² - (w·e1)² - (w·e2)² summed over the faces around a vertex, for w from the face's first corner.
+/// Σ |w|² - (w·e1)² - (w·e2)² over the faces around a vertex, with w from the face's first corner.
 fn wide_sum<const N: usize>(faces: &[[[f64; N]; 3]], v: [f64; N]) -> f64 {
     let dot = |a: &[f64; N], b: &[f64; N]| (0..N).map(|i| a[i] * b[i]).sum::<f64>();
     let minus = |a: &[f64; N], b: &[f64; N]| -> [f64; N] { std::array::from_fn(|i| a[i] - b[i]) };
@@ -469,7 +469,7 @@ fn oblique_rules_are_those_of_the_paper() {
     ] {
         assert_eq!(it.cost.rule(from, to, kind), rule, "{from:?} {to:?} {kind:?}");
     }
-    // Two seam vertices meet in the middle, and so do their texture coordinates on both sides.
+    // Two seam vertices merge at the middle, and their texture coordinates on both sides do, too.
     let other = it.mesh.wedge_next[24];
     let above = it.mesh.wedge_next[31];
     let edge = EdgeCase {

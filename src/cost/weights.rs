@@ -1,36 +1,40 @@
-//! Weights of the default cost, and how firmly it holds seams.
+//! Weights of the default cost, and the weight of seams by their predicted density.
 //!
-//! A straightened seam lies outside of one of its two charts by as much as it lies inside the other. Where few vertices of
-//! the result will lie on seams, these are so short that it hardly does, however lightly they are held, and the surface may
-//! have the vertices; the more there are, the more firmly must they be held. Where they would take nearly all vertices,
-//! that costs the surface more than it gives the picture, and they are held lightly again; where they would take more than
-//! there are, by the square of that.
+//! A straightened seam lies outside one of its two charts by as much as inside the other. The seam weight limits this
+//! overhang, at the price of vertices for the surface. It depends on the share of the result's vertices that will lie
+//! on seams:
+//!
+//! * Low: seam edges are short, so a seam hardly leaves its chart, and a light weight is enough.
+//! * Medium: the full weight.
+//! * High, where seams would take nearly all vertices: the surface loses more than the texture gains, so the weight is
+//!   light again. Above that it falls with the inverse square of the density.
 
 use super::knob::{Knob, factor, switch};
 
-/// Crowding with seams between which they are held firmly.
+/// NOTE: tuned. Seam densities between which seams have their full weight.
 const FIRM: [f64; 2] = [0.52, 0.65];
-/// Crowding up to which, and from which on, they are held lightly.
+/// NOTE: tuned. Seam densities up to which, and from which on, seams have the light weight.
 const LOOSE: [f64; 2] = [0.32, 0.85];
-/// Weight of seams that are held lightly, relative to that of firm ones; between both it grows by equal factors.
+/// NOTE: tuned. Light weight relative to the full weight; in between the weight is interpolated geometrically.
 const LIGHT: f64 = 0.08;
 
-/// Crowding beyond which seams are held no more lightly.
+/// Seam density above which the weight falls no further.
 const CROWDING_MAX: f64 = 4.0;
 
 /// Weights of the terms, all relative to the area-weighted squared distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Weights {
-    /// Of the squared slide of the picture; 0 leaves texture out of the cost.
+    /// Of the squared texture drift; 0 leaves texture out of the cost.
     pub uv: f64,
     /// Of the squared distance to an open border, per squared border length.
     pub border: f64,
-    /// Of the squared distance to a seam that is held firmly, per squared seam length and side.
+    /// Of the squared distance to a seam at full weight, per squared seam length and side.
     pub seam: f64,
-    /// Share of what a straightened seam or border leaves its chart by that its texture coordinates move inwards instead.
+    /// Share of the overhang of a straightened seam or border beyond its chart by which its texture coordinates move
+    /// into the chart, 0 to 1.
     pub inset: f64,
-    /// Share of the result's vertices that seams would take
-    /// ([`SeamTally::crowding`](crate::mesh::crowding::SeamTally::crowding)); infinite if it is not known.
+    /// Predicted share of the result's vertices on seams
+    /// ([`SeamTally::crowding`](crate::mesh::crowding::SeamTally::crowding)); infinite if unknown.
     pub crowding: f64,
 }
 
@@ -40,7 +44,7 @@ impl Default for Weights {
     }
 }
 
-/// What may be set besides the weight of the slide.
+/// Parameters besides the weight of the texture drift.
 pub const KNOBS: [Knob; 3] = [
     factor("border", 1.0, "weight of the squared distance to open borders"),
     factor(
@@ -62,7 +66,7 @@ impl From<[f64; 3]> for Weights {
 }
 
 impl Weights {
-    /// Weight of the squared distance to seams, as crowded as they are.
+    /// Weight of the squared distance to seams at their predicted density.
     pub fn of_seams(&self) -> f64 {
         let sparse = (FIRM[0] - self.crowding) / (FIRM[0] - LOOSE[0]);
         let crowded = (self.crowding - FIRM[1]) / (LOOSE[1] - FIRM[1]);

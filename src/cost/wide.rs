@@ -2,18 +2,18 @@
 //!
 //! # Source
 //! Garland & Heckbert, "Simplifying surfaces with color and texture using quadric error metrics", Visualization 1998.
-//! For a triangle (p, q, r): e1 = (q - p) / |q - p|, e2 the unit vector of r - p - (e1·(r - p)) e1; A = I - e1 e1ᵀ - e2 e2ᵀ,
-//! b = (p·e1) e1 + (p·e2) e2 - p, c = p·p - (p·e1)² - (p·e2)²; the distance² of v is vᵀAv + 2 b·v + c.
+//! For a triangle (p, q, r): e1 = (q - p) / |q - p|, e2 the unit vector of r - p - (e1·(r - p)) e1; A = I - e1 e1ᵀ - e2
+//! e2ᵀ, b = (p·e1) e1 + (p·e2) e2 - p, c = p·p - (p·e1)² - (p·e2)²; the distance² of v is vᵀAv + 2 b·v + c.
 //!
 //! # Memory
 //! 8 (M + N + 1) bytes: 168 for N = 5, 360 for N = 8.
 
 use nalgebra::{Cholesky, SMatrix, SVector};
 
-/// A pivot below this share of the trace is taken for zero.
+/// A pivot of the Cholesky factor counts as zero if its square is below this share of the trace.
 const PIVOT_SHARE: f64 = 1e-9;
 
-/// v ↦ vᵀAv + 2 b·v + c over N dimensions; M = N (N + 1) / 2 numbers of A are kept.
+/// v ↦ vᵀAv + 2 b·v + c over N dimensions; M = N (N + 1) / 2 entries of A are stored.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WideQuadric<const N: usize, const M: usize> {
     /// Lower half of A, row by row.
@@ -38,7 +38,7 @@ fn direction<const N: usize>(v: [f64; N]) -> Option<[f64; N]> {
 }
 
 impl<const N: usize, const M: usize> WideQuadric<N, M> {
-    /// The squared distance to the plane of a triangle, if it has one.
+    /// The squared distance to the plane of a triangle; `None` if the triangle is degenerate.
     pub fn of_triangle([p, q, r]: [[f64; N]; 3]) -> Option<Self> {
         let minus = |a: &[f64; N], b: &[f64; N]| -> [f64; N] { std::array::from_fn(|i| a[i] - b[i]) };
         let e1 = direction(minus(&q, &p))?;
@@ -56,7 +56,7 @@ impl<const N: usize, const M: usize> WideQuadric<N, M> {
         quadric.c.is_finite().then_some(quadric)
     }
 
-    /// weight · (n·x + d)² of the first three coordinates x, with unit normal n.
+    /// weight · (n·x + d)² for the first three coordinates x, with unit normal n.
     pub fn of_plane(normal: glam::DVec3, offset: f64, weight: f64) -> Self {
         let mut quadric = Self { c: weight * offset * offset, ..Self::default() };
         for i in 0..3 {
@@ -68,7 +68,7 @@ impl<const N: usize, const M: usize> WideQuadric<N, M> {
         quadric
     }
 
-    /// Its value.
+    /// Value at v.
     #[inline]
     pub fn at(&self, v: &[f64; N]) -> f64 {
         let mut sum = self.c;
@@ -83,7 +83,7 @@ impl<const N: usize, const M: usize> WideQuadric<N, M> {
         sum
     }
 
-    /// Where it is least; nothing where A is singular.
+    /// Minimiser; `None` if A is singular.
     pub fn minimum(&self) -> Option<[f64; N]> {
         let mut matrix = SMatrix::<f64, N, N>::zeros();
         let mut trace = 0.0;
@@ -131,7 +131,7 @@ mod tests {
 
     #[test]
     fn its_value_is_the_squared_distance_to_the_plane() {
-        // The plane spanned by x and y: a point off it by (3, 4, 12) in the other dimensions is 13 away.
+        // The plane of the first two axes: a point off it by (3, 4, 12) along the other axes has distance 13.
         let quadric = Five::of_triangle([[0.0; 5], [2.0, 0.0, 0.0, 0.0, 0.0], [1.0, 5.0, 0.0, 0.0, 0.0]]).unwrap();
         assert!((quadric.at(&[7.0, -8.0, 3.0, 4.0, 12.0]) - 169.0).abs() < 1e-12);
     }

@@ -1,6 +1,6 @@
-//! A tree of bounding boxes over points or segments: what is near a segment, what is nearest to a point.
+//! A tree of bounding boxes: finds the items near a segment, and the distance to the item nearest to a point.
 //!
-//! Boxes are sorted along a Morton curve, put into leaves of eight, and leaves into a complete binary tree:
+//! Items are sorted along a Morton curve and put into leaves of eight; the leaves form a complete binary tree:
 //!
 //! ```text
 //!                 1
@@ -8,17 +8,17 @@
 //!     4       5       6       7        the leaves follow at leaf_base, padded with empty boxes
 //!   |....|  |....|  |....|  |..  |
 //! ```
-//! Unlike a uniform grid it does not care how unevenly lengths and densities are spread.
+//! Unlike a uniform grid it stays efficient where item sizes and densities vary widely.
 //!
 //! # Memory
-//! 4 bytes a box plus 48 · 2 / 8 to 48 · 4 / 8 for the nodes; 16 more while it is built.
+//! 4 bytes an item, plus 48 · 2 / 8 to 48 · 4 / 8 for the nodes; 16 more during construction.
 
 use glam::{BVec3, DVec3};
 use rayon::prelude::*;
 
-/// Boxes of a leaf.
+/// Items of a leaf.
 const LEAF_BOXES: usize = 8;
-/// Nodes above a leaf, at most: items are counted in 32 bits.
+/// Largest depth of the tree: item ids have 32 bits.
 const DEPTH_MAX: usize = 32;
 /// Bits of a Morton code along each axis.
 const MORTON_BITS: u32 = 21;
@@ -33,7 +33,7 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// The box of nothing.
+    /// The empty box: neutral in [`with`](Bounds::with).
     pub const EMPTY: Self = Self { low: DVec3::INFINITY, high: DVec3::NEG_INFINITY };
 
     /// The smallest box around some points.
@@ -51,17 +51,17 @@ impl Bounds {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 
-    /// Squared distance of a point; 0 inside.
+    /// Squared distance to a point; 0 if it lies inside.
     pub fn distance_sq(self, point: DVec3) -> f64 {
         (self.low - point).max(point - self.high).max(DVec3::ZERO).length_squared()
     }
 
-    /// Squared distance of the corner that is farthest from a point.
+    /// Squared distance from a point to the corner farthest from it.
     pub fn farthest_sq(self, point: DVec3) -> f64 {
         (point - self.low).abs().max((self.high - point).abs()).length_squared()
     }
 
-    /// Whether the segment meets the box grown by the segment's margin on all sides; an empty box meets nothing.
+    /// Whether the segment meets the box grown by the segment's margin on all sides; `false` for an empty box.
     fn meets(self, segment: &Slabs) -> bool {
         let (low, high) = (self.low - segment.margin - segment.from, self.high + segment.margin - segment.from);
         let enter = DVec3::select(segment.backward, high, low) * segment.inverse;
@@ -70,7 +70,7 @@ impl Bounds {
     }
 }
 
-/// A segment from 0 to 1, prepared for being cut by the planes of boxes.
+/// A segment, prepared for the slab test against boxes; its parameter runs from 0 to 1.
 struct Slabs {
     from: DVec3,
     inverse: DVec3,
@@ -79,7 +79,7 @@ struct Slabs {
 }
 
 impl Slabs {
-    /// Steps shorter than this count as this, so that their inverse is finite.
+    /// Components of the step below this in size are replaced by it, so that their inverse is finite.
     const STEP_MIN: f64 = 1e-300;
 
     fn new([from, to]: [DVec3; 2], margin: f64) -> Self {
@@ -90,7 +90,7 @@ impl Slabs {
     }
 }
 
-/// Boxes by place; an item is the index of its box.
+/// The tree over items 0 .. `count`; the caller keeps the items themselves.
 #[derive(Debug)]
 pub struct BoxTree {
     items: Vec<u32>,
@@ -99,7 +99,7 @@ pub struct BoxTree {
 }
 
 impl BoxTree {
-    /// Sorts the boxes of the items 0 .. `count`; O(n log n).
+    /// Builds the tree over the items 0 .. `count`, whose boxes `box_of` returns. O(n log n).
     pub fn new(count: usize, box_of: impl Fn(u32) -> Bounds) -> Self {
         let whole = (0..count as u32).fold(Bounds::EMPTY, |all, item| all.with(box_of(item)));
         let scale =
@@ -122,7 +122,7 @@ impl BoxTree {
         Self { items, nodes, leaf_base }
     }
 
-    /// The box around all.
+    /// The box around all items.
     pub fn bounds(&self) -> Bounds {
         self.nodes[1]
     }
@@ -132,7 +132,8 @@ impl BoxTree {
         &self.items[begin..(begin + LEAF_BOXES).min(self.items.len())]
     }
 
-    /// Calls `visit` with every item whose box may lie within `margin` of the segment, and with some that do not.
+    /// Calls `visit` with every item whose box lies within `margin` of the segment, and with some that lie farther
+    /// away.
     pub fn near_segment(&self, ends: [DVec3; 2], margin: f64, mut visit: impl FnMut(u32)) {
         let segment = Slabs::new(ends, margin);
         let mut pending = Vec::with_capacity(64);
@@ -149,10 +150,11 @@ impl BoxTree {
         }
     }
 
-    /// Smallest of `limit` and of `distance_sq` over all items, where an item is no nearer to `point` than its box.
+    /// The lowest `distance_sq` of any item, or `limit` if none is lower. `distance_sq` of an item must not be below
+    /// the squared distance from `point` to its box.
     pub fn nearest_sq(&self, point: DVec3, limit: f64, mut distance_sq: impl FnMut(u32) -> f64) -> f64 {
         let mut best = limit;
-        // The farther child of each node on the way down.
+        // Stack of the farther child of each node on the way down, with its squared distance.
         let mut pending = [(0.0, 0); DEPTH_MAX];
         let mut count = 1;
         pending[0] = (0.0, 1);

@@ -1,23 +1,24 @@
-//! Vertex classes, and the table that says which class may collapse into which, and where the new vertex goes.
+//! Vertex classes, and the table of placement rules for collapses between them.
 //!
 //! # Source
 //! Classes and rules after Wang et al. 2024 ("Lightweight algorithm for preventing texture distortion in oblique
-//! photogrammetry model simplification"): smooth, seam and corner by the number of texture coordinates, each inside
-//! the surface or on an open border.
+//! photogrammetry model simplification"): a vertex is smooth, seam or corner by its number of texture coordinates, and
+//! lies inside the surface or on an open border.
 //!
 //! # Where we differ
-//! * A seam may also end at a corner or a locked vertex, which stays (the paper forbids it).
-//! * An inner vertex may collapse into a border vertex, which stays (the paper forbids it).
-//! * A seam, corner or border vertex that others collapse into keeps its texture coordinates, but moves to fit the
-//!   surface (in the paper it stays).
+//! * A seam vertex may also collapse onto a corner or a locked vertex, which stays (the paper forbids it).
+//! * An inner vertex may collapse onto a border vertex, which stays (the paper forbids it).
+//! * A seam, corner or border vertex that others collapse onto keeps its texture coordinates, but is relocated to fit
+//!   the surface (in the paper it stays).
 //! * A vertex with one texture coordinate at which a seam ends is a corner.
-//! * Where a metric allows it, a corner may collapse along one of its seams, and the end of a seam along the border
-//!   (the paper forbids it). Charts without the edge keep their texture coordinate: they are stretched, not left.
+//! * If the metric allows it, a corner may collapse along one of its seams, and the end of a seam along the border (the
+//!   paper forbids both). Charts that do not contain the edge keep their texture coordinates: their texture is
+//!   stretched, but does not leave the chart.
 
 use super::cluster::ClusterMesh;
 use super::ring::{Rings, Spoke};
 
-/// What kind of place a vertex sits at.
+/// Class of a vertex, by the charts and borders that meet there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
 pub enum Class {
@@ -33,28 +34,28 @@ pub enum Class {
     BorderSeam,
     /// On an open border, where several seams end.
     BorderCorner,
-    /// At a non-manifold place: an edge of three faces or more, or fans that meet in a point.
+    /// Non-manifold: on an edge of three faces or more, or where several fans meet.
     Complex,
-    /// Of too high a valence to be handled, without faces, or used by other clusters.
+    /// Never vanishes or moves: above [`VALENCE_MAX`], without faces, or used by other clusters.
     Fixed,
 }
 
-/// Where the vertex goes when an edge collapses.
+/// Placement rule of an edge collapse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rule {
-    /// The edge stays.
+    /// The edge does not collapse.
     Never,
-    /// To the best place.
+    /// To the best placement.
     Free,
-    /// To the edge's second end, which keeps its texture coordinates and, if locked or fixed, its place.
+    /// To the edge's second end, which keeps its texture coordinates and, if locked or fixed, its position.
     Onto,
-    /// To the best place near the chain; only along an edge of the seam or border that both ends lie on.
+    /// To the best placement near the chain; only along an edge of the seam or border that both ends lie on.
     Chain,
     /// As `Onto`, but only along an edge of the seam or border.
     ChainOnto,
 }
 
-/// Largest number of faces around a vertex that may move or vanish; larger fans wait until their rim has shrunk.
+/// Largest valence of a vertex that may move or vanish. A larger fan waits until collapses on its rim have shrunk it.
 pub const VALENCE_MAX: usize = 128;
 
 impl Class {
@@ -70,7 +71,7 @@ impl Class {
         Class::Fixed,
     ];
 
-    /// What may become of an edge from a vertex of this class (which vanishes) to one of class `to`.
+    /// Rule for an edge from a vertex of this class, which vanishes, to one of class `to`.
     #[inline]
     pub fn rule(self, to: Class) -> Rule {
         RULES[self as usize][to as usize]
@@ -110,16 +111,16 @@ const RULES: [[Rule; 8]; 8] = {
     ]
 };
 
-/// The class of every vertex; vertices without faces are [`Class::Fixed`]. Returns whether two faces that share an edge,
-/// which no third one has, run along it the same way: [`orient`](super::orient) mends that.
+/// Writes the class of every vertex; vertices without faces are [`Class::Fixed`]. Returns whether the two faces of some
+/// edge run along it in the same direction, which [`orient`](super::orient) repairs.
 pub fn classify(mesh: &ClusterMesh, rings: &Rings, classes: &mut Vec<Class>) -> bool {
     classes.clear();
     classes.resize(mesh.positions.len(), Class::Fixed);
     reclassify_all(mesh, rings, classes)
 }
 
-/// The classes after legal collapses: those of vertices that were [`Class::Smooth`] are the same. Returns what
-/// [`classify`] does.
+/// Recomputes the classes after legal collapses: vertices that were [`Class::Smooth`] stay so. Returns the same as
+/// [`classify`].
 pub fn reclassify_all(mesh: &ClusterMesh, rings: &Rings, classes: &mut [Class]) -> bool {
     let mut fan = Fan::default();
     for (vertex, class) in classes.iter_mut().enumerate().filter(|(_, class)| **class != Class::Smooth) {
@@ -128,7 +129,7 @@ pub fn reclassify_all(mesh: &ClusterMesh, rings: &Rings, classes: &mut [Class]) 
     fan.shows_back
 }
 
-/// The classes of some vertices, whatever they were.
+/// Recomputes the classes of the given vertices, whatever they were.
 pub fn reclassify(mesh: &ClusterMesh, rings: &Rings, classes: &mut [Class], vertices: impl IntoIterator<Item = u32>) {
     let mut fan = Fan::default();
     for vertex in vertices {
@@ -136,22 +137,22 @@ pub fn reclassify(mesh: &ClusterMesh, rings: &Rings, classes: &mut [Class], vert
     }
 }
 
-/// Vertices that are looked for at once.
+/// Vertices that one step of [`find`] compares.
 const LANES: usize = 8;
 
-/// One spoke, where spokes are counted with the sum of their places: more than that can be.
+/// One match in a sum of [`find`]; above any sum of spoke indices.
 const ONE: u32 = 1 << 16;
 
-/// The faces around one vertex.
+/// The faces around one vertex, and buffers to classify it.
 #[derive(Debug, Default)]
 struct Fan {
     spokes: Vec<Spoke>,
-    /// The vertex that each spoke begins at, and the one that it ends at.
+    /// `next` of each spoke, in lanes; `ends` holds `previous`.
     begins: Vec<[u32; LANES]>,
     ends: Vec<[u32; LANES]>,
-    /// The spoke that begins where each one ends.
+    /// For each spoke, the spoke that begins where it ends.
     followers: Vec<usize>,
-    /// Whether two faces ran the same way along an edge of theirs alone, in any fan so far.
+    /// Whether, in any fan so far, the two faces of some edge ran along it in the same direction.
     shows_back: bool,
 }
 
@@ -171,16 +172,16 @@ impl Fan {
         self.walk()
     }
 
-    /// The only spoke that begins at a vertex.
+    /// Index of the spoke that begins at a vertex; `None` if there is not exactly one.
     fn beginning_at(&self, vertex: u32) -> Option<usize> {
         let found = find(&self.begins, vertex);
         (found / ONE == 1).then_some((found % ONE) as usize)
     }
 
-    /// Whether a walk over edges that have the same wedges on both sides leads around all spokes.
+    /// Whether one walk over edges that have the same wedges on both sides visits all spokes and closes.
     fn is_smooth(&mut self) -> bool {
         self.followers.clear();
-        // Each spoke's follower is looked for by itself, so that no search waits for the one before.
+        // All followers first: these searches are independent, while a walk would wait for each in turn.
         for spoke in &self.spokes {
             let Some(next) = self.beginning_at(spoke.previous) else { return false };
             let follower = &self.spokes[next];
@@ -199,7 +200,7 @@ impl Fan {
         false
     }
 
-    /// Walks the fan counter-clockwise: from a spoke to the one that begins where it ends.
+    /// Class of the fan, found by walking it counter-clockwise from each spoke to the one that begins where it ends.
     fn walk(&mut self) -> Class {
         let spokes = &self.spokes;
         let mut start = None;
@@ -247,7 +248,7 @@ impl Fan {
     }
 }
 
-/// A vertex of each spoke, side by side; what is left over names none.
+/// Writes one vertex of each spoke to `lanes`, padded with `u32::MAX`.
 fn lanes_of(spokes: &[Spoke], lanes: &mut Vec<[u32; LANES]>, vertex_of: impl Fn(&Spoke) -> u32) {
     lanes.clear();
     lanes.extend(spokes.chunks(LANES).map(|spokes| {
@@ -257,10 +258,10 @@ fn lanes_of(spokes: &[Spoke], lanes: &mut Vec<[u32; LANES]>, vertex_of: impl Fn(
     }));
 }
 
-/// [`ONE`] for each spoke that names a vertex, and the sum of their places.
+/// [`ONE`] for each spoke that names the vertex, plus the sum of their indices.
 #[inline(always)]
 fn find(lanes: &[[u32; LANES]], vertex: u32) -> u32 {
-    // All are looked at, in lanes: where the vertex stands, no branch could foresee.
+    // Compares all lanes, because a branch on the position of the match would be unpredictable.
     let mut found = [0; LANES];
     for (at, lanes) in (0..).step_by(LANES).zip(lanes) {
         for lane in 0..LANES {
@@ -278,7 +279,7 @@ mod tests {
     use super::super::cluster::samples;
     use super::*;
 
-    /// Two faces that run the same way along their edge, 0-1, show it at both of its ends.
+    /// Two faces run along their edge 0-1 in the same direction; the fans of both ends detect it.
     #[test]
     fn a_face_that_shows_its_back_is_seen_from_either_end_of_the_edge() {
         let mut mesh = ClusterMesh::default();
@@ -304,7 +305,7 @@ mod tests {
         classes
     }
 
-    // One test per cell of the table would repeat it; these state each rule in words instead.
+    // One test per cell would repeat the table; these state each rule in words.
     #[test]
     fn a_smooth_vertex_may_go_anywhere_and_moves_only_smooth_ones() {
         for to in Class::ALL {
@@ -437,14 +438,14 @@ mod tests {
         assert_eq!(classes_of(&mesh)[1], Class::Border);
     }
 
-    /// A face around vertex 0: the two vertices that follow, and which wedge each of the three has.
+    /// A face around vertex 0: its other two vertices, and the number of the wedge at each of the three.
     #[derive(Debug, Clone, Copy)]
     struct Around {
         ends: [u32; 2],
         wedges: [u32; 3],
     }
 
-    /// Fans that are closed or open, some of them with a face that is turned, or one more anywhere.
+    /// Closed and open fans; some have one face reversed, or one additional face anywhere.
     fn fan() -> impl Strategy<Value = Vec<Around>> {
         let wedges = prop::array::uniform3(prop_oneof![3 => Just(0u32), 1 => 1u32..3]);
         let face = ((1u32..8, 1u32..7), wedges.clone());
@@ -471,7 +472,7 @@ mod tests {
         })
     }
 
-    /// The class of vertex 0, face by face and edge by edge.
+    /// The class of vertex 0, computed edge by edge.
     fn expected_class(faces: &[Around]) -> Class {
         let at = |k: usize, vertex: u32| -> Vec<usize> {
             (0..faces.len()).filter(|&face| faces[face].ends[k] == vertex).collect()
@@ -509,7 +510,8 @@ mod tests {
         }
     }
 
-    /// Whether two faces run the same way along an edge that no other has, if that can be told from one edge alone.
+    /// Whether the two faces of some edge run along it in the same direction; `None` if more than one edge is
+    /// inconsistent.
     fn expected_back(faces: &[Around]) -> Option<bool> {
         let mut runs = std::collections::BTreeMap::new();
         for &Around { ends: [a, b], .. } in faces {

@@ -5,7 +5,7 @@
 //!   face f: corners 9, 4, 12 (wedges); a face of DEAD corners is gone
 //! ```
 //!
-//! A corner is named by 3 × its face + its place in it, as in [`Rings`](super::Rings).
+//! The id of a corner is 3 × its face + its index in the face, as in [`Rings`](super::Rings).
 //!
 //! # Memory
 //! A face takes 33 bytes, a vertex 25, a wedge 25: about 60 bytes a triangle of an ordinary textured mesh.
@@ -16,23 +16,23 @@ use serde::{Deserialize, Serialize};
 /// Corner value of a face that was removed.
 pub const DEAD: u32 = u32::MAX;
 
-/// What may not happen to a vertex, and what did.
+/// Bits of [`ClusterMesh::flags`](super::ClusterMesh::flags).
 pub mod flag {
     /// The vertex neither moves nor vanishes: another cluster uses it, or an option locks it.
     pub const LOCKED: u8 = 1;
-    /// Another cluster uses the vertex, so that its ring here is not whole.
+    /// Another cluster uses the vertex, so its one-ring is incomplete here.
     pub const SHARED: u8 = 2;
-    /// The vertex has left the position that it came with.
+    /// The vertex has left its initial position.
     pub const MOVED: u8 = 4;
 }
 
-/// The nearest single-precision number that is not below: how bounds on deviations are kept.
+/// The smallest `f32` that is not below `value`: bounds on deviations are stored rounded up.
 pub fn rounded_up(value: f64) -> f32 {
     let near = value as f32;
     if f64::from(near) < value { near.next_up() } else { near }
 }
 
-/// A cluster's triangles.
+/// The triangle mesh of one cluster.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct ClusterMesh {
     /// Position of each vertex relative to the cluster's origin, in the mesh's unit of length.
@@ -50,12 +50,12 @@ pub struct ClusterMesh {
     /// Next wedge of the same vertex, cyclic.
     #[serde(with = "crate::base::records")]
     pub wedge_next: Vec<u32>,
-    /// Whether the wedge has left the texture coordinate that it came with.
+    /// Whether the wedge has left its initial texture coordinate.
     pub wedge_moved: Vec<bool>,
     /// Wedges of each face's corners, counter-clockwise.
     #[serde(with = "crate::base::records")]
     pub corners: Vec<[u32; 3]>,
-    /// Vertices of each face's corners: those of its wedges, at hand.
+    /// Vertices of each face's corners: `wedge_vertex` of `corners`, cached.
     #[serde(with = "crate::base::records")]
     pub corner_vertices: Vec<[u32; 3]>,
     /// Part (label) of each face.
@@ -66,7 +66,7 @@ pub struct ClusterMesh {
     pub deviations: Vec<f32>,
     /// Whether each face was turned over by [`orient`](super::orient).
     pub is_turned: Vec<bool>,
-    /// The vertex that each of the last ones is a copy of, which is no copy itself.
+    /// For each of the last vertices, which are copies, the vertex that it copies; that one is no copy itself.
     #[serde(skip)]
     pub copied_from: Vec<u32>,
     /// Number of faces that are not dead.
@@ -74,7 +74,8 @@ pub struct ClusterMesh {
 }
 
 impl ClusterMesh {
-    /// Whether its ids name what is there, for a mesh without dead faces or linked wedges that was read back.
+    /// Whether all ids are in range and all arrays have matching lengths. For a mesh that was read back, without dead
+    /// faces and with unlinked wedges.
     pub fn is_sound(&self) -> bool {
         let (vertices, wedges, faces) = (self.positions.len(), self.wedge_vertex.len(), self.corners.len());
         let vertex_of = |wedge: u32| self.wedge_vertex.get(wedge as usize).copied();
@@ -93,17 +94,17 @@ impl ClusterMesh {
         self.corner_vertices[face as usize]
     }
 
-    /// Wedge of a corner, if its face was not removed.
+    /// Wedge of a corner; `None` if its face was removed.
     #[inline]
     pub fn living(&self, corner: u32) -> Option<u32> {
         let wedge = self.corners.as_flattened()[corner as usize];
         (wedge != DEAD).then_some(wedge)
     }
 
-    /// The two corners that follow a corner in its face, counter-clockwise.
+    /// The next and the previous corner in the face, counter-clockwise.
     #[inline(always)]
     pub fn following(corner: u32) -> [u32; 2] {
-        // Looked up: which place it is, no branch could foresee.
+        // A table lookup, because a branch on the corner's index would be unpredictable.
         const STEPS: [[u32; 2]; 3] = [[1, 2], [1, 1u32.wrapping_neg()], [2u32.wrapping_neg(), 1u32.wrapping_neg()]];
         STEPS[corner as usize % 3].map(|step| corner.wrapping_add(step))
     }
@@ -126,7 +127,7 @@ impl ClusterMesh {
         self.corners[face as usize][0] == DEAD
     }
 
-    /// The wedge of `vertex` in a face, if the vertex is one of its corners.
+    /// The wedge of `vertex` in a face; `None` if the vertex is not one of its corners.
     #[inline]
     pub fn wedge_at(&self, face: u32, vertex: u32) -> Option<u32> {
         let at = self.corner_vertices[face as usize].into_iter().position(|v| v == vertex)?;
@@ -171,7 +172,7 @@ impl ClusterMesh {
         (self.wedge_vertex.len() - 1) as u32
     }
 
-    /// Adds a face that lies where it lay in the input.
+    /// Adds a face with a deviation of 0.
     pub fn push_face(&mut self, corners: [u32; 3], part: u32) {
         self.corners.push(corners);
         self.corner_vertices.push(corners.map(|w| self.wedge_vertex[w as usize]));
@@ -181,7 +182,7 @@ impl ClusterMesh {
         self.face_count += 1;
     }
 
-    /// Links the wedges of each vertex into a cycle, in order of their ids.
+    /// Links the wedges of each vertex into a cycle, in order of their ids, and marks all wedges as not moved.
     pub fn link_wedges(&mut self) {
         let mut first = vec![DEAD; self.positions.len()];
         let mut last = vec![DEAD; self.positions.len()];
@@ -199,7 +200,7 @@ impl ClusterMesh {
         }
     }
 
-    /// Brings a wedge to the vertex of another wedge.
+    /// Moves a wedge to the vertex of the wedge `beside`, and links it into that vertex's cycle.
     pub fn bring_wedge(&mut self, wedge: u32, beside: u32) {
         self.wedge_vertex[wedge as usize] = self.wedge_vertex[beside as usize];
         self.wedge_next[wedge as usize] = self.wedge_next[beside as usize];
@@ -232,9 +233,9 @@ impl ClusterMesh {
         self.is_turned.truncate(kept);
     }
 
-    /// Takes out of the cycles those wedges that no face uses any more.
+    /// Unlinks the wedges that no face uses from the cycles of those in use.
     ///
-    /// A vertex without any wedge in use keeps one.
+    /// The cycle of a vertex without any wedge in use stays as it is.
     pub fn unlink_unused_wedges(&mut self) {
         let mut used = vec![false; self.wedge_vertex.len()];
         for &wedge in self.corners.iter().filter(|corners| corners[0] != DEAD).flatten() {
@@ -258,7 +259,8 @@ pub(crate) mod samples {
 
     use super::*;
 
-    /// A flat grid of n × n unit squares, two triangles each, with uv = 0.1 × position and bumps of height `bump`.
+    /// A grid of n × n unit squares, two triangles each, with uv = 0.1 × position and pseudo-random bumps of height 0
+    /// to `bump`.
     pub fn grid(n: u32, bump: f64) -> ClusterMesh {
         let mut mesh = ClusterMesh::default();
         for y in 0..=n {

@@ -1,24 +1,24 @@
-//! How crowded with seams a mesh will be once it has fewer faces.
+//! Predicts the seam density of the simplified mesh.
 
 use std::ops::AddAssign;
 
-/// What some of the clusters of a mesh have of faces and seams.
+/// Faces, area and seam length, summed over clusters.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct SeamTally {
     /// Number of faces.
     pub faces: u64,
-    /// Their area.
+    /// Total area of the faces.
     pub area: f64,
-    /// Length of the seams between them.
+    /// Total length of the seams.
     pub seams: f64,
 }
 
 impl SeamTally {
-    /// Share of the vertices that would lie on seams if `kept` of the faces were left and all edges were equally long;
-    /// above 1 where seams have bends for which there are not vertices enough.
+    /// Predicted share of vertices on seams if the share `kept` of the faces is left and all edges have the same
+    /// length. 0 without seams; above 1 if the bends of the seams need more vertices than there are.
     ///
-    /// n equilateral faces of area A have n / 2 vertices and edges of √(4 A / √3 n), so that seams of length L take
-    /// ⁴√3 L / √(A n) of the vertices.
+    /// n equilateral faces of total area A have n / 2 vertices and edges of length √(4 A / √3 n), so seams of length L
+    /// take ⁴√3 L / √(A n) of the vertices.
     pub fn crowding(&self, kept: f64) -> f64 {
         match self.seams > 0.0 {
             true => 3f64.sqrt().sqrt() * self.seams / (self.area * self.faces as f64 * kept).sqrt(),

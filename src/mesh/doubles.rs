@@ -1,7 +1,7 @@
-//! Faces that lie on each other: copies, and the back sides of faces that are drawn from both sides.
+//! Faces with the same three vertices: copies, and back sides of double-sided faces.
 
-/// Faces, by ascending number, whose three vertices an earlier face has, in whatever order; `vertices` gives those of each
-/// of the first `count` faces. O(n log n).
+/// Faces, ascending, whose three vertices an earlier face has in any order. `vertices` returns the vertices of each of
+/// the faces 0 .. `count`. O(n log n).
 pub fn doubles(count: usize, vertices: impl Fn(u32) -> [u32; 3]) -> Vec<u32> {
     let mut keys: Vec<([u32; 3], u32)> = (0..count as u32)
         .map(|face| {

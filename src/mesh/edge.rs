@@ -1,20 +1,21 @@
-//! How faces are joined at an edge: in one chart, along a seam, or not at all.
+//! Edge kinds: inside a chart, on a seam, or on a border.
 
 use super::cluster::ClusterMesh;
 use super::ring::{Rings, Spoke};
 
-/// How the faces on both sides of an edge are joined.
+/// How the faces at an edge are connected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EdgeKind {
-    /// Two faces with the same wedges.
+    /// Two faces or more, all with the same wedges at both ends.
     Inner,
-    /// Two faces, or more, that differ in a wedge.
+    /// Two faces or more that differ in the wedge of an end.
     Seam,
     /// One face.
     Border,
 }
 
-/// What kind of edge leads to a vertex, if its wedges are these in one of the faces around the edge's other end.
+/// Kind of the edge from the centre of `spokes` to the vertex `to`. `wedges` are those of the centre and of `to` in one
+/// of the faces at the edge.
 pub fn kind_among(spokes: &[Spoke], wedges: (u32, u32), to: u32) -> EdgeKind {
     let (mut count, mut differs) = (0, false);
     for found in spokes.iter().filter_map(|spoke| spoke.edge_to(to)) {
@@ -28,7 +29,7 @@ pub fn kind_among(spokes: &[Spoke], wedges: (u32, u32), to: u32) -> EdgeKind {
     }
 }
 
-/// What kind of edge joins two vertices that share a face.
+/// Kind of the edge between two vertices that share a face.
 pub fn edge_kind(mesh: &ClusterMesh, rings: &Rings, a: u32, b: u32) -> EdgeKind {
     let mut first = None;
     let mut kind = EdgeKind::Border;

@@ -1,21 +1,23 @@
-//! Faces that are folded onto each other, back to back.
+//! Tests whether two faces at an edge are folded onto each other, back to back.
 
 use glam::DVec3;
 
-/// Two faces with less than this angle between them, in radians, are folded onto each other.
+/// Two faces are folded onto each other if the angle between them is below this, in radians.
 pub const FOLD_ANGLE: f64 = 0.1;
-/// Square of its cosine.
+/// cos² of [`FOLD_ANGLE`].
 const FOLD_COSINE_SQ: f64 = 0.990_033_288_920_621;
-/// Squared cosine of 0.15: no collapse brings faces nearer, since positions are rounded when they are written.
+/// cos² of 0.15 rad, the limit for collapses. It is wider than [`FOLD_ANGLE`], because positions are rounded when they
+/// are written.
 const NEARLY_COSINE_SQ: f64 = 0.977_668_245;
 
-/// Whether the two faces at an edge, with these third corners, are folded onto each other; not if one has no area.
+/// Whether the two faces at `edge` with the third corners `thirds` are folded onto each other. `false` if a face has no
+/// area.
 #[inline]
 pub fn are_folded(edge: [DVec3; 2], thirds: [DVec3; 2]) -> bool {
     are_within(FOLD_COSINE_SQ, edge, thirds)
 }
 
-/// Whether they are folded onto each other, or nearly so.
+/// As [`are_folded`], with the wider limit of 0.15 rad.
 #[inline]
 pub fn are_nearly_folded(edge: [DVec3; 2], thirds: [DVec3; 2]) -> bool {
     are_within(NEARLY_COSINE_SQ, edge, thirds)
@@ -25,19 +27,19 @@ pub fn are_nearly_folded(edge: [DVec3; 2], thirds: [DVec3; 2]) -> bool {
 fn are_within(cosine_sq: f64, [a, b]: [DVec3; 2], thirds: [DVec3; 2]) -> bool {
     let along = b - a;
     let [p, q] = thirds.map(|third| third - a);
-    // Mostly the two lie on different sides of the edge.
+    // Cheap test first: most pairs of faces lie on different sides of their edge.
     let same_side = p.dot(q) * along.length_squared() > p.dot(along) * q.dot(along);
     same_side && is_angle_below(cosine_sq, [p, q].map(|third| across(along, third)))
 }
 
-/// Which way a face leads away from a side of its own, in the face and across the side, to a third corner relative to one
-/// end of it.
+/// Component of `third` perpendicular to `side`: the direction in which a face leaves this side. `third` is the face's
+/// third corner relative to one end of the side.
 pub fn across(side: DVec3, third: DVec3) -> DVec3 {
     let side = side.normalize_or_zero();
     third - side * third.dot(side)
 }
 
-/// Whether two faces at an edge that lead away from it [like this](across) are folded onto each other.
+/// Whether two faces that leave their edge in these [directions](across) are folded onto each other.
 pub fn is_angle_small(ways: [DVec3; 2]) -> bool {
     is_angle_below(FOLD_COSINE_SQ, ways)
 }

@@ -1,7 +1,8 @@
-//! One cluster in memory: positions, wedges, faces, rings and vertex classes.
+//! The mesh of one cluster in memory: positions, wedges, faces, one-rings and vertex classes.
 //!
-//! Topology is by position; texture coordinate and material live on wedges. A wedge is the corners of one vertex that
-//! share texture coordinate and material. Nothing here knows of files, costs or threads.
+//! Faces are connected by vertex, that is by position; texture coordinate and material belong to wedges. A wedge is the
+//! set of corners of one vertex that share texture coordinate and material. Nothing here depends on files, costs or
+//! threads of the job.
 
 pub mod class;
 pub mod cluster;

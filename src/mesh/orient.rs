@@ -1,22 +1,22 @@
-//! Faces that run against their neighbours are turned over for as long as a cluster is worked on.
+//! Turns over faces that disagree with their neighbours while a cluster is processed.
 //!
 //! ```text
-//!      c           Both faces run from b to c: one of them shows its back. Classes, rings and chains ask which
-//!     /|\          way a face runs, so all of a surface must run one way there; each face is given back as it
-//!    a-|-d         came. Where a surface has one side only (a Möbius strip), some edge remains as it is.
-//!     \|/
+//!      c           Both faces run from b to c: one of them is turned over. Classes, one-rings and chains depend on the
+//!     /|\          direction of faces, so the faces of a surface must agree during processing; afterwards each face
+//!    a-|-d         gets its input direction back. A one-sided surface (a Möbius strip) keeps some edges where faces
+//!     \|/          disagree.
 //!      b
 //! ```
-//! A collapse joins two edges of a face that dies into one. Its faces run one way if both edges did or neither: edges
-//! along which faces run the same way never become more.
+//! A collapse merges the two surviving edges of a dying face into one. Its faces agree if they agreed at both edges or
+//! at neither, so the number of edges where faces disagree never grows.
 
 use super::cluster::ClusterMesh;
 
 const NONE: u32 = u32::MAX;
 
-/// Turns faces over until two that share an edge, which no third one has, run along it in opposite directions, wherever
-/// there is such a choice; the first face of each surface stays. No face may be dead. O(n) but for hubs,
-/// 24 bytes a face and 4 a vertex.
+/// Turns faces over so that the two faces of each edge run along it in opposite directions, wherever that is possible.
+/// Edges of three faces or more do not count; the first face of each surface stays. No face may be dead. O(n), plus
+/// sorting at each vertex; 24 bytes a face and 4 a vertex.
 pub fn orient(mesh: &mut ClusterMesh) {
     let twins = twins(mesh);
     let mut is_known = vec![false; mesh.corners.len()];
@@ -32,7 +32,7 @@ pub fn orient(mesh: &mut ClusterMesh) {
                 if twin == NONE || std::mem::replace(&mut is_known[twin as usize / 3], true) {
                     continue;
                 }
-                // Faces are only marked so far: half-edges lie as they came.
+                // Corners are swapped only at the end: both half-edges still have their input direction.
                 let runs_alike = mesh.vertex_of(half) == mesh.vertex_of(twin);
                 mesh.is_turned[twin as usize / 3] = mesh.is_turned[face as usize] != runs_alike;
                 front.push(twin / 3);
@@ -42,7 +42,7 @@ pub fn orient(mesh: &mut ClusterMesh) {
     swap_turned(mesh);
 }
 
-/// Gives every face back as it came.
+/// Restores the input direction of every face.
 pub fn restore(mesh: &mut ClusterMesh) {
     swap_turned(mesh);
     mesh.is_turned.fill(false);
@@ -55,14 +55,15 @@ fn swap_turned(mesh: &mut ClusterMesh) {
     }
 }
 
-/// The other half-edge of each edge of two faces; a half-edge is named by the corner where it begins.
+/// The twin of each half-edge, or [`NONE`] if its edge does not have exactly two faces. A half-edge is named by the
+/// corner at which it begins.
 fn twins(mesh: &ClusterMesh) -> Vec<u32> {
     let count = 3 * mesh.corners.len() as u32;
     let ends = |half: u32| {
         let (a, b) = (mesh.vertex_of(half), mesh.vertex_of(ClusterMesh::following(half)[0]));
         [a.min(b), a.max(b)]
     };
-    // The half-edges of each vertex that is the lower end, vertex after vertex; each vertex's begin where the one before ends.
+    // Buckets the half-edges by their lower end; `places` holds the bucket starts, and after the loop the bucket ends.
     let mut places = vec![0u32; mesh.positions.len() + 1];
     (0..count).for_each(|half| places[ends(half)[0] as usize + 1] += 1);
     (1..places.len()).for_each(|vertex| places[vertex] += places[vertex - 1]);
@@ -133,7 +134,7 @@ mod tests {
         assert_eq!(mesh.corners[4], came);
     }
 
-    //  0-2-4-(1)    a strip of five faces whose end is joined to its beginning the wrong way round
+    //  0-2-4-(1)    a Möbius strip of five faces
     //  |/|/|/
     //  1-3-(0)
     #[test]

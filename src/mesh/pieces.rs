@@ -1,4 +1,4 @@
-//! Pieces of a cluster that are smaller than the error of the result.
+//! Removes connected components that are smaller than the error of the result.
 
 use std::collections::BTreeMap;
 
@@ -6,9 +6,9 @@ use glam::DVec3;
 
 use super::cluster::ClusterMesh;
 
-/// Removes whole pieces (faces connected through vertices) whose bounding box has a diagonal below `diagonal`, in units
-/// of length, the smallest first, as long as they have no more than `faces_max` faces together; returns how many pieces
-/// and how many faces went. A piece that another cluster also has stays.
+/// Removes connected components (faces connected through vertices) whose bounding box has a diagonal below `diagonal`,
+/// in units of length. Removes the smallest first, and at most `faces_max` faces in total. A component that another
+/// cluster shares stays. Returns the number of components and of faces removed.
 pub fn drop_small(mesh: &mut ClusterMesh, diagonal: f64, faces_max: u64) -> (u64, u64) {
     let mut parents: Vec<u32> = (0..mesh.positions.len() as u32).collect();
     for vertices in &mesh.corner_vertices {

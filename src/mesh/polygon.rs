@@ -1,7 +1,7 @@
-//! Triangulates polygons of four and more corners once their positions are known.
+//! Triangulates polygons with four corners or more once their positions are known.
 //!
-//! Ear clipping by the `earcutr` crate in the plane of the polygon's Newell normal; a fan where that fails, or would take
-//! for ever.
+//! Ear clipping by the `earcutr` crate in the plane of the polygon's Newell normal; a fan where that fails or would
+//! take O(n³).
 
 use std::cmp::Ordering;
 
@@ -9,14 +9,15 @@ use glam::DVec3;
 
 use super::simple::is_simple;
 
-/// Up to so many corners no outline takes long.
+/// Outlines with at most this many corners are clipped without a test for self-intersections: even the worst is fast.
 const CORNERS_OF_ANY: usize = 32;
 
-/// Triangles, as indices into `polygon`, of a polygon with corners in order; n - 2 of them where possible.
+/// Writes the n - 2 triangles of a polygon to `out`, as indices into `polygon`; none if n < 3.
 ///
-/// A quad is cut along the diagonal that keeps both triangles on the polygon's side, the shorter one if both do, and of two
-/// of one length that of its first corner by position: it does not matter where its corners begin or which way they run. One whose
-/// outline meets itself is cut into a fan if it has more than a few corners.
+/// A quad is split along the diagonal that keeps both triangles on the polygon's side; if both or neither do, along the
+/// shorter one; if they are equally long, along the one whose lower end comes first by position. The split depends
+/// neither on the first corner nor on the direction of the outline. A polygon with more than 32 corners whose outline
+/// intersects itself becomes a fan.
 pub fn triangulate(polygon: &[DVec3], out: &mut Vec<[u32; 3]>) {
     out.clear();
     let count = polygon.len() as u32;
@@ -70,7 +71,7 @@ fn by_position(a: DVec3, b: DVec3) -> Ordering {
 
 fn ear_cut(polygon: &[DVec3], normal: DVec3) -> Option<Vec<[u32; 3]>> {
     let magnitude = normal.abs();
-    // Dropping the axis of the largest component keeps the polygon's shape best; the sign keeps its side.
+    // Project along the largest component of the normal: it distorts the polygon least. The sign keeps the winding.
     let project = |p: DVec3| -> [f64; 2] {
         let q = p - polygon[0];
         if magnitude.x >= magnitude.y && magnitude.x >= magnitude.z {

@@ -1,6 +1,6 @@
 //! The corners around each vertex, as compressed sparse rows.
 //!
-//! A collapse ends two rows and appends one, so that nothing is built anew until rows are scattered too far:
+//! A collapse drops two rows and appends their union. Rows are rebuilt once more than half of the entries are unused:
 //!
 //! ```text
 //! built     | row 0 | row 1 | row 2 | …        after 2 went into 0    | ····· | row 1 | ····· | … | row 0 |
@@ -8,10 +8,10 @@
 
 use super::cluster::{ClusterMesh, DEAD};
 
-/// Corners (3 × face + place) at each vertex.
+/// Corners (3 × face + index in the face) at each vertex.
 #[derive(Debug, Clone, Default)]
 pub struct Rings {
-    /// Where each row begins, and its length.
+    /// Start and length of each row in `corners`.
     rows: Vec<(u32, u32)>,
     corners: Vec<u32>,
 }
@@ -33,7 +33,7 @@ impl Rings {
             total += std::mem::take(length);
         }
         self.corners.clear();
-        // Room for the rows of collapses.
+        // Capacity for the rows that collapses append.
         self.corners.reserve_exact(2 * total as usize);
         self.corners.resize(total as usize, 0);
         let living = mesh.corners.iter().zip(&mesh.corner_vertices).enumerate();
@@ -46,7 +46,7 @@ impl Rings {
         }
     }
 
-    /// Follows a collapse that the mesh has made: the living corners at both vertices are now those of `to`.
+    /// Updates the rows after the mesh has collapsed `from` onto `to`: `to` gets the living corners of both, ascending.
     pub fn join(&mut self, mesh: &ClusterMesh, from: u32, to: u32) {
         let rows = [from, to].map(|vertex| {
             let (start, length) = self.rows[vertex as usize];
@@ -67,12 +67,12 @@ impl Rings {
         self.rows[to as usize] = (start as u32, (self.corners.len() - start) as u32);
     }
 
-    /// Whether more than half of the rows' entries are no longer in use, so that they should be built anew.
+    /// Whether more than half of the entries are unused, so that the rows should be rebuilt.
     pub fn is_scattered(&self, mesh: &ClusterMesh) -> bool {
         self.corners.len() > 6 * mesh.face_count.max(64)
     }
 
-    /// Corners at a vertex, ascending; the faces of some may have died since the row was made.
+    /// Corners at a vertex, ascending; includes corners of faces that died since the row was written.
     #[inline]
     pub fn of(&self, vertex: u32) -> &[u32] {
         let (start, length) = self.rows[vertex as usize];
@@ -86,23 +86,23 @@ impl Rings {
     }
 }
 
-/// One face around a vertex: the wedges of its corners, and their vertices.
+/// One face around a vertex, the centre: wedges of its corners and the other two vertices.
 #[derive(Debug, Clone, Copy)]
 pub struct Spoke {
-    /// Wedge of the vertex.
+    /// Wedge of the centre.
     pub wedge: u32,
-    /// The vertex after it in the face, counter-clockwise.
+    /// The vertex after the centre in the face, counter-clockwise.
     pub next: u32,
-    /// Wedge of that one.
+    /// Wedge of `next`.
     pub next_wedge: u32,
-    /// The vertex before it.
+    /// The vertex before the centre.
     pub previous: u32,
-    /// Wedge of that one.
+    /// Wedge of `previous`.
     pub previous_wedge: u32,
 }
 
 impl Spoke {
-    /// Of a corner, whose face must not be dead.
+    /// The spoke of a corner, whose face must not be dead.
     #[inline(always)]
     pub fn of(mesh: &ClusterMesh, corner: u32) -> Self {
         let [next, previous] = ClusterMesh::following(corner);
@@ -115,7 +115,7 @@ impl Spoke {
         }
     }
 
-    /// The wedges of an edge to another vertex, of this one and of the other, if the face has it.
+    /// Wedges of the centre and of `other` in this face; `None` if `other` is not one of its vertices.
     #[inline(always)]
     pub fn edge_to(&self, other: u32) -> Option<(u32, u32)> {
         match other {

@@ -1,23 +1,22 @@
-//! Whether the outline of a polygon meets itself: one that does has no ears to clip, and looking for them takes the cube of its
-//! corners.
+//! Tests whether the outline of a polygon intersects itself. Such an outline has no ears to clip, and the search for
+//! them takes O(n³).
 
-/// Corners that stand where another one stands and that no bridge leads to, at most.
+/// Largest number of positions at which an outline may touch itself without a bridge there.
 const TOUCHES_MAX: usize = 16;
 
 type Point = [f64; 2];
 
-/// Whether a closed outline does not cross itself, nor touches itself but along bridges that lead to a hole and back, and at a
-/// few corners.
+/// Whether a closed outline does not cross itself. It may touch itself along bridges (edges that lead to a hole and
+/// back) and at up to 16 other positions.
 ///
-/// Takes the square of the corners at most, of which a polygon has
-/// [a few hundred](crate::store::face::POLYGON_CORNERS_MAX).
+/// O(n²) at worst; a polygon has at most [a few hundred](crate::store::face::POLYGON_CORNERS_MAX) corners.
 pub fn is_simple(outline: &[Point]) -> bool {
     let ids = numbered(outline);
     let edges = edges(&ids);
     repeats_at_bridges(&ids, &edges) && !crosses(outline, &ids)
 }
 
-/// For each corner a number that it shares with the corners at the same place.
+/// An id for each corner; corners at the same position have the same id.
 fn numbered(outline: &[Point]) -> Vec<u32> {
     let mut order: Vec<u32> = (0..outline.len() as u32).collect();
     let point = |corner: u32| outline[corner as usize];
@@ -34,7 +33,7 @@ fn numbered(outline: &[Point]) -> Vec<u32> {
     ids
 }
 
-/// The edges as ordered pairs of numbers, sorted; edges without length left out.
+/// Directed edges as pairs of ids, sorted; edges of zero length are left out.
 fn edges(ids: &[u32]) -> Vec<[u32; 2]> {
     let next = ids.iter().cycle().skip(1);
     let mut edges: Vec<_> = ids.iter().zip(next).map(|(&a, &b)| [a, b]).filter(|[a, b]| a != b).collect();
@@ -42,7 +41,8 @@ fn edges(ids: &[u32]) -> Vec<[u32; 2]> {
     edges
 }
 
-/// Whether no edge is walked twice the same way, and nearly every repeated corner ends an edge that is walked there and back.
+/// Whether no directed edge occurs twice, and at most [`TOUCHES_MAX`] repeated positions have no edge that occurs in
+/// both directions.
 fn repeats_at_bridges(ids: &[u32], edges: &[[u32; 2]]) -> bool {
     if edges.windows(2).any(|pair| pair[0] == pair[1]) {
         return false;
@@ -62,7 +62,7 @@ fn repeats_at_bridges(ids: &[u32], edges: &[[u32; 2]]) -> bool {
     touches.count() <= TOUCHES_MAX
 }
 
-/// Whether two edges without a common end meet.
+/// Whether two edges without a common end intersect.
 fn crosses(outline: &[Point], ids: &[u32]) -> bool {
     struct Span {
         low: Point,
@@ -124,7 +124,7 @@ mod tests {
         let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
         assert!(!is_simple(&[square, square].concat()));
         let eight = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [2.0, 1.0], [2.0, 2.0], [1.0, 2.0], [1.0, 1.0], [0.0, 1.0]];
-        assert!(is_simple(&eight), "one corner may");
+        assert!(is_simple(&eight), "the outline may touch itself at one corner");
         let touching = [[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [2.0, 0.0], [0.0, 2.0]];
         assert!(!is_simple(&touching));
     }

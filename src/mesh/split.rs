@@ -1,4 +1,4 @@
-//! Puts vertices into the edges of a mesh; its surface and its picture stay as they are.
+//! Splits edges of a mesh at given points; its surface and parametrisation stay as they are.
 //!
 //! ```text
 //!        c                     c
@@ -7,38 +7,38 @@
 //!     /     \               /  |  \       coordinate that the edge has there
 //!    a-------b             a---p---b
 //! ```
-//! A face with several points on its edges is cut into the triangles that are least thin.
+//! A face with several points on its edges is retriangulated so that its thinnest triangle is as regular as possible.
 
 use glam::DVec3;
 
 use super::cluster::{ClusterMesh, flag};
 use crate::geometry::triangle::regularity;
 
-/// A point on the edge between two vertices, which must have the same wedges in all faces of the edge.
+/// A point on an edge whose ends have the same wedges in all of its faces.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EdgePoint {
-    /// The ends, the lower one first.
+    /// The end vertices, the lower id first.
     pub ends: [u32; 2],
-    /// Share of the way from the first end to the second, above 0 and below 1.
+    /// Position along the edge, from 0 at the first end to 1 at the second, both excluded.
     pub share: f64,
 }
 
 impl EdgePoint {
-    /// Where it lies.
+    /// Position of the point, relative to the cluster's origin.
     pub fn position(&self, mesh: &ClusterMesh) -> DVec3 {
         let [a, b] = self.ends.map(|end| mesh.positions[end as usize]);
         a.lerp(b, self.share)
     }
 }
 
-/// Puts a vertex at each of the points, which must be sorted by ends and share; the first one's id is the number of
-/// vertices before.
+/// Inserts a vertex at each point. `points` must be sorted by ends, then by share. New vertices have consecutive ids in
+/// the order of the points.
 pub fn split_edges(mesh: &mut ClusterMesh, points: &[EdgePoint]) {
     let base = mesh.positions.len() as u32;
     for point in points {
         mesh.push_vertex(point.position(mesh), flag::MOVED);
     }
-    // A wedge for each point, once a face says between which wedges it lies.
+    // Wedge of each point, set when the first face at its edge is visited.
     let mut wedges = vec![u32::MAX; points.len()];
     let mut scratch = Scratch::default();
     for face in 0..mesh.corners.len() {
@@ -84,7 +84,7 @@ pub fn split_edges(mesh: &mut ClusterMesh, points: &[EdgePoint]) {
     }
 }
 
-/// The only wedge of a new vertex between two wedges.
+/// Adds the only wedge of a new vertex, with a texture coordinate interpolated between two wedges; returns its id.
 fn new_wedge(mesh: &mut ClusterMesh, vertex: u32, ends: [u32; 2], share: f64) -> u32 {
     let [a, b] = ends.map(|wedge| mesh.wedge_uv[wedge as usize]);
     let wedge = mesh.push_wedge(vertex, a.lerp(b, share));
@@ -93,18 +93,19 @@ fn new_wedge(mesh: &mut ClusterMesh, vertex: u32, ends: [u32; 2], share: f64) ->
     wedge
 }
 
-/// Room for one face.
+/// Buffers for one face.
 #[derive(Debug, Default)]
 struct Scratch {
     /// Wedges around the face, counter-clockwise.
     outline: Vec<u32>,
     triangles: Vec<[u32; 3]>,
-    /// For each pair of corners of the outline: the worst regularity on the far side of it, and the corner chosen there.
+    /// For each pair of outline corners: the lowest regularity on the far side of the chord, and the corner chosen
+    /// there.
     best: Vec<(f64, usize)>,
 }
 
 impl Scratch {
-    /// Cuts the outline, which is convex, so that the thinnest triangle is as round as can be. O(corners³).
+    /// Triangulates the outline, which is convex, so that the lowest regularity is as high as possible. O(corners³).
     fn triangulate(&mut self, mesh: &ClusterMesh) {
         let Self { outline, triangles, best } = self;
         let count = outline.len();

@@ -1,19 +1,19 @@
-//! A new mesh for the old surface before its edges collapse: many vertices where it bends, few where it is flat.
+//! Remeshes a cluster before its edges collapse: many vertices where the surface bends, few where it is flat.
 //!
 //! ```text
 //! masses ──▶ cells ──▶ a centre each ──▶ more centres where collapses err ──▶ cells again, along the mesh ──▶ dual
 //!            grown to   the point of     from a queue, until there are as       each vertex to the nearer    cells
 //!            D_avg      least error      many as vertices before                centre                       shrink
 //! ```
-//! In: a cluster, and what was found over the whole mesh. Out: the cluster with other vertices and faces. Invariant: what
-//! is locked, shared, on a border, on a seam or between materials stays vertex for vertex and edge for edge; new
-//! vertices lie on edges of the old surface, and have its picture and colour there; every step is a legal
-//! collapse, so that no mesh comes out worse than it went in.
+//! In: a cluster, and statistics of the whole mesh. Out: the cluster with other vertices and faces. Invariant: vertices
+//! and edges that are locked, shared, on a border, on a seam or between materials stay as they are; new vertices lie on
+//! edges of the old surface, and have its texture and colour there; every step is a legal collapse, so no mesh gets
+//! invalid.
 //!
 //! # Source
 //! Liu, Chen, Wang, "Edge collapse of UDSM based on centroidal Voronoi diagram reconstruction", Journal of Applied
-//! Optics 41(1), 2020, doi 10.5768/JAO202041.0102010; after Valette, Chassery, "Approximated centroidal Voronoi diagrams
-//! for uniform polygonal mesh coarsening", Computer Graphics Forum 23(3), 2004 (ACVD).
+//! Optics 41(1), 2020, doi 10.5768/JAO202041.0102010; after Valette, Chassery, "Approximated centroidal Voronoi
+//! diagrams for uniform polygonal mesh coarsening", Computer Graphics Forum 23(3), 2004 (ACVD).
 //!
 //! | symbol | here |
 //! | --- | --- |
@@ -27,29 +27,30 @@
 //! | M, γ: a vertex's mass and place \[5-8\] | its ρ and its position |
 //! | the dual, with junctions, Delaunay where it is flat | `dual`, `delaunay` (step 3) |
 //!
-//! Step 4 of the paper is the collapse that follows, with any metric. With `cells`, the paper's CVD(2), it is left out and
-//! the cells are as many as asked for.
+//! Step 4 of the paper is the collapse that follows, with any metric. With `cells`, which is the paper's CVD(2), it is
+//! left out, and `cells` is the number of cells.
 //!
 //! # Where we differ
-//! * Vertices are what cells are made of: section 1.2 of the paper ends with "the latter", which may mean vertices or
-//!   faces. Distances are straight (in the paper geodesic), and cells grow and change along edges only.
-//! * Seeds come in Morton order, and cells grow breadth-first (the paper walks the file's order); what cannot grow joins
-//!   the lightest neighbour.
-//! * k1² + k2² is floored at a share of its positive median (`floor`): flat ground would weigh nothing.
-//! * D_avg and the queue's threshold are those of the whole mesh and frozen: as many cells in every cluster would undo
-//!   what the masses are for. The paper puts D_avg to a use in the queue that it does not explain; here the queue ends
-//!   when there are as many centres as wanted.
-//! * The planes that choose a centre and that the queue errs by are weighted by area. A centre within a quarter of its
-//!   edge from an end is that end.
-//! * A picked point splits its edge and becomes a vertex; an edge takes at most seven, one between two held vertices, one with
-//!   a centre on it, or one of a thin face none, a cluster no more than it has vertices. A point stays a quarter of its part
-//!   of the edge away from both ends of it.
-//! * On flat ground, where every point has the same error, a spring (`spring`) draws a centre to the middle of its cell.
-//! * Held vertices (seams, borders, rims) are cells of their own, whatever they weigh.
-//! * The dual is reached by legal collapses; what cannot collapse is left as it is and counted.
+//! * Cells consist of vertices: section 1.2 of the paper ends with "the latter", which may mean vertices or faces.
+//!   Distances are straight (in the paper geodesic), and cells grow and change along edges only.
+//! * Seeds come in Morton order, and cells grow breadth-first (the paper follows the order of the file). A cell that
+//!   cannot grow joins its lightest neighbour.
+//! * k1² + k2² is at least a share of its positive median (`floor`), because flat ground would have no mass.
+//! * D_avg and the queue's threshold are computed over the whole mesh and then frozen: the same number of cells in
+//!   every cluster would defeat the masses. The paper uses D_avg in the queue without an explanation; here the queue
+//!   ends at the wanted number of centres.
+//! * The planes that choose a centre and that give the queue's errors are weighted by area. A centre within a quarter
+//!   of its edge from an end is that end.
+//! * A picked point splits its edge and becomes a vertex. An edge takes at most seven points; none if it joins two held
+//!   vertices, has a centre on it, or belongs to a thin face. A cluster takes at most as many points as it has
+//!   vertices. A point keeps a quarter of its part of the edge away from both ends of the part.
+//! * On flat ground, where every point has the same error, a spring (`spring`) pulls a centre to the middle of its
+//!   cell.
+//! * Held vertices (seams, borders, rims) are cells of their own, whatever their mass.
+//! * The dual is reached by legal collapses; vertices that cannot collapse are left and counted.
 //!
 //! # Memory
-//! [`GROWTH`] times the cluster's own weight.
+//! [`GROWTH`] halves of the cluster's own weight.
 
 pub mod cells;
 pub mod centres;
@@ -76,7 +77,7 @@ use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
 use crate::mesh::split::{EdgePoint, split_edges};
 
-/// What may be set.
+/// Parameters.
 pub const KNOBS: [Knob; 8] = [
     factor("lambda", 2.0, "power of the curvature in a vertex's mass"),
     factor("cells", 0.0, "cells wanted, without a collapse afterwards; 0 takes as many as there are vertices"),
@@ -92,27 +93,28 @@ pub const KNOBS: [Knob; 8] = [
     ),
 ];
 
-/// A cluster takes this many times its weight while it is remeshed, in halves.
+/// Memory of a cluster while it is remeshed, in halves of its weight.
 pub const GROWTH: u64 = 3;
 
 /// Settings of the reconstruction: `cvd`, `cvd:1`, `cvd:1,cells=500`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Settings {
-    /// Power of the curvature.
+    /// Power λ of the curvature in a vertex's mass.
     pub lambda: f64,
-    /// Cells wanted; nothing to take as many as there are vertices.
+    /// Number of cells, without a collapse afterwards; `None` for as many as there are vertices.
     pub cells: Option<u64>,
-    /// Least k1² + k2², in medians.
+    /// Least k1² + k2², in medians of its positive values.
     pub floor: f64,
-    /// Rings of vertices that a jet is fitted to.
+    /// Number of rings of vertices that a jet is fitted to.
     pub rings: u32,
-    /// Stiffness of the spring from a centre to the middle of its cell.
+    /// Stiffness of the spring from a centre to the middle of its cell, relative to the trace of its quadric.
     pub spring: f64,
-    /// Sweeps of the clustering, at most.
+    /// Largest number of sweeps of the clustering.
     pub sweeps: u32,
-    /// Whether centres are centroids while vertices choose.
+    /// Whether centres are the centroids of their cells during the clustering (ACVD).
     pub centroidal: bool,
-    /// Error from which a junction becomes a vertex, in thresholds of the queue; 0 makes none, nor do `cells`.
+    /// Error above which a junction becomes a vertex, relative to the queue's threshold. 0 makes no junctions; neither
+    /// does `cells`.
     pub junctions: f64,
 }
 
@@ -155,21 +157,21 @@ impl FromStr for Settings {
     }
 }
 
-/// What was found over the whole mesh, and is frozen.
+/// Statistics of the whole mesh, frozen.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Frame {
-    /// Least k1² + k2².
+    /// Least k1² + k2², in 1 / length².
     pub floor: f64,
-    /// D_avg \[12\].
+    /// D_avg \[12\]: a cell closes at this mass.
     pub enough: f64,
-    /// Cells wanted.
+    /// Number of cells wanted.
     pub wanted: u64,
-    /// Collapse error from which edges are split.
+    /// Collapse error from which edges are split; infinite until it is known.
     pub threshold: f64,
 }
 
 impl Frame {
-    /// From the masses of all clusters; the threshold is not known yet.
+    /// Computed from the masses of all clusters, without the threshold.
     pub fn new(sums: &MassSums, settings: &Settings) -> Self {
         let floor = sums.floor(settings.floor);
         let wanted = settings.cells.unwrap_or(sums.count()).max(1);
@@ -177,46 +179,46 @@ impl Frame {
     }
 }
 
-/// Cells grown in a cluster, and candidates for more.
+/// Number of cells grown in a cluster, and errors of candidates for more centres.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Stock {
-    /// Cells, those of shared vertices left out.
+    /// Number of cells, except those of shared vertices.
     pub cells: u64,
     /// Errors of the candidates.
     pub candidates: ErrorCounts,
 }
 
 impl Stock {
-    /// Adds another cluster's.
+    /// Adds the counts of another cluster.
     pub fn merge(&mut self, other: &Self) {
         self.cells += other.cells;
         self.candidates.merge(&other.candidates);
     }
 
-    /// The threshold that leaves as many centres as are wanted.
+    /// The threshold that gives the wanted number of centres.
     pub fn threshold(&self, frame: &Frame) -> f64 {
         self.candidates.threshold(frame.wanted.saturating_sub(self.cells))
     }
 }
 
-/// What was done to a cluster.
+/// Result of remeshing a cluster.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Outcome {
-    /// Ends and share of every vertex that was put into an edge: the last ones of the mesh, in order.
+    /// Ends and share of every vertex that splits an edge: the last vertices of the mesh, in order.
     pub points: Vec<EdgePoint>,
-    /// Cells that grew.
+    /// Number of cells that grew.
     pub cells: u64,
-    /// Vertices that hold still, which are cells of their own.
+    /// Number of held vertices, which are cells of their own.
     pub held: u64,
-    /// Centres that the queue added.
+    /// Number of centres that the queue added.
     pub added: u64,
-    /// What became of the other vertices.
+    /// Fate of the other vertices.
     pub shrunk: Shrunk,
-    /// Edges of the dual that were flipped.
+    /// Number of edges of the dual that were flipped.
     pub flipped: u64,
 }
 
-/// Adds the masses of a cluster's vertices.
+/// Adds the masses of a cluster's vertices to `sums`; shared vertices are left out.
 pub fn weigh(mesh: &ClusterMesh, settings: &Settings, sums: &mut MassSums) {
     let field = Field::new(mesh, settings);
     for (vertex, part) in field.parts.iter().enumerate() {
@@ -226,7 +228,7 @@ pub fn weigh(mesh: &ClusterMesh, settings: &Settings, sums: &mut MassSums) {
     }
 }
 
-/// Counts the cells of a cluster, and the candidates for more.
+/// Counts the cells of a cluster, and the candidates for more centres.
 pub fn take_stock(mesh: &ClusterMesh, settings: &Settings, frame: &Frame) -> Stock {
     let field = Field::new(mesh, settings);
     let (_, _, grown) = field.grow(mesh, settings, frame);
@@ -237,7 +239,7 @@ pub fn take_stock(mesh: &ClusterMesh, settings: &Settings, frame: &Frame) -> Sto
     }
 }
 
-/// Makes the mesh anew.
+/// Remeshes the cluster.
 pub fn reconstruct(mesh: &mut ClusterMesh, settings: &Settings, frame: &Frame) -> Outcome {
     mesh.compact_faces();
     mesh.unlink_unused_wedges();
@@ -277,7 +279,7 @@ pub fn reconstruct(mesh: &mut ClusterMesh, settings: &Settings, frame: &Frame) -
             vertices[*cell as usize] = vertex;
         }
     }
-    // A new vertex stands for what its edge's ends stand for.
+    // The mass of a new vertex is interpolated between those of its edge's ends.
     for point in &points.on_edges {
         let [a, b] = point.ends.map(|end| masses[end as usize]);
         masses.push(a + (b - a) * point.share);
@@ -289,7 +291,7 @@ pub fn reconstruct(mesh: &mut ClusterMesh, settings: &Settings, frame: &Frame) -
     let pull = if settings.centroidal { Pull::Centroidal } else { Pull::Fixed };
     let clustering = Clustering { mesh, rings: &rings, masses: &masses, centres: &vertices, pull };
     clustering.improve(&mut cells, settings.sweeps, is_held);
-    // As many cells as were asked for are all that is wanted.
+    // If the number of cells is given, junctions must not add to it.
     let has_junctions = settings.junctions > 0.0 && settings.cells.is_none();
     let most = if has_junctions { settings.junctions * frame.threshold } else { f64::INFINITY };
     let junctions = dual::keep_junctions(mesh, &rings, &mut cells, &mut vertices, most, is_held);
@@ -306,16 +308,16 @@ pub fn reconstruct(mesh: &mut ClusterMesh, settings: &Settings, frame: &Frame) -
     }
 }
 
-/// Points that a cluster's edges may take in all.
+/// Largest number of points on the edges of a cluster.
 fn most_points(mesh: &ClusterMesh) -> u64 {
     mesh.positions.len() as u64
 }
 
-/// Where a cluster's surface bends, and what holds still.
+/// Rings, curvatures and held vertices of a cluster.
 struct Field {
     rings: Rings,
     parts: Vec<Part>,
-    /// Vertices that neither move nor go.
+    /// Vertices that neither move nor vanish.
     is_held: Vec<bool>,
 }
 
@@ -332,7 +334,8 @@ impl Field {
         Self { rings, parts, is_held }
     }
 
-    /// The first cells: those of held vertices, then those that grow; how many the former are, and how many all.
+    /// The first cells: those of held vertices, then those that grow. Returns the cell of each vertex, the number of
+    /// held cells, and the number of all cells.
     fn grow(&self, mesh: &ClusterMesh, settings: &Settings, frame: &Frame) -> (Vec<u32>, u32, u32) {
         let masses: Vec<f64> = self.parts.iter().map(|part| part.mass(settings.lambda, frame.floor)).collect();
         let mut cells = vec![NO_CELL; mesh.positions.len()];
@@ -354,14 +357,14 @@ impl Field {
     }
 }
 
-/// Points to put into edges, and the cell that each is the centre of, if that is one of those grown.
+/// Points that split edges, and the grown cell that each is the centre of, or [`NO_CELL`].
 struct Points {
     on_edges: Vec<EdgePoint>,
     cells: Vec<u32>,
 }
 
 impl Points {
-    /// Centres that lie on edges, and the queue's points on other edges.
+    /// Merges the centres that lie on edges with the queue's points on other edges.
     fn merge(centres: &[Centre], picked: Vec<EdgePoint>) -> Self {
         let mut on_edges: Vec<(EdgePoint, u32)> = Vec::new();
         for (cell, centre) in centres.iter().enumerate() {

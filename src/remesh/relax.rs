@@ -1,4 +1,4 @@
-//! Local optimisation after the collapse: vertices with slivers around them move to the middle of their ring.
+//! Local optimisation after the collapse: vertices next to slivers move to the middle of their one-ring.
 //!
 //! # Source
 //! Li, Jiang, Tang, "High-quality simplified algorithm of texture model for detailed features preserving", Application
@@ -21,12 +21,12 @@
 //! ```
 //!
 //! # Where we differ
-//! * The new place is the centroid of the ring's polygon: Voronoi cells can be unbounded.
-//! * One sweep in the order of ids; a move counts at once, and only if the ring's smallest r rises.
-//! * Texture coordinates take the same barycentric coordinates. Seam, border, locked and shared vertices stay, and a move
-//!   that folds a face or its picture is not made.
+//! * The new position is the centroid of the ring's polygon: Voronoi cells can be unbounded.
+//! * One sweep in the order of ids; a move takes effect at once, and only if the ring's smallest r rises.
+//! * Texture coordinates use the same barycentric coordinates. Seam, border, locked and shared vertices stay, and a
+//!   move that folds a face in space or in texture space is not made.
 //! * The two vertices of the ring that are farthest from each other are pinned.
-//! * A ring of more than 24 vertices is left as it is: triangles among them grow with the third power.
+//! * A ring of more than 24 vertices is left as it is: the number of triangles among them is cubic.
 
 use glam::{DVec2, DVec3};
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -43,10 +43,10 @@ use crate::simplify::legality::{change_of, uv_survives};
 pub const SLIVER: f64 = 0.5;
 /// Vertices of at least this sharpness (radians) stay.
 pub const FLAT: f64 = 0.3;
-/// Rings of more vertices stay as they are: triangles among them grow with the third power.
+/// Larger rings stay as they are: the number of triangles among their vertices is cubic.
 const RING_MAX: usize = 24;
 
-/// Moves vertices once, and returns how many moved.
+/// Moves each vertex at most once; returns the number of moved vertices.
 pub fn relax(mesh: &mut ClusterMesh) -> u64 {
     mesh.compact_faces();
     mesh.unlink_unused_wedges();
@@ -73,7 +73,7 @@ pub fn relax(mesh: &mut ClusterMesh) -> u64 {
     moved
 }
 
-/// The place in the middle of a vertex's ring, and its texture coordinate.
+/// The position in the middle of a vertex's ring, and its texture coordinate; `None` if the ring cannot be flattened.
 fn middle(mesh: &ClusterMesh, fan: &Fan, vertex: u32) -> Option<(DVec3, DVec2)> {
     let plane = flatten(mesh, fan, vertex)?;
     let weights = lift(&plane, centroid(&plane)?)?;
@@ -85,7 +85,8 @@ fn middle(mesh: &ClusterMesh, fan: &Fan, vertex: u32) -> Option<(DVec3, DVec2)> 
     position.is_finite().then_some((position, uv))
 }
 
-/// The ring's vertices in the plane, by the least squares conformal map of the faces around a vertex.
+/// The ring's vertices in the plane, by the least squares conformal map of the faces around a vertex; `None` if a face
+/// has no area or the system is singular.
 fn flatten(mesh: &ClusterMesh, fan: &Fan, vertex: u32) -> Option<Vec<DVec2>> {
     let count = fan.spokes.len();
     let ring: Vec<DVec3> = fan.spokes.iter().map(|spoke| mesh.positions[spoke.next as usize]).collect();
@@ -98,7 +99,7 @@ fn flatten(mesh: &ClusterMesh, fan: &Fan, vertex: u32) -> Option<Vec<DVec2>> {
             }
         }
     }
-    // The last of the points is the centre; unknowns are the points that are not pinned, x and y of each.
+    // The last point is the centre. The unknowns are x and y of each point that is not pinned.
     let pinned = |point: usize| match point {
         _ if point == pins.0 => Some(DVec2::ZERO),
         _ if point == pins.1 => Some(DVec2::new(farthest.sqrt(), 0.0)),
@@ -142,7 +143,7 @@ fn flatten(mesh: &ClusterMesh, fan: &Fan, vertex: u32) -> Option<Vec<DVec2>> {
     plane.iter().all(|p| p.is_finite()).then_some(plane)
 }
 
-/// Centroid of the area of a polygon, if it has one.
+/// Centroid of the area of a polygon; `None` if it has no area.
 fn centroid(polygon: &[DVec2]) -> Option<DVec2> {
     let (mut sum, mut area) = (DVec2::ZERO, 0.0);
     for (i, &a) in polygon.iter().enumerate() {
@@ -155,8 +156,8 @@ fn centroid(polygon: &[DVec2]) -> Option<DVec2> {
     centroid.is_finite().then_some(centroid)
 }
 
-/// Weight of each vertex of a polygon at a point: its barycentric coordinate, averaged over all triangles of the polygon's
-/// vertices that contain the point; nothing if none does.
+/// Weight of each vertex of a polygon at a point: its barycentric coordinate, averaged over all triangles of the
+/// polygon's vertices that contain the point. `None` if no triangle does.
 fn lift(polygon: &[DVec2], at: DVec2) -> Option<Vec<f64>> {
     let mut weights = vec![0.0; polygon.len()];
     let mut triangles = 0.0;
@@ -180,7 +181,7 @@ fn lift(polygon: &[DVec2], at: DVec2) -> Option<Vec<f64>> {
     (triangles > 0.0).then_some(weights)
 }
 
-/// Whether a move makes the ring's smallest regularity rise and folds nothing.
+/// Whether a move raises the ring's smallest regularity and folds no face.
 fn is_better(mesh: &ClusterMesh, fan: &Fan, vertex: u32, worst: f64, position: DVec3, uv: DVec2) -> bool {
     fan.spokes.iter().all(|spoke| {
         let (before, uv_before) = (mesh.triangle(spoke.face), mesh.uv_triangle(spoke.face));
@@ -210,7 +211,7 @@ mod tests {
     use super::*;
     use crate::mesh::cluster::samples;
 
-    /// The grid of 2 × 2 squares with its middle pushed towards an edge of its ring: a sliver.
+    /// The grid of 2 × 2 squares with its middle vertex pushed towards an edge of its ring: this makes a sliver.
     fn skewed() -> ClusterMesh {
         let mut mesh = samples::grid(2, 0.0);
         mesh.positions[4] = DVec3::new(1.7, 0.95, 0.0);
@@ -236,9 +237,9 @@ mod tests {
         assert_eq!(relax(&mut mesh), 1);
         assert!(worst(&mesh) > 2.0 * before, "{before} {}", worst(&mesh));
         let (p, uv) = (mesh.positions[4], mesh.wedge_uv[4]);
-        assert!((DVec2::new(p.x, p.y) * 0.1 - uv).length() < 1e-9, "an affine picture stays affine: {p} {uv}");
+        assert!((DVec2::new(p.x, p.y) * 0.1 - uv).length() < 1e-9, "an affine texture mapping stays affine: {p} {uv}");
         assert!(p.z.abs() < 1e-12);
-        assert_eq!(relax(&mut mesh), 0, "once it lies well it stays");
+        assert_eq!(relax(&mut mesh), 0, "a relaxed vertex stays");
     }
 
     #[test]

@@ -1,7 +1,7 @@
-//! What is seen in each pixel: how near it is, what it shows, and how it is lit.
+//! What each pixel shows: nearness, paint, texture coordinate and light.
 //!
-//! Colours come later, image by image: a canvas knows which pixels show an image, so no two images have to be in memory
-//! at once, however many the mesh has.
+//! Colours come later, one texture image at a time: the canvas knows which pixels show an image, so no two images have
+//! to be in memory at once.
 
 use glam::DVec3;
 
@@ -10,25 +10,25 @@ use super::view::View;
 
 /// Half the width of a drawn edge, in pixels.
 const EDGE_HALF_WIDTH: f64 = 1.1;
-/// The bit of `light` that says that an edge is drawn over the pixel; the others are the light.
+/// Bit of `light` that marks an edge drawn over the pixel; the other bits hold the light.
 const EDGE_BIT: u8 = 0x80;
 const LIGHT_MAX: f64 = 127.0;
 
 /// What a triangle shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Paint {
-    /// An image, by its number.
+    /// A texture image, by its number.
     Picture(u32),
     /// A colour: red, green, blue.
     Colour([u8; 3]),
 }
 
-/// A triangle to be drawn.
+/// A triangle to draw.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Triangle {
     /// Positions of its corners.
     pub corners: [DVec3; 3],
-    /// Texture coordinates of its corners, if it shows an image.
+    /// Texture coordinates of its corners; used if it shows an image.
     pub texcoords: [[f32; 2]; 3],
     /// What it shows.
     pub paint: Paint,
@@ -39,7 +39,7 @@ pub struct Triangle {
 pub struct Seen {
     /// What it shows.
     pub paint: Paint,
-    /// Where in the image.
+    /// Texture coordinate in the image.
     pub texcoord: [f32; 2],
     /// Light, 0 to 1.
     pub light: f32,
@@ -47,29 +47,29 @@ pub struct Seen {
     pub is_edge: bool,
 }
 
-/// A picture in the making.
+/// Buffers of a rendering in progress.
 #[derive(Debug, Clone)]
 pub struct Canvas {
-    /// From where.
+    /// The projection.
     pub view: View,
     /// Whether edges of triangles are drawn.
     with_edges: bool,
-    /// Nearness; negative infinity where nothing is seen.
+    /// Nearness, in pixels; negative infinity if the pixel shows nothing.
     near: Vec<f32>,
-    /// Number of an image, or [`COLOUR_BIT`] and a colour.
+    /// Number of an image, or a colour with [`COLOUR_BIT`] set.
     paint: Vec<u32>,
     texcoord: Vec<[f32; 2]>,
     light: Vec<u8>,
 }
 
-/// The bit of a stored paint that says that the rest is a colour.
+/// Bit of a stored paint that marks a colour.
 const COLOUR_BIT: u32 = 1 << 31;
 
 impl Canvas {
     /// Bytes of a pixel.
     pub const PIXEL_BYTES: u64 = 17;
 
-    /// An empty picture.
+    /// An empty canvas.
     pub fn new(view: View, with_edges: bool) -> Self {
         let count = view.size[0] * view.size[1];
         Self {
@@ -82,7 +82,7 @@ impl Canvas {
         }
     }
 
-    /// Draws a triangle.
+    /// Draws a triangle where it is nearer than what was drawn before.
     pub fn draw(&mut self, triangle: &Triangle) {
         let corners = triangle.corners.map(|corner| self.view.project(corner));
         let [a, b, c] = triangle.corners;
@@ -111,7 +111,7 @@ impl Canvas {
         });
     }
 
-    /// What a pixel shows, if anything.
+    /// What a pixel shows; `None` if it shows nothing.
     #[inline]
     pub fn seen(&self, pixel: usize) -> Option<Seen> {
         if self.near[pixel] == f32::NEG_INFINITY {
@@ -128,7 +128,7 @@ impl Canvas {
         Some(Seen { paint, texcoord: self.texcoord[pixel], light, is_edge: self.light[pixel] & EDGE_BIT != 0 })
     }
 
-    /// How near the surface is in a pixel; negative infinity where there is none.
+    /// Nearness of the surface in a pixel; negative infinity if there is none.
     #[inline]
     pub fn near(&self, pixel: usize) -> f32 {
         self.near[pixel]
@@ -173,7 +173,7 @@ mod tests {
     fn texture_coordinates_run_over_the_triangle() {
         let mut canvas = canvas(false);
         canvas.draw(&triangle(0.0, Paint::Picture(0)));
-        // The middle of the lowest pixel on the left is at (0.25, 0.25): 9.25 of 39 along each side.
+        // The centre of the lowest pixel on the left is at (0.25, 0.25): 9.25 of 39 along each side.
         let seen = canvas.seen(15 * 16).unwrap();
         assert!(seen.texcoord.iter().all(|t| (t - 9.25 / 39.0).abs() < 1e-6), "{seen:?}");
         assert!((0.0..=1.0).contains(&seen.light) && seen.light > 0.3);

@@ -1,4 +1,4 @@
-//! Pixels become image files in memory, and numbers become colours.
+//! Encodes pixels as image files in memory, and maps numbers to colours.
 
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
@@ -6,7 +6,7 @@ use image::{ExtendedColorType, ImageEncoder};
 
 /// Quality of a JPEG, 1 to 100.
 const JPEG_QUALITY: u8 = 86;
-/// Colours of an error from none to the largest: pale stone to a dark red. `style.css` draws the scale with the same ones.
+/// Colours of an error from 0 to the largest: pale stone to dark red. `style.css` draws the scale with the same ones.
 const HEAT: [[f32; 3]; 6] = [
     [236.0, 235.0, 230.0],
     [250.0, 214.0, 137.0],
@@ -16,7 +16,7 @@ const HEAT: [[f32; 3]; 6] = [
     [64.0, 10.0, 52.0],
 ];
 
-/// A JPEG of red, green and blue bytes; nothing if the picture is too large for the format.
+/// A JPEG of red, green and blue bytes; `None` if the rendering is too large for the format.
 pub fn jpeg(rgb: &[u8], size: [usize; 2]) -> Option<Vec<u8>> {
     let mut file = Vec::new();
     let [width, height] = [u32::try_from(size[0]).ok()?, u32::try_from(size[1]).ok()?];
@@ -24,7 +24,7 @@ pub fn jpeg(rgb: &[u8], size: [usize; 2]) -> Option<Vec<u8>> {
     Some(file)
 }
 
-/// A PNG of red, green, blue and opacity bytes; nothing if the picture is too large for the format.
+/// A PNG of red, green, blue and opacity bytes; `None` if the rendering is too large for the format.
 pub fn png(rgba: &[u8], size: [usize; 2]) -> Option<Vec<u8>> {
     let mut file = Vec::new();
     let [width, height] = [u32::try_from(size[0]).ok()?, u32::try_from(size[1]).ok()?];
@@ -32,7 +32,7 @@ pub fn png(rgba: &[u8], size: [usize; 2]) -> Option<Vec<u8>> {
     Some(file)
 }
 
-/// Colour of an error as a share of the largest one shown.
+/// Colour of an error relative to the largest one shown, 0 to 1.
 pub fn heat(share: f32) -> [f32; 3] {
     let place = share.clamp(0.0, 1.0) * (HEAT.len() - 1) as f32;
     let low = (place as usize).min(HEAT.len() - 2);
@@ -40,9 +40,9 @@ pub fn heat(share: f32) -> [f32; 3] {
     [0, 1, 2].map(|channel| HEAT[low][channel] + part * (HEAT[low + 1][channel] - HEAT[low][channel]))
 }
 
-/// A colour for something numbered that differs from those of nearby numbers.
+/// A colour for a number, different from those of nearby numbers.
 pub fn distinct(number: u32) -> [u8; 3] {
-    // The golden angle, in turns: neighbours in number are far apart in hue.
+    // The golden angle, in turns: consecutive numbers are far apart in hue.
     let turns = f64::from(number) * 0.381_966_011_25;
     let tone = [0.80, 0.68, 0.74][number as usize % 3];
     [0.0, 1.0 / 3.0, 2.0 / 3.0].map(|shift| {

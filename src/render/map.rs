@@ -1,7 +1,7 @@
 //! The clusters of a pass from above, with the borders that were locked.
 //!
-//! Clusters may be drawn in any order and by several threads in turn: each pixel keeps the highest surface, of two
-//! equally high ones that of the cluster with the lower number, and the highest border beside it.
+//! Clusters may be drawn in any order, by several threads in turn. Each pixel keeps the highest surface, and of two
+//! equally high ones that of the lower cluster number; it also keeps the highest border.
 
 use glam::DVec3;
 
@@ -10,7 +10,7 @@ use super::raster;
 use super::view::View;
 use crate::mesh::ClusterMesh;
 
-/// A border is seen if it lies no more than so many pixels beneath the surface.
+/// A border is visible if it lies at most this many pixels beneath the surface.
 const BORDER_DEPTH: f32 = 2.0;
 const BORDER_COLOUR: [u8; 4] = [38, 40, 46, 255];
 
@@ -18,9 +18,9 @@ const BORDER_COLOUR: [u8; 4] = [38, 40, 46, 255];
 #[derive(Debug, Clone)]
 pub struct ClusterMap {
     view: View,
-    /// Height in pixels and number of the cluster that is seen.
+    /// Height in pixels, and number of the visible cluster.
     surface: Vec<(f32, u32)>,
-    /// Height of the highest locked edge.
+    /// Height in pixels of the highest locked edge.
     border: Vec<f32>,
 }
 
@@ -31,7 +31,7 @@ pub enum Spot {
     Nothing,
     /// The cluster with this number.
     Cluster(u32),
-    /// An edge between two locked vertices.
+    /// An edge between two vertices that other clusters use.
     Border,
 }
 
@@ -67,7 +67,7 @@ impl ClusterMap {
         }
     }
 
-    /// The map as a PNG, transparent where there is no surface.
+    /// The map as a PNG, transparent where there is no surface; `None` if it is too large for the format.
     pub fn to_png(&self) -> Option<Vec<u8>> {
         let colour = |spot| match spot {
             Spot::Nothing => [0; 4],

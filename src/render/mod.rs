@@ -1,16 +1,16 @@
-//! Pictures of meshes, drawn in software: what is to be seen from where, pixel by pixel.
+//! Renders meshes in software: what is visible in each pixel of a view.
 //!
 //! ```text
 //! bounds ──Frame──▶ views ──┐
 //! triangles, one by one ────┴──▶ Canvas: depth, paint, texture coordinate and light of each pixel
-//! clusters of a pass ──────────▶ ClusterMap: which cluster is seen from above, where its border is locked ──▶ PNG
+//! clusters of a pass ──────────▶ ClusterMap: which cluster is visible from above, where its border is locked ──▶ PNG
 //! ```
-//! In: triangles in any order, each once. Out: buffers of pixels, not yet colours: an image is needed only once the
-//! canvas knows which of its pixels show it. Invariant: the same triangles give the same picture; where two are equally
-//! near, the first one stays.
+//! In: triangles in any order, each once. Out: buffers of pixels, not yet colours: a texture image is needed only once
+//! the canvas knows which of its pixels show it. Invariant: the same triangles in the same order give the same
+//! rendering; of two that are equally near, the first stays.
 //!
 //! # Memory
-//! A canvas takes 17 bytes a pixel, a map 12; the mesh is never held.
+//! A canvas takes 17 bytes a pixel, a map 12; the mesh is never in memory as a whole.
 
 pub mod canvas;
 pub mod encode;

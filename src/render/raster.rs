@@ -1,10 +1,11 @@
-//! Which pixels a triangle covers.
+//! Rasterises triangles and lines.
 
-/// A weight that is so much below 0 is a rounding: no pixel between two triangles with a side in common is left out.
+/// A weight above minus this counts as 0 or more, so that rounding leaves out no pixel between two triangles with a
+/// common side.
 const SLACK: f64 = 1e-9;
 
-/// Calls `plot` with index, nearness and weights of the corners for each pixel of a picture whose middle lies in a
-/// triangle, its rim included; corners are column, row and nearness in pixels.
+/// Calls `plot` with index, nearness and corner weights for each pixel whose centre lies in a triangle, its outline
+/// included. Corners are column, row and nearness in pixels.
 #[inline]
 pub fn each_pixel(corners: &[[f64; 3]; 3], size: [usize; 2], mut plot: impl FnMut(usize, f64, [f64; 3])) {
     let [a, b, c] = corners;
@@ -31,7 +32,7 @@ pub fn each_pixel(corners: &[[f64; 3]; 3], size: [usize; 2], mut plot: impl FnMu
 /// Calls `plot` with index and nearness for pixels along a line between two projected points.
 pub fn each_pixel_of_line(from: [f64; 3], to: [f64; 3], size: [usize; 2], mut plot: impl FnMut(usize, f64)) {
     let length = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
-    // Most of a long line may lie outside; no line in a picture is longer than both of its sides.
+    // Most of a long line may lie outside; a line inside is not longer than both sides together.
     if !(length.is_finite() && length <= 4.0 * (size[0] + size[1]) as f64) {
         return;
     }
@@ -45,12 +46,12 @@ pub fn each_pixel_of_line(from: [f64; 3], to: [f64; 3], size: [usize; 2], mut pl
     }
 }
 
-/// Columns and rows whose middles lie in the box around a triangle, if there are any.
+/// Columns and rows whose centres lie in the box around a triangle; `None` if there are none.
 fn covered(corners: &[[f64; 3]; 3], size: [usize; 2]) -> Option<[std::ops::Range<usize>; 2]> {
     let range = |axis: usize| {
         let low = corners[0][axis].min(corners[1][axis]).min(corners[2][axis]);
         let high = corners[0][axis].max(corners[1][axis]).max(corners[2][axis]);
-        // A cast saturates, and takes what is no number as 0.
+        // A cast saturates, and turns NaN into 0.
         let first = (low - 0.5).ceil().max(0.0) as usize;
         let end = ((high - 0.5).floor() + 1.0).clamp(0.0, size[axis] as f64) as usize;
         (first < end).then_some(first..end)
@@ -84,7 +85,7 @@ mod tests {
         assert!(pixels(far, [3, 3]).len() <= 9);
         assert!(pixels([[f64::NAN; 3], [1.0, 0.0, 0.0], [0.0, 9.0, 0.0]], [3, 3]).is_empty());
         assert!(pixels([[5.0, 5.0, 0.0], [9.0, 5.0, 0.0], [5.0, 9.0, 0.0]], [3, 3]).is_empty());
-        each_pixel_of_line([-1e300, 0.0, 0.0], [1e300, 0.0, 0.0], [3, 3], |_, _| panic!("a line of no length we draw"));
+        each_pixel_of_line([-1e300, 0.0, 0.0], [1e300, 0.0, 0.0], [3, 3], |_, _| panic!("too long to draw"));
     }
 
     #[test]

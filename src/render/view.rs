@@ -1,4 +1,4 @@
-//! From where a mesh is looked at: parallel projections that are fitted to its bounding box.
+//! Views of a mesh: parallel projections that are fitted to its bounding box.
 //!
 //! ```text
 //!        up │  / north          turn: about the vertical, from the south, counter-clockwise seen from above
@@ -10,10 +10,10 @@ use glam::DVec3;
 
 /// An axis counts as the vertical if the mesh is this much flatter along it than along the other two.
 const FLATNESS: f64 = 0.6;
-/// Share of the picture that the mesh fills.
+/// Share of the rendering's width or height that the mesh fills.
 const FILLED: f64 = 0.96;
 
-/// The box that is looked at, and where up is.
+/// The bounding box in view, and its vertical axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Frame {
     /// Smallest coordinates.
@@ -25,9 +25,10 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// The frame of a mesh; none if the box is empty.
+    /// The frame of a mesh; `None` if the box is empty.
     ///
-    /// A mesh says nothing about up: a flat one lies, anything else stands along y as most scanned objects do.
+    /// A mesh does not record which axis is up. The flattest axis is, if the mesh is flat; otherwise y, as for most
+    /// scanned objects.
     pub fn new(low: DVec3, high: DVec3) -> Option<Self> {
         let size = high - low;
         if !(size.is_finite() && size.max_element() > 0.0) {
@@ -44,7 +45,7 @@ impl Frame {
         ["x", "y", "z"][self.up]
     }
 
-    /// East, north and up.
+    /// Unit vectors to the east, to the north and up.
     fn compass(&self) -> [DVec3; 3] {
         match self.up {
             0 => [DVec3::Y, DVec3::Z, DVec3::X],
@@ -53,7 +54,7 @@ impl Frame {
         }
     }
 
-    /// Looks at the whole box; angles in degrees, size in pixels.
+    /// A view of the whole box; angles in degrees, size in pixels.
     pub fn view(&self, turn: f64, tilt: f64, size: [usize; 2]) -> View {
         let [east, north, up] = self.compass();
         let (turn, tilt) = (turn.to_radians(), tilt.to_radians());
@@ -66,7 +67,7 @@ impl Frame {
         let axes = [right, down, towards];
         let origin = (self.low + self.high) / 2.0;
         let half = (self.high - self.low) / 2.0;
-        // Half the extent of the box along an axis of the picture.
+        // Half the extent of the box along an axis of the view.
         let reach = |axis: DVec3| axis.abs().dot(half).max(f64::MIN_POSITIVE);
         let [width, height] = size.map(|side| side as f64);
         let fitting = (width / (2.0 * reach(right))).min(height / (2.0 * reach(down)));
@@ -78,19 +79,19 @@ impl Frame {
 /// A parallel projection to pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
-    /// Right, down, and towards the eye.
+    /// Unit vectors to the right, down, and towards the eye.
     axes: [DVec3; 3],
     origin: DVec3,
     /// Pixels per unit of length.
     pub scale: f64,
     /// Width and height in pixels.
     pub size: [usize; 2],
-    /// Direction to the light.
+    /// Unit vector to the light.
     sun: DVec3,
 }
 
 impl View {
-    /// Column, row and nearness of a position, all in pixels; the first pixel reaches from 0 to 1.
+    /// Column, row and nearness of a position, all in pixels; the first pixel covers 0 to 1.
     #[inline]
     pub fn project(&self, position: DVec3) -> [f64; 3] {
         let from_middle = (position - self.origin) * self.scale;
@@ -101,14 +102,14 @@ impl View {
         ]
     }
 
-    /// Light on a surface with this normal, 0 to 1; both of its sides are lit alike.
+    /// Light on a surface with this normal, 0 to 1; both sides are lit alike.
     pub fn light(&self, normal: DVec3) -> f64 {
         let normal = normal.normalize_or_zero();
         let facing = if normal.dot(self.axes[2]) < 0.0 { -normal } else { normal };
         0.32 + 0.68 * (0.5 + 0.5 * facing.dot(self.sun))
     }
 
-    /// Fits the view to what was projected with it.
+    /// Fits the view to the extent of positions that it projected.
     pub fn fit(&mut self, extent: &Extent) {
         let [x, y] = extent.0;
         let size = self.size.map(|side| side as f64);
@@ -122,19 +123,19 @@ impl View {
         }
     }
 
-    /// Looks at a position, enlarged.
+    /// Centres the view on a position and enlarges it `zoom` times.
     pub fn enlarge(&mut self, position: DVec3, zoom: f64) {
         self.origin = position;
         self.scale *= zoom;
     }
 
-    /// The same view in fewer pixels.
+    /// The same view with width, height and scale divided by `factor`.
     pub fn reduced(&self, factor: usize) -> Self {
         Self { scale: self.scale / factor as f64, size: self.size.map(|side| side / factor), ..*self }
     }
 }
 
-/// The columns and rows that projected positions lie in: least and largest.
+/// Range of columns and of rows of projected positions: least and largest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Extent([[f64; 2]; 2]);
 
@@ -145,7 +146,7 @@ impl Default for Extent {
 }
 
 impl Extent {
-    /// Adds a projected position.
+    /// Extends the ranges to a projected position.
     #[inline]
     pub fn add(&mut self, projected: [f64; 3]) {
         for (range, place) in self.0.iter_mut().zip(projected) {

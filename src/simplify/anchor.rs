@@ -1,15 +1,15 @@
-//! Bounds on deviations, found anew against the surface that a pass began with.
+//! Recomputes bounds on deviations against the surface at the start of a pass.
 //!
-//! A bound that goes from collapse to collapse adds up moves that cancel each other (`deviation.rs`). Here the faces of a
-//! cluster as they are now are compared with those that it had at first, both ways:
+//! A bound that passes from collapse to collapse adds up moves that cancel each other (`deviation.rs`). Here the
+//! current faces of a cluster are compared with its first faces, both ways:
 //!
 //! ```text
 //! input ── bound of each first face ── first faces ── each part near one face ── faces now
 //! ```
-//! Every part of a face now is within some distance of one first face, and so within that face's bound more of the input;
-//! every part of a first face is within some distance of one face now, which takes the first face's bound along. A part is
-//! cut along the sides of the face nearest to its middle, then halved, until its corners, and so all of it, are near
-//! enough to one face.
+//! Every part of a current face is within some distance of one first face; its bound is this distance plus the first
+//! face's bound. Every part of a first face is within some distance of one current face, which takes this distance plus
+//! the first face's bound. A part is cut along the sides of the face nearest to its middle, then halved, until its
+//! corners, and therefore all of it, are near enough to one face.
 //!
 //! # Memory
 //! See [`Anchor::with_room`].
@@ -26,18 +26,18 @@ use crate::geometry::boxtree::{Bounds, BoxTree};
 use crate::mesh::ClusterMesh;
 use crate::mesh::cluster::rounded_up;
 
-/// A part this near, as a share of the bound, is near enough.
+/// A part is near enough if its bound is at most this share of the largest bound allowed.
 const NEAR_SHARE: f64 = 0.6;
-/// So is one whose bound exceeds the distance of its middle by no more than this factor.
+/// A part is also near enough if its bound exceeds the distance of its middle by at most this factor.
 const TIGHT: f64 = 1.2;
-/// Parts that a triangle is cut into, at most.
+/// Largest number of parts of a triangle.
 const PARTS_MAX: usize = 4096;
-/// With fewer faces than this share that are not near enough by the bounds they have, nothing is gained.
+/// If fewer faces than this share have bounds that are not near enough, nothing is recomputed.
 const FAR_SHARE_MIN: f64 = 0.1;
-/// Faces of a run: the search for each begins where that for the one before ended, which bounds it from the start.
+/// Faces of a run. Each search starts from the face found for the previous one, which bounds it.
 const RUN_FACES: usize = 256;
 
-/// The surface that a cluster had at first.
+/// The surface of a cluster at the start of a pass.
 #[derive(Debug)]
 pub struct Anchor {
     vertices: Vec<DVec3>,
@@ -46,7 +46,7 @@ pub struct Anchor {
 }
 
 impl Anchor {
-    /// Keeps the living faces of a cluster and their bounds.
+    /// Copies the living faces of a cluster and their bounds.
     pub fn of(mesh: &ClusterMesh) -> Self {
         let living = || (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face));
         Self {
@@ -56,8 +56,8 @@ impl Anchor {
         }
     }
 
-    /// Memory of a cluster of `cluster_bytes` together with its anchor: 28 bytes a face where a face takes 200, and 32 more
-    /// while bounds are found.
+    /// Bytes of a cluster of `cluster_bytes` together with its anchor: 28 bytes a face where the cluster takes 200, and
+    /// 32 more while bounds are recomputed.
     pub fn with_room(cluster_bytes: u64) -> u64 {
         cluster_bytes + cluster_bytes / 3
     }
@@ -67,9 +67,9 @@ impl Anchor {
         self.faces.len()
     }
 
-    /// Gives the faces of what the cluster has become the bounds that follow from where they lie, none above `most`;
-    /// returns whether it did: not where little would be gained, nor where a first face lies too far from what has become
-    /// of it. The mesh must have no dead faces.
+    /// Replaces the bounds of the current faces by those computed from their positions, none above `most`, in units of
+    /// length. Returns `false`, and changes nothing, if little would be gained, or if a first face lies too far from
+    /// the current surface. The mesh must have no dead faces.
     pub fn tighten(&self, mesh: &mut ClusterMesh, most: f64) -> bool {
         let is_near = |bound: f32| f64::from(bound) <= NEAR_SHARE * most;
         let far_count = mesh.deviations.iter().filter(|&&bound| !is_near(bound)).count();
@@ -78,7 +78,7 @@ impl Anchor {
         }
         let now = Surface::new(&mesh.positions, &mesh.corner_vertices, None);
         let first = Surface::new(&self.vertices, &self.faces, Some(&self.bounds));
-        // Distances are not negative, so that their bits have the order of their values.
+        // Distances are not negative, so their bits order like their values.
         let bounds: Vec<AtomicU64> = mesh.deviations.iter().map(|_| AtomicU64::new(0)).collect();
         let raise = |face: u32, bound: f64| bounds[face as usize].fetch_max(bound.to_bits(), Ordering::Relaxed);
         let all_found = runs(self.faces.len()).map_init(Scratch::default, |scratch, mut run| {
@@ -111,17 +111,17 @@ impl Anchor {
     }
 }
 
-/// The faces 0 .. `count`, run by run.
+/// The faces 0 .. `count`, in runs.
 fn runs(count: usize) -> impl ParallelIterator<Item = Range<u32>> {
     let run = move |begin: usize| begin as u32..(begin + RUN_FACES).min(count) as u32;
     (0..count).into_par_iter().step_by(RUN_FACES).map(run)
 }
 
-/// Triangles by place.
+/// Triangles in a box tree.
 struct Surface<'a> {
     vertices: &'a [DVec3],
     faces: &'a [[u32; 3]],
-    /// What is added to the distance of each, if anything.
+    /// Added to the distance to each face; `None` stands for 0.
     bases: Option<&'a [f32]>,
     tree: BoxTree,
 }
@@ -144,7 +144,8 @@ impl<'a> Surface<'a> {
         Target { corners: self.triangle(face), base: self.base(face) }
     }
 
-    /// The face nearest to a point, its base included, and how far it is; `hint` if none is nearer than that.
+    /// The face nearest to a point, and the distance to it, its base included. Starts from `hint`, and returns it if no
+    /// face is nearer. `None` if there are no faces.
     fn nearest(&self, point: DVec3, hint: Option<u32>) -> Option<(u32, f64)> {
         let mut nearest = hint.map(|face| (face, self.target(face).distance(point)));
         let mut least_sq = nearest.map_or(f64::INFINITY, |(_, distance)| distance * distance);
@@ -162,8 +163,8 @@ impl<'a> Surface<'a> {
         nearest
     }
 
-    /// Finds for every part of a triangle one of the faces and how far the part is from it, at most, the face's base
-    /// included. Returns false if that would be more than `most` for some part, or cannot be shown to be less.
+    /// Finds, for every part of a triangle, one of the faces and an upper bound on the part's distance to it, the
+    /// face's base included. Returns `false` if the bound of some part exceeds `most`, or cannot be proved to be lower.
     fn cover(&self, triangle: [DVec3; 3], most: f64, scratch: &mut Scratch, mut found: impl FnMut(u32, f64)) -> bool {
         let Scratch { cutter, parts, last } = scratch;
         cutter.points.clear();
@@ -173,7 +174,7 @@ impl<'a> Surface<'a> {
         while let Some((part, hint)) = parts.pop() {
             let corners = || part.corners().iter().map(|&corner| cutter.point(corner));
             let bound_by = |target: &Target| corners().map(|corner| target.distance(corner)).fold(0.0, f64::max);
-            // What the part before was near is often near enough to this one.
+            // Often the face found for the whole is near enough to a part of it.
             let near = hint.map(|face| (face, bound_by(&self.target(face)))).filter(|&(_, bound)| bound <= farthest);
             if let Some((face, bound)) = near {
                 found(face, bound);
@@ -201,13 +202,13 @@ impl<'a> Surface<'a> {
     }
 }
 
-/// Space that is used again.
+/// Buffers.
 #[derive(Default)]
 struct Scratch {
     cutter: Parts,
-    /// Parts that are still to be covered, each with the face that the part before it was near.
+    /// Parts to be covered, each with the face that was nearest to the part it was cut from.
     parts: Vec<(Part, Option<u32>)>,
-    /// The face that was nearest to the part before.
+    /// The face nearest to the previous part.
     last: Option<u32>,
 }
 
@@ -218,7 +219,7 @@ mod tests {
     use crate::mesh::cluster::samples;
     use proptest::prelude::*;
 
-    /// A grid of so many cells a side whose vertices lie at heights up to `height`, all faces bounded by `bound`.
+    /// A grid of `cells` × `cells` squares with vertex heights of 0 to `height`; all faces are bounded by `bound`.
     fn hills(cells: u32, height: f64, bound: f32, seed: u64) -> ClusterMesh {
         let mut mesh = samples::grid(cells, 0.0);
         for (i, position) in (0..).zip(&mut mesh.positions) {
@@ -228,7 +229,7 @@ mod tests {
         mesh
     }
 
-    /// The same square in faces of two cells a side.
+    /// The same square, flat, in faces of two cells a side.
     fn coarser(cells: u32, bound: f32) -> ClusterMesh {
         let mut mesh = hills(cells / 2, 0.0, bound, 0);
         mesh.positions.iter_mut().for_each(|position| *position *= 2.0);
@@ -260,7 +261,7 @@ mod tests {
         now.deviations.fill(0.9);
         assert!(!Anchor::of(&first).tighten(&mut now, 1.0));
         assert!(now.deviations.iter().all(|&bound| bound == 0.9));
-        // Nothing is gained where bounds are small.
+        // Where bounds are small, nothing is recomputed.
         now.deviations.fill(0.5);
         assert!(!Anchor::of(&first).tighten(&mut now, 1.0));
     }

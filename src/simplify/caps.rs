@@ -1,11 +1,11 @@
-//! Shuts small holes: short loops of border edges get faces of their own where that costs no more than a collapse.
+//! Closes small holes: short loops of border edges get new faces where that costs no more than a collapse.
 //!
 //! ```text
 //!    a-------------b            a-------------b
-//!     \   hole    /      ──▶     \`-.  cap   /     what is left of a rip whose two sides have other vertices
+//!     \   hole    /      ──▶     \`-.  cap   /     the rest of a rip whose two sides have different vertices
 //!      c---d-----e                c---d-----e
 //! ```
-//! A cap stands for no surface of the input. It costs what its points are away from the rim: area × squared height.
+//! A cap has no counterpart in the input. Its cost is the distance of its points from the rim: area × squared height.
 
 use super::rips::FACES_MAX;
 use super::witness::area_of;
@@ -13,14 +13,14 @@ use crate::mesh::class::Class;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::{Rings, Spoke};
 
-/// Edges of a hole, at most.
+/// Largest number of edges of a hole.
 const EDGES_MAX: usize = 8;
-/// Cosine of the angle between a cap and a face beside it, at least.
+/// Lowest cosine of the angle between the normals of a cap and of a face beside it.
 const FOLD_MIN: f64 = -0.8;
-/// Mean squared distance of a triangle's points to its longest side, for each squared height.
+/// Mean squared distance of a triangle's points to its longest side, relative to its squared height.
 const MEAN_SQ: f64 = 1.0 / 6.0;
 
-/// Holes that were shut.
+/// Holes that were closed.
 #[derive(Debug, Default)]
 pub struct Shut {
     /// Number of holes.
@@ -29,8 +29,8 @@ pub struct Shut {
     pub vertices: Vec<u32>,
 }
 
-/// Shuts the holes that cost up to `most` each, as long as no two have a vertex in common and there is `room` for more faces.
-/// If there are any, the rings are to be built anew, and the classes of the vertices found.
+/// Closes holes that cost up to `most` each, as long as no two share a vertex and there is `room` for more faces. If
+/// any was closed, the rings and the classes of the returned vertices must be recomputed.
 pub fn shut(mesh: &mut ClusterMesh, rings: &Rings, classes: &[Class], most: f64, mut room: usize) -> Shut {
     let may_border = |v: u32| classes[v as usize].may_border();
     let onwards: Vec<Onwards> = (0..classes.len() as u32)
@@ -61,23 +61,23 @@ pub fn shut(mesh: &mut ClusterMesh, rings: &Rings, classes: &[Class], most: f64,
     shut
 }
 
-/// An edge of the rim of a hole, as a face that shuts it would have it.
+/// A border edge of a hole, in the direction of a face that closes the hole.
 #[derive(Debug, Clone, Copy)]
 struct Rim {
     from: u32,
     to: u32,
-    /// Wedges of both ends in the face beside it.
+    /// Wedges of both ends in the face beside the edge.
     wedges: [u32; 2],
     part: u32,
-    /// Whether that face is turned over, and will be turned back.
+    /// Whether that face is turned over during processing.
     is_turned: bool,
     /// The third vertex of that face.
     beyond: u32,
-    /// Its wedge there.
+    /// Wedge of `beyond` in that face.
     beyond_wedge: u32,
 }
 
-/// Where the border edges lead that go on from a vertex around a hole.
+/// Border edges that continue from a vertex around a hole.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Onwards {
     Nowhere,
@@ -96,7 +96,7 @@ impl Onwards {
     }
 }
 
-/// Whether a short way from a vertex along borders may lead back to it.
+/// Whether a walk along at most `EDGES_MAX` border edges may lead from a vertex back to it.
 fn may_return(onwards: &[Onwards], start: u32) -> bool {
     let mut at = start;
     for _ in 0..EDGES_MAX {
@@ -110,7 +110,8 @@ fn may_return(onwards: &[Onwards], start: u32) -> bool {
     false
 }
 
-/// The corners at a vertex whose faces alone have the edge to the corner before: along it the way leads on around a hole.
+/// Corners at a vertex whose face is the only one with the edge to the previous corner: along this edge the walk around
+/// a hole continues.
 fn corners_before_rims<'a>(mesh: &'a ClusterMesh, rings: &'a Rings, from: u32) -> impl Iterator<Item = u32> + 'a {
     let corners = rings.of(from);
     let corners = if corners.len() > FACES_MAX { &[] } else { corners };
@@ -122,7 +123,7 @@ fn corners_before_rims<'a>(mesh: &'a ClusterMesh, rings: &'a Rings, from: u32) -
     })
 }
 
-/// The border edges that lead on from a vertex around a hole.
+/// Border edges that continue from a vertex around a hole.
 fn rims_from(mesh: &ClusterMesh, rings: &Rings, from: u32) -> Vec<Rim> {
     let rim = |corner: u32| {
         let spoke = Spoke::of(mesh, corner);
@@ -139,7 +140,7 @@ struct Hole {
 }
 
 impl Hole {
-    /// The shortest loop through a vertex, if it is short enough.
+    /// The shortest loop through a vertex; `None` if it has more than `EDGES_MAX` edges, or fewer than three.
     fn at(mesh: &ClusterMesh, rings: &Rings, start: u32) -> Option<Self> {
         let mut ways: Vec<Vec<Rim>> = rims_from(mesh, rings, start).into_iter().map(|rim| vec![rim]).collect();
         for _ in 1..EDGES_MAX {
@@ -164,8 +165,8 @@ impl Hole {
         None
     }
 
-    /// The triangles that shut it, cheapest first, as places in the rim of their corners; nothing if they cost more than
-    /// `most`, fold, or have edges that are there.
+    /// Triangles that close the hole, cheapest first, as indices of their corners in the rim. `None` if they cost more
+    /// than `most`, fold, or would need an edge that exists already.
     fn ears(&self, mesh: &ClusterMesh, rings: &Rings, most: f64) -> Option<Vec<[usize; 3]>> {
         let place = |at: usize| mesh.positions[self.rim[at].from as usize];
         let price = |ear: [usize; 3]| {
@@ -210,7 +211,7 @@ impl Hole {
         })
     }
 
-    /// Adds the triangles. Each shows the line of the picture along its longest side whose face is there.
+    /// Adds the triangles. Each shows the line of the texture along its longest side that has a face.
     fn shut(&self, mesh: &mut ClusterMesh, ears: &[[usize; 3]]) {
         let mut sides: Vec<Rim> = self.rim.clone();
         for ear in ears {

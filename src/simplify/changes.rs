@@ -1,21 +1,21 @@
-//! How often the topology changed, and where.
+//! Counts of topology changes.
 
 use serde::{Deserialize, Serialize};
 
-/// Changes of the topology that were made.
+/// Number of topology changes of each kind.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Changes {
-    /// Holes that were closed, by a collapse or by faces of their own.
+    /// Holes closed by a collapse or by new faces.
     pub holes_closed: u64,
-    /// Handles and necks that were cut.
+    /// Handles and necks cut.
     pub handles_cut: u64,
-    /// Pieces of the surface that vanished.
+    /// Connected components removed.
     pub pieces_dropped: u64,
-    /// Area of their last triangles, in units of length².
+    /// Area of the last triangles of these components, in units of length².
     pub pieces_area: f64,
-    /// Border vertices that were welded to those of another border, or of another part of their own.
+    /// Border vertices welded to another border, or to another part of their own.
     pub vertices_welded: u64,
-    /// Vertices at non-manifold places that are no more, or are at such places no more.
+    /// Non-manifold vertices that vanished or became manifold.
     pub complex_resolved: u64,
 }
 

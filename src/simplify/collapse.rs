@@ -1,4 +1,4 @@
-//! One edge collapse: from the candidate to the changed mesh, or to the reason against it.
+//! One edge collapse: checks a candidate, and changes the mesh or returns the reason for refusal.
 
 use glam::{DVec2, DVec3, Vec2};
 
@@ -10,7 +10,7 @@ use crate::cost::{EdgeCase, Metric};
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::ring::Rings;
 
-/// An edge to collapse, as judged before.
+/// A collapse candidate.
 #[derive(Debug, Clone, Copy)]
 pub struct Collapse {
     /// The vertex that vanishes.
@@ -19,21 +19,23 @@ pub struct Collapse {
     pub to: u32,
     /// Whether `to` keeps its texture coordinates.
     pub onto: bool,
-    /// Whether `to` keeps its place, too.
+    /// Whether `to` also keeps its position.
     pub stays: bool,
-    /// Whether the edge lies on a seam or border that both ends keep to.
+    /// Whether the edge lies on a seam or border that both ends follow.
     pub chain: bool,
-    /// What is known of `from`; if it strands wedges, they come to `to` with their texture coordinates.
+    /// Properties of the faces around `from`. If these may strand wedges, the wedges move to `to` with their texture
+    /// coordinates.
     pub fan: Fan,
-    /// What it costs, in area × squared distance; infinity if the metric counts in something else.
+    /// Cost in area × squared distance; infinite if the metric has another unit.
     pub cost: f64,
-    /// Faces that may die at most.
+    /// Largest number of faces that may die.
     pub dying_max: usize,
-    /// Share of what the chain would leave its charts by that texture coordinates of `to` move inwards instead.
+    /// Share of the overhang of the chain beyond its charts by which the texture coordinates of `to` move into the
+    /// charts, 0 to 1.
     pub inset: f64,
 }
 
-/// Collapses edges of one mesh; holds scratch space only.
+/// Collapses edges of one mesh.
 #[derive(Debug, Default)]
 pub struct Collapser {
     star: EdgeStar,
@@ -42,22 +44,22 @@ pub struct Collapser {
     last_faces: LastFaces,
     /// Faces that change and stay.
     changed: Vec<u32>,
-    /// Largest deviation from the input that is allowed, if it is bounded.
+    /// Largest deviation from the input allowed, in units of length; `None` if it is not bounded.
     pub deviation_max: Option<f64>,
 }
 
 impl Collapser {
-    /// Vertices around which the last collapse changed more than a plain one does, so that their classes may be others.
+    /// Vertices whose classes may have changed, because the last collapse changed the topology.
     pub fn unsettled(&self) -> &[u32] {
         &self.star.unsettled
     }
 
-    /// Edges of more than two faces that the last collapse made, less those that it resolved.
+    /// Non-manifold edges (more than two faces) that the last collapse created, minus those that it resolved.
     pub fn new_non_manifold_edges(&self) -> i64 {
         self.star.new_non_manifold_edges
     }
 
-    /// Prepares for a mesh.
+    /// Prepares for a mesh without dead faces.
     pub fn reset(&mut self, mesh: &ClusterMesh) {
         self.star.reset(mesh.positions.len());
         self.last_faces.count(mesh);
@@ -66,7 +68,7 @@ impl Collapser {
     /// Collapses the edge and returns how many faces died.
     ///
     /// # Errors
-    /// The reason against it; the mesh is then unchanged.
+    /// The reason for refusal; the mesh is then unchanged.
     pub fn try_collapse<M: Metric>(
         &mut self,
         mesh: &mut ClusterMesh,
@@ -99,7 +101,10 @@ impl Collapser {
         Ok(self.apply(mesh, rings, collapse, position))
     }
 
-    /// New texture coordinate for each wedge pair.
+    /// Computes the new texture coordinate of each wedge pair.
+    ///
+    /// # Errors
+    /// [`Refusal::Seam`] if the chain cannot be followed.
     fn choose_uvs<M: Metric>(
         &mut self,
         mesh: &ClusterMesh,
@@ -130,10 +135,10 @@ impl Collapser {
         Ok(())
     }
 
-    /// Bounds the deviation of the new faces, if it is to be bounded at all; they get their bounds, too.
+    /// Sets the bounds of the new faces, if deviations are bounded.
     ///
     /// # Errors
-    /// If one of them may deviate by more than is allowed; the mesh is then unchanged.
+    /// [`Refusal::Deviation`] if a bound would exceed the limit; the mesh is then unchanged.
     fn bound_deviation(
         &mut self,
         mesh: &mut ClusterMesh,
@@ -154,7 +159,7 @@ impl Collapser {
                 self.changed.push(face);
             }
         }
-        // Where the topology changes, faces may vanish that only the staying vertex has.
+        // Where the topology changes, faces of `to` alone may die, too.
         let at_to = |&&face: &&u32| !mesh.vertices(face).contains(&collapse.from);
         for &face in self.star.dying.iter().filter(at_to) {
             self.patches.push_old(mesh.triangle(face), mesh.deviations[face as usize]);
@@ -183,8 +188,8 @@ impl Collapser {
     }
 }
 
-/// Corners of living faces that change, at the vertex that vanishes or moves, and whether their faces die; a dying face
-/// is named once.
+/// Corners of living faces that change, at the vertex that vanishes or moves, and whether their faces die. A dying face
+/// occurs once.
 fn changing_corners<'a>(
     star: &'a EdgeStar,
     mesh: &'a ClusterMesh,

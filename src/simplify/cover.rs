@@ -1,9 +1,9 @@
-//! How far a triangle is from a set of triangles, at most: a bound that holds for each of its points, not for samples.
+//! Upper bounds on the distance from a triangle to a set of triangles: they hold for each of its points, not only for
+//! samples.
 //!
-//! The distance to a triangle is a convex function, so that over a convex polygon it is largest at a corner. A polygon
-//! whose corners are all near one triangle of the set is therefore near that triangle everywhere. Where no single
-//! triangle will do, the polygon is cut along the sides of the nearest one, at right angles to it, and each part is
-//! looked at by itself:
+//! The distance to a triangle is a convex function, so over a convex polygon it is largest at a corner. If all corners
+//! of a polygon are near one triangle of the set, the whole polygon is. If no single triangle is near enough, the
+//! polygon is cut along the sides of the nearest one, perpendicular to it, and each part is bounded separately:
 //!
 //! ```text
 //!     polygon a-b-c over the triangles 1 and 2 of a set          cut along the sides of 1
@@ -12,8 +12,8 @@
 //!       /   \   /                                                /___\ . .  part over 1: its height is linear
 //!      b-----\-/--c                                             b    | \   c   part over 2
 //! ```
-//! Flat parts cost one cut for each side that crosses them, and their bound is exact. Bent parts are cut until the bound is
-//! within 15 % of the distance of a corner, or until there are 48 of them.
+//! Flat parts need one cut for each side that crosses them, and their bound is exact. Bent parts are cut until the
+//! bound is within 15 % of the distance of a corner, or until there are 48 parts.
 
 use glam::DVec3;
 
@@ -22,9 +22,9 @@ use crate::geometry::distance_sq;
 
 /// A part's bound may exceed the distance of its farthest corner by this factor.
 const TIGHT: f64 = 1.15;
-/// The same as a share of the largest distance allowed.
+/// Additional tolerance, as a share of the largest distance allowed.
 const SLACK: f64 = 1.0 / 128.0;
-/// Parts that a triangle is cut into, at most; what is left is bounded as it is.
+/// Largest number of parts of a triangle; after that, parts are bounded without further cuts.
 const PARTS_MAX: usize = 48;
 
 /// A triangle that others are measured against.
@@ -32,17 +32,18 @@ const PARTS_MAX: usize = 48;
 pub struct Target {
     /// Its corners.
     pub corners: [DVec3; 3],
-    /// What is added to the distance to it, in units of length.
+    /// Added to the distance to it, in units of length.
     pub base: f64,
 }
 
 impl Target {
-    /// Distance of a point from it, its base included.
+    /// Distance from a point to it, its base included.
     pub fn distance(&self, point: DVec3) -> f64 {
         self.base + distance_sq(point, self.corners).sqrt()
     }
 
-    /// The planes through its sides at right angles to it: outward normal and offset. NaN where it has no area.
+    /// The planes through its sides, perpendicular to it: outward normal, not of unit length, and offset. All 0 if it
+    /// has no area.
     pub fn sides(&self) -> [(DVec3, f64); 3] {
         let [a, b, c] = self.corners;
         let normal = (b - a).cross(c - a);
@@ -53,15 +54,15 @@ impl Target {
     }
 }
 
-/// Covers triangles by a set of targets; holds scratch space only.
+/// Covers triangles by a set of targets; holds only buffers.
 #[derive(Debug, Default)]
 pub struct Cover {
     targets: Vec<Target>,
-    /// Corners of triangles, which the triangles of a patch share, then those of their parts.
+    /// Corners of covered triangles, shared within a patch, then those of their parts.
     cutter: Parts,
-    /// Distance of each point to each target, its base included.
+    /// Distance from each point to each target, its base included.
     distances: Vec<f64>,
-    /// Parts that are still to be covered.
+    /// Parts to be covered.
     parts: Vec<Part>,
 }
 
@@ -74,11 +75,11 @@ impl Cover {
         self.distances.clear();
     }
 
-    /// Finds for every part of a triangle one of the targets and how far the part is from it, at most: distance plus the
-    /// target's base.
+    /// Finds, for every part of a triangle, one of the targets and an upper bound on the part's distance to it, the
+    /// target's base included.
     ///
-    /// Returns false if that would be more than `most` for some part, or cannot be shown to be less; `found` is then
-    /// not to be relied on.
+    /// Returns `false` if the bound of some part exceeds `most`, or cannot be proved to be lower; what `found` received
+    /// is then invalid.
     pub fn cover(&mut self, triangle: [DVec3; 3], most: f64, mut found: impl FnMut(usize, f64)) -> bool {
         let whole = Part::triangle(triangle.map(|corner| self.shared_point(corner)));
         self.find_distances();
@@ -112,7 +113,7 @@ impl Cover {
         }
     }
 
-    /// Finds the distances of the points that have none yet.
+    /// Computes the distances of points that have none yet.
     fn find_distances(&mut self) {
         let known = self.distances.len() / self.targets.len().max(1);
         for &point in &self.cutter.points[known..] {
@@ -125,7 +126,7 @@ impl Cover {
         &self.distances[usize::from(point) * count..][..count]
     }
 
-    /// The target that a part as a whole is nearest to.
+    /// The target with the lowest bound for a part as a whole.
     fn nearest(&self, part: &Part) -> Nearest {
         let mut best = Nearest { target: 0, bound: f64::INFINITY, corner: 0.0 };
         for target in 0..self.targets.len() {
@@ -141,8 +142,8 @@ impl Cover {
         best
     }
 
-    /// Cuts a part along the sides of the target nearest to its corners on average, or in halves where that cuts nothing;
-    /// returns how many parts there are more.
+    /// Cuts a part along the sides of the target nearest to its corners on average, or in halves if that cuts nothing.
+    /// Returns the number of resulting parts.
     fn split(&mut self, part: &Part) -> usize {
         let before = self.parts.len();
         let sum = |target: usize| part.corners().iter().map(|&corner| self.distances_of(corner)[target]).sum::<f64>();
@@ -158,12 +159,12 @@ impl Cover {
     }
 }
 
-/// The target that a part as a whole is nearest to.
+/// The target with the lowest bound for a part as a whole.
 struct Nearest {
     target: usize,
-    /// How far the part is from it, at most.
+    /// Upper bound on the distance from the part to it.
     bound: f64,
-    /// How far the corner is that is farthest from all targets.
+    /// Largest distance from a corner of the part to the target nearest to that corner.
     corner: f64,
 }
 

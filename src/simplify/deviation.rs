@@ -1,15 +1,15 @@
-//! How far a collapse moves the surface, both ways, at most.
+//! Upper bounds on how far a collapse moves the surface, both ways.
 //!
-//! Every face carries a bound: each of its points is that near to the input, and each point of the input is, for some
-//! face, that near to it. A collapse replaces a patch of faces by another with the same rim:
+//! Every face carries a bound: each of its points is within this distance of the input, and for each point of the input
+//! there is a face within that face's bound of it. A collapse replaces a patch of faces by another with the same rim:
 //!
 //! ```text
 //! input ── bound of each old face ── old faces ── covered, both ways ── new faces
 //! ```
-//! Every part of a new face is within some distance of one old face, and so within that face's bound more of the input;
-//! every part of an old face is within some distance of one new face, which takes the old face's bound along. Both hold
-//! for all points (`cover.rs`), so that the bound of what comes out is proved, and is too large only because moves that
-//! cancel each other are added.
+//! Every part of a new face is within some distance of one old face; its bound is this distance plus the old face's
+//! bound. Every part of an old face is within some distance of one new face, which takes this distance plus the old
+//! face's bound. Both hold for all points (`cover.rs`), so the result is a proved bound. It is too large only because
+//! moves that cancel each other add up.
 
 use glam::DVec3;
 
@@ -17,26 +17,26 @@ use super::cover::{Cover, Target};
 use super::legality::Refusal;
 use crate::mesh::cluster::rounded_up;
 
-/// Old and new triangles around an edge; scratch space is kept between edges.
+/// Old and new triangles around an edge; buffers are reused.
 #[derive(Debug, Default)]
 pub struct Patches {
-    /// Faces that will be replaced, each with its bound.
+    /// Faces that are replaced, each with its bound.
     old: Vec<Target>,
     /// Faces that replace them.
     new: Vec<Target>,
-    /// Bounds of these.
+    /// Bounds of the new faces.
     bounds: Vec<f64>,
     cover: Cover,
 }
 
 impl Patches {
-    /// Forgets both patches.
+    /// Clears both patches.
     pub fn clear(&mut self) {
         self.old.clear();
         self.new.clear();
     }
 
-    /// Adds a face that will be replaced, with its bound.
+    /// Adds a face that is replaced, with its bound.
     pub fn push_old(&mut self, corners: [DVec3; 3], bound: f32) {
         self.old.push(Target { corners, base: f64::from(bound) });
     }
@@ -49,7 +49,7 @@ impl Patches {
     /// Bounds of the new faces, in the order in which they were added.
     ///
     /// # Errors
-    /// If one exceeds `most`.
+    /// [`Refusal::Deviation`] if one exceeds `most`, or if there are no new faces.
     pub fn bound(&mut self, most: f64) -> Result<impl Iterator<Item = f32> + '_, Refusal> {
         let Self { old, new, bounds, cover } = self;
         if new.is_empty() {

@@ -3,10 +3,10 @@
 //! ```text
 //! stage    rings, classes and quadrics from the current mesh; every vertex proposes its cheapest collapse
 //! ├ round  the cheapest proposals in order; a vertex takes part in one collapse a round;
-//! │        then only vertices around changed ones propose anew
-//! └ settle vertices that others collapsed onto move to their best place
+//! │        then only vertices near the changes make new proposals
+//! └ settle vertices that others collapsed onto are relocated to their best position
 //! ```
-//! Rounds give the mean error of a heap within 4 % in a quarter to a half of its time (`docs/reproduction.md`).
+//! Rounds reach the mean error of a heap within 4 % in a quarter to a half of its time (`docs/reproduction.md`).
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -30,44 +30,46 @@ use crate::mesh::edge::EdgeKind;
 use crate::mesh::orient::{orient, restore};
 use crate::mesh::ring::{Rings, Spoke};
 
-/// Share of the faces that one round aims to remove: small enough to stay near the order of one queue.
+/// Share of the faces that one round aims to remove: small enough to stay close to the order of a single queue.
 const ROUND_SHARE: f64 = 0.20;
-/// Candidates tried for each collapse that a round aims at: neighbours block each other.
+/// Candidates tried for each collapse that a round aims at, because neighbours block each other.
 const TRIES_PER_COLLAPSE: f64 = 2.0;
-/// A round ends before collapses that cost more than this many times the dearest one that it aims at.
+/// NOTE: tuned. A round ends at the first collapse that costs more than this many times the costliest one that it aims
+/// at.
 const COST_SPREAD: f32 = 4.0;
-/// A stage that stops on a cost ends when a round over all its candidates removes less than this share of the faces.
+/// A stage with a cost limit ends after a round over all its candidates that removes at most this share of the faces.
 const LAST_SHARE: f64 = 0.0005;
 
-/// Faces that the last collapse of a stage may take below its target.
+/// Faces by which the last collapse of a stage may undershoot the target.
 const BELOW_MAX: usize = 2;
 
 /// Simplifies one cluster.
 #[derive(Debug)]
 pub struct Engine<M> {
-    /// The mesh as it stands.
+    /// The current mesh.
     pub mesh: ClusterMesh,
     cost: M,
     pub(super) rings: Rings,
-    /// Whether no face is dead and the rings are as built.
+    /// Whether no face is dead and the rings are freshly built.
     is_tidy: bool,
     pub(super) classes: Vec<Class>,
-    /// Whether the classes are those of the mesh as it stands.
+    /// Whether the classes are those of the current mesh.
     is_classified: bool,
-    /// Of every vertex.
+    /// The cheapest collapse of every vertex.
     proposals: Vec<Proposal>,
-    /// Vertices whose cheapest collapse was refused, some more than once.
+    /// Vertices whose cheapest collapse was refused; may contain duplicates.
     refused: Vec<u32>,
     collapser: Collapser,
     settler: Settler,
     witnesses: Witnesses,
     loners: Loners,
     rips: Rips,
-    /// Cost of the dearest collapse so far.
+    /// Highest cost of a collapse so far.
     last_cost: f32,
-    /// Round in which a vertex took part in a collapse.
+    /// Last round in which each vertex took part in a collapse.
     touched: Vec<u32>,
-    /// Round in which a face around a vertex changed, doubled; and one more if all its edges were then judged anew.
+    /// 2 × the last round in which a face around each vertex changed, plus 1 if all edges of the vertex were evaluated
+    /// then.
     stirred: Vec<u32>,
     survivors: Vec<u32>,
     changed: Vec<u32>,
@@ -75,53 +77,55 @@ pub struct Engine<M> {
     joined: Vec<bool>,
     round: u32,
     spokes: Vec<Spoke>,
-    /// Neighbours of a smooth vertex, with their wedges, and what it costs to collapse onto each.
+    /// Neighbours of a smooth vertex, with their wedges; `onto_costs` holds the cost of collapsing onto each.
     ends: Vec<(u32, u32)>,
     onto_costs: Vec<f32>,
     costs: Vec<f32>,
-    /// Vertices that were refused in this round, with the cost of their next best.
+    /// Vertices refused in this round, with the cost bits of their next best proposal.
     again: BinaryHeap<Reverse<(u32, u32)>>,
-    /// Cost at which this round ends.
+    /// Cost above which this round ends.
     patience: f32,
     /// Vertices of this stage that may vanish.
     candidates: Vec<u32>,
-    /// Those of this round, with the bits of their costs above: in order of cost.
+    /// Candidates of this round as (cost bits << 32 | vertex), so that they sort by cost.
     chosen: Vec<u64>,
-    /// What became of the topology; see [`changes`](Engine::changes) for all of it.
+    /// Topology changes so far; [`changes`](Engine::changes) adds the resolved vertices.
     pub(super) changes: Changes,
-    /// Faces that the mesh came with.
+    /// Number of faces of the initial mesh.
     faces_before: usize,
-    /// Vertices at non-manifold places that the mesh came with.
+    /// Number of non-manifold vertices of the initial mesh; `None` until it is classified.
     complex_before: Option<u64>,
-    /// Edges of more than two faces that were resolved, less those that were made. So many may be made: where a wall stands on
-    /// a floor between the floor's vertices, nothing else would let either be simplified.
+    /// Non-manifold edges (more than two faces) that collapses resolved, minus those that they created. Collapses may
+    /// create this many: where a wall stands on a floor between the floor's vertices, neither could be simplified
+    /// otherwise.
     spare_edges: i64,
-    /// How often each [`Refusal`] was met.
+    /// Number of refusals of each [`Refusal`].
     pub refusals: [u64; Refusal::COUNT],
-    /// Estimate of the mean squared deviation that the stages so far have added, in units of length².
+    /// Estimate of the mean squared deviation that all stages so far have added, in units of length².
     pub squared_error: f64,
-    /// Each stage that had something to do.
+    /// One entry for each stage that had something to do.
     pub milestones: Vec<Milestone>,
-    /// Vertices on seams when the last stage began.
+    /// Number of vertices on seams at the start of the last stage.
     pub seam_vertices: u64,
-    /// Cost and dead faces of every collapse, if wanted.
+    /// Cost and number of dead faces of every collapse; `None` to record nothing.
     pub log: Option<Vec<(f32, u8)>>,
     /// Whether seam vertices are locked.
     pub lock_seams: bool,
     /// Whether border vertices are locked.
     pub lock_borders: bool,
-    /// Whether borders that run along each other are welded, where the topology may change.
+    /// Whether borders that run along each other are welded; only if `frees_topology` is set.
     pub welds: bool,
-    /// Whether the topology may change where that is cheap: holes close, pieces vanish, complex vertices collapse.
+    /// Whether the topology may change where that is cheap: holes close, connected components vanish, non-manifold
+    /// vertices collapse.
     pub frees_topology: bool,
-    /// Whether handles are cut before the first stage as well: of a mesh as it came, that takes long and brings little.
+    /// Whether handles are also cut before the first stage: in an input mesh that takes long and brings little.
     pub seeks_handles: bool,
-    /// Whether a round is one collapse: the order of a heap that is kept up to date.
+    /// Whether a round is a single collapse: this gives the order of a heap that is always up to date.
     pub one_by_one: bool,
 }
 
 impl<M: Metric> Engine<M> {
-    /// Takes a mesh.
+    /// An engine for a mesh; all options are off.
     pub fn new(mesh: ClusterMesh, settings: &M::Settings) -> Self {
         Self {
             faces_before: mesh.face_count,
@@ -170,23 +174,23 @@ impl<M: Metric> Engine<M> {
         }
     }
 
-    /// Adds the numbers of a mesh that the metric divides by.
+    /// Adds the statistics of a mesh that the metric normalises by.
     pub fn count(mesh: ClusterMesh, settings: &M::Settings, census: &mut Census) {
         let mut engine = Self::new(mesh, settings);
         engine.prepare();
         M::count(settings, &engine.mesh, &engine.rings, &engine.classes, census);
     }
 
-    /// Number of faces that would go if every vertex vanished that may move or vanish under the current locks: two for
-    /// each, but one for a vertex on an open border.
+    /// Number of faces that would go if every vertex vanished that the current locks allow to move or vanish: two for
+    /// each, one for a vertex on an open border.
     pub fn count_free_faces(&mut self) -> usize {
         self.prepare();
         let free = (0..self.mesh.positions.len() as u32).filter(|&v| !self.rings.of(v).is_empty() && !self.is_held(v));
         free.map(|v| if self.classes[v as usize].is_border() { 1 } else { 2 }).sum()
     }
 
-    /// Runs one stage. Where the topology may change and a number of faces cannot be reached otherwise, handles are cut
-    /// on the way.
+    /// Runs one stage. If a number of faces cannot be reached otherwise, and the topology may change, cuts handles and
+    /// continues.
     pub fn run(&mut self, stop: Stop) -> StageResult {
         let mut result = self.run_once(stop);
         while matches!(stop, Stop::Faces(_)) && !result.reached && self.cut_shortest_handles() {
@@ -255,17 +259,18 @@ impl<M: Metric> Engine<M> {
         result
     }
 
-    /// Area of the mesh when the last stage began, or as it is if no stage had anything to do.
+    /// Area of the mesh at the start of the last stage, in units of length²; of the current mesh if no stage had
+    /// anything to do.
     pub fn area(&self) -> f64 {
         if self.milestones.is_empty() { planes::area_of(&self.mesh) } else { self.cost.area() }
     }
 
-    /// Bounds the deviation from the input, in units of length.
+    /// Limits the deviation from the input to `most`, in units of length.
     pub fn bound_deviation(&mut self, most: f64) {
         self.collapser.deviation_max = Some(most);
     }
 
-    /// What became of the topology so far.
+    /// Number of topology changes so far.
     pub fn changes(&mut self) -> Changes {
         let before = self.complex_before.unwrap_or(0);
         if before > 0 {
@@ -277,7 +282,7 @@ impl<M: Metric> Engine<M> {
         Changes { complex_resolved: before.saturating_sub(self.complex_count()), ..self.changes }
     }
 
-    /// Gives the mesh back, without dead faces, every face the way round that it came.
+    /// Returns the mesh without dead faces, with every face in its input direction.
     pub fn finish(mut self) -> ClusterMesh {
         self.mesh.compact_faces();
         restore(&mut self.mesh);
@@ -289,7 +294,7 @@ impl<M: Metric> Engine<M> {
         self.mesh.face_count <= target
     }
 
-    /// Removes dead faces and builds the rings; does nothing if that was the last thing that happened to the mesh.
+    /// Removes dead faces and builds the rings, unless the mesh has not changed since the last call.
     fn tidy(&mut self) {
         if !self.is_tidy {
             self.mesh.compact_faces();
@@ -320,7 +325,7 @@ impl<M: Metric> Engine<M> {
         }
     }
 
-    /// Finds the classes of some vertices anew; the others have theirs.
+    /// Recomputes the classes of the given vertices; all others keep theirs.
     fn classify_anew(&mut self, vertices: &[u32]) {
         self.classes.resize(self.mesh.positions.len(), Class::Fixed);
         reclassify(&self.mesh, &self.rings, &mut self.classes, vertices.iter().copied());
@@ -354,7 +359,7 @@ impl<M: Metric> Engine<M> {
             }
     }
 
-    /// Whether faces around a vertex have several wedges of it.
+    /// Whether a vertex has several wedges in living faces.
     fn has_seams(&self, vertex: u32) -> bool {
         let mut wedges = self.rings.of(vertex).iter().filter_map(|&corner| self.mesh.living(corner));
         let first = wedges.next();
@@ -366,18 +371,19 @@ impl<M: Metric> Engine<M> {
         (M::CORNERS_VANISH || !class.is_corner()) && !self.is_held(vertex)
     }
 
-    /// Whether a vertex keeps its place when another collapses onto it.
+    /// Whether a vertex keeps its position when another collapses onto it.
     fn stays(&self, vertex: u32) -> bool {
         M::ENDPOINTS || self.is_held(vertex)
     }
 
-    /// Share of an overhang that the texture coordinates of the vertex that stays make good.
+    /// Share of the overhang by which the texture coordinates of `to` move into their charts; 0 if the edge is on no
+    /// chain, or if `to` is held.
     #[inline(always)]
     fn inset(&self, to: u32, chain: bool) -> f64 {
         if chain && self.cost.inset() > 0.0 && !self.is_held(to) { self.cost.inset() } else { 0.0 }
     }
 
-    /// What the edge's kind, both classes and both locks allow.
+    /// Rule for an edge of this kind, given both classes and both locks.
     fn rule(&self, from: u32, to: u32, kind: EdgeKind) -> Rule {
         if self.is_held(from) {
             return Rule::Never;
@@ -412,11 +418,11 @@ impl<M: Metric> Engine<M> {
         }
     }
 
-    /// Finds the cheapest collapse of a vertex, or the cheapest after one that was refused.
+    /// Finds the cheapest collapse of a vertex; if `after` is given, the cheapest one above this key.
     fn judge(&mut self, vertex: u32, after: Option<(u32, u32)>) {
         let mut best = Proposal { second_best: after.is_some(), ..Proposal::NONE };
         let take = |best: &mut Proposal, proposal: Proposal| {
-            // What costs infinitely much is no proposal: an infinite cost marks what has vanished.
+            // An infinite cost is no proposal: it marks a vanished vertex.
             if proposal.cost.is_finite()
                 && proposal.key() < best.key()
                 && after.is_none_or(|after| proposal.key() > after)
@@ -431,7 +437,7 @@ impl<M: Metric> Engine<M> {
                 take(&mut best, Proposal::onto(to, price));
             }
         } else if self.classes[vertex as usize] == Class::Smooth {
-            // One closed fan and one wedge: each face has the edge that leads on from it.
+            // One closed fan and one wedge: each face gives the edge to its next vertex.
             if !self.mesh.is_locked(vertex) && M::ENDPOINTS {
                 self.propose_onto_all(vertex, |proposal| take(&mut best, proposal));
             } else if !self.mesh.is_locked(vertex) {
@@ -459,7 +465,7 @@ impl<M: Metric> Engine<M> {
         self.proposals[vertex as usize] = best;
     }
 
-    /// What it costs to collapse an edge from a smooth vertex.
+    /// Proposal to collapse an edge from a smooth vertex.
     #[inline(always)]
     fn propose_inside(&self, from: u32, edge: &EdgeAt) -> Proposal {
         if !M::ENDPOINTS {
@@ -469,7 +475,7 @@ impl<M: Metric> Engine<M> {
         Proposal::onto(edge.other, cost)
     }
 
-    /// Every collapse of a smooth vertex onto a neighbour.
+    /// Passes every collapse of a smooth vertex onto a neighbour to `take`.
     #[inline(always)]
     fn propose_onto_all(&mut self, from: u32, mut take: impl FnMut(Proposal)) {
         let Self { mesh, rings, cost, ends, onto_costs, .. } = self;
@@ -487,13 +493,13 @@ impl<M: Metric> Engine<M> {
         ends.iter().zip(onto_costs).for_each(|(end, cost)| take(Proposal::onto(end.0, *cost)));
     }
 
-    /// What it costs to collapse an edge from the vertex that it was taken at.
+    /// Proposal to collapse an edge that was gathered at `from`; [`Proposal::NONE`] if the rules forbid it.
     #[inline(always)]
     fn propose(&self, from: u32, edge: &EdgeAt) -> Proposal {
         let (to, kind) = (edge.other, edge.kind());
         let is_plain = edge.face_count <= 2 || self.classes[from as usize] == Class::Complex;
         let rule = if is_plain { self.rule(from, to, kind) } else { Rule::Never };
-        // An edge whose ends meet in between costs the same from both: the lower one proposes it, if both may.
+        // If the ends meet in between, both directions cost the same: the lower end proposes it, if both may.
         let meets = |rule| matches!(rule, Rule::Free | Rule::Chain);
         if rule == Rule::Never || (meets(rule) && to < from && meets(self.rule(to, from, kind))) {
             return Proposal::NONE;
@@ -508,8 +514,8 @@ impl<M: Metric> Engine<M> {
         if cost.is_finite() { Proposal { cost, to, onto, chain, second_best: false } } else { Proposal::NONE }
     }
 
-    /// Chooses the vertices of a round, in order of cost; returns the highest cost, and whether they are all that the
-    /// stop allows.
+    /// Chooses the vertices of a round, in order of cost. Returns the highest cost, and whether these are all that the
+    /// stop rule allows.
     fn choose(&mut self, stop: Stop, widen: f64) -> (f32, bool) {
         let faces = self.mesh.face_count as f64;
         let (limit, excess) = match stop {
@@ -533,7 +539,7 @@ impl<M: Metric> Engine<M> {
         (bound, tried_all)
     }
 
-    /// Collapses what was chosen, in order of cost; a vertex that is refused comes again with its next best.
+    /// Collapses the chosen vertices in order of cost. A refused vertex is tried again with its next best proposal.
     fn collapse_chosen(&mut self, stop: Stop, bound: f32, result: &mut StageResult) {
         self.survivors.clear();
         self.again.clear();
@@ -559,8 +565,8 @@ impl<M: Metric> Engine<M> {
         }
     }
 
-    /// Collapses a vertex as proposed, unless one end took part in a collapse of this round; returns false if the
-    /// proposal was refused and another one has taken its place.
+    /// Collapses a vertex as proposed, unless one end took part in a collapse of this round. Returns `false` if the
+    /// proposal was refused and replaced by another one.
     fn try_proposal(&mut self, from: u32, stop: Stop, result: &mut StageResult) -> bool {
         let proposal = self.proposals[from as usize];
         let Proposal { cost, to, onto, chain, .. } = proposal;
@@ -587,7 +593,7 @@ impl<M: Metric> Engine<M> {
         }
         let inset = self.inset(to, chain);
         let area = if fan.is_alone { area_of(self.mesh.triangle(self.rings.of(from)[0] / 3)) } else { 0.0 };
-        // NOTE: the metrics of papers judge collapses by their own rules alone.
+        // NOTE: the papers' metrics have no check against faces that span empty space; an infinite price disables it.
         let price = if M::ENDPOINTS { f64::from(cost) } else { f64::INFINITY };
         let (Stop::Faces(target) | Stop::Cost(_, target)) = stop;
         let dying_max = self.mesh.face_count.saturating_sub(target) + BELOW_MAX;
@@ -613,7 +619,7 @@ impl<M: Metric> Engine<M> {
                         *class = Class::Complex;
                     }
                 }
-                // Where it went is kept for the witnesses.
+                // `to` stays in the proposal: the witnesses follow it.
                 self.proposals[from as usize].cost = f32::INFINITY;
                 result.cost = result.cost.max(cost);
                 if let Some(log) = &mut self.log {
@@ -630,7 +636,7 @@ impl<M: Metric> Engine<M> {
         }
     }
 
-    /// Moves every vertex that others collapsed onto to its best place, in the order of ids.
+    /// Relocates every vertex that others collapsed onto to its best position, in the order of ids.
     fn settle(&mut self) {
         let deviation_max = self.collapser.deviation_max;
         for vertex in 0..self.mesh.positions.len() as u32 {
@@ -641,12 +647,12 @@ impl<M: Metric> Engine<M> {
         }
     }
 
-    /// Adds what this stage moved to the estimate of the error.
+    /// Adds the deviation of this stage to the estimate of the error.
     fn measure_stage(&mut self) {
         self.squared_error += self.witnesses.mean_sq(&self.mesh, &self.rings, |vertex| self.went_to(vertex));
     }
 
-    /// Judges anew what this round's collapses changed: the survivors, their neighbours, and refused vertices near them.
+    /// Re-evaluates what this round's collapses changed: survivors, their neighbours, and refused vertices near them.
     fn rejudge(&mut self) {
         let round = self.round;
         if self.rings.is_scattered(&self.mesh) {
@@ -657,7 +663,7 @@ impl<M: Metric> Engine<M> {
         candidates.retain(|&vertex| !rings.of(vertex).is_empty());
         self.cost.follow(&self.mesh, &self.rings, &self.survivors, &mut self.changed);
         self.changed.drain(..).for_each(|vertex| self.touched[vertex as usize] = round);
-        // In the order of ids, since neighbours in the surface are neighbours in memory.
+        // In the order of ids, because neighbours on the surface are neighbours in memory.
         for vertex in 0..self.touched.len() as u32 {
             if self.touched[vertex as usize] != round || self.rings.of(vertex).is_empty() {
                 continue;
@@ -692,10 +698,10 @@ impl<M: Metric> Engine<M> {
         self.refused = refused;
     }
 
-    /// Judges the neighbour of a survivor anew, both as corners of a face.
+    /// Re-evaluates a neighbour of a survivor; both are given as corners of one face.
     ///
-    /// What it costs to go elsewhere is as it was: only if the neighbour was to go where something changed, or was
-    /// refused, are all its edges looked at.
+    /// The costs of its other edges are unchanged. All its edges are evaluated only if its proposal led to a changed
+    /// vertex or followed a refused one.
     fn rejudge_neighbour(&mut self, corner: u32, survivor: u32) {
         let (vertex, round) = (self.mesh.vertex_of(corner), self.round);
         if self.touched[vertex as usize] == round {
@@ -708,12 +714,13 @@ impl<M: Metric> Engine<M> {
         let is_stale = second_best || self.touched.get(to as usize) == Some(&round);
         let is_first = self.stirred[vertex as usize] != 2 * round;
         self.stirred[vertex as usize] = 2 * round;
-        // What vanished into a smooth vertex was smooth, and no vertex of a chain goes to one.
+        // What collapsed onto a vertex that is still smooth was smooth, and no chain vertex collapses onto it.
         let meets_chain = self.classes[self.mesh.vertex_of(survivor) as usize] != Class::Smooth;
         if M::ENDPOINTS && self.classes[vertex as usize] != Class::Smooth && !meets_chain && !is_stale {
             return;
         }
-        // NOTE: a proposal to a survivor that was judged just now is as good as any other.
+        // NOTE: if `vertex` was evaluated earlier in this round, its proposal is not stale, even if it leads to a
+        // survivor.
         if self.classes[vertex as usize] != Class::Smooth || (is_stale && is_first) {
             self.stirred[vertex as usize] += 1;
             self.judge(vertex, None);

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!      /\              /|
-//!     /  \     ──▶    / |      No face turns over, and yet two that met at a roof's ridge lie on each other: a flap
+//!     /  \     ──▶    / |      No face turns over, yet two faces that met at a ridge now lie on each other: a flap
 //!    /____\          /__|      that hides what was between them.
 //! ```
 
@@ -13,35 +13,36 @@ use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::fold::are_nearly_folded;
 use crate::mesh::ring::Rings;
 
-/// Where no face turns by more than about 10° (squared cosine), no two come to lie on each other.
+/// If no face turns by more than about 10° (squared cosine), no two faces come to lie on each other.
 const TURN_COSINE_SQ: f64 = 0.97;
-/// A face that leans away from the sum of the normals by about 70° (squared cosine) may have turned step by step.
+/// A face whose normal is more than about 70° from the sum of the normals (squared cosine) may have turned in small
+/// steps.
 const LEAN_COSINE_SQ: f64 = 0.117;
-/// Of two faces that are folded onto each other, one leans away from any direction by at least 85.7°: half of what is
-/// between their normals (squared cosine of 85.6°).
+/// Of two faces folded onto each other, one has a normal at least 85.7° from any direction: half the angle between
+/// their normals (squared cosine of 85.6°).
 const OPPOSED_COSINE_SQ: f64 = 0.0059;
-/// Number of faces that says nothing of the surface around them.
+/// Up to this many changing faces, the sum of their normals says nothing about the surface around them.
 const FEW_FACES: usize = 2;
 
-/// Whether a face turns so much that it may come to lie on a neighbour; from the dot product of its normals before and after,
-/// which is not negative, and the product of their squared lengths.
+/// Whether a face turns so far that it may fold onto a neighbour. `turn` is the dot product of its normals before and
+/// after, not negative; `lengths_sq` is the product of their squared lengths.
 #[inline(always)]
 pub(super) fn may_fold(turn: f64, lengths_sq: f64) -> bool {
     turn * turn <= TURN_COSINE_SQ * lengths_sq
 }
 
-/// The faces around vertices that join at one place; scratch space is kept from one move to the next.
+/// The check of one collapse or relocation; buffers are reused.
 #[derive(Debug, Default)]
 pub(super) struct FoldCheck {
-    /// The faces that change.
+    /// The faces that change and stay.
     changing: Vec<Changing>,
     /// Sum of their normals.
     sum: DVec3,
-    /// Whether any two may come to lie on each other, even if none of them turns or leans.
+    /// Whether any two faces may fold onto each other, even if neither turns or leans.
     looks_at_all: bool,
-    /// Corners at these vertices whose faces may come to lie on one that does not change.
+    /// Corners of changing faces that may fold onto a face that does not change.
     turned: Vec<u32>,
-    /// Those of them whose faces may come to lie on one that changes.
+    /// Subset of `turned`: corners of faces that may fold onto another changing face.
     opposed: Vec<u32>,
     joined: Vec<Joined>,
 }
@@ -49,18 +50,18 @@ pub(super) struct FoldCheck {
 /// A face that stays and changes.
 #[derive(Debug)]
 struct Changing {
-    /// Its corner at one of the vertices.
+    /// Its corner at a moving vertex.
     corner: u32,
-    /// Its new normal, twice as long as its area.
+    /// Its new normal; the length is twice the new area.
     normal: DVec3,
     /// Whether it [may fold](may_fold).
     turns: bool,
 }
 
-/// A face around the vertices that join, which stays.
+/// A changing face at the merged vertex.
 #[derive(Debug)]
 struct Joined {
-    /// Its corner at one of them.
+    /// Its corner at a moving vertex.
     corner: u32,
     /// The two other vertices, counter-clockwise.
     ends: [u32; 2],
@@ -73,25 +74,25 @@ impl Joined {
 }
 
 impl FoldCheck {
-    /// Begins a move. All faces are to be looked at where some meet that did not, or may run along an edge the same way: such
-    /// as lie on each other have one normal.
+    /// Begins a check. `looks_at_all` is needed if faces become neighbours that were not, or may run along an edge in
+    /// the same direction: such faces have the same normal when they lie on each other.
     pub(super) fn begin(&mut self, looks_at_all: bool) {
         self.changing.clear();
         self.sum = DVec3::ZERO;
         self.looks_at_all = looks_at_all;
     }
 
-    /// Adds a face that stays and changes, by its corner at a vertex that moves.
+    /// Adds a face that stays and changes, by its corner at a moving vertex.
     #[inline(always)]
     pub(super) fn push(&mut self, corner: u32, change: &Change) {
         self.sum += change.normal;
         self.changing.push(Changing { corner, normal: change.normal, turns: change.turns });
     }
 
-    /// Chooses the faces that turn, and those that lean away from the others.
+    /// Selects the faces that turn, and those that lean away from the others.
     fn choose(&mut self) {
         let (sum, sum_sq) = (self.sum, self.sum.length_squared());
-        // Few faces may all lean away from what is around them.
+        // If there are few faces, all may lean away from the surface around them.
         let are_few = self.looks_at_all || self.changing.len() <= FEW_FACES;
         self.turned.clear();
         self.opposed.clear();
@@ -108,9 +109,10 @@ impl FoldCheck {
         }
     }
 
-    /// Whether, with the vertices that move at `position` and the `dying` faces gone, two faces that share an edge would be
-    /// folded onto each other that are not now. The faces that change must have been [pushed](FoldCheck::push). If the
-    /// vertex at that position stays as it is, `anchor` names it and the vertices that both have for neighbours.
+    /// Whether two faces that share an edge become folded onto each other once the moving vertices are at `position`
+    /// and the `dying` faces are gone. Pairs that are folded already do not count. All changing faces must have been
+    /// [pushed](FoldCheck::push). If one vertex at `position` stays as it is, `anchor` holds this vertex and the
+    /// vertices that are neighbours of both ends.
     pub(super) fn finds(
         &mut self,
         mesh: &ClusterMesh,
@@ -140,12 +142,12 @@ impl FoldCheck {
     }
 }
 
-/// Whether a face folds onto the one across the side that none of the vertices is an end of.
+/// Whether a face folds onto the one across its side that has no moving vertex.
 fn folds_outwards(mesh: &ClusterMesh, rings: &Rings, one: &Joined, position: DVec3) -> bool {
     let ([a, b], face) = (one.ends, one.corner / 3);
     let mut across = None;
     for (beside, third) in thirds_at(mesh, rings, [a, b]) {
-        // Of several faces, none is the one across.
+        // With several faces at the side, none is the one across.
         if beside != face && across.replace(third).is_some() {
             return false;
         }
@@ -155,7 +157,7 @@ fn folds_outwards(mesh: &ClusterMesh, rings: &Rings, one: &Joined, position: DVe
     are_nearly_folded([p, q], [position, third]) && !are_nearly_folded([p, q], [from, third])
 }
 
-/// Whether a face folds onto one that stays as it is, at an edge from the `anchor` to a vertex that both have for neighbour.
+/// Whether a face folds onto an unchanged face, at an edge from the `anchor` to a vertex in `common`.
 fn folds_at_anchor(
     mesh: &ClusterMesh,
     rings: &Rings,
@@ -184,10 +186,10 @@ fn thirds_at<'a>(mesh: &'a ClusterMesh, rings: &'a Rings, [a, b]: [u32; 2]) -> i
     })
 }
 
-/// Whether two of the faces share an edge at the place where they join, and fold onto each other there.
+/// Whether two changing faces share an edge at `position`, and fold onto each other there.
 #[inline(always)]
 fn fold_together(mesh: &ClusterMesh, [one, other]: [&Joined; 2], position: DVec3) -> bool {
-    // Mostly one begins where the other ends; not so where they run along the edge the same way.
+    // Usually one begins where the other ends; not if both run along the edge in the same direction.
     for [i, j] in [[0, 1], [1, 0], [0, 0], [1, 1]] {
         if one.ends[i] == other.ends[j] && fold_at_edge(mesh, [one, other], [i, j], position) {
             return true;
@@ -196,7 +198,7 @@ fn fold_together(mesh: &ClusterMesh, [one, other]: [&Joined; 2], position: DVec3
     false
 }
 
-/// The same for the edge to these ends of theirs.
+/// Whether they fold onto each other at the edge that leads to `one.ends[i]` = `other.ends[j]`.
 fn fold_at_edge(mesh: &ClusterMesh, [one, other]: [&Joined; 2], [i, j]: [usize; 2], position: DVec3) -> bool {
     let [from, from_other] = [one, other].map(|joined| mesh.vertex_of(joined.corner));
     let [before, ridge, first, last] =

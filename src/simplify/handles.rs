@@ -1,14 +1,14 @@
-//! Cuts handles and necks: closed ways over three edges around which the surface is a tube.
+//! Cuts handles and necks: closed paths of three edges around which the surface is a tube.
 //!
 //! ```text
 //!        \   |   /              \   |   /
-//!         \  |  /                \__|__/      one triangle closes each side; the vertices of the way
-//!     a....b....c....a   ──▶     ‾‾‾‾‾‾‾      are there twice
+//!         \  |  /                \__|__/      one triangle closes each side; the vertices of the path
+//!     a....b....c....a   ──▶     ‾‾‾‾‾‾‾      are duplicated
 //!         /  |  \                /  |  \
 //!        /   |   \              /   |   \
 //! ```
-//! No edge of such a way may collapse: its two sides would meet in one edge of four faces. Cut, both sides are as
-//! closed as before, and go on by themselves.
+//! No edge of such a path may collapse, because its two sides would meet in one edge of four faces. After the cut both
+//! sides are as closed as before, and can be simplified separately.
 
 use glam::{DVec2, DVec3};
 
@@ -17,10 +17,11 @@ use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::fold::are_nearly_folded;
 use crate::mesh::ring::{Rings, Spoke};
 
-/// How far the picture of a face that closes something goes beyond the side that it is taken from, as share of that side.
+/// Distance in texture space of a closing face's third corner beyond the side that its texture is taken from, relative
+/// to that side.
 const LEAN: f64 = 0.05;
 
-/// Three vertices, each joined to the next by an edge, that are not the corners of a face.
+/// Three vertices, joined pairwise by edges, that are not the corners of a face.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Handle {
     /// Squared length of the longest edge.
@@ -29,8 +30,8 @@ pub struct Handle {
     pub vertices: [u32; 3],
 }
 
-/// The handles over vertices inside the surface that are free to change and whose edges have squared lengths up to
-/// `most_sq`, shortest first; `classes` tells which are inside.
+/// Handles over free vertices inside the surface whose squared edge lengths are at most `most_sq`, shortest first.
+/// `classes` says which vertices are inside.
 pub fn find(
     mesh: &ClusterMesh,
     rings: &Rings,
@@ -40,11 +41,11 @@ pub fn find(
 ) -> Vec<Handle> {
     let is_inside = |v: u32| matches!(classes[v as usize], Class::Smooth | Class::Seam | Class::Corner) && is_free(v);
     let length_sq = |a: u32, b: u32| mesh.positions[a as usize].distance_squared(mesh.positions[b as usize]);
-    // Around the vertex that is looked at: which it is, and the vertex that follows.
+    // For each neighbour of the current vertex `a`: `a`, and the vertex that follows the neighbour in the one-ring.
     let mut around = vec![[u32::MAX; 2]; mesh.positions.len()];
     let (mut found, mut ends) = (Vec::new(), Vec::new());
     for a in (0..mesh.positions.len() as u32).filter(|&v| is_inside(v)) {
-        // Each way is found at its lowest vertex.
+        // Each path is found from its lowest vertex.
         ends.clear();
         for [b, follower] in edges_at(mesh, rings, a) {
             if b > a && length_sq(a, b) <= most_sq && is_inside(b) {
@@ -71,15 +72,15 @@ pub fn find(
     found
 }
 
-/// The two other vertices of each face around one, counter-clockwise: around a vertex inside the surface every neighbour comes
-/// first once, and then the one that follows it.
+/// The other two vertices of each face around a vertex, counter-clockwise. Around an inner vertex every neighbour comes
+/// first once, together with the vertex that follows it.
 fn edges_at<'a>(mesh: &'a ClusterMesh, rings: &'a Rings, vertex: u32) -> impl Iterator<Item = [u32; 2]> + 'a {
     let living = rings.of(vertex).iter().filter(|&&corner| mesh.living(corner).is_some());
     living.map(|&corner| ClusterMesh::following(corner).map(|corner| mesh.vertex_of(corner)))
 }
 
-/// Cuts handles as long as no two that are cut have a vertex in common; returns the vertices whose classes are others
-/// now. The rings are to be built anew.
+/// Cuts handles, except those that share a vertex with one cut before. Returns the vertices whose classes have changed;
+/// the rings must be rebuilt.
 pub fn cut(mesh: &mut ClusterMesh, rings: &Rings, handles: &[Handle]) -> Vec<u32> {
     let mut is_used = vec![false; mesh.positions.len()];
     let mut changed = Vec::new();
@@ -88,7 +89,7 @@ pub fn cut(mesh: &mut ClusterMesh, rings: &Rings, handles: &[Handle]) -> Vec<u32
             continue;
         }
         let Some(sides) = Sides::of(mesh, rings, *vertices) else { continue };
-        // What is beside it must be as the rings have it.
+        // From here on the rings are outdated at these vertices.
         vertices.iter().for_each(|&v| is_used[v as usize] = true);
         sides.part(mesh);
         changed.extend_from_slice(vertices);
@@ -99,9 +100,9 @@ pub fn cut(mesh: &mut ClusterMesh, rings: &Rings, handles: &[Handle]) -> Vec<u32
 /// The faces on both sides of a handle, at each of its vertices.
 struct Sides {
     vertices: [u32; 3],
-    /// Corners at each vertex whose faces lie to the right of the way from the first vertex to the second.
+    /// Corners at each vertex whose faces lie to the right of the path from the first vertex to the second.
     right: [Vec<u32>; 3],
-    /// Corners of the face to the left of the first edge, and of that to the right of it, at the first vertex.
+    /// Corners at the first vertex, of the face to the left of the first edge and of the face to the right of it.
     beside_first: [u32; 2],
     /// Corner at the third vertex of a face to the left.
     left_at_third: u32,
@@ -115,7 +116,7 @@ impl Sides {
             let corners: Vec<u32> =
                 rings.of(vertex).iter().copied().filter(|&corner| mesh.living(corner).is_some()).collect();
             let starting_at = |v: u32| corners.iter().copied().find(|&corner| Spoke::of(mesh, corner).next == v);
-            // To the right lie the faces from the edge to the vertex before on, up to the edge to the next.
+            // The faces to the right: from the edge to the previous vertex of the path up to the edge to the next.
             let mut at = starting_at(before)?;
             loop {
                 right[k].push(at);
@@ -139,7 +140,7 @@ impl Sides {
         let beside_first = [at_first(|spoke| spoke.next)?, at_first(|spoke| spoke.previous)?];
         let is_left = |corner: &u32| mesh.living(*corner).is_some() && !right[2].contains(corner);
         let left_at_third = rings.of(vertices[2]).iter().copied().find(is_left)?;
-        // Neither may the triangle that closes a side lie on a face beside it.
+        // The triangle that closes a side must not fold onto a face beside it.
         let place = |v: u32| mesh.positions[v as usize];
         let folds = (0..3).any(|k| {
             let (vertex, next, before) = (vertices[k], vertices[(k + 1) % 3], vertices[(k + 2) % 3]);
@@ -151,7 +152,7 @@ impl Sides {
         (!folds).then_some(Self { vertices, right, beside_first, left_at_third })
     }
 
-    /// Gives the right side vertices of its own, and closes both sides.
+    /// Gives the right side copies of the vertices, and closes both sides.
     fn part(self, mesh: &mut ClusterMesh) {
         let [left_part, right_part] = self.beside_first.map(|corner| mesh.parts[corner as usize / 3]);
         let wedge_at = |mesh: &ClusterMesh, corner: u32, vertex: u32| {
@@ -199,7 +200,7 @@ impl Sides {
 }
 
 impl ClusterMesh {
-    /// Adds a vertex at the place of another one.
+    /// Adds a copy of a vertex at the same position; returns its id.
     fn copy_vertex(&mut self, vertex: u32) -> u32 {
         let first = (self.positions.len() - self.copied_from.len()) as u32;
         let origin = if vertex < first { vertex } else { self.copied_from[(vertex - first) as usize] };
@@ -208,7 +209,7 @@ impl ClusterMesh {
         copy
     }
 
-    /// Adds a wedge, linked to another one of its vertex, if there is one.
+    /// Adds a wedge and returns its id. It is linked to `beside`, another wedge of its vertex, if there is one.
     pub(super) fn add_wedge(&mut self, vertex: u32, uv: DVec2, beside: Option<u32>) -> u32 {
         let wedge = self.push_wedge(vertex, uv);
         self.wedge_moved.push(true);
@@ -217,9 +218,10 @@ impl ClusterMesh {
         wedge
     }
 
-    /// The wedge of a vertex that has `own`, for a face that closes what is beyond a side with two wedges, whose own face has
-    /// the third one `beyond`: without texture the same, else one beside the side, so that the face shows no more than a
-    /// line of the picture, and none of it turned over.
+    /// The wedge for the third corner of a new face beyond a side. `side` holds the wedges of the side, `beyond` is the
+    /// third wedge of the existing face there, and `own` a wedge of the vertex at the new corner. Without texture this
+    /// is `own`; otherwise a new wedge next to the side in texture space, so that the face shows a line of the texture
+    /// and is not mirrored.
     pub(super) fn closing_wedge(&mut self, side: [u32; 2], beyond: u32, own: u32) -> u32 {
         let vertex = self.wedge_vertex[own as usize];
         let uv = uv_beside(self, side, self.wedge_uv[beyond as usize], self.positions[vertex as usize]);
@@ -227,8 +229,8 @@ impl ClusterMesh {
     }
 }
 
-/// The texture coordinate for a point beyond a side, whose own face has the third texture coordinate `beyond`: nearly that
-/// at the nearest place of the side.
+/// The texture coordinate for a point beyond a side: near that of the closest point of the side. `beyond` is the third
+/// texture coordinate of the side's own face.
 fn uv_beside(mesh: &ClusterMesh, side: [u32; 2], beyond: DVec2, point: DVec3) -> DVec2 {
     let [from, to] = side.map(|wedge| mesh.positions[mesh.wedge_vertex[wedge as usize] as usize]);
     let [uv_from, uv_to] = side.map(|wedge| mesh.wedge_uv[wedge as usize]);
@@ -246,7 +248,7 @@ mod tests {
     use super::*;
     use crate::mesh::class::classify;
 
-    //  2 ──── 5 ──── 8      three corners a level, closed at both ends; 3-4-5 is a way around that is no face
+    //  2 ──── 5 ──── 8      three corners a level, closed at both ends; the path 3-4-5 around it is no face
     //  │ ╲    │ ╲    │
     //  0-1 ── 3-4 ── 6-7
     fn tube(levels: u32, uv: DVec2) -> ClusterMesh {
@@ -278,7 +280,7 @@ mod tests {
         (rings, handles)
     }
 
-    /// Uses of every edge, from its lower end and from its higher one.
+    /// Number of uses of every edge, in either direction.
     fn edges(mesh: &ClusterMesh) -> BTreeMap<(u32, u32), [u32; 2]> {
         let mut uses: BTreeMap<_, [u32; 2]> = BTreeMap::new();
         for face in &mesh.corner_vertices {
@@ -310,7 +312,7 @@ mod tests {
             assert!(mesh.corner_vertices.iter().filter(|face| is_below(face)).flatten().all(|v| !(6..9).contains(v)));
             let vertex_of = |wedge: u32| mesh.wedge_vertex[wedge as usize];
             assert!(mesh.corners.iter().zip(&mesh.corner_vertices).all(|(w, v)| w.map(vertex_of) == *v));
-            // Wedges stay linked by their vertex.
+            // Wedges are still linked to those of the same vertex.
             let next = |wedge: usize| mesh.wedge_next[wedge] as usize;
             assert!((0..mesh.wedge_vertex.len()).all(|w| mesh.wedge_vertex[next(w)] == mesh.wedge_vertex[w]));
         }

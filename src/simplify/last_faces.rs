@@ -1,7 +1,7 @@
-//! A part that covers much of the surface keeps a face, and its material with it.
+//! A part that covers much of the surface keeps at least one face, and with it its material.
 //!
-//! Costs know planes and pictures, and where charts of several materials meet, one of them may shrink to nothing for
-//! little. What a part covers is compared with what faces cover on average, so the rule gives way as faces get fewer.
+//! Costs measure planes and texture, so where charts of several materials meet, one of them may shrink to nothing at
+//! little cost. The area of a part is compared with the mean area of a face, so the rule relaxes as faces get fewer.
 
 use std::collections::HashMap;
 
@@ -10,26 +10,27 @@ use foldhash::fast::FixedState;
 use super::witness::area_of;
 use crate::mesh::ClusterMesh;
 
-/// A part keeps a face if it covers at least what so many average faces do.
+/// A part keeps a face if it covers at least this many mean face areas.
 const MEAN_FACES: f64 = 2.0;
 
-/// The faces that each part has, in meshes of several parts.
+/// Faces and area of each part, in meshes of several parts.
 #[derive(Debug, Default)]
 pub struct LastFaces {
     parts: HashMap<u32, Holding, FixedState>,
-    /// Area of the mesh when it was seen first, in units of length².
+    /// Area of the mesh at the first count, in units of length².
     area: f64,
 }
 
 #[derive(Debug, Default)]
 struct Holding {
     faces: u32,
-    /// Area when the mesh was seen first, in units of length².
+    /// Area at the first count, in units of length².
     area: f64,
 }
 
 impl LastFaces {
-    /// Counts the faces of a mesh that has no dead ones, and finds the areas at first: collapses keep them about the same.
+    /// Counts the faces of each part in a mesh without dead faces. The first call also measures areas, which collapses
+    /// hardly change.
     pub fn count(&mut self, mesh: &ClusterMesh) {
         if self.area == 0.0 && mesh.parts.windows(2).any(|pair| pair[0] != pair[1]) {
             for (face, &part) in mesh.parts.iter().enumerate() {
@@ -47,7 +48,7 @@ impl LastFaces {
         }
     }
 
-    /// Whether a large part would have no face if these vanished, each of which is named once.
+    /// Whether a large part would have no face left if the `dying` faces vanished; each must occur once.
     pub fn are_last(&self, mesh: &ClusterMesh, dying: &[u32]) -> bool {
         if self.parts.is_empty() {
             return false;
@@ -62,7 +63,7 @@ impl LastFaces {
         })
     }
 
-    /// Takes note of faces that have vanished.
+    /// Subtracts faces that have vanished.
     pub fn remove(&mut self, mesh: &ClusterMesh, died: &[u32]) {
         if self.parts.is_empty() {
             return;

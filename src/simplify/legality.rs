@@ -1,8 +1,8 @@
-//! Whether an edge may collapse: topology, borders of the cluster, folds in space and in the picture.
+//! Whether an edge may collapse: topology, borders of the cluster, folds in space and in texture space.
 //!
 //! # Source
-//! Dey, Edelsbrunner, Guha, Nekhayev, "Topology preserving edge contraction", 1999 (the link condition; an open border
-//! is closed by one imagined vertex).
+//! Dey, Edelsbrunner, Guha, Nekhayev, "Topology preserving edge contraction", 1999 (the link condition; an imaginary
+//! vertex closes an open border).
 
 use glam::{DVec2, DVec3};
 
@@ -14,66 +14,66 @@ use crate::mesh::class::VALENCE_MAX;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
 
-/// A face may turn by no more than about 78° in one collapse (cosine).
+/// A face may turn by at most about 78° in one collapse (cosine).
 const TURN_COSINE: f64 = 0.2;
-/// A face may not become thinner than this regularity (4√3 · area / Σ length²; 1 is equilateral), unless it was.
+/// A face below this regularity (4√3 · area / Σ length²; 1 is equilateral) may not become thinner.
 const REGULARITY_MIN: f64 = 0.02;
-/// A texture triangle may not lose more than this share of its size beside the change of the face's own area.
+/// A texture triangle must keep more than this share of its size, after allowing for any loss of the face's own area.
 const UV_AREA_SHARE_MIN: f64 = 0.05;
 
-/// A face whose area grows by more than this factor (squared here) must have surface beneath its middle: one that is pulled
-/// out of a sliver, within the planes around it, costs nothing and may span what was empty.
+/// A face whose area grows by more than this factor (squared here) must have old surface beneath its middle. A face
+/// that is pulled out of a sliver, within the planes around it, costs nothing and may span empty space.
 const GROWTH_SQ: f64 = 4.0 * 4.0;
-/// Distance from its middle to the old surface, as share of the root of its area, that such a face may have.
+/// Largest distance from the middle of such a face to the old surface, relative to the square root of its area.
 const HOVER_SHARE: f64 = 0.05;
-/// The same in units of the collapse's cost: area × squared distance.
+/// The same, as area × squared distance relative to the collapse's cost.
 const HOVER_COST: f64 = 4.0;
 
 /// Why an edge did not collapse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Refusal {
-    /// The surface would change its topology: pinch, close a hole, double a face.
+    /// The surface would change its topology: pinch, close a hole, or double a face.
     Topology,
-    /// It is all that is left of a piece, or of a large part.
+    /// The last face of a connected component or of a large part would vanish, or too many faces would die at once.
     Piece,
     /// A seam would be torn off its chart.
     Seam,
-    /// The answer needs faces that another cluster has.
+    /// The check needs faces that another cluster has.
     Rim,
-    /// A face would fold over, become a needle, or span what was empty.
+    /// A face would fold over, become a needle, or span empty space.
     Fold,
-    /// A texture triangle would change its sign.
+    /// A texture triangle would change its sign or degenerate.
     UvFold,
-    /// The surface would deviate from the input by more than is allowed.
+    /// The surface would deviate from the input by more than allowed.
     Deviation,
 }
 
 impl Refusal {
-    /// Number of refusals.
+    /// Number of kinds of refusals.
     pub const COUNT: usize = 7;
 }
 
-/// What is known of the faces around a vertex that is to vanish.
+/// Properties of the faces around a vertex that is to vanish.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Fan {
-    /// They are one closed fan, in which the vertex has one wedge.
+    /// They form one closed fan, in which the vertex has one wedge.
     pub closed: bool,
-    /// Wedges of the vertex may be left without counterpart.
+    /// Wedges of the vertex may be left without a counterpart at the other end.
     pub strands: bool,
-    /// It is at a non-manifold place.
+    /// The vertex is non-manifold.
     pub is_complex: bool,
-    /// It belongs to a face that hangs on no other, and that may vanish.
+    /// The vertex belongs to an isolated face, which may vanish.
     pub is_alone: bool,
     /// The topology may change.
     pub is_free: bool,
-    /// It comes to a vertex that it has no edge with.
+    /// The vertex has no edge with the one that it collapses onto.
     pub is_rip: bool,
-    /// So many edges may get more than two faces: surfaces meet there.
+    /// Number of edges that may get more than two faces: surfaces meet there.
     pub spare_edges: i64,
 }
 
-/// The vertices around a vertex with one closed fan of at least four faces, and not too many.
+/// The one-ring of a vertex with one closed fan of 4 to 16 faces.
 struct Ring {
     vertices: [u32; Self::LANES],
 }
@@ -91,32 +91,32 @@ impl Ring {
     }
 }
 
-/// Whether a vertex has too many faces for another to collapse onto it. Counted no further than that: a hub is asked again
-/// and again.
+/// Whether a vertex has too many faces for another to collapse onto it. Stops counting at the limit, because hubs are
+/// checked often.
 fn is_hub(mesh: &ClusterMesh, rings: &Rings, vertex: u32) -> bool {
     rings.of(vertex).len() > 2 * VALENCE_MAX && rings.faces(mesh, vertex).nth(2 * VALENCE_MAX).is_some()
 }
 
-/// What a collapse does to the faces around its edge; scratch space is kept between edges.
+/// Effects of a collapse on the faces around its edge; buffers are reused.
 #[derive(Debug, Default)]
 pub struct EdgeStar {
     /// Faces that vanish.
     pub dying: Vec<u32>,
-    /// Wedge of the vanishing vertex → wedge of the staying one.
+    /// Pairs: wedge of the vanishing vertex → wedge of the staying one.
     pub wedges: Vec<(u32, u32)>,
-    /// Wedges of the vanishing vertex that no edge face has, in living faces.
+    /// Wedges of the vanishing vertex, in living faces, that no face at the edge has.
     pub stranded: Vec<u32>,
-    /// Vertices whose classes may be others afterwards, where the topology changes.
+    /// Vertices whose classes may change, where the topology changes.
     pub unsettled: Vec<u32>,
-    /// Edges of more than two faces that there are more afterwards, where the topology changes.
+    /// Increase in the number of edges of more than two faces, where the topology changes.
     pub new_non_manifold_edges: i64,
-    /// Whether faces meet afterwards that no vanishing face lies between.
+    /// Whether faces become neighbours that no dying face lies between.
     joins: bool,
-    /// A wedge of the staying vertex, where the ends have no face in common.
+    /// A wedge of the staying vertex, if the ends have no face in common.
     beside: Option<u32>,
     /// Neighbours of the ends, where the topology changes.
     neighbours: Vec<Neighbour>,
-    /// Sides of vanishing doubles that neither end is on.
+    /// Sides of dying double faces that touch neither end.
     far_sides: Vec<[u32; 2]>,
     /// Both ends of the edge.
     ends: [u32; 2],
@@ -127,14 +127,14 @@ pub struct EdgeStar {
 }
 
 impl EdgeStar {
-    /// Forgets a mesh; call before the first edge of a mesh with `vertex_count` vertices.
+    /// Prepares for a mesh with `vertex_count` vertices; call before its first edge.
     pub fn reset(&mut self, vertex_count: usize) {
         self.mark.clear();
         self.mark.resize(vertex_count, 0);
         self.epoch = 0;
     }
 
-    /// Gathers the faces at the edge and how wedges map.
+    /// Collects the faces at the edge and the pairs of wedges.
     pub fn gather(&mut self, mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32) {
         self.dying.clear();
         self.wedges.clear();
@@ -160,7 +160,7 @@ impl EdgeStar {
         }
     }
 
-    /// Pairs the wedges of two vertices that have the same texture coordinate, or none.
+    /// Pairs the wedges of two vertices with equal texture coordinates, or with none.
     fn pair_alike(&mut self, mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32) {
         let wedges_of = |vertex: u32| rings.of(vertex).iter().filter_map(|&corner| mesh.living(corner));
         let uv = |wedge: u32| mesh.wedge_uv[wedge as usize];
@@ -189,7 +189,7 @@ impl EdgeStar {
     ) -> Result<(), Refusal> {
         match self.check_link(mesh, rings, from, to, fan) {
             Err(Refusal::Topology | Refusal::Piece) if fan.is_free => self.check_edges(mesh, rings, from, to, fan),
-            // Edges of three faces or more may become one of two: which way these run is to be looked at.
+            // Edges of three faces or more may become edges of two, whose directions must be checked.
             Ok(()) if fan.is_complex && fan.is_free => self.check_edges(mesh, rings, from, to, fan),
             checked => checked,
         }
@@ -237,7 +237,7 @@ impl EdgeStar {
             if to_shared && ring.iter().any(|&v| mesh.is_shared(v) && !self.opposite.contains(&v)) {
                 return Err(Refusal::Rim);
             }
-            // The face becomes one of `to` and the two opposite vertices, which may exist already.
+            // The face would become `to` and the two opposite vertices; such a face may exist already.
             if ring.iter().all(|v| self.opposite.contains(v)) {
                 if to_shared && ring.iter().all(|&v| mesh.is_shared(v)) {
                     return Err(Refusal::Rim);
@@ -262,8 +262,8 @@ impl EdgeStar {
         self.check_piece(mesh, rings, from, to)
     }
 
-    /// The same for a vertex with one closed fan and one wedge, in lanes: its ring and that of `to`, which no other cluster
-    /// uses, have the two opposite vertices in common and no others.
+    /// The link condition for a vertex with one closed fan and one wedge, if no other cluster uses `to`: its one-ring
+    /// and that of `to` share the two opposite vertices and no others. Compares in lanes.
     fn check_closed(&self, ring: &Ring, mesh: &ClusterMesh, rings: &Rings, to: u32) -> Result<(), Refusal> {
         if self.wedges.len() != 1 {
             return Err(Refusal::Seam);
@@ -278,9 +278,10 @@ impl EdgeStar {
         if found.iter().sum::<u32>() == 2 { Ok(()) } else { Err(Refusal::Topology) }
     }
 
-    /// Checks that no face folds over, in space or in the picture, when the `moving` vertices come to one position and the
-    /// wedges of each pair to one of `uvs`; [`check_topology`](EdgeStar::check_topology) must have passed. Nor may a face
-    /// span what was empty: `cost` is that of the collapse, in area × squared distance; infinity allows it.
+    /// Checks that no face folds over, in space or in texture space, when the `moving` vertices come to `position` and
+    /// the wedges of each pair to one of `uvs`. Nor may a face span empty space: `cost` is that of the collapse, in
+    /// area × squared distance; infinity disables this check. [`check_topology`](EdgeStar::check_topology) must have
+    /// passed.
     ///
     /// # Errors
     /// The first reason found against the collapse.
@@ -325,7 +326,8 @@ impl EdgeStar {
         if folds { Err(Refusal::Fold) } else { Ok(()) }
     }
 
-    /// Makes the collapse in the mesh: faces at the edge die, the others come to `to` with their wedges.
+    /// Collapses the edge in the mesh: faces at the edge die, the others get `to` as a vertex and keep or change their
+    /// wedges.
     pub fn apply(&self, mesh: &mut ClusterMesh, rings: &Rings, from: u32, to: u32) {
         for &face in &self.dying {
             mesh.kill(face);
@@ -342,7 +344,7 @@ impl EdgeStar {
         }
     }
 
-    /// A face that hangs on nothing but vertices is a piece of its own and must stay.
+    /// A face that shares no edge with another is a connected component of its own and must stay.
     fn check_piece(&self, mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32) -> Result<(), Refusal> {
         let (&[_], &[opposite]) = (&self.dying[..], &self.opposite[..]) else { return Ok(()) };
         let faces_with = |v: u32| rings.faces(mesh, v).filter(|&face| mesh.vertices(face).contains(&opposite)).count();
@@ -352,15 +354,15 @@ impl EdgeStar {
         Err(if mesh.is_shared(to) && mesh.is_shared(opposite) { Refusal::Rim } else { Refusal::Piece })
     }
 
-    /// Whether a face that stays has `to` and the opposite vertices for corners.
+    /// Whether a surviving face has `to` and the opposite vertices as corners.
     fn face_exists(&self, mesh: &ClusterMesh, rings: &Rings, to: u32) -> bool {
         let is_between = |v: u32| v == to || self.opposite.contains(&v);
         rings.faces(mesh, to).any(|face| !self.dying.contains(&face) && mesh.vertices(face).into_iter().all(is_between))
     }
 }
 
-/// Whether the middle of a new face is farther from all faces around the moving vertices than its area and the collapse's
-/// cost explain.
+/// Whether the middle of a new face is farther from all faces around the moving vertices than its area and the
+/// collapse's cost allow.
 fn hovers(mesh: &ClusterMesh, rings: &Rings, moving: &[u32], [a, b, c]: [DVec3; 3], area: f64, cost: f64) -> bool {
     let middle = (a + b + c) / 3.0;
     let allowed_sq = (HOVER_SHARE * HOVER_SHARE * area).max(HOVER_COST * cost / area);
@@ -368,7 +370,7 @@ fn hovers(mesh: &ClusterMesh, rings: &Rings, moving: &[u32], [a, b, c]: [DVec3; 
     old.all(|triangle| distance_sq(middle, triangle) > allowed_sq)
 }
 
-/// Checks that moving a corner keeps a triangle's side and shape.
+/// Whether a triangle keeps its side and shape when a corner moves.
 #[inline]
 pub fn triangle_survives(before: [DVec3; 3], after: [DVec3; 3]) -> bool {
     change_of(before, after).is_some()
@@ -379,15 +381,15 @@ pub fn triangle_survives(before: [DVec3; 3], after: [DVec3; 3]) -> bool {
 pub struct Change {
     /// Squared areas before and after.
     pub areas_sq: [f64; 2],
-    /// Whether it turns by more than about 10°: it may come to lie on a neighbour.
+    /// Whether it turns by more than about 10°, so that it may fold onto a neighbour.
     pub turns: bool,
-    /// Its normal afterwards, twice as long as the area.
+    /// Its normal afterwards; the length is twice the area.
     pub normal: DVec3,
 }
 
-/// How a triangle changes when a corner moves, if that keeps its side and shape.
+/// How a triangle changes when a corner moves; `None` if it does not keep its side and shape.
 ///
-/// Without roots or divisions: most of the time in which a collapse is checked goes here.
+/// Uses no roots or divisions: checks of collapses spend most of their time here.
 #[inline(always)]
 pub fn change_of(before: [DVec3; 3], after: [DVec3; 3]) -> Option<Change> {
     let across = |t: [DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]);
@@ -411,13 +413,13 @@ pub fn change_of(before: [DVec3; 3], after: [DVec3; 3]) -> Option<Change> {
     survives.then_some(Change { areas_sq: [0.25 * old_sq, 0.25 * new_sq], turns, normal: new })
 }
 
-/// Twice the area of a triangle in the picture, negative if it is turned over.
+/// Twice the area of a texture triangle, negative if it is mirrored.
 pub fn doubled_uv_area([a, b, c]: [DVec2; 3]) -> f64 {
     (b - a).perp_dot(c - a)
 }
 
-/// Checks that a texture triangle keeps its sign and does not shrink to nothing beside its face, whose squared areas
-/// before and after are given.
+/// Whether a texture triangle keeps its sign and does not shrink too much in comparison with its face, whose squared
+/// areas before and after are given. `true` if it had no texture or no area.
 #[inline]
 pub fn uv_survives(before: [DVec2; 3], after: [DVec2; 3], areas_sq: [f64; 2]) -> bool {
     let (old, new) = (doubled_uv_area(before), doubled_uv_area(after));

@@ -1,7 +1,8 @@
-//! What it costs to let the last face of a piece vanish: its area times the squared distance to what is left.
+//! Cost of removing the last face of a connected component: its area times the squared distance to the remaining
+//! surface.
 //!
-//! A quadric knows planes, and what lies in a plane may be far from everything that is in it. A face is priced as it is
-//! when a stage begins; a piece that becomes one face later waits for the next stage.
+//! A quadric measures distances to planes, and a face may lie in the plane of faces that are far away. Faces are priced
+//! at the start of a stage; a component that becomes a single face later waits for the next stage.
 
 use glam::DVec3;
 
@@ -11,20 +12,20 @@ use crate::mesh::ClusterMesh;
 
 use super::witness::area_of;
 
-/// Price of a face, in its area × squared distance to what is left: it stands for all of its piece, and what is beside it
-/// may vanish, too.
+/// Factor on area × squared distance. It is high because the face stands for its whole component, and the surface near
+/// it may vanish, too.
 const PRICE: f64 = 32.0;
 
-/// Vertices of faces that hang on no other, with the price of the face.
+/// Vertices of isolated faces, with the price of the face.
 #[derive(Debug, Default)]
 pub struct Loners {
-    /// In the order of vertices.
+    /// Sorted by vertex.
     prices: Vec<Price>,
 }
 
 impl Loners {
-    /// Prices faces, each with a vertex of it, in the order of vertices; the mesh must have no dead faces. Sorts all
-    /// faces by place: O(n log n), if there are any.
+    /// Prices isolated faces, given as (vertex, face) sorted by vertex; the mesh must have no dead faces. Builds a tree
+    /// over all faces, if there are any to price: O(n log n).
     pub fn price(&mut self, mesh: &ClusterMesh, faces: Vec<(u32, u32)>) {
         self.prices.clear();
         if faces.is_empty() {
@@ -41,7 +42,7 @@ impl Loners {
             let mut nearest = (f64::INFINITY, face);
             tree.nearest_sq(middle, f64::INFINITY, |other| {
                 let corners = mesh.triangle(other);
-                // Most are found too far away by their boxes.
+                // Cheap test first: the boxes of most faces are too far away.
                 if Bounds::around(corners).distance_sq(middle) > nearest.0 || !stays_longer(other) {
                     return f64::INFINITY;
                 }
@@ -65,18 +66,18 @@ impl Loners {
         Some(self.prices[at])
     }
 
-    /// What it costs if the face of a vertex vanishes, if it hangs on no other.
+    /// Cost of removing the face of a vertex; `None` if the face has no price.
     pub fn price_of(&self, vertex: u32) -> Option<f32> {
         self.find(vertex).map(|found| found.price)
     }
 
-    /// A vertex of what is nearest to the face of a vertex that hangs on no other: if that vanishes, the price is wrong.
+    /// A vertex of the face nearest to the isolated face of a vertex: if that face vanishes, the price is invalid.
     pub fn neighbour_of(&self, vertex: u32) -> Option<u32> {
         self.find(vertex).map(|found| found.neighbour)
     }
 }
 
-/// Of a vertex.
+/// The price of the face of a vertex.
 #[derive(Debug, Clone, Copy)]
 struct Price {
     vertex: u32,
@@ -104,7 +105,7 @@ mod tests {
         loners.price(&mesh, vec![(vertex, face)]);
         assert_eq!(loners.price_of(vertex), Some((PRICE * 0.5 * 9.0) as f32));
         assert_eq!(loners.price_of(0), None);
-        // The only face of all has no price: something must be left.
+        // The only face of a mesh has no price: no surface would remain.
         let mut single = ClusterMesh::default();
         let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|[x, y]| {
             let vertex = single.push_vertex(DVec3::new(x, y, 0.0), 0);

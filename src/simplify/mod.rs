@@ -1,8 +1,8 @@
-//! One cluster becomes a cluster of fewer faces.
+//! Simplifies one cluster by edge collapses.
 //!
-//! In: a [`ClusterMesh`](crate::mesh::ClusterMesh) with its locks, and stages that say when to stop. Out: the same mesh
-//! with fewer faces. Invariant: every step is a legal edge collapse of the *whole* mesh, though only the cluster is
-//! seen; locked vertices neither move nor vanish.
+//! In: a [`ClusterMesh`](crate::mesh::ClusterMesh) with its locks, and stages with a stop rule each. Out: the same mesh
+//! with fewer faces. Invariant: every step is a legal edge collapse of the *whole* mesh, although only the cluster is
+//! in memory; locked vertices neither move nor vanish.
 //!
 //! # Memory
 //! See `partition::weight`: about 200 bytes a face with texture, the mesh included.

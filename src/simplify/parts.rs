@@ -1,11 +1,11 @@
-//! Convex parts of triangles: cut by planes, or halved.
+//! Convex parts of triangles, and how they are cut by planes or halved.
 
 use glam::DVec3;
 
-/// Corners of a part, at most; a triangle that is cut once more gains one.
+/// Largest number of corners of a part; each cut adds at most one.
 pub const CORNERS_MAX: usize = 9;
 
-/// A convex polygon in a plane: its corners among the points of [`Parts`].
+/// A convex planar polygon; its corners are indices of points in [`Parts`].
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Part {
     corners: [u16; CORNERS_MAX],
@@ -20,12 +20,12 @@ impl Part {
         part
     }
 
-    /// The corners in order.
+    /// Indices of the corners, in order.
     pub fn corners(&self) -> &[u16] {
         &self.corners[..self.count]
     }
 
-    /// Whether there is room for the corners that cuts by the three sides of a triangle add.
+    /// Whether it has room for the three corners that cuts along the sides of a triangle may add.
     pub fn can_be_cut(&self) -> bool {
         self.count + 3 <= CORNERS_MAX
     }
@@ -36,27 +36,27 @@ impl Part {
     }
 }
 
-/// The points that parts have for corners.
+/// The corner points of parts.
 #[derive(Debug, Default)]
 pub struct Parts {
-    /// Points of whole triangles, then those of cuts.
+    /// Corners of whole triangles, then the points that cuts add.
     pub points: Vec<DVec3>,
 }
 
 impl Parts {
-    /// The place of a corner.
+    /// Position of a corner.
     pub fn point(&self, corner: u16) -> DVec3 {
         self.points[usize::from(corner)]
     }
 
-    /// Adds a point.
+    /// Adds a point; returns its index.
     pub fn push(&mut self, point: DVec3) -> u16 {
         self.points.push(point);
         (self.points.len() - 1) as u16
     }
 
-    /// Cuts a part along planes; the part within all of them comes last. Nothing if no plane cuts it, or if it has no room
-    /// for more corners.
+    /// Cuts a part along planes (normal, offset), and passes the resulting parts to `found`, the one inside all planes
+    /// last. Returns `false`, and passes none, if no plane cuts the part, or if it has no room for more corners.
     pub fn cut_along(&mut self, part: &Part, planes: [(DVec3, f64); 3], mut found: impl FnMut(Part)) -> bool {
         let (mut inside, mut is_cut) = (*part, false);
         if part.can_be_cut() {
@@ -74,7 +74,7 @@ impl Parts {
         is_cut
     }
 
-    /// The parts on both sides of a plane, inside first; a part without an inner point has no corners.
+    /// The parts on both sides of a plane, the inner one first; a part without interior has no corners.
     fn cut(&mut self, part: &Part, (normal, offset): (DVec3, f64)) -> [Part; 2] {
         let mut heights = [0.0; CORNERS_MAX];
         let (mut low, mut high) = (0f64, 0f64);
@@ -82,7 +82,7 @@ impl Parts {
             *height = normal.dot(self.point(corner)) - offset;
             (low, high) = (low.min(*height), high.max(*height));
         }
-        // Corners this near to the plane lie on it: the sides of neighbours are the same line, but for rounding.
+        // Corners within this distance lie on the plane: sides of neighbouring triangles coincide up to rounding.
         let touch = 1e-9 * (high - low);
         if high <= touch {
             return [*part, Part::default()];
@@ -110,14 +110,14 @@ impl Parts {
         [within, beyond]
     }
 
-    /// Both halves across the middle of the longest side.
+    /// Splits a part from the middle of its longest side to the opposite corner.
     pub fn halves(&mut self, part: &Part) -> [Part; 2] {
         let ends = |i: usize| (self.point(part.corners[i]), self.point(part.corners[(i + 1) % part.count]));
         let length_sq = |i: usize| ends(i).0.distance_squared(ends(i).1);
         let longest = (0..part.count).max_by(|&a, &b| length_sq(a).total_cmp(&length_sq(b))).unwrap_or(0);
         let (a, b) = ends(longest);
         let middle = self.push(a.midpoint(b));
-        // From the middle round to the corner opposite, and on from there.
+        // The first half ends at the opposite corner, and the second begins there.
         let turn = part.count.div_ceil(2);
         let mut halves = [Part::default(); 2];
         halves.iter_mut().for_each(|half| half.push(middle));
@@ -166,7 +166,7 @@ mod tests {
             if let Some(inside) = found.last() {
                 let sum: f64 = found.iter().map(|part| area(&parts, part)).sum();
                 prop_assert!((sum - area(&parts, &whole)).abs() < 1e-9);
-                // Planes that do not cut the part leave it on one side or the other.
+                // A plane that does not cut the part has it on one side.
                 let is_within = |&(normal, offset): &(DVec3, f64)| {
                     inside.corners().iter().all(|&corner| normal.dot(parts.point(corner)) - offset < 1e-9)
                 };

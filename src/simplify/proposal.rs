@@ -1,9 +1,9 @@
-//! The edges at a vertex, and the cheapest of its collapses.
+//! The edges at a vertex, and its cheapest collapse.
 //!
 //! ```text
 //!        x
-//!       /|\      a vertex inside a chart has one wedge and a closed fan: each face gives the edge that leads on
-//!      a-v-b     from it; others collapse along seams and borders, whose wedges are gathered on both sides
+//!       /|\      a vertex inside a chart has one wedge and a closed fan: each face gives the edge to the next vertex;
+//!      a-v-b     other vertices collapse along seams and borders, with the wedges on both sides of them
 //!       \|/
 //!        y
 //! ```
@@ -15,31 +15,31 @@ use crate::mesh::ring::{Rings, Spoke};
 /// The cheapest collapse of a vertex.
 #[derive(Debug, Clone, Copy)]
 pub struct Proposal {
-    /// Area × length².
+    /// Cost in the metric's unit; area × length² in the default one.
     pub cost: f32,
     /// The vertex that stays.
     pub to: u32,
-    /// Whether it keeps its texture coordinates.
+    /// Whether `to` keeps its texture coordinates.
     pub onto: bool,
-    /// Whether the edge lies on a seam or border that both ends keep to.
+    /// Whether the edge lies on a seam or border that both ends follow.
     pub chain: bool,
-    /// Dearer than one that was refused since anything around the vertex changed.
+    /// Whether a cheaper proposal of the vertex was refused and nothing around it has changed since.
     pub second_best: bool,
 }
 
 impl Proposal {
-    /// None.
+    /// No proposal.
     pub const NONE: Self = Self { cost: f32::INFINITY, to: u32::MAX, onto: false, chain: false, second_best: false };
 
-    /// Onto a neighbour inside a chart.
+    /// A collapse onto a neighbour inside a chart.
     ///
-    /// NOTE: bits of a cost that is not a number are above those of infinity, so that it is never taken.
+    /// NOTE: the bits of a NaN cost order above those of infinity, so it is never chosen.
     #[inline(always)]
     pub fn onto(to: u32, cost: f32) -> Self {
         Self { cost, to, onto: true, chain: false, second_best: false }
     }
 
-    /// Order of the collapses of one vertex.
+    /// Order of the proposals of one vertex: by cost, then by `to`.
     pub fn key(&self) -> (u32, u32) {
         (self.cost.to_bits(), self.to)
     }
@@ -50,14 +50,14 @@ impl Proposal {
 pub struct EdgeAt {
     /// The other end.
     pub other: u32,
-    /// Of the vertex and of the other end, in two of the faces; the same twice if there is one.
+    /// Wedges (of the vertex, of the other end) in two of the faces; the same pair twice if there is one face.
     pub wedges: [(u32, u32); 2],
-    /// Faces with the edge.
+    /// Number of faces with the edge.
     pub face_count: u32,
 }
 
 impl EdgeAt {
-    /// The edge from a corner to the next one of its face, inside a chart; nothing if the face is dead.
+    /// The edge from a corner to the next one of its face, inside a chart; `None` if the face is dead.
     #[inline(always)]
     pub fn ahead(mesh: &ClusterMesh, corner: u32) -> Option<Self> {
         let own = mesh.living(corner)?;
@@ -65,12 +65,12 @@ impl EdgeAt {
         Some(Self { other: mesh.vertex_of(next), wedges: [(own, mesh.wedge_of(next)); 2], face_count: 2 })
     }
 
-    /// The edge to another vertex, among the faces around one.
+    /// The edge to `other`, gathered from the faces around a vertex.
     #[inline(always)]
     fn among(spokes: &[Spoke], other: u32) -> Self {
         let mut edge = Self { other, wedges: [(0, 0); 2], face_count: 0 };
         for wedges in spokes.iter().filter_map(|spoke| spoke.edge_to(other)) {
-            // Of more than two faces, one whose wedges are others is the second.
+            // With more than two faces, the second pair is one that differs from the first.
             if edge.face_count < 2 || edge.wedges[0] == edge.wedges[1] {
                 edge.wedges[usize::from(edge.face_count > 0)] = wedges;
             }
@@ -82,7 +82,7 @@ impl EdgeAt {
         edge
     }
 
-    /// How the faces with the edge are joined.
+    /// Kind of the edge.
     #[inline(always)]
     pub fn kind(&self) -> EdgeKind {
         match self.face_count {
@@ -93,8 +93,8 @@ impl EdgeAt {
     }
 }
 
-/// Hands the seam and border edges at a vertex to `take`, with the wedges at both ends in up to two faces; `spokes` is
-/// scratch space. An edge whose faces are turned against each other may come twice.
+/// Passes the seam and border edges at a vertex to `take`, with the wedges at both ends in up to two faces. `spokes` is
+/// a buffer. An edge whose faces run along it in the same direction may be passed twice.
 #[inline(always)]
 pub fn chain_edges_at(
     mesh: &ClusterMesh,
@@ -106,7 +106,7 @@ pub fn chain_edges_at(
 ) {
     gather_spokes(mesh, rings, vertex, spokes);
     for spoke in &*spokes {
-        // All are looked at: where the other face of the edge stands, no branch could foresee.
+        // Compares all spokes, because a branch on the position of the edge's other face would be unpredictable.
         let differs = |other: &Spoke| (other.wedge ^ spoke.wedge) | (other.previous_wedge ^ spoke.next_wedge);
         if spokes.iter().fold(true, |is_chain, other| is_chain & (differs(other) != 0)) {
             take(&EdgeAt::among(spokes, spoke.next));
@@ -117,7 +117,7 @@ pub fn chain_edges_at(
     }
 }
 
-/// The living faces around a vertex.
+/// Collects the living faces around a vertex.
 #[inline(always)]
 fn gather_spokes(mesh: &ClusterMesh, rings: &Rings, vertex: u32, spokes: &mut Vec<Spoke>) {
     let corners = rings.of(vertex).iter().filter(|&&corner| mesh.living(corner).is_some());
@@ -125,8 +125,8 @@ fn gather_spokes(mesh: &ClusterMesh, rings: &Rings, vertex: u32, spokes: &mut Ve
     spokes.extend(corners.map(|&corner| Spoke::of(mesh, corner)));
 }
 
-/// Hands every edge at a vertex to `take`, once, with the wedges at both ends in up to two faces; `spokes` is scratch
-/// space.
+/// Passes every edge at a vertex to `take`, once, with the wedges at both ends in up to two faces. `spokes` is a
+/// buffer.
 pub fn all_edges_at(
     mesh: &ClusterMesh,
     rings: &Rings,

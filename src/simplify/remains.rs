@@ -1,4 +1,4 @@
-//! What is left of a cluster, and holds still.
+//! Counts of what is left of a cluster.
 
 use super::Engine;
 use crate::cost::Metric;
@@ -17,7 +17,7 @@ impl<M: Metric> Engine<M> {
         counts
     }
 
-    /// Number of faces between non-manifold places that have the vertices of another face: copies or back sides.
+    /// Number of faces with three non-manifold vertices that have the vertices of another face: copies or back sides.
     pub fn doubles(&self) -> u64 {
         let is_fixed = |v: &u32| self.classes.get(*v as usize) == Some(&Class::Complex);
         let faces = self.mesh.corner_vertices.iter().zip(0u32..);

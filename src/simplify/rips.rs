@@ -1,10 +1,10 @@
-//! Rips: open borders that run along other open borders, such as those of tiles that overlap by a strip. They are closed
-//! vertex by vertex, so that they do not draw back from each other.
+//! Rips: open borders that run along other open borders, such as those of tiles that overlap by a strip. They are
+//! closed vertex by vertex, so that the borders do not recede from each other.
 //!
 //! ```text
 //!    \   /  \   /           \   /   \  /
-//!   --a0------a1--         --c0------c1--     c0 is a0 and b0: edges that have both ends in common
-//!   -b0-------b1--   ──▶   /  \    /   \      are one from then on
+//!   --a0------a1--         --c0------c1--     a0 and b0 merge into c0, a1 and b1 into c1; edges with the same
+//!   -b0-------b1--   ──▶   /  \    /   \      ends are then one edge
 //!    /  \    /  \
 //! ```
 
@@ -15,18 +15,19 @@ use crate::mesh::ClusterMesh;
 use crate::mesh::class::Class;
 use crate::mesh::ring::{Rings, Spoke};
 
-/// Two borders along a rip face each other by at least this cosine.
+/// Lowest cosine of the angle between the normals, and between the opposed inward directions, of two borders along a
+/// rip.
 const FACING_MIN: f32 = 0.0;
 
-/// Vertices of more faces have no part in this: each looks at all pairs of its faces.
+/// Largest number of faces of a vertex that is paired: each compares all pairs of its faces.
 pub const FACES_MAX: usize = 32;
 
-/// What a border vertex is paired with.
+/// The partner of a border vertex.
 #[derive(Debug, Clone, Copy)]
 pub struct Pair {
     /// The nearest vertex of another border.
     pub partner: u32,
-    /// Distance to it, as share of the shortest border edge at the border vertex.
+    /// Distance to it, relative to the shortest border edge at the border vertex.
     pub closeness: f32,
 }
 
@@ -37,13 +38,13 @@ impl Pair {
 /// Border vertices, each with the nearest one of another border, or of another part of its own.
 #[derive(Debug, Default)]
 pub struct Rips {
-    /// Of each vertex, or empty if there is no border.
+    /// Pair of each vertex; empty if there is no border.
     pairs: Vec<Pair>,
 }
 
 impl Rips {
-    /// Pairs the border vertices of a mesh without dead faces, up to the length of their shortest border edge. Sorts them
-    /// by place: O(n log n).
+    /// Pairs the border vertices of a mesh without dead faces, over at most the length of their shortest border edge.
+    /// Builds a tree over them: O(n log n).
     pub fn pair(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
         self.pairs.clear();
         let may_border = |v: &u32| classes[*v as usize].may_border();
@@ -82,25 +83,25 @@ impl Rips {
         }
     }
 
-    /// The vertices that have partners, ascending.
+    /// The vertices with a partner, ascending.
     pub fn vertices(&self) -> impl Iterator<Item = u32> + '_ {
         (0..self.pairs.len() as u32).filter(|&vertex| self.pair_of(vertex).is_some())
     }
 
-    /// The vertex that a border vertex was paired with.
+    /// The pair of a border vertex; `None` if it has no partner.
     #[inline]
     pub fn pair_of(&self, vertex: u32) -> Option<Pair> {
         self.pairs.get(vertex as usize).copied().filter(|pair| pair.partner != u32::MAX)
     }
 }
 
-/// Whether one of the border edges at a vertex has an other end that is accepted.
+/// Whether `accept` returns `true` for the other end of some border edge at a vertex.
 pub fn has_border_end(mesh: &ClusterMesh, rings: &Rings, vertex: u32, mut accept: impl FnMut(u32) -> bool) -> bool {
     let corners = rings.of(vertex);
     if corners.len() > FACES_MAX {
         return false;
     }
-    // The vertices that each face has after this one, and before it.
+    // The next and the previous vertex in each face.
     let (mut ends, mut count) = ([[0; 2]; FACES_MAX], 0);
     for &corner in corners.iter().filter(|&&corner| mesh.living(corner).is_some()) {
         ends[count] = ClusterMesh::following(corner).map(|corner| mesh.vertex_of(corner));
@@ -121,12 +122,12 @@ struct Rim {
     reach_sq: f64,
     /// Unit normal of the faces.
     normal: Vec3,
-    /// Unit vector into the surface, at right angles to the border.
+    /// Unit vector into the surface, perpendicular to the border.
     inwards: Vec3,
 }
 
 impl Rim {
-    /// Of a vertex, if it lies on a border; `spokes` is scratch space.
+    /// The border at a vertex; `None` if it lies on none, or has too many faces. `spokes` is a buffer.
     fn of(mesh: &ClusterMesh, rings: &Rings, vertex: u32, spokes: &mut Vec<Spoke>) -> Option<Self> {
         spokes.clear();
         if rings.of(vertex).len() > FACES_MAX {
@@ -152,7 +153,7 @@ impl Rim {
         reach_sq.is_finite().then_some(Self { vertex, reach_sq, normal, inwards })
     }
 
-    /// Whether the surface goes on beyond the other border: both look the same way, and lie on opposite sides.
+    /// Whether the surface continues beyond the other border: both have similar normals, and lie on opposite sides.
     fn faces(&self, other: &Self) -> bool {
         self.normal.dot(other.normal) > FACING_MIN && self.inwards.dot(other.inwards) < -FACING_MIN
     }

@@ -1,9 +1,10 @@
-//! The last step of a stage: a vertex that others collapsed onto moves to its best place, its picture with it.
+//! Relocation at the end of a stage: a vertex that others collapsed onto moves to its position of least error, and its
+//! texture coordinates move along.
 //!
-//! In: a vertex, and what the metric knows of all that became part of it. Out: its place and the texture coordinate of
-//! each of its wedges. Inside a chart both are those of least error. On a seam or border the best texture coordinate may
-//! lie outside of the chart, where the picture is padding at first and then anything: it comes back half of the way, or
-//! farther where that leaves much, and the place follows.
+//! In: a vertex, and the metric's state for it. Out: its position, and the texture coordinate of each of its wedges.
+//! Inside a chart both have the least error. On a seam or border the best texture coordinate may lie outside its chart,
+//! where the texture image holds padding, and farther out other content. It then returns half of the way, or more where
+//! it would stay far outside, and the position is recomputed.
 //!
 //! ```text
 //!            w            w: the texture coordinate of least error
@@ -23,19 +24,20 @@ use crate::mesh::class::Class;
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::ring::Rings;
 
-/// Parts of the way to its best place that a vertex tries.
+/// Shares of the best step that are tried, in this order.
 const SHARES: [f64; 2] = [1.0, 0.5];
-/// Part of the way back to its chart that a texture coordinate goes, unless the metric keeps it from leaving at all.
+/// Share of the way back to its chart that a texture coordinate returns at least; the metric's `inset` raises it up to
+/// 1.
 const LEAST_RETURN: f64 = 0.5;
-/// How far outside it may stay, in sides of a square as large as the faces of its wedge in the picture: farther out, black
-/// padding shows as specks along seams.
+/// Largest distance outside the chart, relative to the square root of the texture area of the wedge's faces. Farther
+/// out, black padding shows as specks along seams.
 const REACH: f64 = 0.1;
 
-/// A vertex settles only while the faces around it stay below this share of the largest deviation allowed: a move back
-/// towards the input counts like one away from it, and what it takes is lost to the collapses that follow.
+/// A vertex is relocated only while the faces around it stay below this share of the largest deviation allowed. A move
+/// back towards the input also increases the bound, and later collapses lack what it uses up.
 const DEVIATION_SHARE: f64 = 0.25;
 
-/// Moves vertices to their best places; holds scratch space only.
+/// Relocates vertices; holds only buffers.
 #[derive(Debug, Default)]
 pub struct Settler {
     wedges: Vec<SettlingWedge>,
@@ -45,8 +47,8 @@ pub struct Settler {
 }
 
 impl Settler {
-    /// Moves a vertex to its best place, or half-way there, if no face around it folds over and none deviates from the
-    /// input by more than a share of `deviation_max`.
+    /// Moves a vertex to its position of least error, or half-way there, if no face around it folds over, and if none
+    /// deviates from the input by more than a share of `deviation_max`, in units of length. Otherwise the vertex stays.
     pub fn settle<M: Metric>(
         &mut self,
         mesh: &mut ClusterMesh,
@@ -80,7 +82,7 @@ impl Settler {
         }
     }
 
-    /// The wedges of a vertex; all are free to slide.
+    /// Collects the wedges of a vertex, all without a fixed slide. `has_one` says that it has a single wedge.
     fn gather(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32, has_one: bool) {
         let corners = rings.of(vertex);
         let corners = if has_one { &corners[..1] } else { corners };
@@ -97,7 +99,7 @@ impl Settler {
         self.wedges.iter().position(|settling| settling.wedge == wedge)
     }
 
-    /// Decides the slide of the wedges that would leave their charts; returns whether there are any.
+    /// Fixes the slide of the wedges that would leave their charts; returns whether there are any.
     fn hold_back<M: Metric>(&mut self, mesh: &ClusterMesh, rings: &Rings, cost: &M, vertex: u32, step: DVec3) -> bool {
         let share = LEAST_RETURN + (1.0 - LEAST_RETURN) * cost.inset();
         for SettlingWedge { wedge, slide } in &mut self.wedges {
@@ -112,9 +114,9 @@ impl Settler {
         self.wedges.iter().any(|settling| settling.slide.is_some())
     }
 
-    /// Whether no face around the vertex folds over or collapses, on the surface or in the picture.
+    /// Whether no face around the vertex folds over or degenerates, on the surface or in texture space.
     fn fits(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32, is_complex: bool, position: DVec3) -> bool {
-        // Faces at non-manifold places may run along an edge the same way.
+        // Faces at non-manifold vertices may run along an edge in the same direction.
         self.folds.begin(is_complex);
         for &corner in rings.of(vertex) {
             let (face, k) = (corner / 3, corner as usize % 3);
@@ -133,7 +135,10 @@ impl Settler {
         !self.folds.finds(mesh, rings, &[], None, position)
     }
 
-    /// Bounds the deviation of the faces around the vertex, if deviations are bounded.
+    /// Updates the bounds of the faces around the vertex, if deviations are bounded.
+    ///
+    /// # Errors
+    /// [`Refusal::Deviation`] if a bound would exceed its limit; the bounds are then unchanged.
     fn keeps_deviation(
         &mut self,
         mesh: &mut ClusterMesh,
@@ -166,16 +171,16 @@ impl Settler {
     }
 }
 
-/// Where a wedge's faces, as they lie in the picture, are closest to a place outside of them.
+/// The point of a wedge's faces in texture space that is closest to a texture coordinate outside of them.
 #[derive(Debug, PartialEq)]
 struct Rim {
     place: DVec2,
-    /// Area of these faces in the picture.
+    /// Texture area of these faces.
     fan_area: f64,
 }
 
-/// The way from a texture coordinate back to the faces of a wedge; nothing if it lies inside of them, or if they have no
-/// picture.
+/// The closest point of a wedge's faces to a texture coordinate; `None` if it lies inside them, or if they have no
+/// texture.
 fn way_back(mesh: &ClusterMesh, rings: &Rings, vertex: u32, wedge: u32, uv: DVec2) -> Option<Rim> {
     let mut best: Option<(f64, DVec2)> = None;
     let mut fan_area = 0.0;

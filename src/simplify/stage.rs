@@ -1,15 +1,15 @@
-//! When a stage ends, and what it did.
+//! Stop rules and results of stages.
 
 /// When a stage ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Stop {
-    /// As soon as no more than this many faces are left.
+    /// When at most this many faces are left.
     Faces(usize),
-    /// When no legal collapse costs this or less, or no more than this many faces are left.
+    /// When no legal collapse costs this or less, or when at most this many faces are left.
     Cost(f32, usize),
 }
 
-/// What a stage did.
+/// Result of a stage.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct StageResult {
     /// Highest cost of a collapse.
@@ -18,7 +18,7 @@ pub struct StageResult {
     pub reached: bool,
 }
 
-/// What a cluster was like at the end of a stage.
+/// State of a cluster at the end of a stage.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Milestone {
     /// Faces left.

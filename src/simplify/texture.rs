@@ -1,11 +1,12 @@
-//! Where the picture goes when an edge collapses: texcoords are read off the old surface, never extrapolated. Where
-//! vertices settle afterwards, `settle.rs` decides.
+//! Texture coordinates after a collapse: read off the old surface, never extrapolated. For vertices that are relocated
+//! afterwards, `settle.rs` chooses them.
 //!
-//! A free vertex takes the texture coordinate at the closest point of its old ring. A seam or border vertex takes those
-//! of the closest point of the old chain, on every side of it, so that both sides stay on their chart's border:
+//! A free vertex takes the texture coordinate at the closest point of its old one-ring. A seam or border vertex takes
+//! those at the closest point of the old chain, one for each side, so that both sides keep to the border of their
+//! chart:
 //!
 //! ```text
-//!      x ------ from ======= to ------ y        the chain; p is the new place
+//!      x ------ from ======= to ------ y        the chain; p is the new position
 //!                      p'                        p' is the closest point of the chain
 //! ```
 
@@ -15,7 +16,7 @@ use crate::geometry::closest_weights;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
 
-/// Texture coordinate at the closest point of the faces around some vertices; nothing if none has one.
+/// Texture coordinate at the closest point of the faces around some vertices; `None` if none of the faces has texture.
 pub fn uv_on_ring(mesh: &ClusterMesh, rings: &Rings, vertices: &[u32], position: DVec3) -> Option<DVec2> {
     let mut best: Option<(f64, DVec2)> = None;
     for face in vertices.iter().flat_map(|&vertex| rings.faces(mesh, vertex)) {
@@ -34,8 +35,8 @@ pub fn uv_on_ring(mesh: &ClusterMesh, rings: &Rings, vertices: &[u32], position:
     best.map(|(_, uv)| uv)
 }
 
-/// Texture coordinates at the closest point of the chain through an edge, one for each wedge pair; nothing where the
-/// chain cannot be followed on some side.
+/// Writes the texture coordinates at the closest point of the chain through an edge, one for each wedge pair. `None` if
+/// the chain cannot be followed on some side.
 pub fn uv_on_chain(
     mesh: &ClusterMesh,
     rings: &Rings,
@@ -58,12 +59,12 @@ pub fn uv_on_chain(
     Some(())
 }
 
-/// How far the texture coordinates of `to` move into their charts when `from` vanishes: by `share` of what would keep the
-/// chain from crossing the bend at `from` outside of the chart.
+/// Moves of the texture coordinates of `to` into their charts when `from` vanishes: `share` of the move that keeps the
+/// new edge from leaving the chart at the bend of `from`. In units of length.
 ///
 /// ```text
 ///          from             the chart lies above: without a move the new edge to-next leaves it;
-///   to ___/    \___ next    with the whole of it, the edge from to' goes through `from`
+///   to ___/    \___ next    with the full move, the edge from to' passes through `from`
 /// ```
 pub fn insets(mesh: &ClusterMesh, rings: &Rings, share: f64, edge: (u32, u32), wedges: &[(u32, u32)]) -> [Vec2; 2] {
     let mut insets = [Vec2::ZERO; 2];
@@ -75,7 +76,7 @@ pub fn insets(mesh: &ClusterMesh, rings: &Rings, share: f64, edge: (u32, u32), w
     insets
 }
 
-/// The move of `to`'s wedge after which the chain goes through where `from`'s is; nothing where it stays inside anyway.
+/// The full move of the texture coordinate of `to`; `None` if the new edge stays inside the chart without it.
 fn overhang(
     mesh: &ClusterMesh,
     rings: &Rings,
@@ -96,7 +97,7 @@ fn overhang(
     if !(across > 0.0 && length_sq > 0.0) {
         return None;
     }
-    // Near the far end the whole move would be too long: at most twice the distance of the bend.
+    // Near the far end the full move would be too long: it is limited to twice the distance of the bend.
     let along = (bend.dot(chord) / length_sq).clamp(0.0, 0.5);
     Some(chord.perp() * (inside * across / (length_sq * (1.0 - along))))
 }
@@ -117,7 +118,8 @@ fn closest_on_chain(mesh: &ClusterMesh, chain: &[Option<(u32, u32)>; 4], positio
     (best.1, best.2)
 }
 
-/// The far end of the fan of faces that `wedge` of `vertex` spans: the chain's neighbour that is not `exclude`.
+/// The other chain neighbour of `vertex`, not `exclude`, with its wedge: the far end of the fan of faces that have
+/// `wedge`. `None` if the fan does not have exactly one other end.
 fn chain_end(mesh: &ClusterMesh, rings: &Rings, vertex: u32, wedge: u32, exclude: u32) -> Option<(u32, u32)> {
     let mut ends: [Option<(u32, u32)>; 2] = [None; 2];
     let fan = || rings.of(vertex).iter().filter(|&&corner| mesh.living(corner) == Some(wedge));

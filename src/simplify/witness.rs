@@ -1,7 +1,7 @@
-//! How far a stage moved the surface: vertices from before it tell the distance to the mesh after it.
+//! Estimates how far a stage moved the surface: distances from sampled vertices before it to the mesh after it.
 //!
-//! One vertex in `SAMPLED` is a witness. Each knows the vertex that it went into, however many collapses later, and
-//! measures its distance to the faces around that one:
+//! One vertex in `SAMPLED` is a witness. It follows the collapses to the vertex that it merged into, and measures its
+//! distance to the faces around that vertex:
 //!
 //! ```text
 //!   before   --w-----.-----.--          after   ----.---------.--    d² weighted by the area around w
@@ -16,18 +16,18 @@ use crate::mesh::ring::Rings;
 
 /// One vertex in this many is a witness.
 const SAMPLED: u32 = 16;
-/// Mean squared distance over a surface for each squared distance at its vertices: 1/2 where those are independent, 1
-/// where they are all the same.
+/// Mean squared distance over a surface, relative to that at its vertices: 1/2 if those are independent, 1 if they are
+/// all equal.
 const SURFACE_SHARE: f64 = 0.5;
 
-/// Vertices as they were before a stage.
+/// Vertices before a stage: id, area around the vertex, position.
 #[derive(Debug, Default)]
 pub struct Witnesses {
     witnesses: Vec<(u32, f64, DVec3)>,
 }
 
 impl Witnesses {
-    /// Notes where vertices are, and the area around them.
+    /// Records the positions of the sampled vertices and the area around each.
     pub fn gather(&mut self, mesh: &ClusterMesh, rings: &Rings) {
         self.witnesses.clear();
         let is_sampled = |vertex: &u32| (vertex.wrapping_mul(0x9e37_79b9) >> 16).is_multiple_of(SAMPLED);
@@ -39,7 +39,8 @@ impl Witnesses {
         }
     }
 
-    /// Mean squared distance to the mesh as it is now; `went_to` names the vertex that one collapsed into, if it did.
+    /// Mean squared distance from the witnesses to the current mesh, in units of length²; 0 without witnesses.
+    /// `went_to` returns the vertex that a vertex collapsed onto, if it did.
     pub fn mean_sq(&self, mesh: &ClusterMesh, rings: &Rings, went_to: impl Fn(u32) -> Option<u32>) -> f64 {
         let (mut sum, mut total) = (0.0, 0.0);
         for &(witness, area, position) in &self.witnesses {

@@ -1,4 +1,4 @@
-//! The first cells: seeds in Morton order, grown breadth-first until they weigh D_avg.
+//! The first cells: seeds in Morton order, grown breadth-first until their mass reaches D_avg.
 //!
 //! ```text
 //!   masses   1   2   3   4   5     D_avg 3
@@ -9,12 +9,12 @@ use std::collections::VecDeque;
 
 use glam::DVec3;
 
-/// Cell of a vertex that has none yet.
+/// Cell of a vertex without a cell.
 pub const NO_CELL: u32 = u32::MAX;
 /// Bits of a Morton code for each axis.
 const MORTON_BITS: u32 = 21;
 
-/// Vertices in Morton order of their positions, in the box around all positions; equal codes in order of ids.
+/// Vertices in Morton order of their positions within the box around all `positions`; equal codes in order of ids.
 pub fn morton_order(positions: &[DVec3], vertices: impl Iterator<Item = u32>) -> Vec<u32> {
     let low = positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let high = positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
@@ -28,7 +28,7 @@ pub fn morton_order(positions: &[DVec3], vertices: impl Iterator<Item = u32>) ->
     order.into_iter().map(|(_, vertex)| vertex).collect()
 }
 
-/// Bits of a number of 21 bits, three places apart.
+/// Puts two zero bits after each of the lower 21 bits.
 fn spread(mut x: u64) -> u64 {
     x &= (1 << MORTON_BITS) - 1;
     x = (x | x << 32) & 0x001f_0000_0000_ffff;
@@ -38,11 +38,11 @@ fn spread(mut x: u64) -> u64 {
     (x | x << 2) & 0x1249_2492_4924_9249
 }
 
-/// Grows cells from the vertices of `order` that have none, numbered on from those in `cells`, and returns how many
-/// there are then in all.
+/// Grows cells from the vertices of `order` that have none. New cells are numbered after those in `cells`. Returns the
+/// number of all cells.
 ///
-/// A cell closes when its mass reaches `enough`; what cannot grow that far joins the lightest cell beside it, or stays a
-/// cell where there is none.
+/// A cell closes when its mass reaches `enough`. A cell that cannot grow that far joins the lightest cell next to it;
+/// if there is none, it stays.
 pub fn grow(
     order: &[u32],
     masses: &[f64],
@@ -84,7 +84,7 @@ pub fn grow(
         }
         count += 1;
     }
-    // In the order in which they were met: an earlier one may have made a cell heavier.
+    // In the order of creation: each merge may make a cell heavier for the next.
     let mut joined = false;
     for (own, members) in leftovers {
         let mut lightest: Option<(f64, u32)> = None;
@@ -106,7 +106,7 @@ pub fn grow(
     if joined { renumber(cells, count) } else { count }
 }
 
-/// Numbers the cells that have vertices without gaps, in their order; returns how many there are.
+/// Renumbers the cells that have vertices without gaps, in order; returns their number.
 fn renumber(cells: &mut [u32], count: u32) -> u32 {
     let mut numbers = vec![NO_CELL; count as usize];
     cells.iter().filter(|&&cell| cell != NO_CELL).for_each(|&cell| numbers[cell as usize] = 0);
@@ -123,7 +123,7 @@ fn renumber(cells: &mut [u32], count: u32) -> u32 {
 mod tests {
     use super::*;
 
-    /// Cells of vertices in a row.
+    /// Cells of vertices along a line.
     fn in_a_row(masses: &[f64], enough: f64) -> (Vec<u32>, u32) {
         let mut cells = vec![NO_CELL; masses.len()];
         let order: Vec<u32> = (0..masses.len() as u32).collect();

@@ -1,7 +1,7 @@
-//! One centre for each cell: the point on the edges inside it that has the least quadric error.
+//! One centre for each cell: the point on the edges inside it with the least quadric error.
 //!
-//! The error is the squared distance to the planes of the faces around the cell's vertices, weighted by area. Where it
-//! does not tell (on flat ground every point is as good), a weak spring to the cell's centre of mass does.
+//! The error is the squared distance to the planes of the faces around the cell's vertices, weighted by area. On flat
+//! ground all points have the same error; there a weak spring to the cell's centre of mass decides.
 
 use glam::DVec3;
 
@@ -12,10 +12,10 @@ use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
 use crate::mesh::split::EdgePoint;
 
-/// A point nearer to an end of its edge than this share of it is that end.
+/// A point within this share of its edge from an end is moved to that end.
 const SNAP_SHARE: f64 = 0.25;
 
-/// Where a cell has its centre.
+/// The centre of a cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Centre {
     /// At one of its vertices.
@@ -24,7 +24,7 @@ pub enum Centre {
     Edge(EdgePoint),
 }
 
-/// Vertices by cell.
+/// The vertices of each cell, as compressed sparse rows.
 #[derive(Debug)]
 pub struct Members {
     starts: Vec<u32>,
@@ -32,7 +32,7 @@ pub struct Members {
 }
 
 impl Members {
-    /// Of cells numbered below `count`, vertices in order of their ids.
+    /// Collects the vertices of the cells below `count`, in order of their ids.
     pub fn new(cells: &[u32], count: u32) -> Self {
         let mut starts = vec![0u32; count as usize + 1];
         for &cell in cells.iter().filter(|&&cell| cell < count) {
@@ -61,7 +61,7 @@ impl Members {
     }
 }
 
-/// The centre of every cell; a vertex that is held is the centre of its own, and faces that are not sound are not split.
+/// The centre of every cell. A held vertex is the centre of its own cell, and edges of unsound faces are not split.
 pub fn centres(
     mesh: &ClusterMesh,
     rings: &Rings,

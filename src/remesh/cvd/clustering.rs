@@ -1,20 +1,20 @@
-//! Cells are improved along the mesh: a vertex goes over to a cell beside it where that makes the energy fall.
+//! Improves cells along the mesh: a vertex moves to a neighbouring cell if that lowers the energy.
 //!
 //! ```text
-//!   [9-11]  F = Σi ( |zi|² Σj Mj  -  2 zi · Σj Mj γj )      zi: the centre, fixed; Mj, γj: mass and place of a vertex
+//!   [9-11]  F = Σi ( |zi|² Σj Mj  -  2 zi · Σj Mj γj )      zi: the centre, fixed; Mj, γj: mass, position of a vertex
 //! ```
-//! With fixed centres the masses cancel from a single vertex's choice: it goes to the nearer centre. With centroidal
+//! With fixed centres the masses cancel from a single vertex's choice: it moves to the nearer centre. With centroidal
 //! centres (Valette & Chassery 2004) a cell's part is -|Σ Mγ|² / Σ M, and centres follow their vertices.
 //!
-//! A vertex leaves its cell only where that stays in one piece around it, and joins another only where it touches it
-//! along one stretch of its ring, so that cells stay connected and no cell closes around another.
+//! A vertex leaves its cell only if the cell stays connected around it, and joins another only if it touches that along
+//! one stretch of its ring. So cells stay connected, and no cell closes around another.
 
 use glam::DVec3;
 
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
 
-/// Where centres are while vertices choose.
+/// The centres during the clustering.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pull {
     /// At their points.
@@ -41,7 +41,7 @@ impl Weight {
     }
 }
 
-/// Vertices in cells.
+/// The clustering of vertices into cells.
 pub struct Clustering<'a> {
     /// The mesh.
     pub mesh: &'a ClusterMesh,
@@ -51,13 +51,13 @@ pub struct Clustering<'a> {
     pub masses: &'a [f64],
     /// Centre of each cell: a vertex.
     pub centres: &'a [u32],
-    /// Whether centres stay.
+    /// Where the centres are.
     pub pull: Pull,
 }
 
 impl Clustering<'_> {
-    /// Moves vertices between cells, at most `sweeps` times through all; returns how many sweeps changed something.
-    /// Centres, and vertices for which `is_held`, stay.
+    /// Moves vertices between cells in at most `sweeps` sweeps; returns the number of sweeps that changed a cell.
+    /// Centres and held vertices stay.
     pub fn improve(&self, cells: &mut [u32], sweeps: u32, is_held: impl Fn(u32) -> bool) -> u32 {
         let mut weights = self.weights(cells);
         for sweep in 0..sweeps {
@@ -82,7 +82,7 @@ impl Clustering<'_> {
         sweeps
     }
 
-    /// F \[9-11\], or the sum of the cells' parts with centroidal centres.
+    /// F \[9-11\]; with centroidal centres the sum of the cells' parts.
     pub fn energy(&self, cells: &[u32]) -> f64 {
         let weights = self.weights(cells);
         let of_cell = |(weight, &centre): (&Weight, &u32)| match self.pull {
@@ -104,7 +104,8 @@ impl Clustering<'_> {
         weights
     }
 
-    /// The cell beside a vertex in which the energy is least, if that is not its own, and both stay whole.
+    /// The neighbouring cell of least energy for a vertex; `None` if that is its own, or if a cell would become
+    /// disconnected.
     fn better_cell(&self, vertex: u32, cells: &[u32], weights: &[Weight]) -> Option<u32> {
         let own = cells[vertex as usize];
         let links = || self.rings.of(vertex).iter().map(|&c| ClusterMesh::following(c).map(|c| self.mesh.vertex_of(c)));
@@ -114,7 +115,7 @@ impl Clustering<'_> {
         let (mass, position) = (self.masses[vertex as usize], self.mesh.positions[vertex as usize]);
         let cost = |cell: u32| match self.pull {
             Pull::Fixed => self.mesh.positions[self.centres[cell as usize] as usize].distance_squared(position),
-            // What the cell's energy grows by with the vertex in it.
+            // Increase of the cell's energy due to the vertex.
             Pull::Centroidal if cell == own => {
                 weights[cell as usize].energy() - weights[cell as usize].with(-mass, position).energy()
             }
@@ -134,7 +135,8 @@ impl Clustering<'_> {
     }
 }
 
-/// Into how many stretches a cell falls on a closed ring of links, of which it has some and not all.
+/// Number of stretches that a cell has on a closed ring of links; the cell must have some vertices of the ring, but not
+/// all.
 fn stretches(links: impl Iterator<Item = [u32; 2]>, cells: &[u32], cell: u32) -> usize {
     links.filter(|&[a, b]| (cells[a as usize] == cell) && (cells[b as usize] != cell)).count()
 }
@@ -163,7 +165,7 @@ mod tests {
             .sum()
     }
 
-    /// Into how many pieces a cell falls among the vertices around one.
+    /// Number of connected components of a cell among the vertices around one.
     fn plain_pieces(mesh: &ClusterMesh, vertex: u32, cells: &[u32], cell: u32) -> usize {
         let faces = mesh.corner_vertices.iter().filter(|face| face.contains(&vertex));
         let sides: Vec<Vec<u32>> = faces
@@ -180,7 +182,7 @@ mod tests {
         pieces.len()
     }
 
-    /// One sweep that tries every cell around every vertex and sums the whole energy anew each time.
+    /// One sweep that tries every cell around every vertex, and sums the whole energy each time.
     fn plain_sweep(clustering: &Clustering, cells: &mut [u32], is_held: impl Fn(u32) -> bool) {
         for vertex in 0..cells.len() as u32 {
             let own = cells[vertex as usize];
@@ -236,7 +238,7 @@ mod tests {
         }
     }
 
-    /// Two cells of a grid of 6 × 6 with centres at its third points, divided wrongly; borders are held.
+    /// Two cells of a grid of 6 × 6 with centres at its third points, wrongly divided; borders are held.
     fn divided(pull: Pull) -> (ClusterMesh, Vec<u32>, Vec<u32>) {
         let mesh = samples::grid(6, 0.0);
         let centres = vec![3 * 7 + 2, 3 * 7 + 4];
@@ -292,7 +294,7 @@ mod tests {
     }
 
     //  . . . . .
-    //  a a b a .      b is nearer to the other centre, above it, but may not leave: its cell would fall apart
+    //  a a b a .      b is nearer to the other centre, above it, but may not leave: its cell would become disconnected
     //  . . . . .
     #[test]
     fn a_cell_stays_in_one_piece() {

@@ -19,10 +19,10 @@ use crate::mesh::ring::Rings;
 
 /// Coefficients of the jet.
 const COEFFICIENTS: usize = 6;
-/// Vertices of the neighbourhood, at most: rings of a fan of higher valence are cut short.
+/// Largest number of vertices in a neighbourhood: rings of vertices with a high valence are truncated.
 const NEIGHBOURS_MAX: usize = 96;
 
-/// Fits jets; holds scratch space only.
+/// Fits jets; holds only buffers.
 #[derive(Debug, Default)]
 pub struct JetFitter {
     near: Vec<u32>,
@@ -31,7 +31,8 @@ pub struct JetFitter {
 }
 
 impl JetFitter {
-    /// k1² + k2² at a vertex, fitted to so many rings around it; 0 where there are too few vertices to tell.
+    /// k1² + k2² at a vertex, in 1 / length², fitted to `ring_count` rings around it; 0 if there are too few vertices
+    /// for a fit.
     pub fn squared_curvature(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32, ring_count: u32) -> f64 {
         self.gather(mesh, rings, vertex, ring_count);
         let Some(normal) = normal_at(mesh, rings, vertex) else { return 0.0 };
@@ -40,7 +41,7 @@ impl JetFitter {
         fit(points, normal).unwrap_or(0.0)
     }
 
-    /// The vertices within so many rings, the centre first.
+    /// Collects the vertices within `ring_count` rings, the centre first.
     fn gather(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32, ring_count: u32) {
         self.seen.resize(mesh.positions.len(), 0);
         self.epoch += 1;
@@ -65,7 +66,7 @@ impl JetFitter {
     }
 }
 
-/// Normal of the faces around a vertex, weighted by area, if they have one.
+/// Area-weighted normal of the faces around a vertex; `None` if it is zero.
 fn normal_at(mesh: &ClusterMesh, rings: &Rings, vertex: u32) -> Option<DVec3> {
     let across = |face: u32| {
         let [a, b, c] = mesh.triangle(face);
@@ -74,7 +75,7 @@ fn normal_at(mesh: &ClusterMesh, rings: &Rings, vertex: u32) -> Option<DVec3> {
     rings.faces(mesh, vertex).map(across).sum::<DVec3>().try_normalize()
 }
 
-/// k1² + k2² at the origin of the jet through points around it.
+/// k1² + k2² at the origin, of the jet through points around it; `None` if the fit is singular.
 fn fit(points: impl Iterator<Item = DVec3> + Clone, normal: DVec3) -> Option<f64> {
     let radius_sq = points.clone().map(|p| p.length_squared()).fold(0.0, f64::max);
     if radius_sq <= 0.0 {

@@ -1,15 +1,15 @@
-//! The dual is made Delaunay where it is flat: an edge flips when the angles opposite to it add up to more than π.
+//! Makes the dual Delaunay where it is flat: an edge flips if the angles opposite to it add up to more than π.
 //!
 //! ```text
 //!      c               c
 //!     / \             /|\
-//!    a---b    ──▶    a | b       both faces keep their plane, nearly, and their side in the picture
+//!    a---b    ──▶    a | b       both faces nearly keep their plane, and their side in texture space
 //!     \ /             \|/
 //!      d               d
 //! ```
 //! # Source
-//! Lawson, "Software for C1 surface interpolation", 1977; as in Liu, Xu, Fan 2015, on which the paper's dual rests, the
-//! triangulation is Delaunay-like, not Delaunay: where the surface bends, edges stay as they fit it.
+//! Lawson, "Software for C1 surface interpolation", 1977. As in Liu, Xu, Fan 2015, which the paper's dual is based on,
+//! the triangulation is only Delaunay-like: where the surface bends, edges stay along the bends.
 
 use glam::{DVec2, DVec3};
 
@@ -17,18 +17,19 @@ use crate::mesh::cluster::{ClusterMesh, DEAD};
 use crate::mesh::ring::Rings;
 use crate::simplify::legality::{triangle_survives, uv_survives};
 
-/// Faces whose normals differ by more (cosine of a tenth of a radian) keep their edge.
+/// Faces keep their edge if their normals differ by more than this (cosine of a tenth of a radian).
 const FLAT_COSINE: f64 = 0.995;
-/// Sum of the cotangents opposite to an edge below which it flips: a little below 0, so that no edge flips for ever.
+/// An edge flips if the sum of the cotangents opposite to it is below this: a little below 0, so that no edge flips
+/// back and forth.
 const COTANGENT_MAX: f64 = -1e-6;
-/// Times that all edges are looked at, at most.
+/// Largest number of sweeps over all edges.
 const SWEEPS: u32 = 12;
 
-/// Flips edges until none is left to flip, or twelve times through all; returns how many flipped.
+/// Flips edges until no more can flip, in at most twelve sweeps; returns the number of flips.
 pub fn flip(mesh: &mut ClusterMesh) -> u64 {
     mesh.compact_faces();
     let mut rings = Rings::default();
-    // Sweep in which the ring of a vertex changed last.
+    // Last sweep in which the ring of each vertex changed.
     let mut touched = vec![0; mesh.positions.len()];
     let mut flipped = 0;
     for sweep in 1..=SWEEPS {
@@ -36,7 +37,7 @@ pub fn flip(mesh: &mut ClusterMesh) -> u64 {
         let before = flipped;
         for face in 0..mesh.corners.len() as u32 {
             for k in 0..3 {
-                // After the first sweep only faces around changed ones matter.
+                // After the first sweep only faces near changes matter.
                 if mesh.vertices(face).iter().all(|&v| touched[v as usize] + 1 < sweep) {
                     break;
                 }
@@ -66,7 +67,8 @@ struct Hinge {
 }
 
 impl Hinge {
-    /// The hinge at an edge of a face, if it has one other face that fits, of a higher number.
+    /// The hinge at an edge of a face; `None` unless the edge has exactly one other face, which must have the same
+    /// wedges there and a higher id.
     fn at(mesh: &ClusterMesh, rings: &Rings, face: u32, k: usize) -> Option<Self> {
         let at = |face: u32, k: usize| mesh.corners[face as usize][k % 3];
         let [a, b, c] = [at(face, k), at(face, k + 1), at(face, k + 2)];
@@ -140,7 +142,7 @@ mod tests {
     use super::*;
     use crate::mesh::cluster::flag;
 
-    //  3-------2       a long diamond, cut the wrong way
+    //  3-------2       a long diamond, split along the wrong diagonal
     //   \    / /
     //    0---1
     fn diamond(height: f64) -> ClusterMesh {

@@ -6,10 +6,10 @@
 //!    a_a|b_b                 | \ / |
 //!     c c C c                   c
 //! ```
-//! Cells shrink by collapses of edges inside them, each of which is legal by itself: so the result is the dual wherever
-//! that is a mesh at all, and where a cell is no disc, or its triangles would fold, in space or in the picture, some of
-//! its vertices are left. So are junctions, where three cells or more meet, that lie off the planes around them by more
-//! than the queue's threshold: they become vertices of the dual.
+//! Cells shrink by collapses of edges inside them, each of which is legal by itself. The result is the dual wherever
+//! that is a valid mesh. If a cell is no disc, or its triangles would fold in space or in texture space, some of its
+//! vertices are left. Junctions, where three cells or more meet, also stay if they are farther from the planes around
+//! them than the queue's threshold: they become vertices of the dual.
 
 use glam::DVec2;
 
@@ -18,18 +18,18 @@ use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
 use crate::simplify::legality::{EdgeStar, Fan};
 
-/// What became of the vertices that are no centres.
+/// Fate of the vertices that are no centres.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Shrunk {
-    /// Vertices that went.
+    /// Vertices that vanished.
     pub gone: u64,
-    /// Junctions that were made vertices of the dual.
+    /// Junctions that became vertices of the dual.
     pub junctions: u64,
-    /// Vertices that stayed since no legal collapse takes them to their centre.
+    /// Vertices that stayed, because no legal collapse takes them to their centre.
     pub kept: u64,
 }
 
-/// Makes junctions whose collapse would err by more than `most` cells of their own; returns how many.
+/// Gives junctions whose collapse has an error above `most` cells of their own; returns how many.
 pub fn keep_junctions(
     mesh: &ClusterMesh,
     rings: &Rings,
@@ -65,7 +65,7 @@ pub fn keep_junctions(
     junctions.len() as u64
 }
 
-/// Shrinks every cell to its centre, as far as that is legal; vertices for which `is_held` stay.
+/// Shrinks every cell to its centre, as far as that is legal. Held vertices stay.
 pub fn shrink(mesh: &mut ClusterMesh, cells: &[u32], centres: &[u32], is_held: impl Fn(u32) -> bool) -> Shrunk {
     let mut rings = Rings::default();
     rings.build(mesh);
@@ -76,7 +76,7 @@ pub fn shrink(mesh: &mut ClusterMesh, cells: &[u32], centres: &[u32], is_held: i
     let mut shrinker = Shrinker { star: EdgeStar::default(), uvs: Vec::new(), touched, round: 0 };
     shrinker.star.reset(mesh.positions.len());
     let wanted = waiting.len() as u64;
-    // Towards the centre first; where that gets stuck, to any vertex of the cell.
+    // Collapse towards the centre first; when no vertex can, to any vertex of the cell.
     let mut anywhere = false;
     while !waiting.is_empty() {
         let before = waiting.len();
@@ -98,16 +98,16 @@ pub fn shrink(mesh: &mut ClusterMesh, cells: &[u32], centres: &[u32], is_held: i
 
 struct Shrinker {
     star: EdgeStar,
-    /// Texture coordinate that each wedge pair of the star comes to.
+    /// New texture coordinate of each wedge pair.
     uvs: Vec<DVec2>,
-    /// Round in which a vertex took part in a collapse: its row in the rings is stale until the next.
+    /// Last round in which each vertex took part in a collapse: its row in the rings is outdated until the next.
     touched: Vec<u32>,
     round: u32,
 }
 
 impl Shrinker {
-    /// Collapses a vertex onto the neighbour in its cell that is nearest to the centre, if that is legal; else onto the
-    /// next. Only one nearer than itself will do, unless it may go `anywhere`.
+    /// Collapses a vertex onto the neighbour in its cell that is nearest to the centre, or, if that is illegal, onto
+    /// the next nearest. Unless it may go `anywhere`, the neighbour must be nearer to the centre than the vertex.
     fn collapse(
         &mut self,
         mesh: &mut ClusterMesh,

@@ -2,13 +2,13 @@
 //!
 //! ```text
 //!   [13]  ρ = |P| (√(k1² + k2²))^λ      |P|: a third of the area of the faces around the vertex
-//!   [12]  D_avg = Σ ρ / n               n: the cells wanted
+//!   [12]  D_avg = Σ ρ / n               n: the number of cells wanted
 //! ```
-//! k1² + k2² is floored at a share of its positive median, so that flat ground has a mass. Median and sum come from one
-//! look at every cluster: vertices are counted, and ρ and |P| summed, by the magnitude of k1² + k2².
+//! k1² + k2² is at least a share of its positive median, so that flat ground has a mass. One pass over the clusters
+//! gives both median and sum: it counts vertices, and sums ρ and |P|, by the magnitude of k1² + k2².
 //!
 //! # Memory
-//! 36 bytes for each magnitude that occurs, 64 to an octave.
+//! 36 bytes for each magnitude that occurs, 64 per power of two.
 
 use std::collections::BTreeMap;
 
@@ -19,22 +19,22 @@ use crate::cost::planes::plane_of;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
 
-/// Bits of a double that are left out of a magnitude: 64 magnitudes from each power of two to the next.
+/// Low bits of a double that a magnitude drops: 64 magnitudes per power of two remain.
 const MAGNITUDE_SHIFT: u32 = 46;
-/// A surface that turns by less than this (radians) over a vertex's part is flat: what is left are rounding errors.
+/// A surface that turns by less than this (radians) over a vertex's part counts as flat: the rest is rounding error.
 const FLAT_TURN: f64 = 1e-6;
 
-/// A vertex's part of the surface, and how much it bends.
+/// A vertex's part of the surface, and its curvature.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Part {
-    /// |P|.
+    /// |P|, in units of length².
     pub area: f64,
-    /// k1² + k2².
+    /// k1² + k2², in 1 / length².
     pub squared_curvature: f64,
 }
 
 impl Part {
-    /// ρ \[13\], if curvatures below the floor count as the floor.
+    /// ρ \[13\]; curvatures below the floor count as the floor.
     pub fn mass(&self, lambda: f64, floor: f64) -> f64 {
         self.area * libm::pow(self.squared_curvature.max(floor), 0.5 * lambda)
     }
@@ -57,7 +57,7 @@ pub fn parts(mesh: &ClusterMesh, rings: &Rings, ring_count: u32) -> Vec<Part> {
     areas.into_iter().enumerate().map(part).collect()
 }
 
-/// What vertices of one magnitude add up to.
+/// Sums over the vertices of one magnitude.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 struct Sum {
     count: u64,
@@ -72,7 +72,7 @@ pub struct MassSums {
 }
 
 impl MassSums {
-    /// Counts a vertex.
+    /// Adds a vertex.
     pub fn add(&mut self, part: Part, lambda: f64) {
         let magnitude = (part.squared_curvature.to_bits() >> MAGNITUDE_SHIFT) as u32;
         let sum = self.magnitudes.entry(magnitude).or_default();
@@ -81,7 +81,7 @@ impl MassSums {
         sum.mass += part.mass(lambda, 0.0);
     }
 
-    /// Adds another cluster's; clusters must come in order.
+    /// Adds the sums of another cluster. Clusters must come in order, because sums are rounded.
     pub fn merge(&mut self, other: &Self) {
         for (&magnitude, theirs) in &other.magnitudes {
             let ours = self.magnitudes.entry(magnitude).or_default();
@@ -91,12 +91,12 @@ impl MassSums {
         }
     }
 
-    /// Vertices counted.
+    /// Number of vertices.
     pub fn count(&self) -> u64 {
         self.magnitudes.values().map(|sum| sum.count).sum()
     }
 
-    /// The floor of k1² + k2²: a share of its positive median, at most 1/32 too small; 1 where nothing bends.
+    /// The floor of k1² + k2²: `share` times its positive median, at most 1/32 too low; 1 if no vertex has curvature.
     pub fn floor(&self, share: f64) -> f64 {
         let positive = || self.magnitudes.iter().filter(|&(&magnitude, _)| magnitude > 0);
         let half = positive().map(|(_, sum)| sum.count).sum::<u64>().div_ceil(2);
@@ -105,14 +105,14 @@ impl MassSums {
             seen += sum.count;
             if seen >= half {
                 let median = f64::from_bits(u64::from(magnitude) << MAGNITUDE_SHIFT);
-                // Down to where a magnitude begins, so that each lies on one side.
+                // Rounded down to the start of a magnitude, so that each magnitude lies on one side.
                 return f64::from_bits((median * share).to_bits() >> MAGNITUDE_SHIFT << MAGNITUDE_SHIFT);
             }
         }
         1.0
     }
 
-    /// Σ ρ, if curvatures below the floor count as the floor.
+    /// Σ ρ; curvatures below the floor count as the floor.
     pub fn total(&self, lambda: f64, floor: f64) -> f64 {
         let first = (floor.to_bits() >> MAGNITUDE_SHIFT) as u32;
         let below = libm::pow(floor, 0.5 * lambda);

@@ -1,16 +1,16 @@
-//! More centres: points on edges, those of the largest collapse error first.
+//! More centres: points on edges, largest collapse error first.
 //!
-//! An edge (a, b) that collapsed would err by Qa + Qb, where Qa(x) is the squared distance of x to the planes of the
-//! faces around a, weighted by area. Along the edge that is α t² + β (1 - t)² with α = Qa(b), β = Qb(a):
+//! The collapse of an edge (a, b) has the error Qa + Qb, where Qa(x) is the area-weighted squared distance from x to
+//! the planes of the faces around a. Along the edge that is α t² + β (1 - t)² with α = Qa(b), β = Qb(a):
 //!
 //! ```text
 //!   a ------------ p ------ b      least at t = β / (α + β), where it is αβ / (α + β)
 //!          |            |
-//!         (a, p)      (p, b)       new candidates; at p the surface bends as a and b do in between
+//!         (a, p)      (p, b)       new candidates; at p the surface bends as interpolated between a and b
 //! ```
-//! A part that spans a share s of its edge errs s² times as much, so that a candidate errs by no more than the one that
-//! made it, and those above any threshold are the same whichever is picked first: the queue over the whole mesh is a
-//! threshold, found by counting candidates by magnitude in a look at every cluster.
+//! A part that spans a share s of its edge has s² times the error. A candidate's error is therefore at most that of the
+//! candidate it came from, and the candidates above a threshold do not depend on the order of picks. The queue over the
+//! whole mesh is then just a threshold, found by counting candidates by magnitude in one pass over the clusters.
 //!
 //! # Memory
 //! 512 KiB a cluster while its candidates are counted, 12 bytes for each magnitude that occurs.
@@ -25,19 +25,20 @@ use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
 use crate::mesh::split::EdgePoint;
 
-/// A picked point makes new candidates so many times: at most 7 points an edge.
+/// Depth to which a picked point makes new candidates: at most 7 points an edge.
 const DEPTH: u32 = 3;
-/// A point keeps this share of its edge's part away from both ends.
+/// A point stays this share of its part of the edge away from both ends of the part.
 const MARGIN: f64 = 0.25;
-/// Edges of thinner faces are not split, nor those of faces with a thinner picture.
+/// Edges of faces below this regularity, in space or in texture space, are not split.
 const REGULARITY_MIN: f64 = 0.05;
-/// Nor those of faces whose picture is no larger than this (a share of the image): it is written with six decimals.
+/// Nor are those of faces whose texture triangle is no larger than this (relative to the image): texture coordinates
+/// are written with six decimals.
 const PICTURE_MIN: f64 = 1e-4;
-/// Bits of a double that are left out of a magnitude: 64 magnitudes from each power of two to the next.
+/// Low bits of a double that a magnitude drops: 64 magnitudes per power of two remain.
 const MAGNITUDE_SHIFT: u32 = 46;
 
-/// Whether the edges of each face may be split: neither the face nor its picture, if it has one, is thin or small, and the
-/// picture is not turned over, as most of the cluster's are not; else rounding could fold its parts.
+/// For each face, whether its edges may be split: neither the face nor its texture triangle, if it has one, is thin or
+/// small, and the texture triangle has the sign of most in the cluster. In other faces rounding could fold the parts.
 pub fn sound_faces(mesh: &ClusterMesh) -> Vec<bool> {
     let signed = |face: u32| {
         let [a, b, c] = mesh.uv_triangle(face);
@@ -57,8 +58,9 @@ pub fn sound_faces(mesh: &ClusterMesh) -> Vec<bool> {
     (0..mesh.corners.len() as u32).map(|face| !mesh.is_dead(face) && is_sound(face)).collect()
 }
 
-/// Ends of the edges from a vertex to vertices of higher ids that may be split: they have two sound faces, which run past
-/// them in opposite senses and with the same wedges, and no other cluster has them.
+/// Writes the other ends of the edges from a vertex to vertices with higher ids that may be split. Such an edge has two
+/// sound faces, which run along it in opposite directions and have the same wedges there, and no other cluster has the
+/// edge.
 pub fn splittable(mesh: &ClusterMesh, rings: &Rings, is_sound: &[bool], vertex: u32, ends: &mut Vec<u32>) {
     ends.clear();
     for &corner in rings.of(vertex) {
@@ -86,7 +88,7 @@ pub fn splittable(mesh: &ClusterMesh, rings: &Rings, is_sound: &[bool], vertex: 
     }
 }
 
-/// Normals of faces times the root of their areas; zero for a face without area.
+/// Unit normals of faces times the square root of their areas; zero for a dead face or one without area.
 pub fn weighted_normals(mesh: &ClusterMesh) -> Vec<DVec3> {
     let normal = |face: u32| {
         let [a, b, c] = mesh.triangle(face);
@@ -97,7 +99,7 @@ pub fn weighted_normals(mesh: &ClusterMesh) -> Vec<DVec3> {
     (0..mesh.corners.len() as u32).map(|face| if mesh.is_dead(face) { DVec3::ZERO } else { normal(face) }).collect()
 }
 
-/// Q of a vertex at a displacement from it.
+/// Q of a vertex at a displacement from it, in area × length².
 pub fn quadric_error(rings: &Rings, normals: &[DVec3], vertex: u32, displacement: DVec3) -> f64 {
     let square = |corner: &u32| {
         let distance = normals[*corner as usize / 3].dot(displacement);
@@ -116,13 +118,12 @@ pub struct Queue<'a> {
 }
 
 impl<'a> Queue<'a> {
-    /// Of a mesh, its rings, whether each vertex is held (an edge between two that are stays whole), and whether each face
-    /// is sound.
+    /// The candidates of a mesh. Edges between two held vertices stay whole, as do those of faces that are not sound.
     pub fn new(mesh: &'a ClusterMesh, rings: &'a Rings, is_held: &'a [bool], is_sound: &'a [bool]) -> Self {
         Self { mesh, rings, is_held, is_sound, normals: weighted_normals(mesh) }
     }
 
-    /// Counts the errors of all candidates, of the largest `most` at least.
+    /// Counts the errors of the largest candidates, by magnitude; stops before there are more than `most`.
     pub fn count(&self, most: u64) -> ErrorCounts {
         let mut magnitudes = vec![0u32; 1 << (63 - MAGNITUDE_SHIFT)];
         self.each_candidate(f64::MIN_POSITIVE, |_, error| {
@@ -139,8 +140,8 @@ impl<'a> Queue<'a> {
         counts
     }
 
-    /// The candidates whose error is at least `threshold`, sorted by ends and share; where there are more than `most`, those
-    /// above the threshold that leaves no more.
+    /// The candidates whose error is at least `threshold`, sorted by ends and share. If they are more than `most`,
+    /// raises the threshold until there are at most `most`.
     pub fn points(&self, threshold: f64, most: u64) -> Vec<EdgePoint> {
         let (mut points, mut found) = (Vec::new(), 0);
         self.each_candidate(threshold.max(f64::MIN_POSITIVE), |point, _| {
@@ -177,9 +178,9 @@ impl<'a> Queue<'a> {
 struct Stretch {
     from: f64,
     to: f64,
-    /// α and β of the whole edge, if it bent as the surface does at this part's ends.
+    /// α and β of the whole edge, if it had the bend of the surface at the ends of this part.
     bends: [f64; 2],
-    /// Error of the candidate that made it.
+    /// Error of the candidate that it came from.
     most: f64,
 }
 
@@ -187,7 +188,7 @@ impl Stretch {
     fn expand(&self, depth: u32, least: f64, take: &mut impl FnMut(f64, f64)) {
         let ([a, b], span) = (self.bends, self.to - self.from);
         let error = (span * span * a * b / (a + b)).min(self.most);
-        // NOTE: also false where nothing bends, and the error is no number.
+        // NOTE: the comparison is also false if nothing bends and the error is NaN.
         if !(error >= least && error.is_finite()) || depth == 0 {
             return;
         }
@@ -199,21 +200,21 @@ impl Stretch {
     }
 }
 
-/// Numbers of candidates by the magnitude of their error.
+/// Number of candidates by the magnitude of their error.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct ErrorCounts {
     magnitudes: BTreeMap<u32, u64>,
 }
 
 impl ErrorCounts {
-    /// Adds another cluster's.
+    /// Adds the counts of another cluster.
     pub fn merge(&mut self, other: &Self) {
         for (&magnitude, &count) in &other.magnitudes {
             *self.magnitudes.entry(magnitude).or_default() += count;
         }
     }
 
-    /// The smallest error, where a magnitude begins, that no more than `wanted` candidates have or exceed.
+    /// The lowest start of a magnitude that at most `wanted` candidates reach or exceed; infinite if there is none.
     pub fn threshold(&self, wanted: u64) -> f64 {
         let (mut seen, mut threshold) = (0, f64::INFINITY);
         for (&magnitude, &count) in self.magnitudes.iter().rev() {

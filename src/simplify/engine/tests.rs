@@ -25,7 +25,7 @@ fn a_flat_square_becomes_two_triangles_of_the_same_area() {
     assert!((area(&mesh) - 144.0).abs() < 1e-3, "{}", area(&mesh));
 }
 
-/// A flat grid whose vertices are moved about within the plane.
+/// A flat grid whose vertices are moved within the plane.
 fn jittered(n: u32, seed: u32) -> ClusterMesh {
     let mut mesh = samples::grid(n, 0.0);
     let shift = |i: u32| f64::from((i ^ seed).wrapping_mul(0x9e37_79b9) >> 16) / 65_536.0 - 0.5;
@@ -85,7 +85,7 @@ fn a_seam_keeps_both_charts_on_their_sides() {
 
 #[test]
 fn an_edge_that_only_its_upper_end_may_collapse_is_proposed_by_it() {
-    // Vertex 4 is the only one inside; without border planes it may meet a border vertex, but none may meet it.
+    // Vertex 4 is the only inner one; without border planes it may collapse onto a border vertex, but not the reverse.
     let settings = crate::cost::classic::Settings::from(crate::cost::classic::KNOBS.map(|knob| knob.default));
     let mut engine = Engine::<crate::cost::ClassicCost>::new(samples::grid(2, 0.5), &settings);
     engine.prepare();
@@ -110,7 +110,7 @@ fn locked_seams_stay_whole() {
     }
 }
 
-/// A flat square of 12 × 12 whose picture is itself, cut into charts that lie 100 apart.
+/// A flat square of 12 × 12 with texture coordinates equal to positions, cut into charts that lie 100 apart.
 fn in_charts(chart: impl Fn(DVec3) -> u32) -> ClusterMesh {
     let grid = samples::grid(12, 0.0);
     let mut mesh = ClusterMesh::default();
@@ -145,7 +145,7 @@ fn a_corner_vanishes_along_a_seam_and_the_third_chart_follows_part_of_the_way() 
         let uv = corners.map(|w| mesh.wedge_uv[w as usize]);
         let charts = uv.map(|uv| (uv.x / 100.0).round());
         assert!(charts.iter().all(|&chart| chart == charts[0]), "a face spans charts: {uv:?}");
-        assert!((uv[1] - uv[0]).perp_dot(uv[2] - uv[0]) > 0.0, "a folded picture: {uv:?}");
+        assert!((uv[1] - uv[0]).perp_dot(uv[2] - uv[0]) > 0.0, "a folded texture triangle: {uv:?}");
         let (low, high) = areas[charts[0] as usize];
         for (uv, vertex) in uv.into_iter().zip(vertices) {
             let outside = |place: DVec2| place.distance(place.clamp(low, high));
@@ -156,7 +156,7 @@ fn a_corner_vanishes_along_a_seam_and_the_third_chart_follows_part_of_the_way() 
     }
 }
 
-/// Share of the picture of a mesh whose charts are left and right of a staircase that samples outside its chart.
+/// Share of the texture that samples outside its chart, for charts left and right of a staircase.
 fn outside_share(inset: f64) -> f64 {
     let is_left = |x: f64, y: f64| x < 6.0 + f64::from(y.rem_euclid(4.0) < 2.0);
     let mesh = in_charts(|centre| u32::from(!is_left(centre.x, centre.y)));
@@ -215,7 +215,7 @@ fn one_by_one_each_round_is_the_cheapest_collapse() {
     let log = engine.log.as_ref().unwrap();
     assert!(log.len() as u32 <= engine.round && engine.mesh.face_count >= 198);
     assert!(engine.round as usize <= log.len() + 4, "{} rounds for {} collapses", engine.round, log.len());
-    // The first ones are those that a heap of all edges has on its top.
+    // The first collapses are those at the top of a heap of all edges.
     let mut heap = Engine::<crate::cost::ClassicCost>::new(samples::grid(16, 0.7), &classic(1.0));
     heap.prepare();
     heap.cost.refresh(&heap.mesh, &heap.rings, &heap.classes);

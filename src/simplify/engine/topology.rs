@@ -1,4 +1,4 @@
-//! Where the topology may change: handles are cut, holes shut, rips closed, and the last triangles of pieces go.
+//! Topology changes: cuts handles, closes holes and rips, and removes the last triangles of connected components.
 
 use super::Engine;
 use crate::cost::{EdgeCase, Metric};
@@ -8,17 +8,18 @@ use crate::simplify::proposal::Proposal;
 use crate::simplify::rips::has_border_end;
 use crate::simplify::{caps, handles};
 
-/// A handle is cut where an edge of it may have a squared length of this share of the root of what a collapse may cost.
+/// Largest squared edge length of a handle that is cut, relative to the square root of the highest cost of a collapse.
 const HANDLE_SHARE: f64 = 2.0;
-/// Where nothing else is left, handles whose edges have up to this many times the least squared length are cut at once.
+/// If nothing else is left, all handles with squared edge lengths up to this many times the least are cut together.
 const HANDLES_SQ: f64 = 4.0;
 
-/// Share of its cost that a collapse takes if it closes a rip or a hole of three edges: border planes hold both sides where
-/// they are, and what is left open is seen before any distance is.
+/// Share of its cost that is charged for a collapse that closes a rip or a three-edge hole. Border planes hold both
+/// sides in place, and an open gap is seen long before an error in distance.
 const CLOSING_SHARE: f32 = 0.05;
 
 impl<M: Metric> Engine<M> {
-    /// Cuts handles up to a length that goes by what a collapse may cost, and shuts holes that cost no more than that. The mesh is to be prepared, and is so afterwards.
+    /// Cuts handles up to a length that depends on `cost`, the highest cost of a collapse, and closes holes that cost
+    /// no more than that. The mesh must be prepared, and is so afterwards.
     pub(super) fn mend(&mut self, cost: f64) {
         let mut changed = Vec::new();
         if self.cuts_handles() && (self.seeks_handles || !self.milestones.is_empty()) {
@@ -26,7 +27,7 @@ impl<M: Metric> Engine<M> {
             changed = self.cut(&handles);
         }
         if self.closes_rips() {
-            // What was cut has no vertex on a border.
+            // The rings are outdated only at cut handles, none of which has a vertex on a border.
             let room = self.faces_before.saturating_sub(self.mesh.face_count);
             let shut = caps::shut(&mut self.mesh, &self.rings, &self.classes, cost, room);
             self.changes.holes_closed += shut.count;
@@ -35,7 +36,7 @@ impl<M: Metric> Engine<M> {
         self.follow_changes(&changed);
     }
 
-    /// Cuts the shortest handles, and those about as long; returns whether there were any.
+    /// Cuts the shortest handles, and those of similar length. Returns whether any was cut.
     pub(super) fn cut_shortest_handles(&mut self) -> bool {
         if !self.cuts_handles() {
             return false;
@@ -57,7 +58,7 @@ impl<M: Metric> Engine<M> {
         handles::find(&self.mesh, &self.rings, &self.classes, |vertex| !self.is_held(vertex), most_sq)
     }
 
-    /// Cuts handles; returns the vertices at them, with their copies.
+    /// Cuts handles. Returns their vertices and the copies of these.
     fn cut(&mut self, handles: &[handles::Handle]) -> Vec<u32> {
         let copies = self.mesh.positions.len() as u32;
         let mut changed = handles::cut(&mut self.mesh, &self.rings, handles);
@@ -66,7 +67,7 @@ impl<M: Metric> Engine<M> {
         changed
     }
 
-    /// Builds the rings, and finds the classes of some vertices, if there are any whose faces were changed.
+    /// Rebuilds the rings and the classes of the `changed` vertices, if there are any.
     fn follow_changes(&mut self, changed: &[u32]) {
         if !changed.is_empty() {
             self.is_tidy = false;
@@ -82,8 +83,8 @@ impl<M: Metric> Engine<M> {
         M::ENDPOINTS && may_close && self.collapser.deviation_max.is_none()
     }
 
-    /// Prices the triangles that hang on no other, and pairs the borders along rips. The vertices of rips become
-    /// candidates, even if they may do nothing else.
+    /// Prices isolated triangles, and pairs the borders along rips. Vertices of rips become candidates, even if they
+    /// have no other collapse.
     pub(super) fn look_around(&mut self) {
         let alone = self.candidates.iter().copied().filter(|&vertex| self.is_alone(vertex));
         let faces = alone.map(|vertex| (vertex, self.rings.of(vertex)[0] / 3)).collect();
@@ -96,19 +97,19 @@ impl<M: Metric> Engine<M> {
         }
     }
 
-    /// Whether a vertex belongs to a triangle that hangs on no other.
+    /// Whether a vertex belongs to an isolated triangle: one that shares no vertex with another face.
     pub(super) fn is_alone(&self, vertex: u32) -> bool {
         let &[corner] = self.rings.of(vertex) else { return false };
         let ring = ClusterMesh::following(corner).map(|corner| self.mesh.vertex_of(corner));
         ring.iter().all(|&far| self.rings.of(far).len() == 1 && !self.mesh.is_shared(far))
     }
 
-    /// What it costs if the triangle of a vertex vanishes, if it hangs on no other.
+    /// Cost of removing the triangle of a vertex; `None` if the triangle is not isolated.
     pub(super) fn price_alone(&self, vertex: u32) -> Option<f32> {
         if self.is_alone(vertex) { self.loners.price_of(vertex) } else { None }
     }
 
-    /// Whether a triangle that hangs on no other has lost what was nearest to it, by which it was priced.
+    /// Whether the surface that an isolated triangle was priced against has vanished.
     pub(super) fn has_lost_neighbour(&self, vertex: u32) -> bool {
         let (Some(neighbour), &[corner, ..]) = (self.loners.neighbour_of(vertex), self.rings.of(vertex)) else {
             return false;
@@ -116,14 +117,15 @@ impl<M: Metric> Engine<M> {
         self.rings.faces(&self.mesh, self.followed(neighbour)).all(|face| face == corner / 3)
     }
 
-    /// The collapse of a vertex onto that of another border that it was paired with, or what that one went into.
+    /// The collapse of a vertex onto the border vertex that it was paired with, or onto the vertex that this one
+    /// collapsed into. `None` if it has no such partner left, is held, or belongs to an isolated triangle.
     pub(super) fn propose_weld(&self, vertex: u32) -> Option<Proposal> {
         if self.classes[vertex as usize] == Class::Smooth {
             return None;
         }
         let pair = self.rips.pair_of(vertex)?;
         let to = self.followed(pair.partner);
-        // A triangle that hangs on no other has a price of its own.
+        // An isolated triangle has its own price.
         if self.is_held(vertex)
             || self.is_alone(vertex)
             || to == vertex
@@ -137,7 +139,7 @@ impl<M: Metric> Engine<M> {
         Some(Proposal::onto(to, share * self.cost.place(&self.mesh, &case).cost as f32))
     }
 
-    /// Whether a vertex was paired with one that it has no face in common with.
+    /// Whether `from` has a partner, and no face in common with `to`.
     pub(super) fn is_apart(&self, from: u32, to: u32) -> bool {
         let has_to = |face: u32| self.mesh.vertices(face).contains(&to);
         self.classes[from as usize] != Class::Smooth
@@ -145,16 +147,17 @@ impl<M: Metric> Engine<M> {
             && !self.rings.faces(&self.mesh, from).any(has_to)
     }
 
-    /// Share of its cost that the collapse of a border edge takes.
+    /// Share of its cost that is charged for the collapse of a border edge.
     pub(super) fn closing_share(&self, from: u32, to: u32) -> f32 {
         if self.closes_rips() && self.is_beside_hole(from, to) { CLOSING_SHARE } else { 1.0 }
     }
 
-    /// Whether a hole of three edges has this border edge.
+    /// Whether this border edge belongs to a hole of three edges.
     pub(super) fn is_beside_hole(&self, from: u32, to: u32) -> bool {
         let closes = |third: u32| third != to && self.is_border_beside(to, [third, from]);
         if self.classes[from as usize].is_border() {
-            // Around one open fan every vertex follows another and precedes one, but for the two on the border.
+            // In an open fan every outer vertex occurs once as next and once as previous, except the two on the border:
+            // the XOR of all leaves the border neighbour that is not `to`.
             let mut third = to;
             for &corner in self.rings.of(from).iter().filter(|&&corner| self.mesh.living(corner).is_some()) {
                 let [next, previous] = ClusterMesh::following(corner).map(|corner| self.mesh.vertex_of(corner));
@@ -165,7 +168,7 @@ impl<M: Metric> Engine<M> {
         has_border_end(&self.mesh, &self.rings, from, closes)
     }
 
-    /// Whether a vertex has a border edge to another one, and no face with that and a third one.
+    /// Whether `vertex` has a border edge to `end`, and no face with both `end` and `third`.
     fn is_border_beside(&self, vertex: u32, [end, third]: [u32; 2]) -> bool {
         let mut count = 0;
         for face in self.rings.faces(&self.mesh, vertex) {
@@ -180,7 +183,7 @@ impl<M: Metric> Engine<M> {
         count == 1
     }
 
-    /// The vertex that a vertex went into in this stage, or itself.
+    /// The vertex that a vertex merged into in this stage, over any number of collapses, or itself.
     pub(super) fn followed(&self, mut vertex: u32) -> u32 {
         while let Some(next) = self.went_to(vertex) {
             vertex = next;
@@ -188,14 +191,14 @@ impl<M: Metric> Engine<M> {
         vertex
     }
 
-    /// What a vertex collapsed onto in this stage. A vertex may also be without faces since its piece has vanished.
+    /// The vertex that a vertex collapsed onto in this stage; `None` if it did not, even if its component has vanished.
     pub(super) fn went_to(&self, vertex: u32) -> Option<u32> {
         let proposal = &self.proposals[vertex as usize];
         let went = self.rings.of(vertex).is_empty() && proposal.cost == f32::INFINITY && proposal.to != u32::MAX;
         went.then_some(proposal.to)
     }
 
-    /// Vertices at non-manifold places that no other cluster uses.
+    /// Number of non-manifold vertices that no other cluster uses.
     pub(super) fn complex_count(&self) -> u64 {
         self.classes.iter().filter(|&&class| class == Class::Complex).count() as u64
     }

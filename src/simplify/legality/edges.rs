@@ -1,4 +1,4 @@
-//! Whether an edge may collapse where the topology may change: by the number of faces at each edge around it.
+//! Legality of collapses that may change the topology, by the number of faces at each edge around the collapse.
 
 use glam::DVec2;
 
@@ -7,27 +7,27 @@ use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::fold::are_nearly_folded;
 use crate::mesh::ring::Rings;
 
-/// Faces of an edge at which surfaces meet, at most.
+/// Largest number of faces of an edge at which surfaces meet.
 const FACES_MEETING_MAX: u32 = 8;
 
-/// A vertex beside an edge, with how many faces join it to the ends.
+/// A neighbour of the ends, and the number of faces that join it to them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Neighbour {
     vertex: u32,
-    /// To the vanishing end and to the staying one.
+    /// Faces with the vanishing end, and faces with the staying end.
     before: [u32; 2],
-    /// To the staying one, when the other has vanished.
+    /// Faces with the staying end after the collapse.
     after: u32,
-    /// In how many of these it comes right after the staying end.
+    /// How many of these have it directly after the staying end.
     after_ahead: u32,
-    /// How many of these are turned over, and will be turned back.
+    /// How many of these are turned over during processing.
     after_turned: u32,
 }
 
 impl Neighbour {
-    /// Whether the edge gets no face too many: no more than it had at either end, or two; or up to [`FACES_MEETING_MAX`] where
-    /// surfaces `may_meet`. Two faces that meet there now must run along it in opposite directions, now and when they are
-    /// turned back, and it may not become a border.
+    /// Whether the edge stays legal. It may have no more faces than it had at either end, or two; or up to
+    /// [`FACES_MEETING_MAX`] where surfaces `may_meet`. Two faces that become neighbours there must run along it in
+    /// opposite directions, now and in their input directions. The edge must not become a border.
     fn is_plain(&self, may_meet: bool) -> bool {
         let [at_from, at_to] = self.before;
         let is_joined = at_from > 0 && at_to > 0 && self.after == 2;
@@ -38,7 +38,7 @@ impl Neighbour {
             && (!is_joined || (self.after_ahead == 1 && self.after_turned != 1))
     }
 
-    /// Edges of more than two faces that there are more afterwards.
+    /// Increase in the number of edges of more than two faces.
     fn new_non_manifold_edges(&self) -> i64 {
         let count = |faces: u32| i64::from(faces > 2);
         count(self.after) - self.before.into_iter().map(count).sum::<i64>()
@@ -53,20 +53,20 @@ fn neighbour_of(neighbours: &mut Vec<Neighbour>, vertex: u32) -> &mut Neighbour 
     &mut neighbours[at]
 }
 
-/// Whether a face has the first of two vertices right after the second: it looks the other way than one that has them in
-/// order.
+/// Whether a face has `first` directly after `second`, so that it faces the opposite way to one that has them in order.
 fn goes_back(face: [u32; 3], [first, second]: [u32; 2]) -> bool {
     (0..3).any(|k| face[k] == second && face[(k + 1) % 3] == first)
 }
 
-/// The vertex of a face that is none of the two given.
+/// The vertex of a face that is neither of two given ones.
 fn third_of(mesh: &ClusterMesh, face: u32, [a, b]: [u32; 2]) -> u32 {
     mesh.vertices(face).into_iter().find(|&vertex| vertex != a && vertex != b).unwrap_or(a)
 }
 
 impl EdgeStar {
-    /// Checks everything but geometry where the topology may change: no edge has more faces afterwards than before, or than two, unless surfaces may
-    /// meet; of faces with the same vertices one stays, or none if they look opposite ways and close nothing any more.
+    /// Checks everything but geometry where the topology may change. No edge may have more faces than before, or than
+    /// two, unless surfaces may meet. Of faces with the same vertices one stays, or none if they face opposite ways and
+    /// no longer enclose anything.
     ///
     /// ```text
     ///      x           x         the hole between a, b and x closes: ax and bx become one edge of two faces;
@@ -89,7 +89,7 @@ impl EdgeStar {
         let last_double = self.drop_doubles(mesh, rings);
         let is_dead = |face: &u32| self.dying.contains(face);
         let stays = [from, to].iter().any(|&end| rings.faces(mesh, end).any(|face| !is_dead(&face)));
-        // Of the two sides of all that is left of a piece one stays.
+        // If only the two sides of a flat component are left, one of them stays.
         if let Some(double) = last_double.filter(|_| !stays) {
             self.dying.retain(|&face| face != double);
         } else if !self.neighbours.iter().all(|neighbour| neighbour.is_plain(fan.spare_edges > 0)) {
@@ -114,7 +114,8 @@ impl EdgeStar {
         Ok(())
     }
 
-    /// Counts the faces at the edges to the vertices around, before and after the faces at the collapsing edge are gone.
+    /// Counts the faces at the edges to all neighbours, before the collapse, and without the faces at the collapsing
+    /// edge.
     fn count_neighbours(&mut self, mesh: &ClusterMesh, rings: &Rings) {
         self.neighbours.clear();
         let [from, to] = self.ends;
@@ -133,8 +134,8 @@ impl EdgeStar {
         }
     }
 
-    /// Lets die, of faces that will have the same vertices, the one at the vanishing end, and the other if it looks the
-    /// other way; returns the last such other.
+    /// Adds double faces to the dying ones: of two faces that will have the same vertices, the one at the vanishing
+    /// end, and also the other if it faces the opposite way. Returns the last such other face.
     fn drop_doubles(&mut self, mesh: &ClusterMesh, rings: &Rings) -> Option<u32> {
         self.far_sides.clear();
         let [from, to] = self.ends;
@@ -167,8 +168,9 @@ impl EdgeStar {
         last_double
     }
 
-    /// Checks the sides of vanishing doubles that neither end is on, and that do not move: none may become a border, nor
-    /// may the two faces that one is left with lie back to back.
+    /// Checks the sides of dying double faces that touch neither end, and so do not move: none may become a border
+    /// edge, and two faces that are left at one must neither be folded onto each other nor be mirrored in texture
+    /// space.
     fn check_far_sides(&self, mesh: &ClusterMesh, rings: &Rings) -> Result<(), Refusal> {
         let place = |vertex: u32| mesh.positions[vertex as usize];
         for &[a, b] in &self.far_sides {
@@ -191,7 +193,10 @@ impl EdgeStar {
         Ok(())
     }
 
-    /// Finds the wedges of the vanishing end, in faces that stay, that no face at the edge has.
+    /// Finds the wedges of the vanishing end, in surviving faces, that are in no pair.
+    ///
+    /// # Errors
+    /// [`Refusal::Seam`] if there are any and the collapse may not strand wedges, or if a wedge is in several pairs.
     fn strand(&mut self, mesh: &ClusterMesh, rings: &Rings, from: u32, fan: Fan) -> Result<(), Refusal> {
         self.stranded.clear();
         for &corner in rings.of(from) {
@@ -212,8 +217,8 @@ impl EdgeStar {
         Ok(())
     }
 
-    /// Finds the vertices at edges across which faces meet that did not: edges that become one, and those of three faces or
-    /// more that keep two.
+    /// Finds the neighbours at edges across which faces become neighbours: edges that merge, and edges of three faces
+    /// or more that keep two.
     fn find_joined(&mut self) {
         for neighbour in &self.neighbours {
             let is_left_with_two = neighbour.after == 2 && neighbour.before.iter().any(|&count| count > 2);
@@ -227,7 +232,8 @@ impl EdgeStar {
         }
     }
 
-    /// Whether faces that will meet at an edge become one chart there, and one of their texture triangles is a mirror image.
+    /// Whether faces that become neighbours at an edge form one chart there, with one texture triangle mirrored against
+    /// the other.
     fn joins_mirrored(&self, mesh: &ClusterMesh, rings: &Rings) -> bool {
         let [from, to] = self.ends;
         self.neighbours.iter().filter(|neighbour| neighbour.after == 2).any(|&Neighbour { vertex, .. }| {
@@ -238,8 +244,8 @@ impl EdgeStar {
         })
     }
 
-    /// Whether two faces run along an edge against each other, with the same texture coordinates, and their texture triangles
-    /// have opposite signs. The vanishing end counts as the staying one.
+    /// Whether two faces run along an edge in opposite directions with the same texture coordinates, while their
+    /// texture triangles have opposite signs. The vanishing end counts as the staying one.
     fn are_mirrored(&self, mesh: &ClusterMesh, faces: [u32; 2], edge: [u32; 2]) -> bool {
         let [one, other] = faces.map(|face| self.side_of(mesh, face, edge));
         one.leads_on != other.leads_on
@@ -248,7 +254,7 @@ impl EdgeStar {
             && one.doubled_uv_area * other.doubled_uv_area < 0.0
     }
 
-    /// What a face is like at an edge of it.
+    /// The properties of a face at one of its edges.
     fn side_of(&self, mesh: &ClusterMesh, face: u32, edge: [u32; 2]) -> Side {
         let [from, to] = self.ends;
         let vertices = mesh.vertices(face).map(|vertex| if vertex == from { to } else { vertex });
@@ -268,7 +274,7 @@ impl EdgeStar {
 struct Side {
     /// Whether the second end follows the first in the face.
     leads_on: bool,
-    /// Whether the face is turned over, and will be turned back.
+    /// Whether the face is turned over during processing.
     is_turned: bool,
     /// Its texture coordinates at both ends.
     uvs: [DVec2; 2],

@@ -9,7 +9,7 @@ use crate::mesh::fold::are_nearly_folded;
 
 //   4                       4 ........
 //   |\   face 0-3-4,        | \        ........       vertex 0 goes to 1: face 0-3-4 becomes 1-3-4, which spans
-//   3-0 ------------- 1     3 ------------------ 1    what was empty; face 0-2-3 becomes 1-2-3, over the ground
+//   3-0 ------------- 1     3 ------------------ 1    empty space; face 0-2-3 becomes 1-2-3, over the ground
 //     \  ground  /            \   ground   /
 //          2                        2
 #[test]
@@ -30,12 +30,12 @@ fn no_face_is_pulled_out_over_empty_space() {
     let mut at = |cost| star.check_faces(&mesh, &rings, &[0], mesh.positions[1], &uvs, cost);
     assert_eq!(at(0.0), Err(Refusal::Fold));
     assert_eq!(at(f64::INFINITY), Ok(()));
-    // Without face 0-3-4 nothing but the ground is left.
+    // Without face 0-3-4 only the ground is left.
     mesh.kill(2);
     assert_eq!(star.check_faces(&mesh, &rings, &[0], mesh.positions[1], &uvs, 0.0), Ok(()));
 }
 
-/// A triangle over the edge from 0 to 1 on the x axis, with its apex at this height, turned about the edge.
+/// A triangle over the edge from 0 to 1 on the x axis, with its apex at `height`, rotated about the edge by `angle`.
 fn over_edge(height: f64, angle: f64) -> [DVec3; 3] {
     [DVec3::ZERO, DVec3::X, DVec3::new(0.3, height * angle.cos(), height * angle.sin())]
 }
@@ -49,7 +49,7 @@ fn regularity(height: f64) -> f64 {
     4.0 * 3f64.sqrt() * (height / 2.0) / (1.58 + 2.0 * height * height)
 }
 
-/// A triangle in the picture of this doubled area.
+/// A texture triangle of this doubled area.
 fn picture(doubled_area: f64) -> [DVec2; 3] {
     [DVec2::new(3.0, 1.0), DVec2::new(4.0, 1.0), DVec2::new(3.0, 1.0 + doubled_area)]
 }
@@ -121,8 +121,8 @@ proptest! {
         prop_assert_eq!(hovers(&mesh, &rings, &[0], face, area, cost), height > allowed);
     }
 
-    //        / g \       The apex of the only face goes up to g: the middle of the new face, at g / 3, is above the old
-    //       / /1\ \      face from 3 on, and more than explained from 3.6 on. Up to 4 times the area is allowed.
+    //        / g \       The apex of the only face moves to g: the middle of the new face, at g / 3, is above the old
+    //       / /1\ \      face from 3 on, and too far above it from 3.6 on. Up to 4 times the area is allowed.
     //      /_/___\_\
     #[test]
     fn a_face_that_hovers_may_grow_to_four_times_its_area(growth in 3.7..4.3, scale in 1e-3..1e3) {
@@ -147,7 +147,7 @@ proptest! {
             let (from, to) = (face[k], face[(k + 1) % 3]);
             let (mesh, rings) = mesh_of(&positions, &faces);
             let borders = borders(&faces);
-            // Inner edges between borders never come here: the classes rule them out.
+            // The classes rule out inner edges between border vertices.
             if borders.contains(&from) && borders.contains(&to) && sides(&faces)[&[from.min(to), from.max(to)]] == 2 {
                 continue;
             }
@@ -168,7 +168,7 @@ proptest! {
 
     #[test]
     fn a_hub_of_more_than_twice_the_valence_takes_no_vertex(more in 0..6usize, dead in 0..4u32) {
-        // A fan around vertex 0, open between the first and the last spoke, the last faces of which are gone.
+        // A fan around vertex 0, open between the first and the last spoke; its last faces are dead.
         let count = (2 * VALENCE_MAX - 1 + more) as u32;
         let faces: Vec<_> = (1..=count).map(|k| [0, k, k + 1]).collect();
         let (mut mesh, rings) = mesh_of(&vec![DVec3::ZERO; count as usize + 2], &faces);
@@ -185,7 +185,7 @@ proptest! {
 fn a_face_without_area_never_survives_and_an_unseen_texture_triangle_always_does() {
     assert!(!triangle_survives(over_edge(0.0, 0.0), over_edge(0.0, 0.0)));
     assert!(!triangle_survives(over_edge(1.0, 0.0), over_edge(0.0, 0.0)));
-    // But it may get some, and then lie anywhere.
+    // But it may get an area, and then lie anywhere.
     assert!(change_of(over_edge(0.0, 0.0), over_edge(1.0, 0.0)).is_some_and(|change| change.turns));
     assert!(uv_survives([DVec2::NAN; 3], [DVec2::NAN; 3], [1.0; 2]));
     assert!(uv_survives(picture(0.0), picture(-1.0), [1.0; 2]));
@@ -240,7 +240,7 @@ fn euler_number(faces: &[[u32; 3]]) -> isize {
     (vertices.len() + faces.len()) as isize - sides(faces).len() as isize
 }
 
-/// Whether no face is there twice, no edge has three, and the faces around each vertex are one fan.
+/// Whether no face occurs twice, no edge has three faces, and the faces around each vertex form one fan.
 fn is_surface(faces: &[[u32; 3]]) -> bool {
     let sorted: BTreeSet<_> = faces.iter().map(|&[a, b, c]| BTreeSet::from([a, b, c])).collect();
     let is_fan = |vertex: &u32| {
@@ -257,7 +257,7 @@ fn is_surface(faces: &[[u32; 3]]) -> bool {
     sorted.len() == faces.len() && sides(faces).values().all(|&count| count <= 2) && faces.iter().flatten().all(is_fan)
 }
 
-/// A mesh of these faces whose `shared` vertices other clusters use too.
+/// A mesh of these faces whose `shared` vertices other clusters also use.
 fn with_shared(count: u32, shared: &[u32], faces: &[[u32; 3]]) -> (ClusterMesh, Rings) {
     let (mut mesh, rings) = mesh_of(&vec![DVec3::ZERO; count as usize], faces);
     shared.iter().for_each(|&vertex| mesh.flags[vertex as usize] |= flag::SHARED);
@@ -284,9 +284,9 @@ fn the_last_face_of_a_piece_stays_unless_another_cluster_may_have_more_of_it() {
     }
 }
 
-/// A vertex goes to another or both to a place between them, on a crumpled sheet: refused are faces that do not survive,
-/// and two that nearly lie on each other afterwards, share an edge and did not lie so before, if one of them turns enough or
-/// both move: however little, they may have come near each other step by step.
+/// A vertex moves to another, or both move to a position between them, on a crumpled sheet. Refused are faces that do
+/// not survive, and two faces that nearly lie on each other afterwards, share an edge, and did not lie so before, if
+/// one of them turns enough or both move: they may have approached each other in small steps.
 #[test]
 fn no_two_faces_fold_onto_each_other() {
     let faces = sheet([false; 2]);
@@ -315,7 +315,7 @@ fn no_two_faces_fold_onto_each_other() {
         let gone = (number() < 0.3).then(|| (number() * faces.len() as f64) as u32).filter(|&face| !at_edge(face));
         gone.into_iter().for_each(|face| mesh.kill(face));
         let [start, end] = [from, to].map(|v| positions[v as usize]);
-        // Often into the plane of a face beside one of those that move.
+        // Often in the plane of a face beside a moving one.
         let beside = faces.iter().filter(|face| !face.contains(&from) && !face.contains(&to));
         let beside: Vec<&[u32; 3]> = beside.filter(|face| face.iter().any(|v| face_with(&faces, from, *v))).collect();
         let [a, b, c] = beside[(number() * beside.len() as f64) as usize].map(|v| positions[v as usize]);
@@ -373,7 +373,7 @@ fn no_two_faces_fold_onto_each_other() {
     assert!(folds > 20 && slow > 0 && allowed > 1000, "{folds} {slow} {allowed}");
 }
 
-//    \           \  0                 The face at the edge turns about it, by small steps, towards the wall behind. Few
+//    \           \  0                 The face at the edge turns about it, in small steps, towards the wall behind. Few
 //  ---0-|   ──▶   ---|\|  wall        faces or many move with it: those on the left hardly turn.
 #[test]
 fn a_face_that_nears_a_wall_step_by_step_is_stopped() {
@@ -414,7 +414,7 @@ fn a_face_that_nears_a_wall_step_by_step_is_stopped() {
 }
 
 //     0
-//    /|\          The spine from 0 to 1 rises at 0, so that the pages to 2 and 3 close like a book's.
+//    /|\          The spine from 0 to 1 rises at 0, so that the pages to 2 and 3 close like a book.
 //   2-1-3
 #[test]
 fn two_faces_that_close_step_by_step_are_stopped() {
@@ -437,7 +437,7 @@ fn two_faces_that_close_step_by_step_are_stopped() {
     assert!((8.5..9.0).contains(&degrees), "{degrees}");
 }
 
-//  Where the wall is there twice, neither of the two is what the face lies on.
+//  If the wall exists twice, neither copy counts as the face across.
 #[test]
 fn a_face_may_come_near_an_edge_of_three_faces() {
     let corners = [[-0.4, 0.0, 0.9], [0.0, -1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-0.1, 0.0, 1.0]];
@@ -483,8 +483,8 @@ fn no_edge_is_made_that_another_cluster_may_have() {
 }
 
 //      3
-//     /|\        Vertex 0 goes to 1: what is left is the face 1-2-3, which another cluster may have where it uses all
-//    / 0 \       three vertices, and this one has if the piece is closed below.
+//     /|\        Vertex 0 goes to 1: the face 1-2-3 is left, which another cluster may have if it uses all
+//    / 0 \       three vertices, and this one has if the component is closed below.
 //   /.' '.\
 //  1-------2
 #[test]
@@ -570,7 +570,7 @@ fn a_collapse_that_turns_a_texture_triangle_over_is_refused_at_either_end_of_the
     assert_eq!(check((8, 9), DVec2::splat(0.9)), Ok(()));
 }
 
-/// What a free collapse of 0 into 1 does: the verdict, and how often each edge is used when it is made.
+/// The verdict on a free collapse of 0 into 1, and how often each edge is used afterwards.
 fn free_collapse(faces: &[[u32; 3]]) -> (Result<(), Refusal>, BTreeMap<[u32; 2], usize>) {
     let positions: Vec<DVec3> = (0..9).map(|i| DVec3::new(f64::from(i), f64::from(i * i), 1.0)).collect();
     let (mut mesh, rings) = mesh_of(&positions, faces);
@@ -632,7 +632,7 @@ fn no_edge_gets_a_third_face_or_two_that_run_along_it_the_same_way() {
 
 #[test]
 fn two_sides_that_come_to_lie_on_each_other_vanish_but_for_the_last_of_a_piece() {
-    // A pocket 0-1-2-3 on a surface: 0-2-3 and 1-3-2 come back to back and close nothing.
+    // A pocket 0-1-2-3 on a surface: 0-2-3 and 1-3-2 come to lie back to back and enclose nothing.
     let tetrahedron = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
     let (verdict, sides) = free_collapse(&tetrahedron);
     assert_eq!(verdict, Ok(()));
@@ -657,7 +657,7 @@ fn the_top_of_a_tetrahedron_does_not_go_onto_its_bottom() {
 
 #[test]
 fn a_collapse_tells_nothing_of_the_one_before_it() {
-    // Around 0-1 there is a hole; where it closes, the edge to 2 has four faces. Around 5-6 there is none.
+    // There is a hole at 0-1; if it closes, the edge to 2 has four faces. There is none at 5-6.
     let faces = [[0, 3, 1], [0, 2, 4], [0, 7, 2], [1, 5, 2], [1, 2, 6], [5, 6, 8], [6, 5, 9], [5, 8, 9]];
     let (mesh, rings) = mesh_of(&[DVec3::ZERO; 10], &faces);
     let mut star = EdgeStar::default();
@@ -694,7 +694,7 @@ fn wedges_of_vertices_that_have_no_edge_are_paired_where_their_pictures_are_alik
     for vertex in 0..6 {
         mesh.push_vertex(DVec3::new(f64::from(vertex), 0.0, 0.0), 0);
     }
-    // Wedges 6 to 8 are more of 0, and 9 to 11 of 3.
+    // Wedges 6 to 8 are further wedges of 0, and 9 to 11 of 3.
     let own = (0..6).map(|vertex| (vertex, uv(f64::from(vertex))));
     let more = [(0, uv(9.0)), (0, DVec2::NAN), (0, uv(7.0)), (3, DVec2::NAN), (3, uv(9.0)), (3, uv(8.0))];
     own.chain(more).for_each(|(vertex, uv)| {

@@ -1,4 +1,4 @@
-//! The rules once more, by lists of faces, on small meshes of all kinds.
+//! The rules of `edges`, restated over lists of faces, on small meshes of all kinds.
 
 use std::collections::BTreeSet;
 
@@ -8,18 +8,18 @@ use proptest::prelude::*;
 use super::*;
 use crate::mesh::fold::are_nearly_folded;
 
-/// Vertices of a mesh; each has a wedge of its own number, and one of a number larger by this.
+/// Number of vertices of a mesh. Vertex v has the wedges v and v + `VERTICES`.
 const VERTICES: u32 = 7;
 /// The vanishing vertex.
 const FROM: u32 = 0;
-/// The staying one.
+/// The staying vertex.
 const TO: u32 = 1;
 
 #[derive(Debug, Clone)]
 struct Case {
     positions: Vec<DVec3>,
     uvs: Vec<DVec2>,
-    /// Wedges.
+    /// Wedges of each face.
     faces: Vec<[u32; 3]>,
     are_turned: Vec<bool>,
     fan: Fan,
@@ -45,18 +45,18 @@ impl Case {
         self.faces[face].map(|wedge| wedge % VERTICES)
     }
 
-    /// Numbers of the faces that have all of these vertices.
+    /// Indices of the faces that have all of these vertices.
     fn faces_with(&self, vertices: &[u32]) -> BTreeSet<usize> {
         (0..self.faces.len()).filter(|&face| vertices.iter().all(|v| self.vertices(face).contains(v))).collect()
     }
 
-    /// Whether the second vertex follows the first in a face, where the vanishing one counts as the staying one.
+    /// Whether the second vertex follows the first in a face; the vanishing vertex counts as the staying one.
     fn leads_on(&self, face: usize, [first, second]: [u32; 2]) -> bool {
         let vertices = self.vertices(face).map(|vertex| if vertex == FROM { TO } else { vertex });
         (0..3).any(|k| vertices[k] == first && vertices[(k + 1) % 3] == second)
     }
 
-    /// Texture coordinate of a face at a vertex when the pairs of wedges have become one.
+    /// Texture coordinate of a face at a vertex after the pairs of wedges have merged.
     fn uv(&self, face: usize, vertex: u32, pairs: &[(u32, u32)]) -> DVec2 {
         let is_at = |wedge: &&u32| **wedge % VERTICES == vertex || (vertex == TO && **wedge % VERTICES == FROM);
         let wedge = *self.faces[face].iter().find(is_at).unwrap();
@@ -72,7 +72,7 @@ impl Case {
     }
 }
 
-/// What a collapse does.
+/// Outcome of a collapse.
 #[derive(Debug, PartialEq)]
 struct Outcome {
     dying: BTreeSet<usize>,
@@ -97,14 +97,14 @@ fn outcome(star: &EdgeStar) -> Outcome {
     }
 }
 
-/// A vertex beside the edge, with the faces that it has with each end, and those that it is left with.
+/// A neighbour of the edge, with its faces at each end before, and its faces left afterwards.
 struct Beside {
     vertex: u32,
     before: [usize; 2],
     left: Vec<usize>,
 }
 
-/// What the rules say, given how wedges are paired.
+/// The verdict of the rules for given wedge pairs.
 fn expected(case: &Case, pairs: &[(u32, u32)]) -> Result<Outcome, Refusal> {
     let fan = case.fan;
     let at_edge = case.faces_with(&[FROM, TO]);
@@ -212,7 +212,7 @@ fn check_far_side(case: &Case, edge: [u32; 2], dying: &BTreeSet<usize>, pairs: &
     }
 }
 
-/// Texture coordinates among so few that wedges have them in common.
+/// Texture coordinates from a small set, so that wedges often have equal ones.
 fn uv() -> impl Strategy<Value = DVec2> {
     prop_oneof![
         8 => prop::array::uniform2(0..3i32).prop_map(|[x, y]| DVec2::new(x.into(), y.into())),
@@ -220,7 +220,7 @@ fn uv() -> impl Strategy<Value = DVec2> {
     ]
 }
 
-/// A face: at both ends, at one of them, or anywhere; most have the first wedges of their vertices.
+/// A face at both ends, at one of them, or anywhere; most have the first wedges of their vertices.
 fn face() -> impl Strategy<Value = [u32; 3]> {
     let vertices = prop_oneof![
         2 => Just(vec![FROM, TO]),
@@ -262,7 +262,7 @@ fn case() -> impl Strategy<Value = Case> {
         .prop_map(|(positions, uvs, faces, mut fan)| {
             let (faces, are_turned): (Vec<[u32; 3]>, Vec<bool>) = faces.into_iter().unzip();
             let mut case = Case { positions, uvs, faces, are_turned, fan };
-            // Mostly a collapse is what it is said to be.
+            // Usually `is_rip` agrees with the mesh.
             fan.is_rip &= case.faces_with(&[FROM, TO]).is_empty();
             case.fan = fan;
             case
@@ -278,13 +278,13 @@ proptest! {
         let mut star = EdgeStar::default();
         star.reset(VERTICES as usize);
         if was_used {
-            // Of an edge before, nothing is left.
+            // An earlier edge must leave no trace.
             star.gather(&mesh, &rings, TO, FROM);
             let _ = star.check_edges(&mesh, &rings, TO, FROM, case.fan);
         }
         star.gather(&mesh, &rings, FROM, TO);
         let pairs = star.wedges.clone();
-        // Whether the link condition was asked before does not matter.
+        // It must not matter whether the link condition was checked before.
         star.stranded.extend(was_used.then_some(VERTICES));
         let verdict = star.check_edges(&mesh, &rings, FROM, TO, case.fan);
         let found = verdict.map(|()| outcome(&star));
@@ -306,8 +306,8 @@ proptest! {
         }
     }
 
-    /// Where the topology may change, what the link condition refuses may be allowed, and what is not manifold is looked at
-    /// in any case.
+    /// Where the topology may change, a collapse that the link condition refuses may be allowed, and non-manifold
+    /// vertices are always checked edge by edge.
     #[test]
     fn the_link_condition_is_not_the_last_word_where_the_topology_may_change(case in case(), is_complex in any::<bool>()) {
         let (mesh, rings) = case.mesh();
