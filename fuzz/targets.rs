@@ -309,7 +309,7 @@ pub fn resume(bytes: &[u8]) {
         Err(error) => {
             assert_tame(&error);
             // Without a manifest or a journal that is ours the folder is taken for somebody else's.
-            let is_foreign = error.exit_code() == 2 && error.to_string().contains("holds files of others");
+            let is_foreign = error.exit_code() == 2 && error.to_string().contains("holds foreign files");
             assert!(is_forged || is_foreign || [5, 8].contains(&error.exit_code()), "{error}");
             assert!(!output.exists());
         }

@@ -33,7 +33,7 @@ pub mod render;
 pub mod cost;
 pub mod simplify;
 pub mod remesh;
-pub mod stitch;
+pub mod passes;
 pub mod write;
 pub mod measure;
 pub mod options;

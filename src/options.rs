@@ -8,8 +8,8 @@ use serde::Serialize;
 use crate::base::{Error, Result, bytes, json_path, quantity};
 use crate::cost::{Weights, classic, curvature, knob, oblique, sharpness, terrain, weights};
 use crate::job::Resume;
+use crate::passes::{Cost, SeamPolicy, schedule};
 use crate::remesh::cvd;
-use crate::stitch::{Cost, SeamPolicy, schedule};
 use crate::write::Textures;
 
 /// How texture seams are simplified.

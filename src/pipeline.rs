@@ -31,12 +31,12 @@ use crate::options::{
 };
 use crate::os::system;
 use crate::os::timeline::{Recorder, Timeline};
+use crate::passes::{PassOptions, pass};
 use crate::plan::memory::{self, Sizes};
 use crate::plan::scratch;
 use crate::report::gallery;
 use crate::report::{ErrorFigures, FaceFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
 use crate::scan::{self, InputChoice};
-use crate::stitch::{PassOptions, pass};
 use crate::write::{self, WriteOptions};
 
 /// Simplifies OBJ files, or all below folders, into one OBJ.

@@ -15,7 +15,7 @@ use serde::Serialize;
 use crate::base::{Progress, Result};
 use crate::geometry::boxtree::{Bounds, BoxTree};
 use crate::geometry::closest_point;
-use crate::stitch::probes::{ChosenCells, Probes, Spread};
+use crate::passes::probes::{ChosenCells, Probes, Spread};
 use crate::store::StoredMesh;
 use crate::store::corners::PieceCorners;
 

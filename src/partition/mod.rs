@@ -157,6 +157,11 @@ impl Partition {
         (0..self.cluster_count()).filter(|&cluster| self.face_count(cluster) > 0).count() as u64
     }
 
+    /// Whether at most one cluster has faces.
+    pub fn is_single(&self) -> bool {
+        self.filled_count() <= 1
+    }
+
     /// Number of faces of a cluster.
     pub fn face_count(&self, cluster: usize) -> u64 {
         self.faces.by_cell.len(cluster)

@@ -12,10 +12,10 @@ use crate::options::SimplifyOptions;
 use crate::os::system;
 use crate::partition::numbering::{RANK_BYTES, window_bytes};
 use crate::partition::weight::{ORDINARY_BYTES, limit_bytes};
+use crate::passes::sample;
 use crate::remesh::cvd;
 use crate::scan::{self, ScanOptions};
 use crate::simplify::Anchor;
-use crate::stitch::sample;
 use crate::write::SHARE_BYTES_MAX;
 
 /// Memory that a thread should have for its work, at least.

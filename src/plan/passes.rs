@@ -7,8 +7,8 @@ use serde::Serialize;
 
 use super::memory::Sizes;
 use crate::partition::cells::expected_count;
-use crate::stitch::CELL_PASSES;
-use crate::stitch::schedule::{TRIM_SHARE, pass_target};
+use crate::passes::CELL_PASSES;
+use crate::passes::schedule::{TRIM_SHARE, pass_target};
 
 /// A pass to come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

@@ -7,7 +7,7 @@
 use serde::Serialize;
 
 use super::passes::PassForecast;
-use crate::stitch::sample::{Purpose, sample_faces};
+use crate::passes::sample::{Purpose, sample_faces};
 
 /// Bytes of OBJ text scanned in a second by one core.
 const SCAN_BYTES_PER_SECOND: f64 = 398e6;

@@ -37,7 +37,7 @@ use crate::geometry::triangle::regularity;
 use crate::mesh::class::{Class, classify};
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::ring::Rings;
-use crate::simplify::legality::{change_of, uv_survives};
+use crate::simplify::triangle_change::{change_of, uv_survives};
 
 /// A face below this regularity is a sliver.
 pub const SLIVER: f64 = 0.5;

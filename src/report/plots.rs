@@ -13,7 +13,7 @@ use plotters::style::text_anchor;
 use crate::base::bytes::MIB;
 use crate::measure::compare::Histogram;
 use crate::os::timeline::{PhaseSpan, Timeline};
-use crate::stitch::outcome::{PassReport, StageReport};
+use crate::passes::outcome::{PassReport, StageReport};
 
 /// Width and height of a plot in its own units; the page scales it.
 const SIZE: (u32, u32) = (640, 300);

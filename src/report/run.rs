@@ -11,8 +11,8 @@ use crate::measure::compare::Comparison;
 use crate::measure::gauge::Gauged;
 use crate::options::SimplifyOptions;
 use crate::os::timeline::Timeline;
+use crate::passes::outcome::{Floor, PassReport, RemeshReport};
 use crate::simplify::Changes;
-use crate::stitch::outcome::{Floor, PassReport, RemeshReport};
 
 /// How a run ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

@@ -7,8 +7,8 @@ use super::run::{Report, Status};
 use crate::base::error::escape_path;
 use crate::base::{bytes, counted, grouped};
 use crate::options::{Borders, Doubles, Pieces, Seams, SimplifyOptions, Weld};
+use crate::passes::outcome::{Floor, StageReport};
 use crate::simplify::Changes;
-use crate::stitch::outcome::{Floor, StageReport};
 
 /// Characters of a line of warning, at most; the report has the rest.
 const LINE_CHARACTERS: usize = 200;

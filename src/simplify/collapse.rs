@@ -3,8 +3,9 @@
 use glam::{DVec2, DVec3, Vec2};
 
 use super::deviation::Patches;
+use super::edge_star::{EdgeStar, Fan};
 use super::last_faces::LastFaces;
-use super::legality::{EdgeStar, Fan, Refusal};
+use super::refusal::Refusal;
 use super::texture::{insets, uv_on_chain, uv_on_ring};
 use crate::cost::{EdgeCase, Metric};
 use crate::mesh::cluster::{ClusterMesh, flag};

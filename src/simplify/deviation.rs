@@ -14,7 +14,7 @@
 use glam::DVec3;
 
 use super::cover::{Cover, Target};
-use super::legality::Refusal;
+use super::refusal::Refusal;
 use crate::mesh::cluster::rounded_up;
 
 /// Old and new triangles around an edge; buffers are reused.

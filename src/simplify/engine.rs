@@ -13,9 +13,10 @@ use std::collections::BinaryHeap;
 
 use super::changes::Changes;
 use super::collapse::{Collapse, Collapser};
-use super::legality::{Fan, Refusal};
+use super::edge_star::Fan;
 use super::loners::Loners;
 use super::proposal::{EdgeAt, Proposal, all_edges_at, chain_edges_at};
+use super::refusal::Refusal;
 use super::rips::Rips;
 use super::settle::Settler;
 use super::stage::{Milestone, StageResult, Stop};

@@ -8,13 +8,11 @@
 
 use glam::DVec3;
 
-use super::legality::Change;
+use super::triangle_change::Change;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::fold::are_nearly_folded;
 use crate::mesh::ring::Rings;
 
-/// If no face turns by more than about 10° (squared cosine), no two faces come to lie on each other.
-const TURN_COSINE_SQ: f64 = 0.97;
 /// A face whose normal is more than about 70° from the sum of the normals (squared cosine) may have turned in small
 /// steps.
 const LEAN_COSINE_SQ: f64 = 0.117;
@@ -23,13 +21,6 @@ const LEAN_COSINE_SQ: f64 = 0.117;
 const OPPOSED_COSINE_SQ: f64 = 0.0059;
 /// Up to this many changing faces, the sum of their normals says nothing about the surface around them.
 const FEW_FACES: usize = 2;
-
-/// Whether a face turns so far that it may fold onto a neighbour. `turn` is the dot product of its normals before and
-/// after, not negative; `lengths_sq` is the product of their squared lengths.
-#[inline(always)]
-pub(super) fn may_fold(turn: f64, lengths_sq: f64) -> bool {
-    turn * turn <= TURN_COSINE_SQ * lengths_sq
-}
 
 /// The check of one collapse or relocation; buffers are reused.
 #[derive(Debug, Default)]
@@ -54,7 +45,7 @@ struct Changing {
     corner: u32,
     /// Its new normal; the length is twice the new area.
     normal: DVec3,
-    /// Whether it [may fold](may_fold).
+    /// Whether it may fold.
     turns: bool,
 }
 

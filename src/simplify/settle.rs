@@ -17,7 +17,8 @@ use glam::{DVec2, DVec3};
 
 use super::deviation::Patches;
 use super::fold::FoldCheck;
-use super::legality::{Refusal, change_of, doubled_uv_area, uv_survives};
+use super::refusal::Refusal;
+use super::triangle_change::{change_of, doubled_uv_area, uv_survives};
 use crate::cost::{Metric, SettlingWedge};
 use crate::geometry::closest_weights;
 use crate::mesh::class::Class;

@@ -15,7 +15,7 @@ use glam::{DVec2, DVec3};
 
 use crate::mesh::cluster::{ClusterMesh, DEAD};
 use crate::mesh::ring::Rings;
-use crate::simplify::legality::{triangle_survives, uv_survives};
+use crate::simplify::triangle_change::{triangle_survives, uv_survives};
 
 /// Faces keep their edge if their normals differ by more than this (cosine of a tenth of a radian).
 const FLAT_COSINE: f64 = 0.995;

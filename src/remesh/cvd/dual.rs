@@ -16,7 +16,7 @@ use glam::DVec2;
 use super::queue::{quadric_error, weighted_normals};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
-use crate::simplify::legality::{EdgeStar, Fan};
+use crate::simplify::edge_star::{EdgeStar, Fan};
 
 /// Fate of the vertices that are no centres.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -2,27 +2,15 @@
 
 use glam::DVec2;
 
-use super::{EdgeStar, Fan, Refusal, doubled_uv_area, is_hub};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::fold::are_nearly_folded;
 use crate::mesh::ring::Rings;
+use crate::simplify::edge_star::{EdgeStar, Fan, Neighbour, is_hub};
+use crate::simplify::refusal::Refusal;
+use crate::simplify::triangle_change::doubled_uv_area;
 
 /// Largest number of faces of an edge at which surfaces meet.
 const FACES_MEETING_MAX: u32 = 8;
-
-/// A neighbour of the ends, and the number of faces that join it to them.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Neighbour {
-    vertex: u32,
-    /// Faces with the vanishing end, and faces with the staying end.
-    before: [u32; 2],
-    /// Faces with the staying end after the collapse.
-    after: u32,
-    /// How many of these have it directly after the staying end.
-    after_ahead: u32,
-    /// How many of these are turned over during processing.
-    after_turned: u32,
-}
 
 impl Neighbour {
     /// Whether the edge stays legal. It may have no more faces than it had at either end, or two; or up to

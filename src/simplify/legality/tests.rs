@@ -2,8 +2,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use proptest::prelude::*;
 
+use super::super::triangle_change::triangle_survives;
 use super::*;
 use crate::base::chance::{mixed, unit};
+use crate::mesh::class::VALENCE_MAX;
 use crate::mesh::cluster::flag;
 use crate::mesh::fold::are_nearly_folded;
 

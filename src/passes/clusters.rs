@@ -1,11 +1,11 @@
 //! Runs one pass over the clusters: reads, simplifies and writes each of them, on several threads.
 
-use super::kept::ClusterResult;
+use super::cluster_result::ClusterResult;
 use super::outcome::Floor;
-use super::pass::{Run, is_single};
 use super::probes::{Probes, Probing};
+use super::run::Run;
 use super::sample::Survey;
-use super::stops::{Plan, run_plan};
+use super::stop_rule::{Plan, run_plan};
 use crate::base::Result;
 use crate::base::ordered::{Crew, settle_in_order};
 use crate::cost::Metric;
@@ -106,7 +106,7 @@ impl<M: Metric> Run<'_, M> {
             map.draw(cluster as u32, &source.mesh, source.origin);
         }
         let probing = match self.probing {
-            None if pass == 0 && is_single(partition) => Some(self.probing_of(partition, &source.mesh)),
+            None if pass == 0 && partition.is_single() => Some(self.probing_of(partition, &source.mesh)),
             probing => probing,
         };
         let probes = probing.map(|probing| probing.take(&source.mesh, source.origin, cluster));

@@ -9,7 +9,7 @@ use crate::cost::Metric;
 use crate::mesh::ClusterMesh;
 use crate::mesh::class::Class;
 use crate::simplify::Changes;
-use crate::simplify::legality::Refusal;
+use crate::simplify::refusal::Refusal;
 use crate::simplify::{Engine, Milestone};
 use crate::store::StoredMesh;
 

@@ -3,9 +3,9 @@
 
 use super::goal::{Aim, Goal};
 use super::options::{PassOptions, SeamPolicy};
-use super::pass::{Run, is_single};
+use super::run::Run;
 use super::sample::{self, Survey};
-use super::stops::Plan;
+use super::stop_rule::Plan;
 use super::trim::{Notes, spread_shares};
 use crate::base::Result;
 use crate::cost::Metric;
@@ -71,7 +71,7 @@ impl<M: Metric> Run<'_, M> {
         if let Goal::Deviation(most) = goal {
             return Ok((aim.within(most, turn), false));
         }
-        if is_single(partition) {
+        if partition.is_single() {
             return Ok((aim.in_one_cluster(turn, faces), aim.is_last(turn)));
         }
         match (goal, thresholds.first()) {

@@ -2,7 +2,7 @@
 
 use super::sample::Purpose;
 use super::schedule::{TRIM_SHARE, pass_target, stage_shares};
-use super::stops::Plan;
+use super::stop_rule::Plan;
 
 /// Largest excess over the target, as a share of the target, at which a trim replaces an ordinary pass.
 const TRIM_SHARE_MAX: f64 = 0.25;

@@ -1,10 +1,10 @@
 //! Runs a pass a second time when the first attempt shows that its plan was wrong.
 
 use super::outcome::{PassOutcome, PassReport, before_leap};
-use super::pass::{Run, plan_step};
+use super::run::{Run, plan_step};
 use super::sample;
 use super::state::PassState;
-use super::stops::Plan;
+use super::stop_rule::Plan;
 use super::trim::halfway;
 use crate::base::Result;
 use crate::cost::Metric;

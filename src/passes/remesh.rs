@@ -17,8 +17,8 @@ use serde::{Deserialize, Serialize};
 
 use super::clusters::PASS_BYTES;
 use super::outcome::RemeshReport;
-use super::pass::{Run, plan_step};
 use super::probes::{Probes, Probing, Sides};
+use super::run::{Run, plan_step};
 use super::state::PassState;
 use crate::base::Result;
 use crate::base::ordered::map_in_order;

@@ -4,10 +4,9 @@
 //! enough. All blocks are read only if that sample has too few faces of a material. Seams are counted in the clusters
 //! that give patches to the sample.
 
-use serde::{Deserialize, Serialize};
-
-use super::pass::{Run, is_single};
+use super::run::Run;
 use super::sample;
+use super::texture_traits::TextureTraits;
 use crate::base::Result;
 use crate::base::ordered::map_in_order;
 use crate::cost::Metric;
@@ -15,7 +14,7 @@ use crate::mesh::ClusterMesh;
 use crate::mesh::crowding::SeamTally;
 use crate::partition::cluster::MaterialArea;
 use crate::partition::{Partition, TextureScale, reading};
-use crate::store::{Catalogue, StoredMesh};
+use crate::store::StoredMesh;
 
 /// One in this many blocks of faces is read.
 const STEP: usize = 4;
@@ -24,22 +23,6 @@ const FACES_MIN: u64 = 256;
 
 /// Areas of the materials that occur in a cluster, by material index.
 type SparseAreas = Vec<(usize, MaterialArea)>;
-
-/// Properties of the texture that the passes use.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-pub(super) struct TextureTraits {
-    /// Scales of texture coordinates.
-    pub scale: TextureScale,
-    /// Predicted share of the result's vertices that lie on seams; infinite if it was not measured.
-    pub crowding: f64,
-}
-
-impl TextureTraits {
-    /// Traits for a metric that ignores the texture.
-    pub fn none(catalogue: &Catalogue) -> Self {
-        Self { scale: TextureScale::none(catalogue), crowding: f64::INFINITY }
-    }
-}
 
 /// Sums over the clusters.
 #[derive(Default)]
@@ -94,7 +77,7 @@ impl<M: Metric> Run<'_, M> {
                 faces.add_areas(self.catalogue, &mut areas);
                 let sparse = areas.into_iter().enumerate().filter(|(_, area)| area.faces > 0);
                 let seams = if is_wanted { faces.tally_seams(self.catalogue) } else { SeamTally::default() };
-                let gives_patch = is_wanted && !is_single(partition);
+                let gives_patch = is_wanted && !partition.is_single();
                 let patch = gives_patch.then(|| self.patch_of_faces(&survey, partition, faces));
                 Ok((sparse.collect(), seams, patch))
             },

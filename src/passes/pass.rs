@@ -1,27 +1,26 @@
 //! Runs passes over a stored mesh until the target is met or no further face can be removed.
 
-use std::path::PathBuf;
-use std::sync::{Mutex, MutexGuard};
 use std::time::Instant;
 
-use super::kept::Opening;
-use super::options::{Cost, PassOptions, SeamPolicy};
+use super::cluster_result::Opening;
+use super::options::{Cost, PassOptions};
 use super::outcome::{PassOutcome, Passes, StageSums};
-use super::probes::{Probes, Probing};
-use super::reconstruct::is_remeshed;
+use super::probes::Probes;
+use super::remesh::is_remeshed;
+use super::run::{Run, plan_step};
 use super::sample;
-use super::scale::TextureTraits;
 use super::state::{PassState, Start};
-use super::stops::Plan;
+use super::stop_rule::Plan;
+use super::texture_traits::TextureTraits;
 use crate::base::ordered::{both, map_in_order};
-use crate::base::{Error, Permits, Progress, Result, counted};
+use crate::base::{Error, Progress, Result, counted};
 use crate::cost::census::Census;
 use crate::cost::{ClassicCost, CurvatureCost, Metric, ObliqueCost, SharpnessCost, SurfaceCost, TerrainCost};
 use crate::job::{Step, WorkFolder, folder_bytes};
 use crate::mesh::ClusterMesh;
 use crate::os::mmap;
 use crate::partition::cells::fits_one;
-use crate::partition::{self, ClusterSource, Partition, PartitionOptions, cluster};
+use crate::partition::{self, Partition, PartitionOptions};
 use crate::render::ClusterMap;
 use crate::simplify::Engine;
 use crate::store::{Catalogue, StoredMesh};
@@ -37,30 +36,6 @@ const EXTRA_PASS_RISE: f32 = 4.0;
 const WALL_SHARE: f64 = 0.08;
 /// A pass that removes at most this share of the faces counts as stuck.
 const FLOOR_SHARE: f64 = 1e-4;
-
-/// A run of all passes.
-pub struct Run<'a, M: Metric> {
-    pub(super) options: &'a PassOptions,
-    pub(super) settings: M::Settings,
-    pub(super) catalogue: &'a Catalogue,
-    pub(super) job: &'a WorkFolder,
-    pub(super) progress: &'a dyn Progress,
-    pub(super) permits: Permits,
-    pub(super) texture: TextureTraits,
-    /// How the clusters of the input are probed, in the pass over the input if it has several clusters.
-    pub(super) probing: Option<Probing>,
-    /// Probes of the input.
-    probes: Probes,
-    /// Number of remeshing passes, which come first.
-    lead: usize,
-    /// Bounding-box diagonal below which connected components are dropped in this pass, in units of length; `None` for
-    /// none.
-    pub(super) crumb: Option<f64>,
-    /// Deviation caused by rounding alone in the mesh at the start of the pass, in units of length.
-    pub(super) noise: f64,
-    /// Map of the current pass, if one is wanted. A worker holds the lock while it draws one cluster.
-    map: Mutex<Option<ClusterMap>>,
-}
 
 /// Simplifies a mesh to the target, or resumes an earlier run, with the metric that the options name.
 ///
@@ -88,32 +63,6 @@ pub fn simplify(
 }
 
 impl<'a, M: Metric> Run<'a, M> {
-    /// Prepares a run whose files go to the folder of `job` and whose finished steps go to its journal.
-    fn new(
-        options: &'a PassOptions,
-        settings: M::Settings,
-        catalogue: &'a Catalogue,
-        job: &'a WorkFolder,
-        progress: &'a dyn Progress,
-    ) -> Self {
-        let permits = Permits::new(options.work_bytes);
-        Self {
-            options,
-            settings,
-            catalogue,
-            job,
-            progress,
-            permits,
-            texture: TextureTraits::none(catalogue),
-            probing: None,
-            probes: Probes::default(),
-            lead: 0,
-            crumb: None,
-            noise: 0.0,
-            map: Mutex::new(None),
-        }
-    }
-
     /// Simplifies a mesh to the target, or resumes an earlier run.
     ///
     /// # Errors
@@ -156,7 +105,7 @@ impl<'a, M: Metric> Run<'a, M> {
             let steepest = self.steepest(&state);
             let is_last = self.is_last(pass);
             let mut outcome = self.run_plans(&state, &partition, &plan)?;
-            let single = is_single(&partition);
+            let single = partition.is_single();
             let next_faces = outcome.report.faces_out;
             let met_wall = outcome.is_wall;
             state.scratch_peak = state.scratch_peak.max(folder_bytes(self.job.path()));
@@ -215,14 +164,6 @@ impl<'a, M: Metric> Run<'a, M> {
         })
     }
 
-    /// Records the probes of the input in the journal and keeps them until the result is measured.
-    pub(super) fn keep_probes(&mut self, probes: Probes) -> Result<()> {
-        self.job.keep(Step::Probes, 0, [], &probes)?;
-        self.probes = probes;
-        self.probes.shrink();
-        Ok(())
-    }
-
     /// Returns how a partitioned pass begins: as recorded by an earlier process, or computed from the sample.
     fn open_pass(&mut self, state: &mut PassState, partition: &Partition) -> Result<Opening> {
         let (pass, is_first) = (state.pass, self.turn(state.pass) == 0);
@@ -268,27 +209,11 @@ impl<'a, M: Metric> Run<'a, M> {
         Ok(opening)
     }
 
-    /// Returns how the input is probed; `patch` is a representative part of it.
-    pub(super) fn probing_of(&self, partition: &Partition, patch: &ClusterMesh) -> Probing {
-        let faces = partition.total_faces();
-        Probing::of([faces, if self.options.target > 0 { self.options.target } else { faces }], patch)
-    }
-
     /// Highest allowed threshold of an extra pass; `None` in an ordinary pass, or if the previous pass had no
     /// threshold.
     fn steepest(&self, state: &PassState) -> Option<f32> {
         let before = state.reports.last().map(|pass| pass.threshold as f32).filter(|&cost| cost > 0.0)?;
         (self.turn(state.pass) >= self.options.passes).then_some(before * EXTRA_PASS_RISE)
-    }
-
-    fn learn(&mut self, texture: TextureTraits) {
-        M::learn_crowding(&mut self.settings, texture.crowding);
-        self.texture = texture;
-    }
-
-    /// Index of a pass among those that collapse edges.
-    pub(super) fn turn(&self, pass: usize) -> usize {
-        pass.saturating_sub(self.lead)
     }
 
     /// Partitions the mesh for the next pass. Computes the thresholds of the pass meanwhile, if the previous pass left
@@ -399,34 +324,12 @@ impl<'a, M: Metric> Run<'a, M> {
         Ok(outcome)
     }
 
-    pub(super) fn engine(&self, mesh: ClusterMesh, pass: usize) -> Engine<M> {
-        let mut engine = Engine::new(mesh, &self.settings);
-        engine.lock_borders = self.options.lock_borders;
-        engine.frees_topology = self.options.frees_topology;
-        engine.one_by_one = self.options.one_by_one;
-        engine.seeks_handles = self.turn(pass) > 0;
-        engine.welds = self.options.weld;
-        if let Some(most) = self.bound_of(pass) {
-            engine.bound_deviation(most);
-        }
-        engine.lock_seams = match self.options.seams {
-            SeamPolicy::Stitch => self.turn(pass) == 0 && self.options.passes > 1,
-            SeamPolicy::Follow => false,
-            SeamPolicy::Lock => true,
-        };
-        engine
-    }
-
-    pub(super) fn load(&self, mesh: &StoredMesh, partition: &Partition, cluster: usize) -> Result<ClusterSource> {
-        cluster::load(partition, mesh, self.catalogue, &self.texture.scale, cluster)
-    }
-
     /// Returns the properties of the texture that the metric reads, and a sample of the clusters of the first pass.
     fn first_sample(&self, mesh: &StoredMesh, partition: &Partition) -> Result<(TextureTraits, ClusterMesh)> {
         let none = || TextureTraits::none(self.catalogue);
         match M::reads_texture(&self.settings) {
             true => self.measure_texture(mesh, partition),
-            false if is_single(partition) => Ok((none(), ClusterMesh::default())),
+            false if partition.is_single() => Ok((none(), ClusterMesh::default())),
             false => Ok((none(), self.take_sample(mesh, partition)?)),
         }
     }
@@ -457,22 +360,4 @@ impl<'a, M: Metric> Run<'a, M> {
         )?;
         Ok(census)
     }
-
-    pub(super) fn map(&self) -> MutexGuard<'_, Option<ClusterMap>> {
-        self.map.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
-    }
-
-    /// Path of a piece of a cluster; each step has its own file names.
-    pub(super) fn piece_path(&self, step: Step, part: usize) -> PathBuf {
-        let part = if part > 0 { format!("-{part}") } else { String::new() };
-        self.job.path().join(format!("{}{part}.piece", step.stem()))
-    }
-}
-
-pub(super) fn plan_step(pass: usize, attempt: u32) -> Step {
-    Step::Plan { pass: pass as u32, attempt }
-}
-
-pub(super) fn is_single(partition: &Partition) -> bool {
-    partition.filled_count() <= 1
 }

@@ -19,25 +19,27 @@
 //! Each cluster writes one piece; a pass writes a column of shared positions. The journal records each finished plan,
 //! cluster, partition and pass; files are deleted as soon as the results computed from them are recorded.
 
-mod again;
-mod aim;
-mod clusters;
-mod goal;
-mod kept;
 pub mod options;
-pub mod outcome;
-pub mod pass;
-pub mod probes;
-mod reconstruct;
-pub mod sample;
-mod scale;
 pub mod schedule;
-mod shared;
+mod goal;
+mod targets;
+mod stop_rule;
+pub mod sample;
+mod texture_traits;
+mod texture_scale;
+pub mod probes;
+mod run;
 mod state;
-mod stops;
+mod cluster_result;
+mod clusters;
+mod shared;
+pub mod outcome;
+mod second_attempt;
+mod remesh;
 pub mod trim;
+pub mod pass;
 
 pub use options::{Cost, PassOptions, SeamPolicy};
 pub use outcome::{PassReport, Passes, RemeshReport};
-pub use reconstruct::CELL_PASSES;
+pub use remesh::CELL_PASSES;
 pub use state::Start;

@@ -1,6 +1,6 @@
 //! Writes the vertices shared by several clusters, once for all of their pieces.
 
-use super::pass::Run;
+use super::run::Run;
 use crate::base::Result;
 use crate::cost::Metric;
 use crate::partition::{Partition, reading};

@@ -6,8 +6,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::outcome::{Floor, PassOutcome, PassReport, PassSeconds, RemeshReport};
-use super::scale::TextureTraits;
 use super::schedule::STAGES_MAX;
+use super::texture_traits::TextureTraits;
 use crate::base::{Findings, Result};
 use crate::cost::census::Census;
 use crate::job::{Step, WorkFolder};

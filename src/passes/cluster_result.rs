@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use super::outcome::Floor;
 use super::probes::{Probes, Probing};
-use super::scale::TextureTraits;
-use super::stops::Plan;
+use super::stop_rule::Plan;
+use super::texture_traits::TextureTraits;
 use crate::mesh::ClusterMesh;
 use crate::partition::Partition;
 use crate::simplify::{Changes, Milestone};

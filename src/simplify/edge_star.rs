@@ -1,0 +1,126 @@
+//! The faces around the two ends of an edge: which vanish with it, and which wedge becomes which.
+//!
+//! Scratch space is kept between edges; `legality` and `legality/edges` check it.
+
+use super::fold::FoldCheck;
+use crate::mesh::class::VALENCE_MAX;
+use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::ring::Rings;
+
+/// Properties of the faces around a vertex that is to vanish.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Fan {
+    /// They form one closed fan, in which the vertex has one wedge.
+    pub closed: bool,
+    /// Wedges of the vertex may be left without a counterpart at the other end.
+    pub strands: bool,
+    /// The vertex is non-manifold.
+    pub is_complex: bool,
+    /// The vertex belongs to an isolated face, which may vanish.
+    pub is_alone: bool,
+    /// The topology may change.
+    pub is_free: bool,
+    /// The vertex has no edge with the one that it collapses onto.
+    pub is_rip: bool,
+    /// Number of edges that may get more than two faces: surfaces meet there.
+    pub spare_edges: i64,
+}
+
+/// Effects of a collapse on the faces around its edge; buffers are reused.
+#[derive(Debug, Default)]
+pub struct EdgeStar {
+    /// Faces that vanish.
+    pub dying: Vec<u32>,
+    /// Pairs: wedge of the vanishing vertex → wedge of the staying one.
+    pub wedges: Vec<(u32, u32)>,
+    /// Wedges of the vanishing vertex, in living faces, that no face at the edge has.
+    pub stranded: Vec<u32>,
+    /// Vertices whose classes may change, where the topology changes.
+    pub unsettled: Vec<u32>,
+    /// Increase in the number of edges of more than two faces, where the topology changes.
+    pub new_non_manifold_edges: i64,
+    /// Whether faces become neighbours that no dying face lies between.
+    pub(super) joins: bool,
+    /// A wedge of the staying vertex, if the ends have no face in common.
+    pub(super) beside: Option<u32>,
+    /// Neighbours of the ends, where the topology changes.
+    pub(super) neighbours: Vec<Neighbour>,
+    /// Sides of dying double faces that touch neither end.
+    pub(super) far_sides: Vec<[u32; 2]>,
+    /// Both ends of the edge.
+    pub(super) ends: [u32; 2],
+    pub(super) opposite: Vec<u32>,
+    pub(super) mark: Vec<u32>,
+    pub(super) epoch: u32,
+    pub(super) folds: FoldCheck,
+}
+
+/// A neighbour of the ends, and the number of faces that join it to them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Neighbour {
+    pub(super) vertex: u32,
+    /// Faces with the vanishing end, and faces with the staying end.
+    pub(super) before: [u32; 2],
+    /// Faces with the staying end after the collapse.
+    pub(super) after: u32,
+    /// How many of these have it directly after the staying end.
+    pub(super) after_ahead: u32,
+    /// How many of these are turned over during processing.
+    pub(super) after_turned: u32,
+}
+
+impl EdgeStar {
+    /// Prepares for a mesh with `vertex_count` vertices; call before its first edge.
+    pub fn reset(&mut self, vertex_count: usize) {
+        self.mark.clear();
+        self.mark.resize(vertex_count, 0);
+        self.epoch = 0;
+    }
+
+    /// Collects the faces at the edge and the pairs of wedges.
+    pub fn gather(&mut self, mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32) {
+        self.dying.clear();
+        self.wedges.clear();
+        self.opposite.clear();
+        self.stranded.clear();
+        self.unsettled.clear();
+        self.new_non_manifold_edges = 0;
+        self.joins = false;
+        self.ends = [from, to];
+        for &corner in rings.of(from) {
+            let Some(wedge) = mesh.living(corner) else { continue };
+            let far = ClusterMesh::following(corner);
+            let Some(k) = far.iter().position(|&c| mesh.vertex_of(c) == to) else { continue };
+            let pair = (wedge, mesh.wedge_of(far[k]));
+            self.dying.push(corner / 3);
+            self.opposite.push(mesh.vertex_of(far[1 - k]));
+            if !self.wedges.contains(&pair) {
+                self.wedges.push(pair);
+            }
+        }
+        if self.dying.is_empty() {
+            self.pair_alike(mesh, rings, from, to);
+        }
+    }
+
+    /// Pairs the wedges of two vertices with equal texture coordinates, or with none.
+    fn pair_alike(&mut self, mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32) {
+        let wedges_of = |vertex: u32| rings.of(vertex).iter().filter_map(|&corner| mesh.living(corner));
+        let uv = |wedge: u32| mesh.wedge_uv[wedge as usize];
+        for wedge in wedges_of(from) {
+            let is_alike = |&other: &u32| uv(other) == uv(wedge) || (uv(other).is_nan() && uv(wedge).is_nan());
+            if let Some(other) = wedges_of(to).find(is_alike)
+                && !self.wedges.contains(&(wedge, other))
+            {
+                self.wedges.push((wedge, other));
+            }
+        }
+        self.beside = wedges_of(to).next();
+    }
+}
+
+/// Whether a vertex has too many faces for another to collapse onto it. Stops counting at the limit, because hubs are
+/// checked often.
+pub(super) fn is_hub(mesh: &ClusterMesh, rings: &Rings, vertex: u32) -> bool {
+    rings.of(vertex).len() > 2 * VALENCE_MAX && rings.faces(mesh, vertex).nth(2 * VALENCE_MAX).is_some()
+}
