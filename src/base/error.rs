@@ -96,7 +96,7 @@ impl Error {
         Error::Input { path: path.to_owned(), line, message: message.into() }
     }
 
-    /// The process's exit code for this error; the table stands in `docs/options.md`.
+    /// The process's exit code for this error; the table stands in `docs/reference/options.md`.
     pub fn exit_code(&self) -> u8 {
         match self {
             Error::Io { .. } | Error::Limit(_) => 1,

@@ -1,4 +1,4 @@
-//! `docs/options.md`, written from the definitions of the options, so that it cannot say anything else.
+//! `docs/reference/options.md`, written from the definitions of the options, so that it cannot say anything else.
 
 use std::fmt::Write as _;
 
@@ -9,7 +9,8 @@ use super::{Cli, exit};
 const INTRODUCTION: &str = "\
 # Options
 
-This page is printed by `drystone options-markdown`; a test compares the two.
+This page is printed by `drystone options-markdown`; a test compares the two. [Choosing](../guide/choosing.md) says which
+options to start with.
 
 Sizes are written as `512MiB`, `1.5GiB`, `2G` (powers of 1024) or `800MB` (powers of 1000). Lengths are in the unit of
 the mesh. The result depends on the input and on the options that shape it, never on `--memory`, `--threads` or `--work`.
@@ -42,7 +43,7 @@ fn describe(page: &mut String, command: &Command, simplify: &Command) {
     let is_other = command.get_name() != simplify.get_name();
     let takes_all = is_other && command.get_arguments().any(|argument| argument.get_id() == "ratio");
     if takes_all {
-        page.push_str("\nTakes the options of [simplify](#drystone-simplify) that shape the result or the job, and:\n");
+        page.push_str("\nTakes the options of [simplify](#drystone-simplify) that shape the result or the job, and these:\n");
     }
     let is_said = |argument: &Arg| {
         takes_all && simplify.get_arguments().any(|other| !other.is_hide_set() && other.get_id() == argument.get_id())
@@ -100,11 +101,13 @@ fn meaning(argument: &Arg) -> String {
     // Paragraphs of `--help` are sentences of one cell; a default stands behind the last.
     let mut text = words.replace("\n\n[", " [").replace("\n\n", ". ").replace('\n', " ");
     if argument.is_required_set() && !argument.is_positional() {
-        text.push_str(" (needed)");
+        text.push_str(" (required)");
     }
     for choice in choices(argument) {
-        let words = choice.get_help().map(ToString::to_string).unwrap_or_default();
-        let _ = write!(text, "<br>`{}`: {}", choice.get_name(), lower_first(&words));
+        let _ = write!(text, "<br>`{}`", choice.get_name());
+        if let Some(words) = choice.get_help() {
+            let _ = write!(text, ": {}", lower_first(&words.to_string()));
+        }
     }
     text.replace('|', "\\|")
 }

@@ -6,7 +6,7 @@
 //! │        then only vertices around changed ones propose anew
 //! └ settle vertices that others collapsed onto move to their best place
 //! ```
-//! Rounds give the mean error of a heap within 4 % in a quarter to a half of its time (`docs/reproduction.md`).
+//! Rounds give the mean error of a heap within 4 % in a quarter to a half of its time (`docs/results/papers/README.md`).
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;

@@ -5,7 +5,7 @@
 //! written once, synced and renamed; what can be opened is whole.
 //!
 //! # Files
-//! `docs/format.md` describes every byte.
+//! `docs/reference/work-folder.md` describes every byte.
 
 pub mod column;
 pub mod corners;
