@@ -74,7 +74,10 @@ fn a_result_is_compared_in_the_names_that_the_page_promises() {
     }
     for part in ["topology", "quality"] {
         for name in found[part]["after"].as_object().unwrap().keys() {
-            assert!(page.contains(&format!("`{name}`")), "docs/reference/comparison.md does not describe {part}.{name}");
+            assert!(
+                page.contains(&format!("`{name}`")),
+                "docs/reference/comparison.md does not describe {part}.{name}"
+            );
         }
     }
     for way in ["forward", "backward", "symmetric"] {

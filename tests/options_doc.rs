@@ -4,7 +4,10 @@
 fn the_options_page_is_the_one_that_the_program_prints() {
     let page = std::fs::read_to_string("docs/reference/options.md").unwrap_or_default();
     let printed = drystone::cli::options_markdown();
-    assert!(page == printed, "docs/reference/options.md is stale: cargo run -- options-markdown > docs/reference/options.md");
+    assert!(
+        page == printed,
+        "docs/reference/options.md is stale: cargo run -- options-markdown > docs/reference/options.md"
+    );
 }
 
 #[test]
