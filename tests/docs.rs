@@ -129,7 +129,8 @@ fn slug(heading: &str) -> String {
         rest = after.split_once(')').map_or("", |(_, behind)| behind);
     }
     words.push_str(rest);
-    let kept = words.to_lowercase().chars().filter_map(|c| match c {
+    let words = words.to_lowercase();
+    let kept = words.chars().filter_map(|c| match c {
         ' ' => Some('-'),
         '-' | '_' => Some(c),
         _ => c.is_alphanumeric().then_some(c),
