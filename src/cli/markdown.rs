@@ -9,11 +9,12 @@ use super::{Cli, exit};
 const INTRODUCTION: &str = "\
 # Options
 
-This page is printed by `drystone options-markdown`; a test compares the two. [Choosing](../guide/choosing.md) says which
-options to start with.
+This page is printed by `drystone options-markdown`; a test compares the two.
+[Choosing](../guide/choosing.md) says which options to start with.
 
-Sizes are written as `512MiB`, `1.5GiB`, `2G` (powers of 1024) or `800MB` (powers of 1000). Lengths are in the unit of
-the mesh. The result depends on the input and on the options that shape it, never on `--memory`, `--threads` or `--work`.
+Sizes are written as `512MiB`, `1.5GiB`, `2G` (powers of 1024) or `800MB` (powers of 1000). Lengths
+are in the unit of the mesh. The result depends on the input and on the options that shape it, never
+on `--memory`, `--threads` or `--work`.
 ";
 
 /// The whole page.
