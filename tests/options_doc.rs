@@ -36,5 +36,7 @@ fn every_setting_of_a_metric_and_of_the_reconstruction_is_on_the_page_about_choo
 #[test]
 fn the_page_about_files_is_of_the_format_that_is_written() {
     let page = std::fs::read_to_string("docs/reference/work-folder.md").unwrap();
-    assert!(page.contains(&format!("This page describes format {}.", drystone::job::FORMAT_VERSION)));
+    let version = drystone::job::FORMAT_VERSION;
+    assert!(page.contains(&format!("This page describes format {version}.")));
+    assert!(page.contains(&format!("| version of the format: {version} |")));
 }
