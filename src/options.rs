@@ -1,4 +1,4 @@
-//! Every option, once: the struct is the library's, the flags and `docs/options.md` come from it.
+//! Every option, once: the struct is the library's, the flags and `docs/reference/options.md` come from it.
 
 use std::path::PathBuf;
 
@@ -281,12 +281,12 @@ pub struct SimplifyOptions {
     #[arg(long, value_enum, help_heading = heading::PAPERS, hide_short_help = true)]
     pub metric: Option<Metric>,
 
-    /// Set a parameter of the metric, such as border=2; may be repeated. docs/choosing.md lists the parameters
+    /// Set a parameter of the metric, such as border=2; may be repeated. docs/guide/choosing.md lists the parameters
     #[arg(long, value_name = "NAME=VALUE", help_heading = heading::PAPERS, hide_short_help = true)]
     pub metric_option: Vec<String>,
 
     /// Before simplifying, remesh by centroidal Voronoi cells, denser where the surface bends (Liu, Chen & Wang 2020).
-    /// cvd:2 sets the power of the curvature; cvd:cells=5000 stops at 5000 cells. docs/choosing.md lists the settings
+    /// cvd:2 sets the power of the curvature; cvd:cells=5000 stops at 5000 cells. docs/guide/choosing.md lists the settings
     #[arg(long, value_name = "cvd[:SETTINGS]", help_heading = heading::PAPERS, hide_short_help = true)]
     pub remesh: Option<cvd::Settings>,
 

@@ -66,15 +66,18 @@ fn a_result_is_compared_in_the_names_that_the_page_promises() {
     let folder = tempfile::tempdir().unwrap();
     let (output, report) = simplified(folder.path());
     let found = compared(&town(), &output, &[]);
-    let page = std::fs::read_to_string("docs/report.md").unwrap();
+    let page = std::fs::read_to_string("docs/reference/comparison.md").unwrap();
     for part in ["geometry", "texture", "pinholes"] {
         for name in found[part].as_object().unwrap().keys() {
-            assert!(page.contains(&format!("`{name}")), "docs/report.md does not describe {part}.{name}");
+            assert!(page.contains(&format!("`{name}")), "docs/reference/comparison.md does not describe {part}.{name}");
         }
     }
     for part in ["topology", "quality"] {
         for name in found[part]["after"].as_object().unwrap().keys() {
-            assert!(page.contains(&format!("`{name}`")), "docs/report.md does not describe {part}.{name}");
+            assert!(
+                page.contains(&format!("`{name}`")),
+                "docs/reference/comparison.md does not describe {part}.{name}"
+            );
         }
     }
     for way in ["forward", "backward", "symmetric"] {

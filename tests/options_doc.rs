@@ -1,10 +1,13 @@
-//! `docs/options.md` says what the program's options say.
+//! `docs/reference/options.md` says what the program's options say.
 
 #[test]
 fn the_options_page_is_the_one_that_the_program_prints() {
-    let page = std::fs::read_to_string("docs/options.md").unwrap_or_default();
+    let page = std::fs::read_to_string("docs/reference/options.md").unwrap_or_default();
     let printed = drystone::cli::options_markdown();
-    assert!(page == printed, "docs/options.md is stale: cargo run -- options-markdown > docs/options.md");
+    assert!(
+        page == printed,
+        "docs/reference/options.md is stale: cargo run -- options-markdown > docs/reference/options.md"
+    );
 }
 
 #[test]
@@ -18,7 +21,7 @@ fn every_exit_code_is_on_the_page() {
 #[test]
 fn every_setting_of_a_metric_and_of_the_reconstruction_is_on_the_page_about_choosing() {
     use drystone::cost::{classic, curvature, oblique, sharpness, terrain};
-    let page = std::fs::read_to_string("docs/choosing.md").unwrap();
+    let page = std::fs::read_to_string("docs/guide/choosing.md").unwrap();
     let metrics: [&[_]; 5] = [&classic::KNOBS, &oblique::KNOBS, &curvature::KNOBS, &terrain::KNOBS, &sharpness::KNOBS];
     let remesh: &[_] = &drystone::remesh::cvd::KNOBS;
     for (knobs, first) in [(metrics.concat(), "| `qem-1997` | `border`"), (remesh.to_vec(), "| `lambda` |")] {
@@ -32,6 +35,8 @@ fn every_setting_of_a_metric_and_of_the_reconstruction_is_on_the_page_about_choo
 
 #[test]
 fn the_page_about_files_is_of_the_format_that_is_written() {
-    let page = std::fs::read_to_string("docs/format.md").unwrap();
-    assert!(page.contains(&format!("This page describes format {}.", drystone::job::FORMAT_VERSION)));
+    let page = std::fs::read_to_string("docs/reference/work-folder.md").unwrap();
+    let version = drystone::job::FORMAT_VERSION;
+    assert!(page.contains(&format!("This page describes format {version}.")));
+    assert!(page.contains(&format!("| version of the format: {version} |")));
 }

@@ -3,7 +3,7 @@
 
 The papers' meshes are not public. Figures, terrains and a town are generated with the papers' counts; pieces of real surveys
 are cut from ../shared/data (or DRYSTONE_SHARED) where it is there, else those tables are left out. Writes
-docs/reproduction.md and a page for each paper in docs/reproduction/. Needs numpy and pillow, and target/release/drystone; takes
+docs/results/papers/README.md and a page for each paper in docs/results/papers/. Needs numpy and pillow, and target/release/drystone; takes
 about half an hour on one core. What was measured is kept in target/reproduce, so that a second run is short.
 """
 

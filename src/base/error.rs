@@ -96,7 +96,7 @@ impl Error {
         Error::Input { path: path.to_owned(), line, message: message.into() }
     }
 
-    /// Exit code of the process for this error; `docs/options.md` has the table.
+    /// Exit code of the process for this error; `docs/reference/options.md` has the table.
     pub fn exit_code(&self) -> u8 {
         match self {
             Error::Io { .. } | Error::Limit(_) => 1,

@@ -33,7 +33,9 @@ pub struct CompareArguments {
     original: PathBuf,
     /// OBJ file made from it, or a folder
     result: PathBuf,
-    /// Write a report: .json for scripts (docs/report.md explains the numbers), .html for people; may be repeated
+    /// Write a report: .json for scripts, .html for people; may be repeated
+    ///
+    /// docs/reference/comparison.md explains the numbers
     #[arg(long, value_name = "FILE")]
     report: Vec<PathBuf>,
     /// Print the numbers as JSON

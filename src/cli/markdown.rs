@@ -1,4 +1,4 @@
-//! `docs/options.md`, written from the definitions of the options, so that it cannot say anything else.
+//! `docs/reference/options.md`, written from the definitions of the options, so that it cannot say anything else.
 
 use std::fmt::Write as _;
 
@@ -10,9 +10,11 @@ const INTRODUCTION: &str = "\
 # Options
 
 This page is printed by `drystone options-markdown`; a test compares the two.
+[Choosing](../guide/choosing.md) says which options to start with.
 
-Sizes are written as `512MiB`, `1.5GiB`, `2G` (powers of 1024) or `800MB` (powers of 1000). Lengths are in the unit of
-the mesh. The result depends on the input and on the options that shape it, never on `--memory`, `--threads` or `--work`.
+Sizes are written as `512MiB`, `1.5GiB`, `2G` (powers of 1024) or `800MB` (powers of 1000). Lengths
+are in the unit of the mesh. The result depends on the input and on the options that shape it, never
+on `--memory`, `--threads` or `--work`.
 ";
 
 /// The whole page.
@@ -100,11 +102,13 @@ fn meaning(argument: &Arg) -> String {
     // Paragraphs of `--help` are sentences of one cell; a default stands behind the last.
     let mut text = words.replace("\n\n[", " [").replace("\n\n", ". ").replace('\n', " ");
     if argument.is_required_set() && !argument.is_positional() {
-        text.push_str(" (needed)");
+        text.push_str(" (required)");
     }
     for choice in choices(argument) {
-        let words = choice.get_help().map(ToString::to_string).unwrap_or_default();
-        let _ = write!(text, "<br>`{}`: {}", choice.get_name(), lower_first(&words));
+        let _ = write!(text, "<br>`{}`", choice.get_name());
+        if let Some(words) = choice.get_help() {
+            let _ = write!(text, ": {}", lower_first(&words.to_string()));
+        }
     }
     text.replace('|', "\\|")
 }

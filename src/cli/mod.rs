@@ -52,7 +52,7 @@ enum Command {
     Completions(manual::CompletionsArguments),
     /// Write the manual pages to a folder
     Man(manual::ManArguments),
-    /// Print docs/options.md
+    /// Print docs/reference/options.md
     #[command(hide = true)]
     OptionsMarkdown,
 }

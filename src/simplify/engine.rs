@@ -6,7 +6,7 @@
 //! │        then only vertices near the changes make new proposals
 //! └ settle vertices that others collapsed onto are relocated to their best position
 //! ```
-//! Rounds reach the mean error of a heap within 4 % in a quarter to a half of its time (`docs/reproduction.md`).
+//! Rounds reach the mean error of a heap within 4 % in a quarter to a half of its time (`docs/results/papers`).
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;

@@ -4,7 +4,7 @@
     tools/benchmarks/border_density.py city.obj --many 50000 --one 10000000 --scratch out
 
 Simplifies IN.obj twice, with clusters of --many and of --one triangles.  The work folder of the first run is watched for
-`pass-0-shared-positions.col` (docs/format.md): the vertices on borders between the first pass's clusters, where they
+`pass-0-shared-positions.col` (docs/reference/work-folder.md): the vertices on borders between the first pass's clusters, where they
 were in the input.  Counts the vertices of each result within two mean edges of one of these.  Both results describe the
 same surface, so the quotient of the counts is the quotient of the densities: 1 means that borders left no trace.
 
@@ -41,7 +41,7 @@ def read(path):
 
 
 def unpack(path):
-    """Positions of a packed column (docs/format.md)."""
+    """Positions of a packed column (docs/reference/work-folder.md)."""
     data, at, numbers = path.read_bytes(), HEADER_BYTES, []
     while at < len(data):
         count, decimals = int.from_bytes(data[at : at + 2], "little"), data[at + 2]

@@ -10,6 +10,7 @@ triangles in brackets. Runs with the Python that has the packages of
 tools/peers/requirements.txt.
 """
 import argparse
+import datetime
 import json
 import subprocess
 import sys
@@ -19,6 +20,19 @@ from pathlib import Path
 
 RATIOS = [0.1, 0.05, 0.02, 0.005, 0.001]
 PEERS = ["vtk", "pymeshlab", "meshoptimizer", "meshoptimizer-permissive", "meshoptimizer-sloppy"]
+HEAD = """# Far targets
+
+Made by `tools/benchmarks/far_targets.py` with {version}, {date}.
+Every tool gets the same mesh: positions alone, since most peers keep nothing else. A cell holds:
+
+* the root mean square distance, both ways, in 1e-4 of the diagonal;
+* after the point, pixels per million that show the background through the result
+  ([`pinholes.ppm`](../reference/comparison.md#pinholes));
+* in brackets, the number of triangles, where a tool stopped above its target.
+
+The inputs are described in [benchmarks](benchmarks.md#inputs). `meshoptimizer-permissive` is its
+`SimplifyPermissive` option, `meshoptimizer-sloppy` its `simplifySloppy`.
+"""
 PICTURES = """
 ## Pictures
 
@@ -26,9 +40,10 @@ PICTURES = """
 
 ![The town, 2 % and 0.5 % of it](far-town.png)
 
-A part of Wageningen: the input, and 2 % by drystone and by VTK; the input again, and 0.5 %. Here a building has a few
-triangles, or one: drystone keeps a triangle where a building was, VTK lets most buildings vanish. Made by
-`tools/benchmarks/far_picture.py` from 3D BAG, © 3DBAG by tudelft3d and 3DGI, CC BY 4.0.
+Top row: a part of Wageningen, then 2 % of it by drystone and by VTK. Bottom row: the same with
+0.5 %. A building has a few triangles left, or one. drystone keeps a triangle where a building was;
+VTK lets most buildings vanish. Made by `tools/benchmarks/far_picture.py` from 3D BAG, © 3DBAG by
+tudelft3d and 3DGI, CC BY 4.0.
 
 ![A part of Wageningen, 2 % and 0.5 % of it](far-3dbag.png)"""
 SIMPLIFY = Path(__file__).parent.parent / "peers" / "simplify.py"
@@ -96,10 +111,8 @@ def main():
     parser.add_argument("--samples", type=int, default=200_000)
     options = parser.parse_args()
     version = subprocess.run([options.drystone, "--version"], capture_output=True, text=True, check=True).stdout.strip()
-    print("# Far targets\n\nMade by `tools/benchmarks/far_targets.py` with " + version + ".")
-    print("Positions alone. Root mean square of the distances both ways, in 1e-4 of the diagonal; after it pixels")
-    print("per million through which one sees the background (`pinholes.ppm` of `compare`); triangles in brackets where a tool")
-    print("stopped above its target.\n")
+    version = version.split(" (")[0]  # a release is named by its version, not by a commit
+    print(HEAD.format(version=version, date=datetime.date.today()))
     print("| Mesh | Kept |", " | ".join(["drystone", *PEERS]), "|\n|" + " --- |" * (len(PEERS) + 3))
     for name, path in (mesh.split("=", 1) for mesh in options.meshes):
         with tempfile.TemporaryDirectory() as folder:

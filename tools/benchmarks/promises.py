@@ -9,6 +9,7 @@ distance. For each mesh and each ratio it compares the faces that were asked for
 is 1 if a bound is broken, or a target neither met nor reported as missed. Standard library only.
 """
 import argparse
+import datetime
 import json
 import subprocess
 import sys
@@ -120,20 +121,23 @@ def main():
         first += rows
         is_good &= is_met and is_kept
     version = subprocess.run([arguments.drystone, "--version"], capture_output=True, text=True, check=True).stdout.strip()
-    print(PAGE.format(version=version, bounds="\n".join(first), targets="\n".join(second), samples=arguments.samples,
+    version = version.split(" (")[0]  # a release is named by its version, not by a commit
+    print(PAGE.format(version=version, date=datetime.date.today(), bounds="\n".join(first), targets="\n".join(second), samples=arguments.samples,
                       ratios=" | ".join(f"{ratio:g}" for ratio in RATIOS), lines=" --- |" * (len(RATIOS) + 1)))
     sys.exit(0 if is_good else 1)
 
 
 PAGE = """# Bounds kept, targets met
 
-Made by `tools/benchmarks/promises.py` with {version}; defaults otherwise.
+Made by `tools/benchmarks/promises.py` with {version}, {date}; defaults
+otherwise. The inputs are described in [benchmarks](benchmarks.md#inputs).
 
 ## `--max-error`
 
-The bound is given as a share of the diagonal of the mesh's box; the largest distances, from the result to the input and
-the other way, as shares of the bound, measured by `drystone compare --samples {samples}`. A `--faces` run that stays
-within the larger of the two distances needs the faces of the last column but one: it steers by the sum of squares, and
+*Bound* is a share of the diagonal of the mesh's bounding box. *Result to input* and *input to
+result* are the largest distances, as shares of the bound, measured by `drystone compare --samples
+{samples}`; a bound is kept where both are at most 1. *Faces without a bound* is what a `--faces` run
+needs to stay within the larger of the two distances. Such a run minimises the sum of squares and
 proves nothing.
 
 | Mesh | Bound | Result to input | Input to result | Faces | Faces without a bound | Quotient |
@@ -142,7 +146,8 @@ proves nothing.
 
 ## `--ratio`
 
-Faces that came out, of those asked for. **Bold**: the target was missed, with exit code 3 and words that say why.
+Faces of the result, of those asked for. **Bold**: the target was missed; the run ends with exit code
+3 and says why.
 
 | Mesh | {ratios} |
 |{lines}

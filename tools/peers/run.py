@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Runs drystone and its peers end to end on the same OBJ files, interleaved, and tabulates time, memory and quality.
 
-    tools/peers/run.py city.obj --drystone target/release/drystone --write docs/benchmarks-peers.md
+    tools/peers/run.py city.obj --drystone target/release/drystone --write docs/results/peers.md
 
 Installs the peers from the registries (peers.py), runs every tool once a round, OBJ to OBJ, and takes wall time,
 processor time (user and system) and peak resident memory of each process from wait4. The tables hold medians with

@@ -73,7 +73,7 @@ def claims(page, found):
     of_base = [result.turned_over for systems in found.values() for result in systems[BASE]]
     page.claim("No texture triangle turns over", "title, figs. 6 to 9", f"at most {max(turned)} more of negative area than before; QEM {' / '.join(map(str, of_base))}", [max(turned) == 0 and max(of_base) > 0])
     colours = {mesh: [result.texture["colour_rms"] / base.texture["colour_rms"] for result, base in zip(systems["oblique"], systems[BASE])] for mesh, systems in found.items()}
-    page.claim("The picture is distorted less than by QEM", "title, fig. 9", "RMS of colours ÷ QEM: " + "; ".join(f"{mesh} {' / '.join(f'{x:.2f}' for x in values)}" for mesh, values in colours.items()), [x < 1 for values in colours.values() for x in values])
+    page.claim("The texture is distorted less than by QEM", "title, fig. 9", "RMS of colours ÷ QEM: " + "; ".join(f"{mesh} {' / '.join(f'{x:.2f}' for x in values)}" for mesh, values in colours.items()), [x < 1 for values in colours.values() for x in values])
     borders = {mesh: [result.by_area["geometry"]["border"]["rms"] / base.by_area["geometry"]["border"]["rms"] for result, base in zip(systems["oblique"], systems[BASE])] for mesh, systems in found.items()}
     page.claim("Borders hold where QEM tears them", "fig. 9", "RMS of the border's distance ÷ QEM: " + "; ".join(f"{mesh} {' / '.join(f'{x:.2f}' for x in values)}" for mesh, values in borders.items()), [x < 1 for values in borders.values() for x in values])
     kept = [result.border_edges >= result.by_area["topology"]["before"]["boundary_edges"] for systems in found.values() for result in systems["sharpness"]]
@@ -83,8 +83,8 @@ def claims(page, found):
 
 
 def texture(page, found):
-    page.head("What becomes of the picture")
-    page.text("RMS of the difference of colours (of 255), 95 % of the slide in metres and share of the surface that shows no chart (neither can be told of the town, whose pictures repeat), texture triangles that run against most of their chart and did not before (where a chart loses most of its triangles, these may change sides without turning). Every metric here refuses to turn one over, but for the first row.")
+    page.head("Texture")
+    page.text("RMS of the difference of colours (of 255), 95th percentile of the texture drift in metres and share of the surface outside all charts (both unknown for the town, whose images repeat), texture triangles that run against most of their chart and did not before (where a chart loses most of its triangles, these may change sides without turning). Every metric here refuses to turn one over, but for the first row.")
     for mesh, systems in found.items():
         page.text(f"{mesh}:")
         rows = []

@@ -1,5 +1,6 @@
 """The page above those of the papers: what is compared with what, and what holds for all of them."""
 
+import datetime
 import json
 from pathlib import Path
 
@@ -9,37 +10,42 @@ from .runs import FOLDER, SHARED, run
 
 ORDER = ["oblique", "reconstruction", "curvature", "terrain", "sharpness"]
 LEAD = """\
-# The published systems, reproduced
+# Five published systems, measured
 
-Five published systems are implemented, each in a file of its own that opens with its source, its symbols and what is done
-otherwise. Here they are measured as their papers measured. The papers' meshes are not public, so ratios to a baseline are what can be
-compared; meshes are generated with the papers' counts, and cut from real surveys where these are at hand. Made by
-`python3 tools/reproduce.py`.
+drystone implements five published systems, each in one source file that opens with the paper, its
+symbols and the departures from it. These pages measure them as their papers measured. The papers'
+meshes are not public, so only ratios to a baseline can be compared. The meshes here are generated
+with the papers' counts, or cut from real surveys where these are at hand.
+[Choosing](../../guide/choosing.md) says what follows for a user.
+
+Made by `python3 tools/reproduce.py`, {date}.
 """
 METHOD = """\
 ## What is compared with what
 
-* **QEM** in these papers is Garland and Heckbert's method of 1997: planes of equal weight, optimal placement, no planes
-  that hold borders, no check of folds or texture. That is `qem-1997 guards=0`. The sharpness paper places at the best of both ends and the
-  middle (`placement=three`), the patent weights by area (`curvature curvature=0`), the reconstruction's is QSlim, which holds borders
-  (`qem-1997 border=10`).
-* **Guards.** Without `guards=0` every metric here refuses to fold a face, to make a needle of it, and to turn over a texture
-  triangle. So the plain `qem-1997` is better than the papers' QEM.
-* **Distances** are exact distances from 200,000 points by area on each surface, both ways unless said otherwise. *At vertices*:
-  from the vertices of the result to the original, which some papers take.
-* **One pass over one cluster**, one thread, unless said otherwise. Times are processor seconds, the least of three runs, with
-  reading and writing unless said otherwise.
-* **In a table of claims** the verdict is computed from the figures beside it. *In part* says in how many of the cases that were tried
-  a claim holds.
+* **QEM** in these papers is the method of Garland and Heckbert of 1997: planes of equal weight,
+  optimal placement, no planes that hold borders, no check of folds or texture. That is
+  `qem-1997 guards=0`. The sharpness paper places vertices at the best of both ends and the middle
+  (`placement=three`). The patent weights planes by area (`curvature curvature=0`). The
+  reconstruction's baseline is QSlim, which holds borders (`qem-1997 border=10`).
+* **Guards.** Without `guards=0` every metric refuses to fold a face, to make a needle of it, and to
+  turn over a texture triangle. So plain `qem-1997` is better than the papers' QEM.
+* **Distances** are exact distances from 200,000 points by area on each surface, both ways unless
+  said otherwise. *At vertices*: from the vertices of the result to the original, as some papers
+  measure.
+* **One pass over one cluster**, one thread, unless said otherwise. Times are processor seconds with
+  reading and writing, the least of three runs, unless said otherwise.
+* **Verdicts** in a table of claims are computed from the figures beside them. *In part* says in how
+  many of the cases that were tried a claim holds.
 """
 
 
 def write():
     summaries = {name: json.loads(path.read_text()) for name in ORDER if (path := FOLDER / f"summary-{name}.json").exists()}
     verdicts = (CONFIRMED, PARTLY, REFUTED, UNTESTED)
-    rows = [[f"[{told['title']}](reproduction/{name}.md)", *(told["counts"][verdict] for verdict in verdicts)] for name, told in summaries.items()]
-    lines = [LEAD, *rows_of(["Paper", *(f"claims {verdict}" for verdict in verdicts)], rows), "", METHOD, *heap(), "", *clusters()]
-    Path("docs/reproduction.md").write_text("\n".join(lines) + "\n")
+    rows = [[f"[{told['title']}]({name}.md)", *(told["counts"][verdict] for verdict in verdicts)] for name, told in summaries.items()]
+    lines = [LEAD.format(date=datetime.date.today()), *rows_of(["Paper", *(f"claims {verdict}" for verdict in verdicts)], rows), "", METHOD, *heap(), "", *clusters()]
+    Path("docs/results/papers/README.md").write_text("\n".join(lines) + "\n")
 
 
 def heap():
@@ -57,8 +63,9 @@ def heap():
     text = """\
 ## Rounds against a heap
 
-The papers take one edge at a time from a heap and bring it up to date; here a round collapses up to a fifth of the triangles, each
-vertex once, the cheapest first. `--one-by-one` makes a round of one collapse, which is the heap's order."""
+The papers take one edge at a time from a heap and update it. drystone works in rounds: each removes
+up to a fifth of the triangles, the cheapest collapses first, each vertex at most once.
+`--one-by-one` makes rounds of one collapse, which is the heap's order."""
     return [text, "", *rows_of(["System", "Mesh, triangles", "Removed", "largest / mean / RMS, rounds ÷ heap", "CPU s, rounds / heap"], rows)]
 
 
@@ -77,5 +84,6 @@ def clusters():
     text = """\
 ## Many clusters against one
 
-cc_cyanhabao, 519,691 triangles to 25 %, three passes: in one cluster, and in clusters of 25,000 under `--memory 256MiB`."""
+cc_cyanhabao, 519,691 triangles to 25 %, three passes: in one cluster, and in clusters of 25,000
+under `--memory 256MiB`."""
     return [text, "", *rows_of(["System", "RMS (m), one", "many", "many ÷ one", "triangles", "peak MiB, many", "CPU s, one / many", "nothing new in `check`"], rows)]

@@ -10,7 +10,7 @@ import curves
 from . import runs
 
 TOOLS = Path(__file__).resolve().parents[1]
-PAGES = Path("docs/reproduction")
+PAGES = Path("docs/results/papers")
 CONFIRMED, PARTLY, REFUTED, UNTESTED = "confirmed", "in part", "refuted", "not testable"
 
 
@@ -74,7 +74,7 @@ class Page:
 
     def save(self):
         PAGES.mkdir(parents=True, exist_ok=True)
-        lines = [f"# {self.title}", "", self.source, "", "Made by `python3 tools/reproduce.py`; [what is measured and how](../reproduction.md)."]
+        lines = [f"# {self.title}", "", self.source, "", "Made by `python3 tools/reproduce.py`; [what is measured and how](README.md)."]
         if self.claims:
             lines += ["", "## Claims", "", *rows_of(["Claim", "In the paper", "Here", "Our figure"], self.claims)]
         (PAGES / f"{self.name}.md").write_text("\n".join(lines + self.lines) + "\n")

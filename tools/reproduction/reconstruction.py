@@ -116,7 +116,7 @@ def three_at_2000(with_kinds, city):
 
 def picture(page, city, three):
     page.head("A city with 2,000 triangles")
-    page.text(f"The generated town of {run(city, QSLIM, 0.5).by_area['topology']['before']['faces']:,} triangles (Dalian has 109,936), without materials and pictures. Mean distance from the original in 1e-4 of the diagonal.")
+    page.text(f"The generated town of {run(city, QSLIM, 0.5).by_area['topology']['before']['faces']:,} triangles (Dalian has 109,936), without materials and textures. Mean distance from the original in 1e-4 of the diagonal.")
     page.table(["", "triangles", "from buildings", "from the green"], [[name, result.faces, *kinds] for name, (result, kinds) in three.items()])
     page.picture("city", [city, *(result.path for result, _ in three.values())], "The town, and with 2,000 triangles: by QSlim, reconstructed before, and by cells alone.", "--turn", "30", size="420x320")
 

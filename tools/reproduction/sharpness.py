@@ -25,7 +25,7 @@ def write():
     page.text("Mean regularity r (1 is equilateral), RMS distance, milliseconds. Its QEM, the baseline of all ratios here, places vertices at the best of both ends and the middle, and checks nothing. Liu Jun's method, the middle column, is in no paper that we have and is not implemented.")
     page.table(["r / RMS (1e-2) / ms", "QEM", "Liu Jun", "the paper", "r ÷ QEM", "RMS ÷ QEM"], [[f"{name}, {1 - share:.0%} removed", *(f"{r} / {rms} / {ms}" for r, rms, ms in paper), f"{paper[2][0] / paper[0][0]:.3f}", f"{paper[2][1] / paper[0][1]:.2f}"] for name, (_, _, share, paper) in FIGURES.items()])
     page.head("Here")
-    page.text("Generated figures with a picture: a belly, a neck, a head with a beak, and a seam down the back. RMS in 1e-4 of the diagonal, both ways; slivers have r below .5.")
+    page.text("Generated figures with a texture: a belly, a neck, a head with a beak, and a seam down the back. RMS in 1e-4 of the diagonal, both ways; slivers have r below .5.")
     rows = []
     for name, systems in found.items():
         base = systems[BASE]

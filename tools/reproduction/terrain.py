@@ -24,12 +24,12 @@ def write():
     found = {system: {faces: run(mesh, system, faces) for faces in PAPER} for system in SYSTEMS}
     claims(page, found)
     page.head("Its table on a generated terrain")
-    page.text(f"A terrain of {TRIANGLES:,} triangles with {BORDER_EDGES} border edges, as in the paper, and a picture. Largest distance both ways and mean distance from the result to the original, in metres; border edges that are left.")
+    page.text(f"A terrain of {TRIANGLES:,} triangles with {BORDER_EDGES} border edges, as in the paper, and a texture. Largest distance both ways and mean distance from the result to the original, in metres; border edges that are left.")
     rows = [["paper, original method", *(f"{most[0]} / {mean[0]} / {edges[0]}" for edges, most, mean in PAPER.values())], ["paper, improved", *(f"{most[1]} / {mean[1]} / {edges[1]}" for edges, most, mean in PAPER.values())]]
     rows += [[f"`{system}`", *(f"{result.distances()[0]:.3f} / {result.distances('forward')[1]:.3f} / {result.border_edges}" for result in results.values())] for system, results in found.items()]
     page.table(["largest / mean / border edges", *(f"{faces:,} triangles" for faces in PAPER)], rows)
-    page.text("`border-weights=1` is the paper's own mechanism: a border corner that costs nothing is cut off all the same, since a weight times nothing is nothing; the lock, which is the default, is stronger. `carry=0` computes the quadrics around a new vertex anew, the other reading of the paper's step 5. `raw=1` takes metres, texture coordinates from 0 to 1 and unit normals as they are. The last row is our own metric with locked borders. The row with `placement=three` asks whether the paper's baseline did without optimal placement.")
-    page.head("The picture")
+    page.text("`border-weights=1` is the paper's own mechanism: a border corner that costs nothing is cut off all the same, since a weight times nothing is nothing; the lock, which is the default, is stronger. `carry=0` recomputes the quadrics around a new vertex, the other reading of the paper's step 5. `raw=1` takes metres, texture coordinates from 0 to 1 and unit normals as they are. The last row is our own metric with locked borders. The row with `placement=three` asks whether the paper's baseline did without optimal placement.")
+    page.head("Texture")
     page.text("RMS of the difference of colours (of 255), and texture triangles that turned over.")
     page.table(["", *(f"{faces:,} triangles" for faces in PAPER)], [[f"`{system}`", *(f"{result.texture['colour_rms']:.2f} / {result.mirrored}" for result in found[system].values())] for system in (BASE, "qem-1997", "terrain", "terrain normal=0")])
     for system in (BASE, "qem-1997 --borders=lock", BEST_KEPT, "terrain"):

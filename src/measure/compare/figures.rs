@@ -1,4 +1,4 @@
-//! The figures of a comparison, named as in the JSON that `docs/report.md` describes.
+//! The figures of a comparison, named as in the JSON that `docs/reference/comparison.md` describes.
 //!
 //! Lengths are in the mesh's unit, angles in degrees, colours on 0 to 255, shares between 0 and 1.
 
