@@ -11,7 +11,7 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use drystone::base::{Error, Progress, Result, Silent};
-use drystone::job::header::{HEADER_BYTES, seal};
+use drystone::file::header::{HEADER_BYTES, seal};
 use drystone::job::{self, Manifest, Resume, Step, WorkFolder};
 use drystone::options::{Borders, Normals, Pieces, Seams, SimplifyOptions, TextureFiles, Weld};
 use drystone::pipeline;
@@ -89,7 +89,7 @@ fn assert_whole(scan: &Scan) {
             piece.faces.read_block(&file, block, &mut Vec::new(), &mut faces).expect("a block of the scan");
             for face in &faces {
                 assert!(face.vertices.iter().all(|&v| u64::from(v) < piece.positions.len()));
-                let is_known = |&t: &u32| t == drystone::store::NO_TEXCOORD || u64::from(t) < piece.texcoords.len();
+                let is_known = |&t: &u32| t == drystone::model::NO_TEXCOORD || u64::from(t) < piece.texcoords.len();
                 assert!(face.texcoords.iter().all(is_known));
                 assert!((face.part as usize) < scan.catalogue.parts.len());
             }

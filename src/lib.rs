@@ -23,8 +23,9 @@
 pub mod base;
 pub mod os;
 pub mod geometry;
+pub mod file;
 pub mod job;
-pub mod store;
+pub mod model;
 pub mod image;
 pub mod scan;
 pub mod mesh;

@@ -16,9 +16,9 @@ use xxhash_rust::xxh3::Xxh3;
 
 use crate::base::Findings;
 use crate::base::error::{escape, escape_path};
+use crate::model::Catalogue;
+use crate::model::catalogue::MaterialDefinition;
 use crate::os::path::path_of_name;
-use crate::store::Catalogue;
-use crate::store::mesh::MaterialDefinition;
 
 /// Stands for a face that shows no picture.
 pub const NO_IMAGE: u32 = u32::MAX;
@@ -67,7 +67,7 @@ impl TextureImages {
                 })
             })
             .collect();
-        let material_of = |part: &crate::store::Part| part.material.map_or(NO_IMAGE, |m| of_material[m as usize]);
+        let material_of = |part: &crate::model::Part| part.material.map_or(NO_IMAGE, |m| of_material[m as usize]);
         pictures.of_part = catalogue.parts.iter().map(material_of).collect();
         pictures
     }

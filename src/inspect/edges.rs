@@ -21,9 +21,9 @@ use serde::Serialize;
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::base::Result;
+use crate::file::buckets::{BucketWriter, Verbatim};
+use crate::model::Catalogue;
 use crate::partition::ClusterSource;
-use crate::partition::scatter::{ScatterWriter, Verbatim};
-use crate::store::Catalogue;
 
 /// Buckets of shared edges, at most.
 const BUCKETS_MAX: u64 = 256;
@@ -163,8 +163,8 @@ fn shared_keys(source: &ClusterSource, catalogue: &Catalogue) -> Vec<u64> {
 
 /// Collects what clusters share and counts it at the end.
 pub struct SharedTallies {
-    edges: ScatterWriter<SharedEdge>,
-    wedges: ScatterWriter<SharedWedge>,
+    edges: BucketWriter<SharedEdge>,
+    wedges: BucketWriter<SharedWedge>,
     buckets: u64,
 }
 
@@ -177,8 +177,8 @@ impl SharedTallies {
         let most_bytes = 3 * faces * size_of::<SharedEdge>() as u64;
         let buckets = most_bytes.div_ceil(bucket_bytes.max(1)).clamp(1, BUCKETS_MAX);
         Ok(Self {
-            edges: ScatterWriter::create(&folder.join("pass-0-edges.scatter"), buckets as usize)?,
-            wedges: ScatterWriter::create(&folder.join("pass-0-wedges.scatter"), buckets as usize)?,
+            edges: BucketWriter::create(&folder.join("pass-0-edges.scatter"), buckets as usize)?,
+            wedges: BucketWriter::create(&folder.join("pass-0-wedges.scatter"), buckets as usize)?,
             buckets,
         })
     }

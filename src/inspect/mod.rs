@@ -29,13 +29,13 @@ use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Permits, Progress, Result, bytes, counted, grouped};
 use crate::job::{InputFile, Manifest, Resume, WorkFolder};
 use crate::mesh::doubles::doubles;
+use crate::model::{Catalogue, StoredMesh};
 use crate::os::durable::temporary_folder;
 use crate::partition::{self, Partition, PartitionOptions, TextureScale, cluster};
 use crate::plan::{memory, scratch};
 use crate::report::warning_lines;
 use crate::scan::InputChoice;
 use crate::scan::{self, Scan};
-use crate::store::{Catalogue, StoredMesh};
 use crate::write::is_texture_there;
 
 /// Memory of a face of a cluster that is being counted, and of its edges that wait to be matched, in bytes.

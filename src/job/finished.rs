@@ -9,11 +9,12 @@ use std::sync::Mutex;
 use serde::Serialize;
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::header::Header;
 use super::journal::{Entry, Journal, Record, Step, Value, now};
+use super::lock;
 use super::stamp::Stamp;
-use super::{codec, lock};
 use crate::base::{Error, Result};
+use crate::file::codec;
+use crate::file::header::Header;
 use crate::os::durable::DurableFile;
 
 /// Largest value in bytes that is stored in the entry; a larger one gets its own file.

@@ -4,12 +4,12 @@ use std::fs::{self, File};
 use std::io::Read;
 use std::path::Path;
 
-use super::header::Header;
 use super::journal::JOURNAL;
 use super::lock::{LOCK, is_locked};
 use super::manifest::{MANIFEST, MANIFEST_BYTES_MAX};
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
+use crate::file::header::Header;
 use crate::os::durable::no_links;
 
 /// Prefixes and suffixes of the names of all other files.

@@ -20,10 +20,10 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64_with_seed;
 
-use super::codec;
-use super::header::{HEADER_BYTES, Header};
 use super::stamp::Stamp;
 use crate::base::{Error, Result};
+use crate::file::codec;
+use crate::file::header::{HEADER_BYTES, Header};
 use crate::os::durable::{DurableFile, no_links, sync_file};
 
 /// Name of the journal in a work folder.

@@ -9,10 +9,10 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::codec;
-use super::header::{FORMAT_VERSION, HEADER_BYTES, Header};
 use crate::base::error::{escape, escape_path};
 use crate::base::{Error, Result};
+use crate::file::codec;
+use crate::file::header::{FORMAT_VERSION, HEADER_BYTES, Header};
 use crate::os::durable::{DurableFile, folder_of, no_links};
 
 /// Name of the manifest in a work folder.
@@ -200,8 +200,8 @@ fn plain(value: &Value) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::header::seal;
     use super::*;
+    use crate::file::header::seal;
 
     fn manifest(options: &str) -> Manifest {
         let inputs = vec![InputFile { path: "/data/city.obj".into(), leads_to: "/data/city.obj".into(), bytes: 9 }];

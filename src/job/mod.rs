@@ -15,10 +15,8 @@
 //! `manifest.bin`, `journal.bin`, `lock`, the values of steps (`*.state`), and the files of the phases. A folder with
 //! foreign files is never used, nor one with files but no manifest of ours, so no file of the user is ever removed.
 
-pub mod codec;
 mod finished;
 mod foreign;
-pub mod header;
 mod journal;
 mod lock;
 mod manifest;
@@ -39,19 +37,19 @@ use serde::de::DeserializeOwned;
 
 use self::finished::{Finished, append, sync};
 use self::foreign::{entries, is_phase_file, refuse_foreign};
-pub use self::header::FORMAT_VERSION;
-use self::header::HEADER_BYTES;
 pub use self::journal::{Entry, Record, Step};
 use self::journal::{JOURNAL, Journal, Value, now};
 use self::lock::{LOCK, lock_folder};
 use self::manifest::MANIFEST;
 pub use self::manifest::{InputFile, Manifest};
 use self::stamp::Condition;
-pub use self::stamp::is_file_name;
 pub use self::status::{WorkStatus, folder_bytes, look};
 use crate::base::error::escape_path;
 use crate::base::threads::beside;
 use crate::base::{Error, Result};
+use crate::file::codec;
+pub use crate::file::header::FORMAT_VERSION;
+use crate::file::header::HEADER_BYTES;
 use crate::os::durable::{new_job_number, no_links, sync_file, sync_folder};
 
 /// What to do with an existing job in the work folder.

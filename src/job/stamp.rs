@@ -7,8 +7,9 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
-use super::header::{HEADER_BYTES, Header};
 use crate::base::{Error, Result};
+use crate::file::header::{HEADER_BYTES, Header};
+use crate::file::name::is_file_name;
 use crate::os::durable::no_links;
 
 const READ_BYTES: usize = 256 << 10;
@@ -97,11 +98,6 @@ impl Stamp {
         }
         if hash.digest() == expected { Ok(Condition::Whole) } else { damaged("its checksum does not match") }
     }
-}
-
-/// Reports whether a name denotes a file in the folder itself: no separators, not `.` or `..`.
-pub fn is_file_name(name: &str) -> bool {
-    !name.is_empty() && name != "." && name != ".." && !name.contains(['/', '\\', '\0'])
 }
 
 #[cfg(test)]

@@ -3,12 +3,12 @@
 use std::fs;
 use std::path::Path;
 
-use super::header::Header;
 use super::journal::{self, Entry, JOURNAL};
 use super::lock::is_locked;
 use super::manifest::{AFRESH, MANIFEST, Manifest};
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
+use crate::file::header::Header;
 
 /// State of a job, readable while it runs.
 #[derive(Debug)]

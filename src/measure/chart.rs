@@ -18,7 +18,7 @@ use super::edges::{EdgeTable, HalfEdge};
 use super::forest::DisjointSets;
 use super::surface::Surface;
 use crate::geometry::triangle::is_flat;
-use crate::store::NO_TEXCOORD;
+use crate::model::NO_TEXCOORD;
 
 /// Counts of what is in the texture atlas.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]

@@ -15,9 +15,9 @@ use serde::Serialize;
 use crate::base::{Progress, Result};
 use crate::geometry::boxtree::{Bounds, BoxTree};
 use crate::geometry::closest_point;
+use crate::model::StoredMesh;
+use crate::model::corners::PieceCorners;
 use crate::passes::probes::{ChosenCells, Probes, Spread};
-use crate::store::StoredMesh;
-use crate::store::corners::PieceCorners;
 
 /// Points that are tried on the result, in those that its input would take.
 const CANDIDATES_MAX: u64 = 16;

@@ -5,10 +5,11 @@ use rayon::prelude::*;
 
 use super::edges::repeats_vertex;
 use crate::base::{Error, Result};
+use crate::file::PackedColumn;
+use crate::file::packed::Coordinates;
 use crate::geometry::position_key;
+use crate::model::{Catalogue, NO_TEXCOORD, StoredMesh};
 use crate::partition::reading::triangulate_polygons;
-use crate::store::packed::Coordinates;
-use crate::store::{Catalogue, NO_TEXCOORD, PackedColumn, StoredMesh};
 
 /// Stands for a face without material.
 pub const NO_MATERIAL: u32 = u32::MAX;
@@ -147,7 +148,8 @@ fn weld_positions(positions: &[DVec3]) -> (Vec<DVec3>, Vec<u32>) {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::store::{Face, FaceWriter, PackedWriter, Part, StoredPiece};
+    use crate::file::PackedWriter;
+    use crate::model::{Face, FaceWriter, Part, StoredPiece};
 
     /// A surface without texture and materials.
     pub fn bare(positions: &[[f64; 3]], faces: &[[u32; 3]]) -> Surface {

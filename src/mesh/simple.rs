@@ -9,7 +9,7 @@ type Point = [f64; 2];
 /// Whether a closed outline does not cross itself. It may touch itself along bridges (edges that lead to a hole and
 /// back) and at up to 16 other positions.
 ///
-/// O(n²) at worst; a polygon has at most [a few hundred](crate::store::face::POLYGON_CORNERS_MAX) corners.
+/// O(n²) at worst; a polygon has at most [a few hundred](crate::model::face::POLYGON_CORNERS_MAX) corners.
 pub fn is_simple(outline: &[Point]) -> bool {
     let ids = numbered(outline);
     let edges = edges(&ids);

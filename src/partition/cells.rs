@@ -10,7 +10,8 @@ use super::options::PartitionOptions;
 use super::weight::{ClusterWeight, ORDINARY_BYTES, limit_bytes};
 use crate::base::Result;
 use crate::base::ordered::map_in_order;
-use crate::store::{PackedColumn, StoredMesh};
+use crate::file::PackedColumn;
+use crate::model::StoredMesh;
 
 /// Grid cells along each axis: for the whole mesh, and for a part that is refined.
 const GRID_SIDES: [usize; 2] = [128, 32];
@@ -365,7 +366,8 @@ fn sweep<R: Send>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::{Face, FaceWriter, NO_TEXCOORD, PackedWriter, StoredPiece};
+    use crate::file::PackedWriter;
+    use crate::model::{Face, FaceWriter, NO_TEXCOORD, StoredPiece};
 
     fn mesh_of(folder: &std::path::Path, positions: &[DVec3]) -> StoredMesh {
         let mut column = PackedWriter::create(&folder.join("p"), *b"position").unwrap();

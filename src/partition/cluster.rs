@@ -16,12 +16,13 @@ use super::ranks::Ranks;
 use super::reading::{ClusterFaces, for_each_block, gather, gather_texcoords, read, read_faces, triangulate_polygons};
 use super::texcoord_ids::texcoord_ids;
 use crate::base::Result;
+use crate::file::Segment;
+use crate::file::decimal::POWERS_OF_TEN;
 use crate::geometry::position_key;
 use crate::mesh::cluster::{ClusterMesh, flag, rounded_up};
 use crate::mesh::split::EdgePoint;
-use crate::store::decimal::POWERS_OF_TEN;
-use crate::store::piece::{PendingPiece, write_piece};
-use crate::store::{Catalogue, Face, NO_TEXCOORD, Segment, StoredMesh, StoredPiece};
+use crate::model::piece::{PendingPiece, write_piece};
+use crate::model::{Catalogue, Face, NO_TEXCOORD, StoredMesh, StoredPiece};
 
 /// Largest rounding error of a moved vertex, as a share of its shortest edge.
 const ROUNDING_SHARE: f64 = 1e-3;

@@ -18,22 +18,22 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use super::numbering::{Numbering, Ranks};
 use super::options::PartitionOptions;
-use super::scatter::{Scatter, ScatterWriter, Sorted};
 use super::shared::Shared;
 use super::stretches::{CellStretch, NamedStretches, SeenStretches};
 use super::weight::RecentWedges;
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Result};
+use crate::file::buckets::{BucketWriter, Buckets, Sorted};
+use crate::model::face::FaceBlock;
+use crate::model::stored_mesh::PieceNumbering;
+use crate::model::{Face, NO_TEXCOORD, StoredMesh, StoredPiece};
 use crate::os::system::{read_exact_at, write_all_at};
-use crate::store::face::FaceBlock;
-use crate::store::mesh::PieceNumbering;
-use crate::store::{Face, NO_TEXCOORD, StoredMesh, StoredPiece};
 
 /// Faces by cell, and the vertices shared by several cells.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct CellFaces {
     /// Faces of each cell, with new vertex ids and texcoord ids of the mesh.
-    pub by_cell: Scatter<Face>,
+    pub by_cell: Buckets<Face>,
     /// Vertices used by several cells.
     pub shared: Shared,
     /// For each cell, the corners of its faces that lie in other cells.
@@ -152,7 +152,7 @@ pub fn distribute(
         }
     };
     let loaded = LoadedWindow::default();
-    let mut by_cell = ScatterWriter::create(&folder.join(format!("{name}-faces.scatter")), numbering.cell_count())?;
+    let mut by_cell = BucketWriter::create(&folder.join(format!("{name}-faces.scatter")), numbering.cell_count())?;
     let mut shared = Shared::default();
     let mut foreign_corners = vec![0; numbering.cell_count()];
     let mut wedges = vec![0; numbering.cell_count()];
@@ -360,7 +360,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let faces = [Face { vertices: [0, 1, 2], ..Face::default() }; 3];
         let path = folder.path().join("a.piece");
-        let piece = crate::store::piece::write_piece(&path, &[glam::DVec3::ZERO; 3], &[], None, &faces).unwrap();
+        let piece = crate::model::piece::write_piece(&path, &[glam::DVec3::ZERO; 3], &[], None, &faces).unwrap();
         let piece = piece.commit().unwrap();
         let numbering = PieceNumbering { own: 3, vertex_base: 0, texcoord_base: 0 };
         let block = &piece.faces.blocks()[0];
@@ -378,7 +378,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let faces = [Face { vertices: [0, 1, 2], texcoords: [NO_TEXCOORD; 3], ..Face::default() }; 3];
         let path = folder.path().join("a.piece");
-        let piece = crate::store::piece::write_piece(&path, &[glam::DVec3::ZERO; 3], &[], None, &faces).unwrap();
+        let piece = crate::model::piece::write_piece(&path, &[glam::DVec3::ZERO; 3], &[], None, &faces).unwrap();
         let piece = piece.commit().unwrap();
         let numbering = PieceNumbering { own: 3, vertex_base: 0, texcoord_base: 0 };
         let whole = &piece.faces.blocks()[0];

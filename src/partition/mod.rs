@@ -30,7 +30,6 @@ pub mod numbering;
 mod options;
 mod ranks;
 pub mod reading;
-pub mod scatter;
 mod seams;
 mod shared;
 mod stretches;
@@ -44,8 +43,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Result};
+use crate::file::Segment;
 use crate::job::folder_bytes;
-use crate::store::{Catalogue, Segment, StoredMesh};
+use crate::model::{Catalogue, StoredMesh};
 
 pub use cluster::{ClusterSource, TextureScale};
 pub use options::PartitionOptions;

@@ -21,13 +21,14 @@ use serde::{Deserialize, Serialize};
 
 use super::cells::Cells;
 use super::options::PartitionOptions;
-use super::scatter::{Record, Scatter, ScatterWriter, Sorted, decode_coordinates, encode_coordinates};
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Result};
+use crate::file::buckets::{BucketWriter, Buckets, Record, Sorted, decode_coordinates, encode_coordinates};
+use crate::file::varint::{self, VARINT_BYTES_MAX, unzigzag, zigzag};
+use crate::file::{ColumnWriter, EncodedRun, PositionRunWriter, PositionRuns, Segment};
 use crate::geometry::position_key;
 use crate::job::folder_bytes;
-use crate::store::varint::{self, VARINT_BYTES_MAX, unzigzag, zigzag};
-use crate::store::{ColumnWriter, EncodedRun, Places, PlacesWriter, Segment, StoredMesh};
+use crate::model::StoredMesh;
 
 /// Positions read at once, few enough that the records made of them stay in the caches and in the heap.
 const SWEEP_RECORDS: u64 = 16 << 10;
@@ -58,7 +59,7 @@ pub fn fit_one_window(vertices: u64, work_bytes: u64) -> bool {
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Numbering {
     /// Positions by new id.
-    pub positions: Places,
+    pub positions: PositionRuns,
     /// Colours by new id; `None` if the mesh has none.
     pub colours: Option<Segment<[f32; 3]>>,
     /// First new id of each cell, then the number of vertices.
@@ -96,7 +97,7 @@ pub struct Ranks {
     /// All ranks, if they are kept in memory as a whole.
     whole: Vec<u32>,
     /// Otherwise, pairs (old, new) by window.
-    pairs: Option<Scatter<[u32; 2]>>,
+    pairs: Option<Buckets<[u32; 2]>>,
 }
 
 impl Ranks {
@@ -264,10 +265,10 @@ pub(super) fn number<R: VertexRecord>(
         true => None,
         false => {
             let windows = vertex_count.div_ceil(window_len) as usize;
-            Some(ScatterWriter::create(&folder.join(format!("{name}-ranks.scatter")), windows)?)
+            Some(BucketWriter::create(&folder.join(format!("{name}-ranks.scatter")), windows)?)
         }
     };
-    let mut positions = PlacesWriter::create(&folder.join(format!("{name}-positions.plc")))?;
+    let mut positions = PositionRunWriter::create(&folder.join(format!("{name}-positions.plc")))?;
     let mut colours = match mesh.has_colours() {
         true => Some(ColumnWriter::create(&folder.join(format!("{name}-colours.col")), *b"colour  ")?),
         false => None,
@@ -324,8 +325,8 @@ fn scatter_by_cell<R: VertexRecord>(
     cells: &Cells,
     path: &Path,
     options: &PartitionOptions,
-) -> Result<Scatter<R>> {
-    let mut scatter = ScatterWriter::create(path, cells.count() as usize)?;
+) -> Result<Buckets<R>> {
+    let mut scatter = BucketWriter::create(path, cells.count() as usize)?;
     let shared = (mesh.shared_positions.iter()).map(|positions| (positions, mesh.shared_colours.as_ref()));
     let own = mesh.pieces.iter().map(|piece| (&piece.positions, piece.colours.as_ref()));
     let mut base = 0;
@@ -393,7 +394,7 @@ impl WeldedCell {
     }
 }
 
-fn weld_cell<R: VertexRecord>(records: &Scatter<R>, cell: usize, weld: bool) -> Result<WeldedCell> {
+fn weld_cell<R: VertexRecord>(records: &Buckets<R>, cell: usize, weld: bool) -> Result<WeldedCell> {
     let mut welded = WeldedCell { local: Vec::with_capacity(records.len(cell) as usize), ..WeldedCell::default() };
     let expected = if weld { records.len(cell) as usize } else { 0 };
     let (mut known, mut fresh) = (Known::with_capacity_and_hasher(expected, RandomState::default()), 0);
@@ -406,7 +407,7 @@ fn weld_cell<R: VertexRecord>(records: &Scatter<R>, cell: usize, weld: bool) -> 
 
 /// Welds a cell of any size; passes the result of each extent to `put`.
 fn weld_crowd<R: VertexRecord>(
-    records: &Scatter<R>,
+    records: &Buckets<R>,
     cell: usize,
     weld: bool,
     mut put: impl FnMut((WeldedCell, Vec<EncodedRun>)) -> Result<()>,

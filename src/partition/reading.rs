@@ -10,10 +10,11 @@ use glam::{DVec2, DVec3};
 use super::Partition;
 use super::texcoord_ids::texcoord_ids;
 use crate::base::{Error, Result};
+use crate::file::Segment;
 use crate::mesh::doubles::doubles;
 use crate::mesh::polygon;
-use crate::store::face::{POLYGON_CORNERS_MAX, repeats_vertex};
-use crate::store::{Face, Segment, StoredMesh};
+use crate::model::face::{POLYGON_CORNERS_MAX, repeats_vertex};
+use crate::model::{Face, StoredMesh};
 
 /// Largest span of a window while gathering, in records.
 const GATHER_RECORDS: u64 = 64 << 10;

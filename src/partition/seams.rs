@@ -3,7 +3,7 @@
 use super::ranks::Ranks;
 use super::reading::ClusterFaces;
 use crate::mesh::crowding::SeamTally;
-use crate::store::{Catalogue, NO_TEXCOORD};
+use crate::model::{Catalogue, NO_TEXCOORD};
 
 /// One in this many edges is sampled.
 const EDGE_STEP: u32 = 8;
@@ -63,7 +63,7 @@ mod tests {
     use glam::{DVec2, DVec3};
 
     use super::*;
-    use crate::store::Face;
+    use crate::model::Face;
 
     /// A strip of two columns of squares, `length` long. In the right column u is larger by `step` and has its own ids.
     fn strip(length: u32, step: f64) -> ClusterFaces {
@@ -88,7 +88,7 @@ mod tests {
 
     #[test]
     fn seams_are_measured_and_rims_are_not() {
-        let part = crate::store::Part { file: 0, object: None, group: None, material: None };
+        let part = crate::model::Part { file: 0, object: None, group: None, material: None };
         let catalogue = Catalogue { parts: vec![part], ..Catalogue::default() };
         let tally = strip(10_000, 5.0).tally_seams(&catalogue);
         assert_eq!((tally.faces, tally.area), (40_000, 20_000.0));

@@ -11,7 +11,7 @@ use std::collections::HashSet;
 
 use foldhash::fast::RandomState;
 
-use crate::store::NO_TEXCOORD;
+use crate::model::NO_TEXCOORD;
 
 /// Texture coordinates per stretch: 64 KiB, so that reading one costs about as much as a random access.
 const STRETCH_LEN: u32 = 4096;

@@ -1,6 +1,6 @@
 //! Which texture coordinates faces use.
 
-use crate::store::{Face, NO_TEXCOORD};
+use crate::model::{Face, NO_TEXCOORD};
 
 /// Largest span of texcoord ids per face for which they are collected in a bit set; a list takes 32 times that and is
 /// sorted.

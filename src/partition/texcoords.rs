@@ -24,11 +24,11 @@ use serde::{Deserialize, Serialize};
 use super::faces::CellFaces;
 use super::numbering::window_bytes;
 use super::options::PartitionOptions;
-use super::scatter::{Scatter, ScatterWriter};
 use super::texcoord_ids::texcoord_ids;
 use crate::base::Result;
 use crate::base::ordered::map_in_order;
-use crate::store::StoredMesh;
+use crate::file::buckets::{BucketWriter, Buckets};
+use crate::model::StoredMesh;
 
 /// Bytes of a texture coordinate.
 const TEXCOORD_BYTES: u64 = 16;
@@ -38,7 +38,7 @@ const STEP: u64 = 1 << 16;
 /// Texture coordinates of each cell, in order of their ids.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct CellTexcoords {
-    pub(super) answers: Scatter<DVec2>,
+    pub(super) answers: Buckets<DVec2>,
 }
 
 impl CellTexcoords {
@@ -71,7 +71,7 @@ pub fn bring(
     let count = mesh.texcoord_count();
     let window_len = (window_bytes(options.work_bytes) / TEXCOORD_BYTES).max(1 << 16) as u32;
     let windows = count.div_ceil(u64::from(window_len)).max(1) as usize;
-    let mut questions = ScatterWriter::create(&folder.join(format!("{name}-questions.scatter")), windows)?;
+    let mut questions = BucketWriter::create(&folder.join(format!("{name}-questions.scatter")), windows)?;
     map_in_order(
         0..cell_count,
         options.threads,
@@ -79,8 +79,8 @@ pub fn bring(
         |cell| Ok((cell as u32, texcoord_ids(&faces.by_cell.to_vec(1, cell)?))),
         |(cell, ids)| ids.into_iter().try_for_each(|id| questions.push(id / window_len, [cell, id])),
     )?;
-    let questions: Scatter<[u32; 2]> = questions.finish()?;
-    let mut answers = ScatterWriter::create(&folder.join(format!("{name}-texcoords.scatter")), cell_count)?;
+    let questions: Buckets<[u32; 2]> = questions.finish()?;
+    let mut answers = BucketWriter::create(&folder.join(format!("{name}-texcoords.scatter")), cell_count)?;
     for window in 0..windows {
         let start = window as u32 * window_len;
         let texcoords = texcoords_in(mesh, u64::from(start)..(u64::from(start) + u64::from(window_len)).min(count))?;

@@ -14,7 +14,7 @@ use std::hash::{BuildHasherDefault, Hasher};
 
 use serde::{Deserialize, Serialize};
 
-use crate::store::{Catalogue, Face};
+use crate::model::{Catalogue, Face};
 
 const FACE_BYTES: u64 = 56;
 const VERTEX_BYTES: u64 = 150;

@@ -8,9 +8,9 @@ use super::probes::{Probes, Probing};
 use super::stop_rule::Plan;
 use super::texture_traits::TextureTraits;
 use crate::mesh::ClusterMesh;
+use crate::model::{Catalogue, StoredPiece};
 use crate::partition::Partition;
 use crate::simplify::{Changes, Milestone};
-use crate::store::{Catalogue, StoredPiece};
 
 /// How a pass begins.
 #[derive(Serialize, Deserialize)]

@@ -11,13 +11,13 @@ use crate::base::ordered::{Crew, settle_in_order};
 use crate::cost::Metric;
 use crate::job::Step;
 use crate::mesh::pieces;
+use crate::model::piece::PendingPiece;
+use crate::model::{StoredMesh, StoredPiece};
 use crate::os::mmap;
 use crate::partition::weight::ClusterWeight;
 use crate::partition::{Partition, cluster};
 use crate::remesh;
 use crate::simplify::Anchor;
-use crate::store::piece::PendingPiece;
-use crate::store::{StoredMesh, StoredPiece};
 
 /// Clusters after which freed memory is returned to the system; by then the heaps of the threads are fragmented.
 const CLUSTERS_PER_RELEASE: usize = 64;

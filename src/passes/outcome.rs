@@ -8,10 +8,10 @@ use crate::base::Findings;
 use crate::cost::Metric;
 use crate::mesh::ClusterMesh;
 use crate::mesh::class::Class;
+use crate::model::StoredMesh;
 use crate::simplify::Changes;
 use crate::simplify::refusal::Refusal;
 use crate::simplify::{Engine, Milestone};
-use crate::store::StoredMesh;
 
 /// Result of one pass.
 #[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]

@@ -18,12 +18,12 @@ use crate::cost::census::Census;
 use crate::cost::{ClassicCost, CurvatureCost, Metric, ObliqueCost, SharpnessCost, SurfaceCost, TerrainCost};
 use crate::job::{Step, WorkFolder, folder_bytes};
 use crate::mesh::ClusterMesh;
+use crate::model::{Catalogue, StoredMesh};
 use crate::os::mmap;
 use crate::partition::cells::fits_one;
 use crate::partition::{self, Partition, PartitionOptions};
 use crate::render::ClusterMap;
 use crate::simplify::Engine;
-use crate::store::{Catalogue, StoredMesh};
 
 /// Largest number of passes beyond those asked for.
 const EXTRA_PASSES: usize = 12;

@@ -543,7 +543,7 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// Places one point per `spacing` of area, at most `most`. The same `seed` gives the same points.
+    /// PositionRuns one point per `spacing` of area, at most `most`. The same `seed` gives the same points.
     pub fn new(spacing: f64, most: u64, seed: u64) -> Self {
         Self { spacing, owed: unit(mixed(seed)), hash: mixed(seed), left: most }
     }

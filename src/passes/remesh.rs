@@ -24,10 +24,10 @@ use crate::base::Result;
 use crate::base::ordered::map_in_order;
 use crate::cost::Metric;
 use crate::job::{Step, folder_bytes};
+use crate::model::{StoredMesh, StoredPiece};
 use crate::partition::{ClusterSource, Partition, cluster};
 use crate::remesh::cvd::mass::MassSums;
 use crate::remesh::cvd::{self, Frame, Settings, Stock};
-use crate::store::{StoredMesh, StoredPiece};
 
 /// Remeshing passes for a target in cells, if there are several clusters.
 pub const CELL_PASSES: usize = 3;

@@ -10,10 +10,10 @@ use crate::base::{Permits, Progress, Result};
 use crate::cost::Metric;
 use crate::job::{Step, WorkFolder};
 use crate::mesh::ClusterMesh;
+use crate::model::{Catalogue, StoredMesh};
 use crate::partition::{ClusterSource, Partition, cluster};
 use crate::render::ClusterMap;
 use crate::simplify::Engine;
-use crate::store::{Catalogue, StoredMesh};
 
 /// A run of all passes.
 pub struct Run<'a, M: Metric> {

@@ -3,8 +3,9 @@
 use super::run::Run;
 use crate::base::Result;
 use crate::cost::Metric;
+use crate::file::{ColumnWriter, PackedWriter};
+use crate::model::StoredMesh;
 use crate::partition::{Partition, reading};
-use crate::store::{ColumnWriter, PackedWriter, StoredMesh};
 
 /// Vertices gathered at once.
 const SHARED_RECORDS: usize = 64 << 10;

@@ -12,9 +12,9 @@ use crate::base::{Findings, Result};
 use crate::cost::census::Census;
 use crate::job::{Step, WorkFolder};
 use crate::mesh::ClusterMesh;
+use crate::model::{Catalogue, StoredMesh};
 use crate::partition::Partition;
 use crate::simplify::Changes;
-use crate::store::{Catalogue, StoredMesh};
 
 /// State of the passes so far.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]

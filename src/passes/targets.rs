@@ -11,10 +11,10 @@ use crate::base::Result;
 use crate::cost::Metric;
 use crate::job::Step;
 use crate::mesh::ClusterMesh;
+use crate::model::StoredMesh;
 use crate::partition::Partition;
 use crate::partition::reading::{self, ClusterFaces};
 use crate::partition::weight::ORDINARY_BYTES;
-use crate::store::StoredMesh;
 
 /// Mean faces per cluster at the target from which a trim uses shares instead of costs.
 const SHARED_TRIM_FACES: u64 = 5_000;

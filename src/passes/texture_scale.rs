@@ -12,9 +12,9 @@ use crate::base::ordered::map_in_order;
 use crate::cost::Metric;
 use crate::mesh::ClusterMesh;
 use crate::mesh::crowding::SeamTally;
+use crate::model::StoredMesh;
 use crate::partition::cluster::MaterialArea;
 use crate::partition::{Partition, TextureScale, reading};
-use crate::store::StoredMesh;
 
 /// One in this many blocks of faces is read.
 const STEP: usize = 4;

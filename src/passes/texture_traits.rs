@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::model::Catalogue;
 use crate::partition::TextureScale;
-use crate::store::Catalogue;
 
 /// Properties of the texture that the passes use.
 #[derive(Debug, Clone, Serialize, Deserialize)]

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use crate::base::Findings;
+use crate::model::Catalogue;
 use crate::report::FileFigures;
-use crate::store::Catalogue;
 use crate::write::{self, Companion};
 
 /// Counts materials and textures of the input, what is left of them (`written` says what is lost) and their files.

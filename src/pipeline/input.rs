@@ -15,11 +15,11 @@ use super::need::{COUNT_LIMIT, Need};
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Progress, Result, counted};
 use crate::job::{Manifest, Step, WorkFolder, folder_bytes};
+use crate::model::Catalogue;
 use crate::options::{Pieces, SimplifyOptions, TextureFiles, TexturesOutside};
 use crate::passes::Start;
 use crate::scan::fingerprint::{self, Contents, Source};
 use crate::scan::{self, InputChoice, Scan, ScanOptions};
-use crate::store::Catalogue;
 use crate::write::{self, NamedTexture, Sources, Staged};
 
 /// What the input holds beside geometry.

@@ -12,12 +12,13 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::base::{Error, MemoryBudget, Result, bytes};
+use crate::file::PackedColumn;
+use crate::model::{Catalogue, StoredMesh};
 use crate::options::SimplifyOptions;
 use crate::os::system;
 use crate::partition::weight::limit_bytes;
 use crate::plan::memory::in_work;
 use crate::plan::scratch::{self, FirstPass};
-use crate::store::{Catalogue, PackedColumn, StoredMesh};
 
 /// Bits of a vertex in the set of shared ones, with its ranks.
 const VERTEX_BITS: u64 = 9;

@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
-use crate::job::{Step, WorkFolder, codec};
+use crate::file::codec;
+use crate::job::{Step, WorkFolder};
 use crate::os::durable::{DurableFile, folder_of, make_folders};
 use crate::scan::{InputChoice, fingerprint};
 use crate::write::{Companion, Sources, Written, remove_waiting_of, textures_folder, why_unnameable};

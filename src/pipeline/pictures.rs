@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use crate::base::{Findings, Progress, Result};
+use crate::model::{Catalogue, StoredMesh};
 use crate::report::gallery::{self, Shot, Viewpoints};
 use crate::report::scene::DrawResources;
 use crate::report::scene::StoredScene;
-use crate::store::{Catalogue, StoredMesh};
 
 /// Width and height of a map of the clusters, in pixels.
 pub(super) const MAP_SIZE: [usize; 2] = [600, 400];

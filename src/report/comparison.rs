@@ -16,7 +16,7 @@ use crate::measure::compare::cells::MeasuredMesh;
 use crate::measure::compare::{Comparison, Distances, Geometry, Onlooker, Place, Quality, Seams, Texture, Topology};
 use crate::os::durable::new_job_number;
 
-/// Places of the largest distances that are shown.
+/// PositionRuns of the largest distances that are shown.
 const SHOWN_PLACES: usize = 5;
 
 /// A name, and how its figure is found.

@@ -19,10 +19,10 @@ use glam::DVec3;
 use crate::base::{Findings, Result};
 use crate::image::textures::{NO_IMAGE, TextureImages};
 use crate::measure::compare::cells::MeasuredMesh;
+use crate::model::catalogue::MaterialDefinition;
+use crate::model::{Catalogue, StoredMesh};
 use crate::partition::{self, ClusterSource, PartitionOptions, TextureScale, cluster};
 use crate::render::{Paint, Triangle};
-use crate::store::mesh::MaterialDefinition;
-use crate::store::{Catalogue, StoredMesh};
 
 /// What drawing may use; nothing of it changes a picture, unless an image does not fit the memory.
 #[derive(Debug, Clone, Copy, Default)]

@@ -24,9 +24,10 @@ use super::parts::Labels;
 use crate::base::error::escape_path;
 use crate::base::ordered::both;
 use crate::base::{Error, Findings, Result};
-use crate::store::face::{POLYGON_CORNERS_MAX, repeats_vertex};
-use crate::store::mesh::ID_LIMIT;
-use crate::store::{ColumnWriter, Face, FaceBlocks, FaceWriter, NO_TEXCOORD, PackedWriter, StoredPiece};
+use crate::file::{ColumnWriter, PackedWriter};
+use crate::model::face::{POLYGON_CORNERS_MAX, repeats_vertex};
+use crate::model::stored_mesh::ID_LIMIT;
+use crate::model::{Face, FaceBlocks, FaceWriter, NO_TEXCOORD, StoredPiece};
 
 const FACE_BUFFER: usize = 4096;
 const COLOUR_BUFFER: usize = 4096;

@@ -15,7 +15,7 @@ use super::number::number;
 use super::{foreign_format, obj};
 use crate::base::threads::start;
 use crate::base::{Error, Progress, Result};
-use crate::store::packed::Bounds;
+use crate::file::packed::Bounds;
 
 /// Counts of the statements of an input.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

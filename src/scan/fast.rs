@@ -10,8 +10,8 @@ use memchr::memchr3;
 use super::number::{index_at, number_at, short_index_at, short_number_at};
 use super::obj::{COORDINATE_MAX, Parser};
 use super::parsed::Numbered;
-use crate::store::NO_TEXCOORD;
-use crate::store::face::POLYGON_CORNERS_MAX;
+use crate::model::NO_TEXCOORD;
+use crate::model::face::POLYGON_CORNERS_MAX;
 
 impl Parser<'_> {
     /// Reads the statement at the parser's position if it is a plain `v`, `vt`, `vn` or `f` on one line; returns

@@ -19,7 +19,7 @@ use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 use super::chunk::{CHUNK_BYTES, Cutter};
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Progress, Result};
-use crate::job::codec;
+use crate::file::codec;
 use crate::os::system::is_of_machine;
 
 const READ_BYTES: usize = 256 << 10;

@@ -5,7 +5,7 @@
 //!             ▲                                                          │
 //!             └────────────────── a ticket per chunk in flight ◀─────────┘
 //! ```
-//! In: OBJ files. Out: one [`StoredPiece`](crate::store::StoredPiece) per file, and the [`Catalogue`] of everything
+//! In: OBJ files. Out: one [`StoredPiece`](crate::model::StoredPiece) per file, and the [`Catalogue`] of everything
 //! that is not geometry. Invariant: chunks depend on the files alone and are committed in order, so the result and the
 //! text of any error are the same for any number of threads.
 //!
@@ -51,7 +51,7 @@ use self::parsed::ParsedChunk;
 use self::parts::Labels;
 use crate::base::threads::{at_least_one, start};
 use crate::base::{Allowance, Error, Findings, Progress, Result};
-use crate::store::{Catalogue, StoredMesh};
+use crate::model::{Catalogue, StoredMesh};
 
 pub use self::chunk::CHUNK_BYTES;
 pub use self::count::{Counts, count};

@@ -22,11 +22,11 @@ use super::obj::BYTE_ORDER_MARK;
 use super::parts::FileMaterials;
 use crate::base::error::{escape, escape_path};
 use crate::base::{Allowance, Error, Findings, Result};
+use crate::model::Material;
+use crate::model::catalogue::{MaterialDefinition, TextureStatement, statement_bytes};
 use crate::os::durable::folder_of;
 use crate::os::path::path_of_name;
 use crate::os::system::is_file;
-use crate::store::Material;
-use crate::store::mesh::{MaterialDefinition, TextureStatement, statement_bytes};
 
 /// Larger libraries are ignored, in bytes.
 pub const LIBRARY_BYTES_MAX: u64 = 64 << 20;

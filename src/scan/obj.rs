@@ -15,9 +15,9 @@ use super::line::{LogicalLine, logical_line, split_keyword, trim, words};
 use super::number::{Index, Number, index_at, is_non_finite_word, number};
 use super::parsed::{LabelKind, Library, Numbered, ParsedChunk};
 use crate::base::error::escape;
-use crate::store::NO_TEXCOORD;
-use crate::store::face::POLYGON_CORNERS_MAX;
-use crate::store::mesh::ID_LIMIT;
+use crate::model::NO_TEXCOORD;
+use crate::model::face::POLYGON_CORNERS_MAX;
+use crate::model::stored_mesh::ID_LIMIT;
 
 /// Largest magnitude of positions and texture coordinates: clusters store them as 32-bit floats.
 pub const COORDINATE_MAX: f64 = f32::MAX as f64;

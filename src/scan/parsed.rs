@@ -15,7 +15,7 @@ use std::ops::Range;
 use glam::{DVec2, DVec3};
 
 use crate::base::findings::PLACES_PER_KIND;
-use crate::store::PackedBlocks;
+use crate::file::PackedBlocks;
 
 /// Kind of statement that an index counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -12,9 +12,9 @@ use std::path::{Path, PathBuf};
 
 use super::parsed::LabelKind;
 use crate::base::{Allowance, Error, Result};
+use crate::model::catalogue::MaterialDefinition;
+use crate::model::{Catalogue, Material, Part};
 use crate::os::path::path_of_name;
-use crate::store::mesh::MaterialDefinition;
-use crate::store::{Catalogue, Material, Part};
 
 /// Labels of the current face, and all labels used so far.
 #[derive(Debug)]
@@ -264,7 +264,7 @@ fn name_outputs(materials: &mut [Material]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::mesh::TextureStatement;
+    use crate::model::catalogue::TextureStatement;
 
     fn textured(folder: &str, texture: &str) -> Option<MaterialDefinition> {
         let texture = TextureStatement { key_and_options: b"map_Kd".to_vec(), name: texture.into() };

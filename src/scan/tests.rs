@@ -7,8 +7,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::base::Silent;
-use crate::store::face::POLYGON_CORNERS_MAX;
-use crate::store::{Face, NO_TEXCOORD, Part};
+use crate::model::face::POLYGON_CORNERS_MAX;
+use crate::model::{Face, NO_TEXCOORD, Part};
 
 /// Records of a scan, in memory.
 #[derive(Debug)]

@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 
 use crate::base::Findings;
 use crate::base::error::escape_path;
-use crate::store::StoredMesh;
-use crate::store::packed::Bounds;
+use crate::file::packed::Bounds;
+use crate::model::StoredMesh;
 
 /// Two boxes count as the same if, on each axis, their overlap is at least this share of their union.
 const SAME_SHARE: f64 = 0.98;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use crate::job::codec;
+use crate::file::codec;
 use crate::scan::fingerprint;
 
 /// A file of the result other than the OBJ.

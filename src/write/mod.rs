@@ -59,10 +59,10 @@ use self::textures::TextureStage;
 use crate::base::bytes::MIB;
 use crate::base::error::escape_path;
 use crate::base::{Error, Findings, Progress, Result};
+use crate::model::corners::FaceReader;
+use crate::model::stored_mesh::PieceNumbering;
+use crate::model::{Catalogue, NO_TEXCOORD, StoredMesh, StoredPiece};
 use crate::os::durable::{DurableFile, folder_of, lock_while_open, remove_waiting};
-use crate::store::corners::FaceReader;
-use crate::store::mesh::PieceNumbering;
-use crate::store::{Catalogue, NO_TEXCOORD, StoredMesh, StoredPiece};
 
 /// Smallest memory in bytes for the grouping, and for work in flight.
 const SHARE_BYTES_MIN: u64 = 4 * MIB;

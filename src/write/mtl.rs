@@ -12,7 +12,7 @@ use super::signature::signature;
 use super::textures::TextureStage;
 use crate::base::error::escape;
 use crate::base::{Findings, Result, counted};
-use crate::store::Catalogue;
+use crate::model::Catalogue;
 
 /// Text of the MTL; `None` if no used material has a definition.
 ///

@@ -26,8 +26,9 @@ use glam::DVec3;
 
 use super::grouping::Grouping;
 use crate::base::{Error, Result};
-use crate::store::corners::{FaceReader, PieceCorners};
-use crate::store::{Column, ColumnWriter, Segment, StoredMesh, StoredPiece};
+use crate::file::{Column, ColumnWriter, Segment};
+use crate::model::corners::{FaceReader, PieceCorners};
+use crate::model::{StoredMesh, StoredPiece};
 
 /// Cosine of the crease angle of 60°.
 ///

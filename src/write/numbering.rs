@@ -7,9 +7,9 @@
 //! 3/16 byte per vertex and texture coordinate, 8 bytes per part, and one block of faces.
 
 use crate::base::{Error, Result};
-use crate::store::corners::FaceReader;
-use crate::store::mesh::PieceNumbering;
-use crate::store::{NO_TEXCOORD, StoredMesh};
+use crate::model::corners::FaceReader;
+use crate::model::stored_mesh::PieceNumbering;
+use crate::model::{NO_TEXCOORD, StoredMesh};
 
 /// A set of ids 0 .. n that returns the rank of each member.
 #[derive(Debug, Default)]

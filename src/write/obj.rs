@@ -29,9 +29,10 @@ use super::number::{put_f32, put_f64, put_four_decimals, put_u32};
 use super::numbering::{IdSet, Usage};
 use super::signature::signature;
 use crate::base::{Progress, Result};
+use crate::file::{PackedColumn, Segment};
+use crate::model::stored_mesh::PieceNumbering;
+use crate::model::{Catalogue, StoredMesh};
 use crate::os::durable::DurableFile;
-use crate::store::mesh::PieceNumbering;
-use crate::store::{Catalogue, PackedColumn, Segment, StoredMesh};
 
 /// Number of lines formatted at once.
 const BLOCK_LINES: u64 = 16 << 10;
@@ -385,7 +386,7 @@ pub(super) fn put_statement(text: &mut Vec<u8>, key: &[u8], value: &[u8]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::{Material, Part};
+    use crate::model::{Material, Part};
 
     #[test]
     fn corners_are_written_in_four_forms() {

@@ -7,9 +7,9 @@ use std::collections::BTreeSet;
 use std::path::{Component, Path, PathBuf};
 use std::{fs, io};
 
+use crate::model::Catalogue;
 use crate::os::durable::folder_of;
 use crate::os::path::path_of_bytes;
-use crate::store::Catalogue;
 
 /// Why a texture is not copied.
 pub(super) enum Unusable {

@@ -6,9 +6,10 @@ use glam::{DVec2, DVec3};
 
 use super::*;
 use crate::base::Silent;
+use crate::file::{ColumnWriter, PackedWriter};
+use crate::model::catalogue::{MaterialDefinition, TextureStatement};
+use crate::model::{Face, FaceWriter, Material, Part};
 use crate::os::durable::{waiting_place, witness};
-use crate::store::mesh::{MaterialDefinition, TextureStatement};
-use crate::store::{ColumnWriter, Face, FaceWriter, Material, PackedWriter, Part};
 
 const BARE: [u32; 3] = [NO_TEXCOORD; 3];
 

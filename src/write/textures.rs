@@ -24,11 +24,11 @@ use super::paths::{Unusable, find_anywhere, find_source, is_outside, path_betwee
 use super::targets::{Sources, Targets};
 use crate::base::error::{escape, escape_path};
 use crate::base::{Error, Findings, Result};
+use crate::model::Catalogue;
 use crate::os::durable::{give_name, sync_folder, waiting_place};
 use crate::os::path::path_of_bytes;
 use crate::os::system::is_of_machine;
 use crate::scan::fingerprint;
-use crate::store::Catalogue;
 
 /// Longest stem in bytes; leaves room for a number and an extension in the 255 bytes that file systems allow.
 const STEM_BYTES_MAX: usize = 220;

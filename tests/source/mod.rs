@@ -1,4 +1,5 @@
 //! The source below `src/` as modules, and which file takes names from which.
+#![allow(dead_code, reason = "each test uses a part of it")]
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

@@ -17,26 +17,25 @@ use std::path::{Path, PathBuf};
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
-use xxhash_rust::xxh3::Xxh3;
 
 use super::options::Resources;
 use super::tally::{CellTally, Tallied, Tallies, tally};
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Permits, Progress, Result};
+use crate::file::RecordFile;
+use crate::file::Segment;
 use crate::geometry::boxtree::Bounds;
 use crate::geometry::tilted::TiltedBox;
 use crate::geometry::triangle::{area, perimeter, texture_area};
 use crate::geometry::triangle_tree::{self, Answer, Pair, Question, Tree, TreeView};
 use crate::image::textures::{NO_IMAGE, TextureImages};
-use crate::job::header::{HEADER_BYTES, Header};
 use crate::job::{InputFile, Manifest, Resume, WorkFolder};
-use crate::os::durable::DurableFile;
+use crate::model::{Catalogue, StoredMesh};
 use crate::os::mmap::MappedRecords;
 use crate::partition::cluster;
 use crate::partition::{self, ClusterSource, PartitionOptions, TextureScale};
 use crate::scan::InputChoice;
 use crate::scan::{self, Scan};
-use crate::store::{Catalogue, Segment, StoredMesh};
 
 /// Memory of a face of a cell while it is made, in bytes.
 const FACE_BYTES: u64 = 400;
@@ -322,19 +321,14 @@ impl Making<'_> {
 /// Writes cells one after the other.
 struct CellWriter {
     path: PathBuf,
-    file: DurableFile,
-    hash: Xxh3,
-    offset_bytes: u64,
+    file: RecordFile,
     cells: Vec<Cell>,
     volume: f64,
 }
 
 impl CellWriter {
     fn create(path: &Path) -> Result<Self> {
-        let mut file = DurableFile::create(path, 256 << 10)?;
-        file.write(&[0; HEADER_BYTES as usize])?;
-        let (hash, cells) = (Xxh3::new(), Vec::new());
-        Ok(Self { path: path.to_owned(), file, hash, offset_bytes: HEADER_BYTES, cells, volume: 0.0 })
+        Ok(Self { path: path.to_owned(), file: RecordFile::create(path)?, cells: Vec::new(), volume: 0.0 })
     }
 
     /// Writes a cell and returns its tally.
@@ -361,22 +355,15 @@ impl CellWriter {
     }
 
     fn put<T: Pod>(&mut self, records: &[T]) -> Result<Segment<T>> {
-        let segment = Segment::new(self.path.clone(), self.offset_bytes, records.len() as u64);
         let bytes: &[u8] = bytemuck::cast_slice(records);
         let padding = bytes.len().next_multiple_of(8) - bytes.len();
-        for bytes in [bytes, &[0; 8][..padding]] {
-            self.hash.update(bytes);
-            self.file.write(bytes)?;
-            self.offset_bytes += bytes.len() as u64;
-        }
-        Ok(segment)
+        let begin = self.file.put(bytes)?;
+        self.file.put(&[0; 8][..padding])?;
+        Ok(Segment::new(self.path.clone(), begin, records.len() as u64))
     }
 
-    fn finish(mut self) -> Result<(Vec<Cell>, f64)> {
-        let count = self.cells.len() as u64;
-        let header = Header { kind: *b"cells   ", record_bytes: 0, count, checksum: self.hash.digest() };
-        self.file.write_at(0, &header.encode())?;
-        self.file.commit()?;
+    fn finish(self) -> Result<(Vec<Cell>, f64)> {
+        self.file.finish(*b"cells   ", 0, self.cells.len() as u64)?;
         Ok((self.cells, self.volume))
     }
 }

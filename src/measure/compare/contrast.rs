@@ -17,9 +17,9 @@ use super::texture_pair::TexturePair;
 use crate::base::error::escape_path;
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Permits, Progress, Result};
+use crate::file::Column;
 use crate::image::decode;
 use crate::image::textures::{Content, NO_IMAGE, TextureImages};
-use crate::store::Column;
 
 /// Largest difference of colours.
 const COLOUR_MAX: f64 = 255.0;
@@ -212,7 +212,7 @@ impl<'a> Images<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::ColumnWriter;
+    use crate::file::ColumnWriter;
 
     #[test]
     fn rounds_hold_all_pairs_and_no_more_than_fit() {

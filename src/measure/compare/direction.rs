@@ -24,9 +24,9 @@ use super::texture_pair::TexturePair;
 use crate::base::bytes::MIB;
 use crate::base::ordered::map_in_order;
 use crate::base::{Progress, Result};
+use crate::file::{Column, ColumnWriter};
 use crate::geometry::triangle::unit_normal;
 use crate::image::textures::NO_IMAGE;
-use crate::store::{Column, ColumnWriter};
 
 /// Memory of a thread for each cell that it keeps open, and for its batch of points.
 const CELL_BYTES: u64 = 6 * MIB;
@@ -45,7 +45,7 @@ pub struct Direction {
     pub angles: Distribution,
     /// Points by area whose normals differ by more than 90°.
     pub flipped: u64,
-    /// Places of the largest distances in different cells, the largest first.
+    /// PositionRuns of the largest distances in different cells, the largest first.
     pub worst: Vec<Place>,
     /// Points that were given up.
     pub cut: u64,

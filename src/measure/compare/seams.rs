@@ -22,9 +22,9 @@ use glam::DVec2;
 use super::texture_pair::TexturePair;
 use crate::base::Result;
 use crate::base::chance;
+use crate::file::{Column, ColumnWriter};
 use crate::image::textures::NO_IMAGE;
 use crate::mesh::cluster::ClusterMesh;
-use crate::store::{Column, ColumnWriter};
 
 /// Points on seams for each point by area, at most.
 const SEAM_SHARE: f64 = 0.25;

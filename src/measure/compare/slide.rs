@@ -11,7 +11,7 @@
 //! Where the original shows an image more than once, as brick walls do, a texel lies at several places. Drift on such an
 //! image is not measured.
 //!
-//! Places are those of texels of a grid, [`GRID_SIDE`] on each side of an image, so that slides of up to a texel's size are
+//! PositionRuns are those of texels of a grid, [`GRID_SIDE`] on each side of an image, so that slides of up to a texel's size are
 //! found on a picture that did not move.
 //!
 //! # Memory
@@ -28,8 +28,8 @@ use super::options::Resources;
 use super::texture_pair::TexturePair;
 use crate::base::ordered::map_in_order;
 use crate::base::{Progress, Result};
+use crate::file::Column;
 use crate::image::textures::{NO_IMAGE, TextureImages};
-use crate::store::Column;
 
 /// The original shows an image more than once if the triangles that show it cover more than this times its area.
 const SHOWN_MAX: f64 = 1.1;

@@ -29,12 +29,12 @@ use super::super::forest::DisjointSets;
 use super::figures::{Quality, SLIVER_REGULARITY, Topology};
 use super::seams::{EdgeTexture, SeamEdge, SeamEdges, SeamWriter};
 use crate::base::Result;
+use crate::file::buckets::{BucketWriter, Verbatim};
 use crate::geometry::triangle::{is_flat, regularity};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::fold::{across, is_angle_small};
-use crate::partition::scatter::{ScatterWriter, Verbatim};
+use crate::model::Catalogue;
 use crate::partition::{ClusterSource, Shared};
-use crate::store::Catalogue;
 
 /// Bytes of a bucket of shared sides, if all sides are shared and there are no more buckets than there may be.
 const BUCKET_BYTES: u64 = 8 << 20;
@@ -368,7 +368,7 @@ pub struct Tallied {
 
 /// Collects the cells' tallies.
 pub struct Tallies<'a> {
-    sides: ScatterWriter<SharedSide>,
+    sides: BucketWriter<SharedSide>,
     buckets: u64,
     seams: SeamWriter,
     sum: Sum<'a>,
@@ -408,7 +408,7 @@ impl<'a> Tallies<'a> {
             border_edges: Some(Vec::new()),
             border_limit,
         };
-        let sides = ScatterWriter::create(&folder.join("measure-sides.scatter"), buckets as usize)?;
+        let sides = BucketWriter::create(&folder.join("measure-sides.scatter"), buckets as usize)?;
         Ok(Self { sides, buckets, seams: SeamWriter::create(folder)?, sum })
     }
 

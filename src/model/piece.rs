@@ -9,15 +9,14 @@
 use std::path::Path;
 
 use glam::{DVec2, DVec3};
-use xxhash_rust::xxh3::Xxh3;
 
-use super::column::Segment;
 use super::face::{BLOCK_FACES, Face, encode_block};
 use super::face_blocks::FaceBlocks;
-use super::mesh::StoredPiece;
-use super::packed::{PackedBlocks, PackedColumn};
+use super::stored_mesh::StoredPiece;
 use crate::base::Result;
-use crate::job::header::{HEADER_BYTES, Header};
+use crate::file::RecordFile;
+use crate::file::column::Segment;
+use crate::file::packed::{PackedBlocks, PackedColumn};
 use crate::os::durable::DurableFile;
 
 /// A piece that is written but not durable yet.
@@ -51,46 +50,35 @@ pub fn write_piece(
 ) -> Result<PendingPiece> {
     let colour_slice = colours.unwrap_or(&[]);
     let counts = [positions.len(), texcoords.len(), colour_slice.len(), faces.len()].map(|n| n as u64);
-    let mut file = DurableFile::create(path, 256 << 10)?;
-    let mut hash = Xxh3::new();
-    let mut offset_bytes = HEADER_BYTES;
-    file.write(&[0; HEADER_BYTES as usize])?;
-    let mut put = |file: &mut DurableFile, bytes: &[u8]| -> Result<u64> {
-        hash.update(bytes);
-        file.write(bytes)?;
-        let start = offset_bytes;
-        offset_bytes += bytes.len() as u64;
-        Ok(start)
-    };
-    put(&mut file, bytemuck::cast_slice(&counts))?;
-    let colours_at = put(&mut file, bytemuck::cast_slice(colour_slice))?;
+    let mut file = RecordFile::create(path)?;
+    file.put(bytemuck::cast_slice(&counts))?;
+    let colours_at = file.put(bytemuck::cast_slice(colour_slice))?;
     let (positions, texcoords) = (PackedBlocks::new(positions), PackedBlocks::new(texcoords));
-    let positions_at = put(&mut file, positions.bytes())?;
-    let texcoords_at = put(&mut file, texcoords.bytes())?;
+    let positions_at = file.put(positions.bytes())?;
+    let texcoords_at = file.put(texcoords.bytes())?;
     let mut blocks = Vec::new();
     let mut bytes = Vec::new();
     for chunk in faces.chunks(BLOCK_FACES) {
         bytes.clear();
         let mut block = encode_block(chunk, &mut bytes);
-        block.offset_bytes = put(&mut file, &bytes)?;
+        block.offset_bytes = file.put(&bytes)?;
         blocks.push(block);
     }
-    let header = Header { kind: *b"piece   ", record_bytes: 0, count: counts[3], checksum: hash.digest() };
-    file.write_at(0, &header.encode())?;
     let piece = StoredPiece {
         positions: PackedColumn::new(path.to_owned(), positions_at, &positions),
         colours: colours.map(|_| Segment::new(path.to_owned(), colours_at, counts[2])),
         texcoords: PackedColumn::new(path.to_owned(), texcoords_at, &texcoords),
         faces: FaceBlocks::new(path.to_owned(), blocks),
     };
-    Ok(PendingPiece { file, piece })
+    Ok(PendingPiece { file: file.seal(*b"piece   ", 0, counts[3])?, piece })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::job::header::checked_header;
-    use crate::store::NO_TEXCOORD;
+    use crate::file::header::HEADER_BYTES;
+    use crate::file::header::checked_header;
+    use crate::model::NO_TEXCOORD;
 
     #[test]
     fn a_piece_comes_back_as_it_was() {

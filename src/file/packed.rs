@@ -22,14 +22,13 @@ use std::sync::Arc;
 use bytemuck::Pod;
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
-use xxhash_rust::xxh3::{Xxh3, xxh3_64};
+use xxhash_rust::xxh3::xxh3_64;
 
-use super::column::{file_name, holds};
 use super::decimal;
+use super::name::{file_name, holds};
+use super::record_file::RecordFile;
 use super::varint::{self, VARINT_BYTES_MAX, unzigzag, zigzag};
 use crate::base::{Error, Result};
-use crate::job::header::{HEADER_BYTES, Header};
-use crate::os::durable::DurableFile;
 use crate::os::system::read_exact_at;
 
 /// Largest number of records in a block.
@@ -38,8 +37,6 @@ pub const BLOCK_RECORDS: usize = 4096;
 const HEAD_BYTES: usize = 3;
 /// Marks a block of uncompressed doubles.
 const RAW: u8 = u8::MAX;
-const WRITE_BUFFER_BYTES: usize = 256 << 10;
-
 /// A record of coordinates.
 pub trait Coordinates: Pod {
     /// Number of coordinates.
@@ -213,14 +210,12 @@ impl PackedBlocks {
 
 /// Appends records to a new file.
 pub struct PackedWriter<T> {
-    file: DurableFile,
+    file: RecordFile,
     kind: [u8; 8],
     pending: Vec<T>,
     blocks: Vec<Block>,
     bounds: Bounds,
     count: u64,
-    offset_bytes: u64,
-    hash: Xxh3,
 }
 
 impl<T: Coordinates> PackedWriter<T> {
@@ -229,17 +224,13 @@ impl<T: Coordinates> PackedWriter<T> {
     /// # Errors
     /// If the file cannot be created.
     pub fn create(path: &Path, kind: [u8; 8]) -> Result<Self> {
-        let mut file = DurableFile::create(path, WRITE_BUFFER_BYTES)?;
-        file.write(&[0; HEADER_BYTES as usize])?;
         Ok(Self {
-            file,
+            file: RecordFile::create(path)?,
             kind,
             pending: Vec::new(),
             blocks: Vec::new(),
             bounds: Bounds::default(),
             count: 0,
-            offset_bytes: HEADER_BYTES,
-            hash: Xxh3::new(),
         })
     }
 
@@ -275,12 +266,10 @@ impl<T: Coordinates> PackedWriter<T> {
     /// On a full disk or a failed write.
     pub fn append_packed(&mut self, packed: &PackedBlocks) -> Result<()> {
         self.flush()?;
-        self.hash.update(&packed.bytes);
-        self.file.write(&packed.bytes)?;
-        place(packed, self.count, self.offset_bytes, &mut self.blocks);
+        let begin = self.file.put(&packed.bytes)?;
+        place(packed, self.count, begin, &mut self.blocks);
         self.bounds.merge(&packed.bounds);
         self.count += packed.len();
-        self.offset_bytes += packed.bytes.len() as u64;
         Ok(())
     }
 
@@ -299,10 +288,7 @@ impl<T: Coordinates> PackedWriter<T> {
     /// On a full disk or a failed write.
     pub fn finish(mut self) -> Result<PackedColumn<T>> {
         self.flush()?;
-        let header = Header { kind: self.kind, record_bytes: 0, count: self.count, checksum: self.hash.digest() };
-        self.file.write_at(0, &header.encode())?;
-        let path = self.file.target().to_owned();
-        self.file.commit()?;
+        let path = self.file.finish(self.kind, 0, self.count)?;
         let blocks = self.blocks.into();
         Ok(PackedColumn { path: path.into(), blocks, bounds: self.bounds, count: self.count, record: PhantomData })
     }
@@ -497,7 +483,7 @@ impl<T: Coordinates> Reader<'_, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::job::header::checked_header;
+    use crate::file::header::checked_header;
     use proptest::prelude::*;
 
     fn bits(records: &[DVec3]) -> Vec<[u64; 3]> {

@@ -9,16 +9,15 @@ use std::path::{Path, PathBuf};
 use bytemuck::Pod;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
-use xxhash_rust::xxh3::{Xxh3, xxh3_64};
+use xxhash_rust::xxh3::xxh3_64;
 
+use super::record_file::RecordFile;
 use crate::base::{Error, Result};
-use crate::job::header::{HEADER_BYTES, Header};
-use crate::os::durable::DurableFile;
+use crate::file::name::{file_name, holds};
+use crate::file::packed::{self, Coordinates};
+use crate::file::varint::{self, VARINT_BYTES_MAX, unzigzag, zigzag};
+use crate::model::face::{self, Face};
 use crate::os::system::read_exact_at;
-use crate::store::column::{file_name, holds};
-use crate::store::face::{self, Face};
-use crate::store::packed::{self, Coordinates};
-use crate::store::varint::{self, VARINT_BYTES_MAX, unzigzag, zigzag};
 
 /// Memory of all buffers together, in bytes.
 const BUFFERS_BYTES: usize = 12 << 20;
@@ -108,7 +107,7 @@ impl<T: Verbatim> Record for T {
 }
 
 /// Encodes coordinates in blocks, each preceded by its length.
-pub(super) fn encode_coordinates<T: Coordinates>(records: &[T], out: &mut Vec<u8>) {
+pub fn encode_coordinates<T: Coordinates>(records: &[T], out: &mut Vec<u8>) {
     let mut decimals = 0;
     for records in records.chunks(packed::BLOCK_RECORDS) {
         let start = out.len();
@@ -120,7 +119,7 @@ pub(super) fn encode_coordinates<T: Coordinates>(records: &[T], out: &mut Vec<u8
 }
 
 /// Decodes `count` coordinates from the front of `bytes`; returns the remaining bytes.
-pub(super) fn decode_coordinates<'a, T: Coordinates>(
+pub fn decode_coordinates<'a, T: Coordinates>(
     mut bytes: &'a [u8],
     count: usize,
     out: &mut Vec<T>,
@@ -181,34 +180,28 @@ impl<T: Record> Sorted<T> {
 }
 
 /// Writes records by cell.
-pub struct ScatterWriter<T> {
-    file: DurableFile,
+pub struct BucketWriter<T> {
+    file: RecordFile,
     pending: Vec<Vec<T>>,
     extents: Vec<Vec<Extent>>,
     bytes: Vec<u8>,
     extent_records: usize,
-    offset_bytes: u64,
     count: u64,
-    hash: Xxh3,
 }
 
-impl<T: Record> ScatterWriter<T> {
+impl<T: Record> BucketWriter<T> {
     /// Creates a file for `cell_count` cells.
     ///
     /// # Errors
     /// If the file cannot be created.
     pub fn create(path: &Path, cell_count: usize) -> Result<Self> {
-        let mut file = DurableFile::create(path, 256 << 10)?;
-        file.write(&[0; HEADER_BYTES as usize])?;
         Ok(Self {
-            file,
+            file: RecordFile::create(path)?,
             pending: vec![Vec::new(); cell_count],
             extents: vec![Vec::new(); cell_count],
             bytes: Vec::new(),
             extent_records: (BUFFERS_BYTES / size_of::<T>() / cell_count.max(1)).clamp(64, EXTENT_RECORDS_MAX),
-            offset_bytes: HEADER_BYTES,
             count: 0,
-            hash: Xxh3::new(),
         })
     }
 
@@ -249,16 +242,10 @@ impl<T: Record> ScatterWriter<T> {
     }
 
     fn write(&mut self, cell: usize, bytes: &[u8], records: u32) -> Result<()> {
-        self.hash.update(bytes);
         self.count += u64::from(records);
-        self.file.write(bytes)?;
-        self.extents[cell].push(Extent {
-            offset_bytes: self.offset_bytes,
-            bytes: bytes.len() as u32,
-            records,
-            checksum: xxh3_64(bytes),
-        });
-        self.offset_bytes += bytes.len() as u64;
+        let offset_bytes = self.file.put(bytes)?;
+        let extent = Extent { offset_bytes, bytes: bytes.len() as u32, records, checksum: xxh3_64(bytes) };
+        self.extents[cell].push(extent);
         Ok(())
     }
 
@@ -267,24 +254,20 @@ impl<T: Record> ScatterWriter<T> {
     ///
     /// # Errors
     /// On a full disk or a failed write.
-    pub fn finish(mut self) -> Result<Scatter<T>> {
+    pub fn finish(mut self) -> Result<Buckets<T>> {
         self.flush_all()?;
-        let path = self.file.target().to_owned();
-        self.file.commit_scratch()?;
-        Ok(Scatter { path, extents: self.extents, is_scratch: true, record: PhantomData })
+        let path = self.file.scratch()?;
+        Ok(Buckets { path, extents: self.extents, is_scratch: true, record: PhantomData })
     }
 
     /// Writes pending records, makes the file durable and opens it for reading.
     ///
     /// # Errors
     /// On a full disk or a failed write.
-    pub fn finish_durable(mut self) -> Result<Scatter<T>> {
+    pub fn finish_durable(mut self) -> Result<Buckets<T>> {
         self.flush_all()?;
-        let header = Header { kind: *b"scatter ", record_bytes: 0, count: self.count, checksum: self.hash.digest() };
-        self.file.write_at(0, &header.encode())?;
-        let path = self.file.target().to_owned();
-        self.file.commit()?;
-        Ok(Scatter { path, extents: self.extents, is_scratch: false, record: PhantomData })
+        let path = self.file.finish(*b"scatter ", 0, self.count)?;
+        Ok(Buckets { path, extents: self.extents, is_scratch: false, record: PhantomData })
     }
 
     fn flush_all(&mut self) -> Result<()> {
@@ -319,7 +302,7 @@ impl Extent {
 /// Records by cell.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(bound = "")]
-pub struct Scatter<T> {
+pub struct Buckets<T> {
     #[serde(with = "file_name")]
     path: PathBuf,
     extents: Vec<Vec<Extent>>,
@@ -329,7 +312,7 @@ pub struct Scatter<T> {
     record: PhantomData<T>,
 }
 
-impl<T: Record> Scatter<T> {
+impl<T: Record> Buckets<T> {
     /// Passes the records of a cell to `take`, extent by extent, in the order in which they were added.
     ///
     /// # Errors
@@ -338,10 +321,10 @@ impl<T: Record> Scatter<T> {
         self.read_one_in(1, cell, take)
     }
 
-    /// Like [`read`](Scatter::read), for the first of every `step` extents.
+    /// Like [`read`](Buckets::read), for the first of every `step` extents.
     ///
     /// # Errors
-    /// As [`read`](Scatter::read).
+    /// As [`read`](Buckets::read).
     pub fn read_one_in(&self, step: usize, cell: usize, mut take: impl FnMut(&[T]) -> Result<()>) -> Result<()> {
         let damaged = |message: String| Error::Damaged { path: self.path.clone(), message };
         let file = File::open(&self.path).map_err(|e| Error::io(&self.path, "open", e))?;
@@ -403,7 +386,7 @@ impl<T: Record> Scatter<T> {
     }
 }
 
-impl<T> Drop for Scatter<T> {
+impl<T> Drop for Buckets<T> {
     fn drop(&mut self) {
         if self.is_scratch {
             let _ = std::fs::remove_file(&self.path);
@@ -414,14 +397,15 @@ impl<T> Drop for Scatter<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::file::header::HEADER_BYTES;
 
     #[test]
     fn an_extent_that_is_not_what_was_written_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.scatter");
-        let mut writer = ScatterWriter::create(&path, 2).unwrap();
+        let mut writer = BucketWriter::create(&path, 2).unwrap();
         (0..1000u32).for_each(|i| writer.push(i % 2, [i, i + 1]).unwrap());
-        let scatter: Scatter<[u32; 2]> = writer.finish().unwrap();
+        let scatter: Buckets<[u32; 2]> = writer.finish().unwrap();
         let mut found = Vec::new();
         let mut read = |cell| {
             scatter.read(cell, |records| {
@@ -443,9 +427,9 @@ mod tests {
     #[test]
     fn extents_beyond_the_file_or_larger_than_any_are_not_sound() {
         let folder = tempfile::tempdir().unwrap();
-        let mut writer = ScatterWriter::create(&folder.path().join("a.scatter"), 2).unwrap();
+        let mut writer = BucketWriter::create(&folder.path().join("a.scatter"), 2).unwrap();
         (0..1000u32).for_each(|i| writer.push(i % 2, [i, i + 1]).unwrap());
-        let mut scatter: Scatter<[u32; 2]> = writer.finish().unwrap();
+        let mut scatter: Buckets<[u32; 2]> = writer.finish().unwrap();
         assert!(scatter.is_sound());
         let whole = scatter.extents.clone();
         let changes: [fn(&mut Extent); 5] = [

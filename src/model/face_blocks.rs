@@ -5,13 +5,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
-use xxhash_rust::xxh3::Xxh3;
 
-use super::column::{file_name, holds};
 use super::face::{BLOCK_FACES, FACE_BYTES_MAX, Face, FaceBlock, encode_block};
 use crate::base::{Error, Result};
-use crate::job::header::{HEADER_BYTES, Header};
-use crate::os::durable::DurableFile;
+use crate::file::RecordFile;
+use crate::file::name::{file_name, holds};
 use crate::os::system::read_exact_at;
 
 /// Faces of a file, block by block.
@@ -91,13 +89,11 @@ impl FaceBlocks {
 
 /// Appends faces to a new file of blocks.
 pub struct FaceWriter {
-    file: DurableFile,
+    file: RecordFile,
     pending: Vec<Face>,
     blocks: Vec<FaceBlock>,
     bytes: Vec<u8>,
-    offset_bytes: u64,
     count: u64,
-    hash: Xxh3,
 }
 
 impl FaceWriter {
@@ -106,16 +102,12 @@ impl FaceWriter {
     /// # Errors
     /// If the file cannot be created.
     pub fn create(path: &Path) -> Result<Self> {
-        let mut file = DurableFile::create(path, 256 << 10)?;
-        file.write(&[0; HEADER_BYTES as usize])?;
         Ok(Self {
-            file,
+            file: RecordFile::create(path)?,
             pending: Vec::with_capacity(BLOCK_FACES),
             blocks: Vec::new(),
             bytes: Vec::new(),
-            offset_bytes: HEADER_BYTES,
             count: 0,
-            hash: Xxh3::new(),
         })
     }
 
@@ -154,12 +146,10 @@ impl FaceWriter {
         let rest = self.pending.split_off(cut);
         self.bytes.clear();
         let mut block = encode_block(&self.pending, &mut self.bytes);
-        block.offset_bytes = self.offset_bytes;
-        self.offset_bytes += u64::from(block.bytes);
+        block.offset_bytes = self.file.put(&self.bytes)?;
         self.blocks.push(block);
         self.pending = rest;
-        self.hash.update(&self.bytes);
-        self.file.write(&self.bytes)
+        Ok(())
     }
 
     /// Writes the header, makes the file durable and opens it for reading.
@@ -170,10 +160,7 @@ impl FaceWriter {
         if !self.pending.is_empty() {
             self.flush(false)?;
         }
-        let header = Header { kind: *b"faces   ", record_bytes: 0, count: self.count, checksum: self.hash.digest() };
-        self.file.write_at(0, &header.encode())?;
-        let path = self.file.target().to_owned();
-        self.file.commit()?;
+        let path = self.file.finish(*b"faces   ", 0, self.count)?;
         Ok(FaceBlocks::new(path, self.blocks))
     }
 }
@@ -181,7 +168,7 @@ impl FaceWriter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::job::header::checked_header;
+    use crate::file::header::checked_header;
 
     #[test]
     fn a_polygon_never_begins_at_the_last_face_of_a_block() {

@@ -6,7 +6,7 @@
 use glam::DVec3;
 
 use super::face::{BLOCK_FACES, Face};
-use super::mesh::{StoredMesh, StoredPiece};
+use super::stored_mesh::{StoredMesh, StoredPiece};
 use crate::base::Result;
 
 /// Reads the faces of pieces block by block, with reused scratch buffers.

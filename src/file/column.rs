@@ -12,20 +12,17 @@ use std::sync::Arc;
 
 use bytemuck::Pod;
 use serde::{Deserialize, Serialize};
-use xxhash_rust::xxh3::Xxh3;
 
+use super::name::{file_name, holds};
+use super::record_file::RecordFile;
 use crate::base::{Error, Result};
-use crate::job::header::{HEADER_BYTES, Header};
-use crate::os::durable::DurableFile;
+use crate::file::header::HEADER_BYTES;
 use crate::os::mmap::{self, MappedRecords};
-
-const WRITE_BUFFER_BYTES: usize = 256 << 10;
 
 /// Appends records to a new file.
 pub struct ColumnWriter<T> {
-    file: DurableFile,
+    file: RecordFile,
     kind: [u8; 8],
-    hash: Xxh3,
     count: u64,
     record: PhantomData<T>,
 }
@@ -36,9 +33,7 @@ impl<T: Pod> ColumnWriter<T> {
     /// # Errors
     /// If the file cannot be created.
     pub fn create(path: &Path, kind: [u8; 8]) -> Result<Self> {
-        let mut file = DurableFile::create(path, WRITE_BUFFER_BYTES)?;
-        file.write(&[0; HEADER_BYTES as usize])?;
-        Ok(Self { file, kind, hash: Xxh3::new(), count: 0, record: PhantomData })
+        Ok(Self { file: RecordFile::create(path)?, kind, count: 0, record: PhantomData })
     }
 
     /// Number of records so far.
@@ -56,22 +51,17 @@ impl<T: Pod> ColumnWriter<T> {
     /// # Errors
     /// On a full disk or a failed write.
     pub fn append(&mut self, records: &[T]) -> Result<()> {
-        let bytes: &[u8] = bytemuck::cast_slice(records);
-        self.hash.update(bytes);
         self.count += records.len() as u64;
-        self.file.write(bytes)
+        self.file.put(bytemuck::cast_slice(records))?;
+        Ok(())
     }
 
     /// Writes the header, makes the file durable and opens it for reading.
     ///
     /// # Errors
     /// On a full disk or a failed write.
-    pub fn finish(mut self) -> Result<Column<T>> {
-        let checksum = self.hash.digest();
-        let header = Header { kind: self.kind, record_bytes: size_of::<T>() as u32, count: self.count, checksum };
-        self.file.write_at(0, &header.encode())?;
-        let path = self.file.target().to_owned();
-        self.file.commit()?;
+    pub fn finish(self) -> Result<Column<T>> {
+        let path = self.file.finish(self.kind, size_of::<T>() as u32, self.count)?;
         Ok(Segment { path: path.into(), offset_bytes: HEADER_BYTES, count: self.count, record: PhantomData })
     }
 }
@@ -154,56 +144,10 @@ impl<T: Pod> Segment<T> {
     }
 }
 
-/// Reports whether a file is large enough for disjoint extents, each given as offset and length in bytes. Checked
-/// before memory is allocated for records that a journal claims to exist. True if the size of an existing file cannot
-/// be determined; reading it then reports the error.
-pub fn holds(path: &Path, extents: impl IntoIterator<Item = (u64, u64)>) -> bool {
-    let length = match path.metadata() {
-        Ok(file) => file.len(),
-        Err(error) => return error.kind() != ErrorKind::NotFound,
-    };
-    let mut left = length;
-    extents.into_iter().all(|(offset, bytes)| {
-        let fits = offset.checked_add(bytes).is_some_and(|end| end <= length) && bytes <= left;
-        left = left.saturating_sub(bytes);
-        fits
-    })
-}
-
-/// Serialises a path as its file name alone, since a work folder may be moved.
-pub mod file_name {
-    use std::path::{Path, PathBuf};
-
-    use serde::de::Error as _;
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
-    use crate::job::is_file_name;
-
-    /// Writes the file name of a path.
-    ///
-    /// # Errors
-    /// Those of the serializer.
-    pub fn serialize<S: Serializer>(path: &(impl AsRef<Path> + ?Sized), serializer: S) -> Result<S::Ok, S::Error> {
-        path.as_ref().file_name().unwrap_or_default().to_string_lossy().serialize(serializer)
-    }
-
-    /// Reads a file name.
-    ///
-    /// # Errors
-    /// If the name leads to another folder, and those of the deserializer.
-    pub fn deserialize<'de, D: Deserializer<'de>, P: From<PathBuf>>(deserializer: D) -> Result<P, D::Error> {
-        let name = String::deserialize(deserializer)?;
-        if !is_file_name(&name) {
-            return Err(D::Error::custom("a file outside the work folder"));
-        }
-        Ok(PathBuf::from(name).into())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::job::header::checked_header;
+    use crate::file::header::checked_header;
 
     #[test]
     fn records_come_back_in_windows() {

@@ -17,13 +17,11 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use xxhash_rust::xxh3::Xxh3;
 
-use super::column::{file_name, holds};
 use super::decimal;
+use super::name::{file_name, holds};
+use super::record_file::RecordFile;
 use crate::base::{Error, Result};
-use crate::job::header::{HEADER_BYTES, Header};
-use crate::os::durable::DurableFile;
 use crate::os::mmap;
 
 /// Largest number of records mapped at once.
@@ -33,8 +31,6 @@ const RAW_BYTES: u8 = 24;
 /// Largest size of a record of counts in bytes. As many zeros follow each run, so that every record can be read as a
 /// whole 128-bit word.
 const COUNTED_BYTES_MAX: usize = 16;
-const WRITE_BUFFER_BYTES: usize = 256 << 10;
-
 /// Fixed-size records of consecutive ids.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Run {
@@ -124,23 +120,19 @@ impl Run {
 }
 
 /// Appends positions to a new file.
-pub struct PlacesWriter {
-    file: DurableFile,
+pub struct PositionRunWriter {
+    file: RecordFile,
     runs: Vec<Run>,
     count: u32,
-    offset_bytes: u64,
-    hash: Xxh3,
 }
 
-impl PlacesWriter {
+impl PositionRunWriter {
     /// Creates the file `path`.
     ///
     /// # Errors
     /// If the file cannot be created.
     pub fn create(path: &Path) -> Result<Self> {
-        let mut file = DurableFile::create(path, WRITE_BUFFER_BYTES)?;
-        file.write(&[0; HEADER_BYTES as usize])?;
-        Ok(Self { file, runs: Vec::new(), count: 0, offset_bytes: HEADER_BYTES, hash: Xxh3::new() })
+        Ok(Self { file: RecordFile::create(path)?, runs: Vec::new(), count: 0 })
     }
 
     /// Number of positions so far.
@@ -161,37 +153,32 @@ impl PlacesWriter {
         if encoded.count == 0 {
             return Ok(());
         }
-        self.runs.push(Run { first: self.count, offset_bytes: self.offset_bytes, ..encoded.run });
+        let offset_bytes = self.file.put(&encoded.bytes)?;
+        self.runs.push(Run { first: self.count, offset_bytes, ..encoded.run });
         self.count += encoded.count;
-        self.offset_bytes += encoded.bytes.len() as u64;
-        self.hash.update(&encoded.bytes);
-        self.file.write(&encoded.bytes)
+        Ok(())
     }
 
     /// Writes the header, makes the file durable and opens it for reading.
     ///
     /// # Errors
     /// On a full disk or a failed write.
-    pub fn finish(mut self) -> Result<Places> {
-        let count = u64::from(self.count);
-        let header = Header { kind: *b"places  ", record_bytes: 0, count, checksum: self.hash.digest() };
-        self.file.write_at(0, &header.encode())?;
-        let path = self.file.target().to_owned();
-        self.file.commit()?;
-        Ok(Places { path, runs: self.runs, count: self.count })
+    pub fn finish(self) -> Result<PositionRuns> {
+        let path = self.file.finish(*b"places  ", 0, u64::from(self.count))?;
+        Ok(PositionRuns { path, runs: self.runs, count: self.count })
     }
 }
 
 /// Positions by id.
 #[derive(Debug, Serialize, Deserialize)]
-pub struct Places {
+pub struct PositionRuns {
     #[serde(with = "file_name")]
     path: PathBuf,
     runs: Vec<Run>,
     count: u32,
 }
 
-impl Places {
+impl PositionRuns {
     /// Number of positions.
     pub fn len(&self) -> u32 {
         self.count
@@ -265,7 +252,7 @@ mod tests {
 
     fn come_back(runs: &[Vec<DVec3>]) -> Vec<DVec3> {
         let folder = tempfile::tempdir().unwrap();
-        let mut writer = PlacesWriter::create(&folder.path().join("p")).unwrap();
+        let mut writer = PositionRunWriter::create(&folder.path().join("p")).unwrap();
         runs.iter().for_each(|run| writer.append(EncodedRun::new(run)).unwrap());
         let places = writer.finish().unwrap();
         let count = runs.iter().map(Vec::len).sum::<usize>() as u32;
@@ -306,7 +293,7 @@ mod tests {
     #[test]
     fn runs_that_overlap_or_pass_the_end_are_not_sound() {
         let folder = tempfile::tempdir().unwrap();
-        let mut writer = PlacesWriter::create(&folder.path().join("p")).unwrap();
+        let mut writer = PositionRunWriter::create(&folder.path().join("p")).unwrap();
         (0..3).for_each(|_| writer.append(EncodedRun::new(&[DVec3::X, DVec3::Y])).unwrap());
         let mut places = writer.finish().unwrap();
         assert!(places.is_sound());

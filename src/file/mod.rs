@@ -1,0 +1,24 @@
+//! Records in the files of a work folder: what they look like, and the one writer behind all of them.
+//!
+//! In: records in order. Out: read-only windows of them. Invariant: a file has a header that identifies it; it is
+//! written once, synced and renamed. A file that can be opened is complete.
+//!
+//! # Files
+//! `docs/format.md` describes every byte.
+
+pub mod header;
+pub mod codec;
+pub mod name;
+pub mod varint;
+pub mod decimal;
+pub mod record_file;
+pub mod column;
+pub mod packed;
+pub mod positions;
+pub mod buckets;
+
+pub use column::{Column, ColumnWriter, Segment};
+pub use header::FORMAT_VERSION;
+pub use packed::{Bounds, PackedBlocks, PackedColumn, PackedWriter};
+pub use positions::{EncodedRun, PositionRunWriter, PositionRuns};
+pub use record_file::RecordFile;

@@ -1,0 +1,17 @@
+//! The mesh as the phases hand it on: faces, vertices and texture coordinates in files, and the catalogue of parts and
+//! materials.
+//!
+//! In: files of records. Out: [`StoredMesh`] and [`Catalogue`]. Invariant: a mesh that is there is whole; nothing changes
+//! it.
+
+pub mod catalogue;
+pub mod face;
+pub mod face_blocks;
+pub mod piece;
+pub mod stored_mesh;
+pub mod corners;
+
+pub use catalogue::{Catalogue, Material, Part};
+pub use face::{Face, NO_TEXCOORD};
+pub use face_blocks::{FaceBlocks, FaceWriter};
+pub use stored_mesh::{StoredMesh, StoredPiece};
