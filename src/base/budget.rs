@@ -37,12 +37,12 @@ impl MemoryBudget {
 #[derive(Debug)]
 pub struct Permits {
     capacity: u64,
-    state: Mutex<State>,
+    state: Mutex<PermitState>,
     returned: Condvar,
 }
 
 #[derive(Debug, Default)]
-struct State {
+struct PermitState {
     held: u64,
     holders: u64,
     peak: u64,
@@ -51,7 +51,7 @@ struct State {
 impl Permits {
     /// Permits for `capacity` bytes in total.
     pub fn new(capacity: u64) -> Self {
-        Self { capacity, state: Mutex::new(State::default()), returned: Condvar::new() }
+        Self { capacity, state: Mutex::new(PermitState::default()), returned: Condvar::new() }
     }
 
     /// Waits until `bytes` are free, and takes them. A request beyond the capacity waits until no permit is held.
@@ -71,7 +71,7 @@ impl Permits {
         self.lock().peak
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, State> {
+    fn lock(&self) -> std::sync::MutexGuard<'_, PermitState> {
         self.state.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 }

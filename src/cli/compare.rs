@@ -19,7 +19,7 @@ use crate::os::signals::StopSignal;
 use crate::plan::{memory, scratch};
 use crate::report::gallery::Relief;
 use crate::report::scene::DrawResources;
-use crate::report::{self, ComparisonPage, Kind};
+use crate::report::{self, ComparisonPage, ReportKind};
 use crate::scan;
 use crate::scan::InputChoice;
 
@@ -108,14 +108,14 @@ pub fn run(arguments: &CompareArguments) -> Result<u8> {
     let CompareArguments { original, result, report: reports, json, sampling, memory, threads, work, quiet, .. } =
         arguments;
     let sampling = &SamplingArguments { at_vertices: arguments.vertices, ..*sampling };
-    let kinds = reports.iter().map(|path| Kind::of(path)).collect::<Result<Vec<_>>>()?;
+    let kinds = reports.iter().map(|path| ReportKind::of(path)).collect::<Result<Vec<_>>>()?;
     let work = work.clone().unwrap_or_else(|| temporary_folder("compare"));
     let stop = StopSignal::listen()?;
     let goodbye = Goodbye::of_nothing(&stop);
     let told = stoppable(*quiet, stop);
     let meshes = [&original.into(), &result.into()];
     let mut page = ComparisonPage::default();
-    let outcome = if kinds.contains(&Kind::Html) {
+    let outcome = if kinds.contains(&ReportKind::Html) {
         page.resources = drawing_resources(*memory, *threads)?;
         compare_meshes(meshes, *sampling, *memory, *threads, Relief::BYTES, work, &mut page, &*told)
     } else {
@@ -128,8 +128,8 @@ pub fn run(arguments: &CompareArguments) -> Result<u8> {
     drop(told);
     for (path, kind) in reports.iter().zip(kinds) {
         match kind {
-            Kind::Html => page.save(&comparison, path)?,
-            Kind::Json => report::save_json(&comparison, path)?,
+            ReportKind::Html => page.save(&comparison, path)?,
+            ReportKind::Json => report::save_json(&comparison, path)?,
         }
     }
     match json {

@@ -102,13 +102,14 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
 fn simplify(arguments: &SimplifyArguments, is_printed: &mut bool) -> Result<u8> {
     let SimplifyArguments { input, output, options, report: reports, measure, sampling, format, quiet, .. } = arguments;
     sampling.check()?;
-    reports.iter().try_for_each(|path| report::Kind::of(path).map(|_| ()))?;
+    reports.iter().try_for_each(|path| report::ReportKind::of(path).map(|_| ()))?;
     let folders = reports.iter().filter_map(|path| path.parent());
     folders.into_iter().try_for_each(make_folders)?;
     if let Some(path) = reports.iter().find(|path| path.is_dir()) {
         return Err(Error::Usage(format!("--report {}: is a folder", escape_path(path))));
     }
-    let pictures = reports.iter().any(|path| report::Kind::of(path).is_ok_and(|kind| kind == report::Kind::Html));
+    let pictures =
+        reports.iter().any(|path| report::ReportKind::of(path).is_ok_and(|kind| kind == report::ReportKind::Html));
     let drawing = match (pictures, measure) {
         (false, _) => Drawing::Nothing,
         (true, false) => Drawing::Pictures,

@@ -14,7 +14,7 @@ use serde_json::json;
 use super::print::{print, print_json};
 use crate::base::error::{escape, escape_path};
 use crate::base::{Result, bytes, counted, grouped, json_path};
-use crate::job::{Entry, Record, Step, WorkStatus, look};
+use crate::job::{Entry, Step, StepRecord, WorkStatus, look};
 
 /// How every OBJ that the program writes begins.
 const OWN_BEGINNING: [u8; 11] = *b"# drystone ";
@@ -146,7 +146,7 @@ impl JobStatus {
                     (status.last_error, status.last_error_of_process) = (Some(message.clone()), Some(status.processes));
                 }
                 // A cluster that was found damaged is kept again.
-                Entry::Kept(Record { step: step @ Step::Cluster { .. }, .. }) if !clusters.insert(*step) => {}
+                Entry::Kept(StepRecord { step: step @ Step::Cluster { .. }, .. }) if !clusters.insert(*step) => {}
                 Entry::Kept(record) => {
                     if matches!(record.step, Step::Cut { .. }) {
                         clusters.clear();
@@ -158,7 +158,7 @@ impl JobStatus {
         status
     }
 
-    fn see(&mut self, record: &Record) {
+    fn see(&mut self, record: &StepRecord) {
         match record.step {
             Step::Scan => self.triangles = Some(record.amount),
             Step::Cut { pass } => {

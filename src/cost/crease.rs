@@ -25,9 +25,9 @@ const POWER: i32 = 4;
 
 /// Sums of normals and areas around vertices, stored in those parts of their quadrics that are 0 until vertices move.
 #[derive(Debug)]
-pub struct Normals;
+pub struct NormalSums;
 
-impl Normals {
+impl NormalSums {
     /// Adds a face to a vertex; `weighted_normal` is its unit normal times its area.
     #[inline(always)]
     pub fn add(vertex: &mut LocalQuadric, weighted_normal: Vec3, area: f32) {
@@ -53,13 +53,13 @@ const STIFFNESS: f64 = 2.0;
 /// of an open border per squared length.
 pub fn add_creases(vertices: &mut [LocalQuadric], mesh: &ClusterMesh, rings: &Rings, weight: f64) {
     for a in 0..vertices.len() as u32 {
-        if !Normals::are_spread(&vertices[a as usize]) {
+        if !NormalSums::are_spread(&vertices[a as usize]) {
             continue;
         }
         for &corner in rings.of(a) {
             let [next, previous] = ClusterMesh::following(corner);
             let b = mesh.vertex_of(next);
-            if b < a || !Normals::are_spread(&vertices[b as usize]) {
+            if b < a || !NormalSums::are_spread(&vertices[b as usize]) {
                 continue;
             }
             let leads_back = |other: &&u32| mesh.vertex_of(ClusterMesh::following(**other)[1]) == b;
@@ -81,7 +81,7 @@ pub fn add_creases(vertices: &mut [LocalQuadric], mesh: &ClusterMesh, rings: &Ri
             }
         }
     }
-    Normals::clear(vertices);
+    NormalSums::clear(vertices);
 }
 
 /// Unit normals of the planes through an edge that starts at the origin, perpendicular to its left and its right face,
@@ -146,7 +146,7 @@ mod tests {
             let [a, b, c] = mesh.triangle(face as u32);
             let across = 0.5 * (b - a).cross(c - a);
             for &vertex in corners {
-                Normals::add(&mut vertices[vertex as usize], across.as_vec3(), across.length() as f32);
+                NormalSums::add(&mut vertices[vertex as usize], across.as_vec3(), across.length() as f32);
             }
         }
         add_creases(&mut vertices, &mesh, &rings, 1.0);

@@ -18,7 +18,7 @@
 
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec3A};
 
-use super::crease::{Normals, add_creases};
+use super::crease::{NormalSums, add_creases};
 use super::local::{LocalQuadric, LocalWedge, Planes};
 use super::metric::{EdgeCase, Metric, Placement, SettlingWedge};
 use super::weights::Weights;
@@ -100,7 +100,7 @@ impl SurfaceCost {
             for &vertex in vertices {
                 let vertex = &mut self.vertices[vertex as usize];
                 vertex.add_quadratic(&planes);
-                Normals::add(vertex, weighted_normal, area as f32);
+                NormalSums::add(vertex, weighted_normal, area as f32);
             }
         }
         add_creases(&mut self.vertices, mesh, rings, self.weights.border);

@@ -16,7 +16,6 @@ use crate::base::{Error, Result};
 use crate::file::name::{file_name, holds};
 use crate::file::packed::{self, Coordinates};
 use crate::file::varint::{self, VARINT_BYTES_MAX, unzigzag, zigzag};
-use crate::model::face::{self, Face};
 use crate::os::system::read_exact_at;
 
 /// Memory of all buffers together, in bytes.
@@ -65,16 +64,6 @@ impl Record for [u32; 2] {
             out.push(last.map(|number| number as u32));
         }
         if at == bytes.len() { Ok(()) } else { Err(format!("{} bytes are left after an extent", bytes.len() - at)) }
-    }
-}
-
-impl Record for Face {
-    fn encode(records: &[Self], out: &mut Vec<u8>) {
-        face::encode(records, out);
-    }
-
-    fn decode(bytes: &[u8], count: usize, out: &mut Vec<Self>) -> std::result::Result<(), String> {
-        face::decode(bytes, count, out)
     }
 }
 

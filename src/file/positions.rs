@@ -33,7 +33,7 @@ const RAW_BYTES: u8 = 24;
 const COUNTED_BYTES_MAX: usize = 16;
 /// Fixed-size records of consecutive ids.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-struct Run {
+struct PositionRun {
     /// Id of its first record.
     first: u32,
     /// Offset of its first byte in the file.
@@ -49,7 +49,7 @@ struct Run {
 /// An encoded run of positions, before it is written to a file.
 #[derive(Debug)]
 pub struct EncodedRun {
-    run: Run,
+    run: PositionRun,
     count: u32,
     bytes: Vec<u8>,
 }
@@ -58,7 +58,7 @@ impl EncodedRun {
     /// Encodes positions.
     pub fn new(positions: &[DVec3]) -> Self {
         let mut counts = Vec::with_capacity(3 * positions.len());
-        let run = Run::fitting(positions, &mut counts);
+        let run = PositionRun::fitting(positions, &mut counts);
         let mut bytes = Vec::with_capacity((positions.len() + 1) * RAW_BYTES as usize);
         if run.record_bytes == RAW_BYTES {
             bytes.extend_from_slice(bytemuck::cast_slice(positions));
@@ -75,7 +75,7 @@ impl EncodedRun {
     }
 }
 
-impl Run {
+impl PositionRun {
     /// Returns the shortest record format for some positions; stores their counts in `counts`.
     fn fitting(positions: &[DVec3], counts: &mut Vec<i64>) -> Self {
         let raw = Self { first: 0, offset_bytes: 0, record_bytes: RAW_BYTES, decimals: 0, bits: [0; 2], least: [0; 3] };
@@ -122,7 +122,7 @@ impl Run {
 /// Appends positions to a new file.
 pub struct PositionRunWriter {
     file: RecordFile,
-    runs: Vec<Run>,
+    runs: Vec<PositionRun>,
     count: u32,
 }
 
@@ -154,7 +154,7 @@ impl PositionRunWriter {
             return Ok(());
         }
         let offset_bytes = self.file.put(&encoded.bytes)?;
-        self.runs.push(Run { first: self.count, offset_bytes, ..encoded.run });
+        self.runs.push(PositionRun { first: self.count, offset_bytes, ..encoded.run });
         self.count += encoded.count;
         Ok(())
     }
@@ -174,7 +174,7 @@ impl PositionRunWriter {
 pub struct PositionRuns {
     #[serde(with = "file_name")]
     path: PathBuf,
-    runs: Vec<Run>,
+    runs: Vec<PositionRun>,
     count: u32,
 }
 
@@ -298,7 +298,7 @@ mod tests {
         let mut places = writer.finish().unwrap();
         assert!(places.is_sound());
         let whole = places.runs.clone();
-        let changes: [fn(&mut Vec<Run>); 7] = [
+        let changes: [fn(&mut Vec<PositionRun>); 7] = [
             Vec::clear,
             |runs| runs[0].first = 1,
             |runs| runs[1].first = 9,

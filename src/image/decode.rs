@@ -4,7 +4,7 @@
 //! it is known to fit; a file that cannot be decoded is an error in words, never the end of the program.
 //!
 //! # Memory
-//! 3 bytes a pixel, the file itself, and what its decoder needs beside them: [`Plan::bytes`].
+//! 3 bytes a pixel, the file itself, and what its decoder needs beside them: [`DecodePlan::bytes`].
 
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -23,7 +23,7 @@ const REDUCTIONS: [u32; 3] = [2, 4, 8];
 
 /// How an image is to be decoded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Plan {
+pub struct DecodePlan {
     /// Width and height in the file.
     pub size: [u32; 2],
     /// Memory while it is decoded, in bytes.
@@ -79,7 +79,7 @@ impl Image {
 ///
 /// # Errors
 /// In words, if it is no image, or cannot be decoded in so little.
-pub fn plan(path: &Path, allowed_bytes: u64) -> Result<Plan, String> {
+pub fn plan(path: &Path, allowed_bytes: u64) -> Result<DecodePlan, String> {
     let file_bytes = path.metadata().map_err(|e| e.to_string())?.len();
     let reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(|e| e.to_string())?;
     let format = reader.format().ok_or("of no known format")?;
@@ -99,7 +99,7 @@ pub fn plan(path: &Path, allowed_bytes: u64) -> Result<Plan, String> {
     // A PNG is read as it goes.
     let file_bytes = if format == ImageFormat::Png { 0 } else { file_bytes };
     let whole = PIXEL_BYTES * pixels + raw + coefficients + file_bytes + DECODER_BYTES;
-    let plan = |reduction: u32, bytes| Plan { size: [width, height], bytes, reduction, format };
+    let plan = |reduction: u32, bytes| DecodePlan { size: [width, height], bytes, reduction, format };
     if whole <= allowed_bytes {
         return Ok(plan(1, whole));
     }
@@ -141,7 +141,7 @@ fn is_progressive(path: &Path) -> bool {
 ///
 /// # Errors
 /// In words, if the file is damaged.
-pub fn decode(path: &Path, plan: &Plan) -> Result<Image, String> {
+pub fn decode(path: &Path, plan: &DecodePlan) -> Result<Image, String> {
     let image = match (plan.reduction, plan.format) {
         (1, _) => decode_whole(path, plan)?,
         (_, ImageFormat::Jpeg) => decode_small_jpeg(path, plan)?,
@@ -151,7 +151,7 @@ pub fn decode(path: &Path, plan: &Plan) -> Result<Image, String> {
     if is_whole && !image.pixels.is_empty() { Ok(image) } else { Err("the image ends early".into()) }
 }
 
-fn decode_whole(path: &Path, plan: &Plan) -> Result<Image, String> {
+fn decode_whole(path: &Path, plan: &DecodePlan) -> Result<Image, String> {
     let mut reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(|e| e.to_string())?;
     let mut limits = Limits::default();
     limits.max_alloc = Some(plan.bytes);
@@ -164,7 +164,7 @@ fn decode_whole(path: &Path, plan: &Plan) -> Result<Image, String> {
 }
 
 /// Decodes a JPEG at a half, a quarter or an eighth of its size.
-fn decode_small_jpeg(path: &Path, plan: &Plan) -> Result<Image, String> {
+fn decode_small_jpeg(path: &Path, plan: &DecodePlan) -> Result<Image, String> {
     let file = File::open(path).map_err(|e| e.to_string())?;
     let mut decoder = jpeg_decoder::Decoder::new(BufReader::new(file));
     let [width, height] = plan.size.map(|side| u16::try_from(side.div_ceil(plan.reduction)).unwrap_or(u16::MAX));
@@ -180,7 +180,7 @@ fn decode_small_jpeg(path: &Path, plan: &Plan) -> Result<Image, String> {
 }
 
 /// Decodes a PNG row by row and keeps means over squares of pixels.
-fn decode_small_png(path: &Path, plan: &Plan) -> Result<Image, String> {
+fn decode_small_png(path: &Path, plan: &DecodePlan) -> Result<Image, String> {
     let file = File::open(path).map_err(|e| e.to_string())?;
     let mut decoder = png::Decoder::new(BufReader::new(file));
     decoder.set_transformations(png::Transformations::normalize_to_color8());

@@ -9,7 +9,7 @@ use std::sync::Mutex;
 use serde::Serialize;
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::journal::{Entry, Journal, Record, Step, Value, now};
+use super::journal::{Entry, Journal, Step, StepRecord, Value, now};
 use super::lock;
 use super::stamp::Stamp;
 use crate::base::{Error, Result};
@@ -61,7 +61,7 @@ impl Finished {
             true => Value::Here(value),
             false => Value::InFile(write_value(&path, &value)?),
         };
-        append(journal, &Entry::Kept(Record { step, amount, time: now(), files, value }))
+        append(journal, &Entry::Kept(StepRecord { step, amount, time: now(), files, value }))
     }
 }
 

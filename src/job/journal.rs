@@ -134,7 +134,7 @@ impl Step {
 
 /// Record of a finished step.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct Record {
+pub struct StepRecord {
     /// The step.
     pub step: Step,
     /// Size of its result, for `drystone status`: triangles of the input or of a pass, clusters of a partition, faces
@@ -147,7 +147,7 @@ pub struct Record {
     pub(super) value: Value,
 }
 
-impl Record {
+impl StepRecord {
     /// Names of all files of the step; `step` is the step recorded.
     pub(super) fn names(&self, step: &Step) -> Vec<String> {
         let own = self.files.iter().map(|stamp| stamp.name().to_owned());
@@ -171,7 +171,7 @@ pub enum Entry {
         time: u64,
     },
     /// A step is finished.
-    Kept(Record),
+    Kept(StepRecord),
     /// A process ended early.
     Failed {
         /// Time in seconds since 1970.
@@ -211,7 +211,7 @@ impl Journal {
     /// [`Error::Damaged`] if it is no journal or that of another manifest, or, if it `must_be_whole`, if it has such
     /// damage; nothing is truncated then. [`Error::Io`] if it cannot be read.
     pub(super) fn open(path: &Path, manifest: u64, must_be_whole: bool) -> Result<(Self, Vec<Entry>, u64, bool)> {
-        let Reading { entries, end, is_spoilt } = read(path, manifest)?;
+        let JournalContents { entries, end, is_spoilt } = read(path, manifest)?;
         if is_spoilt && must_be_whole {
             let message = format!("the entry at byte {end} is not what was written");
             return Err(Error::Damaged { path: path.to_owned(), message });
@@ -279,7 +279,7 @@ fn length_checksum(length: u32, at: u64) -> u32 {
 
 /// Contents of a journal.
 #[derive(Debug)]
-pub(super) struct Reading {
+pub(super) struct JournalContents {
     /// The valid entries before the first invalid one.
     pub(super) entries: Vec<Entry>,
     /// Offset after the last of them.
@@ -292,7 +292,7 @@ pub(super) struct Reading {
 ///
 /// # Errors
 /// [`Error::Damaged`] if it is no journal or that of another job; [`Error::Io`] if it cannot be read.
-pub(super) fn read(path: &Path, manifest: u64) -> Result<Reading> {
+pub(super) fn read(path: &Path, manifest: u64) -> Result<JournalContents> {
     let wrap = |e| Error::io(path, "read", e);
     let mut options = OpenOptions::new();
     let file = no_links(options.read(true)).open(path).map_err(wrap)?;
@@ -339,7 +339,7 @@ pub(super) fn read(path: &Path, manifest: u64) -> Result<Reading> {
         file.seek(SeekFrom::Start(end)).map_err(wrap)?;
         is_spoilt = !file.bytes().all(|byte| byte.is_ok_and(|byte| byte == 0));
     }
-    Ok(Reading { entries, end, is_spoilt })
+    Ok(JournalContents { entries, end, is_spoilt })
 }
 
 /// Current time in seconds since 1970.
@@ -380,7 +380,7 @@ mod tests {
             let mut bytes = whole.clone();
             bytes[at] ^= 0x10;
             std::fs::write(&path, bytes).unwrap();
-            let Reading { entries, is_spoilt, .. } = read(&path, 5).unwrap();
+            let JournalContents { entries, is_spoilt, .. } = read(&path, 5).unwrap();
             assert!(is_spoilt && Journal::open(&path, 5, true).is_err());
             assert!(entries.len() <= 2 && messages(&["one", "two"].map(failed)).starts_with(&messages(&entries)));
         }

@@ -37,7 +37,7 @@ use serde::de::DeserializeOwned;
 
 use self::finished::{Finished, append, sync};
 use self::foreign::{entries, is_phase_file, refuse_foreign};
-pub use self::journal::{Entry, Record, Step};
+pub use self::journal::{Entry, Step, StepRecord};
 use self::journal::{JOURNAL, Journal, Value, now};
 use self::lock::{LOCK, lock_folder};
 use self::manifest::MANIFEST;
@@ -73,7 +73,7 @@ pub struct WorkFolder {
     is_ours: bool,
     lock: Option<File>,
     resume: Resume,
-    recalled: HashMap<Step, Record>,
+    recalled: HashMap<Step, StepRecord>,
     order: Vec<Step>,
     journal: Arc<Mutex<Option<Journal>>>,
     /// Thread that records a step in the background.

@@ -467,7 +467,7 @@ impl WorkFolder {
 
     /// Replaces the value of a recalled step, with valid checksums, as an attacker would; it becomes the latest step.
     pub(crate) fn forge(&self, step: Step, value: Vec<u8>) {
-        let record = Record { value: Value::Here(value), ..self.recalled[&step].clone() };
+        let record = StepRecord { value: Value::Here(value), ..self.recalled[&step].clone() };
         append(&self.journal, &Entry::Kept(record)).unwrap();
     }
 }

@@ -49,8 +49,8 @@ use self::direction::Direction;
 use self::distribution::Distribution;
 use self::figures::share;
 pub use self::figures::{
-    BeforeAfter, Comparison, Distances, Geometry, Histogram, Normals, Pinholes, Place, Quality, ROUNDING_SHARE,
-    SLIVER_REGULARITY, Seams, Texture, Topology, VERSION, WORST_PLACES, WorstView,
+    BeforeAfter, Comparison, Distances, FarPoint, Geometry, Histogram, NormalAngles, Pinholes, Quality, ROUNDING_SHARE,
+    SLIVER_REGULARITY, SeamFigures, Texture, TopologyCounts, VERSION, WORST_PLACES, WorstView,
 };
 pub use self::options::{CompareOptions, Resources, SAMPLES, Spread};
 use self::points::Sampling;
@@ -74,7 +74,7 @@ pub trait Onlooker {
     }
 
     /// A point of the result by area, and its distance from the original; points come in their order.
-    fn see_point(&mut self, _place: &Place) {}
+    fn see_point(&mut self, _place: &FarPoint) {}
 }
 
 /// Nobody looks on.
@@ -129,7 +129,7 @@ fn compare_in_cells(
     let (before, after) = (prepare(original, NAMES[0])?, prepare(result, NAMES[1])?);
     onlooker.see_meshes(&before, &after)?;
     let limit = before.bounds.with(after.bounds).diagonal();
-    let measured = |from, to, seed, see_point: &mut dyn FnMut(&Place)| {
+    let measured = |from, to, seed, see_point: &mut dyn FnMut(&FarPoint)| {
         let sampling = Sampling::new(from, options.spread, seed);
         direction::measure(from, to, &sampling, limit, &options.resources, see_point, progress)
     };
@@ -174,7 +174,7 @@ fn compare_in_cells(
 fn geometry(before: &MeasuredMesh, after: &MeasuredMesh, forward: &Direction, backward: &Direction) -> Geometry {
     let mut both = forward.distances.clone();
     both.merge(&backward.distances);
-    let mut worst: Vec<Place> = forward.worst.iter().chain(&backward.worst).copied().collect();
+    let mut worst: Vec<FarPoint> = forward.worst.iter().chain(&backward.worst).copied().collect();
     worst.sort_by(|a, b| b.distance.total_cmp(&a.distance));
     worst.truncate(WORST_PLACES);
     let half = |a: f64, b: f64| 0.5 * (a + b);
@@ -196,7 +196,7 @@ fn geometry(before: &MeasuredMesh, after: &MeasuredMesh, forward: &Direction, ba
         forward: distances(&forward.distances, forward.worst.clone(), forward.cut, forward.bound),
         backward: distances(&backward.distances, backward.worst.clone(), backward.cut, backward.bound),
         symmetric,
-        normals: Normals {
+        normals: NormalAngles {
             mean: forward.angles.mean(),
             p95: forward.angles.quantile(0.95),
             flipped: share(forward.flipped, forward.angles.count()),
@@ -209,7 +209,7 @@ fn geometry(before: &MeasuredMesh, after: &MeasuredMesh, forward: &Direction, ba
     }
 }
 
-fn distances(distances: &Distribution, worst: Vec<Place>, cut_searches: u64, max_bound: f64) -> Distances {
+fn distances(distances: &Distribution, worst: Vec<FarPoint>, cut_searches: u64, max_bound: f64) -> Distances {
     Distances {
         max: worst.first().map_or(0.0, |place| place.distance),
         mean: distances.mean(),

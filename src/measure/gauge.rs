@@ -17,7 +17,7 @@ use crate::geometry::boxtree::{Bounds, BoxTree};
 use crate::geometry::closest_point;
 use crate::model::StoredMesh;
 use crate::model::corners::PieceCorners;
-use crate::passes::probes::{ChosenCells, Probes, Spread};
+use crate::passes::probes::{ChosenCells, Probes, RandomPoints};
 
 /// Points that are tried on the result, in those that its input would take.
 const CANDIDATES_MAX: u64 = 16;
@@ -54,14 +54,14 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
     let (mut chosen, mut of_result) = (ChosenCells::new(probes.probing), Vec::new());
     // Points of the input in the cells, which tell how well these stand for the whole.
     let mut of_input = probes.points.clone();
-    let mut spread = Spread::new(spacing, most, 1);
+    let mut spread = RandomPoints::new(spacing, most, 1);
     for face in 0..probes.triangle_count() as u32 {
         spread.over(probes.triangle(face), |point| {
             of_input.extend(chosen.holding(point).filter(|&cell| probes.has_all_near(cell)).map(|_| point));
         });
     }
     let mut to_result = at_most_sq(result, &of_input)?;
-    let mut spread = Spread::new(spacing, most, 0);
+    let mut spread = RandomPoints::new(spacing, most, 0);
     for piece in &result.pieces {
         progress.check_stopped()?;
         let corners = PieceCorners::read(result, piece, false)?;

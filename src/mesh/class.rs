@@ -122,7 +122,7 @@ pub fn classify(mesh: &ClusterMesh, rings: &Rings, classes: &mut Vec<Class>) -> 
 /// Recomputes the classes after legal collapses: vertices that were [`Class::Smooth`] stay so. Returns the same as
 /// [`classify`].
 pub fn reclassify_all(mesh: &ClusterMesh, rings: &Rings, classes: &mut [Class]) -> bool {
-    let mut fan = Fan::default();
+    let mut fan = Classifier::default();
     for (vertex, class) in classes.iter_mut().enumerate().filter(|(_, class)| **class != Class::Smooth) {
         *class = fan.class(mesh, rings, vertex as u32);
     }
@@ -131,7 +131,7 @@ pub fn reclassify_all(mesh: &ClusterMesh, rings: &Rings, classes: &mut [Class]) 
 
 /// Recomputes the classes of the given vertices, whatever they were.
 pub fn reclassify(mesh: &ClusterMesh, rings: &Rings, classes: &mut [Class], vertices: impl IntoIterator<Item = u32>) {
-    let mut fan = Fan::default();
+    let mut fan = Classifier::default();
     for vertex in vertices {
         classes[vertex as usize] = fan.class(mesh, rings, vertex);
     }
@@ -145,7 +145,7 @@ const ONE: u32 = 1 << 16;
 
 /// The faces around one vertex, and buffers to classify it.
 #[derive(Debug, Default)]
-struct Fan {
+struct Classifier {
     spokes: Vec<Spoke>,
     /// `next` of each spoke, in lanes; `ends` holds `previous`.
     begins: Vec<[u32; LANES]>,
@@ -156,7 +156,7 @@ struct Fan {
     shows_back: bool,
 }
 
-impl Fan {
+impl Classifier {
     fn class(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) -> Class {
         let corners = rings.of(vertex);
         if corners.is_empty() || corners.len() > VALENCE_MAX {
@@ -292,7 +292,7 @@ mod tests {
         let mut rings = Rings::default();
         rings.build(&mesh);
         for (vertex, expected) in [(0, true), (1, true), (2, false), (3, false)] {
-            let mut fan = Fan::default();
+            let mut fan = Classifier::default();
             fan.class(&mesh, &rings, vertex);
             assert_eq!(fan.shows_back, expected, "{vertex}");
         }

@@ -40,7 +40,7 @@ pub fn split_edges(mesh: &mut ClusterMesh, points: &[EdgePoint]) {
     }
     // Wedge of each point, set when the first face at its edge is visited.
     let mut wedges = vec![u32::MAX; points.len()];
-    let mut scratch = Scratch::default();
+    let mut scratch = SplitBuffers::default();
     for face in 0..mesh.corners.len() {
         if mesh.is_dead(face as u32) {
             continue;
@@ -95,7 +95,7 @@ fn new_wedge(mesh: &mut ClusterMesh, vertex: u32, ends: [u32; 2], share: f64) ->
 
 /// Buffers for one face.
 #[derive(Debug, Default)]
-struct Scratch {
+struct SplitBuffers {
     /// Wedges around the face, counter-clockwise.
     outline: Vec<u32>,
     triangles: Vec<[u32; 3]>,
@@ -104,7 +104,7 @@ struct Scratch {
     best: Vec<(f64, usize)>,
 }
 
-impl Scratch {
+impl SplitBuffers {
     /// Triangulates the outline, which is convex, so that the lowest regularity is as high as possible. O(corners³).
     fn triangulate(&mut self, mesh: &ClusterMesh) {
         let Self { outline, triangles, best } = self;

@@ -24,6 +24,8 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
+use crate::file::buckets::Record;
+
 /// Marks a corner without texture coordinate.
 pub const NO_TEXCOORD: u32 = u32::MAX;
 /// Polygons with more corners are split into triangles on reading, because triangulation needs a whole polygon in
@@ -310,6 +312,16 @@ impl IdRanges {
 
 fn range_of((low, high): (u32, u32)) -> Range<u32> {
     if low > high { 0..0 } else { low..high.saturating_add(1) }
+}
+
+impl Record for Face {
+    fn encode(records: &[Self], out: &mut Vec<u8>) {
+        encode(records, out);
+    }
+
+    fn decode(bytes: &[u8], count: usize, out: &mut Vec<Self>) -> Result<(), String> {
+        decode(bytes, count, out)
+    }
 }
 
 #[cfg(test)]

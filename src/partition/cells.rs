@@ -87,7 +87,7 @@ impl Cells {
 }
 
 /// A grid over a box, with a count of vertices per grid cell.
-struct Histogram {
+struct VertexGrid {
     node: u32,
     level: usize,
     low: DVec3,
@@ -97,7 +97,7 @@ struct Histogram {
     counts: Vec<u32>,
 }
 
-impl Histogram {
+impl VertexGrid {
     fn new(node: u32, level: usize, low: DVec3, high: DVec3, side: usize) -> Self {
         let step = ((high - low) / side as f64).max(DVec3::splat(f64::MIN_POSITIVE));
         Self { node, level, low, step, side, counts: Vec::new() }
@@ -159,7 +159,7 @@ pub fn plan(mesh: &StoredMesh, options: &PartitionOptions) -> Result<Cells> {
     let plain = (PLAIN_FACE_BYTES / (weight as f64 / faces as f64)).min(1.0);
     let limit = (options.cluster_faces as f64 * plain * per_face).max(4.0) as u64;
     let (low, high) = mesh.bounds();
-    let mut pending = vec![Histogram::new(0, 0, low, high, GRID_SIDES[0])];
+    let mut pending = vec![VertexGrid::new(0, 0, low, high, GRID_SIDES[0])];
     for _ in 0..REFINEMENTS_MAX {
         if pending.is_empty() {
             break;
@@ -205,7 +205,7 @@ pub fn expected_count(faces: u64, cluster_faces: u64, pass: usize) -> u64 {
 }
 
 /// Counts vertices into the histograms of the parts.
-fn count(mesh: &StoredMesh, cells: &Cells, parts: &mut [Histogram], options: &PartitionOptions) -> Result<()> {
+fn count(mesh: &StoredMesh, cells: &Cells, parts: &mut [VertexGrid], options: &PartitionOptions) -> Result<()> {
     if let [part] = &mut parts[..]
         && part.node == 0
     {
@@ -232,7 +232,7 @@ fn count(mesh: &StoredMesh, cells: &Cells, parts: &mut [Histogram], options: &Pa
         }
         part_of[at]
     };
-    let mut counts: Vec<Vec<u32>> = grids.iter().map(Histogram::zeros).collect();
+    let mut counts: Vec<Vec<u32>> = grids.iter().map(VertexGrid::zeros).collect();
     sweep(
         mesh,
         options,
@@ -252,14 +252,14 @@ fn count(mesh: &StoredMesh, cells: &Cells, parts: &mut [Histogram], options: &Pa
 #[allow(clippy::too_many_arguments, reason = "a recursion over plain values")]
 fn split(
     cells: &mut Cells,
-    grid: &Histogram,
+    grid: &VertexGrid,
     filled: &mut [Filled],
     node: u32,
     level: usize,
     range: GridBox,
     limit: u64,
     pass: usize,
-    next: &mut Vec<Histogram>,
+    next: &mut Vec<VertexGrid>,
 ) {
     let slabs = slab_counts(filled, range);
     let total: u64 = slabs[0].iter().sum();
@@ -332,13 +332,13 @@ fn choose_cut(slabs: &[u64], base: usize, low: usize, high: usize, total: u64, s
 }
 
 /// Queues a part for refinement, unless its extent is at the precision of doubles. Returns whether it was queued.
-fn refine(grid: &Histogram, node: u32, level: usize, cell: GridBox, next: &mut Vec<Histogram>) -> bool {
+fn refine(grid: &VertexGrid, node: u32, level: usize, cell: GridBox, next: &mut Vec<VertexGrid>) -> bool {
     let low = DVec3::from_array(std::array::from_fn(|axis| grid.plane(axis, cell.low[axis])));
     let high = DVec3::from_array(std::array::from_fn(|axis| grid.plane(axis, cell.high[axis])));
     let smallest = low.abs().max(high.abs()) * f64::EPSILON;
     let is_finer = (high - low).cmpgt(smallest * 4.0).any();
     if is_finer {
-        next.push(Histogram::new(node, level, low, high, GRID_SIDES[1]));
+        next.push(VertexGrid::new(node, level, low, high, GRID_SIDES[1]));
     }
     is_finer
 }

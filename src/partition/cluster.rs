@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::Partition;
-use super::ranks::Ranks;
+use super::ranks::SortedIds;
 use super::reading::{ClusterFaces, for_each_block, gather, gather_texcoords, read, read_faces, triangulate_polygons};
 use super::texcoord_ids::texcoord_ids;
 use crate::base::Result;
@@ -181,7 +181,7 @@ fn pass_faces(
     }
     let texcoord_ids = texcoord_ids(&faces);
     let texcoords = gather_texcoords(mesh, &texcoord_ids)?;
-    let texcoord_ranks = Ranks::new(&texcoord_ids);
+    let texcoord_ranks = SortedIds::new(&texcoord_ids);
     for face in &mut faces {
         face.vertices = face.vertices.map(|id| partition.faces.shared.rank(id));
         face.texcoords = face.texcoords.map(|id| if id == NO_TEXCOORD { id } else { texcoord_ranks.of(id) });
@@ -197,7 +197,7 @@ fn pass_faces(
 impl ClusterFaces {
     /// Adds the areas of the faces in space and in texture to those of their materials.
     pub fn add_areas(&self, catalogue: &Catalogue, areas: &mut [MaterialArea]) {
-        let ranks = Ranks::new(&self.texcoord_ids);
+        let ranks = SortedIds::new(&self.texcoord_ids);
         for face in &self.faces {
             let sum = &mut areas[catalogue.material_index(face.part)];
             sum.faces += 1;
@@ -242,7 +242,7 @@ impl ClusterFaces {
 
 impl ClusterSource {
     fn add_faces(&mut self, faces: &[Face], texcoord_ids: &[u32], catalogue: &Catalogue, scale: &TextureScale) {
-        let ranks = Ranks::new(texcoord_ids);
+        let ranks = SortedIds::new(texcoord_ids);
         let mesh = &mut self.mesh;
         mesh.corners.reserve_exact(faces.len());
         mesh.parts.reserve_exact(faces.len());

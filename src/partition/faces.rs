@@ -16,7 +16,7 @@ use std::sync::{Arc, Mutex};
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::numbering::{Numbering, Ranks};
+use super::numbering::{IdMap, Numbering};
 use super::options::PartitionOptions;
 use super::shared::Shared;
 use super::stretches::{CellStretch, NamedStretches, SeenStretches};
@@ -94,13 +94,13 @@ impl Job<'_> {
     }
 
     /// The window of the numbering that contains all its vertices; `None` if it needs several.
-    fn only_window(&self, ranks: &Ranks) -> Option<u32> {
+    fn only_window(&self, ranks: &IdMap) -> Option<u32> {
         let mut windows = self.windows(ranks);
         windows.next().filter(|_| windows.next().is_none())
     }
 
     /// The windows of the numbering that its faces may refer to.
-    fn windows(&self, ranks: &Ranks) -> impl Iterator<Item = u32> {
+    fn windows(&self, ranks: &IdMap) -> impl Iterator<Item = u32> {
         (0..ranks.window_count()).filter(|&window| self.may_touch(&ranks.range(window..window + 1)))
     }
 
@@ -121,7 +121,7 @@ impl Job<'_> {
 pub fn distribute(
     mesh: &StoredMesh,
     numbering: &Numbering,
-    ranks: &Ranks,
+    ranks: &IdMap,
     folder: &Path,
     name: &str,
     options: &PartitionOptions,
@@ -256,7 +256,7 @@ struct LoadedWindow {
 }
 
 impl LoadedWindow {
-    fn get(&self, ranks: &Ranks, window: u32) -> Result<Arc<Vec<u32>>> {
+    fn get(&self, ranks: &IdMap, window: u32) -> Result<Arc<Vec<u32>>> {
         let mut loaded = self.window.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         if let Some((_, found)) = loaded.as_ref().filter(|(at, _)| *at == window) {
             return Ok(found.clone());
@@ -288,7 +288,7 @@ impl Corners {
     }
 
     /// Looks up the corners of blocks, one or two windows of the numbering at a time.
-    fn look_up(&self, jobs: &[Job<'_>], ranks: &Ranks, options: &PartitionOptions) -> Result<()> {
+    fn look_up(&self, jobs: &[Job<'_>], ranks: &IdMap, options: &PartitionOptions) -> Result<()> {
         let count = ranks.window_count();
         let named = jobs.iter().map(|job| job.windows(ranks).count()).sum::<usize>();
         let at_once = if named > MANY_WINDOWS * jobs.len() { 2 } else { 1 };

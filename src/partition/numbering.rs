@@ -9,7 +9,7 @@
 //! Duplicates lie in the same cell, since cells are chosen by position. New ids within a cell follow the old order.
 //!
 //! # Memory
-//! Buffers of 12 MiB, the positions of a cell while it is welded, and [`Ranks`]: at most 16 MiB.
+//! Buffers of 12 MiB, the positions of a cell while it is welded, and [`IdMap`]: at most 16 MiB.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -91,7 +91,7 @@ impl Numbering {
 
 /// Maps old ids to new ids, in windows of old ids.
 #[derive(Debug)]
-pub struct Ranks {
+pub struct IdMap {
     window_len: u32,
     count: u32,
     /// All ranks, if they are kept in memory as a whole.
@@ -100,7 +100,7 @@ pub struct Ranks {
     pairs: Option<Buckets<[u32; 2]>>,
 }
 
-impl Ranks {
+impl IdMap {
     /// Number of windows.
     pub fn window_count(&self) -> u32 {
         self.count.div_ceil(self.window_len).max(1)
@@ -249,7 +249,7 @@ pub(super) fn number<R: VertexRecord>(
     name: &str,
     options: &PartitionOptions,
     findings: &mut Findings,
-) -> Result<(Numbering, Ranks, u64)> {
+) -> Result<(Numbering, IdMap, u64)> {
     mesh.numbering()?;
     let cell_count = cells.count() as usize;
     let records = scatter_by_cell::<R>(mesh, cells, &folder.join(format!("{name}-vertices.scatter")), options)?;
@@ -314,7 +314,7 @@ pub(super) fn number<R: VertexRecord>(
         Some(pairs) => Some(pairs.finish()?),
         None => None,
     };
-    let ranks = Ranks { window_len, count: vertex_count, whole, pairs };
+    let ranks = IdMap { window_len, count: vertex_count, whole, pairs };
     let positions = positions.finish()?;
     let scratch_peak = folder_bytes(folder);
     Ok((Numbering { positions, colours, starts }, ranks, scratch_peak))

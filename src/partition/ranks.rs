@@ -13,7 +13,7 @@ const FEW: usize = 8;
 
 /// Indices of ids in an ascending list.
 #[derive(Debug)]
-pub struct Ranks<'a> {
+pub struct SortedIds<'a> {
     ids: &'a [u32],
     /// Low bits of an id that do not select its slot.
     shift: u32,
@@ -21,7 +21,7 @@ pub struct Ranks<'a> {
     starts: Vec<u32>,
 }
 
-impl<'a> Ranks<'a> {
+impl<'a> SortedIds<'a> {
     /// Indexes an ascending list.
     pub fn new(ids: &'a [u32]) -> Self {
         let span = ids.last().zip(ids.first()).map_or(0, |(last, first)| last - first);
@@ -59,7 +59,7 @@ mod tests {
     fn every_id_is_found_where_it_stands() {
         let spread: Vec<u32> = (0..1000).map(|i| i * 4_000_000 + (i * i) % 7).collect();
         for ids in [vec![], vec![7], vec![5, 6, 7, 900, u32::MAX], vec![0, u32::MAX], spread] {
-            let ranks = Ranks::new(&ids);
+            let ranks = SortedIds::new(&ids);
             assert!(ranks.starts.len() <= ids.len() + 3);
             for (place, &id) in ids.iter().enumerate() {
                 assert_eq!(ranks.of(id), place as u32, "{id} in {ids:?}");

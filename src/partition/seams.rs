@@ -1,6 +1,6 @@
 //! Measures the seams of a cluster on a sample of one edge in eight.
 
-use super::ranks::Ranks;
+use super::ranks::SortedIds;
 use super::reading::ClusterFaces;
 use crate::mesh::crowding::SeamTally;
 use crate::model::{Catalogue, NO_TEXCOORD};
@@ -10,7 +10,7 @@ const EDGE_STEP: u32 = 8;
 
 /// An edge of a face: its ends, the smaller vertex first, and the texcoords and material of the face there.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Side {
+struct SeamSide {
     ends: [u32; 2],
     texcoords: [u32; 2],
     material: u32,
@@ -26,7 +26,7 @@ impl ClusterFaces {
     /// of a vertex. An edge is a seam if its faces differ in material, or in a texture coordinate at one of its ends.
     pub fn tally_seams(&self, catalogue: &Catalogue) -> SeamTally {
         let mut tally = SeamTally { faces: self.faces.len() as u64, ..SeamTally::default() };
-        let mut sides: Vec<Side> = Vec::with_capacity(self.faces.len() / 2);
+        let mut sides: Vec<SeamSide> = Vec::with_capacity(self.faces.len() / 2);
         for face in &self.faces {
             let [a, b, c] = face.vertices.map(|v| self.positions[v as usize]);
             tally.area += 0.5 * (b - a).cross(c - a).length();
@@ -35,17 +35,17 @@ impl ClusterFaces {
                 if is_drawn(face.vertices[i]) {
                     let material = catalogue.material_index(face.part) as u32;
                     let (ends, texcoords) = ([i, j].map(|k| face.vertices[k]), [i, j].map(|k| face.texcoords[k]));
-                    sides.push(Side { ends, texcoords, material });
+                    sides.push(SeamSide { ends, texcoords, material });
                 }
             }
         }
-        let ranks = Ranks::new(&self.texcoord_ids);
+        let ranks = SortedIds::new(&self.texcoord_ids);
         let uv_of =
             |id: u32| (id != NO_TEXCOORD).then(|| self.texcoords[ranks.of(id) as usize].to_array().map(f64::to_bits));
         sides.sort_unstable();
         for edge in sides.chunk_by(|one, other| one.ends == other.ends) {
             let first = edge[0];
-            let differs = |side: &Side| {
+            let differs = |side: &SeamSide| {
                 side.material != first.material
                     || (side.texcoords != first.texcoords && side.texcoords.map(uv_of) != first.texcoords.map(uv_of))
             };

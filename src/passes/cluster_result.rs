@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::outcome::Floor;
 use super::probes::{Probes, Probing};
-use super::stop_rule::Plan;
+use super::stop_rule::StopRule;
 use super::texture_traits::TextureTraits;
 use crate::mesh::ClusterMesh;
 use crate::model::{Catalogue, StoredPiece};
@@ -15,7 +15,7 @@ use crate::simplify::{Changes, Milestone};
 /// How a pass begins.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Opening {
-    pub(super) plan: Plan,
+    pub(super) plan: StopRule,
     /// Whether the plan meets the target to the face.
     pub(super) is_exact: bool,
     /// Properties of the texture; the same in all passes.

@@ -5,7 +5,7 @@ use super::outcome::Floor;
 use super::probes::{Probes, Probing};
 use super::run::Run;
 use super::sample::Survey;
-use super::stop_rule::{Plan, run_plan};
+use super::stop_rule::{StopRule, run_plan};
 use crate::base::Result;
 use crate::base::ordered::{Crew, settle_in_order};
 use crate::cost::Metric;
@@ -41,7 +41,7 @@ impl<M: Metric> Run<'_, M> {
         &self,
         mesh: &StoredMesh,
         partition: &Partition,
-        (pass, plan): (usize, &Plan),
+        (pass, plan): (usize, &StopRule),
         keep: Option<&Survey>,
         step: impl Fn(u32) -> Step + Sync,
         mut commit: impl FnMut(ClusterResult) -> Result<()>,
@@ -92,7 +92,7 @@ impl<M: Metric> Run<'_, M> {
         mesh: &StoredMesh,
         partition: &Partition,
         step: Step,
-        (pass, plan): (usize, &Plan),
+        (pass, plan): (usize, &StopRule),
         keep: Option<&Survey>,
         cluster: usize,
     ) -> Result<(ClusterResult, Option<PendingPiece>)> {

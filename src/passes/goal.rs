@@ -2,7 +2,7 @@
 
 use super::sample::Purpose;
 use super::schedule::{TRIM_SHARE, pass_target, stage_shares};
-use super::stop_rule::Plan;
+use super::stop_rule::StopRule;
 
 /// Largest excess over the target, as a share of the target, at which a trim replaces an ordinary pass.
 const TRIM_SHARE_MAX: f64 = 0.25;
@@ -67,19 +67,19 @@ impl Aim {
     }
 
     /// Returns how a single cluster of `faces` faces stops; the last pass ends at the target to the face.
-    pub fn in_one_cluster(self, turn: usize, faces: u64) -> Plan {
+    pub fn in_one_cluster(self, turn: usize, faces: u64) -> StopRule {
         let faces = faces.max(1) as f64;
         if self.is_last(turn) {
-            return Plan::Faces(self.stages(self.target as f64 / faces, turn), self.target);
+            return StopRule::Faces(self.stages(self.target as f64 / faces, turn), self.target);
         }
-        Plan::Shares(self.stages(self.faces_after(turn) / faces, turn))
+        StopRule::Shares(self.stages(self.faces_after(turn) / faces, turn))
     }
 
     /// Returns how a pass with the deviation bound `most` stops. The first pass spends half of the bound before it uses
     /// the rest, so that the cheapest collapses come first; later passes start from a mesh simplified under half of
     /// their bound.
-    pub fn within(self, most: f64, turn: usize) -> Plan {
-        Plan::Deviation(if turn == 0 { vec![0.5 * most, most] } else { vec![most] })
+    pub fn within(self, most: f64, turn: usize) -> StopRule {
+        StopRule::Deviation(if turn == 0 { vec![0.5 * most, most] } else { vec![most] })
     }
 
     /// Faces above which a pass that is stopped by face count leaves the rest to the trim.
@@ -147,7 +147,7 @@ mod tests {
         assert_eq!(Aim { bound: Some(8.0), ..AIM }.goal(1, 4000), AIM.goal(1, 4000));
         assert_eq!(AIM.bound_of(0), None);
         let stops = |turn| match bounded.within(4.0, turn) {
-            Plan::Deviation(bounds) => bounds,
+            StopRule::Deviation(bounds) => bounds,
             other => panic!("{other:?}"),
         };
         assert_eq!([stops(0), stops(1)], [vec![2.0, 4.0], vec![4.0]]);
@@ -156,14 +156,14 @@ mod tests {
     #[test]
     fn a_single_cluster_ends_at_the_target_in_the_last_pass_alone() {
         match AIM.in_one_cluster(2, 2000) {
-            Plan::Faces(shares, target) => assert!(target == 1000 && is_near(*shares.last().unwrap(), 0.5)),
+            StopRule::Faces(shares, target) => assert!(target == 1000 && is_near(*shares.last().unwrap(), 0.5)),
             other => panic!("{other:?}"),
         }
         match AIM.in_one_cluster(1, 4000) {
-            Plan::Shares(shares) => assert!(is_near(*shares.last().unwrap(), 0.5)),
+            StopRule::Shares(shares) => assert!(is_near(*shares.last().unwrap(), 0.5)),
             other => panic!("{other:?}"),
         }
-        assert!(matches!(AIM.in_one_cluster(2, 0), Plan::Faces(..)));
+        assert!(matches!(AIM.in_one_cluster(2, 0), StopRule::Faces(..)));
     }
 
     #[test]

@@ -10,7 +10,7 @@ use super::remesh::is_remeshed;
 use super::run::{Run, plan_step};
 use super::sample;
 use super::state::{PassState, Start};
-use super::stop_rule::Plan;
+use super::stop_rule::StopRule;
 use super::texture_traits::TextureTraits;
 use crate::base::ordered::{both, map_in_order};
 use crate::base::{Error, Progress, Result, counted};
@@ -262,7 +262,7 @@ impl<'a, M: Metric> Run<'a, M> {
         mesh: &StoredMesh,
         partition: &Partition,
         pass: usize,
-        plan: &Plan,
+        plan: &StopRule,
         attempt: u32,
     ) -> Result<PassOutcome> {
         let phase = if self.turn(pass) == 0 { "simplify" } else { "stitch" };

@@ -64,12 +64,12 @@ const EXCESS: u64 = 4;
 const EXCESS_MORE: u64 = 64;
 
 thread_local! {
-    static SCRATCH: Cell<Scratch> = Cell::default();
+    static SCRATCH: Cell<ProbeBuffers> = Cell::default();
 }
 
 /// Scratch buffers for probing a cluster.
 #[derive(Debug, Default)]
-struct Scratch {
+struct ProbeBuffers {
     /// Running sums of the faces' sampling weights.
     ends: Vec<f64>,
     /// Index of each mesh vertex among the kept vertices; `u32::MAX` if it is not kept.
@@ -119,7 +119,7 @@ pub struct Probes {
     triangles: Vec<[u32; 3]>,
     /// Chosen cells, by their low corners, some of whose triangles were not kept because there are too many; ascending.
     #[serde(with = "crate::base::records")]
-    crowded: Vec<Place>,
+    crowded: Vec<GridPosition>,
     /// The vertices of the triangles.
     #[serde(with = "crate::base::records")]
     vertices: Vec<DVec3>,
@@ -127,12 +127,12 @@ pub struct Probes {
 
 /// Sum of the squared longest sides of faces, and their number.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Sides {
+pub(super) struct LongestSides {
     sum: f64,
     count: u64,
 }
 
-impl Sides {
+impl LongestSides {
     /// Sums over a cluster.
     pub fn of(mesh: &ClusterMesh) -> Self {
         let longest_sq =
@@ -172,7 +172,7 @@ impl Probing {
 
     /// Parameters for a mesh of which `patch` is all or a representative part.
     pub(super) fn of([faces, target]: [u64; 2], patch: &ClusterMesh) -> Self {
-        Self::new(faces, target, Sides::of(patch).mean_sq())
+        Self::new(faces, target, LongestSides::of(patch).mean_sq())
     }
 
     /// Reports whether recalled parameters fit a mesh of `faces` faces.
@@ -242,7 +242,7 @@ impl Probing {
     }
 }
 
-impl Scratch {
+impl ProbeBuffers {
     /// Fills `ends` with running sums of the sampling weights and returns the area. A share of the weight goes by area,
     /// a share by face, and the rest by expected error: area × bend × length². The last is capped at the value that a
     /// share `left` of the faces exceeds, since those faces stay.
@@ -312,7 +312,7 @@ fn finite(number: f64) -> f64 {
 }
 
 /// A position in units of a cell's side / `SIDE_PARTS`.
-pub type Place = [i64; 3];
+pub type GridPosition = [i64; 3];
 
 /// Finds chosen cells; caches recent answers.
 #[derive(Debug)]
@@ -320,16 +320,16 @@ pub struct ChosenCells {
     probing: Probing,
     parts: f64,
     /// Cached blocks, each in its slot, with their chosen cells.
-    seen: Vec<Option<(Place, Option<Place>)>>,
+    seen: Vec<Option<(GridPosition, Option<GridPosition>)>>,
     /// Cached cells, each in its slot, with the chosen cells around them.
-    around: Vec<Option<(Place, Around)>>,
+    around: Vec<Option<(GridPosition, CellNeighbourhood)>>,
 }
 
 /// Chosen cells among a cell and its 26 neighbours, by their low corners.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Around {
+enum CellNeighbourhood {
     None,
-    One(Place),
+    One(GridPosition),
     Many,
 }
 
@@ -340,7 +340,7 @@ impl ChosenCells {
     }
 
     /// Low corner of the chosen cell that contains a position, or `None`.
-    pub fn holding(&mut self, position: DVec3) -> Option<Place> {
+    pub fn holding(&mut self, position: DVec3) -> Option<GridPosition> {
         let (place, mut holding) = (self.place(position), None);
         self.any_between(place, place, |cell| {
             holding = Some(cell);
@@ -359,18 +359,18 @@ impl ChosenCells {
         let (low, high, side) = (a.min(b).min(c), a.max(b).max(c), self.probing.side);
         // Most triangles are smaller than half a side; all of their corners are then within one side of the cell.
         let is_small = (high - low).max_element() < SMALL * side;
-        match if is_small { self.around(a) } else { Around::Many } {
-            Around::None => false,
-            Around::One(cell) => {
+        match if is_small { self.around(a) } else { CellNeighbourhood::Many } {
+            CellNeighbourhood::None => false,
+            CellNeighbourhood::One(cell) => {
                 let cell = DVec3::from_array(cell.map(|place| place as f64 / self.parts));
                 cell.cmple(high + 0.5 * side).all() && low.cmple(cell + 1.5 * side).all()
             }
-            Around::Many => self.are_within([a, b, c], SIDE_PARTS / 2),
+            CellNeighbourhood::Many => self.are_within([a, b, c], SIDE_PARTS / 2),
         }
     }
 
     /// Visits the chosen cells near a triangle; visits none if its bounding box meets more than [`BLOCKS_MAX`] blocks.
-    fn each_near(&mut self, triangle: [DVec3; 3], mut visit: impl FnMut(Place)) {
+    fn each_near(&mut self, triangle: [DVec3; 3], mut visit: impl FnMut(GridPosition)) {
         let [low, high] = self.places_around(triangle, SIDE_PARTS / 2);
         self.any_between(low, high, |cell| {
             visit(cell);
@@ -379,7 +379,7 @@ impl ChosenCells {
     }
 
     /// Chosen cells among the cell of a position and its neighbours.
-    fn around(&mut self, position: DVec3) -> Around {
+    fn around(&mut self, position: DVec3) -> CellNeighbourhood {
         let cell = self.place(position).map(|place| place >> SIDE_PARTS.trailing_zeros());
         let slot = slot_of(cell);
         if let Some((last, around)) = self.around[slot]
@@ -388,9 +388,10 @@ impl ChosenCells {
             return around;
         }
         let low = cell.map(|place| (place - 1) * SIDE_PARTS);
-        let mut around = Around::None;
+        let mut around = CellNeighbourhood::None;
         self.any_between(low, low.map(|place| place + 3 * SIDE_PARTS - 1), |cell| {
-            around = if around == Around::None { Around::One(cell) } else { Around::Many };
+            around =
+                if around == CellNeighbourhood::None { CellNeighbourhood::One(cell) } else { CellNeighbourhood::Many };
             false
         });
         self.around[slot] = Some((cell, around));
@@ -404,19 +405,25 @@ impl ChosenCells {
     }
 
     /// Low and high corner of the bounding box of a triangle, grown by `margin` units.
-    fn places_around(&self, [a, b, c]: [DVec3; 3], margin: i64) -> [Place; 2] {
+    fn places_around(&self, [a, b, c]: [DVec3; 3], margin: i64) -> [GridPosition; 2] {
         let (low, high) = (self.place(a.min(b).min(c)), self.place(a.max(b).max(c)));
         [low.map(|p| p.saturating_sub(margin)), high.map(|p| p.saturating_add(margin))]
     }
 
     /// Reports whether `accept` returns true for a chosen cell that meets a box. Also true, without a call, if the box
     /// meets more than [`BLOCKS_MAX`] blocks.
-    fn any_between(&mut self, low: Place, high: Place, mut accept: impl FnMut(Place) -> bool) -> bool {
+    fn any_between(
+        &mut self,
+        low: GridPosition,
+        high: GridPosition,
+        mut accept: impl FnMut(GridPosition) -> bool,
+    ) -> bool {
         let shift = self.probing.block_bits + SIDE_PARTS.trailing_zeros();
         let [from, to] = [low, high].map(|place| place.map(|p| p >> shift));
-        let mut accept_in = |block: Place| {
-            let meets =
-                |cell: &Place| (0..3).all(|axis| cell[axis] <= high[axis] && low[axis] < cell[axis] + SIDE_PARTS);
+        let mut accept_in = |block: GridPosition| {
+            let meets = |cell: &GridPosition| {
+                (0..3).all(|axis| cell[axis] <= high[axis] && low[axis] < cell[axis] + SIDE_PARTS)
+            };
             self.cell(block).filter(meets).is_some_and(&mut accept)
         };
         if from == to {
@@ -429,7 +436,7 @@ impl ChosenCells {
         (from[0]..=to[0]).any(|x| (from[1]..=to[1]).any(|y| (from[2]..=to[2]).any(|z| accept_in([x, y, z]))))
     }
 
-    fn place(&self, position: DVec3) -> Place {
+    fn place(&self, position: DVec3) -> GridPosition {
         (position * self.parts).to_array().map(|c| {
             let whole = c as i64;
             whole.saturating_sub(i64::from(whole as f64 > c)).clamp(-PLACE_MAX, PLACE_MAX)
@@ -437,7 +444,7 @@ impl ChosenCells {
     }
 
     /// Low corner of the chosen cell of a block, or `None`.
-    fn cell(&mut self, block: Place) -> Option<Place> {
+    fn cell(&mut self, block: GridPosition) -> Option<GridPosition> {
         let seen = &mut self.seen[slot_of(block)];
         if let Some((last, cell)) = *seen
             && last == block
@@ -458,7 +465,7 @@ impl ChosenCells {
 }
 
 /// Cache slot of a block or a cell.
-fn slot_of(place: Place) -> usize {
+fn slot_of(place: GridPosition) -> usize {
     let hash = place.iter().fold(0, |hash, &p| (hash ^ p as u64).wrapping_mul(INCREMENT));
     (hash >> 32) as usize % SLOTS
 }
@@ -482,7 +489,7 @@ impl Probes {
     }
 
     /// Reports whether all triangles near a chosen cell were kept.
-    pub fn has_all_near(&self, cell: Place) -> bool {
+    pub fn has_all_near(&self, cell: GridPosition) -> bool {
         self.crowded.binary_search(&cell).is_err()
     }
 
@@ -533,7 +540,7 @@ impl Probes {
 
 /// Random points on a sequence of triangles at a fixed density.
 #[derive(Debug)]
-pub struct Spread {
+pub struct RandomPoints {
     /// Area per point.
     spacing: f64,
     owed: f64,
@@ -542,7 +549,7 @@ pub struct Spread {
     left: u64,
 }
 
-impl Spread {
+impl RandomPoints {
     /// PositionRuns one point per `spacing` of area, at most `most`. The same `seed` gives the same points.
     pub fn new(spacing: f64, most: u64, seed: u64) -> Self {
         Self { spacing, owed: unit(mixed(seed)), hash: mixed(seed), left: most }
@@ -722,7 +729,7 @@ mod tests {
     #[test]
     fn points_spread_by_area() {
         let right = |x: f64, size: f64| [[0.0, 0.0], [size, 0.0], [0.0, size]].map(|[u, v]| DVec3::new(x + u, v, 0.0));
-        let mut spread = Spread::new(0.001, 10_000, 7);
+        let mut spread = RandomPoints::new(0.001, 10_000, 7);
         let (mut small, mut large) = (0, 0);
         spread.over(right(0.0, 1.0), |_| small += 1);
         spread.over(right(9.0, 2.0), |point| {

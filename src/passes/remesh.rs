@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::clusters::PASS_BYTES;
 use super::outcome::RemeshReport;
-use super::probes::{Probes, Probing, Sides};
+use super::probes::{LongestSides, Probes, Probing};
 use super::run::{Run, plan_step};
 use super::state::PassState;
 use crate::base::Result;
@@ -27,7 +27,7 @@ use crate::job::{Step, folder_bytes};
 use crate::model::{StoredMesh, StoredPiece};
 use crate::partition::{ClusterSource, Partition, cluster};
 use crate::remesh::cvd::mass::MassSums;
-use crate::remesh::cvd::{self, Frame, Settings, Stock};
+use crate::remesh::cvd::{self, FrozenStatistics, Settings, Stock};
 
 /// Remeshing passes for a target in cells, if there are several clusters.
 pub const CELL_PASSES: usize = 3;
@@ -43,8 +43,8 @@ pub(super) fn is_remeshed(settings: &Settings, done: &[RemeshReport]) -> bool {
 
 /// Result of both surveys.
 #[derive(Serialize, Deserialize)]
-struct Found {
-    frame: Frame,
+struct Surveyed {
+    frame: FrozenStatistics,
     /// Probes of the input, if this is the first pass.
     probes: Probes,
 }
@@ -77,8 +77,8 @@ impl<M: Metric> Run<'_, M> {
     ) -> Result<()> {
         let started = Instant::now();
         let pass = state.pass;
-        let is_sound = |found: &mut Found| found.probes.is_empty() || found.probes.is_sound(partition.total_faces());
-        let Found { frame, probes } = match self.job.recall_if(plan_step(pass, 0), is_sound)? {
+        let is_sound = |found: &mut Surveyed| found.probes.is_empty() || found.probes.is_sound(partition.total_faces());
+        let Surveyed { frame, probes } = match self.job.recall_if(plan_step(pass, 0), is_sound)? {
             Some(found) => found,
             None => {
                 let found = self.find_frame(settings, state, partition)?;
@@ -151,21 +151,21 @@ impl<M: Metric> Run<'_, M> {
     }
 
     /// Surveys all clusters twice; probes those of the input in the second survey.
-    fn find_frame(&self, settings: &Settings, state: &PassState, partition: &Partition) -> Result<Found> {
+    fn find_frame(&self, settings: &Settings, state: &PassState, partition: &Partition) -> Result<Surveyed> {
         self.progress.begin("weigh", 2 * partition.total_faces(), "faces");
         let is_input = state.pass == 0;
-        let (mut sums, mut sides) = (MassSums::default(), Sides::default());
+        let (mut sums, mut sides) = (MassSums::default(), LongestSides::default());
         let weigh = |source: &ClusterSource, _: usize| {
             let mut own = MassSums::default();
             cvd::weigh(&source.mesh, settings, &mut own);
-            (own, if is_input { Sides::of(&source.mesh) } else { Sides::default() })
+            (own, if is_input { LongestSides::of(&source.mesh) } else { LongestSides::default() })
         };
         let skip = |_: usize| Ok(Default::default());
         self.look(&state.mesh, partition, weigh, skip, |(own, own_sides)| {
             sums.merge(&own);
             sides = sides.with(own_sides);
         })?;
-        let frame = Frame::new(&sums, settings);
+        let frame = FrozenStatistics::new(&sums, settings);
         let faces = partition.total_faces();
         // A closed surface has about two faces per cell.
         let target = settings.cells.map_or(self.options.target, |cells| 2 * cells);
@@ -183,7 +183,7 @@ impl<M: Metric> Run<'_, M> {
             stock.merge(&own);
             probes.add(own_probes);
         })?;
-        Ok(Found { frame: Frame { threshold: stock.threshold(&frame), ..frame }, probes })
+        Ok(Surveyed { frame: FrozenStatistics { threshold: stock.threshold(&frame), ..frame }, probes })
     }
 
     /// Applies `look_at` to every cluster that can be loaded and `look_past` to the others; passes the results to
@@ -216,7 +216,7 @@ impl<M: Metric> Run<'_, M> {
     fn remesh_cluster(
         &self,
         settings: &Settings,
-        frame: &Frame,
+        frame: &FrozenStatistics,
         mesh: &StoredMesh,
         partition: &Partition,
         step: Step,

@@ -4,7 +4,7 @@ use super::outcome::{PassOutcome, PassReport, before_leap};
 use super::run::{Run, plan_step};
 use super::sample;
 use super::state::PassState;
-use super::stop_rule::Plan;
+use super::stop_rule::StopRule;
 use super::trim::halfway;
 use crate::base::Result;
 use crate::cost::Metric;
@@ -14,10 +14,10 @@ use crate::partition::Partition;
 impl<M: Metric> Run<'_, M> {
     /// Runs a pass by its plan. Runs it a second time if the first attempt went below the target, or if a single
     /// cluster ended with collapses that cost far more than those before and removed few faces.
-    pub(super) fn run_plans(&self, state: &PassState, partition: &Partition, plan: &Plan) -> Result<PassOutcome> {
+    pub(super) fn run_plans(&self, state: &PassState, partition: &Partition, plan: &StopRule) -> Result<PassOutcome> {
         let (mesh, pass) = (&state.mesh, state.pass);
         let again = plan_step(pass, 1);
-        let better = match self.job.recall_if(again, |plan: &mut Plan| plan.is_sound(partition.cluster_count()))? {
+        let better = match self.job.recall_if(again, |plan: &mut StopRule| plan.is_sound(partition.cluster_count()))? {
             Some(better) => better,
             None => {
                 let outcome = self.run_pass(mesh, partition, pass, plan, 0)?;
@@ -31,7 +31,7 @@ impl<M: Metric> Run<'_, M> {
             }
         };
         let outcome = self.run_pass(mesh, partition, pass, &better, 1)?;
-        Ok(PassOutcome { is_wall: matches!(plan, Plan::Faces(..)), ..outcome })
+        Ok(PassOutcome { is_wall: matches!(plan, StopRule::Faces(..)), ..outcome })
     }
 
     /// Returns the plan for the second attempt, or `None` if the first attempt stands.
@@ -39,28 +39,28 @@ impl<M: Metric> Run<'_, M> {
         &self,
         state: &PassState,
         partition: &Partition,
-        plan: &Plan,
+        plan: &StopRule,
         outcome: &PassOutcome,
-    ) -> Option<Plan> {
+    ) -> Option<StopRule> {
         let target = self.options.target;
         match plan {
-            Plan::Costs(costs) if outcome.report.faces_out < target => {
+            StopRule::Costs(costs) if outcome.report.faces_out < target => {
                 // The sample did not represent the whole mesh. Keep the thresholds, but stop each cluster above the
                 // target, where the trim takes over.
                 let keep = halfway(&partition.face_counts(), &outcome.cluster_faces, self.before_trim());
                 // A cluster ends one face below its stop, or exactly at it.
                 let keep = keep.into_iter().map(|faces| faces + 1).collect();
-                Some(Plan::Trim(costs.clone(), keep))
+                Some(StopRule::Trim(costs.clone(), keep))
             }
             // A target that was met stands, whatever the last collapses cost. In earlier passes, and where the target
             // was missed, preserving the shape comes first.
-            Plan::Faces(_, target) if outcome.report.faces_out <= *target => None,
-            Plan::Faces(..) | Plan::Shares(_) => {
+            StopRule::Faces(_, target) if outcome.report.faces_out <= *target => None,
+            StopRule::Faces(..) | StopRule::Shares(_) => {
                 let mean_area = outcome.area / outcome.report.faces_in.max(1) as f64;
                 let least = f64::from(sample::NEGLIGIBLE) * mean_area * mean_area;
                 let before = state.reports.last().map(PassReport::end);
                 let costs = before_leap(before, &outcome.stages.reports(0.0), least)?;
-                Some(Plan::Trim(costs, vec![target; partition.cluster_count()]))
+                Some(StopRule::Trim(costs, vec![target; partition.cluster_count()]))
             }
             _ => None,
         }

@@ -21,7 +21,7 @@ const TIGHTENED_KEEPS: f64 = 0.9;
 
 /// How the clusters of a pass stop.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(super) enum Plan {
+pub(super) enum StopRule {
     /// One cluster: keep these shares of the free faces at the end of each stage.
     Shares(Vec<f64>),
     /// One cluster: keep these shares of the faces, except that the last stage leaves exactly this number.
@@ -34,11 +34,11 @@ pub(super) enum Plan {
     Trim(Vec<f32>, Vec<u64>),
 }
 
-impl Plan {
+impl StopRule {
     /// Returns the thresholds if the plan has no other stop, otherwise `None`.
     pub(super) fn costs(&self) -> Option<&[f32]> {
         match self {
-            Plan::Costs(costs) => Some(costs),
+            StopRule::Costs(costs) => Some(costs),
             _ => None,
         }
     }
@@ -46,10 +46,10 @@ impl Plan {
     /// Reports whether a recalled plan fits `cluster_count` clusters and has at most [`STAGES_MAX`] stages.
     pub(super) fn is_sound(&self, cluster_count: usize) -> bool {
         match self {
-            Plan::Shares(shares) | Plan::Faces(shares, _) => shares.len() <= STAGES_MAX,
-            Plan::Costs(costs) => costs.len() <= STAGES_MAX,
-            Plan::Deviation(bounds) => bounds.len() <= STAGES_MAX,
-            Plan::Trim(costs, keep) => costs.len() <= STAGES_MAX && keep.len() == cluster_count,
+            StopRule::Shares(shares) | StopRule::Faces(shares, _) => shares.len() <= STAGES_MAX,
+            StopRule::Costs(costs) => costs.len() <= STAGES_MAX,
+            StopRule::Deviation(bounds) => bounds.len() <= STAGES_MAX,
+            StopRule::Trim(costs, keep) => costs.len() <= STAGES_MAX && keep.len() == cluster_count,
         }
     }
 }
@@ -57,17 +57,17 @@ impl Plan {
 /// Runs the stages of a plan. Returns the cost of the last stage that collapsed an edge, or 0 if none did; for a plan
 /// with bounds on the deviation, the highest cost of all stages. In a trial, every collapse of the last stage is
 /// logged.
-pub(super) fn run_plan<M: Metric>(engine: &mut Engine<M>, plan: &Plan, cluster: usize, is_trial: bool) -> f32 {
+pub(super) fn run_plan<M: Metric>(engine: &mut Engine<M>, plan: &StopRule, cluster: usize, is_trial: bool) -> f32 {
     let faces = engine.mesh.face_count;
     let stops: Vec<Stop> = match plan {
-        Plan::Deviation(bounds) => return run_bounded(engine, bounds),
-        Plan::Costs(costs) => costs.iter().map(|&cost| Stop::Cost(cost, 0)).collect(),
-        Plan::Trim(costs, keep) => costs.iter().map(|&cost| Stop::Cost(cost, keep[cluster] as usize)).collect(),
-        Plan::Shares(shares) => {
+        StopRule::Deviation(bounds) => return run_bounded(engine, bounds),
+        StopRule::Costs(costs) => costs.iter().map(|&cost| Stop::Cost(cost, 0)).collect(),
+        StopRule::Trim(costs, keep) => costs.iter().map(|&cost| Stop::Cost(cost, keep[cluster] as usize)).collect(),
+        StopRule::Shares(shares) => {
             let free = engine.count_free_faces();
             shares.iter().map(|share| Stop::Faces(sample::face_goal(faces, free, *share))).collect()
         }
-        Plan::Faces(shares, target) => {
+        StopRule::Faces(shares, target) => {
             let before = &shares[..shares.len().saturating_sub(1)];
             let goal = |share: &f64| ((faces as f64 * share).round() as usize).max(*target as usize);
             before.iter().map(|share| Stop::Faces(goal(share))).chain([Stop::Faces(*target as usize)]).collect()
@@ -133,7 +133,7 @@ mod tests {
         let run = |costs: &[f32]| {
             let mut engine = Engine::<SurfaceCost>::new(samples::grid(12, 0.3), &Default::default());
             let faces = engine.mesh.face_count;
-            let cost = run_plan(&mut engine, &Plan::Costs(costs.to_vec()), 0, false);
+            let cost = run_plan(&mut engine, &StopRule::Costs(costs.to_vec()), 0, false);
             (cost, faces - engine.mesh.face_count)
         };
         let (early, some) = run(&[0.01]);
@@ -146,26 +146,26 @@ mod tests {
 
     #[test]
     fn faces_are_reached_stage_by_stage_and_the_last_ones_exactly() {
-        let run = |plan: Plan, is_trial| {
+        let run = |plan: StopRule, is_trial| {
             let mut engine = Engine::<SurfaceCost>::new(samples::grid(12, 0.3), &Default::default());
             run_plan(&mut engine, &plan, 0, is_trial);
             let ends: Vec<usize> = engine.milestones.iter().map(|stage| stage.faces).collect();
             (ends, engine.log)
         };
         let is_near = |faces: usize, goal: usize| faces <= goal && faces + 2 > goal;
-        let (ends, log) = run(Plan::Faces(vec![0.5, 0.2], 40), false);
+        let (ends, log) = run(StopRule::Faces(vec![0.5, 0.2], 40), false);
         assert!(ends.len() == 2 && is_near(ends[0], 144) && is_near(ends[1], 40), "{ends:?}");
         assert!(log.is_none());
         // The log of a trial covers all of its last stage.
-        let (ends, log) = run(Plan::Faces(vec![0.5, 0.2], 40), true);
+        let (ends, log) = run(StopRule::Faces(vec![0.5, 0.2], 40), true);
         let died: usize = log.unwrap().iter().map(|&(_, died)| usize::from(died)).sum();
         assert_eq!(died, ends[0] - ends[1]);
         // Earlier stages do not go below the target.
-        let (ends, _) = run(Plan::Faces(vec![0.1, 0.2], 100), false);
+        let (ends, _) = run(StopRule::Faces(vec![0.1, 0.2], 100), false);
         assert!(ends.len() == 1 && is_near(ends[0], 100), "{ends:?}");
-        let (ends, _) = run(Plan::Trim(vec![f32::MAX], vec![100]), false);
+        let (ends, _) = run(StopRule::Trim(vec![f32::MAX], vec![100]), false);
         assert!(ends.len() == 1 && is_near(ends[0], 100), "{ends:?}");
-        let (ends, _) = run(Plan::Shares(vec![0.5]), false);
+        let (ends, _) = run(StopRule::Shares(vec![0.5]), false);
         assert!(ends.len() == 1 && is_near(ends[0], 144), "{ends:?}");
     }
 
@@ -173,7 +173,7 @@ mod tests {
     fn a_bound_on_the_way_says_what_goes_first_and_not_what_is_allowed() {
         let run = |bounds: &[f64]| {
             let mut engine = Engine::<SurfaceCost>::new(samples::grid(20, 0.3), &Default::default());
-            assert!(run_plan(&mut engine, &Plan::Deviation(bounds.to_vec()), 0, false) > 0.0);
+            assert!(run_plan(&mut engine, &StopRule::Deviation(bounds.to_vec()), 0, false) > 0.0);
             let mesh = engine.finish();
             (mesh.corners.len(), mesh.deviations.iter().fold(0.0, |most: f64, &own| most.max(own.into())))
         };
@@ -185,10 +185,10 @@ mod tests {
 
     #[test]
     fn a_plan_for_other_clusters_or_with_endless_stages_is_not_sound() {
-        assert!(Plan::Trim(vec![1.0], vec![7; 3]).is_sound(3));
-        assert!(!Plan::Trim(vec![1.0], vec![7; 3]).is_sound(4));
-        assert!(Plan::Costs(vec![1.0; STAGES_MAX]).is_sound(1));
-        assert!(!Plan::Costs(vec![1.0; STAGES_MAX + 1]).is_sound(1));
-        assert!(!Plan::Faces(vec![0.5; STAGES_MAX + 1], 7).is_sound(1));
+        assert!(StopRule::Trim(vec![1.0], vec![7; 3]).is_sound(3));
+        assert!(!StopRule::Trim(vec![1.0], vec![7; 3]).is_sound(4));
+        assert!(StopRule::Costs(vec![1.0; STAGES_MAX]).is_sound(1));
+        assert!(!StopRule::Costs(vec![1.0; STAGES_MAX + 1]).is_sound(1));
+        assert!(!StopRule::Faces(vec![0.5; STAGES_MAX + 1], 7).is_sound(1));
     }
 }

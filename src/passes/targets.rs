@@ -5,7 +5,7 @@ use super::goal::{Aim, Goal};
 use super::options::{PassOptions, SeamPolicy};
 use super::run::Run;
 use super::sample::{self, Survey};
-use super::stop_rule::Plan;
+use super::stop_rule::StopRule;
 use super::trim::{Notes, spread_shares};
 use crate::base::Result;
 use crate::cost::Metric;
@@ -65,7 +65,7 @@ impl<M: Metric> Run<'_, M> {
         thresholds: Vec<f32>,
         pass: usize,
         faces: u64,
-    ) -> Result<(Plan, bool)> {
+    ) -> Result<(StopRule, bool)> {
         let (aim, turn) = (self.aim(), self.turn(pass));
         let goal = aim.goal(turn, faces);
         if let Goal::Deviation(most) = goal {
@@ -79,7 +79,7 @@ impl<M: Metric> Run<'_, M> {
                 Ok((self.share_trim(partition, cost), true))
             }
             (Goal::Trim(_), Some(&cost)) => Ok((self.plan_trim(mesh, partition, cost, pass)?, true)),
-            _ => Ok((Plan::Costs(thresholds), false)),
+            _ => Ok((StopRule::Costs(thresholds), false)),
         }
     }
 
@@ -135,19 +135,19 @@ impl<M: Metric> Run<'_, M> {
 
     /// Plans a trim in which as few clusters as possible lose the same share of their faces, at no more than
     /// [`TRIM_SPREAD`] times `cost`.
-    fn share_trim(&self, partition: &Partition, cost: f32) -> Plan {
-        Plan::Trim(vec![cost * TRIM_SPREAD], spread_shares(&partition.face_counts(), self.options.target))
+    fn share_trim(&self, partition: &Partition, cost: f32) -> StopRule {
+        StopRule::Trim(vec![cost * TRIM_SPREAD], spread_shares(&partition.face_counts(), self.options.target))
     }
 
     /// Plans a trim by cost: simplifies every cluster slightly too far, then picks the cheapest logged collapses of all
     /// clusters. Raises `cost` until enough faces can go.
-    fn plan_trim(&self, mesh: &StoredMesh, partition: &Partition, mut cost: f32, pass: usize) -> Result<Plan> {
+    fn plan_trim(&self, mesh: &StoredMesh, partition: &Partition, mut cost: f32, pass: usize) -> Result<StopRule> {
         let excess = partition.total_faces().saturating_sub(self.options.target);
         let mut trial = 0;
         loop {
             let mut notes = Notes::default();
             let mut cluster = 0;
-            let everything = Plan::Costs(vec![cost]);
+            let everything = StopRule::Costs(vec![cost]);
             let step = |cluster| Step::Trial { pass: pass as u32, trial, cluster };
             self.each_cluster(mesh, partition, (pass, &everything), None, step, |result| {
                 notes.add(cluster, &result.log);
@@ -158,7 +158,7 @@ impl<M: Metric> Run<'_, M> {
                 let (quota, _) = notes.cut(excess, partition.cluster_count());
                 let keep =
                     quota.iter().enumerate().map(|(c, lost)| partition.face_count(c).saturating_sub(*lost)).collect();
-                return Ok(Plan::Trim(vec![cost], keep));
+                return Ok(StopRule::Trim(vec![cost], keep));
             }
             cost *= TRIM_SPREAD;
             trial += 1;

@@ -67,7 +67,7 @@ pub fn halfway(before: &[u64], after: &[u64], target: u64) -> Vec<u64> {
 
 /// A logged collapse: the highest cost so far in its cluster, and the number of faces removed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Note {
+struct LoggedCollapse {
     cost: f32,
     cluster: u32,
     died: u8,
@@ -76,7 +76,7 @@ struct Note {
 /// Logged collapses of all clusters.
 #[derive(Debug, Default)]
 pub struct Notes {
-    notes: Vec<Note>,
+    notes: Vec<LoggedCollapse>,
     died: u64,
 }
 
@@ -86,7 +86,7 @@ impl Notes {
         let mut highest = 0f32;
         for &(cost, died) in log {
             highest = highest.max(cost);
-            self.notes.push(Note { cost: highest, cluster: cluster as u32, died });
+            self.notes.push(LoggedCollapse { cost: highest, cluster: cluster as u32, died });
             self.died += u64::from(died);
         }
     }

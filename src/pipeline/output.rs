@@ -92,8 +92,8 @@ pub(super) fn refuse(choice: &InputChoice, inputs: &[PathBuf], output: &Path, wo
 /// # Errors
 /// Those of [`WorkFolder::recall`].
 pub(super) fn was_writing(job: &WorkFolder, output: &Path) -> Result<bool> {
-    let there = Place { obj: resolved(output) };
-    let Some(earlier) = job.recall::<Place>(Step::Output)? else { return Ok(false) };
+    let there = OutputPlace { obj: resolved(output) };
+    let Some(earlier) = job.recall::<OutputPlace>(Step::Output)? else { return Ok(false) };
     if earlier != there {
         remove_waiting_of(&earlier.obj, job.number());
     }
@@ -105,12 +105,12 @@ pub(super) fn was_writing(job: &WorkFolder, output: &Path) -> Result<bool> {
 /// # Errors
 /// Those of [`WorkFolder::keep`].
 pub(super) fn remember(job: &WorkFolder, output: &Path) -> Result<()> {
-    job.keep(Step::Output, 0, [], &Place { obj: resolved(output) })
+    job.keep(Step::Output, 0, [], &OutputPlace { obj: resolved(output) })
 }
 
 /// Where an OBJ goes.
 #[derive(Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct Place {
+struct OutputPlace {
     #[serde(with = "codec::path")]
     obj: PathBuf,
 }

@@ -19,7 +19,7 @@
 //! | --- | --- |
 //! | k1, k2 by jet fitting | `curvature` |
 //! | ρ = \|P\| (√(k1² + k2²))^λ \[13\] | [`mass::Part::mass`], `lambda` |
-//! | D_avg = Σρ / n \[12\] | [`Frame::enough`] |
+//! | D_avg = Σρ / n \[12\] | [`FrozenStatistics::enough`] |
 //! | C, the cells | `cells` (step 1), `clustering` (step 3) |
 //! | z, a cell's centre | `centres` (step 2) |
 //! | the queue by collapse error | `queue` (step 2) |
@@ -69,7 +69,7 @@ use self::cells::NO_CELL;
 use self::centres::{Centre, Members};
 use self::clustering::{Clustering, Pull};
 use self::dual::Shrunk;
-use self::mass::{MassSums, Part};
+use self::mass::{MassSums, VertexPart};
 use self::queue::{ErrorCounts, Queue, sound_faces};
 use crate::cost::knob::{self, Knob, factor, number, switch};
 use crate::mesh::class::{Class, classify};
@@ -159,7 +159,7 @@ impl FromStr for Settings {
 
 /// Statistics of the whole mesh, frozen.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Frame {
+pub struct FrozenStatistics {
     /// Least k1² + k2², in 1 / length².
     pub floor: f64,
     /// D_avg \[12\]: a cell closes at this mass.
@@ -170,7 +170,7 @@ pub struct Frame {
     pub threshold: f64,
 }
 
-impl Frame {
+impl FrozenStatistics {
     /// Computed from the masses of all clusters, without the threshold.
     pub fn new(sums: &MassSums, settings: &Settings) -> Self {
         let floor = sums.floor(settings.floor);
@@ -196,14 +196,14 @@ impl Stock {
     }
 
     /// The threshold that gives the wanted number of centres.
-    pub fn threshold(&self, frame: &Frame) -> f64 {
+    pub fn threshold(&self, frame: &FrozenStatistics) -> f64 {
         self.candidates.threshold(frame.wanted.saturating_sub(self.cells))
     }
 }
 
 /// Result of remeshing a cluster.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Outcome {
+pub struct Remeshed {
     /// Ends and share of every vertex that splits an edge: the last vertices of the mesh, in order.
     pub points: Vec<EdgePoint>,
     /// Number of cells that grew.
@@ -229,7 +229,7 @@ pub fn weigh(mesh: &ClusterMesh, settings: &Settings, sums: &mut MassSums) {
 }
 
 /// Counts the cells of a cluster, and the candidates for more centres.
-pub fn take_stock(mesh: &ClusterMesh, settings: &Settings, frame: &Frame) -> Stock {
+pub fn take_stock(mesh: &ClusterMesh, settings: &Settings, frame: &FrozenStatistics) -> Stock {
     let field = Field::new(mesh, settings);
     let (_, _, grown) = field.grow(mesh, settings, frame);
     let shared = (0..mesh.positions.len() as u32).filter(|&v| mesh.is_shared(v) && !field.rings.of(v).is_empty());
@@ -240,7 +240,7 @@ pub fn take_stock(mesh: &ClusterMesh, settings: &Settings, frame: &Frame) -> Sto
 }
 
 /// Remeshes the cluster.
-pub fn reconstruct(mesh: &mut ClusterMesh, settings: &Settings, frame: &Frame) -> Outcome {
+pub fn reconstruct(mesh: &mut ClusterMesh, settings: &Settings, frame: &FrozenStatistics) -> Remeshed {
     mesh.compact_faces();
     mesh.unlink_unused_wedges();
     let field = Field::new(mesh, settings);
@@ -298,7 +298,7 @@ pub fn reconstruct(mesh: &mut ClusterMesh, settings: &Settings, frame: &Frame) -
     drop(rings);
     let shrunk = dual::shrink(mesh, &cells, &vertices, is_held);
     let flipped = delaunay::flip(mesh);
-    Outcome {
+    Remeshed {
         points: points.on_edges,
         cells: u64::from(count - held),
         held: u64::from(held),
@@ -316,7 +316,7 @@ fn most_points(mesh: &ClusterMesh) -> u64 {
 /// Rings, curvatures and held vertices of a cluster.
 struct Field {
     rings: Rings,
-    parts: Vec<Part>,
+    parts: Vec<VertexPart>,
     /// Vertices that neither move nor vanish.
     is_held: Vec<bool>,
 }
@@ -336,7 +336,7 @@ impl Field {
 
     /// The first cells: those of held vertices, then those that grow. Returns the cell of each vertex, the number of
     /// held cells, and the number of all cells.
-    fn grow(&self, mesh: &ClusterMesh, settings: &Settings, frame: &Frame) -> (Vec<u32>, u32, u32) {
+    fn grow(&self, mesh: &ClusterMesh, settings: &Settings, frame: &FrozenStatistics) -> (Vec<u32>, u32, u32) {
         let masses: Vec<f64> = self.parts.iter().map(|part| part.mass(settings.lambda, frame.floor)).collect();
         let mut cells = vec![NO_CELL; mesh.positions.len()];
         let mut held = 0;

@@ -36,7 +36,7 @@ pub struct Triangle {
 
 /// A pixel that shows something.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Seen {
+pub struct SeenPixel {
     /// What it shows.
     pub paint: Paint,
     /// Texture coordinate in the image.
@@ -113,7 +113,7 @@ impl Canvas {
 
     /// What a pixel shows; `None` if it shows nothing.
     #[inline]
-    pub fn seen(&self, pixel: usize) -> Option<Seen> {
+    pub fn seen(&self, pixel: usize) -> Option<SeenPixel> {
         if self.near[pixel] == f32::NEG_INFINITY {
             return None;
         }
@@ -125,7 +125,7 @@ impl Canvas {
             number => Paint::Picture(number),
         };
         let light = f32::from(self.light[pixel] & !EDGE_BIT) / LIGHT_MAX as f32;
-        Some(Seen { paint, texcoord: self.texcoord[pixel], light, is_edge: self.light[pixel] & EDGE_BIT != 0 })
+        Some(SeenPixel { paint, texcoord: self.texcoord[pixel], light, is_edge: self.light[pixel] & EDGE_BIT != 0 })
     }
 
     /// Nearness of the surface in a pixel; negative infinity if there is none.

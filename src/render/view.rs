@@ -110,7 +110,7 @@ impl View {
     }
 
     /// Fits the view to the extent of positions that it projected.
-    pub fn fit(&mut self, extent: &Extent) {
+    pub fn fit(&mut self, extent: &ProjectedExtent) {
         let [x, y] = extent.0;
         let size = self.size.map(|side| side as f64);
         let [wide, high] = [x[1] - x[0], y[1] - y[0]].map(|length| length.max(f64::MIN_POSITIVE));
@@ -137,15 +137,15 @@ impl View {
 
 /// Range of columns and of rows of projected positions: least and largest.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Extent([[f64; 2]; 2]);
+pub struct ProjectedExtent([[f64; 2]; 2]);
 
-impl Default for Extent {
+impl Default for ProjectedExtent {
     fn default() -> Self {
         Self([[f64::INFINITY, f64::NEG_INFINITY]; 2])
     }
 }
 
-impl Extent {
+impl ProjectedExtent {
     /// Extends the ranges to a projected position.
     #[inline]
     pub fn add(&mut self, projected: [f64; 3]) {
@@ -181,11 +181,11 @@ mod tests {
         let mut view = frame.view(30.0, 40.0, [300, 200]);
         let corners = [DVec3::new(40.0, 3.0, 1.0), DVec3::new(45.0, 4.0, 1.0), DVec3::new(42.0, 9.0, 2.0)];
         let extent = |view: &View| {
-            let mut extent = Extent::default();
+            let mut extent = ProjectedExtent::default();
             corners.iter().for_each(|&corner| extent.add(view.project(corner)));
             extent.0
         };
-        let mut before = Extent::default();
+        let mut before = ProjectedExtent::default();
         corners.iter().for_each(|&corner| before.add(view.project(corner)));
         view.fit(&before);
         let [x, y] = extent(&view);

@@ -13,7 +13,9 @@ use crate::base::error::escape_path;
 use crate::base::{Findings, Result, bytes};
 use crate::measure::compare::Pinholes;
 use crate::measure::compare::cells::MeasuredMesh;
-use crate::measure::compare::{Comparison, Distances, Geometry, Onlooker, Place, Quality, Seams, Texture, Topology};
+use crate::measure::compare::{
+    Comparison, Distances, FarPoint, Geometry, Onlooker, Quality, SeamFigures, Texture, TopologyCounts,
+};
 use crate::os::durable::new_job_number;
 
 /// PositionRuns of the largest distances that are shown.
@@ -39,7 +41,7 @@ impl Onlooker for ComparisonPage {
         Ok(())
     }
 
-    fn see_point(&mut self, place: &Place) {
+    fn see_point(&mut self, place: &FarPoint) {
         if let Some([_, after]) = &mut self.shots {
             after.see_point(place);
         }
@@ -156,7 +158,7 @@ fn distances(comparison: &Comparison) -> Markup {
 /// Where the largest distances are.
 fn worst(comparison: &Comparison) -> Markup {
     let Geometry { forward, backward, .. } = &comparison.geometry;
-    let mut places: Vec<(&str, &Place)> = forward.worst.iter().map(|place| ("added", place)).collect();
+    let mut places: Vec<(&str, &FarPoint)> = forward.worst.iter().map(|place| ("added", place)).collect();
     places.extend(backward.worst.iter().map(|place| ("lost", place)));
     places.sort_by(|a, b| b.1.distance.total_cmp(&a.1.distance));
     let position = |at: [f64; 3]| at.map(|coordinate| format!("{coordinate:.3}").replace('-', "\u{2212}")).join(", ");
@@ -257,7 +259,7 @@ fn known_share(figure: Option<f64>) -> String {
 fn texture_tables(texture: &Texture) -> Markup {
     let two = |a: f64, b: f64| format!("{} · {}", length(a), length(b));
     let folded = [texture.folded_triangles_before, texture.folded_triangles].map(spaced);
-    let figures: [Figure<Seams, String>; 8] = [
+    let figures: [Figure<SeamFigures, String>; 8] = [
         ("length of all seams", |s| length(s.length)),
         ("difference of colour across, mean", |s| length(s.colour_mean)),
         ("root mean square", |s| length(s.colour_rms)),
@@ -318,7 +320,7 @@ fn trio(name: &str, before: &str, after: &str) -> Markup {
 
 fn shapes(comparison: &Comparison) -> Markup {
     let Comparison { topology, quality, geometry, .. } = comparison;
-    let counts: [Figure<Topology, String>; 10] = [
+    let counts: [Figure<TopologyCounts, String>; 10] = [
         ("triangles", |t| spaced(t.faces)),
         ("vertices", |t| spaced(t.vertices)),
         ("components", |t| spaced(t.components)),

@@ -82,11 +82,11 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::measure::compare::Place;
+    use crate::measure::compare::FarPoint;
 
     /// Distances whose largest lies at a corner of a cube around the origin.
     fn up_to(max: f64, corner: f64) -> Distances {
-        let worst = Place { distance: max, position: [corner; 3], closest: [corner; 3] };
+        let worst = FarPoint { distance: max, position: [corner; 3], closest: [corner; 3] };
         Distances { max, worst: vec![worst], ..Distances::default() }
     }
 

@@ -32,14 +32,14 @@ pub(super) fn save_text(text: &str, path: &Path, job: u64) -> Result<()> {
 
 /// Kinds of report files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum ReportKind {
     /// For scripts.
     Json,
     /// A page for people.
     Html,
 }
 
-impl Kind {
+impl ReportKind {
     /// By the extension of a path.
     ///
     /// # Errors

@@ -24,10 +24,10 @@ use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Permits, Result};
 use crate::image::decode::{self, Image};
 use crate::image::textures::TextureImage;
-use crate::measure::compare::{Onlooker, Place};
-use crate::render::canvas::Seen;
+use crate::measure::compare::{FarPoint, Onlooker};
+use crate::render::canvas::SeenPixel;
 use crate::render::encode;
-use crate::render::view::Extent;
+use crate::render::view::ProjectedExtent;
 use crate::render::{Canvas, Frame, Paint, View};
 
 /// Width and height of a picture in pixels.
@@ -103,7 +103,7 @@ impl Viewpoints {
         let mut views: Vec<View> = VANTAGES.iter().map(|place| frame.view(place.turn, place.tilt, size)).collect();
         let middle = sum / count;
         let mut nearest = (f64::INFINITY, middle);
-        let mut extents = vec![Extent::default(); views.len()];
+        let mut extents = vec![ProjectedExtent::default(); views.len()];
         scene.positions(&mut |positions| {
             for &position in positions {
                 extents.iter_mut().zip(&views).for_each(|(extent, view)| extent.add(view.project(position)));
@@ -249,7 +249,7 @@ impl PixelLists {
 }
 
 /// Mean colour of the part of an image that a sample covers.
-fn image_colour(canvas: &Canvas, pixel: usize, seen: &Seen, image: &Image) -> [f32; 3] {
+fn image_colour(canvas: &Canvas, pixel: usize, seen: &SeenPixel, image: &Image) -> [f32; 3] {
     let width = canvas.view.size[0];
     let step = |neighbour: Option<usize>| -> Option<[f32; 2]> {
         let other = canvas.seen(neighbour?)?;
@@ -282,7 +282,7 @@ fn wrapped(coordinate: f32) -> f32 {
     if (0.0..=1.0).contains(&coordinate) { coordinate } else { coordinate.rem_euclid(1.0) }
 }
 
-fn lit(colour: [f32; 3], seen: &Seen, [base, slope]: [f32; 2]) -> [f32; 3] {
+fn lit(colour: [f32; 3], seen: &SeenPixel, [base, slope]: [f32; 2]) -> [f32; 3] {
     let light = base + slope * seen.light;
     let share = if seen.is_edge { EDGE_SHARE } else { 0.0 };
     [0, 1, 2].map(|c| (1.0 - share) * (colour[c] * light).min(255.0) + share * EDGE_COLOUR[c])
@@ -302,7 +302,7 @@ impl Film {
         for pixel in 0..width * height {
             match canvas.seen(pixel) {
                 None => film.add(pixel, BACKGROUND),
-                Some(seen @ Seen { paint: Paint::Colour(colour), .. }) => {
+                Some(seen @ SeenPixel { paint: Paint::Colour(colour), .. }) => {
                     film.add(pixel, lit(colour.map(f32::from), &seen, PLAIN_LIGHT));
                 }
                 Some(_) => {}
@@ -356,7 +356,7 @@ pub struct Relief {
 
 /// The surfaces of the pictures take the errors that a comparison finds.
 impl Onlooker for Vec<Shot> {
-    fn see_point(&mut self, place: &Place) {
+    fn see_point(&mut self, place: &FarPoint) {
         let reliefs = self.iter_mut().filter_map(|shot| shot.relief.as_mut());
         reliefs.for_each(|relief| relief.add(DVec3::from_array(place.position), place.distance));
     }

@@ -22,7 +22,7 @@ mod summary;
 use std::path::Path;
 
 pub use self::comparison::ComparisonPage;
-pub use self::file::{Kind, save_json};
+pub use self::file::{ReportKind, save_json};
 pub use self::run::{ErrorFigures, FaceFigures, FileFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
 pub use self::summary::warning_lines;
 
@@ -35,9 +35,9 @@ impl Report {
     /// # Errors
     /// [`Error::Usage`] for another extension than `.json` or `.html`; the file system's.
     pub fn save(&self, path: &Path, job: u64) -> Result<()> {
-        match Kind::of(path)? {
-            Kind::Html => save_text(&html::page(self), path, job),
-            Kind::Json => save_text(&json(self, path)?, path, job),
+        match ReportKind::of(path)? {
+            ReportKind::Html => save_text(&html::page(self), path, job),
+            ReportKind::Json => save_text(&json(self, path)?, path, job),
         }
     }
 }

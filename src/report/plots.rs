@@ -34,7 +34,7 @@ const SHOWN_PERCENT: f64 = 0.02;
 const NAME_SHARE: f64 = 0.0135;
 
 type Drawn = Result<(), Box<dyn std::error::Error>>;
-type Chart<'a, 'b, X, Y> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<X, Y>>;
+type PlotArea<'a, 'b, X, Y> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<X, Y>>;
 
 /// Resident memory over time, with the budget, and phases as bands.
 pub fn memory(timeline: &Timeline, budget: u64) -> Option<String> {
@@ -199,7 +199,7 @@ fn over_time(
     timeline: &Timeline,
     top: f64,
     y_name: &str,
-    draw: impl Fn(&mut Chart<RangedCoordf64, RangedCoordf64>) -> Drawn,
+    draw: impl Fn(&mut PlotArea<RangedCoordf64, RangedCoordf64>) -> Drawn,
 ) -> Option<String> {
     let end = timeline.samples.last()?.seconds;
     if !(end > 0.0 && top > 0.0) {
@@ -227,7 +227,7 @@ fn axes<'a, 'b>(
     y: Range<f64>,
     x_name: &str,
     y_name: &str,
-) -> Result<Chart<'a, 'b, RangedCoordf64, RangedCoordf64>, Box<dyn std::error::Error>>
+) -> Result<PlotArea<'a, 'b, RangedCoordf64, RangedCoordf64>, Box<dyn std::error::Error>>
 where
     'b: 'a,
 {
@@ -270,7 +270,7 @@ fn label(colour: RGBColor) -> TextStyle<'static> {
 
 /// Writes words beside a point, so many units to its right and below it.
 fn note<X: Ranged<ValueType = f64>, Y: Ranged<ValueType = f64>>(
-    chart: &mut Chart<X, Y>,
+    chart: &mut PlotArea<X, Y>,
     words: &str,
     point: (f64, f64),
     offset: (i32, i32),

@@ -141,7 +141,7 @@ fn scan_in_chunks(
 }
 
 /// Result of a worker for one chunk.
-struct Outcome {
+struct ChunkResult {
     order: u64,
     result: Result<Parsed>,
 }
@@ -153,7 +153,7 @@ struct Parsed {
 }
 
 /// Parses chunks until none is left or the committer has stopped.
-fn work(inputs: &[PathBuf], cutter: &Mutex<Cutter>, tickets: &Receiver<ParsedChunk>, outcomes: &Sender<Outcome>) {
+fn work(inputs: &[PathBuf], cutter: &Mutex<Cutter>, tickets: &Receiver<ParsedChunk>, outcomes: &Sender<ChunkResult>) {
     let mut text = Vec::new();
     while let Ok(memory) = tickets.recv() {
         let next = cutter.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).next();
@@ -161,7 +161,7 @@ fn work(inputs: &[PathBuf], cutter: &Mutex<Cutter>, tickets: &Receiver<ParsedChu
         let alarm = Alarm { order, outcomes };
         let result = chunk.and_then(|chunk| parse_chunk(inputs, chunk, memory, &mut text));
         drop(alarm);
-        if outcomes.send(Outcome { order, result }).is_err() {
+        if outcomes.send(ChunkResult { order, result }).is_err() {
             return;
         }
         if text.capacity() > 2 * CHUNK_BYTES as usize {
@@ -173,14 +173,14 @@ fn work(inputs: &[PathBuf], cutter: &Mutex<Cutter>, tickets: &Receiver<ParsedChu
 /// Wakes the committer if a worker panics, so that the panic ends the run instead of leaving the committer waiting.
 struct Alarm<'a> {
     order: u64,
-    outcomes: &'a Sender<Outcome>,
+    outcomes: &'a Sender<ChunkResult>,
 }
 
 impl Drop for Alarm<'_> {
     fn drop(&mut self) {
         if std::thread::panicking() {
             let result = Err(Error::Limit("a worker of the scan panicked".into()));
-            let _ = self.outcomes.send(Outcome { order: self.order, result });
+            let _ = self.outcomes.send(ChunkResult { order: self.order, result });
         }
     }
 }
@@ -234,7 +234,7 @@ fn commit_in_order(
     inputs: &[PathBuf],
     folder: &Path,
     mut labels: Labels,
-    outcomes: Receiver<Outcome>,
+    outcomes: Receiver<ChunkResult>,
     return_ticket: Sender<ParsedChunk>,
     progress: &dyn Progress,
 ) -> Result<Scan> {
@@ -246,7 +246,7 @@ fn commit_in_order(
     let mut waiting: BTreeMap<u64, Result<Parsed>> = BTreeMap::new();
     let mut next_order = 0;
     while mesh.pieces.len() < inputs.len() {
-        let Ok(Outcome { order, result }) = outcomes.recv() else {
+        let Ok(ChunkResult { order, result }) = outcomes.recv() else {
             return Err(Error::Limit("a worker of the scan ended early".into()));
         };
         waiting.insert(order, result);

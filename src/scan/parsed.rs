@@ -55,7 +55,7 @@ pub enum LabelKind {
 
 /// A change of object, group or material.
 #[derive(Debug, Clone)]
-pub struct Change {
+pub struct LabelChange {
     /// Number of polygons of the chunk before the change.
     pub polygon: u32,
     /// Label that changes.
@@ -119,7 +119,7 @@ pub struct ParsedChunk {
     /// Lowest relative v, vt and vn, counted from the first of the chunk; negative ones refer to earlier chunks.
     pub lowest: [i64; 3],
     /// Changes of object, group and material.
-    pub changes: Vec<Change>,
+    pub changes: Vec<LabelChange>,
     /// Material libraries.
     pub libraries: Vec<Library>,
     /// Text of the changes and libraries.
@@ -169,7 +169,7 @@ impl ParsedChunk {
             + self.corner_texcoords.capacity() * 4
             + self.relative_vertices.capacity() * 4
             + self.relative_texcoords.capacity() * 4
-            + self.changes.capacity() * size_of::<Change>()
+            + self.changes.capacity() * size_of::<LabelChange>()
             + self.names.capacity()
     }
 
@@ -197,7 +197,7 @@ impl ParsedChunk {
         let unused = self.changes.iter_mut().rev().take_while(|change| change.polygon == polygon);
         match unused.into_iter().find(|change| change.kind == kind) {
             Some(change) => change.name = name,
-            None => self.changes.push(Change { polygon, kind, name }),
+            None => self.changes.push(LabelChange { polygon, kind, name }),
         }
     }
 

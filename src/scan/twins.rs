@@ -29,13 +29,13 @@ fn note<'a>(files: impl Iterator<Item = (&'a Path, Bounds, Option<u64>)>, findin
     let mut folders: BTreeMap<&Path, (Bounds, u64)> = BTreeMap::new();
     let mut places = Vec::new();
     for (path, bounds, hash) in files {
-        places.push(Place { path, bounds, hash, is_folder: false });
+        places.push(TwinPlace { path, bounds, hash, is_folder: false });
         let (of_folder, count) = folders.entry(path.parent().unwrap_or(path)).or_default();
         of_folder.merge(&bounds);
         *count += 1;
     }
     let of_several = folders.into_iter().filter(|(_, (_, count))| *count > 1);
-    places.extend(of_several.map(|(path, (bounds, _))| Place { path, bounds, hash: None, is_folder: true }));
+    places.extend(of_several.map(|(path, (bounds, _))| TwinPlace { path, bounds, hash: None, is_folder: true }));
     places.sort_by(|a, b| a.bounds.low[0].total_cmp(&b.bounds.low[0]).then(a.path.cmp(b.path)));
     for (first, place) in places.iter().enumerate() {
         let reached = places[first + 1..].iter().take_while(|other| other.bounds.low[0] <= place.bounds.high[0]);
@@ -54,7 +54,7 @@ fn note<'a>(files: impl Iterator<Item = (&'a Path, Bounds, Option<u64>)>, findin
 }
 
 /// A file, or a folder of several.
-struct Place<'a> {
+struct TwinPlace<'a> {
     path: &'a Path,
     bounds: Bounds,
     /// Hash of the content; `None` for a folder or if it is unknown.
@@ -62,7 +62,7 @@ struct Place<'a> {
     is_folder: bool,
 }
 
-impl Place<'_> {
+impl TwinPlace<'_> {
     fn is_twin_of(&self, other: &Self) -> bool {
         let is_inside = |folder: &Self, file: &Self| folder.is_folder && file.path.parent() == Some(folder.path);
         !is_inside(self, other) && !is_inside(other, self) && are_same(&self.bounds, &other.bounds)

@@ -21,7 +21,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::cover::Target;
-use super::parts::{Part, Parts};
+use super::parts::{ConvexPolygon, Parts};
 use crate::geometry::boxtree::{Bounds, BoxTree};
 use crate::mesh::ClusterMesh;
 use crate::mesh::cluster::rounded_up;
@@ -76,8 +76,8 @@ impl Anchor {
         if (far_count as f64) < FAR_SHARE_MIN * mesh.deviations.len() as f64 {
             return false;
         }
-        let now = Surface::new(&mesh.positions, &mesh.corner_vertices, None);
-        let first = Surface::new(&self.vertices, &self.faces, Some(&self.bounds));
+        let now = TriangleSurface::new(&mesh.positions, &mesh.corner_vertices, None);
+        let first = TriangleSurface::new(&self.vertices, &self.faces, Some(&self.bounds));
         // Distances are not negative, so their bits order like their values.
         let bounds: Vec<AtomicU64> = mesh.deviations.iter().map(|_| AtomicU64::new(0)).collect();
         let raise = |face: u32, bound: f64| bounds[face as usize].fetch_max(bound.to_bits(), Ordering::Relaxed);
@@ -118,7 +118,7 @@ fn runs(count: usize) -> impl ParallelIterator<Item = Range<u32>> {
 }
 
 /// Triangles in a box tree.
-struct Surface<'a> {
+struct TriangleSurface<'a> {
     vertices: &'a [DVec3],
     faces: &'a [[u32; 3]],
     /// Added to the distance to each face; `None` stands for 0.
@@ -126,7 +126,7 @@ struct Surface<'a> {
     tree: BoxTree,
 }
 
-impl<'a> Surface<'a> {
+impl<'a> TriangleSurface<'a> {
     fn new(vertices: &'a [DVec3], faces: &'a [[u32; 3]], bases: Option<&'a [f32]>) -> Self {
         let box_of = |face: u32| Bounds::around(faces[face as usize].map(|vertex| vertices[vertex as usize]));
         Self { vertices, faces, bases, tree: BoxTree::new(faces.len(), box_of) }
@@ -169,7 +169,7 @@ impl<'a> Surface<'a> {
         let Scratch { cutter, parts, last } = scratch;
         cutter.points.clear();
         parts.clear();
-        parts.push((Part::triangle(triangle.map(|corner| cutter.push(corner))), None));
+        parts.push((ConvexPolygon::triangle(triangle.map(|corner| cutter.push(corner))), None));
         let (mut made, mut farthest) = (1, NEAR_SHARE * most);
         while let Some((part, hint)) = parts.pop() {
             let corners = || part.corners().iter().map(|&corner| cutter.point(corner));
@@ -207,7 +207,7 @@ impl<'a> Surface<'a> {
 struct Scratch {
     cutter: Parts,
     /// Parts to be covered, each with the face that was nearest to the part it was cut from.
-    parts: Vec<(Part, Option<u32>)>,
+    parts: Vec<(ConvexPolygon, Option<u32>)>,
     /// The face nearest to the previous part.
     last: Option<u32>,
 }
@@ -240,8 +240,8 @@ mod tests {
         (0..mesh.corners.len() as u32).map(|face| mesh.triangle(face).into_iter().sum::<DVec3>() / 3.0)
     }
 
-    fn surface<'a>(mesh: &'a ClusterMesh, bases: Option<&'a [f32]>) -> Surface<'a> {
-        Surface::new(&mesh.positions, &mesh.corner_vertices, bases)
+    fn surface<'a>(mesh: &'a ClusterMesh, bases: Option<&'a [f32]>) -> TriangleSurface<'a> {
+        TriangleSurface::new(&mesh.positions, &mesh.corner_vertices, bases)
     }
 
     #[test]

@@ -45,7 +45,7 @@ pub fn shut(mesh: &mut ClusterMesh, rings: &Rings, classes: &[Class], most: f64,
         let Some(hole) = Hole::at(mesh, rings, start) else { continue };
         let is_turned = hole.rim[0].is_turned;
         let is_free =
-            |edge: &Rim| !is_used[edge.from as usize] && !mesh.is_shared(edge.from) && edge.is_turned == is_turned;
+            |edge: &HoleEdge| !is_used[edge.from as usize] && !mesh.is_shared(edge.from) && edge.is_turned == is_turned;
         if !hole.rim.iter().all(is_free) {
             continue;
         }
@@ -63,7 +63,7 @@ pub fn shut(mesh: &mut ClusterMesh, rings: &Rings, classes: &[Class], most: f64,
 
 /// A border edge of a hole, in the direction of a face that closes the hole.
 #[derive(Debug, Clone, Copy)]
-struct Rim {
+struct HoleEdge {
     from: u32,
     to: u32,
     /// Wedges of both ends in the face beside the edge.
@@ -124,25 +124,33 @@ fn corners_before_rims<'a>(mesh: &'a ClusterMesh, rings: &'a Rings, from: u32) -
 }
 
 /// Border edges that continue from a vertex around a hole.
-fn rims_from(mesh: &ClusterMesh, rings: &Rings, from: u32) -> Vec<Rim> {
+fn rims_from(mesh: &ClusterMesh, rings: &Rings, from: u32) -> Vec<HoleEdge> {
     let rim = |corner: u32| {
         let spoke = Spoke::of(mesh, corner);
         let wedges = [spoke.wedge, spoke.previous_wedge];
         let (part, is_turned) = (mesh.parts[corner as usize / 3], mesh.is_turned[corner as usize / 3]);
-        Rim { from, to: spoke.previous, wedges, part, is_turned, beyond: spoke.next, beyond_wedge: spoke.next_wedge }
+        HoleEdge {
+            from,
+            to: spoke.previous,
+            wedges,
+            part,
+            is_turned,
+            beyond: spoke.next,
+            beyond_wedge: spoke.next_wedge,
+        }
     };
     corners_before_rims(mesh, rings, from).map(rim).collect()
 }
 
 /// A loop of border edges.
 struct Hole {
-    rim: Vec<Rim>,
+    rim: Vec<HoleEdge>,
 }
 
 impl Hole {
     /// The shortest loop through a vertex; `None` if it has more than `EDGES_MAX` edges, or fewer than three.
     fn at(mesh: &ClusterMesh, rings: &Rings, start: u32) -> Option<Self> {
-        let mut ways: Vec<Vec<Rim>> = rims_from(mesh, rings, start).into_iter().map(|rim| vec![rim]).collect();
+        let mut ways: Vec<Vec<HoleEdge>> = rims_from(mesh, rings, start).into_iter().map(|rim| vec![rim]).collect();
         for _ in 1..EDGES_MAX {
             let mut longer = Vec::new();
             for way in ways {
@@ -213,11 +221,11 @@ impl Hole {
 
     /// Adds the triangles. Each shows the line of the texture along its longest side that has a face.
     fn shut(&self, mesh: &mut ClusterMesh, ears: &[[usize; 3]]) {
-        let mut sides: Vec<Rim> = self.rim.clone();
+        let mut sides: Vec<HoleEdge> = self.rim.clone();
         for ear in ears {
             let vertices = ear.map(|at| self.rim[at].from);
             let length_sq =
-                |side: &Rim| mesh.positions[side.from as usize].distance_squared(mesh.positions[side.to as usize]);
+                |side: &HoleEdge| mesh.positions[side.from as usize].distance_squared(mesh.positions[side.to as usize]);
             let side_at = |k: usize| {
                 sides.iter().copied().find(|side| side.from == vertices[k] && side.to == vertices[(k + 1) % 3])
             };
@@ -234,7 +242,7 @@ impl Hole {
             mesh.is_turned.iter_mut().last().into_iter().for_each(|is_turned| *is_turned = side.is_turned);
             for j in 0..3 {
                 let [from, to, beyond] = [j, (j + 1) % 3, (j + 2) % 3];
-                sides.push(Rim {
+                sides.push(HoleEdge {
                     from: vertices[to],
                     to: vertices[from],
                     wedges: [corners[to], corners[from]],

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3, Vec2};
 
 use super::deviation::Patches;
-use super::edge_star::{EdgeStar, Fan};
+use super::edge_star::{EdgeStar, VanishingFan};
 use super::last_faces::LastFaces;
 use super::refusal::Refusal;
 use super::texture::{insets, uv_on_chain, uv_on_ring};
@@ -26,7 +26,7 @@ pub struct Collapse {
     pub chain: bool,
     /// Properties of the faces around `from`. If these may strand wedges, the wedges move to `to` with their texture
     /// coordinates.
-    pub fan: Fan,
+    pub fan: VanishingFan,
     /// Cost in area × squared distance; infinite if the metric has another unit.
     pub cost: f64,
     /// Largest number of faces that may die.

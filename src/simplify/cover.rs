@@ -17,7 +17,7 @@
 
 use glam::DVec3;
 
-use super::parts::{Part, Parts};
+use super::parts::{ConvexPolygon, Parts};
 use crate::geometry::distance_sq;
 
 /// A part's bound may exceed the distance of its farthest corner by this factor.
@@ -63,7 +63,7 @@ pub struct Cover {
     /// Distance from each point to each target, its base included.
     distances: Vec<f64>,
     /// Parts to be covered.
-    parts: Vec<Part>,
+    parts: Vec<ConvexPolygon>,
 }
 
 impl Cover {
@@ -81,7 +81,7 @@ impl Cover {
     /// Returns `false` if the bound of some part exceeds `most`, or cannot be proved to be lower; what `found` received
     /// is then invalid.
     pub fn cover(&mut self, triangle: [DVec3; 3], most: f64, mut found: impl FnMut(usize, f64)) -> bool {
-        let whole = Part::triangle(triangle.map(|corner| self.shared_point(corner)));
+        let whole = ConvexPolygon::triangle(triangle.map(|corner| self.shared_point(corner)));
         self.find_distances();
         let shared = self.cutter.points.len();
         self.parts.clear();
@@ -127,7 +127,7 @@ impl Cover {
     }
 
     /// The target with the lowest bound for a part as a whole.
-    fn nearest(&self, part: &Part) -> Nearest {
+    fn nearest(&self, part: &ConvexPolygon) -> Nearest {
         let mut best = Nearest { target: 0, bound: f64::INFINITY, corner: 0.0 };
         for target in 0..self.targets.len() {
             let distances = part.corners().iter().map(|&corner| self.distances_of(corner)[target]);
@@ -144,7 +144,7 @@ impl Cover {
 
     /// Cuts a part along the sides of the target nearest to its corners on average, or in halves if that cuts nothing.
     /// Returns the number of resulting parts.
-    fn split(&mut self, part: &Part) -> usize {
+    fn split(&mut self, part: &ConvexPolygon) -> usize {
         let before = self.parts.len();
         let sum = |target: usize| part.corners().iter().map(|&corner| self.distances_of(corner)[target]).sum::<f64>();
         let nearest = (0..self.targets.len()).min_by(|&a, &b| sum(a).total_cmp(&sum(b)));

@@ -9,7 +9,7 @@ use crate::mesh::ring::Rings;
 
 /// Properties of the faces around a vertex that is to vanish.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Fan {
+pub struct VanishingFan {
     /// They form one closed fan, in which the vertex has one wedge.
     pub closed: bool,
     /// Wedges of the vertex may be left without a counterpart at the other end.

@@ -13,7 +13,7 @@ use std::collections::BinaryHeap;
 
 use super::changes::Changes;
 use super::collapse::{Collapse, Collapser};
-use super::edge_star::Fan;
+use super::edge_star::VanishingFan;
 use super::loners::Loners;
 use super::proposal::{EdgeAt, Proposal, all_edges_at, chain_edges_at};
 use super::refusal::Refusal;
@@ -579,7 +579,7 @@ impl<M: Metric> Engine<M> {
         let is_rip = self.is_apart(from, to);
         let may_close = self.frees_topology && !is_rip && (class.is_border() || class == Class::Complex);
         let closes_hole = may_close && self.is_beside_hole(from, to);
-        let fan = Fan {
+        let fan = VanishingFan {
             closed: class == Class::Smooth,
             strands: M::CORNERS_VANISH && (class.is_corner() || is_complex),
             is_complex,

@@ -6,7 +6,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::edge_star::{EdgeStar, Fan, is_hub};
+use super::edge_star::{EdgeStar, VanishingFan, is_hub};
 use super::refusal::Refusal;
 use super::triangle_change::{change_of, uv_survives};
 use crate::geometry::distance_sq;
@@ -50,7 +50,7 @@ impl EdgeStar {
         rings: &Rings,
         from: u32,
         to: u32,
-        fan: Fan,
+        fan: VanishingFan,
     ) -> Result<(), Refusal> {
         match self.check_link(mesh, rings, from, to, fan) {
             Err(Refusal::Topology | Refusal::Piece) if fan.is_free => self.check_edges(mesh, rings, from, to, fan),
@@ -66,7 +66,7 @@ impl EdgeStar {
         rings: &Rings,
         from: u32,
         to: u32,
-        Fan { closed, strands, .. }: Fan,
+        VanishingFan { closed, strands, .. }: VanishingFan,
     ) -> Result<(), Refusal> {
         if self.dying.is_empty() || self.dying.len() > 2 || is_hub(mesh, rings, to) {
             return Err(Refusal::Topology);

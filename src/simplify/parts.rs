@@ -7,12 +7,12 @@ pub const CORNERS_MAX: usize = 9;
 
 /// A convex planar polygon; its corners are indices of points in [`Parts`].
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Part {
+pub struct ConvexPolygon {
     corners: [u16; CORNERS_MAX],
     count: usize,
 }
 
-impl Part {
+impl ConvexPolygon {
     /// A triangle.
     pub fn triangle(corners: [u16; 3]) -> Self {
         let mut part = Self::default();
@@ -57,7 +57,12 @@ impl Parts {
 
     /// Cuts a part along planes (normal, offset), and passes the resulting parts to `found`, the one inside all planes
     /// last. Returns `false`, and passes none, if no plane cuts the part, or if it has no room for more corners.
-    pub fn cut_along(&mut self, part: &Part, planes: [(DVec3, f64); 3], mut found: impl FnMut(Part)) -> bool {
+    pub fn cut_along(
+        &mut self,
+        part: &ConvexPolygon,
+        planes: [(DVec3, f64); 3],
+        mut found: impl FnMut(ConvexPolygon),
+    ) -> bool {
         let (mut inside, mut is_cut) = (*part, false);
         if part.can_be_cut() {
             for plane in planes {
@@ -75,7 +80,7 @@ impl Parts {
     }
 
     /// The parts on both sides of a plane, the inner one first; a part without interior has no corners.
-    fn cut(&mut self, part: &Part, (normal, offset): (DVec3, f64)) -> [Part; 2] {
+    fn cut(&mut self, part: &ConvexPolygon, (normal, offset): (DVec3, f64)) -> [ConvexPolygon; 2] {
         let mut heights = [0.0; CORNERS_MAX];
         let (mut low, mut high) = (0f64, 0f64);
         for (height, &corner) in heights.iter_mut().zip(part.corners()) {
@@ -85,12 +90,12 @@ impl Parts {
         // Corners within this distance lie on the plane: sides of neighbouring triangles coincide up to rounding.
         let touch = 1e-9 * (high - low);
         if high <= touch {
-            return [*part, Part::default()];
+            return [*part, ConvexPolygon::default()];
         }
         if -low <= touch {
-            return [Part::default(), *part];
+            return [ConvexPolygon::default(), *part];
         }
-        let [mut within, mut beyond] = [Part::default(); 2];
+        let [mut within, mut beyond] = [ConvexPolygon::default(); 2];
         for i in 0..part.count {
             let next = (i + 1) % part.count;
             let (corner, at, at_next) = (part.corners[i], heights[i], heights[next]);
@@ -111,7 +116,7 @@ impl Parts {
     }
 
     /// Splits a part from the middle of its longest side to the opposite corner.
-    pub fn halves(&mut self, part: &Part) -> [Part; 2] {
+    pub fn halves(&mut self, part: &ConvexPolygon) -> [ConvexPolygon; 2] {
         let ends = |i: usize| (self.point(part.corners[i]), self.point(part.corners[(i + 1) % part.count]));
         let length_sq = |i: usize| ends(i).0.distance_squared(ends(i).1);
         let longest = (0..part.count).max_by(|&a, &b| length_sq(a).total_cmp(&length_sq(b))).unwrap_or(0);
@@ -119,7 +124,7 @@ impl Parts {
         let middle = self.push(a.midpoint(b));
         // The first half ends at the opposite corner, and the second begins there.
         let turn = part.count.div_ceil(2);
-        let mut halves = [Part::default(); 2];
+        let mut halves = [ConvexPolygon::default(); 2];
         halves.iter_mut().for_each(|half| half.push(middle));
         for step in 1..=part.count {
             let corner = part.corners[(longest + step) % part.count];
@@ -144,7 +149,7 @@ mod tests {
         (-1.0..1.0f64, -1.0..1.0f64, -0.2..0.2f64).prop_map(|(x, y, z)| DVec3::new(x, y, z))
     }
 
-    fn area(parts: &Parts, part: &Part) -> f64 {
+    fn area(parts: &Parts, part: &ConvexPolygon) -> f64 {
         let corner = |i: usize| parts.point(part.corners()[i]) - parts.point(part.corners()[0]);
         (1..part.count.saturating_sub(1)).map(|i| 0.5 * corner(i).cross(corner(i + 1)).length()).sum()
     }
@@ -157,7 +162,7 @@ mod tests {
             through in point(),
         ) {
             let mut parts = Parts::default();
-            let whole = Part::triangle(triangle.map(|corner| parts.push(corner)));
+            let whole = ConvexPolygon::triangle(triangle.map(|corner| parts.push(corner)));
             let planes = normals.map(|normal| (normal, normal.dot(through)));
             let mut found = Vec::new();
             let is_cut = parts.cut_along(&whole, planes, |part| found.push(part));

@@ -24,14 +24,14 @@ pub const FACES_MAX: usize = 32;
 
 /// The partner of a border vertex.
 #[derive(Debug, Clone, Copy)]
-pub struct Pair {
+pub struct Partner {
     /// The nearest vertex of another border.
     pub partner: u32,
     /// Distance to it, relative to the shortest border edge at the border vertex.
     pub closeness: f32,
 }
 
-impl Pair {
+impl Partner {
     const NONE: Self = Self { partner: u32::MAX, closeness: 1.0 };
 }
 
@@ -39,7 +39,7 @@ impl Pair {
 #[derive(Debug, Default)]
 pub struct Rips {
     /// Pair of each vertex; empty if there is no border.
-    pairs: Vec<Pair>,
+    pairs: Vec<Partner>,
 }
 
 impl Rips {
@@ -56,7 +56,7 @@ impl Rips {
         if rims.is_empty() {
             return;
         }
-        self.pairs.resize(mesh.positions.len(), Pair::NONE);
+        self.pairs.resize(mesh.positions.len(), Partner::NONE);
         let place = |item: u32| mesh.positions[rims[item as usize].vertex as usize];
         let tree = BoxTree::new(rims.len(), |item| Bounds::around([place(item)]));
         for rim in rims.iter().filter(|rim| !mesh.is_locked(rim.vertex)) {
@@ -78,7 +78,7 @@ impl Rips {
             });
             if nearest.1 != u32::MAX {
                 let closeness = (nearest.0 / rim.reach_sq).sqrt() as f32;
-                self.pairs[rim.vertex as usize] = Pair { partner: nearest.1, closeness };
+                self.pairs[rim.vertex as usize] = Partner { partner: nearest.1, closeness };
             }
         }
     }
@@ -90,7 +90,7 @@ impl Rips {
 
     /// The pair of a border vertex; `None` if it has no partner.
     #[inline]
-    pub fn pair_of(&self, vertex: u32) -> Option<Pair> {
+    pub fn pair_of(&self, vertex: u32) -> Option<Partner> {
         self.pairs.get(vertex as usize).copied().filter(|pair| pair.partner != u32::MAX)
     }
 }

@@ -106,7 +106,7 @@ impl Settler {
         for SettlingWedge { wedge, slide } in &mut self.wedges {
             let here = mesh.wedge_uv[*wedge as usize];
             let wanted = here + cost.best_slide(*wedge, step);
-            if let Some(Rim { place, fan_area }) = way_back(mesh, rings, vertex, *wedge, wanted) {
+            if let Some(RimPoint { place, fan_area }) = way_back(mesh, rings, vertex, *wedge, wanted) {
                 let way = wanted - place;
                 let reach = REACH * fan_area.sqrt() / way.length();
                 *slide = Some(place + way * reach.min(1.0 - share) - here);
@@ -174,7 +174,7 @@ impl Settler {
 
 /// The point of a wedge's faces in texture space that is closest to a texture coordinate outside of them.
 #[derive(Debug, PartialEq)]
-struct Rim {
+struct RimPoint {
     place: DVec2,
     /// Texture area of these faces.
     fan_area: f64,
@@ -182,7 +182,7 @@ struct Rim {
 
 /// The closest point of a wedge's faces to a texture coordinate; `None` if it lies inside them, or if they have no
 /// texture.
-fn way_back(mesh: &ClusterMesh, rings: &Rings, vertex: u32, wedge: u32, uv: DVec2) -> Option<Rim> {
+fn way_back(mesh: &ClusterMesh, rings: &Rings, vertex: u32, wedge: u32, uv: DVec2) -> Option<RimPoint> {
     let mut best: Option<(f64, DVec2)> = None;
     let mut fan_area = 0.0;
     for &corner in rings.of(vertex).iter().filter(|&&corner| mesh.living(corner) == Some(wedge)) {
@@ -198,7 +198,7 @@ fn way_back(mesh: &ClusterMesh, rings: &Rings, vertex: u32, wedge: u32, uv: DVec
             best = Some((distance_sq, at));
         }
     }
-    best.filter(|(distance_sq, _)| *distance_sq > 0.0).map(|(_, place)| Rim { place, fan_area })
+    best.filter(|(distance_sq, _)| *distance_sq > 0.0).map(|(_, place)| RimPoint { place, fan_area })
 }
 
 #[cfg(test)]

@@ -36,11 +36,11 @@ pub(super) struct Grouping {
     payload_words: usize,
     /// Slot of the next record of each key.
     next: Vec<u64>,
-    place: Place,
+    place: GroupStorage,
 }
 
 #[derive(Debug)]
-enum Place {
+enum GroupStorage {
     Memory {
         words: Vec<u32>,
     },
@@ -76,7 +76,7 @@ impl Grouping {
         let next = counts;
         let payload_bytes = 4 * payload_words as u64;
         let place = if total * payload_bytes <= memory_bytes {
-            Place::Memory { words: vec![0; total as usize * payload_words] }
+            GroupStorage::Memory { words: vec![0; total as usize * payload_words] }
         } else {
             let most = (memory_bytes / payload_bytes).max(1);
             let mut buckets = bucket_keys(&next, total, most);
@@ -86,7 +86,7 @@ impl Grouping {
                 // NOTE: the last record must not exceed the capacity, or the buffer would double.
                 bucket.buffer = Vec::with_capacity(buffer_words.max(payload_words + 1));
             }
-            Place::Disk { spill: Spill::create(path)?, buckets, recent: 0, most }
+            GroupStorage::Disk { spill: Spill::create(path)?, buckets, recent: 0, most }
         };
         Ok(Self { payload_words, next, place })
     }
@@ -98,7 +98,7 @@ impl Grouping {
     pub(super) fn push(&mut self, key: u32, payload: &[u32]) -> Result<()> {
         debug_assert_eq!(payload.len(), self.payload_words);
         match &mut self.place {
-            Place::Memory { words } => {
+            GroupStorage::Memory { words } => {
                 let slot = &mut self.next[key as usize];
                 let start = *slot as usize * self.payload_words;
                 let Some(place) = words.get_mut(start..start + self.payload_words) else {
@@ -108,7 +108,7 @@ impl Grouping {
                 *slot += 1;
                 Ok(())
             }
-            Place::Disk { spill, buckets, recent, .. } => {
+            GroupStorage::Disk { spill, buckets, recent, .. } => {
                 if !buckets[*recent].keys.contains(&key) {
                     *recent = buckets.partition_point(|bucket| bucket.keys.end <= key);
                 }
@@ -130,11 +130,11 @@ impl Grouping {
     pub(super) fn drain(mut self, mut visit: impl FnMut(&[Group<'_>]) -> Result<()>) -> Result<()> {
         let payload_words = self.payload_words;
         match self.place {
-            Place::Memory { words } => {
+            GroupStorage::Memory { words } => {
                 let keys = 0..self.next.len() as u32;
                 visit(&groups(&words, 0, keys, &self.next, payload_words))
             }
-            Place::Disk { mut spill, mut buckets, most, .. } => {
+            GroupStorage::Disk { mut spill, mut buckets, most, .. } => {
                 for bucket in &mut buckets {
                     spill.flush(bucket, payload_words)?;
                     bucket.buffer = Vec::new();

@@ -213,7 +213,7 @@ impl ObjFile {
         memory_bytes: u64,
         progress: &dyn Progress,
     ) -> Result<()> {
-        let mut labels = Labels { catalogue, part: None, object: None, group: None, material: None };
+        let mut labels = CurrentLabels { catalogue, part: None, object: None, group: None, material: None };
         let words = form.words();
         grouped.drain(|groups: &[Group<'_>]| {
             let blocks = groups
@@ -314,7 +314,7 @@ impl PartOrder {
     /// group.
     ///
     /// NOTE: a statement holds until the next of its kind, and none ends a material. Objects and groups are ended by
-    /// the name `default`, which [`Labels`] writes if a part without one follows a part with one.
+    /// the name `default`, which [`CurrentLabels`] writes if a part without one follows a part with one.
     pub(super) fn new(catalogue: &Catalogue, usage: &Usage) -> Self {
         let mut parts: Vec<u32> = (0u32..).take(catalogue.parts.len()).collect();
         parts.retain(|&part| usage.faces_per_part[part as usize] > 0);
@@ -341,7 +341,7 @@ impl PartOrder {
 }
 
 /// The object, group and material that are current for a reader of the file.
-struct Labels<'a> {
+struct CurrentLabels<'a> {
     catalogue: &'a Catalogue,
     part: Option<u32>,
     object: Option<&'a [u8]>,
@@ -349,7 +349,7 @@ struct Labels<'a> {
     material: Option<&'a [u8]>,
 }
 
-impl Labels<'_> {
+impl CurrentLabels<'_> {
     /// Returns the statements that change the current part to `part`.
     fn turn_to(&mut self, part: u32) -> Vec<u8> {
         let mut text = Vec::new();
@@ -424,7 +424,7 @@ mod tests {
         let order = PartOrder::new(&catalogue, &usage);
         assert_eq!(order.parts, [4, 2, 3, 1, 0]);
         assert_eq!([0, 1, 2, 3, 4].map(|part| order.place(part)), [4, 3, 1, 2, 0]);
-        let mut labels = Labels { catalogue: &catalogue, part: None, object: None, group: None, material: None };
+        let mut labels = CurrentLabels { catalogue: &catalogue, part: None, object: None, group: None, material: None };
         let text: Vec<String> =
             order.parts.iter().map(|&part| String::from_utf8(labels.turn_to(part)).unwrap()).collect();
         assert_eq!(

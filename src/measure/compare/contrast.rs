@@ -52,7 +52,7 @@ pub struct Contrasts {
 
 /// A colour that is asked for.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
-struct Question {
+struct ColourQuery {
     image: u32,
     /// Where the answer goes.
     place: u32,
@@ -77,7 +77,7 @@ pub fn compare_colours(
     let mut is_known = vec![false; images.paths.len()];
     for round in rounds(sets, most) {
         let questions = questions(&round, sets, &images)?;
-        let groups: Vec<&[Question]> = questions.chunk_by(|a, b| a.image == b.image).collect();
+        let groups: Vec<&[ColourQuery]> = questions.chunk_by(|a, b| a.image == b.image).collect();
         progress.begin("colours", groups.len() as u64, "images");
         let pairs: u64 = round.iter().map(|(_, range)| range.end - range.start).sum();
         let mut colours = vec![[f32::NAN; 3]; 2 * pairs as usize];
@@ -160,7 +160,7 @@ fn rounds(sets: &[Pairs], most: u64) -> Vec<Vec<(usize, Range<u64>)>> {
 }
 
 /// The colours that a round asks for, image by image.
-fn questions(round: &[(usize, Range<u64>)], sets: &[Pairs], images: &Images) -> Result<Vec<Question>> {
+fn questions(round: &[(usize, Range<u64>)], sets: &[Pairs], images: &Images) -> Result<Vec<ColourQuery>> {
     let mut questions = Vec::new();
     let mut first = 0;
     for (set, range) in round {
@@ -168,8 +168,8 @@ fn questions(round: &[(usize, Range<u64>)], sets: &[Pairs], images: &Images) -> 
         for (pair, place) in sets[*set].column.window(range.clone())?.iter().zip((first..).step_by(2)) {
             if pair.picture != NO_IMAGE && pair.other_picture != NO_IMAGE {
                 let (image, other) = (of_own[pair.picture as usize], of_other[pair.other_picture as usize]);
-                questions.push(Question { image, place, texcoord: pair.texcoord });
-                questions.push(Question { image: other, place: place + 1, texcoord: pair.other_texcoord });
+                questions.push(ColourQuery { image, place, texcoord: pair.texcoord });
+                questions.push(ColourQuery { image: other, place: place + 1, texcoord: pair.other_texcoord });
             }
         }
         first += 2 * (range.end - range.start) as u32;

@@ -16,9 +16,9 @@ use glam::DVec3;
 
 use super::cells::MeasuredMesh;
 use super::distribution::Distribution;
-use super::figures::{Place, WORST_PLACES};
+use super::figures::{FarPoint, WORST_PLACES};
 use super::options::Resources;
-use super::points::{Batch, Point, Sampling};
+use super::points::{Batch, SamplePoint, Sampling};
 use super::search::{Closest, Farthest, Found, Search, VIEWS, texcoord_at};
 use super::texture_pair::TexturePair;
 use crate::base::bytes::MIB;
@@ -46,7 +46,7 @@ pub struct Direction {
     /// Points by area whose normals differ by more than 90°.
     pub flipped: u64,
     /// PositionRuns of the largest distances in different cells, the largest first.
-    pub worst: Vec<Place>,
+    pub worst: Vec<FarPoint>,
     /// Points that were given up.
     pub cut: u64,
     /// No point is farther than this.
@@ -56,16 +56,16 @@ pub struct Direction {
 }
 
 /// A point by area with what was found.
-struct Sample {
-    place: Place,
+struct MeasuredPoint {
+    place: FarPoint,
     cosine: f64,
     texture: TexturePair,
 }
 
-struct Outcome {
+struct PointResult {
     cell: usize,
-    samples: Vec<Sample>,
-    farthest: Option<Place>,
+    samples: Vec<MeasuredPoint>,
+    farthest: Option<FarPoint>,
     bound_sq: f64,
     cut: u64,
 }
@@ -82,7 +82,7 @@ pub fn measure(
     sampling: &Sampling,
     limit: f64,
     resources: &Resources,
-    see_point: &mut dyn FnMut(&Place),
+    see_point: &mut dyn FnMut(&FarPoint),
     progress: &dyn Progress,
 ) -> Result<Direction> {
     let batches = sampling.batches();
@@ -95,7 +95,7 @@ pub fn measure(
     let mut distances = Distribution::new(limit);
     let mut angles = Distribution::new(ANGLE_MAX);
     let (mut flipped, mut cut, mut bound_sq) = (0, 0, 0.0f64);
-    let mut farthest: Vec<Option<Place>> = vec![None; from.cells.len()];
+    let mut farthest: Vec<Option<FarPoint>> = vec![None; from.cells.len()];
     let fitting = resources.work_bytes / (CELL_BYTES * (VIEWS as u64 + 2));
     let threads = resources.threads.min(fitting.max(1) as usize);
     let (by_area, others): (Vec<Batch>, Vec<Batch>) =
@@ -152,14 +152,14 @@ pub fn measure(
 }
 
 /// The places that are told, the farthest first.
-fn worst_of(farthest: impl Iterator<Item = Option<Place>>) -> Vec<Place> {
-    let mut worst: Vec<Place> = farthest.flatten().collect();
+fn worst_of(farthest: impl Iterator<Item = Option<FarPoint>>) -> Vec<FarPoint> {
+    let mut worst: Vec<FarPoint> = farthest.flatten().collect();
     worst.sort_by(|a, b| b.distance.total_cmp(&a.distance));
     worst.truncate(WORST_PLACES);
     worst
 }
 
-fn keep_farther(most: &mut Option<Place>, place: Place) {
+fn keep_farther(most: &mut Option<FarPoint>, place: FarPoint) {
     if most.is_none_or(|most| place.distance > most.distance) {
         *most = Some(place);
     }
@@ -171,7 +171,7 @@ fn look_by_area(
     sampling: &Sampling,
     batch: &Batch,
     probes: usize,
-) -> Result<Outcome> {
+) -> Result<PointResult> {
     let view = from.cells[batch.cell].view()?;
     let points = sampling.points(batch, &view);
     let positions: Vec<DVec3> = points.iter().map(|point| point.position).collect();
@@ -182,10 +182,10 @@ fn look_by_area(
         if !found.distance_sq.is_finite() {
             continue;
         }
-        let Point { position, face, weights } = points[number];
+        let SamplePoint { position, face, weights } = points[number];
         let closest = search.closest(position, &found)?;
         let own = view.faces[face as usize];
-        samples.push(Sample {
+        samples.push(MeasuredPoint {
             place: place(position, &found, &closest),
             cosine: unit_normal(view.triangle(face)).dot(closest.normal),
             texture: TexturePair {
@@ -201,7 +201,7 @@ fn look_by_area(
     }
     // The rounding of a point that lies on the mesh is no distance.
     let bound_sq = if search.cut_count() > 0 { bound_sq } else { 0.0 };
-    Ok(Outcome { cell: batch.cell, samples, farthest: None, bound_sq, cut: search.cut_count() })
+    Ok(PointResult { cell: batch.cell, samples, farthest: None, bound_sq, cut: search.cut_count() })
 }
 
 /// The farthest vertex, or point on edges, of a batch, if it is farther than what is known.
@@ -211,7 +211,7 @@ fn look_for_farthest(
     sampling: &Sampling,
     batch: &Batch,
     known: f64,
-) -> Result<Outcome> {
+) -> Result<PointResult> {
     let view = from.cells[batch.cell].view()?;
     let positions: Vec<DVec3> = sampling.points(batch, &view).iter().map(|point| point.position).collect();
     let mut search = Search::new(to);
@@ -221,9 +221,9 @@ fn look_for_farthest(
         None => None,
     };
     let bound_sq = if search.cut_count() > 0 { bound_sq } else { 0.0 };
-    Ok(Outcome { cell: batch.cell, samples: Vec::new(), farthest, bound_sq, cut: search.cut_count() })
+    Ok(PointResult { cell: batch.cell, samples: Vec::new(), farthest, bound_sq, cut: search.cut_count() })
 }
 
-fn place(position: DVec3, found: &Found, closest: &Closest) -> Place {
-    Place { distance: found.distance_sq.sqrt(), position: position.to_array(), closest: closest.position.to_array() }
+fn place(position: DVec3, found: &Found, closest: &Closest) -> FarPoint {
+    FarPoint { distance: found.distance_sq.sqrt(), position: position.to_array(), closest: closest.position.to_array() }
 }

@@ -45,7 +45,7 @@ pub struct Comparison {
     /// Where one sees through the result; nothing if the original has no extent.
     pub pinholes: Option<Pinholes>,
     /// Counts of edges and pieces, after welding.
-    pub topology: BeforeAfter<Topology>,
+    pub topology: BeforeAfter<TopologyCounts>,
     /// Shapes of triangles.
     pub quality: BeforeAfter<Quality>,
     /// Time in seconds.
@@ -68,7 +68,7 @@ pub struct Geometry {
     /// Both ways together, with equal weight.
     pub symmetric: Distances,
     /// Angles between the normals of the result and of the original at its closest point.
-    pub normals: Normals,
+    pub normals: NormalAngles,
     /// Areas.
     pub area: BeforeAfter<f64>,
     /// Area of the result per area of the original.
@@ -103,7 +103,7 @@ pub struct Distances {
     pub p99: f64,
     /// The places of the largest distances, the largest first: at most one in each cell of the mesh, at most
     /// [`WORST_PLACES`].
-    pub worst: Vec<Place>,
+    pub worst: Vec<FarPoint>,
     /// How much of the surface is how far.
     pub histogram: Histogram,
     /// Points that were given up, where triangles lie across each other by the thousand. Others of them, near by, that were
@@ -118,7 +118,7 @@ pub const WORST_PLACES: usize = 8;
 
 /// A point of a surface and what is nearest to it on the other one.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct Place {
+pub struct FarPoint {
     /// Distance.
     pub distance: f64,
     /// The point.
@@ -138,7 +138,7 @@ pub struct Histogram {
 
 /// Angles between normals.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct Normals {
+pub struct NormalAngles {
     /// Mean, in degrees.
     pub mean: f64,
     /// 95 % of the surface is nearer, in degrees.
@@ -180,7 +180,7 @@ pub struct Texture {
     /// Those of the original.
     pub folded_triangles_before: u64,
     /// What meets along seams.
-    pub seams: BeforeAfter<Seams>,
+    pub seams: BeforeAfter<SeamFigures>,
     /// Images that were read.
     pub images: u64,
     /// Images that were too large for the memory budget and were read at a lower resolution.
@@ -189,7 +189,7 @@ pub struct Texture {
 
 /// What meets along the seams of a mesh: edges between two faces that show different places of images.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct Seams {
+pub struct SeamFigures {
     /// Length of all seams.
     pub length: f64,
     /// Mean difference of colour between the two sides.
@@ -211,7 +211,7 @@ pub struct Seams {
 
 /// Counts after welding vertices at bit-identical positions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
-pub struct Topology {
+pub struct TopologyCounts {
     /// Vertices that faces use.
     pub vertices: u64,
     /// Edges.
@@ -241,7 +241,7 @@ pub struct Topology {
 /// Open edges up to which a mesh of more of them than triangles is not a soup: a single square has more.
 const SOUP_EDGES: u64 = 100_000;
 
-impl Topology {
+impl TopologyCounts {
     /// Whether the mesh is a soup of triangles, most of which hang together with few others: its open edges are no border.
     pub(super) fn is_soup(&self) -> bool {
         self.boundary_edges > SOUP_EDGES.max(self.faces)

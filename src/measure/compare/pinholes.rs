@@ -58,7 +58,7 @@ pub fn find(
         .collect();
     let at_once = (work_bytes / 2 / VIEW_BYTES).clamp(1, places.len() as u64) as usize;
     let behind = BEHIND_SHARE * before.bounds.diagonal();
-    let (mut found, mut sums) = (Pinholes::default(), Counts::default());
+    let (mut found, mut sums) = (Pinholes::default(), PixelCounts::default());
     progress.begin(
         "pinholes",
         (places.len().div_ceil(at_once) * (before.cells.len() + after.cells.len())) as u64,
@@ -119,13 +119,13 @@ fn draw(mesh: &MeasuredMesh, depths: &mut [Depth], progress: &dyn Progress) -> R
 
 /// Numbers of pixels.
 #[derive(Debug, Clone, Copy, Default)]
-struct Counts {
+struct PixelCounts {
     inside: u64,
     through: u64,
     behind: u64,
 }
 
-impl Counts {
+impl PixelCounts {
     fn with(self, other: Self) -> Self {
         Self {
             inside: self.inside + other.inside,
@@ -171,10 +171,10 @@ impl Seen {
         Self { sights: steps.iter().zip(old.near.iter().zip(&new.near)).map(sight).collect() }
     }
 
-    fn counts(&self) -> Counts {
+    fn counts(&self) -> PixelCounts {
         let count = |wanted: Sight| self.sights.iter().filter(|&&sight| sight == wanted).count() as u64;
         let [closed, through, behind] = [Sight::Closed, Sight::Through, Sight::Behind].map(count);
-        Counts { inside: closed + through + behind, through, behind }
+        PixelCounts { inside: closed + through + behind, through, behind }
     }
 
     /// The result, lit by its slopes, with marks.

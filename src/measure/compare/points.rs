@@ -26,7 +26,7 @@ const EDGE_SHARE: f64 = 0.25;
 
 /// What points of a batch are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum PointKind {
     /// Points by area.
     Area,
     /// All vertices of the cell's triangles.
@@ -41,7 +41,7 @@ pub struct Batch {
     /// The cell.
     pub cell: usize,
     /// What they are.
-    pub kind: Kind,
+    pub kind: PointKind,
     /// Numbers of points among all of the mesh, or of vertices in the cell. Those by area and by length that lie in another
     /// cell belong to that cell's batches.
     range: Range<u64>,
@@ -49,7 +49,7 @@ pub struct Batch {
 
 /// A point on a triangle.
 #[derive(Debug, Clone, Copy)]
-pub struct Point {
+pub struct SamplePoint {
     /// Its position.
     pub position: DVec3,
     /// Triangle of the cell; for a vertex the last one that has it, where vertices are what is asked for, else of no meaning.
@@ -124,22 +124,22 @@ impl<'a> Sampling<'a> {
     }
 
     /// What the points are that means are taken of.
-    pub fn measured(&self) -> Kind {
+    pub fn measured(&self) -> PointKind {
         match self.spread {
-            Spread::Area(_) => Kind::Area,
-            Spread::Vertices => Kind::Vertices,
+            Spread::Area(_) => PointKind::Area,
+            Spread::Vertices => PointKind::Vertices,
         }
     }
 
     /// All batches, those by area first.
     pub fn batches(&self) -> Vec<Batch> {
         let mut batches = Vec::new();
-        for kind in [Kind::Area, Kind::Vertices, Kind::Edges] {
+        for kind in [PointKind::Area, PointKind::Vertices, PointKind::Edges] {
             for cell in 0..self.mesh.cells.len() {
                 let all = match kind {
-                    Kind::Area => self.areas.parts(cell),
-                    Kind::Vertices => 0..self.mesh.cells[cell].vertex_count(),
-                    Kind::Edges => self.lengths.parts(cell),
+                    PointKind::Area => self.areas.parts(cell),
+                    PointKind::Vertices => 0..self.mesh.cells[cell].vertex_count(),
+                    PointKind::Edges => self.lengths.parts(cell),
                 };
                 let starts = all.clone().step_by(BATCH_POINTS as usize);
                 batches.extend(starts.map(|start| {
@@ -152,18 +152,18 @@ impl<'a> Sampling<'a> {
     }
 
     /// The points of a batch.
-    pub fn points(&self, batch: &Batch, view: &CellView) -> Vec<Point> {
+    pub fn points(&self, batch: &Batch, view: &CellView) -> Vec<SamplePoint> {
         match batch.kind {
-            Kind::Vertices => {
+            PointKind::Vertices => {
                 let range = batch.range.start as usize..batch.range.end as usize;
-                let point = |&at: &DVec3| Point { position: view.origin + at, face: 0, weights: [1.0, 0.0, 0.0] };
-                let mut points: Vec<Point> = view.positions[range.clone()].iter().map(point).collect();
+                let point = |&at: &DVec3| SamplePoint { position: view.origin + at, face: 0, weights: [1.0, 0.0, 0.0] };
+                let mut points: Vec<SamplePoint> = view.positions[range.clone()].iter().map(point).collect();
                 if self.spread == Spread::Vertices {
                     put_on_faces(&mut points, view, range.start);
                 }
                 points
             }
-            Kind::Area => {
+            PointKind::Area => {
                 let ends = running_sums(view, area);
                 self.spread(&self.areas, batch, 0, |part, place| {
                     let face = face_at(&ends, place);
@@ -171,7 +171,7 @@ impl<'a> Sampling<'a> {
                     at(view, face, chance::place_on_triangle(across, along))
                 })
             }
-            Kind::Edges => {
+            PointKind::Edges => {
                 let ends = running_sums(view, perimeter);
                 self.spread(&self.lengths, batch, 3, |_, place| {
                     let face = face_at(&ends, place);
@@ -182,7 +182,13 @@ impl<'a> Sampling<'a> {
         }
     }
 
-    fn spread(&self, steps: &Steps, batch: &Batch, stream: u64, point: impl Fn(u64, f64) -> Point) -> Vec<Point> {
+    fn spread(
+        &self,
+        steps: &Steps,
+        batch: &Batch,
+        stream: u64,
+        point: impl Fn(u64, f64) -> SamplePoint,
+    ) -> Vec<SamplePoint> {
         let place =
             |part: u64| Some((part, steps.place(batch.cell, part, chance::of_stream(self.seed, part, stream))?));
         batch.range.clone().filter_map(place).map(|(part, place)| point(part, place)).collect()
@@ -190,7 +196,7 @@ impl<'a> Sampling<'a> {
 }
 
 /// Gives vertices of a cell, from the `first` on, a face and their place on it.
-fn put_on_faces(vertices: &mut [Point], view: &CellView, first: usize) {
+fn put_on_faces(vertices: &mut [SamplePoint], view: &CellView, first: usize) {
     for (number, face) in view.faces.iter().enumerate() {
         for (corner, &vertex) in face.vertices.iter().enumerate() {
             if let Some(point) = (vertex as usize).checked_sub(first).and_then(|at| vertices.get_mut(at)) {
@@ -218,10 +224,10 @@ fn face_at(ends: &[f64], place: f64) -> u32 {
     ends.partition_point(|&end| end <= place).min(ends.len() - 1) as u32
 }
 
-fn at(view: &CellView, face: u32, weights: [f64; 3]) -> Point {
+fn at(view: &CellView, face: u32, weights: [f64; 3]) -> SamplePoint {
     let [a, b, c] = view.triangle(face);
     let position = view.origin + a * weights[0] + b * weights[1] + c * weights[2];
-    Point { position, face, weights }
+    SamplePoint { position, face, weights }
 }
 
 /// Weights of the corners at a place along the three sides.

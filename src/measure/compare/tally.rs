@@ -7,7 +7,7 @@
 //!   shared ═══ shared        the face on the other side may be in another cell: its sides are matched at the end,
 //!                            and join the pieces, charts and borders that reach it
 //! ```
-//! In: loaded clusters. Out: [`Topology`], [`Quality`], folded triangles, the edges of the border and of seams. Invariant:
+//! In: loaded clusters. Out: [`TopologyCounts`], [`Quality`], folded triangles, the edges of the border and of seams. Invariant:
 //! the numbers are those that [`check`](super::super::check) counts on the whole mesh, and the edges come in the same order
 //! at any memory budget.
 //!
@@ -26,7 +26,7 @@ use glam::DVec3;
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::super::forest::DisjointSets;
-use super::figures::{Quality, SLIVER_REGULARITY, Topology};
+use super::figures::{Quality, SLIVER_REGULARITY, TopologyCounts};
 use super::seams::{EdgeTexture, SeamEdge, SeamEdges, SeamWriter};
 use crate::base::Result;
 use crate::file::buckets::{BucketWriter, Verbatim};
@@ -47,8 +47,8 @@ const ON_BORDER: u32 = 1 << 31;
 
 /// What is counted.
 #[derive(Debug, Clone, Copy, Default)]
-struct Counts {
-    topology: Topology,
+struct TallyCounts {
+    topology: TopologyCounts,
     folded: u64,
     regularity_sum: f64,
     slivers: u64,
@@ -57,7 +57,7 @@ struct Counts {
     regular_vertices: u64,
 }
 
-impl Counts {
+impl TallyCounts {
     fn add(&mut self, other: &Self) {
         let (t, o) = (&mut self.topology, &other.topology);
         t.vertices += o.vertices;
@@ -153,7 +153,7 @@ impl SharedSide {
 /// Counts of one cell, and what leaves it.
 #[derive(Debug, Default)]
 pub struct CellTally {
-    counts: Counts,
+    counts: TallyCounts,
     sides: Vec<SharedSide>,
     /// Number of pieces that leave the cell; sides refer to them from 0.
     pieces: u32,
@@ -170,7 +170,7 @@ pub struct CellTally {
 }
 
 /// A side of a face: its vertices, the lower one first, the wedges there, and the face.
-type Side = ([u32; 2], [u32; 2], u32);
+type FaceSide = ([u32; 2], [u32; 2], u32);
 
 /// Counts a cell; `pictures` has that of each part.
 pub fn tally(source: &ClusterSource, catalogue: &Catalogue, pictures: &[u32]) -> CellTally {
@@ -196,7 +196,8 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue, pictures: &[u32]) ->
         let [from, to] = vertices.map(|vertex| mesh.positions[vertex as usize]);
         from.distance(to)
     };
-    let texture = |(_, wedges, face): Side| EdgeTexture::of(mesh, wedges, pictures[mesh.parts[face as usize] as usize]);
+    let texture =
+        |(_, wedges, face): FaceSide| EdgeTexture::of(mesh, wedges, pictures[mesh.parts[face as usize] as usize]);
     for edge in sides.chunk_by(|a, b| a.0 == b.0) {
         let (vertices, wedges, face) = edge[0];
         edge[1..].iter().for_each(|side| pieces.join(face, side.2));
@@ -249,13 +250,13 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue, pictures: &[u32]) ->
 }
 
 /// Which way the face of a side leads away from it.
-fn across_side(mesh: &ClusterMesh, (ends, _, face): Side) -> DVec3 {
+fn across_side(mesh: &ClusterMesh, (ends, _, face): FaceSide) -> DVec3 {
     let [low, high] = ends.map(|vertex| mesh.positions[vertex as usize]);
     let third = mesh.vertices(face).into_iter().find(|vertex| !ends.contains(vertex));
     third.map_or(DVec3::ZERO, |third| across(high - low, mesh.positions[third as usize] - low))
 }
 
-fn sorted_sides(mesh: &ClusterMesh) -> Vec<Side> {
+fn sorted_sides(mesh: &ClusterMesh) -> Vec<FaceSide> {
     let mut sides = Vec::with_capacity(3 * mesh.corners.len());
     for (face, (corners, vertices)) in (0u32..).zip(mesh.corners.iter().zip(&mesh.corner_vertices)) {
         for (from, to) in [(0, 1), (1, 2), (2, 0)] {
@@ -299,7 +300,7 @@ impl CellTally {
     }
 
     /// Counts pieces that stay in the cell, and numbers those with a side between shared vertices, by root.
-    fn count_pieces(&mut self, mesh: &ClusterMesh, sides: &[Side], pieces: &mut DisjointSets) -> Vec<u32> {
+    fn count_pieces(&mut self, mesh: &ClusterMesh, sides: &[FaceSide], pieces: &mut DisjointSets) -> Vec<u32> {
         let mut number = vec![u32::MAX; mesh.corners.len()];
         for (vertices, _, face) in sides {
             let number = &mut number[pieces.root(*face) as usize];
@@ -314,7 +315,7 @@ impl CellTally {
     }
 
     /// Counts charts that stay in the cell, and numbers those with a side between shared vertices, by root.
-    fn count_charts(&mut self, mesh: &ClusterMesh, sides: &[Side], charts: &mut DisjointSets) -> Vec<u32> {
+    fn count_charts(&mut self, mesh: &ClusterMesh, sides: &[FaceSide], charts: &mut DisjointSets) -> Vec<u32> {
         let mut sums = vec![Chart::default(); mesh.corners.len()];
         let mut textured = vec![false; mesh.corners.len()];
         let finite = mesh.wedge_uv.iter().filter(|uv| uv.is_finite());
@@ -355,7 +356,7 @@ impl CellTally {
 #[derive(Debug)]
 pub struct Tallied {
     /// Counts.
-    pub topology: Topology,
+    pub topology: TopologyCounts,
     /// Shapes.
     pub quality: Quality,
     /// Triangles that run against the majority of their chart in texture space.
@@ -371,13 +372,13 @@ pub struct Tallies<'a> {
     sides: BucketWriter<SharedSide>,
     buckets: u64,
     seams: SeamWriter,
-    sum: Sum<'a>,
+    sum: MeshSum<'a>,
 }
 
 /// What the cells have in all, and what leaves them.
-struct Sum<'a> {
+struct MeshSum<'a> {
     shared: &'a Shared,
-    counts: Counts,
+    counts: TallyCounts,
     pieces: u32,
     charts: Vec<Chart>,
     borders: u32,
@@ -397,9 +398,9 @@ impl<'a> Tallies<'a> {
         // As many as the mesh asks for, whatever the budget: seams come in their order.
         let most_bytes = 3 * faces * size_of::<SharedSide>() as u64;
         let buckets = most_bytes.div_ceil(BUCKET_BYTES).clamp(1, BUCKETS_MAX);
-        let sum = Sum {
+        let sum = MeshSum {
             shared,
-            counts: Counts::default(),
+            counts: TallyCounts::default(),
             pieces: 0,
             charts: Vec::new(),
             borders: 0,
@@ -487,7 +488,7 @@ impl<'a> Tallies<'a> {
     }
 }
 
-impl Sum<'_> {
+impl MeshSum<'_> {
     fn meet(&mut self, vertex: u32, edges: u32) {
         let at = &mut self.edges_at[self.shared.rank(vertex) as usize];
         *at = ((*at & !ON_BORDER) + (edges & !ON_BORDER)) | ((*at | edges) & ON_BORDER);

@@ -229,7 +229,7 @@ fn cells_count_what_the_whole_counts() {
             let mesh =
                 MeasuredMesh::prepare(&(&name).into(), &bench.path("work"), cell_faces, &RESOURCES, &Silent).unwrap();
             let t = mesh.tallied.topology;
-            let expected = Topology {
+            let expected = TopologyCounts {
                 vertices: check.vertices,
                 edges: (check.vertices as i64 + check.faces as i64 - check.euler) as u64,
                 faces: check.faces,
@@ -333,7 +333,7 @@ fn a_seam_gapes_as_far_as_one_of_its_charts_was_moved() {
     let bench = Bench::new();
     let (original, result) = (two_charts(&bench, "a.obj", 0.0), two_charts(&bench, "b.obj", 0.06));
     for cell_faces in [2, 100] {
-        let Seams { length, colour_mean, colour_rms, gap_p95, .. } =
+        let SeamFigures { length, colour_mean, colour_rms, gap_p95, .. } =
             bench.compare(&original, &result, cell_faces).texture.unwrap().seams.before;
         assert_eq!(length, 10.0);
         // a tenth of the image lies between the charts, which is 25.6 steps of the ramp
@@ -351,7 +351,7 @@ fn a_seam_gapes_as_far_as_one_of_its_charts_was_moved() {
     // what runs through one chart is no seam
     let whole = ramp(&bench, "c.obj", 0.0);
     let seams = bench.compare(&whole, &whole, 100).texture.unwrap().seams;
-    assert_eq!((seams.before, seams.after), (Seams::default(), Seams::default()));
+    assert_eq!((seams.before, seams.after), (SeamFigures::default(), SeamFigures::default()));
 }
 
 #[test]

@@ -10,7 +10,7 @@ use super::cells::MeasuredMesh;
 use super::contrast::{Pairs, compare_colours};
 use super::direction::Direction;
 use super::distribution::Distribution;
-use super::figures::{BeforeAfter, Seams, Texture, share};
+use super::figures::{BeforeAfter, SeamFigures, Texture, share};
 use super::options::{CompareOptions, SAMPLES};
 use super::slide::{Atlas, Gaps};
 use crate::base::{Findings, Progress, Result};
@@ -81,8 +81,8 @@ fn share_of_some(part: u64, of: u64) -> Option<f64> {
     (of > 0).then(|| share(part, of))
 }
 
-fn seams(mesh: &MeasuredMesh, across: &Distribution, gaps: &Gaps) -> Seams {
-    Seams {
+fn seams(mesh: &MeasuredMesh, across: &Distribution, gaps: &Gaps) -> SeamFigures {
+    SeamFigures {
         length: mesh.tallied.seams.length,
         colour_mean: across.mean(),
         colour_rms: across.rms(),

@@ -16,7 +16,7 @@ use glam::DVec2;
 use super::queue::{quadric_error, weighted_normals};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
-use crate::simplify::edge_star::{EdgeStar, Fan};
+use crate::simplify::edge_star::{EdgeStar, VanishingFan};
 
 /// Fate of the vertices that are no centres.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -138,7 +138,7 @@ impl Shrinker {
 
     fn try_collapse(&mut self, mesh: &mut ClusterMesh, rings: &Rings, from: u32, to: u32) -> bool {
         self.star.gather(mesh, rings, from, to);
-        if self.star.check_topology(mesh, rings, from, to, Fan::default()).is_err() {
+        if self.star.check_topology(mesh, rings, from, to, VanishingFan::default()).is_err() {
             return false;
         }
         self.uvs.clear();

@@ -26,14 +26,14 @@ const FLAT_TURN: f64 = 1e-6;
 
 /// A vertex's part of the surface, and its curvature.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Part {
+pub struct VertexPart {
     /// |P|, in units of length².
     pub area: f64,
     /// k1² + k2², in 1 / length².
     pub squared_curvature: f64,
 }
 
-impl Part {
+impl VertexPart {
     /// ρ \[13\]; curvatures below the floor count as the floor.
     pub fn mass(&self, lambda: f64, floor: f64) -> f64 {
         self.area * libm::pow(self.squared_curvature.max(floor), 0.5 * lambda)
@@ -41,7 +41,7 @@ impl Part {
 }
 
 /// The part of every vertex.
-pub fn parts(mesh: &ClusterMesh, rings: &Rings, ring_count: u32) -> Vec<Part> {
+pub fn parts(mesh: &ClusterMesh, rings: &Rings, ring_count: u32) -> Vec<VertexPart> {
     let mut areas = vec![0.0; mesh.positions.len()];
     for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
         if let Some((_, area)) = plane_of(mesh.triangle(face)) {
@@ -52,7 +52,7 @@ pub fn parts(mesh: &ClusterMesh, rings: &Rings, ring_count: u32) -> Vec<Part> {
     let part = |(vertex, area): (usize, f64)| {
         let squared_curvature = fitter.squared_curvature(mesh, rings, vertex as u32, ring_count);
         let is_flat = squared_curvature * area < FLAT_TURN * FLAT_TURN;
-        Part { area, squared_curvature: if is_flat { 0.0 } else { squared_curvature } }
+        VertexPart { area, squared_curvature: if is_flat { 0.0 } else { squared_curvature } }
     };
     areas.into_iter().enumerate().map(part).collect()
 }
@@ -73,7 +73,7 @@ pub struct MassSums {
 
 impl MassSums {
     /// Adds a vertex.
-    pub fn add(&mut self, part: Part, lambda: f64) {
+    pub fn add(&mut self, part: VertexPart, lambda: f64) {
         let magnitude = (part.squared_curvature.to_bits() >> MAGNITUDE_SHIFT) as u32;
         let sum = self.magnitudes.entry(magnitude).or_default();
         sum.count += 1;
@@ -127,7 +127,7 @@ mod tests {
 
     #[test]
     fn sums_by_magnitude_are_those_of_the_parts() {
-        let part = |i: u32| Part { area: f64::from(i % 7 + 1), squared_curvature: f64::from(i * i % 53) * 0.37 };
+        let part = |i: u32| VertexPart { area: f64::from(i % 7 + 1), squared_curvature: f64::from(i * i % 53) * 0.37 };
         let mut sums = [MassSums::default(), MassSums::default()];
         (0..200).for_each(|i| sums[usize::from(i > 90)].add(part(i), 2.0));
         let mut whole = sums[0].clone();
@@ -145,7 +145,7 @@ mod tests {
     #[test]
     fn where_nothing_bends_mass_is_area() {
         let mut sums = MassSums::default();
-        (1..=4).for_each(|i| sums.add(Part { area: f64::from(i), squared_curvature: 0.0 }, 2.0));
+        (1..=4).for_each(|i| sums.add(VertexPart { area: f64::from(i), squared_curvature: 0.0 }, 2.0));
         let floor = sums.floor(1e-3);
         assert_eq!((floor, sums.total(2.0, floor)), (1.0, 10.0));
     }

@@ -5,7 +5,7 @@ use glam::DVec2;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::fold::are_nearly_folded;
 use crate::mesh::ring::Rings;
-use crate::simplify::edge_star::{EdgeStar, Fan, Neighbour, is_hub};
+use crate::simplify::edge_star::{EdgeStar, Neighbour, VanishingFan, is_hub};
 use crate::simplify::refusal::Refusal;
 use crate::simplify::triangle_change::doubled_uv_area;
 
@@ -67,7 +67,7 @@ impl EdgeStar {
         rings: &Rings,
         from: u32,
         to: u32,
-        fan: Fan,
+        fan: VanishingFan,
     ) -> Result<(), Refusal> {
         if self.dying.is_empty() != fan.is_rip || is_hub(mesh, rings, to) || mesh.is_shared(to) {
             return Err(Refusal::Topology);
@@ -185,7 +185,7 @@ impl EdgeStar {
     ///
     /// # Errors
     /// [`Refusal::Seam`] if there are any and the collapse may not strand wedges, or if a wedge is in several pairs.
-    fn strand(&mut self, mesh: &ClusterMesh, rings: &Rings, from: u32, fan: Fan) -> Result<(), Refusal> {
+    fn strand(&mut self, mesh: &ClusterMesh, rings: &Rings, from: u32, fan: VanishingFan) -> Result<(), Refusal> {
         self.stranded.clear();
         for &corner in rings.of(from) {
             let Some(wedge) = mesh.living(corner) else { continue };

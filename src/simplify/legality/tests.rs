@@ -159,7 +159,7 @@ proptest! {
             let keeps = is_surface(&after) && euler_number(&after) == euler_number(&faces);
             star.gather(&mesh, &rings, from, to);
             for closed in [false, !borders.contains(&from)] {
-                let outcome = star.check_topology(&mesh, &rings, from, to, Fan { closed, ..Fan::default() });
+                let outcome = star.check_topology(&mesh, &rings, from, to, VanishingFan { closed, ..VanishingFan::default() });
                 prop_assert_eq!(outcome.is_ok(), keeps, "{:?} from {} to {}: {:?}", &faces, from, to, outcome);
             }
             if keeps {
@@ -178,7 +178,7 @@ proptest! {
         let mut star = EdgeStar::default();
         star.reset(count as usize + 2);
         star.gather(&mesh, &rings, 1, 0);
-        let outcome = star.check_topology(&mesh, &rings, 1, 0, Fan::default());
+        let outcome = star.check_topology(&mesh, &rings, 1, 0, VanishingFan::default());
         prop_assert_eq!(outcome, if (count - dead) as usize > 2 * VALENCE_MAX { Err(Refusal::Topology) } else { Ok(()) });
     }
 }
@@ -267,10 +267,10 @@ fn with_shared(count: u32, shared: &[u32], faces: &[[u32; 3]]) -> (ClusterMesh, 
 }
 
 fn verdict(mesh: &(ClusterMesh, Rings), from: u32, to: u32) -> Result<(), Refusal> {
-    verdict_of(mesh, from, to, Fan::default())
+    verdict_of(mesh, from, to, VanishingFan::default())
 }
 
-fn verdict_of((mesh, rings): &(ClusterMesh, Rings), from: u32, to: u32, fan: Fan) -> Result<(), Refusal> {
+fn verdict_of((mesh, rings): &(ClusterMesh, Rings), from: u32, to: u32, fan: VanishingFan) -> Result<(), Refusal> {
     let mut star = EdgeStar::default();
     star.reset(mesh.positions.len());
     star.gather(mesh, rings, from, to);
@@ -478,7 +478,8 @@ fn no_edge_is_made_that_another_cluster_may_have() {
         (&[1, 3], Err(Refusal::Rim)),
     ] {
         for closed in [false, true] {
-            let fan = verdict_of(&with_shared(7, shared, &fan), 0, 1, Fan { closed, ..Fan::default() });
+            let fan =
+                verdict_of(&with_shared(7, shared, &fan), 0, 1, VanishingFan { closed, ..VanishingFan::default() });
             assert_eq!(fan, expected, "{shared:?}");
         }
     }
@@ -496,7 +497,9 @@ fn no_face_is_made_that_is_there_or_that_another_cluster_may_have() {
     {
         let with_bottom = [cap[0], cap[1], cap[2], [1, 3, 2]];
         for closed in [false, true] {
-            let verdict = |faces| verdict_of(&with_shared(4, shared, faces), 0, 1, Fan { closed, ..Fan::default() });
+            let verdict = |faces| {
+                verdict_of(&with_shared(4, shared, faces), 0, 1, VanishingFan { closed, ..VanishingFan::default() })
+            };
             assert_eq!(verdict(&cap), expected, "{shared:?}");
             assert_eq!(verdict(&with_bottom), expected.and(Err(Refusal::Topology)), "{shared:?}");
         }
@@ -520,7 +523,10 @@ fn a_wedge_that_would_become_two_holds_the_seam() {
         mesh.link_wedges();
         let mut rings = Rings::default();
         rings.build(&mesh);
-        assert_eq!(verdict_of(&(mesh, rings), 0, 1, Fan { closed, ..Fan::default() }), Err(Refusal::Seam));
+        assert_eq!(
+            verdict_of(&(mesh, rings), 0, 1, VanishingFan { closed, ..VanishingFan::default() }),
+            Err(Refusal::Seam)
+        );
     }
 }
 
@@ -544,7 +550,7 @@ fn a_wedge_without_counterpart_is_stranded_or_holds_the_seam() {
     star.reset(7);
     for strands in [false, true] {
         star.gather(&mesh, &rings, 0, 1);
-        let outcome = star.check_topology(&mesh, &rings, 0, 1, Fan { strands, ..Fan::default() });
+        let outcome = star.check_topology(&mesh, &rings, 0, 1, VanishingFan { strands, ..VanishingFan::default() });
         assert_eq!(outcome, if strands { Ok(()) } else { Err(Refusal::Seam) });
         assert_eq!(star.stranded, if strands { vec![7] } else { vec![] });
     }
@@ -579,7 +585,7 @@ fn free_collapse(faces: &[[u32; 3]]) -> (Result<(), Refusal>, BTreeMap<[u32; 2],
     let mut star = EdgeStar::default();
     star.reset(9);
     star.gather(&mesh, &rings, 0, 1);
-    let fan = Fan { is_free: true, ..Fan::default() };
+    let fan = VanishingFan { is_free: true, ..VanishingFan::default() };
     let verdict = star.check_topology(&mesh, &rings, 0, 1, fan);
     if verdict.is_ok() {
         star.apply(&mut mesh, &rings, 0, 1);
@@ -599,7 +605,7 @@ fn a_hole_of_three_edges_closes_where_the_topology_may_change() {
     let (verdict, sides) = free_collapse(&faces);
     assert_eq!(verdict, Ok(()));
     assert_eq!(sides.get(&[1, 2]), Some(&2));
-    let kept = verdict_of(&mesh_of(&[DVec3::ZERO; 6], &faces), 0, 1, Fan::default());
+    let kept = verdict_of(&mesh_of(&[DVec3::ZERO; 6], &faces), 0, 1, VanishingFan::default());
     assert_eq!(kept, Err(Refusal::Topology));
 }
 
@@ -617,7 +623,7 @@ fn no_hole_closes_that_would_leave_a_texture_triangle_mirrored_in_its_chart() {
         faces.iter().for_each(|&face| mesh.push_face(face, 0));
         mesh.link_wedges();
         rings.build(&mesh);
-        verdict_of(&(mesh, rings), 0, 1, Fan { is_free: true, ..Fan::default() })
+        verdict_of(&(mesh, rings), 0, 1, VanishingFan { is_free: true, ..VanishingFan::default() })
     };
     assert_eq!(close([1.5, 1.0], false), Ok(()));
     assert_eq!(close([0.0, -1.0], false), Err(Refusal::UvFold));
@@ -654,7 +660,10 @@ fn the_last_face_of_a_piece_goes_only_if_it_may() {
 fn the_top_of_a_tetrahedron_does_not_go_onto_its_bottom() {
     let tetrahedron = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
     let mesh = mesh_of(&[DVec3::ZERO; 4], &tetrahedron);
-    assert_eq!(verdict_of(&mesh, 0, 1, Fan { closed: true, ..Fan::default() }), Err(Refusal::Topology));
+    assert_eq!(
+        verdict_of(&mesh, 0, 1, VanishingFan { closed: true, ..VanishingFan::default() }),
+        Err(Refusal::Topology)
+    );
 }
 
 #[test]
@@ -665,7 +674,7 @@ fn a_collapse_tells_nothing_of_the_one_before_it() {
     let mut star = EdgeStar::default();
     star.reset(10);
     star.gather(&mesh, &rings, 0, 1);
-    let fan = Fan { is_free: true, spare_edges: 1, ..Fan::default() };
+    let fan = VanishingFan { is_free: true, spare_edges: 1, ..VanishingFan::default() };
     assert_eq!(star.check_topology(&mesh, &rings, 0, 1, fan), Ok(()));
     assert_eq!(star.new_non_manifold_edges, 1);
     assert!(star.joins && !star.unsettled.is_empty());
@@ -683,7 +692,7 @@ fn a_mesh_is_looked_at_as_if_there_had_been_none_before() {
     let mut legal = |(mesh, rings): (&ClusterMesh, &Rings), [from, to]: [u32; 2]| {
         star.reset(9);
         star.gather(mesh, rings, from, to);
-        star.check_topology(mesh, rings, from, to, Fan::default())
+        star.check_topology(mesh, rings, from, to, VanishingFan::default())
     };
     assert_eq!(legal((&mesh, &rings), [0, 1]), Ok(()));
     assert_eq!(legal((&other, &other_rings), [7, 2]), Ok(()));

@@ -22,7 +22,7 @@ struct Case {
     /// Wedges of each face.
     faces: Vec<[u32; 3]>,
     are_turned: Vec<bool>,
-    fan: Fan,
+    fan: VanishingFan,
 }
 
 impl Case {
@@ -241,12 +241,12 @@ fn face() -> impl Strategy<Value = [u32; 3]> {
 }
 
 fn case() -> impl Strategy<Value = Case> {
-    let fan = (any::<[bool; 3]>(), -1..3i64).prop_map(|([strands, is_alone, is_rip], spare_edges)| Fan {
+    let fan = (any::<[bool; 3]>(), -1..3i64).prop_map(|([strands, is_alone, is_rip], spare_edges)| VanishingFan {
         strands,
         is_alone,
         is_rip,
         spare_edges,
-        ..Fan::default()
+        ..VanishingFan::default()
     });
     let position = prop_oneof![
         3 => prop::array::uniform2(0..9i32).prop_map(|[x, y]| DVec3::new(x.into(), y.into(), 0.0)),
@@ -320,7 +320,7 @@ proptest! {
         let mut star = begin();
         let linked = star.check_link(&mesh, &rings, FROM, TO, case.fan);
         for is_free in [false, true] {
-            let fan = Fan { is_free, is_complex, ..case.fan };
+            let fan = VanishingFan { is_free, is_complex, ..case.fan };
             let mut star = begin();
             let pairs = star.wedges.clone();
             let verdict = star.check_topology(&mesh, &rings, FROM, TO, fan);
