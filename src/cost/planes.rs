@@ -57,10 +57,20 @@ pub fn area_of(mesh: &ClusterMesh) -> f64 {
     living.filter_map(|face| plane_of(mesh.triangle(face))).map(|(_, area)| area).sum()
 }
 
-/// What vertices or wedges start with that came since `known` of them were, as copies do where a handle is cut; `all` makes
-/// that of all of them.
-pub fn newcomers<T>(known: usize, count: usize, all: impl FnOnce() -> Vec<T>) -> Vec<T> {
-    if known < count { all().split_off(known) } else { Vec::new() }
+/// What vertices or wedges start with that came since `known` of them were, as copies do where a handle is cut; `from` makes
+/// that of those from a number on.
+pub fn newcomers<T>(known: usize, count: usize, from: impl FnOnce(usize) -> Vec<T>) -> Vec<T> {
+    if known < count { from(known) } else { Vec::new() }
+}
+
+/// Appends newcomers; the first ones are not copied, since they may be most of what a cluster takes.
+pub fn append<T>(values: &mut Vec<T>, newcomers: Vec<T>) {
+    if values.is_empty() {
+        *values = newcomers;
+    } else {
+        values.reserve_exact(newcomers.len());
+        values.extend(newcomers);
+    }
 }
 
 /// The squared distance to the planes of the faces around each vertex; to planes through border edges, upright on their
