@@ -76,7 +76,8 @@ def test_a_metric_that_does_not_fit_is_refused_with_what_would_do(drystone, midd
     words = drystone.simplify(middle_town, tmp_path, *options, "250000", codes=(2,)).stderr
     fitting = words.split("give --cluster-faces ")[1].split()[0]
     assert 150_000 < int(fitting) < 200_000
-    drystone.simplify(middle_town, tmp_path, *options, fitting)
+    # What stays of the mesh through all passes is known after the scan alone, and takes a little.
+    drystone.simplify(middle_town, tmp_path, *options, int(fitting) * 9 // 10)
 
 
 def test_killed_run_leaves_no_result_and_the_next_one_has_the_same_bytes(drystone, large_town, tmp_path):
