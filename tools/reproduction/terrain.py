@@ -45,7 +45,7 @@ def write():
     page.picture("border", [found[system][3084].path for system in (BASE, "terrain")], "The terrain with a tenth of its triangles: by `qem-1997 guards=0`, whose border wears away, and by `terrain`, which keeps every edge of it.", "--turn", "60", "--tilt", "55", "--wire", size="560x380")
     shown = (12338, 3084, 768)
     page.picture("texture", [found[system][faces].path for system in (BASE, "terrain") for faces in shown], "The terrain's picture with 12,338, 3,084 and 768 triangles: above by `qem-1997 guards=0`, below by `terrain`. From afar the worn border is what is seen.", "--turn", "90", "--tilt", "70", "--columns", "3", size="560x240")
-    page.picture("texture-near", [mesh, *(found[system][3084].path for system in (BASE, "qem-1997", "terrain"))], "From near, 3,084 triangles: before, by `qem-1997 guards=0`, which bends and breaks the squares of the picture, by `qem-1997` and by `terrain`, which do not.", "--turn", "90", "--tilt", "70", "--near", "365,1050,0,150", "--columns", "2", size="560x420")
+    page.picture("texture-near", [mesh, *(found[system][3084].path for system in (BASE, "qem-1997", "terrain"))], "From near, 3,084 triangles: before, by `qem-1997 guards=0`, which bends and breaks the squares of the picture, by `qem-1997` and by `terrain`, which do not.", "--turn", "90", "--tilt", "70", "--near=365,1050,0,150", "--columns", "2", size="560x420")
     thinned_table(page, found)
     survey(page)
     page.save()
