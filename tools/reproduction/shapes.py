@@ -26,8 +26,8 @@ def triangles_of(path):
     return np.array(vertices), np.array(faces)
 
 
-def flat_faces(vertices, faces):
-    """Which triangles are flat: normals turn by less than 5° across each of their edges; and twice their areas."""
+def flat_faces(vertices, faces, degrees=5):
+    """Which triangles are flat: normals turn by less than some degrees across each of their edges; and twice their areas."""
     normals = np.cross(vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]])
     area = np.linalg.norm(normals, axis=1)
     normals /= np.maximum(area, 1e-300)[:, None]
@@ -38,7 +38,7 @@ def flat_faces(vertices, faces):
     same = (edges[1:] == edges[:-1]).all(1)
     one, other = owner[:-1][same], owner[1:][same]
     bent = np.zeros(len(faces), bool)
-    turned = (normals[one] * normals[other]).sum(1) < np.cos(np.radians(5))
+    turned = (normals[one] * normals[other]).sum(1) < np.cos(np.radians(degrees))
     bent[one[turned]] = bent[other[turned]] = True
     return ~bent, area
 
