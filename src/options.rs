@@ -86,7 +86,7 @@ pub enum Metric {
     /// Distance to planes of equal weight; open borders erode (Garland & Heckbert 1997, the papers' baseline)
     #[value(name = "qem-1997")]
     Qem1997,
-    /// Oblique photogrammetry: removes rough ground first, keeps textures undistorted (Wang et al. 2024)
+    /// Oblique photogrammetry: thins rough ground first; corners of seams stay where they are (Wang et al. 2024)
     Oblique,
     /// Keeps thin and bent parts longer than flat ones (Quan et al. 2015)
     Curvature,

@@ -3,7 +3,7 @@
 mod meshes;
 
 use drystone::cost::knob::Knob;
-use drystone::cost::{classic, curvature, oblique, sharpness, terrain};
+use drystone::cost::{classic, curvature, oblique, sharpness, terrain, weights};
 use drystone::options::{Metric, Seams, SimplifyOptions};
 use meshes::{in_many_clusters, ratio, simplify, town};
 
@@ -33,12 +33,25 @@ fn every_way_of_treating_seams_gives_the_same_bytes_again() {
     }
 }
 
+const METRICS: [Metric; 7] = [
+    Metric::Qem,
+    Metric::QemAttributes,
+    Metric::Qem1997,
+    Metric::Oblique,
+    Metric::Curvature,
+    Metric::Terrain,
+    Metric::Sharpness,
+];
+
 #[test]
-fn every_metric_gives_the_same_bytes_at_any_number_of_threads() {
-    for metric in [Metric::Qem1997, Metric::Oblique, Metric::Curvature, Metric::Terrain, Metric::Sharpness] {
+fn every_metric_gives_the_same_bytes_at_any_number_of_threads_and_in_128_mib() {
+    for metric in METRICS {
         let options = in_many_clusters(SimplifyOptions { metric: Some(metric), optimize: true, ..ratio(0.5) });
-        let four = SimplifyOptions { threads: Some(4), memory: Some(1 << 30), ..options.clone() };
-        assert!(files(&options) == files(&four), "{metric:?}");
+        let expected = files(&options);
+        for (threads, mebibytes) in [(1, 128), (4, 1024)] {
+            let options = SimplifyOptions { threads: Some(threads), memory: Some(mebibytes << 20), ..options.clone() };
+            assert!(files(&options) == expected, "{metric:?}, {threads} threads, {mebibytes} MiB");
+        }
     }
 }
 
@@ -47,7 +60,11 @@ fn other_settings(metric: Metric, knobs: &[Knob]) -> Vec<(Metric, String)> {
     let other = |knob: &Knob| match knob.words {
         [_, word, ..] => (*word).to_owned(),
         _ if knob.range == [0.0, 1.0] => (1.0 - knob.default).to_string(),
-        _ => (0.5 * knob.default + 0.5).to_string(),
+        _ => {
+            let other = 0.5 * knob.default + 0.25;
+            assert!(other != knob.default, "{}", knob.name);
+            other.to_string()
+        }
     };
     knobs.iter().map(|knob| (metric, format!("{}={}", knob.name, other(knob)))).collect()
 }
@@ -55,6 +72,8 @@ fn other_settings(metric: Metric, knobs: &[Knob]) -> Vec<(Metric, String)> {
 #[test]
 fn every_setting_of_a_metric_gives_the_same_bytes_at_any_number_of_threads() {
     let settings = [
+        other_settings(Metric::Qem, &weights::KNOBS),
+        other_settings(Metric::QemAttributes, &weights::KNOBS),
         other_settings(Metric::Qem1997, &classic::KNOBS),
         other_settings(Metric::Oblique, &oblique::KNOBS),
         other_settings(Metric::Curvature, &curvature::KNOBS),
@@ -64,7 +83,7 @@ fn every_setting_of_a_metric_gives_the_same_bytes_at_any_number_of_threads() {
     for (metric, setting) in settings.concat() {
         let options = SimplifyOptions { metric: Some(metric), metric_option: vec![setting.clone()], ..ratio(0.5) };
         let options = in_many_clusters(options);
-        let four = SimplifyOptions { threads: Some(4), memory: Some(1 << 30), ..options.clone() };
+        let four = SimplifyOptions { threads: Some(4), memory: Some(128 << 20), ..options.clone() };
         let (files, again) = (files(&options), files(&four));
         assert!(files == again, "{metric:?} {setting}");
     }

@@ -34,9 +34,29 @@ fn every_setting_of_a_metric_and_of_the_reconstruction_is_on_the_page_about_choo
 }
 
 #[test]
-fn the_page_about_files_is_of_the_format_that_is_written() {
+fn every_number_of_the_format_on_the_page_about_files_is_the_one_that_is_written() {
     let page = std::fs::read_to_string("docs/reference/work-folder.md").unwrap();
-    let version = drystone::job::FORMAT_VERSION;
-    assert!(page.contains(&format!("This page describes format {version}.")));
-    assert!(page.contains(&format!("| version of the format: {version} |")));
+    for words in ["This page describes format ", "version of the format: "] {
+        let numbers = page.split(words).skip(1).map(|rest| rest.split(|c: char| !c.is_ascii_digit()).next().unwrap());
+        let numbers: Vec<_> = numbers.collect();
+        assert!(!numbers.is_empty(), "{words}");
+        assert!(
+            numbers.iter().all(|number| *number == drystone::file::FORMAT_VERSION.to_string()),
+            "{words}{numbers:?}"
+        );
+    }
+}
+
+#[test]
+fn rounds_against_a_heap_are_told_in_the_words_of_the_table() {
+    let words = |path: &str| {
+        let text = std::fs::read_to_string(path).unwrap().replace("//!", " ");
+        text.split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    let page = words("docs/results/papers/README.md");
+    let start = page.find("Rounds have ").unwrap();
+    let sentence = &page[start..start + page[start..].find("of its time").unwrap()];
+    for path in ["src/simplify/engine.rs", "docs/explain/algorithm.md"] {
+        assert!(words(path).contains(sentence), "{path}: {sentence}");
+    }
 }

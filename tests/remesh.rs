@@ -2,7 +2,7 @@
 
 mod meshes;
 
-use drystone::options::SimplifyOptions;
+use drystone::options::{Metric, SimplifyOptions};
 use drystone::remesh::cvd::Settings;
 use glam::DVec2;
 use meshes::{
@@ -48,6 +48,30 @@ fn threads_and_memory_leave_no_trace() {
     for (threads, mebibytes) in [(1, 128), (4, 1024)] {
         let options = SimplifyOptions { threads: Some(threads), memory: Some(mebibytes << 20), ..options.clone() };
         assert!(bytes(&simplify(&town(), &options)) == expected, "{threads} threads, {mebibytes} MiB");
+    }
+}
+
+#[test]
+fn threads_and_memory_leave_no_trace_whatever_the_settings_and_what_follows() {
+    let with = |metric, settings, options| SimplifyOptions { metric: Some(metric), ..remeshed(settings, options) };
+    let optimized = SimplifyOptions { optimize: true, ..remeshed("cvd", ratio(0.3)) };
+    let all = [
+        cells(3000),
+        remeshed("cvd:1,centroidal=1,spring=0.01", ratio(0.3)),
+        remeshed("cvd:0,junctions=0,rings=1", ratio(0.5)),
+        optimized.clone(),
+        with(Metric::Qem1997, "cvd", ratio(0.3)),
+        with(Metric::Oblique, "cvd", ratio(0.5)),
+        with(Metric::Curvature, "cvd", ratio(0.3)),
+        with(Metric::Terrain, "cvd:3", ratio(0.5)),
+        SimplifyOptions { metric: Some(Metric::Sharpness), ..optimized },
+    ];
+    for options in all.map(in_many_clusters) {
+        let expected = bytes(&simplify(&town(), &options));
+        for (threads, mebibytes) in [(1, 128), (4, 1024)] {
+            let other = SimplifyOptions { threads: Some(threads), memory: Some(mebibytes << 20), ..options.clone() };
+            assert!(bytes(&simplify(&town(), &other)) == expected, "{threads} threads, {mebibytes} MiB: {options:?}");
+        }
     }
 }
 

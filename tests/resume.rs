@@ -424,19 +424,21 @@ fn words(output: &Output) -> String {
 /// Kills of the test of kills; `DRYSTONE_KILLS` asks for more.
 const KILLS: usize = 12;
 
-#[test]
-fn a_job_that_is_killed_at_any_time_ends_with_the_same_bytes() {
-    let expected = undisturbed();
-    let kills = std::env::var("DRYSTONE_KILLS").ok().and_then(|kills| kills.parse().ok()).unwrap_or(KILLS);
+fn kill_count(usual: usize) -> usize {
+    std::env::var("DRYSTONE_KILLS").ok().and_then(|kills| kills.parse().ok()).unwrap_or(usual)
+}
+
+/// Kills the program at places drawn at random, up to five times on the way to one result, until so many kills came before the end.
+fn kill_with(more: &[&str], kills: usize) {
     let calm = Job::new();
     let began = Instant::now();
-    assert!(calm.command().status().unwrap().success());
-    let whole = began.elapsed();
+    assert!(calm.command().args(more).status().unwrap().success(), "{more:?}");
+    let (whole, expected) = (began.elapsed(), calm.result());
     let mut killed = 0;
     for chain in 0..20 * kills {
         let job = Job::new();
         for link in 0..1 + chain % 5 {
-            let mut process = job.command().stderr(Stdio::null()).spawn().unwrap();
+            let mut process = job.command().args(more).stderr(Stdio::null()).spawn().unwrap();
             std::thread::sleep(whole.mul_f64(noise(chain, link, 11)));
             let _ = process.kill();
             if process.wait().unwrap().success() {
@@ -446,13 +448,37 @@ fn a_job_that_is_killed_at_any_time_ends_with_the_same_bytes() {
             let result = fs::read(job.path("out/town.obj")).ok();
             assert!(result.is_none() || result == expected.get(Path::new("town.obj")).cloned(), "a partial result");
         }
-        assert!(job.command().stderr(Stdio::null()).status().unwrap().success());
-        assert_eq!(job.result(), expected);
+        assert!(job.command().args(more).stderr(Stdio::null()).status().unwrap().success(), "{more:?}");
+        assert!(job.result() == expected, "{more:?}: other bytes after {killed} kills");
         if killed >= kills {
             return;
         }
     }
-    panic!("only {killed} of {kills} kills came before the end");
+    panic!("{more:?}: only {killed} of {kills} kills came before the end");
+}
+
+#[test]
+fn a_job_that_is_killed_at_any_time_ends_with_the_same_bytes() {
+    let calm = Job::new();
+    assert!(calm.command().status().unwrap().success());
+    assert_eq!(calm.result(), undisturbed());
+    kill_with(&[], kill_count(KILLS));
+}
+
+/// Kills with each of the papers' systems.
+const KILLS_OF_A_SYSTEM: usize = 4;
+
+#[test]
+fn a_job_of_any_papers_metric_that_is_killed_ends_with_the_same_bytes() {
+    for metric in ["qem-1997", "oblique", "curvature", "terrain", "sharpness"] {
+        kill_with(&["--metric", metric, "--optimize"], kill_count(KILLS_OF_A_SYSTEM));
+    }
+}
+
+#[test]
+fn a_job_that_remeshes_and_is_killed_ends_with_the_same_bytes() {
+    kill_with(&["--remesh", "cvd"], kill_count(KILLS_OF_A_SYSTEM));
+    kill_with(&["--remesh", "cvd", "--metric", "qem-1997", "--optimize"], kill_count(KILLS_OF_A_SYSTEM));
 }
 
 /// What one process leaves for the next differs from option to option.

@@ -42,7 +42,7 @@ def load_textures(obj_path):
 class View:
     """World to screen: rotated by `turn` about the vertical, tilted by `tilt` from the horizon."""
 
-    def __init__(self, mesh, width, height, turn, tilt):
+    def __init__(self, mesh, width, height, turn, tilt, near=None):
         t, e = np.radians(turn), np.radians(tilt)
         right = np.array((np.cos(t), np.sin(t), 0))
         ahead = np.array((-np.sin(t), np.cos(t), 0))
@@ -50,6 +50,9 @@ class View:
         self.axes = np.stack([right, -(np.sin(e) * ahead + np.cos(e) * up), np.sin(e) * up - np.cos(e) * ahead])
         flat = (mesh.position - mesh.position[0]) @ self.axes.T
         low, high = flat[:, :2].min(axis=0), flat[:, :2].max(axis=0)
+        if near:
+            middle = ((np.array(near[:3]) - mesh.position[0]) @ self.axes.T)[:2]
+            low, high = middle - near[3], middle + near[3]
         self.origin = mesh.position[0]
         self.scale = 0.96 * min(width / (high[0] - low[0]), height / (high[1] - low[1]))
         self.shift = np.array((width, height)) / 2 - self.scale * (low + high) / 2
@@ -116,10 +119,12 @@ def main():
     parser.add_argument("--size", default="1200x800", help="pixels of each view (default: 1200x800)")
     parser.add_argument("--turn", type=float, default=30, help="degrees about the vertical (default: 30)")
     parser.add_argument("--tilt", type=float, default=42, help="degrees above the horizon (default: 42)")
+    parser.add_argument("--near", metavar="X,Y,Z,R", help="show what lies within R of a point")
     parser.add_argument("--wire", action="store_true", help="draw the triangles' edges")
     parser.add_argument("--columns", type=int, help="views side by side (default: all)")
     parser.add_argument("--palette", type=int, metavar="N", help="reduce to N colours, for a smaller file")
     options = parser.parse_args()
+    near = [float(x) for x in options.near.split(",")] if options.near else None
     width, height = (int(x) for x in options.size.split("x"))
     big = (width * SUPERSAMPLE, height * SUPERSAMPLE)
     columns = options.columns or len(options.meshes)
@@ -127,7 +132,7 @@ def main():
     page, view = Image.new("RGB", (width * columns, height * rows), BACKGROUND), None
     for k, path in enumerate(options.meshes):
         mesh = objlib.read(path)
-        view = view or View(mesh, *big, options.turn, options.tilt)
+        view = view or View(mesh, *big, options.turn, options.tilt, near)
         drawn = Image.fromarray(draw(mesh, load_textures(path), view, *big, options.wire))
         page.paste(drawn.resize((width, height), Image.LANCZOS), (k % columns * width, k // columns * height))
     if options.palette:

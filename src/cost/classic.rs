@@ -34,7 +34,7 @@ use glam::{DVec2, DVec3};
 
 use super::knob::{Knob, choice, factor, switch};
 use super::metric::{EdgeCase, Metric, Placement, fits};
-use super::planes::{PlacePolicy, area_of, ends, newcomers, priced, texcoords_along, unit_planes};
+use super::planes::{PlacePolicy, append, area_of, ends, newcomers, priced, texcoords_along, unit_planes};
 use super::quadric::Quadric;
 use crate::mesh::class::{Class, Rule};
 use crate::mesh::cluster::ClusterMesh;
@@ -86,8 +86,9 @@ impl Metric for ClassicCost {
 
     fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
         self.area = area_of(mesh);
-        let planes = || unit_planes(mesh, rings, classes, self.settings.border);
-        self.quadrics.extend(newcomers(self.quadrics.len(), mesh.positions.len(), planes));
+        let planes = |first| unit_planes(mesh, rings, classes, self.settings.border).split_off(first);
+        let more = newcomers(self.quadrics.len(), mesh.positions.len(), planes);
+        append(&mut self.quadrics, more);
     }
 
     fn place(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Placement {

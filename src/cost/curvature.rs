@@ -38,7 +38,7 @@ use super::census::Census;
 use super::fan::{Fan, angle_between};
 use super::knob::{Knob, factor, switch};
 use super::metric::{EdgeCase, Metric, Placement};
-use super::planes::{area_of, best_place, newcomers, priced, unit_planes};
+use super::planes::{append, area_of, best_place, newcomers, priced, unit_planes};
 use super::quadric::Quadric;
 use crate::mesh::class::Class;
 use crate::mesh::cluster::ClusterMesh;
@@ -163,8 +163,9 @@ impl Metric for CurvatureCost {
 
     fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
         self.area = area_of(mesh);
-        let planes = || unit_planes(mesh, rings, classes, self.settings.border);
-        self.quadrics.extend(newcomers(self.quadrics.len(), mesh.positions.len(), planes));
+        let planes = |first| unit_planes(mesh, rings, classes, self.settings.border).split_off(first);
+        let more = newcomers(self.quadrics.len(), mesh.positions.len(), planes);
+        append(&mut self.quadrics, more);
         self.weights.resize(mesh.positions.len(), 0.0);
         self.around.resize(mesh.positions.len());
         for vertex in 0..mesh.positions.len() as u32 {

@@ -49,7 +49,7 @@ use super::census::Census;
 use super::fan::{Fan, angle_between};
 use super::knob::{Knob, choice, factor, switch};
 use super::metric::{EdgeCase, Metric, Placement};
-use super::planes::{LENGTH_SHARE, PlacePolicy, area_of, each_chain_edge, ends, least, newcomers, plane_of};
+use super::planes::{LENGTH_SHARE, PlacePolicy, append, area_of, each_chain_edge, ends, least, newcomers, plane_of};
 use super::wide::WideQuadric;
 use crate::mesh::class::{Class, Rule};
 use crate::mesh::cluster::ClusterMesh;
@@ -141,16 +141,19 @@ impl ObliqueCost {
         )
     }
 
-    /// Quadric of each wedge: the triangles around it, and the planes through border edges.
-    fn sum_quadrics(&self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) -> Vec<Quadric> {
-        let mut quadrics = vec![Quadric::default(); mesh.wedge_vertex.len()];
+    /// Quadric of each wedge from `first` on: the triangles around it, and the planes through border edges.
+    fn sum_quadrics(&self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class], first: usize) -> Vec<Quadric> {
+        let mut quadrics = vec![Quadric::default(); mesh.wedge_vertex.len() - first];
+        let mut add = |wedge: u32, quadric| {
+            if let Some(place) = (wedge as usize).checked_sub(first) {
+                quadrics[place] += quadric;
+            }
+        };
         for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
             let wedges = mesh.corners[face as usize];
             let Some((normal, _)) = plane_of(mesh.triangle(face)) else { continue };
             let Some(quadric) = Quadric::of_triangle(wedges.map(|wedge| self.point(mesh, wedge))) else { continue };
-            for wedge in wedges {
-                quadrics[wedge as usize] += quadric;
-            }
+            wedges.into_iter().for_each(|wedge| add(wedge, quadric));
             if self.settings.border <= 0.0 {
                 continue;
             }
@@ -159,9 +162,8 @@ impl ObliqueCost {
                 let Some(upright) = (pb - pa).cross(normal).try_normalize() else { return };
                 if kind == EdgeKind::Border {
                     let quadric = Quadric::of_plane(upright, -upright.dot(pa), self.settings.border);
-                    for wedge in [a, b].into_iter().filter_map(|vertex| mesh.wedge_at(face, vertex)) {
-                        quadrics[wedge as usize] += quadric;
-                    }
+                    let ends = [a, b].into_iter().filter_map(|vertex| mesh.wedge_at(face, vertex));
+                    ends.for_each(|wedge| add(wedge, quadric));
                 }
             });
         }
@@ -315,9 +317,9 @@ impl Metric for ObliqueCost {
 
     fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
         self.area = area_of(mesh);
-        let all = || self.sum_quadrics(mesh, rings, classes);
-        let more = newcomers(self.quadrics.len(), mesh.wedge_vertex.len(), all);
-        self.quadrics.extend(more);
+        let from = |first| self.sum_quadrics(mesh, rings, classes, first);
+        let more = newcomers(self.quadrics.len(), mesh.wedge_vertex.len(), from);
+        append(&mut self.quadrics, more);
         self.refresh_factors(mesh, rings, classes);
     }
 

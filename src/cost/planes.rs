@@ -59,9 +59,19 @@ pub fn area_of(mesh: &ClusterMesh) -> f64 {
 }
 
 /// Initial values for the vertices or wedges added since there were `known` of them, such as copies made where a handle
-/// is cut. `all` computes the values of all `count` of them.
-pub fn newcomers<T>(known: usize, count: usize, all: impl FnOnce() -> Vec<T>) -> Vec<T> {
-    if known < count { all().split_off(known) } else { Vec::new() }
+/// is cut. `from` computes the values of all from an index on.
+pub fn newcomers<T>(known: usize, count: usize, from: impl FnOnce(usize) -> Vec<T>) -> Vec<T> {
+    if known < count { from(known) } else { Vec::new() }
+}
+
+/// Appends values. The first ones are moved, not copied: they may be most of a cluster's memory.
+pub fn append<T>(values: &mut Vec<T>, newcomers: Vec<T>) {
+    if values.is_empty() {
+        *values = newcomers;
+    } else {
+        values.reserve_exact(newcomers.len());
+        values.extend(newcomers);
+    }
 }
 
 /// For each vertex, the squared distance to the planes of the faces around it. With `border` > 0 it includes the planes

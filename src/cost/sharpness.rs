@@ -34,7 +34,7 @@ use super::census::Census;
 use super::fan::{Fan, angle_between};
 use super::knob::{Knob, factor, number, switch};
 use super::metric::{EdgeCase, Metric, Placement, fits};
-use super::planes::{area_of, ends, least, newcomers, priced, texcoords_along, unit_planes};
+use super::planes::{append, area_of, ends, least, newcomers, priced, texcoords_along, unit_planes};
 use super::quadric::Quadric;
 use crate::mesh::class::{Class, Rule};
 use crate::mesh::cluster::ClusterMesh;
@@ -161,12 +161,11 @@ impl Metric for SharpnessCost {
 
     fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
         self.area = area_of(mesh);
-        let all = || self.sharp_planes(mesh, rings, classes);
-        let more = newcomers(self.quadrics.len(), mesh.positions.len(), all);
-        self.quadrics.extend(more);
+        let planes = |first| self.sharp_planes(mesh, rings, classes).split_off(first);
+        let more = newcomers(self.quadrics.len(), mesh.positions.len(), planes);
+        append(&mut self.quadrics, more);
         let is_complex = |(vertex, class): (usize, &Class)| *class == Class::Complex && !mesh.is_shared(vertex as u32);
-        let all_complex = || classes.iter().enumerate().map(is_complex).collect();
-        self.complex.extend(newcomers(self.complex.len(), classes.len(), all_complex));
+        self.complex.extend(classes.iter().enumerate().skip(self.complex.len()).map(is_complex));
     }
 
     fn place(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Placement {

@@ -36,7 +36,7 @@ use super::census::Census;
 use super::fan::Fan;
 use super::knob::{Knob, factor, switch};
 use super::metric::{EdgeCase, Metric, Placement, fits};
-use super::planes::{area_of, ends, least, newcomers, plane_of, priced, texcoords_along};
+use super::planes::{append, area_of, ends, least, newcomers, plane_of, priced, texcoords_along};
 use super::wide::WideQuadric;
 use crate::mesh::class::{Class, Rule};
 use crate::mesh::cluster::ClusterMesh;
@@ -102,13 +102,13 @@ pub struct TerrainCost {
 }
 
 impl TerrainCost {
-    /// Quadric of each wedge: the sum over the triangles around it.
-    fn sum_quadrics(&self, mesh: &ClusterMesh) -> Vec<Quadric> {
-        let mut quadrics = vec![Quadric::default(); mesh.wedge_vertex.len()];
+    /// Quadric of each wedge from `first` on: the sum over the triangles around it.
+    fn sum_quadrics(&self, mesh: &ClusterMesh, first: usize) -> Vec<Quadric> {
+        let mut quadrics = vec![Quadric::default(); mesh.wedge_vertex.len() - first];
         for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
             let Some(quadric) = self.of_face(mesh, face) else { continue };
-            for wedge in mesh.corners[face as usize] {
-                quadrics[wedge as usize] += quadric;
+            for wedge in mesh.corners[face as usize].map(|wedge| wedge as usize).into_iter().filter(|&w| w >= first) {
+                quadrics[wedge - first] += quadric;
             }
         }
         quadrics
@@ -260,9 +260,8 @@ impl Metric for TerrainCost {
             self.find_normal(mesh, rings, vertex);
         }
         self.is_border = classes.iter().map(|class| class.is_border()).collect();
-        let all = || self.sum_quadrics(mesh);
-        let more = newcomers(self.quadrics.len(), mesh.wedge_vertex.len(), all);
-        self.quadrics.extend(more);
+        let more = newcomers(self.quadrics.len(), mesh.wedge_vertex.len(), |first| self.sum_quadrics(mesh, first));
+        append(&mut self.quadrics, more);
     }
 
     fn place(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Placement {

@@ -16,8 +16,7 @@ use crate::file::PackedColumn;
 use crate::model::{Catalogue, StoredMesh};
 use crate::options::SimplifyOptions;
 use crate::os::system;
-use crate::partition::weight::limit_bytes;
-use crate::plan::memory::in_work;
+use crate::plan::memory::heaviest_bytes;
 use crate::plan::scratch::{self, FirstPass};
 
 /// Bits of a vertex in the set of shared ones, with its ranks.
@@ -102,8 +101,7 @@ impl Need {
         needs_scratch: bool,
     ) -> Result<()> {
         let cluster_faces = options.cluster_faces;
-        let cluster =
-            in_work(limit_bytes(cluster_faces.min(self.faces)), options.remesh.is_some(), options.max_error.is_some());
+        let cluster = heaviest_bytes(options, cluster_faces.min(self.faces))?;
         let resident = self.resident_bytes();
         if resident + cluster > budget.for_work() {
             let needed = MemoryBudget::FIXED_BYTES + resident + cluster + bytes::MIB;
@@ -145,6 +143,30 @@ mod tests {
         assert!(given < 160 << 20, "{error}");
         let outcome = need.check(MemoryBudget { bytes: given }, &options, folder.path(), true);
         assert!(!matches!(outcome, Err(Error::Budget(_))), "{outcome:?}");
+    }
+
+    #[test]
+    fn what_each_metric_keeps_counts_against_the_budget() {
+        use crate::options::Metric;
+        let folder = tempfile::tempdir().unwrap();
+        let need = Need { faces: 4_000_000, vertices: 2_000_000, ..SURVEY };
+        let fits = |metric, bytes| {
+            let options = SimplifyOptions { metric: Some(metric), cluster_faces: 250_000, ..Default::default() };
+            !matches!(need.check(MemoryBudget { bytes }, &options, folder.path(), false), Err(Error::Budget(_)))
+        };
+        let plain = MemoryBudget::FIXED_BYTES + need.resident_bytes() + 2 * 200 * 250_000;
+        for (metric, extra) in [
+            (Metric::Qem, 0),
+            (Metric::QemAttributes, 0),
+            (Metric::Qem1997, 0),
+            (Metric::Oblique, 62),
+            (Metric::Curvature, 12),
+            (Metric::Terrain, 187),
+            (Metric::Sharpness, 0),
+        ] {
+            let needed = plain + 250_000 * extra;
+            assert!(fits(metric, needed) && !fits(metric, needed - 1), "{metric:?}");
+        }
     }
 
     #[test]

@@ -63,6 +63,8 @@ pub struct Sizes {
     pub remesh: Option<cvd::Settings>,
     /// Whether the distance from the input is bounded.
     pub is_bounded: bool,
+    /// Bytes that the metric keeps for an ordinary face beyond those of every cluster.
+    pub metric_face_bytes: u64,
 }
 
 impl Sizes {
@@ -75,6 +77,8 @@ impl Sizes {
             cluster_faces: options.cluster_faces,
             remesh: options.remesh,
             is_bounded: options.max_error.is_some(),
+            // Settings that a metric does not have are refused before anything is planned.
+            metric_face_bytes: options.cost(true).map_or(0, |cost| cost.extra_face_bytes()),
         }
     }
 }
@@ -89,8 +93,9 @@ pub fn forecast(sizes: &Sizes, budget: MemoryBudget, threads: usize) -> MemoryFo
     let sample = if sample::fits_beside_cutting(0, work) { sample::SAMPLE_BYTES } else { 0 };
     let ranks = ranks.min(2 * window).max(ranks.min(window) + sample);
     let partition = PARTITION_BYTES + ranks + sizes.vertices / 8 + sizes.faces / 32;
-    let cluster = cluster_bytes(sizes.cluster_faces.min(sizes.faces));
-    let cluster = in_work(cluster, sizes.remesh.is_some(), sizes.is_bounded);
+    let cluster_faces = (sizes.cluster_faces.min(sizes.faces) as f64 * CLUSTER_EXCESS) as u64;
+    let metric = cluster_faces * sizes.metric_face_bytes;
+    let cluster = in_work(cluster_faces * ORDINARY_BYTES, metric, sizes.remesh.is_some(), sizes.is_bounded);
     let at_once = (threads as u64).min(sizes.faces.div_ceil(sizes.cluster_faces.max(1)).max(1));
     let simplify = cluster * at_once + KEPT_BYTES;
     let write = (sizes.target * WRITE_FACE_BYTES).min(2 * SHARE_BYTES_MAX) + sizes.target / 4 + KEPT_BYTES;
@@ -99,15 +104,21 @@ pub fn forecast(sizes: &Sizes, budget: MemoryBudget, threads: usize) -> MemoryFo
     MemoryForecast { scan, partition, simplify, write, peak: scan.max(partition).max(simplify).max(write) }
 }
 
-/// Memory of a cluster that takes `bytes` once it is loaded, while it is made anew or its edges collapse.
-pub fn in_work(bytes: u64, is_remeshed: bool, is_bounded: bool) -> u64 {
-    let remeshed = if is_remeshed { bytes * cvd::GROWTH / 2 } else { bytes };
-    if is_bounded { remeshed.max(Anchor::with_room(bytes)) } else { remeshed }
+/// Memory of a cluster that takes `bytes` once it is loaded, while it is made anew or its edges collapse; the metric, of
+/// `metric` bytes, is there only for the latter.
+fn in_work(bytes: u64, metric: u64, is_remeshed: bool, is_bounded: bool) -> u64 {
+    let remeshed = if is_remeshed { bytes * cvd::GROWTH / 2 } else { 0 };
+    let collapsing = bytes + metric;
+    remeshed.max(if is_bounded { Anchor::with_room(collapsing) } else { collapsing })
 }
 
-/// Memory of the largest cluster when cells aim at `faces` faces.
-fn cluster_bytes(faces: u64) -> u64 {
-    (faces as f64 * CLUSTER_EXCESS) as u64 * ORDINARY_BYTES
+/// Memory of the heaviest cluster that is loaded, when clusters should have `cluster_faces` faces.
+///
+/// # Errors
+/// [`Error::Usage`] for settings that the metric does not have.
+pub fn heaviest_bytes(options: &SimplifyOptions, cluster_faces: u64) -> Result<u64> {
+    let metric = options.cost(true)?.extra_face_bytes() * cluster_faces;
+    Ok(in_work(limit_bytes(cluster_faces), metric, options.remesh.is_some(), options.max_error.is_some()))
 }
 
 /// The budget that the user gave, or half of the machine's memory.
@@ -131,8 +142,7 @@ pub fn budget_of(memory: Option<u64>) -> Result<MemoryBudget> {
 /// [`Error::Budget`] saying what would do.
 pub fn choose_budget(options: &SimplifyOptions) -> Result<MemoryBudget> {
     let budget = budget_of(options.memory)?;
-    let cluster = in_work(limit_bytes(options.cluster_faces), options.remesh.is_some(), options.max_error.is_some());
-    let cluster = cluster + options.cost(true)?.extra_face_bytes() * options.cluster_faces;
+    let cluster = heaviest_bytes(options, options.cluster_faces)?;
     if cluster > budget.for_work() {
         let most = budget.for_work() * options.cluster_faces / cluster;
         return Err(Error::Budget(format!(
@@ -161,6 +171,7 @@ pub fn scan_options(budget: MemoryBudget, threads: usize) -> ScanOptions {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::options::Metric;
 
     const CITY: Sizes = Sizes {
         faces: 4_313_336,
@@ -169,6 +180,7 @@ mod tests {
         cluster_faces: 250_000,
         remesh: None,
         is_bounded: false,
+        metric_face_bytes: 0,
     };
 
     #[test]
@@ -195,5 +207,41 @@ mod tests {
         let words = choose_budget(&options).unwrap_err().to_string();
         assert!(words.contains("--cluster-faces") && words.contains("--memory 410 MiB"), "{words}");
         assert!(budget_of(Some(1)).is_err());
+    }
+
+    /// Bytes of half a vertex and 0.65 wedges, as each metric's records have them.
+    const METRICS: [(Metric, u64); 7] = [
+        (Metric::Qem, 0),
+        (Metric::QemAttributes, 0),
+        (Metric::Qem1997, 0),
+        (Metric::Oblique, 62),
+        (Metric::Curvature, 12),
+        (Metric::Terrain, 187),
+        (Metric::Sharpness, 0),
+    ];
+
+    #[test]
+    fn the_forecast_counts_what_each_metric_keeps() {
+        let budget = MemoryBudget { bytes: 1024 * MIB };
+        for (metric, extra) in METRICS {
+            let options = SimplifyOptions { metric: Some(metric), ratio: Some(0.1), ..Default::default() };
+            let sizes = Sizes { cluster_faces: CITY.cluster_faces, ..Sizes::of(CITY.faces, CITY.vertices, &options) };
+            let more = forecast(&sizes, budget, 2).simplify - forecast(&CITY, budget, 2).simplify;
+            assert_eq!(more, 2 * 325_000 * extra, "{metric:?}");
+        }
+    }
+
+    #[test]
+    fn a_budget_holds_a_cluster_with_what_each_metric_keeps() {
+        let bytes = |options: &SimplifyOptions| heaviest_bytes(options, 100_000).unwrap();
+        for (metric, extra) in METRICS {
+            let options = SimplifyOptions { metric: Some(metric), ..Default::default() };
+            assert_eq!(bytes(&options), limit_bytes(100_000) + 100_000 * extra, "{metric:?}");
+            let bounded = SimplifyOptions { max_error: Some(0.1), ..options.clone() };
+            assert_eq!(bytes(&bounded), Anchor::with_room(bytes(&options)), "{metric:?}");
+            // Cells are made before the metric is there.
+            let remeshed = SimplifyOptions { remesh: Some(cvd::Settings::default()), ..options.clone() };
+            assert_eq!(bytes(&remeshed), bytes(&options).max(limit_bytes(100_000) * cvd::GROWTH / 2), "{metric:?}");
+        }
     }
 }

@@ -69,7 +69,8 @@ mod tests {
     use crate::remesh::cvd::Settings;
 
     fn sizes(faces: u64, target: u64) -> Sizes {
-        Sizes { faces, vertices: faces / 2, target, cluster_faces: 50_000, remesh: None, is_bounded: false }
+        let vertices = faces / 2;
+        Sizes { faces, vertices, target, cluster_faces: 50_000, remesh: None, is_bounded: false, metric_face_bytes: 0 }
     }
 
     #[test]

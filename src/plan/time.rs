@@ -88,6 +88,7 @@ mod tests {
             cluster_faces: 250_000,
             remesh: None,
             is_bounded: false,
+            metric_face_bytes: 0,
         };
         let one = passes::forecast(&sizes(100_000, 10_000), 3);
         let many = passes::forecast(&sizes(4_313_336, 431_334), 3);

@@ -6,7 +6,8 @@
 //! │        then only vertices near the changes make new proposals
 //! └ settle vertices that others collapsed onto are relocated to their best position
 //! ```
-//! Rounds reach the mean error of a heap within 4 % in a quarter to a half of its time (`docs/results/papers`).
+//! Rounds have 0.99 to 1.04 times the mean distance, 0.99 to 1.06 times the RMS and 0.95 to 1.50 times the largest distance
+//! of a heap, in 0.19 to 0.45 of its time (`docs/results/papers`).
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;

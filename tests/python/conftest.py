@@ -80,11 +80,20 @@ def town(town_path):
     return objlib.read(town_path)
 
 
+def make_town(folder, triangles):
+    from town import size_for, write_town
+
+    write_town(folder, *size_for(triangles))
+    return folder / "town.obj"
+
+
+@pytest.fixture(scope="session")
+def middle_town(tmp_path_factory):
+    """Path of a town of about 400,000 triangles."""
+    return make_town(tmp_path_factory.mktemp("middle_town"), 400_000)
+
+
 @pytest.fixture(scope="session")
 def large_town(tmp_path_factory):
     """Path of a town of about a million triangles."""
-    from town import size_for, write_town
-
-    folder = tmp_path_factory.mktemp("large_town")
-    write_town(folder, *size_for(1_000_000))
-    return folder / "town.obj"
+    return make_town(tmp_path_factory.mktemp("large_town"), 1_000_000)

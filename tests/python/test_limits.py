@@ -25,9 +25,10 @@ def peak_resident_bytes(process_id):
     return 0
 
 
-def test_million_triangles_fit_into_128_mib(drystone, large_town, tmp_path):
+def simplify_in_128_mib(drystone, source, tmp_path, *options):
+    """Simplifies within 128 MiB, as the program and the kernel count them; the report."""
     output, report_path = tmp_path / "out.obj", tmp_path / "report.json"
-    command = [drystone.binary, "simplify", large_town, "-o", output, "--ratio", "0.1", "--memory", "128MiB"]
+    command = [drystone.binary, "simplify", source, "-o", output, "--memory", "128MiB", *options]
     command += ["--report", report_path, "--quiet"]
     with open(tmp_path / "messages.txt", "w+") as messages:
         process = subprocess.Popen(list(map(str, command)), stdin=subprocess.DEVNULL, stderr=messages)
@@ -42,8 +43,41 @@ def test_million_triangles_fit_into_128_mib(drystone, large_town, tmp_path):
     assert report["memory"]["peak_resident"] <= 128 * MIB
     assert seen <= 128 * MIB
     assert report["memory"]["peak_resident"] >= 0.9 * seen, "the report must not claim less than the kernel counts"
+    return report
+
+
+def test_million_triangles_fit_into_128_mib(drystone, large_town, tmp_path):
+    report = simplify_in_128_mib(drystone, large_town, tmp_path, "--ratio", "0.1")
     wanted = report["faces"]["target"]
     assert abs(report["faces"]["output"] - wanted) <= max(2, 0.001 * wanted)
+
+
+SYSTEMS = [
+    ["--metric", "qem"],
+    ["--metric", "qem-1997"],
+    ["--metric", "oblique"],
+    ["--metric", "curvature"],
+    ["--metric", "terrain"],
+    ["--metric", "sharpness", "--optimize"],
+    ["--remesh", "cvd"],
+    ["--remesh", "cvd:cells=40000"],
+]
+
+
+@pytest.mark.parametrize("system", SYSTEMS, ids=" ".join)
+def test_every_metric_and_remeshing_fit_into_128_mib(drystone, middle_town, tmp_path, system):
+    target = [] if "cells" in system[-1] else ["--ratio", "0.3"]
+    report = simplify_in_128_mib(drystone, middle_town, tmp_path, "--cluster-faces", "100000", *target, *system)
+    assert report["faces"]["output"] < report["faces"]["input"]
+
+
+def test_a_metric_that_does_not_fit_is_refused_with_what_would_do(drystone, middle_town, tmp_path):
+    options = ["--metric", "terrain", "--ratio", "0.3", "--memory", "128MiB", "--cluster-faces"]
+    words = drystone.simplify(middle_town, tmp_path, *options, "250000", codes=(2,)).stderr
+    fitting = words.split("give --cluster-faces ")[1].split()[0]
+    assert 150_000 < int(fitting) < 200_000
+    # What stays of the mesh through all passes is known after the scan alone, and takes a little.
+    drystone.simplify(middle_town, tmp_path, *options, int(fitting) * 9 // 10)
 
 
 def test_killed_run_leaves_no_result_and_the_next_one_has_the_same_bytes(drystone, large_town, tmp_path):

@@ -50,7 +50,7 @@ class Mesh:
         command = [self.program, "compare", self.path, self.output, "--quiet", "--json", "--samples", str(self.samples)]
         found = subprocess.run(command, capture_output=True, check=True).stdout
         geometry = json.loads(found)["geometry"]
-        return [geometry[way]["max"] for way in ("backward", "forward")]
+        return [geometry[way]["max"] for way in ("forward", "backward")]
 
     def fewest(self, distance, faces):
         """Fewest faces, near a number, at which a run to a number of faces keeps within a distance."""

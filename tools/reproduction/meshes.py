@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from . import limbs
+
 
 def write_obj(path, vertices, faces, uvs=None, uv_faces=None, material=()):
     lines = [line for name in material for line in (f"mtllib {path.stem}.mtl", f"usemtl {name}")]
@@ -126,6 +128,23 @@ def helicopter(path):
     return write_obj(path, np.concatenate(pieces), np.concatenate(triangles))
 
 
+def blade_mesh():
+    """The blade of a knife, a hand wide before the right hand of the person: 34 cm by 5 cm by 12 mm."""
+    blank, _, faces, _ = lathe([(np.sin(t), -np.cos(t)) for t in np.linspace(0, np.pi, 14)], 12)
+    return blank[:, [2, 0, 1]] * [0.17, 0.006, 0.025] + [0.33, 0.58, 0.99], faces
+
+
+def blade(path):
+    return write_obj(path, *blade_mesh())
+
+
+def person_with_knife(path):
+    """The person in about 4,000 triangles with a knife in a hand, a closed piece of its own."""
+    vertices, faces = limbs.person(22)
+    knife, triangles = blade_mesh()
+    return write_obj(path, np.concatenate([vertices, knife]), np.concatenate([faces, triangles + len(vertices)]))
+
+
 def half_flat(path, side=44):
     """A sheet of which the left half is wavy and the right one flat."""
     y, x = np.mgrid[0 : side + 1, 0 : side + 1].astype(float)
@@ -213,7 +232,46 @@ def part_of(source, path, materials):
     return write_obj(path, vertices, faces)
 
 
-def cut(path, source, wanted, choose_middle=lambda triangles, wanted: np.median(triangles.mean(1), 0)):
+def outlines(source, path, one, other):
+    """Points along the edges between two materials, each a triangle half a millimetre wide, so that they are a mesh."""
+    vertices, owners, material = [], {}, None
+    for line in source.open():
+        word, _, rest = line.strip().partition(" ")
+        if word == "v":
+            vertices.append([float(x) for x in rest.split()])
+        elif word == "usemtl":
+            material = rest
+        elif word == "f":
+            corners = [int(corner.split("/")[0]) - 1 for corner in rest.split()]
+            for a, b in zip(corners, corners[1:] + corners[:1]):
+                owners.setdefault((min(a, b), max(a, b)), set()).add(material)
+    edges = np.array([edge for edge, materials in owners.items() if materials == {one, other}])
+    ends = np.array(vertices)[edges]
+    points = np.concatenate([ends[:, 0] + share * (ends[:, 1] - ends[:, 0]) for share in (0.1, 0.3, 0.5, 0.7, 0.9)])
+    points = points[np.random.default_rng(5).permutation(len(points))[:10000]]
+    corners = points[:, None] + 5e-4 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 1]])
+    return write_obj(path, corners.reshape(-1, 3), np.arange(3 * len(points)).reshape(-1, 3))
+
+
+def of_materials(source, materials):
+    """The triangles of some materials with their texture coordinates, in a file in the folder of their pictures."""
+    path = source.with_name(f"{source.stem}.{'-'.join(sorted(materials))}.obj")
+    kept, material = [], None
+    for line in source.open():
+        word, _, rest = line.strip().partition(" ")
+        material = rest if word == "usemtl" else material
+        if word in ("mtllib", "v", "vt") or word in ("usemtl", "f") and material in materials:
+            kept.append(line)
+    path = path if source.is_relative_to("target") else Path("target/reproduce") / path.name
+    if path.parent != source.parent:
+        for beside in source.parent.iterdir():
+            if beside.suffix in (".mtl", ".jpg", ".png"):
+                shutil.copyfile(beside, path.parent / beside.name)
+    path.write_text("".join(kept))
+    return path
+
+
+def cut(path, source, wanted, choose_middle=lambda triangles, wanted: np.median(triangles.mean(1), 0), has_images=True):
     """A compact piece of a survey: the triangles nearest to a middle, with their texture coordinates and images."""
     vertices, uvs, faces, material = [], [], [], -1
     for line in source.open(errors="replace"):
@@ -227,7 +285,7 @@ def cut(path, source, wanted, choose_middle=lambda triangles, wanted: np.median(
         elif words[0] == "usemtl":
             material = words[1]
         elif words[0] == "f":
-            faces.append((material, [[int(n) for n in w.split("/")[:2]] for w in words[1:4]]))
+            faces.append((material, [[int(n) for n in (w if "/" in w else f"{w}/1").split("/")[:2]] for w in words[1:4]]))
     vertices, uvs = np.array(vertices), np.array(uvs)
     vertices -= vertices[0].round()
     corners = np.array([face for _, face in faces]) - 1
@@ -238,6 +296,8 @@ def cut(path, source, wanted, choose_middle=lambda triangles, wanted: np.median(
     used, place = np.unique(corners[order][:, :, 0], return_inverse=True)
     used_uv, place_uv = np.unique(corners[order][:, :, 1], return_inverse=True)
     place, place_uv = place.reshape(-1, 3) + 1, place_uv.reshape(-1, 3) + 1
+    if not has_images:
+        return write_obj(path, vertices[used], place - 1)
     copy_materials(source, path, {faces[face][0] for face in order})
     lines = [f"mtllib {path.stem}.mtl"]
     lines += [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in vertices[used]]

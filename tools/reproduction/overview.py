@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 
 from . import limbs, meshes
-from .pages import CONFIRMED, PARTLY, REFUTED, UNTESTED, rows_of
+from .pages import CONFIRMED, PARTLY, REFUTED, RULE, UNTESTED, rows_of
 from .runs import FOLDER, SHARED, run
 
 ORDER = ["oblique", "reconstruction", "curvature", "terrain", "sharpness"]
@@ -23,20 +23,16 @@ Made by `python3 tools/reproduce.py`, {date}.
 METHOD = """\
 ## What is compared with what
 
-* **QEM** in these papers is the method of Garland and Heckbert of 1997: planes of equal weight,
-  optimal placement, no planes that hold borders, no check of folds or texture. That is
-  `qem-1997 guards=0`. The sharpness paper places vertices at the best of both ends and the middle
-  (`placement=three`). The patent weights planes by area (`curvature curvature=0`). The
-  reconstruction's baseline is QSlim, which holds borders (`qem-1997 border=10`).
-* **Guards.** Without `guards=0` every metric refuses to fold a face, to make a needle of it, and to
-  turn over a texture triangle. So plain `qem-1997` is better than the papers' QEM.
-* **Distances** are exact distances from 200,000 points by area on each surface, both ways unless
-  said otherwise. *At vertices*: from the vertices of the result to the original, as some papers
-  measure.
-* **One pass over one cluster**, one thread, unless said otherwise. Times are processor seconds with
-  reading and writing, the least of three runs, unless said otherwise.
-* **Verdicts** in a table of claims are computed from the figures beside them. *In part* says in how
-  many of the cases that were tried a claim holds.
+* **QEM** in these papers is Garland and Heckbert's method of 1997: planes of equal weight, optimal placement, no planes
+  that hold borders, no check of folds or texture. That is `qem-1997 guards=0`. The sharpness paper places at the best of both ends and the
+  middle (`placement=three`), the patent weights by area (`curvature curvature=0`), the reconstruction's is QSlim, which holds borders
+  (`qem-1997 border=10`).
+* **Guards.** Without `guards=0` every metric here refuses to fold a face, to make a needle of it, and to turn over a texture
+  triangle. So the plain `qem-1997` is better than the papers' QEM.
+* **Distances** are exact distances from 200,000 points by area on each surface, both ways unless said otherwise. *At vertices*:
+  from the vertices of the result to the original, which some papers take.
+* **One pass over one cluster**, one thread, unless said otherwise. Times are processor seconds, the least of three runs, with
+  reading and writing unless said otherwise.
 """
 
 
@@ -44,7 +40,7 @@ def write():
     summaries = {name: json.loads(path.read_text()) for name in ORDER if (path := FOLDER / f"summary-{name}.json").exists()}
     verdicts = (CONFIRMED, PARTLY, REFUTED, UNTESTED)
     rows = [[f"[{told['title']}]({name}.md)", *(told["counts"][verdict] for verdict in verdicts)] for name, told in summaries.items()]
-    lines = [LEAD.format(date=datetime.date.today()), *rows_of(["Paper", *(f"claims {verdict}" for verdict in verdicts)], rows), "", METHOD, *heap(), "", *clusters()]
+    lines = [LEAD.format(date=datetime.date.today()), *rows_of(["Paper", *(f"claims {verdict}" for verdict in verdicts)], rows), "", METHOD + RULE, "", *heap(), "", *clusters()]
     Path("docs/results/papers/README.md").write_text("\n".join(lines) + "\n")
 
 
@@ -54,18 +50,22 @@ def heap():
     terrain, person = meshes.terrain(FOLDER / "terrain.obj"), meshes.write_obj(FOLDER / "person.obj", *limbs.FIGURES["person"]())
     fish = meshes.figure(FOLDER / "fish.obj", 90, 140, 4)
     cases = [("oblique", town), ("qem-1997 border=10 --remesh=cvd", person), ("curvature", person), ("terrain", terrain), ("sharpness", fish), ("qem-1997", person), ("qem-attributes", town)]
-    rows = []
+    rows, ratios, times = [], [], []
     for system, mesh in cases:
         for share in (0.3, 0.1):
             rounds, one_by_one = run(mesh, system, share), run(mesh, f"{system} --one-by-one", share)
-            ratio = " / ".join(f"{a / b:.3f}" for a, b in zip(rounds.distances(), one_by_one.distances()))
+            ratios.append([a / b for a, b in zip(rounds.distances(), one_by_one.distances())])
+            times.append(rounds.cpu / one_by_one.cpu)
+            ratio = " / ".join(f"{x:.3f}" for x in ratios[-1])
             rows.append([f"`{system}`", f"{mesh.stem}, {rounds.by_area['topology']['before']['faces']:,}", f"{1 - share:.0%}", ratio, f"{rounds.cpu:.2f} / {one_by_one.cpu:.2f}"])
     text = """\
 ## Rounds against a heap
 
-The papers take one edge at a time from a heap and update it. drystone works in rounds: each removes
-up to a fifth of the triangles, the cheapest collapses first, each vertex at most once.
-`--one-by-one` makes rounds of one collapse, which is the heap's order."""
+The papers take one edge at a time from a heap and bring it up to date; here a round collapses up to a fifth of the triangles, each
+vertex once, the cheapest first. `--one-by-one` makes a round of one collapse, which is the heap's order.
+"""
+    between = lambda column: f"{min(row[column] for row in ratios):.2f} to {max(row[column] for row in ratios):.2f}"
+    text += f"Rounds have {between(1)} times the mean distance, {between(2)} times the RMS and {between(0)} times the largest distance of a heap, in {min(times):.2f} to {max(times):.2f} of its time."
     return [text, "", *rows_of(["System", "Mesh, triangles", "Removed", "largest / mean / RMS, rounds ÷ heap", "CPU s, rounds / heap"], rows)]
 
 

@@ -14,6 +14,35 @@ PAGES = Path("docs/results/papers")
 CONFIRMED, PARTLY, REFUTED, UNTESTED = "confirmed", "in part", "refuted", "not testable"
 
 
+# A figure reaches the paper's if it is not this many times worse.
+WITHIN = 1.5
+RULE = """\
+* **The verdict** on a claim is computed from the figures beside it, by one rule for all pages. Each case (a mesh at a share removed)
+  *reaches* the claim if it lies on the side of the baseline that the paper says and is at most 1.5 times worse than the paper's own
+  figure; where the paper gives none, the side is all that is asked for. Gains of some per cent are compared as per cent, shares and
+  counts as they are. *Confirmed*: all cases reach it. *Refuted*: fewer than half of them lie on the right side. *In part*: all else,
+  with how many reach it and how many lie on the right side."""
+
+SHORT_RULE = "A case (a mesh at a share removed) reaches a claim if it lies on the side of the baseline that the paper says and is at most 1.5 times worse than the paper's figure, where it gives one. Confirmed: all cases reach it; refuted: fewer than half lie on the right side; in part: all else ([the rule](../reproduction.md#what-is-compared-with-what))."
+
+
+def below(ours, paper):
+    """A ratio to the baseline that the paper has below 1, such as an error: whether it is on that side, and whether it reaches the paper's."""
+    side = ours < max(1, paper)
+    return side, side and ours <= WITHIN * paper
+
+
+def about(ours, paper):
+    """A ratio that should be the paper's, neither more nor less."""
+    near = paper / WITHIN <= ours <= WITHIN * paper
+    return near or (ours > 1) == (paper > 1), near
+
+
+def gain(ours, paper):
+    """A ratio a little above 1 that the paper has, too: what it is above 1 is compared."""
+    return ours > 1, ours - 1 >= (paper - 1) / WITHIN
+
+
 def cell(value):
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
@@ -35,14 +64,19 @@ class Page:
         self.name, self.title, self.source = name, title, source
         self.claims, self.lines, self.curves = [], [], {}
 
-    def claim(self, words, where, here, holds):
-        """A claim of the paper, where it stands, what was found, and whether it holds: one truth value or several, or the reason why it cannot be tested."""
-        if isinstance(holds, str):
-            verdict, here = UNTESTED, holds
+    def claim(self, words, where, here, cases):
+        """A claim of the paper, where it stands, what was found, and of each case whether it lies on the right side and whether it reaches the paper's figure (or one truth value for both), or the reason why it cannot be tested."""
+        if isinstance(cases, str):
+            self.claims.append([words, where, UNTESTED, f"{here}; {cases}"])
+            return
+        cases = [case if isinstance(case, tuple) else (case, case) for case in cases]
+        side, reached = (sum(bool(case[k]) for case in cases) for k in (0, 1))
+        if reached == len(cases):
+            verdict = CONFIRMED
+        elif 2 * side < len(cases):
+            verdict = REFUTED
         else:
-            holds = list(holds) if isinstance(holds, (list, tuple)) else [holds]
-            count = sum(map(bool, holds))
-            verdict = CONFIRMED if count == len(holds) else REFUTED if count == 0 else f"{PARTLY}: {count} of {len(holds)}"
+            verdict = f"{PARTLY}: {reached} of {len(cases)}" + (f", {side} on the right side" if side != reached else "")
         self.claims.append([words, where, verdict, here])
 
     def head(self, title):
@@ -76,7 +110,7 @@ class Page:
         PAGES.mkdir(parents=True, exist_ok=True)
         lines = [f"# {self.title}", "", self.source, "", "Made by `python3 tools/reproduce.py`; [what is measured and how](README.md)."]
         if self.claims:
-            lines += ["", "## Claims", "", *rows_of(["Claim", "In the paper", "Here", "Our figure"], self.claims)]
+            lines += ["", "## Claims", "", SHORT_RULE, "", *rows_of(["Claim", "In the paper", "Here", "Our figure"], self.claims)]
         (PAGES / f"{self.name}.md").write_text("\n".join(lines + self.lines) + "\n")
         counts = {verdict: sum(claim[2].startswith(verdict) for claim in self.claims) for verdict in (CONFIRMED, PARTLY, REFUTED, UNTESTED)}
         summary = runs.FOLDER / f"summary-{self.name}.json"

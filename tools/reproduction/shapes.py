@@ -1,6 +1,16 @@
 """Shapes of triangles that the program does not measure: flats, and what a level of detail changes."""
 
+import sys
+from pathlib import Path
+
 import numpy as np
+from PIL import Image
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "python"))
+import objlib
+
+# How much greener than red and blue a triangle of the green is (2 G - R - B, of 255).
+GREENER = 20
 
 
 def triangles_of(path):
@@ -16,8 +26,8 @@ def triangles_of(path):
     return np.array(vertices), np.array(faces)
 
 
-def flat_faces(vertices, faces):
-    """Which triangles are flat: normals turn by less than 5° across each of their edges; and twice their areas."""
+def flat_faces(vertices, faces, degrees=5):
+    """Which triangles are flat: normals turn by less than some degrees across each of their edges; and twice their areas."""
     normals = np.cross(vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]])
     area = np.linalg.norm(normals, axis=1)
     normals /= np.maximum(area, 1e-300)[:, None]
@@ -28,7 +38,7 @@ def flat_faces(vertices, faces):
     same = (edges[1:] == edges[:-1]).all(1)
     one, other = owner[:-1][same], owner[1:][same]
     bent = np.zeros(len(faces), bool)
-    turned = (normals[one] * normals[other]).sum(1) < np.cos(np.radians(5))
+    turned = (normals[one] * normals[other]).sum(1) < np.cos(np.radians(degrees))
     bent[one[turned]] = bent[other[turned]] = True
     return ~bent, area
 
@@ -50,6 +60,37 @@ def lost_flats(fine, coarse):
     kept = set(keys(*triangles_of(coarse)))
     lost = np.array([key not in kept for key in keys(vertices, faces)])
     return area[flat & lost].sum() / area[flat].sum()
+
+
+def kinds_by_colour(path):
+    """Share of the triangles that look green, of the rest those steeper than 60°, and those that are not."""
+    mesh, pictures, name = objlib.read(path), {}, None
+    for line in "\n".join(objlib.read_libraries(path)).splitlines():
+        word, _, rest = line.strip().partition(" ")
+        name = rest if word == "newmtl" else name
+        if word == "map_Kd":
+            pictures[name] = np.asarray(Image.open(Path(path).parent / rest).convert("RGB"))
+    corners = mesh.texcoord[mesh.face_uv]
+    middle = corners.mean(1, keepdims=True)
+    places = np.concatenate([middle, (corners + middle) / 2], 1) % 1.0
+    colour, material = np.zeros((len(corners), 3)), np.asarray(mesh.material)
+    for name, picture in pictures.items():
+        rows, columns = picture.shape[:2]
+        own = places[material == name]
+        row, column = ((1 - own[..., 1]) * rows).astype(int) % rows, (own[..., 0] * columns).astype(int) % columns
+        colour[material == name] = picture[row, column].mean(1)
+    a, b, c = (mesh.position[mesh.face[:, k]] for k in range(3))
+    across = np.cross(b - a, c - a)
+    steep = np.abs(across[:, 2]) < 0.5 * np.linalg.norm(across, axis=1)
+    green = 2 * colour[:, 1] - colour[:, 0] - colour[:, 2] > GREENER
+    return {"green": green.mean(), "walls": (~green & steep).mean(), "roofs and ground": (~green & ~steep).mean()}
+
+
+def middle_of(path, material):
+    """The middle of the triangle of a material that lies nearest to the middle of them all."""
+    mesh = objlib.read(path)
+    centres = mesh.position[mesh.face[np.asarray(mesh.material) == material]].mean(1)
+    return centres[np.argmin(np.linalg.norm(centres - centres.mean(0), axis=1))]
 
 
 def keys(vertices, faces):
