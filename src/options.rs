@@ -78,7 +78,7 @@ pub enum Doubles {
 /// The cost of a collapse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Metric {
+pub enum MetricChoice {
     /// Distance to the surface
     Qem,
     /// Distance to the surface, and texture drift
@@ -279,7 +279,7 @@ pub struct SimplifyOptions {
 
     /// Cost of a collapse [default: qem-attributes with texture, else qem]
     #[arg(long, value_enum, help_heading = heading::PAPERS, hide_short_help = true)]
-    pub metric: Option<Metric>,
+    pub metric: Option<MetricChoice>,
 
     /// Set a parameter of the metric, such as border=2; may be repeated. docs/guide/choosing.md lists the parameters
     #[arg(long, value_name = "NAME=VALUE", help_heading = heading::PAPERS, hide_short_help = true)]
@@ -288,7 +288,7 @@ pub struct SimplifyOptions {
     /// Before simplifying, remesh by centroidal Voronoi cells, denser where the surface bends (Liu, Chen & Wang 2020).
     /// cvd:2 sets the power of the curvature; cvd:cells=5000 stops at 5000 cells. docs/guide/choosing.md lists the settings
     #[arg(long, value_name = "cvd[:SETTINGS]", help_heading = heading::PAPERS, hide_short_help = true)]
-    pub remesh: Option<cvd::Settings>,
+    pub remesh: Option<cvd::CvdSettings>,
 
     /// After simplifying, move the vertices of slivers to the middle of their neighbours (Li, Jiang & Tang 2020).
     /// Triangles get rounder, the error grows
@@ -428,7 +428,7 @@ impl SimplifyOptions {
         let is_locked = self.borders == Borders::Lock || self.seam_policy() == SeamPolicy::Lock;
         self.topology == Topology::Simplify
             && !is_locked
-            && matches!(self.metric, None | Some(Metric::Qem | Metric::QemAttributes))
+            && matches!(self.metric, None | Some(MetricChoice::Qem | MetricChoice::QemAttributes))
     }
 
     /// Passes over an input with so many triangles: those asked for, or as many as a far target takes.
@@ -461,19 +461,23 @@ impl SimplifyOptions {
     /// [`Error::Usage`] for a setting that the metric does not have or accept.
     pub fn cost(&self, has_texture: bool) -> Result<Cost> {
         let given = &self.metric_option;
-        let metric = self.metric.unwrap_or(if has_texture { Metric::QemAttributes } else { Metric::Qem });
+        let metric = self.metric.unwrap_or(if has_texture { MetricChoice::QemAttributes } else { MetricChoice::Qem });
         let cost = match metric {
-            Metric::Qem => knob::read(&weights::KNOBS, given)
+            MetricChoice::Qem => knob::read(&weights::KNOBS, given)
                 .map(|values| Cost::Surface(Weights { uv: 0.0, ..Weights::from(values) })),
-            Metric::QemAttributes => knob::read(&weights::KNOBS, given).map(|values| {
+            MetricChoice::QemAttributes => knob::read(&weights::KNOBS, given).map(|values| {
                 let uv = if has_texture { self.uv_weight } else { 0.0 };
                 Cost::Surface(Weights { uv, ..Weights::from(values) })
             }),
-            Metric::Qem1997 => knob::read(&classic::KNOBS, given).map(|values| Cost::Classic(values.into())),
-            Metric::Oblique => knob::read(&oblique::KNOBS, given).map(|values| Cost::Oblique(values.into())),
-            Metric::Curvature => knob::read(&curvature::KNOBS, given).map(|values| Cost::Curvature(values.into())),
-            Metric::Terrain => knob::read(&terrain::KNOBS, given).map(|values| Cost::Terrain(values.into())),
-            Metric::Sharpness => knob::read(&sharpness::KNOBS, given).map(|values| Cost::Sharpness(values.into())),
+            MetricChoice::Qem1997 => knob::read(&classic::KNOBS, given).map(|values| Cost::Classic(values.into())),
+            MetricChoice::Oblique => knob::read(&oblique::KNOBS, given).map(|values| Cost::Oblique(values.into())),
+            MetricChoice::Curvature => {
+                knob::read(&curvature::KNOBS, given).map(|values| Cost::Curvature(values.into()))
+            }
+            MetricChoice::Terrain => knob::read(&terrain::KNOBS, given).map(|values| Cost::Terrain(values.into())),
+            MetricChoice::Sharpness => {
+                knob::read(&sharpness::KNOBS, given).map(|values| Cost::Sharpness(values.into()))
+            }
         };
         cost.map_err(|words| Error::Usage(format!("--metric-option {words}")))
     }
@@ -486,7 +490,9 @@ impl SimplifyOptions {
     fn seams_or_default(&self) -> Seams {
         match self.seams {
             Some(seams) => seams,
-            None if matches!(self.metric, None | Some(Metric::Qem | Metric::QemAttributes)) => Seams::Stitch,
+            None if matches!(self.metric, None | Some(MetricChoice::Qem | MetricChoice::QemAttributes)) => {
+                Seams::Stitch
+            }
             None => Seams::Follow,
         }
     }

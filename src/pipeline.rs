@@ -1,8 +1,5 @@
 //! The phases in order: scan, partition and simplify in passes, write.
 
-use self::damage::report_damage;
-use crate::report::scene::DrawResources;
-
 mod damage;
 mod files;
 #[cfg(test)]
@@ -18,6 +15,7 @@ use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
+use self::damage::report_damage;
 use self::input::{Input, Reading};
 use self::output::Earlier;
 use self::pictures::Painter;
@@ -35,6 +33,7 @@ use crate::passes::{PassOptions, pass};
 use crate::plan::memory::{self, Sizes};
 use crate::plan::scratch;
 use crate::report::gallery;
+use crate::report::scene::DrawResources;
 use crate::report::{ErrorFigures, FaceFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
 use crate::scan::{self, InputChoice};
 use crate::write::{self, WriteOptions};

@@ -4,7 +4,7 @@ mod meshes;
 
 use drystone::cost::knob::Knob;
 use drystone::cost::{classic, curvature, oblique, sharpness, terrain, weights};
-use drystone::options::{Metric, Seams, SimplifyOptions};
+use drystone::options::{MetricChoice, Seams, SimplifyOptions};
 use meshes::{in_many_clusters, ratio, simplify, town};
 
 fn files(options: &SimplifyOptions) -> Vec<Vec<u8>> {
@@ -33,14 +33,14 @@ fn every_way_of_treating_seams_gives_the_same_bytes_again() {
     }
 }
 
-const METRICS: [Metric; 7] = [
-    Metric::Qem,
-    Metric::QemAttributes,
-    Metric::Qem1997,
-    Metric::Oblique,
-    Metric::Curvature,
-    Metric::Terrain,
-    Metric::Sharpness,
+const METRICS: [MetricChoice; 7] = [
+    MetricChoice::Qem,
+    MetricChoice::QemAttributes,
+    MetricChoice::Qem1997,
+    MetricChoice::Oblique,
+    MetricChoice::Curvature,
+    MetricChoice::Terrain,
+    MetricChoice::Sharpness,
 ];
 
 #[test]
@@ -56,7 +56,7 @@ fn every_metric_gives_the_same_bytes_at_any_number_of_threads_and_in_128_mib() {
 }
 
 /// Each setting of a metric by itself, at another value than its default.
-fn other_settings(metric: Metric, knobs: &[Knob]) -> Vec<(Metric, String)> {
+fn other_settings(metric: MetricChoice, knobs: &[Knob]) -> Vec<(MetricChoice, String)> {
     let other = |knob: &Knob| match knob.words {
         [_, word, ..] => (*word).to_owned(),
         _ if knob.range == [0.0, 1.0] => (1.0 - knob.default).to_string(),
@@ -72,13 +72,13 @@ fn other_settings(metric: Metric, knobs: &[Knob]) -> Vec<(Metric, String)> {
 #[test]
 fn every_setting_of_a_metric_gives_the_same_bytes_at_any_number_of_threads() {
     let settings = [
-        other_settings(Metric::Qem, &weights::KNOBS),
-        other_settings(Metric::QemAttributes, &weights::KNOBS),
-        other_settings(Metric::Qem1997, &classic::KNOBS),
-        other_settings(Metric::Oblique, &oblique::KNOBS),
-        other_settings(Metric::Curvature, &curvature::KNOBS),
-        other_settings(Metric::Terrain, &terrain::KNOBS),
-        other_settings(Metric::Sharpness, &sharpness::KNOBS),
+        other_settings(MetricChoice::Qem, &weights::KNOBS),
+        other_settings(MetricChoice::QemAttributes, &weights::KNOBS),
+        other_settings(MetricChoice::Qem1997, &classic::KNOBS),
+        other_settings(MetricChoice::Oblique, &oblique::KNOBS),
+        other_settings(MetricChoice::Curvature, &curvature::KNOBS),
+        other_settings(MetricChoice::Terrain, &terrain::KNOBS),
+        other_settings(MetricChoice::Sharpness, &sharpness::KNOBS),
     ];
     for (metric, setting) in settings.concat() {
         let options = SimplifyOptions { metric: Some(metric), metric_option: vec![setting.clone()], ..ratio(0.5) };
@@ -91,7 +91,7 @@ fn every_setting_of_a_metric_gives_the_same_bytes_at_any_number_of_threads() {
 
 #[test]
 fn one_edge_at_a_time_gives_the_same_bytes_at_any_number_of_threads() {
-    for metric in [None, Some(Metric::Oblique)] {
+    for metric in [None, Some(MetricChoice::Oblique)] {
         let options = in_many_clusters(SimplifyOptions { metric, one_by_one: true, ..ratio(0.3) });
         let four = SimplifyOptions { threads: Some(4), memory: Some(1 << 30), ..options.clone() };
         let rounds = SimplifyOptions { one_by_one: false, ..options.clone() };

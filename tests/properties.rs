@@ -5,7 +5,7 @@ mod meshes;
 use drystone::base::Silent;
 use drystone::job::{Manifest, Resume, WorkFolder};
 use drystone::measure::{Check, Surface, check, compare_checks, compare_topology, weld_and_check};
-use drystone::options::{Metric, SimplifyOptions};
+use drystone::options::{MetricChoice, SimplifyOptions};
 use drystone::passes::{PassOptions, SeamPolicy, pass};
 use drystone::remesh::cvd;
 use drystone::scan::{ScanOptions, scan};
@@ -21,7 +21,7 @@ struct Choice {
     lock_borders: bool,
     weld: bool,
     has_uv_metric: bool,
-    metric: Option<Metric>,
+    metric: Option<MetricChoice>,
     max_error: Option<f64>,
     drop_pieces: bool,
     frees_topology: bool,
@@ -34,7 +34,7 @@ struct Choice {
 fn choices() -> impl Strategy<Value = Choice> {
     let seams = prop_oneof![Just(SeamPolicy::Stitch), Just(SeamPolicy::Follow), Just(SeamPolicy::Lock)];
     let cluster_faces = prop_oneof![20u64..60, 60u64..300, Just(1_000_000)];
-    let published = [Metric::Oblique, Metric::Curvature, Metric::Terrain, Metric::Sharpness];
+    let published = [MetricChoice::Oblique, MetricChoice::Curvature, MetricChoice::Terrain, MetricChoice::Sharpness];
     let metric = prop::option::weighted(0.4, prop::sample::select(published.to_vec()));
     let max_error = prop::option::weighted(0.2, 0.0..2.0f64);
     let what = (metric, max_error, any::<bool>(), prop::bool::weighted(0.2), prop::bool::weighted(0.2), any::<bool>());
@@ -197,7 +197,7 @@ fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
         cost: metric.cost(has_uv).unwrap(),
         seams: choice.seams,
         lock_borders: choice.lock_borders,
-        remesh: choice.remesh.then(cvd::Settings::default),
+        remesh: choice.remesh.then(cvd::CvdSettings::default),
         optimize: choice.has_uv_metric && choice.max_error.is_none(),
         weld: choice.weld,
         map: None,

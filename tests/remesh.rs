@@ -2,8 +2,8 @@
 
 mod meshes;
 
-use drystone::options::{Metric, SimplifyOptions};
-use drystone::remesh::cvd::Settings;
+use drystone::options::{MetricChoice, SimplifyOptions};
+use drystone::remesh::cvd::CvdSettings;
 use glam::DVec2;
 use meshes::{
     Run, Sketch, assert_sound, in_many_clusters, noise, ratio, read, rms_distance, simplify, simplify_text, terrain,
@@ -60,11 +60,11 @@ fn threads_and_memory_leave_no_trace_whatever_the_settings_and_what_follows() {
         remeshed("cvd:1,centroidal=1,spring=0.01", ratio(0.3)),
         remeshed("cvd:0,junctions=0,rings=1", ratio(0.5)),
         optimized.clone(),
-        with(Metric::Qem1997, "cvd", ratio(0.3)),
-        with(Metric::Oblique, "cvd", ratio(0.5)),
-        with(Metric::Curvature, "cvd", ratio(0.3)),
-        with(Metric::Terrain, "cvd:3", ratio(0.5)),
-        SimplifyOptions { metric: Some(Metric::Sharpness), ..optimized },
+        with(MetricChoice::Qem1997, "cvd", ratio(0.3)),
+        with(MetricChoice::Oblique, "cvd", ratio(0.5)),
+        with(MetricChoice::Curvature, "cvd", ratio(0.3)),
+        with(MetricChoice::Terrain, "cvd:3", ratio(0.5)),
+        SimplifyOptions { metric: Some(MetricChoice::Sharpness), ..optimized },
     ];
     for options in all.map(in_many_clusters) {
         let expected = bytes(&simplify(&town(), &options));
@@ -166,11 +166,11 @@ fn mistakes_are_named() {
         ("cvd:2,size=4", "known are lambda, cells"),
         ("cvd:cells=-1", "expected 0 to"),
     ] {
-        assert!(wrong.parse::<Settings>().unwrap_err().contains(words), "{wrong}");
+        assert!(wrong.parse::<CvdSettings>().unwrap_err().contains(words), "{wrong}");
     }
-    let one = "cvd:1,cells=7".parse::<Settings>().unwrap();
+    let one = "cvd:1,cells=7".parse::<CvdSettings>().unwrap();
     assert_eq!((one.lambda, one.cells), (1.0, Some(7)));
-    assert_eq!("cvd".parse::<Settings>().unwrap(), Settings::default());
+    assert_eq!("cvd".parse::<CvdSettings>().unwrap(), CvdSettings::default());
     assert!(SimplifyOptions { ratio: Some(0.1), ..cells(9) }.check().is_err(), "two targets");
     assert!(SimplifyOptions { max_error: Some(0.1), ..remeshed("cvd", ratio(1.0)) }.check().is_err());
     let unbounded = SimplifyOptions { ratio: None, max_error: Some(0.1), ..remeshed("cvd", ratio(1.0)) };

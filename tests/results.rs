@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use drystone::options::{Borders, Doubles, Metric, Normals, Pieces, Seams, SimplifyOptions, TextureFiles, Weld};
+use drystone::options::{Borders, Doubles, MetricChoice, Normals, Pieces, Seams, SimplifyOptions, TextureFiles, Weld};
 use glam::DVec3;
 use meshes::{
     Sketch, contents, fixture, in_many_clusters, noise, ratio, simplify, simplify_text, terrain, torus, town,
@@ -68,7 +68,7 @@ fn bound(distance: f64) -> SimplifyOptions {
     SimplifyOptions { ratio: None, max_error: Some(distance), ..ratio(0.5) }
 }
 
-fn metric(metric: Metric, knobs: &[&str], share: f64) -> SimplifyOptions {
+fn metric(metric: MetricChoice, knobs: &[&str], share: f64) -> SimplifyOptions {
     let metric_option = knobs.iter().map(|&knob| knob.to_owned()).collect();
     SimplifyOptions { metric: Some(metric), metric_option, ..ratio(share) }
 }
@@ -127,8 +127,8 @@ fn of_a_patchwork() {
         ("a tenth in clusters", in_many_clusters(ratio(0.1))),
         ("bound", in_many_clusters(bound(0.3))),
         ("not welded", SimplifyOptions { weld: Weld::Off, seams: Some(Seams::Follow), ..ratio(0.2) }),
-        ("oblique", metric(Metric::Oblique, &[], 0.2)),
-        ("sharpness", metric(Metric::Sharpness, &[], 0.2)),
+        ("oblique", metric(MetricChoice::Oblique, &[], 0.2)),
+        ("sharpness", metric(MetricChoice::Sharpness, &[], 0.2)),
         ("optimized", SimplifyOptions { optimize: true, ..in_many_clusters(ratio(0.3)) }),
         ("remeshed", in_many_clusters(remesh("cvd", 0.2))),
     ];
@@ -189,12 +189,12 @@ fn of_the_town_with_other_options() {
 #[test]
 fn of_the_town_with_each_metric() {
     on_town(&[
-        ("distance", metric(Metric::Qem, &[], 0.2)),
-        ("planes", metric(Metric::Qem1997, &[], 0.2)),
-        ("oblique", in_many_clusters(metric(Metric::Oblique, &[], 0.2))),
-        ("curvature", in_many_clusters(metric(Metric::Curvature, &[], 0.2))),
-        ("terrain", in_many_clusters(metric(Metric::Terrain, &[], 0.2))),
-        ("sharpness", in_many_clusters(metric(Metric::Sharpness, &[], 0.2))),
+        ("distance", metric(MetricChoice::Qem, &[], 0.2)),
+        ("planes", metric(MetricChoice::Qem1997, &[], 0.2)),
+        ("oblique", in_many_clusters(metric(MetricChoice::Oblique, &[], 0.2))),
+        ("curvature", in_many_clusters(metric(MetricChoice::Curvature, &[], 0.2))),
+        ("terrain", in_many_clusters(metric(MetricChoice::Terrain, &[], 0.2))),
+        ("sharpness", in_many_clusters(metric(MetricChoice::Sharpness, &[], 0.2))),
     ]);
 }
 
@@ -211,11 +211,11 @@ fn of_hills() {
         ("a hundredth", ratio(0.01)),
         ("bound", in_many_clusters(bound(0.2))),
         ("large bound", bound(3.0)),
-        ("planes", metric(Metric::Qem1997, &["border=3"], 0.1)),
-        ("oblique", metric(Metric::Oblique, &[], 0.1)),
-        ("curvature", metric(Metric::Curvature, &[], 0.1)),
-        ("terrain", metric(Metric::Terrain, &[], 0.1)),
-        ("sharpness", metric(Metric::Sharpness, &[], 0.1)),
+        ("planes", metric(MetricChoice::Qem1997, &["border=3"], 0.1)),
+        ("oblique", metric(MetricChoice::Oblique, &[], 0.1)),
+        ("curvature", metric(MetricChoice::Curvature, &[], 0.1)),
+        ("terrain", metric(MetricChoice::Terrain, &[], 0.1)),
+        ("sharpness", metric(MetricChoice::Sharpness, &[], 0.1)),
     ];
     on_text("hills", &terrain(50).text(), &runs);
 }
@@ -225,9 +225,9 @@ fn of_a_ring() {
     let runs = [
         ("a twentieth in clusters", in_many_clusters(ratio(0.05))),
         ("bound", bound(0.05)),
-        ("oblique", metric(Metric::Oblique, &[], 0.1)),
-        ("curvature in clusters", in_many_clusters(metric(Metric::Curvature, &[], 0.1))),
-        ("sharpness", SimplifyOptions { optimize: true, ..metric(Metric::Sharpness, &[], 0.1) }),
+        ("oblique", metric(MetricChoice::Oblique, &[], 0.1)),
+        ("curvature in clusters", in_many_clusters(metric(MetricChoice::Curvature, &[], 0.1))),
+        ("sharpness", SimplifyOptions { optimize: true, ..metric(MetricChoice::Sharpness, &[], 0.1) }),
         ("remeshed", remesh("cvd", 0.1)),
         ("remeshed by curvature", in_many_clusters(remesh("cvd:2", 0.1))),
     ];

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use drystone::base::{Error, Progress, Result, Silent};
-use drystone::options::{Metric, Pieces, ResumeChoice, SimplifyOptions, Topology};
+use drystone::options::{MetricChoice, Pieces, ResumeChoice, SimplifyOptions, Topology};
 use drystone::pipeline;
 use drystone::report::Report;
 use meshes::{contents, copy_town, files, in_many_clusters, noise, ratio};
@@ -509,13 +509,18 @@ fn a_stopped_job_with_a_bound_ends_with_the_same_bytes() {
 
 #[test]
 fn a_stopped_job_whose_metric_counts_first_ends_with_the_same_bytes() {
-    stop_with(&SimplifyOptions { metric: Some(Metric::Curvature), optimize: true, ..in_many_clusters(ratio(0.3)) });
+    stop_with(&SimplifyOptions {
+        metric: Some(MetricChoice::Curvature),
+        optimize: true,
+        ..in_many_clusters(ratio(0.3))
+    });
 }
 
 #[test]
 fn a_stopped_job_that_takes_one_edge_at_a_time_ends_with_the_same_bytes() {
     let metric_option = vec!["carry=0".into()];
-    let options = SimplifyOptions { metric: Some(Metric::Terrain), metric_option, one_by_one: true, ..ratio(0.3) };
+    let options =
+        SimplifyOptions { metric: Some(MetricChoice::Terrain), metric_option, one_by_one: true, ..ratio(0.3) };
     stop_with(&in_many_clusters(options));
 }
 

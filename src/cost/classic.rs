@@ -50,7 +50,7 @@ pub const KNOBS: [Knob; 3] = [
 
 /// Settings, in the order of [`KNOBS`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Settings {
+pub struct ClassicSettings {
     /// Weight of a plane through a border edge.
     pub border: f64,
     /// Placement of a vertex.
@@ -59,7 +59,7 @@ pub struct Settings {
     pub has_guards: bool,
 }
 
-impl From<[f64; 3]> for Settings {
+impl From<[f64; 3]> for ClassicSettings {
     fn from([border, placement, guards]: [f64; 3]) -> Self {
         Self { border, placement: PlacePolicy::from_knob(placement), has_guards: guards > 0.0 }
     }
@@ -68,19 +68,19 @@ impl From<[f64; 3]> for Settings {
 /// The cost function: a quadric per vertex of a cluster.
 #[derive(Debug)]
 pub struct ClassicCost {
-    settings: Settings,
+    settings: ClassicSettings,
     quadrics: Vec<Quadric>,
     area: f64,
 }
 
 impl Metric for ClassicCost {
-    type Settings = Settings;
+    type Settings = ClassicSettings;
 
-    fn new(settings: &Settings) -> Self {
+    fn new(settings: &ClassicSettings) -> Self {
         Self { settings: *settings, quadrics: Vec::new(), area: 0.0 }
     }
 
-    fn reads_texture(_: &Settings) -> bool {
+    fn reads_texture(_: &ClassicSettings) -> bool {
         false
     }
 

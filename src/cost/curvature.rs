@@ -53,7 +53,7 @@ pub const KNOBS: [Knob; 3] = [
 
 /// Settings, in the order of [`KNOBS`], and the frozen floor.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Settings {
+pub struct CurvatureSettings {
     has_curvature: bool,
     floor_share: f64,
     border: f64,
@@ -61,7 +61,7 @@ pub struct Settings {
     floor: f64,
 }
 
-impl From<[f64; 3]> for Settings {
+impl From<[f64; 3]> for CurvatureSettings {
     fn from([curvature, floor_share, border]: [f64; 3]) -> Self {
         Self { has_curvature: curvature > 0.0, floor_share, border, floor: 0.0 }
     }
@@ -101,7 +101,7 @@ impl Bend {
 /// The cost function: a quadric and a weight per vertex of a cluster.
 #[derive(Debug)]
 pub struct CurvatureCost {
-    settings: Settings,
+    settings: CurvatureSettings,
     quadrics: Vec<Quadric>,
     /// A c of each vertex.
     weights: Vec<f64>,
@@ -128,12 +128,12 @@ impl CurvatureCost {
 }
 
 impl Metric for CurvatureCost {
-    type Settings = Settings;
+    type Settings = CurvatureSettings;
 
     const VERTEX_BYTES: u64 = 24;
     const HAS_CENSUS: bool = true;
 
-    fn new(settings: &Settings) -> Self {
+    fn new(settings: &CurvatureSettings) -> Self {
         Self {
             settings: *settings,
             quadrics: Vec::new(),
@@ -144,7 +144,7 @@ impl Metric for CurvatureCost {
         }
     }
 
-    fn count(_: &Settings, mesh: &ClusterMesh, rings: &Rings, _: &[Class], census: &mut Census) {
+    fn count(_: &CurvatureSettings, mesh: &ClusterMesh, rings: &Rings, _: &[Class], census: &mut Census) {
         let mut fan = Fan::default();
         for vertex in (0..mesh.positions.len() as u32).filter(|&vertex| !mesh.is_shared(vertex)) {
             fan.gather(mesh, rings, vertex);
@@ -152,12 +152,12 @@ impl Metric for CurvatureCost {
         }
     }
 
-    fn settle(settings: &mut Settings, census: &Census) {
+    fn settle(settings: &mut CurvatureSettings, census: &Census) {
         let smallest = 1.0 / (census.diagonal() * census.diagonal());
         settings.floor = census.median().map_or(smallest, |median| settings.floor_share * median);
     }
 
-    fn reads_texture(_: &Settings) -> bool {
+    fn reads_texture(_: &CurvatureSettings) -> bool {
         false
     }
 

@@ -7,7 +7,7 @@ use crate::mesh::ring::Rings;
 
 /// One face around a vertex.
 #[derive(Debug, Clone, Copy)]
-pub struct Spoke {
+pub struct FanFace {
     /// The face.
     pub face: u32,
     /// The vertex after the centre in the face, counter-clockwise.
@@ -26,7 +26,7 @@ pub struct Spoke {
 #[derive(Debug, Clone, Default)]
 pub struct Fan {
     /// Counter-clockwise, starting at the border if there is one. Unordered where the faces do not form a single fan.
-    pub spokes: Vec<Spoke>,
+    pub spokes: Vec<FanFace>,
     /// Whether the fan is closed: the last face shares an edge with the first.
     pub is_closed: bool,
 }
@@ -50,7 +50,7 @@ impl Fan {
             let double_area = across.length();
             let angle = libm::atan2(double_area, to_next.dot(to_previous));
             let normal = if double_area > 0.0 { across / double_area } else { DVec3::ZERO };
-            Spoke { face: corner / 3, next, previous, normal, area: 0.5 * double_area, angle }
+            FanFace { face: corner / 3, next, previous, normal, area: 0.5 * double_area, angle }
         }));
     }
 
@@ -73,7 +73,7 @@ impl Fan {
     }
 
     /// Each pair of consecutive faces that share an edge at the centre, and the other end of this edge.
-    pub fn joints(&self) -> impl Iterator<Item = (&Spoke, &Spoke, u32)> {
+    pub fn joints(&self) -> impl Iterator<Item = (&FanFace, &FanFace, u32)> {
         let count = self.spokes.len();
         let pairs = (0..count).map(move |i| (&self.spokes[i], &self.spokes[(i + 1) % count]));
         pairs.filter(|(a, b)| a.face != b.face && a.previous == b.next).map(|(a, b)| (a, b, a.previous))

@@ -75,7 +75,7 @@ pub const KNOBS: [Knob; 10] = [
 
 /// Settings, in the order of [`KNOBS`], and the frozen normalisers.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Settings {
+pub struct ObliqueSettings {
     border: f64,
     floor_share: f64,
     alphas: [f64; 3],
@@ -90,7 +90,7 @@ pub struct Settings {
     uv_scale: f64,
 }
 
-impl From<[f64; 10]> for Settings {
+impl From<[f64; 10]> for ObliqueSettings {
     fn from([border, floor_share, smooth, seam, corner, lrs, area, tex, unit, placement]: [f64; 10]) -> Self {
         Self {
             border,
@@ -117,13 +117,13 @@ struct Place {
     fluctuation: f64,
 }
 
-type Quadric = WideQuadric<5, 15>;
+type ObliqueQuadric = WideQuadric<5, 15>;
 
 /// The cost function: a quadric per wedge and factors per vertex of a cluster.
 #[derive(Debug)]
 pub struct ObliqueCost {
-    settings: Settings,
-    quadrics: Vec<Quadric>,
+    settings: ObliqueSettings,
+    quadrics: Vec<ObliqueQuadric>,
     places: Vec<Place>,
     alphas: Vec<f32>,
     around: Around,
@@ -142,8 +142,8 @@ impl ObliqueCost {
     }
 
     /// Quadric of each wedge from `first` on: the triangles around it, and the planes through border edges.
-    fn sum_quadrics(&self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class], first: usize) -> Vec<Quadric> {
-        let mut quadrics = vec![Quadric::default(); mesh.wedge_vertex.len() - first];
+    fn sum_quadrics(&self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class], first: usize) -> Vec<ObliqueQuadric> {
+        let mut quadrics = vec![ObliqueQuadric::default(); mesh.wedge_vertex.len() - first];
         let mut add = |wedge: u32, quadric| {
             if let Some(place) = (wedge as usize).checked_sub(first) {
                 quadrics[place] += quadric;
@@ -152,7 +152,9 @@ impl ObliqueCost {
         for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
             let wedges = mesh.corners[face as usize];
             let Some((normal, _)) = plane_of(mesh.triangle(face)) else { continue };
-            let Some(quadric) = Quadric::of_triangle(wedges.map(|wedge| self.point(mesh, wedge))) else { continue };
+            let Some(quadric) = ObliqueQuadric::of_triangle(wedges.map(|wedge| self.point(mesh, wedge))) else {
+                continue;
+            };
             wedges.into_iter().for_each(|wedge| add(wedge, quadric));
             if self.settings.border <= 0.0 {
                 continue;
@@ -161,7 +163,7 @@ impl ObliqueCost {
                 let (pa, pb) = (mesh.positions[a as usize], mesh.positions[b as usize]);
                 let Some(upright) = (pb - pa).cross(normal).try_normalize() else { return };
                 if kind == EdgeKind::Border {
-                    let quadric = Quadric::of_plane(upright, -upright.dot(pa), self.settings.border);
+                    let quadric = ObliqueQuadric::of_plane(upright, -upright.dot(pa), self.settings.border);
                     let ends = [a, b].into_iter().filter_map(|vertex| mesh.wedge_at(face, vertex));
                     ends.for_each(|wedge| add(wedge, quadric));
                 }
@@ -277,12 +279,12 @@ fn join(p: DVec3, uv: DVec2) -> [f64; 5] {
 }
 
 impl Metric for ObliqueCost {
-    type Settings = Settings;
+    type Settings = ObliqueSettings;
 
     const WEDGE_BYTES: u64 = 96;
     const HAS_CENSUS: bool = true;
 
-    fn new(settings: &Settings) -> Self {
+    fn new(settings: &ObliqueSettings) -> Self {
         Self {
             settings: *settings,
             quadrics: Vec::new(),
@@ -295,11 +297,11 @@ impl Metric for ObliqueCost {
         }
     }
 
-    fn wants_raw_texture(settings: &Settings) -> bool {
+    fn wants_raw_texture(settings: &ObliqueSettings) -> bool {
         settings.has_unit_box
     }
 
-    fn count(settings: &Settings, mesh: &ClusterMesh, rings: &Rings, classes: &[Class], census: &mut Census) {
+    fn count(settings: &ObliqueSettings, mesh: &ClusterMesh, rings: &Rings, classes: &[Class], census: &mut Census) {
         let mut cost = Self::new(settings);
         cost.refresh_factors(mesh, rings, classes);
         for vertex in (0..mesh.positions.len() as u32).filter(|&vertex| !mesh.is_shared(vertex)) {
@@ -307,7 +309,7 @@ impl Metric for ObliqueCost {
         }
     }
 
-    fn settle(settings: &mut Settings, census: &Census) {
+    fn settle(settings: &mut ObliqueSettings, census: &Census) {
         settings.floor = census
             .median()
             .map_or(1.0 / census.diagonal(), |median| settings.floor_share * median)

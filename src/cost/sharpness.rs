@@ -55,7 +55,7 @@ pub const KNOBS: [Knob; 5] = [
 
 /// Settings, in the order of [`KNOBS`], and the frozen mean.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Settings {
+pub struct SharpnessSettings {
     has_sigma: bool,
     has_texture: bool,
     cap: f64,
@@ -65,7 +65,7 @@ pub struct Settings {
     mean_share: f64,
 }
 
-impl From<[f64; 5]> for Settings {
+impl From<[f64; 5]> for SharpnessSettings {
     fn from([sigma, texture, cap, border, boundary]: [f64; 5]) -> Self {
         Self {
             has_sigma: sigma > 0.0,
@@ -105,7 +105,7 @@ fn texture_share(mesh: &ClusterMesh, fan: &Fan) -> f64 {
 /// The cost function: a weighted quadric per vertex of a cluster.
 #[derive(Debug)]
 pub struct SharpnessCost {
-    settings: Settings,
+    settings: SharpnessSettings,
     quadrics: Vec<Quadric>,
     complex: Vec<bool>,
     area: f64,
@@ -139,15 +139,15 @@ impl SharpnessCost {
 }
 
 impl Metric for SharpnessCost {
-    type Settings = Settings;
+    type Settings = SharpnessSettings;
 
     const HAS_CENSUS: bool = true;
 
-    fn new(settings: &Settings) -> Self {
+    fn new(settings: &SharpnessSettings) -> Self {
         Self { settings: *settings, quadrics: Vec::new(), complex: Vec::new(), area: 0.0 }
     }
 
-    fn count(_: &Settings, mesh: &ClusterMesh, rings: &Rings, _: &[Class], census: &mut Census) {
+    fn count(_: &SharpnessSettings, mesh: &ClusterMesh, rings: &Rings, _: &[Class], census: &mut Census) {
         let mut fan = Fan::default();
         for vertex in (0..mesh.positions.len() as u32).filter(|&vertex| !mesh.is_shared(vertex)) {
             fan.gather(mesh, rings, vertex);
@@ -155,7 +155,7 @@ impl Metric for SharpnessCost {
         }
     }
 
-    fn settle(settings: &mut Settings, census: &Census) {
+    fn settle(settings: &mut SharpnessSettings, census: &Census) {
         settings.mean_share = census.mean().filter(|&mean| mean > 0.0).unwrap_or(1.0);
     }
 

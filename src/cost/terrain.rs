@@ -59,7 +59,7 @@ pub const KNOBS: [Knob; 7] = [
 
 /// Settings, in the order of [`KNOBS`], and the frozen scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Settings {
+pub struct TerrainSettings {
     normal: f64,
     has_box_scale: bool,
     has_weights: bool,
@@ -71,7 +71,7 @@ pub struct Settings {
     normal_scale: f64,
 }
 
-impl From<[f64; 7]> for Settings {
+impl From<[f64; 7]> for TerrainSettings {
     fn from([normal, box_scale, weights, general, border, raw, carry]: [f64; 7]) -> Self {
         Self {
             normal,
@@ -86,13 +86,13 @@ impl From<[f64; 7]> for Settings {
     }
 }
 
-type Quadric = WideQuadric<8, 36>;
+type TerrainQuadric = WideQuadric<8, 36>;
 
 /// The cost function: a quadric per wedge and a normal per vertex of a cluster.
 #[derive(Debug)]
 pub struct TerrainCost {
-    settings: Settings,
-    quadrics: Vec<Quadric>,
+    settings: TerrainSettings,
+    quadrics: Vec<TerrainQuadric>,
     /// Scaled normals.
     normals: Vec<DVec3>,
     is_border: Vec<bool>,
@@ -103,8 +103,8 @@ pub struct TerrainCost {
 
 impl TerrainCost {
     /// Quadric of each wedge from `first` on: the sum over the triangles around it.
-    fn sum_quadrics(&self, mesh: &ClusterMesh, first: usize) -> Vec<Quadric> {
-        let mut quadrics = vec![Quadric::default(); mesh.wedge_vertex.len() - first];
+    fn sum_quadrics(&self, mesh: &ClusterMesh, first: usize) -> Vec<TerrainQuadric> {
+        let mut quadrics = vec![TerrainQuadric::default(); mesh.wedge_vertex.len() - first];
         for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
             let Some(quadric) = self.of_face(mesh, face) else { continue };
             for wedge in mesh.corners[face as usize].map(|wedge| wedge as usize).into_iter().filter(|&w| w >= first) {
@@ -115,15 +115,15 @@ impl TerrainCost {
     }
 
     /// The squared distance to a face; `None` if the face has no area.
-    fn of_face(&self, mesh: &ClusterMesh, face: u32) -> Option<Quadric> {
+    fn of_face(&self, mesh: &ClusterMesh, face: u32) -> Option<TerrainQuadric> {
         plane_of(mesh.triangle(face))?;
-        Quadric::of_triangle(mesh.corners[face as usize].map(|wedge| self.point(mesh, wedge)))
+        TerrainQuadric::of_triangle(mesh.corners[face as usize].map(|wedge| self.point(mesh, wedge)))
     }
 
     /// Recomputes the quadrics of a vertex's wedges.
     fn sum_around(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) {
         let corners = || rings.of(vertex).iter().filter_map(|&corner| Some((corner, mesh.living(corner)?)));
-        corners().for_each(|(_, wedge)| self.quadrics[wedge as usize] = Quadric::default());
+        corners().for_each(|(_, wedge)| self.quadrics[wedge as usize] = TerrainQuadric::default());
         for (corner, wedge) in corners() {
             if let Some(quadric) = self.of_face(mesh, corner / 3) {
                 self.quadrics[wedge as usize] += quadric;
@@ -218,12 +218,12 @@ fn between(a: &[f64; 8], b: &[f64; 8], share: f64) -> [f64; 8] {
 }
 
 impl Metric for TerrainCost {
-    type Settings = Settings;
+    type Settings = TerrainSettings;
 
     const WEDGE_BYTES: u64 = 288;
     const HAS_CENSUS: bool = true;
 
-    fn new(settings: &Settings) -> Self {
+    fn new(settings: &TerrainSettings) -> Self {
         Self {
             settings: *settings,
             quadrics: Vec::new(),
@@ -235,19 +235,19 @@ impl Metric for TerrainCost {
         }
     }
 
-    fn wants_raw_texture(settings: &Settings) -> bool {
+    fn wants_raw_texture(settings: &TerrainSettings) -> bool {
         settings.is_raw
     }
 
     /// Counts the edges of every face. Inner edges count twice, wherever the clusters' borders are.
-    fn count(_: &Settings, mesh: &ClusterMesh, _: &Rings, _: &[Class], census: &mut Census) {
+    fn count(_: &TerrainSettings, mesh: &ClusterMesh, _: &Rings, _: &[Class], census: &mut Census) {
         for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
             let [a, b, c] = mesh.triangle(face);
             [a.distance(b), b.distance(c), c.distance(a)].into_iter().for_each(|length| census.add(length));
         }
     }
 
-    fn settle(settings: &mut Settings, census: &Census) {
+    fn settle(settings: &mut TerrainSettings, census: &Census) {
         let length = if settings.has_box_scale { census.diagonal() } else { census.mean().unwrap_or(0.0) };
         settings.normal_scale = if settings.is_raw { 1.0 } else { settings.normal * length };
     }

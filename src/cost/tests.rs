@@ -222,7 +222,7 @@ fn terrain_counts_no_face_without_area() {
 fn raw_terrain_has_unit_normals() {
     let mesh = samples::grid(6, 0.7);
     let it = prepared::<TerrainCost>(&mesh, with(&terrain::KNOBS, "raw", 1.0));
-    let settings = terrain::Settings::from(with(&terrain::KNOBS, "raw", 1.0));
+    let settings = terrain::TerrainSettings::from(with(&terrain::KNOBS, "raw", 1.0));
     assert!(TerrainCost::wants_raw_texture(&settings));
     for vertex in 0..49 {
         let length = it.cost.normal(vertex).length();

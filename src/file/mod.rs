@@ -19,6 +19,6 @@ pub mod buckets;
 
 pub use column::{Column, ColumnWriter, Segment};
 pub use header::FORMAT_VERSION;
-pub use packed::{Bounds, PackedBlocks, PackedColumn, PackedWriter};
+pub use packed::{PackedBlocks, PackedColumn, PackedWriter, RecordBounds};
 pub use positions::{EncodedRun, PositionRunWriter, PositionRuns};
 pub use record_file::RecordFile;

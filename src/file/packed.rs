@@ -131,20 +131,20 @@ struct Block {
 
 /// Bounding box of records; records of two coordinates use the first two axes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Bounds {
+pub struct RecordBounds {
     /// Smallest coordinates; positive infinity for an empty box.
     pub low: [f64; 3],
     /// Largest coordinates; negative infinity for an empty box.
     pub high: [f64; 3],
 }
 
-impl Default for Bounds {
+impl Default for RecordBounds {
     fn default() -> Self {
         Self { low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3] }
     }
 }
 
-impl Bounds {
+impl RecordBounds {
     /// Extends the box to include another one.
     pub fn merge(&mut self, other: &Self) {
         self.low.iter_mut().zip(other.low).for_each(|(low, other)| *low = low.min(other));
@@ -164,7 +164,7 @@ impl Bounds {
 #[derive(Debug, Default)]
 pub struct PackedBlocks {
     bytes: Vec<u8>,
-    bounds: Bounds,
+    bounds: RecordBounds,
     blocks: Vec<PackedBlock>,
 }
 
@@ -214,7 +214,7 @@ pub struct PackedWriter<T> {
     kind: [u8; 8],
     pending: Vec<T>,
     blocks: Vec<Block>,
-    bounds: Bounds,
+    bounds: RecordBounds,
     count: u64,
 }
 
@@ -229,7 +229,7 @@ impl<T: Coordinates> PackedWriter<T> {
             kind,
             pending: Vec::new(),
             blocks: Vec::new(),
-            bounds: Bounds::default(),
+            bounds: RecordBounds::default(),
             count: 0,
         })
     }
@@ -310,7 +310,7 @@ pub struct PackedColumn<T> {
     #[serde(with = "file_name")]
     path: Arc<Path>,
     blocks: Arc<[Block]>,
-    bounds: Bounds,
+    bounds: RecordBounds,
     count: u64,
     record: PhantomData<T>,
 }
@@ -331,7 +331,7 @@ impl<T: Coordinates> PackedColumn<T> {
     }
 
     /// Bounding box of the records.
-    pub fn bounds(&self) -> Bounds {
+    pub fn bounds(&self) -> RecordBounds {
         self.bounds
     }
 

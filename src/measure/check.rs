@@ -131,7 +131,7 @@ fn has_no_area([a, b, c]: [DVec3; 3], largest: f64) -> bool {
 }
 
 #[derive(Default)]
-struct Topology {
+struct EdgeCounts {
     edges: u64,
     single_faces: u64,
     non_manifold_edges: u64,
@@ -147,9 +147,9 @@ fn is_fold(surface: &Surface, [a, b]: [HalfEdge; 2]) -> bool {
     are_folded([a.low(), a.high()].map(|v| surface.position(v)), [third(a), third(b)])
 }
 
-fn count_topology(surface: &Surface, edges: &EdgeTable) -> Topology {
+fn count_topology(surface: &Surface, edges: &EdgeTable) -> EdgeCounts {
     let faces = &surface.faces;
-    let mut topology = Topology::default();
+    let mut topology = EdgeCounts::default();
     let mut corners = DisjointSets::new(faces.len() * 3);
     let mut pieces = DisjointSets::new(faces.len());
     let mut open_edges = vec![0u8; faces.len()];

@@ -16,7 +16,7 @@ use super::face::{Face, NO_TEXCOORD};
 use super::face_blocks::FaceBlocks;
 use crate::base::{Error, Result};
 use crate::file::column::Segment;
-use crate::file::packed::{Bounds, PackedColumn};
+use crate::file::packed::{PackedColumn, RecordBounds};
 
 /// Largest number of vertices or texture coordinates: ids are 32 bits, and the last one means "none".
 pub const ID_LIMIT: u64 = u32::MAX as u64 - 1;
@@ -136,7 +136,7 @@ impl StoredMesh {
 
     /// Bounding box of all positions, including vertices without faces; low exceeds high if there are none.
     pub fn bounds(&self) -> (DVec3, DVec3) {
-        let mut bounds = Bounds::default();
+        let mut bounds = RecordBounds::default();
         self.position_columns().for_each(|column| bounds.merge(&column.bounds()));
         (bounds.low.into(), bounds.high.into())
     }

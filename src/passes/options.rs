@@ -24,15 +24,15 @@ pub enum Cost {
     /// [`SurfaceCost`].
     Surface(Weights),
     /// [`ClassicCost`].
-    Classic(classic::Settings),
+    Classic(classic::ClassicSettings),
     /// [`ObliqueCost`].
-    Oblique(oblique::Settings),
+    Oblique(oblique::ObliqueSettings),
     /// [`CurvatureCost`].
-    Curvature(curvature::Settings),
+    Curvature(curvature::CurvatureSettings),
     /// [`TerrainCost`].
-    Terrain(terrain::Settings),
+    Terrain(terrain::TerrainSettings),
     /// [`SharpnessCost`].
-    Sharpness(sharpness::Settings),
+    Sharpness(sharpness::SharpnessSettings),
 }
 
 impl Cost {
@@ -82,7 +82,7 @@ pub struct PassOptions {
     /// Whether only the first of several faces with the same three vertices is kept.
     pub drop_doubles: bool,
     /// Settings of the remeshing before the first pass; `None` for no remeshing.
-    pub remesh: Option<cvd::Settings>,
+    pub remesh: Option<cvd::CvdSettings>,
     /// Whether vertices beside slivers are relocated in the last passes.
     pub optimize: bool,
     /// Whether duplicate vertices are welded before the first pass.

@@ -27,13 +27,13 @@ use crate::job::{Step, folder_bytes};
 use crate::model::{StoredMesh, StoredPiece};
 use crate::partition::{ClusterSource, Partition, cluster};
 use crate::remesh::cvd::mass::MassSums;
-use crate::remesh::cvd::{self, FrozenStatistics, Settings, Stock};
+use crate::remesh::cvd::{self, CvdSettings, FrozenStatistics, Stock};
 
 /// Remeshing passes for a target in cells, if there are several clusters.
 pub const CELL_PASSES: usize = 3;
 
 /// Reports whether no further remeshing pass follows.
-pub(super) fn is_remeshed(settings: &Settings, done: &[RemeshReport]) -> bool {
+pub(super) fn is_remeshed(settings: &CvdSettings, done: &[RemeshReport]) -> bool {
     match (settings.cells, done.last()) {
         (_, None) => false,
         (None, Some(_)) => true,
@@ -71,7 +71,7 @@ impl<M: Metric> Run<'_, M> {
     /// On a full disk, failed reads or writes, and damaged files.
     pub(super) fn reconstruct(
         &mut self,
-        settings: &Settings,
+        settings: &CvdSettings,
         state: &mut PassState,
         partition: &Partition,
     ) -> Result<()> {
@@ -151,7 +151,7 @@ impl<M: Metric> Run<'_, M> {
     }
 
     /// Surveys all clusters twice; probes those of the input in the second survey.
-    fn find_frame(&self, settings: &Settings, state: &PassState, partition: &Partition) -> Result<Surveyed> {
+    fn find_frame(&self, settings: &CvdSettings, state: &PassState, partition: &Partition) -> Result<Surveyed> {
         self.progress.begin("weigh", 2 * partition.total_faces(), "faces");
         let is_input = state.pass == 0;
         let (mut sums, mut sides) = (MassSums::default(), LongestSides::default());
@@ -215,7 +215,7 @@ impl<M: Metric> Run<'_, M> {
 
     fn remesh_cluster(
         &self,
-        settings: &Settings,
+        settings: &CvdSettings,
         frame: &FrozenStatistics,
         mesh: &StoredMesh,
         partition: &Partition,

@@ -175,5 +175,5 @@ fn values_of_a_later_pass() {
 
 #[test]
 fn values_of_a_mesh_that_is_made_anew() {
-    change_values(SimplifyOptions { remesh: Some(cvd::Settings::default()), ..options() }, 11);
+    change_values(SimplifyOptions { remesh: Some(cvd::CvdSettings::default()), ..options() }, 11);
 }

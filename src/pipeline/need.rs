@@ -147,7 +147,7 @@ mod tests {
 
     #[test]
     fn what_each_metric_keeps_counts_against_the_budget() {
-        use crate::options::Metric;
+        use crate::options::MetricChoice;
         let folder = tempfile::tempdir().unwrap();
         let need = Need { faces: 4_000_000, vertices: 2_000_000, ..SURVEY };
         let fits = |metric, bytes| {
@@ -156,13 +156,13 @@ mod tests {
         };
         let plain = MemoryBudget::FIXED_BYTES + need.resident_bytes() + 2 * 200 * 250_000;
         for (metric, extra) in [
-            (Metric::Qem, 0),
-            (Metric::QemAttributes, 0),
-            (Metric::Qem1997, 0),
-            (Metric::Oblique, 62),
-            (Metric::Curvature, 12),
-            (Metric::Terrain, 187),
-            (Metric::Sharpness, 0),
+            (MetricChoice::Qem, 0),
+            (MetricChoice::QemAttributes, 0),
+            (MetricChoice::Qem1997, 0),
+            (MetricChoice::Oblique, 62),
+            (MetricChoice::Curvature, 12),
+            (MetricChoice::Terrain, 187),
+            (MetricChoice::Sharpness, 0),
         ] {
             let needed = plain + 250_000 * extra;
             assert!(fits(metric, needed) && !fits(metric, needed - 1), "{metric:?}");

@@ -60,7 +60,7 @@ pub struct Sizes {
     /// Triangles of a cluster, about.
     pub cluster_faces: u64,
     /// How the mesh is made anew, if it is.
-    pub remesh: Option<cvd::Settings>,
+    pub remesh: Option<cvd::CvdSettings>,
     /// Whether the distance from the input is bounded.
     pub is_bounded: bool,
     /// Bytes that the metric keeps for an ordinary face beyond those of every cluster.
@@ -171,7 +171,7 @@ pub fn scan_options(budget: MemoryBudget, threads: usize) -> ScanOptions {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::options::Metric;
+    use crate::options::MetricChoice;
 
     const CITY: Sizes = Sizes {
         faces: 4_313_336,
@@ -210,14 +210,14 @@ mod tests {
     }
 
     /// Bytes of half a vertex and 0.65 wedges, as each metric's records have them.
-    const METRICS: [(Metric, u64); 7] = [
-        (Metric::Qem, 0),
-        (Metric::QemAttributes, 0),
-        (Metric::Qem1997, 0),
-        (Metric::Oblique, 62),
-        (Metric::Curvature, 12),
-        (Metric::Terrain, 187),
-        (Metric::Sharpness, 0),
+    const METRICS: [(MetricChoice, u64); 7] = [
+        (MetricChoice::Qem, 0),
+        (MetricChoice::QemAttributes, 0),
+        (MetricChoice::Qem1997, 0),
+        (MetricChoice::Oblique, 62),
+        (MetricChoice::Curvature, 12),
+        (MetricChoice::Terrain, 187),
+        (MetricChoice::Sharpness, 0),
     ];
 
     #[test]
@@ -240,7 +240,7 @@ mod tests {
             let bounded = SimplifyOptions { max_error: Some(0.1), ..options.clone() };
             assert_eq!(bytes(&bounded), Anchor::with_room(bytes(&options)), "{metric:?}");
             // Cells are made before the metric is there.
-            let remeshed = SimplifyOptions { remesh: Some(cvd::Settings::default()), ..options.clone() };
+            let remeshed = SimplifyOptions { remesh: Some(cvd::CvdSettings::default()), ..options.clone() };
             assert_eq!(bytes(&remeshed), bytes(&options).max(limit_bytes(100_000) * cvd::GROWTH / 2), "{metric:?}");
         }
     }

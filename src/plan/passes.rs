@@ -66,7 +66,7 @@ pub fn forecast(sizes: &Sizes, passes: usize) -> Vec<PassForecast> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::remesh::cvd::Settings;
+    use crate::remesh::cvd::CvdSettings;
 
     fn sizes(faces: u64, target: u64) -> Sizes {
         let vertices = faces / 2;
@@ -79,7 +79,7 @@ mod tests {
         let passes = forecast(&remeshed("cvd"), 3);
         assert!(passes.len() == 5 && passes[0].is_remesh && !passes[1].is_remesh);
         assert!(forecast(&remeshed("cvd:cells=5000"), 3).iter().all(|pass| pass.is_remesh));
-        assert_eq!("cvd".parse(), Ok(Settings::default()));
+        assert_eq!("cvd".parse(), Ok(CvdSettings::default()));
     }
 
     #[test]

@@ -98,7 +98,7 @@ pub const GROWTH: u64 = 3;
 
 /// Settings of the reconstruction: `cvd`, `cvd:1`, `cvd:1,cells=500`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Settings {
+pub struct CvdSettings {
     /// Power λ of the curvature in a vertex's mass.
     pub lambda: f64,
     /// Number of cells, without a collapse afterwards; `None` for as many as there are vertices.
@@ -118,13 +118,13 @@ pub struct Settings {
     pub junctions: f64,
 }
 
-impl Default for Settings {
+impl Default for CvdSettings {
     fn default() -> Self {
         KNOBS.map(|knob| knob.default).into()
     }
 }
 
-impl From<[f64; 8]> for Settings {
+impl From<[f64; 8]> for CvdSettings {
     fn from([lambda, cells, floor, rings, spring, sweeps, centroidal, junctions]: [f64; 8]) -> Self {
         Self {
             lambda,
@@ -139,7 +139,7 @@ impl From<[f64; 8]> for Settings {
     }
 }
 
-impl FromStr for Settings {
+impl FromStr for CvdSettings {
     type Err = String;
 
     /// Reads `cvd`, `cvd:λ` and `cvd:name=value,…`.
@@ -172,7 +172,7 @@ pub struct FrozenStatistics {
 
 impl FrozenStatistics {
     /// Computed from the masses of all clusters, without the threshold.
-    pub fn new(sums: &MassSums, settings: &Settings) -> Self {
+    pub fn new(sums: &MassSums, settings: &CvdSettings) -> Self {
         let floor = sums.floor(settings.floor);
         let wanted = settings.cells.unwrap_or(sums.count()).max(1);
         Self { floor, enough: sums.total(settings.lambda, floor) / wanted as f64, wanted, threshold: f64::INFINITY }
@@ -203,7 +203,7 @@ impl Stock {
 
 /// Result of remeshing a cluster.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Remeshed {
+pub struct Reconstruction {
     /// Ends and share of every vertex that splits an edge: the last vertices of the mesh, in order.
     pub points: Vec<EdgePoint>,
     /// Number of cells that grew.
@@ -219,7 +219,7 @@ pub struct Remeshed {
 }
 
 /// Adds the masses of a cluster's vertices to `sums`; shared vertices are left out.
-pub fn weigh(mesh: &ClusterMesh, settings: &Settings, sums: &mut MassSums) {
+pub fn weigh(mesh: &ClusterMesh, settings: &CvdSettings, sums: &mut MassSums) {
     let field = Field::new(mesh, settings);
     for (vertex, part) in field.parts.iter().enumerate() {
         if !field.rings.of(vertex as u32).is_empty() && !mesh.is_shared(vertex as u32) {
@@ -229,7 +229,7 @@ pub fn weigh(mesh: &ClusterMesh, settings: &Settings, sums: &mut MassSums) {
 }
 
 /// Counts the cells of a cluster, and the candidates for more centres.
-pub fn take_stock(mesh: &ClusterMesh, settings: &Settings, frame: &FrozenStatistics) -> Stock {
+pub fn take_stock(mesh: &ClusterMesh, settings: &CvdSettings, frame: &FrozenStatistics) -> Stock {
     let field = Field::new(mesh, settings);
     let (_, _, grown) = field.grow(mesh, settings, frame);
     let shared = (0..mesh.positions.len() as u32).filter(|&v| mesh.is_shared(v) && !field.rings.of(v).is_empty());
@@ -240,7 +240,7 @@ pub fn take_stock(mesh: &ClusterMesh, settings: &Settings, frame: &FrozenStatist
 }
 
 /// Remeshes the cluster.
-pub fn reconstruct(mesh: &mut ClusterMesh, settings: &Settings, frame: &FrozenStatistics) -> Remeshed {
+pub fn reconstruct(mesh: &mut ClusterMesh, settings: &CvdSettings, frame: &FrozenStatistics) -> Reconstruction {
     mesh.compact_faces();
     mesh.unlink_unused_wedges();
     let field = Field::new(mesh, settings);
@@ -298,7 +298,7 @@ pub fn reconstruct(mesh: &mut ClusterMesh, settings: &Settings, frame: &FrozenSt
     drop(rings);
     let shrunk = dual::shrink(mesh, &cells, &vertices, is_held);
     let flipped = delaunay::flip(mesh);
-    Remeshed {
+    Reconstruction {
         points: points.on_edges,
         cells: u64::from(count - held),
         held: u64::from(held),
@@ -322,7 +322,7 @@ struct Field {
 }
 
 impl Field {
-    fn new(mesh: &ClusterMesh, settings: &Settings) -> Self {
+    fn new(mesh: &ClusterMesh, settings: &CvdSettings) -> Self {
         let (mut rings, mut classes) = (Rings::default(), Vec::new());
         rings.build(mesh);
         classify(mesh, &rings, &mut classes);
@@ -336,7 +336,7 @@ impl Field {
 
     /// The first cells: those of held vertices, then those that grow. Returns the cell of each vertex, the number of
     /// held cells, and the number of all cells.
-    fn grow(&self, mesh: &ClusterMesh, settings: &Settings, frame: &FrozenStatistics) -> (Vec<u32>, u32, u32) {
+    fn grow(&self, mesh: &ClusterMesh, settings: &CvdSettings, frame: &FrozenStatistics) -> (Vec<u32>, u32, u32) {
         let masses: Vec<f64> = self.parts.iter().map(|part| part.mass(settings.lambda, frame.floor)).collect();
         let mut cells = vec![NO_CELL; mesh.positions.len()];
         let mut held = 0;

@@ -15,7 +15,7 @@ use super::number::number;
 use super::{foreign_format, obj};
 use crate::base::threads::start;
 use crate::base::{Error, Progress, Result};
-use crate::file::packed::Bounds;
+use crate::file::packed::RecordBounds;
 
 /// Counts of the statements of an input.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -50,7 +50,7 @@ impl Counts {
         self.decimals = self.decimals.max(other.decimals);
     }
 
-    fn see(&mut self, statement: &[u8], bounds: Option<&mut Bounds>) {
+    fn see(&mut self, statement: &[u8], bounds: Option<&mut RecordBounds>) {
         let statement = match statement.strip_prefix(obj::BYTE_ORDER_MARK) {
             Some(rest) => trim(rest),
             None => statement,
@@ -66,7 +66,7 @@ impl Counts {
                 if let Some(bounds) = bounds
                     && let Some(position) = position(rest)
                 {
-                    bounds.merge(&Bounds { low: position, high: position });
+                    bounds.merge(&RecordBounds { low: position, high: position });
                 }
             }
             b"vt" => self.texcoords += 1,
@@ -103,14 +103,14 @@ fn decimals(word: &[u8]) -> u32 {
 /// # Errors
 /// [`Error::Input`] if a file has another format or a line that is too long, or if no file has a face; [`Error::Io`] if
 /// a file cannot be read.
-pub fn count(inputs: &[PathBuf], threads: usize, progress: &dyn Progress) -> Result<(Counts, Vec<Bounds>)> {
+pub fn count(inputs: &[PathBuf], threads: usize, progress: &dyn Progress) -> Result<(Counts, Vec<RecordBounds>)> {
     let mut length = 0;
     for path in inputs {
         length += path.metadata().map_err(|e| Error::io(path, "open", e))?.len();
     }
     progress.begin("count", length, "B");
     let cutter = Mutex::new(Cutter::new(inputs, CHUNK_BYTES));
-    let outcomes: Vec<Result<(Counts, Vec<Bounds>)>> = std::thread::scope(|scope| {
+    let outcomes: Vec<Result<(Counts, Vec<RecordBounds>)>> = std::thread::scope(|scope| {
         let counting = || work(inputs, &cutter, progress);
         let others: Vec<_> = (1..threads).filter_map(|_| start(scope, counting).ok()).collect();
         let own = counting();
@@ -132,11 +132,11 @@ pub fn count(inputs: &[PathBuf], threads: usize, progress: &dyn Progress) -> Res
 }
 
 /// Returns an empty box per file, or no boxes for a single file.
-fn no_boxes(inputs: &[PathBuf]) -> Vec<Bounds> {
-    vec![Bounds::default(); if inputs.len() > 1 { inputs.len() } else { 0 }]
+fn no_boxes(inputs: &[PathBuf]) -> Vec<RecordBounds> {
+    vec![RecordBounds::default(); if inputs.len() > 1 { inputs.len() } else { 0 }]
 }
 
-fn work(inputs: &[PathBuf], cutter: &Mutex<Cutter>, progress: &dyn Progress) -> Result<(Counts, Vec<Bounds>)> {
+fn work(inputs: &[PathBuf], cutter: &Mutex<Cutter>, progress: &dyn Progress) -> Result<(Counts, Vec<RecordBounds>)> {
     let (mut counts, mut boxes) = (Counts::default(), no_boxes(inputs));
     let mut text = Vec::new();
     loop {
@@ -154,7 +154,7 @@ fn work(inputs: &[PathBuf], cutter: &Mutex<Cutter>, progress: &dyn Progress) -> 
 fn count_chunk(
     inputs: &[PathBuf],
     chunk: &Chunk,
-    mut bounds: Option<&mut Bounds>,
+    mut bounds: Option<&mut RecordBounds>,
     text: &mut Vec<u8>,
 ) -> Result<Counts> {
     let path = &inputs[chunk.file_index];

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use crate::base::Findings;
 use crate::base::error::escape_path;
-use crate::file::packed::Bounds;
+use crate::file::packed::RecordBounds;
 use crate::model::StoredMesh;
 
 /// Two boxes count as the same if, on each axis, their overlap is at least this share of their union.
@@ -21,12 +21,12 @@ pub(super) fn note_twins(files: &[PathBuf], hashes: &[u64], mesh: &StoredMesh, f
 }
 
 /// The same by bounding boxes alone, for files that were not hashed.
-pub fn note_twin_boxes(files: &[PathBuf], boxes: &[Bounds], findings: &mut Findings) {
+pub fn note_twin_boxes(files: &[PathBuf], boxes: &[RecordBounds], findings: &mut Findings) {
     note(files.iter().zip(boxes).map(|(path, &bounds)| (path.as_path(), bounds, None)), findings);
 }
 
-fn note<'a>(files: impl Iterator<Item = (&'a Path, Bounds, Option<u64>)>, findings: &mut Findings) {
-    let mut folders: BTreeMap<&Path, (Bounds, u64)> = BTreeMap::new();
+fn note<'a>(files: impl Iterator<Item = (&'a Path, RecordBounds, Option<u64>)>, findings: &mut Findings) {
+    let mut folders: BTreeMap<&Path, (RecordBounds, u64)> = BTreeMap::new();
     let mut places = Vec::new();
     for (path, bounds, hash) in files {
         places.push(TwinPlace { path, bounds, hash, is_folder: false });
@@ -56,7 +56,7 @@ fn note<'a>(files: impl Iterator<Item = (&'a Path, Bounds, Option<u64>)>, findin
 /// A file, or a folder of several.
 struct TwinPlace<'a> {
     path: &'a Path,
-    bounds: Bounds,
+    bounds: RecordBounds,
     /// Hash of the content; `None` for a folder or if it is unknown.
     hash: Option<u64>,
     is_folder: bool,
@@ -69,7 +69,7 @@ impl TwinPlace<'_> {
     }
 }
 
-fn are_same(a: &Bounds, b: &Bounds) -> bool {
+fn are_same(a: &RecordBounds, b: &RecordBounds) -> bool {
     (0..3).all(|axis| {
         let common = a.high[axis].min(b.high[axis]) - a.low[axis].max(b.low[axis]);
         let both = a.high[axis].max(b.high[axis]) - a.low[axis].min(b.low[axis]);

@@ -23,7 +23,7 @@ RULE = """\
   counts as they are. *Confirmed*: all cases reach it. *Refuted*: fewer than half of them lie on the right side. *In part*: all else,
   with how many reach it and how many lie on the right side."""
 
-SHORT_RULE = "A case (a mesh at a share removed) reaches a claim if it lies on the side of the baseline that the paper says and is at most 1.5 times worse than the paper's figure, where it gives one. Confirmed: all cases reach it; refuted: fewer than half lie on the right side; in part: all else ([the rule](../reproduction.md#what-is-compared-with-what))."
+SHORT_RULE = "A case (a mesh at a share removed) reaches a claim if it lies on the side of the baseline that the paper says and is at most 1.5 times worse than the paper's figure, where it gives one. Confirmed: all cases reach it; refuted: fewer than half lie on the right side; in part: all else ([the rule](README.md#what-is-compared-with-what))."
 
 
 def below(ours, paper):
