@@ -5,7 +5,7 @@
 //! what [`compare`](super::compare) finds with more of them.
 //!
 //! # Memory
-//! One part of the result at a time: 72 bytes a triangle and about as much for its tree. 24 bytes and a tree for each
+//! One piece of the result at a time: 72 bytes a triangle and about as much for its tree. 24 bytes and a tree for each
 //! of up to 65,536 landmarks, 32 bytes for each of some 40,000 points.
 
 use glam::DVec3;

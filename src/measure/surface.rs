@@ -34,7 +34,7 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// Reads all parts of a stored mesh; polygons are triangulated as they are for simplification.
+    /// Reads all pieces of a stored mesh; polygons are triangulated as they are for simplification.
     ///
     /// # Errors
     /// [`Error::Damaged`] if a face refers to a vertex, a texture coordinate or a part that does not exist,
