@@ -1,4 +1,4 @@
-//! `drystone plan`: what a run will take.
+//! `drystone plan`: prediction for a run.
 
 use clap::Args;
 
