@@ -4,8 +4,8 @@
 //! original ◀──forward── result      forward: from points of the result to the closest point of the original
 //! original ──backward──▶ result     backward: from points of the original; large where something was lost
 //! ```
-//! Names are those of the JSON that `docs/reference/comparison.md` describes. Lengths are in the mesh's unit, angles in degrees,
-//! colours on 0 to 255, shares between 0 and 1.
+//! Names are those of the JSON that `docs/reference/comparison.md` describes. Lengths are in the mesh's unit, angles in
+//! degrees, colours on 0 to 255, shares between 0 and 1.
 //!
 //! ```text
 //! original ── cells ──┐                  ┌── distances, angles        ──▶ geometry

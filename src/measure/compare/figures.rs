@@ -151,7 +151,8 @@ pub struct NormalAngles {
 /// How the texture on the surface changed.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Texture {
-    /// Mean difference of colour (mean over the channels) between a point of the result and the closest point of the original.
+    /// Mean colour difference (mean over the channels) between a point of the result and the closest point of the
+    /// original.
     pub colour_mean: f64,
     /// Root of the mean squared difference.
     pub colour_rms: f64,

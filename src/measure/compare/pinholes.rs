@@ -232,7 +232,8 @@ fn steps_inside(near: &[f32]) -> Vec<u16> {
 mod tests {
     use super::*;
 
-    /// A square of the given size in the middle of a view from above, at a height, in pixels; without the squares in `holes`.
+    /// A square of the given size in the middle of a view from above, at a height, in pixels; without the squares in
+    /// `holes`.
     fn sheet(half: f64, height: f64, holes: &[[f64; 3]]) -> Depth {
         let frame = Frame::new(DVec3::new(-500.0, -400.0, 0.0), DVec3::new(500.0, 400.0, 100.0)).unwrap();
         let mut view = frame.view(0.0, 90.0, SIZE);

@@ -8,8 +8,8 @@
 //! ```
 //! In: pairs of points. Out: [`Slides`] and [`Gaps`]. Invariant: pairs are summed in their order.
 //!
-//! Where the original shows an image more than once, as brick walls do, a texel lies at several places. Drift on such an
-//! image is not measured.
+//! Where the original shows an image more than once, as brick walls do, a texel lies at several positions. Drift on
+//! such an image is not measured.
 //!
 //! Positions on the original are stored for the texels of a grid, [`GRID_SIDE`] along each side of an image, so a
 //! texture that did not move has a measured drift of up to one texel of the grid.

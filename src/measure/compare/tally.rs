@@ -7,9 +7,9 @@
 //!   shared ═══ shared        the face on the other side may be in another cell: its sides are matched at the end,
 //!                            and join the components, charts and borders that reach it
 //! ```
-//! In: loaded clusters. Out: [`TopologyCounts`], [`Quality`], folded triangles, the edges of the border and of seams. Invariant:
-//! the numbers are those that [`check`](super::super::check) counts on the whole mesh, and the edges come in the same order
-//! at any memory budget.
+//! In: loaded clusters. Out: [`TopologyCounts`], [`Quality`], folded triangles, the edges of the border and of seams.
+//! Invariant: the numbers are those that [`check`](super::super::check) counts on the whole mesh, and the edges come in
+//! the same order at any memory budget.
 //!
 //! # Memory
 //! 90 bytes a face of a cell; 4 bytes a shared vertex; 28 bytes for each component, chart and border that leaves its
