@@ -1,7 +1,7 @@
 //! Deviation that a comparison measured, and whether it keeps the bound of `--max-error`.
 //!
-//! In: the distances of a [`Comparison`](crate::measure::compare::Comparison). Out: lines for the terminal, and a message if
-//! some point is farther away than `--max-error` allows.
+//! In: the distances of a [`Comparison`](crate::measure::compare::Comparison). Out: lines for the terminal, and a
+//! message if some point is farther away than `--max-error` allows.
 
 use std::fmt::Write as _;
 

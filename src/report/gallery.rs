@@ -11,8 +11,8 @@
 //! has to be reduced to fit.
 //!
 //! # Memory
-//! A canvas of [`SIZE`] with 2 × 2 samples a pixel takes 59 MiB with its lists; as many as fit three fifths of the memory
-//! are drawn in one round, at least one. Images get the rest.
+//! A canvas of [`SIZE`] with 2 × 2 samples a pixel takes 59 MiB with its lists; as many as fit three fifths of the
+//! memory are drawn in one round, at least one. Images get the rest.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;

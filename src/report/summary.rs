@@ -134,8 +134,8 @@ fn ways_out(options: &SimplifyOptions, floor: &Floor, welded: u64) -> Vec<String
     ways.iter().filter(is_way).map(words).collect()
 }
 
-/// The first two stages in a row between which the error leaps: it grows more than [`LEAP`] times as fast as on a smooth
-/// surface, where the distance is inversely proportional to the number of faces.
+/// The first two consecutive stages between which the error leaps: it grows more than [`LEAP`] times as fast as on a
+/// smooth surface, where the distance is inversely proportional to the number of faces.
 fn last_sensible<'a>(stages: &[&'a StageReport]) -> Option<[&'a StageReport; 2]> {
     let leaps = |pair: &&[&StageReport]| {
         let fewer = pair[0].faces as f64 / pair[1].faces.max(1) as f64;
