@@ -67,7 +67,7 @@ impl Reading<'_> {
     /// Resumes the job in the work folder, or scans the input.
     ///
     /// # Errors
-    /// [`Error::Changed`](crate::base::Error::Changed) if the input has changed since the job was begun; those of the scan.
+    /// [`Error::Changed`](crate::base::Error::Changed) if the input has changed since the job began; those of the scan.
     pub(super) fn begin(&self, job: &mut WorkFolder) -> Result<(Input, Start)> {
         let recalled = if job.is_resumed() { Some(self.recall(job)?) } else { None };
         report_damage(job, self.progress);
