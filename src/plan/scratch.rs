@@ -8,9 +8,9 @@
 //! in a later pass       pieces before + positions + faces by cell + pieces after
 //! besides               the sample of a pass, 30 B a face, at most 30,000 faces
 //! ```
-//! Bytes were measured on 2026-11-21 on synthetic cities of 1.0 and 4.3 million triangles with four decimals and seams on a
-//! fifth of the vertices: 26.9 and 27.9 bytes a triangle in all at 10 %. Positions of doubles as they are take 24 bytes;
-//! a shuffled file about 10, and 12 a face more.
+//! Bytes were measured on 2026-11-21 on synthetic cities of 1.0 and 4.3 million triangles with four decimals and seams
+//! on a fifth of the vertices: 26.9 and 27.9 bytes a triangle in all at 10 %. Positions kept as doubles take 24 bytes;
+//! those of a shuffled file about 10, and 12 more for each face.
 
 use std::path::{Path, PathBuf};
 
