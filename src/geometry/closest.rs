@@ -174,7 +174,8 @@ mod tests {
             thin in -11i32..-1, first in 0usize..3, long in 1.0f64..5000.0, height in 0.0f64..3.0,
             u in 0.01f64..0.98, share in 0.01f64..0.98, middle in -0.9f64..1.9,
         ) {
-            // long and thin, in a plane that lies askew, with any corner as the first; the third corner may lie beyond the others
+            // long and thin, in an oblique plane, with any corner as the first; the third corner may lie beyond the
+            // others
             let (x, y) = (DVec3::new(2.0, 1.0, 2.0) / 3.0, DVec3::new(-2.0, 2.0, 1.0) / 3.0);
             let corners = [DVec3::ZERO, x * long, x * (long * middle) + y * (long * 10f64.powi(thin))];
             let mut triangle = corners;

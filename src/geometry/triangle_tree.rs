@@ -14,8 +14,8 @@
 //! is much smaller.
 //!
 //! # Source
-//! Boxes are split by the surface area heuristic over bins (Wald 2007, "On fast Construction of SAH-based Bounding Volume
-//! Hierarchies").
+//! Boxes are split by the surface area heuristic over bins (Wald 2007, "On fast Construction of SAH-based Bounding
+//! Volume Hierarchies").
 //!
 //! # Where we differ
 //! Other trees were tried with a million points around a city of 0.99 million triangles on one thread (2026-11-21).
