@@ -102,7 +102,7 @@ pub struct MeasuredMesh {
     pub tallied: Tallied,
     /// The images that it shows.
     pub pictures: TextureImages,
-    /// What was ignored, dropped or repaired.
+    /// Findings of the scan: elements ignored, dropped or repaired.
     pub findings: Findings,
     work: WorkFolder,
 }

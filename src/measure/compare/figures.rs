@@ -52,7 +52,7 @@ pub struct Comparison {
     pub seconds: f64,
     /// Peak resident memory of the process so far, in bytes.
     pub peak_resident: u64,
-    /// What was ignored or could not be measured, in words.
+    /// Messages about what was ignored or could not be measured.
     pub warnings: Vec<String>,
 }
 

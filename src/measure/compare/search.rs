@@ -55,7 +55,7 @@ pub struct Farthest {
     pub bound_sq: f64,
 }
 
-/// What is nearest to a point.
+/// Triangle nearest to a point.
 #[derive(Debug, Clone, Copy)]
 pub struct Found {
     /// Squared distance; infinite until a triangle is found.

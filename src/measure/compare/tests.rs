@@ -403,7 +403,7 @@ fn points_that_are_given_up_are_counted_and_spoken_for() {
     assert!(symmetric.cut_searches > 10_000, "{} points were given up", symmetric.cut_searches);
     assert!(found.warnings.iter().any(|words| words.contains("were given up")), "{:?}", found.warnings);
 
-    // checked against every triangle for some points of the moved mesh: the mean is of few points, so it scatters
+    // checked against every triangle for some points of the moved mesh: the mean is of few points, so it varies
     let triangle = |face: usize| faces[face].map(|vertex| positions[vertex]);
     let mut state = 7u64;
     let mut unit = || {
