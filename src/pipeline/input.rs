@@ -29,7 +29,7 @@ pub(super) struct Input {
     pub(super) catalogue: Catalogue,
     /// Triangles.
     pub(super) triangles: u64,
-    /// What the scan ignored or repaired.
+    /// Findings of the scan: elements ignored or repaired.
     pub(super) findings: Findings,
     /// Bytes of OBJ text.
     pub(super) bytes: u64,
