@@ -57,7 +57,7 @@ pub struct ScratchFigures {
 /// Prediction for a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Plan {
-    /// What the input holds.
+    /// Counts of the input.
     pub input: InputFigures,
     /// Target number of triangles; `None` if a bounded error decides: all that follows is then for a mesh that loses
     /// nothing.
