@@ -14,7 +14,7 @@ use crate::os::signals::StopSignal;
 
 /// Time between two plain lines of one phase.
 const LINE_INTERVAL: Duration = Duration::from_secs(5);
-/// Predicted seconds of a run above which a log explains how to look at it.
+/// Predicted seconds of a run above which a log names the command that shows its status.
 const LONG_SECONDS: f64 = 30.0;
 /// Steps of the bar.
 const BAR_STEPS: u64 = 1000;
