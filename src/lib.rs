@@ -3,8 +3,8 @@
 //! ```text
 //! OBJ ── scan ──▶ columns ── partition ──▶ clusters ── simplify ──▶ clusters' ── stitch ──▶ … ── write ──▶ OBJ
 //! ```
-//! An OBJ (or many) becomes one joined, textured OBJ with fewer triangles, within a memory budget, with the same bytes
-//! at any number of threads.
+//! Reads an OBJ (or many) and writes one joined, textured OBJ with fewer triangles, within a memory budget. The output
+//! has the same bytes at any number of threads.
 //!
 //! ```
 //! use std::path::Path;

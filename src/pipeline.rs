@@ -41,9 +41,9 @@ use crate::write::{self, WriteOptions};
 /// Simplifies OBJ files, or all below folders, into one OBJ.
 ///
 /// # Errors
-/// [`Error::Usage`](crate::base::Error::Usage) and [`Error::Budget`](crate::base::Error::Budget) before anything is read; see
-/// [`Error`](crate::base::Error) for the rest. Whatever happens, an older output stays whole until the new one is complete,
-/// and what is finished is kept in the work folder: the same call goes on from there.
+/// [`Error::Usage`](crate::base::Error::Usage) and [`Error::Budget`](crate::base::Error::Budget) before anything is
+/// read; see [`Error`](crate::base::Error) for the rest. Whatever happens, an older output stays whole until the new
+/// one is complete. Finished work is kept in the work folder: the same call resumes it.
 pub fn simplify(
     input: impl Into<InputChoice>,
     output: &Path,
@@ -53,8 +53,8 @@ pub fn simplify(
     simplify_and(input, output, options, progress, |_, _| Ok(()))
 }
 
-/// The same; the job is done only when `then` is, which is given the report and the job's number. If that fails, the next
-/// call finds the result written and does nothing else again.
+/// As [`simplify`], but calls `then` with the report and the job's number before it ends the job. If `then` fails, the
+/// next call finds the result written and repeats nothing else.
 ///
 /// # Errors
 /// Those of [`simplify`] and of `then`.
@@ -79,7 +79,7 @@ pub fn simplify_and(
     let input_bytes: u64 = manifest.inputs.iter().map(|file| file.bytes).sum();
     scratch::refuse_small_disk(input_bytes, folder_bytes(&work_path), &work_path)?;
     if options.resume == ResumeChoice::Never {
-        // What is there goes only if the job can be begun.
+        // The old job is removed only if the new one can begin.
         output::refuse_existing(output, options.force)?;
     }
     make_pool(threads)?;
@@ -175,7 +175,8 @@ fn run(
     let written = Instant::now();
     let write = || {
         let result = match earlier {
-            // Of one that was begun afresh on the way nobody knows that it follows from the input as it is.
+            // If the job was restarted on the way, nothing shows that the earlier result follows from the input as it
+            // is now.
             Earlier::Whole(written) if is_resumed => written,
             _ => {
                 output::remember(job, output)?;
@@ -186,7 +187,7 @@ fn run(
                 progress.check_stopped()?;
                 job.settle()?;
                 job.keep(Step::Written, staged.written().faces, [], staged.written())?;
-                // Without it a result that has its name already would be taken for another one's.
+                // Without this record, a result that has its final name already would be taken for that of another job.
                 job.sync()?;
                 staged.commit(progress)?
             }
@@ -326,9 +327,11 @@ fn manifest(choice: &InputChoice, inputs: &[PathBuf], options: &SimplifyOptions)
     })
 }
 
-/// Share of the triangles at which seams would take as many vertices as there are, if the result has fewer.
+/// Share of the triangles below which seams would take more vertices than there are; `None` unless they do so in the
+/// result.
 ///
-/// NOTE: seams get shorter with the square root of the faces where edges get longer by it.
+/// NOTE: edge length grows with the inverse square root of the faces, so the number of seam vertices falls with their
+/// square root.
 fn new_texture_below(crowding: Option<f64>, faces: u64, input: u64) -> Option<f64> {
     let share = faces as f64 / input.max(1) as f64;
     crowding.filter(|&crowding| crowding > 1.0).map(|crowding| (share * crowding * crowding).min(1.0))

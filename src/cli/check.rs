@@ -1,4 +1,4 @@
-//! `drystone check`: counts of one mesh, and what is new against another.
+//! `drystone check`: counts of one mesh, and its faults that another mesh does not have.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -29,7 +29,7 @@ pub struct CheckArguments {
     json: bool,
 }
 
-/// Prints the counts; returns exit code 1 if anything is new.
+/// Prints the counts; returns exit code 1 if there are new faults.
 ///
 /// # Errors
 /// If a mesh cannot be read.
@@ -95,7 +95,7 @@ fn words(name: &str) -> String {
     }
 }
 
-/// The counts as a person reads them, and a verdict where there is a mesh to compare with.
+/// The counts as a table for people, with a verdict if there is a mesh to compare with.
 fn table(after: &Check, before: Option<&Check>, news: &[Regression]) -> String {
     let mut text = String::new();
     let old = before.map(fields);

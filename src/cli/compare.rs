@@ -1,4 +1,4 @@
-//! `drystone compare`: what a simplification did to a mesh.
+//! `drystone compare`: compares a simplified mesh with its original.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -23,7 +23,7 @@ use crate::report::{self, ComparisonPage, ReportKind};
 use crate::scan;
 use crate::scan::InputChoice;
 
-/// Points by area, at least and at most.
+/// Minimum and maximum number of points by area.
 const SAMPLES: std::ops::RangeInclusive<u64> = 1_000..=1_000_000_000;
 
 /// Arguments of `drystone compare`.
@@ -82,7 +82,7 @@ impl SamplingArguments {
         self.samples
     }
 
-    /// Seed of their places.
+    /// Seed of the points.
     pub fn seed(self) -> u64 {
         self.seed
     }
@@ -100,7 +100,7 @@ impl SamplingArguments {
     }
 }
 
-/// Prints what changed.
+/// Prints the results of a comparison.
 ///
 /// # Errors
 /// Those of [`compare::compare`], and of writing the JSON.
@@ -145,7 +145,7 @@ fn drawing_resources(memory: Option<u64>, threads: Option<usize>) -> Result<Draw
     Ok(DrawResources { threads: memory::choose_threads(threads, budget), work_bytes })
 }
 
-/// Compares `[original, result]`, and leaves so many bytes of the memory to others.
+/// Compares `[original, result]`, and leaves `kept_bytes` of the memory to others.
 ///
 /// # Errors
 /// Those of [`compare::compare`]; [`Error::Usage`], [`Error::Budget`] and [`Error::NoSpace`] before anything is read.
@@ -189,7 +189,7 @@ pub fn compare_meshes(
     )
 }
 
-/// The comparison as a person reads it.
+/// The comparison as a table for people.
 fn table(comparison: &Comparison) -> String {
     let mut text = String::new();
     let Comparison { geometry, topology, quality, .. } = comparison;
@@ -322,7 +322,7 @@ fn describe_texture(texture: &Texture, row: &mut impl FnMut(&str, String)) {
     }
 }
 
-/// A distance, but for roundings.
+/// A distance as text; a distance that may be rounding only as "less than" the limit of rounding.
 fn distance(value: f64, diagonal: f64) -> String {
     match value {
         0.0 => "0".to_owned(),

@@ -1,4 +1,4 @@
-//! What is read: files, folders, and what of the folders is left out.
+//! Inputs of a command: files, folders, and patterns of files to leave out.
 
 use std::path::PathBuf;
 
@@ -21,7 +21,7 @@ pub struct InputArguments {
 }
 
 impl InputArguments {
-    /// What the user named.
+    /// Inputs that the user named.
     pub fn choice(&self) -> InputChoice {
         InputChoice { paths: self.input.clone(), exclude: self.exclude.clone() }
     }

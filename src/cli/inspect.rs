@@ -1,4 +1,4 @@
-//! `drystone inspect`: what an OBJ holds.
+//! `drystone inspect`: counts and faults of an OBJ.
 
 use std::path::PathBuf;
 
@@ -34,7 +34,7 @@ pub struct InspectArguments {
     quiet: bool,
 }
 
-/// Prints what the input holds.
+/// Prints the counts and faults of the input.
 ///
 /// # Errors
 /// Those of [`inspect::inspect`].

@@ -1,4 +1,4 @@
-//! `drystone completions` and `drystone man`: made from the definitions of the options, as `--help` is.
+//! `drystone completions` and `drystone man`: generated from the definitions of the options, as `--help` is.
 
 use std::path::PathBuf;
 
@@ -37,7 +37,7 @@ pub fn print_completions(arguments: &CompletionsArguments, mut program: Command)
     Ok(0)
 }
 
-/// Writes a page for `program` and one for each of its commands.
+/// Writes a manual page for `program` and one for each of its commands.
 ///
 /// # Errors
 /// The file system's.
@@ -56,7 +56,7 @@ pub fn write_pages(arguments: &ManArguments, program: Command) -> Result<u8> {
     Ok(0)
 }
 
-/// The page of a command.
+/// The manual page of a command.
 fn page(command: &Command, name: &str) -> std::io::Result<Vec<u8>> {
     let man = Man::new(command.clone().version(version::SHORT))
         .title(name.to_uppercase())
@@ -72,7 +72,7 @@ fn page(command: &Command, name: &str) -> std::io::Result<Vec<u8>> {
         man.render_subcommands_section(&mut text)?;
     }
     let more = command.get_after_long_help().or(command.get_after_help()).map(ToString::to_string).unwrap_or_default();
-    // `Examples:` and lines, which stay as they are.
+    // `Examples:` and lines, which are printed unchanged.
     if let Some((heading, lines)) = more.split_once(":\n") {
         let lines: String = lines.lines().map(|line| roff(line) + "\n").collect();
         text.extend(format!(".SH {}\n.nf\n{lines}.fi\n", heading.to_uppercase()).into_bytes());
@@ -81,7 +81,7 @@ fn page(command: &Command, name: &str) -> std::io::Result<Vec<u8>> {
     Ok(text)
 }
 
-/// How a command is written: each option with the name of its value, those that may be left out in brackets.
+/// Synopsis of a command: each option with the name of its value, optional ones in brackets.
 fn synopsis(command: &Command) -> String {
     let bin = command.get_bin_name().unwrap_or(command.get_name());
     let mut text = format!(".SH SYNOPSIS\n\\fB{}\\fR", roff(bin));
@@ -106,7 +106,7 @@ fn synopsis(command: &Command) -> String {
     text + "\n"
 }
 
-/// A line of text as a manual page writes it.
+/// A line of text with the characters escaped that a manual page treats as commands.
 fn roff(line: &str) -> String {
     let text = line.replace('\\', "\\e").replace('-', "\\-");
     if text.starts_with(['.', '\'']) { format!("\\&{text}") } else { text }

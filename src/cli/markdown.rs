@@ -1,4 +1,4 @@
-//! `docs/reference/options.md`, written from the definitions of the options, so that it cannot say anything else.
+//! Generates `docs/reference/options.md` from the definitions of the options, so that the two agree.
 
 use std::fmt::Write as _;
 
@@ -33,7 +33,8 @@ pub fn options_markdown() -> String {
     page
 }
 
-/// A section for a command: its arguments, then its options by heading; those that it shares with `simplify` only once.
+/// Appends a section for a command: its arguments, then its options by heading; options shared with `simplify` only
+/// once.
 fn describe(page: &mut String, command: &Command, simplify: &Command) {
     let about = command.get_about().map(ToString::to_string).unwrap_or_default();
     let positionals: Vec<String> =
@@ -95,11 +96,11 @@ fn choices(argument: &Arg) -> Vec<clap::builder::PossibleValue> {
     if argument.get_action().takes_values() { argument.get_possible_values() } else { Vec::new() }
 }
 
-/// The option's words, then its choices with theirs.
+/// Description of an option, followed by its choices and their descriptions.
 fn meaning(argument: &Arg) -> String {
     let words = argument.get_long_help().or(argument.get_help());
     let words = words.map(ToString::to_string).unwrap_or_default();
-    // Paragraphs of `--help` are sentences of one cell; a default stands behind the last.
+    // Paragraphs of `--help` become sentences of one cell; a default stands behind the last.
     let mut text = words.replace("\n\n[", " [").replace("\n\n", ". ").replace('\n', " ");
     if argument.is_required_set() && !argument.is_positional() {
         text.push_str(" (required)");
@@ -113,7 +114,7 @@ fn meaning(argument: &Arg) -> String {
     text.replace('|', "\\|")
 }
 
-/// The default: clap's, or the one that the words end with (`[default: …]`).
+/// Splits off the default: clap's, or the one at the end of the description (`[default: …]`).
 fn split_default(meaning: String, argument: &Arg) -> (String, String) {
     let defaults = argument.get_default_values();
     if argument.get_action().takes_values()

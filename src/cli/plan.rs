@@ -1,4 +1,4 @@
-//! `drystone plan`: what a run will take.
+//! `drystone plan`: prediction for a run.
 
 use clap::Args;
 
@@ -28,7 +28,8 @@ pub struct PlanArguments {
 /// Prints the plan.
 ///
 /// # Errors
-/// Those of [`plan::plan`], and [`Error::NoSpace`](crate::base::Error::NoSpace) after the plan if the disk is too small.
+/// Those of [`plan::plan`], and [`Error::NoSpace`](crate::base::Error::NoSpace) after the plan if the disk is too
+/// small.
 pub fn run(arguments: &PlanArguments) -> Result<u8> {
     let told = told(arguments.quiet);
     let plan = plan::plan(arguments.input.choice(), &arguments.options, &*told)?;

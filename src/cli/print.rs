@@ -1,4 +1,4 @@
-//! Results on stdout; a reader that has left (`| head`) is no reason to fail.
+//! Prints results to stdout; a reader that closed the pipe (`| head`) is no error.
 
 use std::io::{ErrorKind, Write as _};
 use std::path::Path;
@@ -10,7 +10,7 @@ use crate::base::{Error, Result};
 /// Prints text.
 ///
 /// # Errors
-/// [`Error::Io`], also for a full disk: what is printed is not what a work folder goes on with.
+/// [`Error::Io`], also for a full disk: printing is no part of a job that can be resumed.
 pub fn print(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {

@@ -14,27 +14,27 @@ use crate::os::signals::StopSignal;
 
 /// Time between two plain lines of one phase.
 const LINE_INTERVAL: Duration = Duration::from_secs(5);
-/// Predicted seconds of a run from which on a log says how to look at it.
+/// Predicted seconds of a run above which a log names the command that shows its status.
 const LONG_SECONDS: f64 = 30.0;
 /// Steps of the bar.
 const BAR_STEPS: u64 = 1000;
 
-/// Progress for a person, or none.
+/// Progress on stderr, or none if `quiet`.
 pub fn told(quiet: bool) -> Box<dyn Progress> {
     stoppable(quiet, StopSignal::default())
 }
 
-/// The same for work that a signal stops.
+/// As [`told`], for work that a signal stops.
 pub fn stoppable(quiet: bool, stop: StopSignal) -> Box<dyn Progress> {
     Box::new(Told::new(quiet, stop, None, String::new()))
 }
 
-/// The same for a whole run in a work folder.
+/// As [`told`], for a whole run in a work folder.
 pub fn of_job(stop: StopSignal, share: JobShare, work: &Path) -> Box<dyn Progress> {
     Box::new(Told::new(false, stop, Some(share), escape_path(work)))
 }
 
-/// Tells progress to a person.
+/// Reports progress to a person.
 struct Told {
     is_quiet: bool,
     is_terminal: bool,
@@ -44,9 +44,9 @@ struct Told {
     state: Mutex<State>,
 }
 
-/// How far the run is.
+/// Progress of the run.
 struct State {
-    /// Of a whole run; `None` for a command whose phases stand alone.
+    /// Share of a whole run; `None` for a command whose phases stand alone.
     share: Option<JobShare>,
     phase: Option<Phase>,
     bar: Option<ProgressBar>,
@@ -94,20 +94,20 @@ impl Told {
 }
 
 impl State {
-    /// The share of the whole run, or of the phase in a command whose phases stand alone.
+    /// Share of the whole run that is done, or of the phase in a command whose phases stand alone.
     fn advance(&mut self) -> Option<f64> {
         let phase = self.phase.as_ref()?;
         let of_phase = phase.done as f64 / phase.total.max(1) as f64;
         Some(self.share.as_mut().map_or(of_phase.min(1.0), |share| share.advance(of_phase)))
     }
 
-    /// `41 %  `, for a line of the log.
+    /// Percentage for a line of the log: `41 %  `.
     fn percent(&mut self) -> String {
         let share = self.advance().filter(|_| self.share.is_some());
         share.map_or_else(String::new, |share| format!("{:3.0} %  ", 100.0 * share))
     }
 
-    /// `pass 2 of 4, stitch`.
+    /// Name of the phase: `pass 2 of 4, stitch`.
     fn name(&self) -> String {
         let name = self.phase.as_ref().map_or("", |phase| phase.name);
         match self.share.as_ref().and_then(JobShare::pass) {
@@ -116,7 +116,7 @@ impl State {
         }
     }
 
-    /// `12 s left`; nothing while nobody knows.
+    /// Estimated time left: `12 s left`; empty while there is no estimate.
     fn seconds_left(&self, began: Instant) -> String {
         let left = match (&self.share, &self.phase) {
             (Some(share), _) => share.seconds_left(began.elapsed().as_secs_f64()),
@@ -218,7 +218,7 @@ fn amount(count: u64, unit: &str) -> String {
     }
 }
 
-/// `12 s`, `3 min`, `2.5 h`.
+/// Time as text: `12 s`, `3 min`, `2.5 h`.
 fn time(seconds: f64) -> String {
     match seconds {
         s if s < 100.0 => format!("{s:.0} s"),

@@ -1,10 +1,10 @@
-//! The share of a whole run that is done, by the times that `drystone plan` predicts.
+//! Estimates the share of a whole run that is done, from the times that `drystone plan` predicts.
 //!
 //! ```text
 //! scan │ draw │ cut 1 │ pass 1        │ cut 2 │ pass 2 │ … │ textures │ write │ measure │ draw │ comparison
 //!      └─ known once the triangles are counted; until then they are estimated from the bytes
 //! ```
-//! In: phases as they begin and advance. Out: a share that never falls. Nothing that shapes a result reads it.
+//! In: phases as they begin and advance. Out: a share that never falls. The share has no effect on results.
 
 use crate::options::{Drawing, SimplifyOptions, TextureFiles};
 use crate::plan::memory::{self, Sizes};
@@ -12,29 +12,29 @@ use crate::plan::{passes, time};
 use crate::scan;
 use crate::scan::InputChoice;
 
-/// Bytes of OBJ text for each triangle, about.
+/// Approximate bytes of OBJ text for each triangle.
 const BYTES_PER_TRIANGLE: u64 = 70;
-/// Seconds that a comparison takes for each sample on one core, about; both ways, colours included.
+/// Approximate seconds of a comparison for each sample on one core; both directions, colours included.
 const SECONDS_PER_SAMPLE: f64 = 8e-6;
-/// Seconds that drawing a mesh takes on one core, about, and what each of its triangles adds.
+/// Approximate seconds on one core to draw a mesh, and further seconds for each of its triangles.
 const DRAW_SECONDS: f64 = 1.0;
 const DRAW_SECONDS_PER_TRIANGLE: f64 = 4e-6;
-/// Seconds that measuring the deviation takes for each triangle of the input, about.
+/// Approximate seconds to measure the deviation, for each triangle of the input.
 const GAUGE_SECONDS_PER_TRIANGLE: f64 = 3e-7;
-/// Time that copying textures takes, in that of writing the OBJ; nobody knows their size.
+/// Time to copy textures, as a multiple of the time to write the OBJ; the size of the textures is unknown.
 const TEXTURES_PER_WRITE: f64 = 0.3;
-/// Phases of a comparison.
+/// Number of phases of a comparison.
 const COMPARISON_PHASES: f64 = 11.0;
 
-/// Follows a run.
+/// Progress of a run.
 #[derive(Debug, Clone)]
 pub struct JobShare {
     options: SimplifyOptions,
     threads: usize,
     bytes: u64,
     comparison: f64,
-    /// Predicted seconds: of the scan, of drawing input and result, of cutting and of simplifying in each pass, of copying
-    /// textures, of writing, of measuring.
+    /// Predicted seconds: of the scan, of drawing input and result, of partitioning and of simplifying in each pass, of
+    /// copying textures, of writing, of measuring.
     scan: f64,
     draw: [f64; 2],
     passes: Vec<[f64; 2]>,
@@ -43,18 +43,18 @@ pub struct JobShare {
     gauge: f64,
     has_triangles: bool,
     pass: usize,
-    /// Where the phase under way begins and ends, in predicted seconds.
+    /// Begin and end of the current phase, in predicted seconds.
     phase: [f64; 2],
-    /// Predicted seconds of phases that an earlier process has done.
+    /// Predicted seconds of the phases that an earlier process completed.
     skipped: f64,
     has_written: bool,
-    /// Phases of the comparison that began.
+    /// Number of phases of the comparison that began.
     compared: f64,
     share: f64,
 }
 
 impl JobShare {
-    /// A run that has not begun, followed by a comparison with so many samples.
+    /// A run that has not begun, followed by a comparison with `samples` samples.
     pub fn of(input: &InputChoice, options: &SimplifyOptions, samples: u64) -> Self {
         let files = scan::find_inputs(input).unwrap_or_default();
         let bytes = files.iter().filter_map(|path| path.metadata().ok()).map(|meta| meta.len()).sum();
@@ -119,17 +119,17 @@ impl JobShare {
         self.scan + self.draw.iter().sum::<f64>() + passes + end
     }
 
-    /// `pass 2 of 4` while passes are under way. A pass more than expected is the last one, as far as is known.
+    /// Number of the current pass: `pass 2 of 4`. A pass beyond the expected number is shown as the last one.
     pub fn pass(&self) -> Option<String> {
         (self.pass > 0).then(|| format!("pass {} of {}", self.pass, self.passes.len().max(self.pass)))
     }
 
-    /// A pass begins, counted from 1.
+    /// Begins a pass, counted from 1.
     pub fn begin_pass(&mut self, number: usize) {
         self.pass = number;
     }
 
-    /// A phase begins.
+    /// Begins a phase.
     pub fn begin(&mut self, phase: &str, total: u64) {
         let is_first = self.pass <= 1;
         let is_pass = matches!(phase, "simplify" | "stitch" | "remesh" | "weigh");
@@ -174,7 +174,7 @@ impl JobShare {
         [step(self.compared - 1.0), step(self.compared)]
     }
 
-    /// This share of the phase is done; returns that of the whole run.
+    /// Records the share of the phase that is done; returns that of the whole run.
     pub fn advance(&mut self, of_phase: f64) -> f64 {
         let [begin, end] = self.phase;
         let done = begin + (end - begin) * of_phase.clamp(0.0, 1.0);
@@ -185,7 +185,8 @@ impl JobShare {
 }
 
 impl JobShare {
-    /// Seconds that are left, about, if this process has taken `elapsed` so far; `None` while too little is done to say.
+    /// Approximate seconds left, if this process has taken `elapsed` so far; `None` while too little is done for an
+    /// estimate.
     pub fn seconds_left(&self, elapsed: f64) -> Option<f64> {
         let predicted = self.predicted_seconds();
         let done = self.share * predicted - self.skipped;

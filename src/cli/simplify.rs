@@ -1,4 +1,4 @@
-//! `drystone simplify`: one OBJ, or many, becomes one with fewer triangles.
+//! `drystone simplify`: simplifies one or more OBJ files into one OBJ.
 
 use std::path::{Path, PathBuf};
 
@@ -20,10 +20,10 @@ use crate::pipeline;
 use crate::report;
 use crate::report::gallery::Relief;
 
-/// After `-h`.
+/// Text after `-h`.
 pub const MORE: &str = "--help has every option, each with its choices, and examples.";
 
-/// After `--help`.
+/// Text after `--help`.
 pub const EXAMPLES: &str = "\
 Examples:
   drystone simplify city.obj -o out/city.obj --ratio 10%
@@ -77,8 +77,8 @@ enum Format {
     Json,
 }
 
-/// Simplifies, compares if asked to, prints the closing words and returns the exit code. With `--format json` stdout gets one
-/// object, also for a run that fails.
+/// Simplifies, compares if asked to, prints the summary and warnings, and returns the exit code. With `--format json`
+/// stdout gets one object, also if the run fails.
 ///
 /// # Errors
 /// Those of [`pipeline::simplify`] and of the reports.
@@ -129,14 +129,14 @@ fn simplify(arguments: &SimplifyArguments, is_printed: &mut bool) -> Result<u8> 
     let work = pipeline::work_folder(output, &options);
     let goodbye = Goodbye::of_job(&stop, &work);
     let samples = if *measure { sampling.samples() } else { 0 };
-    // A quiet run has no bar, and need not look at the input for one.
+    // A quiet run has no bar, so it need not examine the input for one.
     let told = if *quiet {
         stoppable(true, stop.clone())
     } else {
         of_job(stop.clone(), JobShare::of(&choice, &options, samples), &work)
     };
     let mut number = 0;
-    // With the job not yet done: where a report cannot be written, the same command goes on.
+    // Reports are written before the job ends: if one cannot be written, the same command resumes the job.
     let outcome = pipeline::simplify_and(choice.clone(), output, &options, &*told, |result, job| {
         number = job;
         reports.iter().try_for_each(|path| result.save(path, job))
@@ -157,7 +157,7 @@ fn simplify(arguments: &SimplifyArguments, is_printed: &mut bool) -> Result<u8> 
         }
     });
     drop(told);
-    // The result is there even if it could not be compared.
+    // The result is complete even if the comparison failed.
     let failure = match compared.transpose() {
         Ok(comparison) => {
             result.comparison = comparison;
@@ -185,14 +185,14 @@ fn simplify(arguments: &SimplifyArguments, is_printed: &mut bool) -> Result<u8> 
     }
 }
 
-/// The folder for a comparison, apart from that of the run.
+/// The work folder of a comparison, beside that of the run.
 fn work_beside(work: &Path) -> PathBuf {
     let mut name = work.file_name().unwrap_or_default().to_owned();
     name.push("-measure");
     work.with_file_name(name)
 }
 
-/// Prints lines on stderr, where a script that reads the summary does not meet them.
+/// Prints lines on stderr, so that a script that reads the summary does not see them.
 fn tell_lines(lines: Vec<String>) {
     lines.iter().for_each(|line| tell(line));
 }

@@ -1,4 +1,4 @@
-//! `drystone status`: what is done and what is left of a job.
+//! `drystone status`: what a job has done and what is left of it.
 
 use std::collections::HashSet;
 use std::fmt::Write as _;
@@ -16,7 +16,7 @@ use crate::base::error::{escape, escape_path};
 use crate::base::{Result, bytes, counted, grouped, json_path};
 use crate::job::{Entry, Step, StepRecord, WorkStatus, look};
 
-/// How every OBJ that the program writes begins.
+/// First bytes of every OBJ that the program writes.
 const OWN_BEGINNING: [u8; 11] = *b"# drystone ";
 
 /// Arguments of `drystone status`.
@@ -29,15 +29,15 @@ pub struct StatusArguments {
     json: bool,
 }
 
-/// What a job has done.
+/// Status of a job.
 #[derive(Debug, Serialize)]
 struct JobStatus {
-    /// Whether a process works on it.
+    /// Whether a process is working on the job.
     running: bool,
-    /// Seconds since it was begun, in all and by the process that began last.
+    /// Seconds since the job began, and since its latest process began.
     seconds: u64,
     seconds_of_process: u64,
-    /// Processes that worked on it.
+    /// Number of processes that worked on the job.
     processes: u64,
     /// The first input file, how many there are, and their bytes.
     #[serde(serialize_with = "json_path::lossy_option")]
@@ -46,30 +46,30 @@ struct JobStatus {
     input_bytes: u64,
     /// Triangles of the input, once it is scanned.
     triangles: Option<u64>,
-    /// Passes asked for; more may follow.
+    /// Number of passes asked for; more may follow.
     passes: u64,
-    /// Passes that are done.
+    /// Number of passes that are done.
     passes_done: u64,
-    /// Triangles after the last of them.
+    /// Triangles after the last of these passes.
     triangles_left: Option<u64>,
-    /// The pass under way, once its partition is done.
+    /// The current pass, once its partition is done.
     pass: Option<PassStatus>,
     /// Whether the result is written.
     written: bool,
-    /// Why a process ended early, if one has said so; the last one that did.
+    /// Error that ended a process early, if one was recorded; the latest one.
     last_error: Option<String>,
-    /// Which process that was, from 1.
+    /// Number of that process, counted from 1.
     last_error_of_process: Option<u64>,
     /// Bytes in the work folder.
     bytes: u64,
 }
 
-/// The pass under way.
+/// Status of the current pass.
 #[derive(Debug, Serialize)]
 struct PassStatus {
     /// Counted from 1.
     number: u32,
-    /// Clusters in all, and those that are done.
+    /// Number of clusters, and of those that are done.
     clusters: u64,
     clusters_done: u64,
     /// Triangles of the clusters that are done, before they were simplified.
@@ -145,7 +145,7 @@ impl JobStatus {
                 Entry::Failed { message, .. } => {
                     (status.last_error, status.last_error_of_process) = (Some(message.clone()), Some(status.processes));
                 }
-                // A cluster that was found damaged is kept again.
+                // A damaged cluster that was recomputed is recorded a second time.
                 Entry::Kept(StepRecord { step: step @ Step::Cluster { .. }, .. }) if !clusters.insert(*step) => {}
                 Entry::Kept(record) => {
                     if matches!(record.step, Step::Cut { .. }) {

@@ -1,4 +1,4 @@
-//! What happens when a signal asks the program to stop: the end within a few seconds, and how to go on.
+//! Stops the program after a signal: ends the work within a few seconds and prints how to resume it.
 
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
@@ -11,13 +11,13 @@ use crate::base::error::{escape_path, is_unseen};
 use crate::os::signals::StopSignal;
 use crate::scan::InputChoice;
 
-/// Time that the work has to come to a safe end by itself; then the process ends as it is, which is safe too.
+/// Time in which the work may end by itself; then the process exits without waiting, which is safe too.
 const GRACE: Duration = Duration::from_secs(3);
-/// Time to say the words then.
+/// Time to print the message then.
 const WORDS_TIME: Duration = Duration::from_millis(200);
 const LOOK_INTERVAL: Duration = Duration::from_millis(50);
 
-/// What is said when a signal ends the process: how to go on.
+/// Message for the end of the process after a signal: how to resume.
 #[derive(Debug, Clone)]
 pub struct Goodbye {
     stop: StopSignal,
@@ -32,13 +32,13 @@ enum Words {
 }
 
 impl Goodbye {
-    /// While a job runs whose steps are kept in a work folder: the same command goes on. From now on the process ends soon
+    /// For a job whose steps are kept in a work folder: the same command resumes it. From now on the process ends soon
     /// after a signal, even if its work does not end by itself.
     pub fn of_job(stop: &StopSignal, work: &Path) -> Self {
         Self::new(stop, Words::Job { work: work.to_owned(), command: command_that_goes_on(std::env::args_os()) })
     }
 
-    /// While something runs that keeps nothing.
+    /// For work that keeps nothing.
     pub fn of_nothing(stop: &StopSignal) -> Self {
         Self::new(stop, Words::Nothing)
     }
@@ -46,13 +46,13 @@ impl Goodbye {
     fn new(stop: &StopSignal, words: Words) -> Self {
         let goodbye = Self { stop: stop.clone(), words: Arc::new(Mutex::new(words)) };
         let late = goodbye.clone();
-        // Where no thread can be had, the work still ends by itself.
+        // If no thread can be started, the work still ends by itself.
         let _ = Builder::new().spawn(move || {
             let mut came = None;
             loop {
                 std::thread::sleep(LOOK_INTERVAL);
                 if late.stop.number().is_some() && came.get_or_insert_with(Instant::now).elapsed() >= GRACE {
-                    // Who reads the words may do so no more.
+                    // The message may block if its reader has stopped reading.
                     let saying = late.clone();
                     let _ = Builder::new().spawn(move || saying.say());
                     std::thread::sleep(WORDS_TIME);
@@ -63,16 +63,16 @@ impl Goodbye {
         goodbye
     }
 
-    /// From now on only the comparison of a result is under way.
+    /// Records that only the comparison of a result is left.
     pub fn only_compares(&self, input: &InputChoice, output: &Path) {
-        // The command takes one whole input.
+        // `drystone compare` takes one whole input.
         let is_one = input.paths.len() == 1 && input.exclude.is_empty();
         let [input, output] = [input.name(), output].map(|path| quoted(path.as_os_str()));
         let words = Words::Comparison { command: is_one.then(|| format!("drystone compare {input} {output}")) };
         *self.words.lock().unwrap_or_else(PoisonError::into_inner) = words;
     }
 
-    /// Says it and returns the exit code: 128 and the signal.
+    /// Prints the message and returns the exit code: 128 plus the number of the signal.
     pub fn say(&self) -> u8 {
         let words = match &*self.words.lock().unwrap_or_else(PoisonError::into_inner) {
             Words::Job { work, command } if work.join("journal.bin").exists() => {
@@ -94,12 +94,12 @@ impl Goodbye {
     }
 }
 
-/// The command as it was given.
+/// The command as it was typed.
 pub fn command_line() -> String {
     std::env::args_os().map(|word| quoted(&word)).collect::<Vec<_>>().join(" ")
 }
 
-/// The command as it was given, but that it goes on where the job was.
+/// The command as it was typed, with `--resume never` replaced so that it resumes the job.
 fn command_that_goes_on(words: impl Iterator<Item = OsString>) -> String {
     let mut is_resume = false;
     let words = words.map(|word| match word.to_str() {
@@ -113,7 +113,7 @@ fn command_that_goes_on(words: impl Iterator<Item = OsString>) -> String {
     words.collect::<Vec<_>>().join(" ")
 }
 
-/// A word as a shell takes it; in the way of Bash if it has other than plain text.
+/// A word quoted for a shell; in the way of Bash if it has characters other than printable text.
 fn quoted(word: &OsStr) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "/._-+=:,@%".contains(c);
     match word.to_str() {

@@ -16,7 +16,7 @@
 use glam::{BVec3, DVec3};
 use rayon::prelude::*;
 
-/// Items of a leaf.
+/// Number of items of a leaf.
 const LEAF_BOXES: usize = 8;
 /// Largest depth of the tree: item ids have 32 bits.
 const DEPTH_MAX: usize = 32;

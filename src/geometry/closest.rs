@@ -5,14 +5,15 @@
 
 use glam::DVec3;
 
-/// A triangle is a needle if the sine of its first angle is below this: weights lose twice as many digits as it has zeros.
+/// A triangle is a needle if the sine of its first angle is below this: weights lose twice as many digits as the sine
+/// has zeros.
 const NEEDLE_SINE: f64 = 1e-3;
-/// A needle is flat if that sine is below this: no point of it is farther from its sides than that share of their length,
-/// and rounding of its normal would move a point as far.
+/// A needle is flat if that sine is below this. Its points are then no farther from its sides than this share of their
+/// length, and rounding of its normal would move a point as far.
 const FLAT_SINE: f64 = 1e-8;
 
-/// Barycentric weights of the point of a triangle that is closest to `p`.; on a needle they may be
-/// mostly rounding, see [`closest_point`].
+/// Barycentric weights of the point of a triangle that is closest to `p`. On a needle they may be mostly rounding; see
+/// [`closest_point`].
 pub fn closest_weights(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
@@ -55,7 +56,7 @@ pub fn distance_sq(p: DVec3, triangle: [DVec3; 3]) -> f64 {
     p.distance_squared(triangle[0] * w[0] + triangle[1] * w[1] + triangle[2] * w[2])
 }
 
-/// The point of a triangle that is nearest to `point`, also on needles and on triangles without area.
+/// The point of a triangle that is closest to `point`, also on needles and on triangles without area.
 pub fn closest_point(point: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
     let (ab, ac) = (b - a, c - a);
     let normal = ab.cross(ac);
@@ -67,8 +68,8 @@ pub fn closest_point(point: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
     a + ab * weights[1] + ac * weights[2]
 }
 
-/// The same for two sides that run along each other from the first corner. There the differences of products in
-/// [`closest_weights`] are mostly rounding, and the point that they give may lie far along the triangle.
+/// As [`closest_point`], for a needle, whose two sides at the first corner are almost parallel. There the differences
+/// of products in [`closest_weights`] are mostly rounding, and the point that they give may lie far along the triangle.
 fn closest_of_needle(point: DVec3, [a, b, c]: [DVec3; 3], normal: DVec3, sine_sq: f64) -> DVec3 {
     if sine_sq > FLAT_SINE * FLAT_SINE {
         let foot = point - normal * ((point - a).dot(normal) / normal.length_squared());
@@ -146,7 +147,7 @@ mod tests {
             prop_assert!(weights.iter().all(|weight| (0.0..=1.0).contains(weight)));
             prop_assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
             let closest = triangle[0] * weights[0] + triangle[1] * weights[1] + triangle[2] * weights[2];
-            // A point of a convex set is the closest if and only if none of the set lies beyond it.
+            // A point of a convex set is the closest if and only if no point of the set lies beyond it.
             for corner in triangle {
                 prop_assert!((point - closest).dot(corner - closest) < 1e-12);
             }
@@ -173,7 +174,8 @@ mod tests {
             thin in -11i32..-1, first in 0usize..3, long in 1.0f64..5000.0, height in 0.0f64..3.0,
             u in 0.01f64..0.98, share in 0.01f64..0.98, middle in -0.9f64..1.9,
         ) {
-            // long and thin, in a plane that lies askew, with any corner as the first; the third corner may lie beyond the others
+            // long and thin, in an oblique plane, with any corner as the first; the third corner may lie beyond the
+            // others
             let (x, y) = (DVec3::new(2.0, 1.0, 2.0) / 3.0, DVec3::new(-2.0, 2.0, 1.0) / 3.0);
             let corners = [DVec3::ZERO, x * long, x * (long * middle) + y * (long * 10f64.powi(thin))];
             let mut triangle = corners;

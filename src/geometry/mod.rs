@@ -1,6 +1,6 @@
-//! Triangles and boxes in space: measures, closest points, and the trees that find them.
+//! Triangles and boxes in space: measures, closest points, and search trees.
 //!
-//! Nothing here knows of meshes, files or threads' budgets.
+//! These modules do not depend on meshes, files or thread budgets.
 
 pub mod boxtree;
 mod closest;

@@ -1,4 +1,4 @@
-//! Positions as keys.
+//! Hash keys of positions.
 
 use glam::DVec3;
 

@@ -1,14 +1,14 @@
-//! Boxes along axes of their own, around triangles that lie across each other's upright boxes.
+//! Boxes along axes of their own, around triangles whose axis-aligned boxes overlap.
 //!
 //! ```text
 //!   +-----------+
 //!   |       .-' |     needles of a fan, pages of a book: their upright boxes hold each other,
-//!   |   .-'.-'  |     so that a search would have to open all of them; tilted ones are thin
+//!   |   .-'.-'  |     so that a search would have to open all of them; tilted boxes are thin
 //!   |.-'.-'     |
 //!   +-----------+
 //! ```
-//! In: corners of triangles. Out: a box that holds them. Invariant: no rounding makes it farther from a point than what is
-//! in it.
+//! In: corners of triangles. Out: a box that contains them. Invariant: rounding never makes the box farther from a
+//! point than what is in it.
 //!
 //! # Source
 //! Axes are those of the corners' covariance (Gottschalk, Lin and Manocha 1996, "OBBTree").
@@ -20,16 +20,16 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DMat3, DVec3, Vec3A};
 use nalgebra::{Matrix3, SymmetricEigen};
 
-/// Margin for each that upright boxes have: turning a point rounds more often than taking a difference.
+/// Margin, as a multiple of that of upright boxes: turning a point rounds more often than taking a difference.
 const TILTED_MARGINS: f64 = 4.0;
-/// Steps of the search for axes; three by three numbers take about ten.
+/// Maximum number of steps of the search for axes; three by three numbers take about ten.
 const EIGEN_STEPS: usize = 100;
 
 /// A box along axes of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
 pub struct TiltedBox {
-    /// Coordinate by coordinate, that of each of the three axes, so that a point is turned by three multiplications.
+    /// For each coordinate, its components along the three axes, so that three multiplications turn a point.
     columns: [[f32; 3]; 3],
     low: [f32; 3],
     high: [f32; 3],
@@ -37,7 +37,7 @@ pub struct TiltedBox {
 }
 
 impl TiltedBox {
-    /// The box around corners, of which there is one at least; `margin` is that of upright boxes.
+    /// The box around at least one corner; `margin` is that of upright boxes.
     pub fn around(corners: impl Iterator<Item = DVec3> + Clone, margin: f64) -> Self {
         let axes = axes_of(corners.clone());
         let columns = axes.to_cols_array_2d().map(|column| column.map(|x| x as f32));
@@ -66,7 +66,7 @@ impl TiltedBox {
     }
 }
 
-/// Three axes at right angles, as rows, along which corners spread most and least; the upright ones if there is no telling.
+/// Three orthogonal axes, as rows, along which corners spread most and least; the upright ones if they cannot be found.
 fn axes_of(corners: impl Iterator<Item = DVec3> + Clone) -> DMat3 {
     let (count, sum) = corners.clone().fold((0.0, DVec3::ZERO), |(count, sum), corner| (count + 1.0, sum + corner));
     let mean = sum / count;

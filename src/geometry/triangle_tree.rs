@@ -1,30 +1,32 @@
-//! The closest point of many triangles: a tree of bounding boxes that lies in flat arrays, so that it can be mapped.
+//! Finds the closest of many triangles with a tree of bounding boxes, stored in flat arrays so that it can be mapped.
 //!
 //! ```text
 //!            pair 0                a pair holds the boxes of its two children; a child is another pair, or
-//!          /        \              a few triangles, which lie together
+//!          /        \              a few triangles, which are stored together
 //!      pair 1      triangles 9..12
 //!     /      \
 //!  triangles  triangles
-//!  0..4       4..9                 nearer child first; what lies farther than the best so far is never opened
+//!  0..4       4..9                 nearer child first; a child farther than the best so far is never opened
 //! ```
-//! Triangles are sorted so that those of a child are neighbours. Boxes are single precision, wide enough that no rounding
-//! makes a box farther than a triangle in it; triangles are measured in double precision, so the answer is exact.
-//! Children whose boxes hold most of each other have a [`TiltedBox`] each as well, where that is much smaller.
+//! Triangles are sorted so that those of a child are neighbours. Boxes are single precision, wide enough that no
+//! rounding makes a box farther than a triangle in it. Triangles are measured in double precision, so the answer is
+//! exact. If the boxes of two children overlap by most of their volume, each child also gets a [`TiltedBox`] where that
+//! is much smaller.
 //!
 //! # Source
-//! Boxes are split by the surface area heuristic over bins (Wald 2007, "On fast Construction of SAH-based Bounding Volume
-//! Hierarchies").
+//! Boxes are split by the surface area heuristic over bins (Wald 2007, "On fast Construction of SAH-based Bounding
+//! Volume Hierarchies").
 //!
 //! # Where we differ
-//! Other trees were tried with a million points around a city of 0.99 million triangles (one thread, 2026-11-21; seconds
-//! to build, to ask): this one 0.4 and 0.6; the crates `bvh` 0.13 0.65 and 0.6, `parry3d-f64` 0.31 0.57 and 0.93, `rstar`
-//! 0.14 0.73 and 4.7; [`BoxTree`](crate::geometry::boxtree::BoxTree)'s order along a curve, as a tree of triangles, 0.26 and 1.1.
-//! None of the crates lies in a file, which a mesh larger than memory needs.
+//! Other trees were tried with a million points around a city of 0.99 million triangles on one thread (2026-11-21).
+//! Seconds to build, and to query: this one 0.4 and 0.6; the crates `bvh` 0.13 0.65 and 0.6, `parry3d-f64` 0.31 0.57
+//! and 0.93, `rstar` 0.14 0.73 and 4.7; [`BoxTree`](crate::geometry::boxtree::BoxTree)'s order along a curve, as a tree
+//! of triangles, 0.26 and 1.1. None of the crates can be searched in a mapped file, which a mesh larger than memory
+//! needs.
 //!
 //! # Memory
-//! 64 bytes a pair, about one for every three triangles; 28 bytes a triangle while it is built. At most one tilted box of
-//! 64 bytes for eight triangles.
+//! 64 bytes a pair, about one pair for every three triangles; 28 bytes a triangle while the tree is built. At most one
+//! tilted box of 64 bytes for eight triangles.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3A, Vec4};
@@ -32,41 +34,41 @@ use glam::{DVec3, Vec3A, Vec4};
 use super::closest_point;
 use super::tilted::TiltedBox;
 
-/// Triangles of a leaf, at most, unless they cannot be told apart.
+/// Maximum number of triangles of a leaf.
 const LEAF_TRIANGLES: usize = 4;
-/// Bins of a split.
+/// Number of bins of a split.
 const BINS: usize = 16;
-/// Boxes grow by this share of the largest coordinate; single precision rounds by a sixteenth of it.
+/// Boxes grow by this share of the largest coordinate; single-precision rounding is a sixteenth of it.
 const BOX_MARGIN: f64 = 1.0 / (1 << 20) as f64;
-/// Single-precision squares of distances are compared with a bound that is larger by this.
+/// Factor on the bound that single-precision squared distances are compared with.
 const BOUND_MARGIN: f32 = 1.000_002;
-/// Depth below which parts are halved whatever their boxes look like, so that the stack of a search is bounded.
+/// Depth below which parts are halved whatever their boxes, so that the stack of a search is bounded.
 const DEPTH_MAX: usize = 40;
-/// Entries of that stack: one for each level, and 32 halvings below them.
+/// Number of entries of that stack: one for each level, and 32 halvings below them.
 const STACK_ENTRIES: usize = DEPTH_MAX + 34;
 
-/// Triangles of a child with a tilted box, at least.
+/// Minimum number of triangles of a child with a tilted box.
 const TILTED_TRIANGLES: usize = 16;
-/// Children get tilted boxes if their upright ones have more than this share of the smaller one in common
+/// Share of the smaller box that the upright boxes of two children must have in common before tilted ones are tried.
 const OVERLAP: f32 = 0.5;
-/// and if tilted ones are smaller than this share of them.
+/// Volume of a tilted box, as a share of the upright one, below which the child gets it.
 const TILTED_SHARE: f32 = 0.5;
-/// Boxes count as this thick at least, as a share of the longest side, where sizes are compared.
+/// Minimum thickness of a box where volumes are compared, as a share of its longest side.
 const THICKNESS: f32 = 1.0 / 256.0;
-/// Mark in the count of a child that has a tilted box; the other bits are the box's number.
+/// Flag in the count of a child that has a tilted box; the other bits are the box's index.
 const TILTED: u32 = 1 << 31;
 
 /// The boxes of two children: low corner and index, high corner and count, of each.
 ///
-/// A count of 0 says that the index is a pair's, as does one with the mark `TILTED`; otherwise it is the first of so many
-/// triangles.
+/// If the count is 0 or has the flag `TILTED`, the index is that of a pair. Otherwise it is that of the first of
+/// `count` triangles.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
 pub struct Pair {
     corners: [[f32; 4]; 4],
 }
 
-/// A box with what is in it.
+/// A box and its content.
 #[derive(Debug, Clone, Copy)]
 struct Child {
     low: Vec3A,
@@ -115,22 +117,22 @@ impl Pair {
 /// A tree over triangles.
 #[derive(Debug, Default)]
 pub struct Tree {
-    /// The first is the root; there is none for up to `LEAF_TRIANGLES` triangles.
+    /// Pairs; the first is the root. Empty for up to `LEAF_TRIANGLES` triangles.
     pub pairs: Vec<Pair>,
-    /// Boxes of some children.
+    /// Tilted boxes of some children.
     pub tilted: Vec<TiltedBox>,
-    /// The numbers of the triangles in the order that the pairs refer to.
+    /// Numbers of the triangles, in the order that the pairs refer to.
     pub order: Vec<u32>,
 }
 
 impl Tree {
-    /// The tree, to be searched.
+    /// View of the tree for searches.
     pub fn view(&self) -> TreeView<'_> {
         TreeView { pairs: &self.pairs, tilted: &self.tilted, count: self.order.len() }
     }
 }
 
-/// Builds the tree of `count` triangles; `triangle` gives their corners by number. O(n log n).
+/// Builds the tree of `count` triangles; `triangle` returns their corners by number. O(n log n).
 pub fn build(count: usize, triangle: impl Fn(u32) -> [DVec3; 3]) -> Tree {
     let corners = |number: u32| triangle(number).map(|corner| if corner.is_finite() { corner } else { DVec3::ZERO });
     let mut largest = 0.0f64;
@@ -151,7 +153,7 @@ pub fn build(count: usize, triangle: impl Fn(u32) -> [DVec3; 3]) -> Tree {
     Tree { pairs, tilted, order: items.into_iter().map(|item| item.triangle).collect() }
 }
 
-/// A tree that grows.
+/// A tree under construction.
 struct Builder<F> {
     corners: F,
     margin: f64,
@@ -160,7 +162,7 @@ struct Builder<F> {
 }
 
 impl<F: Fn(u32) -> [DVec3; 3]> Builder<F> {
-    /// Splits items, the first of which is the `first` of all, and returns their box.
+    /// Splits `items`, the first of which has the index `first` in the order, and returns their box.
     fn split(&mut self, items: &mut [Item], first: usize, depth: usize) -> Child {
         let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         let (mut centre_low, mut centre_high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
@@ -205,12 +207,12 @@ impl<F: Fn(u32) -> [DVec3; 3]> Builder<F> {
     }
 }
 
-/// Volume of a box whose sides count as `least` long at least.
+/// Volume of a box whose sides count as at least `least` long.
 fn volume(extent: Vec3A, least: f32) -> f32 {
     extent.max(Vec3A::splat(least)).to_array().into_iter().product()
 }
 
-/// What the boxes of two children have in common, as a share of the smaller one.
+/// Overlap of the boxes of two children, as a share of the smaller one's volume.
 fn overlap([a, b]: &[Child; 2]) -> f32 {
     let [extent_a, extent_b] = [a, b].map(|child| child.high - child.low);
     let common = a.high.min(b.high) - a.low.max(b.low);
@@ -221,7 +223,8 @@ fn overlap([a, b]: &[Child; 2]) -> f32 {
     volume(common, least) / volume(extent_a, least).min(volume(extent_b, least))
 }
 
-/// Moves the items below the best of [`BINS`] planes to the front and returns how many they are; 0 if no plane parts them.
+/// Moves the items below the best of [`BINS`] planes to the front and returns their number; 0 if no plane separates
+/// them.
 fn split_by_area(items: &mut [Item], axis: usize, low: f32, extent: f32) -> usize {
     #[derive(Clone, Copy)]
     struct Bin {
@@ -269,51 +272,51 @@ fn split_by_area(items: &mut [Item], axis: usize, low: f32, extent: f32) -> usiz
     front
 }
 
-/// A tree as it is searched.
+/// A tree that can be searched.
 #[derive(Debug, Clone, Copy)]
 pub struct TreeView<'a> {
-    /// Those of the [`Tree`].
+    /// Pairs of the [`Tree`].
     pub pairs: &'a [Pair],
-    /// Those of the [`Tree`].
+    /// Tilted boxes of the [`Tree`].
     pub tilted: &'a [TiltedBox],
     /// Number of triangles.
     pub count: usize,
 }
 
-/// What a tree is asked for: the triangle nearest to a point.
+/// Query for the triangle nearest to a point.
 #[derive(Debug, Clone, Copy)]
 pub struct Question {
     /// The point.
     pub point: DVec3,
     /// Square of a distance that the triangle must be nearer than.
     pub bound_sq: f64,
-    /// The search ends as soon as a triangle is no farther than the square root of this, which then need not be the nearest;
-    /// a negative number asks for the nearest.
+    /// The search ends as soon as a triangle is no farther than the square root of this; that triangle need not be the
+    /// nearest. A negative number asks for the nearest.
     pub enough_sq: f64,
-    /// The search ends when so many pairs and triangles were looked at, but not before it came to a triangle.
+    /// The search ends after visiting this many pairs and triangles, but not before it has reached a triangle.
     pub looks: u64,
 }
 
 impl Question {
-    /// Asks for the triangle nearest to a point, whatever that takes.
+    /// Query for the triangle nearest to a point, without a limit.
     pub fn nearest_to(point: DVec3) -> Self {
         Self { point, bound_sq: f64::INFINITY, enough_sq: -1.0, looks: u64::MAX }
     }
 }
 
-/// What was found.
+/// Result of a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Answer {
-    /// Place in the tree's order and squared distance of the nearest triangle; nothing if none is near enough.
+    /// Index in the tree's order and squared distance of the nearest triangle; `None` if none is near enough.
     pub nearest: Option<(u32, f64)>,
-    /// Pairs and triangles that were looked at.
+    /// Number of pairs and triangles visited.
     pub looks: u64,
-    /// Whether the search ended early, so that another triangle may be nearer.
+    /// Whether the limit of visits ended the search, so that another triangle may be nearer.
     pub is_cut: bool,
 }
 
 impl TreeView<'_> {
-    /// Answers a question; `triangle` gives corners by place in the tree's order.
+    /// Answers a query; `triangle` returns corners by index in the tree's order.
     pub fn ask(self, question: &Question, triangle: impl Fn(u32) -> [DVec3; 3]) -> Answer {
         let Question { point, bound_sq, enough_sq, looks: looks_max } = *question;
         let target = Vec3A::from(point.as_vec3());

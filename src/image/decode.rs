@@ -1,10 +1,10 @@
-//! Colours of image files at texture coordinates, with images in memory one at a time or as many as the budget holds.
+//! Decodes image files and returns colours at texture coordinates, one image at a time or as many as the budget holds.
 //!
-//! In: image files that nobody vouches for. Out: [`Image`]. Invariant: nothing is allocated by what a file claims before
-//! it is known to fit; a file that cannot be decoded is an error in words, never the end of the program.
+//! In: untrusted image files. Out: [`Image`]. Invariant: memory is allocated only after the size that a file claims is
+//! known to fit; a file that cannot be decoded gives an error message and never ends the program.
 //!
 //! # Memory
-//! 3 bytes a pixel, the file itself, and what its decoder needs beside them: [`DecodePlan::bytes`].
+//! 3 bytes a pixel, the file itself, and the decoder's working memory: [`DecodePlan::bytes`].
 
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -14,21 +14,21 @@ use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Lim
 
 /// Bytes of a decoded pixel.
 const PIXEL_BYTES: u64 = 3;
-/// Bytes of a pixel's coefficients, which a decoder of a progressive JPEG keeps for the whole image.
+/// Bytes of a pixel's coefficients, which the decoder of a progressive JPEG keeps for the whole image.
 const COEFFICIENT_BYTES: u64 = 6;
-/// What decoders take beside the image.
+/// Bytes that a decoder takes beside the image.
 const DECODER_BYTES: u64 = 2 << 20;
-/// Least share of a side's pixels that are kept where an image does not fit.
+/// Factors by which the sides of an image that does not fit may be reduced.
 const REDUCTIONS: [u32; 3] = [2, 4, 8];
 
-/// How an image is to be decoded.
+/// Plan for decoding an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DecodePlan {
     /// Width and height in the file.
     pub size: [u32; 2],
     /// Memory while it is decoded, in bytes.
     pub bytes: u64,
-    /// Pixels of the file for each one that is kept, along a side.
+    /// Number of pixels of the file for each one that is kept, along a side.
     pub reduction: u32,
     format: ImageFormat,
 }
@@ -75,15 +75,15 @@ impl Image {
     }
 }
 
-/// Looks at the header of an image file: how it can be decoded within `allowed_bytes`.
+/// Plan for decoding an image file within `allowed_bytes`, from its header.
 ///
 /// # Errors
-/// In words, if it is no image, or cannot be decoded in so little.
+/// A message, if it is no image, or cannot be decoded within `allowed_bytes`.
 pub fn plan(path: &Path, allowed_bytes: u64) -> Result<DecodePlan, String> {
     let file_bytes = path.metadata().map_err(|e| e.to_string())?.len();
     let reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(|e| e.to_string())?;
     let format = reader.format().ok_or("of no known format")?;
-    // A header is small; whoever needs more for it has read a lie.
+    // A header is small; one that needs more memory than this claims a false size.
     let mut reader = reader;
     let mut limits = Limits::default();
     limits.max_alloc = Some(allowed_bytes);
@@ -96,7 +96,7 @@ pub fn plan(path: &Path, allowed_bytes: u64) -> Result<DecodePlan, String> {
     let pixels = u64::from(width) * u64::from(height);
     let raw = if decoder.color_type() == ColorType::Rgb8 { 0 } else { decoder.total_bytes() };
     let coefficients = if format == ImageFormat::Jpeg && is_progressive(path) { COEFFICIENT_BYTES * pixels } else { 0 };
-    // A PNG is read as it goes.
+    // A PNG is decoded while it is read, so the file is not kept.
     let file_bytes = if format == ImageFormat::Png { 0 } else { file_bytes };
     let whole = PIXEL_BYTES * pixels + raw + coefficients + file_bytes + DECODER_BYTES;
     let plan = |reduction: u32, bytes| DecodePlan { size: [width, height], bytes, reduction, format };
@@ -140,7 +140,7 @@ fn is_progressive(path: &Path) -> bool {
 /// Decodes an image as planned.
 ///
 /// # Errors
-/// In words, if the file is damaged.
+/// A message, if the file is damaged.
 pub fn decode(path: &Path, plan: &DecodePlan) -> Result<Image, String> {
     let image = match (plan.reduction, plan.format) {
         (1, _) => decode_whole(path, plan)?,
@@ -248,7 +248,7 @@ mod tests {
             assert!(small_plan.reduction > 1 && small_plan.bytes <= 7 << 20, "{small_plan:?}");
             let small = decode(&path, &small_plan).unwrap();
             assert_eq!(small.width * small_plan.reduction as usize, 2048);
-            // in the middle of a field both show the same
+            // inside a field both decodings show the same colour
             for at in [[15.5, 15.5], [47.5, 15.5], [1999.5, 1041.5]] {
                 let texcoord = [at[0] / 2048.0, 1.0 - at[1] / 2048.0];
                 let (a, b) = (whole.colour(texcoord), small.colour(texcoord));
@@ -266,7 +266,7 @@ mod tests {
             std::fs::write(&path, content).unwrap();
             assert!(plan(&path, 1 << 30).is_err());
         }
-        // cut short: the header is whole, the pixels are not
+        // truncated: the header is whole, the pixels are not
         let whole = std::fs::read(checkers(folder.path(), "b.png", 64)).unwrap();
         std::fs::write(&path, &whole[..whole.len() / 2]).unwrap();
         assert!(plan(&path, 1 << 30).and_then(|plan| decode(&path, &plan)).is_err());

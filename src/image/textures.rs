@@ -1,11 +1,11 @@
-//! The images that materials show, as files: which they are, and which of a result's images is which of the original's.
+//! The texture images of materials, as files, and the matching of a result's images with those of the original.
 //!
 //! ```text
 //! result's  city_textures/wall.png    same name and content as  original's  photos/wall.png     that one
 //!           city_textures/wall_2.png  same content as           original's  roofs/wall.png      that one
 //!           wall.png                  same name as              original's  photos/wall.png     that one, re-encoded
 //! ```
-//! In: a catalogue. Out: [`TextureImages`]. Invariant: nothing is decoded here, and nothing but regular files is opened.
+//! In: a catalogue. Out: [`TextureImages`]. Invariant: no image is decoded here, and only regular files are opened.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fs::{self, File};
@@ -20,7 +20,7 @@ use crate::model::Catalogue;
 use crate::model::catalogue::MaterialDefinition;
 use crate::os::path::path_of_name;
 
-/// Stands for a face that shows no picture.
+/// Marks a face that shows no texture image.
 pub const NO_IMAGE: u32 = u32::MAX;
 /// Bytes read at once.
 const READ_BYTES: usize = 256 << 10;
@@ -34,17 +34,17 @@ pub struct TextureImage {
     pub name: Vec<u8>,
 }
 
-/// The images that a mesh shows.
+/// The texture images of a mesh.
 #[derive(Debug, Clone, Default)]
 pub struct TextureImages {
-    /// Each once.
+    /// The image files, each once.
     pub files: Vec<TextureImage>,
     /// Index in `files` for each part of the catalogue, or [`NO_IMAGE`].
     pub of_part: Vec<u32>,
 }
 
 impl TextureImages {
-    /// Finds the diffuse images (`map_Kd`) of a catalogue's materials; what is not there is noted.
+    /// Finds the diffuse images (`map_Kd`) of a catalogue's materials; adds a finding for each missing one.
     pub fn find(catalogue: &Catalogue, findings: &mut Findings) -> Self {
         let mut pictures = Self::default();
         let mut known: HashMap<PathBuf, u32> = HashMap::new();
@@ -72,12 +72,13 @@ impl TextureImages {
         pictures
     }
 
-    /// What is in the files; nothing where one cannot be read.
+    /// Content of each file; `None` for a file that cannot be read.
     pub fn contents(&self) -> Vec<Option<Content>> {
         self.files.iter().map(|file| Content::of(&file.path)).collect()
     }
 
-    /// For each of these pictures, with their contents, those of `original` that it shows, ascending.
+    /// For each texture image, those of `original` that it matches by name or content, ascending; `own` are its
+    /// contents.
     pub fn sources(&self, own: &[Option<Content>], (original, contents): (&Self, &[Option<Content>])) -> Vec<Vec<u32>> {
         let mut by_name: BTreeMap<&[u8], Vec<u32>> = BTreeMap::new();
         let mut by_content: BTreeMap<Content, Vec<u32>> = BTreeMap::new();
@@ -113,7 +114,7 @@ fn base_name(name: &[u8]) -> &[u8] {
     name.rsplit(|&c| c == b'/' || c == b'\\').next().unwrap_or(name)
 }
 
-/// The file that a name stands for: in the folder of the MTL file by its whole path, else by its last part.
+/// The file of a texture name, relative to the folder of the MTL file: by the whole path, else by its last part.
 fn find_file(definition: &MaterialDefinition, name: &[u8]) -> Option<PathBuf> {
     if name.contains(&0) {
         return None;
@@ -125,7 +126,7 @@ fn find_file(definition: &MaterialDefinition, name: &[u8]) -> Option<PathBuf> {
         .find(|path| fs::metadata(path).is_ok_and(|kind| kind.is_file()))
 }
 
-/// What tells the content of one file from that of another.
+/// Size and hash of a file, by which contents are compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Content {
     bytes: u64,
@@ -133,7 +134,7 @@ pub struct Content {
 }
 
 impl Content {
-    /// That of a file, if it can be read.
+    /// Content of a file; `None` if it cannot be read.
     pub fn of(path: &Path) -> Option<Self> {
         let mut file = File::open(path).ok()?;
         let (mut hash, mut bytes, mut buffer) = (Xxh3::new(), 0, vec![0; READ_BYTES]);

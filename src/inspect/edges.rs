@@ -1,4 +1,4 @@
-//! Edges and seams of clusters, and of the edges and vertices that clusters share.
+//! Counts edges and seams of clusters, and of the edges and vertices that clusters share.
 //!
 //! ```text
 //!      own ────── own        every face at an own vertex is in this cluster: exact at once
@@ -25,7 +25,7 @@ use crate::file::buckets::{BucketWriter, Verbatim};
 use crate::model::Catalogue;
 use crate::partition::ClusterSource;
 
-/// Buckets of shared edges, at most.
+/// Maximum number of buckets of shared edges.
 const BUCKETS_MAX: u64 = 256;
 
 /// Counts of a mesh after welding.
@@ -33,11 +33,11 @@ const BUCKETS_MAX: u64 = 256;
 pub struct Tally {
     /// Vertices that faces use.
     pub vertices: u64,
-    /// Vertices with several wedges: texture coordinates or materials.
+    /// Vertices with several wedges, which differ in texture coordinate or material.
     pub seam_vertices: u64,
     /// Edges.
     pub edges: u64,
-    /// Edges of several faces that differ in texture coordinate or material at an end.
+    /// Edges of several faces whose texture coordinates or materials differ at an end.
     pub seam_edges: u64,
     /// Edges of one face.
     pub boundary_edges: u64,
@@ -46,7 +46,7 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Adds other counts.
+    /// Adds the counts of another tally.
     pub fn add(&mut self, other: &Tally) {
         self.vertices += other.vertices;
         self.seam_vertices += other.seam_vertices;
@@ -67,7 +67,7 @@ impl Tally {
 /// Counts of one cluster.
 #[derive(Debug)]
 pub struct ClusterTally {
-    /// What only this cluster has.
+    /// Counts of edges and vertices that only this cluster has.
     pub own: Tally,
     edges: Vec<SharedEdge>,
     wedges: Vec<SharedWedge>,
@@ -117,7 +117,7 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue) -> ClusterTally {
         let vertex = source.vertex_id(mesh.wedge_vertex[wedge]);
         found.wedges.push(SharedWedge { vertex, zero: 0, wedge: key });
     }
-    // Vertices of the edge, the lower one first, and the wedges there.
+    // vertices of the edge, the lower one first, and the wedges there
     let mut edges: Vec<([u32; 2], [u32; 2])> = Vec::with_capacity(3 * mesh.corners.len());
     for corners in &mesh.corners {
         for (from, to) in [(0, 1), (1, 2), (2, 0)] {
@@ -144,7 +144,7 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue) -> ClusterTally {
     found
 }
 
-/// For each wedge at a shared vertex a number made of texture coordinate and material, never 0; 0 for other wedges.
+/// Key of texture coordinate and material for each wedge at a shared vertex, never 0; 0 for other wedges.
 fn shared_keys(source: &ClusterSource, catalogue: &Catalogue) -> Vec<u64> {
     let mesh = &source.mesh;
     let mut keys = vec![0; mesh.wedge_vertex.len()];
@@ -161,7 +161,7 @@ fn shared_keys(source: &ClusterSource, catalogue: &Catalogue) -> Vec<u64> {
     keys
 }
 
-/// Collects what clusters share and counts it at the end.
+/// Collects shared edges and wedges of clusters, and counts them at the end.
 pub struct SharedTallies {
     edges: BucketWriter<SharedEdge>,
     wedges: BucketWriter<SharedWedge>,
@@ -169,10 +169,10 @@ pub struct SharedTallies {
 }
 
 impl SharedTallies {
-    /// Begins the files for a mesh of `faces` faces; a bucket should fit `bucket_bytes`, even if all edges are shared.
+    /// Creates the files for a mesh of `faces` faces; a bucket should fit `bucket_bytes`, even if all edges are shared.
     ///
     /// # Errors
-    /// If the files cannot be made.
+    /// If the files cannot be created.
     pub fn create(folder: &Path, faces: u64, bucket_bytes: u64) -> Result<Self> {
         let most_bytes = 3 * faces * size_of::<SharedEdge>() as u64;
         let buckets = most_bytes.div_ceil(bucket_bytes.max(1)).clamp(1, BUCKETS_MAX);
@@ -183,7 +183,7 @@ impl SharedTallies {
         })
     }
 
-    /// Adds what a cluster shares.
+    /// Adds the shared edges and wedges of a cluster.
     ///
     /// # Errors
     /// On a full disk or a failed write.

@@ -1,7 +1,7 @@
-//! What an input holds: counts, bounds, materials, seams, borders and faults, within a memory budget.
+//! Inspects an input: counts, bounds, materials, seams, borders and faults, within a memory budget.
 //!
-//! In: OBJ files. Out: an [`Inspection`]. Invariant: the counts are those of the whole mesh, at any budget and number of
-//! threads; edges that cells share are matched across them.
+//! In: OBJ files. Out: an [`Inspection`]. Invariant: the counts are those of the whole mesh, at any budget and number
+//! of threads; edges that cells share are matched across them.
 //!
 //! ```text
 //! scan ──▶ columns ──▶ bounds, polygons
@@ -38,16 +38,16 @@ use crate::scan::InputChoice;
 use crate::scan::{self, Scan};
 use crate::write::is_texture_there;
 
-/// Memory of a face of a cluster that is being counted, and of its edges that wait to be matched, in bytes.
+/// Memory of a face of a cluster while it is counted, and of its edges that wait to be matched, in bytes.
 const FACE_BYTES: u64 = 200;
-/// Memory of a face for each thread, cells that come out larger included, for the choice of their size.
+/// Memory of a face for each thread, larger cells included, from which the size of cells is chosen.
 const FACE_BYTES_ALLOWED: u64 = 400;
-/// Faces of a cluster, about, at any budget.
+/// Approximate minimum and maximum number of faces of a cluster, at any budget.
 const CLUSTER_FACES_MIN: u64 = 5_000;
 const CLUSTER_FACES_MAX: u64 = 250_000;
-/// Buffers of two files by bucket.
+/// Memory of the buffers of two bucketed files, in bytes.
 const BUFFERS_BYTES: u64 = 24 * MIB;
-/// Characters of the column of names.
+/// Width of the column of names, in characters.
 const NAME_WIDTH: usize = 20;
 
 /// Options of `drystone inspect`; none changes the counts.
@@ -61,7 +61,7 @@ pub struct InspectOptions {
     pub work: Option<PathBuf>,
 }
 
-/// What an input holds.
+/// Result of an inspection.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Inspection {
     /// OBJ files.
@@ -86,17 +86,17 @@ pub struct Inspection {
     pub bounds: [[f64; 3]; 2],
     /// Extent along each axis, in the mesh's unit of length.
     pub size: [f64; 3],
-    /// Most decimals of a position, and of a texture coordinate.
+    /// Largest number of decimals of a position, and of a texture coordinate.
     pub decimals: [u32; 2],
     /// Combinations of file, object, group and material.
     pub parts: u64,
     /// Materials that faces use.
     pub materials: u64,
-    /// Those that no MTL file defines.
+    /// Of these, materials that no MTL file defines.
     pub undefined_materials: u64,
-    /// Images that they name.
+    /// Texture images that the materials refer to.
     pub textures: u64,
-    /// Those that are not there, or lie where they are not looked for.
+    /// Of these, images that are missing, or lie where they are not searched.
     pub missing_textures: u64,
     /// Vertices at the position of an earlier one.
     pub welded_vertices: u64,
@@ -104,13 +104,13 @@ pub struct Inspection {
     pub unused_vertices: u64,
     /// Vertices and edges after welding, seams, open borders.
     pub topology: Tally,
-    /// What the scan repaired, dropped or ignored, by kind.
+    /// Number of repaired, dropped or ignored elements of the scan, by kind.
     pub faults: BTreeMap<String, u64>,
-    /// The same in words, where there are words.
+    /// Messages about them, where there are any.
     pub warnings: Vec<String>,
 }
 
-/// Looks at an OBJ, or all below a folder.
+/// Inspects an OBJ, or every OBJ below a folder.
 ///
 /// # Errors
 /// [`Error::Budget`] and [`Error::NoSpace`] before anything is read; else those of the scan and the partition.
@@ -118,7 +118,7 @@ pub fn inspect(input: impl Into<InputChoice>, options: &InspectOptions, progress
     inspect_in_clusters(&input.into(), options, CLUSTER_FACES_MAX, progress)
 }
 
-/// Looks at an OBJ in clusters of at most about `cluster_faces` faces.
+/// Inspects an OBJ in clusters of at most about `cluster_faces` faces.
 fn inspect_in_clusters(
     input: &InputChoice,
     options: &InspectOptions,
@@ -191,7 +191,7 @@ fn inspect_in_clusters(
     })
 }
 
-/// What the scan found, without what is no fault.
+/// Findings of the scan that are faults.
 fn faults(findings: &Findings) -> BTreeMap<String, u64> {
     let found = findings.iter().filter(|(kind, _)| *kind != "welded_vertices");
     found.map(|(kind, finding)| (kind.to_owned(), finding.count)).collect()
@@ -230,7 +230,7 @@ fn textures(catalogue: &Catalogue) -> BTreeSet<(&Path, &[u8])> {
     names.collect()
 }
 
-/// Counting the clusters of a partition.
+/// State while the clusters of a partition are counted.
 struct Counting<'a> {
     mesh: &'a StoredMesh,
     partition: &'a Partition,
@@ -276,7 +276,7 @@ impl Counting<'_> {
 }
 
 impl Inspection {
-    /// The inspection as a person reads it.
+    /// The inspection as a table for people.
     pub fn table(&self) -> String {
         let mut text = String::new();
         let mut row = |name: &str, words: String| {
@@ -313,7 +313,7 @@ impl Inspection {
         }
         for (kind, count) in &self.faults {
             let name = kind.replace('_', " ");
-            // Names longer than the column have a gap behind them, too.
+            // Names longer than the column are followed by a gap, too.
             let gap = if name.len() < NAME_WIDTH { "" } else { " " };
             row(&(name + gap), grouped(*count));
         }
@@ -329,7 +329,7 @@ fn share(count: u64, of: u64) -> String {
     format!("{} ({:.1} %)", grouped(count), 100.0 * count as f64 / of.max(1) as f64)
 }
 
-/// A length to a millionth: the difference of two decimals is seldom one.
+/// A length rounded to a millionth: the difference of two decimals is seldom a decimal itself.
 fn rounded(length: f64) -> f64 {
     (length * 1e6).round() / 1e6
 }

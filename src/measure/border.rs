@@ -17,15 +17,15 @@ use super::edges::EdgeTable;
 use super::surface::Surface;
 use crate::geometry::boxtree::{Bounds, BoxTree};
 
-/// Points taken along the border, at most (beyond its vertices).
+/// Maximum number of points taken along the border, beyond its vertices.
 const SAMPLE_LIMIT: f64 = 1e6;
-/// Distance of points along the border, in mean lengths of its edges.
+/// Spacing of points along the border, in mean lengths of its edges.
 const SAMPLE_STEP: f64 = 0.5;
-/// An indexed piece of an edge is at most this many mean edge lengths long: a long edge would have a wide box.
+/// Maximum length of an indexed part of an edge, in mean edge lengths: a long edge would have a wide box.
 const PIECE_LENGTH_MAX: f64 = 2.0;
-/// Pieces are not cut below this many mean edge lengths, so that there are at most four for each edge.
+/// Minimum length of such a part, in mean edge lengths, so that there are on average at most four parts per edge.
 const PIECE_LENGTH_MIN: f64 = 1.0 / 3.0;
-/// Edges that a thread takes at a time; sums are made per chunk and then in order, whatever the thread count.
+/// Edges that a thread takes at a time. Sums are taken per chunk and then in order, whatever the thread count.
 const EDGES_AT_ONCE: usize = 4096;
 
 /// Distances from a border to another one, in the mesh's unit of length.
@@ -43,9 +43,9 @@ pub fn border_of(surface: &Surface) -> Vec<[DVec3; 2]> {
     edges.into_iter().map(|edge| edge.map(|vertex| surface.position(vertex))).collect()
 }
 
-/// Distance from the boundary edges `after` to those `before`.
+/// Distances from the boundary edges `after` to the boundary edges `before`.
 ///
-/// Zero if there are none after; infinite if there are only none before. About O(n log n).
+/// Zero if `after` is empty; otherwise infinite if `before` is empty. About O(n log n).
 pub fn border_deviation(before: &[[DVec3; 2]], after: &[[DVec3; 2]]) -> BorderDeviation {
     if after.is_empty() {
         return BorderDeviation::default();
@@ -80,7 +80,7 @@ pub fn border_deviation(before: &[[DVec3; 2]], after: &[[DVec3; 2]]) -> BorderDe
     BorderDeviation { max: max_sq.sqrt(), rms: mean_sq.sqrt() }
 }
 
-/// Number of parts, at least 1, of at most about `step` that make up `length`; 1 if lengths are 0 or no numbers.
+/// Number of parts of at most about `step` that `length` is split into, at least 1; 1 if a length is 0 or not a number.
 fn piece_count(length: f64, step: f64) -> usize {
     if step > 0.0 { ((length / step).ceil() as usize).max(1) } else { 1 }
 }
@@ -95,7 +95,7 @@ impl BorderIndex {
         let length: f64 = border.iter().map(|[a, b]| a.distance(*b)).sum();
         let mean = length / border.len().max(1) as f64;
         let bounds = Bounds::around(border.iter().flatten().copied());
-        // edges that fill space, as those of a soup of triangles do, are cut to the size of their share of it
+        // edges that fill space, as those of a triangle soup do, are split to the size of their share of it
         let share = bounds.diagonal() / (border.len().max(1) as f64).cbrt();
         let step = share.max(PIECE_LENGTH_MIN * mean).min(PIECE_LENGTH_MAX * mean);
         let mut pieces = Vec::with_capacity(border.len() + border.len() / 2);

@@ -1,4 +1,4 @@
-//! Charts of the texture atlas, and triangles that lie folded in them.
+//! Charts of the texture atlas, and triangles that are folded in it.
 //!
 //! ```text
 //!   texture space        a chart whose triangle c is turned over lies on itself there:
@@ -20,7 +20,7 @@ use super::surface::Surface;
 use crate::geometry::triangle::is_flat;
 use crate::model::NO_TEXCOORD;
 
-/// Counts of what is in the texture atlas.
+/// Counts of the texture atlas.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct ChartCounts {
     /// Triangles whose corners run clockwise in texture space.
@@ -29,12 +29,12 @@ pub struct ChartCounts {
     pub uv_positive: u64,
     /// Triangles without area in texture space.
     pub uv_degenerate: u64,
-    /// Triangles that run against the majority (by area in texture space) of their chart.
+    /// Triangles whose orientation in texture space differs from the majority (by area) of their chart.
     pub folded_uv: u64,
-    /// Sets of textured faces that hang together over edges that are no seams and that their two faces run in opposite
-    /// directions: where both run the same way, one of them shows its back, and their signs say nothing of each other.
+    /// Sets of textured faces connected over edges that are no seams. An edge connects only if its two faces run along
+    /// it in opposite directions: otherwise one of them shows its back, and their signs cannot be compared.
     pub charts: u64,
-    /// Edges of two faces that differ there in a texture coordinate's value or in material.
+    /// Edges of two faces whose texture coordinates (by value) or materials differ there.
     pub seam_edges: u64,
 }
 

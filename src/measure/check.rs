@@ -1,6 +1,6 @@
-//! Counts that tell whether a mesh is cracked, and whether it is more so than another one.
+//! Counts the cracks and topology faults of a mesh, and compares the counts with those of another mesh.
 //!
-//! Edges are undirected pairs of vertices; a face that repeats a vertex is counted and otherwise left out.
+//! Edges are undirected pairs of vertices. Faces that repeat a vertex are counted and then left out.
 //!
 //! ```text
 //!   .----.        .---.---.       .       .            .---.          .
@@ -24,55 +24,54 @@ use crate::geometry::boxtree::Bounds;
 use crate::geometry::triangle::is_flat;
 use crate::mesh::fold::are_folded;
 
-/// How near a boundary vertex has to be to a boundary edge for a T-junction, per length of the bounding box's diagonal.
+/// Distance within which a boundary vertex lies on a boundary edge, as a share of the bounding box's diagonal.
 pub const T_JUNCTION_TOLERANCE: f64 = 1e-6;
-/// What was counted on a surface.
+/// Counts of a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct Check {
-    /// Vertices that a face names.
+    /// Vertices that a face uses.
     pub vertices: u64,
     /// Faces, without the degenerate ones.
     pub faces: u64,
-    /// Vertices that no face names.
+    /// Vertices that no face uses.
     pub unused_vertices: u64,
     /// Faces that repeat a vertex.
     pub degenerate_faces: u64,
-    /// Faces of three vertices without area: lower than 10⁻⁹ of their longest side, or than four roundings of the
-    /// largest coordinate.
+    /// Faces of three different vertices without area: their height is below 10⁻⁹ of their longest side, or below four
+    /// roundings of the largest coordinate.
     pub zero_area_faces: u64,
-    /// Faces whose three vertices are those of a face before, in any order.
+    /// Faces with the same three vertices as an earlier face, in any order.
     pub duplicate_faces: u64,
     /// Edges of exactly one face.
     pub boundary_edges: u64,
-    /// Sets of boundary edges that hang together over vertices: borders that touch at a vertex are one.
+    /// Sets of boundary edges connected through vertices: borders that touch at a vertex count as one.
     pub boundary_loops: u64,
-    /// Faces of three boundary edges: all that is left of a component, or a stray one.
+    /// Faces with three boundary edges: the remains of a component, or a stray face.
     pub single_faces: u64,
     /// Edges of three or more faces.
     pub non_manifold_edges: u64,
     /// Edges of two faces that run along it in the same direction.
     pub inconsistent_edges: u64,
-    /// Edges of two faces that are folded onto each other, back to back: less than
-    /// [`FOLD_ANGLE`](crate::mesh::fold::FOLD_ANGLE) is between them. Faces without
-    /// area do not count.
+    /// Edges of two faces that are folded onto each other, back to back: the angle between them is below
+    /// [`FOLD_ANGLE`](crate::mesh::fold::FOLD_ANGLE). Faces without area do not count.
     pub folded_edges: u64,
-    /// Vertices whose faces form more than one fan: not all of them hang together over edges at the vertex.
+    /// Vertices whose faces form more than one fan: the faces are not all connected over edges at the vertex.
     pub non_manifold_vertices: u64,
-    /// Sets of faces that hang together over edges; faces that share only a vertex are apart.
+    /// Connected components: sets of faces connected over edges. Faces that share only a vertex are not connected.
     pub components: u64,
     /// Euler characteristic V - E + F over used vertices, edges and faces.
     pub euler: i64,
-    /// Boundary vertices within [`T_JUNCTION_TOLERANCE`] of the inside of a boundary edge that is not theirs.
+    /// Boundary vertices within [`T_JUNCTION_TOLERANCE`] of the inside of a boundary edge that they do not belong to.
     pub t_junctions: u64,
-    /// What is in the texture atlas.
+    /// Counts of the texture atlas.
     #[serde(flatten)]
     pub atlas: ChartCounts,
 }
 
-/// Counts on a surface that is [welded](Surface::welded); O(n log n).
+/// Counts of a [welded](Surface::welded) surface; O(n log n).
 ///
 /// # Panics
-/// If a face names a vertex or a texture coordinate that does not exist, or with more than 2³² / 3 faces.
+/// If a face refers to a vertex or a texture coordinate that does not exist, or with more than 2³² / 3 faces.
 pub fn check(surface: &Surface) -> Check {
     let faces = &surface.faces;
     let sound = |face: &[u32; 3]| !repeats_vertex(*face);
@@ -115,7 +114,7 @@ pub fn check(surface: &Surface) -> Check {
     }
 }
 
-/// Welds a surface and counts on it; faces that repeat a position, which welding drops, are the degenerate ones.
+/// Counts of a surface after welding it. Faces that repeat a position, which welding drops, count as degenerate.
 ///
 /// # Panics
 /// As [`check`].
@@ -207,7 +206,7 @@ fn count_loops(vertex_count: usize, boundary: &[[u32; 2]]) -> u64 {
 /// A count that is worse after than before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Regression {
-    /// What was counted, in words: "T-junctions".
+    /// Name of the count: "T-junctions".
     pub what: &'static str,
     /// Number before.
     pub before: u64,
@@ -221,17 +220,17 @@ impl std::fmt::Display for Regression {
     }
 }
 
-/// The faults that are new: the counts of `after` that are worse than those of `before`, in a fixed order.
+/// Counts of `after` that are worse than those of `before`, in a fixed order.
 ///
-/// Boundary edges count only if there were none: an open border may have more or fewer edges, but a closed mesh must
-/// stay closed. A single face is no crack: it is what is left of a component. An edge of three faces or more that has two
-/// now may show that these are folded, or run the same way.
+/// Boundary edges count only if there were none: an open border may gain or lose edges, but a closed mesh must stay
+/// closed. A single face is not a crack: it is what is left of a component. An edge of three or more faces that has two
+/// faces left may show that these are folded, or run the same way.
 pub fn compare_checks(before: &Check, after: &Check) -> Vec<Regression> {
     let open_edges = match before.boundary_edges {
         0 => after.boundary_edges - 3 * after.single_faces,
         _ => 0,
     };
-    // A border that is closed along most of its length leaves several loops of fewer edges; a tear adds edges.
+    // A border that is closed along most of its length becomes several loops of fewer edges; a tear adds edges.
     let new_loops = match after.boundary_edges > before.boundary_edges {
         true => after.boundary_loops.saturating_sub(before.boundary_loops + after.single_faces),
         false => 0,
@@ -251,8 +250,8 @@ pub fn compare_checks(before: &Check, after: &Check) -> Vec<Regression> {
     ])
 }
 
-/// What is new and no fault where the topology may change: counts of `after` that are above those of `before`. A border
-/// that was welded along most of its length is several loops.
+/// Counts of `after` that are above those of `before`, and no fault where the topology may change. A border that was
+/// welded along most of its length becomes several loops.
 pub fn compare_topology(before: &Check, after: &Check) -> Vec<Regression> {
     risen(&[
         ("non-manifold vertices", before.non_manifold_vertices, after.non_manifold_vertices),
@@ -261,7 +260,7 @@ pub fn compare_topology(before: &Check, after: &Check) -> Vec<Regression> {
     ])
 }
 
-/// The counts that are higher after than before.
+/// Counts that are higher after than before.
 fn risen(counts: &[(&'static str, u64, u64)]) -> Vec<Regression> {
     let higher = counts.iter().filter(|(_, before, after)| after > before);
     higher.map(|&(what, before, after)| Regression { what, before, after }).collect()

@@ -1,11 +1,11 @@
-//! What a simplification did to a mesh: everything that comparing a result with its original finds.
+//! Compares a simplified mesh with its original.
 //!
 //! ```text
 //! original ◀──forward── result      forward: from points of the result to the closest point of the original
 //! original ──backward──▶ result     backward: from points of the original; large where something was lost
 //! ```
-//! Names are those of the JSON that `docs/reference/comparison.md` describes. Lengths are in the mesh's unit, angles in degrees,
-//! colours on 0 to 255, shares between 0 and 1.
+//! Names are those of the JSON that `docs/reference/comparison.md` describes. Lengths are in the mesh's unit, angles in
+//! degrees, colours on 0 to 255, shares between 0 and 1.
 //!
 //! ```text
 //! original ── cells ──┐                  ┌── distances, angles        ──▶ geometry
@@ -14,13 +14,14 @@
 //!    │                                                            ├───▶ texture
 //!    ├── seams: what both sides show ─────────────────────────────┘
 //!    ├── pinholes: what is seen through                       ──▶ pinholes
-//!    └── tally: edges, pieces, charts, shapes                         ──▶ topology, quality
+//!    └── tally: edges, components, charts, shapes                     ──▶ topology, quality
 //! ```
-//! Invariant: the numbers depend on the meshes, the number of samples and the seed; on the memory budget only if an image
-//! does not fit it, which is counted.
+//! Invariant: the numbers depend on the meshes, the number of samples and the seed. They depend on the memory budget
+//! only if an image does not fit it; such images are counted.
 //!
 //! # Memory
-//! Whatever the size of the meshes, both are worked through in cells of 65,536 triangles: see the files of this folder.
+//! Independent of the size of the meshes: both are processed in cells of 65,536 triangles; see the files of this
+//! folder.
 //!
 //! # Files
 //! Two work folders, `original` and `result`, removed at the end.
@@ -60,27 +61,27 @@ use crate::base::{Error, Findings, Progress, Result};
 use crate::os::system;
 use crate::scan::InputChoice;
 
-/// Triangles of a cell, about. Numbers that are measured depend on it by their last digits.
+/// Approximate number of triangles of a cell. The last digits of measured numbers depend on it.
 const CELL_FACES: u64 = 1 << 16;
 
-/// Looks on while two meshes are compared, to draw them; it changes no number.
+/// Observer of a comparison, which may draw the meshes; it changes no number.
 pub trait Onlooker {
-    /// Both meshes are ready, and nothing else is in memory.
+    /// Called when both meshes are ready and nothing else is in memory.
     ///
     /// # Errors
-    /// End the comparison.
+    /// An error ends the comparison.
     fn see_meshes(&mut self, _before: &MeasuredMesh, _after: &MeasuredMesh) -> Result<()> {
         Ok(())
     }
 
-    /// A point of the result by area, and its distance from the original; points come in their order.
+    /// Called for each point of the result by area, in order, with its distance from the original.
     fn see_point(&mut self, _place: &FarPoint) {}
 }
 
-/// Nobody looks on.
+/// The observer that does nothing.
 impl Onlooker for () {}
 
-/// What the two meshes are called, and their folders in the work folder.
+/// Names of the two meshes, and of their folders in the work folder.
 const NAMES: [&str; 2] = ["original", "result"];
 
 /// Compares a result with its original; each is an OBJ, or a folder of them.
@@ -96,7 +97,7 @@ pub fn compare(
 ) -> Result<Comparison> {
     let started = Instant::now();
     make_pool(options.resources.threads)?;
-    // One with the folders of a comparison in it was left by a process that was killed.
+    // A work folder that holds the folders of a comparison was left by a process that was killed.
     let is_own = !options.work.exists() || NAMES.iter().any(|name| options.work.join(name).exists());
     let found = compare_in_cells([&original.into(), &result.into()], options, CELL_FACES, onlooker, progress);
     if is_own {

@@ -53,7 +53,7 @@ impl HalfEdge {
     }
 }
 
-/// Whether a face names a vertex twice; such a face has no edges here.
+/// Whether a face repeats a vertex; such a face has no edges here.
 pub fn repeats_vertex([a, b, c]: [u32; 3]) -> bool {
     a == b || b == c || c == a
 }
@@ -88,7 +88,7 @@ impl EdgeTable {
         self.half_edges.chunk_by(|a, b| a.key == b.key)
     }
 
-    /// The two vertices of every edge that has one face, in the order of vertices.
+    /// The two vertices of every edge with exactly one face, in the order of vertices.
     pub fn boundary(&self) -> Vec<[u32; 2]> {
         self.iter().filter(|edge| edge.len() == 1).map(|edge| [edge[0].low(), edge[0].high()]).collect()
     }

@@ -1,6 +1,6 @@
-//! Disjoint sets over 0 .. n: which faces, corners or vertices hang together.
+//! Disjoint sets over 0 .. n: which faces, corners or vertices are connected.
 
-/// A forest of disjoint sets; the root of a set is its smallest member, so that no order of unions changes it.
+/// A forest of disjoint sets. The root of a set is its smallest member, so the order of unions does not change it.
 #[derive(Debug, Clone)]
 pub struct DisjointSets {
     parents: Vec<u32>,
@@ -22,7 +22,7 @@ impl DisjointSets {
         member
     }
 
-    /// Makes the sets of `a` and `b` one.
+    /// Joins the sets of `a` and `b`.
     pub fn join(&mut self, a: u32, b: u32) {
         let (a, b) = (self.root(a), self.root(b));
         self.parents[a.max(b) as usize] = a.min(b);

@@ -1,12 +1,12 @@
-//! How far a result lies from its input, measured at some thousand points when a run ends.
+//! Distance of a result from its input, measured at some thousand points when a run ends.
 //!
-//! In: what the passes kept of the input ([`Probes`]), and the result as it is stored. Out: the root of the mean squared
-//! distance each way. The distances are exact; that they are those of some points makes the figures estimates of what
-//! [`compare`](super::compare) finds with more of them.
+//! In: what the passes kept of the input ([`Probes`]), and the result as it is stored. Out: the root of the mean
+//! squared distance in each direction. Each distance is exact; since the points are few, the figures are estimates of
+//! what [`compare`](super::compare) finds with more of them.
 //!
 //! # Memory
-//! A piece of the result at a time: 72 bytes a triangle and about as much for its tree. 24 bytes and a tree for each of up to
-//! 65,536 landmarks, 32 bytes for each of some 40,000 points.
+//! One piece of the result at a time: 72 bytes a triangle and about as much for its tree. 24 bytes and a tree for each
+//! of up to 65,536 landmarks, 32 bytes for each of some 40,000 points.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -19,18 +19,18 @@ use crate::model::StoredMesh;
 use crate::model::corners::PieceCorners;
 use crate::passes::probes::{ChosenCells, Probes, RandomPoints};
 
-/// Points that are tried on the result, in those that its input would take.
+/// Maximum number of points tried on the result, as a multiple of those that its input would take.
 const CANDIDATES_MAX: u64 = 16;
-/// For so many vertices of the result one is a landmark, but of all no more than [`LANDMARKS_MAX`] are.
+/// One landmark is taken for this many vertices of the result, but no more than [`LANDMARKS_MAX`] in all.
 const VERTICES_PER_LANDMARK: u64 = 8;
 const LANDMARKS_MAX: u64 = 65_536;
-/// The whole is taken to deviate so many times more, or less, than the cells, at most.
+/// Largest factor by which the deviation of the whole is taken to exceed, or fall below, that of the cells.
 const SCALE_MAX: f64 = 8.0;
 
 /// Distances between input and result, in the mesh's unit of length.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Gauged {
-    /// Root of the mean squared distance, both ways with equal weight.
+    /// Root of the mean squared distance, both directions with equal weight.
     pub rms: f64,
     /// The same from the result to the input.
     pub to_input: f64,
@@ -40,7 +40,7 @@ pub struct Gauged {
     pub points: u64,
 }
 
-/// Measures a result by what was kept of its input; nothing if one of the two has no area.
+/// Measures a result against what was kept of its input; `None` if one of the two has no area.
 ///
 /// # Errors
 /// On failed reads and damaged files.
@@ -52,7 +52,7 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
     }
     let most = CANDIDATES_MAX * (probes.probing.cell_points() as f64 / share) as u64;
     let (mut chosen, mut of_result) = (ChosenCells::new(probes.probing), Vec::new());
-    // Points of the input in the cells, which tell how well these stand for the whole.
+    // Points of the input in the cells: they show how well the cells represent the whole.
     let mut of_input = probes.points.clone();
     let mut spread = RandomPoints::new(spacing, most, 1);
     for face in 0..probes.triangle_count() as u32 {
@@ -94,7 +94,7 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
     let (anywhere, in_cells) = to_result.split_at(probes.points.len());
     let weighed = anywhere.iter().zip(&probes.weights).map(|(distance_sq, weight)| weight * counted(distance_sq));
     let to_result_sq = weighed.sum::<f64>() / probes.area();
-    // A result of a few hundred faces may have no point in any cell: it deviates as much as the input does from it then.
+    // A result of a few hundred faces may have no point in any cell: both directions then have the input's deviation.
     let to_input_sq = match to_input.is_empty() {
         true => to_result_sq,
         false => scaled(mean_of(&to_input), mean_of(in_cells), to_result_sq),
@@ -107,8 +107,8 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
     }))
 }
 
-/// What is found in the cells one way, as much larger as the whole is than the cells the other way: both ways, surface
-/// deviates at the same places.
+/// Deviation in the cells in one direction, scaled by the ratio of the whole to the cells in the other direction: in
+/// both directions the surface deviates at the same places.
 fn scaled(in_cells: f64, others_in_cells: f64, others: f64) -> f64 {
     match (in_cells > 0.0, others_in_cells > 0.0) {
         (_, true) => in_cells * (others / others_in_cells).clamp(1.0 / SCALE_MAX, SCALE_MAX),
@@ -118,7 +118,7 @@ fn scaled(in_cells: f64, others_in_cells: f64, others: f64) -> f64 {
     }
 }
 
-/// Squared distances of points to the nearest of some vertices of the result, so that faces farther away are passed over.
+/// Squared distances of points to the nearest of some vertices of the result; faces farther away are skipped.
 fn at_most_sq(result: &StoredMesh, points: &[DVec3]) -> Result<Vec<f64>> {
     let own: u64 = result.pieces.iter().map(|piece| piece.positions.len()).sum();
     let step = (own / LANDMARKS_MAX).max(VERTICES_PER_LANDMARK) as usize;

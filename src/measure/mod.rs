@@ -1,10 +1,10 @@
-//! What a mesh is like: cracks, topology, folded texture triangles, and how far open borders moved.
+//! Measures a mesh: cracks, topology, folded texture triangles, and how far open borders moved.
 //!
 //! In: a mesh in memory, as a whole. Out: counts and distances. Invariant: nothing here changes a mesh that is
 //! written, and the same mesh gives the same numbers in the same order on every machine.
 //!
 //! ```text
-//! StoredMesh ──Surface::load──▶ Surface ──welded──▶ Surface ──check──▶ Check ──compare_checks──▶ what is new
+//! StoredMesh ──Surface::load──▶ Surface ──welded──▶ Surface ──check──▶ Check ──compare_checks──▶ regressions
 //!                                                      └──border_deviation──▶ max, rms
 //! ```
 //!

@@ -11,7 +11,7 @@ use crate::geometry::position_key;
 use crate::model::{Catalogue, NO_TEXCOORD, StoredMesh};
 use crate::partition::reading::triangulate_polygons;
 
-/// Stands for a face without material.
+/// Marks a face without material.
 pub const NO_MATERIAL: u32 = u32::MAX;
 /// Records read at once.
 const WINDOW_RECORDS: u64 = 1 << 20;
@@ -34,10 +34,10 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// Reads all pieces of a stored mesh; polygons are cut as they are for simplification.
+    /// Reads all pieces of a stored mesh; polygons are triangulated as they are for simplification.
     ///
     /// # Errors
-    /// [`Error::Damaged`] if a face names a vertex, a texture coordinate or a part that does not exist,
+    /// [`Error::Damaged`] if a face refers to a vertex, a texture coordinate or a part that does not exist,
     /// [`Error::Limit`] if there are too many faces for memory, else [`Error::Io`].
     pub fn load(mesh: &StoredMesh, catalogue: &Catalogue) -> Result<Self> {
         let face_count = mesh.face_count();
@@ -88,7 +88,7 @@ impl Surface {
         Ok(surface)
     }
 
-    /// The surface with vertices at bit-identical positions (-0 is 0) made one; faces that then repeat a vertex are
+    /// The surface after welding vertices at bit-identical positions (-0 is 0); faces that then repeat a vertex are
     /// dropped. Vertices keep the order of their first occurrence.
     pub fn welded(&self) -> Self {
         let (positions, new_ids) = weld_positions(&self.positions);
@@ -121,7 +121,7 @@ fn append_column<T: Coordinates>(column: &PackedColumn<T>, out: &mut Vec<T>) -> 
     Ok(())
 }
 
-/// Positions without repetition, and the new id of each old vertex.
+/// Distinct positions, and the new id of each old vertex.
 fn weld_positions(positions: &[DVec3]) -> (Vec<DVec3>, Vec<u32>) {
     let mut keys: Vec<([u64; 3], u32)> = positions.iter().zip(0u32..).map(|(&p, id)| (position_key(p), id)).collect();
     keys.par_sort_unstable();

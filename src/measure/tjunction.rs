@@ -18,7 +18,7 @@ use crate::geometry::boxtree::{Bounds, BoxTree};
 
 /// Edges that a thread takes at a time.
 const EDGES_AT_ONCE: usize = 4096;
-/// How much wider than the tolerance boxes are searched, so that rounding loses no candidate.
+/// Factor by which the searched boxes are wider than the tolerance, so that rounding loses no candidate.
 const SEARCH_MARGIN: f64 = 1.01;
 
 /// Number of vertices of the boundary edges that lie within `tolerance` (a length) of another boundary edge and, along

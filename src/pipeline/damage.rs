@@ -1,12 +1,12 @@
-//! What was found damaged in a work folder, for the user.
+//! Reports damaged files of a work folder to the user.
 
 use crate::base::Progress;
 use crate::job::WorkFolder;
 
-/// Of more damaged files than these it is only told how many there are.
+/// Maximum number of damaged files that are listed; of the others only their number is reported.
 const DAMAGES_TOLD_MAX: usize = 12;
 
-/// Tells what was found damaged and is done again.
+/// Reports which files were damaged and are recomputed.
 pub(super) fn report_damage(job: &WorkFolder, progress: &dyn Progress) {
     let damage = job.take_damage();
     damage.iter().take(DAMAGES_TOLD_MAX).for_each(|damage| progress.tell(damage));

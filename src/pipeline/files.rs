@@ -1,4 +1,4 @@
-//! Materials and textures of a run, counted.
+//! Counts materials and textures of a run.
 
 use std::path::{Path, PathBuf};
 
@@ -7,8 +7,8 @@ use crate::model::Catalogue;
 use crate::report::FileFigures;
 use crate::write::{self, Companion};
 
-/// Counts materials and textures of the input, what is left of them (`written` says what is lost) and their files.
-/// Sizes of images are read only `with_pixels`.
+/// Counts materials and textures of the input, those left in the result (`written` lists what is lost) and their files.
+/// Reads the sizes of images only `with_pixels`.
 pub(super) fn figures(
     catalogue: &Catalogue,
     written: &Findings,

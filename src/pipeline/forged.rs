@@ -1,5 +1,5 @@
-//! Work folders whose values were changed, checksums and all, by somebody who means harm: the job is gone on with or begun
-//! anew, or ends with words; no number of a value chooses a place that is not there.
+//! Work folders whose values, checksums included, were changed by an attacker: the job is resumed or restarted, or ends
+//! with an error message; no number of a value leads to an index out of range.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -15,9 +15,9 @@ use crate::remesh::cvd;
 
 /// Vertices along each side of the mesh.
 const SIDE: u32 = 40;
-/// Bytes of a value that are changed, at most, one at a time.
+/// Maximum number of bytes of a value that are changed, one at a time.
 const PLACES: usize = 20;
-/// What a number of one byte becomes: others of one byte, and the largest of two, four and eight.
+/// Replacements for a number of one byte: others of one byte, and the largest of two, four and eight.
 const NUMBERS: [&[u8]; 7] = [
     &[0],
     &[1],
@@ -28,7 +28,7 @@ const NUMBERS: [&[u8]; 7] = [
     &[253, 255, 255, 255, 255, 255, 255, 255, 127],
 ];
 
-/// Hears what is told, and ends the job after so many reports of progress.
+/// Collects messages, and stops the job after `left` reports of progress.
 struct Listener {
     left: AtomicU64,
     told: Mutex<Vec<String>>,
@@ -74,7 +74,7 @@ fn hills() -> String {
     text
 }
 
-/// A half-done job: the files of its work folder.
+/// An unfinished job: the files of its work folder.
 struct HalfDone {
     input: PathBuf,
     options: SimplifyOptions,
@@ -101,7 +101,7 @@ impl HalfDone {
         WorkFolder::open(work, &manifest, Resume::Require).unwrap()
     }
 
-    /// The steps that it holds, and the bytes of their values.
+    /// The steps that it recorded, and the bytes of their values.
     fn values(&self, work: &Path) -> Vec<(Step, Vec<u8>)> {
         let job = self.open(work);
         let steps = job.latest().collect::<Vec<_>>();
@@ -134,7 +134,7 @@ fn options() -> SimplifyOptions {
     }
 }
 
-/// Changes bytes of each value that a job ended after so many reports holds.
+/// Changes bytes of each value of a job that was stopped after `reports` reports of progress.
 fn change_values(options: SimplifyOptions, reports: u64) {
     let folder = tempfile::tempdir().unwrap();
     let (work, output) = (folder.path().join("work"), folder.path().join("work.obj"));

@@ -1,4 +1,4 @@
-//! Meshes that no exporter writes go through the whole pipeline, in cells far too small for them.
+//! Sends meshes that no exporter writes through the whole pipeline, in cells far too small for them.
 
 use std::fmt::Write as _;
 use std::path::Path;

@@ -1,7 +1,7 @@
-//! The input of a job: scanned, or recalled from an earlier process and compared with the files.
+//! The input of a job: scanned, or read back from an earlier process and compared with the files.
 //!
-//! In: the OBJ files, the work folder. Out: what the input holds beside geometry, and where the passes begin. Invariant:
-//! nothing that an earlier process kept is used before the content of every file that it follows from has been
+//! In: the OBJ files, the work folder. Out: what the input holds beside geometry, and where the passes begin.
+//! Invariant: a result of an earlier process is used only after the content of every file that it follows from was
 //! compared.
 
 use std::collections::HashMap;
@@ -22,18 +22,18 @@ use crate::scan::fingerprint::{self, Contents, Source};
 use crate::scan::{self, InputChoice, Scan, ScanOptions};
 use crate::write::{self, NamedTexture, Sources, Staged};
 
-/// What the input holds beside geometry.
+/// Catalogue, counts and source files of the input: everything but geometry.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Input {
     /// Labels and materials.
     pub(super) catalogue: Catalogue,
     /// Triangles.
     pub(super) triangles: u64,
-    /// What the scan ignored or repaired.
+    /// Findings of the scan: elements ignored or repaired.
     pub(super) findings: Findings,
     /// Bytes of OBJ text.
     pub(super) bytes: u64,
-    /// What the job needs.
+    /// Memory and disk space that the job needs.
     pub(super) need: Need,
     /// Hash of each OBJ.
     content_hashes: Vec<u64>,
@@ -43,31 +43,31 @@ pub(super) struct Input {
     textures: Vec<Source>,
 }
 
-/// How the input is read.
+/// Reads the input of a job.
 pub(super) struct Reading<'a> {
-    /// What the user named.
+    /// Inputs that the user named.
     pub(super) choice: &'a InputChoice,
     /// When the process began.
     pub(super) began: SystemTime,
     /// OBJ files.
     pub(super) inputs: &'a [PathBuf],
-    /// Patterns of the choice that leave nothing out.
+    /// Patterns of the choice that exclude nothing.
     pub(super) idle: &'a Findings,
-    /// What the job is.
+    /// Manifest of the job.
     pub(super) manifest: &'a Manifest,
     /// Options of the job.
     pub(super) options: &'a SimplifyOptions,
     /// How the scan uses the machine.
     pub(super) scan: ScanOptions,
-    /// Hears how far it is.
+    /// Receives the progress.
     pub(super) progress: &'a dyn Progress,
 }
 
 impl Reading<'_> {
-    /// Goes on with the job that the work folder holds, or scans the input.
+    /// Resumes the job in the work folder, or scans the input.
     ///
     /// # Errors
-    /// [`Error::Changed`](crate::base::Error::Changed) if the input has changed since the job was begun; those of the scan.
+    /// [`Error::Changed`](crate::base::Error::Changed) if the input has changed since the job began; those of the scan.
     pub(super) fn begin(&self, job: &mut WorkFolder) -> Result<(Input, Start)> {
         let recalled = if job.is_resumed() { Some(self.recall(job)?) } else { None };
         report_damage(job, self.progress);
@@ -136,7 +136,7 @@ impl Reading<'_> {
         self.choice.folders().cloned().collect()
     }
 
-    /// Textures count by their content where they are copied, and by whether they are there otherwise.
+    /// Sources for textures: with their content if they are copied, otherwise with their presence alone.
     fn textures(&self, catalogue: &Catalogue) -> Result<Vec<Source>> {
         let brings_outside = self.options.textures_outside == TexturesOutside::Copy;
         let (named, known) = (write::named_textures(catalogue, brings_outside), Contents::default());
@@ -160,7 +160,7 @@ impl Reading<'_> {
     }
 }
 
-/// The error of an input whose triangles all went.
+/// The error for an input of which no triangle is left.
 pub(super) fn nothing_left(path: &Path, triangles: u64, options: &SimplifyOptions) -> Error {
     let why = match options.pieces {
         Pieces::Keep => {
@@ -183,7 +183,7 @@ impl Input {
         Sources::new(self.catalogue.files.iter().map(PathBuf::as_path).chain(beside))
     }
 
-    /// Compares textures as they were copied with what they were when the job was begun, if they are to be copied.
+    /// Compares textures as they were copied with their content when the job began, if they are to be copied.
     ///
     /// # Errors
     /// [`Error::Changed`](crate::base::Error::Changed) naming the first that differs.
@@ -196,7 +196,7 @@ impl Input {
                 return Err(fingerprint::changed(&source.path, "is missing now"));
             }
             let path = source.path.canonicalize().unwrap_or_else(|_| source.path.clone());
-            // Of two names the one that leads out of its folder may be refused.
+            // Of two names, the one that leads out of its folder may be refused.
             let content = known.entry(path).or_insert(source.content);
             *content = content.or(source.content);
         }

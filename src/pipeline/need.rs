@@ -1,11 +1,11 @@
-//! What a job needs, once the scan has counted: memory that grows with the mesh, and scratch space.
+//! What a job needs, computed from the counts of the scan: memory that grows with the mesh, and scratch space.
 //!
 //! # Memory
 //! ```text
 //! 0.14 bytes   each vertex: which are shared, and their ranks
 //! names        each part and material
 //! ```
-//! stays resident through all passes; the rest of the budget is for clusters, of which the heaviest must fit.
+//! stays resident through all passes. The rest of the budget is for clusters; the heaviest one must fit.
 
 use std::path::Path;
 
@@ -19,18 +19,18 @@ use crate::os::system;
 use crate::plan::memory::heaviest_bytes;
 use crate::plan::scratch::{self, FirstPass};
 
-/// Bits of a vertex in the set of shared ones, with its ranks.
+/// Bits for each vertex in the set of shared vertices, with its ranks.
 const VERTEX_BITS: u64 = 9;
 
-/// More faces, or bytes, than any mesh has.
+/// Upper limit for counts of faces and bytes; no mesh has as many.
 pub(super) const COUNT_LIMIT: u64 = 1 << 48;
 
-/// What the mesh is made of.
+/// Sizes of the mesh.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Need {
     pub(super) vertices: u64,
     faces: u64,
-    /// Bytes of the positions as they are stored.
+    /// Bytes of the stored positions.
     position_bytes: u64,
     has_colours: bool,
     label_bytes: u64,
@@ -48,12 +48,12 @@ impl Need {
         }
     }
 
-    /// Whether a mesh can be made of so much, for a value that was read back.
+    /// Whether all counts of a value that was read back are below [`COUNT_LIMIT`].
     pub(super) fn is_sound(&self) -> bool {
         [self.vertices, self.faces, self.position_bytes, self.label_bytes].iter().all(|count| *count < COUNT_LIMIT)
     }
 
-    /// Memory that stays taken through all passes, in bytes.
+    /// Memory that stays allocated through all passes, in bytes.
     pub(super) fn resident_bytes(&self) -> u64 {
         self.vertices * VERTEX_BITS / 64 + self.label_bytes
     }
@@ -69,14 +69,14 @@ impl Need {
             colour_bytes: if self.has_colours { scratch::COLOUR_BYTES } else { 0.0 },
             faces: self.faces as f64,
             faces_out: match options.remesh {
-                // One that makes the mesh anew leaves a little more than the whole.
+                // A pass that remeshes leaves a little more than the whole.
                 Some(_) => 1.5 * self.faces as f64,
-                // A first pass leaves about half of the mesh, if no more is to stay.
+                // A first pass leaves about half of the mesh, or the target if that is more.
                 None => (0.5 * self.faces as f64).max(options.most_faces(self.faces) as f64),
             },
             looked_up: scratch::RANK_BYTES * vertices,
         };
-        // The columns go before the next pass, which leaves what it has, at worst.
+        // The columns are removed before the next pass, which is taken to leave at least 0.7 of its faces.
         let columns = self.position_bytes as f64 + scratch::FACE_BYTES * first.faces;
         let target = options.most_faces(self.faces) as f64;
         let later = scratch::later_pass(
@@ -88,11 +88,11 @@ impl Need {
         first.peak().max(later - columns) as u64
     }
 
-    /// Refuses a job that cannot end well: a cluster would not fit the memory, or the files of the first pass, where
-    /// these are still needed, not the disk.
+    /// Refuses a job that cannot succeed: a cluster would not fit the memory, or the files of the first pass, if they
+    /// are still needed, would not fit the disk.
     ///
     /// # Errors
-    /// [`Error::Budget`] and [`Error::NoSpace`], with what would do.
+    /// [`Error::Budget`] and [`Error::NoSpace`], with the size that would suffice.
     pub(super) fn check(
         &self,
         budget: MemoryBudget,

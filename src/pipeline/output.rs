@@ -1,4 +1,5 @@
-//! The file that is to be written, before the work is done: one that cannot be is refused, one that is there already is known.
+//! Checks the output file before the work is done: refuses one that cannot be written, and recognises an earlier
+//! result.
 
 use std::path::{Path, PathBuf};
 
@@ -12,17 +13,17 @@ use crate::os::durable::{DurableFile, folder_of, make_folders};
 use crate::scan::{InputChoice, fingerprint};
 use crate::write::{Companion, Sources, Written, remove_waiting_of, textures_folder, why_unnameable};
 
-/// Longest name of a file, and what stands behind the output's name in the longest that is made of it.
+/// Longest name of a file in bytes, and the ending of the longest name that is made of the output's name.
 const NAME_BYTES_MAX: usize = 255;
 const LONGEST_ENDING: &str = ".work-measure";
 
-/// What a process that was ended while its result got its names had written.
+/// Result of a process that ended while its files were being renamed to their final names.
 pub(super) enum Earlier {
-    /// Nothing, or it is there no more.
+    /// No result, or it is no longer there.
     Nothing,
-    /// The OBJ is there; of its MTL and textures not all are.
+    /// The OBJ is there; its MTL or some textures are missing.
     Obj,
-    /// All of it is there.
+    /// All files are there.
     Whole(Written),
 }
 
@@ -40,13 +41,13 @@ pub(super) fn earlier(job: &WorkFolder, output: &Path) -> Result<Earlier> {
     if !written.companions.iter().all(Companion::is_there) {
         return Ok(Earlier::Obj);
     }
-    // The same was there before, and waited for its names when the process was ended.
+    // The same files were there before; copies of them waited for their final names when the process ended.
     remove_waiting_of(output, job.number());
     Ok(Earlier::Whole(written))
 }
 
-/// Refuses, before anything is read or made, an output that is no OBJ or one of the inputs, and places that are in the way of
-/// each other.
+/// Refuses, before anything is read or written, an output that is no OBJ or one of the inputs, and paths that conflict
+/// with each other.
 pub(super) fn refuse(choice: &InputChoice, inputs: &[PathBuf], output: &Path, work: &Path) -> Result<()> {
     let shown = escape_path(output);
     let refused = |words: &str| Err(Error::Usage(format!("{shown}: {words}")));
@@ -86,8 +87,8 @@ pub(super) fn refuse(choice: &InputChoice, inputs: &[PathBuf], output: &Path, wo
     Ok(())
 }
 
-/// Whether an earlier process of the job had begun to put the result there. If that was elsewhere, removes what waits for
-/// its names.
+/// Whether an earlier process of the job had begun to write the result there. If it wrote elsewhere, removes the files
+/// that wait for their final names.
 ///
 /// # Errors
 /// Those of [`WorkFolder::recall`].
@@ -100,7 +101,7 @@ pub(super) fn was_writing(job: &WorkFolder, output: &Path) -> Result<bool> {
     Ok(earlier == there)
 }
 
-/// Remembers where the result is going to wait for its names.
+/// Records where the files of the result will wait for their final names.
 ///
 /// # Errors
 /// Those of [`WorkFolder::keep`].
@@ -108,21 +109,21 @@ pub(super) fn remember(job: &WorkFolder, output: &Path) -> Result<()> {
     job.keep(Step::Output, 0, [], &OutputPlace { obj: resolved(output) })
 }
 
-/// Where an OBJ goes.
+/// Path of the output.
 #[derive(Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct OutputPlace {
     #[serde(with = "codec::path")]
     obj: PathBuf,
 }
 
-/// Finds out, before the work is done, whether the output can be written, and refuses to replace one that is there.
+/// Checks, before the work is done, that the output can be written, and refuses to replace an existing one.
 pub(super) fn check(output: &Path, job: u64, may_exist: bool) -> Result<()> {
     make_folders(folder_of(output))?;
     DurableFile::create_outside(output, job, 0).map(drop)?;
     refuse_existing(output, may_exist)
 }
 
-/// Refuses to replace an OBJ that is there.
+/// Refuses to replace an existing OBJ.
 pub(super) fn refuse_existing(output: &Path, may_exist: bool) -> Result<()> {
     if !may_exist && output.symlink_metadata().is_ok() {
         return Err(Error::Usage(format!("{}: exists already; --force replaces it", escape_path(output))));
@@ -130,7 +131,7 @@ pub(super) fn refuse_existing(output: &Path, may_exist: bool) -> Result<()> {
     Ok(())
 }
 
-/// A path without links, as far as it is there.
+/// A path with links resolved, as far as it exists.
 fn resolved(path: &Path) -> PathBuf {
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let there = absolute.ancestors().find_map(|above| Some((above.canonicalize().ok()?, above)));
@@ -165,7 +166,7 @@ mod tests {
         assert_eq!(folder.path().read_dir().unwrap().count(), 0);
     }
 
-    /// Remembers the phases that began.
+    /// Records the phases that began.
     #[derive(Default)]
     struct Phases(std::sync::Mutex<Vec<&'static str>>);
 
@@ -192,7 +193,7 @@ mod tests {
             assert_eq!(*phases.0.lock().unwrap(), ["scan"]);
             assert_eq!(std::fs::read(folder.path().join(other)).unwrap(), b"mine");
             run(&SimplifyOptions { force: true, ..options.clone() }, &phases).unwrap();
-            // What an ended process left is no hindrance.
+            // Files that a stopped process left do not get in the way.
             std::fs::remove_file(&output).unwrap();
             run(&options, &phases).unwrap();
         }

@@ -1,4 +1,4 @@
-//! Pictures of the mesh before and after.
+//! Renderings of the mesh before and after.
 
 use std::path::Path;
 
@@ -13,7 +13,7 @@ pub(super) const MAP_SIZE: [usize; 2] = [600, 400];
 /// Memory that a map takes, in bytes.
 pub(super) const MAP_BYTES: u64 = (MAP_SIZE[0] * MAP_SIZE[1]) as u64 * 16;
 
-/// Draws what a run works on; whatever goes wrong is a warning, since the result does not need it.
+/// Draws the meshes of a run. An error becomes a warning, since the result does not need the renderings.
 pub(super) struct Painter<'a> {
     pub(super) catalogue: &'a Catalogue,
     pub(super) folder: &'a Path,
@@ -24,7 +24,8 @@ pub(super) struct Painter<'a> {
 }
 
 impl Painter<'_> {
-    /// Pictures of a mesh from the given places or from its own, and those; none, and a warning, where it cannot be drawn.
+    /// Renderings of a mesh from the given viewpoints or from its own, with the viewpoints; `None`, and a warning, if
+    /// it cannot be drawn.
     pub(super) fn draw(
         &self,
         mesh: &StoredMesh,

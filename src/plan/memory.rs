@@ -1,7 +1,7 @@
-//! The memory budget of a run, the threads that fit it, and what each phase will take.
+//! Memory budget of a run, number of threads that fit it, and predicted memory of each phase.
 //!
 //! ```text
-//! peak = fixed + max(scan, partition, simplify, write), never more than the budget: permits see to that
+//! peak = fixed + max(scan, partition, simplify, write), never more than the budget: permits enforce it
 //! ```
 
 use serde::Serialize;
@@ -18,57 +18,57 @@ use crate::scan::{self, ScanOptions};
 use crate::simplify::Anchor;
 use crate::write::SHARE_BYTES_MAX;
 
-/// Memory that a thread should have for its work, at least.
+/// Minimum memory of a thread for its work.
 const THREAD_BYTES: u64 = 32 * MIB;
-/// Memory of a chunk that is being parsed, for the scan's share of the budget.
+/// Memory of a chunk while it is parsed, for the scan's share of the budget.
 const CHUNK_BYTES: u64 = 4 * CHUNK_TEXT_BYTES;
-/// Text of a chunk, and a third of a parsed chunk as exporters write it, take this much.
+/// Memory of a chunk's text; also of a third of a parsed chunk, as exporters write it.
 const CHUNK_TEXT_BYTES: u64 = scan::CHUNK_BYTES;
-/// A cluster may come out this much larger than asked for.
+/// Factor by which a cluster may exceed the requested size.
 const CLUSTER_EXCESS: f64 = 1.3;
-/// What the allocator keeps of the partition's buffers while clusters are simplified.
+/// Memory of the partition's buffers that the allocator keeps while clusters are simplified.
 const KEPT_BYTES: u64 = 12 * MIB;
 /// A histogram and its filled cells (24 MiB) or buffers of vertices or faces by cell (12 MiB), and windows in flight.
 const PARTITION_BYTES: u64 = 36 * MIB;
 /// Memory for each face of the result while it is grouped by part and turned into text.
 const WRITE_FACE_BYTES: u64 = 64;
 
-/// Predicted memory by phase in bytes; each includes what the process holds whatever it does.
+/// Predicted memory by phase in bytes; each includes the fixed memory of the process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct MemoryForecast {
     /// Reading the input.
     pub scan: u64,
-    /// Cutting it into clusters.
+    /// Partitioning.
     pub partition: u64,
     /// Simplifying clusters, several at a time.
     pub simplify: u64,
     /// Writing the result.
     pub write: u64,
-    /// The most of these.
+    /// Largest of these.
     pub peak: u64,
 }
 
-/// What a forecast depends on.
+/// Inputs of a forecast.
 #[derive(Debug, Clone, Copy)]
 pub struct Sizes {
     /// Triangles of the input.
     pub faces: u64,
     /// Vertices of the input.
     pub vertices: u64,
-    /// Triangles wanted.
+    /// Target number of triangles.
     pub target: u64,
-    /// Triangles of a cluster, about.
+    /// Approximate number of triangles of a cluster.
     pub cluster_faces: u64,
-    /// How the mesh is made anew, if it is.
+    /// Settings of the remeshing, if there is one.
     pub remesh: Option<cvd::CvdSettings>,
     /// Whether the distance from the input is bounded.
     pub is_bounded: bool,
-    /// Bytes that the metric keeps for an ordinary face beyond those of every cluster.
+    /// Bytes that the metric keeps for an ordinary face, beyond those of every cluster.
     pub metric_face_bytes: u64,
 }
 
 impl Sizes {
-    /// The sizes of a run on so many faces and vertices.
+    /// The sizes of a run on `faces` faces and `vertices` vertices.
     pub fn of(faces: u64, vertices: u64, options: &SimplifyOptions) -> Self {
         Self {
             faces,
@@ -77,7 +77,7 @@ impl Sizes {
             cluster_faces: options.cluster_faces,
             remesh: options.remesh,
             is_bounded: options.max_error.is_some(),
-            // Settings that a metric does not have are refused before anything is planned.
+            // Settings that a metric does not have are refused before planning.
             metric_face_bytes: options.cost(true).map_or(0, |cost| cost.extra_face_bytes()),
         }
     }
@@ -88,7 +88,7 @@ pub fn forecast(sizes: &Sizes, budget: MemoryBudget, threads: usize) -> MemoryFo
     let work = budget.for_work();
     let scan = scan_options(budget, threads);
     let scan = (scan.threads + 3 * scan.chunks_in_flight) as u64 * CHUNK_TEXT_BYTES;
-    // All ranks or two windows; in a later pass, whose mesh is small, a sample beside one.
+    // All ranks or two windows; a later pass, whose mesh is small, has a sample beside one window.
     let (ranks, window) = (RANK_BYTES * sizes.vertices, window_bytes(work));
     let sample = if sample::fits_beside_cutting(0, work) { sample::SAMPLE_BYTES } else { 0 };
     let ranks = ranks.min(2 * window).max(ranks.min(window) + sample);
@@ -104,15 +104,15 @@ pub fn forecast(sizes: &Sizes, budget: MemoryBudget, threads: usize) -> MemoryFo
     MemoryForecast { scan, partition, simplify, write, peak: scan.max(partition).max(simplify).max(write) }
 }
 
-/// Memory of a cluster that takes `bytes` once it is loaded, while it is made anew or its edges collapse; the metric, of
-/// `metric` bytes, is there only for the latter.
+/// Memory of a cluster that takes `bytes` once it is loaded, while it is remeshed or its edges collapse. The metric, of
+/// `metric` bytes, exists only in the latter case.
 fn in_work(bytes: u64, metric: u64, is_remeshed: bool, is_bounded: bool) -> u64 {
     let remeshed = if is_remeshed { bytes * cvd::GROWTH / 2 } else { 0 };
     let collapsing = bytes + metric;
     remeshed.max(if is_bounded { Anchor::with_room(collapsing) } else { collapsing })
 }
 
-/// Memory of the heaviest cluster that is loaded, when clusters should have `cluster_faces` faces.
+/// Memory of the heaviest cluster after loading, when clusters should have `cluster_faces` faces.
 ///
 /// # Errors
 /// [`Error::Usage`] for settings that the metric does not have.
@@ -139,7 +139,7 @@ pub fn budget_of(memory: Option<u64>) -> Result<MemoryBudget> {
 /// The budget of a run, which must hold one cluster.
 ///
 /// # Errors
-/// [`Error::Budget`] saying what would do.
+/// [`Error::Budget`] with the budget that would suffice.
 pub fn choose_budget(options: &SimplifyOptions) -> Result<MemoryBudget> {
     let budget = budget_of(options.memory)?;
     let cluster = heaviest_bytes(options, options.cluster_faces)?;
@@ -155,13 +155,13 @@ pub fn choose_budget(options: &SimplifyOptions) -> Result<MemoryBudget> {
     Ok(budget)
 }
 
-/// Threads: those asked for, or one for each processor, as far as what they need fits the budget.
+/// Number of threads: those asked for, or one for each processor, limited by the budget.
 pub fn choose_threads(threads: Option<usize>, budget: MemoryBudget) -> usize {
     let wanted = threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
     wanted.min((budget.for_work() / THREAD_BYTES).max(1) as usize)
 }
 
-/// How the scan shares the budget among its chunks.
+/// Options that share the budget among the scan's chunks.
 pub fn scan_options(budget: MemoryBudget, threads: usize) -> ScanOptions {
     let fitting = (budget.for_work() / CHUNK_BYTES) as usize;
     let chunks_in_flight = (threads * 2).min(fitting).max(1);
@@ -239,7 +239,7 @@ mod tests {
             assert_eq!(bytes(&options), limit_bytes(100_000) + 100_000 * extra, "{metric:?}");
             let bounded = SimplifyOptions { max_error: Some(0.1), ..options.clone() };
             assert_eq!(bytes(&bounded), Anchor::with_room(bytes(&options)), "{metric:?}");
-            // Cells are made before the metric is there.
+            // Cells are built before the metric is created.
             let remeshed = SimplifyOptions { remesh: Some(cvd::CvdSettings::default()), ..options.clone() };
             assert_eq!(bytes(&remeshed), bytes(&options).max(limit_bytes(100_000) * cvd::GROWTH / 2), "{metric:?}");
         }

@@ -1,7 +1,7 @@
-//! What a run will take: clusters, memory, scratch space and time, from one streaming look at the input.
+//! Predicts clusters, memory, scratch space and time of a run, from one streaming read of the input.
 //!
 //! In: the input and the options of a run. Out: a [`Plan`]. Invariant: nothing is written, and the memory comes from
-//! the formulas that the run itself reports and is refused by.
+//! the formulas that the run itself reports and checks.
 //!
 //! # Memory
 //! That of [`count`](crate::scan::count).
@@ -26,7 +26,7 @@ use crate::os::system;
 use crate::scan;
 use crate::scan::InputChoice;
 
-/// What the input holds.
+/// Counts of the input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct InputFigures {
     /// OBJ files.
@@ -46,26 +46,27 @@ pub struct InputFigures {
 /// Scratch space.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct ScratchFigures {
-    /// Bytes that the work folder will hold at most, about.
+    /// Largest size of the work folder in bytes, approximately.
     pub bytes: u64,
-    /// Bytes that are free on the disk of the work folder, if the system tells.
+    /// Free bytes on the disk of the work folder, if the system reports them.
     pub free: Option<u64>,
-    /// The folder whose disk was asked.
+    /// The folder whose disk was examined.
     pub folder: PathBuf,
 }
 
-/// What a run will take.
+/// Prediction for a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Plan {
-    /// What the input holds.
+    /// Counts of the input.
     pub input: InputFigures,
-    /// Triangles wanted; none where a bounded error decides: then all that follows holds for a mesh that loses nothing.
+    /// Target number of triangles; `None` if a bounded error decides: all that follows is then for a mesh that loses
+    /// nothing.
     pub target: Option<u64>,
     /// Threads that the run would use.
     pub threads: u64,
-    /// Triangles of a cluster, about.
+    /// Approximate number of triangles of a cluster.
     pub cluster_faces: u64,
-    /// Each pass.
+    /// Forecast of each pass.
     pub passes: Vec<PassForecast>,
     /// Memory that the user allows, in bytes.
     pub budget: u64,
@@ -73,19 +74,19 @@ pub struct Plan {
     pub memory: MemoryForecast,
     /// Scratch space.
     pub scratch: ScratchFigures,
-    /// Bytes of the OBJ to be written, about.
+    /// Approximate size of the OBJ to be written, in bytes.
     pub output_bytes: u64,
     /// Time by phase.
     pub seconds: TimeForecast,
-    /// Inputs that may hold one surface twice, and patterns that leave nothing out.
+    /// Warnings: inputs that may hold one surface twice, and patterns that exclude nothing.
     pub warnings: Vec<String>,
 }
 
-/// Plans a run; the work folder's disk is that of `options.work`, else that of the current folder.
+/// Plans a run. The work folder's disk is that of `options.work`, else that of the current folder.
 ///
 /// # Errors
-/// As [`pipeline::simplify`](crate::pipeline::simplify) for options, an impossible budget and inputs that are no OBJ; a
-/// disk that is too small is told by [`Plan::refuse_small_disk`].
+/// As [`pipeline::simplify`](crate::pipeline::simplify) for options, an impossible budget and inputs that are no OBJ;
+/// [`Plan::refuse_small_disk`] reports a disk that is too small.
 pub fn plan(input: impl Into<InputChoice>, options: &SimplifyOptions, progress: &dyn Progress) -> Result<Plan> {
     options.check()?;
     let (inputs, mut findings) = scan::find_inputs_and_idle(&input.into())?;
@@ -124,7 +125,7 @@ pub fn plan(input: impl Into<InputChoice>, options: &SimplifyOptions, progress: 
 }
 
 impl Plan {
-    /// Refuses a run for which the work folder's disk is too small.
+    /// Returns an error if the work folder's disk is too small for the run.
     ///
     /// # Errors
     /// [`Error::NoSpace`](crate::base::Error::NoSpace).
@@ -132,7 +133,7 @@ impl Plan {
         scratch::refuse_less_than(self.scratch.bytes, &self.scratch.folder)
     }
 
-    /// The plan as a person reads it.
+    /// The plan as a table for people.
     pub fn table(&self) -> String {
         let mut text = String::new();
         let input = &self.input;
@@ -196,7 +197,7 @@ fn row(text: &mut String, name: &str, words: &str) {
     let _ = writeln!(text, "{name:10}{words}");
 }
 
-/// Seconds for a person: `under 0.1 s`, `0.4 s`, `12 s`, `3 min`, `2.5 h`.
+/// Seconds as text for people: `under 0.1 s`, `0.4 s`, `12 s`, `3 min`, `2.5 h`.
 fn duration(seconds: f64) -> String {
     match seconds {
         s if s < 0.1 => "under 0.1 s".to_owned(),

@@ -1,7 +1,7 @@
-//! Which passes a run will make, and how many clusters each will have.
+//! Predicts the passes of a run, and the clusters of each.
 //!
-//! Cells halve the vertices again and again, so counts alone tell how many there will be, but for planes that move to
-//! where few vertices lie.
+//! Cells halve the vertices again and again, so the number of clusters follows from counts alone, except where planes
+//! move to where few vertices lie.
 
 use serde::Serialize;
 
@@ -10,25 +10,25 @@ use crate::partition::cells::expected_count;
 use crate::passes::CELL_PASSES;
 use crate::passes::schedule::{TRIM_SHARE, pass_target};
 
-/// A pass to come.
+/// Forecast of a pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct PassForecast {
-    /// Clusters, about.
+    /// Approximate number of clusters.
     pub clusters: u64,
-    /// Faces before, about.
+    /// Approximate number of faces before.
     pub faces_in: u64,
-    /// Faces after, about.
+    /// Approximate number of faces after.
     pub faces_out: u64,
     /// Whether it removes the last faces above the target.
     pub is_trim: bool,
-    /// Whether it makes the mesh anew.
+    /// Whether it remeshes.
     pub is_remesh: bool,
 }
 
-/// Faces after the mesh is made anew, for each before; measured on photogrammetry.
+/// Faces after remeshing for each face before; measured on photogrammetry.
 const REMESH_FACES: f64 = 1.1;
 
-/// Predicts the passes of a run; `passes` are those asked for.
+/// Predicts the passes of a run; `passes` is the number asked for.
 pub fn forecast(sizes: &Sizes, passes: usize) -> Vec<PassForecast> {
     let &Sizes { faces: input, target, cluster_faces, .. } = sizes;
     let mut found = Vec::new();

@@ -1,16 +1,16 @@
-//! How much disk space a run needs in its work folder, from the bytes of the records that it writes.
+//! Disk space that a run needs in its work folder, from the sizes of the records that it writes.
 //!
 //! ```text
 //! after the scan        columns: 5 B a vertex, 4.5 B a texcoord, 12 B a colour, 9.5 B a face
-//! while numbering       columns + vertices by cell 6 B (18 B with colours) + places 6 B a vertex
-//! after the partition   columns + places + faces by cell 9.5 B a face
-//! at the end of pass 1  texcoords + places + faces by cell + pieces 16 B a face that is left
-//! in a later pass       pieces before + places + faces by cell + pieces after
+//! while numbering       columns + vertices by cell 6 B (18 B with colours) + positions 6 B a vertex
+//! after the partition   columns + positions + faces by cell 9.5 B a face
+//! at the end of pass 1  texcoords + positions + faces by cell + pieces 16 B a face that is left
+//! in a later pass       pieces before + positions + faces by cell + pieces after
 //! besides               the sample of a pass, 30 B a face, at most 30,000 faces
 //! ```
-//! Bytes were measured on 2026-11-21 on synthetic cities of 1.0 and 4.3 million triangles with four decimals and seams on a
-//! fifth of the vertices: 26.9 and 27.9 bytes a triangle in all at 10 %. Positions of doubles as they are take 24 bytes;
-//! a shuffled file about 10, and 12 a face more.
+//! Bytes were measured on 2026-11-21 on synthetic cities of 1.0 and 4.3 million triangles with four decimals and seams
+//! on a fifth of the vertices: 26.9 and 27.9 bytes a triangle in all at 10 %. Positions kept as doubles take 24 bytes;
+//! those of a shuffled file about 10, and 12 more for each face.
 
 use std::path::{Path, PathBuf};
 
@@ -21,15 +21,15 @@ use crate::os::system;
 use crate::partition::numbering::fit_one_window;
 use crate::scan::Counts;
 
-/// Scratch space for each byte of OBJ text, before anything has been read; the least that was measured.
+/// Scratch space for each byte of OBJ text, before anything has been read; the smallest measured value.
 const SCRATCH_PER_INPUT: f64 = 0.3;
 /// Bytes of a face in the scan's blocks, and in the buckets of the cells.
 pub const FACE_BYTES: f64 = 9.5;
-/// Bytes of a position in a column if it has four decimals, what each further one adds, and of one that is kept as doubles.
+/// Bytes of a position in a column if it has four decimals, of each further decimal, and of a position kept as doubles.
 const POSITION_BYTES: f64 = 5.0;
 const DECIMAL_BYTES: f64 = 1.42;
 const DOUBLES_BYTES: f64 = 24.0;
-/// Bytes that a position takes more than in a column where it is numbered, and where it lies for the clusters.
+/// Bytes that a position takes beyond those in a column, where it is numbered and where it is stored for the clusters.
 const NUMBERED_BYTES: f64 = 1.0;
 /// Bytes of a texture coordinate.
 const TEXCOORD_BYTES: f64 = 4.5;
@@ -37,38 +37,39 @@ const TEXCOORD_BYTES: f64 = 4.5;
 pub const COLOUR_BYTES: f64 = 12.0;
 /// Bytes of a rank that is looked up window by window.
 pub const RANK_BYTES: f64 = 2.0;
-/// Bytes of a piece for each of its faces: half a position of four decimals, two thirds of a texcoord, and the face.
+/// Bytes of a piece for each of its faces: half a position of four decimals, two thirds of a texcoord, and the
+/// face.
 const PIECE_FACE_BYTES: f64 = 16.0;
-/// How many times as much a piece takes of a mesh that was made anew: its positions lie anywhere.
+/// Factor by which the pieces of a remeshed mesh are larger: its positions lie anywhere.
 const REMESHED: f64 = 1.5;
 
-/// Bytes of a face of the sample, and most faces that it has before the first pass.
+/// Bytes of a face of the sample, and maximum number of its faces before the first pass.
 const SAMPLE_FACE_BYTES: f64 = 30.0;
 const SAMPLE_FACES: f64 = 30_000.0;
 
-/// What the first pass needs disk space for.
+/// Sizes that the disk space of the first pass depends on.
 #[derive(Debug, Clone, Copy)]
 pub struct FirstPass {
     /// Bytes of the scan's columns and blocks.
     pub columns: f64,
-    /// Bytes of its texture coordinates among them.
+    /// Bytes of the texture coordinates among them.
     pub texcoords: f64,
     /// Number of vertices.
     pub vertices: f64,
     /// Bytes of a position in a column.
     pub position_bytes: f64,
-    /// Bytes of a colour, if there are any.
+    /// Bytes of a colour; 0 without colours.
     pub colour_bytes: f64,
     /// Number of faces.
     pub faces: f64,
-    /// Number of faces that it leaves.
+    /// Number of faces left after the pass.
     pub faces_out: f64,
-    /// Bytes of what is looked up window by window.
+    /// Bytes of the records that are looked up window by window.
     pub looked_up: f64,
 }
 
 impl FirstPass {
-    /// Most bytes that the work folder holds until it ends.
+    /// Largest size of the work folder until the pass ends, in bytes.
     pub fn peak(&self) -> f64 {
         let places = (self.position_bytes + NUMBERED_BYTES + self.colour_bytes) * self.vertices;
         let buckets = FACE_BYTES * self.faces;
@@ -80,10 +81,10 @@ impl FirstPass {
     }
 }
 
-/// Most bytes that the work folder holds in a later pass, from its numbers of faces before and after, and the bytes of a position
-/// and of a colour.
+/// Largest size of the work folder in a later pass, in bytes, from its numbers of faces before and after and the bytes
+/// of a position and of a colour.
 pub fn later_pass(faces_in: f64, faces_out: f64, position_bytes: f64, colour_bytes: f64) -> f64 {
-    // There is half a vertex a face.
+    // There is half a vertex for each face.
     let piece = piece_bytes(position_bytes, colour_bytes);
     let places = 0.5 * (position_bytes + NUMBERED_BYTES + colour_bytes);
     (piece + places + FACE_BYTES) * faces_in + piece * faces_out
@@ -94,18 +95,18 @@ fn piece_bytes(position_bytes: f64, colour_bytes: f64) -> f64 {
     PIECE_FACE_BYTES + 0.5 * (position_bytes - POSITION_BYTES + colour_bytes)
 }
 
-/// Bytes of a position with so many decimals.
+/// Bytes of a position with `decimals` decimals.
 fn position_bytes(decimals: u32) -> f64 {
     (POSITION_BYTES + DECIMAL_BYTES * (f64::from(decimals) - 4.0)).clamp(0.5 * POSITION_BYTES, DOUBLES_BYTES)
 }
 
-/// Scratch space in bytes of a run of so many passes.
+/// Scratch space of a run of `passes` passes, in bytes.
 pub fn forecast(counts: &Counts, sizes: &Sizes, passes: usize, budget: MemoryBudget) -> u64 {
     let passes = passes::forecast(sizes, passes);
-    // Faces that count as so many of a piece.
+    // Faces, weighted by the size of their pieces.
     let left = |pass: &PassForecast| pass.faces_out as f64 * if pass.is_remesh { REMESHED } else { 1.0 };
     let first_pass = passes.first().map_or(0.0, left);
-    // A numbering that is larger than its share of the memory is looked up window by window.
+    // A numbering that exceeds its share of the memory is looked up window by window.
     let windows = !fit_one_window(sizes.vertices, budget.for_work());
     let colour_bytes = if counts.has_colours { COLOUR_BYTES } else { 0.0 };
     let position = position_bytes(counts.decimals);
@@ -113,7 +114,7 @@ pub fn forecast(counts: &Counts, sizes: &Sizes, passes: usize, budget: MemoryBud
     after_first_pass(counts, first_pass, windows).max(later.fold(0.0, f64::max) as u64)
 }
 
-/// Scratch space in bytes if the first pass leaves so many faces.
+/// Scratch space in bytes if the first pass leaves `faces_out` faces.
 fn after_first_pass(counts: &Counts, faces_out: f64, windows: bool) -> u64 {
     let (vertices, faces) = (counts.vertices as f64, counts.triangles as f64);
     let colour_bytes = if counts.has_colours { COLOUR_BYTES } else { 0.0 };
@@ -125,23 +126,23 @@ fn after_first_pass(counts: &Counts, faces_out: f64, windows: bool) -> u64 {
     first.peak() as u64
 }
 
-/// The folder that exists already and will hold `path`.
+/// The nearest existing folder that will contain `path`.
 pub fn existing_folder(path: &Path) -> PathBuf {
     let ancestors = path.ancestors().filter(|folder| !folder.as_os_str().is_empty());
     ancestors.into_iter().find(|folder| folder.is_dir()).unwrap_or(Path::new(".")).to_owned()
 }
 
-/// Refuses, from the files' sizes alone, a job for which the work folder's disk is too small; the folder holds `held`
+/// Refuses, from the files' sizes alone, a job for which the work folder's disk is too small; the folder has `held`
 /// bytes already.
 ///
 /// # Errors
-/// [`Error::NoSpace`] saying what is needed, what is free and the way out.
+/// [`Error::NoSpace`] with the space needed, the space free and the way out.
 pub fn refuse_small_disk(input_bytes: u64, held: u64, work: &Path) -> Result<()> {
     let needed = (input_bytes as f64 * SCRATCH_PER_INPUT) as u64;
     refuse_less_than(needed.saturating_sub(held), work)
 }
 
-/// Refuses a work folder on a disk with less than `needed` bytes.
+/// Refuses a work folder on a disk with fewer than `needed` bytes free.
 ///
 /// # Errors
 /// As [`refuse_small_disk`].
@@ -151,7 +152,7 @@ pub fn refuse_less_than(needed: u64, work: &Path) -> Result<()> {
     refuse_disk(&folder, needed, free)
 }
 
-/// Refuses a disk on which fewer bytes are free than needed.
+/// Refuses a disk with fewer bytes `free` than `needed`.
 ///
 /// # Errors
 /// As [`refuse_small_disk`].

@@ -1,8 +1,8 @@
-//! How long a run will take, from rates that were measured.
+//! Predicts the time of a run, from measured rates.
 //!
 //! Rates are for one core of a 2.x GHz server processor, from the processor time of a synthetic city of 4.3 million
-//! triangles at 10 % on 2026-11-21 (10.1 s, by phase). What a pass takes whatever its size shows in small meshes. Another
-//! machine may be twice as fast or half.
+//! triangles at 10 % on 2026-11-21 (10.1 s, by phase). The constant time of a pass was measured on small meshes.
+//! Another machine may be twice as fast or half as fast.
 
 use serde::Serialize;
 
@@ -11,23 +11,23 @@ use crate::passes::sample::{Purpose, sample_faces};
 
 /// Bytes of OBJ text scanned in a second by one core.
 const SCAN_BYTES_PER_SECOND: f64 = 398e6;
-/// Faces cut into clusters in a second by one core.
+/// Faces partitioned into clusters in a second by one core.
 const PARTITION_FACES_PER_SECOND: f64 = 5.9e6;
 /// Faces of the first pass, with seams locked, in a second by one core.
 const FIRST_FACES_PER_SECOND: f64 = 1.12e6;
-/// Faces of the passes after it in a second by one core.
+/// Faces of the later passes in a second by one core.
 const LATER_FACES_PER_SECOND: f64 = 790e3;
 /// Faces of the trim in a second by one core.
 const TRIM_FACES_PER_SECOND: f64 = 1.4e6;
-/// Faces of the pass that makes the mesh anew, its two looks included, in a second by one core.
+/// Faces of the pass that remeshes, its two looks at the mesh included, in a second by one core.
 const REMESH_FACES_PER_SECOND: f64 = 120e3;
 /// Faces written in a second.
 const WRITE_FACES_PER_SECOND: f64 = 3.2e6;
-/// Seconds that a cut waits for the disk.
+/// Seconds that a partition waits for the disk.
 const CUT_SECONDS: f64 = 0.05;
 /// Seconds that the result waits for the disk.
 const WRITE_SECONDS: f64 = 0.04;
-/// Share of a further thread's time that is work: clusters end at different times, and some steps are in order.
+/// Useful share of each further thread's time: clusters end at different times, and some steps run in order.
 const THREAD_SHARE: f64 = 0.85;
 
 /// Predicted time by phase, in seconds.
@@ -37,7 +37,7 @@ pub struct TimeForecast {
     pub total: f64,
     /// Reading the input.
     pub scan: f64,
-    /// Cutting, in all passes.
+    /// Partitioning, in all passes.
     pub partition: f64,
     /// Simplifying, in all passes.
     pub simplify: f64,
@@ -62,7 +62,8 @@ pub fn forecast(input_bytes: u64, passes: &[PassForecast], target: u64, threads:
         };
         simplify += faces / rate / speed_up(pass.clusters);
         if pass.clusters > 1 && !pass.is_remesh {
-            // One queue on one thread, while the rest waits or cuts; half of it before the first pass.
+            // The sample is simplified on one thread, while the others wait or partition; half of it before the first
+            // pass.
             let share = if is_first { 0.5 } else { 1.0 };
             let is_last = passes.get(number + 1).is_none_or(|next| next.is_trim);
             let purpose = Purpose { left: target as f64 / faces.max(1.0), is_last };

@@ -1,4 +1,4 @@
-//! What a comparison found, as part of a page and as a page of its own.
+//! Shows what a comparison found, as part of a page and as a page of its own.
 
 use std::path::Path;
 
@@ -18,16 +18,16 @@ use crate::measure::compare::{
 };
 use crate::os::durable::new_job_number;
 
-/// PositionRuns of the largest distances that are shown.
+/// Number of positions of largest distances that are shown.
 const SHOWN_PLACES: usize = 5;
 
-/// A name, and how its figure is found.
+/// A name, and the function that returns its figure.
 type Figure<T, F> = (&'static str, fn(&T) -> F);
 
-/// The page of a comparison; it looks on to draw both meshes, and to colour the result by error.
+/// The page of a comparison. It observes the comparison to draw both meshes and to colour the result by error.
 #[derive(Debug, Default)]
 pub struct ComparisonPage {
-    /// What drawing may use.
+    /// Resources for drawing.
     pub resources: DrawResources,
     shots: Option<[Vec<Shot>; 2]>,
     findings: Findings,
@@ -88,7 +88,7 @@ impl ComparisonPage {
     }
 }
 
-/// The sections that a comparison fills; `after` are pictures of the result.
+/// The sections of the page that show a comparison; `after` are renderings of the result.
 pub(super) fn body(comparison: &Comparison, after: &[Shot]) -> Markup {
     html! {
         (distances(comparison))
@@ -155,7 +155,7 @@ fn distances(comparison: &Comparison) -> Markup {
     }
 }
 
-/// Where the largest distances are.
+/// The positions of the largest distances.
 fn worst(comparison: &Comparison) -> Markup {
     let Geometry { forward, backward, .. } = &comparison.geometry;
     let mut places: Vec<(&str, &FarPoint)> = forward.worst.iter().map(|place| ("added", place)).collect();
@@ -208,7 +208,7 @@ fn errors(comparison: &Comparison, after: &[Shot]) -> Markup {
     }
 }
 
-/// What is seen through, and the view with most of it.
+/// The pinholes, and the view with most of them.
 fn pinholes(found: &Pinholes) -> Markup {
     html! {
         section {
@@ -241,7 +241,7 @@ fn pinholes(found: &Pinholes) -> Markup {
     }
 }
 
-/// Stands for a figure that cannot be measured.
+/// Text for a figure that cannot be measured.
 const UNKNOWN: &str = "unknown";
 
 fn known_length(figure: Option<f64>) -> String {

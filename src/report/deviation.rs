@@ -1,7 +1,7 @@
-//! What a comparison measured of the deviation, and whether it keeps the bound that was asked for.
+//! Deviation that a comparison measured, and whether it keeps the bound of `--max-error`.
 //!
-//! In: the distances of a [`Comparison`](crate::measure::compare::Comparison). Out: lines for the terminal, and a message if
-//! some point is farther away than `--max-error` allows.
+//! In: the distances of a [`Comparison`](crate::measure::compare::Comparison). Out: lines for the terminal, and a
+//! message if some point is farther away than `--max-error` allows.
 
 use std::fmt::Write as _;
 
@@ -12,17 +12,17 @@ use crate::measure::gauge::Gauged;
 
 /// Units in the last place of a coordinate that rounding alone may add to a distance.
 const ROUNDING_UNITS: f64 = 16.0;
-/// What is said of a broken bound that could be smaller.
+/// Advice for a broken bound above 0.
 const CLOSER: &str = "; a smaller --max-error gives a closer result";
 
 impl Report {
-    /// What to say if the comparison found a point that is farther away than `--max-error` allows; `None` if the bound is
+    /// Message if the comparison found a point that is farther away than `--max-error` allows; `None` if the bound is
     /// kept, was not asked for or was not measured.
     pub fn broken_bound(&self) -> Option<String> {
         broken_bound(self.options.max_error?, &self.comparison.as_ref()?.geometry)
     }
 
-    /// Appends the lines of the summary that are about the deviation.
+    /// Appends the summary's lines about the deviation.
     pub(super) fn add_deviation(&self, text: &mut String) {
         if let Some(bound) = self.options.max_error {
             let _ = writeln!(text, "deviation allowed: {bound}");
@@ -52,7 +52,7 @@ fn add_gauged(text: &mut String, found: Option<&Gauged>) {
     };
 }
 
-/// Where and by how much distances pass a bound.
+/// Message that says where and by how much distances exceed the bound; `None` if they do not.
 fn broken_bound(bound: f64, geometry: &Geometry) -> Option<String> {
     let ways =
         [(&geometry.forward, "from the result to the input"), (&geometry.backward, "from the input to the result")];
@@ -69,8 +69,8 @@ fn broken_bound(bound: f64, geometry: &Geometry) -> Option<String> {
     Some(format!("--max-error {bound} is broken: the distance {words} is {found}{place}{advice}"))
 }
 
-/// Distance that rounding makes of none at the farthest point: that of its coordinates as they are written, or that of
-/// measuring, which is larger at long and thin triangles.
+/// Largest distance that rounding alone may cause at the farthest point: rounding of its coordinates as they are
+/// written, or rounding in the measurement, which is larger at long and thin triangles.
 fn rounding(way: &Distances, diagonal: f64) -> f64 {
     let coordinates = way.worst.first().into_iter().flat_map(|worst| worst.position.into_iter().chain(worst.closest));
     let written = ROUNDING_UNITS * f64::EPSILON * coordinates.fold(0.0f64, |largest, x| largest.max(x.abs()));
@@ -113,7 +113,7 @@ mod tests {
         let geometry = |max| Geometry { forward: up_to(max, 5e6), ..Geometry::default() };
         assert_eq!(broken_bound(0.0, &geometry(2e-9)), None);
         assert!(broken_bound(0.0, &geometry(1e-7)).unwrap().contains("at 5000000 5000000 5000000"));
-        // A city of 5 km: what is measured of a mesh that stays as it is.
+        // A city of 5 km: distances measured on a mesh that did not change.
         let city = |max| Geometry { forward: up_to(max, 2e3), diagonal: 5e3, ..Geometry::default() };
         assert_eq!(broken_bound(0.0, &city(1.2e-9)), None);
         assert!(broken_bound(0.0, &city(1e-8)).is_some());

@@ -1,4 +1,4 @@
-//! How the page shows numbers, plots and pictures.
+//! Formats numbers, plots and renderings for the page.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
@@ -7,7 +7,7 @@ use crate::base::grouped;
 
 const STYLE: &str = include_str!("style.css");
 
-/// A whole page; `ending` stands at its foot.
+/// A whole page, with `ending` at its foot.
 pub(super) fn page(title: &str, body: &Markup, ending: &str) -> String {
     let page = html! {
         (DOCTYPE)
@@ -29,7 +29,7 @@ pub(super) fn page(title: &str, body: &Markup, ending: &str) -> String {
     page.into_string()
 }
 
-/// Before and after from the same places.
+/// Renderings before and after from the same viewpoints.
 pub(super) fn pictures(before: &[Shot], after: &[Shot]) -> Markup {
     html! {
         section {
@@ -73,7 +73,7 @@ pub(super) fn spaced(number: u64) -> String {
     grouped(number).replace(' ', "\u{202f}")
 }
 
-/// A whole number with a minus sign as long as a plus.
+/// A whole number with a minus sign as wide as a plus.
 pub(super) fn signed(number: i64) -> String {
     format!("{}{}", if number < 0 { "\u{2212}" } else { "" }, spaced(number.unsigned_abs()))
 }
@@ -95,7 +95,7 @@ pub(super) fn seconds(seconds: f64) -> String {
     }
 }
 
-/// Three digits that count.
+/// A length with three significant digits.
 pub(super) fn length(length: f64) -> String {
     match length.abs() {
         0.0 => "0".into(),

@@ -1,4 +1,4 @@
-//! Files of a report: JSON or a page, whole or absent.
+//! Files of a report, JSON or a page, each written whole or not at all.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 use crate::os::durable::{DurableFile, new_job_number};
 
-/// Writes a value as JSON, as a file that is whole or absent.
+/// Writes a value as JSON, to a file that is written whole or not at all.
 ///
 /// # Errors
 /// The file system's; [`Error::Damaged`] for a value that JSON cannot hold.
@@ -21,7 +21,7 @@ pub(super) fn json(value: &impl Serialize, path: &Path) -> Result<String> {
     serde_json::to_string_pretty(value).map_err(damaged)
 }
 
-/// Writes a text and a line feed as a file that is whole or absent.
+/// Writes a text and a line feed, to a file that is written whole or not at all.
 pub(super) fn save_text(text: &str, path: &Path, job: u64) -> Result<()> {
     let mut file = DurableFile::create_outside(path, job, 64 << 10)?;
     file.write(text.as_bytes())?;
@@ -40,10 +40,10 @@ pub enum ReportKind {
 }
 
 impl ReportKind {
-    /// By the extension of a path.
+    /// Kind of a path, by its extension.
     ///
     /// # Errors
-    /// [`Error::Usage`] for another one than `.json` or `.html`.
+    /// [`Error::Usage`] for an extension other than `.json` or `.html`.
     pub fn of(path: &Path) -> Result<Self> {
         match path.extension().and_then(|extension| extension.to_str()) {
             Some("json") => Ok(Self::Json),

@@ -1,4 +1,4 @@
-//! TextureImages of a mesh from fixed places, as `data:` addresses for the page.
+//! Renderings of a mesh from fixed viewpoints, as `data:` addresses for the page.
 //!
 //! ```text
 //! triangles ──▶ canvases, as many as fit ──▶ which image each pixel shows
@@ -6,13 +6,13 @@
 //!                                                ▼
 //!                                             pixels ──▶ JPEG
 //! ```
-//! In: a mesh, block by block; images that nobody vouches for. Out: pictures, and warnings in words about images that
-//! cannot be read. Invariant: the pictures depend on the mesh and its images; on the memory budget only where an image has
-//! to be reduced to fit.
+//! In: a mesh, block by block; untrusted images. Out: renderings, and warnings about images that cannot be read.
+//! Invariant: the renderings depend on the mesh and its images; they depend on the memory budget only where an image
+//! has to be reduced to fit.
 //!
 //! # Memory
-//! A canvas of [`SIZE`] with 2 × 2 samples a pixel takes 59 MiB with its lists; as many as fit three fifths of the memory
-//! are drawn in one round, at least one. Images get the rest.
+//! A canvas of [`SIZE`] with 2 × 2 samples a pixel takes 59 MiB with its lists; as many as fit three fifths of the
+//! memory are drawn in one round, at least one. Images get the rest.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -30,23 +30,23 @@ use crate::render::encode;
 use crate::render::view::ProjectedExtent;
 use crate::render::{Canvas, Frame, Paint, View};
 
-/// Width and height of a picture in pixels.
+/// Width and height of a rendering in pixels.
 pub const SIZE: [usize; 2] = [960, 640];
 /// Samples of a pixel along each side.
 const SAMPLES: usize = 2;
-/// Bytes of a sample: the canvas, and a place in the list of those that show one image.
+/// Bytes of a sample: the canvas, and an index in the list of samples that show one image.
 const SAMPLE_BYTES: u64 = Canvas::PIXEL_BYTES + 4;
 /// Bytes of a finished pixel: sums of its samples, its colour, its share of the file.
 const PIXEL_BYTES: u64 = 12 + 3 + 3;
-/// Bytes of a canvas and of what becomes of it.
+/// Bytes of a canvas and of the rendering made from it.
 const CANVAS_BYTES: u64 = (SIZE[0] * SIZE[1]) as u64 * ((SAMPLES * SAMPLES) as u64 * SAMPLE_BYTES + PIXEL_BYTES);
 /// Bytes of a cell of the mesh, or of a few images.
 const CELL_BYTES: u64 = 32 << 20;
-/// Texels of an image that are looked at for one sample, along each side, at most.
+/// Maximum number of texels of an image that are averaged for one sample, along each side.
 const TAPS_MAX: usize = 4;
-/// A sample's neighbour that lies farther away in the image than this is on another chart.
+/// A neighbouring sample farther away in the image than this lies on another chart.
 const CHART_STEP: f32 = 0.1;
-/// Light on an image: photographs bring their own.
+/// Light on an image: photographs contain their own light.
 const PHOTO_LIGHT: [f32; 2] = [0.72, 0.34];
 /// Light on plain colours.
 const PLAIN_LIGHT: [f32; 2] = [0.12, 0.92];
@@ -55,13 +55,13 @@ const EDGE_COLOUR: [f32; 3] = [22.0, 26.0, 40.0];
 const EDGE_SHARE: f32 = 0.62;
 /// Colour of a surface whose image cannot be read.
 const UNREAD: [f32; 3] = [206.0, 203.0, 196.0];
-/// The surface is seen in a pixel if it lies within so many pixels of what is nearest there.
+/// A point is seen in a pixel if it lies within this many pixels' depth of the nearest surface there.
 const SURFACE_DEPTH: f32 = 1.5;
 
-/// A place to look from.
+/// A viewpoint.
 #[derive(Debug, Clone, Copy)]
 pub struct Vantage {
-    /// In words.
+    /// Name shown on the page.
     pub name: &'static str,
     turn: f64,
     tilt: f64,
@@ -70,7 +70,7 @@ pub struct Vantage {
     pub with_edges: bool,
 }
 
-/// The places, in the order of the page.
+/// The viewpoints, in the order of the page.
 pub const VANTAGES: [Vantage; 4] = [
     Vantage { name: "from the south-west", turn: -35.0, tilt: 36.0, zoom: 1.0, with_edges: false },
     Vantage { name: "from the north-east", turn: 145.0, tilt: 36.0, zoom: 1.0, with_edges: false },
@@ -78,7 +78,7 @@ pub const VANTAGES: [Vantage; 4] = [
     Vantage { name: "the middle, enlarged", turn: -35.0, tilt: 44.0, zoom: 7.0, with_edges: true },
 ];
 
-/// From where a mesh is drawn: the same for its original and its result.
+/// Views from which a mesh is drawn: the same for an original and its result.
 #[derive(Debug, Clone)]
 pub struct Viewpoints {
     frame: Frame,
@@ -86,7 +86,7 @@ pub struct Viewpoints {
 }
 
 impl Viewpoints {
-    /// Views of a mesh that fill the pictures; none if it has no extent.
+    /// Views of a mesh that fill the renderings; `None` if it has no extent.
     ///
     /// # Errors
     /// On failed reads.
@@ -122,22 +122,22 @@ impl Viewpoints {
         Ok(Some(Self { frame, views }))
     }
 
-    /// Straight down, in pictures of another size.
+    /// View straight down, for renderings of another size.
     pub fn map(&self, size: [usize; 2]) -> View {
         self.frame.view(0.0, 90.0, size)
     }
 }
 
-/// A picture from one of [`VANTAGES`].
+/// A rendering from one of [`VANTAGES`].
 #[derive(Debug)]
 pub struct Shot {
-    /// `data:` address of the picture.
+    /// `data:` address of the rendering.
     pub address: String,
-    /// What is needed to colour the surface by error, if that was asked for.
+    /// Data to colour the surface by error, if that was asked for.
     pub relief: Option<Relief>,
 }
 
-/// Draws a mesh from all places.
+/// Draws a mesh from all viewpoints.
 ///
 /// # Errors
 /// On a full disk, failed reads and writes.
@@ -167,7 +167,7 @@ pub fn draw(
     Ok(shots)
 }
 
-/// Canvases that are drawn in one round.
+/// Number of canvases that are drawn in one round.
 fn canvases_at_once(work_bytes: u64) -> usize {
     (work_bytes * 3 / 5 / CANVAS_BYTES).clamp(1, VANTAGES.len() as u64) as usize
 }
@@ -177,7 +177,7 @@ pub fn peak_bytes(work_bytes: u64) -> u64 {
     (CANVAS_BYTES * canvases_at_once(work_bytes) as u64 + CELL_BYTES).min(work_bytes)
 }
 
-/// Gives canvases their colours.
+/// Computes the colours of canvases.
 fn develop(
     canvases: &[Canvas],
     files: &[TextureImage],
@@ -277,7 +277,7 @@ fn image_colour(canvas: &Canvas, pixel: usize, seen: &SeenPixel, image: &Image) 
     sum.map(|channel| channel / (taps * taps) as f32)
 }
 
-/// Images repeat.
+/// Wraps a texture coordinate: images repeat.
 fn wrapped(coordinate: f32) -> f32 {
     if (0.0..=1.0).contains(&coordinate) { coordinate } else { coordinate.rem_euclid(1.0) }
 }
@@ -295,7 +295,7 @@ struct Film {
 }
 
 impl Film {
-    /// With the background and the plain colours of a canvas.
+    /// Starts with the background and the plain colours of a canvas.
     fn new(canvas: &Canvas) -> Self {
         let [width, height] = canvas.view.size;
         let mut film = Self { width, sums: vec![[0.0; 3]; width * height / (SAMPLES * SAMPLES)] };
@@ -323,7 +323,7 @@ impl Film {
     }
 }
 
-/// Pixel of the picture that a sample belongs to.
+/// Pixel of the rendering that a sample belongs to.
 fn reduced(sample: usize, width: usize) -> usize {
     let (column, row) = (sample % width / SAMPLES, sample / width / SAMPLES);
     row * (width / SAMPLES) + column
@@ -333,17 +333,17 @@ fn jpeg_address(pixels: &[u8]) -> String {
     jpeg_file_address(&encode::jpeg(pixels, SIZE).unwrap_or_default())
 }
 
-/// The address of a JPEG.
+/// `data:` address of a JPEG.
 pub fn jpeg_file_address(file: &[u8]) -> String {
     format!("data:image/jpeg;base64,{}", STANDARD.encode(file))
 }
 
-/// The address of a PNG.
+/// `data:` address of a PNG.
 pub fn png_address(file: &[u8]) -> String {
     format!("data:image/png;base64,{}", STANDARD.encode(file))
 }
 
-/// The surface of a picture, waiting for errors to colour it by.
+/// The surface in a rendering, to be coloured by errors.
 #[derive(Debug)]
 pub struct Relief {
     view: View,
@@ -354,7 +354,7 @@ pub struct Relief {
     errors: Vec<(f32, u32)>,
 }
 
-/// The surfaces of the pictures take the errors that a comparison finds.
+/// The surfaces of the renderings collect the errors that a comparison finds.
 impl Onlooker for Vec<Shot> {
     fn see_point(&mut self, place: &FarPoint) {
         let reliefs = self.iter_mut().filter_map(|shot| shot.relief.as_mut());
@@ -363,7 +363,7 @@ impl Onlooker for Vec<Shot> {
 }
 
 impl Relief {
-    /// Bytes of all pictures' surfaces.
+    /// Bytes of the surfaces of all renderings.
     pub const BYTES: u64 = (SIZE[0] * SIZE[1] * VANTAGES.len()) as u64 * 16;
 
     fn new(canvas: &Canvas) -> Self {
@@ -396,7 +396,7 @@ impl Relief {
         }
     }
 
-    /// The picture as an address; `most` has the last colour of the scale.
+    /// The rendering as an address; the last colour of the scale stands for `most`.
     pub fn colour(&self, most: f64) -> String {
         let filled = fill(&self.errors, self.view.size);
         let mut pixels = Vec::with_capacity(3 * filled.len());
@@ -415,7 +415,8 @@ impl Relief {
     }
 }
 
-/// Means where there are errors; elsewhere those of the smallest squares around that have some.
+/// Mean error of each pixel that has errors; for other pixels, the mean of the smallest surrounding squares that have
+/// some.
 fn fill(errors: &[(f32, u32)], size: [usize; 2]) -> Vec<Option<f32>> {
     let mean = |&(sum, count): &(f32, u32)| (count > 0).then(|| sum / count as f32);
     let [width, height] = size;

@@ -44,7 +44,7 @@ fn head(report: &Report, title: &str) -> Markup {
     }
 }
 
-/// The deviation at some thousand points.
+/// The deviation measured at some thousand points.
 fn measured(report: &Report) -> Markup {
     match &report.error.measured {
         Some(found) => {
@@ -84,7 +84,7 @@ fn key_figures(report: &Report) -> Markup {
     }
 }
 
-/// How many there were and how many are on no face of the result.
+/// Total, and how many of it are on no face of the result.
 fn lost(before: u64, left: u64) -> String {
     let lost = if left == before { "none lost".into() } else { format!("{} lost", spaced(before - left)) };
     format!("of {}: {lost}", spaced(before))
@@ -124,7 +124,7 @@ fn floor(report: &Report) -> Markup {
     }
 }
 
-/// What became of the topology.
+/// Changes of the topology.
 fn topology(report: &Report) -> Markup {
     let changes: Vec<_> = summary::changes(&report.topology).collect();
     html! {
@@ -238,7 +238,7 @@ fn time(report: &Report) -> Markup {
     }
 }
 
-/// What a phase took, from the samples around it.
+/// Memory and bytes of a phase, from the samples around it.
 struct Stay {
     resident: u64,
     read: u64,
@@ -334,7 +334,7 @@ fn maps(report: &Report) -> Markup {
     }
 }
 
-/// The options, as they were.
+/// The options of the run.
 fn asked(report: &Report) -> Markup {
     let options = match serde_json::to_value(&report.options) {
         Ok(serde_json::Value::Object(options)) => options,

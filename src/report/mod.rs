@@ -1,12 +1,12 @@
-//! What a run did, for scripts (JSON) and for people (a few lines, a page).
+//! Reports a run, for scripts (JSON) and for people (a few lines, a page).
 //!
 //! ```text
 //! Report ──summary──▶ lines on the terminal
 //!        ──save─────▶ report.json
 //!                     report.html ◀── plots (SVG)
 //! ```
-//! In: the figures that the phases left. Out: text. Invariant: everything that came from outside (paths, names) is
-//! escaped, and the page loads nothing: style, plots and pictures are inside it.
+//! In: the figures of the phases. Out: text. Invariant: all text from outside (paths, names) is escaped, and the page
+//! loads nothing: style, plots and renderings are inside it.
 
 mod comparison;
 mod deviation;
@@ -30,10 +30,10 @@ use self::file::{json, save_text};
 use crate::base::Result;
 
 impl Report {
-    /// Writes the report as JSON, or as a page by the extension, for the job of this number.
+    /// Writes the report as JSON or as a page, by the extension of `path`, for the job of this number.
     ///
     /// # Errors
-    /// [`Error::Usage`] for another extension than `.json` or `.html`; the file system's.
+    /// [`Error::Usage`] for an extension other than `.json` or `.html`; the file system's.
     pub fn save(&self, path: &Path, job: u64) -> Result<()> {
         match ReportKind::of(path)? {
             ReportKind::Html => save_text(&html::page(self), path, job),

@@ -1,7 +1,7 @@
 //! Plots as SVG text, drawn by `plotters`.
 //!
-//! In: series of numbers. Out: `<svg>` elements without any text from outside. Colours are stand-ins that the page's
-//! style replaces, so that a plot follows the light, the dark and the printed page.
+//! In: series of numbers. Out: `<svg>` elements that contain no text from outside. The page's style replaces the
+//! placeholder colours, so a plot follows the light, the dark and the printed page.
 
 use std::ops::Range;
 
@@ -17,14 +17,14 @@ use crate::passes::outcome::{PassReport, StageReport};
 
 /// Width and height of a plot in its own units; the page scales it.
 const SIZE: (u32, u32) = (640, 300);
-/// Stand-ins: `style.css` gives `#010101` and the others their real colours.
+/// Placeholder colours: `style.css` replaces `#010101` and the others.
 const INK: RGBColor = RGBColor(1, 1, 1);
 const RULE: RGBColor = RGBColor(2, 2, 2);
 const FIRST: RGBColor = RGBColor(3, 3, 3);
 const SECOND: RGBColor = RGBColor(4, 4, 4);
 const WASH: RGBColor = RGBColor(5, 5, 5);
 const MUTED: RGBColor = RGBColor(6, 6, 6);
-/// The font is the page's.
+/// The page sets the font.
 const FONT: &str = "sans-serif";
 const TEXT_SIZE: i32 = 13;
 /// A distribution is drawn where it has more than this share of the surface, in percent.
@@ -41,9 +41,9 @@ pub fn memory(timeline: &Timeline, budget: u64) -> Option<String> {
     let points: Vec<(f64, f64)> =
         timeline.samples.iter().map(|sample| (sample.seconds, mib(sample.resident))).collect();
     let highest = points.iter().map(|point| point.1).fold(0.0, f64::max);
-    // A generous budget would press the curve to the ground.
+    // A large budget would flatten the curve.
     let shown_budget = Some(mib(budget)).filter(|budget| *budget <= 3.0 * highest);
-    // Room above the budget for its name and for those of the phases.
+    // Space above the budget for its label and for those of the phases.
     let top = (shown_budget.unwrap_or(0.0) * 1.25).max(highest * 1.12);
     over_time(timeline, top, "MiB resident", |chart| {
         chart.draw_series(AreaSeries::new(points.iter().copied(), 0.0, WASH))?;
@@ -78,12 +78,12 @@ pub fn moved(timeline: &Timeline) -> Option<String> {
     })
 }
 
-/// Deviation against faces at the end of each stage, both in decades.
+/// Deviation against faces at the end of each stage, both on logarithmic axes.
 pub fn faces_against_error(passes: &[PassReport]) -> Option<String> {
     against_faces(passes, "estimated deviation (RMS)", |stage| stage.rms_estimate)
 }
 
-/// Highest cost of a collapse in each stage against faces at its end, both in decades.
+/// Highest cost of a collapse in each stage against faces at its end, both on logarithmic axes.
 pub fn faces_against_cost(passes: &[PassReport]) -> Option<String> {
     against_faces(passes, "highest cost (area × length²)", |stage| stage.threshold)
 }
@@ -140,22 +140,22 @@ fn against_faces(passes: &[PassReport], y_name: &str, of: impl Fn(&StageReport) 
     })
 }
 
-/// Words beside the end of a pass, or of several whose words would lie over each other.
+/// Label of the end of a pass, or of several passes whose labels would overlap.
 struct PassName {
     end: (f64, f64),
     words: String,
 }
 
-/// Whether two places of an axis of decades, `units` long, are less than `least` units apart.
+/// Whether two values on a logarithmic axis, `units` long, are less than `least` units apart.
 fn is_near(range: &Range<f64>, a: f64, b: f64, units: f64, least: f64) -> bool {
     units * libm::fabs(libm::log(a / b)) / libm::log(range.end / range.start) < least
 }
 
-/// How much of the surface lies how far, both ways; distances in decades.
+/// Share of the surface by distance, both directions; distances on a logarithmic axis.
 pub fn distribution(forward: &Histogram, backward: &Histogram) -> Option<String> {
     let steps = |histogram: &Histogram| -> Vec<(f64, f64)> {
         let bins = histogram.edges.windows(2).zip(&histogram.shares);
-        // The first bin begins at 0, which has no place among decades.
+        // The first bin begins at 0, which has no position on a logarithmic axis.
         let level = |edge: &[f64], share: f64| 100.0 * share / (2.0 * libm::log2(edge[1] / edge[0]));
         bins.skip(1).flat_map(|(edge, &share)| [edge[0], edge[1]].map(|place| (place, level(edge, share)))).collect()
     };
@@ -268,7 +268,7 @@ fn label(colour: RGBColor) -> TextStyle<'static> {
     (FONT, TEXT_SIZE).into_font().color(&colour)
 }
 
-/// Writes words beside a point, so many units to its right and below it.
+/// Writes a text beside a point, shifted to the right and down by the given units.
 fn note<X: Ranged<ValueType = f64>, Y: Ranged<ValueType = f64>>(
     chart: &mut PlotArea<X, Y>,
     words: &str,
@@ -299,7 +299,8 @@ fn decades(values: impl Iterator<Item = f64>) -> Range<f64> {
     low / 1.3..high * 1.6
 }
 
-/// The words for a place among decades: all of them where there is room, else those of 1, 2 and 5 in each decade, or of 1.
+/// Label of a value on a logarithmic axis; empty where there is no room: then only 1, 2 and 5 of each decade are
+/// labelled, or 1.
 fn round_in(range: &Range<f64>, place: f64, words: String) -> String {
     let decades = libm::log10(range.end / range.start);
     let leading = place / 10f64.powf(libm::floor(libm::log10(place) + 1e-9));
@@ -312,7 +313,7 @@ fn round_in(range: &Range<f64>, place: f64, words: String) -> String {
     if is_shown { words } else { String::new() }
 }
 
-/// A number without needless zeros.
+/// A number without trailing zeros.
 fn plain(number: &f64) -> String {
     let rounded = (number * 1e6).round() / 1e6;
     if *number != 0.0 && number.abs() < 1e-3 { format!("{number:.1e}") } else { format!("{rounded}") }

@@ -1,4 +1,4 @@
-//! The figures of a run: what the JSON report holds.
+//! Figures of a run: the content of the JSON report.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -20,40 +20,40 @@ use crate::simplify::Changes;
 pub enum Status {
     /// The target was met.
     Done,
-    /// The result was written, with more faces than asked for.
+    /// The result was written, with more faces than the target.
     TargetMissed,
 }
 
 /// Numbers of triangles.
 #[derive(Debug, Clone, Serialize)]
 pub struct FaceFigures {
-    /// Of the input, after triangulation.
+    /// Triangles of the input, after triangulation.
     pub input: u64,
-    /// Asked for.
+    /// Target.
     pub target: u64,
-    /// Of the result.
+    /// Triangles of the result.
     pub output: u64,
 }
 
-/// How far the result lies from the input.
+/// Deviation of the result from the input.
 #[derive(Debug, Clone, Serialize)]
 pub struct ErrorFigures {
     /// Highest cost of a collapse in the last pass, in area × length².
     pub threshold: f64,
-    /// What was measured at some thousand points; nothing if it or the result has no area.
+    /// Deviation measured at some thousand points; `None` if the input or the result has no area.
     pub measured: Option<Gauged>,
 }
 
 /// Times of the phases in seconds.
 #[derive(Debug, Clone, Serialize)]
 pub struct SecondFigures {
-    /// Of the whole run.
+    /// The whole run.
     pub total: f64,
     /// Reading the input.
     pub scan: f64,
-    /// Cutting, in all passes.
+    /// Partitioning, in all passes.
     pub partition: f64,
-    /// Making the mesh anew.
+    /// Remeshing.
     pub remesh: f64,
     /// Simplifying in the first pass.
     pub simplify: f64,
@@ -70,15 +70,15 @@ pub struct SecondFigures {
 /// Memory in bytes.
 #[derive(Debug, Clone, Serialize)]
 pub struct MemoryFigures {
-    /// What the user allowed.
+    /// Budget that the user allowed.
     pub budget: u64,
-    /// What the formulas say.
+    /// Peak that the formulas predict.
     pub predicted_peak: u64,
-    /// What the system measured.
+    /// Peak resident memory that the system measured.
     pub peak_resident: u64,
 }
 
-/// Bytes moved.
+/// Bytes read and written.
 #[derive(Debug, Clone, Serialize)]
 pub struct IoFigures {
     /// Length of the OBJ input.
@@ -89,7 +89,7 @@ pub struct IoFigures {
     pub written: u64,
     /// Length of the OBJ that was written.
     pub output: u64,
-    /// Most that the work folder held.
+    /// Largest size of the work folder.
     pub scratch_peak: u64,
 }
 
@@ -98,18 +98,18 @@ pub struct IoFigures {
 pub struct FileFigures {
     /// Materials that faces of the input name.
     pub materials: u64,
-    /// Those that are on a face of the result.
+    /// Of these, materials on a face of the result.
     pub materials_left: u64,
     /// Textures that these materials name in the input.
     pub textures: u64,
-    /// Those that are on a face of the result.
+    /// Of these, textures on a face of the result.
     pub textures_left: u64,
     /// Texture images beside the result, copied or linked.
     pub images: u64,
-    /// Bytes of those that were copied.
+    /// Bytes of the images that were copied.
     pub image_bytes: u64,
-    /// Millions of pixels of the input's texture images that may be copied, and of those beside the result; none if
-    /// nothing was drawn.
+    /// Millions of pixels of the input's texture images that may be copied, and of the images beside the result; `None`
+    /// if nothing was drawn.
     pub megapixels: Option<[f64; 2]>,
 }
 
@@ -120,12 +120,12 @@ pub struct Report {
     pub program: &'static str,
     /// The command line, if the run was started by one.
     pub command: Option<String>,
-    /// When it began, in seconds since 1970.
+    /// Start time, in seconds since 1970.
     pub began: u64,
-    /// How it ended.
+    /// How the run ended.
     pub status: Status,
-    /// Whether it went on with what an earlier process had finished; times and bytes are then this process's alone,
-    /// but for the times of the passes.
+    /// Whether the run resumed the work of an earlier process. Times and bytes are then of this process alone, except
+    /// the times of the passes.
     pub resumed: bool,
     /// The OBJ file or folder that was read.
     #[serde(serialize_with = "json_path::lossy")]
@@ -135,9 +135,9 @@ pub struct Report {
     pub inputs: Vec<PathBuf>,
     /// Number of OBJ files in it.
     pub input_files: u64,
-    /// What was asked for.
+    /// The options of the run.
     pub options: SimplifyOptions,
-    /// Threads that worked.
+    /// Number of threads.
     pub threads: usize,
     /// The OBJ that was written.
     #[serde(serialize_with = "json_path::lossy")]
@@ -146,42 +146,44 @@ pub struct Report {
     pub faces: FaceFigures,
     /// Error.
     pub error: ErrorFigures,
-    /// What became of the topology.
+    /// Changes of the topology.
     pub topology: Changes,
-    /// Share of the triangles below which a new texture would pay: seams would take more vertices than there are. None
-    /// where the result has more, or has no texture.
+    /// Share of the triangles below which a new texture would pay: seams would take more vertices than there are.
+    /// `None` if the result has more triangles, or no texture.
     pub new_texture_below: Option<f64>,
-    /// Share of the result's vertices that seams would take if all edges were equally long; none without texture or target.
+    /// Share of the result's vertices that seams would take if all edges were equally long; `None` without texture or
+    /// target.
     pub seam_crowding: Option<f64>,
     /// Time.
     pub seconds: SecondFigures,
     /// Memory.
     pub memory: MemoryFigures,
-    /// Input and output.
+    /// Bytes read and written.
     pub io: IoFigures,
     /// Materials and textures.
     pub files: FileFigures,
-    /// Memory and bytes moved over time.
+    /// Memory and bytes read and written over time.
     pub timeline: Timeline,
-    /// Each pass that made the mesh anew.
+    /// Each pass that remeshed.
     pub remesh: Vec<RemeshReport>,
     /// Each pass that collapsed edges.
     pub passes: Vec<PassReport>,
-    /// Pictures of the input and of the result from [`gallery::VANTAGES`], if they were drawn.
+    /// Renderings of the input and of the result from [`gallery::VANTAGES`], if they were drawn.
     #[serde(skip)]
     pub shots: Option<[Vec<Shot>; 2]>,
-    /// What stands in the way of the target, if it was missed.
+    /// Vertices and edges that keep the mesh above its target, if it was missed.
     pub floor: Option<Floor>,
-    /// The result against the input, if asked for.
+    /// Comparison of the result with the input, if asked for.
     pub comparison: Option<Comparison>,
-    /// What was repaired or dropped, by kind.
+    /// Number of repaired or dropped elements, by kind.
     pub repairs: BTreeMap<String, u64>,
-    /// The same in words, where there are words.
+    /// Messages about them, where there are any.
     pub warnings: Vec<String>,
 }
 
 impl Report {
-    /// Exit code of the process: 1 if a measured distance passes `--max-error`, else 3 if the target was missed, else 0.
+    /// Exit code of the process: 1 if a measured distance exceeds `--max-error`, else 3 if the target was missed, else
+    /// 0.
     pub fn exit_code(&self) -> u8 {
         match self.status {
             _ if self.broken_bound().is_some() => 1,

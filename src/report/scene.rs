@@ -1,4 +1,4 @@
-//! What can be drawn: the triangles of a mesh, one after the other, with what they show.
+//! What can be drawn: the triangles of a mesh, one after the other, with colour or texture.
 //!
 //! ```text
 //! StoredMesh    ──▶ cells, loaded one by one ──┐
@@ -7,7 +7,7 @@
 //! ```
 //!
 //! # Memory
-//! For a stored mesh, that of a partition into cells of `CELL_FACES` triangles, and one of its clusters at a time.
+//! For a stored mesh, that of a partition into cells of `CELL_FACES` triangles, and of one of its clusters at a time.
 //!
 //! # Files
 //! Those of a pass named `pass-view`, removed at the end.
@@ -24,7 +24,7 @@ use crate::model::{Catalogue, StoredMesh};
 use crate::partition::{self, ClusterSource, PartitionOptions, TextureScale, cluster};
 use crate::render::{Paint, Triangle};
 
-/// What drawing may use; nothing of it changes a picture, unless an image does not fit the memory.
+/// Resources for drawing. They do not change a rendering, unless an image does not fit the memory.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct DrawResources {
     /// Threads, at least 1.
@@ -33,25 +33,25 @@ pub struct DrawResources {
     pub work_bytes: u64,
 }
 
-/// Triangles of a cell, about.
+/// Approximate number of triangles of a cell.
 const CELL_FACES: u64 = 1 << 16;
-/// Positions that are looked at at once.
+/// Number of positions that are read at once.
 const SWEEP_RECORDS: u64 = 128 << 10;
 /// Colour of a surface without image and material.
 const STONE: [u8; 3] = [188, 172, 150];
 
-/// A mesh that can be drawn; what is handed out comes in an order that depends on the mesh alone.
+/// A mesh that can be drawn; positions and triangles come in an order that depends on the mesh alone.
 pub trait Scene {
-    /// The images that it shows.
+    /// Texture images that the mesh shows.
     fn pictures(&self) -> &TextureImages;
 
-    /// Hands all positions to `look`, many at a time; some may come more than once.
+    /// Passes all positions to `look`, many at a time; some may come more than once.
     ///
     /// # Errors
     /// On failed reads.
     fn positions(&self, look: &mut dyn FnMut(&[DVec3])) -> Result<()>;
 
-    /// Hands every triangle to `draw`.
+    /// Passes every triangle to `draw`.
     ///
     /// # Errors
     /// On a full disk, failed reads and writes.
@@ -65,12 +65,12 @@ pub struct StoredScene<'a> {
     catalogue: &'a Catalogue,
     folder: &'a Path,
     pictures: TextureImages,
-    /// What each part shows.
+    /// Colour or texture image of each part.
     paints: Vec<Paint>,
 }
 
 impl<'a> StoredScene<'a> {
-    /// Looks up the images; intermediate files go to `folder`.
+    /// Finds the texture images; intermediate files go to `folder`.
     pub fn new(mesh: &'a StoredMesh, catalogue: &'a Catalogue, folder: &'a Path, findings: &mut Findings) -> Self {
         let pictures = TextureImages::find(catalogue, findings);
         let paint = |(part, &picture): (usize, &u32)| match picture {
@@ -183,7 +183,7 @@ fn diffuse(definition: &MaterialDefinition) -> Option<[u8; 3]> {
     let text = std::str::from_utf8(rest).ok()?;
     let numbers: Vec<f32> = text.split_whitespace().map_while(|word| word.parse().ok()).collect();
     match numbers[..] {
-        // Modellers write 1 1 1, or 0 0 0, for a material that they say nothing about.
+        // Modellers write 1 1 1, or 0 0 0, for a material whose colour they do not set.
         [r, g, b, ..] if [r, g, b] != [1.0; 3] && [r, g, b] != [0.0; 3] => {
             Some([r, g, b].map(|channel| (channel.clamp(0.0, 1.0) * 255.0) as u8))
         }

@@ -1,4 +1,4 @@
-//! The closing words of a run: a summary for stdout, warnings and a missed target for stderr.
+//! The end of a run's output: a summary for stdout, warnings and a missed target for stderr.
 
 use std::fmt::Write as _;
 
@@ -10,14 +10,14 @@ use crate::options::{Borders, Doubles, Pieces, Seams, SimplifyOptions, Weld};
 use crate::passes::outcome::{Floor, StageReport};
 use crate::simplify::Changes;
 
-/// Characters of a line of warning, at most; the report has the rest.
+/// Maximum number of characters of a warning line; the report has the rest.
 const LINE_CHARACTERS: usize = 200;
-/// Lines of warning of one kind, at most; the report has the rest.
+/// Maximum number of warning lines of one kind; the report has the rest.
 const LINES_PER_KIND: usize = 3;
-/// Growth of the error that is a leap, in that of a smooth surface.
+/// Growth of the error that counts as a leap, as a multiple of that of a smooth surface.
 const LEAP: f64 = 3.0;
 
-/// The changes of the topology that were made, in words.
+/// The changes of the topology, as pairs of key and text.
 pub(super) fn changes(made: &Changes) -> impl Iterator<Item = (&'static str, String)> {
     let counts = [
         ("holes closed", made.holes_closed),
@@ -66,8 +66,8 @@ impl Report {
         warning_lines(&self.warnings, "--report FILE.json or FILE.html lists them")
     }
 
-    /// Where the run stopped above its target, what holds it there and which options would free it; no line if the target
-    /// was met.
+    /// Lines that say where the run stopped above its target, what holds it there and which options would free it; none
+    /// if the target was met.
     pub fn miss_lines(&self) -> Vec<String> {
         let Some(floor) = &self.floor else { return Vec::new() };
         let vertices = if floor.border == 1 { "vertex" } else { "vertices" };
@@ -104,20 +104,20 @@ impl Report {
         lines
     }
 
-    /// What to type to free the vertices and edges that hold the mesh above its target.
+    /// Options to type to free the vertices and edges that hold the mesh above its target.
     fn ways_out(&self, floor: &Floor) -> Vec<String> {
         ways_out(&self.options, floor, self.repairs.get("welded_vertices").copied().unwrap_or(0))
     }
 }
 
-/// What to type to free what holds a mesh, of which `welded` vertices were joined with others.
+/// Options to type to free what holds a mesh; `welded` of its vertices were joined with others.
 fn ways_out(options: &SimplifyOptions, floor: &Floor, welded: u64) -> Vec<String> {
     let is_simplified = options.metric.is_none();
     let ways = [
         (floor.border, options.borders == Borders::Lock, "--borders simplify", "vertices on borders"),
         (floor.seam, is_simplified && options.seams == Some(Seams::Lock), "--seams stitch", "vertices on seams"),
         (
-            // Where no vertices were joined, nothing comes apart.
+            // Where no vertices were joined, none can come apart.
             floor.non_manifold.min(welded),
             options.weld == Weld::Exact,
             "--weld off",
@@ -134,8 +134,8 @@ fn ways_out(options: &SimplifyOptions, floor: &Floor, welded: u64) -> Vec<String
     ways.iter().filter(is_way).map(words).collect()
 }
 
-/// The first two stages in a row between which the error leaps: it grows more than [`LEAP`] times as fast as on a smooth
-/// surface, where the distance is inversely proportional to the number of faces.
+/// The first two consecutive stages between which the error leaps: it grows more than [`LEAP`] times as fast as on a
+/// smooth surface, where the distance is inversely proportional to the number of faces.
 fn last_sensible<'a>(stages: &[&'a StageReport]) -> Option<[&'a StageReport; 2]> {
     let leaps = |pair: &&[&StageReport]| {
         let fewer = pair[0].faces as f64 / pair[1].faces.max(1) as f64;
@@ -144,8 +144,8 @@ fn last_sensible<'a>(stages: &[&'a StageReport]) -> Option<[&'a StageReport; 2]>
     stages.windows(2).find(leaps).map(|pair| [pair[0], pair[1]])
 }
 
-/// `warning: kind: place`, a few of each kind, each a line of at most 200 characters; then that there are more, and which
-/// option lists them.
+/// Lines `warning: kind: place`, a few of each kind, each of at most 200 characters; then a line that says that there
+/// are more, and which option lists them.
 pub fn warning_lines(warnings: &[String], way: &str) -> Vec<String> {
     let kind_of = |line: &String| line.split(':').next().unwrap_or_default().to_owned();
     let mut lines = Vec::new();
@@ -160,7 +160,7 @@ pub fn warning_lines(warnings: &[String], way: &str) -> Vec<String> {
     lines
 }
 
-/// A line without its middle if it is too long: files stand at its beginning, reasons at its end.
+/// A line shortened in its middle if it is too long: files stand at its beginning, reasons at its end.
 fn clipped(line: &str) -> String {
     let characters: Vec<char> = line.chars().collect();
     if characters.len() <= LINE_CHARACTERS {

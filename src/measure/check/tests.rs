@@ -175,7 +175,7 @@ fn brute_force(faces: &[[u32; 3]]) -> Check {
     counts
 }
 
-/// Number of sets of items that hang together.
+/// Number of connected sets of items.
 fn flood<T>(items: &[T], meet: impl Fn(&T, &T) -> bool) -> u64 {
     let (mut seen, mut sets) = (vec![false; items.len()], 0);
     for start in 0..items.len() {

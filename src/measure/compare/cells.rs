@@ -1,16 +1,16 @@
-//! A mesh made ready for measuring: cells of neighbouring triangles in one file, each with its search tree.
+//! A mesh prepared for measuring: cells of neighbouring triangles in one file, each with its search tree.
 //!
 //! ```text
 //! OBJ ── scan ──▶ columns ── partition ──▶ clusters ── tree, tally ──▶ measure-cells.bin, counts
 //!
 //! | header 64 B | cell 0: positions 24 B, pairs 64 B, tilted boxes 64 B, faces 40 B each, padded to 8 | cell 1 … |
 //! ```
-//! Invariant: cells depend on the mesh alone, so every number that is measured on them is the same at any budget and
+//! Invariant: cells depend on the mesh alone, so numbers that are measured on them do not depend on the budget or the
 //! number of threads.
 //!
 //! # Memory
-//! While it is made, 400 bytes a face for each cell in work; afterwards about 150 bytes a cell. A cell that is being read
-//! takes the pages that are touched, at most 75 bytes a face, or 83 with tilted boxes.
+//! While the mesh is prepared, 400 bytes a face for each cell in work; afterwards about 150 bytes a cell. A cell that
+//! is being read takes the pages that are touched, at most 75 bytes a face, or 83 with tilted boxes.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -37,24 +37,25 @@ use crate::partition::{self, ClusterSource, PartitionOptions, TextureScale};
 use crate::scan::InputChoice;
 use crate::scan::{self, Scan};
 
-/// Memory of a face of a cell while it is made, in bytes.
+/// Memory of a face of a cell while the cell is built, in bytes.
 const FACE_BYTES: u64 = 400;
-/// Memory of an edge of a border while borders are compared, in bytes.
+/// Memory of a border edge while borders are compared, in bytes.
 const BORDER_EDGE_BYTES: u64 = 600;
 
 /// A triangle of a cell.
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 #[repr(C)]
 pub struct CellFace {
-    /// Vertices of the cell.
+    /// Indices of three vertices of the cell.
     pub vertices: [u32; 3],
-    /// Picture of the mesh, or [`NO_IMAGE`].
+    /// Texture image of the mesh, or [`NO_IMAGE`].
     pub picture: u32,
-    /// Texture coordinates, moved by whole numbers so that the least lie between 0 and 1; zeros without a picture.
+    /// Texture coordinates, shifted by whole numbers so that the least lie between 0 and 1; zeros without a texture
+    /// image.
     pub texcoords: [[f32; 2]; 3],
 }
 
-/// Neighbouring triangles.
+/// A cell: neighbouring triangles.
 #[derive(Debug)]
 pub struct Cell {
     /// Positions are relative to this.
@@ -65,7 +66,7 @@ pub struct Cell {
     pub area: f64,
     /// Sum of the lengths of their sides, in their order.
     pub side_length: f64,
-    /// The pictures that its triangles show, ascending, and how much of each: the sum of the areas in texture space.
+    /// The texture images that its triangles show, ascending, each with the sum of the areas in texture space.
     pub pictures: Vec<(u32, f64)>,
     positions: Segment<DVec3>,
     pairs: Segment<Pair>,
@@ -86,7 +87,7 @@ pub struct CellView {
     tilted: MappedRecords<TiltedBox>,
 }
 
-/// A mesh that is ready.
+/// A mesh prepared for measuring.
 #[derive(Debug)]
 pub struct MeasuredMesh {
     /// The cells.
@@ -101,7 +102,7 @@ pub struct MeasuredMesh {
     pub tallied: Tallied,
     /// The images that it shows.
     pub pictures: TextureImages,
-    /// What was ignored, dropped or repaired.
+    /// Findings of the scan: elements ignored, dropped or repaired.
     pub findings: Findings,
     work: WorkFolder,
 }
@@ -134,21 +135,21 @@ impl CellView {
         self.faces[face as usize].vertices.map(|vertex| self.positions[vertex as usize])
     }
 
-    /// The answer of its tree; the point is relative to the origin.
+    /// Answer of the cell's tree to a question, whose point is relative to the origin.
     pub fn ask(&self, question: &Question) -> Answer {
         let tree = TreeView { pairs: &self.pairs, tilted: &self.tilted, count: self.faces.len() };
         tree.ask(question, |face| self.triangle(face))
     }
 }
 
-/// A cell on its way to the file.
+/// A cell before it is written to the file.
 struct Draft {
     origin: DVec3,
     bounds: Bounds,
     area: f64,
     side_length: f64,
     volume: f64,
-    /// Area in texture space by picture.
+    /// Area in texture space by texture image.
     shown: BTreeMap<u32, f64>,
     positions: Vec<DVec3>,
     pairs: Vec<Pair>,
@@ -158,7 +159,7 @@ struct Draft {
 }
 
 impl MeasuredMesh {
-    /// Reads an OBJ, or all below a folder, and makes it ready in the work folder `folder`, in cells of about
+    /// Reads an OBJ, or every OBJ below a folder, and prepares it in the work folder `folder`, in cells of about
     /// `cell_faces` triangles.
     ///
     /// # Errors
@@ -252,7 +253,7 @@ impl MeasuredMesh {
     }
 }
 
-/// Removes what the scan left, which the cells replace.
+/// Removes the columns of the scan, which the cells replace.
 fn remove_columns(mesh: &StoredMesh) {
     for piece in &mesh.pieces {
         for path in [piece.positions.path(), piece.texcoords.path(), piece.faces.path()] {
@@ -264,12 +265,12 @@ fn remove_columns(mesh: &StoredMesh) {
     }
 }
 
-/// Making cells of clusters.
+/// Builds cells from clusters.
 struct Making<'a> {
     catalogue: &'a Catalogue,
     pictures: &'a TextureImages,
     scale: TextureScale,
-    /// Volumes are sums of tetrahedra over this point.
+    /// Common apex of the tetrahedra that volumes are summed over.
     reference: DVec3,
 }
 
@@ -306,7 +307,7 @@ impl Making<'_> {
         Ok(draft)
     }
 
-    /// Picture and texture coordinates of a face.
+    /// Texture image and texture coordinates of a face.
     fn texture(&self, source: &ClusterSource, face: u32) -> (u32, [[f32; 2]; 3]) {
         let picture = self.pictures.of_part[source.mesh.parts[face as usize] as usize];
         let [a, b, c] = source.mesh.uv_triangle(face);

@@ -1,8 +1,8 @@
-//! Differences of colour between places of images.
+//! Colour differences between points of images.
 //!
-//! In: pairs of points. Out: a distribution for each set of pairs. Invariant: an image is decoded once for as many pairs as
-//! the budget holds, of all sets together, and pairs are summed in their order, so nothing depends on the budget but
-//! images that do not fit it.
+//! In: pairs of points. Out: a distribution for each set of pairs. Invariant: an image is decoded once for as many
+//! pairs, of all sets together, as the budget holds. Pairs are summed in their order, so only images that do not fit
+//! the budget make the result depend on it.
 //!
 //! # Memory
 //! 120 bytes for each pair in work, at most a quarter of the budget; the images in work.
@@ -21,40 +21,40 @@ use crate::file::Column;
 use crate::image::decode;
 use crate::image::textures::{Content, NO_IMAGE, TextureImages};
 
-/// Largest difference of colours.
+/// Largest colour difference.
 const COLOUR_MAX: f64 = 255.0;
-/// Memory of a pair while it is in work, in bytes.
+/// Memory of a pair in work, in bytes.
 const PAIR_BYTES: u64 = 120;
-/// Pairs in work, at least and at most: their numbers are kept in 32 bits.
+/// Minimum and maximum number of pairs in work; their indices have 32 bits.
 const ROUND_PAIRS: Range<u64> = 1 << 10..1 << 30;
 
-/// Pairs of points, and the pictures that they show.
+/// Pairs of points, and the texture images that they show.
 #[derive(Debug, Clone, Copy)]
 pub struct Pairs<'a> {
     /// The pairs.
     pub column: &'a Column<TexturePair>,
-    /// Those of the point, and their contents.
+    /// Texture images of the point's mesh, and their contents.
     pub own: (&'a TextureImages, &'a [Option<Content>]),
-    /// Those of the other point.
+    /// Texture images of the other point's mesh, and their contents.
     pub other: (&'a TextureImages, &'a [Option<Content>]),
 }
 
-/// Differences of colour, and images that were read for them.
+/// Colour differences, and the number of images read for them.
 #[derive(Debug)]
 pub struct Contrasts {
-    /// Differences, mean over the channels, of each set of pairs.
+    /// Distribution of the difference, mean over the channels, for each set of pairs.
     pub differences: Vec<Distribution>,
-    /// Images that were read.
+    /// Number of images read.
     pub images: u64,
-    /// Those that were read at a lower resolution.
+    /// Number of images read at a lower resolution.
     pub reduced: u64,
 }
 
-/// A colour that is asked for.
+/// A query for a colour.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
 struct ColourQuery {
     image: u32,
-    /// Where the answer goes.
+    /// Index of the answer.
     place: u32,
     texcoord: [f32; 2],
 }
@@ -137,7 +137,7 @@ impl Contrasts {
     }
 }
 
-/// Stretches of sets that are in work together: at most so many pairs.
+/// Rounds of at most `most` pairs, each as ranges of the sets.
 fn rounds(sets: &[Pairs], most: u64) -> Vec<Vec<(usize, Range<u64>)>> {
     let mut rounds: Vec<Vec<(usize, Range<u64>)>> = vec![Vec::new()];
     let mut room = most;
@@ -159,7 +159,7 @@ fn rounds(sets: &[Pairs], most: u64) -> Vec<Vec<(usize, Range<u64>)>> {
     rounds
 }
 
-/// The colours that a round asks for, image by image.
+/// The colour queries of a round, image by image.
 fn questions(round: &[(usize, Range<u64>)], sets: &[Pairs], images: &Images) -> Result<Vec<ColourQuery>> {
     let mut questions = Vec::new();
     let mut first = 0;
@@ -178,10 +178,10 @@ fn questions(round: &[(usize, Range<u64>)], sets: &[Pairs], images: &Images) -> 
     Ok(questions)
 }
 
-/// The images of several meshes, those of equal content once.
+/// The images of several meshes; images of equal content are held once.
 struct Images<'a> {
     paths: Vec<&'a Path>,
-    /// The image of each picture of the points and of the other points, for each set.
+    /// For each set, the image of each texture image of the points and of the other points.
     of_sets: Vec<[Vec<u32>; 2]>,
 }
 

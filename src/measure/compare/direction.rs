@@ -1,16 +1,18 @@
-//! Distances from the points of one mesh to another mesh, and what else is seen at those points.
+//! Distances from the points of one mesh to another mesh, with normals and textures at those points.
 //!
-//! In: two meshes in cells. Out: distributions, the places of the largest distances, and a record for each point by area
-//! that the texture is compared with. Invariant: points are taken in their order, so sums do not depend on threads.
+//! In: two meshes in cells. Out: distributions, the positions of the largest distances, and a record for each point by
+//! area for the comparison of textures. Invariant: points are processed in their order, so sums do not depend on
+//! threads.
 //!
-//! Points by area come first, or the vertices if they are asked for. Of vertices and points on edges only those matter that lie farther than what is known by
-//! then, so most of them are done with at the first triangle that is near enough.
+//! Points by area come first, or the vertices if distances are taken at vertices. Of the other vertices and points on
+//! edges only those matter that lie farther than the largest distance found before, so the search for most of them ends
+//! at the first triangle that is near enough.
 //!
 //! # Memory
 //! In each thread a batch of points (3 MiB), a cell of one mesh and the touched pages of a few of the other.
 //!
 //! # Files
-//! `measure-samples.col`, 56 bytes a point by area, if both meshes show pictures.
+//! `measure-samples.col`, 56 bytes a point by area, if both meshes show texture images.
 
 use glam::DVec3;
 
@@ -30,13 +32,13 @@ use crate::image::textures::NO_IMAGE;
 
 /// Memory of a thread for each cell that it keeps open, and for its batch of points.
 const CELL_BYTES: u64 = 6 * MIB;
-/// Points that are searched to the end, whatever that takes, where searches are given up: in all and of a batch, at most.
+/// Maximum number of points searched to the end where searches are abandoned: in total, and per batch.
 const PROBES: usize = 1024;
 const PROBES_OF_BATCH: usize = 16;
 /// Largest angle between two normals, in degrees.
 const ANGLE_MAX: f64 = 180.0;
 
-/// What is found in one direction.
+/// Result of one direction.
 #[derive(Debug)]
 pub struct Direction {
     /// Distances of points by area.
@@ -45,17 +47,17 @@ pub struct Direction {
     pub angles: Distribution,
     /// Points by area whose normals differ by more than 90°.
     pub flipped: u64,
-    /// PositionRuns of the largest distances in different cells, the largest first.
+    /// Positions of the largest distances in different cells, the largest first.
     pub worst: Vec<FarPoint>,
-    /// Points that were given up.
+    /// Number of points whose search was abandoned.
     pub cut: u64,
-    /// No point is farther than this.
+    /// Upper bound of all distances.
     pub bound: f64,
-    /// The texture at points by area.
+    /// Texture pairs at points by area.
     pub textures: Option<Column<TexturePair>>,
 }
 
-/// A point by area with what was found.
+/// A point by area with its results.
 struct MeasuredPoint {
     place: FarPoint,
     cosine: f64,
@@ -72,7 +74,7 @@ struct PointResult {
 
 /// Measures from points of `from` to `to`, which has a triangle at least.
 ///
-/// `limit` is a length that no distance exceeds by much. `see_point` gets each point by area, in order.
+/// `limit` is a length that no distance exceeds by much. `see_point` is called with each point by area, in order.
 ///
 /// # Errors
 /// On a full disk, failed reads and writes.
@@ -124,7 +126,7 @@ pub fn measure(
         },
     )?;
     let known = farthest.clone();
-    // Fewer places than are told leave room for any.
+    // With fewer positions than are reported, any further one is reported.
     let told = worst_of(known.iter().copied()).get(WORST_PLACES - 1).map_or(0.0, |place| place.distance);
     map_in_order(
         others.iter(),
@@ -151,7 +153,7 @@ pub fn measure(
     Ok(Direction { distances, angles, flipped, worst, cut, bound, textures })
 }
 
-/// The places that are told, the farthest first.
+/// The positions that are reported, the farthest first.
 fn worst_of(farthest: impl Iterator<Item = Option<FarPoint>>) -> Vec<FarPoint> {
     let mut worst: Vec<FarPoint> = farthest.flatten().collect();
     worst.sort_by(|a, b| b.distance.total_cmp(&a.distance));
@@ -199,12 +201,12 @@ fn look_by_area(
             },
         });
     }
-    // The rounding of a point that lies on the mesh is no distance.
+    // For a point that lies on the mesh, its rounding is not a distance.
     let bound_sq = if search.cut_count() > 0 { bound_sq } else { 0.0 };
     Ok(PointResult { cell: batch.cell, samples, farthest: None, bound_sq, cut: search.cut_count() })
 }
 
-/// The farthest vertex, or point on edges, of a batch, if it is farther than what is known.
+/// The farthest vertex, or point on edges, of a batch; recorded only if it is farther than what is known.
 fn look_for_farthest(
     from: &MeasuredMesh,
     to: &MeasuredMesh,

@@ -1,19 +1,19 @@
 //! How a length is distributed over many points, in bounded memory: sums, and counts by logarithmic bins.
 //!
-//! A bin is a hundredth of a percent to a thousandth of its lengths wide, so a percentile is right within 0.05 %.
+//! A bin is 1/2048 to 1/1024 of its lengths wide, so percentiles are exact within 0.05 %.
 //!
 //! # Memory
 //! 512 KiB.
 
 use super::figures::Histogram;
 
-/// Bits of a length's mantissa that choose its bin.
+/// Number of bits of a length's mantissa that choose its bin.
 const MANTISSA_BITS: u32 = 10;
-/// Powers of two below the largest length that have bins; lengths beneath all of them count as in the lowest.
+/// Number of powers of two below the largest length that have bins; shorter lengths count in the lowest bin.
 const OCTAVES: u64 = 64;
-/// Bins of a histogram for people in each power of two.
+/// Bins per power of two of the histogram that is shown.
 const SHOWN_PER_OCTAVE: u32 = 2;
-/// Powers of two below the largest length that such a histogram shows.
+/// Number of powers of two below the largest length that this histogram shows.
 const SHOWN_OCTAVES: u32 = 20;
 
 /// Lengths (or angles, or differences of colour) of many points.
@@ -22,20 +22,20 @@ pub struct Distribution {
     count: u64,
     sum: f64,
     sum_sq: f64,
-    /// Bin number of the first of `bins`, less one.
+    /// Bin number of the first of `bins`, minus one.
     base: u64,
     bins: Vec<u64>,
 }
 
 impl Distribution {
-    /// No point yet; lengths are at most `limit`, or count as that in percentiles.
+    /// An empty distribution; longer lengths than `limit` count as `limit` in percentiles.
     pub fn new(limit: f64) -> Self {
         let top = bin_of(limit.max(f64::MIN_POSITIVE));
         let bins = vec![0; (OCTAVES << MANTISSA_BITS) as usize + 1];
         Self { count: 0, sum: 0.0, sum_sq: 0.0, base: top.saturating_sub(OCTAVES << MANTISSA_BITS), bins }
     }
 
-    /// Adds a length, which is a number and not negative.
+    /// Adds a length, a number that is not negative.
     pub fn add(&mut self, length: f64) {
         self.count += 1;
         self.sum += length;
@@ -54,17 +54,17 @@ impl Distribution {
         self.count
     }
 
-    /// Mean; 0 of nothing.
+    /// Mean; 0 if there are no lengths.
     pub fn mean(&self) -> f64 {
         if self.count == 0 { 0.0 } else { self.sum / self.count as f64 }
     }
 
-    /// Root of the mean square; 0 of nothing.
+    /// Root of the mean square; 0 if there are no lengths.
     pub fn rms(&self) -> f64 {
         if self.count == 0 { 0.0 } else { (self.sum_sq / self.count as f64).sqrt() }
     }
 
-    /// The length that a share of the points does not pass, within half a bin; 0 of nothing.
+    /// The length that a share of the points does not exceed, within half a bin; 0 if there are no lengths.
     pub fn quantile(&self, share: f64) -> f64 {
         let wanted = (share * self.count as f64).max(1.0);
         let mut below = 0.0;
@@ -78,7 +78,7 @@ impl Distribution {
         0.0
     }
 
-    /// Adds the counts of another distribution with the same limit; the sums too.
+    /// Adds the counts and sums of another distribution with the same limit.
     pub fn merge(&mut self, other: &Self) {
         self.count += other.count;
         self.sum += other.sum;
@@ -88,7 +88,8 @@ impl Distribution {
         }
     }
 
-    /// Shares of the points by length, for a plot: from 0, then in steps of a fixed factor up to the largest length.
+    /// Shares of the points by length, for a plot: edges start at 0, then grow by a fixed factor up to the largest
+    /// length.
     pub fn histogram(&self) -> Histogram {
         let per_bin = (1usize << MANTISSA_BITS) / SHOWN_PER_OCTAVE as usize;
         let Some(last) = self.bins.iter().rposition(|&count| count > 0) else { return Histogram::default() };
@@ -109,7 +110,7 @@ impl Distribution {
         histogram
     }
 
-    /// Lower edge of a bin: 0 of the lowest.
+    /// Lower edge of a bin; 0 for the lowest bin.
     fn edge(&self, bin: usize) -> f64 {
         if bin == 0 { 0.0 } else { f64::from_bits((self.base + bin as u64) << (52 - MANTISSA_BITS)) }
     }

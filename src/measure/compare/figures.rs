@@ -9,9 +9,9 @@ use serde::Serialize;
 use crate::base::json_path;
 use crate::measure::border::BorderDeviation;
 
-/// Version of the JSON's form.
+/// Version of the JSON format.
 pub const VERSION: u32 = 1;
-/// Distances below this share of the original's diagonal are roundings.
+/// Distances below this share of the original's diagonal count as rounding.
 pub const ROUNDING_SHARE: f64 = 1e-12;
 
 /// A figure of the original and of the result.
@@ -23,7 +23,7 @@ pub struct BeforeAfter<T> {
     pub after: T,
 }
 
-/// Everything that comparing two meshes finds.
+/// Result of comparing two meshes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
     /// [`VERSION`].
@@ -34,17 +34,17 @@ pub struct Comparison {
     /// The result, as named.
     #[serde(serialize_with = "json_path::lossy")]
     pub result: PathBuf,
-    /// Points by area on each of the two surfaces; nothing if distances were taken at vertices.
+    /// Points by area on each of the two surfaces; `None` if distances were taken at vertices.
     pub samples: Option<u64>,
     /// Seed of the points.
     pub seed: u64,
     /// Distances between the surfaces.
     pub geometry: Geometry,
-    /// How the picture changed; nothing if one of the meshes has none, or none that can be read.
+    /// How the texture changed; `None` if one of the meshes has no texture image, or none that can be read.
     pub texture: Option<Texture>,
-    /// Where one sees through the result; nothing if the original has no extent.
+    /// Pinholes of the result; `None` if the original has no extent.
     pub pinholes: Option<Pinholes>,
-    /// Counts of edges and pieces, after welding.
+    /// Counts of edges and components, after welding.
     pub topology: BeforeAfter<TopologyCounts>,
     /// Shapes of triangles.
     pub quality: BeforeAfter<Quality>,
@@ -52,11 +52,11 @@ pub struct Comparison {
     pub seconds: f64,
     /// Peak resident memory of the process so far, in bytes.
     pub peak_resident: u64,
-    /// What was ignored or could not be measured, in words.
+    /// Messages about what was ignored or could not be measured.
     pub warnings: Vec<String>,
 }
 
-/// Distances between the surfaces, and what follows from their shapes.
+/// Distances between the surfaces, and differences of their shapes.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Geometry {
     /// Diagonal of the original's bounding box.
@@ -65,7 +65,7 @@ pub struct Geometry {
     pub forward: Distances,
     /// From the original to the result.
     pub backward: Distances,
-    /// Both ways together, with equal weight.
+    /// Both directions together, with equal weight.
     pub symmetric: Distances,
     /// Angles between the normals of the result and of the original at its closest point.
     pub normals: NormalAngles,
@@ -73,20 +73,20 @@ pub struct Geometry {
     pub area: BeforeAfter<f64>,
     /// Area of the result per area of the original.
     pub area_ratio: f64,
-    /// Enclosed volumes; nothing for a mesh with open borders.
+    /// Enclosed volumes; `None` for a mesh with open borders.
     pub volume: BeforeAfter<Option<f64>>,
     /// Volume of the result per volume of the original, if both are closed.
     pub volume_ratio: Option<f64>,
-    /// How far the open borders of the result lie from those of the original; a seam that came apart inside the surface
-    /// is far from them. Nothing if the original has no border, or a mesh more of it than fits the memory budget, or if one is
-    /// a soup of triangles.
+    /// Distance from the open borders of the result to those of the original; a seam that came apart inside the surface
+    /// is far from them. `None` if the original has no border, if the border of a mesh does not fit the memory budget,
+    /// or if a mesh is a triangle soup.
     pub border: Option<BorderDeviation>,
 }
 
 /// Distances in one direction.
 ///
-/// `max` is over points by area, all vertices, and points on edges; everything else over points by area alone, so that
-/// it is a mean over the surface.
+/// `max` is over points by area, all vertices, and points on edges. Everything else is over points by area alone, so
+/// that it is a mean over the surface.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Distances {
     /// Largest distance (one-sided Hausdorff distance).
@@ -101,22 +101,23 @@ pub struct Distances {
     pub p95: f64,
     /// 99 % of the surface is nearer.
     pub p99: f64,
-    /// The places of the largest distances, the largest first: at most one in each cell of the mesh, at most
+    /// Positions of the largest distances, the largest first: at most one in each cell of the mesh, at most
     /// [`WORST_PLACES`].
     pub worst: Vec<FarPoint>,
-    /// How much of the surface is how far.
+    /// Shares of the surface by distance.
     pub histogram: Histogram,
-    /// Points that were given up, where triangles lie across each other by the thousand. Others of them, near by, that were
-    /// searched to the end speak for them in the means.
+    /// Number of points whose search was abandoned because thousands of triangles overlap there. In the means and
+    /// percentiles each of them is represented by a nearby point that was searched to the end.
     pub cut_searches: u64,
-    /// No point is farther than this: `max`, unless points were given up, which may lie between.
+    /// Upper bound of all distances: `max`, unless searches were abandoned; those points may lie between `max` and
+    /// this.
     pub max_bound: f64,
 }
 
-/// Number of places that are told, at most.
+/// Maximum number of reported positions of largest distances.
 pub const WORST_PLACES: usize = 8;
 
-/// A point of a surface and what is nearest to it on the other one.
+/// A point of a surface and the closest point of the other one.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct FarPoint {
     /// Distance.
@@ -130,9 +131,9 @@ pub struct FarPoint {
 /// Shares of the surface by distance.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Histogram {
-    /// Distances, ascending: bin i reaches from edge i to edge i + 1. The first is 0, the next ones grow by a fixed factor.
+    /// Distances, ascending: bin i spans edge i to edge i + 1. The first edge is 0; the others grow by a fixed factor.
     pub edges: Vec<f64>,
-    /// Share of the surface in each bin; one less than there are edges.
+    /// Share of the surface in each bin; one fewer than `edges`.
     pub shares: Vec<f64>,
 }
 
@@ -141,16 +142,17 @@ pub struct Histogram {
 pub struct NormalAngles {
     /// Mean, in degrees.
     pub mean: f64,
-    /// 95 % of the surface is nearer, in degrees.
+    /// Angle that 95 % of the surface stays below, in degrees.
     pub p95: f64,
-    /// Share of the surface that is turned by more than 90°.
+    /// Share of the surface whose normal is turned by more than 90°.
     pub flipped: f64,
 }
 
-/// How the picture on the surface changed.
+/// How the texture on the surface changed.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Texture {
-    /// Mean difference of colour (mean over the channels) between a point of the result and the closest point of the original.
+    /// Mean colour difference (mean over the channels) between a point of the result and the closest point of the
+    /// original.
     pub colour_mean: f64,
     /// Root of the mean squared difference.
     pub colour_rms: f64,
@@ -158,16 +160,16 @@ pub struct Texture {
     pub colour_backward_mean: f64,
     /// Root of the mean squared difference from points of the original to the result.
     pub colour_backward_rms: f64,
-    /// Mean slide: from where the picture at a point of the result lies on the original to the closest point there. Slides
-    /// are measured on images that the original shows once; `None` if there are none.
+    /// Mean texture drift: distance on the original from where the texel at a point of the result lies to the point
+    /// closest to that point. Measured on images that the original shows once; `None` if there are none.
     pub slide_mean: Option<f64>,
-    /// Half of the surface slid by less.
+    /// Texture drift that half of the surface stays below.
     pub slide_median: Option<f64>,
-    /// 95 % of the surface slid by less.
+    /// Texture drift that 95 % of the surface stays below.
     pub slide_p95: Option<f64>,
-    /// Half of the surface slid by less, in texels of the original's image.
+    /// Texture drift that half of the surface stays below, in texels of the original's image.
     pub slide_texels_median: Option<f64>,
-    /// 95 % of the surface slid by less, in texels of the original's image.
+    /// Texture drift that 95 % of the surface stays below, in texels of the original's image.
     pub slide_texels_p95: Option<f64>,
     /// Share of the result's surface whose image the original shows more than once, so that its drift is unknown.
     pub repeated_fraction: f64,
@@ -177,17 +179,17 @@ pub struct Texture {
     pub untextured_fraction: f64,
     /// Triangles of the result that run against the majority of their chart in texture space.
     pub folded_triangles: u64,
-    /// Those of the original.
+    /// Number of such triangles of the original.
     pub folded_triangles_before: u64,
-    /// What meets along seams.
+    /// Colours and gaps along seams.
     pub seams: BeforeAfter<SeamFigures>,
-    /// Images that were read.
+    /// Number of images read.
     pub images: u64,
-    /// Images that were too large for the memory budget and were read at a lower resolution.
+    /// Number of images read at a lower resolution because they do not fit the memory budget.
     pub reduced_images: u64,
 }
 
-/// What meets along the seams of a mesh: edges between two faces that show different places of images.
+/// Colours and gaps along the seams of a mesh: edges between two faces that show different parts of images.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct SeamFigures {
     /// Length of all seams.
@@ -196,16 +198,16 @@ pub struct SeamFigures {
     pub colour_mean: f64,
     /// Root of the mean squared difference.
     pub colour_rms: f64,
-    /// How far apart the two texels lie on the original that meet at a point of a seam: half of the length by less. Gaps
-    /// are measured on images that the original shows once; `None` if no seam has such an image.
+    /// Gap that half of the seam length stays below: distance on the original between the two texels that meet at a
+    /// point of a seam. Measured on images that the original shows once; `None` if no seam has such an image.
     pub gap_median: Option<f64>,
-    /// 95 % of the length by less.
+    /// Gap that 95 % of the seam length stays below.
     pub gap_p95: Option<f64>,
     /// The same as `gap_median` in texels of the image on one side.
     pub gap_texels_median: Option<f64>,
     /// The same as `gap_p95` in texels.
     pub gap_texels_p95: Option<f64>,
-    /// Share of the length of which a side shows no chart of the original.
+    /// Share of the seam length on which a side shows no chart of the original.
     pub outside_fraction: Option<f64>,
 }
 
@@ -220,35 +222,37 @@ pub struct TopologyCounts {
     pub faces: u64,
     /// Edges of one face.
     pub boundary_edges: u64,
-    /// Sets of boundary edges that hang together over vertices.
+    /// Sets of boundary edges connected through vertices.
     pub boundary_loops: u64,
     /// Edges of three or more faces.
     pub non_manifold_edges: u64,
     /// Edges of two faces that are folded onto each other, back to back.
     pub folded_edges: u64,
-    /// Sets of faces that hang together over edges.
+    /// Connected components: sets of faces connected over edges.
     pub components: u64,
     /// Vertices - edges + faces.
     pub euler: i64,
-    /// Edges of two faces that differ there in texture coordinate or material.
+    /// Edges of two faces whose texture coordinates or materials differ there.
     pub seam_edges: u64,
-    /// Sets of textured faces that hang together over edges that are no seams.
+    /// Sets of textured faces connected over edges that are no seams.
     pub charts: u64,
     /// Faces that repeat a vertex.
     pub degenerate_faces: u64,
 }
 
-/// Open edges up to which a mesh of more of them than triangles is not a soup: a single square has more.
+/// A mesh with at most this many open edges is not a soup, even if it has more open edges than triangles, as a square
+/// has.
 const SOUP_EDGES: u64 = 100_000;
 
 impl TopologyCounts {
-    /// Whether the mesh is a soup of triangles, most of which hang together with few others: its open edges are no border.
+    /// Whether the mesh is a triangle soup: most triangles are connected to few others, so its open edges are no
+    /// border.
     pub(super) fn is_soup(&self) -> bool {
         self.boundary_edges > SOUP_EDGES.max(self.faces)
     }
 }
 
-/// How much of the surface is seen through, in pixels per million of those inside the original's outline.
+/// Pinholes, in pixels per million of those inside the original's outline.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Pinholes {
     /// Pixels that show the background.
@@ -261,10 +265,10 @@ pub struct Pinholes {
     pub worst: WorstView,
 }
 
-/// A view, and what is seen through in it.
+/// A view, and its pinholes.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct WorstView {
-    /// From where, in degrees around the vertical: 0 looks north, and it goes on to the west.
+    /// Direction, in degrees around the vertical: 0 looks north, and the angle grows towards the west.
     pub turn: f64,
     /// Degrees above the horizon.
     pub tilt: f64,
@@ -272,7 +276,7 @@ pub struct WorstView {
     pub ppm: f64,
     /// Pixels that show a surface far behind the original's.
     pub behind_ppm: f64,
-    /// The result as a JPEG, with pinholes in red and what is seen behind in orange; empty if there are none.
+    /// The result as a JPEG, with pinholes in red and surfaces far behind in orange; empty if there are none.
     #[serde(skip)]
     pub picture: Vec<u8>,
 }
@@ -292,11 +296,11 @@ pub struct Quality {
     pub valence_regular_share: f64,
 }
 
-/// A triangle is a sliver if its regularity is below this (as Li, Jiang and Tang 2020 count them): an isosceles one
-/// lower than a quarter of its base, about.
+/// A triangle is a sliver if its regularity is below this (definition of Li, Jiang and Tang 2020): an isosceles one
+/// lower than about a quarter of its base.
 pub const SLIVER_REGULARITY: f64 = 0.5;
 
-/// `part` of `of`, as a share; 0 of nothing.
+/// `part` of `of`, as a share; 0 if `of` is 0.
 pub(super) fn share(part: u64, of: u64) -> f64 {
     if of == 0 { 0.0 } else { part as f64 / of as f64 }
 }

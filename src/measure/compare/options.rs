@@ -1,4 +1,4 @@
-//! How two meshes are compared, and what that may use.
+//! Options of a comparison, and the resources that it may use.
 
 use std::path::PathBuf;
 
@@ -6,10 +6,10 @@ use serde::Serialize;
 
 use crate::scan::ScanOptions;
 
-/// Points by area on each surface, if not said otherwise.
+/// Default number of points by area on each surface.
 pub const SAMPLES: u64 = 1_000_000;
 
-/// How meshes are compared.
+/// Options of a comparison.
 #[derive(Debug, Clone)]
 pub struct CompareOptions {
     /// Where distances are taken on each surface.
@@ -22,7 +22,7 @@ pub struct CompareOptions {
     pub resources: Resources,
 }
 
-/// What a comparison may use; it does not change the numbers.
+/// Resources of a comparison; they do not change the numbers.
 #[derive(Debug, Clone, Copy)]
 pub struct Resources {
     /// Threads, at least 1.
@@ -37,14 +37,15 @@ pub struct Resources {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Spread {
-    /// At so many points by area, at points on edges and at vertices; all but the largest distance is of the points by area.
+    /// At this many points by area, at points on edges and at vertices; all figures but the largest distance are of the
+    /// points by area.
     Area(u64),
-    /// At vertices alone, as in many papers: what leaves vertices where they were errs by nothing there.
+    /// At vertices alone, as in many papers: a result that leaves vertices in place has no error there.
     Vertices,
 }
 
 impl Spread {
-    /// Points by area; nothing where there are none.
+    /// Number of points by area; `None` if distances are taken at vertices.
     pub fn by_area(self) -> Option<u64> {
         match self {
             Self::Area(count) => Some(count),

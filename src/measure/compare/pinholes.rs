@@ -1,5 +1,5 @@
-//! Pinholes: pixels through which the background is seen in the result, where the original is closed. An eye finds them before
-//! any distance tells of them.
+//! Pinholes: pixels of the result that show the background where the original is closed. An eye finds them before any
+//! distance shows them.
 //!
 //! ```text
 //!   original          result
@@ -7,8 +7,8 @@
 //!   ██████████       ████░█████    ░ background: see-through; or a surface far behind the original's: behind
 //!   ██████████       ██████████
 //! ```
-//! Both meshes are looked at from 16 sides, in parallel projection. Pixels count that lie at least 5 pixels inside the
-//! original's outline: what is missing there is no outline that moved.
+//! Both meshes are rendered from 16 directions in parallel projection. Only pixels at least 5 pixels inside the
+//! original's outline count, so an outline that moved is not a pinhole.
 //!
 //! # Memory
 //! 8 MB for each view that is drawn at once, at least one, up to half of what there is; one cell's pages.
@@ -22,26 +22,26 @@ use crate::base::{Progress, Result};
 use crate::render::view::View;
 use crate::render::{Frame, encode, raster};
 
-/// Directions around the vertical, and degrees above the horizon.
+/// Number of directions around the vertical, and degrees above the horizon.
 const TURNS: usize = 8;
 const TILTS: [f64; 2] = [29.0, 63.0];
-/// The first direction in degrees, so that no view looks along a wall of a mesh that is laid out by its axes.
+/// First direction in degrees; no view looks along a wall of a mesh that is aligned with its axes.
 const FIRST_TURN: f64 = 11.5;
 /// Width and height of a view in pixels.
 const SIZE: [usize; 2] = [1000, 800];
-/// Pixels count from so many steps inside the outline on.
+/// Pixels count if they lie more than this many steps inside the outline.
 const RIM: u16 = 4;
-/// What lies this share of the diagonal farther away than the original's surface lies behind it.
+/// A surface lies behind the original's if it is farther away by more than this share of the diagonal.
 const BEHIND_SHARE: f64 = 0.01;
-/// Two depths and a distance from the outline for each pixel.
+/// Memory of a view in bytes: two depths and a distance from the outline for each pixel.
 const VIEW_BYTES: u64 = (SIZE[0] * SIZE[1]) as u64 * 10;
-/// Steps around a pinhole that are coloured with it in the picture.
+/// Steps around a pinhole that are coloured with it in the rendering.
 const MARK: usize = 2;
 const SEE_THROUGH_COLOUR: [u8; 3] = [214, 32, 32];
 const BEHIND_COLOUR: [u8; 3] = [236, 142, 20];
 const BACKGROUND: [u8; 3] = [226, 230, 235];
 
-/// Looks through a result.
+/// Finds the pinholes of a result.
 ///
 /// # Errors
 /// On failed reads.
@@ -87,7 +87,7 @@ pub fn find(
     Ok(Some(found))
 }
 
-/// How near a mesh is in each pixel of a view; negative infinity where there is nothing.
+/// Nearness of a mesh in each pixel of a view; negative infinity where there is no surface.
 struct Depth {
     view: View,
     near: Vec<f32>,
@@ -117,7 +117,7 @@ fn draw(mesh: &MeasuredMesh, depths: &mut [Depth], progress: &dyn Progress) -> R
     Ok(())
 }
 
-/// Numbers of pixels.
+/// Pixel counts.
 #[derive(Debug, Clone, Copy, Default)]
 struct PixelCounts {
     inside: u64,
@@ -146,7 +146,7 @@ impl PixelCounts {
 /// What a pixel shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Sight {
-    /// It lies outside of the original's outline, or near it.
+    /// Outside of the original's outline, or near it.
     Outside,
     Closed,
     Through,
@@ -158,7 +158,7 @@ struct Seen {
 }
 
 impl Seen {
-    /// Compares a view of the original with the same of the result; `behind` is a length.
+    /// Compares a view of the original with the same view of the result; `behind` is a length.
     fn of(old: &Depth, new: &Depth, behind: f64) -> Self {
         let behind = (behind * old.view.scale) as f32;
         let sight = |(&steps, (&old, &new)): (&u16, (&f32, &f32))| match new {
@@ -177,7 +177,7 @@ impl Seen {
         PixelCounts { inside: closed + through + behind, through, behind }
     }
 
-    /// The result, lit by its slopes, with marks.
+    /// Rendering of the result, lit by its slopes, with marks.
     fn picture(&self, depth: &Depth) -> Vec<u8> {
         let [width, height] = SIZE;
         let mut pixels: Vec<[u8; 3]> = (0..width * height).map(|at| shade(&depth.near, at)).collect();
@@ -209,8 +209,8 @@ fn shade(near: &[f32], at: usize) -> [u8; 3] {
     [(70.0 + 165.0 * light).round() as u8; 3]
 }
 
-/// For each pixel that shows something, the steps across pixels to the nearest one that does not, or that lies outside of
-/// the picture; up to one more than [`RIM`].
+/// For each pixel that shows a surface, the steps across pixels to the nearest one that does not, or that lies outside
+/// of the rendering; at most [`RIM`] + 1.
 fn steps_inside(near: &[f32]) -> Vec<u16> {
     let [width, height] = SIZE;
     let shows = |&near: &f32| if near == f32::NEG_INFINITY { 0 } else { RIM + 1 };
@@ -232,7 +232,8 @@ fn steps_inside(near: &[f32]) -> Vec<u16> {
 mod tests {
     use super::*;
 
-    /// A square of the given size in the middle of a view from above, at a height, in pixels; without the squares in `holes`.
+    /// A square of the given size in the middle of a view from above, at a height, in pixels; without the squares in
+    /// `holes`.
     fn sheet(half: f64, height: f64, holes: &[[f64; 3]]) -> Depth {
         let frame = Frame::new(DVec3::new(-500.0, -400.0, 0.0), DVec3::new(500.0, 400.0, 100.0)).unwrap();
         let mut view = frame.view(0.0, 90.0, SIZE);
@@ -263,7 +264,7 @@ mod tests {
         // An outline that moved by three pixels is no hole.
         assert_eq!(counts(&sheet(47.0, 10.0, &[])).through, 0);
         assert!(counts(&sheet(45.0, 10.0, &[])).through > 0);
-        // A hole of the original is none of the result.
+        // A hole of the original is no pinhole of the result.
         let holes = [[10.0, 10.0, 5.0]];
         let both = Seen::of(&sheet(50.0, 10.0, &holes), &sheet(50.0, 10.0, &holes), 5.0).counts();
         assert_eq!(both.through, 0);

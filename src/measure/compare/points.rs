@@ -1,14 +1,14 @@
-//! Points of a mesh: by area, its vertices, and by length on its edges; a few thousand of a cell at a time.
+//! Points of a mesh: by area, at its vertices, and by length on its edges; a few thousand of a cell at a time.
 //!
 //! ```text
 //!   |----|------|--|-----------|---|   faces one after the other, each as long as its area
 //!   ^  ^   ^  ^   ^   ^  ^  ^   ^ ^    point k lies somewhere in the k-th of equal parts of the whole
 //! ```
-//! Which points these are depends on the mesh, the seed and their number alone. Where the vertices are what is asked for, they
-//! take the place of the points by area, and there are no points on edges; one that several cells have counts in each.
+//! The points depend on the mesh, the seed and their number alone. If distances are taken at vertices, the vertices
+//! replace the points by area, and there are no points on edges; a vertex of several cells counts once in each.
 //!
 //! # Source
-//! Metro (Cignoni, Rocchini and Scopigno 1998) for what is sampled.
+//! Metro (Cignoni, Rocchini and Scopigno 1998), for the choice of points.
 
 use std::ops::Range;
 
@@ -19,12 +19,12 @@ use super::options::Spread;
 use crate::base::chance;
 use crate::geometry::triangle::{area, perimeter};
 
-/// Points of a batch, at most.
+/// Maximum number of points of a batch.
 pub const BATCH_POINTS: u64 = 1 << 14;
-/// Points on edges for each point by area.
+/// Number of points on edges for each point by area.
 const EDGE_SHARE: f64 = 0.25;
 
-/// What points of a batch are.
+/// Kind of the points of a batch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PointKind {
     /// Points by area.
@@ -35,15 +35,15 @@ pub enum PointKind {
     Edges,
 }
 
-/// Points of one cell that are looked at together.
+/// Points of one cell that are processed together.
 #[derive(Debug, Clone)]
 pub struct Batch {
     /// The cell.
     pub cell: usize,
-    /// What they are.
+    /// Kind of the points.
     pub kind: PointKind,
-    /// Numbers of points among all of the mesh, or of vertices in the cell. Those by area and by length that lie in another
-    /// cell belong to that cell's batches.
+    /// Range of point numbers in the whole mesh, or of vertices in the cell. Points by area and by length that lie in
+    /// another cell belong to that cell's batches.
     range: Range<u64>,
 }
 
@@ -52,13 +52,14 @@ pub struct Batch {
 pub struct SamplePoint {
     /// Its position.
     pub position: DVec3,
-    /// Triangle of the cell; for a vertex the last one that has it, where vertices are what is asked for, else of no meaning.
+    /// Triangle of the cell. For a vertex: the last triangle that has it if distances are taken at vertices, else
+    /// meaningless.
     pub face: u32,
-    /// Weights of the triangle's corners.
+    /// Barycentric weights of the triangle's corners.
     pub weights: [f64; 3],
 }
 
-/// How a mesh is sampled.
+/// Sampling of a mesh.
 #[derive(Debug)]
 pub struct Sampling<'a> {
     mesh: &'a MeasuredMesh,
@@ -68,12 +69,12 @@ pub struct Sampling<'a> {
     lengths: Steps,
 }
 
-/// The cells one after the other, cut into equal parts.
+/// The cells one after the other, divided into equal parts.
 #[derive(Debug)]
 struct Steps {
     /// Where each cell begins, and where the last one ends.
     starts: Vec<f64>,
-    /// Length of a part; 0 if there is nothing to cut.
+    /// Length of a part; 0 if there is nothing to divide.
     step: f64,
     count: u64,
 }
@@ -91,7 +92,7 @@ impl Steps {
         Self { starts, step, count: if is_something { count } else { 0 } }
     }
 
-    /// Parts that a cell has a piece of.
+    /// Range of the parts that a cell overlaps.
     fn parts(&self, cell: usize) -> Range<u64> {
         if self.count == 0 || self.starts[cell] == self.starts[cell + 1] {
             return 0..0;
@@ -100,7 +101,7 @@ impl Steps {
         first.min(self.count)..last.saturating_add(1).min(self.count)
     }
 
-    /// The place of a point in its cell, if it lies in this one; `at` is its place in its part.
+    /// Position of a point in its cell; `None` if it lies in another cell. `at` is its position in its part.
     fn place(&self, cell: usize, part: u64, at: f64) -> Option<f64> {
         let place = (part as f64 + at) * self.step;
         let is_last = cell + 2 == self.starts.len();
@@ -110,7 +111,7 @@ impl Steps {
 }
 
 impl<'a> Sampling<'a> {
-    /// So many points by area, a quarter as many on edges, and all vertices; or the vertices alone.
+    /// Points by area, a quarter as many on edges, and all vertices; or the vertices alone, as `spread` says.
     pub fn new(mesh: &'a MeasuredMesh, spread: Spread, seed: u64) -> Self {
         let samples = spread.by_area().unwrap_or(0);
         let edge_samples = (samples as f64 * EDGE_SHARE).ceil() as u64;
@@ -123,7 +124,7 @@ impl<'a> Sampling<'a> {
         }
     }
 
-    /// What the points are that means are taken of.
+    /// Kind of the points that means are taken over.
     pub fn measured(&self) -> PointKind {
         match self.spread {
             Spread::Area(_) => PointKind::Area,
@@ -195,7 +196,7 @@ impl<'a> Sampling<'a> {
     }
 }
 
-/// Gives vertices of a cell, from the `first` on, a face and their place on it.
+/// Sets the face and the weights of vertices of a cell, from the vertex `first` on.
 fn put_on_faces(vertices: &mut [SamplePoint], view: &CellView, first: usize) {
     for (number, face) in view.faces.iter().enumerate() {
         for (corner, &vertex) in face.vertices.iter().enumerate() {
@@ -219,7 +220,7 @@ fn running_sums(view: &CellView, amount: impl Fn([DVec3; 3]) -> f64) -> Vec<f64>
         .collect()
 }
 
-/// The first face that ends behind a place.
+/// The first face that ends beyond `place`.
 fn face_at(ends: &[f64], place: f64) -> u32 {
     ends.partition_point(|&end| end <= place).min(ends.len() - 1) as u32
 }
@@ -230,7 +231,7 @@ fn at(view: &CellView, face: u32, weights: [f64; 3]) -> SamplePoint {
     SamplePoint { position, face, weights }
 }
 
-/// Weights of the corners at a place along the three sides.
+/// Weights of the corners at a position along the three sides.
 fn on_sides([a, b, c]: [DVec3; 3], mut place: f64) -> [f64; 3] {
     let lengths = [a.distance(b), b.distance(c), c.distance(a)];
     for (side, &length) in lengths.iter().enumerate() {

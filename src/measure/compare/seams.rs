@@ -2,14 +2,14 @@
 //!
 //! ```text
 //!   1 ┼            ┼ 1      a point of a seam lies at one place on the surface and at two in the images; what both
-//!     │ chart  the │        sides show there should look alike, and come from one place of the original
+//!     │ chart  the │        sides show there should look alike, and come from the same position on the original
 //!   p ● ◀─── same ─▶ ● p
 //!     │   place    │
 //!   0 ┼            ┼ 0
 //! ```
-//! In: edges between two faces that show an image each, by other texture coordinates or of other materials. Out: points on
-//! them, in the form in which textures are compared. Invariant: which points these are depends on the mesh, the seed and
-//! their number alone.
+//! In: edges between two faces that show an image each, with different texture coordinates or materials. Out: points on
+//! them, in the form in which textures are compared. Invariant: the points depend on the mesh, the seed and their
+//! number alone.
 //!
 //! # Files
 //! `measure-seams.col`, 48 bytes an edge, and `measure-seam-points.col`, 56 bytes a point.
@@ -26,23 +26,23 @@ use crate::file::{Column, ColumnWriter};
 use crate::image::textures::NO_IMAGE;
 use crate::mesh::cluster::ClusterMesh;
 
-/// Points on seams for each point by area, at most.
+/// Maximum number of points on seams for each point by area.
 const SEAM_SHARE: f64 = 0.25;
 /// Edges and points that are in memory at once.
 const WINDOW_RECORDS: u64 = 1 << 14;
 
-/// What a face shows along one of its edges.
+/// Texture of a face along one of its edges.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct EdgeTexture {
-    /// Picture of the mesh, or [`NO_IMAGE`].
+    /// Texture image of the mesh, or [`NO_IMAGE`].
     picture: u32,
-    /// Texture coordinates at both ends, moved by whole numbers so that the least lie between 0 and 1.
+    /// Texture coordinates at both ends, shifted by whole numbers so that the least lie between 0 and 1.
     texcoords: [[f32; 2]; 2],
 }
 
 impl EdgeTexture {
-    /// That of a face that shows a picture, between two wedges.
+    /// Texture along the edge between two wedges of a face that shows `picture`.
     pub fn of(mesh: &ClusterMesh, wedges: [u32; 2], picture: u32) -> Self {
         let [from, to] = wedges.map(|wedge| mesh.wedge_uv[wedge as usize]);
         let low = from.min(to).floor();
@@ -78,14 +78,14 @@ impl EdgeTexture {
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 pub struct SeamEdge {
-    /// Its length in space.
+    /// Length in space.
     pub length: f64,
-    /// What the two faces show, from the same end on.
+    /// Texture of the two faces, from the same end on.
     pub sides: [EdgeTexture; 2],
 }
 
 impl SeamEdge {
-    /// An edge of two faces, if both show a picture.
+    /// The edge of two faces; `None` unless both show a texture image.
     pub fn between(length: f64, sides: [EdgeTexture; 2]) -> Option<Self> {
         let is_shown = sides.iter().all(|side| side.picture != NO_IMAGE) && length > 0.0 && length.is_finite();
         is_shown.then_some(Self { length, sides })
@@ -108,9 +108,9 @@ impl SeamEdge {
 /// The seams of a mesh.
 #[derive(Debug)]
 pub struct SeamEdges {
-    /// In no order that means anything.
+    /// Edges, in no particular order.
     pub edges: Column<SeamEdge>,
-    /// Their length in all.
+    /// Total length.
     pub length: f64,
 }
 
@@ -121,10 +121,10 @@ pub struct SeamWriter {
 }
 
 impl SeamWriter {
-    /// Begins the file.
+    /// Creates the file.
     ///
     /// # Errors
-    /// If it cannot be made.
+    /// If it cannot be created.
     pub fn create(folder: &Path) -> Result<Self> {
         Ok(Self { file: ColumnWriter::create(&folder.join("measure-seams.col"), *b"seams   ")?, length: 0.0 })
     }
@@ -148,7 +148,8 @@ impl SeamWriter {
 }
 
 impl SeamEdges {
-    /// Puts points on the seams, by length: a quarter of `samples`, each somewhere in its part of the whole.
+    /// Places points on the seams by length: a quarter of `samples`, each at a random position in its part of the
+    /// whole.
     ///
     /// # Errors
     /// On a full disk, failed reads and writes.

@@ -6,14 +6,14 @@
 //!   |  . *--|--o    |     then every cell whose box is nearer than what was found so far
 //!   +-------+-------+
 //! ```
-//! The result is exact to the rounding of coordinates: no cell is left out whose box is nearer than the distance that is
-//! returned. Where triangles lie across each other's boxes by the thousand, each point would have to look at most of them.
-//! There only some points are searched to the end, whatever that takes, and the others that were given up are counted
+//! The result is exact to the rounding of coordinates: every cell whose box is nearer than the returned distance is
+//! searched. Where thousands of triangles overlap each other's boxes, each point would have to visit most of them.
+//! There only some points are searched to the end; the searches of the others are abandoned, and counted
 //! ([`Search::cut_count`]):
 //!
 //! ```text
-//!   . . o . . . o . . . o .      of points that were given up, those at o are searched to the end, and each of
-//!   |-------|-------|-----|      them speaks for its stretch: what is told is exact, of fewer points
+//!   . . o . . . o . . . o .      of points whose search was abandoned, those at o are searched to the end, and each of
+//!   |-------|-------|-----|      them represents its stretch: the result is exact, for fewer points
 //! ```
 //!
 //! # Memory
@@ -29,36 +29,36 @@ use crate::geometry::triangle::{area, barycentric, unit_normal};
 use crate::geometry::triangle_tree::Question;
 use crate::image::textures::NO_IMAGE;
 
-/// Cells that are kept open at once.
+/// Number of cells kept open at once.
 pub const VIEWS: usize = 4;
-/// Points that are searched for together: cells are chosen by the box around them.
+/// Points that are searched together: cells are chosen by the box around them.
 const GROUP_POINTS: usize = 512;
 
-/// A triangle nearer than so many roundings of the largest coordinate is as near as can be told: where many of them meet at
-/// a point, it spares looking at all.
+/// A triangle within this many roundings of the largest coordinate counts as nearest; where many triangles meet at a
+/// point, the others need not be visited.
 const ROUNDINGS: f64 = 4.0;
 
-/// Pairs and triangles that each point may look at.
+/// Pairs and triangles that the search for a point may visit.
 const LOOKS_OF_POINT: u64 = 128;
-/// What those points of a batch that need more may look at together, for each point of the batch.
+/// Further visits that the points of a batch share, for each point of the batch.
 const LOOKS_TO_SHARE: u64 = 128;
 
-/// A point of those that were asked for, by its number, and what is nearest to it.
+/// A point, by its index among the points asked for, and what is nearest to it.
 pub type Spoken = (usize, Found);
 
 /// The farthest of some points.
 #[derive(Debug, Clone, Copy)]
 pub struct Farthest {
-    /// The farthest of those that were searched to the end; nothing if none is farther than was known.
+    /// The farthest of those that were searched to the end; `None` if none is farther than was known.
     pub point: Option<Spoken>,
-    /// Square of a distance that no point exceeds.
+    /// Square of an upper bound of all distances.
     pub bound_sq: f64,
 }
 
-/// What is nearest to a point.
+/// Triangle nearest to a point.
 #[derive(Debug, Clone, Copy)]
 pub struct Found {
-    /// Squared distance; infinite as long as nothing was found.
+    /// Squared distance; infinite until a triangle is found.
     pub distance_sq: f64,
     /// Cell of the closest triangle.
     pub cell: u32,
@@ -70,14 +70,14 @@ pub struct Found {
 
 const NOTHING: Found = Found { distance_sq: f64::INFINITY, cell: u32::MAX, face: 0, looks: 0, is_cut: false };
 
-/// The closest point of a triangle, with what is there.
+/// The closest point of a triangle, with its normal and texture.
 #[derive(Debug, Clone, Copy)]
 pub struct Closest {
     /// The point.
     pub position: DVec3,
     /// Normal of the triangle; zero if it has no area.
     pub normal: DVec3,
-    /// Picture of the triangle, or [`NO_IMAGE`].
+    /// Texture image of the triangle, or [`NO_IMAGE`].
     pub picture: u32,
     /// Texture coordinate of the point.
     pub texcoord: [f32; 2],
@@ -90,37 +90,38 @@ pub struct Search<'a> {
     mesh: &'a MeasuredMesh,
     views: Vec<Open>,
     order: Vec<(f64, u32)>,
-    /// Square of a distance that is as small as can be told.
+    /// Squared distance up to which a triangle counts as nearest.
     least_sq: f64,
-    /// Looks that are left to be shared.
+    /// Shared visits that are left.
     looks: u64,
-    /// Points that were given up.
+    /// Number of points whose search was abandoned.
     cut_count: u64,
 }
 
-/// A cell that is open.
+/// An open cell.
 struct Open {
     cell: u32,
-    /// The last triangle that was found in it.
+    /// The triangle found last in it.
     last: u32,
     view: CellView,
 }
 
 impl<'a> Search<'a> {
-    /// A search that has opened nothing yet.
+    /// A search with no cell open.
     pub fn new(mesh: &'a MeasuredMesh) -> Self {
         let largest = mesh.bounds.low.abs().max(mesh.bounds.high.abs()).max_element();
         let least_sq = (ROUNDINGS * f64::EPSILON * largest).powi(2);
         Self { mesh, views: Vec::new(), order: Vec::new(), least_sq, looks: 0, cut_count: 0 }
     }
 
-    /// Points that were given up.
+    /// Number of points whose search was abandoned.
     pub fn cut_count(&self) -> u64 {
         self.cut_count
     }
 
-    /// For each point the one that speaks for it, itself unless it was given up, and what is closest to that; and the
-    /// square of a distance that no point exceeds. At most `probes` points, one at least, speak for others.
+    /// For each point its representative, which is the point itself unless its search was abandoned, with what is
+    /// closest to that; and the square of an upper bound of all distances. At most `probes` points, at least one,
+    /// represent others.
     ///
     /// # Errors
     /// On failed reads.
@@ -146,7 +147,7 @@ impl<'a> Search<'a> {
 
     /// The point that is farthest from the mesh, and farther than the root of `known_sq`; the first of several.
     ///
-    /// Points that turn out to be nearer than the farthest so far are not searched for to the end.
+    /// Points found to be nearer than the farthest so far are not searched to the end.
     ///
     /// # Errors
     /// On failed reads.
@@ -166,19 +167,19 @@ impl<'a> Search<'a> {
                 }
             }
         }
-        // What is farther by now settles some of those that were given up before.
+        // The distance that is known by now decides some of the points whose search was abandoned before.
         given_up.retain(|&bound_sq| bound_sq > most_sq);
         self.cut_count += given_up.len() as u64;
         Ok(Farthest { point, bound_sq: given_up.into_iter().fold(most_sq, f64::max) })
     }
 
-    /// Whether a point was given up before it was known to be no farther than the root of `enough_sq`.
+    /// Whether the search for a point was abandoned before it was known to be no farther than the root of `enough_sq`.
     fn is_open(&self, found: &Found, enough_sq: f64) -> bool {
         found.is_cut && found.distance_sq > enough_sq
     }
 
-    /// Looks for triangles that are closer to each point than what was found. Of a point that is no farther than the root
-    /// of `enough_sq` that is all that is known.
+    /// Looks for triangles that are closer to each point than what was found. The search for a point ends when it is
+    /// known to be no farther than the root of `enough_sq`.
     fn look_for(&mut self, points: &[DVec3], enough_sq: f64, found: &mut [Found]) -> Result<()> {
         self.sort_cells(Bounds::around(points.iter().copied()));
         let mut homes: Vec<(u32, u32)> = points.iter().map(|&point| self.home(point)).zip(0..).collect();
@@ -217,7 +218,7 @@ impl<'a> Search<'a> {
         self.order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     }
 
-    /// Place in the order of the cell whose box is nearest; of several, of that whose middle is.
+    /// Index in the order of the cell whose box is nearest; of several, of that whose centre is nearest.
     fn home(&self, point: DVec3) -> u32 {
         let mut best = (f64::INFINITY, f64::INFINITY, 0);
         for (&(group_distance_sq, cell), at) in self.order.iter().zip(0..) {
@@ -233,7 +234,8 @@ impl<'a> Search<'a> {
         best.2
     }
 
-    /// Asks a cell for a triangle that is nearer than what was found, first of all for the last answer that it gave.
+    /// Asks a cell for a triangle that is nearer than what was found; the triangle that it returned last is tried
+    /// first.
     fn ask(&mut self, cell: u32, point: DVec3, enough_sq: f64, found: &mut Found) -> Result<()> {
         let shared = self.looks;
         let open = self.open(cell)?;
@@ -258,7 +260,7 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
-    /// A cell, opened if it is not; the one that was asked for longest ago is closed.
+    /// Opens a cell unless it is open, and closes the least recently used one.
     fn open(&mut self, cell: u32) -> Result<&mut Open> {
         match self.views.iter().position(|open| open.cell == cell) {
             Some(0) => {}
@@ -271,7 +273,7 @@ impl<'a> Search<'a> {
         Ok(&mut self.views[0])
     }
 
-    /// The closest point to `point` on what was found, which must be something.
+    /// The closest point to `point` on the triangle that was found; there must be one.
     ///
     /// # Errors
     /// On failed reads.
@@ -291,7 +293,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Texture coordinate at a point of a triangle, moved by whole numbers to between 0 and 1.
+/// Texture coordinate at a point of a triangle, shifted by whole numbers to between 0 and 1.
 pub fn texcoord_at(texcoords: &[[f32; 2]; 3], weights: [f64; 3]) -> [f32; 2] {
     [0, 1].map(|axis| {
         let at = (0..3).map(|corner| f64::from(texcoords[corner][axis]) * weights[corner]).sum::<f64>();

@@ -1,22 +1,22 @@
-//! How far pictures slid over the surface: where texels of a result lie on the original.
+//! Texture drift: where texels of a result lie on the original.
 //!
 //! ```text
 //!   result    ----p----        p shows the texel t; t lies at s on the original, and p's closest point is c:
-//!                 |            the picture slid from s to c
+//!                 |            the texture drifted from s to c
 //!   original  --s-c-----       the two sides of a seam show texels that lie at two places: the seam gapes from one to
 //!                              the other
 //! ```
 //! In: pairs of points. Out: [`Slides`] and [`Gaps`]. Invariant: pairs are summed in their order.
 //!
-//! Where the original shows an image more than once, as brick walls do, a texel lies at several places. Drift on such an
-//! image is not measured.
+//! Where the original shows an image more than once, as brick walls do, a texel lies at several positions. Drift on
+//! such an image is not measured.
 //!
-//! PositionRuns are those of texels of a grid, [`GRID_SIDE`] on each side of an image, so that slides of up to a texel's size are
-//! found on a picture that did not move.
+//! Positions on the original are stored for the texels of a grid, [`GRID_SIDE`] along each side of an image, so a
+//! texture that did not move has a measured drift of up to one texel of the grid.
 //!
 //! # Memory
-//! 160 bytes for each pair of a window, at most a quarter of the budget; in each thread the texels that are asked for of one
-//! image.
+//! 160 bytes for each pair of a window, at most a quarter of the budget; in each thread the texels of one image that
+//! are asked for.
 
 use std::ops::Range;
 
@@ -33,72 +33,72 @@ use crate::image::textures::{NO_IMAGE, TextureImages};
 
 /// The original shows an image more than once if the triangles that show it cover more than this times its area.
 const SHOWN_MAX: f64 = 1.1;
-/// Texels of the grid along each side of an image, on which slides are measured.
+/// Texels of the grid along each side of an image, on which drift is measured.
 const GRID_SIDE: usize = 2048;
-/// The same if there are more than [`MANY_PICTURES`].
+/// The same for more than [`MANY_PICTURES`] texture images.
 const GRID_SIDE_OF_MANY: usize = 1024;
-/// TextureImages from which on each has a coarser grid.
+/// Number of texture images above which each has a coarser grid.
 const MANY_PICTURES: usize = 40;
-/// A texel whose middle lies outside of a chart still shows it if it lies this near, in weights of a triangle's corners
+/// Weight by which a texel's centre may lie outside of a triangle, for the texel to belong to it.
 const OUTSIDE_WEIGHT: f64 = 0.3;
-/// and within this many texels of the triangle's box.
+/// Distance in texels by which the centre may lie outside of the triangle's box.
 const OUTSIDE_TEXELS: f64 = 0.6;
-/// Times that a triangle's picture may repeat across it, along each axis, to be looked for.
+/// Maximum number of repeats of an image across a triangle, along each axis, for the triangle to be searched.
 const REPEATS_MAX: usize = 4;
-/// Largest slide in texels; longer ones count as that in percentiles.
+/// Largest drift in texels; longer ones count as this in percentiles.
 const TEXELS_MAX: f64 = 1e6;
 /// Memory of a pair while its window is in work, in bytes.
 const PAIR_BYTES: u64 = 160;
-/// Pairs of a window, at least and at most: their numbers are kept in 32 bits.
+/// Minimum and maximum number of pairs of a window; their indices have 32 bits.
 const WINDOW_PAIRS: Range<u64> = 1 << 10..1 << 30;
 
-/// Slides of the points of a result.
+/// Texture drift at the points of a result.
 #[derive(Debug)]
 pub struct Slides {
     /// In the mesh's unit of length.
     pub lengths: Distribution,
     /// In texels of the original's images.
     pub texels: Distribution,
-    /// Points that show a picture of the original.
+    /// Points that show a texture image of the original.
     pub textured: u64,
-    /// Those whose picture is shown more than once.
+    /// Of these, points whose image the original shows more than once.
     pub repeated: u64,
-    /// Those of the others that show none of its charts.
+    /// Of the others, points that show none of the original's charts.
     pub outside: u64,
     /// All points.
     pub points: u64,
 }
 
-/// How far the two sides of seams are apart on the original.
+/// Gaps of seams: distances on the original between their two sides.
 #[derive(Debug)]
 pub struct Gaps {
     /// In the mesh's unit of length.
     pub lengths: Distribution,
     /// In texels of the images that are shown.
     pub texels: Distribution,
-    /// Points of which both sides show a picture of the original that is shown once.
+    /// Points both sides of which show a texture image that the original shows once.
     pub textured: u64,
-    /// Those of which a side shows none of its charts.
+    /// Of these, points of which a side shows none of the original's charts.
     pub outside: u64,
 }
 
-/// The original, where texels are looked for.
+/// The original, on which texels are located.
 #[derive(Debug)]
 pub struct Atlas<'a> {
     original: &'a MeasuredMesh,
     sources: &'a [Vec<u32>],
-    /// Whether each picture that is asked for is shown more than once.
+    /// Whether each texture image that is asked for is shown more than once.
     repeated: Vec<bool>,
     limit: f64,
     resources: &'a Resources,
 }
 
-/// A place of an image.
+/// A point of an image: texture image and texture coordinate.
 type Texel = (u32, [f32; 2]);
 
 impl<'a> Atlas<'a> {
-    /// The original, with those of its pictures, ascending, that each picture shows that is asked for. No slide exceeds
-    /// `limit` by much.
+    /// Prepares to locate texels; `sources` has, for each texture image that is asked for, the images of the original
+    /// that it shows, ascending. No drift exceeds `limit` by much.
     pub fn new(original: &'a MeasuredMesh, sources: &'a [Vec<u32>], limit: f64, resources: &'a Resources) -> Self {
         let mut shown = vec![0.0; original.pictures.files.len()];
         for &(picture, area) in original.cells.iter().flat_map(|cell| &cell.pictures) {
@@ -111,7 +111,7 @@ impl<'a> Atlas<'a> {
         Self { original, sources, repeated, limit, resources }
     }
 
-    /// Measures how far the picture slid at points of the result, whose closest points lie on the original.
+    /// Measures the texture drift at points of the result, whose closest points lie on the original.
     ///
     /// # Errors
     /// On failed reads.
@@ -149,7 +149,8 @@ impl<'a> Atlas<'a> {
         Ok(slides)
     }
 
-    /// Measures how far apart the texels lie that the two sides of seams show; `pictures` are those of the mesh with seams.
+    /// Measures the gaps between the texels that the two sides of seams show; `pictures` are of the mesh with the
+    /// seams.
     ///
     /// # Errors
     /// On failed reads.
@@ -189,17 +190,17 @@ impl<'a> Atlas<'a> {
         pairs.ranges(fitting.clamp(WINDOW_PAIRS.start, WINDOW_PAIRS.end))
     }
 
-    /// Whether a picture is one of the original's.
+    /// Whether a texture image is one of the original's.
     fn is_shown(&self, picture: u32) -> bool {
         picture != NO_IMAGE && !self.sources[picture as usize].is_empty()
     }
 
-    /// Whether the original shows a picture more than once.
+    /// Whether the original shows a texture image more than once.
     fn is_repeated(&self, picture: u32) -> bool {
         self.repeated[picture as usize]
     }
 
-    /// Where texels lie on the original; nothing for those that lie in none of its charts, or in several.
+    /// Positions of texels on the original; `None` for texels that lie in none of its charts, or in several.
     fn places(&self, texels: &[Texel], progress: &dyn Progress) -> Result<Vec<Option<DVec3>>> {
         let side = if self.original.pictures.files.len() > MANY_PICTURES { GRID_SIDE_OF_MANY } else { GRID_SIDE };
         let numbered = texels.iter().map(|texel| texel.0).zip(0u32..);
@@ -231,19 +232,19 @@ impl<'a> Atlas<'a> {
     }
 }
 
-/// Side of a square with as many pixels as each picture has; nothing if it is no image.
+/// Side of a square with as many pixels as each texture image has; `None` if the file is no image.
 fn sizes(pictures: &TextureImages) -> Vec<Option<f64>> {
     let size = |(width, height): (u32, u32)| (f64::from(width) * f64::from(height)).sqrt();
     pictures.files.iter().map(|file| image::image_dimensions(&file.path).ok().map(size)).collect()
 }
 
-/// Number of the texel of a grid that a texture coordinate between 0 and 1 lies in.
+/// Number of the grid's texel that contains a texture coordinate between 0 and 1.
 fn texel_of(texcoord: [f32; 2], side: usize) -> u32 {
     let [x, y] = texcoord.map(|at| ((f64::from(at) * side as f64) as usize).min(side - 1));
     (y * side + x) as u32
 }
 
-/// Where some texels of a picture lie on a mesh.
+/// Positions on a mesh of some texels of a texture image.
 struct Charts {
     /// The texels that are asked for, ascending.
     texels: Vec<u32>,
@@ -263,13 +264,13 @@ impl Charts {
         Self { texels, rows, places, side }
     }
 
-    /// Where a texel lies.
+    /// Position of a texel.
     fn place(&self, texel: u32) -> Option<DVec3> {
         let at = self.texels.binary_search(&texel).ok()?;
         self.places[at]
     }
 
-    /// Draws the triangles of a mesh that show one of some pictures (ascending).
+    /// Draws the triangles of a mesh that show one of some texture images (ascending).
     fn draw(&mut self, mesh: &MeasuredMesh, pictures: &[u32]) -> Result<()> {
         let is_shown = |picture: &u32| pictures.binary_search(picture).is_ok();
         for cell in mesh.cells.iter().filter(|cell| cell.pictures.iter().any(|(picture, _)| is_shown(picture))) {
@@ -283,7 +284,7 @@ impl Charts {
         Ok(())
     }
 
-    /// Draws a triangle wherever its picture repeats.
+    /// Draws a triangle at every repeat of its texture image.
     fn draw_face(&mut self, view: &CellView, face: u32) {
         let corners = view.triangle(face).map(|corner| corner + view.origin);
         let texcoords = view.faces[face as usize].texcoords.map(|uv| DVec2::new(f64::from(uv[0]), f64::from(uv[1])));
@@ -298,7 +299,7 @@ impl Charts {
         }
     }
 
-    /// Draws a triangle whose corners lie at `[a, b, c]` in texels, counted from the middle of the first one.
+    /// Draws a triangle whose corners lie at `[a, b, c]` in texels, counted from the centre of the first one.
     fn draw_triangle(&mut self, [a, b, c]: [DVec2; 3], corners: [DVec3; 3]) {
         let doubled_area = (b - a).perp_dot(c - a);
         if doubled_area.abs() < 1e-12 {
@@ -325,7 +326,7 @@ impl Charts {
                 let at_c = (b - a).perp_dot(point - a) / doubled_area;
                 let weights = [1.0 - at_b - at_c, at_b, at_c];
                 let least = weights.into_iter().fold(f64::INFINITY, f64::min);
-                // The inside of a triangle hides what lies near another one; of two insides the later one is seen.
+                // The inside of a triangle overwrites the margin of another one; of two insides the later one wins.
                 if least >= 0.0 || least >= -OUTSIDE_WEIGHT && self.places[at].is_none() {
                     let place = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
                     self.places[at] = Some(place);
@@ -341,7 +342,7 @@ mod tests {
 
     #[test]
     fn a_texel_is_found_on_the_triangle_that_covers_it() {
-        // a square of ten by ten units with the left half of the picture
+        // a square of ten by ten units with the left half of the image
         let (side, corner) = (64, |x: f64, y: f64| DVec3::new(x, y, 3.0));
         let texels = (0..64 * 64).collect();
         let mut charts = Charts::new(texels, side);

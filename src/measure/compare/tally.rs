@@ -1,23 +1,23 @@
-//! Edges, pieces, charts, borders and shapes of triangles, counted cell by cell.
+//! Counts edges, components, charts, borders and shapes of triangles, cell by cell.
 //!
 //! ```text
 //!      own ────── own        every face at an own vertex is in this cell: counted at once
 //!       │  ╲       │
 //!       │    ╲     │
 //!   shared ═══ shared        the face on the other side may be in another cell: its sides are matched at the end,
-//!                            and join the pieces, charts and borders that reach it
+//!                            and join the components, charts and borders that reach it
 //! ```
-//! In: loaded clusters. Out: [`TopologyCounts`], [`Quality`], folded triangles, the edges of the border and of seams. Invariant:
-//! the numbers are those that [`check`](super::super::check) counts on the whole mesh, and the edges come in the same order
-//! at any memory budget.
+//! In: loaded clusters. Out: [`TopologyCounts`], [`Quality`], folded triangles, the edges of the border and of seams.
+//! Invariant: the numbers are those that [`check`](super::super::check) counts on the whole mesh, and the edges come in
+//! the same order at any memory budget.
 //!
 //! # Memory
-//! 90 bytes a face of a cell; 4 bytes a shared vertex; 28 bytes for each piece, chart and border that leaves its cell; one
-//! bucket of shared sides at a time.
+//! 90 bytes a face of a cell; 4 bytes a shared vertex; 28 bytes for each component, chart and border that leaves its
+//! cell; one bucket of shared sides at a time.
 //!
 //! # Files
-//! `measure-sides.scatter` (80 bytes for each side of a face between shared vertices), removed at the end, and what
-//! [`seams`](super::seams) keeps.
+//! `measure-sides.scatter` (80 bytes for each side of a face between shared vertices), removed at the end, and the file
+//! of [`seams`](super::seams).
 
 use std::path::Path;
 
@@ -36,16 +36,16 @@ use crate::mesh::fold::{across, is_angle_small};
 use crate::model::Catalogue;
 use crate::partition::{ClusterSource, Shared};
 
-/// Bytes of a bucket of shared sides, if all sides are shared and there are no more buckets than there may be.
+/// Bytes of a bucket of shared sides, if all sides are shared and [`BUCKETS_MAX`] allows as many buckets.
 const BUCKET_BYTES: u64 = 8 << 20;
-/// Buckets of shared sides, at most.
+/// Maximum number of buckets of shared sides.
 const BUCKETS_MAX: u64 = 256;
-/// Stands for a face without texture.
+/// Marks a face without texture.
 const NO_CHART: u32 = u32::MAX;
-/// Bit of a shared vertex's count of edges that says that it lies on a border.
+/// Bit in a shared vertex's edge count that marks it as lying on a border.
 const ON_BORDER: u32 = 1 << 31;
 
-/// What is counted.
+/// Counts.
 #[derive(Debug, Clone, Copy, Default)]
 struct TallyCounts {
     topology: TopologyCounts,
@@ -96,7 +96,7 @@ impl TallyCounts {
         self.topology.seam_edges += u64::from(faces == 2 && is_seam);
     }
 
-    /// Counts an edge of two faces that lead away from it in these directions, if they are folded.
+    /// Counts an edge as folded if its two faces, which lead away from it in these directions, are folded.
     fn add_fold(&mut self, across: [DVec3; 2]) {
         self.topology.folded_edges += u64::from(is_angle_small(across));
     }
@@ -111,10 +111,10 @@ impl TallyCounts {
     }
 }
 
-/// Faces that hang together in texture.
+/// A chart: faces that are connected in texture space.
 #[derive(Debug, Clone, Copy, Default)]
 struct Chart {
-    /// Sum of their areas in texture space, negative where they are turned over.
+    /// Sum of their areas in texture space, negative for faces that are turned over.
     area: f64,
     positive: u64,
     negative: u64,
@@ -126,12 +126,12 @@ struct Chart {
 struct SharedSide {
     /// Ids in the partition, the lower one first.
     vertices: [u32; 2],
-    /// Texture coordinate and material at each of them, as a number.
+    /// Key of texture coordinate and material at each of them.
     keys: [u64; 2],
-    /// Which way the face leads away from it.
+    /// Direction in which the face leads away from it.
     across: [f64; 3],
     piece: u32,
-    /// [`NO_CHART`] without texture.
+    /// Chart of the face, or [`NO_CHART`].
     chart: u32,
     texture: EdgeTexture,
     length: f32,
@@ -150,12 +150,12 @@ impl SharedSide {
     }
 }
 
-/// Counts of one cell, and what leaves it.
+/// Counts of one cell, and the records that leave it.
 #[derive(Debug, Default)]
 pub struct CellTally {
     counts: TallyCounts,
     sides: Vec<SharedSide>,
-    /// Number of pieces that leave the cell; sides refer to them from 0.
+    /// Number of components that leave the cell; sides refer to them from 0.
     pieces: u32,
     /// Charts that leave the cell.
     charts: Vec<Chart>,
@@ -172,14 +172,14 @@ pub struct CellTally {
 /// A side of a face: its vertices, the lower one first, the wedges there, and the face.
 type FaceSide = ([u32; 2], [u32; 2], u32);
 
-/// Counts a cell; `pictures` has that of each part.
+/// Counts a cell; `pictures` has the texture image of each part.
 pub fn tally(source: &ClusterSource, catalogue: &Catalogue, pictures: &[u32]) -> CellTally {
     let mesh = &source.mesh;
     let mut found = CellTally::default();
     found.counts.topology.faces = mesh.corners.len() as u64;
     found.counts.topology.degenerate_faces = source.degenerate;
     for face in 0..mesh.corners.len() as u32 {
-        // No number is that of a triangle whose sides are too long to be squared.
+        // The regularity is NaN if the sides are too long to be squared.
         let regularity = regularity(mesh.triangle(face)).max(0.0);
         found.counts.regularity_sum += regularity;
         found.counts.slivers += u64::from(regularity < SLIVER_REGULARITY);
@@ -249,7 +249,7 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue, pictures: &[u32]) ->
     found
 }
 
-/// Which way the face of a side leads away from it.
+/// Direction in which the face of a side leads away from it.
 fn across_side(mesh: &ClusterMesh, (ends, _, face): FaceSide) -> DVec3 {
     let [low, high] = ends.map(|vertex| mesh.positions[vertex as usize]);
     let third = mesh.vertices(face).into_iter().find(|vertex| !ends.contains(vertex));
@@ -268,7 +268,7 @@ fn sorted_sides(mesh: &ClusterMesh) -> Vec<FaceSide> {
     sides
 }
 
-/// For each wedge at a shared vertex a number made of texture coordinate and material; 0 for other wedges.
+/// Key of texture coordinate and material for each wedge at a shared vertex; 0 for other wedges.
 fn shared_keys(source: &ClusterSource, catalogue: &Catalogue) -> Vec<u64> {
     let mesh = &source.mesh;
     let mut keys = vec![0; mesh.wedge_vertex.len()];
@@ -299,7 +299,7 @@ impl CellTally {
         self.counts.topology.boundary_loops = closed.count() as u64;
     }
 
-    /// Counts pieces that stay in the cell, and numbers those with a side between shared vertices, by root.
+    /// Counts components that stay in the cell, and numbers those with a side between shared vertices, by root.
     fn count_pieces(&mut self, mesh: &ClusterMesh, sides: &[FaceSide], pieces: &mut DisjointSets) -> Vec<u32> {
         let mut number = vec![u32::MAX; mesh.corners.len()];
         for (vertices, _, face) in sides {
@@ -352,7 +352,7 @@ impl CellTally {
     }
 }
 
-/// What [`Tallies::finish`] gives.
+/// Result of [`Tallies::finish`].
 #[derive(Debug)]
 pub struct Tallied {
     /// Counts.
@@ -361,7 +361,7 @@ pub struct Tallied {
     pub quality: Quality,
     /// Triangles that run against the majority of their chart in texture space.
     pub folded: u64,
-    /// Edges of the border; nothing if there are more than asked for.
+    /// Edges of the border; `None` if there are more than asked for.
     pub border: Option<Vec<[DVec3; 2]>>,
     /// Edges between faces that show different places of images.
     pub seams: SeamEdges,
@@ -375,7 +375,7 @@ pub struct Tallies<'a> {
     sum: MeshSum<'a>,
 }
 
-/// What the cells have in all, and what leaves them.
+/// Sums over the cells, and the records that leave them.
 struct MeshSum<'a> {
     shared: &'a Shared,
     counts: TallyCounts,
@@ -390,12 +390,13 @@ struct MeshSum<'a> {
 }
 
 impl<'a> Tallies<'a> {
-    /// Begins for a mesh of `faces` faces. More than `border_limit` edges of the border are counted and not kept.
+    /// Creates the files for a mesh of `faces` faces. More than `border_limit` edges of the border are counted but not
+    /// kept.
     ///
     /// # Errors
-    /// If the files cannot be made.
+    /// If the files cannot be created.
     pub fn create(folder: &Path, shared: &'a Shared, faces: u64, border_limit: usize) -> Result<Self> {
-        // As many as the mesh asks for, whatever the budget: seams come in their order.
+        // The number of buckets depends on the mesh alone, not on the budget: seams come in the order of buckets.
         let most_bytes = 3 * faces * size_of::<SharedSide>() as u64;
         let buckets = most_bytes.div_ceil(BUCKET_BYTES).clamp(1, BUCKETS_MAX);
         let sum = MeshSum {
@@ -444,7 +445,7 @@ impl<'a> Tallies<'a> {
         Ok(())
     }
 
-    /// Matches what cells share and sums up; `positions` gives those of vertices by ascending ids of the partition.
+    /// Matches what cells share and sums up; `positions` returns those of vertices by ascending ids of the partition.
     ///
     /// # Errors
     /// On failed reads and writes.
@@ -503,7 +504,7 @@ impl MeshSum<'_> {
         }
     }
 
-    /// Counts the pieces, charts, borders and vertices that several cells have.
+    /// Counts the components, charts, borders and vertices that several cells have.
     fn count_open(&mut self, pieces: &mut DisjointSets, charts: &mut DisjointSets, border: &[[u32; 2]]) {
         self.counts.topology.components += (0..self.pieces).filter(|&piece| pieces.is_root(piece)).count() as u64;
         for chart in 0..self.charts.len() as u32 {

@@ -348,7 +348,7 @@ fn a_seam_gapes_as_far_as_one_of_its_charts_was_moved() {
         assert!(near(seams.gap_texels_median.unwrap(), 25.6, 0.01), "{seams:?}");
         assert_eq!(seams.outside_fraction, Some(0.0));
     }
-    // what runs through one chart is no seam
+    // an edge inside a chart is no seam
     let whole = ramp(&bench, "c.obj", 0.0);
     let seams = bench.compare(&whole, &whole, 100).texture.unwrap().seams;
     assert_eq!((seams.before, seams.after), (SeamFigures::default(), SeamFigures::default()));
@@ -403,7 +403,7 @@ fn points_that_are_given_up_are_counted_and_spoken_for() {
     assert!(symmetric.cut_searches > 10_000, "{} points were given up", symmetric.cut_searches);
     assert!(found.warnings.iter().any(|words| words.contains("were given up")), "{:?}", found.warnings);
 
-    // by looking at every triangle for some points of the moved mesh: the mean is of few points, so it scatters
+    // checked against every triangle for some points of the moved mesh: the mean is of few points, so it varies
     let triangle = |face: usize| faces[face].map(|vertex| positions[vertex]);
     let mut state = 7u64;
     let mut unit = || {
@@ -481,12 +481,12 @@ fn what_a_gap_shows_is_its_share_of_the_surface() {
     assert!(found.worst.ppm >= found.ppm && !found.worst.picture.is_empty());
     let same = bench.compare(&original, &original, 3_000).pinholes.unwrap();
     assert_eq!((same.ppm, same.behind_ppm, same.worst.picture.len()), (0.0, 0.0, 0));
-    // A hole that closes is none.
+    // A hole that closes is no pinhole.
     assert_eq!(bench.compare(&holed, &original, 10_000).pinholes.unwrap().ppm, 0.0);
 }
 
-/// A sheet whose middle vertex rises by 1 is 1 / n away at its n vertices, whatever the area around it; the other way only the
-/// surface beneath the peak is near.
+/// A sheet whose middle vertex rises by 1 has distance 1 / n at its n vertices, whatever the area around it; in the
+/// other direction only the surface beneath the peak is near.
 #[test]
 fn at_vertices_every_vertex_counts_the_same() {
     let bench = Bench::new();
@@ -505,8 +505,8 @@ fn at_vertices_every_vertex_counts_the_same() {
     assert!(by_area.mean > 1.5 * mean && by_area.max == 1.0, "{by_area:?}");
 }
 
-/// A texel that lies at two places may have drifted from either. Drift on such images is unknown; on others it is measured as
-/// before.
+/// Drift is unknown on an image that the original shows more than once, since a texel may have drifted from any of its
+/// positions; on other images it is measured as before.
 #[test]
 fn the_drift_of_an_image_that_is_shown_twice_is_unknown() {
     let bench = Bench::new();

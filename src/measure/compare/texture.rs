@@ -1,7 +1,7 @@
-//! How the picture on the surface changed: colours, slides and seams, put together.
+//! How the texture on the surface changed: colours, texture drift and seams, put together.
 //!
-//! In: what the points of both directions show, and the seams of both meshes. Out: [`Texture`]. Invariant: nothing depends
-//! on the memory budget but images that do not fit it.
+//! In: what the points of both directions show, and the seams of both meshes. Out: [`Texture`]. Invariant: the result
+//! depends on the memory budget only if an image does not fit it.
 //!
 //! # Files
 //! Those of [`seams`](super::seams).
@@ -15,11 +15,11 @@ use super::options::{CompareOptions, SAMPLES};
 use super::slide::{Atlas, Gaps};
 use crate::base::{Findings, Progress, Result};
 
-/// Bit of the seed that chooses other points on seams than on surfaces.
+/// Bit of the seed that makes the points on seams differ from those on surfaces.
 const SEAM_SEED: u64 = 1 << 62;
 
-/// Compares the textures of `[original, result]`, whose points were measured `[forward, backward]`; nothing if one of them
-/// shows no picture that can be read.
+/// Compares the textures of `[original, result]`, whose points were measured `[forward, backward]`; `None` if one of
+/// them shows no texture image that can be read.
 ///
 /// # Errors
 /// On a full disk, failed reads and writes.

@@ -1,4 +1,4 @@
-//! What two surfaces show at a point and at its closest point.
+//! Texture of two surfaces at a point and at its closest point.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -8,9 +8,9 @@ use bytemuck::{Pod, Zeroable};
 pub struct TexturePair {
     /// The closest point.
     pub closest: [f64; 3],
-    /// Picture at the point, of the mesh that it lies on.
+    /// Texture image at the point, of the mesh that it lies on.
     pub picture: u32,
-    /// Picture at the closest point, of the other mesh.
+    /// Texture image at the closest point, of the other mesh.
     pub other_picture: u32,
     /// Texture coordinate at the point.
     pub texcoord: [f32; 2],
