@@ -18,7 +18,7 @@
 //! | symbol | here |
 //! | --- | --- |
 //! | k1, k2 by jet fitting | `curvature` |
-//! | ρ = \|P\| (√(k1² + k2²))^λ \[13\] | [`mass::Part::mass`], `lambda` |
+//! | ρ = \|P\| (√(k1² + k2²))^λ \[13\] | [`mass::VertexPart::mass`], `lambda` |
 //! | D_avg = Σρ / n \[12\] | [`FrozenStatistics::enough`] |
 //! | C, the cells | `cells` (step 1), `clustering` (step 3) |
 //! | z, a cell's centre | `centres` (step 2) |

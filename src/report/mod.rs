@@ -33,7 +33,7 @@ impl Report {
     /// Writes the report as JSON or as a page, by the extension of `path`, for the job of this number.
     ///
     /// # Errors
-    /// [`Error::Usage`] for an extension other than `.json` or `.html`; the file system's.
+    /// [`Error::Usage`](crate::base::Error::Usage) for an extension other than `.json` or `.html`; the file system's.
     pub fn save(&self, path: &Path, job: u64) -> Result<()> {
         match ReportKind::of(path)? {
             ReportKind::Html => save_text(&html::page(self), path, job),

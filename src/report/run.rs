@@ -168,7 +168,7 @@ pub struct Report {
     pub remesh: Vec<RemeshReport>,
     /// Each pass that collapsed edges.
     pub passes: Vec<PassReport>,
-    /// Renderings of the input and of the result from [`gallery::VANTAGES`], if they were drawn.
+    /// Renderings of the input and of the result from [`VANTAGES`](super::gallery::VANTAGES), if they were drawn.
     #[serde(skip)]
     pub shots: Option<[Vec<Shot>; 2]>,
     /// Vertices and edges that keep the mesh above its target, if it was missed.
