@@ -189,7 +189,7 @@ impl<'ast> Visit<'ast> for Paths {
     fn visit_visibility(&mut self, _: &'ast syn::Visibility) {}
 }
 
-/// Groups of modules each of which reaches every other of its group ; a group of one does not count.
+/// Groups of modules that all reach each other. A module alone is no group. O(modules × imports).
 pub fn circles<'a>(imports: &BTreeMap<&'a ModulePath, BTreeSet<&'a ModulePath>>) -> Vec<Vec<&'a ModulePath>> {
     let reachable = |from: &'a ModulePath| {
         let mut seen = BTreeSet::new();
