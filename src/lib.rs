@@ -1,32 +1,43 @@
-//! Simplifies textured triangle meshes larger than memory.
+//! Out-of-core simplification of textured triangle meshes.
 //!
-//! ```text
-//! OBJ ── scan ──▶ columns ── partition ──▶ clusters ── simplify ──▶ clusters' ── stitch ──▶ … ── write ──▶ OBJ
-//! ```
-//! Reads an OBJ (or many) and writes one joined, textured OBJ with fewer triangles, within a memory budget. The output
-//! has the same bytes at any number of threads.
+//! [`Simplify`] reads a mesh of any size from files, and writes one joined, textured mesh with fewer triangles, without
+//! ever holding the mesh in memory:
 //!
 //! ```
-//! use std::path::Path;
-//! use drystone::{base::Silent, options::SimplifyOptions, pipeline};
+//! use drystone::{Silent, Simplify};
 //!
 //! # let folder = tempfile::tempdir().unwrap();
 //! # let output = folder.path().join("sphere.obj");
-//! let options = SimplifyOptions { ratio: Some(0.1), ..SimplifyOptions::default() };
-//! let input = Path::new("fixtures/miniatures/closed_sphere.obj");
-//! let report = pipeline::simplify(input, &output, &options, &Silent)?;
+//! let report = Simplify::new("fixtures/miniatures/closed_sphere.obj").to(&output).ratio(0.1).run(&Silent)?;
 //! assert_eq!(report.faces.output, report.faces.target);
-//! # Ok::<(), drystone::base::Error>(())
+//! # Ok::<(), drystone::Error>(())
+//! ```
+//!
+//! [`simplify_mesh`] does the same to a [`Mesh`] in memory.
+//!
+//! - **How far:** a [`Target`]: a share or a number of triangles, a bound on the error, or both.
+//! - **How:** [`SimplifyOptions`]; the defaults are those of the command line.
+//! - **Within what:** [`Limits`]: memory and threads. The output has the same bytes at any number of threads.
+//! - **What happened:** a [`Report`]; an [`Error`] has a [`kind`](Error::kind).
+//! - **Meanwhile:** a [`Progress`] hears of phases and may stop the run; the same call resumes it.
+//!
+//! ```text
+//! files ── read ──▶ columns ── partition ──▶ clusters ── simplify ──▶ clusters' ── repeat ──▶ … ── write ──▶ file
 //! ```
 
 // In the order in which the data flows; imports point up this list, which `tests/layering.rs` checks.
+
+// Ground: what every phase stands on.
 pub mod base;
 pub mod os;
 pub mod geometry;
 pub mod file;
 pub mod job;
 pub mod model;
+#[cfg(feature = "images")]
 pub mod image;
+
+// Road: from files to a file.
 pub mod scan;
 pub mod mesh;
 pub mod partition;
@@ -36,10 +47,21 @@ pub mod simplify;
 pub mod remesh;
 pub mod passes;
 pub mod write;
+
+// Shore: what a caller sees.
 pub mod measure;
 pub mod options;
 pub mod report;
 pub mod plan;
 pub mod pipeline;
 pub mod inspect;
+mod api;
+#[cfg(feature = "cli")]
 pub mod cli;
+
+pub use api::{MeshReport, Simplify, simplify_mesh};
+pub use base::{Error, ErrorKind, Progress, Result, Silent};
+pub use model::Mesh;
+pub use options::{JobOptions, Limits, SimplifyOptions, Target};
+pub use os::mmap::map_large_allocations as return_freed_memory;
+pub use report::Report;

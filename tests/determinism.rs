@@ -2,9 +2,9 @@
 
 mod meshes;
 
-use drystone::cost::knob::Knob;
+use drystone::cost::parameter::Parameter;
 use drystone::cost::{classic, curvature, oblique, sharpness, terrain, weights};
-use drystone::options::{MetricChoice, Seams, SimplifyOptions};
+use drystone::options::{Limits, MetricChoice, Seams, SimplifyOptions};
 use meshes::{in_many_clusters, ratio, simplify, town};
 
 fn files(options: &SimplifyOptions) -> Vec<Vec<u8>> {
@@ -18,7 +18,10 @@ fn threads_and_memory_leave_no_trace_in_the_result() {
     let expected = files(&options);
     for threads in [1, 2, 4] {
         for mebibytes in [128, 256, 1024] {
-            let options = SimplifyOptions { threads: Some(threads), memory: Some(mebibytes << 20), ..options.clone() };
+            let options = SimplifyOptions {
+                limits: Limits { threads: Some(threads), memory: Some(mebibytes << 20) },
+                ..options.clone()
+            };
             assert!(files(&options) == expected, "{threads} threads, {mebibytes} MiB");
         }
     }
@@ -28,7 +31,7 @@ fn threads_and_memory_leave_no_trace_in_the_result() {
 fn every_way_of_treating_seams_gives_the_same_bytes_again() {
     for seams in [Seams::Stitch, Seams::Follow, Seams::Lock] {
         let options = in_many_clusters(SimplifyOptions { seams: Some(seams), ..ratio(0.3) });
-        let four = SimplifyOptions { threads: Some(4), memory: Some(128 << 20), ..options.clone() };
+        let four = SimplifyOptions { limits: Limits { threads: Some(4), memory: Some(128 << 20) }, ..options.clone() };
         assert!(files(&options) == files(&four), "{seams:?}");
     }
 }
@@ -49,41 +52,44 @@ fn every_metric_gives_the_same_bytes_at_any_number_of_threads_and_in_128_mib() {
         let options = in_many_clusters(SimplifyOptions { metric: Some(metric), optimize: true, ..ratio(0.5) });
         let expected = files(&options);
         for (threads, mebibytes) in [(1, 128), (4, 1024)] {
-            let options = SimplifyOptions { threads: Some(threads), memory: Some(mebibytes << 20), ..options.clone() };
+            let options = SimplifyOptions {
+                limits: Limits { threads: Some(threads), memory: Some(mebibytes << 20) },
+                ..options.clone()
+            };
             assert!(files(&options) == expected, "{metric:?}, {threads} threads, {mebibytes} MiB");
         }
     }
 }
 
 /// Each setting of a metric by itself, at another value than its default.
-fn other_settings(metric: MetricChoice, knobs: &[Knob]) -> Vec<(MetricChoice, String)> {
-    let other = |knob: &Knob| match knob.words {
+fn other_settings(metric: MetricChoice, parameters: &[Parameter]) -> Vec<(MetricChoice, String)> {
+    let other = |parameter: &Parameter| match parameter.words {
         [_, word, ..] => (*word).to_owned(),
-        _ if knob.range == [0.0, 1.0] => (1.0 - knob.default).to_string(),
+        _ if parameter.range == [0.0, 1.0] => (1.0 - parameter.default).to_string(),
         _ => {
-            let other = 0.5 * knob.default + 0.25;
-            assert!(other != knob.default, "{}", knob.name);
+            let other = 0.5 * parameter.default + 0.25;
+            assert!(other != parameter.default, "{}", parameter.name);
             other.to_string()
         }
     };
-    knobs.iter().map(|knob| (metric, format!("{}={}", knob.name, other(knob)))).collect()
+    parameters.iter().map(|parameter| (metric, format!("{}={}", parameter.name, other(parameter)))).collect()
 }
 
 #[test]
 fn every_setting_of_a_metric_gives_the_same_bytes_at_any_number_of_threads() {
     let settings = [
-        other_settings(MetricChoice::Qem, &weights::KNOBS),
-        other_settings(MetricChoice::QemAttributes, &weights::KNOBS),
-        other_settings(MetricChoice::Qem1997, &classic::KNOBS),
-        other_settings(MetricChoice::Oblique, &oblique::KNOBS),
-        other_settings(MetricChoice::Curvature, &curvature::KNOBS),
-        other_settings(MetricChoice::Terrain, &terrain::KNOBS),
-        other_settings(MetricChoice::Sharpness, &sharpness::KNOBS),
+        other_settings(MetricChoice::Qem, &weights::PARAMETERS),
+        other_settings(MetricChoice::QemAttributes, &weights::PARAMETERS),
+        other_settings(MetricChoice::Qem1997, &classic::PARAMETERS),
+        other_settings(MetricChoice::Oblique, &oblique::PARAMETERS),
+        other_settings(MetricChoice::Curvature, &curvature::PARAMETERS),
+        other_settings(MetricChoice::Terrain, &terrain::PARAMETERS),
+        other_settings(MetricChoice::Sharpness, &sharpness::PARAMETERS),
     ];
     for (metric, setting) in settings.concat() {
         let options = SimplifyOptions { metric: Some(metric), metric_option: vec![setting.clone()], ..ratio(0.5) };
         let options = in_many_clusters(options);
-        let four = SimplifyOptions { threads: Some(4), memory: Some(128 << 20), ..options.clone() };
+        let four = SimplifyOptions { limits: Limits { threads: Some(4), memory: Some(128 << 20) }, ..options.clone() };
         let (files, again) = (files(&options), files(&four));
         assert!(files == again, "{metric:?} {setting}");
     }
@@ -93,7 +99,7 @@ fn every_setting_of_a_metric_gives_the_same_bytes_at_any_number_of_threads() {
 fn one_edge_at_a_time_gives_the_same_bytes_at_any_number_of_threads() {
     for metric in [None, Some(MetricChoice::Oblique)] {
         let options = in_many_clusters(SimplifyOptions { metric, one_by_one: true, ..ratio(0.3) });
-        let four = SimplifyOptions { threads: Some(4), memory: Some(1 << 30), ..options.clone() };
+        let four = SimplifyOptions { limits: Limits { threads: Some(4), memory: Some(1 << 30) }, ..options.clone() };
         let rounds = SimplifyOptions { one_by_one: false, ..options.clone() };
         assert!(files(&options) == files(&four), "{metric:?}");
         assert!(files(&options) != files(&rounds), "{metric:?}: the order of a heap is another one");

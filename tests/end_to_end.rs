@@ -2,7 +2,7 @@
 
 mod meshes;
 
-use drystone::options::SimplifyOptions;
+use drystone::options::{SimplifyOptions, Target};
 use drystone::report::Status;
 use meshes::{assert_sound, fixture, in_many_clusters, ratio, read, simplify, town};
 
@@ -45,7 +45,7 @@ fn town_comes_out_sound_in_many_clusters() {
 
 #[test]
 fn a_number_of_faces_is_met() {
-    let run = simplify(&town(), &SimplifyOptions { ratio: None, faces: Some(3000), ..ratio(1.0) });
+    let run = simplify(&town(), &SimplifyOptions { target: Target::faces(3000), ..ratio(1.0) });
     assert_eq!(run.report.faces.target, 3000);
     assert_sound(&read(&town()), &run);
 }

@@ -3,7 +3,7 @@
 
 mod meshes;
 
-use drystone::options::SimplifyOptions;
+use drystone::options::{SimplifyOptions, Target};
 use drystone::report::Report;
 use meshes::{Sketch, in_many_clusters, ratio, rms_distance, simplify, simplify_text, terrain, torus, town};
 
@@ -43,8 +43,8 @@ fn a_mesh_that_stays_as_it_is_does_not_deviate() {
 
 #[test]
 fn a_mesh_made_anew_is_measured_against_the_input() {
-    for (remesh, target) in [("cvd", Some(0.3)), ("cvd:cells=2000", None)] {
-        let options = SimplifyOptions { remesh: Some(remesh.parse().unwrap()), ratio: target, ..ratio(0.3) };
+    for (remesh, target) in [("cvd", Target::ratio(0.3)), ("cvd:cells=2000", Target::default())] {
+        let options = SimplifyOptions { target, remesh: Some(remesh.parse().unwrap()), ..ratio(0.3) };
         for options in [in_many_clusters(options.clone()), options] {
             check(&torus(150, 60).text(), &options);
         }
@@ -68,7 +68,7 @@ fn half_of_a_square_that_is_gone_is_seen() {
         }
     }
     for faces in [1, 2, 100] {
-        let options = SimplifyOptions { faces: Some(faces), ..SimplifyOptions::default() };
+        let options = SimplifyOptions { target: Target::faces(faces), ..SimplifyOptions::default() };
         let run = simplify_text(&sketch.text(), &options);
         let is_whole = (run.mesh().area() - 100.0).abs() < 1e-9;
         assert_eq!(measured(&run.report) == 0.0, is_whole, "{faces} faces: {}", measured(&run.report));
@@ -93,7 +93,7 @@ fn one_raised_vertex_that_is_gone_is_seen() {
             sketch.faces.push([at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
         }
     }
-    let options = SimplifyOptions { faces: Some(2), ..SimplifyOptions::default() };
+    let options = SimplifyOptions { target: Target::faces(2), ..SimplifyOptions::default() };
     for options in [in_many_clusters(options.clone()), options] {
         let folder = tempfile::tempdir().unwrap();
         let input = folder.path().join("in.obj");

@@ -135,8 +135,19 @@ fn one_name_stands_for_one_type() {
 }
 
 /// Further words that the glossary retires in the source.
-const RETIRED: [&str; 10] =
-    ["made of it", "is no more", "are no more", "picture", "census", "crumb", "crowding", "knob", "settler", "scatter"];
+const RETIRED: [&str; 11] = [
+    "made of it",
+    "is no more",
+    "are no more",
+    "picture",
+    "census",
+    "crumb",
+    "crowding",
+    "knob",
+    "settler",
+    " scatter ",
+    ".scatter",
+];
 
 #[test]
 fn retired_words_stay_retired() {

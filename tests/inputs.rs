@@ -5,9 +5,12 @@ mod meshes;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
+use drystone::base::ErrorKind;
 use drystone::base::Silent;
 use drystone::measure::compare_checks;
-use drystone::options::{Doubles, Normals, Pieces, Seams, SimplifyOptions, TextureFiles, TexturesOutside, Topology};
+use drystone::options::{
+    Doubles, JobOptions, Normals, Pieces, Seams, SimplifyOptions, TextureFiles, TexturesOutside, Topology,
+};
 use drystone::pipeline;
 use drystone::report::Status;
 use drystone::scan::InputChoice;
@@ -257,7 +260,7 @@ fn textures_outside_of_the_folder_are_named_by_a_path_that_works_from_the_output
     let obj = "mtllib a.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
     std::fs::write(root.join("tiles/a.obj"), obj).unwrap();
     for textures in [TextureFiles::Copy, TextureFiles::Link, TextureFiles::Reference] {
-        let options = SimplifyOptions { textures, force: true, ..ratio(1.0) };
+        let options = SimplifyOptions { job: JobOptions { force: true, ..ratio(1.0).job }, textures, ..ratio(1.0) };
         let output = root.join("out/deep/a.obj");
         let report = pipeline::simplify(root.join("tiles/a.obj"), &output, &options, &Silent).unwrap();
         let mtl = std::fs::read_to_string(output.with_extension("mtl")).unwrap();
@@ -298,9 +301,9 @@ fn textures_outside_of_the_folder_are_copied_where_the_user_allows_it() {
     std::fs::write(root.join("tiles/out_textures/roof.jpg"), "own").unwrap();
     let mtl = "newmtl m\nmap_Kd ../tex/roof.jpg\nmap_Ks out_textures/roof.jpg\n";
     std::fs::write(root.join("tiles/a.mtl"), mtl).unwrap();
-    let options = SimplifyOptions { force: true, ..options };
+    let options = SimplifyOptions { job: JobOptions { force: true, ..options.job.clone() }, ..options };
     let refused = pipeline::simplify(root.join("tiles/a.obj"), &root.join("tiles/out.obj"), &options, &Silent);
-    assert_eq!(refused.unwrap_err().exit_code(), 2);
+    assert_eq!(refused.unwrap_err().kind(), ErrorKind::Usage);
     assert_eq!(std::fs::read_to_string(root.join("tiles/out_textures/roof.jpg")).unwrap(), "own");
 }
 
@@ -311,10 +314,10 @@ fn an_input_of_which_nothing_is_left_is_an_error_and_leaves_no_file() {
     std::fs::write(&input, "v 0 0 0\nv 0 0 0\nv 0 0 0\nf 1 2 3\n").unwrap();
     let dropping = SimplifyOptions { pieces: Pieces::Drop, ..ratio(0.5) };
     let runs = [ratio(0.5), ratio(1.0), in_many_clusters(ratio(0.5)), dropping];
-    for (i, (options, advice)) in runs.into_iter().zip(["--weld", "--weld", "--weld", "--pieces"]).enumerate() {
+    for (i, (options, advice)) in runs.into_iter().zip(["`weld: ", "`weld: ", "`weld: ", "`pieces: "]).enumerate() {
         let output = folder.path().join(format!("out-{i}.obj"));
         let error = pipeline::simplify(&input, &output, &options, &Silent).unwrap_err();
-        assert_eq!(error.exit_code(), 4, "{error}");
+        assert_eq!(error.kind(), ErrorKind::Input, "{error}");
         assert!(error.to_string().contains("of 1 triangle none is left"), "{error}");
         assert!(error.to_string().contains(advice), "{error}");
         assert!(!output.exists() && !pipeline::work_folder(&output, &options).exists());
@@ -412,7 +415,7 @@ fn only_what_fills_the_same_space_is_warned_of() {
     };
     let warnings = || {
         let output = folder.path().join("out.obj");
-        let options = SimplifyOptions { force: true, ..ratio(1.0) };
+        let options = SimplifyOptions { job: JobOptions { force: true, ..ratio(1.0).job }, ..ratio(1.0) };
         let warnings = pipeline::simplify(&root, &output, &options, &Silent).unwrap().warnings;
         warnings.into_iter().filter(|line| line.contains("same")).collect::<Vec<_>>()
     };

@@ -22,13 +22,23 @@ fn every_exit_code_is_on_the_page() {
 fn every_setting_of_a_metric_and_of_the_reconstruction_is_on_the_page_about_choosing() {
     use drystone::cost::{classic, curvature, oblique, sharpness, terrain};
     let page = std::fs::read_to_string("docs/guide/choosing.md").unwrap();
-    let metrics: [&[_]; 5] = [&classic::KNOBS, &oblique::KNOBS, &curvature::KNOBS, &terrain::KNOBS, &sharpness::KNOBS];
-    let remesh: &[_] = &drystone::remesh::cvd::KNOBS;
-    for (knobs, first) in [(metrics.concat(), "| `qem-1997` | `border`"), (remesh.to_vec(), "| `lambda` |")] {
+    let metrics: [&[_]; 5] = [
+        &classic::PARAMETERS,
+        &oblique::PARAMETERS,
+        &curvature::PARAMETERS,
+        &terrain::PARAMETERS,
+        &sharpness::PARAMETERS,
+    ];
+    let remesh: &[_] = &drystone::remesh::cvd::PARAMETERS;
+    for (parameters, first) in [(metrics.concat(), "| `qem-1997` | `border`"), (remesh.to_vec(), "| `lambda` |")] {
         let mut lines = page.lines().skip_while(|line| !line.starts_with(first));
-        for knob in knobs {
+        for parameter in parameters {
             let line = lines.next().unwrap_or_default();
-            assert!(line.contains(&format!("| `{}` | {} |", knob.name, knob.default_text())), "{}: {line}", knob.name);
+            assert!(
+                line.contains(&format!("| `{}` | {} |", parameter.name, parameter.default_text())),
+                "{}: {line}",
+                parameter.name
+            );
         }
     }
 }

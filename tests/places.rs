@@ -7,8 +7,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use drystone::base::ErrorKind;
 use drystone::base::{Result, Silent};
-use drystone::options::{SimplifyOptions, TextureFiles};
+use drystone::options::{JobOptions, Limits, SimplifyOptions, Target, TextureFiles};
 use drystone::pipeline;
 use drystone::report::Report;
 use meshes::{contents, copy_town, in_many_clusters, ratio};
@@ -37,7 +38,7 @@ impl Town {
     fn refusal(&self, input: &str, output: &str, options: SimplifyOptions) -> String {
         let before = contents(self.folder.path());
         let error = self.simplify(input, output, options).unwrap_err();
-        assert_eq!(error.exit_code(), 2, "{error}");
+        assert_eq!(error.kind(), ErrorKind::Usage, "{error}");
         let after = contents(self.folder.path());
         let is_job =
             |path: &Path| path.components().any(|folder| folder.as_os_str().to_string_lossy().ends_with(".work"));
@@ -47,7 +48,11 @@ impl Town {
 }
 
 fn options() -> SimplifyOptions {
-    SimplifyOptions { threads: Some(2), force: true, ..in_many_clusters(ratio(0.1)) }
+    SimplifyOptions {
+        limits: Limits { threads: Some(2), ..in_many_clusters(ratio(0.1)).limits },
+        job: JobOptions { force: true, ..in_many_clusters(ratio(0.1)).job },
+        ..in_many_clusters(ratio(0.1))
+    }
 }
 
 #[test]
@@ -98,7 +103,7 @@ fn two_jobs_with_one_output_leave_a_whole_result() {
 #[test]
 fn a_result_of_which_files_are_missing_or_old_is_completed() {
     let town = Town::new();
-    let kept = || SimplifyOptions { keep_work: true, force: false, ..options() };
+    let kept = || SimplifyOptions { job: JobOptions { keep_work: true, force: false, ..options().job }, ..options() };
     town.simplify("in/town.obj", "out/town.obj", kept()).unwrap();
     let expected = contents(&town.path("out"));
     let companions =
@@ -111,9 +116,9 @@ fn a_result_of_which_files_are_missing_or_old_is_completed() {
         assert!(fs::read(path).unwrap() == expected[name], "{}", path.display());
         // One that was changed may be the user's work.
         fs::write(path, "of the user").unwrap();
-        assert!(town.refusal("in/town.obj", "out/town.obj", kept()).contains("--force replaces it"));
+        assert!(town.refusal("in/town.obj", "out/town.obj", kept()).contains("`force` replaces it"));
         assert_eq!(fs::read(path).unwrap(), b"of the user");
-        let force = SimplifyOptions { force: true, ..kept() };
+        let force = SimplifyOptions { job: JobOptions { force: true, ..kept().job }, ..kept() };
         town.simplify("in/town.obj", "out/town.obj", force).unwrap();
         assert!(fs::read(path).unwrap() == expected[name], "{}", path.display());
     }
@@ -140,7 +145,7 @@ fn a_texture_of_the_input_that_is_a_link_is_not_replaced() {
     fs::write(town.path("in/a.mtl"), "newmtl a\nmap_Kd wall.png\nnewmtl b\nmap_Kd new_textures/wall.png\n").unwrap();
     let mesh = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl a\nf 1 2 3\nusemtl b\nf 1 2 4\n";
     fs::write(town.path("in/a.obj"), mesh).unwrap();
-    let words = town.refusal("in/a.obj", "in/new.obj", SimplifyOptions { ratio: Some(1.0), ..options() });
+    let words = town.refusal("in/a.obj", "in/new.obj", SimplifyOptions { target: Target::ratio(1.0), ..options() });
     assert!(words.contains("wall.png: a texture of the input would be replaced"), "{words}");
 }
 
@@ -161,7 +166,7 @@ fn tiles_may_share_a_picture() {
     let town = Town::new();
     tiles(&town);
     for textures in [TextureFiles::Copy, TextureFiles::Link, TextureFiles::Reference] {
-        let options = SimplifyOptions { ratio: Some(1.0), textures, ..options() };
+        let options = SimplifyOptions { target: Target::ratio(1.0), textures, ..options() };
         town.simplify("tiles", "out/new.obj", options.clone()).unwrap();
         town.simplify("tiles", "out/new.obj", options).unwrap();
     }
@@ -176,7 +181,7 @@ fn an_input_that_is_a_link_has_its_textures_beside_it() {
     fs::create_dir(town.path("store")).unwrap();
     fs::rename(town.path("tiles/a/t.obj"), town.path("store/1234.obj")).unwrap();
     std::os::unix::fs::symlink("../../store/1234.obj", town.path("tiles/a/t.obj")).unwrap();
-    town.simplify("tiles/a/t.obj", "out/new.obj", SimplifyOptions { ratio: Some(1.0), ..options() }).unwrap();
+    town.simplify("tiles/a/t.obj", "out/new.obj", SimplifyOptions { target: Target::ratio(1.0), ..options() }).unwrap();
     assert_eq!(fs::read(town.path("out/new_textures/wall.png")).unwrap(), b"picture");
 }
 
@@ -184,7 +189,8 @@ fn an_input_that_is_a_link_has_its_textures_beside_it() {
 fn places_that_are_in_the_way_of_each_other_are_refused() {
     let town = Town::new();
     fs::create_dir(town.path("out")).unwrap();
-    let work = |name: &str| SimplifyOptions { work: Some(town.path(name)), ..options() };
+    let work =
+        |name: &str| SimplifyOptions { job: JobOptions { work: Some(town.path(name)), ..options().job }, ..options() };
     for (output, work, expected) in [
         ("out/town.obj", work("out"), "the work folder lie in each other"),
         ("out/below/town.obj", work("out"), "the work folder lie in each other"),
@@ -221,7 +227,7 @@ fn a_texture_that_goes_while_the_job_runs_is_told() {
     let progress = When("textures", || fs::remove_file(&texture).unwrap());
     let error = pipeline::simplify(town.path("in/town.obj"), &town.path("out/town.obj"), &options(), &progress);
     let error = error.unwrap_err();
-    assert!(error.exit_code() == 5 && error.to_string().contains("is missing now"), "{error}");
+    assert!(error.kind() == ErrorKind::Changed && error.to_string().contains("is missing now"), "{error}");
     assert!(!town.path("out/town.obj").exists());
 }
 
@@ -238,11 +244,11 @@ fn an_old_result_is_not_taken_for_one_of_an_input_that_changed_when_its_state_is
         grouped += &format!("{line}\n");
     }
     fs::write(town.path("in/town.obj"), grouped).unwrap();
-    let kept = || SimplifyOptions { keep_work: true, ..options() };
+    let kept = || SimplifyOptions { job: JobOptions { keep_work: true, ..options().job }, ..options() };
     town.simplify("in/town.obj", "out/town.obj", kept()).unwrap();
     let mtl = fs::read_to_string(town.path("in/town.mtl")).unwrap();
     fs::write(town.path("in/town.mtl"), mtl + "Ns 77\n").unwrap();
-    assert_eq!(town.simplify("in/town.obj", "out/town.obj", kept()).unwrap_err().exit_code(), 5);
+    assert_eq!(town.simplify("in/town.obj", "out/town.obj", kept()).unwrap_err().kind(), ErrorKind::Changed);
     let state = town.path("out/town.obj.work/scan-input.state");
     let mut bytes = fs::read(&state).unwrap();
     *bytes.last_mut().unwrap() ^= 1;

@@ -6,7 +6,8 @@ use drystone::base::Silent;
 use drystone::job::{Manifest, Resume, WorkFolder};
 use drystone::measure::{Check, Surface, check, compare_checks, compare_topology, weld_and_check};
 use drystone::options::{MetricChoice, SimplifyOptions};
-use drystone::passes::{PassOptions, SeamPolicy, pass};
+use drystone::passes::{PassOptions, SeamPolicy};
+use drystone::pipeline::simplify_in_passes;
 use drystone::remesh::cvd;
 use drystone::scan::{ScanOptions, scan};
 use glam::{DVec2, DVec3};
@@ -204,7 +205,7 @@ fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
         threads: choice.threads,
         work_bytes: 100 << 20,
     };
-    let passes = pass::simplify(scanned.mesh.into(), &options, &scanned.catalogue, &job, &Silent).unwrap();
+    let passes = simplify_in_passes(scanned.mesh.into(), &options, &scanned.catalogue, &job, &Silent).unwrap();
     let after = Surface::load(&passes.mesh, &scanned.catalogue).unwrap();
     assert_eq!(after.faces.len() as u64, passes.faces);
     (before, after)

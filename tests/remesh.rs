@@ -2,7 +2,7 @@
 
 mod meshes;
 
-use drystone::options::{MetricChoice, SimplifyOptions};
+use drystone::options::{Limits, MetricChoice, SimplifyOptions, Target};
 use drystone::remesh::cvd::CvdSettings;
 use glam::DVec2;
 use meshes::{
@@ -16,7 +16,7 @@ fn remeshed(settings: &str, options: SimplifyOptions) -> SimplifyOptions {
 
 /// So many cells and nothing else.
 fn cells(count: usize) -> SimplifyOptions {
-    SimplifyOptions { ratio: None, ..remeshed(&format!("cvd:cells={count}"), ratio(1.0)) }
+    SimplifyOptions { target: Target::default(), ..remeshed(&format!("cvd:cells={count}"), ratio(1.0)) }
 }
 
 fn bytes(run: &Run) -> [Vec<u8>; 1] {
@@ -46,7 +46,10 @@ fn threads_and_memory_leave_no_trace() {
     let options = in_many_clusters(remeshed("cvd", ratio(0.3)));
     let expected = bytes(&simplify(&town(), &options));
     for (threads, mebibytes) in [(1, 128), (4, 1024)] {
-        let options = SimplifyOptions { threads: Some(threads), memory: Some(mebibytes << 20), ..options.clone() };
+        let options = SimplifyOptions {
+            limits: Limits { threads: Some(threads), memory: Some(mebibytes << 20) },
+            ..options.clone()
+        };
         assert!(bytes(&simplify(&town(), &options)) == expected, "{threads} threads, {mebibytes} MiB");
     }
 }
@@ -69,7 +72,10 @@ fn threads_and_memory_leave_no_trace_whatever_the_settings_and_what_follows() {
     for options in all.map(in_many_clusters) {
         let expected = bytes(&simplify(&town(), &options));
         for (threads, mebibytes) in [(1, 128), (4, 1024)] {
-            let other = SimplifyOptions { threads: Some(threads), memory: Some(mebibytes << 20), ..options.clone() };
+            let other = SimplifyOptions {
+                limits: Limits { threads: Some(threads), memory: Some(mebibytes << 20) },
+                ..options.clone()
+            };
             assert!(bytes(&simplify(&town(), &other)) == expected, "{threads} threads, {mebibytes} MiB: {options:?}");
         }
     }
@@ -112,7 +118,7 @@ fn half_flat(side: usize) -> Sketch {
 #[test]
 fn flat_ground_holds_far_fewer_vertices_and_the_picture_stays() {
     let side = 60;
-    let options = remeshed("cvd", SimplifyOptions { ratio: Some(1.0), ..ratio(1.0) });
+    let options = remeshed("cvd", SimplifyOptions { target: Target::ratio(1.0), ..ratio(1.0) });
     let run = simplify_text(&half_flat(side).text(), &options);
     let mesh = run.mesh();
     let inside = |p: &&glam::DVec3| p.x > 3.0 && p.x < side as f64 - 3.0 && p.y > 3.0 && p.y < side as f64 - 3.0;
@@ -171,8 +177,12 @@ fn mistakes_are_named() {
     let one = "cvd:1,cells=7".parse::<CvdSettings>().unwrap();
     assert_eq!((one.lambda, one.cells), (1.0, Some(7)));
     assert_eq!("cvd".parse::<CvdSettings>().unwrap(), CvdSettings::default());
-    assert!(SimplifyOptions { ratio: Some(0.1), ..cells(9) }.check().is_err(), "two targets");
-    assert!(SimplifyOptions { max_error: Some(0.1), ..remeshed("cvd", ratio(1.0)) }.check().is_err());
-    let unbounded = SimplifyOptions { ratio: None, max_error: Some(0.1), ..remeshed("cvd", ratio(1.0)) };
+    assert!(SimplifyOptions { target: Target::ratio(0.1), ..cells(9) }.check().is_err(), "two targets");
+    assert!(
+        SimplifyOptions { target: remeshed("cvd", ratio(1.0)).target.within(0.1), ..remeshed("cvd", ratio(1.0)) }
+            .check()
+            .is_err()
+    );
+    let unbounded = SimplifyOptions { target: Target::max_error(0.1), ..remeshed("cvd", ratio(1.0)) };
     assert!(unbounded.check().is_err());
 }

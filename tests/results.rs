@@ -9,7 +9,9 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use drystone::options::{Borders, Doubles, MetricChoice, Normals, Pieces, Seams, SimplifyOptions, TextureFiles, Weld};
+use drystone::options::{
+    Borders, Doubles, MetricChoice, Normals, Pieces, Seams, SimplifyOptions, Target, TextureFiles, Weld,
+};
 use glam::DVec3;
 use meshes::{
     Sketch, contents, fixture, in_many_clusters, noise, ratio, simplify, simplify_text, terrain, torus, town,
@@ -65,11 +67,11 @@ fn on_town(runs: &[(&str, SimplifyOptions)]) {
 }
 
 fn bound(distance: f64) -> SimplifyOptions {
-    SimplifyOptions { ratio: None, max_error: Some(distance), ..ratio(0.5) }
+    SimplifyOptions { target: Target::max_error(distance), ..ratio(0.5) }
 }
 
-fn metric(metric: MetricChoice, knobs: &[&str], share: f64) -> SimplifyOptions {
-    let metric_option = knobs.iter().map(|&knob| knob.to_owned()).collect();
+fn metric(metric: MetricChoice, parameters: &[&str], share: f64) -> SimplifyOptions {
+    let metric_option = parameters.iter().map(|&parameter| parameter.to_owned()).collect();
     SimplifyOptions { metric: Some(metric), metric_option, ..ratio(share) }
 }
 
@@ -143,7 +145,7 @@ fn of_the_town_at_any_target() {
         ("a fiftieth", ratio(0.02)),
         ("a tenth in clusters", in_many_clusters(ratio(0.1))),
         ("a fiftieth in clusters", in_many_clusters(ratio(0.02))),
-        ("300 faces", SimplifyOptions { ratio: None, faces: Some(300), ..ratio(0.5) }),
+        ("300 faces", SimplifyOptions { target: Target::faces(300), ..ratio(0.5) }),
     ]);
 }
 
@@ -156,7 +158,10 @@ fn of_the_town_within_a_bound() {
 fn of_the_town_within_a_bound_in_clusters() {
     on_town(&[
         ("0.1 in clusters", in_many_clusters(bound(0.1))),
-        ("0.1 or a tenth", SimplifyOptions { max_error: Some(0.1), ..in_many_clusters(ratio(0.1)) }),
+        (
+            "0.1 or a tenth",
+            SimplifyOptions { target: in_many_clusters(ratio(0.1)).target.within(0.1), ..in_many_clusters(ratio(0.1)) },
+        ),
     ]);
 }
 
@@ -200,7 +205,7 @@ fn of_the_town_with_each_metric() {
 
 #[test]
 fn of_a_remeshed_town() {
-    let cells = SimplifyOptions { ratio: None, ..remesh("cvd:cells=1500", 0.5) };
+    let cells = SimplifyOptions { target: Target::default(), ..remesh("cvd:cells=1500", 0.5) };
     on_town(&[("remeshed", in_many_clusters(remesh("cvd", 0.2))), ("1500 cells", cells)]);
 }
 

@@ -10,8 +10,9 @@ use std::process::{Command, Output, Stdio};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+use drystone::base::ErrorKind;
 use drystone::base::{Error, Progress, Result, Silent};
-use drystone::options::{MetricChoice, Pieces, ResumeChoice, SimplifyOptions, Topology};
+use drystone::options::{JobOptions, Limits, MetricChoice, Pieces, ResumeChoice, SimplifyOptions, Target, Topology};
 use drystone::pipeline;
 use drystone::report::Report;
 use meshes::{contents, copy_town, files, in_many_clusters, noise, ratio};
@@ -60,7 +61,10 @@ impl Job {
     }
 
     fn options(&self) -> SimplifyOptions {
-        SimplifyOptions { threads: Some(2), ..in_many_clusters(ratio(0.1)) }
+        SimplifyOptions {
+            limits: Limits { threads: Some(2), ..in_many_clusters(ratio(0.1)).limits },
+            ..in_many_clusters(ratio(0.1))
+        }
     }
 
     fn run_with(&self, options: &SimplifyOptions, progress: &dyn Progress) -> Result<Report> {
@@ -147,7 +151,11 @@ fn a_job_that_was_stopped_measures_what_an_undisturbed_one_does() {
     for (share, topology) in
         [(0.2, Topology::Simplify), (0.1, Topology::Keep), (0.03, Topology::Keep), (0.005, Topology::Keep)]
     {
-        let options = SimplifyOptions { threads: Some(2), topology, ..in_many_clusters(ratio(share)) };
+        let options = SimplifyOptions {
+            limits: Limits { threads: Some(2), ..in_many_clusters(ratio(share)).limits },
+            topology,
+            ..in_many_clusters(ratio(share))
+        };
         let undisturbed = Job::new().run_with(&options, &Silent).unwrap();
         let job = Job::new();
         let mut stops = 0;
@@ -258,7 +266,7 @@ fn damaged_files_are_done_again_or_reported() {
                     }
                     Err(error) => {
                         reported += 1;
-                        assert!([5, 8].contains(&error.exit_code()), "{shown}: {error}");
+                        assert!([ErrorKind::Changed, ErrorKind::Damaged].contains(&error.kind()), "{shown}: {error}");
                         assert!(!job.path("out/town.obj").exists());
                     }
                 }
@@ -273,16 +281,17 @@ fn a_damaged_file_is_an_error_where_resuming_is_required() {
     let job = Job::new();
     assert!(job.stop_after(30));
     for name in
-        files(&job.work()).into_iter().filter(|name| name.extension().is_some_and(|e| e == "col" || e == "scatter"))
+        files(&job.work()).into_iter().filter(|name| name.extension().is_some_and(|e| e == "col" || e == "buckets"))
     {
         let path = job.work().join(&name);
         let mut bytes = fs::read(&path).unwrap();
         bytes[100] ^= 1;
         fs::write(&path, bytes).unwrap();
     }
-    let required = SimplifyOptions { resume: ResumeChoice::Require, ..job.options() };
+    let required =
+        SimplifyOptions { job: JobOptions { resume: ResumeChoice::Require, ..job.options().job }, ..job.options() };
     let error = job.run_with(&required, &Silent).unwrap_err();
-    assert_eq!(error.exit_code(), 8, "{error}");
+    assert_eq!(error.kind(), ErrorKind::Damaged, "{error}");
     assert!(error.to_string().contains("checksum"), "{error}");
 }
 
@@ -300,19 +309,20 @@ fn another_input_or_other_options_are_refused_with_what_differs() {
         assert!(job.stop_after(30));
         change(&job);
         let error = job.run().unwrap_err();
-        assert_eq!(error.exit_code(), 5, "{error}");
+        assert_eq!(error.kind(), ErrorKind::Changed, "{error}");
         let (text, name) = (error.to_string(), Path::new(name).file_name().unwrap().to_str().unwrap().to_owned());
-        assert!(text.contains(words) && text.contains(&name) && text.contains("--resume never"), "{text}");
-        let afresh = SimplifyOptions { resume: ResumeChoice::Never, ..job.options() };
+        assert!(text.contains(words) && text.contains(&name) && text.contains("`resume: never`"), "{text}");
+        let afresh =
+            SimplifyOptions { job: JobOptions { resume: ResumeChoice::Never, ..job.options().job }, ..job.options() };
         assert!(!job.run_with(&afresh, &Silent).unwrap().resumed);
     }
     let job = Job::new();
     assert!(job.stop_after(30));
-    let other = SimplifyOptions { ratio: Some(0.2), ..job.options() };
+    let other = SimplifyOptions { target: Target::ratio(0.2), ..job.options() };
     let error = job.run_with(&other, &Silent).unwrap_err();
-    assert_eq!(error.exit_code(), 5);
-    assert!(error.to_string().contains("--ratio was 0.1, is 0.2"), "{error}");
-    let same = SimplifyOptions { threads: Some(1), memory: Some(200 << 20), ..job.options() };
+    assert_eq!(error.kind(), ErrorKind::Changed);
+    assert!(error.to_string().contains("`ratio` was 0.1, is 0.2"), "{error}");
+    let same = SimplifyOptions { limits: Limits { threads: Some(1), memory: Some(200 << 20) }, ..job.options() };
     assert!(job.run_with(&same, &Silent).unwrap().resumed);
     assert_eq!(job.result(), undisturbed());
 }
@@ -325,7 +335,10 @@ fn libraries_that_the_names_lead_to_now_count() {
     assert!(job.stop_after(9));
     fs::copy(job.path("in/town.mtl"), job.path("in/town.mtl b.mtl")).unwrap();
     let error = job.run().unwrap_err();
-    assert!(error.exit_code() == 5 && error.to_string().contains("was missing and is there now"), "{error}");
+    assert!(
+        error.kind() == ErrorKind::Changed && error.to_string().contains("was missing and is there now"),
+        "{error}"
+    );
     fs::remove_file(job.path("in/town.mtl b.mtl")).unwrap();
     // A folder of that name is no library.
     fs::create_dir(job.path("in/b.mtl")).unwrap();
@@ -347,7 +360,7 @@ fn a_library_in_a_folder_that_is_another_one_now_is_told() {
     assert!(job.stop_after(9));
     link("in/other");
     let error = job.run().unwrap_err();
-    assert!(error.exit_code() == 5 && error.to_string().contains("leads to another place"), "{error}");
+    assert!(error.kind() == ErrorKind::Changed && error.to_string().contains("leads to another place"), "{error}");
     link("in/one");
     assert!(job.run().unwrap().resumed);
 }
@@ -371,8 +384,9 @@ fn a_job_that_is_refused_removes_nothing() {
     assert!(job.stop_after(20));
     fs::write(job.path("out/town.obj"), "of the user").unwrap();
     let before = contents(&job.work());
-    let never = SimplifyOptions { resume: ResumeChoice::Never, ..job.options() };
-    assert_eq!(job.run_with(&never, &Silent).unwrap_err().exit_code(), 2);
+    let never =
+        SimplifyOptions { job: JobOptions { resume: ResumeChoice::Never, ..job.options().job }, ..job.options() };
+    assert_eq!(job.run_with(&never, &Silent).unwrap_err().kind(), ErrorKind::Usage);
     assert_eq!(contents(&job.work()), before);
     fs::remove_file(job.path("out/town.obj")).unwrap();
     assert!(job.run().unwrap().resumed);
@@ -383,7 +397,8 @@ fn a_work_folder_of_the_users_stays() {
     let job = Job::new();
     let work = job.path("scratch");
     fs::create_dir(&work).unwrap();
-    let options = SimplifyOptions { work: Some(work.clone()), ..job.options() };
+    let options =
+        SimplifyOptions { job: JobOptions { work: Some(work.clone()), ..job.options().job }, ..job.options() };
     assert!(matches!(job.run_with(&options, &StopAfter::units(9)), Err(Error::Stopped)));
     job.run_with(&options, &Silent).unwrap();
     assert_eq!(fs::read_dir(&work).unwrap().count(), 0);
@@ -504,7 +519,7 @@ fn a_stopped_job_that_drops_small_pieces_ends_with_the_same_bytes() {
 
 #[test]
 fn a_stopped_job_with_a_bound_ends_with_the_same_bytes() {
-    stop_with(&SimplifyOptions { ratio: None, max_error: Some(0.3), ..in_many_clusters(ratio(0.5)) });
+    stop_with(&SimplifyOptions { target: Target::max_error(0.3), ..in_many_clusters(ratio(0.5)) });
 }
 
 #[test]
@@ -532,14 +547,14 @@ fn a_stopped_job_that_remeshes_ends_with_the_same_bytes() {
 #[test]
 fn a_result_that_has_its_name_is_not_written_again() {
     let job = Job::new();
-    let kept = SimplifyOptions { keep_work: true, ..job.options() };
+    let kept = SimplifyOptions { job: JobOptions { keep_work: true, ..job.options().job }, ..job.options() };
     job.run_with(&kept, &Silent).unwrap();
     let written = fs::metadata(job.path("out/town.obj")).unwrap().modified().unwrap();
     job.run().unwrap();
     assert_eq!(fs::metadata(job.path("out/town.obj")).unwrap().modified().unwrap(), written);
     assert!(!job.work().exists());
     let error = job.run().unwrap_err();
-    assert!(error.to_string().contains("--force"), "{error}");
+    assert!(error.to_string().contains("`force`"), "{error}");
 }
 
 #[cfg(unix)]
@@ -632,20 +647,26 @@ fn a_full_disk_is_an_error_and_the_job_goes_on_when_there_is_space() {
                 return;
             };
             let job = Job::new();
-            let options = SimplifyOptions { work: Some(disk.folder.path().join("work")), ..job.options() };
+            let options = SimplifyOptions {
+                job: JobOptions { work: Some(disk.folder.path().join("work")), ..job.options().job },
+                ..job.options()
+            };
             if which == "out" {
                 fs::create_dir_all(disk.folder.path().join("out")).unwrap();
                 std::os::unix::fs::symlink(disk.folder.path().join("out"), job.path("out")).unwrap();
             }
-            let options =
-                if which == "out" { SimplifyOptions { work: Some(job.path("work")), ..options } } else { options };
+            let options = if which == "out" {
+                SimplifyOptions { job: JobOptions { work: Some(job.path("work")), ..options.job.clone() }, ..options }
+            } else {
+                options
+            };
             if let Err(error) = job.run_with(&options, &Silent) {
-                assert_eq!(error.exit_code(), 7, "{which} {kib} KiB: {error}");
+                assert_eq!(error.kind(), ErrorKind::NoSpace, "{which} {kib} KiB: {error}");
                 assert!(error.to_string().contains("space"), "{error}");
                 assert!(!job.path("out/town.obj").exists());
             }
             disk.grow(64 << 20);
-            let again = SimplifyOptions { force: true, ..options };
+            let again = SimplifyOptions { job: JobOptions { force: true, ..options.job.clone() }, ..options };
             job.run_with(&again, &Silent).unwrap();
             assert_eq!(job.result(), expected, "{which} {kib} KiB");
         }

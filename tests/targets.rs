@@ -3,7 +3,7 @@
 
 mod meshes;
 
-use drystone::options::{Pieces, SimplifyOptions, Topology};
+use drystone::options::{FaceTarget, Limits, Pieces, SimplifyOptions, Target, Topology};
 use drystone::report::Status;
 use glam::DVec3;
 use meshes::{Sketch, noise, ratio, rms_distance, simplify, simplify_text, town};
@@ -109,9 +109,8 @@ proptest! {
         passes in 1usize..4,
     ) {
         let options = SimplifyOptions {
-            ratio: Some(10f64.powf(power)),
-            memory: Some(256 << 20),
-            threads: Some(1),
+            target: Target::ratio(10f64.powf(power)),
+            limits: Limits { memory: Some(256 << 20), threads: Some(1) },
             cluster_faces: if in_many_clusters { 1000 } else { 50_000 },
             pieces: if drop_pieces { Pieces::Drop } else { Pieces::Keep },
             passes,
@@ -126,8 +125,9 @@ proptest! {
 
     #[test]
     fn no_large_result_is_below_its_target(sketch in large_meshes(), power in -5.0..-0.3f64, cluster_faces in 5_000u64..120_000) {
-        let ratio = Some(10f64.powf(power));
-        check_target(&sketch, &SimplifyOptions { ratio, threads: Some(2), cluster_faces, ..SimplifyOptions::default() })?;
+        let target = Target::ratio(10f64.powf(power));
+        let limits = Limits { threads: Some(2), ..Limits::default() };
+        check_target(&sketch, &SimplifyOptions { target, limits, cluster_faces, ..SimplifyOptions::default() })?;
     }
 }
 
@@ -135,7 +135,11 @@ proptest! {
 #[test]
 fn a_flat_plane_keeps_its_area_at_any_target() {
     for faces in [2, 5, 60, 400] {
-        let options = SimplifyOptions { faces: Some(faces), threads: Some(2), ..SimplifyOptions::default() };
+        let options = SimplifyOptions {
+            target: Target::faces(faces),
+            limits: Limits { threads: Some(2), ..Limits::default() },
+            ..SimplifyOptions::default()
+        };
         let run = simplify_text(&grid(100, 100, 0.0, 0.0, 1).text(), &options);
         let mesh = run.mesh();
         assert!(mesh.face_count() + 1 >= faces && mesh.face_count() <= faces, "{} of {faces}", mesh.face_count());
@@ -148,7 +152,12 @@ fn a_target_and_a_bound_end_a_run_whichever_comes_first() {
     let text = grid(60, 60, 1.0, 0.0, 7).text();
     let run = |faces: Option<u64>, max_error: Option<f64>, cluster_faces: u64| {
         let threads = Some(2);
-        let options = SimplifyOptions { faces, max_error, cluster_faces, threads, ..SimplifyOptions::default() };
+        let options = SimplifyOptions {
+            target: Target { faces: faces.map(FaceTarget::Count), max_error },
+            limits: Limits { threads, ..Limits::default() },
+            cluster_faces,
+            ..SimplifyOptions::default()
+        };
         let run = simplify_text(&text, &options);
         assert_eq!(run.report.status, Status::Done);
         run.mesh().face_count()
@@ -169,7 +178,7 @@ fn a_missed_target_ruins_nothing() {
         let keep = SimplifyOptions { topology: Topology::Keep, ..ratio(share) };
         let missed = simplify(&town(), &keep);
         assert_eq!(missed.report.status, Status::TargetMissed);
-        let asked = SimplifyOptions { faces: Some(missed.report.faces.output), ratio: None, ..keep };
+        let asked = SimplifyOptions { target: Target::faces(missed.report.faces.output), ..keep };
         let asked = simplify(&town(), &asked);
         let [missed, asked] = [missed, asked].map(|run| rms_distance(&town(), &run));
         assert!(missed < 1.3 * asked, "{missed} at a ratio of {share}, asked for as many faces {asked}");

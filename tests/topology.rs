@@ -3,7 +3,7 @@
 
 mod meshes;
 
-use drystone::options::{SimplifyOptions, Topology};
+use drystone::options::{Limits, SimplifyOptions, Target, Topology};
 use drystone::report::Status;
 use glam::DVec3;
 use meshes::{Sketch, assert_sound, in_many_clusters, noise, ratio, read, simplify, simplify_text, terrain, torus};
@@ -129,11 +129,11 @@ fn pieces_vanish_smallest_first() {
 #[test]
 fn a_handle_is_cut_where_nothing_else_is_left() {
     let text = torus(60, 30).text();
-    let run = simplify_text(&text, &SimplifyOptions { ratio: None, faces: Some(4), ..ratio(1.0) });
+    let run = simplify_text(&text, &SimplifyOptions { target: Target::faces(4), ..ratio(1.0) });
     assert_eq!(run.report.status, Status::Done);
     let check = run.mesh().check();
     assert_eq!((check.non_manifold_edges, check.boundary_edges - 3 * check.single_faces), (0, 0), "{check:?}");
-    let kept = simplify_text(&text, &SimplifyOptions { ratio: None, faces: Some(4), ..keep(1.0) });
+    let kept = simplify_text(&text, &SimplifyOptions { target: Target::faces(4), ..keep(1.0) });
     assert_eq!((kept.report.status, kept.mesh().check().euler), (Status::TargetMissed, 0));
 }
 
@@ -141,7 +141,10 @@ fn a_handle_is_cut_where_nothing_else_is_left() {
 fn the_same_bytes_come_out_whatever_the_threads_and_the_memory() {
     let text = sieve().text();
     let run = |threads, memory| {
-        let options = SimplifyOptions { threads: Some(threads), memory: Some(memory), ..in_many_clusters(ratio(0.01)) };
+        let options = SimplifyOptions {
+            limits: Limits { threads: Some(threads), memory: Some(memory) },
+            ..in_many_clusters(ratio(0.01))
+        };
         simplify_text(&text, &options).text()
     };
     let one = run(1, 128 << 20);
@@ -153,7 +156,7 @@ fn far_targets_of_the_town_are_met_and_nothing_tears() {
     let town = meshes::town();
     for faces in [1000, 300, 100, 20, 2] {
         for options in [ratio(1.0), in_many_clusters(ratio(1.0))] {
-            let run = simplify(&town, &SimplifyOptions { ratio: None, faces: Some(faces), ..options });
+            let run = simplify(&town, &SimplifyOptions { target: Target::faces(faces), ..options });
             assert_eq!(run.report.status, Status::Done, "{faces}");
             assert_sound(&read(&town), &run);
         }
@@ -189,7 +192,7 @@ proptest! {
         cluster_faces in prop_oneof![Just(1_000u64), Just(50_000)],
     ) {
         let sketch = rooms(storeys, 2 * half, seed);
-        let options = SimplifyOptions { cluster_faces, threads: Some(2), ..ratio(10f64.powf(power)) };
+        let options = SimplifyOptions { limits: Limits { threads: Some(2), ..ratio(10f64.powf(power)).limits }, cluster_faces, ..ratio(10f64.powf(power)) };
         let run = simplify_text(&sketch.text(), &options);
         let whole = simplify_text(&sketch.text(), &SimplifyOptions { topology: Topology::Keep, ..ratio(1.0) });
         let (before, after) = (whole.mesh().check(), run.mesh().check());

@@ -115,7 +115,7 @@ impl Allowance {
             return Ok(());
         }
         Err(Error::Budget(format!(
-            "{}: names and materials take more than the {} of memory that there is for them; see --memory",
+            "{}: names and materials take more than the {} of memory that there is for them; see `memory`",
             escape_path(path),
             bytes::display(self.most),
         )))
@@ -130,6 +130,7 @@ impl Allowance {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::ErrorKind;
     use std::sync::atomic::{AtomicU64, Ordering};
 
     #[test]
@@ -157,7 +158,7 @@ mod tests {
         allowance.give_back(3);
         allowance.take(5, Path::new("a.obj")).unwrap();
         let error = allowance.take(1, Path::new("a.mtl")).unwrap_err();
-        assert_eq!(error.exit_code(), 2);
+        assert_eq!(error.kind(), ErrorKind::Budget);
         assert!(error.to_string().contains("a.mtl"), "{error}");
         assert!(allowance.take(u64::MAX, Path::new("a.mtl")).is_err());
     }

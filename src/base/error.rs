@@ -1,7 +1,7 @@
-//! The error type of the library, and the exit code of each kind of error.
+//! The error type of the library.
 //!
 //! Messages are lower case, begin with `file:line:` if a line is known, and say what was expected, what was found and
-//! what to do. Text from the input is escaped.
+//! what to do. Options stand in backticks, as the library names them. Text from the input is escaped.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -96,19 +96,47 @@ impl Error {
         Error::Input { path: path.to_owned(), line, message: message.into() }
     }
 
-    /// Exit code of the process for this error; `docs/reference/options.md` has the table.
-    pub fn exit_code(&self) -> u8 {
+    /// The kind of the error, for a program that decides by it.
+    pub fn kind(&self) -> ErrorKind {
         match self {
-            Error::Io { .. } | Error::Limit(_) => 1,
-            Error::Usage(_) | Error::Budget(_) => 2,
-            Error::Input { .. } => 4,
-            Error::Changed(_) => 5,
-            Error::Locked(_) => 6,
-            Error::NoSpace { .. } => 7,
-            Error::Damaged { .. } => 8,
-            Error::Stopped => 130,
+            Error::Usage(_) => ErrorKind::Usage,
+            Error::Input { .. } => ErrorKind::Input,
+            Error::Io { .. } => ErrorKind::Io,
+            Error::NoSpace { .. } => ErrorKind::NoSpace,
+            Error::Budget(_) => ErrorKind::Budget,
+            Error::Changed(_) => ErrorKind::Changed,
+            Error::Locked(_) => ErrorKind::Locked,
+            Error::Damaged { .. } => ErrorKind::Damaged,
+            Error::Stopped => ErrorKind::Stopped,
+            Error::Limit(_) => ErrorKind::Limit,
         }
     }
+}
+
+/// Kinds of [`Error`]s.
+#[non_exhaustive]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum ErrorKind {
+    /// The options contradict each other or are out of range.
+    Usage,
+    /// The input is not a valid mesh.
+    Input,
+    /// A file operation failed.
+    Io,
+    /// A disk is full, or would be.
+    NoSpace,
+    /// The memory budget cannot hold the job.
+    Budget,
+    /// The input or the options differ from those of the unfinished job.
+    Changed,
+    /// Another process works on the job.
+    Locked,
+    /// A file in the work folder is damaged.
+    Damaged,
+    /// The caller asked to stop.
+    Stopped,
+    /// The mesh exceeds a limit of the program.
+    Limit,
 }
 
 /// Describes how much space is free at `path`, and what to do.
@@ -176,7 +204,10 @@ mod tests {
     fn a_full_disk_is_told_with_what_is_missing() {
         let full = || io::Error::from(io::ErrorKind::StorageFull);
         let error = Error::io(Path::new("a.obj"), "write", full()).lacking(2 << 20);
-        assert!(error.to_string().contains("about 2 MiB more are needed") && error.exit_code() == 7, "{error}");
+        assert!(
+            error.to_string().contains("about 2 MiB more are needed") && error.kind() == ErrorKind::NoSpace,
+            "{error}"
+        );
     }
 
     #[test]

@@ -10,6 +10,7 @@ pub mod error;
 pub mod findings;
 pub mod json_path;
 pub mod ordered;
+pub mod pool;
 pub mod progress;
 pub mod quantity;
 pub mod records;
@@ -17,6 +18,6 @@ pub mod threads;
 
 pub use budget::{Allowance, MemoryBudget, Permit, Permits};
 pub use counts::{counted, grouped};
-pub use error::{Error, Result};
+pub use error::{Error, ErrorKind, Result};
 pub use findings::Findings;
 pub use progress::{Progress, Silent};

@@ -4,7 +4,7 @@
 //! items are taken but not committed yet, which bounds the memory of waiting results. No thread holds a result while it
 //! waits for another one: the committer keeps early results in a map of at most that size.
 //!
-//! Work that waits for the disk is *settled* on separate threads, so that workers never sleep while there are items. (A
+//! Work that waits for the disk is *finished* on separate threads, so that workers never sleep while there are items. (A
 //! worker that wakes up is often placed on a busy core, and the system takes up to 30 ms to notice that another one is
 //! idle.)
 
@@ -32,7 +32,7 @@ pub fn map_in_order<T: Send, R: Send>(
     work: impl Fn(T) -> Result<R> + Sync,
     commit: impl FnMut(R) -> Result<()>,
 ) -> Result<()> {
-    settle_in_order(items, Crew { threads, settlers: 0 }, in_flight, work, Ok, commit)
+    finish_in_order(items, Crew { threads, finishers: 0 }, in_flight, work, Ok, commit)
 }
 
 /// Numbers of threads that compute and that wait for the disk.
@@ -40,30 +40,30 @@ pub fn map_in_order<T: Send, R: Send>(
 pub struct Crew {
     /// Threads that compute; with one, everything runs on the calling thread.
     pub threads: usize,
-    /// Threads that settle; with none, workers settle.
-    pub settlers: usize,
+    /// Threads that finish; with none, workers finish.
+    pub finishers: usize,
 }
 
-/// Maps `items` like [`map_in_order`], in two steps: `work` computes, `settle` waits for the disk.
+/// Maps `items` like [`map_in_order`], in two steps: `work` computes, `finish` waits for the disk.
 ///
 /// # Errors
-/// Those of `work`, `settle` and `commit`.
+/// Those of `work`, `finish` and `commit`.
 ///
 /// # Panics
-/// Propagates a panic of `work` or `settle`.
-pub fn settle_in_order<T: Send, P: Send, R: Send>(
+/// Propagates a panic of `work` or `finish`.
+pub fn finish_in_order<T: Send, P: Send, R: Send>(
     items: impl Iterator<Item = T> + Send,
     crew: Crew,
     in_flight: usize,
     work: impl Fn(T) -> Result<P> + Sync,
-    settle: impl Fn(P) -> Result<R> + Sync,
+    finish: impl Fn(P) -> Result<R> + Sync,
     mut commit: impl FnMut(R) -> Result<()>,
 ) -> Result<()> {
-    let Crew { threads, settlers } = crew;
+    let Crew { threads, finishers } = crew;
     if threads <= 1 {
-        return alone(&mut items.enumerate(), work, settle, commit);
+        return alone(&mut items.enumerate(), work, finish, commit);
     }
-    let (stopped, settling) = (AtomicBool::new(false), AtomicBool::new(false));
+    let (stopped, finishing) = (AtomicBool::new(false), AtomicBool::new(false));
     let items = Mutex::new(items.enumerate());
     let (pending_sender, pending) = crossbeam_channel::unbounded::<(usize, P)>();
     let (result_sender, results) = crossbeam_channel::unbounded::<(usize, std::thread::Result<Result<R>>)>();
@@ -72,32 +72,33 @@ pub fn settle_in_order<T: Send, P: Send, R: Send>(
         let _ = credit_sender.send(());
     }
     std::thread::scope(|scope| {
-        let (work, settle, stopped, settling, items, credits) = (&work, &settle, &stopped, &settling, &items, &credits);
+        let (work, finish, stopped, finishing, items, credits) =
+            (&work, &finish, &stopped, &finishing, &items, &credits);
         // Returns the next item once there is room for its result.
         let next = move || match credits.recv().is_ok() && !stopped.load(Ordering::Relaxed) {
             true => items.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).next(),
             false => None,
         };
-        let settle_beside = |_| {
+        let finish_beside = |_| {
             let (pending, result_sender) = (pending.clone(), result_sender.clone());
-            let settler = move || {
+            let finisher = move || {
                 for (index, product) in pending {
-                    if result_sender.send((index, guarded(|| settle(product)))).is_err() {
+                    if result_sender.send((index, guarded(|| finish(product)))).is_err() {
                         break;
                     }
                 }
             };
-            start(scope, settler).map(drop)
+            start(scope, finisher).map(drop)
         };
         let work_beside = |_| {
             let (pending_sender, result_sender) = (pending_sender.clone(), result_sender.clone());
             let worker = move || {
                 while let Some((index, item)) = next() {
                     let is_wanted = match guarded(|| work(item)) {
-                        Ok(Ok(product)) if settling.load(Ordering::Relaxed) => {
+                        Ok(Ok(product)) if finishing.load(Ordering::Relaxed) => {
                             pending_sender.send((index, product)).is_ok()
                         }
-                        Ok(outcome) => result_sender.send((index, guarded(|| settle(outcome?)))).is_ok(),
+                        Ok(outcome) => result_sender.send((index, guarded(|| finish(outcome?)))).is_ok(),
                         Err(panic) => result_sender.send((index, Err(panic))).is_ok(),
                     };
                     if !is_wanted {
@@ -109,13 +110,13 @@ pub fn settle_in_order<T: Send, P: Send, R: Send>(
         };
         // If the system refuses threads: the first one is a worker; without any, the caller does the work.
         let mut is_working = work_beside(0).is_ok();
-        if is_working && settlers > 0 {
-            settling.store(at_least_one((0..settlers).map(settle_beside)).is_ok(), Ordering::Relaxed);
+        if is_working && finishers > 0 {
+            finishing.store(at_least_one((0..finishers).map(finish_beside)).is_ok(), Ordering::Relaxed);
         }
         is_working |= at_least_one((1..threads).map(work_beside)).is_ok();
         drop((pending_sender, pending, result_sender));
         if !is_working {
-            return alone(&mut *items.lock().unwrap_or_else(|poisoned| poisoned.into_inner()), work, settle, commit);
+            return alone(&mut *items.lock().unwrap_or_else(|poisoned| poisoned.into_inner()), work, finish, commit);
         }
         let outcome = commit_in_order(&results, &credit_sender, &mut commit);
         stopped.store(true, Ordering::Relaxed);
@@ -129,10 +130,10 @@ pub fn settle_in_order<T: Send, P: Send, R: Send>(
 fn alone<T, P, R>(
     items: &mut impl Iterator<Item = (usize, T)>,
     work: impl Fn(T) -> Result<P>,
-    settle: impl Fn(P) -> Result<R>,
+    finish: impl Fn(P) -> Result<R>,
     mut commit: impl FnMut(R) -> Result<()>,
 ) -> Result<()> {
-    items.try_for_each(|(_, item)| commit(settle(work(item)?)?))
+    items.try_for_each(|(_, item)| commit(finish(work(item)?)?))
 }
 
 /// Runs two functions in parallel, or one after the other if `threads` is 1.
@@ -186,11 +187,11 @@ mod tests {
     #[test]
     fn the_results_are_the_same_with_few_threads_or_none() {
         use crate::base::threads::tests::with_threads;
-        for (left, settlers) in (0..6).flat_map(|left| [(left, 0), (left, 3)]) {
+        for (left, finishers) in (0..6).flat_map(|left| [(left, 0), (left, 3)]) {
             let mut results = Vec::new();
-            let crew = Crew { threads: 3, settlers };
+            let crew = Crew { threads: 3, finishers };
             let outcome = with_threads(left, || {
-                settle_in_order(
+                finish_in_order(
                     0..100,
                     crew,
                     4,
@@ -228,18 +229,18 @@ mod tests {
     }
 
     #[test]
-    fn what_is_settled_apart_arrives_in_order_and_its_errors_end_the_work() {
-        for (threads, settlers) in [(1, 0), (2, 2), (4, 1)] {
-            let crew = Crew { threads, settlers };
+    fn what_is_finished_apart_arrives_in_order_and_its_errors_end_the_work() {
+        for (threads, finishers) in [(1, 0), (2, 2), (4, 1)] {
+            let crew = Crew { threads, finishers };
             let run = |bad: i32| {
                 let mut seen = Vec::new();
-                let settle = |i: i32| if i == bad { Err(Error::Usage("bad".into())) } else { Ok(-i) };
-                let outcome = settle_in_order(
+                let finish = |i: i32| if i == bad { Err(Error::Usage("bad".into())) } else { Ok(-i) };
+                let outcome = finish_in_order(
                     0..300,
                     crew,
                     8,
                     |i| Ok(i * 2),
-                    settle,
+                    finish,
                     |r| {
                         seen.push(r);
                         Ok(())
@@ -258,12 +259,12 @@ mod tests {
 
     #[test]
     fn a_panic_is_passed_on_and_nobody_waits_for_ever() {
-        for settlers in [0, 2] {
-            let crew = Crew { threads: 2, settlers };
+        for finishers in [0, 2] {
+            let crew = Crew { threads: 2, finishers };
             let run = |at_work: bool| {
                 let step = |i, panics: bool| if panics && i == 50 { panic!("fifty") } else { Ok(i) };
                 catch_unwind(AssertUnwindSafe(|| {
-                    settle_in_order(0..1000, crew, 4, |i| step(i, at_work), |i| step(i, !at_work), |_| Ok(()))
+                    finish_in_order(0..1000, crew, 4, |i| step(i, at_work), |i| step(i, !at_work), |_| Ok(()))
                 }))
             };
             assert!(run(true).is_err());

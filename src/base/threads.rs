@@ -1,10 +1,10 @@
-//! Starts threads. If the system refuses some, fewer do the work, or the caller does it; nothing panics.
+//! Starts threads, which inherit the pool of the thread that starts them. If the system refuses some, fewer do the work, or the caller does it; nothing panics.
 
-use std::error::Error as _;
 use std::path::Path;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{Builder, JoinHandle, Scope, ScopedJoinHandle};
 
+use super::pool::Pool;
 use super::{Error, Result};
 
 /// Starts a scoped thread.
@@ -18,7 +18,16 @@ pub fn start<'scope, T: Send + 'scope>(
     let refused = |e| Error::io(Path::new("a thread"), "start", e);
     #[cfg(test)]
     tests::give_one().map_err(refused)?;
-    Builder::new().spawn_scoped(scope, work).map_err(refused)
+    Builder::new().spawn_scoped(scope, inheriting(work)).map_err(refused)
+}
+
+/// Work of a new thread, in the pool that this thread has entered.
+fn inheriting<T>(work: impl FnOnce() -> T) -> impl FnOnce() -> T {
+    let pool = Pool::entered();
+    move || {
+        let _inside = pool.map(Pool::enter);
+        work()
+    }
 }
 
 /// Succeeds if at least one of several threads started.
@@ -56,30 +65,9 @@ impl<T, F: FnOnce() -> T> Task<F> {
 pub fn beside<F: FnOnce() -> Result<()> + Send + 'static>(work: F) -> Result<Option<JoinHandle<Result<()>>>> {
     let task = Arc::new(Task::new(work));
     let theirs = Arc::clone(&task);
-    match Builder::new().spawn(move || theirs.run().unwrap_or(Ok(()))) {
+    match Builder::new().spawn(inheriting(move || theirs.run().unwrap_or(Ok(())))) {
         Ok(thread) => Ok(Some(thread)),
         Err(_) => task.run().unwrap_or(Ok(())).map(|()| None),
-    }
-}
-
-/// Creates the global thread pool of data-parallel loops, for the life of the process. Only the first call has an
-/// effect.
-///
-/// # Errors
-/// [`Error::Io`] if the system refused the threads.
-pub fn make_pool(threads: usize) -> Result<()> {
-    static REFUSED: OnceLock<Option<String>> = OnceLock::new();
-    let refused = REFUSED.get_or_init(|| {
-        let outcome = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
-        // An error without a source means that the pool exists already.
-        outcome.err().filter(|error| error.source().is_some()).map(|error| error.to_string())
-    });
-    match refused {
-        Some(words) => {
-            let error = std::io::Error::other(format!("{words}; --threads 1 needs fewer"));
-            Err(Error::io(Path::new("threads"), "start", error))
-        }
-        None => Ok(()),
     }
 }
 

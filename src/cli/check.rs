@@ -9,7 +9,7 @@ use serde_json::json;
 use super::print::{print, print_json};
 use super::progress::stoppable;
 use super::stop::Goodbye;
-use crate::base::threads::make_pool;
+use crate::base::pool::Pool;
 use crate::base::{Error, Progress, Result};
 use crate::measure::{Check, Regression, Surface, compare_checks, compare_topology, weld_and_check};
 use crate::os::durable::temporary_folder;
@@ -62,7 +62,7 @@ pub fn run(arguments: &CheckArguments) -> Result<u8> {
 
 fn counts(path: &Path, progress: &dyn Progress) -> Result<Check> {
     const THREADS: usize = 2;
-    make_pool(0)?;
+    let _threads = Pool::new(0)?.enter();
     let inputs = find_inputs(&path.into())?;
     let folder = temporary_folder("check");
     std::fs::create_dir(&folder).map_err(|e| Error::io(&folder, "create", e))?;

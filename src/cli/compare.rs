@@ -5,15 +5,17 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::flags::heading;
 use super::print::{print, print_json};
 use super::progress::stoppable;
 use super::stop::Goodbye;
 use crate::base::error::escape_path;
 use crate::base::{Error, Progress, Result, bytes, grouped, quantity};
 use crate::measure::compare::{
-    self, BeforeAfter, CompareOptions, Comparison, Distances, Onlooker, ROUNDING_SHARE, Resources, Spread, Texture,
+    self, BeforeAfter, CompareOptions, Comparison, Distances, Geometry, Onlooker, ROUNDING_SHARE, Resources, Spread,
+    Texture,
 };
-use crate::options::heading;
+use crate::options::Limits;
 use crate::os::durable::temporary_folder;
 use crate::os::signals::StopSignal;
 use crate::plan::{memory, scratch};
@@ -113,13 +115,17 @@ pub fn run(arguments: &CompareArguments) -> Result<u8> {
     let stop = StopSignal::listen()?;
     let goodbye = Goodbye::of_nothing(&stop);
     let told = stoppable(*quiet, stop);
-    let meshes = [&original.into(), &result.into()];
+    let limits = Limits { memory: *memory, threads: *threads };
     let mut page = ComparisonPage::default();
-    let outcome = if kinds.contains(&ReportKind::Html) {
-        page.resources = drawing_resources(*memory, *threads)?;
-        compare_meshes(meshes, *sampling, *memory, *threads, Relief::BYTES, work, &mut page, &*told)
+    let is_drawn = kinds.contains(&ReportKind::Html);
+    let kept_bytes = if is_drawn { Relief::BYTES } else { 0 };
+    let meshes = [original.into(), result.into()];
+    let task = ComparisonTask { meshes, sampling: *sampling, limits, kept_bytes, work };
+    let outcome = if is_drawn {
+        page.resources = drawing_resources(limits)?;
+        task.run(&mut page, &*told)
     } else {
-        compare_meshes(meshes, *sampling, *memory, *threads, 0, work, &mut (), &*told)
+        task.run(&mut (), &*told)
     };
     let comparison = match outcome {
         Err(Error::Stopped) => return Ok(goodbye.say()),
@@ -139,62 +145,74 @@ pub fn run(arguments: &CompareArguments) -> Result<u8> {
     Ok(0)
 }
 
-fn drawing_resources(memory: Option<u64>, threads: Option<usize>) -> Result<DrawResources> {
-    let budget = memory::budget_of(memory)?;
+fn drawing_resources(limits: Limits) -> Result<DrawResources> {
+    let budget = memory::budget_of(limits.memory)?;
     let work_bytes = budget.for_work().saturating_sub(Relief::BYTES);
-    Ok(DrawResources { threads: memory::choose_threads(threads, budget), work_bytes })
+    Ok(DrawResources { threads: memory::choose_threads(limits.threads, budget), work_bytes })
 }
 
-/// Compares `[original, result]`, and leaves `kept_bytes` of the memory to others.
-///
-/// # Errors
-/// Those of [`compare::compare`]; [`Error::Usage`], [`Error::Budget`] and [`Error::NoSpace`] before anything is read.
-#[allow(clippy::too_many_arguments, reason = "each an option of its own")]
-pub fn compare_meshes(
-    meshes: [&InputChoice; 2],
-    sampling: SamplingArguments,
-    memory: Option<u64>,
-    threads: Option<usize>,
-    kept_bytes: u64,
-    work: PathBuf,
-    onlooker: &mut dyn Onlooker,
-    progress: &dyn Progress,
-) -> Result<Comparison> {
-    sampling.check()?;
-    let SamplingArguments { samples, seed, at_vertices } = sampling;
-    let spread = if at_vertices { Spread::Vertices } else { Spread::Area(samples) };
-    if threads == Some(0) {
-        return Err(Error::Usage("--threads 0: expected at least 1".into()));
+/// Two meshes to compare, and what that may take.
+pub struct ComparisonTask {
+    /// Original and result.
+    pub meshes: [InputChoice; 2],
+    /// Points to compare.
+    pub sampling: SamplingArguments,
+    /// Memory and threads.
+    pub limits: Limits,
+    /// Bytes of the memory that are left to others.
+    pub kept_bytes: u64,
+    /// Folder for intermediate files.
+    pub work: PathBuf,
+}
+
+impl ComparisonTask {
+    /// Compares the meshes.
+    ///
+    /// # Errors
+    /// Those of [`compare::compare`]; [`Error::Usage`], [`Error::Budget`] and [`Error::NoSpace`] before anything is
+    /// read.
+    pub fn run(self, onlooker: &mut dyn Onlooker, progress: &dyn Progress) -> Result<Comparison> {
+        let Self { meshes, sampling, limits, kept_bytes, work } = self;
+        sampling.check()?;
+        let SamplingArguments { samples, seed, at_vertices } = sampling;
+        let spread = if at_vertices { Spread::Vertices } else { Spread::Area(samples) };
+        if limits.threads == Some(0) {
+            return Err(Error::Usage("`threads: 0`: expected at least 1".into()));
+        }
+        let mut input_bytes = 0;
+        for mesh in &meshes {
+            let sizes = scan::find_inputs(mesh)?.into_iter().filter_map(|path| path.metadata().ok());
+            input_bytes += sizes.map(|meta| meta.len()).sum::<u64>();
+        }
+        let budget = memory::budget_of(limits.memory)?;
+        let threads = memory::choose_threads(limits.threads, budget);
+        scratch::refuse_small_disk(input_bytes, 0, &work)?;
+        let resources = Resources {
+            threads,
+            work_bytes: budget.for_work().saturating_sub(kept_bytes),
+            scan: memory::scan_options(budget, threads),
+        };
+        let [original, result] = meshes;
+        compare::compare(original, result, &CompareOptions { spread, seed, work, resources }, onlooker, progress)
     }
-    let mut input_bytes = 0;
-    for mesh in meshes {
-        let sizes = scan::find_inputs(mesh)?.into_iter().filter_map(|path| path.metadata().ok());
-        input_bytes += sizes.map(|meta| meta.len()).sum::<u64>();
-    }
-    let budget = memory::budget_of(memory)?;
-    let threads = memory::choose_threads(threads, budget);
-    scratch::refuse_small_disk(input_bytes, 0, &work)?;
-    let resources = Resources {
-        threads,
-        work_bytes: budget.for_work().saturating_sub(kept_bytes),
-        scan: memory::scan_options(budget, threads),
-    };
-    let [original, result] = meshes;
-    compare::compare(
-        original.clone(),
-        result.clone(),
-        &CompareOptions { spread, seed, work, resources },
-        onlooker,
-        progress,
-    )
 }
 
 /// The comparison as a table for people.
 fn table(comparison: &Comparison) -> String {
     let mut text = String::new();
-    let Comparison { geometry, topology, quality, .. } = comparison;
     let _ = writeln!(text, "original  {}", escape_path(&comparison.original));
     let _ = writeln!(text, "result    {}", escape_path(&comparison.result));
+    write_distances(&comparison.geometry, &mut text);
+    write_surface(comparison, &mut text);
+    write_counts(comparison, &mut text);
+    for line in report::warning_lines(&comparison.warnings, "--json lists them") {
+        let _ = writeln!(text, "{line}");
+    }
+    text
+}
+
+/// Distances one way, the other way and both.
+fn write_distances(geometry: &Geometry, text: &mut String) {
     let _ = writeln!(text, "\n{:22}{:>16}{:>16}{:>16}", "distance", "to original", "to result", "both ways");
     type Figure = (&'static str, fn(&Distances) -> f64);
     let figures: [Figure; 6] = [
@@ -222,6 +240,11 @@ fn table(comparison: &Comparison) -> String {
         });
         let _ = writeln!(text, "  {name:20}{a:>16}{b:>16}{c:>16}");
     }
+}
+
+/// What became of the surface and its texture.
+fn write_surface(comparison: &Comparison, text: &mut String) {
+    let geometry = &comparison.geometry;
     let mut row = |name: &str, words: String| {
         let _ = writeln!(text, "{name:22}{words}");
     };
@@ -257,6 +280,11 @@ fn table(comparison: &Comparison) -> String {
     if let Some(texture) = &comparison.texture {
         describe_texture(texture, &mut row);
     }
+}
+
+/// Counts before and after.
+fn write_counts(comparison: &Comparison, text: &mut String) {
+    let Comparison { topology, quality, .. } = comparison;
     let _ = writeln!(text, "\n{:22}{:>16}{:>16}", "", "before", "after");
     let mut pair = |name: &str, before: String, after: String| {
         let _ = writeln!(text, "{name:22}{before:>16}{after:>16}");
@@ -281,10 +309,6 @@ fn table(comparison: &Comparison) -> String {
     pair("mean regularity", format!("{:.4}", old.regularity_mean), format!("{:.4}", new.regularity_mean));
     pair("slivers", percent(old.sliver_share), percent(new.sliver_share));
     pair("5 to 7 edges", percent(old.valence_regular_share), percent(new.valence_regular_share));
-    for line in report::warning_lines(&comparison.warnings, "--json lists them") {
-        let _ = writeln!(text, "{line}");
-    }
-    text
 }
 
 fn describe_texture(texture: &Texture, row: &mut impl FnMut(&str, String)) {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::options::heading;
+use super::flags::heading;
 use crate::scan::InputChoice;
 
 /// Arguments of commands that read a mesh.

@@ -3,6 +3,7 @@
 mod check;
 mod compare;
 mod exit;
+mod flags;
 mod input;
 mod inspect;
 mod manual;
@@ -15,6 +16,7 @@ mod simplify;
 mod status;
 mod stop;
 mod version;
+mod words;
 
 use std::process::ExitCode;
 
@@ -62,8 +64,8 @@ pub fn run() -> ExitCode {
     match Cli::parse().command.run() {
         Ok(code) => ExitCode::from(code),
         Err(error) => {
-            progress::tell(&format!("error: {error}"));
-            ExitCode::from(error.exit_code())
+            progress::tell(&words::with_flags(&format!("error: {error}")));
+            ExitCode::from(exit::code_of(&error))
         }
     }
 }

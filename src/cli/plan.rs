@@ -2,11 +2,11 @@
 
 use clap::Args;
 
+use super::flags::SimplifyFlags;
 use super::input::InputArguments;
 use super::print::{print, print_json};
 use super::progress::{tell, told};
 use crate::base::Result;
-use crate::options::SimplifyOptions;
 use crate::plan;
 use crate::report;
 
@@ -14,7 +14,7 @@ use crate::report;
 #[derive(Debug, Args)]
 pub struct PlanArguments {
     #[command(flatten)]
-    options: SimplifyOptions,
+    flags: SimplifyFlags,
     #[command(flatten)]
     input: InputArguments,
     /// Print JSON
@@ -32,7 +32,7 @@ pub struct PlanArguments {
 /// small.
 pub fn run(arguments: &PlanArguments) -> Result<u8> {
     let told = told(arguments.quiet);
-    let plan = plan::plan(arguments.input.choice(), &arguments.options, &*told)?;
+    let plan = plan::plan(arguments.input.choice(), &arguments.flags.options(), &*told)?;
     drop(told);
     if !arguments.quiet {
         report::warning_lines(&plan.warnings, "--json lists them").iter().for_each(|line| tell(line));

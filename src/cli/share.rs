@@ -59,7 +59,7 @@ impl JobShare {
         let files = scan::find_inputs(input).unwrap_or_default();
         let bytes = files.iter().filter_map(|path| path.metadata().ok()).map(|meta| meta.len()).sum();
         let budget = memory::choose_budget(options);
-        let threads = budget.map_or(1, |budget| memory::choose_threads(options.threads, budget)).max(1);
+        let threads = budget.map_or(1, |budget| memory::choose_threads(options.limits.threads, budget)).max(1);
         Self::new(options, bytes, threads, samples)
     }
 
@@ -98,7 +98,7 @@ impl JobShare {
             [after.partition - before.partition, after.simplify - before.simplify]
         };
         let (start, each) = (upto(0), (0..found.len()).map(each).collect());
-        let drawn = |triangles: u64| match options.drawing {
+        let drawn = |triangles: u64| match options.notes.drawing {
             Drawing::Nothing => 0.0,
             _ => (DRAW_SECONDS + DRAW_SECONDS_PER_TRIANGLE * triangles as f64) / *threads as f64,
         };
@@ -197,16 +197,21 @@ impl JobShare {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::options::{ReportNotes, Target};
     use proptest::prelude::*;
 
     fn city() -> JobShare {
-        let options = SimplifyOptions { ratio: Some(0.1), ..SimplifyOptions::default() };
+        let options = SimplifyOptions { target: Target::ratio(0.1), ..SimplifyOptions::default() };
         JobShare::new(&options, 300 << 20, 2, 0)
     }
 
     #[test]
     fn drawing_textures_and_measuring_have_their_shares() {
-        let options = SimplifyOptions { ratio: Some(0.1), drawing: Drawing::Pictures, ..SimplifyOptions::default() };
+        let options = SimplifyOptions {
+            target: Target::ratio(0.1),
+            notes: ReportNotes { drawing: Drawing::Renderings, ..ReportNotes::default() },
+            ..SimplifyOptions::default()
+        };
         let mut share = JobShare::new(&options, 300 << 20, 2, 1_000_000);
         let mut last = 0.0;
         for phase in ["scan", "draw", "textures", "write", "measure", "draw", "partition", "compare"] {

@@ -5,20 +5,26 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::compare::{SamplingArguments, compare_meshes};
+use super::compare::{ComparisonTask, SamplingArguments};
+use super::exit::{code_of, code_of_run};
+use super::flags::{SimplifyFlags, heading};
 use super::input::InputArguments;
 use super::print::{print, print_json};
 use super::progress::{of_job, stoppable, tell};
 use super::share::JobShare;
 use super::stop::{Goodbye, command_line};
+use super::words::with_flags;
 use crate::base::error::escape_path;
-use crate::base::{Error, Result};
-use crate::options::{Drawing, SimplifyOptions, heading};
+use crate::base::{Error, Progress, Result};
+use crate::measure::compare::Comparison;
+use crate::options::{Drawing, ReportNotes, SimplifyOptions};
 use crate::os::durable::make_folders;
 use crate::os::signals::StopSignal;
 use crate::pipeline;
 use crate::report;
+use crate::report::Report;
 use crate::report::gallery::Relief;
+use crate::scan::InputChoice;
 
 /// Text after `-h`.
 pub const MORE: &str = "--help has every option, each with its choices, and examples.";
@@ -44,7 +50,7 @@ pub struct SimplifyArguments {
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     #[command(flatten)]
-    options: SimplifyOptions,
+    flags: SimplifyFlags,
     #[command(flatten)]
     input: InputArguments,
     /// Write a report: .json for scripts, .html for people; may be repeated
@@ -91,40 +97,18 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
     if arguments.format == Format::Json && !is_printed {
         let (status, code) = match &outcome {
             Ok(code) => ("stopped", *code),
-            Err(error) => ("failed", error.exit_code()),
+            Err(error) => ("failed", code_of(error)),
         };
         let error = outcome.as_ref().err().unwrap_or(&Error::Stopped).to_string();
-        print_json(&json!({ "status": status, "exit_code": code, "error": error }))?;
+        print_json(&json!({ "status": status, "exit_code": code, "error": with_flags(&error) }))?;
     }
     outcome
 }
 
 fn simplify(arguments: &SimplifyArguments, is_printed: &mut bool) -> Result<u8> {
-    let SimplifyArguments { input, output, options, report: reports, measure, sampling, format, quiet, .. } = arguments;
-    sampling.check()?;
-    reports.iter().try_for_each(|path| report::ReportKind::of(path).map(|_| ()))?;
-    let folders = reports.iter().filter_map(|path| path.parent());
-    folders.into_iter().try_for_each(make_folders)?;
-    if let Some(path) = reports.iter().find(|path| path.is_dir()) {
-        return Err(Error::Usage(format!("--report {}: is a folder", escape_path(path))));
-    }
-    let pictures =
-        reports.iter().any(|path| report::ReportKind::of(path).is_ok_and(|kind| kind == report::ReportKind::Html));
-    let drawing = match (pictures, measure) {
-        (false, _) => Drawing::Nothing,
-        (true, false) => Drawing::Pictures,
-        (true, true) => Drawing::PicturesAndErrors,
-    };
+    let SimplifyArguments { input, output, report: reports, measure, sampling, quiet, .. } = arguments;
+    let options = arguments.options()?;
     let choice = input.choice();
-    let options = SimplifyOptions {
-        drawing,
-        exclude: choice.exclude.clone(),
-        measure: *measure,
-        samples: measure.then(|| sampling.samples()),
-        seed: measure.then(|| sampling.seed()),
-        command: Some(command_line()),
-        ..options.clone()
-    };
     let stop = StopSignal::listen()?;
     let work = pipeline::work_folder(output, &options);
     let goodbye = Goodbye::of_job(&stop, &work);
@@ -146,42 +130,84 @@ fn simplify(arguments: &SimplifyArguments, is_printed: &mut bool) -> Result<u8> 
         outcome => outcome?,
     };
     goodbye.only_compares(&choice, output);
-    let compared = measure.then(|| {
-        let work = work_beside(&work);
-        let meshes = [&choice, &output.into()];
-        match &mut result.shots {
-            Some([_, after]) => {
-                compare_meshes(meshes, *sampling, options.memory, options.threads, Relief::BYTES, work, after, &*told)
-            }
-            None => compare_meshes(meshes, *sampling, options.memory, options.threads, 0, work, &mut (), &*told),
-        }
-    });
-    drop(told);
-    // The result is complete even if the comparison failed.
-    let failure = match compared.transpose() {
-        Ok(comparison) => {
-            result.comparison = comparison;
-            None
-        }
-        Err(error) => Some(error),
-    };
+    // The result is complete even if the comparison fails.
+    let mut failure = None;
     if *measure {
+        match arguments.compare(&choice, &mut result, work_beside(&work), &*told) {
+            Ok(comparison) => result.comparison = Some(comparison),
+            Err(error) => failure = Some(error),
+        }
+        drop(told);
         reports.iter().try_for_each(|path| result.save(path, number))?;
+    } else {
+        drop(told);
     }
-    if !quiet {
-        tell_lines(result.warning_lines());
-    }
-    tell_lines(result.miss_lines());
-    tell_lines(result.broken_bound().into_iter().collect());
-    match format {
-        Format::Json => print_json(&result)?,
-        Format::Text => print(&result.summary())?,
-    }
+    arguments.say(&result)?;
     *is_printed = true;
     match failure {
         Some(Error::Stopped) => Ok(goodbye.say()),
         Some(error) => Err(error),
-        None => Ok(result.exit_code()),
+        None => Ok(code_of_run(&result)),
+    }
+}
+
+impl SimplifyArguments {
+    /// The options, once the reports can be written.
+    fn options(&self) -> Result<SimplifyOptions> {
+        self.sampling.check()?;
+        let kinds = self.report.iter().map(|path| report::ReportKind::of(path)).collect::<Result<Vec<_>>>()?;
+        self.report.iter().filter_map(|path| path.parent()).try_for_each(make_folders)?;
+        if let Some(path) = self.report.iter().find(|path| path.is_dir()) {
+            return Err(Error::Usage(format!("`report: {}`: is a folder", escape_path(path))));
+        }
+        let drawing = match (kinds.contains(&report::ReportKind::Html), self.measure) {
+            (false, _) => Drawing::Nothing,
+            (true, false) => Drawing::Renderings,
+            (true, true) => Drawing::RenderingsAndErrors,
+        };
+        let notes = ReportNotes {
+            drawing,
+            exclude: self.input.choice().exclude,
+            measure: self.measure,
+            samples: self.measure.then(|| self.sampling.samples()),
+            seed: self.measure.then(|| self.sampling.seed()),
+            command: Some(command_line()),
+        };
+        Ok(SimplifyOptions { notes, ..self.flags.options() })
+    }
+
+    /// Compares the result with the input; colours the renderings of the result by error.
+    fn compare(
+        &self,
+        choice: &InputChoice,
+        result: &mut Report,
+        work: PathBuf,
+        progress: &dyn Progress,
+    ) -> Result<Comparison> {
+        let task = |kept_bytes| ComparisonTask {
+            meshes: [choice.clone(), self.output.as_path().into()],
+            sampling: self.sampling,
+            limits: self.flags.options().limits,
+            kept_bytes,
+            work,
+        };
+        match &mut result.shots {
+            Some([_, after]) => task(Relief::BYTES).run(after, progress),
+            None => task(0).run(&mut (), progress),
+        }
+    }
+
+    /// Prints the summary on stdout, warnings on stderr.
+    fn say(&self, result: &Report) -> Result<()> {
+        if !self.quiet {
+            tell_lines(result.warning_lines());
+        }
+        tell_lines(result.miss_lines());
+        tell_lines(result.broken_bound().into_iter().collect());
+        match self.format {
+            Format::Json => print_json(result),
+            Format::Text => print(&result.summary()),
+        }
     }
 }
 

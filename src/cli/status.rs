@@ -183,7 +183,7 @@ impl JobStatus {
                 self.pass = None;
             }
             Step::Written => self.written = true,
-            Step::Input | Step::Census | Step::Probes | Step::Output | Step::Plan { .. } | Step::Trial { .. } => {}
+            Step::Input | Step::Statistics | Step::Probes | Step::Output | Step::Plan { .. } | Step::Trial { .. } => {}
         }
     }
 

@@ -32,9 +32,9 @@
 
 use glam::{DVec2, DVec3};
 
-use super::knob::{Knob, choice, factor, switch};
 use super::metric::{EdgeCase, Metric, Placement, fits};
-use super::planes::{PlacePolicy, append, area_of, ends, newcomers, priced, texcoords_along, unit_planes};
+use super::parameter::{Parameter, choice, factor, switch};
+use super::planes::{PlacePolicy, area_of, ends, extended, priced, texcoords_along, unit_planes};
 use super::quadric::Quadric;
 use crate::mesh::class::{Class, Rule};
 use crate::mesh::cluster::ClusterMesh;
@@ -42,13 +42,13 @@ use crate::mesh::edge::EdgeKind;
 use crate::mesh::ring::Rings;
 
 /// Parameters.
-pub const KNOBS: [Knob; 3] = [
+pub const PARAMETERS: [Parameter; 3] = [
     factor("border", 0.0, "weight of the planes through border edges; 0 leaves borders to wear away"),
     choice("placement", PlacePolicy::WORDS, "three places vertices at the best of both ends and the middle"),
     switch("guards", 1.0, "0 lets faces fold, become needles and turn over in the texture"),
 ];
 
-/// Settings, in the order of [`KNOBS`].
+/// Settings, in the order of [`PARAMETERS`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClassicSettings {
     /// Weight of a plane through a border edge.
@@ -61,7 +61,7 @@ pub struct ClassicSettings {
 
 impl From<[f64; 3]> for ClassicSettings {
     fn from([border, placement, guards]: [f64; 3]) -> Self {
-        Self { border, placement: PlacePolicy::from_knob(placement), has_guards: guards > 0.0 }
+        Self { border, placement: PlacePolicy::from_parameter(placement), has_guards: guards > 0.0 }
     }
 }
 
@@ -86,9 +86,9 @@ impl Metric for ClassicCost {
 
     fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
         self.area = area_of(mesh);
+        let kept = std::mem::take(&mut self.quadrics);
         let planes = |first| unit_planes(mesh, rings, classes, self.settings.border).split_off(first);
-        let more = newcomers(self.quadrics.len(), mesh.positions.len(), planes);
-        append(&mut self.quadrics, more);
+        self.quadrics = extended(kept, mesh.positions.len(), planes);
     }
 
     fn place(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Placement {

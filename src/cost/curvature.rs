@@ -34,24 +34,24 @@
 use std::f64::consts::TAU;
 
 use super::around::Around;
-use super::census::Census;
 use super::fan::{Fan, angle_between};
-use super::knob::{Knob, factor, switch};
+use super::mesh_stats::MeshStats;
 use super::metric::{EdgeCase, Metric, Placement};
-use super::planes::{append, area_of, best_place, newcomers, priced, unit_planes};
+use super::parameter::{Parameter, factor, switch};
+use super::planes::{area_of, best_place, extended, priced, unit_planes};
 use super::quadric::Quadric;
 use crate::mesh::class::Class;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
 
 /// Parameters.
-pub const KNOBS: [Knob; 3] = [
+pub const PARAMETERS: [Parameter; 3] = [
     switch("curvature", 1.0, "0 takes c = 1: quadrics weighted by area alone, the patent's baseline"),
     factor("floor", 1e-3, "least c, in medians of its positive values"),
     factor("border", 1.0, "weight of the planes through border edges"),
 ];
 
-/// Settings, in the order of [`KNOBS`], and the frozen floor.
+/// Settings, in the order of [`PARAMETERS`], and the frozen floor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CurvatureSettings {
     has_curvature: bool,
@@ -131,7 +131,7 @@ impl Metric for CurvatureCost {
     type Settings = CurvatureSettings;
 
     const VERTEX_BYTES: u64 = 24;
-    const HAS_CENSUS: bool = true;
+    const NEEDS_STATS: bool = true;
 
     fn new(settings: &CurvatureSettings) -> Self {
         Self {
@@ -144,17 +144,17 @@ impl Metric for CurvatureCost {
         }
     }
 
-    fn count(_: &CurvatureSettings, mesh: &ClusterMesh, rings: &Rings, _: &[Class], census: &mut Census) {
+    fn count(_: &CurvatureSettings, mesh: &ClusterMesh, rings: &Rings, _: &[Class], stats: &mut MeshStats) {
         let mut fan = Fan::default();
         for vertex in (0..mesh.positions.len() as u32).filter(|&vertex| !mesh.is_shared(vertex)) {
             fan.gather(mesh, rings, vertex);
-            census.add(Bend::of(&fan, mesh.positions[vertex as usize], &mesh.positions).total());
+            stats.add(Bend::of(&fan, mesh.positions[vertex as usize], &mesh.positions).total());
         }
     }
 
-    fn settle(settings: &mut CurvatureSettings, census: &Census) {
-        let smallest = 1.0 / (census.diagonal() * census.diagonal());
-        settings.floor = census.median().map_or(smallest, |median| settings.floor_share * median);
+    fn normalise(settings: &mut CurvatureSettings, stats: &MeshStats) {
+        let smallest = 1.0 / (stats.diagonal() * stats.diagonal());
+        settings.floor = stats.median().map_or(smallest, |median| settings.floor_share * median);
     }
 
     fn reads_texture(_: &CurvatureSettings) -> bool {
@@ -163,9 +163,9 @@ impl Metric for CurvatureCost {
 
     fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
         self.area = area_of(mesh);
+        let kept = std::mem::take(&mut self.quadrics);
         let planes = |first| unit_planes(mesh, rings, classes, self.settings.border).split_off(first);
-        let more = newcomers(self.quadrics.len(), mesh.positions.len(), planes);
-        append(&mut self.quadrics, more);
+        self.quadrics = extended(kept, mesh.positions.len(), planes);
         self.weights.resize(mesh.positions.len(), 0.0);
         self.around.resize(mesh.positions.len());
         for vertex in 0..mesh.positions.len() as u32 {

@@ -4,7 +4,7 @@
 
 use glam::{DVec2, DVec3, Vec2};
 
-use super::census::Census;
+use super::mesh_stats::MeshStats;
 use crate::mesh::class::{Class, Rule};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::edge::EdgeKind;
@@ -45,7 +45,7 @@ pub struct Placement {
 }
 /// A wedge of a vertex that is relocated.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SettlingWedge {
+pub struct MovingWedge {
     /// The wedge.
     pub wedge: u32,
     /// Fixed change of its texture coordinate; `None` to choose the one of least error for the new position.
@@ -62,7 +62,7 @@ pub trait Metric: Sized {
     /// Bytes of state per wedge, in addition to the 72 of a texture quadric.
     const WEDGE_BYTES: u64 = 0;
     /// Whether it needs statistics of the whole mesh.
-    const HAS_CENSUS: bool = false;
+    const NEEDS_STATS: bool = false;
 
     /// Whether vertices collapse only onto edge ends, and are relocated by [`best_step`](Metric::best_step) at the end
     /// of a stage. If `false`, each collapse has its own placement.
@@ -91,15 +91,15 @@ pub trait Metric: Sized {
         _mesh: &ClusterMesh,
         _rings: &Rings,
         _classes: &[Class],
-        _census: &mut Census,
+        _stats: &mut MeshStats,
     ) {
     }
 
     /// Sets the normalisers from the statistics of the whole mesh.
-    fn settle(_settings: &mut Self::Settings, _census: &Census) {}
+    fn normalise(_settings: &mut Self::Settings, _stats: &MeshStats) {}
 
     /// Sets the predicted share of the result's vertices that lie on seams; called if texture coordinates are read.
-    fn learn_crowding(_settings: &mut Self::Settings, _crowding: f64) {}
+    fn learn_seam_density(_settings: &mut Self::Settings, _density: f64) {}
 
     /// Updates its state to the current mesh, at the start of a stage. O(faces).
     fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]);
@@ -128,7 +128,7 @@ pub trait Metric: Sized {
     /// Step of a vertex to its position of least error; `None` if it should stay. The texture coordinates of `wedges`
     /// take their own best values, except those with a fixed `slide`.
     #[inline]
-    fn best_step(&self, _vertex: u32, _wedges: &[SettlingWedge]) -> Option<DVec3> {
+    fn best_step(&self, _vertex: u32, _wedges: &[MovingWedge]) -> Option<DVec3> {
         None
     }
 

@@ -7,12 +7,12 @@
 //! decides legality, and never reads a cost to do so.
 
 pub mod around;
-pub mod census;
+pub mod mesh_stats;
 pub mod classic;
 mod crease;
 pub mod curvature;
 pub mod fan;
-pub mod knob;
+pub mod parameter;
 pub mod local;
 pub mod metric;
 pub mod oblique;
@@ -26,7 +26,7 @@ pub mod wide;
 
 pub use classic::ClassicCost;
 pub use curvature::CurvatureCost;
-pub use metric::{EdgeCase, Metric, Placement, SettlingWedge};
+pub use metric::{EdgeCase, Metric, MovingWedge, Placement};
 pub use oblique::ObliqueCost;
 pub use quadric::{Quadric, WedgeQuadric};
 pub use sharpness::SharpnessCost;

@@ -45,11 +45,11 @@
 use glam::{DVec2, DVec3};
 
 use super::around::Around;
-use super::census::Census;
 use super::fan::{Fan, angle_between};
-use super::knob::{Knob, choice, factor, switch};
+use super::mesh_stats::MeshStats;
 use super::metric::{EdgeCase, Metric, Placement};
-use super::planes::{LENGTH_SHARE, PlacePolicy, append, area_of, each_chain_edge, ends, least, newcomers, plane_of};
+use super::parameter::{Parameter, choice, factor, switch};
+use super::planes::{LENGTH_SHARE, PlacePolicy, area_of, each_chain_edge, ends, extended, least, plane_of};
 use super::wide::WideQuadric;
 use crate::mesh::class::{Class, Rule};
 use crate::mesh::cluster::ClusterMesh;
@@ -60,7 +60,7 @@ use crate::mesh::ring::Rings;
 const REACH: f64 = 2.0;
 
 /// Parameters.
-pub const KNOBS: [Knob; 10] = [
+pub const PARAMETERS: [Parameter; 10] = [
     factor("border", 1.0, "weight of the planes through border edges; 0 is the paper's"),
     factor("floor", 1e-3, "least fluctuation, in medians of its positive values"),
     factor("alpha-smooth", 1.0, "weight of a smooth vertex's texture density"),
@@ -73,7 +73,7 @@ pub const KNOBS: [Knob; 10] = [
     choice("placement", PlacePolicy::WORDS, "three places smooth vertices at the best of both ends and the middle"),
 ];
 
-/// Settings, in the order of [`KNOBS`], and the frozen normalisers.
+/// Settings, in the order of [`PARAMETERS`], and the frozen normalisers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ObliqueSettings {
     border: f64,
@@ -100,7 +100,7 @@ impl From<[f64; 10]> for ObliqueSettings {
             has_area: area > 0.0,
             has_stretch: tex > 0.0,
             has_unit_box: unit > 0.0,
-            placement: PlacePolicy::from_knob(placement),
+            placement: PlacePolicy::from_parameter(placement),
             floor: f64::MIN_POSITIVE,
             uv_scale: 1.0,
         }
@@ -282,7 +282,7 @@ impl Metric for ObliqueCost {
     type Settings = ObliqueSettings;
 
     const WEDGE_BYTES: u64 = 96;
-    const HAS_CENSUS: bool = true;
+    const NEEDS_STATS: bool = true;
 
     fn new(settings: &ObliqueSettings) -> Self {
         Self {
@@ -301,27 +301,27 @@ impl Metric for ObliqueCost {
         settings.has_unit_box
     }
 
-    fn count(settings: &ObliqueSettings, mesh: &ClusterMesh, rings: &Rings, classes: &[Class], census: &mut Census) {
+    fn count(settings: &ObliqueSettings, mesh: &ClusterMesh, rings: &Rings, classes: &[Class], stats: &mut MeshStats) {
         let mut cost = Self::new(settings);
         cost.refresh_factors(mesh, rings, classes);
         for vertex in (0..mesh.positions.len() as u32).filter(|&vertex| !mesh.is_shared(vertex)) {
-            census.add(cost.places[vertex as usize].fluctuation);
+            stats.add(cost.places[vertex as usize].fluctuation);
         }
     }
 
-    fn settle(settings: &mut ObliqueSettings, census: &Census) {
-        settings.floor = census
+    fn normalise(settings: &mut ObliqueSettings, stats: &MeshStats) {
+        settings.floor = stats
             .median()
-            .map_or(1.0 / census.diagonal(), |median| settings.floor_share * median)
+            .map_or(1.0 / stats.diagonal(), |median| settings.floor_share * median)
             .max(f64::MIN_POSITIVE);
-        settings.uv_scale = if settings.has_unit_box { census.diagonal() } else { 1.0 };
+        settings.uv_scale = if settings.has_unit_box { stats.diagonal() } else { 1.0 };
     }
 
     fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
         self.area = area_of(mesh);
+        let kept = std::mem::take(&mut self.quadrics);
         let from = |first| self.sum_quadrics(mesh, rings, classes, first);
-        let more = newcomers(self.quadrics.len(), mesh.wedge_vertex.len(), from);
-        append(&mut self.quadrics, more);
+        self.quadrics = extended(kept, mesh.wedge_vertex.len(), from);
         self.refresh_factors(mesh, rings, classes);
     }
 

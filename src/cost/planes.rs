@@ -32,7 +32,7 @@ impl PlacePolicy {
     pub const WORDS: &[&str] = &["optimal", "three"];
 
     /// The policy for a value of the parameter.
-    pub fn from_knob(value: f64) -> Self {
+    pub fn from_parameter(value: f64) -> Self {
         if value > 0.0 { Self::BestOfThree } else { Self::Optimal }
     }
 
@@ -58,20 +58,21 @@ pub fn area_of(mesh: &ClusterMesh) -> f64 {
     living.filter_map(|face| plane_of(mesh.triangle(face))).map(|(_, area)| area).sum()
 }
 
-/// Initial values for the vertices or wedges added since there were `known` of them, such as copies made where a handle
-/// is cut. `from` computes the values of all from an index on.
-pub fn newcomers<T>(known: usize, count: usize, from: impl FnOnce(usize) -> Vec<T>) -> Vec<T> {
-    if known < count { from(known) } else { Vec::new() }
-}
-
-/// Appends values. The first ones are moved, not copied: they may be most of a cluster's memory.
-pub fn append<T>(values: &mut Vec<T>, newcomers: Vec<T>) {
-    if values.is_empty() {
-        *values = newcomers;
-    } else {
-        values.reserve_exact(newcomers.len());
-        values.extend(newcomers);
+/// Extends the values of vertices or wedges to `count` of them, such as for copies made where a handle is cut. `from`
+/// computes the values of all from an index on. The first values are moved, not copied: they may be most of a cluster's
+/// memory.
+pub fn extended<T>(mut values: Vec<T>, count: usize, from: impl FnOnce(usize) -> Vec<T>) -> Vec<T> {
+    let known = values.len();
+    if known >= count {
+        return values;
     }
+    let newcomers = from(known);
+    if known == 0 {
+        return newcomers;
+    }
+    values.reserve_exact(newcomers.len());
+    values.extend(newcomers);
+    values
 }
 
 /// For each vertex, the squared distance to the planes of the faces around it. With `border` > 0 it includes the planes

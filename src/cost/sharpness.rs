@@ -30,11 +30,11 @@
 
 use glam::{DVec2, DVec3};
 
-use super::census::Census;
 use super::fan::{Fan, angle_between};
-use super::knob::{Knob, factor, number, switch};
+use super::mesh_stats::MeshStats;
 use super::metric::{EdgeCase, Metric, Placement, fits};
-use super::planes::{append, area_of, ends, least, newcomers, priced, texcoords_along, unit_planes};
+use super::parameter::{Parameter, factor, number, switch};
+use super::planes::{area_of, ends, extended, least, priced, texcoords_along, unit_planes};
 use super::quadric::Quadric;
 use crate::mesh::class::{Class, Rule};
 use crate::mesh::cluster::ClusterMesh;
@@ -45,7 +45,7 @@ use crate::mesh::ring::Rings;
 pub const BASE: f64 = 2.0;
 
 /// Parameters.
-pub const KNOBS: [Knob; 5] = [
+pub const PARAMETERS: [Parameter; 5] = [
     switch("sigma", 1.0, "0 leaves the sharpness out"),
     switch("texture", 1.0, "0 leaves the texture factor out"),
     number("cap", 8.0, [0.0, 64.0], "largest texture factor, in means of the mesh"),
@@ -53,7 +53,7 @@ pub const KNOBS: [Knob; 5] = [
     switch("boundary", 0.0, "1 lets inner vertices join boundary vertices, which stay"),
 ];
 
-/// Settings, in the order of [`KNOBS`], and the frozen mean.
+/// Settings, in the order of [`PARAMETERS`], and the frozen mean.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SharpnessSettings {
     has_sigma: bool,
@@ -141,29 +141,29 @@ impl SharpnessCost {
 impl Metric for SharpnessCost {
     type Settings = SharpnessSettings;
 
-    const HAS_CENSUS: bool = true;
+    const NEEDS_STATS: bool = true;
 
     fn new(settings: &SharpnessSettings) -> Self {
         Self { settings: *settings, quadrics: Vec::new(), complex: Vec::new(), area: 0.0 }
     }
 
-    fn count(_: &SharpnessSettings, mesh: &ClusterMesh, rings: &Rings, _: &[Class], census: &mut Census) {
+    fn count(_: &SharpnessSettings, mesh: &ClusterMesh, rings: &Rings, _: &[Class], stats: &mut MeshStats) {
         let mut fan = Fan::default();
         for vertex in (0..mesh.positions.len() as u32).filter(|&vertex| !mesh.is_shared(vertex)) {
             fan.gather(mesh, rings, vertex);
-            census.add(texture_share(mesh, &fan));
+            stats.add(texture_share(mesh, &fan));
         }
     }
 
-    fn settle(settings: &mut SharpnessSettings, census: &Census) {
-        settings.mean_share = census.mean().filter(|&mean| mean > 0.0).unwrap_or(1.0);
+    fn normalise(settings: &mut SharpnessSettings, stats: &MeshStats) {
+        settings.mean_share = stats.mean().filter(|&mean| mean > 0.0).unwrap_or(1.0);
     }
 
     fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
         self.area = area_of(mesh);
+        let kept = std::mem::take(&mut self.quadrics);
         let planes = |first| self.sharp_planes(mesh, rings, classes).split_off(first);
-        let more = newcomers(self.quadrics.len(), mesh.positions.len(), planes);
-        append(&mut self.quadrics, more);
+        self.quadrics = extended(kept, mesh.positions.len(), planes);
         let is_complex = |(vertex, class): (usize, &Class)| *class == Class::Complex && !mesh.is_shared(vertex as u32);
         self.complex.extend(classes.iter().enumerate().skip(self.complex.len()).map(is_complex));
     }

@@ -20,7 +20,7 @@ use glam::{DVec2, DVec3, Vec2, Vec3, Vec3A};
 
 use super::crease::{NormalSums, add_creases};
 use super::local::{LocalQuadric, LocalWedge, Planes};
-use super::metric::{EdgeCase, Metric, Placement, SettlingWedge};
+use super::metric::{EdgeCase, Metric, MovingWedge, Placement};
 use super::weights::Weights;
 use crate::mesh::class::{Class, VALENCE_MAX};
 use crate::mesh::cluster::{ClusterMesh, DEAD};
@@ -271,11 +271,11 @@ impl SurfaceCost {
 
     /// Step of a vertex to its position of least error; `None` if the error falls by less than 2 %. Wedges take their
     /// best texture coordinates, except those with a fixed `slide`.
-    pub fn best_step(&self, vertex: u32, wedges: &[SettlingWedge]) -> Option<DVec3> {
+    pub fn best_step(&self, vertex: u32, wedges: &[MovingWedge]) -> Option<DVec3> {
         let quadric = self.vertices[vertex as usize];
         let mut reduced = quadric.widened();
         let spring = SPRING * reduced.diagonal.element_sum();
-        for &SettlingWedge { wedge, slide } in wedges.iter().filter(|_| self.has_texture()) {
+        for &MovingWedge { wedge, slide } in wedges.iter().filter(|_| self.has_texture()) {
             let texture = self.wedges[wedge as usize].widened();
             match slide {
                 Some(slide) => texture.add_held(slide, &mut reduced),
@@ -341,8 +341,8 @@ impl Metric for SurfaceCost {
         weights.uv > 0.0
     }
 
-    fn learn_crowding(weights: &mut Weights, crowding: f64) {
-        weights.crowding = crowding;
+    fn learn_seam_density(weights: &mut Weights, seam_density: f64) {
+        weights.seam_density = seam_density;
     }
 
     fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
@@ -367,7 +367,7 @@ impl Metric for SurfaceCost {
         self.bring(mesh, edge, wedge);
     }
 
-    fn best_step(&self, vertex: u32, wedges: &[SettlingWedge]) -> Option<DVec3> {
+    fn best_step(&self, vertex: u32, wedges: &[MovingWedge]) -> Option<DVec3> {
         self.best_step(vertex, wedges)
     }
 
@@ -511,7 +511,7 @@ mod tests {
     fn the_best_step_has_less_error_than_any_near_it() {
         let (cost, error) = joined();
         for slide in [DVec2::ZERO, DVec2::new(0.05, -0.02)] {
-            let best = cost.best_step(17, &[SettlingWedge { wedge: 17, slide: Some(slide) }]).unwrap();
+            let best = cost.best_step(17, &[MovingWedge { wedge: 17, slide: Some(slide) }]).unwrap();
             assert!(error(best, slide) < error(DVec3::ZERO, DVec2::ZERO));
             for step in STEPS {
                 assert!(error(best, slide) < error(best + 0.05 * step, slide));
@@ -522,8 +522,8 @@ mod tests {
     #[test]
     fn a_texture_coordinate_that_may_slide_finds_its_best_together_with_the_place() {
         let (cost, error) = joined();
-        let held = cost.best_step(17, &[SettlingWedge { wedge: 17, slide: Some(DVec2::ZERO) }]).unwrap();
-        let best = cost.best_step(17, &[SettlingWedge { wedge: 17, slide: None }]).unwrap();
+        let held = cost.best_step(17, &[MovingWedge { wedge: 17, slide: Some(DVec2::ZERO) }]).unwrap();
+        let best = cost.best_step(17, &[MovingWedge { wedge: 17, slide: None }]).unwrap();
         let slide = cost.best_slide(17, best);
         assert!(error(best, slide) < error(held, DVec2::ZERO));
         for step in STEPS {

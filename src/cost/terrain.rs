@@ -32,11 +32,11 @@
 use glam::{DVec2, DVec3};
 
 use super::around::Around;
-use super::census::Census;
 use super::fan::Fan;
-use super::knob::{Knob, factor, switch};
+use super::mesh_stats::MeshStats;
 use super::metric::{EdgeCase, Metric, Placement, fits};
-use super::planes::{append, area_of, ends, least, newcomers, plane_of, priced, texcoords_along};
+use super::parameter::{Parameter, factor, switch};
+use super::planes::{area_of, ends, extended, least, plane_of, priced, texcoords_along};
 use super::wide::WideQuadric;
 use crate::mesh::class::{Class, Rule};
 use crate::mesh::cluster::ClusterMesh;
@@ -47,7 +47,7 @@ use crate::mesh::ring::Rings;
 const REACH: f64 = 2.0;
 
 /// Parameters.
-pub const KNOBS: [Knob; 7] = [
+pub const PARAMETERS: [Parameter; 7] = [
     factor("normal", 0.1, "weight of the normal, in mean edge lengths (box diagonals with box-scale)"),
     switch("box-scale", 0.0, "1 scales the normal by the diagonal of the box"),
     switch("border-weights", 0.0, "1 weights edges by class instead of locking borders"),
@@ -57,7 +57,7 @@ pub const KNOBS: [Knob; 7] = [
     switch("carry", 1.0, "0 recomputes the quadrics around new vertices instead of adding them"),
 ];
 
-/// Settings, in the order of [`KNOBS`], and the frozen scale.
+/// Settings, in the order of [`PARAMETERS`], and the frozen scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TerrainSettings {
     normal: f64,
@@ -221,7 +221,7 @@ impl Metric for TerrainCost {
     type Settings = TerrainSettings;
 
     const WEDGE_BYTES: u64 = 288;
-    const HAS_CENSUS: bool = true;
+    const NEEDS_STATS: bool = true;
 
     fn new(settings: &TerrainSettings) -> Self {
         Self {
@@ -240,15 +240,15 @@ impl Metric for TerrainCost {
     }
 
     /// Counts the edges of every face. Inner edges count twice, wherever the clusters' borders are.
-    fn count(_: &TerrainSettings, mesh: &ClusterMesh, _: &Rings, _: &[Class], census: &mut Census) {
+    fn count(_: &TerrainSettings, mesh: &ClusterMesh, _: &Rings, _: &[Class], stats: &mut MeshStats) {
         for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
             let [a, b, c] = mesh.triangle(face);
-            [a.distance(b), b.distance(c), c.distance(a)].into_iter().for_each(|length| census.add(length));
+            [a.distance(b), b.distance(c), c.distance(a)].into_iter().for_each(|length| stats.add(length));
         }
     }
 
-    fn settle(settings: &mut TerrainSettings, census: &Census) {
-        let length = if settings.has_box_scale { census.diagonal() } else { census.mean().unwrap_or(0.0) };
+    fn normalise(settings: &mut TerrainSettings, stats: &MeshStats) {
+        let length = if settings.has_box_scale { stats.diagonal() } else { stats.mean().unwrap_or(0.0) };
         settings.normal_scale = if settings.is_raw { 1.0 } else { settings.normal * length };
     }
 
@@ -260,8 +260,8 @@ impl Metric for TerrainCost {
             self.find_normal(mesh, rings, vertex);
         }
         self.is_border = classes.iter().map(|class| class.is_border()).collect();
-        let more = newcomers(self.quadrics.len(), mesh.wedge_vertex.len(), |first| self.sum_quadrics(mesh, first));
-        append(&mut self.quadrics, more);
+        let kept = std::mem::take(&mut self.quadrics);
+        self.quadrics = extended(kept, mesh.wedge_vertex.len(), |first| self.sum_quadrics(mesh, first));
     }
 
     fn place(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Placement {

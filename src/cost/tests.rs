@@ -2,8 +2,8 @@
 
 use glam::{DMat3, DQuat, DVec2, DVec3, Vec2};
 
-use super::census::Census;
 use super::fan::{Fan, angle_between};
+use super::mesh_stats::MeshStats;
 use super::metric::EdgeCase;
 use super::*;
 use crate::mesh::class::{Class, classify};
@@ -25,13 +25,13 @@ struct Prepared<M> {
 
 /// A metric on a mesh, with its normalisers set and its state refreshed.
 fn prepared<M: Metric>(mesh: &ClusterMesh, settings: impl Into<M::Settings>) -> Prepared<M> {
-    let (mut rings, mut classes, mut settings, mut census) =
-        (Rings::default(), Vec::new(), settings.into(), Census::default());
+    let (mut rings, mut classes, mut settings, mut stats) =
+        (Rings::default(), Vec::new(), settings.into(), MeshStats::default());
     rings.build(mesh);
     classify(mesh, &rings, &mut classes);
-    mesh.positions.iter().for_each(|&p| census.enclose(p));
-    M::count(&settings, mesh, &rings, &classes, &mut census);
-    M::settle(&mut settings, &census);
+    mesh.positions.iter().for_each(|&p| stats.enclose(p));
+    M::count(&settings, mesh, &rings, &classes, &mut stats);
+    M::normalise(&mut settings, &stats);
     let mut cost = M::new(&settings);
     cost.refresh(mesh, &rings, &classes);
     Prepared { mesh: mesh.clone(), rings, classes, cost }
@@ -51,11 +51,11 @@ fn moved(mesh: &ClusterMesh, scale: f64, turn: DMat3, shift: DVec3) -> ClusterMe
 }
 
 /// The cost is a length to this `power`.
-fn obeys_the_laws<M: Metric, const N: usize>(knobs: &[knob::Knob; N], power: i32)
+fn obeys_the_laws<M: Metric, const N: usize>(parameters: &[parameter::Parameter; N], power: i32)
 where
     M::Settings: From<[f64; N]>,
 {
-    let defaults = || M::Settings::from(knobs.map(|knob| knob.default));
+    let defaults = || M::Settings::from(parameters.map(|parameter| parameter.default));
     let mesh = samples::grid(6, 0.7);
     let here = prepared::<M>(&mesh, defaults()).price(&INNER);
     assert!(here.cost > 1e-6, "a bumpy grid costs something: {here:?}");
@@ -80,27 +80,27 @@ where
 
 #[test]
 fn the_metric_of_1997_obeys_the_laws() {
-    obeys_the_laws::<ClassicCost, 3>(&classic::KNOBS, 2);
+    obeys_the_laws::<ClassicCost, 3>(&classic::PARAMETERS, 2);
 }
 
 #[test]
 fn the_curvature_metric_obeys_the_laws() {
-    obeys_the_laws::<CurvatureCost, 3>(&curvature::KNOBS, 2);
+    obeys_the_laws::<CurvatureCost, 3>(&curvature::PARAMETERS, 2);
 }
 
 #[test]
 fn the_sharpness_metric_obeys_the_laws() {
-    obeys_the_laws::<SharpnessCost, 5>(&sharpness::KNOBS, 2);
+    obeys_the_laws::<SharpnessCost, 5>(&sharpness::PARAMETERS, 2);
 }
 
 #[test]
 fn the_terrain_metric_obeys_the_laws() {
-    obeys_the_laws::<TerrainCost, 7>(&terrain::KNOBS, 2);
+    obeys_the_laws::<TerrainCost, 7>(&terrain::PARAMETERS, 2);
 }
 
 #[test]
 fn the_oblique_metric_obeys_the_laws() {
-    obeys_the_laws::<ObliqueCost, 10>(&oblique::KNOBS, 6);
+    obeys_the_laws::<ObliqueCost, 10>(&oblique::PARAMETERS, 6);
 }
 
 /// Σ (n·(p - q))² over the faces around a vertex.
@@ -135,9 +135,9 @@ fn the_metric_of_1997_is_the_sum_of_squared_distances_to_planes() {
 }
 
 /// The defaults of all parameters except one.
-fn with<const N: usize>(knobs: &[knob::Knob; N], name: &str, value: f64) -> [f64; N] {
-    assert!(knobs.iter().any(|knob| knob.name == name));
-    knobs.map(|knob| if knob.name == name { value } else { knob.default })
+fn with<const N: usize>(parameters: &[parameter::Parameter; N], name: &str, value: f64) -> [f64; N] {
+    assert!(parameters.iter().any(|parameter| parameter.name == name));
+    parameters.map(|parameter| if parameter.name == name { value } else { parameter.default })
 }
 
 #[test]
@@ -149,23 +149,23 @@ fn three_places_are_the_ends_and_the_middle() {
         assert!(found.cost > optimal.price(&INNER).cost * 1.01, "{found:?}");
     }
     let mesh = samples::grid(6, 0.7);
-    let classic = with(&classic::KNOBS, "placement", 1.0);
+    let classic = with(&classic::PARAMETERS, "placement", 1.0);
     let it = prepared::<ClassicCost>(&mesh, classic);
     let found = it.price(&INNER);
     let sum = |p| plane_sum(&mesh, &it.rings, 16, p) + plane_sum(&mesh, &it.rings, 24, p);
     let (a, b) = (mesh.positions[16], mesh.positions[24]);
     let least = [a, b, 0.5 * (a + b)].map(sum).into_iter().fold(f64::INFINITY, f64::min);
     agrees(found.cost, least);
-    check(it, prepared::<ClassicCost>(&mesh, classic::KNOBS.map(|knob| knob.default)));
-    let oblique = with(&oblique::KNOBS, "placement", 1.0);
-    let optimal = oblique::KNOBS.map(|knob| knob.default);
+    check(it, prepared::<ClassicCost>(&mesh, classic::PARAMETERS.map(|parameter| parameter.default)));
+    let oblique = with(&oblique::PARAMETERS, "placement", 1.0);
+    let optimal = oblique::PARAMETERS.map(|parameter| parameter.default);
     check(prepared::<ObliqueCost>(&mesh, oblique), prepared::<ObliqueCost>(&mesh, optimal));
 }
 
 #[test]
 fn the_area_weighted_baseline_follows_a_change_as_the_curvature_metric_does() {
     for curvature in [0.0, 1.0] {
-        let settings = || with(&curvature::KNOBS, "curvature", curvature);
+        let settings = || with(&curvature::PARAMETERS, "curvature", curvature);
         let mut it = prepared::<CurvatureCost>(&samples::grid(6, 0.7), settings());
         it.mesh.positions[24].z += 0.4;
         let mut changed = Vec::new();
@@ -183,10 +183,10 @@ fn the_area_weighted_baseline_follows_a_change_as_the_curvature_metric_does() {
 fn terrain_quadrics_that_are_not_carried_are_those_of_the_mesh_as_it_stands() {
     // Raw, so that no normaliser changes with the mesh.
     let settings = |carry: f64| {
-        terrain::KNOBS.map(|knob| match knob.name {
+        terrain::PARAMETERS.map(|parameter| match parameter.name {
             "raw" => 1.0,
             "carry" => carry,
-            _ => knob.default,
+            _ => parameter.default,
         })
     };
     let mut it = prepared::<TerrainCost>(&samples::grid(6, 0.7), settings(0.0));
@@ -208,7 +208,7 @@ fn terrain_quadrics_that_are_not_carried_are_those_of_the_mesh_as_it_stands() {
 fn terrain_counts_no_face_without_area() {
     let mut mesh = samples::grid(6, 0.7);
     (mesh.positions[16].z, mesh.positions[17].z) = (0.5, 0.25);
-    let raw = || with(&terrain::KNOBS, "raw", 1.0);
+    let raw = || with(&terrain::PARAMETERS, "raw", 1.0);
     let before = prepared::<TerrainCost>(&mesh, raw()).price(&INNER).cost;
     // The normals of its corners differ, so it has a plane in eight dimensions.
     let middle = mesh.push_vertex(0.5 * (mesh.positions[16] + mesh.positions[17]), 0);
@@ -221,8 +221,8 @@ fn terrain_counts_no_face_without_area() {
 #[test]
 fn raw_terrain_has_unit_normals() {
     let mesh = samples::grid(6, 0.7);
-    let it = prepared::<TerrainCost>(&mesh, with(&terrain::KNOBS, "raw", 1.0));
-    let settings = terrain::TerrainSettings::from(with(&terrain::KNOBS, "raw", 1.0));
+    let it = prepared::<TerrainCost>(&mesh, with(&terrain::PARAMETERS, "raw", 1.0));
+    let settings = terrain::TerrainSettings::from(with(&terrain::PARAMETERS, "raw", 1.0));
     assert!(TerrainCost::wants_raw_texture(&settings));
     for vertex in 0..49 {
         let length = it.cost.normal(vertex).length();
@@ -371,7 +371,7 @@ fn wide_sum<const N: usize>(faces: &[[[f64; N]; 3]], v: [f64; N]) -> f64 {
 
 #[test]
 fn the_terrain_metric_is_the_squared_distance_to_planes_in_eight_dimensions() {
-    let it = prepared::<TerrainCost>(&samples::grid(6, 0.7), terrain::KNOBS.map(|knob| knob.default));
+    let it = prepared::<TerrainCost>(&samples::grid(6, 0.7), terrain::PARAMETERS.map(|parameter| parameter.default));
     let onto = EdgeCase { onto: true, stays: true, ..INNER };
     let found = it.price(&onto);
     let (mut lengths, mut count) = (0.0, 0.0);
@@ -396,7 +396,7 @@ fn the_terrain_metric_is_the_squared_distance_to_planes_in_eight_dimensions() {
 
 #[test]
 fn the_oblique_metric_is_the_weighted_sum_of_its_paper() {
-    let it = prepared::<ObliqueCost>(&samples::grid(6, 0.7), oblique::KNOBS.map(|knob| knob.default));
+    let it = prepared::<ObliqueCost>(&samples::grid(6, 0.7), oblique::PARAMETERS.map(|parameter| parameter.default));
     let onto = EdgeCase { onto: true, stays: true, ..INNER };
     let found = it.price(&onto);
     let normal =
@@ -430,12 +430,13 @@ fn the_oblique_metric_is_the_weighted_sum_of_its_paper() {
 
 #[test]
 fn the_oblique_factors_follow_a_change_over_two_rings() {
-    let mut it = prepared::<ObliqueCost>(&samples::grid(6, 0.7), oblique::KNOBS.map(|knob| knob.default));
+    let mut it =
+        prepared::<ObliqueCost>(&samples::grid(6, 0.7), oblique::PARAMETERS.map(|parameter| parameter.default));
     it.mesh.positions[24].z += 0.4;
     let mut changed = Vec::new();
     it.cost.follow(&it.mesh, &it.rings, &[24], &mut changed);
     changed.sort_unstable();
-    let fresh = prepared::<ObliqueCost>(&it.mesh, oblique::KNOBS.map(|knob| knob.default));
+    let fresh = prepared::<ObliqueCost>(&it.mesh, oblique::PARAMETERS.map(|parameter| parameter.default));
     for vertex in 0..49u32 {
         let (followed, wanted) = (it.cost.factors(vertex), fresh.cost.factors(vertex));
         assert_eq!(followed, wanted, "vertex {vertex}");
@@ -443,7 +444,8 @@ fn the_oblique_factors_follow_a_change_over_two_rings() {
     }
 
     fn prepared_before(vertex: u32) -> (f64, f64, f64) {
-        let before = prepared::<ObliqueCost>(&samples::grid(6, 0.7), oblique::KNOBS.map(|knob| knob.default));
+        let before =
+            prepared::<ObliqueCost>(&samples::grid(6, 0.7), oblique::PARAMETERS.map(|parameter| parameter.default));
         before.cost.factors(vertex)
     }
 }
@@ -452,7 +454,7 @@ fn the_oblique_factors_follow_a_change_over_two_rings() {
 fn oblique_rules_are_those_of_the_paper() {
     use crate::mesh::class::Rule;
     use crate::mesh::edge::EdgeKind::{Border as OnBorder, Inner, Seam as OnSeam};
-    let it = prepared::<ObliqueCost>(&samples::two_charts(6), oblique::KNOBS.map(|knob| knob.default));
+    let it = prepared::<ObliqueCost>(&samples::two_charts(6), oblique::PARAMETERS.map(|parameter| parameter.default));
     assert_eq!(it.classes[24], Class::Seam);
     for (from, to, kind, rule) in [
         (Class::Smooth, Class::Smooth, Inner, Rule::Free),
@@ -492,8 +494,10 @@ fn oblique_rules_are_those_of_the_paper() {
 fn terrain_and_sharpness_never_remove_a_border_vertex() {
     use crate::mesh::class::Rule;
     use crate::mesh::edge::EdgeKind::{Border, Inner};
-    let terrain = prepared::<TerrainCost>(&samples::grid(4, 0.3), terrain::KNOBS.map(|knob| knob.default));
-    let sharp = prepared::<SharpnessCost>(&samples::grid(4, 0.3), sharpness::KNOBS.map(|knob| knob.default));
+    let terrain =
+        prepared::<TerrainCost>(&samples::grid(4, 0.3), terrain::PARAMETERS.map(|parameter| parameter.default));
+    let sharp =
+        prepared::<SharpnessCost>(&samples::grid(4, 0.3), sharpness::PARAMETERS.map(|parameter| parameter.default));
     for to in Class::ALL {
         for kind in [Border, Inner] {
             assert_eq!(terrain.cost.rule(Class::Border, to, kind), Rule::Never);

@@ -9,7 +9,7 @@
 //! * High, where seams would take nearly all vertices: the surface loses more than the texture gains, so the weight is
 //!   light again. Above that it falls with the inverse square of the density.
 
-use super::knob::{Knob, factor, switch};
+use super::parameter::{Parameter, factor, switch};
 
 /// NOTE: tuned. Seam densities between which seams have their full weight.
 const FIRM: [f64; 2] = [0.52, 0.65];
@@ -19,7 +19,7 @@ const LOOSE: [f64; 2] = [0.32, 0.85];
 const LIGHT: f64 = 0.08;
 
 /// Seam density above which the weight falls no further.
-const CROWDING_MAX: f64 = 4.0;
+const SEAM_DENSITY_MAX: f64 = 4.0;
 
 /// Weights of the terms, all relative to the area-weighted squared distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,18 +34,18 @@ pub struct Weights {
     /// into the chart, 0 to 1.
     pub inset: f64,
     /// Predicted share of the result's vertices on seams
-    /// ([`SeamTally::crowding`](crate::mesh::crowding::SeamTally::crowding)); infinite if unknown.
-    pub crowding: f64,
+    /// ([`SeamTally::seam_density`](crate::mesh::seam_density::SeamTally::seam_density)); infinite if unknown.
+    pub seam_density: f64,
 }
 
 impl Default for Weights {
     fn default() -> Self {
-        Self::from(KNOBS.map(|knob| knob.default))
+        Self::from(PARAMETERS.map(|parameter| parameter.default))
     }
 }
 
 /// Parameters besides the weight of the texture drift.
-pub const KNOBS: [Knob; 3] = [
+pub const PARAMETERS: [Parameter; 3] = [
     factor("border", 1.0, "weight of the squared distance to open borders"),
     factor(
         "seam",
@@ -55,24 +55,24 @@ pub const KNOBS: [Knob; 3] = [
     switch(
         "inset",
         0.0,
-        "share of what a straightened seam leaves its chart by that its picture moves inwards instead",
+        "share of the overhang by which the texture coordinates of a straightened seam move back into its chart",
     ),
 ];
 
 impl From<[f64; 3]> for Weights {
     fn from([border, seam, inset]: [f64; 3]) -> Self {
-        Self { uv: 0.7, border, seam, inset, crowding: f64::INFINITY }
+        Self { uv: 0.7, border, seam, inset, seam_density: f64::INFINITY }
     }
 }
 
 impl Weights {
     /// Weight of the squared distance to seams at their predicted density.
     pub fn of_seams(&self) -> f64 {
-        let sparse = (FIRM[0] - self.crowding) / (FIRM[0] - LOOSE[0]);
-        let crowded = (self.crowding - FIRM[1]) / (LOOSE[1] - FIRM[1]);
+        let sparse = (FIRM[0] - self.seam_density) / (FIRM[0] - LOOSE[0]);
+        let crowded = (self.seam_density - FIRM[1]) / (LOOSE[1] - FIRM[1]);
         let lightness = sparse.max(crowded).clamp(0.0, 1.0);
-        let overcrowding = (self.crowding.min(CROWDING_MAX) / LOOSE[1]).max(1.0);
-        self.seam * libm::pow(LIGHT, lightness) / (overcrowding * overcrowding)
+        let excess = (self.seam_density.min(SEAM_DENSITY_MAX) / LOOSE[1]).max(1.0);
+        self.seam * libm::pow(LIGHT, lightness) / (excess * excess)
     }
 }
 
@@ -82,9 +82,9 @@ mod tests {
 
     #[test]
     fn few_seams_and_crowded_ones_are_held_lightly() {
-        let at = |crowding| Weights { crowding, seam: 1.0, ..Weights::default() }.of_seams();
+        let at = |seam_density| Weights { seam_density, seam: 1.0, ..Weights::default() }.of_seams();
         assert_eq!([at(0.0), at(0.32), at(0.85)], [LIGHT; 3]);
-        assert!((at(1.7) / LIGHT - 0.25).abs() < 1e-12 && at(f64::INFINITY) == at(CROWDING_MAX));
+        assert!((at(1.7) / LIGHT - 0.25).abs() < 1e-12 && at(f64::INFINITY) == at(SEAM_DENSITY_MAX));
         assert_eq!([at(0.52), at(0.65)], [1.0; 2]);
         assert!(at(0.35) < at(0.45) && at(0.7) > at(0.8));
     }

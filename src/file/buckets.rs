@@ -255,7 +255,7 @@ impl<T: Record> BucketWriter<T> {
     /// On a full disk or a failed write.
     pub fn finish_durable(mut self) -> Result<Buckets<T>> {
         self.flush_all()?;
-        let path = self.file.finish(*b"scatter ", 0, self.count)?;
+        let path = self.file.finish(*b"buckets ", 0, self.count)?;
         Ok(Buckets { path, extents: self.extents, is_scratch: false, record: PhantomData })
     }
 
@@ -391,13 +391,13 @@ mod tests {
     #[test]
     fn an_extent_that_is_not_what_was_written_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.scatter");
+        let path = folder.path().join("a.buckets");
         let mut writer = BucketWriter::create(&path, 2).unwrap();
         (0..1000u32).for_each(|i| writer.push(i % 2, [i, i + 1]).unwrap());
-        let scatter: Buckets<[u32; 2]> = writer.finish().unwrap();
+        let buckets: Buckets<[u32; 2]> = writer.finish().unwrap();
         let mut found = Vec::new();
         let mut read = |cell| {
-            scatter.read(cell, |records| {
+            buckets.read(cell, |records| {
                 found.extend_from_slice(records);
                 Ok(())
             })
@@ -416,11 +416,11 @@ mod tests {
     #[test]
     fn extents_beyond_the_file_or_larger_than_any_are_not_sound() {
         let folder = tempfile::tempdir().unwrap();
-        let mut writer = BucketWriter::create(&folder.path().join("a.scatter"), 2).unwrap();
+        let mut writer = BucketWriter::create(&folder.path().join("a.buckets"), 2).unwrap();
         (0..1000u32).for_each(|i| writer.push(i % 2, [i, i + 1]).unwrap());
-        let mut scatter: Buckets<[u32; 2]> = writer.finish().unwrap();
-        assert!(scatter.is_sound());
-        let whole = scatter.extents.clone();
+        let mut buckets: Buckets<[u32; 2]> = writer.finish().unwrap();
+        assert!(buckets.is_sound());
+        let whole = buckets.extents.clone();
         let changes: [fn(&mut Extent); 5] = [
             |extent| extent.records = extent.bytes + 1,
             |extent| extent.records = EXTENT_RECORDS_MAX as u32 + 1,
@@ -429,13 +429,13 @@ mod tests {
             |extent| extent.offset_bytes += 1 << 20,
         ];
         for change in changes {
-            change(&mut scatter.extents[1][0]);
-            assert!(!scatter.is_sound());
-            scatter.extents.clone_from(&whole);
+            change(&mut buckets.extents[1][0]);
+            assert!(!buckets.is_sound());
+            buckets.extents.clone_from(&whole);
         }
         // The same extent repeatedly adds up to more than the file has.
         let again = vec![whole[0][0]; 1000];
-        scatter.extents[0].extend(again);
-        assert!(!scatter.is_sound());
+        buckets.extents[0].extend(again);
+        assert!(!buckets.is_sound());
     }
 }

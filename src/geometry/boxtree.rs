@@ -16,6 +16,8 @@
 use glam::{BVec3, DVec3};
 use rayon::prelude::*;
 
+use crate::base::pool::in_parallel;
+
 /// Number of items of a leaf.
 const LEAF_BOXES: usize = 8;
 /// Largest depth of the tree: item ids have 32 bits.
@@ -109,7 +111,7 @@ impl BoxTree {
             spread_bits(at.x as u64) | spread_bits(at.y as u64) << 1 | spread_bits(at.z as u64) << 2
         };
         let mut keys: Vec<(u64, u32)> = (0..count as u32).map(|item| (code(box_of(item)), item)).collect();
-        keys.par_sort_unstable();
+        in_parallel(|| keys.par_sort_unstable());
         let items: Vec<u32> = keys.into_iter().map(|(_, item)| item).collect();
         let leaf_base = items.len().div_ceil(LEAF_BOXES).next_power_of_two();
         let mut nodes = vec![Bounds::EMPTY; 2 * leaf_base];

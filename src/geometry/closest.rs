@@ -14,6 +14,7 @@ const FLAT_SINE: f64 = 1e-8;
 
 /// Barycentric weights of the point of a triangle that is closest to `p`. On a needle they may be mostly rounding; see
 /// [`closest_point`].
+#[inline]
 pub fn closest_weights(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));

@@ -46,7 +46,7 @@ pub struct TextureImages {
 impl TextureImages {
     /// Finds the diffuse images (`map_Kd`) of a catalogue's materials; adds a finding for each missing one.
     pub fn find(catalogue: &Catalogue, findings: &mut Findings) -> Self {
-        let mut pictures = Self::default();
+        let mut images = Self::default();
         let mut known: HashMap<PathBuf, u32> = HashMap::new();
         let of_material: Vec<u32> = catalogue
             .materials
@@ -56,20 +56,20 @@ impl TextureImages {
                     return NO_IMAGE;
                 };
                 let Some(path) = find_file(definition, name) else {
-                    findings.note("missing_picture", || {
+                    findings.note("missing_image", || {
                         format!("{} of {}: no such file", escape(name), escape_path(&definition.folder))
                     });
                     return NO_IMAGE;
                 };
                 *known.entry(path.clone()).or_insert_with(|| {
-                    pictures.files.push(TextureImage { path, name: base_name(name).to_vec() });
-                    pictures.files.len() as u32 - 1
+                    images.files.push(TextureImage { path, name: base_name(name).to_vec() });
+                    images.files.len() as u32 - 1
                 })
             })
             .collect();
         let material_of = |part: &crate::model::Part| part.material.map_or(NO_IMAGE, |m| of_material[m as usize]);
-        pictures.of_part = catalogue.parts.iter().map(material_of).collect();
-        pictures
+        images.of_part = catalogue.parts.iter().map(material_of).collect();
+        images
     }
 
     /// Content of each file; `None` for a file that cannot be read.
@@ -154,20 +154,20 @@ impl Content {
 mod tests {
     use super::*;
 
-    fn pictures(folder: &Path, files: &[(&str, &str)]) -> TextureImages {
+    fn images(folder: &Path, files: &[(&str, &str)]) -> TextureImages {
         fs::create_dir_all(folder).unwrap();
-        let picture = |&(name, content): &(&str, &str)| {
+        let image = |&(name, content): &(&str, &str)| {
             fs::write(folder.join(name), content).unwrap();
             TextureImage { path: folder.join(name), name: name.as_bytes().to_vec() }
         };
-        TextureImages { files: files.iter().map(picture).collect(), of_part: Vec::new() }
+        TextureImages { files: files.iter().map(image).collect(), of_part: Vec::new() }
     }
 
     #[test]
-    fn a_picture_is_known_by_name_and_content_then_by_name_then_by_content() {
+    fn a_image_is_known_by_name_and_content_then_by_name_then_by_content() {
         let folder = tempfile::tempdir().unwrap();
-        let original = pictures(&folder.path().join("a"), &[("wall.png", "1"), ("roof.png", "2"), ("door.png", "3")]);
-        let result = pictures(
+        let original = images(&folder.path().join("a"), &[("wall.png", "1"), ("roof.png", "2"), ("door.png", "3")]);
+        let result = images(
             &folder.path().join("b"),
             &[("wall.png", "1"), ("roof.png", "2, smaller"), ("wall_2.png", "3"), ("other.png", "4")],
         );

@@ -12,7 +12,7 @@
 //! 48 bytes a face while a cluster is counted; the buffers of two files; one bucket of shared edges at a time.
 //!
 //! # Files
-//! `pass-0-edges.scatter` and `pass-0-wedges.scatter`, removed on drop.
+//! `pass-0-edges.buckets` and `pass-0-wedges.buckets`, removed on drop.
 
 use std::path::Path;
 
@@ -177,8 +177,8 @@ impl SharedTallies {
         let most_bytes = 3 * faces * size_of::<SharedEdge>() as u64;
         let buckets = most_bytes.div_ceil(bucket_bytes.max(1)).clamp(1, BUCKETS_MAX);
         Ok(Self {
-            edges: BucketWriter::create(&folder.join("pass-0-edges.scatter"), buckets as usize)?,
-            wedges: BucketWriter::create(&folder.join("pass-0-wedges.scatter"), buckets as usize)?,
+            edges: BucketWriter::create(&folder.join("pass-0-edges.buckets"), buckets as usize)?,
+            wedges: BucketWriter::create(&folder.join("pass-0-wedges.buckets"), buckets as usize)?,
             buckets,
         })
     }

@@ -126,7 +126,7 @@ fn inspect_in_clusters(
     progress: &dyn Progress,
 ) -> Result<Inspection> {
     if options.threads == Some(0) {
-        return Err(Error::Usage("--threads 0: expected at least 1".into()));
+        return Err(Error::Usage("`threads: 0`: expected at least 1".into()));
     }
     let (inputs, idle) = scan::find_inputs_and_idle(input)?;
     let budget = memory::budget_of(options.memory)?;

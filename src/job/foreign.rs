@@ -14,7 +14,7 @@ use crate::os::durable::no_links;
 
 /// Prefixes and suffixes of the names of all other files.
 const PREFIXES: [&str; 4] = ["scan-", "pass-", "write-", "measure-"];
-const SUFFIXES: [&str; 8] = [".col", ".plc", ".blk", ".scatter", ".piece", ".bin", ".state", ".tmp"];
+const SUFFIXES: [&str; 8] = [".col", ".plc", ".blk", ".buckets", ".piece", ".bin", ".state", ".tmp"];
 
 /// Returns the entries of a folder.
 ///
@@ -50,7 +50,7 @@ pub(super) fn refuse_foreign(path: &Path) -> Result<()> {
                 return Err(Error::Locked(path.to_owned()));
             }
             let message =
-                format!("{}: holds foreign files; choose an empty or new folder with --work DIR", escape_path(path));
+                format!("{}: holds foreign files; choose an empty or new folder with `work`", escape_path(path));
             return Err(Error::Usage(message));
         }
     }

@@ -82,7 +82,7 @@ pub enum Step {
     /// The published result.
     Written,
     /// Global statistics of the mesh that the metric is normalised by.
-    Census,
+    Statistics,
     /// Path of the output whose temporary files may exist.
     Output,
     /// Probes of the input, for measuring the result.
@@ -106,7 +106,7 @@ impl Step {
             Step::Cluster { pass, attempt, cluster } => format!("pass-{pass}-cluster-{attempt}-{cluster:06}"),
             Step::Pass { pass } => format!("pass-{pass}-mesh"),
             Step::Written => "write-result".into(),
-            Step::Census => "pass-0-census".into(),
+            Step::Statistics => "pass-0-statistics".into(),
             Step::Output => "write-output".into(),
             Step::Probes => "pass-0-probes".into(),
         }
@@ -122,7 +122,7 @@ impl Step {
     /// Order of the step: number of its pass, from 1, and position in the pass.
     fn place(&self) -> (u64, u8) {
         match *self {
-            Step::Input | Step::Scan | Step::Census => (0, 0),
+            Step::Input | Step::Scan | Step::Statistics => (0, 0),
             Step::Cut { pass } => (u64::from(pass) + 1, 0),
             Step::Plan { pass, .. } | Step::Trial { pass, .. } | Step::Cluster { pass, .. } => (u64::from(pass) + 1, 1),
             Step::Probes => (1, 1),

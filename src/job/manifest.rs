@@ -139,7 +139,7 @@ impl Manifest {
         differ("the input", &given(self), &given(new));
         match (fields(&self.options), fields(&new.options)) {
             (Some(old), Some(new)) => new.iter().for_each(|(name, value)| {
-                differ(&format!("--{name}"), old.get(name).map_or(NOT_GIVEN, String::as_str), value);
+                differ(name, old.get(name).map_or(NOT_GIVEN, String::as_str), value);
             }),
             _ => differ("the job", &self.options, &new.options),
         }
@@ -167,7 +167,7 @@ impl Manifest {
 }
 
 /// Advice for a work folder that cannot be resumed.
-pub(super) const AFRESH: &str = "start over with --resume never, or use another folder with --work DIR";
+pub(super) const AFRESH: &str = "start over with `resume: never`, or give another folder with `work`";
 
 /// Text for an option that was not given.
 const NOT_GIVEN: &str = "not given";
@@ -178,11 +178,10 @@ fn fields(text: &str) -> Option<BTreeMap<String, String>> {
     let Ok(Value::Object(options)) = serde_json::from_str(text) else { return None };
     let mut fields = BTreeMap::new();
     for (name, value) in options {
-        let name = name.replace('_', "-");
         if let Value::Object(settings) = &value {
-            fields.extend(settings.iter().map(|(setting, value)| (format!("{name} ({setting})"), plain(value))));
+            fields.extend(settings.iter().map(|(setting, value)| (format!("`{name}` ({setting})"), plain(value))));
         }
-        fields.insert(name, plain(&value));
+        fields.insert(format!("`{name}`"), plain(&value));
     }
     Some(fields)
 }
@@ -201,6 +200,7 @@ fn plain(value: &Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::ErrorKind;
     use crate::file::header::seal;
 
     fn manifest(options: &str) -> Manifest {
@@ -228,11 +228,11 @@ mod tests {
         new.inputs[0].bytes = 10;
         new.began = 2;
         let expected = [
-            "--faces was not given, is 7",
-            "--metric-option was not given, is border=2",
-            "--ratio was 0.1, is not given",
-            "--remesh (lambda) was 2.0, is 3.0",
-            "--seams was stitch, is lock",
+            "`faces` was not given, is 7",
+            "`metric_option` was not given, is border=2",
+            "`ratio` was 0.1, is not given",
+            "`remesh` (lambda) was 2.0, is 3.0",
+            "`seams` was stitch, is lock",
             "/data/city.obj was 9 bytes long, is 10 bytes long",
         ];
         assert_eq!(old.differences(&new), expected);
@@ -248,7 +248,7 @@ mod tests {
         new.inputs =
             vec![InputFile { path: "/data/city.obj".into(), leads_to: "/data/city.obj".into(), bytes: 9 }; 1000];
         let told = old.differences(&new);
-        assert_eq!(told[0], "--seams was \\u{1b}[2J, is lock");
+        assert_eq!(told[0], "`seams` was \\u{1b}[2J, is lock");
         assert_eq!(told.len(), DIFFERENCES_TOLD_MAX + 1);
         assert_eq!(told[DIFFERENCES_TOLD_MAX], "989 more");
         assert!(!told.concat().contains(char::is_control));
@@ -266,14 +266,14 @@ mod tests {
             bytes[at] ^= 4;
             std::fs::write(&path, bytes).unwrap();
             let error = Manifest::read(&path).unwrap_err();
-            assert_eq!(error.exit_code(), 8, "byte {at}: {error}");
+            assert_eq!(error.kind(), ErrorKind::Damaged, "byte {at}: {error}");
         }
         let mut other = whole;
         other[16] += 1;
         seal(other.first_chunk_mut().unwrap());
         std::fs::write(&path, other).unwrap();
-        assert_eq!(Manifest::read(&path).unwrap_err().exit_code(), 5);
+        assert_eq!(Manifest::read(&path).unwrap_err().kind(), ErrorKind::Changed);
         std::fs::write(&path, b"drystone-job\n").unwrap();
-        assert_eq!(Manifest::read(&path).unwrap_err().exit_code(), 8);
+        assert_eq!(Manifest::read(&path).unwrap_err().kind(), ErrorKind::Damaged);
     }
 }

@@ -20,6 +20,7 @@ mod foreign;
 mod journal;
 mod lock;
 mod manifest;
+mod recalled;
 mod stamp;
 mod status;
 
@@ -33,7 +34,6 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use std::thread::JoinHandle;
 
 use serde::Serialize;
-use serde::de::DeserializeOwned;
 
 use self::finished::{Finished, append, sync};
 use self::foreign::{entries, is_phase_file, refuse_foreign};
@@ -42,6 +42,7 @@ use self::journal::{JOURNAL, Journal, Value, now};
 use self::lock::{LOCK, lock_folder};
 use self::manifest::MANIFEST;
 pub use self::manifest::{InputFile, Manifest};
+pub use self::recalled::Recalled;
 use self::stamp::Condition;
 pub use self::status::{WorkStatus, folder_bytes, look};
 use crate::base::error::escape_path;
@@ -80,7 +81,7 @@ pub struct WorkFolder {
     under_way: Mutex<Option<JoinHandle<Result<()>>>>,
     /// The first step that this process superseded others with; records of an earlier process for steps that follow it
     /// are void.
-    made_anew: Mutex<Option<Step>>,
+    first_redone: Mutex<Option<Step>>,
     /// Descriptions of damage found.
     damage: Mutex<Vec<String>>,
     is_resumed: bool,
@@ -116,7 +117,7 @@ impl WorkFolder {
             order: Vec::new(),
             journal: Arc::default(),
             under_way: Mutex::new(None),
-            made_anew: Mutex::new(None),
+            first_redone: Mutex::new(None),
             damage: Mutex::new(Vec::new()),
             is_resumed: false,
             holds_steps: AtomicBool::new(true),
@@ -133,7 +134,7 @@ impl WorkFolder {
                 if let Some((earlier, _)) = earlier {
                     if earlier.options != manifest.options {
                         let shown = escape_path(&folder.path);
-                        return Err(Error::Changed(format!("{shown}: holds another job; use another --work DIR")));
+                        return Err(Error::Changed(format!("{shown}: holds another job; give another `work`")));
                     }
                     folder.is_ours |= earlier.owns_folder;
                 }
@@ -263,9 +264,9 @@ impl WorkFolder {
     /// Makes all records durable.
     ///
     /// # Errors
-    /// [`Error::Io`] if the sync fails, and those of [`settle`](WorkFolder::settle).
+    /// [`Error::Io`] if the sync fails, and those of [`wait_until_durable`](WorkFolder::wait_until_durable).
     pub fn sync(&self) -> Result<()> {
-        self.settle()?;
+        self.wait_until_durable()?;
         sync(&self.journal)
     }
 
@@ -296,22 +297,13 @@ impl WorkFolder {
         std::mem::take(&mut lock(&self.damage))
     }
 
-    /// Returns the value of a step that an earlier process finished; `None` if there is none or its files are not
-    /// intact.
+    /// Returns the value of a step that an earlier process finished; `None` if there is none, if its files are not
+    /// intact, or if it does not fit the context although its checksum matches.
     ///
     /// # Errors
     /// [`Error::Damaged`] under [`Resume::Require`] if they are not intact; [`Error::Io`] if they cannot be read.
-    pub fn recall<T: DeserializeOwned>(&self, step: Step) -> Result<Option<T>> {
-        self.recall_if(step, |_| true)
-    }
-
-    /// Like [`recall`](WorkFolder::recall), for a value that is used to index memory or files: if `accept` returns
-    /// false, the value counts as damaged although its checksum matches.
-    ///
-    /// # Errors
-    /// As [`recall`](WorkFolder::recall).
-    pub fn recall_if<T: DeserializeOwned>(&self, step: Step, accept: impl FnOnce(&mut T) -> bool) -> Result<Option<T>> {
-        if lock(&self.made_anew).is_some_and(|made| step.follows(made)) {
+    pub fn recall<T: Recalled>(&self, step: Step, context: &T::Context<'_>) -> Result<Option<T>> {
+        if lock(&self.first_redone).is_some_and(|made| step.follows(made)) {
             return Ok(None);
         }
         let Some(record) = self.recalled.get(&step) else { return Ok(None) };
@@ -331,9 +323,9 @@ impl WorkFolder {
             Value::Here(bytes) => codec::decode(bytes),
             Value::InFile(stamp) => codec::decode(&read_value(&self.path.join(stamp.name()))?),
         };
-        let sound = decoded.and_then(|mut value| match accept(&mut value) {
-            true => Ok(value),
-            false => Err("its content is inconsistent".into()),
+        let sound = decoded.and_then(|mut value: T| {
+            value.locate(&self.path, context);
+            if value.is_sound(context) { Ok(value) } else { Err("its content is inconsistent".into()) }
         });
         match sound {
             Ok(value) => Ok(Some(value)),
@@ -380,7 +372,7 @@ impl WorkFolder {
 
     /// Records a finished step. Then removes all files except `files`, which are its own and those still needed, and
     /// the values of `steps`. Most of this runs on a background thread, since it waits for the disk; the next call of
-    /// this or of [`settle`](WorkFolder::settle) returns its error.
+    /// this or of [`wait_until_durable`](WorkFolder::wait_until_durable) returns its error.
     ///
     /// # Errors
     /// As [`keep`](WorkFolder::keep).
@@ -392,7 +384,7 @@ impl WorkFolder {
         value: &T,
         steps: &[Step],
     ) -> Result<()> {
-        self.settle()?;
+        self.wait_until_durable()?;
         self.holds_steps.store(true, Ordering::Relaxed);
         let files: Vec<&Path> = files.into_iter().collect();
         let finished = Finished::new(&self.path, step, amount, files.iter().copied(), value)?;
@@ -400,7 +392,7 @@ impl WorkFolder {
         names.insert(step.file_name());
         // Files of an earlier process for later steps must go first: this process writes files with the same names. All
         // others can be removed in the background, since they are listed here.
-        lock(&self.made_anew).get_or_insert(step);
+        lock(&self.first_redone).get_or_insert(step);
         remove_files(&self.left_after(step, &names)?)?;
         let superseded = self.all_but(&names)?;
         let journal = Arc::clone(&self.journal);
@@ -420,7 +412,7 @@ impl WorkFolder {
     ///
     /// # Panics
     /// Propagates a panic of the background thread.
-    pub fn settle(&self) -> Result<()> {
+    pub fn wait_until_durable(&self) -> Result<()> {
         let under_way = lock(&self.under_way).take();
         under_way.map_or(Ok(()), |thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
     }
@@ -429,8 +421,13 @@ impl WorkFolder {
     ///
     /// # Errors
     /// Those of [`recall`](WorkFolder::recall), [`keep`](WorkFolder::keep) and `make`.
-    pub fn once<T: Serialize + DeserializeOwned>(&self, step: Step, make: impl FnOnce() -> Result<T>) -> Result<T> {
-        if let Some(value) = self.recall(step)? {
+    pub fn once<T: Serialize + Recalled>(
+        &self,
+        step: Step,
+        context: &T::Context<'_>,
+        make: impl FnOnce() -> Result<T>,
+    ) -> Result<T> {
+        if let Some(value) = self.recall(step, context)? {
             return Ok(value);
         }
         let value = make()?;
@@ -440,7 +437,7 @@ impl WorkFolder {
 
     /// Records why the process ends early, on a best-effort basis.
     pub fn note_failure(&self, error: &Error) {
-        let _ = self.settle();
+        let _ = self.wait_until_durable();
         let _ = append(&self.journal, &Entry::Failed { time: now(), message: error.to_string() });
         let _ = sync(&self.journal);
     }
@@ -455,7 +452,7 @@ impl WorkFolder {
     /// # Errors
     /// If the journal cannot be synced first, or a file cannot be removed.
     pub fn retain<'a>(&self, files: impl IntoIterator<Item = &'a Path>, steps: &[Step]) -> Result<()> {
-        self.settle()?;
+        self.wait_until_durable()?;
         sync(&self.journal)?;
         remove_files(&self.all_but(&names_of(files, steps))?)
     }
@@ -465,7 +462,7 @@ impl WorkFolder {
     /// # Errors
     /// If the journal cannot be synced.
     pub fn finish(mut self, keep: bool) -> Result<()> {
-        self.settle()?;
+        self.wait_until_durable()?;
         sync(&self.journal)?;
         if !keep {
             self.remove();
@@ -520,7 +517,7 @@ impl WorkFolder {
     }
 
     fn remove(&mut self) {
-        let _ = self.settle();
+        let _ = self.wait_until_durable();
         *self.journal() = None;
         let _ = self.clear();
         let _ = fs::remove_file(self.path.join(LOCK));
@@ -534,7 +531,7 @@ impl WorkFolder {
 impl Drop for WorkFolder {
     /// Removes a folder without a finished step; one that can be resumed stays.
     fn drop(&mut self) {
-        // Not by `settle`: it could panic during another panic.
+        // Not by `wait_until_durable`: it could panic during another panic.
         let _ = lock(&self.under_way).take().map(JoinHandle::join);
         if self.lock.is_some() && !self.holds_steps.load(Ordering::Relaxed) {
             self.remove();
@@ -544,7 +541,7 @@ impl Drop for WorkFolder {
 
 /// Returns [`Error::Changed`] for a job that should be resumed and does not exist.
 fn nothing_in(path: &Path, why: &str) -> Error {
-    Error::Changed(format!("{}: {why}; to start over, leave out --resume require", escape_path(path)))
+    Error::Changed(format!("{}: {why}; to start over, leave out `resume: require`", escape_path(path)))
 }
 
 fn names_of<'a>(files: impl IntoIterator<Item = &'a Path>, steps: &[Step]) -> HashSet<String> {

@@ -34,7 +34,7 @@ pub fn look(path: &Path) -> Result<WorkStatus> {
         }
         let folder = escape_path(path);
         return Err(Error::Usage(format!(
-            "{folder}: holds no job: none was begun there, or it is done and its files were removed (--keep-work keeps them)"
+            "{folder}: holds no job: none was begun there, or it is done and its files were removed (`keep_work` keeps them)"
         )));
     }
     let (manifest, checksum) = Manifest::read(&path.join(MANIFEST))?;

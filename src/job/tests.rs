@@ -1,5 +1,6 @@
 use super::finished::write_value;
 use super::*;
+use crate::base::ErrorKind;
 use crate::os::durable::witness;
 
 fn manifest() -> Manifest {
@@ -20,6 +21,20 @@ fn left_over(path: &Path) {
     job.keep(Step::Pass { pass: 0 }, 3, [], &(1u8, 2u8)).unwrap();
 }
 
+macro_rules! always_sound {
+    ($($value:ty),+) => {
+        $(impl Recalled for $value {
+            type Context<'a> = ();
+
+            fn is_sound(&self, (): &()) -> bool {
+                true
+            }
+        })+
+    };
+}
+
+always_sound!(Vec<u32>, (u8, u8), u8, ());
+
 #[test]
 fn a_folder_is_removed_with_its_job_and_locked_while_it_runs() {
     let parent = tempfile::tempdir().unwrap();
@@ -39,9 +54,9 @@ fn steps_of_a_killed_job_are_recalled() {
     let job = open(&path, Resume::Require).unwrap();
     assert!(job.is_resumed());
     assert_eq!(job.latest().collect::<Vec<_>>(), [Step::Pass { pass: 0 }, Step::Scan]);
-    assert_eq!(job.recall::<Vec<u32>>(Step::Scan).unwrap(), Some(vec![7; 5000]));
-    assert_eq!(job.recall::<(u8, u8)>(Step::Pass { pass: 0 }).unwrap(), Some((1, 2)));
-    assert_eq!(job.recall::<u8>(Step::Written).unwrap(), None);
+    assert_eq!(job.recall::<Vec<u32>>(Step::Scan, &()).unwrap(), Some(vec![7; 5000]));
+    assert_eq!(job.recall::<(u8, u8)>(Step::Pass { pass: 0 }, &()).unwrap(), Some((1, 2)));
+    assert_eq!(job.recall::<u8>(Step::Written, &()).unwrap(), None);
     assert!(!path.join("pass-0-cluster-000001.piece.tmp").exists());
 }
 
@@ -55,11 +70,11 @@ fn a_damaged_step_is_forgotten_or_refused() {
         *bytes.last_mut().unwrap() ^= 1;
         fs::write(path.join(name), bytes).unwrap();
         let job = open(&path, Resume::Auto).unwrap();
-        assert_eq!(job.recall::<Vec<u32>>(Step::Scan).unwrap(), None);
+        assert_eq!(job.recall::<Vec<u32>>(Step::Scan, &()).unwrap(), None);
         assert!(job.take_damage()[0].contains(name));
         drop(job);
         let job = open(&path, Resume::Require).unwrap();
-        assert!(matches!(job.recall::<Vec<u32>>(Step::Scan), Err(Error::Damaged { .. })));
+        assert!(matches!(job.recall::<Vec<u32>>(Step::Scan, &()), Err(Error::Damaged { .. })));
     }
 }
 
@@ -70,8 +85,8 @@ fn another_job_is_refused_and_left_alone_unless_it_may_go() {
     left_over(&path);
     let other = Manifest { options: r#"{"ratio": 0.2}"#.into(), ..manifest() };
     let error = WorkFolder::open(&path, &other, Resume::Auto).unwrap_err();
-    assert_eq!(error.exit_code(), 5);
-    assert!(error.to_string().contains("--ratio was 0.1, is 0.2"), "{error}");
+    assert_eq!(error.kind(), ErrorKind::Changed);
+    assert!(error.to_string().contains("`ratio` was 0.1, is 0.2"), "{error}");
     assert!(path.join("scan-0-positions.col").exists());
     let job = WorkFolder::open(&path, &other, Resume::Never).unwrap();
     assert!(!job.is_resumed() && !path.join("scan-0-positions.col").exists());
@@ -80,7 +95,7 @@ fn another_job_is_refused_and_left_alone_unless_it_may_go() {
 #[test]
 fn nothing_to_go_on_with_is_an_error_only_if_that_is_required() {
     let parent = tempfile::tempdir().unwrap();
-    assert_eq!(open(&parent.path().join("work"), Resume::Require).unwrap_err().exit_code(), 5);
+    assert_eq!(open(&parent.path().join("work"), Resume::Require).unwrap_err().kind(), ErrorKind::Changed);
     assert!(!open(&parent.path().join("work"), Resume::Auto).unwrap().is_resumed());
 }
 
@@ -95,8 +110,8 @@ fn what_is_no_longer_needed_goes_and_the_rest_is_still_recalled() {
     job.keep(Step::Pass { pass: 1 }, 1, [], &()).unwrap();
     drop(job);
     let job = open(&path, Resume::Auto).unwrap();
-    assert_eq!(job.recall::<Vec<u32>>(Step::Scan).unwrap(), None);
-    assert_eq!(job.recall::<()>(Step::Pass { pass: 1 }).unwrap(), Some(()));
+    assert_eq!(job.recall::<Vec<u32>>(Step::Scan, &()).unwrap(), None);
+    assert_eq!(job.recall::<()>(Step::Pass { pass: 1 }, &()).unwrap(), Some(()));
     assert!(job.take_damage().is_empty());
 }
 
@@ -109,13 +124,13 @@ fn a_step_that_supersedes_others_is_kept_and_leaves_what_was_begun_since() {
     job.supersede(Step::Pass { pass: 1 }, 1, [], &vec![9u32; 5000], &[Step::Input]).unwrap();
     let begun = path.join("pass-2-positions.col");
     fs::write(&begun, b"begun").unwrap();
-    job.settle().unwrap();
+    job.wait_until_durable().unwrap();
     assert!(begun.exists());
     assert!(!path.join("scan-0-positions.col").exists());
     drop(job);
     let job = open(&path, Resume::Auto).unwrap();
-    assert_eq!(job.recall::<Vec<u32>>(Step::Pass { pass: 1 }).unwrap(), Some(vec![9; 5000]));
-    assert_eq!(job.recall::<Vec<u32>>(Step::Scan).unwrap(), None);
+    assert_eq!(job.recall::<Vec<u32>>(Step::Pass { pass: 1 }, &()).unwrap(), Some(vec![9; 5000]));
+    assert_eq!(job.recall::<Vec<u32>>(Step::Scan, &()).unwrap(), None);
 }
 
 #[test]
@@ -133,7 +148,7 @@ fn what_an_earlier_process_left_of_later_steps_is_not_in_the_way() {
     job.supersede(Step::Cut { pass: 1 }, 1, [], &(), &[Step::Pass { pass: 0 }]).unwrap();
     assert!(!piece.exists());
     fs::write(&piece, b"made anew").unwrap();
-    job.settle().unwrap();
+    job.wait_until_durable().unwrap();
     assert_eq!(fs::read(&piece).unwrap(), b"made anew");
 }
 
@@ -145,8 +160,8 @@ fn what_fails_beside_the_work_is_told_when_it_is_waited_for() {
     // The value is to be renamed onto a folder that is not empty.
     fs::create_dir_all(path.join(Step::Scan.file_name()).join("in the way")).unwrap();
     job.supersede(Step::Scan, 1, [], &vec![9u32; 5000], &[]).unwrap();
-    assert!(job.settle().is_err());
-    assert!(job.settle().is_ok());
+    assert!(job.wait_until_durable().is_err());
+    assert!(job.wait_until_durable().is_ok());
 }
 
 #[test]
@@ -194,7 +209,7 @@ fn a_damaged_manifest_is_an_error_and_a_damaged_journal_is_not() {
     assert!(!open(&path, Resume::Auto).unwrap().is_resumed());
     left_over(&path);
     fs::write(path.join(MANIFEST), "torn").unwrap();
-    assert_eq!(open(&path, Resume::Auto).unwrap_err().exit_code(), 8);
+    assert_eq!(open(&path, Resume::Auto).unwrap_err().kind(), ErrorKind::Damaged);
     assert!(open(&path, Resume::Never).is_ok());
 }
 
@@ -266,16 +281,16 @@ fn a_file_that_should_be_there_and_is_not_is_damage() {
     drop(job);
     fs::remove_file(path.join(step.file_name())).unwrap();
     let job = open(&path, Resume::Auto).unwrap();
-    assert_eq!(job.recall::<Vec<u32>>(step).unwrap(), None);
+    assert_eq!(job.recall::<Vec<u32>>(step, &()).unwrap(), None);
     assert!(job.take_damage()[0].contains("it is gone"));
     drop(job);
     let job = open(&path, Resume::Require).unwrap();
-    assert!(matches!(job.recall::<Vec<u32>>(step), Err(Error::Damaged { .. })));
+    assert!(matches!(job.recall::<Vec<u32>>(step, &()), Err(Error::Damaged { .. })));
     drop(job);
     // Once the partition that it belongs to is recomputed, it is not missed.
     let job = open(&path, Resume::Require).unwrap();
     job.supersede(Step::Cut { pass: 0 }, 1, [], &(), &[]).unwrap();
-    assert_eq!(job.recall::<Vec<u32>>(step).unwrap(), None);
+    assert_eq!(job.recall::<Vec<u32>>(step, &()).unwrap(), None);
 }
 
 #[test]
@@ -330,7 +345,7 @@ fn zeros_that_a_power_cut_leaves_are_no_damage() {
 #[test]
 fn where_nothing_is_to_be_gone_on_with_nothing_is_made() {
     let parent = tempfile::tempdir().unwrap();
-    assert_eq!(open(&parent.path().join("work"), Resume::Require).unwrap_err().exit_code(), 5);
+    assert_eq!(open(&parent.path().join("work"), Resume::Require).unwrap_err().kind(), ErrorKind::Changed);
     assert_eq!(fs::read_dir(parent.path()).unwrap().count(), 0);
 }
 
@@ -365,7 +380,7 @@ fn entries_are_durable_before_anything_that_relies_on_them() {
 
     // The files of superseded steps are removed.
     job.supersede(pass(1), 2, [], &2u8, &[]).unwrap();
-    job.settle().unwrap();
+    job.wait_until_durable().unwrap();
     assert!(is_durable());
 
     job.keep(pass(2), 1, [], &3u8).unwrap();
@@ -432,7 +447,7 @@ fn work_that_is_never_gone_on_with_begins_anew_in_a_folder_of_its_kind_only() {
     left_over(&path);
     let other = Manifest { options: "compare".into(), ..manifest() };
     let error = WorkFolder::open(&path, &other, Resume::Again).unwrap_err();
-    assert_eq!(error.exit_code(), 5);
+    assert_eq!(error.kind(), ErrorKind::Changed);
     assert!(path.join("scan-0-positions.col").exists());
     let moved = Manifest {
         inputs: vec![InputFile { path: "/a.obj".into(), leads_to: "/a.obj".into(), bytes: 1 }],
@@ -452,7 +467,7 @@ fn nobody_misses_files_of_a_job_that_was_done() {
     drop(job);
     fs::remove_file(path.join("scan-mesh.state")).unwrap();
     let job = open(&path, Resume::Require).unwrap();
-    assert_eq!(job.recall::<Vec<u32>>(Step::Scan).unwrap(), None);
+    assert_eq!(job.recall::<Vec<u32>>(Step::Scan, &()).unwrap(), None);
     assert!(job.take_damage().is_empty());
 }
 

@@ -15,6 +15,7 @@ use serde::Serialize;
 
 use super::edges::EdgeTable;
 use super::surface::Surface;
+use crate::base::pool::in_parallel;
 use crate::geometry::boxtree::{Bounds, BoxTree};
 
 /// Maximum number of points taken along the border, beyond its vertices.
@@ -56,25 +57,23 @@ pub fn border_deviation(before: &[[DVec3; 2]], after: &[[DVec3; 2]]) -> BorderDe
     }
     let length: f64 = after.iter().map(|[a, b]| a.distance(*b)).sum();
     let step = (SAMPLE_STEP * length / after.len() as f64).max(length / SAMPLE_LIMIT);
-    let sums: Vec<(f64, f64)> = after
-        .par_chunks(EDGES_AT_ONCE)
-        .map(|edges| {
-            let (mut max_sq, mut integral) = (0.0f64, 0.0);
-            for &[from, to] in edges {
-                let ends = [from, to].map(|end| index.distance_sq(end));
-                let parts = piece_count(from.distance(to), step);
-                let mut sum = 0.5 * (ends[0] + ends[1]);
-                max_sq = max_sq.max(ends[0]).max(ends[1]);
-                for part in 1..parts {
-                    let at_point = index.distance_sq(from.lerp(to, part as f64 / parts as f64));
-                    max_sq = max_sq.max(at_point);
-                    sum += at_point;
-                }
-                integral += sum * from.distance(to) / parts as f64;
+    let sum_of = |edges: &[[DVec3; 2]]| {
+        let (mut max_sq, mut integral) = (0.0f64, 0.0);
+        for &[from, to] in edges {
+            let ends = [from, to].map(|end| index.distance_sq(end));
+            let parts = piece_count(from.distance(to), step);
+            let mut sum = 0.5 * (ends[0] + ends[1]);
+            max_sq = max_sq.max(ends[0]).max(ends[1]);
+            for part in 1..parts {
+                let at_point = index.distance_sq(from.lerp(to, part as f64 / parts as f64));
+                max_sq = max_sq.max(at_point);
+                sum += at_point;
             }
-            (max_sq, integral)
-        })
-        .collect();
+            integral += sum * from.distance(to) / parts as f64;
+        }
+        (max_sq, integral)
+    };
+    let sums: Vec<(f64, f64)> = in_parallel(|| after.par_chunks(EDGES_AT_ONCE).map(sum_of).collect());
     let (max_sq, integral) = sums.into_iter().fold((0.0f64, 0.0), |all, one| (all.0.max(one.0), all.1 + one.1));
     let mean_sq = if length > 0.0 { integral / length } else { max_sq };
     BorderDeviation { max: max_sq.sqrt(), rms: mean_sq.sqrt() }

@@ -30,7 +30,6 @@ pub mod cells;
 mod contrast;
 mod direction;
 mod distribution;
-mod figures;
 mod options;
 pub mod pinholes;
 mod points;
@@ -48,15 +47,15 @@ use std::time::Instant;
 use self::cells::MeasuredMesh;
 use self::direction::Direction;
 use self::distribution::Distribution;
-use self::figures::share;
-pub use self::figures::{
-    BeforeAfter, Comparison, Distances, FarPoint, Geometry, Histogram, NormalAngles, Pinholes, Quality, ROUNDING_SHARE,
-    SLIVER_REGULARITY, SeamFigures, Texture, TopologyCounts, VERSION, WORST_PLACES, WorstView,
-};
 pub use self::options::{CompareOptions, Resources, SAMPLES, Spread};
 use self::points::Sampling;
 use super::border::border_deviation;
-use crate::base::threads::make_pool;
+use super::figures::share;
+pub use super::figures::{
+    BeforeAfter, Comparison, Distances, FarPoint, Geometry, Histogram, NormalAngles, Pinholes, Quality, ROUNDING_SHARE,
+    SLIVER_REGULARITY, SeamFigures, Texture, TopologyCounts, VERSION, WORST_PLACES, WorstView,
+};
+use crate::base::pool::Pool;
 use crate::base::{Error, Findings, Progress, Result};
 use crate::os::system;
 use crate::scan::InputChoice;
@@ -96,7 +95,7 @@ pub fn compare(
     progress: &dyn Progress,
 ) -> Result<Comparison> {
     let started = Instant::now();
-    make_pool(options.resources.threads)?;
+    let _threads = Pool::new(options.resources.threads)?.enter();
     // A work folder that holds the folders of a comparison was left by a process that was killed.
     let is_own = !options.work.exists() || NAMES.iter().any(|name| options.work.join(name).exists());
     let found = compare_in_cells([&original.into(), &result.into()], options, CELL_FACES, onlooker, progress);
@@ -132,7 +131,7 @@ fn compare_in_cells(
     let limit = before.bounds.with(after.bounds).diagonal();
     let measured = |from, to, seed, see_point: &mut dyn FnMut(&FarPoint)| {
         let sampling = Sampling::new(from, options.spread, seed);
-        direction::measure(from, to, &sampling, limit, &options.resources, see_point, progress)
+        direction::measure([from, to], &sampling, limit, &options.resources, see_point, progress)
     };
     let forward = measured(&after, &before, options.seed, &mut |place| onlooker.see_point(place))?;
     let backward = measured(&before, &after, options.seed ^ 1 << 63, &mut |_| {})?;

@@ -13,6 +13,8 @@
 
 use rayon::prelude::*;
 
+use crate::base::pool::in_parallel;
+
 /// A side of a face.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct HalfEdge {
@@ -79,7 +81,7 @@ impl EdgeTable {
                 half_edges.push(HalfEdge { key, id: (face * 3 + corner) as u32 });
             }
         }
-        half_edges.par_sort_unstable();
+        in_parallel(|| half_edges.par_sort_unstable());
         Self { half_edges }
     }
 
@@ -97,7 +99,7 @@ impl EdgeTable {
 /// The vertices of some edges, each once, in the order of ids.
 pub fn vertices_of(edges: &[[u32; 2]]) -> Vec<u32> {
     let mut vertices: Vec<u32> = edges.iter().flatten().copied().collect();
-    vertices.par_sort_unstable();
+    in_parallel(|| vertices.par_sort_unstable());
     vertices.dedup();
     vertices
 }

@@ -12,6 +12,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use crate::base::pool::in_parallel;
 use crate::base::{Progress, Result};
 use crate::geometry::boxtree::{Bounds, BoxTree};
 use crate::geometry::closest_point;
@@ -69,7 +70,7 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
         let triangles: Vec<[DVec3; 3]> = corners.vertices.as_chunks().0.iter().map(triangle).collect();
         drop(corners);
         let search = || nearest_sq(triangles.len(), |face| triangles[face as usize], &of_input, &mut to_result);
-        rayon::join(search, || {
+        let spread_points = || {
             for &triangle in &triangles {
                 let are_met = chosen.are_met(triangle);
                 let mut is_searched = |point| chosen.holding(point).is_some_and(|cell| probes.has_all_near(cell));
@@ -78,7 +79,8 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
                     false => spread.pass(triangle),
                 }
             }
-        });
+        };
+        in_parallel(|| rayon::join(search, spread_points));
     }
     let mut to_input = vec![f64::INFINITY; of_result.len()];
     nearest_sq(probes.triangle_count(), |face| probes.triangle(face), &of_result, &mut to_input);
@@ -131,13 +133,13 @@ fn at_most_sq(result: &StoredMesh, points: &[DVec3]) -> Result<Vec<f64>> {
     let nearest_sq = |&point: &DVec3| {
         tree.nearest_sq(point, f64::INFINITY, |index| landmarks[index as usize].distance_squared(point))
     };
-    Ok(points.par_iter().map(nearest_sq).collect())
+    Ok(in_parallel(|| points.par_iter().map(nearest_sq).collect()))
 }
 
 /// Lowers the squared distances of points to those from `count` triangles.
 fn nearest_sq(count: usize, triangle: impl Fn(u32) -> [DVec3; 3] + Sync, points: &[DVec3], distances_sq: &mut [f64]) {
     let tree = BoxTree::new(count, |face| Bounds::around(triangle(face)));
-    points.par_iter().zip(distances_sq).for_each(|(&point, nearest_sq)| {
+    let lower = |(&point, nearest_sq): (&DVec3, &mut f64)| {
         if tree.bounds().distance_sq(point) < *nearest_sq {
             tree.nearest_sq(point, *nearest_sq, |face| {
                 let corners = triangle(face);
@@ -147,5 +149,6 @@ fn nearest_sq(count: usize, triangle: impl Fn(u32) -> [DVec3; 3] + Sync, points:
                 *nearest_sq
             });
         }
-    });
+    };
+    in_parallel(|| points.par_iter().zip(distances_sq).for_each(lower));
 }

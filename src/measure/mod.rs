@@ -15,8 +15,10 @@
 pub mod border;
 pub mod chart;
 pub mod check;
+#[cfg(feature = "images")]
 pub mod compare;
 pub mod edges;
+pub mod figures;
 pub mod forest;
 pub mod gauge;
 pub mod surface;

@@ -4,6 +4,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::edges::repeats_vertex;
+use crate::base::pool::in_parallel;
 use crate::base::{Error, Result};
 use crate::file::PackedColumn;
 use crate::file::packed::Coordinates;
@@ -124,7 +125,7 @@ fn append_column<T: Coordinates>(column: &PackedColumn<T>, out: &mut Vec<T>) -> 
 /// Distinct positions, and the new id of each old vertex.
 fn weld_positions(positions: &[DVec3]) -> (Vec<DVec3>, Vec<u32>) {
     let mut keys: Vec<([u64; 3], u32)> = positions.iter().zip(0u32..).map(|(&p, id)| (position_key(p), id)).collect();
-    keys.par_sort_unstable();
+    in_parallel(|| keys.par_sort_unstable());
     let mut firsts = vec![0u32; positions.len()];
     for group in keys.chunk_by(|a, b| a.0 == b.0) {
         for &(_, id) in group {

@@ -14,6 +14,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::edges::vertices_of;
+use crate::base::pool::in_parallel;
 use crate::geometry::boxtree::{Bounds, BoxTree};
 
 /// Edges that a thread takes at a time.
@@ -26,26 +27,27 @@ const SEARCH_MARGIN: f64 = 1.01;
 pub fn count_t_junctions(positions: &[DVec3], boundary: &[[u32; 2]], tolerance: f64) -> u64 {
     let vertices = vertices_of(boundary);
     let tree = BoxTree::new(vertices.len(), |item| Bounds::around([positions[vertices[item as usize] as usize]]));
-    let mut touching: Vec<u32> = boundary
-        .par_chunks(EDGES_AT_ONCE)
-        .flat_map_iter(|edges| {
-            let mut found = Vec::new();
-            for &[a, b] in edges {
-                let ends = [positions[a as usize], positions[b as usize]];
-                if ends[0].distance(ends[1]) <= 2.0 * tolerance {
-                    continue; // too short to have an inside
-                }
-                tree.near_segment(ends, tolerance * SEARCH_MARGIN, |item| {
-                    let vertex = vertices[item as usize];
-                    if vertex != a && vertex != b && touches_inside(positions[vertex as usize], ends, tolerance) {
-                        found.push(item);
-                    }
-                });
+    let search = |edges: &[[u32; 2]]| {
+        let mut found = Vec::new();
+        for &[a, b] in edges {
+            let ends = [positions[a as usize], positions[b as usize]];
+            if ends[0].distance(ends[1]) <= 2.0 * tolerance {
+                continue; // too short to have an inside
             }
-            found
-        })
-        .collect();
-    touching.par_sort_unstable();
+            tree.near_segment(ends, tolerance * SEARCH_MARGIN, |item| {
+                let vertex = vertices[item as usize];
+                if vertex != a && vertex != b && touches_inside(positions[vertex as usize], ends, tolerance) {
+                    found.push(item);
+                }
+            });
+        }
+        found
+    };
+    let mut touching: Vec<u32> = in_parallel(|| {
+        let mut touching: Vec<u32> = boundary.par_chunks(EDGES_AT_ONCE).flat_map_iter(search).collect();
+        touching.par_sort_unstable();
+        touching
+    });
     touching.dedup();
     touching.len() as u64
 }

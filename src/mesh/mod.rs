@@ -6,7 +6,8 @@
 
 pub mod class;
 pub mod cluster;
-pub mod crowding;
+pub mod compact;
+pub mod seam_density;
 pub mod doubles;
 pub mod edge;
 pub mod fold;

@@ -66,13 +66,13 @@ mod tests {
 
     //  a grid of 4 × 4 and, beside it, a triangle of size 0.1
     #[test]
-    fn a_crumb_goes_and_the_rest_stays() {
+    fn a_small_piece_goes_and_the_rest_stays() {
         let mut mesh = samples::grid(4, 0.0);
-        let crumb = [[9.0, 9.0], [9.1, 9.0], [9.0, 9.1]].map(|[x, y]| {
+        let small = [[9.0, 9.0], [9.1, 9.0], [9.0, 9.1]].map(|[x, y]| {
             let vertex = mesh.push_vertex(DVec3::new(x, y, 0.0), 0);
             mesh.push_wedge(vertex, DVec2::ZERO)
         });
-        mesh.push_face(crumb, 0);
+        mesh.push_face(small, 0);
         mesh.link_wedges();
         assert_eq!(drop_small(&mut mesh.clone(), 0.05, 99), (0, 0));
         assert_eq!(drop_small(&mut mesh.clone(), 0.5, 0), (0, 0));

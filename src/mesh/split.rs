@@ -161,7 +161,7 @@ mod tests {
     //  | /| /|
     //  0--1--2
     #[test]
-    fn surface_and_picture_stay_and_new_vertices_are_smooth() {
+    fn surface_and_texture_stay_and_new_vertices_are_smooth() {
         let mut mesh = samples::grid(2, 0.0);
         let points = [([0, 4], 0.25), ([0, 4], 0.5), ([3, 4], 0.5), ([4, 8], 0.75)];
         let points = points.map(|(ends, share)| EdgePoint { ends, share });

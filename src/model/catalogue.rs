@@ -14,7 +14,7 @@ const STATEMENT_BYTES: u64 = 40;
 const TEXTURE_BYTES: u64 = 980;
 
 /// A material that faces refer to.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Material {
     /// Name in the input (`usemtl`), as bytes; need not be UTF-8.
     pub name: Vec<u8>,

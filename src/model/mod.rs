@@ -7,6 +7,7 @@
 pub mod catalogue;
 pub mod face;
 pub mod face_blocks;
+pub mod mesh;
 pub mod piece;
 pub mod stored_mesh;
 pub mod corners;
@@ -14,4 +15,5 @@ pub mod corners;
 pub use catalogue::{Catalogue, Material, Part};
 pub use face::{Face, NO_TEXCOORD};
 pub use face_blocks::{FaceBlocks, FaceWriter};
+pub use mesh::Mesh;
 pub use stored_mesh::{StoredMesh, StoredPiece};

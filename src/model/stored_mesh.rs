@@ -17,6 +17,7 @@ use super::face_blocks::FaceBlocks;
 use crate::base::{Error, Result};
 use crate::file::column::Segment;
 use crate::file::packed::{PackedColumn, RecordBounds};
+use crate::job::Recalled;
 
 /// Largest number of vertices or texture coordinates: ids are 32 bits, and the last one means "none".
 pub const ID_LIMIT: u64 = u32::MAX as u64 - 1;
@@ -34,6 +35,22 @@ pub struct StoredPiece {
     pub texcoords: PackedColumn<DVec2>,
     /// Faces by ids of this piece.
     pub faces: FaceBlocks,
+}
+
+impl Recalled for StoredMesh {
+    type Context<'a> = ();
+
+    fn locate(&mut self, folder: &Path, (): &()) {
+        self.shared_positions.iter_mut().for_each(|segment| segment.locate(folder));
+        self.shared_colours.iter_mut().for_each(|segment| segment.locate(folder));
+        self.pieces.iter_mut().for_each(|piece| piece.locate(folder));
+    }
+
+    fn is_sound(&self, (): &()) -> bool {
+        self.shared_positions.iter().all(|positions| positions.is_sound() && positions.len() <= ID_LIMIT)
+            && self.shared_colours.iter().all(|colours| colours.is_sound() && colours.len() == self.shared_count())
+            && self.pieces.iter().all(StoredPiece::is_sound)
+    }
 }
 
 impl StoredPiece {
@@ -101,20 +118,6 @@ impl StoredMesh {
     /// Whether vertices have colours.
     pub fn has_colours(&self) -> bool {
         self.shared_colours.is_some() || self.pieces.iter().any(|piece| piece.colours.is_some())
-    }
-
-    /// Sets the folder of the files of a recalled value.
-    pub fn locate(&mut self, folder: &Path) {
-        self.shared_positions.iter_mut().for_each(|segment| segment.locate(folder));
-        self.shared_colours.iter_mut().for_each(|segment| segment.locate(folder));
-        self.pieces.iter_mut().for_each(|piece| piece.locate(folder));
-    }
-
-    /// Reports whether a recalled and located value is consistent with its files.
-    pub fn is_sound(&self) -> bool {
-        self.shared_positions.iter().all(|positions| positions.is_sound() && positions.len() <= ID_LIMIT)
-            && self.shared_colours.iter().all(|colours| colours.is_sound() && colours.len() == self.shared_count())
-            && self.pieces.iter().all(StoredPiece::is_sound)
     }
 
     /// Reports the same for its texture coordinates alone.
@@ -236,7 +239,7 @@ mod tests {
     /// The value as recalled from a journal in another folder.
     fn moved(mesh: &StoredMesh, folder: &Path) -> StoredMesh {
         let mut mesh: StoredMesh = codec::decode(&codec::encode(mesh).unwrap()).unwrap();
-        mesh.locate(folder);
+        mesh.locate(folder, &());
         mesh
     }
 
@@ -245,11 +248,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mesh = mesh(folder.path());
         let found = moved(&mesh, folder.path());
-        assert!(found.is_sound() && found.has_sound_texcoords());
+        assert!(found.is_sound(&()) && found.has_sound_texcoords());
         assert_eq!((found.vertex_count(), found.texcoord_count(), found.face_count()), (4, 3, 1));
         assert!(mesh.files().count() == 6 && found.files().eq(mesh.files()));
         let elsewhere = moved(&mesh, &folder.path().join("elsewhere"));
-        assert!(!elsewhere.is_sound());
+        assert!(!elsewhere.is_sound(&()));
         assert!(elsewhere.files().all(|file| file.parent() == Some(&folder.path().join("elsewhere"))));
     }
 
@@ -260,11 +263,11 @@ mod tests {
         for file in mesh.files() {
             let bytes = std::fs::read(file).unwrap();
             std::fs::write(file, &bytes[..bytes.len() - 1]).unwrap();
-            assert!(!mesh.is_sound(), "{file:?}");
+            assert!(!mesh.is_sound(&()), "{file:?}");
             assert_eq!(mesh.has_sound_texcoords(), !file.ends_with("texcoords"));
             std::fs::write(file, bytes).unwrap();
         }
-        assert!(mesh.is_sound());
+        assert!(mesh.is_sound(&()));
     }
 
     #[test]
@@ -279,7 +282,7 @@ mod tests {
         for (i, change) in changes.into_iter().enumerate() {
             let mut changed = mesh.clone();
             change(&mut changed);
-            assert!(!changed.is_sound(), "change {i}");
+            assert!(!changed.is_sound(&()), "change {i}");
         }
     }
 }

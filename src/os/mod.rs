@@ -3,6 +3,7 @@
 pub mod durable;
 pub mod mmap;
 pub mod path;
+#[cfg(feature = "cli")]
 pub mod signals;
 pub mod system;
 pub mod timeline;

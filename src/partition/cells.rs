@@ -170,7 +170,10 @@ pub fn plan(mesh: &StoredMesh, options: &PartitionOptions) -> Result<Cells> {
             for part in parts {
                 let whole = GridBox { low: [0; 3], high: [part.side; 3] };
                 let mut filled = part.take_filled();
-                split(&mut cells, part, &mut filled, part.node, part.level, whole, limit, options.pass, &mut next);
+                let (node, level) = (part.node, part.level);
+                let mut splitter =
+                    Splitter { cells: &mut cells, grid: part, limit, pass: options.pass, next: &mut next };
+                splitter.split(&mut filled, node, level, whole);
             }
         }
         pending = next;
@@ -248,56 +251,60 @@ fn count(mesh: &StoredMesh, cells: &Cells, parts: &mut [VertexGrid], options: &P
     Ok(())
 }
 
-/// Splits a leaf until no part holds more than `limit` vertices. Parts that need a finer grid go to `next`.
-#[allow(clippy::too_many_arguments, reason = "a recursion over plain values")]
-fn split(
-    cells: &mut Cells,
-    grid: &VertexGrid,
-    filled: &mut [Filled],
-    node: u32,
-    level: usize,
-    range: GridBox,
+/// Splits the leaves of a part of the tree.
+struct Splitter<'a> {
+    cells: &'a mut Cells,
+    grid: &'a VertexGrid,
+    /// Most vertices of a leaf.
     limit: u64,
+    /// Number of the pass, which shifts the planes.
     pass: usize,
-    next: &mut Vec<VertexGrid>,
-) {
-    let slabs = slab_counts(filled, range);
-    let total: u64 = slabs[0].iter().sum();
-    if total <= limit {
-        return;
+    /// Parts that need a finer grid.
+    next: &'a mut Vec<VertexGrid>,
+}
+
+impl Splitter<'_> {
+    /// Splits a leaf, and the leaves that this makes.
+    fn split(&mut self, filled: &mut [Filled], node: u32, level: usize, range: GridBox) {
+        let slabs = slab_counts(filled, range);
+        let total: u64 = slabs[0].iter().sum();
+        if total <= self.limit {
+            return;
+        }
+        // Split along the longest occupied extent.
+        let mut occupied = range;
+        for (axis, counts) in slabs.iter().enumerate() {
+            let first = counts.iter().position(|&n| n > 0).unwrap_or(0);
+            let last = counts.iter().rposition(|&n| n > 0).unwrap_or(0);
+            occupied.low[axis] = range.low[axis] + first;
+            occupied.high[axis] = range.low[axis] + last + 1;
+        }
+        let extent = |axis: usize| (occupied.high[axis] - occupied.low[axis]) as f64 * self.grid.step[axis];
+        let can_cut = |axis: &usize| occupied.high[*axis] - occupied.low[*axis] > 1;
+        let wider = |a: &usize, b: &usize| extent(*a).total_cmp(&extent(*b)).then(b.cmp(a));
+        let is_too_coarse = (0..3).max_by(wider).is_some_and(|widest| !can_cut(&widest));
+        // Refine rather than split along a shorter axis: where an outlier makes the grid coarse, such a split would
+        // give slabs that are all border.
+        if is_too_coarse && refine(self.grid, node, level, occupied, self.next) {
+            return;
+        }
+        let Some(axis) = (0..3).filter(can_cut).max_by(wider) else { return };
+        let parts = total.div_ceil(self.limit).max(2);
+        let even = (parts / 2) as f64 / parts as f64;
+        let share = if level < SHIFTED_LEVELS { FIRST_SHARES[self.pass % 3] } else { even };
+        let cut = choose_cut(&slabs[axis], range.low[axis], occupied.low[axis], occupied.high[axis], total, share);
+        let below = self.cells.nodes.len() as u32;
+        self.cells.nodes.extend([Node::Leaf { cell: 0 }; 2]);
+        self.cells.nodes[node as usize] = Node::Split { axis, plane: self.grid.plane(axis, cut), below };
+        let (mut lower, mut upper) = (range, range);
+        lower.high[axis] = cut;
+        upper.low[axis] = cut;
+        filled.sort_unstable_by_key(|cell| usize::from(cell.at[axis]) >= cut);
+        let (below_cut, above_cut) =
+            filled.split_at_mut(filled.partition_point(|cell| usize::from(cell.at[axis]) < cut));
+        self.split(below_cut, below, level + 1, lower);
+        self.split(above_cut, below + 1, level + 1, upper);
     }
-    // Split along the longest occupied extent.
-    let mut occupied = range;
-    for (axis, counts) in slabs.iter().enumerate() {
-        let first = counts.iter().position(|&n| n > 0).unwrap_or(0);
-        let last = counts.iter().rposition(|&n| n > 0).unwrap_or(0);
-        occupied.low[axis] = range.low[axis] + first;
-        occupied.high[axis] = range.low[axis] + last + 1;
-    }
-    let extent = |axis: usize| (occupied.high[axis] - occupied.low[axis]) as f64 * grid.step[axis];
-    let can_cut = |axis: &usize| occupied.high[*axis] - occupied.low[*axis] > 1;
-    let wider = |a: &usize, b: &usize| extent(*a).total_cmp(&extent(*b)).then(b.cmp(a));
-    let is_too_coarse = (0..3).max_by(wider).is_some_and(|widest| !can_cut(&widest));
-    // Refine rather than split along a shorter axis: where an outlier makes the grid coarse, such a split would give
-    // slabs that are all border.
-    if is_too_coarse && refine(grid, node, level, occupied, next) {
-        return;
-    }
-    let Some(axis) = (0..3).filter(can_cut).max_by(wider) else { return };
-    let parts = total.div_ceil(limit).max(2);
-    let even = (parts / 2) as f64 / parts as f64;
-    let share = if level < SHIFTED_LEVELS { FIRST_SHARES[pass % 3] } else { even };
-    let cut = choose_cut(&slabs[axis], range.low[axis], occupied.low[axis], occupied.high[axis], total, share);
-    let below = cells.nodes.len() as u32;
-    cells.nodes.extend([Node::Leaf { cell: 0 }; 2]);
-    cells.nodes[node as usize] = Node::Split { axis, plane: grid.plane(axis, cut), below };
-    let (mut lower, mut upper) = (range, range);
-    lower.high[axis] = cut;
-    upper.low[axis] = cut;
-    filled.sort_unstable_by_key(|cell| usize::from(cell.at[axis]) >= cut);
-    let (below_cut, above_cut) = filled.split_at_mut(filled.partition_point(|cell| usize::from(cell.at[axis]) < cut));
-    split(cells, grid, below_cut, below, level + 1, lower, limit, pass, next);
-    split(cells, grid, above_cut, below + 1, level + 1, upper, limit, pass, next);
 }
 
 /// Vertices in each slab of a range of grid cells, for each axis.

@@ -214,8 +214,24 @@ impl ClusterFaces {
         }
     }
 
-    /// Builds the mesh of the faces.
+    /// Builds the mesh of the faces of a cluster; vertices that other clusters share are locked.
     pub fn into_source(self, partition: &Partition, catalogue: &Catalogue, scale: &TextureScale) -> ClusterSource {
+        let are_shared: Vec<bool> = partition.faces.shared.contains_each(&self.vertex_ids).collect();
+        self.build(are_shared, catalogue, scale)
+    }
+
+    /// Builds the mesh of faces that are a whole mesh.
+    pub fn into_whole(self, catalogue: &Catalogue, scale: &TextureScale) -> ClusterSource {
+        let are_shared = vec![false; self.vertex_ids.len()];
+        self.build(are_shared, catalogue, scale)
+    }
+
+    fn build(
+        self,
+        are_shared: impl IntoIterator<Item = bool>,
+        catalogue: &Catalogue,
+        scale: &TextureScale,
+    ) -> ClusterSource {
         let Self { faces, positions, degenerate, doubles, vertex_ids, texcoord_ids, texcoords } = self;
         let origin = positions.first().copied().unwrap_or(DVec3::ZERO);
         let mesh = ClusterMesh::default();
@@ -231,7 +247,6 @@ impl ClusterFaces {
         };
         source.mesh.positions.reserve_exact(positions.len());
         source.mesh.flags.reserve_exact(positions.len());
-        let are_shared = partition.faces.shared.contains_each(&source.vertex_ids);
         for (&position, shared) in positions.iter().zip(are_shared) {
             source.mesh.push_vertex(position - origin, if shared { flag::SHARED | flag::LOCKED } else { 0 });
         }
@@ -302,6 +317,16 @@ impl ClusterSource {
             mesh.deviations[mesh.corners.len() - 1] = face.deviation;
         }
         mesh.link_wedges();
+    }
+
+    /// Partition ids of the loaded vertices.
+    pub fn vertex_ids(&self) -> &[u32] {
+        &self.vertex_ids
+    }
+
+    /// Texture coordinate of each wedge, by its rank among those of the faces; `None` where it has none.
+    pub fn texcoord_ids(&self) -> Vec<Option<u32>> {
+        self.wedge_texcoord.iter().map(|&id| (id != NO_TEXCOORD).then_some(id)).collect()
     }
 
     /// Registers vertices that were inserted into edges between loaded ones, in the order of their ids.

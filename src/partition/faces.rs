@@ -16,6 +16,7 @@ use std::sync::{Arc, Mutex};
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
+use super::file_names::FileNames;
 use super::numbering::{IdMap, Numbering};
 use super::options::PartitionOptions;
 use super::shared::Shared;
@@ -118,12 +119,11 @@ impl Job<'_> {
 ///
 /// # Errors
 /// On a full disk, failed reads and writes, and damaged files.
-pub fn distribute(
+pub(super) fn distribute(
     mesh: &StoredMesh,
     numbering: &Numbering,
     ranks: &IdMap,
-    folder: &Path,
-    name: &str,
+    names: FileNames<'_>,
     options: &PartitionOptions,
     findings: &mut Findings,
 ) -> Result<CellFaces> {
@@ -146,13 +146,13 @@ pub fn distribute(
     let looked_up = match ranks.whole() {
         Some(_) => None,
         None => {
-            let corners = Corners::create(&folder.join(format!("{name}-corners.tmp")), jobs.len(), first)?;
+            let corners = Corners::create(&names.path("corners.tmp"), jobs.len(), first)?;
             corners.look_up(&waiting, ranks, options)?;
             Some(corners)
         }
     };
     let loaded = LoadedWindow::default();
-    let mut by_cell = BucketWriter::create(&folder.join(format!("{name}-faces.scatter")), numbering.cell_count())?;
+    let mut by_cell = BucketWriter::create(&names.path("faces.buckets"), numbering.cell_count())?;
     let mut shared = Shared::default();
     let mut foreign_corners = vec![0; numbering.cell_count()];
     let mut wedges = vec![0; numbering.cell_count()];

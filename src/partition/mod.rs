@@ -26,6 +26,7 @@
 pub mod cells;
 pub mod cluster;
 pub mod faces;
+mod file_names;
 pub mod numbering;
 mod options;
 mod ranks;
@@ -83,20 +84,21 @@ pub fn partition(
     options: &PartitionOptions,
 ) -> Result<Partition> {
     let mut findings = Findings::default();
+    let names = file_names::FileNames { folder, prefix: name };
     let cells = cells::plan(mesh, options)?;
     let number = match mesh.has_colours() {
         true => numbering::number::<numbering::ColouredRecord>,
         false => numbering::number::<numbering::PlainRecord>,
     };
-    let (numbering, ranks, numbering_bytes) = number(mesh, &cells, folder, name, options, &mut findings)?;
-    let mut faces = faces::distribute(mesh, &numbering, &ranks, folder, name, options, &mut findings)?;
+    let (numbering, ranks, numbering_bytes) = number(mesh, &cells, names, options, &mut findings)?;
+    let mut faces = faces::distribute(mesh, &numbering, &ranks, names, options, &mut findings)?;
     let mut scratch_peak = numbering_bytes.max(folder_bytes(folder));
     drop(ranks);
     let weights = weigh(&numbering, &faces, catalogue, options)?;
     let heavy = (0..weights.len()).filter(|&cluster| weights[cluster].is_none());
     faces.share_all(heavy.map(|cluster| numbering.starts[cluster]..numbering.starts[cluster + 1]));
     let texcoords = match faces.stretches.are_scattered() {
-        true => Some(texcoords::bring(mesh, &faces, folder, name, options)?),
+        true => Some(texcoords::bring(mesh, &faces, names, options)?),
         false => None,
     };
     scratch_peak = scratch_peak.max(folder_bytes(folder));

@@ -20,6 +20,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::cells::Cells;
+use super::file_names::FileNames;
 use super::options::PartitionOptions;
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Result};
@@ -245,14 +246,13 @@ impl Record for ColouredRecord {
 pub(super) fn number<R: VertexRecord>(
     mesh: &StoredMesh,
     cells: &Cells,
-    folder: &Path,
-    name: &str,
+    names: FileNames<'_>,
     options: &PartitionOptions,
     findings: &mut Findings,
 ) -> Result<(Numbering, IdMap, u64)> {
     mesh.numbering()?;
     let cell_count = cells.count() as usize;
-    let records = scatter_by_cell::<R>(mesh, cells, &folder.join(format!("{name}-vertices.scatter")), options)?;
+    let records = bucket_by_cell::<R>(mesh, cells, &names.path("vertices.buckets"), options)?;
 
     let vertex_count = mesh.vertex_count() as u32;
     let is_whole = fit_one_window(mesh.vertex_count(), options.work_bytes);
@@ -265,12 +265,12 @@ pub(super) fn number<R: VertexRecord>(
         true => None,
         false => {
             let windows = vertex_count.div_ceil(window_len) as usize;
-            Some(BucketWriter::create(&folder.join(format!("{name}-ranks.scatter")), windows)?)
+            Some(BucketWriter::create(&names.path("ranks.buckets"), windows)?)
         }
     };
-    let mut positions = PositionRunWriter::create(&folder.join(format!("{name}-positions.plc")))?;
+    let mut positions = PositionRunWriter::create(&names.path("positions.plc"))?;
     let mut colours = match mesh.has_colours() {
-        true => Some(ColumnWriter::create(&folder.join(format!("{name}-colours.col")), *b"colour  ")?),
+        true => Some(ColumnWriter::create(&names.path("colours.col"), *b"colour  ")?),
         false => None,
     };
     let mut starts = vec![0u32];
@@ -316,17 +316,17 @@ pub(super) fn number<R: VertexRecord>(
     };
     let ranks = IdMap { window_len, count: vertex_count, whole, pairs };
     let positions = positions.finish()?;
-    let scratch_peak = folder_bytes(folder);
+    let scratch_peak = folder_bytes(names.folder);
     Ok((Numbering { positions, colours, starts }, ranks, scratch_peak))
 }
 
-fn scatter_by_cell<R: VertexRecord>(
+fn bucket_by_cell<R: VertexRecord>(
     mesh: &StoredMesh,
     cells: &Cells,
     path: &Path,
     options: &PartitionOptions,
 ) -> Result<Buckets<R>> {
-    let mut scatter = BucketWriter::create(path, cells.count() as usize)?;
+    let mut buckets = BucketWriter::create(path, cells.count() as usize)?;
     let shared = (mesh.shared_positions.iter()).map(|positions| (positions, mesh.shared_colours.as_ref()));
     let own = mesh.pieces.iter().map(|piece| (&piece.positions, piece.colours.as_ref()));
     let mut base = 0;
@@ -351,9 +351,9 @@ fn scatter_by_cell<R: VertexRecord>(
             };
             Ok(Sorted::new(&window.iter().enumerate().map(record).collect::<Vec<_>>()))
         },
-        |sorted| scatter.append(sorted),
+        |sorted| buckets.append(sorted),
     )?;
-    scatter.finish()
+    buckets.finish()
 }
 
 /// Index of each position seen, by its bits. Only looked up, never iterated, so the random seed does not affect the

@@ -3,7 +3,7 @@
 //! # Memory
 //! 36 bytes per face, 24 bytes per vertex, 8 to 20 bytes per texcoord.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use glam::{DVec2, DVec3};
 
@@ -11,6 +11,7 @@ use super::Partition;
 use super::texcoord_ids::texcoord_ids;
 use crate::base::{Error, Result};
 use crate::file::Segment;
+use crate::geometry::position_key;
 use crate::mesh::doubles::doubles;
 use crate::mesh::polygon;
 use crate::model::face::{POLYGON_CORNERS_MAX, repeats_vertex};
@@ -52,6 +53,37 @@ impl ClusterFaces {
     /// Positions of the corners of a face.
     pub fn triangle(&self, face: u32) -> [DVec3; 3] {
         self.vertices(face).map(|v| self.positions[v as usize])
+    }
+
+    /// Faces of a whole mesh in memory, whose ids are those of `positions` and `texcoords`. Welds vertices at
+    /// bit-identical positions if `weld`; drops faces that repeat a vertex, and those that lie on an earlier one if
+    /// `without_doubles`.
+    pub fn whole(
+        mut faces: Vec<Face>,
+        positions: Vec<DVec3>,
+        texcoords: Vec<DVec2>,
+        weld: bool,
+        without_doubles: bool,
+    ) -> Self {
+        if weld {
+            let mut firsts = HashMap::with_capacity(positions.len());
+            let first_of = |(vertex, &position)| *firsts.entry(position_key(position)).or_insert(vertex);
+            let firsts: Vec<u32> = (0..).zip(&positions).map(first_of).collect();
+            faces.iter_mut().for_each(|face| face.vertices = face.vertices.map(|v| firsts[v as usize]));
+        }
+        let before = faces.len();
+        faces.retain(|face| !repeats_vertex(face.vertices));
+        let degenerate = (before - faces.len()) as u64;
+        let doubles = if without_doubles { drop_doubles(&mut faces) } else { 0 };
+        let mut vertex_ids: Vec<u32> = faces.iter().flat_map(|face| face.vertices).collect();
+        vertex_ids.sort_unstable();
+        vertex_ids.dedup();
+        let mut local = vec![0; positions.len()];
+        (0..).zip(&vertex_ids).for_each(|(rank, &id)| local[id as usize] = rank);
+        faces.iter_mut().for_each(|face| face.vertices = face.vertices.map(|v| local[v as usize]));
+        let positions = vertex_ids.iter().map(|&id| positions[id as usize]).collect();
+        let texcoord_ids = (0..texcoords.len() as u32).collect();
+        Self { faces, positions, degenerate, doubles, vertex_ids, texcoord_ids, texcoords }
     }
 
     /// Keeps only these faces, given ascending; keeps all vertices and texcoords.

@@ -2,7 +2,7 @@
 
 use super::ranks::SortedIds;
 use super::reading::ClusterFaces;
-use crate::mesh::crowding::SeamTally;
+use crate::mesh::seam_density::SeamTally;
 use crate::model::{Catalogue, NO_TEXCOORD};
 
 /// One in this many edges is sampled.

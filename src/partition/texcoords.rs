@@ -12,16 +12,16 @@
 //! buffers.
 //!
 //! # Files
-//! `<name>-questions.scatter` (2 to 4 bytes per id of each cell) until they are answered, `<name>-texcoords.scatter` (5
+//! `<name>-questions.buckets` (2 to 4 bytes per id of each cell) until they are answered, `<name>-texcoords.buckets` (5
 //! bytes each) until the partition is removed.
 
 use std::ops::Range;
-use std::path::Path;
 
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
 use super::faces::CellFaces;
+use super::file_names::FileNames;
 use super::numbering::window_bytes;
 use super::options::PartitionOptions;
 use super::texcoord_ids::texcoord_ids;
@@ -60,18 +60,17 @@ impl CellTexcoords {
 ///
 /// # Errors
 /// On a full disk, failed reads and writes.
-pub fn bring(
+pub(super) fn bring(
     mesh: &StoredMesh,
     faces: &CellFaces,
-    folder: &Path,
-    name: &str,
+    names: FileNames<'_>,
     options: &PartitionOptions,
 ) -> Result<CellTexcoords> {
     let cell_count = faces.foreign_corners.len();
     let count = mesh.texcoord_count();
     let window_len = (window_bytes(options.work_bytes) / TEXCOORD_BYTES).max(1 << 16) as u32;
     let windows = count.div_ceil(u64::from(window_len)).max(1) as usize;
-    let mut questions = BucketWriter::create(&folder.join(format!("{name}-questions.scatter")), windows)?;
+    let mut questions = BucketWriter::create(&names.path("questions.buckets"), windows)?;
     map_in_order(
         0..cell_count,
         options.threads,
@@ -80,7 +79,7 @@ pub fn bring(
         |(cell, ids)| ids.into_iter().try_for_each(|id| questions.push(id / window_len, [cell, id])),
     )?;
     let questions: Buckets<[u32; 2]> = questions.finish()?;
-    let mut answers = BucketWriter::create(&folder.join(format!("{name}-texcoords.scatter")), cell_count)?;
+    let mut answers = BucketWriter::create(&names.path("texcoords.buckets"), cell_count)?;
     for window in 0..windows {
         let start = window as u32 * window_len;
         let texcoords = texcoords_in(mesh, u64::from(start)..(u64::from(start) + u64::from(window_len)).min(count))?;

@@ -1,22 +1,21 @@
-//! Runs one pass over the clusters: reads, simplifies and writes each of them, on several threads.
+//! Runs one sweep over the clusters: reads, simplifies and writes each of them, on several threads.
 
-use super::cluster_result::ClusterResult;
-use super::outcome::Floor;
+use super::cluster_task::{ClusterProbing, ClusterTask, TaskOutput};
+use super::counters::Counters;
+use super::pass_id::Pass;
 use super::probes::{Probes, Probing};
+use super::records::ClusterResult;
 use super::run::Run;
 use super::sample::Survey;
-use super::stop_rule::{StopRule, run_plan};
+use super::stop_rule::StopRule;
 use crate::base::Result;
-use crate::base::ordered::{Crew, settle_in_order};
-use crate::cost::Metric;
+use crate::base::ordered::{Crew, finish_in_order};
 use crate::job::Step;
-use crate::mesh::pieces;
+use crate::model::StoredPiece;
 use crate::model::piece::PendingPiece;
-use crate::model::{StoredMesh, StoredPiece};
 use crate::os::mmap;
 use crate::partition::weight::ClusterWeight;
 use crate::partition::{Partition, cluster};
-use crate::remesh;
 use crate::simplify::Anchor;
 
 /// Clusters after which freed memory is returned to the system; by then the heaps of the threads are fragmented.
@@ -25,27 +24,52 @@ const CLUSTERS_PER_RELEASE: usize = 64;
 /// written.
 pub(super) const PASS_BYTES: u64 = 16 << 20;
 
+/// One run over all clusters of a pass.
+#[derive(Clone, Copy)]
+pub(super) struct Sweep<'a> {
+    pub pass: Pass,
+    pub partition: &'a Partition,
+    /// Where the clusters stop.
+    pub stops: &'a StopRule,
+    pub purpose: SweepPurpose<'a>,
+}
+
+/// What the clusters of a sweep are simplified for.
+#[derive(Clone, Copy)]
+pub(super) enum SweepPurpose<'a> {
+    /// The log of their collapses; the number of the trial.
+    Trial(u32),
+    /// The mesh; the number of the attempt, and the clusters that give patches for the next sample.
+    Mesh(u32, &'a Survey),
+}
+
+impl Sweep<'_> {
+    fn step(&self, cluster: usize) -> Step {
+        let (pass, cluster) = (self.pass.number as u32, cluster as u32);
+        match self.purpose {
+            SweepPurpose::Trial(trial) => Step::Trial { pass, trial, cluster },
+            SweepPurpose::Mesh(attempt, _) => Step::Cluster { pass, attempt, cluster },
+        }
+    }
+
+    fn is_trial(&self) -> bool {
+        matches!(self.purpose, SweepPurpose::Trial(_))
+    }
+}
+
 /// A simplified cluster whose piece may not be durable yet.
-struct Product {
+struct ClusterOutput {
     cluster: usize,
     result: ClusterResult,
     pending: Option<PendingPiece>,
     /// Whether an earlier process recorded it in the journal.
-    is_kept: bool,
+    is_recorded: bool,
 }
 
-impl<M: Metric> Run<'_, M> {
-    /// Loads and simplifies every cluster that has faces, and writes it if `keep` is `Some`; passes results to `commit`
-    /// in cluster order. Reuses results that an earlier process recorded.
-    pub(super) fn each_cluster(
-        &self,
-        mesh: &StoredMesh,
-        partition: &Partition,
-        (pass, plan): (usize, &StopRule),
-        keep: Option<&Survey>,
-        step: impl Fn(u32) -> Step + Sync,
-        mut commit: impl FnMut(ClusterResult) -> Result<()>,
-    ) -> Result<()> {
+impl Run<'_> {
+    /// Simplifies every cluster that has faces, and writes it unless this is a trial; passes results to `commit` in
+    /// cluster order. Reuses results that an earlier process recorded.
+    pub(super) fn sweep(&self, sweep: Sweep<'_>, mut commit: impl FnMut(ClusterResult) -> Result<()>) -> Result<()> {
         let mut done = 0;
         let commit = |result| {
             done += 1;
@@ -54,153 +78,124 @@ impl<M: Metric> Run<'_, M> {
             }
             commit(result)
         };
-        let work = |cluster: usize| {
-            self.progress.check_stopped()?;
-            let step = step(cluster as u32);
-            let accept = |kept: &mut ClusterResult| {
-                kept.pieces.iter_mut().for_each(|piece| piece.locate(self.job.path()));
-                kept.is_sound(partition, cluster)
-            };
-            if let Some(result) = self.job.recall_if(step, accept)? {
-                return Ok(Product { cluster, result, pending: None, is_kept: true });
-            }
-            let _permit = self.permits.take(self.cluster_bytes(partition, cluster));
-            let (result, pending) = self.simplify_cluster(mesh, partition, step, (pass, plan), keep, cluster)?;
-            Ok(Product { cluster, result, pending, is_kept: false })
-        };
-        let settle = |Product { cluster, mut result, pending, is_kept }| {
-            let faces = partition.face_count(cluster);
-            if let Some(pending) = pending {
-                result.pieces.push(pending.commit()?);
-            }
-            if !is_kept {
-                let files = result.pieces.iter().flat_map(StoredPiece::files);
-                self.job.keep(step(cluster as u32), faces, files, &result)?;
-            }
-            if keep.is_some() {
-                self.progress.advance(faces);
-            }
-            Ok(result)
-        };
+        let clusters = 0..sweep.partition.cluster_count();
         let threads = self.options.threads;
-        let crew = Crew { threads, settlers: threads };
-        settle_in_order(0..partition.cluster_count(), crew, threads * 4, work, settle, commit)
+        let crew = Crew { threads, finishers: threads };
+        let work = |cluster| self.simplify_or_recall(&sweep, cluster);
+        let record = |output| self.record(&sweep, output);
+        finish_in_order(clusters, crew, threads * 4, work, record, commit)
     }
 
-    fn simplify_cluster(
-        &self,
-        mesh: &StoredMesh,
-        partition: &Partition,
-        step: Step,
-        (pass, plan): (usize, &StopRule),
-        keep: Option<&Survey>,
-        cluster: usize,
-    ) -> Result<(ClusterResult, Option<PendingPiece>)> {
-        if partition.weight(cluster).is_none() {
-            return Ok((self.pass_through(mesh, partition, step, keep, cluster)?, None));
+    fn simplify_or_recall(&self, sweep: &Sweep<'_>, cluster: usize) -> Result<ClusterOutput> {
+        self.progress.check_stopped()?;
+        let context = (sweep.partition, cluster);
+        if let Some(result) = self.job.recall::<ClusterResult>(sweep.step(cluster), &context)? {
+            return Ok(ClusterOutput { cluster, result, pending: None, is_recorded: true });
         }
-        let mut source = self.load(mesh, partition, cluster)?;
-        if keep.is_some()
+        let _permit = self.permits.take(self.cluster_bytes(sweep.partition, cluster));
+        if sweep.partition.weight(cluster).is_none() {
+            let result = self.pass_through(sweep, cluster)?;
+            return Ok(ClusterOutput { cluster, result, pending: None, is_recorded: false });
+        }
+        let (result, pending) = self.simplify_cluster(sweep, cluster)?;
+        Ok(ClusterOutput { cluster, result, pending, is_recorded: false })
+    }
+
+    /// Makes the piece of a cluster durable, and records its result in the journal.
+    fn record(&self, sweep: &Sweep<'_>, output: ClusterOutput) -> Result<ClusterResult> {
+        let ClusterOutput { cluster, mut result, pending, is_recorded } = output;
+        let faces = sweep.partition.face_count(cluster);
+        if let Some(pending) = pending {
+            result.pieces.push(pending.commit()?);
+        }
+        if !is_recorded {
+            let files = result.pieces.iter().flat_map(StoredPiece::files);
+            self.job.keep(sweep.step(cluster), faces, files, &result)?;
+        }
+        if !sweep.is_trial() {
+            self.progress.advance(faces);
+        }
+        Ok(result)
+    }
+
+    fn simplify_cluster(&self, sweep: &Sweep<'_>, cluster: usize) -> Result<(ClusterResult, Option<PendingPiece>)> {
+        let mut source = self.load(sweep.partition, cluster)?;
+        if !sweep.is_trial()
             && let Some(map) = self.map().as_mut()
         {
             map.draw(cluster as u32, &source.mesh, source.origin);
         }
-        let probing = match self.probing {
-            None if pass == 0 && partition.is_single() => Some(self.probing_of(partition, &source.mesh)),
-            probing => probing,
-        };
-        let probes = probing.map(|probing| probing.take(&source.mesh, source.origin, cluster));
-        let (dropped_pieces, dropped_faces) = match self.crumb {
-            Some(diagonal) => {
-                let faces_max = self.spare_faces(source.mesh.face_count as u64, partition.total_faces());
-                pieces::drop_small(&mut source.mesh, diagonal, faces_max)
-            }
-            None => (0, 0),
-        };
-        let mut engine = self.engine(std::mem::take(&mut source.mesh), pass);
-        let faces_in = engine.mesh.face_count as u64;
-        let cost = run_plan(&mut engine, plan, cluster, keep.is_none());
-        let mut result = ClusterResult {
-            pieces: Vec::new(),
-            passed_through: false,
-            faces_in,
-            faces: engine.mesh.face_count as u64,
-            cost,
-            area: engine.area(),
-            squared_error: engine.squared_error,
-            milestones: std::mem::take(&mut engine.milestones),
-            seam_vertices: engine.seam_vertices,
-            degenerate: source.degenerate,
-            doubles: source.doubles,
-            dropped_pieces,
-            changes: engine.changes(),
-            optimized: 0,
-            dropped_faces,
-            floor: Floor::of(&engine),
-            log: engine.log.take().unwrap_or_default(),
-            patch: None,
-            probes,
-        };
-        let mut pending = None;
-        if let Some(keep) = keep {
-            let path = self.piece_path(step, 0);
-            let mut simplified = engine.finish();
-            if self.options.optimize && self.turn(pass) + 1 >= self.options.passes {
-                result.optimized = remesh::relax(&mut simplified);
-            }
-            result.patch = keep.patch(cluster, &simplified);
-            if !simplified.corners.is_empty() {
+        let (result, simplified) = self.task(sweep, cluster).run(&*self.engine, &mut source);
+        let pending = match simplified {
+            Some(mesh) if !mesh.corners.is_empty() => {
+                let path = self.piece_path(sweep.step(cluster), 0);
                 let (scale, bound) = (&self.texture.scale, self.bound());
-                pending = Some(source.write(&simplified, partition, self.catalogue, scale, bound, &path)?);
+                Some(source.write(&mesh, sweep.partition, self.catalogue, scale, bound, &path)?)
             }
-        }
+            _ => None,
+        };
         Ok((result, pending))
     }
 
-    /// Returns the faces that a cluster with `own` of `all` faces may lose before the mesh falls below the target.
-    fn spare_faces(&self, own: u64, all: u64) -> u64 {
-        let spare = all.saturating_sub(self.options.target);
-        (u128::from(own) * u128::from(spare) / u128::from(all.max(1))) as u64
+    fn task(&self, sweep: &Sweep<'_>, cluster: usize) -> ClusterTask {
+        let pass = sweep.pass;
+        let output = match sweep.purpose {
+            SweepPurpose::Trial(_) => TaskOutput::Log,
+            SweepPurpose::Mesh(_, survey) => TaskOutput::Mesh {
+                patch_faces: survey.patch_faces(cluster),
+                optimize: self.options.optimize && pass.turn + 1 >= self.options.passes,
+            },
+        };
+        let probing = match self.probing {
+            Some(probing) => ClusterProbing::As(probing),
+            None if pass.number == 0 && sweep.partition.is_single() => ClusterProbing::Alone,
+            None => ClusterProbing::None,
+        };
+        ClusterTask {
+            cluster: cluster as u32,
+            rules: self.rules(pass),
+            stop: sweep.stops.of(cluster),
+            min_component_diagonal: self.state.min_component_diagonal,
+            faces_all: [sweep.partition.total_faces(), self.options.target],
+            probing,
+            output,
+        }
     }
 
     /// Memory in bytes of a cluster while it is simplified or passed through.
     pub(super) fn cluster_bytes(&self, partition: &Partition, cluster: usize) -> u64 {
-        let weigh =
-            |weight: ClusterWeight| weight.bytes() + weight.vertices * M::VERTEX_BYTES + weight.wedges * M::WEDGE_BYTES;
+        let extra = |weight: &ClusterWeight| self.engine.extra_bytes(weight.vertices, weight.wedges);
+        let weigh = |weight: ClusterWeight| weight.bytes() + extra(&weight);
         let bytes = partition.weight(cluster).map_or(PASS_BYTES, weigh);
         if self.bound().is_some() { Anchor::with_room(bytes) } else { bytes }
     }
 
-    fn pass_through(
-        &self,
-        mesh: &StoredMesh,
-        partition: &Partition,
-        step: Step,
-        keep: Option<&Survey>,
-        cluster: usize,
-    ) -> Result<ClusterResult> {
-        let faces = partition.face_count(cluster);
-        let unchanged = ClusterResult { faces, passed_through: true, ..ClusterResult::default() };
-        if keep.is_none() {
-            return Ok(unchanged);
+    /// Writes a cluster that is too heavy to load as it is, in blocks.
+    fn pass_through(&self, sweep: &Sweep<'_>, cluster: usize) -> Result<ClusterResult> {
+        let partition = sweep.partition;
+        let unchanged = |faces_in, faces_out, degenerate_faces| Counters {
+            faces_in,
+            faces_out,
+            degenerate_faces,
+            passed_through_faces: faces_out,
+            ..Counters::default()
+        };
+        if sweep.is_trial() {
+            let counters = unchanged(0, partition.face_count(cluster), 0);
+            return Ok(ClusterResult { counters, ..ClusterResult::default() });
         }
-        let path = |part| self.piece_path(step, part);
-        let (pieces, degenerate) = cluster::pass_through(partition, mesh, cluster, path)?;
+        let path = |part| self.piece_path(sweep.step(cluster), part);
+        let (pieces, degenerate) = cluster::pass_through(partition, &self.state.mesh, cluster, path)?;
         let faces = pieces.iter().map(|piece| piece.faces.len()).sum();
-        let probes = self.probing.map(|probing| self.probe_blocks(&probing, mesh, partition, cluster)).transpose()?;
-        Ok(ClusterResult { pieces, degenerate, faces_in: faces, faces, probes, ..unchanged })
+        let probes = self.probing.map(|probing| self.probe_blocks(&probing, partition, cluster)).transpose()?;
+        let counters = unchanged(faces, faces, degenerate);
+        Ok(ClusterResult { pieces, counters, probes, ..ClusterResult::default() })
     }
 
     /// Probes a cluster of the input that is too large to load at once, block by block.
-    pub(super) fn probe_blocks(
-        &self,
-        probing: &Probing,
-        mesh: &StoredMesh,
-        partition: &Partition,
-        cluster: usize,
-    ) -> Result<Probes> {
+    pub(super) fn probe_blocks(&self, probing: &Probing, partition: &Partition, cluster: usize) -> Result<Probes> {
         let mut probes = Probes::default();
-        cluster::load_in_blocks(partition, mesh, self.catalogue, &self.texture.scale, cluster, |block| {
+        cluster::load_in_blocks(partition, &self.state.mesh, self.catalogue, &self.texture.scale, cluster, |block| {
             probes.add(probing.take(&block.mesh, block.origin, cluster));
             Ok(())
         })?;

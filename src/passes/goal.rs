@@ -1,7 +1,7 @@
 //! Computes what the clusters of a pass must reach together, from the target, the bound and the schedule alone.
 
 use super::sample::Purpose;
-use super::schedule::{TRIM_SHARE, pass_target, stage_shares};
+use super::shares::{TRIM_SHARE, pass_target, stage_shares};
 use super::stop_rule::StopRule;
 
 /// Largest excess over the target, as a share of the target, at which a trim replaces an ordinary pass.

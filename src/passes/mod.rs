@@ -20,7 +20,10 @@
 //! cluster, partition and pass; files are deleted as soon as the results computed from them are recorded.
 
 pub mod options;
-pub mod schedule;
+pub mod shares;
+mod pass_id;
+mod schedule;
+mod floor;
 mod goal;
 mod targets;
 mod stop_rule;
@@ -28,18 +31,26 @@ pub mod sample;
 mod texture_traits;
 mod texture_scale;
 pub mod probes;
-mod run;
+mod metric_engine;
+mod cluster_task;
+mod counters;
+mod records;
+mod sweep_result;
 mod state;
-mod cluster_result;
+mod run;
 mod clusters;
-mod shared;
+mod interface;
 pub mod outcome;
 mod second_attempt;
 mod remesh;
 pub mod trim;
-pub mod pass;
+mod pass;
+pub mod in_memory;
 
+pub use floor::Floor;
 pub use options::{Cost, PassOptions, SeamPolicy};
 pub use outcome::{PassReport, Passes, RemeshReport};
-pub use remesh::CELL_PASSES;
-pub use state::Start;
+pub use pass_id::{Pass, PassKind};
+pub use run::Run;
+pub use schedule::CELL_PASSES;
+pub use state::ResumePoint;

@@ -1,8 +1,9 @@
 //! Options of the passes.
 
+use super::metric_engine::{EngineOf, MetricEngine};
 use crate::cost::{
-    ClassicCost, CurvatureCost, Metric, ObliqueCost, SharpnessCost, SurfaceCost, TerrainCost, Weights, classic,
-    curvature, oblique, sharpness, terrain,
+    ClassicCost, CurvatureCost, ObliqueCost, SharpnessCost, SurfaceCost, TerrainCost, Weights, classic, curvature,
+    oblique, sharpness, terrain,
 };
 use crate::remesh::cvd;
 use crate::render::View;
@@ -36,22 +37,23 @@ pub enum Cost {
 }
 
 impl Cost {
-    /// Bytes that the metric adds to the memory of an ordinary face.
-    pub fn extra_face_bytes(&self) -> u64 {
+    /// The engine with this metric.
+    pub(super) fn engine(self) -> Box<dyn MetricEngine> {
         match self {
-            Self::Surface(_) => face_bytes::<SurfaceCost>(),
-            Self::Classic(_) => face_bytes::<ClassicCost>(),
-            Self::Oblique(_) => face_bytes::<ObliqueCost>(),
-            Self::Curvature(_) => face_bytes::<CurvatureCost>(),
-            Self::Terrain(_) => face_bytes::<TerrainCost>(),
-            Self::Sharpness(_) => face_bytes::<SharpnessCost>(),
+            Self::Surface(settings) => Box::new(EngineOf::<SurfaceCost> { settings }),
+            Self::Classic(settings) => Box::new(EngineOf::<ClassicCost> { settings }),
+            Self::Oblique(settings) => Box::new(EngineOf::<ObliqueCost> { settings }),
+            Self::Curvature(settings) => Box::new(EngineOf::<CurvatureCost> { settings }),
+            Self::Terrain(settings) => Box::new(EngineOf::<TerrainCost> { settings }),
+            Self::Sharpness(settings) => Box::new(EngineOf::<SharpnessCost> { settings }),
         }
     }
-}
 
-/// Metric bytes of a face: those of half a vertex and 0.65 wedges.
-fn face_bytes<M: Metric>() -> u64 {
-    M::VERTEX_BYTES / 2 + M::WEDGE_BYTES * 65 / 100
+    /// Bytes that the metric adds to the memory of an ordinary face, which has half a vertex and 0.65 wedges.
+    pub fn extra_face_bytes(&self) -> u64 {
+        let engine = self.engine();
+        engine.extra_bytes(1, 0) / 2 + engine.extra_bytes(0, 1) * 65 / 100
+    }
 }
 
 /// Options of the passes.

@@ -2,16 +2,14 @@
 
 use std::time::Duration;
 
+use super::floor::Floor;
+use super::pass_id::Pass;
 use super::probes::Probes;
 use super::sample::rise;
 use crate::base::Findings;
-use crate::cost::Metric;
-use crate::mesh::ClusterMesh;
-use crate::mesh::class::Class;
 use crate::model::StoredMesh;
 use crate::simplify::Changes;
-use crate::simplify::refusal::Refusal;
-use crate::simplify::{Engine, Milestone};
+use crate::simplify::Milestone;
 
 /// Result of one pass.
 #[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
@@ -87,23 +85,6 @@ const LEAP_MIN: f64 = 64.0;
 /// On most meshes costs rise by at most this power of the reduction in faces.
 const USUAL_RISE: f64 = 8.0;
 
-/// Why no more faces could be removed: counts of refused edges and of locked vertices in the last pass, by cause.
-#[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
-pub struct Floor {
-    /// Vertices on open borders.
-    pub border: u64,
-    /// Vertices on seams and at their corners.
-    pub seam: u64,
-    /// Collapses refused by the link condition or because they fold the surface or its texture.
-    pub topology: u64,
-    /// Collapses refused because they would remove a connected component.
-    pub pieces: u64,
-    /// Non-manifold vertices, and fixed ones: of too high a valence, without faces, or shared with other clusters.
-    pub non_manifold: u64,
-    /// Faces with the same three vertices as another face: copies or back sides.
-    pub doubles: u64,
-}
-
 /// Result of all passes.
 #[derive(Debug)]
 pub struct Passes {
@@ -120,7 +101,7 @@ pub struct Passes {
     /// Probes of the input, for measuring the result.
     pub probes: Probes,
     /// Predicted share of the result's vertices that lie on seams; `None` if it was not measured.
-    pub seam_crowding: Option<f64>,
+    pub seam_density: Option<f64>,
     /// Faces of the mesh.
     pub faces: u64,
     /// Changes of topology.
@@ -149,6 +130,12 @@ pub struct PassSeconds {
 }
 
 impl PassSeconds {
+    /// Adds time of a pass that collapses edges.
+    pub(super) fn add(&mut self, pass: Pass, time: Duration) {
+        let phase = if pass.is_first_turn() { &mut self.simplify } else { &mut self.stitch };
+        *phase += time;
+    }
+
     /// Reports whether the times are small enough to add to, for a recalled value.
     pub(super) fn is_sound(&self) -> bool {
         [self.partition, self.remesh, self.simplify, self.stitch]
@@ -216,62 +203,6 @@ pub(super) fn before_leap(before: Option<StageReport>, stages: &[StageReport], l
     let (at, expected) = stages.windows(2).enumerate().find_map(|(at, pair)| leaps(pair).map(|cost| (at, cost)))?;
     let cost_of = |stage: usize| if stage <= at { stages[stage].threshold } else { expected };
     Some((skipped..stages.len()).map(|stage| cost_of(stage) as f32).collect())
-}
-
-impl Floor {
-    /// Counts the causes in a cluster after its last stage.
-    pub(super) fn of<M: Metric>(engine: &Engine<M>) -> Self {
-        let classes = engine.class_counts();
-        let count = |class: Class| classes[class as usize];
-        let refused = |refusal: Refusal| engine.refusals[refusal as usize];
-        Self {
-            border: count(Class::Border) + count(Class::BorderSeam) + count(Class::BorderCorner),
-            seam: count(Class::Seam) + count(Class::Corner),
-            topology: refused(Refusal::Topology) + refused(Refusal::Fold) + refused(Refusal::UvFold),
-            pieces: refused(Refusal::Piece),
-            non_manifold: count(Class::Complex) + count(Class::Fixed),
-            doubles: engine.doubles(),
-        }
-    }
-
-    /// Adds the counts of another cluster.
-    pub(super) fn add(&mut self, other: &Floor) {
-        self.border += other.border;
-        self.seam += other.seam;
-        self.topology += other.topology;
-        self.pieces += other.pieces;
-        self.non_manifold += other.non_manifold;
-        self.doubles += other.doubles;
-    }
-}
-
-/// Result of one pass, as it is summed over the clusters.
-#[derive(Debug, Default)]
-pub(super) struct PassOutcome {
-    pub(super) mesh: StoredMesh,
-    /// Sample for the next pass: patches of the mesh.
-    pub(super) sample: ClusterMesh,
-    pub(super) report: PassReport,
-    /// Probes of the mesh before the pass, if that is the input.
-    pub(super) probes: Probes,
-    /// Faces left in each cluster.
-    pub(super) cluster_faces: Vec<u64>,
-    pub(super) stages: StageSums,
-    pub(super) squared_error: f64,
-    /// Surface area at the start of the last stages.
-    pub(super) area: f64,
-    /// Whether the pass ran a second time because the target could only be met by far costlier collapses, or not at
-    /// all.
-    pub(super) is_wall: bool,
-    pub(super) degenerate: u64,
-    /// Faces dropped because an earlier face has the same vertices.
-    pub(super) doubles: u64,
-    pub(super) dropped_pieces: u64,
-    pub(super) changes: Changes,
-    pub(super) optimized: u64,
-    pub(super) dropped_faces: u64,
-    pub(super) passed_through: u64,
-    pub(super) floor: Floor,
 }
 
 #[cfg(test)]

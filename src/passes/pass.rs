@@ -1,230 +1,55 @@
-//! Runs passes over a stored mesh until the target is met or no further face can be removed.
+//! One pass that collapses edges: partition, choose where the clusters stop, simplify them, decide what follows.
 
 use std::time::Instant;
 
-use super::cluster_result::Opening;
-use super::options::{Cost, PassOptions};
-use super::outcome::{PassOutcome, Passes, StageSums};
-use super::probes::Probes;
-use super::remesh::is_remeshed;
+use super::cluster_task::probing_of;
+use super::clusters::{Sweep, SweepPurpose};
+use super::pass_id::Pass;
+use super::records::PassSetup;
 use super::run::{Run, plan_step};
 use super::sample;
-use super::state::{PassState, Start};
+use super::schedule::PassEnd;
 use super::stop_rule::StopRule;
+use super::sweep_result::SweepResult;
 use super::texture_traits::TextureTraits;
 use crate::base::ordered::{both, map_in_order};
-use crate::base::{Error, Progress, Result, counted};
-use crate::cost::census::Census;
-use crate::cost::{ClassicCost, CurvatureCost, Metric, ObliqueCost, SharpnessCost, SurfaceCost, TerrainCost};
-use crate::job::{Step, WorkFolder, folder_bytes};
+use crate::base::{Result, counted};
+use crate::cost::mesh_stats::MeshStats;
+use crate::job::{Step, folder_bytes};
 use crate::mesh::ClusterMesh;
-use crate::model::{Catalogue, StoredMesh};
 use crate::os::mmap;
 use crate::partition::cells::fits_one;
 use crate::partition::{self, Partition, PartitionOptions};
 use crate::render::ClusterMap;
-use crate::simplify::Engine;
 
-/// Largest number of passes beyond those asked for.
-const EXTRA_PASSES: usize = 12;
-/// With a bound on the error and no target, the passes end when one removes less than this share of the faces.
-const BOUNDED_LAST_SHARE: f64 = 0.02;
 /// Threshold of an extra pass, as a factor on the threshold of the pass before it.
 const EXTRA_PASS_RISE: f32 = 4.0;
-/// An extra pass at that threshold which removes less than this share of the faces is the last: another one would cost
-/// far more and remove little.
-const WALL_SHARE: f64 = 0.08;
-/// A pass that removes at most this share of the faces counts as stuck.
-const FLOOR_SHARE: f64 = 1e-4;
 
-/// Simplifies a mesh to the target, or resumes an earlier run, with the metric that the options name.
-///
-/// # Errors
-/// On a full disk, failed reads or writes, and damaged files.
-pub fn simplify(
-    start: Start,
-    options: &PassOptions,
-    catalogue: &Catalogue,
-    job: &WorkFolder,
-    progress: &dyn Progress,
-) -> Result<Passes> {
-    match options.cost {
-        Cost::Surface(weights) => Run::<SurfaceCost>::new(options, weights, catalogue, job, progress).simplify(start),
-        Cost::Classic(settings) => Run::<ClassicCost>::new(options, settings, catalogue, job, progress).simplify(start),
-        Cost::Oblique(settings) => Run::<ObliqueCost>::new(options, settings, catalogue, job, progress).simplify(start),
-        Cost::Curvature(settings) => {
-            Run::<CurvatureCost>::new(options, settings, catalogue, job, progress).simplify(start)
-        }
-        Cost::Terrain(settings) => Run::<TerrainCost>::new(options, settings, catalogue, job, progress).simplify(start),
-        Cost::Sharpness(settings) => {
-            Run::<SharpnessCost>::new(options, settings, catalogue, job, progress).simplify(start)
-        }
-    }
+/// Where the clusters of a pass stop.
+#[derive(Debug)]
+pub struct Stops {
+    pub(super) rule: StopRule,
+    /// Whether they meet the target to the face.
+    is_exact: bool,
+    /// Highest threshold allowed; `None` if any is.
+    steepest: Option<f32>,
 }
 
-impl<'a, M: Metric> Run<'a, M> {
-    /// Simplifies a mesh to the target, or resumes an earlier run.
+impl Run<'_> {
+    /// Partitions the mesh for a pass, or returns the partition that an earlier process recorded. Computes the
+    /// thresholds of the pass meanwhile, if the previous pass left a sample.
     ///
     /// # Errors
     /// On a full disk, failed reads or writes, and damaged files.
-    fn simplify(mut self, start: Start) -> Result<Passes> {
-        let Start { mut state, mut partition } = start;
-        self.crumb = state.crumb;
-        if state.pass > 0 {
-            self.probes = self
-                .job
-                .recall_if(Step::Probes, |probes: &mut Probes| probes.is_sound(probes.faces()))?
-                .unwrap_or_default();
+    pub fn partition(&mut self, pass: Pass) -> Result<Partition> {
+        if let Some(partition) = self.recalled.take() {
+            return Ok(partition);
         }
-        if let Some(texture) = &state.texture {
-            self.learn(texture.clone());
-        }
-        if let Some(census) = &state.census {
-            M::settle(&mut self.settings, census);
-        }
-        let target = self.options.target;
-        self.lead = state.remeshed.len();
-        while !state.is_over && state.pass < self.lead + self.options.passes + EXTRA_PASSES {
-            let pass = state.pass;
-            self.progress.begin_pass(pass + 1);
-            self.noise = state.mesh.rounding_noise();
-            let partition = match partition.take() {
-                Some(partition) => partition,
-                None => self.partition(&mut state)?,
-            };
-            if let Some(settings) = &self.options.remesh
-                && !is_remeshed(settings, &state.remeshed)
-            {
-                self.reconstruct(settings, &mut state, &partition)?;
-                self.lead = state.remeshed.len();
-                continue;
-            }
-            let started = Instant::now();
-            let faces_in = partition.total_faces();
-            let Opening { plan, is_exact, .. } = self.open_pass(&mut state, &partition)?;
-            let steepest = self.steepest(&state);
-            let is_last = self.is_last(pass);
-            let mut outcome = self.run_plans(&state, &partition, &plan)?;
-            let single = partition.is_single();
-            let next_faces = outcome.report.faces_out;
-            let met_wall = outcome.is_wall;
-            state.scratch_peak = state.scratch_peak.max(folder_bytes(self.job.path()));
-            let probes = std::mem::take(&mut outcome.probes);
-            if !probes.is_empty() {
-                self.keep_probes(probes)?;
-            }
-            state.take(outcome);
-            if self.options.drop_pieces {
-                self.crumb = Some(state.squared_error.sqrt());
-                state.crumb = self.crumb;
-            }
-            let gained = faces_in.saturating_sub(next_faces);
-            if self.options.max_error.is_some() && target == 0 {
-                state.reached = is_last && (single || (gained as f64) < faces_in as f64 * BOUNDED_LAST_SHARE);
-                state.is_over = state.reached;
-            } else {
-                state.reached = is_last && next_faces <= target;
-                state.stuck = if gained as f64 <= faces_in as f64 * FLOOR_SHARE { state.stuck + 1 } else { 0 };
-                // A single cluster has no locked rim, so one stuck pass is final. With several, vertices locked in one
-                // pass are free in the next. An exact plan that removed faces may remove more.
-                let is_stuck = state.stuck > 2 || (single && state.stuck > 0);
-                let is_steep = plan.costs().is_some_and(|costs| costs.iter().copied().reduce(f32::max) == steepest);
-                let is_wall = met_wall || (is_steep && (gained as f64) < faces_in as f64 * WALL_SHARE);
-                state.is_over = state.reached || is_wall || (is_last && is_stuck && !(is_exact && gained > 0));
-                // With both a target and a bound, the one that stops the passes first counts as reached.
-                state.reached |= state.is_over && self.options.max_error.is_some();
-            }
-            *(if self.turn(pass) == 0 { &mut state.seconds.simplify } else { &mut state.seconds.stitch }) +=
-                started.elapsed();
-            state.pass += 1;
-            let step = Step::Pass { pass: pass as u32 };
-            self.job.supersede(step, next_faces, state.mesh.files(), &state, &[Step::Input, Step::Probes])?;
-            self.progress.tell(&format!("pass {} is done: {}", pass + 1, counted(next_faces, "triangle")));
-        }
-        mmap::release_freed_memory();
-        if partition.is_some() {
-            let message = format!("pass {} is partitioned, but the passes end before it", state.pass + 1);
-            return Err(Error::Damaged { path: self.job.path().to_owned(), message });
-        }
-        state.findings.count("passed_through_faces", state.passed_through);
-        Ok(Passes {
-            faces: state.mesh.face_count(),
-            mesh: state.mesh,
-            reports: state.reports,
-            remeshed: state.remeshed,
-            findings: state.findings,
-            seconds: state.seconds,
-            probes: self.probes,
-            seam_crowding: state.texture.map(|texture| texture.crowding).filter(|crowding| crowding.is_finite()),
-            changes: state.changes,
-            reached: state.reached,
-            floor: state.floor,
-            scratch_peak: state.scratch_peak,
-            permit_peak: self.permits.peak(),
-        })
-    }
-
-    /// Returns how a partitioned pass begins: as recorded by an earlier process, or computed from the sample.
-    fn open_pass(&mut self, state: &mut PassState, partition: &Partition) -> Result<Opening> {
-        let (pass, is_first) = (state.pass, self.turn(state.pass) == 0);
-        let step = plan_step(pass, 0);
-        let is_sound = |opening: &mut Opening| opening.is_sound(partition, self.catalogue);
-        let kept = self.job.recall_if(step, is_sound)?;
-        self.probing = None;
-        if is_first {
-            let texture = match &kept {
-                Some(opening) => {
-                    self.probing = opening.probing;
-                    opening.texture.clone()
-                }
-                None => {
-                    let (texture, sample) = self.first_sample(&state.mesh, partition)?;
-                    let is_input = pass == 0 && !sample.corners.is_empty();
-                    self.probing = is_input.then(|| self.probing_of(partition, &sample));
-                    state.sample = sample;
-                    texture
-                }
-            };
-            self.learn(texture);
-            state.texture = Some(self.texture.clone());
-            if M::HAS_CENSUS {
-                let census = self.job.once(Step::Census, || self.take_census(&state.mesh, partition))?;
-                M::settle(&mut self.settings, &census);
-                state.census = Some(census);
-            }
-        }
-        let (sample, thresholds) = (std::mem::take(&mut state.sample), state.thresholds.take());
-        if let Some(opening) = kept {
-            return Ok(opening);
-        }
-        // Before the first pass the mesh still contains faces that repeat a vertex.
-        let faces = if is_first { partition.total_faces() } else { state.mesh.face_count() };
-        let mut thresholds = thresholds.unwrap_or_else(|| self.foresee(sample, pass, faces));
-        if let Some(most) = self.steepest(state) {
-            thresholds.iter_mut().for_each(|cost| *cost = cost.min(most));
-        }
-        let (plan, is_exact) = self.plan(&state.mesh, partition, thresholds, pass, faces)?;
-        let opening = Opening { plan, is_exact, texture: self.texture.clone(), probing: self.probing };
-        self.job.keep(step, 0, [], &opening)?;
-        Ok(opening)
-    }
-
-    /// Highest allowed threshold of an extra pass; `None` in an ordinary pass, or if the previous pass had no
-    /// threshold.
-    fn steepest(&self, state: &PassState) -> Option<f32> {
-        let before = state.reports.last().map(|pass| pass.threshold as f32).filter(|&cost| cost > 0.0)?;
-        (self.turn(state.pass) >= self.options.passes).then_some(before * EXTRA_PASS_RISE)
-    }
-
-    /// Partitions the mesh for the next pass. Computes the thresholds of the pass meanwhile, if the previous pass left
-    /// a sample.
-    fn partition(&self, state: &mut PassState) -> Result<Partition> {
         let started = Instant::now();
-        let pass = state.pass;
         let options = PartitionOptions {
             cluster_faces: self.options.cluster_faces,
-            pass,
-            weld: self.options.weld && pass == 0,
+            pass: pass.number,
+            weld: self.options.weld && pass.number == 0,
             drop_doubles: self.options.drop_doubles,
             threads: self.options.threads,
             work_bytes: self.options.work_bytes,
@@ -232,132 +57,205 @@ impl<'a, M: Metric> Run<'a, M> {
         self.progress.begin("partition", 0, "");
         // Return the memory freed by the clusters of the previous pass.
         mmap::release_freed_memory();
-        let (mesh, folder) = (&state.mesh, self.job.path());
-        let sample = std::mem::take(&mut state.sample);
+        let sample = std::mem::take(&mut self.state.sample);
+        let (mesh, folder) = (&self.state.mesh, self.job.path());
         // A single cluster needs no threshold.
-        let is_sampled = !sample.corners.is_empty() && self.turn(pass) > 0;
+        let is_sampled = !sample.corners.is_empty() && !pass.is_first_turn();
         let is_wanted = is_sampled && !fits_one(mesh, self.options.cluster_faces);
-        let name = format!("pass-{pass}");
+        let name = format!("pass-{}", pass.number);
         let cut = || partition::partition(mesh, self.catalogue, folder, &name, &options);
         // The thresholds take one thread, and partitioning leaves one idle at times.
-        let foresee = || is_wanted.then(|| self.foresee(sample, pass, mesh.face_count()));
+        let sample_costs = || is_wanted.then(|| self.sample_thresholds(sample, pass, mesh.face_count()));
         let fits = sample::fits_beside_cutting(mesh.vertex_count(), self.options.work_bytes);
-        let (thresholds, partition) = both(if fits { self.options.threads } else { 1 }, foresee, cut);
-        state.thresholds = thresholds;
+        let (thresholds, partition) = both(if fits { self.options.threads } else { 1 }, sample_costs, cut);
         let mut partition = partition?;
+        self.state.thresholds = thresholds;
         mmap::release_freed_memory();
-        state.findings.merge(std::mem::take(&mut partition.findings));
-        state.scratch_peak = state.scratch_peak.max(partition.scratch_peak);
-        state.seconds.partition += started.elapsed();
-        let step = Step::Cut { pass: pass as u32 };
-        let files = partition.files().chain(partition.files_of(&state.mesh));
+        self.state.findings.merge(std::mem::take(&mut partition.findings));
+        self.state.scratch_peak = self.state.scratch_peak.max(partition.scratch_peak);
+        self.state.seconds.partition += started.elapsed();
+        let step = Step::Cut { pass: pass.number as u32 };
+        let files = partition.files().chain(partition.files_of(&self.state.mesh));
         let clusters = partition.filled_count();
-        self.job.supersede(step, clusters, files, &(&*state, &partition), &[Step::Input, Step::Probes])?;
-        self.progress.tell(&format!("pass {}: {}", pass + 1, counted(clusters, "cluster")));
+        self.job.supersede(step, clusters, files, &(&self.state, &partition), &[Step::Input, Step::Probes])?;
+        self.progress.tell(&format!("pass {}: {}", pass.number + 1, counted(clusters, "cluster")));
         Ok(partition)
     }
 
-    pub(super) fn run_pass(
-        &self,
-        mesh: &StoredMesh,
-        partition: &Partition,
-        pass: usize,
-        plan: &StopRule,
-        attempt: u32,
-    ) -> Result<PassOutcome> {
-        let phase = if self.turn(pass) == 0 { "simplify" } else { "stitch" };
-        self.progress.begin(phase, partition.total_faces(), "faces");
-        let mut outcome = PassOutcome::default();
-        outcome.report.clusters = partition.filled_count();
-        outcome.report.faces_in = partition.total_faces();
-        outcome.report.border_vertices = u64::from(partition.faces.shared.len());
-        let (mut area, mut error, mut stages) = (0.0, 0.0, StageSums::default());
-        let survey = self.survey(partition, pass);
-        let mut sample = ClusterMesh::default();
-        let mut pieces = Vec::new();
-        *self.map() = self.options.map.map(ClusterMap::new);
-        let PassOutcome {
-            report,
-            cluster_faces,
-            floor,
-            degenerate,
-            doubles,
-            passed_through,
-            dropped_pieces,
-            dropped_faces,
-            changes,
-            optimized,
-            probes,
-            ..
-        } = &mut outcome;
-        let step = |cluster| Step::Cluster { pass: pass as u32, attempt, cluster };
-        self.each_cluster(mesh, partition, (pass, plan), Some(&survey), step, |result| {
-            report.faces_out += result.faces;
-            cluster_faces.push(result.faces);
-            report.threshold = report.threshold.max(f64::from(result.cost));
-            report.seam_vertices += result.seam_vertices;
-            area += result.area;
-            stages.add(result.faces_in, result.area, &result.milestones);
-            error += result.area * result.squared_error;
-            *degenerate += result.degenerate;
-            *doubles += result.doubles;
-            *dropped_pieces += result.dropped_pieces;
-            *changes += result.changes;
-            *optimized += result.optimized;
-            *dropped_faces += result.dropped_faces;
-            floor.add(&result.floor);
-            if result.passed_through {
-                *passed_through += result.faces;
+    /// Chooses where the clusters of a pass stop: as recorded by an earlier process, or computed from the sample.
+    ///
+    /// # Errors
+    /// On a full disk, failed reads or writes, and damaged files.
+    pub fn choose_stops(&mut self, pass: Pass, partition: &Partition) -> Result<Stops> {
+        let started = Instant::now();
+        let step = plan_step(pass, 0);
+        let recorded = self.job.recall::<PassSetup>(step, &(partition, self.catalogue))?;
+        self.probing = None;
+        if pass.is_first_turn() {
+            self.study_input(pass, partition, recorded.as_ref())?;
+        }
+        let (sample, thresholds) = (std::mem::take(&mut self.state.sample), self.state.thresholds.take());
+        let steepest = self.steepest(pass);
+        let setup = match recorded {
+            Some(setup) => setup,
+            None => {
+                // Before the first pass the mesh still contains faces that repeat a vertex.
+                let is_input = pass.is_first_turn();
+                let faces = if is_input { partition.total_faces() } else { self.state.mesh.face_count() };
+                let mut thresholds = thresholds.unwrap_or_else(|| self.sample_thresholds(sample, pass, faces));
+                if let Some(most) = steepest {
+                    thresholds.iter_mut().for_each(|cost| *cost = cost.min(most));
+                }
+                let (stops, is_exact) = self.plan(partition, thresholds, pass, faces)?;
+                let setup = PassSetup { stops, is_exact, texture: self.texture.clone(), probing: self.probing };
+                self.job.keep(step, 0, [], &setup)?;
+                setup
             }
-            result.patch.iter().for_each(|patch| sample::append(&mut sample, patch));
-            result.probes.into_iter().for_each(|of_cluster| probes.add(of_cluster));
-            pieces.extend(result.pieces);
+        };
+        self.state.seconds.add(pass, started.elapsed());
+        Ok(Stops { rule: setup.stops, is_exact: setup.is_exact, steepest })
+    }
+
+    /// Learns from the mesh before its first edge collapses what the metric needs of it as a whole, takes the sample,
+    /// and decides how it is probed.
+    fn study_input(&mut self, pass: Pass, partition: &Partition, recorded: Option<&PassSetup>) -> Result<()> {
+        let texture = match recorded {
+            Some(setup) => {
+                self.probing = setup.probing;
+                setup.texture.clone()
+            }
+            None => {
+                let (texture, sample) = self.first_sample(partition)?;
+                let is_input = pass.number == 0 && !sample.corners.is_empty();
+                self.probing = is_input.then(|| probing_of([partition.total_faces(), self.options.target], &sample));
+                self.state.sample = sample;
+                texture
+            }
+        };
+        self.learn(texture);
+        self.state.texture = Some(self.texture.clone());
+        if self.engine.needs_statistics() {
+            let stats = self.job.once(Step::Statistics, &(), || self.gather_stats(partition))?;
+            self.engine.normalise(&stats);
+            self.state.stats = Some(stats);
+        }
+        Ok(())
+    }
+
+    /// Highest allowed threshold of an extra pass; `None` in an ordinary pass, or if the previous pass had no
+    /// threshold.
+    fn steepest(&self, pass: Pass) -> Option<f32> {
+        let before = self.state.reports.last().map(|pass| pass.threshold as f32).filter(|&cost| cost > 0.0)?;
+        (pass.turn >= self.options.passes).then_some(before * EXTRA_PASS_RISE)
+    }
+
+    /// Simplifies the clusters of a pass; the result is the mesh of the next one.
+    ///
+    /// # Errors
+    /// On a full disk, failed reads or writes, and damaged files.
+    pub fn simplify_clusters(&mut self, pass: Pass, partition: &Partition, stops: &Stops) -> Result<()> {
+        let started = Instant::now();
+        let mut result = self.run_attempts(pass, partition, &stops.rule)?;
+        let end = PassEnd {
+            faces_in: partition.total_faces(),
+            faces_out: result.report.faces_out,
+            is_last: self.is_last(pass),
+            is_single: partition.is_single(),
+            is_exact: stops.is_exact,
+            is_steepest: stops.rule.highest_cost().is_some_and(|highest| Some(highest) == stops.steepest),
+            met_wall: result.met_wall,
+        };
+        self.state.scratch_peak = self.state.scratch_peak.max(folder_bytes(self.job.path()));
+        let probes = std::mem::take(&mut result.probes);
+        if !probes.is_empty() {
+            self.keep_probes(probes)?;
+        }
+        self.state.take(result);
+        if self.options.drop_pieces {
+            self.state.min_component_diagonal = Some(self.state.squared_error.sqrt());
+        }
+        self.state.schedule.end_collapsing(end, self.options);
+        self.state.seconds.add(pass, started.elapsed());
+        self.record_pass(pass)?;
+        let faces = counted(end.faces_out, "triangle");
+        self.progress.tell(&format!("pass {} is done: {faces}", pass.number + 1));
+        Ok(())
+    }
+
+    /// Records the mesh after a pass; the files of earlier steps are deleted.
+    pub(super) fn record_pass(&self, pass: Pass) -> Result<()> {
+        let step = Step::Pass { pass: pass.number as u32 };
+        let mesh = &self.state.mesh;
+        self.job.supersede(step, mesh.face_count(), mesh.files(), &self.state, &[Step::Input, Step::Probes])
+    }
+
+    /// Simplifies every cluster once, up to its stop.
+    pub(super) fn attempt(
+        &self,
+        pass: Pass,
+        partition: &Partition,
+        stops: &StopRule,
+        attempt: u32,
+    ) -> Result<SweepResult> {
+        let phase = if pass.is_first_turn() { "simplify" } else { "stitch" };
+        self.progress.begin(phase, partition.total_faces(), "faces");
+        *self.map() = self.options.map.map(ClusterMap::new);
+        let survey = self.survey(partition, pass);
+        let sweep = Sweep { pass, partition, stops, purpose: SweepPurpose::Mesh(attempt, &survey) };
+        let mut sum = SweepResult::default();
+        let mut squared_error = 0.0;
+        self.sweep(sweep, |result| {
+            sum.counters += &result.counters;
+            sum.cluster_faces.push(result.counters.faces_out);
+            sum.report.threshold = sum.report.threshold.max(f64::from(result.cost));
+            sum.stages.add(result.counters.faces_in, result.area, &result.milestones);
+            sum.area += result.area;
+            squared_error += result.area * result.squared_error;
+            result.patch.iter().for_each(|patch| sample::append(&mut sum.sample, patch));
+            result.probes.into_iter().for_each(|probes| sum.probes.add(probes));
+            sum.mesh.pieces.extend(result.pieces);
             Ok(())
         })?;
-        outcome.squared_error = if area > 0.0 { error / area } else { 0.0 };
-        outcome.area = area;
-        outcome.stages = stages;
-        outcome.report.map = self.map().take().and_then(|map| map.to_png());
-        outcome.mesh.pieces = pieces;
-        outcome.sample = sample;
-        self.write_shared(partition, pass, &mut outcome.mesh)?;
-        Ok(outcome)
+        sum.squared_error = if sum.area > 0.0 { squared_error / sum.area } else { 0.0 };
+        sum.report.clusters = partition.filled_count();
+        sum.report.faces_in = partition.total_faces();
+        sum.report.border_vertices = u64::from(partition.faces.shared.len());
+        sum.report.faces_out = sum.counters.faces_out;
+        sum.report.seam_vertices = sum.counters.seam_vertices;
+        sum.report.map = self.map().take().and_then(|map| map.to_png());
+        self.write_shared(partition, pass, &mut sum.mesh)?;
+        Ok(sum)
     }
 
     /// Returns the properties of the texture that the metric reads, and a sample of the clusters of the first pass.
-    fn first_sample(&self, mesh: &StoredMesh, partition: &Partition) -> Result<(TextureTraits, ClusterMesh)> {
-        let none = || TextureTraits::none(self.catalogue);
-        match M::reads_texture(&self.settings) {
-            true => self.measure_texture(mesh, partition),
-            false if partition.is_single() => Ok((none(), ClusterMesh::default())),
-            false => Ok((none(), self.take_sample(mesh, partition)?)),
+    fn first_sample(&self, partition: &Partition) -> Result<(TextureTraits, ClusterMesh)> {
+        if self.engine.reads_texture() {
+            return self.measure_texture(partition);
         }
+        let sample = if partition.is_single() { ClusterMesh::default() } else { self.take_sample(partition)? };
+        Ok((TextureTraits::none(self.catalogue), sample))
     }
 
     /// Sums the global statistics of the mesh that the metric is normalised by.
-    fn take_census(&self, mesh: &StoredMesh, partition: &Partition) -> Result<Census> {
-        let mut census = Census::default();
-        map_in_order(
-            0..partition.cluster_count(),
-            self.options.threads,
-            self.options.threads + 1,
-            |cluster| {
-                let mut counted = Census::default();
-                if partition.weight(cluster).is_none() {
-                    return Ok(counted);
-                }
-                self.progress.check_stopped()?;
-                let _permit = self.permits.take(self.cluster_bytes(partition, cluster));
-                let source = self.load(mesh, partition, cluster)?;
-                source.mesh.positions.iter().for_each(|p| counted.enclose(source.origin + *p));
-                Engine::<M>::count(source.mesh, &self.settings, &mut counted);
-                Ok(counted)
-            },
-            |counted| {
-                census.merge(&counted);
-                Ok(())
-            },
-        )?;
-        Ok(census)
+    fn gather_stats(&self, partition: &Partition) -> Result<MeshStats> {
+        let mut stats = MeshStats::default();
+        let count = |cluster| {
+            let mut counted = MeshStats::default();
+            if partition.weight(cluster).is_none() {
+                return Ok(counted);
+            }
+            self.progress.check_stopped()?;
+            let _permit = self.permits.take(self.cluster_bytes(partition, cluster));
+            let source = self.load(partition, cluster)?;
+            source.mesh.positions.iter().for_each(|p| counted.enclose(source.origin + *p));
+            self.engine.count(source.mesh, &mut counted);
+            Ok(counted)
+        };
+        let threads = self.options.threads;
+        map_in_order(0..partition.cluster_count(), threads, threads + 1, count, |counted| {
+            stats.merge(&counted);
+            Ok(())
+        })?;
+        Ok(stats)
     }
 }

@@ -22,6 +22,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::base::chance::{INCREMENT, mixed, place_on_triangle, unit};
+use crate::job::Recalled;
 use crate::mesh::ClusterMesh;
 
 /// Faces of the input per point on it; the number of points is clamped to `POINTS_MIN..=POINTS_MAX`.
@@ -239,6 +240,14 @@ impl Probing {
         crowded.sort_unstable();
         crowded.dedup();
         Probes { probing: *self, points, weights, areas: vec![area], triangles, crowded, vertices }
+    }
+}
+
+impl Recalled for Probes {
+    type Context<'a> = ();
+
+    fn is_sound(&self, (): &()) -> bool {
+        self.fit(self.faces())
     }
 }
 
@@ -527,7 +536,7 @@ impl Probes {
     }
 
     /// Reports whether recalled probes fit a mesh of `faces` faces.
-    pub(super) fn is_sound(&self, faces: u64) -> bool {
+    pub(super) fn fit(&self, faces: u64) -> bool {
         self.probing.is_sound(faces)
             && self.areas.iter().chain(&self.weights).all(|&area| area.is_finite() && area >= 0.0)
             && self.weights.len() == self.points.len()
@@ -678,7 +687,7 @@ mod tests {
         mesh.push_face([0, 1, 2], 0);
         mesh.push_face([2, 1, 3], 0);
         let whole = Probing::new(2, 1, 1.0).take(&mesh, DVec3::ZERO, 0);
-        assert!(whole.is_sound(2) && whole.triangle_count() == 2 && !whole.points.is_empty());
+        assert!(whole.fit(2) && whole.triangle_count() == 2 && !whole.points.is_empty());
         let changes: [fn(&mut Probes); 15] = [
             |probes| probes.probing = Probing::new(1 << 40, 1, 1.0),
             |probes| probes.probing.side = 0.0,
@@ -699,12 +708,12 @@ mod tests {
         for (i, change) in changes.into_iter().enumerate() {
             let mut changed = whole.clone();
             change(&mut changed);
-            assert!(!changed.is_sound(2), "change {i}");
+            assert!(!changed.fit(2), "change {i}");
         }
         // A surface of zero area is valid.
         let mut flat = whole;
         flat.areas[0] = 0.0;
-        assert!(flat.is_sound(2));
+        assert!(flat.fit(2));
     }
 
     #[test]

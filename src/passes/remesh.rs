@@ -16,30 +16,18 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 
 use super::clusters::PASS_BYTES;
+use super::counters::Counters;
 use super::outcome::RemeshReport;
+use super::pass_id::Pass;
 use super::probes::{LongestSides, Probes, Probing};
 use super::run::{Run, plan_step};
-use super::state::PassState;
 use crate::base::Result;
 use crate::base::ordered::map_in_order;
-use crate::cost::Metric;
-use crate::job::{Step, folder_bytes};
+use crate::job::{Recalled, Step, folder_bytes};
 use crate::model::{StoredMesh, StoredPiece};
 use crate::partition::{ClusterSource, Partition, cluster};
 use crate::remesh::cvd::mass::MassSums;
 use crate::remesh::cvd::{self, CvdSettings, FrozenStatistics, Stock};
-
-/// Remeshing passes for a target in cells, if there are several clusters.
-pub const CELL_PASSES: usize = 3;
-
-/// Reports whether no further remeshing pass follows.
-pub(super) fn is_remeshed(settings: &CvdSettings, done: &[RemeshReport]) -> bool {
-    match (settings.cells, done.last()) {
-        (_, None) => false,
-        (None, Some(_)) => true,
-        (Some(_), Some(last)) => last.clusters <= 1 || done.len() >= CELL_PASSES,
-    }
-}
 
 /// Result of both surveys.
 #[derive(Serialize, Deserialize)]
@@ -51,44 +39,56 @@ struct Surveyed {
 
 /// Result of remeshing a cluster.
 #[derive(Default, Serialize, Deserialize)]
-struct Remeshed {
+struct RemeshedCluster {
     pieces: Vec<StoredPiece>,
-    faces: u64,
-    degenerate: u64,
-    doubles: u64,
+    counters: Counters,
     cells: u64,
     held: u64,
     added: u64,
     junctions: u64,
     kept: u64,
-    passed_through: u64,
 }
 
-impl<M: Metric> Run<'_, M> {
-    /// Remeshes the mesh, cluster by cluster.
+impl Recalled for Surveyed {
+    type Context<'a> = Partition;
+
+    fn is_sound(&self, partition: &Partition) -> bool {
+        self.probes.is_empty() || self.probes.fit(partition.total_faces())
+    }
+}
+
+impl Recalled for RemeshedCluster {
+    type Context<'a> = ();
+
+    fn locate(&mut self, folder: &Path, (): &()) {
+        self.pieces.iter_mut().for_each(|piece| piece.locate(folder));
+    }
+
+    fn is_sound(&self, (): &()) -> bool {
+        self.pieces.iter().all(StoredPiece::is_sound)
+    }
+}
+
+impl RemeshReport {
+    fn add(&mut self, cluster: &RemeshedCluster) {
+        self.faces_out += cluster.counters.faces_out;
+        self.passed_through += cluster.counters.passed_through_faces;
+        self.cells += cluster.cells;
+        self.held += cluster.held;
+        self.added += cluster.added;
+        self.junctions += cluster.junctions;
+        self.kept += cluster.kept;
+    }
+}
+
+impl Run<'_> {
+    /// Remeshes the clusters of a pass; the result is the mesh of the next one.
     ///
     /// # Errors
     /// On a full disk, failed reads or writes, and damaged files.
-    pub(super) fn reconstruct(
-        &mut self,
-        settings: &CvdSettings,
-        state: &mut PassState,
-        partition: &Partition,
-    ) -> Result<()> {
+    pub fn remesh(&mut self, pass: Pass, settings: &CvdSettings, partition: &Partition) -> Result<()> {
         let started = Instant::now();
-        let pass = state.pass;
-        let is_sound = |found: &mut Surveyed| found.probes.is_empty() || found.probes.is_sound(partition.total_faces());
-        let Surveyed { frame, probes } = match self.job.recall_if(plan_step(pass, 0), is_sound)? {
-            Some(found) => found,
-            None => {
-                let found = self.find_frame(settings, state, partition)?;
-                self.job.keep(plan_step(pass, 0), 0, [], &found)?;
-                found
-            }
-        };
-        if !probes.is_empty() {
-            self.keep_probes(probes)?;
-        }
+        let frame = self.recall_or_find_frame(pass, settings, partition)?;
         self.progress.begin("remesh", partition.total_faces(), "faces");
         let mut report = RemeshReport {
             clusters: partition.filled_count(),
@@ -98,62 +98,78 @@ impl<M: Metric> Run<'_, M> {
             threshold: frame.threshold,
             ..RemeshReport::default()
         };
-        let mut mesh = StoredMesh::default();
-        let run = &*self;
-        let work = |cluster: usize| {
-            run.progress.check_stopped()?;
-            let step = Step::Cluster { pass: pass as u32, attempt: 0, cluster: cluster as u32 };
-            let faces = partition.face_count(cluster);
-            let accept = |kept: &mut Remeshed| {
-                kept.pieces.iter_mut().for_each(|piece| piece.locate(run.job.path()));
-                kept.pieces.iter().all(StoredPiece::is_sound)
-            };
-            let remeshed = match run.job.recall_if(step, accept)? {
-                Some(remeshed) => remeshed,
-                None => {
-                    let _permit = run.permits.take(remesh_bytes(partition, cluster));
-                    let remeshed = run.remesh_cluster(settings, &frame, &state.mesh, partition, step, cluster)?;
-                    run.job.keep(step, faces, remeshed.pieces.iter().flat_map(StoredPiece::files), &remeshed)?;
-                    remeshed
-                }
-            };
-            run.progress.advance(faces);
-            Ok(remeshed)
-        };
-        let (threads, findings) = (self.options.threads, &mut state.findings);
-        map_in_order(0..partition.cluster_count(), threads, threads * 4, work, |remeshed| {
-            report.faces_out += remeshed.faces;
-            report.cells += remeshed.cells;
-            report.held += remeshed.held;
-            report.added += remeshed.added;
-            report.junctions += remeshed.junctions;
-            report.kept += remeshed.kept;
-            report.passed_through += remeshed.passed_through;
-            findings.count("degenerate_faces", remeshed.degenerate);
-            findings.count("dropped_doubles", remeshed.doubles);
-            mesh.pieces.extend(remeshed.pieces);
+        let (mut mesh, mut counters) = (StoredMesh::default(), Counters::default());
+        let work = |cluster| self.remesh_or_recall(pass, settings, &frame, partition, cluster);
+        let threads = self.options.threads;
+        map_in_order(0..partition.cluster_count(), threads, threads * 4, work, |cluster| {
+            report.add(&cluster);
+            counters += &cluster.counters;
+            mesh.pieces.extend(cluster.pieces);
             Ok(())
         })?;
         self.write_shared(partition, pass, &mut mesh)?;
+        let state = &mut self.state;
+        counters.note_in(&mut state.findings);
         state.findings.count("remesh_kept_vertices", report.kept);
         state.scratch_peak = state.scratch_peak.max(folder_bytes(self.job.path()));
         state.mesh = mesh;
+        state.schedule.end_remeshing(settings, report.clusters);
         state.remeshed.push(report);
         state.seconds.remesh += started.elapsed();
-        state.is_over = settings.cells.is_some() && is_remeshed(settings, &state.remeshed);
-        state.reached = state.is_over;
-        state.pass += 1;
-        let step = Step::Pass { pass: pass as u32 };
-        let faces = state.mesh.face_count();
-        self.job.supersede(step, faces, state.mesh.files(), &*state, &[Step::Input, Step::Probes])?;
-        self.progress.tell(&format!("remeshed: {faces} triangles"));
+        self.record_pass(pass)?;
+        self.progress.tell(&format!("remeshed: {} triangles", self.state.mesh.face_count()));
         Ok(())
     }
 
+    /// Returns the statistics that all clusters are remeshed by; keeps the probes taken with them.
+    fn recall_or_find_frame(
+        &mut self,
+        pass: Pass,
+        settings: &CvdSettings,
+        partition: &Partition,
+    ) -> Result<FrozenStatistics> {
+        let Surveyed { frame, probes } = match self.job.recall::<Surveyed>(plan_step(pass, 0), partition)? {
+            Some(found) => found,
+            None => {
+                let found = self.find_frame(pass, settings, partition)?;
+                self.job.keep(plan_step(pass, 0), 0, [], &found)?;
+                found
+            }
+        };
+        if !probes.is_empty() {
+            self.keep_probes(probes)?;
+        }
+        Ok(frame)
+    }
+
+    fn remesh_or_recall(
+        &self,
+        pass: Pass,
+        settings: &CvdSettings,
+        frame: &FrozenStatistics,
+        partition: &Partition,
+        cluster: usize,
+    ) -> Result<RemeshedCluster> {
+        self.progress.check_stopped()?;
+        let step = Step::Cluster { pass: pass.number as u32, attempt: 0, cluster: cluster as u32 };
+        let faces = partition.face_count(cluster);
+        let remeshed = match self.job.recall::<RemeshedCluster>(step, &())? {
+            Some(remeshed) => remeshed,
+            None => {
+                let _permit = self.permits.take(remesh_bytes(partition, cluster));
+                let remeshed = self.remesh_cluster(settings, frame, partition, step, cluster)?;
+                self.job.keep(step, faces, remeshed.pieces.iter().flat_map(StoredPiece::files), &remeshed)?;
+                remeshed
+            }
+        };
+        self.progress.advance(faces);
+        Ok(remeshed)
+    }
+
     /// Surveys all clusters twice; probes those of the input in the second survey.
-    fn find_frame(&self, settings: &CvdSettings, state: &PassState, partition: &Partition) -> Result<Surveyed> {
+    fn find_frame(&self, pass: Pass, settings: &CvdSettings, partition: &Partition) -> Result<Surveyed> {
         self.progress.begin("weigh", 2 * partition.total_faces(), "faces");
-        let is_input = state.pass == 0;
+        let is_input = pass.number == 0;
         let (mut sums, mut sides) = (MassSums::default(), LongestSides::default());
         let weigh = |source: &ClusterSource, _: usize| {
             let mut own = MassSums::default();
@@ -161,7 +177,7 @@ impl<M: Metric> Run<'_, M> {
             (own, if is_input { LongestSides::of(&source.mesh) } else { LongestSides::default() })
         };
         let skip = |_: usize| Ok(Default::default());
-        self.look(&state.mesh, partition, weigh, skip, |(own, own_sides)| {
+        self.survey_clusters(partition, weigh, skip, |(own, own_sides)| {
             sums.merge(&own);
             sides = sides.with(own_sides);
         })?;
@@ -176,35 +192,34 @@ impl<M: Metric> Run<'_, M> {
             (cvd::take_stock(&source.mesh, settings, &frame), probes.unwrap_or_default())
         };
         let take_blocks = |cluster: usize| {
-            let probes = probing.map(|probing| self.probe_blocks(&probing, &state.mesh, partition, cluster));
+            let probes = probing.map(|probing| self.probe_blocks(&probing, partition, cluster));
             Ok((Stock::default(), probes.transpose()?.unwrap_or_default()))
         };
-        self.look(&state.mesh, partition, take, take_blocks, |(own, own_probes)| {
+        self.survey_clusters(partition, take, take_blocks, |(own, own_probes)| {
             stock.merge(&own);
             probes.add(own_probes);
         })?;
         Ok(Surveyed { frame: FrozenStatistics { threshold: stock.threshold(&frame), ..frame }, probes })
     }
 
-    /// Applies `look_at` to every cluster that can be loaded and `look_past` to the others; passes the results to
+    /// Applies `of_loaded` to every cluster that can be loaded and `of_heavy` to the others; passes the results to
     /// `take` in cluster order.
-    fn look<T: Send>(
+    fn survey_clusters<T: Send>(
         &self,
-        mesh: &StoredMesh,
         partition: &Partition,
-        look_at: impl Fn(&ClusterSource, usize) -> T + Sync,
-        look_past: impl Fn(usize) -> Result<T> + Sync,
+        of_loaded: impl Fn(&ClusterSource, usize) -> T + Sync,
+        of_heavy: impl Fn(usize) -> Result<T> + Sync,
         mut take: impl FnMut(T),
     ) -> Result<()> {
         let work = |cluster: usize| {
             self.progress.check_stopped()?;
             if partition.weight(cluster).is_none() {
-                return look_past(cluster);
+                return of_heavy(cluster);
             }
             let _permit = self.permits.take(remesh_bytes(partition, cluster));
-            let source = self.load(mesh, partition, cluster)?;
+            let source = self.load(partition, cluster)?;
             self.progress.advance(partition.face_count(cluster));
-            Ok(look_at(&source, cluster))
+            Ok(of_loaded(&source, cluster))
         };
         let threads = self.options.threads;
         map_in_order(0..partition.cluster_count(), threads, threads + 1, work, |own| {
@@ -217,40 +232,43 @@ impl<M: Metric> Run<'_, M> {
         &self,
         settings: &CvdSettings,
         frame: &FrozenStatistics,
-        mesh: &StoredMesh,
         partition: &Partition,
         step: Step,
         cluster: usize,
-    ) -> Result<Remeshed> {
+    ) -> Result<RemeshedCluster> {
         if partition.weight(cluster).is_none() {
             let path = |part| self.piece_path(step, part);
-            let (pieces, degenerate) = cluster::pass_through(partition, mesh, cluster, path)?;
+            let (pieces, degenerate_faces) = cluster::pass_through(partition, &self.state.mesh, cluster, path)?;
             let faces = pieces.iter().map(|piece| piece.faces.len()).sum();
-            return Ok(Remeshed { pieces, degenerate, faces, passed_through: faces, ..Remeshed::default() });
+            let counters =
+                Counters { degenerate_faces, faces_out: faces, passed_through_faces: faces, ..Counters::default() };
+            return Ok(RemeshedCluster { pieces, counters, ..RemeshedCluster::default() });
         }
-        let mut source = self.load(mesh, partition, cluster)?;
-        let mut made = std::mem::take(&mut source.mesh);
-        let outcome = cvd::reconstruct(&mut made, settings, frame);
+        let mut source = self.load(partition, cluster)?;
+        let mut mesh = std::mem::take(&mut source.mesh);
+        let outcome = cvd::reconstruct(&mut mesh, settings, frame);
         source.adopt(outcome.points);
-        let mut remeshed = Remeshed {
-            pieces: Vec::new(),
-            faces: made.corners.len() as u64,
-            degenerate: source.degenerate,
-            doubles: source.doubles,
+        let mut pieces = Vec::new();
+        if !mesh.corners.is_empty() {
+            let path = self.piece_path(step, 0);
+            let pending = source.write(&mesh, partition, self.catalogue, &self.texture.scale, None, &path)?;
+            pieces.push(pending.commit()?);
+        }
+        let counters = Counters {
+            faces_out: mesh.corners.len() as u64,
+            degenerate_faces: source.degenerate,
+            dropped_doubles: source.doubles,
+            ..Counters::default()
+        };
+        Ok(RemeshedCluster {
+            pieces,
+            counters,
             cells: outcome.cells,
             held: outcome.held,
             added: outcome.added,
             junctions: outcome.shrunk.junctions,
             kept: outcome.shrunk.kept,
-            passed_through: 0,
-        };
-        if !made.corners.is_empty() {
-            let path: &Path = &self.piece_path(step, 0);
-            remeshed
-                .pieces
-                .push(source.write(&made, partition, self.catalogue, &self.texture.scale, None, path)?.commit()?);
-        }
-        Ok(remeshed)
+        })
     }
 }
 

@@ -1,69 +1,127 @@
-//! What the passes of a job share: its options, its metric, its budget, and what they learn on the way.
+//! The passes of a job under way: what they share, and what they learn on the way.
+//!
+//! In: a [`ResumePoint`]. Out: the simplified mesh. A caller repeats
+//! [`next_pass`](Run::next_pass), [`partition`](Run::partition) and then [`remesh`](Run::remesh), or
+//! [`choose_stops`](Run::choose_stops) and [`simplify_clusters`](Run::simplify_clusters), until no pass is left.
 
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard};
 
+use super::metric_engine::{EngineRules, MetricEngine};
 use super::options::{PassOptions, SeamPolicy};
+use super::outcome::Passes;
+use super::pass_id::Pass;
 use super::probes::{Probes, Probing};
+use super::state::{PassState, ResumePoint};
 use super::texture_traits::TextureTraits;
-use crate::base::{Permits, Progress, Result};
-use crate::cost::Metric;
+use crate::base::{Error, Permits, Progress, Result};
 use crate::job::{Step, WorkFolder};
-use crate::mesh::ClusterMesh;
-use crate::model::{Catalogue, StoredMesh};
+use crate::model::Catalogue;
+use crate::os::mmap;
 use crate::partition::{ClusterSource, Partition, cluster};
 use crate::render::ClusterMap;
-use crate::simplify::Engine;
 
-/// A run of all passes.
-pub struct Run<'a, M: Metric> {
+/// The passes of a job under way.
+pub struct Run<'a> {
     pub(super) options: &'a PassOptions,
-    pub(super) settings: M::Settings,
     pub(super) catalogue: &'a Catalogue,
     pub(super) job: &'a WorkFolder,
     pub(super) progress: &'a dyn Progress,
     pub(super) permits: Permits,
+    pub(super) engine: Box<dyn MetricEngine>,
+    pub(super) state: PassState,
+    /// Partition of the pass that an earlier process left unfinished.
+    pub(super) recalled: Option<Partition>,
     pub(super) texture: TextureTraits,
     /// How the clusters of the input are probed, in the pass over the input if it has several clusters.
     pub(super) probing: Option<Probing>,
     /// Probes of the input.
     pub(super) probes: Probes,
-    /// Number of remeshing passes, which come first.
-    pub(super) lead: usize,
-    /// Bounding-box diagonal below which connected components are dropped in this pass, in units of length; `None` for
-    /// none.
-    pub(super) crumb: Option<f64>,
     /// Deviation caused by rounding alone in the mesh at the start of the pass, in units of length.
     pub(super) noise: f64,
     /// Map of the current pass, if one is wanted. A worker holds the lock while it draws one cluster.
     pub(super) map: Mutex<Option<ClusterMap>>,
 }
 
-impl<'a, M: Metric> Run<'a, M> {
-    /// Prepares a run whose files go to the folder of `job` and whose finished steps go to its journal.
-    pub(super) fn new(
+impl<'a> Run<'a> {
+    /// Begins or resumes the passes of `job`, in whose folder their files are.
+    ///
+    /// # Errors
+    /// On failed reads and damaged files.
+    pub fn resume(
+        point: ResumePoint,
         options: &'a PassOptions,
-        settings: M::Settings,
         catalogue: &'a Catalogue,
         job: &'a WorkFolder,
         progress: &'a dyn Progress,
-    ) -> Self {
-        let permits = Permits::new(options.work_bytes);
-        Self {
+    ) -> Result<Self> {
+        let ResumePoint { state, partition: recalled } = point;
+        let mut probes = Probes::default();
+        if state.pass() > 0 {
+            probes = job.recall(Step::Probes, &())?.unwrap_or_default();
+        }
+        let mut run = Self {
             options,
-            settings,
             catalogue,
             job,
             progress,
-            permits,
+            permits: Permits::new(options.work_bytes),
+            engine: options.cost.engine(),
             texture: TextureTraits::none(catalogue),
+            recalled,
             probing: None,
-            probes: Probes::default(),
-            lead: 0,
-            crumb: None,
+            probes,
             noise: 0.0,
             map: Mutex::new(None),
+            state,
+        };
+        if let Some(texture) = run.state.texture.clone() {
+            run.learn(texture);
         }
+        if let Some(stats) = &run.state.stats {
+            run.engine.normalise(stats);
+        }
+        Ok(run)
+    }
+
+    /// Returns the next pass over the clusters; `None` once the target is met or no further face can be removed.
+    pub fn next_pass(&mut self) -> Option<Pass> {
+        let pass = self.state.schedule.next(self.options)?;
+        self.progress.begin_pass(pass.number + 1);
+        self.noise = self.state.mesh.rounding_noise();
+        Some(pass)
+    }
+
+    /// Returns the simplified mesh, once no pass is left.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] if the work folder holds the partition of a further pass.
+    pub fn finish(self) -> Result<Passes> {
+        mmap::release_freed_memory();
+        let mut state = self.state;
+        if self.recalled.is_some() {
+            let message = format!("pass {} is partitioned, but the passes end before it", state.pass() + 1);
+            return Err(Error::Damaged { path: self.job.path().to_owned(), message });
+        }
+        state.findings.count("passed_through_faces", state.passed_through);
+        Ok(Passes {
+            faces: state.mesh.face_count(),
+            mesh: state.mesh,
+            reports: state.reports,
+            remeshed: state.remeshed,
+            findings: state.findings,
+            seconds: state.seconds,
+            probes: self.probes,
+            seam_density: state
+                .texture
+                .map(|texture| texture.seam_density)
+                .filter(|seam_density| seam_density.is_finite()),
+            changes: state.changes,
+            reached: state.schedule.reached,
+            floor: state.floor,
+            scratch_peak: state.scratch_peak,
+            permit_peak: self.permits.peak(),
+        })
     }
 
     /// Records the probes of the input in the journal and keeps them until the result is measured.
@@ -74,42 +132,31 @@ impl<'a, M: Metric> Run<'a, M> {
         Ok(())
     }
 
-    /// Returns how the input is probed; `patch` is a representative part of it.
-    pub(super) fn probing_of(&self, partition: &Partition, patch: &ClusterMesh) -> Probing {
-        let faces = partition.total_faces();
-        Probing::of([faces, if self.options.target > 0 { self.options.target } else { faces }], patch)
-    }
-
     pub(super) fn learn(&mut self, texture: TextureTraits) {
-        M::learn_crowding(&mut self.settings, texture.crowding);
+        self.engine.learn_seam_density(texture.seam_density);
         self.texture = texture;
     }
 
-    /// Index of a pass among those that collapse edges.
-    pub(super) fn turn(&self, pass: usize) -> usize {
-        pass.saturating_sub(self.lead)
-    }
-
-    pub(super) fn engine(&self, mesh: ClusterMesh, pass: usize) -> Engine<M> {
-        let mut engine = Engine::new(mesh, &self.settings);
-        engine.lock_borders = self.options.lock_borders;
-        engine.frees_topology = self.options.frees_topology;
-        engine.one_by_one = self.options.one_by_one;
-        engine.seeks_handles = self.turn(pass) > 0;
-        engine.welds = self.options.weld;
-        if let Some(most) = self.bound_of(pass) {
-            engine.bound_deviation(most);
+    /// What the engine may do in a pass.
+    pub(super) fn rules(&self, pass: Pass) -> EngineRules {
+        let options = self.options;
+        EngineRules {
+            lock_borders: options.lock_borders,
+            lock_seams: match options.seams {
+                SeamPolicy::Stitch => pass.is_first_turn() && options.passes > 1,
+                SeamPolicy::Follow => false,
+                SeamPolicy::Lock => true,
+            },
+            frees_topology: options.frees_topology,
+            one_by_one: options.one_by_one,
+            seeks_handles: !pass.is_first_turn(),
+            welds: options.weld,
+            deviation_max: self.bound_of(pass),
         }
-        engine.lock_seams = match self.options.seams {
-            SeamPolicy::Stitch => self.turn(pass) == 0 && self.options.passes > 1,
-            SeamPolicy::Follow => false,
-            SeamPolicy::Lock => true,
-        };
-        engine
     }
 
-    pub(super) fn load(&self, mesh: &StoredMesh, partition: &Partition, cluster: usize) -> Result<ClusterSource> {
-        cluster::load(partition, mesh, self.catalogue, &self.texture.scale, cluster)
+    pub(super) fn load(&self, partition: &Partition, cluster: usize) -> Result<ClusterSource> {
+        cluster::load(partition, &self.state.mesh, self.catalogue, &self.texture.scale, cluster)
     }
 
     pub(super) fn map(&self) -> MutexGuard<'_, Option<ClusterMap>> {
@@ -123,6 +170,6 @@ impl<'a, M: Metric> Run<'a, M> {
     }
 }
 
-pub(super) fn plan_step(pass: usize, attempt: u32) -> Step {
-    Step::Plan { pass: pass as u32, attempt }
+pub(super) fn plan_step(pass: Pass, attempt: u32) -> Step {
+    Step::Plan { pass: pass.number as u32, attempt }
 }

@@ -81,13 +81,9 @@ impl Survey {
         self.clusters.binary_search(&cluster).is_ok()
     }
 
-    /// Returns the patch of a cluster, or `None` if it was not chosen.
-    pub fn patch(&self, cluster: usize, mesh: &ClusterMesh) -> Option<ClusterMesh> {
-        self.wants(cluster).then(|| {
-            let (triangle, vertices) = (|face| mesh.triangle(face), |face| mesh.vertices(face));
-            let patch = Patch::choose(mesh.corners.len(), self.patch_faces, mesh.positions.len(), triangle, vertices);
-            patch.cut_from(mesh, patch.faces.iter().copied())
-        })
+    /// Number of faces of the patch of a cluster; `None` if the cluster gives none.
+    pub fn patch_faces(&self, cluster: usize) -> Option<usize> {
+        self.wants(cluster).then_some(self.patch_faces)
     }
 
     /// Cuts a patch before the mesh of its cluster is built: `make` builds the mesh of the patch's faces alone.
@@ -116,6 +112,13 @@ pub fn evenly_spread(faces: &[u64], count: usize) -> Vec<usize> {
     let filled: Vec<usize> = (0..faces.len()).filter(|&cluster| faces[cluster] > 0).collect();
     let count = filled.len().min(count);
     (0..count).map(|i| filled[(2 * i + 1) * filled.len() / (2 * count)]).collect()
+}
+
+/// Cuts a patch of about `faces` faces out of a cluster.
+pub fn patch(mesh: &ClusterMesh, faces: usize) -> ClusterMesh {
+    let (triangle, vertices) = (|face| mesh.triangle(face), |face| mesh.vertices(face));
+    let patch = Patch::choose(mesh.corners.len(), faces, mesh.positions.len(), triangle, vertices);
+    patch.cut_from(mesh, patch.faces.iter().copied())
 }
 
 /// Faces of a cluster that form a patch, and the rim of that patch.
@@ -288,8 +291,8 @@ mod tests {
         mesh.parts.iter_mut().zip(0..).for_each(|(part, face)| *part = face);
         let survey = Survey::new(&[800, 0, 800], Purpose { left: 0.5, is_last: false }, 0.04);
         assert_eq!(survey.clusters(), [0, 2]);
-        assert!(survey.patch(1, &mesh).is_none());
-        let patch = survey.patch(2, &mesh).unwrap();
+        assert!(survey.patch_faces(1).is_none());
+        let patch = patch(&mesh, survey.patch_faces(2).unwrap());
         assert_eq!(patch.corners.len(), 200);
         assert!(patch.parts.is_sorted() && patch.parts.iter().all(|&part| part < 800));
         for (face, &part) in (0..).zip(&patch.parts) {
@@ -310,7 +313,8 @@ mod tests {
         let farthest = patch.parts.iter().map(|&part| away(part)).fold(0.0, f64::max);
         let is_outside = |face: &u32| !patch.parts.contains(face);
         assert!((0..800).filter(is_outside).all(|face| away(face) >= farthest));
-        let whole = Survey::new(&[800], Purpose { left: 0.5, is_last: false }, 1.0).patch(0, &mesh).unwrap();
+        let survey = Survey::new(&[800], Purpose { left: 0.5, is_last: false }, 1.0);
+        let whole = super::patch(&mesh, survey.patch_faces(0).unwrap());
         assert_eq!(whole.corners.len(), 800);
         assert!(whole.flags.iter().all(|&flags| flags == 0));
     }

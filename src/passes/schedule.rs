@@ -1,118 +1,119 @@
-//! How far each pass simplifies, and in how many stages.
-//!
-//! Quadrics are recomputed between stages. That matters most once many faces are gone, and is cheapest then, so the
-//! last pass has the most stages.
+//! Which pass comes next, and when the passes end.
 
-/// Approximate share of its faces that a stage of the first pass keeps: one stage for ratios down to a tenth.
-const FIRST_STAGE_SHARE: f64 = 0.3;
-/// The same for passes between the first and the last: one stage from 4 × to 2 × the target.
-const MIDDLE_STAGE_SHARE: f64 = 0.36;
-/// The same for the last pass: two stages from 2 × the target.
-const LAST_STAGE_SHARE: f64 = 0.7;
-/// A last pass over several clusters aims this share above the target; the trim removes the rest.
-pub const TRIM_SHARE: f64 = 0.06;
+use serde::{Deserialize, Serialize};
 
-/// Largest number of stages of a pass: that of [`stage_shares`] for the smallest share.
-pub const STAGES_MAX: usize = 58;
-/// Smallest share of the faces that a pass aims at.
-const SHARE_MIN: f64 = 1e-9;
+use super::options::PassOptions;
+use super::pass_id::{Pass, PassKind};
+use crate::remesh::cvd::CvdSettings;
 
-/// Smallest share of its faces that a pass before the last two keeps. Quadrics of a much coarser mesh carry little
-/// information, and the next pass must catch up on the locked rims of clusters.
-const PASS_SHARE_MIN: f64 = 0.25;
+/// Largest number of passes beyond those asked for.
+const EXTRA_PASSES: usize = 12;
+/// With a bound on the error and no target, the passes end when one removes less than this share of the faces.
+const BOUNDED_LAST_SHARE: f64 = 0.02;
+/// An extra pass at the highest allowed threshold that removes less than this share of the faces is the last: another
+/// one would cost far more and remove little.
+const WALL_SHARE: f64 = 0.08;
+/// A pass that removes at most this share of the faces counts as stuck.
+const FLOOR_SHARE: f64 = 1e-4;
+/// Remeshing passes for a target in cells, if there are several clusters.
+pub const CELL_PASSES: usize = 3;
 
-/// Number of passes for a target: `wanted`, or as many as it takes from `input` to `target` faces in steps of a
-/// quarter. `wanted` if that is at most 1, or if `target` or `input` is 0.
-pub fn pass_count(wanted: usize, input: u64, target: u64) -> usize {
-    if wanted <= 1 || target == 0 || input == 0 {
-        return wanted;
-    }
-    let before_last = (4.0 * target as f64 / input as f64).min(1.0);
-    let steps = (libm::log(before_last) / libm::log(PASS_SHARE_MIN) - STEP_SLACK).ceil().max(0.0) as usize;
-    wanted.max(2 + steps)
+/// Position in the passes of a job; recorded with the state of each pass.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Schedule {
+    /// Number, from 0, of the next or current pass.
+    pub(super) pass: usize,
+    /// Number of remeshing passes, which come first.
+    remesh_passes: usize,
+    /// Clusters with faces in the last remeshing pass.
+    remeshed_clusters: u64,
+    /// Number of consecutive passes that removed almost no faces.
+    stuck: u32,
+    /// Whether the target is met.
+    pub(super) reached: bool,
+    /// Whether no pass follows.
+    pub(super) is_over: bool,
 }
 
-/// Part of a step that is spread over the other steps instead of adding one.
-const STEP_SLACK: f64 = 0.05;
-
-/// Number of faces that pass `pass` (from 0) of `passes` aims at, between `input` and `target` faces.
-///
-/// Even steps down to 4 × the target, then 2 ×, then 1 ×, but never above an even share of the whole way.
-pub fn pass_target(input: u64, target: u64, pass: usize, passes: usize) -> f64 {
-    let left = passes.saturating_sub(pass + 1) as i32;
-    let ratio = (target as f64 / input.max(1) as f64).clamp(0.0, 1.0);
-    let even = libm::pow(ratio, (pass + 1) as f64 / passes as f64);
-    let doubled = match left {
-        0 | 1 => ratio * libm::pow(2.0, f64::from(left)),
-        _ => libm::pow(4.0 * ratio, (pass + 1) as f64 / (passes - 2) as f64),
-    };
-    if left <= 0 { target as f64 } else { input as f64 * even.min(doubled).min(1.0) }
+/// What a pass that collapses edges did, for the decision whether another one follows.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PassEnd {
+    /// Faces before.
+    pub faces_in: u64,
+    /// Faces after.
+    pub faces_out: u64,
+    /// Whether the pass aimed at the target itself.
+    pub is_last: bool,
+    /// Whether there is only one cluster.
+    pub is_single: bool,
+    /// Whether its clusters were to meet the target to the face.
+    pub is_exact: bool,
+    /// Whether it collapsed up to the highest threshold allowed.
+    pub is_steepest: bool,
+    /// Whether collapses that cost far more ended it.
+    pub met_wall: bool,
 }
 
-/// Part of a stage that is spread over the others, so that a pass that ended slightly above its target adds no stage.
-const STAGE_SLACK: f64 = 0.25;
-
-/// Shares of the faces to keep at the end of each stage of pass `pass` (from 0) of `passes`; the last one is `share`.
-pub fn stage_shares(share: f64, pass: usize, passes: usize) -> Vec<f64> {
-    let share = share.clamp(SHARE_MIN, 1.0);
-    let stage_share = match pass {
-        0 => FIRST_STAGE_SHARE,
-        _ if pass + 1 < passes => MIDDLE_STAGE_SHARE,
-        _ => LAST_STAGE_SHARE,
-    };
-    let stages = (libm::log(share) / libm::log(stage_share) - STAGE_SLACK).ceil().max(1.0);
-    (1..=stages as u32).map(|stage| libm::pow(share, f64::from(stage) / stages)).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_smallest_share_has_the_most_stages() {
-        assert_eq!(stage_shares(0.0, 2, 3).len(), STAGES_MAX);
-        assert!(stage_shares(0.0, 0, 1).len() < STAGES_MAX && stage_shares(0.0, 1, 3).len() < STAGES_MAX);
+impl Schedule {
+    /// Returns the next pass; `None` if the passes are over.
+    pub(super) fn next(&self, options: &PassOptions) -> Option<Pass> {
+        if self.is_over || self.pass >= self.remesh_passes + options.passes + EXTRA_PASSES {
+            return None;
+        }
+        let kind = match options.remesh {
+            Some(settings) if !self.is_remeshed(&settings) => PassKind::Remesh(settings),
+            _ => PassKind::Collapse,
+        };
+        Some(Pass { number: self.pass, turn: self.pass - self.remesh_passes, kind })
     }
 
-    #[test]
-    fn three_passes_go_over_four_and_two_times_the_target() {
-        let targets: Vec<u64> = (0..3).map(|pass| pass_target(1000, 100, pass, 3).round() as u64).collect();
-        assert_eq!(targets, [400, 200, 100]);
+    /// Whether no further remeshing pass follows.
+    fn is_remeshed(&self, settings: &CvdSettings) -> bool {
+        match (settings.cells, self.remesh_passes) {
+            (_, 0) => false,
+            (None, _) => true,
+            (Some(_), done) => self.remeshed_clusters <= 1 || done >= CELL_PASSES,
+        }
     }
 
-    #[test]
-    fn a_far_target_takes_more_passes_of_a_quarter_each_at_most() {
-        let counts = [500, 100, 40, 20, 5, 1].map(|target| pass_count(3, 1000, target));
-        assert_eq!(counts, [3, 3, 4, 4, 5, 6]);
-        assert_eq!([pass_count(1, 1000, 1), pass_count(8, 1000, 1), pass_count(3, 1000, 0)], [1, 8, 3]);
-        // With two passes the last starts from twice the target. Slightly more than a quarter does not add a step.
-        assert_eq!([500, 100, 60, 50].map(|target| pass_count(2, 1000, target)), [2, 3, 3, 4]);
-        let targets: Vec<u64> = (0..5).map(|pass| pass_target(100_000, 500, pass, 5).round() as u64).collect();
-        assert_eq!(targets, [27_144, 7_368, 2_000, 1_000, 500]);
+    /// Ends a remeshing pass over `clusters` clusters.
+    pub(super) fn end_remeshing(&mut self, settings: &CvdSettings, clusters: u64) {
+        self.pass += 1;
+        self.remesh_passes += 1;
+        self.remeshed_clusters = clusters;
+        self.is_over = settings.cells.is_some() && self.is_remeshed(settings);
+        self.reached = self.is_over;
     }
 
-    #[test]
-    fn stages_go_so_far_in_each_pass() {
-        let stages = |share, pass| stage_shares(share, pass, 3).len();
-        assert_eq!([0.3, 0.2, 0.05].map(|share| stages(share, 0)), [1, 2, 3]);
-        assert_eq!([0.36, 0.25, 0.15].map(|share| stages(share, 1)), [1, 2, 2]);
-        assert_eq!([0.7, 0.5, 0.36].map(|share| stages(share, 2)), [1, 2, 3]);
-        assert_eq!(stage_shares(1.5, 0, 3), [1.0]);
+    /// Ends a pass that collapsed edges.
+    pub(super) fn end_collapsing(&mut self, end: PassEnd, options: &PassOptions) {
+        self.pass += 1;
+        let gained = end.faces_in.saturating_sub(end.faces_out);
+        let gained_less_than = |share: f64| (gained as f64) < end.faces_in as f64 * share;
+        if options.max_error.is_some() && options.target == 0 {
+            self.reached = end.is_last && (end.is_single || gained_less_than(BOUNDED_LAST_SHARE));
+            self.is_over = self.reached;
+            return;
+        }
+        self.reached = end.is_last && end.faces_out <= options.target;
+        self.stuck = if gained as f64 <= end.faces_in as f64 * FLOOR_SHARE { self.stuck + 1 } else { 0 };
+        // A single cluster has no locked rim, so one stuck pass is final. With several, vertices locked in one pass are
+        // free in the next. An exact plan that removed faces may remove more.
+        let is_stuck = self.stuck > 2 || (end.is_single && self.stuck > 0);
+        let is_wall = end.met_wall || (end.is_steepest && gained_less_than(WALL_SHARE));
+        self.is_over = self.reached || is_wall || (end.is_last && is_stuck && !(end.is_exact && gained > 0));
+        // With both a target and a bound, the one that stops the passes first counts as reached.
+        self.reached |= self.is_over && options.max_error.is_some();
     }
 
-    #[test]
-    fn mild_ratios_are_shared_evenly() {
-        let targets: Vec<u64> = (0..3).map(|pass| pass_target(1000, 729, pass, 3).round() as u64).collect();
-        assert_eq!(targets, [900, 810, 729]);
+    /// The position before pass `pass`.
+    #[cfg(test)]
+    pub(super) fn at(pass: usize) -> Self {
+        Self { pass, ..Self::default() }
     }
 
-    #[test]
-    fn the_last_stage_ends_at_the_share() {
-        let shares = stage_shares(0.5, 2, 3);
-        assert_eq!(shares.len(), 2);
-        assert!((shares[1] - 0.5).abs() < 1e-12);
-        assert_eq!(stage_shares(0.9, 2, 3).len(), 1);
-        assert_eq!(stage_shares(0.4, 0, 3).len(), 1);
-        assert_eq!(stage_shares(0.4, 1, 3).len(), 1);
+    /// Reports whether a recalled value can be the position before pass `pass`.
+    pub(super) fn is_sound(&self, pass: u32) -> bool {
+        self.pass == pass as usize && self.remesh_passes <= self.pass && self.stuck as usize <= self.pass
     }
 }

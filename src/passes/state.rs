@@ -3,14 +3,19 @@
 //! In: the journal of a job. Out: the state to resume from: the mesh after a pass, or the partition of an unfinished
 //! pass. Finished clusters of that pass are recalled one by one.
 
+use std::path::Path;
+
 use serde::{Deserialize, Serialize};
 
-use super::outcome::{Floor, PassOutcome, PassReport, PassSeconds, RemeshReport};
-use super::schedule::STAGES_MAX;
+use super::floor::Floor;
+use super::outcome::{PassReport, PassSeconds, RemeshReport};
+use super::schedule::Schedule;
+use super::shares::STAGES_MAX;
+use super::sweep_result::SweepResult;
 use super::texture_traits::TextureTraits;
 use crate::base::{Findings, Result};
-use crate::cost::census::Census;
-use crate::job::{Step, WorkFolder};
+use crate::cost::mesh_stats::MeshStats;
+use crate::job::{Recalled, Step, WorkFolder};
 use crate::mesh::ClusterMesh;
 use crate::model::{Catalogue, StoredMesh};
 use crate::partition::Partition;
@@ -19,8 +24,8 @@ use crate::simplify::Changes;
 /// State of the passes so far.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct PassState {
-    /// Number, from 0, of the next or current pass.
-    pub pass: usize,
+    /// Which pass is next or under way.
+    pub(super) schedule: Schedule,
     /// Mesh at the start of that pass.
     pub mesh: StoredMesh,
     /// Sample for the thresholds of the next pass, until they are computed.
@@ -30,9 +35,10 @@ pub struct PassState {
     /// Properties of the texture, once measured.
     pub(super) texture: Option<TextureTraits>,
     /// Global statistics of the mesh that the metric is normalised by, once counted.
-    pub(super) census: Option<Census>,
-    /// Bounding-box diagonal below which connected components are dropped in the next pass, in units of length.
-    pub(super) crumb: Option<f64>,
+    pub(super) stats: Option<MeshStats>,
+    /// Bounding-box diagonal below which connected components are dropped in the next pass, in units of length; `None`
+    /// for none.
+    pub(super) min_component_diagonal: Option<f64>,
     /// What was repaired.
     pub(super) findings: Findings,
     /// Changes of topology.
@@ -43,16 +49,10 @@ pub struct PassState {
     pub(super) reports: Vec<PassReport>,
     /// Sum over the passes of the mean squared deviation, in units of length squared.
     pub(super) squared_error: f64,
-    /// Number of consecutive passes that removed almost no faces.
-    pub(super) stuck: u32,
     /// Faces of clusters that passed through in the last pass.
     pub(super) passed_through: u64,
     /// What prevents further collapses.
     pub(super) floor: Floor,
-    /// Whether the target is met.
-    pub(super) reached: bool,
-    /// Whether no pass follows.
-    pub(super) is_over: bool,
     /// Time so far.
     pub(super) seconds: PassSeconds,
     /// Largest size of the work folder, in bytes.
@@ -60,12 +60,15 @@ pub struct PassState {
 }
 
 impl PassState {
+    /// Number, from 0, of the next or current pass.
+    pub fn pass(&self) -> usize {
+        self.schedule.pass
+    }
+
     /// Reports whether a recalled value can be the state before pass `pass`. Does not check the mesh.
-    fn is_sound(&self, pass: u32, catalogue: &Catalogue) -> bool {
-        let pass = pass as usize;
-        self.pass == pass
-            && self.remeshed.len() <= pass
-            && self.stuck as usize <= pass
+    fn is_before(&self, pass: u32, catalogue: &Catalogue) -> bool {
+        self.schedule.is_sound(pass)
+            && self.remeshed.len() <= pass as usize
             && self.seconds.is_sound()
             && self.findings.are_plain()
             && self.thresholds.iter().all(|thresholds| thresholds.len() <= STAGES_MAX)
@@ -73,83 +76,117 @@ impl PassState {
             && self.sample.is_sound()
     }
 
-    /// Adds the result of a pass.
-    pub(super) fn take(&mut self, mut outcome: PassOutcome) {
-        outcome.report.stages = outcome.stages.reports(self.squared_error);
-        self.mesh = outcome.mesh;
-        self.sample = outcome.sample;
-        self.squared_error += outcome.squared_error;
-        self.findings.count("degenerate_faces", outcome.degenerate);
-        self.findings.count("dropped_doubles", outcome.doubles);
+    /// Adds the result of a pass that collapsed edges.
+    pub(super) fn take(&mut self, result: SweepResult) {
+        let SweepResult { mesh, sample, mut report, counters, stages, .. } = result;
+        report.stages = stages.reports(self.squared_error);
+        counters.note_in(&mut self.findings);
         if self.reports.is_empty() {
-            self.findings.count("doubled_faces", outcome.floor.doubles);
+            self.findings.count("doubled_faces", counters.floor.doubles);
         }
-        self.findings.count("dropped_pieces", outcome.dropped_pieces);
-        self.findings.count("optimized_vertices", outcome.optimized);
-        self.findings.count("dropped_piece_faces", outcome.dropped_faces);
-        self.changes += outcome.changes;
-        self.reports.push(outcome.report);
-        self.passed_through = outcome.passed_through;
-        self.floor = outcome.floor;
+        self.mesh = mesh;
+        self.sample = sample;
+        self.squared_error += result.squared_error;
+        self.changes += counters.changes;
+        self.reports.push(report);
+        self.passed_through = counters.passed_through_faces;
+        self.floor = counters.floor;
+    }
+}
+
+/// What the state before a pass must fit.
+pub struct PassContext<'a> {
+    /// Number of the pass, from 0.
+    pass: u32,
+    catalogue: &'a Catalogue,
+}
+
+impl Recalled for PassState {
+    type Context<'a> = PassContext<'a>;
+
+    fn locate(&mut self, folder: &Path, _: &PassContext<'_>) {
+        self.mesh.locate(folder, &());
+    }
+
+    fn is_sound(&self, context: &PassContext<'_>) -> bool {
+        self.is_before(context.pass, context.catalogue) && self.mesh.is_sound(&())
+    }
+}
+
+/// A partition, with the state of the passes before it.
+#[derive(Deserialize)]
+struct PartitionedPass {
+    state: PassState,
+    partition: Partition,
+}
+
+/// What they must fit.
+struct CutContext<'a> {
+    /// Number of the pass, from 0.
+    pass: u32,
+    catalogue: &'a Catalogue,
+    /// Target size of clusters.
+    cluster_faces: u64,
+}
+
+impl Recalled for PartitionedPass {
+    type Context<'a> = CutContext<'a>;
+
+    fn locate(&mut self, folder: &Path, _: &CutContext<'_>) {
+        self.state.mesh.locate(folder, &());
+        self.partition.locate(folder);
+    }
+
+    // Only those files of the mesh remain that the clusters still need.
+    fn is_sound(&self, context: &CutContext<'_>) -> bool {
+        !self.state.schedule.is_over
+            && self.state.is_before(context.pass, context.catalogue)
+            && self.partition.is_sound(&self.state.mesh, context.cluster_faces)
     }
 }
 
 /// Where the passes begin or resume.
 #[derive(Debug)]
-pub struct Start {
+pub struct ResumePoint {
     /// State of the passes before.
     pub state: PassState,
     /// Partition of the unfinished pass, if there is one.
     pub(super) partition: Option<Partition>,
 }
 
-impl Start {
+impl ResumePoint {
     /// The mesh as it was read; `None` once a pass has begun.
     pub fn unsimplified(&self) -> Option<&StoredMesh> {
-        (self.state.pass == 0 && self.partition.is_none()).then_some(&self.state.mesh)
+        (self.state.pass() == 0 && self.partition.is_none()).then_some(&self.state.mesh)
     }
 }
 
-impl From<StoredMesh> for Start {
+impl From<StoredMesh> for ResumePoint {
     fn from(mesh: StoredMesh) -> Self {
         Self { state: PassState { mesh, ..PassState::default() }, partition: None }
     }
 }
 
-impl Start {
+impl ResumePoint {
     /// Recalls the latest sound state that an earlier process recorded, or `None`. `cluster_faces` is the target size
     /// of clusters.
     ///
     /// # Errors
     /// Those of [`WorkFolder::recall`].
     pub fn recall(job: &WorkFolder, catalogue: &Catalogue, cluster_faces: u64) -> Result<Option<Self>> {
-        let folder = job.path();
         for step in job.latest() {
             let found = match step {
                 Step::Cut { pass } => {
-                    let accept = |(state, partition): &mut (PassState, Partition)| {
-                        state.mesh.locate(folder);
-                        partition.locate(folder);
-                        // Only those files of the mesh remain that the clusters still need.
-                        !state.is_over
-                            && state.is_sound(pass, catalogue)
-                            && partition.is_sound(&state.mesh, cluster_faces)
-                    };
-                    job.recall_if(step, accept)?.map(|(state, partition)| (state, Some(partition)))
+                    let cut = job.recall::<PartitionedPass>(step, &CutContext { pass, catalogue, cluster_faces })?;
+                    cut.map(|PartitionedPass { state, partition }| (state, Some(partition)))
                 }
                 Step::Pass { pass } => {
-                    let accept = |state: &mut PassState| {
-                        state.mesh.locate(folder);
-                        state.is_sound(pass.saturating_add(1), catalogue) && state.mesh.is_sound()
-                    };
-                    job.recall_if(step, accept)?.map(|state| (state, None))
+                    let context = PassContext { pass: pass.saturating_add(1), catalogue };
+                    job.recall::<PassState>(step, &context)?.map(|state| (state, None))
                 }
                 Step::Scan => {
-                    let accept = |mesh: &mut StoredMesh| {
-                        mesh.locate(folder);
-                        mesh.is_sound()
-                    };
-                    job.recall_if(step, accept)?.map(|mesh| (PassState { mesh, ..PassState::default() }, None))
+                    let mesh = job.recall::<StoredMesh>(step, &())?;
+                    mesh.map(|mesh| (PassState { mesh, ..PassState::default() }, None))
                 }
                 _ => None,
             };
@@ -162,12 +199,12 @@ impl Start {
 
     /// Reports whether the first pass has yet to allocate its scratch space.
     pub fn needs_scratch(&self) -> bool {
-        self.state.pass == 0 && self.partition.is_none()
+        self.state.pass() == 0 && self.partition.is_none()
     }
 
     /// Describes what is resumed, for the log.
     pub fn kept(&self, job: &WorkFolder) -> String {
-        let pass = self.state.pass;
+        let pass = self.state.pass();
         let of_pass = |step: &Step| matches!(step, Step::Cluster { pass: of, .. } if *of as usize == pass);
         let clusters = job.latest().filter(of_pass).count();
         let passes = match pass {
@@ -197,21 +234,19 @@ mod tests {
     fn a_state_of_no_pass_is_not_sound() {
         let catalogue = Catalogue::default();
         let whole = || PassState {
-            pass: 2,
-            stuck: 2,
+            schedule: Schedule::at(2),
             remeshed: vec![RemeshReport::default(); 2],
             thresholds: Some(vec![1.0; STAGES_MAX]),
             texture: Some(TextureTraits::none(&catalogue)),
             ..PassState::default()
         };
-        assert!(whole().is_sound(2, &catalogue) && !whole().is_sound(1, &catalogue));
+        assert!(whole().is_before(2, &catalogue) && !whole().is_before(1, &catalogue));
         let mut sample = ClusterMesh::default();
         sample.corners.push([0; 3]);
         let mut findings = Findings::default();
         findings.note("degenerate faces", || "\x1b[2J".into());
         let changed = [
-            PassState { pass: 3, ..whole() },
-            PassState { stuck: 3, ..whole() },
+            PassState { schedule: Schedule::at(3), ..whole() },
             PassState { remeshed: vec![RemeshReport::default(); 3], ..whole() },
             PassState { seconds: PassSeconds { stitch: Duration::MAX, ..PassSeconds::default() }, ..whole() },
             PassState { findings, ..whole() },
@@ -219,14 +254,14 @@ mod tests {
             PassState { sample, ..whole() },
         ];
         for (i, state) in changed.into_iter().enumerate() {
-            assert!(!state.is_sound(2, &catalogue), "change {i}");
+            assert!(!state.is_before(2, &catalogue), "change {i}");
         }
     }
 
     #[test]
     fn a_mesh_is_as_it_was_read_until_the_first_pass_begins() {
-        assert!(Start::from(StoredMesh::default()).unsimplified().is_some());
-        let state = PassState { pass: 1, ..PassState::default() };
-        assert!(Start { state, partition: None }.unsimplified().is_none());
+        assert!(ResumePoint::from(StoredMesh::default()).unsimplified().is_some());
+        let state = PassState { schedule: Schedule::at(1), ..PassState::default() };
+        assert!(ResumePoint { state, partition: None }.unsimplified().is_none());
     }
 }

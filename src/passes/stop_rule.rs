@@ -3,8 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::sample;
-use super::schedule::STAGES_MAX;
+use super::shares::STAGES_MAX;
 use crate::cost::Metric;
+use crate::job::Recalled;
 use crate::simplify::{Anchor, Engine, Stop};
 
 /// With a bounded error: smallest share of its faces that a stage keeps.
@@ -18,6 +19,15 @@ const TIGHTENED_BELOW: f64 = 0.7;
 const TIGHTENED_TIMES: usize = 2;
 /// They are recomputed again only if at most this share of the faces was left since the time before.
 const TIGHTENED_KEEPS: f64 = 0.9;
+
+/// Whether a cluster is simplified for its mesh, or for the log of its collapses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Wanted {
+    /// The mesh.
+    Mesh,
+    /// The log.
+    Log,
+}
 
 /// How the clusters of a pass stop.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -34,51 +44,78 @@ pub(super) enum StopRule {
     Trim(Vec<f32>, Vec<u64>),
 }
 
+/// How one cluster stops.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(super) enum ClusterStop {
+    /// Keep these shares of the free faces at the end of each stage.
+    Shares(Vec<f64>),
+    /// Keep these shares of the faces, except that the last stage leaves exactly this number.
+    Faces(Vec<f64>, u64),
+    /// Stop each stage at a cost threshold, or at this number of faces.
+    Costs(Vec<f32>, u64),
+    /// Simplify as far as these bounds on the deviation allow, one after the other, in units of length.
+    Deviation(Vec<f64>),
+}
+
 impl StopRule {
-    /// Returns the thresholds if the plan has no other stop, otherwise `None`.
-    pub(super) fn costs(&self) -> Option<&[f32]> {
+    /// How this cluster stops.
+    pub(super) fn of(&self, cluster: usize) -> ClusterStop {
         match self {
-            StopRule::Costs(costs) => Some(costs),
-            _ => None,
+            StopRule::Shares(shares) => ClusterStop::Shares(shares.clone()),
+            StopRule::Faces(shares, target) => ClusterStop::Faces(shares.clone(), *target),
+            StopRule::Costs(costs) => ClusterStop::Costs(costs.clone(), 0),
+            StopRule::Deviation(bounds) => ClusterStop::Deviation(bounds.clone()),
+            StopRule::Trim(costs, keep) => ClusterStop::Costs(costs.clone(), keep[cluster]),
         }
     }
 
-    /// Reports whether a recalled plan fits `cluster_count` clusters and has at most [`STAGES_MAX`] stages.
-    pub(super) fn is_sound(&self, cluster_count: usize) -> bool {
+    /// Highest cost threshold; `None` if clusters stop at anything else.
+    pub(super) fn highest_cost(&self) -> Option<f32> {
         match self {
-            StopRule::Shares(shares) | StopRule::Faces(shares, _) => shares.len() <= STAGES_MAX,
-            StopRule::Costs(costs) => costs.len() <= STAGES_MAX,
-            StopRule::Deviation(bounds) => bounds.len() <= STAGES_MAX,
-            StopRule::Trim(costs, keep) => costs.len() <= STAGES_MAX && keep.len() == cluster_count,
+            StopRule::Costs(costs) => costs.iter().copied().reduce(f32::max),
+            _ => None,
         }
     }
 }
 
-/// Runs the stages of a plan. Returns the cost of the last stage that collapsed an edge, or 0 if none did; for a plan
-/// with bounds on the deviation, the highest cost of all stages. In a trial, every collapse of the last stage is
+impl Recalled for StopRule {
+    /// Number of clusters.
+    type Context<'a> = usize;
+
+    fn is_sound(&self, cluster_count: &usize) -> bool {
+        match self {
+            StopRule::Shares(shares) | StopRule::Faces(shares, _) => shares.len() <= STAGES_MAX,
+            StopRule::Costs(costs) => costs.len() <= STAGES_MAX,
+            StopRule::Deviation(bounds) => bounds.len() <= STAGES_MAX,
+            StopRule::Trim(costs, keep) => costs.len() <= STAGES_MAX && keep.len() == *cluster_count,
+        }
+    }
+}
+
+/// Runs the stages up to the stop. Returns the cost of the last stage that collapsed an edge, or 0 if none did; with
+/// bounds on the deviation, the highest cost of all stages. If the log is wanted, every collapse of the last stage is
 /// logged.
-pub(super) fn run_plan<M: Metric>(engine: &mut Engine<M>, plan: &StopRule, cluster: usize, is_trial: bool) -> f32 {
+pub(super) fn run_stages_to<M: Metric>(engine: &mut Engine<M>, stop: &ClusterStop, wanted: Wanted) -> f32 {
     let faces = engine.mesh.face_count;
-    let stops: Vec<Stop> = match plan {
-        StopRule::Deviation(bounds) => return run_bounded(engine, bounds),
-        StopRule::Costs(costs) => costs.iter().map(|&cost| Stop::Cost(cost, 0)).collect(),
-        StopRule::Trim(costs, keep) => costs.iter().map(|&cost| Stop::Cost(cost, keep[cluster] as usize)).collect(),
-        StopRule::Shares(shares) => {
+    let stages: Vec<Stop> = match stop {
+        ClusterStop::Deviation(bounds) => return run_bounded(engine, bounds),
+        ClusterStop::Costs(costs, keep) => costs.iter().map(|&cost| Stop::Cost(cost, *keep as usize)).collect(),
+        ClusterStop::Shares(shares) => {
             let free = engine.count_free_faces();
             shares.iter().map(|share| Stop::Faces(sample::face_goal(faces, free, *share))).collect()
         }
-        StopRule::Faces(shares, target) => {
+        ClusterStop::Faces(shares, target) => {
             let before = &shares[..shares.len().saturating_sub(1)];
             let goal = |share: &f64| ((faces as f64 * share).round() as usize).max(*target as usize);
             before.iter().map(|share| Stop::Faces(goal(share))).chain([Stop::Faces(*target as usize)]).collect()
         }
     };
     let mut cost = 0.0;
-    for (i, &stop) in stops.iter().enumerate() {
-        if is_trial && i + 1 == stops.len() {
+    for (i, &stage) in stages.iter().enumerate() {
+        if wanted == Wanted::Log && i + 1 == stages.len() {
             engine.log = Some(Vec::new());
         }
-        let result = engine.run(stop);
+        let result = engine.run(stage);
         cost = if result.cost > 0.0 { result.cost } else { cost };
     }
     cost
@@ -133,7 +170,7 @@ mod tests {
         let run = |costs: &[f32]| {
             let mut engine = Engine::<SurfaceCost>::new(samples::grid(12, 0.3), &Default::default());
             let faces = engine.mesh.face_count;
-            let cost = run_plan(&mut engine, &StopRule::Costs(costs.to_vec()), 0, false);
+            let cost = run_stages_to(&mut engine, &ClusterStop::Costs(costs.to_vec(), 0), Wanted::Mesh);
             (cost, faces - engine.mesh.face_count)
         };
         let (early, some) = run(&[0.01]);
@@ -146,26 +183,26 @@ mod tests {
 
     #[test]
     fn faces_are_reached_stage_by_stage_and_the_last_ones_exactly() {
-        let run = |plan: StopRule, is_trial| {
+        let run = |stop: ClusterStop, wanted| {
             let mut engine = Engine::<SurfaceCost>::new(samples::grid(12, 0.3), &Default::default());
-            run_plan(&mut engine, &plan, 0, is_trial);
+            run_stages_to(&mut engine, &stop, wanted);
             let ends: Vec<usize> = engine.milestones.iter().map(|stage| stage.faces).collect();
             (ends, engine.log)
         };
         let is_near = |faces: usize, goal: usize| faces <= goal && faces + 2 > goal;
-        let (ends, log) = run(StopRule::Faces(vec![0.5, 0.2], 40), false);
+        let (ends, log) = run(ClusterStop::Faces(vec![0.5, 0.2], 40), Wanted::Mesh);
         assert!(ends.len() == 2 && is_near(ends[0], 144) && is_near(ends[1], 40), "{ends:?}");
         assert!(log.is_none());
         // The log of a trial covers all of its last stage.
-        let (ends, log) = run(StopRule::Faces(vec![0.5, 0.2], 40), true);
+        let (ends, log) = run(ClusterStop::Faces(vec![0.5, 0.2], 40), Wanted::Log);
         let died: usize = log.unwrap().iter().map(|&(_, died)| usize::from(died)).sum();
         assert_eq!(died, ends[0] - ends[1]);
         // Earlier stages do not go below the target.
-        let (ends, _) = run(StopRule::Faces(vec![0.1, 0.2], 100), false);
+        let (ends, _) = run(ClusterStop::Faces(vec![0.1, 0.2], 100), Wanted::Mesh);
         assert!(ends.len() == 1 && is_near(ends[0], 100), "{ends:?}");
-        let (ends, _) = run(StopRule::Trim(vec![f32::MAX], vec![100]), false);
+        let (ends, _) = run(ClusterStop::Costs(vec![f32::MAX], 100), Wanted::Mesh);
         assert!(ends.len() == 1 && is_near(ends[0], 100), "{ends:?}");
-        let (ends, _) = run(StopRule::Shares(vec![0.5]), false);
+        let (ends, _) = run(ClusterStop::Shares(vec![0.5]), Wanted::Mesh);
         assert!(ends.len() == 1 && is_near(ends[0], 144), "{ends:?}");
     }
 
@@ -173,7 +210,7 @@ mod tests {
     fn a_bound_on_the_way_says_what_goes_first_and_not_what_is_allowed() {
         let run = |bounds: &[f64]| {
             let mut engine = Engine::<SurfaceCost>::new(samples::grid(20, 0.3), &Default::default());
-            assert!(run_plan(&mut engine, &StopRule::Deviation(bounds.to_vec()), 0, false) > 0.0);
+            assert!(run_stages_to(&mut engine, &ClusterStop::Deviation(bounds.to_vec()), Wanted::Mesh) > 0.0);
             let mesh = engine.finish();
             (mesh.corners.len(), mesh.deviations.iter().fold(0.0, |most: f64, &own| most.max(own.into())))
         };
@@ -185,10 +222,10 @@ mod tests {
 
     #[test]
     fn a_plan_for_other_clusters_or_with_endless_stages_is_not_sound() {
-        assert!(StopRule::Trim(vec![1.0], vec![7; 3]).is_sound(3));
-        assert!(!StopRule::Trim(vec![1.0], vec![7; 3]).is_sound(4));
-        assert!(StopRule::Costs(vec![1.0; STAGES_MAX]).is_sound(1));
-        assert!(!StopRule::Costs(vec![1.0; STAGES_MAX + 1]).is_sound(1));
-        assert!(!StopRule::Faces(vec![0.5; STAGES_MAX + 1], 7).is_sound(1));
+        assert!(StopRule::Trim(vec![1.0], vec![7; 3]).is_sound(&3));
+        assert!(!StopRule::Trim(vec![1.0], vec![7; 3]).is_sound(&4));
+        assert!(StopRule::Costs(vec![1.0; STAGES_MAX]).is_sound(&1));
+        assert!(!StopRule::Costs(vec![1.0; STAGES_MAX + 1]).is_sound(&1));
+        assert!(!StopRule::Faces(vec![0.5; STAGES_MAX + 1], 7).is_sound(&1));
     }
 }

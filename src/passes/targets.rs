@@ -1,17 +1,17 @@
 //! Chooses where each cluster stops: by shares and thresholds from the schedule and the sample, and in the trim by the
 //! costs of all clusters.
 
+use super::clusters::{Sweep, SweepPurpose};
 use super::goal::{Aim, Goal};
+use super::metric_engine::EngineRules;
 use super::options::{PassOptions, SeamPolicy};
+use super::pass_id::Pass;
 use super::run::Run;
 use super::sample::{self, Survey};
 use super::stop_rule::StopRule;
 use super::trim::{Notes, spread_shares};
 use crate::base::Result;
-use crate::cost::Metric;
-use crate::job::Step;
 use crate::mesh::ClusterMesh;
-use crate::model::StoredMesh;
 use crate::partition::Partition;
 use crate::partition::reading::{self, ClusterFaces};
 use crate::partition::weight::ORDINARY_BYTES;
@@ -24,10 +24,10 @@ const TRIM_SPREAD: f32 = 4.0;
 /// Trials of a trim by cost after the first one; each uses [`TRIM_SPREAD`] times the cost of the previous trial.
 const TRIALS_MAX: u32 = 4;
 
-impl<M: Metric> Run<'_, M> {
+impl Run<'_> {
     /// Reports whether a pass aims at the target itself.
-    pub(super) fn is_last(&self, pass: usize) -> bool {
-        self.aim().is_last(self.turn(pass))
+    pub(super) fn is_last(&self, pass: Pass) -> bool {
+        self.aim().is_last(pass.turn)
     }
 
     /// Largest allowed deviation in units of length; `None` if it is unbounded. At least the rounding error of the
@@ -37,8 +37,8 @@ impl<M: Metric> Run<'_, M> {
     }
 
     /// Deviation allowed in a pass, in units of length; it doubles from pass to pass. `None` if it is unbounded.
-    pub(super) fn bound_of(&self, pass: usize) -> Option<f64> {
-        self.aim().bound_of(self.turn(pass))
+    pub(super) fn bound_of(&self, pass: Pass) -> Option<f64> {
+        self.aim().bound_of(pass.turn)
     }
 
     fn aim(&self) -> Aim {
@@ -48,8 +48,8 @@ impl<M: Metric> Run<'_, M> {
 
     /// Returns the cost thresholds of a pass over `faces` faces in several clusters, measured on a sample of them.
     /// Empty if the pass is bounded by deviation.
-    pub(super) fn foresee(&self, sample: ClusterMesh, pass: usize, faces: u64) -> Vec<f32> {
-        match self.aim().goal(self.turn(pass), faces) {
+    pub(super) fn sample_thresholds(&self, sample: ClusterMesh, pass: Pass, faces: u64) -> Vec<f32> {
+        match self.aim().goal(pass.turn, faces) {
             Goal::Deviation(_) => Vec::new(),
             Goal::Trim(share) => self.thresholds(sample, pass, &[share]),
             Goal::Stages(shares) => self.thresholds(sample, pass, &shares),
@@ -57,16 +57,15 @@ impl<M: Metric> Run<'_, M> {
     }
 
     /// Returns how the clusters of a pass stop, and whether that meets the target to the face. `faces` and `thresholds`
-    /// are those of [`foresee`](Run::foresee).
+    /// are those of [`sample_thresholds`](Run::sample_thresholds).
     pub(super) fn plan(
         &self,
-        mesh: &StoredMesh,
         partition: &Partition,
         thresholds: Vec<f32>,
-        pass: usize,
+        pass: Pass,
         faces: u64,
     ) -> Result<(StopRule, bool)> {
-        let (aim, turn) = (self.aim(), self.turn(pass));
+        let (aim, turn) = (self.aim(), pass.turn);
         let goal = aim.goal(turn, faces);
         if let Goal::Deviation(most) = goal {
             return Ok((aim.within(most, turn), false));
@@ -75,10 +74,10 @@ impl<M: Metric> Run<'_, M> {
             return Ok((aim.in_one_cluster(turn, faces), aim.is_last(turn)));
         }
         match (goal, thresholds.first()) {
-            (Goal::Trim(_), Some(&cost)) if self.turn(pass) <= self.options.passes && self.has_large(partition) => {
+            (Goal::Trim(_), Some(&cost)) if pass.turn <= self.options.passes && self.has_large(partition) => {
                 Ok((self.share_trim(partition, cost), true))
             }
-            (Goal::Trim(_), Some(&cost)) => Ok((self.plan_trim(mesh, partition, cost, pass)?, true)),
+            (Goal::Trim(_), Some(&cost)) => Ok((self.plan_trim(partition, cost, pass)?, true)),
             _ => Ok((StopRule::Costs(thresholds), false)),
         }
     }
@@ -89,18 +88,17 @@ impl<M: Metric> Run<'_, M> {
     }
 
     /// Returns the thresholds for these shares of the faces, measured on a sample.
-    fn thresholds(&self, sample: ClusterMesh, pass: usize, shares: &[f64]) -> Vec<f32> {
+    fn thresholds(&self, sample: ClusterMesh, pass: Pass, shares: &[f64]) -> Vec<f32> {
         let _permit =
             self.permits.take(sample.corners.len() as u64 * (ORDINARY_BYTES + self.options.cost.extra_face_bytes()));
-        let mut engine = self.engine(sample, pass);
-        engine.lock_seams = self.options.seams == SeamPolicy::Lock;
-        sample::thresholds(&mut engine, shares)
+        let rules = EngineRules { lock_seams: self.options.seams == SeamPolicy::Lock, ..self.rules(pass) };
+        self.engine.thresholds(sample, &rules, shares)
     }
 
     /// Chooses the clusters that give patches during a pass, as the sample for the next pass.
-    pub(super) fn survey(&self, partition: &Partition, pass: usize) -> Survey {
-        let faces = self.aim().faces_after(self.turn(pass));
-        Survey::new(&loaded_faces(partition), self.aim().purpose(self.turn(pass + 1), faces), 1.0)
+    pub(super) fn survey(&self, partition: &Partition, pass: Pass) -> Survey {
+        let faces = self.aim().faces_after(pass.turn);
+        Survey::new(&loaded_faces(partition), self.aim().purpose(pass.turn + 1, faces), 1.0)
     }
 
     /// Chooses the clusters that give patches before the first pass. No other work overlaps this sampling, so it uses
@@ -117,12 +115,12 @@ impl<M: Metric> Run<'_, M> {
     }
 
     /// Samples the clusters as they are before a pass.
-    pub(super) fn take_sample(&self, mesh: &StoredMesh, partition: &Partition) -> Result<ClusterMesh> {
+    pub(super) fn take_sample(&self, partition: &Partition) -> Result<ClusterMesh> {
         let survey = self.first_survey(partition);
         let mut sample = ClusterMesh::default();
         for &cluster in survey.clusters() {
             let _permit = self.permits.take(self.cluster_bytes(partition, cluster));
-            let faces = reading::read(partition, mesh, cluster)?;
+            let faces = reading::read(partition, &self.state.mesh, cluster)?;
             sample::append(&mut sample, &self.patch_of_faces(&survey, partition, faces));
         }
         Ok(sample)
@@ -141,15 +139,15 @@ impl<M: Metric> Run<'_, M> {
 
     /// Plans a trim by cost: simplifies every cluster slightly too far, then picks the cheapest logged collapses of all
     /// clusters. Raises `cost` until enough faces can go.
-    fn plan_trim(&self, mesh: &StoredMesh, partition: &Partition, mut cost: f32, pass: usize) -> Result<StopRule> {
+    fn plan_trim(&self, partition: &Partition, mut cost: f32, pass: Pass) -> Result<StopRule> {
         let excess = partition.total_faces().saturating_sub(self.options.target);
         let mut trial = 0;
         loop {
             let mut notes = Notes::default();
             let mut cluster = 0;
             let everything = StopRule::Costs(vec![cost]);
-            let step = |cluster| Step::Trial { pass: pass as u32, trial, cluster };
-            self.each_cluster(mesh, partition, (pass, &everything), None, step, |result| {
+            let sweep = Sweep { pass, partition, stops: &everything, purpose: SweepPurpose::Trial(trial) };
+            self.sweep(sweep, |result| {
                 notes.add(cluster, &result.log);
                 cluster += 1;
                 Ok(())

@@ -9,10 +9,8 @@ use super::sample;
 use super::texture_traits::TextureTraits;
 use crate::base::Result;
 use crate::base::ordered::map_in_order;
-use crate::cost::Metric;
 use crate::mesh::ClusterMesh;
-use crate::mesh::crowding::SeamTally;
-use crate::model::StoredMesh;
+use crate::mesh::seam_density::SeamTally;
 use crate::partition::cluster::MaterialArea;
 use crate::partition::{Partition, TextureScale, reading};
 
@@ -32,31 +30,27 @@ struct Measured {
     sample: ClusterMesh,
 }
 
-impl<M: Metric> Run<'_, M> {
+impl Run<'_> {
     /// Measures the texture; also returns a sample of the clusters, empty if there is only one.
-    pub(super) fn measure_texture(
-        &self,
-        mesh: &StoredMesh,
-        partition: &Partition,
-    ) -> Result<(TextureTraits, ClusterMesh)> {
-        let is_raw = M::wants_raw_texture(&self.settings);
-        let mut measured = self.measure_clusters(STEP, mesh, partition)?;
+    pub(super) fn measure_texture(&self, partition: &Partition) -> Result<(TextureTraits, ClusterMesh)> {
+        let is_raw = self.engine.wants_raw_texture();
+        let mut measured = self.measure_clusters(STEP, partition)?;
         let mut named = vec![false; measured.areas.len()];
         (0..self.catalogue.parts.len()).for_each(|part| named[self.catalogue.material_index(part as u32)] = true);
         let is_vague = measured.areas.iter().zip(named).any(|(area, is_named)| is_named && area.faces < FACES_MIN);
         if is_vague && !is_raw {
-            measured = self.measure_clusters(1, mesh, partition)?;
+            measured = self.measure_clusters(1, partition)?;
         }
         let Measured { areas, seams, mut sample } = measured;
         let scale = if is_raw { TextureScale::none(self.catalogue) } else { TextureScale::new(&areas) };
         sample::scale_texture(&mut sample, |part| scale.of(self.catalogue, part));
         let kept = self.options.target as f64 / self.options.input.max(1) as f64;
-        Ok((TextureTraits { scale, crowding: seams.crowding(kept) }, sample))
+        Ok((TextureTraits { scale, seam_density: seams.seam_density(kept) }, sample))
     }
 
     /// Sums over the clusters, in order. Areas per material come from one block in `step`, and from all blocks of
     /// clusters that give a patch; seams come from the latter alone.
-    fn measure_clusters(&self, step: usize, mesh: &StoredMesh, partition: &Partition) -> Result<Measured> {
+    fn measure_clusters(&self, step: usize, partition: &Partition) -> Result<Measured> {
         let none = || vec![MaterialArea::default(); self.catalogue.materials.len() + 1];
         let mut measured = Measured { areas: none(), ..Measured::default() };
         let survey = self.first_survey(partition);
@@ -72,7 +66,8 @@ impl<M: Metric> Run<'_, M> {
                 self.progress.check_stopped()?;
                 let _permit = self.permits.take(self.cluster_bytes(partition, cluster) / 2);
                 let is_wanted = survey.wants(cluster);
-                let faces = reading::read_one_in(if is_wanted { 1 } else { step }, partition, mesh, cluster)?;
+                let faces =
+                    reading::read_one_in(if is_wanted { 1 } else { step }, partition, &self.state.mesh, cluster)?;
                 let mut areas = none();
                 faces.add_areas(self.catalogue, &mut areas);
                 let sparse = areas.into_iter().enumerate().filter(|(_, area)| area.faces > 0);

@@ -11,12 +11,12 @@ pub(super) struct TextureTraits {
     /// Scales of texture coordinates.
     pub scale: TextureScale,
     /// Predicted share of the result's vertices that lie on seams; infinite if it was not measured.
-    pub crowding: f64,
+    pub seam_density: f64,
 }
 
 impl TextureTraits {
     /// Traits for a metric that ignores the texture.
     pub fn none(catalogue: &Catalogue) -> Self {
-        Self { scale: TextureScale::none(catalogue), crowding: f64::INFINITY }
+        Self { scale: TextureScale::none(catalogue), seam_density: f64::INFINITY }
     }
 }

@@ -2,22 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::base::Findings;
-use crate::model::Catalogue;
+use super::input::Input;
 use crate::report::FileFigures;
-use crate::write::{self, Companion};
+use crate::write::{self, Companion, Written};
 
-/// Counts materials and textures of the input, those left in the result (`written` lists what is lost) and their files.
+/// Counts materials and textures of the input, those left in the result and their files.
 /// Reads the sizes of images only `with_pixels`.
-pub(super) fn figures(
-    catalogue: &Catalogue,
-    written: &Findings,
-    companions: &[Companion],
-    brings_outside: bool,
-    with_pixels: bool,
-) -> FileFigures {
+pub(super) fn figures(input: &Input, written: &Written, brings_outside: bool, with_pixels: bool) -> FileFigures {
+    let catalogue = &input.catalogue;
     let is_texture = |companion: &&Companion| companion.path.extension().is_none_or(|extension| extension != "mtl");
-    let images: Vec<&Companion> = companions.iter().filter(is_texture).collect();
+    let images: Vec<&Companion> = written.companions.iter().filter(is_texture).collect();
     let textures = write::texture_count(catalogue);
     let before = || -> Vec<PathBuf> {
         let named = write::named_textures(catalogue, brings_outside);
@@ -26,9 +20,9 @@ pub(super) fn figures(
     let materials = catalogue.materials.len() as u64;
     FileFigures {
         materials,
-        materials_left: materials.saturating_sub(written.get("lost_materials")),
+        materials_left: materials.saturating_sub(written.findings.get("lost_materials")),
         textures,
-        textures_left: textures.saturating_sub(written.get("lost_textures")),
+        textures_left: textures.saturating_sub(written.findings.get("lost_textures")),
         images: images.len() as u64,
         image_bytes: images.iter().filter_map(|image| Some(image.content?.0)).sum(),
         megapixels: with_pixels
@@ -38,7 +32,10 @@ pub(super) fn figures(
 
 /// Millions of pixels of all images whose header can be read.
 fn megapixels(paths: impl Iterator<Item = impl AsRef<Path>>) -> f64 {
+    #[cfg(feature = "images")]
     let size = |path: &Path| if path.is_file() { image::image_dimensions(path).ok() } else { None };
+    #[cfg(not(feature = "images"))]
+    let size = |_: &Path| None::<(u32, u32)>;
     let sizes = paths.filter_map(|path| size(path.as_ref()));
     sizes.map(|(width, height)| f64::from(width) * f64::from(height)).sum::<f64>() / 1e6
 }

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::base::{Error, Progress, Result};
 use crate::job::{Resume, Step, WorkFolder};
-use crate::options::{SimplifyOptions, TextureFiles};
+use crate::options::{JobOptions, Limits, SimplifyOptions, Target, TextureFiles};
 use crate::remesh::cvd;
 
 /// Vertices along each side of the mesh.
@@ -85,7 +85,8 @@ impl HalfDone {
     fn new(folder: &Path, options: SimplifyOptions, reports: u64) -> Self {
         let (input, work) = (folder.join("a.obj"), folder.join("half"));
         fs::write(&input, hills()).unwrap();
-        let options = SimplifyOptions { work: Some(work.clone()), ..options };
+        let options =
+            SimplifyOptions { job: JobOptions { work: Some(work.clone()), ..options.job.clone() }, ..options };
         let stopped = super::simplify(&input, &folder.join("b.obj"), &options, &Listener::new(reports));
         assert!(matches!(stopped, Err(Error::Stopped)), "{:?}", stopped.map(|report| report.faces.output));
         let entries = fs::read_dir(&work).unwrap().map(|entry| entry.unwrap());
@@ -97,7 +98,8 @@ impl HalfDone {
         fs::create_dir(work).unwrap();
         self.files.iter().for_each(|(name, content)| fs::write(work.join(name), content).unwrap());
         let manifest =
-            super::manifest(&(&self.input).into(), std::slice::from_ref(&self.input), &self.options).unwrap();
+            super::preflight::manifest(&(&self.input).into(), std::slice::from_ref(&self.input), &self.options)
+                .unwrap();
         WorkFolder::open(work, &manifest, Resume::Require).unwrap()
     }
 
@@ -115,7 +117,10 @@ impl HalfDone {
         let job = self.open(work);
         job.forge(step, value);
         drop(job);
-        let options = SimplifyOptions { work: Some(work.to_owned()), force: true, ..self.options.clone() };
+        let options = SimplifyOptions {
+            job: JobOptions { work: Some(work.to_owned()), force: true, ..self.options.clone().job },
+            ..self.options.clone()
+        };
         let listener = Listener::new(u64::MAX);
         let ended = super::simplify(&self.input, &work.with_extension("obj"), &options, &listener);
         let _ = fs::remove_dir_all(work);
@@ -125,10 +130,9 @@ impl HalfDone {
 
 fn options() -> SimplifyOptions {
     SimplifyOptions {
-        ratio: Some(0.2),
+        target: Target::ratio(0.2),
+        limits: Limits { memory: Some(128 << 20), threads: Some(1) },
         cluster_faces: 1000,
-        memory: Some(128 << 20),
-        threads: Some(1),
         textures: TextureFiles::Reference,
         ..SimplifyOptions::default()
     }

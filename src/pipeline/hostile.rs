@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use crate::base::Silent;
-use crate::options::{SimplifyOptions, TextureFiles, Weld};
+use crate::options::{Limits, SimplifyOptions, Target, TextureFiles, Weld};
 use crate::report::{Report, Status};
 
 const FACES: usize = 40_000;
@@ -14,9 +14,9 @@ fn simplified(text: &str, change: impl Fn(&mut SimplifyOptions)) -> (Report, Vec
     let (input, output) = (folder.path().join("a.obj"), folder.path().join("b.obj"));
     std::fs::write(&input, text).unwrap();
     let mut options = SimplifyOptions {
-        ratio: Some(0.5),
+        target: Target::ratio(0.5),
+        limits: Limits { memory: Some(128 << 20), ..Limits::default() },
         cluster_faces: 5000,
-        memory: Some(128 << 20),
         textures: TextureFiles::Reference,
         ..SimplifyOptions::default()
     };

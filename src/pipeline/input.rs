@@ -6,20 +6,21 @@
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
 
 use serde::{Deserialize, Serialize};
 
 use super::damage::report_damage;
-use super::need::{COUNT_LIMIT, Need};
+use super::preflight::Preflight;
+use super::requirements::{COUNT_LIMIT, Requirements};
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Progress, Result, counted};
-use crate::job::{Manifest, Step, WorkFolder, folder_bytes};
+use crate::job::{Recalled, Step, WorkFolder, folder_bytes};
 use crate::model::Catalogue;
-use crate::options::{Pieces, SimplifyOptions, TextureFiles, TexturesOutside};
-use crate::passes::Start;
+use crate::options::{Pieces, TextureFiles, TexturesOutside};
+use crate::passes::ResumePoint;
+use crate::plan::memory;
 use crate::scan::fingerprint::{self, Contents, Source};
-use crate::scan::{self, InputChoice, Scan, ScanOptions};
+use crate::scan::{self, Scan, ScanOptions};
 use crate::write::{self, NamedTexture, Sources, Staged};
 
 /// Catalogue, counts and source files of the input: everything but geometry.
@@ -34,7 +35,7 @@ pub(super) struct Input {
     /// Bytes of OBJ text.
     pub(super) bytes: u64,
     /// Memory and disk space that the job needs.
-    pub(super) need: Need,
+    pub(super) need: Requirements,
     /// Hash of each OBJ.
     content_hashes: Vec<u64>,
     /// Material libraries.
@@ -43,56 +44,58 @@ pub(super) struct Input {
     textures: Vec<Source>,
 }
 
-/// Reads the input of a job.
-pub(super) struct Reading<'a> {
-    /// Inputs that the user named.
-    pub(super) choice: &'a InputChoice,
-    /// When the process began.
-    pub(super) began: SystemTime,
-    /// OBJ files.
-    pub(super) inputs: &'a [PathBuf],
-    /// Patterns of the choice that exclude nothing.
-    pub(super) idle: &'a Findings,
-    /// Manifest of the job.
-    pub(super) manifest: &'a Manifest,
-    /// Options of the job.
-    pub(super) options: &'a SimplifyOptions,
+impl Recalled for Input {
+    /// Files and folders that the user names now.
+    type Context<'a> = (Vec<PathBuf>, Vec<PathBuf>);
+
+    fn locate(&mut self, _: &Path, (files, folders): &(Vec<PathBuf>, Vec<PathBuf>)) {
+        (self.catalogue.files, self.catalogue.folders) = (files.clone(), folders.clone());
+    }
+
+    fn is_sound(&self, _: &(Vec<PathBuf>, Vec<PathBuf>)) -> bool {
+        self.catalogue.is_sound()
+            && self.need.is_sound()
+            && self.triangles.max(self.bytes) < COUNT_LIMIT
+            && self.findings.are_plain()
+    }
+}
+
+/// Reads the input of a job: resumes the job in the work folder, or scans the files.
+///
+/// # Errors
+/// [`Error::Changed`] if the input has changed since the job began; those of the scan.
+pub(super) fn read(
+    job: &Preflight<'_>,
+    work: &mut WorkFolder,
+    progress: &dyn Progress,
+) -> Result<(Input, ResumePoint)> {
+    let reading = Reading { job, scan: memory::scan_options(job.budget, job.threads), progress };
+    let recalled = if work.is_resumed() { Some(reading.recall(work)?) } else { None };
+    report_damage(work, progress);
+    if let Some(recalled) = recalled {
+        if let Some((input, start)) = recalled {
+            progress.tell(&start.kept(work));
+            return Ok((input, start));
+        }
+        work.restart(&job.manifest)?;
+    }
+    reading.scan(work)
+}
+
+struct Reading<'a> {
+    job: &'a Preflight<'a>,
     /// How the scan uses the machine.
-    pub(super) scan: ScanOptions,
-    /// Receives the progress.
-    pub(super) progress: &'a dyn Progress,
+    scan: ScanOptions,
+    progress: &'a dyn Progress,
 }
 
 impl Reading<'_> {
-    /// Resumes the job in the work folder, or scans the input.
-    ///
-    /// # Errors
-    /// [`Error::Changed`](crate::base::Error::Changed) if the input has changed since the job began; those of the scan.
-    pub(super) fn begin(&self, job: &mut WorkFolder) -> Result<(Input, Start)> {
-        let recalled = if job.is_resumed() { Some(self.recall(job)?) } else { None };
-        report_damage(job, self.progress);
-        if let Some(recalled) = recalled {
-            if let Some((input, start)) = recalled {
-                self.progress.tell(&start.kept(job));
-                return Ok((input, start));
-            }
-            job.restart(self.manifest)?;
-        }
-        self.scan(job)
-    }
-
-    fn recall(&self, job: &WorkFolder) -> Result<Option<(Input, Start)>> {
-        let accept = |input: &mut Input| {
-            (input.catalogue.files, input.catalogue.folders) = (self.inputs.to_vec(), self.folders());
-            input.catalogue.is_sound()
-                && input.need.is_sound()
-                && input.triangles.max(input.bytes) < COUNT_LIMIT
-                && input.findings.are_plain()
-        };
-        let Some(input) = job.recall_if(Step::Input, accept)? else { return Ok(None) };
+    fn recall(&self, work: &WorkFolder) -> Result<Option<(Input, ResumePoint)>> {
+        let named = (self.job.inputs.clone(), self.folders());
+        let Some(input) = work.recall::<Input>(Step::Input, &named)? else { return Ok(None) };
         self.progress.begin("compare", input.bytes, "B");
-        let hashes = fingerprint::content_hashes(self.inputs, self.scan.threads, self.progress)?;
-        for (path, (old, new)) in self.inputs.iter().zip(input.content_hashes.iter().zip(hashes)) {
+        let hashes = fingerprint::content_hashes(&self.job.inputs, self.scan.threads, self.progress)?;
+        for (path, (old, new)) in self.job.inputs.iter().zip(input.content_hashes.iter().zip(hashes)) {
             if *old != new {
                 return Err(fingerprint::changed(path, "has changed"));
             }
@@ -103,7 +106,10 @@ impl Reading<'_> {
         for (old, new) in [(&input.libraries, &libraries), (&input.textures, &textures)] {
             let pairs = || old.iter().zip(new);
             if old.len() != new.len() || pairs().any(|(old, new)| old.path != new.path) {
-                return Err(fingerprint::changed(self.choice.name(), "names libraries or textures in other places"));
+                return Err(fingerprint::changed(
+                    self.job.choice.name(),
+                    "names libraries or textures in other places",
+                ));
             }
             all.extend(pairs());
         }
@@ -112,38 +118,38 @@ impl Reading<'_> {
                 return Err(fingerprint::changed(&old.path, what));
             }
         }
-        Ok(Start::recall(job, &input.catalogue, self.options.cluster_faces)?.map(|start| (input, start)))
+        Ok(ResumePoint::recall(work, &input.catalogue, self.job.options.cluster_faces)?.map(|start| (input, start)))
     }
 
-    fn scan(&self, job: &WorkFolder) -> Result<(Input, Start)> {
-        let scanned = scan::scan(self.inputs, job.path(), &self.scan, self.progress)?;
+    fn scan(&self, work: &WorkFolder) -> Result<(Input, ResumePoint)> {
+        let scanned = scan::scan(&self.job.inputs, work.path(), &self.scan, self.progress)?;
         let Scan { mesh, mut catalogue, triangles, findings, input_bytes, content_hashes, libraries } = scanned;
         catalogue.folders = self.folders();
         let textures = self.textures(&catalogue)?;
         let libraries = libraries_at(libraries.iter().map(PathBuf::as_path))?;
-        let need = Need::of(&mesh, &catalogue);
+        let need = Requirements::of(&mesh, &catalogue);
         let input =
             Input { catalogue, triangles, findings, bytes: input_bytes, need, content_hashes, libraries, textures };
-        job.keep(Step::Input, triangles, [], &input)?;
-        job.keep(Step::Scan, triangles, mesh.files(), &mesh)?;
-        let mut start = Start::from(mesh);
-        start.state.scratch_peak = folder_bytes(job.path());
+        work.keep(Step::Input, triangles, [], &input)?;
+        work.keep(Step::Scan, triangles, mesh.files(), &mesh)?;
+        let mut start = ResumePoint::from(mesh);
+        start.state.scratch_peak = folder_bytes(work.path());
         Ok((input, start))
     }
 
     /// The folders that were given as input.
     fn folders(&self) -> Vec<PathBuf> {
-        self.choice.folders().cloned().collect()
+        self.job.choice.folders().cloned().collect()
     }
 
     /// Sources for textures: with their content if they are copied, otherwise with their presence alone.
     fn textures(&self, catalogue: &Catalogue) -> Result<Vec<Source>> {
-        let brings_outside = self.options.textures_outside == TexturesOutside::Copy;
+        let brings_outside = self.job.options.textures_outside == TexturesOutside::Copy;
         let (named, known) = (write::named_textures(catalogue, brings_outside), Contents::default());
         let mut sources = Vec::with_capacity(named.len());
         let look = |texture: NamedTexture| {
             self.progress.check_stopped()?;
-            let is_copied = self.options.textures == TextureFiles::Copy && !texture.stays;
+            let is_copied = self.job.options.textures == TextureFiles::Copy && !texture.stays;
             if is_copied && brings_outside {
                 Source::anywhere(&texture.path, &known)
             } else if is_copied {
@@ -161,14 +167,14 @@ impl Reading<'_> {
 }
 
 /// The error for an input of which no triangle is left.
-pub(super) fn nothing_left(path: &Path, triangles: u64, options: &SimplifyOptions) -> Error {
-    let why = match options.pieces {
+pub(super) fn nothing_left(job: &Preflight<'_>, input: &Input) -> Error {
+    let why = match job.options.pieces {
         Pieces::Keep => {
-            "every triangle repeats a vertex once those at the same place are one; --weld off keeps them apart"
+            "every triangle repeats a vertex once those at the same place are one; `weld: off` keeps them apart"
         }
-        Pieces::Drop => "every triangle belongs to a small piece or repeats a vertex; --pieces keep keeps the pieces",
+        Pieces::Drop => "every triangle belongs to a small piece or repeats a vertex; `pieces: keep` keeps the pieces",
     };
-    Error::input(path, 0, format!("of {} none is left: {why}", counted(triangles, "triangle")))
+    Error::input(job.choice.name(), 0, format!("of {} none is left: {why}", counted(input.triangles, "triangle")))
 }
 
 fn libraries_at<'a>(paths: impl Iterator<Item = &'a Path>) -> Result<Vec<Source>> {
@@ -186,7 +192,7 @@ impl Input {
     /// Compares textures as they were copied with their content when the job began, if they are to be copied.
     ///
     /// # Errors
-    /// [`Error::Changed`](crate::base::Error::Changed) naming the first that differs.
+    /// [`Error::Changed`] naming the first that differs.
     pub(super) fn check_textures(&self, staged: &Staged, brings_outside: bool) -> Result<()> {
         let named = write::named_textures(&self.catalogue, brings_outside);
         let hashed = named.iter().zip(&self.textures).filter(|(texture, _)| !texture.stays).map(|(_, source)| source);

@@ -1,21 +1,17 @@
-//! Checks the output file before the work is done: refuses one that cannot be written, and recognises an earlier
-//! result.
+//! What an earlier process left where the result goes.
 
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::base::error::escape_path;
-use crate::base::{Error, Result};
+use super::paths::{prepare, resolved};
+use super::preflight::Preflight;
+use crate::base::Result;
 use crate::file::codec;
-use crate::job::{Step, WorkFolder};
-use crate::os::durable::{DurableFile, folder_of, make_folders};
-use crate::scan::{InputChoice, fingerprint};
-use crate::write::{Companion, Sources, Written, remove_waiting_of, textures_folder, why_unnameable};
-
-/// Longest name of a file in bytes, and the ending of the longest name that is made of the output's name.
-const NAME_BYTES_MAX: usize = 255;
-const LONGEST_ENDING: &str = ".work-measure";
+use crate::job::{Recalled, Step, WorkFolder};
+use crate::os::durable::folder_of;
+use crate::scan::fingerprint;
+use crate::write::{Companion, Written, remove_waiting_of, textures_folder};
 
 /// Result of a process that ended while its files were being renamed to their final names.
 pub(super) enum Earlier {
@@ -27,10 +23,34 @@ pub(super) enum Earlier {
     Whole(Written),
 }
 
+/// What an earlier process left where the result goes.
+pub(super) struct EarlierOutput {
+    /// Its result.
+    pub found: Earlier,
+    /// Whether it had begun to write there.
+    pub was_writing: bool,
+}
+
+impl EarlierOutput {
+    /// Looks for the output of an earlier process of the job. Refuses to replace a result of another job.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the output exists; those of the work folder and of the file system.
+    pub fn look(job: &Preflight<'_>, work: &WorkFolder) -> Result<Self> {
+        let there = Self { found: earlier(work, job.output)?, was_writing: was_writing(work, job.output)? };
+        prepare(job.output, work.number(), job.options.job.force || there.is_own())?;
+        Ok(there)
+    }
+
+    /// Whether the job itself wrote the OBJ.
+    pub fn is_own(&self) -> bool {
+        !matches!(self.found, Earlier::Nothing)
+    }
+}
+
 /// Looks for the result of an earlier process.
-pub(super) fn earlier(job: &WorkFolder, output: &Path) -> Result<Earlier> {
-    let is_sound = |written: &mut Written| written.findings.are_plain();
-    let Some(written) = job.recall_if(Step::Written, is_sound)? else { return Ok(Earlier::Nothing) };
+fn earlier(job: &WorkFolder, output: &Path) -> Result<Earlier> {
+    let Some(written) = job.recall::<Written>(Step::Written, &())? else { return Ok(Earlier::Nothing) };
     let there = resolved(output);
     // The folder of textures may be a link.
     let folders = [folder_of(&there).to_owned(), resolved(&textures_folder(&there))];
@@ -46,55 +66,14 @@ pub(super) fn earlier(job: &WorkFolder, output: &Path) -> Result<Earlier> {
     Ok(Earlier::Whole(written))
 }
 
-/// Refuses, before anything is read or written, an output that is no OBJ or one of the inputs, and paths that conflict
-/// with each other.
-pub(super) fn refuse(choice: &InputChoice, inputs: &[PathBuf], output: &Path, work: &Path) -> Result<()> {
-    let shown = escape_path(output);
-    let refused = |words: &str| Err(Error::Usage(format!("{shown}: {words}")));
-    let (Some(name), false) = (output.file_name(), output.is_dir()) else {
-        return refused("the output must be a file, such as out/city.obj");
-    };
-    if !output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj")) {
-        return refused("the output is an OBJ file: its name must end in .obj");
-    }
-    if let Some(why) = why_unnameable(name) {
-        return refused(why);
-    }
-    if name.len() + LONGEST_ENDING.len() > NAME_BYTES_MAX {
-        return refused("the output's name is too long");
-    }
-    // A device or a pipe would be replaced by a file.
-    if output.metadata().is_ok_and(|there| !there.is_file()) {
-        return refused("is there already, and no regular file");
-    }
-    let there = resolved(output);
-    if let Some(folder) = choice.folders().find(|folder| there.starts_with(resolved(folder))) {
-        return refused(&format!("lies below the input, {}; choose a name outside of it", escape_path(folder)));
-    }
-    if Sources::new(inputs.iter().map(PathBuf::as_path)).are_at(output) {
-        return refused("the output is the input; choose another name");
-    }
-    let work_folder = resolved(work);
-    let shown = escape_path(work);
-    if there.starts_with(&work_folder) || work_folder.starts_with(textures_folder(&there)) {
-        return Err(Error::Usage(format!(
-            "{shown}: the output, or its folder of textures, and the work folder lie in each other; choose another --work"
-        )));
-    }
-    if inputs.iter().any(|input| resolved(input).starts_with(&work_folder)) {
-        return Err(Error::Usage(format!("{shown}: the input lies in the work folder; choose another --work")));
-    }
-    Ok(())
-}
-
 /// Whether an earlier process of the job had begun to write the result there. If it wrote elsewhere, removes the files
 /// that wait for their final names.
 ///
 /// # Errors
 /// Those of [`WorkFolder::recall`].
-pub(super) fn was_writing(job: &WorkFolder, output: &Path) -> Result<bool> {
+fn was_writing(job: &WorkFolder, output: &Path) -> Result<bool> {
     let there = OutputPlace { obj: resolved(output) };
-    let Some(earlier) = job.recall::<OutputPlace>(Step::Output)? else { return Ok(false) };
+    let Some(earlier) = job.recall::<OutputPlace>(Step::Output, &())? else { return Ok(false) };
     if earlier != there {
         remove_waiting_of(&earlier.obj, job.number());
     }
@@ -116,43 +95,32 @@ struct OutputPlace {
     obj: PathBuf,
 }
 
-/// Checks, before the work is done, that the output can be written, and refuses to replace an existing one.
-pub(super) fn check(output: &Path, job: u64, may_exist: bool) -> Result<()> {
-    make_folders(folder_of(output))?;
-    DurableFile::create_outside(output, job, 0).map(drop)?;
-    refuse_existing(output, may_exist)
-}
+impl Recalled for OutputPlace {
+    type Context<'a> = ();
 
-/// Refuses to replace an existing OBJ.
-pub(super) fn refuse_existing(output: &Path, may_exist: bool) -> Result<()> {
-    if !may_exist && output.symlink_metadata().is_ok() {
-        return Err(Error::Usage(format!("{}: exists already; --force replaces it", escape_path(output))));
-    }
-    Ok(())
-}
-
-/// A path with links resolved, as far as it exists.
-fn resolved(path: &Path) -> PathBuf {
-    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let there = absolute.ancestors().find_map(|above| Some((above.canonicalize().ok()?, above)));
-    match there {
-        Some((canonical, above)) => absolute.strip_prefix(above).map_or(canonical.clone(), |rest| canonical.join(rest)),
-        None => absolute,
+    /// It is only compared.
+    fn is_sound(&self, (): &()) -> bool {
+        true
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::ErrorKind;
     use crate::base::Silent;
-    use crate::options::SimplifyOptions;
+    use crate::options::{JobOptions, SimplifyOptions, Target};
 
     const SPHERE: &str = "fixtures/miniatures/closed_sphere.obj";
 
     fn refusal(input: &Path, output: &Path) -> String {
-        let options = SimplifyOptions { ratio: Some(0.5), force: true, ..SimplifyOptions::default() };
+        let options = SimplifyOptions {
+            target: Target::ratio(0.5),
+            job: JobOptions { force: true, ..JobOptions::default() },
+            ..SimplifyOptions::default()
+        };
         let error = crate::pipeline::simplify(input, output, &options, &Silent).unwrap_err();
-        assert_eq!(error.exit_code(), 2, "{error}");
+        assert_eq!(error.kind(), ErrorKind::Usage, "{error}");
         error.to_string()
     }
 
@@ -187,12 +155,17 @@ mod tests {
             std::fs::write(folder.path().join(other), "mine").unwrap();
             let run =
                 |options: &SimplifyOptions, phases: &Phases| crate::pipeline::simplify(input, &output, options, phases);
-            let (phases, options) = (Phases::default(), SimplifyOptions { ratio: Some(0.5), ..Default::default() });
+            let (phases, options) =
+                (Phases::default(), SimplifyOptions { target: Target::ratio(0.5), ..Default::default() });
             let error = run(&options, &phases).unwrap_err();
-            assert!(error.exit_code() == 2 && error.to_string().contains(other), "{error}");
+            assert!(error.kind() == ErrorKind::Usage && error.to_string().contains(other), "{error}");
             assert_eq!(*phases.0.lock().unwrap(), ["scan"]);
             assert_eq!(std::fs::read(folder.path().join(other)).unwrap(), b"mine");
-            run(&SimplifyOptions { force: true, ..options.clone() }, &phases).unwrap();
+            run(
+                &SimplifyOptions { job: JobOptions { force: true, ..options.clone().job }, ..options.clone() },
+                &phases,
+            )
+            .unwrap();
             // Files that a stopped process left do not get in the way.
             std::fs::remove_file(&output).unwrap();
             run(&options, &phases).unwrap();
@@ -217,7 +190,7 @@ mod tests {
         for resume in [Resume::Auto, Resume::Never] {
             let folder = tempfile::tempdir().unwrap();
             let path = |name: &str| folder.path().join(name);
-            let manifest = crate::pipeline::manifest(&"".into(), &[], &SimplifyOptions::default()).unwrap();
+            let manifest = crate::pipeline::preflight::manifest(&"".into(), &[], &SimplifyOptions::default()).unwrap();
             let open = |resume| WorkFolder::open(&path("work"), &manifest, resume).unwrap();
             let job = open(Resume::Auto);
             std::fs::create_dir_all(path("a/city_textures")).unwrap();

@@ -76,7 +76,7 @@ impl Sizes {
             target: options.most_faces(faces),
             cluster_faces: options.cluster_faces,
             remesh: options.remesh,
-            is_bounded: options.max_error.is_some(),
+            is_bounded: options.target.max_error.is_some(),
             // Settings that a metric does not have are refused before planning.
             metric_face_bytes: options.cost(true).map_or(0, |cost| cost.extra_face_bytes()),
         }
@@ -118,7 +118,7 @@ fn in_work(bytes: u64, metric: u64, is_remeshed: bool, is_bounded: bool) -> u64 
 /// [`Error::Usage`] for settings that the metric does not have.
 pub fn heaviest_bytes(options: &SimplifyOptions, cluster_faces: u64) -> Result<u64> {
     let metric = options.cost(true)?.extra_face_bytes() * cluster_faces;
-    Ok(in_work(limit_bytes(cluster_faces), metric, options.remesh.is_some(), options.max_error.is_some()))
+    Ok(in_work(limit_bytes(cluster_faces), metric, options.remesh.is_some(), options.target.max_error.is_some()))
 }
 
 /// The budget that the user gave, or half of the machine's memory.
@@ -131,7 +131,7 @@ pub fn budget_of(memory: Option<u64>) -> Result<MemoryBudget> {
     let bytes = memory.unwrap_or(half);
     if bytes < floor {
         let (found, floor) = (bytes::display(bytes), bytes::display(floor));
-        return Err(Error::Budget(format!("--memory {found}: at least {floor} are needed")));
+        return Err(Error::Budget(format!("`memory: {found}`: at least {floor} are needed")));
     }
     Ok(MemoryBudget { bytes })
 }
@@ -141,12 +141,12 @@ pub fn budget_of(memory: Option<u64>) -> Result<MemoryBudget> {
 /// # Errors
 /// [`Error::Budget`] with the budget that would suffice.
 pub fn choose_budget(options: &SimplifyOptions) -> Result<MemoryBudget> {
-    let budget = budget_of(options.memory)?;
+    let budget = budget_of(options.limits.memory)?;
     let cluster = heaviest_bytes(options, options.cluster_faces)?;
     if cluster > budget.for_work() {
         let most = budget.for_work() * options.cluster_faces / cluster;
         return Err(Error::Budget(format!(
-            "{} cannot hold a cluster of {} triangles; give --cluster-faces {most} or --memory {}",
+            "{} cannot hold a cluster of {} triangles; give `cluster_faces: {most}` or `memory: {}`",
             bytes::display(budget.bytes),
             options.cluster_faces,
             bytes::display(cluster + MemoryBudget::FIXED_BYTES + MIB),
@@ -168,10 +168,22 @@ pub fn scan_options(budget: MemoryBudget, threads: usize) -> ScanOptions {
     ScanOptions { threads, chunks_in_flight, catalogue_bytes: budget.for_work() }
 }
 
+/// Bytes a face that each metric keeps beyond those of every cluster, as the tests of budgets expect them.
+#[cfg(test)]
+pub const METRIC_FACE_BYTES: [(crate::options::MetricChoice, u64); 7] = [
+    (crate::options::MetricChoice::Qem, 0),
+    (crate::options::MetricChoice::QemAttributes, 0),
+    (crate::options::MetricChoice::Qem1997, 0),
+    (crate::options::MetricChoice::Oblique, 62),
+    (crate::options::MetricChoice::Curvature, 12),
+    (crate::options::MetricChoice::Terrain, 187),
+    (crate::options::MetricChoice::Sharpness, 0),
+];
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::options::MetricChoice;
+    use crate::options::{Limits, Target};
 
     const CITY: Sizes = Sizes {
         faces: 4_313_336,
@@ -203,28 +215,21 @@ mod tests {
 
     #[test]
     fn an_impossible_budget_is_refused_with_one_that_would_do() {
-        let options = SimplifyOptions { memory: Some(128 * MIB), cluster_faces: 1_000_000, ..Default::default() };
+        let options = SimplifyOptions {
+            limits: Limits { memory: Some(128 * MIB), ..Limits::default() },
+            cluster_faces: 1_000_000,
+            ..Default::default()
+        };
         let words = choose_budget(&options).unwrap_err().to_string();
-        assert!(words.contains("--cluster-faces") && words.contains("--memory 410 MiB"), "{words}");
+        assert!(words.contains("`cluster_faces: ") && words.contains("`memory: 410 MiB`"), "{words}");
         assert!(budget_of(Some(1)).is_err());
     }
-
-    /// Bytes of half a vertex and 0.65 wedges, as each metric's records have them.
-    const METRICS: [(MetricChoice, u64); 7] = [
-        (MetricChoice::Qem, 0),
-        (MetricChoice::QemAttributes, 0),
-        (MetricChoice::Qem1997, 0),
-        (MetricChoice::Oblique, 62),
-        (MetricChoice::Curvature, 12),
-        (MetricChoice::Terrain, 187),
-        (MetricChoice::Sharpness, 0),
-    ];
 
     #[test]
     fn the_forecast_counts_what_each_metric_keeps() {
         let budget = MemoryBudget { bytes: 1024 * MIB };
-        for (metric, extra) in METRICS {
-            let options = SimplifyOptions { metric: Some(metric), ratio: Some(0.1), ..Default::default() };
+        for (metric, extra) in METRIC_FACE_BYTES {
+            let options = SimplifyOptions { target: Target::ratio(0.1), metric: Some(metric), ..Default::default() };
             let sizes = Sizes { cluster_faces: CITY.cluster_faces, ..Sizes::of(CITY.faces, CITY.vertices, &options) };
             let more = forecast(&sizes, budget, 2).simplify - forecast(&CITY, budget, 2).simplify;
             assert_eq!(more, 2 * 325_000 * extra, "{metric:?}");
@@ -234,10 +239,10 @@ mod tests {
     #[test]
     fn a_budget_holds_a_cluster_with_what_each_metric_keeps() {
         let bytes = |options: &SimplifyOptions| heaviest_bytes(options, 100_000).unwrap();
-        for (metric, extra) in METRICS {
+        for (metric, extra) in METRIC_FACE_BYTES {
             let options = SimplifyOptions { metric: Some(metric), ..Default::default() };
             assert_eq!(bytes(&options), limit_bytes(100_000) + 100_000 * extra, "{metric:?}");
-            let bounded = SimplifyOptions { max_error: Some(0.1), ..options.clone() };
+            let bounded = SimplifyOptions { target: options.clone().target.within(0.1), ..options.clone() };
             assert_eq!(bytes(&bounded), Anchor::with_room(bytes(&options)), "{metric:?}");
             // Cells are built before the metric is created.
             let remeshed = SimplifyOptions { remesh: Some(cvd::CvdSettings::default()), ..options.clone() };

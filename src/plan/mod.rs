@@ -82,7 +82,7 @@ pub struct Plan {
     pub warnings: Vec<String>,
 }
 
-/// Plans a run. The work folder's disk is that of `options.work`, else that of the current folder.
+/// Plans a run. The work folder's disk is that of `options.job.work`, else that of the current folder.
 ///
 /// # Errors
 /// As [`pipeline::simplify`](crate::pipeline::simplify) for options, an impossible budget and inputs that are no OBJ;
@@ -91,13 +91,13 @@ pub fn plan(input: impl Into<InputChoice>, options: &SimplifyOptions, progress: 
     options.check()?;
     let (inputs, mut findings) = scan::find_inputs_and_idle(&input.into())?;
     let budget = memory::choose_budget(options)?;
-    let threads = memory::choose_threads(options.threads, budget);
+    let threads = memory::choose_threads(options.limits.threads, budget);
     let (counts, boxes) = scan::count(&inputs, threads, progress)?;
     scan::note_twin_boxes(&inputs, &boxes, &mut findings);
     let target = options.most_faces(counts.triangles);
     let sizes = Sizes::of(counts.triangles, counts.vertices, options);
     let passes = passes::forecast(&sizes, options.pass_count(counts.triangles));
-    let folder = scratch::existing_folder(options.work.as_deref().unwrap_or(Path::new(".")));
+    let folder = scratch::existing_folder(options.job.work.as_deref().unwrap_or(Path::new(".")));
     Ok(Plan {
         input: InputFigures {
             files: inputs.len() as u64,
@@ -107,7 +107,8 @@ pub fn plan(input: impl Into<InputChoice>, options: &SimplifyOptions, progress: 
             polygons: counts.polygons,
             triangles: counts.triangles,
         },
-        target: (options.has_target() || options.max_error.is_none()).then_some(options.target(counts.triangles)),
+        target: (options.has_target() || options.target.max_error.is_none())
+            .then_some(options.target(counts.triangles)),
         threads: threads as u64,
         cluster_faces: options.cluster_faces,
         memory: memory::forecast(&sizes, budget, threads),
@@ -212,10 +213,11 @@ fn duration(seconds: f64) -> String {
 mod tests {
     use super::*;
     use crate::base::Silent;
+    use crate::options::Target;
 
     #[test]
     fn the_town_is_planned_as_one_cluster() {
-        let options = SimplifyOptions { ratio: Some(0.1), ..SimplifyOptions::default() };
+        let options = SimplifyOptions { target: Target::ratio(0.1), ..SimplifyOptions::default() };
         let plan = plan(Path::new("fixtures/town/town.obj"), &options, &Silent).unwrap();
         assert_eq!(plan.input.triangles, 18_218);
         assert_eq!(plan.target, Some(1_822));
@@ -226,7 +228,7 @@ mod tests {
 
     #[test]
     fn a_bounded_error_is_planned_for_a_mesh_that_loses_nothing() {
-        let options = SimplifyOptions { max_error: Some(0.1), ..SimplifyOptions::default() };
+        let options = SimplifyOptions { target: Target::max_error(0.1), ..SimplifyOptions::default() };
         let plan = plan(Path::new("fixtures/town/town.obj"), &options, &Silent).unwrap();
         assert_eq!(plan.target, None);
         assert!(plan.passes.iter().all(|pass| pass.faces_out == 18_218), "{:?}", plan.passes);
@@ -240,7 +242,7 @@ mod tests {
         for name in ["town.obj", "backup/town.obj"] {
             std::fs::copy("fixtures/town/town.obj", folder.path().join(name)).unwrap();
         }
-        let options = SimplifyOptions { ratio: Some(0.1), ..SimplifyOptions::default() };
+        let options = SimplifyOptions { target: Target::ratio(0.1), ..SimplifyOptions::default() };
         let choice = |exclude: &[&str]| InputChoice {
             paths: vec![folder.path().to_owned()],
             exclude: exclude.iter().map(|&pattern| pattern.to_owned()).collect(),

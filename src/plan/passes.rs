@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::memory::Sizes;
 use crate::partition::cells::expected_count;
 use crate::passes::CELL_PASSES;
-use crate::passes::schedule::{TRIM_SHARE, pass_target};
+use crate::passes::shares::{TRIM_SHARE, pass_target};
 
 /// Forecast of a pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -74,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mesh_made_anew_takes_a_pass_more_and_so_many_cells_nothing_else() {
+    fn a_remeshed_mesh_takes_a_pass_more_and_a_target_in_cells_nothing_else() {
         let remeshed = |text: &str| Sizes { remesh: text.parse().ok(), ..sizes(4_313_336, 431_334) };
         let passes = forecast(&remeshed("cvd"), 3);
         assert!(passes.len() == 5 && passes[0].is_remesh && !passes[1].is_remesh);

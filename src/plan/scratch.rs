@@ -161,7 +161,7 @@ pub fn refuse_disk(folder: &Path, needed: u64, free: u64) -> Result<()> {
         return Ok(());
     }
     let (needed, free) = (bytes::display(needed), bytes::display(free));
-    let message = format!("about {needed} of scratch space are needed, {free} are free; --work DIR takes another disk");
+    let message = format!("about {needed} of scratch space are needed, {free} are free; `work` takes another disk");
     Err(Error::NoSpace { path: folder.to_owned(), message })
 }
 

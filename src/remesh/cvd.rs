@@ -71,14 +71,14 @@ use self::clustering::{Clustering, Pull};
 use self::dual::Shrunk;
 use self::mass::{MassSums, VertexPart};
 use self::queue::{ErrorCounts, Queue, sound_faces};
-use crate::cost::knob::{self, Knob, factor, number, switch};
+use crate::cost::parameter::{self, Parameter, factor, number, switch};
 use crate::mesh::class::{Class, classify};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::ring::Rings;
 use crate::mesh::split::{EdgePoint, split_edges};
 
 /// Parameters.
-pub const KNOBS: [Knob; 8] = [
+pub const PARAMETERS: [Parameter; 8] = [
     factor("lambda", 2.0, "power of the curvature in a vertex's mass"),
     factor("cells", 0.0, "cells wanted, without a collapse afterwards; 0 takes as many as there are vertices"),
     factor("floor", 1e-3, "least k1² + k2², in medians of its positive values"),
@@ -97,7 +97,7 @@ pub const KNOBS: [Knob; 8] = [
 pub const GROWTH: u64 = 3;
 
 /// Settings of the reconstruction: `cvd`, `cvd:1`, `cvd:1,cells=500`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CvdSettings {
     /// Power λ of the curvature in a vertex's mass.
     pub lambda: f64,
@@ -120,7 +120,7 @@ pub struct CvdSettings {
 
 impl Default for CvdSettings {
     fn default() -> Self {
-        KNOBS.map(|knob| knob.default).into()
+        PARAMETERS.map(|parameter| parameter.default).into()
     }
 }
 
@@ -153,7 +153,7 @@ impl FromStr for CvdSettings {
             .enumerate()
             .map(|(i, word)| if i == 0 && !word.contains('=') { format!("lambda={word}") } else { word.to_owned() })
             .collect();
-        knob::read(&KNOBS, &given).map(Self::from)
+        parameter::read(&PARAMETERS, &given).map(Self::from)
     }
 }
 

@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn a_vertex_among_slivers_moves_to_the_middle_and_takes_its_picture_along() {
+    fn a_vertex_among_slivers_moves_to_the_middle_and_takes_its_texture_along() {
         let mut mesh = skewed();
         let before = worst(&mesh);
         assert_eq!(relax(&mut mesh), 1);

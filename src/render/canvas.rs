@@ -18,7 +18,7 @@ const LIGHT_MAX: f64 = 127.0;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Paint {
     /// A texture image, by its number.
-    Picture(u32),
+    Image(u32),
     /// A colour: red, green, blue.
     Colour([u8; 3]),
 }
@@ -88,7 +88,7 @@ impl Canvas {
         let [a, b, c] = triangle.corners;
         let mut light = None;
         let paint = match triangle.paint {
-            Paint::Picture(number) => number & !COLOUR_BIT,
+            Paint::Image(number) => number & !COLOUR_BIT,
             Paint::Colour([red, green, blue]) => COLOUR_BIT | u32::from_be_bytes([0, red, green, blue]),
         };
         let heights = if self.with_edges { heights(&corners) } else { [f64::INFINITY; 3] };
@@ -122,7 +122,7 @@ impl Canvas {
                 let [_, red, green, blue] = colour.to_be_bytes();
                 Paint::Colour([red, green, blue])
             }
-            number => Paint::Picture(number),
+            number => Paint::Image(number),
         };
         let light = f32::from(self.light[pixel] & !EDGE_BIT) / LIGHT_MAX as f32;
         Some(SeenPixel { paint, texcoord: self.texcoord[pixel], light, is_edge: self.light[pixel] & EDGE_BIT != 0 })
@@ -161,7 +161,7 @@ mod tests {
 
     #[test]
     fn the_nearer_triangle_is_seen_in_any_order() {
-        let (low, high) = (triangle(0.2, Paint::Picture(3)), triangle(0.8, Paint::Colour([1, 2, 3])));
+        let (low, high) = (triangle(0.2, Paint::Image(3)), triangle(0.8, Paint::Colour([1, 2, 3])));
         for order in [[low, high], [high, low]] {
             let mut canvas = canvas(false);
             order.iter().for_each(|triangle| canvas.draw(triangle));
@@ -172,7 +172,7 @@ mod tests {
     #[test]
     fn texture_coordinates_run_over_the_triangle() {
         let mut canvas = canvas(false);
-        canvas.draw(&triangle(0.0, Paint::Picture(0)));
+        canvas.draw(&triangle(0.0, Paint::Image(0)));
         // The centre of the lowest pixel on the left is at (0.25, 0.25): 9.25 of 39 along each side.
         let seen = canvas.seen(15 * 16).unwrap();
         assert!(seen.texcoord.iter().all(|t| (t - 9.25 / 39.0).abs() < 1e-6), "{seen:?}");
@@ -182,7 +182,7 @@ mod tests {
     #[test]
     fn edges_are_drawn_where_asked_for() {
         let corners = [[1.0, 1.0], [7.0, 1.0], [1.0, 7.0]].map(|[x, y]| DVec3::new(x, y, 0.0));
-        let triangle = Triangle { corners, ..triangle(0.0, Paint::Picture(0)) };
+        let triangle = Triangle { corners, ..triangle(0.0, Paint::Image(0)) };
         let count = |with_edges| {
             let mut canvas = canvas(with_edges);
             canvas.draw(&triangle);

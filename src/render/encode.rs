@@ -1,10 +1,14 @@
 //! Encodes pixels as image files in memory, and maps numbers to colours.
 
+#[cfg(feature = "images")]
 use image::codecs::jpeg::JpegEncoder;
+#[cfg(feature = "images")]
 use image::codecs::png::PngEncoder;
+#[cfg(feature = "images")]
 use image::{ExtendedColorType, ImageEncoder};
 
 /// Quality of a JPEG, 1 to 100.
+#[cfg(feature = "images")]
 const JPEG_QUALITY: u8 = 86;
 /// Colours of an error from 0 to the largest: pale stone to dark red. `style.css` draws the scale with the same ones.
 const HEAT: [[f32; 3]; 6] = [
@@ -17,6 +21,7 @@ const HEAT: [[f32; 3]; 6] = [
 ];
 
 /// A JPEG of red, green and blue bytes; `None` if the rendering is too large for the format.
+#[cfg(feature = "images")]
 pub fn jpeg(rgb: &[u8], size: [usize; 2]) -> Option<Vec<u8>> {
     let mut file = Vec::new();
     let [width, height] = [u32::try_from(size[0]).ok()?, u32::try_from(size[1]).ok()?];
@@ -25,11 +30,18 @@ pub fn jpeg(rgb: &[u8], size: [usize; 2]) -> Option<Vec<u8>> {
 }
 
 /// A PNG of red, green, blue and opacity bytes; `None` if the rendering is too large for the format.
+#[cfg(feature = "images")]
 pub fn png(rgba: &[u8], size: [usize; 2]) -> Option<Vec<u8>> {
     let mut file = Vec::new();
     let [width, height] = [u32::try_from(size[0]).ok()?, u32::try_from(size[1]).ok()?];
     PngEncoder::new(&mut file).write_image(rgba, width, height, ExtendedColorType::Rgba8).ok()?;
     Some(file)
+}
+
+/// No PNG: the crate is built without images.
+#[cfg(not(feature = "images"))]
+pub fn png(_rgba: &[u8], _size: [usize; 2]) -> Option<Vec<u8>> {
+    None
 }
 
 /// Colour of an error relative to the largest one shown, 0 to 1.
@@ -51,7 +63,7 @@ pub fn distinct(number: u32) -> [u8; 3] {
     })
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "images"))]
 mod tests {
     use super::*;
 

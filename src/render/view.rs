@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn every_corner_of_the_box_is_in_the_picture() {
+    fn every_corner_of_the_box_is_in_the_image() {
         let frame = Frame::new(DVec3::new(5e5, 4e6, 10.0), DVec3::new(5e5 + 300.0, 4e6 + 200.0, 60.0)).unwrap();
         for (turn, tilt) in [(30.0, 38.0), (210.0, 38.0), (0.0, 90.0)] {
             let view = frame.view(turn, tilt, [960, 640]);

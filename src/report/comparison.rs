@@ -4,9 +4,10 @@ use std::path::Path;
 
 use maud::{Markup, html};
 
-use super::figures::{self, figure, length, percent, picture, pictures, plot, row, seconds, signed, spaced};
 use super::file::save_text;
 use super::gallery::{self, Shot, VANTAGES, Viewpoints};
+use super::markup::{self, figure, plot, rendering, renderings, row};
+use super::numbers::{length, percent, seconds, signed, spaced};
 use super::plots;
 use super::scene::DrawResources;
 use crate::base::error::escape_path;
@@ -77,14 +78,14 @@ impl ComparisonPage {
                 (figure("time", &seconds(comparison.seconds),
                     &format!("{} peak memory", bytes::display(comparison.peak_resident))))
             }
-            @if let Some([before, after]) = &self.shots { (pictures(before, after)) }
+            @if let Some([before, after]) = &self.shots { (renderings(before, after)) }
             (body(comparison, self.shots.as_ref().map_or(&[], |[_, after]| after)))
             @let warnings: Vec<String> = comparison.warnings.iter().cloned().chain(self.findings.warnings()).collect();
             @if !warnings.is_empty() {
                 section { h2 { "Warnings" } ul { @for warning in &warnings { li { (warning) } } } }
             }
         };
-        save_text(&figures::page(&title, &body, ""), path, new_job_number(path))
+        save_text(&markup::page(&title, &body, ""), path, new_job_number(path))
     }
 }
 
@@ -201,7 +202,7 @@ fn errors(comparison: &Comparison, after: &[Shot]) -> Markup {
             p.quiet { "Measured from each point of the result to the original; the last colour begins where 1 % of the surface is farther away." }
             div.pair.shots {
                 @for (place, relief) in coloured {
-                    (picture(&relief.colour(most), &format!("distance from the original, {}", place.name)))
+                    (rendering(&relief.colour(most), &format!("distance from the original, {}", place.name)))
                 }
             }
         }
@@ -230,9 +231,9 @@ fn pinholes(found: &Pinholes) -> Markup {
                 "Of " (spaced(found.pixels)) " pixels in 16 views, at least 5 pixels inside the outline of the original. Far behind: more "
                 "than a hundredth of the diagonal behind the surface that the original shows there."
             }
-            @if !found.worst.picture.is_empty() {
+            @if !found.worst.rendering.is_empty() {
                 div.shots {
-                    (picture(&gallery::jpeg_file_address(&found.worst.picture), &format!(
+                    (rendering(&gallery::jpeg_file_address(&found.worst.rendering), &format!(
                         "the view with most pinholes: {:.0}° around, {:.0}° above the horizon; background in red, surfaces behind in orange",
                         found.worst.turn, found.worst.tilt)))
                 }

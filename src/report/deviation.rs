@@ -1,13 +1,13 @@
 //! Deviation that a comparison measured, and whether it keeps the bound of `--max-error`.
 //!
-//! In: the distances of a [`Comparison`](crate::measure::compare::Comparison). Out: lines for the terminal, and a
+//! In: the distances of a [`Comparison`](crate::measure::figures::Comparison). Out: lines for the terminal, and a
 //! message if some point is farther away than `--max-error` allows.
 
 use std::fmt::Write as _;
 
-use super::figures::length;
+use super::numbers::length;
 use super::run::Report;
-use crate::measure::compare::{Comparison, Distances, Geometry, ROUNDING_SHARE};
+use crate::measure::figures::{Comparison, Distances, Geometry, ROUNDING_SHARE};
 use crate::measure::gauge::Gauged;
 
 /// Units in the last place of a coordinate that rounding alone may add to a distance.
@@ -19,12 +19,12 @@ impl Report {
     /// Message if the comparison found a point that is farther away than `--max-error` allows; `None` if the bound is
     /// kept, was not asked for or was not measured.
     pub fn broken_bound(&self) -> Option<String> {
-        broken_bound(self.options.max_error?, &self.comparison.as_ref()?.geometry)
+        broken_bound(self.options.target.max_error?, &self.comparison.as_ref()?.geometry)
     }
 
     /// Appends the summary's lines about the deviation.
     pub(super) fn add_deviation(&self, text: &mut String) {
-        if let Some(bound) = self.options.max_error {
+        if let Some(bound) = self.options.target.max_error {
             let _ = writeln!(text, "deviation allowed: {bound}");
         }
         match &self.comparison {
@@ -82,7 +82,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::measure::compare::FarPoint;
+    use crate::measure::figures::FarPoint;
 
     /// Distances whose largest lies at a corner of a cube around the origin.
     fn up_to(max: f64, corner: f64) -> Distances {

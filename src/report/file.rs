@@ -50,7 +50,7 @@ impl ReportKind {
             Some("html") => Ok(Self::Html),
             _ => {
                 let shown = escape_path(path);
-                Err(Error::Usage(format!("--report {shown}: expected a name that ends in .json or .html")))
+                Err(Error::Usage(format!("`report: {shown}`: expected a name that ends in .json or .html")))
             }
         }
     }

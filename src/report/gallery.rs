@@ -156,7 +156,7 @@ pub fn draw(
         let work_bytes = resources.work_bytes.saturating_sub(CANVAS_BYTES * canvases.len() as u64);
         let left = DrawResources { work_bytes, ..*resources };
         scene.triangles(&left, &mut |triangle| canvases.iter_mut().for_each(|canvas| canvas.draw(triangle)))?;
-        let developed = develop(&canvases, &scene.pictures().files, &left, findings)?;
+        let developed = develop(&canvases, &scene.images().files, &left, findings)?;
         shots.extend(
             developed
                 .into_iter()
@@ -207,7 +207,7 @@ fn develop(
     };
     map_in_order(shown, resources.threads, resources.threads, colour_image, |(number, colours, fault)| {
         if let Some(why) = fault {
-            findings.note("unreadable_picture", || format!("{}: {why}", escape_path(&files[number].path)));
+            findings.note("unreadable_image", || format!("{}: {why}", escape_path(&files[number].path)));
         }
         for ((film, list), colours) in films.iter_mut().zip(&lists).zip(colours) {
             list.of(number).iter().zip(colours).for_each(|(&pixel, colour)| film.add(pixel as usize, colour));
@@ -227,7 +227,7 @@ impl PixelLists {
     fn new(canvas: &Canvas, images: usize) -> Self {
         let count = canvas.view.size[0] * canvas.view.size[1];
         let shown = |pixel: usize| match canvas.seen(pixel)?.paint {
-            Paint::Picture(number) if (number as usize) < images => Some(number as usize),
+            Paint::Image(number) if (number as usize) < images => Some(number as usize),
             _ => None,
         };
         let mut starts = vec![0; images + 1];

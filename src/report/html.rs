@@ -2,8 +2,9 @@
 
 use maud::{Markup, html};
 
-use super::figures::{self, figure, length, percent, pictures, plot, row, seconds, spaced};
 use super::gallery::png_address;
+use super::markup::{self, figure, plot, renderings, row};
+use super::numbers::{length, percent, seconds, spaced};
 use super::run::{FileFigures, Report, Status};
 use super::{comparison, plots, summary};
 use crate::base::error::escape_path;
@@ -17,7 +18,7 @@ pub(super) fn page(report: &Report) -> String {
         (head(report, &title))
         (key_figures(report))
         (floor(report))
-        @if let Some([before, after]) = &report.shots { (pictures(before, after)) }
+        @if let Some([before, after]) = &report.shots { (renderings(before, after)) }
         @if let Some(comparison) = &report.comparison {
             (comparison::body(comparison, report.shots.as_ref().map_or(&[], |[_, after]| after)))
         }
@@ -27,7 +28,7 @@ pub(super) fn page(report: &Report) -> String {
         (passes(report))
         (asked(report))
     };
-    figures::page(&title, &body, &format!(", {}", date(report.began)))
+    markup::page(&title, &body, &format!(", {}", date(report.began)))
 }
 
 fn head(report: &Report, title: &str) -> Markup {
@@ -140,7 +141,7 @@ fn topology(report: &Report) -> Markup {
             @if let Some(share) = report.new_texture_below {
                 p {
                     "Below " (format!("{:.2} %", 100.0 * share)) " of the triangles, the seams of the texture would take more "
-                    "vertices than there are: from there on a new texture gives a better picture."
+                    "vertices than there are: from there on a new texture gives a better image."
                 }
             }
         }

@@ -8,25 +8,35 @@
 //! In: the figures of the phases. Out: text. Invariant: all text from outside (paths, names) is escaped, and the page
 //! loads nothing: style, plots and renderings are inside it.
 
+#[cfg(feature = "report")]
 mod comparison;
 mod deviation;
-mod figures;
 mod file;
+#[cfg(feature = "report")]
 pub mod gallery;
+#[cfg(feature = "report")]
 mod html;
+#[cfg(feature = "report")]
+mod markup;
+mod numbers;
+#[cfg(feature = "report")]
 mod plots;
 mod run;
+#[cfg(feature = "report")]
 pub mod scene;
 mod summary;
 
 use std::path::Path;
 
+#[cfg(feature = "report")]
 pub use self::comparison::ComparisonPage;
 pub use self::file::{ReportKind, save_json};
 pub use self::run::{ErrorFigures, FaceFigures, FileFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
 pub use self::summary::warning_lines;
 
 use self::file::{json, save_text};
+#[cfg(not(feature = "report"))]
+use crate::base::Error;
 use crate::base::Result;
 
 impl Report {
@@ -36,7 +46,10 @@ impl Report {
     /// [`Error::Usage`](crate::base::Error::Usage) for an extension other than `.json` or `.html`; the file system's.
     pub fn save(&self, path: &Path, job: u64) -> Result<()> {
         match ReportKind::of(path)? {
+            #[cfg(feature = "report")]
             ReportKind::Html => save_text(&html::page(self), path, job),
+            #[cfg(not(feature = "report"))]
+            ReportKind::Html => Err(Error::Usage("pages need the feature `report` of the crate".into())),
             ReportKind::Json => save_text(&json(self, path)?, path, job),
         }
     }

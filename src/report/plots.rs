@@ -11,7 +11,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor;
 
 use crate::base::bytes::MIB;
-use crate::measure::compare::Histogram;
+use crate::measure::figures::Histogram;
 use crate::os::timeline::{PhaseSpan, Timeline};
 use crate::passes::outcome::{PassReport, StageReport};
 

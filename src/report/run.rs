@@ -5,13 +5,14 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
+#[cfg(feature = "report")]
 use super::gallery::Shot;
 use crate::base::json_path;
-use crate::measure::compare::Comparison;
+use crate::measure::figures::Comparison;
 use crate::measure::gauge::Gauged;
 use crate::options::SimplifyOptions;
 use crate::os::timeline::Timeline;
-use crate::passes::outcome::{Floor, PassReport, RemeshReport};
+use crate::passes::{Floor, PassReport, RemeshReport};
 use crate::simplify::Changes;
 
 /// How a run ended.
@@ -45,7 +46,7 @@ pub struct ErrorFigures {
 }
 
 /// Times of the phases in seconds.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Default, Serialize)]
 pub struct SecondFigures {
     /// The whole run.
     pub total: f64,
@@ -153,7 +154,7 @@ pub struct Report {
     pub new_texture_below: Option<f64>,
     /// Share of the result's vertices that seams would take if all edges were equally long; `None` without texture or
     /// target.
-    pub seam_crowding: Option<f64>,
+    pub seam_density: Option<f64>,
     /// Time.
     pub seconds: SecondFigures,
     /// Memory.
@@ -170,6 +171,7 @@ pub struct Report {
     pub passes: Vec<PassReport>,
     /// Renderings of the input and of the result from [`VANTAGES`](super::gallery::VANTAGES), if they were drawn.
     #[serde(skip)]
+    #[cfg(feature = "report")]
     pub shots: Option<[Vec<Shot>; 2]>,
     /// Vertices and edges that keep the mesh above its target, if it was missed.
     pub floor: Option<Floor>,
@@ -179,16 +181,4 @@ pub struct Report {
     pub repairs: BTreeMap<String, u64>,
     /// Messages about them, where there are any.
     pub warnings: Vec<String>,
-}
-
-impl Report {
-    /// Exit code of the process: 1 if a measured distance exceeds `--max-error`, else 3 if the target was missed, else
-    /// 0.
-    pub fn exit_code(&self) -> u8 {
-        match self.status {
-            _ if self.broken_bound().is_some() => 1,
-            Status::Done => 0,
-            Status::TargetMissed => 3,
-        }
-    }
 }

@@ -43,7 +43,7 @@ const STONE: [u8; 3] = [188, 172, 150];
 /// A mesh that can be drawn; positions and triangles come in an order that depends on the mesh alone.
 pub trait Scene {
     /// Texture images that the mesh shows.
-    fn pictures(&self) -> &TextureImages;
+    fn images(&self) -> &TextureImages;
 
     /// Passes all positions to `look`, many at a time; some may come more than once.
     ///
@@ -64,7 +64,7 @@ pub struct StoredScene<'a> {
     mesh: &'a StoredMesh,
     catalogue: &'a Catalogue,
     folder: &'a Path,
-    pictures: TextureImages,
+    images: TextureImages,
     /// Colour or texture image of each part.
     paints: Vec<Paint>,
 }
@@ -72,13 +72,13 @@ pub struct StoredScene<'a> {
 impl<'a> StoredScene<'a> {
     /// Finds the texture images; intermediate files go to `folder`.
     pub fn new(mesh: &'a StoredMesh, catalogue: &'a Catalogue, folder: &'a Path, findings: &mut Findings) -> Self {
-        let pictures = TextureImages::find(catalogue, findings);
-        let paint = |(part, &picture): (usize, &u32)| match picture {
+        let images = TextureImages::find(catalogue, findings);
+        let paint = |(part, &image): (usize, &u32)| match image {
             NO_IMAGE => Paint::Colour(colour_of(catalogue, part)),
-            picture => Paint::Picture(picture),
+            image => Paint::Image(image),
         };
-        let paints = pictures.of_part.iter().enumerate().map(paint).collect();
-        Self { mesh, catalogue, folder, pictures, paints }
+        let paints = images.of_part.iter().enumerate().map(paint).collect();
+        Self { mesh, catalogue, folder, images, paints }
     }
 
     fn triangle(&self, source: &ClusterSource, face: u32) -> Triangle {
@@ -87,7 +87,7 @@ impl<'a> StoredScene<'a> {
         let part = mesh.parts[face as usize] as usize;
         let paint = self.paints.get(part).copied().unwrap_or(Paint::Colour(STONE));
         let paint = match paint {
-            Paint::Picture(_) if !(a + b + c).is_finite() => Paint::Colour(colour_of(self.catalogue, part)),
+            Paint::Image(_) if !(a + b + c).is_finite() => Paint::Colour(colour_of(self.catalogue, part)),
             paint => paint,
         };
         let low = a.min(b).min(c).floor();
@@ -100,8 +100,8 @@ impl<'a> StoredScene<'a> {
 }
 
 impl Scene for StoredScene<'_> {
-    fn pictures(&self) -> &TextureImages {
-        &self.pictures
+    fn images(&self) -> &TextureImages {
+        &self.images
     }
 
     fn positions(&self, look: &mut dyn FnMut(&[DVec3])) -> Result<()> {
@@ -143,8 +143,8 @@ impl Scene for StoredScene<'_> {
 }
 
 impl Scene for MeasuredMesh {
-    fn pictures(&self) -> &TextureImages {
-        &self.pictures
+    fn images(&self) -> &TextureImages {
+        &self.images
     }
 
     fn positions(&self, look: &mut dyn FnMut(&[DVec3])) -> Result<()> {
@@ -159,9 +159,9 @@ impl Scene for MeasuredMesh {
         for cell in &self.cells {
             let view = cell.view()?;
             for (number, face) in view.faces.iter().enumerate() {
-                let paint = match face.picture {
+                let paint = match face.image {
                     NO_IMAGE => Paint::Colour(STONE),
-                    picture => Paint::Picture(picture),
+                    image => Paint::Image(image),
                 };
                 let corners = view.triangle(number as u32).map(|corner| corner + view.origin);
                 draw(&Triangle { corners, texcoords: face.texcoords, paint });

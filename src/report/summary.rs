@@ -2,12 +2,13 @@
 
 use std::fmt::Write as _;
 
-use super::figures::length;
+use super::numbers::length;
 use super::run::{Report, Status};
 use crate::base::error::escape_path;
 use crate::base::{bytes, counted, grouped};
 use crate::options::{Borders, Doubles, Pieces, Seams, SimplifyOptions, Weld};
-use crate::passes::outcome::{Floor, StageReport};
+use crate::passes::Floor;
+use crate::passes::outcome::StageReport;
 use crate::simplify::Changes;
 
 /// Maximum number of characters of a warning line; the report has the rest.

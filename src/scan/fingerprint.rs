@@ -181,7 +181,7 @@ pub(super) fn chain(file_hash: &mut u64, bytes: u64, hash: u64) {
 pub fn changed(path: &Path, what: &str) -> Error {
     let shown = crate::base::error::escape_path(path);
     Error::Changed(format!(
-        "{shown}: {what} since the job began; start over with --resume never, or use another folder with --work DIR"
+        "{shown}: {what} since the job began; start over with `resume: never`, or give another folder with `work`"
     ))
 }
 

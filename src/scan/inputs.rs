@@ -6,7 +6,6 @@
 use std::cell::Cell;
 use std::collections::HashSet;
 use std::fs;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use glob::Pattern;
@@ -63,7 +62,7 @@ pub fn find_inputs_and_idle(choice: &InputChoice) -> Result<(Vec<PathBuf>, Findi
         let plain = text.strip_prefix("./").unwrap_or(text);
         let plain = plain.strip_suffix('/').unwrap_or(plain);
         let pattern = Pattern::new(plain)
-            .map_err(|error| Error::Usage(format!("--exclude {text}: {}, at character {}", error.msg, error.pos)))?;
+            .map_err(|error| Error::Usage(format!("`exclude: {text}`: {}, at character {}", error.msg, error.pos)))?;
         Ok(Exclusion { pattern, has_matched: Cell::new(false) })
     };
     let left_out = choice.exclude.iter().map(pattern).collect::<Result<Vec<_>>>()?;
@@ -103,7 +102,7 @@ fn add_inputs(path: &Path, left_out: &[Exclusion], found: &mut Vec<PathBuf>) -> 
         return Err(not_a_file(path));
     }
     let kind = fs::metadata(path).map_err(|e| match e.kind() {
-        ErrorKind::NotFound => Error::input(path, 0, format!("cannot open: {e}")),
+        std::io::ErrorKind::NotFound => Error::input(path, 0, format!("cannot open: {e}")),
         _ => Error::io(path, "open", e),
     })?;
     if kind.is_file() {
@@ -135,7 +134,7 @@ fn add_inputs(path: &Path, left_out: &[Exclusion], found: &mut Vec<PathBuf>) -> 
     }
     let words = match left_out {
         [] => "expected OBJ files, found no *.obj in this folder or below it",
-        _ => "expected OBJ files, found no *.obj in this folder or below it that --exclude does not leave out",
+        _ => "expected OBJ files, found no *.obj in this folder or below it that `exclude` does not leave out",
     };
     Err(Error::input(path, 0, words))
 }
@@ -178,6 +177,7 @@ fn not_a_file(path: &Path) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::ErrorKind;
 
     #[test]
     fn a_folder_stands_for_every_obj_below_it_in_byte_order() {
@@ -202,10 +202,10 @@ mod tests {
         let find = |paths: &[&str], exclude: &[&str]| {
             let paths = paths.iter().map(|name| at(name)).collect();
             let choice = InputChoice { paths, exclude: exclude.iter().map(|&text| text.to_owned()).collect() };
-            let found = find_inputs(&choice).map_err(|error| error.exit_code())?;
+            let found = find_inputs(&choice).map_err(|error| error.kind())?;
             Ok(found.iter().map(|path| path.strip_prefix(folder.path()).unwrap().display().to_string()).collect())
         };
-        let ok = |names: &[&str]| Ok::<Vec<String>, u8>(names.iter().map(|&name| name.to_owned()).collect());
+        let ok = |names: &[&str]| Ok::<Vec<String>, ErrorKind>(names.iter().map(|&name| name.to_owned()).collect());
         assert_eq!(
             find(&["z.obj", "tiles/lod", "tiles"], &[]),
             ok(&[names[1], names[0], names[3], names[2], names[4]])
@@ -213,8 +213,8 @@ mod tests {
         assert_eq!(find(&["tiles"], &["*_lod*"]), ok(&[names[0], names[3], names[2]]));
         assert_eq!(find(&["tiles"], &["lod"]), ok(&[names[1], names[0]]));
         assert_eq!(find(&["tiles"], &["lod/*/*.obj", "?.obj"]), ok(&[names[1]]));
-        assert_eq!(find(&["tiles"], &["*"]), Err(4));
-        assert_eq!(find(&["tiles"], &["[z"]), Err(2));
+        assert_eq!(find(&["tiles"], &["*"]), Err(ErrorKind::Input));
+        assert_eq!(find(&["tiles"], &["[z"]), Err(ErrorKind::Usage));
         assert_eq!(find(&["z.obj"], &["z*"]), ok(&["z.obj"]), "who names a file wants it");
     }
 
@@ -223,7 +223,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         assert!(matches!(find_inputs(&folder.path().into()), Err(Error::Input { .. })));
         let error = find_inputs(&folder.path().join("gone").into()).unwrap_err();
-        assert_eq!(error.exit_code(), 4, "{error}");
+        assert_eq!(error.kind(), ErrorKind::Input, "{error}");
     }
 
     #[cfg(unix)]

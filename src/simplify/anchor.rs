@@ -20,8 +20,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::cover::Target;
+use super::cover::CoveredFace;
 use super::parts::{ConvexPolygon, Parts};
+use crate::base::pool::in_parallel;
 use crate::geometry::boxtree::{Bounds, BoxTree};
 use crate::mesh::ClusterMesh;
 use crate::mesh::cluster::rounded_up;
@@ -81,7 +82,7 @@ impl Anchor {
         // Distances are not negative, so their bits order like their values.
         let bounds: Vec<AtomicU64> = mesh.deviations.iter().map(|_| AtomicU64::new(0)).collect();
         let raise = |face: u32, bound: f64| bounds[face as usize].fetch_max(bound.to_bits(), Ordering::Relaxed);
-        let all_found = runs(self.faces.len()).map_init(Scratch::default, |scratch, mut run| {
+        let cover_run = |scratch: &mut Scratch, mut run: Range<u32>| {
             scratch.last = None;
             run.all(|face| {
                 let base = first.base(face);
@@ -90,11 +91,12 @@ impl Anchor {
                     raise(at, base + distance);
                 })
             })
-        });
-        if !all_found.all(|is_found| is_found) {
+        };
+        let count = self.faces.len();
+        if !in_parallel(|| runs(count).map_init(Scratch::default, cover_run).all(|is_found| is_found)) {
             return false;
         }
-        runs(mesh.corner_vertices.len()).for_each_init(Scratch::default, |scratch, run| {
+        let bound_run = |scratch: &mut Scratch, run: Range<u32>| {
             scratch.last = None;
             for face in run {
                 let known = mesh.deviations[face as usize];
@@ -103,7 +105,9 @@ impl Anchor {
                     && first.cover(now.triangle(face), most, scratch, |_, distance| own = own.max(distance));
                 raise(face, if is_found { own.min(known.into()) } else { known.into() });
             }
-        });
+        };
+        let count = mesh.corner_vertices.len();
+        in_parallel(|| runs(count).for_each_init(Scratch::default, bound_run));
         for (kept, bound) in mesh.deviations.iter_mut().zip(bounds) {
             *kept = rounded_up(f64::from_bits(bound.into_inner()));
         }
@@ -140,8 +144,8 @@ impl<'a> TriangleSurface<'a> {
         self.bases.map_or(0.0, |bases| bases[face as usize].into())
     }
 
-    fn target(&self, face: u32) -> Target {
-        Target { corners: self.triangle(face), base: self.base(face) }
+    fn target(&self, face: u32) -> CoveredFace {
+        CoveredFace { corners: self.triangle(face), base: self.base(face) }
     }
 
     /// The face nearest to a point, and the distance to it, its base included. Starts from `hint`, and returns it if no
@@ -173,7 +177,7 @@ impl<'a> TriangleSurface<'a> {
         let (mut made, mut farthest) = (1, NEAR_SHARE * most);
         while let Some((part, hint)) = parts.pop() {
             let corners = || part.corners().iter().map(|&corner| cutter.point(corner));
-            let bound_by = |target: &Target| corners().map(|corner| target.distance(corner)).fold(0.0, f64::max);
+            let bound_by = |target: &CoveredFace| corners().map(|corner| target.distance(corner)).fold(0.0, f64::max);
             // Often the face found for the whole is near enough to a part of it.
             let near = hint.map(|face| (face, bound_by(&self.target(face)))).filter(|&(_, bound)| bound <= farthest);
             if let Some((face, bound)) = near {
@@ -216,6 +220,7 @@ struct Scratch {
 mod tests {
     use super::*;
     use crate::base::chance::{mixed, unit};
+    use crate::base::pool::Pool;
     use crate::mesh::cluster::samples;
     use proptest::prelude::*;
 
@@ -283,7 +288,7 @@ mod tests {
             // A point of the input is near some face, within that face's bound.
             for middle in middles(&first) {
                 let is_near = (0..now.corners.len() as u32).any(|face| {
-                    let target = Target { corners: now.triangle(face), base: f64::from(base) };
+                    let target = CoveredFace { corners: now.triangle(face), base: f64::from(base) };
                     target.distance(middle) <= bound_at(face) + 1e-9
                 });
                 prop_assert!(is_near);
@@ -295,9 +300,9 @@ mod tests {
     fn bounds_do_not_depend_on_the_threads() {
         let first = hills(40, 0.3, 0.1, 3);
         let bounds = [1, 3].map(|threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let _threads = Pool::new(threads).unwrap().enter();
             let mut now = coarser(40, 0.9);
-            assert!(pool.install(|| Anchor::of(&first).tighten(&mut now, 1.0)));
+            assert!(Anchor::of(&first).tighten(&mut now, 1.0));
             now.deviations
         });
         assert_eq!(bounds[0], bounds[1]);

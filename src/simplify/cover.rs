@@ -29,14 +29,14 @@ const PARTS_MAX: usize = 48;
 
 /// A triangle that others are measured against.
 #[derive(Debug, Clone, Copy)]
-pub struct Target {
+pub struct CoveredFace {
     /// Its corners.
     pub corners: [DVec3; 3],
     /// Added to the distance to it, in units of length.
     pub base: f64,
 }
 
-impl Target {
+impl CoveredFace {
     /// Distance from a point to it, its base included.
     pub fn distance(&self, point: DVec3) -> f64 {
         self.base + distance_sq(point, self.corners).sqrt()
@@ -57,7 +57,7 @@ impl Target {
 /// Covers triangles by a set of targets; holds only buffers.
 #[derive(Debug, Default)]
 pub struct Cover {
-    targets: Vec<Target>,
+    targets: Vec<CoveredFace>,
     /// Corners of covered triangles, shared within a patch, then those of their parts.
     cutter: Parts,
     /// Distance from each point to each target, its base included.
@@ -68,7 +68,7 @@ pub struct Cover {
 
 impl Cover {
     /// Sets the targets for the triangles that follow.
-    pub fn aim_at(&mut self, targets: &[Target]) {
+    pub fn aim_at(&mut self, targets: &[CoveredFace]) {
         self.targets.clear();
         self.targets.extend_from_slice(targets);
         self.cutter.points.clear();
@@ -175,7 +175,7 @@ mod tests {
     use super::*;
 
     fn bound_of(triangle: [DVec3; 3], set: &[[DVec3; 3]], most: f64) -> Option<f64> {
-        let targets: Vec<Target> = set.iter().map(|&corners| Target { corners, base: 0.0 }).collect();
+        let targets: Vec<CoveredFace> = set.iter().map(|&corners| CoveredFace { corners, base: 0.0 }).collect();
         let (mut cover, mut bound) = (Cover::default(), 0f64);
         cover.aim_at(&targets);
         cover.cover(triangle, most, |_, distance| bound = bound.max(distance)).then_some(bound)
@@ -210,7 +210,7 @@ mod tests {
         let [corners, _] = square();
         let mut found = Vec::new();
         let mut cover = Cover::default();
-        cover.aim_at(&[Target { corners, base: 0.5 }]);
+        cover.aim_at(&[CoveredFace { corners, base: 0.5 }]);
         assert!(cover.cover(corners, 0.6, |target, bound| found.push((target, bound))));
         assert_eq!(found, [(0, 0.5)]);
         assert!(!cover.cover(corners, 0.4, |_, _| ()));
@@ -238,7 +238,7 @@ mod tests {
                 for j in 0..=20 - i {
                     let (u, v) = (f64::from(i) / 20.0, f64::from(j) / 20.0);
                     let at = triangle[0] * u + triangle[1] * v + triangle[2] * (1.0 - u - v);
-                    let nearest = set.iter().map(|&corners| Target { corners, base: 0.0 }.distance(at));
+                    let nearest = set.iter().map(|&corners| CoveredFace { corners, base: 0.0 }.distance(at));
                     farthest = farthest.max(nearest.fold(f64::INFINITY, f64::min));
                 }
             }

@@ -13,7 +13,7 @@
 
 use glam::DVec3;
 
-use super::cover::{Cover, Target};
+use super::cover::{Cover, CoveredFace};
 use super::refusal::Refusal;
 use crate::mesh::cluster::rounded_up;
 
@@ -21,9 +21,9 @@ use crate::mesh::cluster::rounded_up;
 #[derive(Debug, Default)]
 pub struct Patches {
     /// Faces that are replaced, each with its bound.
-    old: Vec<Target>,
+    old: Vec<CoveredFace>,
     /// Faces that replace them.
-    new: Vec<Target>,
+    new: Vec<CoveredFace>,
     /// Bounds of the new faces.
     bounds: Vec<f64>,
     cover: Cover,
@@ -38,12 +38,12 @@ impl Patches {
 
     /// Adds a face that is replaced, with its bound.
     pub fn push_old(&mut self, corners: [DVec3; 3], bound: f32) {
-        self.old.push(Target { corners, base: f64::from(bound) });
+        self.old.push(CoveredFace { corners, base: f64::from(bound) });
     }
 
     /// Adds a face that replaces others.
     pub fn push_new(&mut self, corners: [DVec3; 3]) {
-        self.new.push(Target { corners, base: 0.0 });
+        self.new.push(CoveredFace { corners, base: 0.0 });
     }
 
     /// Bounds of the new faces, in the order in which they were added.

@@ -4,7 +4,7 @@
 //! stage    rings, classes and quadrics from the current mesh; every vertex proposes its cheapest collapse
 //! ├ round  the cheapest proposals in order; a vertex takes part in one collapse a round;
 //! │        then only vertices near the changes make new proposals
-//! └ settle vertices that others collapsed onto are relocated to their best position
+//! └ relocate  vertices that others collapsed onto move to their best position
 //! ```
 //! Rounds have 0.99 to 1.04 times the mean distance, 0.99 to 1.06 times the RMS and 0.95 to 1.50 times the largest distance
 //! of a heap, in 0.19 to 0.45 of its time (`docs/results/papers`).
@@ -18,12 +18,12 @@ use super::edge_star::VanishingFan;
 use super::loners::Loners;
 use super::proposal::{EdgeAt, Proposal, all_edges_at, chain_edges_at};
 use super::refusal::Refusal;
+use super::relocate::Relocator;
 use super::rips::Rips;
-use super::settle::Settler;
 use super::stage::{Milestone, StageResult, Stop};
 use super::texture::insets;
 use super::witness::{Witnesses, area_of};
-use crate::cost::census::Census;
+use crate::cost::mesh_stats::MeshStats;
 use crate::cost::planes;
 use crate::cost::{EdgeCase, Metric};
 use crate::mesh::class::{Class, Rule, classify, reclassify, reclassify_all};
@@ -62,7 +62,7 @@ pub struct Engine<M> {
     /// Vertices whose cheapest collapse was refused; may contain duplicates.
     refused: Vec<u32>,
     collapser: Collapser,
-    settler: Settler,
+    relocator: Relocator,
     witnesses: Witnesses,
     loners: Loners,
     rips: Rips,
@@ -140,7 +140,7 @@ impl<M: Metric> Engine<M> {
             proposals: Vec::new(),
             refused: Vec::new(),
             collapser: Collapser::default(),
-            settler: Settler::default(),
+            relocator: Relocator::default(),
             witnesses: Witnesses::default(),
             loners: Loners::default(),
             rips: Rips::default(),
@@ -177,10 +177,10 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Adds the statistics of a mesh that the metric normalises by.
-    pub fn count(mesh: ClusterMesh, settings: &M::Settings, census: &mut Census) {
+    pub fn count(mesh: ClusterMesh, settings: &M::Settings, stats: &mut MeshStats) {
         let mut engine = Self::new(mesh, settings);
         engine.prepare();
-        M::count(settings, &engine.mesh, &engine.rings, &engine.classes, census);
+        M::count(settings, &engine.mesh, &engine.rings, &engine.classes, stats);
     }
 
     /// Number of faces that would go if every vertex vanished that the current locks allow to move or vanish: two for
@@ -253,7 +253,7 @@ impl<M: Metric> Engine<M> {
         (self.is_tidy, self.is_classified) = (false, false);
         self.tidy();
         if M::ENDPOINTS {
-            self.settle();
+            self.relocate();
         }
         self.measure_stage();
         let (faces, squared_error) = (self.mesh.face_count, self.squared_error);
@@ -279,7 +279,7 @@ impl<M: Metric> Engine<M> {
             self.tidy();
             let is_complex = |vertex: &u32| self.classes[*vertex as usize] == Class::Complex;
             let complex: Vec<u32> = (0..self.classes.len() as u32).filter(is_complex).collect();
-            self.classify_anew(&complex);
+            self.reclassify(&complex);
         }
         Changes { complex_resolved: before.saturating_sub(self.complex_count()), ..self.changes }
     }
@@ -328,7 +328,7 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Recomputes the classes of the given vertices; all others keep theirs.
-    fn classify_anew(&mut self, vertices: &[u32]) {
+    fn reclassify(&mut self, vertices: &[u32]) {
         self.classes.resize(self.mesh.positions.len(), Class::Fixed);
         reclassify(&self.mesh, &self.rings, &mut self.classes, vertices.iter().copied());
         for &vertex in vertices.iter().filter(|&&vertex| self.mesh.is_shared(vertex)) {
@@ -639,12 +639,12 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Relocates every vertex that others collapsed onto to its best position, in the order of ids.
-    fn settle(&mut self) {
+    fn relocate(&mut self) {
         let deviation_max = self.collapser.deviation_max;
         for vertex in 0..self.mesh.positions.len() as u32 {
             if self.joined[vertex as usize] && !self.is_held(vertex) && !self.rings.of(vertex).is_empty() {
                 let class = self.classes[vertex as usize];
-                self.settler.settle(&mut self.mesh, &self.rings, &self.cost, vertex, class, deviation_max);
+                self.relocator.relocate(&mut self.mesh, &self.rings, &self.cost, vertex, class, deviation_max);
             }
         }
     }

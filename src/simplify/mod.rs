@@ -25,7 +25,7 @@ mod proposal;
 mod remains;
 pub mod refusal;
 mod rips;
-mod settle;
+mod relocate;
 mod stage;
 pub mod texture;
 pub mod triangle_change;

@@ -1,5 +1,5 @@
 //! Texture coordinates after a collapse: read off the old surface, never extrapolated. For vertices that are relocated
-//! afterwards, `settle.rs` chooses them.
+//! afterwards, `relocate.rs` chooses them.
 //!
 //! A free vertex takes the texture coordinate at the closest point of its old one-ring. A seam or border vertex takes
 //! those at the closest point of the old chain, one for each side, so that both sides keep to the border of their

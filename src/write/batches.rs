@@ -6,6 +6,7 @@
 use rayon::prelude::*;
 
 use crate::base::Result;
+use crate::base::pool::{in_parallel, thread_count};
 
 /// Largest number of items in a batch per thread; several, so that unequal items balance.
 const ITEMS_PER_THREAD: usize = 4;
@@ -23,7 +24,7 @@ pub(super) fn in_order<I: Send, O: Send>(
     work: impl Fn(I) -> Result<O> + Sync,
     mut sink: impl FnMut(O) -> Result<()>,
 ) -> Result<()> {
-    let most = ITEMS_PER_THREAD * rayon::current_num_threads();
+    let most = ITEMS_PER_THREAD * thread_count();
     let mut items = items.peekable();
     let mut batch = Vec::with_capacity(most);
     while let Some(first) = items.next() {
@@ -35,7 +36,7 @@ pub(super) fn in_order<I: Send, O: Send>(
             bytes += cost_bytes(&item);
             batch.push(item);
         }
-        let results: Vec<Result<O>> = batch.par_drain(..).map(&work).collect();
+        let results: Vec<Result<O>> = in_parallel(|| batch.par_drain(..).map(&work).collect());
         for result in results {
             sink(result?)?;
         }

@@ -59,6 +59,7 @@ use self::textures::TextureStage;
 use crate::base::bytes::MIB;
 use crate::base::error::escape_path;
 use crate::base::{Error, Findings, Progress, Result};
+use crate::job::Recalled;
 use crate::model::corners::FaceReader;
 use crate::model::stored_mesh::PieceNumbering;
 use crate::model::{Catalogue, NO_TEXCOORD, StoredMesh, StoredPiece};
@@ -87,6 +88,14 @@ pub struct Written {
     /// Textures that were missing (`missing_texture`) or left in place (`refused_texture`), and numbers replaced by 0
     /// (`non_finite_numbers`).
     pub findings: Findings,
+}
+
+impl Recalled for Written {
+    type Context<'a> = ();
+
+    fn is_sound(&self, (): &()) -> bool {
+        self.findings.are_plain()
+    }
 }
 
 /// A complete result under temporary names.
@@ -134,7 +143,7 @@ impl Staged {
         })?;
         let appeared = |path: &Path| {
             let shown = escape_path(path);
-            Err(Error::Usage(format!("{shown}: was written by another process meanwhile; replace it with --force")))
+            Err(Error::Usage(format!("{shown}: was written by another process meanwhile; `force` replaces it")))
         };
         if !self.may_replace_obj && self.targets.obj.symlink_metadata().is_ok() {
             return appeared(&self.targets.obj);

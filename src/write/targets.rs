@@ -162,7 +162,7 @@ impl Targets {
             }
         }
         if !force && targets.obj.symlink_metadata().is_ok() {
-            return refuse("exists; --force replaces it");
+            return refuse("exists; `force` replaces it");
         }
         Ok(targets)
     }
@@ -193,7 +193,7 @@ impl Targets {
     }
 
     fn mtl_exists(&self) -> Error {
-        Error::Usage(format!("{}: exists; --force replaces it", escape_path(&self.mtl)))
+        Error::Usage(format!("{}: exists; `force` replaces it", escape_path(&self.mtl)))
     }
 
     /// Writes the MTL under a temporary name; also returns the state of the file that it replaces.

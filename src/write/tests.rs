@@ -5,7 +5,9 @@ use std::fs;
 use glam::{DVec2, DVec3};
 
 use super::*;
+use crate::base::ErrorKind;
 use crate::base::Silent;
+use crate::base::pool::Pool;
 use crate::file::{ColumnWriter, PackedWriter};
 use crate::model::catalogue::{MaterialDefinition, TextureStatement};
 use crate::model::{Face, FaceWriter, Material, Part};
@@ -241,7 +243,7 @@ fn an_older_result_is_replaced_only_with_force_and_only_as_a_whole() {
     let mesh = two_squares(&fixture.path("in"));
     let catalogue = two_materials(&fixture.path("in"));
     fs::write(fixture.path("out/city.obj"), "old").unwrap();
-    assert!(matches!(fixture.write(&mesh, &catalogue, &options()), Err(Error::Usage(m)) if m.contains("--force")));
+    assert!(matches!(fixture.write(&mesh, &catalogue, &options()), Err(Error::Usage(m)) if m.contains("`force`")));
     let force = WriteOptions { force: true, ..options() };
     // The faces are unreadable, so the write fails late.
     let damaged =
@@ -352,7 +354,7 @@ fn what_somebody_writes_there_meanwhile_is_not_replaced_without_force() {
         let staged = stage(&mesh, &catalogue, &output, &f.path("work"), &options(), &Silent).unwrap();
         fs::write(f.path("out").join(name), "of the user").unwrap();
         let error = staged.commit(&Silent).unwrap_err();
-        assert!(error.exit_code() == 2 && error.to_string().contains("by another process"), "{error}");
+        assert!(error.kind() == ErrorKind::Usage && error.to_string().contains("by another process"), "{error}");
         assert_eq!(fs::read(f.path("out").join(name)).unwrap(), b"of the user");
         assert!(!output.exists());
     }
@@ -459,8 +461,8 @@ fn memory_and_threads_leave_no_trace_in_the_bytes() {
         // 204,800 faces of 40 bytes do not fit the smallest share.
         let mesh = grid(&fixture.path("in"), 320, 16, 50);
         let options = WriteOptions { normals: true, work_bytes, ..options() };
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let written = pool.install(|| fixture.write(&mesh, &numbered_parts(50), &options)).unwrap();
+        let _threads = Pool::new(threads).unwrap().enter();
+        let written = fixture.write(&mesh, &numbered_parts(50), &options).unwrap();
         assert_eq!((written.vertices, written.faces), (321 * 321, 2 * 320 * 320));
         results.push(fixture.obj());
         assert_eq!(fixture.names("work"), [""; 0]);

@@ -231,7 +231,7 @@ impl TextureStage {
                 _ => same_content(&target, source).unwrap_or(false),
             };
         if exists && !same && !self.force {
-            let message = format!("{}: exists and differs; --force replaces it", escape_path(&target));
+            let message = format!("{}: exists and differs; `force` replaces it", escape_path(&target));
             return Err(Error::Usage(message));
         }
         if !same {
@@ -549,7 +549,7 @@ mod tests {
         fs::write(textures.join("wall.png"), "mine!").unwrap();
         let mut other = stage(&folders, Textures::Copy);
         let error = other.reference(&folders.input, b"a/wall.png").unwrap_err();
-        assert!(matches!(error, Error::Usage(message) if message.contains("--force")));
+        assert!(matches!(error, Error::Usage(message) if message.contains("`force`")));
     }
 
     #[test]

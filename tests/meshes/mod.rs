@@ -7,10 +7,10 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use drystone::base::Silent;
-use drystone::measure::compare::{CompareOptions, Resources, Spread, compare};
+use drystone::measure::compare::{CompareOptions, Geometry, Resources, Spread, compare};
 use drystone::measure::{Check, Surface, compare_checks, compare_topology, weld_and_check};
 use drystone::model::NO_TEXCOORD;
-use drystone::options::{SimplifyOptions, Topology};
+use drystone::options::{Limits, SimplifyOptions, Target, Topology};
 use drystone::pipeline;
 use drystone::report::{Report, Status};
 use drystone::scan::ScanOptions;
@@ -69,7 +69,11 @@ pub fn cases(cases: u32, max_shrink_iters: u32) -> ProptestConfig {
 
 /// Options with a ratio, 256 MiB and two threads.
 pub fn ratio(ratio: f64) -> SimplifyOptions {
-    SimplifyOptions { ratio: Some(ratio), memory: Some(256 << 20), threads: Some(2), ..SimplifyOptions::default() }
+    SimplifyOptions {
+        target: Target::ratio(ratio),
+        limits: Limits { memory: Some(256 << 20), threads: Some(2) },
+        ..SimplifyOptions::default()
+    }
 }
 
 /// Many clusters: the smallest that the options allow.
@@ -104,11 +108,20 @@ pub fn simplify_text(text: &str, options: &SimplifyOptions) -> Run {
 
 /// Root mean square distance between an input and the result of a run, both ways.
 pub fn rms_distance(input: &Path, run: &Run) -> f64 {
+    geometry(input, run).symmetric.rms
+}
+
+/// Largest distance between an input and the result of a run, both ways.
+pub fn max_distance(input: &Path, run: &Run) -> f64 {
+    geometry(input, run).symmetric.max
+}
+
+fn geometry(input: &Path, run: &Run) -> Geometry {
     let folder = tempfile::tempdir().unwrap();
     let scan = ScanOptions { threads: 2, chunks_in_flight: 4, catalogue_bytes: 1 << 30 };
     let resources = Resources { threads: 2, work_bytes: 100 << 20, scan };
     let options = CompareOptions { spread: Spread::Area(50_000), seed: 1, work: folder.path().join("work"), resources };
-    compare(input, &run.output, &options, &mut (), &Silent).unwrap().geometry.symmetric.rms
+    compare(input, &run.output, &options, &mut (), &Silent).unwrap().geometry
 }
 
 impl Run {

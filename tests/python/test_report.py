@@ -157,8 +157,8 @@ def test_hostile_images_only_warn(drystone, town_path, tmp_path):
     (source / "street.png").write_bytes(b"\x89PNG\r\n\x1a\n" + chunk)
     page = tmp_path / "page.html"
     run = drystone.simplify(source / "town.obj", tmp_path, "--ratio", 0.1, "--memory", "128MiB", "--report", page)
-    assert run.report["repairs"]["unreadable_picture"] >= 2
-    assert run.report["repairs"]["missing_picture"] >= 1
+    assert run.report["repairs"]["unreadable_image"] >= 2
+    assert run.report["repairs"]["missing_image"] >= 1
     assert run.report["memory"]["peak_resident"] <= 128 << 20
     assert decoded(page, "before, from above").shape == (640, 960, 3)
 

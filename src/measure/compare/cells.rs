@@ -33,7 +33,7 @@ use crate::job::{InputFile, Manifest, Resume, WorkFolder};
 use crate::model::{Catalogue, StoredMesh};
 use crate::os::mmap::MappedRecords;
 use crate::partition::cluster;
-use crate::partition::{self, ClusterSource, PartitionOptions, TextureScale};
+use crate::partition::{self, ClusterSource, Partition, PartitionOptions, TextureScale};
 use crate::scan::InputChoice;
 use crate::scan::{self, Scan};
 
@@ -49,7 +49,7 @@ pub struct CellFace {
     /// Indices of three vertices of the cell.
     pub vertices: [u32; 3],
     /// Texture image of the mesh, or [`NO_IMAGE`].
-    pub picture: u32,
+    pub image: u32,
     /// Texture coordinates, shifted by whole numbers so that the least lie between 0 and 1; zeros without a texture
     /// image.
     pub texcoords: [[f32; 2]; 3],
@@ -67,7 +67,7 @@ pub struct Cell {
     /// Sum of the lengths of their sides, in their order.
     pub side_length: f64,
     /// The texture images that its triangles show, ascending, each with the sum of the areas in texture space.
-    pub pictures: Vec<(u32, f64)>,
+    pub images: Vec<(u32, f64)>,
     positions: Segment<DVec3>,
     pairs: Segment<Pair>,
     tilted: Segment<TiltedBox>,
@@ -101,7 +101,7 @@ pub struct MeasuredMesh {
     /// Counts.
     pub tallied: Tallied,
     /// The images that it shows.
-    pub pictures: TextureImages,
+    pub images: TextureImages,
     /// Findings of the scan: elements ignored, dropped or repaired.
     pub findings: Findings,
     work: WorkFolder,
@@ -158,6 +158,48 @@ struct Draft {
     tally: CellTally,
 }
 
+/// A mesh that was read and partitioned into cells.
+struct Cut {
+    work: WorkFolder,
+    mesh: StoredMesh,
+    catalogue: Catalogue,
+    findings: Findings,
+    partition: Partition,
+}
+
+impl Cut {
+    fn make(
+        input: &InputChoice,
+        folder: &Path,
+        cell_faces: u64,
+        resources: &Resources,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let inputs = scan::find_inputs(input)?;
+        let manifest = Manifest {
+            program: env!("CARGO_PKG_VERSION").to_owned(),
+            options: "compare".to_owned(),
+            inputs: inputs.iter().map(|path| InputFile::of(path)).collect::<Result<_>>()?,
+            passes: 1,
+            owns_folder: true,
+            ..Manifest::default()
+        };
+        let work = WorkFolder::open(folder, &manifest, Resume::Again)?;
+        let Scan { mesh, catalogue, findings, .. } = scan::scan(&inputs, work.path(), &resources.scan, progress)?;
+        let options = PartitionOptions {
+            cluster_faces: cell_faces,
+            pass: 0,
+            weld: true,
+            drop_doubles: false,
+            threads: resources.threads,
+            work_bytes: resources.work_bytes,
+        };
+        progress.begin("partition", 0, "");
+        let partition = partition::partition(&mesh, &catalogue, work.path(), "pass-0", &options)?;
+        Ok(Self { work, mesh, catalogue, findings, partition })
+    }
+}
+
 impl MeasuredMesh {
     /// Reads an OBJ, or every OBJ below a folder, and prepares it in the work folder `folder`, in cells of about
     /// `cell_faces` triangles.
@@ -171,35 +213,16 @@ impl MeasuredMesh {
         resources: &Resources,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        let Resources { threads, work_bytes, scan: scan_options } = *resources;
-        let inputs = scan::find_inputs(input)?;
-        let manifest = Manifest {
-            program: env!("CARGO_PKG_VERSION").to_owned(),
-            options: "compare".to_owned(),
-            inputs: inputs.iter().map(|path| InputFile::of(path)).collect::<Result<_>>()?,
-            passes: 1,
-            owns_folder: true,
-            ..Manifest::default()
-        };
-        let work = WorkFolder::open(folder, &manifest, Resume::Again)?;
-        let Scan { mesh, catalogue, mut findings, .. } = scan::scan(&inputs, work.path(), &scan_options, progress)?;
-        let pictures = TextureImages::find(&catalogue, &mut findings);
-        let partition_options = PartitionOptions {
-            cluster_faces: cell_faces,
-            pass: 0,
-            weld: true,
-            drop_doubles: false,
-            threads,
-            work_bytes,
-        };
-        progress.begin("partition", 0, "");
-        let mut partition = partition::partition(&mesh, &catalogue, work.path(), "pass-0", &partition_options)?;
+        let Resources { threads, work_bytes, .. } = *resources;
+        let Cut { work, mesh, catalogue, mut findings, mut partition } =
+            Cut::make(input, folder, cell_faces, resources, progress)?;
+        let images = TextureImages::find(&catalogue, &mut findings);
         let dropped = std::mem::take(&mut partition.findings);
         let first = u32::from(!partition.numbering.positions.is_empty());
         let reference = partition.numbering.positions.gather(&(0..first).collect::<Vec<u32>>())?;
         let making = Making {
             catalogue: &catalogue,
-            pictures: &pictures,
+            images: &images,
             scale: TextureScale::none(&catalogue),
             reference: reference.first().copied().unwrap_or(DVec3::ZERO),
         };
@@ -240,7 +263,7 @@ impl MeasuredMesh {
             area: cells.iter().map(|cell| cell.area).sum(),
             volume,
             tallied,
-            pictures,
+            images,
             findings,
             cells,
             work,
@@ -268,7 +291,7 @@ fn remove_columns(mesh: &StoredMesh) {
 /// Builds cells from clusters.
 struct Making<'a> {
     catalogue: &'a Catalogue,
-    pictures: &'a TextureImages,
+    images: &'a TextureImages,
     scale: TextureScale,
     /// Common apex of the tetrahedra that volumes are summed over.
     reference: DVec3,
@@ -289,7 +312,7 @@ impl Making<'_> {
             pairs,
             tilted,
             faces: Vec::with_capacity(order.len()),
-            tally: tally(source, self.catalogue, &self.pictures.of_part),
+            tally: tally(source, self.catalogue, &self.images.of_part),
         };
         let mut bounds = Bounds::EMPTY;
         for face in order {
@@ -299,9 +322,9 @@ impl Making<'_> {
             draft.side_length += perimeter(triangle);
             let corners = triangle.map(|corner| corner + source.origin - self.reference);
             draft.volume += corners[0].dot(corners[1].cross(corners[2])) / 6.0;
-            let (picture, texcoords) = self.texture(source, face);
-            *draft.shown.entry(picture).or_default() += texture_area(texcoords);
-            draft.faces.push(CellFace { vertices: mesh.vertices(face), picture, texcoords });
+            let (image, texcoords) = self.texture(source, face);
+            *draft.shown.entry(image).or_default() += texture_area(texcoords);
+            draft.faces.push(CellFace { vertices: mesh.vertices(face), image, texcoords });
         }
         draft.bounds = Bounds { low: bounds.low + source.origin, high: bounds.high + source.origin };
         Ok(draft)
@@ -309,13 +332,13 @@ impl Making<'_> {
 
     /// Texture image and texture coordinates of a face.
     fn texture(&self, source: &ClusterSource, face: u32) -> (u32, [[f32; 2]; 3]) {
-        let picture = self.pictures.of_part[source.mesh.parts[face as usize] as usize];
+        let image = self.images.of_part[source.mesh.parts[face as usize] as usize];
         let [a, b, c] = source.mesh.uv_triangle(face);
         let low = a.min(b).min(c).floor();
-        if picture == NO_IMAGE || !(a + b + c).is_finite() {
+        if image == NO_IMAGE || !(a + b + c).is_finite() {
             return (NO_IMAGE, [[0.0; 2]; 3]);
         }
-        (picture, [a, b, c].map(|uv| (uv - low).as_vec2().to_array()))
+        (image, [a, b, c].map(|uv| (uv - low).as_vec2().to_array()))
     }
 }
 
@@ -345,7 +368,7 @@ impl CellWriter {
                 bounds: draft.bounds,
                 area: draft.area,
                 side_length: draft.side_length,
-                pictures: draft.shown.into_iter().collect(),
+                images: draft.shown.into_iter().collect(),
                 positions,
                 pairs,
                 tilted,

@@ -107,7 +107,7 @@ pub fn compare_colours(
                         group.iter().zip(answers).for_each(|(asked, colour)| colours[asked.place as usize] = colour);
                     }
                     Err(why) if is_first => {
-                        findings.note("unreadable_picture", || format!("{}: {why}", escape_path(images.paths[image])))
+                        findings.note("unreadable_image", || format!("{}: {why}", escape_path(images.paths[image])))
                     }
                     Err(_) => {}
                 }
@@ -132,7 +132,7 @@ impl Contrasts {
         self.images += 1;
         if reduction > 1 {
             self.reduced += 1;
-            findings.note("reduced_picture", || format!("{}: read at 1/{reduction} of its size", escape_path(path)));
+            findings.note("reduced_image", || format!("{}: read at 1/{reduction} of its size", escape_path(path)));
         }
     }
 }
@@ -166,8 +166,8 @@ fn questions(round: &[(usize, Range<u64>)], sets: &[Pairs], images: &Images) -> 
     for (set, range) in round {
         let [of_own, of_other] = &images.of_sets[*set];
         for (pair, place) in sets[*set].column.window(range.clone())?.iter().zip((first..).step_by(2)) {
-            if pair.picture != NO_IMAGE && pair.other_picture != NO_IMAGE {
-                let (image, other) = (of_own[pair.picture as usize], of_other[pair.other_picture as usize]);
+            if pair.image != NO_IMAGE && pair.other_image != NO_IMAGE {
+                let (image, other) = (of_own[pair.image as usize], of_other[pair.other_image as usize]);
                 questions.push(ColourQuery { image, place, texcoord: pair.texcoord });
                 questions.push(ColourQuery { image: other, place: place + 1, texcoord: pair.other_texcoord });
             }
@@ -190,7 +190,7 @@ impl<'a> Images<'a> {
         let mut by_content: BTreeMap<Content, u32> = BTreeMap::new();
         let mut by_path: BTreeMap<&'a Path, u32> = BTreeMap::new();
         let mut paths: Vec<&'a Path> = Vec::new();
-        let mut numbers = |(pictures, contents): (&'a TextureImages, &'a [Option<Content>])| -> Vec<u32> {
+        let mut numbers = |(images, contents): (&'a TextureImages, &'a [Option<Content>])| -> Vec<u32> {
             let mut number = |path: &'a Path, content: &Option<Content>| {
                 let next = paths.len() as u32;
                 let number = match content {
@@ -202,7 +202,7 @@ impl<'a> Images<'a> {
                 }
                 number
             };
-            pictures.files.iter().zip(contents).map(|(file, content)| number(&file.path, content)).collect()
+            images.files.iter().zip(contents).map(|(file, content)| number(&file.path, content)).collect()
         };
         let of_sets = sets.iter().map(|pairs| [numbers(pairs.own), numbers(pairs.other)]).collect();
         Self { paths, of_sets }
@@ -217,14 +217,14 @@ mod tests {
     #[test]
     fn rounds_hold_all_pairs_and_no_more_than_fit() {
         let folder = tempfile::tempdir().unwrap();
-        let pictures = TextureImages::default();
+        let images = TextureImages::default();
         let column = |name: &str, count: usize| {
             let mut writer = ColumnWriter::create(&folder.path().join(name), *b"samples ").unwrap();
             writer.append(&vec![bytemuck::Zeroable::zeroed(); count]).unwrap();
             writer.finish().unwrap()
         };
         let columns = [column("a", 5), column("b", 0), column("c", 4)];
-        let none = (&pictures, &[][..]);
+        let none = (&images, &[][..]);
         let sets = columns.each_ref().map(|column| Pairs { column, own: none, other: none });
         assert_eq!(rounds(&sets, 4), [vec![(0, 0..4)], vec![(0, 4..5), (2, 0..3)], vec![(2, 3..4)]]);
         assert_eq!(rounds(&sets, 100), [vec![(0, 0..5), (2, 0..4)]]);

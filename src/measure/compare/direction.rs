@@ -18,7 +18,6 @@ use glam::DVec3;
 
 use super::cells::MeasuredMesh;
 use super::distribution::Distribution;
-use super::figures::{FarPoint, WORST_PLACES};
 use super::options::Resources;
 use super::points::{Batch, SamplePoint, Sampling};
 use super::search::{Closest, Farthest, Found, Search, VIEWS, texcoord_at};
@@ -29,6 +28,7 @@ use crate::base::{Progress, Result};
 use crate::file::{Column, ColumnWriter};
 use crate::geometry::triangle::unit_normal;
 use crate::image::textures::NO_IMAGE;
+use crate::measure::figures::{FarPoint, WORST_PLACES};
 
 /// Memory of a thread for each cell that it keeps open, and for its batch of points.
 const CELL_BYTES: u64 = 6 * MIB;
@@ -79,8 +79,7 @@ struct PointResult {
 /// # Errors
 /// On a full disk, failed reads and writes.
 pub fn measure(
-    from: &MeasuredMesh,
-    to: &MeasuredMesh,
+    [from, to]: [&MeasuredMesh; 2],
     sampling: &Sampling,
     limit: f64,
     resources: &Resources,
@@ -89,8 +88,8 @@ pub fn measure(
 ) -> Result<Direction> {
     let batches = sampling.batches();
     progress.begin("compare", batches.len() as u64, "batches");
-    let has_pictures = [from, to].iter().all(|mesh| !mesh.pictures.files.is_empty());
-    let mut textures = match has_pictures {
+    let have_images = [from, to].iter().all(|mesh| !mesh.images.files.is_empty());
+    let mut textures = match have_images {
         true => Some(ColumnWriter::create(&from.folder().join("measure-samples.col"), *b"samples ")?),
         false => None,
     };
@@ -192,9 +191,9 @@ fn look_by_area(
             cosine: unit_normal(view.triangle(face)).dot(closest.normal),
             texture: TexturePair {
                 closest: closest.position.to_array(),
-                picture: own.picture,
-                other_picture: closest.picture,
-                texcoord: if own.picture == NO_IMAGE { [0.0; 2] } else { texcoord_at(&own.texcoords, weights) },
+                image: own.image,
+                other_image: closest.image,
+                texcoord: if own.image == NO_IMAGE { [0.0; 2] } else { texcoord_at(&own.texcoords, weights) },
                 other_texcoord: closest.texcoord,
                 other_density: closest.density,
                 zero: 0,

@@ -5,7 +5,7 @@
 //! # Memory
 //! 512 KiB.
 
-use super::figures::Histogram;
+use crate::measure::figures::Histogram;
 
 /// Number of bits of a length's mantissa that choose its bin.
 const MANTISSA_BITS: u32 = 10;

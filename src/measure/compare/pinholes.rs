@@ -17,8 +17,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::cells::MeasuredMesh;
-use super::figures::{Pinholes, WorstView};
+use crate::base::pool::in_parallel;
 use crate::base::{Progress, Result};
+use crate::measure::figures::{Pinholes, WorstView};
 use crate::render::view::View;
 use crate::render::{Frame, encode, raster};
 
@@ -71,15 +72,16 @@ pub fn find(
             draw(mesh, depths, progress)?;
         }
         let [before, after] = &depths;
-        let seen: Vec<Seen> = before.par_iter().zip(after).map(|(old, new)| Seen::of(old, new, behind)).collect();
+        let seen: Vec<Seen> =
+            in_parallel(|| before.par_iter().zip(after).map(|(old, new)| Seen::of(old, new, behind)).collect());
         for ((seen, depth), &[turn, tilt]) in seen.iter().zip(after).zip(places) {
             let counts = seen.counts();
             sums = sums.with(counts);
             if (counts.through + counts.behind) > 0
                 && (counts.ppm(), counts.behind_ppm()) > (found.worst.ppm, found.worst.behind_ppm)
             {
-                let picture = seen.picture(depth);
-                found.worst = WorstView { turn, tilt, ppm: counts.ppm(), behind_ppm: counts.behind_ppm(), picture };
+                let rendering = seen.rendering(depth);
+                found.worst = WorstView { turn, tilt, ppm: counts.ppm(), behind_ppm: counts.behind_ppm(), rendering };
             }
         }
     }
@@ -178,7 +180,7 @@ impl Seen {
     }
 
     /// Rendering of the result, lit by its slopes, with marks.
-    fn picture(&self, depth: &Depth) -> Vec<u8> {
+    fn rendering(&self, depth: &Depth) -> Vec<u8> {
         let [width, height] = SIZE;
         let mut pixels: Vec<[u8; 3]> = (0..width * height).map(|at| shade(&depth.near, at)).collect();
         for (wanted, colour) in [(Sight::Behind, BEHIND_COLOUR), (Sight::Through, SEE_THROUGH_COLOUR)] {

@@ -36,20 +36,20 @@ const WINDOW_RECORDS: u64 = 1 << 14;
 #[repr(C)]
 pub struct EdgeTexture {
     /// Texture image of the mesh, or [`NO_IMAGE`].
-    picture: u32,
+    image: u32,
     /// Texture coordinates at both ends, shifted by whole numbers so that the least lie between 0 and 1.
     texcoords: [[f32; 2]; 2],
 }
 
 impl EdgeTexture {
-    /// Texture along the edge between two wedges of a face that shows `picture`.
-    pub fn of(mesh: &ClusterMesh, wedges: [u32; 2], picture: u32) -> Self {
+    /// Texture along the edge between two wedges of a face that shows `image`.
+    pub fn of(mesh: &ClusterMesh, wedges: [u32; 2], image: u32) -> Self {
         let [from, to] = wedges.map(|wedge| mesh.wedge_uv[wedge as usize]);
         let low = from.min(to).floor();
-        if picture == NO_IMAGE || !(from + to).is_finite() {
-            return Self { picture: NO_IMAGE, texcoords: [[0.0; 2]; 2] };
+        if image == NO_IMAGE || !(from + to).is_finite() {
+            return Self { image: NO_IMAGE, texcoords: [[0.0; 2]; 2] };
         }
-        Self { picture, texcoords: [from, to].map(|uv| (uv - low).as_vec2().to_array()) }
+        Self { image, texcoords: [from, to].map(|uv| (uv - low).as_vec2().to_array()) }
     }
 
     /// The same edge from its other end.
@@ -87,7 +87,7 @@ pub struct SeamEdge {
 impl SeamEdge {
     /// The edge of two faces; `None` unless both show a texture image.
     pub fn between(length: f64, sides: [EdgeTexture; 2]) -> Option<Self> {
-        let is_shown = sides.iter().all(|side| side.picture != NO_IMAGE) && length > 0.0 && length.is_finite();
+        let is_shown = sides.iter().all(|side| side.image != NO_IMAGE) && length > 0.0 && length.is_finite();
         is_shown.then_some(Self { length, sides })
     }
 
@@ -95,8 +95,8 @@ impl SeamEdge {
         let [own, other] = &self.sides;
         TexturePair {
             closest: [0.0; 3],
-            picture: own.picture,
-            other_picture: other.picture,
+            image: own.image,
+            other_image: other.image,
             texcoord: own.at(share),
             other_texcoord: other.at(share),
             other_density: (other.length() / self.length) as f32,
@@ -182,8 +182,8 @@ impl SeamEdges {
 mod tests {
     use super::*;
 
-    fn side(picture: u32, from: [f32; 2], to: [f32; 2]) -> EdgeTexture {
-        EdgeTexture { picture, texcoords: [from, to] }
+    fn side(image: u32, from: [f32; 2], to: [f32; 2]) -> EdgeTexture {
+        EdgeTexture { image, texcoords: [from, to] }
     }
 
     #[test]
@@ -200,7 +200,7 @@ mod tests {
         let points = points.window(0..points.len()).unwrap();
         // a thousand for each unit of length
         assert_eq!(points.len(), 7000);
-        assert_eq!(points.iter().filter(|point| point.picture == 0).count(), 4000);
+        assert_eq!(points.iter().filter(|point| point.image == 0).count(), 4000);
         for point in &points[..4000] {
             assert!((point.texcoord[1] - 2.0 * point.other_texcoord[1]).abs() < 1e-6);
         }
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn a_side_without_picture_makes_no_seam() {
+    fn a_side_without_image_makes_no_seam() {
         let sides = [side(0, [0.0; 2], [1.0; 2]), side(NO_IMAGE, [0.0; 2], [0.0; 2])];
         assert!(SeamEdge::between(1.0, sides).is_none());
         assert!(SeamEdge::between(0.0, [sides[0]; 2]).is_none());

@@ -78,7 +78,7 @@ pub struct Closest {
     /// Normal of the triangle; zero if it has no area.
     pub normal: DVec3,
     /// Texture image of the triangle, or [`NO_IMAGE`].
-    pub picture: u32,
+    pub image: u32,
     /// Texture coordinate of the point.
     pub texcoord: [f32; 2],
     /// Length in texture space per length in space.
@@ -286,9 +286,9 @@ impl<'a> Search<'a> {
         Ok(Closest {
             position: position + view.origin,
             normal: unit_normal(triangle),
-            picture: face.picture,
+            image: face.image,
             texcoord: texcoord_at(&face.texcoords, weights),
-            density: if face.picture == NO_IMAGE { 0.0 } else { density(triangle, &face.texcoords) },
+            density: if face.image == NO_IMAGE { 0.0 } else { density(triangle, &face.texcoords) },
         })
     }
 }

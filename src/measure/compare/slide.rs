@@ -35,10 +35,10 @@ use crate::image::textures::{NO_IMAGE, TextureImages};
 const SHOWN_MAX: f64 = 1.1;
 /// Texels of the grid along each side of an image, on which drift is measured.
 const GRID_SIDE: usize = 2048;
-/// The same for more than [`MANY_PICTURES`] texture images.
+/// The same for more than [`MANY_IMAGES`] texture images.
 const GRID_SIDE_OF_MANY: usize = 1024;
 /// Number of texture images above which each has a coarser grid.
-const MANY_PICTURES: usize = 40;
+const MANY_IMAGES: usize = 40;
 /// Weight by which a texel's centre may lie outside of a triangle, for the texel to belong to it.
 const OUTSIDE_WEIGHT: f64 = 0.3;
 /// Distance in texels by which the centre may lie outside of the triangle's box.
@@ -100,9 +100,9 @@ impl<'a> Atlas<'a> {
     /// Prepares to locate texels; `sources` has, for each texture image that is asked for, the images of the original
     /// that it shows, ascending. No drift exceeds `limit` by much.
     pub fn new(original: &'a MeasuredMesh, sources: &'a [Vec<u32>], limit: f64, resources: &'a Resources) -> Self {
-        let mut shown = vec![0.0; original.pictures.files.len()];
-        for &(picture, area) in original.cells.iter().flat_map(|cell| &cell.pictures) {
-            if let Some(sum) = shown.get_mut(picture as usize) {
+        let mut shown = vec![0.0; original.images.files.len()];
+        for &(image, area) in original.cells.iter().flat_map(|cell| &cell.images) {
+            if let Some(sum) = shown.get_mut(image as usize) {
                 *sum += area;
             }
         }
@@ -116,7 +116,7 @@ impl<'a> Atlas<'a> {
     /// # Errors
     /// On failed reads.
     pub fn slides(&self, pairs: &Column<TexturePair>, progress: &dyn Progress) -> Result<Slides> {
-        let sizes = sizes(&self.original.pictures);
+        let sizes = sizes(&self.original.images);
         let mut slides = Slides {
             lengths: Distribution::new(self.limit),
             texels: Distribution::new(TEXELS_MAX),
@@ -127,11 +127,11 @@ impl<'a> Atlas<'a> {
         };
         for range in self.windows(pairs) {
             let window = pairs.window(range)?;
-            let texels: Vec<Texel> = window.iter().map(|pair| (pair.picture, pair.texcoord)).collect();
+            let texels: Vec<Texel> = window.iter().map(|pair| (pair.image, pair.texcoord)).collect();
             let places = self.places(&texels, progress)?;
-            for (pair, place) in window.iter().zip(places).filter(|(pair, _)| self.is_shown(pair.picture)) {
+            for (pair, place) in window.iter().zip(places).filter(|(pair, _)| self.is_shown(pair.image)) {
                 slides.textured += 1;
-                if self.is_repeated(pair.picture) {
+                if self.is_repeated(pair.image) {
                     slides.repeated += 1;
                     continue;
                 }
@@ -141,7 +141,7 @@ impl<'a> Atlas<'a> {
                 };
                 let length = DVec3::from(pair.closest).distance(place);
                 slides.lengths.add(length);
-                if let Some(side) = sizes.get(pair.other_picture as usize).copied().flatten() {
+                if let Some(side) = sizes.get(pair.other_image as usize).copied().flatten() {
                     slides.texels.add(length * f64::from(pair.other_density) * side);
                 }
             }
@@ -149,13 +149,13 @@ impl<'a> Atlas<'a> {
         Ok(slides)
     }
 
-    /// Measures the gaps between the texels that the two sides of seams show; `pictures` are of the mesh with the
+    /// Measures the gaps between the texels that the two sides of seams show; `images` are of the mesh with the
     /// seams.
     ///
     /// # Errors
     /// On failed reads.
-    pub fn gaps(&self, pairs: &Column<TexturePair>, pictures: &TextureImages, progress: &dyn Progress) -> Result<Gaps> {
-        let sizes = sizes(pictures);
+    pub fn gaps(&self, pairs: &Column<TexturePair>, images: &TextureImages, progress: &dyn Progress) -> Result<Gaps> {
+        let sizes = sizes(images);
         let mut gaps = Gaps {
             lengths: Distribution::new(self.limit),
             texels: Distribution::new(TEXELS_MAX),
@@ -164,11 +164,11 @@ impl<'a> Atlas<'a> {
         };
         for range in self.windows(pairs) {
             let window = pairs.window(range)?;
-            let sides = |pair: &TexturePair| [(pair.picture, pair.texcoord), (pair.other_picture, pair.other_texcoord)];
+            let sides = |pair: &TexturePair| [(pair.image, pair.texcoord), (pair.other_image, pair.other_texcoord)];
             let texels: Vec<Texel> = window.iter().flat_map(sides).collect();
             let places = self.places(&texels, progress)?;
             let is_shown = |pair: &TexturePair| {
-                [pair.picture, pair.other_picture].iter().all(|&side| self.is_shown(side) && !self.is_repeated(side))
+                [pair.image, pair.other_image].iter().all(|&side| self.is_shown(side) && !self.is_repeated(side))
             };
             for (pair, places) in window.iter().zip(places.chunks_exact(2)).filter(|(pair, _)| is_shown(pair)) {
                 gaps.textured += 1;
@@ -177,7 +177,7 @@ impl<'a> Atlas<'a> {
                     continue;
                 };
                 gaps.lengths.add(from.distance(to));
-                if let Some(side) = sizes.get(pair.other_picture as usize).copied().flatten() {
+                if let Some(side) = sizes.get(pair.other_image as usize).copied().flatten() {
                     gaps.texels.add(from.distance(to) * f64::from(pair.other_density) * side);
                 }
             }
@@ -191,21 +191,21 @@ impl<'a> Atlas<'a> {
     }
 
     /// Whether a texture image is one of the original's.
-    fn is_shown(&self, picture: u32) -> bool {
-        picture != NO_IMAGE && !self.sources[picture as usize].is_empty()
+    fn is_shown(&self, image: u32) -> bool {
+        image != NO_IMAGE && !self.sources[image as usize].is_empty()
     }
 
     /// Whether the original shows a texture image more than once.
-    fn is_repeated(&self, picture: u32) -> bool {
-        self.repeated[picture as usize]
+    fn is_repeated(&self, image: u32) -> bool {
+        self.repeated[image as usize]
     }
 
     /// Positions of texels on the original; `None` for texels that lie in none of its charts, or in several.
     fn places(&self, texels: &[Texel], progress: &dyn Progress) -> Result<Vec<Option<DVec3>>> {
-        let side = if self.original.pictures.files.len() > MANY_PICTURES { GRID_SIDE_OF_MANY } else { GRID_SIDE };
+        let side = if self.original.images.files.len() > MANY_IMAGES { GRID_SIDE_OF_MANY } else { GRID_SIDE };
         let numbered = texels.iter().map(|texel| texel.0).zip(0u32..);
         let mut asked: Vec<(u32, u32)> =
-            numbered.filter(|&(picture, _)| self.is_shown(picture) && !self.is_repeated(picture)).collect();
+            numbered.filter(|&(image, _)| self.is_shown(image) && !self.is_repeated(image)).collect();
         asked.sort_unstable();
         let groups: Vec<&[(u32, u32)]> = asked.chunk_by(|a, b| a.0 == b.0).collect();
         progress.begin("slides", groups.len() as u64, "images");
@@ -233,9 +233,9 @@ impl<'a> Atlas<'a> {
 }
 
 /// Side of a square with as many pixels as each texture image has; `None` if the file is no image.
-fn sizes(pictures: &TextureImages) -> Vec<Option<f64>> {
+fn sizes(images: &TextureImages) -> Vec<Option<f64>> {
     let size = |(width, height): (u32, u32)| (f64::from(width) * f64::from(height)).sqrt();
-    pictures.files.iter().map(|file| image::image_dimensions(&file.path).ok().map(size)).collect()
+    images.files.iter().map(|file| image::image_dimensions(&file.path).ok().map(size)).collect()
 }
 
 /// Number of the grid's texel that contains a texture coordinate between 0 and 1.
@@ -271,12 +271,12 @@ impl Charts {
     }
 
     /// Draws the triangles of a mesh that show one of some texture images (ascending).
-    fn draw(&mut self, mesh: &MeasuredMesh, pictures: &[u32]) -> Result<()> {
-        let is_shown = |picture: &u32| pictures.binary_search(picture).is_ok();
-        for cell in mesh.cells.iter().filter(|cell| cell.pictures.iter().any(|(picture, _)| is_shown(picture))) {
+    fn draw(&mut self, mesh: &MeasuredMesh, images: &[u32]) -> Result<()> {
+        let is_shown = |image: &u32| images.binary_search(image).is_ok();
+        for cell in mesh.cells.iter().filter(|cell| cell.images.iter().any(|(image, _)| is_shown(image))) {
             let view = cell.view()?;
             for face in 0..view.faces.len() as u32 {
-                if is_shown(&view.faces[face as usize].picture) {
+                if is_shown(&view.faces[face as usize].image) {
                     self.draw_face(&view, face);
                 }
             }

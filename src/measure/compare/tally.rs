@@ -16,7 +16,7 @@
 //! cell; one bucket of shared sides at a time.
 //!
 //! # Files
-//! `measure-sides.scatter` (80 bytes for each side of a face between shared vertices), removed at the end, and the file
+//! `measure-sides.buckets` (80 bytes for each side of a face between shared vertices), removed at the end, and the file
 //! of [`seams`](super::seams).
 
 use std::path::Path;
@@ -26,11 +26,11 @@ use glam::DVec3;
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::super::forest::DisjointSets;
-use super::figures::{Quality, SLIVER_REGULARITY, TopologyCounts};
 use super::seams::{EdgeTexture, SeamEdge, SeamEdges, SeamWriter};
 use crate::base::Result;
 use crate::file::buckets::{BucketWriter, Verbatim};
 use crate::geometry::triangle::{is_flat, regularity};
+use crate::measure::figures::{Quality, SLIVER_REGULARITY, TopologyCounts};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::fold::{across, is_angle_small};
 use crate::model::Catalogue;
@@ -172,8 +172,8 @@ pub struct CellTally {
 /// A side of a face: its vertices, the lower one first, the wedges there, and the face.
 type FaceSide = ([u32; 2], [u32; 2], u32);
 
-/// Counts a cell; `pictures` has the texture image of each part.
-pub fn tally(source: &ClusterSource, catalogue: &Catalogue, pictures: &[u32]) -> CellTally {
+/// Counts a cell; `images` has the texture image of each part.
+pub fn tally(source: &ClusterSource, catalogue: &Catalogue, images: &[u32]) -> CellTally {
     let mesh = &source.mesh;
     let mut found = CellTally::default();
     found.counts.topology.faces = mesh.corners.len() as u64;
@@ -197,7 +197,7 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue, pictures: &[u32]) ->
         from.distance(to)
     };
     let texture =
-        |(_, wedges, face): FaceSide| EdgeTexture::of(mesh, wedges, pictures[mesh.parts[face as usize] as usize]);
+        |(_, wedges, face): FaceSide| EdgeTexture::of(mesh, wedges, images[mesh.parts[face as usize] as usize]);
     for edge in sides.chunk_by(|a, b| a.0 == b.0) {
         let (vertices, wedges, face) = edge[0];
         edge[1..].iter().for_each(|side| pieces.join(face, side.2));
@@ -410,7 +410,7 @@ impl<'a> Tallies<'a> {
             border_edges: Some(Vec::new()),
             border_limit,
         };
-        let sides = BucketWriter::create(&folder.join("measure-sides.scatter"), buckets as usize)?;
+        let sides = BucketWriter::create(&folder.join("measure-sides.buckets"), buckets as usize)?;
         Ok(Self { sides, buckets, seams: SeamWriter::create(folder)?, sum })
     }
 

@@ -283,7 +283,7 @@ fn ramp(bench: &Bench, name: &str, shift: f64) -> PathBuf {
 }
 
 #[test]
-fn a_moved_picture_slides_and_changes_its_colours() {
+fn a_moved_image_slides_and_changes_its_colours() {
     let bench = Bench::new();
     let original = ramp(&bench, "a.obj", 0.0);
     let texture = bench.compare(&original, &original, 100).texture.unwrap();
@@ -355,16 +355,16 @@ fn a_seam_gapes_as_far_as_one_of_its_charts_was_moved() {
 }
 
 #[test]
-fn a_picture_that_cannot_be_read_is_a_warning() {
+fn a_image_that_cannot_be_read_is_a_warning() {
     let bench = Bench::new();
     let original = ramp(&bench, "a.obj", 0.0);
     fs::write(bench.path("ramp.png"), "no image").unwrap();
     let found = bench.compare(&original, &original, 100);
     assert!(found.texture.is_none());
-    assert!(found.warnings.iter().any(|words| words.contains("unreadable picture")), "{:?}", found.warnings);
+    assert!(found.warnings.iter().any(|words| words.contains("unreadable image")), "{:?}", found.warnings);
     fs::remove_file(bench.path("ramp.png")).unwrap();
     let found = bench.compare(&original, &original, 100);
-    assert!(found.texture.is_none() && found.warnings.iter().any(|words| words.contains("missing picture")));
+    assert!(found.texture.is_none() && found.warnings.iter().any(|words| words.contains("missing image")));
 }
 
 #[test]
@@ -478,9 +478,9 @@ fn what_a_gap_shows_is_its_share_of_the_surface() {
     let found = bench.compare(&original, &holed, 10_000).pinholes.unwrap();
     // 4 of 40,000 squares; the rim of the outline does not count.
     assert!((80.0..150.0).contains(&found.ppm) && found.behind_ppm < 20.0, "{found:?}");
-    assert!(found.worst.ppm >= found.ppm && !found.worst.picture.is_empty());
+    assert!(found.worst.ppm >= found.ppm && !found.worst.rendering.is_empty());
     let same = bench.compare(&original, &original, 3_000).pinholes.unwrap();
-    assert_eq!((same.ppm, same.behind_ppm, same.worst.picture.len()), (0.0, 0.0, 0));
+    assert_eq!((same.ppm, same.behind_ppm, same.worst.rendering.len()), (0.0, 0.0, 0));
     // A hole that closes is no pinhole.
     assert_eq!(bench.compare(&holed, &original, 10_000).pinholes.unwrap().ppm, 0.0);
 }

@@ -10,10 +10,10 @@ use super::cells::MeasuredMesh;
 use super::contrast::{Pairs, compare_colours};
 use super::direction::Direction;
 use super::distribution::Distribution;
-use super::figures::{BeforeAfter, SeamFigures, Texture, share};
 use super::options::{CompareOptions, SAMPLES};
 use super::slide::{Atlas, Gaps};
 use crate::base::{Findings, Progress, Result};
+use crate::measure::figures::{BeforeAfter, SeamFigures, Texture, share};
 
 /// Bit of the seed that makes the points on seams differ from those on surfaces.
 const SEAM_SEED: u64 = 1 << 62;
@@ -33,8 +33,8 @@ pub fn compare(
 ) -> Result<Option<Texture>> {
     let (Some(forward), Some(backward)) = (&forward.textures, &backward.textures) else { return Ok(None) };
     let resources = &options.resources;
-    let contents = [before, after].map(|mesh| mesh.pictures.contents());
-    let [old, new] = [(&before.pictures, &*contents[0]), (&after.pictures, &*contents[1])];
+    let contents = [before, after].map(|mesh| mesh.images.contents());
+    let [old, new] = [(&before.images, &*contents[0]), (&after.images, &*contents[1])];
     let count = options.spread.by_area().unwrap_or(SAMPLES);
     let seam_points = |mesh: &MeasuredMesh| mesh.tallied.seams.points(mesh.folder(), count, options.seed ^ SEAM_SEED);
     let [old_seams, new_seams] = [seam_points(before)?, seam_points(after)?];
@@ -48,7 +48,7 @@ pub fn compare(
     if colours.images == 0 {
         return Ok(None);
     }
-    let sources = [old, new].map(|(pictures, contents)| pictures.sources(contents, old));
+    let sources = [old, new].map(|(images, contents)| images.sources(contents, old));
     let [old_atlas, atlas] = sources.each_ref().map(|sources| Atlas::new(before, sources, limit, resources));
     let slides = atlas.slides(forward, progress)?;
     let [to_original, to_result, across_old, across_new] = [0, 1, 2, 3].map(|set| &colours.differences[set]);
@@ -68,8 +68,8 @@ pub fn compare(
         folded_triangles: after.tallied.folded,
         folded_triangles_before: before.tallied.folded,
         seams: BeforeAfter {
-            before: seams(before, across_old, &old_atlas.gaps(&old_seams, &before.pictures, progress)?),
-            after: seams(after, across_new, &atlas.gaps(&new_seams, &after.pictures, progress)?),
+            before: seams(before, across_old, &old_atlas.gaps(&old_seams, &before.images, progress)?),
+            after: seams(after, across_new, &atlas.gaps(&new_seams, &after.images, progress)?),
         },
         images: colours.images,
         reduced_images: colours.reduced,

@@ -9,9 +9,9 @@ pub struct TexturePair {
     /// The closest point.
     pub closest: [f64; 3],
     /// Texture image at the point, of the mesh that it lies on.
-    pub picture: u32,
+    pub image: u32,
     /// Texture image at the closest point, of the other mesh.
-    pub other_picture: u32,
+    pub other_image: u32,
     /// Texture coordinate at the point.
     pub texcoord: [f32; 2],
     /// Texture coordinate at the closest point.

@@ -114,9 +114,9 @@ impl Hinge {
         let old_uv: [[DVec2; 3]; 2] = [[ua, ub, uc], [ub, ua, ud]];
         let new_uv = [[uc, ua, ud], [ud, ub, uc]];
         let area_sq = |t: [DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).length_squared();
-        let keeps_picture = |i: usize, k: usize| uv_survives(old_uv[i], new_uv[k], [area_sq(old[i]), area_sq(new[k])]);
+        let keeps_texture = |i: usize, k: usize| uv_survives(old_uv[i], new_uv[k], [area_sq(old[i]), area_sq(new[k])]);
         let pairs = [(0, 0), (0, 1), (1, 0), (1, 1)];
-        pairs.into_iter().all(|(i, k)| keeps_picture(i, k)) && !are_joined(mesh, rings, c, d)
+        pairs.into_iter().all(|(i, k)| keeps_texture(i, k)) && !are_joined(mesh, rings, c, d)
     }
 
     fn flip(&self, mesh: &mut ClusterMesh) {
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn an_edge_that_would_turn_the_picture_over_stays() {
+    fn an_edge_that_would_turn_the_texture_over_stays() {
         let mut mesh = diamond(0.0);
         mesh.wedge_uv[3] = DVec2::new(-6.0, 0.5);
         assert_eq!(flip(&mut mesh), 0);

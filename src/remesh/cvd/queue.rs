@@ -33,7 +33,7 @@ const MARGIN: f64 = 0.25;
 const REGULARITY_MIN: f64 = 0.05;
 /// Nor are those of faces whose texture triangle is no larger than this (relative to the image): texture coordinates
 /// are written with six decimals.
-const PICTURE_MIN: f64 = 1e-4;
+const TEXTURE_MIN: f64 = 1e-4;
 /// Low bits of a double that a magnitude drops: 64 magnitudes per power of two remain.
 const MAGNITUDE_SHIFT: u32 = 46;
 
@@ -49,11 +49,11 @@ pub fn sound_faces(mesh: &ClusterMesh) -> Vec<bool> {
     let side = if turned > living().filter(|&face| signed(face) > 0.0).count() { -1.0 } else { 1.0 };
     let is_sound = |face: u32| {
         let uv = mesh.uv_triangle(face);
-        let has_picture = uv.iter().all(|t| t.is_finite());
-        let is_large = uv[0].distance(uv[1]).max(uv[1].distance(uv[2])) > PICTURE_MIN;
-        let keeps_picture =
+        let has_texture = uv.iter().all(|t| t.is_finite());
+        let is_large = uv[0].distance(uv[1]).max(uv[1].distance(uv[2])) > TEXTURE_MIN;
+        let keeps_texture =
             signed(face) * side > 0.0 && is_large && regularity(uv.map(|t| t.extend(0.0))) >= REGULARITY_MIN;
-        regularity(mesh.triangle(face)) >= REGULARITY_MIN && (!has_picture || keeps_picture)
+        regularity(mesh.triangle(face)) >= REGULARITY_MIN && (!has_texture || keeps_texture)
     };
     (0..mesh.corners.len() as u32).map(|face| !mesh.is_dead(face) && is_sound(face)).collect()
 }
@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn a_face_whose_picture_is_turned_over_or_tiny_is_not_sound() {
+    fn a_face_whose_texture_is_turned_over_or_tiny_is_not_sound() {
         let mut mesh = samples::grid(2, 0.0);
         assert!(sound_faces(&mesh).iter().all(|&is_sound| is_sound));
         mesh.wedge_uv[0] = glam::DVec2::new(0.15, 0.15);

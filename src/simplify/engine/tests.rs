@@ -86,7 +86,9 @@ fn a_seam_keeps_both_charts_on_their_sides() {
 #[test]
 fn an_edge_that_only_its_upper_end_may_collapse_is_proposed_by_it() {
     // Vertex 4 is the only inner one; without border planes it may collapse onto a border vertex, but not the reverse.
-    let settings = crate::cost::classic::ClassicSettings::from(crate::cost::classic::KNOBS.map(|knob| knob.default));
+    let settings = crate::cost::classic::ClassicSettings::from(
+        crate::cost::classic::PARAMETERS.map(|parameter| parameter.default),
+    );
     let mut engine = Engine::<crate::cost::ClassicCost>::new(samples::grid(2, 0.5), &settings);
     engine.prepare();
     engine.cost.refresh(&engine.mesh, &engine.rings, &engine.classes);
@@ -181,7 +183,7 @@ fn outside_share(inset: f64) -> f64 {
 }
 
 #[test]
-fn a_seam_whose_picture_moves_inwards_hardly_leaves_its_charts() {
+fn a_seam_whose_texture_moves_inwards_hardly_leaves_its_charts() {
     let (kept, moved) = (outside_share(0.0), outside_share(1.0));
     assert!(kept > 0.02 && moved < 0.25 * kept, "{kept} {moved}");
 }

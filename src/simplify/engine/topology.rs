@@ -73,7 +73,7 @@ impl<M: Metric> Engine<M> {
             self.is_tidy = false;
             self.tidy();
             self.mesh.unlink_unused_wedges();
-            self.classify_anew(changed);
+            self.reclassify(changed);
         }
     }
 

@@ -52,7 +52,7 @@ fn regularity(height: f64) -> f64 {
 }
 
 /// A texture triangle of this doubled area.
-fn picture(doubled_area: f64) -> [DVec2; 3] {
+fn uv_triangle_of(doubled_area: f64) -> [DVec2; 3] {
     [DVec2::new(3.0, 1.0), DVec2::new(4.0, 1.0), DVec2::new(3.0, 1.0 + doubled_area)]
 }
 
@@ -105,7 +105,7 @@ proptest! {
         let areas_sq = [area_before, area_before * area_share].map(|area: f64| area * area);
         let needed = 0.05 * if area_before > 0.0 { f64::min(area_share, 1.0) } else { 1.0 };
         prop_assume!(f64::abs(share - needed) > 1e-9);
-        prop_assert_eq!(uv_survives(picture(before), picture(before * share), areas_sq), share > needed);
+        prop_assert_eq!(uv_survives(uv_triangle_of(before), uv_triangle_of(before * share), areas_sq), share > needed);
     }
 
     #[test]
@@ -190,9 +190,9 @@ fn a_face_without_area_never_survives_and_an_unseen_texture_triangle_always_does
     // But it may get an area, and then lie anywhere.
     assert!(change_of(over_edge(0.0, 0.0), over_edge(1.0, 0.0)).is_some_and(|change| change.turns));
     assert!(uv_survives([DVec2::NAN; 3], [DVec2::NAN; 3], [1.0; 2]));
-    assert!(uv_survives(picture(0.0), picture(-1.0), [1.0; 2]));
-    assert!(!uv_survives(picture(1.0), picture(0.0), [1.0, 0.0]));
-    assert!(uv_survives(picture(1.0), picture(0.5), [0.0, 1.0]));
+    assert!(uv_survives(uv_triangle_of(0.0), uv_triangle_of(-1.0), [1.0; 2]));
+    assert!(!uv_survives(uv_triangle_of(1.0), uv_triangle_of(0.0), [1.0, 0.0]));
+    assert!(uv_survives(uv_triangle_of(1.0), uv_triangle_of(0.5), [0.0, 1.0]));
 }
 
 /// Vertices along each side of a [`sheet`].
@@ -614,8 +614,8 @@ fn no_hole_closes_that_would_leave_a_texture_triangle_mirrored_in_its_chart() {
     let faces = [[0, 3, 1], [0, 2, 4], [1, 5, 2]];
     let close = |apex: [f64; 2], has_seam: bool| {
         let (mut mesh, mut rings) = mesh_of(&[DVec3::ZERO; 6], &[]);
-        let picture = [[0.0, 0.0], [1.0, 0.0], [0.5, 1.0], [0.5, -1.0], [-0.5, 1.0], apex];
-        mesh.wedge_uv = picture.map(DVec2::from_array).to_vec();
+        let texture = [[0.0, 0.0], [1.0, 0.0], [0.5, 1.0], [0.5, -1.0], [-0.5, 1.0], apex];
+        mesh.wedge_uv = texture.map(DVec2::from_array).to_vec();
         let mut faces = faces;
         if has_seam {
             faces[2][2] = mesh.push_wedge(2, DVec2::new(0.5, 1.5));
@@ -699,7 +699,7 @@ fn a_mesh_is_looked_at_as_if_there_had_been_none_before() {
 }
 
 #[test]
-fn wedges_of_vertices_that_have_no_edge_are_paired_where_their_pictures_are_alike() {
+fn wedges_of_vertices_that_have_no_edge_are_paired_where_their_textures_are_alike() {
     let uv = |x: f64| DVec2::new(x, 0.5);
     let (mut mesh, mut rings) = (ClusterMesh::default(), Rings::default());
     for vertex in 0..6 {

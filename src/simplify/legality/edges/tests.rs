@@ -64,11 +64,11 @@ impl Case {
     }
 
     fn are_mirrored(&self, [one, other]: [usize; 2], edge: [u32; 2], pairs: &[(u32, u32)]) -> bool {
-        let picture = |face: usize| doubled_uv_area(self.faces[face].map(|wedge| self.uvs[wedge as usize]));
+        let uv_area = |face: usize| doubled_uv_area(self.faces[face].map(|wedge| self.uvs[wedge as usize]));
         self.leads_on(one, edge) == self.leads_on(other, [edge[1], edge[0]])
             && self.are_turned[one] == self.are_turned[other]
             && edge.iter().all(|&end| self.uv(one, end, pairs) == self.uv(other, end, pairs))
-            && picture(one) * picture(other) < 0.0
+            && uv_area(one) * uv_area(other) < 0.0
     }
 }
 

@@ -19,7 +19,7 @@ impl SeamTally {
     ///
     /// n equilateral faces of total area A have n / 2 vertices and edges of length √(4 A / √3 n), so seams of length L
     /// take ⁴√3 L / √(A n) of the vertices.
-    pub fn crowding(&self, kept: f64) -> f64 {
+    pub fn seam_density(&self, kept: f64) -> f64 {
         match self.seams > 0.0 {
             true => 3f64.sqrt().sqrt() * self.seams / (self.area * self.faces as f64 * kept).sqrt(),
             false => 0.0,
@@ -43,9 +43,9 @@ mod tests {
     fn a_seam_through_every_vertex_crowds_everything() {
         // 100 equilateral faces of area 1 have edges of 1.52; 50 of these make a seam.
         let tally = SeamTally { faces: 100, area: 100.0, seams: 50.0 * (4.0 / 3f64.sqrt()).sqrt() };
-        assert!((tally.crowding(1.0) - 1.0).abs() < 1e-9, "{}", tally.crowding(1.0));
-        assert!((tally.crowding(0.25) - 2.0).abs() < 1e-9);
-        assert_eq!(tally.crowding(0.0), f64::INFINITY);
-        assert_eq!(SeamTally::default().crowding(0.1), 0.0);
+        assert!((tally.seam_density(1.0) - 1.0).abs() < 1e-9, "{}", tally.seam_density(1.0));
+        assert!((tally.seam_density(0.25) - 2.0).abs() < 1e-9);
+        assert_eq!(tally.seam_density(0.0), f64::INFINITY);
+        assert_eq!(SeamTally::default().seam_density(0.1), 0.0);
     }
 }

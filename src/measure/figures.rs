@@ -242,8 +242,10 @@ pub struct TopologyCounts {
 
 /// A mesh with at most this many open edges is not a soup, even if it has more open edges than triangles, as a square
 /// has.
+#[cfg(feature = "images")]
 const SOUP_EDGES: u64 = 100_000;
 
+#[cfg(feature = "images")]
 impl TopologyCounts {
     /// Whether the mesh is a triangle soup: most triangles are connected to few others, so its open edges are no
     /// border.
@@ -278,7 +280,7 @@ pub struct WorstView {
     pub behind_ppm: f64,
     /// The result as a JPEG, with pinholes in red and surfaces far behind in orange; empty if there are none.
     #[serde(skip)]
-    pub picture: Vec<u8>,
+    pub rendering: Vec<u8>,
 }
 
 /// Shapes of triangles.
@@ -301,6 +303,7 @@ pub struct Quality {
 pub const SLIVER_REGULARITY: f64 = 0.5;
 
 /// `part` of `of`, as a share; 0 if `of` is 0.
+#[cfg(feature = "images")]
 pub(super) fn share(part: u64, of: u64) -> f64 {
     if of == 0 { 0.0 } else { part as f64 / of as f64 }
 }

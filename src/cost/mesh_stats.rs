@@ -8,12 +8,14 @@ use std::collections::BTreeMap;
 
 use glam::DVec3;
 
+use crate::job::Recalled;
+
 /// Low bits of a double that a magnitude drops: 64 magnitudes per power of two remain.
 const MAGNITUDE_SHIFT: u32 = 46;
 
 /// Count, sum, histogram and bounding box of the values of a mesh.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Census {
+pub struct MeshStats {
     /// Number of positive values by magnitude.
     magnitudes: BTreeMap<u32, u64>,
     sum: f64,
@@ -22,14 +24,23 @@ pub struct Census {
     high: DVec3,
 }
 
-impl Default for Census {
+impl Default for MeshStats {
     fn default() -> Self {
         let none = DVec3::splat(f64::INFINITY);
         Self { magnitudes: BTreeMap::new(), sum: 0.0, count: 0, low: none, high: -none }
     }
 }
 
-impl Census {
+impl Recalled for MeshStats {
+    type Context<'a> = ();
+
+    /// Sums index nothing.
+    fn is_sound(&self, (): &()) -> bool {
+        true
+    }
+}
+
+impl MeshStats {
     /// Adds a value; ignores it if it is not finite. Only positive values count for the median.
     pub fn add(&mut self, value: f64) {
         if !value.is_finite() {
@@ -90,18 +101,18 @@ mod tests {
 
     #[test]
     fn the_median_is_that_of_positive_values_and_the_mean_of_all() {
-        let mut census = Census::default();
+        let mut stats = MeshStats::default();
         for value in [0.0, 0.0, 0.0, 0.0, 1.0, 2.0, 400.0, f64::NAN] {
-            census.add(value);
+            stats.add(value);
         }
-        assert_eq!(census.median(), Some(2.0));
-        assert_eq!(census.mean(), Some(403.0 / 7.0));
-        assert_eq!(Census::default().median(), None);
+        assert_eq!(stats.median(), Some(2.0));
+        assert_eq!(stats.mean(), Some(403.0 / 7.0));
+        assert_eq!(MeshStats::default().median(), None);
     }
 
     #[test]
     fn parts_add_up_to_the_whole() {
-        let (mut whole, mut left, mut right) = (Census::default(), Census::default(), Census::default());
+        let (mut whole, mut left, mut right) = (MeshStats::default(), MeshStats::default(), MeshStats::default());
         for i in 0..100u32 {
             let value = f64::from(i * i % 37);
             whole.add(value);

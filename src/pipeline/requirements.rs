@@ -27,7 +27,7 @@ pub(super) const COUNT_LIMIT: u64 = 1 << 48;
 
 /// Sizes of the mesh.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
-pub(super) struct Need {
+pub(super) struct Requirements {
     pub(super) vertices: u64,
     faces: u64,
     /// Bytes of the stored positions.
@@ -36,7 +36,7 @@ pub(super) struct Need {
     label_bytes: u64,
 }
 
-impl Need {
+impl Requirements {
     /// Counts a scanned mesh.
     pub(super) fn of(mesh: &StoredMesh, catalogue: &Catalogue) -> Self {
         Self {
@@ -106,8 +106,8 @@ impl Need {
         if resident + cluster > budget.for_work() {
             let needed = MemoryBudget::FIXED_BYTES + resident + cluster + bytes::MIB;
             return Err(Error::Budget(format!(
-                "--memory {} cannot hold the tables of {} vertices and a cluster of {cluster_faces} triangles; give \
-                 --memory {}",
+                "`memory: {}` cannot hold the tables of {} vertices and a cluster of {cluster_faces} triangles; give \
+                 `memory: {}`",
                 bytes::display(budget.bytes),
                 self.vertices,
                 bytes::display(needed + bytes::MIB),
@@ -123,8 +123,10 @@ impl Need {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::ErrorKind;
+    use crate::options::Target;
 
-    const SURVEY: Need = Need {
+    const SURVEY: Requirements = Requirements {
         vertices: 150_000_000,
         faces: 300_000_000,
         position_bytes: 750_000_000,
@@ -135,11 +137,12 @@ mod tests {
     #[test]
     fn a_budget_that_cannot_hold_the_tables_is_refused_with_one_that_can() {
         let folder = tempfile::tempdir().unwrap();
-        let need = Need { faces: 4_000_000, ..SURVEY };
+        let need = Requirements { faces: 4_000_000, ..SURVEY };
         let options = SimplifyOptions { cluster_faces: 250_000, ..Default::default() };
         let error =
             need.check(MemoryBudget { bytes: 128 << 20 }, &options, folder.path(), true).unwrap_err().to_string();
-        let given = error.rsplit("--memory ").next().and_then(|text| bytes::parse(text).ok()).unwrap();
+        let given =
+            error.rsplit("`memory: ").next().and_then(|text| bytes::parse(text.trim_end_matches('`')).ok()).unwrap();
         assert!(given < 160 << 20, "{error}");
         let outcome = need.check(MemoryBudget { bytes: given }, &options, folder.path(), true);
         assert!(!matches!(outcome, Err(Error::Budget(_))), "{outcome:?}");
@@ -147,23 +150,14 @@ mod tests {
 
     #[test]
     fn what_each_metric_keeps_counts_against_the_budget() {
-        use crate::options::MetricChoice;
         let folder = tempfile::tempdir().unwrap();
-        let need = Need { faces: 4_000_000, vertices: 2_000_000, ..SURVEY };
+        let need = Requirements { faces: 4_000_000, vertices: 2_000_000, ..SURVEY };
         let fits = |metric, bytes| {
             let options = SimplifyOptions { metric: Some(metric), cluster_faces: 250_000, ..Default::default() };
             !matches!(need.check(MemoryBudget { bytes }, &options, folder.path(), false), Err(Error::Budget(_)))
         };
         let plain = MemoryBudget::FIXED_BYTES + need.resident_bytes() + 2 * 200 * 250_000;
-        for (metric, extra) in [
-            (MetricChoice::Qem, 0),
-            (MetricChoice::QemAttributes, 0),
-            (MetricChoice::Qem1997, 0),
-            (MetricChoice::Oblique, 62),
-            (MetricChoice::Curvature, 12),
-            (MetricChoice::Terrain, 187),
-            (MetricChoice::Sharpness, 0),
-        ] {
+        for (metric, extra) in crate::plan::memory::METRIC_FACE_BYTES {
             let needed = plain + 250_000 * extra;
             assert!(fits(metric, needed) && !fits(metric, needed - 1), "{metric:?}");
         }
@@ -171,18 +165,18 @@ mod tests {
 
     #[test]
     fn a_disk_that_is_too_small_is_refused_with_the_space_needed() {
-        let tenth = SimplifyOptions { ratio: Some(0.1), ..Default::default() };
+        let tenth = SimplifyOptions { target: Target::ratio(0.1), ..Default::default() };
         let error = scratch::refuse_disk(Path::new("/scratch"), SURVEY.scratch_bytes(&tenth), 1 << 30).unwrap_err();
-        assert_eq!(error.exit_code(), 7);
+        assert_eq!(error.kind(), ErrorKind::NoSpace);
         assert!(error.to_string().contains("1.00 GiB are free"), "{error}");
     }
 
     #[test]
     fn a_bounded_error_may_leave_every_face_on_the_disk() {
         let of = |options: SimplifyOptions| SURVEY.scratch_bytes(&options);
-        let tenth = of(SimplifyOptions { ratio: Some(0.1), ..Default::default() });
-        let bounded = of(SimplifyOptions { max_error: Some(0.1), ..Default::default() });
+        let tenth = of(SimplifyOptions { target: Target::ratio(0.1), ..Default::default() });
+        let bounded = of(SimplifyOptions { target: Target::max_error(0.1), ..Default::default() });
         assert!(bounded > tenth);
-        assert_eq!(bounded, of(SimplifyOptions { ratio: Some(1.0), ..Default::default() }));
+        assert_eq!(bounded, of(SimplifyOptions { target: Target::ratio(1.0), ..Default::default() }));
     }
 }

@@ -19,7 +19,7 @@ use super::deviation::Patches;
 use super::fold::FoldCheck;
 use super::refusal::Refusal;
 use super::triangle_change::{change_of, doubled_uv_area, uv_survives};
-use crate::cost::{Metric, SettlingWedge};
+use crate::cost::{Metric, MovingWedge};
 use crate::geometry::closest_weights;
 use crate::mesh::class::Class;
 use crate::mesh::cluster::{ClusterMesh, flag};
@@ -40,17 +40,17 @@ const DEVIATION_SHARE: f64 = 0.25;
 
 /// Relocates vertices; holds only buffers.
 #[derive(Debug, Default)]
-pub struct Settler {
-    wedges: Vec<SettlingWedge>,
+pub struct Relocator {
+    wedges: Vec<MovingWedge>,
     uvs: Vec<DVec2>,
     patches: Patches,
     folds: FoldCheck,
 }
 
-impl Settler {
+impl Relocator {
     /// Moves a vertex to its position of least error, or half-way there, if no face around it folds over, and if none
     /// deviates from the input by more than a share of `deviation_max`, in units of length. Otherwise the vertex stays.
-    pub fn settle<M: Metric>(
+    pub fn relocate<M: Metric>(
         &mut self,
         mesh: &mut ClusterMesh,
         rings: &Rings,
@@ -70,7 +70,7 @@ impl Settler {
             let step = share * best;
             let position = mesh.positions[vertex as usize] + step;
             self.uvs.clear();
-            self.uvs.extend(self.wedges.iter().map(|&SettlingWedge { wedge, slide }| {
+            self.uvs.extend(self.wedges.iter().map(|&MovingWedge { wedge, slide }| {
                 let slide = slide.map_or_else(|| cost.best_slide(wedge, step), |slide| share * slide);
                 mesh.wedge_uv[wedge as usize] + slide
             }));
@@ -91,19 +91,19 @@ impl Settler {
         for &corner in corners {
             let wedge = mesh.wedge_of(corner);
             if self.place_of(wedge).is_none() {
-                self.wedges.push(SettlingWedge { wedge, slide: None });
+                self.wedges.push(MovingWedge { wedge, slide: None });
             }
         }
     }
 
     fn place_of(&self, wedge: u32) -> Option<usize> {
-        self.wedges.iter().position(|settling| settling.wedge == wedge)
+        self.wedges.iter().position(|moving| moving.wedge == wedge)
     }
 
     /// Fixes the slide of the wedges that would leave their charts; returns whether there are any.
     fn hold_back<M: Metric>(&mut self, mesh: &ClusterMesh, rings: &Rings, cost: &M, vertex: u32, step: DVec3) -> bool {
         let share = LEAST_RETURN + (1.0 - LEAST_RETURN) * cost.inset();
-        for SettlingWedge { wedge, slide } in &mut self.wedges {
+        for MovingWedge { wedge, slide } in &mut self.wedges {
             let here = mesh.wedge_uv[*wedge as usize];
             let wanted = here + cost.best_slide(*wedge, step);
             if let Some(RimPoint { place, fan_area }) = way_back(mesh, rings, vertex, *wedge, wanted) {
@@ -112,7 +112,7 @@ impl Settler {
                 *slide = Some(place + way * reach.min(1.0 - share) - here);
             }
         }
-        self.wedges.iter().any(|settling| settling.slide.is_some())
+        self.wedges.iter().any(|moving| moving.slide.is_some())
     }
 
     /// Whether no face around the vertex folds over or degenerates, on the surface or in texture space.
@@ -165,9 +165,9 @@ impl Settler {
     fn apply(&self, mesh: &mut ClusterMesh, vertex: u32, position: DVec3) {
         mesh.positions[vertex as usize] = position;
         mesh.flags[vertex as usize] |= flag::MOVED;
-        for (settling, &uv) in self.wedges.iter().zip(&self.uvs) {
-            mesh.wedge_uv[settling.wedge as usize] = uv;
-            mesh.wedge_moved[settling.wedge as usize] = true;
+        for (moving, &uv) in self.wedges.iter().zip(&self.uvs) {
+            mesh.wedge_uv[moving.wedge as usize] = uv;
+            mesh.wedge_moved[moving.wedge as usize] = true;
         }
     }
 }
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wedge_without_a_picture_has_no_way_back() {
+    fn a_wedge_without_a_texture_has_no_way_back() {
         let mut mesh = samples::grid(4, 0.0);
         mesh.wedge_uv.fill(DVec2::NAN);
         let mut rings = Rings::default();

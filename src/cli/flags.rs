@@ -1,0 +1,206 @@
+//! The flags of a run, and the options that they are.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::base::{bytes, quantity};
+use crate::options::{
+    Borders, CLUSTER_FACES, Doubles, FaceTarget, JobOptions, Limits, MetricChoice, Normals, Pieces, ReportNotes,
+    ResumeChoice, Seams, SimplifyOptions, Target, TextureFiles, TexturesOutside, Topology, Weld,
+};
+use crate::remesh::cvd;
+
+/// Headings of `--help`, in the order in which it prints them.
+pub mod heading {
+    /// How far to simplify.
+    pub const TARGET: &str = "Target";
+    /// What is read, and what holds while it is simplified.
+    pub const INPUT: &str = "Input";
+    /// Texture seams and images.
+    pub const TEXTURE: &str = "Texture";
+    /// Memory, threads, files.
+    pub const JOB: &str = "Job";
+    /// What is said afterwards.
+    pub const REPORT: &str = "Report";
+    /// Published methods and their parameters.
+    pub const PAPERS: &str = "Methods of papers";
+}
+
+/// Flags of `drystone simplify` and `drystone plan`.
+#[derive(Debug, Clone, Args)]
+pub struct SimplifyFlags {
+    /// Share of the triangles to keep, above 0 and up to 1, such as 0.1 or 10%
+    #[arg(long, value_name = "SHARE", group = "target", allow_negative_numbers = true, help_heading = heading::TARGET)]
+    #[arg(value_parser = quantity::parse_share)]
+    ratio: Option<f64>,
+
+    /// Number of triangles to keep, such as 50000, 50k or 1.5M
+    #[arg(long, value_name = "COUNT", group = "target", allow_negative_numbers = true, help_heading = heading::TARGET)]
+    #[arg(value_parser = quantity::parse_count)]
+    faces: Option<u64>,
+
+    /// Largest distance between result and input, in the mesh's unit of length
+    ///
+    /// Holds for every point of both surfaces. The result has as few triangles as it allows; 0 removes only what changes
+    /// nothing. With --ratio or --faces, whichever comes first
+    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, help_heading = heading::TARGET)]
+    #[arg(value_parser = quantity::parse_length)]
+    max_error: Option<f64>,
+
+    /// How to simplify open borders
+    #[arg(long, value_enum, default_value_t = Borders::Simplify, value_name = "HOW", hide_short_help = true, help_heading = heading::INPUT)]
+    borders: Borders,
+
+    /// Whether to merge vertices at the same position
+    #[arg(long, value_enum, default_value_t = Weld::Exact, value_name = "HOW", hide_short_help = true, help_heading = heading::INPUT)]
+    weld: Weld,
+
+    /// What to do with connected components smaller than the error
+    #[arg(long, value_enum, default_value_t = Pieces::Keep, value_name = "HOW", hide_short_help = true, help_heading = heading::INPUT)]
+    pieces: Pieces,
+
+    /// Whether the surface keeps its holes, handles and pieces; it does where borders or seams are locked
+    #[arg(long, value_enum, default_value_t = Topology::Simplify, value_name = "HOW", hide_short_help = true, help_heading = heading::TARGET)]
+    topology: Topology,
+
+    /// What to do with copies and back sides of faces
+    #[arg(long, value_enum, default_value_t = Doubles::Keep, value_name = "HOW", hide_short_help = true, help_heading = heading::INPUT)]
+    doubles: Doubles,
+
+    /// How to write normals
+    #[arg(long, value_enum, default_value_t = Normals::Auto, value_name = "HOW", help_heading = heading::INPUT, hide_short_help = true)]
+    normals: Normals,
+
+    /// How to simplify texture seams
+    ///
+    /// [default: stitch, but follow with the metrics of papers]
+    #[arg(long, value_enum, value_name = "HOW", help_heading = heading::TEXTURE)]
+    seams: Option<Seams>,
+
+    /// How to write texture images
+    #[arg(long, value_enum, value_name = "HOW", default_value_t = TextureFiles::Copy, help_heading = heading::TEXTURE)]
+    textures: TextureFiles,
+
+    /// How to write textures outside of the MTL's folder
+    ///
+    /// How to write texture images that an MTL names outside of its own folder, absolute names too
+    #[arg(long, value_enum, value_name = "HOW", default_value_t = TexturesOutside::Refer, help_heading = heading::TEXTURE)]
+    #[arg(hide_short_help = true)]
+    textures_outside: TexturesOutside,
+
+    /// Weight of texture drift, 0 to 1000; at 1 a metre of drift costs as much as a metre of distance
+    #[arg(long, value_name = "WEIGHT", default_value_t = 0.7, allow_negative_numbers = true, help_heading = heading::TEXTURE)]
+    #[arg(value_parser = quantity::parse_number, hide_short_help = true)]
+    uv_weight: f64,
+
+    /// Memory that the program may use
+    ///
+    /// At least 128MiB [default: half of the machine's or cgroup's]
+    #[arg(long, value_name = "SIZE", value_parser = bytes::parse, help_heading = heading::JOB)]
+    memory: Option<u64>,
+
+    /// Number of threads
+    ///
+    /// The result does not depend on it [default: one per processor]
+    #[arg(long, value_name = "COUNT", value_parser = quantity::parse_whole::<usize>, help_heading = heading::JOB)]
+    threads: Option<usize>,
+
+    /// Folder for intermediate files [default: OUTPUT.work]
+    #[arg(long, value_name = "DIR", help_heading = heading::JOB)]
+    work: Option<PathBuf>,
+
+    /// What to do with an unfinished job in the work folder
+    #[arg(long, value_enum, default_value_t = ResumeChoice::Auto, value_name = "HOW", hide_short_help = true, help_heading = heading::JOB)]
+    resume: ResumeChoice,
+
+    /// Keep the work folder after success; the same command then ends at once
+    #[arg(long, help_heading = heading::JOB, hide_short_help = true)]
+    keep_work: bool,
+
+    /// Replace an existing output
+    #[arg(long, help_heading = heading::JOB)]
+    force: bool,
+
+    /// Triangles per cluster, about; 1000 to 10 million. Changes memory a lot and the result slightly
+    #[arg(long, value_name = "COUNT", default_value_t = CLUSTER_FACES, help_heading = heading::JOB, hide_short_help = true)]
+    #[arg(value_parser = quantity::parse_count)]
+    cluster_faces: u64,
+
+    /// Passes over shifted clusters, 1 to 16; more where the target is far below the input, or borders of clusters hold it
+    #[arg(long, value_name = "COUNT", default_value_t = 3, help_heading = heading::JOB, hide_short_help = true)]
+    #[arg(value_parser = quantity::parse_whole::<usize>)]
+    passes: usize,
+
+    /// Cost of a collapse [default: qem-attributes with texture, else qem]
+    #[arg(long, value_enum, help_heading = heading::PAPERS, hide_short_help = true)]
+    metric: Option<MetricChoice>,
+
+    /// Set a parameter of the metric, such as border=2; may be repeated. docs/guide/choosing.md lists the parameters
+    #[arg(long, value_name = "NAME=VALUE", help_heading = heading::PAPERS, hide_short_help = true)]
+    metric_option: Vec<String>,
+
+    /// Before simplifying, remesh by centroidal Voronoi cells, denser where the surface bends (Liu, Chen & Wang 2020).
+    /// cvd:2 sets the power of the curvature; cvd:cells=5000 stops at 5000 cells. docs/guide/choosing.md lists the settings
+    #[arg(long, value_name = "cvd[:SETTINGS]", help_heading = heading::PAPERS, hide_short_help = true)]
+    remesh: Option<cvd::CvdSettings>,
+
+    /// After simplifying, move the vertices of slivers to the middle of their neighbours (Li, Jiang & Tang 2020).
+    /// Triangles get rounder, the error grows
+    #[arg(long, help_heading = heading::PAPERS, hide_short_help = true)]
+    optimize: bool,
+
+    /// Collapse one edge at a time, always the cheapest, as the heaps of the papers do. The time grows with the square of
+    /// the triangles of a cluster
+    #[arg(long, help_heading = heading::PAPERS, hide_short_help = true)]
+    one_by_one: bool,
+}
+
+impl SimplifyFlags {
+    /// The options that the flags are.
+    pub fn options(&self) -> SimplifyOptions {
+        let flags = self.clone();
+        let faces = flags.ratio.map(FaceTarget::Ratio).or(flags.faces.map(FaceTarget::Count));
+        SimplifyOptions {
+            target: Target { faces, max_error: flags.max_error },
+            borders: flags.borders,
+            weld: flags.weld,
+            pieces: flags.pieces,
+            topology: flags.topology,
+            doubles: flags.doubles,
+            normals: flags.normals,
+            seams: flags.seams,
+            textures: flags.textures,
+            textures_outside: flags.textures_outside,
+            uv_weight: flags.uv_weight,
+            limits: Limits { memory: flags.memory, threads: flags.threads },
+            job: JobOptions { work: flags.work, resume: flags.resume, keep_work: flags.keep_work, force: flags.force },
+            cluster_faces: flags.cluster_faces,
+            passes: flags.passes,
+            metric: flags.metric,
+            metric_option: flags.metric_option,
+            remesh: flags.remesh,
+            optimize: flags.optimize,
+            one_by_one: flags.one_by_one,
+            notes: ReportNotes::default(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Alone {
+        #[command(flatten)]
+        flags: SimplifyFlags,
+    }
+
+    #[test]
+    fn no_flag_means_the_defaults_of_the_library() {
+        assert_eq!(Alone::parse_from(["drystone"]).flags.options(), SimplifyOptions::default());
+    }
+}

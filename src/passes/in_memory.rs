@@ -1,0 +1,295 @@
+//! Simplifies a mesh in memory: as one cluster, without files, by the same engine and schedule.
+//!
+//! ```text
+//! Mesh ──▶ one cluster ──▶ (remesh) ──▶ pass 1: to about 4 × the target, … the target ──▶ Mesh
+//! ```
+//! # Memory
+//! About 220 bytes per triangle while the first pass runs; twice the mesh where a pass may be repeated.
+
+use glam::{DVec2, DVec3};
+
+use super::goal::{Aim, Goal};
+use super::metric_engine::{EngineRules, MetricEngine, Simplified};
+use super::options::{PassOptions, SeamPolicy};
+use super::outcome::{StageReport, StageSums};
+use super::pass_id::{Pass, PassKind};
+use super::schedule::{PassEnd, Schedule};
+use super::second_attempt::costs_before_leap;
+use super::stop_rule::{ClusterStop, Wanted};
+use crate::base::{Progress, Result};
+use crate::cost::mesh_stats::MeshStats;
+use crate::mesh::ClusterMesh;
+use crate::mesh::compact::{Compacted, compact};
+use crate::model::catalogue::Part;
+use crate::model::{Catalogue, Face, Mesh, NO_TEXCOORD};
+use crate::partition::TextureScale;
+use crate::partition::cluster::MaterialArea;
+use crate::partition::reading::ClusterFaces;
+use crate::remesh::cvd::mass::MassSums;
+use crate::remesh::cvd::{self, CvdSettings, FrozenStatistics, Stock};
+use crate::remesh::relax;
+use crate::simplify::Changes;
+
+/// Result of simplifying a mesh in memory.
+#[derive(Debug)]
+pub struct SimplifiedMesh {
+    /// The simplified mesh.
+    pub mesh: Mesh,
+    /// Whether the target was met.
+    pub is_reached: bool,
+    /// Changes of topology.
+    pub changes: Changes,
+}
+
+/// The mesh under way.
+struct InMemory<'a> {
+    options: &'a PassOptions,
+    engine: Box<dyn MetricEngine>,
+    scale: TextureScale,
+    catalogue: Catalogue,
+    origin: DVec3,
+    mesh: ClusterMesh,
+    /// Texture coordinate of the input for each wedge; `None` once it has moved.
+    texcoord_of: Vec<Option<u32>>,
+    /// Colour of each vertex, if there are any.
+    colours: Vec<[f32; 3]>,
+    schedule: Schedule,
+    changes: Changes,
+    /// End of the pass before.
+    before: Option<StageReport>,
+}
+
+/// Simplifies a mesh, which must be [sound](Mesh::check). `options.input` must be its number of faces.
+///
+/// # Errors
+/// [`Error::Stopped`](crate::base::Error::Stopped) if asked to stop; it is asked before each pass.
+pub fn simplify(mesh: &Mesh, options: &PassOptions, progress: &dyn Progress) -> Result<SimplifiedMesh> {
+    let mut under_way = InMemory::new(mesh, options);
+    while let Some(pass) = under_way.schedule.next(options) {
+        progress.check_stopped()?;
+        progress.begin_pass(pass.number + 1);
+        progress.begin("simplify", under_way.mesh.face_count as u64, "faces");
+        match pass.kind {
+            PassKind::Remesh(settings) => under_way.remesh(&settings),
+            PassKind::Collapse => under_way.collapse(pass),
+        }
+    }
+    let (is_reached, changes) = (under_way.schedule.reached, under_way.changes);
+    Ok(SimplifiedMesh { mesh: under_way.finish(mesh), is_reached, changes })
+}
+
+impl<'a> InMemory<'a> {
+    fn new(mesh: &Mesh, options: &'a PassOptions) -> Self {
+        let catalogue = catalogue_of(mesh);
+        let faces = faces_of(mesh, options);
+        let mut engine = options.cost.engine();
+        let mut scale = TextureScale::none(&catalogue);
+        if engine.reads_texture() {
+            if !engine.wants_raw_texture() {
+                let mut areas = vec![MaterialArea::default(); catalogue.materials.len() + 1];
+                faces.add_areas(&catalogue, &mut areas);
+                scale = TextureScale::new(&areas);
+            }
+            let kept = options.target as f64 / options.input.max(1) as f64;
+            engine.learn_seam_density(faces.tally_seams(&catalogue).seam_density(kept));
+        }
+        let source = faces.into_whole(&catalogue, &scale);
+        let colour = |&vertex: &u32| mesh.colours.get(vertex as usize).copied().unwrap_or_default();
+        let colours =
+            if mesh.colours.is_empty() { Vec::new() } else { source.vertex_ids().iter().map(colour).collect() };
+        let texcoord_of = source.texcoord_ids();
+        if engine.needs_statistics() {
+            let mut stats = MeshStats::default();
+            source.mesh.positions.iter().for_each(|position| stats.enclose(source.origin + *position));
+            engine.count(source.mesh.clone(), &mut stats);
+            engine.normalise(&stats);
+        }
+        Self {
+            options,
+            engine,
+            scale,
+            catalogue,
+            origin: source.origin,
+            mesh: source.mesh,
+            texcoord_of,
+            colours,
+            schedule: Schedule::default(),
+            changes: Changes::default(),
+            before: None,
+        }
+    }
+
+    fn remesh(&mut self, settings: &CvdSettings) {
+        let mut sums = MassSums::default();
+        cvd::weigh(&self.mesh, settings, &mut sums);
+        let frame = FrozenStatistics::new(&sums, settings);
+        let mut stock = Stock::default();
+        stock.merge(&cvd::take_stock(&self.mesh, settings, &frame));
+        let frame = FrozenStatistics { threshold: stock.threshold(&frame), ..frame };
+        let mut mesh = std::mem::take(&mut self.mesh);
+        let outcome = cvd::reconstruct(&mut mesh, settings, &frame);
+        if !self.colours.is_empty() {
+            for point in &outcome.points {
+                let [a, b] = point.ends.map(|end| self.colours[end as usize]);
+                let share = point.share as f32;
+                self.colours.push([0, 1, 2].map(|k| a[k] + share * (b[k] - a[k])));
+            }
+        }
+        self.take(&mesh);
+        self.schedule.end_remeshing(settings, 1);
+    }
+
+    fn collapse(&mut self, pass: Pass) {
+        let &PassOptions { target, input, passes, max_error, optimize, .. } = self.options;
+        let aim = Aim { target, input, passes, bound: max_error };
+        let faces_in = self.mesh.face_count as u64;
+        let stop = match aim.goal(pass.turn, faces_in) {
+            Goal::Deviation(most) => aim.within(most, pass.turn),
+            _ => aim.in_one_cluster(pass.turn, faces_in),
+        };
+        let rules = self.rules(pass, aim.bound_of(pass.turn));
+        let mesh = std::mem::take(&mut self.mesh);
+        // Without a bound, a pass is repeated if costs leap before its end.
+        let spare = max_error.is_none().then(|| mesh.clone());
+        let mut simplified = self.engine.simplify(mesh, &rules, &stop.of(0), Wanted::Mesh);
+        let mut met_wall = false;
+        if let Some(mesh) = spare
+            && let Some(costs) = self.better_costs(&simplified, &stop.of(0))
+        {
+            met_wall = matches!(stop.of(0), ClusterStop::Faces(..));
+            simplified = self.engine.simplify(mesh, &rules, &ClusterStop::Costs(costs, target), Wanted::Mesh);
+        }
+        self.before =
+            Some(StageReport { faces: simplified.faces_out, threshold: f64::from(simplified.cost), rms_estimate: 0.0 });
+        self.changes += simplified.changes;
+        let mut mesh = simplified.mesh.unwrap_or_default();
+        if optimize && pass.turn + 1 >= passes {
+            relax(&mut mesh);
+        }
+        self.take(&mesh);
+        let end = PassEnd {
+            faces_in,
+            faces_out: simplified.faces_out,
+            is_last: aim.is_last(pass.turn),
+            is_single: true,
+            is_exact: aim.is_last(pass.turn) && !matches!(stop.of(0), ClusterStop::Deviation(_)),
+            is_steepest: false,
+            met_wall,
+        };
+        self.schedule.end_collapsing(end, self.options);
+    }
+
+    /// Cost thresholds for a second attempt; `None` if the first one stands.
+    fn better_costs(&self, first: &Simplified, stop: &ClusterStop) -> Option<Vec<f32>> {
+        if matches!(stop, ClusterStop::Faces(_, target) if first.faces_out <= *target) {
+            return None;
+        }
+        let mut stages = StageSums::default();
+        stages.add(first.faces_in, first.area, &first.milestones);
+        costs_before_leap(self.before, &stages, first.area / first.faces_in.max(1) as f64)
+    }
+
+    fn rules(&self, pass: Pass, deviation_max: Option<f64>) -> EngineRules {
+        EngineRules {
+            lock_borders: self.options.lock_borders,
+            lock_seams: match self.options.seams {
+                SeamPolicy::Stitch => pass.is_first_turn() && self.options.passes > 1,
+                SeamPolicy::Follow => false,
+                SeamPolicy::Lock => true,
+            },
+            frees_topology: self.options.frees_topology,
+            one_by_one: self.options.one_by_one,
+            seeks_handles: !pass.is_first_turn(),
+            welds: self.options.weld,
+            deviation_max,
+        }
+    }
+
+    /// Takes over the mesh after a pass.
+    fn take(&mut self, mesh: &ClusterMesh) {
+        let label = |part: u32| self.catalogue.material_index(part) as u32;
+        let Compacted { mesh: compacted, vertices, wedges } = compact(mesh, label);
+        let texcoord = |&old: &u32| {
+            let known = self.texcoord_of.get(old as usize).copied().flatten();
+            known.filter(|_| !mesh.wedge_moved[old as usize])
+        };
+        self.texcoord_of = wedges.iter().map(texcoord).collect();
+        if !self.colours.is_empty() {
+            self.colours = vertices.iter().map(|&old| self.colours[old as usize]).collect();
+        }
+        self.mesh = compacted;
+    }
+
+    /// Returns the simplified mesh.
+    fn finish(self, input: &Mesh) -> Mesh {
+        let Self { mesh, catalogue, scale, origin, texcoord_of, colours, .. } = self;
+        let mut part_of = vec![0; mesh.wedge_vertex.len()];
+        for (corners, &part) in mesh.corners.iter().zip(&mesh.parts) {
+            corners.iter().for_each(|&wedge| part_of[wedge as usize] = part);
+        }
+        let mut texcoords = Vec::new();
+        let mut texcoord_ids = Vec::with_capacity(part_of.len());
+        for (wedge, &uv) in mesh.wedge_uv.iter().enumerate() {
+            if uv.is_nan() {
+                texcoord_ids.push(Mesh::NO_TEXCOORD);
+                continue;
+            }
+            texcoord_ids.push(texcoords.len() as u32);
+            texcoords.push(match texcoord_of[wedge] {
+                Some(id) => input.texcoords[id as usize],
+                None => (uv / DVec2::splat(scale.of(&catalogue, part_of[wedge]))).to_array(),
+            });
+        }
+        let has_texture = !input.face_texcoords.is_empty();
+        let has_labels = !input.face_labels.is_empty();
+        let labels = mesh.parts.iter().map(|&part| catalogue.parts[part as usize].file);
+        Mesh {
+            positions: mesh.positions.iter().map(|&position| (origin + position).to_array()).collect(),
+            colours,
+            texcoords,
+            faces: mesh.corner_vertices.clone(),
+            face_texcoords: match has_texture {
+                true => mesh.corners.iter().map(|corners| corners.map(|wedge| texcoord_ids[wedge as usize])).collect(),
+                false => Vec::new(),
+            },
+            face_labels: if has_labels { labels.collect() } else { Vec::new() },
+        }
+    }
+}
+
+/// A catalogue with a part and a material for each label; `Part::file` holds the label.
+fn catalogue_of(mesh: &Mesh) -> Catalogue {
+    let mut labels = mesh.face_labels.clone();
+    labels.sort_unstable();
+    labels.dedup();
+    if labels.is_empty() {
+        labels.push(0);
+    }
+    let part = |(material, &file): (u32, &u32)| Part { file, object: None, group: None, material: Some(material) };
+    Catalogue {
+        parts: (0..).zip(&labels).map(part).collect(),
+        materials: vec![Default::default(); labels.len()],
+        has_texcoords: !mesh.face_texcoords.is_empty(),
+        ..Catalogue::default()
+    }
+}
+
+fn faces_of(mesh: &Mesh, options: &PassOptions) -> ClusterFaces {
+    let mut labels = mesh.face_labels.clone();
+    labels.sort_unstable();
+    labels.dedup();
+    let part_of = |face: usize| match mesh.face_labels.get(face) {
+        Some(label) => labels.partition_point(|other| other < label) as u32,
+        None => 0,
+    };
+    let face = |(face, &vertices): (usize, &[u32; 3])| Face {
+        vertices,
+        texcoords: mesh.face_texcoords.get(face).copied().unwrap_or([NO_TEXCOORD; 3]),
+        part: part_of(face),
+        ..Face::default()
+    };
+    let faces = mesh.faces.iter().enumerate().map(face).collect();
+    let positions = mesh.positions.iter().copied().map(DVec3::from_array).collect();
+    let texcoords = mesh.texcoords.iter().copied().map(DVec2::from_array).collect();
+    ClusterFaces::whole(faces, positions, texcoords, options.weld, options.drop_doubles)
+}

@@ -1,0 +1,63 @@
+//! Admits a job once its input is known, and sets what its phases may take.
+
+use super::input::Input;
+use super::preflight::Preflight;
+use crate::base::Result;
+use crate::job::WorkFolder;
+use crate::options::{Borders, Doubles, Pieces, Weld};
+use crate::passes::{PassOptions, ResumePoint};
+use crate::render::View;
+
+/// Width and height of a map of the clusters, in pixels.
+pub(super) const MAP_SIZE: [usize; 2] = [600, 400];
+/// Memory that a map takes, in bytes.
+const MAP_BYTES: u64 = (MAP_SIZE[0] * MAP_SIZE[1]) as u64 * 16;
+
+/// What a job may take, once its input is known.
+pub(super) struct Admission {
+    /// Faces wanted; 0 for as few as a bound on the error allows.
+    pub target: u64,
+    /// Memory in bytes for work in flight, beside what stays resident.
+    pub work_bytes: u64,
+}
+
+impl Admission {
+    /// Admits a job whose input was read.
+    ///
+    /// # Errors
+    /// [`Error::Budget`] and [`Error::NoSpace`], with the size that would suffice.
+    pub fn admit(job: &Preflight<'_>, input: &Input, start: &ResumePoint, work: &WorkFolder) -> Result<Self> {
+        input.need.check(job.budget, job.options, work.path(), start.needs_scratch())?;
+        let work_bytes = job.budget.for_work() - input.need.resident_bytes();
+        Ok(Self { target: job.options.target(input.triangles), work_bytes })
+    }
+
+    /// Options of the passes; `map` is the viewpoint of the maps of clusters.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for settings that the metric does not have.
+    pub fn pass_options(&self, job: &Preflight<'_>, input: &Input, map: Option<View>) -> Result<PassOptions> {
+        let options = job.options;
+        let map_bytes = if map.is_some() { MAP_BYTES } else { 0 };
+        Ok(PassOptions {
+            target: self.target,
+            max_error: options.target.max_error,
+            input: input.triangles,
+            passes: options.pass_count(input.triangles),
+            cluster_faces: options.cluster_faces,
+            cost: options.cost(input.catalogue.has_texcoords)?,
+            seams: options.seam_policy(),
+            lock_borders: options.borders == Borders::Lock,
+            drop_pieces: options.pieces == Pieces::Drop,
+            frees_topology: options.frees_topology(),
+            one_by_one: options.one_by_one,
+            drop_doubles: options.doubles == Doubles::Drop,
+            remesh: options.remesh,
+            optimize: options.optimize,
+            weld: options.weld == Weld::Exact,
+            map,
+            threads: job.threads,
+            work_bytes: self.work_bytes.saturating_sub(map_bytes),
+        })
+    }
+}

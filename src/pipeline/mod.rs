@@ -1,0 +1,141 @@
+//! The phases in order: read, partition and simplify in passes, write.
+//!
+//! Everything that can be refused is refused first. Each phase records what it finished in the work folder, and the
+//! same call resumes after the last record.
+
+mod admission;
+mod damage;
+mod files;
+#[cfg(test)]
+mod forged;
+#[cfg(test)]
+mod hostile;
+mod input;
+mod output;
+#[cfg(not(feature = "report"))]
+mod no_painter;
+#[cfg(feature = "report")]
+mod painter;
+mod paths;
+mod preflight;
+mod publish;
+mod requirements;
+mod run_log;
+
+use std::path::Path;
+
+use self::admission::Admission;
+use self::damage::report_damage;
+#[cfg(not(feature = "report"))]
+use self::no_painter::NoPainter as Painter;
+use self::output::EarlierOutput;
+#[cfg(feature = "report")]
+use self::painter::Painter;
+use self::preflight::Preflight;
+use self::run_log::{FinishedRun, RunLog};
+use crate::base::pool::Pool;
+use crate::base::{Progress, Result};
+use crate::job::WorkFolder;
+use crate::model::Catalogue;
+use crate::options::SimplifyOptions;
+use crate::os::timeline::Recorder;
+use crate::passes::{PassKind, PassOptions, Passes, ResumePoint, Run};
+use crate::report::Report;
+use crate::scan::InputChoice;
+
+pub use self::preflight::work_folder;
+
+/// Simplifies meshes in files, or in all files below folders, into one file.
+///
+/// # Errors
+/// [`Error::Usage`](crate::base::Error::Usage) and [`Error::Budget`](crate::base::Error::Budget) before anything is
+/// read; see [`Error`](crate::base::Error) for the rest. Whatever happens, an older output stays whole until the new
+/// one is complete. Finished work is kept in the work folder: the same call resumes it.
+pub fn simplify(
+    input: impl Into<InputChoice>,
+    output: &Path,
+    options: &SimplifyOptions,
+    progress: &dyn Progress,
+) -> Result<Report> {
+    simplify_and(input, output, options, progress, |_, _| Ok(()))
+}
+
+/// As [`simplify`], but calls `then` with the report and the job's number before it ends the job. If `then` fails, the
+/// next call finds the result written and repeats nothing else.
+///
+/// # Errors
+/// Those of [`simplify`] and of `then`.
+pub fn simplify_and(
+    input: impl Into<InputChoice>,
+    output: &Path,
+    options: &SimplifyOptions,
+    progress: &dyn Progress,
+    then: impl FnOnce(&Report, u64) -> Result<()>,
+) -> Result<Report> {
+    let recorder = Recorder::start(progress);
+    let preflight = Preflight::check(input.into(), output, options)?;
+    let _threads = Pool::new(preflight.threads)?.enter();
+    let mut work = preflight.open_work()?;
+    let outcome = run(&preflight, &mut work, &recorder).and_then(|report| {
+        let report = Report { timeline: recorder.finish(), ..report };
+        then(&report, work.number())?;
+        Ok(report)
+    });
+    match &outcome {
+        Ok(_) => work.finish(options.job.keep_work)?,
+        Err(error) => work.note_failure(error),
+    }
+    outcome
+}
+
+/// Files → columns → clusters → fewer triangles → file.
+fn run(job: &Preflight<'_>, work: &mut WorkFolder, progress: &dyn Progress) -> Result<Report> {
+    let mut log = RunLog::start();
+    let earlier = EarlierOutput::look(job, work)?;
+    let (input, start) = log.time(|seconds| &mut seconds.scan, || input::read(job, work, progress))?;
+    log.findings.merge(input.findings.clone());
+    log.findings.merge(job.idle.clone());
+    let admission = Admission::admit(job, &input, &start, work)?;
+    publish::check(job, &input, &earlier, work)?;
+
+    let mut painter = Painter::new(job, &input.catalogue, work, &admission, progress);
+    log.time_with(|seconds| &mut seconds.draw, |log| painter.draw_before(start.unsimplified(), &mut log.findings));
+    let options = admission.pass_options(job, &input, painter.map())?;
+    let passes = simplify_in_passes(start, &options, &input.catalogue, work, progress);
+    report_damage(work, progress);
+    let passes = passes?;
+    if passes.faces == 0 {
+        work.give_up();
+        return Err(input::nothing_left(job, &input));
+    }
+
+    let published = publish::write_and_measure(job, &input, earlier, &passes, work, progress)?;
+    log.time_with(|seconds| &mut seconds.draw, |log| painter.draw_after(&passes.mesh, &mut log.findings));
+    let shots = painter.shots();
+    Ok(log.report(FinishedRun { job, input: &input, admission: &admission, passes, published, shots, work }))
+}
+
+/// Partitions the mesh and simplifies its clusters, repeatedly.
+///
+/// # Errors
+/// On a full disk, failed reads or writes, and damaged files; [`Error::Stopped`](crate::base::Error::Stopped).
+pub fn simplify_in_passes(
+    start: ResumePoint,
+    options: &PassOptions,
+    catalogue: &Catalogue,
+    work: &WorkFolder,
+    progress: &dyn Progress,
+) -> Result<Passes> {
+    let mut run = Run::resume(start, options, catalogue, work, progress)?;
+    while let Some(pass) = run.next_pass() {
+        let partition = run.partition(pass)?;
+        match pass.kind {
+            PassKind::Remesh(settings) => run.remesh(pass, &settings, &partition)?,
+            PassKind::Collapse => {
+                let stops = run.choose_stops(pass, &partition)?;
+                run.simplify_clusters(pass, &partition, &stops)?;
+            }
+        }
+    }
+    run.finish()
+}

@@ -1,0 +1,93 @@
+//! Checks a job before anything is read or written: options, paths, memory, threads, disk space.
+
+use std::ffi::{OsStr, OsString};
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use super::paths;
+use crate::base::{Findings, MemoryBudget, Result};
+use crate::job::{InputFile, Manifest, WorkFolder, folder_bytes};
+use crate::options::{ResumeChoice, SimplifyOptions};
+use crate::plan::{memory, scratch};
+use crate::scan::{InputChoice, find_inputs_and_idle};
+
+/// A job that may begin.
+pub(super) struct Preflight<'a> {
+    /// When the process began.
+    pub began: SystemTime,
+    /// Options of the job.
+    pub options: &'a SimplifyOptions,
+    /// Inputs that the user named.
+    pub choice: InputChoice,
+    /// Input files.
+    pub inputs: Vec<PathBuf>,
+    /// Patterns of the choice that exclude nothing.
+    pub idle: Findings,
+    /// The result.
+    pub output: &'a Path,
+    /// The work folder.
+    pub work_path: PathBuf,
+    /// Memory that the job may take.
+    pub budget: MemoryBudget,
+    /// Threads that fit into it.
+    pub threads: usize,
+    /// What identifies the job.
+    pub manifest: Manifest,
+}
+
+impl<'a> Preflight<'a> {
+    /// Checks a job.
+    ///
+    /// # Errors
+    /// [`Error::Usage`](crate::base::Error::Usage) for options and paths that cannot be,
+    /// [`Error::Budget`](crate::base::Error::Budget) and [`Error::NoSpace`](crate::base::Error::NoSpace) for too little
+    /// memory or disk space, [`Error::Io`](crate::base::Error::Io) for an input that cannot be read.
+    pub fn check(choice: InputChoice, output: &'a Path, options: &'a SimplifyOptions) -> Result<Self> {
+        let began = SystemTime::now();
+        options.check()?;
+        let (inputs, idle) = find_inputs_and_idle(&choice)?;
+        let budget = memory::choose_budget(options)?;
+        let threads = memory::choose_threads(options.limits.threads, budget);
+        let work_path = work_folder(output, options);
+        paths::refuse(&choice, &inputs, output, &work_path)?;
+        let manifest = manifest(&choice, &inputs, options)?;
+        let input_bytes: u64 = manifest.inputs.iter().map(|file| file.bytes).sum();
+        scratch::refuse_small_disk(input_bytes, folder_bytes(&work_path), &work_path)?;
+        if options.job.resume == ResumeChoice::Never {
+            // The old job is removed only if the new one can begin.
+            paths::refuse_existing(output, options.job.force)?;
+        }
+        Ok(Self { began, options, choice, inputs, idle, output, work_path, budget, threads, manifest })
+    }
+
+    /// Opens the work folder.
+    ///
+    /// # Errors
+    /// Those of [`WorkFolder::open`].
+    pub fn open_work(&self) -> Result<WorkFolder> {
+        WorkFolder::open(&self.work_path, &self.manifest, self.options.job.resume.into())
+    }
+}
+
+/// The work folder of a job.
+pub fn work_folder(output: &Path, options: &SimplifyOptions) -> PathBuf {
+    if let Some(work) = &options.job.work {
+        return work.clone();
+    }
+    let mut name = output.file_name().unwrap_or_default().to_owned();
+    name.push(".work");
+    output.with_file_name(name)
+}
+
+pub(super) fn manifest(choice: &InputChoice, inputs: &[PathBuf], options: &SimplifyOptions) -> Result<Manifest> {
+    let folders: Vec<OsString> = choice.folders().map(|f| f.canonicalize().unwrap_or_default().into()).collect();
+    Ok(Manifest {
+        input_folders: PathBuf::from(folders.join(OsStr::new("\n"))),
+        program: env!("CARGO_PKG_VERSION").to_owned(),
+        options: options.fingerprint(),
+        inputs: inputs.iter().map(|path| InputFile::of(path)).collect::<Result<_>>()?,
+        passes: options.passes as u64 + u64::from(options.remesh.is_some()),
+        owns_folder: options.job.work.is_none(),
+        ..Manifest::default()
+    })
+}

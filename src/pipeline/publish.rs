@@ -1,0 +1,107 @@
+//! Writes the result under its final name, and measures it meanwhile.
+
+use std::time::{Duration, Instant};
+
+use super::input::Input;
+use super::output::{self, Earlier, EarlierOutput};
+use super::preflight::Preflight;
+use crate::base::ordered::both;
+use crate::base::{Progress, Result};
+use crate::job::{Step, WorkFolder};
+use crate::measure::gauge::{Gauged, gauge};
+use crate::options::{Normals, TextureFiles, TexturesOutside};
+use crate::passes::Passes;
+use crate::write::{self, WriteOptions, Written};
+
+/// The result, written and measured.
+pub(super) struct Published {
+    /// Files of the result.
+    pub written: Written,
+    /// Deviation from the input at some thousand points; `None` if the input or the result has no area.
+    pub measured: Option<Gauged>,
+    /// Time for writing.
+    pub write_time: Duration,
+    /// Time that measuring took beyond writing.
+    pub measure_time: Duration,
+    /// Whether an earlier process had begun the job.
+    pub is_resumed: bool,
+}
+
+/// Whether images outside of their MTL's folder come to the result, too.
+pub(super) fn brings_outside(job: &Preflight<'_>) -> bool {
+    job.options.textures_outside == TexturesOutside::Copy
+}
+
+/// Refuses a result whose files cannot be written or would replace others.
+///
+/// # Errors
+/// Those of [`write::check_output`].
+pub(super) fn check(job: &Preflight<'_>, input: &Input, earlier: &EarlierOutput, work: &WorkFolder) -> Result<()> {
+    let options = write_options(job, input, earlier, work);
+    write::check_output(job.output, &input.catalogue, &options, earlier.was_writing)
+}
+
+/// Writes the result unless an earlier process did. Writing takes one thread most of the time, so the result is
+/// measured beside it.
+///
+/// # Errors
+/// Those of [`write::stage`], of [`Staged::commit`](write::Staged::commit) and of the work folder.
+pub(super) fn write_and_measure(
+    job: &Preflight<'_>,
+    input: &Input,
+    earlier: EarlierOutput,
+    passes: &Passes,
+    work: &WorkFolder,
+    progress: &dyn Progress,
+) -> Result<Published> {
+    let is_resumed = work.is_resumed();
+    let started = Instant::now();
+    let options = write_options(job, input, &earlier, work);
+    let write = || {
+        let written = match earlier.found {
+            // If the job was restarted on the way, nothing shows that the earlier result follows from the input as it
+            // is now.
+            Earlier::Whole(written) if is_resumed => written,
+            _ => write(job, input, &options, passes, work, progress)?,
+        };
+        progress.begin("measure", 0, "");
+        Ok((written, started.elapsed()))
+    };
+    let (written, measured) = both(job.threads, write, || gauge(&passes.probes, &passes.mesh, progress));
+    let ((written, write_time), measured) = (written?, measured?);
+    Ok(Published { written, measured, write_time, measure_time: started.elapsed() - write_time, is_resumed })
+}
+
+fn write(
+    job: &Preflight<'_>,
+    input: &Input,
+    options: &WriteOptions,
+    passes: &Passes,
+    work: &WorkFolder,
+    progress: &dyn Progress,
+) -> Result<Written> {
+    output::remember(work, job.output)?;
+    let staged = write::stage(&passes.mesh, &input.catalogue, job.output, work.path(), options, progress)?;
+    if job.options.textures == TextureFiles::Copy {
+        input.check_textures(&staged, options.brings_outside)?;
+    }
+    progress.check_stopped()?;
+    work.wait_until_durable()?;
+    work.keep(Step::Written, staged.written().faces, [], staged.written())?;
+    // Without this record, a result that has its final name already would be taken for that of another job.
+    work.sync()?;
+    staged.commit(progress)
+}
+
+fn write_options(job: &Preflight<'_>, input: &Input, earlier: &EarlierOutput, work: &WorkFolder) -> WriteOptions {
+    WriteOptions {
+        textures: job.options.textures.into(),
+        brings_outside: brings_outside(job),
+        normals: job.options.normals == Normals::Auto && input.catalogue.has_normals,
+        force: job.options.job.force,
+        replaces_own: earlier.is_own(),
+        work_bytes: job.budget.for_work(),
+        sources: input.sources(),
+        job: work.number(),
+    }
+}
