@@ -15,7 +15,7 @@ use drystone::file::header::{HEADER_BYTES, seal};
 use drystone::job::{self, Manifest, Resume, Step, WorkFolder};
 use drystone::options::{Borders, Normals, Pieces, Seams, SimplifyOptions, TextureFiles, Weld};
 use drystone::pipeline;
-use drystone::scan::{Scan, ScanOptions, scan};
+use drystone::read::{Scan, ScanOptions, scan};
 use xxhash_rust::xxh3::{xxh3_64, xxh3_64_with_seed};
 
 /// A target: its name, which is that of its folder of kept inputs, and what it does.

@@ -27,7 +27,7 @@ pub mod file;
 pub mod job;
 pub mod model;
 pub mod image;
-pub mod scan;
+pub mod read;
 pub mod mesh;
 pub mod partition;
 pub mod render;

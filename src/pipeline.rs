@@ -32,10 +32,10 @@ use crate::os::timeline::{Recorder, Timeline};
 use crate::passes::{PassOptions, pass};
 use crate::plan::memory::{self, Sizes};
 use crate::plan::scratch;
+use crate::read::{self, InputChoice};
 use crate::report::gallery;
 use crate::report::scene::DrawResources;
 use crate::report::{ErrorFigures, FaceFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
-use crate::scan::{self, InputChoice};
 use crate::write::{self, WriteOptions};
 
 /// Simplifies OBJ files, or all below folders, into one OBJ.
@@ -70,7 +70,7 @@ pub fn simplify_and(
     let progress: &dyn Progress = &recorder;
     options.check()?;
     let choice = input.into();
-    let (inputs, idle) = scan::find_inputs_and_idle(&choice)?;
+    let (inputs, idle) = read::find_inputs_and_idle(&choice)?;
     let budget = memory::choose_budget(options)?;
     let threads = memory::choose_threads(options.threads, budget);
     let work_path = work_folder(output, options);

@@ -14,7 +14,7 @@ use crate::base::{Error, Progress, Result};
 use crate::measure::{Check, Regression, Surface, compare_checks, compare_topology, weld_and_check};
 use crate::os::durable::temporary_folder;
 use crate::os::signals::StopSignal;
-use crate::scan::{ScanOptions, find_inputs, scan};
+use crate::read::{ScanOptions, find_inputs, scan};
 
 /// Arguments of `drystone check`.
 #[derive(Debug, Args)]

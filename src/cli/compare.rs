@@ -17,11 +17,11 @@ use crate::options::heading;
 use crate::os::durable::temporary_folder;
 use crate::os::signals::StopSignal;
 use crate::plan::{memory, scratch};
+use crate::read;
+use crate::read::InputChoice;
 use crate::report::gallery::Relief;
 use crate::report::scene::DrawResources;
 use crate::report::{self, ComparisonPage, ReportKind};
-use crate::scan;
-use crate::scan::InputChoice;
 
 /// Minimum and maximum number of points by area.
 const SAMPLES: std::ops::RangeInclusive<u64> = 1_000..=1_000_000_000;
@@ -168,7 +168,7 @@ pub fn compare_meshes(
     }
     let mut input_bytes = 0;
     for mesh in meshes {
-        let sizes = scan::find_inputs(mesh)?.into_iter().filter_map(|path| path.metadata().ok());
+        let sizes = read::find_inputs(mesh)?.into_iter().filter_map(|path| path.metadata().ok());
         input_bytes += sizes.map(|meta| meta.len()).sum::<u64>();
     }
     let budget = memory::budget_of(memory)?;

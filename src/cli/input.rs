@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::options::heading;
-use crate::scan::InputChoice;
+use crate::read::InputChoice;
 
 /// Arguments of commands that read a mesh.
 #[derive(Debug, Args)]

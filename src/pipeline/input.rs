@@ -18,8 +18,8 @@ use crate::job::{Manifest, Step, WorkFolder, folder_bytes};
 use crate::model::Catalogue;
 use crate::options::{Pieces, SimplifyOptions, TextureFiles, TexturesOutside};
 use crate::passes::Start;
-use crate::scan::fingerprint::{self, Contents, Source};
-use crate::scan::{self, InputChoice, Scan, ScanOptions};
+use crate::read::fingerprint::{self, Contents, Source};
+use crate::read::{self, InputChoice, Scan, ScanOptions};
 use crate::write::{self, NamedTexture, Sources, Staged};
 
 /// Catalogue, counts and source files of the input: everything but geometry.
@@ -116,7 +116,7 @@ impl Reading<'_> {
     }
 
     fn scan(&self, job: &WorkFolder) -> Result<(Input, Start)> {
-        let scanned = scan::scan(self.inputs, job.path(), &self.scan, self.progress)?;
+        let scanned = read::scan(self.inputs, job.path(), &self.scan, self.progress)?;
         let Scan { mesh, mut catalogue, triangles, findings, input_bytes, content_hashes, libraries } = scanned;
         catalogue.folders = self.folders();
         let textures = self.textures(&catalogue)?;

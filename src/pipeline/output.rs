@@ -10,7 +10,7 @@ use crate::base::{Error, Result};
 use crate::file::codec;
 use crate::job::{Step, WorkFolder};
 use crate::os::durable::{DurableFile, folder_of, make_folders};
-use crate::scan::{InputChoice, fingerprint};
+use crate::read::{InputChoice, fingerprint};
 use crate::write::{Companion, Sources, Written, remove_waiting_of, textures_folder, why_unnameable};
 
 /// Longest name of a file in bytes, and the ending of the longest name that is made of the output's name.

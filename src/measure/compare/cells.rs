@@ -34,8 +34,8 @@ use crate::model::{Catalogue, StoredMesh};
 use crate::os::mmap::MappedRecords;
 use crate::partition::cluster;
 use crate::partition::{self, ClusterSource, PartitionOptions, TextureScale};
-use crate::scan::InputChoice;
-use crate::scan::{self, Scan};
+use crate::read::InputChoice;
+use crate::read::{self, Scan};
 
 /// Memory of a face of a cell while the cell is built, in bytes.
 const FACE_BYTES: u64 = 400;
@@ -172,7 +172,7 @@ impl MeasuredMesh {
         progress: &dyn Progress,
     ) -> Result<Self> {
         let Resources { threads, work_bytes, scan: scan_options } = *resources;
-        let inputs = scan::find_inputs(input)?;
+        let inputs = read::find_inputs(input)?;
         let manifest = Manifest {
             program: env!("CARGO_PKG_VERSION").to_owned(),
             options: "compare".to_owned(),
@@ -182,7 +182,7 @@ impl MeasuredMesh {
             ..Manifest::default()
         };
         let work = WorkFolder::open(folder, &manifest, Resume::Again)?;
-        let Scan { mesh, catalogue, mut findings, .. } = scan::scan(&inputs, work.path(), &scan_options, progress)?;
+        let Scan { mesh, catalogue, mut findings, .. } = read::scan(&inputs, work.path(), &scan_options, progress)?;
         let pictures = TextureImages::find(&catalogue, &mut findings);
         let partition_options = PartitionOptions {
             cluster_faces: cell_faces,
