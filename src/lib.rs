@@ -1,10 +1,10 @@
 //! Simplifies textured triangle meshes larger than memory.
 //!
 //! ```text
-//! OBJ ── scan ──▶ columns ── partition ──▶ clusters ── simplify ──▶ clusters' ── stitch ──▶ … ── write ──▶ OBJ
+//! OBJ ── read ──▶ columns ── partition ──▶ clusters ── simplify ──▶ clusters' ── stitch ──▶ … ── write ──▶ OBJ
 //! ```
-//! Reads an OBJ (or many) and writes one joined, textured OBJ with fewer triangles, within a memory budget. The output
-//! has the same bytes at any number of threads.
+//! Reads an OBJ or a PLY (or many) and writes one joined, textured OBJ or PLY with fewer triangles, within a memory
+//! budget. The output has the same bytes at any number of threads.
 //!
 //! ```
 //! use std::path::Path;

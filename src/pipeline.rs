@@ -38,7 +38,7 @@ use crate::report::scene::DrawResources;
 use crate::report::{ErrorFigures, FaceFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
 use crate::write::{self, WriteOptions};
 
-/// Simplifies OBJ files, or all below folders, into one OBJ.
+/// Simplifies OBJ and PLY files, or all below folders, into one OBJ or PLY.
 ///
 /// # Errors
 /// [`Error::Usage`](crate::base::Error::Usage) and [`Error::Budget`](crate::base::Error::Budget) before anything is

@@ -29,9 +29,9 @@ const SAMPLES: std::ops::RangeInclusive<u64> = 1_000..=1_000_000_000;
 /// Arguments of `drystone compare`.
 #[derive(Debug, Args)]
 pub struct CompareArguments {
-    /// OBJ file, or a folder: every OBJ in and below it joins one mesh
+    /// OBJ or PLY file, or a folder: every OBJ and PLY in and below it joins one mesh
     original: PathBuf,
-    /// OBJ file made from it, or a folder
+    /// OBJ or PLY file made from it, or a folder
     result: PathBuf,
     /// Write a report: .json for scripts, .html for people; may be repeated
     ///

@@ -1,4 +1,4 @@
-//! `drystone simplify`: simplifies one or more OBJ files into one OBJ.
+//! `drystone simplify`: simplifies one or more meshes into one OBJ or PLY.
 
 use std::path::{Path, PathBuf};
 
@@ -40,7 +40,7 @@ Examples:
 /// Arguments of `drystone simplify`.
 #[derive(Debug, Args)]
 pub struct SimplifyArguments {
-    /// OBJ file to write; its MTL and textures go beside it
+    /// Mesh file to write, an OBJ or a PLY by its ending; MTL and textures go beside it
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     #[command(flatten)]

@@ -1,6 +1,6 @@
 //! The input of a job: scanned, or read back from an earlier process and compared with the files.
 //!
-//! In: the OBJ files, the work folder. Out: what the input holds beside geometry, and where the passes begin.
+//! In: the mesh files, the work folder. Out: what the input holds beside geometry, and where the passes begin.
 //! Invariant: a result of an earlier process is used only after the content of every file that it follows from was
 //! compared.
 
@@ -31,11 +31,11 @@ pub(super) struct Input {
     pub(super) triangles: u64,
     /// Findings of the scan: elements ignored or repaired.
     pub(super) findings: Findings,
-    /// Bytes of OBJ text.
+    /// Bytes of the mesh files.
     pub(super) bytes: u64,
     /// Memory and disk space that the job needs.
     pub(super) need: Need,
-    /// Hash of each OBJ.
+    /// Hash of each mesh file.
     content_hashes: Vec<u64>,
     /// Material libraries.
     libraries: Vec<Source>,
@@ -49,7 +49,7 @@ pub(super) struct Reading<'a> {
     pub(super) choice: &'a InputChoice,
     /// When the process began.
     pub(super) began: SystemTime,
-    /// OBJ files.
+    /// Mesh files.
     pub(super) inputs: &'a [PathBuf],
     /// Patterns of the choice that exclude nothing.
     pub(super) idle: &'a Findings,

@@ -10,7 +10,7 @@ use crate::base::{Error, Result};
 use crate::file::codec;
 use crate::job::{Step, WorkFolder};
 use crate::os::durable::{DurableFile, folder_of, make_folders};
-use crate::read::{InputChoice, fingerprint};
+use crate::read::{Format, InputChoice, fingerprint};
 use crate::write::{Companion, Sources, Written, remove_waiting_of, textures_folder, why_unnameable};
 
 /// Longest name of a file in bytes, and the ending of the longest name that is made of the output's name.
@@ -21,7 +21,7 @@ const LONGEST_ENDING: &str = ".work-measure";
 pub(super) enum Earlier {
     /// No result, or it is no longer there.
     Nothing,
-    /// The OBJ is there; its MTL or some textures are missing.
+    /// The mesh is there; its MTL or some textures are missing.
     Obj,
     /// All files are there.
     Whole(Written),
@@ -46,7 +46,7 @@ pub(super) fn earlier(job: &WorkFolder, output: &Path) -> Result<Earlier> {
     Ok(Earlier::Whole(written))
 }
 
-/// Refuses, before anything is read or written, an output that is no OBJ or one of the inputs, and paths that conflict
+/// Refuses, before anything is read or written, an output that is no OBJ or PLY or one of the inputs, and paths that conflict
 /// with each other.
 pub(super) fn refuse(choice: &InputChoice, inputs: &[PathBuf], output: &Path, work: &Path) -> Result<()> {
     let shown = escape_path(output);
@@ -54,8 +54,8 @@ pub(super) fn refuse(choice: &InputChoice, inputs: &[PathBuf], output: &Path, wo
     let (Some(name), false) = (output.file_name(), output.is_dir()) else {
         return refused("the output must be a file, such as out/city.obj");
     };
-    if !output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj")) {
-        return refused("the output is an OBJ file: its name must end in .obj");
+    if Format::by_ending(output).is_none() {
+        return refused("the output is an OBJ or a PLY file: its name must end in .obj or .ply");
     }
     if let Some(why) = why_unnameable(name) {
         return refused(why);
@@ -123,7 +123,7 @@ pub(super) fn check(output: &Path, job: u64, may_exist: bool) -> Result<()> {
     refuse_existing(output, may_exist)
 }
 
-/// Refuses to replace an existing OBJ.
+/// Refuses to replace an existing mesh.
 pub(super) fn refuse_existing(output: &Path, may_exist: bool) -> Result<()> {
     if !may_exist && output.symlink_metadata().is_ok() {
         return Err(Error::Usage(format!("{}: exists already; --force replaces it", escape_path(output))));
@@ -159,9 +159,9 @@ mod tests {
     #[test]
     fn an_output_that_is_named_like_another_format_is_refused() {
         let folder = tempfile::tempdir().unwrap();
-        for name in ["a.ply", "a", ".obj", "a.obj.gz"] {
+        for name in ["a.stl", "a", ".obj", ".ply", "a.obj.gz"] {
             let words = refusal(Path::new(SPHERE), &folder.path().join(name));
-            assert!(words.contains("must end in .obj"), "{words}");
+            assert!(words.contains("must end in .obj or .ply"), "{words}");
         }
         assert_eq!(folder.path().read_dir().unwrap().count(), 0);
     }

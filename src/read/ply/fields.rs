@@ -3,8 +3,8 @@
 //! In: whole records of an element. Out: numbers, or a message about the first that is not one.
 
 use super::header::{Scalar, quote};
-use super::shortest::shortest;
 use crate::file::decimal;
+use crate::file::float::shortest;
 use crate::read::line::{is_blank, line_end};
 use crate::read::number::{DECIMALS_MAX, index_at, is_non_finite_word, number};
 

@@ -15,7 +15,6 @@ mod fields;
 mod header;
 mod layout;
 mod parse;
-mod shortest;
 #[cfg(test)]
 mod tests;
 

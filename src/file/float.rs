@@ -1,11 +1,10 @@
-//! Reads a 32-bit float as the shortest decimal that it stands for.
+//! Converts 32-bit floats to the shortest decimals that they stand for.
 //!
 //! A program that has 12.345 and writes a float writes 12.3450002670288…, whose nearest short decimal is 12.345 again.
 //! Read as that decimal, coordinates stay as short as they were: they are stored in few bytes, an OBJ shows them as they
 //! were meant, and writing them as floats again gives the same bits.
 
-use crate::file::decimal::POWERS_OF_TEN;
-use crate::read::number::number;
+use super::decimal::POWERS_OF_TEN;
 
 /// Most decimals tried by arithmetic. The product of 24 bits and 5¹² has 52 bits, so it is exact.
 const DECIMALS_TRIED: u32 = 12;
@@ -19,7 +18,7 @@ const MANTISSA: u32 = 0x7f_ffff;
 /// `decimals` are those of the number before, and are replaced with those of this one. Not a number and infinity stay
 /// as they are.
 #[inline]
-pub(super) fn shortest(x: f32, decimals: &mut u32) -> f64 {
+pub fn shortest(x: f32, decimals: &mut u32) -> f64 {
     if x == 0.0 || !x.is_finite() {
         return f64::from(x);
     }
@@ -59,10 +58,13 @@ fn rounded(x: f32, decimals: u32) -> Option<f64> {
 
 #[cold]
 fn printed(x: f32, decimals: &mut u32) -> f64 {
-    let mut buffer = ryu::Buffer::new();
-    let Some(number) = number(buffer.format_finite(x).as_bytes()) else { return f64::from(x) };
-    *decimals = number.decimals.min(DECIMALS_TRIED);
-    number.value
+    *decimals = DECIMALS_TRIED;
+    fast_float2::parse(ryu::Buffer::new().format_finite(x)).unwrap_or(f64::from(x))
+}
+
+/// Reports whether a number comes back as it is if it is written as a 32-bit float and read as a decimal.
+pub fn fits_float(x: f64) -> bool {
+    shortest(x as f32, &mut 0) == x
 }
 
 #[cfg(test)]
@@ -88,6 +90,12 @@ mod tests {
             prop_assert_eq!(shortest(value as f32, &mut decimals), value);
             prop_assert!(decimals <= places as u32 || value == 0.0);
         }
+    }
+
+    #[test]
+    fn short_numbers_fit_a_float_and_long_ones_do_not() {
+        assert!([0.0, -0.0, 12.345, -0.1, 1e6, 123_456.5].into_iter().all(fits_float));
+        assert!(![452_123.256, 1.0 / 3.0, 16_777_217.0, 1e300].into_iter().any(fits_float));
     }
 
     #[test]
