@@ -22,9 +22,10 @@ use xxhash_rust::xxh3::{xxh3_64, xxh3_64_with_seed};
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [Target; 6] = [
+pub const TARGETS: [Target; 7] = [
     ("scan_obj", scan_obj),
     ("scan_mtl", scan_mtl),
+    ("scan_ply", scan_ply),
     ("job_files", job_files),
     ("resume", resume),
     ("collapse", collapse),
@@ -46,6 +47,18 @@ pub fn scan_obj(bytes: &[u8]) {
     let folder = folder();
     fs::write(folder.path().join("a.obj"), bytes).expect("written");
     match scanned(folder.path()) {
+        Ok(scan) => assert_whole(&scan),
+        Err(error) => assert_tame(&error),
+    }
+}
+
+/// Any bytes as a PLY: as [`scan_obj`].
+pub fn scan_ply(bytes: &[u8]) {
+    let folder = folder();
+    let path = folder.path().join("a.ply");
+    fs::write(&path, bytes).expect("written");
+    let options = ScanOptions { chunks_in_flight: 1, ..Default::default() };
+    match scan(&[path], folder.path(), &options, &Silent) {
         Ok(scan) => assert_whole(&scan),
         Err(error) => assert_tame(&error),
     }

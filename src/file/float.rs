@@ -33,7 +33,10 @@ pub fn shortest(x: f32, decimals: &mut u32) -> f64 {
             best = Some(shorter);
         }
     } else {
-        let from = if x.to_bits() & MANTISSA != 0 { *decimals + 1 } else { 0 };
+        // Too many decimals for the size of the number tell nothing about fewer.
+        let is_judged =
+            x.to_bits() & MANTISSA != 0 && f64::from(x.abs()) * POWERS_OF_TEN[*decimals as usize] < COUNT_LIMIT;
+        let from = if is_judged { *decimals + 1 } else { 0 };
         best = None;
         for more in from..=DECIMALS_TRIED {
             best = rounded(x, more);

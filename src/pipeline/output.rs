@@ -10,7 +10,7 @@ use crate::base::{Error, Result};
 use crate::file::codec;
 use crate::job::{Step, WorkFolder};
 use crate::os::durable::{DurableFile, folder_of, make_folders};
-use crate::read::{Format, InputChoice, fingerprint};
+use crate::read::{InputChoice, MeshFormat, fingerprint};
 use crate::write::{Companion, Sources, Written, remove_waiting_of, textures_folder, why_unnameable};
 
 /// Longest name of a file in bytes, and the ending of the longest name that is made of the output's name.
@@ -54,7 +54,7 @@ pub(super) fn refuse(choice: &InputChoice, inputs: &[PathBuf], output: &Path, wo
     let (Some(name), false) = (output.file_name(), output.is_dir()) else {
         return refused("the output must be a file, such as out/city.obj");
     };
-    if Format::by_ending(output).is_none() {
+    if MeshFormat::by_ending(output).is_none() {
         return refused("the output is an OBJ or a PLY file: its name must end in .obj or .ply");
     }
     if let Some(why) = why_unnameable(name) {

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use glam::{DVec2, DVec3};
 
 use super::parts::Labels;
-use super::records::Records;
+use super::records::ParsedRecords;
 use crate::base::error::escape_path;
 use crate::base::ordered::both;
 use crate::base::{Error, Findings, Result};
@@ -104,7 +104,7 @@ impl<'a> MeshBuilder<'a> {
     }
 
     /// Adds the findings of a chunk; lines count from `line_base`, and line 0 stands for none.
-    pub(super) fn report(&mut self, records: &Records, line_base: u64) {
+    pub(super) fn report(&mut self, records: &ParsedRecords, line_base: u64) {
         for note in &records.notes {
             for (line, words) in &note.places {
                 let path = escape_path(self.path);
@@ -124,7 +124,7 @@ impl<'a> MeshBuilder<'a> {
     ///
     /// # Errors
     /// Those of the writers.
-    pub(super) fn append_vertices(&mut self, records: &Records) -> Result<()> {
+    pub(super) fn append_vertices(&mut self, records: &ParsedRecords) -> Result<()> {
         let vertex_base = self.positions.len();
         self.positions.append_packed(&records.packed_positions)?;
         self.texcoords.append_packed(&records.packed_texcoords)?;
@@ -149,7 +149,7 @@ impl<'a> MeshBuilder<'a> {
     ///
     /// # Errors
     /// [`Error::Budget`] if names take too much memory, and those of the writers.
-    pub(super) fn append_faces(&mut self, records: &Records, labels: &mut Labels) -> Result<()> {
+    pub(super) fn append_faces(&mut self, records: &ParsedRecords, labels: &mut Labels) -> Result<()> {
         let mut degenerate_count = 0;
         let mut changes = records.changes.iter().peekable();
         let mut first = 0;

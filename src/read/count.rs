@@ -11,7 +11,7 @@ use std::sync::Mutex;
 
 use super::obj::ObjSource;
 use super::ply::PlySource;
-use super::source::{CHUNK_BYTES, Counts, Cutter, Format, MeshSource};
+use super::source::{CHUNK_BYTES, Counts, Cutter, MeshFormat, MeshSource};
 use crate::base::threads::start;
 use crate::base::{Error, Progress, Result};
 use crate::file::packed::RecordBounds;
@@ -28,11 +28,11 @@ pub fn count(inputs: &[PathBuf], threads: usize, progress: &dyn Progress) -> Res
     }
     progress.begin("count", length, "B");
     let (mut counts, mut boxes) = (Counts::default(), Vec::new());
-    for (format, range) in Format::runs(inputs)? {
+    for (format, range) in MeshFormat::runs(inputs)? {
         let inputs = &inputs[range];
         let (own, of_files) = match format {
-            Format::Obj => count_files::<ObjSource>(inputs, threads, progress)?,
-            Format::Ply => count_files::<PlySource>(inputs, threads, progress)?,
+            MeshFormat::Obj => count_files::<ObjSource>(inputs, threads, progress)?,
+            MeshFormat::Ply => count_files::<PlySource>(inputs, threads, progress)?,
         };
         counts.add(&own);
         boxes.extend(of_files);

@@ -19,7 +19,7 @@ use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::file::{OpenFile, chain};
 use super::obj::ObjSource;
-use super::source::{CHUNK_BYTES, Cutter, Format};
+use super::source::{CHUNK_BYTES, Cutter, MeshFormat};
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Progress, Result};
 use crate::file::codec;
@@ -89,7 +89,7 @@ impl Source {
         Self::new(path, fs::canonicalize(path).and_then(|path| known.of(path)))
     }
 
-    /// Records whether a file exists, without reading it.
+    /// ParsedRecords whether a file exists, without reading it.
     ///
     /// # Errors
     /// As [`library`](Source::library).
@@ -151,14 +151,14 @@ pub fn content(path: &Path) -> std::io::Result<(u64, u64)> {
 /// If a file cannot be read; [`Error::Stopped`] if asked to stop.
 pub fn content_hashes(inputs: &[PathBuf], threads: usize, progress: &dyn Progress) -> Result<Vec<u64>> {
     let mut hashes = vec![0; inputs.len()];
-    for (format, range) in Format::runs(inputs)? {
+    for (format, range) in MeshFormat::runs(inputs)? {
         let (first, inputs) = (range.start, &inputs[range]);
         let mut parts: Box<dyn FnMut() -> Option<Result<FilePart>> + Send> = match format {
-            Format::Obj => {
+            MeshFormat::Obj => {
                 let mut cutter = Cutter::<ObjSource>::new(inputs, CHUNK_BYTES);
                 Box::new(move || cutter.next().map(|(_, (file, cut))| cut.map(|cut| (file, cut.chunk.part()))))
             }
-            Format::Ply => Box::new(blocks(inputs)),
+            MeshFormat::Ply => Box::new(blocks(inputs)),
         };
         map_in_order(
             std::iter::from_fn(&mut parts),

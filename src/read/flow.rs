@@ -36,7 +36,7 @@ impl Default for ScanOptions {
 }
 
 /// Consecutive input files of one format, and where what they hold goes.
-pub(super) struct Run<'a> {
+pub(super) struct FormatRun<'a> {
     /// The files.
     pub(super) inputs: &'a [PathBuf],
     /// Index of the first among all inputs.
@@ -58,7 +58,7 @@ struct ChunkResult<S: MeshSource> {
     result: Result<(Cut<S::Chunk>, S::Parsed)>,
 }
 
-impl Run<'_> {
+impl FormatRun<'_> {
     /// Reads the files, and passes each finished one to `keep` in order.
     ///
     /// # Errors

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use glob::Pattern;
 
-use super::source::Format;
+use super::source::MeshFormat;
 use crate::base::error::escape;
 use crate::base::{Error, Findings, Result};
 
@@ -159,7 +159,7 @@ fn read_folder(
         if is_left_out(&path) {
             continue;
         }
-        let is_mesh = Format::by_ending(&path).is_some();
+        let is_mesh = MeshFormat::by_ending(&path).is_some();
         match fs::metadata(&path) {
             Ok(kind) if kind.is_dir() => folders.push(path),
             Ok(kind) if is_mesh && kind.is_file() => found.push(path),

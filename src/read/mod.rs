@@ -5,7 +5,7 @@
 //!             ▲                                                          │
 //!             └────────────────── a ticket per chunk in flight ◀─────────┘
 //! ```
-//! In: mesh files, OBJ or PLY ([`Format`]). Out: one [`StoredPiece`](crate::model::StoredPiece) per file, and the
+//! In: mesh files, OBJ or PLY ([`MeshFormat`]). Out: one [`StoredPiece`](crate::model::StoredPiece) per file, and the
 //! [`Catalogue`] of everything that is not geometry. Invariant: chunks depend on the files alone and are committed in
 //! order, so the result and the text of any error are the same for any number of threads.
 //!
@@ -36,7 +36,7 @@ mod twins;
 
 use std::path::{Path, PathBuf};
 
-use self::flow::Run;
+use self::flow::FormatRun;
 use self::obj::ObjSource;
 use self::parts::Labels;
 use self::ply::PlySource;
@@ -46,7 +46,7 @@ use crate::model::{Catalogue, StoredMesh};
 pub use self::count::count;
 pub use self::flow::ScanOptions;
 pub use self::inputs::{InputChoice, find_inputs, find_inputs_and_idle};
-pub use self::source::{CHUNK_BYTES, Counts, Format};
+pub use self::source::{CHUNK_BYTES, Counts, MeshFormat};
 pub use self::twins::note_twin_boxes;
 
 /// Result of a scan.
@@ -93,9 +93,9 @@ fn scan_in_chunks(
     let mut labels = Labels::new(Allowance::new(options.catalogue_bytes));
     let (mut mesh, mut findings) = (StoredMesh::default(), Findings::default());
     let (mut triangles, mut input_bytes, mut content_hashes, mut libraries) = (0, 0, Vec::new(), Vec::new());
-    for (format, range) in Format::runs(inputs)? {
+    for (format, range) in MeshFormat::runs(inputs)? {
         let (first_index, inputs) = (range.start, &inputs[range]);
-        let run = Run { inputs, first_index, folder, options, chunk_bytes, progress };
+        let run = FormatRun { inputs, first_index, folder, options, chunk_bytes, progress };
         let keep = |file: builder::FinishedFile| {
             mesh.pieces.push(file.piece);
             triangles += file.triangles;
@@ -104,8 +104,8 @@ fn scan_in_chunks(
             libraries.extend(file.libraries);
         };
         match format {
-            Format::Obj => run.read::<ObjSource>(&mut labels, &mut findings, keep)?,
-            Format::Ply => run.read::<PlySource>(&mut labels, &mut findings, keep)?,
+            MeshFormat::Obj => run.read::<ObjSource>(&mut labels, &mut findings, keep)?,
+            MeshFormat::Ply => run.read::<PlySource>(&mut labels, &mut findings, keep)?,
         }
     }
     twins::note_twins(inputs, &content_hashes, &mesh, &mut findings);

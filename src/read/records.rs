@@ -1,4 +1,4 @@
-//! Records of a chunk: the vertices, faces and labels that a worker has parsed, whatever the format.
+//! ParsedRecords of a chunk: the vertices, faces and labels that a worker has parsed, whatever the format.
 //!
 //! ```text
 //! polygon_sizes     3        4            3
@@ -32,7 +32,7 @@ pub struct LabelChange {
     pub polygon: u32,
     /// Label that changes.
     pub kind: LabelKind,
-    /// Name as a range of [`Records::names`].
+    /// Name as a range of [`ParsedRecords::names`].
     pub name: Range<u32>,
 }
 
@@ -52,16 +52,16 @@ const PLACES_MAX: usize = PLACES_PER_KIND;
 
 /// Vertices, faces and labels of a chunk.
 #[derive(Debug, Default)]
-pub struct Records {
+pub struct ParsedRecords {
     /// Positions.
     pub positions: Vec<DVec3>,
     /// Colour of each vertex, NaN for vertices without; empty if no vertex of the chunk has one.
     pub colours: Vec<[f32; 3]>,
     /// Texture coordinates.
     pub texcoords: Vec<DVec2>,
-    /// Positions as stored; filled by [`pack`](Records::pack).
+    /// Positions as stored; filled by [`pack`](ParsedRecords::pack).
     pub packed_positions: PackedBlocks,
-    /// Texture coordinates as stored; filled by [`pack`](Records::pack).
+    /// Texture coordinates as stored; filled by [`pack`](ParsedRecords::pack).
     pub packed_texcoords: PackedBlocks,
     /// Number of corners of each polygon.
     pub polygon_sizes: Vec<u32>,
@@ -83,7 +83,7 @@ pub struct Records {
     pub notes: Vec<Note>,
 }
 
-impl Records {
+impl ParsedRecords {
     /// Clears the records but keeps the buffers of the larger columns.
     pub fn clear(&mut self) {
         let kept = std::mem::take(self);
@@ -130,7 +130,7 @@ impl Records {
         self.positions.push(position);
     }
 
-    /// Records a change. Replaces one that no face has used yet, so that changes without faces take no memory.
+    /// ParsedRecords a change. Replaces one that no face has used yet, so that changes without faces take no memory.
     pub fn push_change(&mut self, kind: LabelKind, name: &[u8]) {
         let polygon = self.polygon_sizes.len() as u32;
         let name = self.push_name(name);
@@ -188,7 +188,7 @@ mod tests {
 
     #[test]
     fn a_thousand_changes_without_faces_are_one() {
-        let mut chunk = Records::default();
+        let mut chunk = ParsedRecords::default();
         for i in 0..1000 {
             chunk.push_change(LabelKind::Material, format!("m{i}").as_bytes());
             chunk.push_change(LabelKind::Group, b"g");
@@ -199,7 +199,7 @@ mod tests {
 
     #[test]
     fn vertices_before_the_first_colour_have_none() {
-        let mut chunk = Records::default();
+        let mut chunk = ParsedRecords::default();
         chunk.push_vertex(DVec3::ZERO, None);
         chunk.push_vertex(DVec3::ZERO, Some([1.0; 3]));
         chunk.push_vertex(DVec3::ZERO, None);

@@ -173,24 +173,24 @@ impl Counts {
 
 /// A format of mesh files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Format {
+pub enum MeshFormat {
     /// Wavefront OBJ.
     Obj,
     /// Stanford PLY.
     Ply,
 }
 
-impl Format {
+impl MeshFormat {
     /// All formats, with the ending of their files in lower case.
-    pub const ALL: [(Format, &str); 2] = [(Format::Obj, "obj"), (Format::Ply, "ply")];
+    pub const ALL: [(MeshFormat, &str); 2] = [(MeshFormat::Obj, "obj"), (MeshFormat::Ply, "ply")];
 
-    /// Format of the files with the ending of a path; `None` for others.
+    /// MeshFormat of the files with the ending of a path; `None` for others.
     pub fn by_ending(path: &Path) -> Option<Self> {
         let ending = path.extension()?;
         Self::ALL.iter().find(|(_, known)| ending.eq_ignore_ascii_case(known)).map(|(format, _)| *format)
     }
 
-    /// Format of a file by its first bytes. Without those of a PLY it is taken for what its ending says, else for an
+    /// MeshFormat of a file by its first bytes. Without those of a PLY it is taken for what its ending says, else for an
     /// OBJ.
     ///
     /// # Errors
@@ -208,7 +208,7 @@ impl Format {
     /// Runs of consecutive files of the same format: the format, and the range of their indices.
     ///
     /// # Errors
-    /// Those of [`of`](Format::of).
+    /// Those of [`of`](MeshFormat::of).
     pub(super) fn runs(inputs: &[PathBuf]) -> Result<Vec<(Self, std::ops::Range<usize>)>> {
         let mut runs: Vec<(Self, std::ops::Range<usize>)> = Vec::new();
         for (index, path) in inputs.iter().enumerate() {

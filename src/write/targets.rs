@@ -12,7 +12,7 @@ use super::copy::{Look, look};
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 use crate::os::durable::{DurableFile, folder_of, make_folders};
-use crate::read::Format;
+use crate::read::MeshFormat;
 
 /// The files that a result depends on: mesh files, material libraries, texture images.
 #[derive(Debug, Clone, Default)]
@@ -149,7 +149,7 @@ impl Targets {
         let folder = fs::canonicalize(folder).map_err(|e| Error::io(folder, "open", e))?;
         let mut mtl_name = stem.to_owned();
         mtl_name.push(".mtl");
-        let mtl = (Format::by_ending(output) != Some(Format::Ply)).then(|| folder.join(mtl_name));
+        let mtl = (MeshFormat::by_ending(output) != Some(MeshFormat::Ply)).then(|| folder.join(mtl_name));
         let targets = Self { mesh: folder.join(name), mtl, folder };
         if targets.mtl.as_ref() == Some(&targets.mesh) {
             return refuse("the output is the OBJ; its MTL takes this name");

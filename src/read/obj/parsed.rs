@@ -10,7 +10,7 @@
 
 use std::ops::Range;
 
-use crate::read::records::{Records, cleared};
+use crate::read::records::{ParsedRecords, cleared};
 
 /// Kind of statement that an index counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,7 +39,7 @@ impl Numbered {
 pub struct Library {
     /// Line in the chunk, from 1.
     pub line: u64,
-    /// The text after the keyword, as a range of [`Records::names`].
+    /// The text after the keyword, as a range of [`ParsedRecords::names`].
     pub name: Range<u32>,
 }
 
@@ -57,7 +57,7 @@ pub struct LineError {
 pub struct ParsedChunk {
     /// Vertices, faces and labels; corners may be relative to the first vertex or texture coordinate of the chunk,
     /// modulo 2³².
-    pub records: Records,
+    pub records: ParsedRecords,
     /// Physical lines of the chunk.
     pub line_count: u64,
     /// Number of `vn` statements.

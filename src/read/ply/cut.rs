@@ -12,8 +12,8 @@ use std::sync::Arc;
 
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::header::{Encoding, HEADER_BYTES_MAX, Header, Scalar};
-use super::layout::{ElementLayout, Layout, Step};
+use super::header::{Encoding, HEADER_BYTES_MAX, PlyHeader, Scalar};
+use super::layout::{ElementLayout, FieldStep, Layout};
 use crate::base::error::escape;
 use crate::base::{Error, Result};
 use crate::read::file::{OpenFile, chain};
@@ -81,7 +81,7 @@ impl PlySource {
         let file = Arc::new(OpenFile::open(path)?);
         let mut text = Vec::new();
         file.read(path, 0, file.length().min(HEADER_BYTES_MAX as u64) as usize, &mut text)?;
-        let header = Header::parse(path, &text)?;
+        let header = PlyHeader::parse(path, &text)?;
         header.check_size(path, file.length())?;
         let (header_bytes, line) = (header.bytes, header.lines + 1);
         let layout = Arc::new(Layout::new(path, header)?);
@@ -259,7 +259,7 @@ impl PlySource {
 
 /// Returns the end of the record that begins at `at`; `most` is the end of the file, counted like `at`.
 fn record_end(
-    steps: &[Step],
+    steps: &[FieldStep],
     encoding: Encoding,
     bytes: &[u8],
     at: usize,
@@ -268,9 +268,9 @@ fn record_end(
     let mut end = at;
     for step in steps {
         end += match step {
-            Step::Skip { bytes, .. } => *bytes,
-            Step::Number { scalar, .. } | Step::TextureNumber(scalar) => scalar.bytes() as usize,
-            Step::List { length, scalar, .. } => {
+            FieldStep::Skip { bytes, .. } => *bytes,
+            FieldStep::Number { scalar, .. } | FieldStep::TextureNumber(scalar) => scalar.bytes() as usize,
+            FieldStep::List { length, scalar, .. } => {
                 let items = list_length(*length, encoding, bytes, end)?;
                 let list_bytes = items * scalar.bytes();
                 let whole = (end - at) as u64 + length.bytes() + list_bytes;

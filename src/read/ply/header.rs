@@ -11,7 +11,7 @@
 //! property list uchar int vertex_indices
 //! end_header
 //! ```
-//! In: the first bytes of a file. Out: a [`Header`]. Lines end in LF, CR LF or CR, as the first one does. Nothing is
+//! In: the first bytes of a file. Out: a [`PlyHeader`]. Lines end in LF, CR LF or CR, as the first one does. Nothing is
 //! allocated by a number in it, and it has at most [`HEADER_BYTES_MAX`].
 //!
 //! # Source
@@ -132,7 +132,7 @@ impl Element {
 
 /// The header of a file.
 #[derive(Debug, Clone)]
-pub(super) struct Header {
+pub(super) struct PlyHeader {
     /// How the records are written.
     pub(super) encoding: Encoding,
     /// The elements in order.
@@ -145,13 +145,13 @@ pub(super) struct Header {
     pub(super) lines: u64,
 }
 
-impl Header {
+impl PlyHeader {
     /// Parses the header at the start of `text`, which ends with it or holds more than [`HEADER_BYTES_MAX`].
     ///
     /// # Errors
     /// [`Error::Input`] at the first faulty line.
     pub(super) fn parse(path: &Path, text: &[u8]) -> Result<Self> {
-        let mut parser = Parser { format: None, elements: Vec::new(), textures: Vec::new() };
+        let mut parser = HeaderParser { format: None, elements: Vec::new(), textures: Vec::new() };
         let end: &[u8] = match text.strip_prefix(b"ply") {
             Some([b'\r', b'\n', ..]) => b"\r\n",
             Some([b'\r', ..]) => b"\r",
@@ -177,7 +177,7 @@ impl Header {
                 let Some(encoding) = parser.format else {
                     return Err(fault("expected a 'format' line before 'end_header'".into()));
                 };
-                let Parser { elements, textures, .. } = parser;
+                let HeaderParser { elements, textures, .. } = parser;
                 return Ok(Self { encoding, elements, textures, bytes: at as u64, lines: line });
             }
             parser.read(statement, line).map_err(fault)?;
@@ -210,13 +210,13 @@ impl Header {
     }
 }
 
-struct Parser {
+struct HeaderParser {
     format: Option<Encoding>,
     elements: Vec<Element>,
     textures: Vec<Vec<u8>>,
 }
 
-impl Parser {
+impl HeaderParser {
     fn read(&mut self, statement: &[u8], line: u64) -> std::result::Result<(), String> {
         let (keyword, rest) = split_keyword(statement);
         match keyword {
@@ -313,8 +313,8 @@ pub(super) fn quote(word: &[u8]) -> String {
 mod tests {
     use super::*;
 
-    fn parse(text: &str) -> std::result::Result<Header, String> {
-        Header::parse(Path::new("a.ply"), text.as_bytes()).map_err(|error| error.to_string())
+    fn parse(text: &str) -> std::result::Result<PlyHeader, String> {
+        PlyHeader::parse(Path::new("a.ply"), text.as_bytes()).map_err(|error| error.to_string())
     }
 
     #[test]

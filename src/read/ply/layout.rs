@@ -7,12 +7,12 @@
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
-use super::header::{Element, Header, Property, Scalar, quote};
+use super::header::{Element, PlyHeader, Property, Scalar, quote};
 use crate::base::{Error, Result};
 
 /// A step in reading a record.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Step {
+pub(super) enum FieldStep {
     /// Numbers that are passed over: how many, and their bytes.
     Skip { words: usize, bytes: usize },
     /// A number of a vertex.
@@ -58,7 +58,7 @@ pub(super) struct ElementLayout {
     /// What the records are.
     pub(super) kind: ElementKind,
     /// The steps in which a record is read.
-    pub(super) steps: Vec<Step>,
+    pub(super) steps: Vec<FieldStep>,
     /// Size of every record in bytes in a binary file; `None` if it has lists.
     pub(super) record_bytes: Option<u64>,
 }
@@ -75,7 +75,7 @@ pub(super) enum Texcoords {
 #[derive(Debug)]
 pub(super) struct Layout {
     /// Its header.
-    pub(super) header: Header,
+    pub(super) header: PlyHeader,
     /// Layout of each element.
     pub(super) elements: Vec<ElementLayout>,
     /// Number of vertices.
@@ -101,7 +101,7 @@ impl Layout {
     ///
     /// # Errors
     /// [`Error::Input`] if the file has no vertices with positions or no faces with indices.
-    pub(super) fn new(path: &Path, header: Header) -> Result<Self> {
+    pub(super) fn new(path: &Path, header: PlyHeader) -> Result<Self> {
         let find = |name: &[u8]| header.elements.iter().find(|element| element.name == name);
         let missing = |words: &str| Error::input(path, 0, words);
         let vertex =
@@ -188,10 +188,13 @@ impl Layout {
                 let words = format!("{} records of element '{}' are ignored", element.count, quote(&element.name));
                 self.notes.push(("unknown_elements", element.line, words));
             }
-            let mut steps: Vec<Step> = Vec::new();
+            let mut steps: Vec<FieldStep> = Vec::new();
             for property in &element.properties {
                 match (self.step(kind, element, property, texcoord_names), steps.last_mut()) {
-                    (Step::Skip { words, bytes }, Some(Step::Skip { words: all_words, bytes: all_bytes })) => {
+                    (
+                        FieldStep::Skip { words, bytes },
+                        Some(FieldStep::Skip { words: all_words, bytes: all_bytes }),
+                    ) => {
                         *all_words += words;
                         *all_bytes += bytes;
                     }
@@ -212,24 +215,24 @@ impl Layout {
         element: &Element,
         property: &Property,
         texcoord_names: Option<&[&[u8]; 2]>,
-    ) -> Step {
+    ) -> FieldStep {
         let Property { name, list, scalar, line } = property;
-        let skip = Step::Skip { words: 1, bytes: scalar.bytes() as usize };
+        let skip = FieldStep::Skip { words: 1, bytes: scalar.bytes() as usize };
         let role = match (kind, list) {
             (ElementKind::Face, Some(_)) if is_vertex_list(name) => ListRole::Vertices,
             (ElementKind::Face, Some(_)) if name == b"texcoord" => ListRole::Texcoords,
             _ => ListRole::Skipped,
         };
         let step = match list {
-            Some(length) => Step::List { role, length: *length, scalar: *scalar },
+            Some(length) => FieldStep::List { role, length: *length, scalar: *scalar },
             None => match kind {
-                ElementKind::Face if name == b"texnumber" => return Step::TextureNumber(*scalar),
+                ElementKind::Face if name == b"texnumber" => return FieldStep::TextureNumber(*scalar),
                 ElementKind::Vertex => {
                     let colour_or_position = if self.has_colours { &NAMES[..] } else { &NAMES[..RED] };
                     let own = colour_or_position.iter().position(|other| other == name);
                     let of_texture = || texcoord_names?.iter().position(|other| other == name).map(|place| U + place);
                     match own.or_else(of_texture) {
-                        Some(role) => return Step::Number { role, scalar: *scalar },
+                        Some(role) => return FieldStep::Number { role, scalar: *scalar },
                         None => skip,
                     }
                 }
@@ -253,7 +256,7 @@ fn is_vertex_list(name: &[u8]) -> bool {
     name == b"vertex_indices" || name == b"vertex_index"
 }
 
-fn has_float_positions(vertex: &Element, header: &Header) -> bool {
+fn has_float_positions(vertex: &Element, header: &PlyHeader) -> bool {
     let is_float = |name: &&[u8]| {
         vertex.properties.iter().any(|property| property.name == **name && property.scalar == Scalar::F32)
     };

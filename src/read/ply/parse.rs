@@ -11,22 +11,22 @@ use glam::{DVec2, DVec3};
 use super::cut::PlyChunk;
 use super::fields::{BinaryFields, FieldResult, Fields, TextFields};
 use super::header::{Encoding, Scalar};
-use super::layout::{ElementKind, ElementLayout, Layout, ListRole, RED, ROLES, Step, Texcoords, U};
+use super::layout::{ElementKind, ElementLayout, FieldStep, Layout, ListRole, RED, ROLES, Texcoords, U};
 use crate::base::{Error, Result};
 use crate::model::NO_TEXCOORD;
 use crate::model::face::POLYGON_CORNERS_MAX;
-use crate::read::records::{LabelKind, Records};
+use crate::read::records::{LabelKind, ParsedRecords};
 
 /// Largest magnitude of positions and texture coordinates: clusters store them as 32-bit floats.
 const COORDINATE_MAX: f64 = f32::MAX as f64;
 /// Number of texture coordinates that are remembered, so that neighbours share them. A power of two.
 const RECENT: usize = 4096;
 
-/// Records of a chunk.
+/// ParsedRecords of a chunk.
 #[derive(Debug, Default)]
 pub struct PlyRecords {
     /// Vertices and faces; corners count texture coordinates from the first of the chunk if they are those of faces.
-    pub(super) records: Records,
+    pub(super) records: ParsedRecords,
     /// Largest magnitude of a coordinate.
     pub(super) largest: f64,
 }
@@ -53,7 +53,7 @@ fn parse_with<F: Fields>(mut fields: F, path: &Path, chunk: &PlyChunk, parsed: &
     let mut vertices = VertexParser { layout: &chunk.layout, largest: 0.0 };
     for record in chunk.first..chunk.first + chunk.count {
         fields.begin();
-        let place = Place { record, line: fields.place().0 };
+        let place = RecordPlace { record, line: fields.place().0 };
         let outcome = match own.kind {
             ElementKind::Vertex => vertices.read(&mut fields, own, &place, records),
             ElementKind::Face => faces.read(&mut fields, own, &place, records),
@@ -76,7 +76,7 @@ fn parse_with<F: Fields>(mut fields: F, path: &Path, chunk: &PlyChunk, parsed: &
 }
 
 /// Which record is read.
-struct Place {
+struct RecordPlace {
     record: u64,
     line: u64,
 }
@@ -92,23 +92,23 @@ impl VertexParser<'_> {
         &mut self,
         fields: &mut F,
         own: &ElementLayout,
-        place: &Place,
-        records: &mut Records,
+        place: &RecordPlace,
+        records: &mut ParsedRecords,
     ) -> FieldResult<()> {
         let mut values = [0.0; ROLES];
         let mut no_decimals = 0;
         for step in &own.steps {
             match *step {
-                Step::Number { role, scalar } if (RED..U).contains(&role) => {
+                FieldStep::Number { role, scalar } if (RED..U).contains(&role) => {
                     values[role] = match scalar {
                         Scalar::F32 | Scalar::F64 => fields.number(scalar, &mut no_decimals)?,
                         _ => fields.number(scalar, &mut no_decimals)? / scalar.whole(),
                     };
                 }
-                Step::Number { role, scalar } if role < RED => {
+                FieldStep::Number { role, scalar } if role < RED => {
                     values[role] = fields.number(scalar, &mut records.position_decimals)?;
                 }
-                Step::Number { role, scalar } => {
+                FieldStep::Number { role, scalar } => {
                     values[role] = fields.number(scalar, &mut records.texcoord_decimals)?;
                 }
                 _ => pass(fields, step)?,
@@ -160,15 +160,15 @@ impl<'a> FaceParser<'a> {
         &mut self,
         fields: &mut F,
         own: &ElementLayout,
-        place: &Place,
-        records: &mut Records,
+        place: &RecordPlace,
+        records: &mut ParsedRecords,
     ) -> FieldResult<()> {
         self.corners.clear();
         self.numbers.clear();
         let mut texture = 0;
         for step in &own.steps {
             match *step {
-                Step::List { role: ListRole::Vertices, length, scalar } => {
+                FieldStep::List { role: ListRole::Vertices, length, scalar } => {
                     for _ in 0..fields.integer(length)? {
                         let vertex = fields.integer(scalar)?;
                         if vertex < 0 || vertex as u64 >= self.layout.vertex_count {
@@ -178,12 +178,12 @@ impl<'a> FaceParser<'a> {
                         self.corners.push(vertex as u32);
                     }
                 }
-                Step::List { role: ListRole::Texcoords, length, scalar } => {
+                FieldStep::List { role: ListRole::Texcoords, length, scalar } => {
                     for _ in 0..fields.integer(length)? {
                         self.numbers.push(fields.number(scalar, &mut records.texcoord_decimals)?);
                     }
                 }
-                Step::TextureNumber(scalar) => texture = fields.integer(scalar)?,
+                FieldStep::TextureNumber(scalar) => texture = fields.integer(scalar)?,
                 _ => pass(fields, step)?,
             }
         }
@@ -192,7 +192,7 @@ impl<'a> FaceParser<'a> {
 
     /// Appends the face whose corners and texture coordinates were read.
     #[inline]
-    fn push(&mut self, texture: i64, place: &Place, records: &mut Records) -> FieldResult<()> {
+    fn push(&mut self, texture: i64, place: &RecordPlace, records: &mut ParsedRecords) -> FieldResult<()> {
         let size = self.corners.len();
         if size < 3 {
             let words = || format!("face {}: a face with {size} corners is ignored", place.record);
@@ -239,7 +239,7 @@ impl<'a> FaceParser<'a> {
 
     /// Appends a texture coordinate, unless the same one came recently; returns its place in the chunk.
     #[inline]
-    fn texcoord_id(&mut self, texcoord: DVec2, records: &mut Records) -> u32 {
+    fn texcoord_id(&mut self, texcoord: DVec2, records: &mut ParsedRecords) -> u32 {
         let bits = texcoord.to_array().map(f64::to_bits);
         let mixed = (bits[0] ^ bits[1].rotate_left(29)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         let known = &mut self.recent[(mixed >> 52) as usize % RECENT];
@@ -254,11 +254,11 @@ impl<'a> FaceParser<'a> {
 
 /// Passes over what a step reads.
 #[inline]
-fn pass<F: Fields>(fields: &mut F, step: &Step) -> FieldResult<()> {
+fn pass<F: Fields>(fields: &mut F, step: &FieldStep) -> FieldResult<()> {
     match *step {
-        Step::Skip { words, bytes } => fields.skip(words, bytes),
-        Step::Number { scalar, .. } | Step::TextureNumber(scalar) => fields.skip(1, scalar.bytes() as usize),
-        Step::List { length, scalar, .. } => {
+        FieldStep::Skip { words, bytes } => fields.skip(words, bytes),
+        FieldStep::Number { scalar, .. } | FieldStep::TextureNumber(scalar) => fields.skip(1, scalar.bytes() as usize),
+        FieldStep::List { length, scalar, .. } => {
             let count = fields.integer(length)?;
             match usize::try_from(count) {
                 Ok(count) => fields.skip(count, count.saturating_mul(scalar.bytes() as usize)),
@@ -270,7 +270,7 @@ fn pass<F: Fields>(fields: &mut F, step: &Step) -> FieldResult<()> {
 
 /// Returns a texture coordinate, 0 0 instead of one that is not finite.
 #[inline]
-fn checked([u, v]: [f64; 2], what: &str, place: &Place, records: &mut Records) -> DVec2 {
+fn checked([u, v]: [f64; 2], what: &str, place: &RecordPlace, records: &mut ParsedRecords) -> DVec2 {
     if u.abs() <= COORDINATE_MAX && v.abs() <= COORDINATE_MAX {
         return DVec2::new(u, v);
     }

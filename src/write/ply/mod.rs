@@ -18,7 +18,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
-pub(super) use self::images::{Images, stage_images, stage_whole_images};
+pub(super) use self::images::{TextureImages, stage_images, stage_whole_images};
 use super::batches::in_order;
 use super::grouping::{Group, Grouping};
 use super::numbering::IdSet;
@@ -43,7 +43,7 @@ const NO_UV: u32 = f32::NAN.to_bits();
 #[derive(Debug)]
 pub(super) struct PlySink {
     file: ResultFile,
-    images: Images,
+    images: TextureImages,
     form: VertexForm,
     /// Count of numbers that were NaN or infinite and are written as 0.
     non_finite: u64,
@@ -62,17 +62,17 @@ struct VertexForm {
 }
 
 /// Positions, colours and normals of a range of vertices.
-struct VertexRun<'a> {
+struct VertexRange<'a> {
     positions: &'a PackedColumn<DVec3>,
     colours: Option<&'a Segment<[f32; 3]>>,
     first_id: u32,
     range: Range<u64>,
-    normals: Normals<'a>,
+    normals: VertexNormals<'a>,
 }
 
 /// Where the normals of a run come from.
 #[derive(Clone, Copy)]
-enum Normals<'a> {
+enum VertexNormals<'a> {
     None,
     /// Of all shared vertices.
     Known(&'a [DVec3]),
@@ -88,7 +88,7 @@ impl PlySink {
     ///
     /// # Errors
     /// If the file cannot be created.
-    pub(super) fn begin(target: &Path, job: u64, images: Images) -> Result<Self> {
+    pub(super) fn begin(target: &Path, job: u64, images: TextureImages) -> Result<Self> {
         let file = ResultFile::create(target, job)?;
         Ok(Self { file, images, form: VertexForm::default(), non_finite: 0, uncoloured: 0 })
     }
@@ -200,7 +200,7 @@ impl MeshSink for PlySink {
             runs(result, form.has_normals, &shared),
             result.share,
             |run| match run.normals {
-                Normals::Of(piece) => own_normals_bytes(piece) + 75 * piece.positions.len(),
+                VertexNormals::Of(piece) => own_normals_bytes(piece) + 75 * piece.positions.len(),
                 _ => BLOCK_BYTES,
             },
             |run| vertex_records(&run, result, form, used),
@@ -263,16 +263,16 @@ fn runs<'a>(
     result: &ResultMesh<'a>,
     has_normals: bool,
     shared_normals: &'a [DVec3],
-) -> impl Iterator<Item = VertexRun<'a>> {
+) -> impl Iterator<Item = VertexRange<'a>> {
     let mesh = result.mesh;
-    let of_shared = if has_normals { Normals::Known(shared_normals) } else { Normals::None };
+    let of_shared = if has_normals { VertexNormals::Known(shared_normals) } else { VertexNormals::None };
     let shared = mesh
         .shared_positions
         .iter()
         .map(move |positions| (positions, mesh.shared_colours.as_ref(), 0, of_shared, BLOCK_RECORDS));
     let own = mesh.pieces.iter().zip(result.numbering).map(move |(piece, ids): (&StoredPiece, &PieceNumbering)| {
         let (normals, block) =
-            if has_normals { (Normals::Of(piece), u64::MAX) } else { (Normals::None, BLOCK_RECORDS) };
+            if has_normals { (VertexNormals::Of(piece), u64::MAX) } else { (VertexNormals::None, BLOCK_RECORDS) };
         (&piece.positions, piece.colours.as_ref(), ids.vertex_base, normals, block)
     });
     shared.chain(own).flat_map(|(positions, colours, first_id, normals, block)| {
@@ -280,18 +280,18 @@ fn runs<'a>(
             u64::MAX => vec![0..positions.len()],
             _ => positions.ranges(block).collect(),
         };
-        ranges.into_iter().map(move |range| VertexRun { positions, colours, first_id, range, normals })
+        ranges.into_iter().map(move |range| VertexRange { positions, colours, first_id, range, normals })
     })
 }
 
-fn vertex_records(run: &VertexRun<'_>, result: &ResultMesh<'_>, form: VertexForm, used: &IdSet) -> Result<Formatted> {
+fn vertex_records(run: &VertexRange<'_>, result: &ResultMesh<'_>, form: VertexForm, used: &IdSet) -> Result<Formatted> {
     let positions = run.positions.window(run.range.clone())?;
     let colours = run.colours.map(|column| column.window(run.range.clone())).transpose()?;
     let own;
     let normals = match run.normals {
-        Normals::None => &[][..],
-        Normals::Known(normals) => &normals[run.range.start as usize..run.range.end as usize],
-        Normals::Of(piece) => {
+        VertexNormals::None => &[][..],
+        VertexNormals::Known(normals) => &normals[run.range.start as usize..run.range.end as usize],
+        VertexNormals::Of(piece) => {
             own = own_normals(result.mesh, piece)?;
             &own[..]
         }
