@@ -86,7 +86,7 @@ pub(super) struct Layout {
     pub(super) has_normals: bool,
     /// Where texture coordinates are.
     pub(super) texcoords: Texcoords,
-    /// Whether positions are binary 32-bit floats, whose digits are limited.
+    /// Whether positions are 32-bit floats, whose digits are limited.
     pub(super) has_float_positions: bool,
     /// Name of the material of each texture image.
     pub(super) materials: Vec<Vec<u8>>,
@@ -134,7 +134,7 @@ impl Layout {
             has_colours: NAMES[RED..].iter().all(|name| has(vertex, name)),
             has_normals: NORMAL_NAMES.iter().all(|name| has(vertex, name)),
             texcoords,
-            has_float_positions: has_float_positions(vertex, &header),
+            has_float_positions: has_float_positions(vertex),
             materials: Vec::new(),
             elements: Vec::new(),
             notes: Vec::new(),
@@ -256,9 +256,9 @@ fn is_vertex_list(name: &[u8]) -> bool {
     name == b"vertex_indices" || name == b"vertex_index"
 }
 
-fn has_float_positions(vertex: &Element, header: &PlyHeader) -> bool {
+fn has_float_positions(vertex: &Element) -> bool {
     let is_float = |name: &&[u8]| {
         vertex.properties.iter().any(|property| property.name == **name && property.scalar == Scalar::F32)
     };
-    header.encoding != super::header::Encoding::Ascii && NAMES[..3].iter().all(is_float)
+    NAMES[..3].iter().all(is_float)
 }

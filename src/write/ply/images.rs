@@ -14,7 +14,7 @@ use crate::write::textures::TextureStage;
 
 /// Texture images of the result.
 #[derive(Debug, Default)]
-pub(in crate::write) struct TextureImages {
+pub(in crate::write) struct PlyImages {
     /// Names as the file refers to them.
     pub(super) names: Vec<Vec<u8>>,
     /// Index of the image of each material of the catalogue.
@@ -31,7 +31,7 @@ pub(in crate::write) fn stage_images(
     catalogue: &Catalogue,
     usage: &Usage,
     textures: &mut TextureStage,
-) -> Result<TextureImages> {
+) -> Result<PlyImages> {
     let used = used_materials(catalogue, usage);
     let mut images = of_materials(catalogue, &used, textures)?;
     let parts = catalogue.parts.iter().zip(&usage.faces_per_part).filter(|&(_, &faces)| faces > 0);
@@ -54,15 +54,12 @@ pub(in crate::write) fn stage_images(
 ///
 /// # Errors
 /// Those of [`TextureStage::reference`].
-pub(in crate::write) fn stage_whole_images(
-    catalogue: &Catalogue,
-    textures: &mut TextureStage,
-) -> Result<TextureImages> {
+pub(in crate::write) fn stage_whole_images(catalogue: &Catalogue, textures: &mut TextureStage) -> Result<PlyImages> {
     of_materials(catalogue, &catalogue.parts.iter().filter_map(|part| part.material).collect(), textures)
 }
 
-fn of_materials(catalogue: &Catalogue, used: &BTreeSet<u32>, textures: &mut TextureStage) -> Result<TextureImages> {
-    let mut images = TextureImages { of_material: vec![None; catalogue.materials.len()], ..TextureImages::default() };
+fn of_materials(catalogue: &Catalogue, used: &BTreeSet<u32>, textures: &mut TextureStage) -> Result<PlyImages> {
+    let mut images = PlyImages { of_material: vec![None; catalogue.materials.len()], ..PlyImages::default() };
     let mut known: HashMap<Vec<u8>, usize> = HashMap::new();
     for &material in used {
         let Some(definition) = &catalogue.materials[material as usize].definition else { continue };

@@ -18,7 +18,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
-pub(super) use self::images::{TextureImages, stage_images, stage_whole_images};
+pub(super) use self::images::{PlyImages, stage_images, stage_whole_images};
 use super::batches::in_order;
 use super::grouping::{Group, Grouping};
 use super::numbering::IdSet;
@@ -43,7 +43,7 @@ const NO_UV: u32 = f32::NAN.to_bits();
 #[derive(Debug)]
 pub(super) struct PlySink {
     file: ResultFile,
-    images: TextureImages,
+    images: PlyImages,
     form: VertexForm,
     /// Count of numbers that were NaN or infinite and are written as 0.
     non_finite: u64,
@@ -88,7 +88,7 @@ impl PlySink {
     ///
     /// # Errors
     /// If the file cannot be created.
-    pub(super) fn begin(target: &Path, job: u64, images: TextureImages) -> Result<Self> {
+    pub(super) fn begin(target: &Path, job: u64, images: PlyImages) -> Result<Self> {
         let file = ResultFile::create(target, job)?;
         Ok(Self { file, images, form: VertexForm::default(), non_finite: 0, uncoloured: 0 })
     }
