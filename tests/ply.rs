@@ -141,7 +141,9 @@ fn a_miniature_in_each_encoding_has_the_result_of_its_obj() {
         }
         let mesh = Miniature::read(&obj);
         let expected = result_of(&obj, "a.ply", &ratio(0.5));
-        for encoding in ENCODINGS {
+        // Text tells how many decimals are meant; a number alone does not if all end in 0.
+        let ends_in_digits = mesh.vertices.iter().flatten().any(|word| !word.ends_with('0'));
+        for encoding in ENCODINGS.into_iter().filter(|encoding| ends_in_digits || *encoding == "ascii") {
             let folder = tempfile::tempdir().unwrap();
             let ply = folder.path().join("in.ply");
             fs::write(&ply, mesh.as_ply(encoding)).unwrap();

@@ -8,7 +8,7 @@ import pytest
 import objlib
 import plylib
 
-MINIATURES = ["closed_sphere", "coloured_sphere", "cube_24_vertices", "seam_strip", "open_border_disk", "bow_tie"]
+MINIATURES = ["closed_sphere", "coloured_sphere", "seam_strip", "open_border_disk", "bow_tie"]
 TOWN_TEXTURES = {"facade": "facade.jpg", "green": "green.jpg", "roof": "roof.jpg", "street": "street.png"}
 
 
