@@ -18,10 +18,6 @@ def tail(path):
     return [line for line in path.read_text().splitlines() if not line.startswith(names)]
 
 
-def corner_positions(position, face):
-    return np.asarray(position)[np.asarray(face)].reshape(-1, 9)
-
-
 @pytest.mark.parametrize("encoding", plylib.ENCODINGS)
 @pytest.mark.parametrize("name", MINIATURES)
 def test_a_miniature_as_ply_gives_the_result_of_its_obj(drystone, tmp_path, name, encoding):
@@ -48,7 +44,12 @@ def test_both_results_are_the_same_surface(drystone, town_results):
     obj, ply, again, back = town_results
     for one, other in [(obj, ply.output), (again, back)]:
         found = json.loads(drystone("compare", one, other, "--json", "--samples", "2000").stdout)
-        assert found["distance"]["symmetric"]["max"] == 0
+        geometry = found["geometry"]
+        # What rounding does to sample points, far from the origin.
+        assert geometry["symmetric"]["max"] < 1e-10 * geometry["diagonal"]
+        assert geometry["area"]["before"] == geometry["area"]["after"]
+        for part in ("topology", "quality"):
+            assert found[part]["before"] == found[part]["after"]
 
 
 def test_faces_and_images_are_those_of_the_obj(town_results):
@@ -61,8 +62,8 @@ def test_faces_and_images_are_those_of_the_obj(town_results):
     assert all((ply.output.parent / name).exists() for name in names)
     assert "property double x" in lines
     found = trimesh.load(ply.output, process=False)
-    assert np.array_equal(found.faces, expected.face)
-    assert np.abs(found.vertices - expected.position).max() == 0
+    # It splits vertices at seams of the texture.
+    assert np.array_equal(found.vertices[found.faces], expected.position[expected.face])
     assert ply.report["repairs"].get("unwritten_statements", 0) > 0
 
 
@@ -122,7 +123,10 @@ def test_what_meshlab_writes_is_read(drystone, town_path, tmp_path):
         found = drystone.simplify(folder / "town.ply", folder, "--ratio", "0.3", name="b.obj")
         assert found.report["faces"]["input"] == expected.report["faces"]["input"]
         assert found.report["faces"]["output"] == expected.report["faces"]["output"]
-        assert sorted(objlib.textures(found.output)) == sorted(f"b_textures/{image}" for image in TOWN_TEXTURES.values())
+        # Without a reader of JPEG it writes names of its own for images.
+        names = [line.split()[-1] for line in plylib.header(folder / "town.ply") if "TextureFile" in line]
+        copied = {f"b_textures/{name}" if (folder / name).exists() else name for name in names}
+        assert set(objlib.textures(found.output)) == copied and "b_textures/street.png" in copied
 
 
 @pytest.mark.parametrize("encoding", plylib.ENCODINGS)

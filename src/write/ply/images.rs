@@ -5,6 +5,7 @@
 
 use std::collections::{BTreeSet, HashMap};
 
+use crate::base::error::escape;
 use crate::base::{Findings, Result, counted};
 use crate::model::Catalogue;
 use crate::model::catalogue::TextureStatement;
@@ -36,17 +37,23 @@ pub(in crate::write) fn stage_images(
     let mut images = of_materials(catalogue, &used, textures)?;
     let parts = catalogue.parts.iter().zip(&usage.faces_per_part).filter(|&(_, &faces)| faces > 0);
     let names: BTreeSet<u32> = parts.flat_map(|(part, _)| [part.object, part.group]).flatten().collect();
-    let lose = |kind: &'static str, what: &str, count: u64, findings: &mut Findings| {
-        if count > 0 {
-            findings.note(kind, || format!("{} not written: a PLY has none", counted(count, what)));
-            findings.count(kind, count - 1);
+    for name in names {
+        let name = escape(&catalogue.names[name as usize]);
+        images.findings.note("unwritten_names", || format!("'{name}' is not written: a PLY has no objects and groups"));
+    }
+    for index in used {
+        let name = || escape(&catalogue.materials[index as usize].output_name);
+        if images.of_material[index as usize].is_none() {
+            let words = || format!("'{}' is not written: it has no image for map_Kd", name());
+            images.findings.note("unwritten_materials", words);
         }
-    };
-    lose("unwritten_names", "name of an object or group", names.len() as u64, &mut images.findings);
-    let bare = used.iter().filter(|&&material| images.of_material[material as usize].is_none()).count() as u64;
-    lose("unwritten_materials", "material without texture image", bare, &mut images.findings);
-    let statements: usize = used.iter().map(|&material| unwritten_statements(catalogue, material)).sum();
-    lose("unwritten_statements", "material statement", statements as u64, &mut images.findings);
+        match unwritten_statements(catalogue, index) as u64 {
+            0 => {}
+            count => images.findings.note("unwritten_statements", || {
+                format!("{} of '{}': a PLY has only the image", counted(count, "statement"), name())
+            }),
+        }
+    }
     Ok(images)
 }
 

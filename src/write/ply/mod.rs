@@ -244,11 +244,7 @@ impl MeshSink for PlySink {
 
     fn finish(&mut self, findings: &mut Findings) -> Result<(u64, u64)> {
         findings.count("non_finite_numbers", self.non_finite);
-        if self.uncoloured > 0 {
-            let words = "vertices have no colour while others do; they are white";
-            findings.note("uncoloured_vertices", || format!("{} {words}", self.uncoloured));
-            findings.count("uncoloured_vertices", self.uncoloured - 1);
-        }
+        findings.count("uncoloured_vertices", self.uncoloured);
         findings.merge(std::mem::take(&mut self.images.findings));
         self.file.seal()
     }
