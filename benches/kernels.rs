@@ -26,7 +26,7 @@ use drystone::mesh::class::classify;
 use drystone::mesh::{Class, ClusterMesh, Rings};
 use drystone::partition::cluster::MaterialArea;
 use drystone::partition::{ClusterSource, Partition, PartitionOptions, TextureScale, cluster, partition, reading};
-use drystone::scan::{Scan, ScanOptions, scan};
+use drystone::read::{Scan, ScanOptions, scan};
 use drystone::simplify::{Engine, Stop};
 
 /// Triangles of a cluster, as the program cuts them by default.

@@ -17,16 +17,17 @@ use drystone::options::{
     Borders, JobOptions, Limits, Normals, Pieces, Seams, SimplifyOptions, Target, TextureFiles, Weld,
 };
 use drystone::pipeline;
-use drystone::scan::{Scan, ScanOptions, scan};
+use drystone::read::{Scan, ScanOptions, scan};
 use xxhash_rust::xxh3::{xxh3_64, xxh3_64_with_seed};
 
 /// A target: its name, which is that of its folder of kept inputs, and what it does.
 pub type FuzzTarget = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [FuzzTarget; 6] = [
+pub const TARGETS: [FuzzTarget; 7] = [
     ("scan_obj", scan_obj),
     ("scan_mtl", scan_mtl),
+    ("scan_ply", scan_ply),
     ("job_files", job_files),
     ("resume", resume),
     ("collapse", collapse),
@@ -60,6 +61,18 @@ pub fn scan_obj(bytes: &[u8]) {
     let folder = folder();
     fs::write(folder.path().join("a.obj"), bytes).expect("written");
     match scanned(folder.path()) {
+        Ok(scan) => assert_whole(&scan),
+        Err(error) => assert_tame(&error),
+    }
+}
+
+/// Any bytes as a PLY: as [`scan_obj`].
+pub fn scan_ply(bytes: &[u8]) {
+    let folder = folder();
+    let path = folder.path().join("a.ply");
+    fs::write(&path, bytes).expect("written");
+    let options = ScanOptions { chunks_in_flight: 1, ..Default::default() };
+    match scan(&[path], folder.path(), &options, &Silent) {
         Ok(scan) => assert_whole(&scan),
         Err(error) => assert_tame(&error),
     }

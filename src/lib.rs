@@ -38,7 +38,7 @@ pub mod model;
 pub mod image;
 
 // Road: from files to a file.
-pub mod scan;
+pub mod read;
 pub mod mesh;
 pub mod partition;
 pub mod render;

@@ -66,6 +66,11 @@ fn kept_material_libraries_are_read_or_refused() {
 }
 
 #[test]
+fn kept_ply_files_are_read_or_refused() {
+    replay("scan_ply");
+}
+
+#[test]
 fn kept_files_of_a_work_folder_are_read_or_refused() {
     replay("job_files");
 }

@@ -12,8 +12,8 @@ use drystone::options::{
     Doubles, JobOptions, Normals, Pieces, Seams, SimplifyOptions, TextureFiles, TexturesOutside, Topology,
 };
 use drystone::pipeline;
+use drystone::read::InputChoice;
 use drystone::report::Status;
-use drystone::scan::InputChoice;
 use glam::DVec3;
 use meshes::{
     Mesh, Sketch, bits, fixture, in_many_clusters, ratio, read, simplify, simplify_text, terrain, torus, town,

@@ -8,8 +8,8 @@ use drystone::measure::{Check, Surface, check, compare_checks, compare_topology,
 use drystone::options::{MetricChoice, SimplifyOptions};
 use drystone::passes::{PassOptions, SeamPolicy};
 use drystone::pipeline::simplify_in_passes;
+use drystone::read::{ScanOptions, scan};
 use drystone::remesh::cvd;
-use drystone::scan::{ScanOptions, scan};
 use glam::{DVec2, DVec3};
 use meshes::{Sketch, noise};
 use proptest::prelude::*;

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use crate::base::{Progress, Result};
 use crate::options::{JobOptions, SimplifyOptions, Target};
 use crate::pipeline;
+use crate::read::InputChoice;
 use crate::report::Report;
-use crate::scan::InputChoice;
 
 /// A run from files to a file, within a memory budget.
 ///

@@ -14,14 +14,14 @@ use crate::base::{Error, Progress, Result};
 use crate::measure::{Check, Regression, Surface, compare_checks, compare_topology, weld_and_check};
 use crate::os::durable::temporary_folder;
 use crate::os::signals::StopSignal;
-use crate::scan::{ScanOptions, find_inputs, scan};
+use crate::read::{ScanOptions, find_inputs, scan};
 
 /// Arguments of `drystone check`.
 #[derive(Debug, Args)]
 pub struct CheckArguments {
-    /// OBJ file
+    /// OBJ or PLY file
     mesh: PathBuf,
-    /// OBJ file that the mesh was made from; only faults that it does not have count then
+    /// OBJ or PLY file that the mesh was made from; only faults that it does not have count then
     #[arg(long, value_name = "FILE")]
     against: Option<PathBuf>,
     /// Print JSON

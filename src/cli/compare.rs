@@ -19,11 +19,11 @@ use crate::options::Limits;
 use crate::os::durable::temporary_folder;
 use crate::os::signals::StopSignal;
 use crate::plan::{memory, scratch};
+use crate::read;
+use crate::read::InputChoice;
 use crate::report::gallery::Relief;
 use crate::report::scene::DrawResources;
 use crate::report::{self, ComparisonPage, ReportKind};
-use crate::scan;
-use crate::scan::InputChoice;
 
 /// Minimum and maximum number of points by area.
 const SAMPLES: std::ops::RangeInclusive<u64> = 1_000..=1_000_000_000;
@@ -31,9 +31,9 @@ const SAMPLES: std::ops::RangeInclusive<u64> = 1_000..=1_000_000_000;
 /// Arguments of `drystone compare`.
 #[derive(Debug, Args)]
 pub struct CompareArguments {
-    /// OBJ file, or a folder: every OBJ in and below it joins one mesh
+    /// OBJ or PLY file, or a folder: every OBJ and PLY in and below it joins one mesh
     original: PathBuf,
-    /// OBJ file made from it, or a folder
+    /// OBJ or PLY file made from it, or a folder
     result: PathBuf,
     /// Write a report: .json for scripts, .html for people; may be repeated
     ///
@@ -181,7 +181,7 @@ impl ComparisonTask {
         }
         let mut input_bytes = 0;
         for mesh in &meshes {
-            let sizes = scan::find_inputs(mesh)?.into_iter().filter_map(|path| path.metadata().ok());
+            let sizes = read::find_inputs(mesh)?.into_iter().filter_map(|path| path.metadata().ok());
             input_bytes += sizes.map(|meta| meta.len()).sum::<u64>();
         }
         let budget = memory::budget_of(limits.memory)?;

@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::flags::heading;
-use crate::scan::InputChoice;
+use crate::read::InputChoice;
 
 /// Arguments of commands that read a mesh.
 #[derive(Debug, Args)]
 pub struct InputArguments {
-    /// OBJ files, or folders: every OBJ in and below them; all join one mesh
+    /// OBJ and PLY files, or folders: every OBJ and PLY in and below them; all join one mesh
     #[arg(required = true, value_name = "INPUT")]
     input: Vec<PathBuf>,
     /// Leave out files and folders of an input folder whose name, or path from that folder on, matches; may be repeated

@@ -37,12 +37,12 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Simplify an OBJ, or every OBJ in and below a folder, into one OBJ
+    /// Simplify an OBJ or a PLY, or all in and below a folder, into one
     #[command(after_help = simplify::MORE, after_long_help = simplify::EXAMPLES)]
     Simplify(Box<simplify::SimplifyArguments>),
     /// Predict what a run takes: clusters, memory, scratch space, time. Reads the input once and writes nothing
     Plan(Box<plan::PlanArguments>),
-    /// Print what an OBJ holds: counts, bounds, materials, seams, boundaries, faults. Works within a memory budget
+    /// Print what a mesh holds: counts, bounds, materials, seams, boundaries, faults. Works within a memory budget
     Inspect(inspect::InspectArguments),
     /// Count cracks, topology faults and folded texture; exit code 1 if any is new. Holds the mesh in memory
     Check(check::CheckArguments),

@@ -9,8 +9,8 @@
 use crate::options::{Drawing, SimplifyOptions, TextureFiles};
 use crate::plan::memory::{self, Sizes};
 use crate::plan::{passes, time};
-use crate::scan;
-use crate::scan::InputChoice;
+use crate::read;
+use crate::read::InputChoice;
 
 /// Approximate bytes of OBJ text for each triangle.
 const BYTES_PER_TRIANGLE: u64 = 70;
@@ -56,7 +56,7 @@ pub struct JobShare {
 impl JobShare {
     /// A run that has not begun, followed by a comparison with `samples` samples.
     pub fn of(input: &InputChoice, options: &SimplifyOptions, samples: u64) -> Self {
-        let files = scan::find_inputs(input).unwrap_or_default();
+        let files = read::find_inputs(input).unwrap_or_default();
         let bytes = files.iter().filter_map(|path| path.metadata().ok()).map(|meta| meta.len()).sum();
         let budget = memory::choose_budget(options);
         let threads = budget.map_or(1, |budget| memory::choose_threads(options.limits.threads, budget)).max(1);

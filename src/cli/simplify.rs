@@ -1,4 +1,4 @@
-//! `drystone simplify`: simplifies one or more OBJ files into one OBJ.
+//! `drystone simplify`: simplifies one or more meshes into one OBJ or PLY.
 
 use std::path::{Path, PathBuf};
 
@@ -21,10 +21,10 @@ use crate::options::{Drawing, ReportNotes, SimplifyOptions};
 use crate::os::durable::make_folders;
 use crate::os::signals::StopSignal;
 use crate::pipeline;
+use crate::read::InputChoice;
 use crate::report;
 use crate::report::Report;
 use crate::report::gallery::Relief;
-use crate::scan::InputChoice;
 
 /// Text after `-h`.
 pub const MORE: &str = "--help has every option, each with its choices, and examples.";
@@ -46,7 +46,7 @@ Examples:
 /// Arguments of `drystone simplify`.
 #[derive(Debug, Args)]
 pub struct SimplifyArguments {
-    /// OBJ file to write; its MTL and textures go beside it
+    /// Mesh file to write, an OBJ or a PLY by its ending; MTL and textures go beside it
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     #[command(flatten)]

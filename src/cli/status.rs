@@ -16,8 +16,10 @@ use crate::base::error::{escape, escape_path};
 use crate::base::{Result, bytes, counted, grouped, json_path};
 use crate::job::{Entry, Step, StepRecord, WorkStatus, look};
 
-/// First bytes of every OBJ that the program writes.
-const OWN_BEGINNING: [u8; 11] = *b"# drystone ";
+/// First bytes of every mesh that the program writes: an OBJ, a PLY.
+const OWN_BEGINNINGS: [&[u8]; 2] = [b"# drystone ", b"ply\nformat binary_little_endian 1.0\ncomment drystone "];
+/// Length of the longest of them.
+const BEGINNING_BYTES: u64 = 60;
 
 /// Arguments of `drystone status`.
 #[derive(Debug, Args)]
@@ -99,9 +101,9 @@ fn finished(work: &Path) -> Option<PathBuf> {
         return None;
     }
     let output = work.with_extension("");
-    let mut beginning = [0; OWN_BEGINNING.len()];
-    File::open(&output).and_then(|mut file| file.read_exact(&mut beginning)).ok()?;
-    (beginning == OWN_BEGINNING).then_some(output)
+    let mut beginning = Vec::new();
+    File::open(&output).and_then(|file| file.take(BEGINNING_BYTES).read_to_end(&mut beginning)).ok()?;
+    OWN_BEGINNINGS.iter().any(|own| beginning.starts_with(own)).then_some(output)
 }
 
 fn print_finished(work: &Path, output: &Path, as_json: bool) -> Result<u8> {
@@ -244,7 +246,10 @@ mod tests {
         std::fs::write(path("ours.obj"), "# drystone 0.1.0\nv 0 0 0\n").unwrap();
         std::fs::write(path("theirs.obj"), "# Blender\nv 0 0 0\n").unwrap();
         std::fs::write(path("short.obj"), "#").unwrap();
-        assert_eq!(finished(&path("ours.obj.work")), Some(path("ours.obj")));
+        std::fs::write(path("ours.ply"), "ply\nformat binary_little_endian 1.0\ncomment drystone 0.1.0\n").unwrap();
+        for ours in ["ours.obj", "ours.ply"] {
+            assert_eq!(finished(&path(&format!("{ours}.work"))), Some(path(ours)));
+        }
         for other in ["theirs.obj.work", "short.obj.work", "none.obj.work", "ours.obj", "ours.obj.other", ".work", ""] {
             assert_eq!(finished(&path(other)), None, "{other}");
         }

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use super::progress::tell;
 use crate::base::error::{escape_path, is_unseen};
 use crate::os::signals::StopSignal;
-use crate::scan::InputChoice;
+use crate::read::InputChoice;
 
 /// Time in which the work may end by itself; then the process exits without waiting, which is safe too.
 const GRACE: Duration = Duration::from_secs(3);

@@ -11,6 +11,7 @@ pub mod codec;
 pub mod name;
 pub mod varint;
 pub mod decimal;
+pub mod float;
 pub mod record_file;
 pub mod column;
 pub mod packed;

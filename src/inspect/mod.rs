@@ -33,9 +33,9 @@ use crate::model::{Catalogue, StoredMesh};
 use crate::os::durable::temporary_folder;
 use crate::partition::{self, Partition, PartitionOptions, TextureScale, cluster};
 use crate::plan::{memory, scratch};
+use crate::read::InputChoice;
+use crate::read::{self, Scan};
 use crate::report::warning_lines;
-use crate::scan::InputChoice;
-use crate::scan::{self, Scan};
 use crate::write::is_texture_there;
 
 /// Memory of a face of a cluster while it is counted, and of its edges that wait to be matched, in bytes.
@@ -128,7 +128,7 @@ fn inspect_in_clusters(
     if options.threads == Some(0) {
         return Err(Error::Usage("`threads: 0`: expected at least 1".into()));
     }
-    let (inputs, idle) = scan::find_inputs_and_idle(input)?;
+    let (inputs, idle) = read::find_inputs_and_idle(input)?;
     let budget = memory::budget_of(options.memory)?;
     let threads = memory::choose_threads(options.threads, budget);
     let work_path = options.work.clone().unwrap_or_else(|| temporary_folder("inspect"));
@@ -146,7 +146,7 @@ fn inspect_in_clusters(
 
     let scan_options = memory::scan_options(budget, threads);
     let Scan { mesh, catalogue, triangles, mut findings, input_bytes, .. } =
-        scan::scan(&inputs, work.path(), &scan_options, progress)?;
+        read::scan(&inputs, work.path(), &scan_options, progress)?;
     let (low, high) = mesh.bounds();
     let (polygons, larger_polygons) = polygons(&mesh, threads)?;
     let polygons = polygons + findings.get("degenerate_faces");

@@ -58,7 +58,7 @@ pub use super::figures::{
 use crate::base::pool::Pool;
 use crate::base::{Error, Findings, Progress, Result};
 use crate::os::system;
-use crate::scan::InputChoice;
+use crate::read::InputChoice;
 
 /// Approximate number of triangles of a cell. The last digits of measured numbers depend on it.
 const CELL_FACES: u64 = 1 << 16;

@@ -1,6 +1,6 @@
 //! The input of a job: scanned, or read back from an earlier process and compared with the files.
 //!
-//! In: the OBJ files, the work folder. Out: what the input holds beside geometry, and where the passes begin.
+//! In: the mesh files, the work folder. Out: what the input holds beside geometry, and where the passes begin.
 //! Invariant: a result of an earlier process is used only after the content of every file that it follows from was
 //! compared.
 
@@ -19,8 +19,8 @@ use crate::model::Catalogue;
 use crate::options::{Pieces, TextureFiles, TexturesOutside};
 use crate::passes::ResumePoint;
 use crate::plan::memory;
-use crate::scan::fingerprint::{self, Contents, Source};
-use crate::scan::{self, Scan, ScanOptions};
+use crate::read::fingerprint::{self, Contents, Source};
+use crate::read::{self, Scan, ScanOptions};
 use crate::write::{self, NamedTexture, Sources, Staged};
 
 /// Catalogue, counts and source files of the input: everything but geometry.
@@ -32,7 +32,7 @@ pub(super) struct Input {
     pub(super) triangles: u64,
     /// Findings of the scan: elements ignored or repaired.
     pub(super) findings: Findings,
-    /// Bytes of OBJ text.
+    /// Bytes of the mesh files.
     pub(super) bytes: u64,
     /// Memory and disk space that the job needs.
     pub(super) need: Requirements,
@@ -122,7 +122,7 @@ impl Reading<'_> {
     }
 
     fn scan(&self, work: &WorkFolder) -> Result<(Input, ResumePoint)> {
-        let scanned = scan::scan(&self.job.inputs, work.path(), &self.scan, self.progress)?;
+        let scanned = read::scan(&self.job.inputs, work.path(), &self.scan, self.progress)?;
         let Scan { mesh, mut catalogue, triangles, findings, input_bytes, content_hashes, libraries } = scanned;
         catalogue.folders = self.folders();
         let textures = self.textures(&catalogue)?;

@@ -40,8 +40,8 @@ use crate::model::Catalogue;
 use crate::options::SimplifyOptions;
 use crate::os::timeline::Recorder;
 use crate::passes::{PassKind, PassOptions, Passes, ResumePoint, Run};
+use crate::read::InputChoice;
 use crate::report::Report;
-use crate::scan::InputChoice;
 
 pub use self::preflight::work_folder;
 

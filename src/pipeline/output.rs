@@ -10,14 +10,14 @@ use crate::base::Result;
 use crate::file::codec;
 use crate::job::{Recalled, Step, WorkFolder};
 use crate::os::durable::folder_of;
-use crate::scan::fingerprint;
+use crate::read::fingerprint;
 use crate::write::{Companion, Written, remove_waiting_of, textures_folder};
 
 /// Result of a process that ended while its files were being renamed to their final names.
 pub(super) enum Earlier {
     /// No result, or it is no longer there.
     Nothing,
-    /// The OBJ is there; its MTL or some textures are missing.
+    /// The mesh is there; its MTL or some textures are missing.
     Obj,
     /// All files are there.
     Whole(Written),
@@ -127,9 +127,9 @@ mod tests {
     #[test]
     fn an_output_that_is_named_like_another_format_is_refused() {
         let folder = tempfile::tempdir().unwrap();
-        for name in ["a.ply", "a", ".obj", "a.obj.gz"] {
+        for name in ["a.stl", "a", ".obj", ".ply", "a.obj.gz"] {
             let words = refusal(Path::new(SPHERE), &folder.path().join(name));
-            assert!(words.contains("must end in .obj"), "{words}");
+            assert!(words.contains("must end in .obj or .ply"), "{words}");
         }
         assert_eq!(folder.path().read_dir().unwrap().count(), 0);
     }

@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 use crate::os::durable::{DurableFile, folder_of, make_folders};
-use crate::scan::InputChoice;
+use crate::read::{InputChoice, MeshFormat};
 use crate::write::{Sources, textures_folder, why_unnameable};
 
 /// Longest name of a file in bytes, and the ending of the longest name that is made of the output's name.
 const NAME_BYTES_MAX: usize = 255;
 const LONGEST_ENDING: &str = ".work-measure";
 
-/// Refuses, before anything is read or written, an output that is no OBJ or one of the inputs, and paths that conflict
+/// Refuses, before anything is read or written, an output that is no OBJ or PLY or one of the inputs, and paths that conflict
 /// with each other.
 pub(super) fn refuse(choice: &InputChoice, inputs: &[PathBuf], output: &Path, work: &Path) -> Result<()> {
     let shown = escape_path(output);
@@ -20,8 +20,8 @@ pub(super) fn refuse(choice: &InputChoice, inputs: &[PathBuf], output: &Path, wo
     let (Some(name), false) = (output.file_name(), output.is_dir()) else {
         return refused("the output must be a file, such as out/city.obj");
     };
-    if !output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj")) {
-        return refused("the output is an OBJ file: its name must end in .obj");
+    if MeshFormat::by_ending(output).is_none() {
+        return refused("the output is an OBJ or a PLY file: its name must end in .obj or .ply");
     }
     if let Some(why) = why_unnameable(name) {
         return refused(why);

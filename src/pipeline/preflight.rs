@@ -9,7 +9,7 @@ use crate::base::{Findings, MemoryBudget, Result};
 use crate::job::{InputFile, Manifest, WorkFolder, folder_bytes};
 use crate::options::{ResumeChoice, SimplifyOptions};
 use crate::plan::{memory, scratch};
-use crate::scan::{InputChoice, find_inputs_and_idle};
+use crate::read::{InputChoice, find_inputs_and_idle};
 
 /// A job that may begin.
 pub(super) struct Preflight<'a> {

@@ -13,8 +13,8 @@ use crate::os::system;
 use crate::partition::numbering::{RANK_BYTES, window_bytes};
 use crate::partition::weight::{ORDINARY_BYTES, limit_bytes};
 use crate::passes::sample;
+use crate::read::{self, ScanOptions};
 use crate::remesh::cvd;
-use crate::scan::{self, ScanOptions};
 use crate::simplify::Anchor;
 use crate::write::SHARE_BYTES_MAX;
 
@@ -23,7 +23,7 @@ const THREAD_BYTES: u64 = 32 * MIB;
 /// Memory of a chunk while it is parsed, for the scan's share of the budget.
 const CHUNK_BYTES: u64 = 4 * CHUNK_TEXT_BYTES;
 /// Memory of a chunk's text; also of a third of a parsed chunk, as exporters write it.
-const CHUNK_TEXT_BYTES: u64 = scan::CHUNK_BYTES;
+const CHUNK_TEXT_BYTES: u64 = read::CHUNK_BYTES;
 /// Factor by which a cluster may exceed the requested size.
 const CLUSTER_EXCESS: f64 = 1.3;
 /// Memory of the partition's buffers that the allocator keeps while clusters are simplified.

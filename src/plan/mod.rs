@@ -4,7 +4,7 @@
 //! the formulas that the run itself reports and checks.
 //!
 //! # Memory
-//! That of [`count`](crate::scan::count).
+//! That of [`count`](crate::read::count).
 
 pub mod memory;
 pub mod passes;
@@ -23,8 +23,8 @@ use crate::base::error::escape_path;
 use crate::base::{Progress, Result, bytes, counted, grouped};
 use crate::options::SimplifyOptions;
 use crate::os::system;
-use crate::scan;
-use crate::scan::InputChoice;
+use crate::read;
+use crate::read::InputChoice;
 
 /// Counts of the input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -89,11 +89,11 @@ pub struct Plan {
 /// [`Plan::refuse_small_disk`] reports a disk that is too small.
 pub fn plan(input: impl Into<InputChoice>, options: &SimplifyOptions, progress: &dyn Progress) -> Result<Plan> {
     options.check()?;
-    let (inputs, mut findings) = scan::find_inputs_and_idle(&input.into())?;
+    let (inputs, mut findings) = read::find_inputs_and_idle(&input.into())?;
     let budget = memory::choose_budget(options)?;
     let threads = memory::choose_threads(options.limits.threads, budget);
-    let (counts, boxes) = scan::count(&inputs, threads, progress)?;
-    scan::note_twin_boxes(&inputs, &boxes, &mut findings);
+    let (counts, boxes) = read::count(&inputs, threads, progress)?;
+    read::note_twin_boxes(&inputs, &boxes, &mut findings);
     let target = options.most_faces(counts.triangles);
     let sizes = Sizes::of(counts.triangles, counts.vertices, options);
     let passes = passes::forecast(&sizes, options.pass_count(counts.triangles));

@@ -19,7 +19,7 @@ use super::passes::{self, PassForecast};
 use crate::base::{Error, MemoryBudget, Result, bytes};
 use crate::os::system;
 use crate::partition::numbering::fit_one_window;
-use crate::scan::Counts;
+use crate::read::Counts;
 
 /// Scratch space for each byte of OBJ text, before anything has been read; the smallest measured value.
 const SCRATCH_PER_INPUT: f64 = 0.3;

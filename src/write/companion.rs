@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use crate::file::codec;
-use crate::scan::fingerprint;
+use crate::read::fingerprint;
 
 /// A file of the result other than the OBJ.
 #[derive(Debug, Clone, Serialize, Deserialize)]

@@ -1,14 +1,15 @@
-//! Writes a stored mesh as one OBJ with its MTL and textures.
+//! Writes a stored mesh as one OBJ with its MTL and textures, or as one PLY with its textures.
 //!
 //! In: a [`StoredMesh`] and the [`Catalogue`] of its parts. Out: the files of the result, which get their final names
-//! only once all of them are complete: textures, then the MTL, then the OBJ. Invariant: the bytes depend on the mesh,
+//! only once all of them are complete: textures, then the MTL, then the mesh. The ending of the output chooses the
+//! format, a [`MeshSink`](sink::MeshSink). Invariant: the bytes depend on the mesh,
 //! the catalogue and the options, not on the memory or the number of threads. Vertices and texture coordinates keep the
 //! stored order; unused ones are left out. The faces of a part are consecutive, in the stored order.
 //!
 //! ```text
 //!  faces ──► usage ──► numbers of vertices and texcoords ──┐
 //!                                                          ▼
-//!  columns ──► v, vt lines      pieces ──► vn lines, numbered faces ──► grouped by part ──► f lines
+//!  columns ──► vertices, texcoords      pieces ──► normals, numbered faces ──► grouped by part ──► faces
 //!  catalogue ──► textures, MTL
 //! ```
 //!
@@ -24,18 +25,22 @@ mod batches;
 mod companion;
 mod copy;
 mod grouping;
-mod mtl;
+mod losses;
 mod normals;
-mod number;
 mod numbering;
 mod obj;
 mod options;
+mod order;
 mod paths;
+mod ply;
+mod result_file;
 mod signature;
+mod sink;
 mod targets;
 #[cfg(test)]
 mod tests;
 mod textures;
+mod vertex_normals;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -43,16 +48,17 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
-use self::batches::in_order;
 pub use self::companion::{Companion, CopiedTexture};
 use self::copy::{Look, look};
-use self::grouping::Grouping;
-pub use self::mtl::texture_count;
-use self::normals::{PieceNormals, SharedNormals, piece_bytes, piece_normals};
+use self::losses::note_losses;
+pub use self::losses::texture_count;
 use self::numbering::Usage;
-use self::obj::{CornerForm, ObjFile, PartOrder};
+use self::obj::{ObjSink, mtl};
 pub use self::options::{Textures, WriteOptions};
+use self::order::PartOrder;
 pub use self::paths::{NamedTexture, is_texture_there, named_textures};
+use self::ply::PlySink;
+use self::sink::{CornerForm, MeshSink, ResultMesh};
 use self::targets::Targets;
 pub use self::targets::{Sources, textures_folder, why_unnameable};
 use self::textures::TextureStage;
@@ -60,9 +66,7 @@ use crate::base::bytes::MIB;
 use crate::base::error::escape_path;
 use crate::base::{Error, Findings, Progress, Result};
 use crate::job::Recalled;
-use crate::model::corners::FaceReader;
-use crate::model::stored_mesh::PieceNumbering;
-use crate::model::{Catalogue, NO_TEXCOORD, StoredMesh, StoredPiece};
+use crate::model::{Catalogue, StoredMesh};
 use crate::os::durable::{DurableFile, folder_of, lock_while_open, remove_waiting};
 
 /// Smallest memory in bytes for the grouping, and for work in flight.
@@ -73,20 +77,20 @@ pub const SHARE_BYTES_MAX: u64 = 8 * MIB;
 /// The result as written.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Written {
-    /// Number of `v` lines.
+    /// Number of vertices.
     pub vertices: u64,
-    /// Number of `vt` lines.
+    /// Number of texture coordinates that are used.
     pub texcoords: u64,
-    /// Number of `f` lines.
+    /// Number of faces.
     pub faces: u64,
-    /// Length of the OBJ in bytes.
+    /// Length of the mesh file in bytes.
     pub bytes: u64,
-    /// XXH3 of the OBJ.
+    /// XXH3 of the mesh file.
     pub hash: u64,
     /// The MTL and the textures.
     pub companions: Vec<Companion>,
-    /// Textures that were missing (`missing_texture`) or left in place (`refused_texture`), and numbers replaced by 0
-    /// (`non_finite_numbers`).
+    /// Textures that were missing (`missing_texture`) or left in place (`refused_texture`), numbers replaced by 0
+    /// (`non_finite_numbers`), and what the format cannot hold.
     pub findings: Findings,
 }
 
@@ -105,10 +109,10 @@ pub struct Staged {
     textures: TextureStage,
     /// With the state of the file that it replaces.
     mtl: Option<(DurableFile, Look)>,
-    obj: ObjFile,
+    sink: Box<dyn MeshSink>,
     targets: Targets,
     force: bool,
-    may_replace_obj: bool,
+    may_replace_mesh: bool,
 }
 
 impl Staged {
@@ -127,7 +131,7 @@ impl Staged {
         &self.textures.left_out
     }
 
-    /// Renames the files to their final names: textures, then the MTL, then the OBJ.
+    /// Renames the files to their final names: textures, then the MTL, then the mesh.
     ///
     /// # Errors
     /// [`Error::NoSpace`] and [`Error::Io`] from the file system; [`Error::Usage`] and [`Error::Changed`] if another
@@ -145,23 +149,23 @@ impl Staged {
             let shown = escape_path(path);
             Err(Error::Usage(format!("{shown}: was written by another process meanwhile; `force` replaces it")))
         };
-        if !self.may_replace_obj && self.targets.obj.symlink_metadata().is_ok() {
-            return appeared(&self.targets.obj);
+        if !self.may_replace_mesh && self.targets.mesh.symlink_metadata().is_ok() {
+            return appeared(&self.targets.mesh);
         }
         if !self.force {
-            let mtl = self.mtl.as_ref().map(|(_, looked)| (self.targets.mtl.as_path(), looked));
+            let mtl = self.targets.mtl.as_deref().zip(self.mtl.as_ref().map(|(_, looked)| looked));
             if let Some((path, _)) = self.textures.replaced().chain(mtl).find(|(path, looked)| look(path) != **looked) {
                 return appeared(path);
             }
         }
         self.textures.commit()?;
         self.mtl.map(|(mtl, _)| mtl.commit()).transpose()?;
-        self.obj.commit()?;
+        self.sink.commit()?;
         Ok(self.written)
     }
 }
 
-/// Writes the mesh to `output` (an OBJ), with its MTL and its textures beside it.
+/// Writes the mesh to `output` (an OBJ or a PLY), with its MTL and its textures beside it.
 ///
 /// # Errors
 /// Those of [`stage`] and of [`Staged::commit`].
@@ -176,27 +180,31 @@ pub fn write(
     stage(mesh, catalogue, output, work_folder, options, progress)?.commit(progress)
 }
 
-/// Refuses an output whose OBJ, MTL or textures would replace files that they must not, before any work is done.
+/// Refuses an output whose mesh, MTL or textures would replace files that they must not, before any work is done.
 /// Accepts a part of the same MTL and the same textures, which an interrupted process may have left. If `was_writing`,
-/// checks the OBJ and the files of the input alone.
+/// checks the mesh and the files of the input alone.
 ///
 /// # Errors
 /// [`Error::Usage`] that names the file in the way.
 pub fn check_output(output: &Path, catalogue: &Catalogue, options: &WriteOptions, was_writing: bool) -> Result<()> {
-    let targets = Targets::choose(output, &options.sources, options.may_replace_obj())?;
+    let targets = Targets::choose(output, &options.sources, options.may_replace_mesh())?;
     // NOTE: a texture that is no longer used may have left its name to another one.
     if was_writing {
         return Ok(());
     }
-    if look(&targets.mtl).is_none() && look(&targets.textures()).is_none() {
+    if targets.mtl.as_deref().is_none_or(|mtl| look(mtl).is_none()) && look(&targets.textures()).is_none() {
         return Ok(());
     }
     let mut textures = TextureStage::rehearsal(options, &targets, catalogue);
-    let library = mtl::whole_library(catalogue, &mut textures)?;
-    if let Some(whole) = library {
-        targets.check_mtl(&whole, options.force)?;
+    match &targets.mtl {
+        Some(mtl) => {
+            if let Some(whole) = mtl::whole_library(catalogue, &mut textures)? {
+                targets.check_mtl(mtl, &whole, options.force)?;
+            }
+        }
+        None => _ = ply::stage_whole_images(catalogue, &mut textures)?,
     }
-    textures.check_targets(&[&targets.obj, &targets.mtl])
+    textures.check_targets(&targets.files())
 }
 
 /// Removes temporary files that an interrupted process of the job left beside an output.
@@ -208,7 +216,7 @@ pub fn remove_waiting_of(output: &Path, job: u64) {
     }
 }
 
-/// Writes the mesh beside `output` (an OBJ) under temporary names, with its MTL and its textures.
+/// Writes the mesh beside `output` (an OBJ or a PLY) under temporary names, with its MTL and its textures.
 ///
 /// # Errors
 /// [`Error::Usage`] if the output exists and `force` is not set, or if it is a file of the input; [`Error::NoSpace`]
@@ -223,125 +231,72 @@ pub fn stage(
     progress: &dyn Progress,
 ) -> Result<Staged> {
     progress.begin("collect", 0, "");
-    let targets = Targets::choose(output, &options.sources, options.may_replace_obj())?;
-    remove_waiting_of(&targets.obj, options.job);
+    let targets = Targets::choose(output, &options.sources, options.may_replace_mesh())?;
+    remove_waiting_of(&targets.mesh, options.job);
     let numbering = mesh.numbering()?;
-    let mut usage = Usage::sweep(mesh, &numbering, catalogue.parts.len(), options.normals)?;
+    let counts_corners = options.normals && targets.mtl.is_some();
+    let mut usage = Usage::sweep(mesh, &numbering, catalogue.parts.len(), counts_corners)?;
     let share = (options.work_bytes.saturating_sub(usage.memory_bytes()) / 2).clamp(SHARE_BYTES_MIN, SHARE_BYTES_MAX);
-
     if options.textures == Textures::Copy && catalogue.has_texcoords {
         progress.begin("textures", 0, "");
     }
     let mut textures = TextureStage::new(options, &targets, catalogue);
-    let library = mtl::library(catalogue, &usage, &mut textures)?;
-    textures.check_targets(&[&targets.obj, &targets.mtl])?;
+    note_losses(catalogue, &usage, &mut textures.findings);
+    let Begun { mut sink, mtl, companions } = begin(&targets, catalogue, &usage, &mut textures, options)?;
+
+    let lines = [usage.vertices.len(), usage.texcoords.len(), mesh.face_count()];
+    progress.begin("write", lines.iter().sum(), "lines");
+    let form = CornerForm { texcoords: usage.has_texcoords(), normals: options.normals };
+    let order = PartOrder::new(catalogue, &usage);
+    let corners_per_shared = std::mem::take(&mut usage.corners_per_shared);
+    let (numbering, usage) = (&numbering[..], &usage);
+    let mut result =
+        ResultMesh { mesh, catalogue, numbering, usage, corners_per_shared, order, form, share, work_folder, progress };
+    sink.vertices(&result)?;
+    progress.advance(lines[0]);
+    sink.texcoords(&result)?;
+    progress.advance(lines[1]);
+    sink.faces(&mut result)?;
+
+    let mut findings = Findings::default();
+    // Anything that can still fail must fail before the first file gets its final name.
+    let (bytes, hash) = sink.finish(&mut findings)?;
+    findings.merge(std::mem::take(&mut textures.findings));
+    let [vertices, texcoords, faces] = lines;
+    let written = Written { vertices, texcoords, faces, bytes, hash, companions, findings };
+    let (force, may_replace_mesh) = (options.force, options.may_replace_mesh());
+    Ok(Staged { written, textures, mtl, sink, targets, force, may_replace_mesh })
+}
+
+/// A result that has begun: its mesh file, and the files beside it.
+struct Begun {
+    sink: Box<dyn MeshSink>,
+    mtl: Option<(DurableFile, Look)>,
+    companions: Vec<Companion>,
+}
+
+/// Stages the textures and what names them, and creates the mesh file.
+fn begin(
+    targets: &Targets,
+    catalogue: &Catalogue,
+    usage: &Usage,
+    textures: &mut TextureStage,
+    options: &WriteOptions,
+) -> Result<Begun> {
+    let Some(path) = &targets.mtl else {
+        let images = ply::stage_images(catalogue, usage, textures)?;
+        textures.check_targets(&targets.files())?;
+        let sink = Box::new(PlySink::begin(&targets.mesh, options.job, images)?);
+        return Ok(Begun { sink, mtl: None, companions: std::mem::take(&mut textures.companions) });
+    };
+    let library = mtl::library(catalogue, usage, textures)?;
+    textures.check_targets(&targets.files())?;
     let mut companions = std::mem::take(&mut textures.companions);
     let mut mtl = None;
     if let Some(text) = library {
-        mtl = Some(targets.begin_mtl(&text, options.force, options.job)?);
-        companions.push(Companion { path: targets.mtl.clone(), content: Some((text.len() as u64, xxh3_64(&text))) });
+        mtl = Some(targets.begin_mtl(path, &text, options.force, options.job)?);
+        companions.push(Companion { path: path.clone(), content: Some((text.len() as u64, xxh3_64(&text))) });
     }
-
-    let mut obj = ObjFile::create(&targets.obj, options.job, mtl.is_some().then(|| targets.library_name()))?;
-    let lines = [usage.vertices.len(), usage.texcoords.len(), mesh.face_count()];
-    progress.begin("write", lines.iter().sum(), "lines");
-    obj.vertices(mesh, &numbering, &usage.vertices, share)?;
-    progress.advance(lines[0]);
-    obj.texcoords(mesh, &numbering, &usage.texcoords, share)?;
-    progress.advance(lines[1]);
-
-    let form = CornerForm { texcoords: usage.has_texcoords(), normals: options.normals };
-    let order = PartOrder::new(catalogue, &usage);
-    let corners = std::mem::take(&mut usage.corners_per_shared);
-    let shared = SharedNormals::gather(mesh, corners, share, work_folder, |normals| obj.normals(normals))?;
-    let faces = Grouping::new(order.counts(&usage), form.words(), share, &work_folder.join("write-faces.tmp"))?;
-    let faces = Numberer { mesh, numbering: &numbering, usage: &usage, order: &order, form, shared: &shared }
-        .number_faces(faces, share, &mut obj)?;
-    obj.faces(faces, form, &order, catalogue, share, progress)?;
-
-    let mut findings = Findings::default();
-    findings.count("non_finite_numbers", obj.non_finite);
-    findings.merge(std::mem::take(&mut textures.findings));
-    let (bytes, hash) = obj.content();
-    let written = Written {
-        vertices: usage.vertices.len(),
-        texcoords: usage.texcoords.len(),
-        faces: mesh.face_count(),
-        bytes,
-        hash,
-        companions,
-        findings,
-    };
-    // Anything that can still fail must fail before the first file gets its final name.
-    obj.seal()?;
-    let (force, may_replace_obj) = (options.force, options.may_replace_obj());
-    Ok(Staged { written, textures, mtl, obj, targets, force, may_replace_obj })
-}
-
-/// Converts the faces to the numbering of the result.
-struct Numberer<'a> {
-    mesh: &'a StoredMesh,
-    numbering: &'a [PieceNumbering],
-    usage: &'a Usage,
-    order: &'a PartOrder,
-    form: CornerForm,
-    shared: &'a SharedNormals,
-}
-
-impl Numberer<'_> {
-    /// Adds every face to `faces`, and writes the normals at the pieces' own vertices to the OBJ.
-    fn number_faces(&self, mut faces: Grouping, memory_bytes: u64, obj: &mut ObjFile) -> Result<Grouping> {
-        let mut reader = FaceReader::default();
-        let mut normal_count = u64::from(self.shared.count);
-        in_order(
-            self.mesh.pieces.iter().zip(self.numbering),
-            memory_bytes,
-            |(piece, _)| if self.form.normals { piece_bytes(piece) } else { 0 },
-            |(piece, ids)| match self.form.normals {
-                true => Ok((piece, ids, piece_normals(self.mesh, piece, self.shared)?)),
-                false => Ok((piece, ids, PieceNormals::default())),
-            },
-            |(piece, ids, normals)| {
-                obj.normals(&normals.unique)?;
-                let first_normal = normal_count;
-                normal_count += normals.unique.len() as u64;
-                if normal_count >= u64::from(u32::MAX) {
-                    return Err(Error::Limit("the result has more than 2³² normals; leave the normals out".into()));
-                }
-                self.number_piece(piece, ids, &normals.corners, first_normal as u32, &mut reader, &mut faces)
-            },
-        )?;
-        Ok(faces)
-    }
-
-    fn number_piece(
-        &self,
-        piece: &StoredPiece,
-        ids: &PieceNumbering,
-        corner_normals: &[u32],
-        first_normal: u32,
-        reader: &mut FaceReader,
-        faces: &mut Grouping,
-    ) -> Result<()> {
-        let mut corner_normals = corner_normals.chunks_exact(3);
-        let mut numbered = Vec::with_capacity(9);
-        reader.each_block(piece, |block| {
-            for face in block {
-                let face = ids.globalise(face);
-                numbered.clear();
-                numbered.extend(face.vertices.map(|v| self.usage.vertices.rank(v) + 1));
-                if self.form.texcoords {
-                    let number = |t| if t == NO_TEXCOORD { 0 } else { self.usage.texcoords.rank(t) + 1 };
-                    numbered.extend(face.texcoords.map(number));
-                }
-                if let Some(normals) = corner_normals.next() {
-                    let own_base = first_normal - self.shared.count;
-                    let number = |&n: &u32| if n < self.shared.count { n + 1 } else { n + own_base + 1 };
-                    numbered.extend(normals.iter().map(number));
-                }
-                faces.push(self.order.place(face.part), &numbered)?;
-            }
-            Ok(())
-        })
-    }
+    let sink = Box::new(ObjSink::begin(&targets.mesh, options.job, mtl.is_some().then(|| targets.library_name()))?);
+    Ok(Begun { sink, mtl, companions })
 }

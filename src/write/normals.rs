@@ -74,7 +74,8 @@ fn face_normal(positions: [DVec3; 3]) -> ([f32; 3], [f32; 3]) {
     ([normal.x as f32, normal.y as f32, normal.z as f32], [angle(ab, -ca), angle(bc, -ab), angle(ca, -bc)])
 }
 
-fn vector(normal: [f32; 3]) -> DVec3 {
+/// A normal as a vector.
+pub(super) fn vector(normal: [f32; 3]) -> DVec3 {
     let [x, y, z] = normal.map(f64::from);
     DVec3::new(x, y, z)
 }
@@ -130,7 +131,8 @@ fn number_normals(normals: &[RoundedNormal], unique: &mut Vec<RoundedNormal>, nu
     numbers.extend(normals.iter().map(|n| (first + unique[first..].partition_point(|other| other < n)) as u32));
 }
 
-fn normal_of(piece: &PieceCorners, corners: &[u32]) -> ([f32; 3], [f32; 3]) {
+/// Normal and angles of a face of a piece.
+pub(super) fn normal_of(piece: &PieceCorners, corners: &[u32]) -> ([f32; 3], [f32; 3]) {
     face_normal([0, 1, 2].map(|k| piece.position(corners[k])))
 }
 
@@ -261,7 +263,8 @@ impl Drop for SharedNormals {
     }
 }
 
-fn touches_shared(piece: &StoredPiece) -> bool {
+/// Reports whether a face of a piece has a shared vertex.
+pub(super) fn touches_shared(piece: &StoredPiece) -> bool {
     piece.faces.blocks().iter().any(|block| u64::from(block.vertices.end) > piece.positions.len())
 }
 

@@ -25,7 +25,7 @@ pub struct WriteOptions {
     pub normals: bool,
     /// Whether an existing result may be replaced.
     pub force: bool,
-    /// Whether an existing OBJ was written by this job; it may then always be replaced.
+    /// Whether an existing mesh file was written by this job; it may then always be replaced.
     pub replaces_own: bool,
     /// Memory for this phase in bytes; below 32 MiB it uses somewhat more.
     pub work_bytes: u64,
@@ -36,8 +36,8 @@ pub struct WriteOptions {
 }
 
 impl WriteOptions {
-    /// Reports whether an existing OBJ may be replaced.
-    pub(super) fn may_replace_obj(&self) -> bool {
+    /// Reports whether an existing mesh file may be replaced.
+    pub(super) fn may_replace_mesh(&self) -> bool {
         self.force || self.replaces_own
     }
 }

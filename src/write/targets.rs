@@ -1,6 +1,6 @@
 //! Chooses the paths of the result, and refuses to replace files that must be kept.
 //!
-//! In: the path of the output, and the files that the result depends on. Out: paths of the OBJ and the MTL in a
+//! In: the path of the output, and the files that the result depends on. Out: paths of the mesh and the MTL in a
 //! canonical folder. Invariant: no target is a file of the input, by whatever name either is given.
 
 use std::collections::{HashMap, HashSet};
@@ -12,8 +12,9 @@ use super::copy::{Look, look};
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 use crate::os::durable::{DurableFile, folder_of, make_folders};
+use crate::read::MeshFormat;
 
-/// The files that a result depends on: OBJ files, material libraries, texture images.
+/// The files that a result depends on: mesh files, material libraries, texture images.
 #[derive(Debug, Clone, Default)]
 pub struct Sources {
     /// Their directory entries: canonical paths, and the paths as named with the folder made canonical.
@@ -124,8 +125,10 @@ pub fn textures_folder(output: &Path) -> PathBuf {
 #[derive(Debug)]
 pub(super) struct Targets {
     pub(super) folder: PathBuf,
-    pub(super) obj: PathBuf,
-    pub(super) mtl: PathBuf,
+    /// The OBJ or PLY.
+    pub(super) mesh: PathBuf,
+    /// The MTL of an OBJ.
+    pub(super) mtl: Option<PathBuf>,
 }
 
 impl Targets {
@@ -146,11 +149,12 @@ impl Targets {
         let folder = fs::canonicalize(folder).map_err(|e| Error::io(folder, "open", e))?;
         let mut mtl_name = stem.to_owned();
         mtl_name.push(".mtl");
-        let targets = Self { obj: folder.join(name), mtl: folder.join(mtl_name), folder };
-        if targets.obj == targets.mtl {
+        let mtl = (MeshFormat::by_ending(output) != Some(MeshFormat::Ply)).then(|| folder.join(mtl_name));
+        let targets = Self { mesh: folder.join(name), mtl, folder };
+        if targets.mtl.as_ref() == Some(&targets.mesh) {
             return refuse("the output is the OBJ; its MTL takes this name");
         }
-        for target in [&targets.obj, &targets.mtl] {
+        for target in targets.files() {
             if target.is_dir() {
                 return Err(Error::Usage(format!("{}: is a folder; choose another output", escape_path(target))));
             }
@@ -161,7 +165,7 @@ impl Targets {
                 )));
             }
         }
-        if !force && targets.obj.symlink_metadata().is_ok() {
+        if !force && targets.mesh.symlink_metadata().is_ok() {
             return refuse("exists; `force` replaces it");
         }
         Ok(targets)
@@ -169,52 +173,57 @@ impl Targets {
 
     /// Folder for the textures.
     pub(super) fn textures(&self) -> PathBuf {
-        textures_folder(&self.obj)
+        textures_folder(&self.mesh)
+    }
+
+    /// The mesh file and the MTL.
+    pub(super) fn files(&self) -> Vec<&Path> {
+        std::iter::once(&self.mesh).chain(&self.mtl).map(PathBuf::as_path).collect()
     }
 
     /// Name of the MTL as the OBJ refers to it.
     pub(super) fn library_name(&self) -> &[u8] {
-        self.mtl.file_name().unwrap_or_default().as_encoded_bytes()
+        self.mtl.as_deref().and_then(Path::file_name).unwrap_or_default().as_encoded_bytes()
     }
 
     /// Refuses to replace an MTL that is not a part of `whole`.
     ///
     /// # Errors
     /// [`Error::Usage`] if there is one and `force` is not set.
-    pub(super) fn check_mtl(&self, whole: &[u8], force: bool) -> Result<()> {
+    pub(super) fn check_mtl(&self, mtl: &Path, whole: &[u8], force: bool) -> Result<()> {
         let is_ours = || {
-            fs::metadata(&self.mtl).is_ok_and(|found| found.len() <= whole.len() as u64)
-                && fs::read(&self.mtl).is_ok_and(|found| is_part_of(&found, whole))
+            fs::metadata(mtl).is_ok_and(|found| found.len() <= whole.len() as u64)
+                && fs::read(mtl).is_ok_and(|found| is_part_of(&found, whole))
         };
-        if look(&self.mtl).is_some() && !force && !is_ours() {
-            return Err(self.mtl_exists());
+        if look(mtl).is_some() && !force && !is_ours() {
+            return Err(exists(mtl));
         }
         Ok(())
-    }
-
-    fn mtl_exists(&self) -> Error {
-        Error::Usage(format!("{}: exists; `force` replaces it", escape_path(&self.mtl)))
     }
 
     /// Writes the MTL under a temporary name; also returns the state of the file that it replaces.
     ///
     /// # Errors
     /// [`Error::Usage`] if a different MTL exists and `force` is not set; those of the file system.
-    pub(super) fn begin_mtl(&self, text: &[u8], force: bool, job: u64) -> Result<(DurableFile, Look)> {
+    pub(super) fn begin_mtl(&self, mtl: &Path, text: &[u8], force: bool, job: u64) -> Result<(DurableFile, Look)> {
         // NOTE: the same MTL may exist already, left by a run that was killed before it renamed its OBJ.
-        let before = look(&self.mtl);
+        let before = look(mtl);
         let same = || {
-            fs::metadata(&self.mtl).is_ok_and(|found| found.len() == text.len() as u64)
-                && fs::read(&self.mtl).is_ok_and(|found| found == text)
+            fs::metadata(mtl).is_ok_and(|found| found.len() == text.len() as u64)
+                && fs::read(mtl).is_ok_and(|found| found == text)
         };
         if before.is_some() && !force && !same() {
-            return Err(self.mtl_exists());
+            return Err(exists(mtl));
         }
-        let mut file = DurableFile::create_outside(&self.mtl, job, 64 << 10)?;
+        let mut file = DurableFile::create_outside(mtl, job, 64 << 10)?;
         file.write(text)?;
         file.seal()?;
         Ok((file, before))
     }
+}
+
+fn exists(path: &Path) -> Error {
+    Error::Usage(format!("{}: exists; `force` replaces it", escape_path(path)))
 }
 
 /// Reports whether an MTL equals `whole`, or `whole` without some of its materials, as an interrupted run may have left

@@ -10,7 +10,7 @@ use crate::base::Silent;
 use crate::base::pool::Pool;
 use crate::file::{ColumnWriter, PackedWriter};
 use crate::model::catalogue::{MaterialDefinition, TextureStatement};
-use crate::model::{Face, FaceWriter, Material, Part};
+use crate::model::{Face, FaceWriter, Material, NO_TEXCOORD, Part, StoredPiece};
 use crate::os::durable::{waiting_place, witness};
 
 const BARE: [u32; 3] = [NO_TEXCOORD; 3];

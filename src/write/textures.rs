@@ -28,7 +28,7 @@ use crate::model::Catalogue;
 use crate::os::durable::{give_name, sync_folder, waiting_place};
 use crate::os::path::path_of_bytes;
 use crate::os::system::is_of_machine;
-use crate::scan::fingerprint;
+use crate::read::fingerprint;
 
 /// Longest stem in bytes; leaves room for a number and an extension in the 255 bytes that file systems allow.
 const STEM_BYTES_MAX: usize = 220;

@@ -12,8 +12,8 @@ use drystone::measure::{Check, Surface, compare_checks, compare_topology, weld_a
 use drystone::model::NO_TEXCOORD;
 use drystone::options::{Limits, SimplifyOptions, Target, Topology};
 use drystone::pipeline;
+use drystone::read::ScanOptions;
 use drystone::report::{Report, Status};
-use drystone::scan::ScanOptions;
 use glam::{DVec2, DVec3};
 use proptest::prelude::ProptestConfig;
 use proptest::test_runner::RngSeed;

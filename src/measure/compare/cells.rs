@@ -34,8 +34,8 @@ use crate::model::{Catalogue, StoredMesh};
 use crate::os::mmap::MappedRecords;
 use crate::partition::cluster;
 use crate::partition::{self, ClusterSource, Partition, PartitionOptions, TextureScale};
-use crate::scan::InputChoice;
-use crate::scan::{self, Scan};
+use crate::read::InputChoice;
+use crate::read::{self, Scan};
 
 /// Memory of a face of a cell while the cell is built, in bytes.
 const FACE_BYTES: u64 = 400;
@@ -159,7 +159,7 @@ struct Draft {
 }
 
 /// A mesh that was read and partitioned into cells.
-struct Cut {
+struct ReadMesh {
     work: WorkFolder,
     mesh: StoredMesh,
     catalogue: Catalogue,
@@ -167,7 +167,7 @@ struct Cut {
     partition: Partition,
 }
 
-impl Cut {
+impl ReadMesh {
     fn make(
         input: &InputChoice,
         folder: &Path,
@@ -175,7 +175,7 @@ impl Cut {
         resources: &Resources,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        let inputs = scan::find_inputs(input)?;
+        let inputs = read::find_inputs(input)?;
         let manifest = Manifest {
             program: env!("CARGO_PKG_VERSION").to_owned(),
             options: "compare".to_owned(),
@@ -185,7 +185,7 @@ impl Cut {
             ..Manifest::default()
         };
         let work = WorkFolder::open(folder, &manifest, Resume::Again)?;
-        let Scan { mesh, catalogue, findings, .. } = scan::scan(&inputs, work.path(), &resources.scan, progress)?;
+        let Scan { mesh, catalogue, findings, .. } = read::scan(&inputs, work.path(), &resources.scan, progress)?;
         let options = PartitionOptions {
             cluster_faces: cell_faces,
             pass: 0,
@@ -214,8 +214,8 @@ impl MeasuredMesh {
         progress: &dyn Progress,
     ) -> Result<Self> {
         let Resources { threads, work_bytes, .. } = *resources;
-        let Cut { work, mesh, catalogue, mut findings, mut partition } =
-            Cut::make(input, folder, cell_faces, resources, progress)?;
+        let ReadMesh { work, mesh, catalogue, mut findings, mut partition } =
+            ReadMesh::make(input, folder, cell_faces, resources, progress)?;
         let images = TextureImages::find(&catalogue, &mut findings);
         let dropped = std::mem::take(&mut partition.findings);
         let first = u32::from(!partition.numbering.positions.is_empty());

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use crate::scan::ScanOptions;
+use crate::read::ScanOptions;
 
 /// Default number of points by area on each surface.
 pub const SAMPLES: u64 = 1_000_000;

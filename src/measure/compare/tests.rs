@@ -8,7 +8,7 @@ use super::*;
 use crate::base::Silent;
 use crate::geometry::closest_point;
 use crate::geometry::triangle;
-use crate::scan::ScanOptions;
+use crate::read::ScanOptions;
 
 const RESOURCES: Resources = Resources {
     threads: 2,
@@ -221,9 +221,9 @@ fn cells_count_what_the_whole_counts() {
         if name.extension().is_none_or(|extension| extension != "obj") {
             continue;
         }
-        let inputs = crate::scan::find_inputs(&(&name).into()).unwrap();
+        let inputs = crate::read::find_inputs(&(&name).into()).unwrap();
         let folder = tempfile::tempdir().unwrap();
-        let found = crate::scan::scan(&inputs, folder.path(), &RESOURCES.scan, &Silent).unwrap();
+        let found = crate::read::scan(&inputs, folder.path(), &RESOURCES.scan, &Silent).unwrap();
         let check = weld_and_check(&Surface::load(&found.mesh, &found.catalogue).unwrap());
         for cell_faces in [20, 300, 100_000] {
             let mesh =

@@ -10,7 +10,7 @@
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-use super::parsed::LabelKind;
+use super::records::LabelKind;
 use crate::base::{Allowance, Error, Result};
 use crate::model::catalogue::MaterialDefinition;
 use crate::model::{Catalogue, Material, Part};

@@ -1,6 +1,6 @@
 //! Finds the input files.
 //!
-//! In: files and folders as the user named them. Out: OBJ files sorted by the bytes of their paths, so that the order
+//! In: files and folders as the user named them. Out: mesh files sorted by the bytes of their paths, so that the order
 //! is the same on every machine and in whatever order they were named.
 
 use std::cell::Cell;
@@ -10,13 +10,14 @@ use std::path::{Path, PathBuf};
 
 use glob::Pattern;
 
+use super::source::MeshFormat;
 use crate::base::error::escape;
 use crate::base::{Error, Findings, Result};
 
 /// The input as the user named it.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct InputChoice {
-    /// OBJ files, and folders that hold some.
+    /// OBJ and PLY files, and folders that hold some.
     pub paths: Vec<PathBuf>,
     /// Glob patterns of names, or of paths relative to a folder, that exclude files and folders.
     pub exclude: Vec<String>,
@@ -40,14 +41,14 @@ impl InputChoice {
     }
 }
 
-/// Returns the OBJ files of a choice: the files named, and every `*.obj` (in any case) below a named folder that no
-/// pattern excludes. A file that is named twice is read once.
+/// Returns the mesh files of a choice: the files named, and every `*.obj` and `*.ply` (in any case) below a named folder
+/// that no pattern excludes. A file that is named twice is read once.
 ///
 /// Follows symbolic links. Reads a folder once even if several paths lead to it, so loops end.
 ///
 /// # Errors
-/// [`Error::Input`] if a path does not exist or is neither a file nor a folder, if an `*.obj` is neither, or if a
-/// folder contains no OBJ file; [`Error::Io`] if a folder cannot be read; [`Error::Usage`] if a pattern is invalid.
+/// [`Error::Input`] if a path does not exist or is neither a file nor a folder, if an `*.obj` or `*.ply` is neither, or if
+/// a folder contains none; [`Error::Io`] if a folder cannot be read; [`Error::Usage`] if a pattern is invalid.
 pub fn find_inputs(choice: &InputChoice) -> Result<Vec<PathBuf>> {
     find_inputs_and_idle(choice).map(|(found, _)| found)
 }
@@ -96,7 +97,7 @@ impl Exclusion {
     }
 }
 
-/// Adds the OBJ files of a path.
+/// Adds the mesh files of a path.
 fn add_inputs(path: &Path, left_out: &[Exclusion], found: &mut Vec<PathBuf>) -> Result<()> {
     if path.as_os_str() == "-" && !path.exists() {
         return Err(not_a_file(path));
@@ -133,8 +134,11 @@ fn add_inputs(path: &Path, left_out: &[Exclusion], found: &mut Vec<PathBuf>) -> 
         return Ok(());
     }
     let words = match left_out {
-        [] => "expected OBJ files, found no *.obj in this folder or below it",
-        _ => "expected OBJ files, found no *.obj in this folder or below it that `exclude` does not leave out",
+        [] => "expected OBJ or PLY files, found no *.obj and no *.ply in this folder or below it",
+        _ => {
+            "expected OBJ or PLY files, found no *.obj and no *.ply in this folder or below it that `exclude` does not leave \
+             out"
+        }
     };
     Err(Error::input(path, 0, words))
 }
@@ -154,12 +158,12 @@ fn read_folder(
         if is_left_out(&path) {
             continue;
         }
-        let is_obj = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj"));
+        let is_mesh = MeshFormat::by_ending(&path).is_some();
         match fs::metadata(&path) {
             Ok(kind) if kind.is_dir() => folders.push(path),
-            Ok(kind) if is_obj && kind.is_file() => found.push(path),
-            Ok(_) if is_obj => return Err(not_a_file(&path)),
-            Err(e) if is_obj => return Err(Error::io(&path, "open", e)),
+            Ok(kind) if is_mesh && kind.is_file() => found.push(path),
+            Ok(_) if is_mesh => return Err(not_a_file(&path)),
+            Err(e) if is_mesh => return Err(Error::io(&path, "open", e)),
             _ => {}
         }
     }
@@ -180,15 +184,15 @@ mod tests {
     use crate::base::ErrorKind;
 
     #[test]
-    fn a_folder_stands_for_every_obj_below_it_in_byte_order() {
+    fn a_folder_stands_for_every_mesh_below_it_in_byte_order() {
         let folder = tempfile::tempdir().unwrap();
         fs::create_dir(folder.path().join("b")).unwrap();
-        for name in ["c.OBJ", "b/x.obj", "a.obj", "Z.obj", "a.mtl"] {
+        for name in ["c.OBJ", "b/x.obj", "a.obj", "Z.obj", "a.mtl", "d.Ply", "e.stl"] {
             fs::write(folder.path().join(name), "").unwrap();
         }
         let found = find_inputs(&folder.path().into()).unwrap();
         let names: Vec<_> = found.iter().map(|path| path.strip_prefix(folder.path()).unwrap()).collect();
-        assert_eq!(names, ["Z.obj", "a.obj", "b/x.obj", "c.OBJ"].map(Path::new));
+        assert_eq!(names, ["Z.obj", "a.obj", "b/x.obj", "c.OBJ", "d.Ply"].map(Path::new));
         assert_eq!(find_inputs(&(&found[1]).into()).unwrap(), [found[1].clone()]);
     }
 

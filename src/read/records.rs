@@ -1,14 +1,11 @@
-//! Records parsed from a chunk of OBJ text.
+//! ParsedRecords of a chunk: the vertices, faces and labels that a worker has parsed, whatever the format.
 //!
 //! ```text
 //! polygon_sizes     3        4            3
-//! corner_vertices   a b c    d e f g      h i j        absolute, or relative to the chunk's first vertex
+//! corner_vertices   a b c    d e f g      h i j        ids in the file
 //! corner_texcoords  A B C    - - - -      D E F        empty if no face of the chunk has any
-//! changes           ^ usemtl wall         ^ g roof     before a polygon, in order
+//! changes           ^ material wall       ^ group roof before a polygon, in order
 //! ```
-//! # Memory
-//! Up to three bytes per byte of text (`v 1 2 3` takes 24 bytes, `f 1 2 3` 16), so 1.5 MiB for a chunk of 512 KiB;
-//! about one byte per byte of text in the form that exporters write.
 
 use std::ops::Range;
 
@@ -17,39 +14,14 @@ use glam::{DVec2, DVec3};
 use crate::base::findings::PLACES_PER_KIND;
 use crate::file::PackedBlocks;
 
-/// Kind of statement that an index counts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Numbered {
-    /// `v`
-    Vertex,
-    /// `vt`
-    Texcoord,
-    /// `vn`
-    Normal,
-}
-
-impl Numbered {
-    /// The three kinds, in the order of the indices of a corner.
-    pub const ALL: [Numbered; 3] = [Numbered::Vertex, Numbered::Texcoord, Numbered::Normal];
-
-    /// Name for messages.
-    pub fn word(self) -> &'static str {
-        match self {
-            Numbered::Vertex => "vertex",
-            Numbered::Texcoord => "texture coordinate",
-            Numbered::Normal => "normal",
-        }
-    }
-}
-
-/// Label of the following faces that a statement sets.
+/// Label of the following faces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LabelKind {
-    /// `o`
+    /// Object: `o` of an OBJ.
     Object,
-    /// `g`
+    /// Group: `g` of an OBJ.
     Group,
-    /// `usemtl`
+    /// Material: `usemtl` of an OBJ, a texture image of a PLY.
     Material,
 }
 
@@ -60,16 +32,7 @@ pub struct LabelChange {
     pub polygon: u32,
     /// Label that changes.
     pub kind: LabelKind,
-    /// Name as a range of [`ParsedChunk::names`].
-    pub name: Range<u32>,
-}
-
-/// An `mtllib` statement.
-#[derive(Debug, Clone)]
-pub struct Library {
-    /// Line in the chunk, from 1.
-    pub line: u64,
-    /// The text after the keyword, as a range of [`ParsedChunk::names`].
+    /// Name as a range of [`ParsedRecords::names`].
     pub name: Range<u32>,
 }
 
@@ -80,62 +43,48 @@ pub struct Note {
     pub kind: &'static str,
     /// Number of findings.
     pub count: u64,
-    /// Line in the chunk, from 1, and description.
+    /// Line, counted as by the reader of the format, and description.
     pub places: Vec<(u64, String)>,
 }
 
 /// Largest number of places kept per kind: the limit of a whole file, so that chunk borders do not change the report.
 const PLACES_MAX: usize = PLACES_PER_KIND;
 
-/// Statements of a chunk; indices and lines are relative to its start.
+/// Vertices, faces and labels of a chunk.
 #[derive(Debug, Default)]
-pub struct ParsedChunk {
-    /// Physical lines of the chunk.
-    pub line_count: u64,
+pub struct ParsedRecords {
     /// Positions.
     pub positions: Vec<DVec3>,
     /// Colour of each vertex, NaN for vertices without; empty if no vertex of the chunk has one.
     pub colours: Vec<[f32; 3]>,
     /// Texture coordinates.
     pub texcoords: Vec<DVec2>,
-    /// Positions as stored; filled by [`pack`](ParsedChunk::pack).
+    /// Positions as stored; filled by [`pack`](ParsedRecords::pack).
     pub packed_positions: PackedBlocks,
-    /// Texture coordinates as stored; filled by [`pack`](ParsedChunk::pack).
+    /// Texture coordinates as stored; filled by [`pack`](ParsedRecords::pack).
     pub packed_texcoords: PackedBlocks,
-    /// Number of `vn` statements.
-    pub normal_count: u64,
     /// Number of corners of each polygon.
     pub polygon_sizes: Vec<u32>,
-    /// Vertex of each corner, from 0; relative ones count from the first vertex of the chunk, modulo 2³².
+    /// Vertex of each corner, from 0.
     pub corner_vertices: Vec<u32>,
-    /// Texture coordinate of each corner in the same way, or `NO_TEXCOORD`; may be shorter than the corners, or empty.
+    /// Texture coordinate of each corner, or `NO_TEXCOORD`; may be shorter than the corners, or empty.
     pub corner_texcoords: Vec<u32>,
-    /// Corners whose vertex is relative.
-    pub relative_vertices: Vec<u32>,
-    /// Corners whose texture coordinate is relative.
-    pub relative_texcoords: Vec<u32>,
-    /// Highest absolute index (from 1) of v, vt and vn; 0 without any.
-    pub highest: [u64; 3],
-    /// Lowest relative v, vt and vn, counted from the first of the chunk; negative ones refer to earlier chunks.
-    pub lowest: [i64; 3],
     /// Changes of object, group and material.
     pub changes: Vec<LabelChange>,
-    /// Material libraries.
-    pub libraries: Vec<Library>,
-    /// Text of the changes and libraries.
+    /// Text of the changes.
     pub names: Vec<u8>,
     /// Largest number of decimals of a position.
     pub position_decimals: u32,
     /// Largest number of decimals of a texture coordinate.
     pub texcoord_decimals: u32,
-    /// Whether a face refers to a normal.
+    /// Whether the chunk shows that the mesh has normals.
     pub uses_normals: bool,
     /// Findings.
     pub notes: Vec<Note>,
 }
 
-impl ParsedChunk {
-    /// Clears the chunk but keeps the buffers of the larger columns.
+impl ParsedRecords {
+    /// Clears the records but keeps the buffers of the larger columns.
     pub fn clear(&mut self) {
         let kept = std::mem::take(self);
         *self = Self {
@@ -145,8 +94,6 @@ impl ParsedChunk {
             polygon_sizes: cleared(kept.polygon_sizes),
             corner_vertices: cleared(kept.corner_vertices),
             corner_texcoords: cleared(kept.corner_texcoords),
-            relative_vertices: cleared(kept.relative_vertices),
-            relative_texcoords: cleared(kept.relative_texcoords),
             changes: cleared(kept.changes),
             names: cleared(kept.names),
             ..Self::default()
@@ -167,15 +114,8 @@ impl ParsedChunk {
             + self.polygon_sizes.capacity() * 4
             + self.corner_vertices.capacity() * 4
             + self.corner_texcoords.capacity() * 4
-            + self.relative_vertices.capacity() * 4
-            + self.relative_texcoords.capacity() * 4
             + self.changes.capacity() * size_of::<LabelChange>()
             + self.names.capacity()
-    }
-
-    /// Number of v, vt and vn statements.
-    pub fn counts(&self) -> [u64; 3] {
-        [self.positions.len() as u64, self.texcoords.len() as u64, self.normal_count]
     }
 
     /// Appends a vertex.
@@ -190,7 +130,7 @@ impl ParsedChunk {
         self.positions.push(position);
     }
 
-    /// Records a change. Replaces one that no face has used yet, so that changes without faces take no memory.
+    /// ParsedRecords a change. Replaces one that no face has used yet, so that changes without faces take no memory.
     pub fn push_change(&mut self, kind: LabelKind, name: &[u8]) {
         let polygon = self.polygon_sizes.len() as u32;
         let name = self.push_name(name);
@@ -236,7 +176,8 @@ impl ParsedChunk {
     }
 }
 
-fn cleared<T>(mut records: Vec<T>) -> Vec<T> {
+/// Empties a buffer, which keeps its memory.
+pub fn cleared<T>(mut records: Vec<T>) -> Vec<T> {
     records.clear();
     records
 }
@@ -247,7 +188,7 @@ mod tests {
 
     #[test]
     fn a_thousand_changes_without_faces_are_one() {
-        let mut chunk = ParsedChunk::default();
+        let mut chunk = ParsedRecords::default();
         for i in 0..1000 {
             chunk.push_change(LabelKind::Material, format!("m{i}").as_bytes());
             chunk.push_change(LabelKind::Group, b"g");
@@ -258,7 +199,7 @@ mod tests {
 
     #[test]
     fn vertices_before_the_first_colour_have_none() {
-        let mut chunk = ParsedChunk::default();
+        let mut chunk = ParsedRecords::default();
         chunk.push_vertex(DVec3::ZERO, None);
         chunk.push_vertex(DVec3::ZERO, Some([1.0; 3]));
         chunk.push_vertex(DVec3::ZERO, None);

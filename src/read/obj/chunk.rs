@@ -1,4 +1,4 @@
-//! Splits files into chunks of whole statements.
+//! Cuts OBJ files into chunks of whole statements.
 //!
 //! In: the input files. Out: consecutive byte ranges of about the chunk size, each of which begins and ends between two
 //! statements. The split points depend on the file alone: a chunk ends after the first line that reaches the chunk size
@@ -7,62 +7,39 @@
 //! # Memory
 //! One window of [`WINDOW_BYTES`] while a split point is searched.
 
-use std::fs::{self, File};
-use std::io::ErrorKind;
-use std::path::{Path, PathBuf};
+use std::fs::File;
+use std::ops::Range;
+use std::path::Path;
 use std::sync::Arc;
-use std::time::SystemTime;
 
 use memchr::memchr2;
 
-use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 use crate::os::system::read_exact_at;
+use crate::read::file::{OpenFile, unread};
+use crate::read::source::Cut;
 
-/// Size of a chunk in bytes, before its last line is completed. Text and parsed records of a chunk fit in the cache of
-/// a core.
-pub const CHUNK_BYTES: u64 = 512 << 10;
 /// Longest accepted line in bytes. No exporter writes a longer one; a damaged or foreign file may.
 pub const LINE_BYTES_MAX: u64 = 16 << 20;
 const WINDOW_BYTES: u64 = 16 << 10;
 
 /// A byte range of a file that holds whole statements.
 #[derive(Debug, Clone)]
-pub struct Chunk {
-    /// Index of the input file.
-    pub file_index: usize,
+pub struct ObjChunk {
     /// The open file.
-    file: Arc<OpenFile>,
+    pub(super) file: Arc<OpenFile>,
     /// Offset of its first byte.
     pub start: u64,
     /// Offset of the byte after its last.
     pub end: u64,
-    /// Whether it is the last chunk of its file.
-    pub is_last: bool,
     /// Whether no line end was found within the longest accepted line; the range then ends at the chunk size.
     pub line_is_too_long: bool,
 }
 
-/// An input file, with its state when it was opened.
-#[derive(Debug)]
-struct OpenFile {
-    file: File,
-    length: u64,
-    modified: Option<SystemTime>,
-}
-
-impl Chunk {
-    /// Checks that the file is still the one that was opened.
-    ///
-    /// # Errors
-    /// [`Error::Changed`] if its length or modification time differs.
-    pub fn check_unchanged(&self, path: &Path) -> Result<()> {
-        let OpenFile { file, length, modified } = &*self.file;
-        let now = file.metadata().map_err(|e| Error::io(path, "open", e))?;
-        match now.len() == *length && now.modified().ok() == *modified {
-            true => Ok(()),
-            false => Err(written_to(path)),
-        }
+impl ObjChunk {
+    /// The open file, and the range of the chunk in it.
+    pub(in crate::read) fn part(self) -> (Arc<OpenFile>, Range<u64>) {
+        (self.file, self.start..self.end)
     }
 
     /// Replaces the contents of `buffer` with the bytes of the chunk.
@@ -70,92 +47,76 @@ impl Chunk {
     /// # Errors
     /// [`Error::Changed`] if the file was truncated; [`Error::Io`] if it cannot be read.
     pub fn read(&self, path: &Path, buffer: &mut Vec<u8>) -> Result<()> {
-        let bytes = (self.end - self.start) as usize;
-        buffer.resize(bytes, 0);
-        read_exact_at(&self.file.file, buffer, self.start).map_err(|e| unread(path, e))
+        self.file.read(path, self.start, (self.end - self.start) as usize, buffer)
+    }
+
+    /// Returns an error if the chunk is the first of a file of another format, which `text` identifies.
+    ///
+    /// # Errors
+    /// [`Error::Input`] that names the format.
+    pub(super) fn refuse_foreign(&self, path: &Path, text: &[u8]) -> Result<()> {
+        match foreign_format(text).filter(|_| self.start == 0) {
+            Some(format) => Err(Error::input(path, 1, format!("expected OBJ text, found {format}"))),
+            None => Ok(()),
+        }
     }
 }
 
-/// Converts the error of a failed read.
-fn unread(path: &Path, error: std::io::Error) -> Error {
-    match error.kind() {
-        ErrorKind::UnexpectedEof => written_to(path),
-        _ => Error::io(path, "read", error),
-    }
-}
-
-fn written_to(path: &Path) -> Error {
-    let path = escape_path(path);
-    Error::Changed(format!("{path}: was written to while it was read; run the same command again once it is complete"))
-}
-
-/// Returns the chunks of all files in order.
+/// An OBJ file being cut.
 #[derive(Debug)]
-pub struct Cutter<'a> {
-    inputs: &'a [PathBuf],
+pub struct ObjSource {
+    file: Arc<OpenFile>,
     chunk_bytes: u64,
-    order: u64,
-    file_index: usize,
-    open: Option<Arc<OpenFile>>,
     start: u64,
 }
 
-impl<'a> Cutter<'a> {
-    /// Creates a cutter at the start of the first file.
-    pub fn new(inputs: &'a [PathBuf], chunk_bytes: u64) -> Self {
-        Self { inputs, chunk_bytes, order: 0, file_index: 0, open: None, start: 0 }
-    }
-
-    /// Returns the next chunk and its index among all chunks; `None` after the last file. An empty file has one empty
-    /// chunk.
+impl ObjSource {
+    /// Opens a file.
     ///
     /// # Errors
-    /// If a file cannot be opened or read; the cutter then continues with the next file.
-    pub fn next(&mut self) -> Option<(u64, Result<Chunk>)> {
-        let path = self.inputs.get(self.file_index)?;
-        let order = self.order;
-        self.order += 1;
-        let chunk = self.cut(path);
-        if chunk.as_ref().map_or(true, |chunk| chunk.is_last) {
-            self.file_index += 1;
-            self.open = None;
-            self.start = 0;
-        }
-        Some((order, chunk))
+    /// If it cannot be opened.
+    pub(super) fn open(path: &Path, chunk_bytes: u64) -> Result<Self> {
+        Ok(Self { file: Arc::new(OpenFile::open(path)?), chunk_bytes, start: 0 })
     }
 
-    fn cut(&mut self, path: &Path) -> Result<Chunk> {
-        let file = match &self.open {
-            Some(file) => file.clone(),
-            None => {
-                let (file, length) = open_regular(path)?;
-                let modified = file.metadata().and_then(|meta| meta.modified()).ok();
-                let file = Arc::new(OpenFile { file, length, modified });
-                self.open.insert(file).clone()
-            }
-        };
-        let length = file.length;
-        let start = self.start;
-        let cut = find_cut(&file.file, start, length, self.chunk_bytes).map_err(|e| unread(path, e))?;
+    /// Cuts off the next chunk.
+    ///
+    /// # Errors
+    /// If the file cannot be read.
+    pub(super) fn cut(&mut self, path: &Path) -> Result<Cut<ObjChunk>> {
+        let (start, length) = (self.start, self.file.length());
+        let cut = find_cut(self.file.file(), start, length, self.chunk_bytes).map_err(|e| unread(path, e))?;
         let end = cut.unwrap_or(length.min(start + self.chunk_bytes));
         self.start = end;
-        let is_last = end == length || cut.is_none();
-        Ok(Chunk { file_index: self.file_index, file, start, end, is_last, line_is_too_long: cut.is_none() })
+        let chunk = ObjChunk { file: self.file.clone(), start, end, line_is_too_long: cut.is_none() };
+        Ok(Cut { chunk, bytes: end - start, is_last: end == length || cut.is_none() })
     }
 }
 
-/// Opens a regular file and returns it with its length in bytes.
-///
-/// # Errors
-/// [`Error::Input`] if it is not a regular file: opening a pipe could block forever.
-pub fn open_regular(path: &Path) -> Result<(File, u64)> {
-    let kind = fs::metadata(path).map_err(|e| Error::io(path, "open", e))?;
-    if !kind.is_file() {
-        return Err(Error::input(path, 0, "expected a regular file; pipes and devices cannot be read in chunks"));
-    }
-    let file = File::open(path).map_err(|e| Error::io(path, "open", e))?;
-    let length = file.metadata().map_err(|e| Error::io(path, "open", e))?.len();
-    Ok((file, length))
+/// The message about a line that is too long.
+pub(super) fn too_long() -> String {
+    format!("expected a line end within {} MiB; the file is damaged, or no OBJ", LINE_BYTES_MAX >> 20)
+}
+
+/// Returns the name of another file format if the first bytes identify one, else `None`.
+fn foreign_format(text: &[u8]) -> Option<&'static str> {
+    const FORMATS: &[(&[u8], &str)] = &[
+        (b"\x1f\x8b", "gzip data; decompress it first"),
+        (b"BZh", "bzip2 data; decompress it first"),
+        (b"\xfd7zXZ", "xz data; decompress it first"),
+        (b"\x28\xb5\x2f\xfd", "zstd data; decompress it first"),
+        (b"PK\x03\x04", "a zip archive; extract it first"),
+        (b"\xff\xfe", "UTF-16 text; convert it to UTF-8 first"),
+        (b"\xfe\xff", "UTF-16 text; convert it to UTF-8 first"),
+        (b"ply\n", "a PLY file"),
+        (b"ply\r", "a PLY file"),
+        (b"solid ", "an STL file"),
+        (b"glTF", "a binary glTF file"),
+        (b"Kaydara FBX", "an FBX file"),
+        (b"OFF\n", "an OFF file"),
+        (b"version https://git-lfs", "a Git LFS pointer; fetch the file itself first"),
+    ];
+    FORMATS.iter().find(|(magic, _)| text.starts_with(magic)).map(|(_, name)| *name)
 }
 
 /// Returns the end of the chunk that begins at `start`, or `None` if its last line is too long.
@@ -195,18 +156,21 @@ fn find_cut(file: &File, start: u64, length: u64, chunk_bytes: u64) -> std::io::
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use proptest::prelude::*;
 
     use super::*;
+    use crate::read::source::Cutter;
 
     fn pieces(text: &str, chunk_bytes: u64) -> Vec<String> {
         let folder = tempfile::tempdir().unwrap();
         let inputs = [folder.path().join("a.obj")];
         fs::write(&inputs[0], text).unwrap();
-        let mut cutter = Cutter::new(&inputs, chunk_bytes);
+        let mut cutter = Cutter::<ObjSource>::new(&inputs, chunk_bytes);
         let (mut out, mut buffer) = (Vec::new(), Vec::new());
-        while let Some((_, chunk)) = cutter.next() {
-            chunk.unwrap().read(&inputs[0], &mut buffer).unwrap();
+        while let Some((_, (_, cut))) = cutter.next() {
+            cut.unwrap().chunk.read(&inputs[0], &mut buffer).unwrap();
             out.push(String::from_utf8_lossy(&buffer).into_owned());
         }
         out
@@ -264,12 +228,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let inputs = [folder.path().join("a.obj")];
         fs::write(&inputs[0], "a\nb\n").unwrap();
-        let chunk = |chunk_bytes| Cutter::new(&inputs, chunk_bytes).next().unwrap().1.unwrap();
-        let whole = chunk(16);
-        whole.check_unchanged(&inputs[0]).unwrap();
+        let whole = ObjSource::open(&inputs[0], 16).unwrap().cut(&inputs[0]).unwrap().chunk;
+        whole.file.check_unchanged(&inputs[0]).unwrap();
         let file = File::options().write(true).open(&inputs[0]).unwrap();
         file.set_len(1).unwrap();
-        for outcome in [whole.check_unchanged(&inputs[0]), whole.read(&inputs[0], &mut Vec::new())] {
+        for outcome in [whole.file.check_unchanged(&inputs[0]), whole.read(&inputs[0], &mut Vec::new())] {
             let error = outcome.unwrap_err();
             assert!(
                 error.kind() == crate::base::ErrorKind::Changed && error.to_string().contains("was written to"),
@@ -284,7 +247,7 @@ mod tests {
         let inputs = [folder.path().join("a.obj")];
         let file = File::create(&inputs[0]).unwrap();
         file.set_len(LINE_BYTES_MAX + (1 << 20)).unwrap();
-        let (_, chunk) = Cutter::new(&inputs, 16).next().unwrap();
-        assert!(chunk.unwrap().line_is_too_long);
+        let cut = ObjSource::open(&inputs[0], 16).unwrap().cut(&inputs[0]).unwrap();
+        assert!(cut.chunk.line_is_too_long && cut.is_last);
     }
 }

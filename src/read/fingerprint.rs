@@ -1,22 +1,25 @@
 //! Fingerprints of all inputs of a result, by which a resumed job detects that one has changed.
 //!
-//! In: OBJ files, material libraries, texture images. Out: hashes of their contents. Modification times are ignored,
-//! and so are paths, except those of libraries, since texture names are relative to their folder. An OBJ is hashed
-//! chunk by chunk, as the scan hashes it.
+//! In: mesh files, material libraries, texture images. Out: hashes of their contents. Modification times are ignored,
+//! and so are paths, except those of libraries, since texture names are relative to their folder. A mesh is hashed part
+//! by part, as the scan hashes it: an OBJ by chunks, a PLY by blocks of a fixed size.
 //!
 //! # Memory
-//! A chunk per thread, and the path of each file other than the OBJs.
+//! A chunk per thread, and the path of each file other than the meshes.
 
 use std::collections::HashMap;
 use std::fs::{self, File};
 use std::io::{ErrorKind, Read};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
-use super::chunk::{CHUNK_BYTES, Cutter};
+use super::file::{OpenFile, chain};
+use super::obj::ObjSource;
+use super::source::{CHUNK_BYTES, Cutter, MeshFormat};
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Progress, Result};
 use crate::file::codec;
@@ -24,7 +27,7 @@ use crate::os::system::is_of_machine;
 
 const READ_BYTES: usize = 256 << 10;
 
-/// A file that the result depends on, other than the OBJs.
+/// A file that the result depends on, other than the meshes.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Source {
     /// Absolute path.
@@ -86,7 +89,7 @@ impl Source {
         Self::new(path, fs::canonicalize(path).and_then(|path| known.of(path)))
     }
 
-    /// Records whether a file exists, without reading it.
+    /// ParsedRecords whether a file exists, without reading it.
     ///
     /// # Errors
     /// As [`library`](Source::library).
@@ -142,39 +145,63 @@ pub fn content(path: &Path) -> std::io::Result<(u64, u64)> {
     }
 }
 
-/// Returns the hash of each OBJ, as in [`Scan::content_hashes`](super::Scan::content_hashes).
+/// Returns the hash of each mesh file, as in [`Scan::content_hashes`](super::Scan::content_hashes).
 ///
 /// # Errors
 /// If a file cannot be read; [`Error::Stopped`] if asked to stop.
 pub fn content_hashes(inputs: &[PathBuf], threads: usize, progress: &dyn Progress) -> Result<Vec<u64>> {
     let mut hashes = vec![0; inputs.len()];
-    let mut cutter = Cutter::new(inputs, CHUNK_BYTES);
-    map_in_order(
-        std::iter::from_fn(|| cutter.next()),
-        threads,
-        threads,
-        |(_, chunk)| {
-            progress.check_stopped()?;
-            let (chunk, mut text) = (chunk?, Vec::new());
-            chunk.read(&inputs[chunk.file_index], &mut text)?;
-            Ok((chunk.file_index, text.len() as u64, xxh3_64(&text)))
-        },
-        |(file, bytes, hash)| {
-            chain(&mut hashes[file], bytes, hash);
-            progress.advance(bytes);
-            Ok(())
-        },
-    )?;
+    for (format, range) in MeshFormat::runs(inputs)? {
+        let (first, inputs) = (range.start, &inputs[range]);
+        let mut parts: Box<dyn FnMut() -> Option<Result<FilePart>> + Send> = match format {
+            MeshFormat::Obj => {
+                let mut cutter = Cutter::<ObjSource>::new(inputs, CHUNK_BYTES);
+                Box::new(move || cutter.next().map(|(_, (file, cut))| cut.map(|cut| (file, cut.chunk.part()))))
+            }
+            MeshFormat::Ply => Box::new(blocks(inputs)),
+        };
+        map_in_order(
+            std::iter::from_fn(&mut parts),
+            threads,
+            threads,
+            |part| {
+                progress.check_stopped()?;
+                let (file, (open, range)) = part?;
+                let mut text = Vec::new();
+                open.read(&inputs[file], range.start, (range.end - range.start) as usize, &mut text)?;
+                Ok((file, text.len() as u64, xxh3_64(&text)))
+            },
+            |(file, bytes, hash)| {
+                chain(&mut hashes[first + file], bytes, hash);
+                progress.advance(bytes);
+                Ok(())
+            },
+        )?;
+    }
     Ok(hashes)
 }
 
-/// Chains the hash of a chunk to the hash of its file.
-pub(super) fn chain(file_hash: &mut u64, bytes: u64, hash: u64) {
-    let mut words = [0; 24];
-    for (place, word) in words.chunks_exact_mut(8).zip([*file_hash, bytes, hash]) {
-        place.copy_from_slice(&word.to_le_bytes());
+/// A part of a file that is hashed on its own, after the index of the file.
+type FilePart = (usize, (Arc<OpenFile>, Range<u64>));
+
+/// Blocks of [`CHUNK_BYTES`] of some files, as a PLY is hashed.
+fn blocks(inputs: &[PathBuf]) -> impl FnMut() -> Option<Result<FilePart>> + Send {
+    let (mut file_index, mut open): (usize, Option<(Arc<OpenFile>, u64)>) = (0, None);
+    move || {
+        let path = inputs.get(file_index)?;
+        let opened = match open.take() {
+            Some(opened) => Ok(opened),
+            None => OpenFile::open(path).map(|file| (Arc::new(file), 0)),
+        };
+        let own_index = file_index;
+        let part = opened.map(|(file, start)| {
+            let end = file.length().min(start + CHUNK_BYTES);
+            open = (end < file.length()).then(|| (file.clone(), end));
+            (own_index, (file, start..end))
+        });
+        file_index += usize::from(open.is_none());
+        Some(part)
     }
-    *file_hash = xxh3_64(&words);
 }
 
 /// Returns [`Error::Changed`] for a changed input file.

@@ -1,14 +1,16 @@
-//! Tests of the whole scan, from text to records.
+//! Tests of the scan of OBJ files, from text to records.
 
 use std::fs;
+use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
 use proptest::prelude::*;
 
 use super::*;
-use crate::base::Silent;
+use crate::base::{Error, Silent};
 use crate::model::face::POLYGON_CORNERS_MAX;
-use crate::model::{Face, NO_TEXCOORD, Part};
+use crate::model::{Catalogue, Face, NO_TEXCOORD, Part};
+use crate::read::{CHUNK_BYTES, Scan, ScanOptions, scan, scan_in_chunks};
 
 /// Records of a scan, in memory.
 #[derive(Debug)]
@@ -177,7 +179,7 @@ fn damaged_lines_are_named() {
         ("v 0 0 0\nvt 0 0\nf 1/2 1/1 1/1\n", "a.obj:3: face refers to texture coordinate 2, the file has 1"),
         ("v 0 0 0\nf 1/2 1/1 1/1\nvt 0 0\n", "a.obj:2: face refers to texture coordinate 2, the file has 1"),
         ("v 0 0 0\nf 1/-1 1/1 1/1\nvt 0 0\n", "a.obj:2: face refers to texture coordinate -1, the file has 0"),
-        ("ply\nformat ascii 1.0\n", "a.obj:1: expected OBJ text, found a PLY file"),
+        ("OFF\n3 1 3\n", "a.obj:1: expected OBJ text, found an OFF file"),
         ("V 0 0 0\nF 1 1 1\n", "a.obj: no faces; 2 lines are not OBJ"),
         ("f 1 1 1\nv 0 0 0\n", "a.obj: no faces: all 1 repeat a vertex"),
         ("", "a.obj: no faces; expected OBJ text with 'f' statements, found 0 lines"),
@@ -444,7 +446,7 @@ proptest! {
 
 fn obj_of(text: &str) -> String {
     let mut chunk = ParsedChunk::default();
-    let result = obj::parse(text.as_bytes(), &mut chunk);
+    let result = statements::parse(text.as_bytes(), &mut chunk);
     format!("{result:?} {chunk:?}")
 }
 

@@ -11,26 +11,18 @@
 use glam::{DVec2, DVec3};
 use memchr::memchr;
 
-use super::line::{LogicalLine, logical_line, split_keyword, trim, words};
-use super::number::{Index, Number, index_at, is_non_finite_word, number};
-use super::parsed::{LabelKind, Library, Numbered, ParsedChunk};
+use super::parsed::{Library, LineError, Numbered, ParsedChunk};
 use crate::base::error::escape;
 use crate::model::NO_TEXCOORD;
 use crate::model::face::POLYGON_CORNERS_MAX;
 use crate::model::stored_mesh::ID_LIMIT;
+use crate::read::line::{LogicalLine, logical_line, split_keyword, trim, words};
+use crate::read::number::{Index, Number, index_at, is_non_finite_word, number};
+use crate::read::records::LabelKind;
 
 /// Largest magnitude of positions and texture coordinates: clusters store them as 32-bit floats.
 pub const COORDINATE_MAX: f64 = f32::MAX as f64;
 pub(super) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
-
-/// A faulty line.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct LineError {
-    /// Line in the chunk, from 1.
-    pub line: u64,
-    /// What was expected and what was found.
-    pub message: String,
-}
 
 type LineResult<T> = Result<T, String>;
 
@@ -85,15 +77,15 @@ impl Parser<'_> {
             b"vt" => self.read_texcoord(rest)?,
             b"vn" => self.chunk.normal_count += 1,
             b"f" | b"fo" => self.read_face(rest)?,
-            b"usemtl" => self.chunk.push_change(LabelKind::Material, rest),
-            b"o" => self.chunk.push_change(LabelKind::Object, rest),
-            b"g" => self.chunk.push_change(LabelKind::Group, rest),
+            b"usemtl" => self.chunk.records.push_change(LabelKind::Material, rest),
+            b"o" => self.chunk.records.push_change(LabelKind::Object, rest),
+            b"g" => self.chunk.records.push_change(LabelKind::Group, rest),
             b"mtllib" => {
-                let library = Library { line: self.line, name: self.chunk.push_name(rest) };
+                let library = Library { line: self.line, name: self.chunk.records.push_name(rest) };
                 self.chunk.libraries.push(library);
             }
-            b"p" => self.chunk.count("ignored_points"),
-            b"l" => self.chunk.count("ignored_lines"),
+            b"p" => self.chunk.records.count("ignored_points"),
+            b"l" => self.chunk.records.count("ignored_lines"),
             _ if is_free_form(keyword) => {
                 self.note("free_form_statements", || format!("free-form statement '{}' is ignored", quote(keyword)));
             }
@@ -110,7 +102,7 @@ impl Parser<'_> {
             let value = match number(word) {
                 Some(Number { value, decimals, .. }) => {
                     if count < 3 {
-                        self.chunk.position_decimals = self.chunk.position_decimals.max(decimals);
+                        self.chunk.records.position_decimals = self.chunk.records.position_decimals.max(decimals);
                     }
                     value
                 }
@@ -142,7 +134,7 @@ impl Parser<'_> {
             }
             _ => self.note("extra_numbers", || format!("a vertex with {count} numbers; the first 3 are used")),
         }
-        self.chunk.push_vertex(DVec3::new(x, y, z), colour);
+        self.chunk.records.push_vertex(DVec3::new(x, y, z), colour);
         Ok(())
     }
 
@@ -154,7 +146,7 @@ impl Parser<'_> {
             let value = match number(word) {
                 Some(Number { value, decimals, .. }) => {
                     if count < 2 {
-                        self.chunk.texcoord_decimals = self.chunk.texcoord_decimals.max(decimals);
+                        self.chunk.records.texcoord_decimals = self.chunk.records.texcoord_decimals.max(decimals);
                     }
                     value
                 }
@@ -174,13 +166,13 @@ impl Parser<'_> {
             self.note("bad_texcoords", || "a texture coordinate that is not finite is read as 0 0".into());
             values = [0.0; 2];
         }
-        self.chunk.texcoords.push(DVec2::from_array(values));
+        self.chunk.records.texcoords.push(DVec2::from_array(values));
         Ok(())
     }
 
     fn read_face(&mut self, rest: &[u8]) -> LineResult<()> {
-        let start = self.chunk.corner_vertices.len();
-        let texcoords_start = self.chunk.corner_texcoords.len();
+        let start = self.chunk.records.corner_vertices.len();
+        let texcoords_start = self.chunk.records.corner_texcoords.len();
         let relative_texcoords_start = self.chunk.relative_texcoords.len();
         let mut texcoord_count = 0;
         for word in words_before_comment(rest) {
@@ -194,17 +186,17 @@ impl Parser<'_> {
             };
             if corner[2].is_some() {
                 self.resolve(Numbered::Normal, corner[2])?;
-                self.chunk.uses_normals = true;
+                self.chunk.records.uses_normals = true;
             }
             self.chunk.push_corner_vertex(vertex);
             if let Some(texcoord) = texcoord {
                 self.chunk.push_corner_texcoord(texcoord);
                 texcoord_count += 1;
-            } else if corner[1].is_some() || !self.chunk.corner_texcoords.is_empty() {
+            } else if corner[1].is_some() || !self.chunk.records.corner_texcoords.is_empty() {
                 self.chunk.push_corner_texcoord(Reference::Absolute(NO_TEXCOORD));
             }
         }
-        let size = self.chunk.corner_vertices.len() - start;
+        let size = self.chunk.records.corner_vertices.len() - start;
         if size < 3 {
             self.chunk.drop_corners(start, texcoords_start);
             self.note("short_faces", || format!("a face with {size} corners is ignored"));
@@ -213,17 +205,17 @@ impl Parser<'_> {
         if size > POLYGON_CORNERS_MAX {
             self.note("fanned_polygons", || format!("a face with {size} corners is read as a fan of triangles"));
         }
-        if texcoord_count < size && !self.chunk.corner_texcoords.is_empty() {
+        if texcoord_count < size && !self.chunk.records.corner_texcoords.is_empty() {
             if texcoord_count > 0 {
                 self.note("partial_texcoords", || {
                     format!("{texcoord_count} of {size} corners have a texture coordinate; the face is read without")
                 });
             }
             self.chunk.relative_texcoords.truncate(relative_texcoords_start);
-            self.chunk.corner_texcoords.truncate(start);
-            self.chunk.corner_texcoords.resize(start + size, NO_TEXCOORD);
+            self.chunk.records.corner_texcoords.truncate(start);
+            self.chunk.records.corner_texcoords.resize(start + size, NO_TEXCOORD);
         }
-        self.chunk.polygon_sizes.push(size as u32);
+        self.chunk.records.polygon_sizes.push(size as u32);
         Ok(())
     }
 
@@ -249,7 +241,7 @@ impl Parser<'_> {
     }
 
     fn note(&mut self, kind: &'static str, words: impl FnOnce() -> String) {
-        self.chunk.note(kind, self.line, words);
+        self.chunk.records.note(kind, self.line, words);
     }
 }
 
@@ -283,10 +275,10 @@ impl ParsedChunk {
     #[inline]
     pub(super) fn push_corner_vertex(&mut self, vertex: Reference) {
         match vertex {
-            Reference::Absolute(vertex) => self.corner_vertices.push(vertex),
+            Reference::Absolute(vertex) => self.records.corner_vertices.push(vertex),
             Reference::Relative(vertex) => {
-                self.relative_vertices.push(self.corner_vertices.len() as u32);
-                self.corner_vertices.push(vertex);
+                self.relative_vertices.push(self.records.corner_vertices.len() as u32);
+                self.records.corner_vertices.push(vertex);
             }
         }
     }
@@ -294,13 +286,13 @@ impl ParsedChunk {
     /// Assigns a texture coordinate to the last corner.
     #[inline]
     pub(super) fn push_corner_texcoord(&mut self, texcoord: Reference) {
-        let corner = self.corner_vertices.len() - 1;
-        self.corner_texcoords.resize(corner, NO_TEXCOORD);
+        let corner = self.records.corner_vertices.len() - 1;
+        self.records.corner_texcoords.resize(corner, NO_TEXCOORD);
         match texcoord {
-            Reference::Absolute(texcoord) => self.corner_texcoords.push(texcoord),
+            Reference::Absolute(texcoord) => self.records.corner_texcoords.push(texcoord),
             Reference::Relative(texcoord) => {
                 self.relative_texcoords.push(corner as u32);
-                self.corner_texcoords.push(texcoord);
+                self.records.corner_texcoords.push(texcoord);
             }
         }
     }
@@ -309,23 +301,23 @@ impl ParsedChunk {
     /// if some corner before it has no texture coordinate.
     #[inline(always)]
     pub(super) fn push_textured_triangle(&mut self, corners: [[u32; 3]; 2]) -> bool {
-        let is_textured = self.corner_texcoords.len() == self.corner_vertices.len();
+        let is_textured = self.records.corner_texcoords.len() == self.records.corner_vertices.len();
         if is_textured {
             for (kind, indices) in [Numbered::Vertex, Numbered::Texcoord].into_iter().zip(corners) {
                 let highest = &mut self.highest[kind as usize];
                 *highest = indices.into_iter().map(u64::from).fold(*highest, u64::max);
             }
-            self.corner_vertices.extend_from_slice(&corners[0].map(|index| index - 1));
-            self.corner_texcoords.extend_from_slice(&corners[1].map(|index| index - 1));
-            self.polygon_sizes.push(3);
+            self.records.corner_vertices.extend_from_slice(&corners[0].map(|index| index - 1));
+            self.records.corner_texcoords.extend_from_slice(&corners[1].map(|index| index - 1));
+            self.records.polygon_sizes.push(3);
         }
         is_textured
     }
 
     /// Removes the corners of an unfinished face.
     pub(super) fn drop_corners(&mut self, start: usize, texcoords_start: usize) {
-        self.corner_vertices.truncate(start);
-        self.corner_texcoords.truncate(texcoords_start);
+        self.records.corner_vertices.truncate(start);
+        self.records.corner_texcoords.truncate(texcoords_start);
         for relative in [&mut self.relative_vertices, &mut self.relative_texcoords] {
             while relative.last().is_some_and(|corner| *corner as usize >= start) {
                 relative.pop();

@@ -1,17 +1,17 @@
 //! Fast reader for statements in the form that exporters write, in one pass over the bytes.
 //!
 //! In: a parser at the start of a line. Out: the statement appended to the chunk, or no change if the line has another
-//! form; the general reader in `obj.rs` then reads it. Invariant: both readers agree on every line that this one
+//! form; the general reader in `statements.rs` then reads it. Invariant: both readers agree on every line that this one
 //! accepts; a test checks it.
 
 use glam::{DVec2, DVec3};
 use memchr::memchr3;
 
-use super::number::{index_at, number_at, short_index_at, short_number_at};
-use super::obj::{COORDINATE_MAX, Parser};
 use super::parsed::Numbered;
+use super::statements::{COORDINATE_MAX, Parser};
 use crate::model::NO_TEXCOORD;
 use crate::model::face::POLYGON_CORNERS_MAX;
+use crate::read::number::{index_at, number_at, short_index_at, short_number_at};
 
 impl Parser<'_> {
     /// Reads the statement at the parser's position if it is a plain `v`, `vt`, `vn` or `f` on one line; returns
@@ -31,8 +31,8 @@ impl Parser<'_> {
     #[inline]
     fn read_plain_vertex(&mut self) -> bool {
         if let Some(Row { values: [x, y, z], decimals: [dx, dy, dz], next, .. }) = self.short_numbers(self.at + 1) {
-            self.chunk.position_decimals = self.chunk.position_decimals.max(dx).max(dy).max(dz);
-            self.chunk.push_vertex(DVec3::new(x, y, z), None);
+            self.chunk.records.position_decimals = self.chunk.records.position_decimals.max(dx).max(dy).max(dz);
+            self.chunk.records.push_vertex(DVec3::new(x, y, z), None);
             return self.finish_line(next);
         }
         let Some(row) = self.plain_numbers::<6>(self.at + 1) else { return false };
@@ -49,16 +49,16 @@ impl Parser<'_> {
             return false;
         }
         let [dx, dy, dz, ..] = row.decimals;
-        self.chunk.position_decimals = self.chunk.position_decimals.max(dx).max(dy).max(dz);
-        self.chunk.push_vertex(DVec3::new(x, y, z), colour);
+        self.chunk.records.position_decimals = self.chunk.records.position_decimals.max(dx).max(dy).max(dz);
+        self.chunk.records.push_vertex(DVec3::new(x, y, z), colour);
         self.finish_line(row.next)
     }
 
     #[inline]
     fn read_plain_texcoord(&mut self) -> bool {
         if let Some(Row { values: [u, v], decimals: [du, dv], next, .. }) = self.short_numbers(self.at + 2) {
-            self.chunk.texcoord_decimals = self.chunk.texcoord_decimals.max(du).max(dv);
-            self.chunk.texcoords.push(DVec2::new(u, v));
+            self.chunk.records.texcoord_decimals = self.chunk.records.texcoord_decimals.max(du).max(dv);
+            self.chunk.records.texcoords.push(DVec2::new(u, v));
             return self.finish_line(next);
         }
         let Some(row) = self.plain_numbers::<3>(self.at + 2) else { return false };
@@ -66,8 +66,9 @@ impl Parser<'_> {
         if row.count < 2 || u.abs() > COORDINATE_MAX || v.abs() > COORDINATE_MAX {
             return false;
         }
-        self.chunk.texcoord_decimals = self.chunk.texcoord_decimals.max(row.decimals[0]).max(row.decimals[1]);
-        self.chunk.texcoords.push(DVec2::new(u, v));
+        self.chunk.records.texcoord_decimals =
+            self.chunk.records.texcoord_decimals.max(row.decimals[0]).max(row.decimals[1]);
+        self.chunk.records.texcoords.push(DVec2::new(u, v));
         self.finish_line(row.next)
     }
 
@@ -107,8 +108,8 @@ impl Parser<'_> {
 
     #[inline]
     fn read_plain_face(&mut self) -> bool {
-        let start = self.chunk.corner_vertices.len();
-        let texcoords_start = self.chunk.corner_texcoords.len();
+        let start = self.chunk.records.corner_vertices.len();
+        let texcoords_start = self.chunk.records.corner_texcoords.len();
         match self.plain_corners(self.at + 1) {
             Some(next) => self.finish_line(next),
             None => {
@@ -123,7 +124,7 @@ impl Parser<'_> {
     #[inline]
     fn plain_corners(&mut self, mut at: usize) -> Option<usize> {
         let text = self.text;
-        let start = self.chunk.corner_vertices.len();
+        let start = self.chunk.records.corner_vertices.len();
         let (mut texcoord_count, mut uses_normals) = (0, false);
         let next = loop {
             let from = at;
@@ -147,15 +148,15 @@ impl Parser<'_> {
                 }
             }
         };
-        let size = self.chunk.corner_vertices.len() - start;
+        let size = self.chunk.records.corner_vertices.len() - start;
         if !(3..=POLYGON_CORNERS_MAX).contains(&size) || texcoord_count != 0 && texcoord_count != size {
             return None;
         }
-        if texcoord_count == 0 && !self.chunk.corner_texcoords.is_empty() {
-            self.chunk.corner_texcoords.resize(start + size, NO_TEXCOORD);
+        if texcoord_count == 0 && !self.chunk.records.corner_texcoords.is_empty() {
+            self.chunk.records.corner_texcoords.resize(start + size, NO_TEXCOORD);
         }
-        self.chunk.uses_normals |= uses_normals;
-        self.chunk.polygon_sizes.push(size as u32);
+        self.chunk.records.uses_normals |= uses_normals;
+        self.chunk.records.polygon_sizes.push(size as u32);
         Some(next)
     }
 

@@ -15,11 +15,7 @@ use std::path::{Path, PathBuf};
 
 use memchr::{memchr, memmem};
 
-use super::chunk::open_regular;
-use super::line::{LogicalLine, is_blank, logical_line, split_keyword, trim, words};
-use super::number::number;
-use super::obj::BYTE_ORDER_MARK;
-use super::parts::FileMaterials;
+use super::statements::BYTE_ORDER_MARK;
 use crate::base::error::{escape, escape_path};
 use crate::base::{Allowance, Error, Findings, Result};
 use crate::model::Material;
@@ -27,6 +23,10 @@ use crate::model::catalogue::{MaterialDefinition, TextureStatement, statement_by
 use crate::os::durable::folder_of;
 use crate::os::path::path_of_name;
 use crate::os::system::is_file;
+use crate::read::file::open_regular;
+use crate::read::line::{LogicalLine, is_blank, logical_line, split_keyword, trim, words};
+use crate::read::number::number;
+use crate::read::parts::FileMaterials;
 
 /// Larger libraries are ignored, in bytes.
 pub const LIBRARY_BYTES_MAX: u64 = 64 << 20;

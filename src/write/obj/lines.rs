@@ -19,56 +19,30 @@
 use std::ops::Range;
 use std::path::Path;
 
-use glam::{DVec2, DVec3};
-use xxhash_rust::xxh3::Xxh3;
-
-use super::batches::in_order;
-use super::grouping::{Group, Grouping};
-use super::normals::RoundedNormal;
 use super::number::{put_f32, put_f64, put_four_decimals, put_u32};
-use super::numbering::{IdSet, Usage};
-use super::signature::signature;
-use crate::base::{Progress, Result};
+use crate::base::Result;
 use crate::file::{PackedColumn, Segment};
-use crate::model::stored_mesh::PieceNumbering;
-use crate::model::{Catalogue, StoredMesh};
-use crate::os::durable::DurableFile;
+use crate::model::Catalogue;
+use crate::write::batches::in_order;
+use crate::write::grouping::{Group, Grouping};
+use crate::write::normals::RoundedNormal;
+use crate::write::numbering::IdSet;
+use crate::write::result_file::ResultFile;
+use crate::write::signature::{put_statement, signature};
+use crate::write::sink::{CornerForm, ResultMesh};
+use glam::{DVec2, DVec3};
 
 /// Number of lines formatted at once.
 const BLOCK_LINES: u64 = 16 << 10;
 /// Largest size of a block of lines in bytes: six numbers of 25 characters, and the records.
 const LINES_BYTES: u64 = BLOCK_LINES * (6 * 25 + 36);
-const FILE_BUFFER_BYTES: usize = 64 << 10;
 
-/// Indices of a corner in addition to the vertex.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct CornerForm {
-    /// Whether some corner has a texture coordinate.
-    pub(super) texcoords: bool,
-    /// Whether every corner has a normal.
-    pub(super) normals: bool,
-}
-
-impl CornerForm {
-    /// Words per face: for each corner vertex, texture coordinate (0 for none) and normal, counted from 1.
-    pub(super) fn words(self) -> usize {
-        3 * (1 + usize::from(self.texcoords) + usize::from(self.normals))
-    }
-}
-
-/// An OBJ being written.
-pub(super) struct ObjFile {
-    file: DurableFile,
-    bytes: u64,
-    hash: Xxh3,
+/// The text of an OBJ being written.
+#[derive(Debug)]
+pub(super) struct ObjText {
+    file: ResultFile,
     /// Count of numbers that were NaN or infinite and are written as 0.
     pub(super) non_finite: u64,
-}
-
-impl std::fmt::Debug for ObjFile {
-    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        out.debug_struct("ObjFile").field("file", &self.file).field("bytes", &self.bytes).finish_non_exhaustive()
-    }
 }
 
 /// Positions and colours of a range of vertices.
@@ -79,40 +53,25 @@ struct VertexRun<'a> {
     range: Range<u64>,
 }
 
-impl ObjFile {
+impl ObjText {
     /// Creates a temporary file of the job that will become `target`; `library` is the name of the MTL, if there is
     /// one.
     ///
     /// # Errors
     /// If the file cannot be created.
     pub(super) fn create(target: &Path, job: u64, library: Option<&[u8]>) -> Result<Self> {
-        let file = DurableFile::create_outside(target, job, FILE_BUFFER_BYTES)?;
-        let mut obj = Self { file, bytes: 0, hash: Xxh3::new(), non_finite: 0 };
+        let mut obj = Self { file: ResultFile::create(target, job)?, non_finite: 0 };
         let mut text = signature();
         if let Some(name) = library {
             put_statement(&mut text, b"mtllib", name);
         }
-        obj.write(&text)?;
+        obj.file.write(&text)?;
         Ok(obj)
     }
 
-    fn write(&mut self, text: &[u8]) -> Result<()> {
-        self.bytes += text.len() as u64;
-        self.hash.update(text);
-        self.file.write(text)
-    }
-
-    /// Length in bytes and XXH3 of the text so far.
-    pub(super) fn content(&self) -> (u64, u64) {
-        (self.bytes, self.hash.digest())
-    }
-
-    /// Syncs the file under its temporary name.
-    ///
-    /// # Errors
-    /// Those of the file system.
-    pub(super) fn seal(&mut self) -> Result<()> {
-        self.file.seal()
+    /// The file.
+    pub(super) fn file(&mut self) -> &mut ResultFile {
+        &mut self.file
     }
 
     /// Renames the file to its final name.
@@ -120,45 +79,34 @@ impl ObjFile {
     /// # Errors
     /// On a full disk or a failed write.
     pub(super) fn commit(self) -> Result<()> {
-        self.file.commit()?;
-        Ok(())
+        self.file.commit()
     }
 
     /// Writes the used vertices.
     ///
     /// # Errors
     /// If a column cannot be read or the file cannot be written.
-    pub(super) fn vertices(
-        &mut self,
-        mesh: &StoredMesh,
-        numbering: &[PieceNumbering],
-        used: &IdSet,
-        memory_bytes: u64,
-    ) -> Result<()> {
+    pub(super) fn vertices(&mut self, result: &ResultMesh<'_>) -> Result<()> {
+        let ResultMesh { mesh, numbering, usage, share, .. } = *result;
         let shared = mesh.shared_positions.iter().map(|positions| (positions, mesh.shared_colours.as_ref(), 0));
         let own = mesh.pieces.iter().zip(numbering);
         let own = own.map(|(piece, ids)| (&piece.positions, piece.colours.as_ref(), ids.vertex_base));
         let runs = shared.chain(own).flat_map(|(positions, colours, first_id)| {
             positions.ranges(BLOCK_LINES).map(move |range| VertexRun { positions, colours, first_id, range })
         });
-        self.blocks(runs, memory_bytes, |run| vertex_lines(&run, used))
+        self.blocks(runs, share, |run| vertex_lines(&run, &usage.vertices))
     }
 
     /// Writes the used texture coordinates.
     ///
     /// # Errors
-    /// As [`vertices`](ObjFile::vertices).
-    pub(super) fn texcoords(
-        &mut self,
-        mesh: &StoredMesh,
-        numbering: &[PieceNumbering],
-        used: &IdSet,
-        memory_bytes: u64,
-    ) -> Result<()> {
+    /// As [`vertices`](ObjText::vertices).
+    pub(super) fn texcoords(&mut self, result: &ResultMesh<'_>) -> Result<()> {
+        let ResultMesh { mesh, numbering, usage, share, .. } = *result;
         let runs = mesh.pieces.iter().zip(numbering).flat_map(|(piece, ids)| {
             piece.texcoords.ranges(BLOCK_LINES).map(move |range| (&piece.texcoords, ids.texcoord_base, range))
         });
-        self.blocks(runs, memory_bytes, |(column, first_id, range)| texcoord_lines(column, first_id, range, used))
+        self.blocks(runs, share, |(column, first_id, range)| texcoord_lines(column, first_id, range, &usage.texcoords))
     }
 
     fn blocks<I: Send>(
@@ -174,7 +122,7 @@ impl ObjFile {
             format,
             |(text, non_finite)| {
                 self.non_finite += non_finite;
-                self.write(&text)
+                self.file.write(&text)
             },
         )
     }
@@ -195,7 +143,7 @@ impl ObjFile {
                 }
                 text.push(b'\n');
             }
-            self.write(&text)?;
+            self.file.write(&text)?;
         }
         Ok(())
     }
@@ -204,15 +152,8 @@ impl ObjFile {
     ///
     /// # Errors
     /// If the faces cannot be read back or the file cannot be written.
-    pub(super) fn faces(
-        &mut self,
-        grouped: Grouping,
-        form: CornerForm,
-        order: &PartOrder,
-        catalogue: &Catalogue,
-        memory_bytes: u64,
-        progress: &dyn Progress,
-    ) -> Result<()> {
+    pub(super) fn faces(&mut self, grouped: Grouping, result: &ResultMesh<'_>) -> Result<()> {
+        let ResultMesh { catalogue, ref order, form, share: memory_bytes, progress, .. } = *result;
         let mut labels = CurrentLabels { catalogue, part: None, object: None, group: None, material: None };
         let words = form.words();
         grouped.drain(|groups: &[Group<'_>]| {
@@ -222,9 +163,9 @@ impl ObjFile {
             let cost = |&(_, block): &(u32, &[u32])| (block.len() * 11 + block.len() / words * 8) as u64;
             let format = |(key, block): (u32, &[u32])| Ok((key, block.len() / words, face_lines(block, form)));
             in_order(blocks, memory_bytes, cost, format, |(key, face_count, text)| {
-                let heading = labels.turn_to(order.parts[key as usize]);
-                self.write(&heading)?;
-                self.write(&text)?;
+                let heading = labels.turn_to(order.part(key));
+                self.file.write(&heading)?;
+                self.file.write(&text)?;
                 progress.advance(face_count as u64);
                 Ok(())
             })
@@ -300,46 +241,6 @@ fn face_lines(faces: &[u32], form: CornerForm) -> Vec<u8> {
     text
 }
 
-/// The order in which parts are written.
-#[derive(Debug)]
-pub(super) struct PartOrder {
-    /// Parts with faces, in order.
-    parts: Vec<u32>,
-    /// Position of each part in that order.
-    places: Vec<u32>,
-}
-
-impl PartOrder {
-    /// Parts in the order of the catalogue: first those without material, among them those without object, then without
-    /// group.
-    ///
-    /// NOTE: a statement holds until the next of its kind, and none ends a material. Objects and groups are ended by
-    /// the name `default`, which [`CurrentLabels`] writes if a part without one follows a part with one.
-    pub(super) fn new(catalogue: &Catalogue, usage: &Usage) -> Self {
-        let mut parts: Vec<u32> = (0u32..).take(catalogue.parts.len()).collect();
-        parts.retain(|&part| usage.faces_per_part[part as usize] > 0);
-        parts.sort_by_key(|&index| {
-            let part = &catalogue.parts[index as usize];
-            (part.material.is_some(), part.object.is_some(), part.group.is_some())
-        });
-        let mut places = vec![0; catalogue.parts.len()];
-        for (place, &part) in (0u32..).zip(&parts) {
-            places[part as usize] = place;
-        }
-        Self { parts, places }
-    }
-
-    /// Position of a part.
-    pub(super) fn place(&self, part: u32) -> u32 {
-        self.places[part as usize]
-    }
-
-    /// Number of faces at each position.
-    pub(super) fn counts(&self, usage: &Usage) -> Vec<u64> {
-        self.parts.iter().map(|&part| usage.faces_per_part[part as usize]).collect()
-    }
-}
-
 /// The object, group and material that are current for a reader of the file.
 struct CurrentLabels<'a> {
     catalogue: &'a Catalogue,
@@ -375,18 +276,12 @@ fn turn<'a>(text: &mut Vec<u8>, key: &[u8], current: &mut Option<&'a [u8]>, want
     }
 }
 
-/// Appends `key value` and a line end; replaces line ends and NULs in the value with blanks.
-pub(super) fn put_statement(text: &mut Vec<u8>, key: &[u8], value: &[u8]) {
-    text.extend_from_slice(key);
-    text.push(b' ');
-    text.extend(value.iter().map(|&c| if matches!(c, b'\n' | b'\r' | 0) { b' ' } else { c }));
-    text.push(b'\n');
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::model::{Material, Part};
+    use crate::write::numbering::Usage;
+    use crate::write::order::PartOrder;
 
     #[test]
     fn corners_are_written_in_four_forms() {
@@ -422,11 +317,11 @@ mod tests {
             corners_per_shared: Vec::new(),
         };
         let order = PartOrder::new(&catalogue, &usage);
-        assert_eq!(order.parts, [4, 2, 3, 1, 0]);
+        assert_eq!([0, 1, 2, 3, 4].map(|place| order.part(place)), [4, 2, 3, 1, 0]);
         assert_eq!([0, 1, 2, 3, 4].map(|part| order.place(part)), [4, 3, 1, 2, 0]);
         let mut labels = CurrentLabels { catalogue: &catalogue, part: None, object: None, group: None, material: None };
         let text: Vec<String> =
-            order.parts.iter().map(|&part| String::from_utf8(labels.turn_to(part)).unwrap()).collect();
+            (0..5).map(|place| String::from_utf8(labels.turn_to(order.part(place))).unwrap()).collect();
         assert_eq!(
             text,
             ["", "o house\n", "o default\nusemtl brick\n", "o house\nusemtl tile\n", "g roof\nusemtl brick\n"]

@@ -1,0 +1,141 @@
+//! Counts the elements of mesh files without storing them.
+//!
+//! In: mesh files. Out: [`Counts`], including the triangles that a scan would find. Invariant: writes nothing; the
+//! counts equal those of the scan if the scan succeeds.
+//!
+//! # Memory
+//! `threads` × 512 KiB of text, plus the length of a record longer than that.
+
+use std::path::PathBuf;
+use std::sync::Mutex;
+
+use super::obj::ObjSource;
+use super::ply::PlySource;
+use super::source::{CHUNK_BYTES, Counts, Cutter, MeshFormat, MeshSource};
+use crate::base::threads::start;
+use crate::base::{Error, Progress, Result};
+use crate::file::packed::RecordBounds;
+
+/// Counts the contents of mesh files in one streaming pass. Given several files, also returns the bounding box of each.
+///
+/// # Errors
+/// [`Error::Input`] if a file has another format or a line that is too long, or if no file has a face; [`Error::Io`] if
+/// a file cannot be read.
+pub fn count(inputs: &[PathBuf], threads: usize, progress: &dyn Progress) -> Result<(Counts, Vec<RecordBounds>)> {
+    let mut length = 0;
+    for path in inputs {
+        length += path.metadata().map_err(|e| Error::io(path, "open", e))?.len();
+    }
+    progress.begin("count", length, "B");
+    let (mut counts, mut boxes) = (Counts::default(), Vec::new());
+    for (format, range) in MeshFormat::runs(inputs)? {
+        let inputs = &inputs[range];
+        let (own, of_files) = match format {
+            MeshFormat::Obj => count_files::<ObjSource>(inputs, threads, progress)?,
+            MeshFormat::Ply => count_files::<PlySource>(inputs, threads, progress)?,
+        };
+        counts.add(&own);
+        boxes.extend(of_files);
+    }
+    if counts.triangles == 0 {
+        let path = inputs.first().map_or(std::path::Path::new(""), PathBuf::as_path);
+        return Err(Error::input(path, 0, "no faces; expected OBJ text with 'f' statements"));
+    }
+    if inputs.len() == 1 {
+        boxes.clear();
+    }
+    Ok((counts, boxes))
+}
+
+/// Counts of some files, and the bounding box of each.
+type FileCounts = (Counts, Vec<RecordBounds>);
+
+/// Counts the contents of files of one format.
+fn count_files<S: MeshSource>(inputs: &[PathBuf], threads: usize, progress: &dyn Progress) -> Result<FileCounts> {
+    let cutter = Mutex::new(Cutter::<S>::new(inputs, CHUNK_BYTES));
+    let outcomes: Vec<Result<FileCounts>> = std::thread::scope(|scope| {
+        let counting = || work(inputs, &cutter, progress);
+        let others: Vec<_> = (1..threads).filter_map(|_| start(scope, counting).ok()).collect();
+        let own = counting();
+        let others = others.into_iter().map(|worker| worker.join());
+        let others = others.map(|outcome| outcome.unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
+        std::iter::once(own).chain(others).collect()
+    });
+    let (mut counts, mut boxes) = (Counts::default(), vec![RecordBounds::default(); inputs.len()]);
+    for outcome in outcomes {
+        let (own, of_files) = outcome?;
+        counts.add(&own);
+        boxes.iter_mut().zip(&of_files).for_each(|(all, own)| all.merge(own));
+    }
+    Ok((counts, boxes))
+}
+
+fn work<S: MeshSource>(
+    inputs: &[PathBuf],
+    cutter: &Mutex<Cutter<'_, S>>,
+    progress: &dyn Progress,
+) -> Result<FileCounts> {
+    let (mut counts, mut boxes) = (Counts::default(), vec![RecordBounds::default(); inputs.len()]);
+    let mut text = Vec::new();
+    loop {
+        let next = cutter.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).next();
+        let Some((_, (file, cut))) = next else { return Ok((counts, boxes)) };
+        let mut cut = cut?;
+        // The boxes of a single file are not asked for.
+        let bounds = boxes.get_mut(file).filter(|_| inputs.len() > 1);
+        counts.add(&S::count(&inputs[file], &mut cut.chunk, bounds, &mut text)?);
+        progress.advance(cut.bytes);
+        if text.capacity() > 2 * CHUNK_BYTES as usize {
+            text = Vec::new();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::Silent;
+
+    fn counts_of(text: &str) -> Result<Counts> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.obj");
+        std::fs::write(&path, text).unwrap();
+        count(&[path], 2, &Silent).map(|(counts, _)| counts)
+    }
+
+    #[test]
+    fn polygons_count_as_fans_and_short_faces_not_at_all() {
+        let counts =
+            counts_of("\u{feff}v 0 0 0 1 1 1\nvt 0 0\r\nf 1 2 3 4 5 # six\nf 1 2\nfo 1 2 \\\n3\n#f 1 2 3\n").unwrap();
+        assert_eq!((counts.vertices, counts.texcoords, counts.polygons, counts.triangles), (1, 1, 2, 4));
+        assert!(counts.has_colours);
+        assert_eq!(counts_of("v 0.25 1 -.5000\nv 0.123456 1 1\nf 1 2 1\n").unwrap().decimals, 4);
+        assert_eq!(counts_of("v 1E-7 0 0\nf 1 1 1\n").unwrap().decimals, u32::MAX);
+    }
+
+    #[test]
+    fn a_file_without_faces_is_bad_input() {
+        assert!(matches!(counts_of("v 0 0 0\n"), Err(Error::Input { .. })));
+        assert!(matches!(counts_of("ply\nf 1 2 3\n"), Err(Error::Input { .. })));
+    }
+
+    #[test]
+    fn the_triangles_are_those_of_the_scan() {
+        let mut files = 0;
+        for entry in std::fs::read_dir("fixtures/miniatures").unwrap() {
+            let path = entry.unwrap().path();
+            if path.extension().is_none_or(|extension| extension != "obj") {
+                continue;
+            }
+            let folder = tempfile::tempdir().unwrap();
+            let options = crate::read::ScanOptions::default();
+            let inputs = [path];
+            let scan = crate::read::scan(&inputs, folder.path(), &options, &Silent).unwrap();
+            let (counts, _) = count(&inputs, 2, &Silent).unwrap();
+            assert_eq!(counts.triangles, scan.triangles, "{inputs:?}");
+            assert_eq!(counts.vertices, scan.mesh.vertex_count(), "{inputs:?}");
+            files += 1;
+        }
+        assert!(files > 5);
+    }
+}

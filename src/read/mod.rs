@@ -1,0 +1,113 @@
+//! Reads meshes into records, as a stream.
+//!
+//! ```text
+//! files ── cut into chunks ──▶ workers parse ──▶ in order ──▶ one committer appends ──▶ columns, catalogue
+//!             ▲                                                          │
+//!             └────────────────── a ticket per chunk in flight ◀─────────┘
+//! ```
+//! In: mesh files, OBJ or PLY ([`MeshFormat`]). Out: one [`StoredPiece`](crate::model::StoredPiece) per file, and the
+//! [`Catalogue`] of everything that is not geometry. Invariant: chunks depend on the files alone and are committed in
+//! order, so the result and the text of any error are the same for any number of threads.
+//!
+//! A format is a [`MeshSource`](source::MeshSource): it cuts a file, parses a chunk, and appends what was parsed to the
+//! columns through the [`MeshBuilder`](builder::MeshBuilder) that the formats share.
+//!
+//! # Memory
+//! `threads` × 512 KiB of text and `chunks_in_flight` × 1.5 MiB of parsed chunks, plus the length of a record longer
+//! than a chunk. No allocation is sized by a number read from a file.
+//!
+//! # Files
+//! Those of `builder.rs`, in the work folder.
+
+mod builder;
+mod count;
+mod file;
+pub mod fingerprint;
+mod flow;
+mod inputs;
+mod line;
+mod number;
+mod obj;
+mod parts;
+mod ply;
+mod records;
+mod source;
+mod twins;
+
+use std::path::{Path, PathBuf};
+
+use self::flow::FormatRun;
+use self::obj::ObjSource;
+use self::parts::Labels;
+use self::ply::PlySource;
+use crate::base::{Allowance, Error, Findings, Progress, Result};
+use crate::model::{Catalogue, StoredMesh};
+
+pub use self::count::count;
+pub use self::flow::ScanOptions;
+pub use self::inputs::{InputChoice, find_inputs, find_inputs_and_idle};
+pub use self::source::{CHUNK_BYTES, Counts, MeshFormat};
+pub use self::twins::note_twin_boxes;
+
+/// Result of a scan.
+#[derive(Debug)]
+pub struct Scan {
+    /// The mesh, one piece per input file.
+    pub mesh: StoredMesh,
+    /// Everything that is not geometry.
+    pub catalogue: Catalogue,
+    /// Triangles of the input: n - 2 for each polygon of n corners, including degenerate ones.
+    pub triangles: u64,
+    /// What was ignored or repaired.
+    pub findings: Findings,
+    /// Bytes of the input files.
+    pub input_bytes: u64,
+    /// Hash of each input file: XXH3 chained over the hashes of its chunks.
+    pub content_hashes: Vec<u64>,
+    /// Material libraries that the input files name, whether they exist or not.
+    pub libraries: Vec<PathBuf>,
+}
+
+/// Reads mesh files, and the files that they name, into columns in `folder`, which must exist.
+///
+/// # Errors
+/// [`Error::Input`] with the first fault of a file, [`Error::Limit`] if a file has more than 2³² - 2 vertices,
+/// [`Error::Budget`] if names and materials exceed their memory, [`Error::Io`] or [`Error::NoSpace`] if the system
+/// reports an error.
+pub fn scan(inputs: &[PathBuf], folder: &Path, options: &ScanOptions, progress: &dyn Progress) -> Result<Scan> {
+    scan_in_chunks(inputs, folder, options, progress, CHUNK_BYTES)
+}
+
+fn scan_in_chunks(
+    inputs: &[PathBuf],
+    folder: &Path,
+    options: &ScanOptions,
+    progress: &dyn Progress,
+    chunk_bytes: u64,
+) -> Result<Scan> {
+    let mut total_bytes = 0;
+    for path in inputs {
+        total_bytes += path.metadata().map_err(|e| Error::io(path, "open", e))?.len();
+    }
+    progress.begin("scan", total_bytes, "B");
+    let mut labels = Labels::new(Allowance::new(options.catalogue_bytes));
+    let (mut mesh, mut findings) = (StoredMesh::default(), Findings::default());
+    let (mut triangles, mut input_bytes, mut content_hashes, mut libraries) = (0, 0, Vec::new(), Vec::new());
+    for (format, range) in MeshFormat::runs(inputs)? {
+        let (first_index, inputs) = (range.start, &inputs[range]);
+        let run = FormatRun { inputs, first_index, folder, options, chunk_bytes, progress };
+        let keep = |file: builder::FinishedFile| {
+            mesh.pieces.push(file.piece);
+            triangles += file.triangles;
+            input_bytes += file.bytes;
+            content_hashes.push(file.content_hash);
+            libraries.extend(file.libraries);
+        };
+        match format {
+            MeshFormat::Obj => run.read::<ObjSource>(&mut labels, &mut findings, keep)?,
+            MeshFormat::Ply => run.read::<PlySource>(&mut labels, &mut findings, keep)?,
+        }
+    }
+    twins::note_twins(inputs, &content_hashes, &mesh, &mut findings);
+    Ok(Scan { mesh, catalogue: labels.finish(), triangles, findings, input_bytes, content_hashes, libraries })
+}

@@ -1,0 +1,80 @@
+//! Reads PLY files: text and both binary forms, polygons, colours, texture coordinates of vertices and of faces.
+//!
+//! ```text
+//! header ── layout: which numbers of a record mean what
+//! vertex records ──┐
+//! face records   ──┼─▶ chunks of whole records of one element ──▶ parsed in parallel ──▶ appended in order
+//! other records  ──┘
+//! ```
+//! In: PLY files. Out: chunks of whole records. Invariant: elements may come in any order, since the header tells how
+//! many vertices there are.
+
+mod commit;
+mod cut;
+mod fields;
+mod header;
+mod layout;
+mod parse;
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+
+use self::commit::PlyCommit;
+use self::cut::PlyChunk;
+use self::parse::PlyRecords;
+use crate::base::Result;
+use crate::file::packed::RecordBounds;
+use crate::read::source::{Counts, Cut, MeshSource};
+
+pub(super) use self::cut::PlySource;
+
+/// Buffers of parsed records larger than this, in bytes, are freed instead of reused.
+const KEPT_BYTES_MAX: usize = 4 << 20;
+
+impl MeshSource for PlySource {
+    type Chunk = PlyChunk;
+    type Parsed = PlyRecords;
+    type Commit<'a> = PlyCommit<'a>;
+
+    fn open(path: &Path, chunk_bytes: u64) -> Result<Self> {
+        Self::open(path, chunk_bytes)
+    }
+
+    fn cut(&mut self, path: &Path) -> Result<Cut<PlyChunk>> {
+        self.cut(path)
+    }
+
+    fn parse(path: &Path, chunk: &mut PlyChunk, parsed: &mut PlyRecords, _: &mut Vec<u8>) -> Result<()> {
+        parse::parse(path, chunk, parsed)
+    }
+
+    fn count(path: &Path, chunk: &mut PlyChunk, bounds: Option<&mut RecordBounds>, _: &mut Vec<u8>) -> Result<Counts> {
+        let (mut parsed, bytes) = (PlyRecords::default(), chunk.bytes.len() as u64);
+        parse::parse(path, chunk, &mut parsed)?;
+        let records = &parsed.records;
+        if let Some(bounds) = bounds {
+            let boxes = records.positions.iter().map(|position| position.to_array());
+            boxes.for_each(|position| bounds.merge(&RecordBounds { low: position, high: position }));
+        }
+        let vertices = records.positions.len() as u64;
+        Ok(Counts {
+            bytes,
+            vertices,
+            texcoords: records.texcoords.len() as u64,
+            normals: if records.uses_normals { vertices } else { 0 },
+            polygons: records.polygon_sizes.len() as u64,
+            triangles: records.polygon_sizes.iter().map(|size| u64::from(*size) - 2).sum(),
+            has_colours: !records.colours.is_empty(),
+            decimals: records.position_decimals,
+        })
+    }
+
+    fn clear(parsed: &mut PlyRecords) {
+        if parsed.records.capacity_bytes() > KEPT_BYTES_MAX {
+            *parsed = PlyRecords::default();
+        }
+        parsed.records.clear();
+        parsed.largest = 0.0;
+    }
+}

@@ -1,0 +1,48 @@
+//! What a result no longer has of the materials and textures of its input.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use super::numbering::Usage;
+use crate::base::error::escape;
+use crate::base::{Findings, counted};
+use crate::model::Catalogue;
+
+/// Materials of the faces of the result, by index.
+pub(super) fn used_materials(catalogue: &Catalogue, usage: &Usage) -> BTreeSet<u32> {
+    let parts = catalogue.parts.iter().zip(&usage.faces_per_part).filter(|&(_, &faces)| faces > 0);
+    parts.filter_map(|(part, _)| part.material).collect()
+}
+
+/// Reports the materials and textures that no face of the result uses any more.
+pub(super) fn note_losses(catalogue: &Catalogue, usage: &Usage, findings: &mut Findings) {
+    let used = used_materials(catalogue, usage);
+    let all = 0..catalogue.materials.len() as u32;
+    let lost = all.clone().filter(|index| !used.contains(index));
+    let lost = lost.map(|index| &catalogue.materials[index as usize].output_name[..]).collect();
+    note_lost("lost_materials", "material", all.len(), lost, findings);
+
+    let (before, left) = (textures(catalogue, all), textures(catalogue, used.iter().copied()));
+    let lost = before.difference(&left).map(|(_, name)| *name).collect();
+    note_lost("lost_textures", "texture", before.len(), lost, findings);
+}
+
+/// Textures of some materials: the folder of the MTL, and the name in it.
+fn textures(catalogue: &Catalogue, materials: impl Iterator<Item = u32>) -> BTreeSet<(&Path, &[u8])> {
+    let definitions = materials.filter_map(|index| catalogue.materials[index as usize].definition.as_ref());
+    definitions.flat_map(|d| d.textures.iter().map(|texture| (d.folder.as_path(), &texture.name[..]))).collect()
+}
+
+/// Number of textures that the materials of the input name.
+pub fn texture_count(catalogue: &Catalogue) -> u64 {
+    textures(catalogue, 0..catalogue.materials.len() as u32).len() as u64
+}
+
+/// Notes each lost item; the first note also says how many of `total` are left.
+fn note_lost(kind: &'static str, what: &str, total: usize, lost: Vec<&[u8]>, findings: &mut Findings) {
+    let left = format!("{} of {} left; ", total - lost.len(), counted(total as u64, what));
+    for (place, name) in lost.into_iter().enumerate() {
+        let left = if place == 0 { left.as_str() } else { "" };
+        findings.note(kind, || format!("{left}'{}' is on no face of the result", escape(name)));
+    }
+}

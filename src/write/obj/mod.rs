@@ -1,0 +1,130 @@
+//! Writes an OBJ: its text, with the normals of corners, and its MTL.
+
+mod lines;
+pub(super) mod mtl;
+mod number;
+
+use std::path::Path;
+
+use self::lines::ObjText;
+use super::batches::in_order;
+use super::grouping::Grouping;
+use super::normals::{PieceNormals, SharedNormals, piece_bytes, piece_normals};
+use super::sink::{MeshSink, ResultMesh};
+use crate::base::{Error, Findings, Result};
+use crate::model::corners::FaceReader;
+use crate::model::stored_mesh::PieceNumbering;
+use crate::model::{NO_TEXCOORD, StoredPiece};
+
+/// An OBJ being written.
+#[derive(Debug)]
+pub(super) struct ObjSink {
+    text: ObjText,
+}
+
+impl ObjSink {
+    /// Creates a temporary file of the job that will become `target`; `library` is the name of the MTL, if there is
+    /// one.
+    ///
+    /// # Errors
+    /// If the file cannot be created.
+    pub(super) fn begin(target: &Path, job: u64, library: Option<&[u8]>) -> Result<Self> {
+        Ok(Self { text: ObjText::create(target, job, library)? })
+    }
+}
+
+impl MeshSink for ObjSink {
+    fn vertices(&mut self, result: &ResultMesh<'_>) -> Result<()> {
+        self.text.vertices(result)
+    }
+
+    fn texcoords(&mut self, result: &ResultMesh<'_>) -> Result<()> {
+        self.text.texcoords(result)
+    }
+
+    fn faces(&mut self, result: &mut ResultMesh<'_>) -> Result<()> {
+        let corners = std::mem::take(&mut result.corners_per_shared);
+        let result = &*result;
+        let ResultMesh { mesh, usage, ref order, form, share, work_folder, .. } = *result;
+        let obj = &mut self.text;
+        let shared = SharedNormals::gather(mesh, corners, share, work_folder, |normals| obj.normals(normals))?;
+        let faces = Grouping::new(order.counts(usage), form.words(), share, &work_folder.join("write-faces.tmp"))?;
+        let faces = Numberer { result, shared: &shared }.number_faces(faces, obj)?;
+        obj.faces(faces, result)
+    }
+
+    fn finish(&mut self, findings: &mut Findings) -> Result<(u64, u64)> {
+        findings.count("non_finite_numbers", self.text.non_finite);
+        self.text.file().seal()
+    }
+
+    fn commit(self: Box<Self>) -> Result<()> {
+        self.text.commit()
+    }
+}
+
+/// Converts the faces to the numbering of the result.
+struct Numberer<'a> {
+    result: &'a ResultMesh<'a>,
+    shared: &'a SharedNormals,
+}
+
+impl Numberer<'_> {
+    /// Adds every face to `faces`, and writes the normals at the pieces' own vertices to the OBJ.
+    fn number_faces(&self, mut faces: Grouping, obj: &mut ObjText) -> Result<Grouping> {
+        let ResultMesh { mesh, numbering, form, share: memory_bytes, .. } = *self.result;
+        let mut reader = FaceReader::default();
+        let mut normal_count = u64::from(self.shared.count);
+        in_order(
+            mesh.pieces.iter().zip(numbering),
+            memory_bytes,
+            |(piece, _)| if form.normals { piece_bytes(piece) } else { 0 },
+            |(piece, ids)| match form.normals {
+                true => Ok((piece, ids, piece_normals(mesh, piece, self.shared)?)),
+                false => Ok((piece, ids, PieceNormals::default())),
+            },
+            |(piece, ids, normals)| {
+                obj.normals(&normals.unique)?;
+                let first_normal = normal_count;
+                normal_count += normals.unique.len() as u64;
+                if normal_count >= u64::from(u32::MAX) {
+                    return Err(Error::Limit("the result has more than 2³² normals; leave the normals out".into()));
+                }
+                self.number_piece(piece, ids, &normals.corners, first_normal as u32, &mut reader, &mut faces)
+            },
+        )?;
+        Ok(faces)
+    }
+
+    fn number_piece(
+        &self,
+        piece: &StoredPiece,
+        ids: &PieceNumbering,
+        corner_normals: &[u32],
+        first_normal: u32,
+        reader: &mut FaceReader,
+        faces: &mut Grouping,
+    ) -> Result<()> {
+        let ResultMesh { usage, ref order, form, .. } = *self.result;
+        let mut corner_normals = corner_normals.chunks_exact(3);
+        let mut numbered = Vec::with_capacity(9);
+        reader.each_block(piece, |block| {
+            for face in block {
+                let face = ids.globalise(face);
+                numbered.clear();
+                numbered.extend(face.vertices.map(|v| usage.vertices.rank(v) + 1));
+                if form.texcoords {
+                    let number = |t| if t == NO_TEXCOORD { 0 } else { usage.texcoords.rank(t) + 1 };
+                    numbered.extend(face.texcoords.map(number));
+                }
+                if let Some(normals) = corner_normals.next() {
+                    let own_base = first_normal - self.shared.count;
+                    let number = |&n: &u32| if n < self.shared.count { n + 1 } else { n + own_base + 1 };
+                    numbered.extend(normals.iter().map(number));
+                }
+                faces.push(order.place(face.part), &numbered)?;
+            }
+            Ok(())
+        })
+    }
+}

@@ -1,0 +1,96 @@
+//! The texture images of a PLY: one per material at most, named by comments.
+//!
+//! In: the catalogue, and which parts have faces. Out: the names of the images, and the image of each material. What a
+//! PLY cannot hold of objects, groups and materials is reported.
+
+use std::collections::{BTreeSet, HashMap};
+
+use crate::base::error::escape;
+use crate::base::{Findings, Result, counted};
+use crate::model::Catalogue;
+use crate::model::catalogue::TextureStatement;
+use crate::write::losses::used_materials;
+use crate::write::numbering::Usage;
+use crate::write::textures::TextureStage;
+
+/// Texture images of the result.
+#[derive(Debug, Default)]
+pub(in crate::write) struct PlyImages {
+    /// Names as the file refers to them.
+    pub(super) names: Vec<Vec<u8>>,
+    /// Index of the image of each material of the catalogue.
+    pub(super) of_material: Vec<Option<usize>>,
+    /// What is not written.
+    pub(super) findings: Findings,
+}
+
+/// Stages the images of the materials that faces use.
+///
+/// # Errors
+/// Those of [`TextureStage::reference`].
+pub(in crate::write) fn stage_images(
+    catalogue: &Catalogue,
+    usage: &Usage,
+    textures: &mut TextureStage,
+) -> Result<PlyImages> {
+    let used = used_materials(catalogue, usage);
+    let mut images = of_materials(catalogue, &used, textures)?;
+    let parts = catalogue.parts.iter().zip(&usage.faces_per_part).filter(|&(_, &faces)| faces > 0);
+    let names: BTreeSet<u32> = parts.flat_map(|(part, _)| [part.object, part.group]).flatten().collect();
+    for name in names {
+        let name = escape(&catalogue.names[name as usize]);
+        images.findings.note("unwritten_names", || format!("'{name}' is not written: a PLY has no objects and groups"));
+    }
+    for index in used {
+        let name = || escape(&catalogue.materials[index as usize].output_name);
+        if images.of_material[index as usize].is_none() {
+            let words = || format!("'{}' is not written: it has no image for map_Kd", name());
+            images.findings.note("unwritten_materials", words);
+        }
+        match unwritten_statements(catalogue, index) as u64 {
+            0 => {}
+            count => images.findings.note("unwritten_statements", || {
+                format!("{} of '{}': a PLY has only the image", counted(count, "statement"), name())
+            }),
+        }
+    }
+    Ok(images)
+}
+
+/// The images if every material used by the input were used by the result.
+///
+/// # Errors
+/// Those of [`TextureStage::reference`].
+pub(in crate::write) fn stage_whole_images(catalogue: &Catalogue, textures: &mut TextureStage) -> Result<PlyImages> {
+    of_materials(catalogue, &catalogue.parts.iter().filter_map(|part| part.material).collect(), textures)
+}
+
+fn of_materials(catalogue: &Catalogue, used: &BTreeSet<u32>, textures: &mut TextureStage) -> Result<PlyImages> {
+    let mut images = PlyImages { of_material: vec![None; catalogue.materials.len()], ..PlyImages::default() };
+    let mut known: HashMap<Vec<u8>, usize> = HashMap::new();
+    for &material in used {
+        let Some(definition) = &catalogue.materials[material as usize].definition else { continue };
+        let Some(image) = definition.textures.iter().find(|texture| is_base_colour(texture)) else { continue };
+        let name = textures.reference(&definition.folder, &image.name)?;
+        let next = images.names.len();
+        let index = *known.entry(name.clone()).or_insert(next);
+        if index == next {
+            images.names.push(name);
+        }
+        images.of_material[material as usize] = Some(index);
+    }
+    Ok(images)
+}
+
+/// Reports whether a statement names the image of the base colour.
+fn is_base_colour(texture: &TextureStatement) -> bool {
+    let key = texture.key_and_options.split(|byte| *byte == b' ').next().unwrap_or_default();
+    key.eq_ignore_ascii_case(b"map_Kd")
+}
+
+/// Statements of a material that a PLY cannot hold: all but the name of its image.
+fn unwritten_statements(catalogue: &Catalogue, material: u32) -> usize {
+    let Some(definition) = &catalogue.materials[material as usize].definition else { return 0 };
+    let has_image = definition.textures.iter().any(is_base_colour);
+    definition.statements.len() + definition.textures.len() - usize::from(has_image)
+}

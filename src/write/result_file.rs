@@ -1,0 +1,61 @@
+//! The mesh file of a result while it is written: its length and hash are known at the end.
+
+use std::path::Path;
+
+use xxhash_rust::xxh3::Xxh3;
+
+use crate::base::Result;
+use crate::os::durable::DurableFile;
+
+const FILE_BUFFER_BYTES: usize = 64 << 10;
+
+/// A mesh file under a temporary name.
+pub(super) struct ResultFile {
+    file: DurableFile,
+    bytes: u64,
+    hash: Xxh3,
+}
+
+impl std::fmt::Debug for ResultFile {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        out.debug_struct("ResultFile").field("file", &self.file).field("bytes", &self.bytes).finish_non_exhaustive()
+    }
+}
+
+impl ResultFile {
+    /// Creates a temporary file of the job that will become `target`.
+    ///
+    /// # Errors
+    /// If the file cannot be created.
+    pub(super) fn create(target: &Path, job: u64) -> Result<Self> {
+        let file = DurableFile::create_outside(target, job, FILE_BUFFER_BYTES)?;
+        Ok(Self { file, bytes: 0, hash: Xxh3::new() })
+    }
+
+    /// Appends bytes.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub(super) fn write(&mut self, bytes: &[u8]) -> Result<()> {
+        self.bytes += bytes.len() as u64;
+        self.hash.update(bytes);
+        self.file.write(bytes)
+    }
+
+    /// Syncs the file under its temporary name; returns its length in bytes and its XXH3.
+    ///
+    /// # Errors
+    /// Those of the file system.
+    pub(super) fn seal(&mut self) -> Result<(u64, u64)> {
+        self.file.seal()?;
+        Ok((self.bytes, self.hash.digest()))
+    }
+
+    /// Renames the file to its final name.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub(super) fn commit(self) -> Result<()> {
+        self.file.commit().map(drop)
+    }
+}
