@@ -164,7 +164,8 @@ mod tests {
     fn what_cannot_be_is_refused() {
         triangle().check().unwrap();
         Mesh::default().check().unwrap();
-        let faults: [(&str, fn(&mut Mesh)); 6] = [
+        type Fault = (&'static str, fn(&mut Mesh));
+        let faults: [Fault; 6] = [
             ("a vertex", |mesh| mesh.faces[0][2] = 3),
             ("a texture coordinate", |mesh| mesh.face_texcoords[0][1] = 1),
             ("face_texcoords", |mesh| mesh.face_texcoords.push([0; 3])),

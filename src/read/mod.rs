@@ -9,8 +9,8 @@
 //! [`Catalogue`] of everything that is not geometry. Invariant: chunks depend on the files alone and are committed in
 //! order, so the result and the text of any error are the same for any number of threads.
 //!
-//! A format is a [`MeshSource`](source::MeshSource): it cuts a file, parses a chunk, and appends what was parsed to the
-//! columns through the [`MeshBuilder`](builder::MeshBuilder) that the formats share.
+//! A format is a `MeshSource`: it cuts a file, parses a chunk, and appends what was parsed to the
+//! columns through the `MeshBuilder` that the formats share.
 //!
 //! # Memory
 //! `threads` × 512 KiB of text and `chunks_in_flight` × 1.5 MiB of parsed chunks, plus the length of a record longer

@@ -2,7 +2,7 @@
 //!
 //! In: a [`StoredMesh`] and the [`Catalogue`] of its parts. Out: the files of the result, which get their final names
 //! only once all of them are complete: textures, then the MTL, then the mesh. The ending of the output chooses the
-//! format, a [`MeshSink`](sink::MeshSink). Invariant: the bytes depend on the mesh,
+//! format, a `MeshSink`. Invariant: the bytes depend on the mesh,
 //! the catalogue and the options, not on the memory or the number of threads. Vertices and texture coordinates keep the
 //! stored order; unused ones are left out. The faces of a part are consecutive, in the stored order.
 //!

@@ -116,8 +116,8 @@ impl VertexParser<'_> {
         }
         let [x, y, z, r, g, b, u, v] = values;
         let size = x.abs().max(y.abs()).max(z.abs());
-        if !(size <= COORDINATE_MAX) || x.is_nan() || y.is_nan() || z.is_nan() {
-            let bad = [x, y, z].into_iter().find(|value| !(value.abs() <= COORDINATE_MAX)).unwrap_or(f64::NAN);
+        let is_bad = |value: &f64| value.is_nan() || value.abs() > COORDINATE_MAX;
+        if let Some(bad) = [x, y, z].into_iter().find(is_bad) {
             return Err(format!("expected a finite 32-bit coordinate, found {bad}"));
         }
         self.largest = self.largest.max(size);

@@ -272,11 +272,9 @@ fn runs<'a>(
         (&piece.positions, piece.colours.as_ref(), ids.vertex_base, normals, block)
     });
     shared.chain(own).flat_map(|(positions, colours, first_id, normals, block)| {
-        let ranges: Vec<Range<u64>> = match block {
-            u64::MAX => vec![0..positions.len()],
-            _ => positions.ranges(block).collect(),
-        };
-        ranges.into_iter().map(move |range| VertexRange { positions, colours, first_id, range, normals })
+        let whole = (block == u64::MAX).then(|| 0..positions.len());
+        let blocks = (block != u64::MAX).then(|| positions.ranges(block)).into_iter().flatten();
+        whole.into_iter().chain(blocks).map(move |range| VertexRange { positions, colours, first_id, range, normals })
     })
 }
 

@@ -1,0 +1,19 @@
+//! What a program that calls the library keeps for itself. The only test of this process, so that nothing else touches
+//! what the process has once.
+
+mod meshes;
+
+use drystone::{Silent, Simplify};
+use meshes::{ratio, rms_distance, simplify, town};
+
+#[test]
+fn the_thread_pool_of_the_host_stays_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("town.obj");
+    let call = Simplify::new(town()).to(&output).ratio(0.2).threads(2).with(|options| options.cluster_faces = 1000);
+    call.run(&Silent).unwrap();
+    let run = simplify(&town(), &ratio(0.3));
+    assert!(rms_distance(&town(), &run) > 0.0);
+    // The global pool can be built once; it was not.
+    rayon::ThreadPoolBuilder::new().num_threads(1).build_global().unwrap();
+}
