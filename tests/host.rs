@@ -14,6 +14,7 @@ fn the_thread_pool_of_the_host_stays_its_own() {
     call.run(&Silent).unwrap();
     let run = simplify(&town(), &ratio(0.3));
     assert!(rms_distance(&town(), &run) > 0.0);
+    run.mesh().check();
     // The global pool can be built once; it was not.
     rayon::ThreadPoolBuilder::new().num_threads(1).build_global().unwrap();
 }

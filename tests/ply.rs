@@ -213,5 +213,5 @@ fn a_job_with_ply_that_is_stopped_ends_with_the_same_bytes() {
     assert!(stops > 1);
     assert_eq!(contents(&path("parts")), contents(&path("whole")));
     let error = pipeline::simplify(&town, &path("parts/town.ply"), &options, &Silent).unwrap_err();
-    assert!(error.to_string().contains("--force"), "{error}");
+    assert!(error.to_string().contains("`force`"), "{error}");
 }

@@ -20,6 +20,7 @@ use super::edges::{EdgeTable, HalfEdge, repeats_vertex, vertices_of};
 use super::forest::DisjointSets;
 use super::surface::Surface;
 use super::tjunction::count_t_junctions;
+use crate::base::pool::in_parallel;
 use crate::geometry::boxtree::Bounds;
 use crate::geometry::triangle::is_flat;
 use crate::mesh::fold::are_folded;
@@ -189,7 +190,7 @@ fn count_topology(surface: &Surface, edges: &EdgeTable) -> EdgeCounts {
 fn count_duplicates(faces: &[[u32; 3]]) -> u64 {
     let mut sets: Vec<[u32; 3]> = faces.iter().copied().filter(|&face| !repeats_vertex(face)).collect();
     sets.iter_mut().for_each(|set| set.sort_unstable());
-    sets.par_sort_unstable();
+    in_parallel(|| sets.par_sort_unstable());
     let before = sets.len();
     sets.dedup();
     (before - sets.len()) as u64

@@ -184,24 +184,26 @@ impl MeshFormat {
     /// All formats, with the ending of their files in lower case.
     pub const ALL: [(MeshFormat, &str); 2] = [(MeshFormat::Obj, "obj"), (MeshFormat::Ply, "ply")];
 
-    /// MeshFormat of the files with the ending of a path; `None` for others.
+    /// Format of the files with the ending of a path; `None` for others.
     pub fn by_ending(path: &Path) -> Option<Self> {
         let ending = path.extension()?;
         Self::ALL.iter().find(|(_, known)| ending.eq_ignore_ascii_case(known)).map(|(format, _)| *format)
     }
 
-    /// MeshFormat of a file by its first bytes. Without those of a PLY it is taken for what its ending says, else for an
-    /// OBJ.
+    /// Format of a file, by its ending; with any other ending by its first bytes, an OBJ unless they are those of a PLY.
     ///
     /// # Errors
     /// If the file cannot be opened or read.
     pub fn of(path: &Path) -> Result<Self> {
+        if let Some(format) = Self::by_ending(path) {
+            return Ok(format);
+        }
         let (file, _) = open_regular(path)?;
         let mut start = Vec::new();
         file.take(4).read_to_end(&mut start).map_err(|e| Error::io(path, "read", e))?;
         Ok(match &start[..] {
             b"ply\n" | b"ply\r" => Self::Ply,
-            _ => Self::by_ending(path).unwrap_or(Self::Obj),
+            _ => Self::Obj,
         })
     }
 

@@ -111,9 +111,10 @@ fn draw(mesh: &MeasuredMesh, depths: &mut [Depth], progress: &dyn Progress) -> R
         progress.check_stopped()?;
         let view = cell.view()?;
         let triangles = 0..view.faces.len() as u32;
-        depths.par_iter_mut().for_each(|depth| {
+        let draw_all = |depth: &mut Depth| {
             triangles.clone().for_each(|face| depth.draw(view.triangle(face).map(|corner| corner + view.origin)));
-        });
+        };
+        in_parallel(|| depths.par_iter_mut().for_each(draw_all));
         progress.advance(1);
     }
     Ok(())

@@ -356,16 +356,24 @@ fn hashes_of_a_resumed_job_are_those_of_the_scan() {
 }
 
 #[test]
-fn what_begins_as_a_ply_is_read_as_one_whatever_its_name() {
+fn the_ending_tells_the_format_and_without_one_the_first_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let scan_at = |path: &Path| scan(&[path.to_owned()], folder.path(), &ScanOptions::default(), &Silent);
-    fs::write(at("a.obj"), SMALL).unwrap();
-    assert_eq!(scan_at(&at("a.obj")).unwrap().triangles, 4);
-    fs::write(at("b.ply"), "v 0 0 0\n").unwrap();
-    assert!(scan_at(&at("b.ply")).unwrap_err().to_string().contains("b.ply:1: expected 'ply' on the first line"));
-    fs::write(at("c.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
-    let both = [at("a.obj"), at("c.obj")];
+    let obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    for (name, text, triangles) in [("a", SMALL, 4), ("a.mesh", SMALL, 4), ("b.txt", obj, 1), ("c.OBJ", obj, 1)] {
+        fs::write(at(name), text).unwrap();
+        assert_eq!(scan_at(&at(name)).unwrap().triangles, triangles, "{name}");
+    }
+    for (name, text, words) in [
+        ("d.obj", SMALL, "d.obj:1: expected OBJ text, found a PLY file"),
+        ("e.ply", obj, "e.ply:1: expected 'ply' on the first line"),
+    ] {
+        fs::write(at(name), text).unwrap();
+        let error = scan_at(&at(name)).unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    }
+    let both = [at("a"), at("c.OBJ")];
     let found = scan(&both, folder.path(), &ScanOptions::default(), &Silent).unwrap();
     assert_eq!((found.triangles, found.mesh.pieces.len(), found.content_hashes.len()), (5, 2, 2));
 }
