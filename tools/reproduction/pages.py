@@ -23,16 +23,21 @@ RULE = """\
   *In part*: all else, with how many reach it and how many lie on the right side.
 * **Noise.** Times, and figures that depend on the order of equal costs, come from five runs: times from runs in shuffled order,
   the others from the same mesh with its vertices and triangles in five orders. The figure is the median. A case of such figures is
-  *within the noise* if the limit lies between its second least and its second largest run; it counts as neither."""
+  *within the noise* if the limit lies between its second least and its second largest run (of three runs: between its least and
+  its largest); it counts as neither."""
 
 SHORT_RULE = "A case (a mesh at a share removed) reaches a claim if it lies on the side of the baseline that the paper says and is at most 1.5 times worse than the paper's figure, where it gives one. Confirmed: all cases reach it; refuted: fewer than half lie on the right side; in part: all else ([the rule](README.md#what-is-compared-with-what))."
 CLAIM = ["Claim", "In the paper", "Here", "Our figure"]
 
 
+def inner(values):
+    """The runs that count when a figure is judged."""
+    return sorted(values)[1:-1] if len(values) >= BAND else values
+
+
 def judged(judge, values):
     """What a rule says of the runs of one case, without the least and the most: whether it is on the right side, and whether it reaches the claim; `None` where they differ."""
-    values = sorted(values)
-    found = [judge(value) for value in (values[1:-1] if len(values) >= BAND else values)]
+    found = [judge(value) for value in inner(values)]
     found = [one if isinstance(one, tuple) else (one, one) for one in found]
     return tuple(bool(found[0][k]) if len({bool(one[k]) for one in found}) == 1 else None for k in (0, 1))
 

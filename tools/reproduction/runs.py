@@ -151,12 +151,12 @@ def run(mesh, system, target=None, *options, original=None, whole=True):
     return Result(original or mesh, result, json.loads(told.read_text()))
 
 
-def timed(cases, whole=True, repeats=REPEATS):
+def timed(cases, repeats=REPEATS):
     """Seconds of processor time of some runs, each repeated, in shuffled order.
 
     A case is a mesh, a system, a target and further options. Of each: what `Times` has, a list of as many figures as repeats.
     """
-    commands = [(mesh, words_of(system, target, options, whole)) for mesh, system, target, *options in cases]
+    commands = [(mesh, words_of(system, target, options)) for mesh, system, target, *options in cases]
     kept = FOLDER / "times" / f"{key_of(str(repeats), *(word for mesh, words in commands for word in (hash_of(mesh), *words)))}.json"
     if not kept.exists():
         kept.parent.mkdir(parents=True, exist_ok=True)
