@@ -13,8 +13,6 @@ REMOVED = (0.2, 0.5, 0.8, 0.93)
 # Slopes are those of a line through the errors at these shares.
 SLOPE = (0.2, 0.5, 0.8)
 AREA, CURVATURE = "curvature curvature=0", "curvature"
-# Times that a mesh is turned about and its order shuffled, since the largest distance depends on both; large meshes less often.
-SHUFFLES, SHUFFLES_OF_LARGE, LARGE = 5, 3, 50000
 # Triangles of a piece of a scan or a city.
 PIECE = 20000
 # The patent's own kind first; its claims are judged for each kind.
@@ -34,7 +32,7 @@ def write():
     thin = thin_parts(figures, own)
     claims(page, found, figures, thin)
     page.head("Curvature over area")
-    page.text(f"Errors by `curvature` ÷ errors by area alone (`curvature=0`), which differs in c alone; distances both ways. Each figure is the median of {SHUFFLES} runs ({SHUFFLES_OF_LARGE} of meshes above {LARGE:,} triangles) on the mesh turned about and shuffled, since the largest distance depends on the order of equal costs; in brackets the least and the most. Slopes are those of a line through the errors at 20, 50 and 80 % removed.")
+    page.text(f"Errors by `curvature` ÷ errors by area alone (`curvature=0`), which differs in c alone; distances both ways. Each figure is the median of {meshes.ORDERS} runs ({meshes.ORDERS_OF_LARGE} of meshes above {meshes.LARGE:,} triangles) on the mesh turned about and shuffled, since the largest distance depends on the order of equal costs; in brackets the least and the most. Slopes are those of a line through the errors at 20, 50 and 80 % removed.")
     page.text(f"Figures with limbs are generated; quadruped, person and helicopter are of evenly sized triangles, the *sized* ones and the car have smaller triangles where they bend, made from a finer mesh by plain QEM. The car has a body with a cabin, wheels, mirrors and an antenna of 90 cm by 1 cm, and as many triangles as the patent's. The stick is an ellipsoid with one, the rotor a body with four blades of 5 m by 30 cm by 2 cm. Of the real models, suzanne, alligator, igea and the bunny are whole; statue, survey and city are pieces cut out of scans and of a set of city models. Of those that are not figures, one is *flat-faced* if most of its area lies where no edge bends by more than {FLAT}°, else *open* if it has borders.")
     kinds(page, found)
     told = lambda ratios: f"{short(np.median(ratios))} ({short(min(ratios))} to {short(max(ratios))})"
@@ -100,7 +98,7 @@ class Pair:
 
     def __init__(self, name, vertices, faces, kind=None):
         self.name, self.vertices, self.faces, self.given = name, vertices, faces, kind
-        self.shuffles = SHUFFLES if len(faces) < LARGE else SHUFFLES_OF_LARGE
+        self.shuffles = meshes.ORDERS if len(faces) < meshes.LARGE else meshes.ORDERS_OF_LARGE
 
     @cached_property
     def kind(self):

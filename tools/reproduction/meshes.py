@@ -297,45 +297,15 @@ def beside_its_images(source, path):
     return write(path, source.read_text().replace(materials.name, path.with_suffix(".mtl").name))
 
 
-def orders(source, count=5):
+# Orders that a mesh is taken in, and of one with more triangles than `LARGE`.
+ORDERS, ORDERS_OF_LARGE, LARGE = 5, 3, 50000
+
+
+def orders(source):
     """A mesh, and the same in other orders."""
     folder = source.parent if source.is_relative_to("target") else Path("target/reproduce") / f"{source.stem}-orders"
+    count = ORDERS if sum(line.startswith("f ") for line in source.open()) < LARGE else ORDERS_OF_LARGE
     return [source, *(reordered(source, folder / f"{source.stem}-order-{seed}.obj", seed) for seed in range(1, count))]
-
-
-def part_of(source, path, materials):
-    """The triangles of some materials."""
-    vertices, faces, material = [], [], None
-    for line in source.open():
-        word, _, rest = line.strip().partition(" ")
-        if word == "v":
-            vertices.append([float(x) for x in rest.split()])
-        elif word == "usemtl":
-            material = rest
-        elif word == "f" and material in materials:
-            faces.append([int(corner.split("/")[0]) - 1 for corner in rest.split()])
-    return write_obj(path, vertices, faces)
-
-
-def outlines(source, path, one, other):
-    """Points along the edges between two materials, each a triangle half a millimetre wide, so that they are a mesh."""
-    vertices, owners, material = [], {}, None
-    for line in source.open():
-        word, _, rest = line.strip().partition(" ")
-        if word == "v":
-            vertices.append([float(x) for x in rest.split()])
-        elif word == "usemtl":
-            material = rest
-        elif word == "f":
-            corners = [int(corner.split("/")[0]) - 1 for corner in rest.split()]
-            for a, b in zip(corners, corners[1:] + corners[:1]):
-                owners.setdefault((min(a, b), max(a, b)), set()).add(material)
-    edges = np.array([edge for edge, materials in owners.items() if materials == {one, other}])
-    ends = np.array(vertices)[edges]
-    points = np.concatenate([ends[:, 0] + share * (ends[:, 1] - ends[:, 0]) for share in (0.1, 0.3, 0.5, 0.7, 0.9)])
-    points = points[np.random.default_rng(5).permutation(len(points))[:10000]]
-    corners = points[:, None] + 5e-4 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 1]])
-    return write_obj(path, corners.reshape(-1, 3), np.arange(3 * len(points)).reshape(-1, 3))
 
 
 def of_materials(source, materials):
@@ -354,6 +324,9 @@ def of_materials(source, materials):
 
 def cut(path, source, wanted, choose_middle=lambda triangles, wanted: np.median(triangles.mean(1), 0), has_images=True):
     """A compact piece of a survey: the triangles nearest to a middle, with their texture coordinates and images."""
+    if path.exists() and path.stat().st_mtime > max(source.stat().st_mtime, Path(__file__).stat().st_mtime):
+        return path
+    path.unlink(missing_ok=True)
     vertices, uvs, faces, material = [], [], [], -1
     for line in source.open(errors="replace"):
         words = line.split()

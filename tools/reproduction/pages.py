@@ -22,7 +22,8 @@ RULE = """\
   counts as they are. *Confirmed*: all cases reach it. *Refuted*: fewer than half of them lie, or may lie, on the right side.
   *In part*: all else, with how many reach it and how many lie on the right side.
 * **Noise.** Times, and figures that depend on the order of equal costs, come from five runs: times from runs in shuffled order,
-  the others from the same mesh with its vertices and triangles in five orders. The figure is the median. A case of such figures is
+  the others from the same mesh with its vertices and triangles in five orders (three of meshes above 50,000 triangles). The figure
+  is the median. A case of such figures is
   *within the noise* if the limit lies between its second least and its second largest run (of three runs: between its least and
   its largest); it counts as neither."""
 

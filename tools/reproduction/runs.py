@@ -151,13 +151,14 @@ def run(mesh, system, target=None, *options, original=None, whole=True):
     return Result(original or mesh, result, json.loads(told.read_text()))
 
 
-def timed(cases, repeats=REPEATS):
+def timed(cases, repeats=REPEATS, phases=False):
     """Seconds of processor time of some runs, each repeated, in shuffled order.
 
-    A case is a mesh, a system, a target and further options. Of each: what `Times` has, a list of as many figures as repeats.
+    A case is a mesh, a system, a target and further options. Of each: what `Times` has, a list of as many figures as repeats;
+    those of phases only if asked for, since they cost some.
     """
     commands = [(mesh, words_of(system, target, options)) for mesh, system, target, *options in cases]
-    kept = FOLDER / "times" / f"{key_of(str(repeats), *(word for mesh, words in commands for word in (hash_of(mesh), *words)))}.json"
+    kept = FOLDER / "times" / f"{key_of(str(repeats), str(phases), *(word for mesh, words in commands for word in (hash_of(mesh), *words)))}.json"
     if not kept.exists():
         kept.parent.mkdir(parents=True, exist_ok=True)
         found = [[] for _ in commands]
@@ -165,7 +166,7 @@ def timed(cases, repeats=REPEATS):
             for at in random.Random(repeat).sample(range(len(commands)), len(commands)):
                 mesh, words = commands[at]
                 out = FOLDER / "times" / f"{os.getpid()}.obj"
-                found[at].append(spend(command_of(mesh, out, words, out.with_suffix(".json")), out.with_suffix(".json")))
+                found[at].append(spend(command_of(mesh, out, words, out.with_suffix(".json")), out.with_suffix(".json"), phases))
         kept.write_text(json.dumps(found))
     return [Times(one) for one in json.loads(kept.read_text())]
 
@@ -187,25 +188,27 @@ def over(found, base):
     return [a / b if b else np.inf for a, b in zip(found, base)]
 
 
-def spend(command, told):
-    """Runs the program and reads the processor time of its threads every few milliseconds, to know that of a phase."""
+def spend(command, told, phases):
+    """Runs the program; to know the processor time of a phase, reads that of its threads again and again, about every 4 ms of it."""
     began, at, spent, threads = time.monotonic(), [0.0], [0.0], {}
     program = subprocess.Popen([str(PROGRAM), *map(str, command)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     while True:
-        done, status, used = os.wait4(program.pid, os.WNOHANG)
+        done, status, used = os.wait4(program.pid, os.WNOHANG if phases else 0)
         if done:
             break
-        for thread in Path(f"/proc/{program.pid}/task").glob("*/schedstat"):
+        for thread in os.listdir(f"/proc/{program.pid}/task"):
             try:
-                threads[thread] = int(thread.read_text().split()[0]) / 1e9
+                with open(f"/proc/{program.pid}/task/{thread}/schedstat") as file:
+                    threads[thread] = int(file.read().split()[0]) / 1e9
             except (OSError, IndexError):
                 pass
         at.append(time.monotonic() - began)
         spent.append(sum(threads.values()))
-        time.sleep(0.003)
+        time.sleep(min(0.004 * max(at[-1] / max(spent[-1], 1e-3), 1), 0.2))
     program.returncode = os.waitstatus_to_exitcode(status)
     if program.returncode not in (0, 3):
         raise SystemExit(f"{command}: {program.returncode}\n{program.stderr.read().decode()}")
-    phases = json.loads(told.read_text())["timeline"]["phases"]
-    within = lambda *names: sum(float(np.diff(np.interp([phase["begin"], phase["end"]], at, spent))[0]) for phase in phases if phase["name"] in names)
+    program.stderr.close()
+    steps = json.loads(told.read_text())["timeline"]["phases"] if phases else []
+    within = lambda *names: sum(float(np.diff(np.interp([step["begin"], step["end"]], at, spent))[0]) for step in steps if step["name"] in names)
     return {"user": used.ru_utime, "collapse": within("simplify", "stitch"), "remesh": within("weigh", "remesh")}
