@@ -4,8 +4,13 @@ A figure is a list of cones with round ends, some squeezed flat, and of blocks w
 distances. A lattice of irregular tetrahedra cuts it; the vertices then slide on the surface until the triangles are of about
 even size. Nothing is drawn at random but the lattice, and that from a fixed seed: the same call gives the same mesh.
 """
+import hashlib
+import os
+from pathlib import Path
+
 import numpy as np
 
+KEPT = Path("target/reproduce/figures")
 SEED = 2015
 SHAKE = 0.12  # how far lattice points stray, in cells
 ROUNDS = 12  # of sliding
@@ -67,7 +72,18 @@ class Figure:
         return np.min([e - r for e, r in ends], axis=0), np.max([e + r for e, r in ends], axis=0)
 
     def mesh(self, cells):
-        """Vertices and faces, with `cells` lattice cells along the longest side."""
+        """Vertices and faces, with `cells` lattice cells along the longest side; kept in a file, since it takes a while."""
+        kept = KEPT / f"{hashlib.sha256(Path(__file__).read_bytes() + repr((self.parts, self.blocks, cells)).encode()).hexdigest()[:16]}.npz"
+        if not kept.exists():
+            kept.parent.mkdir(parents=True, exist_ok=True)
+            vertices, faces = self.made(cells)
+            half = kept.with_suffix(f".{os.getpid()}.npz")
+            np.savez(half, vertices=vertices, faces=faces)
+            half.replace(kept)
+        found = np.load(kept)
+        return found["vertices"], found["faces"]
+
+    def made(self, cells):
         low, high = self.box()
         cell = (high - low).max() / cells
         vertices, faces = march(self.distance, low - 2 * cell, cell, np.ceil((high - low) / cell).astype(int) + 4)

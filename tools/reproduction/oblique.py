@@ -168,6 +168,8 @@ def borders(page, found):
 
 
 def turned_over(result):
+    if result.checked["counts"]["uv negative"] == [0, 0]:
+        return 0
     return result.kept("turned", lambda: int(shapes.turned(result.original, result.path)))
 
 

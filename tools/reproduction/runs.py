@@ -158,17 +158,21 @@ def timed(cases, repeats=REPEATS, phases=False):
     those of phases only if asked for, since they cost some.
     """
     commands = [(mesh, words_of(system, target, options)) for mesh, system, target, *options in cases]
-    kept = FOLDER / "times" / f"{key_of(str(repeats), str(phases), *(word for mesh, words in commands for word in (hash_of(mesh), *words)))}.json"
-    if not kept.exists():
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        found = [[] for _ in commands]
-        for repeat in range(repeats):
+    key = key_of(str(phases), *(word for mesh, words in commands for word in (hash_of(mesh), *words)))
+    (FOLDER / "times").mkdir(parents=True, exist_ok=True)
+    found = [[] for _ in commands]
+    for repeat in range(repeats):
+        kept = FOLDER / "times" / f"{key}-{repeat}.json"
+        if not kept.exists():
+            spent = {}
             for at in random.Random(repeat).sample(range(len(commands)), len(commands)):
                 mesh, words = commands[at]
                 out = FOLDER / "times" / f"{os.getpid()}.obj"
-                found[at].append(spend(command_of(mesh, out, words, out.with_suffix(".json")), out.with_suffix(".json"), phases))
-        kept.write_text(json.dumps(found))
-    return [Times(one) for one in json.loads(kept.read_text())]
+                spent[at] = spend(command_of(mesh, out, words, out.with_suffix(".json")), out.with_suffix(".json"), phases)
+            kept.write_text(json.dumps([spent[at] for at in range(len(commands))]))
+        for one, own in zip(json.loads(kept.read_text()), found):
+            own.append(one)
+    return [Times(own) for own in found]
 
 
 class Times:

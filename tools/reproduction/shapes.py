@@ -63,6 +63,14 @@ def lost_flats(fine, coarse):
     return area[flat & lost].sum() / area[flat].sum()
 
 
+@lru_cache(None)
+def small(path):
+    """An image at about 512 pixels, which is enough to tell green from grey, and quick to read."""
+    image = Image.open(path)
+    image.draft("RGB", (512, 512))
+    return np.asarray(image.convert("RGB"))
+
+
 def kinds_by_colour(path):
     """Share of the triangles that look green, of the rest those steeper than 60°, and those that are not."""
     mesh, pictures, name = objlib.read(path), {}, None
@@ -70,7 +78,7 @@ def kinds_by_colour(path):
         word, _, rest = line.strip().partition(" ")
         name = rest if word == "newmtl" else name
         if word == "map_Kd":
-            pictures[name] = np.asarray(Image.open(Path(path).parent / rest).convert("RGB"))
+            pictures[name] = small((Path(path).parent / rest).resolve())
     corners = mesh.texcoord[mesh.face_uv]
     middle = corners.mean(1, keepdims=True)
     places = np.concatenate([middle, (corners + middle) / 2], 1) % 1.0
