@@ -22,6 +22,12 @@ const GENERATED: [&str; 5] = [
     "docs/results/far-targets.md",
     "docs/results/peers.md",
 ];
+/// Where the pages of the papers and their pictures are.
+const PAPERS: &str = "docs/results/papers";
+/// First columns of a table of claims; the verdict is the third.
+const CLAIM_HEAD: &str = "| Claim | In the paper | Here |";
+/// What a verdict begins with, in the order of the columns of the papers' README.
+const VERDICTS: [&str; 4] = ["confirmed", "in part", "refuted", "not testable"];
 /// Further phrases that pages avoid: acceptance bars, and places that a reader does not have.
 const RETIRED: [&str; 12] = [
     "done again",
@@ -273,4 +279,61 @@ fn retired_phrases_stand_in_the_notebook_alone() {
         }
     }
     expect_none(&faults);
+}
+
+/// Cells of a row of a table.
+fn cells(row: &str) -> Vec<&str> {
+    row.trim_matches('|').split(" | ").map(str::trim).collect()
+}
+
+/// Of each table of claims on a page: how many claims have each verdict.
+fn verdicts(page: &Page) -> Vec<[usize; 4]> {
+    let mut tables = Vec::new();
+    let mut is_claim = false;
+    for (number, line) in page.prose() {
+        if line.starts_with(CLAIM_HEAD) {
+            is_claim = true;
+            tables.push([0; 4]);
+        } else if !line.starts_with('|') {
+            is_claim = false;
+        } else if is_claim && !line.starts_with("| ---") {
+            let verdict = cells(line)[2];
+            let at = VERDICTS.iter().position(|word| verdict.starts_with(word));
+            let at = at.unwrap_or_else(|| panic!("{}:{number}: {verdict}", page.path.display()));
+            tables.last_mut().unwrap()[at] += 1;
+        }
+    }
+    tables
+}
+
+#[test]
+fn counts_of_claims_are_those_of_the_papers_pages() {
+    let readme = Page::read(Path::new(PAPERS).join("README.md"));
+    let mut counted: HashMap<PathBuf, Vec<[usize; 4]>> = HashMap::new();
+    for (_, row) in readme.prose().filter(|(_, line)| line.starts_with("| [")) {
+        let cells = cells(row);
+        let Some((_, rest)) = cells[0].split_once("](") else { continue };
+        let page = Path::new(PAPERS).join(rest.split(')').next().unwrap());
+        let counts: Vec<usize> = cells[1..].iter().map(|count| count.parse().unwrap()).collect();
+        counted.entry(page).or_default().push(counts.try_into().unwrap());
+    }
+    let mut pages = Vec::new();
+    pages_below(Path::new(PAPERS), &mut pages);
+    let found: HashMap<PathBuf, Vec<[usize; 4]>> =
+        pages.iter().map(|page| (page.path.clone(), verdicts(page))).filter(|(_, tables)| !tables.is_empty()).collect();
+    assert_eq!(counted, found);
+}
+
+#[test]
+fn every_picture_of_the_papers_stands_on_their_pages() {
+    let mut pages = Vec::new();
+    pages_below(Path::new(PAPERS), &mut pages);
+    let shown: Vec<PathBuf> = pages
+        .iter()
+        .flat_map(|page| page.links().into_iter().map(|(_, link)| plain(&page.path.parent().unwrap().join(link))))
+        .collect();
+    let files = fs::read_dir(PAPERS).unwrap().map(|entry| entry.unwrap().path());
+    let pictures = files.filter(|path| path.extension().is_some_and(|kind| kind == "png" || kind == "svg"));
+    let lost = pictures.filter(|path| !shown.contains(path));
+    expect_none(&lost.map(|path| path.display().to_string()).collect::<Vec<_>>());
 }

@@ -27,7 +27,8 @@
 //!
 //! # Where we differ
 //! * Border vertices also have planes through their border edges, because otherwise a flat corner of the border would
-//!   cost nothing. `border=0` is the paper's version.
+//!   cost nothing, and on even ground the minimum of two border vertices may lie anywhere in the plane, also past the
+//!   border. `border=0` is the paper's version.
 //! * Two border vertices also need a border edge between them: a chord would pinch the surface.
 //! * u and v are scaled to lengths, so den is relative to the mean density of the material, and textures of different
 //!   sizes count alike. `unit-bbox=1` takes the paper's literal unit box and unscaled texture coordinates.

@@ -6,8 +6,7 @@
 //! │        then only vertices near the changes make new proposals
 //! └ relocate  vertices that others collapsed onto move to their best position
 //! ```
-//! Rounds have 0.99 to 1.04 times the mean distance, 0.99 to 1.06 times the RMS and 0.95 to 1.50 times the largest distance
-//! of a heap, in 0.19 to 0.45 of its time (`docs/results/papers`).
+//! How rounds compare with one collapse at a time: `docs/results/papers/README.md`, "Rounds against a heap".
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;

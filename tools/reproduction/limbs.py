@@ -1,21 +1,26 @@
-"""Closed triangle meshes of figures with limbs: a quadruped, a person, a helicopter.
+"""Closed triangle meshes of figures with limbs: a quadruped, a person, a helicopter, a car.
 
-A figure is a list of cones with round ends, some squeezed flat, blended into one surface by a smooth minimum of their
+A figure is a list of cones with round ends, some squeezed flat, and of blocks with round edges, blended into one surface by a smooth minimum of their
 distances. A lattice of irregular tetrahedra cuts it; the vertices then slide on the surface until the triangles are of about
 even size. Nothing is drawn at random but the lattice, and that from a fixed seed: the same call gives the same mesh.
 """
+import hashlib
+import os
+from pathlib import Path
+
 import numpy as np
 
+KEPT = Path("target/reproduce/figures")
 SEED = 2015
 SHAKE = 0.12  # how far lattice points stray, in cells
 ROUNDS = 12  # of sliding
 
 
 class Figure:
-    """Cones with round ends; each blends into those before it."""
+    """Cones and blocks with round ends; each blends into those before it."""
 
     def __init__(self):
-        self.parts = []
+        self.parts, self.blocks = [], []
 
     def limb(self, points, radii, blend=0.04, flat=(1, 1, 1), mirror=False):
         """A chain of cones through `points`, `radii` thick there, squeezed by `flat` along x, y, z; `mirror` adds its image at -y."""
@@ -30,9 +35,21 @@ class Figure:
         """An ellipsoid."""
         self.limb([centre], [1.0], blend, radii, mirror)
 
+    def block(self, centre, half, radius, blend=0.04, lean=0.0, mirror=False):
+        """A block with round edges, `half` as long, wide and high; `lean` moves its ends together towards the top, per unit of height."""
+        self.blocks.append((np.asarray(centre, float), np.asarray(half, float), radius, lean, blend))
+        if mirror:
+            self.block(np.asarray(centre) * (1, -1, 1), half, radius, blend, lean)
+
     def distance(self, p):
         """Distance of every point of `p` to the surface, to first order; negative inside."""
         total = None
+        for centre, half, radius, lean, blend in self.blocks:
+            q = p - centre
+            narrow = np.stack([lean * (q[:, 2] + half[2]), 0 * q[:, 2], 0 * q[:, 2]], axis=1)
+            off = np.abs(q) - np.maximum(half - narrow, 0.1 * half) + radius
+            d = np.linalg.norm(np.maximum(off, 0), axis=1) + np.minimum(off.max(axis=1), 0) - radius
+            total = d if total is None else joined(total, d, blend)
         for a, b, ra, rb, flat, blend in self.parts:
             q, axis = (p - a) / flat, (b - a) / flat
             t = np.clip(q @ axis / max(axis @ axis, 1e-12), 0, 1)
@@ -40,11 +57,7 @@ class Figure:
             far = np.sqrt(np.einsum("ij,ij->i", off, off)) + 1e-12
             slope = np.sqrt(np.einsum("ij,ij->i", off / flat, off / flat)) / far + 1e-12
             d = (far - ra - t * (rb - ra)) / slope
-            if total is None:
-                total = d
-            else:
-                overlap = np.maximum(1 - np.abs(total - d) / blend, 0)
-                total = np.minimum(total, d) - overlap * overlap * blend / 4
+            total = d if total is None else joined(total, d, blend)
         return total
 
     def gradient(self, p, step):
@@ -55,14 +68,32 @@ class Figure:
     def box(self):
         """Corners of a box around the figure."""
         ends = [(e, r * flat) for a, b, ra, rb, flat, _ in self.parts for e, r in ((a, ra), (b, rb))]
+        ends += [(centre, half) for centre, half, *_ in self.blocks]
         return np.min([e - r for e, r in ends], axis=0), np.max([e + r for e, r in ends], axis=0)
 
     def mesh(self, cells):
-        """Vertices and faces, with `cells` lattice cells along the longest side."""
+        """Vertices and faces, with `cells` lattice cells along the longest side; kept in a file, since it takes a while."""
+        kept = KEPT / f"{hashlib.sha256(Path(__file__).read_bytes() + repr((self.parts, self.blocks, cells)).encode()).hexdigest()[:16]}.npz"
+        if not kept.exists():
+            kept.parent.mkdir(parents=True, exist_ok=True)
+            vertices, faces = self.made(cells)
+            half = kept.with_suffix(f".{os.getpid()}.npz")
+            np.savez(half, vertices=vertices, faces=faces)
+            half.replace(kept)
+        found = np.load(kept)
+        return found["vertices"], found["faces"]
+
+    def made(self, cells):
         low, high = self.box()
         cell = (high - low).max() / cells
         vertices, faces = march(self.distance, low - 2 * cell, cell, np.ceil((high - low) / cell).astype(int) + 4)
         return slide(self, vertices, faces, cell)
+
+
+def joined(one, other, blend):
+    """A smooth minimum of two distances."""
+    overlap = np.maximum(1 - np.abs(one - other) / blend, 0)
+    return np.minimum(one, other) - overlap * overlap * blend / 4
 
 
 def march(distance, low, cell, counts):
@@ -193,6 +224,22 @@ def helicopter(cells=39):
     for x in (0.15, 0.52):
         f.limb([(x, 0.12, 0.40), (x, 0.26, 0.10)], [0.036, 0.034], 0.03, mirror=True)
     f.limb([(-0.05, 0.07, 0.78), (-0.16, 0.12, 0.80)], [0.04, 0.035], 0.02, mirror=True)
+    return f.mesh(cells)
+
+
+def car(cells=40):
+    """A saloon car, 4.2 long, looking along x: body, cabin, wheels in their arches, bumpers, lamps, mirrors on arms."""
+    f = Figure()
+    f.block((0, 0, 0.62), (2.1, 0.85, 0.30), 0.12)
+    f.block((-0.25, 0, 1.10), (1.25, 0.72, 0.30), 0.14, 0.12, lean=0.9)
+    f.block((2.05, 0, 0.42), (0.14, 0.80, 0.09), 0.05, 0.03)
+    f.block((-2.05, 0, 0.42), (0.14, 0.80, 0.09), 0.05, 0.03)
+    for x in (-1.30, 1.35):
+        f.limb([(x, 0.66, 0.32), (x, 0.86, 0.32)], [0.33, 0.33], 0.03, (1, 0.4, 1), mirror=True)
+        f.limb([(x, -0.7, 0.32), (x, 0.7, 0.32)], [0.07, 0.07], 0.04)
+    f.ball((2.08, 0.55, 0.72), (0.09, 0.14, 0.10), 0.03, mirror=True)
+    f.limb([(0.72, 0.80, 0.95), (0.74, 1.00, 1.02)], [0.055, 0.050], 0.03, mirror=True)
+    f.ball((0.74, 1.02, 1.03), (0.06, 0.10, 0.09), 0.03, mirror=True)
     return f.mesh(cells)
 
 

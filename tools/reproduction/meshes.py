@@ -1,6 +1,7 @@
 """The meshes: figures and terrains with the papers' counts, and pieces of real surveys."""
 
-import shutil
+import io
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +10,31 @@ import numpy as np
 from PIL import Image
 
 from . import limbs
+
+
+def write(path, content):
+    """Writes a file whole or not at all, and only if it is new: several pages may make the same mesh at a time."""
+    content = content if isinstance(content, bytes) else content.encode()
+    if not path.exists() or path.read_bytes() != content:
+        half = path.with_suffix(f".{os.getpid()}.half")
+        half.write_bytes(content)
+        half.replace(path)
+    return path
+
+
+def write_image(path, pixels):
+    content = io.BytesIO()
+    Image.fromarray(pixels).save(content, "png")
+    return write(path, content.getvalue())
+
+
+def copy_images(source, folder):
+    """Copies the materials and images beside a mesh into a folder, if it is another."""
+    folder.mkdir(exist_ok=True)
+    if folder != source.parent:
+        for beside in source.parent.iterdir():
+            if beside.suffix in (".mtl", ".jpg", ".png"):
+                write(folder / beside.name, beside.read_bytes())
 
 
 def write_obj(path, vertices, faces, uvs=None, uv_faces=None, material=()):
@@ -20,8 +46,7 @@ def write_obj(path, vertices, faces, uvs=None, uv_faces=None, material=()):
         lines += [f"vt {u:.7f} {v:.7f}" for u, v in uvs]
         corners = zip(np.asarray(faces) + 1, np.asarray(uv_faces) + 1)
         lines += [f"f {a}/{p} {b}/{q} {c}/{r}" for (a, b, c), (p, q, r) in corners]
-    path.write_text("\n".join(lines) + "\n")
-    return path
+    return write(path, "\n".join(lines) + "\n")
 
 
 def split_faces(vertices, uvs, faces, uv_faces, count, random):
@@ -68,8 +93,8 @@ def terrain(path):
     vertices, uvs, faces, uv_faces = split_faces(vertices, uvs, faces, faces, 104, random)
     lanes = (np.mgrid[0:1024, 0:512] // 24).sum(0) % 2
     picture = np.stack([110 + 60 * lanes, 140 - 40 * lanes, 70 + 50 * lanes], 2) + random.integers(-25, 26, (1024, 512, 1))
-    Image.fromarray(picture.astype(np.uint8)).save(path.with_suffix(".png"))
-    path.with_suffix(".mtl").write_text(f"newmtl ground\nmap_Kd {path.stem}.png\n")
+    write_image(path.with_suffix(".png"), picture.astype(np.uint8))
+    write(path.with_suffix(".mtl"), f"newmtl ground\nmap_Kd {path.stem}.png\n")
     return write_obj(path, vertices, faces, uvs, uv_faces, ["ground"])
 
 
@@ -103,17 +128,36 @@ def lathe(profile, around, bumps=0.0, noise=0.0, seed=3):
     return np.array(vertices, float), np.array(uvs), np.array(faces), np.array(uv_faces)
 
 
-def car(path):
-    """10,474 triangles: a body of 4 m across with an antenna of 1.2 m by 1 cm, all one surface."""
+def stick(path):
+    """10,474 triangles: an ellipsoid of 4 m across with a stick of 1.2 m by 1 cm, all one surface."""
     body = [(2 * np.sin(t), -0.7 * np.cos(t)) for t in np.linspace(0, np.pi - 0.01, 106)]
-    antenna = [(0.005, 0.7 + 1.2 * s) for s in np.linspace(0.01, 1, 25)]
-    shape = lathe([*body, *antenna, (0, 1.9)], 40, 0.03)
-    vertices, uvs, faces, uv_faces = shape
+    rod = [(0.005, 0.7 + 1.2 * s) for s in np.linspace(0.01, 1, 25)]
+    vertices, uvs, faces, uv_faces = lathe([*body, *rod, (0, 1.9)], 40, 0.03)
     vertices, uvs, faces, uv_faces = split_faces(vertices, uvs, faces, uv_faces, (10474 - len(faces)) // 2, np.random.default_rng(1))
     return write_obj(path, vertices, faces)
 
 
-def helicopter(path):
+def antenna():
+    """The car's antenna: 90 cm by 1 cm, a closed piece of its own that leans back from the roof."""
+    rod, _, faces, _ = lathe([(0, 0), *((0.005, 0.9 * s) for s in np.linspace(0, 1, 26)), (0, 0.9)], 8)
+    rod[:, 0] -= 0.3 * rod[:, 2]
+    return rod + [-0.75, 0.35, 1.36], faces
+
+
+def car(path, thinned):
+    """10,474 triangles: a body with a cabin, wheels and mirrors, thinned by a function from a finer mesh, and an antenna."""
+    rod, triangles = antenna()
+    fine = write_obj(path.with_name("car-fine.obj"), *limbs.car())
+    vertices, faces = thinned(fine, 10474 - len(triangles))
+    return write_obj(path, np.concatenate([vertices, rod]), np.concatenate([faces, triangles + len(vertices)]))
+
+
+def part_where(path, vertices, faces, holds):
+    """The triangles of which all corners lie where something holds."""
+    return write_obj(path, vertices, faces[holds(*vertices.T)[faces].all(1)])
+
+
+def rotor(path):
     """A body with four rotor blades of 5 m by 30 cm by 2 cm, each a closed piece."""
     vertices, _, faces, _ = lathe([(1.5 * np.sin(t), -1.2 * np.cos(t)) for t in np.linspace(0, np.pi, 90)], 48, 0.02)
     pieces, triangles, count = [vertices], [faces], len(vertices)
@@ -169,8 +213,8 @@ def figure(path, around, rings, seed):
         picture[away < 0.022] = (20, 40, 90)
     tie = (abs(x - 0.275) < 0.06) & (abs(1 - y - 0.65) < 0.08)
     picture[tie] = np.where((np.floor(60 * (x + y)) % 2 == 0)[tie][:, None], (150, 20, 30), (240, 220, 60))
-    Image.fromarray(picture).save(path.with_suffix(".png"))
-    path.with_suffix(".mtl").write_text(f"newmtl skin\nmap_Kd {path.stem}.png\n")
+    write_image(path.with_suffix(".png"), picture)
+    write(path.with_suffix(".mtl"), f"newmtl skin\nmap_Kd {path.stem}.png\n")
     return write_obj(path, vertices, faces, uvs, uv_faces, ["skin"])
 
 
@@ -197,14 +241,14 @@ def bevelled_box(path, side=24):
 
 def without_texture(source, path):
     """The same triangles without texture coordinates and materials."""
-    with path.open("w") as out:
-        for line in source.open():
-            word, *rest = line.split() or [""]
-            if word == "v":
-                out.write(line)
-            elif word == "f":
-                out.write("f " + " ".join(corner.split("/")[0] for corner in rest) + "\n")
-    return path
+    kept = []
+    for line in source.open():
+        word, *rest = line.split() or [""]
+        if word == "v":
+            kept.append(line)
+        elif word == "f":
+            kept.append("f " + " ".join(corner.split("/")[0] for corner in rest) + "\n")
+    return write(path, "".join(kept))
 
 
 def shuffled(path, vertices, faces, seed):
@@ -218,39 +262,50 @@ def shuffled(path, vertices, faces, seed):
     return write_obj(path, vertices[order] @ turn.T, place[faces][random.permutation(len(faces))])
 
 
-def part_of(source, path, materials):
-    """The triangles of some materials."""
-    vertices, faces, material = [], [], None
+def reordered(source, path, seed):
+    """The same mesh with its vertices, texture coordinates and triangles in another order; triangles stay with their material."""
+    random = np.random.default_rng(seed)
+    rows, groups = {"v": [], "vt": []}, [[]]
     for line in source.open():
-        word, _, rest = line.strip().partition(" ")
-        if word == "v":
-            vertices.append([float(x) for x in rest.split()])
-        elif word == "usemtl":
-            material = rest
-        elif word == "f" and material in materials:
-            faces.append([int(corner.split("/")[0]) - 1 for corner in rest.split()])
-    return write_obj(path, vertices, faces)
-
-
-def outlines(source, path, one, other):
-    """Points along the edges between two materials, each a triangle half a millimetre wide, so that they are a mesh."""
-    vertices, owners, material = [], {}, None
-    for line in source.open():
-        word, _, rest = line.strip().partition(" ")
-        if word == "v":
-            vertices.append([float(x) for x in rest.split()])
-        elif word == "usemtl":
-            material = rest
+        word = line.partition(" ")[0]
+        if word in rows:
+            rows[word].append(line)
         elif word == "f":
-            corners = [int(corner.split("/")[0]) - 1 for corner in rest.split()]
-            for a, b in zip(corners, corners[1:] + corners[:1]):
-                owners.setdefault((min(a, b), max(a, b)), set()).add(material)
-    edges = np.array([edge for edge, materials in owners.items() if materials == {one, other}])
-    ends = np.array(vertices)[edges]
-    points = np.concatenate([ends[:, 0] + share * (ends[:, 1] - ends[:, 0]) for share in (0.1, 0.3, 0.5, 0.7, 0.9)])
-    points = points[np.random.default_rng(5).permutation(len(points))[:10000]]
-    corners = points[:, None] + 5e-4 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 1]])
-    return write_obj(path, corners.reshape(-1, 3), np.arange(3 * len(points)).reshape(-1, 3))
+            groups[-1].append(line.split()[1:])
+        else:
+            groups += [line, []]
+    places = {}
+    for word, lines in rows.items():
+        order = random.permutation(len(lines))
+        places[word] = np.argsort(order) + 1
+        rows[word] = [lines[k] for k in order]
+    turned = lambda corner: "/".join(str(places[word][int(number) - 1]) for word, number in zip(("v", "vt"), corner.split("/")))
+    lines = []
+    for group in groups:
+        lines += [group] if isinstance(group, str) else [f"f {' '.join(map(turned, group[k]))}\n" for k in random.permutation(len(group))]
+    first = next(at for at, line in enumerate(lines) if line.startswith("f "))
+    copy_images(source, path.parent)
+    return write(path, "".join([line for line in lines[:first] if not line.startswith("usemtl")] + rows["v"] + rows["vt"] + [line for line in lines[:first] if line.startswith("usemtl")] + lines[first:]))
+
+
+def beside_its_images(source, path):
+    """A result of a run, whose MTL names its images by path, under a name of its own; without its images it is no mesh with texture."""
+    path.parent.mkdir(exist_ok=True)
+    materials = source.with_suffix(".mtl")
+    if materials.exists():
+        write(path.with_suffix(".mtl"), materials.read_text())
+    return write(path, source.read_text().replace(materials.name, path.with_suffix(".mtl").name))
+
+
+# Orders that a mesh is taken in, and of one with more triangles than `LARGE`.
+ORDERS, ORDERS_OF_LARGE, LARGE = 5, 3, 50000
+
+
+def orders(source):
+    """A mesh, and the same in other orders."""
+    folder = source.parent if source.is_relative_to("target") else Path("target/reproduce") / f"{source.stem}-orders"
+    count = ORDERS if sum(line.startswith("f ") for line in source.open()) < LARGE else ORDERS_OF_LARGE
+    return [source, *(reordered(source, folder / f"{source.stem}-order-{seed}.obj", seed) for seed in range(1, count))]
 
 
 def of_materials(source, materials):
@@ -263,16 +318,15 @@ def of_materials(source, materials):
         if word in ("mtllib", "v", "vt") or word in ("usemtl", "f") and material in materials:
             kept.append(line)
     path = path if source.is_relative_to("target") else Path("target/reproduce") / path.name
-    if path.parent != source.parent:
-        for beside in source.parent.iterdir():
-            if beside.suffix in (".mtl", ".jpg", ".png"):
-                shutil.copyfile(beside, path.parent / beside.name)
-    path.write_text("".join(kept))
-    return path
+    copy_images(source, path.parent)
+    return write(path, "".join(kept))
 
 
 def cut(path, source, wanted, choose_middle=lambda triangles, wanted: np.median(triangles.mean(1), 0), has_images=True):
     """A compact piece of a survey: the triangles nearest to a middle, with their texture coordinates and images."""
+    if path.exists() and path.stat().st_mtime > max(source.stat().st_mtime, Path(__file__).stat().st_mtime):
+        return path
+    path.unlink(missing_ok=True)
     vertices, uvs, faces, material = [], [], [], -1
     for line in source.open(errors="replace"):
         words = line.split()
@@ -308,8 +362,7 @@ def cut(path, source, wanted, choose_middle=lambda triangles, wanted: np.median(
             now = faces[face][0]
             lines.append(f"usemtl {now}")
         lines.append("f " + " ".join(f"{v}/{t}" for v, t in zip(place[at], place_uv[at])))
-    path.write_text("\n".join(lines) + "\n")
-    return path
+    return write(path, "\n".join(lines) + "\n")
 
 
 def copy_materials(source, path, used):
@@ -323,9 +376,9 @@ def copy_materials(source, path, used):
         if word == "newmtl" and name in used:
             kept.append(line.strip())
         elif word == "map_Kd" and name in used:
-            shutil.copyfile(source.parent / rest, images / Path(rest).name)
+            write(images / Path(rest).name, (source.parent / rest).read_bytes())
             kept.append(f"map_Kd {images.name}/{Path(rest).name}")
-    path.with_suffix(".mtl").write_text("\n".join(kept) + "\n")
+    write(path.with_suffix(".mtl"), "\n".join(kept) + "\n")
 
 
 def most_ground(triangles, wanted, tries=80):

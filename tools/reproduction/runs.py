@@ -2,25 +2,28 @@
 
 Each run is one pass over one cluster by one thread, unless said otherwise, as the papers' programs work. What was measured
 is kept beside the result under the hash of the program, the mesh and the options, so that a second run of the script only
-runs what is new.
+runs what is new. Times are measured apart, by `timed`.
 """
 
 import hashlib
 import json
 import os
+import random
 import re
-import resource
 import subprocess
+import time
 from functools import cached_property, lru_cache
 from pathlib import Path
+
+import numpy as np
 
 PROGRAM = Path(os.environ.get("DRYSTONE", "target/release/drystone"))
 FOLDER = Path("target/reproduce")
 SHARED = Path(os.environ.get("DRYSTONE_SHARED", "../shared")) / "data"
 SAMPLES = "200000"
 ONE_CLUSTER = ["--passes", "1", "--cluster-faces", "10000000", "--memory", "8GiB"]
-# A run is repeated, and the least of its times counts.
-REPEATS = 3
+# Runs of which the median time counts, and orders of a mesh of which the median figure does.
+REPEATS = 5
 
 
 @lru_cache
@@ -40,15 +43,16 @@ def options_of(text):
 class Result:
     """A simplified mesh with its measurements."""
 
-    def __init__(self, original, path, told, seconds):
+    def __init__(self, original, path, told):
         self.original, self.path, self.told = original, path, told
-        self.cpu, self.collapse_seconds, self.remesh_seconds = seconds["cpu"], seconds["collapse"], seconds["remesh"]
 
     def kept(self, name, make):
         """What was measured before, or is measured now."""
         file = self.path.with_suffix(f".{name}.json")
         if not file.exists():
-            file.write_text(json.dumps(make()))
+            half = file.with_suffix(".half")
+            half.write_text(json.dumps(make()))
+            half.replace(file)
         return json.loads(file.read_text())
 
     def compare(self, *more):
@@ -120,28 +124,95 @@ def call(*words, fine=(0,)):
     return done
 
 
-def run(mesh, system, target=None, *options, original=None, whole=True, repeats=REPEATS):
-    """Simplifies a mesh by a system to a share of its triangles (a float) or to so many (an int)."""
+def words_of(system, target, options=(), whole=True):
+    """A system's options and its target: a share of the triangles (a float) or so many (an int)."""
     share = [] if target is None else ["--faces", str(target)] if isinstance(target, int) else ["--ratio", str(target)]
-    words = [*options_of(system), *share, *(ONE_CLUSTER if whole else []), *map(str, options)]
-    key = hashlib.sha256("\n".join([hash_of(PROGRAM), hash_of(mesh), str(original), *words]).encode()).hexdigest()[:16]
-    result = FOLDER / "runs" / f"{mesh.stem}-{key}.obj"
-    told, seconds = result.with_suffix(".run.json"), result.with_suffix(".cpu.json")
-    if not seconds.exists():
+    return [*options_of(system), *share, *(ONE_CLUSTER if whole else []), *map(str, options)]
+
+
+def command_of(mesh, result, words, told):
+    return ["simplify", mesh, "-o", result, *words, "--textures", "reference", "--force", "--threads", "1", "-q", "--report", told]
+
+
+def key_of(*words):
+    return hashlib.sha256("\n".join([hash_of(PROGRAM), *words]).encode()).hexdigest()[:16]
+
+
+def run(mesh, system, target=None, *options, original=None, whole=True):
+    """Simplifies a mesh by a system to a share of its triangles or to so many."""
+    words = words_of(system, target, options, whole)
+    result = FOLDER / "runs" / f"{mesh.stem}-{key_of(hash_of(mesh), str(original), *words)}.obj"
+    told = result.with_suffix(".run.json")
+    if not told.exists():
         result.parent.mkdir(parents=True, exist_ok=True)
-        command = ["simplify", mesh, "-o", result, *words, "--textures", "reference", "--force", "--threads", "1", "-q", "--report", told]
-        spent = [times_of(command, told) for _ in range(repeats if whole else 1)]
-        seconds.write_text(json.dumps({name: min(one[name] for one in spent) for name in spent[0]}))
-    return Result(original or mesh, result, json.loads(told.read_text()), json.loads(seconds.read_text()))
+        half = result.with_suffix(".half.json")
+        call(*command_of(mesh, result, words, half), fine=(0, 3))
+        half.replace(told)
+    return Result(original or mesh, result, json.loads(told.read_text()))
 
 
-def times_of(command, told):
-    """Processor seconds of the whole process; seconds of the collapse, and of the reconstruction before it."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    call(*command, fine=(0, 3))
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    report = json.loads(told.read_text())
-    remesh = sum(phase["end"] - phase["begin"] for phase in report["timeline"]["phases"] if phase["name"] in ("weigh", "remesh"))
-    collapse = report["seconds"]["simplify"] + report["seconds"]["stitch"]
-    return {"cpu": after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, "collapse": collapse, "remesh": remesh}
+def timed(cases, repeats=REPEATS, phases=False):
+    """Seconds of processor time of some runs, each repeated, in shuffled order.
 
+    A case is a mesh, a system, a target and further options. Of each: what `Times` has, a list of as many figures as repeats;
+    those of phases only if asked for, since they cost some.
+    """
+    commands = [(mesh, words_of(system, target, options)) for mesh, system, target, *options in cases]
+    key = key_of(str(phases), *(word for mesh, words in commands for word in (hash_of(mesh), *words)))
+    (FOLDER / "times").mkdir(parents=True, exist_ok=True)
+    found = [[] for _ in commands]
+    for repeat in range(repeats):
+        kept = FOLDER / "times" / f"{key}-{repeat}.json"
+        if not kept.exists():
+            spent = {}
+            for at in random.Random(repeat).sample(range(len(commands)), len(commands)):
+                mesh, words = commands[at]
+                out = FOLDER / "times" / f"{os.getpid()}.obj"
+                spent[at] = spend(command_of(mesh, out, words, out.with_suffix(".json")), out.with_suffix(".json"), phases)
+            kept.write_text(json.dumps([spent[at] for at in range(len(commands))]))
+        for one, own in zip(json.loads(kept.read_text()), found):
+            own.append(one)
+    return [Times(own) for own in found]
+
+
+class Times:
+    """Seconds of user time of the whole process in each repeat, and of processor time in two of its phases."""
+
+    def __init__(self, repeats):
+        self.user, self.collapse, self.remesh = ([one[name] for one in repeats] for name in ("user", "collapse", "remesh"))
+
+    @property
+    def cells(self):
+        """Where cells are all the work, they are what takes the time."""
+        return [a + b for a, b in zip(self.collapse, self.remesh)]
+
+
+def over(found, base):
+    """Of each repeat the ratio of two figures."""
+    return [a / b if b else np.inf for a, b in zip(found, base)]
+
+
+def spend(command, told, phases):
+    """Runs the program; to know the processor time of a phase, reads that of its threads again and again, about every 4 ms of it."""
+    began, at, spent, threads = time.monotonic(), [0.0], [0.0], {}
+    program = subprocess.Popen([str(PROGRAM), *map(str, command)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    while True:
+        done, status, used = os.wait4(program.pid, os.WNOHANG if phases else 0)
+        if done:
+            break
+        for thread in os.listdir(f"/proc/{program.pid}/task"):
+            try:
+                with open(f"/proc/{program.pid}/task/{thread}/schedstat") as file:
+                    threads[thread] = int(file.read().split()[0]) / 1e9
+            except (OSError, IndexError):
+                pass
+        at.append(time.monotonic() - began)
+        spent.append(sum(threads.values()))
+        time.sleep(min(0.004 * max(at[-1] / max(spent[-1], 1e-3), 1), 0.2))
+    program.returncode = os.waitstatus_to_exitcode(status)
+    if program.returncode not in (0, 3):
+        raise SystemExit(f"{command}: {program.returncode}\n{program.stderr.read().decode()}")
+    program.stderr.close()
+    steps = json.loads(told.read_text())["timeline"]["phases"] if phases else []
+    within = lambda *names: sum(float(np.diff(np.interp([step["begin"], step["end"]], at, spent))[0]) for step in steps if step["name"] in names)
+    return {"user": used.ru_utime, "collapse": within("simplify", "stitch"), "remesh": within("weigh", "remesh")}

@@ -1,6 +1,7 @@
 """Shapes of triangles that the program does not measure: flats, and what a level of detail changes."""
 
 import sys
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,14 @@ def lost_flats(fine, coarse):
     return area[flat & lost].sum() / area[flat].sum()
 
 
+@lru_cache(None)
+def small(path):
+    """An image at about 512 pixels, which is enough to tell green from grey, and quick to read."""
+    image = Image.open(path)
+    image.draft("RGB", (512, 512))
+    return np.asarray(image.convert("RGB"))
+
+
 def kinds_by_colour(path):
     """Share of the triangles that look green, of the rest those steeper than 60°, and those that are not."""
     mesh, pictures, name = objlib.read(path), {}, None
@@ -69,7 +78,7 @@ def kinds_by_colour(path):
         word, _, rest = line.strip().partition(" ")
         name = rest if word == "newmtl" else name
         if word == "map_Kd":
-            pictures[name] = np.asarray(Image.open(Path(path).parent / rest).convert("RGB"))
+            pictures[name] = small((Path(path).parent / rest).resolve())
     corners = mesh.texcoord[mesh.face_uv]
     middle = corners.mean(1, keepdims=True)
     places = np.concatenate([middle, (corners + middle) / 2], 1) % 1.0
@@ -84,6 +93,45 @@ def kinds_by_colour(path):
     steep = np.abs(across[:, 2]) < 0.5 * np.linalg.norm(across, axis=1)
     green = 2 * colour[:, 1] - colour[:, 0] - colour[:, 2] > GREENER
     return {"green": green.mean(), "walls": (~green & steep).mean(), "roofs and ground": (~green & ~steep).mean()}
+
+
+@lru_cache
+def read(path):
+    return objlib.read(path)
+
+
+def sides(mesh):
+    """Of each triangle of a mesh its corners in the texture, and whether it shows its front there (1), its back (-1) or no area (0)."""
+    corners = mesh.texcoord[mesh.face_uv]
+    return corners, np.sign(across(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+
+
+def across(u, v):
+    return u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
+
+
+def hold(triangles, points):
+    """Which of some triangles in a plane hold which of some points."""
+    a, b, c = (triangles[:, None, k] for k in range(3))
+    turns = np.stack([across(b - a, points - a), across(c - b, points - b), across(a - c, points - c)])
+    return (turns >= 0).all(0) | (turns <= 0).all(0)
+
+
+def turned(original, path):
+    """Triangles of a result that show their other side in the texture: where the middle of one lies, the original has triangles of the same material, and all of them show the other side."""
+    before, after = read(original), objlib.read(path)
+    (old, old_side), (new, new_side) = sides(before), sides(after)
+    old_material, new_material, middles, count = np.asarray(before.material), np.asarray(after.material), new.mean(1), 0
+    for material in set(new_material.tolist()):
+        its_old, its_new = old_material == material, new_material == material
+        for side in (1, -1):
+            mine, others = old[its_old & (old_side == side)], old[its_old & (old_side == -side)]
+            points = middles[its_new & (new_side == side)]
+            if len(points) and len(others):
+                rare = min(len(points), len(others))
+                among = [hold(others, points[None, at]).any() for at in range(len(points))] if rare == len(points) else np.any([hold(one[None], points[None])[0] for one in others], axis=0)
+                count += sum(not len(mine) or not hold(mine, point[None, None]).any() for point in points[np.asarray(among, bool)])
+    return count
 
 
 def middle_of(path, material):
