@@ -97,7 +97,7 @@ def test_damaged_images_are_warnings(drystone, tmp_path):
         (tmp_path / f"{name}.img").write_bytes(content)
         found = compare(drystone, tmp_path / "a.obj", tmp_path / "a.obj", tmp_path, "--samples", 1000, "--memory", "128MiB")
         assert found["geometry"]["symmetric"]["max"] < 1e-12
-        assert any("unreadable picture" in words for words in found["warnings"]), name
+        assert any("unreadable image" in words for words in found["warnings"]), name
     (tmp_path / "a.mtl").write_text("newmtl a\nmap_Kd ../../../dev/zero\n")
     found = compare(drystone, tmp_path / "a.obj", tmp_path / "a.obj", tmp_path, "--samples", 1000)
-    assert any("missing picture" in words for words in found["warnings"])
+    assert any("missing image" in words for words in found["warnings"])
