@@ -56,17 +56,3 @@ fn every_number_of_the_format_on_the_page_about_files_is_the_one_that_is_written
         );
     }
 }
-
-#[test]
-fn rounds_against_a_heap_are_told_in_the_words_of_the_table() {
-    let words = |path: &str| {
-        let text = std::fs::read_to_string(path).unwrap().replace("//!", " ");
-        text.split_whitespace().collect::<Vec<_>>().join(" ")
-    };
-    let page = words("docs/results/papers/README.md");
-    let start = page.find("Rounds have ").unwrap();
-    let sentence = &page[start..start + page[start..].find("of its time").unwrap()];
-    for path in ["src/simplify/engine.rs", "docs/explain/algorithm.md"] {
-        assert!(words(path).contains(sentence), "{path}: {sentence}");
-    }
-}
