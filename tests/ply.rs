@@ -5,12 +5,11 @@ mod meshes;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use drystone::base::{Error, Progress, Silent};
 use drystone::options::SimplifyOptions;
 use drystone::pipeline;
-use meshes::{contents, copy_town, in_many_clusters, ratio};
+use meshes::{StopAfter, contents, copy_town, in_many_clusters, ratio};
 
 const ENCODINGS: [&str; 3] = ["ascii", "binary_little_endian", "binary_big_endian"];
 
@@ -174,23 +173,6 @@ fn a_town_as_ply_and_back_is_the_same_mesh() {
     assert_eq!(images("d_textures").len(), 4);
 }
 
-/// Stops after so many units of work.
-struct StopAfter {
-    left: AtomicU64,
-}
-
-impl Progress for StopAfter {
-    fn begin(&self, _: &'static str, _: u64, _: &'static str) {}
-
-    fn advance(&self, _: u64) {
-        let _ = self.left.fetch_update(Ordering::SeqCst, Ordering::SeqCst, |left| left.checked_sub(1));
-    }
-
-    fn is_stopped(&self) -> bool {
-        self.left.load(Ordering::SeqCst) == 0
-    }
-}
-
 #[test]
 fn a_job_with_ply_that_is_stopped_ends_with_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
@@ -205,7 +187,7 @@ fn a_job_with_ply_that_is_stopped_ends_with_the_same_bytes() {
     };
     run("whole", &Silent).unwrap();
     let mut stops = 0;
-    while let Err(error) = run("parts", &StopAfter { left: AtomicU64::new(20 + 5 * stops) }) {
+    while let Err(error) = run("parts", &StopAfter::units(20 + 5 * stops)) {
         assert!(matches!(error, Error::Stopped) && stops < 500, "{error}");
         assert!(!path("parts/town.ply").exists());
         stops += 1;

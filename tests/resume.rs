@@ -15,30 +15,7 @@ use drystone::base::{Error, Progress, Result, Silent};
 use drystone::options::{JobOptions, Limits, MetricChoice, Pieces, ResumeChoice, SimplifyOptions, Target, Topology};
 use drystone::pipeline;
 use drystone::report::Report;
-use meshes::{contents, copy_town, files, in_many_clusters, noise, ratio};
-
-/// Stops after so many units of work have been told.
-struct StopAfter {
-    left: AtomicU64,
-}
-
-impl StopAfter {
-    fn units(units: u64) -> Self {
-        Self { left: AtomicU64::new(units) }
-    }
-}
-
-impl Progress for StopAfter {
-    fn begin(&self, _: &'static str, _: u64, _: &'static str) {}
-
-    fn advance(&self, _: u64) {
-        let _ = self.left.fetch_update(Ordering::SeqCst, Ordering::SeqCst, |left| left.checked_sub(1));
-    }
-
-    fn is_stopped(&self) -> bool {
-        self.left.load(Ordering::SeqCst) == 0
-    }
-}
+use meshes::{StopAfter, contents, copy_town, files, in_many_clusters, noise, ratio};
 
 /// A copy of the town, so that it can be changed, and a place for the result.
 struct Job {

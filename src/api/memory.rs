@@ -2,8 +2,8 @@
 
 use crate::base::{Error, Progress, Result};
 use crate::model::Mesh;
-use crate::options::{Borders, Doubles, Pieces, SimplifyOptions, Weld};
-use crate::passes::{PassOptions, in_memory};
+use crate::options::{Pieces, SimplifyOptions};
+use crate::passes::in_memory;
 use crate::simplify::Changes;
 
 /// What became of a mesh in memory.
@@ -55,32 +55,11 @@ pub fn simplify_mesh(mesh: &Mesh, options: &SimplifyOptions, progress: &dyn Prog
     if options.pieces == Pieces::Drop {
         return Err(Error::Usage("`pieces: drop` needs a mesh in files".into()));
     }
-    let input = mesh.faces.len() as u64;
-    let target = options.target(input);
-    let pass_options = PassOptions {
-        target,
-        max_error: options.target.max_error,
-        input,
-        passes: options.pass_count(input),
-        cluster_faces: options.cluster_faces,
-        cost: options.cost(!mesh.face_texcoords.is_empty())?,
-        seams: options.seam_policy(),
-        lock_borders: options.borders == Borders::Lock,
-        drop_pieces: false,
-        frees_topology: options.frees_topology(),
-        one_by_one: options.one_by_one,
-        drop_doubles: options.doubles == Doubles::Drop,
-        remesh: options.remesh,
-        optimize: options.optimize,
-        weld: options.weld == Weld::Exact,
-        map: None,
-        threads: 1,
-        work_bytes: 0,
-    };
+    let pass_options = options.pass_options(mesh.faces.len() as u64, !mesh.face_texcoords.is_empty())?;
     let simplified = in_memory::simplify(mesh, &pass_options, progress)?;
     let report = MeshReport {
-        input,
-        target,
+        input: pass_options.input,
+        target: pass_options.target,
         output: simplified.mesh.faces.len() as u64,
         is_reached: simplified.is_reached,
         changes: simplified.changes,

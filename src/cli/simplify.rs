@@ -187,7 +187,7 @@ impl SimplifyArguments {
         let task = |kept_bytes| ComparisonTask {
             meshes: [choice.clone(), self.output.as_path().into()],
             sampling: self.sampling,
-            limits: self.flags.options().limits,
+            limits: result.options.limits,
             kept_bytes,
             work,
         };

@@ -1,6 +1,6 @@
 //! Inspects an input: counts, bounds, materials, seams, borders and faults, within a memory budget.
 //!
-//! In: OBJ files. Out: an [`Inspection`]. Invariant: the counts are those of the whole mesh, at any budget and number
+//! In: mesh files. Out: an [`Inspection`]. Invariant: the counts are those of the whole mesh, at any budget and number
 //! of threads; edges that cells share are matched across them.
 //!
 //! ```text
@@ -64,9 +64,9 @@ pub struct InspectOptions {
 /// Result of an inspection.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Inspection {
-    /// OBJ files.
+    /// Mesh files.
     pub files: u64,
-    /// Bytes of OBJ text.
+    /// Bytes of the mesh files.
     pub bytes: u64,
     /// Vertices as written.
     pub vertices: u64,
@@ -110,7 +110,7 @@ pub struct Inspection {
     pub warnings: Vec<String>,
 }
 
-/// Inspects an OBJ, or every OBJ below a folder.
+/// Inspects a mesh file, or all below a folder.
 ///
 /// # Errors
 /// [`Error::Budget`] and [`Error::NoSpace`] before anything is read; else those of the scan and the partition.
@@ -118,7 +118,7 @@ pub fn inspect(input: impl Into<InputChoice>, options: &InspectOptions, progress
     inspect_in_clusters(&input.into(), options, CLUSTER_FACES_MAX, progress)
 }
 
-/// Inspects an OBJ in clusters of at most about `cluster_faces` faces.
+/// Inspects a mesh in clusters of at most about `cluster_faces` faces.
 fn inspect_in_clusters(
     input: &InputChoice,
     options: &InspectOptions,

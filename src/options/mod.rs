@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::base::{Error, Result, json_path};
 use crate::cost::{Weights, classic, curvature, oblique, parameter, sharpness, terrain, weights};
 use crate::job::Resume;
-use crate::passes::{Cost, SeamPolicy, shares};
+use crate::passes::{Cost, PassOptions, SeamPolicy, shares};
 use crate::remesh::cvd;
 use crate::write::Textures;
 
@@ -278,6 +278,33 @@ impl SimplifyOptions {
             }
         };
         cost.map_err(|words| Error::Usage(format!("`metric_option` {words}")))
+    }
+
+    /// Options of the passes over an input of `triangles`: on one thread, without memory for clusters, without a map.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for a setting that the metric does not have or accept.
+    pub fn pass_options(&self, triangles: u64, has_texture: bool) -> Result<PassOptions> {
+        Ok(PassOptions {
+            target: self.target(triangles),
+            max_error: self.target.max_error,
+            input: triangles,
+            passes: self.pass_count(triangles),
+            cluster_faces: self.cluster_faces,
+            cost: self.cost(has_texture)?,
+            seams: self.seam_policy(),
+            lock_borders: self.borders == Borders::Lock,
+            drop_pieces: self.pieces == Pieces::Drop,
+            frees_topology: self.frees_topology(),
+            one_by_one: self.one_by_one,
+            drop_doubles: self.doubles == Doubles::Drop,
+            remesh: self.remesh,
+            optimize: self.optimize,
+            weld: self.weld == Weld::Exact,
+            map: None,
+            threads: 1,
+            work_bytes: 0,
+        })
     }
 
     /// What becomes of seams: by the metric's own rules, unless something else is asked for.

@@ -9,8 +9,8 @@
 use glam::{DVec2, DVec3};
 
 use super::goal::{Aim, Goal};
-use super::metric_engine::{EngineRules, MetricEngine, Simplified};
-use super::options::{PassOptions, SeamPolicy};
+use super::metric_engine::{MetricEngine, Simplified};
+use super::options::PassOptions;
 use super::outcome::{StageReport, StageSums};
 use super::pass_id::{Pass, PassKind};
 use super::schedule::{PassEnd, Schedule};
@@ -47,6 +47,8 @@ struct InMemory<'a> {
     engine: Box<dyn MetricEngine>,
     scale: TextureScale,
     catalogue: Catalogue,
+    /// Label of each part of the catalogue, ascending.
+    labels: Vec<u32>,
     origin: DVec3,
     mesh: ClusterMesh,
     /// Texture coordinate of the input for each wedge; `None` once it has moved.
@@ -80,8 +82,9 @@ pub fn simplify(mesh: &Mesh, options: &PassOptions, progress: &dyn Progress) -> 
 
 impl<'a> InMemory<'a> {
     fn new(mesh: &Mesh, options: &'a PassOptions) -> Self {
-        let catalogue = catalogue_of(mesh);
-        let faces = faces_of(mesh, options);
+        let labels = labels_of(mesh);
+        let catalogue = catalogue_of(mesh, labels.len() as u32);
+        let faces = faces_of(mesh, &labels, options);
         let mut engine = options.cost.engine();
         let mut scale = TextureScale::none(&catalogue);
         if engine.reads_texture() {
@@ -109,6 +112,7 @@ impl<'a> InMemory<'a> {
             engine,
             scale,
             catalogue,
+            labels,
             origin: source.origin,
             mesh: source.mesh,
             texcoord_of,
@@ -146,17 +150,18 @@ impl<'a> InMemory<'a> {
         let stop = match aim.goal(pass.turn, faces_in) {
             Goal::Deviation(most) => aim.within(most, pass.turn),
             _ => aim.in_one_cluster(pass.turn, faces_in),
-        };
-        let rules = self.rules(pass, aim.bound_of(pass.turn));
+        }
+        .of(0);
+        let rules = self.options.rules(pass, aim.bound_of(pass.turn));
         let mesh = std::mem::take(&mut self.mesh);
         // Without a bound, a pass is repeated if costs leap before its end.
         let spare = max_error.is_none().then(|| mesh.clone());
-        let mut simplified = self.engine.simplify(mesh, &rules, &stop.of(0), Wanted::Mesh);
+        let mut simplified = self.engine.simplify(mesh, &rules, &stop, Wanted::Mesh);
         let mut met_wall = false;
         if let Some(mesh) = spare
-            && let Some(costs) = self.better_costs(&simplified, &stop.of(0))
+            && let Some(costs) = self.better_costs(&simplified, &stop)
         {
-            met_wall = matches!(stop.of(0), ClusterStop::Faces(..));
+            met_wall = matches!(stop, ClusterStop::Faces(..));
             simplified = self.engine.simplify(mesh, &rules, &ClusterStop::Costs(costs, target), Wanted::Mesh);
         }
         self.before =
@@ -172,7 +177,7 @@ impl<'a> InMemory<'a> {
             faces_out: simplified.faces_out,
             is_last: aim.is_last(pass.turn),
             is_single: true,
-            is_exact: aim.is_last(pass.turn) && !matches!(stop.of(0), ClusterStop::Deviation(_)),
+            is_exact: aim.is_last(pass.turn) && !matches!(stop, ClusterStop::Deviation(_)),
             is_steepest: false,
             met_wall,
         };
@@ -187,22 +192,6 @@ impl<'a> InMemory<'a> {
         let mut stages = StageSums::default();
         stages.add(first.faces_in, first.area, &first.milestones);
         costs_before_leap(self.before, &stages, first.area / first.faces_in.max(1) as f64)
-    }
-
-    fn rules(&self, pass: Pass, deviation_max: Option<f64>) -> EngineRules {
-        EngineRules {
-            lock_borders: self.options.lock_borders,
-            lock_seams: match self.options.seams {
-                SeamPolicy::Stitch => pass.is_first_turn() && self.options.passes > 1,
-                SeamPolicy::Follow => false,
-                SeamPolicy::Lock => true,
-            },
-            frees_topology: self.options.frees_topology,
-            one_by_one: self.options.one_by_one,
-            seeks_handles: !pass.is_first_turn(),
-            welds: self.options.weld,
-            deviation_max,
-        }
     }
 
     /// Takes over the mesh after a pass.
@@ -222,7 +211,7 @@ impl<'a> InMemory<'a> {
 
     /// Returns the simplified mesh.
     fn finish(self, input: &Mesh) -> Mesh {
-        let Self { mesh, catalogue, scale, origin, texcoord_of, colours, .. } = self;
+        let Self { mesh, catalogue, labels, scale, origin, texcoord_of, colours, .. } = self;
         let mut part_of = vec![0; mesh.wedge_vertex.len()];
         for (corners, &part) in mesh.corners.iter().zip(&mesh.parts) {
             corners.iter().for_each(|&wedge| part_of[wedge as usize] = part);
@@ -242,7 +231,7 @@ impl<'a> InMemory<'a> {
         }
         let has_texture = !input.face_texcoords.is_empty();
         let has_labels = !input.face_labels.is_empty();
-        let labels = mesh.parts.iter().map(|&part| catalogue.parts[part as usize].file);
+        let face_labels = mesh.parts.iter().map(|&part| labels[part as usize]);
         Mesh {
             positions: mesh.positions.iter().map(|&position| (origin + position).to_array()).collect(),
             colours,
@@ -252,32 +241,34 @@ impl<'a> InMemory<'a> {
                 true => mesh.corners.iter().map(|corners| corners.map(|wedge| texcoord_ids[wedge as usize])).collect(),
                 false => Vec::new(),
             },
-            face_labels: if has_labels { labels.collect() } else { Vec::new() },
+            face_labels: if has_labels { face_labels.collect() } else { Vec::new() },
         }
     }
 }
 
-/// A catalogue with a part and a material for each label; `Part::file` holds the label.
-fn catalogue_of(mesh: &Mesh) -> Catalogue {
+/// Labels of the faces, ascending; at least one.
+fn labels_of(mesh: &Mesh) -> Vec<u32> {
     let mut labels = mesh.face_labels.clone();
     labels.sort_unstable();
     labels.dedup();
     if labels.is_empty() {
         labels.push(0);
     }
-    let part = |(material, &file): (u32, &u32)| Part { file, object: None, group: None, material: Some(material) };
+    labels
+}
+
+/// A catalogue with a part and a material for each of `count` labels.
+fn catalogue_of(mesh: &Mesh, count: u32) -> Catalogue {
+    let part = |material| Part { file: 0, object: None, group: None, material: Some(material) };
     Catalogue {
-        parts: (0..).zip(&labels).map(part).collect(),
-        materials: vec![Default::default(); labels.len()],
+        parts: (0..count).map(part).collect(),
+        materials: vec![Default::default(); count as usize],
         has_texcoords: !mesh.face_texcoords.is_empty(),
         ..Catalogue::default()
     }
 }
 
-fn faces_of(mesh: &Mesh, options: &PassOptions) -> ClusterFaces {
-    let mut labels = mesh.face_labels.clone();
-    labels.sort_unstable();
-    labels.dedup();
+fn faces_of(mesh: &Mesh, labels: &[u32], options: &PassOptions) -> ClusterFaces {
     let part_of = |face: usize| match mesh.face_labels.get(face) {
         Some(label) => labels.partition_point(|other| other < label) as u32,
         None => 0,

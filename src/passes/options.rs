@@ -1,6 +1,7 @@
 //! Options of the passes.
 
-use super::metric_engine::{EngineOf, MetricEngine};
+use super::metric_engine::{EngineOf, EngineRules, MetricEngine};
+use super::pass_id::Pass;
 use crate::cost::{
     ClassicCost, CurvatureCost, ObliqueCost, SharpnessCost, SurfaceCost, TerrainCost, Weights, classic, curvature,
     oblique, sharpness, terrain,
@@ -95,4 +96,23 @@ pub struct PassOptions {
     pub threads: usize,
     /// Memory in bytes for clusters in work.
     pub work_bytes: u64,
+}
+
+impl PassOptions {
+    /// What the engine may do in a pass; `deviation_max` is the deviation allowed in it, in units of length.
+    pub(super) fn rules(&self, pass: Pass, deviation_max: Option<f64>) -> EngineRules {
+        EngineRules {
+            lock_borders: self.lock_borders,
+            lock_seams: match self.seams {
+                SeamPolicy::Stitch => pass.is_first_turn() && self.passes > 1,
+                SeamPolicy::Follow => false,
+                SeamPolicy::Lock => true,
+            },
+            frees_topology: self.frees_topology,
+            one_by_one: self.one_by_one,
+            seeks_handles: !pass.is_first_turn(),
+            welds: self.weld,
+            deviation_max,
+        }
+    }
 }

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard};
 
 use super::metric_engine::{EngineRules, MetricEngine};
-use super::options::{PassOptions, SeamPolicy};
+use super::options::PassOptions;
 use super::outcome::Passes;
 use super::pass_id::Pass;
 use super::probes::{Probes, Probing};
@@ -139,20 +139,7 @@ impl<'a> Run<'a> {
 
     /// What the engine may do in a pass.
     pub(super) fn rules(&self, pass: Pass) -> EngineRules {
-        let options = self.options;
-        EngineRules {
-            lock_borders: options.lock_borders,
-            lock_seams: match options.seams {
-                SeamPolicy::Stitch => pass.is_first_turn() && options.passes > 1,
-                SeamPolicy::Follow => false,
-                SeamPolicy::Lock => true,
-            },
-            frees_topology: options.frees_topology,
-            one_by_one: options.one_by_one,
-            seeks_handles: !pass.is_first_turn(),
-            welds: options.weld,
-            deviation_max: self.bound_of(pass),
-        }
+        self.options.rules(pass, self.bound_of(pass))
     }
 
     pub(super) fn load(&self, partition: &Partition, cluster: usize) -> Result<ClusterSource> {

@@ -4,7 +4,6 @@ use super::input::Input;
 use super::preflight::Preflight;
 use crate::base::Result;
 use crate::job::WorkFolder;
-use crate::options::{Borders, Doubles, Pieces, Weld};
 use crate::passes::{PassOptions, ResumePoint};
 use crate::render::View;
 
@@ -37,27 +36,9 @@ impl Admission {
     /// # Errors
     /// [`Error::Usage`] for settings that the metric does not have.
     pub fn pass_options(&self, job: &Preflight<'_>, input: &Input, map: Option<View>) -> Result<PassOptions> {
-        let options = job.options;
         let map_bytes = if map.is_some() { MAP_BYTES } else { 0 };
-        Ok(PassOptions {
-            target: self.target,
-            max_error: options.target.max_error,
-            input: input.triangles,
-            passes: options.pass_count(input.triangles),
-            cluster_faces: options.cluster_faces,
-            cost: options.cost(input.catalogue.has_texcoords)?,
-            seams: options.seam_policy(),
-            lock_borders: options.borders == Borders::Lock,
-            drop_pieces: options.pieces == Pieces::Drop,
-            frees_topology: options.frees_topology(),
-            one_by_one: options.one_by_one,
-            drop_doubles: options.doubles == Doubles::Drop,
-            remesh: options.remesh,
-            optimize: options.optimize,
-            weld: options.weld == Weld::Exact,
-            map,
-            threads: job.threads,
-            work_bytes: self.work_bytes.saturating_sub(map_bytes),
-        })
+        let work_bytes = self.work_bytes.saturating_sub(map_bytes);
+        let options = job.options.pass_options(input.triangles, input.catalogue.has_texcoords)?;
+        Ok(PassOptions { map, threads: job.threads, work_bytes, ..options })
     }
 }

@@ -36,7 +36,7 @@ pub(super) struct Input {
     pub(super) bytes: u64,
     /// Memory and disk space that the job needs.
     pub(super) need: Requirements,
-    /// Hash of each OBJ.
+    /// Hash of each mesh file.
     content_hashes: Vec<u64>,
     /// Material libraries.
     libraries: Vec<Source>,

@@ -32,6 +32,7 @@ use self::output::EarlierOutput;
 #[cfg(feature = "report")]
 use self::painter::Painter;
 use self::preflight::Preflight;
+use self::publish::Publisher;
 use self::run_log::{FinishedRun, RunLog};
 use crate::base::pool::Pool;
 use crate::base::{Progress, Result};
@@ -96,7 +97,7 @@ fn run(job: &Preflight<'_>, work: &mut WorkFolder, progress: &dyn Progress) -> R
     log.findings.merge(input.findings.clone());
     log.findings.merge(job.idle.clone());
     let admission = Admission::admit(job, &input, &start, work)?;
-    publish::check(job, &input, &earlier, work)?;
+    let publisher = Publisher::prepare(job, &input, earlier, work)?;
 
     let mut painter = Painter::new(job, &input.catalogue, work, &admission, progress);
     log.time_with(|seconds| &mut seconds.draw, |log| painter.draw_before(start.unsimplified(), &mut log.findings));
@@ -109,7 +110,7 @@ fn run(job: &Preflight<'_>, work: &mut WorkFolder, progress: &dyn Progress) -> R
         return Err(input::nothing_left(job, &input));
     }
 
-    let published = publish::write_and_measure(job, &input, earlier, &passes, work, progress)?;
+    let published = publisher.write_and_measure(&passes, work, progress)?;
     log.time_with(|seconds| &mut seconds.draw, |log| painter.draw_after(&passes.mesh, &mut log.findings));
     let shots = painter.shots();
     Ok(log.report(FinishedRun { job, input: &input, admission: &admission, passes, published, shots, work }))

@@ -42,7 +42,7 @@ impl EarlierOutput {
         Ok(there)
     }
 
-    /// Whether the job itself wrote the OBJ.
+    /// Whether the job itself wrote the mesh file.
     pub fn is_own(&self) -> bool {
         !matches!(self.found, Earlier::Nothing)
     }

@@ -60,7 +60,7 @@ pub(super) fn prepare(output: &Path, job: u64, may_exist: bool) -> Result<()> {
     refuse_existing(output, may_exist)
 }
 
-/// Refuses to replace an existing OBJ.
+/// Refuses to replace an existing mesh file.
 pub(super) fn refuse_existing(output: &Path, may_exist: bool) -> Result<()> {
     if !may_exist && output.symlink_metadata().is_ok() {
         return Err(Error::Usage(format!("{}: exists already; `force` replaces it", escape_path(output))));

@@ -32,76 +32,74 @@ pub(super) fn brings_outside(job: &Preflight<'_>) -> bool {
     job.options.textures_outside == TexturesOutside::Copy
 }
 
-/// Refuses a result whose files cannot be written or would replace others.
-///
-/// # Errors
-/// Those of [`write::check_output`].
-pub(super) fn check(job: &Preflight<'_>, input: &Input, earlier: &EarlierOutput, work: &WorkFolder) -> Result<()> {
-    let options = write_options(job, input, earlier, work);
-    write::check_output(job.output, &input.catalogue, &options, earlier.was_writing)
-}
-
-/// Writes the result unless an earlier process did. Writing takes one thread most of the time, so the result is
-/// measured beside it.
-///
-/// # Errors
-/// Those of [`write::stage`], of [`Staged::commit`](write::Staged::commit) and of the work folder.
-pub(super) fn write_and_measure(
-    job: &Preflight<'_>,
-    input: &Input,
+/// Writes the result of a job.
+pub(super) struct Publisher<'a> {
+    job: &'a Preflight<'a>,
+    input: &'a Input,
     earlier: EarlierOutput,
-    passes: &Passes,
-    work: &WorkFolder,
-    progress: &dyn Progress,
-) -> Result<Published> {
-    let is_resumed = work.is_resumed();
-    let started = Instant::now();
-    let options = write_options(job, input, &earlier, work);
-    let write = || {
-        let written = match earlier.found {
-            // If the job was restarted on the way, nothing shows that the earlier result follows from the input as it
-            // is now.
-            Earlier::Whole(written) if is_resumed => written,
-            _ => write(job, input, &options, passes, work, progress)?,
+    options: WriteOptions,
+}
+
+impl<'a> Publisher<'a> {
+    /// Prepares to write the result. Refuses one whose files cannot be written or would replace others.
+    ///
+    /// # Errors
+    /// Those of [`write::check_output`].
+    pub fn prepare(
+        job: &'a Preflight<'a>,
+        input: &'a Input,
+        earlier: EarlierOutput,
+        work: &WorkFolder,
+    ) -> Result<Self> {
+        let options = WriteOptions {
+            textures: job.options.textures.into(),
+            brings_outside: brings_outside(job),
+            normals: job.options.normals == Normals::Auto && input.catalogue.has_normals,
+            force: job.options.job.force,
+            replaces_own: earlier.is_own(),
+            work_bytes: job.budget.for_work(),
+            sources: input.sources(),
+            job: work.number(),
         };
-        progress.begin("measure", 0, "");
-        Ok((written, started.elapsed()))
-    };
-    let (written, measured) = both(job.threads, write, || gauge(&passes.probes, &passes.mesh, progress));
-    let ((written, write_time), measured) = (written?, measured?);
-    Ok(Published { written, measured, write_time, measure_time: started.elapsed() - write_time, is_resumed })
-}
-
-fn write(
-    job: &Preflight<'_>,
-    input: &Input,
-    options: &WriteOptions,
-    passes: &Passes,
-    work: &WorkFolder,
-    progress: &dyn Progress,
-) -> Result<Written> {
-    output::remember(work, job.output)?;
-    let staged = write::stage(&passes.mesh, &input.catalogue, job.output, work.path(), options, progress)?;
-    if job.options.textures == TextureFiles::Copy {
-        input.check_textures(&staged, options.brings_outside)?;
+        write::check_output(job.output, &input.catalogue, &options, earlier.was_writing)?;
+        Ok(Self { job, input, earlier, options })
     }
-    progress.check_stopped()?;
-    work.wait_until_durable()?;
-    work.keep(Step::Written, staged.written().faces, [], staged.written())?;
-    // Without this record, a result that has its final name already would be taken for that of another job.
-    work.sync()?;
-    staged.commit(progress)
-}
 
-fn write_options(job: &Preflight<'_>, input: &Input, earlier: &EarlierOutput, work: &WorkFolder) -> WriteOptions {
-    WriteOptions {
-        textures: job.options.textures.into(),
-        brings_outside: brings_outside(job),
-        normals: job.options.normals == Normals::Auto && input.catalogue.has_normals,
-        force: job.options.job.force,
-        replaces_own: earlier.is_own(),
-        work_bytes: job.budget.for_work(),
-        sources: input.sources(),
-        job: work.number(),
+    /// Writes the result unless an earlier process did. Writing takes one thread most of the time, so the result is
+    /// measured beside it.
+    ///
+    /// # Errors
+    /// Those of [`write::stage`], of [`Staged::commit`](write::Staged::commit) and of the work folder.
+    pub fn write_and_measure(self, passes: &Passes, work: &WorkFolder, progress: &dyn Progress) -> Result<Published> {
+        let is_resumed = work.is_resumed();
+        let started = Instant::now();
+        let write = || {
+            let written = match &self.earlier.found {
+                // If the job was restarted on the way, nothing shows that the earlier result follows from the input as
+                // it is now.
+                Earlier::Whole(written) if is_resumed => written.clone(),
+                _ => self.write(passes, work, progress)?,
+            };
+            progress.begin("measure", 0, "");
+            Ok((written, started.elapsed()))
+        };
+        let (written, measured) = both(self.job.threads, write, || gauge(&passes.probes, &passes.mesh, progress));
+        let ((written, write_time), measured) = (written?, measured?);
+        Ok(Published { written, measured, write_time, measure_time: started.elapsed() - write_time, is_resumed })
+    }
+
+    fn write(&self, passes: &Passes, work: &WorkFolder, progress: &dyn Progress) -> Result<Written> {
+        let Self { job, input, options, .. } = self;
+        output::remember(work, job.output)?;
+        let staged = write::stage(&passes.mesh, &input.catalogue, job.output, work.path(), options, progress)?;
+        if job.options.textures == TextureFiles::Copy {
+            input.check_textures(&staged, options.brings_outside)?;
+        }
+        progress.check_stopped()?;
+        work.wait_until_durable()?;
+        work.keep(Step::Written, staged.written().faces, [], staged.written())?;
+        // Without this record, a result that has its final name already would be taken for that of another job.
+        work.sync()?;
+        staged.commit(progress)
     }
 }

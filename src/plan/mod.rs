@@ -29,9 +29,9 @@ use crate::read::InputChoice;
 /// Counts of the input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct InputFigures {
-    /// OBJ files.
+    /// Mesh files.
     pub files: u64,
-    /// Bytes of OBJ text.
+    /// Bytes of the mesh files.
     pub bytes: u64,
     /// Vertices, before duplicates are welded.
     pub vertices: u64,
@@ -74,7 +74,7 @@ pub struct Plan {
     pub memory: MemoryForecast,
     /// Scratch space.
     pub scratch: ScratchFigures,
-    /// Approximate size of the OBJ to be written, in bytes.
+    /// Approximate size of the mesh file to be written, as an OBJ, in bytes.
     pub output_bytes: u64,
     /// Time by phase.
     pub seconds: TimeForecast,
@@ -85,7 +85,7 @@ pub struct Plan {
 /// Plans a run. The work folder's disk is that of `options.job.work`, else that of the current folder.
 ///
 /// # Errors
-/// As [`pipeline::simplify`](crate::pipeline::simplify) for options, an impossible budget and inputs that are no OBJ;
+/// As [`pipeline::simplify`](crate::pipeline::simplify) for options, an impossible budget and inputs that are no meshes;
 /// [`Plan::refuse_small_disk`] reports a disk that is too small.
 pub fn plan(input: impl Into<InputChoice>, options: &SimplifyOptions, progress: &dyn Progress) -> Result<Plan> {
     options.check()?;

@@ -33,24 +33,21 @@ pub struct Number {
     pub end: usize,
 }
 
+/// Returns whether a minus sign stands at `start`, and the offset after a sign; `None` at the end of the text.
+#[inline(always)]
+fn sign_at(text: &[u8], start: usize) -> Option<(bool, usize)> {
+    match text.get(start)? {
+        b'-' => Some((true, start + 1)),
+        b'+' => Some((false, start + 1)),
+        _ => Some((false, start)),
+    }
+}
+
 /// Returns the longest number that begins at `start`, or `None`.
 #[inline(always)]
 pub fn number_at(text: &[u8], start: usize) -> Option<Number> {
-    let mut at = start;
-    let negative = match text.get(at)? {
-        b'-' => {
-            at += 1;
-            true
-        }
-        b'+' => {
-            at += 1;
-            false
-        }
-        _ => false,
-    };
-    let first_digit = at;
-    let mut mantissa;
-    (mantissa, at) = digits_at(text, first_digit, 0);
+    let (negative, first_digit) = sign_at(text, start)?;
+    let (mut mantissa, mut at) = digits_at(text, first_digit, 0);
     let mut digits = at - first_digit;
     let mut decimals = 0;
     if text.get(at) == Some(&b'.') {
@@ -187,21 +184,8 @@ pub struct Index {
 /// Returns the integer that begins at `start` and the offset after it, or `None`.
 #[inline(always)]
 pub fn index_at(text: &[u8], start: usize) -> Option<(Index, usize)> {
-    let mut at = start;
-    let negative = match text.get(at)? {
-        b'-' => {
-            at += 1;
-            true
-        }
-        b'+' => {
-            at += 1;
-            false
-        }
-        _ => false,
-    };
-    let first_digit = at;
-    let (mut magnitude, after) = digits_at(text, first_digit, 0);
-    at = after;
+    let (negative, first_digit) = sign_at(text, start)?;
+    let (mut magnitude, at) = digits_at(text, first_digit, 0);
     if at - first_digit > EXACT_DIGITS {
         magnitude = saturated(&text[first_digit..at]);
     }

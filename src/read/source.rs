@@ -171,6 +171,9 @@ impl Counts {
     }
 }
 
+/// Buffers of parsed records larger than this, in bytes, are freed instead of reused.
+pub(super) const KEPT_BYTES_MAX: usize = 4 << 20;
+
 /// A format of mesh files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MeshFormat {

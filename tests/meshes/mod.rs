@@ -5,8 +5,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 
-use drystone::base::Silent;
+use drystone::base::{Progress, Silent};
 use drystone::measure::compare::{CompareOptions, Geometry, Resources, Spread, compare};
 use drystone::measure::{Check, Surface, compare_checks, compare_topology, weld_and_check};
 use drystone::model::NO_TEXCOORD;
@@ -18,6 +19,30 @@ use glam::{DVec2, DVec3};
 use proptest::prelude::ProptestConfig;
 use proptest::test_runner::RngSeed;
 use tempfile::TempDir;
+
+/// Stops after a number of units of work.
+pub struct StopAfter {
+    left: AtomicU64,
+}
+
+impl StopAfter {
+    /// Stops after this much work.
+    pub fn units(units: u64) -> Self {
+        Self { left: AtomicU64::new(units) }
+    }
+}
+
+impl Progress for StopAfter {
+    fn begin(&self, _: &'static str, _: u64, _: &'static str) {}
+
+    fn advance(&self, _: u64) {
+        let _ = self.left.fetch_update(Ordering::SeqCst, Ordering::SeqCst, |left| left.checked_sub(1));
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.left.load(Ordering::SeqCst) == 0
+    }
+}
 
 /// A file under `fixtures/`.
 pub fn fixture(name: &str) -> PathBuf {

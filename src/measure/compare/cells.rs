@@ -1,7 +1,7 @@
 //! A mesh prepared for measuring: cells of neighbouring triangles in one file, each with its search tree.
 //!
 //! ```text
-//! OBJ ── scan ──▶ columns ── partition ──▶ clusters ── tree, tally ──▶ measure-cells.bin, counts
+//! mesh files ── read ──▶ columns ── partition ──▶ clusters ── tree, tally ──▶ measure-cells.bin, counts
 //!
 //! | header 64 B | cell 0: positions 24 B, pairs 64 B, tilted boxes 64 B, faces 40 B each, padded to 8 | cell 1 … |
 //! ```
@@ -201,7 +201,7 @@ impl ReadMesh {
 }
 
 impl MeasuredMesh {
-    /// Reads an OBJ, or every OBJ below a folder, and prepares it in the work folder `folder`, in cells of about
+    /// Reads a mesh file, or all below a folder, and prepares them in the work folder `folder`, in cells of about
     /// `cell_faces` triangles.
     ///
     /// # Errors

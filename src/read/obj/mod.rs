@@ -23,12 +23,9 @@ use self::statements::BYTE_ORDER_MARK;
 use crate::base::Result;
 use crate::file::packed::RecordBounds;
 use crate::read::line::count_line_ends;
-use crate::read::source::{Counts, Cut, MeshSource};
+use crate::read::source::{Counts, Cut, KEPT_BYTES_MAX, MeshSource};
 
 pub(super) use self::chunk::ObjSource;
-
-/// Buffers of a parsed chunk larger than this, in bytes, are freed instead of reused.
-const KEPT_BYTES_MAX: usize = 4 << 20;
 
 impl MeshSource for ObjSource {
     type Chunk = ObjChunk;

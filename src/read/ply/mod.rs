@@ -25,12 +25,9 @@ use self::cut::PlyChunk;
 use self::parse::PlyRecords;
 use crate::base::Result;
 use crate::file::packed::RecordBounds;
-use crate::read::source::{Counts, Cut, MeshSource};
+use crate::read::source::{Counts, Cut, KEPT_BYTES_MAX, MeshSource};
 
 pub(super) use self::cut::PlySource;
-
-/// Buffers of parsed records larger than this, in bytes, are freed instead of reused.
-const KEPT_BYTES_MAX: usize = 4 << 20;
 
 impl MeshSource for PlySource {
     type Chunk = PlyChunk;
