@@ -8,6 +8,7 @@ pub mod chance;
 pub mod counts;
 pub mod error;
 pub mod findings;
+pub mod id;
 pub mod json_path;
 pub mod ordered;
 pub mod pool;

@@ -11,16 +11,16 @@ use serde::{Deserializer, Serializer};
 ///
 /// # Errors
 /// Those of the serializer.
-pub fn serialize<T: Pod, S: Serializer>(records: &[T], serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_bytes(bytemuck::cast_slice(records))
+pub fn serialize<T: Pod, S: Serializer>(records: &impl AsRef<[T]>, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_bytes(bytemuck::cast_slice(records.as_ref()))
 }
 
 /// Deserialises records.
 ///
 /// # Errors
 /// Those of the deserializer, and if the bytes are not a whole number of records.
-pub fn deserialize<'de, T: Pod, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<T>, D::Error> {
-    deserializer.deserialize_bytes(Records(PhantomData))
+pub fn deserialize<'de, T: Pod, V: From<Vec<T>>, D: Deserializer<'de>>(deserializer: D) -> Result<V, D::Error> {
+    deserializer.deserialize_bytes(Records(PhantomData)).map(V::from)
 }
 
 struct Records<T>(PhantomData<T>);

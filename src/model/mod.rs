@@ -8,6 +8,7 @@ pub mod catalogue;
 pub mod face;
 pub mod face_blocks;
 pub mod mesh;
+pub mod id;
 pub mod piece;
 pub mod stored_mesh;
 pub mod corners;

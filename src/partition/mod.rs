@@ -26,6 +26,7 @@
 pub mod cells;
 pub mod cluster;
 pub mod faces;
+pub mod id;
 mod file_names;
 pub mod numbering;
 mod options;
