@@ -308,6 +308,41 @@ def orders(source):
     return [source, *(reordered(source, folder / f"{source.stem}-order-{seed}.obj", seed) for seed in range(1, count))]
 
 
+def part_of(source, path, materials):
+    """The triangles of some materials."""
+    vertices, faces, material = [], [], None
+    for line in source.open():
+        word, _, rest = line.strip().partition(" ")
+        if word == "v":
+            vertices.append([float(x) for x in rest.split()])
+        elif word == "usemtl":
+            material = rest
+        elif word == "f" and material in materials:
+            faces.append([int(corner.split("/")[0]) - 1 for corner in rest.split()])
+    return write_obj(path, vertices, faces)
+
+
+def outlines(source, path, one, other):
+    """Points along the edges between two materials, each a triangle half a millimetre wide, so that they are a mesh."""
+    vertices, owners, material = [], {}, None
+    for line in source.open():
+        word, _, rest = line.strip().partition(" ")
+        if word == "v":
+            vertices.append([float(x) for x in rest.split()])
+        elif word == "usemtl":
+            material = rest
+        elif word == "f":
+            corners = [int(corner.split("/")[0]) - 1 for corner in rest.split()]
+            for a, b in zip(corners, corners[1:] + corners[:1]):
+                owners.setdefault((min(a, b), max(a, b)), set()).add(material)
+    edges = np.array([edge for edge, materials in owners.items() if materials == {one, other}])
+    ends = np.array(vertices)[edges]
+    points = np.concatenate([ends[:, 0] + share * (ends[:, 1] - ends[:, 0]) for share in (0.1, 0.3, 0.5, 0.7, 0.9)])
+    points = points[np.random.default_rng(5).permutation(len(points))[:10000]]
+    corners = points[:, None] + 5e-4 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 1]])
+    return write_obj(path, corners.reshape(-1, 3), np.arange(3 * len(points)).reshape(-1, 3))
+
+
 def of_materials(source, materials):
     """The triangles of some materials with their texture coordinates, in a file in the folder of their pictures."""
     path = source.with_name(f"{source.stem}.{'-'.join(sorted(materials))}.obj")
