@@ -12,6 +12,7 @@ use std::path::Path;
 use std::sync::{Condvar, Mutex};
 
 use super::error::escape_path;
+use super::lock::lock;
 use super::{Error, Result, bytes};
 
 /// Resident memory that the process may use.
@@ -72,7 +73,7 @@ impl Permits {
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, PermitState> {
-        self.state.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+        lock(&self.state)
     }
 }
 

@@ -14,6 +14,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::Result;
+use super::lock::lock;
 use super::threads::{Task, at_least_one, start};
 
 /// Maps `items` on `threads` threads and passes the results to `commit` in order.
@@ -76,7 +77,7 @@ pub fn finish_in_order<T: Send, P: Send, R: Send>(
             (&work, &finish, &stopped, &finishing, &items, &credits);
         // Returns the next item once there is room for its result.
         let next = move || match credits.recv().is_ok() && !stopped.load(Ordering::Relaxed) {
-            true => items.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).next(),
+            true => lock(items).next(),
             false => None,
         };
         let finish_beside = |_| {
@@ -116,7 +117,7 @@ pub fn finish_in_order<T: Send, P: Send, R: Send>(
         is_working |= at_least_one((1..threads).map(work_beside)).is_ok();
         drop((pending_sender, pending, result_sender));
         if !is_working {
-            return alone(&mut *items.lock().unwrap_or_else(|poisoned| poisoned.into_inner()), work, finish, commit);
+            return alone(&mut *lock(items), work, finish, commit);
         }
         let outcome = commit_in_order(&results, &credit_sender, &mut commit);
         stopped.store(true, Ordering::Relaxed);

@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::share::JobShare;
 use crate::base::error::escape_path;
-use crate::base::{Progress, bytes, grouped};
+use crate::base::{Progress, bytes, grouped, lock};
 use crate::os::signals::StopSignal;
 
 /// Time between two plain lines of one phase.
@@ -72,7 +72,7 @@ impl Told {
         if self.is_quiet {
             return;
         }
-        change(&mut self.state.lock().unwrap_or_else(|poisoned| poisoned.into_inner()));
+        change(&mut lock(&self.state));
     }
 
     /// Prints a line with the time since the start.

@@ -4,7 +4,7 @@
 //! samples the process on its own thread, at first every 20 ms. At `SAMPLES_MAX` samples it drops every second one
 //! and doubles the interval, so a run of hours has as many as one of seconds. No result depends on this.
 
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -12,7 +12,7 @@ use crossbeam_channel::{RecvTimeoutError, Sender, bounded};
 use serde::Serialize;
 
 use super::system;
-use crate::base::Progress;
+use crate::base::{Progress, lock};
 
 /// Time between two samples at the start of a run.
 const FIRST_INTERVAL: Duration = Duration::from_millis(20);
@@ -132,10 +132,6 @@ impl Progress for Recorder<'_> {
     fn is_stopped(&self) -> bool {
         self.listener.is_stopped()
     }
-}
-
-fn lock(timeline: &Mutex<Timeline>) -> MutexGuard<'_, Timeline> {
-    timeline.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
 }
 
 fn close(phases: &mut [PhaseSpan], now: f64) {

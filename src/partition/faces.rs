@@ -23,7 +23,7 @@ use super::shared::Shared;
 use super::stretches::{CellStretch, NamedStretches, SeenStretches};
 use super::weight::RecentWedges;
 use crate::base::ordered::map_in_order;
-use crate::base::{Error, Findings, Result};
+use crate::base::{Error, Findings, Result, lock};
 use crate::file::buckets::{BucketWriter, Buckets, Sorted};
 use crate::model::face::FaceBlock;
 use crate::model::stored_mesh::PieceNumbering;
@@ -257,7 +257,7 @@ struct LoadedWindow {
 
 impl LoadedWindow {
     fn get(&self, ranks: &IdMap, window: u32) -> Result<Arc<Vec<u32>>> {
-        let mut loaded = self.window.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let mut loaded = lock(&self.window);
         if let Some((_, found)) = loaded.as_ref().filter(|(at, _)| *at == window) {
             return Ok(found.clone());
         }

@@ -13,7 +13,7 @@ use super::obj::ObjSource;
 use super::ply::PlySource;
 use super::source::{CHUNK_BYTES, Counts, Cutter, MeshFormat, MeshSource};
 use crate::base::threads::start;
-use crate::base::{Error, Progress, Result};
+use crate::base::{Error, Progress, Result, lock};
 use crate::file::packed::RecordBounds;
 
 /// Counts the contents of mesh files in one streaming pass. Given several files, also returns the bounding box of each.
@@ -78,7 +78,7 @@ fn work<S: MeshSource>(
     let (mut counts, mut boxes) = (Counts::default(), vec![RecordBounds::default(); inputs.len()]);
     let mut text = Vec::new();
     loop {
-        let next = cutter.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).next();
+        let next = lock(cutter).next();
         let Some((_, (file, cut))) = next else { return Ok((counts, boxes)) };
         let mut cut = cut?;
         // The boxes of a single file are not asked for.

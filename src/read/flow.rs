@@ -15,7 +15,7 @@ use super::builder::FinishedFile;
 use super::parts::Labels;
 use super::source::{CHUNK_BYTES, Cut, CutOfInput, Cutter, FileCommit, MeshSource};
 use crate::base::threads::{at_least_one, start};
-use crate::base::{Error, Findings, Progress, Result};
+use crate::base::{Error, Findings, Progress, Result, lock};
 
 /// Resources that the scan may use; they do not change the result.
 #[derive(Debug, Clone, Copy)]
@@ -141,7 +141,7 @@ fn work<S: MeshSource>(
 ) {
     let mut text = Vec::new();
     while let Ok(mut parsed) = tickets.recv() {
-        let next = cutter.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).next();
+        let next = lock(cutter).next();
         let Some((order, (file_index, cut))) = next else { return };
         let alarm = Alarm { order, file_index, outcomes };
         let result = parse_cut::<S>(inputs, (file_index, cut), &mut parsed, &mut text).map(|cut| (cut, parsed));
