@@ -17,7 +17,7 @@ use drystone::options::{
     Borders, JobOptions, Limits, Normals, Pieces, Seams, SimplifyOptions, Target, TextureFiles, Weld,
 };
 use drystone::pipeline;
-use drystone::read::{Scan, ScanOptions, scan};
+use drystone::read::{INPUT, SCAN, Scan, ScanOptions, scan};
 use xxhash_rust::xxh3::{xxh3_64, xxh3_64_with_seed};
 
 /// A target: its name, which is that of its folder of kept inputs, and what it does.
@@ -145,8 +145,8 @@ pub fn job_files(bytes: &[u8]) {
     let work = folder.path().join("work");
     fs::write(folder.path().join("outside"), "outside").expect("written");
     let job = WorkFolder::open(&work, &manifest(), Resume::Auto).expect("a new work folder");
-    job.keep(Step::Input, 1, [], &vec![1u32; 5000]).expect("kept");
-    job.keep(Step::Scan, 1, [], &(1u8, String::from("two"))).expect("kept");
+    job.keep(Step::new(INPUT), [], &vec![1u32; 5000]).expect("kept");
+    job.keep(Step::new(SCAN).from([INPUT]), [], &(1u8, String::from("two"))).expect("kept");
     drop(job);
     let Some((&which, bytes)) = bytes.split_first() else { return };
     let name = Path::new(["manifest.bin", "journal.bin", "scan-input.state", "lock"][which as usize % 4]);
@@ -169,8 +169,8 @@ pub fn job_files(bytes: &[u8]) {
     }
     match WorkFolder::open(&work, &manifest(), Resume::Auto) {
         Ok(job) => {
-            for step in [Step::Input, Step::Scan] {
-                if let Ok(Some(value)) = job.recall::<StepNumbers>(step, &()) {
+            for key in [INPUT, SCAN] {
+                if let Ok(Some(value)) = job.recall::<StepNumbers>(&key, &()) {
                     assert!(is_forged || value.0 == vec![1; 5000]);
                 }
             }

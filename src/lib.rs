@@ -25,38 +25,61 @@
 //! files ── read ──▶ columns ── partition ──▶ clusters ── simplify ──▶ clusters' ── repeat ──▶ … ── write ──▶ file
 //! ```
 
-// In the order in which the data flows; imports point up this list, which `tests/layering.rs` checks.
+// In the order in which the data flows; imports point up this list, which `tests/layering.rs` checks. What the
+// documentation hides is no part of the interface: it is public for the program, its tests and the fuzz targets alone,
+// and changes without notice.
 
 // Ground: what every phase stands on.
+#[doc(hidden)]
 pub mod base;
+#[doc(hidden)]
 pub mod os;
+#[doc(hidden)]
 pub mod geometry;
+#[doc(hidden)]
 pub mod file;
+#[doc(hidden)]
 pub mod job;
+#[doc(hidden)]
 pub mod model;
 #[cfg(feature = "images")]
+#[doc(hidden)]
 pub mod image;
 
 // Road: from files to a file.
+#[doc(hidden)]
 pub mod read;
+#[doc(hidden)]
 pub mod mesh;
+#[doc(hidden)]
 pub mod partition;
+#[doc(hidden)]
 pub mod render;
+#[doc(hidden)]
 pub mod cost;
+#[doc(hidden)]
 pub mod simplify;
+#[doc(hidden)]
 pub mod remesh;
+#[doc(hidden)]
 pub mod passes;
+#[doc(hidden)]
 pub mod write;
 
 // Shore: what a caller sees.
+#[doc(hidden)]
 pub mod measure;
 pub mod options;
 pub mod report;
+#[doc(hidden)]
 pub mod plan;
+#[doc(hidden)]
 pub mod pipeline;
+#[doc(hidden)]
 pub mod inspect;
 mod api;
 #[cfg(feature = "cli")]
+#[doc(hidden)]
 pub mod cli;
 
 pub use api::{MeshReport, Simplify, simplify_mesh};

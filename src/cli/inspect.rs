@@ -1,4 +1,4 @@
-//! `drystone inspect`: counts and faults of an OBJ.
+//! `drystone inspect`: counts and faults of a mesh.
 
 use std::path::PathBuf;
 

@@ -12,7 +12,7 @@ use crate::plan::{passes, time};
 use crate::read;
 use crate::read::InputChoice;
 
-/// Approximate bytes of OBJ text for each triangle.
+/// Approximate bytes of an OBJ for each triangle; until the triangles of a PLY are counted, its share is too low.
 const BYTES_PER_TRIANGLE: u64 = 70;
 /// Approximate seconds of a comparison for each sample on one core; both directions, colours included.
 const SECONDS_PER_SAMPLE: f64 = 8e-6;
@@ -21,7 +21,7 @@ const DRAW_SECONDS: f64 = 1.0;
 const DRAW_SECONDS_PER_TRIANGLE: f64 = 4e-6;
 /// Approximate seconds to measure the deviation, for each triangle of the input.
 const GAUGE_SECONDS_PER_TRIANGLE: f64 = 3e-7;
-/// Time to copy textures, as a multiple of the time to write the OBJ; the size of the textures is unknown.
+/// Time to copy textures, as a multiple of the time to write the mesh; the size of the textures is unknown.
 const TEXTURES_PER_WRITE: f64 = 0.3;
 /// Number of phases of a comparison.
 const COMPARISON_PHASES: f64 = 11.0;

@@ -14,7 +14,10 @@ use serde_json::json;
 use super::print::{print, print_json};
 use crate::base::error::{escape, escape_path};
 use crate::base::{Result, bytes, counted, grouped, json_path};
-use crate::job::{Entry, Step, StepRecord, WorkStatus, look};
+use crate::job::{Entry, StepRecord, WorkStatus, look};
+use crate::passes::steps::PassStep;
+use crate::read::SCAN;
+use crate::write::RESULT;
 
 /// First bytes of every mesh that the program writes: an OBJ, a PLY.
 const OWN_BEGINNINGS: [&[u8]; 2] = [b"# drystone ", b"ply\nformat binary_little_endian 1.0\ncomment drystone "];
@@ -148,44 +151,46 @@ impl JobStatus {
                     (status.last_error, status.last_error_of_process) = (Some(message.clone()), Some(status.processes));
                 }
                 // A damaged cluster that was recomputed is recorded a second time.
-                Entry::Kept(StepRecord { step: step @ Step::Cluster { .. }, .. }) if !clusters.insert(*step) => {}
-                Entry::Kept(record) => {
-                    if matches!(record.step, Step::Cut { .. }) {
-                        clusters.clear();
+                Entry::Kept(record) => match PassStep::of(&record.key) {
+                    Some(step @ PassStep::Cluster(..)) if !clusters.insert(step) => {}
+                    Some(step) => {
+                        if matches!(step, PassStep::Partition(_)) {
+                            clusters.clear();
+                        }
+                        status.see_pass(step, record.amount);
                     }
-                    status.see(record);
-                }
+                    None => status.see(record),
+                },
+                Entry::Wanted { .. } => {}
             }
         }
         status
     }
 
     fn see(&mut self, record: &StepRecord) {
-        match record.step {
-            Step::Scan => self.triangles = Some(record.amount),
-            Step::Cut { pass } => {
-                let clusters = record.amount;
-                self.pass =
-                    Some(PassStatus { number: pass.saturating_add(1), clusters, clusters_done: 0, triangles_done: 0 });
+        if record.key == SCAN {
+            self.triangles = Some(record.amount);
+        }
+        self.written |= record.key == RESULT;
+    }
+
+    fn see_pass(&mut self, step: PassStep, amount: u64) {
+        match (step, &mut self.pass) {
+            (PassStep::Partition(pass), _) => {
+                let (number, clusters) = (pass.saturating_add(1), amount);
+                self.pass = Some(PassStatus { number, clusters, clusters_done: 0, triangles_done: 0 });
             }
-            Step::Plan { attempt: 1.., .. } => {
-                if let Some(pass) = &mut self.pass {
-                    (pass.clusters_done, pass.triangles_done) = (0, 0);
-                }
+            (PassStep::Stops(_, 1..), Some(pass)) => (pass.clusters_done, pass.triangles_done) = (0, 0),
+            (PassStep::Cluster(..), Some(pass)) => {
+                pass.clusters_done += 1;
+                pass.triangles_done = pass.triangles_done.saturating_add(amount);
             }
-            Step::Cluster { .. } => {
-                if let Some(pass) = &mut self.pass {
-                    pass.clusters_done += 1;
-                    pass.triangles_done = pass.triangles_done.saturating_add(record.amount);
-                }
-            }
-            Step::Pass { pass } => {
+            (PassStep::Mesh(pass), _) => {
                 self.passes_done = u64::from(pass) + 1;
-                self.triangles_left = Some(record.amount);
+                self.triangles_left = Some(amount);
                 self.pass = None;
             }
-            Step::Written => self.written = true,
-            Step::Input | Step::Statistics | Step::Probes | Step::Output | Step::Plan { .. } | Step::Trial { .. } => {}
+            (PassStep::Stops(..) | PassStep::Trial(..) | PassStep::Cluster(..), _) => {}
         }
     }
 

@@ -8,22 +8,17 @@
 //! In: a catalogue. Out: [`TextureImages`]. Invariant: no image is decoded here, and only regular files are opened.
 
 use std::collections::{BTreeMap, HashMap};
-use std::fs::{self, File};
-use std::io::Read;
-use std::path::{Path, PathBuf};
-
-use xxhash_rust::xxh3::Xxh3;
+use std::path::PathBuf;
 
 use crate::base::Findings;
 use crate::base::error::{escape, escape_path};
 use crate::model::Catalogue;
 use crate::model::catalogue::MaterialDefinition;
-use crate::os::path::path_of_name;
+use crate::model::texture_file::{self, Reach, base_name};
+use crate::os::content::Content;
 
 /// Marks a face that shows no texture image.
 pub const NO_IMAGE: u32 = u32::MAX;
-/// Bytes read at once.
-const READ_BYTES: usize = 256 << 10;
 
 /// An image file.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -74,7 +69,7 @@ impl TextureImages {
 
     /// Content of each file; `None` for a file that cannot be read.
     pub fn contents(&self) -> Vec<Option<Content>> {
-        self.files.iter().map(|file| Content::of(&file.path)).collect()
+        self.files.iter().map(|file| Content::of(&file.path).ok()).collect()
     }
 
     /// For each texture image, those of `original` that it matches by name or content, ascending; `own` are its
@@ -110,48 +105,17 @@ fn diffuse(definition: &MaterialDefinition) -> Option<(&MaterialDefinition, &[u8
     Some((definition, &texture.name))
 }
 
-fn base_name(name: &[u8]) -> &[u8] {
-    name.rsplit(|&c| c == b'/' || c == b'\\').next().unwrap_or(name)
-}
-
-/// The file of a texture name, relative to the folder of the MTL file: by the whole path, else by its last part.
+/// The file of a texture name, wherever it lies: by the whole path, else by its last part beside the MTL file.
 fn find_file(definition: &MaterialDefinition, name: &[u8]) -> Option<PathBuf> {
-    if name.contains(&0) {
-        return None;
-    }
-    let folder = if definition.folder.as_os_str().is_empty() { Path::new(".") } else { &definition.folder };
-    [name, base_name(name)]
-        .into_iter()
-        .filter_map(|name| fs::canonicalize(folder.join(path_of_name(name))).ok())
-        .find(|path| fs::metadata(path).is_ok_and(|kind| kind.is_file()))
-}
-
-/// Size and hash of a file, by which contents are compared.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Content {
-    bytes: u64,
-    hash: u64,
-}
-
-impl Content {
-    /// Content of a file; `None` if it cannot be read.
-    pub fn of(path: &Path) -> Option<Self> {
-        let mut file = File::open(path).ok()?;
-        let (mut hash, mut bytes, mut buffer) = (Xxh3::new(), 0, vec![0; READ_BYTES]);
-        loop {
-            match file.read(&mut buffer).ok()? {
-                0 => return Some(Self { bytes, hash: hash.digest() }),
-                count => {
-                    hash.update(&buffer[..count]);
-                    bytes += count as u64;
-                }
-            }
-        }
-    }
+    let find = |name| texture_file::find(&definition.folder, name, Reach::Anywhere).ok();
+    find(name).or_else(|| find(base_name(name)))
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+    use std::path::Path;
+
     use super::*;
 
     fn images(folder: &Path, files: &[(&str, &str)]) -> TextureImages {

@@ -29,6 +29,7 @@ use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Permits, Progress, Result, bytes, counted, grouped};
 use crate::job::{InputFile, Manifest, Resume, WorkFolder};
 use crate::mesh::doubles::doubles;
+use crate::model::texture_file::{self, Reach};
 use crate::model::{Catalogue, StoredMesh};
 use crate::os::durable::temporary_folder;
 use crate::partition::{self, Partition, PartitionOptions, TextureScale, cluster};
@@ -36,7 +37,6 @@ use crate::plan::{memory, scratch};
 use crate::read::InputChoice;
 use crate::read::{self, Scan};
 use crate::report::warning_lines;
-use crate::write::is_texture_there;
 
 /// Memory of a face of a cluster while it is counted, and of its edges that wait to be matched, in bytes.
 const FACE_BYTES: u64 = 200;
@@ -163,7 +163,8 @@ fn inspect_in_clusters(
     let topology = counting.count(work.path(), &mut findings, progress)?;
 
     let textures = textures(&catalogue);
-    let missing = textures.iter().filter(|(folder, name)| !is_texture_there(folder, name)).count();
+    let missing =
+        textures.iter().filter(|(folder, name)| texture_file::find(folder, name, Reach::Inside).is_err()).count();
     let welded_vertices = findings.get("welded_vertices");
     Ok(Inspection {
         files: inputs.len() as u64,

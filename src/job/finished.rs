@@ -9,10 +9,11 @@ use std::sync::Mutex;
 use serde::Serialize;
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::journal::{Entry, Journal, Step, StepRecord, Value, now};
-use super::lock;
+use super::journal::{Entry, Journal, now};
 use super::stamp::Stamp;
-use crate::base::{Error, Result};
+use super::step::{Step, StepRecord, Value};
+use super::steps::RecordedSteps;
+use crate::base::{Error, Result, lock};
 use crate::file::codec;
 use crate::file::header::Header;
 use crate::os::durable::DurableFile;
@@ -22,12 +23,9 @@ const VALUE_BYTES_HERE: usize = 4 << 10;
 
 /// A finished step that is about to be recorded in the journal.
 pub(super) struct Finished {
-    step: Step,
-    amount: u64,
-    files: Vec<Stamp>,
-    /// The encoded value, and the path of its file if it gets one.
-    value: Vec<u8>,
-    path: PathBuf,
+    record: StepRecord,
+    /// The encoded value and the path of its file, if it gets one.
+    large_value: Option<(Vec<u8>, PathBuf)>,
 }
 
 impl Finished {
@@ -38,17 +36,24 @@ impl Finished {
     pub(super) fn new<'a, T: Serialize>(
         folder: &Path,
         step: Step,
-        amount: u64,
         files: impl IntoIterator<Item = &'a Path>,
         value: &T,
+        steps: &Mutex<RecordedSteps>,
     ) -> Result<Self> {
-        let path = folder.join(step.file_name());
+        let Step { key, parents, amount, outlasts } = step;
+        let path = folder.join(key.file_name());
         let value = codec::encode(value).map_err(|message| Error::Damaged { path: path.clone(), message })?;
         let mut paths: Vec<&Path> = files.into_iter().collect();
         paths.sort_unstable();
         paths.dedup();
         let files = paths.into_iter().map(Stamp::of).collect::<Result<_>>()?;
-        Ok(Self { step, amount, files, value, path })
+        let (here, large_value) =
+            if value.len() <= VALUE_BYTES_HERE { (value, None) } else { (Vec::new(), Some((value, path))) };
+        let mut steps = lock(steps);
+        let (id, parents, time) = (steps.take_id(), steps.ids_of(&parents), now());
+        let record = StepRecord { key, id, parents, amount, time, outlasts, files, value: Value::Here(here) };
+        steps.add(&record);
+        Ok(Self { record, large_value })
     }
 
     /// Writes the value to its own file if it is large, then appends the entry.
@@ -56,12 +61,11 @@ impl Finished {
     /// # Errors
     /// On a full disk or a failed write.
     pub(super) fn keep(self, journal: &Mutex<Option<Journal>>) -> Result<()> {
-        let Self { step, amount, files, value, path } = self;
-        let value = match value.len() <= VALUE_BYTES_HERE {
-            true => Value::Here(value),
-            false => Value::InFile(write_value(&path, &value)?),
-        };
-        append(journal, &Entry::Kept(StepRecord { step, amount, time: now(), files, value }))
+        let Self { mut record, large_value } = self;
+        if let Some((value, path)) = large_value {
+            record.value = Value::InFile(write_value(&path, &value)?);
+        }
+        append(journal, &Entry::Kept(record))
     }
 }
 

@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::Path;
 
 use super::journal::JOURNAL;
-use super::lock::{LOCK, is_locked};
+use super::lock_file::{LOCK, is_locked};
 use super::manifest::{MANIFEST, MANIFEST_BYTES_MAX};
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};

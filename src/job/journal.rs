@@ -20,7 +20,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64_with_seed;
 
-use super::stamp::Stamp;
+use super::step::StepRecord;
 use crate::base::{Error, Result};
 use crate::file::codec;
 use crate::file::header::{HEADER_BYTES, Header};
@@ -37,131 +37,6 @@ const ENTRY_BYTES_MAX: u32 = 64 << 20;
 /// Entries are synced when this much time has passed since the last sync.
 const SYNC_INTERVAL: Duration = Duration::from_secs(1);
 
-/// A step of a job whose result is recorded.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum Step {
-    /// The input except geometry, and the fingerprints of its content.
-    Input,
-    /// The columns of the input.
-    Scan,
-    /// The partition of a pass.
-    Cut {
-        /// Number of the pass, from 0.
-        pass: u32,
-    },
-    /// How the clusters of a pass stop.
-    Plan {
-        /// Number of the pass.
-        pass: u32,
-        /// 0 for the first plan, 1 for the one that replaces it.
-        attempt: u32,
-    },
-    /// A cluster simplified to learn the costs of its collapses.
-    Trial {
-        /// Number of the pass.
-        pass: u32,
-        /// Index of the trial in the pass.
-        trial: u32,
-        /// The cluster.
-        cluster: u32,
-    },
-    /// A simplified cluster.
-    Cluster {
-        /// Number of the pass.
-        pass: u32,
-        /// Attempt of the plan.
-        attempt: u32,
-        /// The cluster.
-        cluster: u32,
-    },
-    /// The mesh after a pass.
-    Pass {
-        /// Number of the pass.
-        pass: u32,
-    },
-    /// The published result.
-    Written,
-    /// Global statistics of the mesh that the metric is normalised by.
-    Statistics,
-    /// Path of the output whose temporary files may exist.
-    Output,
-    /// Probes of the input, for measuring the result.
-    Probes,
-}
-
-impl Step {
-    /// Name of the file for a large value of the step.
-    pub fn file_name(&self) -> String {
-        self.stem() + ".state"
-    }
-
-    /// Prefix of the names of the step's own files.
-    pub fn stem(&self) -> String {
-        match self {
-            Step::Input => "scan-input".into(),
-            Step::Scan => "scan-mesh".into(),
-            Step::Cut { pass } => format!("pass-{pass}-cut"),
-            Step::Plan { pass, attempt } => format!("pass-{pass}-plan-{attempt}"),
-            Step::Trial { pass, trial, cluster } => format!("pass-{pass}-trial-{trial}-{cluster:06}"),
-            Step::Cluster { pass, attempt, cluster } => format!("pass-{pass}-cluster-{attempt}-{cluster:06}"),
-            Step::Pass { pass } => format!("pass-{pass}-mesh"),
-            Step::Written => "write-result".into(),
-            Step::Statistics => "pass-0-statistics".into(),
-            Step::Output => "write-output".into(),
-            Step::Probes => "pass-0-probes".into(),
-        }
-    }
-}
-
-impl Step {
-    /// Reports whether the step comes after another one, so that it may depend on it.
-    pub fn follows(&self, other: Step) -> bool {
-        self.place() > other.place()
-    }
-
-    /// Order of the step: number of its pass, from 1, and position in the pass.
-    fn place(&self) -> (u64, u8) {
-        match *self {
-            Step::Input | Step::Scan | Step::Statistics => (0, 0),
-            Step::Cut { pass } => (u64::from(pass) + 1, 0),
-            Step::Plan { pass, .. } | Step::Trial { pass, .. } | Step::Cluster { pass, .. } => (u64::from(pass) + 1, 1),
-            Step::Probes => (1, 1),
-            Step::Pass { pass } => (u64::from(pass) + 1, 2),
-            Step::Output | Step::Written => (u64::MAX, 0),
-        }
-    }
-}
-
-/// Record of a finished step.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct StepRecord {
-    /// The step.
-    pub step: Step,
-    /// Size of its result, for `drystone status`: triangles of the input or of a pass, clusters of a partition, faces
-    /// of a cluster.
-    pub amount: u64,
-    /// Time in seconds since 1970.
-    pub time: u64,
-    /// Its files.
-    pub(super) files: Vec<Stamp>,
-    pub(super) value: Value,
-}
-
-impl StepRecord {
-    /// Names of all files of the step; `step` is the step recorded.
-    pub(super) fn names(&self, step: &Step) -> Vec<String> {
-        let own = self.files.iter().map(|stamp| stamp.name().to_owned());
-        own.chain([step.file_name()]).collect()
-    }
-}
-
-/// Where the value of a step is stored.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-pub(super) enum Value {
-    Here(Vec<u8>),
-    InFile(Stamp),
-}
-
 /// An entry of the journal.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub enum Entry {
@@ -172,6 +47,13 @@ pub enum Entry {
     },
     /// A step is finished.
     Kept(StepRecord),
+    /// Of the steps so far, only some are wanted any more: the files of others may be gone.
+    Wanted {
+        /// Id of the first record that comes after them.
+        from: u64,
+        /// Ids of their records.
+        ids: Vec<u64>,
+    },
     /// A process ended early.
     Failed {
         /// Time in seconds since 1970.

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use super::journal::{self, Entry, JOURNAL};
-use super::lock::is_locked;
+use super::lock_file::is_locked;
 use super::manifest::{AFRESH, MANIFEST, Manifest};
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};

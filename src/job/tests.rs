@@ -1,7 +1,24 @@
 use super::finished::write_value;
+use super::journal::JOURNAL;
+use super::manifest::MANIFEST;
 use super::*;
 use crate::base::ErrorKind;
 use crate::os::durable::witness;
+
+const SCAN: StepKey = StepKey::fixed("scan-mesh");
+const RESULT: StepKey = StepKey::fixed("write-result");
+
+fn mesh(pass: u32) -> StepKey {
+    StepKey::numbered(format!("pass-{pass}-mesh"))
+}
+
+fn partition(pass: u32) -> StepKey {
+    StepKey::numbered(format!("pass-{pass}-partition"))
+}
+
+fn cluster(pass: u32, cluster: u32) -> StepKey {
+    StepKey::numbered(format!("pass-{pass}-cluster-0-{cluster:06}"))
+}
 
 fn manifest() -> Manifest {
     let (program, options) = ("0".into(), r#"{"ratio": 0.1}"#.into());
@@ -12,13 +29,13 @@ fn open(path: &Path, resume: Resume) -> Result<WorkFolder> {
     WorkFolder::open(path, &manifest(), resume)
 }
 
-/// A folder with the steps `Scan` (a file and a large value) and `Pass` 0 (a small value), left by a killed job.
+/// A folder with the steps `scan-mesh` (a file and a large value) and `pass-0-mesh` (a small value), left by a killed job.
 fn left_over(path: &Path) {
     let job = open(path, Resume::Auto).unwrap();
     let file = path.join("scan-0-positions.col");
     fs::rename(path.join(write_value(&path.join("scan-x.state"), b"positions").unwrap().name()), &file).unwrap();
-    job.keep(Step::Scan, 5, [file.as_path()], &vec![7u32; 5000]).unwrap();
-    job.keep(Step::Pass { pass: 0 }, 3, [], &(1u8, 2u8)).unwrap();
+    job.keep(Step::new(SCAN), [file.as_path()], &vec![7u32; 5000]).unwrap();
+    job.keep(Step::new(mesh(0)).from([SCAN]), [], &(1u8, 2u8)).unwrap();
 }
 
 macro_rules! always_sound {
@@ -53,10 +70,10 @@ fn steps_of_a_killed_job_are_recalled() {
     fs::write(path.join("pass-0-cluster-000001.piece.tmp"), "cut sho").unwrap();
     let job = open(&path, Resume::Require).unwrap();
     assert!(job.is_resumed());
-    assert_eq!(job.latest().collect::<Vec<_>>(), [Step::Pass { pass: 0 }, Step::Scan]);
-    assert_eq!(job.recall::<Vec<u32>>(Step::Scan, &()).unwrap(), Some(vec![7; 5000]));
-    assert_eq!(job.recall::<(u8, u8)>(Step::Pass { pass: 0 }, &()).unwrap(), Some((1, 2)));
-    assert_eq!(job.recall::<u8>(Step::Written, &()).unwrap(), None);
+    assert_eq!(job.latest(), [mesh(0), SCAN]);
+    assert_eq!(job.recall::<Vec<u32>>(&SCAN, &()).unwrap(), Some(vec![7; 5000]));
+    assert_eq!(job.recall::<(u8, u8)>(&mesh(0), &()).unwrap(), Some((1, 2)));
+    assert_eq!(job.recall::<u8>(&RESULT, &()).unwrap(), None);
     assert!(!path.join("pass-0-cluster-000001.piece.tmp").exists());
 }
 
@@ -70,11 +87,11 @@ fn a_damaged_step_is_forgotten_or_refused() {
         *bytes.last_mut().unwrap() ^= 1;
         fs::write(path.join(name), bytes).unwrap();
         let job = open(&path, Resume::Auto).unwrap();
-        assert_eq!(job.recall::<Vec<u32>>(Step::Scan, &()).unwrap(), None);
+        assert_eq!(job.recall::<Vec<u32>>(&SCAN, &()).unwrap(), None);
         assert!(job.take_damage()[0].contains(name));
         drop(job);
         let job = open(&path, Resume::Require).unwrap();
-        assert!(matches!(job.recall::<Vec<u32>>(Step::Scan, &()), Err(Error::Damaged { .. })));
+        assert!(matches!(job.recall::<Vec<u32>>(&SCAN, &()), Err(Error::Damaged { .. })));
     }
 }
 
@@ -105,13 +122,13 @@ fn what_is_no_longer_needed_goes_and_the_rest_is_still_recalled() {
     let path = parent.path().join("work");
     left_over(&path);
     let job = open(&path, Resume::Auto).unwrap();
-    job.retain([], &[Step::Pass { pass: 0 }]).unwrap();
+    job.retain(&[mesh(0)]).unwrap();
     assert!(!path.join("scan-0-positions.col").exists());
-    job.keep(Step::Pass { pass: 1 }, 1, [], &()).unwrap();
+    job.keep(Step::new(mesh(1)), [], &()).unwrap();
     drop(job);
     let job = open(&path, Resume::Auto).unwrap();
-    assert_eq!(job.recall::<Vec<u32>>(Step::Scan, &()).unwrap(), None);
-    assert_eq!(job.recall::<()>(Step::Pass { pass: 1 }, &()).unwrap(), Some(()));
+    assert_eq!(job.recall::<Vec<u32>>(&SCAN, &()).unwrap(), None);
+    assert_eq!(job.recall::<()>(&mesh(1), &()).unwrap(), Some(()));
     assert!(job.take_damage().is_empty());
 }
 
@@ -121,7 +138,7 @@ fn a_step_that_supersedes_others_is_kept_and_leaves_what_was_begun_since() {
     let path = parent.path().join("work");
     left_over(&path);
     let job = open(&path, Resume::Auto).unwrap();
-    job.supersede(Step::Pass { pass: 1 }, 1, [], &vec![9u32; 5000], &[Step::Input]).unwrap();
+    job.supersede(Step::new(mesh(1)), [], &vec![9u32; 5000], &[]).unwrap();
     let begun = path.join("pass-2-positions.col");
     fs::write(&begun, b"begun").unwrap();
     job.wait_until_durable().unwrap();
@@ -129,8 +146,8 @@ fn a_step_that_supersedes_others_is_kept_and_leaves_what_was_begun_since() {
     assert!(!path.join("scan-0-positions.col").exists());
     drop(job);
     let job = open(&path, Resume::Auto).unwrap();
-    assert_eq!(job.recall::<Vec<u32>>(Step::Pass { pass: 1 }, &()).unwrap(), Some(vec![9; 5000]));
-    assert_eq!(job.recall::<Vec<u32>>(Step::Scan, &()).unwrap(), None);
+    assert_eq!(job.recall::<Vec<u32>>(&mesh(1), &()).unwrap(), Some(vec![9; 5000]));
+    assert_eq!(job.recall::<Vec<u32>>(&SCAN, &()).unwrap(), None);
 }
 
 #[test]
@@ -142,10 +159,10 @@ fn what_an_earlier_process_left_of_later_steps_is_not_in_the_way() {
     let job = open(&path, Resume::Auto).unwrap();
     // Killed after a cluster was recorded, before the partition that it belongs to was.
     fs::rename(path.join(write_value(&path.join("scan-x.state"), b"a cluster").unwrap().name()), &piece).unwrap();
-    job.keep(Step::Cluster { pass: 1, attempt: 0, cluster: 0 }, 1, [piece.as_path()], &()).unwrap();
+    job.keep(Step::new(cluster(1, 0)).from([partition(1)]), [piece.as_path()], &()).unwrap();
     drop(job);
     let job = open(&path, Resume::Auto).unwrap();
-    job.supersede(Step::Cut { pass: 1 }, 1, [], &(), &[Step::Pass { pass: 0 }]).unwrap();
+    job.supersede(Step::new(partition(1)).from([mesh(0)]), [], &(), &[mesh(0)]).unwrap();
     assert!(!piece.exists());
     fs::write(&piece, b"made anew").unwrap();
     job.wait_until_durable().unwrap();
@@ -158,8 +175,8 @@ fn what_fails_beside_the_work_is_told_when_it_is_waited_for() {
     let path = parent.path().join("work");
     let job = open(&path, Resume::Auto).unwrap();
     // The value is to be renamed onto a folder that is not empty.
-    fs::create_dir_all(path.join(Step::Scan.file_name()).join("in the way")).unwrap();
-    job.supersede(Step::Scan, 1, [], &vec![9u32; 5000], &[]).unwrap();
+    fs::create_dir_all(path.join(SCAN.file_name()).join("in the way")).unwrap();
+    job.supersede(Step::new(SCAN), [], &vec![9u32; 5000], &[]).unwrap();
     assert!(job.wait_until_durable().is_err());
     assert!(job.wait_until_durable().is_ok());
 }
@@ -262,13 +279,13 @@ fn a_hundred_thousand_entries_are_read_in_a_moment() {
     let parent = tempfile::tempdir().unwrap();
     let path = parent.path().join("work");
     let job = open(&path, Resume::Auto).unwrap();
-    for cluster in 0..100_000 {
-        job.keep(Step::Cluster { pass: 0, attempt: 0, cluster }, 1, [], &()).unwrap();
+    for at in 0..100_000 {
+        job.keep(Step::new(cluster(0, at)), [], &()).unwrap();
     }
     drop(job);
     let job = open(&path, Resume::Auto).unwrap();
-    assert_eq!(job.latest().count(), 100_000);
-    assert_eq!(job.latest().next(), Some(Step::Cluster { pass: 0, attempt: 0, cluster: 99_999 }));
+    assert_eq!(job.latest().len(), 100_000);
+    assert_eq!(job.latest()[0], cluster(0, 99_999));
 }
 
 #[test]
@@ -276,21 +293,22 @@ fn a_file_that_should_be_there_and_is_not_is_damage() {
     let parent = tempfile::tempdir().unwrap();
     let path = parent.path().join("work");
     let job = open(&path, Resume::Auto).unwrap();
-    let step = Step::Cluster { pass: 0, attempt: 0, cluster: 0 };
-    job.keep(step, 1, [], &vec![7u32; 5000]).unwrap();
+    let step = cluster(0, 0);
+    job.keep(Step::new(partition(0)), [], &()).unwrap();
+    job.keep(Step::new(step.clone()).from([partition(0)]), [], &vec![7u32; 5000]).unwrap();
     drop(job);
     fs::remove_file(path.join(step.file_name())).unwrap();
     let job = open(&path, Resume::Auto).unwrap();
-    assert_eq!(job.recall::<Vec<u32>>(step, &()).unwrap(), None);
+    assert_eq!(job.recall::<Vec<u32>>(&step, &()).unwrap(), None);
     assert!(job.take_damage()[0].contains("it is gone"));
     drop(job);
     let job = open(&path, Resume::Require).unwrap();
-    assert!(matches!(job.recall::<Vec<u32>>(step, &()), Err(Error::Damaged { .. })));
+    assert!(matches!(job.recall::<Vec<u32>>(&step, &()), Err(Error::Damaged { .. })));
     drop(job);
     // Once the partition that it belongs to is recomputed, it is not missed.
     let job = open(&path, Resume::Require).unwrap();
-    job.supersede(Step::Cut { pass: 0 }, 1, [], &(), &[]).unwrap();
-    assert_eq!(job.recall::<Vec<u32>>(step, &()).unwrap(), None);
+    job.supersede(Step::new(partition(0)), [], &(), &[]).unwrap();
+    assert_eq!(job.recall::<Vec<u32>>(&step, &()).unwrap(), None);
 }
 
 #[test]
@@ -371,23 +389,22 @@ fn entries_are_durable_before_anything_that_relies_on_them() {
     let path = parent.path().join("work");
     let job = open(&path, Resume::Auto).unwrap();
     let is_durable = || lock(&job.journal).as_ref().unwrap().is_durable();
-    let pass = |pass| Step::Pass { pass };
 
-    job.keep(pass(0), 3, [], &1u8).unwrap();
+    job.keep(Step::new(mesh(0)), [], &1u8).unwrap();
     assert!(!is_durable(), "the test must be able to tell");
     job.sync().unwrap();
     assert!(is_durable());
 
     // The files of superseded steps are removed.
-    job.supersede(pass(1), 2, [], &2u8, &[]).unwrap();
+    job.supersede(Step::new(mesh(1)), [], &2u8, &[]).unwrap();
     job.wait_until_durable().unwrap();
     assert!(is_durable());
 
-    job.keep(pass(2), 1, [], &3u8).unwrap();
-    job.retain([], &[pass(2)]).unwrap();
+    job.keep(Step::new(mesh(2)), [], &3u8).unwrap();
+    job.retain(&[mesh(2)]).unwrap();
     assert!(is_durable());
 
-    job.keep(pass(3), 1, [], &4u8).unwrap();
+    job.keep(Step::new(mesh(3)), [], &4u8).unwrap();
     job.note_failure(&Error::Usage("no".into()));
     assert!(is_durable());
 }
@@ -463,26 +480,27 @@ fn nobody_misses_files_of_a_job_that_was_done() {
     let path = parent.path().join("work");
     left_over(&path);
     let job = open(&path, Resume::Auto).unwrap();
-    job.keep(Step::Written, 1, [], &1u8).unwrap();
+    job.keep(Step::new(RESULT), [], &1u8).unwrap();
+    // As a kill leaves the folder while the job removes it.
+    job.retain(&[]).unwrap();
     drop(job);
-    fs::remove_file(path.join("scan-mesh.state")).unwrap();
     let job = open(&path, Resume::Require).unwrap();
-    assert_eq!(job.recall::<Vec<u32>>(Step::Scan, &()).unwrap(), None);
+    assert_eq!(job.recall::<Vec<u32>>(&SCAN, &()).unwrap(), None);
     assert!(job.take_damage().is_empty());
 }
 
 impl WorkFolder {
     /// The encoded value of a recalled step; `None` if it no longer exists.
-    pub(crate) fn value_of(&self, step: Step) -> Option<Vec<u8>> {
-        match &self.recalled.get(&step)?.value {
-            Value::Here(bytes) => Some(bytes.clone()),
+    pub(crate) fn value_of(&self, key: &StepKey) -> Option<Vec<u8>> {
+        match self.recorded(key)?.0.value {
+            Value::Here(bytes) => Some(bytes),
             Value::InFile(stamp) => read_value(&self.path.join(stamp.name())).ok(),
         }
     }
 
-    /// Replaces the value of a recalled step, with valid checksums, as an attacker would; it becomes the latest step.
-    pub(crate) fn forge(&self, step: Step, value: Vec<u8>) {
-        let record = StepRecord { value: Value::Here(value), ..self.recalled[&step].clone() };
-        append(&self.journal, &Entry::Kept(record)).unwrap();
+    /// Replaces the value of a recalled step, with valid checksums and ids, as an attacker would.
+    pub(crate) fn forge(&self, key: &StepKey, value: Vec<u8>) {
+        let (record, _) = self.recorded(key).unwrap();
+        append(&self.journal, &Entry::Kept(StepRecord { value: Value::Here(value), ..record })).unwrap();
     }
 }

@@ -11,6 +11,7 @@ pub mod mesh;
 pub mod id;
 pub mod piece;
 pub mod stored_mesh;
+pub mod texture_file;
 pub mod corners;
 
 pub use catalogue::{Catalogue, Material, Part};

@@ -11,7 +11,7 @@ use crate::base::{Error, Result, json_path};
 use crate::cost::{Weights, classic, curvature, oblique, parameter, sharpness, terrain, weights};
 use crate::job::Resume;
 use crate::passes::{Cost, PassOptions, SeamPolicy, shares};
-use crate::remesh::cvd;
+
 use crate::write::Textures;
 
 pub use self::choices::{
@@ -19,6 +19,7 @@ pub use self::choices::{
     Topology, Weld,
 };
 pub use self::target::{FaceTarget, Target};
+pub use crate::remesh::cvd::CvdSettings;
 
 /// Triangles of a cluster, about, unless given.
 pub const CLUSTER_FACES: u64 = 50_000;
@@ -129,7 +130,7 @@ pub struct SimplifyOptions {
     /// Parameters of the metric, each as `name=value`; `docs/guide/choosing.md` lists them.
     pub metric_option: Vec<String>,
     /// Remeshing by centroidal Voronoi cells before simplifying; `None` for none.
-    pub remesh: Option<cvd::CvdSettings>,
+    pub remesh: Option<CvdSettings>,
     /// Whether vertices of slivers move to the middle of their neighbours afterwards; the error grows.
     pub optimize: bool,
     /// Whether edges collapse one at a time, always the cheapest; the time grows with the square of a cluster's
@@ -373,7 +374,7 @@ mod tests {
     fn one_target_is_needed() {
         let none = SimplifyOptions::default();
         assert!(none.check().is_err());
-        let cells = cvd::CvdSettings { cells: Some(50), ..cvd::CvdSettings::default() };
+        let cells = CvdSettings { cells: Some(50), ..CvdSettings::default() };
         assert!(SimplifyOptions { remesh: Some(cells), ..none.clone() }.check().is_ok());
         let both = SimplifyOptions { remesh: Some(cells), target: Target::ratio(0.5), ..none.clone() };
         assert!(both.check().is_err());

@@ -1,5 +1,6 @@
 //! The operating system: mapped files, durable files, signals, and figures about memory and I/O.
 
+pub mod content;
 pub mod durable;
 pub mod mmap;
 pub mod path;

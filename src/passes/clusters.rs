@@ -7,10 +7,10 @@ use super::probes::{Probes, Probing};
 use super::records::ClusterResult;
 use super::run::Run;
 use super::sample::Survey;
+use super::steps::PassStep;
 use super::stop_rule::StopRule;
 use crate::base::Result;
 use crate::base::ordered::{Crew, finish_in_order};
-use crate::job::Step;
 use crate::model::StoredPiece;
 use crate::model::piece::PendingPiece;
 use crate::os::mmap;
@@ -44,11 +44,11 @@ pub(super) enum SweepPurpose<'a> {
 }
 
 impl Sweep<'_> {
-    fn step(&self, cluster: usize) -> Step {
+    fn step(&self, cluster: usize) -> PassStep {
         let (pass, cluster) = (self.pass.number as u32, cluster as u32);
         match self.purpose {
-            SweepPurpose::Trial(trial) => Step::Trial { pass, trial, cluster },
-            SweepPurpose::Mesh(attempt, _) => Step::Cluster { pass, attempt, cluster },
+            SweepPurpose::Trial(trial) => PassStep::Trial(pass, trial, cluster),
+            SweepPurpose::Mesh(attempt, _) => PassStep::Cluster(pass, attempt, cluster),
         }
     }
 
@@ -89,7 +89,7 @@ impl Run<'_> {
     fn simplify_or_recall(&self, sweep: &Sweep<'_>, cluster: usize) -> Result<ClusterOutput> {
         self.progress.check_stopped()?;
         let context = (sweep.partition, cluster);
-        if let Some(result) = self.job.recall::<ClusterResult>(sweep.step(cluster), &context)? {
+        if let Some(result) = self.job.recall::<ClusterResult>(&sweep.step(cluster).key(), &context)? {
             return Ok(ClusterOutput { cluster, result, pending: None, is_recorded: true });
         }
         let _permit = self.permits.take(self.cluster_bytes(sweep.partition, cluster));
@@ -110,7 +110,7 @@ impl Run<'_> {
         }
         if !is_recorded {
             let files = result.pieces.iter().flat_map(StoredPiece::files);
-            self.job.keep(sweep.step(cluster), faces, files, &result)?;
+            self.job.keep(sweep.step(cluster).to_record().of_size(faces), files, &result)?;
         }
         if !sweep.is_trial() {
             self.progress.advance(faces);

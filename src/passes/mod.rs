@@ -22,6 +22,7 @@
 pub mod options;
 pub mod shares;
 mod pass_id;
+pub mod steps;
 mod schedule;
 mod floor;
 mod goal;

@@ -7,6 +7,7 @@ use super::pass_id::Pass;
 use super::probes::Probes;
 use super::sample::rise;
 use crate::base::Findings;
+use crate::job::StepKey;
 use crate::model::StoredMesh;
 use crate::simplify::Changes;
 use crate::simplify::Milestone;
@@ -88,6 +89,8 @@ const USUAL_RISE: f64 = 8.0;
 /// Result of all passes.
 #[derive(Debug)]
 pub struct Passes {
+    /// Step that recorded the mesh.
+    pub step: StepKey,
     /// The simplified mesh.
     pub mesh: StoredMesh,
     /// Each remeshing pass.

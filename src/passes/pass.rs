@@ -6,9 +6,10 @@ use super::cluster_task::probing_of;
 use super::clusters::{Sweep, SweepPurpose};
 use super::pass_id::Pass;
 use super::records::PassSetup;
-use super::run::{Run, plan_step};
+use super::run::Run;
 use super::sample;
 use super::schedule::PassEnd;
+use super::steps::{PROBES, PassStep, STATISTICS};
 use super::stop_rule::StopRule;
 use super::sweep_result::SweepResult;
 use super::texture_traits::TextureTraits;
@@ -20,6 +21,7 @@ use crate::mesh::ClusterMesh;
 use crate::os::mmap;
 use crate::partition::cells::fits_one;
 use crate::partition::{self, Partition, PartitionOptions};
+use crate::read::INPUT;
 use crate::render::ClusterMap;
 
 /// Threshold of an extra pass, as a factor on the threshold of the pass before it.
@@ -74,10 +76,10 @@ impl Run<'_> {
         self.state.findings.merge(std::mem::take(&mut partition.findings));
         self.state.scratch_peak = self.state.scratch_peak.max(partition.scratch_peak);
         self.state.seconds.partition += started.elapsed();
-        let step = Step::Cut { pass: pass.number as u32 };
         let files = partition.files().chain(partition.files_of(&self.state.mesh));
         let clusters = partition.filled_count();
-        self.job.supersede(step, clusters, files, &(&self.state, &partition), &[Step::Input, Step::Probes])?;
+        let step = PassStep::partition(pass).to_record().of_size(clusters);
+        self.job.supersede(step, files, &(&self.state, &partition), &[INPUT, PROBES])?;
         self.progress.tell(&format!("pass {}: {}", pass.number + 1, counted(clusters, "cluster")));
         Ok(partition)
     }
@@ -88,8 +90,8 @@ impl Run<'_> {
     /// On a full disk, failed reads or writes, and damaged files.
     pub fn choose_stops(&mut self, pass: Pass, partition: &Partition) -> Result<Stops> {
         let started = Instant::now();
-        let step = plan_step(pass, 0);
-        let recorded = self.job.recall::<PassSetup>(step, &(partition, self.catalogue))?;
+        let step = PassStep::stops(pass, 0);
+        let recorded = self.job.recall::<PassSetup>(&step.key(), &(partition, self.catalogue))?;
         self.probing = None;
         if pass.is_first_turn() {
             self.study_input(pass, partition, recorded.as_ref())?;
@@ -108,7 +110,7 @@ impl Run<'_> {
                 }
                 let (stops, is_exact) = self.plan(partition, thresholds, pass, faces)?;
                 let setup = PassSetup { stops, is_exact, texture: self.texture.clone(), probing: self.probing };
-                self.job.keep(step, 0, [], &setup)?;
+                self.job.keep(step.to_record(), [], &setup)?;
                 setup
             }
         };
@@ -135,7 +137,8 @@ impl Run<'_> {
         self.learn(texture);
         self.state.texture = Some(self.texture.clone());
         if self.engine.needs_statistics() {
-            let stats = self.job.once(Step::Statistics, &(), || self.gather_stats(partition))?;
+            let step = Step::new(STATISTICS).from([PassStep::partition(pass).key()]);
+            let stats = self.job.once(step, &(), || self.gather_stats(partition))?;
             self.engine.normalise(&stats);
             self.state.stats = Some(stats);
         }
@@ -184,9 +187,9 @@ impl Run<'_> {
 
     /// Records the mesh after a pass; the files of earlier steps are deleted.
     pub(super) fn record_pass(&self, pass: Pass) -> Result<()> {
-        let step = Step::Pass { pass: pass.number as u32 };
         let mesh = &self.state.mesh;
-        self.job.supersede(step, mesh.face_count(), mesh.files(), &self.state, &[Step::Input, Step::Probes])
+        let step = PassStep::mesh(pass).to_record().of_size(mesh.face_count());
+        self.job.supersede(step, mesh.files(), &self.state, &[INPUT, PROBES])
     }
 
     /// Simplifies every cluster once, up to its stop.

@@ -20,10 +20,11 @@ use super::counters::Counters;
 use super::outcome::RemeshReport;
 use super::pass_id::Pass;
 use super::probes::{LongestSides, Probes, Probing};
-use super::run::{Run, plan_step};
+use super::run::Run;
+use super::steps::PassStep;
 use crate::base::Result;
 use crate::base::ordered::map_in_order;
-use crate::job::{Recalled, Step, folder_bytes};
+use crate::job::{Recalled, folder_bytes};
 use crate::model::{StoredMesh, StoredPiece};
 use crate::partition::{ClusterSource, Partition, cluster};
 use crate::remesh::cvd::mass::MassSums;
@@ -128,14 +129,15 @@ impl Run<'_> {
         settings: &CvdSettings,
         partition: &Partition,
     ) -> Result<FrozenStatistics> {
-        let Surveyed { frame, probes } = match self.job.recall::<Surveyed>(plan_step(pass, 0), partition)? {
-            Some(found) => found,
-            None => {
-                let found = self.find_frame(pass, settings, partition)?;
-                self.job.keep(plan_step(pass, 0), 0, [], &found)?;
-                found
-            }
-        };
+        let Surveyed { frame, probes } =
+            match self.job.recall::<Surveyed>(&PassStep::stops(pass, 0).key(), partition)? {
+                Some(found) => found,
+                None => {
+                    let found = self.find_frame(pass, settings, partition)?;
+                    self.job.keep(PassStep::stops(pass, 0).to_record(), [], &found)?;
+                    found
+                }
+            };
         if !probes.is_empty() {
             self.keep_probes(probes)?;
         }
@@ -151,14 +153,15 @@ impl Run<'_> {
         cluster: usize,
     ) -> Result<RemeshedCluster> {
         self.progress.check_stopped()?;
-        let step = Step::Cluster { pass: pass.number as u32, attempt: 0, cluster: cluster as u32 };
+        let step = PassStep::Cluster(pass.number as u32, 0, cluster as u32);
         let faces = partition.face_count(cluster);
-        let remeshed = match self.job.recall::<RemeshedCluster>(step, &())? {
+        let remeshed = match self.job.recall::<RemeshedCluster>(&step.key(), &())? {
             Some(remeshed) => remeshed,
             None => {
                 let _permit = self.permits.take(remesh_bytes(partition, cluster));
                 let remeshed = self.remesh_cluster(settings, frame, partition, step, cluster)?;
-                self.job.keep(step, faces, remeshed.pieces.iter().flat_map(StoredPiece::files), &remeshed)?;
+                let files = remeshed.pieces.iter().flat_map(StoredPiece::files);
+                self.job.keep(step.to_record().of_size(faces), files, &remeshed)?;
                 remeshed
             }
         };
@@ -233,7 +236,7 @@ impl Run<'_> {
         settings: &CvdSettings,
         frame: &FrozenStatistics,
         partition: &Partition,
-        step: Step,
+        step: PassStep,
         cluster: usize,
     ) -> Result<RemeshedCluster> {
         if partition.weight(cluster).is_none() {

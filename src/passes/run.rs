@@ -13,8 +13,9 @@ use super::outcome::Passes;
 use super::pass_id::Pass;
 use super::probes::{Probes, Probing};
 use super::state::{PassState, ResumePoint};
+use super::steps::{PROBES, PassStep};
 use super::texture_traits::TextureTraits;
-use crate::base::{Error, Permits, Progress, Result};
+use crate::base::{Error, Permits, Progress, Result, lock};
 use crate::job::{Step, WorkFolder};
 use crate::model::Catalogue;
 use crate::os::mmap;
@@ -58,7 +59,7 @@ impl<'a> Run<'a> {
         let ResumePoint { state, partition: recalled } = point;
         let mut probes = Probes::default();
         if state.pass() > 0 {
-            probes = job.recall(Step::Probes, &())?.unwrap_or_default();
+            probes = job.recall(&PROBES, &())?.unwrap_or_default();
         }
         let mut run = Self {
             options,
@@ -106,6 +107,7 @@ impl<'a> Run<'a> {
         state.findings.count("passed_through_faces", state.passed_through);
         Ok(Passes {
             faces: state.mesh.face_count(),
+            step: PassStep::mesh_after(state.pass()),
             mesh: state.mesh,
             reports: state.reports,
             remeshed: state.remeshed,
@@ -126,7 +128,8 @@ impl<'a> Run<'a> {
 
     /// Records the probes of the input in the journal and keeps them until the result is measured.
     pub(super) fn keep_probes(&mut self, probes: Probes) -> Result<()> {
-        self.job.keep(Step::Probes, 0, [], &probes)?;
+        let step = Step::new(PROBES).from([PassStep::Partition(0).key()]);
+        self.job.keep(step, [], &probes)?;
         self.probes = probes;
         self.probes.shrink();
         Ok(())
@@ -147,16 +150,12 @@ impl<'a> Run<'a> {
     }
 
     pub(super) fn map(&self) -> MutexGuard<'_, Option<ClusterMap>> {
-        self.map.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+        lock(&self.map)
     }
 
     /// Path of a piece of a cluster; each step has its own file names.
-    pub(super) fn piece_path(&self, step: Step, part: usize) -> PathBuf {
+    pub(super) fn piece_path(&self, step: PassStep, part: usize) -> PathBuf {
         let part = if part > 0 { format!("-{part}") } else { String::new() };
-        self.job.path().join(format!("{}{part}.piece", step.stem()))
+        self.job.path().join(format!("{}{part}.piece", step.key().name()))
     }
-}
-
-pub(super) fn plan_step(pass: Pass, attempt: u32) -> Step {
-    Step::Plan { pass: pass.number as u32, attempt }
 }

@@ -2,30 +2,29 @@
 
 use super::outcome::{PassReport, StageReport, StageSums, before_leap};
 use super::pass_id::Pass;
-use super::run::{Run, plan_step};
+use super::run::Run;
 use super::sample;
+use super::steps::{PROBES, PassStep, STATISTICS};
 use super::stop_rule::StopRule;
 use super::sweep_result::SweepResult;
 use super::trim::halfway;
 use crate::base::Result;
-use crate::job::Step;
 use crate::partition::Partition;
+use crate::read::INPUT;
 
 impl Run<'_> {
     /// Simplifies every cluster up to its stop. Does so a second time if the first attempt went below the target, or if
     /// a single cluster ended with collapses that cost far more than those before and removed few faces.
     pub(super) fn run_attempts(&self, pass: Pass, partition: &Partition, stops: &StopRule) -> Result<SweepResult> {
-        let again = plan_step(pass, 1);
-        let better = match self.job.recall::<StopRule>(again, &partition.cluster_count())? {
+        let again = PassStep::stops(pass, 1);
+        let better = match self.job.recall::<StopRule>(&again.key(), &partition.cluster_count())? {
             Some(better) => better,
             None => {
                 let result = self.attempt(pass, partition, stops, 0)?;
                 let Some(better) = self.better_stops(partition, stops, &result) else { return Ok(result) };
-                self.job.keep(again, 0, [], &better)?;
-                let cut = Step::Cut { pass: pass.number as u32 };
-                let steps = [Step::Input, cut, plan_step(pass, 0), again, Step::Statistics, Step::Probes];
-                let files = partition.files().chain(partition.files_of(&self.state.mesh));
-                self.job.retain(files, &steps)?;
+                self.job.keep(again.to_record(), [], &better)?;
+                let of_pass = [PassStep::partition(pass), PassStep::stops(pass, 0), again].map(PassStep::key);
+                self.job.retain(&[&of_pass[..], &[INPUT, STATISTICS, PROBES]].concat())?;
                 better
             }
         };

@@ -11,14 +11,16 @@ use super::floor::Floor;
 use super::outcome::{PassReport, PassSeconds, RemeshReport};
 use super::schedule::Schedule;
 use super::shares::STAGES_MAX;
+use super::steps::PassStep;
 use super::sweep_result::SweepResult;
 use super::texture_traits::TextureTraits;
 use crate::base::{Findings, Result};
 use crate::cost::mesh_stats::MeshStats;
-use crate::job::{Recalled, Step, WorkFolder};
+use crate::job::{Recalled, StepKey, WorkFolder};
 use crate::mesh::ClusterMesh;
 use crate::model::{Catalogue, StoredMesh};
 use crate::partition::Partition;
+use crate::read::SCAN;
 use crate::simplify::Changes;
 
 /// State of the passes so far.
@@ -174,27 +176,30 @@ impl ResumePoint {
     /// # Errors
     /// Those of [`WorkFolder::recall`].
     pub fn recall(job: &WorkFolder, catalogue: &Catalogue, cluster_faces: u64) -> Result<Option<Self>> {
-        for step in job.latest() {
-            let found = match step {
-                Step::Cut { pass } => {
-                    let cut = job.recall::<PartitionedPass>(step, &CutContext { pass, catalogue, cluster_faces })?;
-                    cut.map(|PartitionedPass { state, partition }| (state, Some(partition)))
-                }
-                Step::Pass { pass } => {
-                    let context = PassContext { pass: pass.saturating_add(1), catalogue };
-                    job.recall::<PassState>(step, &context)?.map(|state| (state, None))
-                }
-                Step::Scan => {
-                    let mesh = job.recall::<StoredMesh>(step, &())?;
-                    mesh.map(|mesh| (PassState { mesh, ..PassState::default() }, None))
-                }
-                _ => None,
-            };
-            if let Some((state, partition)) = found {
-                return Ok(Some(Self { state, partition }));
+        for key in job.latest() {
+            if let Some(point) = Self::at(&key, job, catalogue, cluster_faces)? {
+                return Ok(Some(point));
             }
         }
         Ok(None)
+    }
+
+    /// Recalls the state that a step recorded; `None` if it is not sound, or the step records none.
+    fn at(key: &StepKey, job: &WorkFolder, catalogue: &Catalogue, cluster_faces: u64) -> Result<Option<Self>> {
+        if *key == SCAN {
+            return Ok(job.recall::<StoredMesh>(key, &())?.map(Self::from));
+        }
+        Ok(match PassStep::of(key) {
+            Some(PassStep::Partition(pass)) => {
+                let found = job.recall::<PartitionedPass>(key, &CutContext { pass, catalogue, cluster_faces })?;
+                found.map(|PartitionedPass { state, partition }| Self { state, partition: Some(partition) })
+            }
+            Some(PassStep::Mesh(pass)) => {
+                let context = PassContext { pass: pass.saturating_add(1), catalogue };
+                job.recall::<PassState>(key, &context)?.map(|state| Self { state, partition: None })
+            }
+            _ => None,
+        })
     }
 
     /// Reports whether the first pass has yet to allocate its scratch space.
@@ -205,8 +210,8 @@ impl ResumePoint {
     /// Describes what is resumed, for the log.
     pub fn kept(&self, job: &WorkFolder) -> String {
         let pass = self.state.pass();
-        let of_pass = |step: &Step| matches!(step, Step::Cluster { pass: of, .. } if *of as usize == pass);
-        let clusters = job.latest().filter(of_pass).count();
+        let of_pass = |step: PassStep| matches!(step, PassStep::Cluster(of, ..) if of as usize == pass);
+        let clusters = job.latest().iter().filter_map(PassStep::of).filter(|&step| of_pass(step)).count();
         let passes = match pass {
             0 => "the scan".to_owned(),
             1 => "the scan and 1 pass".to_owned(),

@@ -24,7 +24,7 @@ pub(super) fn figures(input: &Input, written: &Written, brings_outside: bool, wi
         textures,
         textures_left: textures.saturating_sub(written.findings.get("lost_textures")),
         images: images.len() as u64,
-        image_bytes: images.iter().filter_map(|image| Some(image.content?.0)).sum(),
+        image_bytes: images.iter().filter_map(|image| Some(image.content?.bytes)).sum(),
         megapixels: with_pixels
             .then(|| [megapixels(before().iter()), megapixels(images.iter().map(|image| &image.path))]),
     }

@@ -9,7 +9,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::base::{Error, Progress, Result};
-use crate::job::{Resume, Step, WorkFolder};
+use crate::job::{Resume, StepKey, WorkFolder};
 use crate::options::{JobOptions, Limits, SimplifyOptions, Target, TextureFiles};
 use crate::remesh::cvd;
 
@@ -104,16 +104,16 @@ impl HalfDone {
     }
 
     /// The steps that it recorded, and the bytes of their values.
-    fn values(&self, work: &Path) -> Vec<(Step, Vec<u8>)> {
+    fn values(&self, work: &Path) -> Vec<(StepKey, Vec<u8>)> {
         let job = self.open(work);
-        let steps = job.latest().collect::<Vec<_>>();
-        let values = steps.into_iter().filter_map(|step| Some((step, job.value_of(step)?))).collect();
+        let with_value = |step: StepKey| job.value_of(&step).map(|value| (step, value));
+        let values = job.latest().into_iter().filter_map(with_value).collect();
         drop(job);
         fs::remove_dir_all(work).unwrap();
         values
     }
 
-    fn go_on(&self, work: &Path, step: Step, value: Vec<u8>) -> Result<Vec<String>> {
+    fn go_on(&self, work: &Path, step: &StepKey, value: Vec<u8>) -> Result<Vec<String>> {
         let job = self.open(work);
         job.forge(step, value);
         drop(job);
@@ -146,7 +146,7 @@ fn change_values(options: SimplifyOptions, reports: u64) {
     let values = job.values(&work);
     assert!(values.len() > 3, "{}", values.len());
     for (step, value) in values {
-        let told = job.go_on(&work, step, value.clone()).unwrap();
+        let told = job.go_on(&work, &step, value.clone()).unwrap();
         assert!(
             told[0].starts_with("resumed") && !told.iter().any(|told| told.contains("damaged")),
             "{step:?}: {told:?}"
@@ -155,7 +155,7 @@ fn change_values(options: SimplifyOptions, reports: u64) {
         for (i, at) in (0..value.len()).step_by(stride).enumerate() {
             let number = NUMBERS[i % NUMBERS.len()];
             let forged = [&value[..at], number, &value[at + 1..]].concat();
-            match job.go_on(&work, step, forged) {
+            match job.go_on(&work, &step, forged) {
                 Ok(_) => assert!(output.exists()),
                 Err(error) => {
                     let is_plain = !error.to_string().contains(char::is_control);

@@ -20,7 +20,7 @@ use crate::options::{Pieces, TextureFiles, TexturesOutside};
 use crate::passes::ResumePoint;
 use crate::plan::memory;
 use crate::read::fingerprint::{self, Contents, Source};
-use crate::read::{self, Scan, ScanOptions};
+use crate::read::{self, INPUT, SCAN, Scan, ScanOptions};
 use crate::write::{self, NamedTexture, Sources, Staged};
 
 /// Catalogue, counts and source files of the input: everything but geometry.
@@ -92,7 +92,7 @@ struct Reading<'a> {
 impl Reading<'_> {
     fn recall(&self, work: &WorkFolder) -> Result<Option<(Input, ResumePoint)>> {
         let named = (self.job.inputs.clone(), self.folders());
-        let Some(input) = work.recall::<Input>(Step::Input, &named)? else { return Ok(None) };
+        let Some(input) = work.recall::<Input>(&INPUT, &named)? else { return Ok(None) };
         self.progress.begin("compare", input.bytes, "B");
         let hashes = fingerprint::content_hashes(&self.job.inputs, self.scan.threads, self.progress)?;
         for (path, (old, new)) in self.job.inputs.iter().zip(input.content_hashes.iter().zip(hashes)) {
@@ -130,8 +130,8 @@ impl Reading<'_> {
         let need = Requirements::of(&mesh, &catalogue);
         let input =
             Input { catalogue, triangles, findings, bytes: input_bytes, need, content_hashes, libraries, textures };
-        work.keep(Step::Input, triangles, [], &input)?;
-        work.keep(Step::Scan, triangles, mesh.files(), &mesh)?;
+        work.keep(Step::new(INPUT).of_size(triangles), [], &input)?;
+        work.keep(Step::new(SCAN).from([INPUT]).of_size(triangles), mesh.files(), &mesh)?;
         let mut start = ResumePoint::from(mesh);
         start.state.scratch_peak = folder_bytes(work.path());
         Ok((input, start))

@@ -9,9 +9,9 @@ use super::preflight::Preflight;
 use crate::base::Result;
 use crate::file::codec;
 use crate::job::{Recalled, Step, WorkFolder};
+use crate::os::content::Content;
 use crate::os::durable::folder_of;
-use crate::read::fingerprint;
-use crate::write::{Companion, Written, remove_waiting_of, textures_folder};
+use crate::write::{Companion, OUTPUT, RESULT, Written, remove_waiting_of, textures_folder};
 
 /// Result of a process that ended while its files were being renamed to their final names.
 pub(super) enum Earlier {
@@ -50,12 +50,12 @@ impl EarlierOutput {
 
 /// Looks for the result of an earlier process.
 fn earlier(job: &WorkFolder, output: &Path) -> Result<Earlier> {
-    let Some(written) = job.recall::<Written>(Step::Written, &())? else { return Ok(Earlier::Nothing) };
+    let Some(written) = job.recall::<Written>(&RESULT, &())? else { return Ok(Earlier::Nothing) };
     let there = resolved(output);
     // The folder of textures may be a link.
     let folders = [folder_of(&there).to_owned(), resolved(&textures_folder(&there))];
     let is_beside = written.companions.iter().all(|c| folders.iter().any(|folder| c.path.starts_with(folder)));
-    if !is_beside || !fingerprint::content(output).is_ok_and(|content| content == (written.bytes, written.hash)) {
+    if !is_beside || !Content::of(output).is_ok_and(|content| content == written.content) {
         return Ok(Earlier::Nothing);
     }
     if !written.companions.iter().all(Companion::is_there) {
@@ -73,7 +73,7 @@ fn earlier(job: &WorkFolder, output: &Path) -> Result<Earlier> {
 /// Those of [`WorkFolder::recall`].
 fn was_writing(job: &WorkFolder, output: &Path) -> Result<bool> {
     let there = OutputPlace { obj: resolved(output) };
-    let Some(earlier) = job.recall::<OutputPlace>(Step::Output, &())? else { return Ok(false) };
+    let Some(earlier) = job.recall::<OutputPlace>(&OUTPUT, &())? else { return Ok(false) };
     if earlier != there {
         remove_waiting_of(&earlier.obj, job.number());
     }
@@ -85,7 +85,7 @@ fn was_writing(job: &WorkFolder, output: &Path) -> Result<bool> {
 /// # Errors
 /// Those of [`WorkFolder::keep`].
 pub(super) fn remember(job: &WorkFolder, output: &Path) -> Result<()> {
-    job.keep(Step::Output, 0, [], &OutputPlace { obj: resolved(output) })
+    job.keep(Step::new(OUTPUT).that_outlasts(), [], &OutputPlace { obj: resolved(output) })
 }
 
 /// Path of the output.

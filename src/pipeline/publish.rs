@@ -11,7 +11,7 @@ use crate::job::{Step, WorkFolder};
 use crate::measure::gauge::{Gauged, gauge};
 use crate::options::{Normals, TextureFiles, TexturesOutside};
 use crate::passes::Passes;
-use crate::write::{self, WriteOptions, Written};
+use crate::write::{self, RESULT, WriteOptions, Written};
 
 /// The result, written and measured.
 pub(super) struct Published {
@@ -97,7 +97,8 @@ impl<'a> Publisher<'a> {
         }
         progress.check_stopped()?;
         work.wait_until_durable()?;
-        work.keep(Step::Written, staged.written().faces, [], staged.written())?;
+        let step = Step::new(RESULT).from([passes.step.clone()]).of_size(staged.written().faces);
+        work.keep(step, [], staged.written())?;
         // Without this record, a result that has its final name already would be taken for that of another job.
         work.sync()?;
         staged.commit(progress)

@@ -96,7 +96,7 @@ impl RunLog {
                 input: input.bytes,
                 read: io_read,
                 written: io_written,
-                output: written.bytes,
+                output: written.content.bytes,
                 scratch_peak,
             },
             files,

@@ -153,7 +153,7 @@ impl Plan {
                 "at most about"
             }
         };
-        row(&mut text, "", &format!("{about} {} of OBJ, textures not counted", bytes::display(self.output_bytes)));
+        row(&mut text, "", &format!("{about} {} as an OBJ, textures not counted", bytes::display(self.output_bytes)));
         for (number, pass) in self.passes.iter().enumerate() {
             let name = match pass {
                 PassForecast { is_trim: true, .. } => "trim".to_owned(),

@@ -21,7 +21,8 @@ use crate::os::system;
 use crate::partition::numbering::fit_one_window;
 use crate::read::Counts;
 
-/// Scratch space for each byte of OBJ text, before anything has been read; the smallest measured value.
+/// Least scratch space for each byte of a mesh file, before anything has been read; measured on OBJ files, which are the
+/// longest.
 const SCRATCH_PER_INPUT: f64 = 0.3;
 /// Bytes of a face in the scan's blocks, and in the buckets of the cells.
 pub const FACE_BYTES: f64 = 9.5;

@@ -8,24 +8,23 @@
 //! A chunk per thread, and the path of each file other than the meshes.
 
 use std::collections::HashMap;
-use std::fs::{self, File};
-use std::io::{ErrorKind, Read};
+use std::fs;
+use std::io::ErrorKind;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use serde::{Deserialize, Serialize};
-use xxhash_rust::xxh3::{Xxh3, xxh3_64};
+use xxhash_rust::xxh3::xxh3_64;
 
 use super::file::{OpenFile, chain};
 use super::obj::ObjSource;
 use super::source::{CHUNK_BYTES, Cutter, MeshFormat};
 use crate::base::ordered::map_in_order;
-use crate::base::{Error, Progress, Result};
+use crate::base::{Error, Progress, Result, lock};
 use crate::file::codec;
+use crate::os::content::Content;
 use crate::os::system::is_of_machine;
-
-const READ_BYTES: usize = 256 << 10;
 
 /// A file that the result depends on, other than the meshes.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -33,25 +32,24 @@ pub struct Source {
     /// Absolute path.
     #[serde(with = "codec::path")]
     pub path: PathBuf,
-    /// Length in bytes and XXH3 of the content; `None` if it is not a readable regular file.
-    pub content: Option<(u64, u64)>,
+    /// Its content; `None` if it is not a readable regular file.
+    pub content: Option<Content>,
     /// Hash of the canonical path if names in the file are relative to its folder, else 0.
     place: u64,
 }
 
 /// Cache of file contents, so that a file with several names is read once.
 #[derive(Debug, Default)]
-pub struct Contents(Mutex<HashMap<PathBuf, (u64, u64)>>);
+pub struct Contents(Mutex<HashMap<PathBuf, Content>>);
 
 impl Contents {
-    /// Returns [`content`] of a canonical path, cached.
-    fn of(&self, path: PathBuf) -> std::io::Result<(u64, u64)> {
-        let known = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(content) = known().get(&path) {
+    /// Content of a canonical path, cached.
+    fn of(&self, path: PathBuf) -> std::io::Result<Content> {
+        if let Some(content) = lock(&self.0).get(&path) {
             return Ok(*content);
         }
-        let content = content(&path)?;
-        known().insert(path, content);
+        let content = Content::of(&path)?;
+        lock(&self.0).insert(path, content);
         Ok(content)
     }
 }
@@ -89,17 +87,18 @@ impl Source {
         Self::new(path, fs::canonicalize(path).and_then(|path| known.of(path)))
     }
 
-    /// ParsedRecords whether a file exists, without reading it.
+    /// Records whether a file exists, without reading it.
     ///
     /// # Errors
     /// As [`library`](Source::library).
     pub fn presence(path: &Path) -> Result<Self> {
-        let is_file =
-            |found: fs::Metadata| if found.is_file() { Ok((0, 0)) } else { Err(ErrorKind::InvalidInput.into()) };
+        let is_file = |found: fs::Metadata| {
+            if found.is_file() { Ok(Content::default()) } else { Err(ErrorKind::InvalidInput.into()) }
+        };
         Self::new(path, fs::metadata(path).and_then(is_file))
     }
 
-    fn new(path: &Path, found: std::io::Result<(u64, u64)>) -> Result<Self> {
+    fn new(path: &Path, found: std::io::Result<Content>) -> Result<Self> {
         let content = match found {
             Err(error) if is_of_machine(&error) => return Err(Error::io(path, "read", error)),
             found => found.ok(),
@@ -115,32 +114,6 @@ impl Source {
             (Some(_), None) => Some("is missing now"),
             (None, Some(_)) => Some("was missing and is there now"),
             _ => Some("has changed"),
-        }
-    }
-}
-
-/// Returns the length in bytes and the XXH3 of a regular file.
-///
-/// # Errors
-/// An I/O error; `InvalidInput` if it is not a regular file.
-pub fn content(path: &Path) -> std::io::Result<(u64, u64)> {
-    let meta = fs::metadata(path)?;
-    if !meta.is_file() {
-        return Err(ErrorKind::InvalidInput.into());
-    }
-    // Files that the system generates, like those of /proc, have no length and may have no end.
-    let mut file = File::open(path)?.take(meta.len());
-    let (mut length, mut hash) = (0, Xxh3::new());
-    let mut buffer = vec![0; READ_BYTES];
-    loop {
-        match file.read(&mut buffer) {
-            Ok(0) => return Ok((length, hash.digest())),
-            Ok(count) => {
-                length += count as u64;
-                hash.update(&buffer[..count]);
-            }
-            Err(error) if error.kind() == ErrorKind::Interrupted => {}
-            Err(error) => return Err(error),
         }
     }
 }

@@ -41,6 +41,7 @@ use self::obj::ObjSource;
 use self::parts::Labels;
 use self::ply::PlySource;
 use crate::base::{Allowance, Error, Findings, Progress, Result};
+use crate::job::StepKey;
 use crate::model::{Catalogue, StoredMesh};
 
 pub use self::count::count;
@@ -48,6 +49,11 @@ pub use self::flow::ScanOptions;
 pub use self::inputs::{InputChoice, find_inputs, find_inputs_and_idle};
 pub use self::source::{CHUNK_BYTES, Counts, MeshFormat};
 pub use self::twins::note_twin_boxes;
+
+/// Step that records the input except its geometry, and the fingerprints of its content.
+pub const INPUT: StepKey = StepKey::fixed("scan-input");
+/// Step that records the columns of the input.
+pub const SCAN: StepKey = StepKey::fixed("scan-mesh");
 
 /// Result of a scan.
 #[derive(Debug)]

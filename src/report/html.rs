@@ -76,8 +76,8 @@ fn key_figures(report: &Report) -> Markup {
             (figure("time", &seconds(report.seconds.total), &format!("{} threads", report.threads)))
             (figure("peak memory", &bytes::display(report.memory.peak_resident),
                 &format!("{} of the {} allowed", percent(memory_share), bytes::display(report.memory.budget))))
-            (figure("OBJ before", &bytes::display(report.io.input), "read once"))
-            (figure("OBJ after", &bytes::display(report.io.output), "without MTL and textures"))
+            (figure("mesh before", &bytes::display(report.io.input), "read once"))
+            (figure("mesh after", &bytes::display(report.io.output), "without MTL and textures"))
             (figure("materials left", &spaced(report.files.materials_left), &lost(report.files.materials, report.files.materials_left)))
             (figure("textures left", &spaced(report.files.textures_left), &lost(report.files.textures, report.files.textures_left)))
             (figure("texture images", &bytes::display(report.files.image_bytes), &images(&report.files)))

@@ -33,6 +33,12 @@ pub use self::comparison::ComparisonPage;
 pub use self::file::{ReportKind, save_json};
 pub use self::run::{ErrorFigures, FaceFigures, FileFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
 pub use self::summary::warning_lines;
+pub use crate::measure::figures;
+pub use crate::measure::gauge::Gauged;
+pub use crate::os::timeline::{PhaseSpan, Sample, Timeline};
+pub use crate::passes::outcome::StageReport;
+pub use crate::passes::{Floor, PassReport, RemeshReport};
+pub use crate::simplify::Changes;
 
 use self::file::{json, save_text};
 #[cfg(not(feature = "report"))]

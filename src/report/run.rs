@@ -82,13 +82,13 @@ pub struct MemoryFigures {
 /// Bytes read and written.
 #[derive(Debug, Clone, Serialize)]
 pub struct IoFigures {
-    /// Length of the OBJ input.
+    /// Length of the mesh files that were read.
     pub input: u64,
     /// Read by system calls.
     pub read: u64,
     /// Written by system calls.
     pub written: u64,
-    /// Length of the OBJ that was written.
+    /// Length of the mesh file that was written.
     pub output: u64,
     /// Largest size of the work folder.
     pub scratch_peak: u64,
@@ -128,19 +128,19 @@ pub struct Report {
     /// Whether the run resumed the work of an earlier process. Times and bytes are then of this process alone, except
     /// the times of the passes.
     pub resumed: bool,
-    /// The OBJ file or folder that was read.
+    /// The mesh file or folder that was read.
     #[serde(serialize_with = "json_path::lossy")]
     pub input: PathBuf,
     /// All inputs as the user named them.
     #[serde(serialize_with = "json_path::lossy_list")]
     pub inputs: Vec<PathBuf>,
-    /// Number of OBJ files in it.
+    /// Number of mesh files in it.
     pub input_files: u64,
     /// The options of the run.
     pub options: SimplifyOptions,
     /// Number of threads.
     pub threads: usize,
-    /// The OBJ that was written.
+    /// The mesh file that was written.
     #[serde(serialize_with = "json_path::lossy")]
     pub output: PathBuf,
     /// Triangles.

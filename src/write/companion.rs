@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use crate::file::codec;
-use crate::read::fingerprint;
+use crate::os::content::Content;
 
 /// A file of the result other than the OBJ.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -13,19 +13,19 @@ pub struct Companion {
     /// Its path.
     #[serde(with = "codec::path")]
     pub path: PathBuf,
-    /// Its length in bytes and XXH3; `None` for a link, which only has to lead to a file.
-    pub content: Option<(u64, u64)>,
+    /// Its content; `None` for a link, which only has to lead to a file.
+    pub content: Option<Content>,
 }
 
 impl Companion {
     /// Reports whether it still exists with the content that was written.
     pub fn is_there(&self) -> bool {
         match self.content {
-            Some(content) => fingerprint::content(&self.path).is_ok_and(|found| found == content),
+            Some(content) => Content::of(&self.path).is_ok_and(|found| found == content),
             None => self.path.is_file(),
         }
     }
 }
 
-/// A texture of the input that was copied: its canonical path, and its length in bytes and XXH3 at that time.
-pub type CopiedTexture = (PathBuf, (u64, u64));
+/// A texture of the input that was copied: its canonical path, and its content at that time.
+pub type CopiedTexture = (PathBuf, Content);

@@ -4,9 +4,8 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Write};
 use std::path::Path;
 
-use xxhash_rust::xxh3::Xxh3;
-
-use crate::base::{Error, Result};
+use crate::base::Error;
+use crate::os::content::Content;
 use crate::os::durable::sync_file;
 
 const COPY_BUFFER_BYTES: usize = 256 << 10;
@@ -41,33 +40,27 @@ pub(super) fn symlink(target: &Path, link: &Path) -> io::Result<()> {
     std::os::windows::fs::symlink_file(target, link)
 }
 
-/// Copies a file to the new file `temporary` and syncs it; returns length and XXH3. The inner error is that of reading;
-/// the outer one names `target`.
-pub(super) fn copy(source: File, temporary: &Path, target: &Path) -> Result<io::Result<(u64, u64)>> {
-    let wrap = |error| Error::io(target, "write", error);
-    let mut copy = OpenOptions::new().write(true).create_new(true).open(temporary).map_err(wrap)?;
-    // Files that the system generates, like those of /proc, may have no end.
-    let source_bytes = match source.metadata() {
-        Ok(metadata) => metadata.len(),
-        Err(error) => return Ok(Err(error)),
-    };
-    let mut source = source.take(source_bytes);
-    let mut buffer = vec![0; COPY_BUFFER_BYTES];
-    let (mut length, mut hash) = (0, Xxh3::new());
-    loop {
-        match source.read(&mut buffer) {
-            Ok(0) => break,
-            Ok(count) => {
-                length += count as u64;
-                hash.update(&buffer[..count]);
-                copy.write_all(&buffer[..count]).map_err(wrap)?;
-            }
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-            Err(error) => return Ok(Err(error)),
-        }
+/// What went wrong while a file was copied.
+pub(super) enum CopyError {
+    /// The source could not be read.
+    Read(io::Error),
+    /// The copy could not be written.
+    Write(Error),
+}
+
+impl From<io::Error> for CopyError {
+    fn from(error: io::Error) -> Self {
+        Self::Read(error)
     }
+}
+
+/// Copies a file to the new file `temporary` and syncs it; returns its content. An error of writing names `target`.
+pub(super) fn copy(source: File, temporary: &Path, target: &Path) -> Result<Content, CopyError> {
+    let wrap = |error| CopyError::Write(Error::io(target, "write", error));
+    let mut copy = OpenOptions::new().write(true).create_new(true).open(temporary).map_err(wrap)?;
+    let content = Content::pass(source, |bytes| copy.write_all(bytes).map_err(wrap))?;
     sync_file(&copy, temporary).map_err(wrap)?;
-    Ok(Ok((length, hash.digest())))
+    Ok(content)
 }
 
 /// Reports whether both are regular files (`a` not a link) with the same bytes.

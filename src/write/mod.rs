@@ -45,9 +45,6 @@ mod vertex_normals;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
-use xxhash_rust::xxh3::xxh3_64;
-
 pub use self::companion::{Companion, CopiedTexture};
 use self::copy::{Look, look};
 use self::losses::note_losses;
@@ -56,7 +53,7 @@ use self::numbering::Usage;
 use self::obj::{ObjSink, mtl};
 pub use self::options::{Textures, WriteOptions};
 use self::order::PartOrder;
-pub use self::paths::{NamedTexture, is_texture_there, named_textures};
+pub use self::paths::{NamedTexture, named_textures};
 use self::ply::PlySink;
 use self::sink::{CornerForm, MeshSink, ResultMesh};
 use self::targets::Targets;
@@ -65,9 +62,16 @@ use self::textures::TextureStage;
 use crate::base::bytes::MIB;
 use crate::base::error::escape_path;
 use crate::base::{Error, Findings, Progress, Result};
-use crate::job::Recalled;
+use crate::job::{Recalled, StepKey};
 use crate::model::{Catalogue, StoredMesh};
+use crate::os::content::Content;
 use crate::os::durable::{DurableFile, folder_of, lock_while_open, remove_waiting};
+use serde::{Deserialize, Serialize};
+
+/// Step that records the path of the output, where temporary files may lie.
+pub const OUTPUT: StepKey = StepKey::fixed("write-output");
+/// Step that records the published result.
+pub const RESULT: StepKey = StepKey::fixed("write-result");
 
 /// Smallest memory in bytes for the grouping, and for work in flight.
 const SHARE_BYTES_MIN: u64 = 4 * MIB;
@@ -83,10 +87,8 @@ pub struct Written {
     pub texcoords: u64,
     /// Number of faces.
     pub faces: u64,
-    /// Length of the mesh file in bytes.
-    pub bytes: u64,
-    /// XXH3 of the mesh file.
-    pub hash: u64,
+    /// Content of the mesh file.
+    pub content: Content,
     /// The MTL and the textures.
     pub companions: Vec<Companion>,
     /// Textures that were missing (`missing_texture`) or left in place (`refused_texture`), numbers replaced by 0
@@ -260,10 +262,10 @@ pub fn stage(
 
     let mut findings = Findings::default();
     // Anything that can still fail must fail before the first file gets its final name.
-    let (bytes, hash) = sink.finish(&mut findings)?;
+    let content = sink.finish(&mut findings)?;
     findings.merge(std::mem::take(&mut textures.findings));
     let [vertices, texcoords, faces] = lines;
-    let written = Written { vertices, texcoords, faces, bytes, hash, companions, findings };
+    let written = Written { vertices, texcoords, faces, content, companions, findings };
     let (force, may_replace_mesh) = (options.force, options.may_replace_mesh());
     Ok(Staged { written, textures, mtl, sink, targets, force, may_replace_mesh })
 }
@@ -295,7 +297,7 @@ fn begin(
     let mut mtl = None;
     if let Some(text) = library {
         mtl = Some(targets.begin_mtl(path, &text, options.force, options.job)?);
-        companions.push(Companion { path: path.clone(), content: Some((text.len() as u64, xxh3_64(&text))) });
+        companions.push(Companion { path: path.clone(), content: Some(Content::of_bytes(&text)) });
     }
     let sink = Box::new(ObjSink::begin(&targets.mesh, options.job, mtl.is_some().then(|| targets.library_name()))?);
     Ok(Begun { sink, mtl, companions })

@@ -5,6 +5,7 @@ use std::path::Path;
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::base::Result;
+use crate::os::content::Content;
 use crate::os::durable::DurableFile;
 
 const FILE_BUFFER_BYTES: usize = 64 << 10;
@@ -42,13 +43,13 @@ impl ResultFile {
         self.file.write(bytes)
     }
 
-    /// Syncs the file under its temporary name; returns its length in bytes and its XXH3.
+    /// Syncs the file under its temporary name; returns its content.
     ///
     /// # Errors
     /// Those of the file system.
-    pub(super) fn seal(&mut self) -> Result<(u64, u64)> {
+    pub(super) fn seal(&mut self) -> Result<Content> {
         self.file.seal()?;
-        Ok((self.bytes, self.hash.digest()))
+        Ok(Content { bytes: self.bytes, hash: self.hash.digest() })
     }
 
     /// Renames the file to its final name.

@@ -7,6 +7,7 @@ use super::order::PartOrder;
 use crate::base::{Findings, Progress, Result};
 use crate::model::stored_mesh::PieceNumbering;
 use crate::model::{Catalogue, StoredMesh};
+use crate::os::content::Content;
 
 /// A mesh file being written, under a temporary name until it is committed. The steps come in this order, once each.
 pub(super) trait MeshSink: std::fmt::Debug + Send {
@@ -33,7 +34,7 @@ pub(super) trait MeshSink: std::fmt::Debug + Send {
     ///
     /// # Errors
     /// Those of the file system.
-    fn finish(&mut self, findings: &mut Findings) -> Result<(u64, u64)>;
+    fn finish(&mut self, findings: &mut Findings) -> Result<Content>;
 
     /// Renames the file to its final name.
     ///

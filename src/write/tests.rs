@@ -171,7 +171,7 @@ fn two_pieces_become_one_file() {
     assert_eq!((written.vertices, written.texcoords, written.faces), (6, 8, 4));
     assert_eq!(written.findings.get("missing_texture"), 1);
     let obj = fixture.obj();
-    assert_eq!(written.bytes, obj.len() as u64);
+    assert_eq!(written.content.bytes, obj.len() as u64);
     let expected = [
         "mtllib city.mtl",
         "v 452001.25 5411000.5 31",
@@ -312,7 +312,7 @@ fn what_can_fail_has_happened_before_the_first_file_gets_its_name() {
     let (mesh, catalogue) = (two_squares(&f.path("work")), two_materials(&f.path("in")));
     let staged = stage(&mesh, &catalogue, &f.path("out/city.obj"), &f.path("work"), &options(), &Silent).unwrap();
     let waiting = waiting_place(&f.path("out/city.obj"), options().job);
-    assert_eq!(fs::metadata(waiting).unwrap().len(), staged.written().bytes);
+    assert_eq!(fs::metadata(waiting).unwrap().len(), staged.written().content.bytes);
     assert_eq!(staged.left_out_textures().iter().collect::<Vec<_>>(), [&f.path("in/gone.png")]);
     staged.commit(&Silent).unwrap();
 }

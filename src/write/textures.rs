@@ -18,17 +18,18 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::companion::{Companion, CopiedTexture};
-use super::copy::{Look, copy, look, open_regular, same_content, symlink};
+use super::copy::{CopyError, Look, copy, look, open_regular, same_content, symlink};
 use super::options::{Textures, WriteOptions};
-use super::paths::{Unusable, find_anywhere, find_source, is_outside, path_between, place_of, roots};
+use super::paths::{is_outside, path_between, roots};
 use super::targets::{Sources, Targets};
 use crate::base::error::{escape, escape_path};
 use crate::base::{Error, Findings, Result};
 use crate::model::Catalogue;
+use crate::model::texture_file::{self, Reach, Unusable, base_name, place_of};
+use crate::os::content::Content;
 use crate::os::durable::{give_name, sync_folder, waiting_place};
 use crate::os::path::path_of_bytes;
 use crate::os::system::is_of_machine;
-use crate::read::fingerprint;
 
 /// Longest stem in bytes; leaves room for a number and an extension in the 255 bytes that file systems allow.
 const STEM_BYTES_MAX: usize = 220;
@@ -153,19 +154,18 @@ impl TextureStage {
         let place = |why: &str| format!("{} of {}: {why}", escape(name), escape_path(mtl_folder));
         let outcome = match self.mode {
             Textures::Reference => Ok(self.refer(mtl_folder, name)?),
-            Textures::Copy | Textures::Link if self.brings_outside => match find_anywhere(mtl_folder, name) {
-                Ok(source) => self.bring(&source, name)?,
-                Err(unusable) => Err(unusable),
-            },
-            Textures::Copy | Textures::Link if is_outside(mtl_folder, &self.roots) => {
+            Textures::Copy | Textures::Link if !self.brings_outside && is_outside(mtl_folder, &self.roots) => {
                 let why = "its material library lies outside of the OBJ's folder";
                 self.findings.note("refused_texture", || place(&format!("{why}; {REFERRED}")));
                 Ok(self.refer(mtl_folder, name)?)
             }
-            Textures::Copy | Textures::Link => match find_source(mtl_folder, name) {
-                Ok(source) => self.bring(&source, name)?,
-                Err(unusable) => Err(unusable),
-            },
+            Textures::Copy | Textures::Link => {
+                let reach = if self.brings_outside { Reach::Anywhere } else { Reach::Inside };
+                match texture_file::find(mtl_folder, name, reach) {
+                    Ok(source) => self.bring(&source, name)?,
+                    Err(unusable) => Err(unusable),
+                }
+            }
         };
         if outcome.is_err() {
             self.left_out.extend(place_of(mtl_folder, name));
@@ -252,9 +252,10 @@ impl TextureStage {
             let linked = self.mode == Textures::Link
                 && (symlink(&link, &staged.temporary).is_ok() || fs::hard_link(source, &staged.temporary).is_ok());
             if !linked {
-                match copy(file, &staged.temporary, &target)? {
+                match copy(file, &staged.temporary, &target) {
                     Ok(copied) => content = Some(copied),
-                    Err(error) => {
+                    Err(CopyError::Write(error)) => return Err(error),
+                    Err(CopyError::Read(error)) => {
                         self.taken.remove(&unique.to_ascii_lowercase());
                         self.targets.pop();
                         return Ok(Err(Unusable::Missing(source.to_owned(), error)));
@@ -265,7 +266,7 @@ impl TextureStage {
         } else {
             self.kept.push((target.clone(), look(&target)));
             if self.mode != Textures::Link {
-                content = Some(fingerprint::content(&target).map_err(|e| Error::io(&target, "read", e))?);
+                content = Some(Content::of(&target).map_err(|e| Error::io(&target, "read", e))?);
             }
         }
         self.copied.extend(content.map(|content| (source.to_owned(), content)));
@@ -281,7 +282,7 @@ impl TextureStage {
 
     /// Returns the last component of `name`, sanitised and different from all names so far.
     fn unique_name(&mut self, name: &[u8]) -> Vec<u8> {
-        let base = name.rsplit(|&c| c == b'/' || c == b'\\').next().unwrap_or(name);
+        let base = base_name(name);
         let unsafe_in_names = |c: u8| c.is_ascii_control() || b"/\\:*?\"<>|".contains(&c);
         let mut base: Vec<u8> = base.iter().map(|&c| if unsafe_in_names(c) { b'_' } else { c }).collect();
         match base.first() {

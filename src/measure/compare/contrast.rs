@@ -19,7 +19,8 @@ use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Permits, Progress, Result};
 use crate::file::Column;
 use crate::image::decode;
-use crate::image::textures::{Content, NO_IMAGE, TextureImages};
+use crate::image::textures::{NO_IMAGE, TextureImages};
+use crate::os::content::Content;
 
 /// Largest colour difference.
 const COLOUR_MAX: f64 = 255.0;

@@ -20,6 +20,7 @@ use crate::base::error::{escape, escape_path};
 use crate::base::{Allowance, Error, Findings, Result};
 use crate::model::Material;
 use crate::model::catalogue::{MaterialDefinition, TextureStatement, statement_bytes};
+use crate::model::texture_file::relative_path;
 use crate::os::durable::folder_of;
 use crate::os::path::path_of_name;
 use crate::os::system::is_file;
@@ -157,10 +158,7 @@ fn without_comment<'a>(obj: &Path, text: &'a [u8]) -> Result<&'a [u8]> {
 /// # Errors
 /// [`Error::Io`] on an I/O error that leaves this unknown.
 fn is_there(obj: &Path, name: &[u8]) -> Result<bool> {
-    let relative = path_of_name(name);
-    if name.is_empty() || relative.has_root() || name.get(1) == Some(&b':') {
-        return Ok(false);
-    }
+    let Some(relative) = relative_path(name) else { return Ok(false) };
     let path = obj.parent().unwrap_or(Path::new("")).join(&relative);
     is_file(&path).map_err(|error| Error::io(&path, "open", error))
 }

@@ -15,6 +15,7 @@ use crate::base::{Error, Findings, Result};
 use crate::model::corners::FaceReader;
 use crate::model::stored_mesh::PieceNumbering;
 use crate::model::{NO_TEXCOORD, StoredPiece};
+use crate::os::content::Content;
 
 /// An OBJ being written.
 #[derive(Debug)]
@@ -53,7 +54,7 @@ impl MeshSink for ObjSink {
         obj.faces(faces, result)
     }
 
-    fn finish(&mut self, findings: &mut Findings) -> Result<(u64, u64)> {
+    fn finish(&mut self, findings: &mut Findings) -> Result<Content> {
         findings.count("non_finite_numbers", self.text.non_finite);
         self.text.file().seal()
     }

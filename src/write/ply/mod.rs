@@ -31,6 +31,7 @@ use crate::file::{PackedColumn, Segment};
 use crate::model::corners::FaceReader;
 use crate::model::stored_mesh::PieceNumbering;
 use crate::model::{NO_TEXCOORD, StoredPiece};
+use crate::os::content::Content;
 
 /// Number of records formatted at once.
 const BLOCK_RECORDS: u64 = 16 << 10;
@@ -242,7 +243,7 @@ impl MeshSink for PlySink {
         })
     }
 
-    fn finish(&mut self, findings: &mut Findings) -> Result<(u64, u64)> {
+    fn finish(&mut self, findings: &mut Findings) -> Result<Content> {
         findings.count("non_finite_numbers", self.non_finite);
         findings.count("uncoloured_vertices", self.uncoloured);
         findings.merge(std::mem::take(&mut self.images.findings));
