@@ -104,15 +104,15 @@ fn the_oblique_metric_obeys_the_laws() {
 }
 
 /// Σ (n·(p - q))² over the faces around a vertex.
-fn plane_sum(mesh: &ClusterMesh, rings: &Rings, vertex: u32, p: DVec3) -> f64 {
-    let squared = |face: u32| {
+fn plane_sum(mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex, p: DVec3) -> f64 {
+    let squared = |face: FaceId| {
         let [a, b, c] = mesh.triangle(face);
         (b - a).cross(c - a).normalize().dot(p - a).powi(2)
     };
     rings.faces(mesh, vertex).map(squared).sum()
 }
 
-fn fan_of<M>(prepared: &Prepared<M>, vertex: u32) -> Fan {
+fn fan_of<M>(prepared: &Prepared<M>, vertex: LocalVertex) -> Fan {
     let mut fan = Fan::default();
     fan.gather(&prepared.mesh, &prepared.rings, vertex);
     fan
@@ -234,19 +234,19 @@ fn raw_terrain_has_unit_normals() {
 fn the_curvature_metric_weights_planes_by_area_and_curvature() {
     let it = prepared::<CurvatureCost>(&samples::grid(6, 0.7), [1.0, 1e-3, 1.0]);
     let found = it.price(&INNER);
-    let weight = |vertex: u32| {
+    let weight = |vertex: LocalVertex| {
         let fan = fan_of(&it, vertex);
         let third: f64 = fan.spokes.iter().map(|spoke| spoke.area).sum::<f64>() / 3.0;
         let k = (std::f64::consts::TAU - fan.spokes.iter().map(|spoke| spoke.angle).sum::<f64>()) / third;
         let mut h = 0.0;
         for spoke in &fan.spokes {
             let other = fan.spokes.iter().find(|other| other.next == spoke.previous).unwrap();
-            let length = it.mesh.positions[spoke.previous as usize].distance(it.mesh.positions[vertex as usize]);
+            let length = it.mesh.positions[spoke.previous].distance(it.mesh.positions[vertex]);
             h += 0.25 * length * spoke.normal.angle_between(other.normal) / third;
         }
         3.0 * third * (4.0 * h * h - 2.0 * k)
     };
-    let sum = |v: u32| weight(v) * plane_sum(&it.mesh, &it.rings, v, found.position);
+    let sum = |v: LocalVertex| weight(v) * plane_sum(&it.mesh, &it.rings, v, found.position);
     agrees(found.cost, sum(16) + sum(24));
 }
 
@@ -293,10 +293,10 @@ fn the_curvature_of_a_ball_is_that_of_its_radius() {
     let (mut rings, mut fan) = (Rings::default(), Fan::default());
     rings.build(&mesh);
     let mut mean = [0.0; 3];
-    for vertex in 0..mesh.positions.len() as u32 {
+    for vertex in mesh.vertex_ids() {
         fan.gather(&mesh, &rings, vertex);
         assert!(fan.is_closed);
-        let bend = curvature::Bend::of(&fan, mesh.positions[vertex as usize], &mesh.positions);
+        let bend = curvature::Bend::of(&fan, mesh.positions[vertex], &mesh.positions);
         for (sum, value) in mean.iter_mut().zip([bend.gauss, bend.mean, bend.total()]) {
             *sum += value / mesh.positions.len() as f64;
         }
@@ -310,16 +310,16 @@ fn the_curvature_of_a_ball_is_that_of_its_radius() {
 fn the_sharpness_metric_weights_planes_by_powers_of_two() {
     let it = prepared::<SharpnessCost>(&samples::grid(6, 0.7), [1.0, 1.0, 8.0, 1.0, 0.0]);
     let found = it.price(&INNER);
-    let share = |vertex: u32| {
+    let share = |vertex: LocalVertex| {
         let fan = fan_of(&it, vertex);
-        let uv_area = |face: u32| {
+        let uv_area = |face: FaceId| {
             let [a, b, c] = it.mesh.uv_triangle(face);
             0.5 * (b - a).perp_dot(c - a).abs()
         };
         fan.spokes.iter().map(|spoke| uv_area(spoke.face) / spoke.area).sum::<f64>() / fan.spokes.len() as f64
     };
     let mean = (0..49).map(share).sum::<f64>() / 49.0;
-    let factor = |vertex: u32| {
+    let factor = |vertex: LocalVertex| {
         let fan = fan_of(&it, vertex);
         let sigma: f64 = (0..fan.spokes.len())
             .map(|i| (fan.spokes[i], fan.spokes[(i + 1) % fan.spokes.len()]))
@@ -327,7 +327,7 @@ fn the_sharpness_metric_weights_planes_by_powers_of_two() {
             .sum();
         2f64.powf(sigma + share(vertex) / mean)
     };
-    let sum = |v: u32| factor(v) * plane_sum(&it.mesh, &it.rings, v, found.position);
+    let sum = |v: LocalVertex| factor(v) * plane_sum(&it.mesh, &it.rings, v, found.position);
     agrees(found.cost, sum(16) + sum(24));
     let (a, b) = (it.mesh.positions[16], it.mesh.positions[24]);
     assert!([a, b, 0.5 * (a + b)].contains(&found.position));
@@ -375,19 +375,19 @@ fn the_terrain_metric_is_the_squared_distance_to_planes_in_eight_dimensions() {
     let onto = EdgeCase { onto: true, stays: true, ..INNER };
     let found = it.price(&onto);
     let (mut lengths, mut count) = (0.0, 0.0);
-    for face in 0..it.mesh.corners.len() as u32 {
+    for face in it.mesh.face_ids() {
         let [a, b, c] = it.mesh.triangle(face);
         lengths += a.distance(b) + b.distance(c) + c.distance(a);
         count += 3.0;
     }
-    let point = |vertex: u32| {
+    let point = |vertex: LocalVertex| {
         let fan = fan_of(&it, vertex);
         let angles: f64 = fan.spokes.iter().map(|s| s.angle).sum();
         let normal = fan.spokes.iter().map(|s| s.normal * s.angle).sum::<DVec3>() / angles * 0.1 * lengths / count;
-        let (p, uv) = (it.mesh.positions[vertex as usize], it.mesh.wedge_uv[vertex as usize]);
+        let (p, uv) = (it.mesh.positions[vertex], it.mesh.wedge_uv[vertex]);
         [p.x, p.y, p.z, uv.x, uv.y, normal.x, normal.y, normal.z]
     };
-    let faces = |vertex: u32| -> Vec<_> {
+    let faces = |vertex: LocalVertex| -> Vec<_> {
         it.rings.faces(&it.mesh, vertex).map(|face| it.mesh.vertices(face).map(point)).collect()
     };
     agrees(found.cost, wide_sum(&faces(16), point(24)) + wide_sum(&faces(24), point(24)));
@@ -399,28 +399,29 @@ fn the_oblique_metric_is_the_weighted_sum_of_its_paper() {
     let it = prepared::<ObliqueCost>(&samples::grid(6, 0.7), oblique::PARAMETERS.map(|parameter| parameter.default));
     let onto = EdgeCase { onto: true, stays: true, ..INNER };
     let found = it.price(&onto);
-    let normal =
-        |vertex: u32| fan_of(&it, vertex).spokes.iter().map(|s| s.normal * s.angle * s.area).sum::<DVec3>().normalize();
-    let at = |vertex: u32| it.mesh.positions[vertex as usize];
-    let fluctuation = |vertex: u32| {
+    let normal = |vertex: LocalVertex| {
+        fan_of(&it, vertex).spokes.iter().map(|s| s.normal * s.angle * s.area).sum::<DVec3>().normalize()
+    };
+    let at = |vertex: LocalVertex| it.mesh.positions[vertex];
+    let fluctuation = |vertex: LocalVertex| {
         let fan = fan_of(&it, vertex);
         let term = |n: u32| normal(vertex).angle_between(normal(n)) / at(vertex).distance(at(n));
         fan.spokes.iter().map(|s| term(s.next)).sum::<f64>() / fan.spokes.len() as f64
     };
-    let mean_area = |vertex: u32| fan_of(&it, vertex).area() / fan_of(&it, vertex).spokes.len() as f64;
-    let density = |vertex: u32| {
+    let mean_area = |vertex: LocalVertex| fan_of(&it, vertex).area() / fan_of(&it, vertex).spokes.len() as f64;
+    let density = |vertex: LocalVertex| {
         let fan = fan_of(&it, vertex);
-        let share = |face: u32, area: f64| {
+        let share = |face: FaceId, area: f64| {
             let [a, b, c] = it.mesh.uv_triangle(face);
             0.5 * (b - a).perp_dot(c - a).abs() / area
         };
         fan.spokes.iter().map(|s| share(s.face, s.area)).sum::<f64>() / fan.spokes.len() as f64
     };
-    let point = |vertex: u32| {
-        let (p, uv) = (at(vertex), it.mesh.wedge_uv[vertex as usize]);
+    let point = |vertex: LocalVertex| {
+        let (p, uv) = (at(vertex), it.mesh.wedge_uv[vertex]);
         [p.x, p.y, p.z, uv.x, uv.y]
     };
-    let term = |vertex: u32| {
+    let term = |vertex: LocalVertex| {
         let faces: Vec<_> = it.rings.faces(&it.mesh, vertex).map(|face| it.mesh.vertices(face).map(point)).collect();
         mean_area(vertex) / fluctuation(vertex) * wide_sum(&faces, point(24))
     };
@@ -443,7 +444,7 @@ fn the_oblique_factors_follow_a_change_over_two_rings() {
         assert!(changed.contains(&vertex) || prepared_before(vertex) == wanted, "vertex {vertex}");
     }
 
-    fn prepared_before(vertex: u32) -> (f64, f64, f64) {
+    fn prepared_before(vertex: LocalVertex) -> (f64, f64, f64) {
         let before =
             prepared::<ObliqueCost>(&samples::grid(6, 0.7), oblique::PARAMETERS.map(|parameter| parameter.default));
         before.cost.factors(vertex)
@@ -486,7 +487,7 @@ fn oblique_rules_are_those_of_the_paper() {
     assert_eq!(placed.position, 0.5 * (it.mesh.positions[24] + it.mesh.positions[31]));
     let mut uvs = Vec::new();
     assert!(it.cost.texcoords(&it.mesh, &edge, placed.position, &mut uvs));
-    let mean = |a: u32, b: u32| 0.5 * (it.mesh.wedge_uv[a as usize] + it.mesh.wedge_uv[b as usize]);
+    let mean = |a: u32, b: u32| 0.5 * (it.mesh.wedge_uv[a] + it.mesh.wedge_uv[b]);
     assert_eq!(uvs, [mean(24, 31), mean(other, above)]);
 }
 

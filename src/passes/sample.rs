@@ -7,8 +7,11 @@
 
 use glam::DVec3;
 
+use crate::base::id::TiVec;
 use crate::cost::Metric;
 use crate::mesh::cluster::{ClusterMesh, flag};
+use crate::mesh::id::{FaceId, LocalVertex, Wedge};
+use crate::model::id::PartId;
 use crate::partition::numbering::{RANK_BYTES, window_bytes};
 use crate::partition::reading::ClusterFaces;
 use crate::partition::weight::ORDINARY_BYTES;
@@ -96,7 +99,7 @@ impl Survey {
         let patch = Patch::choose(faces.face_count(), self.patch_faces, faces.vertex_count(), triangle, vertices);
         faces.keep(&patch.faces);
         let mesh = make(faces);
-        patch.cut_from(&mesh, 0..mesh.corners.len() as u32)
+        patch.cut_from(&mesh, mesh.face_ids())
     }
 }
 
@@ -125,9 +128,9 @@ pub fn patch(mesh: &ClusterMesh, faces: usize) -> ClusterMesh {
 #[derive(Debug)]
 struct Patch {
     /// The faces, ascending.
-    faces: Vec<u32>,
+    faces: Vec<FaceId>,
     /// Whether a face outside the patch uses the vertex, too.
-    is_rim: Vec<bool>,
+    is_rim: TiVec<LocalVertex, bool>,
 }
 
 impl Patch {
@@ -136,48 +139,48 @@ impl Patch {
         count: usize,
         wanted: usize,
         vertex_count: usize,
-        triangle: impl Fn(u32) -> [DVec3; 3],
-        vertices: impl Fn(u32) -> [u32; 3],
+        triangle: impl Fn(FaceId) -> [DVec3; 3],
+        vertices: impl Fn(FaceId) -> [LocalVertex; 3],
     ) -> Self {
-        let mut is_rim = vec![false; vertex_count];
+        let mut is_rim: TiVec<LocalVertex, bool> = vec![false; vertex_count].into();
         if count == 0 {
             return Self { faces: Vec::new(), is_rim };
         }
-        let centre_of = |face: u32| triangle(face).into_iter().sum::<DVec3>() / 3.0;
-        let middle = centre_of(count as u32 / 2);
-        let mut order: Vec<(f64, u32)> =
-            (0..count as u32).map(|face| (centre_of(face).distance_squared(middle), face)).collect();
+        let centre_of = |face: FaceId| triangle(face).into_iter().sum::<DVec3>() / 3.0;
+        let middle = centre_of(FaceId::from(count / 2));
+        let mut order: Vec<(f64, FaceId)> =
+            FaceId::first(count).map(|face| (centre_of(face).distance_squared(middle), face)).collect();
         let kept = wanted.min(count);
         if kept < count {
             order.select_nth_unstable_by(kept, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         }
         let (inside, outside) = order.split_at(kept);
         for v in outside.iter().flat_map(|&(_, face)| vertices(face)) {
-            is_rim[v as usize] = true;
+            is_rim[v] = true;
         }
-        let mut faces: Vec<u32> = inside.iter().map(|&(_, face)| face).collect();
+        let mut faces: Vec<FaceId> = inside.iter().map(|&(_, face)| face).collect();
         faces.sort_unstable();
         Self { faces, is_rim }
     }
 
     /// Builds the patch as a mesh with unlinked wedges from these `faces` of `mesh`.
-    fn cut_from(&self, mesh: &ClusterMesh, faces: impl Iterator<Item = u32>) -> ClusterMesh {
+    fn cut_from(&self, mesh: &ClusterMesh, faces: impl Iterator<Item = FaceId>) -> ClusterMesh {
         let mut patch = ClusterMesh::default();
-        let mut vertex_of = vec![u32::MAX; mesh.positions.len()];
-        let mut wedge_of = vec![u32::MAX; mesh.wedge_vertex.len()];
+        let mut vertex_of: TiVec<LocalVertex, _> = vec![LocalVertex::NONE; mesh.positions.len()].into();
+        let mut wedge_of: TiVec<Wedge, _> = vec![Wedge::NONE; mesh.wedge_vertex.len()].into();
         for face in faces {
-            let corners = mesh.corners[face as usize].map(|w| {
-                let v = mesh.wedge_vertex[w as usize] as usize;
-                if vertex_of[v] == u32::MAX {
+            let corners = mesh.corners[face].map(|w| {
+                let v = mesh.wedge_vertex[w];
+                if vertex_of[v] == LocalVertex::NONE {
                     let rim = if self.is_rim[v] { flag::SHARED | flag::LOCKED } else { 0 };
                     vertex_of[v] = patch.push_vertex(mesh.positions[v], mesh.flags[v] | rim);
                 }
-                if wedge_of[w as usize] == u32::MAX {
-                    wedge_of[w as usize] = patch.push_wedge(vertex_of[v], mesh.wedge_uv[w as usize]);
+                if wedge_of[w] == Wedge::NONE {
+                    wedge_of[w] = patch.push_wedge(vertex_of[v], mesh.wedge_uv[w]);
                 }
-                wedge_of[w as usize]
+                wedge_of[w]
             });
-            patch.push_face(corners, mesh.parts[face as usize]);
+            patch.push_face(corners, mesh.parts[face]);
         }
         patch
     }
@@ -185,23 +188,23 @@ impl Patch {
 
 /// Adds a patch to the sample.
 pub fn append(sample: &mut ClusterMesh, patch: &ClusterMesh) {
-    let (vertices, wedges) = (sample.positions.len() as u32, sample.wedge_vertex.len() as u32);
+    let (vertices, wedges) = (sample.positions.len(), sample.wedge_vertex.len());
     for (&position, &flags) in patch.positions.iter().zip(&patch.flags) {
         sample.push_vertex(position, flags);
     }
     for (&vertex, &uv) in patch.wedge_vertex.iter().zip(&patch.wedge_uv) {
-        sample.push_wedge(vertices + vertex, uv);
+        sample.push_wedge(LocalVertex::from(vertices + vertex.index()), uv);
     }
     for (corners, &part) in patch.corners.iter().zip(&patch.parts) {
-        sample.push_face(corners.map(|w| wedges + w), part);
+        sample.push_face(corners.map(|w| Wedge::from(wedges + w.index())), part);
     }
 }
 
 /// Scales the texture coordinates of a sample that was taken before the scales of the parts were known.
-pub fn scale_texture(sample: &mut ClusterMesh, scale_of: impl Fn(u32) -> f64) {
-    let mut scales = vec![1.0; sample.wedge_vertex.len()];
+pub fn scale_texture(sample: &mut ClusterMesh, scale_of: impl Fn(PartId) -> f64) {
+    let mut scales: TiVec<Wedge, f64> = vec![1.0; sample.wedge_vertex.len()].into();
     for (corners, &part) in sample.corners.iter().zip(&sample.parts) {
-        corners.iter().for_each(|&w| scales[w as usize] = scale_of(part));
+        corners.iter().for_each(|&w| scales[w] = scale_of(part));
     }
     sample.wedge_uv.iter_mut().zip(scales).for_each(|(uv, scale)| *uv *= scale);
 }

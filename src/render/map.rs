@@ -50,7 +50,7 @@ impl ClusterMap {
     /// Draws a cluster, whose positions are relative to `origin`.
     pub fn draw(&mut self, cluster: u32, mesh: &ClusterMesh, origin: DVec3) {
         let size = self.view.size;
-        for face in 0..mesh.corners.len() as u32 {
+        for face in mesh.face_ids() {
             let corners = mesh.triangle(face).map(|corner| self.view.project(corner + origin));
             raster::each_pixel(&corners, size, |pixel, height, _| {
                 let (height, seen) = (height as f32, &mut self.surface[pixel]);

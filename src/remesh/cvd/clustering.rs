@@ -11,7 +11,10 @@
 
 use glam::DVec3;
 
+use super::cells::{Cells, VoronoiCell};
+use crate::base::id::{TiSlice, TiVec};
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::id::LocalVertex;
 use crate::mesh::ring::Rings;
 
 /// The centres during the clustering.
@@ -48,9 +51,9 @@ pub struct Clustering<'a> {
     /// Its rings.
     pub rings: &'a Rings,
     /// Mass of each vertex.
-    pub masses: &'a [f64],
+    pub masses: &'a TiSlice<LocalVertex, f64>,
     /// Centre of each cell: a vertex.
-    pub centres: &'a [u32],
+    pub centres: &'a TiSlice<VoronoiCell, LocalVertex>,
     /// Where the centres are.
     pub pull: Pull,
 }
@@ -58,20 +61,20 @@ pub struct Clustering<'a> {
 impl Clustering<'_> {
     /// Moves vertices between cells in at most `sweeps` sweeps; returns the number of sweeps that changed a cell.
     /// Centres and held vertices stay.
-    pub fn improve(&self, cells: &mut [u32], sweeps: u32, is_held: impl Fn(u32) -> bool) -> u32 {
+    pub fn improve(&self, cells: &mut Cells, sweeps: u32, is_held: impl Fn(LocalVertex) -> bool) -> u32 {
         let mut weights = self.weights(cells);
         for sweep in 0..sweeps {
             let mut moved = false;
-            for vertex in 0..cells.len() as u32 {
-                let own = cells[vertex as usize];
-                if self.rings.of(vertex).is_empty() || self.centres[own as usize] == vertex || is_held(vertex) {
+            for vertex in cells.keys() {
+                let own = cells[vertex];
+                if self.rings.of(vertex).is_empty() || self.centres[own] == vertex || is_held(vertex) {
                     continue;
                 }
                 if let Some(better) = self.better_cell(vertex, cells, &weights) {
-                    let (mass, position) = (self.masses[vertex as usize], self.mesh.positions[vertex as usize]);
-                    weights[own as usize] = weights[own as usize].with(-mass, position);
-                    weights[better as usize] = weights[better as usize].with(mass, position);
-                    cells[vertex as usize] = better;
+                    let (mass, position) = (self.masses[vertex], self.mesh.positions[vertex]);
+                    weights[own] = weights[own].with(-mass, position);
+                    weights[better] = weights[better].with(mass, position);
+                    cells[vertex] = better;
                     moved = true;
                 }
             }
@@ -83,11 +86,11 @@ impl Clustering<'_> {
     }
 
     /// F \[9-11\]; with centroidal centres the sum of the cells' parts.
-    pub fn energy(&self, cells: &[u32]) -> f64 {
+    pub fn energy(&self, cells: &Cells) -> f64 {
         let weights = self.weights(cells);
-        let of_cell = |(weight, &centre): (&Weight, &u32)| match self.pull {
+        let of_cell = |(weight, &centre): (&Weight, &LocalVertex)| match self.pull {
             Pull::Fixed => {
-                let z = self.mesh.positions[centre as usize];
+                let z = self.mesh.positions[centre];
                 z.length_squared() * weight.mass - 2.0 * z.dot(weight.moment)
             }
             Pull::Centroidal => weight.energy(),
@@ -95,35 +98,39 @@ impl Clustering<'_> {
         weights.iter().zip(self.centres).map(of_cell).sum()
     }
 
-    fn weights(&self, cells: &[u32]) -> Vec<Weight> {
-        let mut weights = vec![Weight::default(); self.centres.len()];
-        for (vertex, &cell) in cells.iter().enumerate().filter(|&(_, &cell)| (cell as usize) < self.centres.len()) {
-            let weight = &mut weights[cell as usize];
-            *weight = weight.with(self.masses[vertex], self.mesh.positions[vertex]);
+    fn weights(&self, cells: &Cells) -> TiVec<VoronoiCell, Weight> {
+        let mut weights: TiVec<_, _> = vec![Weight::default(); self.centres.len()].into();
+        for (vertex, &cell) in cells.iter_enumerated() {
+            if let Some(weight) = weights.get_mut(cell) {
+                *weight = weight.with(self.masses[vertex], self.mesh.positions[vertex]);
+            }
         }
         weights
     }
 
     /// The neighbouring cell of least energy for a vertex; `None` if that is its own, or if a cell would become
     /// disconnected.
-    fn better_cell(&self, vertex: u32, cells: &[u32], weights: &[Weight]) -> Option<u32> {
-        let own = cells[vertex as usize];
-        let links = || self.rings.of(vertex).iter().map(|&c| ClusterMesh::following(c).map(|c| self.mesh.vertex_of(c)));
-        if links().all(|[a, _]| cells[a as usize] == own) || stretches(links(), cells, own) != 1 {
+    fn better_cell(
+        &self,
+        vertex: LocalVertex,
+        cells: &Cells,
+        weights: &TiSlice<VoronoiCell, Weight>,
+    ) -> Option<VoronoiCell> {
+        let own = cells[vertex];
+        let links = || self.rings.of(vertex).iter().map(|&c| self.mesh.others_of(c));
+        if links().all(|[a, _]| cells[a] == own) || stretches(links(), cells, own) != 1 {
             return None;
         }
-        let (mass, position) = (self.masses[vertex as usize], self.mesh.positions[vertex as usize]);
-        let cost = |cell: u32| match self.pull {
-            Pull::Fixed => self.mesh.positions[self.centres[cell as usize] as usize].distance_squared(position),
+        let (mass, position) = (self.masses[vertex], self.mesh.positions[vertex]);
+        let cost = |cell: VoronoiCell| match self.pull {
+            Pull::Fixed => self.mesh.positions[self.centres[cell]].distance_squared(position),
             // Increase of the cell's energy due to the vertex.
-            Pull::Centroidal if cell == own => {
-                weights[cell as usize].energy() - weights[cell as usize].with(-mass, position).energy()
-            }
-            Pull::Centroidal => weights[cell as usize].with(mass, position).energy() - weights[cell as usize].energy(),
+            Pull::Centroidal if cell == own => weights[cell].energy() - weights[cell].with(-mass, position).energy(),
+            Pull::Centroidal => weights[cell].with(mass, position).energy() - weights[cell].energy(),
         };
         let mut best = (cost(own), own);
         for [a, _] in links() {
-            let cell = cells[a as usize];
+            let cell = cells[a];
             if cell != best.1 && cell != own {
                 let found = cost(cell);
                 if found < best.0 && stretches(links(), cells, cell) == 1 {
@@ -137,8 +144,8 @@ impl Clustering<'_> {
 
 /// Number of stretches that a cell has on a closed ring of links; the cell must have some vertices of the ring, but not
 /// all.
-fn stretches(links: impl Iterator<Item = [u32; 2]>, cells: &[u32], cell: u32) -> usize {
-    links.filter(|&[a, b]| (cells[a as usize] == cell) && (cells[b as usize] != cell)).count()
+fn stretches(links: impl Iterator<Item = [LocalVertex; 2]>, cells: &Cells, cell: VoronoiCell) -> usize {
+    links.filter(|&[a, b]| (cells[a] == cell) && (cells[b] != cell)).count()
 }
 
 #[cfg(test)]
@@ -166,11 +173,10 @@ mod tests {
     }
 
     /// Number of connected components of a cell among the vertices around one.
-    fn plain_pieces(mesh: &ClusterMesh, vertex: u32, cells: &[u32], cell: u32) -> usize {
+    fn plain_pieces(mesh: &ClusterMesh, vertex: LocalVertex, cells: &[u32], cell: u32) -> usize {
         let faces = mesh.corner_vertices.iter().filter(|face| face.contains(&vertex));
-        let sides: Vec<Vec<u32>> = faces
-            .map(|face| face.iter().copied().filter(|&v| v != vertex && cells[v as usize] == cell).collect())
-            .collect();
+        let sides: Vec<Vec<u32>> =
+            faces.map(|face| face.iter().copied().filter(|&v| v != vertex && cells[v] == cell).collect()).collect();
         let mut pieces: Vec<Vec<u32>> = Vec::new();
         for side in sides.iter().filter(|side| !side.is_empty()) {
             let (touched, apart): (Vec<_>, Vec<_>) =
@@ -185,28 +191,27 @@ mod tests {
     /// One sweep that tries every cell around every vertex, and sums the whole energy each time.
     fn plain_sweep(clustering: &Clustering, cells: &mut [u32], is_held: impl Fn(u32) -> bool) {
         for vertex in 0..cells.len() as u32 {
-            let own = cells[vertex as usize];
+            let own = cells[vertex];
             if is_held(vertex) || clustering.centres.contains(&vertex) {
                 continue;
             }
-            let ring = |v: u32| clustering.mesh.corner_vertices.iter().any(|f| f.contains(&v) && f.contains(&vertex));
+            let ring =
+                |v: LocalVertex| clustering.mesh.corner_vertices.iter().any(|f| f.contains(&v) && f.contains(&vertex));
             let around: Vec<u32> = (0..cells.len() as u32).filter(|&v| v != vertex && ring(v)).collect();
-            if around.iter().all(|&v| cells[v as usize] == own)
-                || plain_pieces(clustering.mesh, vertex, cells, own) != 1
-            {
+            if around.iter().all(|&v| cells[v] == own) || plain_pieces(clustering.mesh, vertex, cells, own) != 1 {
                 continue;
             }
             let mut best = (plain_energy(clustering, cells), own);
-            for cell in around.iter().map(|&v| cells[v as usize]).filter(|&cell| cell != own).collect::<Vec<_>>() {
+            for cell in around.iter().map(|&v| cells[v]).filter(|&cell| cell != own).collect::<Vec<_>>() {
                 if plain_pieces(clustering.mesh, vertex, cells, cell) == 1 {
-                    cells[vertex as usize] = cell;
+                    cells[vertex] = cell;
                     let energy = plain_energy(clustering, cells);
                     if energy < best.0 {
                         best = (energy, cell);
                     }
                 }
             }
-            cells[vertex as usize] = best.1;
+            cells[vertex] = best.1;
         }
     }
 
@@ -228,7 +233,7 @@ mod tests {
             let centres: Vec<u32> = (0..3).map(|cell| cells.iter().rposition(|&c| c == cell).unwrap() as u32).collect();
             let pull = if centroidal { Pull::Centroidal } else { Pull::Fixed };
             let clustering = Clustering { mesh: &mesh, rings: &rings, masses: &masses, centres: &centres, pull };
-            let is_border = |v: u32| [0, 6].contains(&(v % 7)) || [0, 6].contains(&(v / 7));
+            let is_border = |v: LocalVertex| [0, 6].contains(&(v % 7)) || [0, 6].contains(&(v / 7));
             let mut expected = cells.clone();
             for _ in 0..3 {
                 plain_sweep(&clustering, &mut expected, is_border);
@@ -253,7 +258,7 @@ mod tests {
         rings.build(&mesh);
         let clustering = Clustering { mesh: &mesh, rings: &rings, masses, centres: &centres, pull };
         let before = clustering.energy(&cells);
-        let is_border = |v: u32| [0, 6].contains(&(v % 7)) || [0, 6].contains(&(v / 7));
+        let is_border = |v: LocalVertex| [0, 6].contains(&(v % 7)) || [0, 6].contains(&(v / 7));
         clustering.improve(&mut cells, 50, is_border);
         (before, clustering.energy(&cells), cells)
     }
@@ -306,7 +311,7 @@ mod tests {
         let centres = vec![10, 7];
         let clustering =
             Clustering { mesh: &mesh, rings: &rings, masses: &[1.0; 25], centres: &centres, pull: Pull::Fixed };
-        let is_border = |v: u32| [0, 4].contains(&(v % 5)) || [0, 4].contains(&(v / 5));
+        let is_border = |v: LocalVertex| [0, 4].contains(&(v % 5)) || [0, 4].contains(&(v / 5));
         let mut moved = cells.clone();
         clustering.improve(&mut moved, 1, |v| is_border(v) || v == 13);
         assert_eq!(moved[12], 0);

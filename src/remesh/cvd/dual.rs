@@ -13,8 +13,11 @@
 
 use glam::DVec2;
 
+use super::cells::{Cells, VoronoiCell};
 use super::queue::{quadric_error, weighted_normals};
+use crate::base::id::{TiSlice, TiVec};
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::id::LocalVertex;
 use crate::mesh::ring::Rings;
 use crate::simplify::edge_star::{EdgeStar, VanishingFan};
 
@@ -33,46 +36,49 @@ pub struct Shrunk {
 pub fn keep_junctions(
     mesh: &ClusterMesh,
     rings: &Rings,
-    cells: &mut [u32],
-    centres: &mut Vec<u32>,
+    cells: &mut Cells,
+    centres: &mut TiVec<VoronoiCell, LocalVertex>,
     most: f64,
-    is_held: impl Fn(u32) -> bool,
+    is_held: impl Fn(LocalVertex) -> bool,
 ) -> u64 {
     if most == f64::INFINITY {
         return 0;
     }
     let normals = weighted_normals(mesh);
     let mut junctions = Vec::new();
-    for vertex in 0..cells.len() as u32 {
-        let own = cells[vertex as usize];
-        if rings.of(vertex).is_empty() || is_held(vertex) || centres[own as usize] == vertex {
+    for vertex in cells.keys() {
+        let own = cells[vertex];
+        if rings.of(vertex).is_empty() || is_held(vertex) || centres[own] == vertex {
             continue;
         }
-        let ring = || rings.of(vertex).iter().map(|&corner| mesh.vertex_of(ClusterMesh::following(corner)[0]));
-        let Some(second) = ring().map(|v| cells[v as usize]).find(|&cell| cell != own) else { continue };
-        if ring().all(|v| [own, second].contains(&cells[v as usize])) {
+        let ring = || rings.of(vertex).iter().map(|&corner| mesh.vertex_of(corner.next()));
+        let Some(second) = ring().map(|v| cells[v]).find(|&cell| cell != own) else { continue };
+        if ring().all(|v| [own, second].contains(&cells[v])) {
             continue;
         }
-        let to_centre = mesh.positions[centres[own as usize] as usize] - mesh.positions[vertex as usize];
+        let to_centre = mesh.positions[centres[own]] - mesh.positions[vertex];
         if quadric_error(rings, &normals, vertex, to_centre) > most {
             junctions.push(vertex);
         }
     }
     for &vertex in &junctions {
-        cells[vertex as usize] = centres.len() as u32;
-        centres.push(vertex);
+        cells[vertex] = centres.push_and_get_key(vertex);
     }
     junctions.len() as u64
 }
 
 /// Shrinks every cell to its centre, as far as that is legal. Held vertices stay.
-pub fn shrink(mesh: &mut ClusterMesh, cells: &[u32], centres: &[u32], is_held: impl Fn(u32) -> bool) -> Shrunk {
+pub fn shrink(
+    mesh: &mut ClusterMesh,
+    cells: &Cells,
+    centres: &TiSlice<VoronoiCell, LocalVertex>,
+    is_held: impl Fn(LocalVertex) -> bool,
+) -> Shrunk {
     let mut rings = Rings::default();
     rings.build(mesh);
-    let mut waiting: Vec<u32> = (0..cells.len() as u32)
-        .filter(|&v| !rings.of(v).is_empty() && !is_held(v) && centres[cells[v as usize] as usize] != v)
-        .collect();
-    let touched = vec![0; mesh.positions.len()];
+    let mut waiting: Vec<LocalVertex> =
+        cells.keys().filter(|&v| !rings.of(v).is_empty() && !is_held(v) && centres[cells[v]] != v).collect();
+    let touched = vec![0; mesh.positions.len()].into();
     let mut shrinker = Shrinker { star: EdgeStar::default(), uvs: Vec::new(), touched, round: 0 };
     shrinker.star.reset(mesh.positions.len());
     let wanted = waiting.len() as u64;
@@ -101,7 +107,7 @@ struct Shrinker {
     /// New texture coordinate of each wedge pair.
     uvs: Vec<DVec2>,
     /// Last round in which each vertex took part in a collapse: its row in the rings is outdated until the next.
-    touched: Vec<u32>,
+    touched: TiVec<LocalVertex, u32>,
     round: u32,
 }
 
@@ -112,23 +118,23 @@ impl Shrinker {
         &mut self,
         mesh: &mut ClusterMesh,
         rings: &Rings,
-        cells: &[u32],
-        centres: &[u32],
-        vertex: u32,
+        cells: &Cells,
+        centres: &TiSlice<VoronoiCell, LocalVertex>,
+        vertex: LocalVertex,
         anywhere: bool,
     ) -> bool {
-        if self.touched[vertex as usize] == self.round {
+        if self.touched[vertex] == self.round {
             return false;
         }
-        let cell = cells[vertex as usize];
-        let centre = mesh.positions[centres[cell as usize] as usize];
-        let reach = |v: u32| (mesh.positions[v as usize].distance_squared(centre), v);
-        let mut targets: Vec<(f64, u32)> = rings
+        let cell = cells[vertex];
+        let centre = mesh.positions[centres[cell]];
+        let reach = |v: LocalVertex| (mesh.positions[v].distance_squared(centre), v);
+        let mut targets: Vec<(f64, LocalVertex)> = rings
             .of(vertex)
             .iter()
             .filter(|&&corner| mesh.living(corner).is_some())
-            .map(|&corner| mesh.vertex_of(ClusterMesh::following(corner)[0]))
-            .filter(|&v| cells[v as usize] == cell && self.touched[v as usize] != self.round)
+            .map(|&corner| mesh.vertex_of(corner.next()))
+            .filter(|&v| cells[v] == cell && self.touched[v] != self.round)
             .map(reach)
             .filter(|target| anywhere || *target < reach(vertex))
             .collect();
@@ -136,20 +142,20 @@ impl Shrinker {
         targets.into_iter().any(|(_, to)| self.try_collapse(mesh, rings, vertex, to))
     }
 
-    fn try_collapse(&mut self, mesh: &mut ClusterMesh, rings: &Rings, from: u32, to: u32) -> bool {
+    fn try_collapse(&mut self, mesh: &mut ClusterMesh, rings: &Rings, from: LocalVertex, to: LocalVertex) -> bool {
         self.star.gather(mesh, rings, from, to);
         if self.star.check_topology(mesh, rings, from, to, VanishingFan::default()).is_err() {
             return false;
         }
         self.uvs.clear();
-        self.uvs.extend(self.star.wedges.iter().map(|pair| mesh.wedge_uv[pair.1 as usize]));
-        let position = mesh.positions[to as usize];
+        self.uvs.extend(self.star.wedges.iter().map(|pair| mesh.wedge_uv[pair.to]));
+        let position = mesh.positions[to];
         if self.star.check_faces(mesh, rings, &[from], position, &self.uvs, f64::INFINITY).is_err() {
             return false;
         }
         self.star.apply(mesh, rings, from, to);
-        self.touched[from as usize] = self.round;
-        self.touched[to as usize] = self.round;
+        self.touched[from] = self.round;
+        self.touched[to] = self.round;
         true
     }
 }
@@ -167,11 +173,11 @@ mod tests {
         for v in 0..121u32 {
             let (x, y) = (v % 11, v / 11);
             if is_border(v) {
-                cells[v as usize] = centres.len() as u32;
+                cells[v] = centres.len() as u32;
                 centres.push(v);
             } else if (x - 1) % 3 == 1 && (y - 1) % 3 == 1 {
                 for w in [v - 12, v - 11, v - 10, v - 1, v, v + 1, v + 10, v + 11, v + 12] {
-                    cells[w as usize] = centres.len() as u32;
+                    cells[w] = centres.len() as u32;
                 }
                 centres.push(v);
             }
@@ -179,7 +185,7 @@ mod tests {
         (mesh, cells, centres)
     }
 
-    fn is_border(v: u32) -> bool {
+    fn is_border(v: LocalVertex) -> bool {
         [0, 10].contains(&(v % 11)) || [0, 10].contains(&(v / 11))
     }
 
@@ -190,14 +196,15 @@ mod tests {
         assert_eq!(shrunk, Shrunk { gone: 72, junctions: 0, kept: 0 });
         // V - E + F = 1 with 40 border edges: F = 2 V - 2 - 40.
         assert_eq!(mesh.face_count, 2 * 49 - 42);
-        let area: f64 = (0..mesh.corners.len() as u32)
+        let area: f64 = mesh
+            .face_ids()
             .map(|face| {
                 let [a, b, c] = mesh.triangle(face);
                 0.5 * (b - a).cross(c - a).z
             })
             .sum();
         assert!((area - 100.0).abs() < 1e-9, "no face folds: {area}");
-        assert!((0..mesh.corners.len() as u32).all(|face| regularity(mesh.triangle(face)) > 0.02));
+        assert!(mesh.face_ids().all(|face| regularity(mesh.triangle(face)) > 0.02));
     }
 
     #[test]

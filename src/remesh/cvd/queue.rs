@@ -20,8 +20,10 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use crate::base::id::{TiSlice, TiVec};
 use crate::geometry::triangle::regularity;
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::id::{Corner, FaceId, LocalVertex, WedgePair};
 use crate::mesh::ring::Rings;
 use crate::mesh::split::EdgePoint;
 
@@ -39,15 +41,14 @@ const MAGNITUDE_SHIFT: u32 = 46;
 
 /// For each face, whether its edges may be split: neither the face nor its texture triangle, if it has one, is thin or
 /// small, and the texture triangle has the sign of most in the cluster. In other faces rounding could fold the parts.
-pub fn sound_faces(mesh: &ClusterMesh) -> Vec<bool> {
-    let signed = |face: u32| {
+pub fn sound_faces(mesh: &ClusterMesh) -> TiVec<FaceId, bool> {
+    let signed = |face: FaceId| {
         let [a, b, c] = mesh.uv_triangle(face);
         (b - a).perp_dot(c - a)
     };
-    let living = || (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face));
-    let turned = living().filter(|&face| signed(face) < 0.0).count();
-    let side = if turned > living().filter(|&face| signed(face) > 0.0).count() { -1.0 } else { 1.0 };
-    let is_sound = |face: u32| {
+    let turned = mesh.living_faces().filter(|&face| signed(face) < 0.0).count();
+    let side = if turned > mesh.living_faces().filter(|&face| signed(face) > 0.0).count() { -1.0 } else { 1.0 };
+    let is_sound = |face: FaceId| {
         let uv = mesh.uv_triangle(face);
         let has_texture = uv.iter().all(|t| t.is_finite());
         let is_large = uv[0].distance(uv[1]).max(uv[1].distance(uv[2])) > TEXTURE_MIN;
@@ -55,31 +56,37 @@ pub fn sound_faces(mesh: &ClusterMesh) -> Vec<bool> {
             signed(face) * side > 0.0 && is_large && regularity(uv.map(|t| t.extend(0.0))) >= REGULARITY_MIN;
         regularity(mesh.triangle(face)) >= REGULARITY_MIN && (!has_texture || keeps_texture)
     };
-    (0..mesh.corners.len() as u32).map(|face| !mesh.is_dead(face) && is_sound(face)).collect()
+    mesh.face_ids().map(|face| !mesh.is_dead(face) && is_sound(face)).collect()
 }
 
 /// Writes the other ends of the edges from a vertex to vertices with higher ids that may be split. Such an edge has two
 /// sound faces, which run along it in opposite directions and have the same wedges there, and no other cluster has the
 /// edge.
-pub fn splittable(mesh: &ClusterMesh, rings: &Rings, is_sound: &[bool], vertex: u32, ends: &mut Vec<u32>) {
+pub fn splittable(
+    mesh: &ClusterMesh,
+    rings: &Rings,
+    is_sound: &TiSlice<FaceId, bool>,
+    vertex: LocalVertex,
+    ends: &mut Vec<LocalVertex>,
+) {
     ends.clear();
     for &corner in rings.of(vertex) {
-        let far = ClusterMesh::following(corner);
+        let far = corner.others();
         for (k, other) in far.map(|c| mesh.vertex_of(c)).into_iter().enumerate() {
             let is_rim = mesh.is_shared(vertex) && mesh.is_shared(other);
             if other <= vertex || is_rim || ends.contains(&other) {
                 continue;
             }
-            let wedges = (mesh.wedge_of(corner), mesh.wedge_of(far[k]));
+            let pair_at = |corner, far| WedgePair { from: mesh.wedge_of(corner), to: mesh.wedge_of(far) };
+            let wedges = pair_at(corner, far[k]);
             let (mut faces, mut forwards, mut is_whole) = (0, 0, true);
             for &corner in rings.of(vertex) {
-                let far = ClusterMesh::following(corner);
+                let far = corner.others();
                 let Some(k) = far.iter().position(|&c| mesh.vertex_of(c) == other) else { continue };
-                let there = far[k];
                 faces += 1;
                 forwards += 1 - k;
-                is_whole &= wedges == (mesh.wedge_of(corner), mesh.wedge_of(there));
-                is_whole &= is_sound[corner as usize / 3];
+                is_whole &= wedges == pair_at(corner, far[k]);
+                is_whole &= is_sound[corner.face()];
             }
             if faces == 2 && forwards == 1 && is_whole {
                 ends.push(other);
@@ -89,20 +96,20 @@ pub fn splittable(mesh: &ClusterMesh, rings: &Rings, is_sound: &[bool], vertex: 
 }
 
 /// Unit normals of faces times the square root of their areas; zero for a dead face or one without area.
-pub fn weighted_normals(mesh: &ClusterMesh) -> Vec<DVec3> {
-    let normal = |face: u32| {
+pub fn weighted_normals(mesh: &ClusterMesh) -> TiVec<FaceId, DVec3> {
+    let normal = |face: FaceId| {
         let [a, b, c] = mesh.triangle(face);
         let across = (b - a).cross(c - a);
         let length = across.length();
         if length > 0.0 { across * (0.5 / length).sqrt() } else { DVec3::ZERO }
     };
-    (0..mesh.corners.len() as u32).map(|face| if mesh.is_dead(face) { DVec3::ZERO } else { normal(face) }).collect()
+    mesh.face_ids().map(|face| if mesh.is_dead(face) { DVec3::ZERO } else { normal(face) }).collect()
 }
 
 /// Q of a vertex at a displacement from it, in area × length².
-pub fn quadric_error(rings: &Rings, normals: &[DVec3], vertex: u32, displacement: DVec3) -> f64 {
-    let square = |corner: &u32| {
-        let distance = normals[*corner as usize / 3].dot(displacement);
+pub fn quadric_error(rings: &Rings, normals: &TiSlice<FaceId, DVec3>, vertex: LocalVertex, displacement: DVec3) -> f64 {
+    let square = |corner: &Corner| {
+        let distance = normals[corner.face()].dot(displacement);
         distance * distance
     };
     rings.of(vertex).iter().map(square).sum()
@@ -112,14 +119,19 @@ pub fn quadric_error(rings: &Rings, normals: &[DVec3], vertex: u32, displacement
 pub struct Queue<'a> {
     mesh: &'a ClusterMesh,
     rings: &'a Rings,
-    is_held: &'a [bool],
-    is_sound: &'a [bool],
-    normals: Vec<DVec3>,
+    is_held: &'a TiSlice<LocalVertex, bool>,
+    is_sound: &'a TiSlice<FaceId, bool>,
+    normals: TiVec<FaceId, DVec3>,
 }
 
 impl<'a> Queue<'a> {
     /// The candidates of a mesh. Edges between two held vertices stay whole, as do those of faces that are not sound.
-    pub fn new(mesh: &'a ClusterMesh, rings: &'a Rings, is_held: &'a [bool], is_sound: &'a [bool]) -> Self {
+    pub fn new(
+        mesh: &'a ClusterMesh,
+        rings: &'a Rings,
+        is_held: &'a TiSlice<LocalVertex, bool>,
+        is_sound: &'a TiSlice<FaceId, bool>,
+    ) -> Self {
         Self { mesh, rings, is_held, is_sound, normals: weighted_normals(mesh) }
     }
 
@@ -161,10 +173,10 @@ impl<'a> Queue<'a> {
 
     fn each_candidate(&self, least: f64, mut take: impl FnMut(EdgePoint, f64)) {
         let mut ends = Vec::new();
-        for a in 0..self.mesh.positions.len() as u32 {
+        for a in self.mesh.vertex_ids() {
             splittable(self.mesh, self.rings, self.is_sound, a, &mut ends);
-            for &b in ends.iter().filter(|&&b| !(self.is_held[a as usize] && self.is_held[b as usize])) {
-                let along = self.mesh.positions[b as usize] - self.mesh.positions[a as usize];
+            for &b in ends.iter().filter(|&&b| !(self.is_held[a] && self.is_held[b])) {
+                let along = self.mesh.positions[b] - self.mesh.positions[a];
                 let bends = [a, b].map(|end| quadric_error(self.rings, &self.normals, end, along));
                 let stretch = Stretch { from: 0.0, to: 1.0, bends, most: f64::INFINITY };
                 stretch.expand(DEPTH, least, &mut |share, error| take(EdgePoint { ends: [a, b], share }, error));
@@ -289,7 +301,7 @@ mod tests {
                 let (normal, area) = plane_of(mesh.triangle(face)).unwrap();
                 quadric += Quadric::plane(normal, -normal.dot(mesh.triangle(face)[0]), area);
             }
-            let expected = quadric.at(mesh.positions[v as usize] + displacement);
+            let expected = quadric.at(mesh.positions[v] + displacement);
             assert!((quadric_error(&rings, &normals, v, displacement) - expected).abs() < 1e-12);
         }
     }

@@ -220,7 +220,7 @@ fn mesh_of(positions: &[DVec3], faces: &[[u32; 3]]) -> (ClusterMesh, Rings) {
 }
 
 /// Whether a face has both vertices.
-fn face_with(faces: &[[u32; 3]], one: u32, other: u32) -> bool {
+fn face_with(faces: &[[u32; 3]], one: u32, other: LocalVertex) -> bool {
     faces.iter().any(|face| face.contains(&one) && face.contains(&other))
 }
 
@@ -262,15 +262,20 @@ fn is_surface(faces: &[[u32; 3]]) -> bool {
 /// A mesh of these faces whose `shared` vertices other clusters also use.
 fn with_shared(count: u32, shared: &[u32], faces: &[[u32; 3]]) -> (ClusterMesh, Rings) {
     let (mut mesh, rings) = mesh_of(&vec![DVec3::ZERO; count as usize], faces);
-    shared.iter().for_each(|&vertex| mesh.flags[vertex as usize] |= flag::SHARED);
+    shared.iter().for_each(|&vertex| mesh.flags[vertex] |= flag::SHARED);
     (mesh, rings)
 }
 
-fn verdict(mesh: &(ClusterMesh, Rings), from: u32, to: u32) -> Result<(), Refusal> {
+fn verdict(mesh: &(ClusterMesh, Rings), from: LocalVertex, to: LocalVertex) -> Result<(), Refusal> {
     verdict_of(mesh, from, to, VanishingFan::default())
 }
 
-fn verdict_of((mesh, rings): &(ClusterMesh, Rings), from: u32, to: u32, fan: VanishingFan) -> Result<(), Refusal> {
+fn verdict_of(
+    (mesh, rings): &(ClusterMesh, Rings),
+    from: LocalVertex,
+    to: LocalVertex,
+    fan: VanishingFan,
+) -> Result<(), Refusal> {
     let mut star = EdgeStar::default();
     star.reset(mesh.positions.len());
     star.gather(mesh, rings, from, to);
@@ -313,14 +318,14 @@ fn no_two_faces_fold_onto_each_other() {
         }
         let (mut mesh, rings) = mesh_of(&positions, &faces);
         let goes_half_way = number() < 0.5;
-        let at_edge = |face: u32| [from, to].iter().all(|v| faces[face as usize].contains(v));
+        let at_edge = |face: FaceId| [from, to].iter().all(|v| faces[face].contains(v));
         let gone = (number() < 0.3).then(|| (number() * faces.len() as f64) as u32).filter(|&face| !at_edge(face));
         gone.into_iter().for_each(|face| mesh.kill(face));
-        let [start, end] = [from, to].map(|v| positions[v as usize]);
+        let [start, end] = [from, to].map(|v| positions[v]);
         // Often in the plane of a face beside a moving one.
         let beside = faces.iter().filter(|face| !face.contains(&from) && !face.contains(&to));
         let beside: Vec<&[u32; 3]> = beside.filter(|face| face.iter().any(|v| face_with(&faces, from, *v))).collect();
-        let [a, b, c] = beside[(number() * beside.len() as f64) as usize].map(|v| positions[v as usize]);
+        let [a, b, c] = beside[(number() * beside.len() as f64) as usize].map(|v| positions[v]);
         let in_plane = a + (b - a) * number() + (c - a) * number();
         let position = match (goes_half_way, number() < 0.7) {
             (false, _) => end,
@@ -333,29 +338,28 @@ fn no_two_faces_fold_onto_each_other() {
         let outcome = star.check_faces(&mesh, &rings, &moving, position, &[DVec2::NAN], f64::INFINITY);
 
         let stays = |face: &u32| !at_edge(*face) && gone != Some(*face);
-        let moves = |face: &u32| faces[*face as usize].iter().any(|v| moving.contains(v));
-        let before = |face: u32| faces[face as usize].map(|v| positions[v as usize]);
-        let place = |v: u32| if v == from || v == to { position } else { positions[v as usize] };
-        let joined = |v: u32| if v == from { to } else { v };
-        let after = |face: u32| faces[face as usize].map(place);
-        let change = |face: u32| change_of(before(face), after(face));
+        let moves = |face: &u32| faces[*face].iter().any(|v| moving.contains(v));
+        let before = |face: FaceId| faces[face].map(|v| positions[v]);
+        let place = |v: LocalVertex| if v == from || v == to { position } else { positions[v] };
+        let joined = |v: LocalVertex| if v == from { to } else { v };
+        let after = |face: FaceId| faces[face].map(place);
+        let change = |face: FaceId| change_of(before(face), after(face));
         let staying: Vec<u32> = (0..faces.len() as u32).filter(stays).collect();
         let survive = staying.iter().filter(|face| moves(face)).all(|&face| change(face).is_some());
-        let turns = |face: u32| moves(&face) && change(face).is_some_and(|change| change.turns);
+        let turns = |face: FaceId| moves(&face) && change(face).is_some_and(|change| change.turns);
         let (mut is_fold, mut must_be_seen) = (false, false);
         for (i, &one) in staying.iter().enumerate() {
             for &other in &staying[i + 1..] {
-                let [of_one, of_other] = [one, other].map(|face| faces[face as usize].map(joined));
+                let [of_one, of_other] = [one, other].map(|face| faces[face].map(joined));
                 let ends: Vec<u32> = of_one.into_iter().filter(|v| of_other.contains(v)).collect();
                 let &[a, b] = &ends[..] else { continue };
                 let third = |of: [u32; 3]| of.into_iter().find(|v| !ends.contains(v)).unwrap();
                 let thirds = [of_one, of_other].map(third);
                 let lie_on_each_other = are_nearly_folded([a, b].map(place), thirds.map(place));
-                let old_ends: Vec<u32> =
-                    faces[one as usize].into_iter().filter(|v| faces[other as usize].contains(v)).collect();
+                let old_ends: Vec<u32> = faces[one as usize].into_iter().filter(|v| faces[other].contains(v)).collect();
                 let did_before = old_ends.len() == 2 && {
-                    let third = |face: u32| faces[face as usize].into_iter().find(|v| !old_ends.contains(v)).unwrap();
-                    let at = |v: u32| positions[v as usize];
+                    let third = |face: FaceId| faces[face].into_iter().find(|v| !old_ends.contains(v)).unwrap();
+                    let at = |v: LocalVertex| positions[v];
                     are_nearly_folded([at(old_ends[0]), at(old_ends[1])], [one, other].map(third).map(at))
                 };
                 let fold = lie_on_each_other && !did_before;

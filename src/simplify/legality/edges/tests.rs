@@ -46,7 +46,7 @@ impl Case {
     }
 
     /// Indices of the faces that have all of these vertices.
-    fn faces_with(&self, vertices: &[u32]) -> BTreeSet<usize> {
+    fn faces_with(&self, vertices: &[LocalVertex]) -> BTreeSet<usize> {
         (0..self.faces.len()).filter(|&face| vertices.iter().all(|v| self.vertices(face).contains(v))).collect()
     }
 
@@ -57,14 +57,14 @@ impl Case {
     }
 
     /// Texture coordinate of a face at a vertex after the pairs of wedges have merged.
-    fn uv(&self, face: usize, vertex: u32, pairs: &[(u32, u32)]) -> DVec2 {
+    fn uv(&self, face: usize, vertex: LocalVertex, pairs: &[(u32, u32)]) -> DVec2 {
         let is_at = |wedge: &&u32| **wedge % VERTICES == vertex || (vertex == TO && **wedge % VERTICES == FROM);
         let wedge = *self.faces[face].iter().find(is_at).unwrap();
         self.uvs[pairs.iter().find(|pair| pair.0 == wedge).map_or(wedge, |pair| pair.1) as usize]
     }
 
     fn are_mirrored(&self, [one, other]: [usize; 2], edge: [u32; 2], pairs: &[(u32, u32)]) -> bool {
-        let uv_area = |face: usize| doubled_uv_area(self.faces[face].map(|wedge| self.uvs[wedge as usize]));
+        let uv_area = |face: usize| doubled_uv_area(self.faces[face].map(|wedge| self.uvs[wedge]));
         self.leads_on(one, edge) == self.leads_on(other, [edge[1], edge[0]])
             && self.are_turned[one] == self.are_turned[other]
             && edge.iter().all(|&end| self.uv(one, end, pairs) == self.uv(other, end, pairs))
@@ -99,7 +99,7 @@ fn outcome(star: &EdgeStar) -> Outcome {
 
 /// A neighbour of the edge, with its faces at each end before, and its faces left afterwards.
 struct Beside {
-    vertex: u32,
+    vertex: LocalVertex,
     before: [usize; 2],
     left: Vec<usize>,
 }
@@ -201,7 +201,7 @@ fn is_allowed(case: &Case, Beside { vertex, before: [at_from, at_to], left }: &B
 fn check_far_side(case: &Case, edge: [u32; 2], dying: &BTreeSet<usize>, pairs: &[(u32, u32)]) -> Result<(), Refusal> {
     let left: Vec<usize> = case.faces_with(&edge).difference(dying).copied().collect();
     let third = |face: usize| case.vertices(face).into_iter().find(|vertex| !edge.contains(vertex)).unwrap();
-    let place = |vertex: u32| case.positions[vertex as usize];
+    let place = |vertex: LocalVertex| case.positions[vertex];
     match left[..] {
         [_] => Err(Refusal::Topology),
         [one, other] if are_nearly_folded(edge.map(place), [one, other].map(|face| place(third(face)))) => {
@@ -292,7 +292,7 @@ proptest! {
         if found.is_ok() {
             let full = |mesh: &ClusterMesh| {
                 let mut edges = std::collections::BTreeMap::new();
-                for [a, b, c] in (0..mesh.corners.len() as u32).filter(|&f| !mesh.is_dead(f)).map(|f| mesh.vertices(f)) {
+                for [a, b, c] in mesh.face_ids().filter(|&f| !mesh.is_dead(f)).map(|f| mesh.vertices(f)) {
                     for [one, other] in [[a, b], [b, c], [c, a]] {
                         *edges.entry([one.min(other), one.max(other)]).or_insert(0) += 1;
                     }
