@@ -102,7 +102,11 @@ fn crease(edge: DVec3, [left, right]: [DVec3; 2]) -> Option<([DVec3; 2], f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::id::TiVec;
+    use crate::mesh::Wedge;
     use crate::mesh::cluster::samples;
+    use crate::mesh::id::short::v;
+    use crate::model::id::PartId;
 
     #[test]
     fn a_sharp_edge_weighs_the_more_the_sharper_it_is() {
@@ -119,20 +123,21 @@ mod tests {
     /// Two square sheets of 4 × 4 squares, `gap` apart inside and joined at their rims.
     fn cushion(gap: f64) -> ClusterMesh {
         let top = samples::grid(4, 0.0);
-        let is_rim = |v: LocalVertex| v.is_multiple_of(5) || v % 5 == 4 || v / 5 == 0 || v / 5 == 4;
         let mut mesh = top.clone();
-        let below: Vec<u32> = (0..25)
-            .map(|v| {
-                if is_rim(v) {
-                    return v;
+        let below: TiVec<Wedge, Wedge> = top
+            .wedge_vertex
+            .iter_enumerated()
+            .map(|(wedge, &vertex)| {
+                if samples::is_on_rim(4, vertex) {
+                    return wedge;
                 }
-                let vertex = mesh.push_vertex(top.positions[v] - gap * DVec3::Z, 0);
-                mesh.push_wedge(vertex, top.wedge_uv[v])
+                let vertex = mesh.push_vertex(top.positions[vertex] - gap * DVec3::Z, 0);
+                mesh.push_wedge(vertex, top.wedge_uv[wedge])
             })
             .collect();
         for corners in &top.corners {
             let [a, b, c] = corners.map(|wedge| below[wedge]);
-            mesh.push_face([a, c, b], 0);
+            mesh.push_face([a, c, b], PartId::new(0));
         }
         mesh.link_wedges();
         mesh
@@ -143,16 +148,16 @@ mod tests {
         let mesh = cushion(1e-3);
         let mut rings = Rings::default();
         rings.build(&mesh);
-        let mut vertices = vec![LocalQuadric::default(); mesh.positions.len()];
-        for (face, corners) in mesh.corner_vertices.iter().enumerate() {
-            let [a, b, c] = mesh.triangle(face as u32);
+        let mut vertices = mesh.per_vertex(LocalQuadric::default());
+        for face in mesh.face_ids() {
+            let [a, b, c] = mesh.triangle(face);
             let across = 0.5 * (b - a).cross(c - a);
-            for &vertex in corners {
+            for vertex in mesh.vertices(face) {
                 NormalSums::add(&mut vertices[vertex], across.as_vec3(), across.length() as f32);
             }
         }
         add_creases(&mut vertices, &mesh, &rings, 1.0);
-        let inwards = |vertex: LocalVertex| vertices[vertex].at(Vec3::new(0.0, 0.1, 0.0));
+        let inwards = |at: u32| vertices[v(at)].at(Vec3::new(0.0, 0.1, 0.0));
         // Two edges of length 1 meet in vertex 2, each with two planes.
         assert!(inwards(2) > 0.06 && inwards(2) < 0.18, "{}", inwards(2));
         assert_eq!(inwards(12), 0.0);

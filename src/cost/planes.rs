@@ -80,7 +80,7 @@ pub fn extended<K, T>(mut values: TiVec<K, T>, count: usize, from: impl FnOnce(u
 /// through border edges, perpendicular to their face, with weight `border`, and those through seam edges, on each side,
 /// with half that weight.
 pub fn unit_planes(mesh: &ClusterMesh, rings: &Rings, classes: &Classes, border: f64) -> TiVec<LocalVertex, Quadric> {
-    let mut quadrics: TiVec<_, _> = vec![Quadric::default(); mesh.positions.len()].into();
+    let mut quadrics = mesh.per_vertex(Quadric::default());
     for face in mesh.living_faces() {
         let triangle = mesh.triangle(face);
         let Some((normal, _)) = plane_of(triangle) else { continue };

@@ -395,9 +395,10 @@ mod tests {
     use crate::cost::quadric::WedgeQuadric;
     use crate::mesh::class::classify;
     use crate::mesh::cluster::samples;
+    use crate::mesh::id::short::{pair, v, w};
 
     fn prepared(mesh: &ClusterMesh) -> SurfaceCost {
-        let (mut rings, mut classes) = (Rings::default(), Vec::new());
+        let (mut rings, mut classes) = (Rings::default(), TiVec::new());
         rings.build(mesh);
         classify(mesh, &rings, &mut classes);
         let mut cost = SurfaceCost::new(Weights { uv: 1.0, ..Weights::default() });
@@ -406,7 +407,12 @@ mod tests {
     }
 
     const EDGE: EdgeCase<'_> =
-        EdgeCase { from: 6, to: 12, onto: true, stays: true, wedges: &[(6, 12)], insets: [Vec2::ZERO; 2] };
+        EdgeCase { from: v(6), to: v(12), onto: true, stays: true, wedges: &[pair(6, 12)], insets: [Vec2::ZERO; 2] };
+
+    /// Collapses one vertex onto another.
+    fn join(cost: &mut SurfaceCost, mesh: &ClusterMesh, from: u32, to: u32) {
+        cost.join(mesh, &EdgeCase { from: v(from), to: v(to), wedges: &[pair(from, to)], ..EDGE });
+    }
 
     /// A bumpy grid with a curved texture mapping, so that quadrics of all kinds occur.
     fn hills() -> ClusterMesh {
@@ -435,7 +441,7 @@ mod tests {
         let mesh = samples::grid(4, 0.0);
         let placement = prepared(&mesh).place(&mesh, &EDGE);
         assert!(placement.cost <= 4.1 * f64::from(LENGTH_SHARE), "{placement:?}");
-        assert_eq!(placement.position, mesh.positions[12]);
+        assert_eq!(placement.position, mesh.positions[v(12)]);
     }
 
     #[test]
@@ -453,8 +459,8 @@ mod tests {
         let mesh = hills();
         let cost = prepared(&mesh);
         for (from, to) in [(8, 9), (16, 24), (24, 16), (17, 10)] {
-            let edge = EdgeCase { from, to, wedges: &[(from, to)], ..EDGE };
-            let plain = plain_error(&mesh, from, mesh.positions[to], mesh.wedge_uv[to]);
+            let edge = EdgeCase { from: v(from), to: v(to), wedges: &[pair(from, to)], ..EDGE };
+            let plain = plain_error(&mesh, v(from), mesh.positions[v(to)], mesh.wedge_uv[w(to)]);
             let judged = cost.place(&mesh, &edge).cost;
             assert!((judged / plain - 1.0).abs() < 1e-4, "{judged} {plain}");
         }
@@ -463,14 +469,16 @@ mod tests {
     #[test]
     fn costs_of_many_collapses_are_those_of_each() {
         let mut mesh = hills();
-        mesh.wedge_uv[9] = DVec2::NAN;
+        mesh.wedge_uv[w(9)] = DVec2::NAN;
         let cost = prepared(&mesh);
-        let ends: Vec<(u32, u32)> = (0..30).filter(|&v| v != 16).map(|v| (v, v)).collect();
+        let end = |number| End { vertex: v(number), wedge: w(number) };
+        let ends: Vec<End> = (0..30).filter(|&number| number != 16).map(end).collect();
         let mut costs = Vec::new();
-        cost.costs_onto(&mesh, 16, 16, &ends, &mut costs);
-        for (&(to, wedge), judged) in ends.iter().zip(costs) {
-            let alone = cost.place(&mesh, &EdgeCase::inside(16, to, &[(16, wedge)])).cost as f32;
-            assert_eq!(judged.to_bits(), alone.to_bits(), "{to}");
+        cost.costs_onto(&mesh, end(16), &ends, &mut costs);
+        for (&End { vertex, wedge }, judged) in ends.iter().zip(costs) {
+            let wedges = [WedgePair { from: w(16), to: wedge }];
+            let alone = cost.place(&mesh, &EdgeCase::inside(v(16), vertex, &wedges)).cost as f32;
+            assert_eq!(judged.to_bits(), alone.to_bits(), "{vertex:?}");
         }
     }
 
@@ -478,11 +486,11 @@ mod tests {
     fn what_merges_is_remembered_at_the_new_place() {
         let mesh = hills();
         let mut cost = prepared(&mesh);
-        cost.join(&mesh, &EdgeCase { from: 16, to: 17, wedges: &[(16, 17)], ..EDGE });
-        cost.join(&mesh, &EdgeCase { from: 17, to: 18, wedges: &[(17, 18)], ..EDGE });
-        let (place, uv) = (mesh.positions[25], mesh.wedge_uv[25]);
-        let plain: f64 = [16, 17, 18].iter().map(|&v| plain_error(&mesh, v, place, uv)).sum();
-        let judged = cost.place(&mesh, &EdgeCase { from: 18, to: 25, wedges: &[(18, 25)], ..EDGE }).cost;
+        join(&mut cost, &mesh, 16, 17);
+        join(&mut cost, &mesh, 17, 18);
+        let (place, uv) = (mesh.positions[v(25)], mesh.wedge_uv[w(25)]);
+        let plain: f64 = [16, 17, 18].map(|from| plain_error(&mesh, v(from), place, uv)).iter().sum();
+        let judged = cost.place(&mesh, &EdgeCase { from: v(18), to: v(25), wedges: &[pair(18, 25)], ..EDGE }).cost;
         assert!((judged / plain - 1.0).abs() < 1e-4, "{judged} {plain}");
     }
 
@@ -501,11 +509,12 @@ mod tests {
     fn joined() -> (SurfaceCost, impl Fn(DVec3, DVec2) -> f64) {
         let mesh = hills();
         let mut cost = prepared(&mesh);
-        cost.join(&mesh, &EdgeCase { from: 16, to: 17, wedges: &[(16, 17)], ..EDGE });
-        cost.join(&mesh, &EdgeCase { from: 18, to: 17, wedges: &[(18, 17)], ..EDGE });
-        let (place, uv) = (mesh.positions[17], mesh.wedge_uv[17]);
-        let error =
-            move |step, slide| [16, 17, 18].iter().map(|&v| plain_error(&mesh, v, place + step, uv + slide)).sum();
+        join(&mut cost, &mesh, 16, 17);
+        join(&mut cost, &mesh, 18, 17);
+        let (place, uv) = (mesh.positions[v(17)], mesh.wedge_uv[w(17)]);
+        let error = move |step, slide| {
+            [16, 17, 18].map(|from| plain_error(&mesh, v(from), place + step, uv + slide)).iter().sum()
+        };
         (cost, error)
     }
 
@@ -515,7 +524,7 @@ mod tests {
     fn the_best_step_has_less_error_than_any_near_it() {
         let (cost, error) = joined();
         for slide in [DVec2::ZERO, DVec2::new(0.05, -0.02)] {
-            let best = cost.best_step(17, &[MovingWedge { wedge: 17, slide: Some(slide) }]).unwrap();
+            let best = cost.best_step(v(17), &[MovingWedge { wedge: w(17), slide: Some(slide) }]).unwrap();
             assert!(error(best, slide) < error(DVec3::ZERO, DVec2::ZERO));
             for step in STEPS {
                 assert!(error(best, slide) < error(best + 0.05 * step, slide));
@@ -526,9 +535,9 @@ mod tests {
     #[test]
     fn a_texture_coordinate_that_may_slide_finds_its_best_together_with_the_place() {
         let (cost, error) = joined();
-        let held = cost.best_step(17, &[MovingWedge { wedge: 17, slide: Some(DVec2::ZERO) }]).unwrap();
-        let best = cost.best_step(17, &[MovingWedge { wedge: 17, slide: None }]).unwrap();
-        let slide = cost.best_slide(17, best);
+        let held = cost.best_step(v(17), &[MovingWedge { wedge: w(17), slide: Some(DVec2::ZERO) }]).unwrap();
+        let best = cost.best_step(v(17), &[MovingWedge { wedge: w(17), slide: None }]).unwrap();
+        let slide = cost.best_slide(w(17), best);
         assert!(error(best, slide) < error(held, DVec2::ZERO));
         for step in STEPS {
             assert!(error(best, slide) < error(best + 0.05 * step, slide));

@@ -103,7 +103,7 @@ impl Verbatim for SharedWedge {}
 pub fn tally(source: &ClusterSource, catalogue: &Catalogue) -> ClusterTally {
     let mesh = &source.mesh;
     let mut found = ClusterTally { own: Tally::default(), edges: Vec::new(), wedges: Vec::new() };
-    let mut wedge_count: TiVec<LocalVertex, u8> = vec![0; mesh.positions.len()].into();
+    let mut wedge_count = mesh.per_vertex(0u8);
     for &vertex in &mesh.wedge_vertex {
         wedge_count[vertex] = wedge_count[vertex].saturating_add(1);
     }
@@ -148,7 +148,7 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue) -> ClusterTally {
 /// Key of texture coordinate and material for each wedge at a shared vertex, never 0; 0 for other wedges.
 fn shared_keys(source: &ClusterSource, catalogue: &Catalogue) -> TiVec<Wedge, u64> {
     let mesh = &source.mesh;
-    let mut keys: TiVec<Wedge, u64> = vec![0; mesh.wedge_vertex.len()].into();
+    let mut keys = mesh.per_wedge(0);
     for (corners, &part) in mesh.corners.iter().zip(&mesh.parts) {
         for &wedge in corners {
             let key = &mut keys[wedge];

@@ -108,6 +108,21 @@ impl ClusterMesh {
         self.face_ids().filter(|&face| !self.is_dead(face))
     }
 
+    /// The same value for each vertex.
+    pub fn per_vertex<T: Clone>(&self, value: T) -> TiVec<LocalVertex, T> {
+        vec![value; self.positions.len()].into()
+    }
+
+    /// The same value for each wedge.
+    pub fn per_wedge<T: Clone>(&self, value: T) -> TiVec<Wedge, T> {
+        vec![value; self.wedge_vertex.len()].into()
+    }
+
+    /// The same value for each face.
+    pub fn per_face<T: Clone>(&self, value: T) -> TiVec<FaceId, T> {
+        vec![value; self.corners.len()].into()
+    }
+
     /// Vertices of a face's corners; the face must not be dead.
     #[inline]
     pub fn vertices(&self, face: FaceId) -> [LocalVertex; 3] {
@@ -217,11 +232,10 @@ impl ClusterMesh {
 
     /// Links the wedges of each vertex into a cycle, in order of their ids, and marks all wedges as not moved.
     pub fn link_wedges(&mut self) {
-        let vertices = self.positions.len();
-        let mut first: TiVec<LocalVertex, Wedge> = vec![Wedge::NONE; vertices].into();
-        let mut last = first.clone();
-        self.wedge_moved = vec![false; self.wedge_vertex.len()].into();
-        self.wedge_next = vec![Wedge::NONE; self.wedge_vertex.len()].into();
+        let mut first = self.per_vertex(Wedge::NONE);
+        let mut last = self.per_vertex(Wedge::NONE);
+        self.wedge_moved = self.per_wedge(false);
+        self.wedge_next = self.per_wedge(Wedge::NONE);
         for (wedge, &vertex) in self.wedge_vertex.iter_enumerated() {
             match last[vertex].some() {
                 None => first[vertex] = wedge,
@@ -270,7 +284,7 @@ impl ClusterMesh {
     ///
     /// The cycle of a vertex without any wedge in use stays as it is.
     pub fn unlink_unused_wedges(&mut self) {
-        let mut used: TiVec<Wedge, bool> = vec![false; self.wedge_vertex.len()].into();
+        let mut used = self.per_wedge(false);
         for face in self.living_faces() {
             self.corners[face].iter().for_each(|&wedge| used[wedge] = true);
         }
@@ -320,6 +334,12 @@ pub(crate) mod samples {
         let squares = (0..n).flat_map(|y| (0..n).map(move |x| y * (n + 1) + x));
         let faces: Vec<_> = squares.flat_map(|v| [[v, v + 1, v + n + 2], [v, v + n + 2, v + n + 1]]).collect();
         mesh_of(vertices, &faces)
+    }
+
+    /// Whether a vertex of a grid of n × n squares lies on its rim.
+    pub fn is_on_rim(n: u32, vertex: LocalVertex) -> bool {
+        let (x, y) = (vertex.number() % (n + 1), vertex.number() / (n + 1));
+        [0, n].contains(&x) || [0, n].contains(&y)
     }
 
     /// The grid cut into two charts along x = n / 2: vertices on that line have two wedges; u is 6.4 more on the right.

@@ -24,8 +24,8 @@ pub struct Compacted {
 /// Rebuilds a mesh without dead faces. `label_of` returns the label of a part, which wedges do not share.
 pub fn compact<L: Copy + Eq + Hash>(mesh: &ClusterMesh, label_of: impl Fn(PartId) -> L) -> Compacted {
     let mut compacted = Compacted { mesh: ClusterMesh::default(), vertices: TiVec::new(), wedges: TiVec::new() };
-    let mut vertex_of: TiVec<LocalVertex, LocalVertex> = vec![LocalVertex::NONE; mesh.positions.len()].into();
-    let mut wedge_of: TiVec<Wedge, Wedge> = vec![Wedge::NONE; mesh.wedge_vertex.len()].into();
+    let mut vertex_of = mesh.per_vertex(LocalVertex::NONE);
+    let mut wedge_of = mesh.per_wedge(Wedge::NONE);
     let mut known: HashMap<(LocalVertex, L, [u64; 2]), Wedge> = HashMap::new();
     for face in mesh.face_ids() {
         let (part, label) = (mesh.parts[face], label_of(mesh.parts[face]));

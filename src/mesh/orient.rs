@@ -11,7 +11,7 @@
 //! at neither, so the number of edges where faces disagree never grows.
 
 use super::cluster::ClusterMesh;
-use super::id::{Corner, FaceId, LocalVertex};
+use super::id::{Corner, LocalVertex};
 use crate::base::id::TiVec;
 
 /// Turns faces over so that the two faces of each edge run along it in opposite directions, wherever that is possible.
@@ -19,7 +19,7 @@ use crate::base::id::TiVec;
 /// sorting at each vertex; 24 bytes a face and 4 a vertex.
 pub fn orient(mesh: &mut ClusterMesh) {
     let twins = twins(mesh);
-    let mut is_known: TiVec<FaceId, bool> = vec![false; mesh.corners.len()].into();
+    let mut is_known = mesh.per_face(false);
     let mut front = Vec::new();
     for first in mesh.face_ids() {
         if std::mem::replace(&mut is_known[first], true) {
@@ -94,6 +94,7 @@ fn twins(mesh: &ClusterMesh) -> TiVec<Corner, Corner> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::FaceId;
     use crate::mesh::cluster::samples;
     use crate::mesh::id::short::f;
     use crate::mesh::{Class, Rings, class};

@@ -19,9 +19,8 @@ pub fn drop_small(mesh: &mut ClusterMesh, diagonal: f64, faces_max: u64) -> (u64
             parents[a.max(b)] = a.min(b);
         }
     }
-    let count = mesh.positions.len();
-    let mut boxes: TiVec<LocalVertex, _> = vec![(DVec3::INFINITY, DVec3::NEG_INFINITY); count].into();
-    let mut is_shared: TiVec<LocalVertex, bool> = vec![false; count].into();
+    let mut boxes = mesh.per_vertex((DVec3::INFINITY, DVec3::NEG_INFINITY));
+    let mut is_shared = mesh.per_vertex(false);
     for (v, &position) in mesh.positions.iter_enumerated() {
         let piece = root(&mut parents, v);
         let (low, high) = boxes[piece];

@@ -267,7 +267,7 @@ impl ClusterSource {
         mesh.corner_vertices.reserve_exact(faces.len());
         mesh.deviations.reserve_exact(faces.len());
         mesh.is_turned.reserve_exact(faces.len());
-        let mut first_wedge: TiVec<LocalVertex, Wedge> = vec![Wedge::NONE; mesh.positions.len()].into();
+        let mut first_wedge = mesh.per_vertex(Wedge::NONE);
         // For each wedge: the next wedge of the same vertex, and its material.
         let mut gathered: TiVec<Wedge, (Wedge, u32)> =
             TiVec::with_capacity(mesh.positions.len() + mesh.positions.len() / 4);
@@ -372,8 +372,8 @@ impl ClusterSource {
             }
             None => None,
         };
-        let mut piece_id: TiVec<LocalVertex, u32> = vec![u32::MAX; simplified.positions.len()].into();
-        let mut shifts: TiVec<LocalVertex, f64> = vec![0.0; simplified.positions.len()].into();
+        let mut piece_id = simplified.per_vertex(u32::MAX);
+        let mut shifts = simplified.per_vertex(0.0);
         for (i, &v) in used.iter().enumerate() {
             piece_id[v] = i as u32;
             if max_error.is_some() && simplified.flags[v] & flag::MOVED != 0 {
@@ -381,7 +381,7 @@ impl ClusterSource {
             }
         }
         let own_count = used.len() as u32;
-        let mut texcoord_id: TiVec<Wedge, u32> = vec![NO_TEXCOORD; simplified.wedge_vertex.len()].into();
+        let mut texcoord_id = simplified.per_wedge(NO_TEXCOORD);
         let mut texcoords = Vec::new();
         let mut faces = Vec::with_capacity(simplified.corners.len());
         for (face, corners) in simplified.corners.iter_enumerated() {
@@ -409,7 +409,7 @@ impl ClusterSource {
 
     /// Vertices that faces use and no other cluster shares, ascending.
     fn used_vertices(&self, simplified: &ClusterMesh) -> Vec<LocalVertex> {
-        let mut used: TiVec<LocalVertex, bool> = vec![false; simplified.positions.len()].into();
+        let mut used = simplified.per_vertex(false);
         for &wedge in simplified.corners.iter().flatten() {
             used[simplified.wedge_vertex[wedge]] = true;
         }
@@ -458,7 +458,7 @@ impl ClusterSource {
         used: &[LocalVertex],
         ids: &[u32],
     ) -> Result<Vec<DVec3>> {
-        let mut shortest_sq: TiVec<LocalVertex, f64> = vec![f64::INFINITY; simplified.positions.len()].into();
+        let mut shortest_sq = simplified.per_vertex(f64::INFINITY);
         for corners in &simplified.corners {
             let v = corners.map(|w| simplified.wedge_vertex[w]);
             for (a, b) in [(v[0], v[1]), (v[1], v[2]), (v[2], v[0])] {

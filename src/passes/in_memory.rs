@@ -215,7 +215,7 @@ impl<'a> InMemory<'a> {
     /// Returns the simplified mesh.
     fn finish(self, input: &Mesh) -> Mesh {
         let Self { mesh, catalogue, labels, scale, origin, texcoord_of, colours, .. } = self;
-        let mut part_of: TiVec<Wedge, PartId> = vec![PartId::new(0); mesh.wedge_vertex.len()].into();
+        let mut part_of = mesh.per_wedge(PartId::new(0));
         for (corners, &part) in mesh.corners.iter().zip(&mesh.parts) {
             corners.iter().for_each(|&wedge| part_of[wedge] = part);
         }

@@ -609,6 +609,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::mesh::cluster::samples;
 
     fn corner() -> impl Strategy<Value = DVec3> {
         prop::array::uniform3(-40.0f64..40.0).prop_map(DVec3::from_array)
@@ -656,11 +657,11 @@ mod tests {
                 let vertex = mesh.push_vertex(corner, 0);
                 mesh.push_wedge(vertex, glam::DVec2::NAN);
             }
-            mesh.push_face([3 * face, 3 * face + 1, 3 * face + 2], 0);
+            samples::add_faces(&mut mesh, &[[3 * face, 3 * face + 1, 3 * face + 2]]);
         }
         let probes = probing.take(&mesh, DVec3::ZERO, 0);
         let (mut whole, mut kept) = (0, 0);
-        for face in 0..20_000 {
+        for face in mesh.face_ids() {
             let triangle = mesh.triangle(face);
             if !chosen.are_near(triangle) {
                 continue;
@@ -677,13 +678,8 @@ mod tests {
 
     #[test]
     fn probes_of_no_mesh_are_not_sound() {
-        let mut mesh = ClusterMesh::default();
-        for corner in [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::ONE] {
-            let vertex = mesh.push_vertex(corner, 0);
-            mesh.push_wedge(vertex, glam::DVec2::NAN);
-        }
-        mesh.push_face([0, 1, 2], 0);
-        mesh.push_face([2, 1, 3], 0);
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::ONE].map(|corner| (corner, glam::DVec2::NAN));
+        let mesh = samples::mesh_of(corners, &[[0, 1, 2], [2, 1, 3]]);
         let whole = Probing::new(2, 1, 1.0).take(&mesh, DVec3::ZERO, 0);
         assert!(whole.fit(2) && whole.triangle_count() == 2 && !whole.points.is_empty());
         let changes: [fn(&mut Probes); 15] = [

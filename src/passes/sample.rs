@@ -166,8 +166,8 @@ impl Patch {
     /// Builds the patch as a mesh with unlinked wedges from these `faces` of `mesh`.
     fn cut_from(&self, mesh: &ClusterMesh, faces: impl Iterator<Item = FaceId>) -> ClusterMesh {
         let mut patch = ClusterMesh::default();
-        let mut vertex_of: TiVec<LocalVertex, _> = vec![LocalVertex::NONE; mesh.positions.len()].into();
-        let mut wedge_of: TiVec<Wedge, _> = vec![Wedge::NONE; mesh.wedge_vertex.len()].into();
+        let mut vertex_of = mesh.per_vertex(LocalVertex::NONE);
+        let mut wedge_of = mesh.per_wedge(Wedge::NONE);
         for face in faces {
             let corners = mesh.corners[face].map(|w| {
                 let v = mesh.wedge_vertex[w];
@@ -202,7 +202,7 @@ pub fn append(sample: &mut ClusterMesh, patch: &ClusterMesh) {
 
 /// Scales the texture coordinates of a sample that was taken before the scales of the parts were known.
 pub fn scale_texture(sample: &mut ClusterMesh, scale_of: impl Fn(PartId) -> f64) {
-    let mut scales: TiVec<Wedge, f64> = vec![1.0; sample.wedge_vertex.len()].into();
+    let mut scales = sample.per_wedge(1.0);
     for (corners, &part) in sample.corners.iter().zip(&sample.parts) {
         corners.iter().for_each(|&w| scales[w] = scale_of(part));
     }
@@ -282,7 +282,7 @@ mod tests {
     /// Number of faces around each position.
     fn faces_around(mesh: &ClusterMesh) -> HashMap<[u64; 3], usize> {
         let mut around = HashMap::new();
-        for face in 0..mesh.corners.len() as u32 {
+        for face in mesh.face_ids() {
             mesh.triangle(face).iter().for_each(|&corner| *around.entry(place(corner)).or_default() += 1);
         }
         around
@@ -291,15 +291,17 @@ mod tests {
     #[test]
     fn a_patch_is_compact_and_locked_where_it_was_cut_off() {
         let mut mesh = samples::grid(20, 0.3);
-        mesh.parts.iter_mut().zip(0..).for_each(|(part, face)| *part = face);
+        // The part of each face is its number.
+        mesh.parts = mesh.face_ids().map(|face| PartId::new(face.number())).collect();
+        let face_of = |&part: &PartId| FaceId::new(part.number());
         let survey = Survey::new(&[800, 0, 800], Purpose { left: 0.5, is_last: false }, 0.04);
         assert_eq!(survey.clusters(), [0, 2]);
         assert!(survey.patch_faces(1).is_none());
         let patch = patch(&mesh, survey.patch_faces(2).unwrap());
         assert_eq!(patch.corners.len(), 200);
-        assert!(patch.parts.is_sorted() && patch.parts.iter().all(|&part| part < 800));
-        for (face, &part) in (0..).zip(&patch.parts) {
-            assert_eq!(patch.triangle(face), mesh.triangle(part));
+        assert!(patch.parts.is_sorted() && patch.parts.iter().all(|part| part.index() < 800));
+        for (face, part) in patch.parts.iter_enumerated() {
+            assert_eq!(patch.triangle(face), mesh.triangle(face_of(part)));
         }
         // Each vertex occurs once, with its own wedge.
         assert_eq!(patch.positions.iter().map(|&at| place(at)).collect::<HashSet<_>>().len(), patch.positions.len());
@@ -311,11 +313,11 @@ mod tests {
             assert_eq!(flags & flag::SHARED != 0, is_cut_off, "{position}");
         }
         // No face outside the patch is nearer to its middle than those inside.
-        let centre = |face: u32| mesh.triangle(face).into_iter().sum::<DVec3>() / 3.0;
-        let away = |face: u32| centre(face).distance(centre(400));
-        let farthest = patch.parts.iter().map(|&part| away(part)).fold(0.0, f64::max);
-        let is_outside = |face: &u32| !patch.parts.contains(face);
-        assert!((0..800).filter(is_outside).all(|face| away(face) >= farthest));
+        let centre = |face: FaceId| mesh.triangle(face).into_iter().sum::<DVec3>() / 3.0;
+        let away = |face: FaceId| centre(face).distance(centre(FaceId::new(400)));
+        let farthest = patch.parts.iter().map(|part| away(face_of(part))).fold(0.0, f64::max);
+        let is_outside = |face: &FaceId| !patch.parts.contains(&PartId::new(face.number()));
+        assert!(mesh.face_ids().filter(is_outside).all(|face| away(face) >= farthest));
         let survey = Survey::new(&[800], Purpose { left: 0.5, is_last: false }, 1.0);
         let whole = super::patch(&mesh, survey.patch_faces(0).unwrap());
         assert_eq!(whole.corners.len(), 800);
@@ -326,15 +328,15 @@ mod tests {
     fn a_sample_is_its_patches_side_by_side_and_each_part_is_scaled() {
         let mut sample = ClusterMesh::default();
         let (one, mut other) = (samples::grid(2, 0.0), samples::grid(3, 0.0));
-        other.parts.fill(1);
+        other.parts.fill(PartId::new(1));
         append(&mut sample, &one);
         append(&mut sample, &other);
         assert_eq!(sample.corners.len(), 8 + 18);
-        for face in 0..18 {
-            assert_eq!(sample.triangle(8 + face), other.triangle(face));
+        for (face, appended) in other.face_ids().zip(sample.face_ids().skip(8)) {
+            assert_eq!(sample.triangle(appended), other.triangle(face));
         }
-        scale_texture(&mut sample, |part| [2.0, 3.0][part as usize]);
-        let (first, second) = sample.wedge_uv.split_at(one.wedge_uv.len());
+        scale_texture(&mut sample, |part| [2.0, 3.0][part.index()]);
+        let (first, second) = sample.wedge_uv.raw.split_at(one.wedge_uv.len());
         assert!(first.iter().zip(&one.wedge_uv).all(|(scaled, &uv)| *scaled == 2.0 * uv));
         assert!(second.iter().zip(&other.wedge_uv).all(|(scaled, &uv)| *scaled == 3.0 * uv));
     }

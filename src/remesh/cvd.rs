@@ -338,7 +338,7 @@ impl Field {
     fn grow(&self, mesh: &ClusterMesh, settings: &CvdSettings, frame: &FrozenStatistics) -> Grown {
         let masses: TiVec<LocalVertex, f64> =
             self.parts.iter().map(|part| part.mass(settings.lambda, frame.floor)).collect();
-        let mut cells: TiVec<LocalVertex, VoronoiCell> = vec![VoronoiCell::NONE; mesh.positions.len()].into();
+        let mut cells = mesh.per_vertex(VoronoiCell::NONE);
         let mut held = 0;
         for (vertex, cell) in cells.iter_mut_enumerated() {
             if self.is_held[vertex] && !self.rings.of(vertex).is_empty() {

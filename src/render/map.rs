@@ -106,7 +106,7 @@ mod tests {
             // 0: the left half; 1: the right half, its left rim locked
             let mut mesh = samples::two_charts(8);
             let origin = DVec3::new(f64::from(cluster) * 4.0, 0.0, 0.0);
-            for vertex in 0..mesh.positions.len() {
+            for vertex in mesh.vertex_ids() {
                 mesh.positions[vertex] *= DVec3::new(0.5, 1.0, 1.0);
                 if cluster == 1 && mesh.positions[vertex].x == 0.0 {
                     mesh.flags[vertex] |= flag::SHARED;

@@ -38,7 +38,7 @@ pub fn shut(mesh: &mut ClusterMesh, rings: &Rings, classes: &Classes, most: f64,
     let may_border = |v: LocalVertex| classes[v].may_border();
     let onwards: TiVec<LocalVertex, Onwards> =
         classes.keys().map(|v| if may_border(v) { Onwards::from(mesh, rings, v) } else { Onwards::Nowhere }).collect();
-    let mut is_used: TiVec<LocalVertex, bool> = vec![false; classes.len()].into();
+    let mut is_used = mesh.per_vertex(false);
     let mut shut = Shut::default();
     for start in classes.keys() {
         if is_used[start] || !may_return(&onwards, start) {

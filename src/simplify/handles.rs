@@ -12,7 +12,6 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::base::id::TiVec;
 use crate::mesh::class::{Class, Classes};
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::fold::are_nearly_folded;
@@ -44,7 +43,7 @@ pub fn find(
     let is_inside = |v: LocalVertex| matches!(classes[v], Class::Smooth | Class::Seam | Class::Corner) && is_free(v);
     let length_sq = |a: LocalVertex, b: LocalVertex| mesh.positions[a].distance_squared(mesh.positions[b]);
     // For each neighbour of the current vertex `a`: `a`, and the vertex that follows the neighbour in the one-ring.
-    let mut around: TiVec<LocalVertex, _> = vec![[LocalVertex::NONE; 2]; mesh.positions.len()].into();
+    let mut around = mesh.per_vertex([LocalVertex::NONE; 2]);
     let (mut found, mut ends) = (Vec::new(), Vec::new());
     for a in mesh.vertex_ids().filter(|&v| is_inside(v)) {
         // Each path is found from its lowest vertex.
@@ -87,7 +86,7 @@ fn edges_at<'a>(
 /// Cuts handles, except those that share a vertex with one cut before. Returns the vertices whose classes have changed;
 /// the rings must be rebuilt.
 pub fn cut(mesh: &mut ClusterMesh, rings: &Rings, handles: &[Handle]) -> Vec<LocalVertex> {
-    let mut is_used: TiVec<LocalVertex, bool> = vec![false; mesh.positions.len()].into();
+    let mut is_used = mesh.per_vertex(false);
     let mut changed = Vec::new();
     for Handle { vertices, .. } in handles {
         if vertices.iter().any(|&v| is_used[v]) {
@@ -250,34 +249,31 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
+    use crate::base::id::TiVec;
     use crate::mesh::class::classify;
+    use crate::mesh::cluster::samples;
+    use crate::mesh::id::short::v;
 
     //  2 ──── 5 ──── 8      three corners a level, closed at both ends; the path 3-4-5 around it is no face
     //  │ ╲    │ ╲    │
     //  0-1 ── 3-4 ── 6-7
     fn tube(levels: u32, uv: DVec2) -> ClusterMesh {
-        let mut mesh = ClusterMesh::default();
-        for level in 0..levels {
-            for (x, y) in [(0.0, 0.0), (1.0, 0.0), (0.5, 0.9)] {
-                let vertex = mesh.push_vertex(DVec3::new(x, y, 2.0 * f64::from(level)), 0);
-                mesh.push_wedge(vertex, uv);
-            }
-        }
+        let at_level = |level: u32| {
+            [(0.0, 0.0), (1.0, 0.0), (0.5, 0.9)].map(|(x, y)| (DVec3::new(x, y, 2.0 * f64::from(level)), uv))
+        };
+        let mut faces = Vec::new();
         for base in (0..levels - 1).map(|level| 3 * level) {
             for (a, b) in [(0, 1), (1, 2), (2, 0)].map(|(a, b)| (base + a, base + b)) {
-                mesh.push_face([a, b, b + 3], 0);
-                mesh.push_face([a, b + 3, a + 3], 0);
+                faces.extend([[a, b, b + 3], [a, b + 3, a + 3]]);
             }
         }
         let top = 3 * (levels - 1);
-        mesh.push_face([2, 1, 0], 0);
-        mesh.push_face([top, top + 1, top + 2], 0);
-        mesh.link_wedges();
-        mesh
+        faces.extend([[2, 1, 0], [top, top + 1, top + 2]]);
+        samples::mesh_of((0..levels).flat_map(at_level), &faces)
     }
 
     fn found(mesh: &ClusterMesh, most_sq: f64) -> (Rings, Vec<Handle>) {
-        let (mut rings, mut classes) = (Rings::default(), Vec::new());
+        let (mut rings, mut classes) = (Rings::default(), TiVec::new());
         rings.build(mesh);
         classify(mesh, &rings, &mut classes);
         let handles = find(mesh, &rings, &classes, |vertex| !mesh.is_locked(vertex), most_sq);
@@ -285,11 +281,11 @@ mod tests {
     }
 
     /// Number of uses of every edge, in either direction.
-    fn edges(mesh: &ClusterMesh) -> BTreeMap<(u32, u32), [u32; 2]> {
+    fn edges(mesh: &ClusterMesh) -> BTreeMap<[LocalVertex; 2], [u32; 2]> {
         let mut uses: BTreeMap<_, [u32; 2]> = BTreeMap::new();
         for face in &mesh.corner_vertices {
             for (a, b) in [(face[0], face[1]), (face[1], face[2]), (face[2], face[0])] {
-                uses.entry((a.min(b), a.max(b))).or_default()[usize::from(a > b)] += 1;
+                uses.entry([a.min(b), a.max(b)]).or_default()[usize::from(a > b)] += 1;
             }
         }
         uses
@@ -298,8 +294,8 @@ mod tests {
     #[test]
     fn ways_around_a_tube_are_its_handles_and_its_ends_are_not() {
         let mesh = tube(4, DVec2::NAN);
-        let ways: Vec<[u32; 3]> = found(&mesh, 1.5).1.iter().map(|handle| handle.vertices).collect();
-        assert_eq!(ways, [[3, 4, 5], [6, 7, 8]]);
+        let ways: Vec<[LocalVertex; 3]> = found(&mesh, 1.5).1.iter().map(|handle| handle.vertices).collect();
+        assert_eq!(ways, [[3, 4, 5], [6, 7, 8]].map(|way| way.map(v)));
         assert_eq!(found(&mesh, 0.9).1, []);
     }
 
@@ -308,17 +304,16 @@ mod tests {
         for uv in [DVec2::NAN, DVec2::ONE] {
             let mut mesh = tube(3, uv);
             let (rings, handles) = found(&mesh, f64::INFINITY);
-            assert_eq!(cut(&mut mesh, &rings, &handles), [3, 4, 5]);
+            assert_eq!(cut(&mut mesh, &rings, &handles), [3, 4, 5].map(v));
             assert_eq!((mesh.corners.len(), mesh.face_count, mesh.positions.len()), (16, 16, 12));
-            assert_eq!(mesh.copied_from, [3, 4, 5]);
+            assert_eq!(mesh.copied_from, [3, 4, 5].map(v));
             assert!(edges(&mesh).values().all(|uses| *uses == [1, 1]), "{:?}", edges(&mesh));
-            let is_below = |face: &[u32; 3]| face.iter().any(|&v| v < 3);
-            assert!(mesh.corner_vertices.iter().filter(|face| is_below(face)).flatten().all(|v| !(6..9).contains(v)));
+            let is_below = |face: &&[LocalVertex; 3]| face.iter().any(|&vertex| vertex < v(3));
+            assert!(mesh.corner_vertices.iter().filter(is_below).flatten().all(|at| !(6..9).contains(&at.number())));
             let vertex_of = |wedge: Wedge| mesh.wedge_vertex[wedge];
             assert!(mesh.corners.iter().zip(&mesh.corner_vertices).all(|(w, v)| w.map(vertex_of) == *v));
             // Wedges are still linked to those of the same vertex.
-            let next = |wedge: usize| mesh.wedge_next[wedge] as usize;
-            assert!((0..mesh.wedge_vertex.len()).all(|w| mesh.wedge_vertex[next(w)] == mesh.wedge_vertex[w]));
+            assert!(mesh.wedge_next.iter_enumerated().all(|(wedge, &next)| vertex_of(next) == vertex_of(wedge)));
         }
     }
 

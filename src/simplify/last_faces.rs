@@ -81,6 +81,7 @@ impl LastFaces {
 mod tests {
     use crate::cost::{SurfaceCost, Weights};
     use crate::mesh::cluster::samples;
+    use crate::model::id::PartId;
     use crate::simplify::{Engine, Stop};
 
     #[test]

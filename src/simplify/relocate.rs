@@ -220,21 +220,21 @@ fn way_back(mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex, wedge: Wedge
 mod tests {
     use super::*;
     use crate::mesh::cluster::samples;
+    use crate::mesh::id::short::{v, w};
 
     #[test]
     fn what_leaves_the_faces_around_a_wedge_comes_back_to_their_rim() {
         let mesh = samples::grid(4, 0.0);
         let mut rings = Rings::default();
         rings.build(&mesh);
-        let back =
-            |vertex: LocalVertex, by: DVec2| way_back(&mesh, &rings, vertex, vertex, mesh.wedge_uv[vertex] + 0.1 * by);
+        let back = |at, by: DVec2| way_back(&mesh, &rings, v(at), w(at), mesh.wedge_uv[w(at)] + 0.1 * by);
         assert_eq!(back(12, DVec2::new(0.2, 0.3)), None);
         assert_eq!(back(2, DVec2::ZERO), None);
         let far = back(12, DVec2::new(0.0, 9.0)).unwrap();
-        assert_eq!(far.place, mesh.wedge_uv[17]);
+        assert_eq!(far.place, mesh.wedge_uv[w(17)]);
         assert!((far.fan_area - 0.03).abs() < 1e-12);
         let beside = back(2, DVec2::new(0.0, -0.4)).unwrap();
-        assert_eq!(beside.place, mesh.wedge_uv[2]);
+        assert_eq!(beside.place, mesh.wedge_uv[w(2)]);
     }
 
     #[test]
@@ -243,6 +243,6 @@ mod tests {
         mesh.wedge_uv.fill(DVec2::NAN);
         let mut rings = Rings::default();
         rings.build(&mesh);
-        assert_eq!(way_back(&mesh, &rings, 12, 12, DVec2::NAN), None);
+        assert_eq!(way_back(&mesh, &rings, v(12), w(12), DVec2::NAN), None);
     }
 }

@@ -147,6 +147,7 @@ fn chain_end(mesh: &ClusterMesh, rings: &Rings, at: End, exclude: LocalVertex) -
 mod tests {
     use super::*;
     use crate::mesh::cluster::samples;
+    use crate::mesh::id::short::{pair, v, w};
 
     #[test]
     fn a_texture_coordinate_comes_from_the_closest_face_that_has_some() {
@@ -154,9 +155,9 @@ mod tests {
         let mut rings = Rings::default();
         rings.build(&mesh);
         let at = DVec3::new(0.75, 0.25, 3.0);
-        let uv = uv_on_ring(&mesh, &rings, &[4, 0], at).unwrap();
+        let uv = uv_on_ring(&mesh, &rings, &[v(4), v(0)], at).unwrap();
         let mut expected = (f64::INFINITY, DVec2::NAN);
-        for face in [4, 0].into_iter().flat_map(|vertex| rings.faces(&mesh, vertex)) {
+        for face in [v(4), v(0)].into_iter().flat_map(|vertex| rings.faces(&mesh, vertex)) {
             let (weights, triangle) = (closest_weights(at, mesh.triangle(face)), mesh.triangle(face));
             let distance = (0..3).map(|k| triangle[k] * weights[k]).sum::<DVec3>().distance(at);
             if distance < expected.0 {
@@ -165,7 +166,7 @@ mod tests {
         }
         assert!(uv.distance(expected.1) < 1e-12, "{uv} {expected:?}");
         mesh.wedge_uv.fill(DVec2::NAN);
-        assert_eq!(uv_on_ring(&mesh, &rings, &[4, 0], at), None);
+        assert_eq!(uv_on_ring(&mesh, &rings, &[v(4), v(0)], at), None);
     }
 
     //   2          charts left and right of the line x = 2; the chain 2-7-12-17 keeps both sides in step
@@ -174,10 +175,10 @@ mod tests {
         let mesh = samples::two_charts(4);
         let mut rings = Rings::default();
         rings.build(&mesh);
-        let right = |v: LocalVertex| (25..30).find(|&w| mesh.wedge_vertex[w] == v).unwrap();
-        let wedges = [(7, 12), (right(7), right(12))];
-        let mut uv = Vec::new();
-        uv_on_chain(&mesh, &rings, (7, 12), &wedges, DVec3::new(2.3, 1.25, 0.0), &mut uv).unwrap();
+        let right = |at| (25..30).find(|&wedge| mesh.wedge_vertex[w(wedge)] == v(at)).unwrap();
+        let wedges = [pair(7, 12), pair(right(7), right(12))];
+        let (mut uv, edge) = (Vec::new(), Edge { from: v(7), to: v(12) });
+        uv_on_chain(&mesh, &rings, edge, &wedges, DVec3::new(2.3, 1.25, 0.0), &mut uv).unwrap();
         assert!((uv[0] - DVec2::new(0.2, 0.125)).length() < 1e-12);
         assert!((uv[1] - DVec2::new(6.6, 0.125)).length() < 1e-12);
     }

@@ -193,7 +193,7 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue, images: &[u32]) -> C
     let mut charts = DisjointSets::new(mesh.corners.len());
     let mut border = DisjointSets::new(mesh.positions.len());
     let mut on_border = Vec::new();
-    let mut edges_at: TiVec<LocalVertex, u32> = vec![0; mesh.positions.len()].into();
+    let mut edges_at = mesh.per_vertex(0);
     let length = |vertices: [LocalVertex; 2]| {
         let [from, to] = vertices.map(|vertex| mesh.positions[vertex]);
         from.distance(to)
@@ -273,7 +273,7 @@ fn sorted_sides(mesh: &ClusterMesh) -> Vec<FaceSide> {
 /// Key of texture coordinate and material for each wedge at a shared vertex; 0 for other wedges.
 fn shared_keys(source: &ClusterSource, catalogue: &Catalogue) -> TiVec<Wedge, u64> {
     let mesh = &source.mesh;
-    let mut keys: TiVec<Wedge, u64> = vec![0; mesh.wedge_vertex.len()].into();
+    let mut keys = mesh.per_wedge(0);
     for (corners, &part) in mesh.corners.iter().zip(&mesh.parts) {
         for &wedge in corners.iter().filter(|&&wedge| mesh.is_shared(mesh.wedge_vertex[wedge])) {
             let [u, v] = mesh.wedge_uv[wedge].to_array().map(|x| (x + 0.0).to_bits());
@@ -321,7 +321,7 @@ impl CellTally {
     /// Counts charts that stay in the cell, and numbers those with a side between shared vertices, by root.
     fn count_charts(&mut self, mesh: &ClusterMesh, sides: &[FaceSide], charts: &mut DisjointSets) -> Vec<u32> {
         let mut sums = vec![Chart::default(); mesh.corners.len()];
-        let mut textured: TiVec<FaceId, bool> = vec![false; mesh.corners.len()].into();
+        let mut textured = mesh.per_face(false);
         let finite = mesh.wedge_uv.iter().filter(|uv| uv.is_finite());
         let largest = finite.fold(0.0f64, |largest, uv| largest.max(uv.abs().max_element()));
         for face in mesh.face_ids() {

@@ -132,6 +132,18 @@ fn renumber(cells: &mut Cells, count: usize) -> usize {
 }
 
 #[cfg(test)]
+pub(super) mod short {
+    //! Short names of ids for tests.
+
+    use super::VoronoiCell;
+
+    /// A cell.
+    pub const fn cell(number: u32) -> VoronoiCell {
+        VoronoiCell::new(number)
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
 

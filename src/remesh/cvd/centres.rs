@@ -147,9 +147,9 @@ mod tests {
         let mut rings = Rings::default();
         rings.build(mesh);
         let only = VoronoiCell::new(0);
-        let cells: TiVec<LocalVertex, VoronoiCell> = mesh.vertex_ids().map(|_| only).collect();
+        let cells = mesh.per_vertex(only);
         let is_held: TiVec<LocalVertex, bool> = mesh.vertex_ids().map(|v| Some(v) == held).collect();
-        let is_sound: TiVec<FaceId, bool> = mesh.face_ids().map(|_| true).collect();
+        let is_sound = mesh.per_face(true);
         centres(mesh, &rings, &Members::new(&cells, 1), &cells, (&is_held, &is_sound), spring)[only]
     }
 

@@ -150,34 +150,33 @@ fn stretches(links: impl Iterator<Item = [LocalVertex; 2]>, cells: &Cells, cell:
 
 #[cfg(test)]
 mod tests {
+    use super::super::cells::short::cell;
     use super::*;
-    use crate::mesh::cluster::samples;
+    use crate::mesh::cluster::samples::{self, is_on_rim};
+    use crate::mesh::id::short::v;
     use proptest::prelude::*;
 
     /// The energy by its definition: masses times squared distances from the centres, summed over all vertices.
-    fn plain_energy(clustering: &Clustering, cells: &[u32]) -> f64 {
-        let of = |cell: u32| (0..cells.len()).filter(move |&v| cells[v] == cell);
-        let centre = |cell: u32| match clustering.pull {
-            Pull::Fixed => clustering.mesh.positions[clustering.centres[cell as usize] as usize],
+    fn plain_energy(clustering: &Clustering, cells: &Cells) -> f64 {
+        let Clustering { mesh, masses, centres, .. } = clustering;
+        let of = |cell: VoronoiCell| cells.keys().filter(move |&v| cells[v] == cell);
+        let centre = |cell: VoronoiCell| match clustering.pull {
+            Pull::Fixed => mesh.positions[centres[cell]],
             Pull::Centroidal => {
-                let moment: DVec3 = of(cell).map(|v| clustering.mesh.positions[v] * clustering.masses[v]).sum();
-                moment / of(cell).map(|v| clustering.masses[v]).sum::<f64>()
+                let moment: DVec3 = of(cell).map(|v| mesh.positions[v] * masses[v]).sum();
+                moment / of(cell).map(|v| masses[v]).sum::<f64>()
             }
         };
-        let term =
-            |cell: u32, v: usize| clustering.masses[v] * clustering.mesh.positions[v].distance_squared(centre(cell));
-        (0..clustering.centres.len() as u32)
-            .flat_map(|cell| of(cell).map(move |v| (cell, v)))
-            .map(|(c, v)| term(c, v))
-            .sum()
+        let term = |cell, v: LocalVertex| masses[v] * mesh.positions[v].distance_squared(centre(cell));
+        centres.keys().flat_map(|cell| of(cell).map(move |v| (cell, v))).map(|(cell, v)| term(cell, v)).sum()
     }
 
     /// Number of connected components of a cell among the vertices around one.
-    fn plain_pieces(mesh: &ClusterMesh, vertex: LocalVertex, cells: &[u32], cell: u32) -> usize {
+    fn plain_pieces(mesh: &ClusterMesh, vertex: LocalVertex, cells: &Cells, cell: VoronoiCell) -> usize {
         let faces = mesh.corner_vertices.iter().filter(|face| face.contains(&vertex));
-        let sides: Vec<Vec<u32>> =
+        let sides: Vec<Vec<LocalVertex>> =
             faces.map(|face| face.iter().copied().filter(|&v| v != vertex && cells[v] == cell).collect()).collect();
-        let mut pieces: Vec<Vec<u32>> = Vec::new();
+        let mut pieces: Vec<Vec<LocalVertex>> = Vec::new();
         for side in sides.iter().filter(|side| !side.is_empty()) {
             let (touched, apart): (Vec<_>, Vec<_>) =
                 pieces.into_iter().partition(|piece| piece.iter().any(|v| side.contains(v)));
@@ -189,15 +188,15 @@ mod tests {
     }
 
     /// One sweep that tries every cell around every vertex, and sums the whole energy each time.
-    fn plain_sweep(clustering: &Clustering, cells: &mut [u32], is_held: impl Fn(u32) -> bool) {
-        for vertex in 0..cells.len() as u32 {
+    fn plain_sweep(clustering: &Clustering, cells: &mut Cells, is_held: impl Fn(LocalVertex) -> bool) {
+        for vertex in cells.keys() {
             let own = cells[vertex];
             if is_held(vertex) || clustering.centres.contains(&vertex) {
                 continue;
             }
             let ring =
                 |v: LocalVertex| clustering.mesh.corner_vertices.iter().any(|f| f.contains(&v) && f.contains(&vertex));
-            let around: Vec<u32> = (0..cells.len() as u32).filter(|&v| v != vertex && ring(v)).collect();
+            let around: Vec<LocalVertex> = cells.keys().filter(|&v| v != vertex && ring(v)).collect();
             if around.iter().all(|&v| cells[v] == own) || plain_pieces(clustering.mesh, vertex, cells, own) != 1 {
                 continue;
             }
@@ -228,12 +227,14 @@ mod tests {
             let mut rings = Rings::default();
             rings.build(&mesh);
             // three cells, parted by a column above a row and by that row
-            let mut cells: Vec<u32> =
-                (0..49).map(|v| if v / 7 >= cuts[1] { 2 } else { u32::from(v % 7 >= cuts[0]) }).collect();
-            let centres: Vec<u32> = (0..3).map(|cell| cells.iter().rposition(|&c| c == cell).unwrap() as u32).collect();
+            let cell_of = |at: u32| if at / 7 >= cuts[1] { 2 } else { u32::from(at % 7 >= cuts[0]) };
+            let mut cells: TiVec<LocalVertex, VoronoiCell> = (0..49).map(|at| cell(cell_of(at))).collect();
+            let centres: TiVec<VoronoiCell, LocalVertex> =
+                VoronoiCell::first(3).map(|cell| cells.rposition(|&c| c == cell).unwrap()).collect();
+            let masses: TiVec<LocalVertex, f64> = masses.into();
             let pull = if centroidal { Pull::Centroidal } else { Pull::Fixed };
             let clustering = Clustering { mesh: &mesh, rings: &rings, masses: &masses, centres: &centres, pull };
-            let is_border = |v: LocalVertex| [0, 6].contains(&(v % 7)) || [0, 6].contains(&(v / 7));
+            let is_border = |vertex| is_on_rim(6, vertex);
             let mut expected = cells.clone();
             for _ in 0..3 {
                 plain_sweep(&clustering, &mut expected, is_border);
@@ -244,55 +245,53 @@ mod tests {
     }
 
     /// Two cells of a grid of 6 × 6 with centres at its third points, wrongly divided; borders are held.
-    fn divided(pull: Pull) -> (ClusterMesh, Vec<u32>, Vec<u32>) {
+    fn divided(pull: Pull) -> (ClusterMesh, TiVec<VoronoiCell, LocalVertex>, TiVec<LocalVertex, VoronoiCell>) {
         let mesh = samples::grid(6, 0.0);
-        let centres = vec![3 * 7 + 2, 3 * 7 + 4];
-        let cells = (0..49).map(|v| u32::from(v % 7 >= if pull == Pull::Fixed { 3 } else { 4 })).collect();
+        let centres = vec![v(3 * 7 + 2), v(3 * 7 + 4)].into();
+        let middle = if pull == Pull::Fixed { 3 } else { 4 };
+        let cells = (0..49).map(|at| cell(u32::from(at % 7 >= middle))).collect();
         (mesh, centres, cells)
     }
 
-    fn improve(pull: Pull, masses: &[f64]) -> (f64, f64, Vec<u32>) {
+    fn improve(pull: Pull, masses: &TiSlice<LocalVertex, f64>) -> (f64, f64, TiVec<LocalVertex, VoronoiCell>) {
         let (mesh, centres, mut cells) = divided(pull);
-        (0..7).for_each(|row| cells[7 * row + 4] = u32::from(row == 3));
+        (0..7).for_each(|row| cells[v(7 * row + 4)] = cell(u32::from(row == 3)));
         let mut rings = Rings::default();
         rings.build(&mesh);
         let clustering = Clustering { mesh: &mesh, rings: &rings, masses, centres: &centres, pull };
         let before = clustering.energy(&cells);
-        let is_border = |v: LocalVertex| [0, 6].contains(&(v % 7)) || [0, 6].contains(&(v / 7));
-        clustering.improve(&mut cells, 50, is_border);
+        clustering.improve(&mut cells, 50, |vertex| is_on_rim(6, vertex));
         (before, clustering.energy(&cells), cells)
     }
 
     #[test]
     fn vertices_go_to_the_nearer_centre_and_the_energy_falls() {
-        let masses: Vec<f64> = (0..49).map(|v| f64::from(v % 5 + 1)).collect();
+        let masses: TiVec<LocalVertex, f64> = (0..49).map(|at| f64::from(at % 5 + 1)).collect();
         let (before, after, cells) = improve(Pull::Fixed, &masses);
         assert!(after < before, "{before} {after}");
         for row in 1..6 {
-            assert_eq!(cells[7 * row + 4], 1, "row {row}");
-            assert_eq!(cells[7 * row + 1], 0, "row {row}");
+            assert_eq!([1, 4].map(|column| cells[v(7 * row + column)]), [0, 1].map(cell), "row {row}");
         }
     }
 
     #[test]
     fn centroidal_cells_lower_their_energy_too() {
-        let (before, after, _) = improve(Pull::Centroidal, &[1.0; 49]);
+        let (before, after, _) = improve(Pull::Centroidal, TiSlice::from_ref(&[1.0; 49]));
         assert!(after < before, "{before} {after}");
     }
 
     #[test]
     fn the_energy_is_that_of_its_definition() {
         let (mesh, centres, cells) = divided(Pull::Fixed);
-        let masses: Vec<f64> = (0..49).map(|v| f64::from(v % 3 + 1)).collect();
+        let masses: TiVec<LocalVertex, f64> = (0..49).map(|at| f64::from(at % 3 + 1)).collect();
         let mut rings = Rings::default();
         rings.build(&mesh);
         let clustering =
             Clustering { mesh: &mesh, rings: &rings, masses: &masses, centres: &centres, pull: Pull::Fixed };
         // Σ M |γ - z|² = F + Σ M |γ|².
         let (mut spread, mut about_origin) = (0.0, 0.0);
-        for v in 0..49 {
-            let (p, z) = (mesh.positions[v], mesh.positions[centres[cells[v] as usize] as usize]);
-            spread += masses[v] * p.distance_squared(z);
+        for (v, &p) in mesh.positions.iter_enumerated() {
+            spread += masses[v] * p.distance_squared(mesh.positions[centres[cells[v]]]);
             about_origin += masses[v] * p.length_squared();
         }
         assert!((clustering.energy(&cells) + about_origin - spread).abs() < 1e-9);
@@ -306,14 +305,12 @@ mod tests {
         let mesh = samples::grid(4, 0.0);
         let mut rings = Rings::default();
         rings.build(&mesh);
-        let mut cells = vec![1; 25];
-        (10..14).for_each(|v| cells[v] = 0);
-        let centres = vec![10, 7];
+        let mut cells = mesh.per_vertex(cell(1));
+        (10..14).for_each(|at| cells[v(at)] = cell(0));
+        let (masses, centres) = (mesh.per_vertex(1.0), TiVec::from(vec![v(10), v(7)]));
         let clustering =
-            Clustering { mesh: &mesh, rings: &rings, masses: &[1.0; 25], centres: &centres, pull: Pull::Fixed };
-        let is_border = |v: LocalVertex| [0, 4].contains(&(v % 5)) || [0, 4].contains(&(v / 5));
-        let mut moved = cells.clone();
-        clustering.improve(&mut moved, 1, |v| is_border(v) || v == 13);
-        assert_eq!(moved[12], 0);
+            Clustering { mesh: &mesh, rings: &rings, masses: &masses, centres: &centres, pull: Pull::Fixed };
+        clustering.improve(&mut cells, 1, |vertex| is_on_rim(4, vertex) || vertex == v(13));
+        assert_eq!(cells[v(12)], cell(0));
     }
 }

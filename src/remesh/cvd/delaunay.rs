@@ -13,7 +13,6 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::base::id::TiVec;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::id::{FaceId, LocalVertex, Wedge};
 use crate::mesh::ring::Rings;
@@ -32,7 +31,7 @@ pub fn flip(mesh: &mut ClusterMesh) -> u64 {
     mesh.compact_faces();
     let mut rings = Rings::default();
     // Last sweep in which the ring of each vertex changed.
-    let mut touched: TiVec<LocalVertex, u32> = vec![0; mesh.positions.len()].into();
+    let mut touched = mesh.per_vertex(0);
     let mut flipped = 0;
     for sweep in 1..=SWEEPS {
         rings.build(mesh);
@@ -138,29 +137,23 @@ fn are_joined(mesh: &ClusterMesh, rings: &Rings, a: LocalVertex, b: LocalVertex)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::cluster::flag;
+    use crate::mesh::cluster::{flag, samples};
+    use crate::mesh::id::short::{f, v, w};
 
     //  3-------2       a long diamond, split along the wrong diagonal
     //   \    / /
     //    0---1
     fn diamond(height: f64) -> ClusterMesh {
-        let mut mesh = ClusterMesh::default();
-        for (x, y, z) in [(-2.0, 0.0, 0.0), (0.0, -0.5, height), (2.0, 0.0, 0.0), (0.0, 0.5, 0.0)] {
-            let v = mesh.push_vertex(DVec3::new(x, y, z), 0);
-            mesh.push_wedge(v, DVec2::new(x, y));
-        }
-        mesh.push_face([0, 1, 2], 0);
-        mesh.push_face([2, 3, 0], 0);
-        mesh.link_wedges();
-        mesh
+        let corners = [[-2.0, 0.0, 0.0], [0.0, -0.5, height], [2.0, 0.0, 0.0], [0.0, 0.5, 0.0]].map(DVec3::from);
+        samples::mesh_of(corners.map(|corner| (corner, corner.truncate())), &[[0, 1, 2], [2, 3, 0]])
     }
 
     #[test]
     fn the_short_diagonal_replaces_the_long_one_once() {
         let mut mesh = diamond(0.0);
         assert_eq!(flip(&mut mesh), 1);
-        assert!(mesh.corner_vertices.iter().all(|face| face.contains(&1) && face.contains(&3)));
-        for face in 0..2 {
+        assert!(mesh.corner_vertices.iter().all(|face| face.contains(&v(1)) && face.contains(&v(3))));
+        for face in mesh.face_ids() {
             let [a, b, c] = mesh.triangle(face);
             assert!((b - a).cross(c - a).z > 0.0, "no face turns over");
         }
@@ -171,13 +164,13 @@ mod tests {
     fn an_edge_stays_where_it_is_a_crease_a_seam_or_another_clusters() {
         assert_eq!(flip(&mut diamond(0.3)), 0);
         let mut seam = diamond(0.0);
-        let wedge = seam.push_wedge(2, DVec2::new(9.0, 9.0));
-        seam.corners[1][0] = wedge;
+        let wedge = seam.push_wedge(v(2), DVec2::new(9.0, 9.0));
+        seam.corners[f(1)][0] = wedge;
         seam.link_wedges();
         assert_eq!(flip(&mut seam), 0);
         for pair in [[0, 2], [1, 3]] {
             let mut rim = diamond(0.0);
-            pair.iter().for_each(|&v: &usize| rim.flags[v] |= flag::SHARED);
+            pair.iter().for_each(|&at| rim.flags[v(at)] |= flag::SHARED);
             assert_eq!(flip(&mut rim), 0);
         }
     }
@@ -185,7 +178,7 @@ mod tests {
     #[test]
     fn an_edge_that_would_turn_the_texture_over_stays() {
         let mut mesh = diamond(0.0);
-        mesh.wedge_uv[3] = DVec2::new(-6.0, 0.5);
+        mesh.wedge_uv[w(3)] = DVec2::new(-6.0, 0.5);
         assert_eq!(flip(&mut mesh), 0);
     }
 }

@@ -78,7 +78,7 @@ pub fn shrink(
     rings.build(mesh);
     let mut waiting: Vec<LocalVertex> =
         cells.keys().filter(|&v| !rings.of(v).is_empty() && !is_held(v) && centres[cells[v]] != v).collect();
-    let touched = vec![0; mesh.positions.len()].into();
+    let touched = mesh.per_vertex(0);
     let mut shrinker = Shrinker { star: EdgeStar::default(), uvs: Vec::new(), touched, round: 0 };
     shrinker.star.reset(mesh.positions.len());
     let wanted = waiting.len() as u64;
@@ -165,28 +165,28 @@ mod tests {
     use super::*;
     use crate::geometry::triangle::regularity;
     use crate::mesh::cluster::samples;
+    use crate::mesh::id::short::v;
 
     /// A grid of 9 × 9 squares with cells of 3 × 3 vertices inside; borders are held, and cells of their own.
-    fn cells_of_nine() -> (ClusterMesh, Vec<u32>, Vec<u32>) {
+    fn cells_of_nine() -> (ClusterMesh, TiVec<LocalVertex, VoronoiCell>, TiVec<VoronoiCell, LocalVertex>) {
         let mesh = samples::grid(10, 0.0);
-        let (mut cells, mut centres) = (vec![0; 121], Vec::new());
-        for v in 0..121u32 {
-            let (x, y) = (v % 11, v / 11);
-            if is_border(v) {
-                cells[v] = centres.len() as u32;
-                centres.push(v);
+        let (mut cells, mut centres) = (mesh.per_vertex(VoronoiCell::NONE), TiVec::new());
+        for at in 0..121u32 {
+            let (x, y) = (at % 11, at / 11);
+            if is_border(v(at)) {
+                cells[v(at)] = centres.push_and_get_key(v(at));
             } else if (x - 1) % 3 == 1 && (y - 1) % 3 == 1 {
-                for w in [v - 12, v - 11, v - 10, v - 1, v, v + 1, v + 10, v + 11, v + 12] {
-                    cells[w] = centres.len() as u32;
+                let cell = centres.push_and_get_key(v(at));
+                for near in [at - 12, at - 11, at - 10, at - 1, at, at + 1, at + 10, at + 11, at + 12] {
+                    cells[v(near)] = cell;
                 }
-                centres.push(v);
             }
         }
         (mesh, cells, centres)
     }
 
-    fn is_border(v: LocalVertex) -> bool {
-        [0, 10].contains(&(v % 11)) || [0, 10].contains(&(v / 11))
+    fn is_border(vertex: LocalVertex) -> bool {
+        samples::is_on_rim(10, vertex)
     }
 
     #[test]
@@ -211,32 +211,30 @@ mod tests {
     fn a_cell_around_another_keeps_what_it_cannot_give_up() {
         let (mut mesh, mut cells, mut centres) = cells_of_nine();
         // The middle vertex is a cell inside the ring of the cell around it.
-        let inner = 60;
-        let outer = cells[inner];
-        centres[outer as usize] = 59;
-        cells[inner] = centres.len() as u32;
-        centres.push(inner as u32);
+        let inner = v(60);
+        centres[cells[inner]] = v(59);
+        cells[inner] = centres.push_and_get_key(inner);
         let shrunk = shrink(&mut mesh, &cells, &centres, is_border);
         assert!(shrunk.kept >= 1, "{shrunk:?}");
         let mut rings = Rings::default();
         rings.build(&mesh);
-        assert!(!rings.of(inner as u32).is_empty());
+        assert!(!rings.of(inner).is_empty());
     }
 
     #[test]
     fn junctions_off_the_planes_around_them_are_kept() {
         let (mut mesh, mut cells, mut centres) = cells_of_nine();
         // Vertex 36 is a corner of a cell, where four cells meet.
-        mesh.positions[36].z = 0.8;
+        mesh.positions[v(36)].z = 0.8;
         let mut rings = Rings::default();
         rings.build(&mesh);
         let count = centres.len();
-        let kept = |most: f64, cells: &mut [u32], centres: &mut Vec<u32>| {
+        let kept = |most: f64, cells: &mut Cells, centres: &mut TiVec<VoronoiCell, LocalVertex>| {
             keep_junctions(&mesh, &rings, cells, centres, most, is_border)
         };
         assert_eq!(kept(f64::INFINITY, &mut cells.clone(), &mut centres.clone()), 0);
         assert!(kept(0.01, &mut cells, &mut centres) >= 1);
-        assert_eq!(centres[cells[36] as usize], 36);
+        assert_eq!(centres[cells[v(36)]], v(36));
         assert!(centres.len() > count);
     }
 }

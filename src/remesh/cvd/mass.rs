@@ -44,7 +44,7 @@ impl VertexPart {
 
 /// The part of every vertex.
 pub fn parts(mesh: &ClusterMesh, rings: &Rings, ring_count: u32) -> TiVec<LocalVertex, VertexPart> {
-    let mut areas: TiVec<LocalVertex, f64> = vec![0.0; mesh.positions.len()].into();
+    let mut areas = mesh.per_vertex(0.0);
     for face in mesh.living_faces() {
         if let Some((_, area)) = plane_of(mesh.triangle(face)) {
             mesh.vertices(face).iter().for_each(|&v| areas[v] += area / 3.0);

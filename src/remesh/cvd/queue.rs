@@ -244,6 +244,7 @@ impl ErrorCounts {
 mod tests {
     use super::*;
     use crate::mesh::cluster::samples;
+    use crate::mesh::id::short::{v, w};
 
     fn expanded(bends: [f64; 2], least: f64) -> Vec<(f64, f64)> {
         let mut found = Vec::new();
@@ -277,7 +278,8 @@ mod tests {
         let mesh = samples::grid(6, 0.4);
         let mut rings = Rings::default();
         rings.build(&mesh);
-        let queue = Queue::new(&mesh, &rings, &[false; 49], &[true; 72]);
+        let (is_held, is_sound) = (mesh.per_vertex(false), mesh.per_face(true));
+        let queue = Queue::new(&mesh, &rings, &is_held, &is_sound);
         let counts = queue.count(u64::MAX);
         for wanted in [0, 1, 10, 60] {
             let points = queue.points(counts.threshold(wanted), u64::MAX);
@@ -295,14 +297,14 @@ mod tests {
         let mut rings = Rings::default();
         rings.build(&mesh);
         let normals = weighted_normals(&mesh);
-        for (v, displacement) in [(5, DVec3::new(0.3, -1.0, 0.2)), (10, DVec3::new(1.0, 1.0, -0.4))] {
+        for (at, displacement) in [(v(5), DVec3::new(0.3, -1.0, 0.2)), (v(10), DVec3::new(1.0, 1.0, -0.4))] {
             let mut quadric = Quadric::default();
-            for face in rings.faces(&mesh, v) {
+            for face in rings.faces(&mesh, at) {
                 let (normal, area) = plane_of(mesh.triangle(face)).unwrap();
                 quadric += Quadric::plane(normal, -normal.dot(mesh.triangle(face)[0]), area);
             }
-            let expected = quadric.at(mesh.positions[v] + displacement);
-            assert!((quadric_error(&rings, &normals, v, displacement) - expected).abs() < 1e-12);
+            let expected = quadric.at(mesh.positions[at] + displacement);
+            assert!((quadric_error(&rings, &normals, at, displacement) - expected).abs() < 1e-12);
         }
     }
 
@@ -310,7 +312,7 @@ mod tests {
     fn a_face_whose_texture_is_turned_over_or_tiny_is_not_sound() {
         let mut mesh = samples::grid(2, 0.0);
         assert!(sound_faces(&mesh).iter().all(|&is_sound| is_sound));
-        mesh.wedge_uv[0] = glam::DVec2::new(0.15, 0.15);
+        mesh.wedge_uv[w(0)] = glam::DVec2::new(0.15, 0.15);
         let sound = sound_faces(&mesh);
         assert_eq!(sound.iter().filter(|&&is_sound| !is_sound).count(), 2, "the faces around the corner: {sound:?}");
         mesh.wedge_uv.iter_mut().for_each(|uv| *uv *= 1e-5);
@@ -321,14 +323,14 @@ mod tests {
     fn seams_borders_and_rims_are_not_split() {
         use crate::mesh::cluster::flag;
         let mut mesh = samples::two_charts(4);
-        [6, 11].iter().for_each(|&v: &usize| mesh.flags[v] |= flag::SHARED | flag::LOCKED);
+        [6, 11].map(|at| mesh.flags[v(at)] |= flag::SHARED | flag::LOCKED);
         let mut rings = Rings::default();
         rings.build(&mesh);
-        let ends = |v| {
+        let ends = |at| {
             let mut ends = Vec::new();
-            splittable(&mesh, &rings, &sound_faces(&mesh), v, &mut ends);
+            splittable(&mesh, &rings, &sound_faces(&mesh), v(at), &mut ends);
             ends.sort_unstable();
-            ends
+            ends.into_iter().map(LocalVertex::number).collect::<Vec<_>>()
         };
         assert_eq!(ends(0), [6], "0-1 and 0-5 are border edges");
         assert_eq!(ends(7), [8, 13], "7-12 lies on the seam");

@@ -4,7 +4,9 @@ use glam::{DVec2, DVec3};
 
 use super::*;
 use crate::cost::{SurfaceCost, Weights};
-use crate::mesh::cluster::samples;
+use crate::mesh::cluster::{flag, samples};
+use crate::mesh::id::short::v;
+use crate::model::id::PartId;
 
 fn simplified(mesh: ClusterMesh, faces: usize) -> (ClusterMesh, StageResult) {
     let mut engine = Engine::<SurfaceCost>::new(mesh, &Weights::default());
@@ -61,13 +63,14 @@ fn the_face_target_is_hit() {
 fn a_locked_vertex_never_moves_and_never_vanishes() {
     let mut mesh = samples::grid(12, 0.3);
     let before = mesh.positions.clone();
-    for vertex in (0..169).step_by(5) {
+    let locked = mesh.vertex_ids().step_by(5);
+    for vertex in locked.clone() {
         mesh.flags[vertex] |= flag::LOCKED;
     }
     let (mesh, _) = simplified(mesh, 2);
-    for vertex in (0..169).step_by(5) {
+    for vertex in locked {
         assert_eq!(mesh.positions[vertex], before[vertex]);
-        assert!(mesh.corners.iter().flatten().any(|&w| mesh.wedge_vertex[w] as usize == vertex));
+        assert!(mesh.corners.iter().flatten().any(|&w| mesh.wedge_vertex[w] == vertex));
     }
 }
 
@@ -92,12 +95,12 @@ fn an_edge_that_only_its_upper_end_may_collapse_is_proposed_by_it() {
     let mut engine = Engine::<crate::cost::ClassicCost>::new(samples::grid(2, 0.5), &settings);
     engine.prepare();
     engine.cost.refresh(&engine.mesh, &engine.rings, &engine.classes);
-    let ahead = |&corner: &u32| EdgeAt::ahead(&engine.mesh, corner);
-    let edges: Vec<EdgeAt> = engine.rings.of(4).iter().filter_map(ahead).collect();
-    assert_eq!(edges.iter().filter(|edge| edge.other < 4).count(), 3);
-    assert!(edges.iter().all(|edge| engine.propose(4, edge).cost.is_finite()));
-    let inward = engine.rings.of(0).iter().filter_map(ahead).find(|edge| edge.other == 4).unwrap();
-    assert!(engine.propose(0, &inward).cost.is_infinite());
+    let ahead = |&corner: &Corner| EdgeAt::ahead(&engine.mesh, corner);
+    let edges: Vec<EdgeAt> = engine.rings.of(v(4)).iter().filter_map(ahead).collect();
+    assert_eq!(edges.iter().filter(|edge| edge.other < v(4)).count(), 3);
+    assert!(edges.iter().all(|edge| engine.propose(v(4), edge).cost.is_finite()));
+    let inward = engine.rings.of(v(0)).iter().filter_map(ahead).find(|edge| edge.other == v(4)).unwrap();
+    assert!(engine.propose(v(0), &inward).cost.is_infinite());
 }
 
 #[test]
@@ -107,8 +110,8 @@ fn locked_seams_stay_whole() {
     engine.run(Stop::Faces(4));
     let mesh = engine.finish();
     for y in 0..=12 {
-        let vertex = y * 13 + 6;
-        assert!(mesh.corners.iter().flatten().any(|&w| mesh.wedge_vertex[w] == vertex), "{vertex}");
+        let vertex = v(y * 13 + 6);
+        assert!(mesh.corners.iter().flatten().any(|&w| mesh.wedge_vertex[w] == vertex), "{vertex:?}");
     }
 }
 
@@ -127,7 +130,7 @@ fn in_charts(chart: impl Fn(DVec3) -> u32) -> ClusterMesh {
             let uv = grid.positions[vertex].truncate() + DVec2::splat(100.0 * f64::from(chart));
             *wedges.entry((vertex, chart)).or_insert_with(|| mesh.push_wedge(vertex, uv))
         });
-        mesh.push_face(corners, 0);
+        mesh.push_face(corners, PartId::new(0));
     }
     mesh.link_wedges();
     mesh
@@ -142,7 +145,7 @@ fn a_corner_vanishes_along_a_seam_and_the_third_chart_follows_part_of_the_way() 
         (DVec2::splat(6.0), DVec2::splat(12.0)),
     ];
     let (mesh, _) = simplified(before, 2);
-    assert!(mesh.corner_vertices.iter().flatten().all(|&vertex| vertex != 84), "the corner is still there");
+    assert!(mesh.corner_vertices.iter().flatten().all(|&vertex| vertex != v(84)), "the corner is still there");
     for (corners, vertices) in mesh.corners.iter().zip(&mesh.corner_vertices) {
         let uv = corners.map(|w| mesh.wedge_uv[w]);
         let charts = uv.map(|uv| (uv.x / 100.0).round());
