@@ -152,9 +152,9 @@ const ONE: u32 = 1 << 16;
 #[derive(Debug, Default)]
 struct Classifier {
     spokes: Vec<Spoke>,
-    /// Number of `next` of each spoke, in lanes; `ends` holds that of `previous`.
-    begins: Vec<[u32; LANES]>,
-    ends: Vec<[u32; LANES]>,
+    /// `next` of each spoke, in lanes; `ends` holds `previous`.
+    begins: Vec<[LocalVertex; LANES]>,
+    ends: Vec<[LocalVertex; LANES]>,
     /// For each spoke, the spoke that begins where it ends.
     followers: Vec<usize>,
     /// Whether, in any fan so far, the two faces of some edge ran along it in the same direction.
@@ -253,24 +253,24 @@ impl Classifier {
     }
 }
 
-/// Writes the number of one vertex of each spoke to `lanes`, padded with that of no vertex.
-fn lanes_of(spokes: &[Spoke], lanes: &mut Vec<[u32; LANES]>, vertex_of: impl Fn(&Spoke) -> LocalVertex) {
+/// Writes one vertex of each spoke to `lanes`, padded with [`LocalVertex::NONE`].
+fn lanes_of(spokes: &[Spoke], lanes: &mut Vec<[LocalVertex; LANES]>, vertex_of: impl Fn(&Spoke) -> LocalVertex) {
     lanes.clear();
     lanes.extend(spokes.chunks(LANES).map(|spokes| {
-        let mut lanes = [LocalVertex::NONE.number(); LANES];
-        lanes.iter_mut().zip(spokes).for_each(|(lane, spoke)| *lane = vertex_of(spoke).number());
+        let mut lanes = [LocalVertex::NONE; LANES];
+        lanes.iter_mut().zip(spokes).for_each(|(lane, spoke)| *lane = vertex_of(spoke));
         lanes
     }));
 }
 
 /// [`ONE`] for each spoke that names the vertex, plus the sum of their indices.
 #[inline(always)]
-fn find(lanes: &[[u32; LANES]], vertex: LocalVertex) -> u32 {
+fn find(lanes: &[[LocalVertex; LANES]], vertex: LocalVertex) -> u32 {
     // Compares all lanes, because a branch on the position of the match would be unpredictable.
     let mut found = [0; LANES];
     for (at, lanes) in (0..).step_by(LANES).zip(lanes) {
         for lane in 0..LANES {
-            let mask = 0u32.wrapping_sub(u32::from(lanes[lane] == vertex.number()));
+            let mask = 0u32.wrapping_sub(u32::from(lanes[lane] == vertex));
             found[lane] += mask & (ONE + at + lane as u32);
         }
     }

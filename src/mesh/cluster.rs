@@ -220,14 +220,14 @@ impl ClusterMesh {
         self.wedge_vertex.push_and_get_key(vertex)
     }
 
-    /// Adds a face with a deviation of 0.
-    pub fn push_face(&mut self, corners: [Wedge; 3], part: PartId) {
-        self.corners.push(corners);
+    /// Adds a face with a deviation of 0 and returns its id.
+    pub fn push_face(&mut self, corners: [Wedge; 3], part: PartId) -> FaceId {
         self.corner_vertices.push(corners.map(|wedge| self.wedge_vertex[wedge]));
         self.parts.push(part);
         self.deviations.push(0.0);
         self.is_turned.push(false);
         self.face_count += 1;
+        self.corners.push_and_get_key(corners)
     }
 
     /// Links the wedges of each vertex into a cycle, in order of their ids, and marks all wedges as not moved.
@@ -307,7 +307,9 @@ pub(crate) mod samples {
 
     /// Adds faces with these wedges.
     pub fn add_faces(mesh: &mut ClusterMesh, faces: &[[u32; 3]]) {
-        faces.iter().for_each(|face| mesh.push_face(face.map(w), PartId::new(0)));
+        for face in faces {
+            mesh.push_face(face.map(w), PartId::new(0));
+        }
     }
 
     /// A mesh whose vertices have one wedge each, with the same number.

@@ -44,8 +44,8 @@ pub fn compact<L: Copy + Eq + Hash>(mesh: &ClusterMesh, label_of: impl Fn(PartId
             }
             wedge_of[wedge]
         });
-        compacted.mesh.push_face(corners, part);
-        compacted.mesh.deviations[face] = mesh.deviations[face];
+        let copy = compacted.mesh.push_face(corners, part);
+        compacted.mesh.deviations[copy] = mesh.deviations[face];
     }
     compacted.mesh.link_wedges();
     compacted

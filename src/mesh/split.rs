@@ -12,7 +12,7 @@
 use glam::DVec3;
 
 use super::cluster::{ClusterMesh, flag};
-use super::id::{FaceId, LocalVertex, Wedge};
+use super::id::{LocalVertex, Wedge};
 use crate::geometry::triangle::regularity;
 
 /// A point on an edge whose ends have the same wedges in all of its faces.
@@ -77,10 +77,9 @@ pub fn split_edges(mesh: &mut ClusterMesh, points: &[EdgePoint]) {
                 mesh.corners[face] = corners;
                 mesh.corner_vertices[face] = corners.map(|w| mesh.wedge_vertex[w]);
             } else {
-                let last = FaceId::from(mesh.corners.len());
-                mesh.push_face(corners, part);
-                mesh.deviations[last] = deviation;
-                mesh.is_turned[last] = is_turned;
+                let added = mesh.push_face(corners, part);
+                mesh.deviations[added] = deviation;
+                mesh.is_turned[added] = is_turned;
             }
         }
     }

@@ -269,8 +269,7 @@ impl ClusterSource {
         mesh.is_turned.reserve_exact(faces.len());
         let mut first_wedge = mesh.per_vertex(Wedge::NONE);
         // For each wedge: the next wedge of the same vertex, and its material.
-        let mut gathered: TiVec<Wedge, (Wedge, u32)> =
-            TiVec::with_capacity(mesh.positions.len() + mesh.positions.len() / 4);
+        let mut gathered: TiVec<Wedge, (Wedge, u32)> = TiVec::with_capacity(mesh.positions.len() * 5 / 4);
         // The last wedge that used each texture coordinate, which is usually the one wanted next.
         let mut recent = vec![Wedge::NONE; self.texcoords.len()];
         // Wedges of a vertex beyond the first [`CHAIN_MAX`]; only looked up, never iterated.
@@ -317,8 +316,8 @@ impl ClusterSource {
                 recent.get_mut(index as usize).into_iter().for_each(|recent| *recent = wedge);
                 *corner = wedge;
             }
-            mesh.push_face(corners, PartId::new(face.part));
-            mesh.deviations.last_mut().into_iter().for_each(|deviation| *deviation = face.deviation);
+            let added = mesh.push_face(corners, PartId::new(face.part));
+            mesh.deviations[added] = face.deviation;
         }
         mesh.link_wedges();
     }

@@ -238,7 +238,7 @@ pub fn triangulate_polygons(faces: &mut Vec<Face>, positions: &[DVec3]) -> u64 {
         outline.extend(corners.iter().map(|&(v, _)| positions[v as usize]));
         polygon::triangulate(&outline, &mut triangles);
         for triangle in &triangles {
-            let pick = triangle.map(|i| corners[i as usize]);
+            let pick = triangle.map(|i| corners[i]);
             let vertices = pick.map(|(v, _)| v);
             if repeats_vertex(vertices) {
                 dropped += 1;

@@ -242,8 +242,8 @@ impl Hole {
             let wedge = mesh.closing_wedge(side.wedges, side.beyond_wedge, own);
             let mut corners = [wedge; 3];
             (corners[k], corners[(k + 1) % 3]) = (side.wedges[0], side.wedges[1]);
-            mesh.push_face(corners, side.part);
-            mesh.is_turned.iter_mut().last().into_iter().for_each(|is_turned| *is_turned = side.is_turned);
+            let face = mesh.push_face(corners, side.part);
+            mesh.is_turned[face] = side.is_turned;
             for j in 0..3 {
                 let [from, to, beyond] = [j, (j + 1) % 3, (j + 2) % 3];
                 sides.push(HoleEdge {

@@ -199,7 +199,7 @@ fn changing_corners<'a>(
     collapse: Collapse,
 ) -> impl Iterator<Item = (Corner, bool)> + 'a {
     let living = move |vertex: LocalVertex| rings.living(mesh, vertex);
-    let is_dying = |corner: Corner| star.dying.contains(&(corner.face()));
+    let is_dying = |corner: Corner| star.dying.contains(&corner.face());
     let at_to = living(collapse.to).filter(move |&corner| !collapse.stays && !is_dying(corner));
     living(collapse.from).map(move |corner| (corner, is_dying(corner))).chain(at_to.map(|corner| (corner, false)))
 }

@@ -111,8 +111,7 @@ mod tests {
             let vertex = mesh.push_vertex(DVec3::new(x, y, 3.0), 0);
             mesh.push_wedge(vertex, DVec2::NAN)
         });
-        mesh.push_face(corners, PartId::new(0));
-        let (vertex, face) = (mesh.wedge_vertex[corners[0]], mesh.face_ids().next_back().unwrap());
+        let (vertex, face) = (mesh.wedge_vertex[corners[0]], mesh.push_face(corners, PartId::new(0)));
         let mut loners = Loners::default();
         loners.price(&mesh, vec![Loner { vertex, face }]);
         assert_eq!(loners.price_of(vertex), Some((PRICE * 0.5 * 9.0) as f32));

@@ -265,8 +265,8 @@ fn sorted_sides(mesh: &ClusterMesh) -> Vec<FaceSide> {
             sides.push(([vertices[from], vertices[to]], [corners[from], corners[to]], face));
         }
     }
-    let key = |[low, high]: [LocalVertex; 2]| u64::from(low.number()) << 32 | u64::from(high.number());
-    sides.sort_unstable_by_key(|&(vertices, _, face)| (key(vertices), face));
+    let number = |vertex: LocalVertex| u64::from(vertex.number());
+    sides.sort_unstable_by_key(|&([low, high], _, face)| (number(low) << 32 | number(high), face));
     sides
 }
 
@@ -277,8 +277,7 @@ fn shared_keys(source: &ClusterSource, catalogue: &Catalogue) -> TiVec<Wedge, u6
     for (corners, &part) in mesh.corners.iter().zip(&mesh.parts) {
         for &wedge in corners.iter().filter(|&&wedge| mesh.is_shared(mesh.wedge_vertex[wedge])) {
             let [u, v] = mesh.wedge_uv[wedge].to_array().map(|x| (x + 0.0).to_bits());
-            let material = catalogue.material_index(part.number()) as u64;
-            keys[wedge] = xxh3_64(bytemuck::cast_slice(&[u, v, material]));
+            keys[wedge] = xxh3_64(bytemuck::cast_slice(&[u, v, catalogue.material_index(part.number()) as u64]));
         }
     }
     keys
@@ -298,8 +297,7 @@ impl CellTally {
             }
             self.border_ends.push((source.vertex_id(vertex), *number));
         }
-        let is_closed = |vertex: &&LocalVertex| border.is_root(vertex.number()) && number[vertex.index()] == u32::MAX;
-        let closed = vertices.iter().filter(is_closed);
+        let closed = vertices.iter().filter(|v| border.is_root(v.number()) && number[v.index()] == u32::MAX);
         self.counts.topology.boundary_loops = closed.count() as u64;
     }
 
@@ -347,11 +345,8 @@ impl CellTally {
                 self.charts.push(sums[root]);
             }
         }
-        for face in mesh.face_ids().filter(|&face| textured[face]) {
-            if charts.is_root(face.number()) && number[face.index()] == u32::MAX {
-                self.counts.add_chart(&sums[face.index()]);
-            }
-        }
+        let is_closed = |f: &FaceId| textured[*f] && charts.is_root(f.number()) && number[f.index()] == u32::MAX;
+        mesh.face_ids().filter(is_closed).for_each(|face| self.counts.add_chart(&sums[face.index()]));
         number
     }
 }

@@ -323,7 +323,7 @@ mod tests {
     fn seams_borders_and_rims_are_not_split() {
         use crate::mesh::cluster::flag;
         let mut mesh = samples::two_charts(4);
-        [6, 11].map(|at| mesh.flags[v(at)] |= flag::SHARED | flag::LOCKED);
+        [6, 11].iter().for_each(|&at| mesh.flags[v(at)] |= flag::SHARED | flag::LOCKED);
         let mut rings = Rings::default();
         rings.build(&mesh);
         let ends = |at| {

@@ -43,7 +43,9 @@ impl Case {
         for (wedge, &uv) in self.uvs.iter_enumerated() {
             mesh.push_wedge(vertex_of(wedge), uv);
         }
-        self.faces.iter().for_each(|&face| mesh.push_face(face, PartId::new(0)));
+        for &face in &self.faces {
+            mesh.push_face(face, PartId::new(0));
+        }
         mesh.is_turned = self.are_turned.clone().into();
         mesh.link_wedges();
         rings.build(&mesh);
