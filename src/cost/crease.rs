@@ -54,7 +54,7 @@ const STIFFNESS: f64 = 2.0;
 /// Adds the planes of all sharp edges to the quadrics of their ends, and clears the sums of normals. `weight` is that
 /// of an open border per squared length.
 pub fn add_creases(vertices: &mut TiSlice<LocalVertex, LocalQuadric>, mesh: &ClusterMesh, rings: &Rings, weight: f64) {
-    for a in vertices.keys() {
+    for a in mesh.vertex_ids() {
         if !NormalSums::are_spread(&vertices[a]) {
             continue;
         }

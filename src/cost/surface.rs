@@ -107,7 +107,7 @@ impl SurfaceCost {
         }
         add_creases(&mut self.vertices, mesh, rings, self.weights.border);
         let mut spokes = Vec::new();
-        for vertex in classes.keys().filter(|&vertex| classes[vertex] != Class::Smooth) {
+        for vertex in mesh.vertex_ids().filter(|&vertex| classes[vertex] != Class::Smooth) {
             self.add_chain_edges(mesh, rings, classes, vertex, &mut spokes);
         }
     }

@@ -662,7 +662,7 @@ impl<M: Metric> Engine<M> {
         self.cost.follow(&self.mesh, &self.rings, &self.survivors, &mut self.changed);
         self.changed.drain(..).for_each(|vertex| self.touched[vertex] = round);
         // In the order of ids, because neighbours on the surface are neighbours in memory.
-        for vertex in self.touched.keys() {
+        for vertex in self.mesh.vertex_ids() {
             if self.touched[vertex] != round || self.rings.of(vertex).is_empty() {
                 continue;
             }

@@ -65,7 +65,7 @@ impl Clustering<'_> {
         let mut weights = self.weights(cells);
         for sweep in 0..sweeps {
             let mut moved = false;
-            for vertex in cells.keys() {
+            for vertex in self.mesh.vertex_ids() {
                 let own = cells[vertex];
                 if self.rings.of(vertex).is_empty() || self.centres[own] == vertex || is_held(vertex) {
                     continue;

@@ -46,7 +46,7 @@ pub fn keep_junctions(
     }
     let normals = weighted_normals(mesh);
     let mut junctions = Vec::new();
-    for vertex in cells.keys() {
+    for vertex in mesh.vertex_ids() {
         let own = cells[vertex];
         if rings.of(vertex).is_empty() || is_held(vertex) || centres[own] == vertex {
             continue;
