@@ -15,18 +15,18 @@ use crate::base::id::TiVec;
 /// Corners at each vertex.
 #[derive(Debug, Clone, Default)]
 pub struct Rings {
-    rows: TiVec<LocalVertex, Row>,
+    rows: TiVec<LocalVertex, RingRow>,
     corners: Vec<Corner>,
 }
 
 /// The place of a row in [`Rings::corners`].
 #[derive(Debug, Clone, Copy, Default)]
-struct Row {
+struct RingRow {
     start: u32,
     length: u32,
 }
 
-impl Row {
+impl RingRow {
     #[inline(always)]
     fn range(self) -> Range<usize> {
         self.start as usize..(self.start + self.length) as usize
@@ -37,7 +37,7 @@ impl Rings {
     /// Builds the rows for all living faces. O(faces).
     pub fn build(&mut self, mesh: &ClusterMesh) {
         self.rows.clear();
-        self.rows.resize(mesh.positions.len(), Row::default());
+        self.rows.resize(mesh.positions.len(), RingRow::default());
         for face in mesh.living_faces() {
             for &vertex in &mesh.corner_vertices[face] {
                 self.rows[vertex].length += 1;
@@ -75,8 +75,8 @@ impl Rings {
                 self.corners.push(corner);
             }
         }
-        self.rows[from] = Row::default();
-        self.rows[to] = Row { start: start as u32, length: (self.corners.len() - start) as u32 };
+        self.rows[from] = RingRow::default();
+        self.rows[to] = RingRow { start: start as u32, length: (self.corners.len() - start) as u32 };
     }
 
     /// Whether more than half of the entries are unused, so that the rows should be rebuilt.

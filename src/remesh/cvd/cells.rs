@@ -18,7 +18,7 @@ ids! {
 }
 
 /// The cell of each vertex; [`VoronoiCell::NONE`] where it has none.
-pub type Cells = TiSlice<LocalVertex, VoronoiCell>;
+pub type VertexCells = TiSlice<LocalVertex, VoronoiCell>;
 
 /// Bits of a Morton code for each axis.
 const MORTON_BITS: u32 = 21;
@@ -59,7 +59,7 @@ pub fn grow(
     order: &[LocalVertex],
     masses: &TiSlice<LocalVertex, f64>,
     enough: f64,
-    cells: &mut Cells,
+    cells: &mut VertexCells,
     mut neighbours: impl FnMut(LocalVertex, &mut Vec<LocalVertex>),
 ) -> usize {
     let count = cells.iter().filter_map(|cell| cell.some()).max().map_or(0, |last| last.index() + 1);
@@ -118,7 +118,7 @@ pub fn grow(
 }
 
 /// Renumbers the cells that have vertices without gaps, in order; returns their number.
-fn renumber(cells: &mut Cells, count: usize) -> usize {
+fn renumber(cells: &mut VertexCells, count: usize) -> usize {
     let mut has_vertices: TiVec<VoronoiCell, bool> = vec![false; count].into();
     cells.iter().filter_map(|cell| cell.some()).for_each(|cell| has_vertices[cell] = true);
     let mut next = 0;

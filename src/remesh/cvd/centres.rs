@@ -5,7 +5,7 @@
 
 use glam::DVec3;
 
-use super::cells::{Cells, VoronoiCell};
+use super::cells::{VertexCells, VoronoiCell};
 use super::queue::splittable;
 use crate::base::id::{TiSlice, TiVec};
 use crate::cost::Quadric;
@@ -36,7 +36,7 @@ pub struct Members {
 
 impl Members {
     /// Collects the vertices of the cells below `count`, in order of their ids.
-    pub fn new(cells: &Cells, count: usize) -> Self {
+    pub fn new(cells: &VertexCells, count: usize) -> Self {
         let mut starts = vec![0u32; count + 1];
         for &cell in cells.iter().filter(|cell| cell.index() < count) {
             starts[cell.index() + 1] += 1;
@@ -70,7 +70,7 @@ pub fn centres(
     mesh: &ClusterMesh,
     rings: &Rings,
     members: &Members,
-    cells: &Cells,
+    cells: &VertexCells,
     (is_held, is_sound): (&TiSlice<LocalVertex, bool>, &TiSlice<FaceId, bool>),
     spring: f64,
 ) -> TiVec<VoronoiCell, Centre> {
@@ -93,7 +93,7 @@ fn least_error(
     mesh: &ClusterMesh,
     rings: &Rings,
     is_sound: &TiSlice<FaceId, bool>,
-    (vertices, cells): (&[LocalVertex], &Cells),
+    (vertices, cells): (&[LocalVertex], &VertexCells),
     spring: f64,
     ends: &mut Vec<LocalVertex>,
 ) -> Centre {

@@ -11,7 +11,7 @@
 
 use glam::DVec3;
 
-use super::cells::{Cells, VoronoiCell};
+use super::cells::{VertexCells, VoronoiCell};
 use crate::base::id::{TiSlice, TiVec};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::id::LocalVertex;
@@ -61,7 +61,7 @@ pub struct Clustering<'a> {
 impl Clustering<'_> {
     /// Moves vertices between cells in at most `sweeps` sweeps; returns the number of sweeps that changed a cell.
     /// Centres and held vertices stay.
-    pub fn improve(&self, cells: &mut Cells, sweeps: u32, is_held: impl Fn(LocalVertex) -> bool) -> u32 {
+    pub fn improve(&self, cells: &mut VertexCells, sweeps: u32, is_held: impl Fn(LocalVertex) -> bool) -> u32 {
         let mut weights = self.weights(cells);
         for sweep in 0..sweeps {
             let mut moved = false;
@@ -86,7 +86,7 @@ impl Clustering<'_> {
     }
 
     /// F \[9-11\]; with centroidal centres the sum of the cells' parts.
-    pub fn energy(&self, cells: &Cells) -> f64 {
+    pub fn energy(&self, cells: &VertexCells) -> f64 {
         let weights = self.weights(cells);
         let of_cell = |(weight, &centre): (&Weight, &LocalVertex)| match self.pull {
             Pull::Fixed => {
@@ -98,7 +98,7 @@ impl Clustering<'_> {
         weights.iter().zip(self.centres).map(of_cell).sum()
     }
 
-    fn weights(&self, cells: &Cells) -> TiVec<VoronoiCell, Weight> {
+    fn weights(&self, cells: &VertexCells) -> TiVec<VoronoiCell, Weight> {
         let mut weights: TiVec<_, _> = vec![Weight::default(); self.centres.len()].into();
         for (vertex, &cell) in cells.iter_enumerated() {
             if let Some(weight) = weights.get_mut(cell) {
@@ -113,7 +113,7 @@ impl Clustering<'_> {
     fn better_cell(
         &self,
         vertex: LocalVertex,
-        cells: &Cells,
+        cells: &VertexCells,
         weights: &TiSlice<VoronoiCell, Weight>,
     ) -> Option<VoronoiCell> {
         let own = cells[vertex];
@@ -144,7 +144,7 @@ impl Clustering<'_> {
 
 /// Number of stretches that a cell has on a closed ring of links; the cell must have some vertices of the ring, but not
 /// all.
-fn stretches(links: impl Iterator<Item = [LocalVertex; 2]>, cells: &Cells, cell: VoronoiCell) -> usize {
+fn stretches(links: impl Iterator<Item = [LocalVertex; 2]>, cells: &VertexCells, cell: VoronoiCell) -> usize {
     links.filter(|&[a, b]| (cells[a] == cell) && (cells[b] != cell)).count()
 }
 
@@ -157,7 +157,7 @@ mod tests {
     use proptest::prelude::*;
 
     /// The energy by its definition: masses times squared distances from the centres, summed over all vertices.
-    fn plain_energy(clustering: &Clustering, cells: &Cells) -> f64 {
+    fn plain_energy(clustering: &Clustering, cells: &VertexCells) -> f64 {
         let Clustering { mesh, masses, centres, .. } = clustering;
         let of = |cell: VoronoiCell| cells.keys().filter(move |&v| cells[v] == cell);
         let centre = |cell: VoronoiCell| match clustering.pull {
@@ -172,7 +172,7 @@ mod tests {
     }
 
     /// Number of connected components of a cell among the vertices around one.
-    fn plain_pieces(mesh: &ClusterMesh, vertex: LocalVertex, cells: &Cells, cell: VoronoiCell) -> usize {
+    fn plain_pieces(mesh: &ClusterMesh, vertex: LocalVertex, cells: &VertexCells, cell: VoronoiCell) -> usize {
         let faces = mesh.corner_vertices.iter().filter(|face| face.contains(&vertex));
         let sides: Vec<Vec<LocalVertex>> =
             faces.map(|face| face.iter().copied().filter(|&v| v != vertex && cells[v] == cell).collect()).collect();
@@ -188,7 +188,7 @@ mod tests {
     }
 
     /// One sweep that tries every cell around every vertex, and sums the whole energy each time.
-    fn plain_sweep(clustering: &Clustering, cells: &mut Cells, is_held: impl Fn(LocalVertex) -> bool) {
+    fn plain_sweep(clustering: &Clustering, cells: &mut VertexCells, is_held: impl Fn(LocalVertex) -> bool) {
         for vertex in cells.keys() {
             let own = cells[vertex];
             if is_held(vertex) || clustering.centres.contains(&vertex) {

@@ -13,7 +13,7 @@
 
 use glam::DVec2;
 
-use super::cells::{Cells, VoronoiCell};
+use super::cells::{VertexCells, VoronoiCell};
 use super::queue::{quadric_error, weighted_normals};
 use crate::base::id::{TiSlice, TiVec};
 use crate::mesh::cluster::ClusterMesh;
@@ -36,7 +36,7 @@ pub struct Shrunk {
 pub fn keep_junctions(
     mesh: &ClusterMesh,
     rings: &Rings,
-    cells: &mut Cells,
+    cells: &mut VertexCells,
     centres: &mut TiVec<VoronoiCell, LocalVertex>,
     most: f64,
     is_held: impl Fn(LocalVertex) -> bool,
@@ -70,7 +70,7 @@ pub fn keep_junctions(
 /// Shrinks every cell to its centre, as far as that is legal. Held vertices stay.
 pub fn shrink(
     mesh: &mut ClusterMesh,
-    cells: &Cells,
+    cells: &VertexCells,
     centres: &TiSlice<VoronoiCell, LocalVertex>,
     is_held: impl Fn(LocalVertex) -> bool,
 ) -> Shrunk {
@@ -118,7 +118,7 @@ impl Shrinker {
         &mut self,
         mesh: &mut ClusterMesh,
         rings: &Rings,
-        cells: &Cells,
+        cells: &VertexCells,
         centres: &TiSlice<VoronoiCell, LocalVertex>,
         vertex: LocalVertex,
         anywhere: bool,
@@ -229,7 +229,7 @@ mod tests {
         let mut rings = Rings::default();
         rings.build(&mesh);
         let count = centres.len();
-        let kept = |most: f64, cells: &mut Cells, centres: &mut TiVec<VoronoiCell, LocalVertex>| {
+        let kept = |most: f64, cells: &mut VertexCells, centres: &mut TiVec<VoronoiCell, LocalVertex>| {
             keep_junctions(&mesh, &rings, cells, centres, most, is_border)
         };
         assert_eq!(kept(f64::INFINITY, &mut cells.clone(), &mut centres.clone()), 0);
