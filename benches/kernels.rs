@@ -21,9 +21,10 @@ use std::path::{Path, PathBuf};
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use drystone::base::Silent;
+use drystone::base::id::TiVec;
 use drystone::cost::{EdgeCase, SurfaceCost, Weights};
 use drystone::mesh::class::classify;
-use drystone::mesh::{Class, ClusterMesh, Rings};
+use drystone::mesh::{Class, ClusterMesh, LocalVertex, Rings, WedgePair};
 use drystone::partition::cluster::MaterialArea;
 use drystone::partition::{ClusterSource, Partition, PartitionOptions, TextureScale, cluster, partition, reading};
 use drystone::read::{Scan, ScanOptions, scan};
@@ -69,13 +70,13 @@ fn largest(scan: &Scan, partition: &Partition) -> (ClusterSource, usize, Texture
 /// Rings, classes and quadrics of a mesh.
 struct Prepared {
     rings: Rings,
-    classes: Vec<Class>,
+    classes: TiVec<LocalVertex, Class>,
     cost: SurfaceCost,
 }
 
 impl Prepared {
     fn new(mesh: &ClusterMesh) -> Self {
-        let (mut rings, mut classes) = (Rings::default(), Vec::new());
+        let (mut rings, mut classes) = (Rings::default(), TiVec::new());
         rings.build(mesh);
         classify(mesh, &rings, &mut classes);
         let mut cost = SurfaceCost::new(Weights::default());
@@ -86,13 +87,13 @@ impl Prepared {
     /// Sum of the costs of all collapses of vertices inside a chart.
     fn evaluate(&self, mesh: &ClusterMesh) -> f64 {
         let mut sum = 0.0;
-        for from in (0..self.classes.len() as u32).filter(|&v| self.classes[v as usize] == Class::Smooth) {
+        for from in mesh.vertex_ids().filter(|&vertex| self.classes[vertex] == Class::Smooth) {
             for &corner in self.rings.of(from) {
-                let next = ClusterMesh::following(corner)[0];
-                let wedges = [(mesh.wedge_of(corner), mesh.wedge_of(next))];
+                let to = mesh.end_of(corner.next());
+                let wedges = [WedgePair { from: mesh.wedge_of(corner), to: to.wedge }];
                 let edge = EdgeCase {
                     from,
-                    to: mesh.vertex_of(next),
+                    to: to.vertex,
                     onto: false,
                     stays: true,
                     wedges: &wedges,

@@ -36,9 +36,11 @@ use super::metric::{EdgeCase, Metric, Placement, fits};
 use super::parameter::{Parameter, choice, factor, switch};
 use super::planes::{PlacePolicy, area_of, ends, extended, priced, texcoords_along, unit_planes};
 use super::quadric::Quadric;
-use crate::mesh::class::{Class, Rule};
+use crate::base::id::TiVec;
+use crate::mesh::class::{Class, Classes, Rule};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::edge::EdgeKind;
+use crate::mesh::id::LocalVertex;
 use crate::mesh::ring::Rings;
 
 /// Parameters.
@@ -69,7 +71,7 @@ impl From<[f64; 3]> for ClassicSettings {
 #[derive(Debug)]
 pub struct ClassicCost {
     settings: ClassicSettings,
-    quadrics: Vec<Quadric>,
+    quadrics: TiVec<LocalVertex, Quadric>,
     area: f64,
 }
 
@@ -77,29 +79,29 @@ impl Metric for ClassicCost {
     type Settings = ClassicSettings;
 
     fn new(settings: &ClassicSettings) -> Self {
-        Self { settings: *settings, quadrics: Vec::new(), area: 0.0 }
+        Self { settings: *settings, quadrics: TiVec::new(), area: 0.0 }
     }
 
     fn reads_texture(_: &ClassicSettings) -> bool {
         false
     }
 
-    fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
+    fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &Classes) {
         self.area = area_of(mesh);
         let kept = std::mem::take(&mut self.quadrics);
-        let planes = |first| unit_planes(mesh, rings, classes, self.settings.border).split_off(first);
+        let planes = |first| unit_planes(mesh, rings, classes, self.settings.border).raw.split_off(first);
         self.quadrics = extended(kept, mesh.positions.len(), planes);
     }
 
     fn place(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Placement {
-        let sum = self.quadrics[edge.from as usize] + self.quadrics[edge.to as usize];
+        let sum = self.quadrics[edge.from] + self.quadrics[edge.to];
         let position = self.settings.placement.place(mesh, edge, &sum);
         priced(mesh, edge, position, sum.at(position))
     }
 
     fn join(&mut self, _mesh: &ClusterMesh, edge: &EdgeCase<'_>) {
-        let vanished = self.quadrics[edge.from as usize];
-        self.quadrics[edge.to as usize] += vanished;
+        let vanished = self.quadrics[edge.from];
+        self.quadrics[edge.to] += vanished;
     }
 
     fn area(&self) -> f64 {

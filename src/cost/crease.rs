@@ -15,7 +15,9 @@
 use glam::{DVec3, Vec3};
 
 use super::local::LocalQuadric;
+use crate::base::id::TiSlice;
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::id::{Corner, LocalVertex};
 use crate::mesh::ring::Rings;
 
 /// A vertex may have sharp edges if the mean normal of its faces is shorter than this.
@@ -39,7 +41,7 @@ impl NormalSums {
         vertex.linear.length() < MEAN_NORMAL_MAX * vertex.constant
     }
 
-    fn clear(vertices: &mut [LocalQuadric]) {
+    fn clear(vertices: &mut TiSlice<LocalVertex, LocalQuadric>) {
         for vertex in vertices {
             (vertex.linear, vertex.constant) = (Vec3::ZERO, 0.0);
         }
@@ -51,23 +53,23 @@ const STIFFNESS: f64 = 2.0;
 
 /// Adds the planes of all sharp edges to the quadrics of their ends, and clears the sums of normals. `weight` is that
 /// of an open border per squared length.
-pub fn add_creases(vertices: &mut [LocalQuadric], mesh: &ClusterMesh, rings: &Rings, weight: f64) {
-    for a in 0..vertices.len() as u32 {
-        if !NormalSums::are_spread(&vertices[a as usize]) {
+pub fn add_creases(vertices: &mut TiSlice<LocalVertex, LocalQuadric>, mesh: &ClusterMesh, rings: &Rings, weight: f64) {
+    for a in mesh.vertex_ids() {
+        if !NormalSums::are_spread(&vertices[a]) {
             continue;
         }
         for &corner in rings.of(a) {
-            let [next, previous] = ClusterMesh::following(corner);
+            let [next, previous] = corner.others();
             let b = mesh.vertex_of(next);
-            if b < a || !NormalSums::are_spread(&vertices[b as usize]) {
+            if b < a || !NormalSums::are_spread(&vertices[b]) {
                 continue;
             }
-            let leads_back = |other: &&u32| mesh.vertex_of(ClusterMesh::following(**other)[1]) == b;
-            let place = |v: u32| mesh.positions[v as usize] - mesh.positions[a as usize];
-            let third = |corner: u32| place(mesh.vertex_of(corner));
+            let leads_back = |other: &&Corner| mesh.vertex_of(other.previous()) == b;
+            let place = |v: LocalVertex| mesh.positions[v] - mesh.positions[a];
+            let third = |corner: Corner| place(mesh.vertex_of(corner));
             // Where more than two faces meet, the flattest turn counts as the continuation of the surface.
             let turns = rings.of(a).iter().filter(leads_back).map(|&other| {
-                let thirds = [third(previous), third(ClusterMesh::following(other)[0])];
+                let thirds = [third(previous), third(other.next())];
                 crease(place(b), thirds).unwrap_or_default()
             });
             let Some((uprights, share)) = turns.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|turn| turn.1 > 0.0) else {
@@ -76,7 +78,7 @@ pub fn add_creases(vertices: &mut [LocalQuadric], mesh: &ClusterMesh, rings: &Ri
             let weight = (STIFFNESS * weight * share * place(b).length_squared()) as f32;
             for upright in uprights {
                 for end in [a, b] {
-                    vertices[end as usize].add_plane(upright.as_vec3(), weight);
+                    vertices[end].add_plane(upright.as_vec3(), weight);
                 }
             }
         }
@@ -100,7 +102,11 @@ fn crease(edge: DVec3, [left, right]: [DVec3; 2]) -> Option<([DVec3; 2], f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::id::TiVec;
+    use crate::mesh::Wedge;
     use crate::mesh::cluster::samples;
+    use crate::mesh::id::short::v;
+    use crate::model::id::PartId;
 
     #[test]
     fn a_sharp_edge_weighs_the_more_the_sharper_it_is() {
@@ -117,20 +123,21 @@ mod tests {
     /// Two square sheets of 4 × 4 squares, `gap` apart inside and joined at their rims.
     fn cushion(gap: f64) -> ClusterMesh {
         let top = samples::grid(4, 0.0);
-        let is_rim = |v: u32| v.is_multiple_of(5) || v % 5 == 4 || v / 5 == 0 || v / 5 == 4;
         let mut mesh = top.clone();
-        let below: Vec<u32> = (0..25)
-            .map(|v| {
-                if is_rim(v) {
-                    return v;
+        let below: TiVec<Wedge, Wedge> = top
+            .wedge_vertex
+            .iter_enumerated()
+            .map(|(wedge, &vertex)| {
+                if samples::is_on_rim(4, vertex) {
+                    return wedge;
                 }
-                let vertex = mesh.push_vertex(top.positions[v as usize] - gap * DVec3::Z, 0);
-                mesh.push_wedge(vertex, top.wedge_uv[v as usize])
+                let vertex = mesh.push_vertex(top.positions[vertex] - gap * DVec3::Z, 0);
+                mesh.push_wedge(vertex, top.wedge_uv[wedge])
             })
             .collect();
         for corners in &top.corners {
-            let [a, b, c] = corners.map(|wedge| below[wedge as usize]);
-            mesh.push_face([a, c, b], 0);
+            let [a, b, c] = corners.map(|wedge| below[wedge]);
+            mesh.push_face([a, c, b], PartId::new(0));
         }
         mesh.link_wedges();
         mesh
@@ -141,16 +148,16 @@ mod tests {
         let mesh = cushion(1e-3);
         let mut rings = Rings::default();
         rings.build(&mesh);
-        let mut vertices = vec![LocalQuadric::default(); mesh.positions.len()];
-        for (face, corners) in mesh.corner_vertices.iter().enumerate() {
-            let [a, b, c] = mesh.triangle(face as u32);
+        let mut vertices = mesh.per_vertex(LocalQuadric::default());
+        for face in mesh.face_ids() {
+            let [a, b, c] = mesh.triangle(face);
             let across = 0.5 * (b - a).cross(c - a);
-            for &vertex in corners {
-                NormalSums::add(&mut vertices[vertex as usize], across.as_vec3(), across.length() as f32);
+            for vertex in mesh.vertices(face) {
+                NormalSums::add(&mut vertices[vertex], across.as_vec3(), across.length() as f32);
             }
         }
         add_creases(&mut vertices, &mesh, &rings, 1.0);
-        let inwards = |vertex: u32| vertices[vertex as usize].at(Vec3::new(0.0, 0.1, 0.0));
+        let inwards = |at: u32| vertices[v(at)].at(Vec3::new(0.0, 0.1, 0.0));
         // Two edges of length 1 meet in vertex 2, each with two planes.
         assert!(inwards(2) > 0.06 && inwards(2) < 0.18, "{}", inwards(2));
         assert_eq!(inwards(12), 0.0);

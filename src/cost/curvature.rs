@@ -33,6 +33,8 @@
 
 use std::f64::consts::TAU;
 
+use glam::DVec3;
+
 use super::around::Around;
 use super::fan::{Fan, angle_between};
 use super::mesh_stats::MeshStats;
@@ -40,8 +42,10 @@ use super::metric::{EdgeCase, Metric, Placement};
 use super::parameter::{Parameter, factor, switch};
 use super::planes::{area_of, best_place, extended, priced, unit_planes};
 use super::quadric::Quadric;
-use crate::mesh::class::Class;
+use crate::base::id::{TiSlice, TiVec};
+use crate::mesh::class::Classes;
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::id::LocalVertex;
 use crate::mesh::ring::Rings;
 
 /// Parameters.
@@ -79,7 +83,7 @@ pub(super) struct Bend {
 }
 
 impl Bend {
-    pub fn of(fan: &Fan, centre: glam::DVec3, positions: &[glam::DVec3]) -> Self {
+    pub fn of(fan: &Fan, centre: DVec3, positions: &TiSlice<LocalVertex, DVec3>) -> Self {
         let area = fan.area();
         if area <= 0.0 {
             return Self::default();
@@ -88,7 +92,7 @@ impl Bend {
         let angles: f64 = fan.spokes.iter().filter(|spoke| spoke.area > 0.0).map(|spoke| spoke.angle).sum();
         let bent = fan.joints().filter(|(a, b, _)| a.area > 0.0 && b.area > 0.0);
         let turn: f64 =
-            bent.map(|(a, b, end)| positions[end as usize].distance(centre) * angle_between(a.normal, b.normal)).sum();
+            bent.map(|(a, b, end)| positions[end].distance(centre) * angle_between(a.normal, b.normal)).sum();
         Self { gauss: if fan.is_closed { (TAU - angles) / third } else { 0.0 }, mean: 0.25 * turn / third, area }
     }
 
@@ -102,28 +106,28 @@ impl Bend {
 #[derive(Debug)]
 pub struct CurvatureCost {
     settings: CurvatureSettings,
-    quadrics: Vec<Quadric>,
+    quadrics: TiVec<LocalVertex, Quadric>,
     /// A c of each vertex.
-    weights: Vec<f64>,
+    weights: TiVec<LocalVertex, f64>,
     around: Around,
     fan: Fan,
     area: f64,
 }
 
 impl CurvatureCost {
-    fn weigh(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) {
+    fn weigh(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex) {
         self.fan.gather(mesh, rings, vertex);
-        let bend = Bend::of(&self.fan, mesh.positions[vertex as usize], &mesh.positions);
+        let bend = Bend::of(&self.fan, mesh.positions[vertex], &mesh.positions);
         let curvature = if self.settings.has_curvature { bend.total().max(self.settings.floor) } else { 1.0 };
-        self.weights[vertex as usize] = bend.area * curvature;
+        self.weights[vertex] = bend.area * curvature;
     }
 }
 
 #[cfg(test)]
 impl CurvatureCost {
     /// A c of a vertex.
-    pub(super) fn weight(&self, vertex: u32) -> f64 {
-        self.weights[vertex as usize]
+    pub(super) fn weight(&self, vertex: LocalVertex) -> f64 {
+        self.weights[vertex]
     }
 }
 
@@ -136,19 +140,19 @@ impl Metric for CurvatureCost {
     fn new(settings: &CurvatureSettings) -> Self {
         Self {
             settings: *settings,
-            quadrics: Vec::new(),
-            weights: Vec::new(),
+            quadrics: TiVec::new(),
+            weights: TiVec::new(),
             around: Around::default(),
             fan: Fan::default(),
             area: 0.0,
         }
     }
 
-    fn count(_: &CurvatureSettings, mesh: &ClusterMesh, rings: &Rings, _: &[Class], stats: &mut MeshStats) {
+    fn count(_: &CurvatureSettings, mesh: &ClusterMesh, rings: &Rings, _: &Classes, stats: &mut MeshStats) {
         let mut fan = Fan::default();
-        for vertex in (0..mesh.positions.len() as u32).filter(|&vertex| !mesh.is_shared(vertex)) {
+        for vertex in mesh.vertex_ids().filter(|&vertex| !mesh.is_shared(vertex)) {
             fan.gather(mesh, rings, vertex);
-            stats.add(Bend::of(&fan, mesh.positions[vertex as usize], &mesh.positions).total());
+            stats.add(Bend::of(&fan, mesh.positions[vertex], &mesh.positions).total());
         }
     }
 
@@ -161,35 +165,35 @@ impl Metric for CurvatureCost {
         false
     }
 
-    fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
+    fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &Classes) {
         self.area = area_of(mesh);
         let kept = std::mem::take(&mut self.quadrics);
-        let planes = |first| unit_planes(mesh, rings, classes, self.settings.border).split_off(first);
+        let planes = |first| unit_planes(mesh, rings, classes, self.settings.border).raw.split_off(first);
         self.quadrics = extended(kept, mesh.positions.len(), planes);
         self.weights.resize(mesh.positions.len(), 0.0);
         self.around.resize(mesh.positions.len());
-        for vertex in 0..mesh.positions.len() as u32 {
+        for vertex in mesh.vertex_ids() {
             self.weigh(mesh, rings, vertex);
         }
     }
 
     fn place(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Placement {
-        let (from, to) = (edge.from as usize, edge.to as usize);
+        let (from, to) = (edge.from, edge.to);
         let sum = self.quadrics[from].scaled(self.weights[from]) + self.quadrics[to].scaled(self.weights[to]);
         let position = best_place(mesh, edge, &sum);
         priced(mesh, edge, position, sum.at(position))
     }
 
     fn join(&mut self, _mesh: &ClusterMesh, edge: &EdgeCase<'_>) {
-        let vanished = self.quadrics[edge.from as usize];
-        self.quadrics[edge.to as usize] += vanished;
+        let vanished = self.quadrics[edge.from];
+        self.quadrics[edge.to] += vanished;
     }
 
     fn area(&self) -> f64 {
         self.area
     }
 
-    fn follow(&mut self, mesh: &ClusterMesh, rings: &Rings, survivors: &[u32], changed: &mut Vec<u32>) {
+    fn follow(&mut self, mesh: &ClusterMesh, rings: &Rings, survivors: &[LocalVertex], changed: &mut Vec<LocalVertex>) {
         let start = changed.len();
         self.around.collect(mesh, rings, survivors, changed);
         changed[start..].iter().for_each(|&vertex| self.weigh(mesh, rings, vertex));

@@ -3,17 +3,18 @@
 use glam::DVec3;
 
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::id::{FaceId, LocalVertex};
 use crate::mesh::ring::Rings;
 
 /// One face around a vertex.
 #[derive(Debug, Clone, Copy)]
 pub struct FanFace {
     /// The face.
-    pub face: u32,
+    pub face: FaceId,
     /// The vertex after the centre in the face, counter-clockwise.
-    pub next: u32,
+    pub next: LocalVertex,
     /// The vertex before the centre in the face.
-    pub previous: u32,
+    pub previous: LocalVertex,
     /// Unit normal; zero for a face without area.
     pub normal: DVec3,
     /// Area.
@@ -33,24 +34,22 @@ pub struct Fan {
 
 impl Fan {
     /// Collects and orders the faces around a vertex, including those without area.
-    pub fn gather(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) {
+    pub fn gather(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex) {
         self.collect(mesh, rings, vertex);
         self.sort();
     }
 
     /// Collects the faces around a vertex, ordered by id; does not set `is_closed`.
-    pub fn collect(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) {
+    pub fn collect(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex) {
         self.spokes.clear();
-        self.spokes.extend(rings.of(vertex).iter().filter(|&&corner| mesh.living(corner).is_some()).map(|&corner| {
-            let [next, previous] = ClusterMesh::following(corner).map(|c| mesh.vertex_of(c));
-            let centre = mesh.positions[vertex as usize];
-            let (to_next, to_previous) =
-                (mesh.positions[next as usize] - centre, mesh.positions[previous as usize] - centre);
+        self.spokes.extend(rings.living(mesh, vertex).map(|corner| {
+            let [next, previous] = mesh.others_of(corner);
+            let [to_next, to_previous] = [next, previous].map(|end| mesh.positions[end] - mesh.positions[vertex]);
             let across = to_next.cross(to_previous);
             let double_area = across.length();
             let angle = libm::atan2(double_area, to_next.dot(to_previous));
             let normal = if double_area > 0.0 { across / double_area } else { DVec3::ZERO };
-            FanFace { face: corner / 3, next, previous, normal, area: 0.5 * double_area, angle }
+            FanFace { face: corner.face(), next, previous, normal, area: 0.5 * double_area, angle }
         }));
     }
 
@@ -73,7 +72,7 @@ impl Fan {
     }
 
     /// Each pair of consecutive faces that share an edge at the centre, and the other end of this edge.
-    pub fn joints(&self) -> impl Iterator<Item = (&FanFace, &FanFace, u32)> {
+    pub fn joints(&self) -> impl Iterator<Item = (&FanFace, &FanFace, LocalVertex)> {
         let count = self.spokes.len();
         let pairs = (0..count).map(move |i| (&self.spokes[i], &self.spokes[(i + 1) % count]));
         pairs.filter(|(a, b)| a.face != b.face && a.previous == b.next).map(|(a, b)| (a, b, a.previous))
@@ -94,8 +93,9 @@ pub fn angle_between(a: DVec3, b: DVec3) -> f64 {
 mod tests {
     use super::*;
     use crate::mesh::cluster::samples;
+    use crate::mesh::id::short::v;
 
-    fn fan(mesh: &ClusterMesh, vertex: u32) -> Fan {
+    fn fan(mesh: &ClusterMesh, vertex: LocalVertex) -> Fan {
         let (mut rings, mut fan) = (Rings::default(), Fan::default());
         rings.build(mesh);
         fan.gather(mesh, &rings, vertex);
@@ -105,12 +105,12 @@ mod tests {
     #[test]
     fn the_fan_inside_a_grid_closes_and_that_on_its_rim_does_not() {
         let mesh = samples::grid(2, 0.0);
-        let inside = fan(&mesh, 4);
+        let inside = fan(&mesh, v(4));
         assert!(inside.is_closed);
         assert_eq!(inside.joints().count(), 6);
         assert!((inside.area() - 3.0).abs() < 1e-12);
         assert!((inside.spokes.iter().map(|s| s.angle).sum::<f64>() - std::f64::consts::TAU).abs() < 1e-12);
-        let rim = fan(&mesh, 1);
+        let rim = fan(&mesh, v(1));
         assert!(!rim.is_closed);
         assert_eq!(rim.joints().count(), rim.spokes.len() - 1);
     }

@@ -5,24 +5,25 @@
 use glam::{DVec2, DVec3, Vec2};
 
 use super::mesh_stats::MeshStats;
-use crate::mesh::class::{Class, Rule};
+use crate::mesh::class::{Class, Classes, Rule};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::edge::EdgeKind;
+use crate::mesh::id::{End, LocalVertex, Wedge, WedgePair};
 use crate::mesh::ring::Rings;
 
 /// A collapse whose cost is to be computed.
 #[derive(Debug, Clone, Copy)]
 pub struct EdgeCase<'a> {
     /// The vertex that vanishes.
-    pub from: u32,
+    pub from: LocalVertex,
     /// The vertex that stays.
-    pub to: u32,
+    pub to: LocalVertex,
     /// Whether `to` keeps its texture coordinates.
     pub onto: bool,
     /// Whether `to` also keeps its position.
     pub stays: bool,
-    /// Pairs of a wedge of `from` and the wedge of `to` that it becomes.
-    pub wedges: &'a [(u32, u32)],
+    /// Wedges of `from`, and the wedges of `to` that they become.
+    pub wedges: &'a [WedgePair],
     /// Change of the texture coordinate of each pair's wedge of `to`, in units of length.
     pub insets: [Vec2; 2],
 }
@@ -30,7 +31,7 @@ pub struct EdgeCase<'a> {
 impl<'a> EdgeCase<'a> {
     /// A collapse inside a chart, onto a vertex that keeps its position.
     #[inline(always)]
-    pub fn inside(from: u32, to: u32, wedges: &'a [(u32, u32)]) -> Self {
+    pub fn inside(from: LocalVertex, to: LocalVertex, wedges: &'a [WedgePair]) -> Self {
         Self { from, to, onto: true, stays: true, wedges, insets: [Vec2::ZERO; 2] }
     }
 }
@@ -47,7 +48,7 @@ pub struct Placement {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MovingWedge {
     /// The wedge.
-    pub wedge: u32,
+    pub wedge: Wedge,
     /// Fixed change of its texture coordinate; `None` to choose the one of least error for the new position.
     pub slide: Option<DVec2>,
 }
@@ -90,7 +91,7 @@ pub trait Metric: Sized {
         _settings: &Self::Settings,
         _mesh: &ClusterMesh,
         _rings: &Rings,
-        _classes: &[Class],
+        _classes: &Classes,
         _stats: &mut MeshStats,
     ) {
     }
@@ -102,18 +103,18 @@ pub trait Metric: Sized {
     fn learn_seam_density(_settings: &mut Self::Settings, _density: f64) {}
 
     /// Updates its state to the current mesh, at the start of a stage. O(faces).
-    fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]);
+    fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &Classes);
 
     /// Cost and placement of a collapse.
     fn place(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Placement;
 
-    /// Appends the costs of collapsing `from`, whose only wedge is `wedge`, onto each vertex and wedge in `ends`: the
-    /// same as from [`place`](Metric::place), computed together.
+    /// Appends the costs of collapsing the vertex of `from`, which has no other wedge, onto each of `ends`: the same as
+    /// from [`place`](Metric::place), computed together.
     #[inline]
-    fn costs_onto(&self, mesh: &ClusterMesh, from: u32, wedge: u32, ends: &[(u32, u32)], costs: &mut Vec<f32>) {
-        costs.extend(ends.iter().map(|&(to, end_wedge)| {
-            let wedges = [(wedge, end_wedge)];
-            self.place(mesh, &EdgeCase::inside(from, to, &wedges)).cost as f32
+    fn costs_onto(&self, mesh: &ClusterMesh, from: End, ends: &[End], costs: &mut Vec<f32>) {
+        costs.extend(ends.iter().map(|to| {
+            let wedges = [WedgePair { from: from.wedge, to: to.wedge }];
+            self.place(mesh, &EdgeCase::inside(from.vertex, to.vertex, &wedges)).cost as f32
         }));
     }
 
@@ -123,18 +124,18 @@ pub trait Metric: Sized {
     /// Updates the state of a wedge of the vanished vertex that keeps its texture coordinate and moves to the vertex
     /// that stays. Called before the mesh changes.
     #[inline]
-    fn bring(&mut self, _mesh: &ClusterMesh, _edge: &EdgeCase<'_>, _wedge: u32) {}
+    fn bring(&mut self, _mesh: &ClusterMesh, _edge: &EdgeCase<'_>, _wedge: Wedge) {}
 
     /// Step of a vertex to its position of least error; `None` if it should stay. The texture coordinates of `wedges`
     /// take their own best values, except those with a fixed `slide`.
     #[inline]
-    fn best_step(&self, _vertex: u32, _wedges: &[MovingWedge]) -> Option<DVec3> {
+    fn best_step(&self, _vertex: LocalVertex, _wedges: &[MovingWedge]) -> Option<DVec3> {
         None
     }
 
     /// Change of the texture coordinate of a wedge that has the least error when its vertex makes `step`.
     #[inline]
-    fn best_slide(&self, _wedge: u32, _step: DVec3) -> DVec2 {
+    fn best_slide(&self, _wedge: Wedge, _step: DVec3) -> DVec2 {
         DVec2::ZERO
     }
 
@@ -171,7 +172,14 @@ pub trait Metric: Sized {
     /// Updates the state after a round of collapses; `survivors` are the vertices that others collapsed onto. Appends
     /// to `changed` the vertices whose edges have a new cost; survivors may be left out.
     #[inline]
-    fn follow(&mut self, _mesh: &ClusterMesh, _rings: &Rings, _survivors: &[u32], _changed: &mut Vec<u32>) {}
+    fn follow(
+        &mut self,
+        _mesh: &ClusterMesh,
+        _rings: &Rings,
+        _survivors: &[LocalVertex],
+        _changed: &mut Vec<LocalVertex>,
+    ) {
+    }
 }
 
 /// Whether a corner or the end of a seam may vanish along an edge of this kind.

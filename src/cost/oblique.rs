@@ -52,9 +52,11 @@ use super::metric::{EdgeCase, Metric, Placement};
 use super::parameter::{Parameter, choice, factor, switch};
 use super::planes::{LENGTH_SHARE, PlacePolicy, area_of, each_chain_edge, ends, extended, least, plane_of};
 use super::wide::WideQuadric;
-use crate::mesh::class::{Class, Rule};
+use crate::base::id::TiVec;
+use crate::mesh::class::{Class, Classes, Rule};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::edge::EdgeKind;
+use crate::mesh::id::{LocalVertex, Wedge, WedgePair};
 use crate::mesh::ring::Rings;
 
 /// A placement farther from the middle of the edge than this many edge lengths is rejected.
@@ -124,34 +126,34 @@ type ObliqueQuadric = WideQuadric<5, 15>;
 #[derive(Debug)]
 pub struct ObliqueCost {
     settings: ObliqueSettings,
-    quadrics: Vec<ObliqueQuadric>,
-    places: Vec<Place>,
-    alphas: Vec<f32>,
+    quadrics: TiVec<Wedge, ObliqueQuadric>,
+    places: TiVec<LocalVertex, Place>,
+    alphas: TiVec<LocalVertex, f32>,
     around: Around,
     fan: Fan,
-    neighbours: Vec<u32>,
+    neighbours: Vec<LocalVertex>,
     area: f64,
 }
 
 impl ObliqueCost {
-    fn point(&self, mesh: &ClusterMesh, wedge: u32) -> [f64; 5] {
-        let uv = mesh.wedge_uv[wedge as usize];
+    fn point(&self, mesh: &ClusterMesh, wedge: Wedge) -> [f64; 5] {
+        let uv = mesh.wedge_uv[wedge];
         join(
-            mesh.positions[mesh.wedge_vertex[wedge as usize] as usize],
+            mesh.positions[mesh.wedge_vertex[wedge]],
             if uv.is_finite() { uv * self.settings.uv_scale } else { DVec2::ZERO },
         )
     }
 
     /// Quadric of each wedge from `first` on: the triangles around it, and the planes through border edges.
-    fn sum_quadrics(&self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class], first: usize) -> Vec<ObliqueQuadric> {
+    fn sum_quadrics(&self, mesh: &ClusterMesh, rings: &Rings, classes: &Classes, first: usize) -> Vec<ObliqueQuadric> {
         let mut quadrics = vec![ObliqueQuadric::default(); mesh.wedge_vertex.len() - first];
-        let mut add = |wedge: u32, quadric| {
-            if let Some(place) = (wedge as usize).checked_sub(first) {
+        let mut add = |wedge: Wedge, quadric| {
+            if let Some(place) = wedge.index().checked_sub(first) {
                 quadrics[place] += quadric;
             }
         };
-        for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
-            let wedges = mesh.corners[face as usize];
+        for face in mesh.living_faces() {
+            let wedges = mesh.corners[face];
             let Some((normal, _)) = plane_of(mesh.triangle(face)) else { continue };
             let Some(quadric) = ObliqueQuadric::of_triangle(wedges.map(|wedge| self.point(mesh, wedge))) else {
                 continue;
@@ -161,7 +163,7 @@ impl ObliqueCost {
                 continue;
             }
             each_chain_edge(mesh, rings, classes, face, |a, b, kind| {
-                let (pa, pb) = (mesh.positions[a as usize], mesh.positions[b as usize]);
+                let (pa, pb) = (mesh.positions[a], mesh.positions[b]);
                 let Some(upright) = (pb - pa).cross(normal).try_normalize() else { return };
                 if kind == EdgeKind::Border {
                     let quadric = ObliqueQuadric::of_plane(upright, -upright.dot(pa), self.settings.border);
@@ -174,9 +176,9 @@ impl ObliqueCost {
     }
 
     /// Computes normal, mean area and density of a vertex.
-    fn survey(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) {
+    fn survey(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex) {
         self.fan.collect(mesh, rings, vertex);
-        let place = &mut self.places[vertex as usize];
+        let place = &mut self.places[vertex];
         let (mut normal, mut area, mut density, mut count) = (DVec3::ZERO, 0.0, 0.0, 0.0);
         for spoke in self.fan.spokes.iter().filter(|spoke| spoke.area > 0.0) {
             normal += spoke.normal * (spoke.angle * spoke.area);
@@ -189,39 +191,37 @@ impl ObliqueCost {
         let count = f64::max(count, 1.0);
         place.normal = normal.normalize_or_zero();
         place.mean_area = area / count;
-        place.density = f64::from(self.alphas[vertex as usize]) * density / count;
+        place.density = f64::from(self.alphas[vertex]) * density / count;
     }
 
     /// Computes LRS of a vertex from its neighbours' normals.
-    fn measure(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) {
-        let ends = |&corner: &u32| ClusterMesh::following(corner).map(|c| mesh.vertex_of(c));
-        let corners = rings.of(vertex).iter().filter(|&&corner| mesh.living(corner).is_some());
+    fn measure(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex) {
         self.neighbours.clear();
-        self.neighbours.extend(corners.flat_map(ends));
+        self.neighbours.extend(rings.living(mesh, vertex).flat_map(|corner| mesh.others_of(corner)));
         self.neighbours.sort_unstable();
         self.neighbours.dedup();
-        let (centre, normal) = (mesh.positions[vertex as usize], self.places[vertex as usize].normal);
+        let (centre, normal) = (mesh.positions[vertex], self.places[vertex].normal);
         let (mut sum, mut count) = (0.0, 0.0);
         for &neighbour in &self.neighbours {
-            let length = mesh.positions[neighbour as usize].distance(centre);
+            let length = mesh.positions[neighbour].distance(centre);
             if length > 0.0 {
-                sum += angle_between(normal, self.places[neighbour as usize].normal) / length;
+                sum += angle_between(normal, self.places[neighbour].normal) / length;
                 count += 1.0;
             }
         }
-        self.places[vertex as usize].fluctuation = if count > 0.0 { sum / count } else { 0.0 };
+        self.places[vertex].fluctuation = if count > 0.0 { sum / count } else { 0.0 };
     }
 
     /// Ā, α times den, and LRS of a vertex.
     #[cfg(test)]
-    pub(super) fn factors(&self, vertex: u32) -> (f64, f64, f64) {
-        let place = &self.places[vertex as usize];
+    pub(super) fn factors(&self, vertex: LocalVertex) -> (f64, f64, f64) {
+        let place = &self.places[vertex];
         (place.mean_area, place.density, place.fluctuation)
     }
 
     /// Weight Ā / LRS of a vertex's quadrics.
-    fn weight(&self, vertex: u32) -> f64 {
-        let place = &self.places[vertex as usize];
+    fn weight(&self, vertex: LocalVertex) -> f64 {
+        let place = &self.places[vertex];
         let area = if self.settings.has_area { place.mean_area } else { 1.0 };
         let fluctuation = if self.settings.has_fluctuation { place.fluctuation.max(self.settings.floor) } else { 1.0 };
         area / fluctuation
@@ -229,15 +229,15 @@ impl ObliqueCost {
 
     /// tex_ij of an edge of this length.
     fn stretch(&self, edge: &EdgeCase<'_>, length: f64) -> f64 {
-        let density = |vertex: u32| self.places[vertex as usize].density;
+        let density = |vertex: LocalVertex| self.places[vertex].density;
         if self.settings.has_stretch { length * (density(edge.from) + density(edge.to)) } else { 1.0 }
     }
 
     /// v̄ of an edge with free placement: position and texture coordinate.
     fn solve(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> [f64; 5] {
         let (pa, pb) = ends(mesh, edge);
-        let Some(&(wa, wb)) = edge.wedges.first() else { return join(pb, DVec2::ZERO) };
-        let sum = self.quadrics[wa as usize] + self.quadrics[wb as usize];
+        let Some(&WedgePair { from: wa, to: wb }) = edge.wedges.first() else { return join(pb, DVec2::ZERO) };
+        let sum = self.quadrics[wa] + self.quadrics[wb];
         let (a, b) = (self.point(mesh, wa), self.point(mesh, wb));
         let middle: [f64; 5] = std::array::from_fn(|i| 0.5 * (a[i] + b[i]));
         let is_near = |v: &[f64; 5]| {
@@ -253,16 +253,16 @@ impl ObliqueCost {
 
     /// Sum of the weighted quadrics if every wedge of `to` keeps its texture coordinate.
     fn cost_onto(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> f64 {
-        let Some(&(_, first)) = edge.wedges.first() else { return 0.0 };
+        let Some(&WedgePair { to: first, .. }) = edge.wedges.first() else { return 0.0 };
         let (from_weight, to_weight) = (self.weight(edge.from), self.weight(edge.to));
         let (mut cost, mut wedge) = (0.0, first);
         loop {
             let point = self.point(mesh, wedge);
-            cost += to_weight * self.quadrics[wedge as usize].at(&point).max(0.0);
-            for &(wa, _) in edge.wedges.iter().filter(|pair| pair.1 == wedge) {
-                cost += from_weight * self.quadrics[wa as usize].at(&point).max(0.0);
+            cost += to_weight * self.quadrics[wedge].at(&point).max(0.0);
+            for pair in edge.wedges.iter().filter(|pair| pair.to == wedge) {
+                cost += from_weight * self.quadrics[pair.from].at(&point).max(0.0);
             }
-            wedge = mesh.wedge_next[wedge as usize];
+            wedge = mesh.wedge_next[wedge];
             if wedge == first {
                 return cost;
             }
@@ -288,9 +288,9 @@ impl Metric for ObliqueCost {
     fn new(settings: &ObliqueSettings) -> Self {
         Self {
             settings: *settings,
-            quadrics: Vec::new(),
-            places: Vec::new(),
-            alphas: Vec::new(),
+            quadrics: TiVec::new(),
+            places: TiVec::new(),
+            alphas: TiVec::new(),
             around: Around::default(),
             fan: Fan::default(),
             neighbours: Vec::new(),
@@ -302,11 +302,11 @@ impl Metric for ObliqueCost {
         settings.has_unit_box
     }
 
-    fn count(settings: &ObliqueSettings, mesh: &ClusterMesh, rings: &Rings, classes: &[Class], stats: &mut MeshStats) {
+    fn count(settings: &ObliqueSettings, mesh: &ClusterMesh, rings: &Rings, classes: &Classes, stats: &mut MeshStats) {
         let mut cost = Self::new(settings);
         cost.refresh_factors(mesh, rings, classes);
-        for vertex in (0..mesh.positions.len() as u32).filter(|&vertex| !mesh.is_shared(vertex)) {
-            stats.add(cost.places[vertex as usize].fluctuation);
+        for vertex in mesh.vertex_ids().filter(|&vertex| !mesh.is_shared(vertex)) {
+            stats.add(cost.places[vertex].fluctuation);
         }
     }
 
@@ -318,7 +318,7 @@ impl Metric for ObliqueCost {
         settings.uv_scale = if settings.has_unit_box { stats.diagonal() } else { 1.0 };
     }
 
-    fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
+    fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &Classes) {
         self.area = area_of(mesh);
         let kept = std::mem::take(&mut self.quadrics);
         let from = |first| self.sum_quadrics(mesh, rings, classes, first);
@@ -330,21 +330,20 @@ impl Metric for ObliqueCost {
         let (pa, pb) = ends(mesh, edge);
         let length = pa.distance(pb);
         let (from_weight, to_weight) = (self.weight(edge.from), self.weight(edge.to));
-        let at = |wa: u32, wb: u32, v: &[f64; 5]| {
-            from_weight * self.quadrics[wa as usize].at(v).max(0.0)
-                + to_weight * self.quadrics[wb as usize].at(v).max(0.0)
+        let at = |pair: &WedgePair, v: &[f64; 5]| {
+            from_weight * self.quadrics[pair.from].at(v).max(0.0) + to_weight * self.quadrics[pair.to].at(v).max(0.0)
         };
         let (position, cost) = if edge.onto {
             (pb, self.cost_onto(mesh, edge))
         } else if Self::is_seam(edge) {
-            let middle = |wa: u32, wb: u32| {
-                let (a, b) = (self.point(mesh, wa), self.point(mesh, wb));
+            let middle = |pair: &WedgePair| {
+                let (a, b) = (self.point(mesh, pair.from), self.point(mesh, pair.to));
                 std::array::from_fn(|i| 0.5 * (a[i] + b[i]))
             };
-            (0.5 * (pa + pb), edge.wedges.iter().map(|&(wa, wb)| at(wa, wb, &middle(wa, wb))).sum())
+            (0.5 * (pa + pb), edge.wedges.iter().map(|pair| at(pair, &middle(pair))).sum())
         } else {
             let v = self.solve(mesh, edge);
-            let cost = edge.wedges.first().map_or(0.0, |&(wa, wb)| at(wa, wb, &v));
+            let cost = edge.wedges.first().map_or(0.0, |pair| at(pair, &v));
             (DVec3::new(v[0], v[1], v[2]), cost)
         };
         let tie = LENGTH_SHARE * length.powi(6);
@@ -352,9 +351,9 @@ impl Metric for ObliqueCost {
     }
 
     fn join(&mut self, _mesh: &ClusterMesh, edge: &EdgeCase<'_>) {
-        for &(wa, wb) in edge.wedges {
-            let vanished = self.quadrics[wa as usize];
-            self.quadrics[wb as usize] += vanished;
+        for pair in edge.wedges {
+            let vanished = self.quadrics[pair.from];
+            self.quadrics[pair.to] += vanished;
         }
     }
 
@@ -376,11 +375,11 @@ impl Metric for ObliqueCost {
     }
 
     fn texcoords(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, _position: DVec3, out: &mut Vec<DVec2>) -> bool {
-        let uv = |wedge: u32| mesh.wedge_uv[wedge as usize];
+        let uv = |wedge: Wedge| mesh.wedge_uv[wedge];
         if Self::is_seam(edge) {
-            out.extend(edge.wedges.iter().map(|&(wa, wb)| 0.5 * (uv(wa) + uv(wb))));
+            out.extend(edge.wedges.iter().map(|pair| 0.5 * (uv(pair.from) + uv(pair.to))));
         } else {
-            let has_uv = edge.wedges.iter().all(|&(wa, wb)| uv(wa).is_finite() && uv(wb).is_finite());
+            let has_uv = edge.wedges.iter().all(|pair| uv(pair.from).is_finite() && uv(pair.to).is_finite());
             let [.., u, v] = self.solve(mesh, edge);
             let solved = if has_uv { DVec2::new(u, v) / self.settings.uv_scale } else { DVec2::NAN };
             out.extend(edge.wedges.iter().map(|_| solved));
@@ -388,7 +387,7 @@ impl Metric for ObliqueCost {
         true
     }
 
-    fn follow(&mut self, mesh: &ClusterMesh, rings: &Rings, survivors: &[u32], changed: &mut Vec<u32>) {
+    fn follow(&mut self, mesh: &ClusterMesh, rings: &Rings, survivors: &[LocalVertex], changed: &mut Vec<LocalVertex>) {
         let start = changed.len();
         self.around.collect(mesh, rings, survivors, changed);
         for &vertex in &changed[start..] {
@@ -404,7 +403,7 @@ impl Metric for ObliqueCost {
 }
 
 impl ObliqueCost {
-    fn refresh_factors(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
+    fn refresh_factors(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &Classes) {
         let [smooth, seam, corner] = self.settings.alphas;
         let alpha = |class: &Class| match class {
             Class::Smooth | Class::Border => smooth,
@@ -414,10 +413,10 @@ impl ObliqueCost {
         self.alphas = classes.iter().map(|class| alpha(class) as f32).collect();
         self.places.resize(mesh.positions.len(), Place::default());
         self.around.resize(mesh.positions.len());
-        for vertex in 0..mesh.positions.len() as u32 {
+        for vertex in mesh.vertex_ids() {
             self.survey(mesh, rings, vertex);
         }
-        for vertex in 0..mesh.positions.len() as u32 {
+        for vertex in mesh.vertex_ids() {
             self.measure(mesh, rings, vertex);
         }
     }

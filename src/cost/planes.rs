@@ -4,9 +4,11 @@ use glam::{DVec2, DVec3};
 
 use super::metric::{EdgeCase, Placement};
 use super::quadric::Quadric;
-use crate::mesh::class::Class;
+use crate::base::id::TiVec;
+use crate::mesh::class::{Class, Classes};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::edge::{EdgeKind, edge_kind};
+use crate::mesh::id::{FaceId, LocalVertex, Wedge};
 use crate::mesh::ring::Rings;
 
 /// Stiffness of the spring that pulls a free placement to the middle of its edge, relative to the trace of A.
@@ -54,21 +56,20 @@ pub fn plane_of(triangle: [DVec3; 3]) -> Option<(DVec3, f64)> {
 
 /// Area of a mesh.
 pub fn area_of(mesh: &ClusterMesh) -> f64 {
-    let living = (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face));
-    living.filter_map(|face| plane_of(mesh.triangle(face))).map(|(_, area)| area).sum()
+    mesh.living_faces().filter_map(|face| plane_of(mesh.triangle(face))).map(|(_, area)| area).sum()
 }
 
 /// Extends the values of vertices or wedges to `count` of them, such as for copies made where a handle is cut. `from`
 /// computes the values of all from an index on. The first values are moved, not copied: they may be most of a cluster's
 /// memory.
-pub fn extended<T>(mut values: Vec<T>, count: usize, from: impl FnOnce(usize) -> Vec<T>) -> Vec<T> {
+pub fn extended<K, T>(mut values: TiVec<K, T>, count: usize, from: impl FnOnce(usize) -> Vec<T>) -> TiVec<K, T> {
     let known = values.len();
     if known >= count {
         return values;
     }
     let newcomers = from(known);
     if known == 0 {
-        return newcomers;
+        return newcomers.into();
     }
     values.reserve_exact(newcomers.len());
     values.extend(newcomers);
@@ -78,26 +79,26 @@ pub fn extended<T>(mut values: Vec<T>, count: usize, from: impl FnOnce(usize) ->
 /// For each vertex, the squared distance to the planes of the faces around it. With `border` > 0 it includes the planes
 /// through border edges, perpendicular to their face, with weight `border`, and those through seam edges, on each side,
 /// with half that weight.
-pub fn unit_planes(mesh: &ClusterMesh, rings: &Rings, classes: &[Class], border: f64) -> Vec<Quadric> {
-    let mut quadrics = vec![Quadric::default(); mesh.positions.len()];
-    for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
+pub fn unit_planes(mesh: &ClusterMesh, rings: &Rings, classes: &Classes, border: f64) -> TiVec<LocalVertex, Quadric> {
+    let mut quadrics = mesh.per_vertex(Quadric::default());
+    for face in mesh.living_faces() {
         let triangle = mesh.triangle(face);
         let Some((normal, _)) = plane_of(triangle) else { continue };
         let quadric = Quadric::plane(normal, -normal.dot(triangle[0]), 1.0);
         let vertices = mesh.vertices(face);
         for vertex in vertices {
-            quadrics[vertex as usize] += quadric;
+            quadrics[vertex] += quadric;
         }
         if border <= 0.0 {
             continue;
         }
         each_chain_edge(mesh, rings, classes, face, |a, b, kind| {
-            let (pa, pb) = (mesh.positions[a as usize], mesh.positions[b as usize]);
+            let (pa, pb) = (mesh.positions[a], mesh.positions[b]);
             let Some(upright) = (pb - pa).cross(normal).try_normalize() else { return };
             let weight = if kind == EdgeKind::Border { border } else { 0.5 * border };
             let quadric = Quadric::plane(upright, -upright.dot(pa), weight);
-            quadrics[a as usize] += quadric;
-            quadrics[b as usize] += quadric;
+            quadrics[a] += quadric;
+            quadrics[b] += quadric;
         });
     }
     quadrics
@@ -108,14 +109,14 @@ pub fn unit_planes(mesh: &ClusterMesh, rings: &Rings, classes: &[Class], border:
 pub fn each_chain_edge(
     mesh: &ClusterMesh,
     rings: &Rings,
-    classes: &[Class],
-    face: u32,
-    mut each: impl FnMut(u32, u32, EdgeKind),
+    classes: &Classes,
+    face: FaceId,
+    mut each: impl FnMut(LocalVertex, LocalVertex, EdgeKind),
 ) {
     let vertices = mesh.vertices(face);
     for k in 0..3 {
         let (a, b) = (vertices[k], vertices[(k + 1) % 3]);
-        let ends = [classes[a as usize], classes[b as usize]];
+        let ends = [classes[a], classes[b]];
         if ends.contains(&Class::Smooth) || ends.iter().all(|end| matches!(end, Class::Complex | Class::Fixed)) {
             continue;
         }
@@ -161,13 +162,13 @@ pub fn least<T: Copy, const N: usize>(candidates: [T; N], value: impl Fn(T) -> f
 /// Appends the texture coordinate of each wedge pair, interpolated by `share` from the vertex that vanishes to the one
 /// that stays.
 pub fn texcoords_along(mesh: &ClusterMesh, edge: &EdgeCase<'_>, share: f64, out: &mut Vec<DVec2>) {
-    let uv = |wedge: u32| mesh.wedge_uv[wedge as usize];
-    out.extend(edge.wedges.iter().map(|&(a, b)| uv(a).lerp(uv(b), share)));
+    let uv = |wedge: Wedge| mesh.wedge_uv[wedge];
+    out.extend(edge.wedges.iter().map(|pair| uv(pair.from).lerp(uv(pair.to), share)));
 }
 
 /// Positions of the vertex that vanishes and of the one that stays.
 pub fn ends(mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> (DVec3, DVec3) {
-    (mesh.positions[edge.from as usize], mesh.positions[edge.to as usize])
+    (mesh.positions[edge.from], mesh.positions[edge.to])
 }
 
 /// A placement whose cost (length²) is clamped at 0 and increased by a share of the squared edge length, which orders

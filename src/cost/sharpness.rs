@@ -36,9 +36,11 @@ use super::metric::{EdgeCase, Metric, Placement, fits};
 use super::parameter::{Parameter, factor, number, switch};
 use super::planes::{area_of, ends, extended, least, priced, texcoords_along, unit_planes};
 use super::quadric::Quadric;
-use crate::mesh::class::{Class, Rule};
+use crate::base::id::TiVec;
+use crate::mesh::class::{Class, Classes, Rule};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::edge::EdgeKind;
+use crate::mesh::id::LocalVertex;
 use crate::mesh::ring::Rings;
 
 /// The base A of the weight.
@@ -106,28 +108,28 @@ fn texture_share(mesh: &ClusterMesh, fan: &Fan) -> f64 {
 #[derive(Debug)]
 pub struct SharpnessCost {
     settings: SharpnessSettings,
-    quadrics: Vec<Quadric>,
-    complex: Vec<bool>,
+    quadrics: TiVec<LocalVertex, Quadric>,
+    complex: TiVec<LocalVertex, bool>,
     area: f64,
 }
 
 impl SharpnessCost {
     /// Quadrics of all vertices, times A^(σ+R).
-    fn sharp_planes(&self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) -> Vec<Quadric> {
+    fn sharp_planes(&self, mesh: &ClusterMesh, rings: &Rings, classes: &Classes) -> Vec<Quadric> {
         let mut quadrics = unit_planes(mesh, rings, classes, self.settings.border);
         let mut fan = Fan::default();
-        for (vertex, quadric) in quadrics.iter_mut().enumerate() {
-            fan.gather(mesh, rings, vertex as u32);
+        for (vertex, quadric) in quadrics.iter_mut_enumerated() {
+            fan.gather(mesh, rings, vertex);
             let sigma = if self.settings.has_sigma { sharpness(&fan) } else { 0.0 };
             let share = texture_share(mesh, &fan) / self.settings.mean_share;
             let share = if self.settings.has_texture { share.min(self.settings.cap) } else { 0.0 };
             *quadric = quadric.scaled(libm::pow(BASE, sigma + share));
         }
-        quadrics
+        quadrics.raw
     }
 
     fn sum(&self, edge: &EdgeCase<'_>) -> Quadric {
-        self.quadrics[edge.from as usize] + self.quadrics[edge.to as usize]
+        self.quadrics[edge.from] + self.quadrics[edge.to]
     }
 
     /// Position along the edge, from the end that vanishes (0) to the one that stays (1): 0, ½ or 1.
@@ -144,12 +146,12 @@ impl Metric for SharpnessCost {
     const NEEDS_STATS: bool = true;
 
     fn new(settings: &SharpnessSettings) -> Self {
-        Self { settings: *settings, quadrics: Vec::new(), complex: Vec::new(), area: 0.0 }
+        Self { settings: *settings, quadrics: TiVec::new(), complex: TiVec::new(), area: 0.0 }
     }
 
-    fn count(_: &SharpnessSettings, mesh: &ClusterMesh, rings: &Rings, _: &[Class], stats: &mut MeshStats) {
+    fn count(_: &SharpnessSettings, mesh: &ClusterMesh, rings: &Rings, _: &Classes, stats: &mut MeshStats) {
         let mut fan = Fan::default();
-        for vertex in (0..mesh.positions.len() as u32).filter(|&vertex| !mesh.is_shared(vertex)) {
+        for vertex in mesh.vertex_ids().filter(|&vertex| !mesh.is_shared(vertex)) {
             fan.gather(mesh, rings, vertex);
             stats.add(texture_share(mesh, &fan));
         }
@@ -159,27 +161,27 @@ impl Metric for SharpnessCost {
         settings.mean_share = stats.mean().filter(|&mean| mean > 0.0).unwrap_or(1.0);
     }
 
-    fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
+    fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &Classes) {
         self.area = area_of(mesh);
         let kept = std::mem::take(&mut self.quadrics);
         let planes = |first| self.sharp_planes(mesh, rings, classes).split_off(first);
         self.quadrics = extended(kept, mesh.positions.len(), planes);
-        let is_complex = |(vertex, class): (usize, &Class)| *class == Class::Complex && !mesh.is_shared(vertex as u32);
-        self.complex.extend(classes.iter().enumerate().skip(self.complex.len()).map(is_complex));
+        let is_complex = |(vertex, class): (_, &Class)| *class == Class::Complex && !mesh.is_shared(vertex);
+        self.complex.extend(classes.iter_enumerated().skip(self.complex.len()).map(is_complex));
     }
 
     fn place(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Placement {
         let (pa, pb) = ends(mesh, edge);
         let position = pa.lerp(pb, self.best_share(mesh, edge));
-        if self.complex[edge.to as usize] && !self.settings.joins_boundary {
+        if self.complex[edge.to] && !self.settings.joins_boundary {
             return Placement { position, cost: f64::INFINITY };
         }
         priced(mesh, edge, position, self.sum(edge).at(position))
     }
 
     fn join(&mut self, _mesh: &ClusterMesh, edge: &EdgeCase<'_>) {
-        let vanished = self.quadrics[edge.from as usize];
-        self.quadrics[edge.to as usize] += vanished;
+        let vanished = self.quadrics[edge.from];
+        self.quadrics[edge.to] += vanished;
     }
 
     fn area(&self) -> f64 {

@@ -22,9 +22,11 @@ use super::crease::{NormalSums, add_creases};
 use super::local::{LocalQuadric, LocalWedge, Planes};
 use super::metric::{EdgeCase, Metric, MovingWedge, Placement};
 use super::weights::Weights;
-use crate::mesh::class::{Class, VALENCE_MAX};
+use crate::base::id::TiVec;
+use crate::mesh::class::{Class, Classes, VALENCE_MAX};
 use crate::mesh::cluster::{ClusterMesh, DEAD};
 use crate::mesh::edge::{EdgeKind, edge_kind, kind_among};
+use crate::mesh::id::{Corner, End, LocalVertex, Wedge, WedgePair};
 use crate::mesh::ring::{Rings, Spoke};
 
 /// Stiffness of the spring that holds a vertex to its position, relative to the trace of A.
@@ -42,8 +44,8 @@ pub struct SurfaceCost {
     weights: Weights,
     /// Weight of the squared distance to seams at their predicted density.
     seam_weight: f64,
-    vertices: Vec<LocalQuadric>,
-    wedges: Vec<LocalWedge>,
+    vertices: TiVec<LocalVertex, LocalQuadric>,
+    wedges: TiVec<Wedge, LocalWedge>,
     area: f64,
 }
 
@@ -58,7 +60,7 @@ impl SurfaceCost {
     }
 
     /// Recomputes all quadrics from the current mesh. O(faces).
-    pub fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
+    pub fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &Classes) {
         self.vertices.clear();
         self.vertices.resize(mesh.positions.len(), LocalQuadric::default());
         self.wedges.clear();
@@ -68,7 +70,7 @@ impl SurfaceCost {
         self.area = 0.0;
         let living = mesh.corners.iter().zip(&mesh.corner_vertices).filter(|(corners, _)| corners[0] != DEAD);
         for (corners, vertices) in living {
-            let [p0, p1, p2] = vertices.map(|vertex| mesh.positions[vertex as usize]);
+            let [p0, p1, p2] = vertices.map(|vertex| mesh.positions[vertex]);
             let edges = [p1 - p0, p2 - p0];
             let across = edges[0].cross(edges[1]);
             let double_area = across.length();
@@ -81,14 +83,14 @@ impl SurfaceCost {
             let mut planes = Planes::default();
             planes.add(normal.as_vec3a(), area as f32);
             if self.has_texture() {
-                let [t0, t1, t2] = corners.map(|wedge| mesh.wedge_uv[wedge as usize]);
+                let [t0, t1, t2] = corners.map(|wedge| mesh.wedge_uv[wedge]);
                 let gradients = texture_gradients(edges, [t1 - t0, t2 - t0], normal / double_area);
                 if gradients.iter().all(|gradient| gradient.is_finite()) {
                     let weight = (area * self.weights.uv) as f32;
                     gradients.iter().for_each(|&gradient| planes.add(gradient, weight));
                     let weighted = gradients.map(|gradient| Vec3::from(gradient * weight));
                     for &corner in corners {
-                        let wedge = &mut self.wedges[corner as usize];
+                        let wedge = &mut self.wedges[corner];
                         wedge.gradient[0] += weighted[0];
                         wedge.gradient[1] += weighted[1];
                         wedge.weight += weight;
@@ -98,14 +100,14 @@ impl SurfaceCost {
             let planes = planes.quadratic();
             let weighted_normal = (0.5 * across).as_vec3();
             for &vertex in vertices {
-                let vertex = &mut self.vertices[vertex as usize];
+                let vertex = &mut self.vertices[vertex];
                 vertex.add_quadratic(&planes);
                 NormalSums::add(vertex, weighted_normal, area as f32);
             }
         }
         add_creases(&mut self.vertices, mesh, rings, self.weights.border);
         let mut spokes = Vec::new();
-        for vertex in (0..classes.len() as u32).filter(|&vertex| classes[vertex as usize] != Class::Smooth) {
+        for vertex in mesh.vertex_ids().filter(|&vertex| classes[vertex] != Class::Smooth) {
             self.add_chain_edges(mesh, rings, classes, vertex, &mut spokes);
         }
     }
@@ -116,14 +118,14 @@ impl SurfaceCost {
         &mut self,
         mesh: &ClusterMesh,
         rings: &Rings,
-        classes: &[Class],
-        a: u32,
+        classes: &Classes,
+        a: LocalVertex,
         spokes: &mut Vec<Spoke>,
     ) {
-        let is_fixed = classes[a as usize] == Class::Fixed;
+        let is_fixed = classes[a] == Class::Fixed;
         let is_chained = |class: Class| class != Class::Smooth && !(class == Class::Fixed && is_fixed);
-        let end_of = |corner: u32| mesh.vertex_of(ClusterMesh::following(corner)[0]);
-        if !rings.of(a).iter().any(|&corner| is_chained(classes[end_of(corner) as usize])) {
+        let end_of = |corner: Corner| mesh.vertex_of(corner.next());
+        if !rings.of(a).iter().any(|&corner| is_chained(classes[end_of(corner)])) {
             return;
         }
         spokes.clear();
@@ -133,13 +135,15 @@ impl SurfaceCost {
         }
         for (i, &corner) in rings.of(a).iter().enumerate() {
             let b = end_of(corner);
-            if !is_chained(classes[b as usize]) {
+            if !is_chained(classes[b]) {
                 continue;
             }
             // Finds most inner edges without a branch for each face: their other face has the same wedges.
             let own = spokes.get(i);
             let differs = |other: &Spoke, own: &Spoke| {
-                (other.previous ^ own.next) | (other.wedge ^ own.wedge) | (other.previous_wedge ^ own.next_wedge)
+                (other.previous.number() ^ own.next.number())
+                    | (other.wedge.number() ^ own.wedge.number())
+                    | (other.previous_wedge.number() ^ own.next_wedge.number())
             };
             if own.is_some_and(|own| spokes.iter().fold(false, |found, other| found | (differs(other, own) == 0))) {
                 continue;
@@ -149,20 +153,20 @@ impl SurfaceCost {
                     let (few, many) = if rings.of(a).len() <= rings.of(b).len() { (a, b) } else { (b, a) };
                     edge_kind(mesh, rings, few, many)
                 }
-                false => kind_among(spokes, (spokes[i].wedge, spokes[i].next_wedge), b),
+                false => kind_among(spokes, spokes[i].pair_to_next(), b),
             };
             let weight = match kind {
                 EdgeKind::Inner => continue,
                 EdgeKind::Border => self.weights.border,
                 EdgeKind::Seam => self.seam_weight,
             };
-            let (pa, pb) = (mesh.positions[a as usize], mesh.positions[b as usize]);
-            let triangle = mesh.triangle(corner / 3);
+            let (pa, pb) = (mesh.positions[a], mesh.positions[b]);
+            let triangle = mesh.triangle(corner.face());
             let across = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]);
             let Some(upright) = (pb - pa).cross(across).try_normalize() else { continue };
             let weight = (weight * (pb - pa).length_squared()) as f32;
             for end in [a, b] {
-                self.vertices[end as usize].add_plane(upright.as_vec3(), weight);
+                self.vertices[end].add_plane(upright.as_vec3(), weight);
             }
         }
     }
@@ -172,22 +176,22 @@ impl SurfaceCost {
     pub fn place(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Placement {
         let d = shift(mesh, edge);
         let length_sq = d.length_squared();
-        let error = self.moved(mesh, edge, d) + self.vertices[edge.to as usize].constant;
+        let error = self.moved(mesh, edge, d) + self.vertices[edge.to].constant;
         let cost = error.max(0.0) + LENGTH_SHARE * length_sq * length_sq;
-        Placement { position: mesh.positions[edge.to as usize], cost: f64::from(cost) }
+        Placement { position: mesh.positions[edge.to], cost: f64::from(cost) }
     }
 
     /// Error of `from` and its wedges at the position of `to` and its texture coordinates.
     #[inline(always)]
     fn moved(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, d: Vec3) -> f32 {
-        let mut error = self.vertices[edge.from as usize].at(d);
+        let mut error = self.vertices[edge.from].at(d);
         if self.has_texture() {
-            for (&(wa, wb), inset) in edge.wedges.iter().zip(edge.insets) {
+            for (&WedgePair { from: wa, to: wb }, inset) in edge.wedges.iter().zip(edge.insets) {
                 let slide = slide(mesh, wa, wb) + inset;
                 if !slide.is_nan() {
-                    error += self.wedges[wa as usize].at(d, slide);
+                    error += self.wedges[wa].at(d, slide);
                     if inset != Vec2::ZERO {
-                        error += self.wedges[wb as usize].at(Vec3::ZERO, inset);
+                        error += self.wedges[wb].at(Vec3::ZERO, inset);
                     }
                 }
             }
@@ -198,19 +202,19 @@ impl SurfaceCost {
     /// Appends the costs of collapses inside a chart: the same as from [`place`](SurfaceCost::place), `LANES` at a time
     /// in vector registers.
     #[inline(always)]
-    fn costs_onto(&self, mesh: &ClusterMesh, from: u32, wedge: u32, ends: &[(u32, u32)], costs: &mut Vec<f32>) {
-        let here = mesh.positions[from as usize];
-        let uv = mesh.wedge_uv[wedge as usize];
-        let quadric = self.vertices[from as usize];
-        let texture = if self.has_texture() { self.wedges[wedge as usize] } else { LocalWedge::default() };
+    fn costs_onto(&self, mesh: &ClusterMesh, from: End, ends: &[End], costs: &mut Vec<f32>) {
+        let here = mesh.positions[from.vertex];
+        let uv = mesh.wedge_uv[from.wedge];
+        let quadric = self.vertices[from.vertex];
+        let texture = if self.has_texture() { self.wedges[from.wedge] } else { LocalWedge::default() };
         for ends in ends.chunks(LANES) {
             let (mut d, mut s, mut kept) = ([[0f32; LANES]; 3], [[0f32; LANES]; 2], [0f32; LANES]);
-            for (lane, &(to, end_wedge)) in ends.iter().enumerate() {
-                let shift = (mesh.positions[to as usize] - here).as_vec3();
-                let slide = (mesh.wedge_uv[end_wedge as usize] - uv).as_vec2();
+            for (lane, to) in ends.iter().enumerate() {
+                let shift = (mesh.positions[to.vertex] - here).as_vec3();
+                let slide = (mesh.wedge_uv[to.wedge] - uv).as_vec2();
                 (d[0][lane], d[1][lane], d[2][lane]) = (shift.x, shift.y, shift.z);
                 (s[0][lane], s[1][lane]) = (slide.x, slide.y);
-                kept[lane] = self.vertices[to as usize].constant;
+                kept[lane] = self.vertices[to.vertex].constant;
             }
             let mut cost = [0f32; LANES];
             for lane in 0..LANES {
@@ -229,32 +233,32 @@ impl SurfaceCost {
     /// Adds the quadrics of the vanished vertex and its wedges to those that stay.
     pub fn join(&mut self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) {
         let d = shift(mesh, edge);
-        let mut vanished = self.vertices[edge.from as usize];
+        let mut vanished = self.vertices[edge.from];
         let constant = self.moved(mesh, edge, d);
         vanished.linear += vanished.apply(d);
         vanished.constant = constant;
         if self.has_texture() {
-            for (&(wa, wb), inset) in edge.wedges.iter().zip(edge.insets) {
+            for (&WedgePair { from: wa, to: wb }, inset) in edge.wedges.iter().zip(edge.insets) {
                 let slide = slide(mesh, wa, wb) + inset;
                 if slide.is_nan() {
                     continue;
                 }
                 if inset != Vec2::ZERO {
-                    let wedge = &mut self.wedges[wb as usize];
+                    let wedge = &mut self.wedges[wb];
                     vanished.linear -= wedge.gradient[0] * inset.x + wedge.gradient[1] * inset.y;
                     wedge.offset -= wedge.weight * inset;
                 }
-                let LocalWedge { gradient, weight, .. } = self.wedges[wa as usize];
+                let LocalWedge { gradient, weight, .. } = self.wedges[wa];
                 vanished.linear -= gradient[0] * slide.x + gradient[1] * slide.y;
-                let offset = self.wedges[wa as usize].mapped(d) - weight * slide;
-                let wedge = &mut self.wedges[wb as usize];
+                let offset = self.wedges[wa].mapped(d) - weight * slide;
+                let wedge = &mut self.wedges[wb];
                 wedge.gradient[0] += gradient[0];
                 wedge.gradient[1] += gradient[1];
                 wedge.offset += offset;
                 wedge.weight += weight;
             }
         }
-        let vertex = &mut self.vertices[edge.to as usize];
+        let vertex = &mut self.vertices[edge.to];
         vertex.add_quadratic(&vanished.quadratic);
         vertex.linear += vanished.linear;
         vertex.constant += vanished.constant;
@@ -262,21 +266,21 @@ impl SurfaceCost {
 
     /// Translates the quadric of a wedge to the vertex that stays; its texture coordinate is unchanged, and the cost of
     /// that is part of the vertex's quadric.
-    pub fn bring(&mut self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, wedge: u32) {
+    pub fn bring(&mut self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, wedge: Wedge) {
         if self.has_texture() {
-            let wedge = &mut self.wedges[wedge as usize];
+            let wedge = &mut self.wedges[wedge];
             wedge.offset = wedge.mapped(shift(mesh, edge));
         }
     }
 
     /// Step of a vertex to its position of least error; `None` if the error falls by less than 2 %. Wedges take their
     /// best texture coordinates, except those with a fixed `slide`.
-    pub fn best_step(&self, vertex: u32, wedges: &[MovingWedge]) -> Option<DVec3> {
-        let quadric = self.vertices[vertex as usize];
+    pub fn best_step(&self, vertex: LocalVertex, wedges: &[MovingWedge]) -> Option<DVec3> {
+        let quadric = self.vertices[vertex];
         let mut reduced = quadric.widened();
         let spring = SPRING * reduced.diagonal.element_sum();
         for &MovingWedge { wedge, slide } in wedges.iter().filter(|_| self.has_texture()) {
-            let texture = self.wedges[wedge as usize].widened();
+            let texture = self.wedges[wedge].widened();
             match slide {
                 Some(slide) => texture.add_held(slide, &mut reduced),
                 None => reduced += texture.eliminated(),
@@ -288,8 +292,8 @@ impl SurfaceCost {
     }
 
     /// Change of a wedge's texture coordinate that has the least error when its vertex makes `step`.
-    pub fn best_slide(&self, wedge: u32, step: DVec3) -> DVec2 {
-        match self.wedges.get(wedge as usize) {
+    pub fn best_slide(&self, wedge: Wedge, step: DVec3) -> DVec2 {
+        match self.wedges.get(wedge) {
             Some(texture) if texture.weight > 0.0 => {
                 let texture = texture.widened();
                 texture.mapped(step) / texture.weight
@@ -307,13 +311,13 @@ impl SurfaceCost {
 /// Vector from the vertex that vanishes to the one that stays.
 #[inline(always)]
 fn shift(mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Vec3 {
-    (mesh.positions[edge.to as usize] - mesh.positions[edge.from as usize]).as_vec3()
+    (mesh.positions[edge.to] - mesh.positions[edge.from]).as_vec3()
 }
 
 /// Difference of the texture coordinates of two wedges; NaN if one has none.
 #[inline(always)]
-fn slide(mesh: &ClusterMesh, from: u32, to: u32) -> Vec2 {
-    (mesh.wedge_uv[to as usize] - mesh.wedge_uv[from as usize]).as_vec2()
+fn slide(mesh: &ClusterMesh, from: Wedge, to: Wedge) -> Vec2 {
+    (mesh.wedge_uv[to] - mesh.wedge_uv[from]).as_vec2()
 }
 
 /// Gradients of u and v in the plane of a triangle, from its edge vectors in space and in texture. `upright` is the
@@ -345,7 +349,7 @@ impl Metric for SurfaceCost {
         weights.seam_density = seam_density;
     }
 
-    fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
+    fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &Classes) {
         self.refresh(mesh, rings, classes);
     }
 
@@ -355,23 +359,23 @@ impl Metric for SurfaceCost {
     }
 
     #[inline(always)]
-    fn costs_onto(&self, mesh: &ClusterMesh, from: u32, wedge: u32, ends: &[(u32, u32)], costs: &mut Vec<f32>) {
-        self.costs_onto(mesh, from, wedge, ends, costs);
+    fn costs_onto(&self, mesh: &ClusterMesh, from: End, ends: &[End], costs: &mut Vec<f32>) {
+        self.costs_onto(mesh, from, ends, costs);
     }
 
     fn join(&mut self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) {
         self.join(mesh, edge);
     }
 
-    fn bring(&mut self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, wedge: u32) {
+    fn bring(&mut self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, wedge: Wedge) {
         self.bring(mesh, edge, wedge);
     }
 
-    fn best_step(&self, vertex: u32, wedges: &[MovingWedge]) -> Option<DVec3> {
+    fn best_step(&self, vertex: LocalVertex, wedges: &[MovingWedge]) -> Option<DVec3> {
         self.best_step(vertex, wedges)
     }
 
-    fn best_slide(&self, wedge: u32, step: DVec3) -> DVec2 {
+    fn best_slide(&self, wedge: Wedge, step: DVec3) -> DVec2 {
         self.best_slide(wedge, step)
     }
 
@@ -391,9 +395,10 @@ mod tests {
     use crate::cost::quadric::WedgeQuadric;
     use crate::mesh::class::classify;
     use crate::mesh::cluster::samples;
+    use crate::mesh::id::short::{pair, v, w};
 
     fn prepared(mesh: &ClusterMesh) -> SurfaceCost {
-        let (mut rings, mut classes) = (Rings::default(), Vec::new());
+        let (mut rings, mut classes) = (Rings::default(), TiVec::new());
         rings.build(mesh);
         classify(mesh, &rings, &mut classes);
         let mut cost = SurfaceCost::new(Weights { uv: 1.0, ..Weights::default() });
@@ -402,7 +407,12 @@ mod tests {
     }
 
     const EDGE: EdgeCase<'_> =
-        EdgeCase { from: 6, to: 12, onto: true, stays: true, wedges: &[(6, 12)], insets: [Vec2::ZERO; 2] };
+        EdgeCase { from: v(6), to: v(12), onto: true, stays: true, wedges: &[pair(6, 12)], insets: [Vec2::ZERO; 2] };
+
+    /// Collapses one vertex onto another.
+    fn join(cost: &mut SurfaceCost, mesh: &ClusterMesh, from: u32, to: u32) {
+        cost.join(mesh, &EdgeCase { from: v(from), to: v(to), wedges: &[pair(from, to)], ..EDGE });
+    }
 
     /// A bumpy grid with a curved texture mapping, so that quadrics of all kinds occur.
     fn hills() -> ClusterMesh {
@@ -413,9 +423,9 @@ mod tests {
 
     /// Sum of the squared distances to planes and the squared texture drift over the faces around a vertex, in double
     /// precision.
-    fn plain_error(mesh: &ClusterMesh, vertex: u32, position: DVec3, uv: DVec2) -> f64 {
+    fn plain_error(mesh: &ClusterMesh, vertex: LocalVertex, position: DVec3, uv: DVec2) -> f64 {
         let mut error = 0.0;
-        for face in (0..mesh.corners.len() as u32).filter(|&face| mesh.vertices(face).contains(&vertex)) {
+        for face in mesh.face_ids().filter(|&face| mesh.vertices(face).contains(&vertex)) {
             let triangle = mesh.triangle(face);
             let across = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]);
             let (area, normal) = (0.5 * across.length(), across.normalize());
@@ -431,7 +441,7 @@ mod tests {
         let mesh = samples::grid(4, 0.0);
         let placement = prepared(&mesh).place(&mesh, &EDGE);
         assert!(placement.cost <= 4.1 * f64::from(LENGTH_SHARE), "{placement:?}");
-        assert_eq!(placement.position, mesh.positions[12]);
+        assert_eq!(placement.position, mesh.positions[v(12)]);
     }
 
     #[test]
@@ -449,8 +459,8 @@ mod tests {
         let mesh = hills();
         let cost = prepared(&mesh);
         for (from, to) in [(8, 9), (16, 24), (24, 16), (17, 10)] {
-            let edge = EdgeCase { from, to, wedges: &[(from, to)], ..EDGE };
-            let plain = plain_error(&mesh, from, mesh.positions[to as usize], mesh.wedge_uv[to as usize]);
+            let edge = EdgeCase { from: v(from), to: v(to), wedges: &[pair(from, to)], ..EDGE };
+            let plain = plain_error(&mesh, v(from), mesh.positions[v(to)], mesh.wedge_uv[w(to)]);
             let judged = cost.place(&mesh, &edge).cost;
             assert!((judged / plain - 1.0).abs() < 1e-4, "{judged} {plain}");
         }
@@ -459,14 +469,16 @@ mod tests {
     #[test]
     fn costs_of_many_collapses_are_those_of_each() {
         let mut mesh = hills();
-        mesh.wedge_uv[9] = DVec2::NAN;
+        mesh.wedge_uv[w(9)] = DVec2::NAN;
         let cost = prepared(&mesh);
-        let ends: Vec<(u32, u32)> = (0..30).filter(|&v| v != 16).map(|v| (v, v)).collect();
+        let end = |number| End { vertex: v(number), wedge: w(number) };
+        let ends: Vec<End> = (0..30).filter(|&number| number != 16).map(end).collect();
         let mut costs = Vec::new();
-        cost.costs_onto(&mesh, 16, 16, &ends, &mut costs);
-        for (&(to, wedge), judged) in ends.iter().zip(costs) {
-            let alone = cost.place(&mesh, &EdgeCase::inside(16, to, &[(16, wedge)])).cost as f32;
-            assert_eq!(judged.to_bits(), alone.to_bits(), "{to}");
+        cost.costs_onto(&mesh, end(16), &ends, &mut costs);
+        for (&End { vertex, wedge }, judged) in ends.iter().zip(costs) {
+            let wedges = [WedgePair { from: w(16), to: wedge }];
+            let alone = cost.place(&mesh, &EdgeCase::inside(v(16), vertex, &wedges)).cost as f32;
+            assert_eq!(judged.to_bits(), alone.to_bits(), "{vertex:?}");
         }
     }
 
@@ -474,11 +486,11 @@ mod tests {
     fn what_merges_is_remembered_at_the_new_place() {
         let mesh = hills();
         let mut cost = prepared(&mesh);
-        cost.join(&mesh, &EdgeCase { from: 16, to: 17, wedges: &[(16, 17)], ..EDGE });
-        cost.join(&mesh, &EdgeCase { from: 17, to: 18, wedges: &[(17, 18)], ..EDGE });
-        let (place, uv) = (mesh.positions[25], mesh.wedge_uv[25]);
-        let plain: f64 = [16, 17, 18].iter().map(|&v| plain_error(&mesh, v, place, uv)).sum();
-        let judged = cost.place(&mesh, &EdgeCase { from: 18, to: 25, wedges: &[(18, 25)], ..EDGE }).cost;
+        join(&mut cost, &mesh, 16, 17);
+        join(&mut cost, &mesh, 17, 18);
+        let (place, uv) = (mesh.positions[v(25)], mesh.wedge_uv[w(25)]);
+        let plain: f64 = [16, 17, 18].map(|from| plain_error(&mesh, v(from), place, uv)).iter().sum();
+        let judged = cost.place(&mesh, &EdgeCase { from: v(18), to: v(25), wedges: &[pair(18, 25)], ..EDGE }).cost;
         assert!((judged / plain - 1.0).abs() < 1e-4, "{judged} {plain}");
     }
 
@@ -497,11 +509,12 @@ mod tests {
     fn joined() -> (SurfaceCost, impl Fn(DVec3, DVec2) -> f64) {
         let mesh = hills();
         let mut cost = prepared(&mesh);
-        cost.join(&mesh, &EdgeCase { from: 16, to: 17, wedges: &[(16, 17)], ..EDGE });
-        cost.join(&mesh, &EdgeCase { from: 18, to: 17, wedges: &[(18, 17)], ..EDGE });
-        let (place, uv) = (mesh.positions[17], mesh.wedge_uv[17]);
-        let error =
-            move |step, slide| [16, 17, 18].iter().map(|&v| plain_error(&mesh, v, place + step, uv + slide)).sum();
+        join(&mut cost, &mesh, 16, 17);
+        join(&mut cost, &mesh, 18, 17);
+        let (place, uv) = (mesh.positions[v(17)], mesh.wedge_uv[w(17)]);
+        let error = move |step, slide| {
+            [16, 17, 18].map(|from| plain_error(&mesh, v(from), place + step, uv + slide)).iter().sum()
+        };
         (cost, error)
     }
 
@@ -511,7 +524,7 @@ mod tests {
     fn the_best_step_has_less_error_than_any_near_it() {
         let (cost, error) = joined();
         for slide in [DVec2::ZERO, DVec2::new(0.05, -0.02)] {
-            let best = cost.best_step(17, &[MovingWedge { wedge: 17, slide: Some(slide) }]).unwrap();
+            let best = cost.best_step(v(17), &[MovingWedge { wedge: w(17), slide: Some(slide) }]).unwrap();
             assert!(error(best, slide) < error(DVec3::ZERO, DVec2::ZERO));
             for step in STEPS {
                 assert!(error(best, slide) < error(best + 0.05 * step, slide));
@@ -522,9 +535,9 @@ mod tests {
     #[test]
     fn a_texture_coordinate_that_may_slide_finds_its_best_together_with_the_place() {
         let (cost, error) = joined();
-        let held = cost.best_step(17, &[MovingWedge { wedge: 17, slide: Some(DVec2::ZERO) }]).unwrap();
-        let best = cost.best_step(17, &[MovingWedge { wedge: 17, slide: None }]).unwrap();
-        let slide = cost.best_slide(17, best);
+        let held = cost.best_step(v(17), &[MovingWedge { wedge: w(17), slide: Some(DVec2::ZERO) }]).unwrap();
+        let best = cost.best_step(v(17), &[MovingWedge { wedge: w(17), slide: None }]).unwrap();
+        let slide = cost.best_slide(w(17), best);
         assert!(error(best, slide) < error(held, DVec2::ZERO));
         for step in STEPS {
             assert!(error(best, slide) < error(best + 0.05 * step, slide));

@@ -38,9 +38,11 @@ use super::metric::{EdgeCase, Metric, Placement, fits};
 use super::parameter::{Parameter, factor, switch};
 use super::planes::{area_of, ends, extended, least, plane_of, priced, texcoords_along};
 use super::wide::WideQuadric;
-use crate::mesh::class::{Class, Rule};
+use crate::base::id::TiVec;
+use crate::mesh::class::{Class, Classes, Rule};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::edge::EdgeKind;
+use crate::mesh::id::{FaceId, LocalVertex, Wedge, WedgePair};
 use crate::mesh::ring::Rings;
 
 /// A placement farther from the middle of the edge than this many edge lengths is rejected.
@@ -92,10 +94,10 @@ type TerrainQuadric = WideQuadric<8, 36>;
 #[derive(Debug)]
 pub struct TerrainCost {
     settings: TerrainSettings,
-    quadrics: Vec<TerrainQuadric>,
+    quadrics: TiVec<Wedge, TerrainQuadric>,
     /// Scaled normals.
-    normals: Vec<DVec3>,
-    is_border: Vec<bool>,
+    normals: TiVec<LocalVertex, DVec3>,
+    is_border: TiVec<LocalVertex, bool>,
     around: Around,
     fan: Fan,
     area: f64,
@@ -105,46 +107,46 @@ impl TerrainCost {
     /// Quadric of each wedge from `first` on: the sum over the triangles around it.
     fn sum_quadrics(&self, mesh: &ClusterMesh, first: usize) -> Vec<TerrainQuadric> {
         let mut quadrics = vec![TerrainQuadric::default(); mesh.wedge_vertex.len() - first];
-        for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
+        for face in mesh.living_faces() {
             let Some(quadric) = self.of_face(mesh, face) else { continue };
-            for wedge in mesh.corners[face as usize].map(|wedge| wedge as usize).into_iter().filter(|&w| w >= first) {
-                quadrics[wedge - first] += quadric;
+            for at in mesh.corners[face].into_iter().filter_map(|wedge| wedge.index().checked_sub(first)) {
+                quadrics[at] += quadric;
             }
         }
         quadrics
     }
 
     /// The squared distance to a face; `None` if the face has no area.
-    fn of_face(&self, mesh: &ClusterMesh, face: u32) -> Option<TerrainQuadric> {
+    fn of_face(&self, mesh: &ClusterMesh, face: FaceId) -> Option<TerrainQuadric> {
         plane_of(mesh.triangle(face))?;
-        TerrainQuadric::of_triangle(mesh.corners[face as usize].map(|wedge| self.point(mesh, wedge)))
+        TerrainQuadric::of_triangle(mesh.corners[face].map(|wedge| self.point(mesh, wedge)))
     }
 
     /// Recomputes the quadrics of a vertex's wedges.
-    fn sum_around(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) {
+    fn sum_around(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex) {
         let corners = || rings.of(vertex).iter().filter_map(|&corner| Some((corner, mesh.living(corner)?)));
-        corners().for_each(|(_, wedge)| self.quadrics[wedge as usize] = TerrainQuadric::default());
+        corners().for_each(|(_, wedge)| self.quadrics[wedge] = TerrainQuadric::default());
         for (corner, wedge) in corners() {
-            if let Some(quadric) = self.of_face(mesh, corner / 3) {
-                self.quadrics[wedge as usize] += quadric;
+            if let Some(quadric) = self.of_face(mesh, corner.face()) {
+                self.quadrics[wedge] += quadric;
             }
         }
     }
 
-    fn point(&self, mesh: &ClusterMesh, wedge: u32) -> [f64; 8] {
-        let vertex = mesh.wedge_vertex[wedge as usize] as usize;
-        let (p, n, uv) = (mesh.positions[vertex], self.normals[vertex], mesh.wedge_uv[wedge as usize]);
+    fn point(&self, mesh: &ClusterMesh, wedge: Wedge) -> [f64; 8] {
+        let vertex = mesh.wedge_vertex[wedge];
+        let (p, n, uv) = (mesh.positions[vertex], self.normals[vertex], mesh.wedge_uv[wedge]);
         let uv = if uv.is_finite() { uv } else { DVec2::ZERO };
         [p.x, p.y, p.z, uv.x, uv.y, n.x, n.y, n.z]
     }
 
-    fn find_normal(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) {
+    fn find_normal(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex) {
         self.fan.collect(mesh, rings, vertex);
-        self.normals[vertex as usize] = mean_normal(&self.fan) * self.settings.normal_scale;
+        self.normals[vertex] = mean_normal(&self.fan) * self.settings.normal_scale;
     }
 
     fn class_weight(&self, edge: &EdgeCase<'_>) -> f64 {
-        match (self.is_border[edge.from as usize], self.is_border[edge.to as usize]) {
+        match (self.is_border[edge.from], self.is_border[edge.to]) {
             _ if !self.settings.has_weights => 1.0,
             (false, false) => 1.0,
             (true, true) => self.settings.border,
@@ -155,8 +157,8 @@ impl TerrainCost {
     /// Placement of a free edge in eight dimensions, and its cost; `None` if the edge has no wedge pair.
     fn solve(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Option<([f64; 8], f64)> {
         let (pa, pb) = ends(mesh, edge);
-        let &(wa, wb) = edge.wedges.first()?;
-        let sum = self.quadrics[wa as usize] + self.quadrics[wb as usize];
+        let &WedgePair { from: wa, to: wb } = edge.wedges.first()?;
+        let sum = self.quadrics[wa] + self.quadrics[wb];
         let is_near = |v: &[f64; 8]| {
             let p = DVec3::new(v[0], v[1], v[2]);
             p.distance_squared(0.5 * (pa + pb)) <= REACH * REACH * pa.distance_squared(pb)
@@ -170,9 +172,9 @@ impl TerrainCost {
 
     /// Cost of the position `share` along an edge, summed over all sides of the edge.
     fn cost_at(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, share: f64) -> f64 {
-        let cost = |&(wa, wb): &(u32, u32)| {
+        let cost = |&WedgePair { from: wa, to: wb }: &WedgePair| {
             let v = between(&self.point(mesh, wa), &self.point(mesh, wb), share);
-            (self.quadrics[wa as usize] + self.quadrics[wb as usize]).at(&v)
+            (self.quadrics[wa] + self.quadrics[wb]).at(&v)
         };
         edge.wedges.iter().map(cost).sum()
     }
@@ -183,13 +185,13 @@ impl TerrainCost {
 
     /// Cost of the wedges of the vertex that stays that are in no wedge pair of the edge.
     fn cost_beside(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> f64 {
-        let Some(&(_, first)) = edge.wedges.first() else { return 0.0 };
-        let (mut cost, mut wedge) = (0.0, mesh.wedge_next[first as usize]);
+        let Some(&WedgePair { to: first, .. }) = edge.wedges.first() else { return 0.0 };
+        let (mut cost, mut wedge) = (0.0, mesh.wedge_next[first]);
         while wedge != first {
-            if !edge.wedges.iter().any(|pair| pair.1 == wedge) {
-                cost += self.quadrics[wedge as usize].at(&self.point(mesh, wedge));
+            if !edge.wedges.iter().any(|pair| pair.to == wedge) {
+                cost += self.quadrics[wedge].at(&self.point(mesh, wedge));
             }
-            wedge = mesh.wedge_next[wedge as usize];
+            wedge = mesh.wedge_next[wedge];
         }
         cost
     }
@@ -198,8 +200,8 @@ impl TerrainCost {
 #[cfg(test)]
 impl TerrainCost {
     /// The scaled normal of a vertex.
-    pub(super) fn normal(&self, vertex: u32) -> DVec3 {
-        self.normals[vertex as usize]
+    pub(super) fn normal(&self, vertex: LocalVertex) -> DVec3 {
+        self.normals[vertex]
     }
 }
 
@@ -226,9 +228,9 @@ impl Metric for TerrainCost {
     fn new(settings: &TerrainSettings) -> Self {
         Self {
             settings: *settings,
-            quadrics: Vec::new(),
-            normals: Vec::new(),
-            is_border: Vec::new(),
+            quadrics: TiVec::new(),
+            normals: TiVec::new(),
+            is_border: TiVec::new(),
             around: Around::default(),
             fan: Fan::default(),
             area: 0.0,
@@ -240,8 +242,8 @@ impl Metric for TerrainCost {
     }
 
     /// Counts the edges of every face. Inner edges count twice, wherever the clusters' borders are.
-    fn count(_: &TerrainSettings, mesh: &ClusterMesh, _: &Rings, _: &[Class], stats: &mut MeshStats) {
-        for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
+    fn count(_: &TerrainSettings, mesh: &ClusterMesh, _: &Rings, _: &Classes, stats: &mut MeshStats) {
+        for face in mesh.living_faces() {
             let [a, b, c] = mesh.triangle(face);
             [a.distance(b), b.distance(c), c.distance(a)].into_iter().for_each(|length| stats.add(length));
         }
@@ -252,11 +254,11 @@ impl Metric for TerrainCost {
         settings.normal_scale = if settings.is_raw { 1.0 } else { settings.normal * length };
     }
 
-    fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
+    fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &Classes) {
         self.area = area_of(mesh);
         self.normals.resize(mesh.positions.len(), DVec3::ZERO);
         self.around.resize(mesh.positions.len());
-        for vertex in 0..mesh.positions.len() as u32 {
+        for vertex in mesh.vertex_ids() {
             self.find_normal(mesh, rings, vertex);
         }
         self.is_border = classes.iter().map(|class| class.is_border()).collect();
@@ -281,9 +283,9 @@ impl Metric for TerrainCost {
     }
 
     fn join(&mut self, _mesh: &ClusterMesh, edge: &EdgeCase<'_>) {
-        for &(wa, wb) in edge.wedges {
-            let vanished = self.quadrics[wa as usize];
-            self.quadrics[wb as usize] += vanished;
+        for pair in edge.wedges {
+            let vanished = self.quadrics[pair.from];
+            self.quadrics[pair.to] += vanished;
         }
     }
 
@@ -297,18 +299,18 @@ impl Metric for TerrainCost {
     }
 
     fn texcoords(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, _position: DVec3, out: &mut Vec<DVec2>) -> bool {
-        let uv = |wedge: u32| mesh.wedge_uv[wedge as usize];
+        let uv = |wedge: Wedge| mesh.wedge_uv[wedge];
         if edge.wedges.len() > 1 {
             texcoords_along(mesh, edge, self.seam_share(mesh, edge), out);
             return true;
         }
-        let has_uv = edge.wedges.iter().all(|&(a, b)| uv(a).is_finite() && uv(b).is_finite());
+        let has_uv = edge.wedges.iter().all(|pair| uv(pair.from).is_finite() && uv(pair.to).is_finite());
         let solved = self.solve(mesh, edge).filter(|_| has_uv).map_or(DVec2::NAN, |(v, _)| DVec2::new(v[3], v[4]));
         out.extend(edge.wedges.iter().map(|_| solved));
         true
     }
 
-    fn follow(&mut self, mesh: &ClusterMesh, rings: &Rings, survivors: &[u32], changed: &mut Vec<u32>) {
+    fn follow(&mut self, mesh: &ClusterMesh, rings: &Rings, survivors: &[LocalVertex], changed: &mut Vec<LocalVertex>) {
         if self.settings.carries {
             survivors.iter().for_each(|&vertex| self.find_normal(mesh, rings, vertex));
             return;

@@ -21,7 +21,9 @@ use serde::Serialize;
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::base::Result;
+use crate::base::id::TiVec;
 use crate::file::buckets::{BucketWriter, Verbatim};
+use crate::mesh::id::{LocalVertex, Wedge};
 use crate::model::Catalogue;
 use crate::partition::ClusterSource;
 
@@ -101,28 +103,27 @@ impl Verbatim for SharedWedge {}
 pub fn tally(source: &ClusterSource, catalogue: &Catalogue) -> ClusterTally {
     let mesh = &source.mesh;
     let mut found = ClusterTally { own: Tally::default(), edges: Vec::new(), wedges: Vec::new() };
-    let mut wedge_count = vec![0u8; mesh.positions.len()];
+    let mut wedge_count = mesh.per_vertex(0u8);
     for &vertex in &mesh.wedge_vertex {
-        let count = &mut wedge_count[vertex as usize];
-        *count = count.saturating_add(1);
+        wedge_count[vertex] = wedge_count[vertex].saturating_add(1);
     }
-    for (vertex, &count) in wedge_count.iter().enumerate() {
-        if !mesh.is_shared(vertex as u32) {
+    for (vertex, &count) in wedge_count.iter_enumerated() {
+        if !mesh.is_shared(vertex) {
             found.own.vertices += u64::from(count > 0);
             found.own.seam_vertices += u64::from(count > 1);
         }
     }
     let keys = shared_keys(source, catalogue);
-    for (wedge, &key) in keys.iter().enumerate().filter(|(_, key)| **key != 0) {
+    for (wedge, &key) in keys.iter_enumerated().filter(|(_, key)| **key != 0) {
         let vertex = source.vertex_id(mesh.wedge_vertex[wedge]);
         found.wedges.push(SharedWedge { vertex, zero: 0, wedge: key });
     }
     // vertices of the edge, the lower one first, and the wedges there
-    let mut edges: Vec<([u32; 2], [u32; 2])> = Vec::with_capacity(3 * mesh.corners.len());
+    let mut edges: Vec<([LocalVertex; 2], [Wedge; 2])> = Vec::with_capacity(3 * mesh.corners.len());
     for corners in &mesh.corners {
         for (from, to) in [(0, 1), (1, 2), (2, 0)] {
             let (a, b) = (corners[from], corners[to]);
-            let (va, vb) = (mesh.wedge_vertex[a as usize], mesh.wedge_vertex[b as usize]);
+            let (va, vb) = (mesh.wedge_vertex[a], mesh.wedge_vertex[b]);
             edges.push(if va < vb { ([va, vb], [a, b]) } else { ([vb, va], [b, a]) });
         }
     }
@@ -133,7 +134,7 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue) -> ClusterTally {
         if vertices.iter().all(|&vertex| mesh.is_shared(vertex)) {
             found.edges.push(SharedEdge {
                 vertices: vertices.map(|vertex| source.vertex_id(vertex)),
-                wedges: wedges.map(|wedge| keys[wedge as usize]),
+                wedges: wedges.map(|wedge| keys[wedge]),
                 faces: faces.len() as u32,
                 is_seam: u32::from(is_seam),
             });
@@ -145,15 +146,15 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue) -> ClusterTally {
 }
 
 /// Key of texture coordinate and material for each wedge at a shared vertex, never 0; 0 for other wedges.
-fn shared_keys(source: &ClusterSource, catalogue: &Catalogue) -> Vec<u64> {
+fn shared_keys(source: &ClusterSource, catalogue: &Catalogue) -> TiVec<Wedge, u64> {
     let mesh = &source.mesh;
-    let mut keys = vec![0; mesh.wedge_vertex.len()];
+    let mut keys = mesh.per_wedge(0);
     for (corners, &part) in mesh.corners.iter().zip(&mesh.parts) {
         for &wedge in corners {
-            let key = &mut keys[wedge as usize];
-            if *key == 0 && mesh.is_shared(mesh.wedge_vertex[wedge as usize]) {
-                let [u, v] = mesh.wedge_uv[wedge as usize].to_array().map(f64::to_bits);
-                let words = [u, v, catalogue.material_index(part) as u64];
+            let key = &mut keys[wedge];
+            if *key == 0 && mesh.is_shared(mesh.wedge_vertex[wedge]) {
+                let [u, v] = mesh.wedge_uv[wedge].to_array().map(f64::to_bits);
+                let words = [u, v, catalogue.material_index(part.number()) as u64];
                 *key = xxh3_64(bytemuck::cast_slice(&words)).max(1);
             }
         }

@@ -256,7 +256,7 @@ impl Counting<'_> {
             |cluster| {
                 let _permit = permits.take(self.partition.face_count(cluster) * FACE_BYTES);
                 let source = cluster::load(self.partition, self.mesh, self.catalogue, &scale, cluster)?;
-                let doubled = doubles(source.mesh.corners.len(), |face| source.mesh.vertices(face)).len() as u64;
+                let doubled = doubles(source.mesh.corner_vertices.iter().copied()).len() as u64;
                 let tally = tally(&source, self.catalogue);
                 Ok((tally, [source.degenerate, doubled], self.partition.face_count(cluster)))
             },

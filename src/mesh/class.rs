@@ -16,7 +16,9 @@
 //!   stretched, but does not leave the chart.
 
 use super::cluster::ClusterMesh;
+use super::id::LocalVertex;
 use super::ring::{Rings, Spoke};
+use crate::base::id::{TiSlice, TiVec};
 
 /// Class of a vertex, by the charts and borders that meet there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -39,6 +41,9 @@ pub enum Class {
     /// Never vanishes or moves: above [`VALENCE_MAX`], without faces, or used by other clusters.
     Fixed,
 }
+
+/// The class of each vertex.
+pub type Classes = TiSlice<LocalVertex, Class>;
 
 /// Placement rule of an edge collapse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -113,7 +118,7 @@ const RULES: [[Rule; 8]; 8] = {
 
 /// Writes the class of every vertex; vertices without faces are [`Class::Fixed`]. Returns whether the two faces of some
 /// edge run along it in the same direction, which [`orient`](super::orient) repairs.
-pub fn classify(mesh: &ClusterMesh, rings: &Rings, classes: &mut Vec<Class>) -> bool {
+pub fn classify(mesh: &ClusterMesh, rings: &Rings, classes: &mut TiVec<LocalVertex, Class>) -> bool {
     classes.clear();
     classes.resize(mesh.positions.len(), Class::Fixed);
     reclassify_all(mesh, rings, classes)
@@ -121,19 +126,19 @@ pub fn classify(mesh: &ClusterMesh, rings: &Rings, classes: &mut Vec<Class>) -> 
 
 /// Recomputes the classes after legal collapses: vertices that were [`Class::Smooth`] stay so. Returns the same as
 /// [`classify`].
-pub fn reclassify_all(mesh: &ClusterMesh, rings: &Rings, classes: &mut [Class]) -> bool {
+pub fn reclassify_all(mesh: &ClusterMesh, rings: &Rings, classes: &mut Classes) -> bool {
     let mut fan = Classifier::default();
-    for (vertex, class) in classes.iter_mut().enumerate().filter(|(_, class)| **class != Class::Smooth) {
-        *class = fan.class(mesh, rings, vertex as u32);
+    for (vertex, class) in classes.iter_mut_enumerated().filter(|(_, class)| **class != Class::Smooth) {
+        *class = fan.class(mesh, rings, vertex);
     }
     fan.shows_back
 }
 
 /// Recomputes the classes of the given vertices, whatever they were.
-pub fn reclassify(mesh: &ClusterMesh, rings: &Rings, classes: &mut [Class], vertices: impl IntoIterator<Item = u32>) {
+pub fn reclassify(mesh: &ClusterMesh, rings: &Rings, classes: &mut Classes, vertices: &[LocalVertex]) {
     let mut fan = Classifier::default();
-    for vertex in vertices {
-        classes[vertex as usize] = fan.class(mesh, rings, vertex);
+    for &vertex in vertices {
+        classes[vertex] = fan.class(mesh, rings, vertex);
     }
 }
 
@@ -148,8 +153,8 @@ const ONE: u32 = 1 << 16;
 struct Classifier {
     spokes: Vec<Spoke>,
     /// `next` of each spoke, in lanes; `ends` holds `previous`.
-    begins: Vec<[u32; LANES]>,
-    ends: Vec<[u32; LANES]>,
+    begins: Vec<[LocalVertex; LANES]>,
+    ends: Vec<[LocalVertex; LANES]>,
     /// For each spoke, the spoke that begins where it ends.
     followers: Vec<usize>,
     /// Whether, in any fan so far, the two faces of some edge ran along it in the same direction.
@@ -157,7 +162,7 @@ struct Classifier {
 }
 
 impl Classifier {
-    fn class(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32) -> Class {
+    fn class(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex) -> Class {
         let corners = rings.of(vertex);
         if corners.is_empty() || corners.len() > VALENCE_MAX {
             return Class::Fixed;
@@ -173,7 +178,7 @@ impl Classifier {
     }
 
     /// Index of the spoke that begins at a vertex; `None` if there is not exactly one.
-    fn beginning_at(&self, vertex: u32) -> Option<usize> {
+    fn beginning_at(&self, vertex: LocalVertex) -> Option<usize> {
         let found = find(&self.begins, vertex);
         (found / ONE == 1).then_some((found % ONE) as usize)
     }
@@ -248,11 +253,11 @@ impl Classifier {
     }
 }
 
-/// Writes one vertex of each spoke to `lanes`, padded with `u32::MAX`.
-fn lanes_of(spokes: &[Spoke], lanes: &mut Vec<[u32; LANES]>, vertex_of: impl Fn(&Spoke) -> u32) {
+/// Writes one vertex of each spoke to `lanes`, padded with [`LocalVertex::NONE`].
+fn lanes_of(spokes: &[Spoke], lanes: &mut Vec<[LocalVertex; LANES]>, vertex_of: impl Fn(&Spoke) -> LocalVertex) {
     lanes.clear();
     lanes.extend(spokes.chunks(LANES).map(|spokes| {
-        let mut lanes = [u32::MAX; LANES];
+        let mut lanes = [LocalVertex::NONE; LANES];
         lanes.iter_mut().zip(spokes).for_each(|(lane, spoke)| *lane = vertex_of(spoke));
         lanes
     }));
@@ -260,7 +265,7 @@ fn lanes_of(spokes: &[Spoke], lanes: &mut Vec<[u32; LANES]>, vertex_of: impl Fn(
 
 /// [`ONE`] for each spoke that names the vertex, plus the sum of their indices.
 #[inline(always)]
-fn find(lanes: &[[u32; LANES]], vertex: u32) -> u32 {
+fn find(lanes: &[[LocalVertex; LANES]], vertex: LocalVertex) -> u32 {
     // Compares all lanes, because a branch on the position of the match would be unpredictable.
     let mut found = [0; LANES];
     for (at, lanes) in (0..).step_by(LANES).zip(lanes) {
@@ -278,28 +283,24 @@ mod tests {
 
     use super::super::cluster::samples;
     use super::*;
+    use crate::mesh::id::short::v;
+    use glam::{DVec2, DVec3};
 
     /// Two faces run along their edge 0-1 in the same direction; the fans of both ends detect it.
     #[test]
     fn a_face_that_shows_its_back_is_seen_from_either_end_of_the_edge() {
-        let mut mesh = ClusterMesh::default();
-        for vertex in 0..4 {
-            mesh.push_vertex(glam::DVec3::ZERO, 0);
-            mesh.push_wedge(vertex, glam::DVec2::NAN);
-        }
-        [[0, 1, 2], [0, 1, 3]].iter().for_each(|&face| mesh.push_face(face, 0));
-        mesh.link_wedges();
+        let mesh = samples::mesh_of([(DVec3::ZERO, DVec2::NAN); 4], &[[0, 1, 2], [0, 1, 3]]);
         let mut rings = Rings::default();
         rings.build(&mesh);
         for (vertex, expected) in [(0, true), (1, true), (2, false), (3, false)] {
             let mut fan = Classifier::default();
-            fan.class(&mesh, &rings, vertex);
+            fan.class(&mesh, &rings, v(vertex));
             assert_eq!(fan.shows_back, expected, "{vertex}");
         }
     }
 
-    fn classes_of(mesh: &ClusterMesh) -> Vec<Class> {
-        let (mut rings, mut classes) = (Rings::default(), Vec::new());
+    fn classes_of(mesh: &ClusterMesh) -> TiVec<LocalVertex, Class> {
+        let (mut rings, mut classes) = (Rings::default(), TiVec::new());
         rings.build(mesh);
         classify(mesh, &rings, &mut classes);
         classes
@@ -378,8 +379,8 @@ mod tests {
     #[test]
     fn a_grid_is_smooth_inside_and_border_outside() {
         let classes = classes_of(&samples::grid(2, 0.0));
-        for (vertex, class) in classes.iter().enumerate() {
-            assert_eq!(*class, if vertex == 4 { Class::Smooth } else { Class::Border });
+        for (vertex, class) in classes.iter_enumerated() {
+            assert_eq!(*class, if vertex == v(4) { Class::Smooth } else { Class::Border });
         }
     }
 
@@ -389,11 +390,9 @@ mod tests {
     #[test]
     fn a_line_between_two_charts_is_a_seam_that_ends_at_the_border() {
         let classes = classes_of(&samples::two_charts(4));
-        assert_eq!(classes[7], Class::Seam);
-        assert_eq!(classes[12], Class::Seam);
-        assert_eq!(classes[2], Class::BorderSeam);
-        assert_eq!(classes[22], Class::BorderSeam);
-        assert_eq!(classes[6], Class::Smooth);
+        assert_eq!([7, 12].map(|at| classes[v(at)]), [Class::Seam; 2]);
+        assert_eq!([2, 22].map(|at| classes[v(at)]), [Class::BorderSeam; 2]);
+        assert_eq!(classes[v(6)], Class::Smooth);
     }
 
     //   \ | /
@@ -402,19 +401,19 @@ mod tests {
     #[test]
     fn both_ends_of_a_non_manifold_edge_are_complex_and_nothing_else() {
         let mut mesh = samples::grid(4, 0.0);
-        let top = mesh.push_vertex(glam::DVec3::new(1.5, 1.5, 1.0), 0);
-        let wedge = mesh.push_wedge(top, glam::DVec2::ZERO);
-        mesh.push_face([6, 7, wedge], 0);
+        let top = mesh.push_vertex(DVec3::new(1.5, 1.5, 1.0), 0);
+        let wedge = mesh.push_wedge(top, DVec2::ZERO);
+        samples::add_faces(&mut mesh, &[[6, 7, wedge.number()]]);
         mesh.link_wedges();
         let classes = classes_of(&mesh);
-        let fixed: Vec<_> = (0..26).filter(|&v| classes[v] == Class::Complex).collect();
-        assert_eq!(fixed, [6, 7]);
+        let complex: Vec<_> = mesh.vertex_ids().filter(|&v| classes[v] == Class::Complex).collect();
+        assert_eq!(complex, [6, 7].map(v));
     }
 
     #[test]
     fn classes_after_collapses_are_those_of_the_mesh_as_it_stands() {
         let mesh = samples::two_charts(8);
-        let (mut rings, mut classes) = (Rings::default(), Vec::new());
+        let (mut rings, mut classes) = (Rings::default(), TiVec::new());
         rings.build(&mesh);
         classify(&mesh, &rings, &mut classes);
         let before = classes.clone();
@@ -426,16 +425,9 @@ mod tests {
     //  two triangles that share only a vertex
     #[test]
     fn a_bow_tie_vertex_is_complex() {
-        let mut mesh = ClusterMesh::default();
-        for p in [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]] {
-            let v = mesh.push_vertex(glam::DVec3::new(p[0], p[1], 0.0), 0);
-            mesh.push_wedge(v, glam::DVec2::NAN);
-        }
-        mesh.push_face([0, 1, 2], 0);
-        mesh.push_face([0, 3, 4], 0);
-        mesh.link_wedges();
-        assert_eq!(classes_of(&mesh)[0], Class::Complex);
-        assert_eq!(classes_of(&mesh)[1], Class::Border);
+        let mesh = samples::mesh_of([(DVec3::ZERO, DVec2::NAN); 5], &[[0, 1, 2], [0, 3, 4]]);
+        assert_eq!(classes_of(&mesh)[v(0)], Class::Complex);
+        assert_eq!(classes_of(&mesh)[v(1)], Class::Border);
     }
 
     /// A face around vertex 0: its other two vertices, and the number of the wedge at each of the three.
@@ -530,20 +522,20 @@ mod tests {
     proptest! {
         #[test]
         fn the_class_is_that_of_the_edges_around_a_vertex(fans in prop::collection::vec(fan(), 1..3)) {
-            let (mut rings, mut classes) = (Rings::default(), Vec::new());
+            let (mut rings, mut classes) = (Rings::default(), TiVec::new());
             for faces in fans {
                 let mut mesh = ClusterMesh::default();
-                for vertex in 0..9 {
-                    mesh.push_vertex(glam::DVec3::ZERO, 0);
-                    (0..3).for_each(|_| _ = mesh.push_wedge(vertex, glam::DVec2::NAN));
+                for _ in 0..9 {
+                    let vertex = mesh.push_vertex(DVec3::ZERO, 0);
+                    (0..3).for_each(|_| _ = mesh.push_wedge(vertex, DVec2::NAN));
                 }
                 for &Around { ends: [a, b], wedges: [own, of_a, of_b] } in &faces {
-                    mesh.push_face([own, 3 * a + of_a, 3 * b + of_b], 0);
+                    samples::add_faces(&mut mesh, &[[own, 3 * a + of_a, 3 * b + of_b]]);
                 }
                 mesh.link_wedges();
                 rings.build(&mesh);
                 let shows_back = classify(&mesh, &rings, &mut classes);
-                prop_assert_eq!(classes[0], expected_class(&faces), "{:?}", faces);
+                prop_assert_eq!(classes[v(0)], expected_class(&faces), "{:?}", faces);
                 prop_assert!(expected_back(&faces).is_none_or(|expected| shows_back == expected), "{:?}", faces);
             }
         }
@@ -552,14 +544,10 @@ mod tests {
     #[test]
     fn a_fan_of_too_many_faces_is_fixed() {
         for (count, expected) in [(VALENCE_MAX, Class::Smooth), (VALENCE_MAX + 1, Class::Fixed)] {
-            let mut mesh = ClusterMesh::default();
-            for _ in 0..=count {
-                let vertex = mesh.push_vertex(glam::DVec3::ZERO, 0);
-                mesh.push_wedge(vertex, glam::DVec2::NAN);
-            }
-            (0..count as u32).for_each(|at| mesh.push_face([0, at + 1, (at + 1) % count as u32 + 1], 0));
-            mesh.link_wedges();
-            assert_eq!(classes_of(&mesh)[0], expected);
+            let ring = count as u32;
+            let faces: Vec<_> = (0..ring).map(|at| [0, at + 1, (at + 1) % ring + 1]).collect();
+            let mesh = samples::mesh_of(vec![(DVec3::ZERO, DVec2::NAN); count + 1], &faces);
+            assert_eq!(classes_of(&mesh)[v(0)], expected);
         }
     }
 }

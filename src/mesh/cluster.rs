@@ -1,11 +1,9 @@
-//! The mesh of one cluster, as structure of arrays with cluster-local 32-bit ids.
+//! The mesh of one cluster, as structure of arrays that are indexed by [ids](super::id).
 //!
 //! ```text
 //!   vertex 7 ── wedge 9 (uv .1 .2, roof) ── wedge 10 (uv .8 .3, wall) ── back to 9
 //!   face f: corners 9, 4, 12 (wedges); a face of DEAD corners is gone
 //! ```
-//!
-//! The id of a corner is 3 × its face + its index in the face, as in [`Rings`](super::Rings).
 //!
 //! # Memory
 //! A face takes 33 bytes, a vertex 25, a wedge 25: about 60 bytes a triangle of an ordinary textured mesh.
@@ -13,8 +11,12 @@
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
+use super::id::{Corner, End, FaceId, LocalVertex, Wedge};
+use crate::base::id::TiVec;
+use crate::model::id::PartId;
+
 /// Corner value of a face that was removed.
-pub const DEAD: u32 = u32::MAX;
+pub const DEAD: Wedge = Wedge::NONE;
 
 /// Bits of [`ClusterMesh::flags`](super::ClusterMesh::flags).
 pub mod flag {
@@ -37,38 +39,38 @@ pub fn rounded_up(value: f64) -> f32 {
 pub struct ClusterMesh {
     /// Position of each vertex relative to the cluster's origin, in the mesh's unit of length.
     #[serde(with = "crate::base::records")]
-    pub positions: Vec<DVec3>,
+    pub positions: TiVec<LocalVertex, DVec3>,
     /// Bits of [`flag`] for each vertex.
     #[serde(with = "crate::base::records")]
-    pub flags: Vec<u8>,
+    pub flags: TiVec<LocalVertex, u8>,
     /// Vertex of each wedge.
     #[serde(with = "crate::base::records")]
-    pub wedge_vertex: Vec<u32>,
+    pub wedge_vertex: TiVec<Wedge, LocalVertex>,
     /// Texture coordinate of each wedge times the scale of its material, in units of length; NaN where it has none.
     #[serde(with = "crate::base::records")]
-    pub wedge_uv: Vec<DVec2>,
+    pub wedge_uv: TiVec<Wedge, DVec2>,
     /// Next wedge of the same vertex, cyclic.
     #[serde(with = "crate::base::records")]
-    pub wedge_next: Vec<u32>,
+    pub wedge_next: TiVec<Wedge, Wedge>,
     /// Whether the wedge has left its initial texture coordinate.
-    pub wedge_moved: Vec<bool>,
+    pub wedge_moved: TiVec<Wedge, bool>,
     /// Wedges of each face's corners, counter-clockwise.
     #[serde(with = "crate::base::records")]
-    pub corners: Vec<[u32; 3]>,
+    pub corners: TiVec<FaceId, [Wedge; 3]>,
     /// Vertices of each face's corners: `wedge_vertex` of `corners`, cached.
     #[serde(with = "crate::base::records")]
-    pub corner_vertices: Vec<[u32; 3]>,
+    pub corner_vertices: TiVec<FaceId, [LocalVertex; 3]>,
     /// Part (label) of each face.
     #[serde(with = "crate::base::records")]
-    pub parts: Vec<u32>,
+    pub parts: TiVec<FaceId, PartId>,
     /// Bound on the distance of each face from the input, in units of length; kept only where the error is bounded.
     #[serde(with = "crate::base::records")]
-    pub deviations: Vec<f32>,
+    pub deviations: TiVec<FaceId, f32>,
     /// Whether each face was turned over by [`orient`](super::orient).
-    pub is_turned: Vec<bool>,
+    pub is_turned: TiVec<FaceId, bool>,
     /// For each of the last vertices, which are copies, the vertex that it copies; that one is no copy itself.
     #[serde(skip)]
-    pub copied_from: Vec<u32>,
+    pub copied_from: Vec<LocalVertex>,
     /// Number of faces that are not dead.
     pub face_count: usize,
 }
@@ -78,151 +80,196 @@ impl ClusterMesh {
     /// faces and with unlinked wedges.
     pub fn is_sound(&self) -> bool {
         let (vertices, wedges, faces) = (self.positions.len(), self.wedge_vertex.len(), self.corners.len());
-        let vertex_of = |wedge: u32| self.wedge_vertex.get(wedge as usize).copied();
+        let vertex_of = |wedge: Wedge| self.wedge_vertex.get(wedge).copied();
         self.flags.len() == vertices
             && self.wedge_uv.len() == wedges
             && (self.wedge_next.is_empty() && self.wedge_moved.is_empty())
             && [self.corner_vertices.len(), self.parts.len(), self.deviations.len(), self.is_turned.len()] == [faces; 4]
             && self.face_count == faces
-            && self.wedge_vertex.iter().all(|&vertex| (vertex as usize) < vertices)
+            && self.wedge_vertex.iter().all(|&vertex| vertex.index() < vertices)
             && self.corners.iter().zip(&self.corner_vertices).all(|(c, v)| c.map(vertex_of) == v.map(Some))
+    }
+
+    /// All vertices.
+    #[inline]
+    pub fn vertex_ids(&self) -> impl DoubleEndedIterator<Item = LocalVertex> + ExactSizeIterator + Clone + use<> {
+        LocalVertex::first(self.positions.len())
+    }
+
+    /// All faces, also those that are dead.
+    #[inline]
+    pub fn face_ids(&self) -> impl DoubleEndedIterator<Item = FaceId> + ExactSizeIterator + Clone + use<> {
+        FaceId::first(self.corners.len())
+    }
+
+    /// All faces that are not dead.
+    #[inline]
+    pub fn living_faces(&self) -> impl Iterator<Item = FaceId> + Clone + '_ {
+        self.face_ids().filter(|&face| !self.is_dead(face))
+    }
+
+    /// The same value for each vertex.
+    pub fn per_vertex<T: Clone>(&self, value: T) -> TiVec<LocalVertex, T> {
+        vec![value; self.positions.len()].into()
+    }
+
+    /// The same value for each wedge.
+    pub fn per_wedge<T: Clone>(&self, value: T) -> TiVec<Wedge, T> {
+        vec![value; self.wedge_vertex.len()].into()
+    }
+
+    /// The same value for each face.
+    pub fn per_face<T: Clone>(&self, value: T) -> TiVec<FaceId, T> {
+        vec![value; self.corners.len()].into()
     }
 
     /// Vertices of a face's corners; the face must not be dead.
     #[inline]
-    pub fn vertices(&self, face: u32) -> [u32; 3] {
-        self.corner_vertices[face as usize]
+    pub fn vertices(&self, face: FaceId) -> [LocalVertex; 3] {
+        self.corner_vertices[face]
     }
 
     /// Wedge of a corner; `None` if its face was removed.
     #[inline]
-    pub fn living(&self, corner: u32) -> Option<u32> {
-        let wedge = self.corners.as_flattened()[corner as usize];
-        (wedge != DEAD).then_some(wedge)
-    }
-
-    /// The next and the previous corner in the face, counter-clockwise.
-    #[inline(always)]
-    pub fn following(corner: u32) -> [u32; 2] {
-        // A table lookup, because a branch on the corner's index would be unpredictable.
-        const STEPS: [[u32; 2]; 3] = [[1, 2], [1, 1u32.wrapping_neg()], [2u32.wrapping_neg(), 1u32.wrapping_neg()]];
-        STEPS[corner as usize % 3].map(|step| corner.wrapping_add(step))
+    pub fn living(&self, corner: Corner) -> Option<Wedge> {
+        self.wedge_of(corner).some()
     }
 
     /// Wedge of a corner, whose face must not be dead.
     #[inline]
-    pub fn wedge_of(&self, corner: u32) -> u32 {
-        self.corners.as_flattened()[corner as usize]
+    pub fn wedge_of(&self, corner: Corner) -> Wedge {
+        self.corners.raw.as_flattened()[corner.index()]
     }
 
     /// Vertex of a corner, whose face must not be dead.
     #[inline]
-    pub fn vertex_of(&self, corner: u32) -> u32 {
-        self.corner_vertices.as_flattened()[corner as usize]
+    pub fn vertex_of(&self, corner: Corner) -> LocalVertex {
+        self.corner_vertices.raw.as_flattened()[corner.index()]
+    }
+
+    /// The next and the previous vertex in the face of a corner, counter-clockwise; the face must not be dead.
+    #[inline(always)]
+    pub fn others_of(&self, corner: Corner) -> [LocalVertex; 2] {
+        corner.others().map(|other| self.vertex_of(other))
+    }
+
+    /// Vertex and wedge of a corner, whose face must not be dead.
+    #[inline(always)]
+    pub fn end_of(&self, corner: Corner) -> End {
+        End { vertex: self.vertex_of(corner), wedge: self.wedge_of(corner) }
+    }
+
+    /// Sets the wedge of a corner.
+    #[inline]
+    pub fn set_wedge(&mut self, corner: Corner, wedge: Wedge) {
+        self.corners.raw.as_flattened_mut()[corner.index()] = wedge;
+    }
+
+    /// Sets the vertex of a corner.
+    #[inline]
+    pub fn set_vertex(&mut self, corner: Corner, vertex: LocalVertex) {
+        self.corner_vertices.raw.as_flattened_mut()[corner.index()] = vertex;
     }
 
     /// Whether the face was removed.
     #[inline]
-    pub fn is_dead(&self, face: u32) -> bool {
-        self.corners[face as usize][0] == DEAD
+    pub fn is_dead(&self, face: FaceId) -> bool {
+        self.corners[face][0] == DEAD
     }
 
     /// The wedge of `vertex` in a face; `None` if the vertex is not one of its corners.
     #[inline]
-    pub fn wedge_at(&self, face: u32, vertex: u32) -> Option<u32> {
-        let at = self.corner_vertices[face as usize].into_iter().position(|v| v == vertex)?;
-        Some(self.corners[face as usize][at])
+    pub fn wedge_at(&self, face: FaceId, vertex: LocalVertex) -> Option<Wedge> {
+        let at = self.vertices(face).into_iter().position(|v| v == vertex)?;
+        Some(self.corners[face][at])
     }
 
     /// Whether the vertex may neither move nor vanish.
     #[inline]
-    pub fn is_locked(&self, vertex: u32) -> bool {
-        self.flags[vertex as usize] & flag::LOCKED != 0
+    pub fn is_locked(&self, vertex: LocalVertex) -> bool {
+        self.flags[vertex] & flag::LOCKED != 0
     }
 
     /// Whether another cluster uses the vertex.
     #[inline]
-    pub fn is_shared(&self, vertex: u32) -> bool {
-        self.flags[vertex as usize] & flag::SHARED != 0
+    pub fn is_shared(&self, vertex: LocalVertex) -> bool {
+        self.flags[vertex] & flag::SHARED != 0
     }
 
     /// Positions of a face's corners.
     #[inline]
-    pub fn triangle(&self, face: u32) -> [DVec3; 3] {
-        self.vertices(face).map(|v| self.positions[v as usize])
+    pub fn triangle(&self, face: FaceId) -> [DVec3; 3] {
+        self.vertices(face).map(|vertex| self.positions[vertex])
     }
 
     /// Scaled texture coordinates of a face's corners; NaN where there are none.
     #[inline]
-    pub fn uv_triangle(&self, face: u32) -> [DVec2; 3] {
-        self.corners[face as usize].map(|w| self.wedge_uv[w as usize])
+    pub fn uv_triangle(&self, face: FaceId) -> [DVec2; 3] {
+        self.corners[face].map(|wedge| self.wedge_uv[wedge])
     }
 
     /// Adds a vertex and returns its id.
-    pub fn push_vertex(&mut self, position: DVec3, flags: u8) -> u32 {
-        self.positions.push(position);
+    pub fn push_vertex(&mut self, position: DVec3, flags: u8) -> LocalVertex {
         self.flags.push(flags);
-        (self.positions.len() - 1) as u32
+        self.positions.push_and_get_key(position)
     }
 
     /// Adds a wedge and returns its id; [`link_wedges`](ClusterMesh::link_wedges) must follow.
-    pub fn push_wedge(&mut self, vertex: u32, uv: DVec2) -> u32 {
-        self.wedge_vertex.push(vertex);
+    pub fn push_wedge(&mut self, vertex: LocalVertex, uv: DVec2) -> Wedge {
         self.wedge_uv.push(uv);
-        (self.wedge_vertex.len() - 1) as u32
+        self.wedge_vertex.push_and_get_key(vertex)
     }
 
-    /// Adds a face with a deviation of 0.
-    pub fn push_face(&mut self, corners: [u32; 3], part: u32) {
-        self.corners.push(corners);
-        self.corner_vertices.push(corners.map(|w| self.wedge_vertex[w as usize]));
+    /// Adds a face with a deviation of 0 and returns its id.
+    pub fn push_face(&mut self, corners: [Wedge; 3], part: PartId) -> FaceId {
+        self.corner_vertices.push(corners.map(|wedge| self.wedge_vertex[wedge]));
         self.parts.push(part);
         self.deviations.push(0.0);
         self.is_turned.push(false);
         self.face_count += 1;
+        self.corners.push_and_get_key(corners)
     }
 
     /// Links the wedges of each vertex into a cycle, in order of their ids, and marks all wedges as not moved.
     pub fn link_wedges(&mut self) {
-        let mut first = vec![DEAD; self.positions.len()];
-        let mut last = vec![DEAD; self.positions.len()];
-        self.wedge_moved = vec![false; self.wedge_vertex.len()];
-        self.wedge_next = vec![DEAD; self.wedge_vertex.len()];
-        for (wedge, &vertex) in self.wedge_vertex.iter().enumerate() {
-            let (first, last) = (&mut first[vertex as usize], &mut last[vertex as usize]);
-            if *first == DEAD {
-                *first = wedge as u32;
-            } else {
-                self.wedge_next[*last as usize] = wedge as u32;
+        let mut first = self.per_vertex(Wedge::NONE);
+        let mut last = self.per_vertex(Wedge::NONE);
+        self.wedge_moved = self.per_wedge(false);
+        self.wedge_next = self.per_wedge(Wedge::NONE);
+        for (wedge, &vertex) in self.wedge_vertex.iter_enumerated() {
+            match last[vertex].some() {
+                None => first[vertex] = wedge,
+                Some(last) => self.wedge_next[last] = wedge,
             }
-            *last = wedge as u32;
-            self.wedge_next[wedge] = *first;
+            last[vertex] = wedge;
+            self.wedge_next[wedge] = first[vertex];
         }
     }
 
     /// Moves a wedge to the vertex of the wedge `beside`, and links it into that vertex's cycle.
-    pub fn bring_wedge(&mut self, wedge: u32, beside: u32) {
-        self.wedge_vertex[wedge as usize] = self.wedge_vertex[beside as usize];
-        self.wedge_next[wedge as usize] = self.wedge_next[beside as usize];
-        self.wedge_next[beside as usize] = wedge;
+    pub fn bring_wedge(&mut self, wedge: Wedge, beside: Wedge) {
+        self.wedge_vertex[wedge] = self.wedge_vertex[beside];
+        self.wedge_next[wedge] = self.wedge_next[beside];
+        self.wedge_next[beside] = wedge;
     }
 
     /// Marks a face as removed.
-    pub fn kill(&mut self, face: u32) {
-        self.corners[face as usize] = [DEAD; 3];
+    pub fn kill(&mut self, face: FaceId) {
+        self.corners[face] = [DEAD; 3];
         self.face_count -= 1;
     }
 
     /// Removes the dead faces.
     pub fn compact_faces(&mut self) {
         let mut kept = 0;
-        for face in 0..self.corners.len() {
-            if self.corners[face][0] != DEAD {
-                self.corners[kept] = self.corners[face];
-                self.corner_vertices[kept] = self.corner_vertices[face];
-                self.parts[kept] = self.parts[face];
-                self.deviations[kept] = self.deviations[face];
-                self.is_turned[kept] = self.is_turned[face];
+        for face in self.face_ids() {
+            if !self.is_dead(face) {
+                let place = FaceId::from(kept);
+                self.corners[place] = self.corners[face];
+                self.corner_vertices[place] = self.corner_vertices[face];
+                self.parts[place] = self.parts[face];
+                self.deviations[place] = self.deviations[face];
+                self.is_turned[place] = self.is_turned[face];
                 kept += 1;
             }
         }
@@ -237,18 +284,16 @@ impl ClusterMesh {
     ///
     /// The cycle of a vertex without any wedge in use stays as it is.
     pub fn unlink_unused_wedges(&mut self) {
-        let mut used = vec![false; self.wedge_vertex.len()];
-        for &wedge in self.corners.iter().filter(|corners| corners[0] != DEAD).flatten() {
-            used[wedge as usize] = true;
+        let mut used = self.per_wedge(false);
+        for face in self.living_faces() {
+            self.corners[face].iter().for_each(|&wedge| used[wedge] = true);
         }
-        for wedge in 0..self.wedge_next.len() {
-            if used[wedge] {
-                let mut next = self.wedge_next[wedge];
-                while !used[next as usize] {
-                    next = self.wedge_next[next as usize];
-                }
-                self.wedge_next[wedge] = next;
+        for wedge in Wedge::first(self.wedge_next.len()).filter(|&wedge| used[wedge]) {
+            let mut next = self.wedge_next[wedge];
+            while !used[next] {
+                next = self.wedge_next[next];
             }
+            self.wedge_next[wedge] = next;
         }
     }
 }
@@ -258,27 +303,45 @@ pub(crate) mod samples {
     //! Small meshes for tests.
 
     use super::*;
+    use crate::mesh::id::short::w;
+
+    /// Adds faces with these wedges.
+    pub fn add_faces(mesh: &mut ClusterMesh, faces: &[[u32; 3]]) {
+        for face in faces {
+            mesh.push_face(face.map(w), PartId::new(0));
+        }
+    }
+
+    /// A mesh whose vertices have one wedge each, with the same number.
+    pub fn mesh_of(vertices: impl IntoIterator<Item = (DVec3, DVec2)>, faces: &[[u32; 3]]) -> ClusterMesh {
+        let mut mesh = ClusterMesh::default();
+        for (position, uv) in vertices {
+            let vertex = mesh.push_vertex(position, 0);
+            mesh.push_wedge(vertex, uv);
+        }
+        add_faces(&mut mesh, faces);
+        mesh.link_wedges();
+        mesh
+    }
 
     /// A grid of n × n unit squares, two triangles each, with uv = 0.1 × position and pseudo-random bumps of height 0
     /// to `bump`.
     pub fn grid(n: u32, bump: f64) -> ClusterMesh {
-        let mut mesh = ClusterMesh::default();
-        for y in 0..=n {
-            for x in 0..=n {
-                let z = bump * f64::from((x * 7919 + y * 104_729) % 17) / 17.0;
-                let vertex = mesh.push_vertex(DVec3::new(f64::from(x), f64::from(y), z), 0);
-                mesh.push_wedge(vertex, DVec2::new(f64::from(x), f64::from(y)) * 0.1);
-            }
-        }
-        for y in 0..n {
-            for x in 0..n {
-                let v = y * (n + 1) + x;
-                mesh.push_face([v, v + 1, v + n + 2], 0);
-                mesh.push_face([v, v + n + 2, v + n + 1], 0);
-            }
-        }
-        mesh.link_wedges();
-        mesh
+        let places = (0..=n).flat_map(|y| (0..=n).map(move |x| (x, y)));
+        let vertices = places.map(|(x, y)| {
+            let z = bump * f64::from((x * 7919 + y * 104_729) % 17) / 17.0;
+            let position = DVec3::new(f64::from(x), f64::from(y), z);
+            (position, position.truncate() * 0.1)
+        });
+        let squares = (0..n).flat_map(|y| (0..n).map(move |x| y * (n + 1) + x));
+        let faces: Vec<_> = squares.flat_map(|v| [[v, v + 1, v + n + 2], [v, v + n + 2, v + n + 1]]).collect();
+        mesh_of(vertices, &faces)
+    }
+
+    /// Whether a vertex of a grid of n × n squares lies on its rim.
+    pub fn is_on_rim(n: u32, vertex: LocalVertex) -> bool {
+        let (x, y) = (vertex.number() % (n + 1), vertex.number() / (n + 1));
+        [0, n].contains(&x) || [0, n].contains(&y)
     }
 
     /// The grid cut into two charts along x = n / 2: vertices on that line have two wedges; u is 6.4 more on the right.
@@ -287,19 +350,18 @@ pub(crate) mod samples {
         let middle = n / 2;
         let mut right = std::collections::BTreeMap::new();
         for y in 0..=n {
-            let vertex = y * (n + 1) + middle;
-            let uv = mesh.wedge_uv[vertex as usize] + DVec2::new(6.4, 0.0);
-            right.insert(vertex, mesh.push_wedge(vertex, uv));
+            let wedge = w(y * (n + 1) + middle);
+            let uv = mesh.wedge_uv[wedge] + DVec2::new(6.4, 0.0);
+            right.insert(wedge, mesh.push_wedge(mesh.wedge_vertex[wedge], uv));
             for x in middle + 1..=n {
-                mesh.wedge_uv[(y * (n + 1) + x) as usize].x += 6.4;
+                mesh.wedge_uv[w(y * (n + 1) + x)].x += 6.4;
             }
         }
-        for face in 0..mesh.corners.len() as u32 {
+        for face in mesh.face_ids() {
             let triangle = mesh.triangle(face);
             let centre = (triangle[0].x + triangle[1].x + triangle[2].x) / 3.0;
             if centre > f64::from(middle) {
-                let corners = mesh.vertices(face).map(|v| right.get(&v).copied().unwrap_or(v));
-                mesh.corners[face as usize] = corners;
+                mesh.corners[face] = mesh.corners[face].map(|wedge| right.get(&wedge).copied().unwrap_or(wedge));
             }
         }
         mesh.link_wedges();
@@ -310,20 +372,21 @@ pub(crate) mod samples {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::id::short::{f, v, w};
 
     #[test]
     fn wedges_of_a_vertex_form_a_cycle_of_those_in_use() {
         let mut mesh = samples::two_charts(4);
-        let seam_vertex = 2u32;
-        assert_eq!(mesh.wedge_next[mesh.wedge_next[seam_vertex as usize] as usize], seam_vertex);
-        assert_ne!(mesh.wedge_next[seam_vertex as usize], seam_vertex);
-        for face in 0..mesh.corners.len() as u32 {
-            if mesh.corners[face as usize].iter().any(|&w| w >= 25) {
-                mesh.corners[face as usize] = [DEAD; 3];
+        let on_seam = w(2);
+        assert_eq!(mesh.wedge_next[mesh.wedge_next[on_seam]], on_seam);
+        assert_ne!(mesh.wedge_next[on_seam], on_seam);
+        for face in mesh.face_ids() {
+            if mesh.corners[face].iter().any(|&wedge| wedge >= w(25)) {
+                mesh.corners[face] = [DEAD; 3];
             }
         }
         mesh.unlink_unused_wedges();
-        assert_eq!(mesh.wedge_next[seam_vertex as usize], seam_vertex);
+        assert_eq!(mesh.wedge_next[on_seam], on_seam);
     }
 
     #[test]
@@ -337,17 +400,17 @@ mod tests {
     #[test]
     fn a_mesh_that_names_what_is_not_there_is_not_sound() {
         let mut whole = samples::grid(2, 0.0);
-        (whole.wedge_next, whole.wedge_moved) = (Vec::new(), Vec::new());
+        (whole.wedge_next, whole.wedge_moved) = (TiVec::new(), TiVec::new());
         assert!(whole.is_sound() && ClusterMesh::default().is_sound());
         let changes: [fn(&mut ClusterMesh); 9] = [
-            |mesh| mesh.corners[3][1] = 9,
-            |mesh| mesh.corner_vertices[3][1] += 1,
-            |mesh| mesh.wedge_vertex[8] = 9,
+            |mesh| mesh.corners[f(3)][1] = w(9),
+            |mesh| mesh.corner_vertices[f(3)][1] = v(6),
+            |mesh| mesh.wedge_vertex[w(8)] = v(9),
             |mesh| mesh.flags.truncate(8),
             |mesh| mesh.wedge_uv.truncate(8),
             |mesh| mesh.parts.truncate(7),
             |mesh| mesh.deviations.push(0.0),
-            |mesh| mesh.kill(0),
+            |mesh| mesh.kill(f(0)),
             |mesh| mesh.link_wedges(),
         ];
         for (i, change) in changes.iter().enumerate() {

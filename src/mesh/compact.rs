@@ -1,10 +1,14 @@
 //! Rebuilds a mesh from the faces that are left of it.
 
 use std::collections::HashMap;
+use std::hash::Hash;
 
 use glam::DVec2;
 
 use super::cluster::ClusterMesh;
+use super::id::{LocalVertex, Wedge};
+use crate::base::id::TiVec;
+use crate::model::id::PartId;
 
 /// A mesh without unused vertices and wedges, and where its vertices and wedges come from.
 #[derive(Debug)]
@@ -12,37 +16,36 @@ pub struct Compacted {
     /// The mesh, with linked wedges. Wedges of a vertex with the same texture coordinate and label are one.
     pub mesh: ClusterMesh,
     /// Vertex of the old mesh for each vertex.
-    pub vertices: Vec<u32>,
+    pub vertices: TiVec<LocalVertex, LocalVertex>,
     /// Wedge of the old mesh for each wedge.
-    pub wedges: Vec<u32>,
+    pub wedges: TiVec<Wedge, Wedge>,
 }
 
 /// Rebuilds a mesh without dead faces. `label_of` returns the label of a part, which wedges do not share.
-pub fn compact(mesh: &ClusterMesh, label_of: impl Fn(u32) -> u32) -> Compacted {
-    let mut compacted = Compacted { mesh: ClusterMesh::default(), vertices: Vec::new(), wedges: Vec::new() };
-    let mut vertex_of = vec![u32::MAX; mesh.positions.len()];
-    let mut wedge_of = vec![u32::MAX; mesh.wedge_vertex.len()];
-    let mut known: HashMap<(u32, u32, [u64; 2]), u32> = HashMap::new();
-    for (face, corners) in mesh.corners.iter().enumerate() {
-        let label = label_of(mesh.parts[face]);
-        let corners = corners.map(|wedge| {
-            let vertex = mesh.wedge_vertex[wedge as usize];
-            if vertex_of[vertex as usize] == u32::MAX {
-                let position = mesh.positions[vertex as usize];
-                vertex_of[vertex as usize] = compacted.mesh.push_vertex(position, 0);
+pub fn compact<L: Copy + Eq + Hash>(mesh: &ClusterMesh, label_of: impl Fn(PartId) -> L) -> Compacted {
+    let mut compacted = Compacted { mesh: ClusterMesh::default(), vertices: TiVec::new(), wedges: TiVec::new() };
+    let mut vertex_of = mesh.per_vertex(LocalVertex::NONE);
+    let mut wedge_of = mesh.per_wedge(Wedge::NONE);
+    let mut known: HashMap<(LocalVertex, L, [u64; 2]), Wedge> = HashMap::new();
+    for face in mesh.face_ids() {
+        let (part, label) = (mesh.parts[face], label_of(mesh.parts[face]));
+        let corners = mesh.corners[face].map(|wedge| {
+            let vertex = mesh.wedge_vertex[wedge];
+            if vertex_of[vertex] == LocalVertex::NONE {
+                vertex_of[vertex] = compacted.mesh.push_vertex(mesh.positions[vertex], 0);
                 compacted.vertices.push(vertex);
             }
-            if wedge_of[wedge as usize] == u32::MAX {
-                let (vertex, uv) = (vertex_of[vertex as usize], mesh.wedge_uv[wedge as usize]);
-                wedge_of[wedge as usize] = *known.entry((vertex, label, bits_of(uv))).or_insert_with(|| {
+            if wedge_of[wedge] == Wedge::NONE {
+                let (vertex, uv) = (vertex_of[vertex], mesh.wedge_uv[wedge]);
+                wedge_of[wedge] = *known.entry((vertex, label, bits_of(uv))).or_insert_with(|| {
                     compacted.wedges.push(wedge);
                     compacted.mesh.push_wedge(vertex, uv)
                 });
             }
-            wedge_of[wedge as usize]
+            wedge_of[wedge]
         });
-        compacted.mesh.push_face(corners, mesh.parts[face]);
-        compacted.mesh.deviations[face] = mesh.deviations[face];
+        let copy = compacted.mesh.push_face(corners, part);
+        compacted.mesh.deviations[copy] = mesh.deviations[face];
     }
     compacted.mesh.link_wedges();
     compacted
@@ -61,19 +64,17 @@ mod tests {
     fn what_no_face_uses_goes_and_the_rest_stays() {
         let mut mesh = samples::two_charts(4);
         let faces = mesh.corners.len();
-        for face in 0..faces as u32 / 2 {
-            mesh.kill(face);
-        }
+        mesh.face_ids().take(faces / 2).for_each(|face| mesh.kill(face));
         mesh.compact_faces();
         let Compacted { mesh: small, vertices, wedges } = compact(&mesh, |part| part);
         assert_eq!(small.corners.len(), faces - faces / 2);
         assert!(small.positions.len() < mesh.positions.len());
-        for face in 0..small.corners.len() as u32 {
+        for face in small.face_ids() {
             assert_eq!(small.triangle(face), mesh.triangle(face));
             assert_eq!(small.uv_triangle(face), mesh.uv_triangle(face));
         }
-        assert!(vertices.iter().zip(&small.positions).all(|(&old, &at)| mesh.positions[old as usize] == at));
-        assert!(wedges.iter().zip(&small.wedge_uv).all(|(&old, &uv)| mesh.wedge_uv[old as usize] == uv));
+        assert!(vertices.iter().zip(&small.positions).all(|(&old, &at)| mesh.positions[old] == at));
+        assert!(wedges.iter().zip(&small.wedge_uv).all(|(&old, &uv)| mesh.wedge_uv[old] == uv));
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Edge kinds: inside a chart, on a seam, or on a border.
 
 use super::cluster::ClusterMesh;
+use super::id::{LocalVertex, WedgePair};
 use super::ring::{Rings, Spoke};
 
 /// How the faces at an edge are connected.
@@ -16,7 +17,7 @@ pub enum EdgeKind {
 
 /// Kind of the edge from the centre of `spokes` to the vertex `to`. `wedges` are those of the centre and of `to` in one
 /// of the faces at the edge.
-pub fn kind_among(spokes: &[Spoke], wedges: (u32, u32), to: u32) -> EdgeKind {
+pub fn kind_among(spokes: &[Spoke], wedges: WedgePair, to: LocalVertex) -> EdgeKind {
     let (mut count, mut differs) = (0, false);
     for found in spokes.iter().filter_map(|spoke| spoke.edge_to(to)) {
         count += 1;
@@ -30,16 +31,16 @@ pub fn kind_among(spokes: &[Spoke], wedges: (u32, u32), to: u32) -> EdgeKind {
 }
 
 /// Kind of the edge between two vertices that share a face.
-pub fn edge_kind(mesh: &ClusterMesh, rings: &Rings, a: u32, b: u32) -> EdgeKind {
+pub fn edge_kind(mesh: &ClusterMesh, rings: &Rings, a: LocalVertex, b: LocalVertex) -> EdgeKind {
     let mut first = None;
     let mut kind = EdgeKind::Border;
     for &corner in rings.of(a) {
-        let Some(wa) = mesh.living(corner) else { continue };
-        let Some(far) = ClusterMesh::following(corner).into_iter().find(|&c| mesh.vertex_of(c) == b) else { continue };
-        let wb = mesh.wedge_of(far);
+        let Some(from) = mesh.living(corner) else { continue };
+        let Some(far) = corner.others().into_iter().find(|&far| mesh.vertex_of(far) == b) else { continue };
+        let wedges = WedgePair { from, to: mesh.wedge_of(far) };
         match first {
-            None => first = Some((wa, wb)),
-            Some(wedges) if wedges == (wa, wb) => kind = EdgeKind::Inner,
+            None => first = Some(wedges),
+            Some(first) if first == wedges => kind = EdgeKind::Inner,
             Some(_) => return EdgeKind::Seam,
         }
     }
@@ -50,14 +51,14 @@ pub fn edge_kind(mesh: &ClusterMesh, rings: &Rings, a: u32, b: u32) -> EdgeKind 
 mod tests {
     use super::*;
     use crate::mesh::cluster::samples;
+    use crate::mesh::id::short::v;
 
     #[test]
     fn edges_between_charts_are_seams_and_rims_are_borders() {
         let mesh = samples::two_charts(4);
         let mut rings = Rings::default();
         rings.build(&mesh);
-        assert_eq!(edge_kind(&mesh, &rings, 7, 12), EdgeKind::Seam);
-        assert_eq!(edge_kind(&mesh, &rings, 0, 1), EdgeKind::Border);
-        assert_eq!(edge_kind(&mesh, &rings, 6, 12), EdgeKind::Inner);
+        let kind = |a, b| edge_kind(&mesh, &rings, v(a), v(b));
+        assert_eq!([kind(7, 12), kind(0, 1), kind(6, 12)], [EdgeKind::Seam, EdgeKind::Border, EdgeKind::Inner]);
     }
 }

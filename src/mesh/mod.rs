@@ -19,6 +19,7 @@ pub mod ring;
 mod simple;
 pub mod split;
 
-pub use class::{Class, Rule};
+pub use class::{Class, Classes, Rule};
 pub use cluster::ClusterMesh;
+pub use id::{Corner, Edge, End, FaceId, LocalVertex, Wedge, WedgePair};
 pub use ring::Rings;

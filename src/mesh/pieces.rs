@@ -5,36 +5,37 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 
 use super::cluster::ClusterMesh;
+use super::id::{FaceId, LocalVertex};
+use crate::base::id::{TiSlice, TiVec};
 
 /// Removes connected components (faces connected through vertices) whose bounding box has a diagonal below `diagonal`,
 /// in units of length. Removes the smallest first, and at most `faces_max` faces in total. A component that another
 /// cluster shares stays. Returns the number of components and of faces removed.
 pub fn drop_small(mesh: &mut ClusterMesh, diagonal: f64, faces_max: u64) -> (u64, u64) {
-    let mut parents: Vec<u32> = (0..mesh.positions.len() as u32).collect();
+    let mut parents: TiVec<LocalVertex, LocalVertex> = mesh.vertex_ids().collect();
     for vertices in &mesh.corner_vertices {
         for pair in [[vertices[0], vertices[1]], [vertices[1], vertices[2]]] {
             let [a, b] = pair.map(|v| root(&mut parents, v));
-            parents[a.max(b) as usize] = a.min(b);
+            parents[a.max(b)] = a.min(b);
         }
     }
-    let mut boxes = vec![(DVec3::INFINITY, DVec3::NEG_INFINITY); mesh.positions.len()];
-    let mut is_shared = vec![false; mesh.positions.len()];
-    for v in 0..mesh.positions.len() as u32 {
-        let piece = root(&mut parents, v) as usize;
+    let mut boxes = mesh.per_vertex((DVec3::INFINITY, DVec3::NEG_INFINITY));
+    let mut is_shared = mesh.per_vertex(false);
+    for (v, &position) in mesh.positions.iter_enumerated() {
+        let piece = root(&mut parents, v);
         let (low, high) = boxes[piece];
-        let position = mesh.positions[v as usize];
         boxes[piece] = (low.min(position), high.max(position));
         is_shared[piece] |= mesh.is_shared(v);
     }
-    let size_of = |piece: u32| boxes[piece as usize].0.distance(boxes[piece as usize].1);
-    let mut pieces = BTreeMap::<u32, Vec<u32>>::new();
-    for face in 0..mesh.corners.len() as u32 {
+    let size_of = |piece: LocalVertex| boxes[piece].0.distance(boxes[piece].1);
+    let mut pieces = BTreeMap::<LocalVertex, Vec<FaceId>>::new();
+    for face in mesh.face_ids() {
         let piece = root(&mut parents, mesh.vertices(face)[0]);
-        if !is_shared[piece as usize] && size_of(piece) < diagonal {
+        if !is_shared[piece] && size_of(piece) < diagonal {
             pieces.entry(piece).or_default().push(face);
         }
     }
-    let mut pieces: Vec<(u32, Vec<u32>)> = pieces.into_iter().collect();
+    let mut pieces: Vec<(LocalVertex, Vec<FaceId>)> = pieces.into_iter().collect();
     pieces.sort_by(|a, b| size_of(a.0).total_cmp(&size_of(b.0)));
     let (mut dropped, mut faces_dropped) = (0, 0);
     for (_, faces) in pieces {
@@ -49,10 +50,10 @@ pub fn drop_small(mesh: &mut ClusterMesh, diagonal: f64, faces_max: u64) -> (u64
     (dropped, faces_dropped)
 }
 
-fn root(parents: &mut [u32], mut vertex: u32) -> u32 {
-    while parents[vertex as usize] != vertex {
-        let above = parents[parents[vertex as usize] as usize];
-        parents[vertex as usize] = above;
+fn root(parents: &mut TiSlice<LocalVertex, LocalVertex>, mut vertex: LocalVertex) -> LocalVertex {
+    while parents[vertex] != vertex {
+        let above = parents[parents[vertex]];
+        parents[vertex] = above;
         vertex = above;
     }
     vertex
@@ -62,6 +63,7 @@ fn root(parents: &mut [u32], mut vertex: u32) -> u32 {
 mod tests {
     use super::super::cluster::samples;
     use super::*;
+    use crate::model::id::PartId;
     use glam::DVec2;
 
     //  a grid of 4 × 4 and, beside it, a triangle of size 0.1
@@ -72,7 +74,7 @@ mod tests {
             let vertex = mesh.push_vertex(DVec3::new(x, y, 0.0), 0);
             mesh.push_wedge(vertex, DVec2::ZERO)
         });
-        mesh.push_face(small, 0);
+        mesh.push_face(small, PartId::new(0));
         mesh.link_wedges();
         assert_eq!(drop_small(&mut mesh.clone(), 0.05, 99), (0, 0));
         assert_eq!(drop_small(&mut mesh.clone(), 0.5, 0), (0, 0));

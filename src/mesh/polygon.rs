@@ -18,9 +18,9 @@ const CORNERS_OF_ANY: usize = 32;
 /// shorter one; if they are equally long, along the one whose lower end comes first by position. The split depends
 /// neither on the first corner nor on the direction of the outline. A polygon with more than 32 corners whose outline
 /// intersects itself becomes a fan.
-pub fn triangulate(polygon: &[DVec3], out: &mut Vec<[u32; 3]>) {
+pub fn triangulate(polygon: &[DVec3], out: &mut Vec<[usize; 3]>) {
     out.clear();
-    let count = polygon.len() as u32;
+    let count = polygon.len();
     if count < 3 {
         return;
     }
@@ -32,7 +32,7 @@ pub fn triangulate(polygon: &[DVec3], out: &mut Vec<[u32; 3]>) {
     if let Some(triangles) = ear_cut(polygon, normal) {
         out.extend(triangles);
     }
-    if out.len() as u32 != count - 2 {
+    if out.len() != count - 2 {
         out.clear();
         out.extend((1..count - 1).map(|i| [0, i, i + 1]));
     }
@@ -49,7 +49,7 @@ fn newell_normal(polygon: &[DVec3]) -> DVec3 {
     normal
 }
 
-fn cut_quad(p: &[DVec3], normal: DVec3) -> [[u32; 3]; 2] {
+fn cut_quad(p: &[DVec3], normal: DVec3) -> [[usize; 3]; 2] {
     let side = |a: usize, b: usize, c: usize| (p[b] - p[a]).cross(p[c] - p[a]).dot(normal);
     let first = side(0, 1, 2).min(side(0, 2, 3));
     let second = side(1, 2, 3).min(side(1, 3, 0));
@@ -69,7 +69,7 @@ fn by_position(a: DVec3, b: DVec3) -> Ordering {
     a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z))
 }
 
-fn ear_cut(polygon: &[DVec3], normal: DVec3) -> Option<Vec<[u32; 3]>> {
+fn ear_cut(polygon: &[DVec3], normal: DVec3) -> Option<Vec<[usize; 3]>> {
     let magnitude = normal.abs();
     // Project along the largest component of the normal: it distorts the polygon least. The sign keeps the winding.
     let project = |p: DVec3| -> [f64; 2] {
@@ -87,12 +87,11 @@ fn ear_cut(polygon: &[DVec3], normal: DVec3) -> Option<Vec<[u32; 3]>> {
         return None;
     }
     let indices = earcutr::earcut(outline.as_flattened(), &[], 2).ok()?;
-    let oriented = |t: &[usize]| {
-        let across = (polygon[t[1]] - polygon[t[0]]).cross(polygon[t[2]] - polygon[t[0]]);
-        let [a, b, c] = [t[0] as u32, t[1] as u32, t[2] as u32];
+    let oriented = |&[a, b, c]: &[usize; 3]| {
+        let across = (polygon[b] - polygon[a]).cross(polygon[c] - polygon[a]);
         if across.dot(normal) < 0.0 { [a, c, b] } else { [a, b, c] }
     };
-    Some(indices.chunks_exact(3).map(oriented).collect())
+    Some(indices.as_chunks().0.iter().map(oriented).collect())
 }
 
 #[cfg(test)]
@@ -102,8 +101,8 @@ mod tests {
     fn area(polygon: &[DVec3]) -> f64 {
         let mut triangles = Vec::new();
         triangulate(polygon, &mut triangles);
-        let across = |t: &[u32; 3]| {
-            let [a, b, c] = t.map(|i| polygon[i as usize]);
+        let across = |t: &[usize; 3]| {
+            let [a, b, c] = t.map(|i| polygon[i]);
             (b - a).cross(c - a).length()
         };
         triangles.iter().map(|t| 0.5 * across(t)).sum()
@@ -144,7 +143,7 @@ mod tests {
                 let mut triangles = Vec::new();
                 triangulate(&polygon, &mut triangles);
                 assert_eq!(triangles.len(), 4);
-                for [a, b, c] in triangles.iter().map(|t| t.map(|i| polygon[i as usize])) {
+                for [a, b, c] in triangles.iter().map(|t| t.map(|i| polygon[i])) {
                     assert!((b - a).cross(c - a).z * turn > 0.0, "{size} {turn}");
                 }
             }

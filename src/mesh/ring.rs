@@ -6,53 +6,65 @@
 //! built     | row 0 | row 1 | row 2 | …        after 2 went into 0    | ····· | row 1 | ····· | … | row 0 |
 //! ```
 
-use super::cluster::{ClusterMesh, DEAD};
+use std::ops::Range;
 
-/// Corners (3 × face + index in the face) at each vertex.
+use super::cluster::ClusterMesh;
+use super::id::{Corner, FaceId, LocalVertex, Wedge, WedgePair};
+use crate::base::id::TiVec;
+
+/// Corners at each vertex.
 #[derive(Debug, Clone, Default)]
 pub struct Rings {
-    /// Start and length of each row in `corners`.
-    rows: Vec<(u32, u32)>,
-    corners: Vec<u32>,
+    rows: TiVec<LocalVertex, RingRow>,
+    corners: Vec<Corner>,
+}
+
+/// The place of a row in [`Rings::corners`].
+#[derive(Debug, Clone, Copy, Default)]
+struct RingRow {
+    start: u32,
+    length: u32,
+}
+
+impl RingRow {
+    #[inline(always)]
+    fn range(self) -> Range<usize> {
+        self.start as usize..(self.start + self.length) as usize
+    }
 }
 
 impl Rings {
     /// Builds the rows for all living faces. O(faces).
     pub fn build(&mut self, mesh: &ClusterMesh) {
         self.rows.clear();
-        self.rows.resize(mesh.positions.len(), (0, 0));
-        let is_living = |corners: &[u32; 3]| corners[0] != DEAD;
-        for (_, vertices) in mesh.corners.iter().zip(&mesh.corner_vertices).filter(|(corners, _)| is_living(corners)) {
-            for &vertex in vertices {
-                self.rows[vertex as usize].1 += 1;
+        self.rows.resize(mesh.positions.len(), RingRow::default());
+        for face in mesh.living_faces() {
+            for &vertex in &mesh.corner_vertices[face] {
+                self.rows[vertex].length += 1;
             }
         }
         let mut total = 0;
-        for (start, length) in &mut self.rows {
-            *start = total;
-            total += std::mem::take(length);
+        for row in &mut self.rows {
+            row.start = total;
+            total += std::mem::take(&mut row.length);
         }
         self.corners.clear();
         // Capacity for the rows that collapses append.
         self.corners.reserve_exact(2 * total as usize);
-        self.corners.resize(total as usize, 0);
-        let living = mesh.corners.iter().zip(&mesh.corner_vertices).enumerate();
-        for (face, (_, vertices)) in living.filter(|(_, (corners, _))| is_living(corners)) {
-            for (k, &vertex) in vertices.iter().enumerate() {
-                let (start, length) = &mut self.rows[vertex as usize];
-                self.corners[(*start + *length) as usize] = (3 * face + k) as u32;
-                *length += 1;
+        self.corners.resize(total as usize, Corner::new(0));
+        for face in mesh.living_faces() {
+            for (k, &vertex) in mesh.corner_vertices[face].iter().enumerate() {
+                let row = &mut self.rows[vertex];
+                self.corners[(row.start + row.length) as usize] = Corner::at(face, k);
+                row.length += 1;
             }
         }
     }
 
     /// Updates the rows after the mesh has collapsed `from` onto `to`: `to` gets the living corners of both, ascending.
-    pub fn join(&mut self, mesh: &ClusterMesh, from: u32, to: u32) {
-        let rows = [from, to].map(|vertex| {
-            let (start, length) = self.rows[vertex as usize];
-            start as usize..(start + length) as usize
-        });
-        let (start, [mut one, mut other]) = (self.corners.len(), rows);
+    pub fn join(&mut self, mesh: &ClusterMesh, from: LocalVertex, to: LocalVertex) {
+        let start = self.corners.len();
+        let [mut one, mut other] = [from, to].map(|vertex| self.rows[vertex].range());
         while !one.is_empty() || !other.is_empty() {
             let takes_one =
                 other.is_empty() || (!one.is_empty() && self.corners[one.start] < self.corners[other.start]);
@@ -63,8 +75,8 @@ impl Rings {
                 self.corners.push(corner);
             }
         }
-        self.rows[from as usize] = (0, 0);
-        self.rows[to as usize] = (start as u32, (self.corners.len() - start) as u32);
+        self.rows[from] = RingRow::default();
+        self.rows[to] = RingRow { start: start as u32, length: (self.corners.len() - start) as u32 };
     }
 
     /// Whether more than half of the entries are unused, so that the rows should be rebuilt.
@@ -74,15 +86,28 @@ impl Rings {
 
     /// Corners at a vertex, ascending; includes corners of faces that died since the row was written.
     #[inline]
-    pub fn of(&self, vertex: u32) -> &[u32] {
-        let (start, length) = self.rows[vertex as usize];
-        &self.corners[start as usize..(start + length) as usize]
+    pub fn of(&self, vertex: LocalVertex) -> &[Corner] {
+        &self.corners[self.rows[vertex].range()]
+    }
+
+    /// Corners of living faces at a vertex, ascending.
+    #[inline]
+    pub fn living<'a>(
+        &'a self,
+        mesh: &'a ClusterMesh,
+        vertex: LocalVertex,
+    ) -> impl Iterator<Item = Corner> + Clone + 'a {
+        self.of(vertex).iter().copied().filter(|&corner| mesh.living(corner).is_some())
     }
 
     /// Living faces around a vertex, ascending.
     #[inline]
-    pub fn faces<'a>(&'a self, mesh: &'a ClusterMesh, vertex: u32) -> impl Iterator<Item = u32> + Clone + 'a {
-        self.of(vertex).iter().map(|corner| corner / 3).filter(|&face| !mesh.is_dead(face))
+    pub fn faces<'a>(
+        &'a self,
+        mesh: &'a ClusterMesh,
+        vertex: LocalVertex,
+    ) -> impl Iterator<Item = FaceId> + Clone + 'a {
+        self.of(vertex).iter().map(|corner| corner.face()).filter(|&face| !mesh.is_dead(face))
     }
 }
 
@@ -90,22 +115,22 @@ impl Rings {
 #[derive(Debug, Clone, Copy)]
 pub struct Spoke {
     /// Wedge of the centre.
-    pub wedge: u32,
+    pub wedge: Wedge,
     /// The vertex after the centre in the face, counter-clockwise.
-    pub next: u32,
+    pub next: LocalVertex,
     /// Wedge of `next`.
-    pub next_wedge: u32,
+    pub next_wedge: Wedge,
     /// The vertex before the centre.
-    pub previous: u32,
+    pub previous: LocalVertex,
     /// Wedge of `previous`.
-    pub previous_wedge: u32,
+    pub previous_wedge: Wedge,
 }
 
 impl Spoke {
     /// The spoke of a corner, whose face must not be dead.
     #[inline(always)]
-    pub fn of(mesh: &ClusterMesh, corner: u32) -> Self {
-        let [next, previous] = ClusterMesh::following(corner);
+    pub fn of(mesh: &ClusterMesh, corner: Corner) -> Self {
+        let [next, previous] = corner.others();
         Self {
             wedge: mesh.wedge_of(corner),
             next: mesh.vertex_of(next),
@@ -115,12 +140,18 @@ impl Spoke {
         }
     }
 
-    /// Wedges of the centre and of `other` in this face; `None` if `other` is not one of its vertices.
+    /// Wedges of the edge to `next`.
     #[inline(always)]
-    pub fn edge_to(&self, other: u32) -> Option<(u32, u32)> {
+    pub fn pair_to_next(&self) -> WedgePair {
+        WedgePair { from: self.wedge, to: self.next_wedge }
+    }
+
+    /// Wedges of the edge from the centre to `other` in this face; `None` if `other` is not one of its vertices.
+    #[inline(always)]
+    pub fn edge_to(&self, other: LocalVertex) -> Option<WedgePair> {
         match other {
-            _ if self.next == other => Some((self.wedge, self.next_wedge)),
-            _ if self.previous == other => Some((self.wedge, self.previous_wedge)),
+            _ if self.next == other => Some(self.pair_to_next()),
+            _ if self.previous == other => Some(WedgePair { from: self.wedge, to: self.previous_wedge }),
             _ => None,
         }
     }
@@ -130,15 +161,16 @@ impl Spoke {
 mod tests {
     use super::super::cluster::samples;
     use super::*;
+    use crate::mesh::id::short::v;
 
     #[test]
     fn an_inner_grid_vertex_has_six_faces() {
         let mesh = samples::grid(3, 0.0);
         let mut rings = Rings::default();
         rings.build(&mesh);
-        assert_eq!(rings.of(5).len(), 6);
-        assert_eq!(rings.of(0), &[0, 3]);
-        assert!(rings.of(5).is_sorted());
-        assert!(rings.of(5).iter().all(|&corner| mesh.vertex_of(corner) == 5));
+        assert_eq!(rings.of(v(5)).len(), 6);
+        assert_eq!(rings.of(v(0)), [0, 3].map(Corner::new));
+        assert!(rings.of(v(5)).is_sorted());
+        assert!(rings.of(v(5)).iter().all(|&corner| mesh.vertex_of(corner) == v(5)));
     }
 }

@@ -1,6 +1,13 @@
 //! Tests whether the outline of a polygon intersects itself. Such an outline has no ears to clip, and the search for
 //! them takes O(n³).
 
+use crate::base::id::{TiVec, ids};
+
+ids! {
+    /// A position of an outline, which several of its corners may have.
+    Site;
+}
+
 /// Largest number of positions at which an outline may touch itself without a bridge there.
 const TOUCHES_MAX: usize = 16;
 
@@ -11,51 +18,50 @@ type Point = [f64; 2];
 ///
 /// O(n²) at worst; a polygon has at most [a few hundred](crate::model::face::POLYGON_CORNERS_MAX) corners.
 pub fn is_simple(outline: &[Point]) -> bool {
-    let ids = numbered(outline);
-    let edges = edges(&ids);
-    repeats_at_bridges(&ids, &edges) && !crosses(outline, &ids)
+    let sites = numbered(outline);
+    let edges = edges(&sites);
+    repeats_at_bridges(sites.len(), &edges) && !crosses(outline, &sites)
 }
 
-/// An id for each corner; corners at the same position have the same id.
-fn numbered(outline: &[Point]) -> Vec<u32> {
-    let mut order: Vec<u32> = (0..outline.len() as u32).collect();
-    let point = |corner: u32| outline[corner as usize];
+/// The site of each corner.
+fn numbered(outline: &[Point]) -> Vec<Site> {
+    let mut order: Vec<usize> = (0..outline.len()).collect();
     order.sort_unstable_by(|&a, &b| {
-        let ([ax, ay], [bx, by]) = (point(a), point(b));
+        let ([ax, ay], [bx, by]) = (outline[a], outline[b]);
         ax.total_cmp(&bx).then(ay.total_cmp(&by))
     });
-    let mut ids = vec![0; outline.len()];
-    let mut id = 0;
+    let mut sites = vec![Site::new(0); outline.len()];
+    let mut last = 0;
     for pair in order.windows(2) {
-        id += u32::from(point(pair[0]) != point(pair[1]));
-        ids[pair[1] as usize] = id;
+        last += usize::from(outline[pair[0]] != outline[pair[1]]);
+        sites[pair[1]] = Site::from(last);
     }
-    ids
+    sites
 }
 
-/// Directed edges as pairs of ids, sorted; edges of zero length are left out.
-fn edges(ids: &[u32]) -> Vec<[u32; 2]> {
-    let next = ids.iter().cycle().skip(1);
-    let mut edges: Vec<_> = ids.iter().zip(next).map(|(&a, &b)| [a, b]).filter(|[a, b]| a != b).collect();
+/// Directed edges between sites, sorted; edges of zero length are left out.
+fn edges(sites: &[Site]) -> Vec<[Site; 2]> {
+    let next = sites.iter().cycle().skip(1);
+    let mut edges: Vec<_> = sites.iter().zip(next).map(|(&a, &b)| [a, b]).filter(|[a, b]| a != b).collect();
     edges.sort_unstable();
     edges
 }
 
-/// Whether no directed edge occurs twice, and at most [`TOUCHES_MAX`] repeated positions have no edge that occurs in
-/// both directions.
-fn repeats_at_bridges(ids: &[u32], edges: &[[u32; 2]]) -> bool {
+/// Whether no directed edge occurs twice, and at most [`TOUCHES_MAX`] repeated sites have no edge that occurs in both
+/// directions. There are at most `count` sites.
+fn repeats_at_bridges(count: usize, edges: &[[Site; 2]]) -> bool {
     if edges.windows(2).any(|pair| pair[0] == pair[1]) {
         return false;
     }
-    let mut counts = vec![0u32; ids.len()];
-    edges.iter().for_each(|edge| counts[edge[0] as usize] += 1);
+    let mut counts: TiVec<Site, u32> = vec![0; count].into();
+    edges.iter().for_each(|edge| counts[edge[0]] += 1);
     if counts.iter().all(|&count| count < 2) {
         return true;
     }
-    let mut bridged = vec![0u32; ids.len()];
+    let mut bridged: TiVec<Site, u32> = vec![0; count].into();
     for &[a, b] in edges {
         if edges.binary_search(&[b, a]).is_ok() {
-            bridged[a as usize] += 1;
+            bridged[a] += 1;
         }
     }
     let touches = counts.iter().zip(&bridged).filter(|&(&count, &bridged)| count > 1 && bridged == 0);
@@ -63,28 +69,28 @@ fn repeats_at_bridges(ids: &[u32], edges: &[[u32; 2]]) -> bool {
 }
 
 /// Whether two edges without a common end intersect.
-fn crosses(outline: &[Point], ids: &[u32]) -> bool {
+fn crosses(outline: &[Point], sites: &[Site]) -> bool {
     struct Span {
         low: Point,
         high: Point,
         ends: [Point; 2],
-        ids: [u32; 2],
+        sites: [Site; 2],
     }
     let mut spans: Vec<Span> = (0..outline.len())
         .map(|corner| (corner, (corner + 1) % outline.len()))
-        .filter(|&(a, b)| ids[a] != ids[b])
+        .filter(|&(a, b)| sites[a] != sites[b])
         .map(|(a, b)| {
             let (p, q) = (outline[a], outline[b]);
             let low = [p[0].min(q[0]), p[1].min(q[1])];
             let high = [p[0].max(q[0]), p[1].max(q[1])];
-            Span { low, high, ends: [p, q], ids: [ids[a], ids[b]] }
+            Span { low, high, ends: [p, q], sites: [sites[a], sites[b]] }
         })
         .collect();
     spans.sort_unstable_by(|a, b| a.low[0].total_cmp(&b.low[0]));
     for (i, a) in spans.iter().enumerate() {
         for b in spans[i + 1..].iter().take_while(|b| b.low[0] <= a.high[0]) {
             let is_apart = b.low[1] > a.high[1] || b.high[1] < a.low[1];
-            if !is_apart && !a.ids.iter().any(|id| b.ids.contains(id)) && meet(a.ends, b.ends) {
+            if !is_apart && !a.sites.iter().any(|site| b.sites.contains(site)) && meet(a.ends, b.ends) {
                 return true;
             }
         }

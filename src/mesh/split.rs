@@ -12,13 +12,14 @@
 use glam::DVec3;
 
 use super::cluster::{ClusterMesh, flag};
+use super::id::{LocalVertex, Wedge};
 use crate::geometry::triangle::regularity;
 
 /// A point on an edge whose ends have the same wedges in all of its faces.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EdgePoint {
     /// The end vertices, the lower id first.
-    pub ends: [u32; 2],
+    pub ends: [LocalVertex; 2],
     /// Position along the edge, from 0 at the first end to 1 at the second, both excluded.
     pub share: f64,
 }
@@ -26,7 +27,7 @@ pub struct EdgePoint {
 impl EdgePoint {
     /// Position of the point, relative to the cluster's origin.
     pub fn position(&self, mesh: &ClusterMesh) -> DVec3 {
-        let [a, b] = self.ends.map(|end| mesh.positions[end as usize]);
+        let [a, b] = self.ends.map(|end| mesh.positions[end]);
         a.lerp(b, self.share)
     }
 }
@@ -34,18 +35,18 @@ impl EdgePoint {
 /// Inserts a vertex at each point. `points` must be sorted by ends, then by share. New vertices have consecutive ids in
 /// the order of the points.
 pub fn split_edges(mesh: &mut ClusterMesh, points: &[EdgePoint]) {
-    let base = mesh.positions.len() as u32;
+    let before = mesh.positions.len();
     for point in points {
         mesh.push_vertex(point.position(mesh), flag::MOVED);
     }
     // Wedge of each point, set when the first face at its edge is visited.
-    let mut wedges = vec![u32::MAX; points.len()];
+    let mut wedges = vec![Wedge::NONE; points.len()];
     let mut scratch = SplitBuffers::default();
-    for face in 0..mesh.corners.len() {
-        if mesh.is_dead(face as u32) {
+    for face in mesh.face_ids() {
+        if mesh.is_dead(face) {
             continue;
         }
-        let vertices = mesh.corner_vertices[face];
+        let vertices = mesh.vertices(face);
         let on_edge = [0, 1, 2].map(|k| {
             let (a, b) = (vertices[k], vertices[(k + 1) % 3]);
             let ends = [a.min(b), a.max(b)];
@@ -62,9 +63,9 @@ pub fn split_edges(mesh: &mut ClusterMesh, points: &[EdgePoint]) {
             let forwards = vertices[k] < vertices[(k + 1) % 3];
             for step in 0..range.len() {
                 let at = if forwards { range.start + step } else { range.end - 1 - step };
-                if wedges[at] == u32::MAX {
+                if wedges[at] == Wedge::NONE {
                     let [low, high] = if forwards { corners } else { [corners[1], corners[0]] };
-                    wedges[at] = new_wedge(mesh, base + at as u32, [low, high], points[at].share);
+                    wedges[at] = new_wedge(mesh, LocalVertex::from(before + at), [low, high], points[at].share);
                 }
                 scratch.outline.push(wedges[at]);
             }
@@ -74,19 +75,19 @@ pub fn split_edges(mesh: &mut ClusterMesh, points: &[EdgePoint]) {
         for (number, &corners) in scratch.triangles.iter().enumerate() {
             if number == 0 {
                 mesh.corners[face] = corners;
-                mesh.corner_vertices[face] = corners.map(|w| mesh.wedge_vertex[w as usize]);
+                mesh.corner_vertices[face] = corners.map(|w| mesh.wedge_vertex[w]);
             } else {
-                mesh.push_face(corners, part);
-                mesh.deviations[mesh.corners.len() - 1] = deviation;
-                mesh.is_turned[mesh.corners.len() - 1] = is_turned;
+                let added = mesh.push_face(corners, part);
+                mesh.deviations[added] = deviation;
+                mesh.is_turned[added] = is_turned;
             }
         }
     }
 }
 
 /// Adds the only wedge of a new vertex, with a texture coordinate interpolated between two wedges; returns its id.
-fn new_wedge(mesh: &mut ClusterMesh, vertex: u32, ends: [u32; 2], share: f64) -> u32 {
-    let [a, b] = ends.map(|wedge| mesh.wedge_uv[wedge as usize]);
+fn new_wedge(mesh: &mut ClusterMesh, vertex: LocalVertex, ends: [Wedge; 2], share: f64) -> Wedge {
+    let [a, b] = ends.map(|wedge| mesh.wedge_uv[wedge]);
     let wedge = mesh.push_wedge(vertex, a.lerp(b, share));
     mesh.wedge_next.push(wedge);
     mesh.wedge_moved.push(true);
@@ -97,8 +98,8 @@ fn new_wedge(mesh: &mut ClusterMesh, vertex: u32, ends: [u32; 2], share: f64) ->
 #[derive(Debug, Default)]
 struct SplitBuffers {
     /// Wedges around the face, counter-clockwise.
-    outline: Vec<u32>,
-    triangles: Vec<[u32; 3]>,
+    outline: Vec<Wedge>,
+    triangles: Vec<[Wedge; 3]>,
     /// For each pair of outline corners: the lowest regularity on the far side of the chord, and the corner chosen
     /// there.
     best: Vec<(f64, usize)>,
@@ -109,7 +110,7 @@ impl SplitBuffers {
     fn triangulate(&mut self, mesh: &ClusterMesh) {
         let Self { outline, triangles, best } = self;
         let count = outline.len();
-        let at = |i: usize| mesh.positions[mesh.wedge_vertex[outline[i] as usize] as usize];
+        let at = |i: usize| mesh.positions[mesh.wedge_vertex[outline[i]]];
         best.clear();
         best.resize(count * count, (f64::INFINITY, 0));
         for span in 2..count {
@@ -145,9 +146,11 @@ mod tests {
     use super::super::ring::Rings;
     use super::super::{Class, class};
     use super::*;
+    use crate::base::id::TiVec;
+    use crate::mesh::id::short::v;
 
     fn area(mesh: &ClusterMesh) -> f64 {
-        (0..mesh.corners.len() as u32)
+        mesh.face_ids()
             .map(|face| {
                 let [a, b, c] = mesh.triangle(face);
                 0.5 * (b - a).cross(c - a).z
@@ -164,20 +167,20 @@ mod tests {
     fn surface_and_texture_stay_and_new_vertices_are_smooth() {
         let mut mesh = samples::grid(2, 0.0);
         let points = [([0, 4], 0.25), ([0, 4], 0.5), ([3, 4], 0.5), ([4, 8], 0.75)];
-        let points = points.map(|(ends, share)| EdgePoint { ends, share });
+        let points = points.map(|(ends, share)| EdgePoint { ends: ends.map(v), share });
         split_edges(&mut mesh, &points);
         assert_eq!((mesh.positions.len(), mesh.face_count), (13, 8 + 2 * 4));
         assert!((area(&mesh) - 4.0).abs() < 1e-12);
-        assert_eq!(mesh.positions[9], DVec3::new(0.25, 0.25, 0.0));
-        for face in 0..mesh.corners.len() as u32 {
+        assert_eq!(mesh.positions[v(9)], DVec3::new(0.25, 0.25, 0.0));
+        for face in mesh.face_ids() {
             assert!(regularity(mesh.triangle(face)) > 0.1, "{:?}", mesh.triangle(face));
             for (p, uv) in mesh.triangle(face).iter().zip(mesh.uv_triangle(face)) {
                 assert!((p.truncate() * 0.1 - uv).length() < 1e-12);
             }
         }
-        let (mut rings, mut classes) = (Rings::default(), Vec::new());
+        let (mut rings, mut classes) = (Rings::default(), TiVec::new());
         rings.build(&mesh);
         class::classify(&mesh, &rings, &mut classes);
-        assert!((9..13).all(|v: usize| classes[v] == Class::Smooth));
+        assert!((9..13).all(|at| classes[v(at)] == Class::Smooth));
     }
 }

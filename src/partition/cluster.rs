@@ -16,11 +16,14 @@ use super::ranks::SortedIds;
 use super::reading::{ClusterFaces, for_each_block, gather, gather_texcoords, read, read_faces, triangulate_polygons};
 use super::texcoord_ids::texcoord_ids;
 use crate::base::Result;
+use crate::base::id::TiVec;
 use crate::file::Segment;
 use crate::file::decimal::POWERS_OF_TEN;
 use crate::geometry::position_key;
 use crate::mesh::cluster::{ClusterMesh, flag, rounded_up};
+use crate::mesh::id::{LocalVertex, Wedge};
 use crate::mesh::split::EdgePoint;
+use crate::model::id::PartId;
 use crate::model::piece::{PendingPiece, write_piece};
 use crate::model::{Catalogue, Face, NO_TEXCOORD, StoredMesh, StoredPiece};
 
@@ -101,7 +104,7 @@ pub struct ClusterSource {
     /// Partition id of each loaded vertex.
     vertex_ids: Vec<u32>,
     /// Index in `texcoords` of each wedge, or [`NO_TEXCOORD`].
-    wedge_texcoord: Vec<u32>,
+    wedge_texcoord: TiVec<Wedge, u32>,
     texcoords: Vec<DVec2>,
     /// Vertices inserted into edges; their ids follow those of the loaded ones.
     points: Vec<EdgePoint>,
@@ -241,7 +244,7 @@ impl ClusterFaces {
             degenerate,
             doubles,
             vertex_ids,
-            wedge_texcoord: Vec::new(),
+            wedge_texcoord: TiVec::new(),
             texcoords,
             points: Vec::new(),
         };
@@ -264,57 +267,57 @@ impl ClusterSource {
         mesh.corner_vertices.reserve_exact(faces.len());
         mesh.deviations.reserve_exact(faces.len());
         mesh.is_turned.reserve_exact(faces.len());
-        let mut first_wedge = vec![u32::MAX; mesh.positions.len()];
+        let mut first_wedge = mesh.per_vertex(Wedge::NONE);
         // For each wedge: the next wedge of the same vertex, and its material.
-        let mut gathered: Vec<(u32, u32)> = Vec::with_capacity(mesh.positions.len() + mesh.positions.len() / 4);
+        let mut gathered: TiVec<Wedge, (Wedge, u32)> = TiVec::with_capacity(mesh.positions.len() * 5 / 4);
         // The last wedge that used each texture coordinate, which is usually the one wanted next.
-        let mut recent = vec![u32::MAX; self.texcoords.len()];
+        let mut recent = vec![Wedge::NONE; self.texcoords.len()];
         // Wedges of a vertex beyond the first [`CHAIN_MAX`]; only looked up, never iterated.
-        let mut crowd: HashMap<(u32, u32, [u64; 2]), u32> = HashMap::new();
+        let mut crowd: HashMap<(LocalVertex, u32, [u64; 2]), Wedge> = HashMap::new();
         for face in faces {
             let material = catalogue.material_index(face.part) as u32;
             let scale = scale.of(catalogue, face.part);
-            let mut corners = [0; 3];
+            let mut corners = [Wedge::NONE; 3];
             // By index: iterators over whole arrays would copy them.
             for (k, corner) in corners.iter_mut().enumerate() {
-                let (vertex, id) = (face.vertices[k], face.texcoords[k]);
+                let (vertex, id) = (LocalVertex::new(face.vertices[k]), face.texcoords[k]);
                 let index = if id == NO_TEXCOORD { id } else { ranks.of(id) };
-                let known = recent.get(index as usize).copied().filter(|&w| w != u32::MAX);
+                let known = recent.get(index as usize).and_then(|wedge| wedge.some());
                 if let Some(wedge) = known
-                    && mesh.wedge_vertex[wedge as usize] == vertex
-                    && gathered_material(&gathered, wedge) == material
+                    && mesh.wedge_vertex[wedge] == vertex
+                    && gathered[wedge].1 == material
                 {
                     *corner = wedge;
                     continue;
                 }
                 let uv = self.texcoords.get(index as usize).map_or(DVec2::NAN, |&uv| uv * scale);
-                let same = |w: u32| {
-                    gathered_material(&gathered, w) == material
-                        && mesh.wedge_uv[w as usize].to_array().map(f64::to_bits) == uv.to_array().map(f64::to_bits)
+                let same = |w: Wedge| {
+                    gathered[w].1 == material
+                        && mesh.wedge_uv[w].to_array().map(f64::to_bits) == uv.to_array().map(f64::to_bits)
                 };
-                let (mut wedge, mut walked) = (first_wedge[vertex as usize], 0);
-                while wedge != u32::MAX && !same(wedge) {
-                    wedge = gathered[wedge as usize].0;
+                let (mut wedge, mut walked) = (first_wedge[vertex], 0);
+                while wedge != Wedge::NONE && !same(wedge) {
+                    wedge = gathered[wedge].0;
                     walked += 1;
                 }
                 let key = (vertex, material, uv.to_array().map(f64::to_bits));
-                if wedge == u32::MAX && walked == CHAIN_MAX {
-                    wedge = crowd.get(&key).copied().unwrap_or(u32::MAX);
+                if wedge == Wedge::NONE && walked == CHAIN_MAX {
+                    wedge = crowd.get(&key).copied().unwrap_or(Wedge::NONE);
                 }
-                if wedge == u32::MAX {
+                if wedge == Wedge::NONE {
                     wedge = mesh.push_wedge(vertex, uv);
-                    gathered.push((first_wedge[vertex as usize], material));
+                    gathered.push((first_wedge[vertex], material));
                     match walked {
                         CHAIN_MAX => _ = crowd.insert(key, wedge),
-                        _ => first_wedge[vertex as usize] = wedge,
+                        _ => first_wedge[vertex] = wedge,
                     }
                     self.wedge_texcoord.push(index);
                 }
                 recent.get_mut(index as usize).into_iter().for_each(|recent| *recent = wedge);
                 *corner = wedge;
             }
-            mesh.push_face(corners, face.part);
-            mesh.deviations[mesh.corners.len() - 1] = face.deviation;
+            let added = mesh.push_face(corners, PartId::new(face.part));
+            mesh.deviations[added] = face.deviation;
         }
         mesh.link_wedges();
     }
@@ -325,7 +328,7 @@ impl ClusterSource {
     }
 
     /// Texture coordinate of each wedge, by its rank among those of the faces; `None` where it has none.
-    pub fn texcoord_ids(&self) -> Vec<Option<u32>> {
+    pub fn texcoord_ids(&self) -> TiVec<Wedge, Option<u32>> {
         self.wedge_texcoord.iter().map(|&id| (id != NO_TEXCOORD).then_some(id)).collect()
     }
 
@@ -335,8 +338,8 @@ impl ClusterSource {
     }
 
     /// Partition id of a loaded vertex.
-    pub fn vertex_id(&self, vertex: u32) -> u32 {
-        self.vertex_ids[vertex as usize]
+    pub fn vertex_id(&self, vertex: LocalVertex) -> u32 {
+        self.vertex_ids[vertex.index()]
     }
 
     /// Writes the simplified mesh as a piece of the next stored mesh; `partition` is the one it was loaded from.
@@ -356,8 +359,8 @@ impl ClusterSource {
         path: &Path,
     ) -> Result<PendingPiece> {
         let used = self.used_vertices(simplified);
-        let loaded = used.partition_point(|&v| (v as usize) < self.vertex_ids.len());
-        let own_ids: Vec<u32> = used[..loaded].iter().map(|&v| self.vertex_ids[v as usize]).collect();
+        let loaded = used.partition_point(|&v| v.index() < self.vertex_ids.len());
+        let own_ids: Vec<u32> = used[..loaded].iter().map(|&v| self.vertex_id(v)).collect();
         let rounding = Rounding { input_decimals: catalogue.position_decimals, max_error };
         let positions = self.positions_of(simplified, partition, rounding, &used, &own_ids)?;
         let colours = match &partition.numbering.colours {
@@ -368,34 +371,35 @@ impl ClusterSource {
             }
             None => None,
         };
-        let mut piece_id = vec![u32::MAX; simplified.positions.len()];
-        let mut shifts = vec![0.0; simplified.positions.len()];
+        let mut piece_id = simplified.per_vertex(u32::MAX);
+        let mut shifts = simplified.per_vertex(0.0);
         for (i, &v) in used.iter().enumerate() {
-            piece_id[v as usize] = i as u32;
-            if max_error.is_some() && simplified.flags[v as usize] & flag::MOVED != 0 {
-                shifts[v as usize] = positions[i].distance(simplified.positions[v as usize] + self.origin);
+            piece_id[v] = i as u32;
+            if max_error.is_some() && simplified.flags[v] & flag::MOVED != 0 {
+                shifts[v] = positions[i].distance(simplified.positions[v] + self.origin);
             }
         }
         let own_count = used.len() as u32;
-        let mut texcoord_id = vec![NO_TEXCOORD; simplified.wedge_vertex.len()];
+        let mut texcoord_id = simplified.per_wedge(NO_TEXCOORD);
         let mut texcoords = Vec::new();
         let mut faces = Vec::with_capacity(simplified.corners.len());
-        for (face, (corners, &part)) in simplified.corners.iter().zip(&simplified.parts).enumerate() {
+        for (face, corners) in simplified.corners.iter_enumerated() {
+            let part = simplified.parts[face].number();
             let vertices = corners.map(|w| {
-                let v = simplified.wedge_vertex[w as usize];
+                let v = simplified.wedge_vertex[w];
                 match simplified.is_shared(v) {
-                    true => own_count + partition.faces.shared.rank(self.vertex_ids[v as usize]),
-                    false => piece_id[v as usize],
+                    true => own_count + partition.faces.shared.rank(self.vertex_id(v)),
+                    false => piece_id[v],
                 }
             });
             for &w in corners {
-                if texcoord_id[w as usize] == NO_TEXCOORD && simplified.wedge_uv[w as usize].is_finite() {
-                    texcoord_id[w as usize] = texcoords.len() as u32;
+                if texcoord_id[w] == NO_TEXCOORD && simplified.wedge_uv[w].is_finite() {
+                    texcoord_id[w] = texcoords.len() as u32;
                     texcoords.push(self.texcoord_of(simplified, catalogue, w, scale.of(catalogue, part)));
                 }
             }
-            let texcoords = corners.map(|w| texcoord_id[w as usize]);
-            let shift = corners.map(|w| shifts[simplified.wedge_vertex[w as usize] as usize]);
+            let texcoords = corners.map(|w| texcoord_id[w]);
+            let shift = corners.map(|w| shifts[simplified.wedge_vertex[w]]);
             let deviation = rounded_up(f64::from(simplified.deviations[face]) + shift.into_iter().fold(0.0, f64::max));
             faces.push(Face { vertices, texcoords, part, continues_polygon: false, deviation });
         }
@@ -403,12 +407,12 @@ impl ClusterSource {
     }
 
     /// Vertices that faces use and no other cluster shares, ascending.
-    fn used_vertices(&self, simplified: &ClusterMesh) -> Vec<u32> {
-        let mut used = vec![false; simplified.positions.len()];
+    fn used_vertices(&self, simplified: &ClusterMesh) -> Vec<LocalVertex> {
+        let mut used = simplified.per_vertex(false);
         for &wedge in simplified.corners.iter().flatten() {
-            used[simplified.wedge_vertex[wedge as usize] as usize] = true;
+            used[simplified.wedge_vertex[wedge]] = true;
         }
-        (0..used.len() as u32).filter(|&v| used[v as usize] && !simplified.is_shared(v)).collect()
+        simplified.vertex_ids().filter(|&v| used[v] && !simplified.is_shared(v)).collect()
     }
 
     /// Interpolates the colours of vertices on edges from the two ends; if one end has no colour, takes that of the
@@ -417,25 +421,25 @@ impl ClusterSource {
         &self,
         simplified: &ClusterMesh,
         colours: &Segment<[f32; 3]>,
-        vertices: &[u32],
+        vertices: &[LocalVertex],
     ) -> Result<Vec<[f32; 3]>> {
         // Ids: loaded vertices, then vertices inserted into edges, then copies of either.
-        let origin_of = |v: u32| match (v as usize).checked_sub(self.vertex_ids.len() + self.points.len()) {
+        let origin_of = |v: LocalVertex| match v.index().checked_sub(self.vertex_ids.len() + self.points.len()) {
             Some(copy) => simplified.copied_from[copy],
             None => v,
         };
-        let point_of = |&v: &u32| {
+        let point_of = |&v: &LocalVertex| {
             let origin = origin_of(v);
-            let point = (origin as usize).checked_sub(self.vertex_ids.len()).map(|point| self.points[point]);
+            let point = origin.index().checked_sub(self.vertex_ids.len()).map(|point| self.points[point]);
             point.unwrap_or(EdgePoint { ends: [origin; 2], share: 0.0 })
         };
-        let end_id = |end: u32| self.vertex_ids[end as usize];
+        let end_id = |end: LocalVertex| self.vertex_id(end);
         let mut ids: Vec<u32> = vertices.iter().flat_map(|v| point_of(v).ends.map(end_id)).collect();
         ids.sort_unstable();
         ids.dedup();
         let known = gather(colours, &ids)?;
-        let colour_of = |end: u32| known[ids.partition_point(|&id| id < end_id(end))];
-        let between = |v: &u32| {
+        let colour_of = |end: LocalVertex| known[ids.partition_point(|&id| id < end_id(end))];
+        let between = |v: &LocalVertex| {
             let EdgePoint { ends: [a, b], share } = point_of(v);
             let (a, b) = (colour_of(a), colour_of(b));
             let mixed: [f32; 3] = std::array::from_fn(|k| a[k] + (b[k] - a[k]) * share as f32);
@@ -450,32 +454,32 @@ impl ClusterSource {
         simplified: &ClusterMesh,
         partition: &Partition,
         rounding: Rounding,
-        used: &[u32],
+        used: &[LocalVertex],
         ids: &[u32],
     ) -> Result<Vec<DVec3>> {
-        let mut shortest_sq = vec![f64::INFINITY; simplified.positions.len()];
+        let mut shortest_sq = simplified.per_vertex(f64::INFINITY);
         for corners in &simplified.corners {
-            let v = corners.map(|w| simplified.wedge_vertex[w as usize]);
+            let v = corners.map(|w| simplified.wedge_vertex[w]);
             for (a, b) in [(v[0], v[1]), (v[1], v[2]), (v[2], v[0])] {
-                let length_sq = simplified.positions[a as usize].distance_squared(simplified.positions[b as usize]);
+                let length_sq = simplified.positions[a].distance_squared(simplified.positions[b]);
                 for end in [a, b] {
-                    shortest_sq[end as usize] = shortest_sq[end as usize].min(length_sq);
+                    shortest_sq[end] = shortest_sq[end].min(length_sq);
                 }
             }
         }
         let mut positions = partition.numbering.positions.gather(ids)?;
         // Vertices inserted into edges are flagged as moved, and get their positions below.
         positions.resize(used.len(), DVec3::NAN);
-        let rounded = |v: u32| {
-            let exact = simplified.positions[v as usize] + self.origin;
-            let decimals = rounding.decimals(shortest_sq[v as usize].sqrt());
+        let rounded = |v: LocalVertex| {
+            let exact = simplified.positions[v] + self.origin;
+            let decimals = rounding.decimals(shortest_sq[v].sqrt());
             (DVec3::from_array(exact.to_array().map(|x| round_to(x, decimals))), decimals)
         };
-        let moved = || (0..used.len()).filter(|&at| simplified.flags[used[at] as usize] & flag::MOVED != 0);
+        let moved = || (0..used.len()).filter(|&at| simplified.flags[used[at]] & flag::MOVED != 0);
         let before = positions.clone();
         moved().for_each(|at| positions[at] = rounded(used[at]).0);
         if may_have_twins(&positions) {
-            let mut taken = Taken::new(before, |at| simplified.flags[used[at] as usize] & flag::MOVED == 0);
+            let mut taken = Taken::new(before, |at| simplified.flags[used[at]] & flag::MOVED == 0);
             for at in moved() {
                 let (place, decimals) = rounded(used[at]);
                 positions[at] = taken.place(at, place, decimals);
@@ -485,11 +489,11 @@ impl ClusterSource {
     }
 
     /// Texture coordinate of a wedge in units of the file: as loaded, or unscaled and rounded if it moved.
-    fn texcoord_of(&self, simplified: &ClusterMesh, catalogue: &Catalogue, wedge: u32, scale: f64) -> DVec2 {
-        if !simplified.wedge_moved[wedge as usize] {
-            return self.texcoords[self.wedge_texcoord[wedge as usize] as usize];
+    fn texcoord_of(&self, simplified: &ClusterMesh, catalogue: &Catalogue, wedge: Wedge, scale: f64) -> DVec2 {
+        if !simplified.wedge_moved[wedge] {
+            return self.texcoords[self.wedge_texcoord[wedge] as usize];
         }
-        let uv = simplified.wedge_uv[wedge as usize] / scale;
+        let uv = simplified.wedge_uv[wedge] / scale;
         // NOTE: six decimals are a sixtieth of a texel of a 16K image.
         let decimals = catalogue.texcoord_decimals.max(6);
         DVec2::new(round_to(uv.x, decimals), round_to(uv.y, decimals))
@@ -568,10 +572,6 @@ fn round_to(x: f64, decimals: u32) -> f64 {
     let factor = POWERS_OF_TEN[decimals.min(DECIMALS_MAX) as usize];
     let scaled = (x * factor).round();
     if decimals >= DECIMALS_MAX || scaled.abs() > 4e15 { x } else { scaled / factor }
-}
-
-fn gathered_material(gathered: &[(u32, u32)], wedge: u32) -> u32 {
-    gathered[wedge as usize].1
 }
 
 #[cfg(test)]

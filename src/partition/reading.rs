@@ -13,6 +13,7 @@ use crate::base::{Error, Result};
 use crate::file::Segment;
 use crate::geometry::position_key;
 use crate::mesh::doubles::doubles;
+use crate::mesh::id::{FaceId, LocalVertex};
 use crate::mesh::polygon;
 use crate::model::face::{POLYGON_CORNERS_MAX, repeats_vertex};
 use crate::model::{Face, StoredMesh};
@@ -46,13 +47,13 @@ impl ClusterFaces {
     }
 
     /// Vertices of a face.
-    pub fn vertices(&self, face: u32) -> [u32; 3] {
-        self.faces[face as usize].vertices
+    pub fn vertices(&self, face: FaceId) -> [LocalVertex; 3] {
+        self.faces[face.index()].vertices.map(LocalVertex::new)
     }
 
     /// Positions of the corners of a face.
-    pub fn triangle(&self, face: u32) -> [DVec3; 3] {
-        self.vertices(face).map(|v| self.positions[v as usize])
+    pub fn triangle(&self, face: FaceId) -> [DVec3; 3] {
+        self.vertices(face).map(|v| self.positions[v.index()])
     }
 
     /// Faces of a whole mesh in memory, whose ids are those of `positions` and `texcoords`. Welds vertices at
@@ -87,8 +88,8 @@ impl ClusterFaces {
     }
 
     /// Keeps only these faces, given ascending; keeps all vertices and texcoords.
-    pub fn keep(&mut self, faces: &[u32]) {
-        self.faces = faces.iter().map(|&face| self.faces[face as usize]).collect();
+    pub fn keep(&mut self, faces: &[FaceId]) {
+        self.faces = faces.iter().map(|&face| self.faces[face.index()]).collect();
     }
 }
 
@@ -164,12 +165,9 @@ pub(super) fn for_each_block(
 
 /// Drops faces with the same vertices as an earlier one; returns their number.
 fn drop_doubles(faces: &mut Vec<Face>) -> u64 {
-    let doubles = doubles(faces.len(), |face| faces[face as usize].vertices);
-    let (mut dropped, mut number) = (doubles.iter().copied().peekable(), 0);
-    faces.retain(|_| {
-        number += 1;
-        dropped.next_if_eq(&(number - 1)).is_none()
-    });
+    let doubles = doubles(faces.iter().map(|face| face.vertices));
+    let (mut dropped, mut all) = (doubles.iter().peekable(), FaceId::first(faces.len()));
+    faces.retain(|_| all.next().is_some_and(|face| dropped.next_if_eq(&&face).is_none()));
     doubles.len() as u64
 }
 
@@ -240,7 +238,7 @@ pub fn triangulate_polygons(faces: &mut Vec<Face>, positions: &[DVec3]) -> u64 {
         outline.extend(corners.iter().map(|&(v, _)| positions[v as usize]));
         polygon::triangulate(&outline, &mut triangles);
         for triangle in &triangles {
-            let pick = triangle.map(|i| corners[i as usize]);
+            let pick = triangle.map(|i| corners[i]);
             let vertices = pick.map(|(v, _)| v);
             if repeats_vertex(vertices) {
                 dropped += 1;

@@ -16,11 +16,14 @@ use super::pass_id::{Pass, PassKind};
 use super::schedule::{PassEnd, Schedule};
 use super::second_attempt::costs_before_leap;
 use super::stop_rule::{ClusterStop, Wanted};
+use crate::base::id::TiVec;
 use crate::base::{Progress, Result};
 use crate::cost::mesh_stats::MeshStats;
 use crate::mesh::ClusterMesh;
 use crate::mesh::compact::{Compacted, compact};
+use crate::mesh::id::{LocalVertex, Wedge};
 use crate::model::catalogue::Part;
+use crate::model::id::PartId;
 use crate::model::{Catalogue, Face, Mesh, NO_TEXCOORD};
 use crate::partition::TextureScale;
 use crate::partition::cluster::MaterialArea;
@@ -52,7 +55,7 @@ struct InMemory<'a> {
     origin: DVec3,
     mesh: ClusterMesh,
     /// Texture coordinate of the input for each wedge; `None` once it has moved.
-    texcoord_of: Vec<Option<u32>>,
+    texcoord_of: TiVec<Wedge, Option<u32>>,
     /// Colour of each vertex, if there are any.
     colours: Vec<[f32; 3]>,
     schedule: Schedule,
@@ -134,7 +137,7 @@ impl<'a> InMemory<'a> {
         let outcome = cvd::reconstruct(&mut mesh, settings, &frame);
         if !self.colours.is_empty() {
             for point in &outcome.points {
-                let [a, b] = point.ends.map(|end| self.colours[end as usize]);
+                let [a, b] = point.ends.map(|end| self.colours[end.index()]);
                 let share = point.share as f32;
                 self.colours.push([0, 1, 2].map(|k| a[k] + share * (b[k] - a[k])));
             }
@@ -196,15 +199,15 @@ impl<'a> InMemory<'a> {
 
     /// Takes over the mesh after a pass.
     fn take(&mut self, mesh: &ClusterMesh) {
-        let label = |part: u32| self.catalogue.material_index(part) as u32;
+        let label = |part: PartId| self.catalogue.material_index(part.number());
         let Compacted { mesh: compacted, vertices, wedges } = compact(mesh, label);
-        let texcoord = |&old: &u32| {
-            let known = self.texcoord_of.get(old as usize).copied().flatten();
-            known.filter(|_| !mesh.wedge_moved[old as usize])
+        let texcoord = |&old: &Wedge| {
+            let known = self.texcoord_of.get(old).copied().flatten();
+            known.filter(|_| !mesh.wedge_moved[old])
         };
         self.texcoord_of = wedges.iter().map(texcoord).collect();
         if !self.colours.is_empty() {
-            self.colours = vertices.iter().map(|&old| self.colours[old as usize]).collect();
+            self.colours = vertices.iter().map(|&old| self.colours[old.index()]).collect();
         }
         self.mesh = compacted;
     }
@@ -212,13 +215,13 @@ impl<'a> InMemory<'a> {
     /// Returns the simplified mesh.
     fn finish(self, input: &Mesh) -> Mesh {
         let Self { mesh, catalogue, labels, scale, origin, texcoord_of, colours, .. } = self;
-        let mut part_of = vec![0; mesh.wedge_vertex.len()];
+        let mut part_of = mesh.per_wedge(PartId::new(0));
         for (corners, &part) in mesh.corners.iter().zip(&mesh.parts) {
-            corners.iter().for_each(|&wedge| part_of[wedge as usize] = part);
+            corners.iter().for_each(|&wedge| part_of[wedge] = part);
         }
         let mut texcoords = Vec::new();
-        let mut texcoord_ids = Vec::with_capacity(part_of.len());
-        for (wedge, &uv) in mesh.wedge_uv.iter().enumerate() {
+        let mut texcoord_ids: TiVec<Wedge, u32> = TiVec::with_capacity(part_of.len());
+        for (wedge, &uv) in mesh.wedge_uv.iter_enumerated() {
             if uv.is_nan() {
                 texcoord_ids.push(Mesh::NO_TEXCOORD);
                 continue;
@@ -226,19 +229,19 @@ impl<'a> InMemory<'a> {
             texcoord_ids.push(texcoords.len() as u32);
             texcoords.push(match texcoord_of[wedge] {
                 Some(id) => input.texcoords[id as usize],
-                None => (uv / DVec2::splat(scale.of(&catalogue, part_of[wedge]))).to_array(),
+                None => (uv / DVec2::splat(scale.of(&catalogue, part_of[wedge].number()))).to_array(),
             });
         }
         let has_texture = !input.face_texcoords.is_empty();
         let has_labels = !input.face_labels.is_empty();
-        let face_labels = mesh.parts.iter().map(|&part| labels[part as usize]);
+        let face_labels = mesh.parts.iter().map(|&part| labels[part.index()]);
         Mesh {
             positions: mesh.positions.iter().map(|&position| (origin + position).to_array()).collect(),
             colours,
             texcoords,
-            faces: mesh.corner_vertices.clone(),
+            faces: mesh.corner_vertices.iter().map(|face| face.map(LocalVertex::number)).collect(),
             face_texcoords: match has_texture {
-                true => mesh.corners.iter().map(|corners| corners.map(|wedge| texcoord_ids[wedge as usize])).collect(),
+                true => mesh.corners.iter().map(|corners| corners.map(|wedge| texcoord_ids[wedge])).collect(),
                 false => Vec::new(),
             },
             face_labels: if has_labels { face_labels.collect() } else { Vec::new() },

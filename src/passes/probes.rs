@@ -22,8 +22,9 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::base::chance::{INCREMENT, mixed, place_on_triangle, unit};
+use crate::base::id::TiVec;
 use crate::job::Recalled;
-use crate::mesh::ClusterMesh;
+use crate::mesh::{ClusterMesh, FaceId, LocalVertex};
 
 /// Faces of the input per point on it; the number of points is clamped to `POINTS_MIN..=POINTS_MAX`.
 const FACES_PER_POINT: u64 = 64;
@@ -74,13 +75,13 @@ struct ProbeBuffers {
     /// Running sums of the faces' sampling weights.
     ends: Vec<f64>,
     /// Index of each mesh vertex among the kept vertices; `u32::MAX` if it is not kept.
-    numbers: Vec<u32>,
+    numbers: TiVec<LocalVertex, u32>,
     /// Around each vertex: sum of the cross products of the faces, and sum of their lengths.
-    normals: Vec<[f32; 4]>,
+    normals: TiVec<LocalVertex, [f32; 4]>,
     /// Bend at each vertex: 1 minus the length of the mean unit normal.
-    bends: Vec<f32>,
+    bends: TiVec<LocalVertex, f32>,
     /// Area of each face, and the square of its longest side.
-    sizes: Vec<(f64, f32)>,
+    sizes: TiVec<FaceId, (f64, f32)>,
     /// Expected error of each face if it is removed: area × bend × length².
     stakes: Vec<f32>,
     sorted: Vec<f32>,
@@ -204,17 +205,17 @@ impl Probing {
         numbers.clear();
         numbers.resize(mesh.positions.len(), u32::MAX);
         let (mut triangles, mut vertices, mut crowded) = (Vec::new(), Vec::new(), Vec::new());
-        for face in 0..mesh.corners.len() as u32 {
+        for face in mesh.face_ids() {
             let [a, b, c] = mesh.triangle(face);
             let is_near = chosen.are_near([a, b, c].map(|corner| origin + corner));
             if is_near && triangles.len() == triangles_max {
                 chosen.each_near([a, b, c].map(|corner| origin + corner), |cell| crowded.push(cell));
             } else if is_near {
                 triangles.push(mesh.vertices(face).map(|vertex| {
-                    let number = &mut numbers[vertex as usize];
+                    let number = &mut numbers[vertex];
                     if *number == u32::MAX {
                         *number = vertices.len() as u32;
-                        vertices.push(origin + mesh.positions[vertex as usize]);
+                        vertices.push(origin + mesh.positions[vertex]);
                     }
                     *number
                 }));
@@ -232,7 +233,7 @@ impl Probing {
             let place = (part as f64 + unit(hash)) / count as f64 * all;
             let face = ends.partition_point(|&end| end <= place).min(ends.len() - 1);
             let chance = ends[face] - if face > 0 { ends[face - 1] } else { 0.0 };
-            let triangle = mesh.triangle(face as u32);
+            let triangle = mesh.triangle(FaceId::from(face));
             points.push(point_on(triangle.map(|corner| origin + corner), &mut hash));
             weights.push(finite(area_of(triangle)) / chance.max(f64::MIN_POSITIVE) * all / count as f64);
         }
@@ -256,12 +257,11 @@ impl ProbeBuffers {
     /// a share by face, and the rest by expected error: area × bend × length². The last is capped at the value that a
     /// share `left` of the faces exceeds, since those faces stay.
     fn weigh(&mut self, mesh: &ClusterMesh, left: f64) -> f64 {
-        let faces = mesh.corners.len();
         self.normals.clear();
         self.normals.resize(mesh.positions.len(), [0.0; 4]);
         self.sizes.clear();
         let (mut area, mut with_area) = (0.0, 0u64);
-        for face in 0..faces as u32 {
+        for face in mesh.face_ids() {
             let [a, b, c] = mesh.triangle(face);
             let (ab, ac) = (b - a, c - a);
             let normal = ab.cross(ac);
@@ -275,7 +275,7 @@ impl ProbeBuffers {
             with_area += 1;
             let sum = [normal.x, normal.y, normal.z, length].map(|x| x as f32);
             for vertex in mesh.vertices(face) {
-                let of_vertex = &mut self.normals[vertex as usize];
+                let of_vertex = &mut self.normals[vertex];
                 (0..4).for_each(|k| of_vertex[k] += sum[k]);
             }
         }
@@ -285,8 +285,8 @@ impl ProbeBuffers {
             if bend > BEND_MIN { bend } else { 0.0 }
         }));
         self.stakes.clear();
-        for (face, &(area, longest_sq)) in self.sizes.iter().enumerate() {
-            let bends = mesh.vertices(face as u32).map(|vertex| self.bends[vertex as usize]);
+        for (face, &(area, longest_sq)) in self.sizes.iter_enumerated() {
+            let bends = mesh.vertices(face).map(|vertex| self.bends[vertex]);
             let bend = bends.into_iter().fold(0.0, f32::max);
             let stake = area as f32 * bend * longest_sq;
             self.stakes.push(if stake.is_finite() { stake } else { 0.0 });
@@ -588,9 +588,7 @@ impl RandomPoints {
 }
 
 fn triangles(mesh: &ClusterMesh, origin: DVec3) -> impl Iterator<Item = [DVec3; 3]> {
-    (0..mesh.corners.len() as u32)
-        .filter(|&face| !mesh.is_dead(face))
-        .map(move |face| mesh.triangle(face).map(|p| origin + p))
+    mesh.living_faces().map(move |face| mesh.triangle(face).map(|p| origin + p))
 }
 
 fn point_on([a, b, c]: [DVec3; 3], hash: &mut u64) -> DVec3 {
@@ -611,6 +609,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::mesh::cluster::samples;
 
     fn corner() -> impl Strategy<Value = DVec3> {
         prop::array::uniform3(-40.0f64..40.0).prop_map(DVec3::from_array)
@@ -658,11 +657,11 @@ mod tests {
                 let vertex = mesh.push_vertex(corner, 0);
                 mesh.push_wedge(vertex, glam::DVec2::NAN);
             }
-            mesh.push_face([3 * face, 3 * face + 1, 3 * face + 2], 0);
+            samples::add_faces(&mut mesh, &[[3 * face, 3 * face + 1, 3 * face + 2]]);
         }
         let probes = probing.take(&mesh, DVec3::ZERO, 0);
         let (mut whole, mut kept) = (0, 0);
-        for face in 0..20_000 {
+        for face in mesh.face_ids() {
             let triangle = mesh.triangle(face);
             if !chosen.are_near(triangle) {
                 continue;
@@ -679,13 +678,8 @@ mod tests {
 
     #[test]
     fn probes_of_no_mesh_are_not_sound() {
-        let mut mesh = ClusterMesh::default();
-        for corner in [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::ONE] {
-            let vertex = mesh.push_vertex(corner, 0);
-            mesh.push_wedge(vertex, glam::DVec2::NAN);
-        }
-        mesh.push_face([0, 1, 2], 0);
-        mesh.push_face([2, 1, 3], 0);
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::ONE].map(|corner| (corner, glam::DVec2::NAN));
+        let mesh = samples::mesh_of(corners, &[[0, 1, 2], [2, 1, 3]]);
         let whole = Probing::new(2, 1, 1.0).take(&mesh, DVec3::ZERO, 0);
         assert!(whole.fit(2) && whole.triangle_count() == 2 && !whole.points.is_empty());
         let changes: [fn(&mut Probes); 15] = [

@@ -7,8 +7,11 @@
 
 use glam::DVec3;
 
+use crate::base::id::TiVec;
 use crate::cost::Metric;
 use crate::mesh::cluster::{ClusterMesh, flag};
+use crate::mesh::id::{FaceId, LocalVertex, Wedge};
+use crate::model::id::PartId;
 use crate::partition::numbering::{RANK_BYTES, window_bytes};
 use crate::partition::reading::ClusterFaces;
 use crate::partition::weight::ORDINARY_BYTES;
@@ -96,7 +99,7 @@ impl Survey {
         let patch = Patch::choose(faces.face_count(), self.patch_faces, faces.vertex_count(), triangle, vertices);
         faces.keep(&patch.faces);
         let mesh = make(faces);
-        patch.cut_from(&mesh, 0..mesh.corners.len() as u32)
+        patch.cut_from(&mesh, mesh.face_ids())
     }
 }
 
@@ -125,9 +128,9 @@ pub fn patch(mesh: &ClusterMesh, faces: usize) -> ClusterMesh {
 #[derive(Debug)]
 struct Patch {
     /// The faces, ascending.
-    faces: Vec<u32>,
+    faces: Vec<FaceId>,
     /// Whether a face outside the patch uses the vertex, too.
-    is_rim: Vec<bool>,
+    is_rim: TiVec<LocalVertex, bool>,
 }
 
 impl Patch {
@@ -136,48 +139,48 @@ impl Patch {
         count: usize,
         wanted: usize,
         vertex_count: usize,
-        triangle: impl Fn(u32) -> [DVec3; 3],
-        vertices: impl Fn(u32) -> [u32; 3],
+        triangle: impl Fn(FaceId) -> [DVec3; 3],
+        vertices: impl Fn(FaceId) -> [LocalVertex; 3],
     ) -> Self {
-        let mut is_rim = vec![false; vertex_count];
+        let mut is_rim: TiVec<LocalVertex, bool> = vec![false; vertex_count].into();
         if count == 0 {
             return Self { faces: Vec::new(), is_rim };
         }
-        let centre_of = |face: u32| triangle(face).into_iter().sum::<DVec3>() / 3.0;
-        let middle = centre_of(count as u32 / 2);
-        let mut order: Vec<(f64, u32)> =
-            (0..count as u32).map(|face| (centre_of(face).distance_squared(middle), face)).collect();
+        let centre_of = |face: FaceId| triangle(face).into_iter().sum::<DVec3>() / 3.0;
+        let middle = centre_of(FaceId::from(count / 2));
+        let mut order: Vec<(f64, FaceId)> =
+            FaceId::first(count).map(|face| (centre_of(face).distance_squared(middle), face)).collect();
         let kept = wanted.min(count);
         if kept < count {
             order.select_nth_unstable_by(kept, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         }
         let (inside, outside) = order.split_at(kept);
         for v in outside.iter().flat_map(|&(_, face)| vertices(face)) {
-            is_rim[v as usize] = true;
+            is_rim[v] = true;
         }
-        let mut faces: Vec<u32> = inside.iter().map(|&(_, face)| face).collect();
+        let mut faces: Vec<FaceId> = inside.iter().map(|&(_, face)| face).collect();
         faces.sort_unstable();
         Self { faces, is_rim }
     }
 
     /// Builds the patch as a mesh with unlinked wedges from these `faces` of `mesh`.
-    fn cut_from(&self, mesh: &ClusterMesh, faces: impl Iterator<Item = u32>) -> ClusterMesh {
+    fn cut_from(&self, mesh: &ClusterMesh, faces: impl Iterator<Item = FaceId>) -> ClusterMesh {
         let mut patch = ClusterMesh::default();
-        let mut vertex_of = vec![u32::MAX; mesh.positions.len()];
-        let mut wedge_of = vec![u32::MAX; mesh.wedge_vertex.len()];
+        let mut vertex_of = mesh.per_vertex(LocalVertex::NONE);
+        let mut wedge_of = mesh.per_wedge(Wedge::NONE);
         for face in faces {
-            let corners = mesh.corners[face as usize].map(|w| {
-                let v = mesh.wedge_vertex[w as usize] as usize;
-                if vertex_of[v] == u32::MAX {
+            let corners = mesh.corners[face].map(|w| {
+                let v = mesh.wedge_vertex[w];
+                if vertex_of[v] == LocalVertex::NONE {
                     let rim = if self.is_rim[v] { flag::SHARED | flag::LOCKED } else { 0 };
                     vertex_of[v] = patch.push_vertex(mesh.positions[v], mesh.flags[v] | rim);
                 }
-                if wedge_of[w as usize] == u32::MAX {
-                    wedge_of[w as usize] = patch.push_wedge(vertex_of[v], mesh.wedge_uv[w as usize]);
+                if wedge_of[w] == Wedge::NONE {
+                    wedge_of[w] = patch.push_wedge(vertex_of[v], mesh.wedge_uv[w]);
                 }
-                wedge_of[w as usize]
+                wedge_of[w]
             });
-            patch.push_face(corners, mesh.parts[face as usize]);
+            patch.push_face(corners, mesh.parts[face]);
         }
         patch
     }
@@ -185,23 +188,23 @@ impl Patch {
 
 /// Adds a patch to the sample.
 pub fn append(sample: &mut ClusterMesh, patch: &ClusterMesh) {
-    let (vertices, wedges) = (sample.positions.len() as u32, sample.wedge_vertex.len() as u32);
+    let (vertices, wedges) = (sample.positions.len(), sample.wedge_vertex.len());
     for (&position, &flags) in patch.positions.iter().zip(&patch.flags) {
         sample.push_vertex(position, flags);
     }
     for (&vertex, &uv) in patch.wedge_vertex.iter().zip(&patch.wedge_uv) {
-        sample.push_wedge(vertices + vertex, uv);
+        sample.push_wedge(LocalVertex::from(vertices + vertex.index()), uv);
     }
     for (corners, &part) in patch.corners.iter().zip(&patch.parts) {
-        sample.push_face(corners.map(|w| wedges + w), part);
+        sample.push_face(corners.map(|w| Wedge::from(wedges + w.index())), part);
     }
 }
 
 /// Scales the texture coordinates of a sample that was taken before the scales of the parts were known.
-pub fn scale_texture(sample: &mut ClusterMesh, scale_of: impl Fn(u32) -> f64) {
-    let mut scales = vec![1.0; sample.wedge_vertex.len()];
+pub fn scale_texture(sample: &mut ClusterMesh, scale_of: impl Fn(PartId) -> f64) {
+    let mut scales = sample.per_wedge(1.0);
     for (corners, &part) in sample.corners.iter().zip(&sample.parts) {
-        corners.iter().for_each(|&w| scales[w as usize] = scale_of(part));
+        corners.iter().for_each(|&w| scales[w] = scale_of(part));
     }
     sample.wedge_uv.iter_mut().zip(scales).for_each(|(uv, scale)| *uv *= scale);
 }
@@ -279,7 +282,7 @@ mod tests {
     /// Number of faces around each position.
     fn faces_around(mesh: &ClusterMesh) -> HashMap<[u64; 3], usize> {
         let mut around = HashMap::new();
-        for face in 0..mesh.corners.len() as u32 {
+        for face in mesh.face_ids() {
             mesh.triangle(face).iter().for_each(|&corner| *around.entry(place(corner)).or_default() += 1);
         }
         around
@@ -288,15 +291,17 @@ mod tests {
     #[test]
     fn a_patch_is_compact_and_locked_where_it_was_cut_off() {
         let mut mesh = samples::grid(20, 0.3);
-        mesh.parts.iter_mut().zip(0..).for_each(|(part, face)| *part = face);
+        // The part of each face is its number.
+        mesh.parts = mesh.face_ids().map(|face| PartId::new(face.number())).collect();
+        let face_of = |&part: &PartId| FaceId::new(part.number());
         let survey = Survey::new(&[800, 0, 800], Purpose { left: 0.5, is_last: false }, 0.04);
         assert_eq!(survey.clusters(), [0, 2]);
         assert!(survey.patch_faces(1).is_none());
         let patch = patch(&mesh, survey.patch_faces(2).unwrap());
         assert_eq!(patch.corners.len(), 200);
-        assert!(patch.parts.is_sorted() && patch.parts.iter().all(|&part| part < 800));
-        for (face, &part) in (0..).zip(&patch.parts) {
-            assert_eq!(patch.triangle(face), mesh.triangle(part));
+        assert!(patch.parts.is_sorted() && patch.parts.iter().all(|part| part.index() < 800));
+        for (face, part) in patch.parts.iter_enumerated() {
+            assert_eq!(patch.triangle(face), mesh.triangle(face_of(part)));
         }
         // Each vertex occurs once, with its own wedge.
         assert_eq!(patch.positions.iter().map(|&at| place(at)).collect::<HashSet<_>>().len(), patch.positions.len());
@@ -308,11 +313,11 @@ mod tests {
             assert_eq!(flags & flag::SHARED != 0, is_cut_off, "{position}");
         }
         // No face outside the patch is nearer to its middle than those inside.
-        let centre = |face: u32| mesh.triangle(face).into_iter().sum::<DVec3>() / 3.0;
-        let away = |face: u32| centre(face).distance(centre(400));
-        let farthest = patch.parts.iter().map(|&part| away(part)).fold(0.0, f64::max);
-        let is_outside = |face: &u32| !patch.parts.contains(face);
-        assert!((0..800).filter(is_outside).all(|face| away(face) >= farthest));
+        let centre = |face: FaceId| mesh.triangle(face).into_iter().sum::<DVec3>() / 3.0;
+        let away = |face: FaceId| centre(face).distance(centre(FaceId::new(400)));
+        let farthest = patch.parts.iter().map(|part| away(face_of(part))).fold(0.0, f64::max);
+        let is_outside = |face: &FaceId| !patch.parts.contains(&PartId::new(face.number()));
+        assert!(mesh.face_ids().filter(is_outside).all(|face| away(face) >= farthest));
         let survey = Survey::new(&[800], Purpose { left: 0.5, is_last: false }, 1.0);
         let whole = super::patch(&mesh, survey.patch_faces(0).unwrap());
         assert_eq!(whole.corners.len(), 800);
@@ -323,15 +328,15 @@ mod tests {
     fn a_sample_is_its_patches_side_by_side_and_each_part_is_scaled() {
         let mut sample = ClusterMesh::default();
         let (one, mut other) = (samples::grid(2, 0.0), samples::grid(3, 0.0));
-        other.parts.fill(1);
+        other.parts.fill(PartId::new(1));
         append(&mut sample, &one);
         append(&mut sample, &other);
         assert_eq!(sample.corners.len(), 8 + 18);
-        for face in 0..18 {
-            assert_eq!(sample.triangle(8 + face), other.triangle(face));
+        for (face, appended) in other.face_ids().zip(sample.face_ids().skip(8)) {
+            assert_eq!(sample.triangle(appended), other.triangle(face));
         }
-        scale_texture(&mut sample, |part| [2.0, 3.0][part as usize]);
-        let (first, second) = sample.wedge_uv.split_at(one.wedge_uv.len());
+        scale_texture(&mut sample, |part| [2.0, 3.0][part.index()]);
+        let (first, second) = sample.wedge_uv.raw.split_at(one.wedge_uv.len());
         assert!(first.iter().zip(&one.wedge_uv).all(|(scaled, &uv)| *scaled == 2.0 * uv));
         assert!(second.iter().zip(&other.wedge_uv).all(|(scaled, &uv)| *scaled == 3.0 * uv));
     }

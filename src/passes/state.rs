@@ -247,7 +247,7 @@ mod tests {
         };
         assert!(whole().is_before(2, &catalogue) && !whole().is_before(1, &catalogue));
         let mut sample = ClusterMesh::default();
-        sample.corners.push([0; 3]);
+        sample.corners.push(Default::default());
         let mut findings = Findings::default();
         findings.note("degenerate faces", || "\x1b[2J".into());
         let changed = [

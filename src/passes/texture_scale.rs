@@ -43,7 +43,7 @@ impl Run<'_> {
         }
         let Measured { areas, seams, mut sample } = measured;
         let scale = if is_raw { TextureScale::none(self.catalogue) } else { TextureScale::new(&areas) };
-        sample::scale_texture(&mut sample, |part| scale.of(self.catalogue, part));
+        sample::scale_texture(&mut sample, |part| scale.of(self.catalogue, part.number()));
         let kept = self.options.target as f64 / self.options.input.max(1) as f64;
         Ok((TextureTraits { scale, seam_density: seams.seam_density(kept) }, sample))
     }

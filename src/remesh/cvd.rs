@@ -65,15 +65,17 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use self::cells::NO_CELL;
+use self::cells::VoronoiCell;
 use self::centres::{Centre, Members};
 use self::clustering::{Clustering, Pull};
 use self::dual::Shrunk;
 use self::mass::{MassSums, VertexPart};
 use self::queue::{ErrorCounts, Queue, sound_faces};
+use crate::base::id::{TiSlice, TiVec};
 use crate::cost::parameter::{self, Parameter, factor, number, switch};
 use crate::mesh::class::{Class, classify};
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::id::LocalVertex;
 use crate::mesh::ring::Rings;
 use crate::mesh::split::{EdgePoint, split_edges};
 
@@ -221,8 +223,8 @@ pub struct Reconstruction {
 /// Adds the masses of a cluster's vertices to `sums`; shared vertices are left out.
 pub fn weigh(mesh: &ClusterMesh, settings: &CvdSettings, sums: &mut MassSums) {
     let field = Field::new(mesh, settings);
-    for (vertex, part) in field.parts.iter().enumerate() {
-        if !field.rings.of(vertex as u32).is_empty() && !mesh.is_shared(vertex as u32) {
+    for (vertex, part) in field.parts.iter_enumerated() {
+        if !field.rings.of(vertex).is_empty() && !mesh.is_shared(vertex) {
             sums.add(*part, settings.lambda);
         }
     }
@@ -231,10 +233,10 @@ pub fn weigh(mesh: &ClusterMesh, settings: &CvdSettings, sums: &mut MassSums) {
 /// Counts the cells of a cluster, and the candidates for more centres.
 pub fn take_stock(mesh: &ClusterMesh, settings: &CvdSettings, frame: &FrozenStatistics) -> Stock {
     let field = Field::new(mesh, settings);
-    let (_, _, grown) = field.grow(mesh, settings, frame);
-    let shared = (0..mesh.positions.len() as u32).filter(|&v| mesh.is_shared(v) && !field.rings.of(v).is_empty());
+    let grown = field.grow(mesh, settings, frame);
+    let shared = mesh.vertex_ids().filter(|&v| mesh.is_shared(v) && !field.rings.of(v).is_empty());
     Stock {
-        cells: u64::from(grown).saturating_sub(shared.count() as u64),
+        cells: (grown.count as u64).saturating_sub(shared.count() as u64),
         candidates: Queue::new(mesh, &field.rings, &field.is_held, &sound_faces(mesh)).count(most_points(mesh)),
     }
 }
@@ -244,50 +246,49 @@ pub fn reconstruct(mesh: &mut ClusterMesh, settings: &CvdSettings, frame: &Froze
     mesh.compact_faces();
     mesh.unlink_unused_wedges();
     let field = Field::new(mesh, settings);
-    let (mut cells, held, count) = field.grow(mesh, settings, frame);
+    let Grown { mut cells, held, count } = field.grow(mesh, settings, frame);
     let members = Members::new(&cells, count);
     let is_sound = sound_faces(mesh);
-    let fixed = (&field.is_held[..], &is_sound[..]);
+    let fixed = (&*field.is_held, &*is_sound);
     let chosen = centres::centres(mesh, &field.rings, &members, &cells, fixed, settings.spring);
     drop(members);
     let queue = Queue::new(mesh, &field.rings, &field.is_held, &is_sound);
     let picked = queue.points(frame.threshold, most_points(mesh));
     drop(queue);
     let Field { parts, is_held, .. } = field;
-    let mut masses: Vec<f64> = parts.iter().map(|part| part.mass(settings.lambda, frame.floor)).collect();
+    let mut masses: TiVec<LocalVertex, f64> =
+        parts.iter().map(|part| part.mass(settings.lambda, frame.floor)).collect();
     drop(parts);
 
     let points = Points::merge(&chosen, picked);
-    let base = mesh.positions.len() as u32;
+    let before = mesh.positions.len();
     split_edges(mesh, &points.on_edges);
-    let mut vertices: Vec<u32> = chosen
+    let mut vertices: TiVec<VoronoiCell, LocalVertex> = chosen
         .iter()
         .map(|centre| match centre {
             Centre::Vertex(vertex) => *vertex,
-            Centre::Edge(_) => NO_CELL,
+            Centre::Edge(_) => LocalVertex::NONE,
         })
         .collect();
     let mut added = 0;
-    for (at, cell) in points.cells.iter().enumerate() {
-        let vertex = base + at as u32;
-        if *cell == NO_CELL {
-            cells.push(vertices.len() as u32);
-            vertices.push(vertex);
-            added += 1;
+    for (vertex, cell) in mesh.vertex_ids().skip(before).zip(&points.cells) {
+        if let Some(cell) = cell.some() {
+            cells.push(cell);
+            vertices[cell] = vertex;
         } else {
-            cells.push(*cell);
-            vertices[*cell as usize] = vertex;
+            cells.push(vertices.push_and_get_key(vertex));
+            added += 1;
         }
     }
     // The mass of a new vertex is interpolated between those of its edge's ends.
     for point in &points.on_edges {
-        let [a, b] = point.ends.map(|end| masses[end as usize]);
+        let [a, b] = point.ends.map(|end| masses[end]);
         masses.push(a + (b - a) * point.share);
     }
 
     let mut rings = Rings::default();
     rings.build(mesh);
-    let is_held = |vertex: u32| is_held.get(vertex as usize).copied().unwrap_or(false);
+    let is_held = |vertex: LocalVertex| is_held.get(vertex).copied().unwrap_or(false);
     let pull = if settings.centroidal { Pull::Centroidal } else { Pull::Fixed };
     let clustering = Clustering { mesh, rings: &rings, masses: &masses, centres: &vertices, pull };
     clustering.improve(&mut cells, settings.sweeps, is_held);
@@ -300,8 +301,8 @@ pub fn reconstruct(mesh: &mut ClusterMesh, settings: &CvdSettings, frame: &Froze
     let flipped = delaunay::flip(mesh);
     Reconstruction {
         points: points.on_edges,
-        cells: u64::from(count - held),
-        held: u64::from(held),
+        cells: (count - held) as u64,
+        held: held as u64,
         added,
         shrunk: Shrunk { junctions, ..shrunk },
         flipped,
@@ -316,67 +317,76 @@ fn most_points(mesh: &ClusterMesh) -> u64 {
 /// Rings, curvatures and held vertices of a cluster.
 struct Field {
     rings: Rings,
-    parts: Vec<VertexPart>,
+    parts: TiVec<LocalVertex, VertexPart>,
     /// Vertices that neither move nor vanish.
-    is_held: Vec<bool>,
+    is_held: TiVec<LocalVertex, bool>,
 }
 
 impl Field {
     fn new(mesh: &ClusterMesh, settings: &CvdSettings) -> Self {
-        let (mut rings, mut classes) = (Rings::default(), Vec::new());
+        let (mut rings, mut classes) = (Rings::default(), TiVec::new());
         rings.build(mesh);
         classify(mesh, &rings, &mut classes);
-        let is_held = |(vertex, class): (usize, &Class)| {
-            *class != Class::Smooth || mesh.is_locked(vertex as u32) || mesh.is_shared(vertex as u32)
-        };
-        let is_held = classes.iter().enumerate().map(is_held).collect();
+        let is_held =
+            |(vertex, class): (_, &Class)| *class != Class::Smooth || mesh.is_locked(vertex) || mesh.is_shared(vertex);
+        let is_held = classes.iter_enumerated().map(is_held).collect();
         let parts = mass::parts(mesh, &rings, settings.rings);
         Self { rings, parts, is_held }
     }
 
-    /// The first cells: those of held vertices, then those that grow. Returns the cell of each vertex, the number of
-    /// held cells, and the number of all cells.
-    fn grow(&self, mesh: &ClusterMesh, settings: &CvdSettings, frame: &FrozenStatistics) -> (Vec<u32>, u32, u32) {
-        let masses: Vec<f64> = self.parts.iter().map(|part| part.mass(settings.lambda, frame.floor)).collect();
-        let mut cells = vec![NO_CELL; mesh.positions.len()];
+    /// The first cells: those of held vertices, then those that grow.
+    fn grow(&self, mesh: &ClusterMesh, settings: &CvdSettings, frame: &FrozenStatistics) -> Grown {
+        let masses: TiVec<LocalVertex, f64> =
+            self.parts.iter().map(|part| part.mass(settings.lambda, frame.floor)).collect();
+        let mut cells = mesh.per_vertex(VoronoiCell::NONE);
         let mut held = 0;
-        for (vertex, cell) in cells.iter_mut().enumerate() {
-            if self.is_held[vertex] && !self.rings.of(vertex as u32).is_empty() {
-                *cell = held;
+        for (vertex, cell) in cells.iter_mut_enumerated() {
+            if self.is_held[vertex] && !self.rings.of(vertex).is_empty() {
+                *cell = VoronoiCell::from(held);
                 held += 1;
             }
         }
-        let free = (0..cells.len() as u32).filter(|&v| !self.is_held[v as usize] && !self.rings.of(v).is_empty());
+        let free = mesh.vertex_ids().filter(|&v| !self.is_held[v] && !self.rings.of(v).is_empty());
         let order = cells::morton_order(&mesh.positions, free);
-        let neighbours = |vertex: u32, ring: &mut Vec<u32>| {
+        let neighbours = |vertex: LocalVertex, ring: &mut Vec<LocalVertex>| {
             ring.clear();
-            ring.extend(self.rings.of(vertex).iter().map(|&c| mesh.vertex_of(ClusterMesh::following(c)[0])));
+            ring.extend(self.rings.of(vertex).iter().map(|&c| mesh.vertex_of(c.next())));
         };
         let count = cells::grow(&order, &masses, frame.enough, &mut cells, neighbours);
-        (cells, held, count)
+        Grown { cells, held, count }
     }
 }
 
-/// Points that split edges, and the grown cell that each is the centre of, or [`NO_CELL`].
+/// The first cells.
+struct Grown {
+    /// Cell of each vertex.
+    cells: TiVec<LocalVertex, VoronoiCell>,
+    /// Number of held vertices, which are cells of their own.
+    held: usize,
+    /// Number of all cells.
+    count: usize,
+}
+
+/// Points that split edges, and the grown cell that each is the centre of, or [`VoronoiCell::NONE`].
 struct Points {
     on_edges: Vec<EdgePoint>,
-    cells: Vec<u32>,
+    cells: Vec<VoronoiCell>,
 }
 
 impl Points {
     /// Merges the centres that lie on edges with the queue's points on other edges.
-    fn merge(centres: &[Centre], picked: Vec<EdgePoint>) -> Self {
-        let mut on_edges: Vec<(EdgePoint, u32)> = Vec::new();
-        for (cell, centre) in centres.iter().enumerate() {
+    fn merge(centres: &TiSlice<VoronoiCell, Centre>, picked: Vec<EdgePoint>) -> Self {
+        let mut on_edges: Vec<(EdgePoint, VoronoiCell)> = Vec::new();
+        for (cell, centre) in centres.iter_enumerated() {
             if let Centre::Edge(point) = centre {
-                on_edges.push((*point, cell as u32));
+                on_edges.push((*point, cell));
             }
         }
         on_edges.sort_unstable_by_key(|(point, _)| point.ends);
         let count = on_edges.len();
         for point in picked {
             if on_edges[..count].binary_search_by_key(&point.ends, |(point, _)| point.ends).is_err() {
-                on_edges.push((point, NO_CELL));
+                on_edges.push((point, VoronoiCell::NONE));
             }
         }
         on_edges.sort_unstable_by(|(a, _), (b, _)| a.ends.cmp(&b.ends).then(a.share.total_cmp(&b.share)));

@@ -31,11 +31,13 @@
 use glam::{DVec2, DVec3};
 use nalgebra::{Cholesky, DMatrix, DVector};
 
+use crate::base::id::TiVec;
 use crate::cost::fan::Fan;
 use crate::cost::sharpness::sharpness;
 use crate::geometry::triangle::regularity;
 use crate::mesh::class::{Class, classify};
 use crate::mesh::cluster::{ClusterMesh, flag};
+use crate::mesh::id::LocalVertex;
 use crate::mesh::ring::Rings;
 use crate::simplify::triangle_change::{change_of, uv_survives};
 
@@ -50,12 +52,12 @@ const RING_MAX: usize = 24;
 pub fn relax(mesh: &mut ClusterMesh) -> u64 {
     mesh.compact_faces();
     mesh.unlink_unused_wedges();
-    let (mut rings, mut classes, mut fan) = (Rings::default(), Vec::new(), Fan::default());
+    let (mut rings, mut classes, mut fan) = (Rings::default(), TiVec::new(), Fan::default());
     rings.build(mesh);
     classify(mesh, &rings, &mut classes);
     let mut moved = 0;
-    for vertex in 0..mesh.positions.len() as u32 {
-        if classes[vertex as usize] != Class::Smooth || mesh.is_locked(vertex) || mesh.is_shared(vertex) {
+    for vertex in mesh.vertex_ids() {
+        if classes[vertex] != Class::Smooth || mesh.is_locked(vertex) || mesh.is_shared(vertex) {
             continue;
         }
         fan.gather(mesh, &rings, vertex);
@@ -74,23 +76,23 @@ pub fn relax(mesh: &mut ClusterMesh) -> u64 {
 }
 
 /// The position in the middle of a vertex's ring, and its texture coordinate; `None` if the ring cannot be flattened.
-fn middle(mesh: &ClusterMesh, fan: &Fan, vertex: u32) -> Option<(DVec3, DVec2)> {
+fn middle(mesh: &ClusterMesh, fan: &Fan, vertex: LocalVertex) -> Option<(DVec3, DVec2)> {
     let plane = flatten(mesh, fan, vertex)?;
     let weights = lift(&plane, centroid(&plane)?)?;
     let (mut position, mut uv) = (DVec3::ZERO, DVec2::ZERO);
     for (spoke, weight) in fan.spokes.iter().zip(weights) {
-        position += mesh.positions[spoke.next as usize] * weight;
-        uv += mesh.wedge_at(spoke.face, spoke.next).map_or(DVec2::NAN, |wedge| mesh.wedge_uv[wedge as usize]) * weight;
+        position += mesh.positions[spoke.next] * weight;
+        uv += mesh.wedge_at(spoke.face, spoke.next).map_or(DVec2::NAN, |wedge| mesh.wedge_uv[wedge]) * weight;
     }
     position.is_finite().then_some((position, uv))
 }
 
 /// The ring's vertices in the plane, by the least squares conformal map of the faces around a vertex; `None` if a face
 /// has no area or the system is singular.
-fn flatten(mesh: &ClusterMesh, fan: &Fan, vertex: u32) -> Option<Vec<DVec2>> {
+fn flatten(mesh: &ClusterMesh, fan: &Fan, vertex: LocalVertex) -> Option<Vec<DVec2>> {
     let count = fan.spokes.len();
-    let ring: Vec<DVec3> = fan.spokes.iter().map(|spoke| mesh.positions[spoke.next as usize]).collect();
-    let centre = mesh.positions[vertex as usize];
+    let ring: Vec<DVec3> = fan.spokes.iter().map(|spoke| mesh.positions[spoke.next]).collect();
+    let centre = mesh.positions[vertex];
     let (mut pins, mut farthest) = ((0, 1), -1.0);
     for a in 0..count {
         for b in a + 1..count {
@@ -182,7 +184,7 @@ fn lift(polygon: &[DVec2], at: DVec2) -> Option<Vec<f64>> {
 }
 
 /// Whether a move raises the ring's smallest regularity and folds no face.
-fn is_better(mesh: &ClusterMesh, fan: &Fan, vertex: u32, worst: f64, position: DVec3, uv: DVec2) -> bool {
+fn is_better(mesh: &ClusterMesh, fan: &Fan, vertex: LocalVertex, worst: f64, position: DVec3, uv: DVec2) -> bool {
     fan.spokes.iter().all(|spoke| {
         let (before, uv_before) = (mesh.triangle(spoke.face), mesh.uv_triangle(spoke.face));
         let (mut after, mut uv_after) = (before, uv_before);
@@ -193,15 +195,15 @@ fn is_better(mesh: &ClusterMesh, fan: &Fan, vertex: u32, worst: f64, position: D
     })
 }
 
-fn place(mesh: &mut ClusterMesh, fan: &Fan, vertex: u32, position: DVec3, uv: DVec2) {
-    mesh.positions[vertex as usize] = position;
-    mesh.flags[vertex as usize] |= flag::MOVED;
+fn place(mesh: &mut ClusterMesh, fan: &Fan, vertex: LocalVertex, position: DVec3, uv: DVec2) {
+    mesh.positions[vertex] = position;
+    mesh.flags[vertex] |= flag::MOVED;
     for spoke in &fan.spokes {
         if let Some(wedge) = mesh.wedge_at(spoke.face, vertex)
             && uv.is_finite()
         {
-            mesh.wedge_uv[wedge as usize] = uv;
-            mesh.wedge_moved[wedge as usize] = true;
+            mesh.wedge_uv[wedge] = uv;
+            mesh.wedge_moved[wedge] = true;
         }
     }
 }
@@ -210,17 +212,18 @@ fn place(mesh: &mut ClusterMesh, fan: &Fan, vertex: u32, position: DVec3, uv: DV
 mod tests {
     use super::*;
     use crate::mesh::cluster::samples;
+    use crate::mesh::id::short::{v, w};
 
     /// The grid of 2 × 2 squares with its middle vertex pushed towards an edge of its ring: this makes a sliver.
     fn skewed() -> ClusterMesh {
         let mut mesh = samples::grid(2, 0.0);
-        mesh.positions[4] = DVec3::new(1.7, 0.95, 0.0);
-        mesh.wedge_uv[4] = DVec2::new(0.17, 0.095);
+        mesh.positions[v(4)] = DVec3::new(1.7, 0.95, 0.0);
+        mesh.wedge_uv[w(4)] = DVec2::new(0.17, 0.095);
         mesh
     }
 
     fn worst(mesh: &ClusterMesh) -> f64 {
-        (0..mesh.corners.len() as u32).map(|face| regularity(mesh.triangle(face))).fold(1.0, f64::min)
+        mesh.face_ids().map(|face| regularity(mesh.triangle(face))).fold(1.0, f64::min)
     }
 
     #[test]
@@ -236,7 +239,7 @@ mod tests {
         let before = worst(&mesh);
         assert_eq!(relax(&mut mesh), 1);
         assert!(worst(&mesh) > 2.0 * before, "{before} {}", worst(&mesh));
-        let (p, uv) = (mesh.positions[4], mesh.wedge_uv[4]);
+        let (p, uv) = (mesh.positions[v(4)], mesh.wedge_uv[w(4)]);
         assert!((DVec2::new(p.x, p.y) * 0.1 - uv).length() < 1e-9, "an affine texture mapping stays affine: {p} {uv}");
         assert!(p.z.abs() < 1e-12);
         assert_eq!(relax(&mut mesh), 0, "a relaxed vertex stays");
@@ -247,11 +250,11 @@ mod tests {
         let mesh = skewed();
         let (mut rings, mut fan) = (Rings::default(), Fan::default());
         rings.build(&mesh);
-        fan.gather(&mesh, &rings, 4);
-        let plane = flatten(&mesh, &fan, 4).unwrap();
+        fan.gather(&mesh, &rings, v(4));
+        let plane = flatten(&mesh, &fan, v(4)).unwrap();
         for (i, a) in fan.spokes.iter().enumerate() {
             for (j, b) in fan.spokes.iter().enumerate() {
-                let wanted = mesh.positions[a.next as usize].distance(mesh.positions[b.next as usize]);
+                let wanted = mesh.positions[a.next].distance(mesh.positions[b.next]);
                 assert!((plane[i].distance(plane[j]) - wanted).abs() < 1e-9);
             }
         }
@@ -271,10 +274,10 @@ mod tests {
     #[test]
     fn sharp_locked_and_border_vertices_stay() {
         let mut locked = skewed();
-        locked.flags[4] |= flag::LOCKED;
+        locked.flags[v(4)] |= flag::LOCKED;
         assert_eq!(relax(&mut locked), 0);
         let mut sharp = skewed();
-        sharp.positions[4].z = 2.0;
+        sharp.positions[v(4)].z = 2.0;
         assert_eq!(relax(&mut sharp), 0);
     }
 }

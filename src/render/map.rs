@@ -50,7 +50,7 @@ impl ClusterMap {
     /// Draws a cluster, whose positions are relative to `origin`.
     pub fn draw(&mut self, cluster: u32, mesh: &ClusterMesh, origin: DVec3) {
         let size = self.view.size;
-        for face in 0..mesh.corners.len() as u32 {
+        for face in mesh.face_ids() {
             let corners = mesh.triangle(face).map(|corner| self.view.project(corner + origin));
             raster::each_pixel(&corners, size, |pixel, height, _| {
                 let (height, seen) = (height as f32, &mut self.surface[pixel]);
@@ -106,7 +106,7 @@ mod tests {
             // 0: the left half; 1: the right half, its left rim locked
             let mut mesh = samples::two_charts(8);
             let origin = DVec3::new(f64::from(cluster) * 4.0, 0.0, 0.0);
-            for vertex in 0..mesh.positions.len() {
+            for vertex in mesh.vertex_ids() {
                 mesh.positions[vertex] *= DVec3::new(0.5, 1.0, 1.0);
                 if cluster == 1 && mesh.positions[vertex].x == 0.0 {
                     mesh.flags[vertex] |= flag::SHARED;

@@ -19,6 +19,7 @@ use glam::DVec3;
 use crate::base::{Findings, Result};
 use crate::image::textures::{NO_IMAGE, TextureImages};
 use crate::measure::compare::cells::MeasuredMesh;
+use crate::mesh::FaceId;
 use crate::model::catalogue::MaterialDefinition;
 use crate::model::{Catalogue, StoredMesh};
 use crate::partition::{self, ClusterSource, PartitionOptions, TextureScale, cluster};
@@ -81,10 +82,10 @@ impl<'a> StoredScene<'a> {
         Self { mesh, catalogue, folder, images, paints }
     }
 
-    fn triangle(&self, source: &ClusterSource, face: u32) -> Triangle {
+    fn triangle(&self, source: &ClusterSource, face: FaceId) -> Triangle {
         let mesh = &source.mesh;
         let [a, b, c] = mesh.uv_triangle(face);
-        let part = mesh.parts[face as usize] as usize;
+        let part = mesh.parts[face].index();
         let paint = self.paints.get(part).copied().unwrap_or(Paint::Colour(STONE));
         let paint = match paint {
             Paint::Image(_) if !(a + b + c).is_finite() => Paint::Colour(colour_of(self.catalogue, part)),
@@ -126,7 +127,7 @@ impl Scene for StoredScene<'_> {
         let partition = partition::partition(self.mesh, self.catalogue, self.folder, "pass-view", &options)?;
         let scale = TextureScale::none(self.catalogue);
         let mut draw_source = |source: ClusterSource| {
-            (0..source.mesh.corners.len() as u32).for_each(|face| draw(&self.triangle(&source, face)));
+            source.mesh.face_ids().for_each(|face| draw(&self.triangle(&source, face)));
         };
         for cell in 0..partition.cluster_count() {
             match partition.weight(cell) {

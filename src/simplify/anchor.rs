@@ -22,10 +22,12 @@ use rayon::prelude::*;
 
 use super::cover::CoveredFace;
 use super::parts::{ConvexPolygon, Parts};
+use crate::base::id::{TiSlice, TiVec};
 use crate::base::pool::in_parallel;
 use crate::geometry::boxtree::{Bounds, BoxTree};
 use crate::mesh::ClusterMesh;
 use crate::mesh::cluster::rounded_up;
+use crate::mesh::id::{FaceId, LocalVertex};
 
 /// A part is near enough if its bound is at most this share of the largest bound allowed.
 const NEAR_SHARE: f64 = 0.6;
@@ -41,19 +43,18 @@ const RUN_FACES: usize = 256;
 /// The surface of a cluster at the start of a pass.
 #[derive(Debug)]
 pub struct Anchor {
-    vertices: Vec<DVec3>,
-    faces: Vec<[u32; 3]>,
-    bounds: Vec<f32>,
+    vertices: TiVec<LocalVertex, DVec3>,
+    faces: TiVec<FaceId, [LocalVertex; 3]>,
+    bounds: TiVec<FaceId, f32>,
 }
 
 impl Anchor {
     /// Copies the living faces of a cluster and their bounds.
     pub fn of(mesh: &ClusterMesh) -> Self {
-        let living = || (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face));
         Self {
             vertices: mesh.positions.clone(),
-            faces: living().map(|face| mesh.vertices(face)).collect(),
-            bounds: living().map(|face| mesh.deviations[face as usize]).collect(),
+            faces: mesh.living_faces().map(|face| mesh.vertices(face)).collect(),
+            bounds: mesh.living_faces().map(|face| mesh.deviations[face]).collect(),
         }
     }
 
@@ -80,11 +81,11 @@ impl Anchor {
         let now = TriangleSurface::new(&mesh.positions, &mesh.corner_vertices, None);
         let first = TriangleSurface::new(&self.vertices, &self.faces, Some(&self.bounds));
         // Distances are not negative, so their bits order like their values.
-        let bounds: Vec<AtomicU64> = mesh.deviations.iter().map(|_| AtomicU64::new(0)).collect();
-        let raise = |face: u32, bound: f64| bounds[face as usize].fetch_max(bound.to_bits(), Ordering::Relaxed);
-        let cover_run = |scratch: &mut Scratch, mut run: Range<u32>| {
+        let bounds: TiVec<FaceId, AtomicU64> = mesh.deviations.iter().map(|_| AtomicU64::new(0)).collect();
+        let raise = |face: FaceId, bound: f64| bounds[face].fetch_max(bound.to_bits(), Ordering::Relaxed);
+        let cover_run = |scratch: &mut Scratch, run: Range<usize>| {
             scratch.last = None;
-            run.all(|face| {
+            run.map(FaceId::from).all(|face| {
                 let base = first.base(face);
                 let most = (most - base).max(0.0);
                 now.cover(first.triangle(face), most, scratch, |at, distance| {
@@ -96,10 +97,10 @@ impl Anchor {
         if !in_parallel(|| runs(count).map_init(Scratch::default, cover_run).all(|is_found| is_found)) {
             return false;
         }
-        let bound_run = |scratch: &mut Scratch, run: Range<u32>| {
+        let bound_run = |scratch: &mut Scratch, run: Range<usize>| {
             scratch.last = None;
-            for face in run {
-                let known = mesh.deviations[face as usize];
+            for face in run.map(FaceId::from) {
+                let known = mesh.deviations[face];
                 let mut own = 0f64;
                 let is_found = !is_near(known)
                     && first.cover(now.triangle(face), most, scratch, |_, distance| own = own.max(distance));
@@ -115,45 +116,50 @@ impl Anchor {
     }
 }
 
-/// The faces 0 .. `count`, in runs.
-fn runs(count: usize) -> impl ParallelIterator<Item = Range<u32>> {
-    let run = move |begin: usize| begin as u32..(begin + RUN_FACES).min(count) as u32;
+/// The indices of `count` faces, in runs.
+fn runs(count: usize) -> impl ParallelIterator<Item = Range<usize>> {
+    let run = move |begin: usize| begin..(begin + RUN_FACES).min(count);
     (0..count).into_par_iter().step_by(RUN_FACES).map(run)
 }
 
 /// Triangles in a box tree.
 struct TriangleSurface<'a> {
-    vertices: &'a [DVec3],
-    faces: &'a [[u32; 3]],
+    vertices: &'a TiSlice<LocalVertex, DVec3>,
+    faces: &'a TiSlice<FaceId, [LocalVertex; 3]>,
     /// Added to the distance to each face; `None` stands for 0.
-    bases: Option<&'a [f32]>,
+    bases: Option<&'a TiSlice<FaceId, f32>>,
     tree: BoxTree,
 }
 
 impl<'a> TriangleSurface<'a> {
-    fn new(vertices: &'a [DVec3], faces: &'a [[u32; 3]], bases: Option<&'a [f32]>) -> Self {
-        let box_of = |face: u32| Bounds::around(faces[face as usize].map(|vertex| vertices[vertex as usize]));
+    fn new(
+        vertices: &'a TiSlice<LocalVertex, DVec3>,
+        faces: &'a TiSlice<FaceId, [LocalVertex; 3]>,
+        bases: Option<&'a TiSlice<FaceId, f32>>,
+    ) -> Self {
+        let box_of = |face| Bounds::around(faces[FaceId::new(face)].map(|vertex| vertices[vertex]));
         Self { vertices, faces, bases, tree: BoxTree::new(faces.len(), box_of) }
     }
 
-    fn triangle(&self, face: u32) -> [DVec3; 3] {
-        self.faces[face as usize].map(|vertex| self.vertices[vertex as usize])
+    fn triangle(&self, face: FaceId) -> [DVec3; 3] {
+        self.faces[face].map(|vertex| self.vertices[vertex])
     }
 
-    fn base(&self, face: u32) -> f64 {
-        self.bases.map_or(0.0, |bases| bases[face as usize].into())
+    fn base(&self, face: FaceId) -> f64 {
+        self.bases.map_or(0.0, |bases| bases[face].into())
     }
 
-    fn target(&self, face: u32) -> CoveredFace {
+    fn target(&self, face: FaceId) -> CoveredFace {
         CoveredFace { corners: self.triangle(face), base: self.base(face) }
     }
 
     /// The face nearest to a point, and the distance to it, its base included. Starts from `hint`, and returns it if no
     /// face is nearer. `None` if there are no faces.
-    fn nearest(&self, point: DVec3, hint: Option<u32>) -> Option<(u32, f64)> {
+    fn nearest(&self, point: DVec3, hint: Option<FaceId>) -> Option<(FaceId, f64)> {
         let mut nearest = hint.map(|face| (face, self.target(face).distance(point)));
         let mut least_sq = nearest.map_or(f64::INFINITY, |(_, distance)| distance * distance);
         self.tree.nearest_sq(point, least_sq, |face| {
+            let face = FaceId::new(face);
             if Bounds::around(self.triangle(face)).distance_sq(point) >= least_sq {
                 return f64::INFINITY;
             }
@@ -169,7 +175,13 @@ impl<'a> TriangleSurface<'a> {
 
     /// Finds, for every part of a triangle, one of the faces and an upper bound on the part's distance to it, the
     /// face's base included. Returns `false` if the bound of some part exceeds `most`, or cannot be proved to be lower.
-    fn cover(&self, triangle: [DVec3; 3], most: f64, scratch: &mut Scratch, mut found: impl FnMut(u32, f64)) -> bool {
+    fn cover(
+        &self,
+        triangle: [DVec3; 3],
+        most: f64,
+        scratch: &mut Scratch,
+        mut found: impl FnMut(FaceId, f64),
+    ) -> bool {
         let Scratch { cutter, parts, last } = scratch;
         cutter.points.clear();
         parts.clear();
@@ -211,9 +223,9 @@ impl<'a> TriangleSurface<'a> {
 struct Scratch {
     cutter: Parts,
     /// Parts to be covered, each with the face that was nearest to the part it was cut from.
-    parts: Vec<(ConvexPolygon, Option<u32>)>,
+    parts: Vec<(ConvexPolygon, Option<FaceId>)>,
     /// The face nearest to the previous part.
-    last: Option<u32>,
+    last: Option<FaceId>,
 }
 
 #[cfg(test)]
@@ -242,10 +254,10 @@ mod tests {
     }
 
     fn middles(mesh: &ClusterMesh) -> impl Iterator<Item = DVec3> + '_ {
-        (0..mesh.corners.len() as u32).map(|face| mesh.triangle(face).into_iter().sum::<DVec3>() / 3.0)
+        mesh.face_ids().map(|face| mesh.triangle(face).into_iter().sum::<DVec3>() / 3.0)
     }
 
-    fn surface<'a>(mesh: &'a ClusterMesh, bases: Option<&'a [f32]>) -> TriangleSurface<'a> {
+    fn surface<'a>(mesh: &'a ClusterMesh, bases: Option<&'a TiSlice<FaceId, f32>>) -> TriangleSurface<'a> {
         TriangleSurface::new(&mesh.positions, &mesh.corner_vertices, bases)
     }
 
@@ -280,14 +292,14 @@ mod tests {
             let mut now = coarser(16, 0.9);
             prop_assert!(Anchor::of(&first).tighten(&mut now, 1.0));
             prop_assert!(now.deviations.iter().all(|&bound| (base..=0.9).contains(&bound)), "{:?}", now.deviations);
-            let bound_at = |face: u32| f64::from(now.deviations[face as usize]);
+            let bound_at = |face: FaceId| f64::from(now.deviations[face]);
             let to_first = surface(&first, Some(&first.deviations));
-            for (face, middle) in (0..).zip(middles(&now)) {
+            for (face, middle) in now.face_ids().zip(middles(&now)) {
                 prop_assert!(to_first.nearest(middle, None).unwrap().1 <= bound_at(face) + 1e-9);
             }
             // A point of the input is near some face, within that face's bound.
             for middle in middles(&first) {
-                let is_near = (0..now.corners.len() as u32).any(|face| {
+                let is_near = now.face_ids().any(|face| {
                     let target = CoveredFace { corners: now.triangle(face), base: f64::from(base) };
                     target.distance(middle) <= bound_at(face) + 1e-9
                 });

@@ -9,9 +9,12 @@
 
 use super::rips::FACES_MAX;
 use super::witness::area_of;
-use crate::mesh::class::Class;
+use crate::base::id::{TiSlice, TiVec};
+use crate::mesh::class::Classes;
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::id::{Corner, LocalVertex, Wedge};
 use crate::mesh::ring::{Rings, Spoke};
+use crate::model::id::PartId;
 
 /// Largest number of edges of a hole.
 const EDGES_MAX: usize = 8;
@@ -26,33 +29,32 @@ pub struct Shut {
     /// Number of holes.
     pub count: u64,
     /// The vertices of their rims.
-    pub vertices: Vec<u32>,
+    pub vertices: Vec<LocalVertex>,
 }
 
 /// Closes holes that cost up to `most` each, as long as no two share a vertex and there is `room` for more faces. If
 /// any was closed, the rings and the classes of the returned vertices must be recomputed.
-pub fn shut(mesh: &mut ClusterMesh, rings: &Rings, classes: &[Class], most: f64, mut room: usize) -> Shut {
-    let may_border = |v: u32| classes[v as usize].may_border();
-    let onwards: Vec<Onwards> = (0..classes.len() as u32)
-        .map(|v| if may_border(v) { Onwards::from(mesh, rings, v) } else { Onwards::Nowhere })
-        .collect();
-    let mut is_used = vec![false; classes.len()];
+pub fn shut(mesh: &mut ClusterMesh, rings: &Rings, classes: &Classes, most: f64, mut room: usize) -> Shut {
+    let may_border = |v: LocalVertex| classes[v].may_border();
+    let onwards: TiVec<LocalVertex, Onwards> =
+        classes.keys().map(|v| if may_border(v) { Onwards::from(mesh, rings, v) } else { Onwards::Nowhere }).collect();
+    let mut is_used = mesh.per_vertex(false);
     let mut shut = Shut::default();
-    for start in 0..classes.len() as u32 {
-        if is_used[start as usize] || !may_return(&onwards, start) {
+    for start in classes.keys() {
+        if is_used[start] || !may_return(&onwards, start) {
             continue;
         }
         let Some(hole) = Hole::at(mesh, rings, start) else { continue };
         let is_turned = hole.rim[0].is_turned;
         let is_free =
-            |edge: &HoleEdge| !is_used[edge.from as usize] && !mesh.is_shared(edge.from) && edge.is_turned == is_turned;
+            |edge: &HoleEdge| !is_used[edge.from] && !mesh.is_shared(edge.from) && edge.is_turned == is_turned;
         if !hole.rim.iter().all(is_free) {
             continue;
         }
         let Some(ears) = hole.ears(mesh, rings, most).filter(|ears| ears.len() <= room) else { continue };
         room -= ears.len();
         for edge in &hole.rim {
-            is_used[edge.from as usize] = true;
+            is_used[edge.from] = true;
             shut.vertices.push(edge.from);
         }
         hole.shut(mesh, &ears);
@@ -64,43 +66,43 @@ pub fn shut(mesh: &mut ClusterMesh, rings: &Rings, classes: &[Class], most: f64,
 /// A border edge of a hole, in the direction of a face that closes the hole.
 #[derive(Debug, Clone, Copy)]
 struct HoleEdge {
-    from: u32,
-    to: u32,
+    from: LocalVertex,
+    to: LocalVertex,
     /// Wedges of both ends in the face beside the edge.
-    wedges: [u32; 2],
-    part: u32,
+    wedges: [Wedge; 2],
+    part: PartId,
     /// Whether that face is turned over during processing.
     is_turned: bool,
     /// The third vertex of that face.
-    beyond: u32,
+    beyond: LocalVertex,
     /// Wedge of `beyond` in that face.
-    beyond_wedge: u32,
+    beyond_wedge: Wedge,
 }
 
 /// Border edges that continue from a vertex around a hole.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Onwards {
     Nowhere,
-    To(u32),
+    To(LocalVertex),
     SeveralWays,
 }
 
 impl Onwards {
-    fn from(mesh: &ClusterMesh, rings: &Rings, from: u32) -> Self {
+    fn from(mesh: &ClusterMesh, rings: &Rings, from: LocalVertex) -> Self {
         let mut corners = corners_before_rims(mesh, rings, from);
         match [corners.next(), corners.next()] {
             [None, _] => Self::Nowhere,
-            [Some(corner), None] => Self::To(mesh.vertex_of(ClusterMesh::following(corner)[1])),
+            [Some(corner), None] => Self::To(mesh.vertex_of(corner.previous())),
             _ => Self::SeveralWays,
         }
     }
 }
 
 /// Whether a walk along at most `EDGES_MAX` border edges may lead from a vertex back to it.
-fn may_return(onwards: &[Onwards], start: u32) -> bool {
+fn may_return(onwards: &TiSlice<LocalVertex, Onwards>, start: LocalVertex) -> bool {
     let mut at = start;
     for _ in 0..EDGES_MAX {
-        at = match onwards[at as usize] {
+        at = match onwards[at] {
             Onwards::Nowhere => return false,
             Onwards::To(next) if next == start => return true,
             Onwards::To(next) => next,
@@ -112,23 +114,26 @@ fn may_return(onwards: &[Onwards], start: u32) -> bool {
 
 /// Corners at a vertex whose face is the only one with the edge to the previous corner: along this edge the walk around
 /// a hole continues.
-fn corners_before_rims<'a>(mesh: &'a ClusterMesh, rings: &'a Rings, from: u32) -> impl Iterator<Item = u32> + 'a {
+fn corners_before_rims<'a>(
+    mesh: &'a ClusterMesh,
+    rings: &'a Rings,
+    from: LocalVertex,
+) -> impl Iterator<Item = Corner> + 'a {
     let corners = rings.of(from);
     let corners = if corners.len() > FACES_MAX { &[] } else { corners };
     let living = move || corners.iter().copied().filter(|&corner| mesh.living(corner).is_some());
     living().filter(move |&corner| {
-        let before = mesh.vertex_of(ClusterMesh::following(corner)[1]);
-        let has_edge = |other: u32| ClusterMesh::following(other).iter().any(|&far| mesh.vertex_of(far) == before);
-        living().all(|other| other == corner || !has_edge(other))
+        let before = mesh.vertex_of(corner.previous());
+        living().all(|other| other == corner || !mesh.others_of(other).contains(&before))
     })
 }
 
 /// Border edges that continue from a vertex around a hole.
-fn rims_from(mesh: &ClusterMesh, rings: &Rings, from: u32) -> Vec<HoleEdge> {
-    let rim = |corner: u32| {
+fn rims_from(mesh: &ClusterMesh, rings: &Rings, from: LocalVertex) -> Vec<HoleEdge> {
+    let rim = |corner: Corner| {
         let spoke = Spoke::of(mesh, corner);
         let wedges = [spoke.wedge, spoke.previous_wedge];
-        let (part, is_turned) = (mesh.parts[corner as usize / 3], mesh.is_turned[corner as usize / 3]);
+        let (part, is_turned) = (mesh.parts[corner.face()], mesh.is_turned[corner.face()]);
         HoleEdge {
             from,
             to: spoke.previous,
@@ -149,7 +154,7 @@ struct Hole {
 
 impl Hole {
     /// The shortest loop through a vertex; `None` if it has more than `EDGES_MAX` edges, or fewer than three.
-    fn at(mesh: &ClusterMesh, rings: &Rings, start: u32) -> Option<Self> {
+    fn at(mesh: &ClusterMesh, rings: &Rings, start: LocalVertex) -> Option<Self> {
         let mut ways: Vec<Vec<HoleEdge>> = rims_from(mesh, rings, start).into_iter().map(|rim| vec![rim]).collect();
         for _ in 1..EDGES_MAX {
             let mut longer = Vec::new();
@@ -176,7 +181,7 @@ impl Hole {
     /// Triangles that close the hole, cheapest first, as indices of their corners in the rim. `None` if they cost more
     /// than `most`, fold, or would need an edge that exists already.
     fn ears(&self, mesh: &ClusterMesh, rings: &Rings, most: f64) -> Option<Vec<[usize; 3]>> {
-        let place = |at: usize| mesh.positions[self.rim[at].from as usize];
+        let place = |at: usize| mesh.positions[self.rim[at].from];
         let price = |ear: [usize; 3]| {
             let corners = ear.map(place);
             let longest_sq = (0..3).map(|k| corners[k].distance_squared(corners[(k + 1) % 3])).fold(0.0, f64::max);
@@ -208,8 +213,8 @@ impl Hole {
     /// Whether a triangle lies back to back on a face beside the rim, as the back side of a single sheet would.
     fn folds(&self, mesh: &ClusterMesh, ear: [usize; 3]) -> bool {
         let vertex = |at: usize| self.rim[at].from;
-        let normal = |corners: [u32; 3]| {
-            let [a, b, c] = corners.map(|v| mesh.positions[v as usize]);
+        let normal = |corners: [LocalVertex; 3]| {
+            let [a, b, c] = corners.map(|v| mesh.positions[v]);
             (b - a).cross(c - a).normalize_or_zero()
         };
         let own = normal(ear.map(vertex));
@@ -224,8 +229,7 @@ impl Hole {
         let mut sides: Vec<HoleEdge> = self.rim.clone();
         for ear in ears {
             let vertices = ear.map(|at| self.rim[at].from);
-            let length_sq =
-                |side: &HoleEdge| mesh.positions[side.from as usize].distance_squared(mesh.positions[side.to as usize]);
+            let length_sq = |side: &HoleEdge| mesh.positions[side.from].distance_squared(mesh.positions[side.to]);
             let side_at = |k: usize| {
                 sides.iter().copied().find(|side| side.from == vertices[k] && side.to == vertices[(k + 1) % 3])
             };
@@ -236,10 +240,10 @@ impl Hole {
             let own = own.or_else(|| sides.iter().find(|side| side.to == third).map(|side| side.wedges[1]));
             let Some(own) = own else { continue };
             let wedge = mesh.closing_wedge(side.wedges, side.beyond_wedge, own);
-            let mut corners = [0; 3];
-            (corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]) = (side.wedges[0], side.wedges[1], wedge);
-            mesh.push_face(corners, side.part);
-            mesh.is_turned.iter_mut().last().into_iter().for_each(|is_turned| *is_turned = side.is_turned);
+            let mut corners = [wedge; 3];
+            (corners[k], corners[(k + 1) % 3]) = (side.wedges[0], side.wedges[1]);
+            let face = mesh.push_face(corners, side.part);
+            mesh.is_turned[face] = side.is_turned;
             for j in 0..3 {
                 let [from, to, beyond] = [j, (j + 1) % 3, (j + 2) % 3];
                 sides.push(HoleEdge {

@@ -9,15 +9,16 @@ use super::refusal::Refusal;
 use super::texture::{insets, uv_on_chain, uv_on_ring};
 use crate::cost::{EdgeCase, Metric};
 use crate::mesh::cluster::{ClusterMesh, flag};
+use crate::mesh::id::{Corner, Edge, FaceId, LocalVertex};
 use crate::mesh::ring::Rings;
 
 /// A collapse candidate.
 #[derive(Debug, Clone, Copy)]
 pub struct Collapse {
     /// The vertex that vanishes.
-    pub from: u32,
+    pub from: LocalVertex,
     /// The vertex that stays.
-    pub to: u32,
+    pub to: LocalVertex,
     /// Whether `to` keeps its texture coordinates.
     pub onto: bool,
     /// Whether `to` also keeps its position.
@@ -44,14 +45,14 @@ pub struct Collapser {
     patches: Patches,
     last_faces: LastFaces,
     /// Faces that change and stay.
-    changed: Vec<u32>,
+    changed: Vec<FaceId>,
     /// Largest deviation from the input allowed, in units of length; `None` if it is not bounded.
     pub deviation_max: Option<f64>,
 }
 
 impl Collapser {
     /// Vertices whose classes may have changed, because the last collapse changed the topology.
-    pub fn unsettled(&self) -> &[u32] {
+    pub fn unsettled(&self) -> &[LocalVertex] {
         &self.star.unsettled
     }
 
@@ -85,7 +86,7 @@ impl Collapser {
         {
             return Err(Refusal::Piece);
         }
-        let insets = insets(mesh, rings, collapse.inset, (from, to), &self.star.wedges);
+        let insets = insets(mesh, rings, collapse.inset, Edge { from, to }, &self.star.wedges);
         let position =
             cost.place(mesh, &EdgeCase { from, to, onto, stays, wedges: &self.star.wedges, insets }).position;
         self.choose_uvs(mesh, rings, cost, collapse, position)?;
@@ -118,7 +119,7 @@ impl Collapser {
         let wedges = &self.star.wedges;
         self.uvs.clear();
         if onto {
-            self.uvs.extend(wedges.iter().map(|pair| mesh.wedge_uv[pair.1 as usize]));
+            self.uvs.extend(wedges.iter().map(|pair| mesh.wedge_uv[pair.to]));
         } else if cost.texcoords(
             mesh,
             &EdgeCase { from, to, onto, stays, wedges, insets: [Vec2::ZERO; 2] },
@@ -127,9 +128,9 @@ impl Collapser {
         ) {
             return Ok(());
         } else if collapse.chain {
-            uv_on_chain(mesh, rings, (from, to), wedges, position, &mut self.uvs).ok_or(Refusal::Seam)?;
+            uv_on_chain(mesh, rings, Edge { from, to }, wedges, position, &mut self.uvs).ok_or(Refusal::Seam)?;
         } else {
-            let kept = wedges.first().map_or(DVec2::NAN, |pair| mesh.wedge_uv[pair.1 as usize]);
+            let kept = wedges.first().map_or(DVec2::NAN, |pair| mesh.wedge_uv[pair.to]);
             let uv = uv_on_ring(mesh, rings, &[from, to], position).unwrap_or(kept);
             self.uvs.resize(wedges.len(), uv);
         }
@@ -151,22 +152,22 @@ impl Collapser {
         self.patches.clear();
         self.changed.clear();
         for (corner, is_dying) in changing_corners(&self.star, mesh, rings, collapse) {
-            let face = corner / 3;
+            let face = corner.face();
             let mut triangle = mesh.triangle(face);
-            self.patches.push_old(triangle, mesh.deviations[face as usize]);
+            self.patches.push_old(triangle, mesh.deviations[face]);
             if !is_dying {
-                triangle[corner as usize % 3] = position;
+                triangle[corner.index_in_face()] = position;
                 self.patches.push_new(triangle);
                 self.changed.push(face);
             }
         }
         // Where the topology changes, faces of `to` alone may die, too.
-        let at_to = |&&face: &&u32| !mesh.vertices(face).contains(&collapse.from);
+        let at_to = |&&face: &&FaceId| !mesh.vertices(face).contains(&collapse.from);
         for &face in self.star.dying.iter().filter(at_to) {
-            self.patches.push_old(mesh.triangle(face), mesh.deviations[face as usize]);
+            self.patches.push_old(mesh.triangle(face), mesh.deviations[face]);
         }
         for (&face, bound) in self.changed.iter().zip(self.patches.bound(most)?) {
-            mesh.deviations[face as usize] = bound;
+            mesh.deviations[face] = bound;
         }
         Ok(())
     }
@@ -174,14 +175,14 @@ impl Collapser {
     fn apply(&mut self, mesh: &mut ClusterMesh, rings: &Rings, collapse: Collapse, position: DVec3) -> usize {
         let Collapse { from, to, .. } = collapse;
         self.star.apply(mesh, rings, from, to);
-        if !collapse.stays && mesh.positions[to as usize] != position {
-            mesh.flags[to as usize] |= flag::MOVED;
-            mesh.positions[to as usize] = position;
+        if !collapse.stays && mesh.positions[to] != position {
+            mesh.flags[to] |= flag::MOVED;
+            mesh.positions[to] = position;
         }
         if !collapse.onto {
-            for (&(_, wedge), &uv) in self.star.wedges.iter().zip(&self.uvs) {
-                mesh.wedge_uv[wedge as usize] = uv;
-                mesh.wedge_moved[wedge as usize] = true;
+            for (pair, &uv) in self.star.wedges.iter().zip(&self.uvs) {
+                mesh.wedge_uv[pair.to] = uv;
+                mesh.wedge_moved[pair.to] = true;
             }
         }
         self.last_faces.remove(mesh, &self.star.dying);
@@ -196,9 +197,9 @@ fn changing_corners<'a>(
     mesh: &'a ClusterMesh,
     rings: &'a Rings,
     collapse: Collapse,
-) -> impl Iterator<Item = (u32, bool)> + 'a {
-    let living = move |vertex: u32| rings.of(vertex).iter().copied().filter(|&corner| mesh.living(corner).is_some());
-    let is_dying = |corner: u32| star.dying.contains(&(corner / 3));
+) -> impl Iterator<Item = (Corner, bool)> + 'a {
+    let living = move |vertex: LocalVertex| rings.living(mesh, vertex);
+    let is_dying = |corner: Corner| star.dying.contains(&corner.face());
     let at_to = living(collapse.to).filter(move |&corner| !collapse.stays && !is_dying(corner));
     living(collapse.from).map(move |corner| (corner, is_dying(corner))).chain(at_to.map(|corner| (corner, false)))
 }

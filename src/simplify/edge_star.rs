@@ -3,8 +3,10 @@
 //! Scratch space is kept between edges; `legality` and `legality/edges` check it.
 
 use super::fold::FoldCheck;
+use crate::base::id::TiVec;
 use crate::mesh::class::VALENCE_MAX;
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::id::{FaceId, LocalVertex, Wedge, WedgePair};
 use crate::mesh::ring::Rings;
 
 /// Properties of the faces around a vertex that is to vanish.
@@ -30,27 +32,27 @@ pub struct VanishingFan {
 #[derive(Debug, Default)]
 pub struct EdgeStar {
     /// Faces that vanish.
-    pub dying: Vec<u32>,
-    /// Pairs: wedge of the vanishing vertex → wedge of the staying one.
-    pub wedges: Vec<(u32, u32)>,
+    pub dying: Vec<FaceId>,
+    /// Wedges of the vanishing vertex, and the wedges of the staying one that they become.
+    pub wedges: Vec<WedgePair>,
     /// Wedges of the vanishing vertex, in living faces, that no face at the edge has.
-    pub stranded: Vec<u32>,
+    pub stranded: Vec<Wedge>,
     /// Vertices whose classes may change, where the topology changes.
-    pub unsettled: Vec<u32>,
+    pub unsettled: Vec<LocalVertex>,
     /// Increase in the number of edges of more than two faces, where the topology changes.
     pub new_non_manifold_edges: i64,
     /// Whether faces become neighbours that no dying face lies between.
     pub(super) joins: bool,
     /// A wedge of the staying vertex, if the ends have no face in common.
-    pub(super) beside: Option<u32>,
+    pub(super) beside: Option<Wedge>,
     /// Neighbours of the ends, where the topology changes.
     pub(super) neighbours: Vec<Neighbour>,
     /// Sides of dying double faces that touch neither end.
-    pub(super) far_sides: Vec<[u32; 2]>,
+    pub(super) far_sides: Vec<[LocalVertex; 2]>,
     /// Both ends of the edge.
-    pub(super) ends: [u32; 2],
-    pub(super) opposite: Vec<u32>,
-    pub(super) mark: Vec<u32>,
+    pub(super) ends: [LocalVertex; 2],
+    pub(super) opposite: Vec<LocalVertex>,
+    pub(super) mark: TiVec<LocalVertex, u32>,
     pub(super) epoch: u32,
     pub(super) folds: FoldCheck,
 }
@@ -58,7 +60,7 @@ pub struct EdgeStar {
 /// A neighbour of the ends, and the number of faces that join it to them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Neighbour {
-    pub(super) vertex: u32,
+    pub(super) vertex: LocalVertex,
     /// Faces with the vanishing end, and faces with the staying end.
     pub(super) before: [u32; 2],
     /// Faces with the staying end after the collapse.
@@ -78,7 +80,7 @@ impl EdgeStar {
     }
 
     /// Collects the faces at the edge and the pairs of wedges.
-    pub fn gather(&mut self, mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32) {
+    pub fn gather(&mut self, mesh: &ClusterMesh, rings: &Rings, from: LocalVertex, to: LocalVertex) {
         self.dying.clear();
         self.wedges.clear();
         self.opposite.clear();
@@ -89,10 +91,10 @@ impl EdgeStar {
         self.ends = [from, to];
         for &corner in rings.of(from) {
             let Some(wedge) = mesh.living(corner) else { continue };
-            let far = ClusterMesh::following(corner);
+            let far = corner.others();
             let Some(k) = far.iter().position(|&c| mesh.vertex_of(c) == to) else { continue };
-            let pair = (wedge, mesh.wedge_of(far[k]));
-            self.dying.push(corner / 3);
+            let pair = WedgePair { from: wedge, to: mesh.wedge_of(far[k]) };
+            self.dying.push(corner.face());
             self.opposite.push(mesh.vertex_of(far[1 - k]));
             if !self.wedges.contains(&pair) {
                 self.wedges.push(pair);
@@ -104,15 +106,16 @@ impl EdgeStar {
     }
 
     /// Pairs the wedges of two vertices with equal texture coordinates, or with none.
-    fn pair_alike(&mut self, mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32) {
-        let wedges_of = |vertex: u32| rings.of(vertex).iter().filter_map(|&corner| mesh.living(corner));
-        let uv = |wedge: u32| mesh.wedge_uv[wedge as usize];
+    fn pair_alike(&mut self, mesh: &ClusterMesh, rings: &Rings, from: LocalVertex, to: LocalVertex) {
+        let wedges_of = |vertex: LocalVertex| rings.of(vertex).iter().filter_map(|&corner| mesh.living(corner));
+        let uv = |wedge: Wedge| mesh.wedge_uv[wedge];
         for wedge in wedges_of(from) {
-            let is_alike = |&other: &u32| uv(other) == uv(wedge) || (uv(other).is_nan() && uv(wedge).is_nan());
+            let is_alike = |&other: &Wedge| uv(other) == uv(wedge) || (uv(other).is_nan() && uv(wedge).is_nan());
             if let Some(other) = wedges_of(to).find(is_alike)
-                && !self.wedges.contains(&(wedge, other))
+                && let pair = (WedgePair { from: wedge, to: other })
+                && !self.wedges.contains(&pair)
             {
-                self.wedges.push((wedge, other));
+                self.wedges.push(pair);
             }
         }
         self.beside = wedges_of(to).next();
@@ -121,6 +124,6 @@ impl EdgeStar {
 
 /// Whether a vertex has too many faces for another to collapse onto it. Stops counting at the limit, because hubs are
 /// checked often.
-pub(super) fn is_hub(mesh: &ClusterMesh, rings: &Rings, vertex: u32) -> bool {
+pub(super) fn is_hub(mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex) -> bool {
     rings.of(vertex).len() > 2 * VALENCE_MAX && rings.faces(mesh, vertex).nth(2 * VALENCE_MAX).is_some()
 }

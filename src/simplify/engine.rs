@@ -15,19 +15,20 @@ use super::changes::Changes;
 use super::collapse::{Collapse, Collapser};
 use super::edge_star::VanishingFan;
 use super::loners::Loners;
-use super::proposal::{EdgeAt, Proposal, all_edges_at, chain_edges_at};
+use super::proposal::{Bid, EdgeAt, Proposal, all_edges_at, chain_edges_at};
 use super::refusal::Refusal;
 use super::relocate::Relocator;
 use super::rips::Rips;
 use super::stage::{Milestone, StageResult, Stop};
 use super::texture::insets;
 use super::witness::{Witnesses, area_of};
+use crate::base::id::TiVec;
 use crate::cost::mesh_stats::MeshStats;
-use crate::cost::planes;
-use crate::cost::{EdgeCase, Metric};
+use crate::cost::{EdgeCase, Metric, planes};
 use crate::mesh::class::{Class, Rule, classify, reclassify, reclassify_all};
-use crate::mesh::cluster::{ClusterMesh, flag};
+use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::edge::EdgeKind;
+use crate::mesh::id::{Corner, Edge, End, LocalVertex, WedgePair};
 use crate::mesh::orient::{orient, restore};
 use crate::mesh::ring::{Rings, Spoke};
 
@@ -53,13 +54,13 @@ pub struct Engine<M> {
     pub(super) rings: Rings,
     /// Whether no face is dead and the rings are freshly built.
     is_tidy: bool,
-    pub(super) classes: Vec<Class>,
+    pub(super) classes: TiVec<LocalVertex, Class>,
     /// Whether the classes are those of the current mesh.
     is_classified: bool,
     /// The cheapest collapse of every vertex.
-    proposals: Vec<Proposal>,
+    proposals: TiVec<LocalVertex, Proposal>,
     /// Vertices whose cheapest collapse was refused; may contain duplicates.
-    refused: Vec<u32>,
+    refused: Vec<LocalVertex>,
     collapser: Collapser,
     relocator: Relocator,
     witnesses: Witnesses,
@@ -68,28 +69,28 @@ pub struct Engine<M> {
     /// Highest cost of a collapse so far.
     last_cost: f32,
     /// Last round in which each vertex took part in a collapse.
-    touched: Vec<u32>,
+    touched: TiVec<LocalVertex, u32>,
     /// 2 × the last round in which a face around each vertex changed, plus 1 if all edges of the vertex were evaluated
     /// then.
-    stirred: Vec<u32>,
-    survivors: Vec<u32>,
-    changed: Vec<u32>,
+    stirred: TiVec<LocalVertex, u32>,
+    survivors: Vec<LocalVertex>,
+    changed: Vec<LocalVertex>,
     /// Vertices that others collapsed onto in this stage.
-    joined: Vec<bool>,
+    joined: TiVec<LocalVertex, bool>,
     round: u32,
     spokes: Vec<Spoke>,
-    /// Neighbours of a smooth vertex, with their wedges; `onto_costs` holds the cost of collapsing onto each.
-    ends: Vec<(u32, u32)>,
+    /// Neighbours of a smooth vertex; `onto_costs` holds the cost of collapsing onto each.
+    ends: Vec<End>,
     onto_costs: Vec<f32>,
     costs: Vec<f32>,
-    /// Vertices refused in this round, with the cost bits of their next best proposal.
-    again: BinaryHeap<Reverse<(u32, u32)>>,
+    /// Vertices refused in this round, with the cost of their next best proposal.
+    again: BinaryHeap<Reverse<Bid>>,
     /// Cost above which this round ends.
     patience: f32,
     /// Vertices of this stage that may vanish.
-    candidates: Vec<u32>,
-    /// Candidates of this round as (cost bits << 32 | vertex), so that they sort by cost.
-    chosen: Vec<u64>,
+    candidates: Vec<LocalVertex>,
+    /// Candidates of this round, in order of cost.
+    chosen: Vec<Bid>,
     /// Topology changes so far; [`changes`](Engine::changes) adds the resolved vertices.
     pub(super) changes: Changes,
     /// Number of faces of the initial mesh.
@@ -134,9 +135,9 @@ impl<M: Metric> Engine<M> {
             cost: M::new(settings),
             rings: Rings::default(),
             is_tidy: false,
-            classes: Vec::new(),
+            classes: TiVec::new(),
             is_classified: false,
-            proposals: Vec::new(),
+            proposals: TiVec::new(),
             refused: Vec::new(),
             collapser: Collapser::default(),
             relocator: Relocator::default(),
@@ -144,11 +145,11 @@ impl<M: Metric> Engine<M> {
             loners: Loners::default(),
             rips: Rips::default(),
             last_cost: 0.0,
-            touched: Vec::new(),
-            stirred: Vec::new(),
+            touched: TiVec::new(),
+            stirred: TiVec::new(),
             survivors: Vec::new(),
             changed: Vec::new(),
-            joined: Vec::new(),
+            joined: TiVec::new(),
             round: 0,
             spokes: Vec::new(),
             ends: Vec::new(),
@@ -186,8 +187,8 @@ impl<M: Metric> Engine<M> {
     /// each, one for a vertex on an open border.
     pub fn count_free_faces(&mut self) -> usize {
         self.prepare();
-        let free = (0..self.mesh.positions.len() as u32).filter(|&v| !self.rings.of(v).is_empty() && !self.is_held(v));
-        free.map(|v| if self.classes[v as usize].is_border() { 1 } else { 2 }).sum()
+        let free = self.mesh.vertex_ids().filter(|&v| !self.rings.of(v).is_empty() && !self.is_held(v));
+        free.map(|v| if self.classes[v].is_border() { 1 } else { 2 }).sum()
     }
 
     /// Runs one stage. If a number of faces cannot be reached otherwise, and the topology may change, cuts handles and
@@ -276,8 +277,8 @@ impl<M: Metric> Engine<M> {
         let before = self.complex_before.unwrap_or(0);
         if before > 0 {
             self.tidy();
-            let is_complex = |vertex: &u32| self.classes[*vertex as usize] == Class::Complex;
-            let complex: Vec<u32> = (0..self.classes.len() as u32).filter(is_complex).collect();
+            let is_complex = |vertex: &LocalVertex| self.classes[*vertex] == Class::Complex;
+            let complex: Vec<LocalVertex> = self.classes.keys().filter(is_complex).collect();
             self.reclassify(&complex);
         }
         Changes { complex_resolved: before.saturating_sub(self.complex_count()), ..self.changes }
@@ -315,10 +316,8 @@ impl<M: Metric> Engine<M> {
                 self.rings.build(&self.mesh);
                 classify(&self.mesh, &self.rings, &mut self.classes);
             }
-            for vertex in 0..self.classes.len() {
-                if self.mesh.flags[vertex] & flag::SHARED != 0 {
-                    self.classes[vertex] = Class::Fixed;
-                }
+            for vertex in self.mesh.vertex_ids().filter(|&vertex| self.mesh.is_shared(vertex)) {
+                self.classes[vertex] = Class::Fixed;
             }
             self.is_classified = true;
             let count = self.complex_count();
@@ -327,11 +326,11 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Recomputes the classes of the given vertices; all others keep theirs.
-    fn reclassify(&mut self, vertices: &[u32]) {
+    fn reclassify(&mut self, vertices: &[LocalVertex]) {
         self.classes.resize(self.mesh.positions.len(), Class::Fixed);
-        reclassify(&self.mesh, &self.rings, &mut self.classes, vertices.iter().copied());
+        reclassify(&self.mesh, &self.rings, &mut self.classes, vertices);
         for &vertex in vertices.iter().filter(|&&vertex| self.mesh.is_shared(vertex)) {
-            self.classes[vertex as usize] = Class::Fixed;
+            self.classes[vertex] = Class::Fixed;
         }
     }
 
@@ -346,9 +345,9 @@ impl<M: Metric> Engine<M> {
         self.collapser.reset(&self.mesh);
     }
 
-    fn is_held(&self, vertex: u32) -> bool {
+    fn is_held(&self, vertex: LocalVertex) -> bool {
         self.mesh.is_locked(vertex)
-            || match self.classes[vertex as usize] {
+            || match self.classes[vertex] {
                 Class::Smooth => false,
                 Class::Seam | Class::Corner => self.lock_seams,
                 Class::BorderSeam | Class::BorderCorner => self.lock_seams || self.lock_borders,
@@ -361,35 +360,35 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Whether a vertex has several wedges in living faces.
-    fn has_seams(&self, vertex: u32) -> bool {
+    fn has_seams(&self, vertex: LocalVertex) -> bool {
         let mut wedges = self.rings.of(vertex).iter().filter_map(|&corner| self.mesh.living(corner));
         let first = wedges.next();
         wedges.any(|wedge| Some(wedge) != first)
     }
 
-    fn may_vanish(&self, vertex: u32) -> bool {
-        let class = self.classes[vertex as usize];
+    fn may_vanish(&self, vertex: LocalVertex) -> bool {
+        let class = self.classes[vertex];
         (M::CORNERS_VANISH || !class.is_corner()) && !self.is_held(vertex)
     }
 
     /// Whether a vertex keeps its position when another collapses onto it.
-    fn stays(&self, vertex: u32) -> bool {
+    fn stays(&self, vertex: LocalVertex) -> bool {
         M::ENDPOINTS || self.is_held(vertex)
     }
 
     /// Share of the overhang by which the texture coordinates of `to` move into their charts; 0 if the edge is on no
     /// chain, or if `to` is held.
     #[inline(always)]
-    fn inset(&self, to: u32, chain: bool) -> f64 {
+    fn inset(&self, to: LocalVertex, chain: bool) -> f64 {
         if chain && self.cost.inset() > 0.0 && !self.is_held(to) { self.cost.inset() } else { 0.0 }
     }
 
     /// Rule for an edge of this kind, given both classes and both locks.
-    fn rule(&self, from: u32, to: u32, kind: EdgeKind) -> Rule {
+    fn rule(&self, from: LocalVertex, to: LocalVertex, kind: EdgeKind) -> Rule {
         if self.is_held(from) {
             return Rule::Never;
         }
-        match self.cost.rule(self.classes[from as usize], self.classes[to as usize], kind) {
+        match self.cost.rule(self.classes[from], self.classes[to], kind) {
             Rule::Free if self.stays(to) => Rule::Onto,
             Rule::Chain if self.stays(to) => Rule::ChainOnto,
             rule => rule,
@@ -401,7 +400,7 @@ impl<M: Metric> Engine<M> {
         self.proposals.clear();
         self.proposals.resize(self.mesh.positions.len(), Proposal::NONE);
         self.candidates.clear();
-        for vertex in 0..self.mesh.positions.len() as u32 {
+        for vertex in self.mesh.vertex_ids() {
             if !self.may_vanish(vertex) {
                 continue;
             }
@@ -420,7 +419,7 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Finds the cheapest collapse of a vertex; if `after` is given, the cheapest one above this key.
-    fn judge(&mut self, vertex: u32, after: Option<(u32, u32)>) {
+    fn judge(&mut self, vertex: LocalVertex, after: Option<Bid>) {
         let mut best = Proposal { second_best: after.is_some(), ..Proposal::NONE };
         let take = |best: &mut Proposal, proposal: Proposal| {
             // An infinite cost is no proposal: it marks a vanished vertex.
@@ -432,12 +431,11 @@ impl<M: Metric> Engine<M> {
             }
         };
         if let Some(price) = self.price_alone(vertex) {
-            let living = self.rings.of(vertex).iter().find(|&&corner| self.mesh.living(corner).is_some());
-            if let Some(&corner) = living {
-                let to = self.mesh.vertex_of(ClusterMesh::following(corner)[0]);
+            if let Some(corner) = self.rings.living(&self.mesh, vertex).next() {
+                let to = self.mesh.vertex_of(corner.next());
                 take(&mut best, Proposal::onto(to, price));
             }
-        } else if self.classes[vertex as usize] == Class::Smooth {
+        } else if self.classes[vertex] == Class::Smooth {
             // One closed fan and one wedge: each face gives the edge to its next vertex.
             if !self.mesh.is_locked(vertex) && M::ENDPOINTS {
                 self.propose_onto_all(vertex, |proposal| take(&mut best, proposal));
@@ -446,7 +444,7 @@ impl<M: Metric> Engine<M> {
                     take(&mut best, self.propose(vertex, &edge));
                 }
             }
-        } else if self.classes[vertex as usize] == Class::Complex && self.may_vanish(vertex) {
+        } else if self.classes[vertex] == Class::Complex && self.may_vanish(vertex) {
             let mut spokes = std::mem::take(&mut self.spokes);
             all_edges_at(&self.mesh, &self.rings, vertex, &mut spokes, |edge| {
                 take(&mut best, self.propose(vertex, edge));
@@ -454,7 +452,7 @@ impl<M: Metric> Engine<M> {
             self.spokes = spokes;
         } else if self.may_vanish(vertex) {
             let mut spokes = std::mem::take(&mut self.spokes);
-            let is_on_border = self.classes[vertex as usize].is_border();
+            let is_on_border = self.classes[vertex].is_border();
             chain_edges_at(&self.mesh, &self.rings, vertex, is_on_border, &mut spokes, |edge| {
                 take(&mut best, self.propose(vertex, edge));
             });
@@ -463,12 +461,12 @@ impl<M: Metric> Engine<M> {
         if let Some(proposal) = self.propose_weld(vertex) {
             take(&mut best, proposal);
         }
-        self.proposals[vertex as usize] = best;
+        self.proposals[vertex] = best;
     }
 
     /// Proposal to collapse an edge from a smooth vertex.
     #[inline(always)]
-    fn propose_inside(&self, from: u32, edge: &EdgeAt) -> Proposal {
+    fn propose_inside(&self, from: LocalVertex, edge: &EdgeAt) -> Proposal {
         if !M::ENDPOINTS {
             return self.propose(from, edge);
         }
@@ -478,27 +476,26 @@ impl<M: Metric> Engine<M> {
 
     /// Passes every collapse of a smooth vertex onto a neighbour to `take`.
     #[inline(always)]
-    fn propose_onto_all(&mut self, from: u32, mut take: impl FnMut(Proposal)) {
+    fn propose_onto_all(&mut self, from: LocalVertex, mut take: impl FnMut(Proposal)) {
         let Self { mesh, rings, cost, ends, onto_costs, .. } = self;
         let mut own = None;
         ends.clear();
         for &corner in rings.of(from) {
             if let Some(wedge) = mesh.living(corner) {
-                let next = ClusterMesh::following(corner)[0];
-                ends.push((mesh.vertex_of(next), mesh.wedge_of(next)));
-                own = Some(wedge);
+                ends.push(mesh.end_of(corner.next()));
+                own = Some(End { vertex: from, wedge });
             }
         }
         onto_costs.clear();
-        own.into_iter().for_each(|wedge| cost.costs_onto(mesh, from, wedge, ends, onto_costs));
-        ends.iter().zip(onto_costs).for_each(|(end, cost)| take(Proposal::onto(end.0, *cost)));
+        own.into_iter().for_each(|own| cost.costs_onto(mesh, own, ends, onto_costs));
+        ends.iter().zip(onto_costs).for_each(|(end, cost)| take(Proposal::onto(end.vertex, *cost)));
     }
 
     /// Proposal to collapse an edge that was gathered at `from`; [`Proposal::NONE`] if the rules forbid it.
     #[inline(always)]
-    fn propose(&self, from: u32, edge: &EdgeAt) -> Proposal {
+    fn propose(&self, from: LocalVertex, edge: &EdgeAt) -> Proposal {
         let (to, kind) = (edge.other, edge.kind());
-        let is_plain = edge.face_count <= 2 || self.classes[from as usize] == Class::Complex;
+        let is_plain = edge.face_count <= 2 || self.classes[from] == Class::Complex;
         let rule = if is_plain { self.rule(from, to, kind) } else { Rule::Never };
         // If the ends meet in between, both directions cost the same: the lower end proposes it, if both may.
         let meets = |rule| matches!(rule, Rule::Free | Rule::Chain);
@@ -508,7 +505,7 @@ impl<M: Metric> Engine<M> {
         let wedges = if kind == EdgeKind::Seam { &edge.wedges[..2] } else { &edge.wedges[..1] };
         let onto = matches!(rule, Rule::Onto | Rule::ChainOnto);
         let chain = matches!(rule, Rule::Chain | Rule::ChainOnto);
-        let insets = insets(&self.mesh, &self.rings, self.inset(to, chain), (from, to), wedges);
+        let insets = insets(&self.mesh, &self.rings, self.inset(to, chain), Edge { from, to }, wedges);
         let case = EdgeCase { from, to, onto, stays: self.stays(to), wedges, insets };
         let share = if kind == EdgeKind::Border { self.closing_share(from, to) } else { 1.0 };
         let cost = share * self.cost.place(&self.mesh, &case).cost as f32;
@@ -526,17 +523,17 @@ impl<M: Metric> Engine<M> {
         let collapses = if self.one_by_one { 1.0 } else { (0.5 * excess.min(faces * ROUND_SHARE)).ceil() };
         let wanted = (collapses * TRIES_PER_COLLAPSE * widen).max(8.0) as usize;
         let proposals = &self.proposals;
-        let cost_of = |&vertex: &u32| proposals[vertex as usize].cost;
+        let cost_of = |&vertex: &LocalVertex| proposals[vertex].cost;
         self.costs.clear();
         self.costs.extend(self.candidates.iter().map(cost_of).filter(|&cost| cost <= limit));
         let tried_all = self.costs.len() <= wanted;
         let bound = if tried_all { limit } else { *self.costs.select_nth_unstable_by(wanted, f32::total_cmp).1 };
         self.chosen.clear();
-        let entry = |vertex: &u32| u64::from(cost_of(vertex).to_bits()) << 32 | u64::from(*vertex);
-        self.chosen.extend(self.candidates.iter().filter(|&vertex| cost_of(vertex) <= bound).map(entry));
+        let bid = |vertex: &LocalVertex| Bid::new(cost_of(vertex), *vertex);
+        self.chosen.extend(self.candidates.iter().filter(|&vertex| cost_of(vertex) <= bound).map(bid));
         self.chosen.sort_unstable();
         let aim = self.chosen.get((collapses as usize).saturating_sub(1));
-        self.patience = aim.map_or(f32::INFINITY, |entry| COST_SPREAD * f32::from_bits((entry >> 32) as u32));
+        self.patience = aim.map_or(f32::INFINITY, |bid| COST_SPREAD * bid.cost());
         (bound, tried_all)
     }
 
@@ -546,19 +543,19 @@ impl<M: Metric> Engine<M> {
         self.again.clear();
         let mut at = 0;
         loop {
-            let chosen = self.chosen.get(at).map(|&entry| ((entry >> 32) as u32, entry as u32));
-            let again = self.again.peek().map(|&Reverse(entry)| entry);
-            let Some((_, from)) = chosen.into_iter().chain(again).min() else { return };
-            if chosen.is_some_and(|entry| entry.1 == from) {
+            let chosen = self.chosen.get(at).copied();
+            let again = self.again.peek().map(|&Reverse(bid)| bid);
+            let Some(from) = chosen.into_iter().chain(again).min().map(Bid::vertex) else { return };
+            if chosen.is_some_and(|bid| bid.vertex() == from) {
                 at += 1;
             } else {
                 self.again.pop();
             }
-            if !self.survivors.is_empty() && self.proposals[from as usize].cost > self.patience {
+            if !self.survivors.is_empty() && self.proposals[from].cost > self.patience {
                 return;
             }
-            if !self.try_proposal(from, stop, result) && self.proposals[from as usize].cost <= bound {
-                self.again.push(Reverse((self.proposals[from as usize].cost.to_bits(), from)));
+            if !self.try_proposal(from, stop, result) && self.proposals[from].cost <= bound {
+                self.again.push(Reverse(Bid::new(self.proposals[from].cost, from)));
             }
             if self.is_done(stop) || (self.one_by_one && !self.survivors.is_empty()) {
                 return;
@@ -568,13 +565,13 @@ impl<M: Metric> Engine<M> {
 
     /// Collapses a vertex as proposed, unless one end took part in a collapse of this round. Returns `false` if the
     /// proposal was refused and replaced by another one.
-    fn try_proposal(&mut self, from: u32, stop: Stop, result: &mut StageResult) -> bool {
-        let proposal = self.proposals[from as usize];
+    fn try_proposal(&mut self, from: LocalVertex, stop: Stop, result: &mut StageResult) -> bool {
+        let proposal = self.proposals[from];
         let Proposal { cost, to, onto, chain, .. } = proposal;
-        if self.touched[from as usize] == self.round || self.touched[to as usize] == self.round {
+        if self.touched[from] == self.round || self.touched[to] == self.round {
             return true;
         }
-        let class = self.classes[from as usize];
+        let class = self.classes[from];
         let is_complex = class == Class::Complex;
         let is_rip = self.is_apart(from, to);
         let may_close = self.frees_topology && !is_rip && (class.is_border() || class == Class::Complex);
@@ -589,11 +586,11 @@ impl<M: Metric> Engine<M> {
             spare_edges: self.spare_edges,
         };
         if fan.is_alone && self.has_lost_neighbour(from) {
-            self.proposals[from as usize] = Proposal { second_best: true, ..Proposal::NONE };
+            self.proposals[from] = Proposal { second_best: true, ..Proposal::NONE };
             return false;
         }
         let inset = self.inset(to, chain);
-        let area = if fan.is_alone { area_of(self.mesh.triangle(self.rings.of(from)[0] / 3)) } else { 0.0 };
+        let area = if fan.is_alone { area_of(self.mesh.triangle(self.rings.of(from)[0].face())) } else { 0.0 };
         // NOTE: the papers' metrics have no check against faces that span empty space; an infinite price disables it.
         let price = if M::ENDPOINTS { f64::from(cost) } else { f64::INFINITY };
         let (Stop::Faces(target) | Stop::Cost(_, target)) = stop;
@@ -609,19 +606,19 @@ impl<M: Metric> Engine<M> {
                     self.changes.pieces_dropped += 1;
                     self.changes.pieces_area += area;
                 }
-                self.touched[from as usize] = self.round;
-                self.touched[to as usize] = self.round;
+                self.touched[from] = self.round;
+                self.touched[to] = self.round;
                 self.rings.join(&self.mesh, from, to);
                 self.survivors.push(to);
-                self.joined[to as usize] = true;
+                self.joined[to] = true;
                 for &vertex in self.collapser.unsettled() {
-                    let class = &mut self.classes[vertex as usize];
+                    let class = &mut self.classes[vertex];
                     if *class != Class::Fixed {
                         *class = Class::Complex;
                     }
                 }
                 // `to` stays in the proposal: the witnesses follow it.
-                self.proposals[from as usize].cost = f32::INFINITY;
+                self.proposals[from].cost = f32::INFINITY;
                 result.cost = result.cost.max(cost);
                 if let Some(log) = &mut self.log {
                     log.push((cost, died as u8));
@@ -640,9 +637,9 @@ impl<M: Metric> Engine<M> {
     /// Relocates every vertex that others collapsed onto to its best position, in the order of ids.
     fn relocate(&mut self) {
         let deviation_max = self.collapser.deviation_max;
-        for vertex in 0..self.mesh.positions.len() as u32 {
-            if self.joined[vertex as usize] && !self.is_held(vertex) && !self.rings.of(vertex).is_empty() {
-                let class = self.classes[vertex as usize];
+        for vertex in self.mesh.vertex_ids() {
+            if self.joined[vertex] && !self.is_held(vertex) && !self.rings.of(vertex).is_empty() {
+                let class = self.classes[vertex];
                 self.relocator.relocate(&mut self.mesh, &self.rings, &self.cost, vertex, class, deviation_max);
             }
         }
@@ -663,20 +660,20 @@ impl<M: Metric> Engine<M> {
         let Self { candidates, rings, .. } = self;
         candidates.retain(|&vertex| !rings.of(vertex).is_empty());
         self.cost.follow(&self.mesh, &self.rings, &self.survivors, &mut self.changed);
-        self.changed.drain(..).for_each(|vertex| self.touched[vertex as usize] = round);
+        self.changed.drain(..).for_each(|vertex| self.touched[vertex] = round);
         // In the order of ids, because neighbours on the surface are neighbours in memory.
-        for vertex in 0..self.touched.len() as u32 {
-            if self.touched[vertex as usize] != round || self.rings.of(vertex).is_empty() {
+        for vertex in self.mesh.vertex_ids() {
+            if self.touched[vertex] != round || self.rings.of(vertex).is_empty() {
                 continue;
             }
             self.judge(vertex, None);
-            let is_closed = self.classes[vertex as usize] == Class::Smooth;
+            let is_closed = self.classes[vertex] == Class::Smooth;
             for i in 0..self.rings.of(vertex).len() {
                 let corner = self.rings.of(vertex)[i];
                 if self.mesh.living(corner).is_none() {
                     continue;
                 }
-                let [next, previous] = ClusterMesh::following(corner);
+                let [next, previous] = corner.others();
                 self.rejudge_neighbour(next, corner);
                 if !is_closed {
                     self.rejudge_neighbour(previous, corner);
@@ -684,18 +681,17 @@ impl<M: Metric> Engine<M> {
             }
         }
         let mut refused = std::mem::take(&mut self.refused);
-        refused.retain(|&vertex| self.proposals[vertex as usize].second_best);
+        refused.retain(|&vertex| self.proposals[vertex].second_best);
         for &vertex in &refused {
-            let near = |&corner: &u32| {
-                let ring = ClusterMesh::following(corner);
-                self.mesh.living(corner).is_some()
-                    && ring.iter().any(|&far| self.stirred[self.mesh.vertex_of(far) as usize] / 2 == round)
+            let near = |&corner: &Corner| {
+                let ring = self.mesh.others_of(corner);
+                self.mesh.living(corner).is_some() && ring.iter().any(|&far| self.stirred[far] / 2 == round)
             };
             if self.rings.of(vertex).iter().any(near) {
                 self.judge(vertex, None);
             }
         }
-        refused.retain(|&vertex| self.proposals[vertex as usize].second_best);
+        refused.retain(|&vertex| self.proposals[vertex].second_best);
         self.refused = refused;
     }
 
@@ -703,34 +699,34 @@ impl<M: Metric> Engine<M> {
     ///
     /// The costs of its other edges are unchanged. All its edges are evaluated only if its proposal led to a changed
     /// vertex or followed a refused one.
-    fn rejudge_neighbour(&mut self, corner: u32, survivor: u32) {
+    fn rejudge_neighbour(&mut self, corner: Corner, survivor: Corner) {
         let (vertex, round) = (self.mesh.vertex_of(corner), self.round);
-        if self.touched[vertex as usize] == round {
+        if self.touched[vertex] == round {
             return;
         }
-        if self.stirred[vertex as usize] == 2 * round + 1 {
+        if self.stirred[vertex] == 2 * round + 1 {
             return;
         }
-        let Proposal { to, second_best, .. } = self.proposals[vertex as usize];
-        let is_stale = second_best || self.touched.get(to as usize) == Some(&round);
-        let is_first = self.stirred[vertex as usize] != 2 * round;
-        self.stirred[vertex as usize] = 2 * round;
+        let Proposal { to, second_best, .. } = self.proposals[vertex];
+        let is_stale = second_best || self.touched.get(to) == Some(&round);
+        let is_first = self.stirred[vertex] != 2 * round;
+        self.stirred[vertex] = 2 * round;
         // What collapsed onto a vertex that is still smooth was smooth, and no chain vertex collapses onto it.
-        let meets_chain = self.classes[self.mesh.vertex_of(survivor) as usize] != Class::Smooth;
-        if M::ENDPOINTS && self.classes[vertex as usize] != Class::Smooth && !meets_chain && !is_stale {
+        let meets_chain = self.classes[self.mesh.vertex_of(survivor)] != Class::Smooth;
+        if M::ENDPOINTS && self.classes[vertex] != Class::Smooth && !meets_chain && !is_stale {
             return;
         }
         // NOTE: if `vertex` was evaluated earlier in this round, its proposal is not stale, even if it leads to a
         // survivor.
-        if self.classes[vertex as usize] != Class::Smooth || (is_stale && is_first) {
-            self.stirred[vertex as usize] += 1;
+        if self.classes[vertex] != Class::Smooth || (is_stale && is_first) {
+            self.stirred[vertex] += 1;
             self.judge(vertex, None);
         } else if !self.is_held(vertex) {
-            let pair = (self.mesh.wedge_of(corner), self.mesh.wedge_of(survivor));
+            let pair = WedgePair { from: self.mesh.wedge_of(corner), to: self.mesh.wedge_of(survivor) };
             let edge = EdgeAt { other: self.mesh.vertex_of(survivor), wedges: [pair; 2], face_count: 2 };
             let proposal = self.propose_inside(vertex, &edge);
-            if proposal.key() < self.proposals[vertex as usize].key() {
-                self.proposals[vertex as usize] = proposal;
+            if proposal.key() < self.proposals[vertex].key() {
+                self.proposals[vertex] = proposal;
             }
         }
     }

@@ -11,6 +11,7 @@ use glam::DVec3;
 use super::triangle_change::Change;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::fold::are_nearly_folded;
+use crate::mesh::id::{Corner, FaceId, LocalVertex};
 use crate::mesh::ring::Rings;
 
 /// A face whose normal is more than about 70° from the sum of the normals (squared cosine) may have turned in small
@@ -32,9 +33,9 @@ pub(super) struct FoldCheck {
     /// Whether any two faces may fold onto each other, even if neither turns or leans.
     looks_at_all: bool,
     /// Corners of changing faces that may fold onto a face that does not change.
-    turned: Vec<u32>,
+    turned: Vec<Corner>,
     /// Subset of `turned`: corners of faces that may fold onto another changing face.
-    opposed: Vec<u32>,
+    opposed: Vec<Corner>,
     joined: Vec<Joined>,
 }
 
@@ -42,7 +43,7 @@ pub(super) struct FoldCheck {
 #[derive(Debug)]
 struct Changing {
     /// Its corner at a moving vertex.
-    corner: u32,
+    corner: Corner,
     /// Its new normal; the length is twice the new area.
     normal: DVec3,
     /// Whether it may fold.
@@ -53,14 +54,14 @@ struct Changing {
 #[derive(Debug)]
 struct Joined {
     /// Its corner at a moving vertex.
-    corner: u32,
+    corner: Corner,
     /// The two other vertices, counter-clockwise.
-    ends: [u32; 2],
+    ends: [LocalVertex; 2],
 }
 
 impl Joined {
-    fn of(mesh: &ClusterMesh, corner: u32) -> Self {
-        Self { corner, ends: ClusterMesh::following(corner).map(|corner| mesh.vertex_of(corner)) }
+    fn of(mesh: &ClusterMesh, corner: Corner) -> Self {
+        Self { corner, ends: mesh.others_of(corner) }
     }
 }
 
@@ -75,7 +76,7 @@ impl FoldCheck {
 
     /// Adds a face that stays and changes, by its corner at a moving vertex.
     #[inline(always)]
-    pub(super) fn push(&mut self, corner: u32, change: &Change) {
+    pub(super) fn push(&mut self, corner: Corner, change: &Change) {
         self.sum += change.normal;
         self.changing.push(Changing { corner, normal: change.normal, turns: change.turns });
     }
@@ -108,12 +109,12 @@ impl FoldCheck {
         &mut self,
         mesh: &ClusterMesh,
         rings: &Rings,
-        dying: &[u32],
-        anchor: Option<(u32, &[u32])>,
+        dying: &[FaceId],
+        anchor: Option<(LocalVertex, &[LocalVertex])>,
         position: DVec3,
     ) -> bool {
         self.choose();
-        let folds_now = |&corner: &u32| {
+        let folds_now = |&corner: &Corner| {
             let one = Joined::of(mesh, corner);
             folds_outwards(mesh, rings, &one, position)
                 || anchor.is_some_and(|anchor| folds_at_anchor(mesh, rings, dying, &one, anchor, position))
@@ -135,7 +136,7 @@ impl FoldCheck {
 
 /// Whether a face folds onto the one across its side that has no moving vertex.
 fn folds_outwards(mesh: &ClusterMesh, rings: &Rings, one: &Joined, position: DVec3) -> bool {
-    let ([a, b], face) = (one.ends, one.corner / 3);
+    let ([a, b], face) = (one.ends, one.corner.face());
     let mut across = None;
     for (beside, third) in thirds_at(mesh, rings, [a, b]) {
         // With several faces at the side, none is the one across.
@@ -144,7 +145,7 @@ fn folds_outwards(mesh: &ClusterMesh, rings: &Rings, one: &Joined, position: DVe
         }
     }
     let Some(third) = across else { return false };
-    let [p, q, third, from] = [a, b, third, mesh.vertex_of(one.corner)].map(|v| mesh.positions[v as usize]);
+    let [p, q, third, from] = [a, b, third, mesh.vertex_of(one.corner)].map(|v| mesh.positions[v]);
     are_nearly_folded([p, q], [position, third]) && !are_nearly_folded([p, q], [from, third])
 }
 
@@ -152,16 +153,16 @@ fn folds_outwards(mesh: &ClusterMesh, rings: &Rings, one: &Joined, position: DVe
 fn folds_at_anchor(
     mesh: &ClusterMesh,
     rings: &Rings,
-    dying: &[u32],
+    dying: &[FaceId],
     one: &Joined,
-    (anchor, common): (u32, &[u32]),
+    (anchor, common): (LocalVertex, &[LocalVertex]),
     position: DVec3,
 ) -> bool {
     let [a, b] = one.ends;
     [[a, b], [b, a]].into_iter().filter(|[end, _]| common.contains(end)).any(|[end, last]| {
         let mut thirds = thirds_at(mesh, rings, [anchor, end]).filter(|(beside, _)| !dying.contains(beside));
         thirds.any(|(_, third)| {
-            let [end, last, third] = [end, last, third].map(|v| mesh.positions[v as usize]);
+            let [end, last, third] = [end, last, third].map(|v| mesh.positions[v]);
             are_nearly_folded([position, end], [last, third])
         })
     })
@@ -169,11 +170,15 @@ fn folds_at_anchor(
 
 /// The living faces that have both vertices, and the third vertex of each.
 #[inline(always)]
-fn thirds_at<'a>(mesh: &'a ClusterMesh, rings: &'a Rings, [a, b]: [u32; 2]) -> impl Iterator<Item = (u32, u32)> + 'a {
+fn thirds_at<'a>(
+    mesh: &'a ClusterMesh,
+    rings: &'a Rings,
+    [a, b]: [LocalVertex; 2],
+) -> impl Iterator<Item = (FaceId, LocalVertex)> + 'a {
     rings.of(a).iter().filter_map(move |&corner| {
-        let [next, previous] = ClusterMesh::following(corner).map(|far| mesh.vertex_of(far));
+        let [next, previous] = mesh.others_of(corner);
         let third = if next == b { previous } else { next };
-        ((next == b || previous == b) && !mesh.is_dead(corner / 3)).then_some((corner / 3, third))
+        ((next == b || previous == b) && !mesh.is_dead(corner.face())).then_some((corner.face(), third))
     })
 }
 
@@ -193,7 +198,7 @@ fn fold_together(mesh: &ClusterMesh, [one, other]: [&Joined; 2], position: DVec3
 fn fold_at_edge(mesh: &ClusterMesh, [one, other]: [&Joined; 2], [i, j]: [usize; 2], position: DVec3) -> bool {
     let [from, from_other] = [one, other].map(|joined| mesh.vertex_of(joined.corner));
     let [before, ridge, first, last] =
-        [from, one.ends[i], one.ends[1 - i], other.ends[1 - j]].map(|v| mesh.positions[v as usize]);
+        [from, one.ends[i], one.ends[1 - i], other.ends[1 - j]].map(|v| mesh.positions[v]);
     are_nearly_folded([position, ridge], [first, last])
         && !(from == from_other && are_nearly_folded([before, ridge], [first, last]))
 }

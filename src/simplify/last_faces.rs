@@ -8,7 +8,8 @@ use std::collections::HashMap;
 use foldhash::fast::FixedState;
 
 use super::witness::area_of;
-use crate::mesh::ClusterMesh;
+use crate::mesh::{ClusterMesh, FaceId};
+use crate::model::id::PartId;
 
 /// A part keeps a face if it covers at least this many mean face areas.
 const MEAN_FACES: f64 = 2.0;
@@ -16,7 +17,7 @@ const MEAN_FACES: f64 = 2.0;
 /// Faces and area of each part, in meshes of several parts.
 #[derive(Debug, Default)]
 pub struct LastFaces {
-    parts: HashMap<u32, Holding, FixedState>,
+    parts: HashMap<PartId, Holding, FixedState>,
     /// Area of the mesh at the first count, in units of length².
     area: f64,
 }
@@ -32,9 +33,9 @@ impl LastFaces {
     /// Counts the faces of each part in a mesh without dead faces. The first call also measures areas, which collapses
     /// hardly change.
     pub fn count(&mut self, mesh: &ClusterMesh) {
-        if self.area == 0.0 && mesh.parts.windows(2).any(|pair| pair[0] != pair[1]) {
-            for (face, &part) in mesh.parts.iter().enumerate() {
-                let area = area_of(mesh.triangle(face as u32));
+        if self.area == 0.0 && mesh.parts.raw.windows(2).any(|pair| pair[0] != pair[1]) {
+            for (face, &part) in mesh.parts.iter_enumerated() {
+                let area = area_of(mesh.triangle(face));
                 self.parts.entry(part).or_default().area += area;
                 self.area += area;
             }
@@ -43,17 +44,17 @@ impl LastFaces {
             return;
         }
         self.parts.values_mut().for_each(|holding| holding.faces = 0);
-        for faces in mesh.parts.chunk_by(|a, b| a == b) {
+        for faces in mesh.parts.raw.chunk_by(|a, b| a == b) {
             self.parts.entry(faces[0]).or_default().faces += faces.len() as u32;
         }
     }
 
     /// Whether a large part would have no face left if the `dying` faces vanished; each must occur once.
-    pub fn are_last(&self, mesh: &ClusterMesh, dying: &[u32]) -> bool {
+    pub fn are_last(&self, mesh: &ClusterMesh, dying: &[FaceId]) -> bool {
         if self.parts.is_empty() {
             return false;
         }
-        let part_of = |face: u32| mesh.parts[face as usize];
+        let part_of = |face: FaceId| mesh.parts[face];
         dying.iter().any(|&face| {
             let of_part = dying.iter().filter(|&&other| part_of(other) == part_of(face)).count();
             self.parts.get(&part_of(face)).is_some_and(|holding| {
@@ -64,12 +65,12 @@ impl LastFaces {
     }
 
     /// Subtracts faces that have vanished.
-    pub fn remove(&mut self, mesh: &ClusterMesh, died: &[u32]) {
+    pub fn remove(&mut self, mesh: &ClusterMesh, died: &[FaceId]) {
         if self.parts.is_empty() {
             return;
         }
         for &face in died {
-            if let Some(holding) = self.parts.get_mut(&mesh.parts[face as usize]) {
+            if let Some(holding) = self.parts.get_mut(&mesh.parts[face]) {
                 holding.faces -= 1;
             }
         }
@@ -80,6 +81,7 @@ impl LastFaces {
 mod tests {
     use crate::cost::{SurfaceCost, Weights};
     use crate::mesh::cluster::samples;
+    use crate::model::id::PartId;
     use crate::simplify::{Engine, Stop};
 
     #[test]
@@ -88,11 +90,11 @@ mod tests {
         let is_in_part = |i: u32| (9..9 + side).contains(&(i / 2 % size)) && (9..9 + side).contains(&(i / 2 / size));
         for faces in [100, 140, 200, 400] {
             let mut mesh = samples::grid(size, 0.0);
-            (0..).zip(&mut mesh.parts).for_each(|(i, part)| *part = u32::from(is_in_part(i)));
+            (0..).zip(&mut mesh.parts).for_each(|(i, part)| *part = PartId::new(is_in_part(i).into()));
             let mut engine = Engine::<SurfaceCost>::new(mesh, &Weights::default());
             assert!(engine.run(Stop::Faces(faces)).reached);
             let left = engine.finish();
-            let has_part = left.parts.contains(&1);
+            let has_part = left.parts.contains(&PartId::new(1));
             let is_large = side * side * left.face_count as u32 >= 2 * size * size;
             assert!(has_part || !is_large, "{faces}");
         }

@@ -11,6 +11,7 @@ use super::refusal::Refusal;
 use super::triangle_change::{change_of, uv_survives};
 use crate::geometry::distance_sq;
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::id::LocalVertex;
 use crate::mesh::ring::Rings;
 
 /// A face whose area grows by more than this factor (squared here) must have old surface beneath its middle. A face
@@ -23,16 +24,16 @@ const HOVER_COST: f64 = 4.0;
 
 /// The one-ring of a vertex with one closed fan of 4 to 16 faces.
 struct Ring {
-    vertices: [u32; Self::LANES],
+    vertices: [LocalVertex; Self::LANES],
 }
 
 impl Ring {
     const LANES: usize = 16;
 
-    fn of(mesh: &ClusterMesh, rings: &Rings, vertex: u32) -> Option<Self> {
-        let (mut vertices, mut count) = ([u32::MAX; Self::LANES], 0);
-        for &corner in rings.of(vertex).iter().filter(|&&corner| mesh.living(corner).is_some()) {
-            *vertices.get_mut(count)? = mesh.vertex_of(ClusterMesh::following(corner)[0]);
+    fn of(mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex) -> Option<Self> {
+        let (mut vertices, mut count) = ([LocalVertex::NONE; Self::LANES], 0);
+        for corner in rings.living(mesh, vertex) {
+            *vertices.get_mut(count)? = mesh.vertex_of(corner.next());
             count += 1;
         }
         (count > 3).then_some(Self { vertices })
@@ -48,8 +49,8 @@ impl EdgeStar {
         &mut self,
         mesh: &ClusterMesh,
         rings: &Rings,
-        from: u32,
-        to: u32,
+        from: LocalVertex,
+        to: LocalVertex,
         fan: VanishingFan,
     ) -> Result<(), Refusal> {
         match self.check_link(mesh, rings, from, to, fan) {
@@ -64,8 +65,8 @@ impl EdgeStar {
         &mut self,
         mesh: &ClusterMesh,
         rings: &Rings,
-        from: u32,
-        to: u32,
+        from: LocalVertex,
+        to: LocalVertex,
         VanishingFan { closed, strands, .. }: VanishingFan,
     ) -> Result<(), Refusal> {
         if self.dying.is_empty() || self.dying.len() > 2 || is_hub(mesh, rings, to) {
@@ -83,14 +84,14 @@ impl EdgeStar {
         let (seen, common) = (self.epoch, self.epoch + 1);
         for &corner in rings.of(from) {
             let Some(wedge) = mesh.living(corner) else { continue };
-            let ring = ClusterMesh::following(corner).map(|c| mesh.vertex_of(c));
+            let ring = mesh.others_of(corner);
             for v in ring {
-                self.mark[v as usize] = seen;
+                self.mark[v] = seen;
             }
             if ring.contains(&to) {
                 continue;
             }
-            match self.wedges.iter().filter(|pair| pair.0 == wedge).count() {
+            match self.wedges.iter().filter(|pair| pair.from == wedge).count() {
                 1 => {}
                 0 if strands => {
                     if !self.stranded.contains(&wedge) {
@@ -113,10 +114,10 @@ impl EdgeStar {
             }
         }
         let mut common_count = 0;
-        for &corner in rings.of(to).iter().filter(|&&corner| mesh.living(corner).is_some()) {
-            for v in ClusterMesh::following(corner).map(|c| mesh.vertex_of(c)) {
-                if self.mark[v as usize] == seen && v != from {
-                    self.mark[v as usize] = common;
+        for corner in rings.living(mesh, to) {
+            for v in mesh.others_of(corner) {
+                if self.mark[v] == seen && v != from {
+                    self.mark[v] = common;
                     common_count += 1;
                 }
             }
@@ -129,13 +130,13 @@ impl EdgeStar {
 
     /// The link condition for a vertex with one closed fan and one wedge, if no other cluster uses `to`: its one-ring
     /// and that of `to` share the two opposite vertices and no others. Compares in lanes.
-    fn check_closed(&self, ring: &Ring, mesh: &ClusterMesh, rings: &Rings, to: u32) -> Result<(), Refusal> {
+    fn check_closed(&self, ring: &Ring, mesh: &ClusterMesh, rings: &Rings, to: LocalVertex) -> Result<(), Refusal> {
         if self.wedges.len() != 1 {
             return Err(Refusal::Seam);
         }
         let mut found = [0u32; Ring::LANES];
-        for &corner in rings.of(to).iter().filter(|&&corner| mesh.living(corner).is_some()) {
-            let far = ClusterMesh::following(corner).map(|c| mesh.vertex_of(c));
+        for corner in rings.living(mesh, to) {
+            let far = mesh.others_of(corner);
             for (found, vertex) in found.iter_mut().zip(ring.vertices) {
                 *found |= u32::from((vertex == far[0]) | (vertex == far[1]));
             }
@@ -154,7 +155,7 @@ impl EdgeStar {
         &mut self,
         mesh: &ClusterMesh,
         rings: &Rings,
-        moving: &[u32],
+        moving: &[LocalVertex],
         position: DVec3,
         uvs: &[DVec2],
         cost: f64,
@@ -163,7 +164,7 @@ impl EdgeStar {
         for &vertex in moving {
             for &corner in rings.of(vertex) {
                 let Some(wedge) = mesh.living(corner) else { continue };
-                let (face, k) = (corner / 3, corner as usize % 3);
+                let (face, k) = (corner.face(), corner.index_in_face());
                 if self.dying.contains(&face) {
                     continue;
                 }
@@ -171,7 +172,7 @@ impl EdgeStar {
                 let (mut after, mut uv_after) = (before, uv_before);
                 after[k] = position;
                 let mut pairs = self.wedges.iter().zip(uvs);
-                if let Some((_, &uv)) = pairs.find(|((a, b), _)| *a == wedge || *b == wedge) {
+                if let Some((_, &uv)) = pairs.find(|(pair, _)| pair.from == wedge || pair.to == wedge) {
                     uv_after[k] = uv;
                 }
                 let change = change_of(before, after).ok_or(Refusal::Fold)?;
@@ -193,26 +194,33 @@ impl EdgeStar {
 
     /// Collapses the edge in the mesh: faces at the edge die, the others get `to` as a vertex and keep or change their
     /// wedges.
-    pub fn apply(&self, mesh: &mut ClusterMesh, rings: &Rings, from: u32, to: u32) {
+    pub fn apply(&self, mesh: &mut ClusterMesh, rings: &Rings, from: LocalVertex, to: LocalVertex) {
         for &face in &self.dying {
             mesh.kill(face);
         }
         for &corner in rings.of(from) {
             let Some(wedge) = mesh.living(corner) else { continue };
-            if let Some(pair) = self.wedges.iter().find(|pair| pair.0 == wedge) {
-                mesh.corners.as_flattened_mut()[corner as usize] = pair.1;
+            if let Some(pair) = self.wedges.iter().find(|pair| pair.from == wedge) {
+                mesh.set_wedge(corner, pair.to);
             }
-            mesh.corner_vertices.as_flattened_mut()[corner as usize] = to;
+            mesh.set_vertex(corner, to);
         }
-        if let Some(beside) = self.wedges.first().map(|pair| pair.1).or(self.beside) {
+        if let Some(beside) = self.wedges.first().map(|pair| pair.to).or(self.beside) {
             self.stranded.iter().for_each(|&wedge| mesh.bring_wedge(wedge, beside));
         }
     }
 
     /// A face that shares no edge with another is a connected component of its own and must stay.
-    fn check_piece(&self, mesh: &ClusterMesh, rings: &Rings, from: u32, to: u32) -> Result<(), Refusal> {
+    fn check_piece(
+        &self,
+        mesh: &ClusterMesh,
+        rings: &Rings,
+        from: LocalVertex,
+        to: LocalVertex,
+    ) -> Result<(), Refusal> {
         let (&[_], &[opposite]) = (&self.dying[..], &self.opposite[..]) else { return Ok(()) };
-        let faces_with = |v: u32| rings.faces(mesh, v).filter(|&face| mesh.vertices(face).contains(&opposite)).count();
+        let faces_with =
+            |v: LocalVertex| rings.faces(mesh, v).filter(|&face| mesh.vertices(face).contains(&opposite)).count();
         if faces_with(from) > 1 || faces_with(to) > 1 {
             return Ok(());
         }
@@ -220,15 +228,22 @@ impl EdgeStar {
     }
 
     /// Whether a surviving face has `to` and the opposite vertices as corners.
-    fn face_exists(&self, mesh: &ClusterMesh, rings: &Rings, to: u32) -> bool {
-        let is_between = |v: u32| v == to || self.opposite.contains(&v);
+    fn face_exists(&self, mesh: &ClusterMesh, rings: &Rings, to: LocalVertex) -> bool {
+        let is_between = |v: LocalVertex| v == to || self.opposite.contains(&v);
         rings.faces(mesh, to).any(|face| !self.dying.contains(&face) && mesh.vertices(face).into_iter().all(is_between))
     }
 }
 
 /// Whether the middle of a new face is farther from all faces around the moving vertices than its area and the
 /// collapse's cost allow.
-fn hovers(mesh: &ClusterMesh, rings: &Rings, moving: &[u32], [a, b, c]: [DVec3; 3], area: f64, cost: f64) -> bool {
+fn hovers(
+    mesh: &ClusterMesh,
+    rings: &Rings,
+    moving: &[LocalVertex],
+    [a, b, c]: [DVec3; 3],
+    area: f64,
+    cost: f64,
+) -> bool {
     let middle = (a + b + c) / 3.0;
     let allowed_sq = (HOVER_SHARE * HOVER_SHARE * area).max(HOVER_COST * cost / area);
     let mut old = moving.iter().flat_map(|&vertex| rings.faces(mesh, vertex)).map(|face| mesh.triangle(face));

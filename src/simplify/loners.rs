@@ -8,13 +8,22 @@ use glam::DVec3;
 
 use crate::geometry::boxtree::{Bounds, BoxTree};
 use crate::geometry::distance_sq;
-use crate::mesh::ClusterMesh;
+use crate::mesh::{ClusterMesh, FaceId, LocalVertex};
 
 use super::witness::area_of;
 
 /// Factor on area × squared distance. It is high because the face stands for its whole component, and the surface near
 /// it may vanish, too.
 const PRICE: f64 = 32.0;
+
+/// An isolated face, found at one of its vertices.
+#[derive(Debug, Clone, Copy)]
+pub struct Loner {
+    /// The vertex.
+    pub vertex: LocalVertex,
+    /// The face.
+    pub face: FaceId,
+}
 
 /// Vertices of isolated faces, with the price of the face.
 #[derive(Debug, Default)]
@@ -24,23 +33,24 @@ pub struct Loners {
 }
 
 impl Loners {
-    /// Prices isolated faces, given as (vertex, face) sorted by vertex; the mesh must have no dead faces. Builds a tree
+    /// Prices isolated faces, sorted by vertex; the mesh must have no dead faces. Builds a tree
     /// over all faces, if there are any to price: O(n log n).
-    pub fn price(&mut self, mesh: &ClusterMesh, faces: Vec<(u32, u32)>) {
+    pub fn price(&mut self, mesh: &ClusterMesh, faces: Vec<Loner>) {
         self.prices.clear();
         if faces.is_empty() {
             return;
         }
-        let tree = BoxTree::new(mesh.corners.len(), |face| Bounds::around(mesh.triangle(face)));
-        let mut loners: Vec<u32> = faces.iter().map(|&(_, face)| face).collect();
+        let tree = BoxTree::new(mesh.corners.len(), |face| Bounds::around(mesh.triangle(FaceId::new(face))));
+        let mut loners: Vec<FaceId> = faces.iter().map(|loner| loner.face).collect();
         loners.sort_unstable();
-        let size_of = |face: u32| (area_of(mesh.triangle(face)), face);
-        self.prices.extend(faces.into_iter().filter_map(|(vertex, face)| {
+        let size_of = |face: FaceId| (area_of(mesh.triangle(face)), face);
+        self.prices.extend(faces.into_iter().filter_map(|Loner { vertex, face }| {
             let triangle = mesh.triangle(face);
-            let stays_longer = |other: u32| loners.binary_search(&other).is_err() || size_of(other) > size_of(face);
+            let stays_longer = |other: FaceId| loners.binary_search(&other).is_err() || size_of(other) > size_of(face);
             let middle = triangle.into_iter().sum::<DVec3>() / 3.0;
             let mut nearest = (f64::INFINITY, face);
             tree.nearest_sq(middle, f64::INFINITY, |other| {
+                let other = FaceId::new(other);
                 let corners = mesh.triangle(other);
                 // Cheap test first: the boxes of most faces are too far away.
                 if Bounds::around(corners).distance_sq(middle) > nearest.0 || !stays_longer(other) {
@@ -58,7 +68,7 @@ impl Loners {
         }));
     }
 
-    fn find(&self, vertex: u32) -> Option<Price> {
+    fn find(&self, vertex: LocalVertex) -> Option<Price> {
         if self.prices.is_empty() {
             return None;
         }
@@ -67,12 +77,12 @@ impl Loners {
     }
 
     /// Cost of removing the face of a vertex; `None` if the face has no price.
-    pub fn price_of(&self, vertex: u32) -> Option<f32> {
+    pub fn price_of(&self, vertex: LocalVertex) -> Option<f32> {
         self.find(vertex).map(|found| found.price)
     }
 
     /// A vertex of the face nearest to the isolated face of a vertex: if that face vanishes, the price is invalid.
-    pub fn neighbour_of(&self, vertex: u32) -> Option<u32> {
+    pub fn neighbour_of(&self, vertex: LocalVertex) -> Option<LocalVertex> {
         self.find(vertex).map(|found| found.neighbour)
     }
 }
@@ -80,9 +90,9 @@ impl Loners {
 /// The price of the face of a vertex.
 #[derive(Debug, Clone, Copy)]
 struct Price {
-    vertex: u32,
+    vertex: LocalVertex,
     price: f32,
-    neighbour: u32,
+    neighbour: LocalVertex,
 }
 
 #[cfg(test)]
@@ -91,6 +101,8 @@ mod tests {
 
     use super::*;
     use crate::mesh::cluster::samples;
+    use crate::mesh::id::short::{f, v};
+    use crate::model::id::PartId;
 
     #[test]
     fn a_face_costs_its_area_times_the_squared_distance_to_what_is_left() {
@@ -99,20 +111,14 @@ mod tests {
             let vertex = mesh.push_vertex(DVec3::new(x, y, 3.0), 0);
             mesh.push_wedge(vertex, DVec2::NAN)
         });
-        mesh.push_face(corners, 0);
-        let (vertex, face) = (mesh.positions.len() as u32 - 3, mesh.corners.len() as u32 - 1);
+        let (vertex, face) = (mesh.wedge_vertex[corners[0]], mesh.push_face(corners, PartId::new(0)));
         let mut loners = Loners::default();
-        loners.price(&mesh, vec![(vertex, face)]);
+        loners.price(&mesh, vec![Loner { vertex, face }]);
         assert_eq!(loners.price_of(vertex), Some((PRICE * 0.5 * 9.0) as f32));
-        assert_eq!(loners.price_of(0), None);
+        assert_eq!(loners.price_of(v(0)), None);
         // The only face of a mesh has no price: no surface would remain.
-        let mut single = ClusterMesh::default();
-        let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|[x, y]| {
-            let vertex = single.push_vertex(DVec3::new(x, y, 0.0), 0);
-            single.push_wedge(vertex, DVec2::NAN)
-        });
-        single.push_face(corners, 0);
-        loners.price(&single, vec![(0, 0)]);
-        assert_eq!(loners.price_of(0), None);
+        let single = samples::mesh_of([DVec3::ZERO, DVec3::X, DVec3::Y].map(|p| (p, DVec2::NAN)), &[[0, 1, 2]]);
+        loners.price(&single, vec![Loner { vertex: v(0), face: f(0) }]);
+        assert_eq!(loners.price_of(v(0)), None);
     }
 }

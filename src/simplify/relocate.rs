@@ -23,6 +23,7 @@ use crate::cost::{Metric, MovingWedge};
 use crate::geometry::closest_weights;
 use crate::mesh::class::Class;
 use crate::mesh::cluster::{ClusterMesh, flag};
+use crate::mesh::id::{LocalVertex, Wedge};
 use crate::mesh::ring::Rings;
 
 /// Shares of the best step that are tried, in this order.
@@ -55,7 +56,7 @@ impl Relocator {
         mesh: &mut ClusterMesh,
         rings: &Rings,
         cost: &M,
-        vertex: u32,
+        vertex: LocalVertex,
         class: Class,
         deviation_max: Option<f64>,
     ) {
@@ -68,11 +69,11 @@ impl Relocator {
         }
         for share in SHARES {
             let step = share * best;
-            let position = mesh.positions[vertex as usize] + step;
+            let position = mesh.positions[vertex] + step;
             self.uvs.clear();
             self.uvs.extend(self.wedges.iter().map(|&MovingWedge { wedge, slide }| {
                 let slide = slide.map_or_else(|| cost.best_slide(wedge, step), |slide| share * slide);
-                mesh.wedge_uv[wedge as usize] + slide
+                mesh.wedge_uv[wedge] + slide
             }));
             if self.fits(mesh, rings, vertex, class == Class::Complex, position)
                 && self.keeps_deviation(mesh, rings, vertex, position, deviation_max).is_ok()
@@ -84,7 +85,7 @@ impl Relocator {
     }
 
     /// Collects the wedges of a vertex, all without a fixed slide. `has_one` says that it has a single wedge.
-    fn gather(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32, has_one: bool) {
+    fn gather(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex, has_one: bool) {
         let corners = rings.of(vertex);
         let corners = if has_one { &corners[..1] } else { corners };
         self.wedges.clear();
@@ -96,15 +97,22 @@ impl Relocator {
         }
     }
 
-    fn place_of(&self, wedge: u32) -> Option<usize> {
+    fn place_of(&self, wedge: Wedge) -> Option<usize> {
         self.wedges.iter().position(|moving| moving.wedge == wedge)
     }
 
     /// Fixes the slide of the wedges that would leave their charts; returns whether there are any.
-    fn hold_back<M: Metric>(&mut self, mesh: &ClusterMesh, rings: &Rings, cost: &M, vertex: u32, step: DVec3) -> bool {
+    fn hold_back<M: Metric>(
+        &mut self,
+        mesh: &ClusterMesh,
+        rings: &Rings,
+        cost: &M,
+        vertex: LocalVertex,
+        step: DVec3,
+    ) -> bool {
         let share = LEAST_RETURN + (1.0 - LEAST_RETURN) * cost.inset();
         for MovingWedge { wedge, slide } in &mut self.wedges {
-            let here = mesh.wedge_uv[*wedge as usize];
+            let here = mesh.wedge_uv[*wedge];
             let wanted = here + cost.best_slide(*wedge, step);
             if let Some(RimPoint { place, fan_area }) = way_back(mesh, rings, vertex, *wedge, wanted) {
                 let way = wanted - place;
@@ -116,11 +124,18 @@ impl Relocator {
     }
 
     /// Whether no face around the vertex folds over or degenerates, on the surface or in texture space.
-    fn fits(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32, is_complex: bool, position: DVec3) -> bool {
+    fn fits(
+        &mut self,
+        mesh: &ClusterMesh,
+        rings: &Rings,
+        vertex: LocalVertex,
+        is_complex: bool,
+        position: DVec3,
+    ) -> bool {
         // Faces at non-manifold vertices may run along an edge in the same direction.
         self.folds.begin(is_complex);
         for &corner in rings.of(vertex) {
-            let (face, k) = (corner / 3, corner as usize % 3);
+            let (face, k) = (corner.face(), corner.index_in_face());
             let (before, uv_before) = (mesh.triangle(face), mesh.uv_triangle(face));
             let (mut after, mut uv_after) = (before, uv_before);
             after[k] = position;
@@ -144,30 +159,30 @@ impl Relocator {
         &mut self,
         mesh: &mut ClusterMesh,
         rings: &Rings,
-        vertex: u32,
+        vertex: LocalVertex,
         position: DVec3,
         deviation_max: Option<f64>,
     ) -> Result<(), Refusal> {
         let Some(most) = deviation_max else { return Ok(()) };
         self.patches.clear();
         for &corner in rings.of(vertex) {
-            let mut triangle = mesh.triangle(corner / 3);
-            self.patches.push_old(triangle, mesh.deviations[corner as usize / 3]);
-            triangle[corner as usize % 3] = position;
+            let mut triangle = mesh.triangle(corner.face());
+            self.patches.push_old(triangle, mesh.deviations[corner.face()]);
+            triangle[corner.index_in_face()] = position;
             self.patches.push_new(triangle);
         }
         for (&corner, bound) in rings.of(vertex).iter().zip(self.patches.bound(DEVIATION_SHARE * most)?) {
-            mesh.deviations[corner as usize / 3] = bound;
+            mesh.deviations[corner.face()] = bound;
         }
         Ok(())
     }
 
-    fn apply(&self, mesh: &mut ClusterMesh, vertex: u32, position: DVec3) {
-        mesh.positions[vertex as usize] = position;
-        mesh.flags[vertex as usize] |= flag::MOVED;
+    fn apply(&self, mesh: &mut ClusterMesh, vertex: LocalVertex, position: DVec3) {
+        mesh.positions[vertex] = position;
+        mesh.flags[vertex] |= flag::MOVED;
         for (moving, &uv) in self.wedges.iter().zip(&self.uvs) {
-            mesh.wedge_uv[moving.wedge as usize] = uv;
-            mesh.wedge_moved[moving.wedge as usize] = true;
+            mesh.wedge_uv[moving.wedge] = uv;
+            mesh.wedge_moved[moving.wedge] = true;
         }
     }
 }
@@ -182,11 +197,11 @@ struct RimPoint {
 
 /// The closest point of a wedge's faces to a texture coordinate; `None` if it lies inside them, or if they have no
 /// texture.
-fn way_back(mesh: &ClusterMesh, rings: &Rings, vertex: u32, wedge: u32, uv: DVec2) -> Option<RimPoint> {
+fn way_back(mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex, wedge: Wedge, uv: DVec2) -> Option<RimPoint> {
     let mut best: Option<(f64, DVec2)> = None;
     let mut fan_area = 0.0;
     for &corner in rings.of(vertex).iter().filter(|&&corner| mesh.living(corner) == Some(wedge)) {
-        let triangle = mesh.uv_triangle(corner / 3);
+        let triangle = mesh.uv_triangle(corner.face());
         let weights = closest_weights(uv.extend(0.0), triangle.map(|t| t.extend(0.0)));
         if weights.iter().all(|&weight| weight > 0.0) {
             return None;
@@ -205,21 +220,21 @@ fn way_back(mesh: &ClusterMesh, rings: &Rings, vertex: u32, wedge: u32, uv: DVec
 mod tests {
     use super::*;
     use crate::mesh::cluster::samples;
+    use crate::mesh::id::short::{v, w};
 
     #[test]
     fn what_leaves_the_faces_around_a_wedge_comes_back_to_their_rim() {
         let mesh = samples::grid(4, 0.0);
         let mut rings = Rings::default();
         rings.build(&mesh);
-        let back =
-            |vertex: u32, by: DVec2| way_back(&mesh, &rings, vertex, vertex, mesh.wedge_uv[vertex as usize] + 0.1 * by);
+        let back = |at, by: DVec2| way_back(&mesh, &rings, v(at), w(at), mesh.wedge_uv[w(at)] + 0.1 * by);
         assert_eq!(back(12, DVec2::new(0.2, 0.3)), None);
         assert_eq!(back(2, DVec2::ZERO), None);
         let far = back(12, DVec2::new(0.0, 9.0)).unwrap();
-        assert_eq!(far.place, mesh.wedge_uv[17]);
+        assert_eq!(far.place, mesh.wedge_uv[w(17)]);
         assert!((far.fan_area - 0.03).abs() < 1e-12);
         let beside = back(2, DVec2::new(0.0, -0.4)).unwrap();
-        assert_eq!(beside.place, mesh.wedge_uv[2]);
+        assert_eq!(beside.place, mesh.wedge_uv[w(2)]);
     }
 
     #[test]
@@ -228,6 +243,6 @@ mod tests {
         mesh.wedge_uv.fill(DVec2::NAN);
         let mut rings = Rings::default();
         rings.build(&mesh);
-        assert_eq!(way_back(&mesh, &rings, 12, 12, DVec2::NAN), None);
+        assert_eq!(way_back(&mesh, &rings, v(12), w(12), DVec2::NAN), None);
     }
 }

@@ -4,14 +4,15 @@ use super::Engine;
 use crate::cost::Metric;
 use crate::mesh::class::Class;
 use crate::mesh::doubles::doubles;
+use crate::mesh::id::LocalVertex;
 
 impl<M: Metric> Engine<M> {
     /// Number of living vertices of each class, in the order of [`Class::ALL`].
     pub fn class_counts(&self) -> [u64; 8] {
         let mut counts = [0; 8];
-        for vertex in 0..self.classes.len() {
-            if !self.rings.of(vertex as u32).is_empty() {
-                counts[self.classes[vertex] as usize] += 1;
+        for (vertex, &class) in self.classes.iter_enumerated() {
+            if !self.rings.of(vertex).is_empty() {
+                counts[class as usize] += 1;
             }
         }
         counts
@@ -19,10 +20,8 @@ impl<M: Metric> Engine<M> {
 
     /// Number of faces with three non-manifold vertices that have the vertices of another face: copies or back sides.
     pub fn doubles(&self) -> u64 {
-        let is_fixed = |v: &u32| self.classes.get(*v as usize) == Some(&Class::Complex);
-        let faces = self.mesh.corner_vertices.iter().zip(0u32..);
-        let living = faces.filter(|&(_, face)| !self.mesh.is_dead(face)).map(|(vertices, _)| *vertices);
-        let at_fixed: Vec<[u32; 3]> = living.filter(|vertices| vertices.iter().all(is_fixed)).collect();
-        doubles(at_fixed.len(), |face| at_fixed[face as usize]).len() as u64
+        let is_complex = |v: &LocalVertex| self.classes.get(*v) == Some(&Class::Complex);
+        let living = self.mesh.living_faces().map(|face| self.mesh.vertices(face));
+        doubles(living.filter(|vertices| vertices.iter().all(is_complex))).len() as u64
     }
 }

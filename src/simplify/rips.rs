@@ -10,9 +10,11 @@
 
 use glam::{DVec3, Vec3};
 
+use crate::base::id::TiVec;
 use crate::geometry::boxtree::{Bounds, BoxTree};
 use crate::mesh::ClusterMesh;
-use crate::mesh::class::Class;
+use crate::mesh::class::Classes;
+use crate::mesh::id::{FaceId, LocalVertex};
 use crate::mesh::ring::{Rings, Spoke};
 
 /// Lowest cosine of the angle between the normals, and between the opposed inward directions, of two borders along a
@@ -26,46 +28,46 @@ pub const FACES_MAX: usize = 32;
 #[derive(Debug, Clone, Copy)]
 pub struct Partner {
     /// The nearest vertex of another border.
-    pub partner: u32,
+    pub partner: LocalVertex,
     /// Distance to it, relative to the shortest border edge at the border vertex.
     pub closeness: f32,
 }
 
 impl Partner {
-    const NONE: Self = Self { partner: u32::MAX, closeness: 1.0 };
+    const NONE: Self = Self { partner: LocalVertex::NONE, closeness: 1.0 };
 }
 
 /// Border vertices, each with the nearest one of another border, or of another part of its own.
 #[derive(Debug, Default)]
 pub struct Rips {
     /// Pair of each vertex; empty if there is no border.
-    pairs: Vec<Partner>,
+    pairs: TiVec<LocalVertex, Partner>,
 }
 
 impl Rips {
     /// Pairs the border vertices of a mesh without dead faces, over at most the length of their shortest border edge.
     /// Builds a tree over them: O(n log n).
-    pub fn pair(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &[Class]) {
+    pub fn pair(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &Classes) {
         self.pairs.clear();
-        let may_border = |v: &u32| classes[*v as usize].may_border();
+        let may_border = |v: &LocalVertex| classes[*v].may_border();
         let mut spokes = Vec::new();
         let mut rims = Vec::new();
-        for vertex in (0..mesh.positions.len() as u32).filter(may_border) {
+        for vertex in mesh.vertex_ids().filter(may_border) {
             rims.extend(Rim::of(mesh, rings, vertex, &mut spokes));
         }
         if rims.is_empty() {
             return;
         }
         self.pairs.resize(mesh.positions.len(), Partner::NONE);
-        let place = |item: u32| mesh.positions[rims[item as usize].vertex as usize];
+        let place = |item: u32| mesh.positions[rims[item as usize].vertex];
         let tree = BoxTree::new(rims.len(), |item| Bounds::around([place(item)]));
         for rim in rims.iter().filter(|rim| !mesh.is_locked(rim.vertex)) {
-            let at = mesh.positions[rim.vertex as usize];
-            let mut nearest = (rim.reach_sq, u32::MAX);
+            let at = mesh.positions[rim.vertex];
+            let mut nearest = (rim.reach_sq, LocalVertex::NONE);
             tree.nearest_sq(at, rim.reach_sq, |item| {
                 let other = &rims[item as usize];
                 let distance_sq = at.distance_squared(place(item));
-                let is_beside = |face: u32| mesh.vertices(face).contains(&other.vertex);
+                let is_beside = |face: FaceId| mesh.vertices(face).contains(&other.vertex);
                 if (distance_sq, other.vertex) >= nearest
                     || !rim.faces(other)
                     || mesh.is_shared(other.vertex)
@@ -76,35 +78,40 @@ impl Rips {
                 nearest = (distance_sq, other.vertex);
                 distance_sq
             });
-            if nearest.1 != u32::MAX {
+            if nearest.1 != LocalVertex::NONE {
                 let closeness = (nearest.0 / rim.reach_sq).sqrt() as f32;
-                self.pairs[rim.vertex as usize] = Partner { partner: nearest.1, closeness };
+                self.pairs[rim.vertex] = Partner { partner: nearest.1, closeness };
             }
         }
     }
 
     /// The vertices with a partner, ascending.
-    pub fn vertices(&self) -> impl Iterator<Item = u32> + '_ {
-        (0..self.pairs.len() as u32).filter(|&vertex| self.pair_of(vertex).is_some())
+    pub fn vertices(&self) -> impl Iterator<Item = LocalVertex> + '_ {
+        self.pairs.keys().filter(|&vertex| self.pair_of(vertex).is_some())
     }
 
     /// The pair of a border vertex; `None` if it has no partner.
     #[inline]
-    pub fn pair_of(&self, vertex: u32) -> Option<Partner> {
-        self.pairs.get(vertex as usize).copied().filter(|pair| pair.partner != u32::MAX)
+    pub fn pair_of(&self, vertex: LocalVertex) -> Option<Partner> {
+        self.pairs.get(vertex).copied().filter(|pair| pair.partner != LocalVertex::NONE)
     }
 }
 
 /// Whether `accept` returns `true` for the other end of some border edge at a vertex.
-pub fn has_border_end(mesh: &ClusterMesh, rings: &Rings, vertex: u32, mut accept: impl FnMut(u32) -> bool) -> bool {
+pub fn has_border_end(
+    mesh: &ClusterMesh,
+    rings: &Rings,
+    vertex: LocalVertex,
+    mut accept: impl FnMut(LocalVertex) -> bool,
+) -> bool {
     let corners = rings.of(vertex);
     if corners.len() > FACES_MAX {
         return false;
     }
     // The next and the previous vertex in each face.
-    let (mut ends, mut count) = ([[0; 2]; FACES_MAX], 0);
+    let (mut ends, mut count) = ([[LocalVertex::NONE; 2]; FACES_MAX], 0);
     for &corner in corners.iter().filter(|&&corner| mesh.living(corner).is_some()) {
-        ends[count] = ClusterMesh::following(corner).map(|corner| mesh.vertex_of(corner));
+        ends[count] = mesh.others_of(corner);
         count += 1;
     }
     let ends = &ends[..count];
@@ -117,7 +124,7 @@ pub fn has_border_end(mesh: &ClusterMesh, rings: &Rings, vertex: u32, mut accept
 /// A border at one of its vertices.
 #[derive(Debug, PartialEq)]
 struct Rim {
-    vertex: u32,
+    vertex: LocalVertex,
     /// Squared length of its shortest border edge.
     reach_sq: f64,
     /// Unit normal of the faces.
@@ -128,13 +135,13 @@ struct Rim {
 
 impl Rim {
     /// The border at a vertex; `None` if it lies on none, or has too many faces. `spokes` is a buffer.
-    fn of(mesh: &ClusterMesh, rings: &Rings, vertex: u32, spokes: &mut Vec<Spoke>) -> Option<Self> {
+    fn of(mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex, spokes: &mut Vec<Spoke>) -> Option<Self> {
         spokes.clear();
         if rings.of(vertex).len() > FACES_MAX {
             return None;
         }
         spokes.extend(rings.of(vertex).iter().map(|&corner| Spoke::of(mesh, corner)));
-        let place = |v: u32| mesh.positions[v as usize] - mesh.positions[vertex as usize];
+        let place = |v: LocalVertex| mesh.positions[v] - mesh.positions[vertex];
         let (mut along, mut reach_sq, mut normal) = (DVec3::ZERO, f64::INFINITY, DVec3::ZERO);
         for spoke in &*spokes {
             normal += place(spoke.next).cross(place(spoke.previous));

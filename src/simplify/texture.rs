@@ -14,10 +14,11 @@ use glam::{DVec2, DVec3, Vec2};
 
 use crate::geometry::closest_weights;
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::id::{Corner, Edge, End, LocalVertex, Wedge, WedgePair};
 use crate::mesh::ring::Rings;
 
 /// Texture coordinate at the closest point of the faces around some vertices; `None` if none of the faces has texture.
-pub fn uv_on_ring(mesh: &ClusterMesh, rings: &Rings, vertices: &[u32], position: DVec3) -> Option<DVec2> {
+pub fn uv_on_ring(mesh: &ClusterMesh, rings: &Rings, vertices: &[LocalVertex], position: DVec3) -> Option<DVec2> {
     let mut best: Option<(f64, DVec2)> = None;
     for face in vertices.iter().flat_map(|&vertex| rings.faces(mesh, vertex)) {
         let uv = mesh.uv_triangle(face);
@@ -40,23 +41,28 @@ pub fn uv_on_ring(mesh: &ClusterMesh, rings: &Rings, vertices: &[u32], position:
 pub fn uv_on_chain(
     mesh: &ClusterMesh,
     rings: &Rings,
-    (from, to): (u32, u32),
-    wedges: &[(u32, u32)],
+    edge: Edge,
+    wedges: &[WedgePair],
     position: DVec3,
     out: &mut Vec<DVec2>,
 ) -> Option<()> {
     out.clear();
     let mut place = None;
-    for &(from_wedge, to_wedge) in wedges {
-        let before = chain_end(mesh, rings, from, from_wedge, to);
-        let after = chain_end(mesh, rings, to, to_wedge, from);
-        let chain = [before, Some((from, from_wedge)), Some((to, to_wedge)), after];
+    for pair in wedges {
+        let [from, to] = ends_of(edge, *pair);
+        let before = chain_end(mesh, rings, from, edge.to);
+        let after = chain_end(mesh, rings, to, edge.from);
+        let chain = [before, Some(from), Some(to), after];
         let (link, t) = *place.get_or_insert_with(|| closest_on_chain(mesh, &chain, position));
-        let (Some((_, w0)), Some((_, w1))) = (chain[link], chain[link + 1]) else { return None };
-        let uv = mesh.wedge_uv[w0 as usize].lerp(mesh.wedge_uv[w1 as usize], t);
-        out.push(uv);
+        let (start, end) = (chain[link]?, chain[link + 1]?);
+        out.push(mesh.wedge_uv[start.wedge].lerp(mesh.wedge_uv[end.wedge], t));
     }
     Some(())
+}
+
+/// Both ends of an edge with these wedges.
+fn ends_of(edge: Edge, wedges: WedgePair) -> [End; 2] {
+    [End { vertex: edge.from, wedge: wedges.from }, End { vertex: edge.to, wedge: wedges.to }]
 }
 
 /// Moves of the texture coordinates of `to` into their charts when `from` vanishes: `share` of the move that keeps the
@@ -66,7 +72,7 @@ pub fn uv_on_chain(
 ///          from             the chart lies above: without a move the new edge to-next leaves it;
 ///   to ___/    \___ next    with the full move, the edge from to' passes through `from`
 /// ```
-pub fn insets(mesh: &ClusterMesh, rings: &Rings, share: f64, edge: (u32, u32), wedges: &[(u32, u32)]) -> [Vec2; 2] {
+pub fn insets(mesh: &ClusterMesh, rings: &Rings, share: f64, edge: Edge, wedges: &[WedgePair]) -> [Vec2; 2] {
     let mut insets = [Vec2::ZERO; 2];
     if share > 0.0 {
         for (inset, &pair) in insets.iter_mut().zip(wedges) {
@@ -77,22 +83,17 @@ pub fn insets(mesh: &ClusterMesh, rings: &Rings, share: f64, edge: (u32, u32), w
 }
 
 /// The full move of the texture coordinate of `to`; `None` if the new edge stays inside the chart without it.
-fn overhang(
-    mesh: &ClusterMesh,
-    rings: &Rings,
-    (from, to): (u32, u32),
-    (from_wedge, to_wedge): (u32, u32),
-) -> Option<DVec2> {
-    let (_, next_wedge) = chain_end(mesh, rings, from, from_wedge, to)?;
-    let origin = mesh.wedge_uv[to_wedge as usize];
-    let from_to = |wedge: u32| mesh.wedge_uv[wedge as usize] - origin;
-    let (bend, chord) = (from_to(from_wedge), from_to(next_wedge));
-    let inside =
-        rings.of(from).iter().filter(|&&corner| mesh.living(corner) == Some(from_wedge)).find_map(|&corner| {
-            let far = ClusterMesh::following(corner);
-            let k = far.iter().position(|&c| mesh.vertex_of(c) == to)?;
-            Some(bend.perp_dot(from_to(mesh.wedge_of(far[1 - k]))).signum())
-        })?;
+fn overhang(mesh: &ClusterMesh, rings: &Rings, edge: Edge, wedges: WedgePair) -> Option<DVec2> {
+    let [from, to] = ends_of(edge, wedges);
+    let next = chain_end(mesh, rings, from, to.vertex)?;
+    let origin = mesh.wedge_uv[to.wedge];
+    let from_to = |wedge: Wedge| mesh.wedge_uv[wedge] - origin;
+    let (bend, chord) = (from_to(from.wedge), from_to(next.wedge));
+    let inside = fan_at(mesh, rings, from).find_map(|corner| {
+        let far = corner.others();
+        let k = far.iter().position(|&c| mesh.vertex_of(c) == to.vertex)?;
+        Some(bend.perp_dot(from_to(mesh.wedge_of(far[1 - k]))).signum())
+    })?;
     let (length_sq, across) = (chord.length_squared(), inside * chord.perp_dot(bend));
     if !(across > 0.0 && length_sq > 0.0) {
         return None;
@@ -103,11 +104,11 @@ fn overhang(
 }
 
 /// Link of the chain (0 to 2) and parameter on it (0 to 1) closest to a position.
-fn closest_on_chain(mesh: &ClusterMesh, chain: &[Option<(u32, u32)>; 4], position: DVec3) -> (usize, f64) {
+fn closest_on_chain(mesh: &ClusterMesh, chain: &[Option<End>; 4], position: DVec3) -> (usize, f64) {
     let mut best = (f64::INFINITY, 1, 0.5);
     for link in [1, 0, 2] {
-        let (Some((a, _)), Some((b, _))) = (chain[link], chain[link + 1]) else { continue };
-        let (pa, pb) = (mesh.positions[a as usize], mesh.positions[b as usize]);
+        let (Some(a), Some(b)) = (chain[link], chain[link + 1]) else { continue };
+        let (pa, pb) = (mesh.positions[a.vertex], mesh.positions[b.vertex]);
         let along = pb - pa;
         let t = ((position - pa).dot(along) / along.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
         let distance_sq = pa.lerp(pb, t).distance_squared(position);
@@ -118,21 +119,24 @@ fn closest_on_chain(mesh: &ClusterMesh, chain: &[Option<(u32, u32)>; 4], positio
     (best.1, best.2)
 }
 
-/// The other chain neighbour of `vertex`, not `exclude`, with its wedge: the far end of the fan of faces that have
-/// `wedge`. `None` if the fan does not have exactly one other end.
-fn chain_end(mesh: &ClusterMesh, rings: &Rings, vertex: u32, wedge: u32, exclude: u32) -> Option<(u32, u32)> {
-    let mut ends: [Option<(u32, u32)>; 2] = [None; 2];
-    let fan = || rings.of(vertex).iter().filter(|&&corner| mesh.living(corner) == Some(wedge));
-    let touches = |corner: u32, other: u32| ClusterMesh::following(corner).iter().any(|&c| mesh.vertex_of(c) == other);
-    for &corner in fan() {
-        for far in ClusterMesh::following(corner) {
-            let other = mesh.vertex_of(far);
-            if other == exclude || fan().filter(|&&c| touches(c, other)).count() != 1 {
+/// Corners of living faces at a vertex that have its wedge.
+fn fan_at<'a>(mesh: &'a ClusterMesh, rings: &'a Rings, at: End) -> impl Iterator<Item = Corner> + 'a {
+    rings.of(at.vertex).iter().copied().filter(move |&corner| mesh.living(corner) == Some(at.wedge))
+}
+
+/// The other chain neighbour of a vertex, not `exclude`: the far end of the fan of faces that have its wedge. `None` if
+/// the fan does not have exactly one other end.
+fn chain_end(mesh: &ClusterMesh, rings: &Rings, at: End, exclude: LocalVertex) -> Option<End> {
+    let mut ends: [Option<End>; 2] = [None; 2];
+    for corner in fan_at(mesh, rings, at) {
+        for end in corner.others().map(|far| mesh.end_of(far)) {
+            let touches = |corner: &Corner| mesh.others_of(*corner).contains(&end.vertex);
+            if end.vertex == exclude || fan_at(mesh, rings, at).filter(touches).count() != 1 {
                 continue;
             }
             match ends[0] {
-                None => ends[0] = Some((other, mesh.wedge_of(far))),
-                Some(_) => ends[1] = Some((other, mesh.wedge_of(far))),
+                None => ends[0] = Some(end),
+                Some(_) => ends[1] = Some(end),
             }
         }
     }
@@ -143,6 +147,7 @@ fn chain_end(mesh: &ClusterMesh, rings: &Rings, vertex: u32, wedge: u32, exclude
 mod tests {
     use super::*;
     use crate::mesh::cluster::samples;
+    use crate::mesh::id::short::{pair, v, w};
 
     #[test]
     fn a_texture_coordinate_comes_from_the_closest_face_that_has_some() {
@@ -150,9 +155,9 @@ mod tests {
         let mut rings = Rings::default();
         rings.build(&mesh);
         let at = DVec3::new(0.75, 0.25, 3.0);
-        let uv = uv_on_ring(&mesh, &rings, &[4, 0], at).unwrap();
+        let uv = uv_on_ring(&mesh, &rings, &[v(4), v(0)], at).unwrap();
         let mut expected = (f64::INFINITY, DVec2::NAN);
-        for face in [4, 0].into_iter().flat_map(|vertex| rings.faces(&mesh, vertex)) {
+        for face in [v(4), v(0)].into_iter().flat_map(|vertex| rings.faces(&mesh, vertex)) {
             let (weights, triangle) = (closest_weights(at, mesh.triangle(face)), mesh.triangle(face));
             let distance = (0..3).map(|k| triangle[k] * weights[k]).sum::<DVec3>().distance(at);
             if distance < expected.0 {
@@ -161,7 +166,7 @@ mod tests {
         }
         assert!(uv.distance(expected.1) < 1e-12, "{uv} {expected:?}");
         mesh.wedge_uv.fill(DVec2::NAN);
-        assert_eq!(uv_on_ring(&mesh, &rings, &[4, 0], at), None);
+        assert_eq!(uv_on_ring(&mesh, &rings, &[v(4), v(0)], at), None);
     }
 
     //   2          charts left and right of the line x = 2; the chain 2-7-12-17 keeps both sides in step
@@ -170,10 +175,10 @@ mod tests {
         let mesh = samples::two_charts(4);
         let mut rings = Rings::default();
         rings.build(&mesh);
-        let right = |v: u32| (25..30).find(|&w| mesh.wedge_vertex[w as usize] == v).unwrap();
-        let wedges = [(7, 12), (right(7), right(12))];
-        let mut uv = Vec::new();
-        uv_on_chain(&mesh, &rings, (7, 12), &wedges, DVec3::new(2.3, 1.25, 0.0), &mut uv).unwrap();
+        let right = |at| (25..30).find(|&wedge| mesh.wedge_vertex[w(wedge)] == v(at)).unwrap();
+        let wedges = [pair(7, 12), pair(right(7), right(12))];
+        let (mut uv, edge) = (Vec::new(), Edge { from: v(7), to: v(12) });
+        uv_on_chain(&mesh, &rings, edge, &wedges, DVec3::new(2.3, 1.25, 0.0), &mut uv).unwrap();
         assert!((uv[0] - DVec2::new(0.2, 0.125)).length() < 1e-12);
         assert!((uv[1] - DVec2::new(6.6, 0.125)).length() < 1e-12);
     }

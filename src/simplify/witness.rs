@@ -12,6 +12,7 @@ use glam::DVec3;
 
 use crate::geometry::distance_sq;
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::id::LocalVertex;
 use crate::mesh::ring::Rings;
 
 /// One vertex in this many is a witness.
@@ -20,31 +21,45 @@ const SAMPLED: u32 = 16;
 /// all equal.
 const SURFACE_SHARE: f64 = 0.5;
 
-/// Vertices before a stage: id, area around the vertex, position.
+/// Some of the vertices before a stage.
 #[derive(Debug, Default)]
 pub struct Witnesses {
-    witnesses: Vec<(u32, f64, DVec3)>,
+    witnesses: Vec<Witness>,
+}
+
+/// A vertex before a stage.
+#[derive(Debug)]
+struct Witness {
+    vertex: LocalVertex,
+    /// Area around it.
+    area: f64,
+    position: DVec3,
 }
 
 impl Witnesses {
     /// Records the positions of the sampled vertices and the area around each.
     pub fn gather(&mut self, mesh: &ClusterMesh, rings: &Rings) {
         self.witnesses.clear();
-        let is_sampled = |vertex: &u32| (vertex.wrapping_mul(0x9e37_79b9) >> 16).is_multiple_of(SAMPLED);
-        for vertex in (0..mesh.positions.len() as u32).filter(is_sampled) {
+        let is_sampled =
+            |vertex: &LocalVertex| (vertex.number().wrapping_mul(0x9e37_79b9) >> 16).is_multiple_of(SAMPLED);
+        for vertex in mesh.vertex_ids().filter(is_sampled) {
             let area: f64 = rings.faces(mesh, vertex).map(|face| area_of(mesh.triangle(face))).sum();
             if area > 0.0 {
-                self.witnesses.push((vertex, area, mesh.positions[vertex as usize]));
+                self.witnesses.push(Witness { vertex, area, position: mesh.positions[vertex] });
             }
         }
     }
 
     /// Mean squared distance from the witnesses to the current mesh, in units of length²; 0 without witnesses.
     /// `went_to` returns the vertex that a vertex collapsed onto, if it did.
-    pub fn mean_sq(&self, mesh: &ClusterMesh, rings: &Rings, went_to: impl Fn(u32) -> Option<u32>) -> f64 {
+    pub fn mean_sq(
+        &self,
+        mesh: &ClusterMesh,
+        rings: &Rings,
+        went_to: impl Fn(LocalVertex) -> Option<LocalVertex>,
+    ) -> f64 {
         let (mut sum, mut total) = (0.0, 0.0);
-        for &(witness, area, position) in &self.witnesses {
-            let mut vertex = witness;
+        for &Witness { mut vertex, area, position } in &self.witnesses {
             while let Some(next) = went_to(vertex) {
                 vertex = next;
             }
@@ -89,7 +104,7 @@ mod tests {
         rings.build(&mesh);
         let mut witnesses = Witnesses::default();
         witnesses.gather(&mesh, &rings);
-        let far = witnesses.mean_sq(&mesh, &rings, |vertex| (vertex != 0).then(|| vertex - 1));
+        let far = witnesses.mean_sq(&mesh, &rings, |vertex| vertex.number().checked_sub(1).map(LocalVertex::new));
         assert!(far > 10.0, "{far}");
     }
 }

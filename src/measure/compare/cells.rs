@@ -30,6 +30,7 @@ use crate::geometry::triangle::{area, perimeter, texture_area};
 use crate::geometry::triangle_tree::{self, Answer, Pair, Question, Tree, TreeView};
 use crate::image::textures::{NO_IMAGE, TextureImages};
 use crate::job::{InputFile, Manifest, Resume, WorkFolder};
+use crate::mesh::id::{FaceId, LocalVertex};
 use crate::model::{Catalogue, StoredMesh};
 use crate::os::mmap::MappedRecords;
 use crate::partition::cluster;
@@ -300,7 +301,8 @@ struct Making<'a> {
 impl Making<'_> {
     fn draft(&self, source: &ClusterSource) -> Result<Draft> {
         let mesh = &source.mesh;
-        let Tree { pairs, tilted, order } = triangle_tree::build(mesh.corners.len(), |face| mesh.triangle(face));
+        let Tree { pairs, tilted, order } =
+            triangle_tree::build(mesh.corners.len(), |face| mesh.triangle(FaceId::new(face)));
         let mut draft = Draft {
             origin: source.origin,
             bounds: Bounds::EMPTY,
@@ -308,14 +310,14 @@ impl Making<'_> {
             side_length: 0.0,
             volume: 0.0,
             shown: BTreeMap::new(),
-            positions: mesh.positions.clone(),
+            positions: mesh.positions.raw.clone(),
             pairs,
             tilted,
             faces: Vec::with_capacity(order.len()),
             tally: tally(source, self.catalogue, &self.images.of_part),
         };
         let mut bounds = Bounds::EMPTY;
-        for face in order {
+        for face in order.into_iter().map(FaceId::new) {
             let triangle = mesh.triangle(face);
             bounds = bounds.with(Bounds::around(triangle));
             draft.area += area(triangle);
@@ -324,15 +326,15 @@ impl Making<'_> {
             draft.volume += corners[0].dot(corners[1].cross(corners[2])) / 6.0;
             let (image, texcoords) = self.texture(source, face);
             *draft.shown.entry(image).or_default() += texture_area(texcoords);
-            draft.faces.push(CellFace { vertices: mesh.vertices(face), image, texcoords });
+            draft.faces.push(CellFace { vertices: mesh.vertices(face).map(LocalVertex::number), image, texcoords });
         }
         draft.bounds = Bounds { low: bounds.low + source.origin, high: bounds.high + source.origin };
         Ok(draft)
     }
 
     /// Texture image and texture coordinates of a face.
-    fn texture(&self, source: &ClusterSource, face: u32) -> (u32, [[f32; 2]; 3]) {
-        let image = self.images.of_part[source.mesh.parts[face as usize] as usize];
+    fn texture(&self, source: &ClusterSource, face: FaceId) -> (u32, [[f32; 2]; 3]) {
+        let image = self.images.of_part[source.mesh.parts[face].index()];
         let [a, b, c] = source.mesh.uv_triangle(face);
         let low = a.min(b).min(c).floor();
         if image == NO_IMAGE || !(a + b + c).is_finite() {

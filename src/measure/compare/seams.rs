@@ -25,6 +25,7 @@ use crate::base::chance;
 use crate::file::{Column, ColumnWriter};
 use crate::image::textures::NO_IMAGE;
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::id::Wedge;
 
 /// Maximum number of points on seams for each point by area.
 const SEAM_SHARE: f64 = 0.25;
@@ -43,8 +44,8 @@ pub struct EdgeTexture {
 
 impl EdgeTexture {
     /// Texture along the edge between two wedges of a face that shows `image`.
-    pub fn of(mesh: &ClusterMesh, wedges: [u32; 2], image: u32) -> Self {
-        let [from, to] = wedges.map(|wedge| mesh.wedge_uv[wedge as usize]);
+    pub fn of(mesh: &ClusterMesh, wedges: [Wedge; 2], image: u32) -> Self {
+        let [from, to] = wedges.map(|wedge| mesh.wedge_uv[wedge]);
         let low = from.min(to).floor();
         if image == NO_IMAGE || !(from + to).is_finite() {
             return Self { image: NO_IMAGE, texcoords: [[0.0; 2]; 2] };

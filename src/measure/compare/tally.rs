@@ -28,11 +28,13 @@ use xxhash_rust::xxh3::xxh3_64;
 use super::super::forest::DisjointSets;
 use super::seams::{EdgeTexture, SeamEdge, SeamEdges, SeamWriter};
 use crate::base::Result;
+use crate::base::id::TiVec;
 use crate::file::buckets::{BucketWriter, Verbatim};
 use crate::geometry::triangle::{is_flat, regularity};
 use crate::measure::figures::{Quality, SLIVER_REGULARITY, TopologyCounts};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::fold::{across, is_angle_small};
+use crate::mesh::id::{FaceId, LocalVertex, Wedge};
 use crate::model::Catalogue;
 use crate::partition::{ClusterSource, Shared};
 
@@ -170,7 +172,7 @@ pub struct CellTally {
 }
 
 /// A side of a face: its vertices, the lower one first, the wedges there, and the face.
-type FaceSide = ([u32; 2], [u32; 2], u32);
+type FaceSide = ([LocalVertex; 2], [Wedge; 2], FaceId);
 
 /// Counts a cell; `images` has the texture image of each part.
 pub fn tally(source: &ClusterSource, catalogue: &Catalogue, images: &[u32]) -> CellTally {
@@ -178,29 +180,28 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue, images: &[u32]) -> C
     let mut found = CellTally::default();
     found.counts.topology.faces = mesh.corners.len() as u64;
     found.counts.topology.degenerate_faces = source.degenerate;
-    for face in 0..mesh.corners.len() as u32 {
+    for face in mesh.face_ids() {
         // The regularity is NaN if the sides are too long to be squared.
         let regularity = regularity(mesh.triangle(face)).max(0.0);
         found.counts.regularity_sum += regularity;
         found.counts.slivers += u64::from(regularity < SLIVER_REGULARITY);
     }
     let sides = sorted_sides(mesh);
-    let is_shared = |vertices: [u32; 2]| vertices.iter().all(|&vertex| mesh.is_shared(vertex));
-    let is_textured = |face: u32| mesh.uv_triangle(face).iter().all(|uv| uv.is_finite());
+    let is_shared = |vertices: [LocalVertex; 2]| vertices.iter().all(|&vertex| mesh.is_shared(vertex));
+    let is_textured = |face: FaceId| mesh.uv_triangle(face).iter().all(|uv| uv.is_finite());
     let mut pieces = DisjointSets::new(mesh.corners.len());
     let mut charts = DisjointSets::new(mesh.corners.len());
     let mut border = DisjointSets::new(mesh.positions.len());
     let mut on_border = Vec::new();
-    let mut edges_at = vec![0u32; mesh.positions.len()];
-    let length = |vertices: [u32; 2]| {
-        let [from, to] = vertices.map(|vertex| mesh.positions[vertex as usize]);
+    let mut edges_at = mesh.per_vertex(0);
+    let length = |vertices: [LocalVertex; 2]| {
+        let [from, to] = vertices.map(|vertex| mesh.positions[vertex]);
         from.distance(to)
     };
-    let texture =
-        |(_, wedges, face): FaceSide| EdgeTexture::of(mesh, wedges, images[mesh.parts[face as usize] as usize]);
+    let texture = |(_, wedges, face): FaceSide| EdgeTexture::of(mesh, wedges, images[mesh.parts[face].index()]);
     for edge in sides.chunk_by(|a, b| a.0 == b.0) {
         let (vertices, wedges, face) = edge[0];
-        edge[1..].iter().for_each(|side| pieces.join(face, side.2));
+        edge[1..].iter().for_each(|side| pieces.join(face.number(), side.2.number()));
         if is_shared(vertices) {
             continue;
         }
@@ -209,15 +210,15 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue, images: &[u32]) -> C
         if let [a, b] = edge {
             found.counts.add_fold([*a, *b].map(|side| across_side(mesh, side)));
         }
-        vertices.iter().for_each(|&vertex| edges_at[vertex as usize] += 1);
+        vertices.iter().for_each(|&vertex| edges_at[vertex] += 1);
         match edge {
             [_] => {
-                border.join(vertices[0], vertices[1]);
-                vertices.iter().for_each(|&vertex| edges_at[vertex as usize] |= ON_BORDER);
+                border.join(vertices[0].number(), vertices[1].number());
+                vertices.iter().for_each(|&vertex| edges_at[vertex] |= ON_BORDER);
                 on_border.extend(vertices);
-                found.border_edges.push(vertices.map(|vertex| mesh.positions[vertex as usize] + source.origin));
+                found.border_edges.push(vertices.map(|vertex| mesh.positions[vertex] + source.origin));
             }
-            [a, b] if !is_seam && is_textured(a.2) && is_textured(b.2) => charts.join(a.2, b.2),
+            [a, b] if !is_seam && is_textured(a.2) && is_textured(b.2) => charts.join(a.2.number(), b.2.number()),
             [a, b] if is_seam => found.seams.extend(SeamEdge::between(length(vertices), [*a, *b].map(texture))),
             _ => {}
         }
@@ -228,21 +229,21 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue, images: &[u32]) -> C
     let keys = shared_keys(source, catalogue);
     for &side in sides.iter().filter(|side| is_shared(side.0)) {
         let (vertices, wedges, face) = side;
-        let chart = if is_textured(face) { chart_of[charts.root(face) as usize] } else { NO_CHART };
+        let chart = if is_textured(face) { chart_of[charts.root(face.number()) as usize] } else { NO_CHART };
         let side = SharedSide {
             vertices: vertices.map(|vertex| source.vertex_id(vertex)),
-            keys: wedges.map(|wedge| keys[wedge as usize]),
+            keys: wedges.map(|wedge| keys[wedge]),
             across: across_side(mesh, side).to_array(),
-            piece: piece_of[pieces.root(face) as usize],
+            piece: piece_of[pieces.root(face.number()) as usize],
             chart,
             texture: texture(side),
             length: length(vertices) as f32,
         };
         found.sides.push(side.lower_first());
     }
-    for (vertex, &edges) in edges_at.iter().enumerate() {
-        match mesh.is_shared(vertex as u32) {
-            true => found.shared_vertices.push((source.vertex_id(vertex as u32), edges)),
+    for (vertex, &edges) in edges_at.iter_enumerated() {
+        match mesh.is_shared(vertex) {
+            true => found.shared_vertices.push((source.vertex_id(vertex), edges)),
             false => found.counts.add_vertex(edges),
         }
     }
@@ -251,31 +252,32 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue, images: &[u32]) -> C
 
 /// Direction in which the face of a side leads away from it.
 fn across_side(mesh: &ClusterMesh, (ends, _, face): FaceSide) -> DVec3 {
-    let [low, high] = ends.map(|vertex| mesh.positions[vertex as usize]);
+    let [low, high] = ends.map(|vertex| mesh.positions[vertex]);
     let third = mesh.vertices(face).into_iter().find(|vertex| !ends.contains(vertex));
-    third.map_or(DVec3::ZERO, |third| across(high - low, mesh.positions[third as usize] - low))
+    third.map_or(DVec3::ZERO, |third| across(high - low, mesh.positions[third] - low))
 }
 
 fn sorted_sides(mesh: &ClusterMesh) -> Vec<FaceSide> {
     let mut sides = Vec::with_capacity(3 * mesh.corners.len());
-    for (face, (corners, vertices)) in (0u32..).zip(mesh.corners.iter().zip(&mesh.corner_vertices)) {
+    for (face, (corners, vertices)) in mesh.face_ids().zip(mesh.corners.iter().zip(&mesh.corner_vertices)) {
         for (from, to) in [(0, 1), (1, 2), (2, 0)] {
             let (from, to) = if vertices[from] < vertices[to] { (from, to) } else { (to, from) };
             sides.push(([vertices[from], vertices[to]], [corners[from], corners[to]], face));
         }
     }
-    sides.sort_unstable_by_key(|&([low, high], _, face)| (u64::from(low) << 32 | u64::from(high), face));
+    let number = |vertex: LocalVertex| u64::from(vertex.number());
+    sides.sort_unstable_by_key(|&([low, high], _, face)| (number(low) << 32 | number(high), face));
     sides
 }
 
 /// Key of texture coordinate and material for each wedge at a shared vertex; 0 for other wedges.
-fn shared_keys(source: &ClusterSource, catalogue: &Catalogue) -> Vec<u64> {
+fn shared_keys(source: &ClusterSource, catalogue: &Catalogue) -> TiVec<Wedge, u64> {
     let mesh = &source.mesh;
-    let mut keys = vec![0; mesh.wedge_vertex.len()];
+    let mut keys = mesh.per_wedge(0);
     for (corners, &part) in mesh.corners.iter().zip(&mesh.parts) {
-        for &wedge in corners.iter().filter(|&&wedge| mesh.is_shared(mesh.wedge_vertex[wedge as usize])) {
-            let [u, v] = mesh.wedge_uv[wedge as usize].to_array().map(|x| (x + 0.0).to_bits());
-            keys[wedge as usize] = xxh3_64(bytemuck::cast_slice(&[u, v, catalogue.material_index(part) as u64]));
+        for &wedge in corners.iter().filter(|&&wedge| mesh.is_shared(mesh.wedge_vertex[wedge])) {
+            let [u, v] = mesh.wedge_uv[wedge].to_array().map(|x| (x + 0.0).to_bits());
+            keys[wedge] = xxh3_64(bytemuck::cast_slice(&[u, v, catalogue.material_index(part.number()) as u64]));
         }
     }
     keys
@@ -283,19 +285,19 @@ fn shared_keys(source: &ClusterSource, catalogue: &Catalogue) -> Vec<u64> {
 
 impl CellTally {
     /// Counts borders that stay in the cell, and numbers those that reach a shared vertex.
-    fn count_borders(&mut self, source: &ClusterSource, border: &mut DisjointSets, mut vertices: Vec<u32>) {
+    fn count_borders(&mut self, source: &ClusterSource, border: &mut DisjointSets, mut vertices: Vec<LocalVertex>) {
         vertices.sort_unstable();
         vertices.dedup();
         let mut number = vec![u32::MAX; source.mesh.positions.len()];
         for &vertex in vertices.iter().filter(|&&vertex| source.mesh.is_shared(vertex)) {
-            let number = &mut number[border.root(vertex) as usize];
+            let number = &mut number[border.root(vertex.number()) as usize];
             if *number == u32::MAX {
                 *number = self.borders;
                 self.borders += 1;
             }
             self.border_ends.push((source.vertex_id(vertex), *number));
         }
-        let closed = vertices.iter().filter(|&&vertex| border.is_root(vertex) && number[vertex as usize] == u32::MAX);
+        let closed = vertices.iter().filter(|v| border.is_root(v.number()) && number[v.index()] == u32::MAX);
         self.counts.topology.boundary_loops = closed.count() as u64;
     }
 
@@ -303,7 +305,7 @@ impl CellTally {
     fn count_pieces(&mut self, mesh: &ClusterMesh, sides: &[FaceSide], pieces: &mut DisjointSets) -> Vec<u32> {
         let mut number = vec![u32::MAX; mesh.corners.len()];
         for (vertices, _, face) in sides {
-            let number = &mut number[pieces.root(*face) as usize];
+            let number = &mut number[pieces.root(face.number()) as usize];
             if *number == u32::MAX && vertices.iter().all(|&vertex| mesh.is_shared(vertex)) {
                 *number = self.pieces;
                 self.pieces += 1;
@@ -317,37 +319,34 @@ impl CellTally {
     /// Counts charts that stay in the cell, and numbers those with a side between shared vertices, by root.
     fn count_charts(&mut self, mesh: &ClusterMesh, sides: &[FaceSide], charts: &mut DisjointSets) -> Vec<u32> {
         let mut sums = vec![Chart::default(); mesh.corners.len()];
-        let mut textured = vec![false; mesh.corners.len()];
+        let mut textured = mesh.per_face(false);
         let finite = mesh.wedge_uv.iter().filter(|uv| uv.is_finite());
         let largest = finite.fold(0.0f64, |largest, uv| largest.max(uv.abs().max_element()));
-        for face in 0..mesh.corners.len() as u32 {
+        for face in mesh.face_ids() {
             let [a, b, c] = mesh.uv_triangle(face);
             if !(a.is_finite() && b.is_finite() && c.is_finite()) {
                 continue;
             }
-            textured[face as usize] = true;
+            textured[face] = true;
             let area = (b - a).perp_dot(c - a);
             let longest_sq = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
             if !is_flat(area.abs(), longest_sq, largest) {
-                let chart = &mut sums[charts.root(face) as usize];
+                let chart = &mut sums[charts.root(face.number()) as usize];
                 chart.area += area;
                 chart.positive += u64::from(area > 0.0);
                 chart.negative += u64::from(area < 0.0);
             }
         }
         let mut number = vec![u32::MAX; mesh.corners.len()];
-        for (vertices, _, face) in sides.iter().filter(|side| textured[side.2 as usize]) {
-            let root = charts.root(*face) as usize;
+        for (vertices, _, face) in sides.iter().filter(|side| textured[side.2]) {
+            let root = charts.root(face.number()) as usize;
             if number[root] == u32::MAX && vertices.iter().all(|&vertex| mesh.is_shared(vertex)) {
                 number[root] = self.charts.len() as u32;
                 self.charts.push(sums[root]);
             }
         }
-        for face in (0..mesh.corners.len()).filter(|&face| textured[face]) {
-            if charts.is_root(face as u32) && number[face] == u32::MAX {
-                self.counts.add_chart(&sums[face]);
-            }
-        }
+        let is_closed = |f: &FaceId| textured[*f] && charts.is_root(f.number()) && number[f.index()] == u32::MAX;
+        mesh.face_ids().filter(is_closed).for_each(|face| self.counts.add_chart(&sums[face.index()]));
         number
     }
 }

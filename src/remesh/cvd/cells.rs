@@ -9,21 +9,33 @@ use std::collections::VecDeque;
 
 use glam::DVec3;
 
-/// Cell of a vertex without a cell.
-pub const NO_CELL: u32 = u32::MAX;
+use crate::base::id::{TiSlice, TiVec, ids};
+use crate::mesh::id::LocalVertex;
+
+ids! {
+    /// A cell: vertices that shrink to one.
+    VoronoiCell;
+}
+
+/// The cell of each vertex; [`VoronoiCell::NONE`] where it has none.
+pub type VertexCells = TiSlice<LocalVertex, VoronoiCell>;
+
 /// Bits of a Morton code for each axis.
 const MORTON_BITS: u32 = 21;
 
 /// Vertices in Morton order of their positions within the box around all `positions`; equal codes in order of ids.
-pub fn morton_order(positions: &[DVec3], vertices: impl Iterator<Item = u32>) -> Vec<u32> {
+pub fn morton_order(
+    positions: &TiSlice<LocalVertex, DVec3>,
+    vertices: impl Iterator<Item = LocalVertex>,
+) -> Vec<LocalVertex> {
     let low = positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let high = positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
     let steps = f64::from((1 << MORTON_BITS) - 1) / (high - low).max_element().max(f64::MIN_POSITIVE);
-    let code = |vertex: u32| {
-        let cell = (positions[vertex as usize] - low) * steps;
+    let code = |vertex: LocalVertex| {
+        let cell = (positions[vertex] - low) * steps;
         [cell.x, cell.y, cell.z].iter().enumerate().map(|(axis, &c)| spread(c as u64) << axis).sum::<u64>()
     };
-    let mut order: Vec<(u64, u32)> = vertices.map(|vertex| (code(vertex), vertex)).collect();
+    let mut order: Vec<(u64, LocalVertex)> = vertices.map(|vertex| (code(vertex), vertex)).collect();
     order.sort_unstable();
     order.into_iter().map(|(_, vertex)| vertex).collect()
 }
@@ -44,79 +56,91 @@ fn spread(mut x: u64) -> u64 {
 /// A cell closes when its mass reaches `enough`. A cell that cannot grow that far joins the lightest cell next to it;
 /// if there is none, it stays.
 pub fn grow(
-    order: &[u32],
-    masses: &[f64],
+    order: &[LocalVertex],
+    masses: &TiSlice<LocalVertex, f64>,
     enough: f64,
-    cells: &mut [u32],
-    mut neighbours: impl FnMut(u32, &mut Vec<u32>),
-) -> u32 {
-    let mut count = cells.iter().filter(|&&cell| cell != NO_CELL).max().map_or(0, |cell| cell + 1);
-    let mut weights = vec![0.0; count as usize];
-    for (vertex, &cell) in cells.iter().enumerate().filter(|&(_, &cell)| cell != NO_CELL) {
-        weights[cell as usize] += masses[vertex];
+    cells: &mut VertexCells,
+    mut neighbours: impl FnMut(LocalVertex, &mut Vec<LocalVertex>),
+) -> usize {
+    let count = cells.iter().filter_map(|cell| cell.some()).max().map_or(0, |last| last.index() + 1);
+    let mut weights: TiVec<VoronoiCell, f64> = vec![0.0; count].into();
+    for (vertex, cell) in cells.iter_enumerated().filter_map(|(vertex, cell)| Some((vertex, cell.some()?))) {
+        weights[cell] += masses[vertex];
     }
     let (mut queue, mut ring, mut members) = (VecDeque::new(), Vec::new(), Vec::new());
     let mut leftovers = Vec::new();
     for &seed in order {
-        if cells[seed as usize] != NO_CELL {
+        if cells[seed] != VoronoiCell::NONE {
             continue;
         }
         queue.clear();
         members.clear();
         queue.push_back(seed);
-        let mut weight = 0.0;
+        let own = weights.push_and_get_key(0.0);
         while let Some(vertex) = queue.pop_front() {
-            if cells[vertex as usize] != NO_CELL {
+            if cells[vertex] != VoronoiCell::NONE {
                 continue;
             }
-            cells[vertex as usize] = count;
+            cells[vertex] = own;
             members.push(vertex);
-            weight += masses[vertex as usize];
-            if weight >= enough {
+            weights[own] += masses[vertex];
+            if weights[own] >= enough {
                 break;
             }
             neighbours(vertex, &mut ring);
-            queue.extend(ring.iter().filter(|&&v| cells[v as usize] == NO_CELL));
+            queue.extend(ring.iter().filter(|&&v| cells[v] == VoronoiCell::NONE));
         }
-        weights.push(weight);
-        if weight < enough {
-            leftovers.push((count, std::mem::take(&mut members)));
+        if weights[own] < enough {
+            leftovers.push((own, std::mem::take(&mut members)));
         }
-        count += 1;
     }
     // In the order of creation: each merge may make a cell heavier for the next.
     let mut joined = false;
     for (own, members) in leftovers {
-        let mut lightest: Option<(f64, u32)> = None;
+        let mut lightest: Option<(f64, VoronoiCell)> = None;
         for &vertex in &members {
             neighbours(vertex, &mut ring);
-            for cell in ring.iter().map(|&v| cells[v as usize]).filter(|&cell| cell != own && cell != NO_CELL) {
-                let weight = weights[cell as usize];
+            for cell in ring.iter().filter_map(|&v| cells[v].some()).filter(|&cell| cell != own) {
+                let weight = weights[cell];
                 if lightest.is_none_or(|(least, at)| (weight, cell) < (least, at)) {
                     lightest = Some((weight, cell));
                 }
             }
         }
         if let Some((_, cell)) = lightest {
-            members.iter().for_each(|&vertex| cells[vertex as usize] = cell);
-            weights[cell as usize] += weights[own as usize];
+            members.iter().for_each(|&vertex| cells[vertex] = cell);
+            let joining = weights[own];
+            weights[cell] += joining;
             joined = true;
         }
     }
-    if joined { renumber(cells, count) } else { count }
+    if joined { renumber(cells, weights.len()) } else { weights.len() }
 }
 
 /// Renumbers the cells that have vertices without gaps, in order; returns their number.
-fn renumber(cells: &mut [u32], count: u32) -> u32 {
-    let mut numbers = vec![NO_CELL; count as usize];
-    cells.iter().filter(|&&cell| cell != NO_CELL).for_each(|&cell| numbers[cell as usize] = 0);
+fn renumber(cells: &mut VertexCells, count: usize) -> usize {
+    let mut has_vertices: TiVec<VoronoiCell, bool> = vec![false; count].into();
+    cells.iter().filter_map(|cell| cell.some()).for_each(|cell| has_vertices[cell] = true);
     let mut next = 0;
-    for number in numbers.iter_mut().filter(|number| **number == 0) {
-        *number = next;
+    let mut renumbered: TiVec<VoronoiCell, VoronoiCell> = vec![VoronoiCell::NONE; count].into();
+    for cell in has_vertices.keys().filter(|&cell| has_vertices[cell]) {
+        renumbered[cell] = VoronoiCell::from(next);
         next += 1;
     }
-    cells.iter_mut().filter(|cell| **cell != NO_CELL).for_each(|cell| *cell = numbers[*cell as usize]);
+    cells.iter_mut().filter(|cell| **cell != VoronoiCell::NONE).for_each(|cell| *cell = renumbered[*cell]);
     next
+}
+
+#[cfg(test)]
+pub(super) mod short {
+    //! Short names of ids for tests.
+
+    use super::VoronoiCell;
+
+    /// A cell.
+    pub const fn cell(number: u32) -> VoronoiCell {
+        VoronoiCell::new(number)
+    }
 }
 
 #[cfg(test)]
@@ -124,16 +148,15 @@ mod tests {
     use super::*;
 
     /// Cells of vertices along a line.
-    fn in_a_row(masses: &[f64], enough: f64) -> (Vec<u32>, u32) {
-        let mut cells = vec![NO_CELL; masses.len()];
-        let order: Vec<u32> = (0..masses.len() as u32).collect();
-        let last = masses.len() as u32 - 1;
-        let neighbours = |v: u32, ring: &mut Vec<u32>| {
+    fn in_a_row(masses: &[f64], enough: f64) -> (Vec<u32>, usize) {
+        let mut cells: TiVec<_, _> = vec![VoronoiCell::NONE; masses.len()].into();
+        let order: Vec<LocalVertex> = LocalVertex::first(masses.len()).collect();
+        let neighbours = |vertex: LocalVertex, ring: &mut Vec<LocalVertex>| {
             ring.clear();
-            ring.extend([v.wrapping_sub(1), v + 1].iter().filter(|&&n| n <= last));
+            ring.extend(order.iter().filter(|other| other.number().abs_diff(vertex.number()) == 1));
         };
-        let count = grow(&order, masses, enough, &mut cells, neighbours);
-        (cells, count)
+        let count = grow(&order, TiSlice::from_ref(masses), enough, &mut cells, neighbours);
+        (cells.iter().map(|cell| cell.number()).collect(), count)
     }
 
     #[test]
@@ -158,6 +181,7 @@ mod tests {
     fn morton_order_walks_quarter_by_quarter() {
         let at = |x: f64, y: f64| DVec3::new(x, y, 0.0);
         let positions = [at(3.0, 3.0), at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0), at(3.0, 0.0), at(1.0, 1.0)];
-        assert_eq!(morton_order(&positions, 0..6), [1, 2, 3, 5, 4, 0]);
+        let order = morton_order(TiSlice::from_ref(&positions), LocalVertex::first(6));
+        assert_eq!(order, [1, 2, 3, 5, 4, 0].map(LocalVertex::new));
     }
 }

@@ -11,7 +11,10 @@
 
 use glam::DVec3;
 
+use super::cells::{VertexCells, VoronoiCell};
+use crate::base::id::{TiSlice, TiVec};
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::id::LocalVertex;
 use crate::mesh::ring::Rings;
 
 /// The centres during the clustering.
@@ -48,9 +51,9 @@ pub struct Clustering<'a> {
     /// Its rings.
     pub rings: &'a Rings,
     /// Mass of each vertex.
-    pub masses: &'a [f64],
+    pub masses: &'a TiSlice<LocalVertex, f64>,
     /// Centre of each cell: a vertex.
-    pub centres: &'a [u32],
+    pub centres: &'a TiSlice<VoronoiCell, LocalVertex>,
     /// Where the centres are.
     pub pull: Pull,
 }
@@ -58,20 +61,20 @@ pub struct Clustering<'a> {
 impl Clustering<'_> {
     /// Moves vertices between cells in at most `sweeps` sweeps; returns the number of sweeps that changed a cell.
     /// Centres and held vertices stay.
-    pub fn improve(&self, cells: &mut [u32], sweeps: u32, is_held: impl Fn(u32) -> bool) -> u32 {
+    pub fn improve(&self, cells: &mut VertexCells, sweeps: u32, is_held: impl Fn(LocalVertex) -> bool) -> u32 {
         let mut weights = self.weights(cells);
         for sweep in 0..sweeps {
             let mut moved = false;
-            for vertex in 0..cells.len() as u32 {
-                let own = cells[vertex as usize];
-                if self.rings.of(vertex).is_empty() || self.centres[own as usize] == vertex || is_held(vertex) {
+            for vertex in self.mesh.vertex_ids() {
+                let own = cells[vertex];
+                if self.rings.of(vertex).is_empty() || self.centres[own] == vertex || is_held(vertex) {
                     continue;
                 }
                 if let Some(better) = self.better_cell(vertex, cells, &weights) {
-                    let (mass, position) = (self.masses[vertex as usize], self.mesh.positions[vertex as usize]);
-                    weights[own as usize] = weights[own as usize].with(-mass, position);
-                    weights[better as usize] = weights[better as usize].with(mass, position);
-                    cells[vertex as usize] = better;
+                    let (mass, position) = (self.masses[vertex], self.mesh.positions[vertex]);
+                    weights[own] = weights[own].with(-mass, position);
+                    weights[better] = weights[better].with(mass, position);
+                    cells[vertex] = better;
                     moved = true;
                 }
             }
@@ -83,11 +86,11 @@ impl Clustering<'_> {
     }
 
     /// F \[9-11\]; with centroidal centres the sum of the cells' parts.
-    pub fn energy(&self, cells: &[u32]) -> f64 {
+    pub fn energy(&self, cells: &VertexCells) -> f64 {
         let weights = self.weights(cells);
-        let of_cell = |(weight, &centre): (&Weight, &u32)| match self.pull {
+        let of_cell = |(weight, &centre): (&Weight, &LocalVertex)| match self.pull {
             Pull::Fixed => {
-                let z = self.mesh.positions[centre as usize];
+                let z = self.mesh.positions[centre];
                 z.length_squared() * weight.mass - 2.0 * z.dot(weight.moment)
             }
             Pull::Centroidal => weight.energy(),
@@ -95,35 +98,39 @@ impl Clustering<'_> {
         weights.iter().zip(self.centres).map(of_cell).sum()
     }
 
-    fn weights(&self, cells: &[u32]) -> Vec<Weight> {
-        let mut weights = vec![Weight::default(); self.centres.len()];
-        for (vertex, &cell) in cells.iter().enumerate().filter(|&(_, &cell)| (cell as usize) < self.centres.len()) {
-            let weight = &mut weights[cell as usize];
-            *weight = weight.with(self.masses[vertex], self.mesh.positions[vertex]);
+    fn weights(&self, cells: &VertexCells) -> TiVec<VoronoiCell, Weight> {
+        let mut weights: TiVec<_, _> = vec![Weight::default(); self.centres.len()].into();
+        for (vertex, &cell) in cells.iter_enumerated() {
+            if let Some(weight) = weights.get_mut(cell) {
+                *weight = weight.with(self.masses[vertex], self.mesh.positions[vertex]);
+            }
         }
         weights
     }
 
     /// The neighbouring cell of least energy for a vertex; `None` if that is its own, or if a cell would become
     /// disconnected.
-    fn better_cell(&self, vertex: u32, cells: &[u32], weights: &[Weight]) -> Option<u32> {
-        let own = cells[vertex as usize];
-        let links = || self.rings.of(vertex).iter().map(|&c| ClusterMesh::following(c).map(|c| self.mesh.vertex_of(c)));
-        if links().all(|[a, _]| cells[a as usize] == own) || stretches(links(), cells, own) != 1 {
+    fn better_cell(
+        &self,
+        vertex: LocalVertex,
+        cells: &VertexCells,
+        weights: &TiSlice<VoronoiCell, Weight>,
+    ) -> Option<VoronoiCell> {
+        let own = cells[vertex];
+        let links = || self.rings.of(vertex).iter().map(|&c| self.mesh.others_of(c));
+        if links().all(|[a, _]| cells[a] == own) || stretches(links(), cells, own) != 1 {
             return None;
         }
-        let (mass, position) = (self.masses[vertex as usize], self.mesh.positions[vertex as usize]);
-        let cost = |cell: u32| match self.pull {
-            Pull::Fixed => self.mesh.positions[self.centres[cell as usize] as usize].distance_squared(position),
+        let (mass, position) = (self.masses[vertex], self.mesh.positions[vertex]);
+        let cost = |cell: VoronoiCell| match self.pull {
+            Pull::Fixed => self.mesh.positions[self.centres[cell]].distance_squared(position),
             // Increase of the cell's energy due to the vertex.
-            Pull::Centroidal if cell == own => {
-                weights[cell as usize].energy() - weights[cell as usize].with(-mass, position).energy()
-            }
-            Pull::Centroidal => weights[cell as usize].with(mass, position).energy() - weights[cell as usize].energy(),
+            Pull::Centroidal if cell == own => weights[cell].energy() - weights[cell].with(-mass, position).energy(),
+            Pull::Centroidal => weights[cell].with(mass, position).energy() - weights[cell].energy(),
         };
         let mut best = (cost(own), own);
         for [a, _] in links() {
-            let cell = cells[a as usize];
+            let cell = cells[a];
             if cell != best.1 && cell != own {
                 let found = cost(cell);
                 if found < best.0 && stretches(links(), cells, cell) == 1 {
@@ -137,41 +144,39 @@ impl Clustering<'_> {
 
 /// Number of stretches that a cell has on a closed ring of links; the cell must have some vertices of the ring, but not
 /// all.
-fn stretches(links: impl Iterator<Item = [u32; 2]>, cells: &[u32], cell: u32) -> usize {
-    links.filter(|&[a, b]| (cells[a as usize] == cell) && (cells[b as usize] != cell)).count()
+fn stretches(links: impl Iterator<Item = [LocalVertex; 2]>, cells: &VertexCells, cell: VoronoiCell) -> usize {
+    links.filter(|&[a, b]| (cells[a] == cell) && (cells[b] != cell)).count()
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::cells::short::cell;
     use super::*;
-    use crate::mesh::cluster::samples;
+    use crate::mesh::cluster::samples::{self, is_on_rim};
+    use crate::mesh::id::short::v;
     use proptest::prelude::*;
 
     /// The energy by its definition: masses times squared distances from the centres, summed over all vertices.
-    fn plain_energy(clustering: &Clustering, cells: &[u32]) -> f64 {
-        let of = |cell: u32| (0..cells.len()).filter(move |&v| cells[v] == cell);
-        let centre = |cell: u32| match clustering.pull {
-            Pull::Fixed => clustering.mesh.positions[clustering.centres[cell as usize] as usize],
+    fn plain_energy(clustering: &Clustering, cells: &VertexCells) -> f64 {
+        let Clustering { mesh, masses, centres, .. } = clustering;
+        let of = |cell: VoronoiCell| cells.keys().filter(move |&v| cells[v] == cell);
+        let centre = |cell: VoronoiCell| match clustering.pull {
+            Pull::Fixed => mesh.positions[centres[cell]],
             Pull::Centroidal => {
-                let moment: DVec3 = of(cell).map(|v| clustering.mesh.positions[v] * clustering.masses[v]).sum();
-                moment / of(cell).map(|v| clustering.masses[v]).sum::<f64>()
+                let moment: DVec3 = of(cell).map(|v| mesh.positions[v] * masses[v]).sum();
+                moment / of(cell).map(|v| masses[v]).sum::<f64>()
             }
         };
-        let term =
-            |cell: u32, v: usize| clustering.masses[v] * clustering.mesh.positions[v].distance_squared(centre(cell));
-        (0..clustering.centres.len() as u32)
-            .flat_map(|cell| of(cell).map(move |v| (cell, v)))
-            .map(|(c, v)| term(c, v))
-            .sum()
+        let term = |cell, v: LocalVertex| masses[v] * mesh.positions[v].distance_squared(centre(cell));
+        centres.keys().flat_map(|cell| of(cell).map(move |v| (cell, v))).map(|(cell, v)| term(cell, v)).sum()
     }
 
     /// Number of connected components of a cell among the vertices around one.
-    fn plain_pieces(mesh: &ClusterMesh, vertex: u32, cells: &[u32], cell: u32) -> usize {
+    fn plain_pieces(mesh: &ClusterMesh, vertex: LocalVertex, cells: &VertexCells, cell: VoronoiCell) -> usize {
         let faces = mesh.corner_vertices.iter().filter(|face| face.contains(&vertex));
-        let sides: Vec<Vec<u32>> = faces
-            .map(|face| face.iter().copied().filter(|&v| v != vertex && cells[v as usize] == cell).collect())
-            .collect();
-        let mut pieces: Vec<Vec<u32>> = Vec::new();
+        let sides: Vec<Vec<LocalVertex>> =
+            faces.map(|face| face.iter().copied().filter(|&v| v != vertex && cells[v] == cell).collect()).collect();
+        let mut pieces: Vec<Vec<LocalVertex>> = Vec::new();
         for side in sides.iter().filter(|side| !side.is_empty()) {
             let (touched, apart): (Vec<_>, Vec<_>) =
                 pieces.into_iter().partition(|piece| piece.iter().any(|v| side.contains(v)));
@@ -183,30 +188,29 @@ mod tests {
     }
 
     /// One sweep that tries every cell around every vertex, and sums the whole energy each time.
-    fn plain_sweep(clustering: &Clustering, cells: &mut [u32], is_held: impl Fn(u32) -> bool) {
-        for vertex in 0..cells.len() as u32 {
-            let own = cells[vertex as usize];
+    fn plain_sweep(clustering: &Clustering, cells: &mut VertexCells, is_held: impl Fn(LocalVertex) -> bool) {
+        for vertex in cells.keys() {
+            let own = cells[vertex];
             if is_held(vertex) || clustering.centres.contains(&vertex) {
                 continue;
             }
-            let ring = |v: u32| clustering.mesh.corner_vertices.iter().any(|f| f.contains(&v) && f.contains(&vertex));
-            let around: Vec<u32> = (0..cells.len() as u32).filter(|&v| v != vertex && ring(v)).collect();
-            if around.iter().all(|&v| cells[v as usize] == own)
-                || plain_pieces(clustering.mesh, vertex, cells, own) != 1
-            {
+            let ring =
+                |v: LocalVertex| clustering.mesh.corner_vertices.iter().any(|f| f.contains(&v) && f.contains(&vertex));
+            let around: Vec<LocalVertex> = cells.keys().filter(|&v| v != vertex && ring(v)).collect();
+            if around.iter().all(|&v| cells[v] == own) || plain_pieces(clustering.mesh, vertex, cells, own) != 1 {
                 continue;
             }
             let mut best = (plain_energy(clustering, cells), own);
-            for cell in around.iter().map(|&v| cells[v as usize]).filter(|&cell| cell != own).collect::<Vec<_>>() {
+            for cell in around.iter().map(|&v| cells[v]).filter(|&cell| cell != own).collect::<Vec<_>>() {
                 if plain_pieces(clustering.mesh, vertex, cells, cell) == 1 {
-                    cells[vertex as usize] = cell;
+                    cells[vertex] = cell;
                     let energy = plain_energy(clustering, cells);
                     if energy < best.0 {
                         best = (energy, cell);
                     }
                 }
             }
-            cells[vertex as usize] = best.1;
+            cells[vertex] = best.1;
         }
     }
 
@@ -223,12 +227,14 @@ mod tests {
             let mut rings = Rings::default();
             rings.build(&mesh);
             // three cells, parted by a column above a row and by that row
-            let mut cells: Vec<u32> =
-                (0..49).map(|v| if v / 7 >= cuts[1] { 2 } else { u32::from(v % 7 >= cuts[0]) }).collect();
-            let centres: Vec<u32> = (0..3).map(|cell| cells.iter().rposition(|&c| c == cell).unwrap() as u32).collect();
+            let cell_of = |at: u32| if at / 7 >= cuts[1] { 2 } else { u32::from(at % 7 >= cuts[0]) };
+            let mut cells: TiVec<LocalVertex, VoronoiCell> = (0..49).map(|at| cell(cell_of(at))).collect();
+            let centres: TiVec<VoronoiCell, LocalVertex> =
+                VoronoiCell::first(3).map(|cell| cells.rposition(|&c| c == cell).unwrap()).collect();
+            let masses: TiVec<LocalVertex, f64> = masses.into();
             let pull = if centroidal { Pull::Centroidal } else { Pull::Fixed };
             let clustering = Clustering { mesh: &mesh, rings: &rings, masses: &masses, centres: &centres, pull };
-            let is_border = |v: u32| [0, 6].contains(&(v % 7)) || [0, 6].contains(&(v / 7));
+            let is_border = |vertex| is_on_rim(6, vertex);
             let mut expected = cells.clone();
             for _ in 0..3 {
                 plain_sweep(&clustering, &mut expected, is_border);
@@ -239,55 +245,53 @@ mod tests {
     }
 
     /// Two cells of a grid of 6 × 6 with centres at its third points, wrongly divided; borders are held.
-    fn divided(pull: Pull) -> (ClusterMesh, Vec<u32>, Vec<u32>) {
+    fn divided(pull: Pull) -> (ClusterMesh, TiVec<VoronoiCell, LocalVertex>, TiVec<LocalVertex, VoronoiCell>) {
         let mesh = samples::grid(6, 0.0);
-        let centres = vec![3 * 7 + 2, 3 * 7 + 4];
-        let cells = (0..49).map(|v| u32::from(v % 7 >= if pull == Pull::Fixed { 3 } else { 4 })).collect();
+        let centres = vec![v(3 * 7 + 2), v(3 * 7 + 4)].into();
+        let middle = if pull == Pull::Fixed { 3 } else { 4 };
+        let cells = (0..49).map(|at| cell(u32::from(at % 7 >= middle))).collect();
         (mesh, centres, cells)
     }
 
-    fn improve(pull: Pull, masses: &[f64]) -> (f64, f64, Vec<u32>) {
+    fn improve(pull: Pull, masses: &TiSlice<LocalVertex, f64>) -> (f64, f64, TiVec<LocalVertex, VoronoiCell>) {
         let (mesh, centres, mut cells) = divided(pull);
-        (0..7).for_each(|row| cells[7 * row + 4] = u32::from(row == 3));
+        (0..7).for_each(|row| cells[v(7 * row + 4)] = cell(u32::from(row == 3)));
         let mut rings = Rings::default();
         rings.build(&mesh);
         let clustering = Clustering { mesh: &mesh, rings: &rings, masses, centres: &centres, pull };
         let before = clustering.energy(&cells);
-        let is_border = |v: u32| [0, 6].contains(&(v % 7)) || [0, 6].contains(&(v / 7));
-        clustering.improve(&mut cells, 50, is_border);
+        clustering.improve(&mut cells, 50, |vertex| is_on_rim(6, vertex));
         (before, clustering.energy(&cells), cells)
     }
 
     #[test]
     fn vertices_go_to_the_nearer_centre_and_the_energy_falls() {
-        let masses: Vec<f64> = (0..49).map(|v| f64::from(v % 5 + 1)).collect();
+        let masses: TiVec<LocalVertex, f64> = (0..49).map(|at| f64::from(at % 5 + 1)).collect();
         let (before, after, cells) = improve(Pull::Fixed, &masses);
         assert!(after < before, "{before} {after}");
         for row in 1..6 {
-            assert_eq!(cells[7 * row + 4], 1, "row {row}");
-            assert_eq!(cells[7 * row + 1], 0, "row {row}");
+            assert_eq!([1, 4].map(|column| cells[v(7 * row + column)]), [0, 1].map(cell), "row {row}");
         }
     }
 
     #[test]
     fn centroidal_cells_lower_their_energy_too() {
-        let (before, after, _) = improve(Pull::Centroidal, &[1.0; 49]);
+        let (before, after, _) = improve(Pull::Centroidal, TiSlice::from_ref(&[1.0; 49]));
         assert!(after < before, "{before} {after}");
     }
 
     #[test]
     fn the_energy_is_that_of_its_definition() {
         let (mesh, centres, cells) = divided(Pull::Fixed);
-        let masses: Vec<f64> = (0..49).map(|v| f64::from(v % 3 + 1)).collect();
+        let masses: TiVec<LocalVertex, f64> = (0..49).map(|at| f64::from(at % 3 + 1)).collect();
         let mut rings = Rings::default();
         rings.build(&mesh);
         let clustering =
             Clustering { mesh: &mesh, rings: &rings, masses: &masses, centres: &centres, pull: Pull::Fixed };
         // Σ M |γ - z|² = F + Σ M |γ|².
         let (mut spread, mut about_origin) = (0.0, 0.0);
-        for v in 0..49 {
-            let (p, z) = (mesh.positions[v], mesh.positions[centres[cells[v] as usize] as usize]);
-            spread += masses[v] * p.distance_squared(z);
+        for (v, &p) in mesh.positions.iter_enumerated() {
+            spread += masses[v] * p.distance_squared(mesh.positions[centres[cells[v]]]);
             about_origin += masses[v] * p.length_squared();
         }
         assert!((clustering.energy(&cells) + about_origin - spread).abs() < 1e-9);
@@ -301,14 +305,12 @@ mod tests {
         let mesh = samples::grid(4, 0.0);
         let mut rings = Rings::default();
         rings.build(&mesh);
-        let mut cells = vec![1; 25];
-        (10..14).for_each(|v| cells[v] = 0);
-        let centres = vec![10, 7];
+        let mut cells = mesh.per_vertex(cell(1));
+        (10..14).for_each(|at| cells[v(at)] = cell(0));
+        let (masses, centres) = (mesh.per_vertex(1.0), TiVec::from(vec![v(10), v(7)]));
         let clustering =
-            Clustering { mesh: &mesh, rings: &rings, masses: &[1.0; 25], centres: &centres, pull: Pull::Fixed };
-        let is_border = |v: u32| [0, 4].contains(&(v % 5)) || [0, 4].contains(&(v / 5));
-        let mut moved = cells.clone();
-        clustering.improve(&mut moved, 1, |v| is_border(v) || v == 13);
-        assert_eq!(moved[12], 0);
+            Clustering { mesh: &mesh, rings: &rings, masses: &masses, centres: &centres, pull: Pull::Fixed };
+        clustering.improve(&mut cells, 1, |vertex| is_on_rim(4, vertex) || vertex == v(13));
+        assert_eq!(cells[v(12)], cell(0));
     }
 }

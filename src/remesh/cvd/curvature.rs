@@ -14,7 +14,9 @@
 use glam::DVec3;
 use nalgebra::{Cholesky, SMatrix, SVector};
 
+use crate::base::id::TiVec;
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::id::{FaceId, LocalVertex};
 use crate::mesh::ring::Rings;
 
 /// Coefficients of the jet.
@@ -25,37 +27,43 @@ const NEIGHBOURS_MAX: usize = 96;
 /// Fits jets; holds only buffers.
 #[derive(Debug, Default)]
 pub struct JetFitter {
-    near: Vec<u32>,
-    seen: Vec<u32>,
+    near: Vec<LocalVertex>,
+    seen: TiVec<LocalVertex, u32>,
     epoch: u32,
 }
 
 impl JetFitter {
     /// k1² + k2² at a vertex, in 1 / length², fitted to `ring_count` rings around it; 0 if there are too few vertices
     /// for a fit.
-    pub fn squared_curvature(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32, ring_count: u32) -> f64 {
+    pub fn squared_curvature(
+        &mut self,
+        mesh: &ClusterMesh,
+        rings: &Rings,
+        vertex: LocalVertex,
+        ring_count: u32,
+    ) -> f64 {
         self.gather(mesh, rings, vertex, ring_count);
         let Some(normal) = normal_at(mesh, rings, vertex) else { return 0.0 };
-        let centre = mesh.positions[vertex as usize];
-        let points = self.near.iter().map(|&v| mesh.positions[v as usize] - centre);
+        let centre = mesh.positions[vertex];
+        let points = self.near.iter().map(|&v| mesh.positions[v] - centre);
         fit(points, normal).unwrap_or(0.0)
     }
 
     /// Collects the vertices within `ring_count` rings, the centre first.
-    fn gather(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: u32, ring_count: u32) {
+    fn gather(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex, ring_count: u32) {
         self.seen.resize(mesh.positions.len(), 0);
         self.epoch += 1;
         self.near.clear();
         self.near.push(vertex);
-        self.seen[vertex as usize] = self.epoch;
+        self.seen[vertex] = self.epoch;
         let mut start = 0;
         for _ in 0..ring_count {
             let end = self.near.len();
             for at in start..end {
                 for &corner in rings.of(self.near[at]) {
-                    for v in ClusterMesh::following(corner).map(|c| mesh.vertex_of(c)) {
-                        if self.seen[v as usize] != self.epoch && self.near.len() < NEIGHBOURS_MAX {
-                            self.seen[v as usize] = self.epoch;
+                    for v in mesh.others_of(corner) {
+                        if self.seen[v] != self.epoch && self.near.len() < NEIGHBOURS_MAX {
+                            self.seen[v] = self.epoch;
                             self.near.push(v);
                         }
                     }
@@ -67,8 +75,8 @@ impl JetFitter {
 }
 
 /// Area-weighted normal of the faces around a vertex; `None` if it is zero.
-fn normal_at(mesh: &ClusterMesh, rings: &Rings, vertex: u32) -> Option<DVec3> {
-    let across = |face: u32| {
+fn normal_at(mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex) -> Option<DVec3> {
+    let across = |face: FaceId| {
         let [a, b, c] = mesh.triangle(face);
         (b - a).cross(c - a)
     };
@@ -116,7 +124,7 @@ mod tests {
     fn curvature(mesh: &ClusterMesh, vertex: u32) -> f64 {
         let mut rings = Rings::default();
         rings.build(mesh);
-        JetFitter::default().squared_curvature(mesh, &rings, vertex, 2)
+        JetFitter::default().squared_curvature(mesh, &rings, LocalVertex::new(vertex), 2)
     }
 
     fn bent(height: impl Fn(f64, f64) -> f64) -> ClusterMesh {

@@ -13,7 +13,8 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::mesh::cluster::{ClusterMesh, DEAD};
+use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::id::{FaceId, LocalVertex, Wedge};
 use crate::mesh::ring::Rings;
 use crate::simplify::triangle_change::{triangle_survives, uv_survives};
 
@@ -30,22 +31,22 @@ pub fn flip(mesh: &mut ClusterMesh) -> u64 {
     mesh.compact_faces();
     let mut rings = Rings::default();
     // Last sweep in which the ring of each vertex changed.
-    let mut touched = vec![0; mesh.positions.len()];
+    let mut touched = mesh.per_vertex(0);
     let mut flipped = 0;
     for sweep in 1..=SWEEPS {
         rings.build(mesh);
         let before = flipped;
-        for face in 0..mesh.corners.len() as u32 {
+        for face in mesh.face_ids() {
             for k in 0..3 {
                 // After the first sweep only faces near changes matter.
-                if mesh.vertices(face).iter().all(|&v| touched[v as usize] + 1 < sweep) {
+                if mesh.vertices(face).iter().all(|&v| touched[v] + 1 < sweep) {
                     break;
                 }
                 let Some(hinge) = Hinge::at(mesh, &rings, face, k) else { continue };
-                let vertices = hinge.wedges.map(|w| mesh.wedge_vertex[w as usize]);
-                if vertices.iter().all(|&v| touched[v as usize] != sweep) && hinge.should_flip(mesh, &rings) {
+                let vertices = hinge.wedges.map(|w| mesh.wedge_vertex[w]);
+                if vertices.iter().all(|&v| touched[v] != sweep) && hinge.should_flip(mesh, &rings) {
                     hinge.flip(mesh);
-                    vertices.iter().for_each(|&v| touched[v as usize] = sweep);
+                    vertices.iter().for_each(|&v| touched[v] = sweep);
                     flipped += 1;
                     break;
                 }
@@ -61,25 +62,24 @@ pub fn flip(mesh: &mut ClusterMesh) -> u64 {
 /// Two faces (a, b, c) and (b, a, d), which have the same wedges at a and b.
 #[derive(Debug, Clone, Copy)]
 struct Hinge {
-    faces: [u32; 2],
+    faces: [FaceId; 2],
     /// a, b, c, d.
-    wedges: [u32; 4],
+    wedges: [Wedge; 4],
 }
 
 impl Hinge {
     /// The hinge at an edge of a face; `None` unless the edge has exactly one other face, which must have the same
     /// wedges there and a higher id.
-    fn at(mesh: &ClusterMesh, rings: &Rings, face: u32, k: usize) -> Option<Self> {
-        let at = |face: u32, k: usize| mesh.corners[face as usize][k % 3];
-        let [a, b, c] = [at(face, k), at(face, k + 1), at(face, k + 2)];
-        let [va, vb] = [a, b].map(|w| mesh.wedge_vertex[w as usize]);
+    fn at(mesh: &ClusterMesh, rings: &Rings, face: FaceId, k: usize) -> Option<Self> {
+        let [a, b, c] = [k, k + 1, k + 2].map(|k| mesh.corners[face][k % 3]);
+        let [va, vb] = [a, b].map(|w| mesh.wedge_vertex[w]);
         let (mut other, mut count) = (None, 0);
         for &corner in rings.of(va) {
-            let far = ClusterMesh::following(corner);
+            let far = corner.others();
             if far.iter().any(|&corner| mesh.vertex_of(corner) == vb) {
                 count += 1;
-                if corner / 3 != face && (mesh.wedge_of(corner), mesh.wedge_of(far[1])) == (a, b) {
-                    other = Some((corner / 3, mesh.wedge_of(far[0])));
+                if corner.face() != face && (mesh.wedge_of(corner), mesh.wedge_of(far[1])) == (a, b) {
+                    other = Some((corner.face(), mesh.wedge_of(far[0])));
                 }
             }
         }
@@ -88,13 +88,13 @@ impl Hinge {
     }
 
     fn should_flip(&self, mesh: &ClusterMesh, rings: &Rings) -> bool {
-        let [a, b, c, d] = self.wedges.map(|w| mesh.wedge_vertex[w as usize]);
-        let is_rim = |x: u32, y: u32| mesh.is_shared(x) && mesh.is_shared(y);
-        let [first, second] = self.faces.map(|face| face as usize);
-        if is_rim(a, b) || is_rim(c, d) || c == d || mesh.parts[first] != mesh.parts[second] {
+        let [a, b, c, d] = self.wedges.map(|w| mesh.wedge_vertex[w]);
+        let is_rim = |x: LocalVertex, y: LocalVertex| mesh.is_shared(x) && mesh.is_shared(y);
+        let [first, second] = self.faces.map(|face| mesh.parts[face]);
+        if is_rim(a, b) || is_rim(c, d) || c == d || first != second {
             return false;
         }
-        let [pa, pb, pc, pd] = [a, b, c, d].map(|v| mesh.positions[v as usize]);
+        let [pa, pb, pc, pd] = [a, b, c, d].map(|v| mesh.positions[v]);
         let cotangent = |at: DVec3, x: DVec3, y: DVec3| (x - at).dot(y - at) / (x - at).cross(y - at).length();
         let opposite = cotangent(pc, pa, pb) + cotangent(pd, pa, pb);
         if opposite.is_nan() || opposite >= COTANGENT_MAX {
@@ -110,7 +110,7 @@ impl Hinge {
         {
             return false;
         }
-        let [ua, ub, uc, ud] = self.wedges.map(|w| mesh.wedge_uv[w as usize]);
+        let [ua, ub, uc, ud] = self.wedges.map(|w| mesh.wedge_uv[w]);
         let old_uv: [[DVec2; 3]; 2] = [[ua, ub, uc], [ub, ua, ud]];
         let new_uv = [[uc, ua, ud], [ud, ub, uc]];
         let area_sq = |t: [DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).length_squared();
@@ -121,48 +121,39 @@ impl Hinge {
 
     fn flip(&self, mesh: &mut ClusterMesh) {
         let [a, b, c, d] = self.wedges;
-        let deviation = self.faces.map(|face| mesh.deviations[face as usize]).into_iter().fold(0.0, f32::max);
+        let deviation = self.faces.map(|face| mesh.deviations[face]).into_iter().fold(0.0, f32::max);
         for (face, corners) in self.faces.into_iter().zip([[c, a, d], [d, b, c]]) {
-            mesh.corners[face as usize] = corners;
-            mesh.corner_vertices[face as usize] = corners.map(|w| mesh.wedge_vertex[w as usize]);
-            mesh.deviations[face as usize] = deviation;
+            mesh.corners[face] = corners;
+            mesh.corner_vertices[face] = corners.map(|w| mesh.wedge_vertex[w]);
+            mesh.deviations[face] = deviation;
         }
     }
 }
 
-fn are_joined(mesh: &ClusterMesh, rings: &Rings, a: u32, b: u32) -> bool {
-    rings.of(a).iter().any(|&corner| {
-        mesh.corners.as_flattened()[corner as usize] != DEAD
-            && ClusterMesh::following(corner).iter().any(|&c| mesh.vertex_of(c) == b)
-    })
+fn are_joined(mesh: &ClusterMesh, rings: &Rings, a: LocalVertex, b: LocalVertex) -> bool {
+    rings.living(mesh, a).any(|corner| mesh.others_of(corner).contains(&b))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::cluster::flag;
+    use crate::mesh::cluster::{flag, samples};
+    use crate::mesh::id::short::{f, v, w};
 
     //  3-------2       a long diamond, split along the wrong diagonal
     //   \    / /
     //    0---1
     fn diamond(height: f64) -> ClusterMesh {
-        let mut mesh = ClusterMesh::default();
-        for (x, y, z) in [(-2.0, 0.0, 0.0), (0.0, -0.5, height), (2.0, 0.0, 0.0), (0.0, 0.5, 0.0)] {
-            let v = mesh.push_vertex(DVec3::new(x, y, z), 0);
-            mesh.push_wedge(v, DVec2::new(x, y));
-        }
-        mesh.push_face([0, 1, 2], 0);
-        mesh.push_face([2, 3, 0], 0);
-        mesh.link_wedges();
-        mesh
+        let corners = [[-2.0, 0.0, 0.0], [0.0, -0.5, height], [2.0, 0.0, 0.0], [0.0, 0.5, 0.0]].map(DVec3::from);
+        samples::mesh_of(corners.map(|corner| (corner, corner.truncate())), &[[0, 1, 2], [2, 3, 0]])
     }
 
     #[test]
     fn the_short_diagonal_replaces_the_long_one_once() {
         let mut mesh = diamond(0.0);
         assert_eq!(flip(&mut mesh), 1);
-        assert!(mesh.corner_vertices.iter().all(|face| face.contains(&1) && face.contains(&3)));
-        for face in 0..2 {
+        assert!(mesh.corner_vertices.iter().all(|face| face.contains(&v(1)) && face.contains(&v(3))));
+        for face in mesh.face_ids() {
             let [a, b, c] = mesh.triangle(face);
             assert!((b - a).cross(c - a).z > 0.0, "no face turns over");
         }
@@ -173,13 +164,13 @@ mod tests {
     fn an_edge_stays_where_it_is_a_crease_a_seam_or_another_clusters() {
         assert_eq!(flip(&mut diamond(0.3)), 0);
         let mut seam = diamond(0.0);
-        let wedge = seam.push_wedge(2, DVec2::new(9.0, 9.0));
-        seam.corners[1][0] = wedge;
+        let wedge = seam.push_wedge(v(2), DVec2::new(9.0, 9.0));
+        seam.corners[f(1)][0] = wedge;
         seam.link_wedges();
         assert_eq!(flip(&mut seam), 0);
         for pair in [[0, 2], [1, 3]] {
             let mut rim = diamond(0.0);
-            pair.iter().for_each(|&v: &usize| rim.flags[v] |= flag::SHARED);
+            pair.iter().for_each(|&at| rim.flags[v(at)] |= flag::SHARED);
             assert_eq!(flip(&mut rim), 0);
         }
     }
@@ -187,7 +178,7 @@ mod tests {
     #[test]
     fn an_edge_that_would_turn_the_texture_over_stays() {
         let mut mesh = diamond(0.0);
-        mesh.wedge_uv[3] = DVec2::new(-6.0, 0.5);
+        mesh.wedge_uv[w(3)] = DVec2::new(-6.0, 0.5);
         assert_eq!(flip(&mut mesh), 0);
     }
 }

@@ -13,8 +13,11 @@
 
 use glam::DVec2;
 
+use super::cells::{VertexCells, VoronoiCell};
 use super::queue::{quadric_error, weighted_normals};
+use crate::base::id::{TiSlice, TiVec};
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::id::LocalVertex;
 use crate::mesh::ring::Rings;
 use crate::simplify::edge_star::{EdgeStar, VanishingFan};
 
@@ -33,46 +36,49 @@ pub struct Shrunk {
 pub fn keep_junctions(
     mesh: &ClusterMesh,
     rings: &Rings,
-    cells: &mut [u32],
-    centres: &mut Vec<u32>,
+    cells: &mut VertexCells,
+    centres: &mut TiVec<VoronoiCell, LocalVertex>,
     most: f64,
-    is_held: impl Fn(u32) -> bool,
+    is_held: impl Fn(LocalVertex) -> bool,
 ) -> u64 {
     if most == f64::INFINITY {
         return 0;
     }
     let normals = weighted_normals(mesh);
     let mut junctions = Vec::new();
-    for vertex in 0..cells.len() as u32 {
-        let own = cells[vertex as usize];
-        if rings.of(vertex).is_empty() || is_held(vertex) || centres[own as usize] == vertex {
+    for vertex in mesh.vertex_ids() {
+        let own = cells[vertex];
+        if rings.of(vertex).is_empty() || is_held(vertex) || centres[own] == vertex {
             continue;
         }
-        let ring = || rings.of(vertex).iter().map(|&corner| mesh.vertex_of(ClusterMesh::following(corner)[0]));
-        let Some(second) = ring().map(|v| cells[v as usize]).find(|&cell| cell != own) else { continue };
-        if ring().all(|v| [own, second].contains(&cells[v as usize])) {
+        let ring = || rings.of(vertex).iter().map(|&corner| mesh.vertex_of(corner.next()));
+        let Some(second) = ring().map(|v| cells[v]).find(|&cell| cell != own) else { continue };
+        if ring().all(|v| [own, second].contains(&cells[v])) {
             continue;
         }
-        let to_centre = mesh.positions[centres[own as usize] as usize] - mesh.positions[vertex as usize];
+        let to_centre = mesh.positions[centres[own]] - mesh.positions[vertex];
         if quadric_error(rings, &normals, vertex, to_centre) > most {
             junctions.push(vertex);
         }
     }
     for &vertex in &junctions {
-        cells[vertex as usize] = centres.len() as u32;
-        centres.push(vertex);
+        cells[vertex] = centres.push_and_get_key(vertex);
     }
     junctions.len() as u64
 }
 
 /// Shrinks every cell to its centre, as far as that is legal. Held vertices stay.
-pub fn shrink(mesh: &mut ClusterMesh, cells: &[u32], centres: &[u32], is_held: impl Fn(u32) -> bool) -> Shrunk {
+pub fn shrink(
+    mesh: &mut ClusterMesh,
+    cells: &VertexCells,
+    centres: &TiSlice<VoronoiCell, LocalVertex>,
+    is_held: impl Fn(LocalVertex) -> bool,
+) -> Shrunk {
     let mut rings = Rings::default();
     rings.build(mesh);
-    let mut waiting: Vec<u32> = (0..cells.len() as u32)
-        .filter(|&v| !rings.of(v).is_empty() && !is_held(v) && centres[cells[v as usize] as usize] != v)
-        .collect();
-    let touched = vec![0; mesh.positions.len()];
+    let mut waiting: Vec<LocalVertex> =
+        cells.keys().filter(|&v| !rings.of(v).is_empty() && !is_held(v) && centres[cells[v]] != v).collect();
+    let touched = mesh.per_vertex(0);
     let mut shrinker = Shrinker { star: EdgeStar::default(), uvs: Vec::new(), touched, round: 0 };
     shrinker.star.reset(mesh.positions.len());
     let wanted = waiting.len() as u64;
@@ -101,7 +107,7 @@ struct Shrinker {
     /// New texture coordinate of each wedge pair.
     uvs: Vec<DVec2>,
     /// Last round in which each vertex took part in a collapse: its row in the rings is outdated until the next.
-    touched: Vec<u32>,
+    touched: TiVec<LocalVertex, u32>,
     round: u32,
 }
 
@@ -112,23 +118,23 @@ impl Shrinker {
         &mut self,
         mesh: &mut ClusterMesh,
         rings: &Rings,
-        cells: &[u32],
-        centres: &[u32],
-        vertex: u32,
+        cells: &VertexCells,
+        centres: &TiSlice<VoronoiCell, LocalVertex>,
+        vertex: LocalVertex,
         anywhere: bool,
     ) -> bool {
-        if self.touched[vertex as usize] == self.round {
+        if self.touched[vertex] == self.round {
             return false;
         }
-        let cell = cells[vertex as usize];
-        let centre = mesh.positions[centres[cell as usize] as usize];
-        let reach = |v: u32| (mesh.positions[v as usize].distance_squared(centre), v);
-        let mut targets: Vec<(f64, u32)> = rings
+        let cell = cells[vertex];
+        let centre = mesh.positions[centres[cell]];
+        let reach = |v: LocalVertex| (mesh.positions[v].distance_squared(centre), v);
+        let mut targets: Vec<(f64, LocalVertex)> = rings
             .of(vertex)
             .iter()
             .filter(|&&corner| mesh.living(corner).is_some())
-            .map(|&corner| mesh.vertex_of(ClusterMesh::following(corner)[0]))
-            .filter(|&v| cells[v as usize] == cell && self.touched[v as usize] != self.round)
+            .map(|&corner| mesh.vertex_of(corner.next()))
+            .filter(|&v| cells[v] == cell && self.touched[v] != self.round)
             .map(reach)
             .filter(|target| anywhere || *target < reach(vertex))
             .collect();
@@ -136,20 +142,20 @@ impl Shrinker {
         targets.into_iter().any(|(_, to)| self.try_collapse(mesh, rings, vertex, to))
     }
 
-    fn try_collapse(&mut self, mesh: &mut ClusterMesh, rings: &Rings, from: u32, to: u32) -> bool {
+    fn try_collapse(&mut self, mesh: &mut ClusterMesh, rings: &Rings, from: LocalVertex, to: LocalVertex) -> bool {
         self.star.gather(mesh, rings, from, to);
         if self.star.check_topology(mesh, rings, from, to, VanishingFan::default()).is_err() {
             return false;
         }
         self.uvs.clear();
-        self.uvs.extend(self.star.wedges.iter().map(|pair| mesh.wedge_uv[pair.1 as usize]));
-        let position = mesh.positions[to as usize];
+        self.uvs.extend(self.star.wedges.iter().map(|pair| mesh.wedge_uv[pair.to]));
+        let position = mesh.positions[to];
         if self.star.check_faces(mesh, rings, &[from], position, &self.uvs, f64::INFINITY).is_err() {
             return false;
         }
         self.star.apply(mesh, rings, from, to);
-        self.touched[from as usize] = self.round;
-        self.touched[to as usize] = self.round;
+        self.touched[from] = self.round;
+        self.touched[to] = self.round;
         true
     }
 }
@@ -159,28 +165,28 @@ mod tests {
     use super::*;
     use crate::geometry::triangle::regularity;
     use crate::mesh::cluster::samples;
+    use crate::mesh::id::short::v;
 
     /// A grid of 9 × 9 squares with cells of 3 × 3 vertices inside; borders are held, and cells of their own.
-    fn cells_of_nine() -> (ClusterMesh, Vec<u32>, Vec<u32>) {
+    fn cells_of_nine() -> (ClusterMesh, TiVec<LocalVertex, VoronoiCell>, TiVec<VoronoiCell, LocalVertex>) {
         let mesh = samples::grid(10, 0.0);
-        let (mut cells, mut centres) = (vec![0; 121], Vec::new());
-        for v in 0..121u32 {
-            let (x, y) = (v % 11, v / 11);
-            if is_border(v) {
-                cells[v as usize] = centres.len() as u32;
-                centres.push(v);
+        let (mut cells, mut centres) = (mesh.per_vertex(VoronoiCell::NONE), TiVec::new());
+        for at in 0..121u32 {
+            let (x, y) = (at % 11, at / 11);
+            if is_border(v(at)) {
+                cells[v(at)] = centres.push_and_get_key(v(at));
             } else if (x - 1) % 3 == 1 && (y - 1) % 3 == 1 {
-                for w in [v - 12, v - 11, v - 10, v - 1, v, v + 1, v + 10, v + 11, v + 12] {
-                    cells[w as usize] = centres.len() as u32;
+                let cell = centres.push_and_get_key(v(at));
+                for near in [at - 12, at - 11, at - 10, at - 1, at, at + 1, at + 10, at + 11, at + 12] {
+                    cells[v(near)] = cell;
                 }
-                centres.push(v);
             }
         }
         (mesh, cells, centres)
     }
 
-    fn is_border(v: u32) -> bool {
-        [0, 10].contains(&(v % 11)) || [0, 10].contains(&(v / 11))
+    fn is_border(vertex: LocalVertex) -> bool {
+        samples::is_on_rim(10, vertex)
     }
 
     #[test]
@@ -190,46 +196,45 @@ mod tests {
         assert_eq!(shrunk, Shrunk { gone: 72, junctions: 0, kept: 0 });
         // V - E + F = 1 with 40 border edges: F = 2 V - 2 - 40.
         assert_eq!(mesh.face_count, 2 * 49 - 42);
-        let area: f64 = (0..mesh.corners.len() as u32)
+        let area: f64 = mesh
+            .face_ids()
             .map(|face| {
                 let [a, b, c] = mesh.triangle(face);
                 0.5 * (b - a).cross(c - a).z
             })
             .sum();
         assert!((area - 100.0).abs() < 1e-9, "no face folds: {area}");
-        assert!((0..mesh.corners.len() as u32).all(|face| regularity(mesh.triangle(face)) > 0.02));
+        assert!(mesh.face_ids().all(|face| regularity(mesh.triangle(face)) > 0.02));
     }
 
     #[test]
     fn a_cell_around_another_keeps_what_it_cannot_give_up() {
         let (mut mesh, mut cells, mut centres) = cells_of_nine();
         // The middle vertex is a cell inside the ring of the cell around it.
-        let inner = 60;
-        let outer = cells[inner];
-        centres[outer as usize] = 59;
-        cells[inner] = centres.len() as u32;
-        centres.push(inner as u32);
+        let inner = v(60);
+        centres[cells[inner]] = v(59);
+        cells[inner] = centres.push_and_get_key(inner);
         let shrunk = shrink(&mut mesh, &cells, &centres, is_border);
         assert!(shrunk.kept >= 1, "{shrunk:?}");
         let mut rings = Rings::default();
         rings.build(&mesh);
-        assert!(!rings.of(inner as u32).is_empty());
+        assert!(!rings.of(inner).is_empty());
     }
 
     #[test]
     fn junctions_off_the_planes_around_them_are_kept() {
         let (mut mesh, mut cells, mut centres) = cells_of_nine();
         // Vertex 36 is a corner of a cell, where four cells meet.
-        mesh.positions[36].z = 0.8;
+        mesh.positions[v(36)].z = 0.8;
         let mut rings = Rings::default();
         rings.build(&mesh);
         let count = centres.len();
-        let kept = |most: f64, cells: &mut [u32], centres: &mut Vec<u32>| {
+        let kept = |most: f64, cells: &mut VertexCells, centres: &mut TiVec<VoronoiCell, LocalVertex>| {
             keep_junctions(&mesh, &rings, cells, centres, most, is_border)
         };
         assert_eq!(kept(f64::INFINITY, &mut cells.clone(), &mut centres.clone()), 0);
         assert!(kept(0.01, &mut cells, &mut centres) >= 1);
-        assert_eq!(centres[cells[36] as usize], 36);
+        assert_eq!(centres[cells[v(36)]], v(36));
         assert!(centres.len() > count);
     }
 }

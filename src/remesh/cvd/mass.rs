@@ -15,8 +15,10 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::curvature::JetFitter;
+use crate::base::id::TiVec;
 use crate::cost::planes::plane_of;
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::id::LocalVertex;
 use crate::mesh::ring::Rings;
 
 /// Low bits of a double that a magnitude drops: 64 magnitudes per power of two remain.
@@ -41,20 +43,20 @@ impl VertexPart {
 }
 
 /// The part of every vertex.
-pub fn parts(mesh: &ClusterMesh, rings: &Rings, ring_count: u32) -> Vec<VertexPart> {
-    let mut areas = vec![0.0; mesh.positions.len()];
-    for face in (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face)) {
+pub fn parts(mesh: &ClusterMesh, rings: &Rings, ring_count: u32) -> TiVec<LocalVertex, VertexPart> {
+    let mut areas = mesh.per_vertex(0.0);
+    for face in mesh.living_faces() {
         if let Some((_, area)) = plane_of(mesh.triangle(face)) {
-            mesh.vertices(face).iter().for_each(|&v| areas[v as usize] += area / 3.0);
+            mesh.vertices(face).iter().for_each(|&v| areas[v] += area / 3.0);
         }
     }
     let mut fitter = JetFitter::default();
-    let part = |(vertex, area): (usize, f64)| {
-        let squared_curvature = fitter.squared_curvature(mesh, rings, vertex as u32, ring_count);
+    let part = |(vertex, area): (LocalVertex, f64)| {
+        let squared_curvature = fitter.squared_curvature(mesh, rings, vertex, ring_count);
         let is_flat = squared_curvature * area < FLAT_TURN * FLAT_TURN;
         VertexPart { area, squared_curvature: if is_flat { 0.0 } else { squared_curvature } }
     };
-    areas.into_iter().enumerate().map(part).collect()
+    areas.into_iter_enumerated().map(part).collect()
 }
 
 /// Sums over the vertices of one magnitude.

@@ -20,8 +20,10 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use crate::base::id::{TiSlice, TiVec};
 use crate::geometry::triangle::regularity;
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::id::{Corner, FaceId, LocalVertex, WedgePair};
 use crate::mesh::ring::Rings;
 use crate::mesh::split::EdgePoint;
 
@@ -39,15 +41,14 @@ const MAGNITUDE_SHIFT: u32 = 46;
 
 /// For each face, whether its edges may be split: neither the face nor its texture triangle, if it has one, is thin or
 /// small, and the texture triangle has the sign of most in the cluster. In other faces rounding could fold the parts.
-pub fn sound_faces(mesh: &ClusterMesh) -> Vec<bool> {
-    let signed = |face: u32| {
+pub fn sound_faces(mesh: &ClusterMesh) -> TiVec<FaceId, bool> {
+    let signed = |face: FaceId| {
         let [a, b, c] = mesh.uv_triangle(face);
         (b - a).perp_dot(c - a)
     };
-    let living = || (0..mesh.corners.len() as u32).filter(|&face| !mesh.is_dead(face));
-    let turned = living().filter(|&face| signed(face) < 0.0).count();
-    let side = if turned > living().filter(|&face| signed(face) > 0.0).count() { -1.0 } else { 1.0 };
-    let is_sound = |face: u32| {
+    let turned = mesh.living_faces().filter(|&face| signed(face) < 0.0).count();
+    let side = if turned > mesh.living_faces().filter(|&face| signed(face) > 0.0).count() { -1.0 } else { 1.0 };
+    let is_sound = |face: FaceId| {
         let uv = mesh.uv_triangle(face);
         let has_texture = uv.iter().all(|t| t.is_finite());
         let is_large = uv[0].distance(uv[1]).max(uv[1].distance(uv[2])) > TEXTURE_MIN;
@@ -55,31 +56,37 @@ pub fn sound_faces(mesh: &ClusterMesh) -> Vec<bool> {
             signed(face) * side > 0.0 && is_large && regularity(uv.map(|t| t.extend(0.0))) >= REGULARITY_MIN;
         regularity(mesh.triangle(face)) >= REGULARITY_MIN && (!has_texture || keeps_texture)
     };
-    (0..mesh.corners.len() as u32).map(|face| !mesh.is_dead(face) && is_sound(face)).collect()
+    mesh.face_ids().map(|face| !mesh.is_dead(face) && is_sound(face)).collect()
 }
 
 /// Writes the other ends of the edges from a vertex to vertices with higher ids that may be split. Such an edge has two
 /// sound faces, which run along it in opposite directions and have the same wedges there, and no other cluster has the
 /// edge.
-pub fn splittable(mesh: &ClusterMesh, rings: &Rings, is_sound: &[bool], vertex: u32, ends: &mut Vec<u32>) {
+pub fn splittable(
+    mesh: &ClusterMesh,
+    rings: &Rings,
+    is_sound: &TiSlice<FaceId, bool>,
+    vertex: LocalVertex,
+    ends: &mut Vec<LocalVertex>,
+) {
     ends.clear();
     for &corner in rings.of(vertex) {
-        let far = ClusterMesh::following(corner);
+        let far = corner.others();
         for (k, other) in far.map(|c| mesh.vertex_of(c)).into_iter().enumerate() {
             let is_rim = mesh.is_shared(vertex) && mesh.is_shared(other);
             if other <= vertex || is_rim || ends.contains(&other) {
                 continue;
             }
-            let wedges = (mesh.wedge_of(corner), mesh.wedge_of(far[k]));
+            let pair_at = |corner, far| WedgePair { from: mesh.wedge_of(corner), to: mesh.wedge_of(far) };
+            let wedges = pair_at(corner, far[k]);
             let (mut faces, mut forwards, mut is_whole) = (0, 0, true);
             for &corner in rings.of(vertex) {
-                let far = ClusterMesh::following(corner);
+                let far = corner.others();
                 let Some(k) = far.iter().position(|&c| mesh.vertex_of(c) == other) else { continue };
-                let there = far[k];
                 faces += 1;
                 forwards += 1 - k;
-                is_whole &= wedges == (mesh.wedge_of(corner), mesh.wedge_of(there));
-                is_whole &= is_sound[corner as usize / 3];
+                is_whole &= wedges == pair_at(corner, far[k]);
+                is_whole &= is_sound[corner.face()];
             }
             if faces == 2 && forwards == 1 && is_whole {
                 ends.push(other);
@@ -89,20 +96,20 @@ pub fn splittable(mesh: &ClusterMesh, rings: &Rings, is_sound: &[bool], vertex: 
 }
 
 /// Unit normals of faces times the square root of their areas; zero for a dead face or one without area.
-pub fn weighted_normals(mesh: &ClusterMesh) -> Vec<DVec3> {
-    let normal = |face: u32| {
+pub fn weighted_normals(mesh: &ClusterMesh) -> TiVec<FaceId, DVec3> {
+    let normal = |face: FaceId| {
         let [a, b, c] = mesh.triangle(face);
         let across = (b - a).cross(c - a);
         let length = across.length();
         if length > 0.0 { across * (0.5 / length).sqrt() } else { DVec3::ZERO }
     };
-    (0..mesh.corners.len() as u32).map(|face| if mesh.is_dead(face) { DVec3::ZERO } else { normal(face) }).collect()
+    mesh.face_ids().map(|face| if mesh.is_dead(face) { DVec3::ZERO } else { normal(face) }).collect()
 }
 
 /// Q of a vertex at a displacement from it, in area × length².
-pub fn quadric_error(rings: &Rings, normals: &[DVec3], vertex: u32, displacement: DVec3) -> f64 {
-    let square = |corner: &u32| {
-        let distance = normals[*corner as usize / 3].dot(displacement);
+pub fn quadric_error(rings: &Rings, normals: &TiSlice<FaceId, DVec3>, vertex: LocalVertex, displacement: DVec3) -> f64 {
+    let square = |corner: &Corner| {
+        let distance = normals[corner.face()].dot(displacement);
         distance * distance
     };
     rings.of(vertex).iter().map(square).sum()
@@ -112,14 +119,19 @@ pub fn quadric_error(rings: &Rings, normals: &[DVec3], vertex: u32, displacement
 pub struct Queue<'a> {
     mesh: &'a ClusterMesh,
     rings: &'a Rings,
-    is_held: &'a [bool],
-    is_sound: &'a [bool],
-    normals: Vec<DVec3>,
+    is_held: &'a TiSlice<LocalVertex, bool>,
+    is_sound: &'a TiSlice<FaceId, bool>,
+    normals: TiVec<FaceId, DVec3>,
 }
 
 impl<'a> Queue<'a> {
     /// The candidates of a mesh. Edges between two held vertices stay whole, as do those of faces that are not sound.
-    pub fn new(mesh: &'a ClusterMesh, rings: &'a Rings, is_held: &'a [bool], is_sound: &'a [bool]) -> Self {
+    pub fn new(
+        mesh: &'a ClusterMesh,
+        rings: &'a Rings,
+        is_held: &'a TiSlice<LocalVertex, bool>,
+        is_sound: &'a TiSlice<FaceId, bool>,
+    ) -> Self {
         Self { mesh, rings, is_held, is_sound, normals: weighted_normals(mesh) }
     }
 
@@ -161,10 +173,10 @@ impl<'a> Queue<'a> {
 
     fn each_candidate(&self, least: f64, mut take: impl FnMut(EdgePoint, f64)) {
         let mut ends = Vec::new();
-        for a in 0..self.mesh.positions.len() as u32 {
+        for a in self.mesh.vertex_ids() {
             splittable(self.mesh, self.rings, self.is_sound, a, &mut ends);
-            for &b in ends.iter().filter(|&&b| !(self.is_held[a as usize] && self.is_held[b as usize])) {
-                let along = self.mesh.positions[b as usize] - self.mesh.positions[a as usize];
+            for &b in ends.iter().filter(|&&b| !(self.is_held[a] && self.is_held[b])) {
+                let along = self.mesh.positions[b] - self.mesh.positions[a];
                 let bends = [a, b].map(|end| quadric_error(self.rings, &self.normals, end, along));
                 let stretch = Stretch { from: 0.0, to: 1.0, bends, most: f64::INFINITY };
                 stretch.expand(DEPTH, least, &mut |share, error| take(EdgePoint { ends: [a, b], share }, error));
@@ -232,6 +244,7 @@ impl ErrorCounts {
 mod tests {
     use super::*;
     use crate::mesh::cluster::samples;
+    use crate::mesh::id::short::{v, w};
 
     fn expanded(bends: [f64; 2], least: f64) -> Vec<(f64, f64)> {
         let mut found = Vec::new();
@@ -265,7 +278,8 @@ mod tests {
         let mesh = samples::grid(6, 0.4);
         let mut rings = Rings::default();
         rings.build(&mesh);
-        let queue = Queue::new(&mesh, &rings, &[false; 49], &[true; 72]);
+        let (is_held, is_sound) = (mesh.per_vertex(false), mesh.per_face(true));
+        let queue = Queue::new(&mesh, &rings, &is_held, &is_sound);
         let counts = queue.count(u64::MAX);
         for wanted in [0, 1, 10, 60] {
             let points = queue.points(counts.threshold(wanted), u64::MAX);
@@ -283,14 +297,14 @@ mod tests {
         let mut rings = Rings::default();
         rings.build(&mesh);
         let normals = weighted_normals(&mesh);
-        for (v, displacement) in [(5, DVec3::new(0.3, -1.0, 0.2)), (10, DVec3::new(1.0, 1.0, -0.4))] {
+        for (at, displacement) in [(v(5), DVec3::new(0.3, -1.0, 0.2)), (v(10), DVec3::new(1.0, 1.0, -0.4))] {
             let mut quadric = Quadric::default();
-            for face in rings.faces(&mesh, v) {
+            for face in rings.faces(&mesh, at) {
                 let (normal, area) = plane_of(mesh.triangle(face)).unwrap();
                 quadric += Quadric::plane(normal, -normal.dot(mesh.triangle(face)[0]), area);
             }
-            let expected = quadric.at(mesh.positions[v as usize] + displacement);
-            assert!((quadric_error(&rings, &normals, v, displacement) - expected).abs() < 1e-12);
+            let expected = quadric.at(mesh.positions[at] + displacement);
+            assert!((quadric_error(&rings, &normals, at, displacement) - expected).abs() < 1e-12);
         }
     }
 
@@ -298,7 +312,7 @@ mod tests {
     fn a_face_whose_texture_is_turned_over_or_tiny_is_not_sound() {
         let mut mesh = samples::grid(2, 0.0);
         assert!(sound_faces(&mesh).iter().all(|&is_sound| is_sound));
-        mesh.wedge_uv[0] = glam::DVec2::new(0.15, 0.15);
+        mesh.wedge_uv[w(0)] = glam::DVec2::new(0.15, 0.15);
         let sound = sound_faces(&mesh);
         assert_eq!(sound.iter().filter(|&&is_sound| !is_sound).count(), 2, "the faces around the corner: {sound:?}");
         mesh.wedge_uv.iter_mut().for_each(|uv| *uv *= 1e-5);
@@ -309,14 +323,14 @@ mod tests {
     fn seams_borders_and_rims_are_not_split() {
         use crate::mesh::cluster::flag;
         let mut mesh = samples::two_charts(4);
-        [6, 11].iter().for_each(|&v: &usize| mesh.flags[v] |= flag::SHARED | flag::LOCKED);
+        [6, 11].iter().for_each(|&at| mesh.flags[v(at)] |= flag::SHARED | flag::LOCKED);
         let mut rings = Rings::default();
         rings.build(&mesh);
-        let ends = |v| {
+        let ends = |at| {
             let mut ends = Vec::new();
-            splittable(&mesh, &rings, &sound_faces(&mesh), v, &mut ends);
+            splittable(&mesh, &rings, &sound_faces(&mesh), v(at), &mut ends);
             ends.sort_unstable();
-            ends
+            ends.into_iter().map(LocalVertex::number).collect::<Vec<_>>()
         };
         assert_eq!(ends(0), [6], "0-1 and 0-5 are border edges");
         assert_eq!(ends(7), [8, 13], "7-12 lies on the seam");

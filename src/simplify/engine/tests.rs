@@ -4,7 +4,9 @@ use glam::{DVec2, DVec3};
 
 use super::*;
 use crate::cost::{SurfaceCost, Weights};
-use crate::mesh::cluster::samples;
+use crate::mesh::cluster::{flag, samples};
+use crate::mesh::id::short::v;
+use crate::model::id::PartId;
 
 fn simplified(mesh: ClusterMesh, faces: usize) -> (ClusterMesh, StageResult) {
     let mut engine = Engine::<SurfaceCost>::new(mesh, &Weights::default());
@@ -14,7 +16,7 @@ fn simplified(mesh: ClusterMesh, faces: usize) -> (ClusterMesh, StageResult) {
 
 fn area(mesh: &ClusterMesh) -> f64 {
     let across = |t: [DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).length();
-    (0..mesh.corners.len() as u32).map(|face| 0.5 * across(mesh.triangle(face))).sum()
+    mesh.face_ids().map(|face| 0.5 * across(mesh.triangle(face))).sum()
 }
 
 #[test]
@@ -41,7 +43,7 @@ fn no_face_of_a_flat_mesh_turns_over() {
         let whole = jittered(12, seed);
         for faces in [200, 100, 40, 10] {
             let (mesh, _) = simplified(whole.clone(), faces);
-            let normals = (0..mesh.corners.len() as u32).map(|face| {
+            let normals = mesh.face_ids().map(|face| {
                 let [a, b, c] = mesh.triangle(face);
                 (b - a).cross(c - a)
             });
@@ -61,13 +63,14 @@ fn the_face_target_is_hit() {
 fn a_locked_vertex_never_moves_and_never_vanishes() {
     let mut mesh = samples::grid(12, 0.3);
     let before = mesh.positions.clone();
-    for vertex in (0..169).step_by(5) {
+    let locked = mesh.vertex_ids().step_by(5);
+    for vertex in locked.clone() {
         mesh.flags[vertex] |= flag::LOCKED;
     }
     let (mesh, _) = simplified(mesh, 2);
-    for vertex in (0..169).step_by(5) {
+    for vertex in locked {
         assert_eq!(mesh.positions[vertex], before[vertex]);
-        assert!(mesh.corners.iter().flatten().any(|&w| mesh.wedge_vertex[w as usize] as usize == vertex));
+        assert!(mesh.corners.iter().flatten().any(|&w| mesh.wedge_vertex[w] == vertex));
     }
 }
 
@@ -77,8 +80,8 @@ fn a_seam_keeps_both_charts_on_their_sides() {
     assert!(result.reached, "{result:?}");
     assert!((area(&mesh) - 144.0).abs() < 1e-3, "{}", area(&mesh));
     for corners in &mesh.corners {
-        let right = corners.iter().filter(|&&w| mesh.wedge_uv[w as usize].x >= 6.99).count();
-        let left = corners.iter().filter(|&&w| mesh.wedge_uv[w as usize].x <= 0.601).count();
+        let right = corners.iter().filter(|&&w| mesh.wedge_uv[w].x >= 6.99).count();
+        let left = corners.iter().filter(|&&w| mesh.wedge_uv[w].x <= 0.601).count();
         assert!(right < 3 || left == 0, "a face spans both charts");
     }
 }
@@ -92,12 +95,12 @@ fn an_edge_that_only_its_upper_end_may_collapse_is_proposed_by_it() {
     let mut engine = Engine::<crate::cost::ClassicCost>::new(samples::grid(2, 0.5), &settings);
     engine.prepare();
     engine.cost.refresh(&engine.mesh, &engine.rings, &engine.classes);
-    let ahead = |&corner: &u32| EdgeAt::ahead(&engine.mesh, corner);
-    let edges: Vec<EdgeAt> = engine.rings.of(4).iter().filter_map(ahead).collect();
-    assert_eq!(edges.iter().filter(|edge| edge.other < 4).count(), 3);
-    assert!(edges.iter().all(|edge| engine.propose(4, edge).cost.is_finite()));
-    let inward = engine.rings.of(0).iter().filter_map(ahead).find(|edge| edge.other == 4).unwrap();
-    assert!(engine.propose(0, &inward).cost.is_infinite());
+    let ahead = |&corner: &Corner| EdgeAt::ahead(&engine.mesh, corner);
+    let edges: Vec<EdgeAt> = engine.rings.of(v(4)).iter().filter_map(ahead).collect();
+    assert_eq!(edges.iter().filter(|edge| edge.other < v(4)).count(), 3);
+    assert!(edges.iter().all(|edge| engine.propose(v(4), edge).cost.is_finite()));
+    let inward = engine.rings.of(v(0)).iter().filter_map(ahead).find(|edge| edge.other == v(4)).unwrap();
+    assert!(engine.propose(v(0), &inward).cost.is_infinite());
 }
 
 #[test]
@@ -107,8 +110,8 @@ fn locked_seams_stay_whole() {
     engine.run(Stop::Faces(4));
     let mesh = engine.finish();
     for y in 0..=12 {
-        let vertex = y * 13 + 6;
-        assert!(mesh.corners.iter().flatten().any(|&w| mesh.wedge_vertex[w as usize] == vertex), "{vertex}");
+        let vertex = v(y * 13 + 6);
+        assert!(mesh.corners.iter().flatten().any(|&w| mesh.wedge_vertex[w] == vertex), "{vertex:?}");
     }
 }
 
@@ -120,14 +123,14 @@ fn in_charts(chart: impl Fn(DVec3) -> u32) -> ClusterMesh {
         mesh.push_vertex(position, 0);
     }
     let mut wedges = std::collections::BTreeMap::new();
-    for face in 0..grid.corners.len() as u32 {
+    for face in grid.face_ids() {
         let centre = grid.triangle(face).into_iter().sum::<DVec3>() / 3.0;
         let chart = chart(centre);
         let corners = grid.vertices(face).map(|vertex| {
-            let uv = grid.positions[vertex as usize].truncate() + DVec2::splat(100.0 * f64::from(chart));
+            let uv = grid.positions[vertex].truncate() + DVec2::splat(100.0 * f64::from(chart));
             *wedges.entry((vertex, chart)).or_insert_with(|| mesh.push_wedge(vertex, uv))
         });
-        mesh.push_face(corners, 0);
+        mesh.push_face(corners, PartId::new(0));
     }
     mesh.link_wedges();
     mesh
@@ -142,19 +145,19 @@ fn a_corner_vanishes_along_a_seam_and_the_third_chart_follows_part_of_the_way() 
         (DVec2::splat(6.0), DVec2::splat(12.0)),
     ];
     let (mesh, _) = simplified(before, 2);
-    assert!(mesh.corner_vertices.iter().flatten().all(|&vertex| vertex != 84), "the corner is still there");
+    assert!(mesh.corner_vertices.iter().flatten().all(|&vertex| vertex != v(84)), "the corner is still there");
     for (corners, vertices) in mesh.corners.iter().zip(&mesh.corner_vertices) {
-        let uv = corners.map(|w| mesh.wedge_uv[w as usize]);
+        let uv = corners.map(|w| mesh.wedge_uv[w]);
         let charts = uv.map(|uv| (uv.x / 100.0).round());
         assert!(charts.iter().all(|&chart| chart == charts[0]), "a face spans charts: {uv:?}");
         assert!((uv[1] - uv[0]).perp_dot(uv[2] - uv[0]) > 0.0, "a folded texture triangle: {uv:?}");
         let (low, high) = areas[charts[0] as usize];
         for (uv, vertex) in uv.into_iter().zip(vertices) {
             let outside = |place: DVec2| place.distance(place.clamp(low, high));
-            let (place, surface) = (uv - 100.0 * charts[0], mesh.positions[*vertex as usize].truncate());
+            let (place, surface) = (uv - 100.0 * charts[0], mesh.positions[*vertex].truncate());
             assert!(outside(place) <= 0.75 * outside(surface) + 1e-6, "{place} for {surface} in chart {}", charts[0]);
         }
-        assert_eq!(corners.map(|w| mesh.wedge_vertex[w as usize]), *vertices);
+        assert_eq!(corners.map(|w| mesh.wedge_vertex[w]), *vertices);
     }
 }
 
@@ -167,7 +170,7 @@ fn outside_share(inset: f64) -> f64 {
     engine.run(Stop::Faces(16));
     let (mut samples, mut outside) = (0, 0);
     let mesh = engine.finish();
-    for face in 0..mesh.corners.len() as u32 {
+    for face in mesh.face_ids() {
         let uv = mesh.uv_triangle(face);
         let chart = (uv[0].x / 100.0).round();
         for i in 0..20 {

@@ -3,7 +3,8 @@
 use super::Engine;
 use crate::cost::{EdgeCase, Metric};
 use crate::mesh::class::Class;
-use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::id::{FaceId, LocalVertex};
+use crate::simplify::loners::Loner;
 use crate::simplify::proposal::Proposal;
 use crate::simplify::rips::has_border_end;
 use crate::simplify::{caps, handles};
@@ -59,16 +60,16 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Cuts handles. Returns their vertices and the copies of these.
-    fn cut(&mut self, handles: &[handles::Handle]) -> Vec<u32> {
-        let copies = self.mesh.positions.len() as u32;
+    fn cut(&mut self, handles: &[handles::Handle]) -> Vec<LocalVertex> {
+        let copies = self.mesh.positions.len();
         let mut changed = handles::cut(&mut self.mesh, &self.rings, handles);
         self.changes.handles_cut += changed.len() as u64 / 3;
-        changed.extend(copies..self.mesh.positions.len() as u32);
+        changed.extend(self.mesh.vertex_ids().skip(copies));
         changed
     }
 
     /// Rebuilds the rings and the classes of the `changed` vertices, if there are any.
-    fn follow_changes(&mut self, changed: &[u32]) {
+    fn follow_changes(&mut self, changed: &[LocalVertex]) {
         if !changed.is_empty() {
             self.is_tidy = false;
             self.tidy();
@@ -87,7 +88,7 @@ impl<M: Metric> Engine<M> {
     /// have no other collapse.
     pub(super) fn look_around(&mut self) {
         let alone = self.candidates.iter().copied().filter(|&vertex| self.is_alone(vertex));
-        let faces = alone.map(|vertex| (vertex, self.rings.of(vertex)[0] / 3)).collect();
+        let faces = alone.map(|vertex| Loner { vertex, face: self.rings.of(vertex)[0].face() }).collect();
         self.loners.price(&self.mesh, faces);
         if self.closes_rips() {
             self.rips.pair(&self.mesh, &self.rings, &self.classes);
@@ -98,29 +99,29 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Whether a vertex belongs to an isolated triangle: one that shares no vertex with another face.
-    pub(super) fn is_alone(&self, vertex: u32) -> bool {
+    pub(super) fn is_alone(&self, vertex: LocalVertex) -> bool {
         let &[corner] = self.rings.of(vertex) else { return false };
-        let ring = ClusterMesh::following(corner).map(|corner| self.mesh.vertex_of(corner));
+        let ring = self.mesh.others_of(corner);
         ring.iter().all(|&far| self.rings.of(far).len() == 1 && !self.mesh.is_shared(far))
     }
 
     /// Cost of removing the triangle of a vertex; `None` if the triangle is not isolated.
-    pub(super) fn price_alone(&self, vertex: u32) -> Option<f32> {
+    pub(super) fn price_alone(&self, vertex: LocalVertex) -> Option<f32> {
         if self.is_alone(vertex) { self.loners.price_of(vertex) } else { None }
     }
 
     /// Whether the surface that an isolated triangle was priced against has vanished.
-    pub(super) fn has_lost_neighbour(&self, vertex: u32) -> bool {
+    pub(super) fn has_lost_neighbour(&self, vertex: LocalVertex) -> bool {
         let (Some(neighbour), &[corner, ..]) = (self.loners.neighbour_of(vertex), self.rings.of(vertex)) else {
             return false;
         };
-        self.rings.faces(&self.mesh, self.followed(neighbour)).all(|face| face == corner / 3)
+        self.rings.faces(&self.mesh, self.followed(neighbour)).all(|face| face == corner.face())
     }
 
     /// The collapse of a vertex onto the border vertex that it was paired with, or onto the vertex that this one
     /// collapsed into. `None` if it has no such partner left, is held, or belongs to an isolated triangle.
-    pub(super) fn propose_weld(&self, vertex: u32) -> Option<Proposal> {
-        if self.classes[vertex as usize] == Class::Smooth {
+    pub(super) fn propose_weld(&self, vertex: LocalVertex) -> Option<Proposal> {
+        if self.classes[vertex] == Class::Smooth {
             return None;
         }
         let pair = self.rips.pair_of(vertex)?;
@@ -140,36 +141,37 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Whether `from` has a partner, and no face in common with `to`.
-    pub(super) fn is_apart(&self, from: u32, to: u32) -> bool {
-        let has_to = |face: u32| self.mesh.vertices(face).contains(&to);
-        self.classes[from as usize] != Class::Smooth
+    pub(super) fn is_apart(&self, from: LocalVertex, to: LocalVertex) -> bool {
+        let has_to = |face: FaceId| self.mesh.vertices(face).contains(&to);
+        self.classes[from] != Class::Smooth
             && self.rips.pair_of(from).is_some()
             && !self.rings.faces(&self.mesh, from).any(has_to)
     }
 
     /// Share of its cost that is charged for the collapse of a border edge.
-    pub(super) fn closing_share(&self, from: u32, to: u32) -> f32 {
+    pub(super) fn closing_share(&self, from: LocalVertex, to: LocalVertex) -> f32 {
         if self.closes_rips() && self.is_beside_hole(from, to) { CLOSING_SHARE } else { 1.0 }
     }
 
     /// Whether this border edge belongs to a hole of three edges.
-    pub(super) fn is_beside_hole(&self, from: u32, to: u32) -> bool {
-        let closes = |third: u32| third != to && self.is_border_beside(to, [third, from]);
-        if self.classes[from as usize].is_border() {
+    pub(super) fn is_beside_hole(&self, from: LocalVertex, to: LocalVertex) -> bool {
+        let closes = |third: LocalVertex| third != to && self.is_border_beside(to, [third, from]);
+        if self.classes[from].is_border() {
             // In an open fan every outer vertex occurs once as next and once as previous, except the two on the border:
             // the XOR of all leaves the border neighbour that is not `to`.
-            let mut third = to;
-            for &corner in self.rings.of(from).iter().filter(|&&corner| self.mesh.living(corner).is_some()) {
-                let [next, previous] = ClusterMesh::following(corner).map(|corner| self.mesh.vertex_of(corner));
-                third ^= next ^ previous;
+            let mut third = to.number();
+            for corner in self.rings.living(&self.mesh, from) {
+                let [next, previous] = self.mesh.others_of(corner);
+                third ^= next.number() ^ previous.number();
             }
-            return (third as usize) < self.classes.len() && closes(third) && self.is_border_beside(from, [third, to]);
+            let third = LocalVertex::new(third);
+            return third.index() < self.classes.len() && closes(third) && self.is_border_beside(from, [third, to]);
         }
         has_border_end(&self.mesh, &self.rings, from, closes)
     }
 
     /// Whether `vertex` has a border edge to `end`, and no face with both `end` and `third`.
-    fn is_border_beside(&self, vertex: u32, [end, third]: [u32; 2]) -> bool {
+    fn is_border_beside(&self, vertex: LocalVertex, [end, third]: [LocalVertex; 2]) -> bool {
         let mut count = 0;
         for face in self.rings.faces(&self.mesh, vertex) {
             let corners = self.mesh.vertices(face);
@@ -184,7 +186,7 @@ impl<M: Metric> Engine<M> {
     }
 
     /// The vertex that a vertex merged into in this stage, over any number of collapses, or itself.
-    pub(super) fn followed(&self, mut vertex: u32) -> u32 {
+    pub(super) fn followed(&self, mut vertex: LocalVertex) -> LocalVertex {
         while let Some(next) = self.went_to(vertex) {
             vertex = next;
         }
@@ -192,10 +194,10 @@ impl<M: Metric> Engine<M> {
     }
 
     /// The vertex that a vertex collapsed onto in this stage; `None` if it did not, even if its component has vanished.
-    pub(super) fn went_to(&self, vertex: u32) -> Option<u32> {
-        let proposal = &self.proposals[vertex as usize];
-        let went = self.rings.of(vertex).is_empty() && proposal.cost == f32::INFINITY && proposal.to != u32::MAX;
-        went.then_some(proposal.to)
+    pub(super) fn went_to(&self, vertex: LocalVertex) -> Option<LocalVertex> {
+        let proposal = &self.proposals[vertex];
+        let has_vanished = self.rings.of(vertex).is_empty() && proposal.cost == f32::INFINITY;
+        proposal.to.some().filter(|_| has_vanished)
     }
 
     /// Number of non-manifold vertices that no other cluster uses.

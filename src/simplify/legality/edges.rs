@@ -4,6 +4,7 @@ use glam::DVec2;
 
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::fold::are_nearly_folded;
+use crate::mesh::id::{FaceId, LocalVertex, Wedge};
 use crate::mesh::ring::Rings;
 use crate::simplify::edge_star::{EdgeStar, Neighbour, VanishingFan, is_hub};
 use crate::simplify::refusal::Refusal;
@@ -33,7 +34,7 @@ impl Neighbour {
     }
 }
 
-fn neighbour_of(neighbours: &mut Vec<Neighbour>, vertex: u32) -> &mut Neighbour {
+fn neighbour_of(neighbours: &mut Vec<Neighbour>, vertex: LocalVertex) -> &mut Neighbour {
     let at = neighbours.iter().position(|known| known.vertex == vertex).unwrap_or_else(|| {
         neighbours.push(Neighbour { vertex, before: [0; 2], after: 0, after_ahead: 0, after_turned: 0 });
         neighbours.len() - 1
@@ -42,12 +43,12 @@ fn neighbour_of(neighbours: &mut Vec<Neighbour>, vertex: u32) -> &mut Neighbour 
 }
 
 /// Whether a face has `first` directly after `second`, so that it faces the opposite way to one that has them in order.
-fn goes_back(face: [u32; 3], [first, second]: [u32; 2]) -> bool {
+fn goes_back(face: [LocalVertex; 3], [first, second]: [LocalVertex; 2]) -> bool {
     (0..3).any(|k| face[k] == second && face[(k + 1) % 3] == first)
 }
 
 /// The vertex of a face that is neither of two given ones.
-fn third_of(mesh: &ClusterMesh, face: u32, [a, b]: [u32; 2]) -> u32 {
+fn third_of(mesh: &ClusterMesh, face: FaceId, [a, b]: [LocalVertex; 2]) -> LocalVertex {
     mesh.vertices(face).into_iter().find(|&vertex| vertex != a && vertex != b).unwrap_or(a)
 }
 
@@ -65,8 +66,8 @@ impl EdgeStar {
         &mut self,
         mesh: &ClusterMesh,
         rings: &Rings,
-        from: u32,
-        to: u32,
+        from: LocalVertex,
+        to: LocalVertex,
         fan: VanishingFan,
     ) -> Result<(), Refusal> {
         if self.dying.is_empty() != fan.is_rip || is_hub(mesh, rings, to) || mesh.is_shared(to) {
@@ -75,7 +76,7 @@ impl EdgeStar {
         let at_edge = self.dying.len();
         self.count_neighbours(mesh, rings);
         let last_double = self.drop_doubles(mesh, rings);
-        let is_dead = |face: &u32| self.dying.contains(face);
+        let is_dead = |face: &FaceId| self.dying.contains(face);
         let stays = [from, to].iter().any(|&end| rings.faces(mesh, end).any(|face| !is_dead(&face)));
         // If only the two sides of a flat component are left, one of them stays.
         if let Some(double) = last_double.filter(|_| !stays) {
@@ -108,15 +109,15 @@ impl EdgeStar {
         self.neighbours.clear();
         let [from, to] = self.ends;
         for end in [from, to] {
-            for &corner in rings.of(end).iter().filter(|&&corner| mesh.living(corner).is_some()) {
-                let is_dying = self.dying.contains(&(corner / 3));
-                let far = ClusterMesh::following(corner).map(|c| mesh.vertex_of(c));
+            for corner in rings.living(mesh, end) {
+                let is_dying = self.dying.contains(&(corner.face()));
+                let far = mesh.others_of(corner);
                 for (place, vertex) in far.into_iter().enumerate().filter(|(_, v)| !self.ends.contains(v)) {
                     let neighbour = neighbour_of(&mut self.neighbours, vertex);
                     neighbour.before[usize::from(end == to)] += 1;
                     neighbour.after += u32::from(!is_dying);
                     neighbour.after_ahead += u32::from(!is_dying && place == 0);
-                    neighbour.after_turned += u32::from(!is_dying && mesh.is_turned[corner as usize / 3]);
+                    neighbour.after_turned += u32::from(!is_dying && mesh.is_turned[corner.face()]);
                 }
             }
         }
@@ -124,14 +125,14 @@ impl EdgeStar {
 
     /// Adds double faces to the dying ones: of two faces that will have the same vertices, the one at the vanishing
     /// end, and also the other if it faces the opposite way. Returns the last such other face.
-    fn drop_doubles(&mut self, mesh: &ClusterMesh, rings: &Rings) -> Option<u32> {
+    fn drop_doubles(&mut self, mesh: &ClusterMesh, rings: &Rings) -> Option<FaceId> {
         self.far_sides.clear();
         let [from, to] = self.ends;
         let mut last_double = None;
-        for &corner in rings.of(from).iter().filter(|&&corner| mesh.living(corner).is_some()) {
-            let face = corner / 3;
-            let far = ClusterMesh::following(corner).map(|c| mesh.vertex_of(c));
-            let is_double = |&other: &u32| {
+        for corner in rings.living(mesh, from) {
+            let face = corner.face();
+            let far = mesh.others_of(corner);
+            let is_double = |&other: &FaceId| {
                 !self.dying.contains(&other) && far.iter().all(|vertex| mesh.vertices(other).contains(vertex))
             };
             if self.dying.contains(&face) {
@@ -149,7 +150,7 @@ impl EdgeStar {
                 let neighbour = neighbour_of(&mut self.neighbours, vertex);
                 neighbour.after -= 1 + u32::from(goes_back);
                 neighbour.after_ahead -= u32::from(place == 0 || goes_back);
-                let is_turned = |face: u32| u32::from(mesh.is_turned[face as usize]);
+                let is_turned = |face: FaceId| u32::from(mesh.is_turned[face]);
                 neighbour.after_turned -= is_turned(face) + u32::from(goes_back) * is_turned(other);
             }
         }
@@ -160,9 +161,9 @@ impl EdgeStar {
     /// edge, and two faces that are left at one must neither be folded onto each other nor be mirrored in texture
     /// space.
     fn check_far_sides(&self, mesh: &ClusterMesh, rings: &Rings) -> Result<(), Refusal> {
-        let place = |vertex: u32| mesh.positions[vertex as usize];
+        let place = |vertex: LocalVertex| mesh.positions[vertex];
         for &[a, b] in &self.far_sides {
-            let is_left = |&face: &u32| mesh.vertices(face).contains(&b) && !self.dying.contains(&face);
+            let is_left = |&face: &FaceId| mesh.vertices(face).contains(&b) && !self.dying.contains(&face);
             let mut left = rings.faces(mesh, a).filter(is_left);
             match [left.next(), left.next(), left.next()] {
                 [Some(_), None, _] => return Err(Refusal::Topology),
@@ -185,14 +186,20 @@ impl EdgeStar {
     ///
     /// # Errors
     /// [`Refusal::Seam`] if there are any and the collapse may not strand wedges, or if a wedge is in several pairs.
-    fn strand(&mut self, mesh: &ClusterMesh, rings: &Rings, from: u32, fan: VanishingFan) -> Result<(), Refusal> {
+    fn strand(
+        &mut self,
+        mesh: &ClusterMesh,
+        rings: &Rings,
+        from: LocalVertex,
+        fan: VanishingFan,
+    ) -> Result<(), Refusal> {
         self.stranded.clear();
         for &corner in rings.of(from) {
             let Some(wedge) = mesh.living(corner) else { continue };
-            if self.dying.contains(&(corner / 3)) {
+            if self.dying.contains(&(corner.face())) {
                 continue;
             }
-            match self.wedges.iter().filter(|pair| pair.0 == wedge).count() {
+            match self.wedges.iter().filter(|pair| pair.from == wedge).count() {
                 1 => {}
                 0 if fan.strands || fan.is_rip => {
                     if !self.stranded.contains(&wedge) {
@@ -234,7 +241,7 @@ impl EdgeStar {
 
     /// Whether two faces run along an edge in opposite directions with the same texture coordinates, while their
     /// texture triangles have opposite signs. The vanishing end counts as the staying one.
-    fn are_mirrored(&self, mesh: &ClusterMesh, faces: [u32; 2], edge: [u32; 2]) -> bool {
+    fn are_mirrored(&self, mesh: &ClusterMesh, faces: [FaceId; 2], edge: [LocalVertex; 2]) -> bool {
         let [one, other] = faces.map(|face| self.side_of(mesh, face, edge));
         one.leads_on != other.leads_on
             && one.is_turned == other.is_turned
@@ -243,15 +250,16 @@ impl EdgeStar {
     }
 
     /// The properties of a face at one of its edges.
-    fn side_of(&self, mesh: &ClusterMesh, face: u32, edge: [u32; 2]) -> Side {
+    fn side_of(&self, mesh: &ClusterMesh, face: FaceId, edge: [LocalVertex; 2]) -> Side {
         let [from, to] = self.ends;
         let vertices = mesh.vertices(face).map(|vertex| if vertex == from { to } else { vertex });
         let ends = edge.map(|end| vertices.into_iter().position(|vertex| vertex == end).unwrap_or(0));
-        let wedge_after = |wedge: u32| self.wedges.iter().find(|pair| pair.0 == wedge).map_or(wedge, |pair| pair.1);
+        let wedge_after =
+            |wedge: Wedge| self.wedges.iter().find(|pair| pair.from == wedge).map_or(wedge, |pair| pair.to);
         Side {
             leads_on: (ends[0] + 1) % 3 == ends[1],
-            is_turned: mesh.is_turned[face as usize],
-            uvs: ends.map(|k| mesh.wedge_uv[wedge_after(mesh.corners[face as usize][k]) as usize]),
+            is_turned: mesh.is_turned[face],
+            uvs: ends.map(|k| mesh.wedge_uv[wedge_after(mesh.corners[face][k])]),
             doubled_uv_area: doubled_uv_area(mesh.uv_triangle(face)),
         }
     }

@@ -6,23 +6,32 @@ use glam::{DVec2, DVec3};
 use proptest::prelude::*;
 
 use super::*;
+use crate::base::id::TiVec;
+use crate::mesh::WedgePair;
 use crate::mesh::fold::are_nearly_folded;
+use crate::mesh::id::short::{v, w};
+use crate::model::id::PartId;
 
 /// Number of vertices of a mesh. Vertex v has the wedges v and v + `VERTICES`.
 const VERTICES: u32 = 7;
 /// The vanishing vertex.
-const FROM: u32 = 0;
+const FROM: LocalVertex = v(0);
 /// The staying vertex.
-const TO: u32 = 1;
+const TO: LocalVertex = v(1);
 
 #[derive(Debug, Clone)]
 struct Case {
-    positions: Vec<DVec3>,
-    uvs: Vec<DVec2>,
+    positions: TiVec<LocalVertex, DVec3>,
+    uvs: TiVec<Wedge, DVec2>,
     /// Wedges of each face.
-    faces: Vec<[u32; 3]>,
+    faces: Vec<[Wedge; 3]>,
     are_turned: Vec<bool>,
     fan: VanishingFan,
+}
+
+/// The vertex of a wedge.
+fn vertex_of(wedge: Wedge) -> LocalVertex {
+    v(wedge.number() % VERTICES)
 }
 
 impl Case {
@@ -31,40 +40,42 @@ impl Case {
         for &position in &self.positions {
             mesh.push_vertex(position, 0);
         }
-        self.uvs.iter().enumerate().for_each(|(wedge, &uv)| {
-            mesh.push_wedge(wedge as u32 % VERTICES, uv);
-        });
-        self.faces.iter().for_each(|&face| mesh.push_face(face, 0));
-        mesh.is_turned.copy_from_slice(&self.are_turned);
+        for (wedge, &uv) in self.uvs.iter_enumerated() {
+            mesh.push_wedge(vertex_of(wedge), uv);
+        }
+        for &face in &self.faces {
+            mesh.push_face(face, PartId::new(0));
+        }
+        mesh.is_turned = self.are_turned.clone().into();
         mesh.link_wedges();
         rings.build(&mesh);
         (mesh, rings)
     }
 
-    fn vertices(&self, face: usize) -> [u32; 3] {
-        self.faces[face].map(|wedge| wedge % VERTICES)
+    fn vertices(&self, face: usize) -> [LocalVertex; 3] {
+        self.faces[face].map(vertex_of)
     }
 
     /// Indices of the faces that have all of these vertices.
-    fn faces_with(&self, vertices: &[u32]) -> BTreeSet<usize> {
+    fn faces_with(&self, vertices: &[LocalVertex]) -> BTreeSet<usize> {
         (0..self.faces.len()).filter(|&face| vertices.iter().all(|v| self.vertices(face).contains(v))).collect()
     }
 
     /// Whether the second vertex follows the first in a face; the vanishing vertex counts as the staying one.
-    fn leads_on(&self, face: usize, [first, second]: [u32; 2]) -> bool {
+    fn leads_on(&self, face: usize, [first, second]: [LocalVertex; 2]) -> bool {
         let vertices = self.vertices(face).map(|vertex| if vertex == FROM { TO } else { vertex });
         (0..3).any(|k| vertices[k] == first && vertices[(k + 1) % 3] == second)
     }
 
     /// Texture coordinate of a face at a vertex after the pairs of wedges have merged.
-    fn uv(&self, face: usize, vertex: u32, pairs: &[(u32, u32)]) -> DVec2 {
-        let is_at = |wedge: &&u32| **wedge % VERTICES == vertex || (vertex == TO && **wedge % VERTICES == FROM);
-        let wedge = *self.faces[face].iter().find(is_at).unwrap();
-        self.uvs[pairs.iter().find(|pair| pair.0 == wedge).map_or(wedge, |pair| pair.1) as usize]
+    fn uv(&self, face: usize, vertex: LocalVertex, pairs: &[WedgePair]) -> DVec2 {
+        let is_at = |wedge: &Wedge| vertex_of(*wedge) == vertex || (vertex == TO && vertex_of(*wedge) == FROM);
+        let wedge = self.faces[face].into_iter().find(is_at).unwrap();
+        self.uvs[pairs.iter().find(|pair| pair.from == wedge).map_or(wedge, |pair| pair.to)]
     }
 
-    fn are_mirrored(&self, [one, other]: [usize; 2], edge: [u32; 2], pairs: &[(u32, u32)]) -> bool {
-        let uv_area = |face: usize| doubled_uv_area(self.faces[face].map(|wedge| self.uvs[wedge as usize]));
+    fn are_mirrored(&self, [one, other]: [usize; 2], edge: [LocalVertex; 2], pairs: &[WedgePair]) -> bool {
+        let uv_area = |face: usize| doubled_uv_area(self.faces[face].map(|wedge| self.uvs[wedge]));
         self.leads_on(one, edge) == self.leads_on(other, [edge[1], edge[0]])
             && self.are_turned[one] == self.are_turned[other]
             && edge.iter().all(|&end| self.uv(one, end, pairs) == self.uv(other, end, pairs))
@@ -76,19 +87,19 @@ impl Case {
 #[derive(Debug, PartialEq)]
 struct Outcome {
     dying: BTreeSet<usize>,
-    stranded: Vec<u32>,
+    stranded: Vec<Wedge>,
     joins: bool,
     /// Ascending.
-    opposite: Vec<u32>,
+    opposite: Vec<LocalVertex>,
     new_non_manifold_edges: i64,
-    unsettled: BTreeSet<u32>,
+    unsettled: BTreeSet<LocalVertex>,
 }
 
 fn outcome(star: &EdgeStar) -> Outcome {
     let mut opposite = star.opposite.clone();
     opposite.sort_unstable();
     Outcome {
-        dying: star.dying.iter().map(|&face| face as usize).collect(),
+        dying: star.dying.iter().map(|face| face.index()).collect(),
         stranded: star.stranded.clone(),
         joins: star.joins,
         opposite,
@@ -99,23 +110,23 @@ fn outcome(star: &EdgeStar) -> Outcome {
 
 /// A neighbour of the edge, with its faces at each end before, and its faces left afterwards.
 struct Beside {
-    vertex: u32,
+    vertex: LocalVertex,
     before: [usize; 2],
     left: Vec<usize>,
 }
 
 /// The verdict of the rules for given wedge pairs.
-fn expected(case: &Case, pairs: &[(u32, u32)]) -> Result<Outcome, Refusal> {
+fn expected(case: &Case, pairs: &[WedgePair]) -> Result<Outcome, Refusal> {
     let fan = case.fan;
     let at_edge = case.faces_with(&[FROM, TO]);
     if at_edge.is_empty() != fan.is_rip {
         return Err(Refusal::Topology);
     }
-    let mut opposite: Vec<u32> = at_edge.iter().flat_map(|&face| case.vertices(face)).collect();
+    let mut opposite: Vec<LocalVertex> = at_edge.iter().flat_map(|&face| case.vertices(face)).collect();
     opposite.retain(|vertex| ![FROM, TO].contains(vertex));
     let (mut dying, mut far_sides, mut last_double) = (at_edge.clone(), Vec::new(), None);
     for face in case.faces_with(&[FROM]) {
-        let far: Vec<u32> = case.vertices(face).into_iter().filter(|&vertex| vertex != FROM).collect();
+        let far: Vec<LocalVertex> = case.vertices(face).into_iter().filter(|&vertex| vertex != FROM).collect();
         let double = case.faces_with(&[TO, far[0], far[1]]).into_iter().find(|double| !dying.contains(double));
         if let Some(double) = double.filter(|_| !dying.contains(&face)) {
             let edge = [far[0], far[1]];
@@ -129,7 +140,7 @@ fn expected(case: &Case, pairs: &[(u32, u32)]) -> Result<Outcome, Refusal> {
     }
     let at_ends = || (0..case.faces.len()).filter(|&f| case.vertices(f).iter().any(|v| [FROM, TO].contains(v)));
     let left: Vec<usize> = at_ends().filter(|face| !dying.contains(face)).collect();
-    let around: BTreeSet<u32> = at_ends().flat_map(|face| case.vertices(face)).filter(|&v| v > TO).collect();
+    let around: BTreeSet<LocalVertex> = at_ends().flat_map(|face| case.vertices(face)).filter(|&v| v > TO).collect();
     let beside: Vec<Beside> = around
         .into_iter()
         .map(|vertex| Beside {
@@ -148,14 +159,19 @@ fn expected(case: &Case, pairs: &[(u32, u32)]) -> Result<Outcome, Refusal> {
     }
     let mut stranded = Vec::new();
     for &face in case.faces_with(&[FROM]).difference(&dying) {
-        let wedge = case.faces[face].into_iter().find(|wedge| wedge % VERTICES == FROM).unwrap();
-        match pairs.iter().filter(|pair| pair.0 == wedge).count() {
+        let wedge = case.faces[face].into_iter().find(|&wedge| vertex_of(wedge) == FROM).unwrap();
+        match pairs.iter().filter(|pair| pair.from == wedge).count() {
             1 => {}
             0 if fan.strands || fan.is_rip => stranded.push(wedge),
             _ => return Err(Refusal::Seam),
         }
     }
-    stranded = stranded.iter().enumerate().filter(|(i, w)| !stranded[..*i].contains(w)).map(|(_, &w)| w).collect();
+    stranded = stranded
+        .iter()
+        .enumerate()
+        .filter(|(i, wedge)| !stranded[..*i].contains(wedge))
+        .map(|(_, &wedge)| wedge)
+        .collect();
     let mut joins = false;
     for Beside { vertex, before: [at_from, at_to], left } in &beside {
         let becomes_plain = left.len() == 2 && (*at_from > 2 || *at_to > 2);
@@ -198,10 +214,15 @@ fn is_allowed(case: &Case, Beside { vertex, before: [at_from, at_to], left }: &B
     !becomes_border && (!is_full || may_be_full) && fits
 }
 
-fn check_far_side(case: &Case, edge: [u32; 2], dying: &BTreeSet<usize>, pairs: &[(u32, u32)]) -> Result<(), Refusal> {
+fn check_far_side(
+    case: &Case,
+    edge: [LocalVertex; 2],
+    dying: &BTreeSet<usize>,
+    pairs: &[WedgePair],
+) -> Result<(), Refusal> {
     let left: Vec<usize> = case.faces_with(&edge).difference(dying).copied().collect();
     let third = |face: usize| case.vertices(face).into_iter().find(|vertex| !edge.contains(vertex)).unwrap();
-    let place = |vertex: u32| case.positions[vertex as usize];
+    let place = |vertex: LocalVertex| case.positions[vertex];
     match left[..] {
         [_] => Err(Refusal::Topology),
         [one, other] if are_nearly_folded(edge.map(place), [one, other].map(|face| place(third(face)))) => {
@@ -221,11 +242,11 @@ fn uv() -> impl Strategy<Value = DVec2> {
 }
 
 /// A face at both ends, at one of them, or anywhere; most have the first wedges of their vertices.
-fn face() -> impl Strategy<Value = [u32; 3]> {
+fn face() -> impl Strategy<Value = [Wedge; 3]> {
     let vertices = prop_oneof![
-        2 => Just(vec![FROM, TO]),
-        4 => Just(vec![FROM]),
-        4 => Just(vec![TO]),
+        2 => Just(vec![FROM.number(), TO.number()]),
+        4 => Just(vec![FROM.number()]),
+        4 => Just(vec![TO.number()]),
         1 => Just(vec![]),
     ];
     (vertices, Just((2..VERTICES).collect::<Vec<u32>>()).prop_shuffle(), any::<bool>(), any::<[u8; 3]>()).prop_map(
@@ -234,7 +255,7 @@ fn face() -> impl Strategy<Value = [u32; 3]> {
             if is_reversed {
                 face.reverse();
             }
-            let wedge = |k: usize| face[k] + if seconds[k] < 32 { VERTICES } else { 0 };
+            let wedge = |k: usize| w(face[k] + if seconds[k] < 32 { VERTICES } else { 0 });
             [0, 1, 2].map(wedge)
         },
     )
@@ -260,8 +281,8 @@ fn case() -> impl Strategy<Value = Case> {
         fan,
     )
         .prop_map(|(positions, uvs, faces, mut fan)| {
-            let (faces, are_turned): (Vec<[u32; 3]>, Vec<bool>) = faces.into_iter().unzip();
-            let mut case = Case { positions, uvs, faces, are_turned, fan };
+            let (faces, are_turned) = faces.into_iter().unzip();
+            let mut case = Case { positions: positions.into(), uvs: uvs.into(), faces, are_turned, fan };
             // Usually `is_rip` agrees with the mesh.
             fan.is_rip &= case.faces_with(&[FROM, TO]).is_empty();
             case.fan = fan;
@@ -285,14 +306,14 @@ proptest! {
         star.gather(&mesh, &rings, FROM, TO);
         let pairs = star.wedges.clone();
         // It must not matter whether the link condition was checked before.
-        star.stranded.extend(was_used.then_some(VERTICES));
+        star.stranded.extend(was_used.then_some(w(VERTICES)));
         let verdict = star.check_edges(&mesh, &rings, FROM, TO, case.fan);
         let found = verdict.map(|()| outcome(&star));
         prop_assert_eq!(&found, &expected(&case, &pairs));
         if found.is_ok() {
             let full = |mesh: &ClusterMesh| {
                 let mut edges = std::collections::BTreeMap::new();
-                for [a, b, c] in (0..mesh.corners.len() as u32).filter(|&f| !mesh.is_dead(f)).map(|f| mesh.vertices(f)) {
+                for [a, b, c] in mesh.living_faces().map(|face| mesh.vertices(face)) {
                     for [one, other] in [[a, b], [b, c], [c, a]] {
                         *edges.entry([one.min(other), one.max(other)]).or_insert(0) += 1;
                     }
