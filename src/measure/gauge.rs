@@ -18,6 +18,7 @@ use crate::geometry::boxtree::{Bounds, BoxTree};
 use crate::geometry::closest_point;
 use crate::model::StoredMesh;
 use crate::model::corners::PieceCorners;
+use crate::model::id::PieceVertex;
 use crate::passes::probes::{ChosenCells, Probes, RandomPoints};
 
 /// Maximum number of points tried on the result, as a multiple of those that its input would take.
@@ -66,8 +67,8 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
     for piece in &result.pieces {
         progress.check_stopped()?;
         let corners = PieceCorners::read(result, piece, false)?;
-        let triangle = |face: &[u32; 3]| face.map(|vertex| corners.position(vertex));
-        let triangles: Vec<[DVec3; 3]> = corners.vertices.as_chunks().0.iter().map(triangle).collect();
+        let triangle = |face: &[PieceVertex; 3]| face.map(|vertex| corners.position(vertex));
+        let triangles: Vec<[DVec3; 3]> = corners.faces.iter().map(triangle).collect();
         drop(corners);
         let search = || nearest_sq(triangles.len(), |face| triangles[face as usize], &of_input, &mut to_result);
         let spread_points = || {

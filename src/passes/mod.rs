@@ -29,7 +29,7 @@ mod targets;
 mod stop_rule;
 pub mod sample;
 mod texture_traits;
-mod texture_scale;
+mod texture_survey;
 pub mod probes;
 mod metric_engine;
 mod cluster_task;

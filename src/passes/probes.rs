@@ -24,6 +24,7 @@ use serde::{Deserialize, Serialize};
 use crate::base::chance::{INCREMENT, mixed, place_on_triangle, unit};
 use crate::job::Recalled;
 use crate::mesh::ClusterMesh;
+use crate::partition::ClusterId;
 
 /// Faces of the input per point on it; the number of points is clamped to `POINTS_MIN..=POINTS_MAX`.
 const FACES_PER_POINT: u64 = 64;
@@ -193,8 +194,8 @@ impl Probing {
         self.odds / f64::from(1 << (3 * self.block_bits))
     }
 
-    /// Probes a cluster of the input; the cluster number seeds the points.
-    pub(super) fn take(&self, mesh: &ClusterMesh, origin: DVec3, cluster: usize) -> Probes {
+    /// Probes a cluster of the input; its number seeds the points.
+    pub(super) fn take(&self, mesh: &ClusterMesh, origin: DVec3, cluster: ClusterId) -> Probes {
         let share = mesh.corners.len() as f64 / self.faces.max(1) as f64;
         let most = |expected: f64| (EXCESS as f64 * expected * share) as usize + EXCESS_MORE as usize;
         let triangles_max = most(TRIANGLES_PER_FACE * CHOSEN_FACES);
@@ -223,7 +224,7 @@ impl Probing {
         let left = self.target as f64 / self.faces.max(1) as f64;
         let area = scratch.weigh(mesh, left);
         let count = if area > 0.0 { (self.points as f64 * share).ceil() as usize } else { 0 };
-        let mut hash = mixed(cluster as u64);
+        let mut hash = mixed(u64::from(cluster.number()));
         let (mut points, mut weights) = (Vec::with_capacity(count), Vec::with_capacity(count));
         let ends = &scratch.ends;
         let all = ends.last().copied().unwrap_or(0.0);
@@ -660,7 +661,7 @@ mod tests {
             }
             mesh.push_face([3 * face, 3 * face + 1, 3 * face + 2], 0);
         }
-        let probes = probing.take(&mesh, DVec3::ZERO, 0);
+        let probes = probing.take(&mesh, DVec3::ZERO, ClusterId::new(0));
         let (mut whole, mut kept) = (0, 0);
         for face in 0..20_000 {
             let triangle = mesh.triangle(face);
@@ -686,7 +687,7 @@ mod tests {
         }
         mesh.push_face([0, 1, 2], 0);
         mesh.push_face([2, 1, 3], 0);
-        let whole = Probing::new(2, 1, 1.0).take(&mesh, DVec3::ZERO, 0);
+        let whole = Probing::new(2, 1, 1.0).take(&mesh, DVec3::ZERO, ClusterId::new(0));
         assert!(whole.fit(2) && whole.triangle_count() == 2 && !whole.points.is_empty());
         let changes: [fn(&mut Probes); 15] = [
             |probes| probes.probing = Probing::new(1 << 40, 1, 1.0),

@@ -7,8 +7,12 @@
 
 use glam::DVec3;
 
+use crate::base::id::{TiSlice, TiVec};
 use crate::cost::Metric;
 use crate::mesh::cluster::{ClusterMesh, flag};
+use crate::mesh::id::{FaceId, LocalVertex};
+use crate::model::id::PartId;
+use crate::partition::ClusterId;
 use crate::partition::numbering::{RANK_BYTES, window_bytes};
 use crate::partition::reading::ClusterFaces;
 use crate::partition::weight::ORDINARY_BYTES;
@@ -57,14 +61,14 @@ pub struct Purpose {
 /// Which clusters give a patch, and the size of a patch.
 #[derive(Debug, Clone)]
 pub struct Survey {
-    clusters: Vec<usize>,
+    clusters: Vec<ClusterId>,
     /// Faces of a patch.
     patch_faces: usize,
 }
 
 impl Survey {
     /// Chooses evenly spread clusters among those with faces, for a sample of `share` of the ordinary size.
-    pub fn new(face_counts: &[u64], purpose: Purpose, share: f64) -> Self {
+    pub fn new(face_counts: &TiSlice<ClusterId, u64>, purpose: Purpose, share: f64) -> Self {
         let clusters = evenly_spread(face_counts, PATCHES);
         let sample_faces = sample_faces(face_counts.iter().sum(), purpose) as f64 * share;
         let patch_faces = sample_faces as usize / clusters.len().max(1);
@@ -72,17 +76,17 @@ impl Survey {
     }
 
     /// The chosen clusters, ascending.
-    pub fn clusters(&self) -> &[usize] {
+    pub fn clusters(&self) -> &[ClusterId] {
         &self.clusters
     }
 
     /// Reports whether a cluster was chosen.
-    pub fn wants(&self, cluster: usize) -> bool {
+    pub fn wants(&self, cluster: ClusterId) -> bool {
         self.clusters.binary_search(&cluster).is_ok()
     }
 
     /// Number of faces of the patch of a cluster; `None` if the cluster gives none.
-    pub fn patch_faces(&self, cluster: usize) -> Option<usize> {
+    pub fn patch_faces(&self, cluster: ClusterId) -> Option<usize> {
         self.wants(cluster).then_some(self.patch_faces)
     }
 
@@ -96,7 +100,7 @@ impl Survey {
         let patch = Patch::choose(faces.face_count(), self.patch_faces, faces.vertex_count(), triangle, vertices);
         faces.keep(&patch.faces);
         let mesh = make(faces);
-        patch.cut_from(&mesh, 0..mesh.corners.len() as u32)
+        patch.cut_from(&mesh, FaceId::first(mesh.corners.len()))
     }
 }
 
@@ -108,15 +112,16 @@ pub fn sample_faces(faces: u64, purpose: Purpose) -> u64 {
 }
 
 /// Returns up to `count` of the clusters that have faces, evenly spread, ascending.
-pub fn evenly_spread(faces: &[u64], count: usize) -> Vec<usize> {
-    let filled: Vec<usize> = (0..faces.len()).filter(|&cluster| faces[cluster] > 0).collect();
+pub fn evenly_spread(faces: &TiSlice<ClusterId, u64>, count: usize) -> Vec<ClusterId> {
+    let filled: Vec<ClusterId> = faces.keys().filter(|&cluster| faces[cluster] > 0).collect();
     let count = filled.len().min(count);
     (0..count).map(|i| filled[(2 * i + 1) * filled.len() / (2 * count)]).collect()
 }
 
 /// Cuts a patch of about `faces` faces out of a cluster.
 pub fn patch(mesh: &ClusterMesh, faces: usize) -> ClusterMesh {
-    let (triangle, vertices) = (|face| mesh.triangle(face), |face| mesh.vertices(face));
+    let triangle = |face: FaceId| mesh.triangle(face.number());
+    let vertices = |face: FaceId| mesh.vertices(face.number()).map(LocalVertex::new);
     let patch = Patch::choose(mesh.corners.len(), faces, mesh.positions.len(), triangle, vertices);
     patch.cut_from(mesh, patch.faces.iter().copied())
 }
@@ -125,9 +130,9 @@ pub fn patch(mesh: &ClusterMesh, faces: usize) -> ClusterMesh {
 #[derive(Debug)]
 struct Patch {
     /// The faces, ascending.
-    faces: Vec<u32>,
+    faces: Vec<FaceId>,
     /// Whether a face outside the patch uses the vertex, too.
-    is_rim: Vec<bool>,
+    is_rim: TiVec<LocalVertex, bool>,
 }
 
 impl Patch {
@@ -136,40 +141,40 @@ impl Patch {
         count: usize,
         wanted: usize,
         vertex_count: usize,
-        triangle: impl Fn(u32) -> [DVec3; 3],
-        vertices: impl Fn(u32) -> [u32; 3],
+        triangle: impl Fn(FaceId) -> [DVec3; 3],
+        vertices: impl Fn(FaceId) -> [LocalVertex; 3],
     ) -> Self {
-        let mut is_rim = vec![false; vertex_count];
+        let mut is_rim: TiVec<LocalVertex, bool> = vec![false; vertex_count].into();
         if count == 0 {
             return Self { faces: Vec::new(), is_rim };
         }
-        let centre_of = |face: u32| triangle(face).into_iter().sum::<DVec3>() / 3.0;
-        let middle = centre_of(count as u32 / 2);
-        let mut order: Vec<(f64, u32)> =
-            (0..count as u32).map(|face| (centre_of(face).distance_squared(middle), face)).collect();
+        let centre_of = |face: FaceId| triangle(face).into_iter().sum::<DVec3>() / 3.0;
+        let middle = centre_of(FaceId::from(count / 2));
+        let mut order: Vec<(f64, FaceId)> =
+            FaceId::first(count).map(|face| (centre_of(face).distance_squared(middle), face)).collect();
         let kept = wanted.min(count);
         if kept < count {
             order.select_nth_unstable_by(kept, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         }
         let (inside, outside) = order.split_at(kept);
         for v in outside.iter().flat_map(|&(_, face)| vertices(face)) {
-            is_rim[v as usize] = true;
+            is_rim[v] = true;
         }
-        let mut faces: Vec<u32> = inside.iter().map(|&(_, face)| face).collect();
+        let mut faces: Vec<FaceId> = inside.iter().map(|&(_, face)| face).collect();
         faces.sort_unstable();
         Self { faces, is_rim }
     }
 
     /// Builds the patch as a mesh with unlinked wedges from these `faces` of `mesh`.
-    fn cut_from(&self, mesh: &ClusterMesh, faces: impl Iterator<Item = u32>) -> ClusterMesh {
+    fn cut_from(&self, mesh: &ClusterMesh, faces: impl Iterator<Item = FaceId>) -> ClusterMesh {
         let mut patch = ClusterMesh::default();
         let mut vertex_of = vec![u32::MAX; mesh.positions.len()];
         let mut wedge_of = vec![u32::MAX; mesh.wedge_vertex.len()];
         for face in faces {
-            let corners = mesh.corners[face as usize].map(|w| {
+            let corners = mesh.corners[face.index()].map(|w| {
                 let v = mesh.wedge_vertex[w as usize] as usize;
                 if vertex_of[v] == u32::MAX {
-                    let rim = if self.is_rim[v] { flag::SHARED | flag::LOCKED } else { 0 };
+                    let rim = if self.is_rim.raw[v] { flag::SHARED | flag::LOCKED } else { 0 };
                     vertex_of[v] = patch.push_vertex(mesh.positions[v], mesh.flags[v] | rim);
                 }
                 if wedge_of[w as usize] == u32::MAX {
@@ -177,7 +182,7 @@ impl Patch {
                 }
                 wedge_of[w as usize]
             });
-            patch.push_face(corners, mesh.parts[face as usize]);
+            patch.push_face(corners, mesh.parts[face.index()]);
         }
         patch
     }
@@ -198,10 +203,10 @@ pub fn append(sample: &mut ClusterMesh, patch: &ClusterMesh) {
 }
 
 /// Scales the texture coordinates of a sample that was taken before the scales of the parts were known.
-pub fn scale_texture(sample: &mut ClusterMesh, scale_of: impl Fn(u32) -> f64) {
+pub fn scale_texture(sample: &mut ClusterMesh, scale_of: impl Fn(PartId) -> f64) {
     let mut scales = vec![1.0; sample.wedge_vertex.len()];
     for (corners, &part) in sample.corners.iter().zip(&sample.parts) {
-        corners.iter().for_each(|&w| scales[w as usize] = scale_of(part));
+        corners.iter().for_each(|&w| scales[w as usize] = scale_of(PartId::new(part)));
     }
     sample.wedge_uv.iter_mut().zip(scales).for_each(|(uv, scale)| *uv *= scale);
 }
@@ -289,10 +294,13 @@ mod tests {
     fn a_patch_is_compact_and_locked_where_it_was_cut_off() {
         let mut mesh = samples::grid(20, 0.3);
         mesh.parts.iter_mut().zip(0..).for_each(|(part, face)| *part = face);
-        let survey = Survey::new(&[800, 0, 800], Purpose { left: 0.5, is_last: false }, 0.04);
-        assert_eq!(survey.clusters(), [0, 2]);
-        assert!(survey.patch_faces(1).is_none());
-        let patch = patch(&mesh, survey.patch_faces(2).unwrap());
+        let cluster = ClusterId::new;
+        let survey_of =
+            |faces: &[u64], share| Survey::new(TiSlice::from_ref(faces), Purpose { left: 0.5, is_last: false }, share);
+        let survey = survey_of(&[800, 0, 800], 0.04);
+        assert_eq!(survey.clusters(), [cluster(0), cluster(2)]);
+        assert!(survey.patch_faces(cluster(1)).is_none());
+        let patch = patch(&mesh, survey.patch_faces(cluster(2)).unwrap());
         assert_eq!(patch.corners.len(), 200);
         assert!(patch.parts.is_sorted() && patch.parts.iter().all(|&part| part < 800));
         for (face, &part) in (0..).zip(&patch.parts) {
@@ -313,8 +321,7 @@ mod tests {
         let farthest = patch.parts.iter().map(|&part| away(part)).fold(0.0, f64::max);
         let is_outside = |face: &u32| !patch.parts.contains(face);
         assert!((0..800).filter(is_outside).all(|face| away(face) >= farthest));
-        let survey = Survey::new(&[800], Purpose { left: 0.5, is_last: false }, 1.0);
-        let whole = super::patch(&mesh, survey.patch_faces(0).unwrap());
+        let whole = super::patch(&mesh, survey_of(&[800], 1.0).patch_faces(cluster(0)).unwrap());
         assert_eq!(whole.corners.len(), 800);
         assert!(whole.flags.iter().all(|&flags| flags == 0));
     }
@@ -330,7 +337,7 @@ mod tests {
         for face in 0..18 {
             assert_eq!(sample.triangle(8 + face), other.triangle(face));
         }
-        scale_texture(&mut sample, |part| [2.0, 3.0][part as usize]);
+        scale_texture(&mut sample, |part| [2.0, 3.0][part.index()]);
         let (first, second) = sample.wedge_uv.split_at(one.wedge_uv.len());
         assert!(first.iter().zip(&one.wedge_uv).all(|(scaled, &uv)| *scaled == 2.0 * uv));
         assert!(second.iter().zip(&other.wedge_uv).all(|(scaled, &uv)| *scaled == 3.0 * uv));
@@ -370,11 +377,12 @@ mod tests {
     fn the_sample_is_spread_over_filled_clusters() {
         let mut counts = vec![10; 100];
         counts[3] = 0;
-        let sampled = evenly_spread(&counts, PATCHES);
+        let spread = |counts: &[u64], count| evenly_spread(TiSlice::from_ref(counts), count);
+        let sampled = spread(&counts, PATCHES);
         assert_eq!(sampled.len(), PATCHES);
         assert!(sampled.windows(2).all(|pair| pair[0] < pair[1]));
-        assert_eq!(evenly_spread(&[0, 5, 0], PATCHES), [1]);
-        assert_eq!(evenly_spread(&[1; 8], 2), [2, 6]);
+        assert_eq!(spread(&[0, 5, 0], PATCHES), [ClusterId::new(1)]);
+        assert_eq!(spread(&[1; 8], 2), [2, 6].map(ClusterId::new));
     }
 
     #[test]

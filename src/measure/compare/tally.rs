@@ -31,10 +31,10 @@ use crate::base::Result;
 use crate::file::buckets::{BucketWriter, Verbatim};
 use crate::geometry::triangle::{is_flat, regularity};
 use crate::measure::figures::{Quality, SLIVER_REGULARITY, TopologyCounts};
-use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::fold::{across, is_angle_small};
-use crate::model::Catalogue;
-use crate::partition::{ClusterSource, Shared};
+use crate::mesh::{ClusterMesh, id::LocalVertex};
+use crate::model::{Catalogue, id::PartId};
+use crate::partition::{ClusterSource, Shared, id::PartitionVertex};
 
 /// Bytes of a bucket of shared sides, if all sides are shared and [`BUCKETS_MAX`] allows as many buckets.
 const BUCKET_BYTES: u64 = 8 << 20;
@@ -230,7 +230,7 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue, images: &[u32]) -> C
         let (vertices, wedges, face) = side;
         let chart = if is_textured(face) { chart_of[charts.root(face) as usize] } else { NO_CHART };
         let side = SharedSide {
-            vertices: vertices.map(|vertex| source.vertex_id(vertex)),
+            vertices: vertices.map(|vertex| source.vertex_id(LocalVertex::new(vertex)).number()),
             keys: wedges.map(|wedge| keys[wedge as usize]),
             across: across_side(mesh, side).to_array(),
             piece: piece_of[pieces.root(face) as usize],
@@ -242,7 +242,7 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue, images: &[u32]) -> C
     }
     for (vertex, &edges) in edges_at.iter().enumerate() {
         match mesh.is_shared(vertex as u32) {
-            true => found.shared_vertices.push((source.vertex_id(vertex as u32), edges)),
+            true => found.shared_vertices.push((source.vertex_id(LocalVertex::from(vertex)).number(), edges)),
             false => found.counts.add_vertex(edges),
         }
     }
@@ -275,7 +275,8 @@ fn shared_keys(source: &ClusterSource, catalogue: &Catalogue) -> Vec<u64> {
     for (corners, &part) in mesh.corners.iter().zip(&mesh.parts) {
         for &wedge in corners.iter().filter(|&&wedge| mesh.is_shared(mesh.wedge_vertex[wedge as usize])) {
             let [u, v] = mesh.wedge_uv[wedge as usize].to_array().map(|x| (x + 0.0).to_bits());
-            keys[wedge as usize] = xxh3_64(bytemuck::cast_slice(&[u, v, catalogue.material_index(part) as u64]));
+            keys[wedge as usize] =
+                xxh3_64(bytemuck::cast_slice(&[u, v, catalogue.material_of(PartId::new(part)).number().into()]));
         }
     }
     keys
@@ -293,7 +294,7 @@ impl CellTally {
                 *number = self.borders;
                 self.borders += 1;
             }
-            self.border_ends.push((source.vertex_id(vertex), *number));
+            self.border_ends.push((source.vertex_id(LocalVertex::new(vertex)).number(), *number));
         }
         let closed = vertices.iter().filter(|&&vertex| border.is_root(vertex) && number[vertex as usize] == u32::MAX);
         self.counts.topology.boundary_loops = closed.count() as u64;
@@ -431,7 +432,7 @@ impl<'a> Tallies<'a> {
             }
             let [low, high] = side.vertices.map(u64::from);
             let mixed = (low << 32 | high).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-            self.sides.push(((mixed >> 40) % self.buckets) as u32, side)?;
+            self.sides.push(((mixed >> 40) % self.buckets) as usize, side)?;
         }
         self.seams.push(&cell.seams)?;
         let sum = &mut self.sum;
@@ -491,7 +492,7 @@ impl<'a> Tallies<'a> {
 
 impl MeshSum<'_> {
     fn meet(&mut self, vertex: u32, edges: u32) {
-        let at = &mut self.edges_at[self.shared.rank(vertex) as usize];
+        let at = &mut self.edges_at[self.shared.rank(PartitionVertex::new(vertex)).index()];
         *at = ((*at & !ON_BORDER) + (edges & !ON_BORDER)) | ((*at | edges) & ON_BORDER);
     }
 
