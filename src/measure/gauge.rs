@@ -19,7 +19,8 @@ use crate::geometry::closest_point;
 use crate::model::StoredMesh;
 use crate::model::corners::PieceCorners;
 use crate::model::id::PieceVertex;
-use crate::passes::probes::{ChosenCells, Probes, RandomPoints};
+use crate::passes::probes::{ChosenCells, ProbeTriangle, Probes};
+use crate::passes::random_points::RandomPoints;
 
 /// Maximum number of points tried on the result, as a multiple of those that its input would take.
 const CANDIDATES_MAX: u64 = 16;
@@ -57,8 +58,8 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
     // Points of the input in the cells: they show how well the cells represent the whole.
     let mut of_input = probes.points.clone();
     let mut spread = RandomPoints::new(spacing, most, 1);
-    for face in 0..probes.triangle_count() as u32 {
-        spread.over(probes.triangle(face), |point| {
+    for triangle in ProbeTriangle::first(probes.triangle_count()) {
+        spread.over(probes.triangle(triangle), |point| {
             of_input.extend(chosen.holding(point).filter(|&cell| probes.has_all_near(cell)).map(|_| point));
         });
     }
@@ -84,7 +85,8 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
         in_parallel(|| rayon::join(search, spread_points));
     }
     let mut to_input = vec![f64::INFINITY; of_result.len()];
-    nearest_sq(probes.triangle_count(), |face| probes.triangle(face), &of_result, &mut to_input);
+    let of_input = |triangle| probes.triangle(ProbeTriangle::new(triangle));
+    nearest_sq(probes.triangle_count(), of_input, &of_result, &mut to_input);
     if to_result.is_empty() || result.face_count() == 0 {
         return Ok(None);
     }

@@ -30,6 +30,7 @@ mod stop_rule;
 pub mod sample;
 mod texture_traits;
 mod texture_survey;
+pub mod random_points;
 pub mod probes;
 mod metric_engine;
 mod cluster_task;
