@@ -62,7 +62,7 @@ fn cut(scan: &Scan, folder: &Path) -> Partition {
 fn largest(scan: &Scan, partition: &Partition) -> (ClusterSource, ClusterId, TextureScale) {
     let number = partition.clusters().max_by_key(|&c| partition.face_count(c)).expect("a cluster");
     let faces = reading::read(partition, &scan.mesh, number).expect("a cluster");
-    let mut areas = scan.catalogue.for_each_material(MaterialArea::default());
+    let mut areas = scan.catalogue.per_material(MaterialArea::default());
     faces.add_areas(&scan.catalogue, &mut areas);
     let scale = TextureScale::new(&areas);
     (faces.into_source(partition, &scan.catalogue, &scale), number, scale)

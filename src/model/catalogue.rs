@@ -129,8 +129,8 @@ impl Catalogue {
         self.parts.get(part).and_then(|part| part.material).unwrap_or(self.materials.next_key())
     }
 
-    /// The same value for each material, and for none.
-    pub fn for_each_material<T: Clone>(&self, value: T) -> TiVec<MaterialId, T> {
+    /// A value per material, all the same, and one for none.
+    pub fn per_material<T: Clone>(&self, value: T) -> TiVec<MaterialId, T> {
         vec![value; self.materials.len() + 1].into()
     }
 

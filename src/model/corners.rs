@@ -63,14 +63,14 @@ impl PieceCorners {
     /// If a file cannot be read.
     pub fn read(mesh: &StoredMesh, piece: &StoredPiece, only_at_shared: bool) -> Result<Self> {
         let own = piece.positions.len() as u32;
-        let mut corners = Vec::with_capacity(if only_at_shared { 0 } else { piece.faces.len() as usize });
+        let mut faces = Vec::with_capacity(if only_at_shared { 0 } else { piece.faces.len() as usize });
         let mut shared = Vec::new();
-        FaceReader::default().each_block(piece, |faces| {
-            for face in faces {
+        FaceReader::default().each_block(piece, |block| {
+            for face in block {
                 let before = shared.len();
                 shared.extend(face.vertices.into_iter().filter_map(|vertex| vertex.shared(own)));
                 if !only_at_shared || shared.len() > before {
-                    corners.push(face.vertices);
+                    faces.push(face.vertices);
                 }
             }
             Ok(())
@@ -82,7 +82,7 @@ impl PieceCorners {
             shared_positions = column.gather(&shared)?;
         }
         let own_positions = piece.positions.window(0..piece.positions.len())?.into();
-        Ok(Self { own, faces: corners, own_positions, shared, shared_positions })
+        Ok(Self { own, faces, own_positions, shared, shared_positions })
     }
 
     /// Position of a vertex.

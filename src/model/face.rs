@@ -60,6 +60,18 @@ impl<V: FaceVertex> Face<V> {
         self.with_vertices(self.vertices.map(new_id))
     }
 
+    /// The face with each vertex and texture coordinate in another numbering; corners without one stay without.
+    #[inline]
+    pub fn translated<W: FaceVertex>(
+        self,
+        new_vertex: impl FnMut(V) -> W,
+        mut new_texcoord: impl FnMut(V::Texcoord) -> W::Texcoord,
+    ) -> Face<W> {
+        let Self { vertices, texcoords, part, continues_polygon, deviation } = self;
+        let texcoords = texcoords.map(|id| if id == Id::NONE { Id::NONE } else { new_texcoord(id) });
+        Face { vertices: vertices.map(new_vertex), texcoords, part, continues_polygon, deviation }
+    }
+
     /// The face with these vertices of another numbering, which has the same texture coordinates.
     #[inline]
     pub fn with_vertices<W: FaceVertex<Texcoord = V::Texcoord>>(self, vertices: [W; 3]) -> Face<W> {

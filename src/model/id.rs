@@ -1,4 +1,4 @@
-//! Ids in a stored mesh: each [`PieceNumbering`](super::stored_mesh::PieceNumbering) turns those of a piece into those of
+//! Ids in a stored mesh; a [`PieceNumbering`](super::stored_mesh::PieceNumbering) turns those of a piece into those of
 //! the mesh.
 //!
 //! ```text

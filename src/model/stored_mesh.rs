@@ -202,17 +202,15 @@ impl PieceNumbering {
         [own, shared[0]..shared[1]].into_iter().filter(|range| !range.is_empty())
     }
 
-    /// A texture coordinate of the piece as one of the mesh; none stays none.
+    /// A texture coordinate of the piece as one of the mesh.
     #[inline]
     pub fn texcoord(&self, texcoord: PieceTexcoord) -> Texcoord {
-        texcoord.some().map_or(Texcoord::NONE, |texcoord| self.texcoord_base.plus(texcoord.number()))
+        self.texcoord_base.plus(texcoord.number())
     }
 
     /// A face of the piece as one of the mesh.
     pub fn globalise(&self, face: &Face<PieceVertex>) -> Face<MeshVertex> {
-        let Face { vertices, texcoords, part, continues_polygon, deviation } = *face;
-        let (vertices, texcoords) = (vertices.map(|v| self.vertex(v)), texcoords.map(|t| self.texcoord(t)));
-        Face { vertices, texcoords, part, continues_polygon, deviation }
+        face.translated(|vertex| self.vertex(vertex), |texcoord| self.texcoord(texcoord))
     }
 }
 

@@ -33,13 +33,6 @@ const PLAIN_FACE_BYTES: f64 = 1.5 * ORDINARY_BYTES as f64;
 /// Positions read at once by a sweep.
 const SWEEP_RECORDS: u64 = 128 << 10;
 
-/// A kd-tree of cells.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Cells {
-    nodes: TiVec<NodeId, Node>,
-    count: usize,
-}
-
 ids! {
     /// A node of the tree of cells.
     NodeId;
@@ -48,6 +41,13 @@ ids! {
 const ROOT: NodeId = NodeId::new(0);
 /// A leaf before the leaves are numbered.
 const LEAF: Node = Node::Leaf { cell: ClusterId::new(0) };
+
+/// A kd-tree of cells.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cells {
+    nodes: TiVec<NodeId, Node>,
+    count: usize,
+}
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Node {

@@ -126,7 +126,7 @@ impl ClusterSource {
     }
 
     /// Texture coordinate of each wedge, or none.
-    pub fn texcoord_ids(&self) -> &TiSlice<Wedge, ClusterTexcoord> {
+    pub fn wedge_texcoords(&self) -> &TiSlice<Wedge, ClusterTexcoord> {
         &self.wedge_texcoord
     }
 

@@ -1,7 +1,8 @@
 //! Distributes faces to clusters, and marks the vertices that several clusters use.
 //!
-//! A triangle goes to the cluster of the cell of most of its corners (the smallest id of three), a polygon to that of its first
-//! corner, because it must stay whole until it is triangulated. Every corner that lies in another cell is *shared*.
+//! A triangle goes to the cluster of the cell of most of its corners (the smallest id of three), a polygon to that of
+//! its first corner, because it must stay whole until it is triangulated. Every corner that lies in another cell is
+//! *shared*.
 //!
 //! Old ids are looked up window by window of the numbering, so that a shuffled file causes no random access. Blocks of
 //! faces that need one window are looked up as they are read, if the order of the file is such that windows rarely

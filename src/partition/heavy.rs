@@ -71,14 +71,9 @@ fn pass_faces(
     let texcoord_ids = texcoord_ids(&faces).raw;
     let texcoords = gather_texcoords(mesh, &texcoord_ids)?;
     let ranks = SortedIds::<PieceTexcoord, Texcoord>::new(TiSlice::from_ref(&texcoord_ids));
-    let in_piece = |face: Face<PartitionVertex>| Face {
-        vertices: face.vertices.map(|vertex| PieceVertex::of_shared(partition.faces.shared.rank(vertex), 0)),
-        texcoords: face.texcoords.map(|texcoord| texcoord.some().map_or(PieceTexcoord::NONE, |id| ranks.of(id))),
-        part: face.part,
-        continues_polygon: face.continues_polygon,
-        deviation: face.deviation,
-    };
-    let faces: Vec<_> = faces.into_iter().map(in_piece).collect();
+    let in_piece = |vertex| PieceVertex::of_shared(partition.faces.shared.rank(vertex), 0);
+    let faces: Vec<_> =
+        faces.into_iter().map(|face| face.translated(in_piece, |texcoord| ranks.of(texcoord))).collect();
     let colours = partition.numbering.colours.is_some().then_some(&[][..]);
     let piece = match faces.is_empty() {
         true => None,

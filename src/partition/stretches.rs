@@ -4,8 +4,8 @@
 //! cluster refer to, summed over the clusters: the number of stretches read if each of them reads its own.
 //!
 //! # Memory
-//! A pair of numbers per stretch of each cluster, up to [`READINGS_MAX`] times the stretches of the file; beyond that the
-//! answer is known.
+//! A pair of numbers per stretch of each cluster, up to [`READINGS_MAX`] times the stretches of the file; beyond that
+//! the answer is known.
 
 use std::collections::HashSet;
 
@@ -16,7 +16,8 @@ use crate::model::id::Texcoord;
 
 /// Texture coordinates per stretch: 64 KiB, so that reading one costs about as much as a random access.
 const STRETCH_LEN: u32 = 4096;
-/// Largest number of times that the whole column may be read, stretch by stretch, before sorting it by cluster is cheaper.
+/// Largest number of times that the whole column may be read, stretch by stretch, before sorting it by cluster is
+/// cheaper.
 const READINGS_MAX: u64 = 4;
 /// Slots of the cache of recent stretches, indexed by the low bits of cluster and stretch.
 const RECENT_COUNT: usize = 64;

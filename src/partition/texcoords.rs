@@ -12,8 +12,8 @@
 //! buffers.
 //!
 //! # Files
-//! `<name>-questions.buckets` (2 to 4 bytes per id of each cluster) until they are answered, `<name>-texcoords.buckets` (5
-//! bytes each) until the partition is removed.
+//! `<name>-questions.buckets` (2 to 4 bytes per id of each cluster) until they are answered,
+//! `<name>-texcoords.buckets` (5 bytes each) until the partition is removed.
 
 use std::ops::Range;
 

@@ -45,7 +45,7 @@ impl TextureScale {
 
     /// Scale 1 for all materials.
     pub fn none(catalogue: &Catalogue) -> Self {
-        Self { scales: catalogue.for_each_material(1.0) }
+        Self { scales: catalogue.per_material(1.0) }
     }
 
     /// Reports whether a recalled value has a scale for each material.

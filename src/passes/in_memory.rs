@@ -92,7 +92,7 @@ impl<'a> InMemory<'a> {
         let mut scale = TextureScale::none(&catalogue);
         if engine.reads_texture() {
             if !engine.wants_raw_texture() {
-                let mut areas = catalogue.for_each_material(MaterialArea::default());
+                let mut areas = catalogue.per_material(MaterialArea::default());
                 faces.add_areas(&catalogue, &mut areas);
                 scale = TextureScale::new(&areas);
             }
@@ -103,7 +103,7 @@ impl<'a> InMemory<'a> {
         let colour = |vertex: &PartitionVertex| mesh.colours.get(vertex.index()).copied().unwrap_or_default();
         let colours =
             if mesh.colours.is_empty() { Vec::new() } else { source.vertex_ids().iter().map(colour).collect() };
-        let texcoord_of = source.texcoord_ids().iter().map(|texcoord| texcoord.some()).collect();
+        let texcoord_of = source.wedge_texcoords().iter().map(|texcoord| texcoord.some()).collect();
         if engine.needs_statistics() {
             let mut stats = MeshStats::default();
             source.mesh.positions.iter().for_each(|position| stats.enclose(source.origin + *position));

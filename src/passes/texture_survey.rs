@@ -37,7 +37,7 @@ impl Run<'_> {
     pub(super) fn measure_texture(&self, partition: &Partition) -> Result<(TextureTraits, ClusterMesh)> {
         let is_raw = self.engine.wants_raw_texture();
         let mut measured = self.measure_clusters(STEP, partition)?;
-        let mut named = self.catalogue.for_each_material(false);
+        let mut named = self.catalogue.per_material(false);
         self.catalogue.parts.keys().for_each(|part| named[self.catalogue.material_of(part)] = true);
         let is_vague = measured.areas.iter().zip(named).any(|(area, is_named)| is_named && area.faces < FACES_MIN);
         if is_vague && !is_raw {
@@ -53,7 +53,7 @@ impl Run<'_> {
     /// Sums over the clusters, in order. Areas per material come from one block in `step`, and from all blocks of
     /// clusters that give a patch; seams come from the latter alone.
     fn measure_clusters(&self, step: usize, partition: &Partition) -> Result<Measured> {
-        let none = || self.catalogue.for_each_material(MaterialArea::default());
+        let none = || self.catalogue.per_material(MaterialArea::default());
         let mut measured = Measured { areas: none(), ..Measured::default() };
         let survey = self.first_survey(partition);
         map_in_order(
