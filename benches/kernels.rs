@@ -25,8 +25,10 @@ use drystone::base::id::TiVec;
 use drystone::cost::{EdgeCase, SurfaceCost, Weights};
 use drystone::mesh::class::classify;
 use drystone::mesh::{Class, ClusterMesh, LocalVertex, Rings, WedgePair};
-use drystone::partition::cluster::MaterialArea;
-use drystone::partition::{ClusterSource, Partition, PartitionOptions, TextureScale, cluster, partition, reading};
+use drystone::partition::texture_scale::MaterialArea;
+use drystone::partition::{
+    ClusterId, ClusterSource, Partition, PartitionOptions, TextureScale, cluster, partition, reading,
+};
 use drystone::read::{Scan, ScanOptions, scan};
 use drystone::simplify::{Engine, Stop};
 
@@ -58,10 +60,10 @@ fn cut(scan: &Scan, folder: &Path) -> Partition {
 }
 
 /// The largest cluster, with its texture coordinates in units of length, and its number.
-fn largest(scan: &Scan, partition: &Partition) -> (ClusterSource, usize, TextureScale) {
-    let number = (0..partition.cluster_count()).max_by_key(|&c| partition.face_count(c)).expect("a cluster");
+fn largest(scan: &Scan, partition: &Partition) -> (ClusterSource, ClusterId, TextureScale) {
+    let number = partition.clusters().max_by_key(|&c| partition.face_count(c)).expect("a cluster");
     let faces = reading::read(partition, &scan.mesh, number).expect("a cluster");
-    let mut areas = vec![MaterialArea::default(); scan.catalogue.materials.len() + 1];
+    let mut areas = scan.catalogue.per_material(MaterialArea::default());
     faces.add_areas(&scan.catalogue, &mut areas);
     let scale = TextureScale::new(&areas);
     (faces.into_source(partition, &scan.catalogue, &scale), number, scale)

@@ -119,10 +119,9 @@ fn assert_whole(scan: &Scan) {
         for block in piece.faces.blocks() {
             piece.faces.read_block(&file, block, &mut Vec::new(), &mut faces).expect("a block of the scan");
             for face in &faces {
-                assert!(face.vertices.iter().all(|&v| u64::from(v) < piece.positions.len()));
-                let is_known = |&t: &u32| t == drystone::model::NO_TEXCOORD || u64::from(t) < piece.texcoords.len();
-                assert!(face.texcoords.iter().all(is_known));
-                assert!((face.part as usize) < scan.catalogue.parts.len());
+                assert!(face.vertices.iter().all(|v| u64::from(v.number()) < piece.positions.len()));
+                assert!(face.named_texcoords().all(|t| u64::from(t.number()) < piece.texcoords.len()));
+                assert!(face.part < scan.catalogue.parts.next_key());
             }
         }
     }

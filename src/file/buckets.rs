@@ -39,32 +39,34 @@ pub trait Record: Copy + Send + Sync {
     fn decode(bytes: &[u8], count: usize, out: &mut Vec<Self>) -> std::result::Result<(), String>;
 }
 
-/// Two numbers, each encoded as the difference from that of the previous record.
-impl Record for [u32; 2] {
-    fn encode(records: &[Self], out: &mut Vec<u8>) {
-        let mut at = out.len();
-        out.resize(at + records.len() * 2 * VARINT_BYTES_MAX, 0);
-        let mut last = [0; 2];
-        for record in records {
-            for (&number, last) in record.iter().zip(&mut last) {
-                at = varint::put(out, at, zigzag(i64::from(number) - *last));
-                *last = i64::from(number);
-            }
+/// Appends pairs of numbers to `out`, each number as the difference from that of the pair before.
+pub fn encode_pairs(pairs: impl ExactSizeIterator<Item = [u32; 2]>, out: &mut Vec<u8>) {
+    let mut at = out.len();
+    out.resize(at + pairs.len() * 2 * VARINT_BYTES_MAX, 0);
+    let mut last = [0; 2];
+    for pair in pairs {
+        for (number, last) in pair.into_iter().zip(&mut last) {
+            at = varint::put(out, at, zigzag(i64::from(number) - *last));
+            *last = i64::from(number);
         }
-        out.truncate(at);
     }
+    out.truncate(at);
+}
 
-    fn decode(bytes: &[u8], count: usize, out: &mut Vec<Self>) -> std::result::Result<(), String> {
-        let (mut at, mut last) = (0, [0i64; 2]);
-        for _ in 0..count {
-            for last in &mut last {
-                let difference = varint::take(bytes, &mut at).ok_or("an extent ends inside a number")?;
-                *last = last.wrapping_add(unzigzag(difference));
-            }
-            out.push(last.map(|number| number as u32));
+/// Decodes `count` pairs of numbers.
+///
+/// # Errors
+/// A description of the fault if the bytes are invalid.
+pub fn decode_pairs(bytes: &[u8], count: usize, mut take: impl FnMut([u32; 2])) -> std::result::Result<(), String> {
+    let (mut at, mut last) = (0, [0i64; 2]);
+    for _ in 0..count {
+        for last in &mut last {
+            let difference = varint::take(bytes, &mut at).ok_or("an extent ends inside a number")?;
+            *last = last.wrapping_add(unzigzag(difference));
         }
-        if at == bytes.len() { Ok(()) } else { Err(format!("{} bytes are left after an extent", bytes.len() - at)) }
+        take(last.map(|number| number as u32));
     }
+    if at == bytes.len() { Ok(()) } else { Err(format!("{} bytes are left after an extent", bytes.len() - at)) }
 }
 
 impl Record for DVec2 {
@@ -125,33 +127,46 @@ pub fn decode_coordinates<'a, T: Coordinates>(
     Ok(bytes)
 }
 
+/// What numbers the cells of a file of records: an id, or a plain index.
+pub trait CellKey: Copy + Ord + Send + Sync + From<usize> + Into<usize> {}
+
+impl<K: Copy + Ord + Send + Sync + From<usize> + Into<usize>> CellKey for K {}
+
 /// A batch of records, sorted by cell.
 #[derive(Debug)]
-pub struct Sorted<T> {
-    /// Encoded records of cells with many: cell, bytes, number of records.
-    many: Vec<(u32, Vec<u8>, u32)>,
+pub struct Sorted<T, K = usize> {
+    /// Encoded records of cells with many.
+    many: Vec<EncodedBatch<K>>,
     /// Records of the other cells.
-    few: Vec<(u32, T)>,
+    few: Vec<(K, T)>,
 }
 
-impl<T: Record> Sorted<T> {
+/// Encoded records of one cell.
+#[derive(Debug)]
+struct EncodedBatch<K> {
+    cell: K,
+    bytes: Vec<u8>,
+    records: u32,
+}
+
+impl<T: Record, K: CellKey> Sorted<T, K> {
     /// Sorts records by cell; keeps the order within a cell.
-    pub fn new(records: &[(u32, T)]) -> Self {
+    pub fn new(records: &[(K, T)]) -> Self {
         let mut sorted = Self { many: Vec::new(), few: Vec::new() };
-        let cells = || records.iter().map(|entry| entry.0);
+        let cells = || records.iter().map(|entry| entry.0.into());
         let (Some(low), Some(high)) = (cells().min(), cells().max()) else { return sorted };
         // Counting sort: cell numbers follow space, so a batch spans few cells.
-        let mut places = vec![0usize; (high - low) as usize + 2];
-        cells().for_each(|cell| places[(cell - low) as usize + 1] += 1);
+        let mut places = vec![0usize; high - low + 2];
+        cells().for_each(|cell| places[cell - low + 1] += 1);
         (1..places.len()).for_each(|at| places[at] += places[at - 1]);
         let mut by_cell = vec![records[0].1; records.len()];
         for &(cell, record) in records {
-            let place = &mut places[(cell - low) as usize];
+            let place = &mut places[cell.into() - low];
             by_cell[*place] = record;
             *place += 1;
         }
         let mut start = 0;
-        for (cell, &end) in (low..=high).zip(&places) {
+        for (cell, &end) in (low..=high).map(K::from).zip(&places) {
             let own = &by_cell[start..end];
             start = end;
             if own.len() < MANY_RECORDS {
@@ -161,7 +176,7 @@ impl<T: Record> Sorted<T> {
             for records in own.chunks(EXTENT_RECORDS_MAX) {
                 let mut bytes = Vec::new();
                 T::encode(records, &mut bytes);
-                sorted.many.push((cell, bytes, records.len() as u32));
+                sorted.many.push(EncodedBatch { cell, bytes, records: records.len() as u32 });
             }
         }
         sorted
@@ -169,16 +184,17 @@ impl<T: Record> Sorted<T> {
 }
 
 /// Writes records by cell.
-pub struct BucketWriter<T> {
+pub struct BucketWriter<T, K = usize> {
     file: RecordFile,
     pending: Vec<Vec<T>>,
     extents: Vec<Vec<Extent>>,
     bytes: Vec<u8>,
     extent_records: usize,
     count: u64,
+    key: PhantomData<K>,
 }
 
-impl<T: Record> BucketWriter<T> {
+impl<T: Record, K: CellKey> BucketWriter<T, K> {
     /// Creates a file for `cell_count` cells.
     ///
     /// # Errors
@@ -191,6 +207,7 @@ impl<T: Record> BucketWriter<T> {
             bytes: Vec::new(),
             extent_records: (BUFFERS_BYTES / size_of::<T>() / cell_count.max(1)).clamp(64, EXTENT_RECORDS_MAX),
             count: 0,
+            key: PhantomData,
         })
     }
 
@@ -199,23 +216,23 @@ impl<T: Record> BucketWriter<T> {
     /// # Errors
     /// On a full disk or a failed write.
     #[inline]
-    pub fn push(&mut self, cell: u32, record: T) -> Result<()> {
-        let pending = &mut self.pending[cell as usize];
+    pub fn push(&mut self, cell: K, record: T) -> Result<()> {
+        let pending = &mut self.pending[cell.into()];
         pending.push(record);
-        if pending.len() >= self.extent_records { self.flush(cell as usize) } else { Ok(()) }
+        if pending.len() >= self.extent_records { self.flush(cell.into()) } else { Ok(()) }
     }
 
     /// Appends a batch of records to their cells.
     ///
     /// # Errors
     /// On a full disk or a failed write.
-    pub fn append(&mut self, sorted: Sorted<T>) -> Result<()> {
+    pub fn append(&mut self, sorted: Sorted<T, K>) -> Result<()> {
         sorted.few.into_iter().try_for_each(|(cell, record)| self.push(cell, record))?;
-        for (cell, bytes, records) in sorted.many {
-            if !self.pending[cell as usize].is_empty() {
-                self.flush(cell as usize)?;
+        for EncodedBatch { cell, bytes, records } in sorted.many {
+            if !self.pending[cell.into()].is_empty() {
+                self.flush(cell.into())?;
             }
-            self.write(cell as usize, &bytes, records)?;
+            self.write(cell.into(), &bytes, records)?;
         }
         Ok(())
     }
@@ -243,20 +260,20 @@ impl<T: Record> BucketWriter<T> {
     ///
     /// # Errors
     /// On a full disk or a failed write.
-    pub fn finish(mut self) -> Result<Buckets<T>> {
+    pub fn finish(mut self) -> Result<Buckets<T, K>> {
         self.flush_all()?;
         let path = self.file.scratch()?;
-        Ok(Buckets { path, extents: self.extents, is_scratch: true, record: PhantomData })
+        Ok(Buckets { path, extents: self.extents, is_scratch: true, kinds: PhantomData })
     }
 
     /// Writes pending records, makes the file durable and opens it for reading.
     ///
     /// # Errors
     /// On a full disk or a failed write.
-    pub fn finish_durable(mut self) -> Result<Buckets<T>> {
+    pub fn finish_durable(mut self) -> Result<Buckets<T, K>> {
         self.flush_all()?;
         let path = self.file.finish(*b"buckets ", 0, self.count)?;
-        Ok(Buckets { path, extents: self.extents, is_scratch: false, record: PhantomData })
+        Ok(Buckets { path, extents: self.extents, is_scratch: false, kinds: PhantomData })
     }
 
     fn flush_all(&mut self) -> Result<()> {
@@ -291,22 +308,22 @@ impl Extent {
 /// Records by cell.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(bound = "")]
-pub struct Buckets<T> {
+pub struct Buckets<T, K = usize> {
     #[serde(with = "file_name")]
     path: PathBuf,
     extents: Vec<Vec<Extent>>,
     /// Whether the file is deleted on drop.
     #[serde(skip)]
     is_scratch: bool,
-    record: PhantomData<T>,
+    kinds: PhantomData<(K, T)>,
 }
 
-impl<T: Record> Buckets<T> {
+impl<T: Record, K: CellKey> Buckets<T, K> {
     /// Passes the records of a cell to `take`, extent by extent, in the order in which they were added.
     ///
     /// # Errors
     /// On failed reads and damaged files, and those of `take`.
-    pub fn read(&self, cell: usize, take: impl FnMut(&[T]) -> Result<()>) -> Result<()> {
+    pub fn read(&self, cell: K, take: impl FnMut(&[T]) -> Result<()>) -> Result<()> {
         self.read_one_in(1, cell, take)
     }
 
@@ -314,11 +331,11 @@ impl<T: Record> Buckets<T> {
     ///
     /// # Errors
     /// As [`read`](Buckets::read).
-    pub fn read_one_in(&self, step: usize, cell: usize, mut take: impl FnMut(&[T]) -> Result<()>) -> Result<()> {
+    pub fn read_one_in(&self, step: usize, cell: K, mut take: impl FnMut(&[T]) -> Result<()>) -> Result<()> {
         let damaged = |message: String| Error::Damaged { path: self.path.clone(), message };
         let file = File::open(&self.path).map_err(|e| Error::io(&self.path, "open", e))?;
         let (mut bytes, mut records) = (Vec::new(), Vec::new());
-        for extent in self.extents[cell].iter().step_by(step) {
+        for extent in self.extents[cell.into()].iter().step_by(step) {
             if !extent.is_sound() {
                 return Err(damaged(format!("an extent of {} records in {} bytes", extent.records, extent.bytes)));
             }
@@ -338,7 +355,7 @@ impl<T: Record> Buckets<T> {
     ///
     /// # Errors
     /// On failed reads and damaged files.
-    pub fn to_vec(&self, step: usize, cell: usize) -> Result<Vec<T>> {
+    pub fn to_vec(&self, step: usize, cell: K) -> Result<Vec<T>> {
         let mut all = Vec::with_capacity(self.len(cell) as usize / step);
         self.read_one_in(step, cell, |records| {
             all.extend_from_slice(records);
@@ -370,12 +387,12 @@ impl<T: Record> Buckets<T> {
     }
 
     /// Number of records of a cell.
-    pub fn len(&self, cell: usize) -> u64 {
-        self.extents[cell].iter().map(|extent| u64::from(extent.records)).sum()
+    pub fn len(&self, cell: K) -> u64 {
+        self.extents[cell.into()].iter().map(|extent| u64::from(extent.records)).sum()
     }
 }
 
-impl<T> Drop for Buckets<T> {
+impl<T, K> Drop for Buckets<T, K> {
     fn drop(&mut self) {
         if self.is_scratch {
             let _ = std::fs::remove_file(&self.path);
@@ -388,12 +405,22 @@ mod tests {
     use super::*;
     use crate::file::header::HEADER_BYTES;
 
+    impl Record for [u32; 2] {
+        fn encode(records: &[Self], out: &mut Vec<u8>) {
+            encode_pairs(records.iter().copied(), out);
+        }
+
+        fn decode(bytes: &[u8], count: usize, out: &mut Vec<Self>) -> std::result::Result<(), String> {
+            decode_pairs(bytes, count, |pair| out.push(pair))
+        }
+    }
+
     #[test]
     fn an_extent_that_is_not_what_was_written_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.buckets");
         let mut writer = BucketWriter::create(&path, 2).unwrap();
-        (0..1000u32).for_each(|i| writer.push(i % 2, [i, i + 1]).unwrap());
+        (0..1000u32).for_each(|i| writer.push(i as usize % 2, [i, i + 1]).unwrap());
         let buckets: Buckets<[u32; 2]> = writer.finish().unwrap();
         let mut found = Vec::new();
         let mut read = |cell| {
@@ -417,7 +444,7 @@ mod tests {
     fn extents_beyond_the_file_or_larger_than_any_are_not_sound() {
         let folder = tempfile::tempdir().unwrap();
         let mut writer = BucketWriter::create(&folder.path().join("a.buckets"), 2).unwrap();
-        (0..1000u32).for_each(|i| writer.push(i % 2, [i, i + 1]).unwrap());
+        (0..1000u32).for_each(|i| writer.push(i as usize % 2, [i, i + 1]).unwrap());
         let mut buckets: Buckets<[u32; 2]> = writer.finish().unwrap();
         assert!(buckets.is_sound());
         let whole = buckets.extents.clone();

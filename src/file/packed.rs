@@ -28,6 +28,7 @@ use super::decimal;
 use super::name::{file_name, holds};
 use super::record_file::RecordFile;
 use super::varint::{self, VARINT_BYTES_MAX, unzigzag, zigzag};
+use crate::base::id::{Id, numbers};
 use crate::base::{Error, Result};
 use crate::os::system::read_exact_at;
 
@@ -405,7 +406,8 @@ impl<T: Coordinates> PackedColumn<T> {
     ///
     /// # Errors
     /// As [`window`](PackedColumn::window).
-    pub fn gather(&self, ids: &[u32]) -> Result<Vec<T>> {
+    pub fn gather<I: Id>(&self, ids: &[I]) -> Result<Vec<T>> {
+        let ids = numbers(ids);
         let mut out = Vec::with_capacity(ids.len());
         let mut reader = self.reader()?;
         let (mut records, mut at) = (Vec::new(), 0);
@@ -483,8 +485,14 @@ impl<T: Coordinates> Reader<'_, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::id::ids;
     use crate::file::header::checked_header;
     use proptest::prelude::*;
+
+    ids! {
+        /// A record.
+        PlaceInColumn;
+    }
 
     fn bits(records: &[DVec3]) -> Vec<[u64; 3]> {
         records.iter().map(|record| record.to_array().map(f64::to_bits)).collect()
@@ -551,19 +559,20 @@ mod tests {
         for range in [0..10_000u64, 50..150, 4095..4300, 9999..10_000, 7..7] {
             assert_eq!(column.window(range.clone()).unwrap(), records[range.start as usize..range.end as usize]);
         }
+        let gather = |ids: &[u32]| column.gather::<PlaceInColumn>(bytemuck::cast_slice(ids));
         let ids = [0, 99, 100, 5000, 5001, 9999];
-        assert_eq!(column.gather(&ids).unwrap(), ids.map(|id| records[id as usize]));
+        assert_eq!(gather(&ids).unwrap(), ids.map(|id| records[id as usize]));
         let covered: Vec<_> = column.ranges(4096).collect();
         assert_eq!((covered[0].start, covered.last().unwrap().end), (0, 10_000));
         assert!(covered.windows(2).all(|pair| pair[0].end == pair[1].start));
         assert!(column.window(9_000..10_001).is_err());
         assert!(column.window(Range { start: 9, end: 7 }).is_err());
-        assert!(column.gather(&[10_000]).is_err());
+        assert!(gather(&[10_000]).is_err());
         let mut bytes = std::fs::read(folder.path().join("p")).unwrap();
         *bytes.last_mut().unwrap() ^= 1;
         std::fs::write(folder.path().join("p"), bytes).unwrap();
-        assert!(matches!(column.gather(&[9_999]), Err(Error::Damaged { .. })));
-        assert!(column.gather(&[0]).is_ok());
+        assert!(matches!(gather(&[9_999]), Err(Error::Damaged { .. })));
+        assert!(gather(&[0]).is_ok());
         assert!(std::fs::metadata(folder.path().join("p")).unwrap().len() < 5 * 10_000);
     }
 

@@ -21,6 +21,7 @@ use serde::{Deserialize, Serialize};
 use super::decimal;
 use super::name::{file_name, holds};
 use super::record_file::RecordFile;
+use crate::base::id::{Id, numbers};
 use crate::base::{Error, Result};
 use crate::os::mmap;
 
@@ -215,7 +216,8 @@ impl PositionRuns {
     ///
     /// # Errors
     /// [`Error::Damaged`] if an id is out of range or the file is too short, else [`Error::Io`].
-    pub fn gather(&self, ids: &[u32]) -> Result<Vec<DVec3>> {
+    pub fn gather<I: Id>(&self, ids: &[I]) -> Result<Vec<DVec3>> {
+        let ids = numbers(ids);
         let mut out = Vec::with_capacity(ids.len());
         let file = File::open(&self.path).map_err(|e| Error::io(&self.path, "open", e))?;
         let mut at = 0;
@@ -248,7 +250,13 @@ impl PositionRuns {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::id::ids;
     use proptest::prelude::*;
+
+    ids! {
+        /// A position.
+        PlaceInRuns;
+    }
 
     fn come_back(runs: &[Vec<DVec3>]) -> Vec<DVec3> {
         let folder = tempfile::tempdir().unwrap();
@@ -256,8 +264,8 @@ mod tests {
         runs.iter().for_each(|run| writer.append(EncodedRun::new(run)).unwrap());
         let places = writer.finish().unwrap();
         let count = runs.iter().map(Vec::len).sum::<usize>() as u32;
-        assert!(places.gather(&[count]).is_err());
-        places.gather(&(0..count).collect::<Vec<_>>()).unwrap()
+        assert!(places.gather(&[PlaceInRuns::new(count)]).is_err());
+        places.gather(&(0..count).map(PlaceInRuns::new).collect::<Vec<_>>()).unwrap()
     }
 
     fn bits(positions: &[DVec3]) -> Vec<[u64; 3]> {

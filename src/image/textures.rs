@@ -62,7 +62,7 @@ impl TextureImages {
                 })
             })
             .collect();
-        let material_of = |part: &crate::model::Part| part.material.map_or(NO_IMAGE, |m| of_material[m as usize]);
+        let material_of = |part: &crate::model::Part| part.material.map_or(NO_IMAGE, |m| of_material[m.index()]);
         images.of_part = catalogue.parts.iter().map(material_of).collect();
         images
     }

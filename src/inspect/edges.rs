@@ -115,7 +115,7 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue) -> ClusterTally {
     }
     let keys = shared_keys(source, catalogue);
     for (wedge, &key) in keys.iter_enumerated().filter(|(_, key)| **key != 0) {
-        let vertex = source.vertex_id(mesh.wedge_vertex[wedge]);
+        let vertex = source.vertex_id(mesh.wedge_vertex[wedge]).number();
         found.wedges.push(SharedWedge { vertex, zero: 0, wedge: key });
     }
     // vertices of the edge, the lower one first, and the wedges there
@@ -133,7 +133,7 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue) -> ClusterTally {
         let is_seam = faces.iter().any(|face| face.1 != wedges);
         if vertices.iter().all(|&vertex| mesh.is_shared(vertex)) {
             found.edges.push(SharedEdge {
-                vertices: vertices.map(|vertex| source.vertex_id(vertex)),
+                vertices: vertices.map(|vertex| source.vertex_id(vertex).number()),
                 wedges: wedges.map(|wedge| keys[wedge]),
                 faces: faces.len() as u32,
                 is_seam: u32::from(is_seam),
@@ -154,7 +154,7 @@ fn shared_keys(source: &ClusterSource, catalogue: &Catalogue) -> TiVec<Wedge, u6
             let key = &mut keys[wedge];
             if *key == 0 && mesh.is_shared(mesh.wedge_vertex[wedge]) {
                 let [u, v] = mesh.wedge_uv[wedge].to_array().map(f64::to_bits);
-                let words = [u, v, catalogue.material_index(part.number()) as u64];
+                let words = [u, v, catalogue.material_of(part).number().into()];
                 *key = xxh3_64(bytemuck::cast_slice(&words)).max(1);
             }
         }
@@ -191,7 +191,7 @@ impl SharedTallies {
     pub fn push(&mut self, cluster: &ClusterTally) -> Result<()> {
         let bucket = |low: u32, high: u32| {
             let mixed = (u64::from(low) << 32 | u64::from(high)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-            ((mixed >> 40) % self.buckets) as u32
+            ((mixed >> 40) % self.buckets) as usize
         };
         for edge in &cluster.edges {
             self.edges.push(bucket(edge.vertices[0], edge.vertices[1]), *edge)?;

@@ -250,7 +250,7 @@ impl Counting<'_> {
         let mut shared = SharedTallies::create(folder, faces, self.work_bytes / 4)?;
         let (mut degenerate, mut doubled) = (0, 0);
         map_in_order(
-            0..self.partition.cluster_count(),
+            self.partition.clusters(),
             self.threads,
             self.threads + 1,
             |cluster| {

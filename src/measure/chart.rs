@@ -16,9 +16,8 @@ use serde::Serialize;
 
 use super::edges::{EdgeTable, HalfEdge};
 use super::forest::DisjointSets;
-use super::surface::Surface;
+use super::surface::{NO_TEXCOORD, Surface};
 use crate::geometry::triangle::is_flat;
-use crate::model::NO_TEXCOORD;
 
 /// Counts of the texture atlas.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]

@@ -18,7 +18,9 @@ use crate::geometry::boxtree::{Bounds, BoxTree};
 use crate::geometry::closest_point;
 use crate::model::StoredMesh;
 use crate::model::corners::PieceCorners;
-use crate::passes::probes::{ChosenCells, Probes, RandomPoints};
+use crate::model::id::PieceVertex;
+use crate::passes::probes::{ChosenCells, ProbeTriangle, Probes};
+use crate::passes::random_points::RandomPoints;
 
 /// Maximum number of points tried on the result, as a multiple of those that its input would take.
 const CANDIDATES_MAX: u64 = 16;
@@ -56,8 +58,8 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
     // Points of the input in the cells: they show how well the cells represent the whole.
     let mut of_input = probes.points.clone();
     let mut spread = RandomPoints::new(spacing, most, 1);
-    for face in 0..probes.triangle_count() as u32 {
-        spread.over(probes.triangle(face), |point| {
+    for triangle in ProbeTriangle::first(probes.triangle_count()) {
+        spread.over(probes.triangle(triangle), |point| {
             of_input.extend(chosen.holding(point).filter(|&cell| probes.has_all_near(cell)).map(|_| point));
         });
     }
@@ -66,8 +68,8 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
     for piece in &result.pieces {
         progress.check_stopped()?;
         let corners = PieceCorners::read(result, piece, false)?;
-        let triangle = |face: &[u32; 3]| face.map(|vertex| corners.position(vertex));
-        let triangles: Vec<[DVec3; 3]> = corners.vertices.as_chunks().0.iter().map(triangle).collect();
+        let triangle = |face: &[PieceVertex; 3]| face.map(|vertex| corners.position(vertex));
+        let triangles: Vec<[DVec3; 3]> = corners.faces.iter().map(triangle).collect();
         drop(corners);
         let search = || nearest_sq(triangles.len(), |face| triangles[face as usize], &of_input, &mut to_result);
         let spread_points = || {
@@ -83,7 +85,8 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
         in_parallel(|| rayon::join(search, spread_points));
     }
     let mut to_input = vec![f64::INFINITY; of_result.len()];
-    nearest_sq(probes.triangle_count(), |face| probes.triangle(face), &of_result, &mut to_input);
+    let of_input = |triangle| probes.triangle(ProbeTriangle::new(triangle));
+    nearest_sq(probes.triangle_count(), of_input, &of_result, &mut to_input);
     if to_result.is_empty() || result.face_count() == 0 {
         return Ok(None);
     }

@@ -4,14 +4,17 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::edges::repeats_vertex;
+use crate::base::id::TiSlice;
 use crate::base::pool::in_parallel;
 use crate::base::{Error, Result};
 use crate::file::PackedColumn;
 use crate::file::packed::Coordinates;
 use crate::geometry::position_key;
-use crate::model::{Catalogue, NO_TEXCOORD, StoredMesh};
+use crate::model::{Catalogue, Mesh, StoredMesh};
 use crate::partition::reading::triangulate_polygons;
 
+/// Marks a corner without texture coordinate.
+pub const NO_TEXCOORD: u32 = Mesh::NO_TEXCOORD;
 /// Marks a face without material.
 pub const NO_MATERIAL: u32 = u32::MAX;
 /// Records read at once.
@@ -56,33 +59,35 @@ impl Surface {
         surface.faces.reserve_exact(face_count as usize);
         surface.face_texcoords.reserve_exact(face_count as usize);
         surface.face_materials.reserve_exact(face_count as usize);
-        let (mut bytes, mut faces) = (Vec::new(), Vec::new());
+        let (mut bytes, mut block_faces) = (Vec::new(), Vec::new());
         for (piece, numbering) in mesh.pieces.iter().zip(mesh.numbering()?) {
             let file = piece.faces.open()?;
             let damaged = |message| Error::Damaged { path: piece.faces.path().to_owned(), message };
             let vertex_limit = u64::from(numbering.own) + mesh.shared_count();
             for block in piece.faces.blocks() {
-                piece.faces.read_block(&file, block, &mut bytes, &mut faces)?;
-                for face in &mut faces {
-                    if let Some(v) = face.vertices.into_iter().find(|&v| u64::from(v) >= vertex_limit) {
+                piece.faces.read_block(&file, block, &mut bytes, &mut block_faces)?;
+                for face in &block_faces {
+                    let missing = |&v: &u32| u64::from(v) >= vertex_limit;
+                    if let Some(v) = face.vertices.map(|v| v.number()).into_iter().find(missing) {
                         return Err(damaged(format!("a face names vertex {v}, there are {vertex_limit}")));
                     }
-                    let missing = |t: u32| t != NO_TEXCOORD && u64::from(t) >= piece.texcoords.len();
-                    if let Some(t) = face.texcoords.into_iter().find(|&t| missing(t)) {
+                    let missing = |&t: &u32| u64::from(t) >= piece.texcoords.len();
+                    if let Some(t) = face.named_texcoords().map(|t| t.number()).find(missing) {
                         let count = piece.texcoords.len();
                         return Err(damaged(format!("a face names texture coordinate {t}, there are {count}")));
                     }
-                    if face.part as usize >= catalogue.parts.len() {
-                        let count = catalogue.parts.len();
-                        return Err(damaged(format!("a face names part {}, there are {count}", face.part)));
+                    if face.part.index() >= catalogue.parts.len() {
+                        let (part, count) = (face.part.number(), catalogue.parts.len());
+                        return Err(damaged(format!("a face names part {part}, there are {count}")));
                     }
-                    *face = numbering.globalise(face);
                 }
-                triangulate_polygons(&mut faces, &surface.positions);
+                let mut faces = block_faces.iter().map(|face| numbering.globalise(face)).collect();
+                triangulate_polygons(&mut faces, TiSlice::from_ref(&surface.positions));
                 for face in &faces {
-                    surface.faces.push(face.vertices);
-                    surface.face_texcoords.push(face.texcoords);
-                    surface.face_materials.push(catalogue.parts[face.part as usize].material.unwrap_or(NO_MATERIAL));
+                    surface.faces.push(face.vertices.map(|v| v.number()));
+                    surface.face_texcoords.push(face.texcoords.map(|t| t.number()));
+                    let material = catalogue.parts[face.part].material;
+                    surface.face_materials.push(material.map_or(NO_MATERIAL, |material| material.number()));
                 }
             }
         }
@@ -150,6 +155,7 @@ fn weld_positions(positions: &[DVec3]) -> (Vec<DVec3>, Vec<u32>) {
 pub(super) mod tests {
     use super::*;
     use crate::file::PackedWriter;
+    use crate::model::id::{FileId, MaterialId, PartId, PieceTexcoord, PieceVertex};
     use crate::model::{Face, FaceWriter, Part, StoredPiece};
 
     /// A surface without texture and materials.
@@ -187,10 +193,9 @@ pub(super) mod tests {
             let mut texcoords = PackedWriter::create(&folder.join(format!("{name}.uv")), *b"texcoord").unwrap();
             texcoords.append(&[DVec2::X, DVec2::Y]).unwrap();
             let mut faces = FaceWriter::create(&folder.join(format!("{name}.faces"))).unwrap();
-            let texcoords_of_face = [0, 1, NO_TEXCOORD];
-            faces
-                .append(&[Face { vertices: [0, 1, 2], texcoords: texcoords_of_face, part, ..Face::default() }])
-                .unwrap();
+            let of_face = [0, 1, NO_TEXCOORD].map(PieceTexcoord::new);
+            let (vertices, part) = ([0, 1, 2].map(PieceVertex::new), PartId::new(part));
+            faces.append(&[Face { vertices, texcoords: of_face, part, ..Face::default() }]).unwrap();
             StoredPiece {
                 positions: positions(name, &[DVec3::Z]),
                 colours: None,
@@ -204,8 +209,8 @@ pub(super) mod tests {
     #[test]
     fn pieces_of_a_stored_mesh_share_vertices() {
         let folder = tempfile::tempdir().unwrap();
-        let part = Part { file: 0, object: None, group: None, material: Some(4) };
-        let catalogue = Catalogue { parts: vec![part], ..Catalogue::default() };
+        let part = Part { file: FileId::new(0), object: None, group: None, material: Some(MaterialId::new(4)) };
+        let catalogue = Catalogue { parts: vec![part].into(), ..Catalogue::default() };
         let surface = Surface::load(&store(folder.path(), 0), &catalogue).unwrap();
         assert_eq!(surface.positions, [DVec3::X, DVec3::Y, DVec3::Z, DVec3::Z]);
         assert_eq!(surface.faces, [[2, 0, 1], [3, 0, 1]]);

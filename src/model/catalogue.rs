@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use super::id::{FileId, MaterialId, NameId, PartId};
+use crate::base::id::TiVec;
 use crate::file::codec;
 
 /// Bytes of a part or material, in addition to its name.
@@ -81,14 +83,14 @@ impl TextureStatement {
 /// Label of faces: a combination of input file, object, group and material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Part {
-    /// Index of the input file.
-    pub file: u32,
-    /// Index of the object's name in [`Catalogue::names`]; `None` without an `o` statement.
-    pub object: Option<u32>,
-    /// Index of the group names (the text after `g`) in [`Catalogue::names`]; `None` without a `g` statement.
-    pub group: Option<u32>,
-    /// Index of the material; `None` without a `usemtl` statement.
-    pub material: Option<u32>,
+    /// The input file.
+    pub file: FileId,
+    /// The object's name; `None` without an `o` statement.
+    pub object: Option<NameId>,
+    /// The group names (the text after `g`); `None` without a `g` statement.
+    pub group: Option<NameId>,
+    /// The material; `None` without a `usemtl` statement.
+    pub material: Option<MaterialId>,
 }
 
 impl Part {
@@ -101,16 +103,16 @@ impl Part {
 pub struct Catalogue {
     /// Input files, in order. Not stored with the job, which may be resumed with other paths to them.
     #[serde(skip)]
-    pub files: Vec<PathBuf>,
+    pub files: TiVec<FileId, PathBuf>,
     /// Folders that the user named.
     #[serde(skip)]
     pub folders: Vec<PathBuf>,
     /// Object and group names, as bytes.
-    pub names: Vec<Vec<u8>>,
+    pub names: TiVec<NameId, Vec<u8>>,
     /// Materials in order of first use.
-    pub materials: Vec<Material>,
-    /// Parts in order of first use; faces refer to them by index.
-    pub parts: Vec<Part>,
+    pub materials: TiVec<MaterialId, Material>,
+    /// Parts in order of first use.
+    pub parts: TiVec<PartId, Part>,
     /// Whether the input had vertex normals.
     pub has_normals: bool,
     /// Whether the input had texture coordinates.
@@ -122,11 +124,16 @@ pub struct Catalogue {
 }
 
 impl Catalogue {
-    /// Index of a part's material; that after the last for a part without one.
-    pub fn material_index(&self, part: u32) -> usize {
-        let material = self.parts.get(part as usize).and_then(|part| part.material);
-        material.map_or(self.materials.len(), |material| material as usize)
+    /// Material of a part; that after the last for a part without one.
+    pub fn material_of(&self, part: PartId) -> MaterialId {
+        self.parts.get(part).and_then(|part| part.material).unwrap_or(self.materials.next_key())
     }
+
+    /// A value per material, all the same, and one for none.
+    pub fn per_material<T: Clone>(&self, value: T) -> TiVec<MaterialId, T> {
+        vec![value; self.materials.len() + 1].into()
+    }
+
     /// Memory in bytes, including bookkeeping.
     pub fn bytes(&self) -> u64 {
         let names = self.names.iter().map(|name| name.len() as u64);
@@ -137,12 +144,13 @@ impl Catalogue {
 
     /// Reports whether the parts of a recalled value refer to existing entries.
     pub fn is_sound(&self) -> bool {
-        let names = |index: Option<u32>, count: usize| index.is_none_or(|index| (index as usize) < count);
+        let has_name = |name: NameId| name < self.names.next_key();
+        let has_material = |material: MaterialId| material < self.materials.next_key();
         self.parts.iter().all(|part| {
-            (part.file as usize) < self.files.len()
-                && names(part.object, self.names.len())
-                && names(part.group, self.names.len())
-                && names(part.material, self.materials.len())
+            part.file < self.files.next_key()
+                && part.object.is_none_or(has_name)
+                && part.group.is_none_or(has_name)
+                && part.material.is_none_or(has_material)
         })
     }
 }
@@ -153,18 +161,19 @@ mod tests {
 
     #[test]
     fn parts_that_name_what_is_not_there_are_not_sound() {
-        let part = Part { file: 0, object: Some(0), group: Some(1), material: None };
-        let names = vec!["a".into(), "b".into()];
-        let whole = Catalogue { parts: vec![part], files: vec!["a.obj".into()], names, ..Catalogue::default() };
+        let name = |number| Some(NameId::new(number));
+        let part = Part { file: FileId::new(0), object: name(0), group: name(1), material: None };
+        let (files, names) = (vec!["a.obj".into()].into(), vec!["a".into(), "b".into()].into());
+        let whole = Catalogue { parts: vec![part].into(), files, names, ..Catalogue::default() };
         assert!(whole.is_sound());
         let parts = [
-            Part { file: 1, ..part },
-            Part { object: Some(2), ..part },
-            Part { group: Some(2), ..part },
-            Part { material: Some(0), ..part },
+            Part { file: FileId::new(1), ..part },
+            Part { object: name(2), ..part },
+            Part { group: name(2), ..part },
+            Part { material: Some(MaterialId::new(0)), ..part },
         ];
         for other in parts {
-            assert!(!Catalogue { parts: vec![part, other], ..whole.clone() }.is_sound(), "{other:?}");
+            assert!(!Catalogue { parts: vec![part, other].into(), ..whole.clone() }.is_sound(), "{other:?}");
         }
     }
 }

@@ -6,25 +6,31 @@
 use glam::DVec3;
 
 use super::face::{BLOCK_FACES, Face};
+use super::id::{PieceVertex, SharedVertex};
 use super::stored_mesh::{StoredMesh, StoredPiece};
 use crate::base::Result;
+use crate::base::id::TiVec;
 
 /// Reads the faces of pieces block by block, with reused scratch buffers.
 #[derive(Debug, Default)]
 pub struct FaceReader {
     bytes: Vec<u8>,
-    faces: Vec<Face>,
+    faces: Vec<Face<PieceVertex>>,
 }
 
 impl FaceReader {
     /// Memory of a reader in bytes: a block of faces, decoded and encoded.
-    pub const MEMORY_BYTES: u64 = (BLOCK_FACES * (size_of::<Face>() + 12)) as u64;
+    pub const MEMORY_BYTES: u64 = (BLOCK_FACES * (size_of::<Face<PieceVertex>>() + 12)) as u64;
 
     /// Passes the faces of a piece to `visit`, block by block, in order.
     ///
     /// # Errors
     /// If the file cannot be read, and those of `visit`.
-    pub fn each_block(&mut self, piece: &StoredPiece, mut visit: impl FnMut(&[Face]) -> Result<()>) -> Result<()> {
+    pub fn each_block(
+        &mut self,
+        piece: &StoredPiece,
+        mut visit: impl FnMut(&[Face<PieceVertex>]) -> Result<()>,
+    ) -> Result<()> {
         if piece.faces.is_empty() {
             return Ok(());
         }
@@ -42,11 +48,11 @@ impl FaceReader {
 pub struct PieceCorners {
     /// Number of own vertices of the piece.
     pub own: u32,
-    /// Vertex of each corner, as an id of the piece.
-    pub vertices: Vec<u32>,
-    own_positions: Vec<DVec3>,
-    /// Shared vertices that occur, as ids of the mesh, ascending.
-    pub shared: Vec<u32>,
+    /// Vertices of each face.
+    pub faces: Vec<[PieceVertex; 3]>,
+    own_positions: TiVec<PieceVertex, DVec3>,
+    /// Shared vertices that occur, ascending.
+    pub shared: Vec<SharedVertex>,
     shared_positions: Vec<DVec3>,
 }
 
@@ -57,14 +63,14 @@ impl PieceCorners {
     /// If a file cannot be read.
     pub fn read(mesh: &StoredMesh, piece: &StoredPiece, only_at_shared: bool) -> Result<Self> {
         let own = piece.positions.len() as u32;
-        let mut vertices = Vec::with_capacity(if only_at_shared { 0 } else { 3 * piece.faces.len() as usize });
+        let mut faces = Vec::with_capacity(if only_at_shared { 0 } else { piece.faces.len() as usize });
         let mut shared = Vec::new();
-        FaceReader::default().each_block(piece, |faces| {
-            for face in faces {
+        FaceReader::default().each_block(piece, |block| {
+            for face in block {
                 let before = shared.len();
-                shared.extend(face.vertices.into_iter().filter(|&v| v >= own).map(|v| v - own));
+                shared.extend(face.vertices.into_iter().filter_map(|vertex| vertex.shared(own)));
                 if !only_at_shared || shared.len() > before {
-                    vertices.extend_from_slice(&face.vertices);
+                    faces.push(face.vertices);
                 }
             }
             Ok(())
@@ -75,15 +81,20 @@ impl PieceCorners {
         if let Some(column) = &mesh.shared_positions {
             shared_positions = column.gather(&shared)?;
         }
-        let own_positions = piece.positions.window(0..piece.positions.len())?;
-        Ok(Self { own, vertices, own_positions, shared, shared_positions })
+        let own_positions = piece.positions.window(0..piece.positions.len())?.into();
+        Ok(Self { own, faces, own_positions, shared, shared_positions })
     }
 
-    /// Position of a vertex, given as an id of the piece.
-    pub fn position(&self, vertex: u32) -> DVec3 {
-        match vertex.checked_sub(self.own) {
-            None => self.own_positions[vertex as usize],
-            Some(shared) => self.shared_positions[self.shared.partition_point(|&v| v < shared)],
+    /// Position of a vertex.
+    pub fn position(&self, vertex: PieceVertex) -> DVec3 {
+        match vertex.shared(self.own) {
+            None => self.own_positions[vertex],
+            Some(shared) => self.shared_positions[self.place(shared)],
         }
+    }
+
+    /// Place in [`shared`](PieceCorners::shared) of a vertex that occurs.
+    pub fn place(&self, vertex: SharedVertex) -> usize {
+        self.shared.partition_point(|&other| other < vertex)
     }
 }

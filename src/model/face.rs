@@ -24,10 +24,10 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
+use super::id::{FaceVertex, PartId, PieceTexcoord, PieceVertex};
+use crate::base::id::Id;
 use crate::file::buckets::Record;
 
-/// Marks a corner without texture coordinate.
-pub const NO_TEXCOORD: u32 = u32::MAX;
 /// Polygons with more corners are split into triangles on reading, because triangulation needs a whole polygon in
 /// memory.
 pub const POLYGON_CORNERS_MAX: usize = 512;
@@ -36,13 +36,13 @@ pub const BLOCK_FACES: usize = 16 << 10;
 
 /// A triangle by ids; corners counter-clockwise as in the input.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Face {
+pub struct Face<V: FaceVertex> {
     /// Vertex of each corner.
-    pub vertices: [u32; 3],
-    /// Texture coordinate of each corner, or [`NO_TEXCOORD`].
-    pub texcoords: [u32; 3],
-    /// Index of the part (file, object, group, material) in the catalogue.
-    pub part: u32,
+    pub vertices: [V; 3],
+    /// Texture coordinate of each corner, or [`Id::NONE`].
+    pub texcoords: [V::Texcoord; 3],
+    /// Its part of the catalogue.
+    pub part: PartId,
     /// Whether this is a further fan triangle of the polygon of the face before it.
     ///
     /// A polygon c0 c1 … cn-1 is stored as the fan (c0 c1 c2), (c0 c2 c3), … until its positions are loaded and it can
@@ -53,8 +53,41 @@ pub struct Face {
     pub deviation: f32,
 }
 
+impl<V: FaceVertex> Face<V> {
+    /// The face with each vertex in another numbering, which has the same texture coordinates.
+    #[inline]
+    pub fn renumbered<W: FaceVertex<Texcoord = V::Texcoord>>(self, new_id: impl FnMut(V) -> W) -> Face<W> {
+        self.with_vertices(self.vertices.map(new_id))
+    }
+
+    /// The face with each vertex and texture coordinate in another numbering; corners without one stay without.
+    #[inline]
+    pub fn translated<W: FaceVertex>(
+        self,
+        new_vertex: impl FnMut(V) -> W,
+        mut new_texcoord: impl FnMut(V::Texcoord) -> W::Texcoord,
+    ) -> Face<W> {
+        let Self { vertices, texcoords, part, continues_polygon, deviation } = self;
+        let texcoords = texcoords.map(|id| if id == Id::NONE { Id::NONE } else { new_texcoord(id) });
+        Face { vertices: vertices.map(new_vertex), texcoords, part, continues_polygon, deviation }
+    }
+
+    /// The face with these vertices of another numbering, which has the same texture coordinates.
+    #[inline]
+    pub fn with_vertices<W: FaceVertex<Texcoord = V::Texcoord>>(self, vertices: [W; 3]) -> Face<W> {
+        let Self { texcoords, part, continues_polygon, deviation, .. } = self;
+        Face { vertices, texcoords, part, continues_polygon, deviation }
+    }
+
+    /// Texture coordinates of the corners that have one.
+    #[inline]
+    pub fn named_texcoords(self) -> impl Iterator<Item = V::Texcoord> {
+        self.texcoords.into_iter().filter(|&texcoord| texcoord != Id::NONE)
+    }
+}
+
 /// Reports whether a triangle uses a vertex twice.
-pub fn repeats_vertex([a, b, c]: [u32; 3]) -> bool {
+pub fn repeats_vertex<V: PartialEq>([a, b, c]: [V; 3]) -> bool {
     a == b || b == c || c == a
 }
 
@@ -67,10 +100,10 @@ pub struct FaceBlock {
     pub bytes: u32,
     /// Number of faces.
     pub faces: u32,
-    /// Range that contains all its vertex ids.
-    pub vertices: Range<u32>,
-    /// Range that contains all its texture coordinate ids; empty if there are none.
-    pub texcoords: Range<u32>,
+    /// Range that contains all its vertices.
+    pub vertices: Range<PieceVertex>,
+    /// Range that contains all its texture coordinates; empty if there are none.
+    pub texcoords: Range<PieceTexcoord>,
     /// XXH3 of its bytes.
     pub checksum: u64,
 }
@@ -80,7 +113,7 @@ impl FaceBlock {
     ///
     /// # Errors
     /// A description of the fault.
-    pub fn decode(&self, bytes: &[u8], out: &mut Vec<Face>) -> Result<(), String> {
+    pub fn decode(&self, bytes: &[u8], out: &mut Vec<Face<PieceVertex>>) -> Result<(), String> {
         match self.faces as usize {
             count if count > BLOCK_FACES => Err(format!("a block of {count} faces; at most {BLOCK_FACES} are written")),
             count if xxh3_64(bytes) == self.checksum => decode(bytes, count, out),
@@ -112,23 +145,26 @@ struct Before {
 }
 
 /// Appends the encoding of faces (at most [`BLOCK_FACES`]) to `out`; leaves the offset of the block at 0.
-pub fn encode_block(faces: &[Face], out: &mut Vec<u8>) -> FaceBlock {
+pub fn encode_block(faces: &[Face<PieceVertex>], out: &mut Vec<u8>) -> FaceBlock {
     let start = out.len();
     encode(faces, out);
-    let mut ids = IdRanges::default();
-    faces.iter().for_each(|face| ids.see(face));
+    let (mut vertices, mut texcoords) = (IdSpan::default(), IdSpan::default());
+    for face in faces {
+        face.vertices.into_iter().for_each(|id| vertices.see(id));
+        face.named_texcoords().for_each(|id| texcoords.see(id));
+    }
     FaceBlock {
         offset_bytes: 0,
         bytes: (out.len() - start) as u32,
         faces: faces.len() as u32,
-        vertices: ids.vertices(),
-        texcoords: ids.texcoords(),
+        vertices: vertices.range(),
+        texcoords: texcoords.range(),
         checksum: xxh3_64(&out[start..]),
     }
 }
 
 /// Appends the encoding of faces to `out`.
-pub fn encode(faces: &[Face], out: &mut Vec<u8>) {
+pub fn encode<V: FaceVertex>(faces: &[Face<V>], out: &mut Vec<u8>) {
     let mut at = out.len();
     let mut before = Before::default();
     for chunk in faces.chunks(ENCODED_AT_ONCE) {
@@ -146,7 +182,7 @@ pub fn encode(faces: &[Face], out: &mut Vec<u8>) {
 ///
 /// # Errors
 /// A description of the fault if the bytes are invalid.
-pub fn decode(bytes: &[u8], count: usize, out: &mut Vec<Face>) -> Result<(), String> {
+pub fn decode<V: FaceVertex>(bytes: &[u8], count: usize, out: &mut Vec<Face<V>>) -> Result<(), String> {
     out.reserve(count);
     let mut before = Before::default();
     let mut at = 0;
@@ -172,24 +208,24 @@ pub fn decode(bytes: &[u8], count: usize, out: &mut Vec<Face>) -> Result<(), Str
 
 /// Encodes a face; returns its size in bytes.
 #[inline(always)]
-fn put_face(window: &mut [u8; WINDOW_BYTES], face: &Face, before: &mut Before) -> usize {
-    let bare = face.texcoords == [NO_TEXCOORD; 3];
-    let part_differs = face.part != before.part;
+fn put_face<V: FaceVertex>(window: &mut [u8; WINDOW_BYTES], face: &Face<V>, before: &mut Before) -> usize {
+    let bare = face.texcoords == [Id::NONE; 3];
+    let part_differs = face.part.number() != before.part;
     let deviates = face.deviation != 0.0;
     let mut at = 2;
     if part_differs {
-        put_word(window, at, face.part);
+        before.part = face.part.number();
+        put_word(window, at, before.part);
         at += 4;
-        before.part = face.part;
     }
     let mut sizes = 0;
-    let [v0, v1, v2] = face.vertices;
+    let [v0, v1, v2] = face.vertices.map(V::number);
     put_difference(window, &mut at, &mut sizes, 0, v0.wrapping_sub(before.vertex));
     put_difference(window, &mut at, &mut sizes, 1, v1.wrapping_sub(v0));
     put_difference(window, &mut at, &mut sizes, 2, v2.wrapping_sub(v1));
     before.vertex = v0;
     if !bare {
-        let [t0, t1, t2] = face.texcoords.map(|t| t.wrapping_add(1));
+        let [t0, t1, t2] = face.texcoords.map(|t| t.number().wrapping_add(1));
         put_difference(window, &mut at, &mut sizes, 3, t0.wrapping_sub(before.texcoord));
         put_difference(window, &mut at, &mut sizes, 4, t1.wrapping_sub(t0));
         put_difference(window, &mut at, &mut sizes, 5, t2.wrapping_sub(t1));
@@ -210,7 +246,7 @@ fn put_face(window: &mut [u8; WINDOW_BYTES], face: &Face, before: &mut Before) -
 
 /// Decodes a face; returns it with its size in bytes.
 #[inline(always)]
-fn take_face(window: &[u8; WINDOW_BYTES], before: &mut Before) -> (Face, usize) {
+fn take_face<V: FaceVertex>(window: &[u8; WINDOW_BYTES], before: &mut Before) -> (Face<V>, usize) {
     let tag = u16::from_le_bytes([window[0], window[1]]);
     let mut sizes = u32::from(tag) >> SIZES_SHIFT;
     let mut at = 2;
@@ -222,13 +258,13 @@ fn take_face(window: &[u8; WINDOW_BYTES], before: &mut Before) -> (Face, usize) 
     let v1 = v0.wrapping_add(take_difference(window, &mut at, &mut sizes));
     let v2 = v1.wrapping_add(take_difference(window, &mut at, &mut sizes));
     before.vertex = v0;
-    let mut texcoords = [NO_TEXCOORD; 3];
+    let mut texcoords = [Id::NONE; 3];
     if tag & BARE == 0 {
         let t0 = before.texcoord.wrapping_add(take_difference(window, &mut at, &mut sizes));
         let t1 = t0.wrapping_add(take_difference(window, &mut at, &mut sizes));
         let t2 = t1.wrapping_add(take_difference(window, &mut at, &mut sizes));
         before.texcoord = t0;
-        texcoords = [t0.wrapping_sub(1), t1.wrapping_sub(1), t2.wrapping_sub(1)];
+        texcoords = [t0, t1, t2].map(|t| Id::new(t.wrapping_sub(1)));
     }
     let mut deviation = 0.0;
     if tag & DEVIATES != 0 {
@@ -237,9 +273,9 @@ fn take_face(window: &[u8; WINDOW_BYTES], before: &mut Before) -> (Face, usize) 
     }
     (
         Face {
-            vertices: [v0, v1, v2],
+            vertices: [v0, v1, v2].map(V::new),
             texcoords,
-            part: before.part,
+            part: PartId::new(before.part),
             continues_polygon: tag & CONTINUES != 0,
             deviation,
         },
@@ -279,42 +315,32 @@ fn put_word(window: &mut [u8; WINDOW_BYTES], at: usize, word: u32) {
     }
 }
 
+/// The lowest and the highest of some ids.
 #[derive(Debug)]
-struct IdRanges {
-    vertex: (u32, u32),
-    texcoord: (u32, u32),
+struct IdSpan {
+    low: u32,
+    high: u32,
 }
 
-impl Default for IdRanges {
+impl Default for IdSpan {
     fn default() -> Self {
-        Self { vertex: (u32::MAX, 0), texcoord: (u32::MAX, 0) }
+        Self { low: u32::MAX, high: 0 }
     }
 }
 
-impl IdRanges {
-    fn see(&mut self, face: &Face) {
-        for v in face.vertices {
-            self.vertex = (self.vertex.0.min(v), self.vertex.1.max(v));
-        }
-        for t in face.texcoords.into_iter().filter(|&t| t != NO_TEXCOORD) {
-            self.texcoord = (self.texcoord.0.min(t), self.texcoord.1.max(t));
-        }
+impl IdSpan {
+    fn see(&mut self, id: impl Id) {
+        (self.low, self.high) = (self.low.min(id.number()), self.high.max(id.number()));
     }
 
-    fn vertices(&self) -> Range<u32> {
-        range_of(self.vertex)
-    }
-
-    fn texcoords(&self) -> Range<u32> {
-        range_of(self.texcoord)
+    /// The smallest range that contains all of them.
+    fn range<I: Id>(&self) -> Range<I> {
+        let (start, end) = if self.low > self.high { (0, 0) } else { (self.low, self.high.saturating_add(1)) };
+        I::new(start)..I::new(end)
     }
 }
 
-fn range_of((low, high): (u32, u32)) -> Range<u32> {
-    if low > high { 0..0 } else { low..high.saturating_add(1) }
-}
-
-impl Record for Face {
+impl<V: FaceVertex> Record for Face<V> {
     fn encode(records: &[Self], out: &mut Vec<u8>) {
         encode(records, out);
     }
@@ -329,15 +355,20 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    fn face(vertices: [u32; 3], texcoords: [u32; 3], part: u32) -> Face<PieceVertex> {
+        let (vertices, texcoords) = (vertices.map(PieceVertex::new), texcoords.map(PieceTexcoord::new));
+        Face { vertices, texcoords, part: PartId::new(part), ..Face::default() }
+    }
+
     proptest! {
         #[test]
         fn faces_come_back_as_they_were(raw in prop::collection::vec(any::<([u32; 3], [u32; 3], u32, bool, bool, u16)>(), 0..200)) {
-            let faces: Vec<Face> = raw
+            let faces: Vec<Face<PieceVertex>> = raw
                 .into_iter()
                 .map(|(vertices, texcoords, part, continues_polygon, bare, deviation)| Face {
-                    vertices,
-                    texcoords: if bare { [NO_TEXCOORD; 3] } else { texcoords },
-                    part,
+                    vertices: vertices.map(PieceVertex::new),
+                    texcoords: if bare { [PieceTexcoord::NONE; 3] } else { texcoords.map(PieceTexcoord::new) },
+                    part: PartId::new(part),
                     continues_polygon,
                     deviation: f32::from(deviation % 3),
                 })
@@ -351,29 +382,28 @@ mod tests {
 
         #[test]
         fn random_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..300), count in 0usize..100) {
-            let _ = decode(&bytes, count, &mut Vec::new());
+            let _ = decode::<PieceVertex>(&bytes, count, &mut Vec::new());
         }
     }
 
     #[test]
     fn what_is_cut_off_is_refused() {
         let mut bytes = Vec::new();
-        let face = Face { vertices: [5, 70_000, 3], texcoords: [1 << 30, 0, 7], part: 9, ..Face::default() };
+        let face = face([5, 70_000, 3], [1 << 30, 0, 7], 9);
         encode(&[face; 3], &mut bytes);
         for length in 0..bytes.len() {
-            assert!(decode(&bytes[..length], 3, &mut Vec::new()).is_err(), "{length}");
+            assert!(decode::<PieceVertex>(&bytes[..length], 3, &mut Vec::new()).is_err(), "{length}");
         }
-        assert!(decode(&[bytes, vec![0]].concat(), 3, &mut Vec::new()).is_err());
+        assert!(decode::<PieceVertex>(&[bytes, vec![0]].concat(), 3, &mut Vec::new()).is_err());
     }
 
     #[test]
     fn an_exporters_order_takes_few_bytes() {
-        let faces: Vec<Face> = (0..1000)
-            .map(|i| Face { vertices: [i, i + 1, i + 40], texcoords: [i, i + 1, i + 45], part: 3, ..Face::default() })
-            .collect();
+        let faces: Vec<_> = (0..1000).map(|i| face([i, i + 1, i + 40], [i, i + 1, i + 45], 3)).collect();
         let mut bytes = Vec::new();
         let block = encode_block(&faces, &mut bytes);
         assert!(bytes.len() < 9 * faces.len());
-        assert_eq!((block.vertices, block.texcoords), (0..1039 + 1, 0..1044 + 1));
+        assert_eq!(block.vertices, PieceVertex::new(0)..PieceVertex::new(1039 + 1));
+        assert_eq!(block.texcoords, PieceTexcoord::new(0)..PieceTexcoord::new(1044 + 1));
     }
 }

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::face::{BLOCK_FACES, FACE_BYTES_MAX, Face, FaceBlock, encode_block};
+use super::id::PieceVertex;
 use crate::base::{Error, Result};
 use crate::file::RecordFile;
 use crate::file::name::{file_name, holds};
@@ -72,7 +73,13 @@ impl FaceBlocks {
     ///
     /// # Errors
     /// [`Error::Damaged`] if the block does not decode, else [`Error::Io`].
-    pub fn read_block(&self, file: &File, block: &FaceBlock, bytes: &mut Vec<u8>, out: &mut Vec<Face>) -> Result<()> {
+    pub fn read_block(
+        &self,
+        file: &File,
+        block: &FaceBlock,
+        bytes: &mut Vec<u8>,
+        out: &mut Vec<Face<PieceVertex>>,
+    ) -> Result<()> {
         if block.bytes as usize > BLOCK_FACES * FACE_BYTES_MAX {
             return Err(self.damaged(format!("a block of {} bytes", block.bytes)));
         }
@@ -90,7 +97,7 @@ impl FaceBlocks {
 /// Appends faces to a new file of blocks.
 pub struct FaceWriter {
     file: RecordFile,
-    pending: Vec<Face>,
+    pending: Vec<Face<PieceVertex>>,
     blocks: Vec<FaceBlock>,
     bytes: Vec<u8>,
     count: u64,
@@ -125,7 +132,7 @@ impl FaceWriter {
     ///
     /// # Errors
     /// On a full disk or a failed write.
-    pub fn append(&mut self, mut faces: &[Face]) -> Result<()> {
+    pub fn append(&mut self, mut faces: &[Face<PieceVertex>]) -> Result<()> {
         self.count += faces.len() as u64;
         while let Some(first) = faces.first() {
             if self.pending.len() == BLOCK_FACES {
@@ -174,8 +181,8 @@ mod tests {
     fn a_polygon_never_begins_at_the_last_face_of_a_block() {
         let folder = tempfile::tempdir().unwrap();
         let mut writer = FaceWriter::create(&folder.path().join("f")).unwrap();
-        let face =
-            |continues_polygon| Face { vertices: [0, 1, 2], texcoords: [3; 3], continues_polygon, ..Face::default() };
+        let vertices = [0, 1, 2].map(PieceVertex::new);
+        let face = |continues_polygon| Face { vertices, continues_polygon, ..Face::default() };
         writer.append(&vec![face(false); BLOCK_FACES]).unwrap();
         writer.append(&vec![face(true); BLOCK_FACES + 5]).unwrap();
         let faces = writer.finish().unwrap();
@@ -190,7 +197,7 @@ mod tests {
     fn blocks_that_do_not_add_up_or_pass_the_end_are_not_sound() {
         let folder = tempfile::tempdir().unwrap();
         let mut writer = FaceWriter::create(&folder.path().join("f")).unwrap();
-        writer.append(&[Face { vertices: [0, 1, 2], ..Face::default() }; 100]).unwrap();
+        writer.append(&[Face { vertices: [0, 1, 2].map(PieceVertex::new), ..Face::default() }; 100]).unwrap();
         let whole = writer.finish().unwrap();
         assert!(whole.is_sound());
         let changes: [fn(&mut FaceBlocks); 5] = [

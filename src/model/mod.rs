@@ -4,18 +4,18 @@
 //! In: files of records. Out: [`StoredMesh`] and [`Catalogue`]. Invariant: a mesh that is there is whole; nothing changes
 //! it.
 
+pub mod id;
 pub mod catalogue;
 pub mod face;
 pub mod face_blocks;
 pub mod mesh;
-pub mod id;
 pub mod piece;
 pub mod stored_mesh;
 pub mod texture_file;
 pub mod corners;
 
 pub use catalogue::{Catalogue, Material, Part};
-pub use face::{Face, NO_TEXCOORD};
+pub use face::Face;
 pub use face_blocks::{FaceBlocks, FaceWriter};
 pub use mesh::Mesh;
 pub use stored_mesh::{StoredMesh, StoredPiece};

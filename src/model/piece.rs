@@ -12,6 +12,7 @@ use glam::{DVec2, DVec3};
 
 use super::face::{BLOCK_FACES, Face, encode_block};
 use super::face_blocks::FaceBlocks;
+use super::id::PieceVertex;
 use super::stored_mesh::StoredPiece;
 use crate::base::Result;
 use crate::file::RecordFile;
@@ -46,7 +47,7 @@ pub fn write_piece(
     positions: &[DVec3],
     texcoords: &[DVec2],
     colours: Option<&[[f32; 3]]>,
-    faces: &[Face],
+    faces: &[Face<PieceVertex>],
 ) -> Result<PendingPiece> {
     let colour_slice = colours.unwrap_or(&[]);
     let counts = [positions.len(), texcoords.len(), colour_slice.len(), faces.len()].map(|n| n as u64);
@@ -78,7 +79,7 @@ mod tests {
     use super::*;
     use crate::file::header::HEADER_BYTES;
     use crate::file::header::checked_header;
-    use crate::model::NO_TEXCOORD;
+    use crate::model::id::{PartId, PieceTexcoord};
 
     #[test]
     fn a_piece_comes_back_as_it_was() {
@@ -86,7 +87,9 @@ mod tests {
         let positions = [DVec3::new(1.0, 2.0, 3.0), DVec3::X, DVec3::Y];
         let texcoords = [DVec2::new(0.5, 0.25)];
         let colours = [[0.1, 0.2, 0.3]; 3];
-        let face = Face { vertices: [0, 1, 2], texcoords: [0, NO_TEXCOORD, 0], part: 7, ..Face::default() };
+        let (first, none) = (PieceTexcoord::new(0), PieceTexcoord::NONE);
+        let vertices = [0, 1, 2].map(PieceVertex::new);
+        let face = Face { vertices, texcoords: [first, none, first], part: PartId::new(7), ..Face::default() };
         let path = folder.path().join("a.piece");
         let piece = write_piece(&path, &positions, &texcoords, Some(&colours), &[face]).unwrap().commit().unwrap();
         assert_eq!(&*piece.positions.window(0..3).unwrap(), &positions);

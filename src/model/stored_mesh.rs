@@ -1,19 +1,14 @@
-//! A mesh stored in files: the output of the scan and of every pass.
-//!
-//! ```text
-//! vertex ids   0 .. shared        vertices used by several pieces
-//!              shared ..          own vertices of the pieces, piece by piece
-//! texcoord ids 0 ..               texture coordinates of the pieces, piece by piece
-//! ```
-//! Within a piece, ids 0 .. own are its own vertices, and own .. own + shared are the shared ones.
+//! A mesh stored in files: the output of the scan and of every pass. [`id`](super::id) tells how it is numbered.
 
+use std::ops::Range;
 use std::path::Path;
 
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-use super::face::{Face, NO_TEXCOORD};
+use super::face::Face;
 use super::face_blocks::FaceBlocks;
+use super::id::{MeshVertex, PieceTexcoord, PieceVertex, Texcoord};
 use crate::base::{Error, Result};
 use crate::file::column::Segment;
 use crate::file::packed::{PackedColumn, RecordBounds};
@@ -166,17 +161,15 @@ impl StoredMesh {
                 return Err(Error::Limit(format!("the mesh has {count} {what}; at most {ID_LIMIT} are supported")));
             }
         }
-        let (mut vertex_base, mut texcoord_base) = (self.shared_count() as u32, 0);
-        Ok(self
-            .pieces
-            .iter()
-            .map(|piece| {
-                let numbering = PieceNumbering { own: piece.positions.len() as u32, vertex_base, texcoord_base };
-                vertex_base += numbering.own;
-                texcoord_base += piece.texcoords.len() as u32;
-                numbering
-            })
-            .collect())
+        let mut vertex_base = MeshVertex::new(self.shared_count() as u32);
+        let mut texcoord_base = Texcoord::new(0);
+        let number = |piece: &StoredPiece| {
+            let numbering = PieceNumbering { own: piece.positions.len() as u32, vertex_base, texcoord_base };
+            vertex_base = vertex_base.plus(numbering.own);
+            texcoord_base = texcoord_base.plus(piece.texcoords.len() as u32);
+            numbering
+        };
+        Ok(self.pieces.iter().map(number).collect())
     }
 }
 
@@ -185,18 +178,39 @@ impl StoredMesh {
 pub struct PieceNumbering {
     /// Number of own vertices of the piece.
     pub own: u32,
-    /// Mesh id of its first own vertex.
-    pub vertex_base: u32,
-    /// Mesh id of its first texture coordinate.
-    pub texcoord_base: u32,
+    /// Its first own vertex.
+    pub vertex_base: MeshVertex,
+    /// Its first texture coordinate.
+    pub texcoord_base: Texcoord,
 }
 
 impl PieceNumbering {
-    /// Returns the face with ids of the mesh.
-    pub fn globalise(&self, face: &Face) -> Face {
-        let vertex = |v: u32| if v < self.own { self.vertex_base + v } else { v - self.own };
-        let texcoord = |t: u32| if t == NO_TEXCOORD { t } else { self.texcoord_base + t };
-        Face { vertices: face.vertices.map(vertex), texcoords: face.texcoords.map(texcoord), ..*face }
+    /// A vertex of the piece as one of the mesh.
+    #[inline]
+    pub fn vertex(&self, vertex: PieceVertex) -> MeshVertex {
+        match vertex.shared(self.own) {
+            None => self.vertex_base.plus(vertex.number()),
+            Some(shared) => shared.into(),
+        }
+    }
+
+    /// The ranges of vertices of the mesh that a range of the piece stands for: of own ones and of shared ones.
+    pub fn vertices(&self, range: &Range<PieceVertex>) -> impl Iterator<Item = Range<MeshVertex>> + use<> {
+        let [start, end] = [range.start, range.end].map(PieceVertex::number);
+        let own = self.vertex_base.plus(start.min(self.own))..self.vertex_base.plus(end.min(self.own));
+        let shared = [start, end].map(|number| MeshVertex::new(number.saturating_sub(self.own)));
+        [own, shared[0]..shared[1]].into_iter().filter(|range| !range.is_empty())
+    }
+
+    /// A texture coordinate of the piece as one of the mesh.
+    #[inline]
+    pub fn texcoord(&self, texcoord: PieceTexcoord) -> Texcoord {
+        self.texcoord_base.plus(texcoord.number())
+    }
+
+    /// A face of the piece as one of the mesh.
+    pub fn globalise(&self, face: &Face<PieceVertex>) -> Face<MeshVertex> {
+        face.translated(|vertex| self.vertex(vertex), |texcoord| self.texcoord(texcoord))
     }
 }
 
@@ -222,7 +236,9 @@ mod tests {
         let mut texcoords = PackedWriter::create(&folder.join("texcoords"), *b"texcoord").unwrap();
         texcoords.append(&[DVec2::ZERO; 3]).unwrap();
         let mut faces = FaceWriter::create(&folder.join("faces")).unwrap();
-        faces.append(&[Face { vertices: [0, 1, 2], texcoords: [0, 1, 2], ..Face::default() }]).unwrap();
+        let vertices = [0, 1, 2].map(PieceVertex::new);
+        let face = Face { vertices, texcoords: [0, 1, 2].map(PieceTexcoord::new), ..Face::default() };
+        faces.append(&[face]).unwrap();
         let piece = StoredPiece {
             positions: positions("positions", 1),
             colours: Some(colours("colours", 1)),

@@ -6,9 +6,11 @@
 
 use glam::DVec3;
 
+use super::id::ClusterId;
 use super::options::PartitionOptions;
 use super::weight::{ClusterWeight, ORDINARY_BYTES, limit_bytes};
 use crate::base::Result;
+use crate::base::id::{TiVec, ids};
 use crate::base::ordered::map_in_order;
 use crate::file::PackedColumn;
 use crate::model::StoredMesh;
@@ -31,64 +33,82 @@ const PLAIN_FACE_BYTES: f64 = 1.5 * ORDINARY_BYTES as f64;
 /// Positions read at once by a sweep.
 const SWEEP_RECORDS: u64 = 128 << 10;
 
+ids! {
+    /// A node of the tree of cells.
+    NodeId;
+}
+
+const ROOT: NodeId = NodeId::new(0);
+/// A leaf before the leaves are numbered.
+const LEAF: Node = Node::Leaf { cell: ClusterId::new(0) };
+
 /// A kd-tree of cells.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cells {
-    nodes: Vec<Node>,
-    count: u32,
+    nodes: TiVec<NodeId, Node>,
+    count: usize,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Node {
-    /// Positions with `p[axis] < plane` go to node `below`, others to node `below + 1`.
+    /// Positions with `p[axis] < plane` go to the node `below`, others to the one after it.
     Split {
         axis: usize,
         plane: f64,
-        below: u32,
+        below: NodeId,
     },
     Leaf {
-        cell: u32,
+        cell: ClusterId,
     },
 }
 
 impl Cells {
     /// Number of cells.
-    pub fn count(&self) -> u32 {
+    pub fn count(&self) -> usize {
         self.count
     }
 
     /// Cell that contains a position.
     #[inline]
-    pub fn of(&self, position: DVec3) -> u32 {
-        let mut at = 0;
+    pub fn of(&self, position: DVec3) -> ClusterId {
+        let mut at = ROOT;
         loop {
             match self.nodes[at] {
-                Node::Split { axis, plane, below } => at = below as usize + usize::from(position[axis] >= plane),
+                Node::Split { axis, plane, below } => at = below.plus(u32::from(position[axis] >= plane)),
                 Node::Leaf { cell } => return cell,
             }
         }
     }
 
+    /// Leaf that contains a position.
+    fn leaf_of(&self, position: DVec3) -> NodeId {
+        let mut at = ROOT;
+        while let Node::Split { axis, plane, below } = self.nodes[at] {
+            at = below.plus(u32::from(position[axis] >= plane));
+        }
+        at
+    }
+
     /// Numbers the leaves in depth-first order, lower side first.
     fn number_leaves(&mut self) {
-        let mut next = 0;
-        let mut stack = vec![0usize];
+        let mut count = 0;
+        let mut stack = vec![ROOT];
         while let Some(at) = stack.pop() {
             match &mut self.nodes[at] {
                 Node::Leaf { cell } => {
-                    *cell = next;
-                    next += 1;
+                    *cell = ClusterId::from(count);
+                    count += 1;
                 }
-                Node::Split { below, .. } => stack.extend([*below as usize + 1, *below as usize]),
+                Node::Split { below, .. } => stack.extend([below.plus(1), *below]),
             }
         }
-        self.count = next;
+        self.count = count;
     }
 }
 
 /// A grid over a box, with a count of vertices per grid cell.
 struct VertexGrid {
-    node: u32,
+    node: NodeId,
     level: usize,
     low: DVec3,
     step: DVec3,
@@ -98,7 +118,7 @@ struct VertexGrid {
 }
 
 impl VertexGrid {
-    fn new(node: u32, level: usize, low: DVec3, high: DVec3, side: usize) -> Self {
+    fn new(node: NodeId, level: usize, low: DVec3, high: DVec3, side: usize) -> Self {
         let step = ((high - low) / side as f64).max(DVec3::splat(f64::MIN_POSITIVE));
         Self { node, level, low, step, side, counts: Vec::new() }
     }
@@ -129,6 +149,15 @@ impl VertexGrid {
     }
 }
 
+/// Where a vertex lies in the grids of some parts.
+#[derive(Debug, Clone, Copy)]
+struct GridHit {
+    /// Index of the part.
+    part: u8,
+    /// Index of the cell in its grid.
+    cell: u32,
+}
+
 /// A grid cell that contains vertices.
 #[derive(Debug, Clone, Copy)]
 struct Filled {
@@ -149,7 +178,7 @@ struct GridBox {
 /// On failed reads.
 pub fn plan(mesh: &StoredMesh, options: &PartitionOptions) -> Result<Cells> {
     let vertices = mesh.vertex_count();
-    let mut cells = Cells { nodes: vec![Node::Leaf { cell: 0 }], count: 1 };
+    let mut cells = Cells { nodes: vec![LEAF].into(), count: 1 };
     let (faces, weight) = (mesh.face_count(), weight_of(mesh).bytes());
     if fits_one(mesh, options.cluster_faces) || faces == 0 || vertices <= 4 {
         return Ok(cells);
@@ -159,7 +188,7 @@ pub fn plan(mesh: &StoredMesh, options: &PartitionOptions) -> Result<Cells> {
     let plain = (PLAIN_FACE_BYTES / (weight as f64 / faces as f64)).min(1.0);
     let limit = (options.cluster_faces as f64 * plain * per_face).max(4.0) as u64;
     let (low, high) = mesh.bounds();
-    let mut pending = vec![VertexGrid::new(0, 0, low, high, GRID_SIDES[0])];
+    let mut pending = vec![VertexGrid::new(ROOT, 0, low, high, GRID_SIDES[0])];
     for _ in 0..REFINEMENTS_MAX {
         if pending.is_empty() {
             break;
@@ -210,7 +239,7 @@ pub fn expected_count(faces: u64, cluster_faces: u64, pass: usize) -> u64 {
 /// Counts vertices into the histograms of the parts.
 fn count(mesh: &StoredMesh, cells: &Cells, parts: &mut [VertexGrid], options: &PartitionOptions) -> Result<()> {
     if let [part] = &mut parts[..]
-        && part.node == 0
+        && part.node == ROOT
     {
         let grid = &*part;
         let mut counts = part.zeros();
@@ -223,27 +252,21 @@ fn count(mesh: &StoredMesh, cells: &Cells, parts: &mut [VertexGrid], options: &P
         part.counts = counts;
         return Ok(());
     }
-    let mut part_of = vec![u32::MAX; cells.nodes.len()];
-    for (i, part) in parts.iter().enumerate() {
-        part_of[part.node as usize] = i as u32;
+    let mut part_of: TiVec<NodeId, Option<u8>> = vec![None; cells.nodes.len()].into();
+    for (part, grid) in (0..).zip(&*parts) {
+        part_of[grid.node] = Some(part);
     }
     let grids = &*parts;
-    let leaf = |p: DVec3| {
-        let mut at = 0;
-        while let Node::Split { axis, plane, below } = cells.nodes[at] {
-            at = below as usize + usize::from(p[axis] >= plane);
-        }
-        part_of[at]
-    };
     let mut counts: Vec<Vec<u32>> = grids.iter().map(VertexGrid::zeros).collect();
+    let look = |&position: &DVec3| {
+        let part = part_of[cells.leaf_of(position)]?;
+        Some(GridHit { part, cell: grids[usize::from(part)].index(position) as u32 })
+    };
     sweep(
         mesh,
         options,
-        |positions| {
-            let wanted = positions.iter().map(|&p| (leaf(p), p)).filter(|(part, _)| *part != u32::MAX);
-            wanted.map(|(part, p)| (part, grids[part as usize].index(p) as u32)).collect::<Vec<_>>()
-        },
-        |found| found.into_iter().for_each(|(part, i)| counts[part as usize][i as usize] += 1),
+        |positions| positions.iter().filter_map(look).collect::<Vec<_>>(),
+        |hits| hits.into_iter().for_each(|hit| counts[usize::from(hit.part)][hit.cell as usize] += 1),
     )?;
     for (part, counts) in parts.iter_mut().zip(counts) {
         part.counts = counts;
@@ -265,7 +288,7 @@ struct Splitter<'a> {
 
 impl Splitter<'_> {
     /// Splits a leaf, and the leaves that this makes.
-    fn split(&mut self, filled: &mut [Filled], node: u32, level: usize, range: GridBox) {
+    fn split(&mut self, filled: &mut [Filled], node: NodeId, level: usize, range: GridBox) {
         let slabs = slab_counts(filled, range);
         let total: u64 = slabs[0].iter().sum();
         if total <= self.limit {
@@ -293,9 +316,9 @@ impl Splitter<'_> {
         let even = (parts / 2) as f64 / parts as f64;
         let share = if level < SHIFTED_LEVELS { FIRST_SHARES[self.pass % 3] } else { even };
         let cut = choose_cut(&slabs[axis], range.low[axis], occupied.low[axis], occupied.high[axis], total, share);
-        let below = self.cells.nodes.len() as u32;
-        self.cells.nodes.extend([Node::Leaf { cell: 0 }; 2]);
-        self.cells.nodes[node as usize] = Node::Split { axis, plane: self.grid.plane(axis, cut), below };
+        let below = self.cells.nodes.push_and_get_key(LEAF);
+        let above = self.cells.nodes.push_and_get_key(LEAF);
+        self.cells.nodes[node] = Node::Split { axis, plane: self.grid.plane(axis, cut), below };
         let (mut lower, mut upper) = (range, range);
         lower.high[axis] = cut;
         upper.low[axis] = cut;
@@ -303,7 +326,7 @@ impl Splitter<'_> {
         let (below_cut, above_cut) =
             filled.split_at_mut(filled.partition_point(|cell| usize::from(cell.at[axis]) < cut));
         self.split(below_cut, below, level + 1, lower);
-        self.split(above_cut, below + 1, level + 1, upper);
+        self.split(above_cut, above, level + 1, upper);
     }
 }
 
@@ -339,7 +362,7 @@ fn choose_cut(slabs: &[u64], base: usize, low: usize, high: usize, total: u64, s
 }
 
 /// Queues a part for refinement, unless its extent is at the precision of doubles. Returns whether it was queued.
-fn refine(grid: &VertexGrid, node: u32, level: usize, cell: GridBox, next: &mut Vec<VertexGrid>) -> bool {
+fn refine(grid: &VertexGrid, node: NodeId, level: usize, cell: GridBox, next: &mut Vec<VertexGrid>) -> bool {
     let low = DVec3::from_array(std::array::from_fn(|axis| grid.plane(axis, cell.low[axis])));
     let high = DVec3::from_array(std::array::from_fn(|axis| grid.plane(axis, cell.high[axis])));
     let smallest = low.abs().max(high.abs()) * f64::EPSILON;
@@ -374,14 +397,16 @@ fn sweep<R: Send>(
 mod tests {
     use super::*;
     use crate::file::PackedWriter;
-    use crate::model::{Face, FaceWriter, NO_TEXCOORD, StoredPiece};
+    use crate::model::id::{PieceTexcoord, PieceVertex};
+    use crate::model::{Face, FaceWriter, StoredPiece};
 
     fn mesh_of(folder: &std::path::Path, positions: &[DVec3]) -> StoredMesh {
         let mut column = PackedWriter::create(&folder.join("p"), *b"position").unwrap();
         column.append(positions).unwrap();
         let texcoords = PackedWriter::create(&folder.join("t"), *b"texcoord").unwrap().finish().unwrap();
         let mut faces = FaceWriter::create(&folder.join("f")).unwrap();
-        let face = Face { vertices: [0, 1, 2], texcoords: [NO_TEXCOORD; 3], part: 0, ..Face::default() };
+        let vertices = [0, 1, 2].map(PieceVertex::new);
+        let face = Face { vertices, texcoords: [PieceTexcoord::NONE; 3], ..Face::default() };
         faces.append(&vec![face; positions.len() * 2]).unwrap();
         StoredMesh {
             pieces: vec![StoredPiece {
@@ -405,8 +430,8 @@ mod tests {
     }
 
     fn largest(cells: &Cells, positions: &[DVec3]) -> usize {
-        let mut counts = vec![0; cells.count() as usize];
-        positions.iter().for_each(|&p| counts[cells.of(p) as usize] += 1);
+        let mut counts: TiVec<ClusterId, usize> = vec![0; cells.count()].into();
+        positions.iter().for_each(|&p| counts[cells.of(p)] += 1);
         counts.into_iter().max().unwrap()
     }
 

@@ -5,15 +5,18 @@
 //!     │
 //!     ├─ numbering: vertices in cell order, duplicates welded; old id → new id
 //!     │
-//! faces ── faces: each goes to the cell of most of its corners
-//!     │        shared: the vertices used by several cells
-//!     │        stretches: how scattered over the file the texture coordinates of a cell are
+//! faces ── faces: each goes to the cluster of the cell of most of its corners
+//!     │        shared: the vertices used by several clusters
+//!     │        stretches: how scattered over the file the texture coordinates of a cluster are
 //!     │
-//!     ├─ texcoords: copied to the cells, if a cell's are scattered
+//!     ├─ texcoords: copied to the clusters, if those of one are scattered
 //!     ├─ weight: memory that a cluster takes; one that is too heavy passes through
-//!     └─ cluster: one bucket with its positions and texcoords, ready to be simplified
+//!     └─ reading, cluster: its faces with positions and texcoords, ready to be simplified
+//!          ├─ save: the result as a piece of the next mesh
+//!          └─ heavy: the same block by block, for clusters that pass through
 //! ```
-//! In: a [`StoredMesh`]. Out: a [`Partition`], whose clusters are loaded one by one. Invariant: the cells depend on the
+//! In: a [`StoredMesh`]. Out: a [`Partition`], whose clusters are loaded one by one; [`id`] tells how vertices are
+//! numbered on the way. Invariant: the cells depend on the
 //! mesh, the cluster size and the pass alone. All files are read and written sequentially, whatever the order of the
 //! input.
 //!
@@ -23,47 +26,55 @@
 //! buffers of records by cell, 12 MiB, or 24 MiB for texture coordinates; 92 bytes per vertex of a cell in each thread
 //! while duplicates are welded.
 
-pub mod cells;
-pub mod cluster;
-pub mod faces;
 pub mod id;
-mod file_names;
-pub mod numbering;
 mod options;
-mod ranks;
-pub mod reading;
-mod seams;
+mod file_names;
+pub mod cells;
+pub mod numbering;
 mod shared;
 mod stretches;
+pub mod faces;
 mod texcoord_ids;
 pub mod texcoords;
 pub mod weight;
+mod ranks;
+pub mod reading;
+mod seams;
+pub mod texture_scale;
+mod wedges;
+pub mod cluster;
+mod rounding;
+mod save;
+pub mod heavy;
 
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use crate::base::id::TiVec;
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Result};
 use crate::file::Segment;
 use crate::job::folder_bytes;
 use crate::model::{Catalogue, StoredMesh};
 
-pub use cluster::{ClusterSource, TextureScale};
+pub use cluster::ClusterSource;
+pub use id::ClusterId;
 pub use options::PartitionOptions;
 pub use shared::Shared;
+pub use texture_scale::TextureScale;
 
 /// A mesh partitioned into clusters.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Partition {
     /// Vertices in cell order.
     pub numbering: numbering::Numbering,
-    /// Faces by cell.
-    pub faces: faces::CellFaces,
-    /// Texture coordinates by cell, if they are scattered over the mesh's files.
-    texcoords: Option<texcoords::CellTexcoords>,
+    /// Faces by cluster.
+    pub faces: faces::ClusteredFaces,
+    /// Texture coordinates by cluster, if they are scattered over the mesh's files.
+    texcoords: Option<texcoords::ClusteredTexcoords>,
     /// Weight of each cluster; `None` for those that pass through.
-    weights: Vec<Option<weight::ClusterWeight>>,
+    weights: TiVec<ClusterId, Option<weight::ClusterWeight>>,
     /// Whether clusters are loaded without repeated faces.
     drops_doubles: bool,
     /// What was welded and dropped.
@@ -96,8 +107,8 @@ pub fn partition(
     let mut scratch_peak = numbering_bytes.max(folder_bytes(folder));
     drop(ranks);
     let weights = weigh(&numbering, &faces, catalogue, options)?;
-    let heavy = (0..weights.len()).filter(|&cluster| weights[cluster].is_none());
-    faces.share_all(heavy.map(|cluster| numbering.starts[cluster]..numbering.starts[cluster + 1]));
+    let heavy = weights.keys().filter(|&cluster| weights[cluster].is_none());
+    faces.share_all(heavy.map(|cluster| numbering.vertices_of(cluster)));
     let texcoords = match faces.stretches.are_scattered() {
         true => Some(texcoords::bring(mesh, &faces, names, options)?),
         false => None,
@@ -110,22 +121,23 @@ pub fn partition(
 /// Weighs each cluster; `None` where it exceeds the limit.
 fn weigh(
     numbering: &numbering::Numbering,
-    faces: &faces::CellFaces,
+    faces: &faces::ClusteredFaces,
     catalogue: &Catalogue,
     options: &PartitionOptions,
-) -> Result<Vec<Option<weight::ClusterWeight>>> {
+) -> Result<TiVec<ClusterId, Option<weight::ClusterWeight>>> {
     let limit = weight::limit_bytes(options.cluster_faces);
-    let mut weights = Vec::with_capacity(numbering.cell_count());
+    let mut weights = TiVec::with_capacity(numbering.cell_count());
     map_in_order(
-        0..numbering.cell_count(),
+        ClusterId::first(numbering.cell_count()),
         options.threads,
         options.threads + 1,
-        |cell| {
-            let face_count = faces.by_cell.len(cell);
-            let own = u64::from(numbering.starts[cell + 1] - numbering.starts[cell]);
-            let vertices = (own + faces.foreign_corners[cell]).min(3 * face_count);
+        |cluster| {
+            let face_count = faces.by_cluster.len(cluster);
+            let own = numbering.vertices_of(cluster);
+            let vertices = own.end.since(own.start) as u64 + faces.foreign_corners[cluster];
+            let vertices = vertices.min(3 * face_count);
             let most = weight::ClusterWeight { faces: face_count, vertices, wedges: 3 * face_count };
-            let met = weight::ClusterWeight { wedges: faces.wedges[cell], ..most };
+            let met = weight::ClusterWeight { wedges: faces.wedges[cluster], ..most };
             if met.bytes() <= limit {
                 return Ok(Some(met));
             }
@@ -134,7 +146,7 @@ fn weigh(
                 return Ok(None);
             }
             let mut counter = weight::WedgeCounter::new(catalogue, face_count);
-            faces.by_cell.read(cell, |block| {
+            faces.by_cluster.read(cluster, |block| {
                 counter.add(block);
                 Ok(())
             })?;
@@ -155,9 +167,14 @@ impl Partition {
         self.numbering.cell_count()
     }
 
+    /// All clusters, ascending; some may be empty.
+    pub fn clusters(&self) -> impl DoubleEndedIterator<Item = ClusterId> + ExactSizeIterator + Clone + use<> {
+        ClusterId::first(self.cluster_count())
+    }
+
     /// Number of clusters that have faces.
     pub fn filled_count(&self) -> u64 {
-        (0..self.cluster_count()).filter(|&cluster| self.face_count(cluster) > 0).count() as u64
+        self.clusters().filter(|&cluster| self.face_count(cluster) > 0).count() as u64
     }
 
     /// Whether at most one cluster has faces.
@@ -166,30 +183,30 @@ impl Partition {
     }
 
     /// Number of faces of a cluster.
-    pub fn face_count(&self, cluster: usize) -> u64 {
-        self.faces.by_cell.len(cluster)
+    pub fn face_count(&self, cluster: ClusterId) -> u64 {
+        self.faces.by_cluster.len(cluster)
     }
 
     /// Number of faces of each cluster.
-    pub fn face_counts(&self) -> Vec<u64> {
-        (0..self.cluster_count()).map(|cluster| self.face_count(cluster)).collect()
+    pub fn face_counts(&self) -> TiVec<ClusterId, u64> {
+        self.clusters().map(|cluster| self.face_count(cluster)).collect()
     }
 
     /// Weight of a cluster; `None` if it is too heavy to load and has to pass through.
-    pub fn weight(&self, cluster: usize) -> Option<weight::ClusterWeight> {
+    pub fn weight(&self, cluster: ClusterId) -> Option<weight::ClusterWeight> {
         self.weights[cluster]
     }
 
     /// Number of faces of all clusters.
     pub fn total_faces(&self) -> u64 {
-        (0..self.cluster_count()).map(|cluster| self.face_count(cluster)).sum()
+        self.clusters().map(|cluster| self.face_count(cluster)).sum()
     }
 
     /// Sets the folder of the files of a recalled value.
     pub fn locate(&mut self, folder: &Path) {
         self.numbering.positions.locate(folder);
         self.numbering.colours.iter_mut().for_each(|segment| segment.locate(folder));
-        self.faces.by_cell.locate(folder);
+        self.faces.by_cluster.locate(folder);
         self.texcoords.iter_mut().for_each(|texcoords| texcoords.answers.locate(folder));
     }
 
@@ -198,7 +215,7 @@ impl Partition {
     pub fn is_sound(&self, mesh: &StoredMesh, cluster_faces: u64) -> bool {
         let (faces, numbering, count) = (&self.faces, &self.numbering, self.weights.len());
         let limit = weight::limit_bytes(cluster_faces);
-        let can_be_loaded = |(cluster, weight): (usize, &Option<weight::ClusterWeight>)| {
+        let can_be_loaded = |(cluster, weight): (ClusterId, &Option<weight::ClusterWeight>)| {
             let faces = self.face_count(cluster);
             let texcoords = self.texcoords.as_ref().map_or(0, |texcoords| texcoords.answers.len(cluster));
             weight.is_none_or(|weight| {
@@ -208,21 +225,21 @@ impl Partition {
             })
         };
         (!self.needs_texcoords_of_mesh() || mesh.has_sound_texcoords())
-            && faces.by_cell.is_sound()
+            && faces.by_cluster.is_sound()
             && self.texcoords.iter().all(|texcoords| texcoords.answers.is_sound())
             && numbering.is_sound()
             && numbering.cell_count() == count
-            && faces.by_cell.cell_count() == count
+            && faces.by_cluster.cell_count() == count
             && self.texcoords.iter().all(|texcoords| texcoords.answers.cell_count() == count)
             && faces.shared.is_within(numbering.positions.len())
-            && self.weights.iter().enumerate().all(can_be_loaded)
+            && self.weights.iter_enumerated().all(can_be_loaded)
     }
 
     /// Paths of its files.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
         let colours = self.numbering.colours.iter().map(Segment::path);
         let texcoords = self.texcoords.iter().map(|texcoords| texcoords.answers.path());
-        [self.numbering.positions.path(), self.faces.by_cell.path()].into_iter().chain(colours).chain(texcoords)
+        [self.numbering.positions.path(), self.faces.by_cluster.path()].into_iter().chain(colours).chain(texcoords)
     }
 
     /// Paths of the mesh's files that its clusters still need.
@@ -232,7 +249,7 @@ impl Partition {
     }
 
     /// Reports whether texture coordinates are read from the mesh. Clusters that pass through read them there even if
-    /// they were copied to the cells.
+    /// they were copied to the clusters.
     fn needs_texcoords_of_mesh(&self) -> bool {
         self.texcoords.is_none() || self.weights.iter().any(Option::is_none)
     }

@@ -1,15 +1,15 @@
 //! Numbers the vertices in cell order, and welds duplicates.
 //!
 //! ```text
-//! old ids   0 1 2 3 4 5 6 …          file order
-//! cells     1 0 1 2 0 0 1 …
-//! new ids   | 1 4 5 | 0 2 6 | 3 |    cell 0, cell 1, cell 2
-//! ranks     3 0 4 6 1 2 5 …          old id → new id; the same new id for duplicates
+//! MeshVertex        0 1 2 3 4 5 6 …          file order
+//! cell              1 0 1 2 0 0 1 …
+//! PartitionVertex   | 1 4 5 | 0 2 6 | 3 |    cell 0, cell 1, cell 2
+//! ranks             3 0 4 6 1 2 5 …          of each MeshVertex; the same for duplicates
 //! ```
-//! Duplicates lie in the same cell, since cells are chosen by position. New ids within a cell follow the old order.
+//! Duplicates lie in the same cell, since cells are chosen by position. Vertices within a cell follow the file order.
 //!
 //! # Memory
-//! Buffers of 12 MiB, the positions of a cell while it is welded, and [`IdMap`]: at most 16 MiB.
+//! Buffers of 12 MiB, the positions of a cell while it is welded, and [`VertexRanks`]: at most 16 MiB.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -21,15 +21,20 @@ use serde::{Deserialize, Serialize};
 
 use super::cells::Cells;
 use super::file_names::FileNames;
+use super::id::{ClusterId, PartitionVertex, WindowId};
 use super::options::PartitionOptions;
+use crate::base::id::{IdWindow, TiSlice, TiVec};
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Result};
-use crate::file::buckets::{BucketWriter, Buckets, Record, Sorted, decode_coordinates, encode_coordinates};
+use crate::file::buckets::{
+    BucketWriter, Buckets, Record, Sorted, decode_coordinates, decode_pairs, encode_coordinates, encode_pairs,
+};
 use crate::file::varint::{self, VARINT_BYTES_MAX, unzigzag, zigzag};
 use crate::file::{ColumnWriter, EncodedRun, PositionRunWriter, PositionRuns, Segment};
 use crate::geometry::position_key;
 use crate::job::folder_bytes;
 use crate::model::StoredMesh;
+use crate::model::id::MeshVertex;
 
 /// Positions read at once, few enough that the records made of them stay in the caches and in the heap.
 const SWEEP_RECORDS: u64 = 16 << 10;
@@ -59,12 +64,12 @@ pub fn fit_one_window(vertices: u64, work_bytes: u64) -> bool {
 /// Vertices in cell order.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Numbering {
-    /// Positions by new id.
+    /// Positions of the vertices.
     pub positions: PositionRuns,
-    /// Colours by new id; `None` if the mesh has none.
+    /// Colours of the vertices; `None` if the mesh has none.
     pub colours: Option<Segment<[f32; 3]>>,
-    /// First new id of each cell, then the number of vertices.
-    pub starts: Vec<u32>,
+    /// First vertex of each cell, then the number of vertices.
+    starts: TiVec<ClusterId, PartitionVertex>,
 }
 
 impl Numbering {
@@ -73,62 +78,89 @@ impl Numbering {
         self.starts.len() - 1
     }
 
+    /// Vertices that lie in a cell.
+    #[inline]
+    pub fn vertices_of(&self, cell: ClusterId) -> Range<PartitionVertex> {
+        self.starts[cell]..self.starts[cell.plus(1)]
+    }
+
     /// Reports whether the tables and files of a recalled and located value are consistent.
     pub fn is_sound(&self) -> bool {
         let count = self.positions.len();
         self.positions.is_sound()
             && self.colours.iter().all(|colours| colours.is_sound() && colours.len() == u64::from(count))
-            && self.starts.first() == Some(&0)
-            && self.starts.last() == Some(&count)
+            && self.starts.first() == Some(&PartitionVertex::new(0))
+            && self.starts.last() == Some(&PartitionVertex::new(count))
             && self.starts.is_sorted()
     }
 
     /// Cell of a vertex.
     #[inline]
-    pub fn cell_of(&self, vertex: u32) -> u32 {
-        (self.starts.partition_point(|&start| start <= vertex) - 1) as u32
+    pub fn cell_of(&self, vertex: PartitionVertex) -> ClusterId {
+        ClusterId::from(self.starts.raw.partition_point(|&start| start <= vertex) - 1)
     }
 }
 
-/// Maps old ids to new ids, in windows of old ids.
+/// A vertex of the mesh, and what it is in the partition.
+#[derive(Debug, Clone, Copy)]
+struct VertexRank {
+    old: MeshVertex,
+    new: PartitionVertex,
+}
+
+impl Record for VertexRank {
+    fn encode(records: &[Self], out: &mut Vec<u8>) {
+        encode_pairs(records.iter().map(|rank| [rank.old.number(), rank.new.number()]), out);
+    }
+
+    fn decode(bytes: &[u8], count: usize, out: &mut Vec<Self>) -> std::result::Result<(), String> {
+        decode_pairs(bytes, count, |[old, new]| {
+            out.push(Self { old: MeshVertex::new(old), new: PartitionVertex::new(new) });
+        })
+    }
+}
+
+/// What each vertex of the mesh is in the partition, in windows.
 #[derive(Debug)]
-pub struct IdMap {
+pub struct VertexRanks {
     window_len: u32,
     count: u32,
     /// All ranks, if they are kept in memory as a whole.
-    whole: Vec<u32>,
-    /// Otherwise, pairs (old, new) by window.
-    pairs: Option<Buckets<[u32; 2]>>,
+    whole: TiVec<MeshVertex, PartitionVertex>,
+    /// Otherwise, those of each window.
+    by_window: Option<Buckets<VertexRank, WindowId>>,
 }
 
-impl IdMap {
+impl VertexRanks {
     /// Number of windows.
     pub fn window_count(&self) -> u32 {
         self.count.div_ceil(self.window_len).max(1)
     }
 
-    /// Old ids of consecutive windows.
-    pub fn range(&self, windows: Range<u32>) -> Range<u32> {
-        let start_of = |window: u32| window.saturating_mul(self.window_len).min(self.count);
+    /// Vertices of consecutive windows.
+    pub fn vertices_of(&self, windows: &Range<WindowId>) -> Range<MeshVertex> {
+        let start_of =
+            |window: WindowId| MeshVertex::new(window.number().saturating_mul(self.window_len).min(self.count));
         start_of(windows.start)..start_of(windows.end)
     }
 
     /// All ranks if they are in memory as a whole, otherwise `None`.
-    pub fn whole(&self) -> Option<&[u32]> {
-        self.pairs.is_none().then_some(&self.whole)
+    pub fn whole(&self) -> Option<&TiSlice<MeshVertex, PartitionVertex>> {
+        self.by_window.is_none().then_some(&self.whole)
     }
 
     /// Loads the ranks of consecutive windows.
     ///
     /// # Errors
     /// On failed reads.
-    pub fn load(&self, windows: Range<u32>) -> Result<Vec<u32>> {
-        let Some(pairs) = &self.pairs else { return Ok(self.whole.clone()) };
-        let range = self.range(windows.clone());
-        let mut ranks = vec![0; range.len()];
-        for window in windows {
-            pairs.read(window as usize, |pairs| {
-                pairs.iter().for_each(|&[old, new]| ranks[(old - range.start) as usize] = new);
+    pub fn load(&self, windows: &Range<WindowId>) -> Result<IdWindow<MeshVertex, PartitionVertex>> {
+        let Some(by_window) = &self.by_window else {
+            return Ok(IdWindow::new(MeshVertex::new(0), self.whole.raw.clone()));
+        };
+        let mut ranks = IdWindow::filled(&self.vertices_of(windows), PartitionVertex::default());
+        for window in WindowId::within(windows) {
+            by_window.read(window, |records| {
+                records.iter().for_each(|rank| ranks[rank.old] = rank.new);
                 Ok(())
             })?;
         }
@@ -138,9 +170,9 @@ impl IdMap {
 
 /// Record of a vertex that is scattered to its cell.
 pub(super) trait VertexRecord: Record {
-    fn new(position: DVec3, id: u32, colour: [f32; 3]) -> Self;
+    fn new(position: DVec3, vertex: MeshVertex, colour: [f32; 3]) -> Self;
     fn position(&self) -> DVec3;
-    fn id(&self) -> u32;
+    fn vertex(&self) -> MeshVertex;
     fn colour(&self) -> Option<[f32; 3]>;
 }
 
@@ -148,20 +180,20 @@ pub(super) trait VertexRecord: Record {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PlainRecord {
     position: DVec3,
-    id: u32,
+    vertex: MeshVertex,
 }
 
 impl VertexRecord for PlainRecord {
-    fn new(position: DVec3, id: u32, _colour: [f32; 3]) -> Self {
-        Self { position, id }
+    fn new(position: DVec3, vertex: MeshVertex, _colour: [f32; 3]) -> Self {
+        Self { position, vertex }
     }
 
     fn position(&self) -> DVec3 {
         self.position
     }
 
-    fn id(&self) -> u32 {
-        self.id
+    fn vertex(&self) -> MeshVertex {
+        self.vertex
     }
 
     fn colour(&self) -> Option<[f32; 3]> {
@@ -177,8 +209,9 @@ impl Record for PlainRecord {
         out.resize(at + records.len() * VARINT_BYTES_MAX, 0);
         let mut last = 0;
         for record in records {
-            at = varint::put(out, at, zigzag(i64::from(record.id) - last));
-            last = i64::from(record.id);
+            let id = i64::from(record.vertex.number());
+            at = varint::put(out, at, zigzag(id - last));
+            last = id;
         }
         out.truncate(at);
     }
@@ -190,7 +223,7 @@ impl Record for PlainRecord {
         for position in positions {
             let difference = varint::take(bytes, &mut at).ok_or("an extent ends inside a number")?;
             id = id.wrapping_add(unzigzag(difference));
-            out.push(Self { position, id: id as u32 });
+            out.push(Self { position, vertex: MeshVertex::new(id as u32) });
         }
         if at == bytes.len() { Ok(()) } else { Err(format!("{} bytes are left after an extent", bytes.len() - at)) }
     }
@@ -204,16 +237,16 @@ pub(super) struct ColouredRecord {
 }
 
 impl VertexRecord for ColouredRecord {
-    fn new(position: DVec3, id: u32, colour: [f32; 3]) -> Self {
-        Self { plain: PlainRecord::new(position, id, colour), colour }
+    fn new(position: DVec3, vertex: MeshVertex, colour: [f32; 3]) -> Self {
+        Self { plain: PlainRecord::new(position, vertex, colour), colour }
     }
 
     fn position(&self) -> DVec3 {
         self.plain.position()
     }
 
-    fn id(&self) -> u32 {
-        self.plain.id
+    fn vertex(&self) -> MeshVertex {
+        self.plain.vertex
     }
 
     fn colour(&self) -> Option<[f32; 3]> {
@@ -249,9 +282,8 @@ pub(super) fn number<R: VertexRecord>(
     names: FileNames<'_>,
     options: &PartitionOptions,
     findings: &mut Findings,
-) -> Result<(Numbering, IdMap, u64)> {
+) -> Result<(Numbering, VertexRanks, u64)> {
     mesh.numbering()?;
-    let cell_count = cells.count() as usize;
     let records = bucket_by_cell::<R>(mesh, cells, &names.path("vertices.buckets"), options)?;
 
     let vertex_count = mesh.vertex_count() as u32;
@@ -260,8 +292,9 @@ pub(super) fn number<R: VertexRecord>(
         true => vertex_count.max(1),
         false => (window_bytes(options.work_bytes) / RANK_BYTES).max(1 << 16) as u32,
     };
-    let mut whole = if is_whole { vec![0; vertex_count as usize] } else { Vec::new() };
-    let mut pairs = match is_whole {
+    let mut whole: TiVec<MeshVertex, PartitionVertex> =
+        vec![PartitionVertex::default(); if is_whole { vertex_count as usize } else { 0 }].into();
+    let mut by_window = match is_whole {
         true => None,
         false => {
             let windows = vertex_count.div_ceil(window_len) as usize;
@@ -273,10 +306,10 @@ pub(super) fn number<R: VertexRecord>(
         true => Some(ColumnWriter::create(&names.path("colours.col"), *b"colour  ")?),
         false => None,
     };
-    let mut starts = vec![0u32];
+    let mut starts: TiVec<ClusterId, PartitionVertex> = vec![PartitionVertex::new(0)].into();
     let mut welded = 0;
     map_in_order(
-        0..cell_count,
+        ClusterId::first(cells.count()),
         options.threads,
         options.threads + 1,
         |cell| match records.len(cell) <= CROWD_RECORDS {
@@ -284,37 +317,37 @@ pub(super) fn number<R: VertexRecord>(
             false => Ok((cell, None)),
         },
         |(cell, welded_cell)| {
-            let base = positions.len();
+            let base = PartitionVertex::new(positions.len());
             let mut put = |(part, runs): (WeldedCell, Vec<EncodedRun>)| -> Result<()> {
                 let before = positions.len();
                 runs.into_iter().try_for_each(|run| positions.append(run))?;
                 if let Some(colours) = &mut colours {
                     colours.append(&part.colours)?;
                 }
-                welded += part.local.len() as u64 - u64::from(positions.len() - before);
-                part.local.iter().try_for_each(|&(old, local)| match &mut pairs {
-                    None => {
-                        whole[old as usize] = base + local;
-                        Ok(())
+                welded += part.vertices.len() as u64 - u64::from(positions.len() - before);
+                part.vertices.iter().try_for_each(|vertex| {
+                    let rank = VertexRank { old: vertex.old, new: base.plus(vertex.place) };
+                    match &mut by_window {
+                        None => {
+                            whole[rank.old] = rank.new;
+                            Ok(())
+                        }
+                        Some(windows) => windows.push(WindowId::new(rank.old.number() / window_len), rank),
                     }
-                    Some(pairs) => pairs.push(old / window_len, [old, base + local]),
                 })
             };
             match welded_cell {
                 Some(whole_cell) => put(whole_cell)?,
                 None => weld_crowd(&records, cell, options.weld, put)?,
             }
-            starts.push(positions.len());
+            starts.push(PartitionVertex::new(positions.len()));
             Ok(())
         },
     )?;
     findings.count("welded_vertices", welded);
     let colours = colours.map(ColumnWriter::finish).transpose()?;
-    let pairs = match pairs {
-        Some(pairs) => Some(pairs.finish()?),
-        None => None,
-    };
-    let ranks = IdMap { window_len, count: vertex_count, whole, pairs };
+    let by_window = by_window.map(BucketWriter::finish).transpose()?;
+    let ranks = VertexRanks { window_len, count: vertex_count, whole, by_window };
     let positions = positions.finish()?;
     let scratch_peak = folder_bytes(names.folder);
     Ok((Numbering { positions, colours, starts }, ranks, scratch_peak))
@@ -325,15 +358,15 @@ fn bucket_by_cell<R: VertexRecord>(
     cells: &Cells,
     path: &Path,
     options: &PartitionOptions,
-) -> Result<Buckets<R>> {
-    let mut buckets = BucketWriter::create(path, cells.count() as usize)?;
+) -> Result<Buckets<R, ClusterId>> {
+    let mut buckets = BucketWriter::create(path, cells.count())?;
     let shared = (mesh.shared_positions.iter()).map(|positions| (positions, mesh.shared_colours.as_ref()));
     let own = mesh.pieces.iter().map(|piece| (&piece.positions, piece.colours.as_ref()));
-    let mut base = 0;
+    let mut base = MeshVertex::new(0);
     let mut windows = Vec::new();
     for (positions, colours) in shared.chain(own) {
         windows.extend(positions.ranges(SWEEP_RECORDS).map(|range| (positions, colours, base, range)));
-        base += positions.len() as u32;
+        base = base.plus(positions.len() as u32);
     }
     map_in_order(
         windows.into_iter(),
@@ -347,7 +380,7 @@ fn bucket_by_cell<R: VertexRecord>(
             };
             let record = |(i, &position): (usize, &DVec3)| {
                 let colour = colours.as_ref().map_or([f32::NAN; 3], |colours| colours[i]);
-                (cells.of(position), R::new(position, base + (range.start as u32 + i as u32), colour))
+                (cells.of(position), R::new(position, base.plus(range.start as u32 + i as u32), colour))
             };
             Ok(Sorted::new(&window.iter().enumerate().map(record).collect::<Vec<_>>()))
         },
@@ -356,7 +389,7 @@ fn bucket_by_cell<R: VertexRecord>(
     buckets.finish()
 }
 
-/// Index of each position seen, by its bits. Only looked up, never iterated, so the random seed does not affect the
+/// Place of each position seen, by its bits. Only looked up, never iterated, so the random seed does not affect the
 /// result.
 type Known = HashMap<[u64; 3], u32, RandomState>;
 
@@ -365,8 +398,14 @@ type Known = HashMap<[u64; 3], u32, RandomState>;
 struct WeldedCell {
     positions: Vec<DVec3>,
     colours: Vec<[f32; 3]>,
-    /// Old id, and index of its position in the cell.
-    local: Vec<(u32, u32)>,
+    vertices: Vec<WeldedVertex>,
+}
+
+/// A vertex of the mesh, and the place of its position in its cell.
+#[derive(Debug, Clone, Copy)]
+struct WeldedVertex {
+    old: MeshVertex,
+    place: u32,
 }
 
 impl WeldedCell {
@@ -377,25 +416,26 @@ impl WeldedCell {
         (self, runs)
     }
 
-    /// Adds records; `known` maps positions to their indices so far, `fresh` is the next index.
+    /// Adds records; `known` maps positions to their places so far, `fresh` is the next place.
     fn add<R: VertexRecord>(&mut self, records: &[R], weld: bool, known: &mut Known, fresh: &mut u32) {
         for record in records {
-            let local = match weld {
+            let place = match weld {
                 true => *known.entry(position_key(record.position())).or_insert(*fresh),
                 false => *fresh,
             };
-            if local == *fresh {
+            if place == *fresh {
                 *fresh += 1;
                 self.positions.push(record.position());
                 self.colours.extend(record.colour());
             }
-            self.local.push((record.id(), local));
+            self.vertices.push(WeldedVertex { old: record.vertex(), place });
         }
     }
 }
 
-fn weld_cell<R: VertexRecord>(records: &Buckets<R>, cell: usize, weld: bool) -> Result<WeldedCell> {
-    let mut welded = WeldedCell { local: Vec::with_capacity(records.len(cell) as usize), ..WeldedCell::default() };
+fn weld_cell<R: VertexRecord>(records: &Buckets<R, ClusterId>, cell: ClusterId, weld: bool) -> Result<WeldedCell> {
+    let vertices = Vec::with_capacity(records.len(cell) as usize);
+    let mut welded = WeldedCell { vertices, ..WeldedCell::default() };
     let expected = if weld { records.len(cell) as usize } else { 0 };
     let (mut known, mut fresh) = (Known::with_capacity_and_hasher(expected, RandomState::default()), 0);
     records.read(cell, |records| {
@@ -407,8 +447,8 @@ fn weld_cell<R: VertexRecord>(records: &Buckets<R>, cell: usize, weld: bool) -> 
 
 /// Welds a cell of any size; passes the result of each extent to `put`.
 fn weld_crowd<R: VertexRecord>(
-    records: &Buckets<R>,
-    cell: usize,
+    records: &Buckets<R, ClusterId>,
+    cell: ClusterId,
     weld: bool,
     mut put: impl FnMut((WeldedCell, Vec<EncodedRun>)) -> Result<()>,
 ) -> Result<()> {

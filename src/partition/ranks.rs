@@ -1,4 +1,4 @@
-//! Finds the index of an id in an ascending list, in constant time if ids are evenly spread.
+//! Finds the rank of an id in an ascending list, in constant time if ids are evenly spread.
 //!
 //! ```text
 //! ids     100 103 104 | 117 | 131 ...      a slot per 2^shift ids of the range, about as many slots as ids
@@ -8,63 +8,68 @@
 //! # Memory
 //! 4 bytes per id.
 
+use crate::base::id::{Id, TiSlice};
+
 /// Largest slot that is searched linearly; larger ones are searched by bisection.
 const FEW: usize = 8;
 
-/// Indices of ids in an ascending list.
-#[derive(Debug)]
-pub struct SortedIds<'a> {
-    ids: &'a [u32],
+/// Ranks of ids in an ascending list.
+pub struct SortedIds<'a, R, I> {
+    ids: &'a TiSlice<R, I>,
     /// Low bits of an id that do not select its slot.
     shift: u32,
-    /// Index in the list of the first id of each slot, then the length of the list.
+    /// Rank of the first id of each slot, then the length of the list.
     starts: Vec<u32>,
 }
 
-impl<'a> SortedIds<'a> {
+impl<'a, R: Id, I: Id> SortedIds<'a, R, I> {
     /// Indexes an ascending list.
-    pub fn new(ids: &'a [u32]) -> Self {
-        let span = ids.last().zip(ids.first()).map_or(0, |(last, first)| last - first);
+    pub fn new(ids: &'a TiSlice<R, I>) -> Self {
+        let first = ids.first().map_or(0, |id| id.number());
+        let span = ids.last().map_or(0, |id| id.number() - first);
         let shift = (0..u32::BITS - 1).find(|&shift| (span >> shift) as usize <= ids.len()).unwrap_or(u32::BITS - 1);
-        let first = ids.first().copied().unwrap_or(0);
         let mut starts = vec![0; (span >> shift) as usize + 2];
-        ids.iter().for_each(|id| starts[((id - first) >> shift) as usize + 1] += 1);
+        ids.iter().for_each(|id| starts[((id.number() - first) >> shift) as usize + 1] += 1);
         for slot in 1..starts.len() {
             starts[slot] += starts[slot - 1];
         }
         Self { ids, shift, starts }
     }
 
-    /// Index of an id in the list. For an id that is not in the list, some index up to its length.
+    /// Rank of an id in the list. For an id that is not in the list, some rank up to its length.
     #[inline]
-    pub fn of(&self, id: u32) -> u32 {
-        let slot = (id.wrapping_sub(self.ids.first().copied().unwrap_or(0)) >> self.shift) as usize;
+    pub fn of(&self, id: I) -> R {
+        let first = self.ids.first().map_or(0, |id| id.number());
+        let slot = (id.number().wrapping_sub(first) >> self.shift) as usize;
         let (Some(&start), Some(&end)) = (self.starts.get(slot), self.starts.get(slot + 1)) else {
-            return self.ids.len() as u32;
+            return R::from(self.ids.len());
         };
-        let ids = &self.ids[start as usize..end as usize];
+        let ids = &self.ids.raw[start as usize..end as usize];
         let below = match ids.len() {
             0..=FEW => ids.iter().map(|&other| usize::from(other < id)).sum(),
             _ => ids.partition_point(|&other| other < id),
         };
-        start + below as u32
+        R::new(start + below as u32)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::id::Texcoord;
+    use crate::partition::id::ClusterTexcoord;
 
     #[test]
     fn every_id_is_found_where_it_stands() {
         let spread: Vec<u32> = (0..1000).map(|i| i * 4_000_000 + (i * i) % 7).collect();
         for ids in [vec![], vec![7], vec![5, 6, 7, 900, u32::MAX], vec![0, u32::MAX], spread] {
-            let ranks = SortedIds::new(&ids);
+            let ids: Vec<Texcoord> = ids.into_iter().map(Texcoord::new).collect();
+            let ranks = SortedIds::<ClusterTexcoord, Texcoord>::new(TiSlice::from_ref(&ids));
             assert!(ranks.starts.len() <= ids.len() + 3);
             for (place, &id) in ids.iter().enumerate() {
-                assert_eq!(ranks.of(id), place as u32, "{id} in {ids:?}");
+                assert_eq!(ranks.of(id).index(), place, "{id:?} in {ids:?}");
             }
-            assert!(ranks.of(12_345) <= ids.len() as u32);
+            assert!(ranks.of(Texcoord::new(12_345)).index() <= ids.len());
         }
     }
 }

@@ -8,6 +8,10 @@ use std::ops::Range;
 use roaring::RoaringBitmap;
 use serde::{Deserialize, Serialize};
 
+use super::id::PartitionVertex;
+use crate::base::id::numbers;
+use crate::model::id::SharedVertex;
+
 /// A set of vertices that returns the rank of each member.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Shared {
@@ -15,12 +19,12 @@ pub struct Shared {
 }
 
 impl Shared {
-    pub(super) fn insert(&mut self, vertex: u32) {
-        self.members.insert(vertex);
+    pub(super) fn insert(&mut self, vertex: PartitionVertex) {
+        self.members.insert(vertex.number());
     }
 
-    pub(super) fn insert_all(&mut self, vertices: Range<u32>) {
-        self.members.insert_range(vertices);
+    pub(super) fn insert_all(&mut self, vertices: Range<PartitionVertex>) {
+        self.members.insert_range(vertices.start.number()..vertices.end.number());
     }
 
     /// Number of members.
@@ -34,10 +38,10 @@ impl Shared {
     }
 
     /// Reports for each of some ascending vertices whether it is shared.
-    pub fn contains_each(&self, vertices: &[u32]) -> impl Iterator<Item = bool> {
+    pub fn contains_each(&self, vertices: &[PartitionVertex]) -> impl Iterator<Item = bool> {
         let mut members = self.members.iter();
         let mut next = members.next();
-        vertices.iter().map(move |&vertex| {
+        numbers(vertices).iter().map(move |&vertex| {
             if next.is_some_and(|member| member < vertex) {
                 members.advance_to(vertex);
                 next = members.next();
@@ -52,13 +56,13 @@ impl Shared {
     }
 
     /// Members, ascending.
-    pub fn iter(&self) -> impl Iterator<Item = u32> {
-        self.members.iter()
+    pub fn iter(&self) -> impl Iterator<Item = PartitionVertex> {
+        self.members.iter().map(PartitionVertex::new)
     }
 
-    /// Number of members below a vertex.
-    pub fn rank(&self, vertex: u32) -> u32 {
-        vertex.checked_sub(1).map_or(0, |below| self.members.rank(below)) as u32
+    /// A member by its rank among them: in the next mesh, the members are its shared vertices.
+    pub fn rank(&self, vertex: PartitionVertex) -> SharedVertex {
+        SharedVertex::new(vertex.number().checked_sub(1).map_or(0, |below| self.members.rank(below)) as u32)
     }
 }
 
@@ -70,15 +74,19 @@ mod tests {
     fn ranks_count_the_members_below() {
         let mut shared = Shared::default();
         let members = [0, 3, 63, 64, 700, 4096, 4999, 1 << 17, u32::MAX - 1];
-        members.iter().for_each(|&v| shared.insert(v));
-        assert!(shared.contains_each(&members).all(|is_shared| is_shared));
-        assert!(shared.contains_each(&[1, 3, 62, 4998, 4999, u32::MAX]).eq([false, true, false, false, true, false]));
-        for (rank, &v) in members.iter().enumerate() {
-            assert_eq!(shared.rank(v), rank as u32);
+        let vertex = PartitionVertex::new;
+        let rank = |shared: &Shared, number| shared.rank(vertex(number)).number();
+        members.iter().for_each(|&number| shared.insert(vertex(number)));
+        assert!(shared.contains_each(&members.map(vertex)).all(|is_shared| is_shared));
+        let some = [1, 3, 62, 4998, 4999, u32::MAX].map(vertex);
+        assert!(shared.contains_each(&some).eq([false, true, false, false, true, false]));
+        for (place, &number) in (0..).zip(&members) {
+            assert_eq!(rank(&shared, number), place);
         }
-        assert_eq!((shared.rank(65), shared.len()), (4, 9));
-        shared.insert_all(60..70);
-        assert_eq!((shared.rank(700), shared.len()), (12, 17));
-        assert!(shared.iter().eq([0, 3].into_iter().chain(60..70).chain([700, 4096, 4999, 1 << 17, u32::MAX - 1])));
+        assert_eq!((rank(&shared, 65), shared.len()), (4, 9));
+        shared.insert_all(vertex(60)..vertex(70));
+        assert_eq!((rank(&shared, 700), shared.len()), (12, 17));
+        let all = [0, 3].into_iter().chain(60..70).chain([700, 4096, 4999, 1 << 17, u32::MAX - 1]);
+        assert!(shared.iter().eq(all.map(vertex)));
     }
 }

@@ -14,6 +14,8 @@ use std::hash::{BuildHasherDefault, Hasher};
 
 use serde::{Deserialize, Serialize};
 
+use super::id::PartitionVertex;
+use crate::model::id::{PartId, Texcoord};
 use crate::model::{Catalogue, Face};
 
 const FACE_BYTES: u64 = 56;
@@ -66,11 +68,12 @@ impl<'a> WedgeCounter<'a> {
     }
 
     /// Counts the wedges of further faces.
-    pub fn add(&mut self, faces: &[Face]) {
+    pub fn add(&mut self, faces: &[Face<PartitionVertex>]) {
         for face in faces {
-            let material = self.catalogue.material_index(face.part) as u32;
+            let material = self.catalogue.material_of(face.part).number();
             for (vertex, texcoord) in face.vertices.into_iter().zip(face.texcoords) {
-                let key = mix(mix(u64::from(vertex) << 32 | u64::from(texcoord)) ^ u64::from(material));
+                let key = mix(u64::from(vertex.number()) << 32 | u64::from(texcoord.number()));
+                let key = mix(key ^ u64::from(material));
                 let recent = &mut self.recent[key as usize % RECENT];
                 if *recent != key {
                     *recent = key;
@@ -86,15 +89,23 @@ impl<'a> WedgeCounter<'a> {
     }
 }
 
+/// A wedge as faces on disk show it, or a part of one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct StoredWedge {
+    vertex: PartitionVertex,
+    texcoord: Texcoord,
+    part: PartId,
+}
+
 /// Cache of the wedges seen last in a sweep over faces.
 pub struct RecentWedges {
-    /// Vertex, texture coordinate and part.
-    slots: Vec<[u32; 3]>,
+    slots: Vec<StoredWedge>,
 }
 
 impl Default for RecentWedges {
     fn default() -> Self {
-        Self { slots: vec![[u32::MAX; 3]; RECENT] }
+        let none = StoredWedge { vertex: PartitionVertex::NONE, texcoord: Texcoord::NONE, part: PartId::NONE };
+        Self { slots: vec![none; RECENT] }
     }
 }
 
@@ -102,11 +113,12 @@ impl RecentWedges {
     /// Number of corners of a face whose wedges are not in the cache. The sum over the faces of a cell is at least the
     /// number of its wedges, and only slightly more in any order that keeps adjacent faces together.
     #[inline]
-    pub fn count_new(&mut self, face: &Face) -> u32 {
+    pub fn count_new(&mut self, face: &Face<PartitionVertex>) -> u32 {
         let mut count = 0;
         for (vertex, texcoord) in face.vertices.into_iter().zip(face.texcoords) {
-            let wedge = [vertex, texcoord, face.part];
-            let slot = &mut self.slots[(vertex ^ texcoord.wrapping_mul(0x9e37_79b1) >> 16) as usize % RECENT];
+            let wedge = StoredWedge { vertex, texcoord, part: face.part };
+            let mixed = texcoord.number().wrapping_mul(0x9e37_79b1) >> 16;
+            let slot = &mut self.slots[(vertex.number() ^ mixed) as usize % RECENT];
             count += u32::from(*slot != wedge);
             *slot = wedge;
         }

@@ -12,14 +12,14 @@ use super::records::ClusterResult;
 use super::sample;
 use super::stop_rule::{ClusterStop, Wanted};
 use crate::mesh::{ClusterMesh, pieces};
-use crate::partition::ClusterSource;
+use crate::partition::{ClusterId, ClusterSource};
 use crate::remesh;
 
 /// What to do to a cluster.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct ClusterTask {
-    /// Index of the cluster in its partition.
-    pub cluster: u32,
+    /// The cluster of its partition.
+    pub cluster: ClusterId,
     /// What the engine may do.
     pub rules: EngineRules,
     /// Where it stops.
@@ -67,7 +67,7 @@ impl ClusterTask {
             ClusterProbing::As(probing) => Some(probing),
             ClusterProbing::Alone => Some(probing_of(self.faces_all, &source.mesh)),
         };
-        let probes = probing.map(|probing| probing.take(&source.mesh, source.origin, self.cluster as usize));
+        let probes = probing.map(|probing| probing.take(&source.mesh, source.origin, self.cluster));
         let mut mesh = std::mem::take(&mut source.mesh);
         let spare_faces = self.spare_faces(mesh.face_count as u64);
         let (dropped_pieces, dropped_piece_faces) = match self.min_component_diagonal {

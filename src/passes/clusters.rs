@@ -15,7 +15,7 @@ use crate::model::StoredPiece;
 use crate::model::piece::PendingPiece;
 use crate::os::mmap;
 use crate::partition::weight::ClusterWeight;
-use crate::partition::{Partition, cluster};
+use crate::partition::{ClusterId, Partition, heavy};
 use crate::simplify::Anchor;
 
 /// Clusters after which freed memory is returned to the system; by then the heaps of the threads are fragmented.
@@ -44,8 +44,8 @@ pub(super) enum SweepPurpose<'a> {
 }
 
 impl Sweep<'_> {
-    fn step(&self, cluster: usize) -> PassStep {
-        let (pass, cluster) = (self.pass.number as u32, cluster as u32);
+    fn step(&self, cluster: ClusterId) -> PassStep {
+        let (pass, cluster) = (self.pass.number as u32, cluster.number());
         match self.purpose {
             SweepPurpose::Trial(trial) => PassStep::Trial(pass, trial, cluster),
             SweepPurpose::Mesh(attempt, _) => PassStep::Cluster(pass, attempt, cluster),
@@ -59,7 +59,7 @@ impl Sweep<'_> {
 
 /// A simplified cluster whose piece may not be durable yet.
 struct ClusterOutput {
-    cluster: usize,
+    cluster: ClusterId,
     result: ClusterResult,
     pending: Option<PendingPiece>,
     /// Whether an earlier process recorded it in the journal.
@@ -78,7 +78,7 @@ impl Run<'_> {
             }
             commit(result)
         };
-        let clusters = 0..sweep.partition.cluster_count();
+        let clusters = sweep.partition.clusters();
         let threads = self.options.threads;
         let crew = Crew { threads, finishers: threads };
         let work = |cluster| self.simplify_or_recall(&sweep, cluster);
@@ -86,7 +86,7 @@ impl Run<'_> {
         finish_in_order(clusters, crew, threads * 4, work, record, commit)
     }
 
-    fn simplify_or_recall(&self, sweep: &Sweep<'_>, cluster: usize) -> Result<ClusterOutput> {
+    fn simplify_or_recall(&self, sweep: &Sweep<'_>, cluster: ClusterId) -> Result<ClusterOutput> {
         self.progress.check_stopped()?;
         let context = (sweep.partition, cluster);
         if let Some(result) = self.job.recall::<ClusterResult>(&sweep.step(cluster).key(), &context)? {
@@ -118,12 +118,12 @@ impl Run<'_> {
         Ok(result)
     }
 
-    fn simplify_cluster(&self, sweep: &Sweep<'_>, cluster: usize) -> Result<(ClusterResult, Option<PendingPiece>)> {
+    fn simplify_cluster(&self, sweep: &Sweep<'_>, cluster: ClusterId) -> Result<(ClusterResult, Option<PendingPiece>)> {
         let mut source = self.load(sweep.partition, cluster)?;
         if !sweep.is_trial()
             && let Some(map) = self.map().as_mut()
         {
-            map.draw(cluster as u32, &source.mesh, source.origin);
+            map.draw(cluster, &source.mesh, source.origin);
         }
         let (result, simplified) = self.task(sweep, cluster).run(&*self.engine, &mut source);
         let pending = match simplified {
@@ -137,7 +137,7 @@ impl Run<'_> {
         Ok((result, pending))
     }
 
-    fn task(&self, sweep: &Sweep<'_>, cluster: usize) -> ClusterTask {
+    fn task(&self, sweep: &Sweep<'_>, cluster: ClusterId) -> ClusterTask {
         let pass = sweep.pass;
         let output = match sweep.purpose {
             SweepPurpose::Trial(_) => TaskOutput::Log,
@@ -152,7 +152,7 @@ impl Run<'_> {
             None => ClusterProbing::None,
         };
         ClusterTask {
-            cluster: cluster as u32,
+            cluster,
             rules: self.rules(pass),
             stop: sweep.stops.of(cluster),
             min_component_diagonal: self.state.min_component_diagonal,
@@ -163,7 +163,7 @@ impl Run<'_> {
     }
 
     /// Memory in bytes of a cluster while it is simplified or passed through.
-    pub(super) fn cluster_bytes(&self, partition: &Partition, cluster: usize) -> u64 {
+    pub(super) fn cluster_bytes(&self, partition: &Partition, cluster: ClusterId) -> u64 {
         let extra = |weight: &ClusterWeight| self.engine.extra_bytes(weight.vertices, weight.wedges);
         let weigh = |weight: ClusterWeight| weight.bytes() + extra(&weight);
         let bytes = partition.weight(cluster).map_or(PASS_BYTES, weigh);
@@ -171,7 +171,7 @@ impl Run<'_> {
     }
 
     /// Writes a cluster that is too heavy to load as it is, in blocks.
-    fn pass_through(&self, sweep: &Sweep<'_>, cluster: usize) -> Result<ClusterResult> {
+    fn pass_through(&self, sweep: &Sweep<'_>, cluster: ClusterId) -> Result<ClusterResult> {
         let partition = sweep.partition;
         let unchanged = |faces_in, faces_out, degenerate_faces| Counters {
             faces_in,
@@ -185,7 +185,7 @@ impl Run<'_> {
             return Ok(ClusterResult { counters, ..ClusterResult::default() });
         }
         let path = |part| self.piece_path(sweep.step(cluster), part);
-        let (pieces, degenerate) = cluster::pass_through(partition, &self.state.mesh, cluster, path)?;
+        let (pieces, degenerate) = heavy::pass_through(partition, &self.state.mesh, cluster, path)?;
         let faces = pieces.iter().map(|piece| piece.faces.len()).sum();
         let probes = self.probing.map(|probing| self.probe_blocks(&probing, partition, cluster)).transpose()?;
         let counters = unchanged(faces, faces, degenerate);
@@ -193,9 +193,9 @@ impl Run<'_> {
     }
 
     /// Probes a cluster of the input that is too large to load at once, block by block.
-    pub(super) fn probe_blocks(&self, probing: &Probing, partition: &Partition, cluster: usize) -> Result<Probes> {
+    pub(super) fn probe_blocks(&self, probing: &Probing, partition: &Partition, cluster: ClusterId) -> Result<Probes> {
         let mut probes = Probes::default();
-        cluster::load_in_blocks(partition, &self.state.mesh, self.catalogue, &self.texture.scale, cluster, |block| {
+        heavy::load_in_blocks(partition, &self.state.mesh, self.catalogue, &self.texture.scale, cluster, |block| {
             probes.add(probing.take(&block.mesh, block.origin, cluster));
             Ok(())
         })?;

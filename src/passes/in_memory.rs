@@ -16,18 +16,18 @@ use super::pass_id::{Pass, PassKind};
 use super::schedule::{PassEnd, Schedule};
 use super::second_attempt::costs_before_leap;
 use super::stop_rule::{ClusterStop, Wanted};
-use crate::base::id::TiVec;
+use crate::base::id::{TiSlice, TiVec};
 use crate::base::{Progress, Result};
 use crate::cost::mesh_stats::MeshStats;
 use crate::mesh::ClusterMesh;
 use crate::mesh::compact::{Compacted, compact};
 use crate::mesh::id::{LocalVertex, Wedge};
 use crate::model::catalogue::Part;
-use crate::model::id::PartId;
-use crate::model::{Catalogue, Face, Mesh, NO_TEXCOORD};
-use crate::partition::TextureScale;
-use crate::partition::cluster::MaterialArea;
+use crate::model::id::{FileId, MaterialId, PartId, Texcoord};
+use crate::model::{Catalogue, Face, Mesh};
+use crate::partition::id::{ClusterId, ClusterTexcoord, PartitionVertex};
 use crate::partition::reading::ClusterFaces;
+use crate::partition::texture_scale::{MaterialArea, TextureScale};
 use crate::remesh::cvd::mass::MassSums;
 use crate::remesh::cvd::{self, CvdSettings, FrozenStatistics, Stock};
 use crate::remesh::relax;
@@ -51,11 +51,11 @@ struct InMemory<'a> {
     scale: TextureScale,
     catalogue: Catalogue,
     /// Label of each part of the catalogue, ascending.
-    labels: Vec<u32>,
+    labels: TiVec<PartId, u32>,
     origin: DVec3,
     mesh: ClusterMesh,
     /// Texture coordinate of the input for each wedge; `None` once it has moved.
-    texcoord_of: TiVec<Wedge, Option<u32>>,
+    texcoord_of: TiVec<Wedge, Option<ClusterTexcoord>>,
     /// Colour of each vertex, if there are any.
     colours: Vec<[f32; 3]>,
     schedule: Schedule,
@@ -86,13 +86,13 @@ pub fn simplify(mesh: &Mesh, options: &PassOptions, progress: &dyn Progress) -> 
 impl<'a> InMemory<'a> {
     fn new(mesh: &Mesh, options: &'a PassOptions) -> Self {
         let labels = labels_of(mesh);
-        let catalogue = catalogue_of(mesh, labels.len() as u32);
+        let catalogue = catalogue_of(mesh, labels.len());
         let faces = faces_of(mesh, &labels, options);
         let mut engine = options.cost.engine();
         let mut scale = TextureScale::none(&catalogue);
         if engine.reads_texture() {
             if !engine.wants_raw_texture() {
-                let mut areas = vec![MaterialArea::default(); catalogue.materials.len() + 1];
+                let mut areas = catalogue.per_material(MaterialArea::default());
                 faces.add_areas(&catalogue, &mut areas);
                 scale = TextureScale::new(&areas);
             }
@@ -100,10 +100,10 @@ impl<'a> InMemory<'a> {
             engine.learn_seam_density(faces.tally_seams(&catalogue).seam_density(kept));
         }
         let source = faces.into_whole(&catalogue, &scale);
-        let colour = |&vertex: &u32| mesh.colours.get(vertex as usize).copied().unwrap_or_default();
+        let colour = |vertex: &PartitionVertex| mesh.colours.get(vertex.index()).copied().unwrap_or_default();
         let colours =
             if mesh.colours.is_empty() { Vec::new() } else { source.vertex_ids().iter().map(colour).collect() };
-        let texcoord_of = source.texcoord_ids();
+        let texcoord_of = source.wedge_texcoords().iter().map(|texcoord| texcoord.some()).collect();
         if engine.needs_statistics() {
             let mut stats = MeshStats::default();
             source.mesh.positions.iter().for_each(|position| stats.enclose(source.origin + *position));
@@ -154,7 +154,7 @@ impl<'a> InMemory<'a> {
             Goal::Deviation(most) => aim.within(most, pass.turn),
             _ => aim.in_one_cluster(pass.turn, faces_in),
         }
-        .of(0);
+        .of(ClusterId::new(0));
         let rules = self.options.rules(pass, aim.bound_of(pass.turn));
         let mesh = std::mem::take(&mut self.mesh);
         // Without a bound, a pass is repeated if costs leap before its end.
@@ -199,7 +199,7 @@ impl<'a> InMemory<'a> {
 
     /// Takes over the mesh after a pass.
     fn take(&mut self, mesh: &ClusterMesh) {
-        let label = |part: PartId| self.catalogue.material_index(part.number());
+        let label = |part| self.catalogue.material_of(part);
         let Compacted { mesh: compacted, vertices, wedges } = compact(mesh, label);
         let texcoord = |&old: &Wedge| {
             let known = self.texcoord_of.get(old).copied().flatten();
@@ -215,7 +215,7 @@ impl<'a> InMemory<'a> {
     /// Returns the simplified mesh.
     fn finish(self, input: &Mesh) -> Mesh {
         let Self { mesh, catalogue, labels, scale, origin, texcoord_of, colours, .. } = self;
-        let mut part_of = mesh.per_wedge(PartId::new(0));
+        let mut part_of = mesh.per_wedge(PartId::default());
         for (corners, &part) in mesh.corners.iter().zip(&mesh.parts) {
             corners.iter().for_each(|&wedge| part_of[wedge] = part);
         }
@@ -228,13 +228,13 @@ impl<'a> InMemory<'a> {
             }
             texcoord_ids.push(texcoords.len() as u32);
             texcoords.push(match texcoord_of[wedge] {
-                Some(id) => input.texcoords[id as usize],
-                None => (uv / DVec2::splat(scale.of(&catalogue, part_of[wedge].number()))).to_array(),
+                Some(texcoord) => input.texcoords[texcoord.index()],
+                None => (uv / DVec2::splat(scale.of(&catalogue, part_of[wedge]))).to_array(),
             });
         }
         let has_texture = !input.face_texcoords.is_empty();
         let has_labels = !input.face_labels.is_empty();
-        let face_labels = mesh.parts.iter().map(|&part| labels[part.index()]);
+        let face_labels = mesh.parts.iter().map(|&part| labels[part]);
         Mesh {
             positions: mesh.positions.iter().map(|&position| (origin + position).to_array()).collect(),
             colours,
@@ -250,40 +250,40 @@ impl<'a> InMemory<'a> {
 }
 
 /// Labels of the faces, ascending; at least one.
-fn labels_of(mesh: &Mesh) -> Vec<u32> {
+fn labels_of(mesh: &Mesh) -> TiVec<PartId, u32> {
     let mut labels = mesh.face_labels.clone();
     labels.sort_unstable();
     labels.dedup();
     if labels.is_empty() {
         labels.push(0);
     }
-    labels
+    labels.into()
 }
 
 /// A catalogue with a part and a material for each of `count` labels.
-fn catalogue_of(mesh: &Mesh, count: u32) -> Catalogue {
-    let part = |material| Part { file: 0, object: None, group: None, material: Some(material) };
+fn catalogue_of(mesh: &Mesh, count: usize) -> Catalogue {
+    let part = |material| Part { file: FileId::new(0), object: None, group: None, material: Some(material) };
     Catalogue {
-        parts: (0..count).map(part).collect(),
-        materials: vec![Default::default(); count as usize],
+        parts: MaterialId::first(count).map(part).collect(),
+        materials: vec![Default::default(); count].into(),
         has_texcoords: !mesh.face_texcoords.is_empty(),
         ..Catalogue::default()
     }
 }
 
-fn faces_of(mesh: &Mesh, labels: &[u32], options: &PassOptions) -> ClusterFaces {
+fn faces_of(mesh: &Mesh, labels: &TiSlice<PartId, u32>, options: &PassOptions) -> ClusterFaces {
     let part_of = |face: usize| match mesh.face_labels.get(face) {
-        Some(label) => labels.partition_point(|other| other < label) as u32,
-        None => 0,
+        Some(label) => labels.partition_point(|other| other < label),
+        None => PartId::new(0),
     };
     let face = |(face, &vertices): (usize, &[u32; 3])| Face {
-        vertices,
-        texcoords: mesh.face_texcoords.get(face).copied().unwrap_or([NO_TEXCOORD; 3]),
+        vertices: vertices.map(PartitionVertex::new),
+        texcoords: mesh.face_texcoords.get(face).map_or([Texcoord::NONE; 3], |ids| ids.map(Texcoord::new)),
         part: part_of(face),
         ..Face::default()
     };
     let faces = mesh.faces.iter().enumerate().map(face).collect();
-    let positions = mesh.positions.iter().copied().map(DVec3::from_array).collect();
+    let positions: TiVec<PartitionVertex, DVec3> = mesh.positions.iter().copied().map(DVec3::from_array).collect();
     let texcoords = mesh.texcoords.iter().copied().map(DVec2::from_array).collect();
-    ClusterFaces::whole(faces, positions, texcoords, options.weld, options.drop_doubles)
+    ClusterFaces::whole(faces, &positions, texcoords, options.weld, options.drop_doubles)
 }

@@ -5,13 +5,14 @@ use super::run::Run;
 use crate::base::Result;
 use crate::file::{ColumnWriter, PackedWriter};
 use crate::model::StoredMesh;
+use crate::partition::id::PartitionVertex;
 use crate::partition::{Partition, reading};
 
 /// Vertices gathered at once.
 const INTERFACE_RECORDS: usize = 64 << 10;
 
 impl Run<'_> {
-    /// Writes the positions (and colours, if any) of the vertices shared by several clusters, in order of their ids.
+    /// Writes the positions (and colours, if any) of the vertices shared by several clusters, in their order.
     pub(super) fn write_shared(&self, partition: &Partition, pass: Pass, mesh: &mut StoredMesh) -> Result<()> {
         let (shared, numbering) = (&partition.faces.shared, &partition.numbering);
         if shared.is_empty() {
@@ -25,7 +26,7 @@ impl Run<'_> {
         };
         let mut members = shared.iter().peekable();
         while members.peek().is_some() {
-            let ids: Vec<u32> = members.by_ref().take(INTERFACE_RECORDS).collect();
+            let ids: Vec<PartitionVertex> = members.by_ref().take(INTERFACE_RECORDS).collect();
             positions.append(&numbering.positions.gather(&ids)?)?;
             if let Some((column, writer)) = &mut colours {
                 writer.append(&reading::gather(column, &ids)?)?;

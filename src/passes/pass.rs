@@ -255,7 +255,7 @@ impl Run<'_> {
             Ok(counted)
         };
         let threads = self.options.threads;
-        map_in_order(0..partition.cluster_count(), threads, threads + 1, count, |counted| {
+        map_in_order(partition.clusters(), threads, threads + 1, count, |counted| {
             stats.merge(&counted);
             Ok(())
         })?;

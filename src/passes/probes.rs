@@ -21,10 +21,13 @@ use std::cell::Cell;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::base::chance::{INCREMENT, mixed, place_on_triangle, unit};
-use crate::base::id::TiVec;
+use super::random_points::{area_of, point_on};
+use crate::base::chance::{INCREMENT, mixed, unit};
+use crate::base::id::{TiVec, ids};
 use crate::job::Recalled;
-use crate::mesh::{ClusterMesh, FaceId, LocalVertex};
+use crate::mesh::ClusterMesh;
+use crate::mesh::id::{FaceId, LocalVertex};
+use crate::partition::ClusterId;
 
 /// Faces of the input per point on it; the number of points is clamped to `POINTS_MIN..=POINTS_MAX`.
 const FACES_PER_POINT: u64 = 64;
@@ -65,6 +68,13 @@ const SLOTS: usize = 512;
 const EXCESS: u64 = 4;
 const EXCESS_MORE: u64 = 64;
 
+ids! {
+    /// A vertex of the triangles that are kept.
+    ProbeVertex;
+    /// A triangle that is kept.
+    ProbeTriangle;
+}
+
 thread_local! {
     static SCRATCH: Cell<ProbeBuffers> = Cell::default();
 }
@@ -74,8 +84,8 @@ thread_local! {
 struct ProbeBuffers {
     /// Running sums of the faces' sampling weights.
     ends: Vec<f64>,
-    /// Index of each mesh vertex among the kept vertices; `u32::MAX` if it is not kept.
-    numbers: TiVec<LocalVertex, u32>,
+    /// Each vertex of the mesh among the kept ones, or none.
+    kept: TiVec<LocalVertex, ProbeVertex>,
     /// Around each vertex: sum of the cross products of the faces, and sum of their lengths.
     normals: TiVec<LocalVertex, [f32; 4]>,
     /// Bend at each vertex: 1 minus the length of the mean unit normal.
@@ -118,13 +128,13 @@ pub struct Probes {
     areas: Vec<f64>,
     /// Triangles in and around the chosen cells.
     #[serde(with = "crate::base::records")]
-    triangles: Vec<[u32; 3]>,
+    triangles: TiVec<ProbeTriangle, [ProbeVertex; 3]>,
     /// Chosen cells, by their low corners, some of whose triangles were not kept because there are too many; ascending.
     #[serde(with = "crate::base::records")]
     crowded: Vec<GridPosition>,
     /// The vertices of the triangles.
     #[serde(with = "crate::base::records")]
-    vertices: Vec<DVec3>,
+    vertices: TiVec<ProbeVertex, DVec3>,
 }
 
 /// Sum of the squared longest sides of faces, and their number.
@@ -194,17 +204,17 @@ impl Probing {
         self.odds / f64::from(1 << (3 * self.block_bits))
     }
 
-    /// Probes a cluster of the input; the cluster number seeds the points.
-    pub(super) fn take(&self, mesh: &ClusterMesh, origin: DVec3, cluster: usize) -> Probes {
+    /// Probes a cluster of the input; its number seeds the points.
+    pub(super) fn take(&self, mesh: &ClusterMesh, origin: DVec3, cluster: ClusterId) -> Probes {
         let share = mesh.corners.len() as f64 / self.faces.max(1) as f64;
         let most = |expected: f64| (EXCESS as f64 * expected * share) as usize + EXCESS_MORE as usize;
         let triangles_max = most(TRIANGLES_PER_FACE * CHOSEN_FACES);
         let mut chosen = ChosenCells::new(*self);
         let mut scratch = SCRATCH.take();
-        let numbers = &mut scratch.numbers;
-        numbers.clear();
-        numbers.resize(mesh.positions.len(), u32::MAX);
-        let (mut triangles, mut vertices, mut crowded) = (Vec::new(), Vec::new(), Vec::new());
+        let kept = &mut scratch.kept;
+        kept.clear();
+        kept.resize(mesh.positions.len(), ProbeVertex::NONE);
+        let (mut triangles, mut vertices, mut crowded) = (TiVec::new(), TiVec::new(), Vec::new());
         for face in mesh.face_ids() {
             let [a, b, c] = mesh.triangle(face);
             let is_near = chosen.are_near([a, b, c].map(|corner| origin + corner));
@@ -212,19 +222,18 @@ impl Probing {
                 chosen.each_near([a, b, c].map(|corner| origin + corner), |cell| crowded.push(cell));
             } else if is_near {
                 triangles.push(mesh.vertices(face).map(|vertex| {
-                    let number = &mut numbers[vertex];
-                    if *number == u32::MAX {
-                        *number = vertices.len() as u32;
-                        vertices.push(origin + mesh.positions[vertex]);
+                    let kept = &mut kept[vertex];
+                    if *kept == ProbeVertex::NONE {
+                        *kept = vertices.push_and_get_key(origin + mesh.positions[vertex]);
                     }
-                    *number
+                    *kept
                 }));
             }
         }
         let left = self.target as f64 / self.faces.max(1) as f64;
         let area = scratch.weigh(mesh, left);
         let count = if area > 0.0 { (self.points as f64 * share).ceil() as usize } else { 0 };
-        let mut hash = mixed(cluster as u64);
+        let mut hash = mixed(u64::from(cluster.number()));
         let (mut points, mut weights) = (Vec::with_capacity(count), Vec::with_capacity(count));
         let ends = &scratch.ends;
         let all = ends.last().copied().unwrap_or(0.0);
@@ -489,8 +498,9 @@ impl Probes {
         self.points.extend(other.points);
         self.weights.extend(other.weights);
         self.areas.extend(other.areas);
-        let first = self.vertices.len() as u32;
-        self.triangles.extend(other.triangles.into_iter().map(|corners| corners.map(|vertex| first + vertex)));
+        let first = self.vertices.next_key();
+        let moved = |vertices: [ProbeVertex; 3]| vertices.map(|vertex| first.plus(vertex.number()));
+        self.triangles.extend(other.triangles.into_iter().map(moved));
         self.vertices.extend(other.vertices);
         self.crowded.extend(other.crowded);
         self.crowded.sort_unstable();
@@ -520,9 +530,9 @@ impl Probes {
         self.triangles.len()
     }
 
-    /// Returns a triangle by its index.
-    pub fn triangle(&self, index: u32) -> [DVec3; 3] {
-        self.triangles[index as usize].map(|vertex| self.vertices[vertex as usize])
+    /// A triangle in or around a chosen cell.
+    pub fn triangle(&self, triangle: ProbeTriangle) -> [DVec3; 3] {
+        self.triangles[triangle].map(|vertex| self.vertices[vertex])
     }
 
     /// Faces of the input.
@@ -543,65 +553,12 @@ impl Probes {
             && self.points.iter().all(|point| point.is_finite())
             && self.vertices.iter().all(|vertex| vertex.is_finite())
             && self.crowded.is_sorted()
-            && self.triangles.iter().flatten().all(|&vertex| (vertex as usize) < self.vertices.len())
-    }
-}
-
-/// Random points on a sequence of triangles at a fixed density.
-#[derive(Debug)]
-pub struct RandomPoints {
-    /// Area per point.
-    spacing: f64,
-    owed: f64,
-    hash: u64,
-    /// Number of points that may still be placed.
-    left: u64,
-}
-
-impl RandomPoints {
-    /// PositionRuns one point per `spacing` of area, at most `most`. The same `seed` gives the same points.
-    pub fn new(spacing: f64, most: u64, seed: u64) -> Self {
-        Self { spacing, owed: unit(mixed(seed)), hash: mixed(seed), left: most }
-    }
-
-    /// Visits the points on the next triangle; none if its area is zero or not finite.
-    pub fn over(&mut self, triangle: [DVec3; 3], mut visit: impl FnMut(DVec3)) {
-        for _ in 0..self.due(triangle) {
-            visit(point_on(triangle, &mut self.hash));
-        }
-    }
-
-    /// Skips the points on the next triangle.
-    pub fn pass(&mut self, triangle: [DVec3; 3]) {
-        self.due(triangle);
-    }
-
-    /// Number of points on the next triangle.
-    fn due(&mut self, triangle: [DVec3; 3]) -> u64 {
-        let due = area_of(triangle) / self.spacing;
-        self.owed += if due.is_finite() { due } else { 0.0 };
-        let whole = (self.owed as u64).min(self.left);
-        self.owed -= whole as f64;
-        self.left -= whole;
-        whole
+            && self.triangles.iter().flatten().all(|&vertex| vertex < self.vertices.next_key())
     }
 }
 
 fn triangles(mesh: &ClusterMesh, origin: DVec3) -> impl Iterator<Item = [DVec3; 3]> {
     mesh.living_faces().map(move |face| mesh.triangle(face).map(|p| origin + p))
-}
-
-fn point_on([a, b, c]: [DVec3; 3], hash: &mut u64) -> DVec3 {
-    let [across, along] = [0, 1].map(|_| {
-        *hash = mixed(*hash);
-        unit(*hash)
-    });
-    let [of_a, of_b, of_c] = place_on_triangle(across, along);
-    a * of_a + b * of_b + c * of_c
-}
-
-fn area_of([a, b, c]: [DVec3; 3]) -> f64 {
-    0.5 * (b - a).cross(c - a).length()
 }
 
 #[cfg(test)]
@@ -659,14 +616,14 @@ mod tests {
             }
             samples::add_faces(&mut mesh, &[[3 * face, 3 * face + 1, 3 * face + 2]]);
         }
-        let probes = probing.take(&mesh, DVec3::ZERO, 0);
+        let probes = probing.take(&mesh, DVec3::ZERO, ClusterId::new(0));
         let (mut whole, mut kept) = (0, 0);
         for face in mesh.face_ids() {
             let triangle = mesh.triangle(face);
             if !chosen.are_near(triangle) {
                 continue;
             }
-            let is_kept = probes.triangles.iter().any(|&[a, _, _]| probes.vertices[a as usize] == triangle[0]);
+            let is_kept = probes.triangles.iter().any(|&[a, _, _]| probes.vertices[a] == triangle[0]);
             kept += usize::from(is_kept);
             chosen.each_near(triangle, |cell| {
                 assert!(is_kept || !probes.has_all_near(cell));
@@ -680,7 +637,7 @@ mod tests {
     fn probes_of_no_mesh_are_not_sound() {
         let corners = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::ONE].map(|corner| (corner, glam::DVec2::NAN));
         let mesh = samples::mesh_of(corners, &[[0, 1, 2], [2, 1, 3]]);
-        let whole = Probing::new(2, 1, 1.0).take(&mesh, DVec3::ZERO, 0);
+        let whole = Probing::new(2, 1, 1.0).take(&mesh, DVec3::ZERO, ClusterId::new(0));
         assert!(whole.fit(2) && whole.triangle_count() == 2 && !whole.points.is_empty());
         let changes: [fn(&mut Probes); 15] = [
             |probes| probes.probing = Probing::new(1 << 40, 1, 1.0),
@@ -695,8 +652,8 @@ mod tests {
             |probes| probes.weights.push(1.0),
             |probes| probes.points[0].y = f64::NAN,
             |probes| probes.points.truncate(1),
-            |probes| probes.vertices[1].z = f64::INFINITY,
-            |probes| probes.triangles[1][2] = probes.vertices.len() as u32,
+            |probes| probes.vertices.raw[1].z = f64::INFINITY,
+            |probes| probes.triangles.raw[1][2] = probes.vertices.next_key(),
             |probes| probes.crowded = vec![[1; 3], [0; 3]],
         ];
         for (i, change) in changes.into_iter().enumerate() {
@@ -727,18 +684,5 @@ mod tests {
             let quotient = held as f64 / f64::from(count) / probing.share();
             assert!((0.8..1.2).contains(&quotient), "{faces} faces: {quotient}");
         }
-    }
-
-    #[test]
-    fn points_spread_by_area() {
-        let right = |x: f64, size: f64| [[0.0, 0.0], [size, 0.0], [0.0, size]].map(|[u, v]| DVec3::new(x + u, v, 0.0));
-        let mut spread = RandomPoints::new(0.001, 10_000, 7);
-        let (mut small, mut large) = (0, 0);
-        spread.over(right(0.0, 1.0), |_| small += 1);
-        spread.over(right(9.0, 2.0), |point| {
-            assert!(point.x >= 9.0 && point.y >= 0.0 && point.x - 9.0 + point.y <= 2.0 + 1e-12);
-            large += 1;
-        });
-        assert!((499..=501).contains(&small) && (1999..=2001).contains(&large));
     }
 }

@@ -12,7 +12,7 @@ use super::texture_traits::TextureTraits;
 use crate::job::Recalled;
 use crate::mesh::ClusterMesh;
 use crate::model::{Catalogue, StoredPiece};
-use crate::partition::Partition;
+use crate::partition::{ClusterId, Partition};
 use crate::simplify::Milestone;
 
 /// How a pass that collapses edges begins.
@@ -59,13 +59,13 @@ pub(super) struct ClusterResult {
 }
 
 impl Recalled for ClusterResult {
-    type Context<'a> = (&'a Partition, usize);
+    type Context<'a> = (&'a Partition, ClusterId);
 
-    fn locate(&mut self, folder: &Path, _: &(&Partition, usize)) {
+    fn locate(&mut self, folder: &Path, _: &(&Partition, ClusterId)) {
         self.pieces.iter_mut().for_each(|piece| piece.locate(folder));
     }
 
-    fn is_sound(&self, &(partition, cluster): &(&Partition, usize)) -> bool {
+    fn is_sound(&self, &(partition, cluster): &(&Partition, ClusterId)) -> bool {
         let faces = partition.face_count(cluster);
         let milestones = self.milestones.iter().map(|milestone| milestone.faces as u64);
         milestones.chain([self.counters.faces_in, self.counters.faces_out]).all(|count| count <= faces)

@@ -26,7 +26,7 @@ use crate::base::Result;
 use crate::base::ordered::map_in_order;
 use crate::job::{Recalled, folder_bytes};
 use crate::model::{StoredMesh, StoredPiece};
-use crate::partition::{ClusterSource, Partition, cluster};
+use crate::partition::{ClusterId, ClusterSource, Partition, heavy};
 use crate::remesh::cvd::mass::MassSums;
 use crate::remesh::cvd::{self, CvdSettings, FrozenStatistics, Stock};
 
@@ -102,7 +102,7 @@ impl Run<'_> {
         let (mut mesh, mut counters) = (StoredMesh::default(), Counters::default());
         let work = |cluster| self.remesh_or_recall(pass, settings, &frame, partition, cluster);
         let threads = self.options.threads;
-        map_in_order(0..partition.cluster_count(), threads, threads * 4, work, |cluster| {
+        map_in_order(partition.clusters(), threads, threads * 4, work, |cluster| {
             report.add(&cluster);
             counters += &cluster.counters;
             mesh.pieces.extend(cluster.pieces);
@@ -150,10 +150,10 @@ impl Run<'_> {
         settings: &CvdSettings,
         frame: &FrozenStatistics,
         partition: &Partition,
-        cluster: usize,
+        cluster: ClusterId,
     ) -> Result<RemeshedCluster> {
         self.progress.check_stopped()?;
-        let step = PassStep::Cluster(pass.number as u32, 0, cluster as u32);
+        let step = PassStep::Cluster(pass.number as u32, 0, cluster.number());
         let faces = partition.face_count(cluster);
         let remeshed = match self.job.recall::<RemeshedCluster>(&step.key(), &())? {
             Some(remeshed) => remeshed,
@@ -174,12 +174,12 @@ impl Run<'_> {
         self.progress.begin("weigh", 2 * partition.total_faces(), "faces");
         let is_input = pass.number == 0;
         let (mut sums, mut sides) = (MassSums::default(), LongestSides::default());
-        let weigh = |source: &ClusterSource, _: usize| {
+        let weigh = |source: &ClusterSource, _: ClusterId| {
             let mut own = MassSums::default();
             cvd::weigh(&source.mesh, settings, &mut own);
             (own, if is_input { LongestSides::of(&source.mesh) } else { LongestSides::default() })
         };
-        let skip = |_: usize| Ok(Default::default());
+        let skip = |_: ClusterId| Ok(Default::default());
         self.survey_clusters(partition, weigh, skip, |(own, own_sides)| {
             sums.merge(&own);
             sides = sides.with(own_sides);
@@ -190,11 +190,11 @@ impl Run<'_> {
         let target = settings.cells.map_or(self.options.target, |cells| 2 * cells);
         let probing = is_input.then(|| Probing::new(faces, if target > 0 { target } else { faces }, sides.mean_sq()));
         let (mut stock, mut probes) = (Stock::default(), Probes::default());
-        let take = |source: &ClusterSource, cluster: usize| {
+        let take = |source: &ClusterSource, cluster: ClusterId| {
             let probes = probing.map(|probing| probing.take(&source.mesh, source.origin, cluster));
             (cvd::take_stock(&source.mesh, settings, &frame), probes.unwrap_or_default())
         };
-        let take_blocks = |cluster: usize| {
+        let take_blocks = |cluster: ClusterId| {
             let probes = probing.map(|probing| self.probe_blocks(&probing, partition, cluster));
             Ok((Stock::default(), probes.transpose()?.unwrap_or_default()))
         };
@@ -210,11 +210,11 @@ impl Run<'_> {
     fn survey_clusters<T: Send>(
         &self,
         partition: &Partition,
-        of_loaded: impl Fn(&ClusterSource, usize) -> T + Sync,
-        of_heavy: impl Fn(usize) -> Result<T> + Sync,
+        of_loaded: impl Fn(&ClusterSource, ClusterId) -> T + Sync,
+        of_heavy: impl Fn(ClusterId) -> Result<T> + Sync,
         mut take: impl FnMut(T),
     ) -> Result<()> {
-        let work = |cluster: usize| {
+        let work = |cluster: ClusterId| {
             self.progress.check_stopped()?;
             if partition.weight(cluster).is_none() {
                 return of_heavy(cluster);
@@ -225,7 +225,7 @@ impl Run<'_> {
             Ok(of_loaded(&source, cluster))
         };
         let threads = self.options.threads;
-        map_in_order(0..partition.cluster_count(), threads, threads + 1, work, |own| {
+        map_in_order(partition.clusters(), threads, threads + 1, work, |own| {
             take(own);
             Ok(())
         })
@@ -237,11 +237,11 @@ impl Run<'_> {
         frame: &FrozenStatistics,
         partition: &Partition,
         step: PassStep,
-        cluster: usize,
+        cluster: ClusterId,
     ) -> Result<RemeshedCluster> {
         if partition.weight(cluster).is_none() {
             let path = |part| self.piece_path(step, part);
-            let (pieces, degenerate_faces) = cluster::pass_through(partition, &self.state.mesh, cluster, path)?;
+            let (pieces, degenerate_faces) = heavy::pass_through(partition, &self.state.mesh, cluster, path)?;
             let faces = pieces.iter().map(|piece| piece.faces.len()).sum();
             let counters =
                 Counters { degenerate_faces, faces_out: faces, passed_through_faces: faces, ..Counters::default() };
@@ -276,6 +276,6 @@ impl Run<'_> {
 }
 
 /// Memory in bytes of a cluster while it is remeshed or passed through.
-fn remesh_bytes(partition: &Partition, cluster: usize) -> u64 {
+fn remesh_bytes(partition: &Partition, cluster: ClusterId) -> u64 {
     partition.weight(cluster).map_or(PASS_BYTES, |weight| weight.bytes() * cvd::GROWTH / 2)
 }

@@ -19,7 +19,7 @@ use crate::base::{Error, Permits, Progress, Result, lock};
 use crate::job::{Step, WorkFolder};
 use crate::model::Catalogue;
 use crate::os::mmap;
-use crate::partition::{ClusterSource, Partition, cluster};
+use crate::partition::{ClusterId, ClusterSource, Partition, cluster};
 use crate::render::ClusterMap;
 
 /// The passes of a job under way.
@@ -145,7 +145,7 @@ impl<'a> Run<'a> {
         self.options.rules(pass, self.bound_of(pass))
     }
 
-    pub(super) fn load(&self, partition: &Partition, cluster: usize) -> Result<ClusterSource> {
+    pub(super) fn load(&self, partition: &Partition, cluster: ClusterId) -> Result<ClusterSource> {
         cluster::load(partition, &self.state.mesh, self.catalogue, &self.texture.scale, cluster)
     }
 

@@ -7,11 +7,12 @@
 
 use glam::DVec3;
 
-use crate::base::id::TiVec;
+use crate::base::id::{TiSlice, TiVec};
 use crate::cost::Metric;
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::id::{FaceId, LocalVertex, Wedge};
 use crate::model::id::PartId;
+use crate::partition::ClusterId;
 use crate::partition::numbering::{RANK_BYTES, window_bytes};
 use crate::partition::reading::ClusterFaces;
 use crate::partition::weight::ORDINARY_BYTES;
@@ -60,14 +61,14 @@ pub struct Purpose {
 /// Which clusters give a patch, and the size of a patch.
 #[derive(Debug, Clone)]
 pub struct Survey {
-    clusters: Vec<usize>,
+    clusters: Vec<ClusterId>,
     /// Faces of a patch.
     patch_faces: usize,
 }
 
 impl Survey {
     /// Chooses evenly spread clusters among those with faces, for a sample of `share` of the ordinary size.
-    pub fn new(face_counts: &[u64], purpose: Purpose, share: f64) -> Self {
+    pub fn new(face_counts: &TiSlice<ClusterId, u64>, purpose: Purpose, share: f64) -> Self {
         let clusters = evenly_spread(face_counts, PATCHES);
         let sample_faces = sample_faces(face_counts.iter().sum(), purpose) as f64 * share;
         let patch_faces = sample_faces as usize / clusters.len().max(1);
@@ -75,17 +76,17 @@ impl Survey {
     }
 
     /// The chosen clusters, ascending.
-    pub fn clusters(&self) -> &[usize] {
+    pub fn clusters(&self) -> &[ClusterId] {
         &self.clusters
     }
 
     /// Reports whether a cluster was chosen.
-    pub fn wants(&self, cluster: usize) -> bool {
+    pub fn wants(&self, cluster: ClusterId) -> bool {
         self.clusters.binary_search(&cluster).is_ok()
     }
 
     /// Number of faces of the patch of a cluster; `None` if the cluster gives none.
-    pub fn patch_faces(&self, cluster: usize) -> Option<usize> {
+    pub fn patch_faces(&self, cluster: ClusterId) -> Option<usize> {
         self.wants(cluster).then_some(self.patch_faces)
     }
 
@@ -99,7 +100,7 @@ impl Survey {
         let patch = Patch::choose(faces.face_count(), self.patch_faces, faces.vertex_count(), triangle, vertices);
         faces.keep(&patch.faces);
         let mesh = make(faces);
-        patch.cut_from(&mesh, mesh.face_ids())
+        patch.cut_from(&mesh, FaceId::first(mesh.corners.len()))
     }
 }
 
@@ -111,8 +112,8 @@ pub fn sample_faces(faces: u64, purpose: Purpose) -> u64 {
 }
 
 /// Returns up to `count` of the clusters that have faces, evenly spread, ascending.
-pub fn evenly_spread(faces: &[u64], count: usize) -> Vec<usize> {
-    let filled: Vec<usize> = (0..faces.len()).filter(|&cluster| faces[cluster] > 0).collect();
+pub fn evenly_spread(faces: &TiSlice<ClusterId, u64>, count: usize) -> Vec<ClusterId> {
+    let filled: Vec<ClusterId> = faces.keys().filter(|&cluster| faces[cluster] > 0).collect();
     let count = filled.len().min(count);
     (0..count).map(|i| filled[(2 * i + 1) * filled.len() / (2 * count)]).collect()
 }
@@ -294,10 +295,13 @@ mod tests {
         // The part of each face is its number.
         mesh.parts = mesh.face_ids().map(|face| PartId::new(face.number())).collect();
         let face_of = |&part: &PartId| FaceId::new(part.number());
-        let survey = Survey::new(&[800, 0, 800], Purpose { left: 0.5, is_last: false }, 0.04);
-        assert_eq!(survey.clusters(), [0, 2]);
-        assert!(survey.patch_faces(1).is_none());
-        let patch = patch(&mesh, survey.patch_faces(2).unwrap());
+        let cluster = ClusterId::new;
+        let survey_of =
+            |faces: &[u64], share| Survey::new(TiSlice::from_ref(faces), Purpose { left: 0.5, is_last: false }, share);
+        let survey = survey_of(&[800, 0, 800], 0.04);
+        assert_eq!(survey.clusters(), [cluster(0), cluster(2)]);
+        assert!(survey.patch_faces(cluster(1)).is_none());
+        let patch = patch(&mesh, survey.patch_faces(cluster(2)).unwrap());
         assert_eq!(patch.corners.len(), 200);
         assert!(patch.parts.is_sorted() && patch.parts.iter().all(|part| part.index() < 800));
         for (face, part) in patch.parts.iter_enumerated() {
@@ -318,8 +322,7 @@ mod tests {
         let farthest = patch.parts.iter().map(|part| away(face_of(part))).fold(0.0, f64::max);
         let is_outside = |face: &FaceId| !patch.parts.contains(&PartId::new(face.number()));
         assert!(mesh.face_ids().filter(is_outside).all(|face| away(face) >= farthest));
-        let survey = Survey::new(&[800], Purpose { left: 0.5, is_last: false }, 1.0);
-        let whole = super::patch(&mesh, survey.patch_faces(0).unwrap());
+        let whole = super::patch(&mesh, survey_of(&[800], 1.0).patch_faces(cluster(0)).unwrap());
         assert_eq!(whole.corners.len(), 800);
         assert!(whole.flags.iter().all(|&flags| flags == 0));
     }
@@ -375,11 +378,12 @@ mod tests {
     fn the_sample_is_spread_over_filled_clusters() {
         let mut counts = vec![10; 100];
         counts[3] = 0;
-        let sampled = evenly_spread(&counts, PATCHES);
+        let spread = |counts: &[u64], count| evenly_spread(TiSlice::from_ref(counts), count);
+        let sampled = spread(&counts, PATCHES);
         assert_eq!(sampled.len(), PATCHES);
         assert!(sampled.windows(2).all(|pair| pair[0] < pair[1]));
-        assert_eq!(evenly_spread(&[0, 5, 0], PATCHES), [1]);
-        assert_eq!(evenly_spread(&[1; 8], 2), [2, 6]);
+        assert_eq!(spread(&[0, 5, 0], PATCHES), [ClusterId::new(1)]);
+        assert_eq!(spread(&[1; 8], 2), [2, 6].map(ClusterId::new));
     }
 
     #[test]

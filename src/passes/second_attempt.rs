@@ -51,7 +51,7 @@ impl Run<'_> {
                 let before = self.state.reports.last().map(PassReport::end);
                 let mean_area = first.area / first.report.faces_in.max(1) as f64;
                 let costs = costs_before_leap(before, &first.stages, mean_area)?;
-                Some(StopRule::Trim(costs, vec![target; partition.cluster_count()]))
+                Some(StopRule::Trim(costs, vec![target; partition.cluster_count()].into()))
             }
             _ => None,
         }

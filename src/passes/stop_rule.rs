@@ -4,8 +4,10 @@ use serde::{Deserialize, Serialize};
 
 use super::sample;
 use super::shares::STAGES_MAX;
+use crate::base::id::TiVec;
 use crate::cost::Metric;
 use crate::job::Recalled;
+use crate::partition::ClusterId;
 use crate::simplify::{Anchor, Engine, Stop};
 
 /// With a bounded error: smallest share of its faces that a stage keeps.
@@ -41,7 +43,7 @@ pub(super) enum StopRule {
     /// Simplify as far as these bounds on the deviation allow, one after the other, in units of length.
     Deviation(Vec<f64>),
     /// Stop at cost thresholds, or at the face count of each cluster.
-    Trim(Vec<f32>, Vec<u64>),
+    Trim(Vec<f32>, TiVec<ClusterId, u64>),
 }
 
 /// How one cluster stops.
@@ -59,7 +61,7 @@ pub(super) enum ClusterStop {
 
 impl StopRule {
     /// How this cluster stops.
-    pub(super) fn of(&self, cluster: usize) -> ClusterStop {
+    pub(super) fn of(&self, cluster: ClusterId) -> ClusterStop {
         match self {
             StopRule::Shares(shares) => ClusterStop::Shares(shares.clone()),
             StopRule::Faces(shares, target) => ClusterStop::Faces(shares.clone(), *target),
@@ -222,8 +224,8 @@ mod tests {
 
     #[test]
     fn a_plan_for_other_clusters_or_with_endless_stages_is_not_sound() {
-        assert!(StopRule::Trim(vec![1.0], vec![7; 3]).is_sound(&3));
-        assert!(!StopRule::Trim(vec![1.0], vec![7; 3]).is_sound(&4));
+        assert!(StopRule::Trim(vec![1.0], vec![7; 3].into()).is_sound(&3));
+        assert!(!StopRule::Trim(vec![1.0], vec![7; 3].into()).is_sound(&4));
         assert!(StopRule::Costs(vec![1.0; STAGES_MAX]).is_sound(&1));
         assert!(!StopRule::Costs(vec![1.0; STAGES_MAX + 1]).is_sound(&1));
         assert!(!StopRule::Faces(vec![0.5; STAGES_MAX + 1], 7).is_sound(&1));

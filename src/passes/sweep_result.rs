@@ -3,8 +3,10 @@
 use super::counters::Counters;
 use super::outcome::{PassReport, StageSums};
 use super::probes::Probes;
+use crate::base::id::TiVec;
 use crate::mesh::ClusterMesh;
 use crate::model::StoredMesh;
+use crate::partition::ClusterId;
 
 /// Result of a sweep over all clusters.
 #[derive(Debug, Default)]
@@ -17,7 +19,7 @@ pub(super) struct SweepResult {
     /// Probes of the mesh before the pass, if that is the input.
     pub probes: Probes,
     /// Faces left in each cluster.
-    pub cluster_faces: Vec<u64>,
+    pub cluster_faces: TiVec<ClusterId, u64>,
     pub stages: StageSums,
     /// Mean squared deviation that the pass added, in units of length².
     pub squared_error: f64,

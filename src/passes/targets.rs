@@ -11,10 +11,11 @@ use super::sample::{self, Survey};
 use super::stop_rule::StopRule;
 use super::trim::{Notes, spread_shares};
 use crate::base::Result;
+use crate::base::id::TiVec;
 use crate::mesh::ClusterMesh;
-use crate::partition::Partition;
 use crate::partition::reading::{self, ClusterFaces};
 use crate::partition::weight::ORDINARY_BYTES;
+use crate::partition::{ClusterId, Partition};
 
 /// Mean faces per cluster at the target from which a trim uses shares instead of costs.
 const SHARED_TRIM_FACES: u64 = 5_000;
@@ -144,19 +145,17 @@ impl Run<'_> {
         let mut trial = 0;
         loop {
             let mut notes = Notes::default();
-            let mut cluster = 0;
+            let mut clusters = partition.clusters();
             let everything = StopRule::Costs(vec![cost]);
             let sweep = Sweep { pass, partition, stops: &everything, purpose: SweepPurpose::Trial(trial) };
             self.sweep(sweep, |result| {
-                notes.add(cluster, &result.log);
-                cluster += 1;
+                clusters.next().into_iter().for_each(|cluster| notes.add(cluster, &result.log));
                 Ok(())
             })?;
             if notes.died() >= excess || trial == TRIALS_MAX {
                 let (quota, _) = notes.cut(excess, partition.cluster_count());
-                let keep =
-                    quota.iter().enumerate().map(|(c, lost)| partition.face_count(c).saturating_sub(*lost)).collect();
-                return Ok(StopRule::Trim(vec![cost], keep));
+                let left = |(cluster, &lost)| partition.face_count(cluster).saturating_sub(lost);
+                return Ok(StopRule::Trim(vec![cost], quota.iter_enumerated().map(left).collect()));
             }
             cost *= TRIM_SPREAD;
             trial += 1;
@@ -165,7 +164,7 @@ impl Run<'_> {
 }
 
 /// Faces of each cluster; 0 for clusters too heavy to load.
-fn loaded_faces(partition: &Partition) -> Vec<u64> {
+fn loaded_faces(partition: &Partition) -> TiVec<ClusterId, u64> {
     let faces_of = |cluster| partition.weight(cluster).map_or(0, |weight| weight.faces);
-    (0..partition.cluster_count()).map(faces_of).collect()
+    partition.clusters().map(faces_of).collect()
 }

@@ -8,16 +8,18 @@
 //! its quota.
 
 use super::sample::evenly_spread;
+use crate::base::id::{TiSlice, TiVec};
+use crate::partition::ClusterId;
 
 /// Largest share of its faces that a cluster loses while other clusters stay as they are.
 const SPREAD_SHARE: f64 = 0.06;
 
 /// Returns the faces that each cluster keeps so that they sum to `target`, or one less. As few clusters as possible,
 /// evenly spread, lose the same share.
-pub fn spread_shares(faces: &[u64], target: u64) -> Vec<u64> {
+pub fn spread_shares(faces: &TiSlice<ClusterId, u64>, target: u64) -> TiVec<ClusterId, u64> {
     let all: u64 = faces.iter().sum();
     let excess = all.saturating_sub(target);
-    let is_enough = |chosen: &Vec<usize>| {
+    let is_enough = |chosen: &Vec<ClusterId>| {
         let of_chosen: u64 = chosen.iter().map(|&cluster| faces[cluster]).sum();
         excess as f64 <= SPREAD_SHARE * of_chosen as f64
     };
@@ -51,7 +53,11 @@ fn equal_shares(faces: &[u64], target: u64) -> Vec<u64> {
 /// Returns the faces that each cluster keeps so that they sum to `target`, clamped to what is possible, after a run
 /// reduced them from `before` to `after`. All give back the same share of what they lost, so none needs more than it
 /// had.
-pub fn halfway(before: &[u64], after: &[u64], target: u64) -> Vec<u64> {
+pub fn halfway(
+    before: &TiSlice<ClusterId, u64>,
+    after: &TiSlice<ClusterId, u64>,
+    target: u64,
+) -> TiVec<ClusterId, u64> {
     let [all, left] = [before, after].map(|faces| faces.iter().sum::<u64>());
     let (wanted, way) = (target.clamp(left.min(all), all) - left.min(all), all.saturating_sub(left).max(1));
     let (mut stretch, mut given) = (0u64, 0);
@@ -69,7 +75,7 @@ pub fn halfway(before: &[u64], after: &[u64], target: u64) -> Vec<u64> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct LoggedCollapse {
     cost: f32,
-    cluster: u32,
+    cluster: ClusterId,
     died: u8,
 }
 
@@ -82,11 +88,11 @@ pub struct Notes {
 
 impl Notes {
     /// Adds the log of a cluster in collapse order. Add clusters in ascending order.
-    pub fn add(&mut self, cluster: usize, log: &[(f32, u8)]) {
+    pub fn add(&mut self, cluster: ClusterId, log: &[(f32, u8)]) {
         let mut highest = 0f32;
         for &(cost, died) in log {
             highest = highest.max(cost);
-            self.notes.push(LoggedCollapse { cost: highest, cluster: cluster as u32, died });
+            self.notes.push(LoggedCollapse { cost: highest, cluster, died });
             self.died += u64::from(died);
         }
     }
@@ -98,16 +104,16 @@ impl Notes {
 
     /// Returns the faces that each cluster may lose so that together they lose `excess`, or one more, and the highest
     /// cost that this takes.
-    pub fn cut(mut self, excess: u64, cluster_count: usize) -> (Vec<u64>, f32) {
+    pub fn cut(mut self, excess: u64, cluster_count: usize) -> (TiVec<ClusterId, u64>, f32) {
         // The sort is stable: equal costs stay in the order of clusters and collapses.
         self.notes.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        let mut quota = vec![0; cluster_count];
+        let mut quota: TiVec<ClusterId, u64> = vec![0; cluster_count].into();
         let (mut lost, mut cost) = (0, 0f32);
         for note in &self.notes {
             if lost >= excess {
                 break;
             }
-            quota[note.cluster as usize] += u64::from(note.died);
+            quota[note.cluster] += u64::from(note.died);
             lost += u64::from(note.died);
             cost = note.cost;
         }
@@ -138,12 +144,13 @@ mod tests {
     #[test]
     fn a_small_excess_is_taken_from_few_clusters() {
         let faces = [1000, 0, 1000, 1000, 1000];
-        assert_eq!(spread_shares(&faces, 3980), [1000, 0, 1000, 980, 1000]);
-        assert_eq!(spread_shares(&faces, 3900), [1000, 0, 950, 1000, 950]);
-        assert_eq!(spread_shares(&faces, 3600), [900, 0, 900, 900, 900]);
-        assert_eq!(spread_shares(&faces, 4000), faces);
-        assert_eq!(spread_shares(&faces, 5000), faces);
-        assert_eq!(spread_shares(&[], 5), [0; 0]);
+        let spread = |target| spread_shares(TiSlice::from_ref(&faces), target).raw;
+        assert_eq!(spread(3980), [1000, 0, 1000, 980, 1000]);
+        assert_eq!(spread(3900), [1000, 0, 950, 1000, 950]);
+        assert_eq!(spread(3600), [900, 0, 900, 900, 900]);
+        assert_eq!(spread(4000), faces);
+        assert_eq!(spread(5000), faces);
+        assert!(spread_shares(TiSlice::from_ref(&[]), 5).is_empty());
     }
 
     proptest! {
@@ -154,7 +161,7 @@ mod tests {
         ) {
             let all: u64 = faces.iter().sum();
             let target = (all as f64 * share) as u64;
-            let keep = spread_shares(&faces, target);
+            let keep = spread_shares(TiSlice::from_ref(&faces), target);
             let kept: u64 = keep.iter().sum();
             prop_assert!(kept <= target.min(all) && kept + 1 >= target.min(all), "{kept} of {target}");
             prop_assert!(keep.iter().zip(&faces).all(|(keep, faces)| keep <= faces));
@@ -168,30 +175,33 @@ mod tests {
 
     #[test]
     fn a_cluster_that_lost_nothing_is_not_asked_for_more_than_it_has() {
+        let between = |before: &[u64], after: &[u64], target| {
+            halfway(TiSlice::from_ref(before), TiSlice::from_ref(after), target).raw
+        };
         let (before, after) = ([100, 1000, 0], [100, 10, 0]);
         for target in [110, 150, 500, 1100] {
-            let keep = halfway(&before, &after, target);
+            let keep = between(&before, &after, target);
             assert_eq!(keep.iter().sum::<u64>(), target);
             assert!(keep.iter().zip(&before).all(|(keep, before)| keep <= before));
         }
-        assert_eq!(halfway(&[10, 10], &[0, 0], 10), [5, 5]);
-        assert_eq!(halfway(&[], &[], 3), [0; 0]);
+        assert_eq!(between(&[10, 10], &[0, 0], 10), [5, 5]);
+        assert!(between(&[], &[], 3).is_empty());
     }
 
     #[test]
     fn the_cheapest_collapses_of_all_clusters_are_chosen() {
         let mut notes = Notes::default();
-        notes.add(0, &[(1.0, 2), (5.0, 2), (4.0, 2)]);
-        notes.add(1, &[(2.0, 2), (3.0, 1), (9.0, 2)]);
+        notes.add(ClusterId::new(0), &[(1.0, 2), (5.0, 2), (4.0, 2)]);
+        notes.add(ClusterId::new(1), &[(2.0, 2), (3.0, 1), (9.0, 2)]);
         assert_eq!(notes.died(), 11);
-        assert_eq!(notes.cut(5, 2), (vec![2, 3], 3.0));
+        assert_eq!(notes.cut(5, 2), (vec![2, 3].into(), 3.0));
     }
 
     #[test]
     fn a_cheap_collapse_after_a_dear_one_waits_for_it() {
         let mut notes = Notes::default();
-        notes.add(0, &[(5.0, 2), (1.0, 2)]);
-        notes.add(1, &[(2.0, 2)]);
-        assert_eq!(notes.cut(2, 2), (vec![0, 2], 2.0));
+        notes.add(ClusterId::new(0), &[(5.0, 2), (1.0, 2)]);
+        notes.add(ClusterId::new(1), &[(2.0, 2)]);
+        assert_eq!(notes.cut(2, 2), (vec![0, 2].into(), 2.0));
     }
 }

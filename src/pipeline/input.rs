@@ -49,7 +49,7 @@ impl Recalled for Input {
     type Context<'a> = (Vec<PathBuf>, Vec<PathBuf>);
 
     fn locate(&mut self, _: &Path, (files, folders): &(Vec<PathBuf>, Vec<PathBuf>)) {
-        (self.catalogue.files, self.catalogue.folders) = (files.clone(), folders.clone());
+        (self.catalogue.files, self.catalogue.folders) = (files.clone().into(), folders.clone());
     }
 
     fn is_sound(&self, _: &(Vec<PathBuf>, Vec<PathBuf>)) -> bool {

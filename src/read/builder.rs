@@ -16,17 +16,19 @@ use std::path::{Path, PathBuf};
 use glam::{DVec2, DVec3};
 
 use super::parts::Labels;
-use super::records::ParsedRecords;
+use super::records::{ChunkCorner, ParsedRecords};
 use crate::base::error::escape_path;
 use crate::base::ordered::both;
 use crate::base::{Error, Findings, Result};
 use crate::file::{ColumnWriter, PackedWriter};
 use crate::model::face::{POLYGON_CORNERS_MAX, repeats_vertex};
+use crate::model::id::{PieceTexcoord, PieceVertex};
 use crate::model::stored_mesh::ID_LIMIT;
-use crate::model::{Catalogue, Face, FaceBlocks, FaceWriter, NO_TEXCOORD, StoredPiece};
+use crate::model::{Catalogue, Face, FaceBlocks, FaceWriter, StoredPiece};
 
 const FACE_BUFFER: usize = 4096;
 const COLOUR_BUFFER: usize = 4096;
+
 /// Appends what a file holds to its columns.
 pub(super) struct MeshBuilder<'a> {
     path: &'a Path,
@@ -35,7 +37,7 @@ pub(super) struct MeshBuilder<'a> {
     texcoords: PackedWriter<DVec2>,
     colours: Option<ColumnWriter<[f32; 3]>>,
     faces: FaceWriter,
-    face_buffer: Vec<Face>,
+    face_buffer: Vec<Face<PieceVertex>>,
     /// Triangles so far, including degenerate ones.
     pub(super) triangles: u64,
     /// Most decimals of a position so far.
@@ -152,21 +154,22 @@ impl<'a> MeshBuilder<'a> {
     pub(super) fn append_faces(&mut self, records: &ParsedRecords, labels: &mut Labels) -> Result<()> {
         let mut degenerate_count = 0;
         let mut changes = records.changes.iter().peekable();
-        let mut first = 0;
+        let mut first = ChunkCorner::new(0);
         for (polygon, size) in records.polygon_sizes.iter().enumerate() {
             while let Some(change) = changes.next_if(|change| change.polygon as usize == polygon) {
                 labels.change(change.kind, records.name(&change.name));
             }
-            let corners = first..first + *size as usize;
+            let corners = first..first.plus(*size);
             first = corners.end;
-            let vertices = &records.corner_vertices[corners.clone()];
+            let vertices = &records.corner_vertices[corners.clone()].raw;
             self.triangles += vertices.len() as u64 - 2;
             if matches!(*vertices, [a, b, c] if repeats_vertex([a, b, c])) {
                 degenerate_count += 1;
                 continue;
             }
             let part = labels.part()?;
-            let texcoords = records.corner_texcoords.get(corners).filter(|texcoords| !texcoords.is_empty());
+            let texcoords = records.corner_texcoords.get(corners).map(|texcoords| &texcoords.raw);
+            let texcoords = texcoords.filter(|texcoords| !texcoords.is_empty());
             let is_polygon = vertices.len() <= POLYGON_CORNERS_MAX;
             for i in 2..vertices.len() {
                 let triangle = [vertices[0], vertices[i - 1], vertices[i]];
@@ -176,7 +179,7 @@ impl<'a> MeshBuilder<'a> {
                 }
                 self.face_buffer.push(Face {
                     vertices: triangle,
-                    texcoords: texcoords.map_or([NO_TEXCOORD; 3], |t| [t[0], t[i - 1], t[i]]),
+                    texcoords: texcoords.map_or([PieceTexcoord::NONE; 3], |t| [t[0], t[i - 1], t[i]]),
                     part,
                     continues_polygon: is_polygon && i > 2,
                     deviation: 0.0,
@@ -241,7 +244,7 @@ fn without_texcoords(faces: FaceBlocks) -> Result<FaceBlocks> {
     for block in faces.blocks() {
         faces.read_block(&file, block, &mut bytes, &mut block_faces)?;
         for face in &mut block_faces {
-            face.texcoords = [NO_TEXCOORD; 3];
+            face.texcoords = [PieceTexcoord::NONE; 3];
         }
         writer.append(&block_faces)?;
     }

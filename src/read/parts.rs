@@ -1,6 +1,6 @@
 //! Labels of faces: objects, groups, materials and their combinations (parts).
 //!
-//! In: label changes in input order. Out: the part index of each face, and finally the [`Catalogue`]. Invariant: names,
+//! In: label changes in input order. Out: the part of each face, and finally the [`Catalogue`]. Invariant: names,
 //! materials and parts are numbered in order of their first use by a face, so unused labels take no memory. Hash maps
 //! are only looked up, never iterated.
 //!
@@ -11,8 +11,10 @@ use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use super::records::LabelKind;
+use crate::base::id::{Id, TiSlice, TiVec};
 use crate::base::{Allowance, Error, Result};
 use crate::model::catalogue::MaterialDefinition;
+use crate::model::id::{FileId, MaterialId, NameId, PartId};
 use crate::model::{Catalogue, Material, Part};
 use crate::os::path::path_of_name;
 
@@ -21,36 +23,62 @@ use crate::os::path::path_of_name;
 pub struct Labels {
     catalogue: Catalogue,
     allowance: Allowance,
-    name_ids: HashMap<Vec<u8>, u32>,
-    part_ids: HashMap<Part, u32>,
+    name_ids: HashMap<Vec<u8>, NameId>,
+    part_ids: HashMap<Part, PartId>,
     file_materials: FileMaterials,
-    object: Option<Label>,
-    group: Option<Label>,
-    material: Option<Label>,
-    part: Option<u32>,
+    object: Option<Label<NameId>>,
+    group: Option<Label<NameId>>,
+    material: Option<Label<MaterialId>>,
+    part: Option<PartId>,
 }
 
+/// A label, and its id once a face has it.
 #[derive(Debug)]
-struct Label {
+struct Label<I> {
     name: Vec<u8>,
-    id: Option<u32>,
+    id: Option<I>,
+}
+
+impl<I: Id> Label<I> {
+    /// Changes what a statement sets to this name; returns whether it was another one.
+    fn change(current: &mut Option<Self>, name: &[u8]) -> bool {
+        let differs = current.as_ref().is_none_or(|label| label.name != name);
+        if differs {
+            *current = Some(Self { name: name.to_vec(), id: None });
+        }
+        differs
+    }
+
+    /// Its id: `next` if `ids` have none of this name yet.
+    fn number(&mut self, ids: &mut HashMap<Vec<u8>, I>, next: usize) -> Result<I> {
+        let id = match self.id.or_else(|| ids.get(&self.name).copied()) {
+            Some(id) => id,
+            None => {
+                let id = numbered(next)?;
+                ids.insert(self.name.clone(), id);
+                id
+            }
+        };
+        self.id = Some(id);
+        Ok(id)
+    }
 }
 
 /// The materials that the faces of one file use.
 #[derive(Debug, Default)]
 pub struct FileMaterials {
-    first: usize,
-    ids: HashMap<Vec<u8>, u32>,
+    first: MaterialId,
+    ids: HashMap<Vec<u8>, MaterialId>,
 }
 
 impl FileMaterials {
-    /// Returns the catalogue index of a material, or `None` if no face of the file uses it.
-    pub fn find(&self, name: &[u8]) -> Option<usize> {
-        self.ids.get(name).map(|id| *id as usize)
+    /// The material of this name, or `None` if no face of the file uses it.
+    pub fn find(&self, name: &[u8]) -> Option<MaterialId> {
+        self.ids.get(name).copied()
     }
 
-    /// Catalogue index of the file's first material; its others follow.
-    pub fn first(&self) -> usize {
+    /// The file's first material; its others follow.
+    pub fn first(&self) -> MaterialId {
         self.first
     }
 }
@@ -75,69 +103,68 @@ impl Labels {
     pub fn begin_file(&mut self, path: &Path) {
         self.catalogue.files.push(path.to_owned());
         (self.object, self.group, self.material, self.part) = (None, None, None, None);
-        self.file_materials = FileMaterials { first: self.catalogue.materials.len(), ids: HashMap::new() };
+        self.file_materials = FileMaterials { first: self.catalogue.materials.next_key(), ids: HashMap::new() };
     }
 
     /// Sets the object, group or material of the faces that follow; a `usemtl` without a name clears the material.
     pub fn change(&mut self, kind: LabelKind, name: &[u8]) {
-        let label = match kind {
-            LabelKind::Object => &mut self.object,
-            LabelKind::Group => &mut self.group,
-            LabelKind::Material => &mut self.material,
+        let differs = match kind {
+            LabelKind::Object => Label::change(&mut self.object, name),
+            LabelKind::Group => Label::change(&mut self.group, name),
+            LabelKind::Material if name.is_empty() => self.material.take().is_some(),
+            LabelKind::Material => Label::change(&mut self.material, name),
         };
-        if label.as_ref().is_some_and(|label| label.name == name) {
-            return;
+        if differs {
+            self.part = None;
         }
-        let is_none = kind == LabelKind::Material && name.is_empty();
-        *label = (!is_none).then(|| Label { name: name.to_vec(), id: None });
-        self.part = None;
     }
 
-    /// Returns the part index of a face with the current labels.
+    /// Returns the part of a face with the current labels.
     ///
     /// # Errors
     /// [`Error::Limit`] if there are more than 2³² of a kind, [`Error::Budget`] if they exceed their memory.
-    pub fn part(&mut self) -> Result<u32> {
+    pub fn part(&mut self) -> Result<PartId> {
         match self.part {
             Some(part) => Ok(part),
             None => self.find_part(),
         }
     }
 
-    fn find_part(&mut self) -> Result<u32> {
+    fn find_part(&mut self) -> Result<PartId> {
+        let Catalogue { names, materials, parts, files, .. } = &mut self.catalogue;
         let mut ids = [None; 2];
         let mut bytes = 0;
         for (id, label) in ids.iter_mut().zip([&mut self.object, &mut self.group]) {
             let Some(label) = label else { continue };
-            *id = Some(find_or_number(&mut self.name_ids, &mut label.id, &label.name, self.catalogue.names.len())?);
-            if *id == Some(self.catalogue.names.len() as u32) {
-                self.catalogue.names.push(label.name.clone());
+            let name = label.number(&mut self.name_ids, names.len())?;
+            if name == names.next_key() {
+                names.push(label.name.clone());
                 bytes += label.name.len() as u64;
             }
+            *id = Some(name);
         }
+        let [object, group] = ids;
         let mut material = None;
         if let Some(label) = &mut self.material {
-            let next = self.catalogue.materials.len();
-            let id = find_or_number(&mut self.file_materials.ids, &mut label.id, &label.name, next)?;
-            if id as usize == next {
+            let id = label.number(&mut self.file_materials.ids, materials.len())?;
+            if id == materials.next_key() {
                 let (name, output_name) = (label.name.clone(), label.name.clone());
                 let material = Material { name, output_name, definition: None };
                 bytes += material.bytes();
-                self.catalogue.materials.push(material);
+                materials.push(material);
             }
             material = Some(id);
         }
-        let file = numbered(self.catalogue.files.len())? - 1;
-        let part = Part { file, object: ids[0], group: ids[1], material };
-        let next = numbered(self.catalogue.parts.len())?;
-        let index = *self.part_ids.entry(part).or_insert(next);
-        if index == next {
-            self.catalogue.parts.push(part);
+        let part = Part { file: FileId::from(files.len() - 1), object, group, material };
+        let next = numbered(parts.len())?;
+        let id = *self.part_ids.entry(part).or_insert(next);
+        if id == next {
+            parts.push(part);
             bytes += Part::BYTES;
         }
-        self.part = Some(index);
+        self.part = Some(id);
         self.allow(bytes)?;
-        Ok(index)
+        Ok(id)
     }
 
     /// Charges bytes to the current file.
@@ -163,32 +190,16 @@ impl Labels {
     }
 }
 
-fn find_or_number(ids: &mut HashMap<Vec<u8>, u32>, known: &mut Option<u32>, name: &[u8], next: usize) -> Result<u32> {
-    if let Some(id) = known {
-        return Ok(*id);
-    }
-    let id = match ids.get(name) {
-        Some(id) => *id,
-        None => {
-            let id = numbered(next)?;
-            ids.insert(name.to_vec(), id);
-            id
-        }
-    };
-    *known = Some(id);
-    Ok(id)
-}
-
-fn numbered(count: usize) -> Result<u32> {
-    u32::try_from(count).map_err(|_| Error::Limit("more than 2³² names, materials or parts".into()))
+fn numbered<I: Id>(count: usize) -> Result<I> {
+    u32::try_from(count).map(I::new).map_err(|_| Error::Limit("more than 2³² names, materials or parts".into()))
 }
 
 fn merge_materials(catalogue: &mut Catalogue) {
-    let mut kept: Vec<Material> = Vec::new();
-    let mut ids: HashMap<Vec<u8>, u32> = HashMap::new();
-    let mut renumbered = Vec::with_capacity(catalogue.materials.len());
+    let mut kept: TiVec<MaterialId, Material> = TiVec::new();
+    let mut ids: HashMap<Vec<u8>, MaterialId> = HashMap::new();
+    let mut renumbered: TiVec<MaterialId, MaterialId> = TiVec::with_capacity(catalogue.materials.len());
     for material in std::mem::take(&mut catalogue.materials) {
-        let next = kept.len() as u32;
+        let next = kept.next_key();
         let id = *ids.entry(identity(&material)).or_insert(next);
         if id == next {
             kept.push(material);
@@ -197,7 +208,7 @@ fn merge_materials(catalogue: &mut Catalogue) {
     }
     catalogue.materials = kept;
     for part in &mut catalogue.parts {
-        part.material = part.material.map(|material| renumbered[material as usize]);
+        part.material = part.material.map(|material| renumbered[material]);
     }
 }
 
@@ -241,7 +252,7 @@ fn resolve(folder: &Path, name: &[u8]) -> PathBuf {
     out
 }
 
-fn name_outputs(materials: &mut [Material]) {
+fn name_outputs(materials: &mut TiSlice<MaterialId, Material>) {
     let mut taken: HashSet<Vec<u8>> = materials.iter().map(|material| material.name.clone()).collect();
     let mut last_suffix: HashMap<Vec<u8>, u64> = HashMap::new();
     for material in materials {
@@ -271,12 +282,12 @@ mod tests {
         Some(MaterialDefinition { folder: folder.into(), statements: vec![], textures: vec![texture] })
     }
 
-    fn use_material(labels: &mut Labels, name: &str, definition: Option<MaterialDefinition>) -> u32 {
+    fn use_material(labels: &mut Labels, name: &str, definition: Option<MaterialDefinition>) -> PartId {
         labels.change(LabelKind::Material, name.as_bytes());
         let part = labels.part().unwrap();
         let (catalogue, materials, _) = labels.materials_of_file();
-        let place = materials.find(name.as_bytes()).unwrap();
-        catalogue.materials[place].definition = definition;
+        let material = materials.find(name.as_bytes()).unwrap();
+        catalogue.materials[material].definition = definition;
         part
     }
 
@@ -290,7 +301,7 @@ mod tests {
         let catalogue = labels.finish();
         assert_ne!(first, second);
         assert_eq!(catalogue.materials.len(), 1);
-        assert_eq!(catalogue.parts.iter().map(|part| part.material).collect::<Vec<_>>(), [Some(0), Some(0)]);
+        assert!(catalogue.parts.iter().all(|part| part.material == Some(MaterialId::new(0))));
     }
 
     #[test]
@@ -313,13 +324,14 @@ mod tests {
             labels.change(LabelKind::Material, format!("m{i}").as_bytes());
         }
         labels.change(LabelKind::Group, b"roof");
-        assert_eq!(labels.part().unwrap(), 0);
+        assert_eq!(labels.part().unwrap(), PartId::new(0));
         labels.change(LabelKind::Material, b"");
-        assert_eq!(labels.part().unwrap(), 1);
+        assert_eq!(labels.part().unwrap(), PartId::new(1));
         labels.change(LabelKind::Material, b"m1999");
-        assert_eq!(labels.part().unwrap(), 0);
+        assert_eq!(labels.part().unwrap(), PartId::new(0));
         let catalogue = labels.finish();
         assert_eq!((catalogue.materials.len(), catalogue.names.len(), catalogue.parts.len()), (1, 1, 2));
-        assert_eq!(catalogue.parts[1], Part { file: 0, object: None, group: Some(0), material: None });
+        let group = Some(NameId::new(0));
+        assert_eq!(catalogue.parts.raw[1], Part { file: FileId::new(0), object: None, group, material: None });
     }
 }

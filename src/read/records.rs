@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! polygon_sizes     3        4            3
-//! corner_vertices   a b c    d e f g      h i j        ids in the file
+//! corner_vertices   a b c    d e f g      h i j        vertices of the file
 //! corner_texcoords  A B C    - - - -      D E F        empty if no face of the chunk has any
 //! changes           ^ material wall       ^ group roof before a polygon, in order
 //! ```
@@ -12,7 +12,14 @@ use std::ops::Range;
 use glam::{DVec2, DVec3};
 
 use crate::base::findings::PLACES_PER_KIND;
+use crate::base::id::{TiVec, ids};
 use crate::file::PackedBlocks;
+use crate::model::id::{PieceTexcoord, PieceVertex};
+
+ids! {
+    /// A corner of the polygons of a chunk, polygon by polygon.
+    ChunkCorner;
+}
 
 /// Label of the following faces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -65,10 +72,10 @@ pub struct ParsedRecords {
     pub packed_texcoords: PackedBlocks,
     /// Number of corners of each polygon.
     pub polygon_sizes: Vec<u32>,
-    /// Vertex of each corner, from 0.
-    pub corner_vertices: Vec<u32>,
-    /// Texture coordinate of each corner, or `NO_TEXCOORD`; may be shorter than the corners, or empty.
-    pub corner_texcoords: Vec<u32>,
+    /// Vertex of each corner.
+    pub corner_vertices: TiVec<ChunkCorner, PieceVertex>,
+    /// Texture coordinate of each corner, or none; may be shorter than the corners, or empty.
+    pub corner_texcoords: TiVec<ChunkCorner, PieceTexcoord>,
     /// Changes of object, group and material.
     pub changes: Vec<LabelChange>,
     /// Text of the changes.
@@ -92,8 +99,8 @@ impl ParsedRecords {
             colours: cleared(kept.colours),
             texcoords: cleared(kept.texcoords),
             polygon_sizes: cleared(kept.polygon_sizes),
-            corner_vertices: cleared(kept.corner_vertices),
-            corner_texcoords: cleared(kept.corner_texcoords),
+            corner_vertices: cleared(kept.corner_vertices.raw).into(),
+            corner_texcoords: cleared(kept.corner_texcoords.raw).into(),
             changes: cleared(kept.changes),
             names: cleared(kept.names),
             ..Self::default()

@@ -9,6 +9,7 @@ use super::encode::{distinct, png};
 use super::raster;
 use super::view::View;
 use crate::mesh::ClusterMesh;
+use crate::partition::ClusterId;
 
 /// A border is visible if it lies at most this many pixels beneath the surface.
 const BORDER_DEPTH: f32 = 2.0;
@@ -18,10 +19,18 @@ const BORDER_COLOUR: [u8; 4] = [38, 40, 46, 255];
 #[derive(Debug, Clone)]
 pub struct ClusterMap {
     view: View,
-    /// Height in pixels, and number of the visible cluster.
-    surface: Vec<(f32, u32)>,
+    /// What each pixel shows.
+    surface: Vec<TopSurface>,
     /// Height in pixels of the highest locked edge.
     border: Vec<f32>,
+}
+
+/// The highest surface of a pixel.
+#[derive(Debug, Clone, Copy)]
+struct TopSurface {
+    /// In pixels; negative infinity without a surface.
+    height: f32,
+    cluster: ClusterId,
 }
 
 /// What a pixel of the map shows.
@@ -29,8 +38,8 @@ pub struct ClusterMap {
 pub enum Spot {
     /// No surface.
     Nothing,
-    /// The cluster with this number.
-    Cluster(u32),
+    /// This cluster.
+    Cluster(ClusterId),
     /// An edge between two vertices that other clusters use.
     Border,
 }
@@ -39,7 +48,8 @@ impl ClusterMap {
     /// An empty map; the view should look straight down.
     pub fn new(view: View) -> Self {
         let count = view.size[0] * view.size[1];
-        Self { view, surface: vec![(f32::NEG_INFINITY, u32::MAX); count], border: vec![f32::NEG_INFINITY; count] }
+        let none = TopSurface { height: f32::NEG_INFINITY, cluster: ClusterId::NONE };
+        Self { view, surface: vec![none; count], border: vec![f32::NEG_INFINITY; count] }
     }
 
     /// Width and height in pixels.
@@ -48,14 +58,14 @@ impl ClusterMap {
     }
 
     /// Draws a cluster, whose positions are relative to `origin`.
-    pub fn draw(&mut self, cluster: u32, mesh: &ClusterMesh, origin: DVec3) {
+    pub fn draw(&mut self, cluster: ClusterId, mesh: &ClusterMesh, origin: DVec3) {
         let size = self.view.size;
         for face in mesh.face_ids() {
             let corners = mesh.triangle(face).map(|corner| self.view.project(corner + origin));
             raster::each_pixel(&corners, size, |pixel, height, _| {
-                let (height, seen) = (height as f32, &mut self.surface[pixel]);
-                if height > seen.0 || (height == seen.0 && cluster < seen.1) {
-                    *seen = (height, cluster);
+                let (height, top) = (height as f32, &mut self.surface[pixel]);
+                if height > top.height || (height == top.height && cluster < top.cluster) {
+                    *top = TopSurface { height, cluster };
                 }
             });
             let is_shared = mesh.vertices(face).map(|vertex| mesh.is_shared(vertex));
@@ -72,8 +82,8 @@ impl ClusterMap {
         let colour = |spot| match spot {
             Spot::Nothing => [0; 4],
             Spot::Border => BORDER_COLOUR,
-            Spot::Cluster(number) => {
-                let [red, green, blue] = distinct(number);
+            Spot::Cluster(cluster) => {
+                let [red, green, blue] = distinct(cluster.number());
                 [red, green, blue, 255]
             }
         };
@@ -83,7 +93,7 @@ impl ClusterMap {
 
     /// What a pixel shows.
     pub fn spot(&self, pixel: usize) -> Spot {
-        let (height, cluster) = self.surface[pixel];
+        let TopSurface { height, cluster } = self.surface[pixel];
         let border = self.border[pixel];
         match height {
             _ if border > f32::NEG_INFINITY && border >= height - BORDER_DEPTH => Spot::Border,
@@ -112,7 +122,7 @@ mod tests {
                     mesh.flags[vertex] |= flag::SHARED;
                 }
             }
-            map.draw(cluster, &mesh, origin);
+            map.draw(ClusterId::new(cluster), &mesh, origin);
         }
         (0..32 * 32).map(|pixel| map.spot(pixel)).collect()
     }
@@ -121,7 +131,8 @@ mod tests {
     fn clusters_lie_where_they_are_and_the_border_between_them() {
         let spots = spots(&[0, 1]);
         let middle = &spots[16 * 32..17 * 32];
-        assert_eq!((middle[8], middle[16], middle[24]), (Spot::Cluster(0), Spot::Border, Spot::Cluster(1)));
+        let [left, right] = [0, 1].map(|number| Spot::Cluster(ClusterId::new(number)));
+        assert_eq!((middle[8], middle[16], middle[24]), (left, Spot::Border, right));
         assert_eq!(middle[0], Spot::Nothing);
     }
 

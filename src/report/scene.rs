@@ -16,13 +16,15 @@ use std::path::Path;
 
 use glam::DVec3;
 
+use crate::base::id::TiVec;
 use crate::base::{Findings, Result};
 use crate::image::textures::{NO_IMAGE, TextureImages};
 use crate::measure::compare::cells::MeasuredMesh;
 use crate::mesh::FaceId;
 use crate::model::catalogue::MaterialDefinition;
+use crate::model::id::PartId;
 use crate::model::{Catalogue, StoredMesh};
-use crate::partition::{self, ClusterSource, PartitionOptions, TextureScale, cluster};
+use crate::partition::{self, ClusterSource, PartitionOptions, TextureScale, cluster, heavy};
 use crate::render::{Paint, Triangle};
 
 /// Resources for drawing. They do not change a rendering, unless an image does not fit the memory.
@@ -67,25 +69,25 @@ pub struct StoredScene<'a> {
     folder: &'a Path,
     images: TextureImages,
     /// Colour or texture image of each part.
-    paints: Vec<Paint>,
+    paints: TiVec<PartId, Paint>,
 }
 
 impl<'a> StoredScene<'a> {
     /// Finds the texture images; intermediate files go to `folder`.
     pub fn new(mesh: &'a StoredMesh, catalogue: &'a Catalogue, folder: &'a Path, findings: &mut Findings) -> Self {
         let images = TextureImages::find(catalogue, findings);
-        let paint = |(part, &image): (usize, &u32)| match image {
+        let paint = |(part, &image): (PartId, &u32)| match image {
             NO_IMAGE => Paint::Colour(colour_of(catalogue, part)),
             image => Paint::Image(image),
         };
-        let paints = images.of_part.iter().enumerate().map(paint).collect();
+        let paints = catalogue.parts.keys().zip(&images.of_part).map(paint).collect();
         Self { mesh, catalogue, folder, images, paints }
     }
 
     fn triangle(&self, source: &ClusterSource, face: FaceId) -> Triangle {
         let mesh = &source.mesh;
         let [a, b, c] = mesh.uv_triangle(face);
-        let part = mesh.parts[face].index();
+        let part = mesh.parts[face];
         let paint = self.paints.get(part).copied().unwrap_or(Paint::Colour(STONE));
         let paint = match paint {
             Paint::Image(_) if !(a + b + c).is_finite() => Paint::Colour(colour_of(self.catalogue, part)),
@@ -129,10 +131,10 @@ impl Scene for StoredScene<'_> {
         let mut draw_source = |source: ClusterSource| {
             source.mesh.face_ids().for_each(|face| draw(&self.triangle(&source, face)));
         };
-        for cell in 0..partition.cluster_count() {
-            match partition.weight(cell) {
-                Some(_) => draw_source(cluster::load(&partition, self.mesh, self.catalogue, &scale, cell)?),
-                None => cluster::load_in_blocks(&partition, self.mesh, self.catalogue, &scale, cell, |source| {
+        for cluster in partition.clusters() {
+            match partition.weight(cluster) {
+                Some(_) => draw_source(cluster::load(&partition, self.mesh, self.catalogue, &scale, cluster)?),
+                None => heavy::load_in_blocks(&partition, self.mesh, self.catalogue, &scale, cluster, |source| {
                     draw_source(source);
                     Ok(())
                 })?,
@@ -173,9 +175,9 @@ impl Scene for MeasuredMesh {
 }
 
 /// The diffuse colour (`Kd`) of a part's material.
-fn colour_of(catalogue: &Catalogue, part: usize) -> [u8; 3] {
+fn colour_of(catalogue: &Catalogue, part: PartId) -> [u8; 3] {
     let material = catalogue.parts.get(part).and_then(|part| part.material);
-    let definition = material.and_then(|material| catalogue.materials[material as usize].definition.as_ref());
+    let definition = material.and_then(|material| catalogue.materials[material].definition.as_ref());
     definition.and_then(diffuse).unwrap_or(STONE)
 }
 

@@ -16,9 +16,11 @@
 //! One temporary file of key and record, 4 + 4 × `payload_words` bytes each; removed on drop.
 
 use std::fs::{self, File, OpenOptions};
+use std::marker::PhantomData;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use crate::base::id::{Id, TiVec};
 use crate::base::{Error, Result};
 use crate::os::system::{read_exact_at, write_all_at};
 
@@ -27,13 +29,27 @@ const BUFFER_BYTES_MAX: u64 = 256 << 10;
 /// Bytes read from the file at once.
 const READ_BYTES: usize = 256 << 10;
 
-/// Records of one key: the key, and the words of its records.
-pub(super) type Group<'a> = (u32, &'a [u32]);
+/// Records of one key.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Group<'a, K> {
+    /// The key.
+    pub(super) key: K,
+    /// Words of the records.
+    pub(super) words: &'a [u32],
+}
+
+impl<'a, K: Copy> Group<'a, K> {
+    /// The group in parts of at most `words` words.
+    pub(super) fn chunks(self, words: usize) -> impl Iterator<Item = Self> + use<'a, K> {
+        self.words.chunks(words).map(move |words| Self { words, ..self })
+    }
+}
 
 /// Records being grouped by key.
 #[derive(Debug)]
-pub(super) struct Grouping {
+pub(super) struct Grouping<K> {
     payload_words: usize,
+    key: PhantomData<K>,
     /// Slot of the next record of each key.
     next: Vec<u64>,
     place: GroupStorage,
@@ -62,12 +78,13 @@ struct Bucket {
     buffer: Vec<u32>,
 }
 
-impl Grouping {
+impl<K: Id> Grouping<K> {
     /// Prepares for `counts[key]` records of `payload_words` words; `path` is the temporary file to use if needed.
     ///
     /// # Errors
     /// If the file is needed and cannot be created.
-    pub(super) fn new(mut counts: Vec<u64>, payload_words: usize, memory_bytes: u64, path: &Path) -> Result<Self> {
+    pub(super) fn new(counts: TiVec<K, u64>, payload_words: usize, memory_bytes: u64, path: &Path) -> Result<Self> {
+        let mut counts = counts.raw;
         let mut total = 0;
         for count in &mut counts {
             total += *count;
@@ -88,14 +105,15 @@ impl Grouping {
             }
             GroupStorage::Disk { spill: Spill::create(path)?, buckets, recent: 0, most }
         };
-        Ok(Self { payload_words, next, place })
+        Ok(Self { payload_words, key: PhantomData, next, place })
     }
 
     /// Adds a record.
     ///
     /// # Errors
     /// On a full disk, or if there are more records than counted.
-    pub(super) fn push(&mut self, key: u32, payload: &[u32]) -> Result<()> {
+    pub(super) fn push(&mut self, key: K, payload: &[u32]) -> Result<()> {
+        let key = key.number();
         debug_assert_eq!(payload.len(), self.payload_words);
         match &mut self.place {
             GroupStorage::Memory { words } => {
@@ -127,7 +145,7 @@ impl Grouping {
     ///
     /// # Errors
     /// If the file cannot be read, and those of `visit`.
-    pub(super) fn drain(mut self, mut visit: impl FnMut(&[Group<'_>]) -> Result<()>) -> Result<()> {
+    pub(super) fn drain(mut self, mut visit: impl FnMut(&[Group<'_, K>]) -> Result<()>) -> Result<()> {
         let payload_words = self.payload_words;
         match self.place {
             GroupStorage::Memory { words } => {
@@ -165,7 +183,7 @@ impl Grouping {
                         }
                         let full = words.len() as u64 > most.saturating_mul(payload_words as u64) / 2;
                         if !fits && full {
-                            visit(&[(bucket.keys.start, &words)])?;
+                            visit(&[Group { key: K::new(bucket.keys.start), words: &words }])?;
                             words.clear();
                         }
                     }
@@ -173,7 +191,7 @@ impl Grouping {
                         let first_slot = bucket.slots.start;
                         visit(&groups(&words, first_slot, bucket.keys.clone(), &self.next, payload_words))?;
                     } else if !words.is_empty() {
-                        visit(&[(bucket.keys.start, &words)])?;
+                        visit(&[Group { key: K::new(bucket.keys.start), words: &words }])?;
                     }
                 }
                 Ok(())
@@ -183,19 +201,19 @@ impl Grouping {
 }
 
 /// Nonempty groups of `keys`; `ends` are the slots after the last one of each key.
-fn groups<'a>(
+fn groups<'a, K: Id>(
     words: &'a [u32],
     first_slot: u64,
     keys: Range<u32>,
     ends: &[u64],
     payload_words: usize,
-) -> Vec<Group<'a>> {
+) -> Vec<Group<'a, K>> {
     let mut start = 0;
     let mut groups = Vec::new();
     for key in keys {
         let end = (ends[key as usize] - first_slot) as usize * payload_words;
         if end > start {
-            groups.push((key, &words[start..end]));
+            groups.push(Group { key: K::new(key), words: &words[start..end] });
             start = end;
         }
     }
@@ -275,21 +293,23 @@ impl Drop for Spill {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::id::SharedVertex;
     use proptest::prelude::*;
 
-    fn group(keys: &[u32], key_count: usize, memory_bytes: u64) -> Vec<(u32, u32)> {
+    /// Keys and arrivals of records after grouping.
+    fn group(keys: &[u32], key_count: usize, memory_bytes: u64) -> Vec<[u32; 2]> {
         let folder = tempfile::tempdir().unwrap();
-        let mut counts = vec![0; key_count];
-        keys.iter().for_each(|&key| counts[key as usize] += 1);
+        let mut counts: TiVec<SharedVertex, u64> = vec![0; key_count].into();
+        keys.iter().for_each(|&key| counts[SharedVertex::new(key)] += 1);
         let mut grouping = Grouping::new(counts, 2, memory_bytes, &folder.path().join("spill")).unwrap();
         for (arrival, &key) in keys.iter().enumerate() {
-            grouping.push(key, &[arrival as u32, key]).unwrap();
+            grouping.push(SharedVertex::new(key), &[arrival as u32, key]).unwrap();
         }
         let mut out = Vec::new();
-        let visit = |groups: &[Group<'_>]| {
-            for (key, words) in groups {
-                out.extend(words.chunks_exact(2).map(|record| (*key, record[0])));
-                assert!(words.chunks_exact(2).all(|record| record[1] == *key));
+        let visit = |groups: &[Group<'_, SharedVertex>]| {
+            for Group { key, words } in groups {
+                out.extend(words.chunks_exact(2).map(|record| [key.number(), record[0]]));
+                assert!(words.chunks_exact(2).all(|record| record[1] == key.number()));
             }
             Ok(())
         };
@@ -307,7 +327,7 @@ mod tests {
             memory_bytes in 0u64..30_000,
         ) {
             let keys: Vec<u32> = keys.into_iter().chain(hot).collect();
-            let mut expected: Vec<(u32, u32)> = keys.iter().enumerate().map(|(i, &key)| (key, i as u32)).collect();
+            let mut expected: Vec<[u32; 2]> = (0..).zip(&keys).map(|(i, &key)| [key, i]).collect();
             expected.sort();
             prop_assert_eq!(group(&keys, 53, memory_bytes), expected);
         }
@@ -315,7 +335,6 @@ mod tests {
 
     #[test]
     fn no_record_gives_no_group() {
-        assert_eq!(group(&[], 0, 0), []);
-        assert_eq!(group(&[], 5, 100), []);
+        assert!(group(&[], 0, 0).is_empty() && group(&[], 5, 100).is_empty());
     }
 }

@@ -7,9 +7,10 @@ use super::numbering::Usage;
 use crate::base::error::escape;
 use crate::base::{Findings, counted};
 use crate::model::Catalogue;
+use crate::model::id::MaterialId;
 
-/// Materials of the faces of the result, by index.
-pub(super) fn used_materials(catalogue: &Catalogue, usage: &Usage) -> BTreeSet<u32> {
+/// Materials of the faces of the result.
+pub(super) fn used_materials(catalogue: &Catalogue, usage: &Usage) -> BTreeSet<MaterialId> {
     let parts = catalogue.parts.iter().zip(&usage.faces_per_part).filter(|&(_, &faces)| faces > 0);
     parts.filter_map(|(part, _)| part.material).collect()
 }
@@ -17,9 +18,9 @@ pub(super) fn used_materials(catalogue: &Catalogue, usage: &Usage) -> BTreeSet<u
 /// Reports the materials and textures that no face of the result uses any more.
 pub(super) fn note_losses(catalogue: &Catalogue, usage: &Usage, findings: &mut Findings) {
     let used = used_materials(catalogue, usage);
-    let all = 0..catalogue.materials.len() as u32;
-    let lost = all.clone().filter(|index| !used.contains(index));
-    let lost = lost.map(|index| &catalogue.materials[index as usize].output_name[..]).collect();
+    let all = catalogue.materials.keys();
+    let lost = all.clone().filter(|material| !used.contains(material));
+    let lost = lost.map(|material| &catalogue.materials[material].output_name[..]).collect();
     note_lost("lost_materials", "material", all.len(), lost, findings);
 
     let (before, left) = (textures(catalogue, all), textures(catalogue, used.iter().copied()));
@@ -28,14 +29,14 @@ pub(super) fn note_losses(catalogue: &Catalogue, usage: &Usage, findings: &mut F
 }
 
 /// Textures of some materials: the folder of the MTL, and the name in it.
-fn textures(catalogue: &Catalogue, materials: impl Iterator<Item = u32>) -> BTreeSet<(&Path, &[u8])> {
-    let definitions = materials.filter_map(|index| catalogue.materials[index as usize].definition.as_ref());
+fn textures(catalogue: &Catalogue, materials: impl Iterator<Item = MaterialId>) -> BTreeSet<(&Path, &[u8])> {
+    let definitions = materials.filter_map(|material| catalogue.materials[material].definition.as_ref());
     definitions.flat_map(|d| d.textures.iter().map(|texture| (d.folder.as_path(), &texture.name[..]))).collect()
 }
 
 /// Number of textures that the materials of the input name.
 pub fn texture_count(catalogue: &Catalogue) -> u64 {
-    textures(catalogue, 0..catalogue.materials.len() as u32).len() as u64
+    textures(catalogue, catalogue.materials.keys()).len() as u64
 }
 
 /// Notes each lost item; the first note also says how many of `total` are left.

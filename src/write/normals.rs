@@ -24,10 +24,12 @@ use std::path::Path;
 use bytemuck::Pod;
 use glam::DVec3;
 
-use super::grouping::Grouping;
+use super::grouping::{Group, Grouping};
+use crate::base::id::TiVec;
 use crate::base::{Error, Result};
 use crate::file::{Column, ColumnWriter, Segment};
 use crate::model::corners::{FaceReader, PieceCorners};
+use crate::model::id::{PieceCorner, PieceVertex, SharedVertex};
 use crate::model::{StoredMesh, StoredPiece};
 
 /// Cosine of the crease angle of 60°.
@@ -132,8 +134,8 @@ fn number_normals(normals: &[RoundedNormal], unique: &mut Vec<RoundedNormal>, nu
 }
 
 /// Normal and angles of a face of a piece.
-pub(super) fn normal_of(piece: &PieceCorners, corners: &[u32]) -> ([f32; 3], [f32; 3]) {
-    face_normal([0, 1, 2].map(|k| piece.position(corners[k])))
+pub(super) fn normal_of(piece: &PieceCorners, face: [PieceVertex; 3]) -> ([f32; 3], [f32; 3]) {
+    face_normal(face.map(|vertex| piece.position(vertex)))
 }
 
 /// Passes the records of ascending ranges to `visit`, range by range; maps nearby ranges together.
@@ -167,7 +169,7 @@ fn gather<T: Pod>(
 #[derive(Debug)]
 pub(super) struct SharedNormals {
     /// Index of the first answer of each shared vertex, then the number of answers; empty if there is no shared vertex.
-    starts: Vec<u32>,
+    starts: TiVec<SharedVertex, u32>,
     /// Bits of a face normal and number of the `vn` line, sorted within a vertex.
     answers: Option<Column<[u32; 4]>>,
     /// Number of `vn` lines of shared vertices, which come first.
@@ -181,26 +183,28 @@ impl SharedNormals {
     /// If a file cannot be read or written, and those of `visit`.
     pub(super) fn gather(
         mesh: &StoredMesh,
-        corners_per_shared: Vec<u64>,
+        corners_per_shared: TiVec<SharedVertex, u64>,
         memory_bytes: u64,
         work_folder: &Path,
         mut visit: impl FnMut(&[RoundedNormal]) -> Result<()>,
     ) -> Result<Self> {
         if corners_per_shared.is_empty() {
-            return Ok(Self { starts: Vec::new(), answers: None, count: 0 });
+            return Ok(Self { starts: TiVec::new(), answers: None, count: 0 });
         }
-        let mut starts = vec![0; corners_per_shared.len() + 1];
+        let mut starts: TiVec<SharedVertex, u32> = vec![0; corners_per_shared.len() + 1].into();
         // NOTE: a star must come in one part, so the largest one gets its memory even if it exceeds the share.
         let largest_bytes = 16 * corners_per_shared.iter().copied().max().unwrap_or(0);
         let memory_bytes = memory_bytes.max(largest_bytes);
         let mut stars = Grouping::new(corners_per_shared, 4, memory_bytes, &work_folder.join("write-stars.tmp"))?;
         for piece in mesh.pieces.iter().filter(|piece| touches_shared(piece)) {
             let corners = PieceCorners::read(mesh, piece, true)?;
-            for face in corners.vertices.chunks_exact(3) {
+            for &face in &corners.faces {
                 let (normal, angles) = normal_of(&corners, face);
                 let [x, y, z] = normal.map(f32::to_bits);
-                for (&v, angle) in face.iter().zip(angles).filter(|&(&v, _)| v >= corners.own) {
-                    stars.push(v - corners.own, &[x, y, z, angle.to_bits()])?;
+                for (vertex, angle) in face.into_iter().zip(angles) {
+                    if let Some(shared) = vertex.shared(corners.own) {
+                        stars.push(shared, &[x, y, z, angle.to_bits()])?;
+                    }
                 }
             }
         }
@@ -209,7 +213,7 @@ impl SharedNormals {
         let mut count = 0u64;
         let mut scratch = StarScratch::default();
         stars.drain(|groups| {
-            for &(vertex, words) in groups {
+            for &Group { key: vertex, words } in groups {
                 scratch.star.clear();
                 scratch.star.extend(words.chunks_exact(4).map(|record| StarFace {
                     normal: [record[0], record[1], record[2]].map(f32::from_bits),
@@ -231,21 +235,23 @@ impl SharedNormals {
                 if count.max(answers.len()) > u64::from(u32::MAX) {
                     return Err(Error::Limit("the result has more than 2³² normals; leave the normals out".into()));
                 }
-                starts[vertex as usize + 1] = answers.len() as u32;
+                starts[vertex.plus(1)] = answers.len() as u32;
             }
             Ok(())
         })?;
-        for vertex in 1..starts.len() {
-            starts[vertex] = starts[vertex].max(starts[vertex - 1]);
+        let mut before = 0;
+        for start in &mut starts {
+            *start = before.max(*start);
+            before = *start;
         }
         Ok(Self { starts, answers: Some(answers.finish()?), count: count as u32 })
     }
 
     /// Returns the answers of `shared` vertices (ascending), and the index of the first answer of each.
-    fn of(&self, shared: &[u32]) -> Result<(Vec<usize>, Vec<[u32; 4]>)> {
+    fn of(&self, shared: &[SharedVertex]) -> Result<(Vec<usize>, Vec<[u32; 4]>)> {
         let (mut starts, mut found) = (vec![0], Vec::new());
         if let Some(answers) = &self.answers {
-            let range = |&v: &u32| u64::from(self.starts[v as usize])..u64::from(self.starts[v as usize + 1]);
+            let range = |&v: &SharedVertex| u64::from(self.starts[v])..u64::from(self.starts[v.plus(1)]);
             gather(answers, shared.iter().map(range), |of_vertex| {
                 found.extend_from_slice(of_vertex);
                 starts.push(found.len());
@@ -265,7 +271,7 @@ impl Drop for SharedNormals {
 
 /// Reports whether a face of a piece has a shared vertex.
 pub(super) fn touches_shared(piece: &StoredPiece) -> bool {
-    piece.faces.blocks().iter().any(|block| u64::from(block.vertices.end) > piece.positions.len())
+    piece.faces.blocks().iter().any(|block| u64::from(block.vertices.end.number()) > piece.positions.len())
 }
 
 /// Scratch buffers for the star of a vertex.
@@ -292,7 +298,7 @@ pub(super) struct PieceNormals {
     /// Normals at the own vertices of the piece.
     pub(super) unique: Vec<RoundedNormal>,
     /// Per corner: the number of a normal at a shared vertex, or the number of those plus an index in `unique`.
-    pub(super) corners: Vec<u32>,
+    pub(super) corners: TiVec<PieceCorner, u32>,
 }
 
 /// Memory of [`piece_normals`] in bytes, including its result.
@@ -306,39 +312,41 @@ pub(super) fn piece_bytes(piece: &StoredPiece) -> u64 {
 /// If a file cannot be read.
 pub(super) fn piece_normals(mesh: &StoredMesh, piece: &StoredPiece, shared: &SharedNormals) -> Result<PieceNormals> {
     let corners = PieceCorners::read(mesh, piece, false)?;
-    let own = corners.own as usize;
     let (answer_starts, answers) = shared.of(&corners.shared)?;
 
-    let mut face_normals = Vec::with_capacity(corners.vertices.len() / 3);
+    let mut face_normals = Vec::with_capacity(corners.faces.len());
     // Holds the bits of each corner's angle, later the number of its normal.
-    let mut numbers = Vec::with_capacity(corners.vertices.len());
-    for face in corners.vertices.chunks_exact(3) {
+    let mut numbers: TiVec<PieceCorner, u32> = TiVec::with_capacity(3 * corners.faces.len());
+    for &face in &corners.faces {
         let (normal, angles) = normal_of(&corners, face);
         face_normals.push(normal);
         numbers.extend(angles.map(f32::to_bits));
     }
 
-    let (starts, star_corners) = stars(&corners.vertices, own);
+    let stars = OwnStars::new(&corners);
     let mut scratch = StarScratch::default();
-    for vertex in 0..own {
-        let star = &star_corners[starts[vertex] as usize..starts[vertex + 1] as usize];
+    for vertex in PieceVertex::first(corners.own as usize) {
+        let star = stars.of(vertex);
         if star.is_empty() {
             continue;
         }
         scratch.star.clear();
-        scratch.star.extend(star.iter().map(|&corner| StarFace {
-            normal: face_normals[corner as usize / 3],
-            angle: f32::from_bits(numbers[corner as usize]),
-        }));
+        scratch.star.extend(
+            star.iter().map(|&corner| StarFace {
+                normal: face_normals[corner.face()],
+                angle: f32::from_bits(numbers[corner]),
+            }),
+        );
         scratch.solve();
         for (&corner, &number) in star.iter().zip(&scratch.numbers) {
-            numbers[corner as usize] = shared.count + number;
+            numbers[corner] = shared.count + number;
         }
     }
-    for (corner, &vertex) in corners.vertices.iter().enumerate().filter(|&(_, &v)| v as usize >= own) {
-        let at = corners.shared.partition_point(|&v| v < vertex - corners.own);
+    for (corner, vertex) in vertices_of_corners(&corners) {
+        let Some(vertex) = vertex.shared(corners.own) else { continue };
+        let at = corners.place(vertex);
         let of_vertex = &answers[answer_starts[at]..answer_starts[at + 1]];
-        let [x, y, z] = face_normals[corner / 3].map(f32::to_bits);
+        let [x, y, z] = face_normals[corner.face()].map(f32::to_bits);
         let found = of_vertex.partition_point(|answer| answer[..3] < [x, y, z][..]);
         let Some(answer) = of_vertex.get(found).filter(|answer| answer[..3] == [x, y, z][..]) else {
             let message = "the faces changed while the normals were computed".into();
@@ -349,23 +357,43 @@ pub(super) fn piece_normals(mesh: &StoredMesh, piece: &StoredPiece, shared: &Sha
     Ok(PieceNormals { unique: scratch.unique, corners: numbers })
 }
 
-/// Corners at each of the vertices 0 .. `own`, with the index of the first corner of each vertex.
-fn stars(vertices: &[u32], own: usize) -> (Vec<u32>, Vec<u32>) {
-    let mut starts = vec![0u32; own + 2];
-    for &v in vertices.iter().filter(|&&v| (v as usize) < own) {
-        starts[v as usize + 2] += 1;
+/// All corners of a piece with their vertices.
+fn vertices_of_corners(piece: &PieceCorners) -> impl Iterator<Item = (PieceCorner, PieceVertex)> {
+    let vertices = piece.faces.as_flattened();
+    PieceCorner::first(vertices.len()).zip(vertices.iter().copied())
+}
+
+/// Corners at each of the own vertices of a piece.
+struct OwnStars {
+    /// Index of the first corner of each vertex, then the number of corners.
+    starts: TiVec<PieceVertex, u32>,
+    corners: Vec<PieceCorner>,
+}
+
+impl OwnStars {
+    fn new(piece: &PieceCorners) -> Self {
+        let own_corners = || vertices_of_corners(piece).filter(|(_, vertex)| vertex.shared(piece.own).is_none());
+        // The slot after a vertex counts its corners one further on, so that filling moves it to its place.
+        let mut starts: TiVec<PieceVertex, u32> = vec![0u32; piece.own as usize + 2].into();
+        own_corners().for_each(|(_, vertex)| starts[vertex.plus(2)] += 1);
+        let mut end = 0;
+        for start in &mut starts {
+            end += *start;
+            *start = end;
+        }
+        let mut corners = vec![PieceCorner::default(); end as usize];
+        for (corner, vertex) in own_corners() {
+            let slot = &mut starts[vertex.plus(1)];
+            corners[*slot as usize] = corner;
+            *slot += 1;
+        }
+        starts.pop();
+        Self { starts, corners }
     }
-    for vertex in 2..starts.len() {
-        starts[vertex] += starts[vertex - 1];
+
+    fn of(&self, vertex: PieceVertex) -> &[PieceCorner] {
+        &self.corners[self.starts[vertex] as usize..self.starts[vertex.plus(1)] as usize]
     }
-    let mut corners = vec![0; starts[own + 1] as usize];
-    for (corner, &v) in vertices.iter().enumerate().filter(|&(_, &v)| (v as usize) < own) {
-        let slot = &mut starts[v as usize + 1];
-        corners[*slot as usize] = corner as u32;
-        *slot += 1;
-    }
-    starts.pop();
-    (starts, corners)
 }
 
 #[cfg(test)]

@@ -6,34 +6,39 @@
 //! # Memory
 //! 3/16 byte per vertex and texture coordinate, 8 bytes per part, and one block of faces.
 
-use crate::base::{Error, Result};
-use crate::model::corners::FaceReader;
-use crate::model::stored_mesh::PieceNumbering;
-use crate::model::{NO_TEXCOORD, StoredMesh};
+use std::marker::PhantomData;
 
-/// A set of ids 0 .. n that returns the rank of each member.
-#[derive(Debug, Default)]
-pub(super) struct IdSet {
+use crate::base::id::{Id, TiVec};
+use crate::base::{Error, Result};
+use crate::model::StoredMesh;
+use crate::model::corners::FaceReader;
+use crate::model::id::{MeshVertex, PartId, SharedVertex, Texcoord};
+use crate::model::stored_mesh::PieceNumbering;
+
+/// A set of ids that returns the rank of each member.
+#[derive(Debug)]
+pub(super) struct IdSet<I> {
     words: Vec<u64>,
     /// Number of members before each word; computed by [`rank_members`](IdSet::rank_members).
     before: Vec<u32>,
     count: u64,
+    kind: PhantomData<I>,
 }
 
-impl IdSet {
-    /// Creates an empty set for ids below `limit`.
+impl<I: Id> IdSet<I> {
+    /// Creates an empty set for the first `limit` ids.
     pub(super) fn new(limit: u64) -> Self {
-        Self { words: vec![0; limit.div_ceil(64) as usize], before: Vec::new(), count: 0 }
+        Self { words: vec![0; limit.div_ceil(64) as usize], before: Vec::new(), count: 0, kind: PhantomData }
     }
 
     /// Adds an id.
-    pub(super) fn insert(&mut self, id: u32) {
-        self.words[id as usize / 64] |= 1 << (id % 64);
+    pub(super) fn insert(&mut self, id: I) {
+        self.words[id.index() / 64] |= 1 << (id.number() % 64);
     }
 
     /// Reports whether an id is a member.
-    pub(super) fn contains(&self, id: u32) -> bool {
-        self.words[id as usize / 64] >> (id % 64) & 1 != 0
+    pub(super) fn contains(&self, id: I) -> bool {
+        self.words[id.index() / 64] >> (id.number() % 64) & 1 != 0
     }
 
     /// Updates [`rank`](IdSet::rank) and [`len`](IdSet::len) to the current members.
@@ -47,9 +52,9 @@ impl IdSet {
     }
 
     /// Number of members smaller than `id`.
-    pub(super) fn rank(&self, id: u32) -> u32 {
-        let word = id as usize / 64;
-        self.before[word] + (self.words[word] & ((1 << (id % 64)) - 1)).count_ones()
+    pub(super) fn rank(&self, id: I) -> u32 {
+        let word = id.index() / 64;
+        self.before[word] + (self.words[word] & ((1 << (id.number() % 64)) - 1)).count_ones()
     }
 
     /// Number of members at the last call of [`rank_members`](IdSet::rank_members).
@@ -66,14 +71,14 @@ impl IdSet {
 /// Ids that the faces of a mesh use.
 #[derive(Debug)]
 pub(super) struct Usage {
-    /// Used vertices, by ids of the mesh.
-    pub(super) vertices: IdSet,
-    /// Used texture coordinates, by ids of the mesh.
-    pub(super) texcoords: IdSet,
+    /// Used vertices.
+    pub(super) vertices: IdSet<MeshVertex>,
+    /// Used texture coordinates.
+    pub(super) texcoords: IdSet<Texcoord>,
     /// Number of faces of each part.
-    pub(super) faces_per_part: Vec<u64>,
+    pub(super) faces_per_part: TiVec<PartId, u64>,
     /// Number of corners at each shared vertex; empty unless asked for.
-    pub(super) corners_per_shared: Vec<u64>,
+    pub(super) corners_per_shared: TiVec<SharedVertex, u64>,
 }
 
 impl Usage {
@@ -91,8 +96,8 @@ impl Usage {
         let mut usage = Self {
             vertices: IdSet::new(mesh.vertex_count()),
             texcoords: IdSet::new(mesh.texcoord_count()),
-            faces_per_part: vec![0; part_count],
-            corners_per_shared: vec![0; if count_shared_corners { shared_count as usize } else { 0 }],
+            faces_per_part: vec![0; part_count].into(),
+            corners_per_shared: vec![0; if count_shared_corners { shared_count as usize } else { 0 }].into(),
         };
         let mut reader = FaceReader::default();
         for (piece, ids) in mesh.pieces.iter().zip(numbering) {
@@ -100,25 +105,22 @@ impl Usage {
             let texcoord_limit = piece.texcoords.len();
             reader.each_block(piece, |faces| {
                 for face in faces {
-                    let vertices_exist = face.vertices.iter().all(|&v| u64::from(v) < vertex_limit);
-                    let texcoords_exist =
-                        face.texcoords.iter().all(|&t| t == NO_TEXCOORD || u64::from(t) < texcoord_limit);
-                    let part = usage.faces_per_part.get_mut(face.part as usize);
+                    let vertices_exist = face.vertices.iter().all(|&v| u64::from(v.number()) < vertex_limit);
+                    let texcoords_exist = face.named_texcoords().all(|t| u64::from(t.number()) < texcoord_limit);
+                    let part = usage.faces_per_part.get_mut(face.part);
                     let Some(part) = part.filter(|_| vertices_exist && texcoords_exist) else {
                         let message = format!("a face names what the mesh does not have: {face:?}");
                         return Err(Error::Damaged { path: piece.faces.path().to_owned(), message });
                     };
                     *part += 1;
                     if count_shared_corners {
-                        for v in face.vertices.into_iter().filter(|&v| v >= ids.own) {
-                            usage.corners_per_shared[(v - ids.own) as usize] += 1;
+                        for vertex in face.vertices.into_iter().filter_map(|v| v.shared(ids.own)) {
+                            usage.corners_per_shared[vertex] += 1;
                         }
                     }
                     let face = ids.globalise(face);
                     face.vertices.into_iter().for_each(|v| usage.vertices.insert(v));
-                    for t in face.texcoords.into_iter().filter(|&t| t != NO_TEXCOORD) {
-                        usage.texcoords.insert(t);
-                    }
+                    face.named_texcoords().for_each(|t| usage.texcoords.insert(t));
                 }
                 Ok(())
             })?;
@@ -148,14 +150,14 @@ mod tests {
     proptest! {
         #[test]
         fn rank_counts_the_smaller_members(ids in prop::collection::btree_set(0u32..3000, 0..500)) {
-            let mut set = IdSet::new(3000);
-            ids.iter().for_each(|&id| set.insert(id));
+            let mut set = IdSet::<MeshVertex>::new(3000);
+            ids.iter().for_each(|&id| set.insert(MeshVertex::new(id)));
             set.rank_members();
             prop_assert_eq!(set.len(), ids.len() as u64);
             for (rank, &id) in ids.iter().enumerate() {
-                prop_assert_eq!(set.rank(id), rank as u32);
+                prop_assert_eq!(set.rank(MeshVertex::new(id)), rank as u32);
             }
-            prop_assert!((0..3000).all(|id| set.contains(id) == ids.contains(&id)));
+            prop_assert!((0..3000).all(|id| set.contains(MeshVertex::new(id)) == ids.contains(&id)));
         }
     }
 }

@@ -1,15 +1,22 @@
 //! The order in which the faces of a result are written: part by part.
 
 use super::numbering::Usage;
+use crate::base::id::{TiVec, ids};
 use crate::model::Catalogue;
+use crate::model::id::PartId;
+
+ids! {
+    /// Place of a part in the order in which parts are written.
+    PartPlace;
+}
 
 /// The order in which parts are written.
 #[derive(Debug)]
 pub(super) struct PartOrder {
     /// Parts with faces, in order.
-    parts: Vec<u32>,
-    /// Position of each part in that order.
-    places: Vec<u32>,
+    parts: TiVec<PartPlace, PartId>,
+    /// Place of each part with faces.
+    places: TiVec<PartId, PartPlace>,
 }
 
 impl PartOrder {
@@ -19,31 +26,31 @@ impl PartOrder {
     /// NOTE: a statement holds until the next of its kind, and none ends a material. Objects and groups are ended by
     /// the name `default`, which an OBJ has if a part without one follows a part with one.
     pub(super) fn new(catalogue: &Catalogue, usage: &Usage) -> Self {
-        let mut parts: Vec<u32> = (0u32..).take(catalogue.parts.len()).collect();
-        parts.retain(|&part| usage.faces_per_part[part as usize] > 0);
-        parts.sort_by_key(|&index| {
-            let part = &catalogue.parts[index as usize];
+        let has_faces = |part: &PartId| usage.faces_per_part[*part] > 0;
+        let mut parts: TiVec<PartPlace, PartId> = catalogue.parts.keys().filter(has_faces).collect();
+        parts.sort_by_key(|&id| {
+            let part = &catalogue.parts[id];
             (part.material.is_some(), part.object.is_some(), part.group.is_some())
         });
-        let mut places = vec![0; catalogue.parts.len()];
-        for (place, &part) in (0u32..).zip(&parts) {
-            places[part as usize] = place;
+        let mut places: TiVec<PartId, PartPlace> = vec![PartPlace::default(); catalogue.parts.len()].into();
+        for (place, &part) in parts.iter_enumerated() {
+            places[part] = place;
         }
         Self { parts, places }
     }
 
-    /// The part at a position.
-    pub(super) fn part(&self, place: u32) -> u32 {
-        self.parts[place as usize]
+    /// The part at a place.
+    pub(super) fn part(&self, place: PartPlace) -> PartId {
+        self.parts[place]
     }
 
-    /// Position of a part.
-    pub(super) fn place(&self, part: u32) -> u32 {
-        self.places[part as usize]
+    /// Place of a part.
+    pub(super) fn place(&self, part: PartId) -> PartPlace {
+        self.places[part]
     }
 
-    /// Number of faces at each position.
-    pub(super) fn counts(&self, usage: &Usage) -> Vec<u64> {
-        self.parts.iter().map(|&part| usage.faces_per_part[part as usize]).collect()
+    /// Number of faces at each place.
+    pub(super) fn counts(&self, usage: &Usage) -> TiVec<PartPlace, u64> {
+        self.parts.iter().map(|&part| usage.faces_per_part[part]).collect()
     }
 }

@@ -4,7 +4,9 @@ use std::path::Path;
 
 use super::numbering::Usage;
 use super::order::PartOrder;
+use crate::base::id::TiVec;
 use crate::base::{Findings, Progress, Result};
+use crate::model::id::SharedVertex;
 use crate::model::stored_mesh::PieceNumbering;
 use crate::model::{Catalogue, StoredMesh};
 use crate::os::content::Content;
@@ -54,7 +56,7 @@ pub(super) struct ResultMesh<'a> {
     /// What faces use.
     pub(super) usage: &'a Usage,
     /// Number of corners at each shared vertex, if they have normals; taken by the sink that needs it.
-    pub(super) corners_per_shared: Vec<u64>,
+    pub(super) corners_per_shared: TiVec<SharedVertex, u64>,
     /// The order of the faces.
     pub(super) order: PartOrder,
     /// What a corner has.

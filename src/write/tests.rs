@@ -10,10 +10,12 @@ use crate::base::Silent;
 use crate::base::pool::Pool;
 use crate::file::{ColumnWriter, PackedWriter};
 use crate::model::catalogue::{MaterialDefinition, TextureStatement};
-use crate::model::{Face, FaceWriter, Material, NO_TEXCOORD, Part, StoredPiece};
+use crate::model::id::{FileId, MaterialId, NameId, PartId, PieceTexcoord, PieceVertex};
+use crate::model::{Face, FaceWriter, Material, Part, StoredPiece};
 use crate::os::durable::{waiting_place, witness};
 
-const BARE: [u32; 3] = [NO_TEXCOORD; 3];
+const NONE: u32 = PieceTexcoord::NONE.number();
+const BARE: [u32; 3] = [NONE; 3];
 
 fn options() -> WriteOptions {
     WriteOptions {
@@ -28,8 +30,9 @@ fn options() -> WriteOptions {
     }
 }
 
-fn face(vertices: [u32; 3], texcoords: [u32; 3], part: u32) -> Face {
-    Face { vertices, texcoords, part, ..Face::default() }
+fn face(vertices: [u32; 3], texcoords: [u32; 3], part: u32) -> Face<PieceVertex> {
+    let (vertices, texcoords) = (vertices.map(PieceVertex::new), texcoords.map(PieceTexcoord::new));
+    Face { vertices, texcoords, part: PartId::new(part), ..Face::default() }
 }
 
 #[derive(Default)]
@@ -37,7 +40,7 @@ struct Piece {
     positions: Vec<DVec3>,
     colours: Option<Vec<[f32; 3]>>,
     texcoords: Vec<DVec2>,
-    faces: Vec<Face>,
+    faces: Vec<Face<PieceVertex>>,
 }
 
 fn store(folder: &Path, shared: &[DVec3], pieces: &[Piece]) -> StoredMesh {
@@ -84,11 +87,12 @@ fn material(name: &str, folder: &Path, texture: &str) -> Material {
 }
 
 fn part(object: Option<u32>, group: Option<u32>, material: Option<u32>) -> Part {
-    Part { file: 0, object, group, material }
+    let (object, group) = (object.map(NameId::new), group.map(NameId::new));
+    Part { file: FileId::new(0), object, group, material: material.map(MaterialId::new) }
 }
 
 fn one_part() -> Catalogue {
-    Catalogue { parts: vec![part(None, None, None)], ..Catalogue::default() }
+    Catalogue { parts: vec![part(None, None, None)].into(), ..Catalogue::default() }
 }
 
 /// Two squares that share an edge, one per piece; vertex 1 of the first piece and texcoord 4 of the second are unused.
@@ -110,7 +114,7 @@ fn two_squares(folder: &Path) -> StoredMesh {
     let right = Piece {
         positions: vec![v(2.0, 0.0), v(2.0, 1.0)],
         texcoords: [&corners[..], &[DVec2::splat(0.3)]].concat(),
-        faces: vec![face([2, 0, 3], [0, 1, 3], 1), face([0, 1, 3], [1, 2, NO_TEXCOORD], 0)],
+        faces: vec![face([2, 0, 3], [0, 1, 3], 1), face([0, 1, 3], [1, 2, NONE], 0)],
         ..Piece::default()
     };
     store(folder, &[v(1.0, 0.0), v(1.0, 1.0)], &[left, right])
@@ -118,13 +122,14 @@ fn two_squares(folder: &Path) -> StoredMesh {
 
 fn two_materials(folder: &Path) -> Catalogue {
     Catalogue {
-        names: vec![b"house".into()],
+        names: vec![b"house".into()].into(),
         materials: vec![
             material("brick", folder, "brick.png"),
             material("never used", folder, "none.png"),
             material("tile", folder, "gone.png"),
-        ],
-        parts: vec![part(Some(0), None, Some(0)), part(Some(0), None, Some(2))],
+        ]
+        .into(),
+        parts: vec![part(Some(0), None, Some(0)), part(Some(0), None, Some(2))].into(),
         ..Catalogue::default()
     }
 }
@@ -271,7 +276,7 @@ fn materials_and_textures_of_the_last_face_are_told_when_it_is_gone() {
     catalogue.materials.push(Material {
         name: b"twin".into(),
         output_name: b"twin".into(),
-        ..catalogue.materials[0].clone()
+        ..catalogue.materials.raw[0].clone()
     });
     let written = f.write(&two_squares(&f.path("in")), &catalogue, &options()).unwrap();
     assert_eq!((written.findings.get("lost_materials"), written.findings.get("lost_textures")), (32, 31));
@@ -365,7 +370,8 @@ fn an_input_file_is_never_replaced() {
     let fixture = Fixture::new();
     let mesh = two_squares(&fixture.path("in"));
     fs::write(fixture.path("out/city.obj"), "input").unwrap();
-    let catalogue = Catalogue { files: vec![fixture.path("in/../out/city.obj")], ..two_materials(&fixture.path("in")) };
+    let files = vec![fixture.path("in/../out/city.obj")].into();
+    let catalogue = Catalogue { files, ..two_materials(&fixture.path("in")) };
     let sources = Sources::new(catalogue.files.iter().map(PathBuf::as_path));
     let force = WriteOptions { force: true, sources, ..options() };
     assert!(matches!(fixture.write(&mesh, &catalogue, &force), Err(Error::Usage(m)) if m.contains("input")));
@@ -377,7 +383,7 @@ fn cube(folder: &Path, split: bool) -> StoredMesh {
     let corner = |i: u32| DVec3::new(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2 & 1)) * 2.0;
     let positions: Vec<DVec3> = (0..8).map(corner).collect();
     let squares = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5u32]];
-    let faces: Vec<Face> =
+    let faces: Vec<_> =
         squares.iter().flat_map(|&[a, b, c, d]| [face([a, b, c], BARE, 0), face([a, c, d], BARE, 0)]).collect();
     if !split {
         return store(folder, &[], &[Piece { positions, faces, ..Piece::default() }]);

@@ -474,7 +474,7 @@ mod tests {
             sources,
             job: 1,
         };
-        let mut catalogue = Catalogue { files: vec![folders.input.join("b/city.obj")], ..Catalogue::default() };
+        let mut catalogue = Catalogue { files: vec![folders.input.join("b/city.obj")].into(), ..Catalogue::default() };
         let mut stage = TextureStage::new(&options, &targets, &catalogue);
         let folder = fs::canonicalize(folders.input.join("a")).unwrap();
         assert_eq!(stage.reference(&folder, b"wall.png").unwrap(), b"../in/a/wall.png");

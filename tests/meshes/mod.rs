@@ -9,8 +9,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use drystone::base::{Progress, Silent};
 use drystone::measure::compare::{CompareOptions, Geometry, Resources, Spread, compare};
+use drystone::measure::surface::NO_TEXCOORD;
 use drystone::measure::{Check, Surface, compare_checks, compare_topology, weld_and_check};
-use drystone::model::NO_TEXCOORD;
 use drystone::options::{Limits, SimplifyOptions, Target, Topology};
 use drystone::pipeline;
 use drystone::read::ScanOptions;

@@ -33,8 +33,9 @@ use crate::job::{InputFile, Manifest, Resume, WorkFolder};
 use crate::mesh::id::{FaceId, LocalVertex};
 use crate::model::{Catalogue, StoredMesh};
 use crate::os::mmap::MappedRecords;
-use crate::partition::cluster;
+use crate::partition::id::PartitionVertex;
 use crate::partition::{self, ClusterSource, Partition, PartitionOptions, TextureScale};
+use crate::partition::{cluster, heavy};
 use crate::read::InputChoice;
 use crate::read::{self, Scan};
 
@@ -219,8 +220,8 @@ impl MeasuredMesh {
             ReadMesh::make(input, folder, cell_faces, resources, progress)?;
         let images = TextureImages::find(&catalogue, &mut findings);
         let dropped = std::mem::take(&mut partition.findings);
-        let first = u32::from(!partition.numbering.positions.is_empty());
-        let reference = partition.numbering.positions.gather(&(0..first).collect::<Vec<u32>>())?;
+        let first = usize::from(!partition.numbering.positions.is_empty());
+        let reference = partition.numbering.positions.gather(&PartitionVertex::first(first).collect::<Vec<_>>())?;
         let making = Making {
             catalogue: &catalogue,
             images: &images,
@@ -234,7 +235,7 @@ impl MeasuredMesh {
         let permits = Permits::new(work_bytes);
         progress.begin("prepare", partition.total_faces(), "faces");
         map_in_order(
-            (0..partition.cluster_count()).filter(|&cluster| partition.weight(cluster).is_some()),
+            partition.clusters().filter(|&cluster| partition.weight(cluster).is_some()),
             threads,
             threads + 1,
             |cluster| {
@@ -248,15 +249,16 @@ impl MeasuredMesh {
                 tallies.push(writer.append(draft)?)
             },
         )?;
-        for cluster in (0..partition.cluster_count()).filter(|&cluster| partition.weight(cluster).is_none()) {
-            cluster::load_in_blocks(&partition, &mesh, &catalogue, &making.scale, cluster, |source| {
+        for cluster in partition.clusters().filter(|&cluster| partition.weight(cluster).is_none()) {
+            heavy::load_in_blocks(&partition, &mesh, &catalogue, &making.scale, cluster, |source| {
                 progress.advance(source.mesh.corners.len() as u64);
                 progress.check_stopped()?;
                 tallies.push(writer.append(making.draft(&source)?)?)
             })?;
         }
         let (cells, volume) = writer.finish()?;
-        let tallied = tallies.finish(|ids| partition.numbering.positions.gather(ids))?;
+        let gather = |ids: &[u32]| partition.numbering.positions.gather::<PartitionVertex>(bytemuck::cast_slice(ids));
+        let tallied = tallies.finish(gather)?;
         partition.files().for_each(|path| _ = std::fs::remove_file(path));
         remove_columns(&mesh);
         Ok(Self {

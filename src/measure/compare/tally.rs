@@ -32,11 +32,11 @@ use crate::base::id::TiVec;
 use crate::file::buckets::{BucketWriter, Verbatim};
 use crate::geometry::triangle::{is_flat, regularity};
 use crate::measure::figures::{Quality, SLIVER_REGULARITY, TopologyCounts};
-use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::ClusterMesh;
 use crate::mesh::fold::{across, is_angle_small};
 use crate::mesh::id::{FaceId, LocalVertex, Wedge};
 use crate::model::Catalogue;
-use crate::partition::{ClusterSource, Shared};
+use crate::partition::{ClusterSource, Shared, id::PartitionVertex};
 
 /// Bytes of a bucket of shared sides, if all sides are shared and [`BUCKETS_MAX`] allows as many buckets.
 const BUCKET_BYTES: u64 = 8 << 20;
@@ -231,7 +231,7 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue, images: &[u32]) -> C
         let (vertices, wedges, face) = side;
         let chart = if is_textured(face) { chart_of[charts.root(face.number()) as usize] } else { NO_CHART };
         let side = SharedSide {
-            vertices: vertices.map(|vertex| source.vertex_id(vertex)),
+            vertices: vertices.map(|vertex| source.vertex_id(vertex).number()),
             keys: wedges.map(|wedge| keys[wedge]),
             across: across_side(mesh, side).to_array(),
             piece: piece_of[pieces.root(face.number()) as usize],
@@ -243,7 +243,7 @@ pub fn tally(source: &ClusterSource, catalogue: &Catalogue, images: &[u32]) -> C
     }
     for (vertex, &edges) in edges_at.iter_enumerated() {
         match mesh.is_shared(vertex) {
-            true => found.shared_vertices.push((source.vertex_id(vertex), edges)),
+            true => found.shared_vertices.push((source.vertex_id(vertex).number(), edges)),
             false => found.counts.add_vertex(edges),
         }
     }
@@ -277,7 +277,7 @@ fn shared_keys(source: &ClusterSource, catalogue: &Catalogue) -> TiVec<Wedge, u6
     for (corners, &part) in mesh.corners.iter().zip(&mesh.parts) {
         for &wedge in corners.iter().filter(|&&wedge| mesh.is_shared(mesh.wedge_vertex[wedge])) {
             let [u, v] = mesh.wedge_uv[wedge].to_array().map(|x| (x + 0.0).to_bits());
-            keys[wedge] = xxh3_64(bytemuck::cast_slice(&[u, v, catalogue.material_index(part.number()) as u64]));
+            keys[wedge] = xxh3_64(bytemuck::cast_slice(&[u, v, catalogue.material_of(part).number().into()]));
         }
     }
     keys
@@ -295,7 +295,7 @@ impl CellTally {
                 *number = self.borders;
                 self.borders += 1;
             }
-            self.border_ends.push((source.vertex_id(vertex), *number));
+            self.border_ends.push((source.vertex_id(vertex).number(), *number));
         }
         let closed = vertices.iter().filter(|v| border.is_root(v.number()) && number[v.index()] == u32::MAX);
         self.counts.topology.boundary_loops = closed.count() as u64;
@@ -430,7 +430,7 @@ impl<'a> Tallies<'a> {
             }
             let [low, high] = side.vertices.map(u64::from);
             let mixed = (low << 32 | high).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-            self.sides.push(((mixed >> 40) % self.buckets) as u32, side)?;
+            self.sides.push(((mixed >> 40) % self.buckets) as usize, side)?;
         }
         self.seams.push(&cell.seams)?;
         let sum = &mut self.sum;
@@ -490,7 +490,7 @@ impl<'a> Tallies<'a> {
 
 impl MeshSum<'_> {
     fn meet(&mut self, vertex: u32, edges: u32) {
-        let at = &mut self.edges_at[self.shared.rank(vertex) as usize];
+        let at = &mut self.edges_at[self.shared.rank(PartitionVertex::new(vertex)).index()];
         *at = ((*at & !ON_BORDER) + (edges & !ON_BORDER)) | ((*at | edges) & ON_BORDER);
     }
 

@@ -14,10 +14,12 @@ use super::mtl::define_materials;
 use super::parsed::{LineError, Numbered, ParsedChunk};
 use super::statements::find_dangling_index;
 use crate::base::error::escape_path;
+use crate::base::id::{Id, TiSlice};
 use crate::base::{Error, Findings, Result};
 use crate::read::builder::{FinishedFile, MeshBuilder};
 use crate::read::file::chain;
 use crate::read::parts::Labels;
+use crate::read::records::ChunkCorner;
 use crate::read::source::{Cut, FileCommit};
 
 /// Bytes that an `mtllib` statement takes in addition to its text.
@@ -203,15 +205,15 @@ impl ObjCommit<'_> {
     }
 }
 
-/// Converts relative corners of a chunk to ids of the file.
+/// Converts relative corners of a chunk to ids of the file; `bases` are the counts of v, vt and vn before the chunk.
 fn make_absolute(parsed: &mut ParsedChunk, bases: [u64; 3]) {
-    for (relative, corners, base) in [
-        (&parsed.relative_vertices, &mut parsed.records.corner_vertices, bases[0]),
-        (&parsed.relative_texcoords, &mut parsed.records.corner_texcoords, bases[1]),
-    ] {
-        for corner in relative {
-            let id = &mut corners[*corner as usize];
-            *id = id.wrapping_add(base as u32);
-        }
+    shift(&mut parsed.records.corner_vertices, &parsed.relative_vertices, bases[0]);
+    shift(&mut parsed.records.corner_texcoords, &parsed.relative_texcoords, bases[1]);
+}
+
+/// Adds `base` to the ids of some corners.
+fn shift<I: Id>(ids: &mut TiSlice<ChunkCorner, I>, corners: &[ChunkCorner], base: u64) {
+    for &corner in corners {
+        ids[corner] = I::new(ids[corner].number().wrapping_add(base as u32));
     }
 }

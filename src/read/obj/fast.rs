@@ -9,8 +9,8 @@ use memchr::memchr3;
 
 use super::parsed::Numbered;
 use super::statements::{COORDINATE_MAX, Parser};
-use crate::model::NO_TEXCOORD;
 use crate::model::face::POLYGON_CORNERS_MAX;
+use crate::model::id::PieceTexcoord;
 use crate::read::number::{index_at, number_at, short_index_at, short_number_at};
 
 impl Parser<'_> {
@@ -153,7 +153,7 @@ impl Parser<'_> {
             return None;
         }
         if texcoord_count == 0 && !self.chunk.records.corner_texcoords.is_empty() {
-            self.chunk.records.corner_texcoords.resize(start + size, NO_TEXCOORD);
+            self.chunk.records.corner_texcoords.resize(start + size, PieceTexcoord::NONE);
         }
         self.chunk.records.uses_normals |= uses_normals;
         self.chunk.records.polygon_sizes.push(size as u32);

@@ -17,9 +17,11 @@ use memchr::{memchr, memmem};
 
 use super::statements::BYTE_ORDER_MARK;
 use crate::base::error::{escape, escape_path};
+use crate::base::id::TiSlice;
 use crate::base::{Allowance, Error, Findings, Result};
 use crate::model::Material;
 use crate::model::catalogue::{MaterialDefinition, TextureStatement, statement_bytes};
+use crate::model::id::MaterialId;
 use crate::model::texture_file::relative_path;
 use crate::os::durable::folder_of;
 use crate::os::path::path_of_name;
@@ -72,7 +74,7 @@ const TEXTURE_OPTIONS: &[(&str, usize, bool)] = &[
 pub fn define_materials(
     obj: &Path,
     libraries: &[(u64, Vec<u8>)],
-    materials: &mut [Material],
+    materials: &mut TiSlice<MaterialId, Material>,
     used: &FileMaterials,
     allowance: &mut Allowance,
     findings: &mut Findings,
@@ -184,7 +186,7 @@ fn split_escaped(text: &[u8]) -> Vec<Vec<u8>> {
 
 fn read_library(
     path: &Path,
-    materials: &mut [Material],
+    materials: &mut TiSlice<MaterialId, Material>,
     used: &FileMaterials,
     allowance: &mut Allowance,
     findings: &mut Findings,
@@ -207,13 +209,13 @@ fn read_library(
 enum Current {
     BeforeFirst,
     Unused,
-    Defining(usize, MaterialDefinition),
+    Defining(MaterialId, MaterialDefinition),
 }
 
 fn parse_library(
     path: &Path,
     text: &[u8],
-    materials: &mut [Material],
+    materials: &mut TiSlice<MaterialId, Material>,
     used: &FileMaterials,
     allowance: &mut Allowance,
     findings: &mut Findings,
@@ -290,7 +292,7 @@ fn parse_library(
     Ok(())
 }
 
-fn keep(current: Current, materials: &mut [Material]) {
+fn keep(current: Current, materials: &mut TiSlice<MaterialId, Material>) {
     if let Current::Defining(material, definition) = current {
         materials[material].definition = Some(definition);
     }

@@ -10,7 +10,7 @@
 
 use std::ops::Range;
 
-use crate::read::records::{ParsedRecords, cleared};
+use crate::read::records::{ChunkCorner, ParsedRecords, cleared};
 
 /// Kind of statement that an index counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -63,9 +63,9 @@ pub struct ParsedChunk {
     /// Number of `vn` statements.
     pub normal_count: u64,
     /// Corners whose vertex is relative.
-    pub relative_vertices: Vec<u32>,
+    pub relative_vertices: Vec<ChunkCorner>,
     /// Corners whose texture coordinate is relative.
-    pub relative_texcoords: Vec<u32>,
+    pub relative_texcoords: Vec<ChunkCorner>,
     /// Highest absolute index (from 1) of v, vt and vn; 0 without any.
     pub highest: [u64; 3],
     /// Lowest relative v, vt and vn, counted from the first of the chunk; negative ones refer to earlier chunks.

@@ -13,12 +13,12 @@ use memchr::memchr;
 
 use super::parsed::{Library, LineError, Numbered, ParsedChunk};
 use crate::base::error::escape;
-use crate::model::NO_TEXCOORD;
 use crate::model::face::POLYGON_CORNERS_MAX;
+use crate::model::id::{PieceTexcoord, PieceVertex};
 use crate::model::stored_mesh::ID_LIMIT;
 use crate::read::line::{LogicalLine, logical_line, split_keyword, trim, words};
 use crate::read::number::{Index, Number, index_at, is_non_finite_word, number};
-use crate::read::records::LabelKind;
+use crate::read::records::{ChunkCorner, LabelKind};
 
 /// Largest magnitude of positions and texture coordinates: clusters store them as 32-bit floats.
 pub const COORDINATE_MAX: f64 = f32::MAX as f64;
@@ -193,7 +193,7 @@ impl Parser<'_> {
                 self.chunk.push_corner_texcoord(texcoord);
                 texcoord_count += 1;
             } else if corner[1].is_some() || !self.chunk.records.corner_texcoords.is_empty() {
-                self.chunk.push_corner_texcoord(Reference::Absolute(NO_TEXCOORD));
+                self.chunk.push_corner_texcoord(Reference::Absolute(PieceTexcoord::NONE.number()));
             }
         }
         let size = self.chunk.records.corner_vertices.len() - start;
@@ -213,7 +213,7 @@ impl Parser<'_> {
             }
             self.chunk.relative_texcoords.truncate(relative_texcoords_start);
             self.chunk.records.corner_texcoords.truncate(start);
-            self.chunk.records.corner_texcoords.resize(start + size, NO_TEXCOORD);
+            self.chunk.records.corner_texcoords.resize(start + size, PieceTexcoord::NONE);
         }
         self.chunk.records.polygon_sizes.push(size as u32);
         Ok(())
@@ -254,6 +254,14 @@ pub(super) enum Reference {
     Relative(u32),
 }
 
+impl Reference {
+    #[inline]
+    fn number(self) -> u32 {
+        let (Self::Absolute(number) | Self::Relative(number)) = self;
+        number
+    }
+}
+
 impl ParsedChunk {
     /// Converts a nonzero index to a reference and records how far it reaches; `None` if its magnitude exceeds
     /// [`ID_LIMIT`].
@@ -274,27 +282,21 @@ impl ParsedChunk {
 
     #[inline]
     pub(super) fn push_corner_vertex(&mut self, vertex: Reference) {
-        match vertex {
-            Reference::Absolute(vertex) => self.records.corner_vertices.push(vertex),
-            Reference::Relative(vertex) => {
-                self.relative_vertices.push(self.records.corner_vertices.len() as u32);
-                self.records.corner_vertices.push(vertex);
-            }
+        if let Reference::Relative(_) = vertex {
+            self.relative_vertices.push(self.records.corner_vertices.next_key());
         }
+        self.records.corner_vertices.push(PieceVertex::new(vertex.number()));
     }
 
     /// Assigns a texture coordinate to the last corner.
     #[inline]
     pub(super) fn push_corner_texcoord(&mut self, texcoord: Reference) {
         let corner = self.records.corner_vertices.len() - 1;
-        self.records.corner_texcoords.resize(corner, NO_TEXCOORD);
-        match texcoord {
-            Reference::Absolute(texcoord) => self.records.corner_texcoords.push(texcoord),
-            Reference::Relative(texcoord) => {
-                self.relative_texcoords.push(corner as u32);
-                self.records.corner_texcoords.push(texcoord);
-            }
+        self.records.corner_texcoords.resize(corner, PieceTexcoord::NONE);
+        if let Reference::Relative(_) = texcoord {
+            self.relative_texcoords.push(ChunkCorner::from(corner));
         }
+        self.records.corner_texcoords.push(PieceTexcoord::new(texcoord.number()));
     }
 
     /// Appends a triangle by its vertex and texture coordinate indices, counted from 1. Returns false without appending
@@ -307,8 +309,9 @@ impl ParsedChunk {
                 let highest = &mut self.highest[kind as usize];
                 *highest = indices.into_iter().map(u64::from).fold(*highest, u64::max);
             }
-            self.records.corner_vertices.extend_from_slice(&corners[0].map(|index| index - 1));
-            self.records.corner_texcoords.extend_from_slice(&corners[1].map(|index| index - 1));
+            let [vertices, texcoords] = corners.map(|indices| indices.map(|index| index - 1));
+            self.records.corner_vertices.raw.extend_from_slice(&vertices.map(PieceVertex::new));
+            self.records.corner_texcoords.raw.extend_from_slice(&texcoords.map(PieceTexcoord::new));
             self.records.polygon_sizes.push(3);
         }
         is_textured
@@ -319,7 +322,7 @@ impl ParsedChunk {
         self.records.corner_vertices.truncate(start);
         self.records.corner_texcoords.truncate(texcoords_start);
         for relative in [&mut self.relative_vertices, &mut self.relative_texcoords] {
-            while relative.last().is_some_and(|corner| *corner as usize >= start) {
+            while relative.last().is_some_and(|corner| corner.index() >= start) {
                 relative.pop();
             }
         }

@@ -9,7 +9,8 @@ use proptest::prelude::*;
 use super::*;
 use crate::base::{Error, Silent};
 use crate::model::face::POLYGON_CORNERS_MAX;
-use crate::model::{Catalogue, Face, NO_TEXCOORD, Part};
+use crate::model::id::{FileId, MaterialId, NameId, PartId, PieceTexcoord, PieceVertex};
+use crate::model::{Catalogue, Face, Part};
 use crate::read::{CHUNK_BYTES, Scan, ScanOptions, scan, scan_in_chunks};
 
 /// Records of a scan, in memory.
@@ -19,7 +20,7 @@ struct Records {
     positions: Vec<DVec3>,
     texcoords: Vec<DVec2>,
     colours: Option<Vec<[f32; 3]>>,
-    faces: Vec<Face>,
+    faces: Vec<Face<PieceVertex>>,
 }
 
 impl Records {
@@ -81,8 +82,8 @@ const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 #[test]
 fn a_polygon_becomes_a_fan() {
     let records = scan_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\nf 4 2 1\n").unwrap();
-    let faces: Vec<_> = records.faces.iter().map(|face| (face.vertices, face.continues_polygon)).collect();
-    assert_eq!(faces, [([0, 1, 2], false), ([0, 2, 3], true), ([3, 1, 0], false)]);
+    let faces = records.faces.iter().map(|face| (face.vertices.map(|v| v.number()), face.continues_polygon));
+    assert!(faces.eq([([0, 1, 2], false), ([0, 2, 3], true), ([3, 1, 0], false)]));
     assert_eq!(records.scan.triangles, 3);
 }
 
@@ -127,7 +128,8 @@ fn faces_without_texture_coordinates_stay_without() {
         "vt 0 0\nvt 1 0.25\nvt 0\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1/1 2/2 3/3\nf 1//1 2//1 3//1\nvn 0 0 1\n";
     let records = scan_text(text).unwrap();
     let texcoords: Vec<_> = records.faces.iter().map(|face| face.texcoords).collect();
-    assert_eq!(texcoords, [[NO_TEXCOORD; 3], [0, 1, 2], [NO_TEXCOORD; 3]]);
+    let bare = [PieceTexcoord::NONE; 3];
+    assert_eq!(texcoords, [bare, [0, 1, 2].map(PieceTexcoord::new), bare]);
     assert_eq!(records.texcoords[1], DVec2::new(1.0, 0.25));
     let catalogue = &records.scan.catalogue;
     assert!(catalogue.has_normals && catalogue.has_texcoords);
@@ -138,8 +140,8 @@ fn faces_without_texture_coordinates_stay_without() {
 fn a_face_with_some_texture_coordinates_is_read_without_and_told() {
     let text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 1\nf 1/1 2 3/-1 4\nf 1/1 2/2 3/2\n";
     let records = scan_text(text).unwrap();
-    assert_eq!(records.faces[0].texcoords, [NO_TEXCOORD; 3]);
-    assert_eq!(records.faces[2].texcoords, [0, 1, 1]);
+    assert_eq!(records.faces[0].texcoords, [PieceTexcoord::NONE; 3]);
+    assert_eq!(records.faces[2].texcoords, [0, 1, 1].map(PieceTexcoord::new));
     assert!(records.scan.findings.warnings()[0].contains("a.obj:7: 2 of 4 corners"));
 }
 
@@ -249,17 +251,22 @@ fn labels_follow_the_faces_across_chunks() {
     for chunk_bytes in [1, 30, 1000] {
         let records = scan_files(&[("a.obj", text.as_bytes())], chunk_bytes, 2).unwrap();
         let catalogue = &records.scan.catalogue;
-        assert_eq!(catalogue.names, [&b"house"[..], b"roof west", b""]);
+        assert_eq!(catalogue.names.raw, [&b"house"[..], b"roof west", b""]);
         assert_eq!(catalogue.materials.len(), 1);
-        let part = |object, group, material| Part { file: 0, object, group, material };
+        let part = |object: Option<u32>, group: Option<u32>, material: Option<u32>| Part {
+            file: FileId::new(0),
+            object: object.map(NameId::new),
+            group: group.map(NameId::new),
+            material: material.map(MaterialId::new),
+        };
         let expected = [
             part(None, None, None),
             part(Some(0), Some(1), Some(0)),
             part(Some(0), Some(1), None),
             part(Some(0), Some(2), None),
         ];
-        assert_eq!(catalogue.parts, expected);
-        assert_eq!(records.faces.iter().map(|face| face.part).collect::<Vec<_>>(), [0, 1, 2, 3]);
+        assert_eq!(catalogue.parts.raw, expected);
+        assert!(records.faces.iter().map(|face| face.part).eq(PartId::first(4)));
     }
 }
 
@@ -270,12 +277,12 @@ fn definitions_come_from_the_libraries_as_written() {
                map_Kd -s 2 \t t u.png\t\r\nbogus 1\r\nnewmtl a b\r\nd 1\r\n";
     let records = scan_files(&[("a.obj", obj.as_bytes()), ("sub/m.mtl", mtl.as_bytes())], CHUNK_BYTES, 1).unwrap();
     let Scan { catalogue, findings, .. } = &records.scan;
-    let definition = catalogue.materials[0].definition.as_ref().unwrap();
+    let definition = catalogue.materials.raw[0].definition.as_ref().unwrap();
     assert_eq!(definition.statements, [&b"Ka"[..], b"Kd spectral f.rfl 1", b"bogus 1"]);
     assert_eq!(definition.textures[0].key_and_options, b"map_Kd -s 2");
     assert_eq!(definition.textures[0].name, b"t u.png");
     assert!(definition.folder.ends_with("sub"));
-    assert!(catalogue.materials[1].definition.is_none());
+    assert!(catalogue.materials.raw[1].definition.is_none());
     for kind in [
         "missing_mtl",
         "undefined_material",
@@ -295,7 +302,7 @@ fn a_material_keeps_so_many_statements_and_no_more() {
     let mtl = format!("newmtl a\nKd 1 1 1\n{}", "map_Kd wall.png\n".repeat(1000));
     let records = scan_files(&[("a.obj", obj.as_bytes()), ("a.mtl", mtl.as_bytes())], CHUNK_BYTES, 1).unwrap();
     let (catalogue, findings) = (&records.scan.catalogue, &records.scan.findings);
-    let definition = catalogue.materials[0].definition.as_ref().unwrap();
+    let definition = catalogue.materials.raw[0].definition.as_ref().unwrap();
     assert_eq!((definition.statements.len(), definition.textures.len()), (1, 255));
     assert_eq!(findings.get("too_many_statements"), 745);
 }

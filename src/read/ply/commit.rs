@@ -12,8 +12,8 @@ use super::layout::{Layout, Texcoords};
 use super::parse::PlyRecords;
 use crate::base::error::escape_path;
 use crate::base::{Error, Findings, Result};
-use crate::model::NO_TEXCOORD;
 use crate::model::catalogue::{MaterialDefinition, TextureStatement};
+use crate::model::id::PieceTexcoord;
 use crate::os::durable::folder_of;
 use crate::read::builder::{FinishedFile, MeshBuilder};
 use crate::read::file::OpenFile;
@@ -61,8 +61,8 @@ impl<'a> FileCommit<'a, PlySource> for PlyCommit<'a> {
         self.builder.report(&parsed.records, 0);
         self.builder.append_vertices(&parsed.records)?;
         if layout.texcoords == Texcoords::OfFaces {
-            for id in parsed.records.corner_texcoords.iter_mut().filter(|id| **id != NO_TEXCOORD) {
-                *id += texcoord_base as u32;
+            for id in parsed.records.corner_texcoords.iter_mut().filter(|id| **id != PieceTexcoord::NONE) {
+                *id = id.plus(texcoord_base as u32);
             }
         }
         self.builder.append_faces(&parsed.records, labels)?;

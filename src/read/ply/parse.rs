@@ -13,8 +13,8 @@ use super::fields::{BinaryFields, FieldResult, Fields, TextFields};
 use super::header::{Encoding, Scalar};
 use super::layout::{ElementKind, ElementLayout, FieldStep, Layout, ListRole, RED, ROLES, Texcoords, U};
 use crate::base::{Error, Result};
-use crate::model::NO_TEXCOORD;
 use crate::model::face::POLYGON_CORNERS_MAX;
+use crate::model::id::{PieceTexcoord, PieceVertex};
 use crate::read::records::{LabelKind, ParsedRecords};
 
 /// Largest magnitude of positions and texture coordinates: clusters store them as 32-bit floats.
@@ -142,17 +142,18 @@ impl VertexParser<'_> {
 
 struct FaceParser<'a> {
     layout: &'a Layout,
-    corners: Vec<u32>,
+    corners: Vec<PieceVertex>,
     numbers: Vec<f64>,
     /// Texture coordinates of the chunk by a hash of their bits.
-    recent: Vec<u32>,
+    recent: Vec<PieceTexcoord>,
     /// Material of the face before.
     material: Option<Option<usize>>,
 }
 
 impl<'a> FaceParser<'a> {
     fn new(layout: &'a Layout) -> Self {
-        Self { layout, corners: Vec::new(), numbers: Vec::new(), recent: vec![u32::MAX; RECENT], material: None }
+        let recent = vec![PieceTexcoord::NONE; RECENT];
+        Self { layout, corners: Vec::new(), numbers: Vec::new(), recent, material: None }
     }
 
     #[inline]
@@ -175,7 +176,7 @@ impl<'a> FaceParser<'a> {
                             let count = self.layout.vertex_count;
                             return Err(format!("refers to vertex {vertex}; the file has {count}, counted from 0"));
                         }
-                        self.corners.push(vertex as u32);
+                        self.corners.push(PieceVertex::new(vertex as u32));
                     }
                 }
                 FieldStep::List { role: ListRole::Texcoords, length, scalar } => {
@@ -218,9 +219,9 @@ impl<'a> FaceParser<'a> {
             records.push_change(LabelKind::Material, name);
         }
         let start = records.corner_vertices.len();
-        records.corner_vertices.extend_from_slice(&self.corners);
+        records.corner_vertices.raw.extend_from_slice(&self.corners);
         if !is_bare && !self.numbers.is_empty() {
-            records.corner_texcoords.resize(start, NO_TEXCOORD);
+            records.corner_texcoords.resize(start, PieceTexcoord::NONE);
             for corner in 0..size {
                 let texcoord =
                     checked([self.numbers[2 * corner], self.numbers[2 * corner + 1]], "face", place, records);
@@ -228,10 +229,11 @@ impl<'a> FaceParser<'a> {
                 records.corner_texcoords.push(id);
             }
         } else if !is_bare && self.layout.texcoords == Texcoords::OfVertices {
-            records.corner_texcoords.resize(start, NO_TEXCOORD);
-            records.corner_texcoords.extend_from_slice(&self.corners);
+            records.corner_texcoords.resize(start, PieceTexcoord::NONE);
+            let of_vertices = self.corners.iter().map(|vertex| PieceTexcoord::new(vertex.number()));
+            records.corner_texcoords.extend(of_vertices);
         } else if !records.corner_texcoords.is_empty() {
-            records.corner_texcoords.resize(start + size, NO_TEXCOORD);
+            records.corner_texcoords.resize(start + size, PieceTexcoord::NONE);
         }
         records.polygon_sizes.push(size as u32);
         Ok(())
@@ -239,13 +241,13 @@ impl<'a> FaceParser<'a> {
 
     /// Appends a texture coordinate, unless the same one came recently; returns its place in the chunk.
     #[inline]
-    fn texcoord_id(&mut self, texcoord: DVec2, records: &mut ParsedRecords) -> u32 {
+    fn texcoord_id(&mut self, texcoord: DVec2, records: &mut ParsedRecords) -> PieceTexcoord {
         let bits = texcoord.to_array().map(f64::to_bits);
         let mixed = (bits[0] ^ bits[1].rotate_left(29)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         let known = &mut self.recent[(mixed >> 52) as usize % RECENT];
         let is_same = |other: &DVec2| other.to_array().map(f64::to_bits) == bits;
-        if !records.texcoords.get(*known as usize).is_some_and(is_same) {
-            *known = records.texcoords.len() as u32;
+        if !records.texcoords.get(known.index()).is_some_and(is_same) {
+            *known = PieceTexcoord::from(records.texcoords.len());
             records.texcoords.push(texcoord);
         }
         *known

@@ -7,7 +7,8 @@ use glam::{DVec2, DVec3};
 
 use super::*;
 use crate::base::{Error, Silent};
-use crate::model::{Catalogue, Face, NO_TEXCOORD};
+use crate::model::id::{MaterialId, PieceTexcoord, PieceVertex};
+use crate::model::{Catalogue, Face};
 use crate::read::{Scan, ScanOptions, scan, scan_in_chunks};
 
 /// Records of a scan, in memory.
@@ -17,7 +18,7 @@ struct Records {
     positions: Vec<DVec3>,
     texcoords: Vec<DVec2>,
     colours: Vec<[f32; 3]>,
-    faces: Vec<Face>,
+    faces: Vec<Face<PieceVertex>>,
 }
 
 fn scan_bytes(bytes: &[u8], chunk_bytes: u64, threads: usize) -> Result<Records> {
@@ -135,10 +136,12 @@ fn every_encoding_says_the_same_at_any_cut_and_number_of_threads() {
             assert!(*has_normals && *has_texcoords);
             let names: Vec<_> = materials.iter().map(|material| &material.name[..]).collect();
             assert_eq!(names, [&b"wall"[..], b"roof"]);
-            let definition = materials[1].definition.as_ref().unwrap();
+            let definition = materials.raw[1].definition.as_ref().unwrap();
             assert_eq!(definition.textures[0].name, b"sub/roof.png");
-            assert_eq!(parts.iter().map(|part| part.material).collect::<Vec<_>>(), [Some(0), Some(1), None]);
-            let of_corners = |face: &Face| face.texcoords.map(|t| records.texcoords.get(t as usize).copied());
+            let [wall, roof] = [0, 1].map(|number| Some(MaterialId::new(number)));
+            assert!(parts.iter().map(|part| part.material).eq([wall, roof, None]));
+            let uv_of = |t: PieceTexcoord| records.texcoords.get(t.index()).copied();
+            let of_corners = |face: &Face<PieceVertex>| face.texcoords.map(uv_of);
             let said = format!(
                 "{:?} {:?} {:?}",
                 records.positions,
@@ -151,10 +154,10 @@ fn every_encoding_says_the_same_at_any_cut_and_number_of_threads() {
     let records = scan_bytes(MESH.as_bytes(), 1 << 20, 1).unwrap();
     assert_eq!(records.positions[4], DVec3::new(-1.0, 12.345, 0.001));
     assert_eq!(records.colours[0], [1.0, 0.0, 0.2]);
-    let faces: Vec<_> = records.faces.iter().map(|face| (face.vertices, face.continues_polygon)).collect();
-    assert_eq!(faces, [([0, 1, 2], false), ([0, 2, 3], true), ([0, 3, 4], false), ([4, 3, 2], false)]);
-    assert_eq!(records.faces[3].texcoords, [NO_TEXCOORD; 3]);
-    assert_eq!(records.texcoords[records.faces[2].texcoords[2] as usize], DVec2::new(0.25, 0.125));
+    let faces = records.faces.iter().map(|face| (face.vertices.map(|v| v.number()), face.continues_polygon));
+    assert!(faces.eq([([0, 1, 2], false), ([0, 2, 3], true), ([0, 3, 4], false), ([4, 3, 2], false)]));
+    assert_eq!(records.faces[3].texcoords, [PieceTexcoord::NONE; 3]);
+    assert_eq!(records.texcoords[records.faces[2].texcoords[2].index()], DVec2::new(0.25, 0.125));
 }
 
 #[test]
@@ -167,8 +170,8 @@ fn texture_coordinates_of_vertices_are_known_by_any_name() {
         );
         let records = scan_bytes(text.as_bytes(), 8, 1).unwrap();
         assert_eq!(records.texcoords, [DVec2::new(0.25, 0.5), DVec2::ZERO, DVec2::ONE]);
-        assert_eq!(records.faces[0].texcoords, [0, 1, 2]);
-        assert_eq!(records.scan.catalogue.materials[0].name, b"wall");
+        assert_eq!(records.faces[0].texcoords, [0, 1, 2].map(PieceTexcoord::new));
+        assert_eq!(records.scan.catalogue.materials.raw[0].name, b"wall");
         assert!(records.scan.findings.warnings()[0].contains("a.ply:14: vertex 1: a texture coordinate"));
     }
 }
@@ -251,7 +254,7 @@ fn any_change_of_a_byte_or_of_the_length_is_an_error_or_a_mesh() {
             changed[at] = if at % 2 == 0 { b'9' } else { 0xff };
             match scan_bytes(&changed, 64, 1) {
                 Ok(records) => {
-                    let vertices = records.positions.len() as u32;
+                    let vertices = PieceVertex::from(records.positions.len());
                     assert!(records.faces.iter().flat_map(|face| face.vertices).all(|vertex| vertex < vertices));
                 }
                 Err(error) => tame(error),

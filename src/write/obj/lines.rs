@@ -23,10 +23,12 @@ use super::number::{put_f32, put_f64, put_four_decimals, put_u32};
 use crate::base::Result;
 use crate::file::{PackedColumn, Segment};
 use crate::model::Catalogue;
+use crate::model::id::{MeshVertex, NameId, PartId, Texcoord};
 use crate::write::batches::in_order;
 use crate::write::grouping::{Group, Grouping};
 use crate::write::normals::RoundedNormal;
 use crate::write::numbering::IdSet;
+use crate::write::order::PartPlace;
 use crate::write::result_file::ResultFile;
 use crate::write::signature::{put_statement, signature};
 use crate::write::sink::{CornerForm, ResultMesh};
@@ -49,7 +51,16 @@ pub(super) struct ObjText {
 struct VertexRun<'a> {
     positions: &'a PackedColumn<DVec3>,
     colours: Option<&'a Segment<[f32; 3]>>,
-    first_id: u32,
+    /// The vertex of the first position of the column.
+    first: MeshVertex,
+    range: Range<u64>,
+}
+
+/// A range of texture coordinates.
+struct TexcoordRun<'a> {
+    column: &'a PackedColumn<DVec2>,
+    /// The first texture coordinate of the column.
+    first: Texcoord,
     range: Range<u64>,
 }
 
@@ -88,11 +99,12 @@ impl ObjText {
     /// If a column cannot be read or the file cannot be written.
     pub(super) fn vertices(&mut self, result: &ResultMesh<'_>) -> Result<()> {
         let ResultMesh { mesh, numbering, usage, share, .. } = *result;
-        let shared = mesh.shared_positions.iter().map(|positions| (positions, mesh.shared_colours.as_ref(), 0));
+        let begin = MeshVertex::new(0);
+        let shared = mesh.shared_positions.iter().map(|positions| (positions, mesh.shared_colours.as_ref(), begin));
         let own = mesh.pieces.iter().zip(numbering);
         let own = own.map(|(piece, ids)| (&piece.positions, piece.colours.as_ref(), ids.vertex_base));
-        let runs = shared.chain(own).flat_map(|(positions, colours, first_id)| {
-            positions.ranges(BLOCK_LINES).map(move |range| VertexRun { positions, colours, first_id, range })
+        let runs = shared.chain(own).flat_map(|(positions, colours, first)| {
+            positions.ranges(BLOCK_LINES).map(move |range| VertexRun { positions, colours, first, range })
         });
         self.blocks(runs, share, |run| vertex_lines(&run, &usage.vertices))
     }
@@ -104,9 +116,10 @@ impl ObjText {
     pub(super) fn texcoords(&mut self, result: &ResultMesh<'_>) -> Result<()> {
         let ResultMesh { mesh, numbering, usage, share, .. } = *result;
         let runs = mesh.pieces.iter().zip(numbering).flat_map(|(piece, ids)| {
-            piece.texcoords.ranges(BLOCK_LINES).map(move |range| (&piece.texcoords, ids.texcoord_base, range))
+            let (column, first) = (&piece.texcoords, ids.texcoord_base);
+            column.ranges(BLOCK_LINES).map(move |range| TexcoordRun { column, first, range })
         });
-        self.blocks(runs, share, |(column, first_id, range)| texcoord_lines(column, first_id, range, &usage.texcoords))
+        self.blocks(runs, share, |run| texcoord_lines(&run, &usage.texcoords))
     }
 
     fn blocks<I: Send>(
@@ -152,18 +165,18 @@ impl ObjText {
     ///
     /// # Errors
     /// If the faces cannot be read back or the file cannot be written.
-    pub(super) fn faces(&mut self, grouped: Grouping, result: &ResultMesh<'_>) -> Result<()> {
+    pub(super) fn faces(&mut self, grouped: Grouping<PartPlace>, result: &ResultMesh<'_>) -> Result<()> {
         let ResultMesh { catalogue, ref order, form, share: memory_bytes, progress, .. } = *result;
         let mut labels = CurrentLabels { catalogue, part: None, object: None, group: None, material: None };
         let words = form.words();
-        grouped.drain(|groups: &[Group<'_>]| {
-            let blocks = groups
-                .iter()
-                .flat_map(|&(key, faces)| faces.chunks(words * BLOCK_LINES as usize).map(move |b| (key, b)));
-            let cost = |&(_, block): &(u32, &[u32])| (block.len() * 11 + block.len() / words * 8) as u64;
-            let format = |(key, block): (u32, &[u32])| Ok((key, block.len() / words, face_lines(block, form)));
-            in_order(blocks, memory_bytes, cost, format, |(key, face_count, text)| {
-                let heading = labels.turn_to(order.part(key));
+        grouped.drain(|groups| {
+            let blocks = groups.iter().flat_map(|group| group.chunks(words * BLOCK_LINES as usize));
+            let cost = |block: &Group<'_, _>| (block.words.len() * 11 + block.words.len() / words * 8) as u64;
+            let format = |Group { key, words: block }: Group<'_, PartPlace>| {
+                Ok((key, block.len() / words, face_lines(block, form)))
+            };
+            in_order(blocks, memory_bytes, cost, format, |(place, face_count, text)| {
+                let heading = labels.turn_to(order.part(place));
                 self.file.write(&heading)?;
                 self.file.write(&text)?;
                 progress.advance(face_count as u64);
@@ -173,13 +186,13 @@ impl ObjText {
     }
 }
 
-fn vertex_lines(run: &VertexRun<'_>, used: &IdSet) -> Result<(Vec<u8>, u64)> {
+fn vertex_lines(run: &VertexRun<'_>, used: &IdSet<MeshVertex>) -> Result<(Vec<u8>, u64)> {
     let positions = run.positions.window(run.range.clone())?;
     let colours = run.colours.map(|column| column.window(run.range.clone())).transpose()?;
     let mut text = Vec::with_capacity(positions.len() * 40);
     let mut non_finite = 0;
-    let first_id = run.first_id + run.range.start as u32;
-    for (i, position) in positions.iter().enumerate().filter(|&(i, _)| used.contains(first_id + i as u32)) {
+    let first = run.first.plus(run.range.start as u32);
+    for (i, position) in positions.iter().enumerate().filter(|&(i, _)| used.contains(first.plus(i as u32))) {
         text.push(b'v');
         for coordinate in position.to_array() {
             non_finite += u64::from(!coordinate.is_finite());
@@ -196,17 +209,12 @@ fn vertex_lines(run: &VertexRun<'_>, used: &IdSet) -> Result<(Vec<u8>, u64)> {
     Ok((text, non_finite))
 }
 
-fn texcoord_lines(
-    column: &PackedColumn<DVec2>,
-    first_id: u32,
-    range: Range<u64>,
-    used: &IdSet,
-) -> Result<(Vec<u8>, u64)> {
-    let first_id = first_id + range.start as u32;
-    let texcoords = column.window(range)?;
+fn texcoord_lines(run: &TexcoordRun<'_>, used: &IdSet<Texcoord>) -> Result<(Vec<u8>, u64)> {
+    let first = run.first.plus(run.range.start as u32);
+    let texcoords = run.column.window(run.range.clone())?;
     let mut text = Vec::with_capacity(texcoords.len() * 24);
     let mut non_finite = 0;
-    for (_, texcoord) in (first_id..).zip(&*texcoords).filter(|&(id, _)| used.contains(id)) {
+    for (_, texcoord) in (0..).zip(&*texcoords).filter(|&(i, _)| used.contains(first.plus(i))) {
         text.extend_from_slice(b"vt");
         for coordinate in texcoord.to_array() {
             non_finite += u64::from(!coordinate.is_finite());
@@ -244,7 +252,7 @@ fn face_lines(faces: &[u32], form: CornerForm) -> Vec<u8> {
 /// The object, group and material that are current for a reader of the file.
 struct CurrentLabels<'a> {
     catalogue: &'a Catalogue,
-    part: Option<u32>,
+    part: Option<PartId>,
     object: Option<&'a [u8]>,
     group: Option<&'a [u8]>,
     material: Option<&'a [u8]>,
@@ -252,16 +260,16 @@ struct CurrentLabels<'a> {
 
 impl CurrentLabels<'_> {
     /// Returns the statements that change the current part to `part`.
-    fn turn_to(&mut self, part: u32) -> Vec<u8> {
+    fn turn_to(&mut self, part: PartId) -> Vec<u8> {
         let mut text = Vec::new();
         if self.part.replace(part) == Some(part) {
             return text;
         }
-        let part = &self.catalogue.parts[part as usize];
-        let name = |index: u32| self.catalogue.names[index as usize].as_slice();
+        let part = &self.catalogue.parts[part];
+        let name = |name: NameId| self.catalogue.names[name].as_slice();
         turn(&mut text, b"o", &mut self.object, part.object.map(name));
         turn(&mut text, b"g", &mut self.group, part.group.map(name));
-        let material = part.material.map(|index| self.catalogue.materials[index as usize].output_name.as_slice());
+        let material = part.material.map(|material| self.catalogue.materials[material].output_name.as_slice());
         if material.is_some() {
             turn(&mut text, b"usemtl", &mut self.material, material);
         }
@@ -279,6 +287,8 @@ fn turn<'a>(text: &mut Vec<u8>, key: &[u8], current: &mut Option<&'a [u8]>, want
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::id::TiVec;
+    use crate::model::id::{FileId, MaterialId};
     use crate::model::{Material, Part};
     use crate::write::numbering::Usage;
     use crate::write::order::PartOrder;
@@ -297,31 +307,38 @@ mod tests {
     #[test]
     fn a_part_inherits_nothing_from_the_part_before() {
         let material = |name: &[u8]| Material { name: name.into(), output_name: name.into(), definition: None };
-        let part = |object, group, material| Part { file: 0, object, group, material };
+        let part = |object: Option<u32>, group: Option<u32>, material: Option<u32>| Part {
+            file: FileId::new(0),
+            object: object.map(NameId::new),
+            group: group.map(NameId::new),
+            material: material.map(MaterialId::new),
+        };
         let catalogue = Catalogue {
-            names: vec![b"house".into(), b"roof".into()],
-            materials: vec![material(b"brick"), material(b"tile")],
+            names: vec![b"house".into(), b"roof".into()].into(),
+            materials: vec![material(b"brick"), material(b"tile")].into(),
             parts: vec![
                 part(Some(0), Some(1), Some(0)),
                 part(Some(0), None, Some(1)),
                 part(Some(0), None, None),
                 part(None, None, Some(0)),
                 part(None, None, None),
-            ],
+            ]
+            .into(),
             ..Catalogue::default()
         };
         let usage = Usage {
-            vertices: IdSet::default(),
-            texcoords: IdSet::default(),
-            faces_per_part: vec![1; 5],
-            corners_per_shared: Vec::new(),
+            vertices: IdSet::new(0),
+            texcoords: IdSet::new(0),
+            faces_per_part: vec![1; 5].into(),
+            corners_per_shared: TiVec::new(),
         };
         let order = PartOrder::new(&catalogue, &usage);
-        assert_eq!([0, 1, 2, 3, 4].map(|place| order.part(place)), [4, 2, 3, 1, 0]);
-        assert_eq!([0, 1, 2, 3, 4].map(|part| order.place(part)), [4, 3, 1, 2, 0]);
+        let places = || PartPlace::first(5);
+        assert!(places().map(|place| order.part(place).number()).eq([4, 2, 3, 1, 0]));
+        assert!(PartId::first(5).map(|part| order.place(part).number()).eq([4, 3, 1, 2, 0]));
         let mut labels = CurrentLabels { catalogue: &catalogue, part: None, object: None, group: None, material: None };
         let text: Vec<String> =
-            (0..5).map(|place| String::from_utf8(labels.turn_to(order.part(place))).unwrap()).collect();
+            places().map(|place| String::from_utf8(labels.turn_to(order.part(place))).unwrap()).collect();
         assert_eq!(
             text,
             ["", "o house\n", "o default\nusemtl brick\n", "o house\nusemtl tile\n", "g roof\nusemtl brick\n"]

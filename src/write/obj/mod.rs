@@ -10,11 +10,12 @@ use self::lines::ObjText;
 use super::batches::in_order;
 use super::grouping::Grouping;
 use super::normals::{PieceNormals, SharedNormals, piece_bytes, piece_normals};
+use super::order::PartPlace;
 use super::sink::{MeshSink, ResultMesh};
 use crate::base::{Error, Findings, Result};
+use crate::model::StoredPiece;
 use crate::model::corners::FaceReader;
 use crate::model::stored_mesh::PieceNumbering;
-use crate::model::{NO_TEXCOORD, StoredPiece};
 use crate::os::content::Content;
 
 /// An OBJ being written.
@@ -72,7 +73,7 @@ struct Numberer<'a> {
 
 impl Numberer<'_> {
     /// Adds every face to `faces`, and writes the normals at the pieces' own vertices to the OBJ.
-    fn number_faces(&self, mut faces: Grouping, obj: &mut ObjText) -> Result<Grouping> {
+    fn number_faces(&self, mut faces: Grouping<PartPlace>, obj: &mut ObjText) -> Result<Grouping<PartPlace>> {
         let ResultMesh { mesh, numbering, form, share: memory_bytes, .. } = *self.result;
         let mut reader = FaceReader::default();
         let mut normal_count = u64::from(self.shared.count);
@@ -91,7 +92,7 @@ impl Numberer<'_> {
                 if normal_count >= u64::from(u32::MAX) {
                     return Err(Error::Limit("the result has more than 2³² normals; leave the normals out".into()));
                 }
-                self.number_piece(piece, ids, &normals.corners, first_normal as u32, &mut reader, &mut faces)
+                self.number_piece(piece, ids, &normals.corners.raw, first_normal as u32, &mut reader, &mut faces)
             },
         )?;
         Ok(faces)
@@ -104,7 +105,7 @@ impl Numberer<'_> {
         corner_normals: &[u32],
         first_normal: u32,
         reader: &mut FaceReader,
-        faces: &mut Grouping,
+        faces: &mut Grouping<PartPlace>,
     ) -> Result<()> {
         let ResultMesh { usage, ref order, form, .. } = *self.result;
         let mut corner_normals = corner_normals.chunks_exact(3);
@@ -115,8 +116,8 @@ impl Numberer<'_> {
                 numbered.clear();
                 numbered.extend(face.vertices.map(|v| usage.vertices.rank(v) + 1));
                 if form.texcoords {
-                    let number = |t| if t == NO_TEXCOORD { 0 } else { usage.texcoords.rank(t) + 1 };
-                    numbered.extend(face.texcoords.map(number));
+                    let number = |texcoord| usage.texcoords.rank(texcoord) + 1;
+                    numbered.extend(face.texcoords.map(|texcoord| texcoord.some().map_or(0, number)));
                 }
                 if let Some(normals) = corner_normals.next() {
                     let own_base = first_normal - self.shared.count;

@@ -7,6 +7,7 @@ use std::collections::BTreeSet;
 
 use crate::base::Result;
 use crate::model::Catalogue;
+use crate::model::id::MaterialId;
 use crate::write::losses::used_materials;
 use crate::write::numbering::Usage;
 use crate::write::signature::{put_statement, signature};
@@ -32,11 +33,11 @@ pub(in crate::write) fn whole_library(catalogue: &Catalogue, textures: &mut Text
     text_of(catalogue, catalogue.parts.iter().filter_map(|part| part.material).collect(), textures)
 }
 
-fn text_of(catalogue: &Catalogue, used: BTreeSet<u32>, textures: &mut TextureStage) -> Result<Option<Vec<u8>>> {
+fn text_of(catalogue: &Catalogue, used: BTreeSet<MaterialId>, textures: &mut TextureStage) -> Result<Option<Vec<u8>>> {
     let mut names = BTreeSet::new();
     let mut text = Vec::new();
-    for index in used {
-        let material = &catalogue.materials[index as usize];
+    for id in used {
+        let material = &catalogue.materials[id];
         let Some(definition) = material.definition.as_ref().filter(|_| names.insert(&material.output_name)) else {
             continue;
         };

@@ -6,9 +6,11 @@
 use std::collections::{BTreeSet, HashMap};
 
 use crate::base::error::escape;
+use crate::base::id::TiVec;
 use crate::base::{Findings, Result, counted};
 use crate::model::Catalogue;
 use crate::model::catalogue::TextureStatement;
+use crate::model::id::{MaterialId, NameId};
 use crate::write::losses::used_materials;
 use crate::write::numbering::Usage;
 use crate::write::textures::TextureStage;
@@ -19,7 +21,7 @@ pub(in crate::write) struct PlyImages {
     /// Names as the file refers to them.
     pub(super) names: Vec<Vec<u8>>,
     /// Index of the image of each material of the catalogue.
-    pub(super) of_material: Vec<Option<usize>>,
+    pub(super) of_material: TiVec<MaterialId, Option<usize>>,
     /// What is not written.
     pub(super) findings: Findings,
 }
@@ -36,18 +38,18 @@ pub(in crate::write) fn stage_images(
     let used = used_materials(catalogue, usage);
     let mut images = of_materials(catalogue, &used, textures)?;
     let parts = catalogue.parts.iter().zip(&usage.faces_per_part).filter(|&(_, &faces)| faces > 0);
-    let names: BTreeSet<u32> = parts.flat_map(|(part, _)| [part.object, part.group]).flatten().collect();
+    let names: BTreeSet<NameId> = parts.flat_map(|(part, _)| [part.object, part.group]).flatten().collect();
     for name in names {
-        let name = escape(&catalogue.names[name as usize]);
+        let name = escape(&catalogue.names[name]);
         images.findings.note("unwritten_names", || format!("'{name}' is not written: a PLY has no objects and groups"));
     }
-    for index in used {
-        let name = || escape(&catalogue.materials[index as usize].output_name);
-        if images.of_material[index as usize].is_none() {
+    for material in used {
+        let name = || escape(&catalogue.materials[material].output_name);
+        if images.of_material[material].is_none() {
             let words = || format!("'{}' is not written: it has no image for map_Kd", name());
             images.findings.note("unwritten_materials", words);
         }
-        match unwritten_statements(catalogue, index) as u64 {
+        match unwritten_statements(catalogue, material) as u64 {
             0 => {}
             count => images.findings.note("unwritten_statements", || {
                 format!("{} of '{}': a PLY has only the image", counted(count, "statement"), name())
@@ -65,11 +67,11 @@ pub(in crate::write) fn stage_whole_images(catalogue: &Catalogue, textures: &mut
     of_materials(catalogue, &catalogue.parts.iter().filter_map(|part| part.material).collect(), textures)
 }
 
-fn of_materials(catalogue: &Catalogue, used: &BTreeSet<u32>, textures: &mut TextureStage) -> Result<PlyImages> {
-    let mut images = PlyImages { of_material: vec![None; catalogue.materials.len()], ..PlyImages::default() };
+fn of_materials(catalogue: &Catalogue, used: &BTreeSet<MaterialId>, textures: &mut TextureStage) -> Result<PlyImages> {
+    let mut images = PlyImages { of_material: vec![None; catalogue.materials.len()].into(), ..PlyImages::default() };
     let mut known: HashMap<Vec<u8>, usize> = HashMap::new();
     for &material in used {
-        let Some(definition) = &catalogue.materials[material as usize].definition else { continue };
+        let Some(definition) = &catalogue.materials[material].definition else { continue };
         let Some(image) = definition.textures.iter().find(|texture| is_base_colour(texture)) else { continue };
         let name = textures.reference(&definition.folder, &image.name)?;
         let next = images.names.len();
@@ -77,7 +79,7 @@ fn of_materials(catalogue: &Catalogue, used: &BTreeSet<u32>, textures: &mut Text
         if index == next {
             images.names.push(name);
         }
-        images.of_material[material as usize] = Some(index);
+        images.of_material[material] = Some(index);
     }
     Ok(images)
 }
@@ -89,8 +91,8 @@ fn is_base_colour(texture: &TextureStatement) -> bool {
 }
 
 /// Statements of a material that a PLY cannot hold: all but the name of its image.
-fn unwritten_statements(catalogue: &Catalogue, material: u32) -> usize {
-    let Some(definition) = &catalogue.materials[material as usize].definition else { return 0 };
+fn unwritten_statements(catalogue: &Catalogue, material: MaterialId) -> usize {
+    let Some(definition) = &catalogue.materials[material].definition else { return 0 };
     let has_image = definition.textures.iter().any(is_base_colour);
     definition.statements.len() + definition.textures.len() - usize::from(has_image)
 }

@@ -16,21 +16,24 @@ mod images;
 use std::ops::Range;
 use std::path::Path;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 pub(super) use self::images::{PlyImages, stage_images, stage_whole_images};
 use super::batches::in_order;
 use super::grouping::{Group, Grouping};
 use super::numbering::IdSet;
+use super::order::PartPlace;
 use super::result_file::ResultFile;
 use super::sink::{MeshSink, ResultMesh};
 use super::vertex_normals::{own_normals, own_normals_bytes, shared_normals};
+use crate::base::id::TiVec;
 use crate::base::{Findings, Result};
 use crate::file::float::fits_float;
 use crate::file::{PackedColumn, Segment};
+use crate::model::StoredPiece;
 use crate::model::corners::FaceReader;
+use crate::model::id::{MeshVertex, PieceTexcoord};
 use crate::model::stored_mesh::PieceNumbering;
-use crate::model::{NO_TEXCOORD, StoredPiece};
 use crate::os::content::Content;
 
 /// Number of records formatted at once.
@@ -66,7 +69,8 @@ struct VertexForm {
 struct VertexRange<'a> {
     positions: &'a PackedColumn<DVec3>,
     colours: Option<&'a Segment<[f32; 3]>>,
-    first_id: u32,
+    /// The vertex of the first position of the column.
+    first: MeshVertex,
     range: Range<u64>,
     normals: VertexNormals<'a>,
 }
@@ -104,8 +108,8 @@ impl PlySink {
             |_| BLOCK_BYTES,
             |run| {
                 let positions = run.positions.window(run.range.clone())?;
-                let first_id = run.first_id + run.range.start as u32;
-                let of_used = (first_id..).zip(&positions).filter(|&(id, _)| used.contains(id));
+                let first = run.first.plus(run.range.start as u32);
+                let of_used = (0..).zip(&positions).filter(|&(i, _)| used.contains(first.plus(i)));
                 let is_double = of_used.flat_map(|(_, p)| p.to_array()).any(|x| x.is_finite() && !fits_float(x));
                 let colours = run.colours.map(|column| column.window(run.range)).transpose()?;
                 let brightest = colours.map(|colours| colours.iter().flatten().fold(0.0f32, |most, &c| most.max(c)));
@@ -156,13 +160,15 @@ impl PlySink {
     }
 
     /// Groups the faces by part: three vertices counted from 0, and the bits of three texture coordinates.
-    fn group_faces(&self, result: &ResultMesh<'_>) -> Result<Grouping> {
+    fn group_faces(&self, result: &ResultMesh<'_>) -> Result<Grouping<PartPlace>> {
         let ResultMesh { mesh, numbering, usage, ref order, form, share, work_folder, .. } = *result;
         let words = if form.texcoords { 9 } else { 3 };
         let mut faces = Grouping::new(order.counts(usage), words, share, &work_folder.join("write-faces.tmp"))?;
         let mut reader = FaceReader::default();
-        let texcoords =
-            |piece: &StoredPiece| piece.texcoords.window(0..if form.texcoords { piece.texcoords.len() } else { 0 });
+        let texcoords = |piece: &StoredPiece| -> Result<TiVec<PieceTexcoord, DVec2>> {
+            let count = if form.texcoords { piece.texcoords.len() } else { 0 };
+            piece.texcoords.window(0..count).map(TiVec::from)
+        };
         in_order(
             mesh.pieces.iter().zip(numbering),
             share,
@@ -174,8 +180,8 @@ impl PlySink {
                     for face in block {
                         record.clear();
                         record.extend(ids.globalise(face).vertices.map(|v| usage.vertices.rank(v)));
-                        for id in face.texcoords.into_iter().filter(|_| form.texcoords) {
-                            match texcoords.get(id as usize).filter(|_| id != NO_TEXCOORD) {
+                        for texcoord in face.texcoords.into_iter().filter(|_| form.texcoords) {
+                            match texcoords.get(texcoord) {
                                 Some(uv) => record.extend(uv.to_array().map(|x| (x as f32).to_bits())),
                                 None => record.extend([NO_UV; 2]),
                             }
@@ -223,18 +229,17 @@ impl MeshSink for PlySink {
         let grouped = self.group_faces(result)?;
         let (order, words) = (&result.order, if result.form.texcoords { 9 } else { 3 });
         let Self { file, images, .. } = self;
-        let image_of = |place: u32| match result.catalogue.parts[order.part(place) as usize].material {
+        let image_of = |place: PartPlace| match result.catalogue.parts[order.part(place)].material {
             _ if images.names.is_empty() => Some(0),
-            Some(material) => images.of_material[material as usize].map(|image| image as i32),
+            Some(material) => images.of_material[material].map(|image| image as i32),
             None => None,
         };
-        grouped.drain(|groups: &[Group<'_>]| {
-            let blocks = groups
-                .iter()
-                .flat_map(|&(key, faces)| faces.chunks(words * BLOCK_RECORDS as usize).map(move |b| (key, b)));
-            let cost = |&(_, block): &(u32, &[u32])| (block.len() / words * 42) as u64;
-            let format =
-                |(key, block): (u32, &[u32])| Ok((block.len() / words, face_records(block, words, image_of(key))));
+        grouped.drain(|groups| {
+            let blocks = groups.iter().flat_map(|group| group.chunks(words * BLOCK_RECORDS as usize));
+            let cost = |block: &Group<'_, _>| (block.words.len() / words * 42) as u64;
+            let format = |Group { key, words: block }: Group<'_, PartPlace>| {
+                Ok((block.len() / words, face_records(block, words, image_of(key))))
+            };
             in_order(blocks, result.share, cost, format, |(face_count, records)| {
                 file.write(&records)?;
                 result.progress.advance(face_count as u64);
@@ -266,20 +271,25 @@ fn runs<'a>(
     let shared = mesh
         .shared_positions
         .iter()
-        .map(move |positions| (positions, mesh.shared_colours.as_ref(), 0, of_shared, BLOCK_RECORDS));
+        .map(move |positions| (positions, mesh.shared_colours.as_ref(), MeshVertex::new(0), of_shared, BLOCK_RECORDS));
     let own = mesh.pieces.iter().zip(result.numbering).map(move |(piece, ids): (&StoredPiece, &PieceNumbering)| {
         let (normals, block) =
             if has_normals { (VertexNormals::Of(piece), u64::MAX) } else { (VertexNormals::None, BLOCK_RECORDS) };
         (&piece.positions, piece.colours.as_ref(), ids.vertex_base, normals, block)
     });
-    shared.chain(own).flat_map(|(positions, colours, first_id, normals, block)| {
+    shared.chain(own).flat_map(|(positions, colours, first, normals, block)| {
         let whole = (block == u64::MAX).then(|| 0..positions.len());
         let blocks = (block != u64::MAX).then(|| positions.ranges(block)).into_iter().flatten();
-        whole.into_iter().chain(blocks).map(move |range| VertexRange { positions, colours, first_id, range, normals })
+        whole.into_iter().chain(blocks).map(move |range| VertexRange { positions, colours, first, range, normals })
     })
 }
 
-fn vertex_records(run: &VertexRange<'_>, result: &ResultMesh<'_>, form: VertexForm, used: &IdSet) -> Result<Formatted> {
+fn vertex_records(
+    run: &VertexRange<'_>,
+    result: &ResultMesh<'_>,
+    form: VertexForm,
+    used: &IdSet<MeshVertex>,
+) -> Result<Formatted> {
     let positions = run.positions.window(run.range.clone())?;
     let colours = run.colours.map(|column| column.window(run.range.clone())).transpose()?;
     let own;
@@ -293,8 +303,8 @@ fn vertex_records(run: &VertexRange<'_>, result: &ResultMesh<'_>, form: VertexFo
     };
     let mut out = Vec::with_capacity(positions.len() * if form.is_double { 24 } else { 12 });
     let (mut non_finite, mut uncoloured) = (0, 0);
-    let first_id = run.first_id + run.range.start as u32;
-    for (i, position) in positions.iter().enumerate().filter(|&(i, _)| used.contains(first_id + i as u32)) {
+    let first = run.first.plus(run.range.start as u32);
+    for (i, position) in positions.iter().enumerate().filter(|&(i, _)| used.contains(first.plus(i as u32))) {
         for coordinate in position.to_array() {
             non_finite += u64::from(!coordinate.is_finite());
             let coordinate = if coordinate.is_finite() { coordinate } else { 0.0 };

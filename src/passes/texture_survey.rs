@@ -8,10 +8,12 @@ use super::run::Run;
 use super::sample;
 use super::texture_traits::TextureTraits;
 use crate::base::Result;
+use crate::base::id::TiVec;
 use crate::base::ordered::map_in_order;
 use crate::mesh::ClusterMesh;
 use crate::mesh::seam_density::SeamTally;
-use crate::partition::cluster::MaterialArea;
+use crate::model::id::MaterialId;
+use crate::partition::texture_scale::MaterialArea;
 use crate::partition::{Partition, TextureScale, reading};
 
 /// One in this many blocks of faces is read.
@@ -19,13 +21,13 @@ const STEP: usize = 4;
 /// Fewest faces by which a material is measured, unless it has fewer in the whole mesh.
 const FACES_MIN: u64 = 256;
 
-/// Areas of the materials that occur in a cluster, by material index.
-type SparseAreas = Vec<(usize, MaterialArea)>;
+/// Areas of the materials that occur in a cluster.
+type SparseAreas = Vec<(MaterialId, MaterialArea)>;
 
 /// Sums over the clusters.
 #[derive(Default)]
 struct Measured {
-    areas: Vec<MaterialArea>,
+    areas: TiVec<MaterialId, MaterialArea>,
     seams: SeamTally,
     sample: ClusterMesh,
 }
@@ -35,15 +37,15 @@ impl Run<'_> {
     pub(super) fn measure_texture(&self, partition: &Partition) -> Result<(TextureTraits, ClusterMesh)> {
         let is_raw = self.engine.wants_raw_texture();
         let mut measured = self.measure_clusters(STEP, partition)?;
-        let mut named = vec![false; measured.areas.len()];
-        (0..self.catalogue.parts.len()).for_each(|part| named[self.catalogue.material_index(part as u32)] = true);
+        let mut named = self.catalogue.per_material(false);
+        self.catalogue.parts.keys().for_each(|part| named[self.catalogue.material_of(part)] = true);
         let is_vague = measured.areas.iter().zip(named).any(|(area, is_named)| is_named && area.faces < FACES_MIN);
         if is_vague && !is_raw {
             measured = self.measure_clusters(1, partition)?;
         }
         let Measured { areas, seams, mut sample } = measured;
         let scale = if is_raw { TextureScale::none(self.catalogue) } else { TextureScale::new(&areas) };
-        sample::scale_texture(&mut sample, |part| scale.of(self.catalogue, part.number()));
+        sample::scale_texture(&mut sample, |part| scale.of(self.catalogue, part));
         let kept = self.options.target as f64 / self.options.input.max(1) as f64;
         Ok((TextureTraits { scale, seam_density: seams.seam_density(kept) }, sample))
     }
@@ -51,11 +53,11 @@ impl Run<'_> {
     /// Sums over the clusters, in order. Areas per material come from one block in `step`, and from all blocks of
     /// clusters that give a patch; seams come from the latter alone.
     fn measure_clusters(&self, step: usize, partition: &Partition) -> Result<Measured> {
-        let none = || vec![MaterialArea::default(); self.catalogue.materials.len() + 1];
+        let none = || self.catalogue.per_material(MaterialArea::default());
         let mut measured = Measured { areas: none(), ..Measured::default() };
         let survey = self.first_survey(partition);
         map_in_order(
-            0..partition.cluster_count(),
+            partition.clusters(),
             self.options.threads,
             // A cluster that gives a patch takes many times as long as one that is only summed.
             self.options.threads * 16,
@@ -70,7 +72,7 @@ impl Run<'_> {
                     reading::read_one_in(if is_wanted { 1 } else { step }, partition, &self.state.mesh, cluster)?;
                 let mut areas = none();
                 faces.add_areas(self.catalogue, &mut areas);
-                let sparse = areas.into_iter().enumerate().filter(|(_, area)| area.faces > 0);
+                let sparse = areas.into_iter_enumerated().filter(|(_, area)| area.faces > 0);
                 let seams = if is_wanted { faces.tally_seams(self.catalogue) } else { SeamTally::default() };
                 let gives_patch = is_wanted && !partition.is_single();
                 let patch = gives_patch.then(|| self.patch_of_faces(&survey, partition, faces));
