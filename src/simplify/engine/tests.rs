@@ -5,8 +5,10 @@ use glam::{DVec2, DVec3};
 use super::*;
 use crate::cost::{SurfaceCost, Weights};
 use crate::mesh::cluster::{flag, samples};
+use crate::mesh::id::Corner;
 use crate::mesh::id::short::v;
 use crate::model::id::PartId;
+use crate::simplify::proposal::EdgeAt;
 
 fn simplified(mesh: ClusterMesh, faces: usize) -> (ClusterMesh, StageResult) {
     let mut engine = Engine::<SurfaceCost>::new(mesh, &Weights::default());

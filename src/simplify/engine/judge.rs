@@ -1,0 +1,239 @@
+//! Judges edges: which collapses the rules permit, what they cost, and the cheapest one of every vertex.
+
+use super::Engine;
+use crate::cost::{EdgeCase, Metric};
+use crate::mesh::class::{Class, Rule};
+use crate::mesh::edge::EdgeKind;
+use crate::mesh::id::{Corner, Edge, End, LocalVertex, WedgePair};
+use crate::simplify::proposal::{Bid, EdgeAt, Proposal, all_edges_at, chain_edges_at};
+use crate::simplify::refusal::Refusal;
+use crate::simplify::texture::insets;
+
+impl<M: Metric> Engine<M> {
+    pub(super) fn may_vanish(&self, vertex: LocalVertex) -> bool {
+        let class = self.classes[vertex];
+        (M::CORNERS_VANISH || !class.is_corner()) && !self.is_held(vertex)
+    }
+
+    /// Whether a vertex keeps its position when another collapses onto it.
+    pub(super) fn stays(&self, vertex: LocalVertex) -> bool {
+        M::ENDPOINTS || self.is_held(vertex)
+    }
+
+    /// Share of the overhang by which the texture coordinates of `to` move into their charts; 0 if the edge is on no
+    /// chain, or if `to` is held.
+    #[inline(always)]
+    pub(super) fn inset(&self, to: LocalVertex, chain: bool) -> f64 {
+        if chain && self.cost.inset() > 0.0 && !self.is_held(to) { self.cost.inset() } else { 0.0 }
+    }
+
+    /// Rule for an edge of this kind, given both classes and both locks.
+    pub(super) fn rule(&self, from: LocalVertex, to: LocalVertex, kind: EdgeKind) -> Rule {
+        if self.is_held(from) {
+            return Rule::Never;
+        }
+        match self.cost.rule(self.classes[from], self.classes[to], kind) {
+            Rule::Free if self.stays(to) => Rule::Onto,
+            Rule::Chain if self.stays(to) => Rule::ChainOnto,
+            rule => rule,
+        }
+    }
+
+    pub(super) fn judge_all(&mut self) {
+        self.refused.clear();
+        self.proposals.clear();
+        self.proposals.resize(self.mesh.positions.len(), Proposal::NONE);
+        self.candidates.clear();
+        for vertex in self.mesh.vertex_ids() {
+            if !self.may_vanish(vertex) {
+                continue;
+            }
+            if !self.frees_topology && self.is_alone(vertex) {
+                self.refusals[Refusal::Piece as usize] += 1;
+                continue;
+            }
+            self.candidates.push(vertex);
+        }
+        if self.frees_topology {
+            self.look_around();
+        }
+        for i in 0..self.candidates.len() {
+            self.judge(self.candidates[i], None);
+        }
+    }
+
+    /// Finds the cheapest collapse of a vertex; if `after` is given, the cheapest one above this key.
+    pub(super) fn judge(&mut self, vertex: LocalVertex, after: Option<Bid>) {
+        let mut best = Proposal { second_best: after.is_some(), ..Proposal::NONE };
+        let take = |best: &mut Proposal, proposal: Proposal| {
+            // An infinite cost is no proposal: it marks a vanished vertex.
+            if proposal.cost.is_finite()
+                && proposal.key() < best.key()
+                && after.is_none_or(|after| proposal.key() > after)
+            {
+                *best = Proposal { second_best: after.is_some(), ..proposal };
+            }
+        };
+        if let Some(price) = self.price_alone(vertex) {
+            if let Some(corner) = self.rings.living(&self.mesh, vertex).next() {
+                let to = self.mesh.vertex_of(corner.next());
+                take(&mut best, Proposal::onto(to, price));
+            }
+        } else if self.classes[vertex] == Class::Smooth {
+            // One closed fan and one wedge: each face gives the edge to its next vertex.
+            if !self.mesh.is_locked(vertex) && M::ENDPOINTS {
+                self.propose_onto_all(vertex, |proposal| take(&mut best, proposal));
+            } else if !self.mesh.is_locked(vertex) {
+                for edge in self.rings.of(vertex).iter().filter_map(|&corner| EdgeAt::ahead(&self.mesh, corner)) {
+                    take(&mut best, self.propose(vertex, &edge));
+                }
+            }
+        } else if self.classes[vertex] == Class::Complex && self.may_vanish(vertex) {
+            let mut spokes = std::mem::take(&mut self.spokes);
+            all_edges_at(&self.mesh, &self.rings, vertex, &mut spokes, |edge| {
+                take(&mut best, self.propose(vertex, edge));
+            });
+            self.spokes = spokes;
+        } else if self.may_vanish(vertex) {
+            let mut spokes = std::mem::take(&mut self.spokes);
+            let is_on_border = self.classes[vertex].is_border();
+            chain_edges_at(&self.mesh, &self.rings, vertex, is_on_border, &mut spokes, |edge| {
+                take(&mut best, self.propose(vertex, edge));
+            });
+            self.spokes = spokes;
+        }
+        if let Some(proposal) = self.propose_weld(vertex) {
+            take(&mut best, proposal);
+        }
+        self.proposals[vertex] = best;
+    }
+
+    /// Proposal to collapse an edge from a smooth vertex.
+    #[inline(always)]
+    pub(super) fn propose_inside(&self, from: LocalVertex, edge: &EdgeAt) -> Proposal {
+        if !M::ENDPOINTS {
+            return self.propose(from, edge);
+        }
+        let cost = self.cost.place(&self.mesh, &EdgeCase::inside(from, edge.other, &edge.wedges[..1])).cost as f32;
+        Proposal::onto(edge.other, cost)
+    }
+
+    /// Passes every collapse of a smooth vertex onto a neighbour to `take`.
+    #[inline(always)]
+    pub(super) fn propose_onto_all(&mut self, from: LocalVertex, mut take: impl FnMut(Proposal)) {
+        let Self { mesh, rings, cost, ends, onto_costs, .. } = self;
+        let mut own = None;
+        ends.clear();
+        for &corner in rings.of(from) {
+            if let Some(wedge) = mesh.living(corner) {
+                ends.push(mesh.end_of(corner.next()));
+                own = Some(End { vertex: from, wedge });
+            }
+        }
+        onto_costs.clear();
+        own.into_iter().for_each(|own| cost.costs_onto(mesh, own, ends, onto_costs));
+        ends.iter().zip(onto_costs).for_each(|(end, cost)| take(Proposal::onto(end.vertex, *cost)));
+    }
+
+    /// Proposal to collapse an edge that was gathered at `from`; [`Proposal::NONE`] if the rules forbid it.
+    #[inline(always)]
+    pub(super) fn propose(&self, from: LocalVertex, edge: &EdgeAt) -> Proposal {
+        let (to, kind) = (edge.other, edge.kind());
+        let is_plain = edge.face_count <= 2 || self.classes[from] == Class::Complex;
+        let rule = if is_plain { self.rule(from, to, kind) } else { Rule::Never };
+        // If the ends meet in between, both directions cost the same: the lower end proposes it, if both may.
+        let meets = |rule| matches!(rule, Rule::Free | Rule::Chain);
+        if rule == Rule::Never || (meets(rule) && to < from && meets(self.rule(to, from, kind))) {
+            return Proposal::NONE;
+        }
+        let wedges = if kind == EdgeKind::Seam { &edge.wedges[..2] } else { &edge.wedges[..1] };
+        let onto = matches!(rule, Rule::Onto | Rule::ChainOnto);
+        let chain = matches!(rule, Rule::Chain | Rule::ChainOnto);
+        let insets = insets(&self.mesh, &self.rings, self.inset(to, chain), Edge { from, to }, wedges);
+        let case = EdgeCase { from, to, onto, stays: self.stays(to), wedges, insets };
+        let share = if kind == EdgeKind::Border { self.closing_share(from, to) } else { 1.0 };
+        let cost = share * self.cost.place(&self.mesh, &case).cost as f32;
+        if cost.is_finite() { Proposal { cost, to, onto, chain, second_best: false } } else { Proposal::NONE }
+    }
+
+    /// Re-evaluates what this round's collapses changed: survivors, their neighbours, and refused vertices near them.
+    pub(super) fn rejudge(&mut self) {
+        let round = self.round;
+        if self.rings.is_scattered(&self.mesh) {
+            self.mesh.compact_faces();
+            self.rings.build(&self.mesh);
+        }
+        let Self { candidates, rings, .. } = self;
+        candidates.retain(|&vertex| !rings.of(vertex).is_empty());
+        self.cost.follow(&self.mesh, &self.rings, &self.survivors, &mut self.changed);
+        self.changed.drain(..).for_each(|vertex| self.touched[vertex] = round);
+        // In the order of ids, because neighbours on the surface are neighbours in memory.
+        for vertex in self.mesh.vertex_ids() {
+            if self.touched[vertex] != round || self.rings.of(vertex).is_empty() {
+                continue;
+            }
+            self.judge(vertex, None);
+            let is_closed = self.classes[vertex] == Class::Smooth;
+            for i in 0..self.rings.of(vertex).len() {
+                let corner = self.rings.of(vertex)[i];
+                if self.mesh.living(corner).is_none() {
+                    continue;
+                }
+                let [next, previous] = corner.others();
+                self.rejudge_neighbour(next, corner);
+                if !is_closed {
+                    self.rejudge_neighbour(previous, corner);
+                }
+            }
+        }
+        let mut refused = std::mem::take(&mut self.refused);
+        refused.retain(|&vertex| self.proposals[vertex].second_best);
+        for &vertex in &refused {
+            let near = |&corner: &Corner| {
+                let ring = self.mesh.others_of(corner);
+                self.mesh.living(corner).is_some() && ring.iter().any(|&far| self.stirred[far] / 2 == round)
+            };
+            if self.rings.of(vertex).iter().any(near) {
+                self.judge(vertex, None);
+            }
+        }
+        refused.retain(|&vertex| self.proposals[vertex].second_best);
+        self.refused = refused;
+    }
+
+    /// Re-evaluates a neighbour of a survivor; both are given as corners of one face.
+    ///
+    /// The costs of its other edges are unchanged. All its edges are evaluated only if its proposal led to a changed
+    /// vertex or followed a refused one.
+    pub(super) fn rejudge_neighbour(&mut self, corner: Corner, survivor: Corner) {
+        let (vertex, round) = (self.mesh.vertex_of(corner), self.round);
+        if self.touched[vertex] == round {
+            return;
+        }
+        if self.stirred[vertex] == 2 * round + 1 {
+            return;
+        }
+        let Proposal { to, second_best, .. } = self.proposals[vertex];
+        let is_stale = second_best || self.touched.get(to) == Some(&round);
+        let is_first = self.stirred[vertex] != 2 * round;
+        self.stirred[vertex] = 2 * round;
+        // What collapsed onto a vertex that is still smooth was smooth, and no chain vertex collapses onto it.
+        let meets_chain = self.classes[self.mesh.vertex_of(survivor)] != Class::Smooth;
+        if M::ENDPOINTS && self.classes[vertex] != Class::Smooth && !meets_chain && !is_stale {
+            return;
+        }
+        // NOTE: if `vertex` was evaluated earlier in this round, its proposal is not stale, even if it leads to a
+        // survivor.
+        if self.classes[vertex] != Class::Smooth || (is_stale && is_first) {
+            self.stirred[vertex] += 1;
+            self.judge(vertex, None);
+        } else if !self.is_held(vertex) {
+            let pair = WedgePair { from: self.mesh.wedge_of(corner), to: self.mesh.wedge_of(survivor) };
+            let edge = EdgeAt { other: self.mesh.vertex_of(survivor), wedges: [pair; 2], face_count: 2 };
+            let proposal = self.propose_inside(vertex, &edge);
+            if proposal.key() < self.proposals[vertex].key() {
+                self.proposals[vertex] = proposal;
+            }
+        }
+    }
+}
