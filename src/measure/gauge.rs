@@ -19,7 +19,8 @@ use crate::geometry::closest_point;
 use crate::model::StoredMesh;
 use crate::model::corners::PieceCorners;
 use crate::model::id::PieceVertex;
-use crate::passes::probes::{ChosenCells, ProbeTriangle, Probes};
+use crate::passes::chosen_cells::ChosenCells;
+use crate::passes::probes::{ProbeTriangle, Probes};
 use crate::passes::random_points::RandomPoints;
 
 /// Maximum number of points tried on the result, as a multiple of those that its input would take.
@@ -48,13 +49,13 @@ pub struct Gauged {
 /// # Errors
 /// On failed reads and damaged files.
 pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> Result<Option<Gauged>> {
-    let share = probes.probing.share();
+    let share = probes.probing.grid.share();
     let spacing = probes.area() * share / probes.probing.cell_points() as f64;
     if probes.triangle_count() == 0 || !spacing.is_normal() {
         return Ok(None);
     }
     let most = CANDIDATES_MAX * (probes.probing.cell_points() as f64 / share) as u64;
-    let (mut chosen, mut of_result) = (ChosenCells::new(probes.probing), Vec::new());
+    let (mut chosen, mut of_result) = (ChosenCells::new(probes.probing.grid), Vec::new());
     // Points of the input in the cells: they show how well the cells represent the whole.
     let mut of_input = probes.points.clone();
     let mut spread = RandomPoints::new(spacing, most, 1);

@@ -32,6 +32,8 @@ pub mod sample;
 mod texture_traits;
 mod texture_survey;
 pub mod random_points;
+pub mod chosen_cells;
+mod face_weights;
 pub mod probes;
 mod metric_engine;
 mod cluster_task;
