@@ -152,9 +152,9 @@ impl JobStatus {
                 }
                 // A damaged cluster that was recomputed is recorded a second time.
                 Entry::Kept(record) => match PassStep::of(&record.key) {
-                    Some(step @ PassStep::Cluster(..)) if !clusters.insert(step) => {}
+                    Some(step @ PassStep::Cluster { .. }) if !clusters.insert(step) => {}
                     Some(step) => {
-                        if matches!(step, PassStep::Partition(_)) {
+                        if matches!(step, PassStep::Partition { .. }) {
                             clusters.clear();
                         }
                         status.see_pass(step, record.amount);
@@ -176,21 +176,21 @@ impl JobStatus {
 
     fn see_pass(&mut self, step: PassStep, amount: u64) {
         match (step, &mut self.pass) {
-            (PassStep::Partition(pass), _) => {
+            (PassStep::Partition { pass }, _) => {
                 let (number, clusters) = (pass.saturating_add(1), amount);
                 self.pass = Some(PassStatus { number, clusters, clusters_done: 0, triangles_done: 0 });
             }
-            (PassStep::Stops(_, 1..), Some(pass)) => (pass.clusters_done, pass.triangles_done) = (0, 0),
-            (PassStep::Cluster(..), Some(pass)) => {
+            (PassStep::Stops { attempt: 1.., .. }, Some(pass)) => (pass.clusters_done, pass.triangles_done) = (0, 0),
+            (PassStep::Cluster { .. }, Some(pass)) => {
                 pass.clusters_done += 1;
                 pass.triangles_done = pass.triangles_done.saturating_add(amount);
             }
-            (PassStep::Mesh(pass), _) => {
+            (PassStep::Mesh { pass }, _) => {
                 self.passes_done = u64::from(pass) + 1;
                 self.triangles_left = Some(amount);
                 self.pass = None;
             }
-            (PassStep::Stops(..) | PassStep::Trial(..) | PassStep::Cluster(..), _) => {}
+            (PassStep::Stops { .. } | PassStep::Trial { .. } | PassStep::Cluster { .. }, _) => {}
         }
     }
 

@@ -45,10 +45,10 @@ pub(super) enum SweepPurpose<'a> {
 
 impl Sweep<'_> {
     fn step(&self, cluster: ClusterId) -> PassStep {
-        let (pass, cluster) = (self.pass.number as u32, cluster.number());
+        let pass = self.pass.number as u32;
         match self.purpose {
-            SweepPurpose::Trial(trial) => PassStep::Trial(pass, trial, cluster),
-            SweepPurpose::Mesh(attempt, _) => PassStep::Cluster(pass, attempt, cluster),
+            SweepPurpose::Trial(trial) => PassStep::Trial { pass, trial, cluster },
+            SweepPurpose::Mesh(attempt, _) => PassStep::Cluster { pass, attempt, cluster },
         }
     }
 

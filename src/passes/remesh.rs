@@ -153,7 +153,7 @@ impl Run<'_> {
         cluster: ClusterId,
     ) -> Result<RemeshedCluster> {
         self.progress.check_stopped()?;
-        let step = PassStep::Cluster(pass.number as u32, 0, cluster.number());
+        let step = PassStep::Cluster { pass: pass.number as u32, attempt: 0, cluster };
         let faces = partition.face_count(cluster);
         let remeshed = match self.job.recall::<RemeshedCluster>(&step.key(), &())? {
             Some(remeshed) => remeshed,

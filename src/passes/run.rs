@@ -128,7 +128,7 @@ impl<'a> Run<'a> {
 
     /// Records the probes of the input in the journal and keeps them until the result is measured.
     pub(super) fn keep_probes(&mut self, probes: Probes) -> Result<()> {
-        let step = Step::new(PROBES).from([PassStep::Partition(0).key()]);
+        let step = Step::new(PROBES).from([PassStep::Partition { pass: 0 }.key()]);
         self.job.keep(step, [], &probes)?;
         self.probes = probes;
         self.probes.shrink();

@@ -190,11 +190,11 @@ impl ResumePoint {
             return Ok(job.recall::<StoredMesh>(key, &())?.map(Self::from));
         }
         Ok(match PassStep::of(key) {
-            Some(PassStep::Partition(pass)) => {
+            Some(PassStep::Partition { pass }) => {
                 let found = job.recall::<PartitionedPass>(key, &CutContext { pass, catalogue, cluster_faces })?;
                 found.map(|PartitionedPass { state, partition }| Self { state, partition: Some(partition) })
             }
-            Some(PassStep::Mesh(pass)) => {
+            Some(PassStep::Mesh { pass }) => {
                 let context = PassContext { pass: pass.saturating_add(1), catalogue };
                 job.recall::<PassState>(key, &context)?.map(|state| Self { state, partition: None })
             }
@@ -210,7 +210,7 @@ impl ResumePoint {
     /// Describes what is resumed, for the log.
     pub fn kept(&self, job: &WorkFolder) -> String {
         let pass = self.state.pass();
-        let of_pass = |step: PassStep| matches!(step, PassStep::Cluster(of, ..) if of as usize == pass);
+        let of_pass = |step: PassStep| matches!(step, PassStep::Cluster { pass: of, .. } if of as usize == pass);
         let clusters = job.latest().iter().filter_map(PassStep::of).filter(|&step| of_pass(step)).count();
         let passes = match pass {
             0 => "the scan".to_owned(),

@@ -2,6 +2,7 @@
 
 use super::pass_id::Pass;
 use crate::job::{Step, StepKey};
+use crate::partition::ClusterId;
 use crate::read::SCAN;
 
 /// Statistics of the whole mesh that the metric is normalised by, from the first partition.
@@ -13,49 +14,51 @@ pub const PROBES: StepKey = StepKey::fixed("pass-0-probes");
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum PassStep {
     /// The partition of the pass.
-    Partition(u32),
+    Partition { pass: u32 },
     /// Where the clusters stop, in an attempt.
-    Stops(u32, u32),
-    /// A cluster (the last number) simplified to learn the costs of its collapses, in a trial.
-    Trial(u32, u32, u32),
-    /// A simplified cluster (the last number), in an attempt.
-    Cluster(u32, u32, u32),
+    Stops { pass: u32, attempt: u32 },
+    /// A cluster simplified to learn the costs of its collapses, in a trial.
+    Trial { pass: u32, trial: u32, cluster: ClusterId },
+    /// A simplified cluster, in an attempt.
+    Cluster { pass: u32, attempt: u32, cluster: ClusterId },
     /// The mesh after the pass.
-    Mesh(u32),
+    Mesh { pass: u32 },
 }
 
 impl PassStep {
     /// The partition of a pass.
     pub fn partition(pass: Pass) -> Self {
-        Self::Partition(pass.number as u32)
+        Self::Partition { pass: pass.number as u32 }
     }
 
     /// Where the clusters of a pass stop, in an attempt.
     pub fn stops(pass: Pass, attempt: u32) -> Self {
-        Self::Stops(pass.number as u32, attempt)
+        Self::Stops { pass: pass.number as u32, attempt }
     }
 
     /// The mesh after a pass.
     pub fn mesh(pass: Pass) -> Self {
-        Self::Mesh(pass.number as u32)
+        Self::Mesh { pass: pass.number as u32 }
     }
 
     /// Key of the mesh after some passes.
     pub fn mesh_after(passes: usize) -> StepKey {
         match passes {
             0 => SCAN,
-            _ => Self::Mesh(passes as u32 - 1).key(),
+            _ => Self::Mesh { pass: passes as u32 - 1 }.key(),
         }
     }
 
     /// Its key.
     pub fn key(self) -> StepKey {
         StepKey::numbered(match self {
-            Self::Partition(pass) => format!("pass-{pass}-partition"),
-            Self::Stops(pass, attempt) => format!("pass-{pass}-stops-{attempt}"),
-            Self::Trial(pass, trial, cluster) => format!("pass-{pass}-trial-{trial}-{cluster:06}"),
-            Self::Cluster(pass, attempt, cluster) => format!("pass-{pass}-cluster-{attempt}-{cluster:06}"),
-            Self::Mesh(pass) => format!("pass-{pass}-mesh"),
+            Self::Partition { pass } => format!("pass-{pass}-partition"),
+            Self::Stops { pass, attempt } => format!("pass-{pass}-stops-{attempt}"),
+            Self::Trial { pass, trial, cluster } => format!("pass-{pass}-trial-{trial}-{:06}", cluster.number()),
+            Self::Cluster { pass, attempt, cluster } => {
+                format!("pass-{pass}-cluster-{attempt}-{:06}", cluster.number())
+            }
+            Self::Mesh { pass } => format!("pass-{pass}-mesh"),
         })
     }
 
@@ -67,9 +70,9 @@ impl PassStep {
     /// The step that it is computed from.
     fn parent(self) -> StepKey {
         match self {
-            Self::Partition(pass) => Self::mesh_after(pass as usize),
-            Self::Stops(pass, _) | Self::Trial(pass, ..) | Self::Mesh(pass) => Self::Partition(pass).key(),
-            Self::Cluster(pass, attempt, _) => Self::Stops(pass, attempt).key(),
+            Self::Partition { pass } => Self::mesh_after(pass as usize),
+            Self::Stops { pass, .. } | Self::Trial { pass, .. } | Self::Mesh { pass } => Self::Partition { pass }.key(),
+            Self::Cluster { pass, attempt, .. } => Self::Stops { pass, attempt }.key(),
         }
     }
 
@@ -81,11 +84,11 @@ impl PassStep {
         let kind = words.next()?;
         let mut next = || number(words.next());
         let step = match kind {
-            "partition" => Self::Partition(pass),
-            "stops" => Self::Stops(pass, next()?),
-            "trial" => Self::Trial(pass, next()?, next()?),
-            "cluster" => Self::Cluster(pass, next()?, next()?),
-            "mesh" => Self::Mesh(pass),
+            "partition" => Self::Partition { pass },
+            "stops" => Self::Stops { pass, attempt: next()? },
+            "trial" => Self::Trial { pass, trial: next()?, cluster: ClusterId::new(next()?) },
+            "cluster" => Self::Cluster { pass, attempt: next()?, cluster: ClusterId::new(next()?) },
+            "mesh" => Self::Mesh { pass },
             _ => return None,
         };
         (step.key() == *key).then_some(step)
@@ -99,11 +102,11 @@ mod tests {
     #[test]
     fn a_key_names_its_step() {
         let steps = [
-            PassStep::Partition(0),
-            PassStep::Stops(1, 2),
-            PassStep::Trial(3, 4, 1_234_567),
-            PassStep::Cluster(u32::MAX, 0, 5),
-            PassStep::Mesh(7),
+            PassStep::Partition { pass: 0 },
+            PassStep::Stops { pass: 1, attempt: 2 },
+            PassStep::Trial { pass: 3, trial: 4, cluster: ClusterId::new(1_234_567) },
+            PassStep::Cluster { pass: u32::MAX, attempt: 0, cluster: ClusterId::new(5) },
+            PassStep::Mesh { pass: 7 },
         ];
         for step in steps {
             assert_eq!(PassStep::of(&step.key()), Some(step));
