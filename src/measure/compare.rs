@@ -37,6 +37,8 @@ mod search;
 mod seams;
 mod slide;
 mod tally;
+mod tally_counts;
+mod cell_tally;
 #[cfg(test)]
 mod tests;
 mod texture;

@@ -18,8 +18,9 @@ use std::path::{Path, PathBuf};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
+use super::cell_tally::{CellTally, tally};
 use super::options::Resources;
-use super::tally::{CellTally, Tallied, Tallies, tally};
+use super::tally::{Tallied, Tallies};
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Permits, Progress, Result};
 use crate::file::RecordFile;
@@ -257,7 +258,7 @@ impl MeasuredMesh {
             })?;
         }
         let (cells, volume) = writer.finish()?;
-        let gather = |ids: &[u32]| partition.numbering.positions.gather::<PartitionVertex>(bytemuck::cast_slice(ids));
+        let gather = |ids: &[PartitionVertex]| partition.numbering.positions.gather(ids);
         let tallied = tallies.finish(gather)?;
         partition.files().for_each(|path| _ = std::fs::remove_file(path));
         remove_columns(&mesh);

@@ -182,12 +182,12 @@ impl<'a> Search<'a> {
     /// known to be no farther than the root of `enough_sq`.
     fn look_for(&mut self, points: &[DVec3], enough_sq: f64, found: &mut [Found]) -> Result<()> {
         self.sort_cells(Bounds::around(points.iter().copied()));
-        let mut homes: Vec<(u32, u32)> = points.iter().map(|&point| self.home(point)).zip(0..).collect();
+        let mut homes: Vec<(u32, usize)> = points.iter().map(|&point| self.home(point)).zip(0..).collect();
         homes.sort_unstable();
         for same in homes.chunk_by(|a, b| a.0 == b.0) {
             let cell = self.order[same[0].0 as usize].1;
             for &(_, point) in same {
-                self.ask(cell, points[point as usize], enough_sq, &mut found[point as usize])?;
+                self.ask(cell, points[point], enough_sq, &mut found[point])?;
             }
         }
         for at in 0..self.order.len() {
@@ -199,7 +199,7 @@ impl<'a> Search<'a> {
             }
             let bounds = self.mesh.cells[cell as usize].bounds;
             for &(home, point) in &homes {
-                let (position, found) = (points[point as usize], &mut found[point as usize]);
+                let (position, found) = (points[point], &mut found[point]);
                 let may_be_nearer = bounds.distance_sq(position) < found.distance_sq;
                 if home as usize != at && may_be_nearer && found.distance_sq > enough_sq {
                     self.ask(cell, position, enough_sq, found)?;

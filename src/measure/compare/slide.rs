@@ -203,28 +203,28 @@ impl<'a> Atlas<'a> {
     /// Positions of texels on the original; `None` for texels that lie in none of its charts, or in several.
     fn places(&self, texels: &[Texel], progress: &dyn Progress) -> Result<Vec<Option<DVec3>>> {
         let side = if self.original.images.files.len() > MANY_IMAGES { GRID_SIDE_OF_MANY } else { GRID_SIDE };
-        let numbered = texels.iter().map(|texel| texel.0).zip(0u32..);
-        let mut asked: Vec<(u32, u32)> =
-            numbered.filter(|&(image, _)| self.is_shown(image) && !self.is_repeated(image)).collect();
-        asked.sort_unstable();
-        let groups: Vec<&[(u32, u32)]> = asked.chunk_by(|a, b| a.0 == b.0).collect();
+        let image_of = |texel: usize| texels[texel].0;
+        let is_asked = |image: u32| self.is_shown(image) && !self.is_repeated(image);
+        let mut asked: Vec<usize> = (0..texels.len()).filter(|&texel| is_asked(image_of(texel))).collect();
+        asked.sort_unstable_by_key(|&texel| (image_of(texel), texel));
+        let groups: Vec<&[usize]> = asked.chunk_by(|&a, &b| image_of(a) == image_of(b)).collect();
         progress.begin("slides", groups.len() as u64, "images");
         let mut found = vec![None; texels.len()];
-        let texel = |number: u32| texel_of(texels[number as usize].1, side);
+        let place_in = |texel: usize| texel_of(texels[texel].1, side);
         let threads = self.resources.threads;
         map_in_order(
             groups.iter(),
             threads,
             threads + 1,
             |group| {
-                let mut charts = Charts::new(group.iter().map(|&(_, number)| texel(number)).collect(), side);
-                charts.draw(self.original, &self.sources[group[0].0 as usize])?;
+                let mut charts = Charts::new(group.iter().map(|&texel| place_in(texel)).collect(), side);
+                charts.draw(self.original, &self.sources[image_of(group[0]) as usize])?;
                 Ok((*group, charts))
             },
             |(group, charts)| {
                 progress.advance(1);
                 progress.check_stopped()?;
-                group.iter().for_each(|&(_, number)| found[number as usize] = charts.place(texel(number)));
+                group.iter().for_each(|&texel| found[texel] = charts.place(place_in(texel)));
                 Ok(())
             },
         )?;
