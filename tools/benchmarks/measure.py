@@ -13,11 +13,11 @@ import argparse
 import hashlib
 import json
 import os
-import resource
 import shlex
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -41,17 +41,21 @@ def has_texcoords(path):
 def simplify(binary, source, result, options):
     """Exit code, wall and processor seconds, peak bytes of one run, and its report if there is one."""
     report = result.with_suffix(".json")
-    before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
-    done = run([binary, "simplify", source, "-o", result, "--force", "--quiet", "--textures", "link", "--report", report, *options])
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    row = {
-        "exit": done.returncode,
-        "wall_seconds": time.monotonic() - began,
-        "cpu_seconds": after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime,
-        "max_resident": after.ru_maxrss * 1024,  # of this process's only child so far
-    }
-    if done.stderr:
-        row["stderr"] = done.stderr[-500:]
+    command = [binary, "simplify", source, "-o", result, "--force", "--quiet", "--textures", "link", "--report", report, *options]
+    with tempfile.TemporaryFile("w+") as errors:
+        began = time.monotonic()
+        program = subprocess.Popen([str(word) for word in command], stdout=subprocess.DEVNULL, stderr=errors)
+        _, status, used = os.wait4(program.pid, 0)
+        program.returncode = os.waitstatus_to_exitcode(status)
+        row = {
+            "exit": program.returncode,
+            "wall_seconds": time.monotonic() - began,
+            "cpu_seconds": used.ru_utime + used.ru_stime,
+            "max_resident": used.ru_maxrss * 1024,
+        }
+        errors.seek(0)
+        if text := errors.read():
+            row["stderr"] = text[-500:]
     if report.exists():
         told = json.loads(report.read_text())
         row |= {key: told[key] for key in ("status", "faces", "error", "seconds", "memory", "io", "passes", "repairs")}
