@@ -4,7 +4,7 @@
 //! written once, synced and renamed. A file that can be opened is complete.
 //!
 //! # Files
-//! `docs/format.md` describes every byte.
+//! `docs/reference/work-folder.md` describes every byte.
 
 pub mod header;
 pub mod codec;

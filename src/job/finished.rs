@@ -51,9 +51,9 @@ impl Finished {
             if value.len() <= VALUE_BYTES_HERE { (value, None) } else { (Vec::new(), Some((value, path))) };
         let mut steps = lock(steps);
         let (id, parents, time) = (steps.take_id(), steps.ids_of(&parents), now());
-        let record = StepRecord { key, id, parents, amount, time, outlasts, files, value: Value::Here(here) };
-        steps.add(&record);
-        Ok(Self { record, large_value })
+        let without = StepRecord { key, id, parents, amount, time, outlasts, files, value: Value::Here(Vec::new()) };
+        steps.add(without.clone());
+        Ok(Self { record: StepRecord { value: Value::Here(here), ..without }, large_value })
     }
 
     /// Writes the value to its own file if it is large, then appends the entry.

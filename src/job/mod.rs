@@ -32,7 +32,7 @@ use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 
 use serde::Serialize;
@@ -303,10 +303,6 @@ impl WorkFolder {
         Ok(())
     }
 
-    fn journal(&self) -> MutexGuard<'_, Option<Journal>> {
-        lock(&self.journal)
-    }
-
     /// Files of records that do not count any more, except these names.
     fn left_of_void_records(&self, names: &HashSet<String>) -> Result<Vec<PathBuf>> {
         let left = lock(&self.steps).names(false);
@@ -327,7 +323,7 @@ impl WorkFolder {
 
     fn remove(&mut self) {
         let _ = self.wait_until_durable();
-        *self.journal() = None;
+        *lock(&self.journal) = None;
         let _ = self.clear();
         let _ = fs::remove_file(self.path.join(LOCK));
         self.lock = None;

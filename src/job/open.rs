@@ -174,10 +174,10 @@ impl WorkFolder {
     /// # Errors
     /// If files cannot be removed or written.
     pub fn restart(&mut self, manifest: &Manifest) -> Result<()> {
-        *self.journal() = None;
+        *lock(&self.journal) = None;
         (self.steps, self.is_resumed) = (Arc::default(), false);
         self.holds_steps = AtomicBool::new(false);
-        *self.journal() = Some(self.begin(manifest)?);
+        *lock(&self.journal) = Some(self.begin(manifest)?);
         Ok(())
     }
 

@@ -1,18 +1,17 @@
 //! Stamps of finished files, by which they are verified before they are trusted again.
 
 use std::fs::{self, File};
-use std::io::{ErrorKind, Read};
+use std::io::{self, ErrorKind, Read};
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use xxhash_rust::xxh3::{Xxh3, xxh3_64};
+use xxhash_rust::xxh3::xxh3_64;
 
 use crate::base::{Error, Result};
 use crate::file::header::{HEADER_BYTES, Header};
 use crate::file::name::is_file_name;
+use crate::os::content::Content;
 use crate::os::durable::no_links;
-
-const READ_BYTES: usize = 256 << 10;
 
 /// Stamp of a file in the work folder: its name, its length and a hash of its first 64 bytes, which contain the
 /// checksum of the rest.
@@ -86,17 +85,8 @@ impl Stamp {
             Ok(header) => header.checksum,
             Err(message) => return Ok(Condition::Damaged(message)),
         };
-        let mut hash = Xxh3::new();
-        let mut buffer = vec![0; READ_BYTES];
-        loop {
-            match file.read(&mut buffer) {
-                Ok(0) => break,
-                Ok(count) => hash.update(&buffer[..count]),
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) => return Err(Error::io(&path, "read", error)),
-            }
-        }
-        if hash.digest() == expected { Ok(Condition::Whole) } else { damaged("its checksum does not match") }
+        let rest = Content::pass(file, |_| Ok::<(), io::Error>(())).map_err(|e| Error::io(&path, "read", e))?;
+        if rest.hash == expected { Ok(Condition::Whole) } else { damaged("its checksum does not match") }
     }
 }
 

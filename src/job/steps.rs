@@ -11,7 +11,7 @@
 use std::collections::{HashMap, HashSet};
 
 use super::journal::Entry;
-use super::step::{StepKey, StepRecord, Value};
+use super::step::{StepKey, StepRecord};
 
 /// Id that no record has: what was computed from a step that is not recorded never counts.
 const UNRECORDED: u64 = u64::MAX;
@@ -122,10 +122,8 @@ impl RecordedSteps {
         keys.iter().map(|key| self.known.get(key).map_or(UNRECORDED, |known| known.record.id)).collect()
     }
 
-    /// Adds the record of a step that this process finished; an earlier one of the step is void.
-    pub(super) fn add(&mut self, record: &StepRecord) {
-        // The value is never recalled.
-        let record = StepRecord { value: Value::Here(Vec::new()), ..record.clone() };
+    /// Adds the record of a step that this process finished, whose value is not needed; an earlier one of the step is void.
+    pub(super) fn add(&mut self, record: StepRecord) {
         let (id, parents) = (record.id, record.parents.clone());
         let before = self.known.insert(record.key.clone(), LastRecord { record, is_earlier: false });
         if let Some(LastRecord { record: StepRecord { id: void, .. }, .. }) = before
@@ -177,6 +175,7 @@ impl RecordedSteps {
 
 #[cfg(test)]
 mod tests {
+    use super::super::step::Value;
     use super::*;
 
     const SCAN: StepKey = StepKey::fixed("scan");
@@ -201,7 +200,7 @@ mod tests {
         let mut steps = RecordedSteps::replay(chain());
         assert_eq!(steps.latest(), [PIECE, CUT, SCAN]);
         let again = record(CUT, steps.take_id(), &steps.ids_of(&[SCAN]));
-        steps.add(&again);
+        steps.add(again.clone());
         assert_eq!(steps.latest(), [SCAN], "this process need not recall its own steps");
         assert!(steps.names(false).contains("piece.state"));
         // Another process finds the same in the journal.
@@ -223,7 +222,7 @@ mod tests {
         let mut steps = RecordedSteps::replay(chain());
         let wanted = steps.want_only(&[CUT]);
         let later = record(PIECE, steps.take_id(), &[1]);
-        steps.add(&later);
+        steps.add(later.clone());
         let entries = [chain(), vec![Entry::Kept(later), wanted]].concat();
         for steps in [steps, RecordedSteps::replay(entries)] {
             assert_eq!([0, 1, 2, 3].map(|id| steps.may_be_gone(id)), [true, false, true, false]);

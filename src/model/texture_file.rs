@@ -5,7 +5,7 @@
 use std::path::{Component, Path, PathBuf};
 use std::{fs, io};
 
-use crate::os::path::path_of_bytes;
+use crate::os::path::{path_of_bytes, with_slashes};
 
 /// Where the file of a texture name may lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,10 +76,6 @@ pub fn relative_path(name: &[u8]) -> Option<PathBuf> {
     let name = with_slashes(name);
     let drive = name.len() > 1 && name[0].is_ascii_alphabetic() && name[1] == b':';
     (!drive && name.first().is_some_and(|&c| c != b'/') && !name.contains(&0)).then(|| path_of_bytes(&name))
-}
-
-fn with_slashes(name: &[u8]) -> Vec<u8> {
-    name.iter().map(|&c| if c == b'\\' { b'/' } else { c }).collect()
 }
 
 /// Reports whether a relative path leads out of its folder at any component.

@@ -36,7 +36,7 @@ impl Content {
         Self { bytes: bytes.len() as u64, hash: xxh3_64(bytes) }
     }
 
-    /// Content of an open file, whose bytes are passed on piece by piece.
+    /// Content of an open file from where it was read to, passed on piece by piece.
     ///
     /// # Errors
     /// Those of reading, and of `take`.

@@ -4,8 +4,12 @@ use std::path::PathBuf;
 
 /// The path that a name in OBJ or MTL text stands for: `\` separates folders as `/` does.
 pub fn path_of_name(name: &[u8]) -> PathBuf {
-    let name: Vec<u8> = name.iter().map(|byte| if *byte == b'\\' { b'/' } else { *byte }).collect();
-    path_of_bytes(&name)
+    path_of_bytes(&with_slashes(name))
+}
+
+/// A name with `/` in place of `\`.
+pub fn with_slashes(name: &[u8]) -> Vec<u8> {
+    name.iter().map(|&byte| if byte == b'\\' { b'/' } else { byte }).collect()
 }
 
 /// A path of these bytes; where paths are text, bytes that are not UTF-8 become replacement characters.

@@ -9,6 +9,7 @@ use std::path::Path;
 
 use super::header::{Element, PlyHeader, Property, Scalar, quote};
 use crate::base::{Error, Result};
+use crate::model::texture_file::base_name;
 
 /// A step in reading a record.
 #[derive(Debug, Clone, Copy)]
@@ -163,7 +164,7 @@ impl Layout {
                 self.materials.push(self.materials[first].clone());
                 continue;
             }
-            let file = texture.rsplit(|&byte| byte == b'/' || byte == b'\\').next().unwrap_or(texture);
+            let file = base_name(texture);
             let stem = match file.iter().rposition(|&byte| byte == b'.') {
                 Some(dot) if dot > 0 => &file[..dot],
                 _ => file,
