@@ -54,6 +54,8 @@ pub mod mesh;
 #[doc(hidden)]
 pub mod partition;
 #[doc(hidden)]
+pub mod topology;
+#[doc(hidden)]
 pub mod render;
 #[doc(hidden)]
 pub mod cost;

@@ -7,7 +7,7 @@ use std::path::Path;
 use drystone::measure::{Surface, compare_checks, weld_and_check};
 use drystone::options::{MetricChoice, Seams, Topology};
 use drystone::{Error, Mesh, Progress, Result, Silent, SimplifyOptions, Target, simplify_mesh};
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use meshes::{cases, ratio, rms_distance, simplify, simplify_text, terrain, torus, town};
 use proptest::prelude::*;
 
@@ -15,22 +15,6 @@ use proptest::prelude::*;
 fn load(path: &Path) -> Mesh {
     let options = tobj::LoadOptions { triangulate: true, ..tobj::LoadOptions::default() };
     Mesh::from(tobj::load_obj(path, &options).unwrap().0.as_slice())
-}
-
-fn surface(mesh: &Mesh) -> Surface {
-    Surface {
-        positions: mesh.positions.iter().copied().map(DVec3::from_array).collect(),
-        texcoords: mesh.texcoords.iter().copied().map(DVec2::from_array).collect(),
-        faces: mesh.faces.clone(),
-        face_texcoords: match mesh.face_texcoords.is_empty() {
-            true => vec![[u32::MAX; 3]; mesh.faces.len()],
-            false => mesh.face_texcoords.clone(),
-        },
-        face_materials: match mesh.face_labels.is_empty() {
-            true => vec![0; mesh.faces.len()],
-            false => mesh.face_labels.clone(),
-        },
-    }
 }
 
 /// OBJ text of a mesh, without labels.
@@ -69,7 +53,7 @@ fn every_metric_reaches_its_target_and_tears_nothing() {
             report.is_reached && report.output <= report.target && report.output + 2 >= report.target,
             "{report:?}"
         );
-        let checks = [&before, &after].map(|mesh| weld_and_check(&surface(mesh)));
+        let checks = [&before, &after].map(|mesh| weld_and_check(&Surface::from(mesh)));
         let news = compare_checks(&checks[0], &checks[1]);
         assert!(news.is_empty(), "{metric:?}: {}", news.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "));
     }

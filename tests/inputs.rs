@@ -223,7 +223,7 @@ fn coordinates_of_every_length_come_back_as_they_were() {
         DVec3::new(123_456.789_012_345, 0.0, 0.0),
         DVec3::new(0.300_000_000_000_000_04, 5_000_000.125, 1.0),
     ];
-    assert_eq!(mesh.surface.positions, expected);
+    assert_eq!(mesh.surface.positions.raw, expected);
 }
 
 /// A position in tenths of a millimetre.

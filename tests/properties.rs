@@ -264,7 +264,7 @@ fn distance(p: DVec3, corners: [DVec3; 3]) -> f64 {
 /// Largest distance of points on one surface to the other; faces that repeat a vertex are no surface.
 fn farthest(from: &Surface, to: &Surface) -> f64 {
     let triangles = |surface: &Surface| -> Vec<[DVec3; 3]> {
-        let places = surface.faces.iter().map(|face| face.map(|v| surface.position(v)));
+        let places = surface.faces.iter().map(|face| face.map(|v| surface.positions[v]));
         places.filter(|[a, b, c]| a != b && b != c && c != a).collect()
     };
     let targets = triangles(to);

@@ -16,6 +16,7 @@ pub mod pool;
 pub mod progress;
 pub mod quantity;
 pub mod records;
+pub mod recycled;
 pub mod threads;
 
 pub use budget::{Allowance, MemoryBudget, Permit, Permits};

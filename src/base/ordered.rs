@@ -4,6 +4,9 @@
 //! items are taken but not committed yet, which bounds the memory of waiting results. No thread holds a result while it
 //! waits for another one: the committer keeps early results in a map of at most that size.
 //!
+//! Where items differ much in size, [`map_within`] bounds the bytes instead: an item takes a permit for what it and its
+//! result need, in the order of the items, and holds it until the result is committed.
+//!
 //! Work that waits for the disk is *finished* on separate threads, so that workers never sleep while there are items. (A
 //! worker that wakes up is often placed on a busy core, and the system takes up to 30 ms to notice that another one is
 //! idle.)
@@ -13,9 +16,13 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::Result;
 use super::lock::lock;
+use super::pool::thread_count;
 use super::threads::{Task, at_least_one, start};
+use super::{Permits, Result};
+
+/// Items for each thread that may be taken but not committed, so that unequal items balance.
+const ITEMS_PER_THREAD: usize = 4;
 
 /// Maps `items` on `threads` threads and passes the results to `commit` in order.
 ///
@@ -34,6 +41,31 @@ pub fn map_in_order<T: Send, R: Send>(
     commit: impl FnMut(R) -> Result<()>,
 ) -> Result<()> {
     finish_in_order(items, Crew { threads, finishers: 0 }, in_flight, work, Ok, commit)
+}
+
+/// Maps `items` like [`map_in_order`] on as many threads as the pool has, within a budget of memory.
+///
+/// `cost_bytes` returns the memory that an item and its result take, in bytes; an item that takes more than the budget is
+/// worked on alone.
+///
+/// # Errors
+/// Those of `work` and `commit`.
+///
+/// # Panics
+/// Propagates a panic of `work`.
+pub fn map_within<T: Send, R: Send>(
+    budget_bytes: u64,
+    cost_bytes: impl Fn(&T) -> u64 + Sync,
+    items: impl Iterator<Item = T> + Send,
+    work: impl Fn(T) -> Result<R> + Sync,
+    mut commit: impl FnMut(R) -> Result<()>,
+) -> Result<()> {
+    let (permits, threads) = (Permits::new(budget_bytes), thread_count());
+    // Permits are taken in the order of the items: the oldest one, for which the others wait, has its own.
+    let (permits, cost_bytes) = (&permits, &cost_bytes);
+    let items = items.map(move |item| (permits.take(cost_bytes(&item)), item));
+    let work = |(permit, item)| Ok((permit, work(item)?));
+    map_in_order(items, threads, threads * ITEMS_PER_THREAD, work, |(_permit, result)| commit(result))
 }
 
 /// Numbers of threads that compute and that wait for the disk.
@@ -227,6 +259,45 @@ mod tests {
             .unwrap();
             assert_eq!(seen, (0..500).map(|i| i * 2).collect::<Vec<_>>());
         }
+    }
+
+    #[test]
+    fn results_come_in_order_and_within_the_budget() {
+        use std::sync::atomic::AtomicU64;
+        for threads in [1, 3] {
+            let _inside = crate::base::pool::Pool::new(threads).unwrap().enter();
+            let (now, peak) = (AtomicU64::new(0), AtomicU64::new(0));
+            let mut results = Vec::new();
+            let cost = |item: &u64| item % 7;
+            map_within(
+                6,
+                cost,
+                0..200u64,
+                |item| {
+                    peak.fetch_max(now.fetch_add(cost(&item), Ordering::SeqCst) + cost(&item), Ordering::SeqCst);
+                    Ok(item)
+                },
+                |item| {
+                    now.fetch_sub(cost(&item), Ordering::SeqCst);
+                    results.push(item);
+                    Ok(())
+                },
+            )
+            .unwrap();
+            assert!(results.iter().copied().eq(0..200));
+            assert!(peak.into_inner() <= 6);
+        }
+    }
+
+    #[test]
+    fn an_item_larger_than_the_budget_is_worked_on_alone() {
+        let mut results = Vec::new();
+        let commit = |item| {
+            results.push(item);
+            Ok(())
+        };
+        map_within(1, |&item| item, [0, 5, 1, 9, 9, 0].into_iter(), Ok, commit).unwrap();
+        assert_eq!(results, [0, 5, 1, 9, 9, 0]);
     }
 
     #[test]

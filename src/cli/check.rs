@@ -55,7 +55,7 @@ pub fn run(arguments: &CheckArguments) -> Result<u8> {
         + after.duplicate_faces
         + after.non_manifold_edges
         + after.t_junctions
-        + after.atlas.folded_uv;
+        + after.uv.folded_uv;
     let is_bad = if before.is_some() { !news.is_empty() } else { faults > 0 };
     Ok(u8::from(is_bad))
 }

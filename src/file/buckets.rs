@@ -149,6 +149,11 @@ struct EncodedBatch<K> {
     records: u32,
 }
 
+/// Largest number of records in an extent, large records as they are included.
+fn extent_records_max<T>() -> usize {
+    EXTENT_RECORDS_MAX.min(EXTENT_BYTES_MAX / size_of::<T>())
+}
+
 impl<T: Record, K: CellKey> Sorted<T, K> {
     /// Sorts records by cell; keeps the order within a cell.
     pub fn new(records: &[(K, T)]) -> Self {
@@ -173,7 +178,7 @@ impl<T: Record, K: CellKey> Sorted<T, K> {
                 sorted.few.extend(own.iter().map(|&record| (cell, record)));
                 continue;
             }
-            for records in own.chunks(EXTENT_RECORDS_MAX) {
+            for records in own.chunks(extent_records_max::<T>()) {
                 let mut bytes = Vec::new();
                 T::encode(records, &mut bytes);
                 sorted.many.push(EncodedBatch { cell, bytes, records: records.len() as u32 });
@@ -205,7 +210,7 @@ impl<T: Record, K: CellKey> BucketWriter<T, K> {
             pending: vec![Vec::new(); cell_count],
             extents: vec![Vec::new(); cell_count],
             bytes: Vec::new(),
-            extent_records: (BUFFERS_BYTES / size_of::<T>() / cell_count.max(1)).clamp(64, EXTENT_RECORDS_MAX),
+            extent_records: (BUFFERS_BYTES / size_of::<T>() / cell_count.max(1)).clamp(64, extent_records_max::<T>()),
             count: 0,
             key: PhantomData,
         })
@@ -413,6 +418,33 @@ mod tests {
         fn decode(bytes: &[u8], count: usize, out: &mut Vec<Self>) -> std::result::Result<(), String> {
             decode_pairs(bytes, count, |pair| out.push(pair))
         }
+    }
+
+    /// A record larger than any that the engine writes.
+    #[derive(Debug, Clone, Copy, PartialEq, Pod, bytemuck::Zeroable)]
+    #[repr(transparent)]
+    struct Large([u64; 64]);
+
+    impl Verbatim for Large {}
+
+    #[test]
+    fn large_records_are_read_as_they_were_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let record = |i: u64| Large([i; 64]);
+        let mut writer = BucketWriter::create(&folder.path().join("a.buckets"), 1).unwrap();
+        (0..10_000).for_each(|i| writer.push(0, record(i)).unwrap());
+        let batch: Vec<(usize, Large)> = (10_000..20_000).map(|i| (0, record(i))).collect();
+        writer.append(Sorted::new(&batch)).unwrap();
+        let (buckets, mut next) = (writer.finish().unwrap(), 0);
+        let check = |records: &[Large]| {
+            records.iter().for_each(|found| {
+                assert_eq!(*found, record(next));
+                next += 1;
+            });
+            Ok(())
+        };
+        buckets.read(0, check).unwrap();
+        assert_eq!(next, 20_000);
     }
 
     #[test]

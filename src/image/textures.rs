@@ -12,13 +12,12 @@ use std::path::PathBuf;
 
 use crate::base::Findings;
 use crate::base::error::{escape, escape_path};
+use crate::base::id::{TiSlice, TiVec};
 use crate::model::Catalogue;
 use crate::model::catalogue::MaterialDefinition;
+use crate::model::id::{ImageId, MaterialId, PartId};
 use crate::model::texture_file::{self, Reach, base_name};
 use crate::os::content::Content;
-
-/// Marks a face that shows no texture image.
-pub const NO_IMAGE: u32 = u32::MAX;
 
 /// An image file.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -33,59 +32,63 @@ pub struct TextureImage {
 #[derive(Debug, Clone, Default)]
 pub struct TextureImages {
     /// The image files, each once.
-    pub files: Vec<TextureImage>,
-    /// Index in `files` for each part of the catalogue, or [`NO_IMAGE`].
-    pub of_part: Vec<u32>,
+    pub files: TiVec<ImageId, TextureImage>,
+    /// Image of each part of the catalogue, or none.
+    pub of_part: TiVec<PartId, ImageId>,
 }
 
 impl TextureImages {
     /// Finds the diffuse images (`map_Kd`) of a catalogue's materials; adds a finding for each missing one.
     pub fn find(catalogue: &Catalogue, findings: &mut Findings) -> Self {
         let mut images = Self::default();
-        let mut known: HashMap<PathBuf, u32> = HashMap::new();
-        let of_material: Vec<u32> = catalogue
+        let mut known: HashMap<PathBuf, ImageId> = HashMap::new();
+        let of_material: TiVec<MaterialId, ImageId> = catalogue
             .materials
             .iter()
             .map(|material| {
                 let Some((definition, name)) = material.definition.as_ref().and_then(diffuse) else {
-                    return NO_IMAGE;
+                    return ImageId::NONE;
                 };
                 let Some(path) = find_file(definition, name) else {
                     findings.note("missing_image", || {
                         format!("{} of {}: no such file", escape(name), escape_path(&definition.folder))
                     });
-                    return NO_IMAGE;
+                    return ImageId::NONE;
                 };
                 *known.entry(path.clone()).or_insert_with(|| {
-                    images.files.push(TextureImage { path, name: base_name(name).to_vec() });
-                    images.files.len() as u32 - 1
+                    images.files.push_and_get_key(TextureImage { path, name: base_name(name).to_vec() })
                 })
             })
             .collect();
-        let material_of = |part: &crate::model::Part| part.material.map_or(NO_IMAGE, |m| of_material[m.index()]);
+        let material_of =
+            |part: &crate::model::Part| part.material.map_or(ImageId::NONE, |material| of_material[material]);
         images.of_part = catalogue.parts.iter().map(material_of).collect();
         images
     }
 
     /// Content of each file; `None` for a file that cannot be read.
-    pub fn contents(&self) -> Vec<Option<Content>> {
+    pub fn contents(&self) -> TiVec<ImageId, Option<Content>> {
         self.files.iter().map(|file| Content::of(&file.path).ok()).collect()
     }
 
     /// For each texture image, those of `original` that it matches by name or content, ascending; `own` are its
     /// contents.
-    pub fn sources(&self, own: &[Option<Content>], (original, contents): (&Self, &[Option<Content>])) -> Vec<Vec<u32>> {
-        let mut by_name: BTreeMap<&[u8], Vec<u32>> = BTreeMap::new();
-        let mut by_content: BTreeMap<Content, Vec<u32>> = BTreeMap::new();
-        for ((file, content), number) in original.files.iter().zip(contents).zip(0..) {
-            by_name.entry(&file.name).or_default().push(number);
-            if let Some(content) = content {
-                by_content.entry(*content).or_default().push(number);
+    pub fn sources(
+        &self,
+        own: &TiSlice<ImageId, Option<Content>>,
+        (original, contents): (&Self, &TiSlice<ImageId, Option<Content>>),
+    ) -> TiVec<ImageId, Vec<ImageId>> {
+        let mut by_name: BTreeMap<&[u8], Vec<ImageId>> = BTreeMap::new();
+        let mut by_content: BTreeMap<Content, Vec<ImageId>> = BTreeMap::new();
+        for (image, file) in original.files.iter_enumerated() {
+            by_name.entry(&file.name).or_default().push(image);
+            if let Some(content) = contents[image] {
+                by_content.entry(content).or_default().push(image);
             }
         }
         let sources = |(file, &content): (&TextureImage, &Option<Content>)| {
             let named = by_name.get(&*file.name).cloned().unwrap_or_default();
-            let same = |&number: &u32| content.is_some() && contents[number as usize] == content;
+            let same = |&image: &ImageId| content.is_some() && contents[image] == content;
             match named.iter().any(same) {
                 true => named.into_iter().filter(same).collect(),
                 false if named.is_empty() => {
@@ -124,7 +127,7 @@ mod tests {
             fs::write(folder.join(name), content).unwrap();
             TextureImage { path: folder.join(name), name: name.as_bytes().to_vec() }
         };
-        TextureImages { files: files.iter().map(image).collect(), of_part: Vec::new() }
+        TextureImages { files: files.iter().map(image).collect(), of_part: TiVec::new() }
     }
 
     #[test]
@@ -136,6 +139,9 @@ mod tests {
             &[("wall.png", "1"), ("roof.png", "2, smaller"), ("wall_2.png", "3"), ("other.png", "4")],
         );
         let found = result.sources(&result.contents(), (&original, &original.contents()));
-        assert_eq!(found, [vec![0], vec![1], vec![2], vec![]]);
+        assert_eq!(
+            found.raw,
+            [vec![0], vec![1], vec![2], vec![]].map(|images| images.into_iter().map(ImageId::new).collect::<Vec<_>>())
+        );
     }
 }

@@ -10,12 +10,10 @@
 //! ```
 //!
 //! # Memory
-//! Clusters in work take 200 bytes a face, the buffers of [`edges::SharedTallies`] 24 MiB.
+//! Clusters in work take 200 bytes a face, the buffers of [`topology::shared`](crate::topology::shared) 24 MiB.
 //!
 //! # Files
 //! Those of the scan and of one partition, in a work folder that is removed at the end.
-
-pub mod edges;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -23,12 +21,13 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use self::edges::{SharedTallies, Tally, tally};
 use crate::base::bytes::MIB;
+use crate::base::id::TiVec;
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Permits, Progress, Result, bytes, counted, grouped};
 use crate::job::{InputFile, Manifest, Resume, WorkFolder};
 use crate::mesh::doubles::doubles;
+use crate::model::id::{ImageId, PartId};
 use crate::model::texture_file::{self, Reach};
 use crate::model::{Catalogue, StoredMesh};
 use crate::os::durable::temporary_folder;
@@ -37,6 +36,7 @@ use crate::plan::{memory, scratch};
 use crate::read::InputChoice;
 use crate::read::{self, Scan};
 use crate::report::warning_lines;
+use crate::topology::{Counter, TopologyCounts, count_cluster};
 
 /// Memory of a face of a cluster while it is counted, and of its edges that wait to be matched, in bytes.
 const FACE_BYTES: u64 = 200;
@@ -102,8 +102,8 @@ pub struct Inspection {
     pub welded_vertices: u64,
     /// Vertices that no face uses, after welding.
     pub unused_vertices: u64,
-    /// Vertices and edges after welding, seams, open borders.
-    pub topology: Tally,
+    /// Edges, borders, seams, components and charts after welding.
+    pub topology: TopologyCounts,
     /// Number of repaired, dropped or ignored elements of the scan, by kind.
     pub faults: BTreeMap<String, u64>,
     /// Messages about them, where there are any.
@@ -241,14 +241,14 @@ struct Counting<'a> {
 }
 
 impl Counting<'_> {
-    fn count(&self, folder: &Path, findings: &mut Findings, progress: &dyn Progress) -> Result<Tally> {
+    fn count(&self, folder: &Path, findings: &mut Findings, progress: &dyn Progress) -> Result<TopologyCounts> {
         let faces = self.partition.total_faces();
         progress.begin("count", faces, "faces");
         let scale = TextureScale::none(self.catalogue);
         let permits = Permits::new(self.work_bytes.saturating_sub(BUFFERS_BYTES));
-        let mut sum = Tally::default();
-        let mut shared = SharedTallies::create(folder, faces, self.work_bytes / 4)?;
-        let (mut degenerate, mut doubled) = (0, 0);
+        let images: TiVec<PartId, _> = vec![ImageId::NONE; self.catalogue.parts.len()].into();
+        let mut counter = Counter::create(folder, &self.partition.faces.shared, faces, 0, |_| Ok(()))?;
+        let mut doubled = 0;
         map_in_order(
             self.partition.clusters(),
             self.threads,
@@ -257,22 +257,19 @@ impl Counting<'_> {
                 let _permit = permits.take(self.partition.face_count(cluster) * FACE_BYTES);
                 let source = cluster::load(self.partition, self.mesh, self.catalogue, &scale, cluster)?;
                 let doubled = doubles(source.mesh.corner_vertices.iter().copied()).len() as u64;
-                let tally = tally(&source, self.catalogue);
-                Ok((tally, [source.degenerate, doubled], self.partition.face_count(cluster)))
+                Ok((count_cluster(&source, self.catalogue, &images), doubled, self.partition.face_count(cluster)))
             },
-            |(cluster, [dropped, doubles], faces)| {
-                sum.add(&cluster.own);
-                degenerate += dropped;
+            |(cluster, doubles, faces)| {
                 doubled += doubles;
                 progress.advance(faces);
                 progress.check_stopped()?;
-                shared.push(&cluster)
+                counter.push(cluster)
             },
         )?;
-        findings.count("degenerate_faces", degenerate);
+        let topology = counter.finish(|ids| self.partition.numbering.positions.gather(ids))?.counts.topology;
+        findings.count("degenerate_faces", topology.degenerate_faces);
         findings.count("doubled_faces", doubled);
-        sum.add(&shared.finish()?);
-        Ok(sum)
+        Ok(topology)
     }
 }
 
@@ -299,6 +296,8 @@ impl Inspection {
             row(&format!("bounds {name}"), format!("{low} to {high}, size {}", rounded(self.size[axis])));
         }
         row("decimals", format!("{} in positions, {} in texcoords", self.decimals[0], self.decimals[1]));
+        row("components", grouped(self.topology.components));
+        row("charts", grouped(self.topology.charts));
         row("parts", grouped(self.parts));
         let undefined = format!(", {} without definition", grouped(self.undefined_materials));
         row("materials", grouped(self.materials) + if self.undefined_materials > 0 { &undefined } else { "" });

@@ -13,10 +13,10 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::edges::EdgeTable;
 use super::surface::Surface;
 use crate::base::pool::in_parallel;
 use crate::geometry::boxtree::{Bounds, BoxTree};
+use crate::topology::edges::EdgeTable;
 
 /// Maximum number of points taken along the border, beyond its vertices.
 const SAMPLE_LIMIT: f64 = 1e6;
@@ -40,8 +40,8 @@ pub struct BorderDeviation {
 
 /// The edges of a surface that have one face.
 pub fn border_of(surface: &Surface) -> Vec<[DVec3; 2]> {
-    let edges = EdgeTable::new(&surface.faces).boundary();
-    edges.into_iter().map(|edge| edge.map(|vertex| surface.position(vertex))).collect()
+    let edges = EdgeTable::of_whole(&surface.faces).boundary();
+    edges.into_iter().map(|edge| edge.map(|vertex| surface.positions[vertex])).collect()
 }
 
 /// Distances from the boundary edges `after` to the boundary edges `before`.

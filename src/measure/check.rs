@@ -15,18 +15,22 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::chart::{ChartCounts, count_charts};
-use super::edges::{EdgeTable, HalfEdge, repeats_vertex, vertices_of};
-use super::forest::DisjointSets;
 use super::surface::Surface;
 use super::tjunction::count_t_junctions;
+use crate::base::id::{TiSlice, TiVec};
 use crate::base::pool::in_parallel;
 use crate::geometry::boxtree::Bounds;
 use crate::geometry::triangle::is_flat;
-use crate::mesh::fold::are_folded;
+use crate::mesh::id::{Corner, FaceId};
+use crate::model::id::MeshVertex;
+use crate::topology::atlas::UvCounts;
+use crate::topology::count;
+use crate::topology::edges::{EdgeTable, repeats_vertex};
+use crate::topology::forest::DisjointSets;
 
 /// Distance within which a boundary vertex lies on a boundary edge, as a share of the bounding box's diagonal.
 pub const T_JUNCTION_TOLERANCE: f64 = 1e-6;
+
 /// Counts of a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct Check {
@@ -64,9 +68,14 @@ pub struct Check {
     pub euler: i64,
     /// Boundary vertices within [`T_JUNCTION_TOLERANCE`] of the inside of a boundary edge that they do not belong to.
     pub t_junctions: u64,
-    /// Counts of the texture atlas.
+    /// Triangles in texture space.
     #[serde(flatten)]
-    pub atlas: ChartCounts,
+    pub uv: UvCounts,
+    /// Sets of textured faces connected over edges that are no seams. An edge connects only if its two faces run along
+    /// it in opposite directions: otherwise one of them shows its back, and their signs cannot be compared.
+    pub charts: u64,
+    /// Edges of two faces whose texture coordinates (by value) or materials differ there.
+    pub seam_edges: u64,
 }
 
 /// Counts of a [welded](Surface::welded) surface; O(n log n).
@@ -74,44 +83,41 @@ pub struct Check {
 /// # Panics
 /// If a face refers to a vertex or a texture coordinate that does not exist, or with more than 2³² / 3 faces.
 pub fn check(surface: &Surface) -> Check {
-    let faces = &surface.faces;
-    let sound = |face: &[u32; 3]| !repeats_vertex(*face);
-    let mut used = vec![false; surface.positions.len()];
-    for &vertex in faces.iter().filter(|&face| sound(face)).flatten() {
-        used[vertex as usize] = true;
-    }
-    let used_positions = || surface.positions.iter().zip(&used).filter(|&(_, &used)| used).map(|(&p, _)| p);
-    let bounds = Bounds::around(used_positions());
-    let largest = bounds.low.abs().max(bounds.high.abs()).max_element();
-    let vertices = used.iter().filter(|&&used| used).count() as u64;
-    let face_count = faces.iter().filter(|&face| sound(face)).count() as u64;
-
-    let edges = EdgeTable::new(faces);
-    let topology = count_topology(surface, &edges);
+    let edges = EdgeTable::of_whole(&surface.faces);
+    let counted = count(surface, &edges, |_, _| {});
+    let counts = counted.counts.finished();
+    let used = surface.positions.iter().zip(&counted.vertices).filter(|(_, at)| at.is_used());
+    let bounds = Bounds::around(used.map(|(&position, _)| position));
+    drop(counted);
     let boundary = edges.boundary();
-    let atlas = count_charts(surface, &edges);
+    let non_manifold_vertices = count_non_manifold_vertices(surface, &edges);
+    let single_faces = count_single_faces(&surface.faces, &edges);
     drop(edges);
+
+    let largest = bounds.low.abs().max(bounds.high.abs()).max_element();
+    let sound = || surface.faces.iter().filter(|face| !repeats_vertex(face));
+    let flat = sound().filter(|face| has_no_area(face.map(|vertex| surface.positions[vertex]), largest));
+    let topology = counts.topology;
     Check {
-        vertices,
-        faces: face_count,
-        unused_vertices: surface.positions.len() as u64 - vertices,
-        degenerate_faces: faces.len() as u64 - face_count,
-        zero_area_faces: faces
-            .iter()
-            .filter(|&face| sound(face) && has_no_area(face.map(|v| surface.position(v)), largest))
-            .count() as u64,
-        duplicate_faces: count_duplicates(faces),
-        boundary_edges: boundary.len() as u64,
-        boundary_loops: count_loops(surface.positions.len(), &boundary),
-        single_faces: topology.single_faces,
+        vertices: topology.vertices,
+        faces: topology.faces,
+        unused_vertices: surface.positions.len() as u64 - topology.vertices,
+        degenerate_faces: surface.faces.len() as u64 - topology.faces,
+        zero_area_faces: flat.count() as u64,
+        duplicate_faces: count_duplicates(sound().copied().collect()),
+        boundary_edges: topology.boundary_edges,
+        boundary_loops: topology.boundary_loops,
+        single_faces,
         non_manifold_edges: topology.non_manifold_edges,
         inconsistent_edges: topology.inconsistent_edges,
         folded_edges: topology.folded_edges,
-        non_manifold_vertices: topology.non_manifold_vertices,
+        non_manifold_vertices,
         components: topology.components,
-        euler: vertices as i64 - topology.edges as i64 + face_count as i64,
+        euler: topology.euler,
         t_junctions: count_t_junctions(&surface.positions, &boundary, T_JUNCTION_TOLERANCE * bounds.diagonal()),
-        atlas,
+        uv: counts.uv,
+        charts: topology.charts,
+        seam_edges: topology.seam_edges,
     }
 }
 
@@ -130,78 +136,38 @@ fn has_no_area([a, b, c]: [DVec3; 3], largest: f64) -> bool {
     is_flat((b - a).cross(c - a).length(), longest_sq, largest)
 }
 
-#[derive(Default)]
-struct EdgeCounts {
-    edges: u64,
-    single_faces: u64,
-    non_manifold_edges: u64,
-    inconsistent_edges: u64,
-    folded_edges: u64,
-    non_manifold_vertices: u64,
-    components: u64,
-}
-
-/// Whether the two faces of an edge are folded onto each other.
-fn is_fold(surface: &Surface, [a, b]: [HalfEdge; 2]) -> bool {
-    let third = |half: HalfEdge| surface.position(surface.faces[half.face()][(half.corner() + 2) % 3]);
-    are_folded([a.low(), a.high()].map(|v| surface.position(v)), [third(a), third(b)])
-}
-
-fn count_topology(surface: &Surface, edges: &EdgeTable) -> EdgeCounts {
+/// Vertices whose faces are not all connected over edges at the vertex.
+fn count_non_manifold_vertices(surface: &Surface, edges: &EdgeTable<MeshVertex>) -> u64 {
     let faces = &surface.faces;
-    let mut topology = EdgeCounts::default();
-    let mut corners = DisjointSets::new(faces.len() * 3);
-    let mut pieces = DisjointSets::new(faces.len());
-    let mut open_edges = vec![0u8; faces.len()];
+    let mut fans = DisjointSets::new(faces.len() * 3);
     for edge in edges.iter() {
-        topology.edges += 1;
-        match edge {
-            [a] => open_edges[a.face()] += 1,
-            [a, b] => {
-                topology.inconsistent_edges += u64::from(a.runs_up(faces) == b.runs_up(faces));
-                topology.folded_edges += u64::from(is_fold(surface, [*a, *b]));
-            }
-            _ => topology.non_manifold_edges += 1,
-        }
-        let first = edge[0];
-        for &other in &edge[1..] {
-            pieces.join(first.face() as u32, other.face() as u32);
-            for (a, b) in first.corners(faces).into_iter().zip(other.corners(faces)) {
-                corners.join((first.face() * 3 + a) as u32, (other.face() * 3 + b) as u32);
-            }
+        let at_ends = |at: usize| edge[at].corners(faces).map(|corner| Corner::at(edge[at].face(), corner));
+        for other in 1..edge.len() {
+            at_ends(0).into_iter().zip(at_ends(other)).for_each(|(a, b)| fans.join(a, b));
         }
     }
-    topology.single_faces = open_edges.iter().filter(|&&count| count == 3).count() as u64;
-    let mut has_fan = vec![false; surface.positions.len()];
-    let mut has_two_fans = vec![false; surface.positions.len()];
-    for (face, vertices) in faces.iter().enumerate().filter(|&(_, &vertices)| !repeats_vertex(vertices)) {
-        topology.components += u64::from(pieces.is_root(face as u32));
-        for (corner, &vertex) in vertices.iter().enumerate() {
-            if corners.is_root((face * 3 + corner) as u32) {
-                has_two_fans[vertex as usize] |= has_fan[vertex as usize];
-                has_fan[vertex as usize] = true;
-            }
+    let mut fans_at: TiVec<MeshVertex, u8> = vec![0; surface.positions.len()].into();
+    for (face, vertices) in faces.iter_enumerated().filter(|(_, vertices)| !repeats_vertex(vertices)) {
+        for (_, &vertex) in vertices.iter().enumerate().filter(|&(at, _)| fans.is_root(Corner::at(face, at))) {
+            fans_at[vertex] = fans_at[vertex].saturating_add(1);
         }
     }
-    topology.non_manifold_vertices = has_two_fans.iter().filter(|&&two| two).count() as u64;
-    topology
+    fans_at.iter().filter(|&&fans| fans > 1).count() as u64
 }
 
-fn count_duplicates(faces: &[[u32; 3]]) -> u64 {
-    let mut sets: Vec<[u32; 3]> = faces.iter().copied().filter(|&face| !repeats_vertex(face)).collect();
-    sets.iter_mut().for_each(|set| set.sort_unstable());
-    in_parallel(|| sets.par_sort_unstable());
-    let before = sets.len();
-    sets.dedup();
-    (before - sets.len()) as u64
+/// Faces without neighbours.
+fn count_single_faces(faces: &TiSlice<FaceId, [MeshVertex; 3]>, edges: &EdgeTable<MeshVertex>) -> u64 {
+    let mut open_edges: TiVec<FaceId, u8> = vec![0; faces.len()].into();
+    edges.iter().filter(|edge| edge.len() == 1).for_each(|edge| open_edges[edge[0].face()] += 1);
+    open_edges.iter().filter(|&&count| count == 3).count() as u64
 }
 
-fn count_loops(vertex_count: usize, boundary: &[[u32; 2]]) -> u64 {
-    let mut loops = DisjointSets::new(vertex_count);
-    for &[a, b] in boundary {
-        loops.join(a, b);
-    }
-    vertices_of(boundary).into_iter().filter(|&vertex| loops.is_root(vertex)).count() as u64
+fn count_duplicates(mut faces: Vec<[MeshVertex; 3]>) -> u64 {
+    faces.iter_mut().for_each(|face| face.sort_unstable());
+    in_parallel(|| faces.par_sort_unstable());
+    let before = faces.len();
+    faces.dedup();
+    (before - faces.len()) as u64
 }
 
 /// A count that is worse after than before.
@@ -247,7 +213,7 @@ pub fn compare_checks(before: &Check, after: &Check) -> Vec<Regression> {
         ("degenerate faces", before.degenerate_faces, after.degenerate_faces),
         ("zero-area faces", before.zero_area_faces, after.zero_area_faces),
         ("duplicate faces", before.duplicate_faces, after.duplicate_faces),
-        ("folded texture triangles", before.atlas.folded_uv + resolved, after.atlas.folded_uv),
+        ("folded texture triangles", before.uv.folded_uv + resolved, after.uv.folded_uv),
     ])
 }
 

@@ -14,7 +14,7 @@
 //!    │                                                            ├───▶ texture
 //!    ├── seams: what both sides show ─────────────────────────────┘
 //!    ├── pinholes: what is seen through                       ──▶ pinholes
-//!    └── tally: edges, components, charts, shapes                     ──▶ topology, quality
+//!    └── topology: edges, components, charts, shapes                     ──▶ topology, quality
 //! ```
 //! Invariant: the numbers depend on the meshes, the number of samples and the seed. They depend on the memory budget
 //! only if an image does not fit it; such images are counted.
@@ -36,9 +36,6 @@ mod points;
 mod search;
 mod seams;
 mod slide;
-mod tally;
-mod tally_counts;
-mod cell_tally;
 #[cfg(test)]
 mod tests;
 mod texture;
@@ -52,11 +49,11 @@ use self::distribution::Distribution;
 pub use self::options::{CompareOptions, Resources, SAMPLES, Spread};
 use self::points::Sampling;
 use super::border::border_deviation;
-use super::figures::share;
 pub use super::figures::{
     BeforeAfter, Comparison, Distances, FarPoint, Geometry, Histogram, NormalAngles, Pinholes, Quality, ROUNDING_SHARE,
     SLIVER_REGULARITY, SeamFigures, Texture, TopologyCounts, VERSION, WORST_PLACES, WorstView,
 };
+use super::figures::{is_soup, share};
 use crate::base::pool::Pool;
 use crate::base::{Error, Findings, Progress, Result};
 use crate::os::system;
@@ -141,8 +138,8 @@ fn compare_in_cells(
     let texture = texture::compare([&before, &after], [&forward, &backward], limit, options, &mut findings, progress)?;
     let pinholes = pinholes::find(&before, &after, options.resources.work_bytes, progress)?;
     let geometry = geometry(&before, &after, &forward, &backward);
-    let topology = BeforeAfter { before: before.tallied.topology, after: after.tallied.topology };
-    let quality = BeforeAfter { before: before.tallied.quality, after: after.tallied.quality };
+    let topology = BeforeAfter { before: before.counts.topology, after: after.counts.topology };
+    let quality = BeforeAfter { before: Quality::of(&before.counts), after: Quality::of(&after.counts) };
     let mut warnings: Vec<String> = Vec::new();
     for (name, mesh) in NAMES.into_iter().zip([&before, &after]) {
         warnings.extend(mesh.findings.warnings().into_iter().map(|words| format!("{name}: {words}")));
@@ -186,10 +183,10 @@ fn geometry(before: &MeasuredMesh, after: &MeasuredMesh, forward: &Direction, ba
         rms: half(f.rms().powi(2), b.rms().powi(2)).sqrt(),
         ..distances(&both, worst, forward.cut + backward.cut, forward.bound.max(backward.bound))
     };
-    let volume = |mesh: &MeasuredMesh| (mesh.tallied.topology.boundary_edges == 0).then_some(mesh.volume);
+    let volume = |mesh: &MeasuredMesh| (mesh.counts.topology.boundary_edges == 0).then_some(mesh.volume);
     let volume = BeforeAfter { before: volume(before), after: volume(after) };
-    let has_borders = [before, after].iter().all(|mesh| !mesh.tallied.topology.is_soup());
-    let border = match (&before.tallied.border, &after.tallied.border) {
+    let has_borders = [before, after].iter().all(|mesh| !is_soup(&mesh.counts.topology));
+    let border = match (&before.border, &after.border) {
         (Some(old), Some(new)) if !old.is_empty() && has_borders => Some(border_deviation(old, new)),
         _ => None,
     };

@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use crate::base::json_path;
 use crate::measure::border::BorderDeviation;
+pub use crate::topology::counts::{MeshCounts, SLIVER_REGULARITY, TopologyCounts};
 
 /// Version of the JSON format.
 pub const VERSION: u32 = 1;
@@ -211,47 +212,15 @@ pub struct SeamFigures {
     pub outside_fraction: Option<f64>,
 }
 
-/// Counts after welding vertices at bit-identical positions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
-pub struct TopologyCounts {
-    /// Vertices that faces use.
-    pub vertices: u64,
-    /// Edges.
-    pub edges: u64,
-    /// Triangles, without those that repeat a vertex.
-    pub faces: u64,
-    /// Edges of one face.
-    pub boundary_edges: u64,
-    /// Sets of boundary edges connected through vertices.
-    pub boundary_loops: u64,
-    /// Edges of three or more faces.
-    pub non_manifold_edges: u64,
-    /// Edges of two faces that are folded onto each other, back to back.
-    pub folded_edges: u64,
-    /// Connected components: sets of faces connected over edges.
-    pub components: u64,
-    /// Vertices - edges + faces.
-    pub euler: i64,
-    /// Edges of two faces whose texture coordinates or materials differ there.
-    pub seam_edges: u64,
-    /// Sets of textured faces connected over edges that are no seams.
-    pub charts: u64,
-    /// Faces that repeat a vertex.
-    pub degenerate_faces: u64,
-}
-
 /// A mesh with at most this many open edges is not a soup, even if it has more open edges than triangles, as a square
 /// has.
 #[cfg(feature = "images")]
 const SOUP_EDGES: u64 = 100_000;
 
+/// Whether a mesh is a triangle soup: most triangles are connected to few others, so its open edges are no border.
 #[cfg(feature = "images")]
-impl TopologyCounts {
-    /// Whether the mesh is a triangle soup: most triangles are connected to few others, so its open edges are no
-    /// border.
-    pub(super) fn is_soup(&self) -> bool {
-        self.boundary_edges > SOUP_EDGES.max(self.faces)
-    }
+pub(super) fn is_soup(topology: &TopologyCounts) -> bool {
+    topology.boundary_edges > SOUP_EDGES.max(topology.faces)
 }
 
 /// Pinholes, in pixels per million of those inside the original's outline.
@@ -298,9 +267,20 @@ pub struct Quality {
     pub valence_regular_share: f64,
 }
 
-/// A triangle is a sliver if its regularity is below this (definition of Li, Jiang and Tang 2020): an isosceles one
-/// lower than about a quarter of its base.
-pub const SLIVER_REGULARITY: f64 = 0.5;
+impl Quality {
+    /// Means and shares of a whole mesh's counts.
+    pub(super) fn of(counts: &MeshCounts) -> Self {
+        let MeshCounts { topology, .. } = counts;
+        let share = |part: f64, of: u64| if of == 0 { 0.0 } else { part / of as f64 };
+        Self {
+            regularity_mean: share(counts.regularity_sum, topology.faces),
+            sliver_share: share(counts.slivers as f64, topology.faces),
+            valence_mean: share(2.0 * topology.edges as f64, topology.vertices),
+            valence_max: counts.valence_max,
+            valence_regular_share: share(counts.regular_vertices as f64, counts.inner_vertices),
+        }
+    }
+}
 
 /// `part` of `of`, as a share; 0 if `of` is 0.
 #[cfg(feature = "images")]

@@ -13,17 +13,14 @@
 //! bytes a face while it runs. Measuring is therefore for results and samples, not for inputs larger than memory.
 
 pub mod border;
-pub mod chart;
 pub mod check;
 #[cfg(feature = "images")]
 pub mod compare;
-pub mod edges;
 pub mod figures;
-pub mod forest;
 pub mod gauge;
 pub mod surface;
 pub mod tjunction;
 
 pub use border::{BorderDeviation, border_deviation, border_of};
 pub use check::{Check, Regression, check, compare_checks, compare_topology, weld_and_check};
-pub use surface::{NO_MATERIAL, Surface};
+pub use surface::Surface;

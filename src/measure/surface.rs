@@ -3,38 +3,37 @@
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::edges::repeats_vertex;
-use crate::base::id::TiSlice;
+use crate::base::id::{TiSlice, TiVec};
 use crate::base::pool::in_parallel;
 use crate::base::{Error, Result};
 use crate::file::PackedColumn;
 use crate::file::packed::Coordinates;
 use crate::geometry::position_key;
+use crate::mesh::id::FaceId;
+use crate::model::id::{MaterialId, MeshVertex, Texcoord};
 use crate::model::{Catalogue, Mesh, StoredMesh};
 use crate::partition::reading::triangulate_polygons;
+use crate::topology::cell::{Countable, shown_key};
+use crate::topology::edges::repeats_vertex;
 
-/// Marks a corner without texture coordinate.
-pub const NO_TEXCOORD: u32 = Mesh::NO_TEXCOORD;
-/// Marks a face without material.
-pub const NO_MATERIAL: u32 = u32::MAX;
 /// Records read at once.
 const WINDOW_RECORDS: u64 = 1 << 20;
 
 /// A mesh held in memory for measuring.
 ///
-/// The three face vectors are of one length; ids are indices of `positions` and `texcoords`.
+/// The three face vectors are of one length.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Surface {
     /// Position of each vertex, in the mesh's unit of length.
-    pub positions: Vec<DVec3>,
+    pub positions: TiVec<MeshVertex, DVec3>,
     /// Texture coordinates.
-    pub texcoords: Vec<DVec2>,
+    pub texcoords: TiVec<Texcoord, DVec2>,
     /// Vertices of each face, counter-clockwise.
-    pub faces: Vec<[u32; 3]>,
-    /// Texture coordinate of each corner, or [`NO_TEXCOORD`].
-    pub face_texcoords: Vec<[u32; 3]>,
-    /// Material of each face, or [`NO_MATERIAL`].
-    pub face_materials: Vec<u32>,
+    pub faces: TiVec<FaceId, [MeshVertex; 3]>,
+    /// Texture coordinate of each corner, or none.
+    pub face_texcoords: TiVec<FaceId, [Texcoord; 3]>,
+    /// Material of each face, or none.
+    pub face_materials: TiVec<FaceId, MaterialId>,
 }
 
 impl Surface {
@@ -51,14 +50,14 @@ impl Surface {
         }
         let mut surface = Self::default();
         for segment in mesh.position_columns() {
-            append_column(segment, &mut surface.positions)?;
+            append_column(segment, &mut surface.positions.raw)?;
         }
         for piece in &mesh.pieces {
-            append_column(&piece.texcoords, &mut surface.texcoords)?;
+            append_column(&piece.texcoords, &mut surface.texcoords.raw)?;
         }
-        surface.faces.reserve_exact(face_count as usize);
-        surface.face_texcoords.reserve_exact(face_count as usize);
-        surface.face_materials.reserve_exact(face_count as usize);
+        surface.faces.raw.reserve_exact(face_count as usize);
+        surface.face_texcoords.raw.reserve_exact(face_count as usize);
+        surface.face_materials.raw.reserve_exact(face_count as usize);
         let (mut bytes, mut block_faces) = (Vec::new(), Vec::new());
         for (piece, numbering) in mesh.pieces.iter().zip(mesh.numbering()?) {
             let file = piece.faces.open()?;
@@ -82,12 +81,11 @@ impl Surface {
                     }
                 }
                 let mut faces = block_faces.iter().map(|face| numbering.globalise(face)).collect();
-                triangulate_polygons(&mut faces, TiSlice::from_ref(&surface.positions));
+                triangulate_polygons(&mut faces, &surface.positions);
                 for face in &faces {
-                    surface.faces.push(face.vertices.map(|v| v.number()));
-                    surface.face_texcoords.push(face.texcoords.map(|t| t.number()));
-                    let material = catalogue.parts[face.part].material;
-                    surface.face_materials.push(material.map_or(NO_MATERIAL, |material| material.number()));
+                    surface.faces.push(face.vertices);
+                    surface.face_texcoords.push(face.texcoords);
+                    surface.face_materials.push(catalogue.parts[face.part].material.unwrap_or(MaterialId::NONE));
                 }
             }
         }
@@ -99,12 +97,12 @@ impl Surface {
     pub fn welded(&self) -> Self {
         let (positions, new_ids) = weld_positions(&self.positions);
         let mut welded = Self { positions, texcoords: self.texcoords.clone(), ..Self::default() };
-        welded.faces.reserve_exact(self.faces.len());
-        welded.face_texcoords.reserve_exact(self.faces.len());
-        welded.face_materials.reserve_exact(self.faces.len());
-        for (face, vertices) in self.faces.iter().enumerate() {
-            let vertices = vertices.map(|v| new_ids[v as usize]);
-            if !repeats_vertex(vertices) {
+        welded.faces.raw.reserve_exact(self.faces.len());
+        welded.face_texcoords.raw.reserve_exact(self.faces.len());
+        welded.face_materials.raw.reserve_exact(self.faces.len());
+        for (face, vertices) in self.faces.iter_enumerated() {
+            let vertices = vertices.map(|v| new_ids[v]);
+            if !repeats_vertex(&vertices) {
                 welded.faces.push(vertices);
                 welded.face_texcoords.push(self.face_texcoords[face]);
                 welded.face_materials.push(self.face_materials[face]);
@@ -112,10 +110,47 @@ impl Surface {
         }
         welded
     }
+}
 
-    /// Position of a vertex by its id.
-    pub fn position(&self, vertex: u32) -> DVec3 {
-        self.positions[vertex as usize]
+impl From<&Mesh> for Surface {
+    fn from(mesh: &Mesh) -> Self {
+        let faces = mesh.faces.len();
+        let texcoord =
+            |texcoord: u32| if texcoord == Mesh::NO_TEXCOORD { Texcoord::NONE } else { Texcoord::new(texcoord) };
+        let mut surface = Self {
+            positions: mesh.positions.iter().copied().map(DVec3::from_array).collect(),
+            texcoords: mesh.texcoords.iter().copied().map(DVec2::from_array).collect(),
+            faces: mesh.faces.iter().map(|face| face.map(MeshVertex::new)).collect(),
+            face_texcoords: mesh.face_texcoords.iter().map(|face| face.map(texcoord)).collect(),
+            face_materials: mesh.face_labels.iter().copied().map(MaterialId::new).collect(),
+        };
+        surface.face_texcoords.resize(faces, [Texcoord::NONE; 3]);
+        surface.face_materials.resize(faces, MaterialId::NONE);
+        surface
+    }
+}
+
+impl Countable for Surface {
+    type Vertex = MeshVertex;
+
+    fn positions(&self) -> &TiSlice<MeshVertex, DVec3> {
+        &self.positions
+    }
+
+    fn faces(&self) -> &TiSlice<FaceId, [MeshVertex; 3]> {
+        &self.faces
+    }
+
+    fn texcoords(&self, face: FaceId) -> [DVec2; 3] {
+        self.face_texcoords[face].map(|texcoord| texcoord.some().map_or(DVec2::NAN, |known| self.texcoords[known]))
+    }
+
+    fn shown(&self, face: FaceId, corner: usize) -> u64 {
+        shown_key(self.texcoords(face)[corner], self.face_materials[face])
+    }
+
+    fn is_shared(&self, _: MeshVertex) -> bool {
+        false
     }
 }
 
@@ -128,25 +163,21 @@ fn append_column<T: Coordinates>(column: &PackedColumn<T>, out: &mut Vec<T>) -> 
 }
 
 /// Distinct positions, and the new id of each old vertex.
-fn weld_positions(positions: &[DVec3]) -> (Vec<DVec3>, Vec<u32>) {
-    let mut keys: Vec<([u64; 3], u32)> = positions.iter().zip(0u32..).map(|(&p, id)| (position_key(p), id)).collect();
+fn weld_positions(positions: &TiSlice<MeshVertex, DVec3>) -> (TiVec<MeshVertex, DVec3>, TiVec<MeshVertex, MeshVertex>) {
+    let mut keys: Vec<([u64; 3], MeshVertex)> =
+        positions.iter_enumerated().map(|(id, &position)| (position_key(position), id)).collect();
     in_parallel(|| keys.par_sort_unstable());
-    let mut firsts = vec![0u32; positions.len()];
+    let mut firsts = TiVec::from(vec![MeshVertex::default(); positions.len()]);
     for group in keys.chunk_by(|a, b| a.0 == b.0) {
         for &(_, id) in group {
-            firsts[id as usize] = group[0].1;
+            firsts[id] = group[0].1;
         }
     }
     drop(keys);
-    let mut kept = Vec::with_capacity(positions.len());
-    for vertex in 0..positions.len() {
-        let first = firsts[vertex] as usize;
-        if first == vertex {
-            firsts[vertex] = kept.len() as u32;
-            kept.push(positions[vertex]);
-        } else {
-            firsts[vertex] = firsts[first];
-        }
+    let mut kept = TiVec::from(Vec::with_capacity(positions.len()));
+    for (vertex, &position) in positions.iter_enumerated() {
+        let first = firsts[vertex];
+        firsts[vertex] = if first == vertex { kept.push_and_get_key(position) } else { firsts[first] };
     }
     (kept, firsts)
 }
@@ -155,18 +186,12 @@ fn weld_positions(positions: &[DVec3]) -> (Vec<DVec3>, Vec<u32>) {
 pub(super) mod tests {
     use super::*;
     use crate::file::PackedWriter;
-    use crate::model::id::{FileId, MaterialId, PartId, PieceTexcoord, PieceVertex};
+    use crate::model::id::{FileId, PartId, PieceTexcoord, PieceVertex};
     use crate::model::{Face, FaceWriter, Part, StoredPiece};
 
     /// A surface without texture and materials.
     pub fn bare(positions: &[[f64; 3]], faces: &[[u32; 3]]) -> Surface {
-        Surface {
-            positions: positions.iter().map(|&p| p.into()).collect(),
-            texcoords: Vec::new(),
-            faces: faces.to_vec(),
-            face_texcoords: vec![[NO_TEXCOORD; 3]; faces.len()],
-            face_materials: vec![NO_MATERIAL; faces.len()],
-        }
+        Surface::from(&Mesh { positions: positions.to_vec(), faces: faces.to_vec(), ..Mesh::default() })
     }
 
     #[test]
@@ -178,7 +203,7 @@ pub(super) mod tests {
         );
         let welded = surface.welded();
         assert_eq!(welded.positions.len(), 3);
-        assert_eq!(welded.faces, [[0, 1, 2]]);
+        assert_eq!(welded.faces.raw, [[0, 1, 2].map(MeshVertex::new)]);
         assert_eq!(welded.face_materials.len(), 1);
     }
 
@@ -193,7 +218,7 @@ pub(super) mod tests {
             let mut texcoords = PackedWriter::create(&folder.join(format!("{name}.uv")), *b"texcoord").unwrap();
             texcoords.append(&[DVec2::X, DVec2::Y]).unwrap();
             let mut faces = FaceWriter::create(&folder.join(format!("{name}.faces"))).unwrap();
-            let of_face = [0, 1, NO_TEXCOORD].map(PieceTexcoord::new);
+            let of_face = [PieceTexcoord::new(0), PieceTexcoord::new(1), PieceTexcoord::NONE];
             let (vertices, part) = ([0, 1, 2].map(PieceVertex::new), PartId::new(part));
             faces.append(&[Face { vertices, texcoords: of_face, part, ..Face::default() }]).unwrap();
             StoredPiece {
@@ -212,10 +237,11 @@ pub(super) mod tests {
         let part = Part { file: FileId::new(0), object: None, group: None, material: Some(MaterialId::new(4)) };
         let catalogue = Catalogue { parts: vec![part].into(), ..Catalogue::default() };
         let surface = Surface::load(&store(folder.path(), 0), &catalogue).unwrap();
-        assert_eq!(surface.positions, [DVec3::X, DVec3::Y, DVec3::Z, DVec3::Z]);
-        assert_eq!(surface.faces, [[2, 0, 1], [3, 0, 1]]);
-        assert_eq!(surface.face_texcoords, [[0, 1, NO_TEXCOORD], [2, 3, NO_TEXCOORD]]);
-        assert_eq!(surface.face_materials, [4, 4]);
+        assert_eq!(surface.positions.raw, [DVec3::X, DVec3::Y, DVec3::Z, DVec3::Z]);
+        assert_eq!(surface.faces.raw, [[2, 0, 1], [3, 0, 1]].map(|face| face.map(MeshVertex::new)));
+        let none = Texcoord::NONE.number();
+        assert_eq!(surface.face_texcoords.raw, [[0, 1, none], [2, 3, none]].map(|face| face.map(Texcoord::new)));
+        assert_eq!(surface.face_materials.raw, [MaterialId::new(4); 2]);
     }
 
     #[test]

@@ -13,9 +13,11 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::edges::vertices_of;
+use crate::base::id::TiSlice;
 use crate::base::pool::in_parallel;
 use crate::geometry::boxtree::{Bounds, BoxTree};
+use crate::model::id::MeshVertex;
+use crate::topology::edges::vertices_of;
 
 /// Edges that a thread takes at a time.
 const EDGES_AT_ONCE: usize = 4096;
@@ -24,19 +26,19 @@ const SEARCH_MARGIN: f64 = 1.01;
 
 /// Number of vertices of the boundary edges that lie within `tolerance` (a length) of another boundary edge and, along
 /// it, farther than that from both of its ends. About O(n log n).
-pub fn count_t_junctions(positions: &[DVec3], boundary: &[[u32; 2]], tolerance: f64) -> u64 {
+pub fn count_t_junctions(positions: &TiSlice<MeshVertex, DVec3>, boundary: &[[MeshVertex; 2]], tolerance: f64) -> u64 {
     let vertices = vertices_of(boundary);
-    let tree = BoxTree::new(vertices.len(), |item| Bounds::around([positions[vertices[item as usize] as usize]]));
-    let search = |edges: &[[u32; 2]]| {
+    let tree = BoxTree::new(vertices.len(), |item| Bounds::around([positions[vertices[item as usize]]]));
+    let search = |edges: &[[MeshVertex; 2]]| {
         let mut found = Vec::new();
         for &[a, b] in edges {
-            let ends = [positions[a as usize], positions[b as usize]];
+            let ends = [positions[a], positions[b]];
             if ends[0].distance(ends[1]) <= 2.0 * tolerance {
                 continue; // too short to have an inside
             }
             tree.near_segment(ends, tolerance * SEARCH_MARGIN, |item| {
                 let vertex = vertices[item as usize];
-                if vertex != a && vertex != b && touches_inside(positions[vertex as usize], ends, tolerance) {
+                if vertex != a && vertex != b && touches_inside(positions[vertex], ends, tolerance) {
                     found.push(item);
                 }
             });
@@ -64,6 +66,7 @@ fn touches_inside(point: DVec3, [from, to]: [DVec3; 2], tolerance: f64) -> bool 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::id::TiVec;
     use proptest::prelude::*;
 
     proptest! {
@@ -72,11 +75,12 @@ mod tests {
             positions in prop::collection::vec(prop::array::uniform3(0i8..5), 20),
             edges in prop::collection::vec(prop::array::uniform2(0u32..20), 0..40),
         ) {
-            let positions: Vec<DVec3> = positions.into_iter().map(|p| DVec3::from(p.map(f64::from))).collect();
+            let positions: TiVec<_, _> = positions.into_iter().map(|p| DVec3::from(p.map(f64::from))).collect();
+            let edges: Vec<_> = edges.into_iter().map(|edge| edge.map(MeshVertex::new)).collect();
             let expected = vertices_of(&edges).into_iter().filter(|&v| {
                 edges.iter().any(|&edge| {
-                    let ends = edge.map(|end| positions[end as usize]);
-                    !edge.contains(&v) && touches_inside(positions[v as usize], ends, 1e-6)
+                    let ends = edge.map(|end| positions[end]);
+                    !edge.contains(&v) && touches_inside(positions[v], ends, 1e-6)
                 })
             });
             prop_assert_eq!(count_t_junctions(&positions, &edges, 1e-6), expected.count() as u64);
@@ -89,11 +93,11 @@ mod tests {
         // | | | | | |
         // -----------
         let count = 20_000u32;
-        let mut positions = vec![DVec3::ZERO, DVec3::X * f64::from(count + 1)];
-        let mut boundary = vec![[0, 1]];
+        let mut positions = TiVec::from(vec![DVec3::ZERO, DVec3::X * f64::from(count + 1)]);
+        let mut boundary = vec![[0, 1].map(MeshVertex::new)];
         for i in 1..=count {
-            positions.extend([DVec3::new(f64::from(i), 0.0, 0.0), DVec3::new(f64::from(i), 0.5, 0.0)]);
-            boundary.push([2 * i, 2 * i + 1]);
+            positions.raw.extend([DVec3::new(f64::from(i), 0.0, 0.0), DVec3::new(f64::from(i), 0.5, 0.0)]);
+            boundary.push([2 * i, 2 * i + 1].map(MeshVertex::new));
         }
         assert_eq!(count_t_junctions(&positions, &boundary, 1e-6), u64::from(count));
     }
@@ -101,6 +105,7 @@ mod tests {
     #[test]
     fn a_vertex_near_the_end_of_an_edge_is_none() {
         let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1e-7, 0.0, 0.0], [0.0, 1.0, 0.0]].map(DVec3::from);
-        assert_eq!(count_t_junctions(&positions, &[[0, 1], [2, 3]], 1e-6), 0);
+        let boundary = [[0, 1], [2, 3]].map(|edge| edge.map(MeshVertex::new));
+        assert_eq!(count_t_junctions(TiSlice::from_ref(&positions), &boundary, 1e-6), 0);
     }
 }

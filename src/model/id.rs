@@ -27,6 +27,8 @@ ids! {
     PartId;
     /// A material of the catalogue; that after the last stands for none where a value for each of them is kept.
     MaterialId;
+    /// A texture image of a mesh.
+    ImageId;
     /// The name of an object or group in the catalogue.
     NameId;
     /// An input file, in the order in which they are read.

@@ -7,13 +7,13 @@
 //! `threads` × 512 KiB of text, plus the length of a record longer than that.
 
 use std::path::PathBuf;
-use std::sync::Mutex;
 
 use super::obj::ObjSource;
 use super::ply::PlySource;
-use super::source::{CHUNK_BYTES, Counts, Cutter, MeshFormat, MeshSource};
-use crate::base::threads::start;
-use crate::base::{Error, Progress, Result, lock};
+use super::source::{CHUNK_BYTES, Counts, Cutter, MeshFormat, MeshSource, TEXT_BYTES_KEPT};
+use crate::base::ordered::map_in_order;
+use crate::base::recycled::Recycled;
+use crate::base::{Error, Progress, Result};
 use crate::file::packed::RecordBounds;
 
 /// Counts the contents of mesh files in one streaming pass. Given several files, also returns the bounding box of each.
@@ -47,48 +47,36 @@ pub fn count(inputs: &[PathBuf], threads: usize, progress: &dyn Progress) -> Res
     Ok((counts, boxes))
 }
 
-/// Counts of some files, and the bounding box of each.
-type FileCounts = (Counts, Vec<RecordBounds>);
-
-/// Counts the contents of files of one format.
-fn count_files<S: MeshSource>(inputs: &[PathBuf], threads: usize, progress: &dyn Progress) -> Result<FileCounts> {
-    let cutter = Mutex::new(Cutter::<S>::new(inputs, CHUNK_BYTES));
-    let outcomes: Vec<Result<FileCounts>> = std::thread::scope(|scope| {
-        let counting = || work(inputs, &cutter, progress);
-        let others: Vec<_> = (1..threads).filter_map(|_| start(scope, counting).ok()).collect();
-        let own = counting();
-        let others = others.into_iter().map(|worker| worker.join());
-        let others = others.map(|outcome| outcome.unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
-        std::iter::once(own).chain(others).collect()
-    });
-    let (mut counts, mut boxes) = (Counts::default(), vec![RecordBounds::default(); inputs.len()]);
-    for outcome in outcomes {
-        let (own, of_files) = outcome?;
-        counts.add(&own);
-        boxes.iter_mut().zip(&of_files).for_each(|(all, own)| all.merge(own));
-    }
-    Ok((counts, boxes))
-}
-
-fn work<S: MeshSource>(
+/// Counts the contents of files of one format, and returns the bounding box of each.
+fn count_files<S: MeshSource>(
     inputs: &[PathBuf],
-    cutter: &Mutex<Cutter<'_, S>>,
+    threads: usize,
     progress: &dyn Progress,
-) -> Result<FileCounts> {
+) -> Result<(Counts, Vec<RecordBounds>)> {
     let (mut counts, mut boxes) = (Counts::default(), vec![RecordBounds::default(); inputs.len()]);
-    let mut text = Vec::new();
-    loop {
-        let next = lock(cutter).next();
-        let Some((_, (file, cut))) = next else { return Ok((counts, boxes)) };
-        let mut cut = cut?;
-        // The boxes of a single file are not asked for.
-        let bounds = boxes.get_mut(file).filter(|_| inputs.len() > 1);
-        counts.add(&S::count(&inputs[file], &mut cut.chunk, bounds, &mut text)?);
-        progress.advance(cut.bytes);
-        if text.capacity() > 2 * CHUNK_BYTES as usize {
-            text = Vec::new();
-        }
-    }
+    let texts = Recycled::<Vec<u8>>::default();
+    map_in_order(
+        Cutter::<S>::new(inputs, CHUNK_BYTES),
+        threads,
+        threads * 2,
+        |(file, cut)| {
+            let (mut cut, mut bounds, mut text) = (cut?, RecordBounds::default(), texts.take());
+            // The boxes of a single file are not asked for.
+            let asked = Some(&mut bounds).filter(|_| inputs.len() > 1);
+            let own = S::count(&inputs[file], &mut cut.chunk, asked, &mut text)?;
+            if text.capacity() <= TEXT_BYTES_KEPT {
+                texts.give_back(text);
+            }
+            Ok((file, cut.bytes, own, bounds))
+        },
+        |(file, bytes, own, bounds)| {
+            counts.add(&own);
+            boxes[file].merge(&bounds);
+            progress.advance(bytes);
+            Ok(())
+        },
+    )?;
+    Ok((counts, boxes))
 }
 
 #[cfg(test)]

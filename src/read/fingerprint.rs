@@ -126,15 +126,15 @@ pub fn content_hashes(inputs: &[PathBuf], threads: usize, progress: &dyn Progres
     let mut hashes = vec![0; inputs.len()];
     for (format, range) in MeshFormat::runs(inputs)? {
         let (first, inputs) = (range.start, &inputs[range]);
-        let mut parts: Box<dyn FnMut() -> Option<Result<FilePart>> + Send> = match format {
+        let parts: Box<dyn Iterator<Item = Result<FilePart>> + Send> = match format {
             MeshFormat::Obj => {
-                let mut cutter = Cutter::<ObjSource>::new(inputs, CHUNK_BYTES);
-                Box::new(move || cutter.next().map(|(_, (file, cut))| cut.map(|cut| (file, cut.chunk.part()))))
+                let chunks = Cutter::<ObjSource>::new(inputs, CHUNK_BYTES);
+                Box::new(chunks.map(|(file, cut)| cut.map(|cut| (file, cut.chunk.part()))))
             }
             MeshFormat::Ply => Box::new(blocks(inputs)),
         };
         map_in_order(
-            std::iter::from_fn(&mut parts),
+            parts,
             threads,
             threads,
             |part| {
@@ -158,9 +158,9 @@ pub fn content_hashes(inputs: &[PathBuf], threads: usize, progress: &dyn Progres
 type FilePart = (usize, (Arc<OpenFile>, Range<u64>));
 
 /// Blocks of [`CHUNK_BYTES`] of some files, as a PLY is hashed.
-fn blocks(inputs: &[PathBuf]) -> impl FnMut() -> Option<Result<FilePart>> + Send {
+fn blocks(inputs: &[PathBuf]) -> impl Iterator<Item = Result<FilePart>> + Send {
     let (mut file_index, mut open): (usize, Option<(Arc<OpenFile>, u64)>) = (0, None);
-    move || {
+    std::iter::from_fn(move || {
         let path = inputs.get(file_index)?;
         let opened = match open.take() {
             Some(opened) => Ok(opened),
@@ -174,7 +174,7 @@ fn blocks(inputs: &[PathBuf]) -> impl FnMut() -> Option<Result<FilePart>> + Send
         });
         file_index += usize::from(open.is_none());
         Some(part)
-    }
+    })
 }
 
 /// Returns [`Error::Changed`] for a changed input file.

@@ -1,21 +1,15 @@
-//! Reads files of one format: workers parse chunks, one committer appends them in order.
+//! Reads files of one format: workers parse chunks, the calling thread appends them in order.
 //!
-//! Who holds what: a worker takes a ticket, then the next chunk from the cutter, so every chunk taken has a ticket and
-//! gets parsed. The committer waits only for the oldest chunk. Once that is committed, it returns the ticket, which
-//! carries the emptied buffers of the chunk. No worker holds the cutter while it waits for a ticket, so there is no
-//! deadlock.
+//! The buffers of a chunk are used again once it is appended.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-
-use crossbeam_channel::{Receiver, Sender, bounded, unbounded};
 
 use super::builder::FinishedFile;
 use super::parts::Labels;
-use super::source::{CHUNK_BYTES, Cut, CutOfInput, Cutter, FileCommit, MeshSource};
-use crate::base::threads::{at_least_one, start};
-use crate::base::{Error, Findings, Progress, Result, lock};
+use super::source::{Cutter, FileCommit, MeshSource, TEXT_BYTES_KEPT};
+use crate::base::ordered::map_in_order;
+use crate::base::recycled::Recycled;
+use crate::base::{Findings, Progress, Result};
 
 /// Resources that the scan may use; they do not change the result.
 #[derive(Debug, Clone, Copy)]
@@ -51,13 +45,6 @@ pub(super) struct FormatRun<'a> {
     pub(super) progress: &'a dyn Progress,
 }
 
-/// What a worker made of a chunk.
-struct ChunkResult<S: MeshSource> {
-    order: u64,
-    file_index: usize,
-    result: Result<(Cut<S::Chunk>, S::Parsed)>,
-}
-
 impl FormatRun<'_> {
     /// Reads the files, and passes each finished one to `keep` in order.
     ///
@@ -67,47 +54,24 @@ impl FormatRun<'_> {
         &self,
         labels: &mut Labels,
         findings: &mut Findings,
-        keep: impl FnMut(FinishedFile),
-    ) -> Result<()> {
-        let tickets_in_flight = self.options.chunks_in_flight.max(1);
-        let (return_ticket, tickets) = bounded(tickets_in_flight);
-        for _ in 0..tickets_in_flight {
-            // The channel has room for all tickets, and its other end lives in this scope.
-            let _ = return_ticket.send(S::Parsed::default());
-        }
-        let (send_outcome, outcomes) = unbounded();
-        let cutter = Mutex::new(Cutter::<S>::new(self.inputs, self.chunk_bytes));
-        std::thread::scope(|scope| {
-            let work_beside = |_| {
-                let (tickets, send_outcome, cutter) = (tickets.clone(), send_outcome.clone(), &cutter);
-                start(scope, move || work::<S>(self.inputs, cutter, &tickets, &send_outcome)).map(drop)
-            };
-            at_least_one((0..self.options.threads.clamp(1, tickets_in_flight)).map(work_beside))?;
-            drop((tickets, send_outcome));
-            self.commit_in_order::<S>(labels, findings, keep, outcomes, return_ticket)
-        })
-    }
-
-    /// Commits outcomes in order. Ends at the first error; the workers then end, too, since no tickets return.
-    fn commit_in_order<S: MeshSource>(
-        &self,
-        labels: &mut Labels,
-        findings: &mut Findings,
         mut keep: impl FnMut(FinishedFile),
-        outcomes: Receiver<ChunkResult<S>>,
-        return_ticket: Sender<S::Parsed>,
     ) -> Result<()> {
+        let (buffers, texts) = (Recycled::<S::Parsed>::default(), Recycled::<Vec<u8>>::default());
         let mut file: Option<S::Commit<'_>> = None;
-        let mut waiting: BTreeMap<u64, ChunkResult<S>> = BTreeMap::new();
-        let (mut next_order, mut finished_count) = (0, 0);
-        while finished_count < self.inputs.len() {
-            let Ok(outcome) = outcomes.recv() else {
-                return Err(Error::Limit("a worker of the scan ended early".into()));
-            };
-            waiting.insert(outcome.order, outcome);
-            while let Some(ChunkResult { file_index, result, .. }) = waiting.remove(&next_order) {
-                next_order += 1;
-                let (cut, mut parsed) = result?;
+        let in_flight = self.options.chunks_in_flight.max(1);
+        map_in_order(
+            Cutter::<S>::new(self.inputs, self.chunk_bytes),
+            self.options.threads.clamp(1, in_flight),
+            in_flight,
+            |(file_index, cut)| {
+                let (mut cut, mut parsed, mut text) = (cut?, buffers.take(), texts.take());
+                S::parse(&self.inputs[file_index], &mut cut.chunk, &mut parsed, &mut text)?;
+                if text.capacity() <= TEXT_BYTES_KEPT {
+                    texts.give_back(text);
+                }
+                Ok((file_index, cut, parsed))
+            },
+            |(file_index, cut, mut parsed)| {
                 let current = match &mut file {
                     Some(file) => file,
                     None => {
@@ -121,63 +85,11 @@ impl FormatRun<'_> {
                 self.progress.check_stopped()?;
                 if let Some(done) = file.take_if(|_| cut.is_last) {
                     keep(done.finish(labels, findings)?);
-                    finished_count += 1;
                 }
                 S::clear(&mut parsed);
-                // Fails once no worker is left, after the last chunk was taken.
-                let _ = return_ticket.send(parsed);
-            }
-        }
-        Ok(())
-    }
-}
-
-/// Parses chunks until none is left or the committer has stopped.
-fn work<S: MeshSource>(
-    inputs: &[PathBuf],
-    cutter: &Mutex<Cutter<'_, S>>,
-    tickets: &Receiver<S::Parsed>,
-    outcomes: &Sender<ChunkResult<S>>,
-) {
-    let mut text = Vec::new();
-    while let Ok(mut parsed) = tickets.recv() {
-        let next = lock(cutter).next();
-        let Some((order, (file_index, cut))) = next else { return };
-        let alarm = Alarm { order, file_index, outcomes };
-        let result = parse_cut::<S>(inputs, (file_index, cut), &mut parsed, &mut text).map(|cut| (cut, parsed));
-        drop(alarm);
-        if outcomes.send(ChunkResult { order, file_index, result }).is_err() {
-            return;
-        }
-        if text.capacity() > 2 * CHUNK_BYTES as usize {
-            text = Vec::new();
-        }
-    }
-}
-
-fn parse_cut<S: MeshSource>(
-    inputs: &[PathBuf],
-    (file_index, cut): CutOfInput<S>,
-    parsed: &mut S::Parsed,
-    text: &mut Vec<u8>,
-) -> Result<Cut<S::Chunk>> {
-    let mut cut = cut?;
-    S::parse(&inputs[file_index], &mut cut.chunk, parsed, text)?;
-    Ok(cut)
-}
-
-/// Wakes the committer if a worker panics, so that the panic ends the run instead of leaving the committer waiting.
-struct Alarm<'a, S: MeshSource> {
-    order: u64,
-    file_index: usize,
-    outcomes: &'a Sender<ChunkResult<S>>,
-}
-
-impl<S: MeshSource> Drop for Alarm<'_, S> {
-    fn drop(&mut self) {
-        if std::thread::panicking() {
-            let result = Err(Error::Limit("a worker of the scan panicked".into()));
-            let _ = self.outcomes.send(ChunkResult { order: self.order, file_index: self.file_index, result });
-        }
+                buffers.give_back(parsed);
+                Ok(())
+            },
+        )
     }
 }

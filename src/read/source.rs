@@ -98,7 +98,6 @@ pub(super) type CutOfInput<S> = (usize, Result<Cut<<S as MeshSource>::Chunk>>);
 pub(super) struct Cutter<'a, S> {
     inputs: &'a [PathBuf],
     chunk_bytes: u64,
-    order: u64,
     file_index: usize,
     open: Option<S>,
 }
@@ -106,25 +105,7 @@ pub(super) struct Cutter<'a, S> {
 impl<'a, S: MeshSource> Cutter<'a, S> {
     /// Creates a cutter at the start of the first file.
     pub(super) fn new(inputs: &'a [PathBuf], chunk_bytes: u64) -> Self {
-        Self { inputs, chunk_bytes, order: 0, file_index: 0, open: None }
-    }
-
-    /// Returns the next chunk and its index among all chunks; `None` after the last file. An empty file has one empty
-    /// chunk.
-    ///
-    /// # Errors
-    /// If a file cannot be opened or read; the cutter then continues with the next file.
-    pub(super) fn next(&mut self) -> Option<(u64, CutOfInput<S>)> {
-        let file_index = self.file_index;
-        let path = self.inputs.get(file_index)?;
-        let order = self.order;
-        self.order += 1;
-        let cut = self.cut(path);
-        if cut.as_ref().map_or(true, |cut| cut.is_last) {
-            self.file_index += 1;
-            self.open = None;
-        }
-        Some((order, (file_index, cut)))
+        Self { inputs, chunk_bytes, file_index: 0, open: None }
     }
 
     fn cut(&mut self, path: &Path) -> Result<Cut<S::Chunk>> {
@@ -133,6 +114,22 @@ impl<'a, S: MeshSource> Cutter<'a, S> {
             None => self.open.insert(S::open(path, self.chunk_bytes)?),
         };
         source.cut(path)
+    }
+}
+
+/// Returns the next chunk; `None` after the last file. An empty file has one empty chunk. After an error, which is that of
+/// a file that cannot be opened or read, the next file follows.
+impl<S: MeshSource> Iterator for Cutter<'_, S> {
+    type Item = CutOfInput<S>;
+
+    fn next(&mut self) -> Option<CutOfInput<S>> {
+        let file_index = self.file_index;
+        let cut = self.cut(self.inputs.get(file_index)?);
+        if cut.as_ref().map_or(true, |cut| cut.is_last) {
+            self.file_index += 1;
+            self.open = None;
+        }
+        Some((file_index, cut))
     }
 }
 
@@ -171,6 +168,8 @@ impl Counts {
     }
 }
 
+/// A buffer for the text of a chunk larger than this, in bytes, is freed instead of reused.
+pub(super) const TEXT_BYTES_KEPT: usize = 2 * CHUNK_BYTES as usize;
 /// Buffers of parsed records larger than this, in bytes, are freed instead of reused.
 pub(super) const KEPT_BYTES_MAX: usize = 4 << 20;
 

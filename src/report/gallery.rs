@@ -156,7 +156,7 @@ pub fn draw(
         let work_bytes = resources.work_bytes.saturating_sub(CANVAS_BYTES * canvases.len() as u64);
         let left = DrawResources { work_bytes, ..*resources };
         scene.triangles(&left, &mut |triangle| canvases.iter_mut().for_each(|canvas| canvas.draw(triangle)))?;
-        let developed = develop(&canvases, &scene.images().files, &left, findings)?;
+        let developed = develop(&canvases, &scene.images().files.raw, &left, findings)?;
         shots.extend(
             developed
                 .into_iter()

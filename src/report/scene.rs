@@ -18,11 +18,11 @@ use glam::DVec3;
 
 use crate::base::id::TiVec;
 use crate::base::{Findings, Result};
-use crate::image::textures::{NO_IMAGE, TextureImages};
+use crate::image::textures::TextureImages;
 use crate::measure::compare::cells::MeasuredMesh;
 use crate::mesh::FaceId;
 use crate::model::catalogue::MaterialDefinition;
-use crate::model::id::PartId;
+use crate::model::id::{ImageId, PartId};
 use crate::model::{Catalogue, StoredMesh};
 use crate::partition::{self, ClusterSource, PartitionOptions, TextureScale, cluster, heavy};
 use crate::render::{Paint, Triangle};
@@ -76,11 +76,11 @@ impl<'a> StoredScene<'a> {
     /// Finds the texture images; intermediate files go to `folder`.
     pub fn new(mesh: &'a StoredMesh, catalogue: &'a Catalogue, folder: &'a Path, findings: &mut Findings) -> Self {
         let images = TextureImages::find(catalogue, findings);
-        let paint = |(part, &image): (PartId, &u32)| match image {
-            NO_IMAGE => Paint::Colour(colour_of(catalogue, part)),
-            image => Paint::Image(image),
+        let paint = |(part, image): (PartId, &ImageId)| match image.some() {
+            Some(image) => Paint::Image(image.number()),
+            None => Paint::Colour(colour_of(catalogue, part)),
         };
-        let paints = catalogue.parts.keys().zip(&images.of_part).map(paint).collect();
+        let paints = images.of_part.iter_enumerated().map(paint).collect();
         Self { mesh, catalogue, folder, images, paints }
     }
 
@@ -162,9 +162,9 @@ impl Scene for MeasuredMesh {
         for cell in &self.cells {
             let view = cell.view()?;
             for (number, face) in view.faces.iter().enumerate() {
-                let paint = match face.image {
-                    NO_IMAGE => Paint::Colour(STONE),
-                    image => Paint::Image(image),
+                let paint = match face.image.some() {
+                    Some(image) => Paint::Image(image.number()),
+                    None => Paint::Colour(STONE),
                 };
                 let corners = view.triangle(number as u32).map(|corner| corner + view.origin);
                 draw(&Triangle { corners, texcoords: face.texcoords, paint });

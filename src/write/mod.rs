@@ -21,7 +21,6 @@
 //! # Files
 //! `write-faces.tmp`, `write-stars.tmp`, `write-normals.col` in the work folder, removed before [`write()`] returns.
 
-mod batches;
 mod companion;
 mod copy;
 mod grouping;

@@ -9,8 +9,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use drystone::base::{Progress, Silent};
 use drystone::measure::compare::{CompareOptions, Geometry, Resources, Spread, compare};
-use drystone::measure::surface::NO_TEXCOORD;
 use drystone::measure::{Check, Surface, compare_checks, compare_topology, weld_and_check};
+use drystone::model::id::{MaterialId, MeshVertex, Texcoord};
 use drystone::options::{Limits, SimplifyOptions, Target, Topology};
 use drystone::pipeline;
 use drystone::read::ScanOptions;
@@ -193,30 +193,29 @@ pub fn read(path: &Path) -> Mesh {
         textures: BTreeMap::new(),
         faces_with_normals: 0,
     };
-    let mut ids: BTreeMap<[u64; 3], u32> = BTreeMap::new();
+    let mut ids: BTreeMap<[u64; 3], MeshVertex> = BTreeMap::new();
     for model in &models {
         let part = &model.mesh;
         let mut local = Vec::new();
         for (i, p) in part.positions.chunks_exact(3).enumerate() {
             let position = DVec3::from_slice(p);
             let id = *ids.entry(position.to_array().map(|x| (x + 0.0).to_bits())).or_insert_with(|| {
-                surface.positions.push(position);
                 mesh.colours.extend(part.vertex_color.chunks_exact(3).nth(i).map(DVec3::from_slice));
-                surface.positions.len() as u32 - 1
+                surface.positions.push_and_get_key(position)
             });
             local.push(id);
         }
-        let texcoord_base = surface.texcoords.len() as u32;
+        let first = Texcoord::from(surface.texcoords.len());
         surface.texcoords.extend(part.texcoords.chunks_exact(2).map(DVec2::from_slice));
         surface.faces.extend(part.indices.chunks_exact(3).map(|f| [0, 1, 2].map(|k| local[f[k] as usize])));
         let count = part.indices.len() / 3;
         if part.texcoord_indices.is_empty() {
-            surface.face_texcoords.extend(vec![[NO_TEXCOORD; 3]; count]);
+            surface.face_texcoords.extend(vec![[Texcoord::NONE; 3]; count]);
         } else {
             let faces = part.texcoord_indices.chunks_exact(3);
-            surface.face_texcoords.extend(faces.map(|f| [0, 1, 2].map(|k| texcoord_base + f[k])));
+            surface.face_texcoords.extend(faces.map(|f| [0, 1, 2].map(|k| first.plus(f[k]))));
         }
-        let material = part.material_id.map_or(u32::MAX, |id| id as u32);
+        let material = part.material_id.map_or(MaterialId::NONE, MaterialId::from);
         surface.face_materials.extend(vec![material; count]);
         if let Some(material) = part.material_id.and_then(|id| materials.get(id)) {
             *mesh.materials.entry(material.name.clone()).or_default() += count as u64;
@@ -247,7 +246,7 @@ impl Mesh {
 
     /// Positions of the corners of each face.
     pub fn triangles(&self) -> impl Iterator<Item = [DVec3; 3]> {
-        self.surface.faces.iter().map(|face| face.map(|v| self.surface.position(v)))
+        self.surface.faces.iter().map(|face| face.map(|v| self.surface.positions[v]))
     }
 
     /// Ends of the edges with exactly one face, as bits, the lower end first.
@@ -255,7 +254,7 @@ impl Mesh {
         let mut uses: BTreeMap<[[u64; 3]; 2], u32> = BTreeMap::new();
         for face in &self.surface.faces {
             for k in 0..3 {
-                let mut ends = [face[k], face[(k + 1) % 3]].map(|v| bits(self.surface.position(v)));
+                let mut ends = [face[k], face[(k + 1) % 3]].map(|v| bits(self.surface.positions[v]));
                 ends.sort_unstable();
                 *uses.entry(ends).or_default() += 1;
             }
@@ -268,9 +267,9 @@ impl Mesh {
         let mut found: BTreeMap<[u64; 3], Vec<DVec2>> = BTreeMap::new();
         for (face, texcoords) in self.surface.faces.iter().zip(&self.surface.face_texcoords) {
             for (&v, &t) in face.iter().zip(texcoords) {
-                if t != NO_TEXCOORD {
-                    let here = found.entry(bits(self.surface.position(v))).or_default();
-                    let uv = self.surface.texcoords[t as usize];
+                if t != Texcoord::NONE {
+                    let here = found.entry(bits(self.surface.positions[v])).or_default();
+                    let uv = self.surface.texcoords[t];
                     if !here.contains(&uv) {
                         here.push(uv);
                     }

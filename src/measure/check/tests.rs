@@ -2,6 +2,7 @@ use std::collections::BTreeSet;
 
 use super::super::surface::tests::bare;
 use super::*;
+use crate::model::id::{MaterialId, Texcoord};
 use proptest::prelude::*;
 
 //       3
@@ -148,7 +149,7 @@ fn only_what_is_worse_is_new() {
 
 /// Counts by looking at everything for everything.
 fn brute_force(faces: &[[u32; 3]]) -> Check {
-    let faces: Vec<_> = faces.iter().copied().filter(|&face| !repeats_vertex(face)).collect();
+    let faces: Vec<_> = faces.iter().copied().filter(|face| !repeats_vertex(face)).collect();
     let sides = |[a, b, c]: [u32; 3]| [[a, b], [b, c], [c, a]];
     let undirected = |[a, b]: [u32; 2]| [a.min(b), a.max(b)];
     let vertices: BTreeSet<u32> = faces.iter().flatten().copied().collect();
@@ -200,10 +201,11 @@ proptest! {
         let positions: Vec<_> = positions.into_iter().map(|p| p.map(f64::from)).collect();
         let mut surface = bare(&positions, &faces);
         surface.texcoords = (0..5).map(|i| glam::DVec2::new(f64::from(i % 2), f64::from(i / 2))).collect();
-        surface.face_texcoords = texcoords[..faces.len()].to_vec();
+        surface.face_texcoords = texcoords[..faces.len()].iter().map(|face| face.map(Texcoord::new)).collect();
         for surface in [surface.welded(), surface] {
             let counts = check(&surface);
-            let expected = brute_force(&surface.faces);
+            let faces: Vec<_> = surface.faces.iter().map(|face| face.map(MeshVertex::number)).collect();
+            let expected = brute_force(&faces);
             let topology_of = |c: &Check| Check {
                 vertices: c.vertices,
                 faces: c.faces,
@@ -235,4 +237,84 @@ fn faces_that_lie_on_each_other_are_folded() {
         check(&bare(&positions, &[[0, 1, 2], [1, 0, 3]])).folded_edges
     };
     assert_eq!([folded(0.05, 1.0), folded(0.2, 1.0), folded(0.0, 0.3), folded(0.0, -1.0)], [1, 0, 1, 0]);
+}
+
+/// A strip of two faces with the given texture coordinates.
+fn strip(texcoords: &[[f64; 2]], face_texcoords: [[u32; 3]; 2], face_materials: [u32; 2]) -> Check {
+    // 2 - 3
+    // | \ |
+    // 0 - 1
+    let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
+    let mut surface = bare(&positions, &[[0, 1, 2], [2, 1, 3]]);
+    surface.texcoords = texcoords.iter().map(|&t| t.into()).collect();
+    surface.face_texcoords = face_texcoords.iter().map(|face| face.map(Texcoord::new)).collect();
+    surface.face_materials = face_materials.iter().copied().map(MaterialId::new).collect();
+    check(&surface)
+}
+
+const SQUARE: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
+
+#[test]
+fn a_flat_chart_has_no_fold() {
+    let counts = strip(&SQUARE, [[0, 1, 2], [2, 1, 3]], [0, 0]);
+    assert_eq!((counts.charts, counts.seam_edges), (1, 0));
+    assert_eq!(counts.uv, UvCounts { uv_positive: 2, ..UvCounts::default() });
+}
+
+#[test]
+fn a_triangle_turned_over_in_its_chart_is_folded() {
+    // the last corner lies on the near side of the diagonal: the second triangle covers part of the first one
+    // 2
+    // |'.\
+    // | 3 \
+    // 0 - - 1
+    let texcoords = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.3, 0.3]];
+    let counts = strip(&texcoords, [[0, 1, 2], [2, 1, 3]], [0, 0]);
+    assert_eq!((counts.charts, counts.uv.folded_uv, counts.uv.uv_negative), (1, 1, 1));
+}
+
+#[test]
+fn a_mirrored_chart_is_not_folded() {
+    // the second face has its own texture coordinates, in which left and right are exchanged
+    let texcoords = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [2.0, 0.0], [3.0, 1.0], [2.0, 1.0]];
+    let counts = strip(&texcoords, [[0, 1, 2], [3, 5, 4]], [0, 0]);
+    assert_eq!((counts.charts, counts.seam_edges, counts.uv.folded_uv), (2, 1, 0));
+    assert_eq!((counts.uv.uv_positive, counts.uv.uv_negative), (1, 1));
+}
+
+#[test]
+fn a_triangle_that_shows_its_back_is_in_a_chart_of_its_own() {
+    let mut surface =
+        bare(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]], &[[0, 1, 2], [1, 2, 3]]);
+    surface.texcoords = SQUARE.iter().map(|&t| t.into()).collect();
+    surface.face_texcoords = surface.faces.iter().map(|face| face.map(|v| Texcoord::new(v.number()))).collect();
+    let counts = check(&surface);
+    assert_eq!((counts.charts, counts.seam_edges, counts.uv.folded_uv), (2, 0, 0));
+    assert_eq!((counts.uv.uv_positive, counts.uv.uv_negative), (1, 1));
+}
+
+#[test]
+fn texture_coordinates_are_compared_by_value() {
+    let texcoords = [SQUARE[0], SQUARE[1], SQUARE[2], SQUARE[3], SQUARE[2], SQUARE[1]];
+    let counts = strip(&texcoords, [[0, 1, 2], [4, 5, 3]], [0, 0]);
+    assert_eq!((counts.charts, counts.seam_edges), (1, 0));
+}
+
+#[test]
+fn a_material_border_is_a_seam() {
+    let counts = strip(&SQUARE, [[0, 1, 2], [2, 1, 3]], [0, 1]);
+    assert_eq!((counts.charts, counts.seam_edges), (2, 1));
+}
+
+#[test]
+fn faces_without_texture_are_in_no_chart() {
+    let counts = strip(&SQUARE, [[0, 1, 2], [u32::MAX; 3]], [0, 0]);
+    assert_eq!((counts.charts, counts.seam_edges, counts.uv.uv_positive), (1, 1, 1));
+}
+
+#[test]
+fn a_triangle_on_a_line_of_texture_space_is_degenerate() {
+    let texcoords = [[0.1, 0.1], [0.2, 0.2], [0.7, 0.7], [0.9, 0.3]];
+    let counts = strip(&texcoords, [[0, 1, 2], [2, 1, 3]], [0, 0]);
+    assert_eq!((counts.uv.uv_degenerate, counts.uv.folded_uv), (1, 0));
 }

@@ -1,7 +1,7 @@
 //! A mesh prepared for measuring: cells of neighbouring triangles in one file, each with its search tree.
 //!
 //! ```text
-//! mesh files ── read ──▶ columns ── partition ──▶ clusters ── tree, tally ──▶ measure-cells.bin, counts
+//! mesh files ── read ──▶ columns ── partition ──▶ clusters ── tree, counts ──▶ measure-cells.bin, topology
 //!
 //! | header 64 B | cell 0: positions 24 B, pairs 64 B, tilted boxes 64 B, faces 40 B each, padded to 8 | cell 1 … |
 //! ```
@@ -18,9 +18,8 @@ use std::path::{Path, PathBuf};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
-use super::cell_tally::{CellTally, tally};
 use super::options::Resources;
-use super::tally::{Tallied, Tallies};
+use super::seams::{SeamEdges, SeamWriter};
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Permits, Progress, Result};
 use crate::file::RecordFile;
@@ -29,9 +28,10 @@ use crate::geometry::boxtree::Bounds;
 use crate::geometry::tilted::TiltedBox;
 use crate::geometry::triangle::{area, perimeter, texture_area};
 use crate::geometry::triangle_tree::{self, Answer, Pair, Question, Tree, TreeView};
-use crate::image::textures::{NO_IMAGE, TextureImages};
+use crate::image::textures::TextureImages;
 use crate::job::{InputFile, Manifest, Resume, WorkFolder};
 use crate::mesh::id::{FaceId, LocalVertex};
+use crate::model::id::ImageId;
 use crate::model::{Catalogue, StoredMesh};
 use crate::os::mmap::MappedRecords;
 use crate::partition::id::PartitionVertex;
@@ -39,6 +39,8 @@ use crate::partition::{self, ClusterSource, Partition, PartitionOptions, Texture
 use crate::partition::{cluster, heavy};
 use crate::read::InputChoice;
 use crate::read::{self, Scan};
+use crate::topology::cluster::ClusterCounts;
+use crate::topology::{Counter, MeshCounts, Topology, count_cluster};
 
 /// Memory of a face of a cell while the cell is built, in bytes.
 const FACE_BYTES: u64 = 400;
@@ -51,8 +53,8 @@ const BORDER_EDGE_BYTES: u64 = 600;
 pub struct CellFace {
     /// Indices of three vertices of the cell.
     pub vertices: [u32; 3],
-    /// Texture image of the mesh, or [`NO_IMAGE`].
-    pub image: u32,
+    /// Texture image of the mesh, or none.
+    pub image: ImageId,
     /// Texture coordinates, shifted by whole numbers so that the least lie between 0 and 1; zeros without a texture
     /// image.
     pub texcoords: [[f32; 2]; 3],
@@ -70,7 +72,7 @@ pub struct Cell {
     /// Sum of the lengths of their sides, in their order.
     pub side_length: f64,
     /// The texture images that its triangles show, ascending, each with the sum of the areas in texture space.
-    pub images: Vec<(u32, f64)>,
+    pub images: Vec<(ImageId, f64)>,
     positions: Segment<DVec3>,
     pairs: Segment<Pair>,
     tilted: Segment<TiltedBox>,
@@ -102,7 +104,11 @@ pub struct MeasuredMesh {
     /// Enclosed volume, if the mesh is closed.
     pub volume: f64,
     /// Counts.
-    pub tallied: Tallied,
+    pub counts: MeshCounts,
+    /// Edges of the border; `None` if there are too many for the budget.
+    pub border: Option<Vec<[DVec3; 2]>>,
+    /// Edges between faces that show different places of images.
+    pub seams: SeamEdges,
     /// The images that it shows.
     pub images: TextureImages,
     /// Findings of the scan: elements ignored, dropped or repaired.
@@ -153,12 +159,12 @@ struct Draft {
     side_length: f64,
     volume: f64,
     /// Area in texture space by texture image.
-    shown: BTreeMap<u32, f64>,
+    shown: BTreeMap<ImageId, f64>,
     positions: Vec<DVec3>,
     pairs: Vec<Pair>,
     tilted: Vec<TiltedBox>,
     faces: Vec<CellFace>,
-    tally: CellTally,
+    counts: ClusterCounts,
 }
 
 /// A mesh that was read and partitioned into cells.
@@ -230,8 +236,10 @@ impl MeasuredMesh {
             reference: reference.first().copied().unwrap_or(DVec3::ZERO),
         };
         let border_limit = (work_bytes / 4 / BORDER_EDGE_BYTES) as usize;
-        let mut tallies = Tallies::create(work.path(), &partition.faces.shared, partition.total_faces(), border_limit)?;
-        tallies.add_degenerate(dropped.get("degenerate_faces"));
+        let mut seams = SeamWriter::create(work.path())?;
+        let (shared, faces) = (&partition.faces.shared, partition.total_faces());
+        let mut counter = Counter::create(work.path(), shared, faces, border_limit, |edges| seams.push(edges))?;
+        counter.add_degenerate(dropped.get("degenerate_faces"));
         let mut writer = CellWriter::create(&work.path().join("measure-cells.bin"))?;
         let permits = Permits::new(work_bytes);
         progress.begin("prepare", partition.total_faces(), "faces");
@@ -247,26 +255,28 @@ impl MeasuredMesh {
             |draft| {
                 progress.advance(draft.faces.len() as u64);
                 progress.check_stopped()?;
-                tallies.push(writer.append(draft)?)
+                counter.push(writer.append(draft)?)
             },
         )?;
         for cluster in partition.clusters().filter(|&cluster| partition.weight(cluster).is_none()) {
             heavy::load_in_blocks(&partition, &mesh, &catalogue, &making.scale, cluster, |source| {
                 progress.advance(source.mesh.corners.len() as u64);
                 progress.check_stopped()?;
-                tallies.push(writer.append(making.draft(&source)?)?)
+                counter.push(writer.append(making.draft(&source)?)?)
             })?;
         }
         let (cells, volume) = writer.finish()?;
         let gather = |ids: &[PartitionVertex]| partition.numbering.positions.gather(ids);
-        let tallied = tallies.finish(gather)?;
+        let Topology { counts, border } = counter.finish(gather)?;
         partition.files().for_each(|path| _ = std::fs::remove_file(path));
         remove_columns(&mesh);
         Ok(Self {
             bounds: cells.iter().fold(Bounds::EMPTY, |all, cell| all.with(cell.bounds)),
             area: cells.iter().map(|cell| cell.area).sum(),
             volume,
-            tallied,
+            counts,
+            border,
+            seams: seams.finish()?,
             images,
             findings,
             cells,
@@ -317,7 +327,7 @@ impl Making<'_> {
             pairs,
             tilted,
             faces: Vec::with_capacity(order.len()),
-            tally: tally(source, self.catalogue, &self.images.of_part),
+            counts: count_cluster(source, self.catalogue, &self.images.of_part),
         };
         let mut bounds = Bounds::EMPTY;
         for face in order.into_iter().map(FaceId::new) {
@@ -336,12 +346,12 @@ impl Making<'_> {
     }
 
     /// Texture image and texture coordinates of a face.
-    fn texture(&self, source: &ClusterSource, face: FaceId) -> (u32, [[f32; 2]; 3]) {
-        let image = self.images.of_part[source.mesh.parts[face].index()];
+    fn texture(&self, source: &ClusterSource, face: FaceId) -> (ImageId, [[f32; 2]; 3]) {
+        let image = self.images.of_part[source.mesh.parts[face]];
         let [a, b, c] = source.mesh.uv_triangle(face);
         let low = a.min(b).min(c).floor();
-        if image == NO_IMAGE || !(a + b + c).is_finite() {
-            return (NO_IMAGE, [[0.0; 2]; 3]);
+        if image == ImageId::NONE || !(a + b + c).is_finite() {
+            return (ImageId::NONE, [[0.0; 2]; 3]);
         }
         (image, [a, b, c].map(|uv| (uv - low).as_vec2().to_array()))
     }
@@ -360,8 +370,8 @@ impl CellWriter {
         Ok(Self { path: path.to_owned(), file: RecordFile::create(path)?, cells: Vec::new(), volume: 0.0 })
     }
 
-    /// Writes a cell and returns its tally.
-    fn append(&mut self, draft: Draft) -> Result<CellTally> {
+    /// Writes a cell and returns what was counted of it.
+    fn append(&mut self, draft: Draft) -> Result<ClusterCounts> {
         let positions = self.put(&draft.positions)?;
         let pairs = self.put(&draft.pairs)?;
         let tilted = self.put(&draft.tilted)?;
@@ -380,7 +390,7 @@ impl CellWriter {
                 faces,
             });
         }
-        Ok(draft.tally)
+        Ok(draft.counts)
     }
 
     fn put<T: Pod>(&mut self, records: &[T]) -> Result<Segment<T>> {

@@ -15,11 +15,13 @@ use super::distribution::Distribution;
 use super::options::Resources;
 use super::texture_pair::TexturePair;
 use crate::base::error::escape_path;
+use crate::base::id::{TiSlice, TiVec};
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Permits, Progress, Result};
 use crate::file::Column;
 use crate::image::decode;
-use crate::image::textures::{NO_IMAGE, TextureImages};
+use crate::image::textures::TextureImages;
+use crate::model::id::ImageId;
 use crate::os::content::Content;
 
 /// Largest colour difference.
@@ -29,15 +31,18 @@ const PAIR_BYTES: u64 = 120;
 /// Minimum and maximum number of pairs in work; their indices have 32 bits.
 const ROUND_PAIRS: Range<u64> = 1 << 10..1 << 30;
 
+/// The texture images of a mesh, and their contents.
+pub type KnownImages<'a> = (&'a TextureImages, &'a TiSlice<ImageId, Option<Content>>);
+
 /// Pairs of points, and the texture images that they show.
 #[derive(Debug, Clone, Copy)]
 pub struct Pairs<'a> {
     /// The pairs.
     pub column: &'a Column<TexturePair>,
     /// Texture images of the point's mesh, and their contents.
-    pub own: (&'a TextureImages, &'a [Option<Content>]),
+    pub own: KnownImages<'a>,
     /// Texture images of the other point's mesh, and their contents.
-    pub other: (&'a TextureImages, &'a [Option<Content>]),
+    pub other: KnownImages<'a>,
 }
 
 /// Colour differences, and the number of images read for them.
@@ -167,8 +172,8 @@ fn questions(round: &[(usize, Range<u64>)], sets: &[Pairs], images: &Images) -> 
     for (set, range) in round {
         let [of_own, of_other] = &images.of_sets[*set];
         for (pair, place) in sets[*set].column.window(range.clone())?.iter().zip((first..).step_by(2)) {
-            if pair.image != NO_IMAGE && pair.other_image != NO_IMAGE {
-                let (image, other) = (of_own[pair.image as usize], of_other[pair.other_image as usize]);
+            if pair.image != ImageId::NONE && pair.other_image != ImageId::NONE {
+                let (image, other) = (of_own[pair.image], of_other[pair.other_image]);
                 questions.push(ColourQuery { image, place, texcoord: pair.texcoord });
                 questions.push(ColourQuery { image: other, place: place + 1, texcoord: pair.other_texcoord });
             }
@@ -183,7 +188,7 @@ fn questions(round: &[(usize, Range<u64>)], sets: &[Pairs], images: &Images) -> 
 struct Images<'a> {
     paths: Vec<&'a Path>,
     /// For each set, the image of each texture image of the points and of the other points.
-    of_sets: Vec<[Vec<u32>; 2]>,
+    of_sets: Vec<[TiVec<ImageId, u32>; 2]>,
 }
 
 impl<'a> Images<'a> {
@@ -191,7 +196,7 @@ impl<'a> Images<'a> {
         let mut by_content: BTreeMap<Content, u32> = BTreeMap::new();
         let mut by_path: BTreeMap<&'a Path, u32> = BTreeMap::new();
         let mut paths: Vec<&'a Path> = Vec::new();
-        let mut numbers = |(images, contents): (&'a TextureImages, &'a [Option<Content>])| -> Vec<u32> {
+        let mut numbers = |(images, contents): KnownImages<'a>| -> TiVec<ImageId, u32> {
             let mut number = |path: &'a Path, content: &Option<Content>| {
                 let next = paths.len() as u32;
                 let number = match content {
@@ -225,7 +230,7 @@ mod tests {
             writer.finish().unwrap()
         };
         let columns = [column("a", 5), column("b", 0), column("c", 4)];
-        let none = (&images, &[][..]);
+        let none = (&images, TiSlice::from_ref(&[]));
         let sets = columns.each_ref().map(|column| Pairs { column, own: none, other: none });
         assert_eq!(rounds(&sets, 4), [vec![(0, 0..4)], vec![(0, 4..5), (2, 0..3)], vec![(2, 3..4)]]);
         assert_eq!(rounds(&sets, 100), [vec![(0, 0..5), (2, 0..4)]]);

@@ -27,8 +27,8 @@ use crate::base::ordered::map_in_order;
 use crate::base::{Progress, Result};
 use crate::file::{Column, ColumnWriter};
 use crate::geometry::triangle::unit_normal;
-use crate::image::textures::NO_IMAGE;
 use crate::measure::figures::{FarPoint, WORST_PLACES};
+use crate::model::id::ImageId;
 
 /// Memory of a thread for each cell that it keeps open, and for its batch of points.
 const CELL_BYTES: u64 = 6 * MIB;
@@ -193,7 +193,7 @@ fn look_by_area(
                 closest: closest.position.to_array(),
                 image: own.image,
                 other_image: closest.image,
-                texcoord: if own.image == NO_IMAGE { [0.0; 2] } else { texcoord_at(&own.texcoords, weights) },
+                texcoord: if own.image == ImageId::NONE { [0.0; 2] } else { texcoord_at(&own.texcoords, weights) },
                 other_texcoord: closest.texcoord,
                 other_density: closest.density,
                 zero: 0,

@@ -16,93 +16,45 @@
 
 use std::path::Path;
 
-use bytemuck::{Pod, Zeroable};
 use glam::DVec2;
 
 use super::texture_pair::TexturePair;
 use crate::base::Result;
 use crate::base::chance;
 use crate::file::{Column, ColumnWriter};
-use crate::image::textures::NO_IMAGE;
-use crate::mesh::cluster::ClusterMesh;
-use crate::mesh::id::Wedge;
+use crate::topology::seam_edge::{EdgeTexture, SeamEdge};
 
 /// Maximum number of points on seams for each point by area.
 const SEAM_SHARE: f64 = 0.25;
 /// Edges and points that are in memory at once.
 const WINDOW_RECORDS: u64 = 1 << 14;
 
-/// Texture of a face along one of its edges.
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub struct EdgeTexture {
-    /// Texture image of the mesh, or [`NO_IMAGE`].
-    image: u32,
-    /// Texture coordinates at both ends, shifted by whole numbers so that the least lie between 0 and 1.
-    texcoords: [[f32; 2]; 2],
+/// Texture coordinate at a share of the way along an edge, between 0 and 1.
+fn texcoord_at(texture: &EdgeTexture, share: f64) -> [f32; 2] {
+    let [from, to] = texture.texcoords;
+    [0, 1].map(|axis| {
+        let at = f64::from(from[axis]) * (1.0 - share) + f64::from(to[axis]) * share;
+        (at - at.floor()) as f32
+    })
 }
 
-impl EdgeTexture {
-    /// Texture along the edge between two wedges of a face that shows `image`.
-    pub fn of(mesh: &ClusterMesh, wedges: [Wedge; 2], image: u32) -> Self {
-        let [from, to] = wedges.map(|wedge| mesh.wedge_uv[wedge]);
-        let low = from.min(to).floor();
-        if image == NO_IMAGE || !(from + to).is_finite() {
-            return Self { image: NO_IMAGE, texcoords: [[0.0; 2]; 2] };
-        }
-        Self { image, texcoords: [from, to].map(|uv| (uv - low).as_vec2().to_array()) }
-    }
-
-    /// The same edge from its other end.
-    pub fn reversed(self) -> Self {
-        let [from, to] = self.texcoords;
-        Self { texcoords: [to, from], ..self }
-    }
-
-    /// Texture coordinate at a share of the way, between 0 and 1.
-    fn at(&self, share: f64) -> [f32; 2] {
-        let [from, to] = self.texcoords;
-        [0, 1].map(|axis| {
-            let at = f64::from(from[axis]) * (1.0 - share) + f64::from(to[axis]) * share;
-            (at - at.floor()) as f32
-        })
-    }
-
-    /// Length in texture space.
-    fn length(&self) -> f64 {
-        let [from, to] = self.texcoords.map(|uv| DVec2::new(f64::from(uv[0]), f64::from(uv[1])));
-        from.distance(to)
-    }
+/// Length of an edge in texture space.
+fn texture_length(texture: &EdgeTexture) -> f64 {
+    let [from, to] = texture.texcoords.map(|uv| DVec2::new(f64::from(uv[0]), f64::from(uv[1])));
+    from.distance(to)
 }
 
-/// An edge of a seam.
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-#[repr(C)]
-pub struct SeamEdge {
-    /// Length in space.
-    pub length: f64,
-    /// Texture of the two faces, from the same end on.
-    pub sides: [EdgeTexture; 2],
-}
-
-impl SeamEdge {
-    /// The edge of two faces; `None` unless both show a texture image.
-    pub fn between(length: f64, sides: [EdgeTexture; 2]) -> Option<Self> {
-        let is_shown = sides.iter().all(|side| side.image != NO_IMAGE) && length > 0.0 && length.is_finite();
-        is_shown.then_some(Self { length, sides })
-    }
-
-    fn point(&self, share: f64) -> TexturePair {
-        let [own, other] = &self.sides;
-        TexturePair {
-            closest: [0.0; 3],
-            image: own.image,
-            other_image: other.image,
-            texcoord: own.at(share),
-            other_texcoord: other.at(share),
-            other_density: (other.length() / self.length) as f32,
-            zero: 0,
-        }
+/// The point at a share of the way along an edge.
+fn point(edge: &SeamEdge, share: f64) -> TexturePair {
+    let [own, other] = &edge.sides;
+    TexturePair {
+        closest: [0.0; 3],
+        image: own.image,
+        other_image: other.image,
+        texcoord: texcoord_at(own, share),
+        other_texcoord: texcoord_at(other, share),
+        other_density: (texture_length(other) / edge.length) as f32,
+        zero: 0,
     }
 }
 
@@ -164,7 +116,7 @@ impl SeamEdges {
         for range in self.edges.ranges(WINDOW_RECORDS) {
             for edge in self.edges.window(range)?.iter() {
                 while (part as f64) < count && place(part) < start + edge.length {
-                    points.push(edge.point(((place(part) - start) / edge.length).clamp(0.0, 1.0)));
+                    points.push(point(edge, ((place(part) - start) / edge.length).clamp(0.0, 1.0)));
                     part += 1;
                     if points.len() as u64 == WINDOW_RECORDS {
                         file.append(&points)?;
@@ -182,9 +134,10 @@ impl SeamEdges {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::id::ImageId;
 
     fn side(image: u32, from: [f32; 2], to: [f32; 2]) -> EdgeTexture {
-        EdgeTexture { image, texcoords: [from, to] }
+        EdgeTexture { image: ImageId::new(image), texcoords: [from, to] }
     }
 
     #[test]
@@ -201,7 +154,7 @@ mod tests {
         let points = points.window(0..points.len()).unwrap();
         // a thousand for each unit of length
         assert_eq!(points.len(), 7000);
-        assert_eq!(points.iter().filter(|point| point.image == 0).count(), 4000);
+        assert_eq!(points.iter().filter(|point| point.image == ImageId::new(0)).count(), 4000);
         for point in &points[..4000] {
             assert!((point.texcoord[1] - 2.0 * point.other_texcoord[1]).abs() < 1e-6);
         }
@@ -213,7 +166,7 @@ mod tests {
 
     #[test]
     fn a_side_without_image_makes_no_seam() {
-        let sides = [side(0, [0.0; 2], [1.0; 2]), side(NO_IMAGE, [0.0; 2], [0.0; 2])];
+        let sides = [side(0, [0.0; 2], [1.0; 2]), side(u32::MAX, [0.0; 2], [0.0; 2])];
         assert!(SeamEdge::between(1.0, sides).is_none());
         assert!(SeamEdge::between(0.0, [sides[0]; 2]).is_none());
     }

@@ -27,7 +27,7 @@ use crate::geometry::boxtree::Bounds;
 use crate::geometry::closest_point;
 use crate::geometry::triangle::{area, barycentric, unit_normal};
 use crate::geometry::triangle_tree::Question;
-use crate::image::textures::NO_IMAGE;
+use crate::model::id::ImageId;
 
 /// Number of cells kept open at once.
 pub const VIEWS: usize = 4;
@@ -77,8 +77,8 @@ pub struct Closest {
     pub position: DVec3,
     /// Normal of the triangle; zero if it has no area.
     pub normal: DVec3,
-    /// Texture image of the triangle, or [`NO_IMAGE`].
-    pub image: u32,
+    /// Texture image of the triangle, or none.
+    pub image: ImageId,
     /// Texture coordinate of the point.
     pub texcoord: [f32; 2],
     /// Length in texture space per length in space.
@@ -288,7 +288,7 @@ impl<'a> Search<'a> {
             normal: unit_normal(triangle),
             image: face.image,
             texcoord: texcoord_at(&face.texcoords, weights),
-            density: if face.image == NO_IMAGE { 0.0 } else { density(triangle, &face.texcoords) },
+            density: if face.image == ImageId::NONE { 0.0 } else { density(triangle, &face.texcoords) },
         })
     }
 }

@@ -26,10 +26,12 @@ use super::cells::{CellView, MeasuredMesh};
 use super::distribution::Distribution;
 use super::options::Resources;
 use super::texture_pair::TexturePair;
+use crate::base::id::{TiSlice, TiVec};
 use crate::base::ordered::map_in_order;
 use crate::base::{Progress, Result};
 use crate::file::Column;
-use crate::image::textures::{NO_IMAGE, TextureImages};
+use crate::image::textures::TextureImages;
+use crate::model::id::ImageId;
 
 /// The original shows an image more than once if the triangles that show it cover more than this times its area.
 const SHOWN_MAX: f64 = 1.1;
@@ -86,27 +88,32 @@ pub struct Gaps {
 #[derive(Debug)]
 pub struct Atlas<'a> {
     original: &'a MeasuredMesh,
-    sources: &'a [Vec<u32>],
+    sources: &'a TiSlice<ImageId, Vec<ImageId>>,
     /// Whether each texture image that is asked for is shown more than once.
-    repeated: Vec<bool>,
+    repeated: TiVec<ImageId, bool>,
     limit: f64,
     resources: &'a Resources,
 }
 
 /// A point of an image: texture image and texture coordinate.
-type Texel = (u32, [f32; 2]);
+type Texel = (ImageId, [f32; 2]);
 
 impl<'a> Atlas<'a> {
     /// Prepares to locate texels; `sources` has, for each texture image that is asked for, the images of the original
     /// that it shows, ascending. No drift exceeds `limit` by much.
-    pub fn new(original: &'a MeasuredMesh, sources: &'a [Vec<u32>], limit: f64, resources: &'a Resources) -> Self {
-        let mut shown = vec![0.0; original.images.files.len()];
+    pub fn new(
+        original: &'a MeasuredMesh,
+        sources: &'a TiSlice<ImageId, Vec<ImageId>>,
+        limit: f64,
+        resources: &'a Resources,
+    ) -> Self {
+        let mut shown: TiVec<ImageId, f64> = vec![0.0; original.images.files.len()].into();
         for &(image, area) in original.cells.iter().flat_map(|cell| &cell.images) {
-            if let Some(sum) = shown.get_mut(image as usize) {
+            if let Some(sum) = shown.get_mut(image) {
                 *sum += area;
             }
         }
-        let area = |sources: &Vec<u32>| sources.iter().map(|&source| shown[source as usize]).sum::<f64>();
+        let area = |sources: &Vec<ImageId>| sources.iter().map(|&source| shown[source]).sum::<f64>();
         let repeated = sources.iter().map(|sources| area(sources) > SHOWN_MAX).collect();
         Self { original, sources, repeated, limit, resources }
     }
@@ -141,7 +148,7 @@ impl<'a> Atlas<'a> {
                 };
                 let length = DVec3::from(pair.closest).distance(place);
                 slides.lengths.add(length);
-                if let Some(side) = sizes.get(pair.other_image as usize).copied().flatten() {
+                if let Some(side) = sizes.get(pair.other_image).copied().flatten() {
                     slides.texels.add(length * f64::from(pair.other_density) * side);
                 }
             }
@@ -177,7 +184,7 @@ impl<'a> Atlas<'a> {
                     continue;
                 };
                 gaps.lengths.add(from.distance(to));
-                if let Some(side) = sizes.get(pair.other_image as usize).copied().flatten() {
+                if let Some(side) = sizes.get(pair.other_image).copied().flatten() {
                     gaps.texels.add(from.distance(to) * f64::from(pair.other_density) * side);
                 }
             }
@@ -191,20 +198,20 @@ impl<'a> Atlas<'a> {
     }
 
     /// Whether a texture image is one of the original's.
-    fn is_shown(&self, image: u32) -> bool {
-        image != NO_IMAGE && !self.sources[image as usize].is_empty()
+    fn is_shown(&self, image: ImageId) -> bool {
+        image != ImageId::NONE && !self.sources[image].is_empty()
     }
 
     /// Whether the original shows a texture image more than once.
-    fn is_repeated(&self, image: u32) -> bool {
-        self.repeated[image as usize]
+    fn is_repeated(&self, image: ImageId) -> bool {
+        self.repeated[image]
     }
 
     /// Positions of texels on the original; `None` for texels that lie in none of its charts, or in several.
     fn places(&self, texels: &[Texel], progress: &dyn Progress) -> Result<Vec<Option<DVec3>>> {
         let side = if self.original.images.files.len() > MANY_IMAGES { GRID_SIDE_OF_MANY } else { GRID_SIDE };
         let image_of = |texel: usize| texels[texel].0;
-        let is_asked = |image: u32| self.is_shown(image) && !self.is_repeated(image);
+        let is_asked = |image: ImageId| self.is_shown(image) && !self.is_repeated(image);
         let mut asked: Vec<usize> = (0..texels.len()).filter(|&texel| is_asked(image_of(texel))).collect();
         asked.sort_unstable_by_key(|&texel| (image_of(texel), texel));
         let groups: Vec<&[usize]> = asked.chunk_by(|&a, &b| image_of(a) == image_of(b)).collect();
@@ -218,7 +225,7 @@ impl<'a> Atlas<'a> {
             threads + 1,
             |group| {
                 let mut charts = Charts::new(group.iter().map(|&texel| place_in(texel)).collect(), side);
-                charts.draw(self.original, &self.sources[image_of(group[0]) as usize])?;
+                charts.draw(self.original, &self.sources[image_of(group[0])])?;
                 Ok((*group, charts))
             },
             |(group, charts)| {
@@ -233,7 +240,7 @@ impl<'a> Atlas<'a> {
 }
 
 /// Side of a square with as many pixels as each texture image has; `None` if the file is no image.
-fn sizes(images: &TextureImages) -> Vec<Option<f64>> {
+fn sizes(images: &TextureImages) -> TiVec<ImageId, Option<f64>> {
     let size = |(width, height): (u32, u32)| (f64::from(width) * f64::from(height)).sqrt();
     images.files.iter().map(|file| image::image_dimensions(&file.path).ok().map(size)).collect()
 }
@@ -271,8 +278,8 @@ impl Charts {
     }
 
     /// Draws the triangles of a mesh that show one of some texture images (ascending).
-    fn draw(&mut self, mesh: &MeasuredMesh, images: &[u32]) -> Result<()> {
-        let is_shown = |image: &u32| images.binary_search(image).is_ok();
+    fn draw(&mut self, mesh: &MeasuredMesh, images: &[ImageId]) -> Result<()> {
+        let is_shown = |image: &ImageId| images.binary_search(image).is_ok();
         for cell in mesh.cells.iter().filter(|cell| cell.images.iter().any(|(image, _)| is_shown(image))) {
             let view = cell.view()?;
             for face in 0..view.faces.len() as u32 {

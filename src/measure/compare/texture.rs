@@ -36,7 +36,7 @@ pub fn compare(
     let contents = [before, after].map(|mesh| mesh.images.contents());
     let [old, new] = [(&before.images, &*contents[0]), (&after.images, &*contents[1])];
     let count = options.spread.by_area().unwrap_or(SAMPLES);
-    let seam_points = |mesh: &MeasuredMesh| mesh.tallied.seams.points(mesh.folder(), count, options.seed ^ SEAM_SEED);
+    let seam_points = |mesh: &MeasuredMesh| mesh.seams.points(mesh.folder(), count, options.seed ^ SEAM_SEED);
     let [old_seams, new_seams] = [seam_points(before)?, seam_points(after)?];
     let sets = [
         Pairs { column: forward, own: new, other: old },
@@ -65,8 +65,8 @@ pub fn compare(
         outside_fraction: share_of_some(slides.outside, slides.textured - slides.repeated),
         repeated_fraction: share(slides.repeated, slides.points),
         untextured_fraction: share(slides.points - slides.textured, slides.points),
-        folded_triangles: after.tallied.folded,
-        folded_triangles_before: before.tallied.folded,
+        folded_triangles: after.counts.uv.folded_uv,
+        folded_triangles_before: before.counts.uv.folded_uv,
         seams: BeforeAfter {
             before: seams(before, across_old, &old_atlas.gaps(&old_seams, &before.images, progress)?),
             after: seams(after, across_new, &atlas.gaps(&new_seams, &after.images, progress)?),
@@ -83,7 +83,7 @@ fn share_of_some(part: u64, of: u64) -> Option<f64> {
 
 fn seams(mesh: &MeasuredMesh, across: &Distribution, gaps: &Gaps) -> SeamFigures {
     SeamFigures {
-        length: mesh.tallied.seams.length,
+        length: mesh.seams.length,
         colour_mean: across.mean(),
         colour_rms: across.rms(),
         gap_median: gaps.lengths.known(|lengths| lengths.quantile(0.5)),

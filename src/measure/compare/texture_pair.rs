@@ -2,6 +2,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use crate::model::id::ImageId;
+
 /// The texture at a point and at its closest point.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
@@ -9,9 +11,9 @@ pub struct TexturePair {
     /// The closest point.
     pub closest: [f64; 3],
     /// Texture image at the point, of the mesh that it lies on.
-    pub image: u32,
+    pub image: ImageId,
     /// Texture image at the closest point, of the other mesh.
-    pub other_image: u32,
+    pub other_image: ImageId,
     /// Texture coordinate at the point.
     pub texcoord: [f32; 2],
     /// Texture coordinate at the closest point.

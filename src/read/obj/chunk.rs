@@ -167,9 +167,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let inputs = [folder.path().join("a.obj")];
         fs::write(&inputs[0], text).unwrap();
-        let mut cutter = Cutter::<ObjSource>::new(&inputs, chunk_bytes);
         let (mut out, mut buffer) = (Vec::new(), Vec::new());
-        while let Some((_, (_, cut))) = cutter.next() {
+        for (_, cut) in Cutter::<ObjSource>::new(&inputs, chunk_bytes) {
             cut.unwrap().chunk.read(&inputs[0], &mut buffer).unwrap();
             out.push(String::from_utf8_lossy(&buffer).into_owned());
         }

@@ -21,10 +21,10 @@ use std::path::Path;
 
 use super::number::{put_f32, put_f64, put_four_decimals, put_u32};
 use crate::base::Result;
+use crate::base::ordered::map_within;
 use crate::file::{PackedColumn, Segment};
 use crate::model::Catalogue;
 use crate::model::id::{MeshVertex, NameId, PartId, Texcoord};
-use crate::write::batches::in_order;
 use crate::write::grouping::{Group, Grouping};
 use crate::write::normals::RoundedNormal;
 use crate::write::numbering::IdSet;
@@ -124,14 +124,14 @@ impl ObjText {
 
     fn blocks<I: Send>(
         &mut self,
-        runs: impl Iterator<Item = I>,
+        runs: impl Iterator<Item = I> + Send,
         memory_bytes: u64,
         format: impl Fn(I) -> Result<(Vec<u8>, u64)> + Sync,
     ) -> Result<()> {
-        in_order(
-            runs,
+        map_within(
             memory_bytes,
             |_| LINES_BYTES,
+            runs,
             format,
             |(text, non_finite)| {
                 self.non_finite += non_finite;
@@ -175,7 +175,7 @@ impl ObjText {
             let format = |Group { key, words: block }: Group<'_, PartPlace>| {
                 Ok((key, block.len() / words, face_lines(block, form)))
             };
-            in_order(blocks, memory_bytes, cost, format, |(place, face_count, text)| {
+            map_within(memory_bytes, cost, blocks, format, |(place, face_count, text)| {
                 let heading = labels.turn_to(order.part(place));
                 self.file.write(&heading)?;
                 self.file.write(&text)?;

@@ -7,11 +7,11 @@ mod number;
 use std::path::Path;
 
 use self::lines::ObjText;
-use super::batches::in_order;
 use super::grouping::Grouping;
 use super::normals::{PieceNormals, SharedNormals, piece_bytes, piece_normals};
 use super::order::PartPlace;
 use super::sink::{MeshSink, ResultMesh};
+use crate::base::ordered::map_within;
 use crate::base::{Error, Findings, Result};
 use crate::model::StoredPiece;
 use crate::model::corners::FaceReader;
@@ -77,10 +77,10 @@ impl Numberer<'_> {
         let ResultMesh { mesh, numbering, form, share: memory_bytes, .. } = *self.result;
         let mut reader = FaceReader::default();
         let mut normal_count = u64::from(self.shared.count);
-        in_order(
-            mesh.pieces.iter().zip(numbering),
+        map_within(
             memory_bytes,
             |(piece, _)| if form.normals { piece_bytes(piece) } else { 0 },
+            mesh.pieces.iter().zip(numbering),
             |(piece, ids)| match form.normals {
                 true => Ok((piece, ids, piece_normals(mesh, piece, self.shared)?)),
                 false => Ok((piece, ids, PieceNormals::default())),

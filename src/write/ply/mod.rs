@@ -19,7 +19,6 @@ use std::path::Path;
 use glam::{DVec2, DVec3};
 
 pub(super) use self::images::{PlyImages, stage_images, stage_whole_images};
-use super::batches::in_order;
 use super::grouping::{Group, Grouping};
 use super::numbering::IdSet;
 use super::order::PartPlace;
@@ -27,6 +26,7 @@ use super::result_file::ResultFile;
 use super::sink::{MeshSink, ResultMesh};
 use super::vertex_normals::{own_normals, own_normals_bytes, shared_normals};
 use crate::base::id::TiVec;
+use crate::base::ordered::map_within;
 use crate::base::{Findings, Result};
 use crate::file::float::fits_float;
 use crate::file::{PackedColumn, Segment};
@@ -102,10 +102,10 @@ impl PlySink {
     fn choose_form(&self, result: &ResultMesh<'_>) -> Result<VertexForm> {
         let (mut is_double, mut brightest): (bool, Option<f32>) = (false, None);
         let used = &result.usage.vertices;
-        in_order(
-            runs(result, false, &[]),
+        map_within(
             result.share,
             |_| BLOCK_BYTES,
+            runs(result, false, &[]),
             |run| {
                 let positions = run.positions.window(run.range.clone())?;
                 let first = run.first.plus(run.range.start as u32);
@@ -169,10 +169,10 @@ impl PlySink {
             let count = if form.texcoords { piece.texcoords.len() } else { 0 };
             piece.texcoords.window(0..count).map(TiVec::from)
         };
-        in_order(
-            mesh.pieces.iter().zip(numbering),
+        map_within(
             share,
             |(piece, _)| 16 * piece.texcoords.len(),
+            mesh.pieces.iter().zip(numbering),
             |(piece, ids)| Ok((piece, ids, texcoords(piece)?)),
             |(piece, ids, texcoords)| {
                 let mut record = Vec::with_capacity(words);
@@ -203,13 +203,13 @@ impl MeshSink for PlySink {
         self.file.write(&header)?;
         let shared = if self.form.has_normals { shared_normals(result.mesh)? } else { Vec::new() };
         let (form, used) = (self.form, &result.usage.vertices);
-        in_order(
-            runs(result, form.has_normals, &shared),
+        map_within(
             result.share,
             |run| match run.normals {
                 VertexNormals::Of(piece) => own_normals_bytes(piece) + 75 * piece.positions.len(),
                 _ => BLOCK_BYTES,
             },
+            runs(result, form.has_normals, &shared),
             |run| vertex_records(&run, result, form, used),
             |(records, non_finite, uncoloured)| {
                 self.non_finite += non_finite;
@@ -240,7 +240,7 @@ impl MeshSink for PlySink {
             let format = |Group { key, words: block }: Group<'_, PartPlace>| {
                 Ok((block.len() / words, face_records(block, words, image_of(key))))
             };
-            in_order(blocks, result.share, cost, format, |(face_count, records)| {
+            map_within(result.share, cost, blocks, format, |(face_count, records)| {
                 file.write(&records)?;
                 result.progress.advance(face_count as u64);
                 Ok(())
