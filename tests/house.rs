@@ -104,6 +104,54 @@ fn no_function_has_more_arguments_than_one_can_remember() {
     compare("many arguments", faults);
 }
 
+/// Visits the data-parallel loops of a file that are not within the arguments of `in_parallel`.
+struct LooseLoops {
+    found: Vec<String>,
+}
+
+impl<'ast> Visit<'ast> for LooseLoops {
+    fn visit_expr_call(&mut self, call: &'ast syn::ExprCall) {
+        let name =
+            |path: &syn::ExprPath, at: usize| path.path.segments.iter().nth(at).map(|part| part.ident.to_string());
+        if let syn::Expr::Path(path) = &*call.func {
+            if path.path.segments.last().is_some_and(|last| last.ident == "in_parallel") {
+                return;
+            }
+            if name(path, 0).is_some_and(|first| first == "rayon") {
+                self.found.push(name(path, 1).unwrap_or_default());
+            }
+        }
+        visit::visit_expr_call(self, call);
+    }
+
+    fn visit_expr_method_call(&mut self, call: &'ast syn::ExprMethodCall) {
+        let name = call.method.to_string();
+        if name.starts_with("par_") || name.starts_with("into_par_") {
+            self.found.push(name);
+        }
+        visit::visit_expr_method_call(self, call);
+    }
+}
+
+#[test]
+fn data_parallel_loops_run_in_the_pool_of_their_job() {
+    let mut faults = Faults::new();
+    for (module, file) in &Source::read().files {
+        if module.join("::") == "base::pool" {
+            continue;
+        }
+        let mut loops = LooseLoops { found: Vec::new() };
+        file.items.iter().for_each(|item| loops.visit_item(item));
+        faults.extend(loops.found.into_iter().map(|name| format!("{} {name}", file.path.display())));
+    }
+    compare("loop outside of in_parallel", faults);
+    let loose: syn::File =
+        syn::parse_str("fn f() { v.par_iter(); rayon::join(a, b); in_parallel(|| v.par_sort()); }").unwrap();
+    let mut loops = LooseLoops { found: Vec::new() };
+    loops.visit_file(&loose);
+    assert_eq!(loops.found, ["par_iter", "join"]);
+}
+
 #[test]
 fn no_file_is_longer_than_one_idea() {
     let source = Source::read();

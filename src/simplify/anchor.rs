@@ -94,7 +94,9 @@ impl Anchor {
             })
         };
         let count = self.faces.len();
-        if !in_parallel(|| runs(count).map_init(Scratch::default, cover_run).all(|is_found| is_found)) {
+        if !in_parallel(|| {
+            runs(count).par_iter().cloned().map_init(Scratch::default, cover_run).all(|is_found| is_found)
+        }) {
             return false;
         }
         let bound_run = |scratch: &mut Scratch, run: Range<usize>| {
@@ -108,7 +110,7 @@ impl Anchor {
             }
         };
         let count = mesh.corner_vertices.len();
-        in_parallel(|| runs(count).for_each_init(Scratch::default, bound_run));
+        in_parallel(|| runs(count).par_iter().cloned().for_each_init(Scratch::default, bound_run));
         for (kept, bound) in mesh.deviations.iter_mut().zip(bounds) {
             *kept = rounded_up(f64::from_bits(bound.into_inner()));
         }
@@ -117,9 +119,8 @@ impl Anchor {
 }
 
 /// The indices of `count` faces, in runs.
-fn runs(count: usize) -> impl ParallelIterator<Item = Range<usize>> {
-    let run = move |begin: usize| begin..(begin + RUN_FACES).min(count);
-    (0..count).into_par_iter().step_by(RUN_FACES).map(run)
+fn runs(count: usize) -> Vec<Range<usize>> {
+    (0..count).step_by(RUN_FACES).map(|begin| begin..(begin + RUN_FACES).min(count)).collect()
 }
 
 /// Triangles in a box tree.
