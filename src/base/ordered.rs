@@ -92,31 +92,122 @@ pub fn finish_in_order<T: Send, P: Send, R: Send>(
     finish: impl Fn(P) -> Result<R> + Sync,
     mut commit: impl FnMut(R) -> Result<()>,
 ) -> Result<()> {
-    let Crew { threads, finishers } = crew;
+    let places = in_flight.max(crew.threads).max(1);
+    let line = Line {
+        items: Mutex::new(items.enumerate()),
+        slots: (0..places).map(|_| Mutex::new(Slot::Empty)).collect(),
+        work,
+        finish,
+    };
+    run(&line, crew, places, &mut |place| commit(line.done(place)))
+}
+
+/// An item on its way.
+enum Slot<T, P, R> {
+    Empty,
+    Taken(T),
+    Worked(P),
+    Finished(R),
+}
+
+/// Items on their way; the next one takes the place of the one that was committed `slots.len()` items before.
+struct Line<I, T, P, R, W, F> {
+    items: Mutex<std::iter::Enumerate<I>>,
+    slots: Vec<Mutex<Slot<T, P, R>>>,
+    work: W,
+    finish: F,
+}
+
+impl<I, T, P, R, W, F> Line<I, T, P, R, W, F> {
+    fn slot(&self, place: usize) -> std::sync::MutexGuard<'_, Slot<T, P, R>> {
+        lock(&self.slots[place % self.slots.len()])
+    }
+
+    fn lift(&self, place: usize) -> Slot<T, P, R> {
+        std::mem::replace(&mut *self.slot(place), Slot::Empty)
+    }
+
+    /// The result of an item that is finished.
+    fn done(&self, place: usize) -> R {
+        let Slot::Finished(result) = self.lift(place) else { unreachable!("what is committed was finished") };
+        result
+    }
+}
+
+/// The steps of a loop, whatever its items are: each is named by its place. All loops share the code that runs them,
+/// which is long.
+trait Steps: Sync {
+    /// Takes the next item; `None` after the last.
+    fn take(&self) -> Option<usize>;
+
+    /// Computes.
+    fn work(&self, place: usize) -> Result<()>;
+
+    /// Waits for the disk.
+    fn finish(&self, place: usize) -> Result<()>;
+}
+
+impl<I, T, P, R, W, F> Steps for Line<I, T, P, R, W, F>
+where
+    I: Iterator<Item = T> + Send,
+    T: Send,
+    P: Send,
+    R: Send,
+    W: Fn(T) -> Result<P> + Sync,
+    F: Fn(P) -> Result<R> + Sync,
+{
+    fn take(&self) -> Option<usize> {
+        let mut items = lock(&self.items);
+        let (place, item) = items.next()?;
+        *self.slot(place) = Slot::Taken(item);
+        Some(place)
+    }
+
+    fn work(&self, place: usize) -> Result<()> {
+        let Slot::Taken(item) = self.lift(place) else { unreachable!("what is worked on was taken") };
+        let product = (self.work)(item)?;
+        *self.slot(place) = Slot::Worked(product);
+        Ok(())
+    }
+
+    fn finish(&self, place: usize) -> Result<()> {
+        let Slot::Worked(product) = self.lift(place) else { unreachable!("what is finished was worked on") };
+        let result = (self.finish)(product)?;
+        *self.slot(place) = Slot::Finished(result);
+        Ok(())
+    }
+}
+
+/// Commits an item that is finished.
+type Commit<'a> = &'a mut dyn FnMut(usize) -> Result<()>;
+
+/// How a step ended: a panic is caught, and passed on by the committer; otherwise workers that wait for room would wait
+/// forever.
+type Outcome = std::thread::Result<Result<()>>;
+
+fn run(steps: &dyn Steps, Crew { threads, finishers }: Crew, places: usize, commit: Commit<'_>) -> Result<()> {
     if threads <= 1 {
-        return alone(&mut items.enumerate(), work, finish, commit);
+        return alone(steps, commit);
     }
     let (stopped, finishing) = (AtomicBool::new(false), AtomicBool::new(false));
-    let items = Mutex::new(items.enumerate());
-    let (pending_sender, pending) = crossbeam_channel::unbounded::<(usize, P)>();
-    let (result_sender, results) = crossbeam_channel::unbounded::<(usize, std::thread::Result<Result<R>>)>();
+    let (pending_sender, pending) = crossbeam_channel::unbounded::<usize>();
+    let (result_sender, results) = crossbeam_channel::unbounded::<(usize, Outcome)>();
     let (credit_sender, credits) = crossbeam_channel::unbounded::<()>();
-    for _ in 0..in_flight.max(threads) {
+    for _ in 0..places {
         let _ = credit_sender.send(());
     }
     std::thread::scope(|scope| {
-        let (work, finish, stopped, finishing, items, credits) =
-            (&work, &finish, &stopped, &finishing, &items, &credits);
-        // Returns the next item once there is room for its result.
+        let (stopped, finishing, credits) = (&stopped, &finishing, &credits);
+        // Takes the next item once there is room for its result.
         let next = move || match credits.recv().is_ok() && !stopped.load(Ordering::Relaxed) {
-            true => lock(items).next(),
+            true => steps.take(),
             false => None,
         };
         let finish_beside = |_| {
             let (pending, result_sender) = (pending.clone(), result_sender.clone());
             let finisher = move || {
-                for (index, product) in pending {
-                    if result_sender.send((index, guarded(|| finish(product)))).is_err() {
+                for place in pending {
+                    if result_sender.send((place, guarded(|| steps.finish(place)))).is_err() {
                         break;
                     }
                 }
@@ -126,13 +217,11 @@ pub fn finish_in_order<T: Send, P: Send, R: Send>(
         let work_beside = |_| {
             let (pending_sender, result_sender) = (pending_sender.clone(), result_sender.clone());
             let worker = move || {
-                while let Some((index, item)) = next() {
-                    let is_wanted = match guarded(|| work(item)) {
-                        Ok(Ok(product)) if finishing.load(Ordering::Relaxed) => {
-                            pending_sender.send((index, product)).is_ok()
-                        }
-                        Ok(outcome) => result_sender.send((index, guarded(|| finish(outcome?)))).is_ok(),
-                        Err(panic) => result_sender.send((index, Err(panic))).is_ok(),
+                while let Some(place) = next() {
+                    let is_wanted = match guarded(|| steps.work(place)) {
+                        Ok(Ok(())) if finishing.load(Ordering::Relaxed) => pending_sender.send(place).is_ok(),
+                        Ok(Ok(())) => result_sender.send((place, guarded(|| steps.finish(place)))).is_ok(),
+                        fault => result_sender.send((place, fault)).is_ok(),
                     };
                     if !is_wanted {
                         break;
@@ -149,9 +238,9 @@ pub fn finish_in_order<T: Send, P: Send, R: Send>(
         is_working |= at_least_one((1..threads).map(work_beside)).is_ok();
         drop((pending_sender, pending, result_sender));
         if !is_working {
-            return alone(&mut *lock(items), work, finish, commit);
+            return alone(steps, commit);
         }
-        let outcome = commit_in_order(&results, &credit_sender, &mut commit);
+        let outcome = commit_in_order(&results, &credit_sender, commit);
         stopped.store(true, Ordering::Relaxed);
         drop(credit_sender);
         drop(results);
@@ -160,13 +249,36 @@ pub fn finish_in_order<T: Send, P: Send, R: Send>(
 }
 
 /// Does the same on the calling thread.
-fn alone<T, P, R>(
-    items: &mut impl Iterator<Item = (usize, T)>,
-    work: impl Fn(T) -> Result<P>,
-    finish: impl Fn(P) -> Result<R>,
-    mut commit: impl FnMut(R) -> Result<()>,
+fn alone(steps: &dyn Steps, commit: Commit<'_>) -> Result<()> {
+    while let Some(place) = steps.take() {
+        steps.work(place)?;
+        steps.finish(place)?;
+        commit(place)?;
+    }
+    Ok(())
+}
+
+fn guarded(step: impl FnOnce() -> Result<()>) -> Outcome {
+    catch_unwind(AssertUnwindSafe(step))
+}
+
+fn commit_in_order(
+    results: &crossbeam_channel::Receiver<(usize, Outcome)>,
+    credits: &crossbeam_channel::Sender<()>,
+    commit: Commit<'_>,
 ) -> Result<()> {
-    items.try_for_each(|(_, item)| commit(finish(work(item)?)?))
+    let mut early = BTreeMap::new();
+    let mut next = 0;
+    for (place, outcome) in results {
+        early.insert(place, outcome);
+        while let Some(outcome) = early.remove(&next) {
+            outcome.unwrap_or_else(|panic| resume_unwind(panic))?;
+            commit(next)?;
+            next += 1;
+            let _ = credits.send(());
+        }
+    }
+    Ok(())
 }
 
 /// Runs two functions in parallel, or one after the other if `threads` is 1.
@@ -187,29 +299,6 @@ pub fn both<A: Send, B>(threads: usize, first: impl FnOnce() -> A + Send, second
         };
         (first.expect("a task is done by the thread, or else here"), second)
     })
-}
-
-/// Catches a panic, which the committer propagates; otherwise workers that wait for room would wait forever.
-fn guarded<R>(step: impl FnOnce() -> Result<R>) -> std::thread::Result<Result<R>> {
-    catch_unwind(AssertUnwindSafe(step))
-}
-
-fn commit_in_order<R>(
-    results: &crossbeam_channel::Receiver<(usize, std::thread::Result<Result<R>>)>,
-    credits: &crossbeam_channel::Sender<()>,
-    commit: &mut impl FnMut(R) -> Result<()>,
-) -> Result<()> {
-    let mut early = BTreeMap::new();
-    let mut next = 0;
-    for (index, result) in results {
-        early.insert(index, result);
-        while let Some(result) = early.remove(&next) {
-            commit(result.unwrap_or_else(|panic| resume_unwind(panic))?)?;
-            next += 1;
-            let _ = credits.send(());
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]

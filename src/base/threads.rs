@@ -15,6 +15,13 @@ pub fn start<'scope, T: Send + 'scope>(
     scope: &'scope Scope<'scope, '_>,
     work: impl FnOnce() -> T + Send + 'scope,
 ) -> Result<ScopedJoinHandle<'scope, T>> {
+    start_boxed(scope, Box::new(work))
+}
+
+fn start_boxed<'scope, T: Send + 'scope>(
+    scope: &'scope Scope<'scope, '_>,
+    work: Box<dyn FnOnce() -> T + Send + 'scope>,
+) -> Result<ScopedJoinHandle<'scope, T>> {
     let refused = |e| Error::io(Path::new("a thread"), "start", e);
     #[cfg(test)]
     tests::give_one().map_err(refused)?;
