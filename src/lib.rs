@@ -25,7 +25,7 @@
 //! files ── read ──▶ columns ── partition ──▶ clusters ── simplify ──▶ clusters' ── repeat ──▶ … ── write ──▶ file
 //! ```
 
-// In the order in which the data flows; imports point up this list, which `tests/layering.rs` checks. What the
+// In the order in which the data flows; imports point up this list, which `tests/suite/layering.rs` checks. What the
 // documentation hides is no part of the interface: it is public for the program, its tests and the fuzz targets alone,
 // and changes without notice.
 

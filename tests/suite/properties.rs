@@ -1,7 +1,6 @@
 //! Random meshes under random options: nothing is torn, doubled or turned over that was whole before.
 
-mod meshes;
-
+use crate::meshes::{Sketch, noise};
 use drystone::base::Silent;
 use drystone::job::{Manifest, Resume, WorkFolder};
 use drystone::measure::{Check, Surface, check, compare_checks, compare_topology, weld_and_check};
@@ -11,7 +10,6 @@ use drystone::pipeline::simplify_in_passes;
 use drystone::read::{ScanOptions, scan};
 use drystone::remesh::cvd;
 use glam::{DVec2, DVec3};
-use meshes::{Sketch, noise};
 use proptest::prelude::*;
 
 /// What the command line would set, and clusters that it would call too small.
@@ -147,7 +145,7 @@ fn join_copies(sketch: &mut Sketch) {
     let mut first = std::collections::BTreeMap::new();
     for face in &mut sketch.faces {
         for (v, _) in face {
-            *v = *first.entry(meshes::bits(sketch.positions[*v])).or_insert(*v);
+            *v = *first.entry(crate::meshes::bits(sketch.positions[*v])).or_insert(*v);
         }
     }
 }
@@ -286,7 +284,7 @@ fn bounds() -> impl Strategy<Value = f64> {
 }
 
 proptest! {
-    #![proptest_config(meshes::cases(64, 2000))]
+    #![proptest_config(crate::meshes::cases(64, 2000))]
 
     #[test]
     fn a_grid_comes_out_as_whole_as_it_was(sketch in grids(), choice in choices()) {

@@ -1,12 +1,12 @@
 //! What `--topology` promises: with `simplify` any target is met, and nothing tears; with `keep` the surface stays what
 //! it was.
 
-mod meshes;
-
+use crate::meshes::{
+    Sketch, assert_sound, in_many_clusters, noise, ratio, read, simplify, simplify_text, terrain, torus,
+};
 use drystone::options::{Limits, SimplifyOptions, Target, Topology};
 use drystone::report::Status;
 use glam::DVec3;
-use meshes::{Sketch, assert_sound, in_many_clusters, noise, ratio, read, simplify, simplify_text, terrain, torus};
 use proptest::prelude::*;
 
 /// Hills with a hole of two triangles in every tenth row and column.
@@ -153,7 +153,7 @@ fn the_same_bytes_come_out_whatever_the_threads_and_the_memory() {
 
 #[test]
 fn far_targets_of_the_town_are_met_and_nothing_tears() {
-    let town = meshes::town();
+    let town = crate::meshes::town();
     for faces in [1000, 300, 100, 20, 2] {
         for options in [ratio(1.0), in_many_clusters(ratio(1.0))] {
             let run = simplify(&town, &SimplifyOptions { target: Target::faces(faces), ..options });
@@ -164,7 +164,7 @@ fn far_targets_of_the_town_are_met_and_nothing_tears() {
 }
 
 proptest! {
-    #![proptest_config(meshes::cases(24, 60))]
+    #![proptest_config(crate::meshes::cases(24, 60))]
 
     #[test]
     fn a_rip_closes_and_two_sheets_become_one(

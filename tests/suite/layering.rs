@@ -1,10 +1,8 @@
 //! Imports point up the list of modules in `src/lib.rs`, and no files import each other in a circle.
 
-mod source;
-
 use std::fs;
 
-use source::{ModulePath, Source, circles};
+use crate::source::{ModulePath, Source, circles};
 
 /// Names of the modules in `src/lib.rs`, in its order.
 fn modules(source: &Source) -> Vec<String> {

@@ -1,21 +1,19 @@
 //! The bytes of results change on purpose only: the hashes of these runs are kept in `results.txt`.
 //!
 //! A change that is meant to give other results renews them:
-//! `DRYSTONE_RENEW_RESULTS=1 cargo test --test results -- --test-threads 1`.
-
-mod meshes;
+//! `DRYSTONE_RENEW_RESULTS=1 cargo test --test suite results:: -- --test-threads 1`.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use crate::meshes::{
+    Sketch, contents, fixture, in_many_clusters, noise, ratio, simplify, simplify_text, terrain, torus, town,
+};
 use drystone::options::{
     Borders, Doubles, MetricChoice, Normals, Pieces, Seams, SimplifyOptions, Target, TextureFiles, Weld,
 };
 use glam::DVec3;
-use meshes::{
-    Sketch, contents, fixture, in_many_clusters, noise, ratio, simplify, simplify_text, terrain, torus, town,
-};
 use xxhash_rust::xxh3::Xxh3;
 
 /// The hashes that are kept, by the name of the run.
@@ -29,7 +27,7 @@ fn path() -> PathBuf {
 }
 
 /// The hash of all files of a run.
-fn hash_of(run: &meshes::Run) -> String {
+fn hash_of(run: &crate::meshes::Run) -> String {
     let mut hash = Xxh3::new();
     for (path, content) in contents(run.folder()) {
         let name = path.file_name().unwrap_or_default();
@@ -40,7 +38,7 @@ fn hash_of(run: &meshes::Run) -> String {
 }
 
 /// Compares runs with what is kept of them, or keeps them.
-fn compare(runs: Vec<(String, meshes::Run)>) {
+fn compare(runs: Vec<(String, crate::meshes::Run)>) {
     let mut kept = kept();
     if std::env::var_os("DRYSTONE_RENEW_RESULTS").is_some() {
         kept.extend(runs.iter().map(|(name, run)| (name.clone(), hash_of(run))));

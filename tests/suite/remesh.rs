@@ -1,14 +1,12 @@
 //! The mesh made anew by centroidal Voronoi cells: sound, the same whatever the machine has, and dense where it bends.
 
-mod meshes;
-
-use drystone::options::{Limits, MetricChoice, SimplifyOptions, Target};
-use drystone::remesh::cvd::CvdSettings;
-use glam::DVec2;
-use meshes::{
+use crate::meshes::{
     Run, Sketch, assert_sound, in_many_clusters, noise, ratio, read, rms_distance, simplify, simplify_text, terrain,
     torus, town,
 };
+use drystone::options::{Limits, MetricChoice, SimplifyOptions, Target};
+use drystone::remesh::cvd::CvdSettings;
+use glam::DVec2;
 
 fn remeshed(settings: &str, options: SimplifyOptions) -> SimplifyOptions {
     SimplifyOptions { remesh: Some(settings.parse().unwrap()), ..options }

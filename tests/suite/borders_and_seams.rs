@@ -1,9 +1,7 @@
 //! What is locked does not move, and what is closed stays closed.
 
-mod meshes;
-
+use crate::meshes::{assert_sound, in_many_clusters, ratio, read, simplify, simplify_text, torus, town};
 use drystone::options::{Borders, Seams, SimplifyOptions};
-use meshes::{assert_sound, in_many_clusters, ratio, read, simplify, simplify_text, torus, town};
 
 #[test]
 fn locked_seams_keep_every_vertex_and_its_texcoords() {

@@ -1,11 +1,9 @@
 //! The deviation that every run measures: near what a comparison finds, in one cluster and in many, and zero only where
 //! nothing moved.
 
-mod meshes;
-
+use crate::meshes::{Sketch, in_many_clusters, ratio, rms_distance, simplify, simplify_text, terrain, torus, town};
 use drystone::options::{SimplifyOptions, Target};
 use drystone::report::Report;
-use meshes::{Sketch, in_many_clusters, ratio, rms_distance, simplify, simplify_text, terrain, torus, town};
 
 fn measured(report: &Report) -> f64 {
     report.error.measured.expect("a result with faces is measured").rms

@@ -1,11 +1,9 @@
 //! `drystone compare` and `drystone simplify --measure` as a user runs them.
 
-mod meshes;
-
 use std::path::Path;
 use std::process::{Command, Output};
 
-use meshes::town;
+use crate::meshes::town;
 use serde_json::Value;
 
 fn drystone(arguments: &[&str]) -> Output {

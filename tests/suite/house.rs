@@ -3,17 +3,14 @@
 //! Prints every fault. A fault that is known and not mended yet is listed in `tests/house_debts.txt`, which may only
 //! shrink.
 
-mod source;
-mod words;
-
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-use source::{Source, SourceFile, is_for_tests};
+use crate::source::{Source, SourceFile, attributes_of, is_for_tests};
+use crate::words::PHRASES;
 use syn::spanned::Spanned;
 use syn::visit::{self, Visit};
-use words::PHRASES;
 
 /// Lines of a function, from its signature to its closing brace.
 const FUNCTION_LINES_MAX: usize = 80;
@@ -54,7 +51,7 @@ impl Functions<'_> {
 
 impl<'ast> Visit<'ast> for Functions<'_> {
     fn visit_item(&mut self, item: &'ast syn::Item) {
-        if !is_for_tests(source::attributes_of(item)) {
+        if !is_for_tests(attributes_of(item)) {
             visit::visit_item(self, item);
         }
     }

@@ -1,11 +1,9 @@
 //! Cutting a mesh into clusters costs no quality: the same error as in one cluster.
 
-mod meshes;
-
+use crate::meshes::{Mesh, in_many_clusters, noise, ratio, read, simplify, simplify_text, terrain, town};
 use drystone::geometry::boxtree::{Bounds, BoxTree};
 use drystone::geometry::closest_weights;
 use glam::DVec3;
-use meshes::{Mesh, in_many_clusters, noise, ratio, read, simplify, simplify_text, terrain, town};
 
 /// Samples of each surface.
 const SAMPLES: usize = 60_000;

@@ -1,11 +1,9 @@
 //! The same bytes whatever the machine has: threads and memory leave no trace in the result.
 
-mod meshes;
-
+use crate::meshes::{in_many_clusters, ratio, simplify, town};
 use drystone::cost::parameter::Parameter;
 use drystone::cost::{classic, curvature, oblique, sharpness, terrain, weights};
 use drystone::options::{Limits, MetricChoice, Seams, SimplifyOptions};
-use meshes::{in_many_clusters, ratio, simplify, town};
 
 fn files(options: &SimplifyOptions) -> Vec<Vec<u8>> {
     let run = simplify(&town(), options);

@@ -1,12 +1,10 @@
 //! Targets of open and broken meshes: a result is never below its target by more than one collapse, and above it only where
 //! the report says so.
 
-mod meshes;
-
+use crate::meshes::{Sketch, noise, ratio, rms_distance, simplify, simplify_text, town};
 use drystone::options::{FaceTarget, Limits, Pieces, SimplifyOptions, Target, Topology};
 use drystone::report::Status;
 use glam::DVec3;
-use meshes::{Sketch, noise, ratio, rms_distance, simplify, simplify_text, town};
 use proptest::prelude::*;
 
 /// A grid of columns × rows squares; `bump` is the height of its hills, `turn` bends it around an axis.
@@ -98,7 +96,7 @@ fn check_target(sketch: &Sketch, options: &SimplifyOptions) -> Result<(), TestCa
 }
 
 proptest! {
-    #![proptest_config(meshes::cases(64, 300))]
+    #![proptest_config(crate::meshes::cases(64, 300))]
 
     #[test]
     fn no_result_is_below_its_target_by_more_than_one_collapse(
@@ -121,7 +119,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(meshes::cases(3, 20))]
+    #![proptest_config(crate::meshes::cases(3, 20))]
 
     #[test]
     fn no_large_result_is_below_its_target(sketch in large_meshes(), power in -5.0..-0.3f64, cluster_faces in 5_000u64..120_000) {

@@ -1,18 +1,16 @@
 //! What lies where a job reads and writes: nothing of the user's is replaced, removed or taken for the job's own, and a
 //! result is one only with all of its files.
 
-mod meshes;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use crate::meshes::{contents, copy_town, in_many_clusters, ratio};
 use drystone::base::ErrorKind;
 use drystone::base::{Result, Silent};
 use drystone::options::{JobOptions, Limits, SimplifyOptions, Target, TextureFiles};
 use drystone::pipeline;
 use drystone::report::Report;
-use meshes::{contents, copy_town, in_many_clusters, ratio};
 
 /// A copy of the town in `in/`.
 struct Town {

@@ -1,12 +1,10 @@
 //! The pages: their links lead somewhere, their lines fit a screen, their words are plain.
 
-mod words;
-
 use std::collections::HashMap;
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
-use words::PHRASES;
+use crate::words::PHRASES;
 
 /// Columns of a line, at most.
 const COLUMNS: usize = 100;

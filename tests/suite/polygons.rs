@@ -1,12 +1,10 @@
 //! Polygons are cut the same way wherever a mesh is read: to be simplified, checked or inspected.
 
-mod meshes;
-
 use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
-use meshes::{cases, noise};
+use crate::meshes::{cases, noise};
 use proptest::prelude::*;
 use serde_json::Value;
 

@@ -1,14 +1,12 @@
 //! What a mesh in memory is promised: the same as one in a file.
 
-mod meshes;
-
 use std::path::Path;
 
+use crate::meshes::{cases, ratio, rms_distance, simplify, simplify_text, terrain, torus, town};
 use drystone::measure::{Surface, compare_checks, weld_and_check};
 use drystone::options::{MetricChoice, Seams, Topology};
 use drystone::{Error, Mesh, Progress, Result, Silent, SimplifyOptions, Target, simplify_mesh};
 use glam::DVec3;
-use meshes::{cases, ratio, rms_distance, simplify, simplify_text, terrain, torus, town};
 use proptest::prelude::*;
 
 /// An OBJ as a program reads it with tobj.
@@ -180,7 +178,7 @@ proptest! {
         let options = SimplifyOptions { target: Target::max_error(bound), ..ratio(1.0) };
         let (after, _) = simplify_mesh(&load(&path), &options, &Silent).unwrap();
         let again = simplify_text(&text_of(&after), &ratio(1.0));
-        let far = meshes::max_distance(&path, &again);
+        let far = crate::meshes::max_distance(&path, &again);
         prop_assert!(far <= bound * (1.0 + 1e-9), "{far} with a bound of {bound}");
     }
 }

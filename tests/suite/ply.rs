@@ -1,15 +1,13 @@
 //! PLY in and out: it says the same as an OBJ, in each encoding, and a job with it resumes like any other.
 
-mod meshes;
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::meshes::{StopAfter, contents, copy_town, in_many_clusters, ratio};
 use drystone::base::{Error, Progress, Silent};
 use drystone::options::SimplifyOptions;
 use drystone::pipeline;
-use meshes::{StopAfter, contents, copy_town, in_many_clusters, ratio};
 
 const ENCODINGS: [&str; 3] = ["ascii", "binary_little_endian", "binary_big_endian"];
 

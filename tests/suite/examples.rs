@@ -1,27 +1,25 @@
 //! The programs under `examples/` do what they say.
 
-mod meshes;
-
-#[path = "../examples/folder_of_tiles.rs"]
+#[path = "../../examples/folder_of_tiles.rs"]
 #[allow(dead_code, reason = "main is for people")]
 mod folder_of_tiles;
-#[path = "../examples/levels_of_detail.rs"]
+#[path = "../../examples/levels_of_detail.rs"]
 #[allow(dead_code, reason = "main is for people")]
 mod levels_of_detail;
-#[path = "../examples/mesh_in_memory.rs"]
+#[path = "../../examples/mesh_in_memory.rs"]
 #[allow(dead_code, reason = "main is for people")]
 mod mesh_in_memory;
-#[path = "../examples/one_file.rs"]
+#[path = "../../examples/one_file.rs"]
 #[allow(dead_code, reason = "main is for people")]
 mod one_file;
-#[path = "../examples/options_from_json.rs"]
+#[path = "../../examples/options_from_json.rs"]
 #[allow(dead_code, reason = "main is for people")]
 mod options_from_json;
 
 use std::sync::atomic::Ordering;
 
+use crate::meshes::{read, town};
 use drystone::Mesh;
-use meshes::{read, town};
 
 #[test]
 fn one_file_leaves_a_tenth() {
@@ -34,7 +32,7 @@ fn one_file_leaves_a_tenth() {
 #[test]
 fn a_folder_is_stopped_and_resumed() {
     let folder = tempfile::tempdir().unwrap();
-    meshes::copy_town(&folder.path().join("tiles"));
+    crate::meshes::copy_town(&folder.path().join("tiles"));
     let (tiles, output) = (folder.path().join("tiles"), folder.path().join("out/town.obj"));
     let log = folder_of_tiles::Log::default();
     log.stop.store(true, Ordering::Relaxed);

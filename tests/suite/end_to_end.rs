@@ -1,10 +1,8 @@
 //! Whole runs over the fixtures, through the library: what was asked for comes out, sound, and nothing is lost.
 
-mod meshes;
-
+use crate::meshes::{assert_sound, fixture, in_many_clusters, ratio, read, simplify, town};
 use drystone::options::{SimplifyOptions, Target};
 use drystone::report::Status;
-use meshes::{assert_sound, fixture, in_many_clusters, ratio, read, simplify, town};
 
 const MINIATURES: [&str; 12] = [
     "bow_tie",

@@ -1,12 +1,10 @@
 //! Real reconstructions and scans, where they are present: the folder `../shared` beside the checkout, or the one that
 //! the variable `DRYSTONE_SHARED` names.
 
-mod meshes;
-
 use std::path::{Path, PathBuf};
 
+use crate::meshes::{assert_sound, in_many_clusters, ratio, read, rms_distance, simplify};
 use drystone::options::{SimplifyOptions, Topology};
-use meshes::{assert_sound, in_many_clusters, ratio, read, rms_distance, simplify};
 
 fn mesh(name: &str) -> Option<PathBuf> {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");

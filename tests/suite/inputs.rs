@@ -1,10 +1,11 @@
 //! The ways in which exporters write one and the same mesh: it comes out the same.
 
-mod meshes;
-
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
+use crate::meshes::{
+    Mesh, Sketch, bits, fixture, in_many_clusters, ratio, read, simplify, simplify_text, terrain, torus, town,
+};
 use drystone::base::ErrorKind;
 use drystone::base::Silent;
 use drystone::measure::compare_checks;
@@ -15,9 +16,6 @@ use drystone::pipeline;
 use drystone::read::InputChoice;
 use drystone::report::Status;
 use glam::DVec3;
-use meshes::{
-    Mesh, Sketch, bits, fixture, in_many_clusters, ratio, read, simplify, simplify_text, terrain, torus, town,
-};
 
 /// Lines of the result that begin with a word.
 fn lines(text: &str, word: &str) -> Vec<String> {
