@@ -1,13 +1,17 @@
 //! Encodes values as bytes: bincode in its standard configuration, with a limit on allocations.
 //!
-//! A decoder takes counts from the bytes that it decodes. The limit grows with the number of bytes, so that a forged
-//! count ends in an error and not in a huge allocation.
+//! A decoder takes counts from the bytes that it decodes. The limit is lower for few bytes, so that a forged count ends in
+//! an error and not in a huge allocation.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// Smallest limit in bytes of memory per encoded byte: a varint of one byte may stand for eight.
+/// Bytes of memory per encoded byte: a varint of one byte may stand for eight.
 const GROWTH: usize = 16;
+/// Encoded bytes below which the lower limit holds.
+const FEW_BYTES: usize = 1 << 20;
+/// Limit of memory for any number of encoded bytes.
+const MOST_BYTES: usize = 4 << 30;
 
 /// Encodes a value.
 ///
@@ -23,12 +27,10 @@ pub fn encode<T: Serialize>(value: &T) -> Result<Vec<u8>, String> {
 /// A description of the fault if they are invalid or exceed the limit.
 pub fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {
     let config = bincode::config::standard();
-    const MIB: usize = 1 << 20;
-    let decoded = match bytes.len().saturating_mul(GROWTH) / MIB {
-        0 => bincode::serde::decode_from_slice(bytes, config.with_limit::<MIB>()),
-        1..16 => bincode::serde::decode_from_slice(bytes, config.with_limit::<{ 16 * MIB }>()),
-        16..256 => bincode::serde::decode_from_slice(bytes, config.with_limit::<{ 256 * MIB }>()),
-        _ => bincode::serde::decode_from_slice(bytes, config.with_limit::<{ 4096 * MIB }>()),
+    // The limit is part of the decoder's type, and the code of every decoded type stands in the program once for each.
+    let decoded = match bytes.len() {
+        0..FEW_BYTES => bincode::serde::decode_from_slice(bytes, config.with_limit::<{ GROWTH * FEW_BYTES }>()),
+        _ => bincode::serde::decode_from_slice(bytes, config.with_limit::<MOST_BYTES>()),
     };
     match decoded {
         Ok((value, used)) if used == bytes.len() => Ok(value),
