@@ -199,10 +199,7 @@ fn run(steps: &dyn Steps, Crew { threads, finishers }: Crew, places: usize, comm
     std::thread::scope(|scope| {
         let (stopped, finishing, credits) = (&stopped, &finishing, &credits);
         // Takes the next item once there is room for its result.
-        let next = move || match credits.recv().is_ok() && !stopped.load(Ordering::Relaxed) {
-            true => steps.take(),
-            false => None,
-        };
+        let next = move || if credits.recv().is_ok() && !stopped.load(Ordering::Relaxed) { steps.take() } else { None };
         let finish_beside = |_| {
             let (pending, result_sender) = (pending.clone(), result_sender.clone());
             let finisher = move || {

@@ -138,9 +138,10 @@ pub fn run(arguments: &CompareArguments) -> Result<u8> {
             ReportKind::Json => report::save_json(&comparison, path)?,
         }
     }
-    match json {
-        true => print_json(&comparison)?,
-        false => print(&table(&comparison))?,
+    if *json {
+        print_json(&comparison)?
+    } else {
+        print(&table(&comparison))?
     }
     Ok(0)
 }

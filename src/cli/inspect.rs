@@ -49,9 +49,10 @@ pub fn run(arguments: &InspectArguments) -> Result<u8> {
         outcome => outcome?,
     };
     drop(told);
-    match json {
-        true => print_json(&inspection)?,
-        false => print(&inspection.table())?,
+    if *json {
+        print_json(&inspection)?
+    } else {
+        print(&inspection.table())?
     }
     Ok(0)
 }

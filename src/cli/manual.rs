@@ -87,18 +87,16 @@ fn synopsis(command: &Command) -> String {
     let mut text = format!(".SH SYNOPSIS\n\\fB{}\\fR", roff(bin));
     for argument in command.get_arguments().filter(|argument| !argument.is_hide_set()) {
         let names = argument.get_value_names().unwrap_or_default();
-        let value = match argument.is_positional() || argument.get_action().takes_values() {
-            true => names.first().map(|name| format!("\\fI{}\\fR", roff(name))),
-            false => None,
+        let value = if argument.is_positional() || argument.get_action().takes_values() {
+            names.first().map(|name| format!("\\fI{}\\fR", roff(name)))
+        } else {
+            None
         };
         let flag = argument.get_long().map(|long| format!("\\fB\\-\\-{}\\fR", roff(long)));
         let words = [flag, value].into_iter().flatten().collect::<Vec<_>>().join(" ");
         let more =
             if argument.is_positional() && matches!(argument.get_action(), ArgAction::Append) { "..." } else { "" };
-        text += &match argument.is_required_set() {
-            true => format!(" {words}{more}"),
-            false => format!(" [{words}{more}]"),
-        };
+        text += &if argument.is_required_set() { format!(" {words}{more}") } else { format!(" [{words}{more}]") };
     }
     if command.has_subcommands() {
         text += " \\fICOMMAND\\fR";

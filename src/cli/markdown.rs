@@ -81,12 +81,11 @@ fn flag(argument: &Arg) -> String {
     let mut text = argument.get_short().map(|short| format!("`-{short}`, ")).unwrap_or_default();
     let _ = write!(text, "`--{}", argument.get_long().unwrap_or_default());
     if argument.get_action().takes_values() {
-        match choices(argument).is_empty() {
-            true => {
-                let names = argument.get_value_names().unwrap_or_default();
-                let _ = write!(text, " {}", names.first().map_or("VALUE", |name| name.as_str()));
-            }
-            false => text.push_str(" …"),
+        if choices(argument).is_empty() {
+            let names = argument.get_value_names().unwrap_or_default();
+            let _ = write!(text, " {}", names.first().map_or("VALUE", |name| name.as_str()));
+        } else {
+            text.push_str(" …")
         }
     }
     text + "`"

@@ -37,9 +37,10 @@ pub fn run(arguments: &PlanArguments) -> Result<u8> {
     if !arguments.quiet {
         report::warning_lines(&plan.warnings, "--json lists them").iter().for_each(|line| tell(line));
     }
-    match arguments.json {
-        true => print_json(&plan)?,
-        false => print(&plan.table())?,
+    if arguments.json {
+        print_json(&plan)?
+    } else {
+        print(&plan.table())?
     }
     plan.refuse_small_disk()?;
     Ok(0)

@@ -91,9 +91,10 @@ pub fn run(arguments: &StatusArguments) -> Result<u8> {
     }
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     let status = JobStatus::of(&look(&arguments.workdir)?, now);
-    match arguments.json {
-        true => print_json(&status)?,
-        false => print(&status.table(&arguments.workdir))?,
+    if arguments.json {
+        print_json(&status)?
+    } else {
+        print(&status.table(&arguments.workdir))?
     }
     Ok(0)
 }
@@ -111,11 +112,12 @@ fn finished(work: &Path) -> Option<PathBuf> {
 
 fn print_finished(work: &Path, output: &Path, as_json: bool) -> Result<u8> {
     let (folder, result) = (escape_path(work), escape_path(output));
-    match as_json {
-        true => print_json(&json!({ "running": false, "written": true, "output": result }))?,
-        false => print(&format!(
+    if as_json {
+        print_json(&json!({ "running": false, "written": true, "output": result }))?
+    } else {
+        print(&format!(
             "{folder}: finished: {result} is written, and the work folder was removed (--keep-work would keep it)\n"
-        ))?,
+        ))?
     }
     Ok(0)
 }
@@ -196,12 +198,12 @@ impl JobStatus {
 
     fn table(&self, path: &Path) -> String {
         let mut text = format!("{}: ", escape_path(path));
-        let _ = match self.running {
-            true => writeln!(text, "running for {} s (process {})", self.seconds_of_process, self.processes),
-            false if self.written => {
-                writeln!(text, "idle; the result is written; run the original command again to finish")
-            }
-            false => writeln!(text, "idle; run the original command again to resume"),
+        let _ = if self.running {
+            writeln!(text, "running for {} s (process {})", self.seconds_of_process, self.processes)
+        } else if self.written {
+            writeln!(text, "idle; the result is written; run the original command again to finish")
+        } else {
+            writeln!(text, "idle; run the original command again to resume")
         };
         if let Some(path) = &self.input {
             let more = match self.input_files {

@@ -148,12 +148,11 @@ impl SurfaceCost {
             if own.is_some_and(|own| spokes.iter().fold(false, |found, other| found | (differs(other, own) == 0))) {
                 continue;
             }
-            let kind = match is_crowded {
-                true => {
-                    let (few, many) = if rings.of(a).len() <= rings.of(b).len() { (a, b) } else { (b, a) };
-                    edge_kind(mesh, rings, few, many)
-                }
-                false => kind_among(spokes, spokes[i].pair_to_next(), b),
+            let kind = if is_crowded {
+                let (few, many) = if rings.of(a).len() <= rings.of(b).len() { (a, b) } else { (b, a) };
+                edge_kind(mesh, rings, few, many)
+            } else {
+                kind_among(spokes, spokes[i].pair_to_next(), b)
             };
             let weight = match kind {
                 EdgeKind::Inner => continue,

@@ -89,12 +89,12 @@ impl TextureImages {
         let sources = |(file, &content): (&TextureImage, &Option<Content>)| {
             let named = by_name.get(&*file.name).cloned().unwrap_or_default();
             let same = |&image: &ImageId| content.is_some() && contents[image] == content;
-            match named.iter().any(same) {
-                true => named.into_iter().filter(same).collect(),
-                false if named.is_empty() => {
-                    content.and_then(|content| by_content.get(&content).cloned()).unwrap_or_default()
-                }
-                false => named,
+            if named.iter().any(same) {
+                named.into_iter().filter(same).collect()
+            } else if named.is_empty() {
+                content.and_then(|content| by_content.get(&content).cloned()).unwrap_or_default()
+            } else {
+                named
             }
         };
         self.files.iter().zip(own).map(sources).collect()

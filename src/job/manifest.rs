@@ -132,9 +132,12 @@ impl Manifest {
             }
         };
         differ("the program", &self.program, &new.program);
-        let given = |manifest: &Self| match manifest.input_folders.as_os_str().is_empty() {
-            true => "files".to_owned(),
-            false => format!("in {}", manifest.input_folders.display()),
+        let given = |manifest: &Self| {
+            if manifest.input_folders.as_os_str().is_empty() {
+                "files".to_owned()
+            } else {
+                format!("in {}", manifest.input_folders.display())
+            }
         };
         differ("the input", &given(self), &given(new));
         match (fields(&self.options), fields(&new.options)) {

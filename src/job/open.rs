@@ -28,10 +28,11 @@ impl WorkFolder {
     /// or damaged.
     pub fn open(path: &Path, manifest: &Manifest, resume: Resume) -> Result<Self> {
         let is_new = !path.exists();
-        match is_new {
-            true if resume == Resume::Require => return Err(nothing_in(path, "is not there")),
-            true => {}
-            false => refuse_foreign(path)?,
+        if is_new && resume == Resume::Require {
+            return Err(nothing_in(path, "is not there"));
+        }
+        if !is_new {
+            refuse_foreign(path)?;
         }
         let mut folder = Self {
             path: path.to_owned(),
@@ -84,9 +85,10 @@ impl WorkFolder {
         };
         let path = self.path.join(MANIFEST);
         if !path.exists() {
-            return match self.path.join(JOURNAL).exists() {
-                true => self.damaged(MANIFEST, "it is gone".into()),
-                false => nothing("holds no job to resume"),
+            return if self.path.join(JOURNAL).exists() {
+                self.damaged(MANIFEST, "it is gone".into())
+            } else {
+                nothing("holds no job to resume")
             };
         }
         let (earlier, checksum) = Manifest::read(&path)?;
@@ -98,9 +100,10 @@ impl WorkFolder {
         }
         let path = self.path.join(JOURNAL);
         if !path.exists() {
-            return match self.all_but(&HashSet::new())?.is_empty() {
-                true => nothing("holds no finished step"),
-                false => self.damaged(JOURNAL, "it is gone".into()),
+            return if self.all_but(&HashSet::new())?.is_empty() {
+                nothing("holds no finished step")
+            } else {
+                self.damaged(JOURNAL, "it is gone".into())
             };
         }
         let (journal, entries, cut_off, is_spoilt) =
@@ -109,12 +112,11 @@ impl WorkFolder {
                 opened => opened?,
             };
         if cut_off > 0 {
-            match is_spoilt {
-                true => self.note_damage(JOURNAL, &format!("its last {cut_off} bytes are not whole")),
-                false => {
-                    let path = escape_path(&path);
-                    lock(&self.damage).push(format!("{path}: its last entry was cut short; that step is redone"));
-                }
+            if is_spoilt {
+                self.note_damage(JOURNAL, &format!("its last {cut_off} bytes are not whole"))
+            } else {
+                let path = escape_path(&path);
+                lock(&self.damage).push(format!("{path}: its last entry was cut short; that step is redone"));
             }
         }
         let steps = RecordedSteps::replay(entries);

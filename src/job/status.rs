@@ -38,10 +38,8 @@ pub fn look(path: &Path) -> Result<WorkStatus> {
         )));
     }
     let (manifest, checksum) = Manifest::read(&path.join(MANIFEST))?;
-    let entries = match path.join(JOURNAL).exists() {
-        true => journal::read(&path.join(JOURNAL), checksum)?.entries,
-        false => Vec::new(),
-    };
+    let entries =
+        if path.join(JOURNAL).exists() { journal::read(&path.join(JOURNAL), checksum)?.entries } else { Vec::new() };
     Ok(WorkStatus { manifest, entries, is_running: is_locked(path), bytes: folder_bytes(path) })
 }
 

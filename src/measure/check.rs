@@ -198,9 +198,10 @@ pub fn compare_checks(before: &Check, after: &Check) -> Vec<Regression> {
         _ => 0,
     };
     // A border that is closed along most of its length becomes several loops of fewer edges; a tear adds edges.
-    let new_loops = match after.boundary_edges > before.boundary_edges {
-        true => after.boundary_loops.saturating_sub(before.boundary_loops + after.single_faces),
-        false => 0,
+    let new_loops = if after.boundary_edges > before.boundary_edges {
+        after.boundary_loops.saturating_sub(before.boundary_loops + after.single_faces)
+    } else {
+        0
     };
     let resolved = before.non_manifold_edges.saturating_sub(after.non_manifold_edges);
     risen(&[

@@ -77,9 +77,10 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
             for &triangle in &triangles {
                 let are_met = chosen.are_met(triangle);
                 let mut is_searched = |point| chosen.holding(point).is_some_and(|cell| probes.has_all_near(cell));
-                match are_met {
-                    true => spread.over(triangle, |point| of_result.extend(is_searched(point).then_some(point))),
-                    false => spread.pass(triangle),
+                if are_met {
+                    spread.over(triangle, |point| of_result.extend(is_searched(point).then_some(point)))
+                } else {
+                    spread.pass(triangle)
                 }
             }
         };
@@ -101,10 +102,8 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
     let weighed = anywhere.iter().zip(&probes.weights).map(|(distance_sq, weight)| weight * counted(distance_sq));
     let to_result_sq = weighed.sum::<f64>() / probes.area();
     // A result of a few hundred faces may have no point in any cell: both directions then have the input's deviation.
-    let to_input_sq = match to_input.is_empty() {
-        true => to_result_sq,
-        false => scaled(mean_of(&to_input), mean_of(in_cells), to_result_sq),
-    };
+    let to_input_sq =
+        if to_input.is_empty() { to_result_sq } else { scaled(mean_of(&to_input), mean_of(in_cells), to_result_sq) };
     Ok(Some(Gauged {
         rms: (0.5 * (to_input_sq + to_result_sq)).sqrt(),
         to_input: to_input_sq.sqrt(),

@@ -20,9 +20,10 @@ impl SeamTally {
     /// n equilateral faces of total area A have n / 2 vertices and edges of length √(4 A / √3 n), so seams of length L
     /// take ⁴√3 L / √(A n) of the vertices.
     pub fn seam_density(&self, kept: f64) -> f64 {
-        match self.seams > 0.0 {
-            true => 3f64.sqrt().sqrt() * self.seams / (self.area * self.faces as f64 * kept).sqrt(),
-            false => 0.0,
+        if self.seams > 0.0 {
+            3f64.sqrt().sqrt() * self.seams / (self.area * self.faces as f64 * kept).sqrt()
+        } else {
+            0.0
         }
     }
 }

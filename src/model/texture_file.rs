@@ -42,9 +42,10 @@ pub fn find(folder: &Path, name: &[u8], reach: Reach) -> Result<PathBuf, Unusabl
     if reach == Reach::Inside && !found.starts_with(fs::canonicalize(or_here(folder)).map_err(missing)?) {
         return Err(Unusable::Refused("it leaves the folder of its MTL through a link"));
     }
-    match fs::metadata(&found).map_err(missing)?.is_file() {
-        true => Ok(found),
-        false => Err(Unusable::Refused("it is not a regular file")),
+    if fs::metadata(&found).map_err(missing)?.is_file() {
+        Ok(found)
+    } else {
+        Err(Unusable::Refused("it is not a regular file"))
     }
 }
 

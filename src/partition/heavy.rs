@@ -64,10 +64,8 @@ fn pass_faces(
     faces: Vec<Face<PartitionVertex>>,
     path: &Path,
 ) -> Result<(Option<StoredPiece>, u64)> {
-    let (faces, degenerate) = match faces.iter().any(|face| face.continues_polygon) {
-        true => triangulated(partition, faces)?,
-        false => (faces, 0),
-    };
+    let (faces, degenerate) =
+        if faces.iter().any(|face| face.continues_polygon) { triangulated(partition, faces)? } else { (faces, 0) };
     let texcoord_ids = texcoord_ids(&faces).raw;
     let texcoords = gather_texcoords(mesh, &texcoord_ids)?;
     let ranks = SortedIds::<PieceTexcoord, Texcoord>::new(TiSlice::from_ref(&texcoord_ids));
@@ -75,10 +73,8 @@ fn pass_faces(
     let faces: Vec<_> =
         faces.into_iter().map(|face| face.translated(in_piece, |texcoord| ranks.of(texcoord))).collect();
     let colours = partition.numbering.colours.is_some().then_some(&[][..]);
-    let piece = match faces.is_empty() {
-        true => None,
-        false => Some(write_piece(path, &[], &texcoords.raw, colours, &faces)?.commit()?),
-    };
+    let piece =
+        if faces.is_empty() { None } else { Some(write_piece(path, &[], &texcoords.raw, colours, &faces)?.commit()?) };
     Ok((piece, degenerate))
 }
 

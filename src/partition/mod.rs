@@ -98,9 +98,10 @@ pub fn partition(
     let mut findings = Findings::default();
     let names = file_names::FileNames { folder, prefix: name };
     let cells = cells::plan(mesh, options)?;
-    let number = match mesh.has_colours() {
-        true => numbering::number::<numbering::ColouredRecord>,
-        false => numbering::number::<numbering::PlainRecord>,
+    let number = if mesh.has_colours() {
+        numbering::number::<numbering::ColouredRecord>
+    } else {
+        numbering::number::<numbering::PlainRecord>
     };
     let (numbering, ranks, numbering_bytes) = number(mesh, &cells, names, options, &mut findings)?;
     let mut faces = faces::distribute(mesh, &numbering, &ranks, names, options, &mut findings)?;
@@ -109,10 +110,8 @@ pub fn partition(
     let weights = weigh(&numbering, &faces, catalogue, options)?;
     let heavy = weights.keys().filter(|&cluster| weights[cluster].is_none());
     faces.share_all(heavy.map(|cluster| numbering.vertices_of(cluster)));
-    let texcoords = match faces.stretches.are_scattered() {
-        true => Some(texcoords::bring(mesh, &faces, names, options)?),
-        false => None,
-    };
+    let texcoords =
+        if faces.stretches.are_scattered() { Some(texcoords::bring(mesh, &faces, names, options)?) } else { None };
     scratch_peak = scratch_peak.max(folder_bytes(folder));
     let drops_doubles = options.drop_doubles;
     Ok(Partition { numbering, faces, texcoords, weights, drops_doubles, findings, scratch_peak })

@@ -288,33 +288,34 @@ pub(super) fn number<R: VertexRecord>(
 
     let vertex_count = mesh.vertex_count() as u32;
     let is_whole = fit_one_window(mesh.vertex_count(), options.work_bytes);
-    let window_len = match is_whole {
-        true => vertex_count.max(1),
-        false => (window_bytes(options.work_bytes) / RANK_BYTES).max(1 << 16) as u32,
+    let window_len = if is_whole {
+        vertex_count.max(1)
+    } else {
+        (window_bytes(options.work_bytes) / RANK_BYTES).max(1 << 16) as u32
     };
     let mut whole: TiVec<MeshVertex, PartitionVertex> =
         vec![PartitionVertex::default(); if is_whole { vertex_count as usize } else { 0 }].into();
-    let mut by_window = match is_whole {
-        true => None,
-        false => {
-            let windows = vertex_count.div_ceil(window_len) as usize;
-            Some(BucketWriter::create(&names.path("ranks.buckets"), windows)?)
-        }
+    let mut by_window = if is_whole {
+        None
+    } else {
+        let windows = vertex_count.div_ceil(window_len) as usize;
+        Some(BucketWriter::create(&names.path("ranks.buckets"), windows)?)
     };
     let mut positions = PositionRunWriter::create(&names.path("positions.plc"))?;
-    let mut colours = match mesh.has_colours() {
-        true => Some(ColumnWriter::create(&names.path("colours.col"), *b"colour  ")?),
-        false => None,
-    };
+    let mut colours =
+        if mesh.has_colours() { Some(ColumnWriter::create(&names.path("colours.col"), *b"colour  ")?) } else { None };
     let mut starts: TiVec<ClusterId, PartitionVertex> = vec![PartitionVertex::new(0)].into();
     let mut welded = 0;
     map_in_order(
         ClusterId::first(cells.count()),
         options.threads,
         options.threads + 1,
-        |cell| match records.len(cell) <= CROWD_RECORDS {
-            true => Ok((cell, Some(weld_cell(&records, cell, options.weld)?.encoded()))),
-            false => Ok((cell, None)),
+        |cell| {
+            if records.len(cell) <= CROWD_RECORDS {
+                Ok((cell, Some(weld_cell(&records, cell, options.weld)?.encoded())))
+            } else {
+                Ok((cell, None))
+            }
         },
         |(cell, welded_cell)| {
             let base = PartitionVertex::new(positions.len());
@@ -419,10 +420,7 @@ impl WeldedCell {
     /// Adds records; `known` maps positions to their places so far, `fresh` is the next place.
     fn add<R: VertexRecord>(&mut self, records: &[R], weld: bool, known: &mut Known, fresh: &mut u32) {
         for record in records {
-            let place = match weld {
-                true => *known.entry(position_key(record.position())).or_insert(*fresh),
-                false => *fresh,
-            };
+            let place = if weld { *known.entry(position_key(record.position())).or_insert(*fresh) } else { *fresh };
             if place == *fresh {
                 *fresh += 1;
                 self.positions.push(record.position());

@@ -68,9 +68,12 @@ impl ClusterSource {
         for (face, corners) in simplified.corners.iter_enumerated() {
             let part = simplified.parts[face];
             let locals = corners.map(|wedge| simplified.wedge_vertex[wedge]);
-            let vertices = locals.map(|local| match simplified.is_shared(local) {
-                true => PieceVertex::of_shared(partition.faces.shared.rank(self.vertex_ids[local]), own_count),
-                false => in_piece[local],
+            let vertices = locals.map(|local| {
+                if simplified.is_shared(local) {
+                    PieceVertex::of_shared(partition.faces.shared.rank(self.vertex_ids[local]), own_count)
+                } else {
+                    in_piece[local]
+                }
             });
             for &wedge in corners {
                 if texcoord_of[wedge] == PieceTexcoord::NONE && simplified.wedge_uv[wedge].is_finite() {

@@ -105,7 +105,8 @@ impl ChosenCells {
         let (low, high, side) = (a.min(b).min(c), a.max(b).max(c), self.grid.side);
         // Most triangles are smaller than half a side; all of their corners are then within one side of the cell.
         let is_small = (high - low).max_element() < SMALL * side;
-        match if is_small { self.around(a) } else { CellNeighbourhood::Many } {
+        let neighbourhood = if is_small { self.around(a) } else { CellNeighbourhood::Many };
+        match neighbourhood {
             CellNeighbourhood::None => false,
             CellNeighbourhood::One(cell) => {
                 let cell = DVec3::from_array(cell.map(|place| place as f64 / self.parts));

@@ -240,9 +240,10 @@ impl<'a> InMemory<'a> {
             colours,
             texcoords,
             faces: mesh.corner_vertices.iter().map(|face| face.map(LocalVertex::number)).collect(),
-            face_texcoords: match has_texture {
-                true => mesh.corners.iter().map(|corners| corners.map(|wedge| texcoord_ids[wedge])).collect(),
-                false => Vec::new(),
+            face_texcoords: if has_texture {
+                mesh.corners.iter().map(|corners| corners.map(|wedge| texcoord_ids[wedge])).collect()
+            } else {
+                Vec::new()
             },
             face_labels: if has_labels { face_labels.collect() } else { Vec::new() },
         }

@@ -147,7 +147,7 @@ impl Reading<'_> {
         let brings_outside = self.job.options.textures_outside == TexturesOutside::Copy;
         let (named, known) = (write::named_textures(catalogue, brings_outside), Contents::default());
         let mut sources = Vec::with_capacity(named.len());
-        let look = |texture: NamedTexture| {
+        let source_of = |texture: NamedTexture| {
             self.progress.check_stopped()?;
             let is_copied = self.job.options.textures == TextureFiles::Copy && !texture.stays;
             if is_copied && brings_outside {
@@ -158,7 +158,7 @@ impl Reading<'_> {
                 Source::presence(&texture.path)
             }
         };
-        map_in_order(named.into_iter(), self.scan.threads, 4 * self.scan.threads, look, |source| {
+        map_in_order(named.into_iter(), self.scan.threads, 4 * self.scan.threads, source_of, |source| {
             sources.push(source);
             Ok(())
         })?;

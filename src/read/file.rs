@@ -46,10 +46,7 @@ impl OpenFile {
     /// [`Error::Changed`] if its length or modification time differs.
     pub fn check_unchanged(&self, path: &Path) -> Result<()> {
         let now = self.file.metadata().map_err(|e| Error::io(path, "open", e))?;
-        match now.len() == self.length && now.modified().ok() == self.modified {
-            true => Ok(()),
-            false => Err(written_to(path)),
-        }
+        if now.len() == self.length && now.modified().ok() == self.modified { Ok(()) } else { Err(written_to(path)) }
     }
 
     /// Replaces the contents of `buffer` with a range of the file.

@@ -42,11 +42,10 @@ fn note<'a>(files: impl Iterator<Item = (&'a Path, RecordBounds, Option<u64>)>, 
         for other in reached.filter(|other| place.is_twin_of(other)) {
             let [a, b] = if place.path <= other.path { [place, other] } else { [other, place] };
             let [a_name, b_name] = [a, b].map(|place| escape_path(place.path));
-            let words = match a.hash.is_some() && a.hash == b.hash {
-                true => "are the same: leave one out with --exclude",
-                false => {
-                    "fill the same space: if one is a copy or a level of detail of the other, --exclude leaves it out"
-                }
+            let words = if a.hash.is_some() && a.hash == b.hash {
+                "are the same: leave one out with --exclude"
+            } else {
+                "fill the same space: if one is a copy or a level of detail of the other, --exclude leaves it out"
             };
             findings.note("doubled_surface", || format!("{a_name} and {b_name} {words}"));
         }

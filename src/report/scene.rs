@@ -52,7 +52,7 @@ pub trait Scene {
     ///
     /// # Errors
     /// On failed reads.
-    fn positions(&self, look: &mut dyn FnMut(&[DVec3])) -> Result<()>;
+    fn positions(&self, see: &mut dyn FnMut(&[DVec3])) -> Result<()>;
 
     /// Passes every triangle to `draw`.
     ///
@@ -107,10 +107,10 @@ impl Scene for StoredScene<'_> {
         &self.images
     }
 
-    fn positions(&self, look: &mut dyn FnMut(&[DVec3])) -> Result<()> {
+    fn positions(&self, see: &mut dyn FnMut(&[DVec3])) -> Result<()> {
         for segment in self.mesh.position_columns() {
             for range in segment.ranges(SWEEP_RECORDS) {
-                look(&segment.window(range)?);
+                see(&segment.window(range)?);
             }
         }
         Ok(())
@@ -150,10 +150,10 @@ impl Scene for MeasuredMesh {
         &self.images
     }
 
-    fn positions(&self, look: &mut dyn FnMut(&[DVec3])) -> Result<()> {
+    fn positions(&self, see: &mut dyn FnMut(&[DVec3])) -> Result<()> {
         for cell in &self.cells {
             let view = cell.view()?;
-            look(&view.positions.iter().map(|&position| position + view.origin).collect::<Vec<_>>());
+            see(&view.positions.iter().map(|&position| position + view.origin).collect::<Vec<_>>());
         }
         Ok(())
     }

@@ -195,10 +195,12 @@ impl MeshCounts {
         topology.inconsistent_edges += u64::from(is_inconsistent);
         topology.folded_edges += u64::from(is_angle_small([a.across, b.across]));
         topology.seam_edges += u64::from(is_seam);
-        match is_seam {
-            true => Joint::Seam,
-            false if a.is_textured && b.is_textured && !is_inconsistent => Joint::Chart,
-            false => Joint::Apart,
+        if is_seam {
+            Joint::Seam
+        } else if a.is_textured && b.is_textured && !is_inconsistent {
+            Joint::Chart
+        } else {
+            Joint::Apart
         }
     }
 

@@ -22,10 +22,7 @@ pub(super) fn look(path: &Path) -> Look {
 /// Opens a regular file.
 pub(super) fn open_regular(source: &Path) -> io::Result<File> {
     let file = File::open(source)?;
-    match file.metadata()?.is_file() {
-        true => Ok(file),
-        false => Err(io::Error::other("not a regular file")),
-    }
+    if file.metadata()?.is_file() { Ok(file) } else { Err(io::Error::other("not a regular file")) }
 }
 
 /// Creates a symbolic link.

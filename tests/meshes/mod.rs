@@ -68,9 +68,10 @@ pub fn files(folder: &Path) -> Vec<PathBuf> {
     let mut folders = vec![PathBuf::new()];
     while let Some(at) = folders.pop() {
         for entry in std::fs::read_dir(folder.join(&at)).into_iter().flatten().flatten() {
-            match entry.file_type().unwrap().is_dir() {
-                true => folders.push(at.join(entry.file_name())),
-                false => found.push(at.join(entry.file_name())),
+            if entry.file_type().unwrap().is_dir() {
+                folders.push(at.join(entry.file_name()))
+            } else {
+                found.push(at.join(entry.file_name()))
             }
         }
     }
@@ -371,9 +372,9 @@ impl Sketch {
                 current = material;
                 let _ = writeln!(text, "usemtl m{}", material.unwrap_or(&0));
             }
-            let corners = face.map(|(v, t)| match self.texcoords.is_empty() {
-                true => format!("{}", v + 1),
-                false => format!("{}/{}", v + 1, t + 1),
+            let corners = face.map(|(v, t)| {
+                let texcoord = if self.texcoords.is_empty() { String::new() } else { format!("/{}", t + 1) };
+                format!("{}{texcoord}", v + 1)
             });
             let _ = writeln!(text, "f {}", corners.join(" "));
         }

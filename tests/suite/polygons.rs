@@ -24,9 +24,10 @@ fn polygons(side: usize, bump: f64, merge: f64, repeats: bool, seed: u64) -> Str
         let mut j = 0;
         while j < side {
             let is_merged = j + 1 < side && noise(i, j, seed + 4) < merge;
-            let mut corners = match is_merged {
-                true => vec![at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i + 1, j + 2), at(i, j + 2), at(i, j + 1)],
-                false => vec![at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)],
+            let mut corners = if is_merged {
+                vec![at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i + 1, j + 2), at(i, j + 2), at(i, j + 1)]
+            } else {
+                vec![at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]
             };
             j += if is_merged { 2 } else { 1 };
             let first = (noise(i, j, seed + 5) * corners.len() as f64) as usize;

@@ -125,10 +125,8 @@ fn grid(
                 }
                 let [a, b, c, d] =
                     [i * side + j, (i + 1) * side + j, (i + 1) * side + j + 1, i * side + j + 1].map(|v| v + base);
-                let faces = match noise(first + i, j, seed ^ 6) < 0.5 {
-                    true => [[a, b, c], [a, c, d]],
-                    false => [[a, b, d], [b, c, d]],
-                };
+                let faces =
+                    if noise(first + i, j, seed ^ 6) < 0.5 { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] };
                 sketch.faces.extend(faces.map(|face| face.map(|v| (v, v))));
                 sketch.materials.extend([band % 3; 2]);
             }

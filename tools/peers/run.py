@@ -19,33 +19,17 @@ import statistics
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import quality
 from peers import NAMES, Peers
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
+from measure import spend
+
 BEGIN, END = "<!-- tables of tools/peers/run.py -->", "<!-- end of tables -->"
 # Who takes longer in the first round is left out of the others.
 SLOW_SECONDS = 600
-
-
-def measure(command):
-    """One run: exit code, seconds of wall and processor time, peak bytes, and what the program printed.
-
-    NOTE: the kernel's peak includes this script's own size at the fork, about 15 MB: a floor far below any run here.
-    """
-    with tempfile.TemporaryFile() as printed:
-        os.sync()  # the last run's output must not be written at this run's expense
-        start = time.monotonic()
-        process = subprocess.Popen([str(word) for word in command], stdout=printed)
-        _, status, usage = os.wait4(process.pid, 0)
-        wall = time.monotonic() - start
-        process.returncode = os.waitstatus_to_exitcode(status)
-        printed.seek(0)
-        text = printed.read().decode(errors="replace")
-    cpu = usage.ru_utime + usage.ru_stime
-    return {"exit": process.returncode, "wall": wall, "cpu": cpu, "peak": usage.ru_maxrss * 1024, "printed": text}
 
 
 def count_faces(obj):
@@ -108,7 +92,8 @@ class Tool:
 
     def run(self):
         self.result.unlink(missing_ok=True)
-        run = measure(self.command)
+        run, printed, _ = spend(self.command)
+        run["printed"] = printed
         # drystone's code 3 says that a target was missed; the table shows by how much.
         if run["exit"] not in (0, 3) or not self.result.exists():
             self.fault = f"exit code {run['exit']}"
@@ -121,7 +106,7 @@ class Tool:
         return [run[key] for run in self.runs]
 
     def is_slow(self):
-        return bool(self.runs) and self.runs[0]["wall"] > SLOW_SECONDS
+        return bool(self.runs) and self.runs[0]["wall_seconds"] > SLOW_SECONDS
 
 
 def run_rounds(obj, tools, options):
@@ -149,7 +134,7 @@ def time_table(tools, face_count):
         if not tool.runs:
             lines.append(f"| {name} | {tool.fault} | – | – | – | – | – | – |")
             continue
-        cpu, wall, peak = (tool.figures(key) for key in ("cpu", "wall", "peak"))
+        cpu, wall, peak = (tool.figures(key) for key in ("cpu_seconds", "wall_seconds", "max_resident"))
         runs = "" if len(cpu) > 1 else ", one run"
         lines.append(f"| {name}{runs} | {spread(cpu)} | {spread(wall)} | {statistics.median(cpu) / face_count * 1e6:.2f} | "
                      f"{spread([value / 2**20 for value in peak], '{:.0f}')} | {statistics.median(peak) / face_count:.0f} | "
@@ -175,7 +160,7 @@ def ratio_table(tools):
     for name, tool in list(tools.items())[1:]:
         if tool.runs and first.runs:
             ratios = [spread([ours / theirs for ours, theirs in zip(tool.figures(key), first.figures(key))])
-                      for key in ("cpu", "wall", "peak")]
+                      for key in ("cpu_seconds", "wall_seconds", "max_resident")]
             lines.append(f"| {name} | {' | '.join(ratios)} |")
     return lines
 

@@ -89,9 +89,10 @@ pub fn measure(
     let batches = sampling.batches();
     progress.begin("compare", batches.len() as u64, "batches");
     let have_images = [from, to].iter().all(|mesh| !mesh.images.files.is_empty());
-    let mut textures = match have_images {
-        true => Some(ColumnWriter::create(&from.folder().join("measure-samples.col"), *b"samples ")?),
-        false => None,
+    let mut textures = if have_images {
+        Some(ColumnWriter::create(&from.folder().join("measure-samples.col"), *b"samples ")?)
+    } else {
+        None
     };
     let mut distances = Distribution::new(limit);
     let mut angles = Distribution::new(ANGLE_MAX);

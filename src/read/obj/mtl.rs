@@ -97,18 +97,15 @@ pub fn define_materials(
         }
         for (name, is_there) in found {
             let path = obj.with_file_name(path_of_name(&name));
-            match is_there {
+            if is_there {
                 // The same file may already have been read by another name.
-                true => {
-                    if read.insert(fs::canonicalize(&path).unwrap_or_else(|_| path.clone())) {
-                        read_library(&path, materials, used, allowance, findings)?;
-                    }
+                if read.insert(fs::canonicalize(&path).unwrap_or_else(|_| path.clone())) {
+                    read_library(&path, materials, used, allowance, findings)?;
                 }
-                false => {
-                    findings.note("missing_mtl", || {
-                        format!("{}:{line}: material library '{}' is not there", escape_path(obj), escape(&name))
-                    });
-                }
+            } else {
+                findings.note("missing_mtl", || {
+                    format!("{}:{line}: material library '{}' is not there", escape_path(obj), escape(&name))
+                });
             }
         }
     }
@@ -149,10 +146,7 @@ fn without_comment<'a>(obj: &Path, text: &'a [u8]) -> Result<&'a [u8]> {
     let is_start = |&at: &usize| text[at] == b'#' && (at == 0 || is_blank(text[at - 1]));
     let Some(start) = (0..text.len()).find(is_start) else { return Ok(text) };
     let word = words(&text[start..]).next().unwrap_or_default();
-    match is_there(obj, text)? || is_there(obj, word)? {
-        true => Ok(text),
-        false => Ok(trim(&text[..start])),
-    }
+    if is_there(obj, text)? || is_there(obj, word)? { Ok(text) } else { Ok(trim(&text[..start])) }
 }
 
 /// Reports whether a library of this name exists in the folder of an OBJ.

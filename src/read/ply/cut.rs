@@ -108,9 +108,10 @@ impl PlySource {
         self.file.read(path, self.read_to, bytes, &mut block)?;
         chain(&mut self.content_hash, bytes as u64, xxh3_64(&block));
         self.read_to += bytes as u64;
-        match self.buffer.is_empty() {
-            true => self.buffer = block,
-            false => self.buffer.extend_from_slice(&block),
+        if self.buffer.is_empty() {
+            self.buffer = block
+        } else {
+            self.buffer.extend_from_slice(&block)
         }
         Ok(true)
     }
@@ -130,13 +131,12 @@ impl PlySource {
                 self.whole_records(path, own, left)?
             }
         };
-        let whole = match bytes == self.buffer.len() {
-            true => std::mem::take(&mut self.buffer),
-            false => {
-                let whole = self.buffer[..bytes].to_vec();
-                self.buffer.drain(..bytes);
-                whole
-            }
+        let whole = if bytes == self.buffer.len() {
+            std::mem::take(&mut self.buffer)
+        } else {
+            let whole = self.buffer[..bytes].to_vec();
+            self.buffer.drain(..bytes);
+            whole
         };
         self.done += count;
         self.next_element();

@@ -164,9 +164,10 @@ impl PlyHeader {
             let fault = |message: String| Error::input(path, line, message);
             let room = &text[at..text.len().min(HEADER_BYTES_MAX)];
             let Some(length) = room.windows(end.len()).position(|window| window == end) else {
-                return Err(fault(match text.len() < HEADER_BYTES_MAX {
-                    true => "the file ends inside its header; expected 'end_header'".into(),
-                    false => format!("expected 'end_header' within {} KiB", HEADER_BYTES_MAX >> 10),
+                return Err(fault(if text.len() < HEADER_BYTES_MAX {
+                    "the file ends inside its header; expected 'end_header'".into()
+                } else {
+                    format!("expected 'end_header' within {} KiB", HEADER_BYTES_MAX >> 10)
                 }));
             };
             // Some writers mix line ends.

@@ -81,9 +81,12 @@ impl Numberer<'_> {
             memory_bytes,
             |(piece, _)| if form.normals { piece_bytes(piece) } else { 0 },
             mesh.pieces.iter().zip(numbering),
-            |(piece, ids)| match form.normals {
-                true => Ok((piece, ids, piece_normals(mesh, piece, self.shared)?)),
-                false => Ok((piece, ids, PieceNormals::default())),
+            |(piece, ids)| {
+                if form.normals {
+                    Ok((piece, ids, piece_normals(mesh, piece, self.shared)?))
+                } else {
+                    Ok((piece, ids, PieceNormals::default()))
+                }
             },
             |(piece, ids, normals)| {
                 obj.normals(&normals.unique)?;

@@ -308,9 +308,10 @@ fn vertex_records(
         for coordinate in position.to_array() {
             non_finite += u64::from(!coordinate.is_finite());
             let coordinate = if coordinate.is_finite() { coordinate } else { 0.0 };
-            match form.is_double {
-                true => out.extend_from_slice(&coordinate.to_le_bytes()),
-                false => out.extend_from_slice(&(coordinate as f32).to_le_bytes()),
+            if form.is_double {
+                out.extend_from_slice(&coordinate.to_le_bytes())
+            } else {
+                out.extend_from_slice(&(coordinate as f32).to_le_bytes())
             }
         }
         if let Some(normal) = normals.get(i) {
