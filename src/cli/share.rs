@@ -107,8 +107,11 @@ impl JobShare {
             TextureFiles::Copy => TEXTURES_PER_WRITE * start.write,
             TextureFiles::Link | TextureFiles::Reference => 0.0,
         };
-        (self.scan, self.draw, self.passes) = (start.scan, draw, each);
-        (self.textures, self.write) = (textures, start.write);
+        self.scan = start.scan;
+        self.draw = draw;
+        self.passes = each;
+        self.textures = textures;
+        self.write = start.write;
         self.gauge = GAUGE_SECONDS_PER_TRIANGLE * triangles as f64;
     }
 

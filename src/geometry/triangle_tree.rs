@@ -168,8 +168,10 @@ impl<F: Fn(u32) -> [DVec3; 3]> Builder<F> {
         let (mut centre_low, mut centre_high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         for item in items.iter() {
             let centre = item.low() + item.high();
-            (low, high) = (low.min(item.low()), high.max(item.high()));
-            (centre_low, centre_high) = (centre_low.min(centre), centre_high.max(centre));
+            low = low.min(item.low());
+            high = high.max(item.high());
+            centre_low = centre_low.min(centre);
+            centre_high = centre_high.max(centre);
         }
         if items.len() <= LEAF_TRIANGLES {
             return Child { low, high, index: first as u32, count: items.len() as u32 };

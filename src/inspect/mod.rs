@@ -215,7 +215,8 @@ fn polygons(mesh: &StoredMesh, threads: usize) -> Result<(u64, u64)> {
             Ok((all as u64, larger.count() as u64))
         },
         |counts: (u64, u64)| {
-            (all, larger) = (all + counts.0, larger + counts.1);
+            all += counts.0;
+            larger += counts.1;
             Ok(())
         },
     )?;

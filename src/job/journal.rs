@@ -137,7 +137,8 @@ impl Journal {
         if self.is_dirty {
             sync_file(&self.file, &self.path).map_err(|e| Error::io(&self.path, "sync", e))?;
         }
-        (self.is_dirty, self.synced) = (false, Instant::now());
+        self.is_dirty = false;
+        self.synced = Instant::now();
         Ok(())
     }
 

@@ -92,7 +92,8 @@ impl WorkFolder {
             };
         }
         let (earlier, checksum) = Manifest::read(&path)?;
-        (self.number, self.is_ours) = (earlier.job, self.is_ours || earlier.owns_folder);
+        self.number = earlier.job;
+        self.is_ours |= earlier.owns_folder;
         let differences = earlier.differences(manifest);
         if !differences.is_empty() {
             let (shown, what) = (escape_path(&self.path), differences.join("; "));
@@ -132,7 +133,8 @@ impl WorkFolder {
     /// that name them.
     fn remember_outside(&mut self) {
         let Ok((earlier, checksum)) = Manifest::read(&self.path.join(MANIFEST)) else { return };
-        (self.number, self.is_ours) = (earlier.job, self.is_ours || earlier.owns_folder);
+        self.number = earlier.job;
+        self.is_ours |= earlier.owns_folder;
         let entries = journal::read(&self.path.join(JOURNAL), checksum).map_or(Vec::new(), |reading| reading.entries);
         self.steps = Arc::new(Mutex::new(RecordedSteps::replay(entries).outlasting()));
     }
@@ -177,7 +179,8 @@ impl WorkFolder {
     /// If files cannot be removed or written.
     pub fn restart(&mut self, manifest: &Manifest) -> Result<()> {
         *lock(&self.journal) = None;
-        (self.steps, self.is_resumed) = (Arc::default(), false);
+        self.steps = Arc::default();
+        self.is_resumed = false;
         self.holds_steps = AtomicBool::new(false);
         *lock(&self.journal) = Some(self.begin(manifest)?);
         Ok(())

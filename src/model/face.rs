@@ -330,7 +330,8 @@ impl Default for IdSpan {
 
 impl IdSpan {
     fn see(&mut self, id: impl Id) {
-        (self.low, self.high) = (self.low.min(id.number()), self.high.max(id.number()));
+        self.low = self.low.min(id.number());
+        self.high = self.high.max(id.number());
     }
 
     /// The smallest range that contains all of them.

@@ -293,7 +293,8 @@ pub(super) fn gather_texcoords(mesh: &StoredMesh, ids: &[Texcoord]) -> Result<Ti
             let of_piece: Vec<_> = ids[at..end].iter().map(|&id| PieceTexcoord::from(id.since(first))).collect();
             out.extend(piece.texcoords.gather(&of_piece)?);
         }
-        (base, at) = (base + piece.texcoords.len(), end);
+        base += piece.texcoords.len();
+        at = end;
     }
     Ok(out)
 }

@@ -6,10 +6,6 @@
 mod admission;
 mod damage;
 mod files;
-#[cfg(test)]
-mod forged;
-#[cfg(test)]
-mod hostile;
 mod input;
 mod output;
 #[cfg(not(feature = "report"))]
@@ -21,6 +17,8 @@ mod preflight;
 mod publish;
 mod requirements;
 mod run_log;
+#[cfg(test)]
+mod tests;
 
 use std::path::Path;
 

@@ -102,7 +102,10 @@ impl Labels {
     /// Begins a file: its faces have no object, group or material until a statement sets one.
     pub fn begin_file(&mut self, path: &Path) {
         self.catalogue.files.push(path.to_owned());
-        (self.object, self.group, self.material, self.part) = (None, None, None, None);
+        self.object = None;
+        self.group = None;
+        self.material = None;
+        self.part = None;
         self.file_materials = FileMaterials { first: self.catalogue.materials.next_key(), ids: HashMap::new() };
     }
 

@@ -97,7 +97,8 @@ fn flatten(mesh: &ClusterMesh, fan: &Fan, vertex: LocalVertex) -> Option<Vec<DVe
     for a in 0..count {
         for b in a + 1..count {
             if ring[a].distance_squared(ring[b]) > farthest {
-                (pins, farthest) = ((a, b), ring[a].distance_squared(ring[b]));
+                pins = (a, b);
+                farthest = ring[a].distance_squared(ring[b]);
             }
         }
     }

@@ -239,7 +239,8 @@ impl<M: Metric> Engine<M> {
         }
         result.reached |= matches!(stop, Stop::Cost(..));
         self.last_cost = self.last_cost.max(result.cost);
-        (self.is_tidy, self.is_classified) = (false, false);
+        self.is_tidy = false;
+        self.is_classified = false;
         self.tidy();
         if M::ENDPOINTS {
             self.relocate();

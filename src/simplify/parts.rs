@@ -69,7 +69,8 @@ impl Parts {
                 let [within, beyond] = self.cut(&inside, plane);
                 if beyond.count >= 3 && within.count >= 3 {
                     found(beyond);
-                    (inside, is_cut) = (within, true);
+                    inside = within;
+                    is_cut = true;
                 }
             }
         }
@@ -85,7 +86,8 @@ impl Parts {
         let (mut low, mut high) = (0f64, 0f64);
         for (height, &corner) in heights.iter_mut().zip(part.corners()) {
             *height = normal.dot(self.point(corner)) - offset;
-            (low, high) = (low.min(*height), high.max(*height));
+            low = low.min(*height);
+            high = high.max(*height);
         }
         // Corners within this distance lie on the plane: sides of neighbouring triangles coincide up to rounding.
         let touch = 1e-9 * (high - low);

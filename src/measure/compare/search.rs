@@ -163,7 +163,8 @@ impl<'a> Search<'a> {
                 if self.is_open(&found, enough_sq) {
                     given_up.push(found.distance_sq);
                 } else if found.distance_sq.is_finite() && found.distance_sq > most_sq {
-                    (most_sq, point) = (found.distance_sq, Some((number, found)));
+                    most_sq = found.distance_sq;
+                    point = Some((number, found));
                 }
             }
         }

@@ -156,7 +156,8 @@ impl PlySource {
         while let Some(element) = self.layout.header.elements.get(self.element)
             && (self.done == element.count || element.properties.is_empty())
         {
-            (self.element, self.done) = (self.element + 1, 0);
+            self.element += 1;
+            self.done = 0;
         }
     }
 

@@ -72,7 +72,8 @@ impl Fields for TextFields<'_> {
             self.lines_passed = 1;
             self.at = self.next;
             let (end, next) = line_end(self.text, self.at);
-            (self.words, self.next) = (&self.text[self.at..end], next);
+            self.words = &self.text[self.at..end];
+            self.next = next;
             if self.next == self.text.len() || !self.words.iter().all(|byte| is_blank(*byte)) {
                 return;
             }

@@ -87,7 +87,7 @@ impl HalfDone {
         fs::write(&input, hills()).unwrap();
         let options =
             SimplifyOptions { job: JobOptions { work: Some(work.clone()), ..options.job.clone() }, ..options };
-        let stopped = super::simplify(&input, &folder.join("b.obj"), &options, &Listener::new(reports));
+        let stopped = super::super::simplify(&input, &folder.join("b.obj"), &options, &Listener::new(reports));
         assert!(matches!(stopped, Err(Error::Stopped)), "{:?}", stopped.map(|report| report.faces.output));
         let entries = fs::read_dir(&work).unwrap().map(|entry| entry.unwrap());
         let files = entries.map(|entry| (entry.file_name().into(), fs::read(entry.path()).unwrap())).collect();
@@ -98,7 +98,7 @@ impl HalfDone {
         fs::create_dir(work).unwrap();
         self.files.iter().for_each(|(name, content)| fs::write(work.join(name), content).unwrap());
         let manifest =
-            super::preflight::manifest(&(&self.input).into(), std::slice::from_ref(&self.input), &self.options)
+            super::super::preflight::manifest(&(&self.input).into(), std::slice::from_ref(&self.input), &self.options)
                 .unwrap();
         WorkFolder::open(work, &manifest, Resume::Require).unwrap()
     }
@@ -122,7 +122,7 @@ impl HalfDone {
             ..self.options.clone()
         };
         let listener = Listener::new(u64::MAX);
-        let ended = super::simplify(&self.input, &work.with_extension("obj"), &options, &listener);
+        let ended = super::super::simplify(&self.input, &work.with_extension("obj"), &options, &listener);
         let _ = fs::remove_dir_all(work);
         ended.map(|_| listener.told.into_inner().unwrap())
     }

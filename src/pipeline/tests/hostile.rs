@@ -21,7 +21,7 @@ fn simplified(text: &str, change: impl Fn(&mut SimplifyOptions)) -> (Report, Vec
         ..SimplifyOptions::default()
     };
     change(&mut options);
-    let report = super::simplify(&input, &output, &options, &Silent).unwrap();
+    let report = super::super::simplify(&input, &output, &options, &Silent).unwrap();
     let models = read(&output);
     let read_faces: usize = models.iter().map(|model| model.mesh.indices.len() / 3).sum();
     assert_eq!(report.faces.output, read_faces as u64);
