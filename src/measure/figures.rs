@@ -267,6 +267,7 @@ pub struct Quality {
     pub valence_regular_share: f64,
 }
 
+#[cfg(feature = "images")]
 impl Quality {
     /// Means and shares of a whole mesh's counts.
     pub(super) fn of(counts: &MeshCounts) -> Self {
