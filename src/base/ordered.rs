@@ -136,7 +136,7 @@ impl<I, T, P, R, W, F> Line<I, T, P, R, W, F> {
 
 /// The steps of a loop, whatever its items are: each is named by its place. All loops share the code that runs them,
 /// which is long.
-trait Steps: Sync {
+trait LoopSteps: Sync {
     /// Takes the next item; `None` after the last.
     fn take(&self) -> Option<usize>;
 
@@ -147,7 +147,7 @@ trait Steps: Sync {
     fn finish(&self, place: usize) -> Result<()>;
 }
 
-impl<I, T, P, R, W, F> Steps for Line<I, T, P, R, W, F>
+impl<I, T, P, R, W, F> LoopSteps for Line<I, T, P, R, W, F>
 where
     I: Iterator<Item = T> + Send,
     T: Send,
@@ -185,7 +185,7 @@ type Commit<'a> = &'a mut dyn FnMut(usize) -> Result<()>;
 /// forever.
 type Outcome = std::thread::Result<Result<()>>;
 
-fn run(steps: &dyn Steps, Crew { threads, finishers }: Crew, places: usize, commit: Commit<'_>) -> Result<()> {
+fn run(steps: &dyn LoopSteps, Crew { threads, finishers }: Crew, places: usize, commit: Commit<'_>) -> Result<()> {
     if threads <= 1 {
         return alone(steps, commit);
     }
@@ -246,7 +246,7 @@ fn run(steps: &dyn Steps, Crew { threads, finishers }: Crew, places: usize, comm
 }
 
 /// Does the same on the calling thread.
-fn alone(steps: &dyn Steps, commit: Commit<'_>) -> Result<()> {
+fn alone(steps: &dyn LoopSteps, commit: Commit<'_>) -> Result<()> {
     while let Some(place) = steps.take() {
         steps.work(place)?;
         steps.finish(place)?;
