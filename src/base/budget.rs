@@ -3,7 +3,8 @@
 //! Who holds what: a worker takes a [`Permit`] for the bytes that a cluster (or a block, or a chunk) will need *before*
 //! it allocates them, and returns it by dropping it after they are freed. A worker holds at most one permit and waits
 //! for nothing else meanwhile, so there is no deadlock. A request larger than the whole budget is granted once no other
-//! permit is held, so that it runs alone instead of never.
+//! permit is held, so that it runs alone instead of never. [`map_within`](super::ordered::map_within) takes permits in
+//! the order of its items instead, and a result holds its permit until it is committed.
 //!
 //! Memory that grows with the input and is never freed, such as names, has an [`Allowance`] instead: if it is exceeded,
 //! waiting would not help.
