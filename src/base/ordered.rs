@@ -96,6 +96,7 @@ pub fn finish_in_order<T: Send, P: Send, R: Send>(
     let line = Line {
         items: Mutex::new(items.enumerate()),
         slots: (0..places).map(|_| Mutex::new(Slot::Empty)).collect(),
+        stopped: AtomicBool::new(false),
         work,
         finish,
     };
@@ -114,6 +115,7 @@ enum Slot<T, P, R> {
 struct Line<I, T, P, R, W, F> {
     items: Mutex<std::iter::Enumerate<I>>,
     slots: Vec<Mutex<Slot<T, P, R>>>,
+    stopped: AtomicBool,
     work: W,
     finish: F,
 }
@@ -121,6 +123,14 @@ struct Line<I, T, P, R, W, F> {
 impl<I, T, P, R, W, F> Line<I, T, P, R, W, F> {
     fn slot(&self, place: usize) -> std::sync::MutexGuard<'_, Slot<T, P, R>> {
         lock(&self.slots[place % self.slots.len()])
+    }
+
+    /// Drops what comes after the loop has stopped: it may hold memory that a worker waits for.
+    fn put(&self, place: usize, content: Slot<T, P, R>) {
+        let mut slot = self.slot(place);
+        if !self.stopped.load(Ordering::SeqCst) {
+            *slot = content;
+        }
     }
 
     fn lift(&self, place: usize) -> Slot<T, P, R> {
@@ -137,7 +147,7 @@ impl<I, T, P, R, W, F> Line<I, T, P, R, W, F> {
 /// The steps of a loop, whatever its items are: each is named by its place. All loops share the code that runs them,
 /// which is long.
 trait LoopSteps: Sync {
-    /// Takes the next item; `None` after the last.
+    /// Takes the next item; `None` after the last, or if the loop has stopped.
     fn take(&self) -> Option<usize>;
 
     /// Computes.
@@ -145,6 +155,18 @@ trait LoopSteps: Sync {
 
     /// Waits for the disk.
     fn finish(&self, place: usize) -> Result<()>;
+
+    /// Stops the loop, and drops what is on its way.
+    fn stop(&self);
+}
+
+/// Stops a loop on drop, however its committer ends.
+struct StopOnDrop<'a>(&'a dyn LoopSteps);
+
+impl Drop for StopOnDrop<'_> {
+    fn drop(&mut self) {
+        self.0.stop();
+    }
 }
 
 impl<I, T, P, R, W, F> LoopSteps for Line<I, T, P, R, W, F>
@@ -158,23 +180,34 @@ where
 {
     fn take(&self) -> Option<usize> {
         let mut items = lock(&self.items);
+        if self.stopped.load(Ordering::SeqCst) {
+            return None;
+        }
         let (place, item) = items.next()?;
-        *self.slot(place) = Slot::Taken(item);
+        self.put(place, Slot::Taken(item));
         Some(place)
     }
 
     fn work(&self, place: usize) -> Result<()> {
-        let Slot::Taken(item) = self.lift(place) else { unreachable!("what is worked on was taken") };
-        let product = (self.work)(item)?;
-        *self.slot(place) = Slot::Worked(product);
+        // Nothing is there if the loop has stopped.
+        if let Slot::Taken(item) = self.lift(place) {
+            let product = (self.work)(item)?;
+            self.put(place, Slot::Worked(product));
+        }
         Ok(())
     }
 
     fn finish(&self, place: usize) -> Result<()> {
-        let Slot::Worked(product) = self.lift(place) else { unreachable!("what is finished was worked on") };
-        let result = (self.finish)(product)?;
-        *self.slot(place) = Slot::Finished(result);
+        if let Slot::Worked(product) = self.lift(place) {
+            let result = (self.finish)(product)?;
+            self.put(place, Slot::Finished(result));
+        }
         Ok(())
+    }
+
+    fn stop(&self) {
+        self.stopped.store(true, Ordering::SeqCst);
+        (0..self.slots.len()).for_each(|place| drop(self.lift(place)));
     }
 }
 
@@ -189,7 +222,7 @@ fn run(steps: &dyn LoopSteps, Crew { threads, finishers }: Crew, places: usize, 
     if threads <= 1 {
         return alone(steps, commit);
     }
-    let (stopped, finishing) = (AtomicBool::new(false), AtomicBool::new(false));
+    let finishing = AtomicBool::new(false);
     let (pending_sender, pending) = crossbeam_channel::unbounded::<usize>();
     let (result_sender, results) = crossbeam_channel::unbounded::<(usize, Outcome)>();
     let (credit_sender, credits) = crossbeam_channel::unbounded::<()>();
@@ -197,9 +230,9 @@ fn run(steps: &dyn LoopSteps, Crew { threads, finishers }: Crew, places: usize, 
         let _ = credit_sender.send(());
     }
     std::thread::scope(|scope| {
-        let (stopped, finishing, credits) = (&stopped, &finishing, &credits);
+        let (finishing, credits) = (&finishing, &credits);
         // Takes the next item once there is room for its result.
-        let next = move || if credits.recv().is_ok() && !stopped.load(Ordering::Relaxed) { steps.take() } else { None };
+        let next = move || credits.recv().ok().and_then(|()| steps.take());
         let finish_beside = |_| {
             let (pending, result_sender) = (pending.clone(), result_sender.clone());
             let finisher = move || {
@@ -237,11 +270,9 @@ fn run(steps: &dyn LoopSteps, Crew { threads, finishers }: Crew, places: usize, 
         if !is_working {
             return alone(steps, commit);
         }
-        let outcome = commit_in_order(&results, &credit_sender, commit);
-        stopped.store(true, Ordering::Relaxed);
-        drop(credit_sender);
-        drop(results);
-        outcome
+        // Dropped before the threads are waited for: the other ends of the channels, and what is on its way.
+        let (results, credit_sender, _stop) = (results, credit_sender, StopOnDrop(steps));
+        commit_in_order(&results, &credit_sender, commit)
     })
 }
 
@@ -384,6 +415,23 @@ mod tests {
         };
         map_within(1, |&item| item, [0, 5, 1, 9, 9, 0].into_iter(), Ok, commit).unwrap();
         assert_eq!(results, [0, 5, 1, 9, 9, 0]);
+    }
+
+    /// While the first item is committed, the second one waits with its permit, and the third one for both permits.
+    #[test]
+    fn a_commit_that_fails_ends_workers_that_wait_for_memory() {
+        let _inside = crate::base::pool::Pool::new(3).unwrap().enter();
+        let run = |commit: fn() -> Result<()>| {
+            let cost = |item: &u64| if *item < 2 { 1 } else { 2 };
+            catch_unwind(|| {
+                map_within(2, cost, 0..9u64, Ok, |_| {
+                    std::thread::sleep(std::time::Duration::from_millis(50));
+                    commit()
+                })
+            })
+        };
+        assert_eq!(run(|| Err(Error::Usage("full".into()))).unwrap().unwrap_err().to_string(), "full");
+        assert!(run(|| panic!("full")).is_err());
     }
 
     #[test]

@@ -115,13 +115,11 @@ impl Surface {
 impl From<&Mesh> for Surface {
     fn from(mesh: &Mesh) -> Self {
         let faces = mesh.faces.len();
-        let texcoord =
-            |texcoord: u32| if texcoord == Mesh::NO_TEXCOORD { Texcoord::NONE } else { Texcoord::new(texcoord) };
         let mut surface = Self {
             positions: mesh.positions.iter().copied().map(DVec3::from_array).collect(),
             texcoords: mesh.texcoords.iter().copied().map(DVec2::from_array).collect(),
             faces: mesh.faces.iter().map(|face| face.map(MeshVertex::new)).collect(),
-            face_texcoords: mesh.face_texcoords.iter().map(|face| face.map(texcoord)).collect(),
+            face_texcoords: mesh.face_texcoords.iter().map(|face| face.map(Texcoord::new)).collect(),
             face_materials: mesh.face_labels.iter().copied().map(MaterialId::new).collect(),
         };
         surface.face_texcoords.resize(faces, [Texcoord::NONE; 3]);
