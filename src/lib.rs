@@ -55,6 +55,10 @@ pub mod mesh;
 pub mod partition;
 #[doc(hidden)]
 pub mod topology;
+#[cfg(feature = "images")]
+#[doc(hidden)]
+pub mod surface;
+pub mod unwrap;
 #[doc(hidden)]
 pub mod render;
 #[doc(hidden)]
@@ -65,6 +69,9 @@ pub mod simplify;
 pub mod remesh;
 #[doc(hidden)]
 pub mod passes;
+#[cfg(feature = "images")]
+#[doc(hidden)]
+pub mod bake;
 #[doc(hidden)]
 pub mod write;
 

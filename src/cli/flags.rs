@@ -6,8 +6,8 @@ use clap::Args;
 
 use crate::base::{bytes, quantity};
 use crate::options::{
-    Borders, CLUSTER_FACES, Doubles, FaceTarget, JobOptions, Limits, MetricChoice, Normals, Pieces, ReportNotes,
-    ResumeChoice, Seams, SimplifyOptions, Target, TextureFiles, TexturesOutside, Topology, Weld,
+    Borders, CLUSTER_FACES, Doubles, FaceTarget, ImageFormat, JobOptions, Limits, MetricChoice, Normals, Pieces,
+    ReportNotes, ResumeChoice, Seams, SimplifyOptions, Target, TextureFiles, TexturesOutside, Topology, Weld,
 };
 use crate::remesh::cvd;
 
@@ -88,6 +88,20 @@ pub struct SimplifyFlags {
     #[arg(long, value_enum, value_name = "HOW", default_value_t = TexturesOutside::Refer, help_heading = heading::TEXTURE)]
     #[arg(hide_short_help = true)]
     textures_outside: TexturesOutside,
+
+    /// With --textures bake: texels, as a share of those that the input shows, above 0 and up to 16
+    #[arg(long, value_name = "SHARE", default_value_t = 1.0, allow_negative_numbers = true, help_heading = heading::TEXTURE)]
+    #[arg(value_parser = quantity::parse_number, hide_short_help = true)]
+    texels: f64,
+
+    /// With --textures bake: largest side of an image in texels, a power of two from 256 to 16384
+    #[arg(long, value_name = "SIDE", default_value_t = 4096, help_heading = heading::TEXTURE, hide_short_help = true)]
+    #[arg(value_parser = quantity::parse_whole::<u32>)]
+    atlas: u32,
+
+    /// With --textures bake: format of the images: png, jpeg, or jpeg:QUALITY with a quality from 1 to 100
+    #[arg(long, value_name = "FORMAT", default_value_t = ImageFormat::Png, help_heading = heading::TEXTURE, hide_short_help = true)]
+    image: ImageFormat,
 
     /// Weight of texture drift, 0 to 1000; at 1 a metre of drift costs as much as a metre of distance
     #[arg(long, value_name = "WEIGHT", default_value_t = 0.7, allow_negative_numbers = true, help_heading = heading::TEXTURE)]
@@ -172,6 +186,9 @@ impl SimplifyFlags {
             seams: flags.seams,
             textures: flags.textures,
             textures_outside: flags.textures_outside,
+            texels: flags.texels,
+            atlas: flags.atlas,
+            image: flags.image,
             uv_weight: flags.uv_weight,
             limits: Limits { memory: flags.memory, threads: flags.threads },
             job: JobOptions { work: flags.work, resume: flags.resume, keep_work: flags.keep_work, force: flags.force },

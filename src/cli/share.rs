@@ -104,7 +104,7 @@ impl JobShare {
         };
         let draw = [drawn(triangles), drawn(target)];
         let textures = match options.textures {
-            TextureFiles::Copy => TEXTURES_PER_WRITE * start.write,
+            TextureFiles::Copy | TextureFiles::Bake => TEXTURES_PER_WRITE * start.write,
             TextureFiles::Link | TextureFiles::Reference => 0.0,
         };
         self.scan = start.scan;

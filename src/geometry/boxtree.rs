@@ -15,6 +15,7 @@
 
 use glam::{BVec3, DVec3};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use crate::base::pool::in_parallel;
 
@@ -26,7 +27,7 @@ const DEPTH_MAX: usize = 32;
 const MORTON_BITS: u32 = 21;
 
 /// An axis-aligned box; empty if `low` is above `high`.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct Bounds {
     /// Smallest coordinates.
     pub low: DVec3,

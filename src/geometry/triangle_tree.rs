@@ -320,6 +320,14 @@ pub struct Answer {
 impl TreeView<'_> {
     /// Answers a query; `triangle` returns corners by index in the tree's order.
     pub fn ask(self, question: &Question, triangle: impl Fn(u32) -> [DVec3; 3]) -> Answer {
+        let point = question.point;
+        self.ask_by(question, |place| closest_point(point, triangle(place)).distance_squared(point))
+    }
+
+    /// Answers a query by a measure of one's own: `measure_sq` returns the square of a triangle's distance, by index in
+    /// the tree's order; it is nowhere below that of the triangle's box.
+    #[inline]
+    pub fn ask_by(self, question: &Question, measure_sq: impl Fn(u32) -> f64) -> Answer {
         let Question { point, bound_sq, enough_sq, looks: looks_max } = *question;
         let target = Vec3A::from(point.as_vec3());
         let mut best = (u32::MAX, bound_sq);
@@ -343,7 +351,7 @@ impl TreeView<'_> {
                 looks += 1 + u64::from(leaf);
                 if leaf > 0 {
                     for place in index..index + leaf {
-                        let distance_sq = closest_point(point, triangle(place)).distance_squared(point);
+                        let distance_sq = measure_sq(place);
                         if distance_sq < best.1 {
                             best = (place, distance_sq);
                             limit = bound(distance_sq);
@@ -368,6 +376,32 @@ impl TreeView<'_> {
             }
         }
         Answer { nearest: (best.0 != u32::MAX).then_some(best), looks, is_cut }
+    }
+
+    /// Calls `visit` with the index of each triangle whose leaf's box is no farther from a point than the root of
+    /// `distance_sq`.
+    pub fn visit_within(self, point: DVec3, distance_sq: f64, mut visit: impl FnMut(u32)) {
+        let target = Vec3A::from(point.as_vec3());
+        let limit = distance_sq as f32 * BOUND_MARGIN;
+        let mut stack = [(0u32, 0u32); STACK_ENTRIES];
+        stack[0] = (0, if self.pairs.is_empty() { self.count as u32 } else { 0 });
+        let mut height = usize::from(self.count > 0);
+        while height > 0 {
+            height -= 1;
+            let (index, leaf) = stack[height];
+            if leaf > 0 {
+                (index..index + leaf).for_each(&mut visit);
+                continue;
+            }
+            let pair = &self.pairs[index as usize];
+            for which in [1, 0] {
+                let (distance_sq, index, leaf) = self.child(pair, which, target);
+                if distance_sq <= limit && height < STACK_ENTRIES {
+                    stack[height] = (index, leaf);
+                    height += 1;
+                }
+            }
+        }
     }
 
     /// Squared distance, index and count of a child.

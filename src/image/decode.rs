@@ -8,6 +8,7 @@
 
 use std::fs::File;
 use std::io::{BufReader, Read};
+use std::ops::Range;
 use std::path::Path;
 
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
@@ -46,6 +47,12 @@ impl Image {
     /// Width and height in pixels.
     pub fn size(&self) -> [usize; 2] {
         [self.width, self.height]
+    }
+
+    /// Pixels of a row, red, green, blue, one after the other; rows are counted from the top.
+    pub fn row(&self, row: usize, columns: Range<usize>) -> &[u8] {
+        let pixel = PIXEL_BYTES as usize;
+        &self.pixels[(row * self.width + columns.start) * pixel..(row * self.width + columns.end) * pixel]
     }
 
     /// The pixel (red, green, blue) at a texture coordinate between 0 and 1, with (0, 0) at the lower left.

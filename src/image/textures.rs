@@ -10,11 +10,13 @@
 use std::collections::{BTreeMap, HashMap};
 use std::path::PathBuf;
 
+use glam::DVec2;
+
 use crate::base::Findings;
 use crate::base::error::{escape, escape_path};
 use crate::base::id::{TiSlice, TiVec};
 use crate::model::Catalogue;
-use crate::model::catalogue::MaterialDefinition;
+use crate::model::catalogue::{MaterialDefinition, TextureStatement};
 use crate::model::id::{ImageId, MaterialId, PartId};
 use crate::model::texture_file::{self, Reach, base_name};
 use crate::os::content::Content;
@@ -35,6 +37,41 @@ pub struct TextureImages {
     pub files: TiVec<ImageId, TextureImage>,
     /// Image of each part of the catalogue, or none.
     pub of_part: TiVec<PartId, ImageId>,
+    /// Where the image of each part lies, if an option of its statement moves it.
+    placements: TiVec<PartId, Option<Placement>>,
+    /// Number of the plain colours that parts without an image show; their ids follow those of the images.
+    pub plain: Vec<[u8; 3]>,
+}
+
+/// Where an image lies on the surface: the options `-s` and `-o` of a texture statement.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Placement {
+    scale: DVec2,
+    offset: DVec2,
+}
+
+impl Placement {
+    /// Reads the options; `None` if they leave the image where it is.
+    fn read(key_and_options: &[u8]) -> Option<Self> {
+        let mut placement = Self { scale: DVec2::ONE, offset: DVec2::ZERO };
+        let words: Vec<&str> = key_and_options
+            .split(u8::is_ascii_whitespace)
+            .filter_map(|word| std::str::from_utf8(word).ok())
+            .filter(|word| !word.is_empty())
+            .collect();
+        for (at, option) in words.iter().enumerate() {
+            let mut values = words[at + 1..].iter().map_while(|word| word.parse::<f64>().ok());
+            let target = match *option {
+                "-s" => &mut placement.scale,
+                "-o" => &mut placement.offset,
+                _ => continue,
+            };
+            target.x = values.next().unwrap_or(target.x);
+            target.y = values.next().unwrap_or(target.y);
+        }
+        let is_finite = placement.scale.is_finite() && placement.offset.is_finite();
+        (is_finite && placement != Self { scale: DVec2::ONE, offset: DVec2::ZERO }).then_some(placement)
+    }
 }
 
 impl TextureImages {
@@ -63,7 +100,40 @@ impl TextureImages {
         let material_of =
             |part: &crate::model::Part| part.material.map_or(ImageId::NONE, |material| of_material[material]);
         images.of_part = catalogue.parts.iter().map(material_of).collect();
+        let placement_of = |part: &crate::model::Part| {
+            let definition = catalogue.materials[part.material?].definition.as_ref()?;
+            Placement::read(&statement(definition)?.key_and_options)
+        };
+        images.placements = catalogue.parts.iter().map(placement_of).collect();
         images
+    }
+
+    /// Gives each part without an image the plain colour of its material (`Kd`), as an image of its own.
+    pub fn add_plain_colours(&mut self, catalogue: &Catalogue) {
+        let mut known: BTreeMap<[u8; 3], ImageId> = BTreeMap::new();
+        for (part, image) in catalogue.parts.iter().zip(&mut self.of_part) {
+            let definition = part.material.and_then(|material| catalogue.materials[material].definition.as_ref());
+            let Some(colour) = definition.and_then(plain_colour).filter(|_| *image == ImageId::NONE) else { continue };
+            *image = *known.entry(colour).or_insert_with(|| {
+                self.plain.push(colour);
+                ImageId::from(self.files.len() + self.plain.len() - 1)
+            });
+        }
+    }
+
+    /// The plain colour that an id stands for; `None` for an image.
+    #[inline]
+    pub fn plain_colour(&self, image: ImageId) -> Option<[u8; 3]> {
+        self.plain.get(image.index().checked_sub(self.files.len())?).copied()
+    }
+
+    /// The texture coordinate in the image that a part shows at one of the file.
+    #[inline]
+    pub fn placed(&self, part: PartId, texcoord: DVec2) -> DVec2 {
+        match self.placements[part] {
+            None => texcoord,
+            Some(Placement { scale, offset }) => texcoord * scale + offset,
+        }
     }
 
     /// Content of each file; `None` for a file that cannot be read.
@@ -101,11 +171,29 @@ impl TextureImages {
     }
 }
 
+/// The statement of a material's diffuse image.
+fn statement(definition: &MaterialDefinition) -> Option<&TextureStatement> {
+    let is_diffuse = |key: &[u8]| key.get(..6).is_some_and(|key| key.eq_ignore_ascii_case(b"map_kd"));
+    definition.textures.iter().find(|texture| is_diffuse(&texture.key_and_options))
+}
+
+/// The diffuse colour of a material (`Kd`), red, green, blue.
+fn plain_colour(definition: &MaterialDefinition) -> Option<[u8; 3]> {
+    let statement = definition.statements.iter().find_map(|text| {
+        let text = std::str::from_utf8(text).ok()?;
+        let (keyword, values) = text.trim_start().split_once(char::is_whitespace)?;
+        keyword.eq_ignore_ascii_case("kd").then_some(values)
+    })?;
+    let mut values = statement.split_whitespace().map_while(|word| word.parse::<f32>().ok());
+    let red = values.next().filter(|value| value.is_finite())?;
+    // Those that are left out are as the first.
+    let mut next = || values.next().filter(|value| value.is_finite()).unwrap_or(red);
+    Some([red, next(), next()].map(|value| (255.0 * value.clamp(0.0, 1.0)).round() as u8))
+}
+
 /// The name of a material's diffuse image.
 fn diffuse(definition: &MaterialDefinition) -> Option<(&MaterialDefinition, &[u8])> {
-    let is_diffuse = |key: &[u8]| key.get(..6).is_some_and(|key| key.eq_ignore_ascii_case(b"map_kd"));
-    let texture = definition.textures.iter().find(|texture| is_diffuse(&texture.key_and_options))?;
-    Some((definition, &texture.name))
+    statement(definition).map(|texture| (definition, &texture.name[..]))
 }
 
 /// The file of a texture name, wherever it lies: by the whole path, else by its last part beside the MTL file.
@@ -127,7 +215,12 @@ mod tests {
             fs::write(folder.join(name), content).unwrap();
             TextureImage { path: folder.join(name), name: name.as_bytes().to_vec() }
         };
-        TextureImages { files: files.iter().map(image).collect(), of_part: TiVec::new() }
+        TextureImages {
+            files: files.iter().map(image).collect(),
+            of_part: TiVec::new(),
+            placements: TiVec::new(),
+            plain: Vec::new(),
+        }
     }
 
     #[test]

@@ -154,8 +154,15 @@ fn inspect_in_clusters(
     let work_bytes = budget.for_work();
     let allowed = work_bytes.saturating_sub(BUFFERS_BYTES) / (FACE_BYTES_ALLOWED * (threads as u64 + 1));
     let cluster_faces = allowed.max(CLUSTER_FACES_MIN).min(cluster_faces);
-    let partition_options =
-        PartitionOptions { cluster_faces, pass: 0, weld: true, drop_doubles: false, threads, work_bytes };
+    let partition_options = PartitionOptions {
+        cluster_faces,
+        pass: 0,
+        weld: true,
+        drop_doubles: false,
+        drop_texcoords: false,
+        threads,
+        work_bytes,
+    };
     progress.begin("partition", 0, "");
     let mut partition = partition::partition(&mesh, &catalogue, work.path(), "pass-0", &partition_options)?;
     findings.merge(std::mem::take(&mut partition.findings));

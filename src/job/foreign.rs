@@ -13,8 +13,9 @@ use crate::file::header::Header;
 use crate::os::durable::no_links;
 
 /// Prefixes and suffixes of the names of all other files.
-const PREFIXES: [&str; 4] = ["scan-", "pass-", "write-", "measure-"];
-const SUFFIXES: [&str; 8] = [".col", ".plc", ".blk", ".buckets", ".piece", ".bin", ".state", ".tmp"];
+const PREFIXES: [&str; 5] = ["scan-", "pass-", "bake-", "write-", "measure-"];
+const SUFFIXES: [&str; 12] =
+    [".col", ".plc", ".blk", ".buckets", ".piece", ".bin", ".cells", ".texels", ".png", ".jpg", ".state", ".tmp"];
 
 /// Returns the entries of a folder.
 ///

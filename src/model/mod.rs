@@ -12,6 +12,7 @@ pub mod mesh;
 pub mod piece;
 pub mod stored_mesh;
 pub mod texture_file;
+pub mod image_format;
 pub mod corners;
 
 pub use catalogue::{Catalogue, Material, Part};

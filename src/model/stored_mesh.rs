@@ -115,6 +115,12 @@ impl StoredMesh {
         self.shared_colours.is_some() || self.pieces.iter().any(|piece| piece.colours.is_some())
     }
 
+    /// Forgets the colours of the vertices.
+    pub fn drop_colours(&mut self) {
+        self.shared_colours = None;
+        self.pieces.iter_mut().for_each(|piece| piece.colours = None);
+    }
+
     /// Reports the same for its texture coordinates alone.
     pub fn has_sound_texcoords(&self) -> bool {
         self.pieces.iter().all(StoredPiece::has_sound_texcoords)

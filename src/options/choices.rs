@@ -146,6 +146,8 @@ choice! {
         Link = "link",
         /// Leave them; the MTL names their paths
         Reference = "reference",
+        /// Bake new ones: seams no longer hold the mesh, and each texel shows the colour of the input there
+        Bake = "bake",
     }
 }
 

@@ -19,6 +19,7 @@ pub use self::choices::{
     Topology, Weld,
 };
 pub use self::target::{FaceTarget, Target};
+pub use crate::model::image_format::ImageFormat;
 pub use crate::remesh::cvd::CvdSettings;
 
 /// Triangles of a cluster, about, unless given.
@@ -113,6 +114,12 @@ pub struct SimplifyOptions {
     pub textures: TextureFiles,
     /// How to write texture images that an MTL names outside of its own folder.
     pub textures_outside: TexturesOutside,
+    /// Texels of baked textures, as a share of those that the input shows.
+    pub texels: f64,
+    /// Largest side of a baked image, in texels: a power of two from 256 to 16384.
+    pub atlas: u32,
+    /// Format of baked images.
+    pub image: ImageFormat,
     /// Weight of texture drift, 0 to 1000; at 1 a metre of drift costs as much as a metre of distance.
     pub uv_weight: f64,
     /// Memory and threads.
@@ -155,6 +162,9 @@ impl Default for SimplifyOptions {
             seams: None,
             textures: TextureFiles::Copy,
             textures_outside: TexturesOutside::Refer,
+            texels: 1.0,
+            atlas: 4096,
+            image: ImageFormat::Png,
             uv_weight: 0.7,
             limits: Limits::default(),
             job: JobOptions::default(),
@@ -192,6 +202,18 @@ impl SimplifyOptions {
             return fail(format!("`uv_weight: {}`: expected 0 to 1000", self.uv_weight));
         }
         self.cost(true)?;
+        if !(1e-6..=16.0).contains(&self.texels) {
+            return fail(format!("`texels: {}`: expected 0.000001 to 16", self.texels));
+        }
+        if !self.atlas.is_power_of_two() || !(256..=16384).contains(&self.atlas) {
+            return fail(format!("`atlas: {}`: expected a power of two from 256 to 16384", self.atlas));
+        }
+        if let ImageFormat::Jpeg(0 | 101..) = self.image {
+            return fail(format!("`image: {}`: expected a quality from 1 to 100", self.image));
+        }
+        if self.bakes() && !cfg!(feature = "images") {
+            return fail("`textures: bake`: the crate is built without its feature `images`".into());
+        }
         if self.optimize && self.target.max_error.is_some() {
             return fail("`optimize` moves vertices without a bound: leave it out with `max_error`".into());
         }
@@ -205,6 +227,11 @@ impl SimplifyOptions {
             return fail("`threads: 0`: expected at least 1".into());
         }
         Ok(())
+    }
+
+    /// Whether the result gets new textures.
+    pub fn bakes(&self) -> bool {
+        self.textures == TextureFiles::Bake
     }
 
     /// Cells that are asked for instead of triangles.
@@ -299,6 +326,8 @@ impl SimplifyOptions {
             frees_topology: self.frees_topology(),
             one_by_one: self.one_by_one,
             drop_doubles: self.doubles == Doubles::Drop,
+            drop_texcoords: self.textures == TextureFiles::Bake,
+            kept_steps: &[],
             remesh: self.remesh,
             optimize: self.optimize,
             weld: self.weld == Weld::Exact,
@@ -362,6 +391,7 @@ impl From<TextureFiles> for Textures {
             TextureFiles::Copy => Textures::Copy,
             TextureFiles::Link => Textures::Link,
             TextureFiles::Reference => Textures::Reference,
+            TextureFiles::Bake => Textures::Copy,
         }
     }
 }

@@ -424,7 +424,15 @@ mod tests {
         let mesh = mesh_of(folder.path(), positions);
         plan(
             &mesh,
-            &PartitionOptions { cluster_faces, pass, weld: true, drop_doubles: false, threads: 2, work_bytes: 1 << 24 },
+            &PartitionOptions {
+                cluster_faces,
+                pass,
+                weld: true,
+                drop_doubles: false,
+                drop_texcoords: false,
+                threads: 2,
+                work_bytes: 1 << 24,
+            },
         )
         .unwrap()
     }

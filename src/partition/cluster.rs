@@ -91,6 +91,11 @@ impl ClusterFaces {
 }
 
 impl ClusterSource {
+    /// The vertices that were loaded, in the partition, ascending.
+    pub fn loaded_vertices(&self) -> &[PartitionVertex] {
+        &self.vertex_ids.raw
+    }
+
     fn add_faces(
         &mut self,
         faces: &TiSlice<FaceId, Face<LocalVertex>>,

@@ -30,7 +30,7 @@ use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Result, lock};
 use crate::file::buckets::{BucketWriter, Buckets, Sorted};
 use crate::model::face::{FaceBlock, repeats_vertex};
-use crate::model::id::{MeshVertex, PieceVertex};
+use crate::model::id::{MeshVertex, PieceVertex, Texcoord};
 use crate::model::stored_mesh::PieceNumbering;
 use crate::model::{Face, StoredMesh, StoredPiece};
 use crate::os::system::{read_exact_at, write_all_at};
@@ -166,7 +166,10 @@ pub(super) fn distribute(
         options.threads,
         options.threads * 2,
         |job| {
-            let faces = job.read()?;
+            let mut faces = job.read()?;
+            if options.drop_texcoords {
+                faces.iter_mut().for_each(|face| face.texcoords = [Texcoord::NONE; 3]);
+            }
             let faces: Vec<Face<PartitionVertex>> = if let Some(window) = job.window {
                 let ranks = loaded.get(ranks, window)?;
                 faces.into_iter().map(|face| face.renumbered(|v| ranks[v])).collect()
@@ -369,7 +372,7 @@ impl Drop for Corners {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::id::{PieceTexcoord, Texcoord};
+    use crate::model::id::PieceTexcoord;
 
     /// A piece of three times the same face, in a folder.
     fn piece(folder: &Path) -> StoredPiece {

@@ -45,6 +45,7 @@ mod wedges;
 pub mod cluster;
 mod rounding;
 mod save;
+mod interface;
 pub mod heavy;
 
 use std::path::Path;
@@ -60,6 +61,7 @@ use crate::model::{Catalogue, StoredMesh};
 
 pub use cluster::ClusterSource;
 pub use id::ClusterId;
+pub use interface::write_shared;
 pub use options::PartitionOptions;
 pub use shared::Shared;
 pub use texture_scale::TextureScale;

@@ -11,6 +11,8 @@ pub struct PartitionOptions {
     pub weld: bool,
     /// Whether only the first of several faces with the same three vertices is kept.
     pub drop_doubles: bool,
+    /// Whether faces lose their texture coordinates.
+    pub drop_texcoords: bool,
     /// Worker threads.
     pub threads: usize,
     /// Memory in bytes for windows and buffers.

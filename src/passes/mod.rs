@@ -43,7 +43,6 @@ mod sweep_result;
 mod state;
 mod run;
 mod clusters;
-mod interface;
 pub mod outcome;
 mod second_attempt;
 mod remesh;

@@ -6,6 +6,7 @@ use crate::cost::{
     ClassicCost, CurvatureCost, ObliqueCost, SharpnessCost, SurfaceCost, TerrainCost, Weights, classic, curvature,
     oblique, sharpness, terrain,
 };
+use crate::job::StepKey;
 use crate::remesh::cvd;
 use crate::render::View;
 
@@ -84,6 +85,10 @@ pub struct PassOptions {
     pub one_by_one: bool,
     /// Whether only the first of several faces with the same three vertices is kept.
     pub drop_doubles: bool,
+    /// Whether the texture coordinates of the input are left out.
+    pub drop_texcoords: bool,
+    /// Steps whose files stay when those of earlier passes go.
+    pub kept_steps: &'static [StepKey],
     /// Settings of the remeshing before the first pass; `None` for no remeshing.
     pub remesh: Option<cvd::CvdSettings>,
     /// Whether vertices beside slivers are relocated in the last passes.

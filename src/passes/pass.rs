@@ -16,11 +16,11 @@ use super::texture_traits::TextureTraits;
 use crate::base::ordered::{both, map_in_order};
 use crate::base::{Result, counted};
 use crate::cost::mesh_stats::MeshStats;
-use crate::job::{Step, folder_bytes};
+use crate::job::{Step, StepKey, folder_bytes};
 use crate::mesh::ClusterMesh;
 use crate::os::mmap;
 use crate::partition::cells::fits_one;
-use crate::partition::{self, Partition, PartitionOptions};
+use crate::partition::{self, Partition, PartitionOptions, write_shared};
 use crate::read::INPUT;
 use crate::render::ClusterMap;
 
@@ -53,6 +53,7 @@ impl Run<'_> {
             pass: pass.number,
             weld: self.options.weld && pass.number == 0,
             drop_doubles: self.options.drop_doubles,
+            drop_texcoords: self.options.drop_texcoords && pass.number == 0,
             threads: self.options.threads,
             work_bytes: self.options.work_bytes,
         };
@@ -79,7 +80,7 @@ impl Run<'_> {
         let files = partition.files().chain(partition.files_of(&self.state.mesh));
         let clusters = partition.filled_count();
         let step = PassStep::partition(pass).to_record().of_size(clusters);
-        self.job.supersede(step, files, &(&self.state, &partition), &[INPUT, PROBES])?;
+        self.job.supersede(step, files, &(&self.state, &partition), &self.kept_steps())?;
         self.progress.tell(&format!("pass {}: {}", pass.number + 1, counted(clusters, "cluster")));
         Ok(partition)
     }
@@ -189,7 +190,12 @@ impl Run<'_> {
     pub(super) fn record_pass(&self, pass: Pass) -> Result<()> {
         let mesh = &self.state.mesh;
         let step = PassStep::mesh(pass).to_record().of_size(mesh.face_count());
-        self.job.supersede(step, mesh.files(), &self.state, &[INPUT, PROBES])
+        self.job.supersede(step, mesh.files(), &self.state, &self.kept_steps())
+    }
+
+    /// Steps whose files stay although a later one replaces the mesh.
+    fn kept_steps(&self) -> Vec<StepKey> {
+        [&[INPUT, PROBES], self.options.kept_steps].concat()
     }
 
     /// Simplifies every cluster once, up to its stop.
@@ -226,7 +232,7 @@ impl Run<'_> {
         sum.report.faces_out = sum.counters.faces_out;
         sum.report.seam_vertices = sum.counters.seam_vertices;
         sum.report.map = self.map().take().and_then(|map| map.to_png());
-        self.write_shared(partition, pass, &mut sum.mesh)?;
+        write_shared(partition, self.job.path(), &format!("pass-{}", pass.number), &mut sum.mesh)?;
         Ok(sum)
     }
 

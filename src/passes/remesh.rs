@@ -26,7 +26,7 @@ use crate::base::Result;
 use crate::base::ordered::map_in_order;
 use crate::job::{Recalled, folder_bytes};
 use crate::model::{StoredMesh, StoredPiece};
-use crate::partition::{ClusterId, ClusterSource, Partition, heavy};
+use crate::partition::{ClusterId, ClusterSource, Partition, heavy, write_shared};
 use crate::remesh::cvd::mass::MassSums;
 use crate::remesh::cvd::{self, CvdSettings, FrozenStatistics, Stock};
 
@@ -108,7 +108,7 @@ impl Run<'_> {
             mesh.pieces.extend(cluster.pieces);
             Ok(())
         })?;
-        self.write_shared(partition, pass, &mut mesh)?;
+        write_shared(partition, self.job.path(), &format!("pass-{}", pass.number), &mut mesh)?;
         let state = &mut self.state;
         counters.note_in(&mut state.findings);
         state.findings.count("remesh_kept_vertices", report.kept);

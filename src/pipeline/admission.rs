@@ -1,9 +1,14 @@
 //! Admits a job once its input is known, and sets what its phases may take.
 
 use super::input::Input;
+#[cfg(not(feature = "images"))]
+use super::no_texturing::KEPT_STEPS;
 use super::preflight::Preflight;
+#[cfg(feature = "images")]
+use super::texturing::KEPT_STEPS;
 use crate::base::Result;
 use crate::job::WorkFolder;
+use crate::model::Catalogue;
 use crate::passes::{PassOptions, ResumePoint};
 use crate::render::View;
 
@@ -35,10 +40,17 @@ impl Admission {
     ///
     /// # Errors
     /// [`Error::Usage`] for settings that the metric does not have.
-    pub fn pass_options(&self, job: &Preflight<'_>, input: &Input, map: Option<View>) -> Result<PassOptions> {
+    pub fn pass_options(
+        &self,
+        job: &Preflight<'_>,
+        catalogue: &Catalogue,
+        triangles: u64,
+        map: Option<View>,
+    ) -> Result<PassOptions> {
         let map_bytes = if map.is_some() { MAP_BYTES } else { 0 };
         let work_bytes = self.work_bytes.saturating_sub(map_bytes);
-        let options = job.options.pass_options(input.triangles, input.catalogue.has_texcoords)?;
-        Ok(PassOptions { map, threads: job.threads, work_bytes, ..options })
+        let options = job.options.pass_options(triangles, catalogue.has_texcoords)?;
+        let kept_steps = if job.options.bakes() { KEPT_STEPS } else { &[] };
+        Ok(PassOptions { map, threads: job.threads, work_bytes, kept_steps, ..options })
     }
 }

@@ -10,13 +10,18 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::damage::report_damage;
+#[cfg(not(feature = "images"))]
+use super::no_texturing::has_original;
 use super::preflight::Preflight;
+use super::publish::brings_outside;
 use super::requirements::{COUNT_LIMIT, Requirements};
+#[cfg(feature = "images")]
+use super::texturing::has_original;
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Progress, Result, counted};
 use crate::job::{Recalled, Step, WorkFolder, folder_bytes};
 use crate::model::Catalogue;
-use crate::options::{Pieces, TextureFiles, TexturesOutside};
+use crate::options::{Pieces, TextureFiles};
 use crate::passes::ResumePoint;
 use crate::plan::memory;
 use crate::read::fingerprint::{self, Contents, Source};
@@ -118,7 +123,15 @@ impl Reading<'_> {
                 return Err(fingerprint::changed(&old.path, what));
             }
         }
-        Ok(ResumePoint::recall(work, &input.catalogue, self.job.options.cluster_faces)?.map(|start| (input, start)))
+        let start = ResumePoint::recall(work, &input.catalogue, self.job.options.cluster_faces)?;
+        // What is baked needs the surface of the input, which the passes leave behind.
+        let is_enough = |start: &ResumePoint| {
+            Ok(!self.job.options.bakes() || start.unsimplified().is_some() || has_original(work)?)
+        };
+        match start {
+            Some(start) if is_enough(&start)? => Ok(Some((input, start))),
+            _ => Ok(None),
+        }
     }
 
     fn scan(&self, work: &WorkFolder) -> Result<(Input, ResumePoint)> {
@@ -144,12 +157,13 @@ impl Reading<'_> {
 
     /// Sources for textures: with their content if they are copied, otherwise with their presence alone.
     fn textures(&self, catalogue: &Catalogue) -> Result<Vec<Source>> {
-        let brings_outside = self.job.options.textures_outside == TexturesOutside::Copy;
+        let brings_outside = brings_outside(self.job);
         let (named, known) = (write::named_textures(catalogue, brings_outside), Contents::default());
         let mut sources = Vec::with_capacity(named.len());
         let source_of = |texture: NamedTexture| {
             self.progress.check_stopped()?;
-            let is_copied = self.job.options.textures == TextureFiles::Copy && !texture.stays;
+            let is_read = matches!(self.job.options.textures, TextureFiles::Copy | TextureFiles::Bake);
+            let is_copied = is_read && !texture.stays;
             if is_copied && brings_outside {
                 Source::anywhere(&texture.path, &known)
             } else if is_copied {

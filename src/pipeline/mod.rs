@@ -17,6 +17,10 @@ mod preflight;
 mod publish;
 mod requirements;
 mod run_log;
+#[cfg(not(feature = "images"))]
+mod no_texturing;
+#[cfg(feature = "images")]
+mod texturing;
 #[cfg(test)]
 mod tests;
 
@@ -26,12 +30,15 @@ use self::admission::Admission;
 use self::damage::report_damage;
 #[cfg(not(feature = "report"))]
 use self::no_painter::NoPainter as Painter;
+#[cfg(not(feature = "images"))]
+use self::no_texturing as texturing;
 use self::output::EarlierOutput;
 #[cfg(feature = "report")]
 use self::painter::Painter;
 use self::preflight::Preflight;
-use self::publish::Publisher;
+use self::publish::{Publisher, ResultMesh};
 use self::run_log::{FinishedRun, RunLog};
+use self::texturing::Texturing;
 use crate::base::pool::Pool;
 use crate::base::{Progress, Result};
 use crate::job::WorkFolder;
@@ -91,7 +98,7 @@ pub fn simplify_and(
 fn run(job: &Preflight<'_>, work: &mut WorkFolder, progress: &dyn Progress) -> Result<Report> {
     let mut log = RunLog::start();
     let earlier = EarlierOutput::look(job, work)?;
-    let (input, start) = log.time(|seconds| &mut seconds.scan, || input::read(job, work, progress))?;
+    let (input, mut start) = log.time(|seconds| &mut seconds.scan, || input::read(job, work, progress))?;
     log.findings.merge(input.findings.clone());
     log.findings.merge(job.idle.clone());
     let admission = Admission::admit(job, &input, &start, work)?;
@@ -99,8 +106,9 @@ fn run(job: &Preflight<'_>, work: &mut WorkFolder, progress: &dyn Progress) -> R
 
     let mut painter = Painter::new(job, &input.catalogue, work, &admission, progress);
     log.time_with(|seconds| &mut seconds.draw, |log| painter.draw_before(start.unsimplified(), &mut log.findings));
-    let options = admission.pass_options(job, &input, painter.map())?;
-    let passes = simplify_in_passes(start, &options, &input.catalogue, work, progress);
+    let texturing = Texturing::prepare(job, &input, &mut start, work, &admission, progress)?;
+    let options = admission.pass_options(job, texturing.catalogue(), input.triangles, painter.map())?;
+    let passes = simplify_in_passes(start, &options, texturing.catalogue(), work, progress);
     report_damage(work, progress);
     let passes = passes?;
     if passes.faces == 0 {
@@ -108,8 +116,16 @@ fn run(job: &Preflight<'_>, work: &mut WorkFolder, progress: &dyn Progress) -> R
         return Err(input::nothing_left(job, &input));
     }
 
-    let published = publisher.write_and_measure(&passes, work, progress)?;
-    log.time_with(|seconds| &mut seconds.draw, |log| painter.draw_after(&passes.mesh, &mut log.findings));
+    let baked = log.time(|seconds| &mut seconds.bake, || texturing.bake(&passes, work, progress))?;
+    let result = match &baked {
+        Some(baked) => ResultMesh { mesh: &baked.mesh, catalogue: &baked.catalogue },
+        None => ResultMesh { mesh: &passes.mesh, catalogue: &input.catalogue },
+    };
+    let published = publisher.write_and_measure(&result, &passes, work, progress)?;
+    log.time_with(|seconds| &mut seconds.draw, |log| painter.draw_after(&result, &mut log.findings));
+    if let Some(baked) = &baked {
+        log.findings.merge(baked.findings.clone());
+    }
     let shots = painter.shots();
     Ok(log.report(FinishedRun { job, input: &input, admission: &admission, passes, published, shots, work }))
 }

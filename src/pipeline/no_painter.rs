@@ -4,6 +4,7 @@ use std::convert::Infallible;
 
 use super::admission::Admission;
 use super::preflight::Preflight;
+use super::publish::ResultMesh;
 use crate::base::{Findings, Progress};
 use crate::job::WorkFolder;
 use crate::model::{Catalogue, StoredMesh};
@@ -27,7 +28,7 @@ impl NoPainter {
 
     pub fn draw_before(&mut self, _: Option<&StoredMesh>, _: &mut Findings) {}
 
-    pub fn draw_after(&mut self, _: &StoredMesh, _: &mut Findings) {}
+    pub fn draw_after(&mut self, _: &ResultMesh<'_>, _: &mut Findings) {}
 
     pub fn map(&self) -> Option<View> {
         None

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use super::admission::{Admission, MAP_SIZE};
 use super::preflight::Preflight;
+use super::publish::ResultMesh;
 use crate::base::{Findings, Progress, Result};
 use crate::job::WorkFolder;
 use crate::model::{Catalogue, StoredMesh};
@@ -58,7 +59,7 @@ impl<'a> Painter<'a> {
     pub fn draw_before(&mut self, mesh: Option<&StoredMesh>, findings: &mut Findings) {
         if let Some(mesh) = mesh
             && self.drawing != Drawing::Nothing
-            && let Some((viewpoints, shots)) = self.draw(mesh, None, findings)
+            && let Some((viewpoints, shots)) = self.draw(mesh, self.catalogue, None, findings)
         {
             self.viewpoints = Some(viewpoints);
             self.before = shots;
@@ -66,9 +67,9 @@ impl<'a> Painter<'a> {
     }
 
     /// Draws the result from the same viewpoints.
-    pub fn draw_after(&mut self, mesh: &StoredMesh, findings: &mut Findings) {
+    pub fn draw_after(&mut self, result: &ResultMesh<'_>, findings: &mut Findings) {
         if let Some(viewpoints) = self.viewpoints.take() {
-            self.after = self.draw(mesh, Some(viewpoints), findings).map(|(_, shots)| shots);
+            self.after = self.draw(result.mesh, result.catalogue, Some(viewpoints), findings).map(|(_, shots)| shots);
         }
     }
 
@@ -87,11 +88,12 @@ impl<'a> Painter<'a> {
     fn draw(
         &self,
         mesh: &StoredMesh,
+        catalogue: &Catalogue,
         from: Option<Viewpoints>,
         findings: &mut Findings,
     ) -> Option<(Viewpoints, Vec<Shot>)> {
         self.progress.begin("draw", 0, "");
-        let drawn = self.try_draw(mesh, from, findings);
+        let drawn = self.try_draw(mesh, catalogue, from, findings);
         drawn.unwrap_or_else(|error| {
             findings.note("missing_renderings", || error.to_string());
             None
@@ -101,10 +103,11 @@ impl<'a> Painter<'a> {
     fn try_draw(
         &self,
         mesh: &StoredMesh,
+        catalogue: &Catalogue,
         from: Option<Viewpoints>,
         findings: &mut Findings,
     ) -> Result<Option<(Viewpoints, Vec<Shot>)>> {
-        let scene = StoredScene::new(mesh, self.catalogue, &self.folder, findings);
+        let scene = StoredScene::new(mesh, catalogue, &self.folder, findings);
         let with_errors = self.drawing == Drawing::RenderingsAndErrors && from.is_some();
         let Some(from) = from.map_or_else(|| Viewpoints::of(&scene), |from| Ok(Some(from)))? else { return Ok(None) };
         let shots = gallery::draw(&scene, &from, with_errors, &self.resources, findings)?;

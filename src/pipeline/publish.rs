@@ -9,6 +9,7 @@ use crate::base::ordered::both;
 use crate::base::{Progress, Result};
 use crate::job::{Step, WorkFolder};
 use crate::measure::gauge::{Gauged, gauge};
+use crate::model::{Catalogue, StoredMesh};
 use crate::options::{Normals, TextureFiles, TexturesOutside};
 use crate::passes::Passes;
 use crate::write::{self, RESULT, WriteOptions, Written};
@@ -27,9 +28,16 @@ pub(super) struct Published {
     pub is_resumed: bool,
 }
 
+/// The mesh that is written, and its parts and materials.
+#[derive(Clone, Copy)]
+pub(super) struct ResultMesh<'a> {
+    pub mesh: &'a StoredMesh,
+    pub catalogue: &'a Catalogue,
+}
+
 /// Whether images outside of their MTL's folder come to the result, too.
 pub(super) fn brings_outside(job: &Preflight<'_>) -> bool {
-    job.options.textures_outside == TexturesOutside::Copy
+    job.options.textures_outside == TexturesOutside::Copy || job.options.bakes()
 }
 
 /// Writes the result of a job.
@@ -61,7 +69,11 @@ impl<'a> Publisher<'a> {
             sources: input.sources(),
             job: work.number(),
         };
-        write::check_output(job.output, &input.catalogue, &options, earlier.was_writing)?;
+        if job.options.bakes() {
+            write::check_baked_output(job.output, &options, earlier.was_writing)?;
+        } else {
+            write::check_output(job.output, &input.catalogue, &options, earlier.was_writing)?;
+        }
         Ok(Self { job, input, earlier, options })
     }
 
@@ -70,7 +82,13 @@ impl<'a> Publisher<'a> {
     ///
     /// # Errors
     /// Those of [`write::stage`], of [`Staged::commit`](write::Staged::commit) and of the work folder.
-    pub fn write_and_measure(self, passes: &Passes, work: &WorkFolder, progress: &dyn Progress) -> Result<Published> {
+    pub fn write_and_measure(
+        self,
+        result: &ResultMesh<'_>,
+        passes: &Passes,
+        work: &WorkFolder,
+        progress: &dyn Progress,
+    ) -> Result<Published> {
         let is_resumed = work.is_resumed();
         let started = Instant::now();
         let write = || {
@@ -78,7 +96,7 @@ impl<'a> Publisher<'a> {
                 // If the job was restarted on the way, nothing shows that the earlier result follows from the input as
                 // it is now.
                 Earlier::Whole(written) if is_resumed => written.clone(),
-                _ => self.write(passes, work, progress)?,
+                _ => self.write(result, passes, work, progress)?,
             };
             progress.begin("measure", 0, "");
             Ok((written, started.elapsed()))
@@ -88,10 +106,16 @@ impl<'a> Publisher<'a> {
         Ok(Published { written, measured, write_time, measure_time: started.elapsed() - write_time, is_resumed })
     }
 
-    fn write(&self, passes: &Passes, work: &WorkFolder, progress: &dyn Progress) -> Result<Written> {
+    fn write(
+        &self,
+        result: &ResultMesh<'_>,
+        passes: &Passes,
+        work: &WorkFolder,
+        progress: &dyn Progress,
+    ) -> Result<Written> {
         let Self { job, input, options, .. } = self;
         output::remember(work, job.output)?;
-        let staged = write::stage(&passes.mesh, &input.catalogue, job.output, work.path(), options, progress)?;
+        let staged = write::stage(result.mesh, result.catalogue, job.output, work.path(), options, progress)?;
         if job.options.textures == TextureFiles::Copy {
             input.check_textures(&staged, options.brings_outside)?;
         }

@@ -60,6 +60,8 @@ pub struct SecondFigures {
     pub simplify: f64,
     /// Simplifying in the passes after it.
     pub stitch: f64,
+    /// Baking new textures.
+    pub bake: f64,
     /// Writing the result.
     pub write: f64,
     /// Measuring the deviation.

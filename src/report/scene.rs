@@ -123,6 +123,7 @@ impl Scene for StoredScene<'_> {
             pass: 0,
             weld: false,
             drop_doubles: false,
+            drop_texcoords: false,
             threads,
             work_bytes,
         };

@@ -208,6 +208,25 @@ pub fn check_output(output: &Path, catalogue: &Catalogue, options: &WriteOptions
     textures.check_targets(&targets.files())
 }
 
+/// Refuses an output with new textures that would replace files, before any work is done: an MTL, or a folder of
+/// textures. If `was_writing`, checks the mesh and the files of the input alone.
+///
+/// # Errors
+/// [`Error::Usage`] that names the file in the way.
+pub fn check_baked_output(output: &Path, options: &WriteOptions, was_writing: bool) -> Result<()> {
+    let targets = Targets::choose(output, &options.sources, options.may_replace_mesh())?;
+    if was_writing || options.may_replace_mesh() {
+        return Ok(());
+    }
+    let textures = targets.textures();
+    let is_filled = textures.read_dir().is_ok_and(|mut entries| entries.next().is_some());
+    let mtl = targets.mtl.as_deref().filter(|mtl| look(mtl).is_some());
+    match mtl.or(Some(&*textures).filter(|_| is_filled)) {
+        Some(path) => Err(Error::Usage(format!("{}: already there; `force` replaces it", escape_path(path)))),
+        None => Ok(()),
+    }
+}
+
 /// Removes temporary files that an interrupted process of the job left beside an output.
 pub fn remove_waiting_of(output: &Path, job: u64) {
     remove_waiting(folder_of(output), job);

@@ -186,6 +186,7 @@ fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
         drop_pieces: choice.drop_pieces,
         one_by_one: false,
         drop_doubles: false,
+        drop_texcoords: false,
         frees_topology: choice.frees_topology,
         target: choice.max_error.map_or((scanned.triangles as f64 * choice.ratio).round() as u64, |_| 0),
         input: scanned.triangles,

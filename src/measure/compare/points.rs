@@ -14,10 +14,11 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::cells::{CellView, MeasuredMesh};
+use super::cells::MeasuredMesh;
 use super::options::Spread;
 use crate::base::chance;
 use crate::geometry::triangle::{area, perimeter};
+use crate::surface::cell::CellView;
 
 /// Maximum number of points of a batch.
 pub const BATCH_POINTS: u64 = 1 << 14;

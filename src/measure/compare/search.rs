@@ -21,13 +21,14 @@
 
 use glam::DVec3;
 
-use super::cells::{CellView, MeasuredMesh};
+use super::cells::MeasuredMesh;
 use crate::base::Result;
 use crate::geometry::boxtree::Bounds;
 use crate::geometry::closest_point;
 use crate::geometry::triangle::{area, barycentric, unit_normal};
 use crate::geometry::triangle_tree::Question;
 use crate::model::id::ImageId;
+use crate::surface::cell::CellView;
 
 /// Number of cells kept open at once.
 pub const VIEWS: usize = 4;

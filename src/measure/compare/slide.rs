@@ -22,7 +22,7 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 
-use super::cells::{CellView, MeasuredMesh};
+use super::cells::MeasuredMesh;
 use super::distribution::Distribution;
 use super::options::Resources;
 use super::texture_pair::TexturePair;
@@ -32,6 +32,7 @@ use crate::base::{Progress, Result};
 use crate::file::Column;
 use crate::image::textures::TextureImages;
 use crate::model::id::ImageId;
+use crate::surface::cell::{CellView, ShownImage};
 
 /// The original shows an image more than once if the triangles that show it cover more than this times its area.
 const SHOWN_MAX: f64 = 1.1;
@@ -108,7 +109,7 @@ impl<'a> Atlas<'a> {
         resources: &'a Resources,
     ) -> Self {
         let mut shown: TiVec<ImageId, f64> = vec![0.0; original.images.files.len()].into();
-        for &(image, area) in original.cells.iter().flat_map(|cell| &cell.images) {
+        for &ShownImage { image, texture_area: area, .. } in original.cells.iter().flat_map(|cell| &cell.images) {
             if let Some(sum) = shown.get_mut(image) {
                 *sum += area;
             }
@@ -280,7 +281,7 @@ impl Charts {
     /// Draws the triangles of a mesh that show one of some texture images (ascending).
     fn draw(&mut self, mesh: &MeasuredMesh, images: &[ImageId]) -> Result<()> {
         let is_shown = |image: &ImageId| images.binary_search(image).is_ok();
-        for cell in mesh.cells.iter().filter(|cell| cell.images.iter().any(|(image, _)| is_shown(image))) {
+        for cell in mesh.cells.iter().filter(|cell| cell.images.iter().any(|shown| is_shown(&shown.image))) {
             let view = cell.view()?;
             for face in 0..view.faces.len() as u32 {
                 if is_shown(&view.faces[face as usize].image) {

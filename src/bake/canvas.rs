@@ -1,0 +1,99 @@
+//! An image that is being baked: colours of the texels, and which of them are set.
+//!
+//! # Memory
+//! 4 bytes a texel, and a third more while it is filled.
+
+use glam::Vec3;
+
+/// An image under way.
+pub(super) struct Canvas {
+    /// Width and height.
+    pub size: [usize; 2],
+    /// Red, green, blue, row by row from the top.
+    pub rgb: Vec<u8>,
+    is_set: Vec<bool>,
+}
+
+impl Canvas {
+    pub fn new(size: [usize; 2]) -> Self {
+        Self { size, rgb: vec![0; 3 * size[0] * size[1]], is_set: vec![false; size[0] * size[1]] }
+    }
+
+    /// Sets a texel.
+    pub fn set(&mut self, column: usize, row: usize, colour: Vec3) {
+        let at = row * self.size[0] + column;
+        self.is_set[at] = true;
+        let bytes = colour.clamp(Vec3::ZERO, Vec3::splat(255.0)).to_array().map(|channel| channel.round() as u8);
+        self.rgb[3 * at..3 * at + 3].copy_from_slice(&bytes);
+    }
+
+    /// Fills the texels that are not set smoothly from those that are.
+    ///
+    /// # Source
+    /// Gortler, Grzeszczuk, Szeliski & Cohen 1996, "The lumigraph", section 3.4.3 (pull-push).
+    pub fn fill(&mut self) {
+        if self.is_set.iter().all(|&is_set| is_set) || !self.is_set.contains(&true) || self.size == [1, 1] {
+            return;
+        }
+        let mut half = self.pulled();
+        half.fill();
+        let [width, height] = self.size;
+        for y in 0..height {
+            for x in 0..width {
+                let at = y * width + x;
+                if !self.is_set[at] {
+                    let from = 3 * (y / 2 * half.size[0] + x / 2);
+                    self.rgb[3 * at..3 * at + 3].copy_from_slice(&half.rgb[from..from + 3]);
+                    self.is_set[at] = true;
+                }
+            }
+        }
+    }
+
+    /// The image at half of its size: means of the texels that are set.
+    fn pulled(&self) -> Self {
+        let [width, height] = self.size;
+        let mut half = Self::new(self.size.map(|side| side.div_ceil(2)));
+        for y in 0..half.size[1] {
+            for x in 0..half.size[0] {
+                let (mut sum, mut count) = ([0u32; 3], 0);
+                for (column, row) in [(2 * x, 2 * y), (2 * x + 1, 2 * y), (2 * x, 2 * y + 1), (2 * x + 1, 2 * y + 1)] {
+                    if column < width && row < height && self.is_set[row * width + column] {
+                        let at = 3 * (row * width + column);
+                        (0..3).for_each(|channel| sum[channel] += u32::from(self.rgb[at + channel]));
+                        count += 1;
+                    }
+                }
+                if count > 0 {
+                    half.set(x, y, Vec3::from_array(sum.map(|sum| sum as f32 / count as f32)));
+                }
+            }
+        }
+        half
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_set_takes_the_colour_of_what_is_near() {
+        let mut canvas = Canvas::new([37, 21]);
+        canvas.set(3, 4, Vec3::new(200.0, 10.0, 30.0));
+        canvas.set(33, 18, Vec3::new(0.0, 100.0, 0.0));
+        canvas.fill();
+        let pixel = |x: usize, y: usize| &canvas.rgb[3 * (y * 37 + x)..][..3];
+        assert_eq!(pixel(3, 4), [200, 10, 30]);
+        assert_eq!(pixel(2, 5), [200, 10, 30]);
+        assert_eq!(pixel(34, 19), [0, 100, 0]);
+        assert!(canvas.is_set.iter().all(|&is_set| is_set));
+    }
+
+    #[test]
+    fn an_empty_image_stays_black() {
+        let mut canvas = Canvas::new([5, 3]);
+        canvas.fill();
+        assert!(canvas.rgb.iter().all(|&byte| byte == 0));
+    }
+}

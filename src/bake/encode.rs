@@ -1,0 +1,53 @@
+//! Encodes baked images.
+
+use std::path::Path;
+
+use super::canvas::Canvas;
+use crate::base::{Error, Result};
+use crate::model::image_format::ImageFormat;
+use crate::os::durable::DurableFile;
+
+/// Bytes that are written at once.
+const BUFFER_BYTES: usize = 1 << 16;
+
+/// Writes an image to a file, durably.
+///
+/// # Errors
+/// On a full disk or a failed write.
+pub(super) fn write(canvas: &Canvas, format: ImageFormat, path: &Path) -> Result<()> {
+    let mut file = Sink(DurableFile::create(path, BUFFER_BYTES)?);
+    let wrap = |error: std::io::Error| Error::io(path, "write", error);
+    let [width, height] = canvas.size;
+    match format {
+        ImageFormat::Png => {
+            let mut encoder = png::Encoder::new(&mut file, width as u32, height as u32);
+            encoder.set_color(png::ColorType::Rgb);
+            encoder.set_depth(png::BitDepth::Eight);
+            encoder.set_compression(png::Compression::Fast);
+            let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&canvas.rgb));
+            written.map_err(|error| wrap(error.into()))?;
+        }
+        ImageFormat::Jpeg(quality) => {
+            let [width, height] = [width, height].map(|side| side as u16);
+            let encoder = jpeg_encoder::Encoder::new(&mut file, quality);
+            let written = encoder.encode(&canvas.rgb, width, height, jpeg_encoder::ColorType::Rgb);
+            written.map_err(|error| wrap(std::io::Error::other(error)))?;
+        }
+    }
+    file.0.commit()?;
+    Ok(())
+}
+
+/// A durable file that encoders write to.
+struct Sink(DurableFile);
+
+impl std::io::Write for &mut Sink {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.write(bytes).map_err(std::io::Error::other)?;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}

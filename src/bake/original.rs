@@ -1,0 +1,253 @@
+//! The surface of the input, kept until its colours are baked.
+//!
+//! ```text
+//! mesh as it was read ── partition ──▶ cells with trees ──▶ bake-surface.cells
+//! image files ── decode ──▶ tiles ──▶ bake-image-000003.texels
+//! ```
+
+use std::path::Path;
+
+use glam::{DVec3, Vec3};
+use serde::{Deserialize, Serialize};
+
+use super::texels::StoredImage;
+use super::{BakeLimits, IMAGE, SURFACE};
+use crate::base::error::escape_path;
+use crate::base::id::TiVec;
+use crate::base::ordered::{map_in_order, map_within};
+use crate::base::{Findings, Permits, Progress, Result};
+use crate::image::decode;
+use crate::image::textures::TextureImages;
+use crate::job::{Recalled, Step, StepKey, WorkFolder};
+use crate::model::id::ImageId;
+use crate::model::{Catalogue, StoredMesh};
+use crate::partition::{self, ClusterSource, Partition, PartitionOptions, TextureScale, cluster, heavy, reading};
+use crate::read::SCAN;
+use crate::surface::cell::{Cell, CellMaker, CellWriter, FACE_BYTES, ShownImage};
+
+/// Approximate number of triangles of a cell.
+const CELL_FACES: u64 = 1 << 16;
+
+/// The surface of the input in cells.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct OriginalSurface {
+    cells: Vec<Cell>,
+}
+
+impl Recalled for OriginalSurface {
+    type Context<'a> = ();
+
+    fn locate(&mut self, folder: &Path, (): &()) {
+        self.cells.iter_mut().for_each(|cell| cell.locate(folder));
+    }
+
+    fn is_sound(&self, (): &()) -> bool {
+        self.cells.iter().all(Cell::is_sound)
+    }
+}
+
+impl OriginalSurface {
+    /// Recalls the surface that an earlier process kept.
+    ///
+    /// # Errors
+    /// Those of [`WorkFolder::recall`].
+    pub fn recall(work: &WorkFolder) -> Result<Option<Self>> {
+        work.recall(&SURFACE, &())
+    }
+
+    /// Recalls the surface, or prepares it from the mesh as it was read.
+    ///
+    /// # Errors
+    /// On a full disk, failed reads and writes, and damaged files.
+    pub fn prepare(
+        mesh: &StoredMesh,
+        catalogue: &Catalogue,
+        images: &TextureImages,
+        work: &WorkFolder,
+        limits: &BakeLimits,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        if let Some(surface) = Self::recall(work)? {
+            return Ok(surface);
+        }
+        let options = PartitionOptions {
+            cluster_faces: CELL_FACES,
+            pass: 0,
+            weld: true,
+            drop_doubles: false,
+            drop_texcoords: false,
+            threads: limits.threads,
+            work_bytes: limits.work_bytes,
+        };
+        progress.begin("partition", 0, "");
+        let partition = partition::partition(mesh, catalogue, work.path(), "bake-original", &options)?;
+        let scale = TextureScale::none(catalogue);
+        let maker = CellMaker { images, reference: DVec3::ZERO };
+        let path = work.path().join("bake-surface.cells");
+        let mut writer = CellWriter::create(&path)?;
+        progress.begin("keep colours", partition.total_faces(), "faces");
+        let permits = Permits::new(limits.work_bytes);
+        let draft = |source: &ClusterSource| Ok(maker.draft(source, colours(source, &partition)?));
+        map_in_order(
+            partition.clusters().filter(|&cluster| partition.weight(cluster).is_some()),
+            limits.threads,
+            limits.threads + 1,
+            |cluster| {
+                let _permit = permits.take(partition.face_count(cluster) * FACE_BYTES);
+                draft(&cluster::load(&partition, mesh, catalogue, &scale, cluster)?)
+            },
+            |draft| {
+                progress.advance(draft.face_count());
+                progress.check_stopped()?;
+                writer.append(draft)
+            },
+        )?;
+        for cluster in partition.clusters().filter(|&cluster| partition.weight(cluster).is_none()) {
+            heavy::load_in_blocks(&partition, mesh, catalogue, &scale, cluster, |source| {
+                progress.check_stopped()?;
+                writer.append(draft(&source)?)
+            })?;
+        }
+        let (cells, _) = writer.finish()?;
+        partition.files().for_each(|path| _ = std::fs::remove_file(path));
+        let surface = Self { cells };
+        work.keep(Step::new(SURFACE).from([SCAN]), [path.as_path()], &surface)?;
+        Ok(surface)
+    }
+}
+
+/// Colours of a cluster's vertices, the fourth byte 0 where there is none; empty if the mesh has none.
+fn colours(source: &ClusterSource, partition: &Partition) -> Result<Vec<[u8; 4]>> {
+    let Some(colours) = &partition.numbering.colours else { return Ok(Vec::new()) };
+    let of_vertex = |colour: [f32; 3]| match colour[0].is_nan() {
+        true => [0; 4],
+        false => {
+            let [red, green, blue] = colour.map(|channel| (255.0 * channel.clamp(0.0, 1.0)).round() as u8);
+            [red, green, blue, 255]
+        }
+    };
+    Ok(reading::gather(colours, source.loaded_vertices())?.into_iter().map(of_vertex).collect())
+}
+
+/// The surface of the input and its images, ready to be searched.
+#[derive(Debug)]
+pub(super) struct Original {
+    pub cells: Vec<Cell>,
+    pub images: TiVec<ImageId, Option<StoredImage>>,
+    plain: Vec<[u8; 3]>,
+    /// Texels of images that the surface shows; an image shown twice counts twice.
+    pub texels: f64,
+    /// Area of the surface that shows images.
+    pub textured_area: f64,
+    /// Area of the whole surface, and its triangles.
+    pub area: f64,
+    pub faces: u64,
+}
+
+/// A decoded image, or why there is none.
+#[derive(Debug, Serialize, Deserialize)]
+struct DecodedImage {
+    stored: Option<StoredImage>,
+    /// Width and height in the file.
+    size: [u32; 2],
+    findings: Findings,
+}
+
+impl Recalled for DecodedImage {
+    type Context<'a> = ();
+
+    fn locate(&mut self, folder: &Path, (): &()) {
+        self.stored.iter_mut().for_each(|stored| stored.locate(folder));
+    }
+
+    fn is_sound(&self, (): &()) -> bool {
+        self.stored.iter().all(StoredImage::is_sound) && self.findings.are_plain()
+    }
+}
+
+impl Original {
+    /// Decodes the images that a surface shows.
+    ///
+    /// # Errors
+    /// On a full disk, failed reads and writes; an image that cannot be decoded is noted.
+    pub fn open(
+        surface: OriginalSurface,
+        images: &TextureImages,
+        work: &WorkFolder,
+        limits: &BakeLimits,
+        findings: &mut Findings,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let cells = surface.cells;
+        let mut areas: TiVec<ImageId, [f64; 2]> = vec![[0.0; 2]; images.files.len()].into();
+        for ShownImage { image, texture_area, area } in cells.iter().flat_map(|cell| &cell.images) {
+            if let Some(sum) = areas.get_mut(*image) {
+                sum[0] += texture_area;
+                sum[1] += area;
+            }
+        }
+        let shown: Vec<ImageId> = areas.keys().filter(|&image| areas[image][1] > 0.0).collect();
+        progress.begin("decode", shown.len() as u64, "images");
+        let mut original = Self {
+            images: vec![None; images.files.len()].into(),
+            plain: images.plain.clone(),
+            texels: 0.0,
+            textured_area: 0.0,
+            area: cells.iter().map(|cell| cell.area).sum(),
+            faces: cells.iter().map(Cell::face_count).sum(),
+            cells,
+        };
+        let plan_of = |image: ImageId| decode::plan(&images.files[image].path, limits.work_bytes);
+        let cost_bytes = |&image: &ImageId| plan_of(image).map_or(0, |plan| plan.bytes);
+        let read = |image: ImageId| Ok((image, decoded(image, &images.files[image].path, plan_of(image), work)?));
+        map_within(limits.work_bytes, cost_bytes, shown.into_iter(), read, |(image, decoded): (_, DecodedImage)| {
+            progress.advance(1);
+            progress.check_stopped()?;
+            findings.merge(decoded.findings);
+            let [texture_area, area] = areas[image];
+            if decoded.stored.is_some() {
+                original.texels += texture_area * decoded.size.map(f64::from).iter().product::<f64>();
+                original.textured_area += area;
+            }
+            original.images[image] = decoded.stored;
+            Ok(())
+        })?;
+        Ok(original)
+    }
+
+    /// The plain colour that an id stands for.
+    #[inline]
+    pub fn plain_colour(&self, image: ImageId) -> Option<Vec3> {
+        let number = image.index().checked_sub(self.images.len())?;
+        self.plain.get(number).map(|colour| Vec3::from_array(colour.map(f32::from)))
+    }
+}
+
+/// Recalls an image, or decodes it.
+fn decoded(
+    image: ImageId,
+    path: &Path,
+    plan: std::result::Result<decode::DecodePlan, String>,
+    work: &WorkFolder,
+) -> Result<DecodedImage> {
+    let key = StepKey::numbered(format!("{IMAGE}{:06}", image.number()));
+    if let Some(decoded) = work.recall::<DecodedImage>(&key, &())? {
+        return Ok(decoded);
+    }
+    let mut findings = Findings::default();
+    let (mut stored, mut size) = (None, [0; 2]);
+    match plan.and_then(|plan| Ok((plan, decode::decode(path, &plan)?))) {
+        Ok((plan, pixels)) => {
+            if plan.reduction > 1 {
+                let reduction = plan.reduction;
+                findings.note("reduced_image", || format!("{}: read at 1/{reduction} of its size", escape_path(path)));
+            }
+            size = plan.size;
+            stored = Some(StoredImage::write(&pixels, &work.path().join(format!("{}.texels", key.name())))?);
+        }
+        Err(why) => findings.note("unreadable_image", || format!("{}: {why}", escape_path(path))),
+    }
+    let decoded = DecodedImage { stored, size, findings };
+    work.keep(Step::new(key).from([SURFACE]), decoded.stored.iter().map(StoredImage::path), &decoded)?;
+    Ok(decoded)
+}

@@ -1,0 +1,135 @@
+//! One patch of the result: unwrapped, painted, encoded.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::BakeSettings;
+use super::canvas::Canvas;
+use super::encode;
+use super::original::Original;
+use super::paint::{Painted, Painter};
+use crate::base::Result;
+use crate::base::id::TiVec;
+use crate::file::codec;
+use crate::mesh::ClusterMesh;
+use crate::mesh::id::{FaceId, LocalVertex, Wedge};
+use crate::model::StoredPiece;
+use crate::model::id::PartId;
+use crate::model::image_format::ImageFormat;
+use crate::partition::ClusterSource;
+use crate::unwrap::{ImageSize, Triangles, UnwrapSettings, Unwrapped, unwrap};
+
+/// A baked image in the work folder.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct BakedImage {
+    /// Its file.
+    #[serde(with = "codec::path")]
+    pub path: PathBuf,
+    /// Width and height in texels.
+    pub size: [u32; 2],
+}
+
+/// What was baked of a patch.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(super) struct BakedPatch {
+    pub images: Vec<BakedImage>,
+    pub pieces: Vec<StoredPiece>,
+    pub charts: u64,
+    /// Charts that were made smaller to fit an image.
+    pub shrunk: u64,
+    /// Texels that charts cover, and those of them without colour.
+    pub covered: u64,
+    pub colourless: u64,
+    /// Number of the first image of the patch among all.
+    pub first_image: u32,
+}
+
+/// How patches are baked.
+pub(super) struct PatchBaker<'a> {
+    pub original: &'a Original,
+    pub settings: BakeSettings,
+    /// Length of a texel's side.
+    pub texel: f64,
+    /// What a surface that faces away counts as farther.
+    pub reach: f64,
+    /// Places that a texel is painted at, along each side.
+    pub samples: usize,
+}
+
+/// A patch with its texture coordinates, before it is stored.
+pub(super) struct TexturedPatch {
+    pub source: ClusterSource,
+    pub mesh: ClusterMesh,
+    pub baked: BakedPatch,
+}
+
+impl PatchBaker<'_> {
+    /// Bakes a patch; the names of its images begin with `name`.
+    ///
+    /// # Errors
+    /// On a full disk, failed reads and writes.
+    pub fn bake(&self, source: ClusterSource, folder: &Path, name: &str) -> Result<TexturedPatch> {
+        let mesh = &source.mesh;
+        let triangles = Triangles { positions: &mesh.positions, vertices: &mesh.corner_vertices };
+        let unwrapped = unwrap(triangles, &UnwrapSettings { texel: self.texel, side: self.settings.side });
+        let mut painter = Painter::new(self.original, self.reach, self.samples);
+        let mut baked =
+            BakedPatch { charts: unwrapped.charts.len() as u64, shrunk: unwrapped.shrunk, ..BakedPatch::default() };
+        for (number, &size) in unwrapped.images.iter().enumerate() {
+            let mut canvas = Canvas::new([size.width as usize, size.height as usize]);
+            for chart in unwrapped.charts.iter().filter(|chart| chart.image as usize == number) {
+                painter.paint(chart, triangles, source.origin, size, &mut canvas)?;
+            }
+            canvas.fill();
+            let path = folder.join(image_name(name, number, self.settings.format));
+            encode::write(&canvas, self.settings.format, &path)?;
+            baked.images.push(BakedImage { path, size: [size.width, size.height] });
+        }
+        let Painted { covered, colourless } = painter.painted;
+        (baked.covered, baked.colourless) = (covered, colourless);
+        let mesh = textured(mesh, &unwrapped);
+        Ok(TexturedPatch { source, mesh, baked })
+    }
+}
+
+fn image_name(patch: &str, number: usize, format: ImageFormat) -> String {
+    let ending = format.ending();
+    if number == 0 { format!("{patch}.{ending}") } else { format!("{patch}-{}.{ending}", number + 1) }
+}
+
+/// The mesh with the texture coordinates of its charts; the part of a face is the number of its image.
+fn textured(mesh: &ClusterMesh, unwrapped: &Unwrapped) -> ClusterMesh {
+    let mut out = ClusterMesh {
+        positions: mesh.positions.clone(),
+        flags: mesh.flags.clone(),
+        copied_from: mesh.copied_from.clone(),
+        ..ClusterMesh::default()
+    };
+    let mut wedge_of: TiVec<LocalVertex, Wedge> = mesh.per_vertex(Wedge::NONE);
+    let mut used: Vec<LocalVertex> = Vec::new();
+    for chart in &unwrapped.charts {
+        let ImageSize { width, height } = unwrapped.images[chart.image as usize];
+        for (face, corners) in &chart.faces {
+            let mut wedges = [Wedge::NONE; 3];
+            for ((wedge, &vertex), corner) in wedges.iter_mut().zip(&mesh.corner_vertices[*face]).zip(corners) {
+                if wedge_of[vertex] == Wedge::NONE {
+                    let texcoord = glam::DVec2::new(corner.x / f64::from(width), 1.0 - corner.y / f64::from(height));
+                    wedge_of[vertex] = out.push_wedge(vertex, texcoord);
+                    used.push(vertex);
+                }
+                *wedge = wedge_of[vertex];
+            }
+            push_face(&mut out, mesh, *face, wedges, PartId::new(chart.image));
+        }
+        // A vertex has one texture coordinate in each chart.
+        used.drain(..).for_each(|vertex| wedge_of[vertex] = Wedge::NONE);
+    }
+    out.wedge_moved = vec![true; out.wedge_vertex.len()].into();
+    out
+}
+
+fn push_face(out: &mut ClusterMesh, mesh: &ClusterMesh, face: FaceId, wedges: [Wedge; 3], part: PartId) {
+    let new = out.push_face(wedges, part);
+    out.deviations[new] = mesh.deviations[face];
+}

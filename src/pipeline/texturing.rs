@@ -1,0 +1,105 @@
+//! New textures for the result, if they are asked for: what is kept of the input, and the bake.
+
+use super::admission::Admission;
+use super::input::Input;
+use super::preflight::Preflight;
+use crate::bake::{self, BakeLimits, BakeSettings, Baked, OriginalSurface};
+use crate::base::{Error, Findings, Progress, Result, bytes};
+use crate::image::textures::TextureImages;
+use crate::job::{StepKey, WorkFolder};
+use crate::model::Catalogue;
+use crate::passes::{Passes, ResumePoint};
+
+/// Steps whose files stay until textures are baked.
+pub(super) const KEPT_STEPS: &[StepKey] = &[bake::SURFACE];
+
+/// Whether the surface of the input was kept, by this process or an earlier one.
+///
+/// # Errors
+/// Those of the work folder.
+pub(super) fn has_original(work: &WorkFolder) -> Result<bool> {
+    Ok(OriginalSurface::recall(work)?.is_some())
+}
+
+/// What a bake needs of the input.
+struct Kept {
+    surface: OriginalSurface,
+    /// What the passes see of the parts and materials.
+    geometry: Catalogue,
+}
+
+/// The bake of a job.
+pub(super) struct Texturing<'a> {
+    job: &'a Preflight<'a>,
+    input: &'a Input,
+    limits: BakeLimits,
+    /// What is needed of the input; `None` if nothing is baked.
+    kept: Option<Kept>,
+}
+
+impl<'a> Texturing<'a> {
+    /// Keeps the surface of the input, and takes its texture away from the mesh that the passes begin with.
+    ///
+    /// # Errors
+    /// [`Error::Budget`] if an image does not fit the memory; on a full disk, failed reads and writes.
+    pub fn prepare(
+        job: &'a Preflight<'a>,
+        input: &'a Input,
+        start: &mut ResumePoint,
+        work: &WorkFolder,
+        admission: &Admission,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let limits = BakeLimits { threads: job.threads, work_bytes: admission.work_bytes };
+        if !job.options.bakes() {
+            return Ok(Self { job, input, limits, kept: None });
+        }
+        let side = job.options.atlas;
+        let needed = bake::image_bytes(side);
+        if needed > limits.work_bytes {
+            let memory = bytes::display(job.budget.bytes + needed - limits.work_bytes);
+            return Err(Error::Budget(format!(
+                "`memory: {}` cannot hold an image of {side} x {side} texels; give `memory: {memory}` or a smaller `atlas`",
+                bytes::display(job.budget.bytes),
+            )));
+        }
+        let mut images = TextureImages::find(&input.catalogue, &mut Findings::default());
+        let geometry = bake::geometry_catalogue(&input.catalogue, &images);
+        let surface = match start.unsimplified() {
+            Some(mesh) => {
+                images.add_plain_colours(&input.catalogue);
+                OriginalSurface::prepare(mesh, &input.catalogue, &images, work, &limits, progress)?
+            }
+            None => OriginalSurface::recall(work)?.ok_or_else(|| Error::Damaged {
+                path: work.path().to_owned(),
+                message: "what was kept of the input's surface is gone".into(),
+            })?,
+        };
+        start.state.mesh.drop_colours();
+        Ok(Self { job, input, limits, kept: Some(Kept { surface, geometry }) })
+    }
+
+    /// Parts and materials as the passes see them.
+    pub fn catalogue(&self) -> &Catalogue {
+        self.kept.as_ref().map_or(&self.input.catalogue, |kept| &kept.geometry)
+    }
+
+    /// Bakes textures for the result; `None` if it keeps its own.
+    ///
+    /// # Errors
+    /// Those of [`bake::bake`].
+    pub fn bake(self, passes: &Passes, work: &WorkFolder, progress: &dyn Progress) -> Result<Option<Baked>> {
+        let Some(Kept { surface, .. }) = self.kept else { return Ok(None) };
+        let options = self.job.options;
+        let estimate =
+            passes.reports.last().and_then(|pass| pass.stages.last()).map_or(0.0, |stage| stage.rms_estimate);
+        let settings = BakeSettings {
+            texels: options.texels,
+            side: options.atlas,
+            format: options.image,
+            deviation: options.target.max_error.unwrap_or(estimate),
+        };
+        let catalogue = &self.input.catalogue;
+        bake::bake(surface, &passes.mesh, catalogue, &passes.step, &settings, work, &self.limits, progress).map(Some)
+    }
+}

@@ -1,0 +1,306 @@
+//! Cells: neighbouring triangles of a mesh, with what they show and a search tree, in one file.
+//!
+//! ```text
+//! | header 64 B | cell 0: positions 24 B, pairs 64 B, tilted boxes 64 B, faces 40 B each, colours 4 B, padded to 8 | …
+//! ```
+//! In: clusters of a partition. Out: [`Cell`]s that are opened one by one. Invariant: a cell depends on its cluster
+//! alone.
+//!
+//! # Memory
+//! 400 bytes a face while a cell is made; afterwards about 150 bytes a cell. A cell that is being read takes the pages
+//! that are touched, at most 75 bytes a face, or 83 with tilted boxes.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::base::Result;
+use crate::file::{RecordFile, Segment};
+use crate::geometry::boxtree::Bounds;
+use crate::geometry::tilted::TiltedBox;
+use crate::geometry::triangle::{area, perimeter, texture_area};
+use crate::geometry::triangle_tree::{self, Answer, Pair, Question, Tree, TreeView};
+use crate::image::textures::TextureImages;
+use crate::mesh::id::{FaceId, LocalVertex};
+use crate::model::id::ImageId;
+use crate::os::mmap::MappedRecords;
+use crate::partition::ClusterSource;
+
+/// Memory of a face of a cell while the cell is made, in bytes.
+pub const FACE_BYTES: u64 = 400;
+
+/// A triangle of a cell.
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[repr(C)]
+pub struct CellFace {
+    /// Indices of three vertices of the cell.
+    pub vertices: [u32; 3],
+    /// Texture image of the mesh, or none.
+    pub image: ImageId,
+    /// Texture coordinates, shifted by whole numbers so that the least lie between 0 and 1; zeros without a texture
+    /// image.
+    pub texcoords: [[f32; 2]; 3],
+}
+
+/// A texture image that some triangles show.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ShownImage {
+    /// The image, or none.
+    pub image: ImageId,
+    /// Sum of the triangles' areas in texture space.
+    pub texture_area: f64,
+    /// Sum of their areas in space.
+    pub area: f64,
+}
+
+/// A cell: neighbouring triangles.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Cell {
+    /// Positions are relative to this.
+    pub origin: DVec3,
+    /// The smallest box around its triangles.
+    pub bounds: Bounds,
+    /// Sum of the areas of its faces, in their order.
+    pub area: f64,
+    /// Sum of the lengths of their sides, in their order.
+    pub side_length: f64,
+    /// The texture images that its triangles show, ascending.
+    pub images: Vec<ShownImage>,
+    positions: Segment<DVec3>,
+    pairs: Segment<Pair>,
+    tilted: Segment<TiltedBox>,
+    faces: Segment<CellFace>,
+    colours: Segment<[u8; 4]>,
+}
+
+/// A cell that is being read.
+#[derive(Debug)]
+pub struct CellView {
+    /// Its origin.
+    pub origin: DVec3,
+    /// Positions of its vertices, relative to the origin.
+    pub positions: MappedRecords<DVec3>,
+    /// Its triangles, in the order of the tree.
+    pub faces: MappedRecords<CellFace>,
+    /// Colour of each vertex, the fourth byte 0 where it has none; empty without colours.
+    pub colours: MappedRecords<[u8; 4]>,
+    pairs: MappedRecords<Pair>,
+    tilted: MappedRecords<TiltedBox>,
+}
+
+impl Cell {
+    /// Number of vertices.
+    pub fn vertex_count(&self) -> u64 {
+        self.positions.len()
+    }
+
+    /// Number of triangles.
+    pub fn face_count(&self) -> u64 {
+        self.faces.len()
+    }
+
+    /// Sets the folder of the file of a recalled value.
+    pub fn locate(&mut self, folder: &Path) {
+        self.positions.locate(folder);
+        self.pairs.locate(folder);
+        self.tilted.locate(folder);
+        self.faces.locate(folder);
+        self.colours.locate(folder);
+    }
+
+    /// Reports whether a recalled and located value is consistent with its file.
+    pub fn is_sound(&self) -> bool {
+        self.positions.is_sound()
+            && self.pairs.is_sound()
+            && self.tilted.is_sound()
+            && self.faces.is_sound()
+            && self.colours.is_sound()
+    }
+
+    /// Opens the cell for reading.
+    ///
+    /// # Errors
+    /// On failed reads.
+    pub fn view(&self) -> Result<CellView> {
+        Ok(CellView {
+            origin: self.origin,
+            positions: self.positions.window(0..self.positions.len())?,
+            faces: self.faces.window(0..self.faces.len())?,
+            pairs: self.pairs.window(0..self.pairs.len())?,
+            tilted: self.tilted.window(0..self.tilted.len())?,
+            colours: self.colours.window(0..self.colours.len())?,
+        })
+    }
+}
+
+impl CellView {
+    /// Corners of a triangle, relative to the origin.
+    #[inline]
+    pub fn triangle(&self, face: u32) -> [DVec3; 3] {
+        self.faces[face as usize].vertices.map(|vertex| self.positions[vertex as usize])
+    }
+
+    /// Answer of the cell's tree to a question, whose point is relative to the origin.
+    pub fn ask(&self, question: &Question) -> Answer {
+        self.tree().ask(question, |face| self.triangle(face))
+    }
+
+    /// The cell's tree.
+    pub fn tree(&self) -> TreeView<'_> {
+        TreeView { pairs: &self.pairs, tilted: &self.tilted, count: self.faces.len() }
+    }
+}
+
+/// A cell before it is written to the file.
+pub struct CellDraft {
+    origin: DVec3,
+    bounds: Bounds,
+    area: f64,
+    side_length: f64,
+    /// Its part of six times the enclosed volume, divided by six.
+    pub volume: f64,
+    /// Areas in texture space and in space by texture image.
+    shown: BTreeMap<ImageId, [f64; 2]>,
+    positions: Vec<DVec3>,
+    pairs: Vec<Pair>,
+    tilted: Vec<TiltedBox>,
+    faces: Vec<CellFace>,
+    colours: Vec<[u8; 4]>,
+}
+
+impl CellDraft {
+    /// Number of triangles.
+    pub fn face_count(&self) -> u64 {
+        self.faces.len() as u64
+    }
+}
+
+/// Makes cells from clusters.
+pub struct CellMaker<'a> {
+    /// What each part of the mesh shows.
+    pub images: &'a TextureImages,
+    /// Common apex of the tetrahedra that volumes are summed over.
+    pub reference: DVec3,
+}
+
+impl CellMaker<'_> {
+    /// Makes a cell; `colours` are those of the vertices, or empty.
+    pub fn draft(&self, source: &ClusterSource, colours: Vec<[u8; 4]>) -> CellDraft {
+        let mesh = &source.mesh;
+        let Tree { pairs, tilted, order } =
+            triangle_tree::build(mesh.corners.len(), |face| mesh.triangle(FaceId::new(face)));
+        let mut draft = CellDraft {
+            origin: source.origin,
+            bounds: Bounds::EMPTY,
+            area: 0.0,
+            side_length: 0.0,
+            volume: 0.0,
+            shown: BTreeMap::new(),
+            positions: mesh.positions.raw.clone(),
+            pairs,
+            tilted,
+            faces: Vec::with_capacity(order.len()),
+            colours,
+        };
+        let mut bounds = Bounds::EMPTY;
+        for face in order.into_iter().map(FaceId::new) {
+            let triangle = mesh.triangle(face);
+            bounds = bounds.with(Bounds::around(triangle));
+            draft.area += area(triangle);
+            draft.side_length += perimeter(triangle);
+            let corners = triangle.map(|corner| corner + source.origin - self.reference);
+            draft.volume += corners[0].dot(corners[1].cross(corners[2])) / 6.0;
+            let (image, texcoords) = self.texture(source, face);
+            let shown = draft.shown.entry(image).or_default();
+            shown[0] += texture_area(texcoords);
+            shown[1] += area(triangle);
+            draft.faces.push(CellFace { vertices: mesh.vertices(face).map(LocalVertex::number), image, texcoords });
+        }
+        draft.bounds = Bounds { low: bounds.low + source.origin, high: bounds.high + source.origin };
+        draft
+    }
+
+    /// Texture image and texture coordinates of a face.
+    fn texture(&self, source: &ClusterSource, face: FaceId) -> (ImageId, [[f32; 2]; 3]) {
+        let part = source.mesh.parts[face];
+        let image = self.images.of_part[part];
+        let [a, b, c] = source.mesh.uv_triangle(face).map(|uv| self.images.placed(part, uv));
+        let low = a.min(b).min(c).floor();
+        if image == ImageId::NONE || !(a + b + c).is_finite() {
+            return (ImageId::NONE, [[0.0; 2]; 3]);
+        }
+        (image, [a, b, c].map(|uv| (uv - low).as_vec2().to_array()))
+    }
+}
+
+/// Writes cells one after the other.
+pub struct CellWriter {
+    path: PathBuf,
+    file: RecordFile,
+    cells: Vec<Cell>,
+    volume: f64,
+}
+
+impl CellWriter {
+    /// Begins the file of the cells.
+    ///
+    /// # Errors
+    /// If it cannot be created.
+    pub fn create(path: &Path) -> Result<Self> {
+        Ok(Self { path: path.to_owned(), file: RecordFile::create(path)?, cells: Vec::new(), volume: 0.0 })
+    }
+
+    /// Writes a cell, if it has triangles.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub fn append(&mut self, draft: CellDraft) -> Result<()> {
+        let positions = self.put(&draft.positions)?;
+        let pairs = self.put(&draft.pairs)?;
+        let tilted = self.put(&draft.tilted)?;
+        let faces = self.put(&draft.faces)?;
+        let colours = self.put(&draft.colours)?;
+        self.volume += draft.volume;
+        if !draft.faces.is_empty() {
+            let shown = |(image, [texture_area, area]): (ImageId, [f64; 2])| ShownImage { image, texture_area, area };
+            self.cells.push(Cell {
+                origin: draft.origin,
+                bounds: draft.bounds,
+                area: draft.area,
+                side_length: draft.side_length,
+                images: draft.shown.into_iter().map(shown).collect(),
+                positions,
+                pairs,
+                tilted,
+                faces,
+                colours,
+            });
+        }
+        Ok(())
+    }
+
+    fn put<T: Pod>(&mut self, records: &[T]) -> Result<Segment<T>> {
+        let bytes: &[u8] = bytemuck::cast_slice(records);
+        let padding = bytes.len().next_multiple_of(8) - bytes.len();
+        let begin = self.file.put(bytes)?;
+        self.file.put(&[0; 8][..padding])?;
+        Ok(Segment::new(self.path.clone(), begin, records.len() as u64))
+    }
+
+    /// Completes the file; returns the cells and the volume that they enclose.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub fn finish(self) -> Result<(Vec<Cell>, f64)> {
+        self.file.finish(*b"cells   ", 0, self.cells.len() as u64)?;
+        Ok((self.cells, self.volume))
+    }
+}
+
+/// Texture coordinate at a point of a triangle.
+pub fn texcoord_of(texcoords: &[[f32; 2]; 3], weights: [f64; 3]) -> [f32; 2] {
+    [0, 1].map(|axis| (0..3).map(|corner| f64::from(texcoords[corner][axis]) * weights[corner]).sum::<f64>() as f32)
+}

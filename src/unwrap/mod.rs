@@ -1,0 +1,81 @@
+//! Unwraps a triangle mesh: cuts it into charts, lays each of them flat, and packs them into images.
+//!
+//! ```text
+//! triangles ── charts: neighbours merge as long as they face alike ── flat: each seen along its own normal
+//!                                                                        │
+//!            images of bounded size ◀── pack: the tallest first, down to the skyline of the others
+//! ```
+//! In: the triangles of a patch, in memory. Out: an [`Unwrapped`]. Invariant: charts do not overlap, neither themselves
+//! nor each other, no triangle is turned over, and [`GUTTER`] texels around each chart belong to no other. The result
+//! depends on the triangles and the settings alone.
+//!
+//! # Memory
+//! About 250 bytes a triangle while charts are made.
+
+mod charts;
+mod flat;
+mod outline;
+mod pack;
+mod skyline;
+
+use glam::{DVec2, DVec3};
+
+use crate::base::id::TiSlice;
+use crate::mesh::id::{FaceId, LocalVertex};
+
+pub use self::charts::FACING;
+pub use self::flat::FlatChart;
+pub use self::pack::{GUTTER, ImageSize};
+
+/// The triangles of a patch.
+#[derive(Debug, Clone, Copy)]
+pub struct Triangles<'a> {
+    /// Position of each vertex.
+    pub positions: &'a TiSlice<LocalVertex, DVec3>,
+    /// Vertices of each triangle, counter-clockwise.
+    pub vertices: &'a TiSlice<FaceId, [LocalVertex; 3]>,
+}
+
+impl Triangles<'_> {
+    /// Corners of a triangle.
+    #[inline]
+    pub fn corners(&self, face: FaceId) -> [DVec3; 3] {
+        self.vertices[face].map(|vertex| self.positions[vertex])
+    }
+}
+
+/// How to unwrap.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UnwrapSettings {
+    /// Length of a texel's side, in the mesh's unit of length.
+    pub texel: f64,
+    /// Largest side of an image, in texels; at least 64.
+    pub side: u32,
+}
+
+/// A chart in its image.
+#[derive(Debug, Clone)]
+pub struct PlacedChart {
+    /// Number of the image.
+    pub image: u32,
+    /// Its triangles, each with the places of its corners in texels from the upper left corner of the image, downwards.
+    pub faces: Vec<(FaceId, [DVec2; 3])>,
+}
+
+/// Charts in their images.
+#[derive(Debug, Clone, Default)]
+pub struct Unwrapped {
+    /// The charts.
+    pub charts: Vec<PlacedChart>,
+    /// Size of each image.
+    pub images: Vec<ImageSize>,
+    /// Charts that were made smaller, because they would not fit an image.
+    pub shrunk: u64,
+}
+
+/// Unwraps a patch.
+pub fn unwrap(mesh: Triangles<'_>, settings: &UnwrapSettings) -> Unwrapped {
+    let room = f64::from(settings.side - 2 * GUTTER - pack::COLUMN) * settings.texel;
+    let charts = charts::charts(mesh, room);
+    pack::pack(charts, settings)
+}
