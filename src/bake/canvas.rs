@@ -23,7 +23,7 @@ impl Canvas {
     pub fn set(&mut self, column: usize, row: usize, colour: Vec3) {
         let at = row * self.size[0] + column;
         self.is_set[at] = true;
-        let bytes = colour.clamp(Vec3::ZERO, Vec3::splat(255.0)).to_array().map(|channel| channel.round() as u8);
+        let bytes = colour.clamp(Vec3::ZERO, Vec3::splat(255.0)).to_array().map(|channel| (channel + 0.5) as u8);
         self.rgb[3 * at..3 * at + 3].copy_from_slice(&bytes);
     }
 

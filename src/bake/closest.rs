@@ -12,10 +12,11 @@
 //! # Memory
 //! 200 bytes for each triangle near a group, and the touched pages of [`VIEWS`] cells.
 
-use glam::DVec3;
+use glam::{DVec3, DVec4, Vec3, Vec4};
 
 use crate::base::Result;
 use crate::geometry::boxtree::Bounds;
+use crate::geometry::triangle::area;
 use crate::geometry::triangle_tree::Question;
 use crate::geometry::{closest_weights, distance_sq};
 use crate::surface::cell::{Cell, CellFace, CellView};
@@ -24,6 +25,13 @@ use crate::surface::cell::{Cell, CellFace, CellView};
 const VIEWS: usize = 8;
 /// Pairs and triangles that one search may visit; only triangles that lie across each other by the thousand need more.
 const LOOKS_MAX: u64 = 20_000;
+/// Cosine between normals below which a triangle faces away: the back of a wall does, the folds of a crumpled surface do
+/// not.
+const AWAY: f64 = -0.5;
+/// A triangle lower than this, per length of its sides, is measured without its prism.
+const THIN: f64 = 1e-3;
+/// Factor on lower bounds of squared distances that were computed in single precision.
+const BOUND_MARGIN: f64 = 0.999;
 /// Triangles near a group above which it is halved, if it has this many points.
 const NEAR_MAX: usize = 96;
 const POINTS_MIN: usize = 4;
@@ -35,6 +43,8 @@ pub(super) struct Place {
     pub face: CellFace,
     /// Colours of its corners, the fourth byte 0 where there is none.
     pub colours: Option<[[u8; 4]; 3]>,
+    /// Its area in space.
+    pub area: f64,
     /// Barycentric weights of the place.
     pub weights: [f64; 3],
 }
@@ -44,9 +54,87 @@ struct Near {
     /// Its distance from the middle of the group, with what it counts for facing away.
     least: f64,
     away: f64,
+    prism: Option<Prism>,
     corners: [DVec3; 3],
     face: CellFace,
     colours: Option<[[u8; 4]; 3]>,
+}
+
+impl Near {
+    fn new(corners: [DVec3; 3], away: f64, face: CellFace, colours: Option<[[u8; 4]; 3]>) -> Self {
+        let least = distance_sq(DVec3::ZERO, corners).sqrt() + away;
+        Self { least, away, prism: Prism::over(corners), corners, face, colours }
+    }
+
+    /// What it counts as far from a point, if that is less than `bound`; else any number from `bound` on.
+    #[inline]
+    fn distance(&self, point: DVec3, bound: f64) -> f64 {
+        let Some(prism) = &self.prism else { return distance_sq(point, self.corners).sqrt() + self.away };
+        let beyond = prism.beyond(point);
+        let outside = beyond.y.max(beyond.z).max(beyond.w);
+        if outside <= 0.0 {
+            return f64::from(beyond.x.abs()) + self.away;
+        }
+        let least_sq = f64::from(beyond.x * beyond.x + outside * outside) * BOUND_MARGIN;
+        let room = (bound - self.away).max(0.0);
+        if least_sq >= room * room { f64::INFINITY } else { distance_sq(point, self.corners).sqrt() + self.away }
+    }
+
+    /// Barycentric weights of its place closest to a point.
+    #[inline]
+    fn weights(&self, point: DVec3) -> [f64; 3] {
+        if let Some(prism) = &self.prism {
+            let beyond = prism.beyond(point);
+            if beyond.y.max(beyond.z).max(beyond.w) <= 0.0 {
+                let [a, b] = [beyond.y / prism.depths.x, beyond.z / prism.depths.y].map(|share| f64::from(-share));
+                return [a, b, (1.0 - a - b).max(0.0)];
+            }
+        }
+        closest_weights(point, self.corners)
+    }
+}
+
+/// The prism of all points over a triangle: a point outside of a side is at least as far from the triangle as from that
+/// side's plane. The planes of the triangle and of the sides opposite to its corners, side by side:
+struct Prism {
+    /// Normals of the planes, those of the sides away from the triangle.
+    x: Vec4,
+    y: Vec4,
+    z: Vec4,
+    /// Distances of the planes from the origin.
+    limit: Vec4,
+    /// Distance of each corner from the opposite side.
+    depths: Vec3,
+}
+
+impl Prism {
+    /// `None` over a triangle that is nearly a line.
+    fn over(corners: [DVec3; 3]) -> Option<Self> {
+        let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).try_normalize()?;
+        let side = |corner: usize| {
+            let (from, to) = (corners[(corner + 1) % 3], corners[(corner + 2) % 3]);
+            let outwards = (to - from).cross(normal).try_normalize()?;
+            let limit = outwards.dot(from);
+            Some((outwards, limit, limit - corners[corner].dot(outwards)))
+        };
+        let sides = [side(0)?, side(1)?, side(2)?];
+        let longest = corners[0].distance(corners[1]).max(corners[1].distance(corners[2]));
+        if sides.iter().any(|&(_, _, depth)| depth <= THIN * longest) {
+            return None;
+        }
+        let [a, b, c] = sides;
+        let column = |axis: usize| DVec4::new(normal[axis], a.0[axis], b.0[axis], c.0[axis]).as_vec4();
+        let limit = DVec4::new(normal.dot(corners[0]), a.1, b.1, c.1).as_vec4();
+        let depths = DVec3::new(a.2, b.2, c.2).as_vec3();
+        Some(Self { x: column(0), y: column(1), z: column(2), limit, depths })
+    }
+
+    /// How far a point lies beyond each plane: above the triangle, and outside of its sides.
+    #[inline]
+    fn beyond(&self, point: DVec3) -> Vec4 {
+        let point = point.as_vec3();
+        self.x * point.x + self.y * point.y + self.z * point.z - self.limit
+    }
 }
 
 /// Finds closest places.
@@ -105,22 +193,26 @@ impl<'a> ClosestPlaces<'a> {
             self.search(left, first, normal, found)?;
             return self.search(right, first + left.len(), normal, found);
         }
+        let mut last = 0;
         for (point, number) in points.iter().zip(first..) {
             let from_middle = point.distance(middle);
             let at = *point - middle;
-            let mut best = (f64::INFINITY, 0);
+            // Mostly the triangle of the point before.
+            let mut best = (self.near.get(last).map_or(f64::INFINITY, |near| near.distance(at, f64::INFINITY)), last);
             for (place, near) in self.near.iter().enumerate() {
                 if near.least - from_middle >= best.0 {
                     break;
                 }
-                let distance = distance_sq(at, near.corners).sqrt() + near.away;
+                let distance = near.distance(at, best.0);
                 if distance < best.0 {
                     best = (distance, place);
                 }
             }
+            last = best.1;
             if let Some(near) = self.near.get(best.1) {
-                let weights = closest_weights(at, near.corners);
-                found(number, Place { face: near.face, colours: near.colours, weights })?;
+                let weights = near.weights(at);
+                let area = area(near.corners);
+                found(number, Place { face: near.face, colours: near.colours, area, weights })?;
             }
         }
         Ok(())
@@ -129,8 +221,8 @@ impl<'a> ClosestPlaces<'a> {
     /// What a triangle with these corners counts as farther.
     #[inline]
     fn away(&self, normal: DVec3, corners: [DVec3; 3]) -> f64 {
-        let faces = (corners[1] - corners[0]).cross(corners[2] - corners[0]).dot(normal);
-        if faces > 0.0 { 0.0 } else { self.reach }
+        let across = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+        if across.dot(normal) >= AWAY * across.length() { 0.0 } else { self.reach }
     }
 
     /// Distance of the nearest triangle.
@@ -179,13 +271,12 @@ impl<'a> ClosestPlaces<'a> {
             view.tree().visit_within(local, limit_sq, |place| {
                 let corners = view.triangle(place).map(|corner| corner - local);
                 let away = self.away(normal, corners);
-                let least = distance_sq(DVec3::ZERO, corners).sqrt() + away;
-                if least <= distance {
+                if distance_sq(DVec3::ZERO, corners).sqrt() + away <= distance {
                     let face = view.faces[place as usize];
                     let of_corner = |vertex: u32| view.colours.get(vertex as usize).copied();
                     let [a, b, c] = face.vertices.map(of_corner);
                     let colours = a.zip(b).zip(c).map(|((a, b), c)| [a, b, c]);
-                    gathered.push(Near { least, away, corners, face, colours });
+                    gathered.push(Near::new(corners, away, face, colours));
                 }
             });
         }

@@ -15,7 +15,7 @@
 //!
 //! # Memory
 //! A worker: 4 bytes for each texel of one image, a third more while it is filled, the triangles of one patch (400
-//! bytes each), and 4 MiB of tiles.
+//! bytes each), 10 MiB for samples, and 3 MiB of tiles.
 
 mod canvas;
 mod closest;
@@ -25,6 +25,7 @@ mod paint;
 mod patch;
 mod raster;
 mod run;
+mod sharpen;
 mod texels;
 
 use crate::job::StepKey;

@@ -16,6 +16,7 @@ use crate::base::error::escape_path;
 use crate::base::id::TiVec;
 use crate::base::ordered::{map_in_order, map_within};
 use crate::base::{Findings, Permits, Progress, Result};
+use crate::geometry::triangle::{area, texture_area};
 use crate::image::decode;
 use crate::image::textures::TextureImages;
 use crate::job::{Recalled, Step, StepKey, WorkFolder};
@@ -23,8 +24,13 @@ use crate::model::id::ImageId;
 use crate::model::{Catalogue, StoredMesh};
 use crate::partition::{self, ClusterSource, Partition, PartitionOptions, TextureScale, cluster, heavy, reading};
 use crate::read::SCAN;
-use crate::surface::cell::{Cell, CellMaker, CellWriter, FACE_BYTES, ShownImage};
+use crate::surface::cell::{Cell, CellFace, CellMaker, CellWriter, FACE_BYTES};
 
+/// Texels of a surface without images, for each of its triangles.
+const TEXELS_OF_FACE: f64 = 8.0;
+/// Steps for a factor of two, and factors of two from 1 downwards and upwards, in which lengths of texels are counted.
+const STEPS: f64 = 32.0;
+const OCTAVES: f64 = 64.0;
 /// Approximate number of triangles of a cell.
 const CELL_FACES: u64 = 1 << 16;
 
@@ -135,13 +141,43 @@ pub(super) struct Original {
     pub cells: Vec<Cell>,
     pub images: TiVec<ImageId, Option<StoredImage>>,
     plain: Vec<[u8; 3]>,
-    /// Texels of images that the surface shows; an image shown twice counts twice.
-    pub texels: f64,
-    /// Area of the surface that shows images.
-    pub textured_area: f64,
-    /// Area of the whole surface, and its triangles.
+    /// Pixels of each image in its file.
+    pixels: TiVec<ImageId, f64>,
+    /// Length of a texel's side, half of the surface that shows images has longer ones; what has no image counts as if
+    /// each triangle had [`TEXELS_OF_FACE`].
+    pub median_texel: f64,
+    /// Area of the surface.
     pub area: f64,
-    pub faces: u64,
+}
+
+/// How much of a surface has texels of which length.
+struct LengthHistogram {
+    /// Area for each range of lengths, [`STEPS`] of them for a factor of two.
+    areas: Vec<f64>,
+}
+
+impl Default for LengthHistogram {
+    fn default() -> Self {
+        Self { areas: vec![0.0; 2 * (OCTAVES * STEPS) as usize] }
+    }
+}
+
+impl LengthHistogram {
+    fn add(&mut self, length: f64, area: f64) {
+        let step = (libm::log2(length) * STEPS).floor() + OCTAVES * STEPS;
+        let step = step.clamp(0.0, (self.areas.len() - 1) as f64) as usize;
+        self.areas[step] += area;
+    }
+
+    fn median(&self) -> Option<f64> {
+        let half = 0.5 * self.areas.iter().sum::<f64>();
+        let mut below = 0.0;
+        let step = self.areas.iter().position(|area| {
+            below += area;
+            below >= half && half > 0.0
+        })?;
+        Some(libm::exp2((step as f64 + 0.5 - OCTAVES * STEPS) / STEPS))
+    }
 }
 
 /// A decoded image, or why there is none.
@@ -179,22 +215,20 @@ impl Original {
         progress: &dyn Progress,
     ) -> Result<Self> {
         let cells = surface.cells;
-        let mut areas: TiVec<ImageId, [f64; 2]> = vec![[0.0; 2]; images.files.len()].into();
-        for ShownImage { image, texture_area, area } in cells.iter().flat_map(|cell| &cell.images) {
-            if let Some(sum) = areas.get_mut(*image) {
-                sum[0] += texture_area;
-                sum[1] += area;
+        let mut are_shown: TiVec<ImageId, bool> = vec![false; images.files.len()].into();
+        for shown in cells.iter().flat_map(|cell| &cell.images) {
+            if let Some(is_shown) = are_shown.get_mut(shown.image) {
+                *is_shown = true;
             }
         }
-        let shown: Vec<ImageId> = areas.keys().filter(|&image| areas[image][1] > 0.0).collect();
+        let shown: Vec<ImageId> = are_shown.keys().filter(|&image| are_shown[image]).collect();
         progress.begin("decode", shown.len() as u64, "images");
         let mut original = Self {
             images: vec![None; images.files.len()].into(),
             plain: images.plain.clone(),
-            texels: 0.0,
-            textured_area: 0.0,
+            pixels: vec![0.0; images.files.len()].into(),
+            median_texel: 0.0,
             area: cells.iter().map(|cell| cell.area).sum(),
-            faces: cells.iter().map(Cell::face_count).sum(),
             cells,
         };
         let plan_of = |image: ImageId| decode::plan(&images.files[image].path, limits.work_bytes);
@@ -204,15 +238,38 @@ impl Original {
             progress.advance(1);
             progress.check_stopped()?;
             findings.merge(decoded.findings);
-            let [texture_area, area] = areas[image];
-            if decoded.stored.is_some() {
-                original.texels += texture_area * decoded.size.map(f64::from).iter().product::<f64>();
-                original.textured_area += area;
-            }
+            original.pixels[image] = decoded.size.map(f64::from).iter().product();
             original.images[image] = decoded.stored;
             Ok(())
         })?;
+        original.median_texel = original.find_median_texel(progress)?;
         Ok(original)
+    }
+
+    /// Length of a texel's side where a triangle shows an image; `None` where it shows none.
+    #[inline]
+    pub fn texel_of(&self, face: &CellFace, area: f64) -> Option<f64> {
+        let pixels = *self.pixels.get(face.image)?;
+        let texel = (area / (texture_area(face.texcoords) * pixels)).sqrt();
+        texel.is_normal().then_some(texel)
+    }
+
+    fn find_median_texel(&self, progress: &dyn Progress) -> Result<f64> {
+        let mut lengths = LengthHistogram::default();
+        let mut faces = 0;
+        for cell in &self.cells {
+            progress.check_stopped()?;
+            let view = cell.view()?;
+            faces += view.faces.len();
+            for (number, face) in view.faces.iter().enumerate() {
+                let area = area(view.triangle(number as u32));
+                if let Some(texel) = self.texel_of(face, area) {
+                    lengths.add(texel, area);
+                }
+            }
+        }
+        let without = (self.area / (TEXELS_OF_FACE * faces as f64)).sqrt();
+        Ok(lengths.median().unwrap_or(if without.is_normal() { without } else { 1.0 }))
     }
 
     /// The plain colour that an id stands for.

@@ -1,33 +1,36 @@
 //! Paints a chart: each texel the colour that the original shows there.
 //!
-//! A texel that is coarser than those of the original is painted at several places, and shows their mean.
-//!
 //! # Memory
-//! 4 bytes a texel of the chart's box, and that of [`closest`](super::closest) and of a
+//! 4 bytes a texel of the chart's box, that of the [samples](super::sharpen) of a block, and that of [`closest`](super::closest) and of a
 //! [`TexelReader`](super::texels::TexelReader).
 
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use super::canvas::Canvas;
 use super::closest::{ClosestPlaces, Place};
 use super::original::Original;
-use super::raster::{NOBODY, Owners};
+use super::raster::{IN_GUTTER, NOBODY, Owners};
+use super::sharpen::{Block, NONE, Samples};
 use super::texels::{Beyond, TexelReader};
 use crate::base::Result;
+use crate::base::id::TiVec;
 use crate::geometry::boxtree::Bounds;
 use crate::geometry::closest_weights;
 use crate::geometry::triangle::unit_normal;
+use crate::mesh::id::FaceId;
 use crate::model::id::ImageId;
 use crate::surface::cell::texcoord_of;
 use crate::unwrap::{ImageSize, PlacedChart, Triangles};
 
-/// Side of a square of texels that are painted together.
-const SQUARE: usize = 8;
+/// Side of a square that is painted together, in texels of the original.
+const SQUARE: f64 = 8.0;
 /// A place beyond its triangle is taken on the triangle's plane if no barycentric weight is below this, else at the
 /// triangle's nearest point.
 const LEAST_WEIGHT: f64 = -1.0;
-/// Colour of what has none in the original.
-const NO_COLOUR: Vec3 = Vec3::splat(204.0);
+/// Largest factor between a texel's length and that where the original has its median.
+const DENSITY_RANGE: f64 = 2.0;
+/// Places of a texel along each side at most.
+const SAMPLES_MAX: f64 = 4.0;
 
 /// Texels that were painted.
 #[derive(Debug, Clone, Copy, Default)]
@@ -43,27 +46,53 @@ pub(super) struct Painter<'a> {
     closest: ClosestPlaces<'a>,
     reader: TexelReader<'a>,
     original: &'a Original,
-    /// Places of a texel along each side.
-    samples: usize,
+    /// Places of a texel that are sampled, from its middle.
+    pattern: Vec<Vec2>,
+    /// Side of a square that is painted together, in texels.
+    square: usize,
+    points: Vec<DVec3>,
+    colours: Vec<Vec3>,
     pub painted: Painted,
 }
 
-/// A place of a texel of a triangle: its texel in the chart's box, and the place in space.
-struct Sample {
-    texel: usize,
-    point: DVec3,
-}
-
 impl<'a> Painter<'a> {
-    /// Paints with `samples` by `samples` places a texel.
-    pub fn new(original: &'a Original, reach: f64, samples: usize) -> Self {
+    /// Paints texels that are `texel` long where the original has its median.
+    pub fn new(original: &'a Original, reach: f64, texel: f64) -> Self {
+        let coarseness = texel / original.median_texel;
         Self {
             closest: ClosestPlaces::new(&original.cells, reach),
             reader: TexelReader::new(&original.images),
             original,
-            samples,
+            pattern: pattern(coarseness),
+            square: (SQUARE / coarseness).round().clamp(1.0, 16.0) as usize,
+            points: Vec::new(),
+            colours: Vec::new(),
             painted: Painted::default(),
         }
+    }
+
+    /// Length of a texel's side on each triangle of a mesh, whose positions are relative to `origin`: as the original has
+    /// it there, within a factor of [`DENSITY_RANGE`] of `usual`, its length where the original has the median.
+    ///
+    /// # Errors
+    /// On failed reads.
+    pub fn texels(&mut self, mesh: Triangles<'_>, origin: DVec3, usual: f64) -> Result<TiVec<FaceId, f64>> {
+        let bounds = Bounds::around(mesh.positions.iter().map(|&position| position + origin));
+        self.closest.begin(bounds);
+        let factor = usual / self.original.median_texel;
+        let mut lengths = TiVec::with_capacity(mesh.vertices.len());
+        for face in mesh.vertices.keys() {
+            let corners = mesh.corners(face).map(|corner| corner + origin);
+            let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+            let mut length = None;
+            self.closest.of_group(&[middle], unit_normal(corners), &mut |_, place| {
+                length = self.original.texel_of(&place.face, place.area);
+                Ok(())
+            })?;
+            let length = length.map_or(usual, |length| length * factor);
+            lengths.push(length.clamp(usual / DENSITY_RANGE, usual * DENSITY_RANGE));
+        }
+        Ok(lengths)
     }
 
     /// Paints a chart of a mesh, whose positions are relative to `origin`.
@@ -83,68 +112,90 @@ impl<'a> Painter<'a> {
         let bounds = Bounds::around(corners.map(|corner| corner + origin));
         self.closest.begin(bounds);
         self.painted.covered += owners.covered;
-        let [width, height] = owners.size;
-        let mut square: Vec<(u32, usize)> = Vec::new();
-        for top in (0..height).step_by(SQUARE) {
-            for left in (0..width).step_by(SQUARE) {
-                square.clear();
-                for y in top..(top + SQUARE).min(height) {
-                    let row = left + y * width..(left + SQUARE).min(width) + y * width;
-                    square.extend(row.map(|texel| (owners.of[texel], texel)).filter(|(owner, _)| *owner != NOBODY));
-                }
-                square.sort_unstable();
-                for same in square.chunk_by(|a, b| a.0 == b.0) {
-                    let (face, flat) = chart.faces[same[0].0 as usize];
-                    let solid = mesh.corners(face).map(|corner| corner + origin);
-                    self.paint_group(same, &owners, flat, solid, canvas)?;
+        for block in Block::of(owners.size) {
+            let mut samples = Samples::new(&block, self.pattern.len());
+            self.take_samples(chart, mesh, origin, &owners, &block, &mut samples)?;
+            samples.sharpen(&self.pattern);
+            for [column, row] in block.inner() {
+                if owners.of[row * owners.size[0] + column] != NOBODY {
+                    let texel = samples.value(&block, [column, row]);
+                    canvas.set(column + owners.first[0], row + owners.first[1], texel);
                 }
             }
         }
         Ok(())
     }
 
-    /// Paints texels of one triangle, whose corners lie at `flat` in the image and at `solid` in space.
-    fn paint_group(
+    /// Takes the samples of a block, square by square.
+    fn take_samples(
         &mut self,
-        texels: &[(u32, usize)],
+        chart: &PlacedChart,
+        mesh: Triangles<'_>,
+        origin: DVec3,
         owners: &Owners,
-        flat: [DVec2; 3],
-        solid: [DVec3; 3],
-        canvas: &mut Canvas,
+        block: &Block,
+        samples: &mut Samples,
     ) -> Result<()> {
-        let samples = self.samples;
-        let plane = Plane::new(flat, solid);
-        let mut places: Vec<Sample> = Vec::with_capacity(texels.len() * samples * samples);
-        for &(_, texel) in texels {
-            let corner = [texel % owners.size[0] + owners.first[0], texel / owners.size[0] + owners.first[1]];
-            for step in 0..samples * samples {
-                let within = [step % samples, step / samples].map(|at| (at as f64 + 0.5) / samples as f64);
-                let at = DVec2::new(corner[0] as f64 + within[0], corner[1] as f64 + within[1]);
-                places.push(Sample { texel, point: plane.point(at) });
+        let ([left, top], [right, bottom]) = (block.first, block.end);
+        let mut square: Vec<(u32, [usize; 2])> = Vec::new();
+        for y in (top..bottom).step_by(self.square) {
+            for x in (left..right).step_by(self.square) {
+                square.clear();
+                for row in y..(y + self.square).min(bottom) {
+                    let columns = x..(x + self.square).min(right);
+                    let owned = columns.map(|column| (owners.of[row * owners.size[0] + column], [column, row]));
+                    square.extend(owned.filter(|(owner, _)| *owner != NOBODY));
+                }
+                if square.iter().any(|(owner, _)| *owner != square[0].0) {
+                    square.sort_unstable();
+                }
+                for same in square.chunk_by(|a, b| a.0 == b.0) {
+                    let (face, flat) = chart.faces[(same[0].0 & !IN_GUTTER) as usize];
+                    let solid = mesh.corners(face).map(|corner| corner + origin);
+                    let plane = Plane::new(flat.map(|corner| corner - owners.corner()), solid);
+                    self.take_group(same, &plane, block, samples)?;
+                }
             }
         }
-        let points: Vec<DVec3> = places.iter().map(|place| place.point).collect();
-        let mut colours = vec![None; points.len()];
+        Ok(())
+    }
+
+    /// Takes the samples of some texels of one triangle.
+    fn take_group(
+        &mut self,
+        texels: &[(u32, [usize; 2])],
+        plane: &Plane,
+        block: &Block,
+        samples: &mut Samples,
+    ) -> Result<()> {
+        let is_gutter = texels[0].0 & IN_GUTTER != 0;
+        let pattern: &[Vec2] = if is_gutter { &[Vec2::ZERO] } else { &self.pattern };
+        let mut points = std::mem::take(&mut self.points);
+        points.clear();
+        for &(_, [column, row]) in texels {
+            let middle = DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
+            points.extend(pattern.iter().map(|step| plane.point(middle + step.as_dvec2())));
+        }
+        let mut colours = std::mem::take(&mut self.colours);
+        colours.clear();
+        colours.resize(points.len(), NONE);
         let Self { closest, reader, original, .. } = self;
-        closest.of_group(&points, unit_normal(solid), &mut |number, place| {
-            colours[number] = colour_of(reader, original, &place)?;
+        closest.of_group(&points, plane.normal, &mut |number, place| {
+            colours[number] = colour_of(reader, original, &place)?.unwrap_or(NONE);
             Ok(())
         })?;
-        for (places, colours) in places.chunks(samples * samples).zip(colours.chunks(samples * samples)) {
-            let known = colours.iter().flatten();
-            let count = known.clone().count();
-            self.painted.colourless += u64::from(count == 0);
-            let mean = if count > 0 { known.sum::<Vec3>() / count as f32 } else { NO_COLOUR };
-            let texel = places[0].texel;
-            canvas.set(texel % owners.size[0] + owners.first[0], texel / owners.size[0] + owners.first[1], mean);
+        for (&(_, texel), colours) in texels.iter().zip(colours.chunks(pattern.len())) {
+            let has_colour = samples.set(block, texel, colours, is_gutter);
+            self.painted.colourless += u64::from(!has_colour && !is_gutter);
         }
+        (self.points, self.colours) = (points, colours);
         Ok(())
     }
 }
 
 /// The colour at a place of the original.
 fn colour_of(reader: &mut TexelReader<'_>, original: &Original, place: &Place) -> Result<Option<Vec3>> {
-    let Place { face, colours, weights } = place;
+    let Place { face, colours, weights, .. } = place;
     if let Some(plain) = original.plain_colour(face.image) {
         return Ok(Some(plain));
     }
@@ -164,16 +215,28 @@ fn colour_of(reader: &mut TexelReader<'_>, original: &Original, place: &Place) -
     }))
 }
 
+/// Places of a texel that are sampled: two on a diagonal where it is as fine as those of the original, more where it is
+/// coarser.
+fn pattern(coarseness: f64) -> Vec<Vec2> {
+    let side = (coarseness - 0.2).ceil().clamp(1.0, SAMPLES_MAX) as usize;
+    if side == 1 {
+        return vec![Vec2::splat(-0.25), Vec2::splat(0.25)];
+    }
+    let at = |step: usize| (step as f32 + 0.5) / side as f32 - 0.5;
+    (0..side * side).map(|step| Vec2::new(at(step % side), at(step / side))).collect()
+}
+
 /// A triangle of the image and in space.
 struct Plane {
     flat: [DVec2; 3],
     solid: [DVec3; 3],
+    normal: DVec3,
     doubled_area: f64,
 }
 
 impl Plane {
     fn new(flat: [DVec2; 3], solid: [DVec3; 3]) -> Self {
-        Self { flat, solid, doubled_area: (flat[1] - flat[0]).perp_dot(flat[2] - flat[0]) }
+        Self { flat, solid, normal: unit_normal(solid), doubled_area: (flat[1] - flat[0]).perp_dot(flat[2] - flat[0]) }
     }
 
     /// The place in space of one in the image.

@@ -49,12 +49,10 @@ pub(super) struct BakedPatch {
 pub(super) struct PatchBaker<'a> {
     pub original: &'a Original,
     pub settings: BakeSettings,
-    /// Length of a texel's side.
+    /// Length of a texel's side where the original has its median.
     pub texel: f64,
     /// What a surface that faces away counts as farther.
     pub reach: f64,
-    /// Places that a texel is painted at, along each side.
-    pub samples: usize,
 }
 
 /// A patch with its texture coordinates, before it is stored.
@@ -72,8 +70,9 @@ impl PatchBaker<'_> {
     pub fn bake(&self, source: ClusterSource, folder: &Path, name: &str) -> Result<TexturedPatch> {
         let mesh = &source.mesh;
         let triangles = Triangles { positions: &mesh.positions, vertices: &mesh.corner_vertices };
-        let unwrapped = unwrap(triangles, &UnwrapSettings { texel: self.texel, side: self.settings.side });
-        let mut painter = Painter::new(self.original, self.reach, self.samples);
+        let mut painter = Painter::new(self.original, self.reach, self.texel);
+        let texels = painter.texels(triangles, source.origin, self.texel)?;
+        let unwrapped = unwrap(triangles, &UnwrapSettings { texels: &texels, side: self.settings.side });
         let mut baked =
             BakedPatch { charts: unwrapped.charts.len() as u64, shrunk: unwrapped.shrunk, ..BakedPatch::default() };
         for (number, &size) in unwrapped.images.iter().enumerate() {

@@ -27,18 +27,13 @@ const FILL: f64 = 0.55;
 const IMAGE_SHARE: f64 = 0.6;
 /// Smallest and largest number of triangles of a patch.
 const PATCH_FACES: [u64; 2] = [256, 50_000];
-/// Places of a texel along each side at most.
-const SAMPLES_MAX: f64 = 4.0;
-/// Texels of a surface without images, for each of its triangles.
-const TEXELS_OF_FACE: f64 = 8.0;
-/// A surface that faces away counts as farther by this many texels, and by this many deviations of the result.
-const REACH_TEXELS: f64 = 8.0;
-const REACH_DEVIATIONS: f64 = 6.0;
+/// A surface that faces away counts as farther by this many deviations of the result.
+const REACH_DEVIATIONS: f64 = 1.0;
 /// Bytes of a texel of an image, and of a triangle of a patch.
 const TEXEL_BYTES: u64 = 6;
 const FACE_BYTES: u64 = 600;
 /// Bytes that a worker takes besides.
-const WORKER_BYTES: u64 = 8 << 20;
+const WORKER_BYTES: u64 = 16 << 20;
 
 /// The textured result.
 #[derive(Debug)]
@@ -54,7 +49,7 @@ pub struct Baked {
 }
 
 /// What was baked.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct BakedFigures {
     /// Images.
     pub images: u64,
@@ -179,23 +174,19 @@ impl<'a> Baking<'a> {
         limits: &'a BakeLimits,
         progress: &'a dyn Progress,
     ) -> Result<Self> {
-        let (texels, area) = match original.texels > 0.0 {
-            true => (original.texels, original.textured_area),
-            false => (TEXELS_OF_FACE * original.faces as f64, original.area),
-        };
-        let texel = (area / (texels * settings.texels)).sqrt();
+        let texel = original.median_texel / settings.texels.sqrt();
         let all = original.area / (texel * texel);
         let room = IMAGE_SHARE * FILL * f64::from(settings.side) * f64::from(settings.side);
         let faces = mesh.face_count();
         let patch_faces = (faces as f64 * room / all) as u64;
-        // A texel that is coarser than the original's is painted at several places.
-        let samples = (1.0 / settings.texels).sqrt().ceil().clamp(1.0, SAMPLES_MAX) as usize;
         let baker = PatchBaker {
             original,
             settings: *settings,
             texel,
-            reach: REACH_TEXELS * texel + REACH_DEVIATIONS * settings.deviation,
-            samples,
+            reach: std::env::var("REACH")
+                .ok()
+                .and_then(|t| t.parse().ok())
+                .unwrap_or(REACH_DEVIATIONS * settings.deviation),
         };
         let catalogue = Catalogue {
             position_decimals: catalogue.position_decimals,

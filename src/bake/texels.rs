@@ -124,35 +124,43 @@ impl<'a> TexelReader<'a> {
     /// On failed reads.
     pub fn colour(&mut self, image: ImageId, texcoord: [f32; 2], beyond: Beyond) -> Result<Option<Vec3>> {
         let Some(stored) = self.images.get(image).and_then(Option::as_ref) else { return Ok(None) };
-        let [width, height] = stored.size.map(f64::from);
-        let (x, y) = (f64::from(texcoord[0]) * width - 0.5, (1.0 - f64::from(texcoord[1])) * height - 0.5);
+        let [width, height] = stored.size;
+        let x = texcoord[0] * width as f32 - 0.5;
+        let y = (1.0 - texcoord[1]) * height as f32 - 0.5;
         let (left, top) = (x.floor(), y.floor());
-        let (right_share, lower_share) = ((x - left) as f32, (y - top) as f32);
-        let within = |at: f64, side: u32| match beyond {
-            Beyond::Edge => at.clamp(0.0, f64::from(side - 1)) as usize,
-            Beyond::Repeat => at.rem_euclid(f64::from(side)) as usize % side as usize,
+        let (right_share, lower_share) = (x - left, y - top);
+        let within = |at: f32, side: u32| match beyond {
+            Beyond::Edge => at.clamp(0.0, (side - 1) as f32) as usize,
+            Beyond::Repeat => (at as i64).rem_euclid(i64::from(side)) as usize,
         };
-        let columns = [left, left + 1.0].map(|at| within(at, stored.size[0]));
-        let rows = [top, top + 1.0].map(|at| within(at, stored.size[1]));
-        let [upper_left, upper_right] = columns.map(|column| [column, rows[0]]);
-        let [lower_left, lower_right] = columns.map(|column| [column, rows[1]]);
-        let upper = self.pixel(image, upper_left)?.lerp(self.pixel(image, upper_right)?, right_share);
-        let lower = self.pixel(image, lower_left)?.lerp(self.pixel(image, lower_right)?, right_share);
-        Ok(Some(upper.lerp(lower, lower_share)))
+        let columns = [left, left + 1.0].map(|at| within(at, width));
+        let rows = [top, top + 1.0].map(|at| within(at, height));
+        let [upper_left, upper_right, lower_left, lower_right] = if columns[0] / TILE == columns[1] / TILE
+            && rows[0] / TILE == rows[1] / TILE
+        {
+            let tile = self.tile(image, [columns[0] / TILE, rows[0] / TILE])?;
+            [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[column, row]| pixel(tile, columns[column], rows[row]))
+        } else {
+            let mut far = |column: usize, row: usize| -> Result<Vec3> {
+                Ok(pixel(self.tile(image, [column / TILE, row / TILE])?, column, row))
+            };
+            [far(columns[0], rows[0])?, far(columns[1], rows[0])?, far(columns[0], rows[1])?, far(columns[1], rows[1])?]
+        };
+        let upper = upper_left.lerp(upper_right, right_share);
+        Ok(Some(upper.lerp(lower_left.lerp(lower_right, right_share), lower_share)))
     }
 
+    /// The pixels of a tile.
     #[inline]
-    fn pixel(&mut self, image: ImageId, [column, row]: [usize; 2]) -> Result<Vec3> {
-        let Some(stored) = self.images.get(image).and_then(Option::as_ref) else { return Ok(Vec3::ZERO) };
-        let tile = (row / TILE * stored.tiles()[0] + column / TILE) as u32;
-        let slot = (tile.wrapping_mul(0x9e37_79b1) ^ image.number().wrapping_mul(0x85eb_ca6b)) as usize >> 7;
-        let slot = slot % TILES_KEPT;
+    fn tile(&mut self, image: ImageId, [across, down]: [usize; 2]) -> Result<&[u8]> {
+        let Some(stored) = self.images.get(image).and_then(Option::as_ref) else { return Ok(&[]) };
+        let tile = (down * stored.tiles()[0] + across) as u32;
+        // Neighbours of a tile, and tiles of other images, have other places.
+        let slot = (down % 16 * 16 + across % 16) ^ (image.number() as usize * 37) % TILES_KEPT;
         if self.kept[slot] != [image.number(), tile] {
             self.load(image, tile, slot)?;
         }
-        let at = slot * TILE_BYTES + 3 * (row % TILE * TILE + column % TILE);
-        let [red, green, blue] = [0, 1, 2].map(|channel| f32::from(self.pixels[at + channel]));
-        Ok(Vec3::new(red, green, blue))
+        Ok(&self.pixels[slot * TILE_BYTES..][..TILE_BYTES])
     }
 
     #[cold]
@@ -169,4 +177,12 @@ impl<'a> TexelReader<'a> {
         self.kept[slot] = [image.number(), tile];
         Ok(())
     }
+}
+
+/// The pixel of a tile at a column and row of its image.
+#[inline]
+fn pixel(tile: &[u8], column: usize, row: usize) -> Vec3 {
+    let at = 3 * (row % TILE * TILE + column % TILE);
+    let [red, green, blue] = [0, 1, 2].map(|channel| f32::from(tile[at + channel]));
+    Vec3::new(red, green, blue)
 }

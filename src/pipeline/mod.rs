@@ -123,11 +123,12 @@ fn run(job: &Preflight<'_>, work: &mut WorkFolder, progress: &dyn Progress) -> R
     };
     let published = publisher.write_and_measure(&result, &passes, work, progress)?;
     log.time_with(|seconds| &mut seconds.draw, |log| painter.draw_after(&result, &mut log.findings));
-    if let Some(baked) = &baked {
-        log.findings.merge(baked.findings.clone());
-    }
+    let bake = baked.map(|baked| {
+        log.findings.merge(baked.findings);
+        baked.figures
+    });
     let shots = painter.shots();
-    Ok(log.report(FinishedRun { job, input: &input, admission: &admission, passes, published, shots, work }))
+    Ok(log.report(FinishedRun { job, input: &input, admission: &admission, passes, bake, published, shots, work }))
 }
 
 /// Partitions the mesh and simplifies its clusters, repeatedly.

@@ -8,6 +8,7 @@ use crate::base::{Findings, Progress, Result};
 use crate::job::{StepKey, WorkFolder};
 use crate::model::{Catalogue, StoredMesh};
 use crate::passes::{Passes, ResumePoint};
+use crate::report::BakeFigures;
 
 /// Steps whose files stay until textures are baked: none.
 pub(super) const KEPT_STEPS: &[StepKey] = &[];
@@ -17,10 +18,11 @@ pub(super) fn has_original(_work: &WorkFolder) -> Result<bool> {
     Ok(true)
 }
 
-/// A baked result: there is none.
-pub(super) struct Baked {
+/// A result with new textures: there is none.
+pub(super) struct TexturedResult {
     pub mesh: StoredMesh,
     pub catalogue: Catalogue,
+    pub figures: BakeFigures,
     pub findings: Findings,
 }
 
@@ -45,7 +47,7 @@ impl<'a> Texturing<'a> {
         &self.input.catalogue
     }
 
-    pub fn bake(self, _: &Passes, _: &WorkFolder, _: &dyn Progress) -> Result<Option<Baked>> {
+    pub fn bake(self, _: &Passes, _: &WorkFolder, _: &dyn Progress) -> Result<Option<TexturedResult>> {
         Ok(None)
     }
 }

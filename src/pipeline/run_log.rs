@@ -18,7 +18,7 @@ use crate::os::system;
 use crate::os::timeline::Timeline;
 use crate::passes::Passes;
 use crate::plan::memory::{self, Sizes};
-use crate::report::{ErrorFigures, FaceFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
+use crate::report::{BakeFigures, ErrorFigures, FaceFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
 
 /// Times and findings of a run.
 pub(super) struct RunLog {
@@ -49,7 +49,7 @@ impl RunLog {
 
     /// Reports the run.
     pub fn report(mut self, run: FinishedRun<'_>) -> Report {
-        let FinishedRun { job, input, admission, passes, published, shots, work } = run;
+        let FinishedRun { job, input, admission, passes, bake, published, shots, work } = run;
         let options = job.options;
         let scratch_peak = passes.scratch_peak.max(folder_bytes(work.path()));
         let is_drawn = options.notes.drawing != Drawing::Nothing;
@@ -100,6 +100,7 @@ impl RunLog {
                 scratch_peak,
             },
             files,
+            bake,
             timeline: Timeline::default(),
             remesh: passes.remeshed,
             passes: passes.reports,
@@ -119,6 +120,8 @@ pub(super) struct FinishedRun<'a> {
     pub input: &'a Input,
     pub admission: &'a Admission,
     pub passes: Passes,
+    /// What was baked.
+    pub bake: Option<BakeFigures>,
     pub published: Published,
     /// Renderings before and after.
     pub shots: Shots,

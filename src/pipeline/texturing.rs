@@ -3,12 +3,13 @@
 use super::admission::Admission;
 use super::input::Input;
 use super::preflight::Preflight;
-use crate::bake::{self, BakeLimits, BakeSettings, Baked, OriginalSurface};
+use crate::bake::{self, BakeLimits, BakeSettings, OriginalSurface};
 use crate::base::{Error, Findings, Progress, Result, bytes};
 use crate::image::textures::TextureImages;
 use crate::job::{StepKey, WorkFolder};
-use crate::model::Catalogue;
+use crate::model::{Catalogue, StoredMesh};
 use crate::passes::{Passes, ResumePoint};
+use crate::report::BakeFigures;
 
 /// Steps whose files stay until textures are baked.
 pub(super) const KEPT_STEPS: &[StepKey] = &[bake::SURFACE];
@@ -19,6 +20,16 @@ pub(super) const KEPT_STEPS: &[StepKey] = &[bake::SURFACE];
 /// Those of the work folder.
 pub(super) fn has_original(work: &WorkFolder) -> Result<bool> {
     Ok(OriginalSurface::recall(work)?.is_some())
+}
+
+/// The result with new textures.
+pub(super) struct TexturedResult {
+    pub mesh: StoredMesh,
+    /// A part and a material for each image.
+    pub catalogue: Catalogue,
+    pub figures: BakeFigures,
+    /// What was lost.
+    pub findings: Findings,
 }
 
 /// What a bake needs of the input.
@@ -88,7 +99,7 @@ impl<'a> Texturing<'a> {
     ///
     /// # Errors
     /// Those of [`bake::bake`].
-    pub fn bake(self, passes: &Passes, work: &WorkFolder, progress: &dyn Progress) -> Result<Option<Baked>> {
+    pub fn bake(self, passes: &Passes, work: &WorkFolder, progress: &dyn Progress) -> Result<Option<TexturedResult>> {
         let Some(Kept { surface, .. }) = self.kept else { return Ok(None) };
         let options = self.job.options;
         let estimate =
@@ -100,6 +111,21 @@ impl<'a> Texturing<'a> {
             deviation: options.target.max_error.unwrap_or(estimate),
         };
         let catalogue = &self.input.catalogue;
-        bake::bake(surface, &passes.mesh, catalogue, &passes.step, &settings, work, &self.limits, progress).map(Some)
+        let baked =
+            bake::bake(surface, &passes.mesh, catalogue, &passes.step, &settings, work, &self.limits, progress)?;
+        let figures = baked.figures;
+        Ok(Some(TexturedResult {
+            mesh: baked.mesh,
+            catalogue: baked.catalogue,
+            figures: BakeFigures {
+                images: figures.images,
+                texels: figures.texels,
+                fill: figures.covered as f64 / (figures.texels as f64).max(1.0),
+                colourless: figures.colourless,
+                charts: figures.charts,
+                texel: figures.texel,
+            },
+            findings: baked.findings,
+        }))
     }
 }

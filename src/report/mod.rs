@@ -31,7 +31,9 @@ use std::path::Path;
 #[cfg(feature = "report")]
 pub use self::comparison::ComparisonPage;
 pub use self::file::{ReportKind, save_json};
-pub use self::run::{ErrorFigures, FaceFigures, FileFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status};
+pub use self::run::{
+    BakeFigures, ErrorFigures, FaceFigures, FileFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status,
+};
 pub use self::summary::warning_lines;
 pub use crate::measure::figures;
 pub use crate::measure::gauge::Gauged;

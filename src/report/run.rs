@@ -70,6 +70,23 @@ pub struct SecondFigures {
     pub draw: f64,
 }
 
+/// New textures.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct BakeFigures {
+    /// Images.
+    pub images: u64,
+    /// Texels of all images.
+    pub texels: u64,
+    /// Share of the texels that charts cover.
+    pub fill: f64,
+    /// Texels that charts cover where the input has no colour.
+    pub colourless: u64,
+    /// Charts.
+    pub charts: u64,
+    /// Length of a texel's side, in the mesh's unit of length.
+    pub texel: f64,
+}
+
 /// Memory in bytes.
 #[derive(Debug, Clone, Serialize)]
 pub struct MemoryFigures {
@@ -165,6 +182,8 @@ pub struct Report {
     pub io: IoFigures,
     /// Materials and textures.
     pub files: FileFigures,
+    /// The new textures; `None` if the result keeps its own.
+    pub bake: Option<BakeFigures>,
     /// Memory and bytes read and written over time.
     pub timeline: Timeline,
     /// Each pass that remeshed.

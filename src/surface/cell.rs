@@ -52,8 +52,6 @@ pub struct ShownImage {
     pub image: ImageId,
     /// Sum of the triangles' areas in texture space.
     pub texture_area: f64,
-    /// Sum of their areas in space.
-    pub area: f64,
 }
 
 /// A cell: neighbouring triangles.
@@ -162,8 +160,8 @@ pub struct CellDraft {
     side_length: f64,
     /// Its part of six times the enclosed volume, divided by six.
     pub volume: f64,
-    /// Areas in texture space and in space by texture image.
-    shown: BTreeMap<ImageId, [f64; 2]>,
+    /// Area in texture space by texture image.
+    shown: BTreeMap<ImageId, f64>,
     positions: Vec<DVec3>,
     pairs: Vec<Pair>,
     tilted: Vec<TiltedBox>,
@@ -214,9 +212,7 @@ impl CellMaker<'_> {
             let corners = triangle.map(|corner| corner + source.origin - self.reference);
             draft.volume += corners[0].dot(corners[1].cross(corners[2])) / 6.0;
             let (image, texcoords) = self.texture(source, face);
-            let shown = draft.shown.entry(image).or_default();
-            shown[0] += texture_area(texcoords);
-            shown[1] += area(triangle);
+            *draft.shown.entry(image).or_default() += texture_area(texcoords);
             draft.faces.push(CellFace { vertices: mesh.vertices(face).map(LocalVertex::number), image, texcoords });
         }
         draft.bounds = Bounds { low: bounds.low + source.origin, high: bounds.high + source.origin };
@@ -265,7 +261,7 @@ impl CellWriter {
         let colours = self.put(&draft.colours)?;
         self.volume += draft.volume;
         if !draft.faces.is_empty() {
-            let shown = |(image, [texture_area, area]): (ImageId, [f64; 2])| ShownImage { image, texture_area, area };
+            let shown = |(image, texture_area)| ShownImage { image, texture_area };
             self.cells.push(Cell {
                 origin: draft.origin,
                 bounds: draft.bounds,

@@ -24,7 +24,7 @@ use glam::DVec3;
 
 use super::Triangles;
 use super::flat::{FlatChart, lay_flat};
-use crate::base::id::TiVec;
+use crate::base::id::{TiSlice, TiVec};
 use crate::geometry::boxtree::Bounds;
 use crate::geometry::triangle::{area, unit_normal};
 use crate::mesh::id::{FaceId, LocalVertex};
@@ -42,6 +42,8 @@ struct Growing {
     /// Σ area · normal.
     normal_sum: DVec3,
     area: f64,
+    /// Area in texels.
+    texels: f64,
     /// Length of the outline.
     outline: f64,
     bounds: Bounds,
@@ -75,15 +77,16 @@ impl PartialOrd for Merge {
     }
 }
 
-/// Makes charts whose sides are at most `room` long, and lays them flat.
-pub(super) fn charts(mesh: Triangles<'_>, room: f64) -> Vec<FlatChart> {
-    let mut merging = Merging::begin(mesh, room);
+/// Makes charts whose sides are at most `room` texels long, and lays them flat.
+pub(super) fn charts(mesh: Triangles<'_>, texels: &TiSlice<FaceId, f64>, room: f64) -> Vec<FlatChart> {
+    let mut merging = Merging::begin(mesh, texels, room);
     merging.run();
     merging.lay_flat()
 }
 
 struct Merging<'a> {
     mesh: Triangles<'a>,
+    /// Longest side of a chart in texels.
     room: f64,
     normals: TiVec<FaceId, DVec3>,
     charts: Vec<Growing>,
@@ -91,7 +94,7 @@ struct Merging<'a> {
 }
 
 impl<'a> Merging<'a> {
-    fn begin(mesh: Triangles<'a>, room: f64) -> Self {
+    fn begin(mesh: Triangles<'a>, texels: &TiSlice<FaceId, f64>, room: f64) -> Self {
         let faces = || mesh.vertices.keys();
         let normals: TiVec<FaceId, DVec3> = faces().map(|face| unit_normal(mesh.corners(face))).collect();
         let grown = |face: FaceId| {
@@ -99,6 +102,7 @@ impl<'a> Merging<'a> {
             Growing {
                 normal_sum: normals[face] * area(corners),
                 area: area(corners),
+                texels: area(corners) / (texels[face] * texels[face]),
                 outline: 0.0,
                 bounds: Bounds::around(corners),
                 faces: vec![face],
@@ -148,7 +152,9 @@ impl<'a> Merging<'a> {
         // Triangles without area join whatever is beside them.
         let raggedness = if a.area.min(b.area) > 0.0 { outline * outline / circle } else { 0.0 };
         let extent = a.bounds.with(b.bounds);
-        let is_small = extent.diagonal() <= self.room;
+        let texel = (area / (a.texels + b.texels)).sqrt();
+        // Of charts without area, the size does not matter.
+        let is_small = extent.diagonal() <= self.room * texel || area == 0.0;
         if raggedness <= RAGGEDNESS_MAX && is_small {
             let deviation = if area > 0.0 { 1.0 - sum.length() / area } else { 0.0 };
             self.queue.push(Merge { cost: (deviation + FLAT_COST) * raggedness, charts });
@@ -183,7 +189,7 @@ impl<'a> Merging<'a> {
             let chart = &mut self.charts[chart as usize];
             chart.is_merged = true;
             let (faces, beside) = (chart.faces.clone(), std::mem::take(&mut chart.beside));
-            (chart.normal_sum, chart.area, chart.outline, chart.bounds, faces, beside)
+            (chart.normal_sum, [chart.area, chart.texels], chart.outline, chart.bounds, faces, beside)
         });
         let shared = a.5.get(&charts[1]).copied().unwrap_or(0.0);
         let mut beside = HashMap::with_capacity(a.5.len() + b.5.len());
@@ -199,7 +205,8 @@ impl<'a> Merging<'a> {
         }
         self.charts.push(Growing {
             normal_sum: a.0 + b.0,
-            area: a.1 + b.1,
+            area: a.1[0] + b.1[0],
+            texels: a.1[1] + b.1[1],
             outline: (a.2 + b.2 - 2.0 * shared).max(0.0),
             bounds: a.3.with(b.3),
             faces: a.4.into_iter().chain(b.4).collect(),
@@ -217,7 +224,8 @@ impl<'a> Merging<'a> {
             (0..self.charts.len() as u32).rev().filter(|&chart| !self.charts[chart as usize].is_merged).collect();
         while let Some(number) = waiting.pop() {
             let chart = &self.charts[number as usize];
-            match (lay_flat(self.mesh, &chart.faces, chart.normal_sum), chart.halves) {
+            let texel = (chart.area / chart.texels).sqrt();
+            match (lay_flat(self.mesh, &chart.faces, chart.normal_sum, texel), chart.halves) {
                 (Some(laid), _) => flat.push(laid),
                 (None, Some(halves)) => waiting.extend(halves),
                 // A triangle of any shape can be laid flat.

@@ -17,14 +17,15 @@ const SCALE_MAX: f64 = 1.4;
 /// A chart that was laid flat.
 #[derive(Debug, Clone)]
 pub struct FlatChart {
-    /// Its triangles, each with the places of its corners in the mesh's unit of length, above and to the right of 0.
+    /// Its triangles, each with the places of its corners in texels, above and to the right of 0.
     pub faces: Vec<(FaceId, [DVec2; 3])>,
-    /// Width and height.
+    /// Width and height in texels.
     pub size: DVec2,
 }
 
-/// Lays triangles flat; `None` if they would overlap. Their normals must lie within 90 degrees of `normal`.
-pub(super) fn lay_flat(mesh: Triangles<'_>, faces: &[FaceId], normal: DVec3) -> Option<FlatChart> {
+/// Lays triangles flat; `None` if they would overlap. Their normals must lie within 90 degrees of `normal`; `texel` is the
+/// length of a texel's side.
+pub(super) fn lay_flat(mesh: Triangles<'_>, faces: &[FaceId], normal: DVec3, texel: f64) -> Option<FlatChart> {
     let axis = normal.normalize_or(DVec3::Z);
     let (across, along) = axis.any_orthonormal_pair();
     let place = |vertex: LocalVertex| {
@@ -41,6 +42,8 @@ pub(super) fn lay_flat(mesh: Triangles<'_>, faces: &[FaceId], normal: DVec3) -> 
     let true_area = faces.iter().map(|&face| area(mesh.corners(face))).sum::<f64>();
     let scale = (true_area / flat_area).sqrt();
     let scale = if scale.is_finite() { scale.clamp(1.0, SCALE_MAX) } else { 1.0 };
+    // A chart without area is a point.
+    let scale = if texel.is_normal() { scale / texel } else { 0.0 };
     let turn = upright(laid.iter().flat_map(|(_, corners)| *corners).collect()) * scale;
     laid.iter_mut().for_each(|(_, corners)| *corners = corners.map(|corner| turn.rotate(corner)));
     let all = || laid.iter().flat_map(|(_, corners)| *corners);

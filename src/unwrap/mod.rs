@@ -45,10 +45,10 @@ impl Triangles<'_> {
 }
 
 /// How to unwrap.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct UnwrapSettings {
-    /// Length of a texel's side, in the mesh's unit of length.
-    pub texel: f64,
+#[derive(Debug, Clone, Copy)]
+pub struct UnwrapSettings<'a> {
+    /// Length of a texel's side on each triangle, in the mesh's unit of length; those of a chart get their mean.
+    pub texels: &'a TiSlice<FaceId, f64>,
     /// Largest side of an image, in texels; at least 64.
     pub side: u32,
 }
@@ -74,8 +74,8 @@ pub struct Unwrapped {
 }
 
 /// Unwraps a patch.
-pub fn unwrap(mesh: Triangles<'_>, settings: &UnwrapSettings) -> Unwrapped {
-    let room = f64::from(settings.side - 2 * GUTTER - pack::COLUMN) * settings.texel;
-    let charts = charts::charts(mesh, room);
+pub fn unwrap(mesh: Triangles<'_>, settings: &UnwrapSettings<'_>) -> Unwrapped {
+    let room = f64::from(settings.side - 2 * GUTTER - pack::COLUMN);
+    let charts = charts::charts(mesh, settings.texels, room);
     pack::pack(charts, settings)
 }

@@ -44,15 +44,15 @@ struct Shape {
 }
 
 /// Packs charts.
-pub(super) fn pack(charts: Vec<FlatChart>, settings: &UnwrapSettings) -> Unwrapped {
+pub(super) fn pack(charts: Vec<FlatChart>, settings: &UnwrapSettings<'_>) -> Unwrapped {
     let room = f64::from(settings.side - 2 * GUTTER - COLUMN);
     let mut unwrapped = Unwrapped::default();
     let mut shapes: Vec<Shape> = Vec::with_capacity(charts.len());
     for chart in charts {
-        let longest = chart.size.max_element() / settings.texel;
+        let longest = chart.size.max_element();
         let shrink = if longest > room { room / longest } else { 1.0 };
         unwrapped.shrunk += u64::from(longest > room);
-        shapes.push(Shape::new(chart, shrink / settings.texel));
+        shapes.push(Shape::new(chart, shrink));
     }
     // A stable sort: of equally tall ones, the first stays first.
     shapes.sort_by_key(|shape| std::cmp::Reverse(shape.height));

@@ -109,7 +109,7 @@ impl<'a> Atlas<'a> {
         resources: &'a Resources,
     ) -> Self {
         let mut shown: TiVec<ImageId, f64> = vec![0.0; original.images.files.len()].into();
-        for &ShownImage { image, texture_area: area, .. } in original.cells.iter().flat_map(|cell| &cell.images) {
+        for &ShownImage { image, texture_area: area } in original.cells.iter().flat_map(|cell| &cell.images) {
             if let Some(sum) = shown.get_mut(image) {
                 *sum += area;
             }
