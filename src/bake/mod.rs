@@ -14,7 +14,7 @@
 //! recalled.
 //!
 //! # Memory
-//! A worker: 4 bytes for each texel of one image, a third more while it is filled, the triangles of one patch (400
+//! A worker: 4.3 bytes for each texel of one image, the triangles of one patch (400
 //! bytes each), 10 MiB for samples, and 3 MiB of tiles.
 
 mod canvas;

@@ -30,7 +30,7 @@ const PATCH_FACES: [u64; 2] = [256, 50_000];
 /// A surface that faces away counts as farther by this many deviations of the result.
 const REACH_DEVIATIONS: f64 = 1.0;
 /// Bytes of a texel of an image, and of a triangle of a patch.
-const TEXEL_BYTES: u64 = 6;
+const TEXEL_BYTES: f64 = 4.3;
 const FACE_BYTES: u64 = 600;
 /// Bytes that a worker takes besides.
 const WORKER_BYTES: u64 = 16 << 20;
@@ -313,7 +313,7 @@ impl<'a> Baking<'a> {
 
 /// Memory of a worker that bakes an image of this side, in bytes.
 pub fn image_bytes(side: u32) -> u64 {
-    TEXEL_BYTES * u64::from(side) * u64::from(side) + WORKER_BYTES
+    (TEXEL_BYTES * f64::from(side) * f64::from(side)) as u64 + WORKER_BYTES
 }
 
 fn patch_key(cluster: ClusterId) -> StepKey {
