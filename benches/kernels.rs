@@ -53,6 +53,7 @@ fn cut(scan: &Scan, folder: &Path) -> Partition {
         pass: 0,
         weld: true,
         drop_doubles: false,
+        drop_texcoords: false,
         threads: 1,
         work_bytes: WORK_BYTES,
     };

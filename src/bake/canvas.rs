@@ -6,7 +6,7 @@
 use glam::Vec3;
 
 /// An image under way.
-pub(super) struct Canvas {
+pub(super) struct AtlasCanvas {
     /// Width and height.
     pub size: [usize; 2],
     /// Red, green, blue, row by row from the top.
@@ -15,7 +15,7 @@ pub(super) struct Canvas {
     are_set: Vec<u64>,
 }
 
-impl Canvas {
+impl AtlasCanvas {
     pub fn new(size: [usize; 2]) -> Self {
         let texels = size[0] * size[1];
         Self { size, rgb: vec![0; 3 * texels], are_set: vec![0; texels.div_ceil(64)] }
@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn what_is_not_set_takes_the_colour_of_what_is_near() {
-        let mut canvas = Canvas::new([37, 21]);
+        let mut canvas = AtlasCanvas::new([37, 21]);
         canvas.set(3, 4, Vec3::new(200.0, 10.0, 30.0));
         canvas.set(33, 18, Vec3::new(0.0, 100.0, 0.0));
         canvas.fill();
@@ -110,7 +110,7 @@ mod tests {
 
     #[test]
     fn an_empty_image_stays_black() {
-        let mut canvas = Canvas::new([5, 3]);
+        let mut canvas = AtlasCanvas::new([5, 3]);
         canvas.fill();
         assert!(canvas.rgb.iter().all(|&byte| byte == 0));
     }

@@ -38,7 +38,7 @@ const POINTS_MIN: usize = 4;
 
 /// A place of the original surface.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Place {
+pub(super) struct OriginalPlace {
     /// The triangle.
     pub face: CellFace,
     /// Colours of its corners, the fourth byte 0 where there is none.
@@ -171,7 +171,7 @@ impl<'a> ClosestPlaces<'a> {
         &mut self,
         points: &[DVec3],
         normal: DVec3,
-        found: &mut dyn FnMut(usize, Place) -> Result<()>,
+        found: &mut dyn FnMut(usize, OriginalPlace) -> Result<()>,
     ) -> Result<()> {
         self.search(points, 0, normal, found)
     }
@@ -181,7 +181,7 @@ impl<'a> ClosestPlaces<'a> {
         points: &[DVec3],
         first: usize,
         normal: DVec3,
-        found: &mut dyn FnMut(usize, Place) -> Result<()>,
+        found: &mut dyn FnMut(usize, OriginalPlace) -> Result<()>,
     ) -> Result<()> {
         let bounds = Bounds::around(points.iter().copied());
         let middle = 0.5 * (bounds.low + bounds.high);
@@ -212,7 +212,7 @@ impl<'a> ClosestPlaces<'a> {
             if let Some(near) = self.near.get(best.1) {
                 let weights = near.weights(at);
                 let area = area(near.corners);
-                found(number, Place { face: near.face, colours: near.colours, area, weights })?;
+                found(number, OriginalPlace { face: near.face, colours: near.colours, area, weights })?;
             }
         }
         Ok(())

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::canvas::Canvas;
+use super::canvas::AtlasCanvas;
 use crate::base::{Error, Result};
 use crate::model::image_format::ImageFormat;
 use crate::os::durable::DurableFile;
@@ -14,7 +14,7 @@ const BUFFER_BYTES: usize = 1 << 16;
 ///
 /// # Errors
 /// On a full disk or a failed write.
-pub(super) fn write(canvas: &Canvas, format: ImageFormat, path: &Path) -> Result<()> {
+pub(super) fn write(canvas: &AtlasCanvas, format: ImageFormat, path: &Path) -> Result<()> {
     let mut file = Sink(DurableFile::create(path, BUFFER_BYTES)?);
     let wrap = |error: std::io::Error| Error::io(path, "write", error);
     let [width, height] = canvas.size;

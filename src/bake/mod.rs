@@ -18,6 +18,7 @@
 //! bytes each), 10 MiB for samples, and 3 MiB of tiles.
 
 mod canvas;
+mod catalogue;
 mod closest;
 mod encode;
 mod original;
@@ -25,42 +26,13 @@ mod paint;
 mod patch;
 mod raster;
 mod run;
+mod settings;
 mod sharpen;
+mod steps;
 mod texels;
 
-use crate::job::StepKey;
-use crate::model::image_format::ImageFormat;
-
+pub use self::catalogue::geometry_catalogue;
 pub use self::original::OriginalSurface;
-pub use self::run::{Baked, BakedFigures, bake, geometry_catalogue, image_bytes};
-
-/// Step that keeps the surface of the input.
-pub const SURFACE: StepKey = StepKey::fixed("bake-surface");
-/// Prefix of the steps that keep the images of the input.
-const IMAGE: &str = "bake-image-";
-/// Step that cuts the result into patches.
-const PATCHES: StepKey = StepKey::fixed("bake-patches");
-/// Prefix of the steps that bake patches.
-const PATCH: &str = "bake-patch-";
-
-/// How to bake.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BakeSettings {
-    /// Texels as a share of those that the original shows.
-    pub texels: f64,
-    /// Largest side of an image, in texels.
-    pub side: u32,
-    /// How images are encoded.
-    pub format: ImageFormat,
-    /// Deviation of the result from the original, about, in the mesh's unit of length.
-    pub deviation: f64,
-}
-
-/// What a bake may take of the machine.
-#[derive(Debug, Clone, Copy)]
-pub struct BakeLimits {
-    /// Worker threads.
-    pub threads: usize,
-    /// Memory in bytes for work in flight.
-    pub work_bytes: u64,
-}
+pub use self::run::{Baked, BakedFigures, Unbaked, bake, image_bytes};
+pub use self::settings::{BakeLimits, BakePlace, BakeSettings};
+pub use self::steps::SURFACE;

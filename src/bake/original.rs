@@ -10,8 +10,9 @@ use std::path::Path;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
+use super::settings::BakePlace;
+use super::steps::{IMAGE, SURFACE};
 use super::texels::StoredImage;
-use super::{BakeLimits, IMAGE, SURFACE};
 use crate::base::error::escape_path;
 use crate::base::id::TiVec;
 use crate::base::ordered::{map_in_order, map_within};
@@ -69,10 +70,9 @@ impl OriginalSurface {
         mesh: &StoredMesh,
         catalogue: &Catalogue,
         images: &TextureImages,
-        work: &WorkFolder,
-        limits: &BakeLimits,
-        progress: &dyn Progress,
+        place: &BakePlace<'_>,
     ) -> Result<Self> {
+        let BakePlace { work, limits, progress } = *place;
         if let Some(surface) = Self::recall(work)? {
             return Ok(surface);
         }
@@ -125,12 +125,12 @@ impl OriginalSurface {
 /// Colours of a cluster's vertices, the fourth byte 0 where there is none; empty if the mesh has none.
 fn colours(source: &ClusterSource, partition: &Partition) -> Result<Vec<[u8; 4]>> {
     let Some(colours) = &partition.numbering.colours else { return Ok(Vec::new()) };
-    let of_vertex = |colour: [f32; 3]| match colour[0].is_nan() {
-        true => [0; 4],
-        false => {
-            let [red, green, blue] = colour.map(|channel| (255.0 * channel.clamp(0.0, 1.0)).round() as u8);
-            [red, green, blue, 255]
+    let of_vertex = |colour: [f32; 3]| {
+        if colour[0].is_nan() {
+            return [0; 4];
         }
+        let [red, green, blue] = colour.map(|channel| (255.0 * channel.clamp(0.0, 1.0)).round() as u8);
+        [red, green, blue, 255]
     };
     Ok(reading::gather(colours, source.loaded_vertices())?.into_iter().map(of_vertex).collect())
 }
@@ -209,11 +209,10 @@ impl Original {
     pub fn open(
         surface: OriginalSurface,
         images: &TextureImages,
-        work: &WorkFolder,
-        limits: &BakeLimits,
+        place: &BakePlace<'_>,
         findings: &mut Findings,
-        progress: &dyn Progress,
     ) -> Result<Self> {
+        let BakePlace { work, limits, progress } = *place;
         let cells = surface.cells;
         let mut are_shown: TiVec<ImageId, bool> = vec![false; images.files.len()].into();
         for shown in cells.iter().flat_map(|cell| &cell.images) {

@@ -6,11 +6,11 @@
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
-use super::canvas::Canvas;
-use super::closest::{ClosestPlaces, Place};
+use super::canvas::AtlasCanvas;
+use super::closest::{ClosestPlaces, OriginalPlace};
 use super::original::Original;
 use super::raster::{IN_GUTTER, NOBODY, Owners};
-use super::sharpen::{Block, NONE, Samples};
+use super::sharpen::{NONE, SampleBlock, Samples};
 use super::texels::{Beyond, TexelReader};
 use crate::base::Result;
 use crate::base::id::TiVec;
@@ -41,8 +41,21 @@ pub(super) struct Painted {
     pub colourless: u64,
 }
 
+/// The triangles of a patch, and where they lie.
+pub(super) struct PatchSurface<'a> {
+    pub triangles: Triangles<'a>,
+    /// Their positions are relative to this.
+    pub origin: DVec3,
+}
+
+impl PatchSurface<'_> {
+    fn corners(&self, face: FaceId) -> [DVec3; 3] {
+        self.triangles.corners(face).map(|corner| corner + self.origin)
+    }
+}
+
 /// Paints charts with the colours of the original.
-pub(super) struct Painter<'a> {
+pub(super) struct ChartPainter<'a> {
     closest: ClosestPlaces<'a>,
     reader: TexelReader<'a>,
     original: &'a Original,
@@ -55,7 +68,7 @@ pub(super) struct Painter<'a> {
     pub painted: Painted,
 }
 
-impl<'a> Painter<'a> {
+impl<'a> ChartPainter<'a> {
     /// Paints texels that are `texel` long where the original has its median.
     pub fn new(original: &'a Original, reach: f64, texel: f64) -> Self {
         let coarseness = texel / original.median_texel;
@@ -71,18 +84,19 @@ impl<'a> Painter<'a> {
         }
     }
 
-    /// Length of a texel's side on each triangle of a mesh, whose positions are relative to `origin`: as the original has
-    /// it there, within a factor of [`DENSITY_RANGE`] of `usual`, its length where the original has the median.
+    /// Length of a texel's side on each triangle of a patch: as the original has it there, within a factor of
+    /// [`DENSITY_RANGE`] of `usual`, its length where the original has the median.
     ///
     /// # Errors
     /// On failed reads.
-    pub fn texels(&mut self, mesh: Triangles<'_>, origin: DVec3, usual: f64) -> Result<TiVec<FaceId, f64>> {
-        let bounds = Bounds::around(mesh.positions.iter().map(|&position| position + origin));
+    pub fn texels(&mut self, patch: &PatchSurface<'_>, usual: f64) -> Result<TiVec<FaceId, f64>> {
+        let mesh = patch.triangles;
+        let bounds = Bounds::around(mesh.positions.iter().map(|&position| position + patch.origin));
         self.closest.begin(bounds);
         let factor = usual / self.original.median_texel;
         let mut lengths = TiVec::with_capacity(mesh.vertices.len());
         for face in mesh.vertices.keys() {
-            let corners = mesh.corners(face).map(|corner| corner + origin);
+            let corners = patch.corners(face);
             let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
             let mut length = None;
             self.closest.of_group(&[middle], unit_normal(corners), &mut |_, place| {
@@ -95,26 +109,24 @@ impl<'a> Painter<'a> {
         Ok(lengths)
     }
 
-    /// Paints a chart of a mesh, whose positions are relative to `origin`.
+    /// Paints a chart of a patch.
     ///
     /// # Errors
     /// On failed reads.
     pub fn paint(
         &mut self,
         chart: &PlacedChart,
-        mesh: Triangles<'_>,
-        origin: DVec3,
+        patch: &PatchSurface<'_>,
         size: ImageSize,
-        canvas: &mut Canvas,
+        canvas: &mut AtlasCanvas,
     ) -> Result<()> {
         let owners = Owners::of(chart, size);
-        let corners = chart.faces.iter().flat_map(|(face, _)| mesh.corners(*face));
-        let bounds = Bounds::around(corners.map(|corner| corner + origin));
+        let bounds = Bounds::around(chart.faces.iter().flat_map(|(face, _)| patch.corners(*face)));
         self.closest.begin(bounds);
         self.painted.covered += owners.covered;
-        for block in Block::of(owners.size) {
+        for block in SampleBlock::of(owners.size) {
             let mut samples = Samples::new(&block, self.pattern.len());
-            self.take_samples(chart, mesh, origin, &owners, &block, &mut samples)?;
+            self.take_samples(chart, patch, &owners, &block, &mut samples)?;
             samples.sharpen(&self.pattern);
             for [column, row] in block.inner() {
                 if owners.of[row * owners.size[0] + column] != NOBODY {
@@ -130,10 +142,9 @@ impl<'a> Painter<'a> {
     fn take_samples(
         &mut self,
         chart: &PlacedChart,
-        mesh: Triangles<'_>,
-        origin: DVec3,
+        patch: &PatchSurface<'_>,
         owners: &Owners,
-        block: &Block,
+        block: &SampleBlock,
         samples: &mut Samples,
     ) -> Result<()> {
         let ([left, top], [right, bottom]) = (block.first, block.end);
@@ -151,8 +162,7 @@ impl<'a> Painter<'a> {
                 }
                 for same in square.chunk_by(|a, b| a.0 == b.0) {
                     let (face, flat) = chart.faces[(same[0].0 & !IN_GUTTER) as usize];
-                    let solid = mesh.corners(face).map(|corner| corner + origin);
-                    let plane = Plane::new(flat.map(|corner| corner - owners.corner()), solid);
+                    let plane = Plane::new(flat.map(|corner| corner - owners.corner()), patch.corners(face));
                     self.take_group(same, &plane, block, samples)?;
                 }
             }
@@ -165,7 +175,7 @@ impl<'a> Painter<'a> {
         &mut self,
         texels: &[(u32, [usize; 2])],
         plane: &Plane,
-        block: &Block,
+        block: &SampleBlock,
         samples: &mut Samples,
     ) -> Result<()> {
         let is_gutter = texels[0].0 & IN_GUTTER != 0;
@@ -194,8 +204,8 @@ impl<'a> Painter<'a> {
 }
 
 /// The colour at a place of the original.
-fn colour_of(reader: &mut TexelReader<'_>, original: &Original, place: &Place) -> Result<Option<Vec3>> {
-    let Place { face, colours, weights, .. } = place;
+fn colour_of(reader: &mut TexelReader<'_>, original: &Original, place: &OriginalPlace) -> Result<Option<Vec3>> {
+    let OriginalPlace { face, colours, weights, .. } = place;
     if let Some(plain) = original.plain_colour(face.image) {
         return Ok(Some(plain));
     }

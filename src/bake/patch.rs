@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::BakeSettings;
-use super::canvas::Canvas;
+use super::canvas::AtlasCanvas;
 use super::encode;
 use super::original::Original;
-use super::paint::{Painted, Painter};
+use super::paint::{ChartPainter, Painted, PatchSurface};
+use super::settings::BakeSettings;
 use crate::base::Result;
 use crate::base::id::TiVec;
 use crate::file::codec;
@@ -70,15 +70,16 @@ impl PatchBaker<'_> {
     pub fn bake(&self, source: ClusterSource, folder: &Path, name: &str) -> Result<TexturedPatch> {
         let mesh = &source.mesh;
         let triangles = Triangles { positions: &mesh.positions, vertices: &mesh.corner_vertices };
-        let mut painter = Painter::new(self.original, self.reach, self.texel);
-        let texels = painter.texels(triangles, source.origin, self.texel)?;
+        let patch = PatchSurface { triangles, origin: source.origin };
+        let mut painter = ChartPainter::new(self.original, self.reach, self.texel);
+        let texels = painter.texels(&patch, self.texel)?;
         let unwrapped = unwrap(triangles, &UnwrapSettings { texels: &texels, side: self.settings.side });
         let mut baked =
             BakedPatch { charts: unwrapped.charts.len() as u64, shrunk: unwrapped.shrunk, ..BakedPatch::default() };
         for (number, &size) in unwrapped.images.iter().enumerate() {
-            let mut canvas = Canvas::new([size.width as usize, size.height as usize]);
+            let mut canvas = AtlasCanvas::new([size.width as usize, size.height as usize]);
             for chart in unwrapped.charts.iter().filter(|chart| chart.image as usize == number) {
-                painter.paint(chart, triangles, source.origin, size, &mut canvas)?;
+                painter.paint(chart, &patch, size, &mut canvas)?;
             }
             canvas.fill();
             let path = folder.join(image_name(name, number, self.settings.format));

@@ -29,7 +29,7 @@ pub(super) const NONE: Vec3 = Vec3::NAN;
 const NO_COLOUR: Vec3 = Vec3::splat(204.0);
 
 /// A part of a chart's box that is worked on at once.
-pub(super) struct Block {
+pub(super) struct SampleBlock {
     /// First column and row, with the margin.
     pub first: [usize; 2],
     /// Behind the last column and row, with the margin.
@@ -38,7 +38,7 @@ pub(super) struct Block {
     inner: [[usize; 2]; 2],
 }
 
-impl Block {
+impl SampleBlock {
     /// The blocks of a box.
     pub fn of(size: [usize; 2]) -> impl Iterator<Item = Self> {
         let block = move |[left, top]: [usize; 2]| {
@@ -78,14 +78,14 @@ pub(super) struct Samples {
 
 impl Samples {
     /// Of a block with `each` samples a texel, none of them taken yet.
-    pub fn new(block: &Block, each: usize) -> Self {
+    pub fn new(block: &SampleBlock, each: usize) -> Self {
         let [width, height] = block.size();
         let texels = width * height;
         Self { width, each, values: vec![NONE; texels], colours: vec![NONE; texels * each] }
     }
 
     /// Sets the samples of a texel, or in the gutter its only one; returns whether any of them has a colour.
-    pub fn set(&mut self, block: &Block, texel: [usize; 2], colours: &[Vec3], is_gutter: bool) -> bool {
+    pub fn set(&mut self, block: &SampleBlock, texel: [usize; 2], colours: &[Vec3], is_gutter: bool) -> bool {
         let at = block.index(texel);
         let known = colours.iter().filter(|colour| !colour.is_nan());
         let count = known.clone().count();
@@ -97,7 +97,7 @@ impl Samples {
     }
 
     /// The colour of a texel.
-    pub fn value(&self, block: &Block, texel: [usize; 2]) -> Vec3 {
+    pub fn value(&self, block: &SampleBlock, texel: [usize; 2]) -> Vec3 {
         self.values[block.index(texel)]
     }
 

@@ -156,7 +156,7 @@ impl<'a> TexelReader<'a> {
         let Some(stored) = self.images.get(image).and_then(Option::as_ref) else { return Ok(&[]) };
         let tile = (down * stored.tiles()[0] + across) as u32;
         // Neighbours of a tile, and tiles of other images, have other places.
-        let slot = (down % 16 * 16 + across % 16) ^ (image.number() as usize * 37) % TILES_KEPT;
+        let slot = (down % 16 * 16 + across % 16 + image.number() as usize * 37) % TILES_KEPT;
         if self.kept[slot] != [image.number(), tile] {
             self.load(image, tile, slot)?;
         }

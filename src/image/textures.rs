@@ -38,19 +38,19 @@ pub struct TextureImages {
     /// Image of each part of the catalogue, or none.
     pub of_part: TiVec<PartId, ImageId>,
     /// Where the image of each part lies, if an option of its statement moves it.
-    placements: TiVec<PartId, Option<Placement>>,
+    placements: TiVec<PartId, Option<ImagePlacement>>,
     /// Number of the plain colours that parts without an image show; their ids follow those of the images.
     pub plain: Vec<[u8; 3]>,
 }
 
 /// Where an image lies on the surface: the options `-s` and `-o` of a texture statement.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Placement {
+struct ImagePlacement {
     scale: DVec2,
     offset: DVec2,
 }
 
-impl Placement {
+impl ImagePlacement {
     /// Reads the options; `None` if they leave the image where it is.
     fn read(key_and_options: &[u8]) -> Option<Self> {
         let mut placement = Self { scale: DVec2::ONE, offset: DVec2::ZERO };
@@ -102,7 +102,7 @@ impl TextureImages {
         images.of_part = catalogue.parts.iter().map(material_of).collect();
         let placement_of = |part: &crate::model::Part| {
             let definition = catalogue.materials[part.material?].definition.as_ref()?;
-            Placement::read(&statement(definition)?.key_and_options)
+            ImagePlacement::read(&statement(definition)?.key_and_options)
         };
         images.placements = catalogue.parts.iter().map(placement_of).collect();
         images
@@ -132,7 +132,7 @@ impl TextureImages {
     pub fn placed(&self, part: PartId, texcoord: DVec2) -> DVec2 {
         match self.placements[part] {
             None => texcoord,
-            Some(Placement { scale, offset }) => texcoord * scale + offset,
+            Some(ImagePlacement { scale, offset }) => texcoord * scale + offset,
         }
     }
 

@@ -1,11 +1,8 @@
 //! Admits a job once its input is known, and sets what its phases may take.
 
 use super::input::Input;
-#[cfg(not(feature = "images"))]
-use super::no_texturing::KEPT_STEPS;
+use super::original::KEPT_STEPS;
 use super::preflight::Preflight;
-#[cfg(feature = "images")]
-use super::texturing::KEPT_STEPS;
 use crate::base::Result;
 use crate::job::WorkFolder;
 use crate::model::Catalogue;

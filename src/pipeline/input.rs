@@ -10,13 +10,9 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::damage::report_damage;
-#[cfg(not(feature = "images"))]
-use super::no_texturing::has_original;
+use super::original::has_original;
 use super::preflight::Preflight;
-use super::publish::brings_outside;
 use super::requirements::{COUNT_LIMIT, Requirements};
-#[cfg(feature = "images")]
-use super::texturing::has_original;
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Progress, Result, counted};
 use crate::job::{Recalled, Step, WorkFolder, folder_bytes};
@@ -157,7 +153,7 @@ impl Reading<'_> {
 
     /// Sources for textures: with their content if they are copied, otherwise with their presence alone.
     fn textures(&self, catalogue: &Catalogue) -> Result<Vec<Source>> {
-        let brings_outside = brings_outside(self.job);
+        let brings_outside = self.job.brings_outside();
         let (named, known) = (write::named_textures(catalogue, brings_outside), Contents::default());
         let mut sources = Vec::with_capacity(named.len());
         let source_of = |texture: NamedTexture| {

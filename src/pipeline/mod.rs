@@ -7,6 +7,7 @@ mod admission;
 mod damage;
 mod files;
 mod input;
+mod original;
 mod output;
 #[cfg(not(feature = "report"))]
 mod no_painter;
@@ -31,13 +32,14 @@ use self::damage::report_damage;
 #[cfg(not(feature = "report"))]
 use self::no_painter::NoPainter as Painter;
 #[cfg(not(feature = "images"))]
-use self::no_texturing as texturing;
+use self::no_texturing::NoTexturing as Texturing;
 use self::output::EarlierOutput;
 #[cfg(feature = "report")]
 use self::painter::Painter;
 use self::preflight::Preflight;
-use self::publish::{Publisher, ResultMesh};
+use self::publish::{FinalMesh, Publisher};
 use self::run_log::{FinishedRun, RunLog};
+#[cfg(feature = "images")]
 use self::texturing::Texturing;
 use crate::base::pool::Pool;
 use crate::base::{Progress, Result};
@@ -118,8 +120,8 @@ fn run(job: &Preflight<'_>, work: &mut WorkFolder, progress: &dyn Progress) -> R
 
     let baked = log.time(|seconds| &mut seconds.bake, || texturing.bake(&passes, work, progress))?;
     let result = match &baked {
-        Some(baked) => ResultMesh { mesh: &baked.mesh, catalogue: &baked.catalogue },
-        None => ResultMesh { mesh: &passes.mesh, catalogue: &input.catalogue },
+        Some(baked) => FinalMesh { mesh: &baked.mesh, catalogue: &baked.catalogue },
+        None => FinalMesh { mesh: &passes.mesh, catalogue: &input.catalogue },
     };
     let published = publisher.write_and_measure(&result, &passes, work, progress)?;
     log.time_with(|seconds| &mut seconds.draw, |log| painter.draw_after(&result, &mut log.findings));

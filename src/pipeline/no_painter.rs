@@ -4,7 +4,7 @@ use std::convert::Infallible;
 
 use super::admission::Admission;
 use super::preflight::Preflight;
-use super::publish::ResultMesh;
+use super::publish::FinalMesh;
 use crate::base::{Findings, Progress};
 use crate::job::WorkFolder;
 use crate::model::{Catalogue, StoredMesh};
@@ -28,7 +28,7 @@ impl NoPainter {
 
     pub fn draw_before(&mut self, _: Option<&StoredMesh>, _: &mut Findings) {}
 
-    pub fn draw_after(&mut self, _: &ResultMesh<'_>, _: &mut Findings) {}
+    pub fn draw_after(&mut self, _: &FinalMesh<'_>, _: &mut Findings) {}
 
     pub fn map(&self) -> Option<View> {
         None

@@ -5,21 +5,13 @@ use super::admission::Admission;
 use super::input::Input;
 use super::preflight::Preflight;
 use crate::base::{Findings, Progress, Result};
-use crate::job::{StepKey, WorkFolder};
+use crate::job::WorkFolder;
 use crate::model::{Catalogue, StoredMesh};
 use crate::passes::{Passes, ResumePoint};
 use crate::report::BakeFigures;
 
-/// Steps whose files stay until textures are baked: none.
-pub(super) const KEPT_STEPS: &[StepKey] = &[];
-
-/// Whether the surface of the input was kept: nothing needs it.
-pub(super) fn has_original(_work: &WorkFolder) -> Result<bool> {
-    Ok(true)
-}
-
 /// A result with new textures: there is none.
-pub(super) struct TexturedResult {
+pub(super) struct UntexturedResult {
     pub mesh: StoredMesh,
     pub catalogue: Catalogue,
     pub figures: BakeFigures,
@@ -27,11 +19,11 @@ pub(super) struct TexturedResult {
 }
 
 /// Bakes nothing.
-pub(super) struct Texturing<'a> {
+pub(super) struct NoTexturing<'a> {
     input: &'a Input,
 }
 
-impl<'a> Texturing<'a> {
+impl<'a> NoTexturing<'a> {
     pub fn prepare(
         _: &'a Preflight<'a>,
         input: &'a Input,
@@ -47,7 +39,7 @@ impl<'a> Texturing<'a> {
         &self.input.catalogue
     }
 
-    pub fn bake(self, _: &Passes, _: &WorkFolder, _: &dyn Progress) -> Result<Option<TexturedResult>> {
+    pub fn bake(self, _: &Passes, _: &WorkFolder, _: &dyn Progress) -> Result<Option<UntexturedResult>> {
         Ok(None)
     }
 }

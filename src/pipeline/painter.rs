@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::admission::{Admission, MAP_SIZE};
 use super::preflight::Preflight;
-use super::publish::ResultMesh;
+use super::publish::FinalMesh;
 use crate::base::{Findings, Progress, Result};
 use crate::job::WorkFolder;
 use crate::model::{Catalogue, StoredMesh};
@@ -67,7 +67,7 @@ impl<'a> Painter<'a> {
     }
 
     /// Draws the result from the same viewpoints.
-    pub fn draw_after(&mut self, result: &ResultMesh<'_>, findings: &mut Findings) {
+    pub fn draw_after(&mut self, result: &FinalMesh<'_>, findings: &mut Findings) {
         if let Some(viewpoints) = self.viewpoints.take() {
             self.after = self.draw(result.mesh, result.catalogue, Some(viewpoints), findings).map(|(_, shots)| shots);
         }

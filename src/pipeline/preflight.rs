@@ -7,7 +7,7 @@ use std::time::SystemTime;
 use super::paths;
 use crate::base::{Findings, MemoryBudget, Result};
 use crate::job::{InputFile, Manifest, WorkFolder, folder_bytes};
-use crate::options::{ResumeChoice, SimplifyOptions};
+use crate::options::{ResumeChoice, SimplifyOptions, TexturesOutside};
 use crate::plan::{memory, scratch};
 use crate::read::{InputChoice, find_inputs_and_idle};
 
@@ -58,6 +58,11 @@ impl<'a> Preflight<'a> {
             paths::refuse_existing(output, options.job.force)?;
         }
         Ok(Self { began, options, choice, inputs, idle, output, work_path, budget, threads, manifest })
+    }
+
+    /// Whether images outside of their MTL's folder come to the result, too, or are read for it.
+    pub fn brings_outside(&self) -> bool {
+        self.options.textures_outside == TexturesOutside::Copy || self.options.bakes()
     }
 
     /// Opens the work folder.

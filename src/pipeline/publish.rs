@@ -10,7 +10,7 @@ use crate::base::{Progress, Result};
 use crate::job::{Step, WorkFolder};
 use crate::measure::gauge::{Gauged, gauge};
 use crate::model::{Catalogue, StoredMesh};
-use crate::options::{Normals, TextureFiles, TexturesOutside};
+use crate::options::{Normals, TextureFiles};
 use crate::passes::Passes;
 use crate::write::{self, RESULT, WriteOptions, Written};
 
@@ -30,14 +30,9 @@ pub(super) struct Published {
 
 /// The mesh that is written, and its parts and materials.
 #[derive(Clone, Copy)]
-pub(super) struct ResultMesh<'a> {
+pub(super) struct FinalMesh<'a> {
     pub mesh: &'a StoredMesh,
     pub catalogue: &'a Catalogue,
-}
-
-/// Whether images outside of their MTL's folder come to the result, too.
-pub(super) fn brings_outside(job: &Preflight<'_>) -> bool {
-    job.options.textures_outside == TexturesOutside::Copy || job.options.bakes()
 }
 
 /// Writes the result of a job.
@@ -61,7 +56,7 @@ impl<'a> Publisher<'a> {
     ) -> Result<Self> {
         let options = WriteOptions {
             textures: job.options.textures.into(),
-            brings_outside: brings_outside(job),
+            brings_outside: job.brings_outside(),
             normals: job.options.normals == Normals::Auto && input.catalogue.has_normals,
             force: job.options.job.force,
             replaces_own: earlier.is_own(),
@@ -84,7 +79,7 @@ impl<'a> Publisher<'a> {
     /// Those of [`write::stage`], of [`Staged::commit`](write::Staged::commit) and of the work folder.
     pub fn write_and_measure(
         self,
-        result: &ResultMesh<'_>,
+        result: &FinalMesh<'_>,
         passes: &Passes,
         work: &WorkFolder,
         progress: &dyn Progress,
@@ -108,7 +103,7 @@ impl<'a> Publisher<'a> {
 
     fn write(
         &self,
-        result: &ResultMesh<'_>,
+        result: &FinalMesh<'_>,
         passes: &Passes,
         work: &WorkFolder,
         progress: &dyn Progress,

@@ -10,7 +10,7 @@ use super::no_painter::{NoShots as Shots, peak_bytes};
 #[cfg(feature = "report")]
 use super::painter::{Shots, peak_bytes};
 use super::preflight::Preflight;
-use super::publish::{Published, brings_outside};
+use super::publish::Published;
 use crate::base::{Findings, MemoryBudget};
 use crate::job::{WorkFolder, folder_bytes};
 use crate::options::Drawing;
@@ -54,7 +54,7 @@ impl RunLog {
         let scratch_peak = passes.scratch_peak.max(folder_bytes(work.path()));
         let is_drawn = options.notes.drawing != Drawing::Nothing;
         let Published { written, measured, is_resumed, .. } = published;
-        let files = files::figures(input, &written, brings_outside(job), is_drawn);
+        let files = files::figures(input, &written, job.brings_outside(), is_drawn);
         self.findings.merge(passes.findings);
         self.findings.merge(written.findings);
         self.seconds.write = published.write_time.as_secs_f64();

@@ -3,24 +3,13 @@
 use super::admission::Admission;
 use super::input::Input;
 use super::preflight::Preflight;
-use crate::bake::{self, BakeLimits, BakeSettings, OriginalSurface};
+use crate::bake::{self, BakeLimits, BakePlace, BakeSettings, OriginalSurface, Unbaked};
 use crate::base::{Error, Findings, Progress, Result, bytes};
 use crate::image::textures::TextureImages;
-use crate::job::{StepKey, WorkFolder};
+use crate::job::WorkFolder;
 use crate::model::{Catalogue, StoredMesh};
 use crate::passes::{Passes, ResumePoint};
 use crate::report::BakeFigures;
-
-/// Steps whose files stay until textures are baked.
-pub(super) const KEPT_STEPS: &[StepKey] = &[bake::SURFACE];
-
-/// Whether the surface of the input was kept, by this process or an earlier one.
-///
-/// # Errors
-/// Those of the work folder.
-pub(super) fn has_original(work: &WorkFolder) -> Result<bool> {
-    Ok(OriginalSurface::recall(work)?.is_some())
-}
 
 /// The result with new textures.
 pub(super) struct TexturedResult {
@@ -79,7 +68,8 @@ impl<'a> Texturing<'a> {
         let surface = match start.unsimplified() {
             Some(mesh) => {
                 images.add_plain_colours(&input.catalogue);
-                OriginalSurface::prepare(mesh, &input.catalogue, &images, work, &limits, progress)?
+                let place = BakePlace { work, limits, progress };
+                OriginalSurface::prepare(mesh, &input.catalogue, &images, &place)?
             }
             None => OriginalSurface::recall(work)?.ok_or_else(|| Error::Damaged {
                 path: work.path().to_owned(),
@@ -111,8 +101,9 @@ impl<'a> Texturing<'a> {
             deviation: options.target.max_error.unwrap_or(estimate),
         };
         let catalogue = &self.input.catalogue;
-        let baked =
-            bake::bake(surface, &passes.mesh, catalogue, &passes.step, &settings, work, &self.limits, progress)?;
+        let result = Unbaked { mesh: &passes.mesh, catalogue, step: &passes.step };
+        let place = BakePlace { work, limits: self.limits, progress };
+        let baked = bake::bake(surface, &result, &settings, &place)?;
         let figures = baked.figures;
         Ok(Some(TexturedResult {
             mesh: baked.mesh,

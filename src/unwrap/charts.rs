@@ -22,8 +22,8 @@ use std::collections::{BinaryHeap, HashMap};
 
 use glam::DVec3;
 
-use super::Triangles;
 use super::flat::{FlatChart, lay_flat};
+use super::types::Triangles;
 use crate::base::id::{TiSlice, TiVec};
 use crate::geometry::boxtree::Bounds;
 use crate::geometry::triangle::{area, unit_normal};

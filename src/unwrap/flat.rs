@@ -6,8 +6,8 @@ use std::collections::HashMap;
 
 use glam::{DVec2, DVec3};
 
-use super::Triangles;
 use super::outline::{OutlineEdge, overlaps};
+use super::types::Triangles;
 use crate::geometry::triangle::area;
 use crate::mesh::id::{FaceId, LocalVertex};
 

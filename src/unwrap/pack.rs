@@ -12,14 +12,12 @@
 
 use glam::DVec2;
 
-use super::skyline::{Place, Profile, Skyline};
-use super::{FlatChart, PlacedChart, UnwrapSettings, Unwrapped};
+use super::flat::FlatChart;
+use super::image_size::{COLUMN, GUTTER, ImageSize};
+use super::skyline::{Profile, Skyline, SkylinePlace};
+use super::types::{PlacedChart, UnwrapSettings, Unwrapped};
+use crate::mesh::id::FaceId;
 
-/// Texels around each chart that no other one comes near to: at an eighth of the size, half a texel is left of them,
-/// which is what a reader that mixes neighbours needs.
-pub const GUTTER: u32 = 4;
-/// Width of a column in texels.
-pub(super) const COLUMN: u32 = 4;
 /// Images that are tried before a new one begins.
 const OPEN_IMAGES: usize = 2;
 /// Share of an image that charts are taken to fill.
@@ -27,18 +25,9 @@ const FILL: f64 = 0.6;
 /// Smallest width of an image in texels.
 const WIDTH_MIN: u32 = 64;
 
-/// Width and height of an image in texels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ImageSize {
-    /// Width.
-    pub width: u32,
-    /// Height.
-    pub height: u32,
-}
-
 /// A chart in texels, and what it takes of an image.
 struct Shape {
-    faces: Vec<(crate::mesh::id::FaceId, [DVec2; 3])>,
+    faces: Vec<(FaceId, [DVec2; 3])>,
     profile: Profile,
     height: u32,
 }
@@ -70,7 +59,7 @@ pub(super) fn pack(charts: Vec<FlatChart>, settings: &UnwrapSettings<'_>) -> Unw
             .find_map(|(skyline, image)| skyline.find(&shape.profile, settings.side).map(|place| (image, place)));
         let (image, place) = found.unwrap_or_else(|| {
             skylines.push(Skyline::new(columns));
-            (skylines.len() - 1, Place { column: 0, row: 0 })
+            (skylines.len() - 1, SkylinePlace { column: 0, row: 0 })
         });
         skylines[image].take(&shape.profile, place);
         unwrapped.charts.push(shape.placed(image as u32, place));
@@ -116,7 +105,7 @@ impl Shape {
         self.profile.iter().map(|[first, end]| u64::from(end - first) * u64::from(COLUMN)).sum()
     }
 
-    fn placed(self, image: u32, place: Place) -> PlacedChart {
+    fn placed(self, image: u32, place: SkylinePlace) -> PlacedChart {
         let shift = DVec2::new(f64::from(place.column as u32 * COLUMN), f64::from(place.row));
         let faces = self.faces.into_iter().map(|(face, corners)| (face, corners.map(|corner| corner + shift)));
         PlacedChart { image, faces: faces.collect() }
@@ -127,14 +116,14 @@ impl Shape {
 fn note_edge(spans: &mut [[f64; 2]], from: DVec2, to: DVec2) {
     let (left, right) = if from.x <= to.x { (from, to) } else { (to, from) };
     let column_of = |x: f64| ((x / f64::from(COLUMN)) as usize).min(spans.len() - 1);
-    for column in column_of(left.x)..=column_of(right.x) {
+    let columns = column_of(left.x)..=column_of(right.x);
+    for (span, column) in spans[columns.clone()].iter_mut().zip(columns) {
         let row_at = |x: f64| {
             let share = (x - left.x) / (right.x - left.x);
             if share.is_finite() { left.y + (right.y - left.y) * share.clamp(0.0, 1.0) } else { left.y }
         };
         let edges = [column as u32 * COLUMN, (column as u32 + 1) * COLUMN].map(f64::from);
         let rows = if right.x > left.x { edges.map(row_at) } else { [left.y, right.y] };
-        spans[column][0] = spans[column][0].min(rows[0]).min(rows[1]);
-        spans[column][1] = spans[column][1].max(rows[0]).max(rows[1]);
+        *span = [span[0].min(rows[0]).min(rows[1]), span[1].max(rows[0]).max(rows[1])];
     }
 }

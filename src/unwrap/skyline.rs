@@ -12,7 +12,7 @@ pub(super) type Profile = Vec<[u32; 2]>;
 
 /// A place for a chart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Place {
+pub(super) struct SkylinePlace {
     /// First column.
     pub column: usize,
     /// First row.
@@ -30,7 +30,7 @@ impl Skyline {
     }
 
     /// The place where a chart reaches least far down, within `height` rows; of several, where it leaves least unused.
-    pub fn find(&self, profile: &Profile, height: u32) -> Option<Place> {
+    pub fn find(&self, profile: &Profile, height: u32) -> Option<SkylinePlace> {
         let mut best = None;
         for column in 0..(self.taken.len() + 1).saturating_sub(profile.len()) {
             let below = &self.taken[column..column + profile.len()];
@@ -42,14 +42,14 @@ impl Skyline {
             let unused: u64 =
                 below.iter().zip(profile).map(|(&taken, &[first, _])| u64::from(row + first - taken)).sum();
             if best.is_none_or(|(least, wasted, _)| (end, unused) < (least, wasted)) {
-                best = Some((end, unused, Place { column, row }));
+                best = Some((end, unused, SkylinePlace { column, row }));
             }
         }
         best.map(|(_, _, place)| place)
     }
 
     /// Takes the place for a chart.
-    pub fn take(&mut self, profile: &Profile, place: Place) {
+    pub fn take(&mut self, profile: &Profile, place: SkylinePlace) {
         for (taken, &[_, end]) in self.taken[place.column..].iter_mut().zip(profile) {
             *taken = place.row + end;
         }

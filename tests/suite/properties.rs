@@ -187,6 +187,7 @@ fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
         one_by_one: false,
         drop_doubles: false,
         drop_texcoords: false,
+        kept_steps: &[],
         frees_topology: choice.frees_topology,
         target: choice.max_error.map_or((scanned.triangles as f64 * choice.ratio).round() as u64, |_| 0),
         input: scanned.triangles,
