@@ -35,7 +35,7 @@ pub(super) fn lay_flat(mesh: Triangles<'_>, faces: &[FaceId], normal: DVec3, tex
     let mut laid: Vec<(FaceId, [DVec2; 3])> =
         faces.iter().map(|&face| (face, mesh.vertices[face].map(place))).collect();
     let doubled_area = |corners: &[DVec2; 3]| (corners[1] - corners[0]).perp_dot(corners[2] - corners[0]);
-    if faces.len() > 1 && overlaps(outline(mesh, &laid)?) {
+    if faces.len() > 1 && (winds_twice(mesh, &laid) || overlaps(outline(mesh, &laid)?)) {
         return None;
     }
     let flat_area = 0.5 * laid.iter().map(|(_, corners)| doubled_area(corners)).sum::<f64>();
@@ -53,7 +53,19 @@ pub(super) fn lay_flat(mesh: Triangles<'_>, faces: &[FaceId], normal: DVec3, tex
     Some(FlatChart { faces: laid, size })
 }
 
-/// The edges that one triangle alone has; `None` if two triangles have one in the same direction.
+/// Whether the triangles go more than once around a vertex.
+fn winds_twice(mesh: Triangles<'_>, laid: &[(FaceId, [DVec2; 3])]) -> bool {
+    let mut angles: HashMap<LocalVertex, f64> = HashMap::with_capacity(laid.len());
+    for (face, corners) in laid {
+        for k in 0..3 {
+            let [to, from] = [1, 2].map(|step| corners[(k + step) % 3] - corners[k]);
+            *angles.entry(mesh.vertices[*face][k]).or_default() += libm::atan2(to.perp_dot(from), to.dot(from));
+        }
+    }
+    angles.values().any(|&angle| angle > 1.5 * std::f64::consts::TAU)
+}
+
+/// The edges that one triangle alone has, in any order; `None` if two triangles have one in the same direction.
 fn outline(mesh: Triangles<'_>, laid: &[(FaceId, [DVec2; 3])]) -> Option<Vec<OutlineEdge>> {
     let mut edges: HashMap<[LocalVertex; 2], [DVec2; 2]> = HashMap::with_capacity(3 * laid.len());
     for (face, corners) in laid {
@@ -66,13 +78,11 @@ fn outline(mesh: Triangles<'_>, laid: &[(FaceId, [DVec2; 3])]) -> Option<Vec<Out
         }
     }
     let is_alone = |ends: &[LocalVertex; 2]| !edges.contains_key(&[ends[1], ends[0]]);
-    let mut alone: Vec<OutlineEdge> = edges
+    let alone: Vec<OutlineEdge> = edges
         .iter()
         .filter(|(vertices, _)| is_alone(vertices))
         .map(|(&vertices, &ends)| OutlineEdge { vertices, ends })
         .collect();
-    // The order of a hash map is not the same in every process.
-    alone.sort_unstable_by_key(|edge| edge.vertices);
     Some(alone)
 }
 

@@ -31,3 +31,6 @@ pub fn unwrap(mesh: Triangles<'_>, settings: &UnwrapSettings<'_>) -> Unwrapped {
     let charts = charts::charts(mesh, settings.texels, room);
     pack::pack(charts, settings)
 }
+
+#[cfg(test)]
+mod tests;

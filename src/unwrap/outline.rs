@@ -1,8 +1,8 @@
 //! Tells whether a chart that was laid flat overlaps itself.
 //!
 //! No triangle of the chart is turned over, so it covers each place as often as its outline goes around it. It covers
-//! no place twice if no two edges of the outline cross and one loop alone goes around counter-clockwise; the others go
-//! around holes.
+//! no place twice if its triangles go once around each vertex inside, if the outline neither crosses itself nor meets
+//! itself at a vertex, and if one loop alone goes around counter-clockwise; the others go around holes.
 
 use glam::DVec2;
 
@@ -15,34 +15,25 @@ pub(super) struct OutlineEdge {
     pub ends: [DVec2; 2],
 }
 
-/// Whether the outline of a chart crosses itself, or goes around several places.
+/// Whether the outline of a chart crosses itself, meets itself at a vertex, or goes around several places.
 pub(super) fn overlaps(mut edges: Vec<OutlineEdge>) -> bool {
-    has_several_rims(&edges) || has_crossing(&mut edges)
+    edges.sort_unstable_by_key(|edge| edge.vertices);
+    let meets_itself = edges.windows(2).any(|pair| pair[0].vertices[0] == pair[1].vertices[0]);
+    meets_itself || has_several_rims(&edges) || has_crossing(&mut edges)
 }
 
-/// Whether more than one loop goes around counter-clockwise. Where several loops meet at a vertex, they count as one or
-/// as several, which makes the answer stricter.
+/// Whether more than one loop goes around counter-clockwise; `edges` are sorted by their first vertex, and no two have the
+/// same.
 fn has_several_rims(edges: &[OutlineEdge]) -> bool {
-    let mut by_start: Vec<u32> = (0..edges.len() as u32).collect();
-    by_start.sort_unstable_by_key(|&edge| edges[edge as usize].vertices[0]);
     let mut are_seen = vec![false; edges.len()];
     let mut rims = 0;
     for first in 0..edges.len() {
-        if are_seen[first] {
-            continue;
-        }
-        let (mut edge, mut doubled_area) = (first, 0.0);
-        loop {
-            are_seen[edge] = true;
-            let OutlineEdge { vertices, ends } = edges[edge];
+        let (mut next, mut doubled_area) = (Some(first), 0.0);
+        while let Some(at) = next.filter(|&at| !are_seen[at]) {
+            are_seen[at] = true;
+            let OutlineEdge { vertices, ends } = edges[at];
             doubled_area += (ends[0] - edges[first].ends[0]).perp_dot(ends[1] - edges[first].ends[0]);
-            let at = by_start.partition_point(|&other| edges[other as usize].vertices[0] < vertices[1]);
-            let leaving = by_start[at..].iter().map(|&other| other as usize);
-            let leaving = leaving.take_while(|&other| edges[other].vertices[0] == vertices[1]);
-            match leaving.into_iter().find(|&other| !are_seen[other]) {
-                Some(next) => edge = next,
-                None => break,
-            }
+            next = edges.binary_search_by_key(&vertices[1], |edge| edge.vertices[0]).ok();
         }
         rims += usize::from(doubled_area > 0.0);
     }

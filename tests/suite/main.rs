@@ -5,6 +5,7 @@ mod meshes;
 mod source;
 mod words;
 
+mod bake;
 mod borders_and_seams;
 mod compare;
 mod constants;

@@ -1,0 +1,231 @@
+//! New textures: what a result shows, whatever its input was coloured by, and the same bytes however the job ran.
+
+use std::fs;
+use std::path::Path;
+
+use drystone::measure::compare::{CompareOptions, Comparison, Resources, Spread, compare};
+use drystone::options::{ImageFormat, Limits, SimplifyOptions, TextureFiles};
+use drystone::{Error, ErrorKind, Progress, Silent, pipeline};
+
+use crate::meshes::{StopAfter, contents, copy_town, in_many_clusters, ratio, simplify, town};
+
+fn baked(options: SimplifyOptions) -> SimplifyOptions {
+    SimplifyOptions { textures: TextureFiles::Bake, ..options }
+}
+
+fn compared(input: &Path, output: &Path) -> Comparison {
+    let folder = tempfile::tempdir().unwrap();
+    let resources = Resources { threads: 2, work_bytes: 64 << 20, scan: Default::default() };
+    let work = folder.path().join("work");
+    let options = CompareOptions { spread: Spread::Area(50_000), seed: 1, work, resources };
+    compare(input, output, &options, &mut (), &Silent).unwrap()
+}
+
+/// A row of squares one unit wide along the first axis, each with its own statements before its faces; `uv` are the
+/// texture coordinates of the four corners of the square at a place.
+fn row(squares: &[&str], colours: &[&str], uv: [[f64; 2]; 4]) -> String {
+    let mut text = "mtllib a.mtl\n".to_owned();
+    for (square, statements) in squares.iter().enumerate() {
+        let colour = colours.get(square).copied().unwrap_or("");
+        for [x, y] in [[0, 0], [1, 0], [1, 1], [0, 1]] {
+            text += &format!("v {} {y} 0 {colour}\n", x + 2 * square);
+        }
+        for [u, v] in uv {
+            text += &format!("vt {u} {v}\n");
+        }
+        let at = |corner: usize| format!("{0}/{0}", 4 * square + corner);
+        text += &format!("{statements}\nf {} {} {} {}\n", at(1), at(2), at(3), at(4));
+    }
+    text
+}
+
+/// Mean colour of the baked texels that show each square of a [`row`].
+fn colours_of_row(folder: &Path, squares: usize) -> Vec<[f64; 3]> {
+    let text = fs::read_to_string(folder.join("out.obj")).unwrap();
+    let image = fs::read_dir(folder.join("out_textures")).unwrap().next().unwrap().unwrap().path();
+    let image = image::open(image).unwrap().into_rgb8();
+    let numbers = |line: &str| line.split(' ').skip(1).map(|word| word.parse::<f64>().unwrap()).collect::<Vec<_>>();
+    let of_kind = |kind: &str| text.lines().filter(|line| line.starts_with(kind)).map(numbers).collect::<Vec<_>>();
+    let (positions, texcoords) = (of_kind("v "), of_kind("vt "));
+    let mut sums = vec![([0.0; 3], 0.0); squares];
+    for line in text.lines().filter(|line| line.starts_with("f ")) {
+        let corners: Vec<[usize; 2]> = line
+            .split(' ')
+            .skip(1)
+            .map(|corner| {
+                let ids: Vec<usize> = corner.split('/').map(|id| id.parse().unwrap()).collect();
+                [ids[0] - 1, ids[1] - 1]
+            })
+            .collect();
+        let middle = |of: &dyn Fn(&[usize; 2]) -> f64| corners.iter().map(of).sum::<f64>() / 3.0;
+        let square = (middle(&|corner| positions[corner[0]][0]) / 2.0) as usize;
+        let u = middle(&|corner| texcoords[corner[1]][0]) * f64::from(image.width());
+        let v = (1.0 - middle(&|corner| texcoords[corner[1]][1])) * f64::from(image.height());
+        let pixel = image.get_pixel(u as u32, v as u32).0;
+        (0..3).for_each(|channel| sums[square].0[channel] += f64::from(pixel[channel]));
+        sums[square].1 += 1.0;
+    }
+    sums.into_iter().map(|(sum, count)| sum.map(|channel| channel / count)).collect()
+}
+
+const WHOLE: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+
+/// Bakes a row, and returns the colours of its squares.
+fn baked_row(mtl: &str, text: &str, squares: usize) -> Vec<[f64; 3]> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    // Left half red, right half blue.
+    image::RgbImage::from_fn(64, 64, |x, _| image::Rgb(if x < 32 { [220, 20, 10] } else { [10, 30, 200] }))
+        .save(path("halves.png"))
+        .unwrap();
+    image::RgbImage::from_pixel(32, 32, image::Rgb([40, 160, 60])).save(path("green.png")).unwrap();
+    fs::write(path("a.mtl"), mtl).unwrap();
+    fs::write(path("in.obj"), text).unwrap();
+    let run = simplify(&path("in.obj"), &baked(ratio(1.0)));
+    colours_of_row(run.folder(), squares)
+}
+
+fn assert_near(found: &[[f64; 3]], expected: &[[f64; 3]]) {
+    for (found, expected) in found.iter().zip(expected) {
+        assert!((0..3).all(|channel| (found[channel] - expected[channel]).abs() < 4.0), "{found:?}: {expected:?}");
+    }
+}
+
+#[test]
+fn a_town_shows_its_colours_with_fewer_texels_and_no_seam_that_holds_it() {
+    let options = in_many_clusters(ratio(0.1));
+    let (kept, new) = (simplify(&town(), &options), simplify(&town(), &baked(options)));
+    let [kept, new_figures] = [&kept, &new].map(|run| compared(&town(), &run.output));
+    let [kept_texture, new_texture] = [&kept, &new_figures].map(|figures| figures.texture.as_ref().unwrap());
+    assert!(new_texture.colour_rms < 0.5 * kept_texture.colour_rms, "{new_texture:?} {kept_texture:?}");
+    assert!(new_figures.geometry.symmetric.rms <= 1.02 * kept.geometry.symmetric.rms);
+    assert_eq!(new_texture.folded_triangles, 0);
+    let bake = new.report.bake.unwrap();
+    assert!(bake.fill > 0.3 && bake.colourless == 0, "{bake:?}");
+}
+
+#[test]
+fn threads_memory_and_stops_leave_no_trace_in_baked_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    copy_town(&path("in"));
+    let run = |to: &str, options: SimplifyOptions, progress: &dyn Progress| {
+        fs::create_dir_all(path(to)).unwrap();
+        pipeline::simplify(path("in/town.obj"), &path(to).join("out.obj"), &options, progress).map(drop)
+    };
+    let options = SimplifyOptions { atlas: 512, texels: 0.5, ..baked(in_many_clusters(ratio(0.3))) };
+    run("whole", options.clone(), &Silent).unwrap();
+    let whole = contents(&path("whole"));
+    assert!(whole.len() > 4, "an OBJ, an MTL and several images: {:?}", whole.keys());
+    for (threads, mebibytes) in [(1, 128), (4, 1024)] {
+        let limits = Limits { threads: Some(threads), memory: Some(mebibytes << 20) };
+        run("other", SimplifyOptions { limits, ..options.clone() }, &Silent).unwrap();
+        assert!(contents(&path("other")) == whole, "{threads} threads, {mebibytes} MiB");
+        fs::remove_dir_all(path("other")).unwrap();
+    }
+    let mut stops = 0;
+    while let Err(error) = run("parts", options.clone(), &StopAfter::units(20 + 5 * stops)) {
+        assert!(matches!(error, Error::Stopped) && stops < 1000, "{error}");
+        assert!(!path("parts/out.obj").exists());
+        stops += 1;
+    }
+    assert!(stops > 3);
+    assert!(contents(&path("parts")) == whole);
+}
+
+#[test]
+fn plain_materials_images_and_their_options_are_baked() {
+    let mtl = "newmtl halves\nmap_Kd halves.png\nnewmtl green\nKd 1 0 0\nmap_Kd green.png\n\
+               newmtl plain\nKd 0.2 0.4 0.6\nnewmtl moved\nmap_Kd -s 0.5 1 1 -o 0.5 0 0 halves.png\n";
+    let text = row(&["usemtl green", "usemtl plain", "usemtl moved"], &[], WHOLE);
+    let expected = [[40.0, 160.0, 60.0], [51.0, 102.0, 153.0], [10.0, 30.0, 200.0]];
+    assert_near(&baked_row(mtl, &text, 3), &expected);
+}
+
+#[test]
+fn an_image_that_repeats_is_read_at_each_place() {
+    let mtl = "newmtl halves\nmap_Kd halves.png\n";
+    // A quarter of the image, in its second repeat: red.
+    let second = [[7.1, -3.0], [7.4, -3.0], [7.4, -2.5], [7.1, -2.5]];
+    assert_near(&baked_row(mtl, &row(&["usemtl halves"], &[], second), 1), &[[220.0, 20.0, 10.0]]);
+    // From the middle of one repeat to the middle of the next: blue, then red.
+    let across = [[0.5, 0.0], [1.5, 0.0], [1.5, 1.0], [0.5, 1.0]];
+    let found = baked_row(mtl, &row(&["usemtl halves"], &[], across), 1);
+    let either =
+        |channel: usize, a: f64, b: f64| found[0][channel] > a.min(b) - 4.0 && found[0][channel] < a.max(b) + 4.0;
+    assert!(either(0, 10.0, 220.0) && either(2, 10.0, 200.0), "{found:?}");
+}
+
+#[test]
+fn colours_of_vertices_are_baked() {
+    let text = row(&["", ""], &["1 0 0", "0 0.5 1"], WHOLE);
+    assert_near(&baked_row("", &text, 2), &[[255.0, 0.0, 0.0], [0.0, 128.0, 255.0]]);
+}
+
+#[test]
+fn the_two_sides_of_a_wall_do_not_mix() {
+    let mtl = "newmtl halves\nmap_Kd halves.png\n";
+    let uv = |at: f64| [[at, 0.2], [at + 0.2, 0.2], [at + 0.2, 0.8], [at, 0.8]];
+    // Both sides of the square, a hundredth apart, the front red, the back blue.
+    let mut text = row(&["usemtl halves"], &[], uv(0.1));
+    for [x, y] in [[0, 0], [0, 1], [1, 1], [1, 0]] {
+        text += &format!("v {x} {y} -0.01\n");
+    }
+    uv(0.7).iter().for_each(|[u, v]| text += &format!("vt {u} {v}\n"));
+    text += "f 5/5 6/6 7/7 8/8\n";
+    let folder = tempfile::tempdir().unwrap();
+    image::RgbImage::from_fn(64, 64, |x, _| image::Rgb(if x < 32 { [220, 20, 10] } else { [10, 30, 200] }))
+        .save(folder.path().join("halves.png"))
+        .unwrap();
+    fs::write(folder.path().join("a.mtl"), mtl).unwrap();
+    fs::write(folder.path().join("in.obj"), text).unwrap();
+    let run = simplify(&folder.path().join("in.obj"), &baked(ratio(1.0)));
+    let texture = compared(&folder.path().join("in.obj"), &run.output).texture.unwrap();
+    assert!(texture.colour_rms < 3.0, "{texture:?}");
+}
+
+#[test]
+fn images_are_written_as_asked_for() {
+    for (format, magic) in [(ImageFormat::Png, &b"\x89PNG"[..]), (ImageFormat::Jpeg(80), &b"\xff\xd8"[..])] {
+        let options = SimplifyOptions { image: format, atlas: 256, texels: 0.25, ..baked(ratio(0.2)) };
+        let run = simplify(&town(), &options);
+        for (path, bytes) in contents(&run.folder().join("out_textures")) {
+            assert!(bytes.starts_with(magic), "{}", path.display());
+            let image = image::load_from_memory(&bytes).unwrap();
+            assert!(image.width() <= 256 && image.height() <= 256);
+        }
+    }
+}
+
+#[test]
+fn an_image_that_does_not_fit_the_memory_is_refused_before_the_passes() {
+    let folder = tempfile::tempdir().unwrap();
+    let limits = Limits { memory: Some(128 << 20), threads: Some(1) };
+    let options = SimplifyOptions { atlas: 16384, limits, ..baked(ratio(0.5)) };
+    let error = pipeline::simplify(town(), &folder.path().join("a.obj"), &options, &Silent).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Budget, "{error}");
+    assert!(error.to_string().contains("`atlas`"), "{error}");
+}
+
+#[test]
+fn files_of_others_are_not_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("a_textures")).unwrap();
+    fs::write(folder.path().join("a_textures/mine.png"), "mine").unwrap();
+    let output = folder.path().join("a.obj");
+    let error = pipeline::simplify(town(), &output, &baked(ratio(0.5)), &Silent).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Usage, "{error}");
+    assert_eq!(fs::read(folder.path().join("a_textures/mine.png")).unwrap(), b"mine");
+}
+
+#[test]
+fn a_damaged_image_costs_its_colours_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    copy_town(folder.path());
+    let roof = folder.path().join("roof.jpg");
+    let bytes = fs::read(&roof).unwrap();
+    fs::write(&roof, &bytes[..60]).unwrap();
+    let run = simplify(&folder.path().join("town.obj"), &baked(ratio(0.3)));
+    assert_eq!(run.report.repairs.get("unreadable_image"), Some(&1));
+    assert!(run.report.bake.unwrap().colourless > 0);
+}
