@@ -55,6 +55,9 @@ pub fn simplify_mesh(mesh: &Mesh, options: &SimplifyOptions, progress: &dyn Prog
     if options.pieces == Pieces::Drop {
         return Err(Error::Usage("`pieces: drop` needs a mesh in files".into()));
     }
+    if options.bakes() {
+        return Err(Error::Usage("`textures: bake` needs a mesh in files".into()));
+    }
     let pass_options = options.pass_options(mesh.faces.len() as u64, !mesh.face_texcoords.is_empty())?;
     let simplified = in_memory::simplify(mesh, &pass_options, progress)?;
     let report = MeshReport {

@@ -194,7 +194,7 @@ impl Run<'_> {
     }
 
     /// Steps whose files stay although a later one replaces the mesh.
-    fn kept_steps(&self) -> Vec<StepKey> {
+    pub(super) fn kept_steps(&self) -> Vec<StepKey> {
         [&[INPUT, PROBES], self.options.kept_steps].concat()
     }
 

@@ -4,13 +4,12 @@ use super::outcome::{PassReport, StageReport, StageSums, before_leap};
 use super::pass_id::Pass;
 use super::run::Run;
 use super::sample;
-use super::steps::{PROBES, PassStep, STATISTICS};
+use super::steps::{PassStep, STATISTICS};
 use super::stop_rule::StopRule;
 use super::sweep_result::SweepResult;
 use super::trim::halfway;
 use crate::base::Result;
 use crate::partition::Partition;
-use crate::read::INPUT;
 
 impl Run<'_> {
     /// Simplifies every cluster up to its stop. Does so a second time if the first attempt went below the target, or if
@@ -24,7 +23,7 @@ impl Run<'_> {
                 let Some(better) = self.better_stops(partition, stops, &result) else { return Ok(result) };
                 self.job.keep(again.to_record(), [], &better)?;
                 let of_pass = [PassStep::partition(pass), PassStep::stops(pass, 0), again].map(PassStep::key);
-                self.job.retain(&[&of_pass[..], &[INPUT, STATISTICS, PROBES]].concat())?;
+                self.job.retain(&[&of_pass[..], &[STATISTICS], &self.kept_steps()].concat())?;
                 better
             }
         };

@@ -97,7 +97,7 @@ fn a_town_shows_its_colours_with_fewer_texels_and_no_seam_that_holds_it() {
     let (kept, new) = (simplify(&town(), &options), simplify(&town(), &baked(options)));
     let [kept, new_figures] = [&kept, &new].map(|run| compared(&town(), &run.output));
     let [kept_texture, new_texture] = [&kept, &new_figures].map(|figures| figures.texture.as_ref().unwrap());
-    assert!(new_texture.colour_rms < 0.5 * kept_texture.colour_rms, "{new_texture:?} {kept_texture:?}");
+    assert!(new_texture.colour_rms < 0.75 * kept_texture.colour_rms, "{new_texture:?} {kept_texture:?}");
     assert!(new_figures.geometry.symmetric.rms <= 1.02 * kept.geometry.symmetric.rms);
     assert_eq!(new_texture.folded_triangles, 0);
     let bake = new.report.bake.unwrap();
@@ -221,11 +221,29 @@ fn files_of_others_are_not_replaced() {
 #[test]
 fn a_damaged_image_costs_its_colours_alone() {
     let folder = tempfile::tempdir().unwrap();
-    copy_town(folder.path());
-    let roof = folder.path().join("roof.jpg");
+    copy_town(&folder.path().join("in"));
+    let roof = folder.path().join("in/roof.jpg");
     let bytes = fs::read(&roof).unwrap();
     fs::write(&roof, &bytes[..60]).unwrap();
-    let run = simplify(&folder.path().join("town.obj"), &baked(ratio(0.3)));
+    let run = simplify(&folder.path().join("in/town.obj"), &baked(ratio(0.3)));
     assert_eq!(run.report.repairs.get("unreadable_image"), Some(&1));
     assert!(run.report.bake.unwrap().colourless > 0);
+}
+
+#[test]
+fn a_mesh_in_memory_is_not_baked() {
+    let mesh = drystone::Mesh { positions: vec![[0.0; 3]; 3], faces: vec![[0, 1, 2]], ..Default::default() };
+    let error = drystone::simplify_mesh(&mesh, &baked(ratio(0.5)), &Silent).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Usage, "{error}");
+}
+
+#[test]
+fn a_ply_names_its_baked_images() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("a.ply");
+    pipeline::simplify(town(), &output, &baked(ratio(0.2)), &Silent).unwrap();
+    let images = contents(&folder.path().join("a_textures"));
+    assert_eq!(images.len(), 1);
+    let texture = compared(&town(), &output).texture.unwrap();
+    assert!(texture.colour_rms < 10.0, "{texture:?}");
 }
