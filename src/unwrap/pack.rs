@@ -54,13 +54,17 @@ pub(super) fn pack(charts: Vec<FlatChart>, settings: &UnwrapSettings<'_>) -> Unw
     for shape in shapes {
         let first = skylines.len().saturating_sub(OPEN_IMAGES);
         let open = skylines[first..].iter().zip(first..);
-        let found = open
-            .into_iter()
-            .find_map(|(skyline, image)| skyline.find(&shape.profile, settings.side).map(|place| (image, place)));
-        let (image, place) = found.unwrap_or_else(|| {
-            skylines.push(Skyline::new(columns));
-            (skylines.len() - 1, SkylinePlace { column: 0, row: 0 })
+        let turned = shape.turned();
+        let found = open.into_iter().find_map(|(skyline, image)| {
+            let [upright, turned] = [&shape, &turned].map(|shape| skyline.find(&shape.profile, settings.side));
+            let best = upright.into_iter().chain(turned).min()?;
+            Some((image, best.place, upright != Some(best)))
         });
+        let (image, place, is_turned) = found.unwrap_or_else(|| {
+            skylines.push(Skyline::new(columns));
+            (skylines.len() - 1, SkylinePlace { column: 0, row: 0 }, false)
+        });
+        let shape = if is_turned { turned } else { shape };
         skylines[image].take(&shape.profile, place);
         unwrapped.charts.push(shape.placed(image as u32, place));
     }
@@ -99,6 +103,19 @@ impl Shape {
             .collect();
         let height = profile.iter().map(|&[_, end]| end).max().unwrap_or(1);
         Self { faces, profile, height }
+    }
+
+    /// The shape turned by half a turn.
+    fn turned(&self) -> Self {
+        let width = f64::from(self.profile.len() as u32 * COLUMN);
+        let far = DVec2::new(width, f64::from(self.height));
+        let faces = self.faces.iter().map(|&(face, corners)| (face, corners.map(|corner| far - corner)));
+        let upside_down = |&[first, end]: &[u32; 2]| [self.height - end, self.height - first];
+        Self {
+            faces: faces.collect(),
+            profile: self.profile.iter().rev().map(upside_down).collect(),
+            height: self.height,
+        }
     }
 
     fn texels(&self) -> u64 {

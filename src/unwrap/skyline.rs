@@ -11,12 +11,22 @@ pub(super) struct Skyline {
 pub(super) type Profile = Vec<[u32; 2]>;
 
 /// A place for a chart.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct SkylinePlace {
     /// First column.
     pub column: usize,
     /// First row.
     pub row: u32,
+}
+
+/// A place that was found: the lower both numbers, the first one first, the better it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct FoundPlace {
+    /// Row behind the last one that the chart takes.
+    end: u32,
+    /// Texels above the chart that nothing can take any more, by the width of a column.
+    unused: u64,
+    pub place: SkylinePlace,
 }
 
 impl Skyline {
@@ -30,7 +40,7 @@ impl Skyline {
     }
 
     /// The place where a chart reaches least far down, within `height` rows; of several, where it leaves least unused.
-    pub fn find(&self, profile: &Profile, height: u32) -> Option<SkylinePlace> {
+    pub fn find(&self, profile: &Profile, height: u32) -> Option<FoundPlace> {
         let mut best = None;
         for column in 0..(self.taken.len() + 1).saturating_sub(profile.len()) {
             let below = &self.taken[column..column + profile.len()];
@@ -45,7 +55,7 @@ impl Skyline {
                 best = Some((end, unused, SkylinePlace { column, row }));
             }
         }
-        best.map(|(_, _, place)| place)
+        best.map(|(end, unused, place)| FoundPlace { end, unused, place })
     }
 
     /// Takes the place for a chart.
