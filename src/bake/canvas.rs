@@ -45,7 +45,7 @@ impl AtlasCanvas {
         self.are_set.iter().map(|bits| bits.count_ones() as usize).sum()
     }
 
-    /// Fills the texels that are not set smoothly from those that are.
+    /// Fills the texels that are not set from those that are, in ever larger squares.
     ///
     /// # Source
     /// Gortler, Grzeszczuk, Szeliski & Cohen 1996, "The lumigraph", section 3.4.3 (pull-push).

@@ -9,14 +9,13 @@ use super::original::{Original, OriginalSurface};
 use super::patch::{BakedImage, BakedPatch, PatchBaker, TexturedPatch};
 use super::settings::{BakePlace, BakeSettings};
 use super::steps::{PATCH, PATCHES, SURFACE};
-use super::texels::StoredImage;
 use crate::base::ordered::map_in_order;
-use crate::base::{Findings, Permits, Result};
+use crate::base::{Error, Findings, Permits, Result, bytes};
 use crate::image::textures::TextureImages;
 use crate::job::{Recalled, Step, StepKey};
 use crate::mesh::ClusterMesh;
 use crate::model::{Catalogue, StoredMesh, StoredPiece};
-use crate::os::mmap;
+use crate::os::{mmap, system};
 use crate::partition::{
     self, ClusterId, ClusterSource, Partition, PartitionOptions, TextureScale, cluster, heavy, write_shared,
 };
@@ -32,6 +31,8 @@ const REACH_DEVIATIONS: f64 = 1.0;
 /// Bytes of a texel of an image, and of a triangle of a patch.
 const TEXEL_BYTES: f64 = 4.3;
 const FACE_BYTES: u64 = 600;
+/// Bytes of a texel in a file, about, that the disk must have room for.
+const IMAGE_TEXEL_BYTES: f64 = 0.5;
 /// Bytes that a worker takes besides.
 const WORKER_BYTES: u64 = 16 << 20;
 
@@ -119,13 +120,10 @@ pub fn bake(
     images.add_plain_colours(catalogue);
     let original = Original::open(surface, &images, place, &mut findings)?;
     mmap::release_freed_memory();
-    let baking = Baking::new(result, &original, settings, place);
+    let baking = Baking::new(result, &original, settings, place)?;
     let (mesh, figures, files) = baking.run()?;
     findings.count("colourless_texels", figures.colourless);
     findings.count("shrunk_charts", figures.shrunk);
-    for stored in original.images.iter().flatten().map(StoredImage::path) {
-        let _ = std::fs::remove_file(stored);
-    }
     Ok(Baked { mesh, catalogue: image_catalogue(catalogue, &files, place.work.path()), figures, findings })
 }
 
@@ -159,7 +157,12 @@ enum Ready {
 }
 
 impl<'a> Baking<'a> {
-    fn new(result: &Unbaked<'a>, original: &'a Original, settings: &BakeSettings, place: &BakePlace<'a>) -> Self {
+    fn new(
+        result: &Unbaked<'a>,
+        original: &'a Original,
+        settings: &BakeSettings,
+        place: &BakePlace<'a>,
+    ) -> Result<Self> {
         let texel = original.median_texel / settings.texels.sqrt();
         let all = original.area / (texel * texel);
         let room = IMAGE_SHARE * FILL * f64::from(settings.side) * f64::from(settings.side);
@@ -172,7 +175,8 @@ impl<'a> Baking<'a> {
             ..Catalogue::default()
         };
         let patch_faces = patch_faces.clamp(PATCH_FACES[0], PATCH_FACES[1]);
-        Self { result: *result, catalogue, baker, patch_faces, place: *place }
+        refuse_too_many_texels(all, settings.texels, place.work.path())?;
+        Ok(Self { result: *result, catalogue, baker, patch_faces, place: *place })
     }
 
     fn cut(&self) -> Result<Partition> {
@@ -288,6 +292,21 @@ impl<'a> Baking<'a> {
         let faces = baked.pieces.iter().map(|piece| piece.faces.len()).sum();
         self.place.work.keep(Step::new(patch_key(cluster)).from([PATCHES]).of_size(faces), files, &baked)?;
         Ok(baked)
+    }
+}
+
+/// Refuses images that the disk cannot hold, before any of them is baked.
+fn refuse_too_many_texels(texels: f64, share: f64, folder: &Path) -> Result<()> {
+    match system::free_disk_bytes(folder) {
+        Ok(free) if texels * IMAGE_TEXEL_BYTES > free as f64 => Err(Error::NoSpace {
+            path: folder.to_owned(),
+            message: format!(
+                "the new images would have about {:.0} million texels, and {} are free; give `texels` below {share}",
+                texels / 1e6,
+                bytes::display(free),
+            ),
+        }),
+        _ => Ok(()),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Estimates the share of a whole run that is done, from the times that `drystone plan` predicts.
 //!
 //! ```text
-//! scan │ draw │ cut 1 │ pass 1        │ cut 2 │ pass 2 │ … │ textures │ write │ measure │ draw │ comparison
+//! scan │ draw │ cut 1 │ pass 1        │ cut 2 │ pass 2 │ … │ bake │ textures │ write │ measure │ draw │ comparison
 //!      └─ known once the triangles are counted; until then they are estimated from the bytes
 //! ```
 //! In: phases as they begin and advance. Out: a share that never falls. The share has no effect on results.
@@ -23,6 +23,10 @@ const DRAW_SECONDS_PER_TRIANGLE: f64 = 4e-6;
 const GAUGE_SECONDS_PER_TRIANGLE: f64 = 3e-7;
 /// Time to copy textures, as a multiple of the time to write the mesh; the size of the textures is unknown.
 const TEXTURES_PER_WRITE: f64 = 0.3;
+/// Approximate seconds on one core to bake as many texels as the input shows, for each of its triangles; a part of them
+/// is for decoding its images.
+const BAKE_SECONDS_PER_TRIANGLE: f64 = 6e-5;
+const DECODE_SHARE: f64 = 0.05;
 /// Number of phases of a comparison.
 const COMPARISON_PHASES: f64 = 11.0;
 
@@ -34,10 +38,11 @@ pub struct JobShare {
     bytes: u64,
     comparison: f64,
     /// Predicted seconds: of the scan, of drawing input and result, of partitioning and of simplifying in each pass, of
-    /// copying textures, of writing, of measuring.
+    /// baking, of copying textures, of writing, of measuring.
     scan: f64,
     draw: [f64; 2],
     passes: Vec<[f64; 2]>,
+    bake: f64,
     textures: f64,
     write: f64,
     gauge: f64,
@@ -72,6 +77,7 @@ impl JobShare {
             scan: 0.0,
             draw: [0.0; 2],
             passes: Vec::new(),
+            bake: 0.0,
             textures: 0.0,
             write: 0.0,
             gauge: 0.0,
@@ -107,9 +113,12 @@ impl JobShare {
             TextureFiles::Copy | TextureFiles::Bake => TEXTURES_PER_WRITE * start.write,
             TextureFiles::Link | TextureFiles::Reference => 0.0,
         };
+        let texels = if options.bakes() { options.texels } else { 0.0 };
+        let bake = BAKE_SECONDS_PER_TRIANGLE * texels * triangles as f64 / *threads as f64;
         self.scan = start.scan;
         self.draw = draw;
         self.passes = each;
+        self.bake = bake;
         self.textures = textures;
         self.write = start.write;
         self.gauge = GAUGE_SECONDS_PER_TRIANGLE * triangles as f64;
@@ -118,7 +127,7 @@ impl JobShare {
     /// Predicted seconds of the whole run.
     pub fn predicted_seconds(&self) -> f64 {
         let passes: f64 = self.passes.iter().flatten().sum();
-        let end = self.textures + self.write + self.gauge + self.comparison;
+        let end = self.bake + self.textures + self.write + self.gauge + self.comparison;
         self.scan + self.draw.iter().sum::<f64>() + passes + end
     }
 
@@ -145,7 +154,9 @@ impl JobShare {
         let before: f64 = start + self.passes[..ended].iter().flatten().sum::<f64>();
         let [cut, simplify] = self.passes.get(ended).copied().unwrap_or_default();
         let all = start + self.passes.iter().flatten().sum::<f64>();
-        let copied = all + self.textures;
+        let decoded = all + DECODE_SHARE * self.bake;
+        let baked = all + self.bake;
+        let copied = baked + self.textures;
         let written = copied + self.write;
         let measured = written + self.gauge;
         let drawn = measured + self.draw[1];
@@ -158,13 +169,15 @@ impl JobShare {
             "draw" => [self.scan, start],
             "partition" if self.pass > 0 => [before, before + cut],
             _ if is_pass => [before + cut, before + cut + simplify],
-            "collect" => [all, all],
-            "textures" => [all, copied],
+            "decode" => [all, decoded],
+            "bake" => [decoded, baked],
+            "collect" => [baked, baked],
+            "textures" => [baked, copied],
             "write" => [copied, written],
             _ => [end; 2],
         };
         self.skipped += (self.phase[0] - end).max(0.0);
-        if matches!(phase, "collect" | "textures" | "write") {
+        if matches!(phase, "decode" | "collect" | "textures" | "write") {
             self.pass = 0;
         }
         self.has_written |= phase == "write";
