@@ -23,6 +23,10 @@ use crate::surface::cell::{Cell, CellFace, CellView};
 
 /// Cells kept open at once.
 const VIEWS: usize = 8;
+/// Cells that are put in order for each chart; the others stay in that of the patch.
+const CHART_CELLS: usize = 64;
+/// Triangles that are gathered for a group at most: more lie across each other, and some of them are as good as all.
+const GATHERED_MAX: usize = 4096;
 /// Pairs and triangles that one search may visit; only triangles that lie across each other by the thousand need more.
 const LOOKS_MAX: u64 = 20_000;
 /// Cosine between normals below which a triangle faces away: the back of a wall does, the folds of a crumpled surface do
@@ -143,24 +147,60 @@ pub(super) struct ClosestPlaces<'a> {
     /// What a triangle that faces away counts as farther.
     reach: f64,
     views: Vec<(u32, CellView)>,
-    /// Cells by their squared distance from the present chart.
+    /// Cells by their squared distance from the present patch; the first [`CHART_CELLS`] by that from the present chart.
     order: Vec<(f64, u32)>,
+    /// The same, all by the distance from the patch.
+    patch_order: Vec<(f64, u32)>,
+    /// How many cells are in order of the distance from the chart.
+    of_chart: usize,
     near: Vec<Near>,
 }
 
 impl<'a> ClosestPlaces<'a> {
     /// Finds places in these cells.
     pub fn new(cells: &'a [Cell], reach: f64) -> Self {
-        Self { cells, reach, views: Vec::new(), order: Vec::new(), near: Vec::new() }
+        Self {
+            cells,
+            reach,
+            views: Vec::new(),
+            order: Vec::new(),
+            patch_order: Vec::new(),
+            of_chart: 0,
+            near: Vec::new(),
+        }
+    }
+
+    /// The next charts lie in a box.
+    pub fn begin_patch(&mut self, bounds: Bounds) {
+        self.order.clear();
+        self.order.extend(self.cells.iter().zip(0..).map(|(cell, number)| (between_sq(cell.bounds, bounds), number)));
+        sort(&mut self.order);
+        self.patch_order = self.order.clone();
+        self.of_chart = 0;
     }
 
     /// The next groups lie in a box.
-    pub fn begin(&mut self, bounds: Bounds) {
-        let distance_sq =
-            |other: Bounds| (other.low - bounds.high).max(bounds.low - other.high).max(DVec3::ZERO).length_squared();
-        self.order.clear();
-        self.order.extend(self.cells.iter().zip(0..).map(|(cell, number)| (distance_sq(cell.bounds), number)));
-        self.order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    pub fn begin_chart(&mut self, bounds: Bounds) {
+        self.order.clone_from(&self.patch_order);
+        self.of_chart = self.order.len().min(CHART_CELLS);
+        let near = &mut self.order[..self.of_chart];
+        near.iter_mut().for_each(|entry| entry.0 = between_sq(self.cells[entry.1 as usize].bounds, bounds));
+        sort(near);
+    }
+
+    /// Calls `visit` with the cells that may be nearer than a squared distance, which it returns anew.
+    fn visit_cells(&mut self, limit_sq: f64, mut visit: impl FnMut(&mut Self, u32, f64) -> Result<f64>) -> Result<()> {
+        let mut limit_sq = limit_sq;
+        for range in [0..self.of_chart, self.of_chart..self.order.len()] {
+            for at in range {
+                let (least_sq, cell) = self.order[at];
+                if least_sq > limit_sq {
+                    break;
+                }
+                limit_sq = visit(self, cell, limit_sq)?;
+            }
+        }
+        Ok(())
     }
 
     /// Calls `found` with the number of each point of a group and its place; points of an empty mesh have none.
@@ -228,65 +268,59 @@ impl<'a> ClosestPlaces<'a> {
     /// Distance of the nearest triangle.
     fn nearest(&mut self, point: DVec3, normal: DVec3) -> Result<Option<f64>> {
         let mut best_sq = f64::INFINITY;
-        for at in 0..self.order.len() {
-            let (group_distance_sq, cell) = self.order[at];
-            if group_distance_sq >= best_sq {
-                break;
+        self.visit_cells(best_sq, |search, cell, _| {
+            if search.cells[cell as usize].bounds.distance_sq(point) < best_sq {
+                search.open(cell)?;
+                let view = &search.views[0].1;
+                let local = point - view.origin;
+                let question = Question { point: local, bound_sq: best_sq, enough_sq: -1.0, looks: LOOKS_MAX };
+                let measure_sq = |face: u32| {
+                    let corners = view.triangle(face);
+                    let distance = distance_sq(local, corners).sqrt() + search.away(normal, corners);
+                    distance * distance
+                };
+                if let Some((_, distance_sq)) = view.tree().ask_by(&question, measure_sq).nearest {
+                    best_sq = distance_sq;
+                }
             }
-            if self.cells[cell as usize].bounds.distance_sq(point) >= best_sq {
-                continue;
-            }
-            let open = self.open(cell)?;
-            let view = &self.views[open].1;
-            let local = point - view.origin;
-            let question = Question { point: local, bound_sq: best_sq, enough_sq: -1.0, looks: LOOKS_MAX };
-            let measure_sq = |face: u32| {
-                let corners = view.triangle(face);
-                let distance = distance_sq(local, corners).sqrt() + self.away(normal, corners);
-                distance * distance
-            };
-            if let Some((_, distance_sq)) = view.tree().ask_by(&question, measure_sq).nearest {
-                best_sq = distance_sq;
-            }
-        }
+            Ok(best_sq)
+        })?;
         Ok(best_sq.is_finite().then(|| best_sq.sqrt()))
     }
 
-    /// Gathers all triangles that count as no farther than `distance` from a point, the nearest first.
+    /// Gathers the triangles that count as no farther than `distance` from a point, the nearest first; at most
+    /// [`GATHERED_MAX`].
     fn gather(&mut self, point: DVec3, normal: DVec3, distance: f64) -> Result<()> {
         let mut gathered = std::mem::take(&mut self.near);
         gathered.clear();
         let limit_sq = distance * distance;
-        for at in 0..self.order.len() {
-            let (group_distance_sq, cell) = self.order[at];
-            if group_distance_sq > limit_sq {
-                break;
+        self.visit_cells(limit_sq, |search, cell, _| {
+            if search.cells[cell as usize].bounds.distance_sq(point) <= limit_sq {
+                search.open(cell)?;
+                let view = &search.views[0].1;
+                let local = point - view.origin;
+                view.tree().visit_within(local, limit_sq, |place| {
+                    let corners = view.triangle(place).map(|corner| corner - local);
+                    let away = search.away(normal, corners);
+                    if distance_sq(DVec3::ZERO, corners).sqrt() + away <= distance {
+                        let face = view.faces[place as usize];
+                        let of_corner = |vertex: u32| view.colours.get(vertex as usize).copied();
+                        let [a, b, c] = face.vertices.map(of_corner);
+                        let colours = a.zip(b).zip(c).map(|((a, b), c)| [a, b, c]);
+                        gathered.push(Near::new(corners, away, face, colours));
+                    }
+                    gathered.len() >= GATHERED_MAX
+                });
             }
-            if self.cells[cell as usize].bounds.distance_sq(point) > limit_sq {
-                continue;
-            }
-            let open = self.open(cell)?;
-            let view = &self.views[open].1;
-            let local = point - view.origin;
-            view.tree().visit_within(local, limit_sq, |place| {
-                let corners = view.triangle(place).map(|corner| corner - local);
-                let away = self.away(normal, corners);
-                if distance_sq(DVec3::ZERO, corners).sqrt() + away <= distance {
-                    let face = view.faces[place as usize];
-                    let of_corner = |vertex: u32| view.colours.get(vertex as usize).copied();
-                    let [a, b, c] = face.vertices.map(of_corner);
-                    let colours = a.zip(b).zip(c).map(|((a, b), c)| [a, b, c]);
-                    gathered.push(Near::new(corners, away, face, colours));
-                }
-            });
-        }
+            Ok(limit_sq)
+        })?;
         gathered.sort_by(|a, b| a.least.total_cmp(&b.least));
         self.near = gathered;
         Ok(())
     }
 
-    /// Opens a cell unless it is open, closing the least recently used one; returns its place.
-    fn open(&mut self, cell: u32) -> Result<usize> {
+    /// Opens a cell unless it is open, as the first of the views, and closes the least recently used one.
+    fn open(&mut self, cell: u32) -> Result<()> {
         match self.views.iter().position(|(open, _)| *open == cell) {
             Some(at) => self.views[..=at].rotate_right(1),
             None => {
@@ -294,6 +328,15 @@ impl<'a> ClosestPlaces<'a> {
                 self.views.insert(0, (cell, self.cells[cell as usize].view()?));
             }
         }
-        Ok(0)
+        Ok(())
     }
+}
+
+/// Squared distance between two boxes.
+fn between_sq(a: Bounds, b: Bounds) -> f64 {
+    (a.low - b.high).max(b.low - a.high).max(DVec3::ZERO).length_squared()
+}
+
+fn sort(order: &mut [(f64, u32)]) {
+    order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
 }

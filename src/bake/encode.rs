@@ -1,5 +1,6 @@
 //! Encodes baked images.
 
+use std::io::Write;
 use std::path::Path;
 
 use super::canvas::AtlasCanvas;
@@ -24,7 +25,12 @@ pub(super) fn write(canvas: &AtlasCanvas, format: ImageFormat, path: &Path) -> R
             encoder.set_color(png::ColorType::Rgb);
             encoder.set_depth(png::BitDepth::Eight);
             encoder.set_compression(png::Compression::Fast);
-            let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&canvas.rgb));
+            let written = encoder.write_header().and_then(|mut writer| {
+                // Row by row: compressed as a whole, the image would be in memory twice.
+                let mut rows = writer.stream_writer()?;
+                rows.write_all(&canvas.rgb)?;
+                rows.finish()
+            });
             written.map_err(|error| wrap(error.into()))?;
         }
         ImageFormat::Jpeg(quality) => {
@@ -41,7 +47,7 @@ pub(super) fn write(canvas: &AtlasCanvas, format: ImageFormat, path: &Path) -> R
 /// A durable file that encoders write to.
 struct Sink(DurableFile);
 
-impl std::io::Write for &mut Sink {
+impl Write for &mut Sink {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         self.0.write(bytes).map_err(std::io::Error::other)?;
         Ok(bytes.len())

@@ -92,7 +92,7 @@ impl<'a> ChartPainter<'a> {
     pub fn texels(&mut self, patch: &PatchSurface<'_>, usual: f64) -> Result<TiVec<FaceId, f64>> {
         let mesh = patch.triangles;
         let bounds = Bounds::around(mesh.positions.iter().map(|&position| position + patch.origin));
-        self.closest.begin(bounds);
+        self.closest.begin_patch(bounds);
         let factor = usual / self.original.median_texel;
         let mut lengths = TiVec::with_capacity(mesh.vertices.len());
         for face in mesh.vertices.keys() {
@@ -122,7 +122,7 @@ impl<'a> ChartPainter<'a> {
     ) -> Result<()> {
         let owners = Owners::of(chart, size);
         let bounds = Bounds::around(chart.faces.iter().flat_map(|(face, _)| patch.corners(*face)));
-        self.closest.begin(bounds);
+        self.closest.begin_chart(bounds);
         self.painted.covered += owners.covered;
         for block in SampleBlock::of(owners.size) {
             let mut samples = Samples::new(&block, self.pattern.len());

@@ -379,8 +379,8 @@ impl TreeView<'_> {
     }
 
     /// Calls `visit` with the index of each triangle whose leaf's box is no farther from a point than the root of
-    /// `distance_sq`.
-    pub fn visit_within(self, point: DVec3, distance_sq: f64, mut visit: impl FnMut(u32)) {
+    /// `distance_sq`, until it returns that it has seen enough.
+    pub fn visit_within(self, point: DVec3, distance_sq: f64, mut visit: impl FnMut(u32) -> bool) {
         let target = Vec3A::from(point.as_vec3());
         let limit = distance_sq as f32 * BOUND_MARGIN;
         let mut stack = [(0u32, 0u32); STACK_ENTRIES];
@@ -390,7 +390,9 @@ impl TreeView<'_> {
             height -= 1;
             let (index, leaf) = stack[height];
             if leaf > 0 {
-                (index..index + leaf).for_each(&mut visit);
+                if (index..index + leaf).any(&mut visit) {
+                    return;
+                }
                 continue;
             }
             let pair = &self.pairs[index as usize];
