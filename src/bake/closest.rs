@@ -188,7 +188,7 @@ impl<'a> ClosestPlaces<'a> {
         sort(near);
     }
 
-    /// Calls `visit` with the cells that may be nearer than a squared distance, which it returns anew.
+    /// Calls `visit` with the cells that may be nearer than a squared distance; it returns the next such distance.
     fn visit_cells(&mut self, limit_sq: f64, mut visit: impl FnMut(&mut Self, u32, f64) -> Result<f64>) -> Result<()> {
         let mut limit_sq = limit_sq;
         for range in [0..self.of_chart, self.of_chart..self.order.len()] {

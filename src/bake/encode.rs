@@ -3,6 +3,9 @@
 use std::io::Write;
 use std::path::Path;
 
+use image::ExtendedColorType;
+use image::codecs::jpeg::JpegEncoder;
+
 use super::canvas::AtlasCanvas;
 use crate::base::{Error, Result};
 use crate::model::image_format::ImageFormat;
@@ -34,9 +37,8 @@ pub(super) fn write(canvas: &AtlasCanvas, format: ImageFormat, path: &Path) -> R
             written.map_err(|error| wrap(error.into()))?;
         }
         ImageFormat::Jpeg(quality) => {
-            let [width, height] = [width, height].map(|side| side as u16);
-            let encoder = jpeg_encoder::Encoder::new(&mut file, quality);
-            let written = encoder.encode(&canvas.rgb, width, height, jpeg_encoder::ColorType::Rgb);
+            let mut encoder = JpegEncoder::new_with_quality(&mut file, quality);
+            let written = encoder.encode(&canvas.rgb, width as u32, height as u32, ExtendedColorType::Rgb8);
             written.map_err(|error| wrap(std::io::Error::other(error)))?;
         }
     }
