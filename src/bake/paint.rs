@@ -1,8 +1,8 @@
 //! Paints a chart: each texel the colour that the original shows there.
 //!
 //! # Memory
-//! 4 bytes a texel of the chart's box, that of the [samples](super::sharpen) of a block, and that of [`closest`](super::closest) and of a
-//! [`TexelReader`](super::texels::TexelReader).
+//! 4 bytes a texel of the chart's box, that of the [samples](super::sharpen) of a block, of
+//! [`closest`](super::closest) and of a [`TexelReader`](super::texels::TexelReader).
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
@@ -206,23 +206,22 @@ impl<'a> ChartPainter<'a> {
 /// The colour at a place of the original.
 fn colour_of(reader: &mut TexelReader<'_>, original: &Original, place: &OriginalPlace) -> Result<Option<Vec3>> {
     let OriginalPlace { face, colours, weights, .. } = place;
-    if let Some(plain) = original.plain_colour(face.image) {
-        return Ok(Some(plain));
-    }
-    if face.image != ImageId::NONE {
+    let plain = original.plain_colour(face.image);
+    if face.image != ImageId::NONE && plain.is_none() {
         let texcoord = texcoord_of(&face.texcoords, *weights);
         let repeats = face.texcoords.iter().flatten().any(|&at| at > 1.0);
         let beyond = if repeats { Beyond::Repeat } else { Beyond::Edge };
         return reader.colour(face.image, texcoord, beyond);
     }
-    Ok(colours.and_then(|colours| {
+    let of_vertices = colours.and_then(|colours| {
         let known = || colours.iter().zip(weights).filter(|(colour, _)| colour[3] > 0);
         let total: f64 = known().map(|(_, weight)| weight).sum();
         let sum = known().map(|(colour, &weight)| {
             Vec3::new(f32::from(colour[0]), f32::from(colour[1]), f32::from(colour[2])) * weight as f32
         });
         (total > 0.0).then(|| sum.sum::<Vec3>() / total as f32)
-    }))
+    });
+    Ok(of_vertices.or(plain))
 }
 
 /// Places of a texel that are sampled: two on a diagonal where it is as fine as those of the original, more where it is

@@ -41,8 +41,6 @@ pub(super) struct BakedPatch {
     /// Texels that charts cover, and those of them without colour.
     pub covered: u64,
     pub colourless: u64,
-    /// Number of the first image of the patch among all.
-    pub first_image: u32,
 }
 
 /// How patches are baked.

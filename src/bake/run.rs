@@ -282,7 +282,6 @@ impl<'a> Baking<'a> {
         baked.shrunk += own.shrunk;
         baked.covered += own.covered;
         baked.colourless += own.colourless;
-        baked.first_image = first_image;
         Ok(())
     }
 

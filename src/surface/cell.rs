@@ -225,6 +225,9 @@ impl CellMaker<'_> {
         let image = self.images.of_part[part];
         let [a, b, c] = source.mesh.uv_triangle(face).map(|uv| self.images.placed(part, uv));
         let low = a.min(b).min(c).floor();
+        if self.images.plain_colour(image).is_some() {
+            return (image, [[0.0; 2]; 3]);
+        }
         if image == ImageId::NONE || !(a + b + c).is_finite() {
             return (ImageId::NONE, [[0.0; 2]; 3]);
         }

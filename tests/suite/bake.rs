@@ -247,3 +247,18 @@ fn a_ply_names_its_baked_images() {
     let texture = compared(&town(), &output).texture.unwrap();
     assert!(texture.colour_rms < 10.0, "{texture:?}");
 }
+
+#[test]
+fn a_plain_material_needs_no_texture_coordinates_and_colours_of_vertices_come_before_it() {
+    let mtl = "newmtl plain\nKd 0.2 0.4 0.6\n";
+    let text = row(&["usemtl plain", "usemtl plain"], &["", "1 0 0"], WHOLE);
+    let bare: String = text
+        .lines()
+        .filter(|line| !line.starts_with("vt "))
+        .map(|line| {
+            let corner = |word: &str| word.split('/').next().unwrap_or(word).to_owned();
+            line.split(' ').map(corner).collect::<Vec<_>>().join(" ") + "\n"
+        })
+        .collect();
+    assert_near(&baked_row(mtl, &bare, 2), &[[51.0, 102.0, 153.0], [255.0, 0.0, 0.0]]);
+}
