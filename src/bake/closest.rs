@@ -1,151 +1,40 @@
-//! Finds, for points that lie near each other and face the same way, the closest places of the original surface.
-//!
-//! A triangle that faces away from a point counts as [`reach`](ClosestPlaces::new) farther, so that the two sides of a
-//! wall do not mix.
+//! Finds, for groups of points, the closest places of the original surface.
 //!
 //! ```text
-//!        . . p . .         the nearest triangle of the middle is d away, the points lie within r of the middle:
-//!   ─────────────────      so the nearest one of each of them is at most d + 2 r away from the middle
+//! cells ── tree of each: triangles near a region ──▶ Nearby ── few candidates of each group ──▶ closest places
 //! ```
-//! So the tree is asked twice for a group of points, not once for each.
+//! A triangle that faces away from a group counts as [`away`](ClosestPlaces::new) farther, so that the two sides of a
+//! wall do not mix.
 //!
 //! # Memory
-//! 200 bytes for each triangle near a group, and the touched pages of [`VIEWS`] cells.
+//! That of [`Nearby`], for at most [`GATHERED_MAX`] triangles, and the touched pages of [`VIEWS`] cells.
 
-use glam::{DVec3, DVec4, Vec3, Vec4};
+use glam::DVec3;
 
+use super::nearby::{NearTriangle, Nearby, PointGroup};
+use super::original::Original;
 use crate::base::Result;
 use crate::geometry::boxtree::Bounds;
-use crate::geometry::triangle::area;
+use crate::geometry::distance_sq;
 use crate::geometry::triangle_tree::Question;
-use crate::geometry::{closest_weights, distance_sq};
-use crate::surface::cell::{Cell, CellFace, CellView};
+use crate::surface::cell::{Cell, CellView};
 
 /// Cells kept open at once.
 const VIEWS: usize = 8;
 /// Cells that are put in order for each chart; the others stay in that of the patch.
 const CHART_CELLS: usize = 64;
+/// Triangles near a region above which it is halved.
+const NEAR_MAX: usize = 256;
 /// Triangles that are gathered for a group at most: more lie across each other, and some of them are as good as all.
 const GATHERED_MAX: usize = 4096;
 /// Pairs and triangles that one search may visit; only triangles that lie across each other by the thousand need more.
 const LOOKS_MAX: u64 = 20_000;
-/// Cosine between normals below which a triangle faces away: the back of a wall does, the folds of a crumpled surface do
-/// not.
-const AWAY: f64 = -0.5;
-/// A triangle lower than this, per length of its sides, is measured without its prism.
-const THIN: f64 = 1e-3;
-/// Factor on lower bounds of squared distances that were computed in single precision.
-const BOUND_MARGIN: f64 = 0.999;
-/// Triangles near a group above which it is halved, if it has this many points.
-const NEAR_MAX: usize = 96;
-const POINTS_MIN: usize = 4;
-
-/// A place of the original surface.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct OriginalPlace {
-    /// The triangle.
-    pub face: CellFace,
-    /// Colours of its corners, the fourth byte 0 where there is none.
-    pub colours: Option<[[u8; 4]; 3]>,
-    /// Its area in space.
-    pub area: f64,
-    /// Barycentric weights of the place.
-    pub weights: [f64; 3],
-}
-
-/// A triangle near a group.
-struct Near {
-    /// Its distance from the middle of the group, with what it counts for facing away.
-    least: f64,
-    away: f64,
-    prism: Option<Prism>,
-    corners: [DVec3; 3],
-    face: CellFace,
-    colours: Option<[[u8; 4]; 3]>,
-}
-
-impl Near {
-    fn new(corners: [DVec3; 3], away: f64, face: CellFace, colours: Option<[[u8; 4]; 3]>) -> Self {
-        let least = distance_sq(DVec3::ZERO, corners).sqrt() + away;
-        Self { least, away, prism: Prism::over(corners), corners, face, colours }
-    }
-
-    /// What it counts as far from a point, if that is less than `bound`; else any number from `bound` on.
-    #[inline]
-    fn distance(&self, point: DVec3, bound: f64) -> f64 {
-        let Some(prism) = &self.prism else { return distance_sq(point, self.corners).sqrt() + self.away };
-        let beyond = prism.beyond(point);
-        let outside = beyond.y.max(beyond.z).max(beyond.w);
-        if outside <= 0.0 {
-            return f64::from(beyond.x.abs()) + self.away;
-        }
-        let least_sq = f64::from(beyond.x * beyond.x + outside * outside) * BOUND_MARGIN;
-        let room = (bound - self.away).max(0.0);
-        if least_sq >= room * room { f64::INFINITY } else { distance_sq(point, self.corners).sqrt() + self.away }
-    }
-
-    /// Barycentric weights of its place closest to a point.
-    #[inline]
-    fn weights(&self, point: DVec3) -> [f64; 3] {
-        if let Some(prism) = &self.prism {
-            let beyond = prism.beyond(point);
-            if beyond.y.max(beyond.z).max(beyond.w) <= 0.0 {
-                let [a, b] = [beyond.y / prism.depths.x, beyond.z / prism.depths.y].map(|share| f64::from(-share));
-                return [a, b, (1.0 - a - b).max(0.0)];
-            }
-        }
-        closest_weights(point, self.corners)
-    }
-}
-
-/// The prism of all points over a triangle: a point outside of a side is at least as far from the triangle as from that
-/// side's plane. The planes of the triangle and of the sides opposite to its corners, side by side:
-struct Prism {
-    /// Normals of the planes, those of the sides away from the triangle.
-    x: Vec4,
-    y: Vec4,
-    z: Vec4,
-    /// Distances of the planes from the origin.
-    limit: Vec4,
-    /// Distance of each corner from the opposite side.
-    depths: Vec3,
-}
-
-impl Prism {
-    /// `None` over a triangle that is nearly a line.
-    fn over(corners: [DVec3; 3]) -> Option<Self> {
-        let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).try_normalize()?;
-        let side = |corner: usize| {
-            let (from, to) = (corners[(corner + 1) % 3], corners[(corner + 2) % 3]);
-            let outwards = (to - from).cross(normal).try_normalize()?;
-            let limit = outwards.dot(from);
-            Some((outwards, limit, limit - corners[corner].dot(outwards)))
-        };
-        let sides = [side(0)?, side(1)?, side(2)?];
-        let longest = corners[0].distance(corners[1]).max(corners[1].distance(corners[2]));
-        if sides.iter().any(|&(_, _, depth)| depth <= THIN * longest) {
-            return None;
-        }
-        let [a, b, c] = sides;
-        let column = |axis: usize| DVec4::new(normal[axis], a.0[axis], b.0[axis], c.0[axis]).as_vec4();
-        let limit = DVec4::new(normal.dot(corners[0]), a.1, b.1, c.1).as_vec4();
-        let depths = DVec3::new(a.2, b.2, c.2).as_vec3();
-        Some(Self { x: column(0), y: column(1), z: column(2), limit, depths })
-    }
-
-    /// How far a point lies beyond each plane: above the triangle, and outside of its sides.
-    #[inline]
-    fn beyond(&self, point: DVec3) -> Vec4 {
-        let point = point.as_vec3();
-        self.x * point.x + self.y * point.y + self.z * point.z - self.limit
-    }
-}
 
 /// Finds closest places.
 pub(super) struct ClosestPlaces<'a> {
-    cells: &'a [Cell],
+    original: &'a Original,
     /// What a triangle that faces away counts as farther.
-    reach: f64,
+    away: f64,
     views: Vec<(u32, CellView)>,
     /// Cells by their squared distance from the present patch; the first [`CHART_CELLS`] by that from the present chart.
     order: Vec<(f64, u32)>,
@@ -153,27 +42,28 @@ pub(super) struct ClosestPlaces<'a> {
     patch_order: Vec<(f64, u32)>,
     /// How many cells are in order of the distance from the chart.
     of_chart: usize,
-    near: Vec<Near>,
+    nearby: Nearby,
 }
 
 impl<'a> ClosestPlaces<'a> {
-    /// Finds places in these cells.
-    pub fn new(cells: &'a [Cell], reach: f64) -> Self {
+    /// Finds places of a surface.
+    pub fn new(original: &'a Original, away: f64) -> Self {
         Self {
-            cells,
-            reach,
+            original,
+            away,
             views: Vec::new(),
             order: Vec::new(),
             patch_order: Vec::new(),
             of_chart: 0,
-            near: Vec::new(),
+            nearby: Nearby::default(),
         }
     }
 
     /// The next charts lie in a box.
     pub fn begin_patch(&mut self, bounds: Bounds) {
         self.order.clear();
-        self.order.extend(self.cells.iter().zip(0..).map(|(cell, number)| (between_sq(cell.bounds, bounds), number)));
+        let cells = self.cells().iter().zip(0..);
+        self.order.extend(cells.map(|(cell, number)| (cell.bounds.between_sq(bounds), number)));
         sort(&mut self.order);
         self.patch_order = self.order.clone();
         self.of_chart = 0;
@@ -181,11 +71,60 @@ impl<'a> ClosestPlaces<'a> {
 
     /// The next groups lie in a box.
     pub fn begin_chart(&mut self, bounds: Bounds) {
-        self.order.clone_from(&self.patch_order);
+        self.order[..self.of_chart].copy_from_slice(&self.patch_order[..self.of_chart]);
         self.of_chart = self.order.len().min(CHART_CELLS);
+        let cells = self.cells();
         let near = &mut self.order[..self.of_chart];
-        near.iter_mut().for_each(|entry| entry.0 = between_sq(self.cells[entry.1 as usize].bounds, bounds));
+        near.iter_mut().for_each(|entry| entry.0 = cells[entry.1 as usize].bounds.between_sq(bounds));
         sort(near);
+    }
+
+    fn cells(&self) -> &'a [Cell] {
+        &self.original.cells
+    }
+
+    /// Calls `found` with the index of each point of some groups, the triangle closest to it, and the barycentric
+    /// weights of the closest place. Points of an empty mesh have none.
+    ///
+    /// # Errors
+    /// On failed reads, and those of `found`.
+    pub fn of_groups(
+        &mut self,
+        points: &[DVec3],
+        groups: &[PointGroup],
+        found: &mut dyn FnMut(usize, &NearTriangle, [f32; 3]) -> Result<()>,
+    ) -> Result<()> {
+        if !self.gather_for(groups)? {
+            let (left, right) = groups.split_at(groups.len() / 2);
+            self.of_groups(points, left, found)?;
+            return self.of_groups(points, right, found);
+        }
+        groups.iter().try_for_each(|group| self.nearby.of_group(points, group, self.away, &mut *found))
+    }
+
+    /// Gathers the triangles that may be closest to a point of some groups; returns whether these are few, or of a
+    /// single group.
+    fn gather_for(&mut self, groups: &[PointGroup]) -> Result<bool> {
+        let middles = Bounds::around(groups.iter().map(|group| group.middle));
+        let middle = 0.5 * (middles.low + middles.high);
+        // Candidates of a group lie within this of the middle, with the distance of the group's closest triangle.
+        let span = |group: &PointGroup| group.middle.distance(middle) + 2.0 * group.radius + self.away;
+        let spans: Vec<f64> = groups.iter().map(span).collect();
+        let limit = if groups.len() > 1 { NEAR_MAX } else { GATHERED_MAX };
+        self.nearby.begin(middle);
+        let Some(nearest) = self.nearest(middle)? else { return Ok(true) };
+        let guess = spans.iter().copied().fold(0.0, f64::max) + nearest;
+        self.gather(middle, guess, limit)?;
+        if groups.len() > 1 && self.nearby.len() == limit {
+            return Ok(false);
+        }
+        let reaches = groups.iter().zip(&spans).map(|(group, span)| span + self.nearby.reach(group.middle));
+        let reach = reaches.fold(0.0, f64::max);
+        if reach > guess {
+            self.nearby.begin(middle);
+            self.gather(middle, reach, limit)?;
+        }
+        Ok(groups.len() == 1 || self.nearby.len() < limit)
     }
 
     /// Calls `visit` with the cells that may be nearer than a squared distance; it returns the next such distance.
@@ -203,83 +142,15 @@ impl<'a> ClosestPlaces<'a> {
         Ok(())
     }
 
-    /// Calls `found` with the number of each point of a group and its place; points of an empty mesh have none.
-    ///
-    /// # Errors
-    /// On failed reads, and those of `found`.
-    pub fn of_group(
-        &mut self,
-        points: &[DVec3],
-        normal: DVec3,
-        found: &mut dyn FnMut(usize, OriginalPlace) -> Result<()>,
-    ) -> Result<()> {
-        self.search(points, 0, normal, found)
-    }
-
-    fn search(
-        &mut self,
-        points: &[DVec3],
-        first: usize,
-        normal: DVec3,
-        found: &mut dyn FnMut(usize, OriginalPlace) -> Result<()>,
-    ) -> Result<()> {
-        let bounds = Bounds::around(points.iter().copied());
-        let middle = 0.5 * (bounds.low + bounds.high);
-        let radius = points.iter().map(|point| point.distance(middle)).fold(0.0, f64::max);
-        let Some(nearest) = self.nearest(middle, normal)? else { return Ok(()) };
-        self.gather(middle, normal, nearest + 2.0 * radius)?;
-        if self.near.len() > NEAR_MAX && points.len() > POINTS_MIN {
-            let (left, right) = points.split_at(points.len() / 2);
-            self.search(left, first, normal, found)?;
-            return self.search(right, first + left.len(), normal, found);
-        }
-        let mut last = 0;
-        for (point, number) in points.iter().zip(first..) {
-            let from_middle = point.distance(middle);
-            let at = *point - middle;
-            // Mostly the triangle of the point before.
-            let mut best = (self.near.get(last).map_or(f64::INFINITY, |near| near.distance(at, f64::INFINITY)), last);
-            for (place, near) in self.near.iter().enumerate() {
-                if near.least - from_middle >= best.0 {
-                    break;
-                }
-                let distance = near.distance(at, best.0);
-                if distance < best.0 {
-                    best = (distance, place);
-                }
-            }
-            last = best.1;
-            if let Some(near) = self.near.get(best.1) {
-                let weights = near.weights(at);
-                let area = area(near.corners);
-                found(number, OriginalPlace { face: near.face, colours: near.colours, area, weights })?;
-            }
-        }
-        Ok(())
-    }
-
-    /// What a triangle with these corners counts as farther.
-    #[inline]
-    fn away(&self, normal: DVec3, corners: [DVec3; 3]) -> f64 {
-        let across = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-        if across.dot(normal) >= AWAY * across.length() { 0.0 } else { self.reach }
-    }
-
     /// Distance of the nearest triangle.
-    fn nearest(&mut self, point: DVec3, normal: DVec3) -> Result<Option<f64>> {
+    fn nearest(&mut self, point: DVec3) -> Result<Option<f64>> {
         let mut best_sq = f64::INFINITY;
         self.visit_cells(best_sq, |search, cell, _| {
-            if search.cells[cell as usize].bounds.distance_sq(point) < best_sq {
-                search.open(cell)?;
-                let view = &search.views[0].1;
-                let local = point - view.origin;
-                let question = Question { point: local, bound_sq: best_sq, enough_sq: -1.0, looks: LOOKS_MAX };
-                let measure_sq = |face: u32| {
-                    let corners = view.triangle(face);
-                    let distance = distance_sq(local, corners).sqrt() + search.away(normal, corners);
-                    distance * distance
-                };
-                if let Some((_, distance_sq)) = view.tree().ask_by(&question, measure_sq).nearest {
+            if search.cells()[cell as usize].bounds.distance_sq(point) < best_sq {
+                let view = search.open(cell)?;
+                let point = point - view.origin;
+                let question = Question { point, bound_sq: best_sq, enough_sq: -1.0, looks: LOOKS_MAX };
+                if let Some((_, distance_sq)) = view.ask(&question).nearest {
                     best_sq = distance_sq;
                 }
             }
@@ -288,53 +159,42 @@ impl<'a> ClosestPlaces<'a> {
         Ok(best_sq.is_finite().then(|| best_sq.sqrt()))
     }
 
-    /// Gathers the triangles that count as no farther than `distance` from a point, the nearest first; at most
-    /// [`GATHERED_MAX`].
-    fn gather(&mut self, point: DVec3, normal: DVec3, distance: f64) -> Result<()> {
-        let mut gathered = std::mem::take(&mut self.near);
-        gathered.clear();
+    /// Gathers triangles no farther than `distance` from a point, at most `limit`.
+    fn gather(&mut self, point: DVec3, distance: f64, limit: usize) -> Result<()> {
+        let original = self.original;
+        let mut nearby = std::mem::take(&mut self.nearby);
         let limit_sq = distance * distance;
         self.visit_cells(limit_sq, |search, cell, _| {
-            if search.cells[cell as usize].bounds.distance_sq(point) <= limit_sq {
-                search.open(cell)?;
-                let view = &search.views[0].1;
+            if original.cells[cell as usize].bounds.distance_sq(point) <= limit_sq {
+                let view = search.open(cell)?;
                 let local = point - view.origin;
                 view.tree().visit_within(local, limit_sq, |place| {
                     let corners = view.triangle(place).map(|corner| corner - local);
-                    let away = search.away(normal, corners);
-                    if distance_sq(DVec3::ZERO, corners).sqrt() + away <= distance {
-                        let face = view.faces[place as usize];
-                        let of_corner = |vertex: u32| view.colours.get(vertex as usize).copied();
-                        let [a, b, c] = face.vertices.map(of_corner);
-                        let colours = a.zip(b).zip(c).map(|((a, b), c)| [a, b, c]);
-                        gathered.push(Near::new(corners, away, face, colours));
+                    if distance_sq(DVec3::ZERO, corners) <= limit_sq {
+                        nearby.add(corners, original.shown(view, place));
                     }
-                    gathered.len() >= GATHERED_MAX
+                    nearby.len() >= limit
                 });
             }
-            Ok(limit_sq)
+            Ok(if nearby.len() < limit { limit_sq } else { -1.0 })
         })?;
-        gathered.sort_by(|a, b| a.least.total_cmp(&b.least));
-        self.near = gathered;
+        self.nearby = nearby;
         Ok(())
     }
 
-    /// Opens a cell unless it is open, as the first of the views, and closes the least recently used one.
-    fn open(&mut self, cell: u32) -> Result<()> {
-        match self.views.iter().position(|(open, _)| *open == cell) {
-            Some(at) => self.views[..=at].rotate_right(1),
+    /// Opens a cell unless it is open, and closes the least recently opened one.
+    fn open(&mut self, cell: u32) -> Result<&CellView> {
+        let at = match self.views.iter().position(|(open, _)| *open == cell) {
+            Some(at) => at,
             None => {
+                let view = self.cells()[cell as usize].view()?;
                 self.views.truncate(VIEWS - 1);
-                self.views.insert(0, (cell, self.cells[cell as usize].view()?));
+                self.views.insert(0, (cell, view));
+                0
             }
-        }
-        Ok(())
+        };
+        Ok(&self.views[at].1)
     }
-}
-
-/// Squared distance between two boxes.
-fn between_sq(a: Bounds, b: Bounds) -> f64 {
-    (a.low - b.high).max(b.low - a.high).max(DVec3::ZERO).length_squared()
 }
 
 fn sort(order: &mut [(f64, u32)]) {

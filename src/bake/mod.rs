@@ -14,13 +14,14 @@
 //! recalled.
 //!
 //! # Memory
-//! A worker: 4.3 bytes for each texel of one image, the triangles of one patch (400
-//! bytes each), 10 MiB for samples, and 3 MiB of tiles.
+//! A worker: 4.3 bytes for each texel of one image, the triangles of one patch (400 bytes each), 7 MiB for samples, and
+//! 4 MiB of tiles.
 
 mod canvas;
 mod catalogue;
 mod closest;
 mod encode;
+mod nearby;
 mod original;
 mod paint;
 mod patch;

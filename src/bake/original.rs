@@ -10,9 +10,10 @@ use std::path::Path;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
+use super::nearby::Shown;
 use super::settings::BakePlace;
 use super::steps::{IMAGE, SURFACE};
-use super::texels::StoredImage;
+use super::texels::{Beyond, StoredImage};
 use crate::base::error::escape_path;
 use crate::base::id::TiVec;
 use crate::base::ordered::{map_in_order, map_within};
@@ -25,7 +26,7 @@ use crate::model::id::ImageId;
 use crate::model::{Catalogue, StoredMesh};
 use crate::partition::{self, ClusterSource, Partition, PartitionOptions, TextureScale, cluster, heavy, reading};
 use crate::read::SCAN;
-use crate::surface::cell::{Cell, CellFace, CellMaker, CellWriter, FACE_BYTES};
+use crate::surface::cell::{Cell, CellFace, CellMaker, CellView, CellWriter, FACE_BYTES};
 
 /// Texels of a surface without images, for each of its triangles.
 const TEXELS_OF_FACE: f64 = 8.0;
@@ -245,11 +246,27 @@ impl Original {
         Ok(original)
     }
 
-    /// Length of a texel's side where a triangle shows an image; `None` where it shows none.
+    /// What a triangle of a cell shows.
+    pub fn shown(&self, view: &CellView, face: u32) -> Shown {
+        let CellFace { vertices, image, texcoords } = view.faces[face as usize];
+        let plain = self.plain_colour(image);
+        if image != ImageId::NONE && plain.is_none() {
+            let repeats = texcoords.iter().flatten().any(|&at| at > 1.0);
+            return Shown::Image(image, texcoords, if repeats { Beyond::Repeat } else { Beyond::Edge });
+        }
+        let [a, b, c] = vertices.map(|vertex| view.colours.get(vertex as usize).copied());
+        match (a.zip(b).zip(c), plain) {
+            (Some(((a, b), c)), plain) => Shown::Vertices([a, b, c], plain),
+            (None, Some(colour)) => Shown::Plain(colour),
+            (None, None) => Shown::Nothing,
+        }
+    }
+
+    /// Length of a texel's side on a triangle of this area that shows an image; `None` where it shows none.
     #[inline]
-    pub fn texel_of(&self, face: &CellFace, area: f64) -> Option<f64> {
-        let pixels = *self.pixels.get(face.image)?;
-        let texel = (area / (texture_area(face.texcoords) * pixels)).sqrt();
+    pub fn texel_of(&self, shown: &Shown, area: f64) -> Option<f64> {
+        let Shown::Image(image, texcoords, _) = *shown else { return None };
+        let texel = (area / (texture_area(texcoords) * self.pixels.get(image)?)).sqrt();
         texel.is_normal().then_some(texel)
     }
 
@@ -260,9 +277,9 @@ impl Original {
             progress.check_stopped()?;
             let view = cell.view()?;
             faces += view.faces.len();
-            for (number, face) in view.faces.iter().enumerate() {
-                let area = area(view.triangle(number as u32));
-                if let Some(texel) = self.texel_of(face, area) {
+            for number in 0..view.faces.len() as u32 {
+                let area = area(view.triangle(number));
+                if let Some(texel) = self.texel_of(&self.shown(&view, number), area) {
                     lengths.add(texel, area);
                 }
             }

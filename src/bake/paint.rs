@@ -4,31 +4,32 @@
 //! 4 bytes a texel of the chart's box, that of the [samples](super::sharpen) of a block, of
 //! [`closest`](super::closest) and of a [`TexelReader`](super::texels::TexelReader).
 
-use glam::{DVec2, DVec3, Vec2, Vec3};
+use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
 
 use super::canvas::AtlasCanvas;
-use super::closest::{ClosestPlaces, OriginalPlace};
+use super::closest::ClosestPlaces;
+use super::nearby::{PointGroup, Shown};
 use super::original::Original;
 use super::raster::{IN_GUTTER, NOBODY, Owners};
-use super::sharpen::{NONE, SampleBlock, Samples};
-use super::texels::{Beyond, TexelReader};
+use super::sharpen::{SampleBlock, Samples};
+use super::texels::TexelReader;
 use crate::base::Result;
 use crate::base::id::TiVec;
 use crate::geometry::boxtree::Bounds;
 use crate::geometry::closest_weights;
 use crate::geometry::triangle::unit_normal;
 use crate::mesh::id::FaceId;
-use crate::model::id::ImageId;
-use crate::surface::cell::texcoord_of;
 use crate::unwrap::{ImageSize, PlacedChart, Triangles};
 
-/// Side of a square that is painted together, in texels of the original.
+/// Side of a square whose texels of one triangle are a group, in texels of the original.
 const SQUARE: f64 = 8.0;
+/// Squares along each side of a region, whose triangles are gathered together.
+const SQUARES: usize = 4;
 /// A place beyond its triangle is taken on the triangle's plane if no barycentric weight is below this, else at the
 /// triangle's nearest point.
 const LEAST_WEIGHT: f64 = -1.0;
 /// Largest factor between a texel's length and that where the original has its median.
-const DENSITY_RANGE: f64 = 2.0;
+const DENSITY_RANGE: f64 = std::f64::consts::SQRT_2;
 /// Places of a texel along each side at most.
 const SAMPLES_MAX: f64 = 4.0;
 
@@ -61,10 +62,15 @@ pub(super) struct ChartPainter<'a> {
     original: &'a Original,
     /// Places of a texel that are sampled, from its middle.
     pattern: Vec<Vec2>,
-    /// Side of a square that is painted together, in texels.
+    /// Side of a square, in texels.
     square: usize,
+    /// The texels of a region with their owners, group by group.
+    texels: Vec<(u32, [usize; 2])>,
+    /// The points of their samples.
     points: Vec<DVec3>,
-    colours: Vec<Vec3>,
+    groups: Vec<PointGroup>,
+    /// The colours of the points; the fourth number is 1, or 0 without colour.
+    colours: Vec<Vec4>,
     pub painted: Painted,
 }
 
@@ -73,12 +79,14 @@ impl<'a> ChartPainter<'a> {
     pub fn new(original: &'a Original, reach: f64, texel: f64) -> Self {
         let coarseness = texel / original.median_texel;
         Self {
-            closest: ClosestPlaces::new(&original.cells, reach),
+            closest: ClosestPlaces::new(original, reach),
             reader: TexelReader::new(&original.images),
             original,
             pattern: pattern(coarseness),
             square: (SQUARE / coarseness).round().clamp(1.0, 16.0) as usize,
+            texels: Vec::new(),
             points: Vec::new(),
+            groups: Vec::new(),
             colours: Vec::new(),
             painted: Painted::default(),
         }
@@ -99,8 +107,9 @@ impl<'a> ChartPainter<'a> {
             let corners = patch.corners(face);
             let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
             let mut length = None;
-            self.closest.of_group(&[middle], unit_normal(corners), &mut |_, place| {
-                length = self.original.texel_of(&place.face, place.area);
+            let group = PointGroup::new(&[middle], 0..1, unit_normal(corners));
+            self.closest.of_groups(&[middle], &[group], &mut |_, triangle, _| {
+                length = self.original.texel_of(&triangle.shown, triangle.area());
                 Ok(())
             })?;
             let length = length.map_or(usual, |length| length * factor);
@@ -138,7 +147,7 @@ impl<'a> ChartPainter<'a> {
         Ok(())
     }
 
-    /// Takes the samples of a block, square by square.
+    /// Takes the samples of a block, region by region.
     fn take_samples(
         &mut self,
         chart: &PlacedChart,
@@ -147,81 +156,114 @@ impl<'a> ChartPainter<'a> {
         block: &SampleBlock,
         samples: &mut Samples,
     ) -> Result<()> {
-        let ([left, top], [right, bottom]) = (block.first, block.end);
-        let mut square: Vec<(u32, [usize; 2])> = Vec::new();
+        let region = self.square * SQUARES;
+        for top in (block.first[1]..block.end[1]).step_by(region) {
+            for left in (block.first[0]..block.end[0]).step_by(region) {
+                let end = [(left + region).min(block.end[0]), (top + region).min(block.end[1])];
+                self.find_groups(chart, patch, owners, [[left, top], end]);
+                self.take_groups()?;
+                self.hand_over(block, samples);
+            }
+        }
+        Ok(())
+    }
+
+    /// Finds the groups of a region: the texels of one square and one triangle.
+    fn find_groups(
+        &mut self,
+        chart: &PlacedChart,
+        patch: &PatchSurface<'_>,
+        owners: &Owners,
+        [[left, top], [right, bottom]]: [[usize; 2]; 2],
+    ) {
+        self.texels.clear();
+        self.points.clear();
+        self.groups.clear();
         for y in (top..bottom).step_by(self.square) {
             for x in (left..right).step_by(self.square) {
-                square.clear();
+                let first = self.texels.len();
                 for row in y..(y + self.square).min(bottom) {
                     let columns = x..(x + self.square).min(right);
                     let owned = columns.map(|column| (owners.of[row * owners.size[0] + column], [column, row]));
-                    square.extend(owned.filter(|(owner, _)| *owner != NOBODY));
+                    self.texels.extend(owned.filter(|(owner, _)| *owner != NOBODY));
                 }
+                let square = &mut self.texels[first..];
                 if square.iter().any(|(owner, _)| *owner != square[0].0) {
                     square.sort_unstable();
                 }
                 for same in square.chunk_by(|a, b| a.0 == b.0) {
                     let (face, flat) = chart.faces[(same[0].0 & !IN_GUTTER) as usize];
                     let plane = Plane::new(flat.map(|corner| corner - owners.corner()), patch.corners(face));
-                    self.take_group(same, &plane, block, samples)?;
+                    let pattern = samples_of(&self.pattern, same[0].0);
+                    let first = self.points.len();
+                    for &(_, [column, row]) in same {
+                        let middle = DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
+                        self.points.extend(pattern.iter().map(|step| plane.point(middle + step.as_dvec2())));
+                    }
+                    self.groups.push(PointGroup::new(&self.points, first..self.points.len(), plane.normal));
                 }
             }
         }
-        Ok(())
     }
 
-    /// Takes the samples of some texels of one triangle.
-    fn take_group(
-        &mut self,
-        texels: &[(u32, [usize; 2])],
-        plane: &Plane,
-        block: &SampleBlock,
-        samples: &mut Samples,
-    ) -> Result<()> {
-        let is_gutter = texels[0].0 & IN_GUTTER != 0;
-        let pattern: &[Vec2] = if is_gutter { &[Vec2::ZERO] } else { &self.pattern };
-        let mut points = std::mem::take(&mut self.points);
-        points.clear();
-        for &(_, [column, row]) in texels {
-            let middle = DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
-            points.extend(pattern.iter().map(|step| plane.point(middle + step.as_dvec2())));
+    /// Finds the colours of the points of a region.
+    fn take_groups(&mut self) -> Result<()> {
+        self.colours.clear();
+        self.colours.resize(self.points.len(), Vec4::ZERO);
+        if self.groups.is_empty() {
+            return Ok(());
         }
-        let mut colours = std::mem::take(&mut self.colours);
-        colours.clear();
-        colours.resize(points.len(), NONE);
-        let Self { closest, reader, original, .. } = self;
-        closest.of_group(&points, plane.normal, &mut |number, place| {
-            colours[number] = colour_of(reader, original, &place)?.unwrap_or(NONE);
+        let Self { closest, reader, points, groups, colours, .. } = self;
+        closest.of_groups(points, groups, &mut |number, triangle, weights| {
+            colours[number] =
+                colour_of(reader, &triangle.shown, weights)?.map_or(Vec4::ZERO, |colour| colour.extend(1.0));
             Ok(())
-        })?;
-        for (&(_, texel), colours) in texels.iter().zip(colours.chunks(pattern.len())) {
-            let has_colour = samples.set(block, texel, colours, is_gutter);
+        })
+    }
+
+    /// Hands the colours of a region over to its block.
+    fn hand_over(&mut self, block: &SampleBlock, samples: &mut Samples) {
+        let mut first = 0;
+        for &(owner, texel) in &self.texels {
+            let count = samples_of(&self.pattern, owner).len();
+            let is_gutter = owner & IN_GUTTER != 0;
+            let has_colour = samples.set(block, texel, &self.colours[first..first + count], is_gutter);
             self.painted.colourless += u64::from(!has_colour && !is_gutter);
+            first += count;
         }
-        (self.points, self.colours) = (points, colours);
-        Ok(())
     }
 }
 
-/// The colour at a place of the original.
-fn colour_of(reader: &mut TexelReader<'_>, original: &Original, place: &OriginalPlace) -> Result<Option<Vec3>> {
-    let OriginalPlace { face, colours, weights, .. } = place;
-    let plain = original.plain_colour(face.image);
-    if face.image != ImageId::NONE && plain.is_none() {
-        let texcoord = texcoord_of(&face.texcoords, *weights);
-        let repeats = face.texcoords.iter().flatten().any(|&at| at > 1.0);
-        let beyond = if repeats { Beyond::Repeat } else { Beyond::Edge };
-        return reader.colour(face.image, texcoord, beyond);
+/// Places that are sampled of a texel with this owner.
+fn samples_of(pattern: &[Vec2], owner: u32) -> &[Vec2] {
+    if owner & IN_GUTTER != 0 { &[Vec2::ZERO] } else { pattern }
+}
+
+/// The colour at a place of a triangle.
+#[inline]
+fn colour_of(reader: &mut TexelReader<'_>, shown: &Shown, weights: [f32; 3]) -> Result<Option<Vec3>> {
+    match shown {
+        Shown::Image(image, texcoords, beyond) => reader.colour(*image, mixed(texcoords, weights), *beyond),
+        Shown::Plain(colour) => Ok(Some(*colour)),
+        Shown::Vertices(colours, plain) => Ok(of_vertices(colours, weights).or(*plain)),
+        Shown::Nothing => Ok(None),
     }
-    let of_vertices = colours.and_then(|colours| {
-        let known = || colours.iter().zip(weights).filter(|(colour, _)| colour[3] > 0);
-        let total: f64 = known().map(|(_, weight)| weight).sum();
-        let sum = known().map(|(colour, &weight)| {
-            Vec3::new(f32::from(colour[0]), f32::from(colour[1]), f32::from(colour[2])) * weight as f32
-        });
-        (total > 0.0).then(|| sum.sum::<Vec3>() / total as f32)
-    });
-    Ok(of_vertices.or(plain))
+}
+
+#[inline]
+fn mixed(texcoords: &[[f32; 2]; 3], weights: [f32; 3]) -> [f32; 2] {
+    let [a, b, c] = texcoords;
+    let mix = |axis: usize| a[axis] * weights[0] + b[axis] * weights[1] + c[axis] * weights[2];
+    [mix(0), mix(1)]
+}
+
+/// The colour between vertices that have one.
+fn of_vertices(colours: &[[u8; 4]; 3], weights: [f32; 3]) -> Option<Vec3> {
+    let known = || colours.iter().zip(weights).filter(|(colour, _)| colour[3] > 0);
+    let total: f32 = known().map(|(_, weight)| weight).sum();
+    let [red, green, blue] =
+        [0, 1, 2].map(|channel| known().map(|(colour, weight)| f32::from(colour[channel]) * weight).sum::<f32>());
+    (total > 0.0).then(|| Vec3::new(red, green, blue) / total)
 }
 
 /// Places of a texel that are sampled: two on a diagonal where it is as fine as those of the original, more where it is
@@ -240,19 +282,22 @@ struct Plane {
     flat: [DVec2; 3],
     solid: [DVec3; 3],
     normal: DVec3,
-    doubled_area: f64,
+    /// How the barycentric weights of the second and third corner grow along the image.
+    growth: [DVec2; 2],
 }
 
 impl Plane {
     fn new(flat: [DVec2; 3], solid: [DVec3; 3]) -> Self {
-        Self { flat, solid, normal: unit_normal(solid), doubled_area: (flat[1] - flat[0]).perp_dot(flat[2] - flat[0]) }
+        let [ab, ac] = [flat[1] - flat[0], flat[2] - flat[0]];
+        let doubled_area = ab.perp_dot(ac);
+        let growth = [-ac.perp() / doubled_area, ab.perp() / doubled_area];
+        Self { flat, solid, normal: unit_normal(solid), growth }
     }
 
     /// The place in space of one in the image.
     fn point(&self, at: DVec2) -> DVec3 {
-        let [a, b, c] = self.flat;
-        let at_b = (at - a).perp_dot(c - a) / self.doubled_area;
-        let at_c = (b - a).perp_dot(at - a) / self.doubled_area;
+        let from_a = at - self.flat[0];
+        let [at_b, at_c] = self.growth.map(|growth| growth.dot(from_a));
         let mut weights = [1.0 - at_b - at_c, at_b, at_c];
         if !weights.into_iter().all(|weight| weight >= LEAST_WEIGHT) {
             weights = closest_weights(at.extend(0.0), self.flat.map(|corner| corner.extend(0.0)));

@@ -12,9 +12,9 @@
 //! least-squares fit by linear splines.
 //!
 //! # Memory
-//! 40 bytes a texel of a block, and 12 bytes a sample.
+//! 32 bytes a texel of a block, and 16 bytes a sample.
 
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 
 /// Side of a block of texels, without its margin.
 const BLOCK: usize = 256;
@@ -23,8 +23,6 @@ const MARGIN: usize = 4;
 /// Steps, and how far each goes.
 const STEPS: usize = 2;
 const STEP: f32 = 1.5;
-/// A sample without colour.
-pub(super) const NONE: Vec3 = Vec3::NAN;
 /// Colour of a texel without any.
 const NO_COLOUR: Vec3 = Vec3::splat(204.0);
 
@@ -65,82 +63,120 @@ impl SampleBlock {
     }
 }
 
-/// The samples of a block.
+/// The samples of a block. Colours have a fourth number: 1, or 0 where there is no colour, with zeros.
 pub(super) struct Samples {
-    width: usize,
+    /// Width of the block, and of a texel on either side.
+    stride: usize,
     /// Samples of a texel.
     each: usize,
-    /// Colour of each texel.
-    values: Vec<Vec3>,
-    /// Samples of each texel; [`NONE`] in the gutter.
-    colours: Vec<Vec3>,
+    /// Colour of each texel, and of those around the block, which have none.
+    values: Vec<Vec4>,
+    /// Samples of each texel of the block; none in the gutter.
+    colours: Vec<Vec4>,
 }
 
 impl Samples {
     /// Of a block with `each` samples a texel, none of them taken yet.
     pub fn new(block: &SampleBlock, each: usize) -> Self {
         let [width, height] = block.size();
-        let texels = width * height;
-        Self { width, each, values: vec![NONE; texels], colours: vec![NONE; texels * each] }
+        let stride = width + 2;
+        let values = vec![Vec4::ZERO; stride * (height + 2)];
+        Self { stride, each, values, colours: vec![Vec4::ZERO; width * height * each] }
     }
 
     /// Sets the samples of a texel, or in the gutter its only one; returns whether any of them has a colour.
-    pub fn set(&mut self, block: &SampleBlock, texel: [usize; 2], colours: &[Vec3], is_gutter: bool) -> bool {
-        let at = block.index(texel);
-        let known = colours.iter().filter(|colour| !colour.is_nan());
-        let count = known.clone().count();
-        self.values[at] = if count > 0 { known.sum::<Vec3>() / count as f32 } else { NO_COLOUR };
-        if !is_gutter {
-            self.colours[at * self.each..][..self.each].copy_from_slice(colours);
+    pub fn set(&mut self, block: &SampleBlock, texel: [usize; 2], colours: &[Vec4], is_gutter: bool) -> bool {
+        let sum: Vec4 = colours.iter().sum();
+        let has_colour = sum.w > 0.0;
+        if has_colour {
+            let at = self.index(block, texel);
+            self.values[at] = sum / sum.w;
         }
-        count > 0
+        if !is_gutter {
+            let at = self.each * block.index(texel);
+            self.colours[at..at + self.each].copy_from_slice(colours);
+        }
+        has_colour
     }
 
     /// The colour of a texel.
     pub fn value(&self, block: &SampleBlock, texel: [usize; 2]) -> Vec3 {
-        self.values[block.index(texel)]
+        let value = self.values[self.index(block, texel)];
+        if value.w > 0.0 { value.truncate() } else { NO_COLOUR }
+    }
+
+    fn index(&self, block: &SampleBlock, [column, row]: [usize; 2]) -> usize {
+        (row + 1 - block.first[1]) * self.stride + column + 1 - block.first[0]
     }
 
     /// Moves the texels towards their samples, which lie at the places of a pattern.
     pub fn sharpen(&mut self, pattern: &[Vec2]) {
-        let taps: Vec<[(isize, f32); 4]> = pattern.iter().map(|&step| self.taps(step)).collect();
-        let (mut lacking, mut weights) = (vec![Vec3::ZERO; self.values.len()], vec![0.0; self.values.len()]);
+        let width = self.stride - 2;
+        let taps: Vec<Taps> = pattern.iter().map(|&step| Taps::of(step, self.stride)).collect();
+        let mut lacking = vec![Vec4::ZERO; self.values.len()];
         for _ in 0..STEPS {
-            lacking.fill(Vec3::ZERO);
-            weights.fill(0.0);
-            for at in 0..self.values.len() {
-                for (taps, &colour) in taps.iter().zip(&self.colours[at * self.each..][..self.each]) {
-                    if colour.is_nan() {
+            lacking.fill(Vec4::ZERO);
+            for (number, colours) in self.colours.chunks_exact(self.each).enumerate() {
+                let at = (number / width + 1) * self.stride + number % width + 1;
+                for (taps, &colour) in taps.iter().zip(colours) {
+                    if colour.w == 0.0 {
                         continue;
                     }
-                    // Taps of no texel count as the sample itself.
-                    let mut shown = Vec3::ZERO;
-                    for &(step, weight) in taps {
-                        let value = at.checked_add_signed(step).and_then(|tap| self.values.get(tap)).copied();
-                        shown += weight * value.filter(|value| !value.is_nan()).unwrap_or(colour);
-                    }
-                    let lack = colour - shown;
-                    for &(step, weight) in taps {
-                        if let Some(tap) = at.checked_add_signed(step).filter(|&tap| tap < self.values.len()) {
-                            lacking[tap] += weight * lack;
-                            weights[tap] += weight;
-                        }
-                    }
+                    let shown = taps.mix(&self.values, at);
+                    // Texels without colour count as the sample itself; the fourth number sums the weights.
+                    taps.spread(&mut lacking, at, (colour * shown.w - shown).with_w(1.0));
                 }
             }
-            for ((value, lacking), &weight) in self.values.iter_mut().zip(&lacking).zip(&weights) {
-                if weight > 0.0 && !value.is_nan() {
-                    *value += STEP / weight * *lacking;
+            for (value, lacking) in self.values.iter_mut().zip(&lacking) {
+                if lacking.w > 0.0 && value.w > 0.0 {
+                    *value += (STEP / lacking.w * *lacking).with_w(0.0);
                 }
             }
         }
     }
+}
 
-    /// The four texels between which a sample lies, from its own, and their shares.
-    fn taps(&self, step: Vec2) -> [(isize, f32); 4] {
-        let beside = |at: f32| if at < 0.0 { [(-1, -at), (0, 1.0 + at)] } else { [(0, 1.0 - at), (1, at)] };
-        let ([left, right], [upper, lower]) = (beside(step.x), beside(step.y));
-        [[left, upper], [right, upper], [left, lower], [right, lower]]
-            .map(|[across, down]| (across.0 + down.0 * self.width as isize, across.1 * down.1))
+/// The four texels between which a sample lies, and their shares.
+struct Taps {
+    /// From the texel that has the sample to the first of the four, less the stride and one.
+    first: usize,
+    stride: usize,
+    shares: [f32; 4],
+}
+
+impl Taps {
+    fn of(step: Vec2, stride: usize) -> Self {
+        let beside = |at: f32| if at < 0.0 { (0, [-at, 1.0 + at]) } else { (1, [1.0 - at, at]) };
+        let ((right, [left_share, right_share]), (below, [upper_share, lower_share])) =
+            (beside(step.x), beside(step.y));
+        let shares =
+            [upper_share * left_share, upper_share * right_share, lower_share * left_share, lower_share * right_share];
+        Self { first: below * stride + right, stride, shares }
+    }
+
+    /// The four texels, of which a sample of texel `at` is mixed.
+    #[inline]
+    fn rows(&self, at: usize) -> [usize; 2] {
+        let upper = at + self.first - self.stride - 1;
+        [upper, upper + self.stride]
+    }
+
+    #[inline]
+    fn mix(&self, values: &[Vec4], at: usize) -> Vec4 {
+        let [upper, lower] = self.rows(at).map(|first| &values[first..first + 2]);
+        let [a, b, c, d] = self.shares;
+        (a * upper[0] + b * upper[1]) + (c * lower[0] + d * lower[1])
+    }
+
+    #[inline]
+    fn spread(&self, sums: &mut [Vec4], at: usize, amount: Vec4) {
+        let [a, b, c, d] = self.shares;
+        let [upper, lower] = self.rows(at);
+        let row = &mut sums[upper..upper + 2];
+        row[0] += a * amount;
+        row[1] += b * amount;
+        let row = &mut sums[lower..lower + 2];
+        row[0] += c * amount;
+        row[1] += d * amount;
     }
 }

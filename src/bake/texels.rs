@@ -7,7 +7,7 @@
 //! does not fit the memory is stored at a lower resolution, which is noted.
 //!
 //! # Memory
-//! While an image is decoded, that of [`DecodePlan`](crate::image::decode::DecodePlan). A reader: 3 MiB of tiles.
+//! While an image is decoded, that of [`DecodePlan`](crate::image::decode::DecodePlan). A reader: 4 MiB of tiles.
 //!
 //! # Files
 //! `bake-image-<number>.texels`, 3 bytes a pixel.
@@ -16,7 +16,7 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
 use crate::base::id::TiSlice;
@@ -107,14 +107,18 @@ pub struct TexelReader<'a> {
     images: &'a TiSlice<ImageId, Option<StoredImage>>,
     /// Image and number of each tile that is kept, by a hash of both.
     kept: Vec<[u32; 2]>,
-    pixels: Vec<u8>,
+    /// Red, green, blue, and nothing.
+    pixels: Vec<[u8; 4]>,
+    /// A tile as it is read.
+    bytes: Vec<u8>,
     open: Option<(ImageId, File)>,
 }
 
 impl<'a> TexelReader<'a> {
     /// A reader that keeps no tile yet.
     pub fn new(images: &'a TiSlice<ImageId, Option<StoredImage>>) -> Self {
-        Self { images, kept: vec![NO_TILE; TILES_KEPT], pixels: vec![0; TILES_KEPT * TILE_BYTES], open: None }
+        let pixels = vec![[0; 4]; TILES_KEPT * TILE * TILE];
+        Self { images, kept: vec![NO_TILE; TILES_KEPT], pixels, bytes: vec![0; TILE_BYTES], open: None }
     }
 
     /// Colour (red, green, blue; 0 to 255) at a texture coordinate, with (0, 0) at the lower left, mixed of the four
@@ -122,50 +126,63 @@ impl<'a> TexelReader<'a> {
     ///
     /// # Errors
     /// On failed reads.
+    #[inline]
     pub fn colour(&mut self, image: ImageId, texcoord: [f32; 2], beyond: Beyond) -> Result<Option<Vec3>> {
-        let Some(stored) = self.images.get(image).and_then(Option::as_ref) else { return Ok(None) };
+        let Some(Some(stored)) = self.images.get(image) else { return Ok(None) };
         let [width, height] = stored.size;
-        let x = texcoord[0] * width as f32 - 0.5;
-        let y = (1.0 - texcoord[1]) * height as f32 - 0.5;
-        let (left, top) = (x.floor(), y.floor());
-        let (right_share, lower_share) = (x - left, y - top);
-        let within = |at: f32, side: u32| match beyond {
-            Beyond::Edge => at.clamp(0.0, (side - 1) as f32) as usize,
-            Beyond::Repeat => (at as i64).rem_euclid(i64::from(side)) as usize,
-        };
-        let columns = [left, left + 1.0].map(|at| within(at, width));
-        let rows = [top, top + 1.0].map(|at| within(at, height));
-        let [upper_left, upper_right, lower_left, lower_right] = if columns[0] / TILE == columns[1] / TILE
-            && rows[0] / TILE == rows[1] / TILE
-        {
-            let tile = self.tile(image, [columns[0] / TILE, rows[0] / TILE])?;
-            [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[column, row]| pixel(tile, columns[column], rows[row]))
+        let (left, right_share) = floor(texcoord[0] * width as f32 - 0.5);
+        let (top, lower_share) = floor((1.0 - texcoord[1]) * height as f32 - 0.5);
+        let columns = beyond.pair(left, width);
+        let rows = beyond.pair(top, height);
+        let pixels = if columns[0] / TILE == columns[1] / TILE && rows[0] / TILE == rows[1] / TILE {
+            let tile = self.tile(stored, image, [columns[0] / TILE, rows[0] / TILE])?;
+            let [left, right] = [columns[0] % TILE, columns[1] % TILE];
+            let [upper, lower] = [rows[0] % TILE * TILE, rows[1] % TILE * TILE];
+            [tile[upper + left], tile[upper + right], tile[lower + left], tile[lower + right]]
         } else {
-            let mut far = |column: usize, row: usize| -> Result<Vec3> {
-                Ok(pixel(self.tile(image, [column / TILE, row / TILE])?, column, row))
-            };
-            [far(columns[0], rows[0])?, far(columns[1], rows[0])?, far(columns[0], rows[1])?, far(columns[1], rows[1])?]
+            self.pixels_of_tiles(stored, image, columns, rows)?
         };
-        let upper = upper_left.lerp(upper_right, right_share);
-        Ok(Some(upper.lerp(lower_left.lerp(lower_right, right_share), lower_share)))
+        let [upper_left, upper_right, lower_left, lower_right] = pixels;
+        let upper = colour_of(upper_left).lerp(colour_of(upper_right), right_share);
+        let lower = colour_of(lower_left).lerp(colour_of(lower_right), right_share);
+        Ok(Some(upper.lerp(lower, lower_share).truncate()))
+    }
+
+    /// Four pixels that lie in several tiles.
+    fn pixels_of_tiles(
+        &mut self,
+        stored: &StoredImage,
+        image: ImageId,
+        [left, right]: [usize; 2],
+        [upper, lower]: [usize; 2],
+    ) -> Result<[[u8; 4]; 4]> {
+        let mut pixels = [[0; 4]; 4];
+        let places = [[left, upper], [right, upper], [left, lower], [right, lower]];
+        for (pixel, [column, row]) in pixels.iter_mut().zip(places) {
+            *pixel = self.tile(stored, image, [column / TILE, row / TILE])?[row % TILE * TILE + column % TILE];
+        }
+        Ok(pixels)
     }
 
     /// The pixels of a tile.
     #[inline]
-    fn tile(&mut self, image: ImageId, [across, down]: [usize; 2]) -> Result<&[u8]> {
-        let Some(stored) = self.images.get(image).and_then(Option::as_ref) else { return Ok(&[]) };
+    fn tile(
+        &mut self,
+        stored: &StoredImage,
+        image: ImageId,
+        [across, down]: [usize; 2],
+    ) -> Result<&[[u8; 4]; TILE * TILE]> {
         let tile = (down * stored.tiles()[0] + across) as u32;
         // Neighbours of a tile, and tiles of other images, have other places.
         let slot = (down % 16 * 16 + across % 16 + image.number() as usize * 37) % TILES_KEPT;
         if self.kept[slot] != [image.number(), tile] {
-            self.load(image, tile, slot)?;
+            self.load(stored, image, tile, slot)?;
         }
-        Ok(&self.pixels[slot * TILE_BYTES..][..TILE_BYTES])
+        Ok(&self.pixels.as_chunks().0[slot])
     }
 
     #[cold]
-    fn load(&mut self, image: ImageId, tile: u32, slot: usize) -> Result<()> {
-        let Some(stored) = self.images.get(image).and_then(Option::as_ref) else { return Ok(()) };
+    fn load(&mut self, stored: &StoredImage, image: ImageId, tile: u32, slot: usize) -> Result<()> {
         let wrap = |error| Error::io(&stored.path, "read", error);
         if self.open.as_ref().is_none_or(|(open, _)| *open != image) {
             self.open = Some((image, File::open(&stored.path).map_err(wrap)?));
@@ -173,16 +190,37 @@ impl<'a> TexelReader<'a> {
         let Some((_, file)) = &mut self.open else { return Ok(()) };
         self.kept[slot] = NO_TILE;
         file.seek(SeekFrom::Start(HEADER_BYTES + u64::from(tile) * TILE_BYTES as u64)).map_err(wrap)?;
-        file.read_exact(&mut self.pixels[slot * TILE_BYTES..][..TILE_BYTES]).map_err(wrap)?;
+        file.read_exact(&mut self.bytes).map_err(wrap)?;
+        let pixels = &mut self.pixels[slot * TILE * TILE..][..TILE * TILE];
+        for (pixel, &[red, green, blue]) in pixels.iter_mut().zip(self.bytes.as_chunks().0) {
+            *pixel = [red, green, blue, 0];
+        }
         self.kept[slot] = [image.number(), tile];
         Ok(())
     }
 }
 
-/// The pixel of a tile at a column and row of its image.
+impl Beyond {
+    /// Where the pixels at `first` and behind it are read, of `side` pixels.
+    #[inline]
+    fn pair(self, first: i64, side: u32) -> [usize; 2] {
+        let side = i64::from(side);
+        match self {
+            Self::Edge => [first.clamp(0, side - 1) as usize, (first + 1).clamp(0, side - 1) as usize],
+            Self::Repeat => [first.rem_euclid(side) as usize, (first + 1).rem_euclid(side) as usize],
+        }
+    }
+}
+
+/// The largest whole number that is not above one of less than 2⁶², and what is left.
 #[inline]
-fn pixel(tile: &[u8], column: usize, row: usize) -> Vec3 {
-    let at = 3 * (row % TILE * TILE + column % TILE);
-    let [red, green, blue] = [0, 1, 2].map(|channel| f32::from(tile[at + channel]));
-    Vec3::new(red, green, blue)
+fn floor(at: f32) -> (i64, f32) {
+    let cut = (at as i64).clamp(-(1 << 62), 1 << 62);
+    let whole = cut - i64::from(cut as f32 > at);
+    (whole, at - whole as f32)
+}
+
+#[inline]
+fn colour_of([red, green, blue, nothing]: [u8; 4]) -> Vec4 {
+    Vec4::new(f32::from(red), f32::from(green), f32::from(blue), f32::from(nothing))
 }

@@ -59,6 +59,11 @@ impl Bounds {
         (self.low - point).max(point - self.high).max(DVec3::ZERO).length_squared()
     }
 
+    /// Squared distance to another box; 0 if they meet.
+    pub fn between_sq(self, other: Self) -> f64 {
+        (self.low - other.high).max(other.low - self.high).max(DVec3::ZERO).length_squared()
+    }
+
     /// Squared distance from a point to the corner farthest from it.
     pub fn farthest_sq(self, point: DVec3) -> f64 {
         (point - self.low).abs().max((self.high - point).abs()).length_squared()

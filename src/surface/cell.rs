@@ -138,7 +138,8 @@ impl CellView {
     /// Corners of a triangle, relative to the origin.
     #[inline]
     pub fn triangle(&self, face: u32) -> [DVec3; 3] {
-        self.faces[face as usize].vertices.map(|vertex| self.positions[vertex as usize])
+        let [a, b, c] = self.faces[face as usize].vertices;
+        [self.positions[a as usize], self.positions[b as usize], self.positions[c as usize]]
     }
 
     /// Answer of the cell's tree to a question, whose point is relative to the origin.

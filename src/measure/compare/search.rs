@@ -213,10 +213,9 @@ impl<'a> Search<'a> {
 
     /// Sorts the cells by their distance from a box.
     fn sort_cells(&mut self, bounds: Bounds) {
-        let distance_sq =
-            |other: Bounds| (other.low - bounds.high).max(bounds.low - other.high).max(DVec3::ZERO).length_squared();
         self.order.clear();
-        self.order.extend(self.mesh.cells.iter().zip(0..).map(|(cell, number)| (distance_sq(cell.bounds), number)));
+        let cells = self.mesh.cells.iter().zip(0..);
+        self.order.extend(cells.map(|(cell, number)| (cell.bounds.between_sq(bounds), number)));
         self.order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     }
 
