@@ -23,7 +23,7 @@ impl AtlasCanvas {
 
     /// Sets a texel.
     #[inline]
-    pub fn set(&mut self, column: usize, row: usize, colour: Vec3) {
+    pub fn set(&mut self, [column, row]: [usize; 2], colour: Vec3) {
         let at = row * self.size[0] + column;
         let bytes = colour.clamp(Vec3::ZERO, Vec3::splat(255.0)).to_array().map(|channel| (channel + 0.5) as u8);
         self.set_bytes(at, bytes);
@@ -98,8 +98,8 @@ mod tests {
     #[test]
     fn what_is_not_set_takes_the_colour_of_what_is_near() {
         let mut canvas = AtlasCanvas::new([37, 21]);
-        canvas.set(3, 4, Vec3::new(200.0, 10.0, 30.0));
-        canvas.set(33, 18, Vec3::new(0.0, 100.0, 0.0));
+        canvas.set([3, 4], Vec3::new(200.0, 10.0, 30.0));
+        canvas.set([33, 18], Vec3::new(0.0, 100.0, 0.0));
         canvas.fill();
         let pixel = |x: usize, y: usize| &canvas.rgb[3 * (y * 37 + x)..][..3];
         assert_eq!(pixel(3, 4), [200, 10, 30]);

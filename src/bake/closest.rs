@@ -21,8 +21,8 @@ use crate::surface::cell::{Cell, CellView};
 
 /// Cells kept open at once.
 const VIEWS: usize = 8;
-/// Cells that are put in order for each chart; the others stay in that of the patch.
-const CHART_CELLS: usize = 64;
+/// Cells that are put in order for each block of texels; the others stay in that of the patch.
+const BLOCK_CELLS: usize = 64;
 /// Triangles near a region above which it is halved.
 const NEAR_MAX: usize = 256;
 /// Triangles that are gathered for a group at most: more lie across each other, and some of them are as good as all.
@@ -36,12 +36,12 @@ pub(super) struct ClosestPlaces<'a> {
     /// What a triangle that faces away counts as farther.
     away: f64,
     views: Vec<(u32, CellView)>,
-    /// Cells by their squared distance from the present patch; the first [`CHART_CELLS`] by that from the present chart.
+    /// Cells by their squared distance from the present patch; the first [`BLOCK_CELLS`] by that from the present block.
     order: Vec<(f64, u32)>,
     /// The same, all by the distance from the patch.
     patch_order: Vec<(f64, u32)>,
-    /// How many cells are in order of the distance from the chart.
-    of_chart: usize,
+    /// How many cells are in order of the distance from the block.
+    of_block: usize,
     nearby: Nearby,
 }
 
@@ -54,27 +54,27 @@ impl<'a> ClosestPlaces<'a> {
             views: Vec::new(),
             order: Vec::new(),
             patch_order: Vec::new(),
-            of_chart: 0,
+            of_block: 0,
             nearby: Nearby::default(),
         }
     }
 
-    /// The next charts lie in a box.
+    /// The next blocks lie in a box.
     pub fn begin_patch(&mut self, bounds: Bounds) {
         self.order.clear();
         let cells = self.cells().iter().zip(0..);
         self.order.extend(cells.map(|(cell, number)| (cell.bounds.between_sq(bounds), number)));
         sort(&mut self.order);
         self.patch_order = self.order.clone();
-        self.of_chart = 0;
+        self.of_block = 0;
     }
 
     /// The next groups lie in a box.
-    pub fn begin_chart(&mut self, bounds: Bounds) {
-        self.order[..self.of_chart].copy_from_slice(&self.patch_order[..self.of_chart]);
-        self.of_chart = self.order.len().min(CHART_CELLS);
+    pub fn begin_block(&mut self, bounds: Bounds) {
+        self.order[..self.of_block].copy_from_slice(&self.patch_order[..self.of_block]);
+        self.of_block = self.order.len().min(BLOCK_CELLS);
         let cells = self.cells();
-        let near = &mut self.order[..self.of_chart];
+        let near = &mut self.order[..self.of_block];
         near.iter_mut().for_each(|entry| entry.0 = cells[entry.1 as usize].bounds.between_sq(bounds));
         sort(near);
     }
@@ -130,7 +130,7 @@ impl<'a> ClosestPlaces<'a> {
     /// Calls `visit` with the cells that may be nearer than a squared distance; it returns the next such distance.
     fn visit_cells(&mut self, limit_sq: f64, mut visit: impl FnMut(&mut Self, u32, f64) -> Result<f64>) -> Result<()> {
         let mut limit_sq = limit_sq;
-        for range in [0..self.of_chart, self.of_chart..self.order.len()] {
+        for range in [0..self.of_block, self.of_block..self.order.len()] {
             for at in range {
                 let (least_sq, cell) = self.order[at];
                 if least_sq > limit_sq {

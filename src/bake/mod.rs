@@ -14,16 +14,18 @@
 //! recalled.
 //!
 //! # Memory
-//! A worker: 4.3 bytes for each texel of one image, the triangles of one patch (400 bytes each), 7 MiB for samples, and
-//! 4 MiB of tiles.
+//! A patch: 4.3 bytes for each texel of one image, and its triangles (600 bytes each). A painter, of which there is one
+//! for each thread: 7 MiB for samples, and 4 MiB of tiles.
 
 mod canvas;
 mod catalogue;
 mod closest;
+mod density;
 mod encode;
 mod nearby;
 mod original;
 mod paint;
+mod painters;
 mod patch;
 mod raster;
 mod run;

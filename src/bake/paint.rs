@@ -1,8 +1,10 @@
-//! Paints a chart: each texel the colour that the original shows there.
+//! Paints charts: each texel the colour that the original shows there.
 //!
 //! # Memory
-//! 4 bytes a texel of the chart's box, that of the [samples](super::sharpen) of a block, of
-//! [`closest`](super::closest) and of a [`TexelReader`](super::texels::TexelReader).
+//! 4 bytes a texel of a block, that of its [samples](super::sharpen), of [`closest`](super::closest) and of a
+//! [`TexelReader`](super::texels::TexelReader).
+
+use std::sync::Mutex;
 
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
 
@@ -10,16 +12,16 @@ use super::canvas::AtlasCanvas;
 use super::closest::ClosestPlaces;
 use super::nearby::{PointGroup, Shown};
 use super::original::Original;
-use super::raster::{IN_GUTTER, NOBODY, Owners};
+use super::raster::{IN_GUTTER, NOBODY, Owners, TexelRect};
 use super::sharpen::{SampleBlock, Samples};
 use super::texels::TexelReader;
 use crate::base::Result;
-use crate::base::id::TiVec;
+use crate::base::lock::lock;
 use crate::geometry::boxtree::Bounds;
 use crate::geometry::closest_weights;
 use crate::geometry::triangle::unit_normal;
 use crate::mesh::id::FaceId;
-use crate::unwrap::{ImageSize, PlacedChart, Triangles};
+use crate::unwrap::{GUTTER, PlacedChart, Triangles};
 
 /// Side of a square whose texels of one triangle are a group, in texels of the original.
 const SQUARE: f64 = 8.0;
@@ -28,8 +30,6 @@ const SQUARES: usize = 4;
 /// A place beyond its triangle is taken on the triangle's plane if no barycentric weight is below this, else at the
 /// triangle's nearest point.
 const LEAST_WEIGHT: f64 = -1.0;
-/// Largest factor between a texel's length and that where the original has its median.
-const DENSITY_RANGE: f64 = std::f64::consts::SQRT_2;
 /// Places of a texel along each side at most.
 const SAMPLES_MAX: f64 = 4.0;
 
@@ -42,6 +42,13 @@ pub(super) struct Painted {
     pub colourless: u64,
 }
 
+impl Painted {
+    /// The sum of both.
+    pub fn plus(self, other: Self) -> Self {
+        Self { covered: self.covered + other.covered, colourless: self.colourless + other.colourless }
+    }
+}
+
 /// The triangles of a patch, and where they lie.
 pub(super) struct PatchSurface<'a> {
     pub triangles: Triangles<'a>,
@@ -50,7 +57,13 @@ pub(super) struct PatchSurface<'a> {
 }
 
 impl PatchSurface<'_> {
-    fn corners(&self, face: FaceId) -> [DVec3; 3] {
+    /// The smallest box around it.
+    pub fn bounds(&self) -> Bounds {
+        Bounds::around(self.triangles.positions.iter().map(|&position| position + self.origin))
+    }
+
+    /// Corners of a triangle.
+    pub fn corners(&self, face: FaceId) -> [DVec3; 3] {
         self.triangles.corners(face).map(|corner| corner + self.origin)
     }
 }
@@ -59,7 +72,6 @@ impl PatchSurface<'_> {
 pub(super) struct ChartPainter<'a> {
     closest: ClosestPlaces<'a>,
     reader: TexelReader<'a>,
-    original: &'a Original,
     /// Places of a texel that are sampled, from its middle.
     pattern: Vec<Vec2>,
     /// Side of a square, in texels.
@@ -71,17 +83,16 @@ pub(super) struct ChartPainter<'a> {
     groups: Vec<PointGroup>,
     /// The colours of the points; the fourth number is 1, or 0 without colour.
     colours: Vec<Vec4>,
-    pub painted: Painted,
+    painted: Painted,
 }
 
 impl<'a> ChartPainter<'a> {
-    /// Paints texels that are `texel` long where the original has its median.
+    /// Paints with texels that are `texel` long where the original has its median.
     pub fn new(original: &'a Original, reach: f64, texel: f64) -> Self {
         let coarseness = texel / original.median_texel;
         Self {
             closest: ClosestPlaces::new(original, reach),
             reader: TexelReader::new(&original.images),
-            original,
             pattern: pattern(coarseness),
             square: (SQUARE / coarseness).round().clamp(1.0, 16.0) as usize,
             texels: Vec::new(),
@@ -92,33 +103,22 @@ impl<'a> ChartPainter<'a> {
         }
     }
 
-    /// Length of a texel's side on each triangle of a patch: as the original has it there, within a factor of
-    /// [`DENSITY_RANGE`] of `usual`, its length where the original has the median.
-    ///
-    /// # Errors
-    /// On failed reads.
-    pub fn texels(&mut self, patch: &PatchSurface<'_>, usual: f64) -> Result<TiVec<FaceId, f64>> {
-        let mesh = patch.triangles;
-        let bounds = Bounds::around(mesh.positions.iter().map(|&position| position + patch.origin));
-        self.closest.begin_patch(bounds);
-        let factor = usual / self.original.median_texel;
-        let mut lengths = TiVec::with_capacity(mesh.vertices.len());
-        for face in mesh.vertices.keys() {
-            let corners = patch.corners(face);
-            let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
-            let mut length = None;
-            let group = PointGroup::new(&[middle], 0..1, unit_normal(corners));
-            self.closest.of_groups(&[middle], &[group], &mut |_, triangle, _| {
-                length = self.original.texel_of(&triangle.shown, triangle.area());
-                Ok(())
-            })?;
-            let length = length.map_or(usual, |length| length * factor);
-            lengths.push(length.clamp(usual / DENSITY_RANGE, usual * DENSITY_RANGE));
-        }
-        Ok(lengths)
+    /// Places of a texel that are sampled.
+    pub fn samples_of_texel(&self) -> usize {
+        self.pattern.len()
     }
 
-    /// Paints a chart of a patch.
+    /// What was painted since the last call.
+    pub fn take_painted(&mut self) -> Painted {
+        std::mem::take(&mut self.painted)
+    }
+
+    /// The next charts are those of a patch.
+    pub fn begin(&mut self, patch: &PatchSurface<'_>) {
+        self.closest.begin_patch(patch.bounds());
+    }
+
+    /// Paints a block of a chart of a patch.
     ///
     /// # Errors
     /// On failed reads.
@@ -126,82 +126,57 @@ impl<'a> ChartPainter<'a> {
         &mut self,
         chart: &PlacedChart,
         patch: &PatchSurface<'_>,
-        size: ImageSize,
-        canvas: &mut AtlasCanvas,
-    ) -> Result<()> {
-        let owners = Owners::of(chart, size);
-        let bounds = Bounds::around(chart.faces.iter().flat_map(|(face, _)| patch.corners(*face)));
-        self.closest.begin_chart(bounds);
-        self.painted.covered += owners.covered;
-        for block in SampleBlock::of(owners.size) {
-            let mut samples = Samples::new(&block, self.pattern.len());
-            self.take_samples(chart, patch, &owners, &block, &mut samples)?;
-            samples.sharpen(&self.pattern);
-            for [column, row] in block.inner() {
-                if owners.of[row * owners.size[0] + column] != NOBODY {
-                    let texel = samples.value(&block, [column, row]);
-                    canvas.set(column + owners.first[0], row + owners.first[1], texel);
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Takes the samples of a block, region by region.
-    fn take_samples(
-        &mut self,
-        chart: &PlacedChart,
-        patch: &PatchSurface<'_>,
-        owners: &Owners,
         block: &SampleBlock,
-        samples: &mut Samples,
+        canvas: &Mutex<AtlasCanvas>,
     ) -> Result<()> {
-        let region = self.square * SQUARES;
-        for top in (block.first[1]..block.end[1]).step_by(region) {
-            for left in (block.first[0]..block.end[0]).step_by(region) {
-                let end = [(left + region).min(block.end[0]), (top + region).min(block.end[1])];
-                self.find_groups(chart, patch, owners, [[left, top], end]);
-                self.take_groups()?;
-                self.hand_over(block, samples);
+        let limits = TexelRect { first: [0; 2], end: lock(canvas).size };
+        let owners = Owners::of(chart, block.outer.grown(GUTTER as usize, limits));
+        let owned = || block.outer.texels().map(|texel| owners.owner(texel)).filter(|&owner| owner != NOBODY);
+        let mut faces: Vec<u32> = owned().map(|owner| owner & !IN_GUTTER).collect();
+        faces.sort_unstable();
+        faces.dedup();
+        let corners = faces.into_iter().flat_map(|face| patch.corners(chart.faces[face as usize].0));
+        self.closest.begin_block(Bounds::around(corners));
+        let mut samples = Samples::new(block, self.pattern.len());
+        for region in block.outer.squares(self.square * SQUARES) {
+            self.find_groups(chart, patch, &owners, region);
+            self.take_groups()?;
+            self.hand_over(block, &mut samples);
+        }
+        samples.sharpen(&self.pattern);
+        let mut canvas = lock(canvas);
+        for texel in block.inner.texels() {
+            let owner = owners.owner(texel);
+            if owner != NOBODY {
+                canvas.set(texel, samples.value(block, texel));
             }
         }
         Ok(())
     }
 
     /// Finds the groups of a region: the texels of one square and one triangle.
-    fn find_groups(
-        &mut self,
-        chart: &PlacedChart,
-        patch: &PatchSurface<'_>,
-        owners: &Owners,
-        [[left, top], [right, bottom]]: [[usize; 2]; 2],
-    ) {
+    fn find_groups(&mut self, chart: &PlacedChart, patch: &PatchSurface<'_>, owners: &Owners, region: TexelRect) {
         self.texels.clear();
         self.points.clear();
         self.groups.clear();
-        for y in (top..bottom).step_by(self.square) {
-            for x in (left..right).step_by(self.square) {
-                let first = self.texels.len();
-                for row in y..(y + self.square).min(bottom) {
-                    let columns = x..(x + self.square).min(right);
-                    let owned = columns.map(|column| (owners.of[row * owners.size[0] + column], [column, row]));
-                    self.texels.extend(owned.filter(|(owner, _)| *owner != NOBODY));
+        for square in region.squares(self.square) {
+            let first = self.texels.len();
+            let owned = square.texels().map(|texel| (owners.owner(texel), texel));
+            self.texels.extend(owned.filter(|(owner, _)| *owner != NOBODY));
+            let texels = &mut self.texels[first..];
+            if texels.iter().any(|(owner, _)| *owner != texels[0].0) {
+                texels.sort_unstable();
+            }
+            for same in texels.chunk_by(|a, b| a.0 == b.0) {
+                let (face, flat) = chart.faces[(same[0].0 & !IN_GUTTER) as usize];
+                let plane = Plane::new(flat, patch.corners(face));
+                let pattern = samples_of(&self.pattern, same[0].0);
+                let first = self.points.len();
+                for &(_, [column, row]) in same {
+                    let middle = DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
+                    self.points.extend(pattern.iter().map(|step| plane.point(middle + step.as_dvec2())));
                 }
-                let square = &mut self.texels[first..];
-                if square.iter().any(|(owner, _)| *owner != square[0].0) {
-                    square.sort_unstable();
-                }
-                for same in square.chunk_by(|a, b| a.0 == b.0) {
-                    let (face, flat) = chart.faces[(same[0].0 & !IN_GUTTER) as usize];
-                    let plane = Plane::new(flat.map(|corner| corner - owners.corner()), patch.corners(face));
-                    let pattern = samples_of(&self.pattern, same[0].0);
-                    let first = self.points.len();
-                    for &(_, [column, row]) in same {
-                        let middle = DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
-                        self.points.extend(pattern.iter().map(|step| plane.point(middle + step.as_dvec2())));
-                    }
-                    self.groups.push(PointGroup::new(&self.points, first..self.points.len(), plane.normal));
-                }
+                self.groups.push(PointGroup::new(&self.points, first..self.points.len(), plane.normal));
             }
         }
     }
@@ -228,7 +203,10 @@ impl<'a> ChartPainter<'a> {
             let count = samples_of(&self.pattern, owner).len();
             let is_gutter = owner & IN_GUTTER != 0;
             let has_colour = samples.set(block, texel, &self.colours[first..first + count], is_gutter);
-            self.painted.colourless += u64::from(!has_colour && !is_gutter);
+            if !is_gutter && block.inner.contains(texel) {
+                self.painted.covered += 1;
+                self.painted.colourless += u64::from(!has_colour);
+            }
             first += count;
         }
     }

@@ -4,10 +4,11 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::canvas::AtlasCanvas;
+use super::density::texel_lengths;
 use super::encode;
 use super::original::Original;
-use super::paint::{ChartPainter, Painted, PatchSurface};
+use super::paint::PatchSurface;
+use super::painters::Painters;
 use super::settings::BakeSettings;
 use crate::base::Result;
 use crate::base::id::TiVec;
@@ -50,7 +51,8 @@ pub(super) struct PatchBaker<'a> {
     /// Length of a texel's side where the original has its median.
     pub texel: f64,
     /// What a surface that faces away counts as farther.
-    pub reach: f64,
+    pub away: f64,
+    pub painters: Painters<'a>,
 }
 
 /// A patch with its texture coordinates, before it is stored.
@@ -69,23 +71,20 @@ impl PatchBaker<'_> {
         let mesh = &source.mesh;
         let triangles = Triangles { positions: &mesh.positions, vertices: &mesh.corner_vertices };
         let patch = PatchSurface { triangles, origin: source.origin };
-        let mut painter = ChartPainter::new(self.original, self.reach, self.texel);
-        let texels = painter.texels(&patch, self.texel)?;
+        let texels = texel_lengths(self.original, &patch, self.texel, self.away)?;
         let unwrapped = unwrap(triangles, &UnwrapSettings { texels: &texels, side: self.settings.side });
         let mut baked =
             BakedPatch { charts: unwrapped.charts.len() as u64, shrunk: unwrapped.shrunk, ..BakedPatch::default() };
         for (number, &size) in unwrapped.images.iter().enumerate() {
-            let mut canvas = AtlasCanvas::new([size.width as usize, size.height as usize]);
-            for chart in unwrapped.charts.iter().filter(|chart| chart.image as usize == number) {
-                painter.paint(chart, &patch, size, &mut canvas)?;
-            }
+            let charts = unwrapped.charts.iter().filter(|chart| chart.image as usize == number);
+            let (mut canvas, painted) = self.painters.paint(&patch, charts, size)?;
             canvas.fill();
             let path = folder.join(image_name(name, number, self.settings.format));
             encode::write(&canvas, self.settings.format, &path)?;
             baked.images.push(BakedImage { path, size: [size.width, size.height] });
+            baked.covered += painted.covered;
+            baked.colourless += painted.colourless;
         }
-        let Painted { covered, colourless } = painter.painted;
-        (baked.covered, baked.colourless) = (covered, colourless);
         let mesh = textured(mesh, &unwrapped);
         Ok(TexturedPatch { source, mesh, baked })
     }

@@ -18,40 +18,89 @@ pub(super) const IN_GUTTER: u32 = 1 << 31;
 /// Steps to the texels around one: beside it first.
 const AROUND: [(isize, isize); 8] = [(0, -1), (-1, 0), (1, 0), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
 
-/// A part of an image, with the triangle that each texel belongs to.
-pub(super) struct Owners {
-    /// Column and row of the first texel in the image.
+/// Texels of an image: columns and rows from `first` up to, but without, `end`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct TexelRect {
     pub first: [usize; 2],
-    /// Width and height.
-    pub size: [usize; 2],
-    /// Index of the chart's triangle for each texel, row by row, with [`IN_GUTTER`]; or [`NOBODY`].
-    pub of: Vec<u32>,
-    /// Number of texels whose middle a triangle covers.
-    pub covered: u64,
+    pub end: [usize; 2],
 }
 
-impl Owners {
-    /// Finds the triangles of a chart's texels.
-    pub fn of(chart: &PlacedChart, image: ImageSize) -> Self {
+impl TexelRect {
+    /// The texels of a chart and of the gutter around it.
+    pub fn around(chart: &PlacedChart, image: ImageSize) -> Self {
         let corners = || chart.faces.iter().flat_map(|(_, corners)| *corners);
         let low = corners().fold(DVec2::INFINITY, DVec2::min);
         let high = corners().fold(DVec2::NEG_INFINITY, DVec2::max);
         let gutter = f64::from(GUTTER);
         let end = |at: f64, side: u32| ((at + gutter).ceil().max(1.0) as usize).min(side as usize);
-        let first = [low.x, low.y].map(|at| (at - gutter).floor().max(0.0) as usize);
-        let size = [end(high.x, image.width) - first[0], end(high.y, image.height) - first[1]];
-        let mut owners = Self { first, size, of: vec![NOBODY; size[0] * size[1]], covered: 0 };
-        for (number, (_, corners)) in chart.faces.iter().enumerate() {
-            owners.cover(number as u32, *corners);
+        let end = [end(high.x, image.width), end(high.y, image.height)];
+        let first = |at: f64, end: usize| ((at - gutter).floor().max(0.0) as usize).min(end - 1);
+        Self { first: [first(low.x, end[0]), first(low.y, end[1])], end }
+    }
+
+    /// With `margin` texels more on each side, as far as they lie in `limits`.
+    pub fn grown(self, margin: usize, limits: Self) -> Self {
+        Self {
+            first: [0, 1].map(|axis| self.first[axis].saturating_sub(margin).max(limits.first[axis])),
+            end: [0, 1].map(|axis| (self.end[axis] + margin).min(limits.end[axis])),
         }
-        if owners.covered == 0 {
+    }
+
+    /// Squares of a side, or what of them lies in it, row by row.
+    pub fn squares(self, side: usize) -> impl Iterator<Item = Self> {
+        let Self { first: [left, top], end: [right, bottom] } = self;
+        let at = move |x: usize, y: usize| Self { first: [x, y], end: [(x + side).min(right), (y + side).min(bottom)] };
+        (top..bottom).step_by(side).flat_map(move |y| (left..right).step_by(side).map(move |x| at(x, y)))
+    }
+
+    /// Column and row of each texel, row by row.
+    pub fn texels(self) -> impl Iterator<Item = [usize; 2]> {
+        let Self { first: [left, top], end: [right, bottom] } = self;
+        (top..bottom).flat_map(move |row| (left..right).map(move |column| [column, row]))
+    }
+
+    /// Width and height.
+    pub fn size(self) -> [usize; 2] {
+        [0, 1].map(|axis| self.end[axis] - self.first[axis])
+    }
+
+    /// Whether a texel lies in it.
+    #[inline]
+    pub fn contains(self, texel: [usize; 2]) -> bool {
+        (0..2).all(|axis| (self.first[axis]..self.end[axis]).contains(&texel[axis]))
+    }
+
+    /// Number of a texel in it, row by row.
+    #[inline]
+    pub fn index(self, [column, row]: [usize; 2]) -> usize {
+        (row - self.first[1]) * (self.end[0] - self.first[0]) + column - self.first[0]
+    }
+}
+
+/// The triangle that each texel of a part of an image belongs to.
+pub(super) struct Owners {
+    rect: TexelRect,
+    /// Index of the chart's triangle for each texel, row by row, with [`IN_GUTTER`]; or [`NOBODY`].
+    of: Vec<u32>,
+}
+
+impl Owners {
+    /// Finds the triangles of a chart's texels, and of those around them that [`GUTTER`] steps inside of `rect` reach.
+    pub fn of(chart: &PlacedChart, rect: TexelRect) -> Self {
+        let [width, height] = rect.size();
+        let mut owners = Self { rect, of: vec![NOBODY; width * height] };
+        let mut is_covered = false;
+        for (number, (_, corners)) in chart.faces.iter().enumerate() {
+            is_covered |= owners.cover(number as u32, *corners);
+        }
+        if !is_covered {
             // No triangle covers the middle of a texel: each takes the one that it lies in.
             for (number, (_, corners)) in chart.faces.iter().enumerate() {
                 let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
-                let [x, y] = [middle.x as usize - first[0], middle.y as usize - first[1]];
-                let at = y.min(size[1] - 1) * size[0] + x.min(size[0] - 1);
-                if owners.of[at] == NOBODY {
-                    owners.of[at] = number as u32;
+                let texel = [middle.x as usize, middle.y as usize];
+                if rect.contains(texel) {
+                    let owner = &mut owners.of[rect.index(texel)];
+                    *owner = (*owner).min(number as u32);
                 }
             }
         }
@@ -59,18 +108,21 @@ impl Owners {
         owners
     }
 
-    /// The upper left corner of the first texel, in the image.
-    pub fn corner(&self) -> DVec2 {
-        DVec2::new(self.first[0] as f64, self.first[1] as f64)
+    /// The owner of a texel.
+    #[inline]
+    pub fn owner(&self, texel: [usize; 2]) -> u32 {
+        self.of[self.rect.index(texel)]
     }
 
-    /// Gives the texels whose middle a triangle covers to it, unless they have an owner.
-    fn cover(&mut self, number: u32, corners: [DVec2; 3]) {
-        let shift = self.corner() + 0.5;
+    /// Gives the texels whose middle a triangle covers to it, unless they have an owner; returns whether there are any.
+    fn cover(&mut self, number: u32, corners: [DVec2; 3]) -> bool {
+        let [width, height] = self.rect.size();
+        let shift = DVec2::new(self.rect.first[0] as f64, self.rect.first[1] as f64) + 0.5;
         let corners = corners.map(|corner| corner - shift);
         let [a, b, c] = corners;
+        let mut is_covering = false;
         let (low, high) = (a.min(b).min(c).ceil().max(DVec2::ZERO), a.max(b).max(c).floor());
-        let last_row = high.y.min((self.size[1] - 1) as f64);
+        let last_row = high.y.min((height - 1) as f64);
         let mut row = low.y;
         while row <= last_row {
             // Between where the row enters the triangle and where it leaves it.
@@ -84,24 +136,25 @@ impl Owners {
                     leave = leave.max(ends[0]).max(ends[1]);
                 }
             }
-            let line = row as usize * self.size[0];
-            let end = leave.floor().min((self.size[0] - 1) as f64);
+            let line = row as usize * width;
+            let end = leave.floor().min((width - 1) as f64);
             let mut column = enter.ceil().max(0.0);
             while column <= end {
                 let owner = &mut self.of[line + column as usize];
                 if *owner == NOBODY {
                     *owner = number;
-                    self.covered += 1;
                 }
+                is_covering = true;
                 column += 1.0;
             }
             row += 1.0;
         }
+        is_covering
     }
 
     /// Gives the texels around those with an owner to that owner, ring by ring.
     fn widen(&mut self) {
-        let [width, height] = self.size;
+        let [width, height] = self.rect.size();
         let beside = |at: usize, (right, down): (isize, isize)| {
             let (x, y) = ((at % width).checked_add_signed(right)?, (at / width).checked_add_signed(down)?);
             (x < width && y < height).then_some(y * width + x)

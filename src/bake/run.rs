@@ -6,8 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use super::catalogue::image_catalogue;
 use super::original::{Original, OriginalSurface};
+use super::painters::{PAINTER_BYTES, Painters};
 use super::patch::{BakedImage, BakedPatch, PatchBaker, TexturedPatch};
-use super::settings::{BakePlace, BakeSettings};
+use super::settings::{BakeLimits, BakePlace, BakeSettings};
 use super::steps::{PATCH, PATCHES, SURFACE};
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Permits, Result, bytes};
@@ -27,14 +28,12 @@ const IMAGE_SHARE: f64 = 0.6;
 /// Smallest and largest number of triangles of a patch.
 const PATCH_FACES: [u64; 2] = [256, 50_000];
 /// A surface that faces away counts as farther by this many deviations of the result.
-const REACH_DEVIATIONS: f64 = 1.0;
+const AWAY_DEVIATIONS: f64 = 1.0;
 /// Bytes of a texel of an image, and of a triangle of a patch.
 const TEXEL_BYTES: f64 = 4.3;
 const FACE_BYTES: u64 = 600;
 /// Bytes of a texel in a file, about, that the disk must have room for.
 const IMAGE_TEXEL_BYTES: f64 = 0.5;
-/// Bytes that a worker takes besides.
-const WORKER_BYTES: u64 = 16 << 20;
 
 /// The textured result.
 #[derive(Debug)]
@@ -145,6 +144,8 @@ struct Baking<'a> {
     catalogue: Catalogue,
     baker: PatchBaker<'a>,
     patch_faces: u64,
+    /// Memory of all patches in flight, in bytes.
+    patch_bytes: u64,
     place: BakePlace<'a>,
 }
 
@@ -168,7 +169,13 @@ impl<'a> Baking<'a> {
         let room = IMAGE_SHARE * FILL * f64::from(settings.side) * f64::from(settings.side);
         let faces = result.mesh.face_count();
         let patch_faces = (faces as f64 * room / all) as u64;
-        let baker = PatchBaker { original, settings: *settings, texel, reach: REACH_DEVIATIONS * settings.deviation };
+        let away = AWAY_DEVIATIONS * settings.deviation;
+        let BakeLimits { threads, work_bytes } = place.limits;
+        let most = (work_bytes.saturating_sub(canvas_bytes(settings.side)) / PAINTER_BYTES) as usize;
+        let count = most.clamp(1, threads.max(1));
+        let painters = Painters::new(original, texel, away, count, place.progress);
+        let baker = PatchBaker { original, settings: *settings, texel, away, painters };
+        let patch_bytes = work_bytes.saturating_sub(count as u64 * PAINTER_BYTES);
         let catalogue = Catalogue {
             position_decimals: result.catalogue.position_decimals,
             texcoord_decimals: result.catalogue.texcoord_decimals,
@@ -176,7 +183,7 @@ impl<'a> Baking<'a> {
         };
         let patch_faces = patch_faces.clamp(PATCH_FACES[0], PATCH_FACES[1]);
         refuse_too_many_texels(all, settings.texels, place.work.path())?;
-        Ok(Self { result: *result, catalogue, baker, patch_faces, place: *place })
+        Ok(Self { result: *result, catalogue, baker, patch_faces, patch_bytes, place: *place })
     }
 
     fn cut(&self) -> Result<Partition> {
@@ -205,8 +212,8 @@ impl<'a> Baking<'a> {
     fn run(&self) -> Result<(StoredMesh, BakedFigures, Vec<BakedImage>)> {
         let partition = self.cut()?;
         let scale = TextureScale::none(&self.catalogue);
-        let canvas_bytes = image_bytes(self.baker.settings.side);
-        let permits = Permits::new(self.place.limits.work_bytes);
+        let canvas_bytes = canvas_bytes(self.baker.settings.side);
+        let permits = Permits::new(self.patch_bytes);
         self.place.progress.begin("bake", partition.total_faces(), "faces");
         let (mut mesh, mut figures) = (StoredMesh::default(), BakedFigures::default());
         figures.texel = self.baker.texel;
@@ -309,9 +316,14 @@ fn refuse_too_many_texels(texels: f64, share: f64, folder: &Path) -> Result<()> 
     }
 }
 
-/// Memory of a worker that bakes an image of this side, in bytes.
+/// Least memory of a bake with images of this side, in bytes.
 pub fn image_bytes(side: u32) -> u64 {
-    (TEXEL_BYTES * f64::from(side) * f64::from(side)) as u64 + WORKER_BYTES
+    canvas_bytes(side) + PAINTER_BYTES
+}
+
+/// Memory of an image of this side that is being baked, in bytes.
+fn canvas_bytes(side: u32) -> u64 {
+    (TEXEL_BYTES * f64::from(side) * f64::from(side)) as u64
 }
 
 fn patch_key(cluster: ClusterId) -> StepKey {

@@ -16,8 +16,12 @@
 
 use glam::{Vec2, Vec3, Vec4};
 
-/// Side of a block of texels, without its margin.
+use super::raster::TexelRect;
+
+/// Side of a block of texels, without its margin, and that with more than [`FEW_SAMPLES`] a texel.
 const BLOCK: usize = 256;
+const BLOCK_OF_MANY: usize = 128;
+const FEW_SAMPLES: usize = 4;
 /// Texels around a block that are sampled with it: as far as the steps reach.
 const MARGIN: usize = 4;
 /// Steps, and how far each goes.
@@ -26,40 +30,20 @@ const STEP: f32 = 1.5;
 /// Colour of a texel without any.
 const NO_COLOUR: Vec3 = Vec3::splat(204.0);
 
-/// A part of a chart's box that is worked on at once.
+/// A part of a chart that is painted at once.
+#[derive(Debug, Clone, Copy)]
 pub(super) struct SampleBlock {
-    /// First column and row, with the margin.
-    pub first: [usize; 2],
-    /// Behind the last column and row, with the margin.
-    pub end: [usize; 2],
-    /// The same without the margin.
-    inner: [[usize; 2]; 2],
+    /// Its texels.
+    pub inner: TexelRect,
+    /// With the margin: these are sampled.
+    pub outer: TexelRect,
 }
 
 impl SampleBlock {
-    /// The blocks of a box.
-    pub fn of(size: [usize; 2]) -> impl Iterator<Item = Self> {
-        let block = move |[left, top]: [usize; 2]| {
-            let inner = [[left, top], [(left + BLOCK).min(size[0]), (top + BLOCK).min(size[1])]];
-            let first = inner[0].map(|at| at.saturating_sub(MARGIN));
-            let end = [0, 1].map(|axis| (inner[1][axis] + MARGIN).min(size[axis]));
-            Self { first, end, inner }
-        };
-        (0..size[1]).step_by(BLOCK).flat_map(move |top| (0..size[0]).step_by(BLOCK).map(move |left| block([left, top])))
-    }
-
-    /// The texels without the margin.
-    pub fn inner(&self) -> impl Iterator<Item = [usize; 2]> + use<> {
-        let [[left, top], [right, bottom]] = self.inner;
-        (top..bottom).flat_map(move |row| (left..right).map(move |column| [column, row]))
-    }
-
-    fn size(&self) -> [usize; 2] {
-        [0, 1].map(|axis| self.end[axis] - self.first[axis])
-    }
-
-    fn index(&self, [column, row]: [usize; 2]) -> usize {
-        (row - self.first[1]) * self.size()[0] + column - self.first[0]
+    /// The blocks of a chart with its gutter, whose texels have `each` samples.
+    pub fn of(chart: TexelRect, each: usize) -> impl Iterator<Item = Self> {
+        let side = if each > FEW_SAMPLES { BLOCK_OF_MANY } else { BLOCK };
+        chart.squares(side).map(move |inner| Self { inner, outer: inner.grown(MARGIN, chart) })
     }
 }
 
@@ -78,7 +62,7 @@ pub(super) struct Samples {
 impl Samples {
     /// Of a block with `each` samples a texel, none of them taken yet.
     pub fn new(block: &SampleBlock, each: usize) -> Self {
-        let [width, height] = block.size();
+        let [width, height] = block.outer.size();
         let stride = width + 2;
         let values = vec![Vec4::ZERO; stride * (height + 2)];
         Self { stride, each, values, colours: vec![Vec4::ZERO; width * height * each] }
@@ -93,7 +77,7 @@ impl Samples {
             self.values[at] = sum / sum.w;
         }
         if !is_gutter {
-            let at = self.each * block.index(texel);
+            let at = self.each * block.outer.index(texel);
             self.colours[at..at + self.each].copy_from_slice(colours);
         }
         has_colour
@@ -106,7 +90,7 @@ impl Samples {
     }
 
     fn index(&self, block: &SampleBlock, [column, row]: [usize; 2]) -> usize {
-        (row + 1 - block.first[1]) * self.stride + column + 1 - block.first[0]
+        (row + 1 - block.outer.first[1]) * self.stride + column + 1 - block.outer.first[0]
     }
 
     /// Moves the texels towards their samples, which lie at the places of a pattern.
