@@ -11,7 +11,7 @@
 
 use glam::DVec3;
 
-use super::nearby::{NearTriangle, Nearby, PointGroup};
+use super::nearby::{NearTriangle, Nearby, PointGroup, PointSet};
 use super::original::Original;
 use crate::base::Result;
 use crate::geometry::boxtree::Bounds;
@@ -83,17 +83,28 @@ impl<'a> ClosestPlaces<'a> {
         &self.original.cells
     }
 
-    /// Calls `found` with the index of each point of some groups, the triangle closest to it, and the barycentric
-    /// weights of the closest place. Points of an empty mesh have none.
+    /// Calls `found` with the index of each point, the triangle closest to it, and the barycentric weights of the closest
+    /// place. Points of an empty mesh have none.
     ///
     /// # Errors
     /// On failed reads, and those of `found`.
-    pub fn of_groups(
+    pub fn of_points(
         &mut self,
-        points: &[DVec3],
+        points: &PointSet,
+        found: &mut dyn FnMut(usize, &NearTriangle, [f32; 3]) -> Result<()>,
+    ) -> Result<()> {
+        self.of_groups(points, points.groups(), found)
+    }
+
+    fn of_groups(
+        &mut self,
+        points: &PointSet,
         groups: &[PointGroup],
         found: &mut dyn FnMut(usize, &NearTriangle, [f32; 3]) -> Result<()>,
     ) -> Result<()> {
+        if groups.is_empty() {
+            return Ok(());
+        }
         if !self.gather_for(groups)? {
             let (left, right) = groups.split_at(groups.len() / 2);
             self.of_groups(points, left, found)?;

@@ -1,7 +1,7 @@
 //! How long texels are on each triangle of a patch.
 
 use super::closest::ClosestPlaces;
-use super::nearby::PointGroup;
+use super::nearby::PointSet;
 use super::original::Original;
 use super::paint::PatchSurface;
 use crate::base::Result;
@@ -27,14 +27,17 @@ pub(super) fn texel_lengths(
     let mut closest = ClosestPlaces::new(original, away);
     closest.begin_patch(patch.bounds());
     let factor = usual / original.median_texel;
+    let mut points = PointSet::default();
     let faces = patch.triangles.vertices.keys();
     faces
         .map(|face| {
             let corners = patch.corners(face);
-            let middle = [(corners[0] + corners[1] + corners[2]) / 3.0];
-            let group = PointGroup::new(&middle, 0..1, unit_normal(corners));
+            points.clear();
+            points.push((corners[0] + corners[1] + corners[2]) / 3.0);
+            points.end_run(unit_normal(corners));
+            points.end_group();
             let mut length = None;
-            closest.of_groups(&middle, &[group], &mut |_, triangle, _| {
+            closest.of_points(&points, &mut |_, triangle, _| {
                 length = original.texel_of(&triangle.shown, triangle.area());
                 Ok(())
             })?;

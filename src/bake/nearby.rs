@@ -178,46 +178,134 @@ impl Prism {
     }
 }
 
-/// Points that lie near each other and face the same way.
-#[derive(Debug, Clone)]
+/// Points whose closest places are wanted, in groups that lie near each other.
+#[derive(Default)]
+pub(super) struct PointSet {
+    points: Vec<DVec3>,
+    runs: Vec<Run>,
+    groups: Vec<PointGroup>,
+}
+
+/// Points of a group that face the same way: those up to `end`.
+struct Run {
+    end: usize,
+    normal: DVec3,
+}
+
+/// Points that lie near each other.
 pub(super) struct PointGroup {
-    /// Indices of the points.
-    pub points: Range<usize>,
-    /// Where they face.
-    pub normal: DVec3,
+    /// Indices of its runs; they have points.
+    runs: Range<usize>,
+    /// Index of its first point.
+    first: usize,
     /// The middle of their box.
     pub middle: DVec3,
     /// Largest distance of a point from it.
     pub radius: f64,
 }
 
-impl PointGroup {
-    /// The points of a range, which face along `normal`.
-    pub fn new(all: &[DVec3], points: Range<usize>, normal: DVec3) -> Self {
-        let own = &all[points.clone()];
+impl PointSet {
+    /// Takes all points out.
+    pub fn clear(&mut self) {
+        self.points.clear();
+        self.runs.clear();
+        self.groups.clear();
+    }
+
+    /// Adds a point.
+    #[inline]
+    pub fn push(&mut self, point: DVec3) {
+        self.points.push(point);
+    }
+
+    /// The points since the last run face along `normal`.
+    pub fn end_run(&mut self, normal: DVec3) {
+        let end = self.points.len();
+        if self.runs.last().map_or(0, |run| run.end) < end {
+            self.runs.push(Run { end, normal });
+        }
+    }
+
+    /// The runs since the last group lie near each other.
+    pub fn end_group(&mut self) {
+        let runs = self.groups.last().map_or(0, |group| group.runs.end)..self.runs.len();
+        if runs.is_empty() {
+            return;
+        }
+        let first = if runs.start == 0 { 0 } else { self.runs[runs.start - 1].end };
+        let own = &self.points[first..];
         let bounds = Bounds::around(own.iter().copied());
         let middle = 0.5 * (bounds.low + bounds.high);
         let radius_sq = own.iter().map(|point| point.distance_squared(middle)).fold(0.0, f64::max);
-        Self { points, normal, middle, radius: radius_sq.sqrt() }
+        self.groups.push(PointGroup { runs, first, middle, radius: radius_sq.sqrt() });
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// The groups.
+    pub fn groups(&self) -> &[PointGroup] {
+        &self.groups
     }
 }
 
-/// A candidate of a group.
+/// A triangle that may be the closest one of a point of a group.
 struct Candidate {
-    /// Its distance from the middle of the group, with what it counts for facing away.
+    /// Its distance from the middle of the group.
     least: f32,
+    /// What it counts as farther for the present run.
     away: f32,
     triangle: u32,
+}
+
+/// Middles and radii of spheres.
+#[derive(Default)]
+struct Spheres {
+    x: Vec<f32>,
+    y: Vec<f32>,
+    z: Vec<f32>,
+    radius: Vec<f32>,
+    /// Distances of the present point from the spheres, negative inside.
+    distances: Vec<f32>,
+}
+
+impl Spheres {
+    fn clear(&mut self) {
+        [&mut self.x, &mut self.y, &mut self.z, &mut self.radius].into_iter().for_each(Vec::clear);
+    }
+
+    fn push(&mut self, middle: Vec3, radius: f32) {
+        self.x.push(middle.x);
+        self.y.push(middle.y);
+        self.z.push(middle.z);
+        self.radius.push(radius);
+    }
+
+    /// Measures the distances of a point; returns the number of the nearest sphere.
+    fn measure(&mut self, point: Vec3) -> Option<usize> {
+        self.distances.resize(self.x.len(), 0.0);
+        let columns = self.x.iter().zip(&self.y).zip(&self.z).zip(&self.radius);
+        for (distance, (((x, y), z), radius)) in self.distances.iter_mut().zip(columns) {
+            let (x, y, z) = (x - point.x, y - point.y, z - point.z);
+            *distance = (x * x + y * y + z * z).sqrt() - radius;
+        }
+        let least = self.distances.iter().copied().fold(f32::INFINITY, |a, b| if b < a { b } else { a });
+        self.distances.iter().position(|&distance| distance == least)
+    }
 }
 
 /// The triangles near a region.
 #[derive(Default)]
 pub(super) struct Nearby {
     middle: DVec3,
-    triangles: Vec<NearTriangle>,
-    /// Middle and radius of a sphere around each triangle.
-    spheres: Vec<Vec4>,
-    bounds: Vec<f32>,
+    corners: Vec<[DVec3; 3]>,
+    shown: Vec<Shown>,
+    /// Spheres around the triangles.
+    spheres: Spheres,
+    /// Those triangles that were a candidate.
+    triangles: Vec<Option<NearTriangle>>,
     candidates: Vec<Candidate>,
 }
 
@@ -225,6 +313,8 @@ impl Nearby {
     /// Begins a region.
     pub fn begin(&mut self, middle: DVec3) {
         self.middle = middle;
+        self.corners.clear();
+        self.shown.clear();
         self.triangles.clear();
         self.spheres.clear();
     }
@@ -233,9 +323,11 @@ impl Nearby {
     pub fn add(&mut self, corners: [DVec3; 3], shown: Shown) {
         let Bounds { low, high } = Bounds::around(corners);
         let middle = 0.5 * (low + high);
-        let radius_sq = corners.into_iter().map(|corner| corner.distance_squared(middle)).fold(0.0, f64::max);
-        self.spheres.push(middle.extend(radius_sq.sqrt()).as_vec4());
-        self.triangles.push(NearTriangle::new(corners, shown));
+        let [a, b, c] = corners.map(|corner| corner.distance_squared(middle));
+        self.spheres.push(middle.as_vec3(), a.max(b).max(c).sqrt() as f32);
+        self.corners.push(corners);
+        self.shown.push(shown);
+        self.triangles.push(None);
     }
 
     /// Number of triangles.
@@ -243,42 +335,43 @@ impl Nearby {
         self.triangles.len()
     }
 
-    /// Sets the lower bounds of the triangles' distances from a point, and returns the distance of that with the least.
-    fn measure_spheres(&mut self, point: Vec3) -> Option<f32> {
-        self.bounds.clear();
-        self.bounds.extend(self.spheres.iter().map(|sphere| {
-            let distance = (sphere.truncate() - point).length();
-            distance - sphere.w
-        }));
-        let least = self.bounds.iter().zip(0..).min_by(|a, b| a.0.total_cmp(b.0))?.1;
-        Some(self.triangles[least as usize].distance(point, f32::INFINITY))
+    fn triangle(&mut self, number: usize) -> &NearTriangle {
+        let (corners, shown) = (self.corners[number], self.shown[number]);
+        self.triangles[number].get_or_insert_with(|| NearTriangle::new(corners, shown))
     }
 
     /// A distance from a point within which there is a triangle.
     pub fn reach(&mut self, point: DVec3) -> f64 {
         let point = (point - self.middle).as_vec3();
-        self.measure_spheres(point).map_or(f64::INFINITY, f64::from)
+        self.reach_of(point).map_or(f64::INFINITY, f64::from)
     }
 
-    /// Finds the candidates of a group in order.
-    fn choose(&mut self, middle: Vec3, radius: f32, normal: Vec3, away: f32) {
-        self.candidates.clear();
-        let Some(reach) = self.measure_spheres(middle) else { return };
-        let mut limit = reach + away + 2.0 * radius;
-        for (number, &bound) in self.bounds.iter().enumerate() {
-            if bound * BOUND_MARGIN > limit {
-                continue;
+    fn reach_of(&mut self, point: Vec3) -> Option<f32> {
+        let nearest = self.spheres.measure(point)?;
+        Some(self.triangle(nearest).distance(point, f32::INFINITY))
+    }
+
+    /// Finds the candidates of a group, in order.
+    fn choose(&mut self, middle: Vec3, radius: f32, away: f32) {
+        let mut candidates = std::mem::take(&mut self.candidates);
+        candidates.clear();
+        if let Some(reach) = self.reach_of(middle) {
+            let room = away + 2.0 * radius;
+            let mut limit = reach + room;
+            for number in 0..self.len() {
+                if self.spheres.distances[number] * BOUND_MARGIN > limit {
+                    continue;
+                }
+                let least = self.triangle(number).distance(middle, limit);
+                if least <= limit {
+                    candidates.push(Candidate { least, away: 0.0, triangle: number as u32 });
+                    limit = limit.min(least + room);
+                }
             }
-            let triangle = &self.triangles[number];
-            let away = if triangle.normal.dot(normal) < AWAY { away } else { 0.0 };
-            let least = triangle.distance(middle, limit - away) + away;
-            if least <= limit {
-                self.candidates.push(Candidate { least, away, triangle: number as u32 });
-                limit = limit.min(least + 2.0 * radius);
-            }
+            candidates.retain(|candidate| candidate.least <= limit);
+            candidates.sort_unstable_by(|a, b| a.least.total_cmp(&b.least).then(a.triangle.cmp(&b.triangle)));
         }
-        self.candidates.retain(|candidate| candidate.least <= limit);
-        self.candidates.sort_unstable_by(|a, b| a.least.total_cmp(&b.least).then(a.triangle.cmp(&b.triangle)));
+        self.candidates = candidates;
     }
 
     /// Calls `found` with the index of each point of a group, the triangle closest to it, and the barycentric weights of
@@ -288,35 +381,55 @@ impl Nearby {
     /// Those of `found`.
     pub fn of_group<E>(
         &mut self,
-        points: &[DVec3],
+        set: &PointSet,
         group: &PointGroup,
         away: f64,
         mut found: impl FnMut(usize, &NearTriangle, [f32; 3]) -> Result<(), E>,
     ) -> Result<(), E> {
         let middle = (group.middle - self.middle).as_vec3();
-        self.choose(middle, group.radius as f32, group.normal.as_vec3(), away as f32);
-        let Some(first) = self.candidates.first() else { return Ok(()) };
-        let mut last = first;
-        for number in group.points.clone() {
-            let point = (points[number] - self.middle).as_vec3();
-            let from_middle = point.distance(middle);
-            // Mostly the triangle of the point before.
-            let mut closest = last;
-            let mut least = self.triangles[last.triangle as usize].distance(point, f32::INFINITY) + last.away;
-            for candidate in &self.candidates {
-                if (candidate.least - from_middle) * BOUND_MARGIN >= least {
-                    break;
-                }
-                let room = least - candidate.away;
-                let distance = self.triangles[candidate.triangle as usize].distance(point, room) + candidate.away;
-                if distance < least {
-                    (least, closest) = (distance, candidate);
+        self.choose(middle, group.radius as f32, away as f32);
+        let mut first = group.first;
+        for run in &set.runs[group.runs.clone()] {
+            let normal = run.normal.as_vec3();
+            for candidate in &mut self.candidates {
+                let faces_away = self.triangles[candidate.triangle as usize]
+                    .as_ref()
+                    .is_some_and(|triangle| triangle.normal.dot(normal) < AWAY);
+                candidate.away = if faces_away { away as f32 } else { 0.0 };
+            }
+            let mut last = 0;
+            for number in first..run.end {
+                let point = (set.points[number] - self.middle).as_vec3();
+                if let Some((triangle, at)) = self.closest(point, point.distance(middle), last) {
+                    last = at;
+                    found(number, triangle, triangle.weights(point))?;
                 }
             }
-            last = closest;
-            let triangle = &self.triangles[closest.triangle as usize];
-            found(number, triangle, triangle.weights(point))?;
+            first = run.end;
         }
         Ok(())
+    }
+
+    /// The candidate closest to a point, which is `from_middle` away from the middle of its group, and its number; `last`
+    /// is that of the point before, which is mostly the same.
+    #[inline]
+    fn closest(&self, point: Vec3, from_middle: f32, last: usize) -> Option<(&NearTriangle, usize)> {
+        let triangle = |candidate: &Candidate| self.triangles[candidate.triangle as usize].as_ref();
+        let likely = self.candidates.get(last)?;
+        let mut closest = (triangle(likely)?, last);
+        let mut least = closest.0.distance(point, f32::INFINITY) + likely.away;
+        for (number, candidate) in self.candidates.iter().enumerate() {
+            if (candidate.least - from_middle) * BOUND_MARGIN >= least {
+                break;
+            }
+            if number != last {
+                let triangle = triangle(candidate)?;
+                let distance = triangle.distance(point, least - candidate.away) + candidate.away;
+                if distance < least {
+                    (least, closest) = (distance, (triangle, number));
+                }
+            }
+        }
+        Some(closest)
     }
 }

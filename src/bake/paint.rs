@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
 
 use super::canvas::AtlasCanvas;
 use super::closest::ClosestPlaces;
-use super::nearby::{PointGroup, Shown};
+use super::nearby::{PointSet, Shown};
 use super::original::Original;
 use super::raster::{IN_GUTTER, NOBODY, Owners, TexelRect};
 use super::sharpen::{SampleBlock, Samples};
@@ -23,13 +23,15 @@ use crate::geometry::triangle::unit_normal;
 use crate::mesh::id::FaceId;
 use crate::unwrap::{GUTTER, PlacedChart, Triangles};
 
-/// Side of a square whose texels of one triangle are a group, in texels of the original.
-const SQUARE: f64 = 8.0;
+/// Side of a square whose points are a group, in texels of the original.
+const SQUARE: f64 = 4.0;
 /// Squares along each side of a region, whose triangles are gathered together.
-const SQUARES: usize = 4;
+const SQUARES: usize = 8;
 /// A place beyond its triangle is taken on the triangle's plane if no barycentric weight is below this, else at the
 /// triangle's nearest point.
 const LEAST_WEIGHT: f64 = -1.0;
+/// Barycentric weights that change by less than this from texel to texel stay above [`LEAST_WEIGHT`] in the gutter.
+const PLUMP: f64 = 0.15;
 /// Places of a texel along each side at most.
 const SAMPLES_MAX: f64 = 4.0;
 
@@ -74,13 +76,12 @@ pub(super) struct ChartPainter<'a> {
     reader: TexelReader<'a>,
     /// Places of a texel that are sampled, from its middle.
     pattern: Vec<Vec2>,
-    /// Side of a square, in texels.
+    /// Side of a square in texels of the image.
     square: usize,
-    /// The texels of a region with their owners, group by group.
+    /// The texels of a region with their owners, square by square.
     texels: Vec<(u32, [usize; 2])>,
     /// The points of their samples.
-    points: Vec<DVec3>,
-    groups: Vec<PointGroup>,
+    points: PointSet,
     /// The colours of the points; the fourth number is 1, or 0 without colour.
     colours: Vec<Vec4>,
     painted: Painted,
@@ -96,8 +97,7 @@ impl<'a> ChartPainter<'a> {
             pattern: pattern(coarseness),
             square: (SQUARE / coarseness).round().clamp(1.0, 16.0) as usize,
             texels: Vec::new(),
-            points: Vec::new(),
-            groups: Vec::new(),
+            points: PointSet::default(),
             colours: Vec::new(),
             painted: Painted::default(),
         }
@@ -139,8 +139,8 @@ impl<'a> ChartPainter<'a> {
         self.closest.begin_block(Bounds::around(corners));
         let mut samples = Samples::new(block, self.pattern.len());
         for region in block.outer.squares(self.square * SQUARES) {
-            self.find_groups(chart, patch, &owners, region);
-            self.take_groups()?;
+            self.find_points(chart, patch, &owners, region);
+            self.take_colours()?;
             self.hand_over(block, &mut samples);
         }
         samples.sharpen(&self.pattern);
@@ -154,44 +154,42 @@ impl<'a> ChartPainter<'a> {
         Ok(())
     }
 
-    /// Finds the groups of a region: the texels of one square and one triangle.
-    fn find_groups(&mut self, chart: &PlacedChart, patch: &PatchSurface<'_>, owners: &Owners, region: TexelRect) {
-        self.texels.clear();
-        self.points.clear();
-        self.groups.clear();
-        for square in region.squares(self.square) {
-            let first = self.texels.len();
+    /// Finds the points of a region, square by square.
+    fn find_points(&mut self, chart: &PlacedChart, patch: &PatchSurface<'_>, owners: &Owners, region: TexelRect) {
+        let Self { texels, points, pattern, square, .. } = self;
+        texels.clear();
+        points.clear();
+        for square in region.squares(*square) {
+            let first = texels.len();
             let owned = square.texels().map(|texel| (owners.owner(texel), texel));
-            self.texels.extend(owned.filter(|(owner, _)| *owner != NOBODY));
-            let texels = &mut self.texels[first..];
-            if texels.iter().any(|(owner, _)| *owner != texels[0].0) {
-                texels.sort_unstable();
+            texels.extend(owned.filter(|(owner, _)| *owner != NOBODY));
+            let own = &mut texels[first..];
+            if own.iter().any(|(owner, _)| *owner != own[0].0) {
+                own.sort_unstable();
             }
-            for same in texels.chunk_by(|a, b| a.0 == b.0) {
+            for same in own.chunk_by(|a, b| a.0 == b.0) {
                 let (face, flat) = chart.faces[(same[0].0 & !IN_GUTTER) as usize];
                 let plane = Plane::new(flat, patch.corners(face));
-                let pattern = samples_of(&self.pattern, same[0].0);
-                let first = self.points.len();
+                let pattern = samples_of(pattern, same[0].0);
                 for &(_, [column, row]) in same {
                     let middle = DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
-                    self.points.extend(pattern.iter().map(|step| plane.point(middle + step.as_dvec2())));
+                    pattern.iter().for_each(|step| points.push(plane.point(middle + step.as_dvec2())));
                 }
-                self.groups.push(PointGroup::new(&self.points, first..self.points.len(), plane.normal));
+                points.end_run(plane.normal);
             }
+            points.end_group();
         }
     }
 
     /// Finds the colours of the points of a region.
-    fn take_groups(&mut self) -> Result<()> {
+    fn take_colours(&mut self) -> Result<()> {
         self.colours.clear();
         self.colours.resize(self.points.len(), Vec4::ZERO);
-        if self.groups.is_empty() {
-            return Ok(());
-        }
-        let Self { closest, reader, points, groups, colours, .. } = self;
-        closest.of_groups(points, groups, &mut |number, triangle, weights| {
-            colours[number] =
-                colour_of(reader, &triangle.shown, weights)?.map_or(Vec4::ZERO, |colour| colour.extend(1.0));
+        let Self { closest, reader, points, colours, .. } = self;
+        closest.of_points(points, &mut |number, triangle, weights| {
+            if let Some(colour) = colour_of(reader, &triangle.shown, weights)? {
+                colours[number] = colour.extend(1.0);
+            }
             Ok(())
         })
     }
@@ -262,6 +260,10 @@ struct Plane {
     normal: DVec3,
     /// How the barycentric weights of the second and third corner grow along the image.
     growth: [DVec2; 2],
+    /// Steps in space of one column and one row.
+    steps: [DVec3; 2],
+    /// Whether all texels around one of its own lie close to it.
+    is_plump: bool,
 }
 
 impl Plane {
@@ -269,17 +271,23 @@ impl Plane {
         let [ab, ac] = [flat[1] - flat[0], flat[2] - flat[0]];
         let doubled_area = ab.perp_dot(ac);
         let growth = [-ac.perp() / doubled_area, ab.perp() / doubled_area];
-        Self { flat, solid, normal: unit_normal(solid), growth }
+        let along = |axis: usize| (solid[1] - solid[0]) * growth[0][axis] + (solid[2] - solid[0]) * growth[1][axis];
+        let is_plump = growth[0].length() + growth[1].length() < PLUMP;
+        Self { flat, solid, normal: unit_normal(solid), growth, steps: [along(0), along(1)], is_plump }
     }
 
     /// The place in space of one in the image.
+    #[inline]
     fn point(&self, at: DVec2) -> DVec3 {
         let from_a = at - self.flat[0];
-        let [at_b, at_c] = self.growth.map(|growth| growth.dot(from_a));
-        let mut weights = [1.0 - at_b - at_c, at_b, at_c];
-        if !weights.into_iter().all(|weight| weight >= LEAST_WEIGHT) {
-            weights = closest_weights(at.extend(0.0), self.flat.map(|corner| corner.extend(0.0)));
+        if !self.is_plump {
+            let [at_b, at_c] = self.growth.map(|growth| growth.dot(from_a));
+            let weights = [1.0 - at_b - at_c, at_b, at_c];
+            if !weights.into_iter().all(|weight| weight >= LEAST_WEIGHT) {
+                let [a, b, c] = closest_weights(at.extend(0.0), self.flat.map(|corner| corner.extend(0.0)));
+                return self.solid[0] * a + self.solid[1] * b + self.solid[2] * c;
+            }
         }
-        self.solid[0] * weights[0] + self.solid[1] * weights[1] + self.solid[2] * weights[2]
+        self.solid[0] + self.steps[0] * from_a.x + self.steps[1] * from_a.y
     }
 }
