@@ -16,7 +16,7 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use glam::{Vec3, Vec4};
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use crate::base::id::TiSlice;
@@ -142,10 +142,7 @@ impl<'a> TexelReader<'a> {
         } else {
             self.pixels_of_tiles(stored, image, columns, rows)?
         };
-        let [upper_left, upper_right, lower_left, lower_right] = pixels;
-        let upper = colour_of(upper_left).lerp(colour_of(upper_right), right_share);
-        let lower = colour_of(lower_left).lerp(colour_of(lower_right), right_share);
-        Ok(Some(upper.lerp(lower, lower_share).truncate()))
+        Ok(Some(mixed(pixels, right_share, lower_share)))
     }
 
     /// Four pixels that lie in several tiles.
@@ -220,7 +217,18 @@ fn floor(at: f32) -> (i64, f32) {
     (whole, at - whole as f32)
 }
 
+/// Mixes four pixels by the share of those on the right and that of the lower ones, both in steps of 1/256.
 #[inline]
-fn colour_of([red, green, blue, nothing]: [u8; 4]) -> Vec4 {
-    Vec4::new(f32::from(red), f32::from(green), f32::from(blue), f32::from(nothing))
+fn mixed(pixels: [[u8; 4]; 4], right_share: f32, lower_share: f32) -> Vec3 {
+    let [right, lower] = [right_share, lower_share].map(|share| (share * 256.0) as u64);
+    let [left, upper] = [256 - right, 256 - lower];
+    let weights = [left * upper, right * upper, left * lower, right * lower];
+    // Red and blue side by side: no sum has more than 24 bits.
+    let (mut red_blue, mut green) = (0, 0);
+    for (pixel, weight) in pixels.into_iter().zip(weights) {
+        let pixel = u64::from(u32::from_le_bytes(pixel));
+        red_blue += (pixel & 0xff | (pixel & 0xff_0000) << 16) * weight;
+        green += (pixel >> 8 & 0xff) * weight;
+    }
+    Vec3::new(red_blue as u32 as i32 as f32, green as i32 as f32, (red_blue >> 32) as i32 as f32) / 65_536.0
 }
