@@ -3,8 +3,8 @@
 /// Texels around each chart that no other one comes near to: at an eighth of the size, half a texel is left of them,
 /// which is what a reader that mixes neighbours needs.
 pub const GUTTER: u32 = 4;
-/// Width of a column in texels.
-pub(super) const COLUMN: u32 = 4;
+/// Side of a cell of the grid that charts are packed on, in texels.
+pub(super) const CELL: u32 = 4;
 /// Width and height of an image in texels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ImageSize {

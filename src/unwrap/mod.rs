@@ -3,7 +3,7 @@
 //! ```text
 //! triangles ── charts: neighbours merge as long as they face alike ── flat: each seen along its own normal
 //!                                                                        │
-//!            images of bounded size ◀── pack: the tallest first, down to the skyline of the others
+//!            images of bounded size ◀── pack: the largest first, each where it is free uppermost
 //! ```
 //! In: the triangles of a patch, in memory. Out: an [`Unwrapped`]. Invariant: charts do not overlap, neither themselves
 //! nor each other, no triangle is turned over, and [`GUTTER`] texels around each chart belong to no other. The result
@@ -15,9 +15,10 @@
 mod charts;
 mod flat;
 mod image_size;
+mod mask;
 mod outline;
 mod pack;
-mod skyline;
+mod sheet;
 mod types;
 
 pub use self::charts::FACING;
@@ -27,7 +28,7 @@ pub use self::types::{PlacedChart, Triangles, UnwrapSettings, Unwrapped};
 
 /// Unwraps a patch.
 pub fn unwrap(mesh: Triangles<'_>, settings: &UnwrapSettings<'_>) -> Unwrapped {
-    let room = f64::from(settings.side - 2 * GUTTER - image_size::COLUMN);
+    let room = f64::from(settings.side - 2 * GUTTER - image_size::CELL);
     let charts = charts::charts(mesh, settings.texels, room);
     pack::pack(charts, settings)
 }

@@ -1,0 +1,71 @@
+//! An image that is filled with charts.
+
+use super::mask::{Grid, Mask, Run};
+
+/// An image under way, in cells.
+pub(super) struct Sheet {
+    size: [usize; 2],
+    grid: Grid,
+    /// Longest run of free cells of each row.
+    free: Vec<usize>,
+    /// Rows down to the last one that is taken.
+    pub height: usize,
+}
+
+/// A place for a chart: its first row and column.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Place {
+    pub row: usize,
+    pub column: usize,
+}
+
+impl Sheet {
+    /// An empty image.
+    pub fn new(size: [usize; 2]) -> Self {
+        Self { size, grid: Grid::new(size), free: vec![size[0]; size[1]], height: 0 }
+    }
+
+    /// The uppermost place where a chart is free, of these that on the left, whose first row is no lower than `last`.
+    pub fn find(&self, mask: &Mask, last: usize) -> Option<Place> {
+        let rows = (self.size[1] + 1).checked_sub(mask.size[1])?;
+        let widest = mask.runs.iter().max_by_key(|run| run.columns.len())?;
+        // The run that was in the way last: it mostly is again.
+        let mut likely = 0;
+        (0..rows.min(last.saturating_add(1))).find_map(|row| {
+            if self.free[row + widest.row] < widest.columns.len() {
+                return None;
+            }
+            let mut column = 0;
+            while column + mask.size[0] <= self.size[0] {
+                match self.obstacle(mask, row, column, likely) {
+                    Some((run, next)) => (likely, column) = (run, next),
+                    None => return Some(Place { row, column }),
+                }
+            }
+            None
+        })
+    }
+
+    /// A run of a chart that is in the way at a place, and the next column where it is not.
+    fn obstacle(&self, mask: &Mask, row: usize, column: usize, likely: usize) -> Option<(usize, usize)> {
+        let blocked = |number: usize| {
+            let Run { row: own, columns } = &mask.runs[number];
+            let row = row + own;
+            let taken = self.grid.last_taken(row, columns.start + column..columns.end + column)?;
+            let next = self.grid.next(row, taken, false).unwrap_or(self.size[0]);
+            Some((number, next - columns.start))
+        };
+        blocked(likely).or_else(|| (0..mask.runs.len()).find_map(blocked))
+    }
+
+    /// Takes a place for a chart.
+    pub fn take(&mut self, mask: &Mask, place: Place) {
+        for Run { row, columns } in &mask.runs {
+            self.grid.take(place.row + row, place.column + columns.start..place.column + columns.end);
+        }
+        for row in place.row..place.row + mask.size[1] {
+            self.free[row] = self.grid.longest_free(row);
+        }
+        self.height = self.height.max(place.row + mask.size[1]);
+    }
+}
