@@ -4,7 +4,7 @@
 /// which is what a reader that mixes neighbours needs.
 pub const GUTTER: u32 = 4;
 /// Side of a cell of the grid that charts are packed on, in texels.
-pub(super) const CELL: u32 = 4;
+pub(super) const CELL: u32 = 2;
 /// Width and height of an image in texels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ImageSize {

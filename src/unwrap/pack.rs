@@ -2,8 +2,8 @@
 //!
 //! ```text
 //!   +--------------+
-//!   | ▟█▙ ▗█▖ ▟█▙  |     a chart takes the cells of 4 × 4 texels that its triangles touch, and GUTTER texels more on all
-//!   | ███▗███▖▜██▙ |     sides; it may lie in a hole of another one, turned by any number of quarters
+//!   | ▟█▙ ▗█▖ ▟█▙  |     a chart takes the cells of 2 × 2 texels that its triangles touch, and GUTTER texels more on all
+//!   | ███▗███▖▜██▙ |     sides; it may lie in a hole of another one, and turned by a quarter
 //!   | ▜█▛▝███▘ ▜█▛ |
 //! ```
 
@@ -41,8 +41,8 @@ pub(super) fn pack(charts: Vec<FlatChart>, settings: &UnwrapSettings<'_>) -> Unw
         unwrapped.shrunk += u64::from(longest > room);
         shapes.push(Shape::new(chart, shrink));
     }
-    // A stable sort: of equally tall ones, the first stays first.
-    shapes.sort_by_key(|shape| std::cmp::Reverse(shape.mask.size[1]));
+    // A stable sort: of equally large ones, the first stays first.
+    shapes.sort_by_key(|shape| std::cmp::Reverse(shape.mask.cells));
     let taken: usize = shapes.iter().map(|shape| shape.mask.cells).sum();
     let widest = shapes.iter().map(|shape| shape.mask.size[0]).max().unwrap_or(0);
     let width = ((taken as f64 / FILL).sqrt().ceil() as usize).max(widest) * CELL as usize;
@@ -52,7 +52,7 @@ pub(super) fn pack(charts: Vec<FlatChart>, settings: &UnwrapSettings<'_>) -> Unw
     for shape in shapes {
         let first = sheets.len().saturating_sub(OPEN_IMAGES);
         let found = (first..sheets.len()).find_map(|image| {
-            let (shape, place) = shape.clone().turned_to_fit(&sheets[image])?;
+            let (shape, place) = shape.clone().turned_to_fit(&mut sheets[image])?;
             Some((image, shape, place))
         });
         let (image, shape, place) = found.unwrap_or_else(|| {
@@ -88,19 +88,17 @@ impl Shape {
         Self { faces: faces.collect(), mask: self.mask.turned() }
     }
 
-    /// The shape with the turn by which it reaches least far down, and its place.
-    fn turned_to_fit(self, sheet: &Sheet) -> Option<(Self, Place)> {
-        let mut best: Option<(usize, Self, Place)> = None;
-        let mut shape = self;
-        for _ in 0..4 {
-            let height = shape.mask.size[1];
-            let last = best.as_ref().map_or(Some(usize::MAX), |(end, ..)| end.checked_sub(height + 1));
-            if let Some(place) = last.and_then(|last| sheet.find(&shape.mask, last)) {
-                best = Some((place.row + height, shape.clone(), place));
-            }
-            shape = shape.turned();
+    /// The shape, turned if it reaches less far down then, and its place.
+    fn turned_to_fit(self, sheet: &mut Sheet) -> Option<(Self, Place)> {
+        let turned = self.turned();
+        let upright = sheet.find(&self.mask, usize::MAX);
+        let height = |shape: &Self| shape.mask.size[1];
+        let last =
+            upright.map_or(Some(usize::MAX), |place| (place.row + height(&self)).checked_sub(height(&turned) + 1));
+        match (last.and_then(|last| sheet.find(&turned.mask, last)), upright) {
+            (Some(place), _) => Some((turned, place)),
+            (None, upright) => upright.map(|place| (self, place)),
         }
-        best.map(|(_, shape, place)| (shape, place))
     }
 
     fn placed(self, image: u32, place: Place) -> PlacedChart {

@@ -1,6 +1,14 @@
 //! An image that is filled with charts.
 
+use std::collections::HashMap;
+use std::ops::Range;
+
 use super::mask::{Grid, Mask, Run};
+
+/// Classes of sizes for a factor of two.
+const SIZE_CLASSES: f64 = 4.0;
+/// A chart of so many rows is tried at every other row alone.
+const TALL: usize = 16;
 
 /// An image under way, in cells.
 pub(super) struct Sheet {
@@ -8,6 +16,8 @@ pub(super) struct Sheet {
     grid: Grid,
     /// Longest run of free cells of each row.
     free: Vec<usize>,
+    /// The row where the last chart of a class of sizes began, above which others of the class are not tried.
+    begun: HashMap<[u32; 2], usize>,
     /// Rows down to the last one that is taken.
     pub height: usize,
 }
@@ -22,16 +32,26 @@ pub(super) struct Place {
 impl Sheet {
     /// An empty image.
     pub fn new(size: [usize; 2]) -> Self {
-        Self { size, grid: Grid::new(size), free: vec![size[0]; size[1]], height: 0 }
+        Self { size, grid: Grid::new(size), free: vec![size[0]; size[1]], begun: HashMap::new(), height: 0 }
     }
 
-    /// The uppermost place where a chart is free, of these that on the left, whose first row is no lower than `last`.
-    pub fn find(&self, mask: &Mask, last: usize) -> Option<Place> {
-        let rows = (self.size[1] + 1).checked_sub(mask.size[1])?;
+    /// The uppermost place where a chart is free, of these that on the left, whose first row is no lower than `last`; not
+    /// above the last chart of its class of sizes.
+    pub fn find(&mut self, mask: &Mask, last: usize) -> Option<Place> {
+        let rows = (self.size[1] + 1).checked_sub(mask.size[1])?.min(last.saturating_add(1));
+        let class = mask.size.map(|side| (SIZE_CLASSES * libm::log2(side as f64)) as u32);
+        let first = self.begun.get(&class).copied().unwrap_or(0);
+        let place = self.find_among(mask, first..rows);
+        self.begun.insert(class, place.map_or(rows.max(first), |place| place.row));
+        place
+    }
+
+    fn find_among(&self, mask: &Mask, rows: Range<usize>) -> Option<Place> {
         let widest = mask.runs.iter().max_by_key(|run| run.columns.len())?;
         // The run that was in the way last: it mostly is again.
         let mut likely = 0;
-        (0..rows.min(last.saturating_add(1))).find_map(|row| {
+        let step = if mask.size[1] >= TALL { 2 } else { 1 };
+        rows.step_by(step).find_map(|row| {
             if self.free[row + widest.row] < widest.columns.len() {
                 return None;
             }
