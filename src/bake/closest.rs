@@ -30,6 +30,9 @@ const GATHERED_MAX: usize = 4096;
 /// Pairs and triangles that one search may visit; only triangles that lie across each other by the thousand need more.
 const LOOKS_MAX: u64 = 20_000;
 
+/// Rounding of a distance, by the largest coordinate.
+const ROUNDING: f64 = 1e-10;
+
 /// Finds closest places.
 pub(super) struct ClosestPlaces<'a> {
     original: &'a Original,
@@ -124,7 +127,8 @@ impl<'a> ClosestPlaces<'a> {
         let limit = if groups.len() > 1 { NEAR_MAX } else { GATHERED_MAX };
         self.nearby.begin(middle);
         let Some(nearest) = self.nearest(middle)? else { return Ok(true) };
-        let guess = spans.iter().copied().fold(0.0, f64::max) + nearest;
+        let rounding = ROUNDING * middle.abs().max_element();
+        let guess = spans.iter().copied().fold(0.0, f64::max) + nearest + rounding;
         self.gather(middle, guess, limit)?;
         if groups.len() > 1 && self.nearby.len() == limit {
             return Ok(false);

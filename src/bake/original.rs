@@ -149,6 +149,8 @@ pub(super) struct Original {
     pub median_texel: f64,
     /// Area of the surface.
     pub area: f64,
+    /// Number of its triangles.
+    pub face_count: u64,
 }
 
 /// How much of a surface has texels of which length.
@@ -229,6 +231,7 @@ impl Original {
             pixels: vec![0.0; images.files.len()].into(),
             median_texel: 0.0,
             area: cells.iter().map(|cell| cell.area).sum(),
+            face_count: cells.iter().map(Cell::face_count).sum(),
             cells,
         };
         let plan_of = |image: ImageId| decode::plan(&images.files[image].path, limits.work_bytes);
@@ -272,11 +275,9 @@ impl Original {
 
     fn find_median_texel(&self, progress: &dyn Progress) -> Result<f64> {
         let mut lengths = LengthHistogram::default();
-        let mut faces = 0;
         for cell in &self.cells {
             progress.check_stopped()?;
             let view = cell.view()?;
-            faces += view.faces.len();
             for number in 0..view.faces.len() as u32 {
                 let area = area(view.triangle(number));
                 if let Some(texel) = self.texel_of(&self.shown(&view, number), area) {
@@ -284,7 +285,7 @@ impl Original {
                 }
             }
         }
-        let without = (self.area / (TEXELS_OF_FACE * faces as f64)).sqrt();
+        let without = (self.area / (TEXELS_OF_FACE * self.face_count as f64)).sqrt();
         Ok(lengths.median().unwrap_or(if without.is_normal() { without } else { 1.0 }))
     }
 

@@ -23,8 +23,10 @@ use crate::geometry::triangle::unit_normal;
 use crate::mesh::id::FaceId;
 use crate::unwrap::{GUTTER, PlacedChart, Triangles};
 
-/// Side of a square whose points are a group, in texels of the original.
-const SQUARE: f64 = 4.0;
+/// Side of a square whose points are a group, by that of a square as large as a triangle of the original, and the largest
+/// such side in texels.
+const SQUARE: f64 = 0.55;
+const SQUARE_MAX: f64 = 8.0;
 /// Squares along each side of a region, whose triangles are gathered together.
 const SQUARES: usize = 8;
 /// A place beyond its triangle is taken on the triangle's plane if no barycentric weight is below this, else at the
@@ -91,11 +93,12 @@ impl<'a> ChartPainter<'a> {
     /// Paints with texels that are `texel` long where the original has its median.
     pub fn new(original: &'a Original, reach: f64, texel: f64) -> Self {
         let coarseness = texel / original.median_texel;
+        let of_face = (original.area / original.face_count.max(1) as f64).sqrt() / texel;
         Self {
             closest: ClosestPlaces::new(original, reach),
             reader: TexelReader::new(&original.images),
             pattern: pattern(coarseness),
-            square: (SQUARE / coarseness).round().clamp(1.0, 16.0) as usize,
+            square: (SQUARE * of_face).round().clamp(1.0, SQUARE_MAX) as usize,
             texels: Vec::new(),
             points: PointSet::default(),
             colours: Vec::new(),

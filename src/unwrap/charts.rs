@@ -31,11 +31,11 @@ use crate::mesh::id::{FaceId, LocalVertex};
 
 /// Smallest cosine between the normal of a chart and that of each of its triangles: 60 degrees, so that a triangle keeps
 /// half of its texels at least.
-pub const FACING: f64 = 0.5;
+pub const FACING: f64 = 0.17;
 /// Deviation that every merge costs, so that the outline counts on flat ground, too.
 const FLAT_COST: f64 = 0.02;
 /// Square of the outline's length by that of a circle of the same area, above which charts do not merge.
-const RAGGEDNESS_MAX: f64 = 12.0;
+const RAGGEDNESS_MAX: f64 = 30.0;
 
 /// A chart while it grows.
 struct Growing {

@@ -1,4 +1,5 @@
-//! Lays a chart flat: each vertex where it is seen along the chart's normal.
+//! Lays a chart flat: each vertex where it is seen along the chart's normal, and then [moved](super::relax) so that the
+//! triangles keep their shapes.
 //!
 //! The chart is then scaled so that it has the area of its surface, and turned so that its smallest box stands upright.
 
@@ -7,6 +8,7 @@ use std::collections::HashMap;
 use glam::{DVec2, DVec3};
 
 use super::outline::{OutlineEdge, overlaps};
+use super::relax::relax;
 use super::types::Triangles;
 use crate::geometry::triangle::area;
 use crate::mesh::id::{FaceId, LocalVertex};
@@ -28,12 +30,20 @@ pub struct FlatChart {
 pub(super) fn lay_flat(mesh: Triangles<'_>, faces: &[FaceId], normal: DVec3, texel: f64) -> Option<FlatChart> {
     let axis = normal.normalize_or(DVec3::Z);
     let (across, along) = axis.any_orthonormal_pair();
-    let place = |vertex: LocalVertex| {
-        let position = mesh.positions[vertex];
-        DVec2::new(position.dot(across), position.dot(along))
+    let mut number_of: HashMap<LocalVertex, usize> = HashMap::with_capacity(faces.len() + 2);
+    let mut places = Vec::with_capacity(faces.len() + 2);
+    let mut number = |vertex: LocalVertex| {
+        *number_of.entry(vertex).or_insert_with(|| {
+            let position = mesh.positions[vertex];
+            places.push(DVec2::new(position.dot(across), position.dot(along)));
+            places.len() - 1
+        })
     };
-    let mut laid: Vec<(FaceId, [DVec2; 3])> =
-        faces.iter().map(|&face| (face, mesh.vertices[face].map(place))).collect();
+    let triangles: Vec<_> =
+        faces.iter().map(|&face| (mesh.vertices[face].map(&mut number), mesh.corners(face))).collect();
+    let places = if faces.len() > 1 { relax(&triangles, places)? } else { places };
+    let corners = triangles.iter().map(|(vertices, _)| vertices.map(|vertex| places[vertex]));
+    let mut laid: Vec<(FaceId, [DVec2; 3])> = faces.iter().copied().zip(corners).collect();
     let doubled_area = |corners: &[DVec2; 3]| (corners[1] - corners[0]).perp_dot(corners[2] - corners[0]);
     if faces.len() > 1 && (winds_twice(mesh, &laid) || overlaps(outline(mesh, &laid)?)) {
         return None;

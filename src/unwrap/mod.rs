@@ -18,6 +18,7 @@ mod image_size;
 mod mask;
 mod outline;
 mod pack;
+mod relax;
 mod sheet;
 mod types;
 

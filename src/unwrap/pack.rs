@@ -20,14 +20,21 @@ use crate::mesh::id::FaceId;
 const OPEN_IMAGES: usize = 2;
 /// Share of an image that charts with their gutters are taken to fill.
 const FILL: f64 = 0.85;
-/// Smallest width of an image in texels.
+/// Smallest width of an image in texels, and what all widths are multiples of.
 const WIDTH_MIN: u32 = 64;
+const WIDTH_STEP: u32 = 16;
+/// So many charts are packed into images of several widths, of which each is wider than the one before by a share of the
+/// first; the smallest image is taken.
+const FEW: usize = 256;
+const TRIES: u32 = 12;
+const TRY_STEP: f64 = 0.03;
 
 /// A chart in texels, and what it takes of an image.
-#[derive(Clone)]
 struct Shape {
     faces: Vec<(FaceId, [DVec2; 3])>,
     mask: Mask,
+    /// The mask turned by a quarter.
+    turned: Mask,
 }
 
 /// Packs charts.
@@ -43,29 +50,73 @@ pub(super) fn pack(charts: Vec<FlatChart>, settings: &UnwrapSettings<'_>) -> Unw
     }
     // A stable sort: of equally large ones, the first stays first.
     shapes.sort_by_key(|shape| std::cmp::Reverse(shape.mask.cells));
-    let taken: usize = shapes.iter().map(|shape| shape.mask.cells).sum();
-    let widest = shapes.iter().map(|shape| shape.mask.size[0]).max().unwrap_or(0);
-    let width = ((taken as f64 / FILL).sqrt().ceil() as usize).max(widest) * CELL as usize;
-    let width = (width as u32).next_power_of_two().clamp(WIDTH_MIN.min(settings.side), settings.side);
-    let cells = [width, settings.side].map(|side| (side / CELL) as usize);
-    let mut sheets: Vec<Sheet> = Vec::new();
-    for shape in shapes {
-        let first = sheets.len().saturating_sub(OPEN_IMAGES);
-        let found = (first..sheets.len()).find_map(|image| {
-            let (shape, place) = shape.clone().turned_to_fit(&mut sheets[image])?;
-            Some((image, shape, place))
-        });
-        let (image, shape, place) = found.unwrap_or_else(|| {
-            sheets.push(Sheet::new(cells));
-            (sheets.len() - 1, shape, Place { row: 0, column: 0 })
-        });
-        sheets[image].take(&shape.mask, place);
-        unwrapped.charts.push(shape.placed(image as u32, place));
-    }
+    let widths = widths(&shapes, settings.side / CELL);
+    let packed = widths.into_iter().map(|width| Packed::new(&shapes, width as usize, (settings.side / CELL) as usize));
+    let best = packed.min_by_key(Packed::cells).unwrap_or_default();
+    let placed = shapes.into_iter().zip(best.places);
+    unwrapped.charts = placed.map(|(shape, (image, place))| shape.placed(image as u32, place)).collect();
     unwrapped.charts.sort_by_key(|chart| chart.image);
-    unwrapped.images =
-        sheets.iter().map(|sheet| ImageSize { width, height: (sheet.height as u32 * CELL).max(1) }).collect();
+    unwrapped.images = best
+        .images
+        .into_iter()
+        .map(|[width, height]| ImageSize { width: width * CELL, height: height * CELL })
+        .collect();
     unwrapped
+}
+
+/// Widths in cells that are tried: about that of a square that all charts fill, the better of many if there are few charts.
+fn widths(shapes: &[Shape], side: u32) -> Vec<u32> {
+    let taken: usize = shapes.iter().map(|shape| shape.mask.cells).sum();
+    let widest = shapes.iter().map(|shape| shape.mask.size[0] as u32).max().unwrap_or(1);
+    let usual = (taken as f64 / FILL).sqrt();
+    let tries = if shapes.len() <= FEW { TRIES } else { 1 };
+    let mut widths: Vec<u32> = (0..tries)
+        .map(|number| {
+            let width = (usual * (1.0 + TRY_STEP * f64::from(number))).ceil() as u32;
+            width.max(widest).max(WIDTH_MIN / CELL).next_multiple_of(WIDTH_STEP / CELL).min(side)
+        })
+        .collect();
+    widths.dedup();
+    widths
+}
+
+/// Places for charts.
+#[derive(Default)]
+struct Packed {
+    /// Image and place of each chart.
+    places: Vec<(usize, Placed)>,
+    /// Width and height of each image in cells.
+    images: Vec<[u32; 2]>,
+}
+
+/// Where a chart lies, and whether it is turned by a quarter.
+#[derive(Debug, Clone, Copy)]
+struct Placed {
+    place: Place,
+    is_turned: bool,
+}
+
+impl Packed {
+    /// Packs charts into images of a width and a largest height.
+    fn new(shapes: &[Shape], width: usize, height: usize) -> Self {
+        let mut sheets: Vec<Sheet> = Vec::new();
+        let mut places = Vec::with_capacity(shapes.len());
+        for shape in shapes {
+            let first = sheets.len().saturating_sub(OPEN_IMAGES);
+            let found = (first..sheets.len()).find_map(|image| Some((image, shape.find(&mut sheets[image])?)));
+            let (image, placed) = found.unwrap_or_else(|| {
+                sheets.push(Sheet::new([width, height]));
+                (sheets.len() - 1, Placed { place: Place { row: 0, column: 0 }, is_turned: false })
+            });
+            sheets[image].take(if placed.is_turned { &shape.turned } else { &shape.mask }, placed.place);
+            places.push((image, placed));
+        }
+        Self { places, images: sheets.iter().map(|sheet| [width as u32, sheet.height.max(1) as u32]).collect() }
+    }
+
+    fn cells(&self) -> u64 {
+        self.images.iter().map(|[width, height]| u64::from(*width) * u64::from(*height)).sum()
+    }
 }
 
 impl Shape {
@@ -77,33 +128,26 @@ impl Shape {
         let cells = |length: f64| (((length * scale).ceil() as u32 + 2 * GUTTER).div_ceil(CELL)) as usize;
         let size = [cells(chart.size.x), cells(chart.size.y)];
         let mask = Mask::of(size, faces.iter().map(|(_, corners)| *corners));
-        Self { faces, mask }
+        let turned = mask.turned();
+        Self { faces, mask, turned }
     }
 
-    /// The shape turned by a quarter: what was above is on the right.
-    fn turned(&self) -> Self {
-        let height = f64::from(self.mask.size[1] as u32 * CELL);
-        let turn = |corner: DVec2| DVec2::new(height - corner.y, corner.x);
-        let faces = self.faces.iter().map(|&(face, corners)| (face, corners.map(turn)));
-        Self { faces: faces.collect(), mask: self.mask.turned() }
-    }
-
-    /// The shape, turned if it reaches less far down then, and its place.
-    fn turned_to_fit(self, sheet: &mut Sheet) -> Option<(Self, Place)> {
-        let turned = self.turned();
+    /// The place where the chart reaches least far down, upright or turned.
+    fn find(&self, sheet: &mut Sheet) -> Option<Placed> {
         let upright = sheet.find(&self.mask, usize::MAX);
-        let height = |shape: &Self| shape.mask.size[1];
-        let last =
-            upright.map_or(Some(usize::MAX), |place| (place.row + height(&self)).checked_sub(height(&turned) + 1));
-        match (last.and_then(|last| sheet.find(&turned.mask, last)), upright) {
-            (Some(place), _) => Some((turned, place)),
-            (None, upright) => upright.map(|place| (self, place)),
-        }
+        let end = upright.map(|place| place.row + self.mask.size[1]);
+        let last = end.map_or(Some(usize::MAX), |end| end.checked_sub(self.turned.size[1] + 1));
+        let turned = last.and_then(|last| sheet.find(&self.turned, last));
+        let place = turned.or(upright)?;
+        Some(Placed { place, is_turned: turned.is_some() })
     }
 
-    fn placed(self, image: u32, place: Place) -> PlacedChart {
+    fn placed(self, image: u32, Placed { place, is_turned }: Placed) -> PlacedChart {
         let shift = DVec2::new((place.column as u32 * CELL).into(), (place.row as u32 * CELL).into());
-        let faces = self.faces.into_iter().map(|(face, corners)| (face, corners.map(|corner| corner + shift)));
+        let height = f64::from(self.mask.size[1] as u32 * CELL);
+        // Turned by a quarter, what was above is on the right.
+        let turn = |at: DVec2| if is_turned { DVec2::new(height - at.y, at.x) } else { at };
+        let faces = self.faces.into_iter().map(|(face, corners)| (face, corners.map(|at| turn(at) + shift)));
         PlacedChart { image, faces: faces.collect() }
     }
 }

@@ -1,0 +1,103 @@
+//! Moves the vertices of a chart that lies flat so that its triangles keep their shapes.
+//!
+//! ```text
+//!    seen along the normal           each triangle asks its edges to be as long as they are in space, turned as it
+//!    ◁▷◁  ──▶  ◁ ▷ ◁                 lies now; each vertex goes where its edges want it, on average; and so on
+//! ```
+//!
+//! # Source
+//! Liu, Zhang, Xu, Gotsman & Gortler 2008, "A local/global approach to mesh parameterization": as rigid as possible
+//! (section 4), with sweeps from vertex to vertex in the place of the linear system.
+
+use glam::{DVec2, DVec3};
+
+/// Sweeps over all vertices.
+const SWEEPS: usize = 48;
+/// How far a vertex goes, as a share of the way to where its edges want it.
+const STEP: f64 = 1.5;
+/// Least weight of an edge, for angles beyond 90 degrees.
+const WEIGHT_MIN: f64 = 1e-3;
+/// Smallest share of its length that a direction of a triangle may keep, or largest factor by which it may grow.
+const STRETCH_MAX: f64 = 2.0;
+
+/// A triangle of a chart.
+struct Element {
+    vertices: [usize; 3],
+    /// Its sides in its own plane, each from a corner to the next.
+    sides: [DVec2; 3],
+    /// Cotangents of the angles opposite to the sides.
+    weights: [f64; 3],
+}
+
+impl Element {
+    /// `None` if the triangle has no area.
+    fn new(vertices: [usize; 3], [a, b, c]: [DVec3; 3]) -> Option<Self> {
+        let (ab, ac) = (b - a, c - a);
+        let along = ab.try_normalize()?;
+        let across = (ac - along * ac.dot(along)).try_normalize()?;
+        let [a, b, c] = [a, b, c].map(|corner| DVec2::new((corner - a).dot(along), (corner - a).dot(across)));
+        let sides = [b - a, c - b, a - c];
+        let doubled_area = sides[0].perp_dot(sides[1]);
+        let weights = [0, 1, 2].map(|side: usize| {
+            let [from, to] = [sides[(side + 1) % 3], sides[(side + 2) % 3]];
+            (-from.dot(to) / doubled_area).max(WEIGHT_MIN)
+        });
+        weights.into_iter().all(f64::is_finite).then_some(Self { vertices, sides, weights })
+    }
+
+    /// The turn, as a unit vector, that brings the sides closest to what they are now.
+    fn turn(&self, places: &[DVec2]) -> DVec2 {
+        let turns = (0..3).map(|side| {
+            let now = places[self.vertices[(side + 1) % 3]] - places[self.vertices[side]];
+            let own = self.sides[side];
+            DVec2::new(own.dot(now), own.perp_dot(now)) * self.weights[side]
+        });
+        turns.sum::<DVec2>().normalize_or(DVec2::X)
+    }
+
+    /// Largest factor by which a direction shrinks or grows; infinite if the triangle is turned over.
+    fn stretch(&self, places: &[DVec2]) -> f64 {
+        let [a, b, c] = self.vertices.map(|vertex| places[vertex]);
+        // The map in the basis of the first side and of what is across to it.
+        let length = self.sides[0].x;
+        let along = (b - a) / length;
+        let across = ((c - a) + along * self.sides[2].x) / -self.sides[2].y;
+        let (sum, product) = (along.length_squared() + across.length_squared(), along.perp_dot(across));
+        if product <= 0.0 {
+            return f64::INFINITY;
+        }
+        let largest = (0.5 * (sum + (sum * sum - 4.0 * product * product).max(0.0).sqrt())).sqrt();
+        largest.max(largest / product)
+    }
+}
+
+/// Moves the vertices of a chart, given by the triangles in space and where their corners lie flat. `None` if some triangle
+/// is stretched too much.
+pub(super) fn relax(triangles: &[([usize; 3], [DVec3; 3])], mut places: Vec<DVec2>) -> Option<Vec<DVec2>> {
+    let elements: Vec<Element> =
+        triangles.iter().filter_map(|&(vertices, corners)| Element::new(vertices, corners)).collect();
+    let is_kept = |places: &[DVec2]| elements.iter().all(|element| element.stretch(places) <= STRETCH_MAX);
+    let seen = places.clone();
+    let mut edges_of: Vec<Vec<(usize, usize)>> = vec![Vec::new(); places.len()];
+    for (number, element) in elements.iter().enumerate() {
+        element.vertices.iter().enumerate().for_each(|(corner, &vertex)| edges_of[vertex].push((number, corner)));
+    }
+    for _ in 0..SWEEPS {
+        let turns: Vec<DVec2> = elements.iter().map(|element| element.turn(&places)).collect();
+        for (vertex, edges) in edges_of.iter().enumerate() {
+            let (mut sum, mut total) = (DVec2::ZERO, 0.0);
+            for &(number, corner) in edges {
+                let Element { vertices, sides, weights } = &elements[number];
+                let (next, before) = ((corner + 1) % 3, (corner + 2) % 3);
+                let turned = |side: usize| turns[number].rotate(sides[side]);
+                sum += weights[corner] * (places[vertices[next]] - turned(corner));
+                sum += weights[before] * (places[vertices[before]] + turned(before));
+                total += weights[corner] + weights[before];
+            }
+            if total > 0.0 {
+                places[vertex] = places[vertex].lerp(sum / total, STEP);
+            }
+        }
+    }
+    [places, seen].into_iter().find(|places| is_kept(places))
+}
