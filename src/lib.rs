@@ -91,7 +91,7 @@ mod api;
 #[doc(hidden)]
 pub mod cli;
 
-pub use api::{MeshReport, Simplify, simplify_mesh};
+pub use api::{MeshReport, Simplify, simplify_mesh, unwrap_mesh};
 pub use base::{Error, ErrorKind, Progress, Result, Silent};
 pub use model::Mesh;
 pub use options::{JobOptions, Limits, SimplifyOptions, Target};

@@ -33,6 +33,9 @@ const LOOKS_MAX: u64 = 20_000;
 /// Rounding of a distance, by the largest coordinate.
 const ROUNDING: f64 = 1e-10;
 
+/// What hears of a point's closest place.
+pub(super) type HearPlace<'f> = &'f mut dyn FnMut(usize, &NearTriangle, [f32; 3]) -> Result<()>;
+
 /// Finds closest places.
 pub(super) struct ClosestPlaces<'a> {
     original: &'a Original,
@@ -91,26 +94,17 @@ impl<'a> ClosestPlaces<'a> {
     ///
     /// # Errors
     /// On failed reads, and those of `found`.
-    pub fn of_points(
-        &mut self,
-        points: &PointSet,
-        found: &mut dyn FnMut(usize, &NearTriangle, [f32; 3]) -> Result<()>,
-    ) -> Result<()> {
+    pub fn of_points(&mut self, points: &PointSet, found: HearPlace<'_>) -> Result<()> {
         self.of_groups(points, points.groups(), found)
     }
 
-    fn of_groups(
-        &mut self,
-        points: &PointSet,
-        groups: &[PointGroup],
-        found: &mut dyn FnMut(usize, &NearTriangle, [f32; 3]) -> Result<()>,
-    ) -> Result<()> {
+    fn of_groups(&mut self, points: &PointSet, groups: &[PointGroup], found: HearPlace<'_>) -> Result<()> {
         if groups.is_empty() {
             return Ok(());
         }
         if !self.gather_for(groups)? {
             let (left, right) = groups.split_at(groups.len() / 2);
-            self.of_groups(points, left, found)?;
+            self.of_groups(points, left, &mut *found)?;
             return self.of_groups(points, right, found);
         }
         groups.iter().try_for_each(|group| self.nearby.of_group(points, group, self.away, &mut *found))

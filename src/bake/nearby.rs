@@ -182,12 +182,12 @@ impl Prism {
 #[derive(Default)]
 pub(super) struct PointSet {
     points: Vec<DVec3>,
-    runs: Vec<Run>,
+    runs: Vec<PointRun>,
     groups: Vec<PointGroup>,
 }
 
 /// Points of a group that face the same way: those up to `end`.
-struct Run {
+struct PointRun {
     end: usize,
     normal: DVec3,
 }
@@ -222,7 +222,7 @@ impl PointSet {
     pub fn end_run(&mut self, normal: DVec3) {
         let end = self.points.len();
         if self.runs.last().map_or(0, |run| run.end) < end {
-            self.runs.push(Run { end, normal });
+            self.runs.push(PointRun { end, normal });
         }
     }
 

@@ -12,14 +12,14 @@ pub(super) struct Mask {
     /// Width and height in cells.
     pub size: [usize; 2],
     /// Runs of cells, row by row.
-    pub runs: Vec<Run>,
+    pub runs: Vec<CellRun>,
     /// Number of cells.
     pub cells: usize,
 }
 
 /// Neighbouring cells of a row.
 #[derive(Debug, Clone)]
-pub(super) struct Run {
+pub(super) struct CellRun {
     pub row: usize,
     pub columns: Range<usize>,
 }
@@ -40,7 +40,7 @@ impl Mask {
             let mut from = 0;
             while let Some(first) = grid.next(row, from, true) {
                 let end = grid.next(row, first, false).unwrap_or(grid.size[0]);
-                runs.push(Run { row, columns: first..end });
+                runs.push(CellRun { row, columns: first..end });
                 from = end;
             }
         }
@@ -52,7 +52,7 @@ impl Mask {
     pub fn turned(&self) -> Self {
         let [width, height] = self.size;
         let mut grid = Grid::new([height, width]);
-        for Run { row, columns } in &self.runs {
+        for CellRun { row, columns } in &self.runs {
             columns.clone().for_each(|column| grid.take(column, height - 1 - row..height - row));
         }
         Self::from_grid(&grid)
@@ -79,9 +79,8 @@ impl Grid {
     /// Takes cells of a row.
     pub fn take(&mut self, row: usize, columns: Range<usize>) {
         let row = &mut self.are_taken[row * self.words..][..self.words];
-        for word in columns.start / 64..columns.end.div_ceil(64) {
-            row[word] |= bits(&columns, word);
-        }
+        let words = columns.start / 64..columns.end.div_ceil(64);
+        row[words.clone()].iter_mut().zip(words).for_each(|(taken, word)| *taken |= bits(&columns, word));
     }
 
     /// The last taken cell among some cells of a row.

@@ -12,7 +12,7 @@ use glam::DVec2;
 use super::flat::FlatChart;
 use super::image_size::{CELL, GUTTER, ImageSize};
 use super::mask::Mask;
-use super::sheet::{Place, Sheet};
+use super::sheet::{Sheet, SheetPlace};
 use super::types::{PlacedChart, UnwrapSettings, Unwrapped};
 use crate::mesh::id::FaceId;
 
@@ -23,8 +23,8 @@ const FILL: f64 = 0.85;
 /// Smallest width of an image in texels, and what all widths are multiples of.
 const WIDTH_MIN: u32 = 64;
 const WIDTH_STEP: u32 = 16;
-/// So many charts are packed into images of several widths, of which each is wider than the one before by a share of the
-/// first; the smallest image is taken.
+/// Up to this number of charts are packed into images of several widths, of which each is wider than the one before by a
+/// share of the first; the smallest image is taken.
 const FEW: usize = 256;
 const TRIES: u32 = 12;
 const TRY_STEP: f64 = 0.03;
@@ -92,7 +92,7 @@ struct Packed {
 /// Where a chart lies, and whether it is turned by a quarter.
 #[derive(Debug, Clone, Copy)]
 struct Placed {
-    place: Place,
+    place: SheetPlace,
     is_turned: bool,
 }
 
@@ -105,8 +105,11 @@ impl Packed {
             let first = sheets.len().saturating_sub(OPEN_IMAGES);
             let found = (first..sheets.len()).find_map(|image| Some((image, shape.find(&mut sheets[image])?)));
             let (image, placed) = found.unwrap_or_else(|| {
+                if let Some(sheet) = sheets.len().checked_sub(OPEN_IMAGES) {
+                    sheets[sheet].close();
+                }
                 sheets.push(Sheet::new([width, height]));
-                (sheets.len() - 1, Placed { place: Place { row: 0, column: 0 }, is_turned: false })
+                (sheets.len() - 1, Placed { place: SheetPlace { row: 0, column: 0 }, is_turned: false })
             });
             sheets[image].take(if placed.is_turned { &shape.turned } else { &shape.mask }, placed.place);
             places.push((image, placed));

@@ -21,7 +21,7 @@ const WEIGHT_MIN: f64 = 1e-3;
 const STRETCH_MAX: f64 = 2.0;
 
 /// A triangle of a chart.
-struct Element {
+struct RigidTriangle {
     vertices: [usize; 3],
     /// Its sides in its own plane, each from a corner to the next.
     sides: [DVec2; 3],
@@ -29,7 +29,7 @@ struct Element {
     weights: [f64; 3],
 }
 
-impl Element {
+impl RigidTriangle {
     /// `None` if the triangle has no area.
     fn new(vertices: [usize; 3], [a, b, c]: [DVec3; 3]) -> Option<Self> {
         let (ab, ac) = (b - a, c - a);
@@ -74,8 +74,8 @@ impl Element {
 /// Moves the vertices of a chart, given by the triangles in space and where their corners lie flat. `None` if some triangle
 /// is stretched too much.
 pub(super) fn relax(triangles: &[([usize; 3], [DVec3; 3])], mut places: Vec<DVec2>) -> Option<Vec<DVec2>> {
-    let elements: Vec<Element> =
-        triangles.iter().filter_map(|&(vertices, corners)| Element::new(vertices, corners)).collect();
+    let elements: Vec<RigidTriangle> =
+        triangles.iter().filter_map(|&(vertices, corners)| RigidTriangle::new(vertices, corners)).collect();
     let is_kept = |places: &[DVec2]| elements.iter().all(|element| element.stretch(places) <= STRETCH_MAX);
     let seen = places.clone();
     let mut edges_of: Vec<Vec<(usize, usize)>> = vec![Vec::new(); places.len()];
@@ -87,7 +87,7 @@ pub(super) fn relax(triangles: &[([usize; 3], [DVec3; 3])], mut places: Vec<DVec
         for (vertex, edges) in edges_of.iter().enumerate() {
             let (mut sum, mut total) = (DVec2::ZERO, 0.0);
             for &(number, corner) in edges {
-                let Element { vertices, sides, weights } = &elements[number];
+                let RigidTriangle { vertices, sides, weights } = &elements[number];
                 let (next, before) = ((corner + 1) % 3, (corner + 2) % 3);
                 let turned = |side: usize| turns[number].rotate(sides[side]);
                 sum += weights[corner] * (places[vertices[next]] - turned(corner));

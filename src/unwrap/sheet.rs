@@ -3,11 +3,11 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
-use super::mask::{Grid, Mask, Run};
+use super::mask::{CellRun, Grid, Mask};
 
 /// Classes of sizes for a factor of two.
 const SIZE_CLASSES: f64 = 4.0;
-/// A chart of so many rows is tried at every other row alone.
+/// A chart of this number of rows or more is tried at every other row alone.
 const TALL: usize = 16;
 
 /// An image under way, in cells.
@@ -24,7 +24,7 @@ pub(super) struct Sheet {
 
 /// A place for a chart: its first row and column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Place {
+pub(super) struct SheetPlace {
     pub row: usize,
     pub column: usize,
 }
@@ -37,7 +37,7 @@ impl Sheet {
 
     /// The uppermost place where a chart is free, of these that on the left, whose first row is no lower than `last`; not
     /// above the last chart of its class of sizes.
-    pub fn find(&mut self, mask: &Mask, last: usize) -> Option<Place> {
+    pub fn find(&mut self, mask: &Mask, last: usize) -> Option<SheetPlace> {
         let rows = (self.size[1] + 1).checked_sub(mask.size[1])?.min(last.saturating_add(1));
         let class = mask.size.map(|side| (SIZE_CLASSES * libm::log2(side as f64)) as u32);
         let first = self.begun.get(&class).copied().unwrap_or(0);
@@ -46,7 +46,7 @@ impl Sheet {
         place
     }
 
-    fn find_among(&self, mask: &Mask, rows: Range<usize>) -> Option<Place> {
+    fn find_among(&self, mask: &Mask, rows: Range<usize>) -> Option<SheetPlace> {
         let widest = mask.runs.iter().max_by_key(|run| run.columns.len())?;
         // The run that was in the way last: it mostly is again.
         let mut likely = 0;
@@ -59,7 +59,7 @@ impl Sheet {
             while column + mask.size[0] <= self.size[0] {
                 match self.obstacle(mask, row, column, likely) {
                     Some((run, next)) => (likely, column) = (run, next),
-                    None => return Some(Place { row, column }),
+                    None => return Some(SheetPlace { row, column }),
                 }
             }
             None
@@ -69,7 +69,7 @@ impl Sheet {
     /// A run of a chart that is in the way at a place, and the next column where it is not.
     fn obstacle(&self, mask: &Mask, row: usize, column: usize, likely: usize) -> Option<(usize, usize)> {
         let blocked = |number: usize| {
-            let Run { row: own, columns } = &mask.runs[number];
+            let CellRun { row: own, columns } = &mask.runs[number];
             let row = row + own;
             let taken = self.grid.last_taken(row, columns.start + column..columns.end + column)?;
             let next = self.grid.next(row, taken, false).unwrap_or(self.size[0]);
@@ -78,9 +78,15 @@ impl Sheet {
         blocked(likely).or_else(|| (0..mask.runs.len()).find_map(blocked))
     }
 
+    /// Frees the memory of an image that gets no more charts.
+    pub fn close(&mut self) {
+        (self.grid, self.free) = (Grid::new([0; 2]), Vec::new());
+        self.begun = HashMap::new();
+    }
+
     /// Takes a place for a chart.
-    pub fn take(&mut self, mask: &Mask, place: Place) {
-        for Run { row, columns } in &mask.runs {
+    pub fn take(&mut self, mask: &Mask, place: SheetPlace) {
+        for CellRun { row, columns } in &mask.runs {
             self.grid.take(place.row + row, place.column + columns.start..place.column + columns.end);
         }
         for row in place.row..place.row + mask.size[1] {

@@ -9,6 +9,9 @@ mod levels_of_detail;
 #[path = "../../examples/mesh_in_memory.rs"]
 #[allow(dead_code, reason = "main is for people")]
 mod mesh_in_memory;
+#[path = "../../examples/new_texcoords.rs"]
+#[allow(dead_code, reason = "main is for people")]
+mod new_texcoords;
 #[path = "../../examples/one_file.rs"]
 #[allow(dead_code, reason = "main is for people")]
 mod one_file;
@@ -70,4 +73,12 @@ fn options_come_as_json() {
     assert!(answer(r#"{"ratio": 2}"#).starts_with("400: `ratio: 2`"));
     assert!(answer(r#"{"metric": "best"}"#).starts_with("400: "));
     assert!(answer(r#"{"ratoi": 0.2}"#).starts_with("400: "));
+}
+
+#[test]
+fn new_texcoords_are_those_of_images() {
+    let unwrapped = new_texcoords::run(&town(), 0.1).unwrap();
+    assert_eq!(unwrapped.faces.len(), 18_218);
+    assert!(unwrapped.face_texcoords.iter().flatten().all(|&texcoord| texcoord != Mesh::NO_TEXCOORD));
+    assert!(unwrapped.texcoords.iter().flatten().all(|at| (0.0..=1.0).contains(at)));
 }
