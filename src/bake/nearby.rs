@@ -433,3 +433,57 @@ impl Nearby {
         Some(closest)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn point() -> impl Strategy<Value = DVec3> {
+        prop::array::uniform3(-1.0..1.0).prop_map(DVec3::from_array)
+    }
+
+    proptest! {
+        #[test]
+        fn the_closest_triangle_is_that_of_a_plain_search(
+            corners in prop::collection::vec(prop::array::uniform3(point()), 1..40),
+            points in prop::collection::vec(point(), 1..20),
+            normal in point(),
+            away in 0.0..0.5,
+            scale in prop::sample::select(vec![1e-3, 1.0, 1e4]),
+            is_flat in any::<bool>(),
+        ) {
+            let place = |point: DVec3| if is_flat { point.with_z(0.0) * scale } else { point * scale };
+            let triangles: Vec<[DVec3; 3]> = corners.iter().map(|corners| corners.map(place)).collect();
+            let (middle, away) = (DVec3::new(3.0, -2.0, 1.0) * scale, away * scale);
+            let mut nearby = Nearby::default();
+            nearby.begin(middle);
+            triangles.iter().for_each(|corners| nearby.add(*corners, Shown::Nothing));
+            let mut set = PointSet::default();
+            points.iter().for_each(|point| set.push(middle + *point * scale));
+            set.end_run(normal.normalize_or(DVec3::Z));
+            set.end_group();
+            let counted = |point: DVec3, corners: [DVec3; 3]| {
+                let across = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
+                let faces_away = across.dot(normal.normalize_or(DVec3::Z)) < f64::from(AWAY);
+                distance_sq(point, corners).sqrt() + if faces_away { away } else { 0.0 }
+            };
+            let mut count = 0;
+            let found = |number: usize, triangle: &NearTriangle, weights: [f32; 3]| {
+                let point = points[number] * scale;
+                let least = triangles.iter().map(|&corners| counted(point, corners)).fold(f64::INFINITY, f64::min);
+                let corners = triangle.corners.map(Vec3::as_dvec3);
+                prop_assert!(counted(point, corners) <= least + 1e-4 * scale, "{} {least}", counted(point, corners));
+                let [a, b, c] = weights.map(f64::from);
+                let place = corners[0] * a + corners[1] * b + corners[2] * c;
+                let distance = distance_sq(point, corners).sqrt();
+                prop_assert!(place.distance(point) <= distance + 1e-2 * scale, "{} {distance}", place.distance(point));
+                count += 1;
+                Ok(())
+            };
+            nearby.of_group(&set, &set.groups()[0], away, found)?;
+            prop_assert_eq!(count, points.len());
+        }
+    }
+}

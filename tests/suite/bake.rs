@@ -24,13 +24,18 @@ fn compared(input: &Path, output: &Path) -> Comparison {
 /// A row of squares one unit wide along the first axis, each with its own statements before its faces; `uv` are the
 /// texture coordinates of the four corners of the square at a place.
 fn row(squares: &[&str], colours: &[&str], uv: [[f64; 2]; 4]) -> String {
+    row_of_parts(squares, colours, &vec![uv; squares.len()])
+}
+
+/// The same, each square with texture coordinates of its own.
+fn row_of_parts(squares: &[&str], colours: &[&str], parts: &[[[f64; 2]; 4]]) -> String {
     let mut text = "mtllib a.mtl\n".to_owned();
     for (square, statements) in squares.iter().enumerate() {
         let colour = colours.get(square).copied().unwrap_or("");
         for [x, y] in [[0, 0], [1, 0], [1, 1], [0, 1]] {
             text += &format!("v {} {y} 0 {colour}\n", x + 2 * square);
         }
-        for [u, v] in uv {
+        for [u, v] in parts[square] {
             text += &format!("vt {u} {v}\n");
         }
         let at = |corner: usize| format!("{0}/{0}", 4 * square + corner);
@@ -39,29 +44,36 @@ fn row(squares: &[&str], colours: &[&str], uv: [[f64; 2]; 4]) -> String {
     text
 }
 
-/// Mean colour of the baked texels that show each square of a [`row`].
-fn colours_of_row(folder: &Path, squares: usize) -> Vec<[f64; 3]> {
+/// The image of a baked [`row`], and the triangles that show it: the square, and the corners in texels from the upper left.
+fn shown_by_row(folder: &Path) -> (image::RgbImage, Vec<(usize, [[f64; 2]; 3])>) {
     let text = fs::read_to_string(folder.join("out.obj")).unwrap();
     let image = fs::read_dir(folder.join("out_textures")).unwrap().next().unwrap().unwrap().path();
     let image = image::open(image).unwrap().into_rgb8();
     let numbers = |line: &str| line.split(' ').skip(1).map(|word| word.parse::<f64>().unwrap()).collect::<Vec<_>>();
     let of_kind = |kind: &str| text.lines().filter(|line| line.starts_with(kind)).map(numbers).collect::<Vec<_>>();
     let (positions, texcoords) = (of_kind("v "), of_kind("vt "));
+    let shown = |line: &str| {
+        let mut corners = [[0.0; 2]; 3];
+        let mut along = 0.0;
+        for (corner, word) in corners.iter_mut().zip(line.split(' ').skip(1)) {
+            let ids: Vec<usize> = word.split('/').map(|id| id.parse::<usize>().unwrap() - 1).collect();
+            let [u, v] = [texcoords[ids[1]][0], texcoords[ids[1]][1]];
+            *corner = [u * f64::from(image.width()), (1.0 - v) * f64::from(image.height())];
+            along += positions[ids[0]][0] / 3.0;
+        }
+        ((along / 2.0) as usize, corners)
+    };
+    let triangles = text.lines().filter(|line| line.starts_with("f ")).map(shown).collect();
+    (image, triangles)
+}
+
+/// Mean colour of the baked texels that show each square of a [`row`].
+fn colours_of_row(folder: &Path, squares: usize) -> Vec<[f64; 3]> {
+    let (image, triangles) = shown_by_row(folder);
     let mut sums = vec![([0.0; 3], 0.0); squares];
-    for line in text.lines().filter(|line| line.starts_with("f ")) {
-        let corners: Vec<[usize; 2]> = line
-            .split(' ')
-            .skip(1)
-            .map(|corner| {
-                let ids: Vec<usize> = corner.split('/').map(|id| id.parse().unwrap()).collect();
-                [ids[0] - 1, ids[1] - 1]
-            })
-            .collect();
-        let middle = |of: &dyn Fn(&[usize; 2]) -> f64| corners.iter().map(of).sum::<f64>() / 3.0;
-        let square = (middle(&|corner| positions[corner[0]][0]) / 2.0) as usize;
-        let u = middle(&|corner| texcoords[corner[1]][0]) * f64::from(image.width());
-        let v = (1.0 - middle(&|corner| texcoords[corner[1]][1])) * f64::from(image.height());
-        let pixel = image.get_pixel(u as u32, v as u32).0;
+    for (square, corners) in triangles {
+        let [x, y] = [0, 1].map(|axis| corners.iter().map(|corner| corner[axis]).sum::<f64>() / 3.0);
+        let pixel = image.get_pixel(x as u32, y as u32).0;
         (0..3).for_each(|channel| sums[square].0[channel] += f64::from(pixel[channel]));
         sums[square].1 += 1.0;
     }
@@ -261,4 +273,30 @@ fn a_plain_material_needs_no_texture_coordinates_and_colours_of_vertices_come_be
         })
         .collect();
     assert_near(&baked_row(mtl, &bare, 2), &[[51.0, 102.0, 153.0], [255.0, 0.0, 0.0]]);
+}
+
+#[test]
+fn texels_lie_as_densely_as_those_of_the_input() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    image::RgbImage::from_fn(256, 256, |x, y| image::Rgb([x as u8, y as u8, 90])).save(path("a.png")).unwrap();
+    fs::write(path("a.mtl"), "newmtl a\nmap_Kd a.png\n").unwrap();
+    // Sides of the parts of the image that the squares show: one texel in two is as long as in the third square.
+    let shares = [1.0, 0.9, 0.8, 0.7, 0.1];
+    let parts = shares.map(|share| WHOLE.map(|corner| corner.map(|at| at * share)));
+    fs::write(path("in.obj"), row_of_parts(&["usemtl a"; 5], &[], &parts)).unwrap();
+    let report = pipeline::simplify(&path("in.obj"), &path("out.obj"), &baked(ratio(1.0)), &Silent).unwrap();
+    let median = 0.8 * 256.0;
+    let texel = report.bake.unwrap().texel;
+    assert!((texel * median - 1.0).abs() < 0.02, "{texel}");
+
+    let mut areas = [0.0; 5];
+    for (square, [a, b, c]) in shown_by_row(folder.path()).1 {
+        areas[square] += 0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs();
+    }
+    // No texel is longer than √2 of the median.
+    for (area, share) in areas.into_iter().zip(shares) {
+        let expected = (share * 256.0).max(median * 0.5f64.sqrt());
+        assert!((area.sqrt() / expected - 1.0).abs() < 0.03, "{share}: {} {expected}", area.sqrt());
+    }
 }
