@@ -44,8 +44,11 @@ fn row_of_parts(squares: &[&str], colours: &[&str], parts: &[[[f64; 2]; 4]]) -> 
     text
 }
 
-/// The image of a baked [`row`], and the triangles that show it: the square, and the corners in texels from the upper left.
-fn shown_by_row(folder: &Path) -> (image::RgbImage, Vec<(usize, [[f64; 2]; 3])>) {
+/// A triangle of a baked [`row`]: its square, and its corners in texels from the upper left.
+type ShownTriangle = (usize, [[f64; 2]; 3]);
+
+/// The image of a baked [`row`], and the triangles that show it.
+fn shown_by_row(folder: &Path) -> (image::RgbImage, Vec<ShownTriangle>) {
     let text = fs::read_to_string(folder.join("out.obj")).unwrap();
     let image = fs::read_dir(folder.join("out_textures")).unwrap().next().unwrap().unwrap().path();
     let image = image::open(image).unwrap().into_rgb8();
@@ -285,7 +288,7 @@ fn texels_lie_as_densely_as_those_of_the_input() {
     let shares = [1.0, 0.9, 0.8, 0.7, 0.1];
     let parts = shares.map(|share| WHOLE.map(|corner| corner.map(|at| at * share)));
     fs::write(path("in.obj"), row_of_parts(&["usemtl a"; 5], &[], &parts)).unwrap();
-    let report = pipeline::simplify(&path("in.obj"), &path("out.obj"), &baked(ratio(1.0)), &Silent).unwrap();
+    let report = pipeline::simplify(path("in.obj"), &path("out.obj"), &baked(ratio(1.0)), &Silent).unwrap();
     let median = 0.8 * 256.0;
     let texel = report.bake.unwrap().texel;
     assert!((texel * median - 1.0).abs() < 0.02, "{texel}");
