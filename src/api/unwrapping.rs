@@ -60,7 +60,7 @@ pub fn unwrap_mesh(mesh: &Mesh, texel: f64, side: u32) -> Result<(Mesh, Vec<Imag
     // The texture coordinate of each vertex in the chart that came last.
     let mut texcoord_of = vec![(usize::MAX, 0); mesh.positions.len()];
     for (number, chart) in unwrapped.charts.iter().enumerate() {
-        let ImageSize { width, height } = unwrapped.images[chart.image as usize];
+        let size = unwrapped.images[chart.image as usize];
         for (face, corners) in &chart.faces {
             let face = face.index();
             out.face_labels[face] = chart.image;
@@ -68,8 +68,7 @@ pub fn unwrap_mesh(mesh: &Mesh, texel: f64, side: u32) -> Result<(Mesh, Vec<Imag
                 let of_vertex = &mut texcoord_of[mesh.faces[face][corner] as usize];
                 if of_vertex.0 != number {
                     *of_vertex = (number, out.texcoords.len() as u32);
-                    let at = corners[corner];
-                    out.texcoords.push([at.x / f64::from(width), 1.0 - at.y / f64::from(height)]);
+                    out.texcoords.push(size.texcoord(corners[corner]).to_array());
                 }
                 out.face_texcoords[face][corner] = of_vertex.1;
             }

@@ -18,6 +18,7 @@ use crate::geometry::boxtree::Bounds;
 use crate::geometry::distance_sq;
 use crate::geometry::triangle_tree::Question;
 use crate::surface::cell::{Cell, CellView};
+use crate::surface::order::{order_by_distance, sort_by_distance};
 
 /// Cells kept open at once.
 const VIEWS: usize = 8;
@@ -67,11 +68,8 @@ impl<'a> ClosestPlaces<'a> {
 
     /// The next blocks lie in a box.
     pub fn begin_patch(&mut self, bounds: Bounds) {
-        self.order.clear();
-        let cells = self.cells().iter().zip(0..);
-        self.order.extend(cells.map(|(cell, number)| (cell.bounds.between_sq(bounds), number)));
-        sort(&mut self.order);
-        self.patch_order = self.order.clone();
+        order_by_distance(self.cells(), bounds, &mut self.patch_order);
+        self.order.clone_from(&self.patch_order);
         self.of_block = 0;
     }
 
@@ -82,7 +80,7 @@ impl<'a> ClosestPlaces<'a> {
         let cells = self.cells();
         let near = &mut self.order[..self.of_block];
         near.iter_mut().for_each(|entry| entry.0 = cells[entry.1 as usize].bounds.between_sq(bounds));
-        sort(near);
+        sort_by_distance(near);
     }
 
     fn cells(&self) -> &'a [Cell] {
@@ -137,7 +135,7 @@ impl<'a> ClosestPlaces<'a> {
     }
 
     /// Calls `visit` with the cells that may be nearer than a squared distance; it returns the next such distance.
-    fn visit_cells(&mut self, limit_sq: f64, mut visit: impl FnMut(&mut Self, u32, f64) -> Result<f64>) -> Result<()> {
+    fn visit_cells(&mut self, limit_sq: f64, mut visit: impl FnMut(&mut Self, u32) -> Result<f64>) -> Result<()> {
         let mut limit_sq = limit_sq;
         for range in [0..self.of_block, self.of_block..self.order.len()] {
             for at in range {
@@ -145,7 +143,7 @@ impl<'a> ClosestPlaces<'a> {
                 if least_sq > limit_sq {
                     break;
                 }
-                limit_sq = visit(self, cell, limit_sq)?;
+                limit_sq = visit(self, cell)?;
             }
         }
         Ok(())
@@ -154,7 +152,7 @@ impl<'a> ClosestPlaces<'a> {
     /// Distance of the nearest triangle.
     fn nearest(&mut self, point: DVec3) -> Result<Option<f64>> {
         let mut best_sq = f64::INFINITY;
-        self.visit_cells(best_sq, |search, cell, _| {
+        self.visit_cells(best_sq, |search, cell| {
             if search.cells()[cell as usize].bounds.distance_sq(point) < best_sq {
                 let view = search.open(cell)?;
                 let point = point - view.origin;
@@ -173,7 +171,7 @@ impl<'a> ClosestPlaces<'a> {
         let original = self.original;
         let mut nearby = std::mem::take(&mut self.nearby);
         let limit_sq = distance * distance;
-        self.visit_cells(limit_sq, |search, cell, _| {
+        self.visit_cells(limit_sq, |search, cell| {
             if original.cells[cell as usize].bounds.distance_sq(point) <= limit_sq {
                 let view = search.open(cell)?;
                 let local = point - view.origin;
@@ -204,8 +202,4 @@ impl<'a> ClosestPlaces<'a> {
         };
         Ok(&self.views[at].1)
     }
-}
-
-fn sort(order: &mut [(f64, u32)]) {
-    order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
 }

@@ -90,12 +90,13 @@ pub(super) struct ChartPainter<'a> {
 }
 
 impl<'a> ChartPainter<'a> {
-    /// Paints with texels that are `texel` long where the original has its median.
-    pub fn new(original: &'a Original, reach: f64, texel: f64) -> Self {
+    /// Paints with texels that are `texel` long where the original has its median; a surface that faces away counts as
+    /// `away` farther.
+    pub fn new(original: &'a Original, texel: f64, away: f64) -> Self {
         let coarseness = texel / original.median_texel;
         let of_face = (original.area / original.face_count.max(1) as f64).sqrt() / texel;
         Self {
-            closest: ClosestPlaces::new(original, reach),
+            closest: ClosestPlaces::new(original, away),
             reader: TexelReader::new(&original.images),
             pattern: pattern(coarseness),
             square: (SQUARE * of_face).round().clamp(1.0, SQUARE_MAX) as usize,

@@ -33,7 +33,7 @@ impl<'a> Painters<'a> {
     /// `count` painters with texels that are `texel` long where the original has its median; a surface that faces away
     /// counts as `away` farther.
     pub fn new(original: &'a Original, texel: f64, away: f64, count: usize, progress: &'a dyn Progress) -> Self {
-        let painters = (0..count).map(|_| ChartPainter::new(original, away, texel)).collect();
+        let painters = (0..count).map(|_| ChartPainter::new(original, texel, away)).collect();
         Self { painters: Mutex::new(painters), progress }
     }
 

@@ -19,7 +19,7 @@ use crate::model::StoredPiece;
 use crate::model::id::PartId;
 use crate::model::image_format::ImageFormat;
 use crate::partition::ClusterSource;
-use crate::unwrap::{ImageSize, Triangles, UnwrapSettings, Unwrapped, unwrap};
+use crate::unwrap::{Triangles, UnwrapSettings, Unwrapped, unwrap};
 
 /// A baked image in the work folder.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -106,13 +106,12 @@ fn textured(mesh: &ClusterMesh, unwrapped: &Unwrapped) -> ClusterMesh {
     let mut wedge_of: TiVec<LocalVertex, Wedge> = mesh.per_vertex(Wedge::NONE);
     let mut used: Vec<LocalVertex> = Vec::new();
     for chart in &unwrapped.charts {
-        let ImageSize { width, height } = unwrapped.images[chart.image as usize];
+        let size = unwrapped.images[chart.image as usize];
         for (face, corners) in &chart.faces {
             let mut wedges = [Wedge::NONE; 3];
             for ((wedge, &vertex), corner) in wedges.iter_mut().zip(&mesh.corner_vertices[*face]).zip(corners) {
                 if wedge_of[vertex] == Wedge::NONE {
-                    let texcoord = glam::DVec2::new(corner.x / f64::from(width), 1.0 - corner.y / f64::from(height));
-                    wedge_of[vertex] = out.push_wedge(vertex, texcoord);
+                    wedge_of[vertex] = out.push_wedge(vertex, size.texcoord(*corner));
                     used.push(vertex);
                 }
                 *wedge = wedge_of[vertex];

@@ -320,14 +320,6 @@ pub struct Answer {
 impl TreeView<'_> {
     /// Answers a query; `triangle` returns corners by index in the tree's order.
     pub fn ask(self, question: &Question, triangle: impl Fn(u32) -> [DVec3; 3]) -> Answer {
-        let point = question.point;
-        self.ask_by(question, |place| closest_point(point, triangle(place)).distance_squared(point))
-    }
-
-    /// Answers a query by a measure of one's own: `measure_sq` returns the square of a triangle's distance, by index in
-    /// the tree's order; it is nowhere below that of the triangle's box.
-    #[inline]
-    pub fn ask_by(self, question: &Question, measure_sq: impl Fn(u32) -> f64) -> Answer {
         let Question { point, bound_sq, enough_sq, looks: looks_max } = *question;
         let target = Vec3A::from(point.as_vec3());
         let mut best = (u32::MAX, bound_sq);
@@ -351,7 +343,7 @@ impl TreeView<'_> {
                 looks += 1 + u64::from(leaf);
                 if leaf > 0 {
                     for place in index..index + leaf {
-                        let distance_sq = measure_sq(place);
+                        let distance_sq = closest_point(point, triangle(place)).distance_squared(point);
                         if distance_sq < best.1 {
                             best = (place, distance_sq);
                             limit = bound(distance_sq);

@@ -2,3 +2,4 @@
 //! search for closest points, and bakes for colours.
 
 pub mod cell;
+pub mod order;

@@ -30,7 +30,7 @@ use crate::geometry::triangle::{area, unit_normal};
 use crate::mesh::id::{FaceId, LocalVertex};
 
 /// Smallest cosine between the normal of a chart and that of each of its triangles: 80 degrees.
-pub const FACING: f64 = 0.17;
+const FACING: f64 = 0.17;
 /// Deviation that every merge costs, so that the outline counts on flat ground, too.
 const FLAT_COST: f64 = 0.02;
 /// Square of the outline's length by that of a circle of the same area, above which charts do not merge.

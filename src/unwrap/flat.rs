@@ -18,14 +18,14 @@ const SCALE_MAX: f64 = 1.4;
 
 /// A chart that was laid flat.
 #[derive(Debug, Clone)]
-pub struct FlatChart {
+pub(super) struct FlatChart {
     /// Its triangles, each with the places of its corners in texels, above and to the right of 0.
     pub faces: Vec<(FaceId, [DVec2; 3])>,
     /// Width and height in texels.
     pub size: DVec2,
 }
 
-/// Lays triangles flat; `None` if they would overlap. Their normals must lie within 90 degrees of `normal`; `texel` is the
+/// Lays triangles flat; `None` if they would overlap or be stretched too much. Their normals must lie within 90 degrees of `normal`; `texel` is the
 /// length of a texel's side.
 pub(super) fn lay_flat(mesh: Triangles<'_>, faces: &[FaceId], normal: DVec3, texel: f64) -> Option<FlatChart> {
     let axis = normal.normalize_or(DVec3::Z);

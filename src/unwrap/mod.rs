@@ -1,7 +1,7 @@
 //! Unwraps a triangle mesh: cuts it into charts, lays each of them flat, and packs them into images.
 //!
 //! ```text
-//! triangles ── charts: neighbours merge as long as they face alike ── flat: each seen along its own normal
+//! triangles ── charts: neighbours merge as long as they face alike ── flat: each seen along its own normal, then relaxed
 //!                                                                        │
 //!            images of bounded size ◀── pack: the largest first, each where it is free uppermost
 //! ```
@@ -22,8 +22,6 @@ mod relax;
 mod sheet;
 mod types;
 
-pub use self::charts::FACING;
-pub use self::flat::FlatChart;
 pub use self::image_size::{GUTTER, ImageSize};
 pub use self::types::{PlacedChart, Triangles, UnwrapSettings, Unwrapped};
 

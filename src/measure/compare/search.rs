@@ -29,6 +29,7 @@ use crate::geometry::triangle::{area, barycentric, unit_normal};
 use crate::geometry::triangle_tree::Question;
 use crate::model::id::ImageId;
 use crate::surface::cell::CellView;
+use crate::surface::order::order_by_distance;
 
 /// Number of cells kept open at once.
 pub const VIEWS: usize = 4;
@@ -213,10 +214,7 @@ impl<'a> Search<'a> {
 
     /// Sorts the cells by their distance from a box.
     fn sort_cells(&mut self, bounds: Bounds) {
-        self.order.clear();
-        let cells = self.mesh.cells.iter().zip(0..);
-        self.order.extend(cells.map(|(cell, number)| (cell.bounds.between_sq(bounds), number)));
-        self.order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        order_by_distance(&self.mesh.cells, bounds, &mut self.order);
     }
 
     /// Index in the order of the cell whose box is nearest; of several, of that whose centre is nearest.
