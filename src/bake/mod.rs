@@ -32,7 +32,6 @@ mod run;
 mod settings;
 mod sharpen;
 mod steps;
-mod texels;
 
 pub use self::catalogue::geometry_catalogue;
 pub use self::original::OriginalSurface;

@@ -14,10 +14,10 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3, DVec4, Vec2, Vec3, Vec4};
 
-use super::texels::Beyond;
 use crate::geometry::boxtree::Bounds;
 use crate::geometry::triangle::area;
 use crate::geometry::{closest_weights, distance_sq};
+use crate::image::stored::Beyond;
 use crate::model::id::ImageId;
 
 /// Cosine between normals below which a triangle faces away: the back of a wall does, the folds of a crumpled surface do

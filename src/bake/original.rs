@@ -13,13 +13,12 @@ use serde::{Deserialize, Serialize};
 use super::nearby::Shown;
 use super::settings::BakePlace;
 use super::steps::{IMAGE, SURFACE};
-use super::texels::{Beyond, StoredImage};
-use crate::base::error::escape_path;
 use crate::base::id::TiVec;
 use crate::base::ordered::{map_in_order, map_within};
 use crate::base::{Findings, Permits, Progress, Result};
 use crate::geometry::triangle::{area, texture_area};
 use crate::image::decode;
+use crate::image::stored::{Beyond, StoredImage};
 use crate::image::textures::TextureImages;
 use crate::job::{Recalled, Step, StepKey, WorkFolder};
 use crate::model::id::ImageId;
@@ -187,8 +186,6 @@ impl LengthHistogram {
 #[derive(Debug, Serialize, Deserialize)]
 struct DecodedImage {
     stored: Option<StoredImage>,
-    /// Width and height in the file.
-    size: [u32; 2],
     findings: Findings,
 }
 
@@ -241,7 +238,8 @@ impl Original {
             progress.advance(1);
             progress.check_stopped()?;
             findings.merge(decoded.findings);
-            original.pixels[image] = decoded.size.map(f64::from).iter().product();
+            let size = decoded.stored.as_ref().map_or([0; 2], StoredImage::full_size);
+            original.pixels[image] = size.map(f64::from).iter().product();
             original.images[image] = decoded.stored;
             Ok(())
         })?;
@@ -309,19 +307,9 @@ fn decoded(
         return Ok(decoded);
     }
     let mut findings = Findings::default();
-    let (mut stored, mut size) = (None, [0; 2]);
-    match plan.and_then(|plan| Ok((plan, decode::decode(path, &plan)?))) {
-        Ok((plan, pixels)) => {
-            if plan.reduction > 1 {
-                let reduction = plan.reduction;
-                findings.note("reduced_image", || format!("{}: read at 1/{reduction} of its size", escape_path(path)));
-            }
-            size = plan.size;
-            stored = Some(StoredImage::write(&pixels, &work.path().join(format!("{}.texels", key.name())))?);
-        }
-        Err(why) => findings.note("unreadable_image", || format!("{}: {why}", escape_path(path))),
-    }
-    let decoded = DecodedImage { stored, size, findings };
+    let file = work.path().join(format!("{}.texels", key.name()));
+    let stored = StoredImage::decode(path, plan, &file, &mut findings)?;
+    let decoded = DecodedImage { stored, findings };
     work.keep(Step::new(key).from([SURFACE]), decoded.stored.iter().map(StoredImage::path), &decoded)?;
     Ok(decoded)
 }

@@ -2,7 +2,7 @@
 //!
 //! # Memory
 //! 4 bytes a texel of a block, that of its [samples](super::sharpen), of [`closest`](super::closest) and of a
-//! [`TexelReader`](super::texels::TexelReader).
+//! [`TexelReader`].
 
 use std::sync::Mutex;
 
@@ -14,12 +14,12 @@ use super::nearby::{PointSet, Shown};
 use super::original::Original;
 use super::raster::{IN_GUTTER, NOBODY, Owners, TexelRect};
 use super::sharpen::{SampleBlock, Samples};
-use super::texels::TexelReader;
 use crate::base::Result;
 use crate::base::lock::lock;
 use crate::geometry::boxtree::Bounds;
 use crate::geometry::closest_weights;
 use crate::geometry::triangle::unit_normal;
+use crate::image::stored::TexelReader;
 use crate::mesh::id::FaceId;
 use crate::unwrap::{GUTTER, PlacedChart, Triangles};
 

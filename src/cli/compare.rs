@@ -48,6 +48,10 @@ pub struct CompareArguments {
     /// Measure distances at the vertices of each mesh, as many papers do, instead of at points by area
     #[arg(long, conflicts_with_all = ["samples", "seed"], help_heading = heading::REPORT, hide_short_help = true)]
     vertices: bool,
+    /// Compare colours with the original's as texels with sides of this length show them, not with those at points
+    #[arg(long, value_name = "LENGTH", value_parser = quantity::parse_length)]
+    #[arg(help_heading = heading::REPORT, hide_short_help = true)]
+    texel: Option<f64>,
     /// Memory that the program may use, at least 128MiB [default: half of the machine's or cgroup's]
     #[arg(long, value_name = "SIZE", value_parser = bytes::parse)]
     memory: Option<u64>,
@@ -76,6 +80,9 @@ pub struct SamplingArguments {
     /// Whether the vertices are measured instead.
     #[arg(skip)]
     at_vertices: bool,
+    /// Length of the texels as which the original's colours are compared.
+    #[arg(skip)]
+    texel: Option<f64>,
 }
 
 impl SamplingArguments {
@@ -94,6 +101,9 @@ impl SamplingArguments {
     /// # Errors
     /// [`Error::Usage`].
     pub fn check(self) -> Result<()> {
+        if let Some(texel) = self.texel.filter(|texel| !texel.is_normal() || *texel < 0.0) {
+            return Err(Error::Usage(format!("--texel {texel}: expected a length above 0")));
+        }
         if SAMPLES.contains(&self.samples) {
             return Ok(());
         }
@@ -109,7 +119,7 @@ impl SamplingArguments {
 pub fn run(arguments: &CompareArguments) -> Result<u8> {
     let CompareArguments { original, result, report: reports, json, sampling, memory, threads, work, quiet, .. } =
         arguments;
-    let sampling = &SamplingArguments { at_vertices: arguments.vertices, ..*sampling };
+    let sampling = &SamplingArguments { at_vertices: arguments.vertices, texel: arguments.texel, ..*sampling };
     let kinds = reports.iter().map(|path| ReportKind::of(path)).collect::<Result<Vec<_>>>()?;
     let work = work.clone().unwrap_or_else(|| temporary_folder("compare"));
     let stop = StopSignal::listen()?;
@@ -175,7 +185,7 @@ impl ComparisonTask {
     pub fn run(self, onlooker: &mut dyn Onlooker, progress: &dyn Progress) -> Result<Comparison> {
         let Self { meshes, sampling, limits, kept_bytes, work } = self;
         sampling.check()?;
-        let SamplingArguments { samples, seed, at_vertices } = sampling;
+        let SamplingArguments { samples, seed, at_vertices, texel } = sampling;
         let spread = if at_vertices { Spread::Vertices } else { Spread::Area(samples) };
         if limits.threads == Some(0) {
             return Err(Error::Usage("`threads: 0`: expected at least 1".into()));
@@ -194,7 +204,7 @@ impl ComparisonTask {
             scan: memory::scan_options(budget, threads),
         };
         let [original, result] = meshes;
-        compare::compare(original, result, &CompareOptions { spread, seed, work, resources }, onlooker, progress)
+        compare::compare(original, result, &CompareOptions { spread, seed, texel, work, resources }, onlooker, progress)
     }
 }
 
@@ -279,6 +289,9 @@ fn write_surface(comparison: &Comparison, text: &mut String) {
         }
     }
     if let Some(texture) = &comparison.texture {
+        if let Some(texel) = comparison.texel {
+            row("original's texels", format!("{} long, for both colours below", length(texel)));
+        }
         describe_texture(texture, &mut row);
     }
 }

@@ -30,6 +30,7 @@ pub mod cells;
 mod contrast;
 mod direction;
 mod distribution;
+mod filter;
 mod options;
 pub mod pinholes;
 mod points;
@@ -44,10 +45,12 @@ mod texture_pair;
 use std::time::Instant;
 
 use self::cells::MeasuredMesh;
-use self::direction::Direction;
+use self::direction::{Direction, Way};
 use self::distribution::Distribution;
+use self::filter::TexelFilter;
 pub use self::options::{CompareOptions, Resources, SAMPLES, Spread};
 use self::points::Sampling;
+use self::texture_pair::OriginalSide;
 use super::border::border_deviation;
 pub use super::figures::{
     BeforeAfter, Comparison, Distances, FarPoint, Geometry, Histogram, NormalAngles, Pinholes, Quality, ROUNDING_SHARE,
@@ -128,13 +131,18 @@ fn compare_in_cells(
     let (before, after) = (prepare(original, NAMES[0])?, prepare(result, NAMES[1])?);
     onlooker.see_meshes(&before, &after)?;
     let limit = before.bounds.with(after.bounds).diagonal();
-    let measured = |from, to, seed, see_point: &mut dyn FnMut(&FarPoint)| {
-        let sampling = Sampling::new(from, options.spread, seed);
-        direction::measure([from, to], &sampling, limit, &options.resources, see_point, progress)
-    };
-    let forward = measured(&after, &before, options.seed, &mut |place| onlooker.see_point(place))?;
-    let backward = measured(&before, &after, options.seed ^ 1 << 63, &mut |_| {})?;
     let mut findings = Findings::default();
+    let prepared = |texel| TexelFilter::prepare(&before, texel, &options.resources, &mut findings, progress);
+    let have_images = [&before, &after].iter().all(|mesh| !mesh.images.files.is_empty());
+    let filter = options.texel.filter(|_| have_images).map(prepared).transpose()?;
+    let measured = |[from, to]: [_; 2], original, seed, see_point: &mut dyn FnMut(&FarPoint)| {
+        let sampling = &Sampling::new(from, options.spread, seed);
+        let way = Way { from, to, original, sampling, filter: filter.as_ref() };
+        direction::measure(&way, limit, &options.resources, see_point, progress)
+    };
+    let (own, other) = (OriginalSide::Own, OriginalSide::Other);
+    let forward = measured([&after, &before], other, options.seed, &mut |place| onlooker.see_point(place))?;
+    let backward = measured([&before, &after], own, options.seed ^ 1 << 63, &mut |_| {})?;
     let texture = texture::compare([&before, &after], [&forward, &backward], limit, options, &mut findings, progress)?;
     let pinholes = pinholes::find(&before, &after, options.resources.work_bytes, progress)?;
     let geometry = geometry(&before, &after, &forward, &backward);
@@ -158,6 +166,7 @@ fn compare_in_cells(
         original: original.name().to_owned(),
         result: result.name().to_owned(),
         samples: options.spread.by_area(),
+        texel: options.texel,
         seed: options.seed,
         geometry,
         texture,

@@ -39,6 +39,8 @@ pub struct Comparison {
     pub samples: Option<u64>,
     /// Seed of the points.
     pub seed: u64,
+    /// Length of the texels as which the original's colours were compared; `None`: at points.
+    pub texel: Option<f64>,
     /// Distances between the surfaces.
     pub geometry: Geometry,
     /// How the texture changed; `None` if one of the meshes has no texture image, or none that can be read.

@@ -146,7 +146,13 @@ fn geometry(input: &Path, run: &Run) -> Geometry {
     let folder = tempfile::tempdir().unwrap();
     let scan = ScanOptions { threads: 2, chunks_in_flight: 4, catalogue_bytes: 1 << 30 };
     let resources = Resources { threads: 2, work_bytes: 100 << 20, scan };
-    let options = CompareOptions { spread: Spread::Area(50_000), seed: 1, work: folder.path().join("work"), resources };
+    let options = CompareOptions {
+        spread: Spread::Area(50_000),
+        seed: 1,
+        texel: None,
+        work: folder.path().join("work"),
+        resources,
+    };
     compare(input, &run.output, &options, &mut (), &Silent).unwrap().geometry
 }
 

@@ -17,7 +17,7 @@ fn compared(input: &Path, output: &Path) -> Comparison {
     let folder = tempfile::tempdir().unwrap();
     let resources = Resources { threads: 2, work_bytes: 64 << 20, scan: Default::default() };
     let work = folder.path().join("work");
-    let options = CompareOptions { spread: Spread::Area(50_000), seed: 1, work, resources };
+    let options = CompareOptions { spread: Spread::Area(50_000), seed: 1, texel: None, work, resources };
     compare(input, output, &options, &mut (), &Silent).unwrap()
 }
 

@@ -12,8 +12,9 @@ use std::ops::Range;
 use std::path::Path;
 
 use super::distribution::Distribution;
+use super::filter::FilteredColour;
 use super::options::Resources;
-use super::texture_pair::TexturePair;
+use super::texture_pair::{OriginalSide, TexturePair};
 use crate::base::error::escape_path;
 use crate::base::id::{TiSlice, TiVec};
 use crate::base::ordered::map_in_order;
@@ -43,6 +44,8 @@ pub struct Pairs<'a> {
     pub own: KnownImages<'a>,
     /// Texture images of the other point's mesh, and their contents.
     pub other: KnownImages<'a>,
+    /// Colours that are known already, not numbers where there is none: those of one side of each pair.
+    pub known: Option<(&'a Column<FilteredColour>, OriginalSide)>,
 }
 
 /// Colour differences, and the number of images read for them.
@@ -82,11 +85,11 @@ pub fn compare_colours(
     let mut found = Contrasts { differences: vec![Distribution::new(COLOUR_MAX); sets.len()], images: 0, reduced: 0 };
     let mut is_known = vec![false; images.paths.len()];
     for round in rounds(sets, most) {
-        let questions = questions(&round, sets, &images)?;
-        let groups: Vec<&[ColourQuery]> = questions.chunk_by(|a, b| a.image == b.image).collect();
-        progress.begin("colours", groups.len() as u64, "images");
         let pairs: u64 = round.iter().map(|(_, range)| range.end - range.start).sum();
         let mut colours = vec![[f32::NAN; 3]; 2 * pairs as usize];
+        let questions = questions(&round, sets, &images, &mut colours)?;
+        let groups: Vec<&[ColourQuery]> = questions.chunk_by(|a, b| a.image == b.image).collect();
+        progress.begin("colours", groups.len() as u64, "images");
         map_in_order(
             groups.iter(),
             resources.threads,
@@ -165,18 +168,32 @@ fn rounds(sets: &[Pairs], most: u64) -> Vec<Vec<(usize, Range<u64>)>> {
     rounds
 }
 
-/// The colour queries of a round, image by image.
-fn questions(round: &[(usize, Range<u64>)], sets: &[Pairs], images: &Images) -> Result<Vec<ColourQuery>> {
+/// The colour queries of a round, image by image; colours that are known already are put in their places.
+fn questions(
+    round: &[(usize, Range<u64>)],
+    sets: &[Pairs],
+    images: &Images,
+    colours: &mut [[f32; 3]],
+) -> Result<Vec<ColourQuery>> {
     let mut questions = Vec::new();
     let mut first = 0;
     for (set, range) in round {
         let [of_own, of_other] = &images.of_sets[*set];
+        let known_side = sets[*set].known.map(|(_, side)| side);
         for (pair, place) in sets[*set].column.window(range.clone())?.iter().zip((first..).step_by(2)) {
             if pair.image != ImageId::NONE && pair.other_image != ImageId::NONE {
                 let (image, other) = (of_own[pair.image], of_other[pair.other_image]);
-                questions.push(ColourQuery { image, place, texcoord: pair.texcoord });
-                questions.push(ColourQuery { image: other, place: place + 1, texcoord: pair.other_texcoord });
+                if known_side != Some(OriginalSide::Own) {
+                    questions.push(ColourQuery { image, place, texcoord: pair.texcoord });
+                }
+                if known_side != Some(OriginalSide::Other) {
+                    questions.push(ColourQuery { image: other, place: place + 1, texcoord: pair.other_texcoord });
+                }
             }
+        }
+        if let Some((known, side)) = sets[*set].known {
+            let places = colours[first as usize..].iter_mut().skip(usize::from(side == OriginalSide::Other)).step_by(2);
+            places.zip(known.window(range.clone())?.iter()).for_each(|(place, colour)| *place = *colour);
         }
         first += 2 * (range.end - range.start) as u32;
     }
@@ -231,7 +248,7 @@ mod tests {
         };
         let columns = [column("a", 5), column("b", 0), column("c", 4)];
         let none = (&images, TiSlice::from_ref(&[]));
-        let sets = columns.each_ref().map(|column| Pairs { column, own: none, other: none });
+        let sets = columns.each_ref().map(|column| Pairs { column, own: none, other: none, known: None });
         assert_eq!(rounds(&sets, 4), [vec![(0, 0..4)], vec![(0, 4..5), (2, 0..3)], vec![(2, 3..4)]]);
         assert_eq!(rounds(&sets, 100), [vec![(0, 0..5), (2, 0..4)]]);
     }

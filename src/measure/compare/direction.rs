@@ -12,16 +12,18 @@
 //! In each thread a batch of points (3 MiB), a cell of one mesh and the touched pages of a few of the other.
 //!
 //! # Files
-//! `measure-samples.col`, 56 bytes a point by area, if both meshes show texture images.
+//! `measure-samples.col`, 56 bytes a point by area, if both meshes show texture images; `measure-filtered.col`, 12
+//! bytes, if the original's colours are filtered.
 
 use glam::DVec3;
 
 use super::cells::MeasuredMesh;
 use super::distribution::Distribution;
+use super::filter::{FilteredColour, TexelFilter, TexelMiddle};
 use super::options::Resources;
 use super::points::{Batch, SamplePoint, Sampling};
 use super::search::{Closest, Farthest, Found, Search, VIEWS, texcoord_at};
-use super::texture_pair::TexturePair;
+use super::texture_pair::{OriginalSide, TexturePair};
 use crate::base::bytes::MIB;
 use crate::base::ordered::map_in_order;
 use crate::base::{Progress, Result};
@@ -55,6 +57,23 @@ pub struct Direction {
     pub bound: f64,
     /// Texture pairs at points by area.
     pub textures: Option<Column<TexturePair>>,
+    /// Filtered colours of the original for each pair.
+    pub filtered: Option<Column<FilteredColour>>,
+}
+
+/// What is measured: from the points of one mesh to another, which has a triangle at least.
+#[derive(Debug, Clone, Copy)]
+pub struct Way<'a> {
+    /// The mesh with the points.
+    pub from: &'a MeasuredMesh,
+    /// The mesh whose closest points are searched.
+    pub to: &'a MeasuredMesh,
+    /// Which of them is the original.
+    pub original: OriginalSide,
+    /// The points.
+    pub sampling: &'a Sampling<'a>,
+    /// How the original's colours are filtered.
+    pub filter: Option<&'a TexelFilter<'a>>,
 }
 
 /// A point by area with its results.
@@ -67,33 +86,35 @@ struct MeasuredPoint {
 struct PointResult {
     cell: usize,
     samples: Vec<MeasuredPoint>,
+    /// Filtered colour of each sample; empty if they are not filtered.
+    filtered: Vec<FilteredColour>,
     farthest: Option<FarPoint>,
     bound_sq: f64,
     cut: u64,
 }
 
-/// Measures from points of `from` to `to`, which has a triangle at least.
+/// Measures one way.
 ///
 /// `limit` is a length that no distance exceeds by much. `see_point` is called with each point by area, in order.
 ///
 /// # Errors
 /// On a full disk, failed reads and writes.
 pub fn measure(
-    [from, to]: [&MeasuredMesh; 2],
-    sampling: &Sampling,
+    way: &Way<'_>,
     limit: f64,
     resources: &Resources,
     see_point: &mut dyn FnMut(&FarPoint),
     progress: &dyn Progress,
 ) -> Result<Direction> {
+    let Way { from, to, sampling, filter, .. } = *way;
     let batches = sampling.batches();
     progress.begin("compare", batches.len() as u64, "batches");
     let have_images = [from, to].iter().all(|mesh| !mesh.images.files.is_empty());
-    let mut textures = if have_images {
-        Some(ColumnWriter::create(&from.folder().join("measure-samples.col"), *b"samples ")?)
-    } else {
-        None
-    };
+    let create = |name: &str| from.folder().join(name);
+    let mut textures =
+        have_images.then(|| ColumnWriter::create(&create("measure-samples.col"), *b"samples ")).transpose()?;
+    let mut filtered =
+        filter.map(|_| ColumnWriter::create(&create("measure-filtered.col"), *b"filtered")).transpose()?;
     let mut distances = Distribution::new(limit);
     let mut angles = Distribution::new(ANGLE_MAX);
     let (mut flipped, mut cut, mut bound_sq) = (0, 0, 0.0f64);
@@ -107,7 +128,7 @@ pub fn measure(
         by_area.iter(),
         threads,
         threads * 2,
-        |batch| look_by_area(from, to, sampling, batch, probes),
+        |batch| look_by_area(way, batch, probes),
         |outcome| {
             progress.advance(1);
             progress.check_stopped()?;
@@ -122,7 +143,8 @@ pub fn measure(
                 records.push(sample.texture);
                 keep_farther(&mut farthest[outcome.cell], sample.place);
             }
-            textures.as_mut().map_or(Ok(()), |textures| textures.append(&records))
+            textures.as_mut().map_or(Ok(()), |textures| textures.append(&records))?;
+            filtered.as_mut().map_or(Ok(()), |colours| colours.append(&outcome.filtered))
         },
     )?;
     let known = farthest.clone();
@@ -134,7 +156,7 @@ pub fn measure(
         threads * 2,
         |batch| {
             let known = known[batch.cell].map_or(0.0, |place| place.distance).max(told);
-            look_for_farthest(from, to, sampling, batch, known)
+            look_for_farthest(way, batch, known)
         },
         |outcome| {
             progress.advance(1);
@@ -150,7 +172,8 @@ pub fn measure(
     let worst = worst_of(farthest.into_iter());
     let bound = worst.first().map_or(0.0, |place| place.distance).max(bound_sq.sqrt());
     let textures = textures.map(ColumnWriter::finish).transpose()?;
-    Ok(Direction { distances, angles, flipped, worst, cut, bound, textures })
+    let filtered = filtered.map(ColumnWriter::finish).transpose()?;
+    Ok(Direction { distances, angles, flipped, worst, cut, bound, textures, filtered })
 }
 
 /// The positions that are reported, the farthest first.
@@ -167,18 +190,14 @@ fn keep_farther(most: &mut Option<FarPoint>, place: FarPoint) {
     }
 }
 
-fn look_by_area(
-    from: &MeasuredMesh,
-    to: &MeasuredMesh,
-    sampling: &Sampling,
-    batch: &Batch,
-    probes: usize,
-) -> Result<PointResult> {
+fn look_by_area(way: &Way<'_>, batch: &Batch, probes: usize) -> Result<PointResult> {
+    let Way { from, to, original, sampling, filter } = *way;
     let view = from.cells[batch.cell].view()?;
     let points = sampling.points(batch, &view);
     let positions: Vec<DVec3> = points.iter().map(|point| point.position).collect();
     let mut search = Search::new(to);
     let mut samples = Vec::with_capacity(points.len());
+    let mut middles = Vec::new();
     let (spoken, bound_sq) = search.nearest(&positions, probes)?;
     for (number, found) in spoken {
         if !found.distance_sq.is_finite() {
@@ -187,6 +206,12 @@ fn look_by_area(
         let SamplePoint { position, face, weights } = points[number];
         let closest = search.closest(position, &found)?;
         let own = view.faces[face as usize];
+        if filter.is_some() {
+            middles.push(match original {
+                OriginalSide::Own => TexelMiddle::of_face(position, &view, face),
+                OriginalSide::Other => TexelMiddle::from(&closest),
+            });
+        }
         samples.push(MeasuredPoint {
             place: place(position, &found, &closest),
             cosine: unit_normal(view.triangle(face)).dot(closest.normal),
@@ -203,17 +228,13 @@ fn look_by_area(
     }
     // For a point that lies on the mesh, its rounding is not a distance.
     let bound_sq = if search.cut_count() > 0 { bound_sq } else { 0.0 };
-    Ok(PointResult { cell: batch.cell, samples, farthest: None, bound_sq, cut: search.cut_count() })
+    let filtered = filter.map_or(Ok(Vec::new()), |filter| filter.colours(&middles))?;
+    Ok(PointResult { cell: batch.cell, samples, filtered, farthest: None, bound_sq, cut: search.cut_count() })
 }
 
 /// The farthest vertex, or point on edges, of a batch; recorded only if it is farther than what is known.
-fn look_for_farthest(
-    from: &MeasuredMesh,
-    to: &MeasuredMesh,
-    sampling: &Sampling,
-    batch: &Batch,
-    known: f64,
-) -> Result<PointResult> {
+fn look_for_farthest(way: &Way<'_>, batch: &Batch, known: f64) -> Result<PointResult> {
+    let Way { from, to, sampling, .. } = *way;
     let view = from.cells[batch.cell].view()?;
     let positions: Vec<DVec3> = sampling.points(batch, &view).iter().map(|point| point.position).collect();
     let mut search = Search::new(to);
@@ -223,7 +244,14 @@ fn look_for_farthest(
         None => None,
     };
     let bound_sq = if search.cut_count() > 0 { bound_sq } else { 0.0 };
-    Ok(PointResult { cell: batch.cell, samples: Vec::new(), farthest, bound_sq, cut: search.cut_count() })
+    Ok(PointResult {
+        cell: batch.cell,
+        samples: Vec::new(),
+        filtered: Vec::new(),
+        farthest,
+        bound_sq,
+        cut: search.cut_count(),
+    })
 }
 
 fn place(position: DVec3, found: &Found, closest: &Closest) -> FarPoint {

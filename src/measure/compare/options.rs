@@ -16,6 +16,8 @@ pub struct CompareOptions {
     pub spread: Spread,
     /// Seed of the points.
     pub seed: u64,
+    /// Length of the texels as which the original's colours are compared; `None`: at points.
+    pub texel: Option<f64>,
     /// Folder for the two work folders.
     pub work: PathBuf,
     /// What the comparison may use.

@@ -25,10 +25,10 @@ use super::cells::MeasuredMesh;
 use crate::base::Result;
 use crate::geometry::boxtree::Bounds;
 use crate::geometry::closest_point;
-use crate::geometry::triangle::{area, barycentric, unit_normal};
+use crate::geometry::triangle::{area, barycentric, texture_area, unit_normal};
 use crate::geometry::triangle_tree::Question;
 use crate::model::id::ImageId;
-use crate::surface::cell::CellView;
+use crate::surface::cell::{CellFace, CellView};
 use crate::surface::order::order_by_distance;
 
 /// Number of cells kept open at once.
@@ -287,7 +287,7 @@ impl<'a> Search<'a> {
             normal: unit_normal(triangle),
             image: face.image,
             texcoord: texcoord_at(&face.texcoords, weights),
-            density: if face.image == ImageId::NONE { 0.0 } else { density(triangle, &face.texcoords) },
+            density: density(triangle, &face),
         })
     }
 }
@@ -300,9 +300,8 @@ pub fn texcoord_at(texcoords: &[[f32; 2]; 3], weights: [f64; 3]) -> [f32; 2] {
     })
 }
 
-fn density(triangle: [DVec3; 3], texcoords: &[[f32; 2]; 3]) -> f32 {
-    let [a, b, c] = texcoords.map(|uv| glam::DVec2::new(f64::from(uv[0]), f64::from(uv[1])));
-    let area = area(triangle);
-    let density = (0.5 * (b - a).perp_dot(c - a).abs() / area).sqrt();
-    if density.is_finite() { density as f32 } else { 0.0 }
+/// Length in texture space per length in space on a triangle; 0 if it shows no image or has no area.
+pub fn density(triangle: [DVec3; 3], face: &CellFace) -> f32 {
+    let density = (texture_area(face.texcoords) / area(triangle)).sqrt();
+    if face.image != ImageId::NONE && density.is_finite() { density as f32 } else { 0.0 }
 }

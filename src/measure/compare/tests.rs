@@ -43,7 +43,7 @@ impl Bench {
     }
 
     fn compare_at(&self, spread: Spread, original: &Path, result: &Path, cell_faces: u64) -> Comparison {
-        let options = CompareOptions { spread, seed: 7, work: self.path("work"), resources: RESOURCES };
+        let options = CompareOptions { spread, seed: 7, texel: None, work: self.path("work"), resources: RESOURCES };
         compare_in_cells([&original.into(), &result.into()], &options, cell_faces, &mut (), &Silent).unwrap()
     }
 }
@@ -203,7 +203,8 @@ fn the_numbers_do_not_depend_on_threads_and_hardly_on_cells() {
     let result = bench.write("b.obj", &positions, &faces);
     let measured = |threads: usize, cell_faces: u64| {
         let resources = Resources { threads, ..RESOURCES };
-        let options = CompareOptions { spread: Spread::Area(30_000), seed: 1, work: bench.path("work"), resources };
+        let options =
+            CompareOptions { spread: Spread::Area(30_000), seed: 1, texel: None, work: bench.path("work"), resources };
         let found =
             compare_in_cells([&(&original).into(), &(&result).into()], &options, cell_faces, &mut (), &Silent).unwrap();
         Comparison { peak_resident: 0, ..found }
@@ -296,6 +297,49 @@ fn a_moved_image_slides_and_changes_its_colours() {
     assert_eq!((texture.untextured_fraction, texture.folded_triangles), (0.0, 0));
 }
 
+/// The square of [`ramp`] with an image of 256 pixels a side.
+fn square_with(bench: &Bench, name: &str, pixel: impl Fn(u32) -> u8) -> PathBuf {
+    let image = image::RgbImage::from_fn(256, 256, |x, _| image::Rgb([pixel(x); 3]));
+    image.save(bench.path(&format!("{name}.png"))).unwrap();
+    fs::write(bench.path(&format!("{name}.mtl")), format!("newmtl {name}\nmap_Kd {name}.png\n")).unwrap();
+    let text = fs::read_to_string(ramp(bench, "ramp.obj", 0.0)).unwrap();
+    let path = bench.path(&format!("{name}.obj"));
+    fs::write(&path, text.replace("ramp", name)).unwrap();
+    path
+}
+
+#[test]
+fn the_original_is_filtered_as_coarse_texels_show_it() {
+    let bench = Bench::new();
+    let original = square_with(&bench, "stripes", |x| if x % 2 == 0 { 0 } else { 200 });
+    let result = square_with(&bench, "grey", |_| 100);
+    // Ten units of length show 128 pixels.
+    let pixel = 10.0 / 128.0;
+    let colours = |texel: Option<f64>, [a, b]: [&Path; 2]| {
+        let options = CompareOptions {
+            spread: Spread::Area(20_000),
+            seed: 7,
+            texel,
+            work: bench.path("work"),
+            resources: RESOURCES,
+        };
+        let found = compare_in_cells([&a.into(), &b.into()], &options, 100, &mut (), &Silent).unwrap();
+        let texture = found.texture.unwrap();
+        [texture.colour_mean, texture.colour_backward_mean]
+    };
+    let pair = [&*original, &*result];
+    // Between the middles of pixels, colours run evenly from 0 to 200.
+    for texel in [None, Some(1e-3 * pixel)] {
+        assert!(colours(texel, pair).into_iter().all(|mean| near(mean, 50.0, 0.02)), "{texel:?}");
+    }
+    // Two and four pixels have grey as their mean, but for texels across the square's edge.
+    for texel in [2.0 * pixel, 4.0 * pixel] {
+        assert!(colours(Some(texel), pair).into_iter().all(|mean| mean < 2.0), "{:?}", colours(Some(texel), pair));
+    }
+    // The result is not filtered.
+    assert!(colours(Some(4.0 * pixel), [&*result, &*original]).into_iter().all(|mean| near(mean, 50.0, 0.02)));
+}
+
 /// Two squares side by side, each with a chart of its own of the ramp; that of the right one is moved by `shift`.
 ///
 /// ```text
@@ -362,8 +406,13 @@ fn a_mesh_of_nothing_but_points_and_lines_is_refused() {
     let bench = Bench::new();
     let (positions, faces) = plane(2, |_, _| 0.0);
     let (original, empty) = (bench.write("a.obj", &positions, &faces), bench.write("b.obj", &positions, &[[0, 0, 1]]));
-    let options =
-        CompareOptions { spread: Spread::Area(1000), seed: 1, work: bench.path("work"), resources: RESOURCES };
+    let options = CompareOptions {
+        spread: Spread::Area(1000),
+        seed: 1,
+        texel: None,
+        work: bench.path("work"),
+        resources: RESOURCES,
+    };
     let error = compare(&original, &empty, &options, &mut (), &Silent).unwrap_err();
     assert!(error.to_string().contains("no faces"), "{error}");
     assert!(!bench.path("work").exists());

@@ -12,6 +12,7 @@ use super::direction::Direction;
 use super::distribution::Distribution;
 use super::options::{CompareOptions, SAMPLES};
 use super::slide::{Atlas, Gaps};
+use super::texture_pair::OriginalSide;
 use crate::base::{Findings, Progress, Result};
 use crate::measure::figures::{BeforeAfter, SeamFigures, Texture, share};
 
@@ -31,6 +32,8 @@ pub fn compare(
     findings: &mut Findings,
     progress: &dyn Progress,
 ) -> Result<Option<Texture>> {
+    let known = [(forward, OriginalSide::Other), (backward, OriginalSide::Own)]
+        .map(|(way, side)| way.filtered.as_ref().map(|colours| (colours, side)));
     let (Some(forward), Some(backward)) = (&forward.textures, &backward.textures) else { return Ok(None) };
     let resources = &options.resources;
     let contents = [before, after].map(|mesh| mesh.images.contents());
@@ -39,10 +42,10 @@ pub fn compare(
     let seam_points = |mesh: &MeasuredMesh| mesh.seams.points(mesh.folder(), count, options.seed ^ SEAM_SEED);
     let [old_seams, new_seams] = [seam_points(before)?, seam_points(after)?];
     let sets = [
-        Pairs { column: forward, own: new, other: old },
-        Pairs { column: backward, own: old, other: new },
-        Pairs { column: &old_seams, own: old, other: old },
-        Pairs { column: &new_seams, own: new, other: new },
+        Pairs { column: forward, own: new, other: old, known: known[0] },
+        Pairs { column: backward, own: old, other: new, known: known[1] },
+        Pairs { column: &old_seams, own: old, other: old, known: None },
+        Pairs { column: &new_seams, own: new, other: new, known: None },
     ];
     let colours = compare_colours(&sets, resources, findings, progress)?;
     if colours.images == 0 {

@@ -4,6 +4,15 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::model::id::ImageId;
 
+/// Which of the two points of a pair lies on the original.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OriginalSide {
+    /// The point itself.
+    Own,
+    /// The closest point.
+    Other,
+}
+
 /// The texture at a point and at its closest point.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C)]

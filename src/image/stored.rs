@@ -1,4 +1,4 @@
-//! The images of the input, decoded once into files of square tiles, from which colours are read at random.
+//! Images decoded once into files of square tiles, from which colours are read at random.
 //!
 //! ```text
 //! image ── decode ──▶ rows ──▶ | tile 0,0: 64 × 64 pixels, 12 KiB | tile 1,0 | … |      a reader keeps recent tiles
@@ -10,7 +10,7 @@
 //! While an image is decoded, that of [`DecodePlan`](crate::image::decode::DecodePlan). A reader: 4 MiB of tiles.
 //!
 //! # Files
-//! `bake-image-<number>.texels`, 3 bytes a pixel.
+//! A file for each image, 3 bytes a pixel.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -19,12 +19,13 @@ use std::path::{Path, PathBuf};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
+use super::decode::{self, DecodePlan, Image};
+use crate::base::error::escape_path;
 use crate::base::id::TiSlice;
-use crate::base::{Error, Result};
+use crate::base::{Error, Findings, Result};
 use crate::file::RecordFile;
 use crate::file::codec;
 use crate::file::header::HEADER_BYTES;
-use crate::image::decode::Image;
 use crate::model::id::ImageId;
 
 /// Side of a tile in pixels.
@@ -41,14 +42,40 @@ pub struct StoredImage {
     path: PathBuf,
     /// Width and height in pixels, as stored.
     size: [u32; 2],
+    /// Width and height in the image file.
+    full_size: [u32; 2],
 }
 
 impl StoredImage {
-    /// Writes a decoded image.
+    /// Decodes an image file into tiles, as planned; `None`, with a finding, if it cannot be decoded. One that is
+    /// stored at a lower resolution is a finding, too.
     ///
     /// # Errors
     /// On a full disk or a failed write.
-    pub fn write(image: &Image, path: &Path) -> Result<Self> {
+    pub fn decode(
+        image: &Path,
+        plan: std::result::Result<DecodePlan, String>,
+        path: &Path,
+        findings: &mut Findings,
+    ) -> Result<Option<Self>> {
+        match plan.and_then(|plan| Ok((plan, decode::decode(image, &plan)?))) {
+            Ok((plan, pixels)) => {
+                if plan.reduction > 1 {
+                    findings.note("reduced_image", || {
+                        format!("{}: read at 1/{} of its size", escape_path(image), plan.reduction)
+                    });
+                }
+                Ok(Some(Self { full_size: plan.size, ..Self::write(&pixels, path)? }))
+            }
+            Err(why) => {
+                findings.note("unreadable_image", || format!("{}: {why}", escape_path(image)));
+                Ok(None)
+            }
+        }
+    }
+
+    /// Writes a decoded image.
+    fn write(image: &Image, path: &Path) -> Result<Self> {
         let [width, height] = image.size();
         let mut file = RecordFile::create(path)?;
         let mut tile = vec![0; TILE_BYTES];
@@ -62,12 +89,23 @@ impl StoredImage {
             }
         }
         file.finish(*b"texels  ", 0, (width.div_ceil(TILE) * height.div_ceil(TILE)) as u64)?;
-        Ok(Self { path: path.to_owned(), size: [width as u32, height as u32] })
+        let size = [width as u32, height as u32];
+        Ok(Self { path: path.to_owned(), size, full_size: size })
     }
 
     /// Its file.
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Width and height in pixels, as stored.
+    pub fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
+    /// Width and height of the image file in pixels.
+    pub fn full_size(&self) -> [u32; 2] {
+        self.full_size
     }
 
     /// Sets the folder of the file of a recalled value.
