@@ -166,9 +166,7 @@ impl<'a> Baking<'a> {
     ) -> Result<Self> {
         let texel = original.median_texel / settings.texels.sqrt();
         let all = original.area / (texel * texel);
-        let room = IMAGE_SHARE * FILL * f64::from(settings.side) * f64::from(settings.side);
-        let faces = result.mesh.face_count();
-        let patch_faces = (faces as f64 * room / all) as u64;
+        let patch_faces = patch_faces(all, result.mesh.face_count(), settings.side);
         let away = AWAY_DEVIATIONS * settings.deviation;
         let BakeLimits { threads, work_bytes } = place.limits;
         let most = (work_bytes.saturating_sub(canvas_bytes(settings.side)) / PAINTER_BYTES) as usize;
@@ -181,7 +179,6 @@ impl<'a> Baking<'a> {
             texcoord_decimals: result.catalogue.texcoord_decimals,
             ..Catalogue::default()
         };
-        let patch_faces = patch_faces.clamp(PATCH_FACES[0], PATCH_FACES[1]);
         refuse_too_many_texels(all, settings.texels, place.work.path())?;
         Ok(Self { result: *result, catalogue, baker, patch_faces, patch_bytes, place: *place })
     }
@@ -314,6 +311,18 @@ fn refuse_too_many_texels(texels: f64, share: f64, folder: &Path) -> Result<()> 
         }),
         _ => Ok(()),
     }
+}
+
+/// Number of triangles of a patch, if `faces` triangles have `texels` texels in images of this side.
+pub fn patch_faces(texels: f64, faces: u64, side: u32) -> u64 {
+    let room = IMAGE_SHARE * FILL * f64::from(side) * f64::from(side);
+    ((faces as f64 * room / texels) as u64).clamp(PATCH_FACES[0], PATCH_FACES[1])
+}
+
+/// Memory that `threads` threads take for `images` images of `texels` texels each, in bytes, if it is there.
+pub fn expected_bytes(texels: f64, images: u64, threads: usize) -> u64 {
+    let at_once = images.min(threads as u64);
+    threads as u64 * PAINTER_BYTES + at_once * (TEXEL_BYTES * texels) as u64
 }
 
 /// Least memory of a bake with images of this side, in bytes.

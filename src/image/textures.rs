@@ -136,6 +136,11 @@ impl TextureImages {
         }
     }
 
+    /// How many times the image is shown on an area of the file's texture space that it would fill once.
+    pub fn repeats(&self, part: PartId) -> f64 {
+        self.placements[part].map_or(1.0, |ImagePlacement { scale, .. }| (scale.x * scale.y).abs())
+    }
+
     /// Content of each file; `None` for a file that cannot be read.
     pub fn contents(&self) -> TiVec<ImageId, Option<Content>> {
         self.files.iter().map(|file| Content::of(&file.path).ok()).collect()

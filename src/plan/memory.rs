@@ -42,6 +42,8 @@ pub struct MemoryForecast {
     pub partition: u64,
     /// Simplifying clusters, several at a time.
     pub simplify: u64,
+    /// Baking textures, if they are baked.
+    pub bake: Option<u64>,
     /// Writing the result.
     pub write: u64,
     /// Largest of these.
@@ -101,7 +103,16 @@ pub fn forecast(sizes: &Sizes, budget: MemoryBudget, threads: usize) -> MemoryFo
     let write = (sizes.target * WRITE_FACE_BYTES).min(2 * SHARE_BYTES_MAX) + sizes.target / 4 + KEPT_BYTES;
     let [scan, partition, simplify, write] =
         [scan, partition, simplify, write].map(|bytes| MemoryBudget::FIXED_BYTES + bytes.min(work));
-    MemoryForecast { scan, partition, simplify, write, peak: scan.max(partition).max(simplify).max(write) }
+    let peak = scan.max(partition).max(simplify).max(write);
+    MemoryForecast { scan, partition, simplify, bake: None, write, peak }
+}
+
+impl MemoryForecast {
+    /// The same with a bake whose work takes `work_bytes` of memory.
+    pub fn with_bake(self, work_bytes: Option<u64>) -> Self {
+        let bake = work_bytes.map(|bytes| MemoryBudget::FIXED_BYTES + bytes);
+        Self { bake, peak: self.peak.max(bake.unwrap_or(0)), ..self }
+    }
 }
 
 /// Memory of a cluster that takes `bytes` once it is loaded, while it is remeshed or its edges collapse. The metric, of

@@ -6,6 +6,9 @@
 //! # Memory
 //! That of [`count`](crate::read::count).
 
+#[cfg(feature = "images")]
+pub mod bake;
+mod bake_forecast;
 pub mod memory;
 pub mod passes;
 pub mod scratch;
@@ -16,15 +19,16 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+pub use self::bake_forecast::{BakeForecast, BakeTask};
 use self::memory::{MemoryForecast, Sizes};
 use self::passes::PassForecast;
 use self::time::TimeForecast;
 use crate::base::error::escape_path;
-use crate::base::{Progress, Result, bytes, counted, grouped};
+use crate::base::{Findings, Progress, Result, bytes, counted, grouped};
 use crate::options::SimplifyOptions;
 use crate::os::system;
 use crate::read;
-use crate::read::InputChoice;
+use crate::read::{InputChoice, ShownTexture, TextureSample};
 
 /// Counts of the input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -70,6 +74,8 @@ pub struct Plan {
     pub passes: Vec<PassForecast>,
     /// Memory that the user allows, in bytes.
     pub budget: u64,
+    /// New textures; `None` if the result keeps its own.
+    pub bake: Option<BakeForecast>,
     /// Memory by phase.
     pub memory: MemoryForecast,
     /// Scratch space.
@@ -92,11 +98,16 @@ pub fn plan(input: impl Into<InputChoice>, options: &SimplifyOptions, progress: 
     let (inputs, mut findings) = read::find_inputs_and_idle(&input.into())?;
     let budget = memory::choose_budget(options)?;
     let threads = memory::choose_threads(options.limits.threads, budget);
-    let (counts, boxes) = read::count(&inputs, threads, progress)?;
+    let mut sample = options.bakes().then(|| TextureSample::new(budget.for_work()));
+    let (counts, boxes) = read::count(&inputs, threads, sample.as_mut(), progress)?;
     read::note_twin_boxes(&inputs, &boxes, &mut findings);
     let target = options.most_faces(counts.triangles);
     let sizes = Sizes::of(counts.triangles, counts.vertices, options);
     let passes = passes::forecast(&sizes, options.pass_count(counts.triangles));
+    let bake = sample.and_then(|sample| {
+        let task = BakeTask { faces: counts.triangles, target, threads, work_bytes: budget.for_work() };
+        bake_forecast(sample.finish(), &task, options, &mut findings)
+    });
     let folder = scratch::existing_folder(options.job.work.as_deref().unwrap_or(Path::new(".")));
     Ok(Plan {
         input: InputFigures {
@@ -111,18 +122,41 @@ pub fn plan(input: impl Into<InputChoice>, options: &SimplifyOptions, progress: 
             .then_some(options.target(counts.triangles)),
         threads: threads as u64,
         cluster_faces: options.cluster_faces,
-        memory: memory::forecast(&sizes, budget, threads),
+        memory: memory::forecast(&sizes, budget, threads).with_bake(bake.map(|bake| bake.work_bytes)),
         budget: budget.bytes,
         scratch: ScratchFigures {
-            bytes: scratch::forecast(&counts, &sizes, options.pass_count(counts.triangles), budget),
+            bytes: {
+                let passes = scratch::forecast(&counts, &sizes, options.pass_count(counts.triangles), budget);
+                bake.map_or(passes, |bake| bake.surface_bytes + passes.max(bake.baking_bytes))
+            },
             free: system::free_disk_bytes(&folder).ok(),
             folder,
         },
         output_bytes: (counts.bytes as f64 * target as f64 / counts.triangles as f64) as u64,
-        seconds: time::forecast(counts.bytes, &passes, target, threads),
+        seconds: time::forecast(counts.bytes, &passes, target, threads)
+            .with_bake(bake.map_or(0.0, |bake| bake.core_seconds), threads),
+        bake,
         passes,
         warnings: findings.warnings(),
     })
+}
+
+#[cfg(feature = "images")]
+fn bake_forecast(
+    shown: ShownTexture,
+    task: &BakeTask,
+    options: &SimplifyOptions,
+    findings: &mut Findings,
+) -> Option<BakeForecast> {
+    let forecast = bake::forecast(&shown, task, options, findings);
+    findings.merge(shown.findings);
+    Some(forecast)
+}
+
+/// Without images, options that ask for a bake were refused.
+#[cfg(not(feature = "images"))]
+fn bake_forecast(_: ShownTexture, _: &BakeTask, _: &SimplifyOptions, _: &mut Findings) -> Option<BakeForecast> {
+    None
 }
 
 impl Plan {
@@ -154,6 +188,9 @@ impl Plan {
             }
         };
         row(&mut text, "", &format!("{about} {} as an OBJ, textures not counted", bytes::display(self.output_bytes)));
+        if let Some(bake) = &self.bake {
+            row(&mut text, "textures", &bake.words());
+        }
         for (number, pass) in self.passes.iter().enumerate() {
             let name = match pass {
                 PassForecast { is_trim: true, .. } => "trim".to_owned(),
@@ -167,7 +204,8 @@ impl Plan {
         }
         let memory = &self.memory;
         let of = [("scan", memory.scan), ("partition", memory.partition), ("simplify", memory.simplify)];
-        let phases = of.into_iter().chain([("write", memory.write)]);
+        let bake = memory.bake.map(|bake| ("bake", bake));
+        let phases = of.into_iter().chain(bake).chain([("write", memory.write)]);
         let phases: Vec<_> = phases.map(|(name, size)| format!("{name} {}", bytes::display(size))).collect();
         let allowed = bytes::display(self.budget);
         row(&mut text, "memory", &format!("{} of {allowed} allowed", bytes::display(memory.peak)));
@@ -182,13 +220,10 @@ impl Plan {
             time => format!("{about} {time}"),
         };
         row(&mut text, "time", &format!("{time} on {threads} with a core each"));
-        let phases = [
-            ("scan", seconds.scan),
-            ("partition", seconds.partition),
-            ("simplify", seconds.simplify),
-            ("write", seconds.write),
-        ];
-        let phases: Vec<_> = phases.map(|(name, seconds)| format!("{name} {}", duration(seconds))).into();
+        let of = [("scan", seconds.scan), ("partition", seconds.partition), ("simplify", seconds.simplify)];
+        let bake = self.bake.map(|_| ("bake", seconds.bake));
+        let phases = of.into_iter().chain(bake).chain([("write", seconds.write)]);
+        let phases: Vec<_> = phases.map(|(name, seconds)| format!("{name} {}", duration(seconds))).collect();
         row(&mut text, "", &phases.join(", "));
         text
     }

@@ -41,13 +41,28 @@ pub struct TimeForecast {
     pub partition: f64,
     /// Simplifying, in all passes.
     pub simplify: f64,
+    /// Baking textures.
+    pub bake: f64,
     /// Writing the result.
     pub write: f64,
 }
 
+impl TimeForecast {
+    /// The same with a bake that takes `core_seconds` of processor time.
+    pub fn with_bake(self, core_seconds: f64, threads: usize) -> Self {
+        let bake = core_seconds / speed_up(threads, u64::MAX);
+        Self { bake, total: self.total + bake, ..self }
+    }
+}
+
+/// How many times faster `threads` threads are than one, with `items` items to work on.
+fn speed_up(threads: usize, items: u64) -> f64 {
+    1.0 + (threads as u64).min(items).saturating_sub(1) as f64 * THREAD_SHARE
+}
+
 /// Predicts the time of a run on `threads` threads, each with a core of its own.
 pub fn forecast(input_bytes: u64, passes: &[PassForecast], target: u64, threads: usize) -> TimeForecast {
-    let speed_up = |items: u64| 1.0 + (threads as u64).min(items).saturating_sub(1) as f64 * THREAD_SHARE;
+    let speed_up = |items: u64| speed_up(threads, items);
     let scan = input_bytes as f64 / SCAN_BYTES_PER_SECOND / speed_up(u64::MAX);
     let (mut partition, mut simplify) = (0.0, 0.0);
     for (number, pass) in passes.iter().enumerate() {
@@ -71,7 +86,7 @@ pub fn forecast(input_bytes: u64, passes: &[PassForecast], target: u64, threads:
         }
     }
     let write = WRITE_SECONDS + target as f64 / WRITE_FACES_PER_SECOND;
-    TimeForecast { total: scan + partition + simplify + write, scan, partition, simplify, write }
+    TimeForecast { total: scan + partition + simplify + write, scan, partition, simplify, bake: 0.0, write }
 }
 
 #[cfg(test)]

@@ -11,17 +11,24 @@ use std::path::PathBuf;
 use super::obj::ObjSource;
 use super::ply::PlySource;
 use super::source::{CHUNK_BYTES, Counts, Cutter, MeshFormat, MeshSource, TEXT_BYTES_KEPT};
+use super::texture_sample::{ChunkTexture, TextureSample};
 use crate::base::ordered::map_in_order;
 use crate::base::recycled::Recycled;
 use crate::base::{Error, Progress, Result};
 use crate::file::packed::RecordBounds;
 
-/// Counts the contents of mesh files in one streaming pass. Given several files, also returns the bounding box of each.
+/// Counts the contents of mesh files in one streaming pass, and takes a sample of their textures if one is given. Given
+/// several files, also returns the bounding box of each.
 ///
 /// # Errors
 /// [`Error::Input`] if a file has another format or a line that is too long, or if no file has a face; [`Error::Io`] if
-/// a file cannot be read.
-pub fn count(inputs: &[PathBuf], threads: usize, progress: &dyn Progress) -> Result<(Counts, Vec<RecordBounds>)> {
+/// a file cannot be read; [`Error::Budget`] if the materials of the sample take too much memory.
+pub fn count(
+    inputs: &[PathBuf],
+    threads: usize,
+    mut sample: Option<&mut TextureSample>,
+    progress: &dyn Progress,
+) -> Result<(Counts, Vec<RecordBounds>)> {
     let mut length = 0;
     for path in inputs {
         length += path.metadata().map_err(|e| Error::io(path, "open", e))?.len();
@@ -31,8 +38,8 @@ pub fn count(inputs: &[PathBuf], threads: usize, progress: &dyn Progress) -> Res
     for (format, range) in MeshFormat::runs(inputs)? {
         let inputs = &inputs[range];
         let (own, of_files) = match format {
-            MeshFormat::Obj => count_files::<ObjSource>(inputs, threads, progress)?,
-            MeshFormat::Ply => count_files::<PlySource>(inputs, threads, progress)?,
+            MeshFormat::Obj => count_files::<ObjSource>(inputs, threads, sample.as_deref_mut(), progress)?,
+            MeshFormat::Ply => count_files::<PlySource>(inputs, threads, sample.as_deref_mut(), progress)?,
         };
         counts.add(&own);
         boxes.extend(of_files);
@@ -51,8 +58,11 @@ pub fn count(inputs: &[PathBuf], threads: usize, progress: &dyn Progress) -> Res
 fn count_files<S: MeshSource>(
     inputs: &[PathBuf],
     threads: usize,
+    mut sample: Option<&mut TextureSample>,
     progress: &dyn Progress,
 ) -> Result<(Counts, Vec<RecordBounds>)> {
+    let is_sampled = sample.is_some();
+    let mut current = None;
     let (mut counts, mut boxes) = (Counts::default(), vec![RecordBounds::default(); inputs.len()]);
     let texts = Recycled::<Vec<u8>>::default();
     map_in_order(
@@ -63,19 +73,31 @@ fn count_files<S: MeshSource>(
             let (mut cut, mut bounds, mut text) = (cut?, RecordBounds::default(), texts.take());
             // The boxes of a single file are not asked for.
             let asked = Some(&mut bounds).filter(|_| inputs.len() > 1);
-            let own = S::count(&inputs[file], &mut cut.chunk, asked, &mut text)?;
+            let mut texture = is_sampled.then(ChunkTexture::default);
+            let own = S::count(&inputs[file], &mut cut.chunk, asked, texture.as_mut(), &mut text)?;
             if text.capacity() <= TEXT_BYTES_KEPT {
                 texts.give_back(text);
             }
-            Ok((file, cut.bytes, own, bounds))
+            Ok((file, cut.bytes, own, bounds, texture))
         },
-        |(file, bytes, own, bounds)| {
+        |(file, bytes, own, bounds, texture)| {
             counts.add(&own);
             boxes[file].merge(&bounds);
             progress.advance(bytes);
-            Ok(())
+            let Some((sample, texture)) = sample.as_deref_mut().zip(texture) else { return Ok(()) };
+            if current != Some(file) {
+                if current.is_some() {
+                    S::define_counted(sample)?;
+                }
+                sample.begin_file(&inputs[file]);
+                current = Some(file);
+            }
+            sample.take(texture)
         },
     )?;
+    if let Some(sample) = sample.filter(|_| current.is_some()) {
+        S::define_counted(sample)?;
+    }
     Ok((counts, boxes))
 }
 
@@ -88,7 +110,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.obj");
         std::fs::write(&path, text).unwrap();
-        count(&[path], 2, &Silent).map(|(counts, _)| counts)
+        count(&[path], 2, None, &Silent).map(|(counts, _)| counts)
     }
 
     #[test]
@@ -119,7 +141,7 @@ mod tests {
             let options = crate::read::ScanOptions::default();
             let inputs = [path];
             let scan = crate::read::scan(&inputs, folder.path(), &options, &Silent).unwrap();
-            let (counts, _) = count(&inputs, 2, &Silent).unwrap();
+            let (counts, _) = count(&inputs, 2, None, &Silent).unwrap();
             assert_eq!(counts.triangles, scan.triangles, "{inputs:?}");
             assert_eq!(counts.vertices, scan.mesh.vertex_count(), "{inputs:?}");
             files += 1;

@@ -32,6 +32,7 @@ mod parts;
 mod ply;
 mod records;
 mod source;
+mod texture_sample;
 mod twins;
 
 use std::path::{Path, PathBuf};
@@ -48,6 +49,7 @@ pub use self::count::count;
 pub use self::flow::ScanOptions;
 pub use self::inputs::{InputChoice, find_inputs, find_inputs_and_idle};
 pub use self::source::{CHUNK_BYTES, Counts, MeshFormat};
+pub use self::texture_sample::{ShownTexture, TextureSample};
 pub use self::twins::note_twin_boxes;
 
 /// Step that records the input except its geometry, and the fingerprints of its content.

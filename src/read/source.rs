@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use super::builder::FinishedFile;
 use super::file::open_regular;
 use super::parts::Labels;
+use super::texture_sample::{ChunkTexture, TextureSample};
 use crate::base::{Error, Findings, Result};
 use crate::file::packed::RecordBounds;
 
@@ -43,7 +44,8 @@ pub(super) trait MeshSource: Sized + Send {
     /// If the chunk cannot be read or is faulty.
     fn parse(path: &Path, chunk: &mut Self::Chunk, parsed: &mut Self::Parsed, text: &mut Vec<u8>) -> Result<()>;
 
-    /// Counts the elements of a chunk, and merges the box of its vertices into `bounds`; `text` is scratch space.
+    /// Counts the elements of a chunk, merges the box of its vertices into `bounds` and adds to `texture`; `text` is
+    /// scratch space.
     ///
     /// # Errors
     /// As [`parse`](MeshSource::parse), but some faults are not noticed.
@@ -51,8 +53,15 @@ pub(super) trait MeshSource: Sized + Send {
         path: &Path,
         chunk: &mut Self::Chunk,
         bounds: Option<&mut RecordBounds>,
+        texture: Option<&mut ChunkTexture>,
         text: &mut Vec<u8>,
     ) -> Result<Counts>;
+
+    /// Defines the materials of a file that was counted.
+    ///
+    /// # Errors
+    /// If a material library cannot be read, or its definitions take too much memory.
+    fn define_counted(sample: &mut TextureSample) -> Result<()>;
 
     /// Empties what was parsed, for the next chunk.
     fn clear(parsed: &mut Self::Parsed);

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use drystone::measure::compare::{CompareOptions, Comparison, Resources, Spread, compare};
 use drystone::options::{ImageFormat, Limits, SimplifyOptions, TextureFiles};
-use drystone::{Error, ErrorKind, Progress, Silent, pipeline};
+use drystone::{Error, ErrorKind, Progress, Silent, pipeline, plan};
 
 use crate::meshes::{StopAfter, contents, copy_town, in_many_clusters, ratio, simplify, town};
 
@@ -302,4 +302,41 @@ fn texels_lie_as_densely_as_those_of_the_input() {
         let expected = (share * 256.0).max(median * 0.5f64.sqrt());
         assert!((area.sqrt() / expected - 1.0).abs() < 0.03, "{share}: {} {expected}", area.sqrt());
     }
+}
+
+#[test]
+fn a_plan_foretells_images_and_texels() {
+    for (texels, atlas) in [(1.0, 4096), (0.25, 4096), (1.0, 1024), (4.0, 512)] {
+        let options = SimplifyOptions { texels, atlas, ..baked(ratio(0.2)) };
+        let foretold = plan::plan(town(), &options, &Silent).unwrap().bake.unwrap();
+        let bake = simplify(&town(), &options).report.bake.unwrap();
+        let of = |foretold: u64, found: u64| foretold as f64 / found as f64;
+        let (texels, images) = (of(foretold.texels, bake.texels), of(foretold.images, bake.images));
+        assert!((0.7..1.4).contains(&texels), "{foretold:?} {bake:?}");
+        assert!((0.5..=2.0).contains(&images), "{foretold:?} {bake:?}");
+        assert_eq!((foretold.input_images, foretold.input_pixels), (4, 4 * 512 * 512));
+    }
+}
+
+#[test]
+fn a_plan_counts_what_repeats_and_what_has_no_image() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    image::RgbImage::new(64, 64).save(path("image.png")).unwrap();
+    fs::write(path("in.obj"), row(&["usemtl a", "usemtl b"], &[], WHOLE)).unwrap();
+    let texels = |mtl: &str| {
+        fs::write(path("a.mtl"), mtl).unwrap();
+        plan::plan(path("in.obj"), &baked(ratio(1.0)), &Silent).unwrap().bake.unwrap().texels as f64
+    };
+    let once = texels("newmtl a\nmap_Kd image.png\n");
+    assert!((1.0..2.0).contains(&(once / f64::from(64 * 64))), "{once}");
+    assert!((texels("newmtl a\nmap_Kd -s 3 2 1 image.png\n") / once - 6.0).abs() < 0.01);
+    assert!((texels("newmtl a\nmap_Kd image.png\nnewmtl b\nmap_Kd image.png\n") / once - 2.0).abs() < 0.01);
+    assert!(texels("newmtl a\nKd 1 0 0\n") < 0.1 * once);
+    // Indices that count back name the same texture coordinates.
+    let text = fs::read_to_string(path("in.obj")).unwrap();
+    let back =
+        |line: &str| if line.starts_with("f ") { "f -4/-4 -3/-3 -2/-2 -1/-1".to_owned() } else { line.to_owned() };
+    fs::write(path("in.obj"), text.lines().map(back).collect::<Vec<_>>().join("\n")).unwrap();
+    assert_eq!(texels("newmtl a\nmap_Kd image.png\n"), once);
 }

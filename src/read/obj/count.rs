@@ -2,15 +2,18 @@
 
 use std::path::Path;
 
+use memchr::memchr;
+
 use super::chunk::{ObjChunk, too_long};
 use super::statements::BYTE_ORDER_MARK;
 use crate::base::{Error, Result};
 use crate::file::packed::RecordBounds;
 use crate::read::line::{logical_line, split_keyword, trim, words};
-use crate::read::number::number;
+use crate::read::number::{Index, index_at, number};
 use crate::read::source::Counts;
+use crate::read::texture_sample::{ChunkTexture, TexcoordIndex};
 
-/// Counts the statements of a chunk, and merges the box of its vertices into `bounds`.
+/// Counts the statements of a chunk, merges the box of its vertices into `bounds`, and adds to `texture`.
 ///
 /// # Errors
 /// If the chunk cannot be read, is of another format, or ends in a line that is too long.
@@ -18,6 +21,7 @@ pub(super) fn count_chunk(
     path: &Path,
     chunk: &ObjChunk,
     mut bounds: Option<&mut RecordBounds>,
+    mut texture: Option<&mut ChunkTexture>,
     text: &mut Vec<u8>,
 ) -> Result<Counts> {
     chunk.read(path, text)?;
@@ -29,7 +33,11 @@ pub(super) fn count_chunk(
     let mut at = 0;
     while at < text.len() {
         let line = logical_line(text, at);
-        see(&mut counts, trim(&line.text), bounds.as_deref_mut());
+        let statement = trim(&line.text);
+        see(&mut counts, statement, bounds.as_deref_mut());
+        if let Some(texture) = texture.as_deref_mut() {
+            see_texture(texture, statement);
+        }
         at = line.next;
     }
     Ok(counts)
@@ -64,6 +72,40 @@ fn see(counts: &mut Counts, statement: &[u8], bounds: Option<&mut RecordBounds>)
             }
         }
         _ => {}
+    }
+}
+
+/// Adds what a statement says of the texture.
+fn see_texture(texture: &mut ChunkTexture, statement: &[u8]) {
+    let (keyword, rest) = split_keyword(statement);
+    match keyword {
+        b"vt" => {
+            let mut numbers = words(rest).map(|word| number(word).map_or(0.0, |number| number.value as f32));
+            texture.texcoords.push([numbers.next().unwrap_or(0.0), numbers.next().unwrap_or(0.0)]);
+        }
+        b"usemtl" => texture.use_material(rest),
+        b"mtllib" => texture.name_library(rest),
+        b"f" | b"fo" => {
+            let known = texture.texcoords.len();
+            let mut corners = words(rest).take_while(|word| word[0] != b'#').map(|word| texcoord_index(word, known));
+            let (Some(first), Some(mut last)) = (corners.next(), corners.next()) else { return };
+            for corner in corners {
+                texture.add_triangle([first, last, corner]);
+                last = corner;
+            }
+        }
+        _ => {}
+    }
+}
+
+/// The texture coordinate of a corner such as `7/3/1`; `known` were read in the chunk before.
+fn texcoord_index(corner: &[u8], known: usize) -> Option<TexcoordIndex> {
+    let start = memchr(b'/', corner)? + 1;
+    let (Index { magnitude, negative }, _) = index_at(corner, start)?;
+    if negative {
+        Some(TexcoordIndex::OfChunk(i64::try_from(known).ok()?.checked_sub_unsigned(magnitude)?))
+    } else {
+        Some(TexcoordIndex::OfFile(magnitude.checked_sub(1)?))
     }
 }
 

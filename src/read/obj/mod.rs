@@ -18,12 +18,14 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use self::chunk::{ObjChunk, too_long};
 use self::commit::ObjCommit;
+use self::mtl::define_materials;
 use self::parsed::{LineError, ParsedChunk};
 use self::statements::BYTE_ORDER_MARK;
 use crate::base::Result;
 use crate::file::packed::RecordBounds;
 use crate::read::line::count_line_ends;
 use crate::read::source::{Counts, Cut, KEPT_BYTES_MAX, MeshSource};
+use crate::read::texture_sample::{ChunkTexture, TextureSample};
 
 pub(super) use self::chunk::ObjSource;
 
@@ -61,9 +63,16 @@ impl MeshSource for ObjSource {
         path: &Path,
         chunk: &mut ObjChunk,
         bounds: Option<&mut RecordBounds>,
+        texture: Option<&mut ChunkTexture>,
         text: &mut Vec<u8>,
     ) -> Result<Counts> {
-        count::count_chunk(path, chunk, bounds, text)
+        count::count_chunk(path, chunk, bounds, texture, text)
+    }
+
+    fn define_counted(sample: &mut TextureSample) -> Result<()> {
+        let TextureSample { path, libraries, labels, findings, .. } = sample;
+        let (catalogue, used, allowance) = labels.materials_of_file();
+        define_materials(path, libraries, &mut catalogue.materials, used, allowance, findings).map(drop)
     }
 
     fn clear(parsed: &mut ParsedChunk) {

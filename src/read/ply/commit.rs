@@ -95,7 +95,7 @@ impl<'a> FileCommit<'a, PlySource> for PlyCommit<'a> {
             let most = (FLOAT_DIGITS - before_point).max(0) as u32;
             self.builder.position_decimals = self.builder.position_decimals.min(most);
         }
-        self.define_materials(&layout, labels)?;
+        define_materials(self.path, &layout, labels)?;
         self.builder.describe(labels.materials_of_file().0);
         let bytes = self.bytes;
         let (piece, triangles) = self.builder.finish(false, findings)?;
@@ -115,24 +115,23 @@ impl PlyCommit<'_> {
         }
         self.builder.findings.count("ignored_alphas", layout.ignored_alphas);
     }
+}
 
-    /// Gives each material that faces use its texture image.
-    fn define_materials(&mut self, layout: &Layout, labels: &mut Labels) -> Result<()> {
-        let folder = folder_of(self.path);
-        // A job may be resumed from another working directory.
-        let folder = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
-        let (catalogue, used, allowance) = labels.materials_of_file();
-        for (name, texture) in layout.materials.iter().zip(&layout.header.textures) {
-            let Some(material) = used.find(name) else { continue };
-            let definition = &mut catalogue.materials[material].definition;
-            if definition.is_none() {
-                let texture = TextureStatement { key_and_options: b"map_Kd".to_vec(), name: texture.clone() };
-                let own =
-                    MaterialDefinition { folder: folder.clone(), statements: Vec::new(), textures: vec![texture] };
-                allowance.take(own.bytes(), self.path)?;
-                *definition = Some(own);
-            }
+/// Gives each material that faces use its texture image.
+pub(super) fn define_materials(path: &Path, layout: &Layout, labels: &mut Labels) -> Result<()> {
+    let folder = folder_of(path);
+    // A job may be resumed from another working directory.
+    let folder = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
+    let (catalogue, used, allowance) = labels.materials_of_file();
+    for (name, texture) in layout.materials.iter().zip(&layout.header.textures) {
+        let Some(material) = used.find(name) else { continue };
+        let definition = &mut catalogue.materials[material].definition;
+        if definition.is_none() {
+            let texture = TextureStatement { key_and_options: b"map_Kd".to_vec(), name: texture.clone() };
+            let own = MaterialDefinition { folder: folder.clone(), statements: Vec::new(), textures: vec![texture] };
+            allowance.take(own.bytes(), path)?;
+            *definition = Some(own);
         }
-        Ok(())
     }
+    Ok(())
 }

@@ -50,7 +50,7 @@ pub struct PlyChunk {
 #[derive(Debug)]
 pub struct PlySource {
     file: Arc<OpenFile>,
-    layout: Arc<Layout>,
+    pub(super) layout: Arc<Layout>,
     chunk_bytes: u64,
     /// Bytes that were read and not cut off yet; they end at `read_to`.
     buffer: Vec<u8>,

@@ -20,12 +20,14 @@ mod tests;
 
 use std::path::Path;
 
-use self::commit::PlyCommit;
+use self::commit::{PlyCommit, define_materials};
 use self::cut::PlyChunk;
 use self::parse::PlyRecords;
 use crate::base::Result;
 use crate::file::packed::RecordBounds;
-use crate::read::source::{Counts, Cut, KEPT_BYTES_MAX, MeshSource};
+use crate::read::records::LabelKind;
+use crate::read::source::{CHUNK_BYTES, Counts, Cut, KEPT_BYTES_MAX, MeshSource};
+use crate::read::texture_sample::{ChunkTexture, TextureSample};
 
 pub(super) use self::cut::PlySource;
 
@@ -46,7 +48,13 @@ impl MeshSource for PlySource {
         parse::parse(path, chunk, parsed)
     }
 
-    fn count(path: &Path, chunk: &mut PlyChunk, bounds: Option<&mut RecordBounds>, _: &mut Vec<u8>) -> Result<Counts> {
+    fn count(
+        path: &Path,
+        chunk: &mut PlyChunk,
+        bounds: Option<&mut RecordBounds>,
+        _: Option<&mut ChunkTexture>,
+        _: &mut Vec<u8>,
+    ) -> Result<Counts> {
         let (mut parsed, bytes) = (PlyRecords::default(), chunk.bytes.len() as u64);
         parse::parse(path, chunk, &mut parsed)?;
         let records = &parsed.records;
@@ -65,6 +73,16 @@ impl MeshSource for PlySource {
             has_colours: !records.colours.is_empty(),
             decimals: records.position_decimals,
         })
+    }
+
+    fn define_counted(sample: &mut TextureSample) -> Result<()> {
+        let TextureSample { path, labels, .. } = sample;
+        let layout = Self::open(path, CHUNK_BYTES)?.layout;
+        for name in &layout.materials {
+            labels.change(LabelKind::Material, name);
+            labels.part()?;
+        }
+        define_materials(path, &layout, labels)
     }
 
     fn clear(parsed: &mut PlyRecords) {

@@ -353,7 +353,7 @@ fn hashes_of_a_resumed_job_are_those_of_the_scan() {
         let found = scan(&inputs, folder.path(), &ScanOptions::default(), &Silent).unwrap();
         let again = crate::read::fingerprint::content_hashes(&inputs, 2, &Silent).unwrap();
         assert_eq!(found.content_hashes, again);
-        let (counts, _) = crate::read::count(&inputs, 2, &Silent).unwrap();
+        let (counts, _) = crate::read::count(&inputs, 2, None, &Silent).unwrap();
         assert_eq!((counts.vertices, counts.triangles), (200_004, 3));
     }
 }
