@@ -37,4 +37,4 @@ pub use self::catalogue::geometry_catalogue;
 pub use self::original::OriginalSurface;
 pub use self::run::{Baked, BakedFigures, Unbaked, bake, expected_bytes, image_bytes, patch_faces};
 pub use self::settings::{BakeLimits, BakePlace, BakeSettings};
-pub use self::steps::SURFACE;
+pub use self::steps::{BakeStep, SURFACE};

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::nearby::Shown;
 use super::settings::BakePlace;
-use super::steps::{IMAGE, SURFACE};
+use super::steps::{BakeStep, SURFACE};
 use crate::base::id::TiVec;
 use crate::base::ordered::{map_in_order, map_within};
 use crate::base::{Findings, Permits, Progress, Result};
@@ -20,7 +20,7 @@ use crate::geometry::triangle::{area, texture_area};
 use crate::image::decode;
 use crate::image::stored::{Beyond, StoredImage};
 use crate::image::textures::TextureImages;
-use crate::job::{Recalled, Step, StepKey, WorkFolder};
+use crate::job::{Recalled, Step, WorkFolder};
 use crate::model::id::ImageId;
 use crate::model::{Catalogue, StoredMesh};
 use crate::partition::{self, ClusterSource, Partition, PartitionOptions, TextureScale, cluster, heavy, reading};
@@ -302,7 +302,7 @@ fn decoded(
     plan: std::result::Result<decode::DecodePlan, String>,
     work: &WorkFolder,
 ) -> Result<DecodedImage> {
-    let key = StepKey::numbered(format!("{IMAGE}{:06}", image.number()));
+    let key = BakeStep::Image(image).key();
     if let Some(decoded) = work.recall::<DecodedImage>(&key, &())? {
         return Ok(decoded);
     }

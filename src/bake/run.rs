@@ -9,7 +9,7 @@ use super::original::{Original, OriginalSurface};
 use super::painters::{PAINTER_BYTES, Painters};
 use super::patch::{BakedImage, BakedPatch, PatchBaker, TexturedPatch};
 use super::settings::{BakeLimits, BakePlace, BakeSettings};
-use super::steps::{PATCH, PATCHES, SURFACE};
+use super::steps::{BakeStep, PATCHES, SURFACE};
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Permits, Result, bytes};
 use crate::image::textures::TextureImages;
@@ -32,6 +32,8 @@ const AWAY_DEVIATIONS: f64 = 1.0;
 /// Bytes of a texel of an image, and of a triangle of a patch.
 const TEXEL_BYTES: f64 = 4.3;
 const FACE_BYTES: u64 = 600;
+/// Texels of the largest image, about, for each of one that is as large as the mean.
+const LARGEST: f64 = 1.5;
 /// Bytes of a texel in a file, about, that the disk must have room for.
 const IMAGE_TEXEL_BYTES: f64 = 0.5;
 
@@ -217,7 +219,7 @@ impl<'a> Baking<'a> {
         let mut files = Vec::new();
         let work = |cluster: ClusterId| {
             self.place.progress.check_stopped()?;
-            if let Some(baked) = self.place.work.recall::<BakedPatch>(&patch_key(cluster), &())? {
+            if let Some(baked) = self.place.work.recall::<BakedPatch>(&BakeStep::Patch(cluster).key(), &())? {
                 return Ok(Ready::Recalled(baked));
             }
             if partition.weight(cluster).is_none() {
@@ -225,7 +227,7 @@ impl<'a> Baking<'a> {
             }
             let _permit = permits.take(canvas_bytes + FACE_BYTES * partition.face_count(cluster));
             let source = cluster::load(&partition, self.result.mesh, &self.catalogue, &scale, cluster)?;
-            let patch = self.baker.bake(source, self.place.work.path(), patch_key(cluster).name())?;
+            let patch = self.baker.bake(source, self.place.work.path(), BakeStep::Patch(cluster).key().name())?;
             Ok(Ready::Baked(cluster, Box::new(patch)))
         };
         let clusters = partition.clusters().filter(|&cluster| partition.face_count(cluster) > 0);
@@ -241,7 +243,7 @@ impl<'a> Baking<'a> {
                 Ready::Heavy(cluster) => {
                     let mut baked = BakedPatch::default();
                     let mut take = |source: ClusterSource| {
-                        let name = format!("{}-{}", patch_key(cluster).name(), baked.pieces.len());
+                        let name = format!("{}-{}", BakeStep::Patch(cluster).key().name(), baked.pieces.len());
                         let patch = self.baker.bake(source, self.place.work.path(), &name)?;
                         let first_image = first_image + baked.images.len() as u32;
                         self.store(patch, &partition, cluster, first_image, &mut baked)
@@ -277,7 +279,7 @@ impl<'a> Baking<'a> {
         let TexturedPatch { source, mut mesh, baked: own } = patch;
         number_parts(&mut mesh, first_image);
         let scale = TextureScale::none(&self.catalogue);
-        let name = format!("{}-{}.piece", patch_key(cluster).name(), baked.pieces.len());
+        let name = format!("{}-{}.piece", BakeStep::Patch(cluster).key().name(), baked.pieces.len());
         let path = self.place.work.path().join(name);
         let pending = source.write(&mesh, partition, &self.catalogue, &scale, None, &path)?;
         baked.pieces.push(pending.commit()?);
@@ -293,7 +295,11 @@ impl<'a> Baking<'a> {
         let files = baked.pieces.iter().flat_map(StoredPiece::files);
         let files: Vec<&Path> = files.chain(baked.images.iter().map(|image| image.path.as_path())).collect();
         let faces = baked.pieces.iter().map(|piece| piece.faces.len()).sum();
-        self.place.work.keep(Step::new(patch_key(cluster)).from([PATCHES]).of_size(faces), files, &baked)?;
+        self.place.work.keep(
+            Step::new(BakeStep::Patch(cluster).key()).from([PATCHES]).of_size(faces),
+            files,
+            &baked,
+        )?;
         Ok(baked)
     }
 }
@@ -319,10 +325,12 @@ pub fn patch_faces(texels: f64, faces: u64, side: u32) -> u64 {
     ((faces as f64 * room / texels) as u64).clamp(PATCH_FACES[0], PATCH_FACES[1])
 }
 
-/// Memory that `threads` threads take for `images` images of `texels` texels each, in bytes, if it is there.
-pub fn expected_bytes(texels: f64, images: u64, threads: usize) -> u64 {
+/// Memory that `threads` threads take for `images` images of this side at most and `texels` texels in all, in bytes, if
+/// it is there.
+pub fn expected_bytes([texels, images]: [u64; 2], side: u32, threads: usize) -> u64 {
+    let largest = LARGEST * TEXEL_BYTES * texels as f64 / images.max(1) as f64;
     let at_once = images.min(threads as u64);
-    threads as u64 * PAINTER_BYTES + at_once * (TEXEL_BYTES * texels) as u64
+    threads as u64 * PAINTER_BYTES + at_once * canvas_bytes(side).min(largest as u64)
 }
 
 /// Least memory of a bake with images of this side, in bytes.
@@ -333,10 +341,6 @@ pub fn image_bytes(side: u32) -> u64 {
 /// Memory of an image of this side that is being baked, in bytes.
 fn canvas_bytes(side: u32) -> u64 {
     (TEXEL_BYTES * f64::from(side) * f64::from(side)) as u64
-}
-
-fn patch_key(cluster: ClusterId) -> StepKey {
-    StepKey::numbered(format!("{PATCH}{:06}", cluster.number()))
 }
 
 fn number_parts(mesh: &mut ClusterMesh, first_image: u32) {

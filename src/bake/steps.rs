@@ -1,12 +1,70 @@
 //! The steps of a bake, by which a work folder knows them.
 
 use crate::job::StepKey;
+use crate::model::id::ImageId;
+use crate::partition::ClusterId;
 
 /// Step that keeps the surface of the input.
 pub const SURFACE: StepKey = StepKey::fixed("bake-surface");
-/// Prefix of the steps that keep the images of the input.
-pub(super) const IMAGE: &str = "bake-image-";
 /// Step that cuts the result into patches.
 pub(super) const PATCHES: StepKey = StepKey::fixed("bake-patches");
-/// Prefix of the steps that bake patches.
-pub(super) const PATCH: &str = "bake-patch-";
+
+/// A step of a bake.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum BakeStep {
+    /// The surface of the input is kept.
+    Surface,
+    /// An image of the input is decoded.
+    Image(ImageId),
+    /// The result is cut into patches.
+    Patches,
+    /// A patch is baked.
+    Patch(ClusterId),
+}
+
+impl BakeStep {
+    /// Its key.
+    pub fn key(self) -> StepKey {
+        match self {
+            Self::Surface => SURFACE,
+            Self::Image(image) => StepKey::numbered(format!("bake-image-{:06}", image.number())),
+            Self::Patches => PATCHES,
+            Self::Patch(cluster) => StepKey::numbered(format!("bake-patch-{:06}", cluster.number())),
+        }
+    }
+
+    /// The step of a key; `None` for a key of anything else.
+    pub fn of(key: &StepKey) -> Option<Self> {
+        let number = |prefix| key.name().strip_prefix(prefix)?.parse::<u32>().ok();
+        let step = if let Some(image) = number("bake-image-") {
+            Self::Image(ImageId::new(image))
+        } else if let Some(patch) = number("bake-patch-") {
+            Self::Patch(ClusterId::new(patch))
+        } else if *key == SURFACE {
+            Self::Surface
+        } else {
+            Self::Patches
+        };
+        (step.key() == *key).then_some(step)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_key_names_its_step() {
+        for step in [
+            BakeStep::Surface,
+            BakeStep::Image(ImageId::new(3)),
+            BakeStep::Patches,
+            BakeStep::Patch(ClusterId::new(12_345_678)),
+        ] {
+            assert_eq!(BakeStep::of(&step.key()), Some(step));
+        }
+        for other in ["bake-image-3", "bake-patch-", "bake", "scan-mesh", "pass-0-mesh"] {
+            assert_eq!(BakeStep::of(&StepKey::fixed(other)), None);
+        }
+    }
+}

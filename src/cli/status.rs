@@ -12,6 +12,7 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::print::{print, print_json};
+use crate::bake::BakeStep;
 use crate::base::error::{escape, escape_path};
 use crate::base::{Result, bytes, counted, grouped, json_path};
 use crate::job::{Entry, StepRecord, WorkStatus, look};
@@ -59,6 +60,8 @@ struct JobStatus {
     triangles_left: Option<u64>,
     /// The current pass, once its partition is done.
     pass: Option<PassStatus>,
+    /// New textures, once something of them is done.
+    bake: Option<BakeStatus>,
     /// Whether the result is written.
     written: bool,
     /// Error that ended a process early, if one was recorded; the latest one.
@@ -79,6 +82,16 @@ struct PassStatus {
     clusters_done: u64,
     /// Triangles of the clusters that are done, before they were simplified.
     triangles_done: u64,
+}
+
+/// Status of new textures.
+#[derive(Debug, Default, Serialize)]
+struct BakeStatus {
+    /// Images of the input that were decoded.
+    images_decoded: u64,
+    /// Number of patches, once the result is cut into them, and of those that are done.
+    patches: Option<u64>,
+    patches_done: u64,
 }
 
 /// Prints the status.
@@ -137,12 +150,13 @@ impl JobStatus {
             passes_done: 0,
             triangles_left: None,
             pass: None,
+            bake: None,
             written: false,
             last_error: None,
             last_error_of_process: None,
             bytes: work.bytes,
         };
-        let mut clusters = HashSet::new();
+        let (mut clusters, mut baked) = (HashSet::new(), HashSet::new());
         for entry in &work.entries {
             match entry {
                 Entry::Began { time } => {
@@ -161,7 +175,11 @@ impl JobStatus {
                         }
                         status.see_pass(step, record.amount);
                     }
-                    None => status.see(record),
+                    None => match BakeStep::of(&record.key) {
+                        Some(step) if baked.insert(step) => status.see_bake(step, record.amount),
+                        Some(_) => {}
+                        None => status.see(record),
+                    },
                 },
                 Entry::Wanted { .. } => {}
             }
@@ -196,6 +214,16 @@ impl JobStatus {
         }
     }
 
+    fn see_bake(&mut self, step: BakeStep, amount: u64) {
+        let bake = self.bake.get_or_insert_default();
+        match step {
+            BakeStep::Surface => {}
+            BakeStep::Image(_) => bake.images_decoded += 1,
+            BakeStep::Patches => bake.patches = Some(amount),
+            BakeStep::Patch(_) => bake.patches_done += 1,
+        }
+    }
+
     fn table(&self, path: &Path) -> String {
         let mut text = format!("{}: ", escape_path(path));
         let _ = if self.running {
@@ -227,6 +255,15 @@ impl JobStatus {
         if let Some(pass) = &self.pass {
             let _ =
                 writeln!(text, "pass {}     {} of {} clusters done", pass.number, pass.clusters_done, pass.clusters);
+        }
+        if let Some(bake) = self.bake.as_ref().filter(|bake| bake.images_decoded > 0 || bake.patches.is_some()) {
+            let images = counted(bake.images_decoded, "image");
+            let _ = match bake.patches {
+                None => writeln!(text, "textures   {images} decoded"),
+                Some(patches) => {
+                    writeln!(text, "textures   {images} decoded, {} of {patches} patches done", bake.patches_done)
+                }
+            };
         }
         let _ = writeln!(text, "result     {}", if self.written { "written" } else { "not written" });
         if let Some(error) = &self.last_error {

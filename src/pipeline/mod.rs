@@ -127,7 +127,7 @@ fn run(job: &Preflight<'_>, work: &mut WorkFolder, progress: &dyn Progress) -> R
     log.time_with(|seconds| &mut seconds.draw, |log| painter.draw_after(&result, &mut log.findings));
     let bake = baked.map(|baked| {
         log.findings.merge(baked.findings);
-        baked.figures
+        (baked.figures, baked.work_bytes)
     });
     let shots = painter.shots();
     Ok(log.report(FinishedRun { job, input: &input, admission: &admission, passes, bake, published, shots, work }))

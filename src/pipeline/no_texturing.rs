@@ -15,6 +15,7 @@ pub(super) struct UntexturedResult {
     pub mesh: StoredMesh,
     pub catalogue: Catalogue,
     pub figures: BakeFigures,
+    pub work_bytes: u64,
     pub findings: Findings,
 }
 

@@ -89,7 +89,10 @@ impl RunLog {
             seconds: self.seconds,
             memory: MemoryFigures {
                 budget: job.budget.bytes,
-                predicted_peak: predicted_peak(job, input, admission, passes.permit_peak, shots.is_some()),
+                predicted_peak: {
+                    let peak = predicted_peak(job, input, admission, passes.permit_peak, shots.is_some());
+                    bake.map_or(peak, |(_, bytes)| peak.max(MemoryBudget::FIXED_BYTES + bytes))
+                },
                 peak_resident: system::peak_resident_bytes(),
             },
             io: IoFigures {
@@ -100,7 +103,7 @@ impl RunLog {
                 scratch_peak,
             },
             files,
-            bake,
+            bake: bake.map(|(figures, _)| figures),
             timeline: Timeline::default(),
             remesh: passes.remeshed,
             passes: passes.reports,
@@ -120,8 +123,8 @@ pub(super) struct FinishedRun<'a> {
     pub input: &'a Input,
     pub admission: &'a Admission,
     pub passes: Passes,
-    /// What was baked.
-    pub bake: Option<BakeFigures>,
+    /// What was baked, and the expected memory of that work in bytes.
+    pub bake: Option<(BakeFigures, u64)>,
     pub published: Published,
     /// Renderings before and after.
     pub shots: Shots,

@@ -17,6 +17,8 @@ pub(super) struct TexturedResult {
     /// A part and a material for each image.
     pub catalogue: Catalogue,
     pub figures: BakeFigures,
+    /// Expected memory of the work, in bytes.
+    pub work_bytes: u64,
     /// What was lost.
     pub findings: Findings,
 }
@@ -115,6 +117,11 @@ impl<'a> Texturing<'a> {
                 colourless: figures.colourless,
                 charts: figures.charts,
                 texel: figures.texel,
+            },
+            work_bytes: {
+                let expected =
+                    bake::expected_bytes([figures.texels, figures.images], options.atlas, self.limits.threads);
+                expected.min(self.limits.work_bytes)
             },
             findings: baked.findings,
         }))

@@ -21,8 +21,6 @@ use crate::read::ShownTexture;
 
 /// Share of an image that charts cover.
 const FILL: f64 = 0.68;
-/// Texels of the largest image, for each of one that is as large as the mean.
-const LARGEST: f64 = 1.5;
 /// Share of an image that is shown where no triangle could be measured.
 const SHOWN_SHARE: f64 = 0.4;
 /// Texels of a surface without images, for each of its triangles.
@@ -61,7 +59,6 @@ pub fn forecast(
     let known = || plans.iter().flatten();
     let pixels: u64 = known().map(|plan| plan.size.map(u64::from).iter().product::<u64>()).sum();
     let bytes = texels * if options.image == ImageFormat::Png { PNG_BYTES } else { JPEG_BYTES };
-    let canvas = (LARGEST * texels / count as f64).min(side * side);
     BakeForecast {
         images: count,
         texels: texels as u64,
@@ -71,7 +68,7 @@ pub fn forecast(
         reduced_images: known().filter(|plan| plan.reduction > 1).count() as u64,
         work_bytes: {
             let decoding = known().map(|plan| plan.bytes).max().unwrap_or(0) * task.threads as u64;
-            bake::expected_bytes(canvas, count, task.threads).max(decoding).min(task.work_bytes)
+            bake::expected_bytes([texels as u64, count], options.atlas, task.threads).max(decoding).min(task.work_bytes)
         },
         surface_bytes: (SURFACE_BYTES * task.faces as f64) as u64,
         baking_bytes: (PIXEL_BYTES * pixels as f64 + bytes + PIECE_BYTES * task.target as f64) as u64,

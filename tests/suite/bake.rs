@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 
 use drystone::measure::compare::{CompareOptions, Comparison, Resources, Spread, compare};
 use drystone::options::{ImageFormat, Limits, SimplifyOptions, TextureFiles};
@@ -119,6 +120,13 @@ fn a_town_shows_its_colours_with_fewer_texels_and_no_seam_that_holds_it() {
     assert!(bake.fill > 0.3 && bake.colourless == 0, "{bake:?}");
 }
 
+/// What `drystone status` tells of a work folder.
+fn status(work: &Path) -> serde_json::Value {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_drystone"));
+    let output = command.arg("status").arg(work).arg("--json").output().unwrap();
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
 #[test]
 fn threads_memory_and_stops_leave_no_trace_in_baked_files() {
     let folder = tempfile::tempdir().unwrap();
@@ -138,13 +146,17 @@ fn threads_memory_and_stops_leave_no_trace_in_baked_files() {
         assert!(contents(&path("other")) == whole, "{threads} threads, {mebibytes} MiB");
         fs::remove_dir_all(path("other")).unwrap();
     }
-    let mut stops = 0;
+    let (mut stops, mut patches_done) = (0, 0);
     while let Err(error) = run("parts", options.clone(), &StopAfter::units(20 + 5 * stops)) {
         assert!(matches!(error, Error::Stopped) && stops < 1000, "{error}");
         assert!(!path("parts/out.obj").exists());
         stops += 1;
+        let bake = &status(&path("parts/out.obj.work"))["bake"];
+        let done = bake["patches_done"].as_u64().unwrap_or(0);
+        assert!(done >= patches_done && bake["patches"].as_u64().is_none_or(|patches| done <= patches), "{bake}");
+        patches_done = done;
     }
-    assert!(stops > 3);
+    assert!(stops > 3 && patches_done > 1);
     assert!(contents(&path("parts")) == whole);
 }
 

@@ -125,7 +125,8 @@ fn the_table_is_for_people_and_the_work_folder_goes() {
 #[test]
 fn impossible_options_are_refused() {
     let town = town();
-    for options in [["--samples", "10"], ["--threads", "0"], ["--memory", "1MiB"]] {
+    for options in [["--samples", "10"], ["--threads", "0"], ["--memory", "1MiB"], ["--texel", "0"], ["--texel", "inf"]]
+    {
         let done = drystone(&["compare", text(&town), text(&town), options[0], options[1]]);
         assert_eq!(done.status.code(), Some(2), "{options:?}");
     }
