@@ -25,8 +25,8 @@ const GAUGE_SECONDS_PER_TRIANGLE: f64 = 3e-7;
 const TEXTURES_PER_WRITE: f64 = 0.3;
 /// Approximate seconds on one core to bake as many texels as the input shows, for each of its triangles; a part of them
 /// is for decoding its images.
-const BAKE_SECONDS_PER_TRIANGLE: f64 = 6e-5;
-const DECODE_SHARE: f64 = 0.05;
+const BAKE_SECONDS_PER_TRIANGLE: f64 = 4e-5;
+const DECODE_SHARE: f64 = 0.1;
 /// Number of phases of a comparison.
 const COMPARISON_PHASES: f64 = 11.0;
 
@@ -114,7 +114,7 @@ impl JobShare {
             TextureFiles::Link | TextureFiles::Reference => 0.0,
         };
         let texels = if options.bakes() { options.texels } else { 0.0 };
-        let bake = BAKE_SECONDS_PER_TRIANGLE * texels * triangles as f64 / *threads as f64;
+        let bake = BAKE_SECONDS_PER_TRIANGLE * texels.sqrt() * triangles as f64 / *threads as f64;
         self.scan = start.scan;
         self.draw = draw;
         self.passes = each;

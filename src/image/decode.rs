@@ -113,7 +113,9 @@ pub fn plan(path: &Path, allowed_bytes: u64) -> Result<DecodePlan, String> {
     for reduction in REDUCTIONS {
         let kept = PIXEL_BYTES * u64::from(width.div_ceil(reduction)) * u64::from(height.div_ceil(reduction));
         let row = 8 * u64::from(width) * 16;
-        let bytes = kept + coefficients + file_bytes + row + DECODER_BYTES;
+        // The decoder of a JPEG holds the colour channels, each as large as the image, until it has mixed them.
+        let channels = if format == ImageFormat::Jpeg { kept } else { 0 };
+        let bytes = kept + channels + coefficients + file_bytes + row + DECODER_BYTES;
         if matches!(format, ImageFormat::Jpeg | ImageFormat::Png) && bytes <= allowed_bytes {
             return Ok(plan(reduction, bytes));
         }

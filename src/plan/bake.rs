@@ -33,12 +33,10 @@ const JPEG_BYTES: f64 = 0.25;
 const SURFACE_BYTES: f64 = 130.0;
 const PIXEL_BYTES: f64 = 3.0;
 const PIECE_BYTES: f64 = 24.0;
-/// Pixels decoded, triangles of the input kept, triangles of the result unwrapped and texels baked in a second by one
-/// core.
-const DECODE_PIXELS_PER_SECOND: f64 = 25e6;
-const SURFACE_FACES_PER_SECOND: f64 = 500e3;
-const UNWRAP_FACES_PER_SECOND: f64 = 30e3;
-const TEXELS_PER_SECOND: f64 = 2.2e6;
+/// Pixels decoded, triangles of the input searched and texels baked in a second by one core.
+const DECODE_PIXELS_PER_SECOND: f64 = 35e6;
+const SEARCH_FACES_PER_SECOND: f64 = 100e3;
+const TEXELS_PER_SECOND: f64 = 1.25e6;
 
 /// Predicts a bake. Images that are missing are noted.
 pub fn forecast(
@@ -73,8 +71,8 @@ pub fn forecast(
         surface_bytes: (SURFACE_BYTES * task.faces as f64) as u64,
         baking_bytes: (PIXEL_BYTES * pixels as f64 + bytes + PIECE_BYTES * task.target as f64) as u64,
         core_seconds: pixels as f64 / DECODE_PIXELS_PER_SECOND
-            + task.faces as f64 / SURFACE_FACES_PER_SECOND
-            + task.target as f64 / UNWRAP_FACES_PER_SECOND
+            + task.faces as f64 / SEARCH_FACES_PER_SECOND
+            // Coarser texels are sampled at more places each.
             + covered.max(shown_texels * options.texels.sqrt()) / TEXELS_PER_SECOND,
     }
 }

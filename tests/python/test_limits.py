@@ -7,7 +7,9 @@ import subprocess
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 pytestmark = pytest.mark.slow
 
@@ -69,6 +71,22 @@ def test_every_metric_and_remeshing_fit_into_128_mib(drystone, middle_town, tmp_
     target = [] if "cells" in system[-1] else ["--ratio", "0.3"]
     report = simplify_in_128_mib(drystone, middle_town, tmp_path, "--cluster-faces", "100000", *target, *system)
     assert report["faces"]["output"] < report["faces"]["input"]
+
+
+@pytest.mark.parametrize("ending", ["jpg", "png"])
+def test_images_that_do_not_fit_are_baked_at_a_lower_resolution(drystone, tmp_path, ending):
+    side = 8192
+    across, down = np.meshgrid(np.arange(side, dtype=np.uint16), np.arange(side, dtype=np.uint16))
+    pixels = np.stack([across >> 5, down >> 5, (across >> 7 ^ down >> 7) % 2 * 200], axis=-1).astype(np.uint8)
+    Image.fromarray(pixels).save(tmp_path / f"large.{ending}", **({"subsampling": 0} if ending == "jpg" else {"compress_level": 1}))
+    (tmp_path / "in.mtl").write_text(f"newmtl large\nmap_Kd large.{ending}\n")
+    corners = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    lines = [f"v {10 * u} {10 * v} 0\nvt {u} {v}\n" for u, v in corners]
+    (tmp_path / "in.obj").write_text("mtllib in.mtl\nusemtl large\n" + "".join(lines) + "f 1/1 2/2 3/3 4/4\n")
+    options = ["--ratio", "1", "--textures", "bake", "--texels", "0.01", "--atlas", "1024"]
+    report = simplify_in_128_mib(drystone, tmp_path / "in.obj", tmp_path, *options)
+    assert report["repairs"]["reduced_image"] == 1
+    assert report["bake"]["colourless"] == 0
 
 
 def test_a_metric_that_does_not_fit_is_refused_with_what_would_do(drystone, middle_town, tmp_path):
