@@ -75,7 +75,7 @@ def test_every_metric_and_remeshing_fit_into_128_mib(drystone, middle_town, tmp_
 
 @pytest.mark.parametrize("ending", ["jpg", "png"])
 def test_images_that_do_not_fit_are_baked_at_a_lower_resolution(drystone, tmp_path, ending):
-    side = 8192
+    side = 9600
     across, down = np.meshgrid(np.arange(side, dtype=np.uint16), np.arange(side, dtype=np.uint16))
     pixels = np.stack([across >> 5, down >> 5, (across >> 7 ^ down >> 7) % 2 * 200], axis=-1).astype(np.uint8)
     Image.fromarray(pixels).save(tmp_path / f"large.{ending}", **({"subsampling": 0} if ending == "jpg" else {"compress_level": 1}))
