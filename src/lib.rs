@@ -91,6 +91,8 @@ mod api;
 #[doc(hidden)]
 pub mod cli;
 
+#[cfg(feature = "images")]
+pub use api::bake_textures;
 pub use api::{MeshReport, Simplify, simplify_mesh, unwrap_mesh};
 pub use base::{Error, ErrorKind, Progress, Result, Silent};
 pub use model::Mesh;

@@ -16,6 +16,7 @@ use super::steps::{BakeStep, SURFACE};
 use crate::base::id::TiVec;
 use crate::base::ordered::{map_in_order, map_within};
 use crate::base::{Findings, Permits, Progress, Result};
+use crate::geometry::boxtree::Bounds;
 use crate::geometry::triangle::{area, texture_area};
 use crate::image::decode;
 use crate::image::stored::{Beyond, StoredImage};
@@ -54,6 +55,11 @@ impl Recalled for OriginalSurface {
 }
 
 impl OriginalSurface {
+    /// Diagonal of the smallest box around it.
+    pub fn diagonal(&self) -> f64 {
+        self.cells.iter().fold(Bounds::EMPTY, |all, cell| all.with(cell.bounds)).diagonal()
+    }
+
     /// Recalls the surface that an earlier process kept.
     ///
     /// # Errors

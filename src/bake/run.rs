@@ -194,7 +194,7 @@ impl<'a> Baking<'a> {
             pass: 0,
             weld: false,
             drop_doubles: false,
-            drop_texcoords: false,
+            drop_texcoords: true,
             threads: self.place.limits.threads,
             work_bytes: self.place.limits.work_bytes,
         };

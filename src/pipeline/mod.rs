@@ -4,6 +4,8 @@
 //! same call resumes after the last record.
 
 mod admission;
+#[cfg(feature = "images")]
+mod bake_onto;
 mod damage;
 mod files;
 mod input;
@@ -51,6 +53,8 @@ use crate::passes::{PassKind, PassOptions, Passes, ResumePoint, Run};
 use crate::read::InputChoice;
 use crate::report::Report;
 
+#[cfg(feature = "images")]
+pub use self::bake_onto::bake_onto;
 pub use self::preflight::work_folder;
 
 /// Simplifies meshes in files, or in all files below folders, into one file.

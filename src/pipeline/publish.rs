@@ -7,7 +7,7 @@ use super::output::{self, Earlier, EarlierOutput};
 use super::preflight::Preflight;
 use crate::base::ordered::both;
 use crate::base::{Progress, Result};
-use crate::job::{Step, WorkFolder};
+use crate::job::{Step, StepKey, WorkFolder};
 use crate::measure::gauge::{Gauged, gauge};
 use crate::model::{Catalogue, StoredMesh};
 use crate::options::{Normals, TextureFiles};
@@ -91,7 +91,7 @@ impl<'a> Publisher<'a> {
                 // If the job was restarted on the way, nothing shows that the earlier result follows from the input as
                 // it is now.
                 Earlier::Whole(written) if is_resumed => written.clone(),
-                _ => self.write(result, passes, work, progress)?,
+                _ => self.write(result, &passes.step, work, progress)?,
             };
             progress.begin("measure", 0, "");
             Ok((written, started.elapsed()))
@@ -101,10 +101,14 @@ impl<'a> Publisher<'a> {
         Ok(Published { written, measured, write_time, measure_time: started.elapsed() - write_time, is_resumed })
     }
 
-    fn write(
+    /// Writes the result, which follows from the mesh that a step recorded.
+    ///
+    /// # Errors
+    /// Those of [`write::stage`], of [`Staged::commit`](write::Staged::commit) and of the work folder.
+    pub fn write(
         &self,
         result: &FinalMesh<'_>,
-        passes: &Passes,
+        step: &StepKey,
         work: &WorkFolder,
         progress: &dyn Progress,
     ) -> Result<Written> {
@@ -116,7 +120,7 @@ impl<'a> Publisher<'a> {
         }
         progress.check_stopped()?;
         work.wait_until_durable()?;
-        let step = Step::new(RESULT).from([passes.step.clone()]).of_size(staged.written().faces);
+        let step = Step::new(RESULT).from([step.clone()]).of_size(staged.written().faces);
         work.keep(step, [], staged.written())?;
         // Without this record, a result that has its final name already would be taken for that of another job.
         work.sync()?;

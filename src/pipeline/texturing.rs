@@ -6,10 +6,13 @@ use super::preflight::Preflight;
 use crate::bake::{self, BakeLimits, BakePlace, BakeSettings, OriginalSurface, Unbaked};
 use crate::base::{Error, Findings, Progress, Result, bytes};
 use crate::image::textures::TextureImages;
-use crate::job::WorkFolder;
+use crate::job::{StepKey, WorkFolder};
 use crate::model::{Catalogue, StoredMesh};
 use crate::passes::{Passes, ResumePoint};
 use crate::report::BakeFigures;
+
+/// Deviation of a mesh of unknown origin, as a share of the diagonal.
+const USUAL_DEVIATION: f64 = 1e-3;
 
 /// The result with new textures.
 pub(super) struct TexturedResult {
@@ -87,23 +90,39 @@ impl<'a> Texturing<'a> {
         self.kept.as_ref().map_or(&self.input.catalogue, |kept| &kept.geometry)
     }
 
-    /// Bakes textures for the result; `None` if it keeps its own.
+    /// Bakes textures for the result of passes; `None` if it keeps its own.
     ///
     /// # Errors
     /// Those of [`bake::bake`].
     pub fn bake(self, passes: &Passes, work: &WorkFolder, progress: &dyn Progress) -> Result<Option<TexturedResult>> {
+        let last = passes.reports.last().and_then(|pass| pass.stages.last());
+        let estimate = last.map_or(0.0, |stage| stage.rms_estimate);
+        self.bake_mesh(&passes.mesh, &passes.step, Some(estimate), work, progress)
+    }
+
+    /// Bakes textures for a mesh that a step recorded, and that deviates from the input by about `deviation`.
+    ///
+    /// # Errors
+    /// Those of [`bake::bake`].
+    pub fn bake_mesh(
+        self,
+        mesh: &StoredMesh,
+        step: &StepKey,
+        deviation: Option<f64>,
+        work: &WorkFolder,
+        progress: &dyn Progress,
+    ) -> Result<Option<TexturedResult>> {
         let Some(Kept { surface, .. }) = self.kept else { return Ok(None) };
         let options = self.job.options;
-        let estimate =
-            passes.reports.last().and_then(|pass| pass.stages.last()).map_or(0.0, |stage| stage.rms_estimate);
+        let deviation = deviation.unwrap_or_else(|| USUAL_DEVIATION * surface.diagonal());
         let settings = BakeSettings {
             texels: options.texels,
             side: options.atlas,
             format: options.image,
-            deviation: options.target.max_error.unwrap_or(estimate),
+            deviation: options.target.max_error.unwrap_or(deviation),
         };
         let catalogue = &self.input.catalogue;
-        let result = Unbaked { mesh: &passes.mesh, catalogue, step: &passes.step };
+        let result = Unbaked { mesh, catalogue, step };
         let place = BakePlace { work, limits: self.limits, progress };
         let baked = bake::bake(surface, &result, &settings, &place)?;
         let figures = baked.figures;

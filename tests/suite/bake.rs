@@ -14,7 +14,7 @@ fn baked(options: SimplifyOptions) -> SimplifyOptions {
     SimplifyOptions { textures: TextureFiles::Bake, ..options }
 }
 
-fn compared(input: &Path, output: &Path) -> Comparison {
+pub fn compared(input: &Path, output: &Path) -> Comparison {
     let folder = tempfile::tempdir().unwrap();
     let resources = Resources { threads: 2, work_bytes: 64 << 20, scan: Default::default() };
     let work = folder.path().join("work");

@@ -12,6 +12,9 @@ mod mesh_in_memory;
 #[path = "../../examples/new_texcoords.rs"]
 #[allow(dead_code, reason = "main is for people")]
 mod new_texcoords;
+#[path = "../../examples/new_textures.rs"]
+#[allow(dead_code, reason = "main is for people")]
+mod new_textures;
 #[path = "../../examples/one_file.rs"]
 #[allow(dead_code, reason = "main is for people")]
 mod one_file;
@@ -81,4 +84,13 @@ fn new_texcoords_are_those_of_images() {
     assert_eq!(unwrapped.faces.len(), 18_218);
     assert!(unwrapped.face_texcoords.iter().flatten().all(|&texcoord| texcoord != Mesh::NO_TEXCOORD));
     assert!(unwrapped.texcoords.iter().flatten().all(|at| (0.0..=1.0).contains(at)));
+}
+
+#[test]
+fn new_textures_lie_on_a_mesh_of_another_program() {
+    let folder = tempfile::tempdir().unwrap();
+    let [coarse, output] = ["coarse.obj", "out/town.obj"].map(|name| folder.path().join(name));
+    std::fs::write(&coarse, "v -32 -32 0\nv 32 -32 0\nv 32 32 0\nv -32 32 0\nf 1 2 3 4\n").unwrap();
+    new_textures::run(&town(), &coarse, &output).unwrap();
+    assert!(read(&output).face_count() == 2 && folder.path().join("out/town_textures").exists());
 }

@@ -6,6 +6,7 @@ mod source;
 mod words;
 
 mod bake;
+mod bake_onto;
 mod borders_and_seams;
 mod compare;
 mod constants;
