@@ -21,6 +21,7 @@ import objlib
 BACKGROUND = (236, 240, 245)
 SUN = np.array((-0.45, -0.60, 0.66))
 SUPERSAMPLE = 2
+FILLED = 0.96  # share of a view that the mesh fills, in one direction at least
 
 
 def load_textures(obj_path):
@@ -54,7 +55,7 @@ class View:
             middle = ((np.array(near[:3]) - mesh.position[0]) @ self.axes.T)[:2]
             low, high = middle - near[3], middle + near[3]
         self.origin = mesh.position[0]
-        self.scale = 0.96 * min(width / (high[0] - low[0]), height / (high[1] - low[1]))
+        self.scale = FILLED * min(width / (high[0] - low[0]), height / (high[1] - low[1]))
         self.shift = np.array((width, height)) / 2 - self.scale * (low + high) / 2
 
     def project(self, position):
@@ -64,18 +65,12 @@ class View:
         return flat
 
 
-def draw(mesh, pictures, view, width, height, wire):
-    colour = np.empty((height, width, 3))
-    colour[:] = BACKGROUND
+def visible(mesh, view, width, height):
+    """What each pixel shows: its face, -1 where there is none, and the weights of the face's corners."""
+    face = np.full((height, width), -1)
+    weight = np.zeros((height, width, 3))
     depth = np.full((height, width), -np.inf)
-    screen = view.project(mesh.position)
-    a, b, c = (mesh.position[mesh.face[:, k]] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
-    light = 0.52 + 0.58 * np.clip(normal @ SUN, 0, 1) + 0.08 * normal[:, 2]
-    plain = np.full((1, 1, 3), 200.0)
-    for t in range(len(mesh.face)):
-        p = screen[mesh.face[t]]
+    for t, p in enumerate(view.project(mesh.position)[mesh.face]):
         x0, y0 = np.maximum(np.ceil(p[:, :2].min(axis=0) - 0.5).astype(int), 0)
         x1, y1 = np.minimum(np.floor(p[:, :2].max(axis=0) + 0.5).astype(int), (width, height))
         area = (p[1, 0] - p[0, 0]) * (p[2, 1] - p[0, 1]) - (p[1, 1] - p[0, 1]) * (p[2, 0] - p[0, 0])
@@ -88,28 +83,69 @@ def draw(mesh, pictures, view, width, height, wire):
         near = u * p[0, 2] + v * p[1, 2] + w * p[2, 2]
         patch = (slice(y0, y1), slice(x0, x1))
         shown = (u >= 0) & (v >= 0) & (w >= 0) & (near > depth[patch])
-        if not shown.any():
-            continue
-        if mesh.face_uv[t, 0] >= 0:
-            uv = mesh.texcoord[mesh.face_uv[t]]
-            picture = pictures.get(mesh.material[t], plain)
-            rows, columns = picture.shape[:2]
-            s = (u * uv[0, 0] + v * uv[1, 0] + w * uv[2, 0])[shown] % 1.0
-            r = (u * uv[0, 1] + v * uv[1, 1] + w * uv[2, 1])[shown] % 1.0
-            rgb = picture[((1 - r) * rows).astype(int) % rows, (s * columns).astype(int) % columns]
-        elif mesh.colour is not None:
-            weights = np.stack([u, v, w], -1)[shown]
-            rgb = 255 * weights @ mesh.colour[mesh.face[t]]
-        else:
-            rgb = np.full((int(shown.sum()), 3), 200.0)
-        rgb = rgb * light[t]
-        if wire:
-            reach = np.abs(area) / np.array([np.hypot(*(p[i, :2] - p[j, :2])) for i, j in ((1, 2), (2, 0), (0, 1))])
-            gap = np.minimum.reduce([u * reach[0], v * reach[1], w * reach[2]])[shown]
-            rgb = np.where((gap < 0.9)[:, None], 0.35 * rgb + 0.65 * np.array((20, 24, 40)), rgb)
-        colour[patch][shown] = rgb
-        depth[patch][shown] = near[shown]
-    return np.clip(colour, 0, 255).astype(np.uint8)
+        face[patch][shown], depth[patch][shown] = t, near[shown]
+        weight[patch][shown] = np.stack([u, v, w], -1)[shown]
+    return face, weight
+
+
+def mixed(picture, uv):
+    """A picture at texture coordinates, mixed between its four nearest pixels; it repeats."""
+    rows, columns = picture.shape[:2]
+    x, y = uv[:, 0] * columns - 0.5, (1 - uv[:, 1]) * rows - 0.5
+    left, top = np.floor(x).astype(int), np.floor(y).astype(int)
+    x, y = (x - left)[:, None], (y - top)[:, None]
+    upper, lower = (
+        (1 - x) * picture[row % rows, left % columns] + x * picture[row % rows, (left + 1) % columns]
+        for row in (top, top + 1)
+    )
+    return (1 - y) * upper + y * lower
+
+
+def colours(mesh, pictures, face, weight):
+    """Colours of points on faces, without light."""
+    rgb = np.full((len(face), 3), 200.0)
+    if mesh.colour is not None:
+        rgb = 255 * np.einsum("nk,nkc->nc", weight, mesh.colour[mesh.face[face]])
+    for material, picture in pictures.items():
+        shows = (mesh.material[face] == material) & (mesh.face_uv[face, 0] >= 0)
+        texcoord = mesh.texcoord[mesh.face_uv[face[shows]]]
+        rgb[shows] = mixed(picture, np.einsum("nk,nkc->nc", weight[shows], texcoord))
+    return rgb
+
+
+def lights(mesh):
+    """How bright each face is."""
+    a, b, c = (mesh.position[mesh.face[:, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
+    return 0.52 + 0.58 * np.clip(normal @ SUN, 0, 1) + 0.08 * normal[:, 2]
+
+
+def edge_gaps(mesh, view, face, weight):
+    """Distances in pixels of points on faces from the edge opposite to each corner."""
+    corner = view.project(mesh.position)[mesh.face, :2]
+    side = np.stack([corner[:, i] - corner[:, j] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1)
+    area = np.abs(side[:, 0, 0] * side[:, 1, 1] - side[:, 0, 1] * side[:, 1, 0])
+    height = area[:, None] / np.maximum(np.linalg.norm(side, axis=2), 1e-12)
+    return weight * height[face]
+
+
+def draw(mesh, pictures, view, width, height, wire):
+    face, weight = visible(mesh, view, width, height)
+    covered = face >= 0
+    face, weight = face[covered], weight[covered]
+    rgb = colours(mesh, pictures, face, weight) * lights(mesh)[face, None]
+    if wire:
+        on_edge = edge_gaps(mesh, view, face, weight).min(axis=1) < 0.9
+        rgb[on_edge] = 0.35 * rgb[on_edge] + 0.65 * np.array((20, 24, 40))
+    page = np.full((height, width, 3), BACKGROUND, float)
+    page[covered] = rgb
+    return np.clip(page, 0, 255).astype(np.uint8)
+
+
+def few_colours(page, count):
+    """A picture with as many colours, for a smaller file."""
+    return page.quantize(count, Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE)
 
 
 def main():
@@ -136,7 +172,7 @@ def main():
         drawn = Image.fromarray(draw(mesh, load_textures(path), view, *big, options.wire))
         page.paste(drawn.resize((width, height), Image.LANCZOS), (k % columns * width, k // columns * height))
     if options.palette:
-        page = page.quantize(options.palette, dither=Image.Dither.NONE)
+        page = few_colours(page, options.palette)
     page.save(options.picture, optimize=True)
 
 

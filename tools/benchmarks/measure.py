@@ -13,6 +13,7 @@ import argparse
 import hashlib
 import json
 import os
+import platform
 import shlex
 import shutil
 import subprocess
@@ -22,6 +23,14 @@ import time
 from pathlib import Path
 
 CHECKER = Path(__file__).resolve().parents[1] / "check_mesh.py"
+
+
+def machine():
+    """Processors, memory and system."""
+    models = {line.partition(":")[2].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")} if os.path.exists("/proc/cpuinfo") else set()
+    model = " ".join("".join(models).split()) or platform.machine()
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
+    return f"{os.cpu_count()} processors ({model}), {memory:.0f} GiB of memory, {platform.system()}"
 
 
 def run(command, **options):
@@ -64,9 +73,10 @@ def spend(command):
 
 
 def simplify(binary, source, result, options):
-    """What one run takes, and its report if there is one."""
+    """What one run takes, and its report if there is one. Textures are linked unless the options say otherwise."""
     report = result.with_suffix(".json")
-    command = [binary, "simplify", source, "-o", result, "--force", "--quiet", "--textures", "link", "--report", report, *options]
+    textures = [] if "--textures" in options else ["--textures", "link"]
+    command = [binary, "simplify", source, "-o", result, "--force", "--quiet", *textures, "--report", report, *options]
     row, _, errors = spend(command)
     if errors:
         row["stderr"] = errors[-500:]
