@@ -35,6 +35,6 @@ mod steps;
 
 pub use self::catalogue::geometry_catalogue;
 pub use self::original::OriginalSurface;
-pub use self::run::{Baked, BakedFigures, Unbaked, bake, expected_bytes, image_bytes, patch_faces};
+pub use self::run::{BakeSize, Baked, BakedFigures, Unbaked, bake, image_bytes, patch_faces};
 pub use self::settings::{BakeLimits, BakePlace, BakeSettings};
 pub use self::steps::{BakeStep, SURFACE};

@@ -33,7 +33,7 @@ const AWAY_DEVIATIONS: f64 = 1.0;
 const TEXEL_BYTES: f64 = 4.3;
 const FACE_BYTES: u64 = 600;
 /// Texels of the largest image, about, for each of one that is as large as the mean.
-const LARGEST: f64 = 1.5;
+const LARGEST: f64 = 1.8;
 /// Bytes of a texel in a file, about, that the disk must have room for.
 const IMAGE_TEXEL_BYTES: f64 = 0.5;
 
@@ -325,12 +325,25 @@ pub fn patch_faces(texels: f64, faces: u64, side: u32) -> u64 {
     ((faces as f64 * room / texels) as u64).clamp(PATCH_FACES[0], PATCH_FACES[1])
 }
 
-/// Memory that `threads` threads take for `images` images of this side at most and `texels` texels in all, in bytes, if
-/// it is there.
-pub fn expected_bytes([texels, images]: [u64; 2], side: u32, threads: usize) -> u64 {
-    let largest = LARGEST * TEXEL_BYTES * texels as f64 / images.max(1) as f64;
-    let at_once = images.min(threads as u64);
-    threads as u64 * PAINTER_BYTES + at_once * canvas_bytes(side).min(largest as u64)
+/// What is baked in all.
+#[derive(Debug, Clone, Copy)]
+pub struct BakeSize {
+    /// Texels of all images.
+    pub texels: u64,
+    /// Images.
+    pub images: u64,
+    /// Triangles of the result.
+    pub faces: u64,
+}
+
+impl BakeSize {
+    /// Memory that `threads` threads take for images of this side at most, in bytes, if it is there.
+    pub fn expected_bytes(self, side: u32, threads: usize) -> u64 {
+        let of_image = |count: u64| count as f64 / self.images.max(1) as f64;
+        let largest = LARGEST * TEXEL_BYTES * of_image(self.texels);
+        let patch = canvas_bytes(side).min(largest as u64) + (FACE_BYTES as f64 * of_image(self.faces)) as u64;
+        threads as u64 * PAINTER_BYTES + self.images.min(threads as u64) * patch
+    }
 }
 
 /// Least memory of a bake with images of this side, in bytes.

@@ -3,7 +3,7 @@
 use super::admission::Admission;
 use super::input::Input;
 use super::preflight::Preflight;
-use crate::bake::{self, BakeLimits, BakePlace, BakeSettings, OriginalSurface, Unbaked};
+use crate::bake::{self, BakeLimits, BakePlace, BakeSettings, BakeSize, OriginalSurface, Unbaked};
 use crate::base::{Error, Findings, Progress, Result, bytes};
 use crate::image::textures::TextureImages;
 use crate::job::{StepKey, WorkFolder};
@@ -138,9 +138,8 @@ impl<'a> Texturing<'a> {
                 texel: figures.texel,
             },
             work_bytes: {
-                let expected =
-                    bake::expected_bytes([figures.texels, figures.images], options.atlas, self.limits.threads);
-                expected.min(self.limits.work_bytes)
+                let size = BakeSize { texels: figures.texels, images: figures.images, faces: mesh.face_count() };
+                size.expected_bytes(options.atlas, self.limits.threads).min(self.limits.work_bytes)
             },
             findings: baked.findings,
         }))

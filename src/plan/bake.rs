@@ -9,7 +9,7 @@
 use std::collections::BTreeSet;
 
 use super::bake_forecast::{BakeForecast, BakeTask};
-use crate::bake;
+use crate::bake::{self, BakeSize};
 use crate::base::Findings;
 use crate::base::id::TiVec;
 use crate::image::decode::{self, DecodePlan};
@@ -66,7 +66,8 @@ pub fn forecast(
         reduced_images: known().filter(|plan| plan.reduction > 1).count() as u64,
         work_bytes: {
             let decoding = known().map(|plan| plan.bytes).max().unwrap_or(0) * task.threads as u64;
-            bake::expected_bytes([texels as u64, count], options.atlas, task.threads).max(decoding).min(task.work_bytes)
+            let size = BakeSize { texels: texels as u64, images: count, faces: task.target };
+            size.expected_bytes(options.atlas, task.threads).max(decoding).min(task.work_bytes)
         },
         surface_bytes: (SURFACE_BYTES * task.faces as f64) as u64,
         baking_bytes: (PIXEL_BYTES * pixels as f64 + bytes + PIECE_BYTES * task.target as f64) as u64,
