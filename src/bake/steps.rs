@@ -29,7 +29,7 @@ impl BakeStep {
             Self::Surface => SURFACE,
             Self::Image(image) => StepKey::numbered(format!("bake-image-{:06}", image.number())),
             Self::Patches => PATCHES,
-            Self::Patch(cluster) => StepKey::numbered(format!("texture-{:06}", cluster.number())),
+            Self::Patch(cluster) => StepKey::numbered(format!("bake-texture-{:06}", cluster.number())),
         }
     }
 
@@ -38,7 +38,7 @@ impl BakeStep {
         let number = |prefix| key.name().strip_prefix(prefix)?.parse::<u32>().ok();
         let step = if let Some(image) = number("bake-image-") {
             Self::Image(ImageId::new(image))
-        } else if let Some(patch) = number("texture-") {
+        } else if let Some(patch) = number("bake-texture-") {
             Self::Patch(ClusterId::new(patch))
         } else if *key == SURFACE {
             Self::Surface
@@ -63,7 +63,7 @@ mod tests {
         ] {
             assert_eq!(BakeStep::of(&step.key()), Some(step));
         }
-        for other in ["bake-image-3", "texture-", "bake", "scan-mesh", "pass-0-mesh"] {
+        for other in ["bake-image-3", "bake-texture-", "bake", "scan-mesh", "pass-0-mesh"] {
             assert_eq!(BakeStep::of(&StepKey::fixed(other)), None);
         }
     }

@@ -351,4 +351,7 @@ fn a_plan_counts_what_repeats_and_what_has_no_image() {
         |line: &str| if line.starts_with("f ") { "f -4/-4 -3/-3 -2/-2 -1/-1".to_owned() } else { line.to_owned() };
     fs::write(path("in.obj"), text.lines().map(back).collect::<Vec<_>>().join("\n")).unwrap();
     assert_eq!(texels("newmtl a\nmap_Kd image.png\n"), once);
+    let text = fs::read_to_string(path("in.obj")).unwrap();
+    fs::write(path("in.obj"), format!("\u{feff}{text}")).unwrap();
+    assert_eq!(texels("newmtl a\nmap_Kd image.png\n"), once);
 }

@@ -34,6 +34,7 @@ pub(super) fn count_chunk(
     while at < text.len() {
         let line = logical_line(text, at);
         let statement = trim(&line.text);
+        let statement = statement.strip_prefix(BYTE_ORDER_MARK).map_or(statement, trim);
         see(&mut counts, statement, bounds.as_deref_mut());
         if let Some(texture) = texture.as_deref_mut() {
             see_texture(texture, statement);
@@ -44,10 +45,6 @@ pub(super) fn count_chunk(
 }
 
 fn see(counts: &mut Counts, statement: &[u8], bounds: Option<&mut RecordBounds>) {
-    let statement = match statement.strip_prefix(BYTE_ORDER_MARK) {
-        Some(rest) => trim(rest),
-        None => statement,
-    };
     let (keyword, rest) = split_keyword(statement);
     match keyword {
         b"v" => {
