@@ -20,10 +20,11 @@ use crate::mesh::id::FaceId;
 const OPEN_IMAGES: usize = 2;
 /// Share of an image that charts with their gutters are taken to fill.
 const FILL: f64 = 0.85;
-/// Smallest width of an image in texels.
+/// Smallest width of an image in texels, and what all widths are multiples of.
 const WIDTH_MIN: u32 = 64;
-/// What sides of images are multiples of, in texels, so that an image can be reduced to 1/16, and compressed in blocks.
-const SIDE_STEP: u32 = 16;
+const WIDTH_STEP: u32 = 16;
+/// What heights of images are multiples of, as compression in blocks of 4 × 4 texels wants it.
+const HEIGHT_STEP: u32 = 4;
 /// Up to this number of charts are packed into images of several widths, of which each is wider than the one before by a
 /// share of the first; the smallest image is taken.
 const FEW: usize = 256;
@@ -74,7 +75,7 @@ fn widths(shapes: &[Shape], side: u32) -> Vec<u32> {
     let mut widths: Vec<u32> = (0..tries)
         .map(|number| {
             let width = (usual * (1.0 + TRY_STEP * f64::from(number))).ceil() as u32;
-            width.max(widest).max(WIDTH_MIN / CELL).next_multiple_of(SIDE_STEP / CELL).min(side)
+            width.max(widest).max(WIDTH_MIN / CELL).next_multiple_of(WIDTH_STEP / CELL).min(side)
         })
         .collect();
     widths.dedup();
@@ -115,7 +116,7 @@ impl Packed {
             sheets[image].take(if placed.is_turned { &shape.turned } else { &shape.mask }, placed.place);
             places.push((image, placed));
         }
-        let tall = |sheet: &Sheet| sheet.height.max(1).next_multiple_of((SIDE_STEP / CELL) as usize).min(height);
+        let tall = |sheet: &Sheet| sheet.height.max(1).next_multiple_of((HEIGHT_STEP / CELL) as usize).min(height);
         Self { places, images: sheets.iter().map(|sheet| [width as u32, tall(sheet) as u32]).collect() }
     }
 
