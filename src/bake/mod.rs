@@ -34,7 +34,7 @@ mod sharpen;
 mod steps;
 
 pub use self::catalogue::geometry_catalogue;
-pub use self::original::OriginalSurface;
+pub use self::original::{OriginalSurface, TEXELS_OF_FACE};
 pub use self::run::{BakeSize, Baked, BakedFigures, Unbaked, bake, image_bytes, patch_faces};
 pub use self::settings::{BakeLimits, BakePlace, BakeSettings};
 pub use self::steps::{BakeStep, SURFACE};

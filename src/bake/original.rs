@@ -29,7 +29,7 @@ use crate::read::SCAN;
 use crate::surface::cell::{Cell, CellFace, CellMaker, CellView, CellWriter, FACE_BYTES};
 
 /// Texels of a surface without images, for each of its triangles.
-const TEXELS_OF_FACE: f64 = 8.0;
+pub const TEXELS_OF_FACE: f64 = 8.0;
 /// Steps for a factor of two, and factors of two from 1 downwards and upwards, in which lengths of texels are counted.
 const STEPS: f64 = 32.0;
 const OCTAVES: f64 = 64.0;

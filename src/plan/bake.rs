@@ -9,7 +9,7 @@
 use std::collections::BTreeSet;
 
 use super::bake_forecast::{BakeForecast, BakeTask};
-use crate::bake::{self, BakeSize};
+use crate::bake::{self, BakeSize, TEXELS_OF_FACE};
 use crate::base::Findings;
 use crate::base::id::TiVec;
 use crate::image::decode::{self, DecodePlan};
@@ -23,8 +23,6 @@ use crate::read::ShownTexture;
 const FILL: f64 = 0.68;
 /// Share of an image that is shown where no triangle could be measured.
 const SHOWN_SHARE: f64 = 0.4;
-/// Texels of a surface without images, for each of its triangles.
-const TEXELS_OF_FACE: f64 = 8.0;
 /// Bytes of a texel of an image as PNG, and as JPEG.
 const PNG_BYTES: f64 = 1.4;
 const JPEG_BYTES: f64 = 0.25;

@@ -4,7 +4,7 @@
 //! the formulas that the run itself reports and checks.
 //!
 //! # Memory
-//! That of [`count`](crate::read::count).
+//! That of [`count`](crate::read::count), and that of a [`TextureSample`] if textures are baked.
 
 #[cfg(feature = "images")]
 pub mod bake;

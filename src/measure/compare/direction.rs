@@ -110,11 +110,10 @@ pub fn measure(
     let batches = sampling.batches();
     progress.begin("compare", batches.len() as u64, "batches");
     let have_images = [from, to].iter().all(|mesh| !mesh.images.files.is_empty());
-    let create = |name: &str| from.folder().join(name);
+    let path = |name: &str| from.folder().join(name);
     let mut textures =
-        have_images.then(|| ColumnWriter::create(&create("measure-samples.col"), *b"samples ")).transpose()?;
-    let mut filtered =
-        filter.map(|_| ColumnWriter::create(&create("measure-filtered.col"), *b"filtered")).transpose()?;
+        have_images.then(|| ColumnWriter::create(&path("measure-samples.col"), *b"samples ")).transpose()?;
+    let mut filtered = filter.map(|_| ColumnWriter::create(&path("measure-filtered.col"), *b"filtered")).transpose()?;
     let mut distances = Distribution::new(limit);
     let mut angles = Distribution::new(ANGLE_MAX);
     let (mut flipped, mut cut, mut bound_sq) = (0, 0, 0.0f64);

@@ -32,7 +32,7 @@ use crate::surface::cell::CellView;
 
 /// Maximum number of places along each side of a texel.
 const PLACES_MAX: f64 = 8.0;
-/// Part of a texel that is none.
+/// A texel may cover this share of one of the original's more than a whole number of them, through rounding.
 const ROUNDING: f64 = 0.01;
 /// Points whose places are searched together.
 const POINTS: usize = 64;
