@@ -11,8 +11,10 @@
 
 use glam::DVec3;
 
-use super::nearby::{NearTriangle, Nearby, PointGroup, PointSet};
+use super::nearby::Nearby;
 use super::original::Original;
+use super::points::{PointGroup, PointSet};
+use super::prism::FourPlaces;
 use crate::base::Result;
 use crate::geometry::boxtree::Bounds;
 use crate::geometry::distance_sq;
@@ -34,8 +36,8 @@ const LOOKS_MAX: u64 = 20_000;
 /// Rounding of a distance, by the largest coordinate.
 const ROUNDING: f64 = 1e-10;
 
-/// What hears of a point's closest place.
-pub(super) type HearPlace<'f> = &'f mut dyn FnMut(usize, &NearTriangle, [f32; 3]) -> Result<()>;
+/// What hears of the closest places of up to four points: the index of the first, their number, the places.
+pub(super) type HearPlaces<'f> = &'f mut dyn FnMut(usize, usize, &FourPlaces<'_>) -> Result<()>;
 
 /// Finds closest places.
 pub(super) struct ClosestPlaces<'a> {
@@ -87,16 +89,15 @@ impl<'a> ClosestPlaces<'a> {
         &self.original.cells
     }
 
-    /// Calls `found` with the index of each point, the triangle closest to it, and the barycentric weights of the closest
-    /// place. Points of an empty mesh have none.
+    /// Calls `found` with the closest places of all points, up to four at once. Points of an empty mesh have none.
     ///
     /// # Errors
     /// On failed reads, and those of `found`.
-    pub fn of_points(&mut self, points: &PointSet, found: HearPlace<'_>) -> Result<()> {
+    pub fn of_points(&mut self, points: &PointSet, found: HearPlaces<'_>) -> Result<()> {
         self.of_groups(points, points.groups(), found)
     }
 
-    fn of_groups(&mut self, points: &PointSet, groups: &[PointGroup], found: HearPlace<'_>) -> Result<()> {
+    fn of_groups(&mut self, points: &PointSet, groups: &[PointGroup], found: HearPlaces<'_>) -> Result<()> {
         if groups.is_empty() {
             return Ok(());
         }

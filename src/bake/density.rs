@@ -1,9 +1,9 @@
 //! How long texels are on each triangle of a patch.
 
 use super::closest::ClosestPlaces;
-use super::nearby::PointSet;
 use super::original::Original;
 use super::paint::PatchSurface;
+use super::points::PointSet;
 use crate::base::Result;
 use crate::base::id::TiVec;
 use crate::geometry::triangle::unit_normal;
@@ -37,7 +37,8 @@ pub(super) fn texel_lengths(
             points.end_run(unit_normal(corners));
             points.end_group();
             let mut length = None;
-            closest.of_points(&points, &mut |_, triangle, _| {
+            closest.of_points(&points, &mut |_, _, places| {
+                let [triangle, ..] = places.triangles;
                 length = original.texel_of(&triangle.shown, triangle.area());
                 Ok(())
             })?;

@@ -27,6 +27,8 @@ mod original;
 mod paint;
 mod painters;
 mod patch;
+mod points;
+mod prism;
 mod raster;
 mod run;
 mod settings;

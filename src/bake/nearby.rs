@@ -10,246 +10,15 @@
 //! # Memory
 //! 300 bytes for each triangle.
 
-use std::ops::Range;
+use glam::{DVec3, Vec3, Vec4};
 
-use glam::{DVec2, DVec3, DVec4, Vec2, Vec3, Vec4};
-
+use super::points::{PointGroup, PointSet};
+use super::prism::{BOUND_MARGIN, FourPlaces, FourPoints, NearTriangle, Shown};
 use crate::geometry::boxtree::Bounds;
-use crate::geometry::triangle::area;
-use crate::geometry::{closest_weights, distance_sq};
-use crate::image::stored::Beyond;
-use crate::model::id::ImageId;
 
 /// Cosine between normals below which a triangle faces away: the back of a wall does, the folds of a crumpled surface do
 /// not.
 const AWAY: f32 = -0.5;
-/// A triangle lower than this, per length of its sides, is measured without its prism.
-const THIN: f64 = 1e-3;
-/// Factor on lower bounds of distances, for the rounding of single precision.
-const BOUND_MARGIN: f32 = 0.9995;
-
-/// What a triangle of the original shows.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Shown {
-    /// A part of an image, by the texture coordinates of the corners.
-    Image(ImageId, [[f32; 2]; 3], Beyond),
-    /// One colour.
-    Plain(Vec3),
-    /// The colours of its vertices, the fourth byte 0 where there is none, and what shows there.
-    Vertices([[u8; 4]; 3], Option<Vec3>),
-    /// Nothing.
-    Nothing,
-}
-
-/// A triangle near a region; positions are relative to the middle of the region.
-pub(super) struct NearTriangle {
-    /// `None` over a triangle that is nearly a line.
-    prism: Option<Prism>,
-    corners: [Vec3; 3],
-    normal: Vec3,
-    /// What it shows.
-    pub shown: Shown,
-}
-
-impl NearTriangle {
-    /// A triangle with these corners.
-    pub fn new(corners: [DVec3; 3], shown: Shown) -> Self {
-        let across = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-        let normal = across.try_normalize().unwrap_or(DVec3::ZERO);
-        let [a, b, c] = corners;
-        let corners = [a.as_vec3(), b.as_vec3(), c.as_vec3()];
-        Self { prism: Prism::over([a, b, c], normal), corners, normal: normal.as_vec3(), shown }
-    }
-
-    /// Its area in space.
-    pub fn area(&self) -> f64 {
-        area(self.corners.map(Vec3::as_dvec3))
-    }
-
-    /// Its distance from a point, if that is less than `bound`; else any number from `bound` on.
-    #[inline]
-    fn distance(&self, point: Vec3, bound: f32) -> f32 {
-        let Some(prism) = &self.prism else {
-            return distance_sq(point.as_dvec3(), self.corners.map(Vec3::as_dvec3)).sqrt() as f32;
-        };
-        let beyond = prism.beyond(point);
-        let outside = larger(larger(beyond.y, beyond.z), beyond.w);
-        if outside <= 0.0 {
-            return beyond.x.abs();
-        }
-        let bound = larger(bound, 0.0);
-        if (beyond.x * beyond.x + outside * outside) * BOUND_MARGIN >= bound * bound {
-            return f32::INFINITY;
-        }
-        prism.closest_side(beyond, point, &self.corners).distance_sq.sqrt()
-    }
-
-    /// Barycentric weights of its place closest to a point.
-    #[inline]
-    fn weights(&self, point: Vec3) -> [f32; 3] {
-        let Some(prism) = &self.prism else {
-            return closest_weights(point.as_dvec3(), self.corners.map(Vec3::as_dvec3)).map(|weight| weight as f32);
-        };
-        let beyond = prism.beyond(point);
-        if larger(larger(beyond.y, beyond.z), beyond.w) <= 0.0 {
-            let [a, b] = [-beyond.y * prism.shares.x, -beyond.z * prism.shares.y];
-            return [a, b, larger(1.0 - a - b, 0.0)];
-        }
-        let OnSide { corner, share, .. } = prism.closest_side(beyond, point, &self.corners);
-        let mut weights = [0.0; 3];
-        weights[(corner + 1) % 3] = 1.0 - share;
-        weights[(corner + 2) % 3] = share;
-        weights
-    }
-}
-
-/// The larger of two numbers, as one instruction; `b` if one of them is none.
-#[inline]
-fn larger(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
-}
-
-/// The prism of all points over a triangle: a point outside of a side is at least as far from the triangle as from that
-/// side's plane. The planes of the triangle and of the sides opposite to its corners, side by side:
-struct Prism {
-    /// Normals of the planes, those of the sides away from the triangle.
-    x: Vec4,
-    y: Vec4,
-    z: Vec4,
-    /// Distances of the planes from the origin.
-    limit: Vec4,
-    /// Inverses of the distances of the first two corners from the opposite sides.
-    shares: Vec2,
-    /// Inverses of the squared lengths of the sides.
-    inverse_sq: [f32; 3],
-}
-
-/// The place of a triangle's side that is closest to a point.
-struct OnSide {
-    distance_sq: f32,
-    /// The corner opposite to the side.
-    corner: usize,
-    /// Where it lies between the next corner and the one after that.
-    share: f32,
-}
-
-impl Prism {
-    fn over(corners: [DVec3; 3], normal: DVec3) -> Option<Self> {
-        let side = |corner: usize| {
-            let (from, to) = (corners[(corner + 1) % 3], corners[(corner + 2) % 3]);
-            let outwards = (to - from).cross(normal).try_normalize()?;
-            let limit = outwards.dot(from);
-            Some((outwards, limit, limit - corners[corner].dot(outwards), from.distance_squared(to)))
-        };
-        let [a, b, c] = [side(0)?, side(1)?, side(2)?];
-        let longest = c.3.max(a.3).sqrt();
-        if a.2.min(b.2).min(c.2) <= THIN * longest {
-            return None;
-        }
-        let column = |axis: usize| DVec4::new(normal[axis], a.0[axis], b.0[axis], c.0[axis]).as_vec4();
-        let limit = DVec4::new(normal.dot(corners[0]), a.1, b.1, c.1).as_vec4();
-        let shares = DVec2::new(a.2.recip(), b.2.recip()).as_vec2();
-        let inverse_sq = [a.3.recip() as f32, b.3.recip() as f32, c.3.recip() as f32];
-        Some(Self { x: column(0), y: column(1), z: column(2), limit, shares, inverse_sq })
-    }
-
-    /// How far a point lies beyond each plane: above the triangle, and outside of its sides.
-    #[inline]
-    fn beyond(&self, point: Vec3) -> Vec4 {
-        self.x * point.x + self.y * point.y + self.z * point.z - self.limit
-    }
-
-    /// The closest place of a triangle that a point is outside of: it lies on a side that the point is outside of.
-    #[inline]
-    fn closest_side(&self, beyond: Vec4, point: Vec3, corners: &[Vec3; 3]) -> OnSide {
-        let mut best = OnSide { distance_sq: f32::INFINITY, corner: 0, share: 0.0 };
-        for corner in 0..3 {
-            if beyond[corner + 1] > 0.0 {
-                let from = corners[(corner + 1) % 3];
-                let (side, step) = (corners[(corner + 2) % 3] - from, point - from);
-                let share = (step.dot(side) * self.inverse_sq[corner]).clamp(0.0, 1.0);
-                let distance_sq = (step - side * share).length_squared();
-                if distance_sq < best.distance_sq {
-                    best = OnSide { distance_sq, corner, share };
-                }
-            }
-        }
-        best
-    }
-}
-
-/// Points whose closest places are wanted, in groups that lie near each other.
-#[derive(Default)]
-pub(super) struct PointSet {
-    points: Vec<DVec3>,
-    runs: Vec<PointRun>,
-    groups: Vec<PointGroup>,
-}
-
-/// Points of a group that face the same way: those up to `end`.
-struct PointRun {
-    end: usize,
-    normal: DVec3,
-}
-
-/// Points that lie near each other.
-pub(super) struct PointGroup {
-    /// Indices of its runs; they have points.
-    runs: Range<usize>,
-    /// Index of its first point.
-    first: usize,
-    /// The middle of their box.
-    pub middle: DVec3,
-    /// Largest distance of a point from it.
-    pub radius: f64,
-}
-
-impl PointSet {
-    /// Takes all points out.
-    pub fn clear(&mut self) {
-        self.points.clear();
-        self.runs.clear();
-        self.groups.clear();
-    }
-
-    /// Adds a point.
-    #[inline]
-    pub fn push(&mut self, point: DVec3) {
-        self.points.push(point);
-    }
-
-    /// The points since the last run face along `normal`.
-    pub fn end_run(&mut self, normal: DVec3) {
-        let end = self.points.len();
-        if self.runs.last().map_or(0, |run| run.end) < end {
-            self.runs.push(PointRun { end, normal });
-        }
-    }
-
-    /// The runs since the last group lie near each other.
-    pub fn end_group(&mut self) {
-        let runs = self.groups.last().map_or(0, |group| group.runs.end)..self.runs.len();
-        if runs.is_empty() {
-            return;
-        }
-        let first = if runs.start == 0 { 0 } else { self.runs[runs.start - 1].end };
-        let own = &self.points[first..];
-        let bounds = Bounds::around(own.iter().copied());
-        let middle = 0.5 * (bounds.low + bounds.high);
-        let radius_sq = own.iter().map(|point| point.distance_squared(middle)).fold(0.0, f64::max);
-        self.groups.push(PointGroup { runs, first, middle, radius: radius_sq.sqrt() });
-    }
-
-    /// Number of points.
-    pub fn len(&self) -> usize {
-        self.points.len()
-    }
-
-    /// The groups.
-    pub fn groups(&self) -> &[PointGroup] {
-        &self.groups
-    }
-}
 
 /// A triangle that may be the closest one of a point of a group.
 struct Candidate {
@@ -374,8 +143,8 @@ impl Nearby {
         self.candidates = candidates;
     }
 
-    /// Calls `found` with the index of each point of a group, the triangle closest to it, and the barycentric weights of
-    /// the closest place; a triangle that faces away counts as `away` farther.
+    /// Calls `found` with the index of the first of up to four points of a group, their number, and the places closest to
+    /// them, in order; a triangle that faces away counts as `away` farther.
     ///
     /// # Errors
     /// Those of `found`.
@@ -384,7 +153,7 @@ impl Nearby {
         set: &PointSet,
         group: &PointGroup,
         away: f64,
-        mut found: impl FnMut(usize, &NearTriangle, [f32; 3]) -> Result<(), E>,
+        mut found: impl FnMut(usize, usize, &FourPlaces<'_>) -> Result<(), E>,
     ) -> Result<(), E> {
         let middle = (group.middle - self.middle).as_vec3();
         self.choose(middle, group.radius as f32, away as f32);
@@ -398,39 +167,51 @@ impl Nearby {
                 candidate.away = if faces_away { away as f32 } else { 0.0 };
             }
             let mut last = 0;
-            for number in first..run.end {
-                let point = (set.points[number] - self.middle).as_vec3();
-                if let Some((triangle, at)) = self.closest(point, point.distance(middle), last) {
-                    last = at;
-                    found(number, triangle, triangle.weights(point))?;
-                }
+            for four in (first..run.end).step_by(4) {
+                let count = (run.end - four).min(4);
+                let own = &set.points[four..four + count];
+                let points = FourPoints::new(|lane| (own[lane.min(count - 1)] - self.middle).as_vec3());
+                let closest = self.closest(&points, points.distances(middle), last);
+                let Some((triangles, likely)) = closest else { return Ok(()) };
+                last = likely;
+                found(four, count, &FourPlaces::new(triangles, &points))?;
             }
             first = run.end;
         }
         Ok(())
     }
 
-    /// The candidate closest to a point, which is `from_middle` away from the middle of its group, and its number; `last`
-    /// is that of the point before, which is mostly the same.
+    /// The triangle of a candidate.
     #[inline]
-    fn closest(&self, point: Vec3, from_middle: f32, last: usize) -> Option<(&NearTriangle, usize)> {
-        let triangle = |candidate: &Candidate| self.triangles[candidate.triangle as usize].as_ref();
-        let likely = self.candidates.get(last)?;
-        let mut closest = (triangle(likely)?, last);
-        let mut least = closest.0.distance(point, f32::INFINITY) + likely.away;
+    fn candidate(&self, number: usize) -> Option<&NearTriangle> {
+        self.triangles[self.candidates.get(number)?.triangle as usize].as_ref()
+    }
+
+    /// The triangles closest to four points, which are `from_middle` away from the middle of their group, and the number
+    /// of the last one's candidate; `last` is that of a point beside them, which is mostly the same.
+    #[inline]
+    fn closest(&self, points: &FourPoints, from_middle: Vec4, last: usize) -> Option<([&NearTriangle; 4], usize)> {
+        let (away, likely) = (self.candidates.get(last)?.away, self.candidate(last)?);
+        let mut closest = [likely; 4];
+        let mut last_closest = last;
+        let mut least = likely.distances(points, Vec4::INFINITY) + away;
         for (number, candidate) in self.candidates.iter().enumerate() {
-            if (candidate.least - from_middle) * BOUND_MARGIN >= least {
+            if ((candidate.least - from_middle) * BOUND_MARGIN).cmpge(least).all() {
                 break;
             }
-            if number != last {
-                let triangle = triangle(candidate)?;
-                let distance = triangle.distance(point, least - candidate.away) + candidate.away;
-                if distance < least {
-                    (least, closest) = (distance, (triangle, number));
-                }
+            if number == last {
+                continue;
+            }
+            let triangle = self.candidate(number)?;
+            let distances = triangle.distances(points, least - candidate.away) + candidate.away;
+            let is_nearer = distances.cmplt(least);
+            if is_nearer.any() {
+                least = least.min(distances);
+                (0..4).filter(|&lane| is_nearer.test(lane)).for_each(|lane| closest[lane] = triangle);
+                last_closest = if is_nearer.test(3) { number } else { last_closest };
             }
         }
-        Some(closest)
+        Some((closest, last_closest))
     }
 }
 
@@ -439,6 +220,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::geometry::distance_sq;
 
     fn point() -> impl Strategy<Value = DVec3> {
         prop::array::uniform3(-1.0..1.0).prop_map(DVec3::from_array)
@@ -470,7 +252,7 @@ mod tests {
                 distance_sq(point, corners).sqrt() + if faces_away { away } else { 0.0 }
             };
             let mut count = 0;
-            let found = |number: usize, triangle: &NearTriangle, weights: [f32; 3]| {
+            let mut check = |number: usize, triangle: &NearTriangle, weights: [f32; 3]| {
                 let point = points[number] * scale;
                 let least = triangles.iter().map(|&corners| counted(point, corners)).fold(f64::INFINITY, f64::min);
                 let corners = triangle.corners.map(Vec3::as_dvec3);
@@ -481,6 +263,9 @@ mod tests {
                 prop_assert!(place.distance(point) <= distance + 1e-2 * scale, "{} {distance}", place.distance(point));
                 count += 1;
                 Ok(())
+            };
+            let found = |first: usize, count: usize, places: &FourPlaces<'_>| {
+                (0..count).try_for_each(|lane| check(first + lane, places.triangles[lane], places.weights(lane)))
             };
             nearby.of_group(&set, &set.groups()[0], away, found)?;
             prop_assert_eq!(count, points.len());

@@ -10,7 +10,7 @@ use std::path::Path;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
-use super::nearby::Shown;
+use super::prism::Shown;
 use super::settings::BakePlace;
 use super::steps::{BakeStep, SURFACE};
 use crate::base::id::TiVec;

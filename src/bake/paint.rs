@@ -10,8 +10,9 @@ use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
 
 use super::canvas::AtlasCanvas;
 use super::closest::ClosestPlaces;
-use super::nearby::{PointSet, Shown};
 use super::original::Original;
+use super::points::PointSet;
+use super::prism::Shown;
 use super::raster::{IN_GUTTER, NOBODY, Owners, TexelRect};
 use super::sharpen::{SampleBlock, Samples};
 use crate::base::Result;
@@ -25,10 +26,10 @@ use crate::unwrap::{GUTTER, PlacedChart, Triangles};
 
 /// Side of a square whose points are a group, by that of a square as large as a triangle of the original, and the largest
 /// such side in texels.
-const SQUARE: f64 = 0.55;
+const SQUARE: f64 = 0.8;
 const SQUARE_MAX: f64 = 8.0;
 /// Squares along each side of a region, whose triangles are gathered together.
-const SQUARES: usize = 8;
+const SQUARES: usize = 6;
 /// A place beyond its triangle is taken on the triangle's plane if no barycentric weight is below this, else at the
 /// triangle's nearest point.
 const LEAST_WEIGHT: f64 = -1.0;
@@ -190,9 +191,11 @@ impl<'a> ChartPainter<'a> {
         self.colours.clear();
         self.colours.resize(self.points.len(), Vec4::ZERO);
         let Self { closest, reader, points, colours, .. } = self;
-        closest.of_points(points, &mut |number, triangle, weights| {
-            if let Some(colour) = colour_of(reader, &triangle.shown, weights)? {
-                colours[number] = colour.extend(1.0);
+        closest.of_points(points, &mut |first, count, places| {
+            for (lane, colour) in colours[first..first + count].iter_mut().enumerate() {
+                if let Some(found) = colour_of(reader, &places.triangles[lane].shown, places.weights(lane))? {
+                    *colour = found.extend(1.0);
+                }
             }
             Ok(())
         })

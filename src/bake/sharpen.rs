@@ -100,15 +100,16 @@ impl Samples {
         let mut lacking = vec![Vec4::ZERO; self.values.len()];
         for _ in 0..STEPS {
             lacking.fill(Vec4::ZERO);
-            for (number, colours) in self.colours.chunks_exact(self.each).enumerate() {
-                let at = (number / width + 1) * self.stride + number % width + 1;
-                for (taps, &colour) in taps.iter().zip(colours) {
-                    if colour.w == 0.0 {
-                        continue;
+            for (row, colours) in self.colours.chunks_exact(self.each * width).enumerate() {
+                let first = (row + 1) * self.stride + 1;
+                for (at, colours) in (first..).zip(colours.chunks_exact(self.each)) {
+                    for (taps, &colour) in taps.iter().zip(colours) {
+                        if colour.w > 0.0 {
+                            let shown = taps.mix(&self.values, at);
+                            // Texels without colour count as the sample itself; the fourth number sums the weights.
+                            taps.spread(&mut lacking, at, (colour * shown.w - shown).with_w(1.0));
+                        }
                     }
-                    let shown = taps.mix(&self.values, at);
-                    // Texels without colour count as the sample itself; the fourth number sums the weights.
-                    taps.spread(&mut lacking, at, (colour * shown.w - shown).with_w(1.0));
                 }
             }
             for (value, lacking) in self.values.iter_mut().zip(&lacking) {

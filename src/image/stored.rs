@@ -16,7 +16,7 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
 use super::decode::{self, DecodePlan, Image};
@@ -164,14 +164,12 @@ impl<'a> TexelReader<'a> {
     ///
     /// # Errors
     /// On failed reads.
-    #[inline]
+    #[inline(always)]
     pub fn colour(&mut self, image: ImageId, texcoord: [f32; 2], beyond: Beyond) -> Result<Option<Vec3>> {
         let Some(Some(stored)) = self.images.get(image) else { return Ok(None) };
         let [width, height] = stored.size;
-        let (left, right_share) = floor(texcoord[0] * width as f32 - 0.5);
-        let (top, lower_share) = floor((1.0 - texcoord[1]) * height as f32 - 0.5);
-        let columns = beyond.pair(left, width);
-        let rows = beyond.pair(top, height);
+        let (columns, right_share) = beyond.pair(texcoord[0] * width as f32 - 0.5, width);
+        let (rows, lower_share) = beyond.pair((1.0 - texcoord[1]) * height as f32 - 0.5, height);
         let pixels = if columns[0] / TILE == columns[1] / TILE && rows[0] / TILE == rows[1] / TILE {
             let tile = self.tile(stored, image, [columns[0] / TILE, rows[0] / TILE])?;
             let [left, right] = [columns[0] % TILE, columns[1] % TILE];
@@ -236,37 +234,33 @@ impl<'a> TexelReader<'a> {
 }
 
 impl Beyond {
-    /// Where the pixels at `first` and behind it are read, of `side` pixels.
+    /// The two pixels between whose middles a place lies, of `side` pixels, and the share of the second one.
     #[inline]
-    fn pair(self, first: i64, side: u32) -> [usize; 2] {
-        let side = i64::from(side);
+    fn pair(self, at: f32, side: u32) -> ([usize; 2], f32) {
         match self {
-            Self::Edge => [first.clamp(0, side - 1) as usize, (first + 1).clamp(0, side - 1) as usize],
-            Self::Repeat => [first.rem_euclid(side) as usize, (first + 1).rem_euclid(side) as usize],
+            Self::Edge => {
+                // No number becomes 0, by the order of both.
+                let at = at.max(0.0).min((side - 1) as f32);
+                let first = at as u32;
+                ([first as usize, (first + 1).min(side - 1) as usize], at - first as f32)
+            }
+            Self::Repeat => {
+                let whole = (at as i64).clamp(-(1 << 62), 1 << 62);
+                let first = whole - i64::from(whole as f32 > at);
+                let pixel = |number: i64| number.rem_euclid(i64::from(side)) as usize;
+                ([pixel(first), pixel(first + 1)], at - first as f32)
+            }
         }
     }
 }
 
-/// The largest whole number that is not above one of less than 2⁶², and what is left.
-#[inline]
-fn floor(at: f32) -> (i64, f32) {
-    let cut = (at as i64).clamp(-(1 << 62), 1 << 62);
-    let whole = cut - i64::from(cut as f32 > at);
-    (whole, at - whole as f32)
-}
-
-/// Mixes four pixels by the share of those on the right and that of the lower ones, both in steps of 1/256.
+/// Mixes four pixels by the share of those on the right and that of the lower ones.
 #[inline]
 fn mixed(pixels: [[u8; 4]; 4], right_share: f32, lower_share: f32) -> Vec3 {
-    let [right, lower] = [right_share, lower_share].map(|share| (share * 256.0) as u64);
-    let [left, upper] = [256 - right, 256 - lower];
-    let weights = [left * upper, right * upper, left * lower, right * lower];
-    // Red and blue side by side: no sum has more than 24 bits.
-    let (mut red_blue, mut green) = (0, 0);
-    for (pixel, weight) in pixels.into_iter().zip(weights) {
-        let pixel = u64::from(u32::from_le_bytes(pixel));
-        red_blue += (pixel & 0xff | (pixel & 0xff_0000) << 16) * weight;
-        green += (pixel >> 8 & 0xff) * weight;
-    }
-    Vec3::new(red_blue as u32 as i32 as f32, green as i32 as f32, (red_blue >> 32) as i32 as f32) / 65_536.0
+    let [a, b, c, d] = pixels.map(|[red, green, blue, rest]| {
+        Vec4::from_array([f32::from(red), f32::from(green), f32::from(blue), f32::from(rest)])
+    });
+    let [left_share, upper_share] = [1.0 - right_share, 1.0 - lower_share];
+    let [upper, lower] = [a * left_share + b * right_share, c * left_share + d * right_share];
+    (upper * upper_share + lower * lower_share).truncate()
 }

@@ -1,5 +1,6 @@
 //! What charts and images take of a grid of cells.
 
+use std::cmp::Reverse;
 use std::ops::Range;
 
 use glam::DVec2;
@@ -11,7 +12,7 @@ use super::image_size::{CELL, GUTTER};
 pub(super) struct Mask {
     /// Width and height in cells.
     pub size: [usize; 2],
-    /// Runs of cells, row by row.
+    /// Runs of cells, the longest first: it is most often in the way.
     pub runs: Vec<CellRun>,
     /// Number of cells.
     pub cells: usize,
@@ -45,6 +46,7 @@ impl Mask {
             }
         }
         let cells = runs.iter().map(|run| run.columns.len()).sum();
+        runs.sort_by_key(|run| Reverse(run.columns.len()));
         Self { size: grid.size, runs, cells }
     }
 

@@ -9,6 +9,8 @@ use super::mask::{CellRun, Grid, Mask};
 const SIZE_CLASSES: f64 = 4.0;
 /// A chart of this number of rows or more is tried at every other row alone.
 const TALL: usize = 16;
+/// Longest runs of a chart for which a row is asked whether it has room for them anywhere.
+const LONG_RUNS: usize = 8;
 
 /// An image under way, in cells.
 pub(super) struct Sheet {
@@ -47,12 +49,12 @@ impl Sheet {
     }
 
     fn find_among(&self, mask: &Mask, rows: Range<usize>) -> Option<SheetPlace> {
-        let widest = mask.runs.iter().max_by_key(|run| run.columns.len())?;
+        let long = &mask.runs[..mask.runs.len().min(LONG_RUNS)];
         // The run that was in the way last: it mostly is again.
         let mut likely = 0;
         let step = if mask.size[1] >= TALL { 2 } else { 1 };
         rows.step_by(step).find_map(|row| {
-            if self.free[row + widest.row] < widest.columns.len() {
+            if long.iter().any(|run| self.free[row + run.row] < run.columns.len()) {
                 return None;
             }
             let mut column = 0;
