@@ -37,7 +37,7 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Simplify an OBJ or a PLY, or all in and below a folder, into one
+    /// Simplify an OBJ or a PLY, or all in and below a folder, into one OBJ, PLY or GLB
     #[command(after_help = simplify::MORE, after_long_help = simplify::EXAMPLES)]
     Simplify(Box<simplify::SimplifyArguments>),
     /// Predict what a run takes: clusters, memory, scratch space, time. Reads the input once and writes nothing

@@ -1,4 +1,4 @@
-//! `drystone simplify`: simplifies one or more meshes into one OBJ or PLY.
+//! `drystone simplify`: simplifies one or more meshes into one OBJ, PLY or GLB.
 
 use std::path::{Path, PathBuf};
 
@@ -25,6 +25,7 @@ use crate::read::InputChoice;
 use crate::report;
 use crate::report::Report;
 use crate::report::gallery::Relief;
+use crate::write::ResultFormat;
 
 /// Text after `-h`.
 pub const MORE: &str = "--help has every option, each with its choices, and examples.";
@@ -46,7 +47,8 @@ Examples:
 /// Arguments of `drystone simplify`.
 #[derive(Debug, Args)]
 pub struct SimplifyArguments {
-    /// Mesh file to write, an OBJ or a PLY by its ending; MTL and textures go beside it
+    /// Mesh file to write, by its ending an OBJ, a PLY or a GLB; MTL and textures go beside it, those
+    /// of a GLB into it
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     #[command(flatten)]
@@ -159,6 +161,10 @@ impl SimplifyArguments {
         self.report.iter().filter_map(|path| path.parent()).try_for_each(make_folders)?;
         if let Some(path) = self.report.iter().find(|path| path.is_dir()) {
             return Err(Error::Usage(format!("`report: {}`: is a folder", escape_path(path))));
+        }
+        if self.measure && ResultFormat::by_ending(&self.output) == Some(ResultFormat::Glb) {
+            let words = "`measure` reads the result, and a GLB is not read: write an OBJ or a PLY to measure";
+            return Err(Error::Usage(words.into()));
         }
         let drawing = match (kinds.contains(&report::ReportKind::Html), self.measure) {
             (false, _) => Drawing::Nothing,

@@ -16,7 +16,8 @@ use crate::base::Findings;
 use crate::base::error::{escape, escape_path};
 use crate::base::id::{TiSlice, TiVec};
 use crate::model::Catalogue;
-use crate::model::catalogue::{MaterialDefinition, TextureStatement};
+use crate::model::catalogue::MaterialDefinition;
+use crate::model::diffuse::{ImagePlacement, diffuse_colour, diffuse_image};
 use crate::model::id::{ImageId, MaterialId, PartId};
 use crate::model::texture_file::{self, Reach, base_name};
 use crate::os::content::Content;
@@ -41,37 +42,6 @@ pub struct TextureImages {
     placements: TiVec<PartId, Option<ImagePlacement>>,
     /// Number of the plain colours that parts without an image show; their ids follow those of the images.
     pub plain: Vec<[u8; 3]>,
-}
-
-/// Where an image lies on the surface: the options `-s` and `-o` of a texture statement.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct ImagePlacement {
-    scale: DVec2,
-    offset: DVec2,
-}
-
-impl ImagePlacement {
-    /// Reads the options; `None` if they leave the image where it is.
-    fn read(key_and_options: &[u8]) -> Option<Self> {
-        let mut placement = Self { scale: DVec2::ONE, offset: DVec2::ZERO };
-        let words: Vec<&str> = key_and_options
-            .split(u8::is_ascii_whitespace)
-            .filter_map(|word| std::str::from_utf8(word).ok())
-            .filter(|word| !word.is_empty())
-            .collect();
-        for (at, option) in words.iter().enumerate() {
-            let mut values = words[at + 1..].iter().map_while(|word| word.parse::<f64>().ok());
-            let target = match *option {
-                "-s" => &mut placement.scale,
-                "-o" => &mut placement.offset,
-                _ => continue,
-            };
-            target.x = values.next().unwrap_or(target.x);
-            target.y = values.next().unwrap_or(target.y);
-        }
-        let is_finite = placement.scale.is_finite() && placement.offset.is_finite();
-        (is_finite && placement != Self { scale: DVec2::ONE, offset: DVec2::ZERO }).then_some(placement)
-    }
 }
 
 impl TextureImages {
@@ -102,7 +72,7 @@ impl TextureImages {
         images.of_part = catalogue.parts.iter().map(material_of).collect();
         let placement_of = |part: &crate::model::Part| {
             let definition = catalogue.materials[part.material?].definition.as_ref()?;
-            ImagePlacement::read(&statement(definition)?.key_and_options)
+            ImagePlacement::of(diffuse_image(definition)?)
         };
         images.placements = catalogue.parts.iter().map(placement_of).collect();
         images
@@ -113,7 +83,9 @@ impl TextureImages {
         let mut known: BTreeMap<[u8; 3], ImageId> = BTreeMap::new();
         for (part, image) in catalogue.parts.iter().zip(&mut self.of_part) {
             let definition = part.material.and_then(|material| catalogue.materials[material].definition.as_ref());
-            let Some(colour) = definition.and_then(plain_colour).filter(|_| *image == ImageId::NONE) else { continue };
+            let Some(colour) = definition.and_then(diffuse_colour).filter(|_| *image == ImageId::NONE) else {
+                continue;
+            };
             *image = *known.entry(colour).or_insert_with(|| {
                 self.plain.push(colour);
                 ImageId::from(self.files.len() + self.plain.len() - 1)
@@ -132,13 +104,13 @@ impl TextureImages {
     pub fn placed(&self, part: PartId, texcoord: DVec2) -> DVec2 {
         match self.placements[part] {
             None => texcoord,
-            Some(ImagePlacement { scale, offset }) => texcoord * scale + offset,
+            Some(placement) => placement.place(texcoord),
         }
     }
 
     /// How many times the image is shown on an area of the file's texture space that it would fill once.
     pub fn repeats(&self, part: PartId) -> f64 {
-        self.placements[part].map_or(1.0, |ImagePlacement { scale, .. }| (scale.x * scale.y).abs())
+        self.placements[part].map_or(1.0, ImagePlacement::repeats)
     }
 
     /// Content of each file; `None` for a file that cannot be read.
@@ -176,29 +148,9 @@ impl TextureImages {
     }
 }
 
-/// The statement of a material's diffuse image.
-fn statement(definition: &MaterialDefinition) -> Option<&TextureStatement> {
-    let is_diffuse = |key: &[u8]| key.get(..6).is_some_and(|key| key.eq_ignore_ascii_case(b"map_kd"));
-    definition.textures.iter().find(|texture| is_diffuse(&texture.key_and_options))
-}
-
-/// The diffuse colour of a material (`Kd`), red, green, blue.
-fn plain_colour(definition: &MaterialDefinition) -> Option<[u8; 3]> {
-    let statement = definition.statements.iter().find_map(|text| {
-        let text = std::str::from_utf8(text).ok()?;
-        let (keyword, values) = text.trim_start().split_once(char::is_whitespace)?;
-        keyword.eq_ignore_ascii_case("kd").then_some(values)
-    })?;
-    let mut values = statement.split_whitespace().map_while(|word| word.parse::<f32>().ok());
-    let red = values.next().filter(|value| value.is_finite())?;
-    // Those that are left out are as the first.
-    let mut next = || values.next().filter(|value| value.is_finite()).unwrap_or(red);
-    Some([red, next(), next()].map(|value| (255.0 * value.clamp(0.0, 1.0)).round() as u8))
-}
-
 /// The name of a material's diffuse image.
 fn diffuse(definition: &MaterialDefinition) -> Option<(&MaterialDefinition, &[u8])> {
-    statement(definition).map(|texture| (definition, &texture.name[..]))
+    diffuse_image(definition).map(|texture| (definition, &texture.name[..]))
 }
 
 /// The file of a texture name, wherever it lies: by the whole path, else by its last part beside the MTL file.

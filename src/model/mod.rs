@@ -6,6 +6,7 @@
 
 pub mod id;
 pub mod catalogue;
+pub mod diffuse;
 pub mod face;
 pub mod face_blocks;
 pub mod mesh;

@@ -129,7 +129,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         for name in ["a.stl", "a", ".obj", ".ply", "a.obj.gz"] {
             let words = refusal(Path::new(SPHERE), &folder.path().join(name));
-            assert!(words.contains("must end in .obj or .ply"), "{words}");
+            assert!(words.contains("must end in .obj, .ply or .glb"), "{words}");
         }
         assert_eq!(folder.path().read_dir().unwrap().count(), 0);
     }

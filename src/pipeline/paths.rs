@@ -4,24 +4,35 @@ use std::path::{Path, PathBuf};
 
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
+use crate::options::TextureFiles;
 use crate::os::durable::{DurableFile, folder_of, make_folders};
-use crate::read::{InputChoice, MeshFormat};
-use crate::write::{Sources, textures_folder, why_unnameable};
+use crate::read::InputChoice;
+use crate::write::{ResultFormat, Sources, textures_folder, why_unnameable};
 
 /// Longest name of a file in bytes, and the ending of the longest name that is made of the output's name.
 const NAME_BYTES_MAX: usize = 255;
 const LONGEST_ENDING: &str = ".work-measure";
 
-/// Refuses, before anything is read or written, an output that is no OBJ or PLY or one of the inputs, and paths that conflict
-/// with each other.
-pub(super) fn refuse(choice: &InputChoice, inputs: &[PathBuf], output: &Path, work: &Path) -> Result<()> {
+/// Refuses, before anything is read or written, an output that is no OBJ, PLY or GLB, or one of the inputs, and paths that
+/// conflict with each other.
+pub(super) fn refuse(
+    choice: &InputChoice,
+    inputs: &[PathBuf],
+    output: &Path,
+    work: &Path,
+    textures: TextureFiles,
+) -> Result<()> {
     let shown = escape_path(output);
     let refused = |words: &str| Err(Error::Usage(format!("{shown}: {words}")));
     let (Some(name), false) = (output.file_name(), output.is_dir()) else {
         return refused("the output must be a file, such as out/city.obj");
     };
-    if MeshFormat::by_ending(output).is_none() {
-        return refused("the output is an OBJ or a PLY file: its name must end in .obj or .ply");
+    if ResultFormat::by_ending(output).is_none() {
+        return refused("the output is an OBJ, a PLY or a GLB file: its name must end in .obj, .ply or .glb");
+    }
+    let leaves_images = matches!(textures, TextureFiles::Link | TextureFiles::Reference);
+    if leaves_images && ResultFormat::by_ending(output) == Some(ResultFormat::Glb) {
+        return refused("a GLB holds its images: `textures` is copy or bake");
     }
     if let Some(why) = why_unnameable(name) {
         return refused(why);

@@ -49,7 +49,7 @@ impl<'a> Preflight<'a> {
         let budget = memory::choose_budget(options)?;
         let threads = memory::choose_threads(options.limits.threads, budget);
         let work_path = work_folder(output, options);
-        paths::refuse(&choice, &inputs, output, &work_path)?;
+        paths::refuse(&choice, &inputs, output, &work_path, options.textures)?;
         let manifest = manifest(&choice, &inputs, options)?;
         let input_bytes: u64 = manifest.inputs.iter().map(|file| file.bytes).sum();
         scratch::refuse_small_disk(input_bytes, folder_bytes(&work_path), &work_path)?;

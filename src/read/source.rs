@@ -10,6 +10,7 @@ use super::builder::FinishedFile;
 use super::file::open_regular;
 use super::parts::Labels;
 use super::texture_sample::{ChunkTexture, TextureSample};
+use crate::base::error::escape_path;
 use crate::base::{Error, Findings, Result};
 use crate::file::packed::RecordBounds;
 
@@ -204,7 +205,7 @@ impl MeshFormat {
     /// Format of a file, by its ending; with any other ending by its first bytes, an OBJ unless they are those of a PLY.
     ///
     /// # Errors
-    /// If the file cannot be opened or read.
+    /// [`Error::Usage`] for a GLB; if the file cannot be opened or read.
     pub fn of(path: &Path) -> Result<Self> {
         if let Some(format) = Self::by_ending(path) {
             return Ok(format);
@@ -214,6 +215,10 @@ impl MeshFormat {
         file.take(4).read_to_end(&mut start).map_err(|e| Error::io(path, "read", e))?;
         Ok(match &start[..] {
             b"ply\n" | b"ply\r" => Self::Ply,
+            b"glTF" => {
+                let words = format!("{}: a GLB is written, but not read; give an OBJ or a PLY", escape_path(path));
+                return Err(Error::Usage(words));
+            }
             _ => Self::Obj,
         })
     }

@@ -6,8 +6,9 @@ use std::path::Path;
 use super::numbering::Usage;
 use crate::base::error::escape;
 use crate::base::{Findings, counted};
-use crate::model::Catalogue;
-use crate::model::id::MaterialId;
+use crate::model::catalogue::MaterialDefinition;
+use crate::model::id::{MaterialId, NameId};
+use crate::model::{Catalogue, Material};
 
 /// Materials of the faces of the result.
 pub(super) fn used_materials(catalogue: &Catalogue, usage: &Usage) -> BTreeSet<MaterialId> {
@@ -45,5 +46,36 @@ fn note_lost(kind: &'static str, what: &str, total: usize, lost: Vec<&[u8]>, fin
     for (place, name) in lost.into_iter().enumerate() {
         let left = if place == 0 { left.as_str() } else { "" };
         findings.note(kind, || format!("{left}'{}' is on no face of the result", escape(name)));
+    }
+}
+
+/// Reports what of objects, groups and materials a format cannot hold; `written` counts the statements of a material
+/// that it holds.
+pub(super) fn note_unwritten(
+    catalogue: &Catalogue,
+    usage: &Usage,
+    format: &str,
+    findings: &mut Findings,
+    written: impl Fn(&MaterialDefinition) -> usize,
+) {
+    let parts = catalogue.parts.iter().zip(&usage.faces_per_part).filter(|&(_, &faces)| faces > 0);
+    let names: BTreeSet<NameId> = parts.flat_map(|(part, _)| [part.object, part.group]).flatten().collect();
+    for name in names {
+        let name = escape(&catalogue.names[name]);
+        findings.note("unwritten_names", || format!("'{name}' is not written: a {format} has no objects and groups"));
+    }
+    for material in used_materials(catalogue, usage) {
+        let Material { output_name, definition, .. } = &catalogue.materials[material];
+        let Some(definition) = definition else { continue };
+        match (definition.statements.len() + definition.textures.len() - written(definition)) as u64 {
+            0 => {}
+            count => findings.note("unwritten_statements", || {
+                format!(
+                    "{} of '{}' not written: a {format} has no place for them",
+                    counted(count, "statement"),
+                    escape(output_name)
+                )
+            }),
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! Writes a stored mesh as one OBJ with its MTL and textures, or as one PLY with its textures.
+//! Writes a stored mesh as one OBJ with its MTL and textures, as one PLY with its textures, or as one GLB.
 //!
 //! In: a [`StoredMesh`] and the [`Catalogue`] of its parts. Out: the files of the result, which get their final names
 //! only once all of them are complete: textures, then the MTL, then the mesh. The ending of the output chooses the
@@ -19,10 +19,12 @@
 //! that half (64 bytes per face) is processed alone.
 //!
 //! # Files
-//! `write-faces.tmp`, `write-stars.tmp`, `write-normals.col` in the work folder, removed before [`write()`] returns.
+//! `write-faces.tmp`, `write-stars.tmp`, `write-vertices.tmp`, `write-normals.col` in the work folder, removed before [`write()`] returns.
 
 mod companion;
 mod copy;
+mod format;
+mod glb;
 mod grouping;
 mod losses;
 mod normals;
@@ -46,6 +48,8 @@ use std::path::{Path, PathBuf};
 
 pub use self::companion::{Companion, CopiedTexture};
 use self::copy::{Look, look};
+pub use self::format::ResultFormat;
+use self::glb::GlbSink;
 use self::losses::note_losses;
 pub use self::losses::texture_count;
 use self::numbering::Usage;
@@ -166,7 +170,7 @@ impl Staged {
     }
 }
 
-/// Writes the mesh to `output` (an OBJ or a PLY), with its MTL and its textures beside it.
+/// Writes the mesh to `output` (an OBJ, a PLY or a GLB), with its MTL and its textures beside it.
 ///
 /// # Errors
 /// Those of [`stage`] and of [`Staged::commit`].
@@ -196,6 +200,9 @@ pub fn check_output(output: &Path, catalogue: &Catalogue, options: &WriteOptions
     if targets.mtl.as_deref().is_none_or(|mtl| look(mtl).is_none()) && look(&targets.textures()).is_none() {
         return Ok(());
     }
+    if targets.format == ResultFormat::Glb {
+        return Ok(());
+    }
     let mut textures = TextureStage::rehearsal(options, &targets, catalogue);
     match &targets.mtl {
         Some(mtl) => {
@@ -215,7 +222,7 @@ pub fn check_output(output: &Path, catalogue: &Catalogue, options: &WriteOptions
 /// [`Error::Usage`] that names the file in the way.
 pub fn check_baked_output(output: &Path, options: &WriteOptions, was_writing: bool) -> Result<()> {
     let targets = Targets::choose(output, &options.sources, options.may_replace_mesh())?;
-    if was_writing || options.may_replace_mesh() {
+    if was_writing || options.may_replace_mesh() || targets.format == ResultFormat::Glb {
         return Ok(());
     }
     let textures = targets.textures();
@@ -236,7 +243,7 @@ pub fn remove_waiting_of(output: &Path, job: u64) {
     }
 }
 
-/// Writes the mesh beside `output` (an OBJ or a PLY) under temporary names, with its MTL and its textures.
+/// Writes the mesh beside `output` (an OBJ, a PLY or a GLB) under temporary names, with its MTL and its textures.
 ///
 /// # Errors
 /// [`Error::Usage`] if the output exists and `force` is not set, or if it is a file of the input; [`Error::NoSpace`]
@@ -303,6 +310,11 @@ fn begin(
     textures: &mut TextureStage,
     options: &WriteOptions,
 ) -> Result<Begun> {
+    if targets.format == ResultFormat::Glb {
+        let images = glb::find_images(catalogue, usage, textures)?;
+        let sink = Box::new(GlbSink::begin(&targets.mesh, options.job, images)?);
+        return Ok(Begun { sink, mtl: None, companions: Vec::new() });
+    }
     let Some(path) = &targets.mtl else {
         let images = ply::stage_images(catalogue, usage, textures)?;
         textures.check_targets(&targets.files())?;

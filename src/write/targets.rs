@@ -9,10 +9,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::copy::{Look, look};
+use super::format::ResultFormat;
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 use crate::os::durable::{DurableFile, folder_of, make_folders};
-use crate::read::MeshFormat;
 
 /// The files that a result depends on: mesh files, material libraries, texture images.
 #[derive(Debug, Clone, Default)]
@@ -125,8 +125,9 @@ pub fn textures_folder(output: &Path) -> PathBuf {
 #[derive(Debug)]
 pub(super) struct Targets {
     pub(super) folder: PathBuf,
-    /// The OBJ or PLY.
+    /// The OBJ, PLY or GLB.
     pub(super) mesh: PathBuf,
+    pub(super) format: ResultFormat,
     /// The MTL of an OBJ.
     pub(super) mtl: Option<PathBuf>,
 }
@@ -149,8 +150,9 @@ impl Targets {
         let folder = fs::canonicalize(folder).map_err(|e| Error::io(folder, "open", e))?;
         let mut mtl_name = stem.to_owned();
         mtl_name.push(".mtl");
-        let mtl = (MeshFormat::by_ending(output) != Some(MeshFormat::Ply)).then(|| folder.join(mtl_name));
-        let targets = Self { mesh: folder.join(name), mtl, folder };
+        let format = ResultFormat::by_ending(output).unwrap_or(ResultFormat::Obj);
+        let mtl = (format == ResultFormat::Obj).then(|| folder.join(mtl_name));
+        let targets = Self { mesh: folder.join(name), mtl, format, folder };
         if targets.mtl.as_ref() == Some(&targets.mesh) {
             return refuse("the output is the OBJ; its MTL takes this name");
         }

@@ -189,6 +189,40 @@ impl TextureStage {
         Ok(reference)
     }
 
+    /// Returns the file of a texture that becomes a part of the mesh file, and its content; `None`, with a finding, if it
+    /// is missing or may not be read.
+    ///
+    /// # Errors
+    /// If the file cannot be read.
+    pub(super) fn embed(&mut self, mtl_folder: &Path, name: &[u8]) -> Result<Option<(PathBuf, Content)>> {
+        let place = |why: &str| format!("{} of {}: {why}", escape(name), escape_path(mtl_folder));
+        let found = if !self.brings_outside && is_outside(mtl_folder, &self.roots) {
+            Err(Unusable::Refused("its material library lies outside of the OBJ's folder"))
+        } else {
+            let reach = if self.brings_outside { Reach::Anywhere } else { Reach::Inside };
+            texture_file::find(mtl_folder, name, reach)
+        };
+        let read = found.and_then(|path| match Content::of(&path) {
+            Ok(content) => Ok((path, content)),
+            Err(error) => Err(Unusable::Missing(path, error)),
+        });
+        match read {
+            Ok((path, content)) => {
+                self.copied.push((path.clone(), content));
+                return Ok(Some((path, content)));
+            }
+            Err(Unusable::Missing(path, error)) if is_of_machine(&error) => {
+                return Err(Error::io(&path, "read", error));
+            }
+            Err(Unusable::Missing(_, error)) => self.findings.note("missing_texture", || place(&error.to_string())),
+            Err(Unusable::Refused(why)) => self.findings.note("refused_texture", || {
+                place(&format!("{why}; it is not in the result; --textures-outside copy takes it in"))
+            }),
+        }
+        self.left_out.extend(place_of(mtl_folder, name));
+        Ok(None)
+    }
+
     /// Returns the path from the output's folder to a file that stays in place.
     fn refer(&mut self, mtl_folder: &Path, name: &[u8]) -> Result<Vec<u8>> {
         let Some(source) = place_of(mtl_folder, name) else { return Ok(name.to_owned()) };

@@ -183,6 +183,8 @@ pub struct Mesh {
     pub materials: BTreeMap<String, u64>,
     /// Texture image of each material in use.
     pub textures: BTreeMap<String, String>,
+    /// Whether each face shows an image.
+    pub shows_image: Vec<bool>,
     /// Faces that have normals.
     pub faces_with_normals: usize,
 }
@@ -198,6 +200,7 @@ pub fn read(path: &Path) -> Mesh {
         colours: Vec::new(),
         materials: BTreeMap::new(),
         textures: BTreeMap::new(),
+        shows_image: Vec::new(),
         faces_with_normals: 0,
     };
     let mut ids: BTreeMap<[u64; 3], MeshVertex> = BTreeMap::new();
@@ -224,7 +227,10 @@ pub fn read(path: &Path) -> Mesh {
         }
         let material = part.material_id.map_or(MaterialId::NONE, MaterialId::from);
         surface.face_materials.extend(vec![material; count]);
-        if let Some(material) = part.material_id.and_then(|id| materials.get(id)) {
+        let described = part.material_id.and_then(|id| materials.get(id));
+        let shows_image = described.is_some_and(|material| material.diffuse_texture.is_some());
+        mesh.shows_image.extend(vec![shows_image; count]);
+        if let Some(material) = described {
             *mesh.materials.entry(material.name.clone()).or_default() += count as u64;
             let texture = material.diffuse_texture.clone();
             mesh.textures.extend(texture.map(|texture| (material.name.clone(), texture)));

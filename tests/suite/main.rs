@@ -15,6 +15,8 @@ mod docs;
 mod end_to_end;
 mod examples;
 mod gauge;
+mod glb;
+mod glb_reader;
 mod house;
 mod in_memory;
 mod inputs;

@@ -7,11 +7,11 @@ use std::collections::{BTreeSet, HashMap};
 
 use crate::base::error::escape;
 use crate::base::id::TiVec;
-use crate::base::{Findings, Result, counted};
+use crate::base::{Findings, Result};
 use crate::model::Catalogue;
-use crate::model::catalogue::TextureStatement;
-use crate::model::id::{MaterialId, NameId};
-use crate::write::losses::used_materials;
+use crate::model::diffuse::diffuse_image;
+use crate::model::id::MaterialId;
+use crate::write::losses::{note_unwritten, used_materials};
 use crate::write::numbering::Usage;
 use crate::write::textures::TextureStage;
 
@@ -37,25 +37,16 @@ pub(in crate::write) fn stage_images(
 ) -> Result<PlyImages> {
     let used = used_materials(catalogue, usage);
     let mut images = of_materials(catalogue, &used, textures)?;
-    let parts = catalogue.parts.iter().zip(&usage.faces_per_part).filter(|&(_, &faces)| faces > 0);
-    let names: BTreeSet<NameId> = parts.flat_map(|(part, _)| [part.object, part.group]).flatten().collect();
-    for name in names {
-        let name = escape(&catalogue.names[name]);
-        images.findings.note("unwritten_names", || format!("'{name}' is not written: a PLY has no objects and groups"));
-    }
     for material in used {
         let name = || escape(&catalogue.materials[material].output_name);
         if images.of_material[material].is_none() {
             let words = || format!("'{}' is not written: it has no image for map_Kd", name());
             images.findings.note("unwritten_materials", words);
         }
-        match unwritten_statements(catalogue, material) as u64 {
-            0 => {}
-            count => images.findings.note("unwritten_statements", || {
-                format!("{} of '{}': a PLY has only the image", counted(count, "statement"), name())
-            }),
-        }
     }
+    note_unwritten(catalogue, usage, "PLY", &mut images.findings, |definition| {
+        usize::from(diffuse_image(definition).is_some())
+    });
     Ok(images)
 }
 
@@ -72,7 +63,7 @@ fn of_materials(catalogue: &Catalogue, used: &BTreeSet<MaterialId>, textures: &m
     let mut known: HashMap<Vec<u8>, usize> = HashMap::new();
     for &material in used {
         let Some(definition) = &catalogue.materials[material].definition else { continue };
-        let Some(image) = definition.textures.iter().find(|texture| is_base_colour(texture)) else { continue };
+        let Some(image) = diffuse_image(definition) else { continue };
         let name = textures.reference(&definition.folder, &image.name)?;
         let next = images.names.len();
         let index = *known.entry(name.clone()).or_insert(next);
@@ -82,17 +73,4 @@ fn of_materials(catalogue: &Catalogue, used: &BTreeSet<MaterialId>, textures: &m
         images.of_material[material] = Some(index);
     }
     Ok(images)
-}
-
-/// Reports whether a statement names the image of the base colour.
-fn is_base_colour(texture: &TextureStatement) -> bool {
-    let key = texture.key_and_options.split(|byte| *byte == b' ').next().unwrap_or_default();
-    key.eq_ignore_ascii_case(b"map_Kd")
-}
-
-/// Statements of a material that a PLY cannot hold: all but the name of its image.
-fn unwritten_statements(catalogue: &Catalogue, material: MaterialId) -> usize {
-    let Some(definition) = &catalogue.materials[material].definition else { return 0 };
-    let has_image = definition.textures.iter().any(is_base_colour);
-    definition.statements.len() + definition.textures.len() - usize::from(has_image)
 }

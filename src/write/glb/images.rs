@@ -1,0 +1,107 @@
+//! The images in a GLB: those files that materials name, as they are.
+//!
+//! In: the catalogue, and which parts have faces. Out: the files, and the image of each material. What a GLB cannot hold
+//! of objects, groups and materials is reported. Invariant: a GLB holds JPEG and PNG images alone.
+
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::Read;
+use std::path::PathBuf;
+
+use crate::base::error::escape_path;
+use crate::base::id::TiVec;
+use crate::base::{Error, Findings, Result};
+use crate::model::Catalogue;
+use crate::model::diffuse::diffuse_image;
+use crate::model::id::MaterialId;
+use crate::os::content::Content;
+use crate::write::losses::{note_unwritten, used_materials};
+use crate::write::numbering::Usage;
+use crate::write::textures::TextureStage;
+
+/// An image file that becomes a part of the GLB.
+#[derive(Debug)]
+pub(super) struct EmbeddedImage {
+    pub path: PathBuf,
+    pub content: Content,
+    pub media_type: &'static str,
+}
+
+/// Images of the result.
+#[derive(Debug, Default)]
+pub(in crate::write) struct GlbImages {
+    pub(super) files: Vec<EmbeddedImage>,
+    /// Index of the image of each material of the catalogue.
+    pub(super) of_material: TiVec<MaterialId, Option<usize>>,
+    /// What is not written.
+    pub(super) findings: Findings,
+}
+
+/// Finds the images of the materials that faces use.
+///
+/// # Errors
+/// If an image cannot be read.
+pub(in crate::write) fn find_images(
+    catalogue: &Catalogue,
+    usage: &Usage,
+    textures: &mut TextureStage,
+) -> Result<GlbImages> {
+    let mut images = GlbImages { of_material: vec![None; catalogue.materials.len()].into(), ..GlbImages::default() };
+    let mut known: HashMap<PathBuf, Option<usize>> = HashMap::new();
+    for material in used_materials(catalogue, usage) {
+        let Some(definition) = &catalogue.materials[material].definition else { continue };
+        let Some(statement) = diffuse_image(definition) else { continue };
+        let Some((path, content)) = textures.embed(&definition.folder, &statement.name)? else { continue };
+        images.of_material[material] = match known.get(&path) {
+            Some(&index) => index,
+            None => {
+                let index = images.add(path.clone(), content)?;
+                known.insert(path, index);
+                index
+            }
+        };
+    }
+    note_unwritten(catalogue, usage, "GLB", &mut images.findings, |definition| {
+        usize::from(diffuse_image(definition).is_some())
+            + definition.statements.iter().filter(|text| is_written(text)).count()
+    });
+    Ok(images)
+}
+
+impl GlbImages {
+    /// Adds a file; `None`, with a finding, if a GLB cannot hold it.
+    fn add(&mut self, path: PathBuf, content: Content) -> Result<Option<usize>> {
+        let Some(media_type) = media_type(&path)? else {
+            self.findings.note("unwritten_images", || {
+                format!("{}: neither JPEG nor PNG, as a GLB wants it; `textures: bake` makes such", escape_path(&path))
+            });
+            return Ok(None);
+        };
+        self.files.push(EmbeddedImage { path, content, media_type });
+        Ok(Some(self.files.len() - 1))
+    }
+}
+
+/// Type of an image by its first bytes; `None` if a GLB cannot hold it.
+fn media_type(path: &std::path::Path) -> Result<Option<&'static str>> {
+    let mut start = Vec::new();
+    let file = File::open(path).map_err(|e| Error::io(path, "open", e))?;
+    file.take(8).read_to_end(&mut start).map_err(|e| Error::io(path, "read", e))?;
+    Ok(match &start[..] {
+        [0xff, 0xd8, 0xff, ..] => Some("image/jpeg"),
+        b"\x89PNG\r\n\x1a\n" => Some("image/png"),
+        _ => None,
+    })
+}
+
+/// Whether a GLB shows what a statement says: the diffuse colour, no highlights. The light is the viewer's.
+fn is_written(statement: &[u8]) -> bool {
+    let words: Vec<&[u8]> = statement.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).collect();
+    let Some((key, values)) = words.split_first() else { return true };
+    match &key.to_ascii_lowercase()[..] {
+        b"kd" | b"ka" => true,
+        b"ks" => values.iter().all(|value| value.iter().all(|digit| b"0.".contains(digit))),
+        b"illum" => [[&b"0"[..]], [b"1"]].iter().any(|matt| values == matt),
+        _ => false,
+    }
+}

@@ -1,0 +1,180 @@
+//! Reads a GLB, strictly: whatever the format forbids fails the test.
+//!
+//! Source: Khronos, glTF 2.0.
+
+use std::ops::Range;
+use std::path::Path;
+
+use glam::{DVec2, DVec3};
+use serde_json::Value;
+
+/// A triangle of a GLB.
+#[derive(Debug, Clone, Copy)]
+pub struct GlbTriangle {
+    /// Positions of the corners in the scene.
+    pub positions: [DVec3; 3],
+    /// Texture coordinates of the corners, with (0, 0) at the lower left as in an OBJ.
+    pub texcoords: Option<[DVec2; 3]>,
+    /// Amounts of light of the corners: red, green, blue, opacity.
+    pub colours: Option<[[f64; 4]; 3]>,
+    /// Normals of the corners.
+    pub normals: Option<[DVec3; 3]>,
+    /// Number of the material.
+    pub material: usize,
+}
+
+/// The contents of a GLB.
+pub struct Glb {
+    /// The JSON.
+    pub document: Value,
+    /// The binary chunk.
+    bytes: Vec<u8>,
+}
+
+fn word(bytes: &[u8], at: usize) -> usize {
+    u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize
+}
+
+impl Glb {
+    /// Reads a file, and checks its chunks and the ranges of all views and accessors.
+    pub fn read(path: &Path) -> Self {
+        let file = std::fs::read(path).unwrap();
+        assert_eq!((&file[..4], word(&file, 4), word(&file, 8)), (&b"glTF"[..], 2, file.len()));
+        let json_bytes = word(&file, 12);
+        assert_eq!((&file[16..20], json_bytes % 4), (&b"JSON"[..], 0));
+        let document: Value = serde_json::from_slice(&file[20..20 + json_bytes]).unwrap();
+        let rest = &file[20 + json_bytes..];
+        let bytes = if rest.is_empty() {
+            Vec::new()
+        } else {
+            assert_eq!((&rest[4..8], word(rest, 0), rest.len() % 4), (&b"BIN\0"[..], rest.len() - 8, 0));
+            rest[8..].to_vec()
+        };
+        let glb = Self { document, bytes };
+        assert_eq!(glb.document["asset"]["version"], "2.0");
+        let views = glb.list("bufferViews").len();
+        (0..views).for_each(|view| _ = glb.view(view));
+        let mut ends: Vec<Range<usize>> = (0..views).map(|view| glb.view(view)).collect();
+        ends.sort_by_key(|range| range.start);
+        assert!(ends.windows(2).all(|pair| pair[0].end <= pair[1].start), "views overlap");
+        glb
+    }
+
+    fn list(&self, name: &str) -> &[Value] {
+        self.document[name].as_array().map_or(&[], Vec::as_slice)
+    }
+
+    /// Bytes of a view in the binary chunk.
+    fn view(&self, number: usize) -> Range<usize> {
+        let view = &self.list("bufferViews")[number];
+        let number = |key: &str| view[key].as_u64().unwrap() as usize;
+        let range = number("byteOffset")..number("byteOffset") + number("byteLength");
+        assert!(number("byteLength") > 0 && range.end <= self.bytes.len() && range.start.is_multiple_of(4), "{view}");
+        range
+    }
+
+    /// Bytes of an image, and its type.
+    pub fn image(&self, number: usize) -> (&[u8], &str) {
+        let image = &self.list("images")[number];
+        let view = image["bufferView"].as_u64().unwrap() as usize;
+        (&self.bytes[self.view(view)], image["mimeType"].as_str().unwrap())
+    }
+
+    /// The numbers of an accessor, `shape` of them for each element.
+    fn accessor(&self, number: &Value, kind: u64, shape: &str) -> Vec<Vec<f64>> {
+        let accessor = &self.list("accessors")[number.as_u64().unwrap() as usize];
+        assert_eq!((accessor["componentType"].as_u64(), accessor["type"].as_str()), (Some(kind), Some(shape)));
+        let (bytes, count) =
+            ([0, 0, 0, 2, 0, 4, 4][kind as usize - 5120], accessor["count"].as_u64().unwrap() as usize);
+        let width = match shape {
+            "SCALAR" => 1,
+            "VEC2" => 2,
+            "VEC3" => 3,
+            _ => 4,
+        };
+        let view_number = accessor["bufferView"].as_u64().unwrap() as usize;
+        let view = self.view(view_number);
+        let stride = self.list("bufferViews")[view_number]["byteStride"].as_u64().map(|stride| stride as usize);
+        let stride = stride.unwrap_or(bytes * width);
+        let offset = accessor["byteOffset"].as_u64().unwrap() as usize;
+        assert!(
+            count > 0
+                && stride.is_multiple_of(bytes)
+                && stride >= bytes * width
+                && offset.is_multiple_of(bytes)
+                && stride < 253
+        );
+        assert!(offset + stride * (count - 1) + bytes * width <= view.len(), "{accessor}");
+        let component = |at: usize| match kind {
+            5123 => f64::from(u16::from_le_bytes(self.bytes[at..at + 2].try_into().unwrap())),
+            5125 => word(&self.bytes, at) as f64,
+            _ => f64::from(f32::from_le_bytes(self.bytes[at..at + 4].try_into().unwrap())),
+        };
+        let scale = if accessor["normalized"] == true { 1.0 / 65535.0 } else { 1.0 };
+        let element = |i: usize| {
+            (0..width).map(|axis| scale * component(view.start + offset + i * stride + axis * bytes)).collect()
+        };
+        let elements: Vec<Vec<f64>> = (0..count).map(element).collect();
+        assert!(elements.iter().flatten().all(|number| number.is_finite()));
+        for (bound, fold) in [("min", f64::min as fn(f64, f64) -> f64), ("max", f64::max)] {
+            if let Some(given) = accessor[bound].as_array() {
+                // As a float, since the reader of the JSON rounds the last digit.
+                let given = given.iter().map(|number| f64::from(number.as_f64().unwrap() as f32)).collect::<Vec<_>>();
+                let found = elements.iter().cloned().reduce(|a, b| a.iter().zip(b).map(|(a, b)| fold(*a, b)).collect());
+                assert_eq!(Some(given), found, "{bound}");
+            }
+        }
+        elements
+    }
+
+    /// All triangles; each vertex is used, and there once with the same attributes.
+    pub fn triangles(&self) -> Vec<GlbTriangle> {
+        let mut triangles = Vec::new();
+        for node in self.list("scenes")[0]["nodes"].as_array().unwrap_or(&Vec::new()) {
+            let node = &self.list("nodes")[node.as_u64().unwrap() as usize];
+            let shift = node["translation"].as_array().map_or(DVec3::ZERO, |shift| {
+                DVec3::from_slice(&shift.iter().map(|x| x.as_f64().unwrap()).collect::<Vec<_>>())
+            });
+            let mesh = &self.list("meshes")[node["mesh"].as_u64().unwrap() as usize];
+            for primitive in mesh["primitives"].as_array().unwrap() {
+                self.add_triangles(primitive, shift, &mut triangles);
+            }
+        }
+        triangles
+    }
+
+    fn add_triangles(&self, primitive: &Value, shift: DVec3, triangles: &mut Vec<GlbTriangle>) {
+        let attributes = &primitive["attributes"];
+        let positions = self.accessor(&attributes["POSITION"], 5126, "VEC3");
+        let accessor = |name: &str, kind: u64, shape: &str| {
+            let given = attributes.get(name).map(|number| self.accessor(number, kind, shape));
+            assert!(given.as_ref().is_none_or(|given| given.len() == positions.len()));
+            given
+        };
+        let texcoords = accessor("TEXCOORD_0", 5126, "VEC2");
+        let normals = accessor("NORMAL", 5126, "VEC3");
+        let colours = accessor("COLOR_0", 5123, "VEC4");
+        let index = &self.list("accessors")[primitive["indices"].as_u64().unwrap() as usize];
+        let kind = index["componentType"].as_u64().unwrap();
+        let indices: Vec<usize> =
+            self.accessor(&primitive["indices"], kind, "SCALAR").iter().map(|index| index[0] as usize).collect();
+        let mut is_used = vec![false; positions.len()];
+        indices.iter().for_each(|&index| is_used[index] = true);
+        assert!(is_used.iter().all(|used| *used), "a vertex of no face");
+        assert!(kind == 5125 || positions.len() <= 65535);
+        let material = primitive["material"].as_u64().unwrap() as usize;
+        assert!(material < self.list("materials").len());
+        let (indices, []) = indices.as_chunks::<3>() else { panic!("an unfinished triangle") };
+        for corners in indices {
+            let vec2 = |list: &Vec<Vec<f64>>| corners.map(|corner| DVec2::from_slice(&list[corner]));
+            let vec3 = |list: &Vec<Vec<f64>>| corners.map(|corner| DVec3::from_slice(&list[corner]));
+            triangles.push(GlbTriangle {
+                positions: vec3(&positions).map(|position| position + shift),
+                texcoords: texcoords.as_ref().map(|list| vec2(list).map(|uv| DVec2::new(uv.x, 1.0 - uv.y))),
+                colours: colours.as_ref().map(|list| corners.map(|corner| list[corner][..].try_into().unwrap())),
+                normals: normals.as_ref().map(vec3),
+                material,
+            });
+        }
+    }
+}
