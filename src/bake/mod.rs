@@ -21,7 +21,6 @@ mod canvas;
 mod catalogue;
 mod closest;
 mod density;
-mod encode;
 mod nearby;
 mod original;
 mod paint;

@@ -14,12 +14,12 @@ use super::prism::Shown;
 use super::settings::BakePlace;
 use super::steps::{BakeStep, SURFACE};
 use crate::base::id::TiVec;
-use crate::base::ordered::{map_in_order, map_within};
+use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Permits, Progress, Result};
 use crate::geometry::boxtree::Bounds;
 use crate::geometry::triangle::{area, texture_area};
-use crate::image::decode;
-use crate::image::stored::{Beyond, StoredImage};
+use crate::image::decode::DecodePlan;
+use crate::image::stored::{Beyond, StoredImage, decode_within};
 use crate::image::textures::TextureImages;
 use crate::job::{Recalled, Step, WorkFolder};
 use crate::model::id::ImageId;
@@ -237,10 +237,9 @@ impl Original {
             face_count: cells.iter().map(Cell::face_count).sum(),
             cells,
         };
-        let plan_of = |image: ImageId| decode::plan(&images.files[image].path, limits.work_bytes);
-        let cost_bytes = |&image: &ImageId| plan_of(image).map_or(0, |plan| plan.bytes);
-        let read = |image: ImageId| Ok((image, decoded(image, &images.files[image].path, plan_of(image), work)?));
-        map_within(limits.work_bytes, cost_bytes, shown.into_iter(), read, |(image, decoded): (_, DecodedImage)| {
+        let files = shown.iter().map(|&image| (image, &*images.files[image].path));
+        let decode = |image: ImageId, plan| decoded(image, &images.files[image].path, plan, work);
+        decode_within(limits.work_bytes, files, decode, |image, decoded: DecodedImage| {
             progress.advance(1);
             progress.check_stopped()?;
             findings.merge(decoded.findings);
@@ -305,7 +304,7 @@ impl Original {
 fn decoded(
     image: ImageId,
     path: &Path,
-    plan: std::result::Result<decode::DecodePlan, String>,
+    plan: std::result::Result<DecodePlan, String>,
     work: &WorkFolder,
 ) -> Result<DecodedImage> {
     let key = BakeStep::Image(image).key();

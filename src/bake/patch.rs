@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::density::texel_lengths;
-use super::encode;
 use super::original::Original;
 use super::paint::PatchSurface;
 use super::painters::Painters;
@@ -13,6 +12,7 @@ use super::settings::BakeSettings;
 use crate::base::Result;
 use crate::base::id::TiVec;
 use crate::file::codec;
+use crate::image::encode::encode;
 use crate::mesh::ClusterMesh;
 use crate::mesh::id::{FaceId, LocalVertex, Wedge};
 use crate::model::StoredPiece;
@@ -80,7 +80,7 @@ impl PatchBaker<'_> {
             let (mut canvas, painted) = self.painters.paint(&patch, charts, size)?;
             canvas.fill();
             let path = folder.join(image_name(name, number, self.settings.format));
-            encode::write(&canvas, self.settings.format, &path)?;
+            encode(&canvas.rgb, canvas.size, self.settings.format, &path)?;
             baked.images.push(BakedImage { path, size: [size.width, size.height] });
             baked.covered += painted.covered;
             baked.colourless += painted.colourless;

@@ -7,7 +7,7 @@ use clap::Args;
 use crate::base::{bytes, quantity};
 use crate::options::{
     Borders, CLUSTER_FACES, Doubles, FaceTarget, ImageFormat, JobOptions, Limits, MetricChoice, Normals, Pieces,
-    ReportNotes, ResumeChoice, Seams, SimplifyOptions, Target, TextureFiles, TexturesOutside, Topology, Weld,
+    ReportNotes, ResumeChoice, Seams, SimplifyOptions, Target, TextureFiles, TexturesOutside, Topology, UpAxis, Weld,
 };
 use crate::remesh::cvd;
 
@@ -71,6 +71,10 @@ pub struct SimplifyFlags {
     /// How to write normals
     #[arg(long, value_enum, default_value_t = Normals::Auto, value_name = "HOW", help_heading = heading::INPUT, hide_short_help = true)]
     normals: Normals,
+
+    /// Which axis points up, for a GLB
+    #[arg(long, value_enum, default_value_t = UpAxis::Z, value_name = "AXIS", help_heading = heading::INPUT, hide_short_help = true)]
+    up: UpAxis,
 
     /// How to simplify texture seams
     ///
@@ -183,6 +187,7 @@ impl SimplifyFlags {
             topology: flags.topology,
             doubles: flags.doubles,
             normals: flags.normals,
+            up: flags.up,
             seams: flags.seams,
             textures: flags.textures,
             textures_outside: flags.textures_outside,

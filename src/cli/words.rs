@@ -5,7 +5,7 @@ use clap::builder::PossibleValue;
 
 use crate::options::{
     Borders, Choice, Doubles, MetricChoice, Normals, Pieces, ResumeChoice, Seams, TextureFiles, TexturesOutside,
-    Topology, Weld,
+    Topology, UpAxis, Weld,
 };
 
 macro_rules! values_of_flags {
@@ -33,6 +33,7 @@ values_of_flags!(
     TextureFiles,
     TexturesOutside,
     Topology,
+    UpAxis,
     Weld,
 );
 

@@ -49,6 +49,11 @@ impl Image {
         [self.width, self.height]
     }
 
+    /// All pixels, red, green, blue, row by row from the top.
+    pub fn pixels(&self) -> &[u8] {
+        &self.pixels
+    }
+
     /// Pixels of a row, red, green, blue, one after the other; rows are counted from the top.
     pub fn row(&self, row: usize, columns: Range<usize>) -> &[u8] {
         let pixel = PIXEL_BYTES as usize;

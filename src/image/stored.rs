@@ -22,6 +22,7 @@ use serde::{Deserialize, Serialize};
 use super::decode::{self, DecodePlan, Image};
 use crate::base::error::escape_path;
 use crate::base::id::TiSlice;
+use crate::base::ordered::map_within;
 use crate::base::{Error, Findings, Result};
 use crate::file::RecordFile;
 use crate::file::codec;
@@ -126,6 +127,22 @@ impl StoredImage {
     fn tiles(&self) -> [usize; 2] {
         self.size.map(|side| (side as usize).div_ceil(TILE))
     }
+}
+
+/// Decodes image files, as many at once as fit the memory: `decode` gets the plan of each, `take` what it made, in order.
+///
+/// # Errors
+/// Those of `decode` and `take`.
+pub fn decode_within<'p, T: Send>(
+    work_bytes: u64,
+    files: impl Iterator<Item = (ImageId, &'p Path)> + Send,
+    decode: impl Fn(ImageId, std::result::Result<DecodePlan, String>) -> Result<T> + Sync,
+    mut take: impl FnMut(ImageId, T) -> Result<()>,
+) -> Result<()> {
+    let plan = |path: &Path| decode::plan(path, work_bytes);
+    let cost_bytes = |(_, path): &(ImageId, &Path)| plan(path).map_or(0, |plan| plan.bytes);
+    let read = |(image, path): (ImageId, &Path)| Ok((image, decode(image, plan(path))?));
+    map_within(work_bytes, cost_bytes, files, read, |(image, decoded)| take(image, decoded))
 }
 
 /// How coordinates beyond an image are read.

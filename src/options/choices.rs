@@ -138,6 +138,16 @@ choice! {
 }
 
 choice! {
+    /// Which axis of the mesh points up; in a GLB that is y.
+    UpAxis {
+        /// As in surveys: a GLB is turned, so that y is up
+        Z = "z",
+        /// Axes stay as they are
+        Y = "y",
+    }
+}
+
+choice! {
     /// How texture images reach the output.
     TextureFiles {
         /// Copy them beside the output

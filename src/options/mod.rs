@@ -16,7 +16,7 @@ use crate::write::Textures;
 
 pub use self::choices::{
     Borders, Choice, Doubles, MetricChoice, Normals, Pieces, ResumeChoice, Seams, TextureFiles, TexturesOutside,
-    Topology, Weld,
+    Topology, UpAxis, Weld,
 };
 pub use self::target::{FaceTarget, Target};
 pub use crate::model::image_format::ImageFormat;
@@ -108,6 +108,8 @@ pub struct SimplifyOptions {
     pub doubles: Doubles,
     /// How to write normals.
     pub normals: Normals,
+    /// Which axis points up, for a GLB.
+    pub up: UpAxis,
     /// How to simplify texture seams; `None`: stitch, but follow with the metrics of papers.
     pub seams: Option<Seams>,
     /// How to write texture images.
@@ -159,6 +161,7 @@ impl Default for SimplifyOptions {
             topology: Topology::Simplify,
             doubles: Doubles::Keep,
             normals: Normals::Auto,
+            up: UpAxis::Z,
             seams: None,
             textures: TextureFiles::Copy,
             textures_outside: TexturesOutside::Refer,

@@ -10,7 +10,7 @@ use crate::base::{Progress, Result};
 use crate::job::{Step, StepKey, WorkFolder};
 use crate::measure::gauge::{Gauged, gauge};
 use crate::model::{Catalogue, StoredMesh};
-use crate::options::{Normals, TextureFiles};
+use crate::options::{Normals, TextureFiles, UpAxis};
 use crate::passes::Passes;
 use crate::write::{self, RESULT, WriteOptions, Written};
 
@@ -58,6 +58,7 @@ impl<'a> Publisher<'a> {
             textures: job.options.textures.into(),
             brings_outside: job.brings_outside(),
             normals: job.options.normals == Normals::Auto && input.catalogue.has_normals,
+            turns_z_up: job.options.up == UpAxis::Z,
             force: job.options.job.force,
             replaces_own: earlier.is_own(),
             work_bytes: job.budget.for_work(),

@@ -184,15 +184,14 @@ impl<'a> Merging<'a> {
 
     fn merge(&mut self, charts: [u32; 2]) {
         let new = self.charts.len() as u32;
-        let [a, b] = charts.map(|chart| {
+        let [of_a, of_b] = charts.map(|chart| {
             let chart = &mut self.charts[chart as usize];
             chart.is_merged = true;
-            let (faces, beside) = (chart.faces.clone(), std::mem::take(&mut chart.beside));
-            (chart.normal_sum, [chart.area, chart.texels], chart.outline, chart.bounds, faces, beside)
+            std::mem::take(&mut chart.beside)
         });
-        let shared = a.5.get(&charts[1]).copied().unwrap_or(0.0);
-        let mut beside = HashMap::with_capacity(a.5.len() + b.5.len());
-        for (other, length) in a.5.into_iter().chain(b.5).filter(|(other, _)| !charts.contains(other)) {
+        let shared = of_a.get(&charts[1]).copied().unwrap_or(0.0);
+        let mut beside = HashMap::with_capacity(of_a.len() + of_b.len());
+        for (other, length) in of_a.into_iter().chain(of_b).filter(|(other, _)| !charts.contains(other)) {
             *beside.entry(other).or_default() += length;
         }
         let mut others: Vec<(u32, f64)> = beside.iter().map(|(&other, &length)| (other, length)).collect();
@@ -202,17 +201,19 @@ impl<'a> Merging<'a> {
             charts.iter().for_each(|chart| _ = theirs.remove(chart));
             theirs.insert(new, length);
         }
-        self.charts.push(Growing {
-            normal_sum: a.0 + b.0,
-            area: a.1[0] + b.1[0],
-            texels: a.1[1] + b.1[1],
-            outline: (a.2 + b.2 - 2.0 * shared).max(0.0),
-            bounds: a.3.with(b.3),
-            faces: a.4.into_iter().chain(b.4).collect(),
+        let [a, b] = charts.map(|chart| &self.charts[chart as usize]);
+        let merged = Growing {
+            normal_sum: a.normal_sum + b.normal_sum,
+            area: a.area + b.area,
+            texels: a.texels + b.texels,
+            outline: (a.outline + b.outline - 2.0 * shared).max(0.0),
+            bounds: a.bounds.with(b.bounds),
+            faces: a.faces.iter().chain(&b.faces).copied().collect(),
             beside,
             halves: Some(charts),
             is_merged: false,
-        });
+        };
+        self.charts.push(merged);
         others.into_iter().for_each(|(other, _)| self.queue_merge([other, new]));
     }
 

@@ -19,7 +19,7 @@
 //! that half (64 bytes per face) is processed alone.
 //!
 //! # Files
-//! `write-faces.tmp`, `write-stars.tmp`, `write-vertices.tmp`, `write-normals.col` in the work folder, removed before [`write()`] returns.
+//! `write-faces.tmp`, `write-stars.tmp`, `write-vertices.tmp`, `write-normals.col`, and those of `glb` in the work folder, removed before [`write()`] returns.
 
 mod companion;
 mod copy;
@@ -269,7 +269,7 @@ pub fn stage(
     }
     let mut textures = TextureStage::new(options, &targets, catalogue);
     note_losses(catalogue, &usage, &mut textures.findings);
-    let Begun { mut sink, mtl, companions } = begin(&targets, catalogue, &usage, &mut textures, options)?;
+    let Begun { mut sink, mtl, companions } = begin(&targets, catalogue, &usage, &mut textures, options, work_folder)?;
 
     let lines = [usage.vertices.len(), usage.texcoords.len(), mesh.face_count()];
     progress.begin("write", lines.iter().sum(), "lines");
@@ -309,10 +309,12 @@ fn begin(
     usage: &Usage,
     textures: &mut TextureStage,
     options: &WriteOptions,
+    work_folder: &Path,
 ) -> Result<Begun> {
     if targets.format == ResultFormat::Glb {
-        let images = glb::find_images(catalogue, usage, textures)?;
-        let sink = Box::new(GlbSink::begin(&targets.mesh, options.job, images)?);
+        let limits = glb::ImageLimits { work_folder, work_bytes: options.work_bytes };
+        let images = glb::find_images(catalogue, usage, textures, &limits)?;
+        let sink = Box::new(GlbSink::begin(&targets.mesh, options.job, images, options.turns_z_up)?);
         return Ok(Begun { sink, mtl: None, companions: Vec::new() });
     }
     let Some(path) = &targets.mtl else {

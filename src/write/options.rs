@@ -23,6 +23,8 @@ pub struct WriteOptions {
     pub brings_outside: bool,
     /// Whether vertex normals are computed and written.
     pub normals: bool,
+    /// Whether a GLB is turned, so that what was z points up along its y.
+    pub turns_z_up: bool,
     /// Whether an existing result may be replaced.
     pub force: bool,
     /// Whether an existing mesh file was written by this job; it may then always be replaced.

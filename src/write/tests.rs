@@ -22,6 +22,7 @@ fn options() -> WriteOptions {
         textures: Textures::Copy,
         brings_outside: false,
         normals: false,
+        turns_z_up: false,
         force: false,
         replaces_own: false,
         work_bytes: 32 * MIB,

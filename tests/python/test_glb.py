@@ -65,7 +65,9 @@ def test_trimesh_reads_the_surface(results, case):
     sides = triangles[:, 1:] - triangles[:, :1]
     area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum() / 2
     assert found.area == pytest.approx(area, rel=1e-5)
-    assert np.abs(found.bounds - [triangles.min((0, 1)), triangles.max((0, 1))]).max() < 1e-6 * expected.diagonal
+    position = np.column_stack([found.vertices[:, 0], -found.vertices[:, 2], found.vertices[:, 1]])
+    bounds = [position.min(axis=0), position.max(axis=0)]
+    assert np.abs(bounds - np.array([triangles.min((0, 1)), triangles.max((0, 1))])).max() < 1e-6 * expected.diagonal
 
 
 def colours(mesh_uv, pixels):

@@ -11,7 +11,7 @@ use crate::glb_reader::{Glb, GlbTriangle};
 use crate::meshes::{self, Mesh, StopAfter, cases, contents, fixture, in_many_clusters, ratio, read, terrain, town};
 use drystone::ErrorKind;
 use drystone::base::{Error, Silent};
-use drystone::options::{SimplifyOptions, TextureFiles};
+use drystone::options::{SimplifyOptions, TextureFiles, UpAxis};
 use drystone::pipeline;
 use drystone::report::Report;
 
@@ -106,6 +106,20 @@ fn the_town_is_that_of_the_obj_with_its_images() {
 }
 
 #[test]
+fn what_points_up_points_along_y() {
+    for (up, is_turned) in [(UpAxis::Z, true), (UpAxis::Y, false)] {
+        let folder = tempfile::tempdir().unwrap();
+        let (_, glb) = write(&town(), folder.path(), &SimplifyOptions { up, ..ratio(0.5) });
+        let node = &glb.document["nodes"][0];
+        assert_eq!(node["rotation"].is_array(), is_turned);
+        assert_same(&glb.triangles(), &meshes::simplify(&town(), &ratio(0.5)).mesh());
+        // The town lies far to the north.
+        let north = &node["translation"][if is_turned { 2 } else { 1 }];
+        assert!(north.as_f64().unwrap().abs() > 4e6, "{node}");
+    }
+}
+
+#[test]
 fn each_miniature_is_that_of_the_obj() {
     for entry in fs::read_dir("fixtures/miniatures").unwrap() {
         let input = entry.unwrap().path();
@@ -166,12 +180,16 @@ fn placements_of_images_and_missing_and_foreign_ones() {
     fs::create_dir(path("in")).unwrap();
     fs::copy(fixture("miniatures/checker.png"), path("in/a.png")).unwrap();
     fs::copy(fixture("miniatures/checker.png"), path("secret.png")).unwrap();
-    fs::write(path("in/b.tga"), b"no image that a GLB holds").unwrap();
+    fs::write(path("in/b.tga"), b"no image").unwrap();
+    // A bitmap of two pixels, red and blue.
+    let header = [b"BM".to_vec(), [62u32, 0, 54, 40, 2, 1].map(u32::to_le_bytes).concat(), vec![1, 0, 24, 0]].concat();
+    let pixels = [0, 0, 255, 255, 0, 0, 0, 0];
+    fs::write(path("in/c.bmp"), [&header[..], &[0; 24], &pixels].concat()).unwrap();
     let library = "newmtl placed\nmap_Kd -s 2 3 -o 0.25 -0.5 a.png\nnewmtl lost\nKd 1 0 0\nmap_Kd nowhere.png\n\
-                   newmtl out\nmap_Kd ../secret.png\nnewmtl other\nmap_Kd b.tga\n";
+                   newmtl out\nmap_Kd ../secret.png\nnewmtl other\nmap_Kd b.tga\nnewmtl bitmap\nmap_Kd c.bmp\n";
     fs::write(path("in/a.mtl"), library).unwrap();
     let mut text = "mtllib a.mtl\nvt 0.25 0.5\nvt 1 0\nvt 0 1\n".to_owned();
-    for (i, name) in ["placed", "lost", "out", "other"].iter().enumerate() {
+    for (i, name) in ["placed", "lost", "out", "other", "bitmap"].iter().enumerate() {
         text += &format!("v {i} 0 0\nv {i}.9 0 0\nv {i} 1 0\nusemtl {name}\nf -3/1 -2/2 -1/3\n");
     }
     text += "v 9 0 0\nv 9.5 0 0\nv 9 1 0\nusemtl placed\nf -3 -2 -1\n";
@@ -179,7 +197,11 @@ fn placements_of_images_and_missing_and_foreign_ones() {
     let (report, glb) = write(&path("in/a.obj"), folder.path(), &ratio(1.0));
     let triangles = glb.triangles();
     let textured: Vec<_> = triangles.iter().filter_map(|triangle| triangle.texcoords).collect();
-    assert_eq!((triangles.len(), textured.len(), glb.document["images"].as_array().unwrap().len()), (5, 1, 1));
+    assert_eq!((triangles.len(), textured.len(), glb.document["images"].as_array().unwrap().len()), (6, 2, 2));
+    let (bitmap, kind) = glb.image(1);
+    assert!(bitmap.starts_with(b"\x89PNG") && kind == "image/png");
+    let image = image::load_from_memory(bitmap).unwrap().into_rgb8();
+    assert_eq!(image.into_raw(), [255, 0, 0, 0, 0, 255]);
     let expected = [(0.25, 0.5), (1.0, 0.0), (0.0, 1.0)].map(|(u, v)| DVec2::new(2.0 * u + 0.25, 3.0 * v - 0.5));
     assert!(textured[0].iter().all(|uv| expected.iter().any(|other| uv.distance(*other) < 1e-6)), "{textured:?}");
     for kind in ["missing_texture", "refused_texture", "unwritten_images"] {

@@ -5,13 +5,13 @@
 use std::ops::Range;
 use std::path::Path;
 
-use glam::{DVec2, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use serde_json::Value;
 
 /// A triangle of a GLB.
 #[derive(Debug, Clone, Copy)]
 pub struct GlbTriangle {
-    /// Positions of the corners in the scene.
+    /// Positions of the corners in the scene, turned back if it was turned.
     pub positions: [DVec3; 3],
     /// Texture coordinates of the corners, with (0, 0) at the lower left as in an OBJ.
     pub texcoords: Option<[DVec2; 3]>,
@@ -132,9 +132,15 @@ impl Glb {
         let mut triangles = Vec::new();
         for node in self.list("scenes")[0]["nodes"].as_array().unwrap_or(&Vec::new()) {
             let node = &self.list("nodes")[node.as_u64().unwrap() as usize];
-            let shift = node["translation"].as_array().map_or(DVec3::ZERO, |shift| {
-                DVec3::from_slice(&shift.iter().map(|x| x.as_f64().unwrap()).collect::<Vec<_>>())
-            });
+            let numbers = |key: &str| -> Option<Vec<f64>> {
+                node[key].as_array().map(|list| list.iter().map(|x| x.as_f64().unwrap()).collect())
+            };
+            let mut shift = numbers("translation").map_or(DVec3::ZERO, |shift| DVec3::from_slice(&shift));
+            if let Some(turn) = numbers("rotation") {
+                let turn = DQuat::from_slice(&turn);
+                assert!((turn * DVec3::Z).distance(DVec3::Y) < 1e-12 && (turn * DVec3::X).distance(DVec3::X) < 1e-12);
+                shift = DVec3::new(shift.x, -shift.z, shift.y);
+            }
             let mesh = &self.list("meshes")[node["mesh"].as_u64().unwrap() as usize];
             for primitive in mesh["primitives"].as_array().unwrap() {
                 self.add_triangles(primitive, shift, &mut triangles);

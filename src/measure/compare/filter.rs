@@ -22,11 +22,9 @@ use super::cells::MeasuredMesh;
 use super::options::Resources;
 use super::search::{Closest, Search, density};
 use crate::base::id::TiVec;
-use crate::base::ordered::map_within;
 use crate::base::{Findings, Progress, Result};
 use crate::geometry::triangle::unit_normal;
-use crate::image::decode;
-use crate::image::stored::{Beyond, StoredImage, TexelReader};
+use crate::image::stored::{Beyond, StoredImage, TexelReader, decode_within};
 use crate::model::id::ImageId;
 use crate::surface::cell::CellView;
 
@@ -93,15 +91,13 @@ impl<'a> TexelFilter<'a> {
         let files = &mesh.images.files;
         progress.begin("decode", files.len() as u64, "images");
         let mut images: TiVec<ImageId, Option<StoredImage>> = vec![None; files.len()].into();
-        let plan_of = |image: ImageId| decode::plan(&files[image].path, resources.work_bytes);
-        let cost_bytes = |&image: &ImageId| plan_of(image).map_or(0, |plan| plan.bytes);
-        let read = |image: ImageId| {
+        let decode = |image: ImageId, plan| {
             let path = mesh.folder().join(format!("measure-image-{:06}.texels", image.number()));
             let mut findings = Findings::default();
-            let stored = StoredImage::decode(&files[image].path, plan_of(image), &path, &mut findings)?;
-            Ok((image, stored, findings))
+            Ok((StoredImage::decode(&files[image].path, plan, &path, &mut findings)?, findings))
         };
-        map_within(resources.work_bytes, cost_bytes, files.keys(), read, |(image, stored, found)| {
+        let all = files.iter_enumerated().map(|(image, file)| (image, &*file.path));
+        decode_within(resources.work_bytes, all, decode, |image, (stored, found)| {
             progress.advance(1);
             progress.check_stopped()?;
             images[image] = stored;

@@ -3,6 +3,8 @@
 //! # Source
 //! Khronos, glTF 2.0; `KHR_materials_unlit`.
 
+use std::f64::consts::FRAC_1_SQRT_2;
+
 use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
 
@@ -27,6 +29,8 @@ const INDICES: usize = 1;
 const FIRST_IMAGE: usize = 2;
 /// Colour of a material that has none.
 const NO_COLOUR: [u8; 3] = [204; 3];
+/// The turn by a quarter about x that makes (x, y, z) to (x, z, -y), as a quaternion.
+const Z_TO_Y: [f64; 4] = [-FRAC_1_SQRT_2, 0.0, 0.0, FRAC_1_SQRT_2];
 const UNLIT: &str = "KHR_materials_unlit";
 
 /// What the document describes.
@@ -37,6 +41,8 @@ pub(super) struct GlbDocument<'a> {
     pub layout: &'a ChunkLayout,
     /// Positions are relative to this.
     pub origin: DVec3,
+    /// Whether what was z points up along y.
+    pub turns_z_up: bool,
 }
 
 impl GlbDocument<'_> {
@@ -70,8 +76,13 @@ impl GlbDocument<'_> {
             first_index += size.indices_bytes();
         }
         let mut node = json!({ "mesh": 0 });
+        let mut shift = self.origin;
+        if self.turns_z_up {
+            node["rotation"] = json!(Z_TO_Y);
+            shift = DVec3::new(shift.x, shift.z, -shift.y);
+        }
         if self.origin != DVec3::ZERO {
-            node["translation"] = json!(self.origin.to_array());
+            node["translation"] = json!(shift.to_array());
         }
         root["scenes"] = json!([{ "nodes": [0] }]);
         root["nodes"] = json!([node]);
@@ -85,10 +96,7 @@ impl GlbDocument<'_> {
         }
         if !self.images.files.is_empty() {
             let numbered = || self.images.files.iter().enumerate();
-            let image = |(number, image): (usize, &super::images::EmbeddedImage)| {
-                let name = image.path.file_stem().unwrap_or_default().to_string_lossy();
-                json!({ "bufferView": FIRST_IMAGE + number, "mimeType": image.media_type, "name": name })
-            };
+            let image = |(number, image): (usize, &super::images::EmbeddedImage)| json!({ "bufferView": FIRST_IMAGE + number, "mimeType": image.media_type, "name": image.name });
             root["images"] = numbered().map(image).collect();
             root["textures"] = numbered().map(|(number, _)| json!({ "source": number, "sampler": 0 })).collect();
             root["samplers"] = json!([{

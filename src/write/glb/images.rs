@@ -1,19 +1,29 @@
-//! The images in a GLB: those files that materials name, as they are.
+//! The images in a GLB: JPEG and PNG files as they are, others as PNG.
 //!
 //! In: the catalogue, and which parts have faces. Out: the files, and the image of each material. What a GLB cannot hold
-//! of objects, groups and materials is reported. Invariant: a GLB holds JPEG and PNG images alone.
+//! of objects, groups and materials is reported.
+//!
+//! # Memory
+//! An image that becomes a PNG, decoded.
+//!
+//! # Files
+//! `write-image-<number>.png`, the images that became PNG.
 
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::Read;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::base::error::escape_path;
 use crate::base::id::TiVec;
 use crate::base::{Error, Findings, Result};
+#[cfg(feature = "images")]
+use crate::image::{decode, encode::encode};
 use crate::model::Catalogue;
 use crate::model::diffuse::diffuse_image;
 use crate::model::id::MaterialId;
+#[cfg(feature = "images")]
+use crate::model::image_format::ImageFormat;
 use crate::os::content::Content;
 use crate::write::losses::{note_unwritten, used_materials};
 use crate::write::numbering::Usage;
@@ -23,8 +33,16 @@ use crate::write::textures::TextureStage;
 #[derive(Debug)]
 pub(super) struct EmbeddedImage {
     pub path: PathBuf,
+    /// Its name in the GLB.
+    pub name: String,
     pub content: Content,
     pub media_type: &'static str,
+}
+
+/// Where images become PNG, and the memory for one of them in bytes.
+pub(in crate::write) struct ImageLimits<'a> {
+    pub work_folder: &'a Path,
+    pub work_bytes: u64,
 }
 
 /// Images of the result.
@@ -45,6 +63,7 @@ pub(in crate::write) fn find_images(
     catalogue: &Catalogue,
     usage: &Usage,
     textures: &mut TextureStage,
+    limits: &ImageLimits<'_>,
 ) -> Result<GlbImages> {
     let mut images = GlbImages { of_material: vec![None; catalogue.materials.len()].into(), ..GlbImages::default() };
     let mut known: HashMap<PathBuf, Option<usize>> = HashMap::new();
@@ -55,7 +74,7 @@ pub(in crate::write) fn find_images(
         images.of_material[material] = match known.get(&path) {
             Some(&index) => index,
             None => {
-                let index = images.add(path.clone(), content)?;
+                let index = images.add(path.clone(), content, limits)?;
                 known.insert(path, index);
                 index
             }
@@ -69,21 +88,47 @@ pub(in crate::write) fn find_images(
 }
 
 impl GlbImages {
-    /// Adds a file; `None`, with a finding, if a GLB cannot hold it.
-    fn add(&mut self, path: PathBuf, content: Content) -> Result<Option<usize>> {
-        let Some(media_type) = media_type(&path)? else {
-            self.findings.note("unwritten_images", || {
-                format!("{}: neither JPEG nor PNG, as a GLB wants it; `textures: bake` makes such", escape_path(&path))
-            });
-            return Ok(None);
+    /// Adds a file; `None`, with a finding, if it cannot be decoded.
+    fn add(&mut self, path: PathBuf, content: Content, limits: &ImageLimits<'_>) -> Result<Option<usize>> {
+        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let image = match media_type(&path)? {
+            Some(media_type) => EmbeddedImage { path, name, content, media_type },
+            None => {
+                let new = limits.work_folder.join(format!("write-image-{:06}.png", self.files.len()));
+                if !convert(&path, &new, limits.work_bytes, &mut self.findings)? {
+                    return Ok(None);
+                }
+                let content = Content::of(&new).map_err(|e| Error::io(&new, "read", e))?;
+                EmbeddedImage { path: new, name, content, media_type: "image/png" }
+            }
         };
-        self.files.push(EmbeddedImage { path, content, media_type });
+        self.files.push(image);
         Ok(Some(self.files.len() - 1))
     }
 }
 
-/// Type of an image by its first bytes; `None` if a GLB cannot hold it.
-fn media_type(path: &std::path::Path) -> Result<Option<&'static str>> {
+/// Makes a PNG of an image in another format; returns whether it could be decoded, else with a finding.
+#[cfg(feature = "images")]
+fn convert(path: &Path, new: &Path, allowed_bytes: u64, findings: &mut Findings) -> Result<bool> {
+    let decoded = decode::plan(path, allowed_bytes).and_then(|plan| decode::decode(path, &plan));
+    match decoded {
+        Ok(image) => encode(image.pixels(), image.size(), ImageFormat::Png, new).map(|()| true),
+        Err(why) => {
+            findings.note("unwritten_images", || format!("{}: {why}", escape_path(path)));
+            Ok(false)
+        }
+    }
+}
+
+/// Without a decoder, such an image is not written.
+#[cfg(not(feature = "images"))]
+fn convert(path: &Path, _: &Path, _: u64, findings: &mut Findings) -> Result<bool> {
+    findings.note("unwritten_images", || format!("{}: neither JPEG nor PNG", escape_path(path)));
+    Ok(false)
+}
+
+/// Type of an image by its first bytes; `None` if a GLB cannot hold it as it is.
+fn media_type(path: &Path) -> Result<Option<&'static str>> {
     let mut start = Vec::new();
     let file = File::open(path).map_err(|e| Error::io(path, "open", e))?;
     file.take(8).read_to_end(&mut start).map_err(|e| Error::io(path, "read", e))?;

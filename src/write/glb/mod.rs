@@ -27,7 +27,7 @@ use glam::DVec3;
 
 use self::corners::{CornerSweep, GlbVertex, TakeCorners};
 use self::document::{GlbDocument, linear};
-pub(super) use self::images::{GlbImages, find_images};
+pub(super) use self::images::{GlbImages, ImageLimits, find_images};
 use self::layout::{ChunkLayout, PrimitiveSize, RecordForm, padded};
 use self::primitives::{PrimitiveId, Primitives};
 use super::copy::open_regular;
@@ -51,6 +51,7 @@ const NEAR: f64 = 2.0;
 pub(super) struct GlbSink {
     file: ResultFile,
     images: GlbImages,
+    turns_z_up: bool,
     /// Count of numbers that are written as 0.
     non_finite: u64,
     /// Count of vertices that have no colour while others do.
@@ -58,12 +59,13 @@ pub(super) struct GlbSink {
 }
 
 impl GlbSink {
-    /// Creates a temporary file of the job that will become `target`.
+    /// Creates a temporary file of the job that will become `target`; `turns_z_up` as in
+    /// [`WriteOptions`](super::WriteOptions::turns_z_up).
     ///
     /// # Errors
     /// If the file cannot be created.
-    pub(super) fn begin(target: &Path, job: u64, images: GlbImages) -> Result<Self> {
-        Ok(Self { file: ResultFile::create(target, job)?, images, non_finite: 0, uncoloured: 0 })
+    pub(super) fn begin(target: &Path, job: u64, images: GlbImages, turns_z_up: bool) -> Result<Self> {
+        Ok(Self { file: ResultFile::create(target, job)?, images, turns_z_up, non_finite: 0, uncoloured: 0 })
     }
 
     /// Writes the header and the JSON.
@@ -175,8 +177,14 @@ impl MeshSink for GlbSink {
         let texcoords = primitives.list.iter().any(|primitive| primitive.image.is_some());
         let form = RecordForm { normals: form.normals, texcoords, colours };
         let layout = ChunkLayout::new(form, counter.sizes, &self.images);
-        let described =
-            GlbDocument { catalogue, primitives: &primitives, images: &self.images, layout: &layout, origin };
+        let described = GlbDocument {
+            catalogue,
+            primitives: &primitives,
+            images: &self.images,
+            layout: &layout,
+            origin,
+            turns_z_up: self.turns_z_up,
+        };
         let document = described.text();
         self.write_document(&document, &layout)?;
 

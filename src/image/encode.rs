@@ -1,4 +1,4 @@
-//! Encodes baked images.
+//! Encodes images.
 
 use std::io::Write;
 use std::path::Path;
@@ -6,7 +6,6 @@ use std::path::Path;
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
 
-use super::canvas::AtlasCanvas;
 use crate::base::{Error, Result};
 use crate::model::image_format::ImageFormat;
 use crate::os::durable::DurableFile;
@@ -14,14 +13,13 @@ use crate::os::durable::DurableFile;
 /// Bytes that are written at once.
 const BUFFER_BYTES: usize = 1 << 16;
 
-/// Writes an image to a file, durably.
+/// Writes an image to a file in the work folder, durably: red, green and blue of each pixel, row by row.
 ///
 /// # Errors
 /// On a full disk or a failed write.
-pub(super) fn write(canvas: &AtlasCanvas, format: ImageFormat, path: &Path) -> Result<()> {
+pub fn encode(pixels: &[u8], [width, height]: [usize; 2], format: ImageFormat, path: &Path) -> Result<()> {
     let mut file = Sink(DurableFile::create(path, BUFFER_BYTES)?);
     let wrap = |error: std::io::Error| Error::io(path, "write", error);
-    let [width, height] = canvas.size;
     match format {
         ImageFormat::Png => {
             let mut encoder = png::Encoder::new(&mut file, width as u32, height as u32);
@@ -31,14 +29,14 @@ pub(super) fn write(canvas: &AtlasCanvas, format: ImageFormat, path: &Path) -> R
             let written = encoder.write_header().and_then(|mut writer| {
                 // Row by row: compressed as a whole, the image would be in memory twice.
                 let mut rows = writer.stream_writer()?;
-                rows.write_all(&canvas.rgb)?;
+                rows.write_all(pixels)?;
                 rows.finish()
             });
             written.map_err(|error| wrap(error.into()))?;
         }
         ImageFormat::Jpeg(quality) => {
             let mut encoder = JpegEncoder::new_with_quality(&mut file, quality);
-            let written = encoder.encode(&canvas.rgb, width as u32, height as u32, ExtendedColorType::Rgb8);
+            let written = encoder.encode(pixels, width as u32, height as u32, ExtendedColorType::Rgb8);
             written.map_err(|error| wrap(std::io::Error::other(error)))?;
         }
     }
