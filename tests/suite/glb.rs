@@ -139,6 +139,34 @@ fn each_miniature_is_that_of_the_obj() {
 }
 
 #[test]
+fn many_triangles_of_a_piece_and_many_materials() {
+    // More than a window of triangles, and than 16 bits number.
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("in.obj");
+    fs::write(&input, terrain(280).text()).unwrap();
+    let (_, glb) = write(&input, folder.path(), &ratio(1.0));
+    let kinds: Vec<_> = glb.document["accessors"].as_array().unwrap().iter().map(|a| &a["componentType"]).collect();
+    assert_eq!(*kinds.last().unwrap(), 5125);
+    assert_same(&glb.triangles(), &read(&input));
+
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("in.obj");
+    let mut text = String::new();
+    for i in 0..3000 {
+        text += &format!("v {i} 0 0\nv {i}.9 0 0\nv {i} 1 0\nusemtl m{i}\nf -3 -2 -1\n");
+    }
+    fs::write(&input, text).unwrap();
+    let (_, glb) = write(&input, folder.path(), &ratio(1.0));
+    let triangles = glb.triangles();
+    assert_eq!(glb.document["materials"].as_array().unwrap().len(), 3000);
+    for triangle in &triangles {
+        let name = format!("m{}", triangle.positions[0].x.floor());
+        assert_eq!(glb.document["materials"][triangle.material]["name"], name.as_str());
+    }
+    assert_same(&triangles, &read(&input));
+}
+
+#[test]
 fn colours_of_vertices_are_amounts_of_light() {
     let folder = tempfile::tempdir().unwrap();
     let (_, glb) = write(&fixture("miniatures/coloured_sphere.obj"), folder.path(), &ratio(0.5));

@@ -8,9 +8,10 @@ use std::f64::consts::FRAC_1_SQRT_2;
 use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
 
-use super::images::GlbImages;
+use super::images::{EmbeddedImage, GlbImages};
 use super::layout::{ChunkLayout, PrimitiveSize, padded};
 use super::primitives::{Primitive, Primitives};
+use crate::base::Result;
 use crate::model::Catalogue;
 use crate::model::diffuse::diffuse_colour;
 
@@ -33,6 +34,9 @@ const NO_COLOUR: [u8; 3] = [204; 3];
 const Z_TO_Y: [f64; 4] = [-FRAC_1_SQRT_2, 0.0, 0.0, FRAC_1_SQRT_2];
 const UNLIT: &str = "KHR_materials_unlit";
 
+/// What receives the text.
+type Put<'p> = &'p mut dyn FnMut(&[u8]) -> Result<()>;
+
 /// What the document describes.
 pub(super) struct GlbDocument<'a> {
     pub catalogue: &'a Catalogue,
@@ -45,36 +49,83 @@ pub(super) struct GlbDocument<'a> {
     pub turns_z_up: bool,
 }
 
+/// A primitive that has faces, and where it begins.
+#[derive(Clone, Copy)]
+struct PlacedPrimitive<'a> {
+    primitive: &'a Primitive,
+    size: &'a PrimitiveSize,
+    number: usize,
+    /// Number of its first accessor; that of its indices is the last.
+    accessor: usize,
+    /// Vertices and bytes of indices before it.
+    vertices_before: u64,
+    index_bytes_before: u64,
+}
+
 impl GlbDocument<'_> {
-    /// The document, filled with blanks to whole words.
-    pub fn text(&self) -> Vec<u8> {
-        let mut text = self.json().to_string().into_bytes();
-        text.resize(padded(text.len() as u64) as usize, b' ');
-        text
+    /// Length of the text in bytes.
+    ///
+    /// # Errors
+    /// As [`write`](Self::write), where nothing is put anywhere.
+    pub fn bytes(&self) -> Result<u64> {
+        let mut bytes = 0;
+        self.write(&mut |text| {
+            bytes += text.len() as u64;
+            Ok(())
+        })?;
+        Ok(bytes)
     }
 
-    fn json(&self) -> Value {
-        let mut root = json!({
-            "asset": { "version": "2.0", "generator": concat!("drystone ", env!("CARGO_PKG_VERSION")) },
-            "scene": 0,
-        });
-        let filled: Vec<_> =
-            self.primitives.list.iter().zip(&self.layout.primitives).filter(|(_, size)| size.faces > 0).collect();
-        if filled.is_empty() {
-            root["scenes"] = json!([{}]);
-            return root;
+    /// Passes the text on in small parts, since there may be many materials.
+    ///
+    /// # Errors
+    /// Those of `put`.
+    pub fn write(&self, put: Put<'_>) -> Result<()> {
+        let asset = json!({ "version": "2.0", "generator": concat!("drystone ", env!("CARGO_PKG_VERSION")) });
+        put(format!("{{\"asset\":{asset},\"scene\":0").as_bytes())?;
+        if self.placed().next().is_none() {
+            put_list(put, "scenes", [json!({})].into_iter())?;
+            return put(b"}");
         }
-        let mut accessors = Vec::new();
-        let (mut first_vertex, mut first_index) = (0, 0);
-        let mut primitives = Vec::new();
-        for (number, (primitive, size)) in filled.iter().enumerate() {
-            let attributes = self.attributes(primitive, size, first_vertex, &mut accessors);
-            primitives.push(json!({ "attributes": attributes, "indices": accessors.len(), "material": number }));
-            let kind = if size.index_bytes() == 2 { UNSIGNED_SHORT } else { UNSIGNED_INT };
-            accessors.push(accessor(INDICES, first_index, kind, 3 * size.faces, "SCALAR"));
-            first_vertex += size.vertices;
-            first_index += size.indices_bytes();
+        put_list(put, "scenes", [json!({ "nodes": [0] })].into_iter())?;
+        put_list(put, "nodes", [self.node()].into_iter())?;
+        put(b",\"meshes\":[{\"primitives\":")?;
+        put_values(put, self.placed().map(|placed| self.primitive(placed)))?;
+        put(b"}]")?;
+        put_list(put, "materials", self.placed().map(|placed| self.material(placed.primitive)))?;
+        put_list(put, "accessors", self.placed().flat_map(|placed| self.accessors(placed)))?;
+        put_list(put, "bufferViews", self.buffer_views())?;
+        put_list(put, "buffers", [json!({ "byteLength": self.layout.bytes() })].into_iter())?;
+        if !self.layout.form.normals {
+            put_list(put, "extensionsUsed", [json!(UNLIT)].into_iter())?;
         }
+        let images = || self.images.files.iter().enumerate();
+        if images().next().is_some() {
+            let described = |(number, image): (usize, &EmbeddedImage)| json!({ "bufferView": FIRST_IMAGE + number, "mimeType": image.media_type, "name": image.name });
+            put_list(put, "images", images().map(described))?;
+            put_list(put, "textures", images().map(|(number, _)| json!({ "source": number, "sampler": 0 })))?;
+            let sampler = json!({
+                "magFilter": LINEAR, "minFilter": LINEAR_MIPMAP_LINEAR, "wrapS": REPEAT, "wrapT": REPEAT,
+            });
+            put_list(put, "samplers", [sampler].into_iter())?;
+        }
+        put(b"}")
+    }
+
+    /// The primitives that have faces.
+    fn placed(&self) -> impl Iterator<Item = PlacedPrimitive<'_>> {
+        let all = self.primitives.list.iter().zip(&self.layout.primitives).filter(|(_, size)| size.faces > 0);
+        let mut before = (0, 0, 0);
+        all.enumerate().map(move |(number, (primitive, size))| {
+            let (accessor, vertices_before, index_bytes_before) = before;
+            before.0 += self.attributes(primitive).count() + 1;
+            before.1 += size.vertices;
+            before.2 += size.indices_bytes();
+            PlacedPrimitive { primitive, size, number, accessor, vertices_before, index_bytes_before }
+        })
+    }
+
+    fn node(&self) -> Value {
         let mut node = json!({ "mesh": 0 });
         let mut shift = self.origin;
         if self.turns_z_up {
@@ -84,52 +135,48 @@ impl GlbDocument<'_> {
         if self.origin != DVec3::ZERO {
             node["translation"] = json!(shift.to_array());
         }
-        root["scenes"] = json!([{ "nodes": [0] }]);
-        root["nodes"] = json!([node]);
-        root["meshes"] = json!([{ "primitives": primitives }]);
-        root["materials"] = filled.iter().map(|(primitive, _)| self.material(primitive)).collect();
-        root["accessors"] = json!(accessors);
-        root["bufferViews"] = json!(self.buffer_views());
-        root["buffers"] = json!([{ "byteLength": self.layout.bytes() }]);
-        if !self.layout.form.normals {
-            root["extensionsUsed"] = json!([UNLIT]);
-        }
-        if !self.images.files.is_empty() {
-            let numbered = || self.images.files.iter().enumerate();
-            let image = |(number, image): (usize, &super::images::EmbeddedImage)| json!({ "bufferView": FIRST_IMAGE + number, "mimeType": image.media_type, "name": image.name });
-            root["images"] = numbered().map(image).collect();
-            root["textures"] = numbered().map(|(number, _)| json!({ "source": number, "sampler": 0 })).collect();
-            root["samplers"] = json!([{
-                "magFilter": LINEAR, "minFilter": LINEAR_MIPMAP_LINEAR, "wrapS": REPEAT, "wrapT": REPEAT,
-            }]);
-        }
-        root
+        node
     }
 
-    /// Adds the accessors of a primitive's vertices; returns them by attribute.
-    fn attributes(&self, primitive: &Primitive, size: &PrimitiveSize, first: u64, accessors: &mut Vec<Value>) -> Value {
+    /// Attributes of a primitive's vertices: name, first word in the record, type of the components, shape.
+    fn attributes(
+        &self,
+        primitive: &Primitive,
+    ) -> impl Iterator<Item = (&'static str, usize, u32, &'static str)> + use<> {
         let form = self.layout.form;
-        let mut attributes = json!({});
-        let mut add = |name: &str, word: usize, kind: u32, shape: &str| {
-            attributes[name] = json!(accessors.len());
-            let offset = 4 * (first * form.words() as u64 + word as u64);
-            accessors.push(accessor(VERTICES, offset, kind, size.vertices, shape));
-            accessors.len() - 1
+        let normal = form.normals.then_some(("NORMAL", 3, FLOAT, "VEC3"));
+        let shown = if primitive.image.is_some() {
+            Some(("TEXCOORD_0", form.before_texcoord(), FLOAT, "VEC2"))
+        } else {
+            form.colours.then_some(("COLOR_0", form.before_colour(), UNSIGNED_SHORT, "VEC4"))
         };
-        let position = add("POSITION", 0, FLOAT, "VEC3");
-        if form.normals {
-            add("NORMAL", 3, FLOAT, "VEC3");
-        }
-        if primitive.image.is_some() {
-            add("TEXCOORD_0", form.before_texcoord(), FLOAT, "VEC2");
-        } else if form.colours {
-            let colour = add("COLOR_0", form.before_colour(), UNSIGNED_SHORT, "VEC4");
-            accessors[colour]["normalized"] = json!(true);
-        }
-        let numbers = |corner: Vec3| json!(corner.to_array().map(f64::from));
-        accessors[position]["min"] = numbers(size.low);
-        accessors[position]["max"] = numbers(size.high);
-        attributes
+        std::iter::once(("POSITION", 0, FLOAT, "VEC3")).chain(normal).chain(shown)
+    }
+
+    fn primitive(&self, placed: PlacedPrimitive<'_>) -> Value {
+        let names = self.attributes(placed.primitive).map(|(name, ..)| name.to_owned());
+        let attributes: serde_json::Map<String, Value> = names.zip((placed.accessor..).map(Value::from)).collect();
+        let indices = placed.accessor + attributes.len();
+        json!({ "attributes": attributes, "indices": indices, "material": placed.number })
+    }
+
+    /// The accessors of a primitive: those of its vertices, then that of its indices.
+    fn accessors(&self, placed: PlacedPrimitive<'_>) -> impl Iterator<Item = Value> {
+        let record_bytes = 4 * self.layout.form.words() as u64;
+        let PlacedPrimitive { primitive, size, vertices_before, index_bytes_before, .. } = placed;
+        let of_vertices = self.attributes(primitive).map(move |(name, word, kind, shape)| {
+            let offset = vertices_before * record_bytes + 4 * word as u64;
+            let mut accessor = accessor(VERTICES, offset, kind, size.vertices, shape);
+            let numbers = |corner: Vec3| json!(corner.to_array().map(f64::from));
+            match name {
+                "POSITION" => (accessor["min"], accessor["max"]) = (numbers(size.low), numbers(size.high)),
+                "COLOR_0" => accessor["normalized"] = json!(true),
+                _ => {}
+            }
+            accessor
+        });
+        let kind = if size.index_bytes() == 2 { UNSIGNED_SHORT } else { UNSIGNED_INT };
+        of_vertices.chain([accessor(INDICES, index_bytes_before, kind, 3 * size.faces, "SCALAR")])
     }
 
     fn material(&self, primitive: &Primitive) -> Value {
@@ -152,7 +199,7 @@ impl GlbDocument<'_> {
         described
     }
 
-    fn buffer_views(&self) -> Vec<Value> {
+    fn buffer_views(&self) -> impl Iterator<Item = Value> {
         let layout = self.layout;
         let view = |offset: u64, bytes: u64| json!({ "buffer": 0, "byteOffset": offset, "byteLength": bytes });
         let mut vertices = view(0, layout.vertex_bytes);
@@ -160,14 +207,28 @@ impl GlbDocument<'_> {
         vertices["target"] = json!(ARRAY_BUFFER);
         let mut indices = view(layout.vertex_bytes, layout.index_bytes);
         indices["target"] = json!(ELEMENT_ARRAY_BUFFER);
-        let mut views = vec![vertices, indices];
         let mut offset = layout.vertex_bytes + layout.index_bytes;
-        for &bytes in &layout.image_bytes {
-            views.push(view(offset, bytes));
+        let images = layout.image_bytes.iter().map(move |&bytes| {
             offset += padded(bytes);
-        }
-        views
+            view(offset - padded(bytes), bytes)
+        });
+        [vertices, indices].into_iter().chain(images)
     }
+}
+
+/// Puts a member with a list.
+fn put_list(put: Put<'_>, key: &str, values: impl Iterator<Item = Value>) -> Result<()> {
+    put(format!(",\"{key}\":").as_bytes())?;
+    put_values(put, values)
+}
+
+fn put_values(put: Put<'_>, values: impl Iterator<Item = Value>) -> Result<()> {
+    put(b"[")?;
+    for (number, value) in values.enumerate() {
+        let comma = if number == 0 { "" } else { "," };
+        put(format!("{comma}{value}").as_bytes())?;
+    }
+    put(b"]")
 }
 
 fn accessor(view: usize, offset: u64, kind: u32, count: u64, shape: &str) -> Value {

@@ -68,32 +68,6 @@ impl GlbSink {
         Ok(Self { file: ResultFile::create(target, job)?, images, turns_z_up, non_finite: 0, uncoloured: 0 })
     }
 
-    /// Writes the header and the JSON.
-    fn write_document(&mut self, document: &[u8], layout: &ChunkLayout) -> Result<()> {
-        let chunk = layout.bytes();
-        let mut total = FILE_HEADER_BYTES + CHUNK_HEADER_BYTES + document.len() as u64;
-        if chunk > 0 {
-            total += CHUNK_HEADER_BYTES + chunk;
-        }
-        let Ok(total) = u32::try_from(total) else {
-            return Err(Error::Limit(format!(
-                "the GLB would have {}, and the format ends at 4 GiB: choose fewer triangles or texels, or an OBJ",
-                bytes::display(total)
-            )));
-        };
-        self.file.write(b"glTF")?;
-        self.file.write(&2u32.to_le_bytes())?;
-        self.file.write(&total.to_le_bytes())?;
-        self.file.write(&(document.len() as u32).to_le_bytes())?;
-        self.file.write(b"JSON")?;
-        self.file.write(document)?;
-        if chunk > 0 {
-            self.file.write(&(chunk as u32).to_le_bytes())?;
-            self.file.write(b"BIN\0")?;
-        }
-        Ok(())
-    }
-
     fn write_vertices(&mut self, vertices: Grouping<PrimitiveId>) -> Result<()> {
         vertices.drain(|groups| groups.iter().try_for_each(|group| self.file.write(bytemuck::cast_slice(group.words))))
     }
@@ -177,16 +151,10 @@ impl MeshSink for GlbSink {
         let texcoords = primitives.list.iter().any(|primitive| primitive.image.is_some());
         let form = RecordForm { normals: form.normals, texcoords, colours };
         let layout = ChunkLayout::new(form, counter.sizes, &self.images);
-        let described = GlbDocument {
-            catalogue,
-            primitives: &primitives,
-            images: &self.images,
-            layout: &layout,
-            origin,
-            turns_z_up: self.turns_z_up,
-        };
-        let document = described.text();
-        self.write_document(&document, &layout)?;
+        let Self { file, images, turns_z_up, .. } = self;
+        let (primitives, layout) = (&primitives, &layout);
+        let document = GlbDocument { catalogue, primitives, images, layout, origin, turns_z_up: *turns_z_up };
+        write_document(file, &document)?;
 
         let counts = |of: fn(&PrimitiveSize) -> u64| layout.primitives.iter().map(of).collect();
         let file = |name: &str| work_folder.join(name);
@@ -203,13 +171,13 @@ impl MeshSink for GlbSink {
             channel_scale: if counter.brightest > 1.0 { 1.0 / 255.0 } else { 1.0 },
             record: Vec::new(),
         };
-        let mut sweep = CornerSweep::new(mesh, &primitives, origin, form.normals)?;
+        let mut sweep = CornerSweep::new(mesh, primitives, origin, form.normals)?;
         sweep.run(&mut grouper)?;
         self.non_finite = sweep.non_finite;
         self.uncoloured = if colours { counter.uncoloured } else { 0 };
         let Grouper { vertices, faces, .. } = grouper;
         self.write_vertices(vertices)?;
-        self.write_indices(faces, &layout, result)?;
+        self.write_indices(faces, layout, result)?;
         self.write_images()
     }
 
@@ -223,6 +191,33 @@ impl MeshSink for GlbSink {
     fn commit(self: Box<Self>) -> Result<()> {
         self.file.commit()
     }
+}
+
+/// Writes the headers and the JSON, filled with blanks to whole words.
+fn write_document(file: &mut ResultFile, document: &GlbDocument<'_>) -> Result<()> {
+    let (json, chunk) = (document.bytes()?, document.layout.bytes());
+    let mut total = FILE_HEADER_BYTES + CHUNK_HEADER_BYTES + padded(json);
+    if chunk > 0 {
+        total += CHUNK_HEADER_BYTES + chunk;
+    }
+    let Ok(total) = u32::try_from(total) else {
+        return Err(Error::Limit(format!(
+            "the GLB would have {}, and the format ends at 4 GiB: choose fewer triangles or texels, or an OBJ",
+            bytes::display(total)
+        )));
+    };
+    file.write(b"glTF")?;
+    file.write(&2u32.to_le_bytes())?;
+    file.write(&total.to_le_bytes())?;
+    file.write(&(padded(json) as u32).to_le_bytes())?;
+    file.write(b"JSON")?;
+    document.write(&mut |text| file.write(text))?;
+    file.write(&b"   "[..(padded(json) - json) as usize])?;
+    if chunk > 0 {
+        file.write(&(chunk as u32).to_le_bytes())?;
+        file.write(b"BIN\0")?;
+    }
+    Ok(())
 }
 
 /// The place that positions are relative to: (0, 0, 0), or a place near the middle, in few digits, if that is far away.
