@@ -30,7 +30,7 @@ use self::document::{GlbDocument, linear};
 pub(super) use self::images::{GlbImages, ImageLimits, find_images};
 use self::layout::{ChunkLayout, PrimitiveSize, RecordForm, padded};
 use self::primitives::{PrimitiveId, Primitives};
-use super::copy::open_regular;
+use super::copy::{CopyError, open_regular};
 use super::grouping::{Group, Grouping};
 use super::result_file::ResultFile;
 use super::sink::{MeshSink, ResultMesh};
@@ -69,7 +69,7 @@ impl GlbSink {
     }
 
     fn write_vertices(&mut self, vertices: Grouping<PrimitiveId>) -> Result<()> {
-        vertices.drain(|groups| groups.iter().try_for_each(|group| self.file.write(bytemuck::cast_slice(group.words))))
+        vertices.drain(|groups| groups.iter().try_for_each(|group| self.file.write(&little_endian(group.words))))
     }
 
     fn write_indices(
@@ -84,13 +84,13 @@ impl GlbSink {
             for &Group { key, words } in groups {
                 left[key] -= words.len() as u64;
                 if layout.primitives[key].index_bytes() == 4 {
-                    self.file.write(bytemuck::cast_slice(words))?;
+                    self.file.write(&little_endian(words))?;
                 } else {
-                    let mut short: Vec<u16> = words.iter().map(|&word| word as u16).collect();
+                    let mut short: Vec<u8> = words.iter().flat_map(|&word| (word as u16).to_le_bytes()).collect();
                     if left[key] == 0 && layout.primitives[key].faces % 2 == 1 {
-                        short.push(0);
+                        short.extend([0; 2]);
                     }
-                    self.file.write(bytemuck::cast_slice(&short))?;
+                    self.file.write(&short)?;
                 }
                 result.progress.advance(words.len() as u64 / 3);
             }
@@ -103,17 +103,12 @@ impl GlbSink {
         for image in &images.files {
             let wrap = |error| Error::io(&image.path, "read", error);
             let source = open_regular(&image.path).map_err(wrap)?;
-            let mut failed = None;
-            let content = Content::pass(source, |bytes| {
-                file.write(bytes).map_err(|error| {
-                    failed = Some(error);
-                    std::io::Error::other("")
-                })
-            });
-            if let Some(error) = failed {
-                return Err(error);
-            }
-            if content.map_err(wrap)? != image.content {
+            let content = Content::pass(source, |bytes| file.write(bytes).map_err(CopyError::Write));
+            let content = content.map_err(|error| match error {
+                CopyError::Read(error) => wrap(error),
+                CopyError::Write(error) => error,
+            })?;
+            if content != image.content {
                 let path = escape_path(&image.path);
                 return Err(Error::Changed(format!("{path}: has changed while the result was written; try again")));
             }
@@ -191,6 +186,10 @@ impl MeshSink for GlbSink {
     fn commit(self: Box<Self>) -> Result<()> {
         self.file.commit()
     }
+}
+
+fn little_endian(words: &[u32]) -> Vec<u8> {
+    words.iter().flat_map(|word| word.to_le_bytes()).collect()
 }
 
 /// Writes the headers and the JSON, filled with blanks to whole words.
