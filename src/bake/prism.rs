@@ -109,7 +109,7 @@ impl NearTriangle {
 
     /// Barycentric weights of its places closest to four points, by corner.
     #[inline]
-    pub fn weights_of_four(&self, points: &FourPoints) -> [Vec4; 3] {
+    fn weights_of_four(&self, points: &FourPoints) -> [Vec4; 3] {
         if let Some(prism) = &self.prism {
             let beyond = prism.beyond_four(points);
             if beyond[1].max(beyond[2]).max(beyond[3]).cmple(Vec4::ZERO).all() {

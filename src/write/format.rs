@@ -17,6 +17,11 @@ impl ResultFormat {
     /// Endings of the names of their files.
     const ENDINGS: [(Self, &str); 3] = [(Self::Obj, "obj"), (Self::Ply, "ply"), (Self::Glb, "glb")];
 
+    /// Whether images, or an MTL, lie beside such a file.
+    pub(super) fn has_companions(self) -> bool {
+        self != Self::Glb
+    }
+
     /// Format of the files with the ending of a path; `None` for others.
     pub fn by_ending(path: &Path) -> Option<Self> {
         let ending = path.extension()?;

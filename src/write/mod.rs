@@ -19,7 +19,8 @@
 //! that half (64 bytes per face) is processed alone.
 //!
 //! # Files
-//! `write-faces.tmp`, `write-stars.tmp`, `write-vertices.tmp`, `write-normals.col`, and those of `glb` in the work folder, removed before [`write()`] returns.
+//! In the work folder, `write-faces.tmp`, `write-stars.tmp`, `write-vertices.tmp` and `write-normals.col`, removed before
+//! [`write()`] returns; `write-image-<number>.png`, an image that a GLB cannot hold as it is.
 
 mod companion;
 mod copy;
@@ -197,10 +198,9 @@ pub fn check_output(output: &Path, catalogue: &Catalogue, options: &WriteOptions
     if was_writing {
         return Ok(());
     }
-    if targets.mtl.as_deref().is_none_or(|mtl| look(mtl).is_none()) && look(&targets.textures()).is_none() {
-        return Ok(());
-    }
-    if targets.format == ResultFormat::Glb {
+    if !targets.format.has_companions()
+        || targets.mtl.as_deref().is_none_or(|mtl| look(mtl).is_none()) && look(&targets.textures()).is_none()
+    {
         return Ok(());
     }
     let mut textures = TextureStage::rehearsal(options, &targets, catalogue);
@@ -222,7 +222,7 @@ pub fn check_output(output: &Path, catalogue: &Catalogue, options: &WriteOptions
 /// [`Error::Usage`] that names the file in the way.
 pub fn check_baked_output(output: &Path, options: &WriteOptions, was_writing: bool) -> Result<()> {
     let targets = Targets::choose(output, &options.sources, options.may_replace_mesh())?;
-    if was_writing || options.may_replace_mesh() || targets.format == ResultFormat::Glb {
+    if was_writing || options.may_replace_mesh() || !targets.format.has_companions() {
         return Ok(());
     }
     let textures = targets.textures();
@@ -312,7 +312,9 @@ fn begin(
     work_folder: &Path,
 ) -> Result<Begun> {
     if targets.format == ResultFormat::Glb {
-        let limits = glb::ImageLimits { work_folder, work_bytes: options.work_bytes };
+        // The result is measured at the same time.
+        let work_bytes = options.work_bytes.saturating_sub(usage.memory_bytes()) / 2;
+        let limits = glb::ImageLimits { work_folder, work_bytes };
         let images = glb::find_images(catalogue, usage, textures, &limits)?;
         let sink = Box::new(GlbSink::begin(&targets.mesh, options.job, images, options.turns_z_up)?);
         return Ok(Begun { sink, mtl: None, companions: Vec::new() });

@@ -4,11 +4,28 @@ use std::path::Path;
 
 use xxhash_rust::xxh3::Xxh3;
 
-use crate::base::Result;
+use crate::base::{Findings, Result};
 use crate::os::content::Content;
 use crate::os::durable::DurableFile;
 
 const FILE_BUFFER_BYTES: usize = 64 << 10;
+
+/// Counts of what a format cannot hold as it was.
+#[derive(Debug, Default)]
+pub(super) struct Replaced {
+    /// Numbers that were NaN or infinite and are written as 0.
+    pub(super) non_finite: u64,
+    /// Vertices that have no colour while others do.
+    pub(super) uncoloured: u64,
+}
+
+impl Replaced {
+    /// Adds them to the findings.
+    pub(super) fn note(&self, findings: &mut Findings) {
+        findings.count("non_finite_numbers", self.non_finite);
+        findings.count("uncoloured_vertices", self.uncoloured);
+    }
+}
 
 /// A mesh file under a temporary name.
 pub(super) struct ResultFile {

@@ -37,6 +37,15 @@ const STEM_BYTES_MAX: usize = 220;
 /// Advice for a texture that is not copied.
 const REFERRED: &str = "the MTL refers to it in place; copy it with --textures-outside copy";
 
+/// Advice for a texture that does not become a part of the mesh file.
+const NOT_EMBEDDED: &str = "it is not in the result; --textures-outside copy takes it in";
+
+/// Why a texture does not come to the result.
+enum LeftOut {
+    Missing,
+    Refused,
+}
+
 /// Textures being prepared for the result.
 #[derive(Debug)]
 pub(super) struct TextureStage {
@@ -69,6 +78,8 @@ pub(super) struct TextureStage {
     pub(super) copied: Vec<CopiedTexture>,
     /// Textures that existed already with the right content, and their state.
     kept: Vec<(PathBuf, Look)>,
+    /// Content of the files that become parts of the mesh file.
+    embedded: HashMap<PathBuf, Content>,
     /// Created folder; removed on drop if it is empty. Declared after the files in it, to be dropped after them.
     made_folder: Option<MadeFolder>,
     /// Textures that were refused or missing.
@@ -136,6 +147,7 @@ impl TextureStage {
             companions: Vec::new(),
             copied: Vec::new(),
             kept: Vec::new(),
+            embedded: HashMap::new(),
             made_folder: None,
             findings: Findings::default(),
             left_out: BTreeSet::new(),
@@ -151,39 +163,19 @@ impl TextureStage {
         if let Some(reference) = self.references.get(&key) {
             return Ok(reference.clone());
         }
-        let place = |why: &str| format!("{} of {}: {why}", escape(name), escape_path(mtl_folder));
         let outcome = match self.mode {
             Textures::Reference => Ok(self.refer(mtl_folder, name)?),
-            Textures::Copy | Textures::Link if !self.brings_outside && is_outside(mtl_folder, &self.roots) => {
-                let why = "its material library lies outside of the OBJ's folder";
-                self.findings.note("refused_texture", || place(&format!("{why}; {REFERRED}")));
-                Ok(self.refer(mtl_folder, name)?)
-            }
-            Textures::Copy | Textures::Link => {
-                let reach = if self.brings_outside { Reach::Anywhere } else { Reach::Inside };
-                match texture_file::find(mtl_folder, name, reach) {
-                    Ok(source) => self.bring(&source, name)?,
-                    Err(unusable) => Err(unusable),
-                }
-            }
+            Textures::Copy | Textures::Link => match self.find_source(mtl_folder, name) {
+                Ok(source) => self.bring(&source, name)?,
+                Err(unusable) => Err(unusable),
+            },
         };
-        if outcome.is_err() {
-            self.left_out.extend(place_of(mtl_folder, name));
-        }
         let reference = match outcome {
             Ok(reference) => reference,
-            // A texture image is not left out because of a temporary I/O error.
-            Err(Unusable::Missing(path, error)) if is_of_machine(&error) => {
-                return Err(Error::io(&path, "read", error));
-            }
-            Err(Unusable::Missing(_, error)) => {
-                self.findings.note("missing_texture", || place(&error.to_string()));
-                name.to_owned()
-            }
-            Err(Unusable::Refused(why)) => {
-                self.findings.note("refused_texture", || place(&format!("{why}; {REFERRED}")));
-                self.refer(mtl_folder, name)?
-            }
+            Err(unusable) => match self.leave_out(mtl_folder, name, unusable, REFERRED)? {
+                LeftOut::Missing => name.to_owned(),
+                LeftOut::Refused => self.refer(mtl_folder, name)?,
+            },
         };
         self.references.insert(key, reference.clone());
         Ok(reference)
@@ -195,32 +187,54 @@ impl TextureStage {
     /// # Errors
     /// If the file cannot be read.
     pub(super) fn embed(&mut self, mtl_folder: &Path, name: &[u8]) -> Result<Option<(PathBuf, Content)>> {
-        let place = |why: &str| format!("{} of {}: {why}", escape(name), escape_path(mtl_folder));
-        let found = if !self.brings_outside && is_outside(mtl_folder, &self.roots) {
-            Err(Unusable::Refused("its material library lies outside of the OBJ's folder"))
-        } else {
-            let reach = if self.brings_outside { Reach::Anywhere } else { Reach::Inside };
-            texture_file::find(mtl_folder, name, reach)
-        };
-        let read = found.and_then(|path| match Content::of(&path) {
-            Ok(content) => Ok((path, content)),
-            Err(error) => Err(Unusable::Missing(path, error)),
+        let read = self.find_source(mtl_folder, name).and_then(|path| match self.embedded.get(&path) {
+            Some(&content) => Ok((path, content)),
+            None => match Content::of(&path) {
+                Ok(content) => Ok((path, content)),
+                Err(error) => Err(Unusable::Missing(path, error)),
+            },
         });
         match read {
             Ok((path, content)) => {
-                self.copied.push((path.clone(), content));
-                return Ok(Some((path, content)));
+                if self.embedded.insert(path.clone(), content).is_none() {
+                    self.copied.push((path.clone(), content));
+                }
+                Ok(Some((path, content)))
             }
-            Err(Unusable::Missing(path, error)) if is_of_machine(&error) => {
-                return Err(Error::io(&path, "read", error));
+            Err(unusable) => {
+                self.leave_out(mtl_folder, name, unusable, NOT_EMBEDDED)?;
+                Ok(None)
             }
-            Err(Unusable::Missing(_, error)) => self.findings.note("missing_texture", || place(&error.to_string())),
-            Err(Unusable::Refused(why)) => self.findings.note("refused_texture", || {
-                place(&format!("{why}; it is not in the result; --textures-outside copy takes it in"))
-            }),
         }
+    }
+
+    /// The file of a texture, if it may be copied.
+    fn find_source(&self, mtl_folder: &Path, name: &[u8]) -> std::result::Result<PathBuf, Unusable> {
+        if !self.brings_outside && is_outside(mtl_folder, &self.roots) {
+            return Err(Unusable::Refused("its material library lies outside of the OBJ's folder"));
+        }
+        let reach = if self.brings_outside { Reach::Anywhere } else { Reach::Inside };
+        texture_file::find(mtl_folder, name, reach)
+    }
+
+    /// Notes a texture that is missing or refused, the latter with some advice.
+    ///
+    /// # Errors
+    /// If it only cannot be read at present: a texture is not left out because of a temporary error.
+    fn leave_out(&mut self, mtl_folder: &Path, name: &[u8], why: Unusable, advice: &str) -> Result<LeftOut> {
+        let place = |why: &str| format!("{} of {}: {why}", escape(name), escape_path(mtl_folder));
         self.left_out.extend(place_of(mtl_folder, name));
-        Ok(None)
+        match why {
+            Unusable::Missing(path, error) if is_of_machine(&error) => Err(Error::io(&path, "read", error)),
+            Unusable::Missing(_, error) => {
+                self.findings.note("missing_texture", || place(&error.to_string()));
+                Ok(LeftOut::Missing)
+            }
+            Unusable::Refused(why) => {
+                self.findings.note("refused_texture", || place(&format!("{why}; {advice}")));
+                Ok(LeftOut::Refused)
+            }
+        }
     }
 
     /// Returns the path from the output's folder to a file that stays in place.

@@ -214,10 +214,11 @@ fn placements_of_images_and_missing_and_foreign_ones() {
     let pixels = [0, 0, 255, 255, 0, 0, 0, 0];
     fs::write(path("in/c.bmp"), [&header[..], &[0; 24], &pixels].concat()).unwrap();
     let library = "newmtl placed\nmap_Kd -s 2 3 -o 0.25 -0.5 a.png\nnewmtl lost\nKd 1 0 0\nmap_Kd nowhere.png\n\
-                   newmtl out\nmap_Kd ../secret.png\nnewmtl other\nmap_Kd b.tga\nnewmtl bitmap\nmap_Kd c.bmp\n";
+                   newmtl out\nmap_Kd ../secret.png\nnewmtl other\nmap_Kd b.tga\nnewmtl bitmap\nmap_Kd c.bmp\n\
+                   newmtl lost_too\nmap_Kd nowhere.png\nnewmtl bitmap_too\nmap_Kd ./c.bmp\n";
     fs::write(path("in/a.mtl"), library).unwrap();
     let mut text = "mtllib a.mtl\nvt 0.25 0.5\nvt 1 0\nvt 0 1\n".to_owned();
-    for (i, name) in ["placed", "lost", "out", "other", "bitmap"].iter().enumerate() {
+    for (i, name) in ["placed", "lost", "out", "other", "bitmap", "lost_too", "bitmap_too"].iter().enumerate() {
         text += &format!("v {i} 0 0\nv {i}.9 0 0\nv {i} 1 0\nusemtl {name}\nf -3/1 -2/2 -1/3\n");
     }
     text += "v 9 0 0\nv 9.5 0 0\nv 9 1 0\nusemtl placed\nf -3 -2 -1\n";
@@ -225,7 +226,7 @@ fn placements_of_images_and_missing_and_foreign_ones() {
     let (report, glb) = write(&path("in/a.obj"), folder.path(), &ratio(1.0));
     let triangles = glb.triangles();
     let textured: Vec<_> = triangles.iter().filter_map(|triangle| triangle.texcoords).collect();
-    assert_eq!((triangles.len(), textured.len(), glb.document["images"].as_array().unwrap().len()), (6, 2, 2));
+    assert_eq!((triangles.len(), textured.len(), glb.document["images"].as_array().unwrap().len()), (8, 3, 2));
     let (bitmap, kind) = glb.image(1);
     assert!(bitmap.starts_with(b"\x89PNG") && kind == "image/png");
     let image = image::load_from_memory(bitmap).unwrap().into_rgb8();

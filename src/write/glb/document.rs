@@ -101,7 +101,10 @@ impl GlbDocument<'_> {
         }
         let images = || self.images.files.iter().enumerate();
         if images().next().is_some() {
-            let described = |(number, image): (usize, &EmbeddedImage)| json!({ "bufferView": FIRST_IMAGE + number, "mimeType": image.media_type, "name": image.name });
+            let described = |(number, image): (usize, &EmbeddedImage)| {
+                let view = FIRST_IMAGE + number;
+                json!({ "bufferView": view, "mimeType": image.media_type, "name": image.name })
+            };
             put_list(put, "images", images().map(described))?;
             put_list(put, "textures", images().map(|(number, _)| json!({ "source": number, "sampler": 0 })))?;
             let sampler = json!({

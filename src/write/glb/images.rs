@@ -66,19 +66,25 @@ pub(in crate::write) fn find_images(
     limits: &ImageLimits<'_>,
 ) -> Result<GlbImages> {
     let mut images = GlbImages { of_material: vec![None; catalogue.materials.len()].into(), ..GlbImages::default() };
-    let mut known: HashMap<PathBuf, Option<usize>> = HashMap::new();
+    let mut by_name: HashMap<(&Path, &[u8]), Option<usize>> = HashMap::new();
+    let mut by_path: HashMap<PathBuf, Option<usize>> = HashMap::new();
     for material in used_materials(catalogue, usage) {
         let Some(definition) = &catalogue.materials[material].definition else { continue };
         let Some(statement) = diffuse_image(definition) else { continue };
-        let Some((path, content)) = textures.embed(&definition.folder, &statement.name)? else { continue };
-        images.of_material[material] = match known.get(&path) {
-            Some(&index) => index,
-            None => {
-                let index = images.add(path.clone(), content, limits)?;
-                known.insert(path, index);
-                index
-            }
-        };
+        let name = (&*definition.folder, &*statement.name);
+        if !by_name.contains_key(&name) {
+            let index = match textures.embed(name.0, name.1)? {
+                Some((path, _)) if by_path.contains_key(&path) => by_path[&path],
+                Some((path, content)) => {
+                    let index = images.add(path.clone(), content, limits)?;
+                    by_path.insert(path, index);
+                    index
+                }
+                None => None,
+            };
+            by_name.insert(name, index);
+        }
+        images.of_material[material] = by_name[&name];
     }
     note_unwritten(catalogue, usage, "GLB", &mut images.findings, |definition| {
         usize::from(diffuse_image(definition).is_some())

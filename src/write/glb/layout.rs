@@ -24,7 +24,7 @@ pub(super) struct RecordForm {
 impl RecordForm {
     /// Words of a record.
     pub fn words(self) -> usize {
-        3 + 3 * usize::from(self.normals) + 2 * usize::from(self.texcoords) + 2 * usize::from(self.colours)
+        self.before_colour() + 2 * usize::from(self.colours)
     }
 
     /// Words before the texture coordinate.

@@ -32,7 +32,7 @@ use self::layout::{ChunkLayout, PrimitiveSize, RecordForm, padded};
 use self::primitives::{PrimitiveId, Primitives};
 use super::copy::{CopyError, open_regular};
 use super::grouping::{Group, Grouping};
-use super::result_file::ResultFile;
+use super::result_file::{Replaced, ResultFile};
 use super::sink::{MeshSink, ResultMesh};
 use crate::base::error::escape_path;
 use crate::base::id::TiVec;
@@ -52,10 +52,7 @@ pub(super) struct GlbSink {
     file: ResultFile,
     images: GlbImages,
     turns_z_up: bool,
-    /// Count of numbers that are written as 0.
-    non_finite: u64,
-    /// Count of vertices that have no colour while others do.
-    uncoloured: u64,
+    replaced: Replaced,
 }
 
 impl GlbSink {
@@ -65,7 +62,7 @@ impl GlbSink {
     /// # Errors
     /// If the file cannot be created.
     pub(super) fn begin(target: &Path, job: u64, images: GlbImages, turns_z_up: bool) -> Result<Self> {
-        Ok(Self { file: ResultFile::create(target, job)?, images, turns_z_up, non_finite: 0, uncoloured: 0 })
+        Ok(Self { file: ResultFile::create(target, job)?, images, turns_z_up, replaced: Replaced::default() })
     }
 
     fn write_vertices(&mut self, vertices: Grouping<PrimitiveId>) -> Result<()> {
@@ -168,8 +165,8 @@ impl MeshSink for GlbSink {
         };
         let mut sweep = CornerSweep::new(mesh, primitives, origin, form.normals)?;
         sweep.run(&mut grouper)?;
-        self.non_finite = sweep.non_finite;
-        self.uncoloured = if colours { counter.uncoloured } else { 0 };
+        self.replaced.non_finite = sweep.non_finite;
+        self.replaced.uncoloured = if colours { counter.uncoloured } else { 0 };
         let Grouper { vertices, faces, .. } = grouper;
         self.write_vertices(vertices)?;
         self.write_indices(faces, layout, result)?;
@@ -177,8 +174,7 @@ impl MeshSink for GlbSink {
     }
 
     fn finish(&mut self, findings: &mut Findings) -> Result<Content> {
-        findings.count("non_finite_numbers", self.non_finite);
-        findings.count("uncoloured_vertices", self.uncoloured);
+        self.replaced.note(findings);
         findings.merge(std::mem::take(&mut self.images.findings));
         self.file.seal()
     }

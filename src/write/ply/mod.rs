@@ -22,7 +22,7 @@ pub(super) use self::images::{PlyImages, stage_images, stage_whole_images};
 use super::grouping::{Group, Grouping};
 use super::numbering::IdSet;
 use super::order::PartPlace;
-use super::result_file::ResultFile;
+use super::result_file::{Replaced, ResultFile};
 use super::sink::{MeshSink, ResultMesh};
 use super::vertex_normals::{own_normals, own_normals_bytes, shared_normals};
 use crate::base::id::TiVec;
@@ -49,10 +49,7 @@ pub(super) struct PlySink {
     file: ResultFile,
     images: PlyImages,
     form: VertexForm,
-    /// Count of numbers that were NaN or infinite and are written as 0.
-    non_finite: u64,
-    /// Count of vertices that have no colour while others do.
-    uncoloured: u64,
+    replaced: Replaced,
 }
 
 /// What the record of a vertex has.
@@ -95,7 +92,7 @@ impl PlySink {
     /// If the file cannot be created.
     pub(super) fn begin(target: &Path, job: u64, images: PlyImages) -> Result<Self> {
         let file = ResultFile::create(target, job)?;
-        Ok(Self { file, images, form: VertexForm::default(), non_finite: 0, uncoloured: 0 })
+        Ok(Self { file, images, form: VertexForm::default(), replaced: Replaced::default() })
     }
 
     /// Finds out what the records need.
@@ -212,8 +209,8 @@ impl MeshSink for PlySink {
             runs(result, form.has_normals, &shared),
             |run| vertex_records(&run, result, form, used),
             |(records, non_finite, uncoloured)| {
-                self.non_finite += non_finite;
-                self.uncoloured += uncoloured;
+                self.replaced.non_finite += non_finite;
+                self.replaced.uncoloured += uncoloured;
                 self.file.write(&records)
             },
         )
@@ -249,8 +246,7 @@ impl MeshSink for PlySink {
     }
 
     fn finish(&mut self, findings: &mut Findings) -> Result<Content> {
-        findings.count("non_finite_numbers", self.non_finite);
-        findings.count("uncoloured_vertices", self.uncoloured);
+        self.replaced.note(findings);
         findings.merge(std::mem::take(&mut self.images.findings));
         self.file.seal()
     }
