@@ -10,6 +10,7 @@
 //! `write-image-<number>.png`, the images that became PNG.
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -72,19 +73,19 @@ pub(in crate::write) fn find_images(
         let Some(definition) = &catalogue.materials[material].definition else { continue };
         let Some(statement) = diffuse_image(definition) else { continue };
         let name = (&*definition.folder, &*statement.name);
-        if !by_name.contains_key(&name) {
-            let index = match textures.embed(name.0, name.1)? {
-                Some((path, _)) if by_path.contains_key(&path) => by_path[&path],
-                Some((path, content)) => {
-                    let index = images.add(path.clone(), content, limits)?;
-                    by_path.insert(path, index);
-                    index
-                }
+        images.of_material[material] = match by_name.entry(name) {
+            Entry::Occupied(known) => *known.get(),
+            Entry::Vacant(new) => *new.insert(match textures.embed(name.0, name.1)? {
+                Some((path, content)) => match by_path.entry(path) {
+                    Entry::Occupied(known) => *known.get(),
+                    Entry::Vacant(new) => {
+                        let index = images.add(new.key().clone(), content, limits)?;
+                        *new.insert(index)
+                    }
+                },
                 None => None,
-            };
-            by_name.insert(name, index);
-        }
-        images.of_material[material] = by_name[&name];
+            }),
+        };
     }
     note_unwritten(catalogue, usage, "GLB", &mut images.findings, |definition| {
         usize::from(diffuse_image(definition).is_some())
