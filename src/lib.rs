@@ -78,6 +78,9 @@ pub mod write;
 // Shore: what a caller sees.
 #[doc(hidden)]
 pub mod measure;
+#[cfg(feature = "images")]
+#[doc(hidden)]
+pub mod tile;
 pub mod options;
 pub mod report;
 #[doc(hidden)]

@@ -86,7 +86,7 @@ impl<'a> ClosestPlaces<'a> {
     }
 
     fn cells(&self) -> &'a [Cell] {
-        &self.original.cells
+        &self.original.surface.cells
     }
 
     /// Calls `found` with the closest places of all points, up to four at once. Points of an empty mesh have none.
@@ -173,7 +173,7 @@ impl<'a> ClosestPlaces<'a> {
         let mut nearby = std::mem::take(&mut self.nearby);
         let limit_sq = distance * distance;
         self.visit_cells(limit_sq, |search, cell| {
-            if original.cells[cell as usize].bounds.distance_sq(point) <= limit_sq {
+            if original.surface.cells[cell as usize].bounds.distance_sq(point) <= limit_sq {
                 let view = search.open(cell)?;
                 let local = point - view.origin;
                 view.tree().visit_within(local, limit_sq, |place| {

@@ -35,7 +35,10 @@ mod sharpen;
 mod steps;
 
 pub use self::catalogue::geometry_catalogue;
-pub use self::original::{OriginalSurface, TEXELS_OF_FACE};
+pub use self::original::{Original, OriginalSurface, TEXELS_OF_FACE};
+pub use self::paint::{Painted, PatchSurface};
+pub use self::painters::PAINTER_BYTES;
+pub use self::patch::{PaintedImage, PatchBaker, PatchSettings};
 pub use self::run::{BakeSize, Baked, BakedFigures, Unbaked, bake, image_bytes, patch_faces};
-pub use self::settings::{BakeLimits, BakePlace, BakeSettings};
+pub use self::settings::{BakePlace, BakeSettings};
 pub use self::steps::{BakeStep, SURFACE};

@@ -7,57 +7,52 @@
 
 use std::path::Path;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use super::prism::Shown;
 use super::settings::BakePlace;
 use super::steps::{BakeStep, SURFACE};
 use crate::base::id::TiVec;
-use crate::base::ordered::map_in_order;
-use crate::base::{Findings, Permits, Progress, Result};
-use crate::geometry::boxtree::Bounds;
+use crate::base::{Findings, Progress, Result};
 use crate::geometry::triangle::{area, texture_area};
 use crate::image::decode::DecodePlan;
 use crate::image::stored::{Beyond, StoredImage, decode_within};
 use crate::image::textures::TextureImages;
-use crate::job::{Recalled, Step, WorkFolder};
+use crate::job::{Recalled, Step, StepKey, WorkFolder};
 use crate::model::id::ImageId;
 use crate::model::{Catalogue, StoredMesh};
-use crate::partition::{self, ClusterSource, Partition, PartitionOptions, TextureScale, cluster, heavy, reading};
 use crate::read::SCAN;
-use crate::surface::cell::{Cell, CellFace, CellMaker, CellView, CellWriter, FACE_BYTES};
+use crate::surface::cell::{Cell, CellFace, CellView};
+use crate::surface::cells::{SurfaceCells, SurfacePlace};
 
 /// Texels of a surface without images, for each of its triangles.
 pub const TEXELS_OF_FACE: f64 = 8.0;
 /// Steps for a factor of two, and factors of two from 1 downwards and upwards, in which lengths of texels are counted.
 const STEPS: f64 = 32.0;
 const OCTAVES: f64 = 64.0;
-/// Approximate number of triangles of a cell.
-const CELL_FACES: u64 = 1 << 16;
-
-/// The surface of the input in cells.
+/// The surface of the input.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct OriginalSurface {
-    cells: Vec<Cell>,
+    pub(super) surface: SurfaceCells,
 }
 
 impl Recalled for OriginalSurface {
     type Context<'a> = ();
 
     fn locate(&mut self, folder: &Path, (): &()) {
-        self.cells.iter_mut().for_each(|cell| cell.locate(folder));
+        self.surface.locate(folder);
     }
 
     fn is_sound(&self, (): &()) -> bool {
-        self.cells.iter().all(Cell::is_sound)
+        self.surface.is_sound()
     }
 }
 
 impl OriginalSurface {
     /// Diagonal of the smallest box around it.
     pub fn diagonal(&self) -> f64 {
-        self.cells.iter().fold(Bounds::EMPTY, |all, cell| all.with(cell.bounds)).diagonal()
+        self.surface.bounds.diagonal()
     }
 
     /// Recalls the surface that an earlier process kept.
@@ -82,70 +77,19 @@ impl OriginalSurface {
         if let Some(surface) = Self::recall(work)? {
             return Ok(surface);
         }
-        let options = PartitionOptions {
-            cluster_faces: CELL_FACES,
-            pass: 0,
-            weld: true,
-            drop_doubles: false,
-            drop_texcoords: false,
-            threads: limits.threads,
-            work_bytes: limits.work_bytes,
-        };
-        progress.begin("partition", 0, "");
-        let partition = partition::partition(mesh, catalogue, work.path(), "bake-original", &options)?;
-        let scale = TextureScale::none(catalogue);
-        let maker = CellMaker { images, reference: DVec3::ZERO };
-        let path = work.path().join("bake-surface.cells");
-        let mut writer = CellWriter::create(&path)?;
-        progress.begin("keep colours", partition.total_faces(), "faces");
-        let permits = Permits::new(limits.work_bytes);
-        let draft = |source: &ClusterSource| Ok(maker.draft(source, colours(source, &partition)?));
-        map_in_order(
-            partition.clusters().filter(|&cluster| partition.weight(cluster).is_some()),
-            limits.threads,
-            limits.threads + 1,
-            |cluster| {
-                let _permit = permits.take(partition.face_count(cluster) * FACE_BYTES);
-                draft(&cluster::load(&partition, mesh, catalogue, &scale, cluster)?)
-            },
-            |draft| {
-                progress.advance(draft.face_count());
-                progress.check_stopped()?;
-                writer.append(draft)
-            },
-        )?;
-        for cluster in partition.clusters().filter(|&cluster| partition.weight(cluster).is_none()) {
-            heavy::load_in_blocks(&partition, mesh, catalogue, &scale, cluster, |source| {
-                progress.check_stopped()?;
-                writer.append(draft(&source)?)
-            })?;
-        }
-        let (cells, _) = writer.finish()?;
-        partition.files().for_each(|path| _ = std::fs::remove_file(path));
-        let surface = Self { cells };
-        work.keep(Step::new(SURFACE).from([SCAN]), [path.as_path()], &surface)?;
+        let place = SurfacePlace { folder: work.path(), name: "bake", limits, progress };
+        let surface = Self { surface: SurfaceCells::make(mesh, catalogue, images, &place)? };
+        work.keep(Step::new(SURFACE).from([SCAN]), surface.surface.path(), &surface)?;
         Ok(surface)
     }
 }
 
-/// Colours of a cluster's vertices, the fourth byte 0 where there is none; empty if the mesh has none.
-fn colours(source: &ClusterSource, partition: &Partition) -> Result<Vec<[u8; 4]>> {
-    let Some(colours) = &partition.numbering.colours else { return Ok(Vec::new()) };
-    let of_vertex = |colour: [f32; 3]| {
-        if colour[0].is_nan() {
-            return [0; 4];
-        }
-        let [red, green, blue] = colour.map(|channel| (255.0 * channel.clamp(0.0, 1.0)).round() as u8);
-        [red, green, blue, 255]
-    };
-    Ok(reading::gather(colours, source.loaded_vertices())?.into_iter().map(of_vertex).collect())
-}
-
 /// The surface of the input and its images, ready to be searched.
 #[derive(Debug)]
-pub(super) struct Original {
-    pub cells: Vec<Cell>,
-    pub images: TiVec<ImageId, Option<StoredImage>>,
+pub struct Original {
+    /// Its cells.
+    pub surface: SurfaceCells,
+    pub(super) images: TiVec<ImageId, Option<StoredImage>>,
     plain: Vec<[u8; 3]>,
     /// Pixels of each image in its file.
     pixels: TiVec<ImageId, f64>,
@@ -219,9 +163,9 @@ impl Original {
         findings: &mut Findings,
     ) -> Result<Self> {
         let BakePlace { work, limits, progress } = *place;
-        let cells = surface.cells;
+        let surface = surface.surface;
         let mut are_shown: TiVec<ImageId, bool> = vec![false; images.files.len()].into();
-        for shown in cells.iter().flat_map(|cell| &cell.images) {
+        for shown in surface.cells.iter().flat_map(|cell| &cell.images) {
             if let Some(is_shown) = are_shown.get_mut(shown.image) {
                 *is_shown = true;
             }
@@ -233,9 +177,9 @@ impl Original {
             plain: images.plain.clone(),
             pixels: vec![0.0; images.files.len()].into(),
             median_texel: 0.0,
-            area: cells.iter().map(|cell| cell.area).sum(),
-            face_count: cells.iter().map(Cell::face_count).sum(),
-            cells,
+            area: surface.area(),
+            face_count: surface.face_count(),
+            surface,
         };
         let files = shown.iter().map(|&image| (image, &*images.files[image].path));
         let decode = |image: ImageId, plan| decoded(image, &images.files[image].path, plan, work);
@@ -252,8 +196,19 @@ impl Original {
         Ok(original)
     }
 
+    /// The steps that recorded its images.
+    pub fn image_steps(&self) -> Vec<StepKey> {
+        let images = self.images.iter_enumerated().filter(|(_, stored)| stored.is_some());
+        images.map(|(image, _)| BakeStep::Image(image).key()).collect()
+    }
+
+    /// Whether vertices have colours.
+    pub fn has_vertex_colours(&self) -> bool {
+        self.surface.cells.iter().any(Cell::has_colours)
+    }
+
     /// What a triangle of a cell shows.
-    pub fn shown(&self, view: &CellView, face: u32) -> Shown {
+    pub(super) fn shown(&self, view: &CellView, face: u32) -> Shown {
         let CellFace { vertices, image, texcoords } = view.faces[face as usize];
         let plain = self.plain_colour(image);
         if image != ImageId::NONE && plain.is_none() {
@@ -270,7 +225,7 @@ impl Original {
 
     /// Length of a texel's side on a triangle of this area that shows an image; `None` where it shows none.
     #[inline]
-    pub fn texel_of(&self, shown: &Shown, area: f64) -> Option<f64> {
+    pub(super) fn texel_of(&self, shown: &Shown, area: f64) -> Option<f64> {
         let Shown::Image(image, texcoords, _) = *shown else { return None };
         let texel = (area / (texture_area(texcoords) * self.pixels.get(image)?)).sqrt();
         texel.is_normal().then_some(texel)
@@ -278,7 +233,7 @@ impl Original {
 
     fn find_median_texel(&self, progress: &dyn Progress) -> Result<f64> {
         let mut lengths = LengthHistogram::default();
-        for cell in &self.cells {
+        for cell in &self.surface.cells {
             progress.check_stopped()?;
             let view = cell.view()?;
             for number in 0..view.faces.len() as u32 {
@@ -294,7 +249,7 @@ impl Original {
 
     /// The plain colour that an id stands for.
     #[inline]
-    pub fn plain_colour(&self, image: ImageId) -> Option<Vec3> {
+    pub(super) fn plain_colour(&self, image: ImageId) -> Option<Vec3> {
         let number = image.index().checked_sub(self.images.len())?;
         self.plain.get(number).map(|colour| Vec3::from_array(colour.map(f32::from)))
     }

@@ -40,7 +40,7 @@ const SAMPLES_MAX: f64 = 4.0;
 
 /// Texels that were painted.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Painted {
+pub struct Painted {
     /// Texels that charts cover.
     pub covered: u64,
     /// Those of them where the original has no colour.
@@ -55,7 +55,8 @@ impl Painted {
 }
 
 /// The triangles of a patch, and where they lie.
-pub(super) struct PatchSurface<'a> {
+pub struct PatchSurface<'a> {
+    /// The triangles.
     pub triangles: Triangles<'a>,
     /// Their positions are relative to this.
     pub origin: DVec3,

@@ -21,7 +21,7 @@ use crate::base::{Progress, Result};
 use crate::unwrap::{ImageSize, PlacedChart};
 
 /// Memory of a painter in bytes, about.
-pub(super) const PAINTER_BYTES: u64 = 16 << 20;
+pub const PAINTER_BYTES: u64 = 16 << 20;
 
 /// Painters that share an image.
 pub(super) struct Painters<'a> {

@@ -6,10 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use super::density::texel_lengths;
 use super::original::Original;
-use super::paint::PatchSurface;
+use super::paint::{Painted, PatchSurface};
 use super::painters::Painters;
-use super::settings::BakeSettings;
-use crate::base::Result;
+use crate::base::{Progress, Result};
 use crate::base::id::TiVec;
 use crate::file::codec;
 use crate::image::encode::encode;
@@ -19,7 +18,7 @@ use crate::model::StoredPiece;
 use crate::model::id::PartId;
 use crate::model::image_format::ImageFormat;
 use crate::partition::ClusterSource;
-use crate::unwrap::{Triangles, UnwrapSettings, Unwrapped, unwrap};
+use crate::unwrap::{ImageSize, Triangles, UnwrapSettings, Unwrapped, unwrap};
 
 /// A baked image in the work folder.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -44,15 +43,39 @@ pub(super) struct BakedPatch {
     pub colourless: u64,
 }
 
-/// How patches are baked.
-pub(super) struct PatchBaker<'a> {
-    pub original: &'a Original,
-    pub settings: BakeSettings,
+/// Unwraps and paints patches.
+pub struct PatchBaker<'a> {
+    original: &'a Original,
     /// Length of a texel's side where the original has its median.
-    pub texel: f64,
+    pub(super) texel: f64,
     /// What a surface that faces away counts as farther.
+    away: f64,
+    /// Largest side of an image in texels.
+    side: u32,
+    painters: Painters<'a>,
+}
+
+/// How patches are baked.
+#[derive(Debug, Clone, Copy)]
+pub struct PatchSettings {
+    /// Length of a texel's side where the original has its median, in the mesh's unit of length.
+    pub texel: f64,
+    /// What a surface that faces away counts as farther, in the same unit.
     pub away: f64,
-    pub painters: Painters<'a>,
+    /// Largest side of an image in texels.
+    pub side: u32,
+    /// Threads that paint an image.
+    pub painters: usize,
+}
+
+/// An image that was painted.
+pub struct PaintedImage {
+    /// Red, green and blue of each texel, row by row from the top.
+    pub rgb: Vec<u8>,
+    /// Width and height.
+    pub size: [usize; 2],
+    /// What was painted.
+    pub painted: Painted,
 }
 
 /// A patch with its texture coordinates, before it is stored.
@@ -62,26 +85,56 @@ pub(super) struct TexturedPatch {
     pub baked: BakedPatch,
 }
 
-impl PatchBaker<'_> {
+impl<'a> PatchBaker<'a> {
+    /// Prepares to bake patches of a mesh that lies near an original.
+    pub fn new(original: &'a Original, settings: &PatchSettings, progress: &'a dyn Progress) -> Self {
+        let PatchSettings { texel, away, side, painters } = *settings;
+        Self { original, texel, away, side, painters: Painters::new(original, texel, away, painters, progress) }
+    }
+
+    /// Unwraps a patch; texels are `coarser` times as long as they are elsewhere.
+    ///
+    /// # Errors
+    /// On failed reads.
+    pub fn unwrap(&self, patch: &PatchSurface<'_>, coarser: f64) -> Result<Unwrapped> {
+        let mut texels = texel_lengths(self.original, patch, self.texel, self.away)?;
+        texels.iter_mut().for_each(|texel| *texel *= coarser);
+        Ok(unwrap(patch.triangles, &UnwrapSettings { texels: &texels, side: self.side }))
+    }
+
+    /// Paints an image of a patch.
+    ///
+    /// # Errors
+    /// If the job was stopped, and on failed reads.
+    pub fn paint(&self, patch: &PatchSurface<'_>, unwrapped: &Unwrapped, number: usize) -> Result<PaintedImage> {
+        let charts = unwrapped.charts.iter().filter(|chart| chart.image as usize == number);
+        let (mut canvas, painted) = self.painters.paint(patch, charts, unwrapped.images[number])?;
+        canvas.fill();
+        Ok(PaintedImage { rgb: canvas.rgb, size: canvas.size, painted })
+    }
+
     /// Bakes a patch; the names of its images begin with `name`.
     ///
     /// # Errors
     /// On a full disk, failed reads and writes.
-    pub fn bake(&self, source: ClusterSource, folder: &Path, name: &str) -> Result<TexturedPatch> {
+    pub(super) fn bake(
+        &self,
+        source: ClusterSource,
+        format: ImageFormat,
+        folder: &Path,
+        name: &str,
+    ) -> Result<TexturedPatch> {
         let mesh = &source.mesh;
         let triangles = Triangles { positions: &mesh.positions, vertices: &mesh.corner_vertices };
         let patch = PatchSurface { triangles, origin: source.origin };
-        let texels = texel_lengths(self.original, &patch, self.texel, self.away)?;
-        let unwrapped = unwrap(triangles, &UnwrapSettings { texels: &texels, side: self.settings.side });
+        let unwrapped = self.unwrap(&patch, 1.0)?;
         let mut baked =
             BakedPatch { charts: unwrapped.charts.len() as u64, shrunk: unwrapped.shrunk, ..BakedPatch::default() };
-        for (number, &size) in unwrapped.images.iter().enumerate() {
-            let charts = unwrapped.charts.iter().filter(|chart| chart.image as usize == number);
-            let (mut canvas, painted) = self.painters.paint(&patch, charts, size)?;
-            canvas.fill();
-            let path = folder.join(image_name(name, number, self.settings.format));
-            encode(&canvas.rgb, canvas.size, self.settings.format, &path)?;
-            baked.images.push(BakedImage { path, size: [size.width, size.height] });
+        for (number, &ImageSize { width, height }) in unwrapped.images.iter().enumerate() {
+            let PaintedImage { rgb, size, painted } = self.paint(&patch, &unwrapped, number)?;
+            let path = folder.join(image_name(name, number, format));
+            encode(&rgb, size, format, &path)?;
+            baked.images.push(BakedImage { path, size: [width, height] });
             baked.covered += painted.covered;
             baked.colourless += painted.colourless;
         }

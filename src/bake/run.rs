@@ -6,12 +6,12 @@ use serde::{Deserialize, Serialize};
 
 use super::catalogue::image_catalogue;
 use super::original::{Original, OriginalSurface};
-use super::painters::{PAINTER_BYTES, Painters};
-use super::patch::{BakedImage, BakedPatch, PatchBaker, TexturedPatch};
-use super::settings::{BakeLimits, BakePlace, BakeSettings};
+use super::painters::PAINTER_BYTES;
+use super::patch::{BakedImage, BakedPatch, PatchBaker, PatchSettings, TexturedPatch};
+use super::settings::{BakePlace, BakeSettings};
 use super::steps::{BakeStep, PATCHES, SURFACE};
 use crate::base::ordered::map_in_order;
-use crate::base::{Error, Findings, Permits, Result, bytes};
+use crate::base::{Error, Findings, Permits, Result, WorkLimits, bytes};
 use crate::image::textures::TextureImages;
 use crate::job::{Recalled, Step, StepKey};
 use crate::mesh::ClusterMesh;
@@ -145,6 +145,7 @@ struct Baking<'a> {
     /// With the decimals of the input, and no part.
     catalogue: Catalogue,
     baker: PatchBaker<'a>,
+    settings: BakeSettings,
     patch_faces: u64,
     /// Memory of all patches in flight, in bytes.
     patch_bytes: u64,
@@ -170,11 +171,11 @@ impl<'a> Baking<'a> {
         let all = original.area / (texel * texel);
         let patch_faces = patch_faces(all, result.mesh.face_count(), settings.side);
         let away = AWAY_DEVIATIONS * settings.deviation;
-        let BakeLimits { threads, work_bytes } = place.limits;
+        let WorkLimits { threads, work_bytes } = place.limits;
         let most = (work_bytes.saturating_sub(canvas_bytes(settings.side)) / PAINTER_BYTES) as usize;
         let count = most.clamp(1, threads.max(1));
-        let painters = Painters::new(original, texel, away, count, place.progress);
-        let baker = PatchBaker { original, settings: *settings, texel, away, painters };
+        let of_patches = PatchSettings { texel, away, side: settings.side, painters: count };
+        let baker = PatchBaker::new(original, &of_patches, place.progress);
         let patch_bytes = work_bytes.saturating_sub(count as u64 * PAINTER_BYTES);
         let catalogue = Catalogue {
             position_decimals: result.catalogue.position_decimals,
@@ -182,7 +183,7 @@ impl<'a> Baking<'a> {
             ..Catalogue::default()
         };
         refuse_too_many_texels(all, settings.texels, place.work.path())?;
-        Ok(Self { result: *result, catalogue, baker, patch_faces, patch_bytes, place: *place })
+        Ok(Self { result: *result, catalogue, baker, settings: *settings, patch_faces, patch_bytes, place: *place })
     }
 
     fn cut(&self) -> Result<Partition> {
@@ -211,7 +212,7 @@ impl<'a> Baking<'a> {
     fn run(&self) -> Result<(StoredMesh, BakedFigures, Vec<BakedImage>)> {
         let partition = self.cut()?;
         let scale = TextureScale::none(&self.catalogue);
-        let canvas_bytes = canvas_bytes(self.baker.settings.side);
+        let canvas_bytes = canvas_bytes(self.settings.side);
         let permits = Permits::new(self.patch_bytes);
         self.place.progress.begin("bake", partition.total_faces(), "faces");
         let (mut mesh, mut figures) = (StoredMesh::default(), BakedFigures::default());
@@ -227,7 +228,7 @@ impl<'a> Baking<'a> {
             }
             let _permit = permits.take(canvas_bytes + FACE_BYTES * partition.face_count(cluster));
             let source = cluster::load(&partition, self.result.mesh, &self.catalogue, &scale, cluster)?;
-            let patch = self.baker.bake(source, self.place.work.path(), BakeStep::Patch(cluster).key().name())?;
+            let patch = self.baker.bake(source, self.settings.format, self.place.work.path(), BakeStep::Patch(cluster).key().name())?;
             Ok(Ready::Baked(cluster, Box::new(patch)))
         };
         let clusters = partition.clusters().filter(|&cluster| partition.face_count(cluster) > 0);
@@ -244,7 +245,7 @@ impl<'a> Baking<'a> {
                     let mut baked = BakedPatch::default();
                     let mut take = |source: ClusterSource| {
                         let name = format!("{}-{}", BakeStep::Patch(cluster).key().name(), baked.pieces.len());
-                        let patch = self.baker.bake(source, self.place.work.path(), &name)?;
+                        let patch = self.baker.bake(source, self.settings.format, self.place.work.path(), &name)?;
                         let first_image = first_image + baked.images.len() as u32;
                         self.store(patch, &partition, cluster, first_image, &mut baked)
                     };

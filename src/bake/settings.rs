@@ -1,6 +1,6 @@
 //! How to bake, and where.
 
-use crate::base::Progress;
+use crate::base::{Progress, WorkLimits};
 use crate::job::WorkFolder;
 use crate::model::image_format::ImageFormat;
 
@@ -23,16 +23,7 @@ pub struct BakePlace<'a> {
     /// The folder for its files, and its steps.
     pub work: &'a WorkFolder,
     /// What it may take of the machine.
-    pub limits: BakeLimits,
+    pub limits: WorkLimits,
     /// What hears of it.
     pub progress: &'a dyn Progress,
-}
-
-/// What a bake may take of the machine.
-#[derive(Debug, Clone, Copy)]
-pub struct BakeLimits {
-    /// Worker threads.
-    pub threads: usize,
-    /// Memory in bytes for work in flight.
-    pub work_bytes: u64,
 }

@@ -35,6 +35,15 @@ impl MemoryBudget {
     }
 }
 
+/// What a phase may take of the machine.
+#[derive(Debug, Clone, Copy)]
+pub struct WorkLimits {
+    /// Worker threads.
+    pub threads: usize,
+    /// Memory in bytes for work in flight.
+    pub work_bytes: u64,
+}
+
 /// A counting semaphore over bytes.
 #[derive(Debug)]
 pub struct Permits {

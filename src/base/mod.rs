@@ -19,7 +19,7 @@ pub mod records;
 pub mod recycled;
 pub mod threads;
 
-pub use budget::{Allowance, MemoryBudget, Permit, Permits};
+pub use budget::{Allowance, MemoryBudget, Permit, Permits, WorkLimits};
 pub use counts::{counted, grouped};
 pub use error::{Error, ErrorKind, Result};
 pub use findings::Findings;

@@ -15,6 +15,7 @@ mod share;
 mod simplify;
 mod status;
 mod stop;
+mod tile;
 mod version;
 mod words;
 
@@ -40,6 +41,8 @@ enum Command {
     /// Simplify an OBJ or a PLY, or all in and below a folder, into one OBJ, PLY or GLB
     #[command(after_help = simplify::MORE, after_long_help = simplify::EXAMPLES)]
     Simplify(Box<simplify::SimplifyArguments>),
+    /// Make a pyramid of tiles that a browser streams: 3D Tiles, from one or many meshes
+    Tile(Box<tile::TileArguments>),
     /// Predict what a run takes: clusters, memory, scratch space, time. Reads the input once and writes nothing
     Plan(Box<plan::PlanArguments>),
     /// Print what a mesh holds: counts, bounds, materials, seams, boundaries, faults. Works within a memory budget
@@ -74,6 +77,7 @@ impl Command {
     fn run(&self) -> Result<u8> {
         match self {
             Command::Simplify(arguments) => simplify::run(arguments),
+            Command::Tile(arguments) => tile::run(arguments),
             Command::Plan(arguments) => plan::run(arguments),
             Command::Inspect(arguments) => inspect::run(arguments),
             Command::Check(arguments) => check::run(arguments),

@@ -27,7 +27,7 @@ const DEPTH_MAX: usize = 32;
 const MORTON_BITS: u32 = 21;
 
 /// An axis-aligned box; empty if `low` is above `high`.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize, PartialEq)]
 pub struct Bounds {
     /// Smallest coordinates.
     pub low: DVec3,

@@ -17,31 +17,42 @@ const BUFFER_BYTES: usize = 1 << 16;
 ///
 /// # Errors
 /// On a full disk or a failed write.
-pub fn encode(pixels: &[u8], [width, height]: [usize; 2], format: ImageFormat, path: &Path) -> Result<()> {
+pub fn encode(pixels: &[u8], size: [usize; 2], format: ImageFormat, path: &Path) -> Result<()> {
     let mut file = Sink(DurableFile::create(path, BUFFER_BYTES)?);
-    let wrap = |error: std::io::Error| Error::io(path, "write", error);
+    encode_into(pixels, size, format, &mut file).map_err(|error| Error::io(path, "write", error))?;
+    file.0.commit()?;
+    Ok(())
+}
+
+/// Passes the bytes of an image file to `out`: red, green and blue of each pixel, row by row.
+///
+/// # Errors
+/// Those of `out`.
+pub fn encode_into(
+    pixels: &[u8],
+    [width, height]: [usize; 2],
+    format: ImageFormat,
+    mut out: impl Write,
+) -> std::io::Result<()> {
     match format {
         ImageFormat::Png => {
-            let mut encoder = png::Encoder::new(&mut file, width as u32, height as u32);
+            let mut encoder = png::Encoder::new(&mut out, width as u32, height as u32);
             encoder.set_color(png::ColorType::Rgb);
             encoder.set_depth(png::BitDepth::Eight);
             encoder.set_compression(png::Compression::Fast);
-            let written = encoder.write_header().and_then(|mut writer| {
-                // Row by row: compressed as a whole, the image would be in memory twice.
-                let mut rows = writer.stream_writer()?;
-                rows.write_all(pixels)?;
-                rows.finish()
-            });
-            written.map_err(|error| wrap(error.into()))?;
+            let mut writer = encoder.write_header()?;
+            // Row by row: compressed as a whole, the image would be in memory twice.
+            let mut rows = writer.stream_writer()?;
+            rows.write_all(pixels)?;
+            rows.finish()?;
+            Ok(())
         }
         ImageFormat::Jpeg(quality) => {
-            let mut encoder = JpegEncoder::new_with_quality(&mut file, quality);
+            let mut encoder = JpegEncoder::new_with_quality(&mut out, quality);
             let written = encoder.encode(pixels, width as u32, height as u32, ExtendedColorType::Rgb8);
-            written.map_err(|error| wrap(std::io::Error::other(error)))?;
+            written.map_err(std::io::Error::other)
         }
     }
-    file.0.commit()?;
-    Ok(())
 }
 
 /// A durable file that encoders write to.

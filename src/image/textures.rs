@@ -45,6 +45,12 @@ pub struct TextureImages {
 }
 
 impl TextureImages {
+    /// No image for any part.
+    pub fn none(catalogue: &Catalogue) -> Self {
+        let parts = catalogue.parts.len();
+        Self { of_part: vec![ImageId::NONE; parts].into(), placements: vec![None; parts].into(), ..Self::default() }
+    }
+
     /// Finds the diffuse images (`map_Kd`) of a catalogue's materials; adds a finding for each missing one.
     pub fn find(catalogue: &Catalogue, findings: &mut Findings) -> Self {
         let mut images = Self::default();

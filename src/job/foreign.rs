@@ -13,7 +13,7 @@ use crate::file::header::Header;
 use crate::os::durable::no_links;
 
 /// Prefixes and suffixes of the names of all other files.
-const PREFIXES: [&str; 5] = ["scan-", "pass-", "bake-", "write-", "measure-"];
+const PREFIXES: [&str; 6] = ["scan-", "pass-", "bake-", "tile-", "write-", "measure-"];
 const SUFFIXES: [&str; 12] =
     [".col", ".plc", ".blk", ".buckets", ".piece", ".bin", ".cells", ".texels", ".png", ".jpg", ".state", ".tmp"];
 

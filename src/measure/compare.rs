@@ -26,6 +26,7 @@
 //! # Files
 //! Two work folders, `original` and `result`, removed at the end.
 
+mod between;
 pub mod cells;
 mod contrast;
 mod direction;
@@ -44,6 +45,7 @@ mod texture_pair;
 
 use std::time::Instant;
 
+pub use self::between::{DistanceFigures, distances_between};
 use self::cells::MeasuredMesh;
 use self::direction::{Direction, Way};
 use self::distribution::Distribution;
@@ -61,9 +63,7 @@ use crate::base::pool::Pool;
 use crate::base::{Error, Findings, Progress, Result};
 use crate::os::system;
 use crate::read::InputChoice;
-
-/// Approximate number of triangles of a cell. The last digits of measured numbers depend on it.
-const CELL_FACES: u64 = 1 << 16;
+use crate::surface::cells::CELL_FACES;
 
 /// Observer of a comparison, which may draw the meshes; it changes no number.
 pub trait Onlooker {
@@ -119,7 +119,7 @@ fn compare_in_cells(
 ) -> Result<Comparison> {
     let prepare = |input: &InputChoice, name: &str| {
         let mesh = MeasuredMesh::prepare(input, &options.work.join(name), cell_faces, &options.resources, progress)?;
-        if mesh.cells.is_empty() {
+        if mesh.surface.cells.is_empty() {
             return Err(Error::input(
                 input.name(),
                 0,
@@ -130,13 +130,13 @@ fn compare_in_cells(
     };
     let (before, after) = (prepare(original, NAMES[0])?, prepare(result, NAMES[1])?);
     onlooker.see_meshes(&before, &after)?;
-    let limit = before.bounds.with(after.bounds).diagonal();
+    let limit = before.surface.bounds.with(after.surface.bounds).diagonal();
     let mut findings = Findings::default();
     let prepared = |texel| TexelFilter::prepare(&before, texel, &options.resources, &mut findings, progress);
     let have_images = [&before, &after].iter().all(|mesh| !mesh.images.files.is_empty());
     let filter = options.texel.filter(|_| have_images).map(prepared).transpose()?;
-    let measured = |[from, to]: [_; 2], original, seed, see_point: &mut dyn FnMut(&FarPoint)| {
-        let sampling = &Sampling::new(from, options.spread, seed);
+    let measured = |[from, to]: [&MeasuredMesh; 2], original, seed, see_point: &mut dyn FnMut(&FarPoint)| {
+        let sampling = &Sampling::new(&from.surface, options.spread, seed);
         let way = Way { from, to, original, sampling, filter: filter.as_ref() };
         direction::measure(&way, limit, &options.resources, see_point, progress)
     };
@@ -200,7 +200,7 @@ fn geometry(before: &MeasuredMesh, after: &MeasuredMesh, forward: &Direction, ba
         _ => None,
     };
     Geometry {
-        diagonal: before.bounds.diagonal(),
+        diagonal: before.surface.bounds.diagonal(),
         forward: distances(&forward.distances, forward.worst.clone(), forward.cut, forward.bound),
         backward: distances(&backward.distances, backward.worst.clone(), backward.cut, backward.bound),
         symmetric,

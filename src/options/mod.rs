@@ -2,6 +2,7 @@
 
 mod choices;
 mod target;
+mod tile;
 
 use std::path::PathBuf;
 
@@ -19,6 +20,7 @@ pub use self::choices::{
     Topology, UpAxis, Weld,
 };
 pub use self::target::{FaceTarget, Target};
+pub use self::tile::{GeoOrigin, TileOptions};
 pub use crate::model::image_format::ImageFormat;
 pub use crate::remesh::cvd::CvdSettings;
 

@@ -47,6 +47,7 @@ mod rounding;
 mod save;
 mod interface;
 pub mod heavy;
+mod visit;
 
 use std::path::Path;
 
@@ -65,6 +66,7 @@ pub use interface::write_shared;
 pub use options::PartitionOptions;
 pub use shared::Shared;
 pub use texture_scale::TextureScale;
+pub use visit::{VisitOptions, visit};
 
 /// A mesh partitioned into clusters.
 #[derive(Debug, Serialize, Deserialize)]

@@ -195,7 +195,7 @@ impl Run<'_> {
 
     /// Steps whose files stay although a later one replaces the mesh.
     pub(super) fn kept_steps(&self) -> Vec<StepKey> {
-        [&[INPUT, PROBES], self.options.kept_steps].concat()
+        [&[INPUT, PROBES], self.options.kept_steps, &self.kept].concat()
     }
 
     /// Simplifies every cluster once, up to its stop.

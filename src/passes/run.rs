@@ -16,8 +16,8 @@ use super::state::{PassState, ResumePoint};
 use super::steps::{PROBES, PassStep};
 use super::texture_traits::TextureTraits;
 use crate::base::{Error, Permits, Progress, Result, lock};
-use crate::job::{Step, WorkFolder};
-use crate::model::Catalogue;
+use crate::job::{Step, StepKey, WorkFolder};
+use crate::model::{Catalogue, StoredMesh};
 use crate::os::mmap;
 use crate::partition::{ClusterId, ClusterSource, Partition, cluster};
 use crate::render::ClusterMap;
@@ -40,6 +40,8 @@ pub struct Run<'a> {
     pub(super) probes: Probes,
     /// Deviation caused by rounding alone in the mesh at the start of the pass, in units of length.
     pub(super) noise: f64,
+    /// Steps whose files stay, beside those of the options.
+    pub(super) kept: Vec<StepKey>,
     /// Map of the current pass, if one is wanted. A worker holds the lock while it draws one cluster.
     pub(super) map: Mutex<Option<ClusterMap>>,
 }
@@ -73,6 +75,7 @@ impl<'a> Run<'a> {
             probing: None,
             probes,
             noise: 0.0,
+            kept: Vec::new(),
             map: Mutex::new(None),
             state,
         };
@@ -91,6 +94,21 @@ impl<'a> Run<'a> {
         self.progress.begin_pass(pass.number + 1);
         self.noise = self.state.mesh.rounding_noise();
         Some(pass)
+    }
+
+    /// The mesh at the start of the next pass.
+    pub fn mesh(&self) -> &StoredMesh {
+        &self.state.mesh
+    }
+
+    /// Number of passes that are done.
+    pub fn passes_done(&self) -> usize {
+        self.state.pass()
+    }
+
+    /// From now on the files of these steps stay, too, when those of earlier passes go.
+    pub fn keep_steps(&mut self, steps: Vec<StepKey>) {
+        self.kept = steps;
     }
 
     /// Returns the simplified mesh, once no pass is left.

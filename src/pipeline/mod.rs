@@ -24,6 +24,8 @@ mod run_log;
 mod no_texturing;
 #[cfg(feature = "images")]
 mod texturing;
+#[cfg(feature = "images")]
+mod tile;
 #[cfg(test)]
 mod tests;
 
@@ -56,6 +58,8 @@ use crate::report::Report;
 #[cfg(feature = "images")]
 pub use self::bake_onto::bake_onto;
 pub use self::preflight::work_folder;
+#[cfg(feature = "images")]
+pub use self::tile::tile;
 
 /// Simplifies meshes in files, or in all files below folders, into one file.
 ///

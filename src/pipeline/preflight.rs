@@ -4,7 +4,7 @@ use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use super::paths;
+use super::paths::{self, OutputKind};
 use crate::base::{Findings, MemoryBudget, Result};
 use crate::job::{InputFile, Manifest, WorkFolder, folder_bytes};
 use crate::options::{ResumeChoice, SimplifyOptions, TexturesOutside};
@@ -43,17 +43,31 @@ impl<'a> Preflight<'a> {
     /// [`Error::Budget`](crate::base::Error::Budget) and [`Error::NoSpace`](crate::base::Error::NoSpace) for too little
     /// memory or disk space, [`Error::Io`](crate::base::Error::Io) for an input that cannot be read.
     pub fn check(choice: InputChoice, output: &'a Path, options: &'a SimplifyOptions) -> Result<Self> {
+        Self::check_output(choice, output, options, OutputKind::File(options.textures), options.fingerprint())
+    }
+
+    /// Checks a job with an output of some kind; `fingerprint` tells the options that shape it.
+    ///
+    /// # Errors
+    /// As [`check`](Preflight::check).
+    pub fn check_output(
+        choice: InputChoice,
+        output: &'a Path,
+        options: &'a SimplifyOptions,
+        kind: OutputKind,
+        fingerprint: String,
+    ) -> Result<Self> {
         let began = SystemTime::now();
         options.check()?;
         let (inputs, idle) = find_inputs_and_idle(&choice)?;
         let budget = memory::choose_budget(options)?;
         let threads = memory::choose_threads(options.limits.threads, budget);
         let work_path = work_folder(output, options);
-        paths::refuse(&choice, &inputs, output, &work_path, options.textures)?;
-        let manifest = manifest(&choice, &inputs, options)?;
+        paths::refuse(&choice, &inputs, output, &work_path, kind)?;
+        let manifest = Manifest { options: fingerprint, ..manifest(&choice, &inputs, options)? };
         let input_bytes: u64 = manifest.inputs.iter().map(|file| file.bytes).sum();
         scratch::refuse_small_disk(input_bytes, folder_bytes(&work_path), &work_path)?;
-        if options.job.resume == ResumeChoice::Never {
+        if options.job.resume == ResumeChoice::Never && kind != OutputKind::Folder {
             // The old job is removed only if the new one can begin.
             paths::refuse_existing(output, options.job.force)?;
         }

@@ -3,8 +3,8 @@
 use super::admission::Admission;
 use super::input::Input;
 use super::preflight::Preflight;
-use crate::bake::{self, BakeLimits, BakePlace, BakeSettings, BakeSize, OriginalSurface, Unbaked};
-use crate::base::{Error, Findings, Progress, Result, bytes};
+use crate::bake::{self, BakePlace, BakeSettings, BakeSize, OriginalSurface, Unbaked};
+use crate::base::{Error, Findings, Progress, Result, WorkLimits, bytes};
 use crate::image::textures::TextureImages;
 use crate::job::{StepKey, WorkFolder};
 use crate::model::{Catalogue, StoredMesh};
@@ -27,17 +27,18 @@ pub(super) struct TexturedResult {
 }
 
 /// What a bake needs of the input.
-struct Kept {
-    surface: OriginalSurface,
+pub(super) struct Kept {
+    /// The surface.
+    pub surface: OriginalSurface,
     /// What the passes see of the parts and materials.
-    geometry: Catalogue,
+    pub geometry: Catalogue,
 }
 
 /// The bake of a job.
 pub(super) struct Texturing<'a> {
     job: &'a Preflight<'a>,
     input: &'a Input,
-    limits: BakeLimits,
+    limits: WorkLimits,
     /// What is needed of the input; `None` if nothing is baked.
     kept: Option<Kept>,
 }
@@ -55,7 +56,7 @@ impl<'a> Texturing<'a> {
         admission: &Admission,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        let limits = BakeLimits { threads: job.threads, work_bytes: admission.work_bytes };
+        let limits = WorkLimits { threads: job.threads, work_bytes: admission.work_bytes };
         if !job.options.bakes() {
             return Ok(Self { job, input, limits, kept: None });
         }
@@ -83,6 +84,11 @@ impl<'a> Texturing<'a> {
         };
         start.state.mesh.drop_colours();
         Ok(Self { job, input, limits, kept: Some(Kept { surface, geometry }) })
+    }
+
+    /// What is needed of the input; `None` if nothing is baked.
+    pub fn into_kept(self) -> Option<Kept> {
+        self.kept
     }
 
     /// Parts and materials as the passes see them.

@@ -25,6 +25,8 @@ mod run;
 #[cfg(feature = "report")]
 pub mod scene;
 mod summary;
+#[cfg(feature = "images")]
+mod tile;
 
 use std::path::Path;
 
@@ -35,6 +37,8 @@ pub use self::run::{
     BakeFigures, ErrorFigures, FaceFigures, FileFigures, IoFigures, MemoryFigures, Report, SecondFigures, Status,
 };
 pub use self::summary::warning_lines;
+#[cfg(feature = "images")]
+pub use self::tile::{LevelFigures, TileReport};
 pub use crate::measure::figures;
 pub use crate::measure::gauge::Gauged;
 pub use crate::os::timeline::{PhaseSpan, Sample, Timeline};

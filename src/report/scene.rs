@@ -152,7 +152,7 @@ impl Scene for MeasuredMesh {
     }
 
     fn positions(&self, see: &mut dyn FnMut(&[DVec3])) -> Result<()> {
-        for cell in &self.cells {
+        for cell in &self.surface.cells {
             let view = cell.view()?;
             see(&view.positions.iter().map(|&position| position + view.origin).collect::<Vec<_>>());
         }
@@ -160,7 +160,7 @@ impl Scene for MeasuredMesh {
     }
 
     fn triangles(&self, _resources: &DrawResources, draw: &mut dyn FnMut(&Triangle)) -> Result<()> {
-        for cell in &self.cells {
+        for cell in &self.surface.cells {
             let view = cell.view()?;
             for (number, face) in view.faces.iter().enumerate() {
                 let paint = match face.image.some() {

@@ -100,6 +100,16 @@ impl Cell {
         self.faces.len()
     }
 
+    /// Whether its vertices have colours.
+    pub fn has_colours(&self) -> bool {
+        !self.colours.is_empty()
+    }
+
+    /// Path of its file.
+    pub fn path(&self) -> &Path {
+        self.faces.path()
+    }
+
     /// Sets the folder of the file of a recalled value.
     pub fn locate(&mut self, folder: &Path) {
         self.positions.locate(folder);

@@ -2,4 +2,5 @@
 //! search for closest points, and bakes for colours.
 
 pub mod cell;
+pub mod cells;
 pub mod order;

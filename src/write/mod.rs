@@ -26,6 +26,7 @@ mod companion;
 mod copy;
 mod format;
 mod glb;
+pub mod glb_format;
 mod grouping;
 mod losses;
 mod normals;

@@ -15,18 +15,16 @@ use glam::DVec3;
 
 use super::options::Resources;
 use super::seams::{SeamEdges, SeamWriter};
-use crate::base::ordered::map_in_order;
-use crate::base::{Findings, Permits, Progress, Result};
-use crate::geometry::boxtree::Bounds;
+use crate::base::{Findings, Progress, Result};
 use crate::image::textures::TextureImages;
 use crate::job::{InputFile, Manifest, Resume, WorkFolder};
 use crate::model::{Catalogue, StoredMesh};
 use crate::partition::id::PartitionVertex;
-use crate::partition::{self, Partition, PartitionOptions, TextureScale};
-use crate::partition::{cluster, heavy};
+use crate::partition::{self, ClusterSource, Partition, PartitionOptions, VisitOptions, visit};
 use crate::read::InputChoice;
 use crate::read::{self, Scan};
-use crate::surface::cell::{Cell, CellDraft, CellMaker, CellWriter, FACE_BYTES};
+use crate::surface::cell::{CellDraft, CellMaker, CellWriter, FACE_BYTES};
+use crate::surface::cells::SurfaceCells;
 use crate::topology::cluster::ClusterCounts;
 use crate::topology::{Counter, MeshCounts, Topology, count_cluster};
 
@@ -36,10 +34,8 @@ const BORDER_EDGE_BYTES: u64 = 600;
 /// A mesh prepared for measuring.
 #[derive(Debug)]
 pub struct MeasuredMesh {
-    /// The cells.
-    pub cells: Vec<Cell>,
-    /// The smallest box around its triangles.
-    pub bounds: Bounds,
+    /// Its cells.
+    pub surface: SurfaceCells,
     /// Sum of the cells' areas.
     pub area: f64,
     /// Enclosed volume, if the mesh is closed.
@@ -113,64 +109,44 @@ impl MeasuredMesh {
         resources: &Resources,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        let Resources { threads, work_bytes, .. } = *resources;
         let ReadMesh { work, mesh, catalogue, mut findings, mut partition } =
             ReadMesh::make(input, folder, cell_faces, resources, progress)?;
         let images = TextureImages::find(&catalogue, &mut findings);
         let dropped = std::mem::take(&mut partition.findings);
         let first = usize::from(!partition.numbering.positions.is_empty());
         let reference = partition.numbering.positions.gather(&PartitionVertex::first(first).collect::<Vec<_>>())?;
-        let scale = TextureScale::none(&catalogue);
         let reference = reference.first().copied().unwrap_or(DVec3::ZERO);
         let maker = CellMaker { images: &images, reference };
-        let border_limit = (work_bytes / 4 / BORDER_EDGE_BYTES) as usize;
+        let border_limit = (resources.work_bytes / 4 / BORDER_EDGE_BYTES) as usize;
         let mut seams = SeamWriter::create(work.path())?;
         let (shared, faces) = (&partition.faces.shared, partition.total_faces());
         let mut counter = Counter::create(work.path(), shared, faces, border_limit, |edges| seams.push(edges))?;
         counter.add_degenerate(dropped.get("degenerate_faces"));
         let mut writer = CellWriter::create(&work.path().join("measure-cells.bin"))?;
-        let permits = Permits::new(work_bytes);
         progress.begin("prepare", partition.total_faces(), "faces");
-        map_in_order(
-            partition.clusters().filter(|&cluster| partition.weight(cluster).is_some()),
-            threads,
-            threads + 1,
-            |cluster| {
-                let faces = partition.face_count(cluster);
-                let _permit = permits.take(faces * FACE_BYTES);
-                let source = cluster::load(&partition, &mesh, &catalogue, &scale, cluster)?;
-                Ok((maker.draft(&source, Vec::new()), count_cluster(&source, &catalogue, &images.of_part)))
-            },
-            |(draft, counts): (CellDraft, ClusterCounts)| {
-                progress.advance(draft.face_count());
-                progress.check_stopped()?;
-                writer.append(draft)?;
-                counter.push(counts)
-            },
-        )?;
-        for cluster in partition.clusters().filter(|&cluster| partition.weight(cluster).is_none()) {
-            heavy::load_in_blocks(&partition, &mesh, &catalogue, &scale, cluster, |source| {
-                progress.advance(source.mesh.corners.len() as u64);
-                progress.check_stopped()?;
-                writer.append(maker.draft(&source, Vec::new()))?;
-                counter.push(count_cluster(&source, &catalogue, &images.of_part))
-            })?;
-        }
+        let options = VisitOptions { limits: resources.limits(), face_bytes: FACE_BYTES, progress };
+        let work_on = |source: &ClusterSource| {
+            Ok((maker.draft(source, Vec::new()), count_cluster(source, &catalogue, &images.of_part)))
+        };
+        visit(&partition, &mesh, &catalogue, &options, work_on, |(draft, counts): (CellDraft, ClusterCounts)| {
+            writer.append(draft)?;
+            counter.push(counts)
+        })?;
         let (cells, volume) = writer.finish()?;
         let gather = |ids: &[PartitionVertex]| partition.numbering.positions.gather(ids);
         let Topology { counts, border } = counter.finish(gather)?;
         partition.files().for_each(|path| _ = std::fs::remove_file(path));
         remove_columns(&mesh);
+        let surface = SurfaceCells::from(cells);
         Ok(Self {
-            bounds: cells.iter().fold(Bounds::EMPTY, |all, cell| all.with(cell.bounds)),
-            area: cells.iter().map(|cell| cell.area).sum(),
+            area: surface.area(),
+            surface,
             volume,
             counts,
             border,
             seams: seams.finish()?,
             images,
             findings,
-            cells,
             work,
         })
     }

@@ -117,7 +117,7 @@ pub fn measure(
     let mut distances = Distribution::new(limit);
     let mut angles = Distribution::new(ANGLE_MAX);
     let (mut flipped, mut cut, mut bound_sq) = (0, 0, 0.0f64);
-    let mut farthest: Vec<Option<FarPoint>> = vec![None; from.cells.len()];
+    let mut farthest: Vec<Option<FarPoint>> = vec![None; from.surface.cells.len()];
     let fitting = resources.work_bytes / (CELL_BYTES * (VIEWS as u64 + 2));
     let threads = resources.threads.min(fitting.max(1) as usize);
     let (by_area, others): (Vec<Batch>, Vec<Batch>) =
@@ -191,10 +191,10 @@ fn keep_farther(most: &mut Option<FarPoint>, place: FarPoint) {
 
 fn look_by_area(way: &Way<'_>, batch: &Batch, probes: usize) -> Result<PointResult> {
     let Way { from, to, original, sampling, filter } = *way;
-    let view = from.cells[batch.cell].view()?;
+    let view = from.surface.cells[batch.cell].view()?;
     let points = sampling.points(batch, &view);
     let positions: Vec<DVec3> = points.iter().map(|point| point.position).collect();
-    let mut search = Search::new(to);
+    let mut search = Search::new(&to.surface);
     let mut samples = Vec::with_capacity(points.len());
     let mut middles = Vec::new();
     let (spoken, bound_sq) = search.nearest(&positions, probes)?;
@@ -234,9 +234,9 @@ fn look_by_area(way: &Way<'_>, batch: &Batch, probes: usize) -> Result<PointResu
 /// The farthest vertex, or point on edges, of a batch; recorded only if it is farther than what is known.
 fn look_for_farthest(way: &Way<'_>, batch: &Batch, known: f64) -> Result<PointResult> {
     let Way { from, to, sampling, .. } = *way;
-    let view = from.cells[batch.cell].view()?;
+    let view = from.surface.cells[batch.cell].view()?;
     let positions: Vec<DVec3> = sampling.points(batch, &view).iter().map(|point| point.position).collect();
-    let mut search = Search::new(to);
+    let mut search = Search::new(&to.surface);
     let Farthest { point, bound_sq } = search.farthest(&positions, known * known)?;
     let farthest = match point {
         Some((number, found)) => Some(place(positions[number], &found, &search.closest(positions[number], &found)?)),

@@ -112,7 +112,7 @@ impl<'a> TexelFilter<'a> {
     /// # Errors
     /// On failed reads.
     pub fn colours(&self, middles: &[TexelMiddle]) -> Result<Vec<FilteredColour>> {
-        let mut search = Search::new(self.mesh);
+        let mut search = Search::new(&self.mesh.surface);
         let mut reader = TexelReader::new(&self.images);
         let mut colours = Vec::with_capacity(middles.len());
         let (mut places, mut ends) = (Vec::new(), Vec::new());

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
+use crate::base::WorkLimits;
 use crate::read::ScanOptions;
 
 /// Default number of points by area on each surface.
@@ -33,6 +34,13 @@ pub struct Resources {
     pub work_bytes: u64,
     /// How the meshes are read.
     pub scan: ScanOptions,
+}
+
+impl Resources {
+    /// Threads and memory for work in flight.
+    pub fn limits(&self) -> WorkLimits {
+        WorkLimits { threads: self.threads, work_bytes: self.work_bytes }
+    }
 }
 
 /// Where distances are taken.

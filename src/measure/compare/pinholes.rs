@@ -52,17 +52,17 @@ pub fn find(
     work_bytes: u64,
     progress: &dyn Progress,
 ) -> Result<Option<Pinholes>> {
-    let Some(frame) = Frame::new(before.bounds.low, before.bounds.high) else { return Ok(None) };
+    let Some(frame) = Frame::new(before.surface.bounds.low, before.surface.bounds.high) else { return Ok(None) };
     let places: Vec<[f64; 2]> = TILTS
         .into_iter()
         .flat_map(|tilt| (0..TURNS).map(move |turn| [FIRST_TURN + 360.0 / TURNS as f64 * turn as f64, tilt]))
         .collect();
     let at_once = (work_bytes / 2 / VIEW_BYTES).clamp(1, places.len() as u64) as usize;
-    let behind = BEHIND_SHARE * before.bounds.diagonal();
+    let behind = BEHIND_SHARE * before.surface.bounds.diagonal();
     let (mut found, mut sums) = (Pinholes::default(), PixelCounts::default());
     progress.begin(
         "pinholes",
-        (places.len().div_ceil(at_once) * (before.cells.len() + after.cells.len())) as u64,
+        (places.len().div_ceil(at_once) * (before.surface.cells.len() + after.surface.cells.len())) as u64,
         "cells",
     );
     for places in places.chunks(at_once) {
@@ -107,7 +107,7 @@ impl Depth {
 }
 
 fn draw(mesh: &MeasuredMesh, depths: &mut [Depth], progress: &dyn Progress) -> Result<()> {
-    for cell in &mesh.cells {
+    for cell in &mesh.surface.cells {
         progress.check_stopped()?;
         let view = cell.view()?;
         let triangles = 0..view.faces.len() as u32;

@@ -14,11 +14,11 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::cells::MeasuredMesh;
 use super::options::Spread;
 use crate::base::chance;
 use crate::geometry::triangle::{area, perimeter};
 use crate::surface::cell::CellView;
+use crate::surface::cells::SurfaceCells;
 
 /// Maximum number of points of a batch.
 pub const BATCH_POINTS: u64 = 1 << 14;
@@ -63,7 +63,7 @@ pub struct SamplePoint {
 /// Sampling of a mesh.
 #[derive(Debug)]
 pub struct Sampling<'a> {
-    mesh: &'a MeasuredMesh,
+    mesh: &'a SurfaceCells,
     seed: u64,
     spread: Spread,
     areas: Steps,
@@ -113,7 +113,7 @@ impl Steps {
 
 impl<'a> Sampling<'a> {
     /// Points by area, a quarter as many on edges, and all vertices; or the vertices alone, as `spread` says.
-    pub fn new(mesh: &'a MeasuredMesh, spread: Spread, seed: u64) -> Self {
+    pub fn new(mesh: &'a SurfaceCells, spread: Spread, seed: u64) -> Self {
         let samples = spread.by_area().unwrap_or(0);
         let edge_samples = (samples as f64 * EDGE_SHARE).ceil() as u64;
         Self {

@@ -21,7 +21,6 @@
 
 use glam::DVec3;
 
-use super::cells::MeasuredMesh;
 use crate::base::Result;
 use crate::geometry::boxtree::Bounds;
 use crate::geometry::closest_point;
@@ -29,6 +28,7 @@ use crate::geometry::triangle::{area, barycentric, texture_area, unit_normal};
 use crate::geometry::triangle_tree::Question;
 use crate::model::id::ImageId;
 use crate::surface::cell::{CellFace, CellView};
+use crate::surface::cells::SurfaceCells;
 use crate::surface::order::order_by_distance;
 
 /// Number of cells kept open at once.
@@ -89,7 +89,7 @@ pub struct Closest {
 
 /// A search in one mesh.
 pub struct Search<'a> {
-    mesh: &'a MeasuredMesh,
+    mesh: &'a SurfaceCells,
     views: Vec<Open>,
     order: Vec<(f64, u32)>,
     /// Squared distance up to which a triangle counts as nearest.
@@ -110,7 +110,7 @@ struct Open {
 
 impl<'a> Search<'a> {
     /// A search with no cell open.
-    pub fn new(mesh: &'a MeasuredMesh) -> Self {
+    pub fn new(mesh: &'a SurfaceCells) -> Self {
         let largest = mesh.bounds.low.abs().max(mesh.bounds.high.abs()).max_element();
         let least_sq = (ROUNDINGS * f64::EPSILON * largest).powi(2);
         Self { mesh, views: Vec::new(), order: Vec::new(), least_sq, looks: 0, cut_count: 0 }

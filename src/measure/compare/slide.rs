@@ -109,7 +109,7 @@ impl<'a> Atlas<'a> {
         resources: &'a Resources,
     ) -> Self {
         let mut shown: TiVec<ImageId, f64> = vec![0.0; original.images.files.len()].into();
-        for &ShownImage { image, texture_area: area } in original.cells.iter().flat_map(|cell| &cell.images) {
+        for &ShownImage { image, texture_area: area } in original.surface.cells.iter().flat_map(|cell| &cell.images) {
             if let Some(sum) = shown.get_mut(image) {
                 *sum += area;
             }
@@ -281,7 +281,7 @@ impl Charts {
     /// Draws the triangles of a mesh that show one of some texture images (ascending).
     fn draw(&mut self, mesh: &MeasuredMesh, images: &[ImageId]) -> Result<()> {
         let is_shown = |image: &ImageId| images.binary_search(image).is_ok();
-        for cell in mesh.cells.iter().filter(|cell| cell.images.iter().any(|shown| is_shown(&shown.image))) {
+        for cell in mesh.surface.cells.iter().filter(|cell| cell.images.iter().any(|shown| is_shown(&shown.image))) {
             let view = cell.view()?;
             for face in 0..view.faces.len() as u32 {
                 if is_shown(&view.faces[face as usize].image) {

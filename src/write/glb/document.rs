@@ -3,37 +3,24 @@
 //! # Source
 //! Khronos, glTF 2.0; `KHR_materials_unlit`.
 
-use std::f64::consts::FRAC_1_SQRT_2;
-
 use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
 
 use super::images::{EmbeddedImage, GlbImages};
-use super::layout::{ChunkLayout, PrimitiveSize, padded};
+use super::layout::{ChunkLayout, PrimitiveSize};
 use super::primitives::{Primitive, Primitives};
 use crate::base::Result;
 use crate::model::Catalogue;
 use crate::model::diffuse::diffuse_colour;
+use crate::write::glb_format::{
+    ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, FLOAT, LINEAR, LINEAR_MIPMAP_LINEAR, NO_COLOUR, REPEAT, UNLIT, UNSIGNED_INT,
+    UNSIGNED_SHORT, Z_TO_Y, linear, padded,
+};
 
-/// Types of components and uses of buffers, as OpenGL numbers them.
-const UNSIGNED_SHORT: u32 = 5123;
-const UNSIGNED_INT: u32 = 5125;
-const FLOAT: u32 = 5126;
-const ARRAY_BUFFER: u32 = 34962;
-const ELEMENT_ARRAY_BUFFER: u32 = 34963;
-const LINEAR: u32 = 9729;
-const LINEAR_MIPMAP_LINEAR: u32 = 9987;
-const REPEAT: u32 = 10497;
 /// The buffer views of vertices and indices; those of images follow.
 const VERTICES: usize = 0;
 const INDICES: usize = 1;
 const FIRST_IMAGE: usize = 2;
-/// Colour of a material that has none.
-const NO_COLOUR: [u8; 3] = [204; 3];
-/// The turn by a quarter about x that makes (x, y, z) to (x, z, -y), as a quaternion.
-const Z_TO_Y: [f64; 4] = [-FRAC_1_SQRT_2, 0.0, 0.0, FRAC_1_SQRT_2];
-const UNLIT: &str = "KHR_materials_unlit";
-
 /// What receives the text.
 type Put<'p> = &'p mut dyn FnMut(&[u8]) -> Result<()>;
 
@@ -236,9 +223,4 @@ fn put_values(put: Put<'_>, values: impl Iterator<Item = Value>) -> Result<()> {
 
 fn accessor(view: usize, offset: u64, kind: u32, count: u64, shape: &str) -> Value {
     json!({ "bufferView": view, "byteOffset": offset, "componentType": kind, "count": count, "type": shape })
-}
-
-/// A channel of sRGB, from 0 to 1, as an amount of light.
-pub(super) fn linear(channel: f64) -> f64 {
-    if channel <= 0.040_45 { channel / 12.92 } else { libm::pow((channel + 0.055) / 1.055, 2.4) }
 }

@@ -12,6 +12,7 @@ use glam::Vec3;
 use super::images::GlbImages;
 use super::primitives::PrimitiveId;
 use crate::base::id::TiVec;
+use crate::write::glb_format::padded;
 
 /// What the record of a vertex has.
 #[derive(Debug, Clone, Copy)]
@@ -64,11 +65,6 @@ impl PrimitiveSize {
     pub fn indices_bytes(&self) -> u64 {
         padded(3 * self.faces * self.index_bytes())
     }
-}
-
-/// Rounds up to whole words.
-pub(super) fn padded(bytes: u64) -> u64 {
-    bytes.next_multiple_of(4)
 }
 
 /// The parts of the binary chunk.

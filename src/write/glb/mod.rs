@@ -26,11 +26,12 @@ use std::path::Path;
 use glam::DVec3;
 
 use self::corners::{CornerSweep, GlbVertex, TakeCorners};
-use self::document::{GlbDocument, linear};
+use self::document::GlbDocument;
 pub(super) use self::images::{GlbImages, ImageLimits, find_images};
-use self::layout::{ChunkLayout, PrimitiveSize, RecordForm, padded};
+use self::layout::{ChunkLayout, PrimitiveSize, RecordForm};
 use self::primitives::{PrimitiveId, Primitives};
 use super::copy::{CopyError, open_regular};
+use super::glb_format::{linear, padded};
 use super::grouping::{Group, Grouping};
 use super::result_file::{Replaced, ResultFile};
 use super::sink::{MeshSink, ResultMesh};

@@ -1,0 +1,153 @@
+//! `drystone tile`: makes a pyramid of tiles that a browser streams.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::flags::heading;
+use super::input::InputArguments;
+use super::print::{print, print_json};
+use super::progress::{stoppable, tell};
+use super::stop::Goodbye;
+use crate::base::{Error, Result, bytes, quantity};
+use crate::options::{GeoOrigin, ImageFormat, JobOptions, Limits, ResumeChoice, TileOptions, UpAxis};
+use crate::os::signals::StopSignal;
+use crate::pipeline;
+use crate::report;
+
+/// Arguments of `drystone tile`.
+#[derive(Debug, Args)]
+pub struct TileArguments {
+    /// Folder to write, with tileset.json and the tiles
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    #[command(flatten)]
+    flags: TileFlags,
+    #[command(flatten)]
+    input: InputArguments,
+    /// Print the figures of the levels as JSON
+    #[arg(long)]
+    json: bool,
+    /// Print the figures and errors only
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// Flags that shape a pyramid.
+#[derive(Debug, Clone, Args)]
+pub struct TileFlags {
+    /// Triangles of a tile at most, 100 to 1 million
+    #[arg(long, value_name = "COUNT", default_value_t = TileOptions::default().tile_faces)]
+    #[arg(value_parser = quantity::parse_count)]
+    tile_faces: u64,
+
+    /// Largest side of a tile's image in texels, a power of two from 256 to 4096
+    #[arg(long, value_name = "SIDE", default_value_t = TileOptions::default().tile_side)]
+    #[arg(value_parser = quantity::parse_whole::<u32>)]
+    tile_side: u32,
+
+    /// Format of the images: png, jpeg, or jpeg:QUALITY with a quality from 1 to 100
+    #[arg(long, value_name = "FORMAT", default_value_t = TileOptions::default().image)]
+    image: ImageFormat,
+
+    /// Geometric error of a tile, by the larger of its texel and its deviation
+    ///
+    /// Viewers show the next finer tiles where an error takes more than 16 pixels
+    #[arg(long, value_name = "FACTOR", default_value_t = TileOptions::default().error_factor)]
+    #[arg(value_parser = quantity::parse_number)]
+    error_factor: f64,
+
+    /// Which axis of the input points up
+    #[arg(long, value_enum, default_value_t = UpAxis::Z, value_name = "AXIS")]
+    up: UpAxis,
+
+    /// Where on earth the input's (0, 0, 0) lies: degrees and metres above the ellipsoid; its x axis points east
+    #[arg(long, value_name = "LONGITUDE,LATITUDE,HEIGHT", allow_hyphen_values = true)]
+    origin: Option<GeoOrigin>,
+
+    /// Memory that the program may use, at least 128MiB [default: half of the machine's or cgroup's]
+    #[arg(long, value_name = "SIZE", value_parser = bytes::parse, help_heading = heading::JOB)]
+    memory: Option<u64>,
+
+    /// Number of threads; the result does not depend on it [default: one per processor]
+    #[arg(long, value_name = "COUNT", value_parser = quantity::parse_whole::<usize>, help_heading = heading::JOB)]
+    threads: Option<usize>,
+
+    /// Folder for intermediate files [default: OUTPUT.work]
+    #[arg(long, value_name = "DIR", help_heading = heading::JOB)]
+    work: Option<PathBuf>,
+
+    /// What to do with an unfinished job in the work folder
+    #[arg(long, value_enum, default_value_t = ResumeChoice::Auto, value_name = "HOW", help_heading = heading::JOB)]
+    resume: ResumeChoice,
+
+    /// Keep the work folder after success
+    #[arg(long, help_heading = heading::JOB)]
+    keep_work: bool,
+
+    /// Write into a folder that holds files; those of the same names are replaced
+    #[arg(long, help_heading = heading::JOB)]
+    force: bool,
+}
+
+impl TileFlags {
+    /// The options that the flags are.
+    pub fn options(&self) -> TileOptions {
+        let flags = self.clone();
+        TileOptions {
+            tile_faces: flags.tile_faces,
+            tile_side: flags.tile_side,
+            image: flags.image,
+            error_factor: flags.error_factor,
+            up: flags.up,
+            origin: flags.origin,
+            limits: Limits { memory: flags.memory, threads: flags.threads },
+            job: JobOptions { work: flags.work, resume: flags.resume, keep_work: flags.keep_work, force: flags.force },
+        }
+    }
+}
+
+/// Makes the tiles and prints the figures of the levels.
+///
+/// # Errors
+/// Those of [`pipeline::tile`].
+pub fn run(arguments: &TileArguments) -> Result<u8> {
+    let TileArguments { output, flags, input, json, quiet } = arguments;
+    let options = flags.options();
+    let stop = StopSignal::listen()?;
+    let work = pipeline::work_folder(output, &options.simplify_options());
+    let goodbye = Goodbye::of_job(&stop, &work);
+    let told = stoppable(*quiet, stop);
+    let report = match pipeline::tile(input.choice(), output, &options, &*told) {
+        Err(Error::Stopped) => return Ok(goodbye.say()),
+        outcome => outcome?,
+    };
+    drop(told);
+    if !quiet {
+        report::warning_lines(&report.warnings, "--json lists them").iter().for_each(|line| tell(line));
+    }
+    if *json {
+        print_json(&report)?
+    } else {
+        print(&report.table())?
+    }
+    Ok(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct TilesAlone {
+        #[command(flatten)]
+        flags: TileFlags,
+    }
+
+    #[test]
+    fn no_flag_means_the_defaults_of_the_library() {
+        assert_eq!(TilesAlone::parse_from(["drystone"]).flags.options(), TileOptions::default());
+    }
+}

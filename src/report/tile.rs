@@ -1,0 +1,54 @@
+//! What was built of a pyramid of tiles.
+
+use std::fmt::Write as _;
+
+use serde::Serialize;
+
+use crate::base::{bytes, grouped};
+pub use crate::tile::LevelFigures;
+
+/// Report of a pyramid.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TileReport {
+    /// Triangles of the input.
+    pub triangles: u64,
+    /// The levels, the finest first.
+    pub levels: Vec<LevelFigures>,
+    /// Time in seconds.
+    pub seconds: f64,
+    /// Peak resident memory of the process, in bytes.
+    pub peak_resident: u64,
+    /// Messages about what was ignored or lost.
+    pub warnings: Vec<String>,
+}
+
+impl TileReport {
+    /// The levels as a table, and sums.
+    pub fn table(&self) -> String {
+        let mut text = String::from(
+            "level   tiles   triangles   most   megatexels  fill     texel  deviation      error       bytes\n",
+        );
+        for level in self.levels.iter().rev() {
+            let _ = writeln!(
+                text,
+                "{:5} {:>7} {:>11} {:>6} {:>12.2} {:>5.2} {:>9.4} {:>10.4} {:>10.3} {:>11}",
+                level.level,
+                grouped(level.tiles),
+                grouped(level.faces),
+                grouped(level.faces_max),
+                level.texels as f64 / 1e6,
+                level.fill,
+                level.texel,
+                level.to_input_p99.max(level.from_input_p99),
+                level.geometric_error,
+                bytes::display(level.bytes),
+            );
+        }
+        let sum = |of: fn(&LevelFigures) -> u64| self.levels.iter().map(of).sum::<u64>();
+        let _ = writeln!(text, "tiles: {}", sum(|level| level.tiles));
+        let _ = writeln!(text, "bytes: {}", sum(|level| level.bytes));
+        let _ = writeln!(text, "seconds: {:.1}", self.seconds);
+        let _ = writeln!(text, "peak memory: {}", bytes::display(self.peak_resident));
+        text
+    }
+}

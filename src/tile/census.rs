@@ -1,0 +1,153 @@
+//! Counts what each node of the tree would hold of a level, and chooses the tiles of the level.
+//!
+//! In: the surface of a level. Out: the nodes that become its tiles. Invariant: a tile of a level is a tile of the next
+//! coarser one, or lies inside of one.
+
+use serde::{Deserialize, Serialize};
+
+use super::clip::{ClipCorner, Clipper, EdgeKind, TakeParts};
+use super::lattice::Lattice;
+use super::scene::Scene;
+use super::tree::{ROOT, TileId, TileLimits, TileTree};
+use crate::base::id::TiVec;
+use crate::base::ordered::map_in_order;
+use crate::base::{Progress, Result, WorkLimits};
+use crate::geometry::triangle::area;
+use crate::surface::cells::SurfaceCells;
+
+/// What a node holds of a level.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct NodeCount {
+    /// Triangles.
+    pub faces: u64,
+    /// Edges along the planes of the node.
+    pub border_edges: u64,
+    /// Area.
+    pub area: f64,
+}
+
+impl NodeCount {
+    fn add(&mut self, other: Self) {
+        self.faces += other.faces;
+        self.border_edges += other.border_edges;
+        self.area += other.area;
+    }
+}
+
+/// Triangles of a skirt for each edge.
+const FACES_OF_SKIRT: u64 = 2;
+
+/// The tiles of a level.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LevelTiles {
+    /// Nodes with triangles, ascending.
+    pub tiles: Vec<TileId>,
+    /// Whether a node is a tile of this level, with triangles or without.
+    pub is_tile: TiVec<TileId, bool>,
+}
+
+/// Counts what the nodes hold of a level.
+///
+/// # Errors
+/// If the job was stopped, and on failed reads.
+pub fn count(
+    surface: &SurfaceCells,
+    tree: &TileTree,
+    scene: &Scene,
+    level: u32,
+    limits: WorkLimits,
+    progress: &dyn Progress,
+) -> Result<TiVec<TileId, NodeCount>> {
+    let lattice = scene.lattice(level);
+    let mut counts: TiVec<TileId, NodeCount> = vec![NodeCount::default(); tree.nodes.len()].into();
+    let count_cell = |cell: usize| {
+        let mut counter = Counter { counts: vec![NodeCount::default(); tree.nodes.len()].into() };
+        each_triangle(surface, cell, scene, lattice, |corners| {
+            Clipper::new(tree).cut(corners, &mut counter);
+        })?;
+        Ok(counter.counts)
+    };
+    let cells = 0..surface.cells.len();
+    map_in_order(cells, limits.threads, limits.threads + 1, count_cell, |own| {
+        counts.iter_mut().zip(own).for_each(|(sum, own)| sum.add(own));
+        progress.check_stopped()
+    })?;
+    Ok(counts)
+}
+
+/// Passes the triangles of a cell on, with their corners on the lattice, relative to the origin of the scene.
+///
+/// # Errors
+/// On failed reads.
+pub fn each_triangle(
+    surface: &SurfaceCells,
+    cell: usize,
+    scene: &Scene,
+    lattice: Lattice,
+    mut take: impl FnMut([glam::DVec3; 3]),
+) -> Result<()> {
+    let view = surface.cells[cell].view()?;
+    let shift = view.origin - scene.origin;
+    for face in 0..view.faces.len() as u32 {
+        take(view.triangle(face).map(|corner| lattice.position(lattice.place(corner + shift))));
+    }
+    Ok(())
+}
+
+struct Counter {
+    counts: TiVec<TileId, NodeCount>,
+}
+
+impl TakeParts for Counter {
+    fn part(&mut self, node: TileId, polygon: &[ClipCorner]) -> bool {
+        let first = polygon[0].position;
+        let areas = polygon[1..].windows(2).map(|side| area([first, side[0].position, side[1].position]));
+        self.counts[node].add(NodeCount {
+            faces: polygon.len() as u64 - 2,
+            border_edges: polygon.iter().filter(|corner| corner.edge != EdgeKind::Own).count() as u64,
+            area: areas.sum(),
+        });
+        true
+    }
+}
+
+impl LevelTiles {
+    /// The coarsest nodes that fit a tile, inside of which those of the level below lie; leaves fit in any case.
+    pub fn choose(
+        counts: &TiVec<TileId, NodeCount>,
+        tree: &TileTree,
+        texel: f64,
+        limits: &TileLimits,
+        below: Option<&Self>,
+    ) -> Self {
+        let fits = |count: &NodeCount| {
+            count.faces + FACES_OF_SKIRT * count.border_edges <= limits.faces
+                && count.area <= limits.texels * texel * texel
+        };
+        let mut is_tile: TiVec<TileId, bool> = vec![false; tree.nodes.len()].into();
+        let mut tiles = Vec::new();
+        let mut pending = vec![ROOT];
+        while let Some(node) = pending.pop() {
+            let children = tree.children(node);
+            let ends = below.is_some_and(|below| below.is_tile[node]);
+            match children {
+                Some(children) if !ends && !fits(&counts[node]) => pending.extend(children),
+                _ => {
+                    is_tile[node] = true;
+                    if counts[node].faces > 0 {
+                        tiles.push(node);
+                    }
+                }
+            }
+        }
+        tiles.sort_unstable();
+        Self { tiles, is_tile }
+    }
+
+    /// Reports whether a recalled value fits a tree.
+    pub fn is_sound(&self, tree: &TileTree) -> bool {
+        self.is_tile.len() == tree.nodes.len()
+            && self.tiles.iter().all(|&tile| self.is_tile.get(tile) == Some(&true))
+            && self.tiles.is_sorted()
+    }
+}

@@ -1,0 +1,36 @@
+//! From a mesh to a pyramid of tiles that a browser streams.
+//!
+//! ```text
+//! input ── chain: passes, each measured ──▶ levels: whole meshes, each within a texel of its own from the input
+//!   │                                          │
+//!   ╰─ tree: nested planes ── census: which nodes are the tiles of a level
+//!                                              │
+//!                                cut ── skirt, paint, glb ──▶ a file for each tile ── tileset.json, last
+//! ```
+//! In: the surface of the input, its images, and a mesh that passes begin with. Out: a folder with a tileset and its tiles.
+//! Invariant: two tiles of a level have the same corners and edges where they meet, to the bit. The bytes depend on the
+//! input and the options alone. A tile is done or not: after a kill, the tiles that are done are recalled.
+//!
+//! # Memory
+//! For each thread a tile: its triangles (700 bytes each), its image (8 bytes a texel), and a painter (16 MiB).
+
+mod census;
+mod chain;
+mod clip;
+mod cut;
+mod glb;
+mod lattice;
+mod mesh;
+mod paint;
+mod run;
+mod scene;
+mod settings;
+mod skirt;
+mod steps;
+mod tileset;
+mod tree;
+
+pub use self::chain::{Chain, Level, PassMesh, last_faces, pass_count};
+pub use self::run::{LevelFigures, Pyramid, refuse_filled_folder};
+pub use self::scene::Scene;
+pub use self::settings::{TilePlace, TileSettings};

@@ -1,0 +1,169 @@
+//! Gives the mesh of a tile its texture: unwrapped into one image, painted with the colours of the input.
+
+use std::collections::HashMap;
+
+use foldhash::fast::FixedState;
+use glam::{DVec2, DVec3, IVec3};
+
+use super::glb::{TileContent, TileVertex};
+use super::lattice::Lattice;
+use super::mesh::TileMesh;
+use super::skirt::Strip;
+use crate::bake::{Painted, PatchBaker, PatchSurface};
+use crate::base::id::TiVec;
+use crate::base::{Error, Result};
+use crate::image::encode::encode_into;
+use crate::mesh::id::{FaceId, LocalVertex};
+use crate::model::image_format::ImageFormat;
+use crate::unwrap::{Triangles, Unwrapped};
+
+/// Texels get longer by this factor until all charts fit one image, this often at most.
+const COARSER: f64 = 1.1;
+const TRIES_MAX: usize = 100;
+
+/// A painted tile.
+pub struct PaintedTile {
+    /// What its file holds.
+    pub content: TileContent,
+    /// Texels of its image.
+    pub texels: u64,
+    /// What was painted.
+    pub painted: Painted,
+    /// Charts.
+    pub charts: u64,
+}
+
+/// A tile before it is painted.
+pub struct BareTile<'a> {
+    /// Its mesh.
+    pub mesh: &'a TileMesh,
+    /// Its skirt.
+    pub strips: &'a [Strip],
+    /// The lattice of its level.
+    pub lattice: Lattice,
+    /// Origin of the scene, in the coordinates of the input.
+    pub scene_origin: DVec3,
+}
+
+impl BareTile<'_> {
+    /// The tile without texture.
+    pub fn plain(&self) -> PaintedTile {
+        let mut builder = ContentBuilder::new(self);
+        let corners = |face: FaceId| [0, 1, 2].map(|corner| (self.mesh.faces[face][corner], DVec2::ZERO));
+        self.mesh.faces.keys().for_each(|face| builder.add_face(face, 0, corners(face)));
+        PaintedTile { content: builder.finish(None), texels: 0, painted: Painted::default(), charts: 0 }
+    }
+
+    /// Paints the tile.
+    ///
+    /// # Errors
+    /// If the job was stopped, and on failed reads.
+    pub fn paint(&self, baker: &PatchBaker<'_>, format: ImageFormat) -> Result<PaintedTile> {
+        let Self { mesh, lattice, scene_origin, .. } = *self;
+        let triangles = Triangles { positions: &mesh.positions, vertices: &mesh.faces };
+        let patch = PatchSurface { triangles, origin: scene_origin + lattice.position(mesh.middle) };
+        let unwrapped = in_one_image(baker, &patch)?;
+        let Some(&size) = unwrapped.images.first() else { return Ok(self.plain()) };
+        let image = baker.paint(&patch, &unwrapped, 0)?;
+        let mut bytes = Vec::new();
+        encode_into(&image.rgb, image.size, format, &mut bytes).map_err(|error| Error::io(std::path::Path::new("tile"), "encode", error))?;
+        let mut builder = ContentBuilder::new(self);
+        for (chart, charted) in unwrapped.charts.iter().enumerate() {
+            for &(face, flat) in &charted.faces {
+                let texcoord = |at: DVec2| at / DVec2::new(size.width.into(), size.height.into());
+                let corners = [0, 1, 2].map(|corner| (mesh.faces[face][corner], texcoord(flat[corner])));
+                builder.add_face(face, chart as u32, corners);
+            }
+        }
+        let content = builder.finish(Some((bytes, media_type(format))));
+        let texels = u64::from(size.width) * u64::from(size.height);
+        Ok(PaintedTile { content, texels, painted: image.painted, charts: unwrapped.charts.len() as u64 })
+    }
+}
+
+fn media_type(format: ImageFormat) -> &'static str {
+    match format {
+        ImageFormat::Png => "image/png",
+        ImageFormat::Jpeg(_) => "image/jpeg",
+    }
+}
+
+/// Unwraps a patch into one image, with longer texels if it has to be.
+fn in_one_image(baker: &PatchBaker<'_>, patch: &PatchSurface<'_>) -> Result<Unwrapped> {
+    let mut coarser = 1.0;
+    let mut unwrapped = baker.unwrap(patch, coarser)?;
+    for _ in 0..TRIES_MAX {
+        if unwrapped.images.len() <= 1 {
+            break;
+        }
+        coarser *= COARSER;
+        unwrapped = baker.unwrap(patch, coarser)?;
+    }
+    Ok(unwrapped)
+}
+
+/// Numbers the vertices of a tile: one for each vertex of the mesh and chart, and those of the skirt.
+struct ContentBuilder<'a> {
+    tile: &'a BareTile<'a>,
+    content: TileContent,
+    numbers: HashMap<(LocalVertex, u32), u32, FixedState>,
+    /// Numbers of the vertices of each face.
+    of_face: TiVec<FaceId, [u32; 3]>,
+}
+
+/// Number of no vertex.
+const NO_VERTEX: u32 = u32::MAX;
+
+impl<'a> ContentBuilder<'a> {
+    fn new(tile: &'a BareTile<'a>) -> Self {
+        let middle = tile.lattice.position(tile.mesh.middle);
+        Self {
+            tile,
+            content: TileContent { step: tile.lattice.step, middle, ..TileContent::default() },
+            numbers: HashMap::default(),
+            of_face: vec![[NO_VERTEX; 3]; tile.mesh.faces.len()].into(),
+        }
+    }
+
+    fn add_face(&mut self, face: FaceId, chart: u32, corners: [(LocalVertex, DVec2); 3]) {
+        let Self { tile, content, numbers, of_face } = self;
+        let number = |(vertex, texcoord): (LocalVertex, DVec2)| {
+            *numbers.entry((vertex, chart)).or_insert_with(|| {
+                let place = tile.mesh.places[vertex] - tile.mesh.middle;
+                content.vertices.push(TileVertex { place, texcoord });
+                content.vertices.len() as u32 - 1
+            })
+        };
+        of_face[face] = corners.map(number);
+        content.triangles.push(of_face[face]);
+    }
+
+    /// Adds the skirt, which shows what the border shows.
+    fn add_skirt(&mut self) {
+        let Self { tile, content, of_face, .. } = self;
+        let mut feet: HashMap<(u32, IVec3), u32, FixedState> = HashMap::default();
+        for strip in tile.strips {
+            let corners = of_face[strip.edge.face];
+            let ends = [corners[strip.edge.corner], corners[(strip.edge.corner + 1) % 3]];
+            if ends.contains(&NO_VERTEX) {
+                continue;
+            }
+            let mut foot = |end: usize| {
+                let place = strip.feet[end] - tile.mesh.middle;
+                *feet.entry((ends[end], place)).or_insert_with(|| {
+                    let texcoord = content.vertices[ends[end] as usize].texcoord;
+                    content.vertices.push(TileVertex { place, texcoord });
+                    content.vertices.len() as u32 - 1
+                })
+            };
+            let below = [foot(0), foot(1)];
+            content.triangles.push([ends[1], ends[0], below[0]]);
+            content.triangles.push([ends[1], below[0], below[1]]);
+        }
+    }
+
+    fn finish(mut self, image: Option<(Vec<u8>, &'static str)>) -> TileContent {
+        self.add_skirt();
+        TileContent { image, ..self.content }
+    }
+}

@@ -1,0 +1,46 @@
+//! How tiles are made, and where.
+
+use std::path::Path;
+
+use super::tree::TileLimits;
+use crate::base::{Progress, WorkLimits};
+use crate::job::WorkFolder;
+use crate::model::image_format::ImageFormat;
+
+/// Share of an image that charts are taken to fill, when tiles are chosen.
+const FILL: f64 = 0.5;
+
+/// How tiles are made.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TileSettings {
+    /// Triangles of a tile at most.
+    pub faces: u64,
+    /// Side of a tile's image at most, in texels.
+    pub side: u32,
+    /// How images are encoded.
+    pub format: ImageFormat,
+    /// Geometric error of a tile, by the larger of its texel and its deviation.
+    pub error_factor: f64,
+    /// Whether the input has any colour.
+    pub has_colour: bool,
+}
+
+impl TileSettings {
+    /// What a tile may hold.
+    pub fn limits(&self) -> TileLimits {
+        TileLimits { faces: self.faces, texels: FILL * f64::from(self.side) * f64::from(self.side) }
+    }
+}
+
+/// Where a pyramid is built.
+#[derive(Clone, Copy)]
+pub struct TilePlace<'a> {
+    /// Folder of the result.
+    pub output: &'a Path,
+    /// The folder for intermediate files, and its steps.
+    pub work: &'a WorkFolder,
+    /// What it may take of the machine.
+    pub limits: WorkLimits,
+    /// What hears of it.
+    pub progress: &'a dyn Progress,
+}
