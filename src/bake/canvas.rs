@@ -6,7 +6,7 @@
 use glam::Vec3;
 
 /// An image under way.
-pub(super) struct AtlasCanvas {
+pub struct AtlasCanvas {
     /// Width and height.
     pub size: [usize; 2],
     /// Red, green, blue, row by row from the top.
@@ -16,6 +16,7 @@ pub(super) struct AtlasCanvas {
 }
 
 impl AtlasCanvas {
+    /// An image without any texel set.
     pub fn new(size: [usize; 2]) -> Self {
         let texels = size[0] * size[1];
         Self { size, rgb: vec![0; 3 * texels], are_set: vec![0; texels.div_ceil(64)] }
@@ -27,6 +28,12 @@ impl AtlasCanvas {
         let at = row * self.size[0] + column;
         let bytes = colour.clamp(Vec3::ZERO, Vec3::splat(255.0)).to_array().map(|channel| (channel + 0.5) as u8);
         self.set_bytes(at, bytes);
+    }
+
+    /// Sets the red, green and blue of a texel.
+    #[inline]
+    pub fn set_pixel(&mut self, [column, row]: [usize; 2], pixel: [u8; 3]) {
+        self.set_bytes(row * self.size[0] + column, pixel);
     }
 
     #[inline]

@@ -23,7 +23,7 @@ use crate::surface::cell::{Cell, CellView};
 use crate::surface::order::{order_by_distance, sort_by_distance};
 
 /// Cells kept open at once.
-const VIEWS: usize = 8;
+const VIEWS: usize = 32;
 /// Cells that are put in order for each block of texels; the others stay in that of the patch.
 const BLOCK_CELLS: usize = 64;
 /// Triangles near a region above which it is halved.

@@ -34,8 +34,9 @@ mod settings;
 mod sharpen;
 mod steps;
 
+pub use self::canvas::AtlasCanvas;
 pub use self::catalogue::geometry_catalogue;
-pub use self::original::{Original, OriginalSurface, TEXELS_OF_FACE};
+pub use self::original::{Original, OriginalSurface, TEXELS_OF_FACE, TexelSource};
 pub use self::paint::{Painted, PatchSurface};
 pub use self::painters::PAINTER_BYTES;
 pub use self::patch::{PaintedImage, PatchBaker, PatchSettings};

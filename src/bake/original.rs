@@ -17,7 +17,7 @@ use crate::base::id::TiVec;
 use crate::base::{Findings, Progress, Result};
 use crate::geometry::triangle::{area, texture_area};
 use crate::image::decode::DecodePlan;
-use crate::image::stored::{Beyond, StoredImage, decode_within};
+use crate::image::stored::{Beyond, StoredImage, TexelReader, decode_within};
 use crate::image::textures::TextureImages;
 use crate::job::{Recalled, Step, StepKey, WorkFolder};
 use crate::model::id::ImageId;
@@ -102,6 +102,17 @@ pub struct Original {
     pub face_count: u64,
 }
 
+/// Where the colours of a triangle come from.
+#[derive(Debug, Clone, Copy)]
+pub enum TexelSource<'a> {
+    /// From an image.
+    Image(&'a StoredImage),
+    /// They are all the same.
+    Plain([u8; 3]),
+    /// It has none, or those of its vertices.
+    Nothing,
+}
+
 /// How much of a surface has texels of which length.
 struct LengthHistogram {
     /// Area for each range of lengths, [`STEPS`] of them for a factor of two.
@@ -152,6 +163,22 @@ impl Recalled for DecodedImage {
 }
 
 impl Original {
+    /// A surface whose images are stored already, and whose texels are about `texel` long.
+    pub fn of_stored(surface: SurfaceCells, images: TiVec<ImageId, Option<StoredImage>>, texel: f64) -> Self {
+        let pixels = |image: &Option<StoredImage>| {
+            image.as_ref().map_or(0.0, |image| image.size().map(f64::from).iter().product())
+        };
+        Self {
+            pixels: images.iter().map(pixels).collect(),
+            images,
+            plain: Vec::new(),
+            median_texel: texel,
+            area: surface.area(),
+            face_count: surface.face_count(),
+            surface,
+        }
+    }
+
     /// Decodes the images that a surface shows.
     ///
     /// # Errors
@@ -194,6 +221,20 @@ impl Original {
         })?;
         original.median_texel = original.find_median_texel(progress)?;
         Ok(original)
+    }
+
+    /// What an id stands for.
+    pub fn source(&self, image: ImageId) -> TexelSource<'_> {
+        if let Some(Some(stored)) = self.images.get(image) {
+            return TexelSource::Image(stored);
+        }
+        let plain = image.index().checked_sub(self.images.len()).and_then(|number| self.plain.get(number));
+        plain.map_or(TexelSource::Nothing, |&colour| TexelSource::Plain(colour))
+    }
+
+    /// A reader of its images.
+    pub fn reader(&self) -> TexelReader<'_> {
+        TexelReader::new(&self.images)
     }
 
     /// The steps that recorded its images.

@@ -77,14 +77,21 @@ impl StoredImage {
 
     /// Writes a decoded image.
     fn write(image: &Image, path: &Path) -> Result<Self> {
-        let [width, height] = image.size();
+        Self::store(image.pixels(), image.size(), path)
+    }
+
+    /// Writes an image: red, green and blue of each pixel, row by row.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub fn store(pixels: &[u8], [width, height]: [usize; 2], path: &Path) -> Result<Self> {
         let mut file = RecordFile::create(path)?;
         let mut tile = vec![0; TILE_BYTES];
         for top in (0..height).step_by(TILE) {
             for left in (0..width).step_by(TILE) {
                 for (row, line) in tile.chunks_exact_mut(3 * TILE).enumerate() {
                     let (y, end) = ((top + row).min(height - 1), (left + TILE).min(width));
-                    line[..3 * (end - left)].copy_from_slice(image.row(y, left..end));
+                    line[..3 * (end - left)].copy_from_slice(&pixels[3 * (y * width + left)..3 * (y * width + end)]);
                 }
                 file.put(&tile)?;
             }
@@ -196,6 +203,23 @@ impl<'a> TexelReader<'a> {
             self.pixels_of_tiles(stored, image, columns, rows)?
         };
         Ok(Some(mixed(pixels, right_share, lower_share)))
+    }
+
+    /// Red, green and blue of a pixel, by its column and row from the upper left; `None` if the image could not be read.
+    ///
+    /// # Errors
+    /// On failed reads.
+    #[inline]
+    pub fn pixel(&mut self, image: ImageId, place: [i64; 2], beyond: Beyond) -> Result<Option<[u8; 3]>> {
+        let Some(Some(stored)) = self.images.get(image) else { return Ok(None) };
+        let within = |at: i64, side: u32| match beyond {
+            Beyond::Edge => at.clamp(0, i64::from(side) - 1) as usize,
+            Beyond::Repeat => at.rem_euclid(i64::from(side)) as usize,
+        };
+        let [column, row] = [within(place[0], stored.size[0]), within(place[1], stored.size[1])];
+        let tile = self.tile(stored, image, [column / TILE, row / TILE])?;
+        let [red, green, blue, _] = tile[row % TILE * TILE + column % TILE];
+        Ok(Some([red, green, blue]))
     }
 
     /// Four pixels that lie in several tiles.

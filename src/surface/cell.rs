@@ -7,7 +7,7 @@
 //! alone.
 //!
 //! # Memory
-//! 400 bytes a face while a cell is made; afterwards about 150 bytes a cell. A cell that is being read takes the pages
+//! 440 bytes a face while a cell is made; afterwards about 150 bytes a cell. A cell that is being read takes the pages
 //! that are touched, at most 75 bytes a face, or 83 with tilted boxes.
 
 use std::collections::BTreeMap;
@@ -30,7 +30,7 @@ use crate::os::mmap::MappedRecords;
 use crate::partition::ClusterSource;
 
 /// Memory of a face of a cell while the cell is made, in bytes.
-pub const FACE_BYTES: u64 = 400;
+pub const FACE_BYTES: u64 = 440;
 
 /// A triangle of a cell.
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
@@ -169,8 +169,6 @@ pub struct CellDraft {
     bounds: Bounds,
     area: f64,
     side_length: f64,
-    /// Its part of six times the enclosed volume, divided by six.
-    pub volume: f64,
     /// Area in texture space by texture image.
     shown: BTreeMap<ImageId, f64>,
     positions: Vec<DVec3>,
@@ -181,6 +179,34 @@ pub struct CellDraft {
 }
 
 impl CellDraft {
+    /// A cell of some triangles; `colours` are those of the vertices, or empty. Positions are relative to `origin`.
+    pub fn new(origin: DVec3, positions: Vec<DVec3>, faces: &[CellFace], colours: Vec<[u8; 4]>) -> Self {
+        let corners = |face: &CellFace| face.vertices.map(|vertex| positions[vertex as usize]);
+        let Tree { pairs, tilted, order } =
+            triangle_tree::build(faces.len(), |number| corners(&faces[number as usize]));
+        let faces: Vec<CellFace> = order.into_iter().map(|number| faces[number as usize]).collect();
+        let (mut bounds, mut shown) = (Bounds::EMPTY, BTreeMap::new());
+        let (mut all_area, mut side_length) = (0.0, 0.0);
+        for face in &faces {
+            let triangle = corners(face);
+            bounds = bounds.with(Bounds::around(triangle));
+            all_area += area(triangle);
+            side_length += perimeter(triangle);
+            *shown.entry(face.image).or_default() += texture_area(face.texcoords);
+        }
+        let bounds = Bounds { low: bounds.low + origin, high: bounds.high + origin };
+        Self { origin, bounds, area: all_area, side_length, shown, positions, pairs, tilted, faces, colours }
+    }
+
+    /// Its part of six times the enclosed volume, divided by six, from the common apex of the tetrahedra.
+    fn volume(&self, apex: DVec3) -> f64 {
+        let of_face = |face: &CellFace| {
+            let [a, b, c] = face.vertices.map(|vertex| self.positions[vertex as usize] + self.origin - apex);
+            a.dot(b.cross(c)) / 6.0
+        };
+        self.faces.iter().map(of_face).sum()
+    }
+
     /// Number of triangles.
     pub fn face_count(&self) -> u64 {
         self.faces.len() as u64
@@ -191,43 +217,18 @@ impl CellDraft {
 pub struct CellMaker<'a> {
     /// What each part of the mesh shows.
     pub images: &'a TextureImages,
-    /// Common apex of the tetrahedra that volumes are summed over.
-    pub reference: DVec3,
 }
 
 impl CellMaker<'_> {
     /// Makes a cell; `colours` are those of the vertices, or empty.
     pub fn draft(&self, source: &ClusterSource, colours: Vec<[u8; 4]>) -> CellDraft {
         let mesh = &source.mesh;
-        let Tree { pairs, tilted, order } =
-            triangle_tree::build(mesh.corners.len(), |face| mesh.triangle(FaceId::new(face)));
-        let mut draft = CellDraft {
-            origin: source.origin,
-            bounds: Bounds::EMPTY,
-            area: 0.0,
-            side_length: 0.0,
-            volume: 0.0,
-            shown: BTreeMap::new(),
-            positions: mesh.positions.raw.clone(),
-            pairs,
-            tilted,
-            faces: Vec::with_capacity(order.len()),
-            colours,
-        };
-        let mut bounds = Bounds::EMPTY;
-        for face in order.into_iter().map(FaceId::new) {
-            let triangle = mesh.triangle(face);
-            bounds = bounds.with(Bounds::around(triangle));
-            draft.area += area(triangle);
-            draft.side_length += perimeter(triangle);
-            let corners = triangle.map(|corner| corner + source.origin - self.reference);
-            draft.volume += corners[0].dot(corners[1].cross(corners[2])) / 6.0;
+        let face = |face: FaceId| {
             let (image, texcoords) = self.texture(source, face);
-            *draft.shown.entry(image).or_default() += texture_area(texcoords);
-            draft.faces.push(CellFace { vertices: mesh.vertices(face).map(LocalVertex::number), image, texcoords });
-        }
-        draft.bounds = Bounds { low: bounds.low + source.origin, high: bounds.high + source.origin };
-        draft
+            CellFace { vertices: mesh.vertices(face).map(LocalVertex::number), image, texcoords }
+        };
+        let faces: Vec<CellFace> = mesh.face_ids().map(face).collect();
+        CellDraft::new(source.origin, mesh.positions.raw.clone(), &faces, colours)
     }
 
     /// Texture image and texture coordinates of a face.
@@ -251,16 +252,18 @@ pub struct CellWriter {
     path: PathBuf,
     file: RecordFile,
     cells: Vec<Cell>,
+    /// Common apex of the tetrahedra that the volume is summed over.
+    apex: DVec3,
     volume: f64,
 }
 
 impl CellWriter {
-    /// Begins the file of the cells.
+    /// Begins the file of the cells; the volume that they enclose is summed over tetrahedra with a common apex.
     ///
     /// # Errors
     /// If it cannot be created.
-    pub fn create(path: &Path) -> Result<Self> {
-        Ok(Self { path: path.to_owned(), file: RecordFile::create(path)?, cells: Vec::new(), volume: 0.0 })
+    pub fn create(path: &Path, apex: DVec3) -> Result<Self> {
+        Ok(Self { path: path.to_owned(), file: RecordFile::create(path)?, cells: Vec::new(), apex, volume: 0.0 })
     }
 
     /// Writes a cell, if it has triangles.
@@ -273,7 +276,7 @@ impl CellWriter {
         let tilted = self.put(&draft.tilted)?;
         let faces = self.put(&draft.faces)?;
         let colours = self.put(&draft.colours)?;
-        self.volume += draft.volume;
+        self.volume += draft.volume(self.apex);
         if !draft.faces.is_empty() {
             let shown = |(image, texture_area)| ShownImage { image, texture_area };
             self.cells.push(Cell {

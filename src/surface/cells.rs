@@ -69,8 +69,8 @@ impl SurfaceCells {
         progress.begin("partition", 0, "");
         let partition = partition::partition(mesh, catalogue, folder, name, &options)?;
         progress.begin("prepare", partition.total_faces(), "faces");
-        let maker = CellMaker { images, reference: DVec3::ZERO };
-        let mut writer = CellWriter::create(&folder.join(format!("{name}-surface.cells")))?;
+        let maker = CellMaker { images };
+        let mut writer = CellWriter::create(&folder.join(format!("{name}-surface.cells")), DVec3::ZERO)?;
         let options = VisitOptions { limits, face_bytes: FACE_BYTES, progress };
         let draft = |source: &ClusterSource| Ok(maker.draft(source, colours(source, &partition)?));
         visit(&partition, mesh, catalogue, &options, draft, |draft| writer.append(draft))?;

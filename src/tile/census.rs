@@ -6,14 +6,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::clip::{ClipCorner, Clipper, EdgeKind, TakeParts};
-use super::lattice::Lattice;
-use super::scene::Scene;
 use super::tree::{ROOT, TileId, TileLimits, TileTree};
+use super::triangles::LevelTriangles;
 use crate::base::id::TiVec;
 use crate::base::ordered::map_in_order;
 use crate::base::{Progress, Result, WorkLimits};
 use crate::geometry::triangle::area;
-use crate::surface::cells::SurfaceCells;
 
 /// What a node holds of a level.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -22,15 +20,15 @@ pub struct NodeCount {
     pub faces: u64,
     /// Edges along the planes of the node.
     pub border_edges: u64,
-    /// Area.
-    pub area: f64,
+    /// Texels that its triangles cover.
+    pub texels: f64,
 }
 
 impl NodeCount {
     fn add(&mut self, other: Self) {
         self.faces += other.faces;
         self.border_edges += other.border_edges;
-        self.area += other.area;
+        self.texels += other.texels;
     }
 }
 
@@ -51,23 +49,22 @@ pub struct LevelTiles {
 /// # Errors
 /// If the job was stopped, and on failed reads.
 pub fn count(
-    surface: &SurfaceCells,
+    level: &LevelTriangles<'_>,
     tree: &TileTree,
-    scene: &Scene,
-    level: u32,
     limits: WorkLimits,
     progress: &dyn Progress,
 ) -> Result<TiVec<TileId, NodeCount>> {
-    let lattice = scene.lattice(level);
     let mut counts: TiVec<TileId, NodeCount> = vec![NodeCount::default(); tree.nodes.len()].into();
     let count_cell = |cell: usize| {
-        let mut counter = Counter { counts: vec![NodeCount::default(); tree.nodes.len()].into() };
-        each_triangle(surface, cell, scene, lattice, |corners| {
-            Clipper::new(tree).cut(corners, &mut counter);
+        let mut counter = Counter { counts: vec![NodeCount::default(); tree.nodes.len()].into(), density: 0.0 };
+        let mut clipper = Clipper::new(tree);
+        level.each(cell, |triangle| {
+            counter.density = triangle.density;
+            clipper.cut(triangle.corners, &mut counter);
         })?;
         Ok(counter.counts)
     };
-    let cells = 0..surface.cells.len();
+    let cells = 0..level.surface.cells.len();
     map_in_order(cells, limits.threads, limits.threads + 1, count_cell, |own| {
         counts.iter_mut().zip(own).for_each(|(sum, own)| sum.add(own));
         progress.check_stopped()
@@ -75,27 +72,10 @@ pub fn count(
     Ok(counts)
 }
 
-/// Passes the triangles of a cell on, with their corners on the lattice, relative to the origin of the scene.
-///
-/// # Errors
-/// On failed reads.
-pub fn each_triangle(
-    surface: &SurfaceCells,
-    cell: usize,
-    scene: &Scene,
-    lattice: Lattice,
-    mut take: impl FnMut([glam::DVec3; 3]),
-) -> Result<()> {
-    let view = surface.cells[cell].view()?;
-    let shift = view.origin - scene.origin;
-    for face in 0..view.faces.len() as u32 {
-        take(view.triangle(face).map(|corner| lattice.position(lattice.place(corner + shift))));
-    }
-    Ok(())
-}
-
 struct Counter {
     counts: TiVec<TileId, NodeCount>,
+    /// Texels on a unit of the triangle's area.
+    density: f64,
 }
 
 impl TakeParts for Counter {
@@ -105,24 +85,27 @@ impl TakeParts for Counter {
         self.counts[node].add(NodeCount {
             faces: polygon.len() as u64 - 2,
             border_edges: polygon.iter().filter(|corner| corner.edge != EdgeKind::Own).count() as u64,
-            area: areas.sum(),
+            texels: areas.sum::<f64>() * self.density,
         });
         true
     }
 }
 
 impl LevelTiles {
-    /// The coarsest nodes that fit a tile, inside of which those of the level below lie; leaves fit in any case.
+    /// The coarsest nodes that fit a tile, inside of which those of the level below lie; leaves fit in any case. Nodes
+    /// may be known to be too large for other reasons.
     pub fn choose(
         counts: &TiVec<TileId, NodeCount>,
         tree: &TileTree,
-        texel: f64,
         limits: &TileLimits,
+        is_too_large: &TiVec<TileId, bool>,
         below: Option<&Self>,
     ) -> Self {
-        let fits = |count: &NodeCount| {
+        let fits = |node: TileId| {
+            let count = &counts[node];
             count.faces + FACES_OF_SKIRT * count.border_edges <= limits.faces
-                && count.area <= limits.texels * texel * texel
+                && count.texels <= limits.texels
+                && !is_too_large[node]
         };
         let mut is_tile: TiVec<TileId, bool> = vec![false; tree.nodes.len()].into();
         let mut tiles = Vec::new();
@@ -131,7 +114,7 @@ impl LevelTiles {
             let children = tree.children(node);
             let ends = below.is_some_and(|below| below.is_tile[node]);
             match children {
-                Some(children) if !ends && !fits(&counts[node]) => pending.extend(children),
+                Some(children) if !ends && !fits(node) => pending.extend(children),
                 _ => {
                     is_tile[node] = true;
                     if counts[node].faces > 0 {

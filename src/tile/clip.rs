@@ -12,7 +12,7 @@
 
 use std::cmp::Ordering;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::tree::{ROOT, TileId, TileNode, TileTree};
 
@@ -35,6 +35,8 @@ pub enum EdgeKind {
 pub struct ClipCorner {
     /// Position relative to the origin of the scene.
     pub position: DVec3,
+    /// Texture coordinate.
+    pub texcoord: DVec2,
     /// The edge to the next corner.
     pub edge: EdgeKind,
 }
@@ -53,7 +55,7 @@ pub trait TakeParts {
 pub struct Clipper<'a> {
     tree: &'a TileTree,
     /// Of each cut of the current triangle, the points that divide it.
-    cuts: Vec<Vec<DVec3>>,
+    cuts: Vec<Vec<(DVec3, DVec2)>>,
 }
 
 impl<'a> Clipper<'a> {
@@ -63,9 +65,10 @@ impl<'a> Clipper<'a> {
     }
 
     /// Passes the parts of a triangle in all nodes to `take`, from the root downwards.
-    pub fn cut(&mut self, corners: [DVec3; 3], take: &mut impl TakeParts) {
+    pub fn cut(&mut self, corners: [(DVec3, DVec2); 3], take: &mut impl TakeParts) {
         self.cuts.clear();
-        let polygon = corners.map(|position| ClipCorner { position, edge: EdgeKind::Own }).to_vec();
+        let own = |(position, texcoord)| ClipCorner { position, texcoord, edge: EdgeKind::Own };
+        let polygon = corners.map(own).to_vec();
         self.descend(ROOT, polygon, take);
     }
 
@@ -92,9 +95,9 @@ impl<'a> Clipper<'a> {
         self.cuts.push(Vec::new());
         let mut parts = [Polygon::with_capacity(polygon.len() + 1), Polygon::with_capacity(polygon.len() + 1)];
         for (at, corner) in polygon.iter().enumerate() {
-            let next = polygon[(at + 1) % polygon.len()].position;
+            let next = &polygon[(at + 1) % polygon.len()];
             let side = corner.position[axis].total_cmp(&plane);
-            let next_side = next[axis].total_cmp(&plane);
+            let next_side = next.position[axis].total_cmp(&plane);
             match side {
                 Ordering::Less => parts[0].push(*corner),
                 Ordering::Greater => parts[1].push(*corner),
@@ -106,13 +109,13 @@ impl<'a> Clipper<'a> {
                 }
             }
             if side.reverse() == next_side && side != Ordering::Equal {
-                let position = meeting(corner.position, next, axis, plane);
+                let (position, texcoord) = meeting(corner, next, axis, plane);
                 if let EdgeKind::Cut { number: other, .. } = corner.edge {
-                    self.cuts[usize::from(other)].push(position);
+                    self.cuts[usize::from(other)].push((position, texcoord));
                 }
                 let (left, entered) = if side == Ordering::Less { (0, 1) } else { (1, 0) };
-                parts[left].push(ClipCorner { position, edge: cut });
-                parts[entered].push(ClipCorner { position, edge: corner.edge });
+                parts[left].push(ClipCorner { position, texcoord, edge: cut });
+                parts[entered].push(ClipCorner { position, texcoord, edge: corner.edge });
             }
         }
         parts
@@ -127,25 +130,29 @@ impl<'a> Clipper<'a> {
             let (start, end) = (corner.position, polygon[(at + 1) % polygon.len()].position);
             let along = (end - start).normalize_or_zero();
             let place = |point: DVec3| (point - start).dot(along);
-            let inside = |point: &DVec3| *point != start && *point != end && (0.0..=place(end)).contains(&place(*point));
-            let mut points: Vec<DVec3> = self.cuts[usize::from(cut)].iter().copied().filter(inside).collect();
-            points.sort_by(|a, b| place(*a).total_cmp(&place(*b)));
-            points.dedup();
-            whole.extend(points.into_iter().map(|position| ClipCorner { position, edge: corner.edge }));
+            let inside = |(point, _): &(DVec3, DVec2)| {
+                *point != start && *point != end && (0.0..=place(end)).contains(&place(*point))
+            };
+            let mut points: Vec<(DVec3, DVec2)> = self.cuts[usize::from(cut)].iter().copied().filter(inside).collect();
+            points.sort_by(|a, b| place(a.0).total_cmp(&place(b.0)));
+            points.dedup_by_key(|point| point.0);
+            let divided = |(position, texcoord)| ClipCorner { position, texcoord, edge: corner.edge };
+            whole.extend(points.into_iter().map(divided));
         }
         whole
     }
 }
 
 /// Where an edge meets a plane: the same for both directions of the edge.
-fn meeting(a: DVec3, b: DVec3, axis: usize, plane: f64) -> DVec3 {
+fn meeting(a: &ClipCorner, b: &ClipCorner, axis: usize, plane: f64) -> (DVec3, DVec2) {
     let order = |a: DVec3, b: DVec3| {
         a.x.total_cmp(&b.x).then_with(|| a.y.total_cmp(&b.y)).then_with(|| a.z.total_cmp(&b.z))
     };
-    let (a, b) = if order(a, b) == Ordering::Greater { (b, a) } else { (a, b) };
-    let mut point = a + (b - a) * ((plane - a[axis]) / (b[axis] - a[axis]));
+    let (a, b) = if order(a.position, b.position) == Ordering::Greater { (b, a) } else { (a, b) };
+    let share = (plane - a.position[axis]) / (b.position[axis] - a.position[axis]);
+    let mut point = a.position + (b.position - a.position) * share;
     point[axis] = plane;
-    point
+    (point, a.texcoord + (b.texcoord - a.texcoord) * share)
 }
 
 /// Divides a convex polygon, which may have corners on straight sides, into triangles by the indices of its corners: each
@@ -226,7 +233,7 @@ mod tests {
         let tree = tree();
         let mut clipper = Clipper::new(&tree);
         let mut leaves = Leaves { tree: &tree, parts: Vec::new() };
-        clipper.cut(corners, &mut leaves);
+        clipper.cut(corners.map(|corner| (corner, corner.truncate())), &mut leaves);
         leaves.parts.iter().map(|(node, polygon)| (*node, clipper.completed(polygon))).collect()
     }
 

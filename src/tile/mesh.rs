@@ -9,6 +9,7 @@ use super::cut::TileTriangle;
 use super::lattice::Lattice;
 use crate::base::id::TiVec;
 use crate::mesh::id::{FaceId, LocalVertex};
+use crate::model::id::ImageId;
 
 /// The mesh of a tile.
 #[derive(Debug, Default)]
@@ -19,10 +20,21 @@ pub struct TileMesh {
     pub positions: TiVec<LocalVertex, DVec3>,
     /// Vertices of each face.
     pub faces: TiVec<FaceId, [LocalVertex; 3]>,
+    /// What each face shows.
+    pub shown: TiVec<FaceId, FaceTexture>,
     /// Edges along the border of the tile, each in the direction of its face.
     pub border: Vec<BorderEdge>,
     /// The place in the middle of the tile.
     pub middle: IVec3,
+}
+
+/// What a face shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FaceTexture {
+    /// The image; none in a level that does not keep its texels.
+    pub image: ImageId,
+    /// Texture coordinates of its corners.
+    pub texcoords: [[f32; 2]; 3],
 }
 
 /// An edge along the border of a tile.
@@ -46,6 +58,7 @@ impl TileMesh {
                 *known.entry(corner).or_insert_with(|| mesh.places.push_and_get_key(IVec3::from(corner)))
             });
             let face = mesh.faces.push_and_get_key(vertices);
+            mesh.shown.push(FaceTexture { image: triangle.image, texcoords: triangle.texcoords });
             mesh.border.extend((0..3).filter_map(|corner| {
                 let axis = (triangle.border >> (2 * corner) & 3).checked_sub(1)? as usize;
                 Some(BorderEdge { face, corner, axis })

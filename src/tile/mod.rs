@@ -17,11 +17,13 @@
 mod census;
 mod chain;
 mod clip;
+mod copy;
 mod cut;
 mod glb;
 mod lattice;
 mod mesh;
 mod paint;
+mod raw;
 mod run;
 mod scene;
 mod settings;
@@ -29,6 +31,7 @@ mod skirt;
 mod steps;
 mod tileset;
 mod tree;
+mod triangles;
 
 pub use self::chain::{Chain, Level, PassMesh, last_faces, pass_count};
 pub use self::run::{LevelFigures, Pyramid, refuse_filled_folder};

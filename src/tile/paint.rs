@@ -1,18 +1,21 @@
 //! Gives the mesh of a tile its texture: unwrapped into one image, painted with the colours of the input.
 
 use std::collections::HashMap;
+use std::path::Path;
 
 use foldhash::fast::FixedState;
 use glam::{DVec2, DVec3, IVec3};
 
+use super::copy::CopiedCharts;
 use super::glb::{TileContent, TileVertex};
 use super::lattice::Lattice;
 use super::mesh::TileMesh;
 use super::skirt::Strip;
-use crate::bake::{Painted, PatchBaker, PatchSurface};
+use crate::bake::{Painted, PaintedImage, PatchBaker, PatchSurface};
 use crate::base::id::TiVec;
 use crate::base::{Error, Result};
 use crate::image::encode::encode_into;
+use crate::image::stored::TexelReader;
 use crate::mesh::id::{FaceId, LocalVertex};
 use crate::model::image_format::ImageFormat;
 use crate::unwrap::{Triangles, Unwrapped};
@@ -31,6 +34,10 @@ pub struct PaintedTile {
     pub painted: Painted,
     /// Charts.
     pub charts: u64,
+    /// Its image; `None` for a tile without texture.
+    pub image: Option<PaintedImage>,
+    /// Texture coordinates, with (0, 0) at the lower left, of the faces of the mesh that have some.
+    pub texcoords: Vec<(FaceId, [[f32; 2]; 3])>,
 }
 
 /// A tile before it is painted.
@@ -51,10 +58,17 @@ impl BareTile<'_> {
         let mut builder = ContentBuilder::new(self);
         let corners = |face: FaceId| [0, 1, 2].map(|corner| (self.mesh.faces[face][corner], DVec2::ZERO));
         self.mesh.faces.keys().for_each(|face| builder.add_face(face, 0, corners(face)));
-        PaintedTile { content: builder.finish(None), texels: 0, painted: Painted::default(), charts: 0 }
+        PaintedTile {
+            content: builder.finish(None),
+            texels: 0,
+            painted: Painted::default(),
+            charts: 0,
+            image: None,
+            texcoords: Vec::new(),
+        }
     }
 
-    /// Paints the tile.
+    /// Paints the tile with the colours that the original shows there.
     ///
     /// # Errors
     /// If the job was stopped, and on failed reads.
@@ -63,21 +77,47 @@ impl BareTile<'_> {
         let triangles = Triangles { positions: &mesh.positions, vertices: &mesh.faces };
         let patch = PatchSurface { triangles, origin: scene_origin + lattice.position(mesh.middle) };
         let unwrapped = in_one_image(baker, &patch)?;
-        let Some(&size) = unwrapped.images.first() else { return Ok(self.plain()) };
+        if unwrapped.images.is_empty() {
+            return Ok(self.plain());
+        }
         let image = baker.paint(&patch, &unwrapped, 0)?;
+        self.with_image(&unwrapped, image, format)
+    }
+
+    /// Copies the texels of the original.
+    ///
+    /// # Errors
+    /// On failed reads.
+    pub fn copy(
+        &self,
+        charts: &CopiedCharts,
+        reader: &mut TexelReader<'_>,
+        format: ImageFormat,
+    ) -> Result<PaintedTile> {
+        if charts.unwrapped.images.is_empty() {
+            return Ok(self.plain());
+        }
+        self.with_image(&charts.unwrapped, charts.paint(reader)?, format)
+    }
+
+    fn with_image(&self, unwrapped: &Unwrapped, image: PaintedImage, format: ImageFormat) -> Result<PaintedTile> {
         let mut bytes = Vec::new();
-        encode_into(&image.rgb, image.size, format, &mut bytes).map_err(|error| Error::io(std::path::Path::new("tile"), "encode", error))?;
+        let wrap = |error| Error::io(Path::new("an image of a tile"), "encode", error);
+        encode_into(&image.rgb, image.size, format, &mut bytes).map_err(wrap)?;
+        let size = DVec2::from(image.size.map(|side| side as f64));
         let mut builder = ContentBuilder::new(self);
+        let mut texcoords = Vec::with_capacity(self.mesh.faces.len());
         for (chart, charted) in unwrapped.charts.iter().enumerate() {
             for &(face, flat) in &charted.faces {
-                let texcoord = |at: DVec2| at / DVec2::new(size.width.into(), size.height.into());
-                let corners = [0, 1, 2].map(|corner| (mesh.faces[face][corner], texcoord(flat[corner])));
+                let corners = [0, 1, 2].map(|corner| (self.mesh.faces[face][corner], flat[corner] / size));
                 builder.add_face(face, chart as u32, corners);
+                texcoords.push((face, corners.map(|(_, at)| DVec2::new(at.x, 1.0 - at.y).as_vec2().to_array())));
             }
         }
         let content = builder.finish(Some((bytes, media_type(format))));
-        let texels = u64::from(size.width) * u64::from(size.height);
-        Ok(PaintedTile { content, texels, painted: image.painted, charts: unwrapped.charts.len() as u64 })
+        let texels = image.size.map(|side| side as u64).iter().product();
+        let charts = unwrapped.charts.len() as u64;
+        Ok(PaintedTile { content, texels, painted: image.painted, charts, image: Some(image), texcoords })
     }
 }
 

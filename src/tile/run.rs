@@ -8,25 +8,30 @@ use serde::{Deserialize, Serialize};
 
 use super::census::{LevelTiles, count};
 use super::chain::Level;
-use super::cut::{CutLevel, Cutting};
+use super::copy::{CopiedCharts, Uncopied};
+use super::cut::{CutLevel, cut};
+use super::lattice::Lattice;
 use super::mesh::TileMesh;
 use super::paint::{BareTile, PaintedTile};
+use super::raw::{RawPlace, RawTile};
 use super::scene::Scene;
 use super::settings::{TilePlace, TileSettings};
 use super::skirt::strips;
 use super::steps::TileStep;
 use super::tileset::{ListedLevel, ListedTile, TilesetDocument, tile_name};
 use super::tree::{TileId, TileTree};
-use crate::bake::{Original, PatchBaker, PatchSettings, SURFACE};
+use super::triangles::LevelTriangles;
+use crate::bake::{Original, PAINTER_BYTES, PatchBaker, PatchSettings, SURFACE};
 use crate::base::error::escape_path;
+use crate::base::id::TiVec;
 use crate::base::lock::lock;
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Permits, Result};
 use crate::geometry::boxtree::Bounds;
+use crate::image::stored::TexelReader;
 use crate::job::{Recalled, Step};
 use crate::os::content::Content;
 use crate::os::durable::{DurableFile, make_folders};
-use crate::surface::cells::SurfaceCells;
 
 /// Length of a skirt in texels of its level.
 const SKIRT_TEXELS: f64 = 2.0;
@@ -150,15 +155,18 @@ impl Pyramid<'_> {
     pub fn build(&self, levels: &[Level]) -> Result<Vec<LevelFigures>> {
         let tree = self.tree()?;
         let (mut listed, mut figures): (Vec<ListedLevel>, Vec<LevelFigures>) = (Vec::new(), Vec::new());
+        let mut done: Option<TilesOfLevel> = None;
         for (level, number) in levels.iter().zip(0..) {
             let below = listed.last().map(|below| &below.tiles);
-            let CutRecord { tiles, triangles } = self.cut(level, number, &tree, below)?;
+            let cut = self.cut(level, number, &tree, below)?;
             make_folders(&self.place.output.join(number.to_string()))?;
-            let records = self.write_tiles(level, number, &tiles, &triangles)?;
-            let error = if number == 0 { 0.0 } else { self.error_of(level, number).max(figures[number as usize - 1].geometric_error) };
-            figures.push(self.figures(level, number, &records, error));
-            let list = records.iter().map(|&TileRecord { node, bounds, .. }| ListedTile { node, bounds }).collect();
-            listed.push(ListedLevel { tiles, listed: list, error });
+            let tiles = self.write_tiles(level, number, &cut, done.take())?;
+            let coarsest = figures.last().map_or(0.0, |below| below.geometric_error);
+            let error = if number == 0 { 0.0 } else { self.error_of(level, number).max(coarsest) };
+            figures.push(self.figures(level, number, &tiles.records, error));
+            let list = tiles.records.iter().map(|&TileRecord { node, bounds, .. }| ListedTile { node, bounds }).collect();
+            listed.push(ListedLevel { tiles: cut.tiles, listed: list, error });
+            done = Some(tiles);
         }
         let document = TilesetDocument { tree: &tree, levels: &listed, transform: self.transform }.to_json();
         let path = self.place.output.join("tileset.json");
@@ -174,8 +182,13 @@ impl Pyramid<'_> {
         })
     }
 
-    fn surface<'s>(&'s self, level: &'s Level) -> &'s SurfaceCells {
-        level.surface.as_deref().unwrap_or(&self.original.surface)
+    fn triangles<'s>(&'s self, level: &'s Level, number: u32) -> LevelTriangles<'s> {
+        LevelTriangles {
+            surface: level.surface.as_deref().unwrap_or(&self.original.surface),
+            scene: self.scene,
+            level: number,
+            original: (number == 0 && self.settings.has_colour).then_some(self.original),
+        }
     }
 
     fn cut(&self, level: &Level, number: u32, tree: &TileTree, below: Option<&LevelTiles>) -> Result<CutRecord> {
@@ -185,14 +198,20 @@ impl Pyramid<'_> {
             return Ok(cut);
         }
         progress.begin("cut", 0, "");
-        let surface = self.surface(level);
-        let counts = count(surface, tree, self.scene, number, limits, progress)?;
-        let texel = self.scene.texel_of(number);
-        let tiles = LevelTiles::choose(&counts, tree, texel, &self.settings.limits(), below);
+        let source = self.triangles(level, number);
+        let counts = count(&source, tree, limits, progress)?;
+        let mut is_too_large: TiVec<TileId, bool> = vec![false; tree.nodes.len()].into();
         let path = work.path().join(format!("{}.buckets", key.name()));
-        let cutting = Cutting { tree, tiles: &tiles, scene: self.scene, level: number };
-        let triangles = cutting.cut(surface, &path, limits, progress)?;
-        let record = CutRecord { tiles, triangles };
+        let record = loop {
+            let tiles = LevelTiles::choose(&counts, tree, &self.settings.limits(), &is_too_large, below);
+            let triangles = cut(&source, tree, &tiles, &path, limits, progress)?;
+            let record = CutRecord { tiles, triangles };
+            let found = if source.original.is_some() { self.too_large(&record, number, tree)? } else { Vec::new() };
+            if found.is_empty() {
+                break record;
+            }
+            found.into_iter().for_each(|tile| is_too_large[tile] = true);
+        };
         let of_surface = match level.mesh.pass {
             0 => SURFACE,
             pass => TileStep::Surface { pass }.key(),
@@ -202,65 +221,88 @@ impl Pyramid<'_> {
         Ok(record)
     }
 
-    fn write_tiles(
-        &self,
-        level: &Level,
-        number: u32,
-        tiles: &LevelTiles,
-        triangles: &CutLevel,
-    ) -> Result<Vec<TileRecord>> {
-        let TilePlace { work, limits, progress, output } = self.place;
-        progress.begin("tile", tiles.tiles.len() as u64, "tiles");
-        let lattice = self.scene.lattice(number);
-        let settings = PatchSettings {
-            texel: self.scene.texel_of(number),
-            away: level.mesh.to_input.rms.max(level.mesh.from_input.rms).max(lattice.step),
-            side: self.settings.side,
-            painters: 1,
-        };
-        let bakers: Mutex<Vec<PatchBaker<'_>>> = Mutex::new(Vec::new());
-        let permits = Permits::new(limits.work_bytes);
-        let texels = u64::from(self.settings.side) * u64::from(self.settings.side);
-        let make = |index: usize| {
-            let node = tiles.tiles[index];
-            let path = output.join(tile_name(number, node));
-            let key = TileStep::Tile { level: number, tile: node }.key();
-            if let Some(record) = work.recall::<TileRecord>(&key, &&*path)? {
-                return Ok(record);
-            }
+    /// Tiles whose texels do not fit one image, and that can be divided.
+    fn too_large(&self, cut: &CutRecord, number: u32, tree: &TileTree) -> Result<Vec<TileId>> {
+        let TilePlace { limits, progress, .. } = self.place;
+        let can_be_divided = |&index: &usize| tree.children(cut.tiles.tiles[index]).is_some();
+        let mut found = Vec::new();
+        let fits = |index: usize| {
             progress.check_stopped()?;
-            let count = triangles.len(index);
-            let _permit = permits.take(count * FACE_BYTES + texels * TEXEL_BYTES);
-            let mut own = Vec::with_capacity(count as usize);
-            triangles.read(index, |block| {
-                own.extend_from_slice(block);
-                Ok(())
-            })?;
-            let mesh = TileMesh::join(&own, lattice);
-            drop(own);
-            let strips = strips(&mesh, lattice, SKIRT_TEXELS * settings.texel);
-            let tile = BareTile { mesh: &mesh, strips: &strips, lattice, scene_origin: self.scene.origin };
-            let painted = if self.settings.has_colour {
-                let baker = lock(&bakers).pop();
-                let baker = baker.unwrap_or_else(|| PatchBaker::new(self.original, &settings, progress));
-                let painted = tile.paint(&baker, self.settings.format)?;
-                lock(&bakers).push(baker);
-                painted
-            } else {
-                tile.plain()
-            };
-            let record = self.write_tile(node, &painted, &path)?;
-            let step = Step::new(key).from([TileStep::Cut { level: number }.key()]).of_size(record.faces);
-            work.keep(step.that_outlasts(), [], &record)?;
-            Ok(record)
+            let mesh = self.load(&cut.triangles, index, number)?;
+            let charts = CopiedCharts::new(&mesh, self.original, self.settings.side);
+            Ok((index, charts.err() != Some(Uncopied::TooMany)))
         };
-        let mut records = Vec::with_capacity(tiles.tiles.len());
-        map_in_order(0..tiles.tiles.len(), limits.threads, limits.threads + 1, make, |record| {
-            progress.advance(1);
-            records.push(record);
+        let all = (0..cut.tiles.tiles.len()).filter(can_be_divided);
+        map_in_order(all, limits.threads, limits.threads + 1, fits, |(index, fits)| {
+            found.extend((!fits).then(|| cut.tiles.tiles[index]));
             Ok(())
         })?;
-        Ok(records)
+        Ok(found)
+    }
+
+    fn load(&self, triangles: &CutLevel, index: usize, number: u32) -> Result<TileMesh> {
+        let mut own = Vec::with_capacity(triangles.len(index) as usize);
+        triangles.read(index, |block| {
+            own.extend_from_slice(block);
+            Ok(())
+        })?;
+        Ok(TileMesh::join(&own, self.scene.lattice(number)))
+    }
+
+    /// Writes the tiles of a level, which are baked from those of the level below.
+    fn write_tiles(&self, level: &Level, number: u32, cut: &CutRecord, below: Option<TilesOfLevel>) -> Result<TilesOfLevel> {
+        let TilePlace { work, limits, progress, output } = self.place;
+        let nodes = &cut.tiles.tiles;
+        progress.begin("tile", nodes.len() as u64, "tiles");
+        let mut known: Vec<Option<TileRecord>> = Vec::with_capacity(nodes.len());
+        for &node in nodes {
+            let key = TileStep::Tile { level: number, tile: node }.key();
+            known.push(work.recall::<TileRecord>(&key, &&*output.join(tile_name(number, node)))?);
+        }
+        let is_done = known.iter().all(Option::is_some);
+        let original = match below {
+            Some(below) if !is_done && self.settings.has_colour => Some(self.join(below, number)?),
+            _ => None,
+        };
+        let crew = TileCrew::new(self, original.as_ref().unwrap_or(self.original), level, number);
+        let permits = Permits::new(limits.work_bytes.saturating_sub(limits.threads as u64 * PAINTER_BYTES));
+        let texels = u64::from(self.settings.side) * u64::from(self.settings.side);
+        let make = |index: usize| {
+            let node = nodes[index];
+            if let Some(record) = known[index] {
+                let raw = work.recall::<RawTile>(&TileStep::Raw { level: number, tile: node }.key(), &())?;
+                return Ok((record, raw));
+            }
+            progress.check_stopped()?;
+            let _permit = permits.take(cut.triangles.len(index) * FACE_BYTES + texels * TEXEL_BYTES);
+            let mesh = self.load(&cut.triangles, index, number)?;
+            let painted = crew.make(&mesh)?;
+            let place = RawPlace { work, node, index, scene: self.scene, level: number };
+            let raw = RawTile::keep(&mesh, &painted, &place)?;
+            let record = self.write_tile(node, &painted, &output.join(tile_name(number, node)))?;
+            let key = TileStep::Tile { level: number, tile: node }.key();
+            let step = Step::new(key).from([TileStep::Cut { level: number }.key()]).of_size(record.faces);
+            work.keep(step.that_outlasts(), [], &record)?;
+            Ok((record, raw))
+        };
+        let mut all = TilesOfLevel { records: Vec::with_capacity(nodes.len()), raws: Vec::with_capacity(nodes.len()) };
+        map_in_order(0..nodes.len(), limits.threads, limits.threads + 1, make, |(record, raw)| {
+            progress.advance(1);
+            all.records.push(record);
+            all.raws.push(raw);
+            Ok(())
+        })?;
+        Ok(all)
+    }
+
+    /// The surface that the tiles of a level are baked from.
+    fn join(&self, below: TilesOfLevel, number: u32) -> Result<Original> {
+        let is_gone = below.records.iter().zip(&below.raws).any(|(record, raw)| record.texels > 0 && raw.is_none());
+        if is_gone {
+            let message = "what is needed of finished tiles is gone; `resume: never` starts over".into();
+            return Err(Error::Damaged { path: self.place.work.path().to_owned(), message });
+        }
+        Ok(RawTile::join(below.raws, self.scene.texel_of(number)))
     }
 
     fn write_tile(&self, node: TileId, tile: &PaintedTile, path: &Path) -> Result<TileRecord> {
@@ -311,6 +353,60 @@ impl Pyramid<'_> {
             geometric_error: error,
             bytes: sum(|tile| tile.content.bytes),
         }
+    }
+}
+
+/// The finished tiles of a level, and what those of the next one are baked from.
+struct TilesOfLevel {
+    records: Vec<TileRecord>,
+    raws: Vec<Option<RawTile>>,
+}
+
+/// Makes the tiles of a level on several threads.
+struct TileCrew<'a> {
+    pyramid: &'a Pyramid<'a>,
+    original: &'a Original,
+    lattice: Lattice,
+    texel: f64,
+    /// Whether texels are copied where they can be.
+    copies: bool,
+    baker: PatchBaker<'a>,
+    readers: Mutex<Vec<TexelReader<'a>>>,
+}
+
+impl<'a> TileCrew<'a> {
+    fn new(pyramid: &'a Pyramid<'a>, original: &'a Original, level: &Level, number: u32) -> Self {
+        let lattice = pyramid.scene.lattice(number);
+        let TilePlace { limits, progress, .. } = pyramid.place;
+        let most = (limits.work_bytes / 2 / PAINTER_BYTES) as usize;
+        let settings = PatchSettings {
+            texel: pyramid.scene.texel_of(number),
+            away: level.mesh.to_input.rms.max(level.mesh.from_input.rms).max(lattice.step),
+            side: pyramid.settings.side,
+            painters: limits.threads.clamp(1, most.max(1)),
+        };
+        let baker = PatchBaker::new(original, &settings, progress);
+        let (texel, copies) = (settings.texel, number == 0);
+        Self { pyramid, original, lattice, texel, copies, baker, readers: Mutex::default() }
+    }
+
+    fn make(&self, mesh: &TileMesh) -> Result<PaintedTile> {
+        let Pyramid { scene, settings, .. } = *self.pyramid;
+        let strips = strips(mesh, self.lattice, SKIRT_TEXELS * self.texel);
+        let tile = BareTile { mesh, strips: &strips, lattice: self.lattice, scene_origin: scene.origin };
+        if !settings.has_colour {
+            return Ok(tile.plain());
+        }
+        if self.copies
+            && let Ok(charts) = CopiedCharts::new(mesh, self.original, settings.side)
+        {
+            let reader = lock(&self.readers).pop();
+            let mut reader = reader.unwrap_or_else(|| self.original.reader());
+            let painted = tile.copy(&charts, &mut reader, settings.format)?;
+            lock(&self.readers).push(reader);
+            return Ok(painted);
+        }
+        tile.paint(&self.baker, settings.format)
     }
 }
 

@@ -25,6 +25,13 @@ pub enum TileStep {
         /// Node of the tree.
         tile: TileId,
     },
+    /// A tile is kept for those of the next level.
+    Raw {
+        /// Number of the level.
+        level: u32,
+        /// Node of the tree.
+        tile: TileId,
+    },
 }
 
 impl TileStep {
@@ -35,6 +42,7 @@ impl TileStep {
             Self::Tree => StepKey::fixed("tile-tree"),
             Self::Cut { level } => StepKey::numbered(format!("tile-cut-{level:02}")),
             Self::Tile { level, tile } => StepKey::numbered(format!("tile-{level:02}-{:06}", tile.number())),
+            Self::Raw { level, tile } => StepKey::numbered(format!("tile-raw-{level:02}-{:06}", tile.number())),
         }
     }
 }

@@ -18,7 +18,7 @@ const SCALE_MAX: f64 = 1.4;
 
 /// A chart that was laid flat.
 #[derive(Debug, Clone)]
-pub(super) struct FlatChart {
+pub struct FlatChart {
     /// Its triangles, each with the places of its corners in texels, above and to the right of 0.
     pub faces: Vec<(FaceId, [DVec2; 3])>,
     /// Width and height in texels.

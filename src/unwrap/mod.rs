@@ -23,13 +23,14 @@ mod sheet;
 mod types;
 
 pub use self::image_size::{GUTTER, ImageSize};
-pub use self::types::{PlacedChart, Triangles, UnwrapSettings, Unwrapped};
+pub use self::flat::FlatChart;
+pub use self::pack::{pack, room};
+pub use self::types::{ChartRoom, PlacedChart, Triangles, UnwrapSettings, Unwrapped};
 
 /// Unwraps a patch.
 pub fn unwrap(mesh: Triangles<'_>, settings: &UnwrapSettings<'_>) -> Unwrapped {
-    let room = f64::from(settings.side - 2 * GUTTER - image_size::CELL);
-    let charts = charts::charts(mesh, settings.texels, room);
-    pack::pack(charts, settings)
+    let charts = charts::charts(mesh, settings.texels, room(settings.side));
+    pack(charts, settings.side)
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use super::flat::FlatChart;
 use super::image_size::{CELL, GUTTER, ImageSize};
 use super::mask::Mask;
 use super::sheet::{Sheet, SheetPlace};
-use super::types::{PlacedChart, UnwrapSettings, Unwrapped};
+use super::types::{ChartRoom, PlacedChart, Unwrapped};
 use crate::mesh::id::FaceId;
 
 /// Images that are tried before a new one begins.
@@ -39,9 +39,14 @@ struct Shape {
     turned: Mask,
 }
 
-/// Packs charts.
-pub(super) fn pack(charts: Vec<FlatChart>, settings: &UnwrapSettings<'_>) -> Unwrapped {
-    let room = f64::from(settings.side - 2 * GUTTER - CELL);
+/// Longest side of a chart that fits an image of this side, in texels.
+pub fn room(side: u32) -> f64 {
+    f64::from(side - 2 * GUTTER - CELL)
+}
+
+/// Packs charts into images with sides of up to `side` texels; charts that are too long shrink.
+pub fn pack(charts: Vec<FlatChart>, side: u32) -> Unwrapped {
+    let room = room(side);
     let mut unwrapped = Unwrapped::default();
     let mut shapes: Vec<Shape> = Vec::with_capacity(charts.len());
     for chart in charts {
@@ -52,8 +57,8 @@ pub(super) fn pack(charts: Vec<FlatChart>, settings: &UnwrapSettings<'_>) -> Unw
     }
     // A stable sort: of equally large ones, the first stays first.
     shapes.sort_by_key(|shape| std::cmp::Reverse(shape.mask.cells));
-    let widths = widths(&shapes, settings.side / CELL);
-    let packed = widths.into_iter().map(|width| Packed::new(&shapes, width as usize, (settings.side / CELL) as usize));
+    let widths = widths(&shapes, side / CELL);
+    let packed = widths.into_iter().map(|width| Packed::new(&shapes, width as usize, (side / CELL) as usize));
     let best = packed.min_by_key(Packed::cells).unwrap_or_default();
     let placed = shapes.into_iter().zip(best.places);
     unwrapped.charts = placed.map(|(shape, (image, place))| shape.placed(image as u32, place)).collect();
@@ -150,10 +155,19 @@ impl Shape {
 
     fn placed(self, image: u32, Placed { place, is_turned }: Placed) -> PlacedChart {
         let shift = DVec2::new((place.column as u32 * CELL).into(), (place.row as u32 * CELL).into());
-        let height = f64::from(self.mask.size[1] as u32 * CELL);
+        let size = self.mask.size.map(|side| side as u32 * CELL);
+        let height = f64::from(size[1]);
         // Turned by a quarter, what was above is on the right.
         let turn = |at: DVec2| if is_turned { DVec2::new(height - at.y, at.x) } else { at };
-        let faces = self.faces.into_iter().map(|(face, corners)| (face, corners.map(|at| turn(at) + shift)));
-        PlacedChart { image, faces: faces.collect() }
+        let faces = self.faces.iter().map(|(face, corners)| (*face, corners.map(|at| turn(at) + shift)));
+        let mask = if is_turned { self.turned } else { self.mask };
+        let cells = mask.runs.into_iter().map(|run| (run.row as u32, run.columns.start as u32..run.columns.end as u32));
+        let room = ChartRoom {
+            corner: [place.column as u32 * CELL, place.row as u32 * CELL],
+            size,
+            is_turned,
+            cells: cells.collect(),
+        };
+        PlacedChart { image, faces: faces.collect(), room }
     }
 }

@@ -1,8 +1,10 @@
 //! What is unwrapped, and how.
 
+use std::ops::Range;
+
 use glam::{DVec2, DVec3};
 
-use super::image_size::ImageSize;
+use super::image_size::{CELL, ImageSize};
 use crate::base::id::TiSlice;
 use crate::mesh::id::{FaceId, LocalVertex};
 
@@ -39,6 +41,37 @@ pub struct PlacedChart {
     pub image: u32,
     /// Its triangles, each with the places of its corners in texels from the upper left corner of the image, downwards.
     pub faces: Vec<(FaceId, [DVec2; 3])>,
+    /// What it takes of the image.
+    pub room: ChartRoom,
+}
+
+/// The texels that a chart takes of its image, with its gutter.
+#[derive(Debug, Clone, Default)]
+pub struct ChartRoom {
+    /// Column and row of the upper left corner of the box around them.
+    pub corner: [u32; 2],
+    /// Width and height of that box before the chart was turned.
+    pub size: [u32; 2],
+    /// Whether it was turned by a quarter, so that what was above is on the right.
+    pub is_turned: bool,
+    /// Rows of square cells in that box, as it lies in the image: the row and its columns.
+    pub cells: Vec<(u32, Range<u32>)>,
+}
+
+impl ChartRoom {
+    /// All texels, each with its place in the box before the chart was turned.
+    pub fn texels(&self) -> impl Iterator<Item = ([usize; 2], [u32; 2])> + '_ {
+        let rows = self.cells.iter().flat_map(|(row, columns)| {
+            let columns = columns.start * CELL..columns.end * CELL;
+            (row * CELL..(row + 1) * CELL).map(move |row| (row, columns.clone()))
+        });
+        rows.flat_map(move |(row, columns)| {
+            columns.map(move |column| {
+                let own = if self.is_turned { [row, self.size[1] - 1 - column] } else { [column, row] };
+                ([self.corner[0] + column, self.corner[1] + row].map(|at| at as usize), own)
+            })
+        })
+    }
 }
 
 /// Charts in their images.

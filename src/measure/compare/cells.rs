@@ -116,13 +116,13 @@ impl MeasuredMesh {
         let first = usize::from(!partition.numbering.positions.is_empty());
         let reference = partition.numbering.positions.gather(&PartitionVertex::first(first).collect::<Vec<_>>())?;
         let reference = reference.first().copied().unwrap_or(DVec3::ZERO);
-        let maker = CellMaker { images: &images, reference };
+        let maker = CellMaker { images: &images };
         let border_limit = (resources.work_bytes / 4 / BORDER_EDGE_BYTES) as usize;
         let mut seams = SeamWriter::create(work.path())?;
         let (shared, faces) = (&partition.faces.shared, partition.total_faces());
         let mut counter = Counter::create(work.path(), shared, faces, border_limit, |edges| seams.push(edges))?;
         counter.add_degenerate(dropped.get("degenerate_faces"));
-        let mut writer = CellWriter::create(&work.path().join("measure-cells.bin"))?;
+        let mut writer = CellWriter::create(&work.path().join("measure-cells.bin"), reference)?;
         progress.begin("prepare", partition.total_faces(), "faces");
         let options = VisitOptions { limits: resources.limits(), face_bytes: FACE_BYTES, progress };
         let work_on = |source: &ClusterSource| {

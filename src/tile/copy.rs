@@ -1,0 +1,189 @@
+//! Gives a tile of the finest level the texels of the input as they are.
+//!
+//! ```text
+//! faces that show neighbouring texels of an image ── a chart: its texels, and GUTTER of their neighbours ── copied
+//! faces of one plain colour                       ── a block of that colour
+//! ```
+//! Charts are moved by whole texels, and turned by a quarter at most, so that no texel is mixed of others.
+
+use std::collections::{BTreeMap, HashMap};
+
+use foldhash::fast::FixedState;
+use glam::{DVec2, IVec3};
+
+use super::mesh::TileMesh;
+use crate::bake::{AtlasCanvas, Original, Painted, PaintedImage, TexelSource};
+use crate::base::Result;
+use crate::base::id::TiVec;
+use crate::image::stored::{Beyond, TexelReader};
+use crate::mesh::id::FaceId;
+use crate::model::id::ImageId;
+use crate::unwrap::{FlatChart, GUTTER, Unwrapped, pack, room};
+
+/// Side of a block of one colour in texels.
+const BLOCK: f64 = 2.0;
+
+/// Where the texels of a chart come from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum ChartSource {
+    /// From an image: the column and row of its upper left corner, and what is shown beyond the image.
+    Image(ImageId, [i64; 2], Beyond),
+    /// They are all the same.
+    Plain([u8; 3]),
+}
+
+/// Charts of a tile in one image.
+pub struct CopiedCharts {
+    /// Where they lie.
+    pub unwrapped: Unwrapped,
+    /// The source of each face's chart.
+    sources: TiVec<FaceId, Option<u32>>,
+    of_chart: Vec<ChartSource>,
+}
+
+/// Why a tile cannot have the texels of the input.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Uncopied {
+    /// They do not fit one image.
+    TooMany,
+    /// Some faces show the colours of their vertices, or none.
+    NoTexels,
+}
+
+impl CopiedCharts {
+    /// The charts of a tile, in an image with sides of up to `side` texels.
+    pub fn new(mesh: &TileMesh, original: &Original, side: u32) -> std::result::Result<Self, Uncopied> {
+        let mut charts: Vec<(Vec<FaceId>, ChartSource)> = Vec::new();
+        let mut plain: BTreeMap<[u8; 3], Vec<FaceId>> = BTreeMap::new();
+        let mut images: BTreeMap<ImageId, Vec<FaceId>> = BTreeMap::new();
+        for (face, shown) in mesh.shown.iter_enumerated() {
+            match original.source(shown.image) {
+                TexelSource::Image(_) => images.entry(shown.image).or_default().push(face),
+                TexelSource::Plain(colour) => plain.entry(colour).or_default().push(face),
+                TexelSource::Nothing => return Err(Uncopied::NoTexels),
+            }
+        }
+        charts.extend(plain.into_iter().map(|(colour, faces)| (faces, ChartSource::Plain(colour))));
+        let mut flat = Vec::new();
+        for (faces, _) in &charts {
+            let middle = [DVec2::splat(0.5 * BLOCK); 3];
+            flat.push(FlatChart { faces: faces.iter().map(|&face| (face, middle)).collect(), size: DVec2::splat(BLOCK) });
+        }
+        for (image, faces) in images {
+            let TexelSource::Image(stored) = original.source(image) else { continue };
+            let size = DVec2::from(stored.size().map(f64::from));
+            for chart in connected(mesh, &faces) {
+                add_charts(mesh, image, size, chart, room(side), &mut flat, &mut charts)?;
+            }
+        }
+        let mut sources: TiVec<FaceId, Option<u32>> = vec![None; mesh.faces.len()].into();
+        for (number, (faces, _)) in charts.iter().enumerate() {
+            faces.iter().for_each(|&face| sources[face] = Some(number as u32));
+        }
+        let unwrapped = pack(flat, side);
+        if unwrapped.images.len() > 1 || unwrapped.shrunk > 0 {
+            return Err(Uncopied::TooMany);
+        }
+        Ok(Self { unwrapped, sources, of_chart: charts.into_iter().map(|(_, source)| source).collect() })
+    }
+
+    /// Copies the texels.
+    ///
+    /// # Errors
+    /// On failed reads.
+    pub fn paint(&self, reader: &mut TexelReader<'_>) -> Result<PaintedImage> {
+        let size = self.unwrapped.images.first().map_or([0; 2], |size| [size.width, size.height]);
+        let mut canvas = AtlasCanvas::new(size.map(|side| side as usize));
+        let mut covered = 0;
+        for chart in &self.unwrapped.charts {
+            let source = chart.faces.first().and_then(|(face, _)| self.sources[*face]);
+            let Some(source) = source.map(|number| self.of_chart[number as usize]) else { continue };
+            for (place, own) in chart.room.texels() {
+                let colour = match source {
+                    ChartSource::Plain(colour) => Some(colour),
+                    ChartSource::Image(id, corner, beyond) => {
+                        let at = |axis: usize| corner[axis] + i64::from(own[axis]) - i64::from(GUTTER);
+                        reader.pixel(id, [at(0), at(1)], beyond)?
+                    }
+                };
+                colour.into_iter().for_each(|colour| canvas.set_pixel(place, colour));
+                covered += 1;
+            }
+        }
+        canvas.fill();
+        Ok(PaintedImage { rgb: canvas.rgb, size: canvas.size, painted: Painted { covered, colourless: 0 } })
+    }
+}
+
+/// Divides faces of one image into parts whose faces share edges with the same texture coordinates.
+fn connected(mesh: &TileMesh, faces: &[FaceId]) -> Vec<Vec<FaceId>> {
+    type Corner = (IVec3, [u32; 2]);
+    let corner = |face: FaceId, at: usize| -> Corner {
+        (mesh.places[mesh.faces[face][at]], mesh.shown[face].texcoords[at].map(f32::to_bits))
+    };
+    let mut group: Vec<u32> = (0..faces.len() as u32).collect();
+    fn root(group: &mut [u32], mut at: u32) -> u32 {
+        while group[at as usize] != at {
+            group[at as usize] = group[group[at as usize] as usize];
+            at = group[at as usize];
+        }
+        at
+    }
+    let key = |corner: Corner| (corner.0.to_array(), corner.1);
+    let mut known: HashMap<[([i32; 3], [u32; 2]); 2], u32, FixedState> = HashMap::default();
+    for (number, &face) in (0..).zip(faces) {
+        for at in 0..3 {
+            let mut ends = [key(corner(face, at)), key(corner(face, (at + 1) % 3))];
+            ends.sort_unstable();
+            let other = *known.entry(ends).or_insert(number);
+            let [a, b] = [root(&mut group, other), root(&mut group, number)];
+            group[a.max(b) as usize] = a.min(b);
+        }
+    }
+    let mut parts: BTreeMap<u32, Vec<FaceId>> = BTreeMap::new();
+    for (number, &face) in (0..).zip(faces) {
+        parts.entry(root(&mut group, number)).or_default().push(face);
+    }
+    parts.into_values().collect()
+}
+
+/// Adds a chart, in parts that are no longer than `room` texels.
+fn add_charts(
+    mesh: &TileMesh,
+    image: ImageId,
+    size: DVec2,
+    faces: Vec<FaceId>,
+    room: f64,
+    flat: &mut Vec<FlatChart>,
+    charts: &mut Vec<(Vec<FaceId>, ChartSource)>,
+) -> std::result::Result<(), Uncopied> {
+    let mut pending = vec![faces];
+    while let Some(faces) = pending.pop() {
+        // In texels from the upper left corner of the image.
+        let place = |at: [f32; 2]| DVec2::new(f64::from(at[0]), 1.0 - f64::from(at[1])) * size;
+        let corners = |face: FaceId| mesh.shown[face].texcoords.map(place);
+        let all = || faces.iter().flat_map(|&face| corners(face));
+        let low = all().fold(DVec2::INFINITY, DVec2::min).floor();
+        let high = all().fold(DVec2::NEG_INFINITY, DVec2::max).ceil();
+        let length = high - low;
+        if !(length.x <= room && length.y <= room) {
+            let axis = usize::from(length.y > length.x);
+            let middle = |face: FaceId| corners(face).iter().map(|corner| corner[axis]).sum::<f64>();
+            let mean = faces.iter().map(|&face| middle(face)).sum::<f64>() / faces.len() as f64;
+            let (below, above): (Vec<FaceId>, Vec<FaceId>) = faces.iter().partition(|&&face| middle(face) < mean);
+            if below.is_empty() || above.is_empty() {
+                return Err(Uncopied::TooMany);
+            }
+            pending.extend([below, above]);
+            continue;
+        }
+        let repeats = faces.iter().any(|&face| mesh.shown[face].texcoords.iter().flatten().any(|&at| at > 1.0));
+        let beyond = if repeats { Beyond::Repeat } else { Beyond::Edge };
+        // The second axis of a flat chart points up.
+        let upwards = |corner: DVec2| DVec2::new(corner.x - low.x, high.y - corner.y);
+        let placed = faces.iter().map(|&face| (face, corners(face).map(upwards))).collect();
+        flat.push(FlatChart { faces: placed, size: length });
+        charts.push((faces, ChartSource::Image(image, [low.x as i64, low.y as i64], beyond)));
+    }
+    Ok(())
+}
