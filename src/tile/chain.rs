@@ -132,9 +132,12 @@ impl Chain<'_> {
             }
             self.measure(&run, &mut known)?;
         }
-        // If the passes cannot go on, the last mesh is that of all further levels.
-        while !self.fits_texels(&known.levels) && known.levels.len() < LEVELS_MAX as usize {
+        // If the passes have ended, the last mesh is that of all further levels.
+        while !self.fits_one(&known.levels) && known.levels.len() < LEVELS_MAX as usize {
             known.levels.push(known.newest);
+            if known.newest.faces > self.settings.limits().faces && self.fits_texels(&known.levels) {
+                break;
+            }
         }
         Ok(known.into_levels())
     }

@@ -20,7 +20,7 @@ use crate::base::{Progress, Result, WorkLimits};
 use crate::file::buckets::{BucketWriter, Buckets, Sorted, Verbatim};
 use crate::model::id::ImageId;
 
-/// A triangle of a tile.
+/// A triangle of a tile. One that repeats a corner is a line: it says that the border lies there.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct TileTriangle {
@@ -112,19 +112,23 @@ fn put_triangles(
     while corners.len() > 1 && corners[0].place == corners[corners.len() - 1].place {
         corners.pop();
     }
-    let positions: Vec<DVec3> = corners.iter().map(|corner| corner.place.as_dvec3()).collect();
-    for ids in triangulate(&positions) {
-        let [a, b, c] = ids.map(|id| corners[id].place);
-        if a == b || b == c || c == a {
-            continue;
-        }
+    let mut put = |ids: [usize; 3]| {
         let border_of = |at: usize| {
             let (id, next) = (ids[at], ids[(at + 1) % 3]);
             if (id + 1) % corners.len() == next { corners[id].border } else { 0 }
         };
         let border = (0..3).fold(0, |bits, at| bits | border_of(at) << (2 * at));
-        let texcoords = ids.map(|id| corners[id].texcoord);
-        out.push((tile, TileTriangle { corners: [a, b, c].map(|place| place.to_array()), border, image, texcoords }));
+        let (places, texcoords) = (ids.map(|id| corners[id].place), ids.map(|id| corners[id].texcoord));
+        out.push((tile, TileTriangle { corners: places.map(|place| place.to_array()), border, image, texcoords }));
+    };
+    match corners.len() {
+        0 | 1 => {}
+        // The part is thinner than the lattice: its two edges are one.
+        2 => put([0, 1, 1]),
+        _ => {
+            let positions: Vec<DVec3> = corners.iter().map(|corner| corner.place.as_dvec3()).collect();
+            triangulate(&positions).into_iter().for_each(&mut put);
+        }
     }
 }
 

@@ -36,8 +36,10 @@ pub struct TileVertex {
 pub struct TileContent {
     /// Vertices.
     pub vertices: Vec<TileVertex>,
-    /// Vertices of each triangle.
+    /// Vertices of each triangle; those of the skirt come last.
     pub triangles: Vec<[u32; 3]>,
+    /// Triangles of the skirt, two for each edge of the border: (end, start, foot) and (end, foot, other foot).
+    pub skirt_triangles: usize,
     /// The image file and its type; `None` for a tile without texture.
     pub image: Option<(Vec<u8>, &'static str)>,
     /// Length of a step of the lattice.
@@ -129,7 +131,10 @@ impl TileContent {
             material["pbrMetallicRoughness"]["baseColorFactor"] = json!([red, green, blue, 1]);
             document["accessors"] = json!([positions, corners]);
         }
-        document["meshes"] = json!([{ "primitives": [{ "attributes": attributes, "indices": 1, "material": 0 }] }]);
+        document["meshes"] = json!([{
+            "primitives": [{ "attributes": attributes, "indices": 1, "material": 0 }],
+            "extras": { "skirtTriangles": self.skirt_triangles },
+        }]);
         document["materials"] = json!([material]);
         document["bufferViews"] = json!(views);
         if !used.is_empty() {

@@ -1,6 +1,6 @@
 //! The mesh of a tile: its triangles, joined at their corners.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use foldhash::fast::FixedState;
 use glam::{DVec3, IVec3};
@@ -48,12 +48,44 @@ pub struct BorderEdge {
     pub axis: usize,
 }
 
+/// A line where the border lies.
+struct BorderLine {
+    ends: [[i32; 3]; 2],
+    axis: usize,
+}
+
+impl BorderLine {
+    /// That of a triangle which is a line; `Some(None)` if the border lies on both of its sides or on none.
+    fn of(triangle: &TileTriangle) -> Option<Option<Self>> {
+        let [a, b, c] = triangle.corners;
+        if a != b && b != c && c != a {
+            return None;
+        }
+        let sides = (0..3).filter_map(|corner| {
+            let ends = [triangle.corners[corner], triangle.corners[(corner + 1) % 3]];
+            let axis = (triangle.border >> (2 * corner) & 3).checked_sub(1)? as usize;
+            (ends[0] != ends[1]).then(|| Self { ends: sorted(ends), axis })
+        });
+        let mut sides: Vec<Self> = sides.collect();
+        Some(if sides.len() == 1 { sides.pop() } else { None })
+    }
+}
+
+fn sorted([a, b]: [[i32; 3]; 2]) -> [[i32; 3]; 2] {
+    [a.min(b), a.max(b)]
+}
+
 impl TileMesh {
     /// Joins the triangles of a tile.
     pub fn join(triangles: &[TileTriangle], lattice: Lattice) -> Self {
         let mut mesh = Self::default();
         let mut known: HashMap<[i32; 3], LocalVertex, FixedState> = HashMap::default();
+        let mut lines = Vec::new();
         for triangle in triangles {
+            if let Some(line) = BorderLine::of(triangle) {
+                lines.extend(line);
+                continue;
+            }
             let vertices = triangle.corners.map(|corner| {
                 *known.entry(corner).or_insert_with(|| mesh.places.push_and_get_key(IVec3::from(corner)))
             });
@@ -64,11 +96,35 @@ impl TileMesh {
                 Some(BorderEdge { face, corner, axis })
             }));
         }
+        mesh.mark(&lines);
         let [low, high] = mesh.extent();
         mesh.middle = low + (high - low) / 2;
         let middle = mesh.middle;
         mesh.positions = mesh.places.iter().map(|&place| lattice.position(place - middle)).collect();
         mesh
+    }
+
+    /// Marks the edges where the border lies, because what was between them and the border is thinner than the lattice.
+    fn mark(&mut self, lines: &[BorderLine]) {
+        if lines.is_empty() {
+            return;
+        }
+        let mut edges: HashMap<[[i32; 3]; 2], Vec<(FaceId, usize)>, FixedState> = HashMap::default();
+        for (face, vertices) in self.faces.iter_enumerated() {
+            for corner in 0..3 {
+                let ends = [vertices[corner], vertices[(corner + 1) % 3]].map(|vertex| self.places[vertex].to_array());
+                edges.entry(sorted(ends)).or_default().push((face, corner));
+            }
+        }
+        let mut are_marked: HashSet<(FaceId, usize), FixedState> =
+            self.border.iter().map(|edge| (edge.face, edge.corner)).collect();
+        for line in lines {
+            let free = edges.get(&line.ends).and_then(|edges| edges.iter().find(|edge| !are_marked.contains(edge)));
+            if let Some(&(face, corner)) = free {
+                are_marked.insert((face, corner));
+                self.border.push(BorderEdge { face, corner, axis: line.axis });
+            }
+        }
     }
 
     /// The lowest and the highest places.

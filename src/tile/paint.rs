@@ -199,6 +199,7 @@ impl<'a> ContentBuilder<'a> {
             let below = [foot(0), foot(1)];
             content.triangles.push([ends[1], ends[0], below[0]]);
             content.triangles.push([ends[1], below[0], below[1]]);
+            content.skirt_triangles += 2;
         }
     }
 
