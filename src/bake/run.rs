@@ -228,7 +228,12 @@ impl<'a> Baking<'a> {
             }
             let _permit = permits.take(canvas_bytes + FACE_BYTES * partition.face_count(cluster));
             let source = cluster::load(&partition, self.result.mesh, &self.catalogue, &scale, cluster)?;
-            let patch = self.baker.bake(source, self.settings.format, self.place.work.path(), BakeStep::Patch(cluster).key().name())?;
+            let patch = self.baker.bake(
+                source,
+                self.settings.format,
+                self.place.work.path(),
+                BakeStep::Patch(cluster).key().name(),
+            )?;
             Ok(Ready::Baked(cluster, Box::new(patch)))
         };
         let clusters = partition.clusters().filter(|&cluster| partition.face_count(cluster) > 0);

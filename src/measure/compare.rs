@@ -45,7 +45,7 @@ mod texture_pair;
 
 use std::time::Instant;
 
-pub use self::between::{DistanceFigures, distances_between};
+pub use self::between::{DistanceFigures, SurfacePair, distances_to};
 use self::cells::MeasuredMesh;
 use self::direction::{Direction, Way};
 use self::distribution::Distribution;

@@ -57,8 +57,12 @@ pub(super) fn refuse(
         return Err(refused(output, "holds the input; choose another folder"));
     }
     let work_folder = resolved(work);
-    if there.starts_with(&work_folder) || work_folder.starts_with(textures_folder(&there)) || work_folder.starts_with(&there) {
-        let words = "the output, or its folder of textures, and the work folder lie in each other; choose another `work`";
+    if there.starts_with(&work_folder)
+        || work_folder.starts_with(textures_folder(&there))
+        || work_folder.starts_with(&there)
+    {
+        let words =
+            "the output, or its folder of textures, and the work folder lie in each other; choose another `work`";
         return Err(refused(work, words));
     }
     if inputs.iter().any(|input| resolved(input).starts_with(&work_folder)) {

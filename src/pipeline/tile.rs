@@ -26,9 +26,7 @@ use crate::os::system;
 use crate::passes::PassOptions;
 use crate::read::InputChoice;
 use crate::report::TileReport;
-use crate::tile::{
-    Chain, Pyramid, Scene, TilePlace, TileSettings, last_faces, pass_count, refuse_filled_folder,
-};
+use crate::tile::{Chain, Pyramid, TileScene, TilePlace, TileSettings, last_faces, pass_count, refuse_filled_folder};
 
 /// Builds a pyramid of tiles of meshes in files, or in all files below folders, in a folder.
 ///
@@ -59,7 +57,12 @@ pub fn tile(
     }
 }
 
-fn run(job: &Preflight<'_>, options: &TileOptions, work: &mut WorkFolder, progress: &dyn Progress) -> Result<TileReport> {
+fn run(
+    job: &Preflight<'_>,
+    options: &TileOptions,
+    work: &mut WorkFolder,
+    progress: &dyn Progress,
+) -> Result<TileReport> {
     refuse_filled_folder(job.output, work.is_resumed() || options.job.force)?;
     let (input, mut start) = input::read(job, work, progress)?;
     make_folders(job.output)?;
@@ -83,7 +86,7 @@ fn run(job: &Preflight<'_>, options: &TileOptions, work: &mut WorkFolder, progre
         work.give_up();
         return Err(input::nothing_left(job, &input));
     }
-    let scene = Scene::new(original.surface.bounds, original.median_texel);
+    let scene = TileScene::new(original.surface.bounds, original.median_texel);
     let settings = TileSettings {
         faces: options.tile_faces,
         side: options.tile_side,
@@ -94,8 +97,7 @@ fn run(job: &Preflight<'_>, options: &TileOptions, work: &mut WorkFolder, progre
     let place = TilePlace { output: job.output, work, limits, progress };
     let pass_options =
         PassOptions { target: last_faces(triangles), passes: pass_count(triangles), input: triangles, ..pass_options };
-    let chain =
-        Chain { original: &original, scene: &scene, settings: &settings, catalogue: &geometry, place: &place };
+    let chain = Chain { original: &original, scene: &scene, settings: &settings, catalogue: &geometry, place: &place };
     let levels = chain.levels(start, &pass_options)?;
     let transform = transform(options, scene.origin);
     let pyramid = Pyramid { original: &original, scene: &scene, settings: &settings, transform, place };

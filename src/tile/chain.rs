@@ -15,14 +15,14 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::scene::Scene;
+use super::scene::TileScene;
 use super::settings::{TilePlace, TileSettings};
 use super::steps::TileStep;
 use crate::bake::Original;
 use crate::base::{Error, Result};
 use crate::image::textures::TextureImages;
 use crate::job::{Recalled, Step, StepKey};
-use crate::measure::compare::{DistanceFigures, distances_between};
+use crate::measure::compare::{DistanceFigures, SurfacePair};
 use crate::model::Catalogue;
 use crate::passes::steps::PassStep;
 use crate::passes::{PassKind, PassOptions, ResumePoint, Run};
@@ -94,7 +94,7 @@ pub struct Chain<'a> {
     /// The input.
     pub original: &'a Original,
     /// Where it lies.
-    pub scene: &'a Scene,
+    pub scene: &'a TileScene,
     /// How tiles are made.
     pub settings: &'a TileSettings,
     /// Parts and materials as the passes see them.
@@ -184,7 +184,7 @@ impl Chain<'_> {
         let none = TextureImages::none(self.catalogue);
         let surface = SurfaceCells::make(run.mesh(), self.catalogue, &none, &place)?;
         progress.begin("measure", 0, "");
-        let between = |from, to| distances_between(from, to, SAMPLES, limits, progress);
+        let between = |from, to| SurfacePair { from, to }.distances(SAMPLES, limits, progress);
         let before = known.newest;
         known.newest = PassMesh {
             pass,

@@ -18,7 +18,7 @@ use super::tree::{ROOT, TileId, TileNode, TileTree};
 
 /// What an edge of a polygon lies on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum EdgeKind {
+pub enum ClipEdge {
     /// An edge of the triangle.
     Own,
     /// A cut of the triangle.
@@ -38,7 +38,7 @@ pub struct ClipCorner {
     /// Texture coordinate.
     pub texcoord: DVec2,
     /// The edge to the next corner.
-    pub edge: EdgeKind,
+    pub edge: ClipEdge,
 }
 
 /// The part of a triangle in a node: a convex polygon.
@@ -67,7 +67,7 @@ impl<'a> Clipper<'a> {
     /// Passes the parts of a triangle in all nodes to `take`, from the root downwards.
     pub fn cut(&mut self, corners: [(DVec3, DVec2); 3], take: &mut impl TakeParts) {
         self.cuts.clear();
-        let own = |(position, texcoord)| ClipCorner { position, texcoord, edge: EdgeKind::Own };
+        let own = |(position, texcoord)| ClipCorner { position, texcoord, edge: ClipEdge::Own };
         let polygon = corners.map(own).to_vec();
         self.descend(ROOT, polygon, take);
     }
@@ -91,7 +91,7 @@ impl<'a> Clipper<'a> {
 
     /// Divides a polygon that lies on both sides of a plane.
     fn divide(&mut self, polygon: &[ClipCorner], axis: usize, plane: f64) -> [Polygon; 2] {
-        let cut = EdgeKind::Cut { number: self.cuts.len() as u16, axis: axis as u8 };
+        let cut = ClipEdge::Cut { number: self.cuts.len() as u16, axis: axis as u8 };
         self.cuts.push(Vec::new());
         let mut parts = [Polygon::with_capacity(polygon.len() + 1), Polygon::with_capacity(polygon.len() + 1)];
         for (at, corner) in polygon.iter().enumerate() {
@@ -110,7 +110,7 @@ impl<'a> Clipper<'a> {
             }
             if side.reverse() == next_side && side != Ordering::Equal {
                 let (position, texcoord) = meeting(corner, next, axis, plane);
-                if let EdgeKind::Cut { number: other, .. } = corner.edge {
+                if let ClipEdge::Cut { number: other, .. } = corner.edge {
                     self.cuts[usize::from(other)].push((position, texcoord));
                 }
                 let (left, entered) = if side == Ordering::Less { (0, 1) } else { (1, 0) };
@@ -126,7 +126,7 @@ impl<'a> Clipper<'a> {
         let mut whole = Polygon::with_capacity(polygon.len());
         for (at, corner) in polygon.iter().enumerate() {
             whole.push(*corner);
-            let EdgeKind::Cut { number: cut, .. } = corner.edge else { continue };
+            let ClipEdge::Cut { number: cut, .. } = corner.edge else { continue };
             let (start, end) = (corner.position, polygon[(at + 1) % polygon.len()].position);
             let along = (end - start).normalize_or_zero();
             let place = |point: DVec3| (point - start).dot(along);
@@ -145,9 +145,8 @@ impl<'a> Clipper<'a> {
 
 /// Where an edge meets a plane: the same for both directions of the edge.
 fn meeting(a: &ClipCorner, b: &ClipCorner, axis: usize, plane: f64) -> (DVec3, DVec2) {
-    let order = |a: DVec3, b: DVec3| {
-        a.x.total_cmp(&b.x).then_with(|| a.y.total_cmp(&b.y)).then_with(|| a.z.total_cmp(&b.z))
-    };
+    let order =
+        |a: DVec3, b: DVec3| a.x.total_cmp(&b.x).then_with(|| a.y.total_cmp(&b.y)).then_with(|| a.z.total_cmp(&b.z));
     let (a, b) = if order(a.position, b.position) == Ordering::Greater { (b, a) } else { (a, b) };
     let share = (plane - a.position[axis]) / (b.position[axis] - a.position[axis]);
     let mut point = a.position + (b.position - a.position) * share;
@@ -254,7 +253,7 @@ mod tests {
             prop_assert!((sum / area(corners) - 1.0).abs() < 1e-9);
             // Each edge along a cut is one of the polygon on the other side, turned around.
             let bits = |at: DVec3| at.to_array().map(f64::to_bits);
-            let edges = |kind: fn(EdgeKind) -> bool| -> Vec<_> {
+            let edges = |kind: fn(ClipEdge) -> bool| -> Vec<_> {
                 let of_part = |polygon: &Polygon| -> Vec<_> {
                     let next = |at: usize| polygon[(at + 1) % polygon.len()].position;
                     let all = polygon.iter().enumerate().filter(|(_, corner)| kind(corner.edge));
@@ -262,7 +261,7 @@ mod tests {
                 };
                 parts.iter().flat_map(|(_, polygon)| of_part(polygon)).collect()
             };
-            let cuts = edges(|kind| kind != EdgeKind::Own);
+            let cuts = edges(|kind| kind != ClipEdge::Own);
             for [start, end] in &cuts {
                 prop_assert!(cuts.contains(&[*end, *start]), "{:?}", parts);
             }
@@ -275,7 +274,7 @@ mod tests {
             let on_edge = |corners: [DVec3; 3]| {
                 let mut points: Vec<[u64; 3]> = Vec::new();
                 for (_, polygon) in parts_of(corners) {
-                    let own = |at: usize| polygon[at].edge == EdgeKind::Own;
+                    let own = |at: usize| polygon[at].edge == ClipEdge::Own;
                     for at in 0..polygon.len() {
                         let ends = [polygon[at].position, polygon[(at + 1) % polygon.len()].position];
                         let is_near = |point: DVec3| (point - a).cross(b - a).length() < 1e-9 * (b - a).length();

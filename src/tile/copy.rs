@@ -9,7 +9,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use foldhash::fast::FixedState;
-use glam::{DVec2, IVec3};
+use glam::DVec2;
 
 use super::mesh::TileMesh;
 use crate::bake::{AtlasCanvas, Original, Painted, PaintedImage, TexelSource};
@@ -18,6 +18,7 @@ use crate::base::id::TiVec;
 use crate::image::stored::{Beyond, TexelReader};
 use crate::mesh::id::FaceId;
 use crate::model::id::ImageId;
+use crate::topology::forest::DisjointSets;
 use crate::unwrap::{FlatChart, GUTTER, Unwrapped, pack, room};
 
 /// Side of a block of one colour in texels.
@@ -37,8 +38,7 @@ pub struct CopiedCharts {
     /// Where they lie.
     pub unwrapped: Unwrapped,
     /// The source of each face's chart.
-    sources: TiVec<FaceId, Option<u32>>,
-    of_chart: Vec<ChartSource>,
+    source_of: TiVec<FaceId, Option<ChartSource>>,
 }
 
 /// Why a tile cannot have the texels of the input.
@@ -53,7 +53,7 @@ pub enum Uncopied {
 impl CopiedCharts {
     /// The charts of a tile, in an image with sides of up to `side` texels.
     pub fn new(mesh: &TileMesh, original: &Original, side: u32) -> std::result::Result<Self, Uncopied> {
-        let mut charts: Vec<(Vec<FaceId>, ChartSource)> = Vec::new();
+        let mut charts = ChartList { mesh, room: room(side), flat: Vec::new(), sources: Vec::new() };
         let mut plain: BTreeMap<[u8; 3], Vec<FaceId>> = BTreeMap::new();
         let mut images: BTreeMap<ImageId, Vec<FaceId>> = BTreeMap::new();
         for (face, shown) in mesh.shown.iter_enumerated() {
@@ -63,28 +63,22 @@ impl CopiedCharts {
                 TexelSource::Nothing => return Err(Uncopied::NoTexels),
             }
         }
-        charts.extend(plain.into_iter().map(|(colour, faces)| (faces, ChartSource::Plain(colour))));
-        let mut flat = Vec::new();
-        for (faces, _) in &charts {
-            let middle = [DVec2::splat(0.5 * BLOCK); 3];
-            flat.push(FlatChart { faces: faces.iter().map(|&face| (face, middle)).collect(), size: DVec2::splat(BLOCK) });
-        }
+        plain.into_iter().for_each(|(colour, faces)| charts.add_block(colour, &faces));
         for (image, faces) in images {
             let TexelSource::Image(stored) = original.source(image) else { continue };
             let size = DVec2::from(stored.size().map(f64::from));
-            for chart in connected(mesh, &faces) {
-                add_charts(mesh, image, size, chart, room(side), &mut flat, &mut charts)?;
-            }
+            connected(mesh, &faces).into_iter().try_for_each(|faces| charts.add_image(image, size, faces))?;
         }
-        let mut sources: TiVec<FaceId, Option<u32>> = vec![None; mesh.faces.len()].into();
-        for (number, (faces, _)) in charts.iter().enumerate() {
-            faces.iter().for_each(|&face| sources[face] = Some(number as u32));
+        let ChartList { flat, sources, .. } = charts;
+        let mut source_of: TiVec<FaceId, Option<ChartSource>> = vec![None; mesh.faces.len()].into();
+        for (chart, source) in flat.iter().zip(sources) {
+            chart.faces.iter().for_each(|(face, _)| source_of[*face] = Some(source));
         }
         let unwrapped = pack(flat, side);
         if unwrapped.images.len() > 1 || unwrapped.shrunk > 0 {
             return Err(Uncopied::TooMany);
         }
-        Ok(Self { unwrapped, sources, of_chart: charts.into_iter().map(|(_, source)| source).collect() })
+        Ok(Self { unwrapped, source_of })
     }
 
     /// Copies the texels.
@@ -96,8 +90,7 @@ impl CopiedCharts {
         let mut canvas = AtlasCanvas::new(size.map(|side| side as usize));
         let mut covered = 0;
         for chart in &self.unwrapped.charts {
-            let source = chart.faces.first().and_then(|(face, _)| self.sources[*face]);
-            let Some(source) = source.map(|number| self.of_chart[number as usize]) else { continue };
+            let Some(source) = chart.faces.first().and_then(|(face, _)| self.source_of[*face]) else { continue };
             for (place, own) in chart.room.texels() {
                 let colour = match source {
                     ChartSource::Plain(colour) => Some(colour),
@@ -115,75 +108,81 @@ impl CopiedCharts {
     }
 }
 
+/// A corner of a face, by its place and its texture coordinate.
+type ShownCorner = ([i32; 3], [u32; 2]);
+
 /// Divides faces of one image into parts whose faces share edges with the same texture coordinates.
 fn connected(mesh: &TileMesh, faces: &[FaceId]) -> Vec<Vec<FaceId>> {
-    type Corner = (IVec3, [u32; 2]);
-    let corner = |face: FaceId, at: usize| -> Corner {
-        (mesh.places[mesh.faces[face][at]], mesh.shown[face].texcoords[at].map(f32::to_bits))
+    let corner = |face: FaceId, at: usize| -> ShownCorner {
+        (mesh.places[mesh.faces[face][at]].to_array(), mesh.shown[face].texcoords[at].map(f32::to_bits))
     };
-    let mut group: Vec<u32> = (0..faces.len() as u32).collect();
-    fn root(group: &mut [u32], mut at: u32) -> u32 {
-        while group[at as usize] != at {
-            group[at as usize] = group[group[at as usize] as usize];
-            at = group[at as usize];
-        }
-        at
-    }
-    let key = |corner: Corner| (corner.0.to_array(), corner.1);
-    let mut known: HashMap<[([i32; 3], [u32; 2]); 2], u32, FixedState> = HashMap::default();
-    for (number, &face) in (0..).zip(faces) {
+    let mut sets = DisjointSets::<FaceId>::new(faces.len());
+    let mut known: HashMap<[ShownCorner; 2], FaceId, FixedState> = HashMap::default();
+    for (number, &face) in FaceId::first(faces.len()).zip(faces) {
         for at in 0..3 {
-            let mut ends = [key(corner(face, at)), key(corner(face, (at + 1) % 3))];
+            let mut ends = [corner(face, at), corner(face, (at + 1) % 3)];
             ends.sort_unstable();
             let other = *known.entry(ends).or_insert(number);
-            let [a, b] = [root(&mut group, other), root(&mut group, number)];
-            group[a.max(b) as usize] = a.min(b);
+            sets.join(other, number);
         }
     }
-    let mut parts: BTreeMap<u32, Vec<FaceId>> = BTreeMap::new();
-    for (number, &face) in (0..).zip(faces) {
-        parts.entry(root(&mut group, number)).or_default().push(face);
+    let mut parts: BTreeMap<FaceId, Vec<FaceId>> = BTreeMap::new();
+    for (number, &face) in FaceId::first(faces.len()).zip(faces) {
+        parts.entry(sets.root(number)).or_default().push(face);
     }
     parts.into_values().collect()
 }
 
-/// Adds a chart, in parts that are no longer than `room` texels.
-fn add_charts(
-    mesh: &TileMesh,
-    image: ImageId,
-    size: DVec2,
-    faces: Vec<FaceId>,
+/// Charts before they are packed.
+struct ChartList<'a> {
+    mesh: &'a TileMesh,
+    /// Longest side of a chart in texels.
     room: f64,
-    flat: &mut Vec<FlatChart>,
-    charts: &mut Vec<(Vec<FaceId>, ChartSource)>,
-) -> std::result::Result<(), Uncopied> {
-    let mut pending = vec![faces];
-    while let Some(faces) = pending.pop() {
+    flat: Vec<FlatChart>,
+    /// The source of each.
+    sources: Vec<ChartSource>,
+}
+
+impl ChartList<'_> {
+    /// Adds a block of one colour, in the middle of which all its faces lie.
+    fn add_block(&mut self, colour: [u8; 3], faces: &[FaceId]) {
+        let middle = [DVec2::splat(0.5 * BLOCK); 3];
+        let faces = faces.iter().map(|&face| (face, middle)).collect();
+        self.flat.push(FlatChart { faces, size: DVec2::splat(BLOCK) });
+        self.sources.push(ChartSource::Plain(colour));
+    }
+
+    /// Adds a part of an image of this size in texels; one that is too long is divided.
+    fn add_image(&mut self, image: ImageId, size: DVec2, faces: Vec<FaceId>) -> std::result::Result<(), Uncopied> {
+        let shown = &self.mesh.shown;
         // In texels from the upper left corner of the image.
         let place = |at: [f32; 2]| DVec2::new(f64::from(at[0]), 1.0 - f64::from(at[1])) * size;
-        let corners = |face: FaceId| mesh.shown[face].texcoords.map(place);
-        let all = || faces.iter().flat_map(|&face| corners(face));
-        let low = all().fold(DVec2::INFINITY, DVec2::min).floor();
-        let high = all().fold(DVec2::NEG_INFINITY, DVec2::max).ceil();
-        let length = high - low;
-        if !(length.x <= room && length.y <= room) {
-            let axis = usize::from(length.y > length.x);
-            let middle = |face: FaceId| corners(face).iter().map(|corner| corner[axis]).sum::<f64>();
-            let mean = faces.iter().map(|&face| middle(face)).sum::<f64>() / faces.len() as f64;
-            let (below, above): (Vec<FaceId>, Vec<FaceId>) = faces.iter().partition(|&&face| middle(face) < mean);
-            if below.is_empty() || above.is_empty() {
-                return Err(Uncopied::TooMany);
+        let corners = |face: FaceId| shown[face].texcoords.map(place);
+        let mut pending = vec![faces];
+        while let Some(faces) = pending.pop() {
+            let all = || faces.iter().flat_map(|&face| corners(face));
+            let low = all().fold(DVec2::INFINITY, DVec2::min).floor();
+            let high = all().fold(DVec2::NEG_INFINITY, DVec2::max).ceil();
+            let length = high - low;
+            if !(length.max_element() <= self.room) {
+                let axis = usize::from(length.y > length.x);
+                let middle = |face: FaceId| corners(face).iter().map(|corner| corner[axis]).sum::<f64>();
+                let mean = faces.iter().map(|&face| middle(face)).sum::<f64>() / faces.len() as f64;
+                let (below, above): (Vec<FaceId>, Vec<FaceId>) = faces.iter().partition(|&&face| middle(face) < mean);
+                if below.is_empty() || above.is_empty() {
+                    return Err(Uncopied::TooMany);
+                }
+                pending.extend([below, above]);
+                continue;
             }
-            pending.extend([below, above]);
-            continue;
+            let repeats = faces.iter().any(|&face| shown[face].texcoords.iter().flatten().any(|&at| at > 1.0));
+            let beyond = if repeats { Beyond::Repeat } else { Beyond::Edge };
+            // The second axis of a flat chart points up.
+            let upwards = |corner: DVec2| DVec2::new(corner.x - low.x, high.y - corner.y);
+            let placed = faces.iter().map(|&face| (face, corners(face).map(upwards))).collect();
+            self.flat.push(FlatChart { faces: placed, size: length });
+            self.sources.push(ChartSource::Image(image, [low.x as i64, low.y as i64], beyond));
         }
-        let repeats = faces.iter().any(|&face| mesh.shown[face].texcoords.iter().flatten().any(|&at| at > 1.0));
-        let beyond = if repeats { Beyond::Repeat } else { Beyond::Edge };
-        // The second axis of a flat chart points up.
-        let upwards = |corner: DVec2| DVec2::new(corner.x - low.x, high.y - corner.y);
-        let placed = faces.iter().map(|&face| (face, corners(face).map(upwards))).collect();
-        flat.push(FlatChart { faces: placed, size: length });
-        charts.push((faces, ChartSource::Image(image, [low.x as i64, low.y as i64], beyond)));
+        Ok(())
     }
-    Ok(())
 }

@@ -10,8 +10,8 @@ use std::path::Path;
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, IVec3};
 
-use super::census::LevelTiles;
-use super::clip::{ClipCorner, Clipper, EdgeKind, Polygon, TakeParts, triangulate};
+use super::node_counts::LevelTiles;
+use super::clip::{ClipCorner, Clipper, ClipEdge, Polygon, TakeParts, triangulate};
 use super::lattice::Lattice;
 use super::tree::{TileId, TileTree};
 use super::triangles::LevelTriangles;
@@ -144,8 +144,8 @@ struct PlacedCorner {
 impl PlacedCorner {
     fn new(corner: &ClipCorner, lattice: Lattice) -> Self {
         let border = match corner.edge {
-            EdgeKind::Own => 0,
-            EdgeKind::Cut { axis, .. } => 1 + u32::from(axis),
+            ClipEdge::Own => 0,
+            ClipEdge::Cut { axis, .. } => 1 + u32::from(axis),
         };
         Self { place: lattice.place(corner.position), texcoord: corner.texcoord.as_vec2().to_array(), border }
     }

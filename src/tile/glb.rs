@@ -69,7 +69,7 @@ impl TileContent {
             chunk.extend_from_slice(image);
             pad(&mut chunk, 0);
         }
-        let layout = Layout { is_short, is_wide, vertex_bytes, index_bytes, bytes: chunk.len() };
+        let layout = TileLayout { is_short, is_wide, vertex_bytes, index_bytes, bytes: chunk.len() };
         let mut json = self.document(&layout).to_string().into_bytes();
         pad(&mut json, b' ');
         let total = 12 + 8 + json.len() + 8 + chunk.len();
@@ -84,7 +84,7 @@ impl TileContent {
         glb
     }
 
-    fn document(&self, layout: &Layout) -> Value {
+    fn document(&self, layout: &TileLayout) -> Value {
         let stride = if layout.is_short { 12 } else { 16 };
         let (low, high) = self.extent();
         let view = |offset: usize, bytes: usize| json!({ "buffer": 0, "byteOffset": offset, "byteLength": bytes });
@@ -167,7 +167,7 @@ impl TileContent {
 }
 
 /// What the binary chunk holds.
-struct Layout {
+struct TileLayout {
     is_short: bool,
     is_wide: bool,
     vertex_bytes: usize,

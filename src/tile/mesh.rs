@@ -52,6 +52,8 @@ pub struct BorderEdge {
 struct BorderLine {
     ends: [[i32; 3]; 2],
     axis: usize,
+    /// What is shown from the first end to the second and back.
+    shown: FaceTexture,
 }
 
 impl BorderLine {
@@ -64,11 +66,29 @@ impl BorderLine {
         let sides = (0..3).filter_map(|corner| {
             let ends = [triangle.corners[corner], triangle.corners[(corner + 1) % 3]];
             let axis = (triangle.border >> (2 * corner) & 3).checked_sub(1)? as usize;
-            (ends[0] != ends[1]).then(|| Self { ends: sorted(ends), axis })
+            let [mut from, mut to] = [corner, (corner + 1) % 3].map(|corner| triangle.texcoords[corner]);
+            if ends[1] < ends[0] {
+                (from, to) = (to, from);
+            }
+            let shown = FaceTexture { image: triangle.image, texcoords: [from, to, from] };
+            (ends[0] != ends[1]).then(|| Self { ends: sorted(ends), axis, shown })
         });
         let mut sides: Vec<Self> = sides.collect();
         Some(if sides.len() == 1 { sides.pop() } else { None })
     }
+}
+
+/// Without lines that two sides of the border share: nothing of the tile is between them.
+fn without_pairs(mut lines: Vec<BorderLine>) -> Vec<BorderLine> {
+    lines.sort_by_key(|line| (line.ends, line.axis));
+    let mut single: Vec<BorderLine> = Vec::new();
+    for line in lines {
+        match single.last() {
+            Some(last) if last.ends == line.ends => _ = single.pop(),
+            _ => single.push(line),
+        }
+    }
+    single
 }
 
 fn sorted([a, b]: [[i32; 3]; 2]) -> [[i32; 3]; 2] {
@@ -96,7 +116,7 @@ impl TileMesh {
                 Some(BorderEdge { face, corner, axis })
             }));
         }
-        mesh.mark(&lines);
+        mesh.mark(&without_pairs(lines));
         let [low, high] = mesh.extent();
         mesh.middle = low + (high - low) / 2;
         let middle = mesh.middle;
@@ -120,11 +140,21 @@ impl TileMesh {
             self.border.iter().map(|edge| (edge.face, edge.corner)).collect();
         for line in lines {
             let free = edges.get(&line.ends).and_then(|edges| edges.iter().find(|edge| !are_marked.contains(edge)));
-            if let Some(&(face, corner)) = free {
-                are_marked.insert((face, corner));
-                self.border.push(BorderEdge { face, corner, axis: line.axis });
-            }
+            let (face, corner) = match free {
+                Some(&edge) => edge,
+                None => (self.add_line(line), 0),
+            };
+            are_marked.insert((face, corner));
+            self.border.push(BorderEdge { face, corner, axis: line.axis });
         }
+    }
+
+    /// Adds a face without area whose first edge is a line.
+    fn add_line(&mut self, line: &BorderLine) -> FaceId {
+        let [start, end] = line.ends.map(IVec3::from);
+        let vertices = [start, end, start].map(|place| self.places.push_and_get_key(place));
+        self.shown.push(line.shown);
+        self.faces.push_and_get_key(vertices)
     }
 
     /// The lowest and the highest places.

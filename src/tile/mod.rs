@@ -3,7 +3,7 @@
 //! ```text
 //! input ── chain: passes, each measured ──▶ levels: whole meshes, each within a texel of its own from the input
 //!   │                                          │
-//!   ╰─ tree: nested planes ── census: which nodes are the tiles of a level
+//!   ╰─ tree: nested planes ── node_counts: which nodes are the tiles of a level
 //!                                              │
 //!                                cut ── skirt, paint, glb ──▶ a file for each tile ── tileset.json, last
 //! ```
@@ -14,11 +14,12 @@
 //! # Memory
 //! For each thread a tile: its triangles (700 bytes each), its image (8 bytes a texel), and a painter (16 MiB).
 
-mod census;
+mod node_counts;
 mod chain;
 mod clip;
 mod copy;
 mod cut;
+mod deviation;
 mod glb;
 mod lattice;
 mod mesh;
@@ -35,5 +36,5 @@ mod triangles;
 
 pub use self::chain::{Chain, Level, PassMesh, last_faces, pass_count};
 pub use self::run::{LevelFigures, Pyramid, refuse_filled_folder};
-pub use self::scene::Scene;
+pub use self::scene::TileScene;
 pub use self::settings::{TilePlace, TileSettings};

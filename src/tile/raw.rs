@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::mesh::TileMesh;
 use super::paint::PaintedTile;
-use super::scene::Scene;
+use super::scene::TileScene;
 use super::steps::TileStep;
 use super::tree::TileId;
 use crate::bake::{Original, PaintedImage};
@@ -55,7 +55,7 @@ pub struct RawPlace<'a> {
     /// Number of the tile among those of its level.
     pub index: usize,
     /// Where the level lies.
-    pub scene: &'a Scene,
+    pub scene: &'a TileScene,
     /// Number of the level.
     pub level: u32,
 }

@@ -6,17 +6,17 @@ use std::sync::Mutex;
 use glam::DMat4;
 use serde::{Deserialize, Serialize};
 
-use super::census::{LevelTiles, count};
+use super::node_counts::{LevelTiles, count};
 use super::chain::Level;
 use super::copy::{CopiedCharts, Uncopied};
 use super::cut::{CutLevel, cut};
-use super::lattice::Lattice;
+use super::deviation::TilePlan;
 use super::mesh::TileMesh;
 use super::paint::{BareTile, PaintedTile};
 use super::raw::{RawPlace, RawTile};
-use super::scene::Scene;
+use super::scene::TileScene;
 use super::settings::{TilePlace, TileSettings};
-use super::skirt::strips;
+use super::skirt::{LEVELS_APART, SkirtShape};
 use super::steps::TileStep;
 use super::tileset::{ListedLevel, ListedTile, TilesetDocument, tile_name};
 use super::tree::{TileId, TileTree};
@@ -32,8 +32,9 @@ use crate::image::stored::TexelReader;
 use crate::job::{Recalled, Step};
 use crate::os::content::Content;
 use crate::os::durable::{DurableFile, make_folders};
+use crate::surface::cells::SurfaceCells;
 
-/// Length of a skirt in texels of its level.
+/// Largest length of a skirt, in texels of the coarsest level that may be a neighbour.
 const SKIRT_TEXELS: f64 = 2.0;
 /// Memory of a triangle of a tile while it is made, in bytes, and of a texel.
 const FACE_BYTES: u64 = 700;
@@ -100,7 +101,7 @@ pub struct Pyramid<'a> {
     /// The surface of the input, and its images.
     pub original: &'a Original,
     /// Where it lies.
-    pub scene: &'a Scene,
+    pub scene: &'a TileScene,
     /// How tiles are made.
     pub settings: &'a TileSettings,
     /// From the scene to the world.
@@ -114,6 +115,8 @@ pub struct Pyramid<'a> {
 struct CutRecord {
     tiles: LevelTiles,
     triangles: CutLevel,
+    /// How far each tile lies from the input, in the mesh's unit of length.
+    deviations: Vec<f64>,
 }
 
 impl Recalled for CutRecord {
@@ -124,9 +127,7 @@ impl Recalled for CutRecord {
     }
 
     fn is_sound(&self, tree: &&TileTree) -> bool {
-        self.tiles.is_sound(tree)
-            && self.triangles.is_sound()
-            && self.triangles.cell_count() == self.tiles.tiles.len()
+        self.tiles.is_sound(tree) && self.triangles.is_sound() && self.triangles.cell_count() == self.tiles.tiles.len()
     }
 }
 
@@ -160,12 +161,18 @@ impl Pyramid<'_> {
             let below = listed.last().map(|below| &below.tiles);
             let cut = self.cut(level, number, &tree, below)?;
             make_folders(&self.place.output.join(number.to_string()))?;
-            let tiles = self.write_tiles(level, number, &cut, done.take())?;
+            let tiles = self.write_tiles(levels, number, &cut, done.take())?;
+            let errors: Vec<f64> = cut.deviations.iter().map(|&deviation| self.error_of(number, deviation)).collect();
             let coarsest = figures.last().map_or(0.0, |below| below.geometric_error);
-            let error = if number == 0 { 0.0 } else { self.error_of(level, number).max(coarsest) };
+            let error = errors.iter().copied().fold(coarsest, f64::max);
             figures.push(self.figures(level, number, &tiles.records, error));
-            let list = tiles.records.iter().map(|&TileRecord { node, bounds, .. }| ListedTile { node, bounds }).collect();
-            listed.push(ListedLevel { tiles: cut.tiles, listed: list, error });
+            let listed_tile = |(record, error): (&TileRecord, f64)| ListedTile {
+                node: record.node,
+                bounds: record.bounds,
+                error,
+            };
+            let list = tiles.records.iter().zip(errors).map(listed_tile).collect();
+            listed.push(ListedLevel { tiles: cut.tiles, listed: list });
             done = Some(tiles);
         }
         let document = TilesetDocument { tree: &tree, levels: &listed, transform: self.transform }.to_json();
@@ -182,9 +189,13 @@ impl Pyramid<'_> {
         })
     }
 
+    fn surface<'s>(&'s self, level: &'s Level) -> &'s SurfaceCells {
+        level.surface.as_deref().unwrap_or(&self.original.surface)
+    }
+
     fn triangles<'s>(&'s self, level: &'s Level, number: u32) -> LevelTriangles<'s> {
         LevelTriangles {
-            surface: level.surface.as_deref().unwrap_or(&self.original.surface),
+            surface: self.surface(level),
             scene: self.scene,
             level: number,
             original: (number == 0 && self.settings.has_colour).then_some(self.original),
@@ -202,15 +213,21 @@ impl Pyramid<'_> {
         let counts = count(&source, tree, limits, progress)?;
         let mut is_too_large: TiVec<TileId, bool> = vec![false; tree.nodes.len()].into();
         let path = work.path().join(format!("{}.buckets", key.name()));
-        let record = loop {
+        let mut record = loop {
             let tiles = LevelTiles::choose(&counts, tree, &self.settings.limits(), &is_too_large, below);
             let triangles = cut(&source, tree, &tiles, &path, limits, progress)?;
-            let record = CutRecord { tiles, triangles };
+            let record = CutRecord { tiles, triangles, deviations: Vec::new() };
             let found = if source.original.is_some() { self.too_large(&record, number, tree)? } else { Vec::new() };
             if found.is_empty() {
                 break record;
             }
             found.into_iter().for_each(|tile| is_too_large[tile] = true);
+        };
+        record.deviations = if number == 0 {
+            vec![0.0; record.tiles.tiles.len()]
+        } else {
+            let plan = TilePlan { tree, tiles: &record.tiles, scene: self.scene };
+            plan.deviations(source.surface, &self.original.surface, limits, progress)?
         };
         let of_surface = match level.mesh.pass {
             0 => SURFACE,
@@ -250,7 +267,13 @@ impl Pyramid<'_> {
     }
 
     /// Writes the tiles of a level, which are baked from those of the level below.
-    fn write_tiles(&self, level: &Level, number: u32, cut: &CutRecord, below: Option<TilesOfLevel>) -> Result<TilesOfLevel> {
+    fn write_tiles(
+        &self,
+        levels: &[Level],
+        number: u32,
+        cut: &CutRecord,
+        below: Option<TilesOfLevel>,
+    ) -> Result<TilesOfLevel> {
         let TilePlace { work, limits, progress, output } = self.place;
         let nodes = &cut.tiles.tiles;
         progress.begin("tile", nodes.len() as u64, "tiles");
@@ -264,7 +287,7 @@ impl Pyramid<'_> {
             Some(below) if !is_done && self.settings.has_colour => Some(self.join(below, number)?),
             _ => None,
         };
-        let crew = TileCrew::new(self, original.as_ref().unwrap_or(self.original), level, number);
+        let crew = TileCrew::new(self, original.as_ref().unwrap_or(self.original), levels, number);
         let permits = Permits::new(limits.work_bytes.saturating_sub(limits.threads as u64 * PAINTER_BYTES));
         let texels = u64::from(self.settings.side) * u64::from(self.settings.side);
         let make = |index: usize| {
@@ -328,9 +351,9 @@ impl Pyramid<'_> {
         Ok(())
     }
 
-    /// Geometric error of a level by itself.
-    fn error_of(&self, level: &Level, number: u32) -> f64 {
-        self.settings.error_factor * self.scene.texel_of(number).max(level.mesh.deviation())
+    /// Geometric error of a tile by itself.
+    fn error_of(&self, number: u32, deviation: f64) -> f64 {
+        if number == 0 { 0.0 } else { self.settings.error_factor * self.scene.texel_of(number).max(deviation) }
     }
 
     fn figures(&self, level: &Level, number: u32, records: &[TileRecord], error: f64) -> LevelFigures {
@@ -366,8 +389,7 @@ struct TilesOfLevel {
 struct TileCrew<'a> {
     pyramid: &'a Pyramid<'a>,
     original: &'a Original,
-    lattice: Lattice,
-    texel: f64,
+    skirt: SkirtShape<'a>,
     /// Whether texels are copied where they can be.
     copies: bool,
     baker: PatchBaker<'a>,
@@ -375,25 +397,35 @@ struct TileCrew<'a> {
 }
 
 impl<'a> TileCrew<'a> {
-    fn new(pyramid: &'a Pyramid<'a>, original: &'a Original, level: &Level, number: u32) -> Self {
-        let lattice = pyramid.scene.lattice(number);
-        let TilePlace { limits, progress, .. } = pyramid.place;
+    fn new(pyramid: &'a Pyramid<'a>, original: &'a Original, levels: &'a [Level], number: u32) -> Self {
+        let Pyramid { scene, place: TilePlace { limits, progress, .. }, .. } = *pyramid;
+        let (level, lattice, texel) = (&levels[number as usize], scene.lattice(number), scene.texel_of(number));
         let most = (limits.work_bytes / 2 / PAINTER_BYTES) as usize;
         let settings = PatchSettings {
-            texel: pyramid.scene.texel_of(number),
+            texel,
             away: level.mesh.to_input.rms.max(level.mesh.from_input.rms).max(lattice.step),
             side: pyramid.settings.side,
             painters: limits.threads.clamp(1, most.max(1)),
         };
+        let coarsest = (number + LEVELS_APART).min(levels.len() as u32 - 1);
+        let near = number.saturating_sub(LEVELS_APART)..=coarsest;
+        let others = near.filter(|&other| other != number).map(|other| pyramid.surface(&levels[other as usize]));
+        let skirt = SkirtShape {
+            lattice,
+            texel,
+            longest: SKIRT_TEXELS * scene.texel_of(coarsest),
+            scene_origin: scene.origin,
+            others: others.collect(),
+        };
         let baker = PatchBaker::new(original, &settings, progress);
-        let (texel, copies) = (settings.texel, number == 0);
-        Self { pyramid, original, lattice, texel, copies, baker, readers: Mutex::default() }
+        Self { pyramid, original, skirt, copies: number == 0, baker, readers: Mutex::default() }
     }
 
     fn make(&self, mesh: &TileMesh) -> Result<PaintedTile> {
-        let Pyramid { scene, settings, .. } = *self.pyramid;
-        let strips = strips(mesh, self.lattice, SKIRT_TEXELS * self.texel);
-        let tile = BareTile { mesh, strips: &strips, lattice: self.lattice, scene_origin: scene.origin };
+        let settings = self.pyramid.settings;
+        let strips = self.skirt.strips(mesh)?;
+        let SkirtShape { lattice, scene_origin, .. } = self.skirt;
+        let tile = BareTile { mesh, strips: &strips, lattice, scene_origin };
         if !settings.has_colour {
             return Ok(tile.plain());
         }

@@ -11,7 +11,7 @@ const ORIGIN_SHARE: f64 = 1.0 / 16.0;
 
 /// The scene.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Scene {
+pub struct TileScene {
     /// Positions of tiles are relative to this.
     pub origin: DVec3,
     /// The smallest box around the input.
@@ -21,7 +21,7 @@ pub struct Scene {
     lattice: Lattice,
 }
 
-impl Scene {
+impl TileScene {
     /// The scene of a surface with texels of this length.
     pub fn new(bounds: Bounds, texel: f64) -> Self {
         let middle = 0.5 * (bounds.low + bounds.high);

@@ -10,7 +10,7 @@
 use glam::{DMat4, DVec3};
 use serde_json::{Value, json};
 
-use super::census::LevelTiles;
+use super::node_counts::LevelTiles;
 use super::tree::{ROOT, TileId, TileTree};
 use crate::geometry::boxtree::Bounds;
 
@@ -21,6 +21,8 @@ pub struct ListedTile {
     pub node: TileId,
     /// The smallest box around it, relative to the origin of the scene.
     pub bounds: Bounds,
+    /// Geometric error by itself, in the mesh's unit of length.
+    pub error: f64,
 }
 
 /// A level as the tileset names it.
@@ -30,8 +32,6 @@ pub struct ListedLevel {
     pub tiles: LevelTiles,
     /// Those with triangles, by node.
     pub listed: Vec<ListedTile>,
-    /// Geometric error, in the mesh's unit of length.
-    pub error: f64,
 }
 
 /// What a tileset says.
@@ -52,33 +52,23 @@ pub fn tile_name(level: u32, node: TileId) -> String {
 impl TilesetDocument<'_> {
     /// The document.
     pub fn to_json(&self) -> Value {
-        let top = self.levels.len() - 1;
-        let mut tiles = self.below(top, ROOT);
+        let mut tiles = self.below(self.levels.len() - 1, ROOT);
         let mut root = match tiles.len() {
             1 => tiles.remove(0),
             // A level that does not fit one tile has a root without content.
-            _ => {
-                let bounds = tiles.iter().fold(Bounds::EMPTY, |all, (_, bounds)| all.with(*bounds));
-                let children: Vec<Value> = tiles.into_iter().map(|(tile, _)| tile).collect();
-                let error = 2.0 * self.levels[top].error;
-                let root = json!({
-                    "boundingVolume": box_of(bounds), "geometricError": error, "refine": "REPLACE", "children": children,
-                });
-                (root, bounds)
-            }
+            _ => NamedTile::around(tiles),
         };
-        root.0["transform"] = json!(self.transform.to_cols_array());
-        let diagonal = root.1.diagonal();
+        root.tile["transform"] = json!(self.transform.to_cols_array());
         json!({
             "asset": { "version": "1.1", "generator": concat!("drystone ", env!("CARGO_PKG_VERSION")) },
-            "geometricError": diagonal.max(2.0 * self.levels[top].error),
-            "root": root.0,
+            "geometricError": root.bounds.diagonal().max(2.0 * root.error),
+            "root": root.tile,
         })
     }
 
-    /// The tiles of a level in and below a node, each with the box around it and its children.
-    fn below(&self, level: usize, node: TileId) -> Vec<(Value, Bounds)> {
-        let ListedLevel { tiles, listed, error } = &self.levels[level];
+    /// The tiles of a level in and below a node.
+    fn below(&self, level: usize, node: TileId) -> Vec<NamedTile> {
+        let ListedLevel { tiles, listed } = &self.levels[level];
         if !tiles.is_tile[node] {
             let children = self.tree.children(node).into_iter().flatten();
             return children.flat_map(|child| self.below(level, child)).collect();
@@ -86,7 +76,8 @@ impl TilesetDocument<'_> {
         let children = if level > 0 { self.below(level - 1, node) } else { Vec::new() };
         // Where a level has lost all triangles, those of the finer one take its place.
         let Ok(at) = listed.binary_search_by_key(&node, |tile| tile.node) else { return children };
-        let bounds = children.iter().fold(listed[at].bounds, |all, (_, bounds)| all.with(*bounds));
+        let bounds = children.iter().fold(listed[at].bounds, |all, child| all.with(child.bounds));
+        let error = children.iter().fold(listed[at].error, |most, child| most.max(child.error));
         let mut tile = json!({
             "boundingVolume": box_of(bounds),
             "geometricError": error,
@@ -94,9 +85,29 @@ impl TilesetDocument<'_> {
             "content": { "uri": tile_name(level as u32, node) },
         });
         if !children.is_empty() {
-            tile["children"] = children.into_iter().map(|(child, _)| child).collect();
+            tile["children"] = children.into_iter().map(|child| child.tile).collect();
         }
-        vec![(tile, bounds)]
+        vec![NamedTile { tile, bounds, error }]
+    }
+}
+
+/// A tile with all below it.
+struct NamedTile {
+    tile: Value,
+    bounds: Bounds,
+    error: f64,
+}
+
+impl NamedTile {
+    /// A tile without content around others.
+    fn around(tiles: Vec<Self>) -> Self {
+        let bounds = tiles.iter().fold(Bounds::EMPTY, |all, tile| all.with(tile.bounds));
+        let error = 2.0 * tiles.iter().fold(0.0, |most: f64, tile| most.max(tile.error));
+        let children: Vec<Value> = tiles.into_iter().map(|tile| tile.tile).collect();
+        let tile = json!({
+            "boundingVolume": box_of(bounds), "geometricError": error, "refine": "REPLACE", "children": children,
+        });
+        Self { tile, bounds, error }
     }
 }
 

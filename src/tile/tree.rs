@@ -16,7 +16,7 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use super::lattice::Lattice;
-use super::scene::Scene;
+use super::scene::TileScene;
 use crate::base::Result;
 use crate::base::chance;
 use crate::base::id::{TiVec, ids};
@@ -78,10 +78,11 @@ impl TileTree {
     ///
     /// # Errors
     /// On failed reads.
-    pub fn plant(surface: &SurfaceCells, scene: &Scene, texel: f64, limits: &TileLimits) -> Result<Self> {
+    pub fn plant(surface: &SurfaceCells, scene: &TileScene, texel: f64, limits: &TileLimits) -> Result<Self> {
         let share = |area: f64| (1.0 / limits.faces as f64).max(area / (texel * texel * limits.texels));
         // Each triangle takes at most the sum of both shares.
-        let tiles = surface.face_count() as f64 / limits.faces as f64 + surface.area() / (texel * texel * limits.texels);
+        let tiles =
+            surface.face_count() as f64 / limits.faces as f64 + surface.area() / (texel * texel * limits.texels);
         let each = POINTS_OF_TILE.min(POINTS_MAX / tiles.max(f64::MIN_POSITIVE));
         let mut points = Vec::new();
         let (mut carried, mut number) = (0.5, 0);

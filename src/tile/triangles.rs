@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::scene::Scene;
+use super::scene::TileScene;
 use crate::bake::{Original, TexelSource};
 use crate::base::Result;
 use crate::geometry::triangle::{area, texture_area};
@@ -15,7 +15,7 @@ pub struct LevelTriangles<'a> {
     /// Its surface.
     pub surface: &'a SurfaceCells,
     /// Where it lies.
-    pub scene: &'a Scene,
+    pub scene: &'a TileScene,
     /// Its number.
     pub level: u32,
     /// The input, if the level is that, and keeps its texels.

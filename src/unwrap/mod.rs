@@ -22,8 +22,8 @@ mod relax;
 mod sheet;
 mod types;
 
-pub use self::image_size::{GUTTER, ImageSize};
 pub use self::flat::FlatChart;
+pub use self::image_size::{GUTTER, ImageSize};
 pub use self::pack::{pack, room};
 pub use self::types::{ChartRoom, PlacedChart, Triangles, UnwrapSettings, Unwrapped};
 

@@ -22,30 +22,60 @@ pub struct DistanceFigures {
     pub p99: f64,
 }
 
-/// Distances from `samples` points by area of one surface to the closest points of another.
+/// Two surfaces between which distances are taken.
+#[derive(Clone, Copy)]
+pub struct SurfacePair<'a> {
+    /// The surface with the points.
+    pub from: &'a SurfaceCells,
+    /// The surface whose closest points are searched.
+    pub to: &'a SurfaceCells,
+}
+
+impl SurfacePair<'_> {
+    /// Distances from `samples` points by area.
+    ///
+    /// # Errors
+    /// If the job was stopped, and on failed reads.
+    pub fn distances(&self, samples: u64, limits: WorkLimits, progress: &dyn Progress) -> Result<DistanceFigures> {
+        let mut distances = Distribution::new(self.from.bounds.with(self.to.bounds).diagonal());
+        self.each_distance(samples, limits, progress, |_, distance| distances.add(distance))?;
+        Ok(DistanceFigures { rms: distances.rms(), p99: distances.quantile(0.99) })
+    }
+
+    /// Passes `samples` points by area on, in order, each with its distance.
+    ///
+    /// # Errors
+    /// As [`distances`](SurfacePair::distances).
+    pub fn each_distance(
+        &self,
+        samples: u64,
+        limits: WorkLimits,
+        progress: &dyn Progress,
+        mut see: impl FnMut(DVec3, f64),
+    ) -> Result<()> {
+        let sampling = Sampling::new(self.from, Spread::Area(samples), 1);
+        let batches: Vec<Batch> =
+            sampling.batches().into_iter().filter(|batch| batch.kind == PointKind::Area).collect();
+        let search_all = |batch: &Batch| {
+            let view = self.from.cells[batch.cell].view()?;
+            let positions: Vec<DVec3> = sampling.points(batch, &view).iter().map(|point| point.position).collect();
+            let distances = distances_to(self.to, &positions)?;
+            Ok((positions, distances))
+        };
+        map_in_order(batches.iter(), limits.threads, limits.threads + 1, search_all, |(positions, distances)| {
+            let found = positions.into_iter().zip(distances).filter(|(_, distance)| distance.is_finite());
+            found.for_each(|(position, distance)| see(position, distance));
+            progress.check_stopped()
+        })
+    }
+}
+
+/// The distance of each point from the closest one of a surface; infinite if that has no triangles.
 ///
 /// # Errors
-/// If the job was stopped, and on failed reads.
-pub fn distances_between(
-    from: &SurfaceCells,
-    to: &SurfaceCells,
-    samples: u64,
-    limits: WorkLimits,
-    progress: &dyn Progress,
-) -> Result<DistanceFigures> {
-    let sampling = Sampling::new(from, Spread::Area(samples), 1);
-    let mut distances = Distribution::new(from.bounds.with(to.bounds).diagonal());
-    let batches: Vec<Batch> =
-        sampling.batches().into_iter().filter(|batch| batch.kind == PointKind::Area).collect();
-    let search_all = |batch: &Batch| {
-        let view = from.cells[batch.cell].view()?;
-        let positions: Vec<DVec3> = sampling.points(batch, &view).iter().map(|point| point.position).collect();
-        let (spoken, _) = Search::new(to).nearest(&positions, PROBES)?;
-        Ok(spoken.into_iter().map(|(_, found)| found.distance_sq.sqrt()).collect::<Vec<f64>>())
-    };
-    map_in_order(batches.iter(), limits.threads, limits.threads + 1, search_all, |found| {
-        found.into_iter().filter(|distance| distance.is_finite()).for_each(|distance| distances.add(distance));
-        progress.check_stopped()
-    })?;
-    Ok(DistanceFigures { rms: distances.rms(), p99: distances.quantile(0.99) })
+/// On failed reads.
+pub fn distances_to(surface: &SurfaceCells, points: &[DVec3]) -> Result<Vec<f64>> {
+    let (spoken, _) = Search::new(surface).nearest(points, PROBES)?;
+    // Each point has a representative, in order.
+    Ok(spoken.into_iter().map(|(_, found)| found.distance_sq.sqrt()).collect())
 }

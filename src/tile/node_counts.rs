@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::clip::{ClipCorner, Clipper, EdgeKind, TakeParts};
+use super::clip::{ClipCorner, Clipper, ClipEdge, TakeParts};
 use super::tree::{ROOT, TileId, TileLimits, TileTree};
 use super::triangles::LevelTriangles;
 use crate::base::id::TiVec;
@@ -56,7 +56,7 @@ pub fn count(
 ) -> Result<TiVec<TileId, NodeCount>> {
     let mut counts: TiVec<TileId, NodeCount> = vec![NodeCount::default(); tree.nodes.len()].into();
     let count_cell = |cell: usize| {
-        let mut counter = Counter { counts: vec![NodeCount::default(); tree.nodes.len()].into(), density: 0.0 };
+        let mut counter = NodeCounter { counts: vec![NodeCount::default(); tree.nodes.len()].into(), density: 0.0 };
         let mut clipper = Clipper::new(tree);
         level.each(cell, |triangle| {
             counter.density = triangle.density;
@@ -72,19 +72,19 @@ pub fn count(
     Ok(counts)
 }
 
-struct Counter {
+struct NodeCounter {
     counts: TiVec<TileId, NodeCount>,
     /// Texels on a unit of the triangle's area.
     density: f64,
 }
 
-impl TakeParts for Counter {
+impl TakeParts for NodeCounter {
     fn part(&mut self, node: TileId, polygon: &[ClipCorner]) -> bool {
         let first = polygon[0].position;
         let areas = polygon[1..].windows(2).map(|side| area([first, side[0].position, side[1].position]));
         self.counts[node].add(NodeCount {
             faces: polygon.len() as u64 - 2,
-            border_edges: polygon.iter().filter(|corner| corner.edge != EdgeKind::Own).count() as u64,
+            border_edges: polygon.iter().filter(|corner| corner.edge != ClipEdge::Own).count() as u64,
             texels: areas.sum::<f64>() * self.density,
         });
         true
