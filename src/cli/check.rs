@@ -15,11 +15,12 @@ use crate::measure::{Check, Regression, Surface, compare_checks, compare_topolog
 use crate::os::durable::temporary_folder;
 use crate::os::signals::StopSignal;
 use crate::read::{ScanOptions, find_inputs, scan};
+use crate::tile::check_tileset;
 
 /// Arguments of `drystone check`.
 #[derive(Debug, Args)]
 pub struct CheckArguments {
-    /// OBJ or PLY file
+    /// OBJ or PLY file, or a folder of tiles
     mesh: PathBuf,
     /// OBJ or PLY file that the mesh was made from; only faults that it does not have count then
     #[arg(long, value_name = "FILE")]
@@ -37,6 +38,9 @@ pub fn run(arguments: &CheckArguments) -> Result<u8> {
     let stop = StopSignal::listen()?;
     let goodbye = Goodbye::of_nothing(&stop);
     let told = stoppable(true, stop);
+    if arguments.mesh.is_dir() {
+        return check_tiles(arguments, &goodbye, &*told);
+    }
     let counted = counts(&arguments.mesh, &*told)
         .and_then(|after| Ok((after, arguments.against.as_deref().map(|mesh| counts(mesh, &*told)).transpose()?)));
     let (after, before) = match counted {
@@ -58,6 +62,23 @@ pub fn run(arguments: &CheckArguments) -> Result<u8> {
         + after.uv.folded_uv;
     let is_bad = if before.is_some() { !news.is_empty() } else { faults > 0 };
     Ok(u8::from(is_bad))
+}
+
+/// Checks a folder of tiles; returns exit code 1 if there are faults.
+fn check_tiles(arguments: &CheckArguments, goodbye: &Goodbye, progress: &dyn Progress) -> Result<u8> {
+    if arguments.against.is_some() {
+        return Err(Error::Usage("--against: expected two meshes, not a folder of tiles".into()));
+    }
+    let check = match check_tileset(&arguments.mesh, progress) {
+        Err(Error::Stopped) => return Ok(goodbye.say()),
+        outcome => outcome?,
+    };
+    if arguments.json {
+        print_json(&check)?;
+    } else {
+        print(&check.table())?;
+    }
+    Ok(u8::from(check.fault_count > 0))
 }
 
 fn counts(path: &Path, progress: &dyn Progress) -> Result<Check> {

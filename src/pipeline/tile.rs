@@ -4,6 +4,7 @@
 //! files ── read ──▶ mesh ──▶ surface of the input, images ──▶ levels ──▶ tiles ──▶ tileset
 //! ```
 
+use std::io::ErrorKind;
 use std::path::Path;
 use std::time::Instant;
 
@@ -26,7 +27,9 @@ use crate::os::system;
 use crate::passes::PassOptions;
 use crate::read::InputChoice;
 use crate::report::TileReport;
-use crate::tile::{Chain, Pyramid, TileScene, TilePlace, TileSettings, last_faces, pass_count, refuse_filled_folder};
+use crate::tile::{
+    Chain, Pyramid, TILESET, TilePlace, TileScene, TileSettings, last_faces, pass_count, refuse_filled_folder,
+};
 
 /// Builds a pyramid of tiles of meshes in files, or in all files below folders, in a folder.
 ///
@@ -66,6 +69,7 @@ fn run(
     refuse_filled_folder(job.output, work.is_resumed() || options.job.force)?;
     let (input, mut start) = input::read(job, work, progress)?;
     make_folders(job.output)?;
+    forget_tileset(job.output)?;
     let mut findings = input.findings.clone();
     let admission = Admission::admit(job, &input, &start, work)?;
     let limits = WorkLimits { threads: job.threads, work_bytes: admission.work_bytes };
@@ -109,6 +113,15 @@ fn run(
         peak_resident: system::peak_resident_bytes(),
         warnings: findings.warnings(),
     })
+}
+
+/// Removes an older tileset: a folder that holds one is complete.
+fn forget_tileset(output: &Path) -> Result<()> {
+    let path = output.join(TILESET);
+    match std::fs::remove_file(&path) {
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(Error::io(&path, "remove", error)),
+        _ => Ok(()),
+    }
 }
 
 /// From the scene, whose z points up, to the world.

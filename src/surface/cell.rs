@@ -55,7 +55,7 @@ pub struct ShownImage {
 }
 
 /// A cell: neighbouring triangles.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Cell {
     /// Positions are relative to this.
     pub origin: DVec3,

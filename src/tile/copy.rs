@@ -164,7 +164,8 @@ impl ChartList<'_> {
             let low = all().fold(DVec2::INFINITY, DVec2::min).floor();
             let high = all().fold(DVec2::NEG_INFINITY, DVec2::max).ceil();
             let length = high - low;
-            if !(length.max_element() <= self.room) {
+            let fits = length.max_element() <= self.room;
+            if !fits {
                 let axis = usize::from(length.y > length.x);
                 let middle = |face: FaceId| corners(face).iter().map(|corner| corner[axis]).sum::<f64>();
                 let mean = faces.iter().map(|&face| middle(face)).sum::<f64>() / faces.len() as f64;

@@ -10,9 +10,9 @@ use std::path::Path;
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, IVec3};
 
-use super::node_counts::LevelTiles;
-use super::clip::{ClipCorner, Clipper, ClipEdge, Polygon, TakeParts, triangulate};
+use super::clip::{ClipCorner, ClipEdge, Clipper, Polygon, TakeParts, triangulate};
 use super::lattice::Lattice;
+use super::node_counts::LevelTiles;
 use super::tree::{TileId, TileTree};
 use super::triangles::LevelTriangles;
 use crate::base::ordered::map_in_order;

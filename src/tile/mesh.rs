@@ -149,6 +149,11 @@ impl TileMesh {
         }
     }
 
+    /// Triangles, with two for each edge of the border.
+    pub fn faces_with_skirt(&self) -> u64 {
+        self.faces.len() as u64 + 2 * self.border.len() as u64
+    }
+
     /// Adds a face without area whose first edge is a line.
     fn add_line(&mut self, line: &BorderLine) -> FaceId {
         let [start, end] = line.ends.map(IVec3::from);

@@ -16,6 +16,7 @@
 
 mod node_counts;
 mod chain;
+mod check;
 mod clip;
 mod copy;
 mod cut;
@@ -35,6 +36,8 @@ mod tree;
 mod triangles;
 
 pub use self::chain::{Chain, Level, PassMesh, last_faces, pass_count};
+pub use self::check::{LevelCheck, TilesetCheck, check_tileset};
 pub use self::run::{LevelFigures, Pyramid, refuse_filled_folder};
 pub use self::scene::TileScene;
 pub use self::settings::{TilePlace, TileSettings};
+pub use self::tileset::TILESET;

@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::clip::{ClipCorner, Clipper, ClipEdge, TakeParts};
+use super::clip::{ClipCorner, ClipEdge, Clipper, TakeParts};
 use super::tree::{ROOT, TileId, TileLimits, TileTree};
 use super::triangles::LevelTriangles;
 use crate::base::id::TiVec;
@@ -112,6 +112,7 @@ impl LevelTiles {
         let mut pending = vec![ROOT];
         while let Some(node) = pending.pop() {
             let children = tree.children(node);
+            // A node that the level below has as a tile is not divided, whatever it holds.
             let ends = below.is_some_and(|below| below.is_tile[node]);
             match children {
                 Some(children) if !ends && !fits(node) => pending.extend(children),

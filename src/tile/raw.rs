@@ -17,7 +17,6 @@ use super::steps::TileStep;
 use super::tree::TileId;
 use crate::bake::{Original, PaintedImage};
 use crate::base::Result;
-use crate::base::id::TiVec;
 use crate::image::stored::StoredImage;
 use crate::job::{Recalled, Step, WorkFolder};
 use crate::mesh::id::{FaceId, LocalVertex};
@@ -92,15 +91,17 @@ impl RawTile {
     }
 
     /// The surface of all tiles of a level, with texels of this length.
-    pub fn join(tiles: Vec<Option<Self>>, texel: f64) -> Original {
-        let mut images: TiVec<ImageId, Option<StoredImage>> = TiVec::with_capacity(tiles.len());
-        let mut cells = Vec::with_capacity(tiles.len());
-        for tile in tiles {
-            let (cell, image) = tile.map_or((None, None), |tile| (Some(tile.cell), Some(tile.image)));
-            cells.extend(cell);
-            images.push(image);
-        }
+    pub fn join(tiles: &[Option<Self>], texel: f64) -> Original {
+        let images = tiles.iter().map(|tile| tile.as_ref().map(|tile| tile.image.clone())).collect();
+        let cells: Vec<Cell> = tiles.iter().flatten().map(|tile| tile.cell.clone()).collect();
         Original::of_stored(SurfaceCells::from(cells), images, texel)
+    }
+
+    /// Removes its files, on a best-effort basis: they go with the work folder otherwise.
+    pub fn remove(&self) {
+        for path in [self.cell.path(), self.image.path()] {
+            let _ = std::fs::remove_file(path);
+        }
     }
 }
 

@@ -6,19 +6,19 @@ use std::sync::Mutex;
 use glam::DMat4;
 use serde::{Deserialize, Serialize};
 
-use super::node_counts::{LevelTiles, count};
 use super::chain::Level;
 use super::copy::{CopiedCharts, Uncopied};
 use super::cut::{CutLevel, cut};
 use super::deviation::TilePlan;
 use super::mesh::TileMesh;
+use super::node_counts::{LevelTiles, count};
 use super::paint::{BareTile, PaintedTile};
 use super::raw::{RawPlace, RawTile};
 use super::scene::TileScene;
 use super::settings::{TilePlace, TileSettings};
 use super::skirt::{LEVELS_APART, SkirtShape};
 use super::steps::TileStep;
-use super::tileset::{ListedLevel, ListedTile, TilesetDocument, tile_name};
+use super::tileset::{ListedLevel, ListedTile, TILESET, TilesetDocument, tile_name};
 use super::tree::{TileId, TileTree};
 use super::triangles::LevelTriangles;
 use crate::bake::{Original, PAINTER_BYTES, PatchBaker, PatchSettings, SURFACE};
@@ -166,17 +166,14 @@ impl Pyramid<'_> {
             let coarsest = figures.last().map_or(0.0, |below| below.geometric_error);
             let error = errors.iter().copied().fold(coarsest, f64::max);
             figures.push(self.figures(level, number, &tiles.records, error));
-            let listed_tile = |(record, error): (&TileRecord, f64)| ListedTile {
-                node: record.node,
-                bounds: record.bounds,
-                error,
-            };
+            let listed_tile =
+                |(record, error): (&TileRecord, f64)| ListedTile { node: record.node, bounds: record.bounds, error };
             let list = tiles.records.iter().zip(errors).map(listed_tile).collect();
             listed.push(ListedLevel { tiles: cut.tiles, listed: list });
             done = Some(tiles);
         }
         let document = TilesetDocument { tree: &tree, levels: &listed, transform: self.transform }.to_json();
-        let path = self.place.output.join("tileset.json");
+        let path = self.place.output.join(TILESET);
         self.place.work.sync()?;
         self.write(&path, document.to_string().as_bytes())?;
         Ok(figures)
@@ -217,7 +214,7 @@ impl Pyramid<'_> {
             let tiles = LevelTiles::choose(&counts, tree, &self.settings.limits(), &is_too_large, below);
             let triangles = cut(&source, tree, &tiles, &path, limits, progress)?;
             let record = CutRecord { tiles, triangles, deviations: Vec::new() };
-            let found = if source.original.is_some() { self.too_large(&record, number, tree)? } else { Vec::new() };
+            let found = self.too_large(&record, number, tree)?;
             if found.is_empty() {
                 break record;
             }
@@ -238,17 +235,21 @@ impl Pyramid<'_> {
         Ok(record)
     }
 
-    /// Tiles whose texels do not fit one image, and that can be divided.
+    /// Tiles that have too many triangles, or texels that do not fit one image, and that can be divided.
     fn too_large(&self, cut: &CutRecord, number: u32, tree: &TileTree) -> Result<Vec<TileId>> {
         let TilePlace { limits, progress, .. } = self.place;
-        let can_be_divided = |&index: &usize| tree.children(cut.tiles.tiles[index]).is_some();
+        let copies = number == 0 && self.settings.has_colour;
         let mut found = Vec::new();
         let fits = |index: usize| {
             progress.check_stopped()?;
             let mesh = self.load(&cut.triangles, index, number)?;
-            let charts = CopiedCharts::new(&mesh, self.original, self.settings.side);
-            Ok((index, charts.err() != Some(Uncopied::TooMany)))
+            if mesh.faces_with_skirt() > self.settings.faces {
+                return Ok((index, false));
+            }
+            let charts = copies.then(|| CopiedCharts::new(&mesh, self.original, self.settings.side));
+            Ok((index, charts.and_then(std::result::Result::err) != Some(Uncopied::TooMany)))
         };
+        let can_be_divided = |&index: &usize| tree.children(cut.tiles.tiles[index]).is_some();
         let all = (0..cut.tiles.tiles.len()).filter(can_be_divided);
         map_in_order(all, limits.threads, limits.threads + 1, fits, |(index, fits)| {
             found.extend((!fits).then(|| cut.tiles.tiles[index]));
@@ -272,7 +273,7 @@ impl Pyramid<'_> {
         levels: &[Level],
         number: u32,
         cut: &CutRecord,
-        below: Option<TilesOfLevel>,
+        mut below: Option<TilesOfLevel>,
     ) -> Result<TilesOfLevel> {
         let TilePlace { work, limits, progress, output } = self.place;
         let nodes = &cut.tiles.tiles;
@@ -283,7 +284,7 @@ impl Pyramid<'_> {
             known.push(work.recall::<TileRecord>(&key, &&*output.join(tile_name(number, node)))?);
         }
         let is_done = known.iter().all(Option::is_some);
-        let original = match below {
+        let original = match &mut below {
             Some(below) if !is_done && self.settings.has_colour => Some(self.join(below, number)?),
             _ => None,
         };
@@ -293,8 +294,7 @@ impl Pyramid<'_> {
         let make = |index: usize| {
             let node = nodes[index];
             if let Some(record) = known[index] {
-                let raw = work.recall::<RawTile>(&TileStep::Raw { level: number, tile: node }.key(), &())?;
-                return Ok((record, raw));
+                return Ok((record, None));
             }
             progress.check_stopped()?;
             let _permit = permits.take(cut.triangles.len(index) * FACE_BYTES + texels * TEXEL_BYTES);
@@ -315,17 +315,24 @@ impl Pyramid<'_> {
             all.raws.push(raw);
             Ok(())
         })?;
+        below.iter().flat_map(|below| &below.raws).flatten().for_each(RawTile::remove);
         Ok(all)
     }
 
-    /// The surface that the tiles of a level are baked from.
-    fn join(&self, below: TilesOfLevel, number: u32) -> Result<Original> {
-        let is_gone = below.records.iter().zip(&below.raws).any(|(record, raw)| record.texels > 0 && raw.is_none());
-        if is_gone {
-            let message = "what is needed of finished tiles is gone; `resume: never` starts over".into();
-            return Err(Error::Damaged { path: self.place.work.path().to_owned(), message });
+    /// The surface that the tiles of a level are baked from: the finished tiles of the level below.
+    fn join(&self, below: &mut TilesOfLevel, number: u32) -> Result<Original> {
+        let work = self.place.work;
+        for (record, raw) in below.records.iter().zip(&mut below.raws) {
+            if raw.is_none() && record.texels > 0 {
+                let key = TileStep::Raw { level: number - 1, tile: record.node }.key();
+                *raw = work.recall(&key, &())?;
+            }
+            if raw.is_none() && record.texels > 0 {
+                let message = "what is needed of a finished tile is gone; `resume: never` starts over".into();
+                return Err(Error::Damaged { path: work.path().to_owned(), message });
+            }
         }
-        Ok(RawTile::join(below.raws, self.scene.texel_of(number)))
+        Ok(RawTile::join(&below.raws, self.scene.texel_of(number)))
     }
 
     fn write_tile(&self, node: TileId, tile: &PaintedTile, path: &Path) -> Result<TileRecord> {

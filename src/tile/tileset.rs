@@ -14,6 +14,9 @@ use super::node_counts::LevelTiles;
 use super::tree::{ROOT, TileId, TileTree};
 use crate::geometry::boxtree::Bounds;
 
+/// Name of the file that names all tiles.
+pub const TILESET: &str = "tileset.json";
+
 /// A tile as the tileset names it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ListedTile {

@@ -85,7 +85,7 @@ impl Glb {
         let accessor = &self.list("accessors")[number.as_u64().unwrap() as usize];
         assert_eq!((accessor["componentType"].as_u64(), accessor["type"].as_str()), (Some(kind), Some(shape)));
         let (bytes, count) =
-            ([0, 0, 0, 2, 0, 4, 4][kind as usize - 5120], accessor["count"].as_u64().unwrap() as usize);
+            ([0, 0, 2, 2, 0, 4, 4][kind as usize - 5120], accessor["count"].as_u64().unwrap() as usize);
         let width = match shape {
             "SCALAR" => 1,
             "VEC2" => 2,
@@ -106,6 +106,7 @@ impl Glb {
         );
         assert!(offset + stride * (count - 1) + bytes * width <= view.len(), "{accessor}");
         let component = |at: usize| match kind {
+            5122 => f64::from(i16::from_le_bytes(self.bytes[at..at + 2].try_into().unwrap())),
             5123 => f64::from(u16::from_le_bytes(self.bytes[at..at + 2].try_into().unwrap())),
             5125 => word(&self.bytes, at) as f64,
             _ => f64::from(f32::from_le_bytes(self.bytes[at..at + 4].try_into().unwrap())),
@@ -141,19 +142,28 @@ impl Glb {
                 assert!((turn * DVec3::Z).distance(DVec3::Y) < 1e-12 && (turn * DVec3::X).distance(DVec3::X) < 1e-12);
                 shift = DVec3::new(shift.x, -shift.z, shift.y);
             }
+            let scale = numbers("scale").map_or(DVec3::ONE, |scale| DVec3::from_slice(&scale));
             let mesh = &self.list("meshes")[node["mesh"].as_u64().unwrap() as usize];
             for primitive in mesh["primitives"].as_array().unwrap() {
-                self.add_triangles(primitive, shift, &mut triangles);
+                self.add_triangles(primitive, [scale, shift], &mut triangles);
             }
         }
         triangles
     }
 
-    fn add_triangles(&self, primitive: &Value, shift: DVec3, triangles: &mut Vec<GlbTriangle>) {
+    fn add_triangles(&self, primitive: &Value, [scale, shift]: [DVec3; 2], triangles: &mut Vec<GlbTriangle>) {
         let attributes = &primitive["attributes"];
-        let positions = self.accessor(&attributes["POSITION"], 5126, "VEC3");
+        // Positions on a lattice, and texture coordinates with them, are numbers of 16 bits.
+        let is_on_lattice = self.list("extensionsUsed").contains(&Value::from("KHR_mesh_quantization"));
+        let kind_of = |number: &Value| {
+            let kind = self.list("accessors")[number.as_u64().unwrap() as usize]["componentType"].as_u64().unwrap();
+            assert!(kind == 5126 || is_on_lattice && (kind == 5122 || kind == 5123));
+            kind
+        };
+        let positions = self.accessor(&attributes["POSITION"], kind_of(&attributes["POSITION"]), "VEC3");
         let accessor = |name: &str, kind: u64, shape: &str| {
-            let given = attributes.get(name).map(|number| self.accessor(number, kind, shape));
+            let kind = |number: &Value| if kind == 5126 { kind_of(number) } else { kind };
+            let given = attributes.get(name).map(|number| self.accessor(number, kind(number), shape));
             assert!(given.as_ref().is_none_or(|given| given.len() == positions.len()));
             given
         };
@@ -175,7 +185,7 @@ impl Glb {
             let vec2 = |list: &Vec<Vec<f64>>| corners.map(|corner| DVec2::from_slice(&list[corner]));
             let vec3 = |list: &Vec<Vec<f64>>| corners.map(|corner| DVec3::from_slice(&list[corner]));
             triangles.push(GlbTriangle {
-                positions: vec3(&positions).map(|position| position + shift),
+                positions: vec3(&positions).map(|position| scale * position + shift),
                 texcoords: texcoords.as_ref().map(|list| vec2(list).map(|uv| DVec2::new(uv.x, 1.0 - uv.y))),
                 colours: colours.as_ref().map(|list| corners.map(|corner| list[corner][..].try_into().unwrap())),
                 normals: normals.as_ref().map(vec3),

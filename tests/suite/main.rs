@@ -32,4 +32,5 @@ mod remesh;
 mod results;
 mod summary;
 mod targets;
+mod tile;
 mod topology;

@@ -1,0 +1,287 @@
+//! Checks a folder of tiles: the rules of 3D Tiles for what is written here, and what is promised of borders and errors.
+//!
+//! ```text
+//! tileset.json ── tiles ── boxes, errors, names ──╮
+//!                   │                             ├──▶ faults
+//!                   ╰── GLBs ── box, borders ─────╯
+//! ```
+//! # Memory
+//! A tile at a time; 60 bytes for each edge along the borders.
+//!
+//! # Source
+//! Open Geospatial Consortium, 3D Tiles 1.1 (22-025r4), sections 7 and 8.
+
+mod borders;
+mod content;
+
+use std::collections::BTreeMap;
+use std::path::{Component, Path, PathBuf};
+
+use glam::DVec3;
+use serde::Serialize;
+use serde_json::Value;
+
+use self::borders::BorderEdges;
+use self::content::{number, read_glb};
+use super::tileset::TILESET;
+use crate::base::error::{escape, escape_path};
+use crate::base::{Error, Findings, Progress, Result};
+use crate::geometry::boxtree::Bounds;
+use crate::os::system::is_file;
+
+/// Largest size of a file that is read, in bytes.
+const FILE_BYTES_MAX: u64 = 1 << 28;
+/// Tiles below each other, and tilesets inside each other, at most.
+const DEPTH_MAX: usize = 200;
+/// A box may be exceeded by this share of its size, for rounding.
+const ROUNDING: f64 = 1e-9;
+
+/// What was found in a folder of tiles.
+#[derive(Debug, Default, Serialize)]
+pub struct TilesetCheck {
+    /// Tiles, and those with content.
+    pub tiles: u64,
+    /// Files with content.
+    pub contents: u64,
+    /// Bytes of all files.
+    pub bytes: u64,
+    /// The levels, the finest first: tiles with the same lattice.
+    pub levels: Vec<LevelCheck>,
+    /// Number of faults.
+    pub fault_count: u64,
+    /// The first faults of each kind.
+    pub faults: Vec<String>,
+}
+
+/// What was found of a level.
+#[derive(Debug, Default, Clone, PartialEq, Serialize)]
+pub struct LevelCheck {
+    /// Step of its lattice, in the mesh's unit of length.
+    pub step: f64,
+    /// Files.
+    pub tiles: u64,
+    /// Triangles, those of skirts included.
+    pub triangles: u64,
+    /// Most triangles of a tile.
+    pub triangles_max: u64,
+    /// Bytes of the images.
+    pub image_bytes: u64,
+    /// Edges along the borders of tiles, each tile counted.
+    pub border_edges: u64,
+    /// Those of them that no other tile has.
+    pub unequal_edges: u64,
+    /// Largest length of a skirt, in the mesh's unit of length.
+    pub longest_skirt: f64,
+}
+
+/// Checks the tileset in a folder.
+///
+/// # Errors
+/// [`Error::Usage`] if there is none; [`Error::Io`] if a file cannot be read; if the check was stopped.
+pub fn check_tileset(folder: &Path, progress: &dyn Progress) -> Result<TilesetCheck> {
+    let path = folder.join(TILESET);
+    if !is_file(&path).unwrap_or(false) {
+        let words = "holds no tileset.json; one that is being written has it at the end";
+        return Err(Error::Usage(format!("{}: {words}", escape_path(folder))));
+    }
+    let mut check = Checking {
+        folder,
+        progress,
+        found: TilesetCheck::default(),
+        levels: BTreeMap::new(),
+        faults: Findings::default(),
+    };
+    check.tileset(&path, 0)?;
+    Ok(check.finish())
+}
+
+struct Checking<'a> {
+    folder: &'a Path,
+    progress: &'a dyn Progress,
+    found: TilesetCheck,
+    /// By the bits of the step, which is positive.
+    levels: BTreeMap<u64, (LevelCheck, BorderEdges)>,
+    faults: Findings,
+}
+
+/// What a tile has of the one above it.
+#[derive(Clone, Copy)]
+struct Above {
+    bounds: Option<Bounds>,
+    error: f64,
+    depth: usize,
+}
+
+impl Checking<'_> {
+    fn fault(&mut self, kind: &'static str, path: &Path, words: &str) {
+        self.faults.note(kind, || format!("{}: {}", escape_path(path), escape(words.as_bytes())));
+    }
+
+    /// Reads a file; `None`, with a fault, if it is too large.
+    fn read(&mut self, path: &Path) -> Result<Option<Vec<u8>>> {
+        let wrap = |error| Error::io(path, "read", error);
+        let bytes = path.metadata().map_err(wrap)?.len();
+        if bytes > FILE_BYTES_MAX {
+            self.fault("file", path, "it is too large");
+            return Ok(None);
+        }
+        self.found.bytes += bytes;
+        std::fs::read(path).map(Some).map_err(wrap)
+    }
+
+    fn tileset(&mut self, path: &Path, depth: usize) -> Result<()> {
+        let Some(bytes) = self.read(path)? else { return Ok(()) };
+        let document: Value = match serde_json::from_slice(&bytes) {
+            Ok(document) => document,
+            Err(error) => {
+                self.fault("tileset", path, &error.to_string());
+                return Ok(());
+            }
+        };
+        if document["asset"]["version"].as_str() != Some("1.1") {
+            self.fault("tileset", path, "asset.version: expected 1.1");
+        }
+        let error = number(&document["geometricError"]).filter(|&error| error >= 0.0);
+        if error.is_none() {
+            self.fault("geometric error", path, "the tileset has none");
+        }
+        let above = Above { bounds: None, error: error.unwrap_or(f64::INFINITY), depth };
+        self.tile(path, &document["root"], above)
+    }
+
+    fn tile(&mut self, path: &Path, tile: &Value, above: Above) -> Result<()> {
+        self.progress.check_stopped()?;
+        if above.depth > DEPTH_MAX {
+            self.fault("tileset", path, "tiles lie too deep in each other");
+            return Ok(());
+        }
+        self.found.tiles += 1;
+        let bounds = box_of(&tile["boundingVolume"]["box"]);
+        match (bounds, above.bounds) {
+            (None, _) => self.fault("bounding volume", path, "expected a box of 12 numbers along the axes"),
+            (Some(own), Some(around)) if !holds(around, own) => {
+                self.fault("bounding volume", path, "the box of a tile does not hold that of its child");
+            }
+            _ => {}
+        }
+        let error = number(&tile["geometricError"]).filter(|error| (0.0..=above.error).contains(error));
+        if error.is_none() {
+            self.fault("geometric error", path, "a tile has none, or a larger one than its parent");
+        }
+        if !matches!(tile["refine"].as_str(), Some("REPLACE" | "ADD") | None) {
+            self.fault("tileset", path, "refine: expected REPLACE or ADD");
+        }
+        let has_matrix = |matrix: &Vec<Value>| matrix.len() == 16 && matrix.iter().all(|at| number(at).is_some());
+        if !tile["transform"].is_null() && !tile["transform"].as_array().is_some_and(has_matrix) {
+            self.fault("transform", path, "expected 16 numbers");
+        }
+        let below = Above { bounds, error: error.unwrap_or(above.error), depth: above.depth + 1 };
+        if !tile["content"].is_null() {
+            self.content(path, &tile["content"], below)?;
+        }
+        match &tile["children"] {
+            Value::Null => {}
+            Value::Array(children) if !children.is_empty() => {
+                children.iter().try_for_each(|child| self.tile(path, child, below))?;
+            }
+            _ => self.fault("tileset", path, "children: expected a list of tiles"),
+        }
+        Ok(())
+    }
+
+    fn content(&mut self, tileset: &Path, content: &Value, tile: Above) -> Result<()> {
+        let Some(path) = content["uri"].as_str().and_then(|uri| inside(self.folder, tileset, uri)) else {
+            self.fault("content", tileset, "expected the name of a file in the folder");
+            return Ok(());
+        };
+        if !is_file(&path).unwrap_or(false) {
+            self.fault("content", &path, "there is no such file");
+            return Ok(());
+        }
+        if path.extension().is_some_and(|ending| ending == "json") {
+            return self.tileset(&path, tile.depth);
+        }
+        let Some(bytes) = self.read(&path)? else { return Ok(()) };
+        self.found.contents += 1;
+        match read_glb(&bytes) {
+            Err(words) => self.fault("content", &path, &words),
+            Ok(read) => {
+                let position = |place: &[i64; 3]| DVec3::from(place.map(|at| at as f64)) * read.step;
+                let own = Bounds::around(read.places.iter().map(position));
+                if tile.bounds.is_some_and(|around| !holds(around, own)) {
+                    self.fault("bounding volume", &path, "the box of the tile does not hold it");
+                }
+                let new = || (LevelCheck { step: read.step, ..LevelCheck::default() }, BorderEdges::default());
+                let (level, borders) = self.levels.entry(read.step.to_bits()).or_insert_with(new);
+                borders.add(&read);
+                level.tiles += 1;
+                level.triangles += read.triangles.len() as u64;
+                level.triangles_max = level.triangles_max.max(read.triangles.len() as u64);
+                level.image_bytes += read.image_bytes;
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(mut self) -> TilesetCheck {
+        for (level, borders) in std::mem::take(&mut self.levels).into_values() {
+            let unequal = borders.unequal();
+            if unequal > 0 {
+                let words = format!("{unequal} edges of the level with step {} have no partner", level.step);
+                self.fault("border", self.folder, &words);
+            }
+            let longest_skirt = borders.longest_skirt * level.step;
+            let found = LevelCheck { border_edges: borders.edges, unequal_edges: unequal, longest_skirt, ..level };
+            self.found.levels.push(found);
+        }
+        let fault_count = self.faults.iter().map(|(_, finding)| finding.count).sum();
+        TilesetCheck { fault_count, faults: self.faults.warnings(), ..self.found }
+    }
+}
+
+/// A box along the axes.
+fn box_of(value: &Value) -> Option<Bounds> {
+    let numbers: Vec<f64> = value.as_array()?.iter().map(number).collect::<Option<_>>()?;
+    let &[x, y, z, a, 0.0, 0.0, 0.0, b, 0.0, 0.0, 0.0, c] = &numbers[..] else { return None };
+    let (middle, half) = (DVec3::new(x, y, z), DVec3::new(a, b, c));
+    (half.min_element() >= 0.0).then(|| Bounds { low: middle - half, high: middle + half })
+}
+
+fn holds(around: Bounds, inner: Bounds) -> bool {
+    let play = ROUNDING * around.diagonal();
+    (inner.low - around.low).min_element() >= -play && (around.high - inner.high).min_element() >= -play
+}
+
+/// The file of a name in a tileset, if it lies in the folder.
+fn inside(folder: &Path, tileset: &Path, uri: &str) -> Option<PathBuf> {
+    let is_plain = |part: Component<'_>| matches!(part, Component::Normal(_));
+    let path = Path::new(uri);
+    let beside = tileset.parent().unwrap_or(folder);
+    (!uri.contains([':', '\\', '?', '#', '%']) && path.components().all(is_plain)).then(|| beside.join(path))
+}
+
+impl TilesetCheck {
+    /// The levels as a table, and the faults.
+    pub fn table(&self) -> String {
+        use std::fmt::Write as _;
+        let mut text = String::from("   step   tiles   triangles   most   border edges   unequal   longest skirt\n");
+        for level in self.levels.iter().rev() {
+            let _ = writeln!(
+                text,
+                "{:7.4} {:7} {:11} {:6} {:14} {:9} {:15.4}",
+                level.step,
+                level.tiles,
+                level.triangles,
+                level.triangles_max,
+                level.border_edges,
+                level.unequal_edges,
+                level.longest_skirt,
+            );
+        }
+        let _ = writeln!(text, "tiles: {}", self.tiles);
+        let _ = writeln!(text, "bytes: {}", self.bytes);
+        self.faults.iter().for_each(|fault| _ = writeln!(text, "{fault}"));
+        let _ = writeln!(text, "faults: {}", self.fault_count);
+        text
+    }
+}

@@ -1,0 +1,270 @@
+//! Pyramids of tiles: what is promised of borders, levels, errors and texels, whatever the input, and the same bytes
+//! however the job ran.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use drystone::options::{ImageFormat, JobOptions, Limits, ResumeChoice, TileOptions};
+use drystone::report::TileReport;
+use drystone::tile::check_tileset;
+use drystone::{Error, Result, Silent, pipeline};
+use glam::DVec2;
+use serde_json::Value;
+
+use crate::glb_reader::Glb;
+use crate::meshes::{StopAfter, contents, copy_town, fixture, town};
+
+/// Small tiles, so that the town has several levels.
+fn small() -> TileOptions {
+    TileOptions {
+        tile_faces: 600,
+        tile_side: 256,
+        image: ImageFormat::Png,
+        limits: Limits { threads: Some(2), memory: Some(256 << 20) },
+        ..TileOptions::default()
+    }
+}
+
+fn tile(input: &Path, output: &Path, options: &TileOptions) -> Result<TileReport> {
+    pipeline::tile(input, output, options, &Silent)
+}
+
+/// All tiles of a tileset, each with its parent.
+fn tiles_of(folder: &Path) -> Vec<(Value, Option<Value>)> {
+    let text = fs::read_to_string(folder.join("tileset.json")).unwrap();
+    let document: Value = serde_json::from_str(&text).unwrap();
+    let mut all = Vec::new();
+    let mut pending = vec![(document["root"].clone(), None)];
+    while let Some((tile, parent)) = pending.pop() {
+        for child in tile["children"].as_array().into_iter().flatten() {
+            pending.push((child.clone(), Some(tile.clone())));
+        }
+        all.push((tile, parent));
+    }
+    all
+}
+
+#[test]
+fn every_input_keeps_the_rules() {
+    let inputs = [
+        town(),
+        fixture("miniatures/coloured_sphere.obj"),
+        fixture("miniatures/two_materials_plane.obj"),
+        fixture("miniatures/non_manifold_fin.obj"),
+        fixture("miniatures/three_chart_corner.obj"),
+        fixture("miniatures/normals_box.obj"),
+    ];
+    for input in inputs {
+        let folder = tempfile::tempdir().unwrap();
+        let output = folder.path().join("out");
+        let faces = if input == town() { 600 } else { 100 };
+        let options = TileOptions { tile_faces: faces, ..small() };
+        let report = tile(&input, &output, &options).unwrap();
+        let check = check_tileset(&output, &Silent).unwrap();
+        assert_eq!((check.fault_count, &check.faults), (0, &Vec::new()), "{input:?}");
+        assert_eq!(report.levels.last().unwrap().tiles, 1, "{input:?}: a root");
+        for (level, found) in report.levels.iter().zip(&check.levels) {
+            assert_eq!(
+                (level.tiles, level.faces, level.faces_max),
+                (found.tiles, found.triangles, found.triangles_max)
+            );
+            assert!(level.faces_max <= options.tile_faces, "{input:?}: {level:?}");
+            assert!(level.texels_max <= u64::from(options.tile_side).pow(2), "{input:?}: {level:?}");
+            assert!(level.to_input_p99.max(level.from_input_p99) <= level.texel, "{input:?}: {level:?}");
+            assert!(level.colourless == 0, "{input:?}: {level:?}");
+        }
+        assert!(!folder.path().join("out.work").exists());
+    }
+}
+
+#[test]
+fn levels_of_the_town_meet_along_equal_borders_and_grow_coarser() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("out");
+    let report = tile(&town(), &output, &small()).unwrap();
+    let check = check_tileset(&output, &Silent).unwrap();
+    assert!(report.levels.len() >= 3, "{report:?}");
+    for (at, (level, found)) in report.levels.iter().zip(&check.levels).enumerate() {
+        assert_eq!((found.border_edges > 0, found.unequal_edges), (level.tiles > 1, 0));
+        assert_eq!(level.texel, report.levels[0].texel * f64::from(1 << at));
+        let coarsest = report.levels[(at + 2).min(report.levels.len() - 1)].texel;
+        assert!(found.longest_skirt <= 2.01 * coarsest, "{found:?}");
+    }
+    for pair in report.levels.windows(2) {
+        assert!(pair[1].mesh_faces < pair[0].mesh_faces && pair[1].tiles < pair[0].tiles, "{pair:?}");
+    }
+    let errors = |tile: &Value| tile["geometricError"].as_f64().unwrap();
+    for (tile, parent) in tiles_of(&output) {
+        let level: usize = tile["content"]["uri"].as_str().unwrap().split('/').next().unwrap().parse().unwrap();
+        let expected = if level == 0 { 0.0 } else { 16.0 * report.levels[level].texel };
+        assert!(errors(&tile) >= expected && errors(&tile) <= report.levels[level].geometric_error);
+        assert!(parent.is_none_or(|parent| errors(&parent) >= errors(&tile)));
+    }
+}
+
+#[test]
+fn the_finest_level_shows_the_texels_of_the_input() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("in.obj");
+    let image = image::RgbImage::from_fn(100, 60, |x, y| image::Rgb([2 * x as u8, 4 * y as u8, (x * y % 251) as u8]));
+    image.save(folder.path().join("a.png")).unwrap();
+    fs::write(folder.path().join("a.mtl"), "newmtl a\nmap_Kd a.png\n").unwrap();
+    // A square of 10 x 6 quads, each with a part of the image; no texel is shown at its own size in the mesh.
+    let mut text = "mtllib a.mtl\nusemtl a\n".to_owned();
+    let corners = |x: usize, y: usize| [[x, y], [x + 1, y], [x + 1, y + 1], [x, y + 1]];
+    for (number, (x, y)) in (0..6).flat_map(|y| (0..10).map(move |x| (x, y))).enumerate() {
+        for [x, y] in corners(x, y) {
+            text += &format!("v {x} {y} {}\nvt {} {}\n", (x * y % 3) as f64 * 0.1, x as f64 / 10.0, y as f64 / 6.0);
+        }
+        let at = |corner: usize| format!("{0}/{0}", 4 * number + corner);
+        text += &format!("f {} {} {} {}\n", at(1), at(2), at(3), at(4));
+    }
+    fs::write(&input, text).unwrap();
+    let output = folder.path().join("out");
+    tile(&input, &output, &TileOptions { tile_faces: 100, ..small() }).unwrap();
+    let mut texels = 0;
+    for file in fs::read_dir(output.join("0")).unwrap() {
+        let glb = Glb::read(&file.unwrap().path());
+        let own = image::load_from_memory(glb.image(0).0).unwrap().into_rgb8();
+        for triangle in glb.triangles() {
+            let middle = (triangle.positions[0] + triangle.positions[1] + triangle.positions[2]) / 3.0;
+            let shown: DVec2 = triangle.texcoords.unwrap().iter().sum::<DVec2>() / 3.0;
+            if triangle.texcoords.unwrap()[0] == triangle.texcoords.unwrap()[2] {
+                continue; // a skirt
+            }
+            let pixel = |image: &image::RgbImage, u: f64, v: f64| {
+                let [x, y] = [u * f64::from(image.width()), (1.0 - v) * f64::from(image.height())];
+                (image.get_pixel(x as u32, y as u32).0, [x.fract(), y.fract()])
+            };
+            let (found, _) = pixel(&own, shown.x, shown.y);
+            let (expected, place) = pixel(&image, middle.x / 10.0, middle.y / 6.0);
+            // Not where rounding decides which texel it is.
+            if place.iter().all(|share| (0.1..0.9).contains(share)) {
+                assert_eq!(found, expected, "{middle}");
+                texels += 1;
+            }
+        }
+    }
+    assert!(texels > 50, "{texels}");
+}
+
+#[test]
+fn the_bytes_depend_on_neither_threads_nor_memory_nor_stops() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |name: &str, threads: usize, memory: u64| {
+        let options = TileOptions { limits: Limits { threads: Some(threads), memory: Some(memory) }, ..small() };
+        tile(&town(), &folder.path().join(name), &options).unwrap();
+        contents(&folder.path().join(name))
+    };
+    let whole = run("a", 1, 128 << 20);
+    assert!(whole == run("b", 3, 1 << 30));
+    let output = folder.path().join("c");
+    let mut stops = 0;
+    let mut units = 20_000;
+    loop {
+        match pipeline::tile(town(), &output, &small(), &StopAfter::units(units)) {
+            Err(Error::Stopped) => {
+                stops += 1;
+                assert!(!output.join("tileset.json").exists());
+                units += 7_000;
+            }
+            outcome => break outcome.map(drop).unwrap(),
+        }
+    }
+    assert!(stops > 3, "{stops}");
+    assert!(whole == contents(&output), "after {stops} stops");
+}
+
+#[test]
+fn a_job_that_stops_between_tiles_goes_on_with_the_next_one() {
+    let folder = tempfile::tempdir().unwrap();
+    tile(&town(), &folder.path().join("whole"), &small()).unwrap();
+    let whole = contents(&folder.path().join("whole"));
+    let output = folder.path().join("out");
+    let mut seen: BTreeMap<PathBuf, std::time::SystemTime> = BTreeMap::new();
+    for stop in [400_000, 420_000, 440_000, 460_000, 480_000, 500_000] {
+        let progress = StopAfter::units(stop);
+        match pipeline::tile(town(), &output, &small(), &progress) {
+            Err(Error::Stopped) => {}
+            outcome => drop(outcome.unwrap()),
+        }
+        // What was written stays as it is.
+        for (path, time) in &seen {
+            assert_eq!(fs::metadata(path).unwrap().modified().unwrap(), *time, "{path:?}");
+        }
+        for path in contents(&output).into_keys().map(|name| output.join(name)) {
+            let time = fs::metadata(&path).unwrap().modified().unwrap();
+            seen.insert(path, time);
+        }
+    }
+    let _ =
+        tile(&town(), &output, &TileOptions { job: JobOptions { force: true, ..JobOptions::default() }, ..small() });
+    assert!(whole == contents(&output));
+}
+
+#[test]
+fn nothing_of_the_user_is_touched() {
+    let folder = tempfile::tempdir().unwrap();
+    copy_town(&folder.path().join("in"));
+    let input = folder.path().join("in/town.obj");
+    let before = contents(&folder.path().join("in"));
+    let refused = |output: &str, options: &TileOptions| {
+        let error = tile(&input, &folder.path().join(output), options).unwrap_err();
+        assert!(matches!(error, Error::Usage(_)), "{error}");
+        error.to_string()
+    };
+    fs::create_dir(folder.path().join("mine")).unwrap();
+    fs::write(folder.path().join("mine/notes.txt"), "mine").unwrap();
+    assert!(refused("mine", &small()).contains("holds files"));
+    assert!(refused("in", &small()).contains("holds the input"));
+    assert!(refused("in/town.obj", &small()).contains("there is a file"));
+    let work = Some(folder.path().join("out/work"));
+    let inside = TileOptions { job: JobOptions { work, ..JobOptions::default() }, ..small() };
+    assert!(refused("out", &inside).contains("work folder"));
+    assert!(refused("out", &TileOptions { tile_side: 300, ..small() }).contains("a power of two"));
+    assert!(refused("out", &TileOptions { tile_faces: 5, ..small() }).contains("expected 100"));
+    assert!(refused("out", &TileOptions { error_factor: 0.0, ..small() }).contains("above 0"));
+    // With `force` other files stay.
+    let forced = TileOptions { job: JobOptions { force: true, ..JobOptions::default() }, ..small() };
+    tile(&input, &folder.path().join("mine"), &forced).unwrap();
+    assert_eq!(fs::read(folder.path().join("mine/notes.txt")).unwrap(), b"mine");
+    assert!(before == contents(&folder.path().join("in")));
+    let required =
+        TileOptions { job: JobOptions { resume: ResumeChoice::Require, ..JobOptions::default() }, ..small() };
+    assert!(tile(&input, &folder.path().join("none"), &required).is_err());
+}
+
+#[test]
+fn the_program_makes_tiles_and_finds_what_is_damaged() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("out");
+    let program = |arguments: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_drystone")).args(arguments).arg(&output).output().unwrap();
+        (output.status.code(), String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap())
+    };
+    let town = town();
+    let town = town.to_str().unwrap();
+    let (code, text, _) = program(&["tile", town, "--tile-faces", "2k", "--origin", "5.66,51.97,10", "-o"]);
+    assert!(code == Some(0) && text.contains("level") && text.contains("tiles: "), "{text}");
+    let root = &tiles_of(&output)[0].0;
+    let transform: Vec<f64> = root["transform"].as_array().unwrap().iter().map(|at| at.as_f64().unwrap()).collect();
+    assert!(DVec2::new(transform[12], transform[13]).length() > 1e6, "{transform:?}");
+    let (code, text, _) = program(&["check"]);
+    assert!(code == Some(0) && text.contains("faults: 0"), "{text}");
+    let tile = fs::read_dir(output.join("0")).unwrap().next().unwrap().unwrap().path();
+    let whole = fs::read(&tile).unwrap();
+    for (damage, words) in [(whole[..whole.len() - 8].to_vec(), "another length"), (Vec::new(), "no GLB")] {
+        fs::write(&tile, damage).unwrap();
+        let (code, text, _) = program(&["check"]);
+        assert!(code == Some(1) && text.contains(words), "{text}");
+    }
+    fs::remove_file(&tile).unwrap();
+    let (code, text, _) = program(&["check", "--json"]);
+    let found: Value = serde_json::from_str(&text).unwrap();
+    assert!(code == Some(1) && found["fault_count"].as_u64() > Some(0), "{text}");
+    fs::remove_file(output.join("tileset.json")).unwrap();
+    let (code, _, words) = program(&["check"]);
+    assert!(code == Some(2) && words.contains("no tileset.json"), "{words}");
+}
