@@ -99,8 +99,12 @@ fn run(
         has_colour: has_colour || original.has_vertex_colours(),
     };
     let place = TilePlace { output: job.output, work, limits, progress };
-    let pass_options =
-        PassOptions { target: last_faces(triangles), passes: pass_count(triangles), input: triangles, ..pass_options };
+    let pass_options = PassOptions {
+        target: last_faces(triangles, settings.faces),
+        passes: pass_count(triangles, settings.faces),
+        input: triangles,
+        ..pass_options
+    };
     let chain = Chain { original: &original, scene: &scene, settings: &settings, catalogue: &geometry, place: &place };
     let levels = chain.levels(start, &pass_options)?;
     let transform = transform(options, scene.origin);

@@ -30,7 +30,7 @@ use crate::surface::cells::{SurfaceCells, SurfacePlace};
 
 /// Share of its faces that a pass keeps, about.
 const PASS_SHARE: f64 = 1.0 / 1.7;
-/// Faces that the passes end at.
+/// Faces that the passes end at, unless that is more than half a tile.
 const LAST_FACES: u64 = 500;
 /// Points by area on each surface for its distance from the input.
 const SAMPLES: u64 = 100_000;
@@ -103,15 +103,15 @@ pub struct Chain<'a> {
     pub place: &'a TilePlace<'a>,
 }
 
-/// Passes down to [`LAST_FACES`] faces, for an input of `faces`.
-pub fn pass_count(faces: u64) -> usize {
-    let share = LAST_FACES as f64 / faces.max(LAST_FACES) as f64;
+/// Passes from an input of `faces` down to [`last_faces`].
+pub fn pass_count(faces: u64, tile_faces: u64) -> usize {
+    let share = last_faces(faces, tile_faces) as f64 / faces.max(1) as f64;
     (libm::log(share) / libm::log(PASS_SHARE)).ceil().max(1.0) as usize
 }
 
-/// Faces that the passes end at, for an input of `faces`.
-pub fn last_faces(faces: u64) -> u64 {
-    LAST_FACES.min(faces)
+/// Faces that the passes end at, for an input of `faces` and tiles of up to `tile_faces`.
+pub fn last_faces(faces: u64, tile_faces: u64) -> u64 {
+    LAST_FACES.min(faces).min(tile_faces / 2).max(1)
 }
 
 impl Chain<'_> {

@@ -10,7 +10,7 @@ use drystone::options::{ImageFormat, JobOptions, Limits, ResumeChoice, TileOptio
 use drystone::report::TileReport;
 use drystone::tile::check_tileset;
 use drystone::{Error, Result, Silent, pipeline};
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use serde_json::Value;
 
 use crate::glb_reader::Glb;
@@ -93,13 +93,15 @@ fn levels_of_the_town_meet_along_equal_borders_and_grow_coarser() {
         assert!(found.longest_skirt <= 2.01 * coarsest, "{found:?}");
     }
     for pair in report.levels.windows(2) {
-        assert!(pair[1].mesh_faces < pair[0].mesh_faces && pair[1].tiles < pair[0].tiles, "{pair:?}");
+        assert!(pair[1].mesh_faces <= pair[0].mesh_faces && pair[1].tiles < pair[0].tiles, "{pair:?}");
     }
     let errors = |tile: &Value| tile["geometricError"].as_f64().unwrap();
     for (tile, parent) in tiles_of(&output) {
         let level: usize = tile["content"]["uri"].as_str().unwrap().split('/').next().unwrap().parse().unwrap();
-        let expected = if level == 0 { 0.0 } else { 16.0 * report.levels[level].texel };
-        assert!(errors(&tile) >= expected && errors(&tile) <= report.levels[level].geometric_error);
+        let least = if level == 0 { 0.0 } else { 16.0 * report.levels[level].texel };
+        // The reader of the JSON rounds the last digit.
+        let most = report.levels[level].geometric_error * (1.0 + 1e-12);
+        assert!(errors(&tile) >= least * (1.0 - 1e-12) && errors(&tile) <= most, "{tile}");
         assert!(parent.is_none_or(|parent| errors(&parent) >= errors(&tile)));
     }
 }
@@ -124,12 +126,14 @@ fn the_finest_level_shows_the_texels_of_the_input() {
     fs::write(&input, text).unwrap();
     let output = folder.path().join("out");
     tile(&input, &output, &TileOptions { tile_faces: 100, ..small() }).unwrap();
+    let root = &tiles_of(&output)[0].0["transform"];
+    let origin = DVec3::from([12, 13, 14].map(|at| root[at].as_f64().unwrap()));
     let mut texels = 0;
     for file in fs::read_dir(output.join("0")).unwrap() {
         let glb = Glb::read(&file.unwrap().path());
         let own = image::load_from_memory(glb.image(0).0).unwrap().into_rgb8();
         for triangle in glb.triangles() {
-            let middle = (triangle.positions[0] + triangle.positions[1] + triangle.positions[2]) / 3.0;
+            let middle = origin + triangle.positions.iter().sum::<DVec3>() / 3.0;
             let shown: DVec2 = triangle.texcoords.unwrap().iter().sum::<DVec2>() / 3.0;
             if triangle.texcoords.unwrap()[0] == triangle.texcoords.unwrap()[2] {
                 continue; // a skirt
@@ -162,13 +166,13 @@ fn the_bytes_depend_on_neither_threads_nor_memory_nor_stops() {
     assert!(whole == run("b", 3, 1 << 30));
     let output = folder.path().join("c");
     let mut stops = 0;
-    let mut units = 20_000;
+    let mut units = 5;
     loop {
         match pipeline::tile(town(), &output, &small(), &StopAfter::units(units)) {
             Err(Error::Stopped) => {
                 stops += 1;
                 assert!(!output.join("tileset.json").exists());
-                units += 7_000;
+                units += 17;
             }
             outcome => break outcome.map(drop).unwrap(),
         }
@@ -184,11 +188,13 @@ fn a_job_that_stops_between_tiles_goes_on_with_the_next_one() {
     let whole = contents(&folder.path().join("whole"));
     let output = folder.path().join("out");
     let mut seen: BTreeMap<PathBuf, std::time::SystemTime> = BTreeMap::new();
-    for stop in [400_000, 420_000, 440_000, 460_000, 480_000, 500_000] {
-        let progress = StopAfter::units(stop);
-        match pipeline::tile(town(), &output, &small(), &progress) {
+    for stop in [60, 90, 120, 150, 180, 210, 240] {
+        match pipeline::tile(town(), &output, &small(), &StopAfter::units(stop)) {
             Err(Error::Stopped) => {}
-            outcome => drop(outcome.unwrap()),
+            outcome => {
+                outcome.unwrap();
+                break;
+            }
         }
         // What was written stays as it is.
         for (path, time) in &seen {
@@ -199,8 +205,9 @@ fn a_job_that_stops_between_tiles_goes_on_with_the_next_one() {
             seen.insert(path, time);
         }
     }
-    let _ =
-        tile(&town(), &output, &TileOptions { job: JobOptions { force: true, ..JobOptions::default() }, ..small() });
+    if !output.join("tileset.json").exists() {
+        tile(&town(), &output, &small()).unwrap();
+    }
     assert!(whole == contents(&output));
 }
 
@@ -250,7 +257,8 @@ fn the_program_makes_tiles_and_finds_what_is_damaged() {
     assert!(code == Some(0) && text.contains("level") && text.contains("tiles: "), "{text}");
     let root = &tiles_of(&output)[0].0;
     let transform: Vec<f64> = root["transform"].as_array().unwrap().iter().map(|at| at.as_f64().unwrap()).collect();
-    assert!(DVec2::new(transform[12], transform[13]).length() > 1e6, "{transform:?}");
+    // The first axis points east, and has the length of a metre.
+    assert!(transform[2] == 0.0 && (DVec2::new(transform[0], transform[1]).length() - 1.0).abs() < 1e-9);
     let (code, text, _) = program(&["check"]);
     assert!(code == Some(0) && text.contains("faults: 0"), "{text}");
     let tile = fs::read_dir(output.join("0")).unwrap().next().unwrap().unwrap().path();

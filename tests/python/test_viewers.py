@@ -1,0 +1,64 @@
+"""A pyramid in two viewers that people use: what they select from far, middle and near, and what they show."""
+
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import objlib
+
+VIEWERS = objlib.REPOSITORY / "tests" / "viewers"
+MODULES = objlib.REPOSITORY / "target" / "node" / "node_modules"
+CHROMIUM = os.environ.get("CHROMIUM", "/usr/bin/chromium")
+BLOCK = objlib.REPOSITORY.parent / "shared" / "data" / "cc_cyanhabao" / "cc_cyanhabao.obj"
+DISTANCES = {"far": 40, "middle": 4, "near": 0.7}
+BACKGROUND = np.array([255, 0, 255])
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def pyramid(drystone, tmp_path_factory, request):
+    folder = tmp_path_factory.mktemp("viewers") / "tiles"
+    source, *options = request.param
+    if not source.exists():
+        pytest.skip(f"{source} is absent")
+    done = drystone("tile", source, "-o", folder, *options, "--json", "--quiet")
+    return folder, json.loads(done.stdout)
+
+
+def shown(folder, page, distance, picture):
+    if shutil.which("node") is None or not (MODULES / "cesium").is_dir() or not Path(CHROMIUM).exists():
+        pytest.skip("node, the viewers' packages or Chromium are absent (tools/test installs the packages where npm is)")
+    command = ["node", VIEWERS / "view.mjs", folder, MODULES, page, picture, str(distance)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=180)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+TOWN = [objlib.FIXTURES / "town" / "town.obj", "--tile-faces", "1000", "--tile-side", "512", "--origin", "5.66,51.97,10"]
+
+
+@pytest.mark.parametrize("pyramid", [TOWN, [BLOCK]], indirect=True, ids=["town", "block"])
+@pytest.mark.parametrize("page", ["three.html", "cesium.html"])
+def test_a_viewer_selects_finer_tiles_the_nearer_it_is(pyramid, page, tmp_path):
+    folder, report = pyramid
+    found = {}
+    for name, distance in DISTANCES.items():
+        picture = tmp_path / f"{name}.png"
+        found[name] = shown(folder, page, distance, picture)
+        assert found[name]["errors"] == []
+        pixels = np.asarray(Image.open(picture).convert("RGB")).reshape(-1, 3)
+        surface = pixels[np.abs(pixels.astype(int) - BACKGROUND).sum(1) > 30]
+        least = {"far": 20, "middle": 10_000, "near": 150_000}[name]
+        assert len(surface) > least and surface.std() > 10, (name, len(surface))
+    root = report["levels"][-1]
+    assert (found["far"]["tiles"], found["far"]["triangles"]) == (1, root["faces"])
+    assert found["middle"]["tiles"] > 1 and found["near"]["tiles"] > 1
+    # Near, tiles beyond the picture are left out.
+    assert found["near"]["triangles"] > found["middle"]["triangles"] / 4
