@@ -16,7 +16,7 @@ VIEWERS = objlib.REPOSITORY / "tests" / "viewers"
 MODULES = objlib.REPOSITORY / "target" / "node" / "node_modules"
 CHROMIUM = os.environ.get("CHROMIUM", "/usr/bin/chromium")
 BLOCK = objlib.REPOSITORY.parent / "shared" / "data" / "cc_cyanhabao" / "cc_cyanhabao.obj"
-DISTANCES = {"far": 40, "middle": 4, "near": 0.7}
+DISTANCES = {"far": 40, "middle": 1.8, "near": 0.7}
 BACKGROUND = np.array([255, 0, 255])
 
 pytestmark = pytest.mark.slow
