@@ -61,6 +61,13 @@ pub struct TileRecord {
     pub content: Content,
 }
 
+impl TileRecord {
+    /// Whether nothing is left of the tile on the lattice of its level; it has no file then.
+    fn is_empty(&self) -> bool {
+        self.faces == 0
+    }
+}
+
 /// What was built of a level.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct LevelFigures {
@@ -144,7 +151,7 @@ impl Recalled for TileRecord {
     type Context<'a> = &'a Path;
 
     fn is_sound(&self, path: &&Path) -> bool {
-        Content::of(path).is_ok_and(|content| content == self.content)
+        self.is_empty() || Content::of(path).is_ok_and(|content| content == self.content)
     }
 }
 
@@ -168,7 +175,8 @@ impl Pyramid<'_> {
             figures.push(self.figures(level, number, &tiles.records, error));
             let listed_tile =
                 |(record, error): (&TileRecord, f64)| ListedTile { node: record.node, bounds: record.bounds, error };
-            let list = tiles.records.iter().zip(errors).map(listed_tile).collect();
+            let files = tiles.records.iter().zip(errors).filter(|(record, _)| !record.is_empty());
+            let list = files.map(listed_tile).collect();
             listed.push(ListedLevel { tiles: cut.tiles, listed: list });
             done = Some(tiles);
         }
@@ -337,7 +345,9 @@ impl Pyramid<'_> {
 
     fn write_tile(&self, node: TileId, tile: &PaintedTile, path: &Path) -> Result<TileRecord> {
         let bytes = tile.content.to_glb();
-        self.write(path, &bytes)?;
+        if !tile.content.triangles.is_empty() {
+            self.write(path, &bytes)?;
+        }
         Ok(TileRecord {
             node,
             bounds: tile.content.bounds(),
@@ -368,7 +378,7 @@ impl Pyramid<'_> {
         let most = |of: fn(&TileRecord) -> u64| records.iter().map(of).max().unwrap_or(0);
         LevelFigures {
             level: number,
-            tiles: records.len() as u64,
+            tiles: records.iter().filter(|record| !record.is_empty()).count() as u64,
             mesh_faces: level.mesh.faces,
             faces: sum(|tile| tile.faces),
             faces_max: most(|tile| tile.faces),
@@ -381,7 +391,7 @@ impl Pyramid<'_> {
             to_input_p99: level.mesh.to_input.p99,
             from_input_p99: level.mesh.from_input.p99,
             geometric_error: error,
-            bytes: sum(|tile| tile.content.bytes),
+            bytes: sum(|tile| if tile.is_empty() { 0 } else { tile.content.bytes }),
         }
     }
 }
