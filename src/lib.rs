@@ -81,6 +81,9 @@ pub mod measure;
 #[cfg(feature = "images")]
 #[doc(hidden)]
 pub mod tile;
+#[cfg(feature = "cli")]
+#[doc(hidden)]
+pub mod serve;
 pub mod options;
 pub mod report;
 #[doc(hidden)]

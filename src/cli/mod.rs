@@ -11,6 +11,7 @@ mod markdown;
 mod plan;
 mod print;
 mod progress;
+mod serve;
 mod share;
 mod simplify;
 mod status;
@@ -51,6 +52,8 @@ enum Command {
     Check(check::CheckArguments),
     /// Measure what a simplification changed: distances, colours, topology, shapes. Works within a memory budget
     Compare(compare::CompareArguments),
+    /// Show a folder of tiles in a browser on this machine
+    Serve(serve::ServeArguments),
     /// Print what a job has done and what is left, also while it runs
     Status(status::StatusArguments),
     /// Print the completion script of a shell
@@ -82,6 +85,7 @@ impl Command {
             Command::Inspect(arguments) => inspect::run(arguments),
             Command::Check(arguments) => check::run(arguments),
             Command::Compare(arguments) => compare::run(arguments),
+            Command::Serve(arguments) => serve::run(arguments),
             Command::Status(arguments) => status::run(arguments),
             Command::Completions(arguments) => manual::print_completions(arguments, Cli::command()),
             Command::Man(arguments) => manual::write_pages(arguments, Cli::command()),

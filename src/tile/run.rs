@@ -18,7 +18,7 @@ use super::scene::TileScene;
 use super::settings::{TilePlace, TileSettings};
 use super::skirt::{LEVELS_APART, SkirtShape};
 use super::steps::TileStep;
-use super::tileset::{ListedLevel, ListedTile, TILESET, TilesetDocument, tile_name};
+use super::tileset::{ListedLevel, ListedTile, TilesetDocument, tile_name};
 use super::tree::{TileId, TileTree};
 use super::triangles::LevelTriangles;
 use crate::bake::{Original, PAINTER_BYTES, PatchBaker, PatchSettings, SURFACE};
@@ -180,10 +180,11 @@ impl Pyramid<'_> {
             listed.push(ListedLevel { tiles: cut.tiles, listed: list });
             done = Some(tiles);
         }
-        let document = TilesetDocument { tree: &tree, levels: &listed, transform: self.transform }.to_json();
-        let path = self.place.output.join(TILESET);
+        let document = TilesetDocument { tree: &tree, levels: &listed, transform: self.transform };
         self.place.work.sync()?;
-        self.write(&path, document.to_string().as_bytes())?;
+        for (name, json) in document.files() {
+            self.write(&self.place.output.join(name), json.to_string().as_bytes())?;
+        }
         Ok(figures)
     }
 

@@ -1,9 +1,11 @@
-//! The file that names all tiles: 3D Tiles 1.1, explicit tiling.
+//! The files that name all tiles: 3D Tiles 1.1, explicit tiling.
 //!
 //! ```text
-//! tileset.json    asset, geometric error, root ── children ── children ── …     each with a box and an error
-//! 2/0.glb, 1/3.glb, 0/17.glb                                                    level / node
+//! tileset.json          asset, geometric error, root ── children ── children ── …     each with a box and an error
+//! tileset-4-12.json     the same for what lies below a tile of level 4
+//! 7/0.glb, 4/12.glb     level / node
 //! ```
+//! A file has [`LEVELS_OF_FILE`] levels, so that a viewer reads of a large pyramid what it shows.
 //! # Source
 //! Open Geospatial Consortium, 3D Tiles 1.1 (22-025r4).
 
@@ -16,6 +18,9 @@ use crate::geometry::boxtree::Bounds;
 
 /// Name of the file that names all tiles.
 pub const TILESET: &str = "tileset.json";
+
+/// Levels that a file names.
+const LEVELS_OF_FILE: usize = 4;
 
 /// A tile as the tileset names it.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,30 +58,32 @@ pub fn tile_name(level: u32, node: TileId) -> String {
 }
 
 impl TilesetDocument<'_> {
-    /// The document.
-    pub fn to_json(&self) -> Value {
-        let mut tiles = self.below(self.levels.len() - 1, ROOT);
+    /// The files by name, [`TILESET`] last.
+    pub fn files(&self) -> Vec<(String, Value)> {
+        let mut files = Vec::new();
+        let mut tiles = self.below(self.levels.len() - 1, ROOT, &mut files);
         let mut root = match tiles.len() {
             1 => tiles.remove(0),
             // A level that does not fit one tile has a root without content.
-            _ => NamedTile::around(tiles),
+            _ => {
+                let error = 2.0 * tiles.iter().fold(0.0, |most: f64, tile| most.max(tile.error));
+                NamedTile::around(tiles, error)
+            }
         };
         root.tile["transform"] = json!(self.transform.to_cols_array());
-        json!({
-            "asset": { "version": "1.1", "generator": concat!("drystone ", env!("CARGO_PKG_VERSION")) },
-            "geometricError": root.bounds.diagonal().max(2.0 * root.error),
-            "root": root.tile,
-        })
+        let error = root.bounds.diagonal().max(2.0 * root.error);
+        files.push((TILESET.to_owned(), document(error, root.tile)));
+        files
     }
 
-    /// The tiles of a level in and below a node.
-    fn below(&self, level: usize, node: TileId) -> Vec<NamedTile> {
+    /// The tiles of a level in and below a node; adds the files that name those below.
+    fn below(&self, level: usize, node: TileId, files: &mut Vec<(String, Value)>) -> Vec<NamedTile> {
         let ListedLevel { tiles, listed } = &self.levels[level];
         if !tiles.is_tile[node] {
             let children = self.tree.children(node).into_iter().flatten();
-            return children.flat_map(|child| self.below(level, child)).collect();
+            return children.flat_map(|child| self.below(level, child, files)).collect();
         }
-        let children = if level > 0 { self.below(level - 1, node) } else { Vec::new() };
+        let children = if level > 0 { self.below(level - 1, node, files) } else { Vec::new() };
         // Where a level has lost all triangles, those of the finer one take its place.
         let Ok(at) = listed.binary_search_by_key(&node, |tile| tile.node) else { return children };
         let bounds = children.iter().fold(listed[at].bounds, |all, child| all.with(child.bounds));
@@ -87,11 +94,27 @@ impl TilesetDocument<'_> {
             "refine": "REPLACE",
             "content": { "uri": tile_name(level as u32, node) },
         });
-        if !children.is_empty() {
+        let is_last = (self.levels.len() - level).is_multiple_of(LEVELS_OF_FILE);
+        if is_last && !children.is_empty() {
+            let name = format!("tileset-{level}-{}.json", node.number());
+            let below = NamedTile::around(children, error);
+            tile["children"] = json!([{
+                "boundingVolume": box_of(below.bounds),
+                "geometricError": error,
+                "refine": "REPLACE",
+                "content": { "uri": name },
+            }]);
+            files.push((name, document(error, below.tile)));
+        } else if !children.is_empty() {
             tile["children"] = children.into_iter().map(|child| child.tile).collect();
         }
         vec![NamedTile { tile, bounds, error }]
     }
+}
+
+fn document(error: f64, root: Value) -> Value {
+    let asset = json!({ "version": "1.1", "generator": concat!("drystone ", env!("CARGO_PKG_VERSION")) });
+    json!({ "asset": asset, "geometricError": error, "root": root })
 }
 
 /// A tile with all below it.
@@ -103,9 +126,8 @@ struct NamedTile {
 
 impl NamedTile {
     /// A tile without content around others.
-    fn around(tiles: Vec<Self>) -> Self {
+    fn around(tiles: Vec<Self>, error: f64) -> Self {
         let bounds = tiles.iter().fold(Bounds::EMPTY, |all, tile| all.with(tile.bounds));
-        let error = 2.0 * tiles.iter().fold(0.0, |most: f64, tile| most.max(tile.error));
         let children: Vec<Value> = tiles.into_iter().map(|tile| tile.tile).collect();
         let tile = json!({
             "boundingVolume": box_of(bounds), "geometricError": error, "refine": "REPLACE", "children": children,

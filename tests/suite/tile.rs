@@ -31,13 +31,22 @@ fn tile(input: &Path, output: &Path, options: &TileOptions) -> Result<TileReport
     pipeline::tile(input, output, options, &Silent)
 }
 
-/// All tiles of a tileset, each with its parent.
+/// The root of a tileset.
+fn root_of(path: &Path) -> Value {
+    let document: Value = serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap();
+    document["root"].clone()
+}
+
+/// All tiles with triangles of a tileset, each with its parent.
 fn tiles_of(folder: &Path) -> Vec<(Value, Option<Value>)> {
-    let text = fs::read_to_string(folder.join("tileset.json")).unwrap();
-    let document: Value = serde_json::from_str(&text).unwrap();
     let mut all = Vec::new();
-    let mut pending = vec![(document["root"].clone(), None)];
+    let mut pending = vec![(root_of(&folder.join("tileset.json")), None)];
     while let Some((tile, parent)) = pending.pop() {
+        if let Some(name) = tile["content"]["uri"].as_str().filter(|name| name.ends_with(".json")) {
+            let root = root_of(&folder.join(name));
+            pending.extend(root["children"].as_array().unwrap().iter().map(|child| (child.clone(), parent.clone())));
+            continue;
+        }
         for child in tile["children"].as_array().into_iter().flatten() {
             pending.push((child.clone(), Some(tile.clone())));
         }

@@ -91,7 +91,7 @@ pub fn check_tileset(folder: &Path, progress: &dyn Progress) -> Result<TilesetCh
         levels: BTreeMap::new(),
         faults: Findings::default(),
     };
-    check.tileset(&path, 0)?;
+    check.tileset(&path, Above { bounds: None, error: f64::INFINITY, depth: 0 })?;
     Ok(check.finish())
 }
 
@@ -129,7 +129,7 @@ impl Checking<'_> {
         std::fs::read(path).map(Some).map_err(wrap)
     }
 
-    fn tileset(&mut self, path: &Path, depth: usize) -> Result<()> {
+    fn tileset(&mut self, path: &Path, above: Above) -> Result<()> {
         let Some(bytes) = self.read(path)? else { return Ok(()) };
         let document: Value = match serde_json::from_slice(&bytes) {
             Ok(document) => document,
@@ -141,12 +141,11 @@ impl Checking<'_> {
         if document["asset"]["version"].as_str() != Some("1.1") {
             self.fault("tileset", path, "asset.version: expected 1.1");
         }
-        let error = number(&document["geometricError"]).filter(|&error| error >= 0.0);
+        let error = number(&document["geometricError"]).filter(|error| (0.0..=above.error).contains(error));
         if error.is_none() {
-            self.fault("geometric error", path, "the tileset has none");
+            self.fault("geometric error", path, "the tileset has none, or a larger one than the tile that names it");
         }
-        let above = Above { bounds: None, error: error.unwrap_or(f64::INFINITY), depth };
-        self.tile(path, &document["root"], above)
+        self.tile(path, &document["root"], Above { error: error.unwrap_or(above.error), ..above })
     }
 
     fn tile(&mut self, path: &Path, tile: &Value, above: Above) -> Result<()> {
@@ -199,7 +198,7 @@ impl Checking<'_> {
             return Ok(());
         }
         if path.extension().is_some_and(|ending| ending == "json") {
-            return self.tileset(&path, tile.depth);
+            return self.tileset(&path, tile);
         }
         let Some(bytes) = self.read(&path)? else { return Ok(()) };
         self.found.contents += 1;
