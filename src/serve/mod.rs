@@ -7,7 +7,7 @@
 //! folder, links followed; nothing is written; other machines and pages of other origins are refused.
 //!
 //! # Memory
-//! For each of [`CONNECTIONS_MAX`] connections a request (8 KiB) and a part of a file (64 KiB).
+//! For each of 16 connections a request (8 KiB) and a part of a file (64 KiB).
 
 mod request;
 
