@@ -22,6 +22,7 @@ use crate::image::textures::TextureImages;
 use crate::job::{Recalled, Step, StepKey, WorkFolder};
 use crate::model::id::ImageId;
 use crate::model::{Catalogue, StoredMesh};
+use crate::os::mmap;
 use crate::read::SCAN;
 use crate::surface::cell::{Cell, CellFace, CellView};
 use crate::surface::cells::{SurfaceCells, SurfacePlace};
@@ -179,16 +180,18 @@ impl Original {
         }
     }
 
-    /// Decodes the images that a surface shows.
+    /// Finds and decodes the images that a surface shows; `catalogue` has its parts and materials.
     ///
     /// # Errors
     /// On a full disk, failed reads and writes; an image that cannot be decoded is noted.
     pub fn open(
         surface: OriginalSurface,
-        images: &TextureImages,
+        catalogue: &Catalogue,
         place: &BakePlace<'_>,
         findings: &mut Findings,
     ) -> Result<Self> {
+        let mut images = TextureImages::find(catalogue, findings);
+        images.add_plain_colours(catalogue);
         let BakePlace { work, limits, progress } = *place;
         let surface = surface.surface;
         let mut are_shown: TiVec<ImageId, bool> = vec![false; images.files.len()].into();
@@ -220,6 +223,7 @@ impl Original {
             Ok(())
         })?;
         original.median_texel = original.find_median_texel(progress)?;
+        mmap::release_freed_memory();
         Ok(original)
     }
 
@@ -243,9 +247,9 @@ impl Original {
         images.map(|(image, _)| BakeStep::Image(image).key()).collect()
     }
 
-    /// Whether vertices have colours.
-    pub fn has_vertex_colours(&self) -> bool {
-        self.surface.cells.iter().any(Cell::has_colours)
+    /// Whether an image, a material or a vertex has a colour.
+    pub fn has_colour(&self) -> bool {
+        !self.images.is_empty() || !self.plain.is_empty() || self.surface.cells.iter().any(Cell::has_colours)
     }
 
     /// What a triangle of a cell shows.

@@ -12,11 +12,10 @@ use super::settings::{BakePlace, BakeSettings};
 use super::steps::{BakeStep, PATCHES, SURFACE};
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Permits, Result, WorkLimits, bytes};
-use crate::image::textures::TextureImages;
 use crate::job::{Recalled, Step, StepKey};
 use crate::mesh::ClusterMesh;
 use crate::model::{Catalogue, StoredMesh, StoredPiece};
-use crate::os::{mmap, system};
+use crate::os::system;
 use crate::partition::{
     self, ClusterId, ClusterSource, Partition, PartitionOptions, TextureScale, cluster, heavy, write_shared,
 };
@@ -117,10 +116,7 @@ pub fn bake(
 ) -> Result<Baked> {
     let Unbaked { catalogue, .. } = *result;
     let mut findings = Findings::default();
-    let mut images = TextureImages::find(catalogue, &mut findings);
-    images.add_plain_colours(catalogue);
-    let original = Original::open(surface, &images, place, &mut findings)?;
-    mmap::release_freed_memory();
+    let original = Original::open(surface, catalogue, place, &mut findings)?;
     let baking = Baking::new(result, &original, settings, place)?;
     let (mesh, figures, files) = baking.run()?;
     findings.count("colourless_texels", figures.colourless);

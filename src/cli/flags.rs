@@ -27,6 +27,46 @@ pub mod heading {
     pub const PAPERS: &str = "Methods of papers";
 }
 
+/// What a job may take of the machine, and where it keeps its files.
+#[derive(Debug, Clone, Args)]
+pub struct JobFlags {
+    /// Memory that the program may use
+    ///
+    /// At least 128MiB [default: half of the machine's or cgroup's]
+    #[arg(long, value_name = "SIZE", value_parser = bytes::parse, help_heading = heading::JOB)]
+    memory: Option<u64>,
+
+    /// Number of threads
+    ///
+    /// The result does not depend on it [default: one per processor]
+    #[arg(long, value_name = "COUNT", value_parser = quantity::parse_whole::<usize>, help_heading = heading::JOB)]
+    threads: Option<usize>,
+
+    /// Folder for intermediate files [default: OUTPUT.work]
+    #[arg(long, value_name = "DIR", help_heading = heading::JOB)]
+    work: Option<PathBuf>,
+
+    /// What to do with an unfinished job in the work folder
+    #[arg(long, value_enum, default_value_t = ResumeChoice::Auto, value_name = "HOW", hide_short_help = true, help_heading = heading::JOB)]
+    resume: ResumeChoice,
+
+    /// Keep the work folder after success; the same command then ends at once
+    #[arg(long, help_heading = heading::JOB, hide_short_help = true)]
+    keep_work: bool,
+}
+
+impl JobFlags {
+    /// Memory and threads.
+    pub fn limits(&self) -> Limits {
+        Limits { memory: self.memory, threads: self.threads }
+    }
+
+    /// Files of a job that may replace others only with `force`.
+    pub fn options(&self, force: bool) -> JobOptions {
+        JobOptions { work: self.work.clone(), resume: self.resume, keep_work: self.keep_work, force }
+    }
+}
+
 /// Flags of `drystone simplify` and `drystone plan`.
 #[derive(Debug, Clone, Args)]
 pub struct SimplifyFlags {
@@ -112,29 +152,8 @@ pub struct SimplifyFlags {
     #[arg(value_parser = quantity::parse_number, hide_short_help = true)]
     uv_weight: f64,
 
-    /// Memory that the program may use
-    ///
-    /// At least 128MiB [default: half of the machine's or cgroup's]
-    #[arg(long, value_name = "SIZE", value_parser = bytes::parse, help_heading = heading::JOB)]
-    memory: Option<u64>,
-
-    /// Number of threads
-    ///
-    /// The result does not depend on it [default: one per processor]
-    #[arg(long, value_name = "COUNT", value_parser = quantity::parse_whole::<usize>, help_heading = heading::JOB)]
-    threads: Option<usize>,
-
-    /// Folder for intermediate files [default: OUTPUT.work]
-    #[arg(long, value_name = "DIR", help_heading = heading::JOB)]
-    work: Option<PathBuf>,
-
-    /// What to do with an unfinished job in the work folder
-    #[arg(long, value_enum, default_value_t = ResumeChoice::Auto, value_name = "HOW", hide_short_help = true, help_heading = heading::JOB)]
-    resume: ResumeChoice,
-
-    /// Keep the work folder after success; the same command then ends at once
-    #[arg(long, help_heading = heading::JOB, hide_short_help = true)]
-    keep_work: bool,
+    #[command(flatten)]
+    job: JobFlags,
 
     /// Replace an existing output
     #[arg(long, help_heading = heading::JOB)]
@@ -195,8 +214,8 @@ impl SimplifyFlags {
             atlas: flags.atlas,
             image: flags.image,
             uv_weight: flags.uv_weight,
-            limits: Limits { memory: flags.memory, threads: flags.threads },
-            job: JobOptions { work: flags.work, resume: flags.resume, keep_work: flags.keep_work, force: flags.force },
+            limits: flags.job.limits(),
+            job: flags.job.options(flags.force),
             cluster_faces: flags.cluster_faces,
             passes: flags.passes,
             metric: flags.metric,

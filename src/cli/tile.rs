@@ -4,13 +4,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::flags::heading;
+use super::flags::{JobFlags, heading};
 use super::input::InputArguments;
 use super::print::{print, print_json};
 use super::progress::{stoppable, tell};
 use super::stop::Goodbye;
-use crate::base::{Error, Result, bytes, quantity};
-use crate::options::{GeoOrigin, ImageFormat, JobOptions, Limits, ResumeChoice, TileOptions, UpAxis};
+use crate::base::{Error, Result, quantity};
+use crate::options::{GeoOrigin, ImageFormat, TileOptions, UpAxis};
 use crate::os::signals::StopSignal;
 use crate::pipeline;
 use crate::report;
@@ -65,25 +65,8 @@ pub struct TileFlags {
     #[arg(long, value_name = "LONGITUDE,LATITUDE,HEIGHT", allow_hyphen_values = true)]
     origin: Option<GeoOrigin>,
 
-    /// Memory that the program may use, at least 128MiB [default: half of the machine's or cgroup's]
-    #[arg(long, value_name = "SIZE", value_parser = bytes::parse, help_heading = heading::JOB)]
-    memory: Option<u64>,
-
-    /// Number of threads; the result does not depend on it [default: one per processor]
-    #[arg(long, value_name = "COUNT", value_parser = quantity::parse_whole::<usize>, help_heading = heading::JOB)]
-    threads: Option<usize>,
-
-    /// Folder for intermediate files [default: OUTPUT.work]
-    #[arg(long, value_name = "DIR", help_heading = heading::JOB)]
-    work: Option<PathBuf>,
-
-    /// What to do with an unfinished job in the work folder
-    #[arg(long, value_enum, default_value_t = ResumeChoice::Auto, value_name = "HOW", help_heading = heading::JOB)]
-    resume: ResumeChoice,
-
-    /// Keep the work folder after success
-    #[arg(long, help_heading = heading::JOB)]
-    keep_work: bool,
+    #[command(flatten)]
+    job: JobFlags,
 
     /// Write into a folder that holds files; those of the same names are replaced
     #[arg(long, help_heading = heading::JOB)]
@@ -101,8 +84,8 @@ impl TileFlags {
             error_factor: flags.error_factor,
             up: flags.up,
             origin: flags.origin,
-            limits: Limits { memory: flags.memory, threads: flags.threads },
-            job: JobOptions { work: flags.work, resume: flags.resume, keep_work: flags.keep_work, force: flags.force },
+            limits: flags.job.limits(),
+            job: flags.job.options(flags.force),
         }
     }
 }

@@ -25,6 +25,14 @@ impl ImageFormat {
             Self::Jpeg(_) => "jpg",
         }
     }
+
+    /// Type of such a file in glTF.
+    pub fn media_type(self) -> &'static str {
+        match self {
+            Self::Png => "image/png",
+            Self::Jpeg(_) => "image/jpeg",
+        }
+    }
 }
 
 impl fmt::Display for ImageFormat {

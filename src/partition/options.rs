@@ -1,5 +1,7 @@
 //! How a mesh is cut into clusters.
 
+use crate::base::WorkLimits;
+
 /// How to partition a mesh.
 #[derive(Debug, Clone, Copy)]
 pub struct PartitionOptions {
@@ -17,4 +19,12 @@ pub struct PartitionOptions {
     pub threads: usize,
     /// Memory in bytes for windows and buffers.
     pub work_bytes: u64,
+}
+
+impl PartitionOptions {
+    /// To cut a mesh as it was read into cells that keep all it shows.
+    pub fn as_read(cluster_faces: u64, limits: WorkLimits) -> Self {
+        let WorkLimits { threads, work_bytes } = limits;
+        Self { cluster_faces, pass: 0, weld: true, drop_doubles: false, drop_texcoords: false, threads, work_bytes }
+    }
 }

@@ -17,7 +17,6 @@ use super::preflight::Preflight;
 use super::publish::{FinalMesh, Publisher};
 use super::texturing::Texturing;
 use crate::base::error::escape_path;
-use crate::base::pool::Pool;
 use crate::base::{Error, Progress, Result};
 use crate::job::WorkFolder;
 use crate::model::StoredMesh;
@@ -45,14 +44,7 @@ pub fn bake_onto(
     choice.paths.push(mesh.to_owned());
     let preflight = Preflight::check(choice, output, &options)?;
     let number = number_of(mesh, &preflight.inputs)?;
-    let _threads = Pool::new(preflight.threads)?.enter();
-    let mut work = preflight.open_work()?;
-    let outcome = run(&preflight, number, &mut work, progress);
-    match &outcome {
-        Ok(_) => work.finish(options.job.keep_work)?,
-        Err(error) => work.note_failure(error),
-    }
-    outcome
+    preflight.run(|work| run(&preflight, number, work, progress))
 }
 
 /// Number of a file among several.

@@ -45,7 +45,6 @@ use self::publish::{FinalMesh, Publisher};
 use self::run_log::{FinishedRun, RunLog};
 #[cfg(feature = "images")]
 use self::texturing::Texturing;
-use crate::base::pool::Pool;
 use crate::base::{Progress, Result};
 use crate::job::WorkFolder;
 use crate::model::Catalogue;
@@ -90,18 +89,12 @@ pub fn simplify_and(
 ) -> Result<Report> {
     let recorder = Recorder::start(progress);
     let preflight = Preflight::check(input.into(), output, options)?;
-    let _threads = Pool::new(preflight.threads)?.enter();
-    let mut work = preflight.open_work()?;
-    let outcome = run(&preflight, &mut work, &recorder).and_then(|report| {
+    preflight.run(|work| {
+        let report = run(&preflight, work, &recorder)?;
         let report = Report { timeline: recorder.finish(), ..report };
         then(&report, work.number())?;
         Ok(report)
-    });
-    match &outcome {
-        Ok(_) => work.finish(options.job.keep_work)?,
-        Err(error) => work.note_failure(error),
-    }
-    outcome
+    })
 }
 
 /// Files → columns → clusters → fewer triangles → file.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use super::paths::{self, OutputKind};
+use crate::base::pool::Pool;
 use crate::base::{Findings, MemoryBudget, Result};
 use crate::job::{InputFile, Manifest, WorkFolder, folder_bytes};
 use crate::options::{ResumeChoice, SimplifyOptions, TexturesOutside};
@@ -79,12 +80,19 @@ impl<'a> Preflight<'a> {
         self.options.textures_outside == TexturesOutside::Copy || self.options.bakes()
     }
 
-    /// Opens the work folder.
+    /// Opens the work folder, does the work on the job's threads, and ends the job: what failed can be resumed.
     ///
     /// # Errors
-    /// Those of [`WorkFolder::open`].
-    pub fn open_work(&self) -> Result<WorkFolder> {
-        WorkFolder::open(&self.work_path, &self.manifest, self.options.job.resume.into())
+    /// Those of [`WorkFolder::open`], [`WorkFolder::finish`] and `work`.
+    pub fn run<T>(&self, work: impl FnOnce(&mut WorkFolder) -> Result<T>) -> Result<T> {
+        let _threads = Pool::new(self.threads)?.enter();
+        let mut folder = WorkFolder::open(&self.work_path, &self.manifest, self.options.job.resume.into())?;
+        let outcome = work(&mut folder);
+        match &outcome {
+            Ok(_) => folder.finish(self.options.job.keep_work)?,
+            Err(error) => folder.note_failure(error),
+        }
+        outcome
     }
 }
 

@@ -12,24 +12,19 @@ use glam::{DMat4, DVec3};
 
 use super::admission::Admission;
 use super::input;
-use super::paths::OutputKind;
+use super::paths::{OutputKind, refuse_filled_folder};
 use super::preflight::Preflight;
 use super::texturing::{Kept, Texturing};
 use crate::bake::{BakePlace, Original};
-use crate::base::pool::Pool;
 use crate::base::{Error, Progress, Result, WorkLimits};
-use crate::image::textures::TextureImages;
 use crate::job::WorkFolder;
 use crate::options::{GeoOrigin, TileOptions, UpAxis};
 use crate::os::durable::make_folders;
-use crate::os::mmap;
 use crate::os::system;
 use crate::passes::PassOptions;
 use crate::read::InputChoice;
 use crate::report::TileReport;
-use crate::tile::{
-    Chain, Pyramid, TILESET, TilePlace, TileScene, TileSettings, last_faces, pass_count, refuse_filled_folder,
-};
+use crate::tile::{Chain, Pyramid, TILESET, TilePlace, TileScene, TileSettings, last_faces, pass_count};
 
 /// Builds a pyramid of tiles of meshes in files, or in all files below folders, in a folder.
 ///
@@ -45,19 +40,8 @@ pub fn tile(
     options.check()?;
     let simplify = options.simplify_options();
     let job = Preflight::check_output(input.into(), output, &simplify, OutputKind::Folder, options.fingerprint())?;
-    let _threads = Pool::new(job.threads)?.enter();
-    let mut work = job.open_work()?;
-    let outcome = run(&job, options, &mut work, progress);
-    match outcome {
-        Ok(report) => {
-            work.finish(options.job.keep_work)?;
-            Ok(TileReport { seconds: started.elapsed().as_secs_f64(), ..report })
-        }
-        Err(error) => {
-            work.note_failure(&error);
-            Err(error)
-        }
-    }
+    let report = job.run(|work| run(&job, options, work, progress))?;
+    Ok(TileReport { seconds: started.elapsed().as_secs_f64(), ..report })
 }
 
 fn run(
@@ -78,12 +62,8 @@ fn run(
     let Some(Kept { surface, geometry }) = texturing.into_kept() else {
         return Err(Error::Usage("`textures`: expected `bake`".into()));
     };
-    let mut images = TextureImages::find(&input.catalogue, &mut findings);
-    images.add_plain_colours(&input.catalogue);
-    let has_colour = !images.files.is_empty() || !images.plain.is_empty();
     let place = BakePlace { work, limits, progress };
-    let original = Original::open(surface, &images, &place, &mut findings)?;
-    mmap::release_freed_memory();
+    let original = Original::open(surface, &input.catalogue, &place, &mut findings)?;
 
     let triangles = original.surface.face_count();
     if triangles == 0 {
@@ -96,7 +76,7 @@ fn run(
         side: options.tile_side,
         format: options.image,
         error_factor: options.error_factor,
-        has_colour: has_colour || original.has_vertex_colours(),
+        has_colour: original.has_colour(),
     };
     let place = TilePlace { output: job.output, work, limits, progress };
     let pass_options = PassOptions {

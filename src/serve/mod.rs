@@ -23,6 +23,7 @@ use std::time::Duration;
 use self::request::{Request, RequestTarget};
 use crate::base::error::escape_path;
 use crate::base::{Error, Progress, Result};
+use crate::tile::TILESET;
 
 /// Connections at once; further ones wait.
 const CONNECTIONS_MAX: usize = 16;
@@ -54,8 +55,8 @@ impl TileServer {
     /// [`Error::Usage`] if the folder holds no tileset, or the port is taken.
     pub fn listen(folder: &Path, port: u16) -> Result<Self> {
         let shown = escape_path(folder);
-        if !folder.join("tileset.json").is_file() {
-            return Err(Error::Usage(format!("{shown}: holds no tileset.json, so there is nothing to look at")));
+        if !folder.join(TILESET).is_file() {
+            return Err(Error::Usage(format!("{shown}: holds no {TILESET}, so there is nothing to look at")));
         }
         let folder = folder.canonicalize().map_err(|error| Error::io(folder, "open", error))?;
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port));

@@ -57,15 +57,7 @@ impl SurfaceCells {
         place: &SurfacePlace<'_>,
     ) -> Result<Self> {
         let SurfacePlace { folder, name, limits, progress } = *place;
-        let options = PartitionOptions {
-            cluster_faces: CELL_FACES,
-            pass: 0,
-            weld: true,
-            drop_doubles: false,
-            drop_texcoords: false,
-            threads: limits.threads,
-            work_bytes: limits.work_bytes,
-        };
+        let options = PartitionOptions::as_read(CELL_FACES, limits);
         progress.begin("partition", 0, "");
         let partition = partition::partition(mesh, catalogue, folder, name, &options)?;
         progress.begin("prepare", partition.total_faces(), "faces");

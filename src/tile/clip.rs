@@ -15,6 +15,7 @@ use std::cmp::Ordering;
 use glam::{DVec2, DVec3};
 
 use super::tree::{ROOT, TileId, TileNode, TileTree};
+use crate::geometry::triangle::regularity;
 
 /// What an edge of a polygon lies on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -164,8 +165,8 @@ pub fn triangulate(corners: &[DVec3]) -> Vec<[usize; 3]> {
         let ear = |at: usize| [left[(at + count - 1) % count], left[at], left[(at + 1) % count]];
         let shape = |at: usize| {
             let rest: Vec<DVec3> = (1..count).map(|step| corners[left[(at + step) % count]]).collect();
-            let own = roundness(ear(at).map(|corner| corners[corner]));
-            let is_flat = rest.windows(2).skip(1).all(|side| roundness([rest[0], side[0], side[1]]) <= FLAT);
+            let own = regularity(ear(at).map(|corner| corners[corner]));
+            let is_flat = rest.windows(2).skip(1).all(|side| regularity([rest[0], side[0], side[1]]) <= FLAT);
             if is_flat { -1.0 } else { own }
         };
         let best = (0..count).fold((0, f64::NEG_INFINITY), |best, at| {
@@ -181,12 +182,8 @@ pub fn triangulate(corners: &[DVec3]) -> Vec<[usize; 3]> {
     triangles
 }
 
-/// Roundness up to which a triangle counts as flat.
+/// Regularity up to which a triangle counts as flat.
 const FLAT: f64 = 1e-9;
-
-fn roundness(corners: [DVec3; 3]) -> f64 {
-    crate::geometry::triangle::regularity(corners)
-}
 
 #[cfg(test)]
 mod tests {

@@ -11,6 +11,9 @@ use crate::base::id::TiVec;
 use crate::mesh::id::{FaceId, LocalVertex};
 use crate::model::id::ImageId;
 
+/// Triangles of a skirt for each edge of the border.
+pub const FACES_OF_STRIP: u64 = 2;
+
 /// The mesh of a tile.
 #[derive(Debug, Default)]
 pub struct TileMesh {
@@ -149,9 +152,9 @@ impl TileMesh {
         }
     }
 
-    /// Triangles, with two for each edge of the border.
+    /// Triangles, those of its skirt included.
     pub fn faces_with_skirt(&self) -> u64 {
-        self.faces.len() as u64 + 2 * self.border.len() as u64
+        self.faces.len() as u64 + FACES_OF_STRIP * self.border.len() as u64
     }
 
     /// Adds a face without area whose first edge is a line.

@@ -37,7 +37,7 @@ mod triangles;
 
 pub use self::chain::{Chain, Level, PassMesh, last_faces, pass_count};
 pub use self::check::{LevelCheck, TilesetCheck, check_tileset};
-pub use self::run::{LevelFigures, Pyramid, refuse_filled_folder};
+pub use self::run::{LevelFigures, Pyramid};
 pub use self::scene::TileScene;
 pub use self::settings::{TilePlace, TileSettings};
 pub use self::tileset::TILESET;

@@ -6,6 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::clip::{ClipCorner, ClipEdge, Clipper, TakeParts};
+use super::mesh::FACES_OF_STRIP;
 use super::tree::{ROOT, TileId, TileLimits, TileTree};
 use super::triangles::LevelTriangles;
 use crate::base::id::TiVec;
@@ -31,9 +32,6 @@ impl NodeCount {
         self.texels += other.texels;
     }
 }
-
-/// Triangles of a skirt for each edge.
-const FACES_OF_SKIRT: u64 = 2;
 
 /// The tiles of a level.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -103,7 +101,7 @@ impl LevelTiles {
     ) -> Self {
         let fits = |node: TileId| {
             let count = &counts[node];
-            count.faces + FACES_OF_SKIRT * count.border_edges <= limits.faces
+            count.faces + FACES_OF_STRIP * count.border_edges <= limits.faces
                 && count.texels <= limits.texels
                 && !is_too_large[node]
         };

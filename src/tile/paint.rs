@@ -114,17 +114,10 @@ impl BareTile<'_> {
                 texcoords.push((face, corners.map(|(_, at)| DVec2::new(at.x, 1.0 - at.y).as_vec2().to_array())));
             }
         }
-        let content = builder.finish(Some((bytes, media_type(format))));
+        let content = builder.finish(Some((bytes, format.media_type())));
         let texels = image.size.map(|side| side as u64).iter().product();
         let charts = unwrapped.charts.len() as u64;
         Ok(PaintedTile { content, texels, painted: image.painted, charts, image: Some(image), texcoords })
-    }
-}
-
-fn media_type(format: ImageFormat) -> &'static str {
-    match format {
-        ImageFormat::Png => "image/png",
-        ImageFormat::Jpeg(_) => "image/jpeg",
     }
 }
 

@@ -22,7 +22,6 @@ use super::tileset::{ListedLevel, ListedTile, TilesetDocument, tile_name};
 use super::tree::{TileId, TileTree};
 use super::triangles::LevelTriangles;
 use crate::bake::{Original, PAINTER_BYTES, PatchBaker, PatchSettings, SURFACE};
-use crate::base::error::escape_path;
 use crate::base::id::TiVec;
 use crate::base::lock::lock;
 use crate::base::ordered::map_in_order;
@@ -51,9 +50,9 @@ pub struct TileRecord {
     pub faces: u64,
     /// Texels of its image.
     pub texels: u64,
-    /// Texels that charts cover, and those of them without colour.
+    /// Texels that charts cover.
     pub covered: u64,
-    /// Texels without colour.
+    /// Those of them without colour.
     pub colourless: u64,
     /// Charts.
     pub charts: u64,
@@ -190,9 +189,7 @@ impl Pyramid<'_> {
 
     fn tree(&self) -> Result<TileTree> {
         let step = Step::new(TileStep::Tree.key()).from([SURFACE]);
-        self.place.work.once(step, &(), || {
-            TileTree::plant(&self.original.surface, self.scene, self.scene.texel, &self.settings.limits())
-        })
+        self.place.work.once(step, &(), || TileTree::plant(&self.original.surface, self.scene, &self.settings.limits()))
     }
 
     fn surface<'s>(&'s self, level: &'s Level) -> &'s SurfaceCells {
@@ -300,6 +297,7 @@ impl Pyramid<'_> {
         let crew = TileCrew::new(self, original.as_ref().unwrap_or(self.original), levels, number);
         let permits = Permits::new(limits.work_bytes.saturating_sub(limits.threads as u64 * PAINTER_BYTES));
         let texels = u64::from(self.settings.side) * u64::from(self.settings.side);
+        let is_last = number as usize + 1 == levels.len();
         let make = |index: usize| {
             let node = nodes[index];
             if let Some(record) = known[index] {
@@ -310,7 +308,7 @@ impl Pyramid<'_> {
             let mesh = self.load(&cut.triangles, index, number)?;
             let painted = crew.make(&mesh)?;
             let place = RawPlace { work, node, index, scene: self.scene, level: number };
-            let raw = RawTile::keep(&mesh, &painted, &place)?;
+            let raw = if is_last { None } else { RawTile::keep(&mesh, &painted, &place)? };
             let record = self.write_tile(node, &painted, &output.join(tile_name(number, node)))?;
             let key = TileStep::Tile { level: number, tile: node }.key();
             let step = Step::new(key).from([TileStep::Cut { level: number }.key()]).of_size(record.faces);
@@ -457,19 +455,5 @@ impl<'a> TileCrew<'a> {
             return Ok(painted);
         }
         tile.paint(&self.baker, settings.format)
-    }
-}
-
-/// Refuses a folder that holds anything, unless a job of ours was writing it.
-///
-/// # Errors
-/// [`Error::Usage`].
-pub fn refuse_filled_folder(output: &Path, may_hold_tiles: bool) -> Result<()> {
-    let refused = |words: String| Err(Error::Usage(format!("{}: {words}", escape_path(output))));
-    match std::fs::read_dir(output).map(|mut entries| entries.next().is_none()) {
-        Ok(is_empty) if is_empty || may_hold_tiles => Ok(()),
-        Ok(_) => refused("holds files; choose a new or empty folder, or `force`".into()),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(()),
-        Err(error) => refused(format!("the output is a folder for tiles: {error}")),
     }
 }

@@ -6,6 +6,7 @@
 //! 7/0.glb, 4/12.glb     level / node
 //! ```
 //! A file has [`LEVELS_OF_FILE`] levels, so that a viewer reads of a large pyramid what it shows.
+//!
 //! # Source
 //! Open Geospatial Consortium, 3D Tiles 1.1 (22-025r4).
 

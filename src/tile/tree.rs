@@ -74,11 +74,12 @@ pub struct TileLimits {
 }
 
 impl TileTree {
-    /// Plants the tree for a surface; `texel` is the length of its texels.
+    /// Plants the tree for the surface of the input.
     ///
     /// # Errors
     /// On failed reads.
-    pub fn plant(surface: &SurfaceCells, scene: &TileScene, texel: f64, limits: &TileLimits) -> Result<Self> {
+    pub fn plant(surface: &SurfaceCells, scene: &TileScene, limits: &TileLimits) -> Result<Self> {
+        let texel = scene.texel;
         let share = |area: f64| (1.0 / limits.faces as f64).max(area / (texel * texel * limits.texels));
         // Each triangle takes at most the sum of both shares.
         let tiles =

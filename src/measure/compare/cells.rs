@@ -81,15 +81,7 @@ impl ReadMesh {
         };
         let work = WorkFolder::open(folder, &manifest, Resume::Again)?;
         let Scan { mesh, catalogue, findings, .. } = read::scan(&inputs, work.path(), &resources.scan, progress)?;
-        let options = PartitionOptions {
-            cluster_faces: cell_faces,
-            pass: 0,
-            weld: true,
-            drop_doubles: false,
-            drop_texcoords: false,
-            threads: resources.threads,
-            work_bytes: resources.work_bytes,
-        };
+        let options = PartitionOptions::as_read(cell_faces, resources.limits());
         progress.begin("partition", 0, "");
         let partition = partition::partition(&mesh, &catalogue, work.path(), "pass-0", &options)?;
         Ok(Self { work, mesh, catalogue, findings, partition })

@@ -81,8 +81,9 @@ pub struct LevelCheck {
 pub fn check_tileset(folder: &Path, progress: &dyn Progress) -> Result<TilesetCheck> {
     let path = folder.join(TILESET);
     if !is_file(&path).unwrap_or(false) {
-        let words = "holds no tileset.json; one that is being written has it at the end";
-        return Err(Error::Usage(format!("{}: {words}", escape_path(folder))));
+        let shown = escape_path(folder);
+        let words = format!("{shown}: holds no {TILESET}; one that is being written has it at the end");
+        return Err(Error::Usage(words));
     }
     let mut check = Checking {
         folder,
