@@ -7,12 +7,10 @@ use glam::{DVec3, IVec3};
 
 use super::cut::TileTriangle;
 use super::lattice::Lattice;
+use super::settings::FACES_OF_STRIP;
 use crate::base::id::TiVec;
 use crate::mesh::id::{FaceId, LocalVertex};
 use crate::model::id::ImageId;
-
-/// Triangles of a skirt for each edge of the border.
-pub const FACES_OF_STRIP: u64 = 2;
 
 /// The mesh of a tile.
 #[derive(Debug, Default)]

@@ -6,7 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::clip::{ClipCorner, ClipEdge, Clipper, TakeParts};
-use super::mesh::FACES_OF_STRIP;
+use super::settings::FACES_OF_STRIP;
 use super::tree::{ROOT, TileId, TileLimits, TileTree};
 use super::triangles::LevelTriangles;
 use crate::base::id::TiVec;

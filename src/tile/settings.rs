@@ -10,6 +10,9 @@ use crate::model::image_format::ImageFormat;
 /// Share of an image that charts are taken to fill, when tiles are chosen.
 const FILL: f64 = 0.5;
 
+/// Triangles of a skirt for each edge of the border of a tile.
+pub const FACES_OF_STRIP: u64 = 2;
+
 /// How tiles are made.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TileSettings {
