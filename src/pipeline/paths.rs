@@ -1,7 +1,6 @@
 //! Refuses outputs that cannot be written, or that conflict with the input or the work folder.
 
 use std::ffi::OsStr;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use crate::base::error::escape_path;
@@ -72,7 +71,7 @@ pub(super) fn refuse(
     Ok(())
 }
 
-fn refused(path: &Path, words: &str) -> Error {
+pub(super) fn refused(path: &Path, words: &str) -> Error {
     Error::Usage(format!("{}: {words}", escape_path(path)))
 }
 
@@ -96,16 +95,6 @@ fn refuse_file(output: &Path, name: &OsStr, textures: TextureFiles) -> Result<()
         return Err(refused(output, "is there already, and no regular file"));
     }
     Ok(())
-}
-
-/// Refuses a folder that holds anything, unless it may hold tiles.
-pub(super) fn refuse_filled_folder(output: &Path, may_hold_tiles: bool) -> Result<()> {
-    match std::fs::read_dir(output).map(|mut entries| entries.next().is_none()) {
-        Ok(is_empty) if is_empty || may_hold_tiles => Ok(()),
-        Ok(_) => Err(refused(output, "holds files; choose a new or empty folder, or `force`")),
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
-        Err(error) => Err(refused(output, &format!("the output is a folder for tiles: {error}"))),
-    }
 }
 
 /// Checks, before the work is done, that the output can be written, and refuses to replace an existing one.

@@ -12,7 +12,7 @@ use glam::{DMat4, DVec3};
 
 use super::admission::Admission;
 use super::input;
-use super::paths::{OutputKind, refuse_filled_folder};
+use super::paths::{OutputKind, refused};
 use super::preflight::Preflight;
 use super::texturing::{Kept, Texturing};
 use crate::bake::{BakePlace, Original};
@@ -97,6 +97,16 @@ fn run(
         peak_resident: system::peak_resident_bytes(),
         warnings: findings.warnings(),
     })
+}
+
+/// Refuses a folder that holds anything, unless it may hold tiles.
+fn refuse_filled_folder(output: &Path, may_hold_tiles: bool) -> Result<()> {
+    match std::fs::read_dir(output).map(|mut entries| entries.next().is_none()) {
+        Ok(is_empty) if is_empty || may_hold_tiles => Ok(()),
+        Ok(_) => Err(refused(output, "holds files; choose a new or empty folder, or `force`")),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+        Err(error) => Err(refused(output, &format!("the output is a folder for tiles: {error}"))),
+    }
 }
 
 /// Removes an older tileset: a folder that holds one is complete.
