@@ -37,6 +37,8 @@ pub mod os;
 #[doc(hidden)]
 pub mod geometry;
 #[doc(hidden)]
+pub mod geo;
+#[doc(hidden)]
 pub mod file;
 #[doc(hidden)]
 pub mod job;

@@ -58,6 +58,15 @@ pub fn parse_number(text: &str) -> Result<f64, String> {
     text.trim().parse().map_err(|_| "expected a number such as 0.7".to_owned())
 }
 
+/// Parses three numbers with commas between them.
+///
+/// # Errors
+/// A description of what is expected.
+pub fn parse_three(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|word| word.trim().parse().ok()).collect();
+    numbers.and_then(|numbers| numbers.try_into().ok()).ok_or_else(|| "expected three numbers such as 0,0,12.5".into())
+}
+
 /// Parses a non-negative integer.
 ///
 /// # Errors

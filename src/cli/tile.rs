@@ -10,7 +10,7 @@ use super::print::{print, print_json};
 use super::progress::{stoppable, tell};
 use super::stop::Goodbye;
 use crate::base::{Error, Result, quantity};
-use crate::options::{GeoOrigin, ImageFormat, TileOptions, UpAxis};
+use crate::options::{GeoPlace, ImageFormat, TileOptions, UpAxis};
 use crate::os::signals::StopSignal;
 use crate::pipeline;
 use crate::report;
@@ -63,7 +63,18 @@ pub struct TileFlags {
 
     /// Where on earth the input's (0, 0, 0) lies: degrees and metres above the ellipsoid; its x axis points east
     #[arg(long, value_name = "LONGITUDE,LATITUDE,HEIGHT", allow_hyphen_values = true)]
-    origin: Option<GeoOrigin>,
+    origin: Option<GeoPlace>,
+
+    /// Coordinate reference system of the input: an EPSG code such as EPSG:32650, or a PROJ string
+    ///
+    /// Each vertex is projected. x points east, y north; heights are above the ellipsoid, in the unit of the system
+    #[arg(long, value_name = "SYSTEM", allow_hyphen_values = true, conflicts_with = "origin")]
+    crs: Option<String>,
+
+    /// Added to the coordinates of the input before --crs is applied
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, requires = "crs")]
+    #[arg(value_parser = quantity::parse_three)]
+    offset: Option<[f64; 3]>,
 
     #[command(flatten)]
     job: JobFlags,
@@ -84,6 +95,8 @@ impl TileFlags {
             error_factor: flags.error_factor,
             up: flags.up,
             origin: flags.origin,
+            crs: flags.crs,
+            offset: flags.offset.unwrap_or_default(),
             limits: flags.job.limits(),
             job: flags.job.options(flags.force),
         }

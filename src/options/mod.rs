@@ -20,7 +20,7 @@ pub use self::choices::{
     Topology, UpAxis, Weld,
 };
 pub use self::target::{FaceTarget, Target};
-pub use self::tile::{GeoOrigin, TileOptions};
+pub use self::tile::{GeoPlace, TileOptions};
 pub use crate::model::image_format::ImageFormat;
 pub use crate::remesh::cvd::CvdSettings;
 

@@ -1,11 +1,10 @@
 //! Options of a pyramid of tiles.
 
-use std::str::FromStr;
-
 use serde::{Deserialize, Serialize};
 
 use super::{ImageFormat, JobOptions, Limits, SimplifyOptions, Target, TextureFiles, UpAxis};
 use crate::base::{Error, Result};
+pub use crate::geo::GeoPlace;
 
 /// Triangles of a tile at most, unless given, and the range that is accepted.
 const TILE_FACES: u64 = 16_000;
@@ -33,7 +32,11 @@ pub struct TileOptions {
     /// Which axis of the input points up.
     pub up: UpAxis,
     /// Where on earth the input's (0, 0, 0) lies; `None` for local coordinates.
-    pub origin: Option<GeoOrigin>,
+    pub origin: Option<GeoPlace>,
+    /// The coordinate reference system of the input, as an EPSG code or a PROJ string; `None` for local coordinates.
+    pub crs: Option<String>,
+    /// What is added to the coordinates of the input before the system is applied.
+    pub offset: [f64; 3],
     /// Memory and threads.
     #[serde(flatten)]
     pub limits: Limits,
@@ -51,37 +54,11 @@ impl Default for TileOptions {
             error_factor: ERROR_FACTOR,
             up: UpAxis::Z,
             origin: None,
+            crs: None,
+            offset: [0.0; 3],
             limits: Limits::default(),
             job: JobOptions::default(),
         }
-    }
-}
-
-/// A place on earth.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct GeoOrigin {
-    /// Degrees east.
-    pub longitude: f64,
-    /// Degrees north.
-    pub latitude: f64,
-    /// Metres above the ellipsoid.
-    pub height: f64,
-}
-
-impl FromStr for GeoOrigin {
-    type Err = String;
-
-    /// Reads `longitude,latitude` or `longitude,latitude,height`.
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let numbers: Option<Vec<f64>> = text.split(',').map(|word| word.trim().parse().ok()).collect();
-        let (longitude, latitude, height) = match numbers.as_deref() {
-            Some(&[longitude, latitude]) => (longitude, latitude, 0.0),
-            Some(&[longitude, latitude, height]) => (longitude, latitude, height),
-            _ => return Err("expected LONGITUDE,LATITUDE,HEIGHT in degrees and metres".into()),
-        };
-        let is_on_earth = longitude.abs() <= 180.0 && latitude.abs() <= 90.0 && f64::abs(height) <= 1e5;
-        let place = Self { longitude, latitude, height };
-        if is_on_earth { Ok(place) } else { Err("expected degrees within 180 and 90, and metres within 100000".into()) }
     }
 }
 
@@ -103,6 +80,15 @@ impl TileOptions {
         }
         if !(error_factor.is_finite() && *error_factor > 0.0) {
             return fail(format!("`error_factor: {error_factor}`: expected a number above 0"));
+        }
+        if self.crs.is_some() && self.origin.is_some() {
+            return fail("`origin` gives local coordinates their place, `crs` those of a map: give one of them".into());
+        }
+        if self.offset.iter().any(|offset| !offset.is_finite()) {
+            return fail("`offset`: expected three numbers".into());
+        }
+        if self.crs.is_none() && self.offset != [0.0; 3] {
+            return fail("`offset` is added to the coordinates of a `crs`".into());
         }
         Ok(())
     }

@@ -131,7 +131,10 @@ impl Reading<'_> {
     }
 
     fn scan(&self, work: &WorkFolder) -> Result<(Input, ResumePoint)> {
-        let scanned = read::scan(&self.job.inputs, work.path(), &self.scan, self.progress)?;
+        let scanned = match &self.job.mover {
+            Some(mover) => read::scan_moved(&self.job.inputs, work.path(), &self.scan, &**mover, self.progress)?,
+            None => read::scan(&self.job.inputs, work.path(), &self.scan, self.progress)?,
+        };
         let Scan { mesh, mut catalogue, triangles, findings, input_bytes, content_hashes, libraries } = scanned;
         catalogue.folders = self.folders();
         let textures = self.textures(&catalogue)?;

@@ -10,7 +10,7 @@ use crate::base::{Findings, MemoryBudget, Result};
 use crate::job::{InputFile, Manifest, WorkFolder, folder_bytes};
 use crate::options::{ResumeChoice, SimplifyOptions, TexturesOutside};
 use crate::plan::{memory, scratch};
-use crate::read::{InputChoice, find_inputs_and_idle};
+use crate::read::{InputChoice, MovePositions, find_inputs_and_idle};
 
 /// A job that may begin.
 pub(super) struct Preflight<'a> {
@@ -34,6 +34,8 @@ pub(super) struct Preflight<'a> {
     pub threads: usize,
     /// What identifies the job.
     pub manifest: Manifest,
+    /// Moves the positions of the input while they are read.
+    pub mover: Option<Box<dyn MovePositions>>,
 }
 
 impl<'a> Preflight<'a> {
@@ -72,7 +74,7 @@ impl<'a> Preflight<'a> {
             // The old job is removed only if the new one can begin.
             paths::refuse_existing(output, options.job.force)?;
         }
-        Ok(Self { began, options, choice, inputs, idle, output, work_path, budget, threads, manifest })
+        Ok(Self { began, options, choice, inputs, idle, output, work_path, budget, threads, manifest, mover: None })
     }
 
     /// Whether images outside of their MTL's folder come to the result, too, or are read for it.

@@ -5,7 +5,7 @@
 //! ```
 
 use std::io::ErrorKind;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use glam::{DMat4, DVec3};
@@ -16,13 +16,15 @@ use super::paths::{OutputKind, refused};
 use super::preflight::Preflight;
 use super::texturing::{Kept, Texturing};
 use crate::bake::{BakePlace, Original};
+use crate::base::error::escape;
 use crate::base::{Error, Progress, Result, WorkLimits};
+use crate::geo::{Crs, EarthFrame, GeoPlace, east_north_up};
 use crate::job::WorkFolder;
-use crate::options::{GeoOrigin, TileOptions, UpAxis};
+use crate::options::{TileOptions, UpAxis};
 use crate::os::durable::make_folders;
 use crate::os::system;
 use crate::passes::PassOptions;
-use crate::read::InputChoice;
+use crate::read::{InputChoice, MovePositions, typical_position};
 use crate::report::TileReport;
 use crate::tile::{Chain, Pyramid, TILESET, TilePlace, TileScene, TileSettings, last_faces, pass_count};
 
@@ -39,14 +41,18 @@ pub fn tile(
     let started = Instant::now();
     options.check()?;
     let simplify = options.simplify_options();
-    let job = Preflight::check_output(input.into(), output, &simplify, OutputKind::Folder, options.fingerprint())?;
-    let report = job.run(|work| run(&job, options, work, progress))?;
+    let mut job = Preflight::check_output(input.into(), output, &simplify, OutputKind::Folder, options.fingerprint())?;
+    let frame = earth_frame(options, &job.inputs)?;
+    let place = frame.as_ref().map(|frame| frame.origin).or(options.origin);
+    job.mover = frame.map(|frame| Box::new(frame) as Box<dyn MovePositions>);
+    let report = job.run(|work| run(&job, options, place, work, progress))?;
     Ok(TileReport { seconds: started.elapsed().as_secs_f64(), ..report })
 }
 
 fn run(
     job: &Preflight<'_>,
     options: &TileOptions,
+    on_earth: Option<GeoPlace>,
     work: &mut WorkFolder,
     progress: &dyn Progress,
 ) -> Result<TileReport> {
@@ -87,11 +93,12 @@ fn run(
     };
     let chain = Chain { original: &original, scene: &scene, settings: &settings, catalogue: &geometry, place: &place };
     let levels = chain.levels(start, &pass_options)?;
-    let transform = transform(options, scene.origin);
+    let transform = transform(options, on_earth, scene.origin);
     let pyramid = Pyramid { original: &original, scene: &scene, settings: &settings, transform, place };
     let levels = pyramid.build(&levels)?;
     Ok(TileReport {
         triangles: input.triangles,
+        origin: on_earth,
         levels,
         seconds: 0.0,
         peak_resident: system::peak_resident_bytes(),
@@ -118,54 +125,34 @@ fn forget_tileset(output: &Path) -> Result<()> {
     }
 }
 
-/// From the scene, whose z points up, to the world.
-fn transform(options: &TileOptions, scene_origin: DVec3) -> DMat4 {
-    let turned = match options.up {
+/// Coordinates of the input with z up.
+fn z_up(up: UpAxis) -> DMat4 {
+    match up {
         UpAxis::Z => DMat4::IDENTITY,
         UpAxis::Y => DMat4::from_rotation_x(std::f64::consts::FRAC_PI_2),
-    };
-    let placed = options.origin.map_or(DMat4::IDENTITY, east_north_up);
-    placed * turned * DMat4::from_translation(scene_origin)
+    }
 }
 
-/// From metres east, north and up of a place to earth-centred coordinates.
-///
-/// # Source
-/// NIMA TR8350.2, World Geodetic System 1984.
-fn east_north_up(place: GeoOrigin) -> DMat4 {
-    const RADIUS: f64 = 6_378_137.0;
-    const FLATTENING: f64 = 1.0 / 298.257_223_563;
-    let eccentricity_sq = FLATTENING * (2.0 - FLATTENING);
-    let (longitude, latitude) = (place.longitude.to_radians(), place.latitude.to_radians());
-    let (sin_lon, cos_lon) = (libm::sin(longitude), libm::cos(longitude));
-    let (sin_lat, cos_lat) = (libm::sin(latitude), libm::cos(latitude));
-    let up = DVec3::new(cos_lat * cos_lon, cos_lat * sin_lon, sin_lat);
-    let east = DVec3::new(-sin_lon, cos_lon, 0.0);
-    let north = up.cross(east);
-    let normal = RADIUS / (1.0 - eccentricity_sq * sin_lat * sin_lat).sqrt();
-    let flat = normal + place.height;
-    let middle = DVec3::new(
-        flat * cos_lat * cos_lon,
-        flat * cos_lat * sin_lon,
-        (normal * (1.0 - eccentricity_sq) + place.height) * sin_lat,
-    );
-    DMat4::from_cols(east.extend(0.0), north.extend(0.0), up.extend(0.0), middle.extend(1.0))
+/// From the scene to the world.
+fn transform(options: &TileOptions, place: Option<GeoPlace>, scene_origin: DVec3) -> DMat4 {
+    // A frame on earth has z up.
+    let turned = if options.crs.is_some() { DMat4::IDENTITY } else { z_up(options.up) };
+    place.map_or(DMat4::IDENTITY, east_north_up) * turned * DMat4::from_translation(scene_origin)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// The frame on earth that the input is read into; `None` for local coordinates.
+fn earth_frame(options: &TileOptions, inputs: &[PathBuf]) -> Result<Option<EarthFrame>> {
+    let Some(name) = &options.crs else { return Ok(None) };
+    let refused = |words: String| Error::Usage(format!("`crs: {}`: {words}", escape(name.as_bytes())));
+    let crs = Crs::parse(name).map_err(refused)?;
+    let to_crs = DMat4::from_translation(DVec3::from(options.offset)) * z_up(options.up);
+    // A mesh without vertices is refused by whoever reads it.
+    let Some(position) = typical_position(inputs)? else { return Ok(None) };
+    EarthFrame::at(crs, to_crs, position).map(Some).map_err(refused)
+}
 
-    #[test]
-    fn a_place_on_earth_is_where_the_formulas_say() {
-        let of = |longitude, latitude, height| east_north_up(GeoOrigin { longitude, latitude, height });
-        let at = |transform: DMat4| transform.transform_point3(DVec3::ZERO);
-        assert!((at(of(0.0, 0.0, 0.0)) - DVec3::new(6_378_137.0, 0.0, 0.0)).length() < 1e-6);
-        assert!((at(of(0.0, 90.0, 10.0)) - DVec3::new(0.0, 0.0, 6_356_762.314_245)).length() < 1e-3);
-        // PROJ 9: echo 118.9219 32.1038 20 | cct +proj=cart +ellps=WGS84
-        let nanjing = of(118.9219, 32.1038, 20.0);
-        let east = nanjing.transform_vector3(DVec3::X);
-        assert!(east.z == 0.0 && (east.length() - 1.0).abs() < 1e-12);
-        assert!(nanjing.transform_vector3(DVec3::Z).dot(at(nanjing)) > 6.3e6);
+impl MovePositions for EarthFrame {
+    fn moved(&self, position: DVec3) -> Option<DVec3> {
+        self.place(position)
     }
 }

@@ -5,6 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use super::builder::FinishedFile;
+use super::moved::{MovePositions, move_positions};
 use super::parts::Labels;
 use super::source::{Cutter, FileCommit, MeshSource, TEXT_BYTES_KEPT};
 use crate::base::ordered::map_in_order;
@@ -39,6 +40,8 @@ pub(super) struct FormatRun<'a> {
     pub(super) folder: &'a Path,
     /// Resources.
     pub(super) options: &'a ScanOptions,
+    /// Moves the positions.
+    pub(super) mover: Option<&'a dyn MovePositions>,
     /// Size of a chunk.
     pub(super) chunk_bytes: u64,
     /// Receives the progress in bytes.
@@ -65,7 +68,13 @@ impl FormatRun<'_> {
             in_flight,
             |(file_index, cut)| {
                 let (mut cut, mut parsed, mut text) = (cut?, buffers.take(), texts.take());
-                S::parse(&self.inputs[file_index], &mut cut.chunk, &mut parsed, &mut text)?;
+                let path = &self.inputs[file_index];
+                S::parse(path, &mut cut.chunk, &mut parsed, &mut text)?;
+                let records = S::records(&mut parsed);
+                if let Some(mover) = self.mover {
+                    move_positions(records, mover, path)?;
+                }
+                records.pack();
                 if text.capacity() <= TEXT_BYTES_KEPT {
                     texts.give_back(text);
                 }

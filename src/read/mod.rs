@@ -26,6 +26,7 @@ pub mod fingerprint;
 mod flow;
 mod inputs;
 mod line;
+mod moved;
 mod number;
 mod obj;
 mod parts;
@@ -48,6 +49,7 @@ use crate::model::{Catalogue, StoredMesh};
 pub use self::count::count;
 pub use self::flow::ScanOptions;
 pub use self::inputs::{InputChoice, find_inputs, find_inputs_and_idle};
+pub use self::moved::{MovePositions, typical_position};
 pub use self::source::{CHUNK_BYTES, Counts, MeshFormat};
 pub use self::texture_sample::{ShownTexture, TextureSample};
 pub use self::twins::note_twin_boxes;
@@ -83,13 +85,28 @@ pub struct Scan {
 /// [`Error::Budget`] if names and materials exceed their memory, [`Error::Io`] or [`Error::NoSpace`] if the system
 /// reports an error.
 pub fn scan(inputs: &[PathBuf], folder: &Path, options: &ScanOptions, progress: &dyn Progress) -> Result<Scan> {
-    scan_in_chunks(inputs, folder, options, progress, CHUNK_BYTES)
+    scan_in_chunks(inputs, folder, options, None, progress, CHUNK_BYTES)
+}
+
+/// As [`scan`], and moves each position.
+///
+/// # Errors
+/// Those of [`scan`]; [`Error::Input`] with the first position that has no other.
+pub fn scan_moved(
+    inputs: &[PathBuf],
+    folder: &Path,
+    options: &ScanOptions,
+    mover: &dyn MovePositions,
+    progress: &dyn Progress,
+) -> Result<Scan> {
+    scan_in_chunks(inputs, folder, options, Some(mover), progress, CHUNK_BYTES)
 }
 
 fn scan_in_chunks(
     inputs: &[PathBuf],
     folder: &Path,
     options: &ScanOptions,
+    mover: Option<&dyn MovePositions>,
     progress: &dyn Progress,
     chunk_bytes: u64,
 ) -> Result<Scan> {
@@ -103,7 +120,7 @@ fn scan_in_chunks(
     let (mut triangles, mut input_bytes, mut content_hashes, mut libraries) = (0, 0, Vec::new(), Vec::new());
     for (format, range) in MeshFormat::runs(inputs)? {
         let (first_index, inputs) = (range.start, &inputs[range]);
-        let run = FormatRun { inputs, first_index, folder, options, chunk_bytes, progress };
+        let run = FormatRun { inputs, first_index, folder, options, mover, chunk_bytes, progress };
         let keep = |file: builder::FinishedFile| {
             mesh.pieces.push(file.piece);
             triangles += file.triangles;

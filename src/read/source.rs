@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use super::builder::FinishedFile;
 use super::file::open_regular;
 use super::parts::Labels;
+use super::records::ParsedRecords;
 use super::texture_sample::{ChunkTexture, TextureSample};
 use crate::base::error::escape_path;
 use crate::base::{Error, Findings, Result};
@@ -44,6 +45,9 @@ pub(super) trait MeshSource: Sized + Send {
     /// # Errors
     /// If the chunk cannot be read or is faulty.
     fn parse(path: &Path, chunk: &mut Self::Chunk, parsed: &mut Self::Parsed, text: &mut Vec<u8>) -> Result<()>;
+
+    /// The records of what was parsed.
+    fn records(parsed: &mut Self::Parsed) -> &mut ParsedRecords;
 
     /// Counts the elements of a chunk, merges the box of its vertices into `bounds` and adds to `texture`; `text` is
     /// scratch space.

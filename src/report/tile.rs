@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use serde::Serialize;
 
 use crate::base::{bytes, grouped};
+use crate::geo::GeoPlace;
 pub use crate::tile::LevelFigures;
 
 /// Report of a pyramid.
@@ -12,6 +13,8 @@ pub use crate::tile::LevelFigures;
 pub struct TileReport {
     /// Triangles of the input.
     pub triangles: u64,
+    /// Where on earth the frame of the tiles lies; `None` for local coordinates.
+    pub origin: Option<GeoPlace>,
     /// The levels, the finest first.
     pub levels: Vec<LevelFigures>,
     /// Time in seconds.
@@ -45,6 +48,9 @@ impl TileReport {
             );
         }
         let sum = |of: fn(&LevelFigures) -> u64| self.levels.iter().map(of).sum::<u64>();
+        if let Some(GeoPlace { longitude, latitude, height }) = self.origin {
+            let _ = writeln!(text, "on earth at: {longitude:.6}, {latitude:.6}, {height:.1}");
+        }
         let _ = writeln!(text, "tiles: {}", sum(|level| level.tiles));
         let _ = writeln!(text, "bytes: {}", sum(|level| level.bytes));
         let _ = writeln!(text, "seconds: {:.1}", self.seconds);

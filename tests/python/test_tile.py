@@ -7,7 +7,9 @@ import subprocess
 
 import numpy as np
 import pymeshlab
+import pyproj
 import pytest
+import scipy.spatial
 import trimesh
 
 import objlib
@@ -107,3 +109,43 @@ def test_a_level_lies_within_its_texel_as_pymeshlab_measures(pyramid):
             # 99 % lie within p99, which is within a texel.
             assert found["RMS"] < 0.7 * p99 <= 0.7 * level["texel"], (level, found)
         assert level["geometric_error"] >= 16 * level["texel"] * 0.999
+
+
+AMERSFOORT = (
+    "+step +inv +proj=sterea +lat_0=52.15616055555555 +lon_0=5.38763888888889 +k=0.9999079 +x_0=155000 +y_0=463000"
+    " +ellps=bessel +step +proj=cart +ellps=bessel +step +proj=helmert +x=565.2369 +y=50.0087 +z=465.658"
+    " +rx=-0.406857 +ry=0.350733 +rz=-1.87035 +s=4.0812 +convention=position_vector"
+)
+LONG_ISLAND = (
+    "+step +proj=unitconvert +xy_in=us-ft +xy_out=m +z_in=us-ft +z_out=m +step +inv +proj=lcc +lat_0=40.1666666666667"
+    " +lon_0=-74 +lat_1=41.0333333333333 +lat_2=40.6666666666667 +x_0=300000 +y_0=0 +ellps=GRS80"
+    " +step +proj=cart +ellps=GRS80"
+)
+ZONE = "+step +inv +proj=utm +zone={} +ellps=WGS84 +step +proj=cart +ellps=WGS84"
+
+
+@pytest.mark.parametrize(
+    ("system", "offset", "steps"),
+    [
+        ("EPSG:32633", (0, 0, 0), ZONE.format(33)),
+        ("+proj=utm +zone=18 +datum=WGS84", (1000, -2e6, 40.5), ZONE.format(18)),
+        # US survey feet, heights too.
+        ("EPSG:2263", (550000, -4400000, 0), LONG_ISLAND),
+        # Another datum.
+        ("EPSG:28992", (-300000, -4100000, 0), AMERSFOORT),
+    ],
+)
+def test_a_map_lies_where_proj_says(drystone, tmp_path, system, offset, steps):
+    source = objlib.FIXTURES / "town" / "town.obj"
+    shift = ",".join(map(str, offset))
+    drystone("tile", source, "-o", tmp_path / "town", "--crs", system, "--offset", shift, "--quiet")
+    town = trimesh.load(source, process=False, force="mesh", skip_materials=True)
+    on_map = np.asarray(town.vertices)[np.unique(town.faces)] + offset
+    expected = np.column_stack(pyproj.Transformer.from_pipeline("+proj=pipeline " + steps).transform(*on_map.T))
+    transform = json.loads((tmp_path / "town" / "tileset.json").read_text())["root"]["transform"]
+    transform = np.array(transform).reshape(4, 4).T
+    # The first triangles are those of the surface: each vertex of the input is one of it.
+    local = surface_of(tmp_path / "town", 0).reshape(-1, 3) - transform[:3, 3]
+    found = local @ transform[:3, :3].T + transform[:3, 3]
+    away, _ = scipy.spatial.cKDTree(found).query(expected)
+    assert away.max() < 0.02, (away.max(), np.median(away))

@@ -24,6 +24,7 @@ use self::statements::BYTE_ORDER_MARK;
 use crate::base::Result;
 use crate::file::packed::RecordBounds;
 use crate::read::line::count_line_ends;
+use crate::read::records::ParsedRecords;
 use crate::read::source::{Counts, Cut, KEPT_BYTES_MAX, MeshSource};
 use crate::read::texture_sample::{ChunkTexture, TextureSample};
 
@@ -52,11 +53,12 @@ impl MeshSource for ObjSource {
         }
         let is_marked = chunk.start == 0 && text.starts_with(BYTE_ORDER_MARK);
         let skipped = if is_marked { BYTE_ORDER_MARK.len() } else { 0 };
-        match statements::parse(&text[skipped..], parsed) {
-            Ok(()) => parsed.records.pack(),
-            Err(fault) => parsed.fault = Some(fault),
-        }
+        parsed.fault = statements::parse(&text[skipped..], parsed).err();
         Ok(())
+    }
+
+    fn records(parsed: &mut ParsedChunk) -> &mut ParsedRecords {
+        &mut parsed.records
     }
 
     fn count(

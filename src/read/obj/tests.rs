@@ -50,7 +50,7 @@ fn scan_files(files: &[(&str, &[u8])], chunk_bytes: u64, threads: usize) -> Resu
     let work = folder.path().join("work");
     fs::create_dir(&work).unwrap();
     let options = ScanOptions { threads, chunks_in_flight: threads + 1, ..Default::default() };
-    let scan = scan_in_chunks(&inputs, &work, &options, &Silent, chunk_bytes)?;
+    let scan = scan_in_chunks(&inputs, &work, &options, None, &Silent, chunk_bytes)?;
     let (mut positions, mut texcoords, mut colours, mut faces) = (vec![], vec![], None::<Vec<_>>, vec![]);
     for piece in &scan.mesh.pieces {
         positions.extend_from_slice(&piece.positions.window(0..piece.positions.len())?);

@@ -25,7 +25,7 @@ use self::cut::PlyChunk;
 use self::parse::PlyRecords;
 use crate::base::Result;
 use crate::file::packed::RecordBounds;
-use crate::read::records::LabelKind;
+use crate::read::records::{LabelKind, ParsedRecords};
 use crate::read::source::{CHUNK_BYTES, Counts, Cut, KEPT_BYTES_MAX, MeshSource};
 use crate::read::texture_sample::{ChunkTexture, TextureSample};
 
@@ -46,6 +46,10 @@ impl MeshSource for PlySource {
 
     fn parse(path: &Path, chunk: &mut PlyChunk, parsed: &mut PlyRecords, _: &mut Vec<u8>) -> Result<()> {
         parse::parse(path, chunk, parsed)
+    }
+
+    fn records(parsed: &mut PlyRecords) -> &mut ParsedRecords {
+        &mut parsed.records
     }
 
     fn count(

@@ -42,7 +42,6 @@ pub(super) fn parse(path: &Path, chunk: &mut PlyChunk, parsed: &mut PlyRecords) 
         Encoding::Little => parse_with(BinaryFields::<false>::new(&bytes, chunk.offset), path, chunk, parsed)?,
         Encoding::Big => parse_with(BinaryFields::<true>::new(&bytes, chunk.offset), path, chunk, parsed)?,
     }
-    parsed.records.pack();
     Ok(())
 }
 

@@ -27,7 +27,7 @@ fn scan_bytes(bytes: &[u8], chunk_bytes: u64, threads: usize) -> Result<Records>
     let path = folder.path().join("a.ply");
     fs::write(&path, bytes).unwrap();
     let options = ScanOptions { threads, chunks_in_flight: threads + 1, ..Default::default() };
-    records(scan_in_chunks(&[path], folder.path(), &options, &Silent, chunk_bytes)?)
+    records(scan_in_chunks(&[path], folder.path(), &options, None, &Silent, chunk_bytes)?)
 }
 
 fn records(scan: Scan) -> Result<Records> {
