@@ -75,6 +75,11 @@ impl<'a> ClosestPlaces<'a> {
         self.of_block = 0;
     }
 
+    /// Closes all cells, which frees the memory that they are mapped to.
+    pub fn close(&mut self) {
+        self.views.clear();
+    }
+
     /// The next groups lie in a box.
     pub fn begin_block(&mut self, bounds: Bounds) {
         self.order[..self.of_block].copy_from_slice(&self.patch_order[..self.of_block]);

@@ -28,6 +28,7 @@ mod painters;
 mod patch;
 mod points;
 mod prism;
+mod probe;
 mod raster;
 mod run;
 mod settings;
@@ -40,6 +41,7 @@ pub use self::original::{Original, OriginalSurface, TEXELS_OF_FACE, TexelSource}
 pub use self::paint::{Painted, PatchSurface};
 pub use self::painters::PAINTER_BYTES;
 pub use self::patch::{PaintedImage, PatchBaker, PatchSettings};
+pub use self::probe::{ColourProbe, ProbedSquare};
 pub use self::run::{BakeSize, Baked, BakedFigures, Unbaked, bake, image_bytes, patch_faces};
 pub use self::settings::{BakePlace, BakeSettings};
 pub use self::steps::{BakeStep, SURFACE};

@@ -225,7 +225,7 @@ fn samples_of(pattern: &[Vec2], owner: u32) -> &[Vec2] {
 
 /// The colour at a place of a triangle.
 #[inline]
-fn colour_of(reader: &mut TexelReader<'_>, shown: &Shown, weights: [f32; 3]) -> Result<Option<Vec3>> {
+pub(super) fn colour_of(reader: &mut TexelReader<'_>, shown: &Shown, weights: [f32; 3]) -> Result<Option<Vec3>> {
     match shown {
         Shown::Image(image, texcoords, beyond) => reader.colour(*image, mixed(texcoords, weights), *beyond),
         Shown::Plain(colour) => Ok(Some(*colour)),

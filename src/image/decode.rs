@@ -44,6 +44,15 @@ pub struct Image {
 }
 
 impl Image {
+    /// Decodes an image of this program's own making.
+    ///
+    /// # Errors
+    /// A message, if the bytes are damaged.
+    pub fn of_bytes(bytes: &[u8]) -> Result<Self, String> {
+        let image = image::load_from_memory(bytes).map_err(|e| e.to_string())?.into_rgb8();
+        Ok(Self { width: image.width() as usize, height: image.height() as usize, pixels: image.into_raw() })
+    }
+
     /// Width and height in pixels.
     pub fn size(&self) -> [usize; 2] {
         [self.width, self.height]

@@ -29,18 +29,19 @@ impl TileReport {
     /// The levels as a table, and sums.
     pub fn table(&self) -> String {
         let mut text = String::from(
-            "level   tiles   triangles   most   megatexels  fill     texel  deviation      error       bytes\n",
+            "level   tiles   triangles   most   megatexels  fill  colour     texel  deviation      error       bytes\n",
         );
         for level in self.levels.iter().rev() {
             let _ = writeln!(
                 text,
-                "{:5} {:>7} {:>11} {:>6} {:>12.2} {:>5.2} {:>9.4} {:>10.4} {:>10.3} {:>11}",
+                "{:5} {:>7} {:>11} {:>6} {:>12.2} {:>5.2} {:>7.2} {:>9.4} {:>10.4} {:>10.3} {:>11}",
                 level.level,
                 grouped(level.tiles),
                 grouped(level.faces),
                 grouped(level.faces_max),
                 level.texels as f64 / 1e6,
                 level.fill,
+                level.colour_rms,
                 level.texel,
                 level.to_input_p99.max(level.from_input_p99),
                 level.geometric_error,
@@ -52,6 +53,10 @@ impl TileReport {
             let _ = writeln!(text, "on earth at: {longitude:.6}, {latitude:.6}, {height:.1}");
         }
         let _ = writeln!(text, "tiles: {}", sum(|level| level.tiles));
+        match sum(|level| level.reduced) {
+            0 => {}
+            reduced => drop(writeln!(text, "tiles with longer texels, to fit an image: {reduced}")),
+        }
         let _ = writeln!(text, "bytes: {}", sum(|level| level.bytes));
         let _ = writeln!(text, "seconds: {:.1}", self.seconds);
         let _ = writeln!(text, "peak memory: {}", bytes::display(self.peak_resident));

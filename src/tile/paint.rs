@@ -34,6 +34,8 @@ pub struct PaintedTile {
     pub painted: Painted,
     /// Charts.
     pub charts: u64,
+    /// Whether its texels are longer than those of the level.
+    pub is_reduced: bool,
     /// Its image; `None` for a tile without texture.
     pub image: Option<PaintedImage>,
     /// Texture coordinates, with (0, 0) at the lower left, of the faces of the mesh that have some.
@@ -63,6 +65,7 @@ impl BareTile<'_> {
             texels: 0,
             painted: Painted::default(),
             charts: 0,
+            is_reduced: false,
             image: None,
             texcoords: Vec::new(),
         }
@@ -76,12 +79,12 @@ impl BareTile<'_> {
         let Self { mesh, lattice, scene_origin, .. } = *self;
         let triangles = Triangles { positions: &mesh.positions, vertices: &mesh.faces };
         let patch = PatchSurface { triangles, origin: scene_origin + lattice.position(mesh.middle) };
-        let unwrapped = in_one_image(baker, &patch)?;
+        let (unwrapped, coarser) = in_one_image(baker, &patch)?;
         if unwrapped.images.is_empty() {
             return Ok(self.plain());
         }
         let image = baker.paint(&patch, &unwrapped, 0)?;
-        self.with_image(&unwrapped, image, format)
+        Ok(PaintedTile { is_reduced: coarser > 1.0, ..self.with_image(&unwrapped, image, format)? })
     }
 
     /// Copies the texels of the original.
@@ -117,12 +120,20 @@ impl BareTile<'_> {
         let content = builder.finish(Some((bytes, format.media_type())));
         let texels = image.size.map(|side| side as u64).iter().product();
         let charts = unwrapped.charts.len() as u64;
-        Ok(PaintedTile { content, texels, painted: image.painted, charts, image: Some(image), texcoords })
+        Ok(PaintedTile {
+            content,
+            texels,
+            painted: image.painted,
+            charts,
+            is_reduced: false,
+            image: Some(image),
+            texcoords,
+        })
     }
 }
 
-/// Unwraps a patch into one image, with longer texels if it has to be.
-fn in_one_image(baker: &PatchBaker<'_>, patch: &PatchSurface<'_>) -> Result<Unwrapped> {
+/// Unwraps a patch into one image, with longer texels if it has to be: returns by how much, too.
+fn in_one_image(baker: &PatchBaker<'_>, patch: &PatchSurface<'_>) -> Result<(Unwrapped, f64)> {
     let mut coarser = 1.0;
     let mut unwrapped = baker.unwrap(patch, coarser)?;
     for _ in 0..TRIES_MAX {
@@ -132,7 +143,7 @@ fn in_one_image(baker: &PatchBaker<'_>, patch: &PatchSurface<'_>) -> Result<Unwr
         coarser *= COARSER;
         unwrapped = baker.unwrap(patch, coarser)?;
     }
-    Ok(unwrapped)
+    Ok((unwrapped, coarser))
 }
 
 /// Numbers the vertices of a tile: one for each vertex of the mesh and chart, and those of the skirt.

@@ -7,9 +7,11 @@ use glam::DMat4;
 use serde::{Deserialize, Serialize};
 
 use super::chain::Level;
+use super::colours::{ColourError, ColourMeter};
 use super::copy::{CopiedCharts, Uncopied};
 use super::cut::{CutLevel, cut};
 use super::deviation::TilePlan;
+use super::figures::{LevelFigures, TileRecord};
 use super::mesh::TileMesh;
 use super::node_counts::{LevelTiles, count};
 use super::paint::{BareTile, PaintedTile};
@@ -26,7 +28,6 @@ use crate::base::id::TiVec;
 use crate::base::lock::lock;
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Permits, Result};
-use crate::geometry::boxtree::Bounds;
 use crate::image::stored::TexelReader;
 use crate::job::{Recalled, Step};
 use crate::os::content::Content;
@@ -38,69 +39,6 @@ const SKIRT_TEXELS: f64 = 2.0;
 /// Memory of a triangle of a tile while it is made, in bytes, and of a texel.
 const FACE_BYTES: u64 = 700;
 const TEXEL_BYTES: u64 = 8;
-
-/// What was written of a tile.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct TileRecord {
-    /// Its node.
-    pub node: TileId,
-    /// The smallest box around it, relative to the origin of the scene.
-    pub bounds: Bounds,
-    /// Triangles, those of the skirt included.
-    pub faces: u64,
-    /// Texels of its image.
-    pub texels: u64,
-    /// Texels that charts cover.
-    pub covered: u64,
-    /// Those of them without colour.
-    pub colourless: u64,
-    /// Charts.
-    pub charts: u64,
-    /// The file.
-    pub content: Content,
-}
-
-impl TileRecord {
-    /// Whether nothing is left of the tile on the lattice of its level; it has no file then.
-    fn is_empty(&self) -> bool {
-        self.faces == 0
-    }
-}
-
-/// What was built of a level.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
-pub struct LevelFigures {
-    /// Number of the level; 0 is the finest.
-    pub level: u32,
-    /// Tiles.
-    pub tiles: u64,
-    /// Triangles of its mesh.
-    pub mesh_faces: u64,
-    /// Triangles of its tiles, with those that cuts add and those of the skirts.
-    pub faces: u64,
-    /// Most triangles of a tile.
-    pub faces_max: u64,
-    /// Texels of all images.
-    pub texels: u64,
-    /// Most texels of an image.
-    pub texels_max: u64,
-    /// Share of the images that charts cover.
-    pub fill: f64,
-    /// Texels without colour.
-    pub colourless: u64,
-    /// Charts.
-    pub charts: u64,
-    /// Length of a texel's side, in the mesh's unit of length.
-    pub texel: f64,
-    /// Distance within which 99 % of the level lies from the input, in the same unit.
-    pub to_input_p99: f64,
-    /// Distance within which 99 % of the input lies from the level.
-    pub from_input_p99: f64,
-    /// Geometric error.
-    pub geometric_error: f64,
-    /// Bytes of the files.
-    pub bytes: u64,
-}
 
 /// A pyramid under way.
 pub struct Pyramid<'a> {
@@ -145,15 +83,6 @@ impl Recalled for TileTree {
     }
 }
 
-impl Recalled for TileRecord {
-    /// The file that it should be.
-    type Context<'a> = &'a Path;
-
-    fn is_sound(&self, path: &&Path) -> bool {
-        self.is_empty() || Content::of(path).is_ok_and(|content| content == self.content)
-    }
-}
-
 impl Pyramid<'_> {
     /// Cuts the levels into tiles, writes these and at last the tileset.
     ///
@@ -171,7 +100,9 @@ impl Pyramid<'_> {
             let errors: Vec<f64> = cut.deviations.iter().map(|&deviation| self.error_of(number, deviation)).collect();
             let coarsest = figures.last().map_or(0.0, |below| below.geometric_error);
             let error = errors.iter().copied().fold(coarsest, f64::max);
-            figures.push(self.figures(level, number, &tiles.records, error));
+            let texel = self.scene.texel_of(number);
+            let own = LevelFigures { level: number, texel, geometric_error: error, ..LevelFigures::default() };
+            figures.push(own.of_tiles(&level.mesh, &tiles.records));
             let listed_tile =
                 |(record, error): (&TileRecord, f64)| ListedTile { node: record.node, bounds: record.bounds, error };
             let files = tiles.records.iter().zip(errors).filter(|(record, _)| !record.is_empty());
@@ -309,7 +240,10 @@ impl Pyramid<'_> {
             let painted = crew.make(&mesh)?;
             let place = RawPlace { work, node, index, scene: self.scene, level: number };
             let raw = if is_last { None } else { RawTile::keep(&mesh, &painted, &place)? };
-            let record = self.write_tile(node, &painted, &output.join(tile_name(number, node)))?;
+            let record = TileRecord {
+                colours: crew.measure(&mesh, &painted)?,
+                ..self.write_tile(node, &painted, &output.join(tile_name(number, node)))?
+            };
             let key = TileStep::Tile { level: number, tile: node }.key();
             let step = Step::new(key).from([TileStep::Cut { level: number }.key()]).of_size(record.faces);
             work.keep(step.that_outlasts(), [], &record)?;
@@ -355,6 +289,8 @@ impl Pyramid<'_> {
             covered: tile.painted.covered,
             colourless: tile.painted.colourless,
             charts: tile.charts,
+            is_reduced: tile.is_reduced,
+            colours: ColourError::default(),
             content: Content::of_bytes(&bytes),
         })
     }
@@ -370,28 +306,6 @@ impl Pyramid<'_> {
     /// Geometric error of a tile by itself.
     fn error_of(&self, number: u32, deviation: f64) -> f64 {
         if number == 0 { 0.0 } else { self.settings.error_factor * self.scene.texel_of(number).max(deviation) }
-    }
-
-    fn figures(&self, level: &Level, number: u32, records: &[TileRecord], error: f64) -> LevelFigures {
-        let sum = |of: fn(&TileRecord) -> u64| records.iter().map(of).sum::<u64>();
-        let most = |of: fn(&TileRecord) -> u64| records.iter().map(of).max().unwrap_or(0);
-        LevelFigures {
-            level: number,
-            tiles: records.iter().filter(|record| !record.is_empty()).count() as u64,
-            mesh_faces: level.mesh.faces,
-            faces: sum(|tile| tile.faces),
-            faces_max: most(|tile| tile.faces),
-            texels: sum(|tile| tile.texels),
-            texels_max: most(|tile| tile.texels),
-            fill: sum(|tile| tile.covered) as f64 / sum(|tile| tile.texels).max(1) as f64,
-            colourless: sum(|tile| tile.colourless),
-            charts: sum(|tile| tile.charts),
-            texel: self.scene.texel_of(number),
-            to_input_p99: level.mesh.to_input.p99,
-            from_input_p99: level.mesh.from_input.p99,
-            geometric_error: error,
-            bytes: sum(|tile| if tile.is_empty() { 0 } else { tile.content.bytes }),
-        }
     }
 }
 
@@ -410,6 +324,7 @@ struct TileCrew<'a> {
     copies: bool,
     baker: PatchBaker<'a>,
     readers: Mutex<Vec<TexelReader<'a>>>,
+    meter: ColourMeter<'a>,
 }
 
 impl<'a> TileCrew<'a> {
@@ -434,7 +349,14 @@ impl<'a> TileCrew<'a> {
             others: others.collect(),
         };
         let baker = PatchBaker::new(original, &settings, progress);
-        Self { pyramid, original, skirt, copies: number == 0, baker, readers: Mutex::default() }
+        let meter = ColourMeter::new(pyramid.original, texel, settings.away);
+        Self { pyramid, original, skirt, copies: number == 0, baker, readers: Mutex::default(), meter }
+    }
+
+    /// How far the colours of a tile are from those of the input.
+    fn measure(&self, mesh: &TileMesh, tile: &PaintedTile) -> Result<ColourError> {
+        let SkirtShape { lattice, scene_origin, .. } = self.skirt;
+        self.meter.measure(mesh, scene_origin + lattice.position(mesh.middle), tile)
     }
 
     fn make(&self, mesh: &TileMesh) -> Result<PaintedTile> {
@@ -445,15 +367,19 @@ impl<'a> TileCrew<'a> {
         if !settings.has_colour {
             return Ok(tile.plain());
         }
-        if self.copies
-            && let Ok(charts) = CopiedCharts::new(mesh, self.original, settings.side)
-        {
-            let reader = lock(&self.readers).pop();
-            let mut reader = reader.unwrap_or_else(|| self.original.reader());
-            let painted = tile.copy(&charts, &mut reader, settings.format)?;
-            lock(&self.readers).push(reader);
-            return Ok(painted);
+        if !self.copies {
+            return tile.paint(&self.baker, settings.format);
         }
-        tile.paint(&self.baker, settings.format)
+        match CopiedCharts::new(mesh, self.original, settings.side) {
+            Ok(charts) => {
+                let reader = lock(&self.readers).pop();
+                let mut reader = reader.unwrap_or_else(|| self.original.reader());
+                let painted = tile.copy(&charts, &mut reader, settings.format)?;
+                lock(&self.readers).push(reader);
+                Ok(painted)
+            }
+            Err(Uncopied::NoTexels) => tile.paint(&self.baker, settings.format),
+            Err(Uncopied::TooMany) => Ok(PaintedTile { is_reduced: true, ..tile.paint(&self.baker, settings.format)? }),
+        }
     }
 }

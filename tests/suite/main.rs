@@ -33,4 +33,5 @@ mod results;
 mod summary;
 mod targets;
 mod tile;
+mod tile_views;
 mod topology;

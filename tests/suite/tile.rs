@@ -17,7 +17,7 @@ use crate::glb_reader::Glb;
 use crate::meshes::{StopAfter, contents, copy_town, fixture, town};
 
 /// Small tiles, so that the town has several levels.
-fn small() -> TileOptions {
+pub fn small() -> TileOptions {
     TileOptions {
         tile_faces: 600,
         tile_side: 256,
@@ -38,7 +38,7 @@ fn root_of(path: &Path) -> Value {
 }
 
 /// All tiles with triangles of a tileset, each with its parent.
-fn tiles_of(folder: &Path) -> Vec<(Value, Option<Value>)> {
+pub fn tiles_of(folder: &Path) -> Vec<(Value, Option<Value>)> {
     let mut all = Vec::new();
     let mut pending = vec![(root_of(&folder.join("tileset.json")), None)];
     while let Some((tile, parent)) = pending.pop() {
@@ -98,6 +98,7 @@ fn levels_of_the_town_meet_along_equal_borders_and_grow_coarser() {
     for (at, (level, found)) in report.levels.iter().zip(&check.levels).enumerate() {
         assert_eq!((found.border_edges > 0, found.unequal_edges), (level.tiles > 1, 0));
         assert_eq!(level.texel, report.levels[0].texel * f64::from(1 << at));
+        assert!(level.colour_rms < 12.0, "{level:?}");
         let coarsest = report.levels[(at + 2).min(report.levels.len() - 1)].texel;
         assert!(found.longest_skirt <= 2.01 * coarsest, "{found:?}");
     }
@@ -134,7 +135,8 @@ fn the_finest_level_shows_the_texels_of_the_input() {
     }
     fs::write(&input, text).unwrap();
     let output = folder.path().join("out");
-    tile(&input, &output, &TileOptions { tile_faces: 100, ..small() }).unwrap();
+    let report = tile(&input, &output, &TileOptions { tile_faces: 100, ..small() }).unwrap();
+    assert!(report.levels[0].colour_rms < 0.5 && report.levels[0].reduced == 0, "{:?}", report.levels[0]);
     let root = &tiles_of(&output)[0].0["transform"];
     let origin = DVec3::from([12, 13, 14].map(|at| root[at].as_f64().unwrap()));
     let mut texels = 0;

@@ -1,0 +1,171 @@
+//! How far the colours of a tile are from those of the input, as the best texels of its size would show it.
+//!
+//! ```text
+//! points of the tile, by area ──┬─ colour of its image, as a viewer mixes it ──────────┬── difference
+//!                               └─ mean of the input over a texel of the tile there ───┘
+//! ```
+
+use std::path::Path;
+use std::sync::Mutex;
+
+use glam::{DVec2, DVec3, Vec3};
+
+use super::mesh::TileMesh;
+use super::paint::PaintedTile;
+use crate::bake::{ColourProbe, Original, ProbedSquare};
+use crate::base::lock::lock;
+use crate::base::{Error, Result};
+use crate::geometry::boxtree::Bounds;
+use crate::geometry::triangle::{area, unit_normal};
+use crate::image::decode::Image;
+use crate::mesh::id::FaceId;
+
+/// Points of a tile.
+const POINTS: usize = 256;
+/// Steps of the weights of consecutive points, which fill a triangle evenly.
+///
+/// # Source
+/// Roberts, The Unreasonable Effectiveness of Quasirandom Sequences (2018): powers of the inverse plastic number.
+const STEPS: [f64; 2] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_3];
+
+/// Differences of colour of a surface.
+#[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct ColourError {
+    /// Mean over the surface of the squared difference, which is a mean over red, green and blue of 0 to 255, times the
+    /// area.
+    pub squares: f64,
+    /// Area that shows colours on both sides.
+    pub area: f64,
+}
+
+impl ColourError {
+    /// That of two surfaces.
+    pub fn plus(self, other: Self) -> Self {
+        Self { squares: self.squares + other.squares, area: self.area + other.area }
+    }
+
+    /// Root mean square of the differences; 0 without colours.
+    pub fn rms(self) -> f64 {
+        if self.area > 0.0 { (self.squares / self.area).sqrt() } else { 0.0 }
+    }
+}
+
+/// Compares the colours of the tiles of a level with those of the input.
+pub struct ColourMeter<'a> {
+    input: &'a Original,
+    /// Length of a texel.
+    texel: f64,
+    /// What a surface that faces away counts as farther.
+    away: f64,
+    idle: Mutex<Vec<ColourProbe<'a>>>,
+}
+
+impl<'a> ColourMeter<'a> {
+    /// Compares tiles whose texels are `texel` long.
+    pub fn new(input: &'a Original, texel: f64, away: f64) -> Self {
+        Self { input, texel, away, idle: Mutex::default() }
+    }
+
+    /// Measures a tile; positions of its mesh are relative to `origin`.
+    ///
+    /// # Errors
+    /// On failed reads.
+    pub fn measure(&self, mesh: &TileMesh, origin: DVec3, tile: &PaintedTile) -> Result<ColourError> {
+        let Some((encoded, _)) = &tile.content.image else { return Ok(ColourError::default()) };
+        let unread =
+            |words: String| Error::Damaged { path: Path::new("an image of a tile").to_owned(), message: words };
+        let image = Image::of_bytes(encoded).map_err(unread)?;
+        let idle = lock(&self.idle).pop();
+        let mut probe = idle.unwrap_or_else(|| ColourProbe::new(self.input, self.texel, self.away));
+        let error = TextureSurface { mesh, origin, tile, image: &image }.measure(&mut probe)?;
+        lock(&self.idle).push(probe);
+        Ok(error)
+    }
+}
+
+struct TextureSurface<'a> {
+    mesh: &'a TileMesh,
+    origin: DVec3,
+    tile: &'a PaintedTile,
+    image: &'a Image,
+}
+
+impl TextureSurface<'_> {
+    fn measure(&self, probe: &mut ColourProbe<'_>) -> Result<ColourError> {
+        let faces = &self.tile.texcoords;
+        let solid = |face: FaceId| self.mesh.faces[face].map(|vertex| self.origin + self.mesh.positions[vertex]);
+        let mut ends: Vec<f64> = Vec::with_capacity(faces.len());
+        for &(face, _) in faces {
+            ends.push(ends.last().unwrap_or(&0.0) + area(solid(face)));
+        }
+        let Some(&whole) = ends.last().filter(|&&whole| whole > 0.0) else { return Ok(ColourError::default()) };
+        probe.begin(Bounds::around(self.mesh.positions.iter().map(|&position| self.origin + position)));
+        let (mut squares, mut count) = (0.0, 0u32);
+        for point in 0..POINTS {
+            let target = (point as f64 + 0.5) / POINTS as f64 * whole;
+            let (face, texcoords) = faces[ends.partition_point(|&end| end < target).min(faces.len() - 1)];
+            let weights = weights_of(point);
+            let texcoords = texcoords.map(|at| DVec2::new(f64::from(at[0]), f64::from(at[1])));
+            let Some(best) = probe.mean_colour(&self.square(solid(face), texcoords, weights))? else { continue };
+            let at = texcoords[0] * weights[0] + texcoords[1] * weights[1] + texcoords[2] * weights[2];
+            let shown = Vec3::from(self.image.colour(at.as_vec2().to_array()));
+            let difference = f64::from((shown - best).abs().element_sum()) / 3.0;
+            squares += difference * difference;
+            count += 1;
+        }
+        probe.end();
+        let share = f64::from(count) / POINTS as f64 * whole;
+        Ok(ColourError { squares: squares / f64::from(count.max(1)) * share, area: share })
+    }
+
+    /// What a texel of the image covers around a point of a triangle.
+    fn square(&self, solid: [DVec3; 3], texcoords: [DVec2; 3], weights: [f64; 3]) -> ProbedSquare {
+        let size = DVec2::from(self.image.size().map(|side| side as f64));
+        let flat = texcoords.map(|at| at * size);
+        let [ab, ac] = [flat[1] - flat[0], flat[2] - flat[0]];
+        let doubled_area = ab.perp_dot(ac);
+        let along = |axis: usize| {
+            let growth = [-ac.perp()[axis] / doubled_area, ab.perp()[axis] / doubled_area];
+            let side = (solid[1] - solid[0]) * growth[0] + (solid[2] - solid[0]) * growth[1];
+            // A face of one colour has no extent in the image.
+            if side.is_finite() { side } else { DVec3::ZERO }
+        };
+        ProbedSquare {
+            middle: solid[0] * weights[0] + solid[1] * weights[1] + solid[2] * weights[2],
+            sides: [along(0), along(1)],
+            normal: unit_normal(solid),
+        }
+    }
+}
+
+/// Weights of the corners for a point: uniform over a triangle.
+fn weights_of(point: usize) -> [f64; 3] {
+    let [mut b, mut c] = STEPS.map(|step| (0.5 + step * point as f64).fract());
+    if b + c > 1.0 {
+        (b, c) = (1.0 - b, 1.0 - c);
+    }
+    [1.0 - b - c, b, c]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_fill_a_triangle_evenly() {
+        let mut mean = [0.0; 3];
+        for point in 0..POINTS {
+            let weights = weights_of(point);
+            assert!(weights.iter().all(|weight| (0.0..=1.0).contains(weight)));
+            (0..3).for_each(|corner| mean[corner] += weights[corner] / POINTS as f64);
+        }
+        assert!(mean.iter().all(|share| (share - 1.0 / 3.0).abs() < 0.02), "{mean:?}");
+    }
+
+    #[test]
+    fn errors_are_weighted_by_area() {
+        let (a, b) = (ColourError { squares: 3.0 * 4.0, area: 3.0 }, ColourError { squares: 16.0, area: 1.0 });
+        assert_eq!((a.rms(), b.rms(), a.plus(b).rms()), (2.0, 4.0, 7f64.sqrt()));
+        assert_eq!(ColourError::default().rms(), 0.0);
+    }
+}
