@@ -169,6 +169,11 @@ impl TileMesh {
         [low, self.places.iter().copied().reduce(IVec3::max).unwrap_or_default()]
     }
 
+    /// Ends of an edge of the border.
+    pub fn ends(&self, edge: BorderEdge) -> [LocalVertex; 2] {
+        [edge.corner, (edge.corner + 1) % 3].map(|corner| self.faces[edge.face][corner])
+    }
+
     /// Corners of a face.
     pub fn corners(&self, face: FaceId) -> [DVec3; 3] {
         self.faces[face].map(|vertex| self.positions[vertex])

@@ -34,8 +34,6 @@ use crate::os::content::Content;
 use crate::os::durable::{DurableFile, make_folders};
 use crate::surface::cells::SurfaceCells;
 
-/// Largest length of a skirt, in texels of the coarsest level that may be a neighbour.
-const SKIRT_TEXELS: f64 = 2.0;
 /// Memory of a triangle of a tile while it is made, in bytes, and of a texel.
 const FACE_BYTES: u64 = 700;
 const TEXEL_BYTES: u64 = 8;
@@ -344,7 +342,7 @@ impl<'a> TileCrew<'a> {
         let skirt = SkirtShape {
             lattice,
             texel,
-            longest: SKIRT_TEXELS * scene.texel_of(coarsest),
+            coarsest_texel: scene.texel_of(coarsest),
             scene_origin: scene.origin,
             others: others.collect(),
         };

@@ -10,7 +10,7 @@
 //! In: the surface of the input. Out: planes. Invariant: no plane goes through a place of the lattice of any level.
 //!
 //! # Memory
-//! 12 bytes for each of up to [`POINTS_MAX`] points; 24 bytes a node.
+//! 24 bytes for each of up to [`POINTS_MAX`] points; 24 bytes a node.
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -21,7 +21,7 @@ use crate::base::Result;
 use crate::base::chance;
 use crate::base::id::{TiVec, ids};
 use crate::geometry::boxtree::Bounds;
-use crate::geometry::triangle::area;
+use crate::geometry::triangle::{area, unit_normal};
 use crate::surface::cells::SurfaceCells;
 
 /// Points for each tile of the finest level, unless these are more than [`POINTS_MAX`].
@@ -30,6 +30,16 @@ const POINTS_OF_TILE: f64 = 128.0;
 const POINTS_MAX: f64 = (1u32 << 20) as f64;
 /// A node is split until it holds no more than this share of a tile.
 const LEAF_SHARE: f64 = 1.0 / 16.0;
+/// A plane goes through the middle of its node: this share of the points lies on either side at least.
+const SIDE_SHARE: f64 = 0.4;
+/// Places of a plane that are tried.
+const PLACES_TRIED: usize = 24;
+/// A surface that lies along a plane this near, by the size of the node or in texels of the finest level, may be on the
+/// other side of it in another level.
+const NEAR_SHARE: f64 = 0.01;
+const NEAR_TEXELS: f64 = 8.0;
+/// A surface lies along a plane if the cosine of the angle between their normals is above this.
+const ALONG_COSINE: f32 = 0.5;
 /// Nodes below each other at most.
 const DEPTH_MAX: usize = 48;
 
@@ -92,33 +102,34 @@ impl TileTree {
             let shift = view.origin - scene.origin;
             for face in 0..view.faces.len() as u32 {
                 let corners = view.triangle(face);
+                let normal = unit_normal(corners).as_vec3();
                 carried += share(area(corners)) * each;
                 while carried >= 1.0 {
                     carried -= 1.0;
                     number += 1;
                     let [across, along] = [0, 1].map(|stream| chance::of_stream(0, number, stream));
                     let [a, b, c] = chance::place_on_triangle(across, along);
-                    points.push((shift + corners[0] * a + corners[1] * b + corners[2] * c).as_vec3());
+                    let position = (shift + corners[0] * a + corners[1] * b + corners[2] * c).as_vec3();
+                    points.push(TreePoint { position, normal });
                 }
             }
         }
         let mut tree = Self { nodes: vec![TileNode::Leaf].into() };
         let leaf_points = ((each * LEAF_SHARE) as usize).max(2);
-        tree.split(ROOT, &mut points, &Splitting { leaf_points, lattice: scene.lattice(0) }, 0);
+        let how = Splitting { leaf_points, lattice: scene.lattice(0), near: NEAR_TEXELS * texel };
+        tree.split(ROOT, &mut points, &how, 0);
         Ok(tree)
     }
 
-    fn split(&mut self, node: TileId, points: &mut [Vec3], how: &Splitting, depth: usize) {
+    fn split(&mut self, node: TileId, points: &mut [TreePoint], how: &Splitting, depth: usize) {
         if points.len() <= how.leaf_points || depth == DEPTH_MAX {
             return;
         }
-        let bounds = Bounds::around(points.iter().map(|point| point.as_dvec3()));
+        let bounds = Bounds::around(points.iter().map(|point| point.position.as_dvec3()));
         let size = bounds.high - bounds.low;
         let axis = (0..3).fold(0, |longest, axis| if size[axis] > size[longest] { axis } else { longest });
-        let middle = points.len() / 2;
-        let (_, median, _) = points.select_nth_unstable_by(middle, |a, b| a[axis].total_cmp(&b[axis]));
-        let plane = how.lattice.between(f64::from(median[axis]));
-        let (below, above) = partition_by(points, |point| f64::from(point[axis]) < plane);
+        let plane = how.plane(points, axis, size[axis]);
+        let (below, above) = partition_by(points, |point| f64::from(point.position[axis]) < plane);
         if below.is_empty() || above.is_empty() {
             return;
         }
@@ -154,6 +165,48 @@ struct Splitting {
     leaf_points: usize,
     /// The finest lattice.
     lattice: Lattice,
+    /// How near a surface is, at least, that may be on the other side of a plane in another level.
+    near: f64,
+}
+
+/// A point of the surface.
+#[derive(Debug, Clone, Copy)]
+struct TreePoint {
+    /// Relative to the origin of the scene.
+    position: Vec3,
+    normal: Vec3,
+}
+
+impl Splitting {
+    /// A plane near the middle of some points, away from what lies along it: such a surface may be on one side of the
+    /// plane in a level, on the other in the next one, and in neither tile while both levels are shown.
+    fn plane(&self, points: &mut [TreePoint], axis: usize, size: f64) -> f64 {
+        let mut quantile = |share: f64| {
+            let rank = (share * (points.len() - 1) as f64).round() as usize;
+            let order = |a: &TreePoint, b: &TreePoint| a.position[axis].total_cmp(&b.position[axis]);
+            f64::from(points.select_nth_unstable_by(rank, order).1.position[axis])
+        };
+        let [low, median, high] = [SIDE_SHARE, 0.5, 1.0 - SIDE_SHARE].map(&mut quantile);
+        let near = self.near.max(NEAR_SHARE * size);
+        let mut along: Vec<f64> = points
+            .iter()
+            .filter(|point| point.normal[axis].abs() > ALONG_COSINE)
+            .map(|point| f64::from(point.position[axis]))
+            .filter(|at| (low - near..=high + near).contains(at))
+            .collect();
+        along.sort_unstable_by(f64::total_cmp);
+        let count_near = |plane: f64| {
+            along.partition_point(|&at| at <= plane + near) - along.partition_point(|&at| at < plane - near)
+        };
+        let places = (0..=PLACES_TRIED).map(|place| low + (high - low) * place as f64 / PLACES_TRIED as f64);
+        let best = std::iter::once(median).chain(places).map(|place| self.lattice.between(place));
+        let cost = |&plane: &f64| (count_near(plane), (plane - median).abs());
+        best.min_by(|a, b| {
+            let ((a_near, a_off), (b_near, b_off)) = (cost(a), cost(b));
+            a_near.cmp(&b_near).then(a_off.total_cmp(&b_off))
+        })
+        .unwrap_or(median)
+    }
 }
 
 /// Moves the items that `belongs` accepts to the front; returns both parts.

@@ -4,7 +4,9 @@
 use std::path::{Path, PathBuf};
 
 use crate::meshes::{assert_sound, in_many_clusters, ratio, read, rms_distance, simplify};
-use drystone::options::{SimplifyOptions, Topology};
+use crate::tile_views::holes_between_levels;
+use drystone::Silent;
+use drystone::options::{SimplifyOptions, TileOptions, Topology};
 
 fn mesh(name: &str) -> Option<PathBuf> {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
@@ -26,6 +28,18 @@ fn comes_out_sound(name: &str, cluster_faces: u64) {
         println!("{name}: {} clusters, {:?}", run.report.passes[0].clusters, run.report.faces);
         assert_sound(&input, &run);
     }
+}
+
+/// Levels of its pyramid, side by side, show no background where both show the same surface.
+#[test]
+fn levels_of_bocimi_meet() {
+    let Some(path) = mesh("odm_bocimi/odm_bocimi.obj") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("out");
+    let report = drystone::pipeline::tile(&path, &output, &TileOptions::default(), &Silent).unwrap();
+    let (holes, seen) = holes_between_levels(&output, &report);
+    println!("{} of {seen}: {holes:?}", holes.len());
+    assert!(seen > 1_000_000 && holes.len() <= seen / 1_000_000, "of {seen}: {holes:?}");
 }
 
 #[test]
