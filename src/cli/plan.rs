@@ -1,18 +1,31 @@
 //! `drystone plan`: prediction for a run.
 
 use clap::Args;
+use serde::Serialize;
 
-use super::flags::SimplifyFlags;
+use super::flags::{SimplifyFlags, heading};
 use super::input::InputArguments;
 use super::print::{print, print_json};
 use super::progress::{tell, told};
-use crate::base::Result;
+use crate::base::{Result, quantity};
+use crate::options::TileOptions;
 use crate::plan;
 use crate::report;
 
 /// Arguments of `drystone plan`.
 #[derive(Debug, Args)]
 pub struct PlanArguments {
+    /// Plan a pyramid of tiles with JPEG images, as `drystone tile` makes it
+    #[arg(long, conflicts_with_all = ["ratio", "faces", "max_error", "remesh"], help_heading = heading::TARGET)]
+    tile: bool,
+    /// With --tile: triangles of a tile at most, 100 to 1 million
+    #[arg(long, value_name = "COUNT", default_value_t = TileOptions::default().tile_faces, requires = "tile")]
+    #[arg(value_parser = quantity::parse_count, help_heading = heading::TARGET)]
+    tile_faces: u64,
+    /// With --tile: largest side of a tile's image in texels, a power of two from 256 to 4096
+    #[arg(long, value_name = "SIDE", default_value_t = TileOptions::default().tile_side, requires = "tile")]
+    #[arg(value_parser = quantity::parse_whole::<u32>, help_heading = heading::TARGET)]
+    tile_side: u32,
     #[command(flatten)]
     flags: SimplifyFlags,
     #[command(flatten)]
@@ -25,23 +38,44 @@ pub struct PlanArguments {
     quiet: bool,
 }
 
+impl PlanArguments {
+    fn tile_options(&self) -> TileOptions {
+        let simplify = self.flags.options();
+        TileOptions {
+            tile_faces: self.tile_faces,
+            tile_side: self.tile_side,
+            limits: simplify.limits,
+            job: simplify.job,
+            ..TileOptions::default()
+        }
+    }
+
+    fn show(&self, plan: &impl Serialize, table: &str, warnings: &[String]) -> Result<()> {
+        if !self.quiet {
+            report::warning_lines(warnings, "--json lists them").iter().for_each(|line| tell(line));
+        }
+        if self.json { print_json(plan) } else { print(table) }
+    }
+}
+
 /// Prints the plan.
 ///
 /// # Errors
-/// Those of [`plan::plan`], and [`Error::NoSpace`](crate::base::Error::NoSpace) after the plan if the disk is too
-/// small.
+/// Those of [`plan::plan`] and [`plan::plan_tiles`], and [`Error::NoSpace`](crate::base::Error::NoSpace) after the plan if
+/// the disk is too small.
 pub fn run(arguments: &PlanArguments) -> Result<u8> {
     let told = told(arguments.quiet);
-    let plan = plan::plan(arguments.input.choice(), &arguments.flags.options(), &*told)?;
+    let input = arguments.input.choice();
+    if arguments.tile {
+        let plan = plan::plan_tiles(input, &arguments.tile_options(), &*told)?;
+        drop(told);
+        arguments.show(&plan, &plan.table(), &plan.warnings)?;
+        plan.refuse_small_disk()?;
+        return Ok(0);
+    }
+    let plan = plan::plan(input, &arguments.flags.options(), &*told)?;
     drop(told);
-    if !arguments.quiet {
-        report::warning_lines(&plan.warnings, "--json lists them").iter().for_each(|line| tell(line));
-    }
-    if arguments.json {
-        print_json(&plan)?
-    } else {
-        print(&plan.table())?
-    }
+    arguments.show(&plan, &plan.table(), &plan.warnings)?;
     plan.refuse_small_disk()?;
     Ok(0)
 }

@@ -28,7 +28,7 @@ const PNG_BYTES: f64 = 1.4;
 const JPEG_BYTES: f64 = 0.25;
 /// Bytes of scratch space for a triangle of the input's surface, for a pixel of its images, and for a triangle of the
 /// textured result.
-const SURFACE_BYTES: f64 = 130.0;
+pub(super) const SURFACE_BYTES: f64 = 130.0;
 const PIXEL_BYTES: f64 = 3.0;
 const PIECE_BYTES: f64 = 24.0;
 /// Pixels decoded, triangles of the input searched and texels baked in a second by one core.
@@ -43,36 +43,58 @@ pub fn forecast(
     options: &SimplifyOptions,
     findings: &mut Findings,
 ) -> BakeForecast {
-    let images = TextureImages::find(&shown.catalogue, findings);
-    let plan_of = |image: ImageId| decode::plan(&images.files[image].path, task.work_bytes).ok();
-    let plans: TiVec<ImageId, Option<DecodePlan>> = images.files.keys().map(plan_of).collect();
-    let shown_texels = shown_texels(shown, &images, &plans, task.faces);
+    let input = input_texels(shown, task, findings);
+    let shown_texels = input.shown;
     let covered = options.texels * shown_texels;
     let texels = covered / FILL;
     let side = f64::from(options.atlas);
     let patch_faces = bake::patch_faces(covered, task.target, options.atlas);
     let count = task.target.div_ceil(patch_faces).max((texels / (side * side)).ceil() as u64).max(1);
-    let known = || plans.iter().flatten();
-    let pixels: u64 = known().map(|plan| plan.size.map(u64::from).iter().product::<u64>()).sum();
     let bytes = texels * if options.image == ImageFormat::Png { PNG_BYTES } else { JPEG_BYTES };
     BakeForecast {
         images: count,
         texels: texels as u64,
         bytes: bytes as u64,
-        input_images: known().count() as u64,
-        input_pixels: pixels,
-        reduced_images: known().filter(|plan| plan.reduction > 1).count() as u64,
+        input_images: input.images,
+        input_pixels: input.pixels,
+        reduced_images: input.reduced,
         work_bytes: {
-            let decoding = known().map(|plan| plan.bytes).max().unwrap_or(0) * task.threads as u64;
             let size = BakeSize { texels: texels as u64, images: count, faces: task.target };
-            size.expected_bytes(options.atlas, task.threads).max(decoding).min(task.work_bytes)
+            size.expected_bytes(options.atlas, task.threads).max(input.decoding_bytes).min(task.work_bytes)
         },
         surface_bytes: (SURFACE_BYTES * task.faces as f64) as u64,
-        baking_bytes: (PIXEL_BYTES * pixels as f64 + bytes + PIECE_BYTES * task.target as f64) as u64,
-        core_seconds: pixels as f64 / DECODE_PIXELS_PER_SECOND
+        baking_bytes: (PIXEL_BYTES * input.pixels as f64 + bytes + PIECE_BYTES * task.target as f64) as u64,
+        core_seconds: input.pixels as f64 / DECODE_PIXELS_PER_SECOND
             + task.faces as f64 / SEARCH_FACES_PER_SECOND
             // Coarser texels are sampled at more places each.
             + covered.max(shown_texels * options.texels.sqrt()) / TEXELS_PER_SECOND,
+    }
+}
+
+/// The images of the input.
+pub(super) struct InputTexels {
+    /// Texels that are shown.
+    pub shown: f64,
+    /// Images that can be read, their pixels, and those of them that do not fit the memory.
+    pub images: u64,
+    pub pixels: u64,
+    pub reduced: u64,
+    /// Memory while images are decoded on all threads, in bytes.
+    pub decoding_bytes: u64,
+}
+
+/// Finds the images of the input. Those that are missing are noted.
+pub(super) fn input_texels(shown: &ShownTexture, task: &BakeTask, findings: &mut Findings) -> InputTexels {
+    let images = TextureImages::find(&shown.catalogue, findings);
+    let plan_of = |image: ImageId| decode::plan(&images.files[image].path, task.work_bytes).ok();
+    let plans: TiVec<ImageId, Option<DecodePlan>> = images.files.keys().map(plan_of).collect();
+    let known = || plans.iter().flatten();
+    InputTexels {
+        shown: shown_texels(shown, &images, &plans, task.faces),
+        images: known().count() as u64,
+        pixels: known().map(|plan| plan.size.map(u64::from).iter().product::<u64>()).sum(),
+        reduced: known().filter(|plan| plan.reduction > 1).count() as u64,
+        decoding_bytes: known().map(|plan| plan.bytes).max().unwrap_or(0) * task.threads as u64,
     }
 }
 

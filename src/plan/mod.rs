@@ -12,6 +12,8 @@ mod bake_forecast;
 pub mod memory;
 pub mod passes;
 pub mod scratch;
+#[cfg(feature = "images")]
+mod tiles;
 pub mod time;
 
 use std::fmt::Write as _;
@@ -22,13 +24,15 @@ use serde::Serialize;
 pub use self::bake_forecast::{BakeForecast, BakeTask};
 use self::memory::{MemoryForecast, Sizes};
 use self::passes::PassForecast;
+#[cfg(feature = "images")]
+pub use self::tiles::{LevelForecast, PyramidPlan, plan_tiles};
 use self::time::TimeForecast;
 use crate::base::error::escape_path;
 use crate::base::{Findings, Progress, Result, bytes, counted, grouped};
 use crate::options::SimplifyOptions;
 use crate::os::system;
 use crate::read;
-use crate::read::{InputChoice, ShownTexture, TextureSample};
+use crate::read::{Counts, InputChoice, ShownTexture, TextureSample};
 
 /// Counts of the input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -47,6 +51,19 @@ pub struct InputFigures {
     pub triangles: u64,
 }
 
+impl InputFigures {
+    fn of(counts: &Counts, files: usize) -> Self {
+        Self {
+            files: files as u64,
+            bytes: counts.bytes,
+            vertices: counts.vertices,
+            texcoords: counts.texcoords,
+            polygons: counts.polygons,
+            triangles: counts.triangles,
+        }
+    }
+}
+
 /// Scratch space.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct ScratchFigures {
@@ -56,6 +73,14 @@ pub struct ScratchFigures {
     pub free: Option<u64>,
     /// The folder whose disk was examined.
     pub folder: PathBuf,
+}
+
+impl ScratchFigures {
+    /// For people, with a word before the size.
+    fn words(&self, about: &str) -> String {
+        let free = self.free.map_or("unknown".to_owned(), bytes::display);
+        format!("{about} {}, {free} free in {}", bytes::display(self.bytes), escape_path(&self.folder))
+    }
 }
 
 /// Prediction for a run.
@@ -110,14 +135,7 @@ pub fn plan(input: impl Into<InputChoice>, options: &SimplifyOptions, progress: 
     });
     let folder = scratch::existing_folder(options.job.work.as_deref().unwrap_or(Path::new(".")));
     Ok(Plan {
-        input: InputFigures {
-            files: inputs.len() as u64,
-            bytes: counts.bytes,
-            vertices: counts.vertices,
-            texcoords: counts.texcoords,
-            polygons: counts.polygons,
-            triangles: counts.triangles,
-        },
+        input: InputFigures::of(&counts, inputs.len()),
         target: (options.has_target() || options.target.max_error.is_none())
             .then_some(options.target(counts.triangles)),
         threads: threads as u64,
@@ -210,9 +228,7 @@ impl Plan {
         let allowed = bytes::display(self.budget);
         row(&mut text, "memory", &format!("{} of {allowed} allowed", bytes::display(memory.peak)));
         row(&mut text, "", &phases.join(", "));
-        let free = self.scratch.free.map_or("unknown".to_owned(), bytes::display);
-        let folder = escape_path(&self.scratch.folder);
-        row(&mut text, "scratch", &format!("{about} {}, {free} free in {folder}", bytes::display(self.scratch.bytes)));
+        row(&mut text, "scratch", &self.scratch.words(about));
         let seconds = &self.seconds;
         let threads = counted(self.threads, "thread");
         let time = match duration(seconds.total) {

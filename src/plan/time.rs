@@ -56,7 +56,7 @@ impl TimeForecast {
 }
 
 /// How many times faster `threads` threads are than one, with `items` items to work on.
-fn speed_up(threads: usize, items: u64) -> f64 {
+pub(super) fn speed_up(threads: usize, items: u64) -> f64 {
     1.0 + (threads as u64).min(items).saturating_sub(1) as f64 * THREAD_SHARE
 }
 

@@ -42,5 +42,5 @@ pub use self::check::{LevelCheck, TilesetCheck, check_tileset};
 pub use self::figures::LevelFigures;
 pub use self::run::Pyramid;
 pub use self::scene::TileScene;
-pub use self::settings::{TilePlace, TileSettings};
+pub use self::settings::{TilePlace, TileSettings, tile_limits};
 pub use self::tileset::TILESET;

@@ -37,6 +37,8 @@ use crate::surface::cells::SurfaceCells;
 /// Memory of a triangle of a tile while it is made, in bytes, and of a texel.
 const FACE_BYTES: u64 = 700;
 const TEXEL_BYTES: u64 = 8;
+/// Memory of a thread that compares the colours of tiles with those of the input, in bytes.
+const METER_BYTES: u64 = 10 << 20;
 
 /// A pyramid under way.
 pub struct Pyramid<'a> {
@@ -82,6 +84,11 @@ impl Recalled for TileTree {
 }
 
 impl Pyramid<'_> {
+    /// Memory of a thread that makes tiles, in bytes.
+    pub fn worker_bytes(faces: u64, side: u32) -> u64 {
+        faces * FACE_BYTES + u64::from(side) * u64::from(side) * TEXEL_BYTES + PAINTER_BYTES + METER_BYTES
+    }
+
     /// Cuts the levels into tiles, writes these and at last the tileset.
     ///
     /// # Errors
@@ -224,7 +231,8 @@ impl Pyramid<'_> {
             _ => None,
         };
         let crew = TileCrew::new(self, original.as_ref().unwrap_or(self.original), levels, number);
-        let permits = Permits::new(limits.work_bytes.saturating_sub(limits.threads as u64 * PAINTER_BYTES));
+        let permits =
+            Permits::new(limits.work_bytes.saturating_sub(limits.threads as u64 * (PAINTER_BYTES + METER_BYTES)));
         let texels = u64::from(self.settings.side) * u64::from(self.settings.side);
         let is_last = number as usize + 1 == levels.len();
         let make = |index: usize| {

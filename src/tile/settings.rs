@@ -31,8 +31,13 @@ pub struct TileSettings {
 impl TileSettings {
     /// What a tile may hold.
     pub fn limits(&self) -> TileLimits {
-        TileLimits { faces: self.faces, texels: FILL * f64::from(self.side) * f64::from(self.side) }
+        tile_limits(self.faces, self.side)
     }
+}
+
+/// What a tile of up to `faces` triangles, with an image whose side is up to `side`, may hold.
+pub fn tile_limits(faces: u64, side: u32) -> TileLimits {
+    TileLimits { faces, texels: FILL * f64::from(side) * f64::from(side) }
 }
 
 /// Where a pyramid is built.
