@@ -1,4 +1,4 @@
-//! What the original shows on average in small squares: what the best texel there is.
+//! What the original shows on average in small squares: the colour that a texel there should have.
 
 use glam::{DVec3, Vec3, Vec4};
 

@@ -25,7 +25,7 @@ impl Crs {
     /// Finds the system that a text names: `EPSG:32650`, or a PROJ string such as `+proj=utm +zone=50`.
     ///
     /// # Errors
-    /// Words, if none is known by that name or it can not be computed.
+    /// Words, if no system has that name, or its projection cannot be undone.
     pub fn parse(text: &str) -> Result<Self, String> {
         let expected = "expected EPSG:CODE or a PROJ string such as '+proj=utm +zone=50 +datum=WGS84'";
         let of = |text: &str| Proj::from_user_string(text).map_err(|error| format!("{error}; {expected}"));

@@ -1,6 +1,6 @@
 //! Places on earth: coordinate reference systems, and frames of metres east, north and up.
 //!
-//! In: positions in the coordinates of a map. Out: the same in a frame that is at most a curvature away from them.
+//! In: positions in the coordinates of a map. Out: the same positions in metres east, north and up of a place.
 
 #[cfg(feature = "images")]
 mod crs;

@@ -31,10 +31,10 @@ const STEPS: [f64; 2] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_3];
 /// Differences of colour of a surface.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ColourError {
-    /// Mean over the surface of the squared difference, which is a mean over red, green and blue of 0 to 255, times the
-    /// area.
+    /// Squared difference, summed over the surface by area. A difference is the mean of those of red, green and blue, 0
+    /// to 255.
     pub squares: f64,
-    /// Area that shows colours on both sides.
+    /// Area of the surface where both show a colour.
     pub area: f64,
 }
 
