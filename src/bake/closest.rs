@@ -75,9 +75,9 @@ impl<'a> ClosestPlaces<'a> {
         self.of_block = 0;
     }
 
-    /// Closes all cells, which frees the memory that they are mapped to.
-    pub fn close(&mut self) {
-        self.views.clear();
+    /// Closes all cells but the `most` that were opened last, which frees the memory that they are mapped to.
+    pub fn close_but(&mut self, most: usize) {
+        self.views.truncate(most);
     }
 
     /// The next groups lie in a box.

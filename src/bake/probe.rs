@@ -12,6 +12,8 @@ use crate::image::stored::TexelReader;
 
 /// Places along each side of a square at most.
 const PLACES_MAX: f64 = 8.0;
+/// Cells that stay open between squares: these lie all over a tile, a coarse one on many cells.
+const VIEWS: usize = 4;
 /// A square may be this much longer than a whole number of texels, through rounding.
 const ROUNDING: f64 = 0.01;
 
@@ -50,7 +52,7 @@ impl<'a> ColourProbe<'a> {
 
     /// No more squares follow in that box.
     pub fn end(&mut self) {
-        self.closest.close();
+        self.closest.close_but(0);
     }
 
     /// The mean colour of a square, 0 to 255; `None` where the original has none.
@@ -76,6 +78,7 @@ impl<'a> ColourProbe<'a> {
             }
             Ok(())
         })?;
+        closest.close_but(VIEWS);
         Ok((sum.w > 0.0).then(|| sum.truncate() / sum.w))
     }
 }
