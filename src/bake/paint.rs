@@ -19,7 +19,7 @@ use crate::base::Result;
 use crate::base::lock::lock;
 use crate::geometry::boxtree::Bounds;
 use crate::geometry::closest_weights;
-use crate::geometry::triangle::unit_normal;
+use crate::geometry::triangle::{unit_normal, weight_growth};
 use crate::image::stored::TexelReader;
 use crate::mesh::id::FaceId;
 use crate::unwrap::{GUTTER, PlacedChart, Triangles};
@@ -276,9 +276,7 @@ struct Plane {
 
 impl Plane {
     fn new(flat: [DVec2; 3], solid: [DVec3; 3]) -> Self {
-        let [ab, ac] = [flat[1] - flat[0], flat[2] - flat[0]];
-        let doubled_area = ab.perp_dot(ac);
-        let growth = [-ac.perp() / doubled_area, ab.perp() / doubled_area];
+        let growth = weight_growth(flat);
         let along = |axis: usize| (solid[1] - solid[0]) * growth[0][axis] + (solid[2] - solid[0]) * growth[1][axis];
         let is_plump = growth[0].length() + growth[1].length() < PLUMP;
         Self { flat, solid, normal: unit_normal(solid), growth, steps: [along(0), along(1)], is_plump }

@@ -70,12 +70,12 @@ pub fn run(arguments: &PlanArguments) -> Result<u8> {
         let plan = plan::plan_tiles(input, &arguments.tile_options(), &*told)?;
         drop(told);
         arguments.show(&plan, &plan.table(), &plan.warnings)?;
-        plan.refuse_small_disk()?;
+        plan.scratch.refuse_small_disk()?;
         return Ok(0);
     }
     let plan = plan::plan(input, &arguments.flags.options(), &*told)?;
     drop(told);
     arguments.show(&plan, &plan.table(), &plan.warnings)?;
-    plan.refuse_small_disk()?;
+    plan.scratch.refuse_small_disk()?;
     Ok(0)
 }

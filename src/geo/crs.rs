@@ -17,6 +17,8 @@ const THERE_AND_BACK: f64 = 0.01;
 /// A coordinate reference system.
 pub struct Crs {
     own: Proj,
+    /// By what heights are multiplied before they are projected.
+    height_scale: f64,
     earth_centred: Proj,
     geographic: Proj,
 }
@@ -33,7 +35,10 @@ impl Crs {
         if !own.has_inverse() {
             return Err(format!("the projection {} cannot be undone", own.projname()));
         }
-        Ok(Self { own, earth_centred: of(EARTH_CENTRED)?, geographic: of(GEOGRAPHIC)? })
+        // A unit of heights alone is applied with the projection.
+        let takes_unit = !own.is_latlong() && !own.is_geocent() && own.vto_meter() == 1.0;
+        let height_scale = if takes_unit { own.to_meter() } else { 1.0 };
+        Ok(Self { own, height_scale, earth_centred: of(EARTH_CENTRED)?, geographic: of(GEOGRAPHIC)? })
     }
 
     /// Earth-centred coordinates of a position; `None` where the system does not reach.
@@ -46,11 +51,7 @@ impl Crs {
             let is_angle = point.0.abs() <= TAU && point.1.abs() <= FRAC_PI_2;
             return is_angle.then(|| moved(&self.own, &self.earth_centred, point)).flatten();
         }
-        // The height's own unit is applied with the projection.
-        let metres_of_height = if self.own.vto_meter() == 1.0 { self.own.to_meter() } else { 1.0 };
-        if !self.own.is_geocent() {
-            point.2 *= metres_of_height;
-        }
+        point.2 *= self.height_scale;
         moved(&self.own, &self.earth_centred, point)
     }
 

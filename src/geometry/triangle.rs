@@ -1,6 +1,6 @@
 //! Measures of one triangle, given by its corners.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// A triangle lower than this, per length of its longest side, has no area.
 const FLAT_RATIO: f64 = 1e-9;
@@ -41,6 +41,14 @@ pub fn is_flat(area_2: f64, longest_sq: f64, largest: f64) -> bool {
     let height_limit = FLAT_RATIO * longest + FLAT_ROUNDINGS * f64::EPSILON * largest;
     // a triangle with a coordinate that is not a number has no area either
     area_2 <= longest * height_limit || area_2.is_nan() || height_limit.is_nan()
+}
+
+/// How the barycentric weights of the second and the third corner grow along both axes of a plane; not finite for a
+/// triangle without area there.
+pub fn weight_growth([a, b, c]: [DVec2; 3]) -> [DVec2; 2] {
+    let [ab, ac] = [b - a, c - a];
+    let doubled_area = ab.perp_dot(ac);
+    [-ac.perp() / doubled_area, ab.perp() / doubled_area]
 }
 
 /// Barycentric weights of a point of the triangle's plane; those of the first corner if the triangle has no area.

@@ -62,6 +62,12 @@ impl InputFigures {
             triangles: counts.triangles,
         }
     }
+
+    /// Puts the rows that tell them into a table for people.
+    fn put_rows(&self, text: &mut String) {
+        row(text, "input", &format!("{}, {}", counted(self.files, "file"), bytes::display(self.bytes)));
+        row(text, "", &format!("{}, {} vertices", counted(self.triangles, "triangle"), grouped(self.vertices)));
+    }
 }
 
 /// Scratch space.
@@ -76,6 +82,14 @@ pub struct ScratchFigures {
 }
 
 impl ScratchFigures {
+    /// Returns an error if the disk is too small for the run.
+    ///
+    /// # Errors
+    /// [`Error::NoSpace`](crate::base::Error::NoSpace).
+    pub fn refuse_small_disk(&self) -> Result<()> {
+        scratch::refuse_less_than(self.bytes, &self.folder)
+    }
+
     /// For people, with a word before the size.
     fn words(&self, about: &str) -> String {
         let free = self.free.map_or("unknown".to_owned(), bytes::display);
@@ -117,7 +131,7 @@ pub struct Plan {
 ///
 /// # Errors
 /// As [`pipeline::simplify`](crate::pipeline::simplify) for options, an impossible budget and inputs that are no meshes;
-/// [`Plan::refuse_small_disk`] reports a disk that is too small.
+/// [`ScratchFigures::refuse_small_disk`] reports a disk that is too small.
 pub fn plan(input: impl Into<InputChoice>, options: &SimplifyOptions, progress: &dyn Progress) -> Result<Plan> {
     options.check()?;
     let (inputs, mut findings) = read::find_inputs_and_idle(&input.into())?;
@@ -178,21 +192,11 @@ fn bake_forecast(_: ShownTexture, _: &BakeTask, _: &SimplifyOptions, _: &mut Fin
 }
 
 impl Plan {
-    /// Returns an error if the work folder's disk is too small for the run.
-    ///
-    /// # Errors
-    /// [`Error::NoSpace`](crate::base::Error::NoSpace).
-    pub fn refuse_small_disk(&self) -> Result<()> {
-        scratch::refuse_less_than(self.scratch.bytes, &self.scratch.folder)
-    }
-
     /// The plan as a table for people.
     pub fn table(&self) -> String {
         let mut text = String::new();
         let input = &self.input;
-        row(&mut text, "input", &format!("{}, {}", counted(input.files, "file"), bytes::display(input.bytes)));
-        let holds = format!("{}, {} vertices", counted(input.triangles, "triangle"), grouped(input.vertices));
-        row(&mut text, "", &holds);
+        input.put_rows(&mut text);
         let about = match self.target {
             Some(target) => {
                 let share = 100.0 * target as f64 / input.triangles as f64;

@@ -161,21 +161,10 @@ fn forecast_levels(faces: f64, covered: f64, options: &TileOptions) -> Vec<Level
 }
 
 impl PyramidPlan {
-    /// Returns an error if the work folder's disk is too small for the run.
-    ///
-    /// # Errors
-    /// [`Error::NoSpace`](crate::base::Error::NoSpace).
-    pub fn refuse_small_disk(&self) -> Result<()> {
-        scratch::refuse_less_than(self.scratch.bytes, &self.scratch.folder)
-    }
-
     /// The plan as a table for people.
     pub fn table(&self) -> String {
         let mut text = String::new();
-        let input = &self.input;
-        row(&mut text, "input", &format!("{}, {}", counted(input.files, "file"), bytes::display(input.bytes)));
-        let holds = format!("{}, {} vertices", counted(input.triangles, "triangle"), grouped(input.vertices));
-        row(&mut text, "", &holds);
+        self.input.put_rows(&mut text);
         for level in self.levels.iter().rev() {
             let LevelForecast { level, tiles, triangles, texels, bytes } = *level;
             let (tiles, triangles) = (counted(tiles, "tile"), grouped(triangles));

@@ -13,10 +13,11 @@ use glam::{DVec2, DVec3, Vec3};
 use super::mesh::TileMesh;
 use super::paint::PaintedTile;
 use crate::bake::{ColourProbe, Original, ProbedSquare};
+use crate::base::chance::place_on_triangle;
 use crate::base::lock::lock;
 use crate::base::{Error, Result};
 use crate::geometry::boxtree::Bounds;
-use crate::geometry::triangle::{area, unit_normal};
+use crate::geometry::triangle::{area, unit_normal, weight_growth};
 use crate::image::decode::Image;
 use crate::mesh::id::FaceId;
 
@@ -121,12 +122,9 @@ impl TextureSurface<'_> {
     /// What a texel of the image covers around a point of a triangle.
     fn square(&self, solid: [DVec3; 3], texcoords: [DVec2; 3], weights: [f64; 3]) -> ProbedSquare {
         let size = DVec2::from(self.image.size().map(|side| side as f64));
-        let flat = texcoords.map(|at| at * size);
-        let [ab, ac] = [flat[1] - flat[0], flat[2] - flat[0]];
-        let doubled_area = ab.perp_dot(ac);
+        let growth = weight_growth(texcoords.map(|at| at * size));
         let along = |axis: usize| {
-            let growth = [-ac.perp()[axis] / doubled_area, ab.perp()[axis] / doubled_area];
-            let side = (solid[1] - solid[0]) * growth[0] + (solid[2] - solid[0]) * growth[1];
+            let side = (solid[1] - solid[0]) * growth[0][axis] + (solid[2] - solid[0]) * growth[1][axis];
             // A face of one colour has no extent in the image.
             if side.is_finite() { side } else { DVec3::ZERO }
         };
@@ -140,11 +138,8 @@ impl TextureSurface<'_> {
 
 /// Weights of the corners for a point: uniform over a triangle.
 fn weights_of(point: usize) -> [f64; 3] {
-    let [mut b, mut c] = STEPS.map(|step| (0.5 + step * point as f64).fract());
-    if b + c > 1.0 {
-        (b, c) = (1.0 - b, 1.0 - c);
-    }
-    [1.0 - b - c, b, c]
+    let [across, along] = STEPS.map(|step| (0.5 + step * point as f64).fract());
+    place_on_triangle(across, along)
 }
 
 #[cfg(test)]
