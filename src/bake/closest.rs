@@ -14,10 +14,11 @@ use glam::DVec3;
 use super::nearby::Nearby;
 use super::original::Original;
 use super::points::{PointGroup, PointSet};
-use super::prism::FourPlaces;
+use super::prism::{FourPlaces, Shown};
 use crate::base::Result;
 use crate::geometry::boxtree::Bounds;
 use crate::geometry::distance_sq;
+use crate::geometry::triangle::area;
 use crate::geometry::triangle_tree::Question;
 use crate::surface::cell::{Cell, CellView};
 use crate::surface::order::{order_by_distance, sort_by_distance};
@@ -51,6 +52,8 @@ pub(super) struct ClosestPlaces<'a> {
     patch_order: Vec<(f64, u32)>,
     /// How many cells are in order of the distance from the block.
     of_block: usize,
+    /// The present block.
+    block: Bounds,
     nearby: Nearby,
 }
 
@@ -64,6 +67,7 @@ impl<'a> ClosestPlaces<'a> {
             order: Vec::new(),
             patch_order: Vec::new(),
             of_block: 0,
+            block: Bounds::EMPTY,
             nearby: Nearby::default(),
         }
     }
@@ -72,7 +76,7 @@ impl<'a> ClosestPlaces<'a> {
     pub fn begin_patch(&mut self, bounds: Bounds) {
         order_by_distance(self.cells(), bounds, &mut self.patch_order);
         self.order.clone_from(&self.patch_order);
-        self.of_block = 0;
+        (self.of_block, self.block) = (0, bounds);
     }
 
     /// Closes all cells but the `most` that were opened last, which frees the memory that they are mapped to.
@@ -83,7 +87,7 @@ impl<'a> ClosestPlaces<'a> {
     /// The next groups lie in a box.
     pub fn begin_block(&mut self, bounds: Bounds) {
         self.order[..self.of_block].copy_from_slice(&self.patch_order[..self.of_block]);
-        self.of_block = self.order.len().min(BLOCK_CELLS);
+        (self.of_block, self.block) = (self.order.len().min(BLOCK_CELLS), bounds);
         let cells = self.cells();
         let near = &mut self.order[..self.of_block];
         near.iter_mut().for_each(|entry| entry.0 = cells[entry.1 as usize].bounds.between_sq(bounds));
@@ -124,7 +128,7 @@ impl<'a> ClosestPlaces<'a> {
         let spans: Vec<f64> = groups.iter().map(span).collect();
         let limit = if groups.len() > 1 { NEAR_MAX } else { GATHERED_MAX };
         self.nearby.begin(middle);
-        let Some(nearest) = self.nearest(middle)? else { return Ok(true) };
+        let Some((.., nearest)) = self.nearest(middle)? else { return Ok(true) };
         let rounding = ROUNDING * middle.abs().max_element();
         let guess = spans.iter().copied().fold(0.0, f64::max) + nearest + rounding;
         self.gather(middle, guess, limit)?;
@@ -155,21 +159,32 @@ impl<'a> ClosestPlaces<'a> {
         Ok(())
     }
 
-    /// Distance of the nearest triangle.
-    fn nearest(&mut self, point: DVec3) -> Result<Option<f64>> {
-        let mut best_sq = f64::INFINITY;
+    /// What the nearest triangle shows, and its area.
+    ///
+    /// # Errors
+    /// On failed reads.
+    pub fn nearest_triangle(&mut self, point: DVec3) -> Result<Option<(Shown, f64)>> {
+        let Some((cell, place, _)) = self.nearest(point)? else { return Ok(None) };
+        let original = self.original;
+        let view = self.open(cell)?;
+        Ok(Some((original.shown(view, place), area(view.triangle(place)))))
+    }
+
+    /// The cell of the nearest triangle, its place there and its distance.
+    fn nearest(&mut self, point: DVec3) -> Result<Option<(u32, u32, f64)>> {
+        let (mut best, mut best_sq) = (None, f64::INFINITY);
         self.visit_cells(best_sq, |search, cell| {
             if search.cells()[cell as usize].bounds.distance_sq(point) < best_sq {
                 let view = search.open(cell)?;
                 let point = point - view.origin;
                 let question = Question { point, bound_sq: best_sq, enough_sq: -1.0, looks: LOOKS_MAX };
-                if let Some((_, distance_sq)) = view.ask(&question).nearest {
-                    best_sq = distance_sq;
+                if let Some((place, distance_sq)) = view.ask(&question).nearest {
+                    (best, best_sq) = (Some((cell, place)), distance_sq);
                 }
             }
             Ok(best_sq)
         })?;
-        Ok(best_sq.is_finite().then(|| best_sq.sqrt()))
+        Ok(best.map(|(cell, place)| (cell, place, best_sq.sqrt())))
     }
 
     /// Gathers triangles no farther than `distance` from a point, at most `limit`.
@@ -193,6 +208,35 @@ impl<'a> ClosestPlaces<'a> {
         })?;
         self.nearby = nearby;
         Ok(())
+    }
+
+    /// Calls `visit` with the corners of each triangle whose leaf's box meets a box, and with what it shows, until it
+    /// returns that it has seen enough.
+    ///
+    /// # Errors
+    /// On failed reads.
+    pub fn visit_meeting(
+        &mut self,
+        bounds: Bounds,
+        mut visit: impl FnMut([DVec3; 3], &dyn Fn() -> Shown) -> bool,
+    ) -> Result<()> {
+        let original = self.original;
+        let mut is_enough = false;
+        // A cell that meets the box is no farther from the block than the box reaches out of it.
+        let beyond = (self.block.low - bounds.low).max(bounds.high - self.block.high).max(DVec3::ZERO);
+        let limit_sq = beyond.length_squared();
+        self.visit_cells(limit_sq, |search, cell| {
+            if original.surface.cells[cell as usize].bounds.between_sq(bounds) == 0.0 {
+                let view = search.open(cell)?;
+                let own = Bounds { low: bounds.low - view.origin, high: bounds.high - view.origin };
+                view.tree().visit_meeting(own, |place| {
+                    let corners = view.triangle(place).map(|corner| corner + view.origin);
+                    is_enough = visit(corners, &|| original.shown(view, place));
+                    is_enough
+                });
+            }
+            Ok(if is_enough { -1.0 } else { limit_sq })
+        })
     }
 
     /// Opens a cell unless it is open, and closes the least recently opened one.

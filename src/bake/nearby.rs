@@ -14,11 +14,7 @@ use glam::{DVec3, Vec3, Vec4};
 
 use super::points::{PointGroup, PointSet};
 use super::prism::{BOUND_MARGIN, FourPlaces, FourPoints, NearTriangle, Shown};
-use crate::geometry::boxtree::Bounds;
-
-/// Cosine between normals below which a triangle faces away: the back of a wall does, the folds of a crumpled surface do
-/// not.
-const AWAY: f32 = -0.5;
+use super::spheres::Spheres;
 
 /// A triangle that may be the closest one of a point of a group.
 struct Candidate {
@@ -27,42 +23,6 @@ struct Candidate {
     /// What it counts as farther for the present run.
     away: f32,
     triangle: u32,
-}
-
-/// Middles and radii of spheres.
-#[derive(Default)]
-struct Spheres {
-    x: Vec<f32>,
-    y: Vec<f32>,
-    z: Vec<f32>,
-    radius: Vec<f32>,
-    /// Distances of the present point from the spheres, negative inside.
-    distances: Vec<f32>,
-}
-
-impl Spheres {
-    fn clear(&mut self) {
-        [&mut self.x, &mut self.y, &mut self.z, &mut self.radius].into_iter().for_each(Vec::clear);
-    }
-
-    fn push(&mut self, middle: Vec3, radius: f32) {
-        self.x.push(middle.x);
-        self.y.push(middle.y);
-        self.z.push(middle.z);
-        self.radius.push(radius);
-    }
-
-    /// Measures the distances of a point; returns the number of the nearest sphere.
-    fn measure(&mut self, point: Vec3) -> Option<usize> {
-        self.distances.resize(self.x.len(), 0.0);
-        let columns = self.x.iter().zip(&self.y).zip(&self.z).zip(&self.radius);
-        for (distance, (((x, y), z), radius)) in self.distances.iter_mut().zip(columns) {
-            let (x, y, z) = (x - point.x, y - point.y, z - point.z);
-            *distance = (x * x + y * y + z * z).sqrt() - radius;
-        }
-        let least = self.distances.iter().copied().fold(f32::INFINITY, |a, b| if b < a { b } else { a });
-        self.distances.iter().position(|&distance| distance == least)
-    }
 }
 
 /// The triangles near a region.
@@ -90,10 +50,7 @@ impl Nearby {
 
     /// Adds a triangle, whose corners are relative to the middle of the region.
     pub fn add(&mut self, corners: [DVec3; 3], shown: Shown) {
-        let Bounds { low, high } = Bounds::around(corners);
-        let middle = 0.5 * (low + high);
-        let [a, b, c] = corners.map(|corner| corner.distance_squared(middle));
-        self.spheres.push(middle.as_vec3(), a.max(b).max(c).sqrt() as f32);
+        self.spheres.push(corners);
         self.corners.push(corners);
         self.shown.push(shown);
         self.triangles.push(None);
@@ -104,9 +61,29 @@ impl Nearby {
         self.triangles.len()
     }
 
-    fn triangle(&mut self, number: usize) -> &NearTriangle {
+    /// The middle of the region.
+    pub fn middle(&self) -> DVec3 {
+        self.middle
+    }
+
+    /// Finds the numbers of the triangles that may be nearer to a point than `distance`, from the middle of the region.
+    pub fn find_near(&mut self, point: Vec3, distance: f32, near: &mut Vec<usize>) {
+        self.spheres.measure(point);
+        near.clear();
+        let distances = self.spheres.distances().iter().enumerate();
+        near.extend(distances.filter(|(_, from)| **from < distance).map(|(number, _)| number));
+    }
+
+    /// A triangle, as its points ask for it.
+    pub fn triangle(&mut self, number: usize) -> &NearTriangle {
         let (corners, shown) = (self.corners[number], self.shown[number]);
         self.triangles[number].get_or_insert_with(|| NearTriangle::new(corners, shown))
+    }
+
+    /// Four triangles that were asked for.
+    pub fn four(&self, numbers: [u32; 4]) -> Option<[&NearTriangle; 4]> {
+        let [a, b, c, d] = numbers.map(|number| self.triangles.get(number as usize)?.as_ref());
+        Some([a?, b?, c?, d?])
     }
 
     /// A distance from a point within which there is a triangle.
@@ -116,7 +93,7 @@ impl Nearby {
     }
 
     fn reach_of(&mut self, point: Vec3) -> Option<f32> {
-        let nearest = self.spheres.measure(point)?;
+        let nearest = self.spheres.nearest(point)?;
         Some(self.triangle(nearest).distance(point, f32::INFINITY))
     }
 
@@ -128,7 +105,7 @@ impl Nearby {
             let room = away + 2.0 * radius;
             let mut limit = reach + room;
             for number in 0..self.len() {
-                if self.spheres.distances[number] * BOUND_MARGIN > limit {
+                if self.spheres.distances()[number] * BOUND_MARGIN > limit {
                     continue;
                 }
                 let least = self.triangle(number).distance(middle, limit);
@@ -163,7 +140,7 @@ impl Nearby {
             for candidate in &mut self.candidates {
                 let faces_away = self.triangles[candidate.triangle as usize]
                     .as_ref()
-                    .is_some_and(|triangle| triangle.normal.dot(normal) < AWAY);
+                    .is_some_and(|triangle| triangle.faces_away(normal));
                 candidate.away = if faces_away { away as f32 } else { 0.0 };
             }
             let mut last = 0;
@@ -220,6 +197,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::bake::prism::AWAY;
     use crate::geometry::distance_sq;
 
     fn point() -> impl Strategy<Value = DVec3> {

@@ -6,23 +6,23 @@
 
 use std::sync::Mutex;
 
-use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
+use glam::{DVec2, Vec2, Vec3, Vec4};
 
 use super::canvas::AtlasCanvas;
 use super::closest::ClosestPlaces;
 use super::original::Original;
+use super::patch_surface::PatchSurface;
+use super::plane::Plane;
 use super::points::PointSet;
 use super::prism::Shown;
+use super::project::{ChartPart, Projector};
 use super::raster::{IN_GUTTER, NOBODY, Owners, TexelRect};
 use super::sharpen::{SampleBlock, Samples};
 use crate::base::Result;
 use crate::base::lock::lock;
 use crate::geometry::boxtree::Bounds;
-use crate::geometry::closest_weights;
-use crate::geometry::triangle::{unit_normal, weight_growth};
 use crate::image::stored::TexelReader;
-use crate::mesh::id::FaceId;
-use crate::unwrap::{GUTTER, PlacedChart, Triangles};
+use crate::unwrap::{GUTTER, PlacedChart};
 
 /// Side of a square whose points are a group, by that of a square as large as a triangle of the original, and the largest
 /// such side in texels.
@@ -30,11 +30,8 @@ const SQUARE: f64 = 0.8;
 const SQUARE_MAX: f64 = 8.0;
 /// Squares along each side of a region, whose triangles are gathered together.
 const SQUARES: usize = 6;
-/// A place beyond its triangle is taken on the triangle's plane if no barycentric weight is below this, else at the
-/// triangle's nearest point.
-const LEAST_WEIGHT: f64 = -1.0;
-/// Barycentric weights that change by less than this from texel to texel stay above [`LEAST_WEIGHT`] in the gutter.
-const PLUMP: f64 = 0.15;
+/// Colour of a texel of a chart where the original has none.
+const NO_COLOUR: Vec3 = Vec3::splat(204.0);
 /// Places of a texel along each side at most.
 const SAMPLES_MAX: f64 = 4.0;
 
@@ -48,41 +45,40 @@ pub struct Painted {
 }
 
 impl Painted {
+    /// Sets the samples of a texel, and counts it.
+    fn set(
+        &mut self,
+        samples: &mut Samples,
+        block: &SampleBlock,
+        texel: [usize; 2],
+        colours: &[Vec4],
+        is_gutter: bool,
+    ) {
+        let has_colour = samples.set(block, texel, colours, is_gutter);
+        if !is_gutter && block.inner.contains(texel) {
+            self.covered += 1;
+            self.colourless += u64::from(!has_colour);
+        }
+    }
+
     /// The sum of both.
     pub fn plus(self, other: Self) -> Self {
         Self { covered: self.covered + other.covered, colourless: self.colourless + other.colourless }
     }
 }
 
-/// The triangles of a patch, and where they lie.
-pub struct PatchSurface<'a> {
-    /// The triangles.
-    pub triangles: Triangles<'a>,
-    /// Their positions are relative to this.
-    pub origin: DVec3,
-}
-
-impl PatchSurface<'_> {
-    /// The smallest box around it.
-    pub fn bounds(&self) -> Bounds {
-        Bounds::around(self.triangles.positions.iter().map(|&position| position + self.origin))
-    }
-
-    /// Corners of a triangle.
-    pub fn corners(&self, face: FaceId) -> [DVec3; 3] {
-        self.triangles.corners(face).map(|corner| corner + self.origin)
-    }
-}
-
 /// Paints charts with the colours of the original.
 pub(super) struct ChartPainter<'a> {
+    projector: Projector,
     closest: ClosestPlaces<'a>,
     reader: TexelReader<'a>,
     /// Places of a texel that are sampled, from its middle.
     pattern: Vec<Vec2>,
     /// Side of a square in texels of the image.
     square: usize,
-    /// The texels of a region with their owners, square by square.
+    /// Whether each texel of a block has its colour from the projector.
+    are_seen: Vec<bool>,
+    /// The other texels of a region with their owners, square by square.
     texels: Vec<(u32, [usize; 2])>,
     /// The points of their samples.
     points: PointSet,
@@ -97,11 +93,14 @@ impl<'a> ChartPainter<'a> {
     pub fn new(original: &'a Original, texel: f64, away: f64) -> Self {
         let coarseness = texel / original.median_texel;
         let of_face = (original.area / original.face_count.max(1) as f64).sqrt() / texel;
+        let pattern = pattern(coarseness);
         Self {
+            projector: Projector::new(texel, away, of_face * texel, &pattern),
             closest: ClosestPlaces::new(original, away),
             reader: TexelReader::new(&original.images),
-            pattern: pattern(coarseness),
+            pattern,
             square: (SQUARE * of_face).round().clamp(1.0, SQUARE_MAX) as usize,
+            are_seen: Vec::new(),
             texels: Vec::new(),
             points: PointSet::default(),
             colours: Vec::new(),
@@ -144,39 +143,66 @@ impl<'a> ChartPainter<'a> {
         let corners = faces.into_iter().flat_map(|face| patch.corners(chart.faces[face as usize].0));
         self.closest.begin_block(Bounds::around(corners));
         let mut samples = Samples::new(block, self.pattern.len());
+        let part = ChartPart { chart, patch, owners: &owners, rect: block.outer };
+        self.project(&part, block, &mut samples)?;
         for region in block.outer.squares(self.square * SQUARES) {
-            self.find_points(chart, patch, &owners, region);
+            self.find_points(&part, block, region);
             self.take_colours()?;
             self.hand_over(block, &mut samples);
         }
+        let is_bare = |texel: &[usize; 2]| samples.value(block, *texel).is_none();
+        let is_gutter = |texel: &[usize; 2]| owners.owner(*texel) != NOBODY && owners.owner(*texel) & IN_GUTTER != 0;
+        let mut bare: Vec<[usize; 2]> = block.outer.texels().filter(is_gutter).filter(is_bare).collect();
+        samples.extend(block, &mut bare, GUTTER);
         samples.sharpen(&self.pattern);
         let mut canvas = lock(canvas);
         for texel in block.inner.texels() {
             let owner = owners.owner(texel);
-            if owner != NOBODY {
-                canvas.set(texel, samples.value(block, texel));
+            match samples.value(block, texel) {
+                Some(colour) => canvas.set(texel, colour),
+                None if owner & IN_GUTTER == 0 => canvas.set(texel, NO_COLOUR),
+                // What lies around the charts is filled from them.
+                None => {}
             }
         }
         Ok(())
     }
 
-    /// Finds the points of a region, square by square.
-    fn find_points(&mut self, chart: &PlacedChart, patch: &PatchSurface<'_>, owners: &Owners, region: TexelRect) {
-        let Self { texels, points, pattern, square, .. } = self;
+    /// Takes the colours that the projector finds.
+    fn project(&mut self, part: &ChartPart<'_>, block: &SampleBlock, samples: &mut Samples) -> Result<()> {
+        let Self { projector, closest, reader, are_seen, colours, painted, .. } = self;
+        let [width, height] = block.outer.size();
+        are_seen.clear();
+        are_seen.resize(width * height, false);
+        projector.project(part, closest, &mut |seen| {
+            colours.clear();
+            seen.samples(|shown, weights| {
+                colours.push(colour_of(reader, shown, weights)?.map_or(Vec4::ZERO, |colour| colour.extend(1.0)));
+                Ok(())
+            })?;
+            are_seen[block.outer.index(seen.texel)] = true;
+            painted.set(samples, block, seen.texel, colours, seen.is_gutter());
+            Ok(())
+        })
+    }
+
+    /// Finds the points of the other texels of a region, square by square; in the gutter, these are left to be filled.
+    fn find_points(&mut self, part: &ChartPart<'_>, block: &SampleBlock, region: TexelRect) {
+        let Self { are_seen, texels, points, pattern, square, .. } = self;
         texels.clear();
         points.clear();
         for square in region.squares(*square) {
             let first = texels.len();
-            let owned = square.texels().map(|texel| (owners.owner(texel), texel));
-            texels.extend(owned.filter(|(owner, _)| *owner != NOBODY));
+            let unseen = square.texels().filter(|&texel| !are_seen[block.outer.index(texel)]);
+            let owned = unseen.map(|texel| (part.owners.owner(texel), texel));
+            texels.extend(owned.filter(|(owner, _)| owner & IN_GUTTER == 0));
             let own = &mut texels[first..];
             if own.iter().any(|(owner, _)| *owner != own[0].0) {
                 own.sort_unstable();
             }
             for same in own.chunk_by(|a, b| a.0 == b.0) {
-                let (face, flat) = chart.faces[(same[0].0 & !IN_GUTTER) as usize];
-                let plane = Plane::new(flat, patch.corners(face));
-                let pattern = samples_of(pattern, same[0].0);
+                let (face, flat) = part.chart.faces[same[0].0 as usize];
+                let plane = Plane::new(flat, part.patch.corners(face));
                 for &(_, [column, row]) in same {
                     let middle = DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
                     pattern.iter().for_each(|step| points.push(plane.point(middle + step.as_dvec2())));
@@ -204,23 +230,10 @@ impl<'a> ChartPainter<'a> {
 
     /// Hands the colours of a region over to its block.
     fn hand_over(&mut self, block: &SampleBlock, samples: &mut Samples) {
-        let mut first = 0;
-        for &(owner, texel) in &self.texels {
-            let count = samples_of(&self.pattern, owner).len();
-            let is_gutter = owner & IN_GUTTER != 0;
-            let has_colour = samples.set(block, texel, &self.colours[first..first + count], is_gutter);
-            if !is_gutter && block.inner.contains(texel) {
-                self.painted.covered += 1;
-                self.painted.colourless += u64::from(!has_colour);
-            }
-            first += count;
+        for (&(_, texel), colours) in self.texels.iter().zip(self.colours.chunks_exact(self.pattern.len())) {
+            self.painted.set(samples, block, texel, colours, false);
         }
     }
-}
-
-/// Places that are sampled of a texel with this owner.
-fn samples_of(pattern: &[Vec2], owner: u32) -> &[Vec2] {
-    if owner & IN_GUTTER != 0 { &[Vec2::ZERO] } else { pattern }
 }
 
 /// The colour at a place of a triangle.
@@ -259,41 +272,4 @@ fn pattern(coarseness: f64) -> Vec<Vec2> {
     }
     let at = |step: usize| (step as f32 + 0.5) / side as f32 - 0.5;
     (0..side * side).map(|step| Vec2::new(at(step % side), at(step / side))).collect()
-}
-
-/// A triangle of the image and in space.
-struct Plane {
-    flat: [DVec2; 3],
-    solid: [DVec3; 3],
-    normal: DVec3,
-    /// How the barycentric weights of the second and third corner grow along the image.
-    growth: [DVec2; 2],
-    /// Steps in space of one column and one row.
-    steps: [DVec3; 2],
-    /// Whether all texels around one of its own lie close to it.
-    is_plump: bool,
-}
-
-impl Plane {
-    fn new(flat: [DVec2; 3], solid: [DVec3; 3]) -> Self {
-        let growth = weight_growth(flat);
-        let along = |axis: usize| (solid[1] - solid[0]) * growth[0][axis] + (solid[2] - solid[0]) * growth[1][axis];
-        let is_plump = growth[0].length() + growth[1].length() < PLUMP;
-        Self { flat, solid, normal: unit_normal(solid), growth, steps: [along(0), along(1)], is_plump }
-    }
-
-    /// The place in space of one in the image.
-    #[inline]
-    fn point(&self, at: DVec2) -> DVec3 {
-        let from_a = at - self.flat[0];
-        if !self.is_plump {
-            let [at_b, at_c] = self.growth.map(|growth| growth.dot(from_a));
-            let weights = [1.0 - at_b - at_c, at_b, at_c];
-            if !weights.into_iter().all(|weight| weight >= LEAST_WEIGHT) {
-                let [a, b, c] = closest_weights(at.extend(0.0), self.flat.map(|corner| corner.extend(0.0)));
-                return self.solid[0] * a + self.solid[1] * b + self.solid[2] * c;
-            }
-        }
-        self.solid[0] + self.steps[0] * from_a.x + self.steps[1] * from_a.y
-    }
 }

@@ -12,7 +12,8 @@ use rayon::prelude::*;
 
 use super::canvas::AtlasCanvas;
 use super::original::Original;
-use super::paint::{ChartPainter, Painted, PatchSurface};
+use super::paint::{ChartPainter, Painted};
+use super::patch_surface::PatchSurface;
 use super::raster::TexelRect;
 use super::sharpen::SampleBlock;
 use crate::base::lock::lock;

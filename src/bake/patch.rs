@@ -6,8 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use super::density::texel_lengths;
 use super::original::Original;
-use super::paint::{Painted, PatchSurface};
+use super::paint::Painted;
 use super::painters::Painters;
+use super::patch_surface::PatchSurface;
 use crate::base::id::TiVec;
 use crate::base::{Progress, Result};
 use crate::file::codec;
@@ -48,8 +49,6 @@ pub struct PatchBaker<'a> {
     original: &'a Original,
     /// Length of a texel's side where the original has its median.
     pub(super) texel: f64,
-    /// What a surface that faces away counts as farther.
-    away: f64,
     /// Largest side of an image in texels.
     side: u32,
     painters: Painters<'a>,
@@ -89,7 +88,7 @@ impl<'a> PatchBaker<'a> {
     /// Prepares to bake patches of a mesh that lies near an original.
     pub fn new(original: &'a Original, settings: &PatchSettings, progress: &'a dyn Progress) -> Self {
         let PatchSettings { texel, away, side, painters } = *settings;
-        Self { original, texel, away, side, painters: Painters::new(original, texel, away, painters, progress) }
+        Self { original, texel, side, painters: Painters::new(original, texel, away, painters, progress) }
     }
 
     /// Unwraps a patch; texels are `coarser` times as long as they are elsewhere.
@@ -97,7 +96,7 @@ impl<'a> PatchBaker<'a> {
     /// # Errors
     /// On failed reads.
     pub fn unwrap(&self, patch: &PatchSurface<'_>, coarser: f64) -> Result<Unwrapped> {
-        let mut texels = texel_lengths(self.original, patch, self.texel, self.away)?;
+        let mut texels = texel_lengths(self.original, patch, self.texel)?;
         texels.iter_mut().for_each(|texel| *texel *= coarser);
         Ok(unwrap(patch.triangles, &UnwrapSettings { texels: &texels, side: self.side }))
     }

@@ -9,13 +9,15 @@
 
 use glam::{DVec2, DVec3, DVec4, Vec2, Vec3, Vec4};
 
-use crate::geometry::triangle::area;
 use crate::geometry::{closest_weights, distance_sq};
 use crate::image::stored::Beyond;
 use crate::model::id::ImageId;
 
 /// A triangle lower than this, per length of its sides, is measured without its prism.
 const THIN: f64 = 1e-3;
+/// Cosine between normals below which a triangle faces away: the back of a wall does, the folds of a crumpled surface do
+/// not.
+pub(super) const AWAY: f32 = -0.5;
 /// Factor on lower bounds of distances, for the rounding of single precision.
 pub(super) const BOUND_MARGIN: f32 = 0.9995;
 
@@ -52,9 +54,10 @@ impl NearTriangle {
         Self { prism: Prism::over([a, b, c], normal), corners, normal: normal.as_vec3(), shown }
     }
 
-    /// Its area in space.
-    pub fn area(&self) -> f64 {
-        area(self.corners.map(Vec3::as_dvec3))
+    /// Whether it faces away from what has this normal.
+    #[inline]
+    pub fn faces_away(&self, normal: Vec3) -> bool {
+        self.normal.dot(normal) < AWAY
     }
 
     /// Its distance from a point, if that is less than `bound`; else any number from `bound` on.

@@ -46,6 +46,20 @@ impl TexelRect {
         }
     }
 
+    /// With a texel more; it begins with a rectangle of none, at its first texel.
+    pub fn with(self, texel: [usize; 2]) -> Self {
+        Self {
+            first: [0, 1].map(|axis| self.first[axis].min(texel[axis])),
+            end: [0, 1].map(|axis| self.end[axis].max(texel[axis] + 1)),
+        }
+    }
+
+    /// The same texels counted from `first` on.
+    pub fn from(self, first: [usize; 2]) -> Self {
+        let Self { first: own, end } = self;
+        Self { first: [0, 1].map(|axis| own[axis] - first[axis]), end: [0, 1].map(|axis| end[axis] - first[axis]) }
+    }
+
     /// Squares of a side, or what of them lies in it, row by row.
     pub fn squares(self, side: usize) -> impl Iterator<Item = Self> {
         let Self { first: [left, top], end: [right, bottom] } = self;

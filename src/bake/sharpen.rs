@@ -27,8 +27,6 @@ const MARGIN: usize = 4;
 /// Steps, and how far each goes.
 const STEPS: usize = 2;
 const STEP: f32 = 1.5;
-/// Colour of a texel without any.
-const NO_COLOUR: Vec3 = Vec3::splat(204.0);
 
 /// A part of a chart that is painted at once.
 #[derive(Debug, Clone, Copy)]
@@ -83,10 +81,27 @@ impl Samples {
         has_colour
     }
 
-    /// The colour of a texel.
-    pub fn value(&self, block: &SampleBlock, texel: [usize; 2]) -> Vec3 {
+    /// The colour of a texel; `None` where the original has none.
+    pub fn value(&self, block: &SampleBlock, texel: [usize; 2]) -> Option<Vec3> {
         let value = self.values[self.index(block, texel)];
-        if value.w > 0.0 { value.truncate() } else { NO_COLOUR }
+        (value.w > 0.0).then(|| value.truncate())
+    }
+
+    /// Gives texels without colour, which lie around others, the mean of those beside them: `rings` times, each time one
+    /// texel farther.
+    pub fn extend(&mut self, block: &SampleBlock, bare: &mut Vec<[usize; 2]>, rings: u32) {
+        let mut ring: Vec<(usize, Vec4)> = Vec::with_capacity(bare.len());
+        for _ in 0..rings {
+            ring.clear();
+            bare.retain(|&texel| {
+                let at = self.index(block, texel);
+                let beside: Vec4 =
+                    [at - 1, at + 1, at - self.stride, at + self.stride].map(|at| self.values[at]).iter().sum();
+                ring.extend((beside.w > 0.0).then(|| (at, beside / beside.w)));
+                beside.w == 0.0
+            });
+            ring.iter().for_each(|&(at, value)| self.values[at] = value);
+        }
     }
 
     fn index(&self, block: &SampleBlock, [column, row]: [usize; 2]) -> usize {

@@ -54,6 +54,11 @@ impl Bounds {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 
+    /// With `margin` more on all sides.
+    pub fn grown(self, margin: f64) -> Self {
+        Self { low: self.low - margin, high: self.high + margin }
+    }
+
     /// Squared distance to a point; 0 if it lies inside.
     pub fn distance_sq(self, point: DVec3) -> f64 {
         (self.low - point).max(point - self.high).max(DVec3::ZERO).length_squared()

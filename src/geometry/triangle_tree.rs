@@ -31,6 +31,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3A, Vec4};
 
+use super::boxtree::Bounds;
 use super::closest_point;
 use super::tilted::TiltedBox;
 
@@ -103,14 +104,21 @@ impl Pair {
         }
     }
 
-    /// Squared distance, index and count of a child.
+    /// How far a point lies outside of a child's box along each axis, and the child's index and count.
     #[inline]
-    fn child(&self, which: usize, point: Vec3A) -> (f32, u32, u32) {
+    fn outside(&self, which: usize, point: Vec3A) -> (Vec3A, u32, u32) {
         let [low, high] = [self.corners[2 * which], self.corners[2 * which + 1]];
         let outside = (Vec3A::from_vec4(Vec4::from_array(low)) - point)
             .max(point - Vec3A::from_vec4(Vec4::from_array(high)))
             .max(Vec3A::ZERO);
-        (outside.length_squared(), low[3].to_bits(), high[3].to_bits())
+        (outside, low[3].to_bits(), high[3].to_bits())
+    }
+
+    /// Squared distance, index and count of a child.
+    #[inline]
+    fn child(&self, which: usize, point: Vec3A) -> (f32, u32, u32) {
+        let (outside, index, count) = self.outside(which, point);
+        (outside.length_squared(), index, count)
     }
 }
 
@@ -372,9 +380,39 @@ impl TreeView<'_> {
 
     /// Calls `visit` with the index of each triangle whose leaf's box is no farther from a point than the root of
     /// `distance_sq`, until it returns that it has seen enough.
-    pub fn visit_within(self, point: DVec3, distance_sq: f64, mut visit: impl FnMut(u32) -> bool) {
+    pub fn visit_within(self, point: DVec3, distance_sq: f64, visit: impl FnMut(u32) -> bool) {
         let target = Vec3A::from(point.as_vec3());
         let limit = distance_sq as f32 * BOUND_MARGIN;
+        let near = |pair: &Pair, which: usize| {
+            let (distance_sq, index, leaf) = self.child(pair, which, target);
+            (distance_sq <= limit).then_some((index, leaf))
+        };
+        self.visit_where(near, visit);
+    }
+
+    /// Calls `visit` with the index of each triangle whose leaf's box meets a box, until it returns that it has seen
+    /// enough.
+    pub fn visit_meeting(self, bounds: Bounds, visit: impl FnMut(u32) -> bool) {
+        let middle = 0.5 * (bounds.low + bounds.high);
+        let half = 0.5 * (bounds.high - bounds.low);
+        let radius_sq = half.length_squared() as f32 * BOUND_MARGIN;
+        let (middle, half) = (Vec3A::from(middle.as_vec3()), Vec3A::from(half.as_vec3()));
+        let near = |pair: &Pair, which: usize| {
+            let (outside, index, count) = pair.outside(which, middle);
+            let is_near = outside.cmple(half * BOUND_MARGIN).all();
+            match count & TILTED {
+                0 => is_near.then_some((index, count)),
+                _ => {
+                    let tilted = &self.tilted[(count ^ TILTED) as usize];
+                    (is_near && tilted.distance_sq(middle) <= radius_sq).then_some((index, 0))
+                }
+            }
+        };
+        self.visit_where(near, visit);
+    }
+
+    /// Calls `visit` with the index of each triangle below the children that are `near`: their index and count.
+    fn visit_where(self, near: impl Fn(&Pair, usize) -> Option<(u32, u32)>, mut visit: impl FnMut(u32) -> bool) {
         let mut stack = [(0u32, 0u32); STACK_ENTRIES];
         stack[0] = (0, if self.pairs.is_empty() { self.count as u32 } else { 0 });
         let mut height = usize::from(self.count > 0);
@@ -388,10 +426,9 @@ impl TreeView<'_> {
                 continue;
             }
             let pair = &self.pairs[index as usize];
-            for which in [1, 0] {
-                let (distance_sq, index, leaf) = self.child(pair, which, target);
-                if distance_sq <= limit && height < STACK_ENTRIES {
-                    stack[height] = (index, leaf);
+            for child in [1, 0].into_iter().filter_map(|which| near(pair, which)) {
+                if height < STACK_ENTRIES {
+                    stack[height] = child;
                     height += 1;
                 }
             }

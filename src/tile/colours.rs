@@ -21,8 +21,9 @@ use crate::geometry::triangle::{area, unit_normal, weight_growth};
 use crate::image::decode::Image;
 use crate::mesh::id::FaceId;
 
-/// Points of a tile.
-const POINTS: usize = 256;
+/// Points of a level, about: they tell its error within a few per cent; and tiles that they lie on, at most.
+const POINTS: usize = 16_384;
+const TILES_MAX: usize = 64;
 /// Steps of the weights of consecutive points, which fill a triangle evenly.
 ///
 /// # Source
@@ -58,13 +59,24 @@ pub struct ColourMeter<'a> {
     texel: f64,
     /// What a surface that faces away counts as farther.
     away: f64,
+    /// Of this number of tiles, one is measured.
+    step: usize,
+    /// At this number of points.
+    points: usize,
     idle: Mutex<Vec<ColourProbe<'a>>>,
 }
 
 impl<'a> ColourMeter<'a> {
-    /// Compares tiles whose texels are `texel` long.
-    pub fn new(input: &'a Original, texel: f64, away: f64) -> Self {
-        Self { input, texel, away, idle: Mutex::default() }
+    /// Compares tiles of a level of `tiles`, whose texels are `texel` long.
+    pub fn new(input: &'a Original, texel: f64, away: f64, tiles: usize) -> Self {
+        let step = tiles.div_ceil(TILES_MAX).max(1);
+        let points = POINTS / tiles.div_ceil(step).max(1);
+        Self { input, texel, away, step, points, idle: Mutex::default() }
+    }
+
+    /// Whether a tile is one of those that are measured.
+    pub fn is_measured(&self, tile: usize) -> bool {
+        tile.is_multiple_of(self.step)
     }
 
     /// Measures a tile; positions of its mesh are relative to `origin`.
@@ -78,7 +90,7 @@ impl<'a> ColourMeter<'a> {
         let image = Image::of_bytes(encoded).map_err(unread)?;
         let idle = lock(&self.idle).pop();
         let mut probe = idle.unwrap_or_else(|| ColourProbe::new(self.input, self.texel, self.away));
-        let error = TextureSurface { mesh, origin, tile, image: &image }.measure(&mut probe)?;
+        let error = TextureSurface { mesh, origin, tile, image: &image }.measure(self.points, &mut probe)?;
         lock(&self.idle).push(probe);
         Ok(error)
     }
@@ -92,7 +104,7 @@ struct TextureSurface<'a> {
 }
 
 impl TextureSurface<'_> {
-    fn measure(&self, probe: &mut ColourProbe<'_>) -> Result<ColourError> {
+    fn measure(&self, points: usize, probe: &mut ColourProbe<'_>) -> Result<ColourError> {
         let faces = &self.tile.texcoords;
         let solid = |face: FaceId| self.mesh.faces[face].map(|vertex| self.origin + self.mesh.positions[vertex]);
         let mut ends: Vec<f64> = Vec::with_capacity(faces.len());
@@ -102,8 +114,8 @@ impl TextureSurface<'_> {
         let Some(&whole) = ends.last().filter(|&&whole| whole > 0.0) else { return Ok(ColourError::default()) };
         probe.begin(Bounds::around(self.mesh.positions.iter().map(|&position| self.origin + position)));
         let (mut squares, mut count) = (0.0, 0u32);
-        for point in 0..POINTS {
-            let target = (point as f64 + 0.5) / POINTS as f64 * whole;
+        for point in 0..points {
+            let target = (point as f64 + 0.5) / points as f64 * whole;
             let (face, texcoords) = faces[ends.partition_point(|&end| end < target).min(faces.len() - 1)];
             let weights = weights_of(point);
             let texcoords = texcoords.map(|at| DVec2::new(f64::from(at[0]), f64::from(at[1])));
@@ -115,7 +127,7 @@ impl TextureSurface<'_> {
             count += 1;
         }
         probe.end();
-        let share = f64::from(count) / POINTS as f64 * whole;
+        let share = f64::from(count) / points as f64 * whole;
         Ok(ColourError { squares: squares / f64::from(count.max(1)) * share, area: share })
     }
 
@@ -149,10 +161,10 @@ mod tests {
     #[test]
     fn points_fill_a_triangle_evenly() {
         let mut mean = [0.0; 3];
-        for point in 0..POINTS {
+        for point in 0..256 {
             let weights = weights_of(point);
             assert!(weights.iter().all(|weight| (0.0..=1.0).contains(weight)));
-            (0..3).for_each(|corner| mean[corner] += weights[corner] / POINTS as f64);
+            (0..3).for_each(|corner| mean[corner] += weights[corner] / 256.0);
         }
         assert!(mean.iter().all(|share| (share - 1.0 / 3.0).abs() < 0.02), "{mean:?}");
     }

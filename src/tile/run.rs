@@ -230,7 +230,7 @@ impl Pyramid<'_> {
             Some(below) if !is_done && self.settings.has_colour => Some(self.join(below, number)?),
             _ => None,
         };
-        let crew = TileCrew::new(self, original.as_ref().unwrap_or(self.original), levels, number);
+        let crew = TileCrew::new(self, original.as_ref().unwrap_or(self.original), levels, number, nodes.len());
         let permits =
             Permits::new(limits.work_bytes.saturating_sub(limits.threads as u64 * (PAINTER_BYTES + METER_BYTES)));
         let texels = u64::from(self.settings.side) * u64::from(self.settings.side);
@@ -247,7 +247,11 @@ impl Pyramid<'_> {
             let place = RawPlace { work, node, index, scene: self.scene, level: number };
             let raw = if is_last { None } else { RawTile::keep(&mesh, &painted, &place)? };
             let record = TileRecord {
-                colours: crew.measure(&mesh, &painted)?,
+                colours: if crew.meter.is_measured(index) {
+                    crew.measure(&mesh, &painted)?
+                } else {
+                    ColourError::default()
+                },
                 ..self.write_tile(node, &painted, &output.join(tile_name(number, node)))?
             };
             let key = TileStep::Tile { level: number, tile: node }.key();
@@ -334,7 +338,7 @@ struct TileCrew<'a> {
 }
 
 impl<'a> TileCrew<'a> {
-    fn new(pyramid: &'a Pyramid<'a>, original: &'a Original, levels: &'a [Level], number: u32) -> Self {
+    fn new(pyramid: &'a Pyramid<'a>, original: &'a Original, levels: &'a [Level], number: u32, tiles: usize) -> Self {
         let Pyramid { scene, place: TilePlace { limits, progress, .. }, .. } = *pyramid;
         let (level, lattice, texel) = (&levels[number as usize], scene.lattice(number), scene.texel_of(number));
         let most = (limits.work_bytes / 2 / PAINTER_BYTES) as usize;
@@ -355,7 +359,7 @@ impl<'a> TileCrew<'a> {
             others: others.collect(),
         };
         let baker = PatchBaker::new(original, &settings, progress);
-        let meter = ColourMeter::new(pyramid.original, texel, settings.away);
+        let meter = ColourMeter::new(pyramid.original, texel, settings.away, tiles);
         Self { pyramid, original, skirt, copies: number == 0, baker, readers: Mutex::default(), meter }
     }
 

@@ -85,20 +85,16 @@ impl Grid {
         row[words.clone()].iter_mut().zip(words).for_each(|(taken, word)| *taken |= bits(&columns, word));
     }
 
-    /// The last taken cell among some cells of a row.
+    /// A bit for each cell of a row, set where it is taken.
     #[inline]
-    pub fn last_taken(&self, row: usize, columns: Range<usize>) -> Option<usize> {
-        let row = &self.are_taken[row * self.words..][..self.words];
-        (columns.start / 64..columns.end.div_ceil(64)).rev().find_map(|word| {
-            let taken = row[word] & bits(&columns, word);
-            (taken != 0).then(|| 64 * word + 63 - taken.leading_zeros() as usize)
-        })
+    pub fn row(&self, row: usize) -> &[u64] {
+        &self.are_taken[row * self.words..][..self.words]
     }
 
     /// The first cell of a row from `from` on that is taken, or that is free.
     #[inline]
     pub fn next(&self, row: usize, from: usize, is_taken: bool) -> Option<usize> {
-        let row = &self.are_taken[row * self.words..][..self.words];
+        let row = self.row(row);
         let found = (from / 64..self.words).find_map(|word| {
             let wanted = if is_taken { row[word] } else { !row[word] } & bits(&(from..64 * self.words), word);
             (wanted != 0).then(|| 64 * word + wanted.trailing_zeros() as usize)

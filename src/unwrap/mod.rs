@@ -13,6 +13,7 @@
 //! About 250 bytes a triangle while charts are made.
 
 mod charts;
+mod columns;
 mod flat;
 mod image_size;
 mod mask;

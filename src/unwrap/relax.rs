@@ -11,8 +11,10 @@
 
 use glam::{DVec2, DVec3};
 
-/// Sweeps over all vertices.
+/// Sweeps over all vertices at most.
 const SWEEPS: usize = 48;
+/// A sweep that moves no vertex farther than this is the last, by the longest side of a triangle.
+const STILL: f64 = 1e-3;
 /// How far a vertex goes, as a share of the way to where its edges want it.
 const STEP: f64 = 1.5;
 /// Least weight of an edge, for angles beyond 90 degrees.
@@ -82,7 +84,10 @@ pub(super) fn relax(triangles: &[([usize; 3], [DVec3; 3])], mut places: Vec<DVec
     for (number, element) in elements.iter().enumerate() {
         element.vertices.iter().enumerate().for_each(|(corner, &vertex)| edges_of[vertex].push((number, corner)));
     }
+    let sides = elements.iter().flat_map(|element| element.sides);
+    let still_sq = STILL * STILL * sides.map(|side| side.length_squared()).fold(0.0, f64::max);
     for _ in 0..SWEEPS {
+        let mut moved_sq = 0.0_f64;
         let turns: Vec<DVec2> = elements.iter().map(|element| element.turn(&places)).collect();
         for (vertex, edges) in edges_of.iter().enumerate() {
             let (mut sum, mut total) = (DVec2::ZERO, 0.0);
@@ -95,8 +100,13 @@ pub(super) fn relax(triangles: &[([usize; 3], [DVec3; 3])], mut places: Vec<DVec
                 total += weights[corner] + weights[before];
             }
             if total > 0.0 {
-                places[vertex] = places[vertex].lerp(sum / total, STEP);
+                let step = STEP * (sum / total - places[vertex]);
+                places[vertex] += step;
+                moved_sq = moved_sq.max(step.length_squared());
             }
+        }
+        if moved_sq <= still_sq {
+            break;
         }
     }
     [places, seen].into_iter().find(|places| is_kept(places))

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
+use super::columns::OpenColumns;
 use super::mask::{CellRun, Grid, Mask};
 
 /// Classes of sizes for a factor of two.
@@ -20,6 +21,8 @@ pub(super) struct Sheet {
     free: Vec<usize>,
     /// The row where the last chart of a class of sizes began, above which others of the class are not tried.
     begun: HashMap<[u32; 2], usize>,
+    /// The columns of the row that is asked.
+    open: OpenColumns,
     /// Rows down to the last one that is taken.
     pub height: usize,
 }
@@ -34,7 +37,14 @@ pub(super) struct SheetPlace {
 impl Sheet {
     /// An empty image.
     pub fn new(size: [usize; 2]) -> Self {
-        Self { size, grid: Grid::new(size), free: vec![size[0]; size[1]], begun: HashMap::new(), height: 0 }
+        Self {
+            size,
+            grid: Grid::new(size),
+            free: vec![size[0]; size[1]],
+            begun: HashMap::new(),
+            open: OpenColumns::default(),
+            height: 0,
+        }
     }
 
     /// The uppermost place where a chart is free, of these that on the left, whose first row is no lower than `last`; not
@@ -48,36 +58,37 @@ impl Sheet {
         place
     }
 
-    fn find_among(&self, mask: &Mask, rows: Range<usize>) -> Option<SheetPlace> {
+    fn find_among(&mut self, mask: &Mask, rows: Range<usize>) -> Option<SheetPlace> {
+        let count = (self.size[0] + 1).checked_sub(mask.size[0])?;
         let long = &mask.runs[..mask.runs.len().min(LONG_RUNS)];
-        // The run that was in the way last: it mostly is again.
+        // The run that closed the last column: it mostly does again.
         let mut likely = 0;
         let step = if mask.size[1] >= TALL { 2 } else { 1 };
-        rows.step_by(step).find_map(|row| {
+        for row in rows.step_by(step) {
             if long.iter().any(|run| self.free[row + run.row] < run.columns.len()) {
-                return None;
+                continue;
             }
-            let mut column = 0;
-            while column + mask.size[0] <= self.size[0] {
-                match self.obstacle(mask, row, column, likely) {
-                    Some((run, next)) => (likely, column) = (run, next),
-                    None => return Some(SheetPlace { row, column }),
-                }
+            match self.closing(mask, row, count, likely) {
+                Some(run) => likely = run,
+                None => return Some(SheetPlace { row, column: self.open.first()? }),
             }
-            None
-        })
+        }
+        None
     }
 
-    /// A run of a chart that is in the way at a place, and the next column where it is not.
-    fn obstacle(&self, mask: &Mask, row: usize, column: usize, likely: usize) -> Option<(usize, usize)> {
-        let blocked = |number: usize| {
+    /// Looks for the columns where a chart is free, if it begins in a row; returns the run that closes the last of them.
+    fn closing(&mut self, mask: &Mask, row: usize, count: usize, likely: usize) -> Option<usize> {
+        let Self { size, grid, free, open, .. } = self;
+        open.begin(count);
+        let mut closes = |number: usize| {
             let CellRun { row: own, columns } = &mask.runs[number];
             let row = row + own;
-            let taken = self.grid.last_taken(row, columns.start + column..columns.end + column)?;
-            let next = self.grid.next(row, taken, false).unwrap_or(self.size[0]);
-            Some((number, next - columns.start))
+            free[row] < size[0] && !open.close(grid.row(row), columns)
         };
-        blocked(likely).or_else(|| (0..mask.runs.len()).find_map(blocked))
+        if closes(likely) {
+            return Some(likely);
+        }
+        (0..mask.runs.len()).find(|&number| closes(number))
     }
 
     /// Frees the memory of an image that gets no more charts.

@@ -37,6 +37,31 @@ proptest! {
     }
 }
 
+proptest! {
+    #[test]
+    fn every_triangle_that_meets_a_box_is_visited(
+        raw in prop::collection::vec(prop::array::uniform3(prop::array::uniform3(-300i16..300)), 1..200),
+        corners in prop::array::uniform2(prop::array::uniform3(-400i16..400)),
+        scale in prop_oneof![Just(1.0), Just(1e-5), Just(1e6)],
+    ) {
+        let triangles: Vec<_> = raw.into_iter().map(|t| vectors(t, scale)).collect();
+        let tree = build(triangles.len(), |i| triangles[i as usize]);
+        let bounds = Bounds::around(corners.map(|corner| DVec3::from(corner.map(f64::from)) * scale));
+        let mut visited = Vec::new();
+        tree.view().visit_meeting(bounds, |place| {
+            visited.push(tree.order[place as usize]);
+            false
+        });
+        for (number, &triangle) in triangles.iter().enumerate() {
+            // A box around a triangle may meet it though the triangle does not, but not the other way around.
+            let meets = triangle.iter().any(|&corner| bounds.distance_sq(corner) == 0.0);
+            prop_assert!(!meets || visited.contains(&(number as u32)), "{}", number);
+        }
+        visited.sort_unstable();
+        prop_assert!(visited.windows(2).all(|pair| pair[0] < pair[1]));
+    }
+}
+
 #[test]
 fn many_triangles_at_one_place_are_halved() {
     let tree = build(10_000, |_| [DVec3::ONE; 3]);
