@@ -10,7 +10,7 @@ use super::print::{print, print_json};
 use super::progress::{stoppable, tell};
 use super::stop::Goodbye;
 use crate::base::{Error, Result, quantity};
-use crate::options::{GeoPlace, ImageFormat, TileOptions, UpAxis};
+use crate::options::{GeoPlace, ImageFormat, TileCompression, TileOptions, UpAxis};
 use crate::os::signals::StopSignal;
 use crate::pipeline;
 use crate::report;
@@ -49,6 +49,10 @@ pub struct TileFlags {
     /// Format of the images: png, jpeg, or jpeg:QUALITY with a quality from 1 to 100
     #[arg(long, value_name = "FORMAT", default_value_t = TileOptions::default().image)]
     image: ImageFormat,
+
+    /// How vertices and triangles are stored
+    #[arg(long, value_enum, default_value_t = TileOptions::default().compress, value_name = "CODEC")]
+    compress: TileCompression,
 
     /// Geometric error of a tile, by the larger of its texel and its deviation
     ///
@@ -92,6 +96,7 @@ impl TileFlags {
             tile_faces: flags.tile_faces,
             tile_side: flags.tile_side,
             image: flags.image,
+            compress: flags.compress,
             error_factor: flags.error_factor,
             up: flags.up,
             origin: flags.origin,

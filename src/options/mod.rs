@@ -17,7 +17,7 @@ use crate::write::Textures;
 
 pub use self::choices::{
     Borders, Choice, Doubles, MetricChoice, Normals, Pieces, ResumeChoice, Seams, TextureFiles, TexturesOutside,
-    Topology, UpAxis, Weld,
+    TileCompression, Topology, UpAxis, Weld,
 };
 pub use self::target::{FaceTarget, Target};
 pub use self::tile::{GeoPlace, TileOptions};

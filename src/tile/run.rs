@@ -283,7 +283,7 @@ impl Pyramid<'_> {
     }
 
     fn write_tile(&self, node: TileId, tile: &PaintedTile, path: &Path) -> Result<TileRecord> {
-        let bytes = tile.content.to_glb();
+        let bytes = tile.content.to_glb(self.settings.is_compressed);
         if !tile.content.triangles.is_empty() {
             self.write(path, &bytes)?;
         }
