@@ -4,6 +4,8 @@
 //
 // Places are those of the scene, in which z points up; the transform of the tileset is left out.
 
+import { decode } from "./meshopt.js";
+
 const REQUESTS_MAX = 6;
 const TILES_KEPT = 400;
 const FIELD = Math.PI / 4;
@@ -83,8 +85,11 @@ async function meshOf(bytes) {
   const json = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 20, jsonBytes)));
   const start = 28 + jsonBytes;
   const part = number => {
-    const { byteOffset = 0, byteLength } = json.bufferViews[number];
-    return new Uint8Array(bytes, start + byteOffset, byteLength);
+    const own = json.bufferViews[number];
+    const compressed = own.extensions?.EXT_meshopt_compression;
+    const { byteOffset = 0, byteLength } = compressed ?? own;
+    const stored = new Uint8Array(bytes, start + byteOffset, byteLength);
+    return compressed ? decode(stored, compressed) : stored;
   };
   const [primitive] = json.meshes[0].primitives;
   const accessor = number => json.accessors[number];
