@@ -46,7 +46,9 @@ pub struct TileFlags {
     #[arg(value_parser = quantity::parse_whole::<u32>)]
     tile_side: u32,
 
-    /// Format of the images: png, jpeg, or jpeg:QUALITY with a quality from 1 to 100
+    /// Format of the images: png, jpeg, webp, or jpeg:QUALITY or webp:QUALITY with a quality from 1 to 100
+    ///
+    /// webp needs a program that is built with the feature `webp`, and viewers that know EXT_texture_webp
     #[arg(long, value_name = "FORMAT", default_value_t = TileOptions::default().image)]
     image: ImageFormat,
 

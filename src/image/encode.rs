@@ -52,7 +52,26 @@ pub fn encode_into(
             let written = encoder.encode(pixels, width as u32, height as u32, ExtendedColorType::Rgb8);
             written.map_err(std::io::Error::other)
         }
+        ImageFormat::WebP(quality) => out.write_all(&webp(pixels, [width, height], quality)?),
     }
+}
+
+/// The bytes of a WebP with loss.
+#[cfg(feature = "webp")]
+fn webp(
+    pixels: &[u8],
+    [width, height]: [usize; 2],
+    quality: u8,
+) -> std::io::Result<impl std::ops::Deref<Target = [u8]>> {
+    let encoder = webp::Encoder::from_rgb(pixels, width as u32, height as u32);
+    let encoded = encoder.encode_simple(false, f32::from(quality));
+    encoded.map_err(|error| std::io::Error::other(format!("WebP: {error:?}")))
+}
+
+/// Fails: the program is built without an encoder.
+#[cfg(not(feature = "webp"))]
+fn webp(_: &[u8], _: [usize; 2], quality: u8) -> std::io::Result<Vec<u8>> {
+    Err(std::io::Error::other(ImageFormat::WebP(quality).check().err().unwrap_or_default()))
 }
 
 /// A durable file that encoders write to.

@@ -5,16 +5,19 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// Quality of a JPEG unless given.
-const QUALITY: u8 = 90;
+/// Quality of a JPEG and of a WebP unless given.
+const JPEG_QUALITY: u8 = 90;
+const WEBP_QUALITY: u8 = 80;
 
-/// Format of an image file, written `png`, `jpeg` or `jpeg:90`.
+/// Format of an image file, written `png`, `jpeg`, `jpeg:90`, `webp` or `webp:80`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ImageFormat {
     /// PNG, without loss.
     Png,
     /// JPEG of a quality from 1 to 100.
     Jpeg(u8),
+    /// WebP with loss, of a quality from 1 to 100; for tiles, if the program is built with its feature `webp`.
+    WebP(u8),
 }
 
 impl ImageFormat {
@@ -23,6 +26,7 @@ impl ImageFormat {
         match self {
             Self::Png => "png",
             Self::Jpeg(_) => "jpg",
+            Self::WebP(_) => "webp",
         }
     }
 
@@ -31,6 +35,31 @@ impl ImageFormat {
         match self {
             Self::Png => "image/png",
             Self::Jpeg(_) => "image/jpeg",
+            Self::WebP(_) => "image/webp",
+        }
+    }
+
+    /// The extension of glTF that a texture with such a file needs; `None` if it needs none.
+    pub fn extension(self) -> Option<&'static str> {
+        match self {
+            Self::Png | Self::Jpeg(_) => None,
+            Self::WebP(_) => Some("EXT_texture_webp"),
+        }
+    }
+
+    /// Checks that the program writes such files.
+    ///
+    /// # Errors
+    /// What was expected, or how the program has to be built.
+    pub fn check(self) -> Result<(), String> {
+        match self {
+            Self::Jpeg(0 | 101..) | Self::WebP(0 | 101..) => Err("expected a quality from 1 to 100".into()),
+            Self::WebP(_) if !cfg!(feature = "webp") => Err(
+                "this program is built without WebP; `cargo build --release --features webp` builds it with it, and \
+                     needs a C compiler"
+                    .into(),
+            ),
+            _ => Ok(()),
         }
     }
 }
@@ -40,6 +69,7 @@ impl fmt::Display for ImageFormat {
         match self {
             Self::Png => write!(out, "png"),
             Self::Jpeg(quality) => write!(out, "jpeg:{quality}"),
+            Self::WebP(quality) => write!(out, "webp:{quality}"),
         }
     }
 }
@@ -48,14 +78,17 @@ impl FromStr for ImageFormat {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        match text.split_once(':') {
-            None if text == "png" => Ok(Self::Png),
-            None if text == "jpeg" => Ok(Self::Jpeg(QUALITY)),
-            Some(("jpeg", quality)) => match quality.parse() {
-                Ok(quality @ 1..=100) => Ok(Self::Jpeg(quality)),
-                _ => Err(format!("{quality}: expected a quality from 1 to 100")),
-            },
-            _ => Err("expected png, jpeg or jpeg:QUALITY".into()),
+        let (name, quality) = text.split_once(':').map_or((text, None), |(name, quality)| (name, Some(quality)));
+        let quality_or = |usual: u8| match quality.map(str::parse) {
+            None => Ok(usual),
+            Some(Ok(quality @ 1..=100)) => Ok(quality),
+            _ => Err(format!("{}: expected a quality from 1 to 100", quality.unwrap_or_default())),
+        };
+        match (name, quality) {
+            ("png", None) => Ok(Self::Png),
+            ("jpeg", _) => quality_or(JPEG_QUALITY).map(Self::Jpeg),
+            ("webp", _) => quality_or(WEBP_QUALITY).map(Self::WebP),
+            _ => Err("expected png, jpeg, jpeg:QUALITY, webp or webp:QUALITY".into()),
         }
     }
 }
@@ -78,13 +111,17 @@ mod tests {
 
     #[test]
     fn formats_are_read_as_they_are_written() {
-        for (text, format) in
-            [("png", ImageFormat::Png), ("jpeg", ImageFormat::Jpeg(90)), ("jpeg:5", ImageFormat::Jpeg(5))]
-        {
+        for (text, format) in [
+            ("png", ImageFormat::Png),
+            ("jpeg", ImageFormat::Jpeg(90)),
+            ("jpeg:5", ImageFormat::Jpeg(5)),
+            ("webp", ImageFormat::WebP(80)),
+            ("webp:100", ImageFormat::WebP(100)),
+        ] {
             assert_eq!(text.parse(), Ok(format));
             assert_eq!(format.to_string().parse(), Ok(format));
         }
-        for text in ["", "jpg", "png:3", "jpeg:", "jpeg:0", "jpeg:101", "jpeg:-1", "JPEG:90:2"] {
+        for text in ["", "jpg", "png:3", "jpeg:", "jpeg:0", "jpeg:101", "jpeg:-1", "JPEG:90:2", "webp:", "webp:0"] {
             assert!(text.parse::<ImageFormat>().is_err(), "{text}");
         }
     }

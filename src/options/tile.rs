@@ -84,6 +84,7 @@ impl TileOptions {
         if !(error_factor.is_finite() && *error_factor > 0.0) {
             return fail(format!("`error_factor: {error_factor}`: expected a number above 0"));
         }
+        self.image.check().map_err(|words| Error::Usage(format!("`image: {}`: {words}", self.image)))?;
         if self.crs.is_some() && self.origin.is_some() {
             return fail("`origin` gives local coordinates their place, `crs` those of a map: give one of them".into());
         }
@@ -101,7 +102,6 @@ impl TileOptions {
         SimplifyOptions {
             target: Target::ratio(1.0),
             textures: TextureFiles::Bake,
-            image: self.image,
             atlas: self.tile_side,
             limits: self.limits,
             job: self.job.clone(),

@@ -18,6 +18,7 @@ use serde_json::{Value, json};
 
 use super::meshopt::{encode_attributes, encode_triangles, for_reuse, strips_in_rows, vertices_by_use};
 use crate::geometry::boxtree::Bounds;
+use crate::model::image_format::ImageFormat;
 use crate::write::glb_format::{
     ARRAY_BUFFER, CLAMP_TO_EDGE, ELEMENT_ARRAY_BUFFER, FLOAT, LINEAR, LINEAR_MIPMAP_LINEAR, MESHOPT, NO_COLOUR, SHORT,
     UNLIT, UNSIGNED_INT, UNSIGNED_SHORT, Z_TO_Y, linear, padded,
@@ -44,8 +45,8 @@ pub struct TileContent {
     /// Triangles of the skirt, two for each edge of the border: (end, start, foot) and (end, foot, other foot), each
     /// from any of its corners on.
     pub skirt_triangles: usize,
-    /// The image file and its type; `None` for a tile without texture.
-    pub image: Option<(Vec<u8>, &'static str)>,
+    /// The image file and its format; `None` for a tile without texture.
+    pub image: Option<(Vec<u8>, ImageFormat)>,
     /// Length of a step of the lattice.
     pub step: f64,
     /// Position of the middle of the tile, relative to the origin of the scene.
@@ -122,18 +123,22 @@ impl TileContent {
         material["doubleSided"] = json!(true);
         let mut required = Vec::from_iter(layout.is_short.then_some(QUANTIZATION));
         required.extend(is_compressed.then_some(MESHOPT));
+        required.extend(self.image.as_ref().and_then(|(_, format)| format.extension()));
         let mut used = required.clone();
         let mut document = json!({
             "asset": { "version": "2.0", "generator": concat!("drystone ", env!("CARGO_PKG_VERSION")) },
             "scene": 0, "scenes": [{ "nodes": [0] }], "nodes": [self.node()],
         });
-        if let Some((_, kind)) = &self.image {
+        if let Some((_, format)) = &self.image {
             attributes["TEXCOORD_0"] = json!(2);
             material["pbrMetallicRoughness"]["baseColorTexture"] = json!({ "index": 0 });
             material["extensions"] = json!({ UNLIT: {} });
             used.insert(0, UNLIT);
-            document["images"] = json!([{ "bufferView": 2, "mimeType": kind }]);
-            document["textures"] = json!([{ "source": 0, "sampler": 0 }]);
+            document["images"] = json!([{ "bufferView": 2, "mimeType": format.media_type() }]);
+            document["textures"] = match format.extension() {
+                None => json!([{ "source": 0, "sampler": 0 }]),
+                Some(extension) => json!([{ "sampler": 0, "extensions": { extension: { "source": 0 } } }]),
+            };
             document["samplers"] = json!([{
                 "magFilter": LINEAR, "minFilter": LINEAR_MIPMAP_LINEAR, "wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE,
             }]);

@@ -44,7 +44,13 @@ def shown(folder, page, distance, picture):
 TOWN = [objlib.FIXTURES / "town" / "town.obj", "--tile-faces", "1000", "--tile-side", "512", "--origin", "5.66,51.97,10"]
 
 
-@pytest.mark.parametrize("pyramid", [TOWN, [BLOCK]], indirect=True, ids=["town", "block"])
+PLAIN = [*TOWN, "--compress", "none"]
+COMPRESSED = [*TOWN, "--compress", "meshopt"]
+
+
+@pytest.mark.parametrize(
+    "pyramid", [PLAIN, COMPRESSED, [BLOCK]], indirect=True, ids=["town", "compressed town", "block"]
+)
 @pytest.mark.parametrize("page", ["three.html", "cesium.html"])
 def test_a_viewer_selects_finer_tiles_the_nearer_it_is(pyramid, page, tmp_path):
     folder, report = pyramid
@@ -62,3 +68,17 @@ def test_a_viewer_selects_finer_tiles_the_nearer_it_is(pyramid, page, tmp_path):
     assert found["middle"]["tiles"] > 1 and found["near"]["tiles"] > 1
     # Near, tiles beyond the picture are left out.
     assert found["near"]["triangles"] > found["middle"]["triangles"] / 4
+
+
+@pytest.mark.parametrize("page", ["three.html", "cesium.html"])
+def test_a_viewer_shows_the_same_of_compressed_tiles(drystone, page, tmp_path):
+    pictures, found = [], []
+    for name, options in [("plain", PLAIN), ("compressed", COMPRESSED)]:
+        source, *options = options
+        drystone("tile", source, "-o", tmp_path / name, *options, "--quiet")
+        picture = tmp_path / f"{name}.png"
+        found.append(shown(tmp_path / name, page, 1.2, picture))
+        pictures.append(np.asarray(Image.open(picture).convert("RGB")).astype(int))
+    assert found[0] == found[1] and found[0]["errors"] == []
+    # Of two triangles at one depth, the first one is seen.
+    assert (np.abs(pictures[0] - pictures[1]).max(2) > 8).mean() < 1e-3

@@ -153,9 +153,7 @@ impl Glb {
             _ => f64::from(f32::from_le_bytes(view[at..at + 4].try_into().unwrap())),
         };
         let scale = if accessor["normalized"] == true { 1.0 / 65535.0 } else { 1.0 };
-        let element = |i: usize| {
-            (0..width).map(|axis| scale * component(offset + i * stride + axis * bytes)).collect()
-        };
+        let element = |i: usize| (0..width).map(|axis| scale * component(offset + i * stride + axis * bytes)).collect();
         let elements: Vec<Vec<f64>> = (0..count).map(element).collect();
         assert!(elements.iter().flatten().all(|number| number.is_finite()));
         for (bound, fold) in [("min", f64::min as fn(f64, f64) -> f64), ("max", f64::max)] {
