@@ -46,9 +46,10 @@ pub struct TileFlags {
     #[arg(value_parser = quantity::parse_whole::<u32>)]
     tile_side: u32,
 
-    /// Format of the images: png, jpeg, webp, or jpeg:QUALITY or webp:QUALITY with a quality from 1 to 100
+    /// Format of the images: png, or jpeg, webp or ktx2, with or without :QUALITY, from 1 to 100
     ///
-    /// webp needs a program that is built with the feature `webp`, and viewers that know EXT_texture_webp
+    /// webp and ktx2 need a program that is built with the feature of that name, and viewers that know EXT_texture_webp
+    /// or KHR_texture_basisu
     #[arg(long, value_name = "FORMAT", default_value_t = TileOptions::default().image)]
     image: ImageFormat,
 

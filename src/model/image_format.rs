@@ -5,11 +5,12 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// Quality of a JPEG and of a WebP unless given.
+/// Quality of a JPEG, of a WebP and of a KTX2 unless given.
 const JPEG_QUALITY: u8 = 90;
 const WEBP_QUALITY: u8 = 80;
+const KTX2_QUALITY: u8 = 75;
 
-/// Format of an image file, written `png`, `jpeg`, `jpeg:90`, `webp` or `webp:80`.
+/// Format of an image file, written `png`, `jpeg`, `jpeg:90`, `webp`, `webp:80`, `ktx2` or `ktx2:75`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ImageFormat {
     /// PNG, without loss.
@@ -18,6 +19,9 @@ pub enum ImageFormat {
     Jpeg(u8),
     /// WebP with loss, of a quality from 1 to 100; for tiles, if the program is built with its feature `webp`.
     WebP(u8),
+    /// KTX2 with ETC1S and all its levels, of a quality from 1 to 100; for tiles, if the program is built with its feature
+    /// `ktx2`.
+    Ktx2(u8),
 }
 
 impl ImageFormat {
@@ -27,6 +31,7 @@ impl ImageFormat {
             Self::Png => "png",
             Self::Jpeg(_) => "jpg",
             Self::WebP(_) => "webp",
+            Self::Ktx2(_) => "ktx2",
         }
     }
 
@@ -36,6 +41,7 @@ impl ImageFormat {
             Self::Png => "image/png",
             Self::Jpeg(_) => "image/jpeg",
             Self::WebP(_) => "image/webp",
+            Self::Ktx2(_) => "image/ktx2",
         }
     }
 
@@ -44,6 +50,7 @@ impl ImageFormat {
         match self {
             Self::Png | Self::Jpeg(_) => None,
             Self::WebP(_) => Some("EXT_texture_webp"),
+            Self::Ktx2(_) => Some("KHR_texture_basisu"),
         }
     }
 
@@ -52,13 +59,18 @@ impl ImageFormat {
     /// # Errors
     /// What was expected, or how the program has to be built.
     pub fn check(self) -> Result<(), String> {
+        let unbuilt = |format: &str, feature: &str, compiler: &str| {
+            Err(format!(
+                "this program is built without {format}; `cargo build --release --features {feature}` builds it with \
+                 {format}, and needs a {compiler} compiler"
+            ))
+        };
         match self {
-            Self::Jpeg(0 | 101..) | Self::WebP(0 | 101..) => Err("expected a quality from 1 to 100".into()),
-            Self::WebP(_) if !cfg!(feature = "webp") => Err(
-                "this program is built without WebP; `cargo build --release --features webp` builds it with it, and \
-                     needs a C compiler"
-                    .into(),
-            ),
+            Self::Jpeg(0 | 101..) | Self::WebP(0 | 101..) | Self::Ktx2(0 | 101..) => {
+                Err("expected a quality from 1 to 100".into())
+            }
+            Self::WebP(_) if !cfg!(feature = "webp") => unbuilt("WebP", "webp", "C"),
+            Self::Ktx2(_) if !cfg!(feature = "ktx2") => unbuilt("KTX2", "ktx2", "C++"),
             _ => Ok(()),
         }
     }
@@ -70,6 +82,7 @@ impl fmt::Display for ImageFormat {
             Self::Png => write!(out, "png"),
             Self::Jpeg(quality) => write!(out, "jpeg:{quality}"),
             Self::WebP(quality) => write!(out, "webp:{quality}"),
+            Self::Ktx2(quality) => write!(out, "ktx2:{quality}"),
         }
     }
 }
@@ -88,7 +101,8 @@ impl FromStr for ImageFormat {
             ("png", None) => Ok(Self::Png),
             ("jpeg", _) => quality_or(JPEG_QUALITY).map(Self::Jpeg),
             ("webp", _) => quality_or(WEBP_QUALITY).map(Self::WebP),
-            _ => Err("expected png, jpeg, jpeg:QUALITY, webp or webp:QUALITY".into()),
+            ("ktx2", _) => quality_or(KTX2_QUALITY).map(Self::Ktx2),
+            _ => Err("expected png, or jpeg, webp or ktx2, with or without :QUALITY".into()),
         }
     }
 }
@@ -117,6 +131,7 @@ mod tests {
             ("jpeg:5", ImageFormat::Jpeg(5)),
             ("webp", ImageFormat::WebP(80)),
             ("webp:100", ImageFormat::WebP(100)),
+            ("ktx2:1", ImageFormat::Ktx2(1)),
         ] {
             assert_eq!(text.parse(), Ok(format));
             assert_eq!(format.to_string().parse(), Ok(format));

@@ -102,6 +102,21 @@ def test_the_validator_finds_nothing_in_any_tile(kind, request):
         assert issues["numErrors"] == issues["numWarnings"] == 0, (file, issues["messages"])
 
 
+@pytest.mark.parametrize(("image", "extension"), [("webp", "EXT_texture_webp"), ("ktx2", "KHR_texture_basisu")])
+def test_the_validator_finds_nothing_in_tiles_with_other_images(drystone, tmp_path, image, extension):
+    source = objlib.FIXTURES / "town" / "town.obj"
+    made = drystone("tile", source, "-o", tmp_path / "town", *SMALL, "--image", image, "--quiet", codes=(0, 2))
+    if made.code == 2:
+        assert "is built without" in made.stderr and "--features" in made.stderr
+        pytest.skip(made.stderr.splitlines()[0])
+    files = sorted((tmp_path / "town").glob("*/*.glb"))
+    for line in node(VALIDATE, *files).splitlines():
+        file, issues = json.loads(line)
+        assert issues["numErrors"] == issues["numWarnings"] == 0, (file, issues["messages"])
+    document, _ = document_of(files[0])
+    assert extension in document["extensionsRequired"] and "source" not in document["textures"][0]
+
+
 def document_of(file):
     """The JSON of a GLB, and its binary chunk."""
     whole = file.read_bytes()
