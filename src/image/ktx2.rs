@@ -7,7 +7,7 @@
 //! The encoder's crate writes `.basis` files only; a KTX2 with BasisLZ holds the same parts, byte by byte.
 //!
 //! # Memory
-//! About 60 bytes a pixel while an image is encoded.
+//! 96 bytes a pixel while an image is encoded.
 //!
 //! # Source
 //! Khronos, KTX file format 2.0, sections 3 to 5; Binomial, `.basis` file format.

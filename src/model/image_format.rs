@@ -9,6 +9,9 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 const JPEG_QUALITY: u8 = 90;
 const WEBP_QUALITY: u8 = 80;
 const KTX2_QUALITY: u8 = 75;
+/// Memory of a pixel while it is encoded, in bytes, as measured on 2026-11-27.
+const WEBP_BYTES: u64 = 8;
+const KTX2_BYTES: u64 = 96;
 
 /// Format of an image file, written `png`, `jpeg`, `jpeg:90`, `webp`, `webp:80`, `ktx2` or `ktx2:75`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -51,6 +54,15 @@ impl ImageFormat {
             Self::Png | Self::Jpeg(_) => None,
             Self::WebP(_) => Some("EXT_texture_webp"),
             Self::Ktx2(_) => Some("KHR_texture_basisu"),
+        }
+    }
+
+    /// Memory of a pixel while such an image is encoded, beyond the pixel and the file, in bytes.
+    pub fn encoder_bytes(self) -> u64 {
+        match self {
+            Self::Png | Self::Jpeg(_) => 0,
+            Self::WebP(_) => WEBP_BYTES,
+            Self::Ktx2(_) => KTX2_BYTES,
         }
     }
 

@@ -102,19 +102,42 @@ def test_the_validator_finds_nothing_in_any_tile(kind, request):
         assert issues["numErrors"] == issues["numWarnings"] == 0, (file, issues["messages"])
 
 
+# What the validator says of KTX2, which it does not know.
+UNKNOWN = {"VALUE_NOT_IN_LIST", "IMAGE_UNRECOGNIZED_FORMAT"}
+# Reads the images of tiles with the reader of KTX2 that comes with three.js.
+READ_KTX2 = """
+const fs = require("fs"), [modules, ...files] = process.argv.slice(1);
+(async () => {
+  const { read } = await import(`${modules}/three/examples/jsm/libs/ktx-parse.module.js`);
+  for (const file of files) {
+    const bytes = new Uint8Array(fs.readFileSync(file));
+    const jsonBytes = new DataView(bytes.buffer).getUint32(12, true);
+    const { byteOffset, byteLength } = JSON.parse(new TextDecoder().decode(bytes.subarray(20, 20 + jsonBytes))).bufferViews[2];
+    const { pixelWidth, pixelHeight, supercompressionScheme, levels } = read(bytes.slice(28 + jsonBytes + byteOffset).slice(0, byteLength));
+    console.log(JSON.stringify([pixelWidth, pixelHeight, supercompressionScheme, levels.length]));
+  }
+})();
+"""
+
+
 @pytest.mark.parametrize(("image", "extension"), [("webp", "EXT_texture_webp"), ("ktx2", "KHR_texture_basisu")])
 def test_the_validator_finds_nothing_in_tiles_with_other_images(drystone, tmp_path, image, extension):
     source = objlib.FIXTURES / "town" / "town.obj"
-    made = drystone("tile", source, "-o", tmp_path / "town", *SMALL, "--image", image, "--quiet", codes=(0, 2))
+    options = ["--tile-faces", "8000", "--tile-side", "256", "--image", image, "--quiet"]
+    made = drystone("tile", source, "-o", tmp_path / "town", *options, codes=(0, 2))
     if made.code == 2:
         assert "is built without" in made.stderr and "--features" in made.stderr
         pytest.skip(made.stderr.splitlines()[0])
     files = sorted((tmp_path / "town").glob("*/*.glb"))
     for line in node(VALIDATE, *files).splitlines():
         file, issues = json.loads(line)
-        assert issues["numErrors"] == issues["numWarnings"] == 0, (file, issues["messages"])
+        severe = [message for message in issues["messages"] if message["severity"] < 2]
+        assert {message["code"] for message in severe} <= (UNKNOWN if image == "ktx2" else set()), (file, severe)
     document, _ = document_of(files[0])
     assert extension in document["extensionsRequired"] and "source" not in document["textures"][0]
+    if image == "ktx2":
+        for width, height, scheme, levels in map(json.loads, node(READ_KTX2, MODULES, *files).splitlines()):
+            assert (width % 4, height % 4, scheme) == (0, 0, 1) and levels == max(width, height).bit_length()
 
 
 def document_of(file):
