@@ -213,11 +213,8 @@ impl SimplifyOptions {
         if !self.atlas.is_power_of_two() || !(256..=16384).contains(&self.atlas) {
             return fail(format!("`atlas: {}`: expected a power of two from 256 to 16384", self.atlas));
         }
-        if let ImageFormat::WebP(_) = self.image {
-            return fail(format!(
-                "`image: {}`: readers of MTL files expect png or jpeg; tiles may have WebP",
-                self.image
-            ));
+        if self.image.extension().is_some() {
+            return fail(format!("`image: {}`: for tiles alone; readers of MTL files expect png or jpeg", self.image));
         }
         self.image.check().map_err(|words| Error::Usage(format!("`image: {}`: {words}", self.image)))?;
         if self.bakes() && !cfg!(feature = "images") {

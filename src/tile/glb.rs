@@ -121,7 +121,7 @@ impl TileContent {
         let mut attributes = json!({ "POSITION": 0 });
         let mut material = json!({ "pbrMetallicRoughness": { "metallicFactor": 0, "roughnessFactor": 1 } });
         material["doubleSided"] = json!(true);
-        let mut required = Vec::from_iter(layout.is_short.then_some(QUANTIZATION));
+        let mut required = Vec::from_iter((layout.is_short || self.image.is_some()).then_some(QUANTIZATION));
         required.extend(is_compressed.then_some(MESHOPT));
         required.extend(self.image.as_ref().and_then(|(_, format)| format.extension()));
         let mut used = required.clone();

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use drystone::options::{ImageFormat, JobOptions, Limits, ResumeChoice, TileCompression, TileOptions};
+use drystone::options::{ImageFormat, JobOptions, Limits, ResumeChoice, SimplifyOptions, TileCompression, TileOptions};
 use drystone::report::TileReport;
 use drystone::tile::check_tileset;
 use drystone::{Error, Result, Silent, pipeline};
@@ -300,6 +300,14 @@ fn nothing_of_the_user_is_touched() {
     assert!(refused("out", &TileOptions { tile_side: 300, ..small() }).contains("a power of two"));
     assert!(refused("out", &TileOptions { tile_faces: 5, ..small() }).contains("expected 100"));
     assert!(refused("out", &TileOptions { error_factor: 0.0, ..small() }).contains("above 0"));
+    for (image, feature, is_there) in [
+        (ImageFormat::WebP(80), "--features webp", cfg!(feature = "webp")),
+        (ImageFormat::Ktx2(80), "--features ktx2", cfg!(feature = "ktx2")),
+    ] {
+        assert!(is_there || refused("out", &TileOptions { image, ..small() }).contains(feature));
+        let baked = SimplifyOptions { image, ..small().simplify_options() };
+        assert!(baked.check().unwrap_err().to_string().contains("for tiles alone"));
+    }
     // With `force` other files stay.
     let forced = TileOptions { job: JobOptions { force: true, ..JobOptions::default() }, ..small() };
     tile(&input, &folder.path().join("mine"), &forced).unwrap();

@@ -14,12 +14,14 @@ const RECENT: usize = 16;
 const LAST_TRIANGLE: f32 = 0.75;
 /// Triangles left at a vertex from which its score stays the same.
 const RARE: usize = 32;
+/// Triangles of a recent vertex that are looked at.
+const LOOKED_AT: usize = 64;
 /// Place of a vertex that is not recent.
 const NOT_RECENT: usize = usize::MAX;
 
 /// Orders triangles for reuse of their vertices: the same order for the same triangles.
 ///
-/// O(n) for `n` triangles with bounded numbers of triangles at a vertex.
+/// O(n) for `n` triangles, if few of them meet at each vertex.
 ///
 /// # Panics
 /// If a triangle has a vertex from `vertices` on.
@@ -32,7 +34,7 @@ pub fn for_reuse(triangles: &[[u32; 3]], vertices: usize) -> Vec<[u32; 3]> {
     let mut ordered = Vec::with_capacity(triangles.len());
     while ordered.len() < triangles.len() {
         let score = |vertex: u32| scores.of(places[vertex as usize], left.at(vertex).len());
-        let near = recent.iter().flat_map(|&vertex| left.at(vertex)).copied();
+        let near = recent.iter().flat_map(|&vertex| left.at(vertex).iter().take(LOOKED_AT)).copied();
         let scored = near.map(|number| (triangles[number as usize].map(score).iter().sum::<f32>(), number));
         // Of equal ones the first triangle.
         let best = scored.max_by(|(a, number), (b, other)| a.total_cmp(b).then(other.cmp(number)));
