@@ -10,7 +10,7 @@ use super::print::{print, print_json};
 use super::progress::{stoppable, tell};
 use super::stop::Goodbye;
 use crate::base::{Error, Result, quantity};
-use crate::options::{GeoPlace, ImageFormat, TileOptions, UpAxis};
+use crate::options::{GeoPlace, ImageFormat, TileCompression, TileOptions, UpAxis};
 use crate::os::signals::StopSignal;
 use crate::pipeline;
 use crate::report;
@@ -46,9 +46,16 @@ pub struct TileFlags {
     #[arg(value_parser = quantity::parse_whole::<u32>)]
     tile_side: u32,
 
-    /// Format of the images: png, jpeg, or jpeg:QUALITY with a quality from 1 to 100
+    /// Format of the images: png, or jpeg, webp or ktx2, with or without :QUALITY, from 1 to 100
+    ///
+    /// webp and ktx2 need a program that is built with the feature of that name, and viewers that know EXT_texture_webp
+    /// or KHR_texture_basisu
     #[arg(long, value_name = "FORMAT", default_value_t = TileOptions::default().image)]
     image: ImageFormat,
+
+    /// How vertices and triangles are stored
+    #[arg(long, value_enum, default_value_t = TileOptions::default().compress, value_name = "CODEC")]
+    compress: TileCompression,
 
     /// Geometric error of a tile, by the larger of its texel and its deviation
     ///
@@ -92,6 +99,7 @@ impl TileFlags {
             tile_faces: flags.tile_faces,
             tile_side: flags.tile_side,
             image: flags.image,
+            compress: flags.compress,
             error_factor: flags.error_factor,
             up: flags.up,
             origin: flags.origin,

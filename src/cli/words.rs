@@ -5,7 +5,7 @@ use clap::builder::PossibleValue;
 
 use crate::options::{
     Borders, Choice, Doubles, MetricChoice, Normals, Pieces, ResumeChoice, Seams, TextureFiles, TexturesOutside,
-    Topology, UpAxis, Weld,
+    TileCompression, Topology, UpAxis, Weld,
 };
 
 macro_rules! values_of_flags {
@@ -32,6 +32,7 @@ values_of_flags!(
     Seams,
     TextureFiles,
     TexturesOutside,
+    TileCompression,
     Topology,
     UpAxis,
     Weld,

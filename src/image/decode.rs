@@ -53,6 +53,11 @@ impl Image {
         Ok(Self { width: image.width() as usize, height: image.height() as usize, pixels: image.into_raw() })
     }
 
+    /// An image of pixels: red, green, blue, row by row from the top.
+    pub fn of_pixels(pixels: Vec<u8>, [width, height]: [usize; 2]) -> Self {
+        Self { width, height, pixels }
+    }
+
     /// Width and height in pixels.
     pub fn size(&self) -> [usize; 2] {
         [self.width, self.height]

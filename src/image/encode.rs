@@ -6,6 +6,8 @@ use std::path::Path;
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
 
+#[cfg(feature = "ktx2")]
+use super::ktx2::ktx2;
 use crate::base::{Error, Result};
 use crate::model::image_format::ImageFormat;
 use crate::os::durable::DurableFile;
@@ -52,7 +54,33 @@ pub fn encode_into(
             let written = encoder.encode(pixels, width as u32, height as u32, ExtendedColorType::Rgb8);
             written.map_err(std::io::Error::other)
         }
+        ImageFormat::WebP(quality) => out.write_all(&webp(pixels, [width, height], quality)?),
+        ImageFormat::Ktx2(quality) => out.write_all(&ktx2(pixels, [width, height], quality)?),
     }
+}
+
+/// The bytes of a WebP with loss.
+#[cfg(feature = "webp")]
+fn webp(
+    pixels: &[u8],
+    [width, height]: [usize; 2],
+    quality: u8,
+) -> std::io::Result<impl std::ops::Deref<Target = [u8]>> {
+    let encoder = webp::Encoder::from_rgb(pixels, width as u32, height as u32);
+    let encoded = encoder.encode_simple(false, f32::from(quality));
+    encoded.map_err(|error| std::io::Error::other(format!("WebP: {error:?}")))
+}
+
+/// Fails: the program is built without this encoder.
+#[cfg(not(feature = "webp"))]
+fn webp(_: &[u8], _: [usize; 2], quality: u8) -> std::io::Result<Vec<u8>> {
+    Err(std::io::Error::other(ImageFormat::WebP(quality).check().err().unwrap_or_default()))
+}
+
+/// Fails: the program is built without this encoder.
+#[cfg(not(feature = "ktx2"))]
+fn ktx2(_: &[u8], _: [usize; 2], quality: u8) -> std::io::Result<Vec<u8>> {
+    Err(std::io::Error::other(ImageFormat::Ktx2(quality).check().err().unwrap_or_default()))
 }
 
 /// A durable file that encoders write to.
@@ -66,5 +94,41 @@ impl Write for &mut Sink {
 
     fn flush(&mut self) -> std::io::Result<()> {
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Pixels of a smooth image.
+    fn smooth([width, height]: [usize; 2]) -> Vec<u8> {
+        let pixel = |at: usize| {
+            let [x, y] = [at % width, at / width];
+            [(3 * x) as u8, (4 * y) as u8, (x + y) as u8]
+        };
+        (0..width * height).flat_map(pixel).collect()
+    }
+
+    #[test]
+    fn an_image_is_read_as_it_was_written() {
+        let size = [60, 44];
+        let pixels = smooth(size);
+        for (format, most) in [(ImageFormat::Png, 0.0), (ImageFormat::Jpeg(90), 3.0), (ImageFormat::WebP(90), 3.0)] {
+            let mut file = Vec::new();
+            let written = encode_into(&pixels, size, format, &mut file);
+            if format.check().is_err() {
+                assert!(written.unwrap_err().to_string().contains("--features"), "{format}");
+                continue;
+            }
+            written.unwrap();
+            let read = image::load_from_memory(&file).unwrap().into_rgb8();
+            assert_eq!([read.width(), read.height()], size.map(|side| side as u32));
+            let difference: f64 = read.iter().zip(&pixels).map(|(a, b)| f64::from(a.abs_diff(*b))).sum();
+            assert!(difference <= most * pixels.len() as f64, "{format}: {difference}");
+            let mut again = Vec::new();
+            encode_into(&pixels, size, format, &mut again).unwrap();
+            assert!(file == again, "{format}");
+        }
     }
 }

@@ -2,5 +2,7 @@
 
 pub mod decode;
 pub mod encode;
+#[cfg(feature = "ktx2")]
+mod ktx2;
 pub mod stored;
 pub mod textures;

@@ -148,6 +148,16 @@ choice! {
 }
 
 choice! {
+    /// How vertices and triangles of tiles are stored.
+    TileCompression {
+        /// As EXT_meshopt_compression of glTF: without loss, for viewers that have its decoder
+        Meshopt = "meshopt",
+        /// As they are, for every viewer of glTF
+        None = "none",
+    }
+}
+
+choice! {
     /// How texture images reach the output.
     TextureFiles {
         /// Copy them beside the output

@@ -17,7 +17,7 @@ use crate::write::Textures;
 
 pub use self::choices::{
     Borders, Choice, Doubles, MetricChoice, Normals, Pieces, ResumeChoice, Seams, TextureFiles, TexturesOutside,
-    Topology, UpAxis, Weld,
+    TileCompression, Topology, UpAxis, Weld,
 };
 pub use self::target::{FaceTarget, Target};
 pub use self::tile::{GeoPlace, TileOptions};
@@ -213,9 +213,10 @@ impl SimplifyOptions {
         if !self.atlas.is_power_of_two() || !(256..=16384).contains(&self.atlas) {
             return fail(format!("`atlas: {}`: expected a power of two from 256 to 16384", self.atlas));
         }
-        if let ImageFormat::Jpeg(0 | 101..) = self.image {
-            return fail(format!("`image: {}`: expected a quality from 1 to 100", self.image));
+        if self.image.extension().is_some() {
+            return fail(format!("`image: {}`: for tiles alone; readers of MTL files expect png or jpeg", self.image));
         }
+        self.image.check().map_err(|words| Error::Usage(format!("`image: {}`: {words}", self.image)))?;
         if self.bakes() && !cfg!(feature = "images") {
             return fail("`textures: bake`: the crate is built without its feature `images`".into());
         }

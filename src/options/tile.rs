@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{ImageFormat, JobOptions, Limits, SimplifyOptions, Target, TextureFiles, UpAxis};
+use super::{ImageFormat, JobOptions, Limits, SimplifyOptions, Target, TextureFiles, TileCompression, UpAxis};
 use crate::base::{Error, Result};
 pub use crate::geo::GeoPlace;
 
@@ -27,6 +27,8 @@ pub struct TileOptions {
     pub tile_side: u32,
     /// Format of the images.
     pub image: ImageFormat,
+    /// How vertices and triangles are stored.
+    pub compress: TileCompression,
     /// Geometric error of a tile, by the larger of its texel and its deviation from the input.
     pub error_factor: f64,
     /// Which axis of the input points up.
@@ -51,6 +53,7 @@ impl Default for TileOptions {
             tile_faces: TILE_FACES,
             tile_side: TILE_SIDE,
             image: ImageFormat::Jpeg(QUALITY),
+            compress: TileCompression::None,
             error_factor: ERROR_FACTOR,
             up: UpAxis::Z,
             origin: None,
@@ -81,6 +84,7 @@ impl TileOptions {
         if !(error_factor.is_finite() && *error_factor > 0.0) {
             return fail(format!("`error_factor: {error_factor}`: expected a number above 0"));
         }
+        self.image.check().map_err(|words| Error::Usage(format!("`image: {}`: {words}", self.image)))?;
         if self.crs.is_some() && self.origin.is_some() {
             return fail("`origin` gives local coordinates their place, `crs` those of a map: give one of them".into());
         }
@@ -98,7 +102,6 @@ impl TileOptions {
         SimplifyOptions {
             target: Target::ratio(1.0),
             textures: TextureFiles::Bake,
-            image: self.image,
             atlas: self.tile_side,
             limits: self.limits,
             job: self.job.clone(),

@@ -20,7 +20,7 @@ use crate::base::error::escape;
 use crate::base::{Error, Progress, Result, WorkLimits};
 use crate::geo::{Crs, EarthFrame, GeoPlace, east_north_up};
 use crate::job::WorkFolder;
-use crate::options::{TileOptions, UpAxis};
+use crate::options::{TileCompression, TileOptions, UpAxis};
 use crate::os::durable::make_folders;
 use crate::os::system;
 use crate::passes::PassOptions;
@@ -81,6 +81,7 @@ fn run(
         faces: options.tile_faces,
         side: options.tile_side,
         format: options.image,
+        is_compressed: options.compress == TileCompression::Meshopt,
         error_factor: options.error_factor,
         has_colour: original.has_colour(),
     };

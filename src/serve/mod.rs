@@ -1,7 +1,7 @@
 //! Shows a folder of tiles in a browser on this machine: a small server of files, and a page.
 //!
 //! ```text
-//! browser ── GET /, /page.js, /tiles/… ──▶ 127.0.0.1 ──▶ the page, which is part of the program; files of the folder
+//! browser ── GET /, /….js, /tiles/… ──▶ 127.0.0.1 ──▶ the page, which is part of the program; files of the folder
 //! ```
 //! In: a folder. Out: bytes to whoever asks on this machine. Invariant: nothing is read but regular files in and below the
 //! folder, links followed; nothing is written; other machines and pages of other origins are refused.
@@ -39,6 +39,8 @@ const UNREAD_BYTES_MAX: u64 = 1 << 20;
 
 const PAGE: &str = include_str!("page.html");
 const SCRIPT: &str = include_str!("page.js");
+const DECODER: &str = include_str!("meshopt.js");
+const SCRIPT_TYPE: &str = "text/javascript; charset=utf-8";
 
 /// A server that listens on this machine.
 #[derive(Debug)]
@@ -124,7 +126,8 @@ fn answer(mut stream: TcpStream, folder: &Path) -> std::io::Result<()> {
     };
     match request.wanted {
         RequestTarget::Page => send(&mut stream, "text/html; charset=utf-8", PAGE.as_bytes()),
-        RequestTarget::Script => send(&mut stream, "text/javascript; charset=utf-8", SCRIPT.as_bytes()),
+        RequestTarget::Script => send(&mut stream, SCRIPT_TYPE, SCRIPT.as_bytes()),
+        RequestTarget::Decoder => send(&mut stream, SCRIPT_TYPE, DECODER.as_bytes()),
         RequestTarget::File(name) => match open(folder, &name) {
             Some((mut file, bytes)) => {
                 head(&mut stream, "200 OK", media_type(&name), bytes)?;

@@ -4,6 +4,8 @@
 //
 // Places are those of the scene, in which z points up; the transform of the tileset is left out.
 
+import { decode } from "./meshopt.js";
+
 const REQUESTS_MAX = 6;
 const TILES_KEPT = 400;
 const FIELD = Math.PI / 4;
@@ -83,8 +85,11 @@ async function meshOf(bytes) {
   const json = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 20, jsonBytes)));
   const start = 28 + jsonBytes;
   const part = number => {
-    const { byteOffset = 0, byteLength } = json.bufferViews[number];
-    return new Uint8Array(bytes, start + byteOffset, byteLength);
+    const own = json.bufferViews[number];
+    const compressed = own.extensions?.EXT_meshopt_compression;
+    const { byteOffset = 0, byteLength } = compressed ?? own;
+    const stored = new Uint8Array(bytes, start + byteOffset, byteLength);
+    return compressed ? decode(stored, compressed) : stored;
   };
   const [primitive] = json.meshes[0].primitives;
   const accessor = number => json.accessors[number];
@@ -120,7 +125,8 @@ async function meshOf(bytes) {
   mesh.elements = buffer(gl.ELEMENT_ARRAY_BUFFER, corners);
   mesh.solid = mesh.array(mesh.elements);
   mesh.corners = corners;
-  if (json.images) {
+  // The page has no decoder of KTX2: such a tile is shown without its texture.
+  if (json.images && json.images[0].mimeType !== "image/ktx2") {
     const { bufferView, mimeType } = json.images[0];
     const image = await createImageBitmap(new Blob([part(bufferView)], { type: mimeType }), { colorSpaceConversion: "none" });
     mesh.texture = gl.createTexture();

@@ -22,6 +22,8 @@ pub enum RequestTarget {
     Page,
     /// Its script.
     Script,
+    /// What its script decodes tiles with.
+    Decoder,
     /// A file below the folder, by a name without `..`.
     File(PathBuf),
 }
@@ -75,6 +77,7 @@ impl Request {
             wanted: match path {
                 "/" => RequestTarget::Page,
                 "/page.js" => RequestTarget::Script,
+                "/meshopt.js" => RequestTarget::Decoder,
                 _ => RequestTarget::File(path.strip_prefix("/tiles/").and_then(name).ok_or("404 Not Found")?),
             },
         })

@@ -26,6 +26,7 @@ mod figures;
 mod glb;
 mod lattice;
 mod mesh;
+mod meshopt;
 mod paint;
 mod raw;
 mod run;

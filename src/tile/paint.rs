@@ -117,7 +117,7 @@ impl BareTile<'_> {
                 texcoords.push((face, corners.map(|(_, at)| DVec2::new(at.x, 1.0 - at.y).as_vec2().to_array())));
             }
         }
-        let content = builder.finish(Some((bytes, format.media_type())));
+        let content = builder.finish(Some((bytes, format)));
         let texels = image.size.map(|side| side as u64).iter().product();
         let charts = unwrapped.charts.len() as u64;
         Ok(PaintedTile {
@@ -207,7 +207,7 @@ impl<'a> ContentBuilder<'a> {
         }
     }
 
-    fn finish(mut self, image: Option<(Vec<u8>, &'static str)>) -> TileContent {
+    fn finish(mut self, image: Option<(Vec<u8>, ImageFormat)>) -> TileContent {
         self.add_skirt();
         TileContent { image, ..self.content }
     }

@@ -241,7 +241,8 @@ impl Pyramid<'_> {
                 return Ok((record, None));
             }
             progress.check_stopped()?;
-            let _permit = permits.take(cut.triangles.len(index) * FACE_BYTES + texels * TEXEL_BYTES);
+            let of_texel = TEXEL_BYTES + self.settings.format.encoder_bytes();
+            let _permit = permits.take(cut.triangles.len(index) * FACE_BYTES + texels * of_texel);
             let mesh = self.load(&cut.triangles, index, number)?;
             let painted = crew.make(&mesh)?;
             let place = RawPlace { work, node, index, scene: self.scene, level: number };
@@ -287,7 +288,7 @@ impl Pyramid<'_> {
     }
 
     fn write_tile(&self, node: TileId, tile: &PaintedTile, path: &Path) -> Result<TileRecord> {
-        let bytes = tile.content.to_glb();
+        let bytes = tile.content.to_glb(self.settings.is_compressed);
         if !tile.content.triangles.is_empty() {
             self.write(path, &bytes)?;
         }

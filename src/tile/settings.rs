@@ -22,6 +22,8 @@ pub struct TileSettings {
     pub side: u32,
     /// How images are encoded.
     pub format: ImageFormat,
+    /// Whether vertices and triangles are compressed.
+    pub is_compressed: bool,
     /// Geometric error of a tile, by the larger of its texel and its deviation.
     pub error_factor: f64,
     /// Whether the input has any colour.

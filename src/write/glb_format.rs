@@ -1,7 +1,7 @@
 //! Numbers and names of glTF that its writers have in common.
 //!
 //! # Source
-//! Khronos, glTF 2.0; `KHR_materials_unlit`.
+//! Khronos, glTF 2.0; `KHR_materials_unlit`; `EXT_meshopt_compression`.
 
 use std::f64::consts::FRAC_1_SQRT_2;
 
@@ -31,6 +31,8 @@ pub const NO_COLOUR: [u8; 3] = [204; 3];
 pub const Z_TO_Y: [f64; 4] = [-FRAC_1_SQRT_2, 0.0, 0.0, FRAC_1_SQRT_2];
 /// The extension for materials without light.
 pub const UNLIT: &str = "KHR_materials_unlit";
+/// The extension for compressed buffers.
+pub const MESHOPT: &str = "EXT_meshopt_compression";
 
 /// Rounds up to whole words.
 pub fn padded(bytes: u64) -> u64 {

@@ -20,12 +20,13 @@ MODULES = objlib.REPOSITORY / "target" / "node" / "node_modules"
 CHROMIUM = os.environ.get("CHROMIUM", "/usr/bin/chromium")
 
 
-@pytest.fixture(scope="module")
-def served(drystone, tmp_path_factory):
-    """The town as tiles, and the address of the page."""
+@pytest.fixture(scope="module", params=["none", "meshopt"])
+def served(drystone, tmp_path_factory, request):
+    """The town as tiles, plain or compressed, and the address of the page."""
     folder = tmp_path_factory.mktemp("serve") / "tiles"
     town = objlib.FIXTURES / "town" / "town.obj"
-    report = drystone("tile", town, "-o", folder, "--tile-faces", "1000", "--tile-side", "512", "--json", "--quiet")
+    options = ["--tile-faces", "1000", "--tile-side", "512", "--compress", request.param]
+    report = drystone("tile", town, "-o", folder, *options, "--json", "--quiet")
     (folder.parent / "secret.txt").write_text("secret")
     (folder / "link.glb").symlink_to(folder.parent / "secret.txt")
     server = subprocess.Popen([drystone.binary, "serve", folder, "--port", "0"], stdout=subprocess.PIPE, text=True)
@@ -45,7 +46,7 @@ def test_it_answers_with_the_page_and_the_files(served):
     assert address.startswith("http://127.0.0.1:")
     page, headers = get(address, "")
     assert b"page.js" in page and headers["Content-Type"].startswith("text/html")
-    assert b"WebGL" in get(address, "page.js")[0]
+    assert b"WebGL" in get(address, "page.js")[0] and b"decode" in get(address, "meshopt.js")[0]
     for name in ["tileset.json", *(str(path.relative_to(folder)) for path in sorted(folder.glob("*/*.glb"))[:5])]:
         assert get(address, f"tiles/{name}")[0] == (folder / name).read_bytes()
 

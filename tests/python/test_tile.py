@@ -26,13 +26,46 @@ const fs = require("fs"), validator = require("gltf-validator");
 """
 
 
+# Decodes the views of tiles with the decoder that comes with three.js, each to a file beside its tile.
+DECODE = """
+const fs = require("fs"), [modules, ...files] = process.argv.slice(1);
+(async () => {
+  const { MeshoptDecoder } = await import(`${modules}/three/examples/jsm/libs/meshopt_decoder.module.js`);
+  await MeshoptDecoder.ready;
+  for (const file of files) {
+    const bytes = new Uint8Array(fs.readFileSync(file));
+    const jsonBytes = new DataView(bytes.buffer).getUint32(12, true);
+    const { bufferViews } = JSON.parse(new TextDecoder().decode(bytes.subarray(20, 20 + jsonBytes)));
+    for (const [number, view] of bufferViews.entries()) {
+      const own = view.extensions?.EXT_meshopt_compression;
+      if (!own) continue;
+      const start = 28 + jsonBytes + own.byteOffset;
+      const target = new Uint8Array(own.count * own.byteStride);
+      MeshoptDecoder.decodeGltfBuffer(target, own.count, own.byteStride, bytes.subarray(start, start + own.byteLength), own.mode);
+      fs.writeFileSync(`${file}.${number}`, target);
+    }
+  }
+})();
+"""
+SMALL = ["--tile-faces", "1000", "--tile-side", "512"]
+
+
+def tiles(drystone, folder, compress):
+    source = objlib.FIXTURES / "town" / "town.obj"
+    done = drystone("tile", source, "-o", folder, *SMALL, "--compress", compress, "--json", "--quiet")
+    return folder, json.loads(done.stdout)
+
+
 @pytest.fixture(scope="module")
 def pyramid(drystone, tmp_path_factory):
     """The town as a pyramid of small tiles."""
-    folder = tmp_path_factory.mktemp("tiles") / "town"
-    source = objlib.FIXTURES / "town" / "town.obj"
-    done = drystone("tile", source, "-o", folder, "--tile-faces", "1000", "--tile-side", "512", "--json", "--quiet")
-    return folder, json.loads(done.stdout)
+    return tiles(drystone, tmp_path_factory.mktemp("tiles") / "town", "none")
+
+
+@pytest.fixture(scope="module")
+def compressed(drystone, tmp_path_factory):
+    """The same, compressed."""
+    return tiles(drystone, tmp_path_factory.mktemp("tiles") / "compressed", "meshopt")
 
 
 def tiles_of(folder):
@@ -48,17 +81,95 @@ def tiles_of(folder):
             yield tile, int(name.split("/")[0])
 
 
-def test_the_validator_finds_nothing_in_any_tile(pyramid):
+def node(script, *arguments):
     if shutil.which("node") is None or not MODULES.is_dir():
-        pytest.skip("node or the package gltf-validator is absent (tools/test installs it where npm is)")
-    files = sorted(pyramid[0].glob("*/*.glb"))
-    assert len(files) > 20
+        pytest.skip("node or its packages are absent (tools/test installs them where npm is)")
     environment = {**os.environ, "NODE_PATH": str(MODULES)}
-    done = subprocess.run(["node", "-e", VALIDATE, *files], env=environment, capture_output=True, text=True, check=True)
-    reports = [json.loads(line) for line in done.stdout.splitlines()]
+    command = ["node", "-e", script, *arguments]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("kind", ["pyramid", "compressed"])
+def test_the_validator_finds_nothing_in_any_tile(kind, request):
+    folder, _ = request.getfixturevalue(kind)
+    files = sorted(folder.glob("*/*.glb"))
+    assert len(files) > 20
+    reports = [json.loads(line) for line in node(VALIDATE, *files).splitlines()]
     assert len(reports) == len(files)
     for file, issues in reports:
         assert issues["numErrors"] == issues["numWarnings"] == 0, (file, issues["messages"])
+
+
+# What the validator says of KTX2, which it does not know.
+UNKNOWN = {"VALUE_NOT_IN_LIST", "IMAGE_UNRECOGNIZED_FORMAT"}
+# Reads the images of tiles with the reader of KTX2 that comes with three.js.
+READ_KTX2 = """
+const fs = require("fs"), [modules, ...files] = process.argv.slice(1);
+(async () => {
+  const { read } = await import(`${modules}/three/examples/jsm/libs/ktx-parse.module.js`);
+  for (const file of files) {
+    const bytes = new Uint8Array(fs.readFileSync(file));
+    const jsonBytes = new DataView(bytes.buffer).getUint32(12, true);
+    const { byteOffset, byteLength } = JSON.parse(new TextDecoder().decode(bytes.subarray(20, 20 + jsonBytes))).bufferViews[2];
+    const { pixelWidth, pixelHeight, supercompressionScheme, levels } = read(bytes.slice(28 + jsonBytes + byteOffset).slice(0, byteLength));
+    console.log(JSON.stringify([pixelWidth, pixelHeight, supercompressionScheme, levels.length]));
+  }
+})();
+"""
+
+
+@pytest.mark.parametrize(("image", "extension"), [("webp", "EXT_texture_webp"), ("ktx2", "KHR_texture_basisu")])
+def test_the_validator_finds_nothing_in_tiles_with_other_images(drystone, tmp_path, image, extension):
+    source = objlib.FIXTURES / "town" / "town.obj"
+    options = ["--tile-faces", "8000", "--tile-side", "256", "--image", image, "--quiet"]
+    made = drystone("tile", source, "-o", tmp_path / "town", *options, codes=(0, 2))
+    if made.code == 2:
+        assert "is built without" in made.stderr and "--features" in made.stderr
+        pytest.skip(made.stderr.splitlines()[0])
+    files = sorted((tmp_path / "town").glob("*/*.glb"))
+    for line in node(VALIDATE, *files).splitlines():
+        file, issues = json.loads(line)
+        severe = [message for message in issues["messages"] if message["severity"] < 2]
+        assert {message["code"] for message in severe} <= (UNKNOWN if image == "ktx2" else set()), (file, severe)
+    document, _ = document_of(files[0])
+    assert extension in document["extensionsRequired"] and "source" not in document["textures"][0]
+    if image == "ktx2":
+        for width, height, scheme, levels in map(json.loads, node(READ_KTX2, MODULES, *files).splitlines()):
+            assert (width % 4, height % 4, scheme) == (0, 0, 1) and levels == max(width, height).bit_length()
+
+
+def document_of(file):
+    """The JSON of a GLB, and its binary chunk."""
+    whole = file.read_bytes()
+    length = int.from_bytes(whole[12:16], "little")
+    return json.loads(whole[20 : 20 + length]), whole[28 + length :]
+
+
+def corners_of(document, views):
+    """The bytes of the vertices of all triangles, each from its least one on: of the surface, and of the skirt."""
+    stride, wide = document["bufferViews"][0]["byteStride"], document["accessors"][1]["componentType"] == 5125
+    vertices = [views[0][at : at + stride] for at in range(0, len(views[0]), stride)]
+    indices = np.frombuffer(views[1], np.uint32 if wide else np.uint16)[: document["accessors"][1]["count"]]
+    corners = [[vertices[index] for index in triangle] for triangle in indices.reshape(-1, 3)]
+    turned = [min(all[first:] + all[:first] for first in range(3)) for all in corners]
+    skirt = document["meshes"][0]["extras"]["skirtTriangles"]
+    return sorted(turned[: len(turned) - skirt]), sorted(turned[len(turned) - skirt :])
+
+
+def test_the_decoder_of_three_js_finds_the_triangles_of_the_plain_tiles(pyramid, compressed):
+    names = [file.relative_to(compressed[0]) for file in sorted(compressed[0].glob("*/*.glb"))]
+    assert len(names) > 20
+    node(DECODE, MODULES, *(compressed[0] / name for name in names))
+    for name in names:
+        document, chunk = document_of(pyramid[0] / name)
+        part = lambda view: chunk[view["byteOffset"] :][: view["byteLength"]]
+        expected = corners_of(document, [part(view) for view in document["bufferViews"][:2]])
+        document, _ = document_of(compressed[0] / name)
+        assert "EXT_meshopt_compression" in document["extensionsRequired"]
+        decoded = [(compressed[0] / f"{name}.{number}").read_bytes() for number in range(2)]
+        assert corners_of(document, decoded) == expected, name
 
 
 def surface_of(folder, level):
@@ -138,7 +249,8 @@ ZONE = "+step +inv +proj=utm +zone={} +ellps=WGS84 +step +proj=cart +ellps=WGS84
 def test_a_map_lies_where_proj_says(drystone, tmp_path, system, offset, steps):
     source = objlib.FIXTURES / "town" / "town.obj"
     shift = ",".join(map(str, offset))
-    drystone("tile", source, "-o", tmp_path / "town", "--crs", system, "--offset", shift, "--quiet")
+    options = ["--crs", system, "--offset", shift, "--compress", "none", "--quiet"]
+    drystone("tile", source, "-o", tmp_path / "town", *options)
     town = trimesh.load(source, process=False, force="mesh", skip_materials=True)
     on_map = np.asarray(town.vertices)[np.unique(town.faces)] + offset
     expected = np.column_stack(pyproj.Transformer.from_pipeline("+proj=pipeline " + steps).transform(*on_map.T))

@@ -62,3 +62,26 @@ def test_a_viewer_selects_finer_tiles_the_nearer_it_is(pyramid, page, tmp_path):
     assert found["middle"]["tiles"] > 1 and found["near"]["tiles"] > 1
     # Near, tiles beyond the picture are left out.
     assert found["near"]["triangles"] > found["middle"]["triangles"] / 4
+
+
+# The other ways to store tiles: options, by how much a pixel may differ, and the share of those that may differ by more.
+# Of two triangles at one depth, the first one is seen.
+STORED = {"meshopt": (["--compress", "meshopt"], 8, 1e-3), "webp": (["--image", "webp:90"], 24, 0.02)}
+STORED["ktx2"] = (["--image", "ktx2:90"], 48, 0.02)
+
+
+@pytest.mark.parametrize("page", ["three.html", "cesium.html"])
+@pytest.mark.parametrize("stored", STORED)
+def test_a_viewer_shows_the_same_however_tiles_are_stored(drystone, page, stored, tmp_path):
+    options, most, share = STORED[stored]
+    pictures, found = [], []
+    for name, more in [("plain", ["--compress", "none"]), ("other", options)]:
+        made = drystone("tile", *TOWN, "-o", tmp_path / name, *more, "--quiet", codes=(0, 2))
+        if made.code == 2:
+            assert "is built without" in made.stderr and "--features" in made.stderr
+            pytest.skip(made.stderr.splitlines()[0])
+        picture = tmp_path / f"{name}.png"
+        found.append(shown(tmp_path / name, page, 1.2, picture))
+        pictures.append(np.asarray(Image.open(picture).convert("RGB")).astype(int))
+    assert found[0] == found[1] and found[0]["errors"] == []
+    assert (np.abs(pictures[0] - pictures[1]).max(2) > most).mean() < share

@@ -1,7 +1,8 @@
 //! Reads a GLB, strictly: whatever the format forbids fails the test.
 //!
-//! Source: Khronos, glTF 2.0.
+//! Source: Khronos, glTF 2.0, `EXT_meshopt_compression`.
 
+use std::borrow::Cow;
 use std::ops::Range;
 use std::path::Path;
 
@@ -31,6 +32,16 @@ pub struct Glb {
     bytes: Vec<u8>,
 }
 
+/// The extension for compressed buffers.
+const MESHOPT: &str = "EXT_meshopt_compression";
+
+/// Decodes vertices of `STRIDE` bytes each.
+fn vertices<const STRIDE: usize>(stream: &[u8], count: usize) -> Vec<u8> {
+    let mut vertices = vec![[0_u8; STRIDE]; count];
+    meshopt_rs::vertex::buffer::decode_vertex_buffer(&mut vertices, stream).unwrap();
+    vertices.concat()
+}
+
 fn word(bytes: &[u8], at: usize) -> usize {
     u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize
 }
@@ -54,7 +65,7 @@ impl Glb {
         assert_eq!(glb.document["asset"]["version"], "2.0");
         let views = glb.list("bufferViews").len();
         (0..views).for_each(|view| _ = glb.view(view));
-        let mut ends: Vec<Range<usize>> = (0..views).map(|view| glb.view(view)).collect();
+        let mut ends: Vec<Range<usize>> = (0..views).map(|view| glb.stored(view)).collect();
         ends.sort_by_key(|range| range.start);
         assert!(ends.windows(2).all(|pair| pair[0].end <= pair[1].start), "views overlap");
         glb
@@ -64,20 +75,50 @@ impl Glb {
         self.document[name].as_array().map_or(&[], Vec::as_slice)
     }
 
-    /// Bytes of a view in the binary chunk.
-    fn view(&self, number: usize) -> Range<usize> {
+    /// Where the bytes of a view, or its compressed ones, lie in the binary chunk.
+    fn stored(&self, number: usize) -> Range<usize> {
         let view = &self.list("bufferViews")[number];
-        let number = |key: &str| view[key].as_u64().unwrap() as usize;
+        let extension = &view["extensions"][MESHOPT];
+        let place = if extension.is_null() { view } else { extension };
+        let number = |key: &str| place[key].as_u64().unwrap() as usize;
+        assert_eq!(place["buffer"], 0);
         let range = number("byteOffset")..number("byteOffset") + number("byteLength");
         assert!(number("byteLength") > 0 && range.end <= self.bytes.len() && range.start.is_multiple_of(4), "{view}");
         range
+    }
+
+    /// The bytes of a view, decoded by a library that the program does not have.
+    fn view(&self, number: usize) -> Cow<'_, [u8]> {
+        let view = &self.list("bufferViews")[number];
+        let stored = &self.bytes[self.stored(number)];
+        let extension = &view["extensions"][MESHOPT];
+        if extension.is_null() {
+            return stored.into();
+        }
+        assert!(self.list("extensionsRequired").contains(&Value::from(MESHOPT)));
+        let fallback = &self.list("buffers")[view["buffer"].as_u64().unwrap() as usize];
+        assert!(fallback["extensions"][MESHOPT]["fallback"] == true && fallback.get("uri").is_none());
+        let number = |place: &Value, key: &str| place[key].as_u64().unwrap() as usize;
+        let (count, stride) = (number(extension, "count"), number(extension, "byteStride"));
+        assert_eq!(count * stride, number(view, "byteLength"));
+        assert!(number(view, "byteOffset") + count * stride <= number(fallback, "byteLength"));
+        match (extension["mode"].as_str().unwrap(), stride) {
+            ("ATTRIBUTES", 12) => vertices::<12>(stored, count).into(),
+            ("ATTRIBUTES", 16) => vertices::<16>(stored, count).into(),
+            ("TRIANGLES", 2 | 4) => {
+                let mut corners = vec![0_u32; count];
+                meshopt_rs::index::buffer::decode_index_buffer(&mut corners, stored).unwrap();
+                corners.iter().flat_map(|corner| corner.to_le_bytes().into_iter().take(stride)).collect()
+            }
+            _ => panic!("{extension}"),
+        }
     }
 
     /// Bytes of an image, and its type.
     pub fn image(&self, number: usize) -> (&[u8], &str) {
         let image = &self.list("images")[number];
         let view = image["bufferView"].as_u64().unwrap() as usize;
-        (&self.bytes[self.view(view)], image["mimeType"].as_str().unwrap())
+        (&self.bytes[self.stored(view)], image["mimeType"].as_str().unwrap())
     }
 
     /// The numbers of an accessor, `shape` of them for each element.
@@ -106,15 +147,13 @@ impl Glb {
         );
         assert!(offset + stride * (count - 1) + bytes * width <= view.len(), "{accessor}");
         let component = |at: usize| match kind {
-            5122 => f64::from(i16::from_le_bytes(self.bytes[at..at + 2].try_into().unwrap())),
-            5123 => f64::from(u16::from_le_bytes(self.bytes[at..at + 2].try_into().unwrap())),
-            5125 => word(&self.bytes, at) as f64,
-            _ => f64::from(f32::from_le_bytes(self.bytes[at..at + 4].try_into().unwrap())),
+            5122 => f64::from(i16::from_le_bytes(view[at..at + 2].try_into().unwrap())),
+            5123 => f64::from(u16::from_le_bytes(view[at..at + 2].try_into().unwrap())),
+            5125 => word(&view, at) as f64,
+            _ => f64::from(f32::from_le_bytes(view[at..at + 4].try_into().unwrap())),
         };
         let scale = if accessor["normalized"] == true { 1.0 / 65535.0 } else { 1.0 };
-        let element = |i: usize| {
-            (0..width).map(|axis| scale * component(view.start + offset + i * stride + axis * bytes)).collect()
-        };
+        let element = |i: usize| (0..width).map(|axis| scale * component(offset + i * stride + axis * bytes)).collect();
         let elements: Vec<Vec<f64>> = (0..count).map(element).collect();
         assert!(elements.iter().flatten().all(|number| number.is_finite()));
         for (bound, fold) in [("min", f64::min as fn(f64, f64) -> f64), ("max", f64::max)] {

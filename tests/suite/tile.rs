@@ -6,14 +6,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use drystone::options::{ImageFormat, JobOptions, Limits, ResumeChoice, TileOptions};
+use drystone::options::{ImageFormat, JobOptions, Limits, ResumeChoice, SimplifyOptions, TileCompression, TileOptions};
 use drystone::report::TileReport;
 use drystone::tile::check_tileset;
 use drystone::{Error, Result, Silent, pipeline};
 use glam::{DVec2, DVec3};
 use serde_json::Value;
 
-use crate::glb_reader::Glb;
+use crate::glb_reader::{Glb, GlbTriangle};
 use crate::meshes::{StopAfter, contents, copy_town, fixture, town};
 
 /// Small tiles, so that the town has several levels.
@@ -223,6 +223,62 @@ fn a_job_that_stops_between_tiles_goes_on_with_the_next_one() {
 }
 
 #[test]
+fn compressed_tiles_have_the_same_triangles() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |name: &str, compress: TileCompression, threads: usize| {
+        let limits = Limits { threads: Some(threads), ..small().limits };
+        let output = folder.path().join(name);
+        tile(&town(), &output, &TileOptions { compress, limits, ..small() }).unwrap();
+        let check = check_tileset(&output, &Silent).unwrap();
+        assert_eq!(check.faults, Vec::<String>::new());
+        (contents(&output), check)
+    };
+    let (plain, found_plain) = run("plain", TileCompression::None, 2);
+    let (compressed, found) = run("compressed", TileCompression::Meshopt, 1);
+    assert!(compressed == run("again", TileCompression::Meshopt, 3).0);
+    assert!(plain.keys().eq(compressed.keys()));
+    let bytes = |files: &BTreeMap<PathBuf, Vec<u8>>| files.values().map(Vec::len).sum::<usize>() as u64;
+    let images: u64 = found.levels.iter().map(|level| level.image_bytes).sum();
+    assert!(bytes(&compressed) - images < (bytes(&plain) - images) * 9 / 10);
+    assert_eq!(found.levels, found_plain.levels);
+    // Each triangle from its least corner on: those of the surface, and those of the skirt.
+    let triangles = |name: &str, path: &Path| {
+        let glb = Glb::read(&folder.path().join(name).join(path));
+        let skirt = glb.document["meshes"][0]["extras"]["skirtTriangles"].as_u64().unwrap() as usize;
+        let key = |triangle: GlbTriangle| {
+            let texcoords = triangle.texcoords.unwrap_or_default();
+            let bits = |at: usize| {
+                let (position, texcoord) = (triangle.positions[at].to_array(), texcoords[at].to_array());
+                (position.map(f64::to_bits), texcoord.map(f64::to_bits))
+            };
+            (0..3).map(|first| [0, 1, 2].map(|corner| bits((first + corner) % 3))).min().unwrap()
+        };
+        let mut all: Vec<_> = glb.triangles().into_iter().map(key).collect();
+        let mut skirt = all.split_off(all.len() - skirt);
+        all.sort_unstable();
+        skirt.sort_unstable();
+        (all, skirt)
+    };
+    for path in plain.keys().filter(|path| path.extension().is_some_and(|ending| ending == "glb")) {
+        assert!(triangles("plain", path) == triangles("compressed", path), "{path:?}");
+    }
+}
+
+#[test]
+fn a_job_with_another_compression_is_another_job() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("out");
+    let stopped = pipeline::tile(town(), &output, &small(), &StopAfter::units(150)).unwrap_err();
+    assert!(matches!(stopped, Error::Stopped), "{stopped}");
+    let other = match small().compress {
+        TileCompression::None => TileCompression::Meshopt,
+        TileCompression::Meshopt => TileCompression::None,
+    };
+    let error = tile(&town(), &output, &TileOptions { compress: other, ..small() }).unwrap_err();
+    assert!(matches!(error, Error::Changed(_)), "{error}");
+}
+
+#[test]
 fn nothing_of_the_user_is_touched() {
     let folder = tempfile::tempdir().unwrap();
     copy_town(&folder.path().join("in"));
@@ -244,6 +300,14 @@ fn nothing_of_the_user_is_touched() {
     assert!(refused("out", &TileOptions { tile_side: 300, ..small() }).contains("a power of two"));
     assert!(refused("out", &TileOptions { tile_faces: 5, ..small() }).contains("expected 100"));
     assert!(refused("out", &TileOptions { error_factor: 0.0, ..small() }).contains("above 0"));
+    for (image, feature, is_there) in [
+        (ImageFormat::WebP(80), "--features webp", cfg!(feature = "webp")),
+        (ImageFormat::Ktx2(80), "--features ktx2", cfg!(feature = "ktx2")),
+    ] {
+        assert!(is_there || refused("out", &TileOptions { image, ..small() }).contains(feature));
+        let baked = SimplifyOptions { image, ..small().simplify_options() };
+        assert!(baked.check().unwrap_err().to_string().contains("for tiles alone"));
+    }
     // With `force` other files stay.
     let forced = TileOptions { job: JobOptions { force: true, ..JobOptions::default() }, ..small() };
     tile(&input, &folder.path().join("mine"), &forced).unwrap();

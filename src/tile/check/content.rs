@@ -1,9 +1,14 @@
 //! Reads a tile's GLB back: structure, places on the lattice, triangles, skirt.
 //!
-//! Every byte is hostile: a file is refused with words, and nothing is allocated by a number that it names.
+//! Every byte is hostile: a file is refused with words, and what is allocated is bounded by its size.
+
+use std::borrow::Cow;
 
 use glam::{DVec3, IVec3};
 use serde_json::Value;
+
+use crate::tile::meshopt::{decode_attributes, decode_triangles};
+use crate::write::glb_format::MESHOPT;
 
 /// Words on what is wrong with a file.
 type ContentFault = String;
@@ -87,15 +92,53 @@ struct GlbReader<'a> {
 
 /// An accessor: its bytes, and where its elements lie in them.
 struct Elements<'a> {
-    bytes: &'a [u8],
+    bytes: Cow<'a, [u8]>,
     count: usize,
     stride: usize,
     component: u64,
 }
 
 impl<'a> GlbReader<'a> {
-    fn view(&self, number: usize) -> Result<&'a [u8], ContentFault> {
+    /// The bytes of a buffer view, decoded if they are compressed.
+    fn view(&self, number: usize) -> Result<Cow<'a, [u8]>, ContentFault> {
         let view = &self.document["bufferViews"][number];
+        let extension = &view["extensions"][MESHOPT];
+        if extension.is_null() { self.stored(view).map(Cow::Borrowed) } else { self.decoded(view, extension) }
+    }
+
+    fn decoded(&self, view: &Value, extension: &Value) -> Result<Cow<'a, [u8]>, ContentFault> {
+        let of = |value: &Value| value.as_u64().and_then(|number| usize::try_from(number).ok());
+        let [count, stride] = ["count", "byteStride"].map(|key| of(&extension[key]));
+        let (Some(count), Some(stride)) = (count, stride) else { return Err("a compressed view has no size".into()) };
+        if of(&view["byteLength"]) != count.checked_mul(stride)
+            || view["byteStride"].as_u64().is_some_and(|own| own != stride as u64)
+        {
+            return Err("a buffer view has another size than its compressed bytes".into());
+        }
+        let stream = self.stored(extension)?;
+        match (extension["mode"].as_str(), stride) {
+            (Some("ATTRIBUTES"), _) => Ok(decode_attributes(stream, count, stride)?.into()),
+            (Some("TRIANGLES"), 2 | 4) if count.is_multiple_of(3) => {
+                let corners = decode_triangles(stream, count / 3)?.into_iter().flatten();
+                let too_large = |corner: &u32| stride == 2 && *corner > u32::from(u16::MAX);
+                let mut bytes = Vec::with_capacity(count * stride);
+                for corner in corners {
+                    if too_large(&corner) {
+                        return Err(format!("index {corner} in 16 bits"));
+                    }
+                    bytes.extend_from_slice(&corner.to_le_bytes()[..stride]);
+                }
+                Ok(bytes.into())
+            }
+            _ => Err("a compressed view has another mode than its size allows".into()),
+        }
+    }
+
+    /// The bytes that a buffer view, or its extension, has in the binary chunk.
+    fn stored(&self, view: &Value) -> Result<&'a [u8], ContentFault> {
+        if view["buffer"].as_u64().unwrap_or(0) != 0 {
+            return Err("a buffer view lies outside of the binary chunk".into());
+        }
         let offset = view["byteOffset"].as_u64().unwrap_or(0) as usize;
         let length = view["byteLength"].as_u64().ok_or("a buffer view has no length")? as usize;
         let bytes = self.chunk.get(offset..offset.saturating_add(length));
@@ -116,7 +159,11 @@ impl<'a> GlbReader<'a> {
         };
         let stride = self.document["bufferViews"][view]["byteStride"].as_u64().map_or(size * width, |at| at as usize);
         let offset = accessor["byteOffset"].as_u64().unwrap_or(0) as usize;
-        let bytes = self.view(view)?.get(offset..).ok_or("an accessor begins beyond its buffer view")?;
+        let bytes = match self.view(view)? {
+            Cow::Borrowed(bytes) => bytes.get(offset..).map(Cow::Borrowed),
+            Cow::Owned(bytes) => bytes.get(offset..).map(|rest| Cow::Owned(rest.to_vec())),
+        };
+        let bytes = bytes.ok_or("an accessor begins beyond its buffer view")?;
         let count = accessor["count"].as_u64().unwrap_or(0) as usize;
         let needed = count.saturating_sub(1).saturating_mul(stride).saturating_add(size * width);
         if count == 0 || stride == 0 || needed > bytes.len() {
@@ -179,7 +226,7 @@ mod tests {
     use glam::DVec2;
     use proptest::prelude::*;
 
-    fn glb() -> Vec<u8> {
+    fn glb(is_compressed: bool) -> Vec<u8> {
         let vertex = |place| TileVertex { place, texcoord: DVec2::ZERO };
         let vertices = [IVec3::ZERO, IVec3::X, IVec3::new(-40, 7, 3000)].map(vertex).to_vec();
         let content = TileContent {
@@ -189,20 +236,22 @@ mod tests {
             middle: DVec3::new(1.0, -2.0, 3.5),
             ..TileContent::default()
         };
-        content.to_glb()
+        content.to_glb(is_compressed)
     }
 
     #[test]
     fn a_tile_is_read_as_it_was_written() {
-        let read = read_glb(&glb()).unwrap();
-        assert_eq!(read.places, [[4, -8, 14], [5, -8, 14], [-36, -1, 3014]]);
-        assert_eq!((read.step, read.triangles, read.skirt_triangles), (0.25, vec![[0, 1, 2]], 0));
+        for is_compressed in [false, true] {
+            let read = read_glb(&glb(is_compressed)).unwrap();
+            assert_eq!(read.places, [[4, -8, 14], [5, -8, 14], [-36, -1, 3014]]);
+            assert_eq!((read.step, read.triangles, read.skirt_triangles), (0.25, vec![[0, 1, 2]], 0));
+        }
     }
 
     proptest! {
         #[test]
-        fn damaged_files_are_refused_or_read(changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6), cut in any::<prop::sample::Index>()) {
-            let mut bytes = glb();
+        fn damaged_files_are_refused_or_read(changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6), cut in any::<prop::sample::Index>(), is_compressed in any::<bool>()) {
+            let mut bytes = glb(is_compressed);
             for (at, byte) in changes {
                 let at = at.index(bytes.len());
                 bytes[at] = byte;
