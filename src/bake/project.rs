@@ -150,7 +150,7 @@ impl Projector {
         self.tell(region, hear)
     }
 
-    /// Gathers the triangles within reach of a box; returns whether there are no more than [`NEAR_MAX`].
+    /// Gathers the triangles within reach of a box; returns whether there are at most [`NEAR_MAX`].
     fn gather(&mut self, bounds: Bounds, closest: &mut ClosestPlaces<'_>) -> Result<bool> {
         let Self { nearby, reach, .. } = self;
         let middle = 0.5 * (bounds.low + bounds.high);

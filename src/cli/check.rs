@@ -10,12 +10,18 @@ use super::print::{print, print_json};
 use super::progress::stoppable;
 use super::stop::Goodbye;
 use crate::base::pool::Pool;
-use crate::base::{Error, Progress, Result};
+use crate::base::{Error, Progress, Result, WorkLimits};
+use crate::image::textures::TextureImages;
 use crate::measure::{Check, Regression, Surface, compare_checks, compare_topology, weld_and_check};
 use crate::os::durable::temporary_folder;
 use crate::os::signals::StopSignal;
-use crate::read::{ScanOptions, find_inputs, scan};
-use crate::tile::check_tileset;
+use crate::plan::memory;
+use crate::read::{Scan, ScanOptions, find_inputs, scan};
+use crate::surface::cells::{SurfaceCells, SurfacePlace};
+use crate::tile::{TilesetCheck, TilesetInput, check_tileset, check_tileset_against};
+
+/// Threads that read and measure.
+const THREADS: usize = 2;
 
 /// Arguments of `drystone check`.
 #[derive(Debug, Args)]
@@ -23,6 +29,8 @@ pub struct CheckArguments {
     /// OBJ or PLY file, or a folder of tiles
     mesh: PathBuf,
     /// OBJ or PLY file that the mesh was made from; only faults that it does not have count then
+    ///
+    /// For tiles: their input, a file or a folder. No tile may lie farther from it than its geometric error says
     #[arg(long, value_name = "FILE")]
     against: Option<PathBuf>,
     /// Print JSON
@@ -66,10 +74,11 @@ pub fn run(arguments: &CheckArguments) -> Result<u8> {
 
 /// Checks a folder of tiles; returns exit code 1 if there are faults.
 fn check_tiles(arguments: &CheckArguments, goodbye: &Goodbye, progress: &dyn Progress) -> Result<u8> {
-    if arguments.against.is_some() {
-        return Err(Error::Usage("--against: expected two meshes, not a folder of tiles".into()));
-    }
-    let check = match check_tileset(&arguments.mesh, progress) {
+    let checked = match &arguments.against {
+        None => check_tileset(&arguments.mesh, progress),
+        Some(input) => check_tiles_against(&arguments.mesh, input, progress),
+    };
+    let check = match checked {
         Err(Error::Stopped) => return Ok(goodbye.say()),
         outcome => outcome?,
     };
@@ -81,22 +90,35 @@ fn check_tiles(arguments: &CheckArguments, goodbye: &Goodbye, progress: &dyn Pro
     Ok(u8::from(check.fault_count > 0))
 }
 
+fn check_tiles_against(tiles: &Path, input: &Path, progress: &dyn Progress) -> Result<TilesetCheck> {
+    with_scan(input, progress, |scan, folder| {
+        let limits = WorkLimits { threads: THREADS, work_bytes: memory::budget_of(None)?.for_work() };
+        let place = SurfacePlace { folder, name: "input", limits, progress };
+        let none = TextureImages::none(&scan.catalogue);
+        let surface = SurfaceCells::make(&scan.mesh, &scan.catalogue, &none, &place)?;
+        check_tileset_against(tiles, &TilesetInput { surface: &surface, folder, limits }, progress)
+    })
+}
+
 fn counts(path: &Path, progress: &dyn Progress) -> Result<Check> {
-    const THREADS: usize = 2;
+    let surface = with_scan(path, progress, |scan, _| Surface::load(&scan.mesh, &scan.catalogue))?;
+    progress.check_stopped()?;
+    Ok(weld_and_check(&surface))
+}
+
+/// Reads a mesh into a temporary folder, which is removed after `then` is done with it.
+fn with_scan<T>(path: &Path, progress: &dyn Progress, then: impl FnOnce(Scan, &Path) -> Result<T>) -> Result<T> {
     let _threads = Pool::new(0)?.enter();
     let inputs = find_inputs(&path.into())?;
     let folder = temporary_folder("check");
     std::fs::create_dir(&folder).map_err(|e| Error::io(&folder, "create", e))?;
     let options = ScanOptions { threads: THREADS, chunks_in_flight: 2 * THREADS, ..Default::default() };
-    let scanned = scan(&inputs, &folder, &options, progress);
-    let loaded = scanned.and_then(|scan| {
+    let done = scan(&inputs, &folder, &options, progress).and_then(|scan| {
         progress.check_stopped()?;
-        Surface::load(&scan.mesh, &scan.catalogue)
+        then(scan, &folder)
     });
     let _ = std::fs::remove_dir_all(&folder);
-    let surface = loaded?;
-    progress.check_stopped()?;
-    Ok(weld_and_check(&surface))
+    done
 }
 
 fn fields(check: &Check) -> serde_json::Map<String, serde_json::Value> {

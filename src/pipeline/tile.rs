@@ -95,7 +95,8 @@ fn run(
     let chain = Chain { original: &original, scene: &scene, settings: &settings, catalogue: &geometry, place: &place };
     let levels = chain.levels(start, &pass_options)?;
     let transform = transform(options, on_earth, scene.origin);
-    let pyramid = Pyramid { original: &original, scene: &scene, settings: &settings, transform, place };
+    let is_moved = options.crs.is_some();
+    let pyramid = Pyramid { original: &original, scene: &scene, settings: &settings, transform, is_moved, place };
     let levels = pyramid.build(&levels)?;
     Ok(TileReport {
         triangles: input.triangles,

@@ -39,7 +39,7 @@ mod tree;
 mod triangles;
 
 pub use self::chain::{Chain, Level, PassMesh, last_faces, pass_count};
-pub use self::check::{LevelCheck, TilesetCheck, check_tileset};
+pub use self::check::{LevelCheck, TilesetCheck, TilesetInput, check_tileset, check_tileset_against};
 pub use self::figures::LevelFigures;
 pub use self::run::Pyramid;
 pub use self::scene::TileScene;

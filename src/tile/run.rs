@@ -50,6 +50,8 @@ pub struct Pyramid<'a> {
     pub settings: &'a TileSettings,
     /// From the scene to the world.
     pub transform: DMat4,
+    /// Whether the input was moved, as onto the earth, when it was read.
+    pub is_moved: bool,
     /// Where it is built.
     pub place: TilePlace<'a>,
 }
@@ -115,7 +117,13 @@ impl Pyramid<'_> {
             listed.push(ListedLevel { tiles: cut.tiles, listed: list });
             done = Some(tiles);
         }
-        let document = TilesetDocument { tree: &tree, levels: &listed, transform: self.transform };
+        let document = TilesetDocument {
+            tree: &tree,
+            levels: &listed,
+            transform: self.transform,
+            error_factor: self.settings.error_factor,
+            origin: (!self.is_moved).then_some(self.scene.origin),
+        };
         self.place.work.sync()?;
         for (name, json) in document.files() {
             self.write(&self.place.output.join(name), json.to_string().as_bytes())?;

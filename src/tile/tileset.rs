@@ -20,6 +20,11 @@ use crate::geometry::boxtree::Bounds;
 /// Name of the file that names all tiles.
 pub const TILESET: &str = "tileset.json";
 
+/// What the tileset says besides the standard, in `asset.extras`: geometric error by the distance from the input, and
+/// the origin of the tiles in the coordinates of the input.
+pub const ERROR_FACTOR: &str = "errorFactor";
+pub const SCENE_ORIGIN: &str = "origin";
+
 /// Levels that a file names.
 const LEVELS_OF_FILE: usize = 4;
 
@@ -51,6 +56,10 @@ pub struct TilesetDocument<'a> {
     pub levels: &'a [ListedLevel],
     /// From the scene to the world.
     pub transform: DMat4,
+    /// Geometric error by the larger of a tile's texel and its distance from the input.
+    pub error_factor: f64,
+    /// Origin of the scene in the coordinates of the input; `None` if the input was moved.
+    pub origin: Option<DVec3>,
 }
 
 /// Name of a tile's file in the folder of the result.
@@ -73,7 +82,13 @@ impl TilesetDocument<'_> {
         };
         root.tile["transform"] = json!(self.transform.to_cols_array());
         let error = root.bounds.diagonal().max(2.0 * root.error);
-        files.push((TILESET.to_owned(), document(error, root.tile)));
+        let mut tileset = document(error, root.tile);
+        let extras = &mut tileset["asset"]["extras"];
+        extras[ERROR_FACTOR] = json!(self.error_factor);
+        if let Some(origin) = self.origin {
+            extras[SCENE_ORIGIN] = json!(origin.to_array());
+        }
+        files.push((TILESET.to_owned(), tileset));
         files
     }
 

@@ -33,5 +33,6 @@ mod results;
 mod summary;
 mod targets;
 mod tile;
+mod tile_errors;
 mod tile_views;
 mod topology;

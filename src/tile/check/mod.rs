@@ -6,13 +6,14 @@
 //!                   ╰── GLBs ── box, borders ─────╯
 //! ```
 //! # Memory
-//! A tile at a time; 60 bytes for each edge along the borders.
+//! A tile at a time; 60 bytes for each edge along the borders; with an input, that of [`errors`].
 //!
 //! # Source
 //! Open Geospatial Consortium, 3D Tiles 1.1 (22-025r4), sections 7 and 8.
 
 mod borders;
 mod content;
+mod errors;
 
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
@@ -23,6 +24,8 @@ use serde_json::Value;
 
 use self::borders::BorderEdges;
 use self::content::{number, read_glb};
+pub use self::errors::TilesetInput;
+use self::errors::{ErrorScale, LevelErrors, TileErrors};
 use super::tileset::TILESET;
 use crate::base::error::{escape, escape_path};
 use crate::base::{Error, Findings, Progress, Result};
@@ -47,6 +50,8 @@ pub struct TilesetCheck {
     pub bytes: u64,
     /// The levels, the finest first: tiles with the same lattice.
     pub levels: Vec<LevelCheck>,
+    /// Tiles whose distances from the input were measured, in tilesets that are checked against one.
+    pub measured: u64,
     /// Number of faults.
     pub fault_count: u64,
     /// The first faults of each kind.
@@ -79,25 +84,23 @@ pub struct LevelCheck {
 /// # Errors
 /// [`Error::Usage`] if there is none; [`Error::Io`] if a file cannot be read; if the check was stopped.
 pub fn check_tileset(folder: &Path, progress: &dyn Progress) -> Result<TilesetCheck> {
-    let path = folder.join(TILESET);
-    if !is_file(&path).unwrap_or(false) {
-        let shown = escape_path(folder);
-        let words = format!("{shown}: holds no {TILESET}; one that is being written has it at the end");
-        return Err(Error::Usage(words));
-    }
-    let mut check = Checking {
-        folder,
-        progress,
-        found: TilesetCheck::default(),
-        levels: BTreeMap::new(),
-        faults: Findings::default(),
-    };
-    check.tileset(&path, Above { bounds: None, error: f64::INFINITY, depth: 0 })?;
-    Ok(check.finish())
+    Checking::new(folder, None, progress).run()
+}
+
+/// Checks the tileset in a folder, and that no tile lies farther from the input than its geometric error says.
+///
+/// # Errors
+/// Those of [`check_tileset`]; [`Error::Usage`] if the tileset does not say where it lies in the coordinates of the
+/// input.
+pub fn check_tileset_against(folder: &Path, input: &TilesetInput<'_>, progress: &dyn Progress) -> Result<TilesetCheck> {
+    Checking::new(folder, Some(input), progress).run()
 }
 
 struct Checking<'a> {
     folder: &'a Path,
+    input: Option<&'a TilesetInput<'a>>,
+    /// The tiles that are measured; `None` without an input.
+    errors: Option<TileErrors<'a>>,
     progress: &'a dyn Progress,
     found: TilesetCheck,
     /// By the bits of the step, which is positive.
@@ -113,7 +116,30 @@ struct Above {
     depth: usize,
 }
 
-impl Checking<'_> {
+impl<'a> Checking<'a> {
+    fn new(folder: &'a Path, input: Option<&'a TilesetInput<'a>>, progress: &'a dyn Progress) -> Self {
+        Self {
+            folder,
+            input,
+            errors: None,
+            progress,
+            found: TilesetCheck::default(),
+            levels: BTreeMap::new(),
+            faults: Findings::default(),
+        }
+    }
+
+    fn run(mut self) -> Result<TilesetCheck> {
+        let path = self.folder.join(TILESET);
+        if !is_file(&path).unwrap_or(false) {
+            let shown = escape_path(self.folder);
+            let words = format!("{shown}: holds no {TILESET}; one that is being written has it at the end");
+            return Err(Error::Usage(words));
+        }
+        self.tileset(&path, Above { bounds: None, error: f64::INFINITY, depth: 0 })?;
+        self.finish()
+    }
+
     fn fault(&mut self, kind: &'static str, path: &Path, words: &str) {
         self.faults.note(kind, || format!("{}: {}", escape_path(path), escape(words.as_bytes())));
     }
@@ -139,6 +165,13 @@ impl Checking<'_> {
                 return Ok(());
             }
         };
+        if let Some(input) = self.input.filter(|_| above.depth == 0) {
+            let scale = ErrorScale::of(&document).ok_or_else(|| {
+                let shown = escape_path(path);
+                Error::Usage(format!("{shown}: does not say where its tiles lie in the coordinates of the input"))
+            })?;
+            self.errors = Some(TileErrors::new(input, scale));
+        }
         if document["asset"]["version"].as_str() != Some("1.1") {
             self.fault("tileset", path, "asset.version: expected 1.1");
         }
@@ -218,12 +251,28 @@ impl Checking<'_> {
                 level.triangles += read.triangles.len() as u64;
                 level.triangles_max = level.triangles_max.max(read.triangles.len() as u64);
                 level.image_bytes += read.image_bytes;
+                if let Some(errors) = &mut self.errors {
+                    errors.add(&path, &read, tile.error)?;
+                    self.found.measured += 1;
+                }
             }
         }
         Ok(())
     }
 
-    fn finish(mut self) -> TilesetCheck {
+    fn finish(mut self) -> Result<TilesetCheck> {
+        let measured = self.errors.take().map(|errors| errors.measure(self.progress)).transpose()?;
+        for LevelErrors { beyond, input_beyond } in measured.into_iter().flat_map(BTreeMap::into_values) {
+            for (path, share) in beyond {
+                let words = format!("{:.1} % of it lies farther from the input than its error says", 100.0 * share);
+                self.fault("geometric error", &path, &words);
+            }
+            if let Some(share) = input_beyond {
+                let words =
+                    format!("{:.1} % of the input lies farther from a level than its errors say", 100.0 * share);
+                self.fault("geometric error", self.folder, &words);
+            }
+        }
         for (level, borders) in std::mem::take(&mut self.levels).into_values() {
             let unequal = borders.unequal();
             if unequal > 0 {
@@ -235,7 +284,7 @@ impl Checking<'_> {
             self.found.levels.push(found);
         }
         let fault_count = self.faults.iter().map(|(_, finding)| finding.count).sum();
-        TilesetCheck { fault_count, faults: self.faults.warnings(), ..self.found }
+        Ok(TilesetCheck { fault_count, faults: self.faults.warnings(), ..self.found })
     }
 }
 
@@ -280,6 +329,9 @@ impl TilesetCheck {
         }
         let _ = writeln!(text, "tiles: {}", self.tiles);
         let _ = writeln!(text, "bytes: {}", self.bytes);
+        if self.measured > 0 {
+            let _ = writeln!(text, "tiles measured against the input: {}", self.measured);
+        }
         self.faults.iter().for_each(|fault| _ = writeln!(text, "{fault}"));
         let _ = writeln!(text, "faults: {}", self.fault_count);
         text
