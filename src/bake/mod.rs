@@ -38,6 +38,7 @@ mod settings;
 mod sharpen;
 mod spheres;
 mod steps;
+mod view;
 
 pub use self::canvas::AtlasCanvas;
 pub use self::catalogue::geometry_catalogue;

@@ -11,14 +11,15 @@
 //! # Memory
 //! 32 bytes for four samples of a region, and 300 for each of [`NEAR_MAX`] triangles.
 
-use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
+use glam::{DVec2, Vec2, Vec4};
 
 use super::closest::ClosestPlaces;
 use super::nearby::Nearby;
 use super::patch_surface::PatchSurface;
 use super::plane::Plane;
-use super::prism::{BOUND_MARGIN, FourPlaces, FourPoints, NearTriangle, Shown};
+use super::prism::{BOUND_MARGIN, FourPlaces, NearTriangle, Shown};
 use super::raster::{IN_GUTTER, NOBODY, Owners, TexelRect};
+use super::view::{Shadow, View};
 use crate::base::Result;
 use crate::geometry::boxtree::Bounds;
 use crate::unwrap::PlacedChart;
@@ -133,10 +134,7 @@ impl Projector {
         closest: &mut ClosestPlaces<'_>,
         hear: &mut dyn FnMut(SeenTexel<'_>) -> Result<()>,
     ) -> Result<()> {
-        let bounds = self.begin(part, region);
-        if self.runs.is_empty() {
-            return Ok(());
-        }
+        let Some(bounds) = self.begin(part, region) else { return Ok(()) };
         if !self.gather(bounds, closest)? {
             let side = region.size().into_iter().max().unwrap_or(0).div_ceil(2);
             if side < REGION_MIN {
@@ -165,12 +163,12 @@ impl Projector {
         Ok(nearby.len() <= NEAR_MAX)
     }
 
-    /// Finds the triangles of the patch in a region; returns a box around its texels.
-    fn begin(&mut self, part: &ChartPart<'_>, region: TexelRect) -> Bounds {
+    /// Finds the triangles of the patch in a region; returns a box around its samples, if it has any.
+    fn begin(&mut self, part: &ChartPart<'_>, region: TexelRect) -> Option<Bounds> {
         let Self { reach, run_of, runs, slots, samples, lanes, .. } = self;
         runs.clear();
         slots.clear();
-        let (mut bounds, mut count) = (Bounds::EMPTY, 0);
+        let (mut bounds, mut count, mut step) = (Bounds::EMPTY, 0, 0.0_f64);
         for texel in region.texels() {
             let owner = part.owners.owner(texel);
             let mut slot = TexelSlot {
@@ -186,6 +184,7 @@ impl Projector {
                     let (number, flat) = part.chart.faces[face as usize];
                     *run = runs.len() as u32;
                     let plane = Plane::new(flat, part.patch.corners(number));
+                    step = step.max(plane.steps[0].length() + plane.steps[1].length());
                     runs.push(Run { face, plane, rect: TexelRect { first: texel, end: texel } });
                 }
                 let [column, row] = texel;
@@ -202,14 +201,15 @@ impl Projector {
         runs.iter().for_each(|run| run_of[run.face as usize] = NOBODY);
         samples.clear();
         samples.resize(count, FourSamples { distance: Vec4::splat(self.reach as f32), triangle: [NOBODY; 4] });
-        bounds
+        // The samples of a texel lie within half a step of its middle.
+        (count > 0).then(|| bounds.grown(0.5 * step))
     }
 
     /// Projects what is near a triangle of the patch onto its plane.
     fn project_run(&mut self, number: usize, region: TexelRect) {
         let Self { runs, nearby, near, slots, samples, lanes, .. } = self;
         let reach = self.reach as f32;
-        let Some(view) = View::of(&runs[number], nearby.middle(), region) else { return };
+        let Some(view) = View::of(&runs[number].plane, runs[number].rect, nearby.middle(), region) else { return };
         let mut screen = Screen { view: &view, run: number as u32, width: region.size()[0], slots, samples, lanes };
         nearby.find_near(view.origin, view.radius + reach, near);
         for &number in near.iter() {
@@ -224,7 +224,8 @@ impl Projector {
     /// Hands over the texels of which all samples have found a place.
     fn tell(&mut self, region: TexelRect, hear: &mut dyn FnMut(SeenTexel<'_>) -> Result<()>) -> Result<()> {
         let Self { runs, nearby, slots, samples, lanes, .. } = self;
-        let views: Vec<Option<View>> = runs.iter().map(|run| View::of(run, nearby.middle(), region)).collect();
+        let views: Vec<Option<View>> =
+            runs.iter().map(|run| View::of(&run.plane, run.rect, nearby.middle(), region)).collect();
         for (slot, texel) in slots.iter().zip(region.texels()).filter(|(slot, _)| slot.run != NOBODY) {
             let (each, lanes) = if slot.is_gutter { (1, GUTTER_LANES) } else { (self.each, &**lanes) };
             let samples = &samples[slot.first as usize..][..lanes.len()];
@@ -283,85 +284,6 @@ impl SeenTexel<'_> {
     }
 }
 
-/// How a triangle of the patch is looked at. Places are from the middle of the region, columns and rows from its corner.
-struct View {
-    /// The place in the middle of the texels, and its column and row.
-    origin: Vec3,
-    at: Vec2,
-    /// Steps of one column and one row.
-    steps: [Vec3; 2],
-    /// Columns and rows grow along these.
-    growth: [Vec3; 2],
-    normal: Vec3,
-    /// All texels lie within this of the origin.
-    radius: f32,
-    /// The texels.
-    rect: TexelRect,
-}
-
-impl View {
-    /// `None` if the triangle has no area, or no texel.
-    fn of(run: &Run, middle: DVec3, region: TexelRect) -> Option<Self> {
-        let Run { plane, rect, .. } = run;
-        if rect.size().contains(&0) {
-            return None;
-        }
-        let corner = DVec2::new(region.first[0] as f64, region.first[1] as f64);
-        let [low, high] = [rect.first, rect.end].map(|[column, row]| DVec2::new(column as f64, row as f64));
-        let at = 0.5 * (low + high);
-        let [right, below] = plane.steps;
-        // The inverse of the steps, as a map from the plane to the image.
-        let [rr, rb, bb] = [right.dot(right), right.dot(below), below.dot(below)];
-        let inverse = (rr * bb - rb * rb).recip();
-        let growth = [(right * bb - below * rb) * inverse, (below * rr - right * rb) * inverse];
-        let sides = [right * (high.x - low.x), below * (high.y - low.y)];
-        let radius = 0.5 * (sides[0] + sides[1]).length().max((sides[0] - sides[1]).length());
-        let view = Self {
-            origin: (plane.place(at) - middle).as_vec3(),
-            at: (at - corner).as_vec2(),
-            steps: plane.steps.map(|step| step.as_vec3()),
-            growth: growth.map(|growth| growth.as_vec3()),
-            normal: plane.normal.as_vec3(),
-            radius: radius as f32,
-            rect: rect.from(region.first),
-        };
-        let is_sound = view.growth.iter().all(|growth| growth.is_finite()) && view.origin.is_finite();
-        is_sound.then_some(view)
-    }
-
-    /// Where a triangle is seen; `None` if no texel lies within `reach` of it.
-    fn shadow(&self, triangle: &NearTriangle, reach: f32) -> Option<Shadow> {
-        let from = triangle.corners.map(|corner| corner - self.origin);
-        let above = from.map(|from| from.dot(self.normal));
-        let (lowest, highest) = (above[0].min(above[1]).min(above[2]), above[0].max(above[1]).max(above[2]));
-        let off = lowest.max(-highest).max(0.0);
-        let at = from.map(|from| self.at + Vec2::new(from.dot(self.growth[0]), from.dot(self.growth[1])));
-        let (low, high) = (at[0].min(at[1]).min(at[2]), at[0].max(at[1]).max(at[2]));
-        let range = |axis: usize| {
-            let margin = reach * self.growth[axis].length();
-            let first = ((low[axis] - margin).max(0.0) as usize).max(self.rect.first[axis]);
-            let end = ((high[axis] + margin).max(-1.0) + 1.0) as usize;
-            (first, end.min(self.rect.end[axis]))
-        };
-        let [(left, right), (top, bottom)] = [range(0), range(1)];
-        let is_near = off < reach && left < right && top < bottom;
-        is_near.then_some(Shadow { rect: TexelRect { first: [left, top], end: [right, bottom] }, low, high, off })
-    }
-
-    /// The places of four samples of a texel.
-    #[inline]
-    fn points(&self, [column, row]: [usize; 2], [x, y]: &[Vec4; 2]) -> FourPoints {
-        let from = Vec2::new(column as f32 + 0.5, row as f32 + 0.5) - self.at;
-        let (x, y) = (*x + from.x, *y + from.y);
-        let [right, below] = self.steps;
-        FourPoints {
-            x: x * right.x + y * below.x + self.origin.x,
-            y: x * right.y + y * below.y + self.origin.y,
-            z: x * right.z + y * below.z + self.origin.z,
-        }
-    }
-}
-
 /// A triangle of the original that is asked for its distances.
 struct Asked<'a> {
     triangle: &'a NearTriangle,
@@ -369,17 +291,6 @@ struct Asked<'a> {
     /// What it counts as farther.
     away: f32,
     shadow: Shadow,
-}
-
-/// Where a triangle of the original is seen, if it is projected onto the plane of one of the patch.
-struct Shadow {
-    /// The texels within reach.
-    rect: TexelRect,
-    /// Columns and rows that it covers.
-    low: Vec2,
-    high: Vec2,
-    /// It is at least this far from the plane.
-    off: f32,
 }
 
 /// The samples of a triangle of the patch.
@@ -421,6 +332,82 @@ impl Screen<'_> {
                     farthest = farthest.max(four.distance.max_element());
                 }
                 slot.farthest = farthest;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::base::id::TiVec;
+    use crate::geometry::distance_sq;
+    use crate::mesh::id::{FaceId, LocalVertex};
+    use crate::unwrap::{ChartRoom, Triangles};
+
+    fn point() -> impl Strategy<Value = DVec3> {
+        prop::array::uniform3(-1.0..1.0).prop_map(DVec3::from_array)
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_within_reach_is_found(
+            soup in prop::collection::vec(prop::array::uniform3(point()), 1..60),
+            patch in prop::array::uniform3(point()),
+            flat in prop::array::uniform3(prop::array::uniform2(6.0..26.0)),
+            texel in 0.02..0.4,
+            away in 0.0..0.5,
+            samples in 1_usize..3,
+        ) {
+            let pattern: Vec<Vec2> = [Vec2::ZERO, Vec2::splat(0.25), Vec2::splat(-0.25)].into_iter().take(samples + 1).collect();
+            let positions: TiVec<LocalVertex, DVec3> = patch.to_vec().into();
+            let corners = [0, 1, 2].map(LocalVertex::new);
+            let vertices: TiVec<FaceId, [LocalVertex; 3]> = vec![corners].into();
+            let surface = PatchSurface {
+                triangles: Triangles { positions: &positions, vertices: &vertices },
+                origin: DVec3::new(5.0, -7.0, 2.0),
+            };
+            let flat = flat.map(DVec2::from_array);
+            let room = ChartRoom { corner: [0; 2], size: [32; 2], is_turned: false, cells: Vec::new() };
+            let chart = PlacedChart { image: 0, faces: vec![(FaceId::new(0), flat)], room };
+            let region = TexelRect { first: [0; 2], end: [32; 2] };
+            let part = ChartPart { chart: &chart, patch: &surface, owners: &Owners::of(&chart, region), rect: region };
+            let mut projector = Projector::new(texel, away, 1.0, &pattern);
+            projector.run_of = vec![NOBODY];
+            let Some(bounds) = projector.begin(&part, region) else { return Ok(()) };
+            let middle = 0.5 * (bounds.low + bounds.high);
+            projector.nearby.begin(middle);
+            let corners_of = |triangle: &[DVec3; 3]| triangle.map(|corner| corner + surface.origin - middle);
+            soup.iter().for_each(|triangle| projector.nearby.add(corners_of(triangle), Shown::Nothing));
+            projector.project_run(0, region);
+
+            let run = &projector.runs[0];
+            prop_assume!(View::of(&run.plane, run.rect, middle, region).is_some_and(|view| view.radius < 100.0));
+            let counted = |point: DVec3, triangle: &[DVec3; 3]| {
+                let corners = corners_of(triangle).map(|corner| corner + middle);
+                let across = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
+                let faces_away = across.dot(run.plane.normal) < -0.5;
+                distance_sq(point, corners).sqrt() + if faces_away { away } else { 0.0 }
+            };
+            for (slot, [column, row]) in projector.slots.iter().zip(region.texels()).filter(|(slot, _)| slot.run == 0) {
+                let own = if slot.is_gutter { &[Vec2::ZERO] } else { &pattern[..] };
+                for (lane, step) in own.iter().enumerate() {
+                    let place = DVec2::new(column as f64 + 0.5, row as f64 + 0.5) + step.as_dvec2();
+                    let point = run.plane.place(place);
+                    let least = soup.iter().map(|triangle| counted(point, triangle)).fold(f64::INFINITY, f64::min);
+                    let found = projector.samples[slot.first as usize].triangle[lane];
+                    if least < projector.reach - 1e-3 {
+                        prop_assert!(found != NOBODY, "{least} within {}", projector.reach);
+                    }
+                    if found != NOBODY {
+                        let distance = counted(point, &soup[found as usize]);
+                        prop_assert!(distance <= least + 1e-3, "{distance} instead of {least}");
+                        prop_assert!(distance <= projector.reach + 1e-3);
+                    }
+                }
             }
         }
     }

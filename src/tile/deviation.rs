@@ -12,8 +12,14 @@ use crate::base::{Progress, Result, WorkLimits};
 use crate::measure::compare::SurfacePair;
 use crate::surface::cells::SurfaceCells;
 
-/// Points by area for each tile, on each surface.
+/// Points by area for each tile, on each surface; and if some tile may lie farther than a texel, where its distance
+/// counts: with these it is known within one per cent, about.
 const SAMPLES_OF_TILE: u64 = 4000;
+const SAMPLES_OF_FAR_TILE: u64 = 20_000;
+/// These are no more in all, as each takes 4 bytes of memory, unless there are many tiles.
+const SAMPLES_MAX: u64 = 2_000_000;
+/// Share of a texel from which a tile may lie farther, by the fewer points.
+const FAR: f64 = 0.9;
 /// Share of a surface that the distance holds for.
 const SHARE: f64 = 0.99;
 
@@ -40,14 +46,29 @@ impl TilePlan<'_> {
         self.tiles.tiles.binary_search(&node).ok()
     }
 
-    /// The deviation of each tile, in the mesh's unit of length.
+    /// The deviation of each tile, in the mesh's unit of length; less than `texel` is known less well.
     ///
     /// # Errors
     /// If the job was stopped, and on failed reads.
     pub fn deviations(
         &self,
-        level: &SurfaceCells,
-        input: &SurfaceCells,
+        surfaces: [&SurfaceCells; 2],
+        texel: f64,
+        limits: WorkLimits,
+        progress: &dyn Progress,
+    ) -> Result<Vec<f64>> {
+        let deviations = self.measured(surfaces, SAMPLES_OF_TILE, limits, progress)?;
+        if deviations.iter().all(|&deviation| deviation < FAR * texel) {
+            return Ok(deviations);
+        }
+        let most = SAMPLES_MAX / deviations.len().max(1) as u64;
+        self.measured(surfaces, most.clamp(SAMPLES_OF_TILE, SAMPLES_OF_FAR_TILE), limits, progress)
+    }
+
+    fn measured(
+        &self,
+        [level, input]: [&SurfaceCells; 2],
+        samples: u64,
         limits: WorkLimits,
         progress: &dyn Progress,
     ) -> Result<Vec<f64>> {
@@ -55,7 +76,7 @@ impl TilePlan<'_> {
         let mut deviations = vec![0.0f64; count];
         for pair in [SurfacePair { from: level, to: input }, SurfacePair { from: input, to: level }] {
             let mut distances: Vec<Vec<f32>> = vec![Vec::new(); count];
-            pair.each_distance(SAMPLES_OF_TILE * count as u64, limits, progress, |position, distance| {
+            pair.each_distance(samples * count as u64, limits, progress, |position, distance| {
                 if let Some(tile) = self.tile_at(position) {
                     distances[tile].push(distance as f32);
                 }

@@ -174,7 +174,7 @@ impl Pyramid<'_> {
             vec![0.0; record.tiles.tiles.len()]
         } else {
             let plan = TilePlan { tree, tiles: &record.tiles, scene: self.scene };
-            plan.deviations(source.surface, &self.original.surface, limits, progress)?
+            plan.deviations([source.surface, &self.original.surface], self.scene.texel_of(number), limits, progress)?
         };
         let of_surface = match level.mesh.pass {
             0 => SURFACE,
