@@ -28,6 +28,7 @@ mod painters;
 mod patch;
 mod patch_surface;
 mod plane;
+mod plane_view;
 mod points;
 mod prism;
 mod probe;
@@ -38,7 +39,6 @@ mod settings;
 mod sharpen;
 mod spheres;
 mod steps;
-mod view;
 
 pub use self::canvas::AtlasCanvas;
 pub use self::catalogue::geometry_catalogue;

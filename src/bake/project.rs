@@ -17,9 +17,9 @@ use super::closest::ClosestPlaces;
 use super::nearby::Nearby;
 use super::patch_surface::PatchSurface;
 use super::plane::Plane;
+use super::plane_view::{PlaneView, Shadow};
 use super::prism::{BOUND_MARGIN, FourPlaces, NearTriangle, Shown};
 use super::raster::{IN_GUTTER, NOBODY, Owners, TexelRect};
-use super::view::{Shadow, View};
 use crate::base::Result;
 use crate::geometry::boxtree::Bounds;
 use crate::unwrap::PlacedChart;
@@ -60,7 +60,7 @@ struct TexelSlot {
 }
 
 /// A triangle of the patch in a region.
-struct Run {
+struct FaceTexels {
     /// Its index in the chart.
     face: u32,
     plane: Plane,
@@ -83,7 +83,7 @@ pub(super) struct Projector {
     near: Vec<usize>,
     /// Number of the run of each triangle of the chart.
     run_of: Vec<u32>,
-    runs: Vec<Run>,
+    runs: Vec<FaceTexels>,
     slots: Vec<TexelSlot>,
     samples: Vec<FourSamples>,
 }
@@ -185,7 +185,7 @@ impl Projector {
                     *run = runs.len() as u32;
                     let plane = Plane::new(flat, part.patch.corners(number));
                     step = step.max(plane.steps[0].length() + plane.steps[1].length());
-                    runs.push(Run { face, plane, rect: TexelRect { first: texel, end: texel } });
+                    runs.push(FaceTexels { face, plane, rect: TexelRect { first: texel, end: texel } });
                 }
                 let [column, row] = texel;
                 let own = &mut runs[*run as usize];
@@ -209,7 +209,7 @@ impl Projector {
     fn project_run(&mut self, number: usize, region: TexelRect) {
         let Self { runs, nearby, near, slots, samples, lanes, .. } = self;
         let reach = self.reach as f32;
-        let Some(view) = View::of(&runs[number].plane, runs[number].rect, nearby.middle(), region) else { return };
+        let Some(view) = PlaneView::of(&runs[number].plane, runs[number].rect, nearby.middle(), region) else { return };
         let mut screen = Screen { view: &view, run: number as u32, width: region.size()[0], slots, samples, lanes };
         nearby.find_near(view.origin, view.radius + reach, near);
         for &number in near.iter() {
@@ -224,8 +224,8 @@ impl Projector {
     /// Hands over the texels of which all samples have found a place.
     fn tell(&mut self, region: TexelRect, hear: &mut dyn FnMut(SeenTexel<'_>) -> Result<()>) -> Result<()> {
         let Self { runs, nearby, slots, samples, lanes, .. } = self;
-        let views: Vec<Option<View>> =
-            runs.iter().map(|run| View::of(&run.plane, run.rect, nearby.middle(), region)).collect();
+        let views: Vec<Option<PlaneView>> =
+            runs.iter().map(|run| PlaneView::of(&run.plane, run.rect, nearby.middle(), region)).collect();
         for (slot, texel) in slots.iter().zip(region.texels()).filter(|(slot, _)| slot.run != NOBODY) {
             let (each, lanes) = if slot.is_gutter { (1, GUTTER_LANES) } else { (self.each, &**lanes) };
             let samples = &samples[slot.first as usize..][..lanes.len()];
@@ -258,7 +258,7 @@ pub(super) struct SeenTexel<'a> {
     each: usize,
     samples: &'a [FourSamples],
     lanes: &'a [[Vec4; 2]],
-    view: &'a View,
+    view: &'a PlaneView,
     nearby: &'a Nearby,
 }
 
@@ -295,7 +295,7 @@ struct Asked<'a> {
 
 /// The samples of a triangle of the patch.
 struct Screen<'a> {
-    view: &'a View,
+    view: &'a PlaneView,
     run: u32,
     /// Width of the region.
     width: usize,
@@ -385,7 +385,7 @@ mod tests {
             projector.project_run(0, region);
 
             let run = &projector.runs[0];
-            prop_assume!(View::of(&run.plane, run.rect, middle, region).is_some_and(|view| view.radius < 100.0));
+            prop_assume!(PlaneView::of(&run.plane, run.rect, middle, region).is_some_and(|view| view.radius < 100.0));
             let counted = |point: DVec3, triangle: &[DVec3; 3]| {
                 let corners = corners_of(triangle).map(|corner| corner + middle);
                 let across = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();

@@ -16,7 +16,7 @@ use crate::surface::cells::SurfaceCells;
 /// counts: with these it is known within one per cent, about.
 const SAMPLES_OF_TILE: u64 = 4000;
 const SAMPLES_OF_FAR_TILE: u64 = 20_000;
-/// These are no more in all, as each takes 4 bytes of memory, unless there are many tiles.
+/// At most this number in all, as each takes 4 bytes of memory, but never fewer a tile than at first.
 const SAMPLES_MAX: u64 = 2_000_000;
 /// Share of a texel from which a tile may lie farther, by the fewer points.
 const FAR: f64 = 0.9;

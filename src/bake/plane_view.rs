@@ -7,7 +7,7 @@ use super::prism::{FourPoints, NearTriangle};
 use super::raster::TexelRect;
 
 /// How a triangle of the patch is looked at. Places are from the middle of the region, columns and rows from its corner.
-pub(super) struct View {
+pub(super) struct PlaneView {
     /// The place in the middle of the texels, and its column and row.
     pub origin: Vec3,
     at: Vec2,
@@ -22,7 +22,7 @@ pub(super) struct View {
     rect: TexelRect,
 }
 
-impl View {
+impl PlaneView {
     /// `None` if the triangle has no area, or no texel.
     pub fn of(plane: &Plane, rect: TexelRect, middle: DVec3, region: TexelRect) -> Option<Self> {
         if rect.size().contains(&0) {
