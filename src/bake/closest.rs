@@ -210,16 +210,12 @@ impl<'a> ClosestPlaces<'a> {
         Ok(())
     }
 
-    /// Calls `visit` with the corners of each triangle whose leaf's box meets a box, and with what it shows, until it
-    /// returns that it has seen enough.
+    /// Calls `visit` with the corners of each triangle whose box meets a box, and with what it shows, until it returns
+    /// that it has seen enough.
     ///
     /// # Errors
     /// On failed reads.
-    pub fn visit_meeting(
-        &mut self,
-        bounds: Bounds,
-        mut visit: impl FnMut([DVec3; 3], &dyn Fn() -> Shown) -> bool,
-    ) -> Result<()> {
+    pub fn visit_meeting(&mut self, bounds: Bounds, mut visit: impl FnMut([DVec3; 3], Shown) -> bool) -> Result<()> {
         let original = self.original;
         let mut is_enough = false;
         // A cell that meets the box is no farther from the block than the box reaches out of it.
@@ -231,7 +227,8 @@ impl<'a> ClosestPlaces<'a> {
                 let own = Bounds { low: bounds.low - view.origin, high: bounds.high - view.origin };
                 view.tree().visit_meeting(own, |place| {
                     let corners = view.triangle(place).map(|corner| corner + view.origin);
-                    is_enough = visit(corners, &|| original.shown(view, place));
+                    let meets = bounds.between_sq(Bounds::around(corners)) == 0.0;
+                    is_enough = meets && visit(corners, original.shown(view, place));
                     is_enough
                 });
             }

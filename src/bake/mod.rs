@@ -39,6 +39,8 @@ mod settings;
 mod sharpen;
 mod spheres;
 mod steps;
+#[cfg(test)]
+mod testing;
 
 pub use self::canvas::AtlasCanvas;
 pub use self::catalogue::geometry_catalogue;

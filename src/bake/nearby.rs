@@ -197,12 +197,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::bake::prism::AWAY;
+    use crate::bake::testing::{counted_distance, point};
     use crate::geometry::distance_sq;
-
-    fn point() -> impl Strategy<Value = DVec3> {
-        prop::array::uniform3(-1.0..1.0).prop_map(DVec3::from_array)
-    }
 
     proptest! {
         #[test]
@@ -224,11 +220,8 @@ mod tests {
             points.iter().for_each(|point| set.push(middle + *point * scale));
             set.end_run(normal.normalize_or(DVec3::Z));
             set.end_group();
-            let counted = |point: DVec3, corners: [DVec3; 3]| {
-                let across = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
-                let faces_away = across.dot(normal.normalize_or(DVec3::Z)) < f64::from(AWAY);
-                distance_sq(point, corners).sqrt() + if faces_away { away } else { 0.0 }
-            };
+            let facing = normal.normalize_or(DVec3::Z);
+            let counted = |point: DVec3, corners: [DVec3; 3]| counted_distance(point, corners, facing, away);
             let mut count = 0;
             let mut check = |number: usize, triangle: &NearTriangle, weights: [f32; 3]| {
                 let point = points[number] * scale;

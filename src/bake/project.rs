@@ -84,6 +84,8 @@ pub(super) struct Projector {
     /// Number of the run of each triangle of the chart.
     run_of: Vec<u32>,
     runs: Vec<FaceTexels>,
+    /// How each of them is looked at; `None` without area, or texels.
+    views: Vec<Option<PlaneView>>,
     slots: Vec<TexelSlot>,
     samples: Vec<FourSamples>,
 }
@@ -107,6 +109,7 @@ impl Projector {
             near: Vec::new(),
             run_of: Vec::new(),
             runs: Vec::new(),
+            views: Vec::new(),
             slots: Vec::new(),
             samples: Vec::new(),
         }
@@ -142,6 +145,7 @@ impl Projector {
             }
             return region.squares(side).try_for_each(|quarter| self.project_region(part, quarter, closest, hear));
         }
+        self.look(region);
         for number in 0..self.runs.len() {
             self.project_run(number, region);
         }
@@ -152,12 +156,9 @@ impl Projector {
     fn gather(&mut self, bounds: Bounds, closest: &mut ClosestPlaces<'_>) -> Result<bool> {
         let Self { nearby, reach, .. } = self;
         let middle = 0.5 * (bounds.low + bounds.high);
-        let within = bounds.grown(*reach);
         nearby.begin(middle);
-        closest.visit_meeting(within, |corners, shown| {
-            if within.between_sq(Bounds::around(corners)) == 0.0 {
-                nearby.add(corners.map(|corner| corner - middle), shown());
-            }
+        closest.visit_meeting(bounds.grown(*reach), |corners, shown| {
+            nearby.add(corners.map(|corner| corner - middle), shown);
             nearby.len() > NEAR_MAX
         })?;
         Ok(nearby.len() <= NEAR_MAX)
@@ -205,12 +206,19 @@ impl Projector {
         (count > 0).then(|| bounds.grown(0.5 * step))
     }
 
+    /// Prepares to look at the triangles of the patch.
+    fn look(&mut self, region: TexelRect) {
+        let Self { runs, views, nearby, .. } = self;
+        views.clear();
+        views.extend(runs.iter().map(|run| PlaneView::of(&run.plane, run.rect, nearby.middle(), region)));
+    }
+
     /// Projects what is near a triangle of the patch onto its plane.
     fn project_run(&mut self, number: usize, region: TexelRect) {
-        let Self { runs, nearby, near, slots, samples, lanes, .. } = self;
+        let Self { views, nearby, near, slots, samples, lanes, .. } = self;
         let reach = self.reach as f32;
-        let Some(view) = PlaneView::of(&runs[number].plane, runs[number].rect, nearby.middle(), region) else { return };
-        let mut screen = Screen { view: &view, run: number as u32, width: region.size()[0], slots, samples, lanes };
+        let Some(view) = &views[number] else { return };
+        let mut screen = Screen { view, run: number as u32, width: region.size()[0], slots, samples, lanes };
         nearby.find_near(view.origin, view.radius + reach, near);
         for &number in near.iter() {
             let triangle = nearby.triangle(number);
@@ -223,9 +231,7 @@ impl Projector {
 
     /// Hands over the texels of which all samples have found a place.
     fn tell(&mut self, region: TexelRect, hear: &mut dyn FnMut(SeenTexel<'_>) -> Result<()>) -> Result<()> {
-        let Self { runs, nearby, slots, samples, lanes, .. } = self;
-        let views: Vec<Option<PlaneView>> =
-            runs.iter().map(|run| PlaneView::of(&run.plane, run.rect, nearby.middle(), region)).collect();
+        let Self { views, nearby, slots, samples, lanes, .. } = self;
         for (slot, texel) in slots.iter().zip(region.texels()).filter(|(slot, _)| slot.run != NOBODY) {
             let (each, lanes) = if slot.is_gutter { (1, GUTTER_LANES) } else { (self.each, &**lanes) };
             let samples = &samples[slot.first as usize..][..lanes.len()];
@@ -343,14 +349,10 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::bake::testing::{counted_distance, point};
     use crate::base::id::TiVec;
-    use crate::geometry::distance_sq;
     use crate::mesh::id::{FaceId, LocalVertex};
     use crate::unwrap::{ChartRoom, Triangles};
-
-    fn point() -> impl Strategy<Value = DVec3> {
-        prop::array::uniform3(-1.0..1.0).prop_map(DVec3::from_array)
-    }
 
     proptest! {
         #[test]
@@ -382,15 +384,14 @@ mod tests {
             projector.nearby.begin(middle);
             let corners_of = |triangle: &[DVec3; 3]| triangle.map(|corner| corner + surface.origin - middle);
             soup.iter().for_each(|triangle| projector.nearby.add(corners_of(triangle), Shown::Nothing));
+            projector.look(region);
+            prop_assume!(projector.views[0].as_ref().is_some_and(|view| view.radius < 100.0));
             projector.project_run(0, region);
 
             let run = &projector.runs[0];
-            prop_assume!(PlaneView::of(&run.plane, run.rect, middle, region).is_some_and(|view| view.radius < 100.0));
             let counted = |point: DVec3, triangle: &[DVec3; 3]| {
                 let corners = corners_of(triangle).map(|corner| corner + middle);
-                let across = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
-                let faces_away = across.dot(run.plane.normal) < -0.5;
-                distance_sq(point, corners).sqrt() + if faces_away { away } else { 0.0 }
+                counted_distance(point, corners, run.plane.normal, away)
             };
             for (slot, [column, row]) in projector.slots.iter().zip(region.texels()).filter(|(slot, _)| slot.run == 0) {
                 let own = if slot.is_gutter { &[Vec2::ZERO] } else { &pattern[..] };

@@ -21,7 +21,7 @@ const SAMPLES_MAX: u64 = 2_000_000;
 /// Share of a texel from which a tile may lie farther, by the fewer points.
 const FAR: f64 = 0.9;
 /// Share of a surface that the distance holds for.
-const SHARE: f64 = 0.99;
+pub const SHARE: f64 = 0.99;
 
 /// Tiles of a level, by place.
 #[derive(Clone, Copy)]

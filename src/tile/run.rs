@@ -256,11 +256,7 @@ impl Pyramid<'_> {
             let place = RawPlace { work, node, index, scene: self.scene, level: number };
             let raw = if is_last { None } else { RawTile::keep(&mesh, &painted, &place)? };
             let record = TileRecord {
-                colours: if crew.meter.is_measured(index) {
-                    crew.measure(&mesh, &painted)?
-                } else {
-                    ColourError::default()
-                },
+                colours: crew.measure(index, &mesh, &painted)?,
                 ..self.write_tile(node, &painted, &output.join(tile_name(number, node)))?
             };
             let key = TileStep::Tile { level: number, tile: node }.key();
@@ -372,8 +368,11 @@ impl<'a> TileCrew<'a> {
         Self { pyramid, original, skirt, copies: number == 0, baker, readers: Mutex::default(), meter }
     }
 
-    /// How far the colours of a tile are from those of the input.
-    fn measure(&self, mesh: &TileMesh, tile: &PaintedTile) -> Result<ColourError> {
+    /// How far the colours of a tile are from those of the input, if it is one of those that are measured.
+    fn measure(&self, index: usize, mesh: &TileMesh, tile: &PaintedTile) -> Result<ColourError> {
+        if !self.meter.is_measured(index) {
+            return Ok(ColourError::default());
+        }
         let SkirtShape { lattice, scene_origin, .. } = self.skirt;
         self.meter.measure(mesh, scene_origin + lattice.position(mesh.middle), tile)
     }

@@ -21,13 +21,14 @@ use crate::measure::compare::SurfacePair;
 use crate::model::id::ImageId;
 use crate::surface::cell::{Cell, CellDraft, CellFace, CellWriter};
 use crate::surface::cells::SurfaceCells;
+use crate::tile::deviation::SHARE;
 use crate::tile::tileset::{ERROR_FACTOR, SCENE_ORIGIN};
 
 /// Points by area of a tile, and of the input for each level.
 const POINTS_OF_TILE: u64 = 2000;
 const POINTS_OF_LEVEL: u64 = 100_000;
 /// Share of a surface that may lie farther than its error says.
-const SHARE: f64 = 0.01;
+const BEYOND: f64 = 1.0 - SHARE;
 /// Standard deviations by which the share of points may exceed that, by chance.
 const DEVIATIONS: f64 = 5.0;
 
@@ -150,9 +151,9 @@ fn measure_level(
             beyond += u64::from(distance > limit);
         })?;
         let count = count.max(1) as f64;
-        let chance = DEVIATIONS * (SHARE * (1.0 - SHARE) / count).sqrt();
+        let chance = DEVIATIONS * (BEYOND * SHARE / count).sqrt();
         let share = beyond as f64 / count;
-        Result::Ok((share > SHARE + chance).then_some(share))
+        Result::Ok((share > BEYOND + chance).then_some(share))
     };
     let mut errors = LevelErrors::default();
     for (cell, tile) in cells.iter().zip(tiles) {
