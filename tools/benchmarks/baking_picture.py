@@ -8,7 +8,6 @@ baking-sizes.png: the town, and below it 2 % of it, baked, with images of 1/2, 1
 them from afar. A pixel is as wide as a texel of the smaller images; nothing is lit, so that all contrast is that of the
 images. The table holds the differences of these drawings. Needs numpy and pillow.
 """
-import argparse
 import json
 import subprocess
 import sys
@@ -151,13 +150,5 @@ def make(program, out):
     return [TABLE, *rows(drawn)]
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path, metavar="FOLDER")
-    parser.add_argument("--drystone", default="target/release/drystone")
-    options = parser.parse_args()
-    print(*make(options.drystone, options.folder), sep="\n")
-
-
 if __name__ == "__main__":
-    main()
+    measure.draw_from_arguments(__doc__, make)

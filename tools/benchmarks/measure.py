@@ -86,6 +86,15 @@ def simplify(binary, source, result, options):
     return row
 
 
+def draw_from_arguments(doc, make):
+    """Calls make(program, folder) with what the command line names, and prints the lines that it returns."""
+    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, metavar="FOLDER")
+    parser.add_argument("--drystone", default="target/release/drystone")
+    options = parser.parse_args()
+    print(*make(options.drystone, options.folder), sep="\n")
+
+
 def main():
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("name")

@@ -7,7 +7,6 @@ pyramids-town.png: a column for each level but the finest, at the distance at wh
 the level above, the next finer one below. Nothing is lit, so that all contrast is that of the images. The table holds the
 differences of these drawings. Needs numpy and pillow.
 """
-import argparse
 import io
 import json
 import struct
@@ -18,6 +17,8 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
+
+import measure
 
 TOOLS = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(TOOLS))
@@ -144,13 +145,5 @@ def make(program, out):
     return [TABLE, *(row(*change) for change in changes)]
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path, metavar="FOLDER")
-    parser.add_argument("--drystone", default="target/release/drystone")
-    options = parser.parse_args()
-    print(*make(options.drystone, options.folder), sep="\n")
-
-
 if __name__ == "__main__":
-    main()
+    measure.draw_from_arguments(__doc__, make)
