@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
+use super::answer::Answer;
 use super::print::{print, print_json};
 use super::progress::stoppable;
 use super::stop::Goodbye;
@@ -45,49 +46,77 @@ pub struct CheckArguments {
 pub fn run(arguments: &CheckArguments) -> Result<u8> {
     let stop = StopSignal::listen()?;
     let goodbye = Goodbye::of_nothing(&stop);
-    let told = stoppable(true, stop);
-    if arguments.mesh.is_dir() {
-        return check_tiles(arguments, &goodbye, &*told);
-    }
-    let counted = counts(&arguments.mesh, &*told)
-        .and_then(|after| Ok((after, arguments.against.as_deref().map(|mesh| counts(mesh, &*told)).transpose()?)));
-    let (after, before) = match counted {
-        Err(Error::Stopped) => return Ok(goodbye.say()),
-        counted => counted?,
-    };
-    drop(told);
-    let news = before.as_ref().map_or_else(Vec::new, |before| compare_checks(before, &after));
-    if arguments.json {
-        let news: Vec<String> = news.iter().map(|regression| regression.to_string()).collect();
-        print_json(&json!({ "after": fields(&after), "before": before.as_ref().map(fields), "new": news }))?;
-    } else {
-        print(&table(&after, before.as_ref(), &news))?;
-    }
-    let faults = after.degenerate_faces
-        + after.duplicate_faces
-        + after.non_manifold_edges
-        + after.t_junctions
-        + after.uv.folded_uv;
-    let is_bad = if before.is_some() { !news.is_empty() } else { faults > 0 };
-    Ok(u8::from(is_bad))
-}
-
-/// Checks a folder of tiles; returns exit code 1 if there are faults.
-fn check_tiles(arguments: &CheckArguments, goodbye: &Goodbye, progress: &dyn Progress) -> Result<u8> {
-    let checked = match &arguments.against {
-        None => check_tileset(&arguments.mesh, progress),
-        Some(input) => check_tiles_against(&arguments.mesh, input, progress),
-    };
-    let check = match checked {
+    let checked = match check(arguments, &*stoppable(true, stop)) {
         Err(Error::Stopped) => return Ok(goodbye.say()),
         outcome => outcome?,
     };
     if arguments.json {
-        print_json(&check)?;
+        print_json(&checked.json())?;
     } else {
-        print(&check.table())?;
+        print(&checked.table())?;
     }
-    Ok(u8::from(check.fault_count > 0))
+    Ok(u8::from(checked.is_bad()))
+}
+
+/// Checks for a program that calls the command.
+///
+/// # Errors
+/// Those of [`run`].
+pub fn answer(arguments: &CheckArguments, progress: &dyn Progress) -> Result<Answer> {
+    let checked = check(arguments, progress)?;
+    Answer::new(u8::from(checked.is_bad()), &checked.json())
+}
+
+/// What was checked, and what was found.
+enum Checked {
+    Mesh { after: Box<Check>, before: Option<Box<Check>>, news: Vec<Regression> },
+    Tiles(TilesetCheck),
+}
+
+impl Checked {
+    /// Reports whether there are faults; with a mesh to compare with, new ones.
+    fn is_bad(&self) -> bool {
+        match self {
+            Self::Mesh { before: Some(_), news, .. } => !news.is_empty(),
+            Self::Mesh { after, .. } => {
+                let faults = after.degenerate_faces + after.duplicate_faces + after.non_manifold_edges;
+                faults + after.t_junctions + after.uv.folded_uv > 0
+            }
+            Self::Tiles(check) => check.fault_count > 0,
+        }
+    }
+
+    fn json(&self) -> serde_json::Value {
+        match self {
+            Self::Mesh { after, before, news } => {
+                let news: Vec<String> = news.iter().map(ToString::to_string).collect();
+                json!({ "after": fields(after), "before": before.as_deref().map(fields), "new": news })
+            }
+            Self::Tiles(check) => json!(check),
+        }
+    }
+
+    fn table(&self) -> String {
+        match self {
+            Self::Mesh { after, before, news } => table(after, before.as_deref(), news),
+            Self::Tiles(check) => check.table(),
+        }
+    }
+}
+
+fn check(arguments: &CheckArguments, progress: &dyn Progress) -> Result<Checked> {
+    let CheckArguments { mesh, against, .. } = arguments;
+    if mesh.is_dir() {
+        let tiles = match against {
+            None => check_tileset(mesh, progress),
+            Some(input) => check_tiles_against(mesh, input, progress),
+        };
+        return tiles.map(Checked::Tiles);
+    }
+    let after = Box::new(counts(mesh, progress)?);
+    let before = against.as_deref().map(|mesh| counts(mesh, progress).map(Box::new)).transpose()?;
+    let news = before.as_ref().map_or_else(Vec::new, |before| compare_checks(before, &after));
+    Ok(Checked::Mesh { after, before, news })
 }
 
 fn check_tiles_against(tiles: &Path, input: &Path, progress: &dyn Progress) -> Result<TilesetCheck> {

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::answer::Answer;
 use super::flags::heading;
 use super::print::{print, print_json};
 use super::progress::stoppable;
@@ -117,43 +118,53 @@ impl SamplingArguments {
 /// # Errors
 /// Those of [`compare::compare`], and of writing the JSON.
 pub fn run(arguments: &CompareArguments) -> Result<u8> {
-    let CompareArguments { original, result, report: reports, json, sampling, memory, threads, work, quiet, .. } =
-        arguments;
+    let stop = StopSignal::listen()?;
+    let goodbye = Goodbye::of_nothing(&stop);
+    let comparison = match compare(arguments, &*stoppable(arguments.quiet, stop)) {
+        Err(Error::Stopped) => return Ok(goodbye.say()),
+        outcome => outcome?,
+    };
+    if arguments.json {
+        print_json(&comparison)?
+    } else {
+        print(&table(&comparison))?
+    }
+    Ok(0)
+}
+
+/// Compares for a program that calls the command.
+///
+/// # Errors
+/// Those of [`compare::compare`], and of writing the reports.
+pub fn answer(arguments: &CompareArguments, progress: &dyn Progress) -> Result<Answer> {
+    Answer::new(0, &compare(arguments, progress)?)
+}
+
+/// Compares, and writes the reports.
+fn compare(arguments: &CompareArguments, progress: &dyn Progress) -> Result<Comparison> {
+    let CompareArguments { original, result, report: reports, sampling, memory, threads, work, .. } = arguments;
     let sampling = &SamplingArguments { at_vertices: arguments.vertices, texel: arguments.texel, ..*sampling };
     let kinds = reports.iter().map(|path| ReportKind::of(path)).collect::<Result<Vec<_>>>()?;
     let work = work.clone().unwrap_or_else(|| temporary_folder("compare"));
-    let stop = StopSignal::listen()?;
-    let goodbye = Goodbye::of_nothing(&stop);
-    let told = stoppable(*quiet, stop);
     let limits = Limits { memory: *memory, threads: *threads };
     let mut page = ComparisonPage::default();
     let is_drawn = kinds.contains(&ReportKind::Html);
     let kept_bytes = if is_drawn { Relief::BYTES } else { 0 };
     let meshes = [original.into(), result.into()];
     let task = ComparisonTask { meshes, sampling: *sampling, limits, kept_bytes, work };
-    let outcome = if is_drawn {
+    let comparison = if is_drawn {
         page.resources = drawing_resources(limits)?;
-        task.run(&mut page, &*told)
+        task.run(&mut page, progress)?
     } else {
-        task.run(&mut (), &*told)
+        task.run(&mut (), progress)?
     };
-    let comparison = match outcome {
-        Err(Error::Stopped) => return Ok(goodbye.say()),
-        outcome => outcome?,
-    };
-    drop(told);
     for (path, kind) in reports.iter().zip(kinds) {
         match kind {
             ReportKind::Html => page.save(&comparison, path)?,
             ReportKind::Json => report::save_json(&comparison, path)?,
         }
     }
-    if *json {
-        print_json(&comparison)?
-    } else {
-        print(&table(&comparison))?
-    }
-    Ok(0)
+    Ok(comparison)
 }
 
 fn drawing_resources(limits: Limits) -> Result<DrawResources> {

@@ -4,12 +4,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::answer::Answer;
 use super::input::InputArguments;
 use super::print::{print, print_json};
 use super::progress::stoppable;
 use super::stop::Goodbye;
-use crate::base::{Error, Result, bytes};
-use crate::inspect::{self, InspectOptions};
+use crate::base::{Error, Progress, Result, bytes};
+use crate::inspect::{self, InspectOptions, Inspection};
 use crate::os::signals::StopSignal;
 
 /// Arguments of `drystone inspect`.
@@ -39,20 +40,30 @@ pub struct InspectArguments {
 /// # Errors
 /// Those of [`inspect::inspect`].
 pub fn run(arguments: &InspectArguments) -> Result<u8> {
-    let InspectArguments { input, memory, threads, work, json, quiet } = arguments;
-    let options = InspectOptions { memory: *memory, threads: *threads, work: work.clone() };
     let stop = StopSignal::listen()?;
     let goodbye = Goodbye::of_nothing(&stop);
-    let told = stoppable(*quiet, stop);
-    let inspection = match inspect::inspect(input.choice(), &options, &*told) {
+    let inspection = match inspect(arguments, &*stoppable(arguments.quiet, stop)) {
         Err(Error::Stopped) => return Ok(goodbye.say()),
         outcome => outcome?,
     };
-    drop(told);
-    if *json {
+    if arguments.json {
         print_json(&inspection)?
     } else {
         print(&inspection.table())?
     }
     Ok(0)
+}
+
+/// Inspects for a program that calls the command.
+///
+/// # Errors
+/// Those of [`inspect::inspect`].
+pub fn answer(arguments: &InspectArguments, progress: &dyn Progress) -> Result<Answer> {
+    Answer::new(0, &inspect(arguments, progress)?)
+}
+
+fn inspect(arguments: &InspectArguments, progress: &dyn Progress) -> Result<Inspection> {
+    let InspectArguments { input, memory, threads, work, .. } = arguments;
+    let options = InspectOptions { memory: *memory, threads: *threads, work: work.clone() };
+    inspect::inspect(input.choice(), &options, progress)
 }

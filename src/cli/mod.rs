@@ -1,5 +1,6 @@
 //! The command line: arguments in, exit code out. Each command has a file of its own.
 
+mod answer;
 mod check;
 mod compare;
 mod exit;
@@ -20,13 +21,19 @@ mod tile;
 mod version;
 mod words;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
-use crate::base::Result;
+use self::flags::SimplifyFlags;
+use crate::base::{Error, Progress, Result};
+use crate::options::SimplifyOptions;
 
+pub use self::answer::Answer;
+pub use self::exit::code_of;
 pub use self::markdown::options_markdown;
+pub use self::version::LONG as LONG_VERSION;
 
 /// Simplifies textured triangle meshes larger than memory.
 #[derive(Debug, Parser)]
@@ -67,13 +74,65 @@ enum Command {
 
 /// Runs the program.
 pub fn run() -> ExitCode {
-    match Cli::parse().command.run() {
-        Ok(code) => ExitCode::from(code),
+    ExitCode::from(run_with(std::env::args_os()))
+}
+
+/// Runs the program with arguments, of which the first is its name; returns the exit code.
+pub fn run_with(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let command = match Cli::try_parse_from(arguments) {
+        Ok(cli) => cli.command,
         Err(error) => {
-            progress::tell(&words::with_flags(&format!("error: {error}")));
-            ExitCode::from(exit::code_of(&error))
+            // Help goes to stdout; a reader that closed it is no error.
+            let _ = error.print();
+            return u8::try_from(error.exit_code()).unwrap_or(2);
         }
+    };
+    command.run().unwrap_or_else(|error| {
+        progress::tell(&words::with_flags(&format!("error: {error}")));
+        code_of(&error)
+    })
+}
+
+/// Runs a command for a program that calls it: the command's name and its arguments, such as `inspect city.obj`.
+/// Prints nothing, and leaves signals alone; `progress` can stop it.
+///
+/// # Errors
+/// [`Error::Usage`] for arguments that the command line refuses, and those of the command.
+pub fn call(arguments: impl IntoIterator<Item = OsString>, progress: &dyn Progress) -> Result<Answer> {
+    let name = OsString::from("drystone");
+    let cli = Cli::try_parse_from(std::iter::once(name).chain(arguments)).map_err(|error| usage(&error))?;
+    match &cli.command {
+        Command::Simplify(arguments) => simplify::answer(arguments, progress),
+        Command::Tile(arguments) => tile::answer(arguments, progress),
+        Command::Plan(arguments) => plan::answer(arguments, progress),
+        Command::Inspect(arguments) => inspect::answer(arguments, progress),
+        Command::Check(arguments) => check::answer(arguments, progress),
+        Command::Compare(arguments) => compare::answer(arguments, progress),
+        Command::Status(arguments) => status::answer(arguments),
+        _ => Err(Error::Usage("this command prints its result".into())),
     }
+}
+
+/// The options that flags of `drystone simplify` mean.
+///
+/// # Errors
+/// [`Error::Usage`] for flags that the command line refuses.
+pub fn simplify_options(flags: impl IntoIterator<Item = OsString>) -> Result<SimplifyOptions> {
+    #[derive(Parser)]
+    struct Alone {
+        #[command(flatten)]
+        flags: SimplifyFlags,
+    }
+    let name = OsString::from("drystone");
+    let alone = Alone::try_parse_from(std::iter::once(name).chain(flags)).map_err(|error| usage(&error))?;
+    Ok(alone.flags.options())
+}
+
+/// The message of an error of the arguments, without the hints for people at a terminal.
+fn usage(error: &clap::Error) -> Error {
+    let text = error.to_string();
+    let message = text.split("\n\n").next().unwrap_or_default();
+    Error::Usage(message.strip_prefix("error: ").unwrap_or(message).to_owned())
 }
 
 impl Command {

@@ -3,11 +3,12 @@
 use clap::Args;
 use serde::Serialize;
 
+use super::answer::Answer;
 use super::flags::{SimplifyFlags, heading};
 use super::input::InputArguments;
 use super::print::{print, print_json};
 use super::progress::{tell, told};
-use crate::base::{Result, quantity};
+use crate::base::{Progress, Result, quantity};
 use crate::options::TileOptions;
 use crate::plan;
 use crate::report;
@@ -56,6 +57,18 @@ impl PlanArguments {
         }
         if self.json { print_json(plan) } else { print(table) }
     }
+}
+
+/// Plans for a program that calls the command, which may ask for more disk space than there is.
+///
+/// # Errors
+/// Those of [`plan::plan`] and [`plan::plan_tiles`].
+pub fn answer(arguments: &PlanArguments, progress: &dyn Progress) -> Result<Answer> {
+    let input = arguments.input.choice();
+    if arguments.tile {
+        return Answer::new(0, &plan::plan_tiles(input, &arguments.tile_options(), progress)?);
+    }
+    Answer::new(0, &plan::plan(input, &arguments.flags.options(), progress)?)
 }
 
 /// Prints the plan.

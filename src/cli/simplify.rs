@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
+use super::answer::Answer;
 use super::compare::{ComparisonTask, SamplingArguments};
 use super::exit::{code_of, code_of_run};
 use super::flags::{SimplifyFlags, heading};
@@ -108,7 +109,7 @@ pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
 }
 
 fn simplify(arguments: &SimplifyArguments, is_printed: &mut bool) -> Result<u8> {
-    let SimplifyArguments { input, output, report: reports, measure, sampling, quiet, .. } = arguments;
+    let SimplifyArguments { input, output, measure, sampling, quiet, .. } = arguments;
     let options = arguments.options()?;
     let choice = input.choice();
     let stop = StopSignal::listen()?;
@@ -121,29 +122,12 @@ fn simplify(arguments: &SimplifyArguments, is_printed: &mut bool) -> Result<u8> 
     } else {
         of_job(stop.clone(), JobShare::of(&choice, &options, samples), &work)
     };
-    let mut number = 0;
-    // Reports are written before the job ends: if one cannot be written, the same command resumes the job.
-    let outcome = pipeline::simplify_and(choice.clone(), output, &options, &*told, |result, job| {
-        number = job;
-        reports.iter().try_for_each(|path| result.save(path, job))
-    });
-    let mut result = match outcome {
+    let outcome = arguments.simplify(&choice, &options, &*told, || goodbye.only_compares(&choice, output));
+    drop(told);
+    let (result, failure) = match outcome {
         Err(Error::Stopped) => return Ok(goodbye.say()),
         outcome => outcome?,
     };
-    goodbye.only_compares(&choice, output);
-    // The result is complete even if the comparison fails.
-    let mut failure = None;
-    if *measure {
-        match arguments.compare(&choice, &mut result, work_beside(&work), &*told) {
-            Ok(comparison) => result.comparison = Some(comparison),
-            Err(error) => failure = Some(error),
-        }
-        drop(told);
-        reports.iter().try_for_each(|path| result.save(path, number))?;
-    } else {
-        drop(told);
-    }
     arguments.say(&result)?;
     *is_printed = true;
     match failure {
@@ -153,7 +137,46 @@ fn simplify(arguments: &SimplifyArguments, is_printed: &mut bool) -> Result<u8> 
     }
 }
 
+/// Simplifies for a program that calls the command.
+///
+/// # Errors
+/// Those of [`run`].
+pub fn answer(arguments: &SimplifyArguments, progress: &dyn Progress) -> Result<Answer> {
+    let mut options = arguments.options()?;
+    options.notes.command = None;
+    match arguments.simplify(&arguments.input.choice(), &options, progress, || ())? {
+        (_, Some(error)) => Err(error),
+        (result, None) => Answer::new(code_of_run(&result), &result),
+    }
+}
+
 impl SimplifyArguments {
+    /// Simplifies, writes the reports, and compares if asked to. The result is complete even if the comparison fails,
+    /// whose error is then returned, too. Calls `on_written` before the comparison.
+    fn simplify(
+        &self,
+        choice: &InputChoice,
+        options: &SimplifyOptions,
+        progress: &dyn Progress,
+        on_written: impl FnOnce(),
+    ) -> Result<(Report, Option<Error>)> {
+        let mut number = 0;
+        // Reports are written before the job ends: if one cannot be written, the same command resumes the job.
+        let mut result = pipeline::simplify_and(choice.clone(), &self.output, options, progress, |result, job| {
+            number = job;
+            self.report.iter().try_for_each(|path| result.save(path, job))
+        })?;
+        on_written();
+        if !self.measure {
+            return Ok((result, None));
+        }
+        let work = work_beside(&pipeline::work_folder(&self.output, options));
+        let compared = self.compare(choice, &mut result, work, progress);
+        let failure = compared.map(|comparison| result.comparison = Some(comparison)).err();
+        self.report.iter().try_for_each(|path| result.save(path, number))?;
+        Ok((result, failure))
+    }
+
     /// The options, once the reports can be written.
     fn options(&self) -> Result<SimplifyOptions> {
         self.sampling.check()?;

@@ -11,6 +11,7 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::json;
 
+use super::answer::Answer;
 use super::print::{print, print_json};
 use crate::bake::BakeStep;
 use crate::base::error::{escape, escape_path};
@@ -99,17 +100,56 @@ struct BakeStatus {
 /// # Errors
 /// Those of [`look`].
 pub fn run(arguments: &StatusArguments) -> Result<u8> {
-    if let Some(output) = finished(&arguments.workdir) {
-        return print_finished(&arguments.workdir, &output, arguments.json);
-    }
-    let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
-    let status = JobStatus::of(&look(&arguments.workdir)?, now);
+    let found = Found::look(&arguments.workdir)?;
     if arguments.json {
-        print_json(&status)?
+        print_json(&found.json())?
     } else {
-        print(&status.table(&arguments.workdir))?
+        print(&found.words(&arguments.workdir))?
     }
     Ok(0)
+}
+
+/// Looks for a program that calls the command.
+///
+/// # Errors
+/// Those of [`look`].
+pub fn answer(arguments: &StatusArguments) -> Result<Answer> {
+    Answer::new(0, &Found::look(&arguments.workdir)?.json())
+}
+
+/// What is found where a work folder is or was.
+enum Found {
+    Job(Box<JobStatus>),
+    /// The result of a job whose folder was removed.
+    Result(PathBuf),
+}
+
+impl Found {
+    fn look(work: &Path) -> Result<Self> {
+        if let Some(output) = finished(work) {
+            return Ok(Self::Result(output));
+        }
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+        Ok(Self::Job(Box::new(JobStatus::of(&look(work)?, now))))
+    }
+
+    fn json(&self) -> serde_json::Value {
+        match self {
+            Self::Job(status) => json!(status),
+            Self::Result(output) => json!({ "running": false, "written": true, "output": escape_path(output) }),
+        }
+    }
+
+    fn words(&self, work: &Path) -> String {
+        match self {
+            Self::Job(status) => status.table(work),
+            Self::Result(output) => format!(
+                "{}: finished: {} is written, and the work folder was removed (--keep-work would keep it)\n",
+                escape_path(work),
+                escape_path(output)
+            ),
+        }
+    }
 }
 
 /// The result beside a work folder `OUTPUT.work` that was removed at the end of its job; `None` for anything else.
@@ -121,18 +161,6 @@ fn finished(work: &Path) -> Option<PathBuf> {
     let mut beginning = Vec::new();
     File::open(&output).and_then(|file| file.take(BEGINNING_BYTES).read_to_end(&mut beginning)).ok()?;
     OWN_BEGINNINGS.iter().any(|own| beginning.starts_with(own)).then_some(output)
-}
-
-fn print_finished(work: &Path, output: &Path, as_json: bool) -> Result<u8> {
-    let (folder, result) = (escape_path(work), escape_path(output));
-    if as_json {
-        print_json(&json!({ "running": false, "written": true, "output": result }))?
-    } else {
-        print(&format!(
-            "{folder}: finished: {result} is written, and the work folder was removed (--keep-work would keep it)\n"
-        ))?
-    }
-    Ok(0)
 }
 
 impl JobStatus {

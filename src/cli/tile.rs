@@ -4,12 +4,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::answer::Answer;
 use super::flags::{JobFlags, heading};
 use super::input::InputArguments;
 use super::print::{print, print_json};
 use super::progress::{stoppable, tell};
 use super::stop::Goodbye;
-use crate::base::{Error, Result, quantity};
+use crate::base::{Error, Progress, Result, quantity};
 use crate::options::{GeoPlace, ImageFormat, TileCompression, TileOptions, UpAxis};
 use crate::os::signals::StopSignal;
 use crate::pipeline;
@@ -136,6 +137,15 @@ pub fn run(arguments: &TileArguments) -> Result<u8> {
         print(&report.table())?
     }
     Ok(0)
+}
+
+/// Makes the tiles for a program that calls the command.
+///
+/// # Errors
+/// Those of [`pipeline::tile`].
+pub fn answer(arguments: &TileArguments, progress: &dyn Progress) -> Result<Answer> {
+    let TileArguments { output, flags, input, .. } = arguments;
+    Answer::new(0, &pipeline::tile(input.choice(), output, &flags.options(), progress)?)
 }
 
 #[cfg(test)]

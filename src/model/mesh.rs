@@ -82,7 +82,7 @@ mod tobj_models {
                 let texcoords = mesh.texcoords.chunks_exact(2).map(|t| [t[0], t[1]].map(f64::from));
                 joined.texcoords.extend(texcoords);
                 if has_colours {
-                    let colours = mesh.vertex_color.chunks_exact(3).map(|c| [c[0], c[1], c[2]].map(|x| x as f32));
+                    let colours = mesh.vertex_color.chunks_exact(3).map(|c| [c[0], c[1], c[2]].map(|x| x as _));
                     joined.colours.extend(colours);
                     joined.colours.resize(joined.positions.len(), [1.0; 3]);
                 }

@@ -1,0 +1,82 @@
+"""Simplifies textured triangle meshes larger than memory.
+
+>>> import drystone
+>>> report = drystone.simplify("city.obj", "out/city.obj", ratio=0.1)   # doctest: +SKIP
+>>> report.faces.output                                                 # doctest: +SKIP
+169112
+
+Meshes in files, of any size: `simplify`, `tile`, `plan`, `inspect`, `check`, `compare`, `status`; the options are those
+of the command line. Meshes in numpy arrays: `simplify_mesh`. Errors: `drystone.errors`.
+"""
+
+from drystone import errors
+from drystone._native import BUILD as build
+from drystone._native import VERSION as __version__
+from drystone._native import Stop
+from drystone.errors import (
+    BoundBrokenError,
+    BudgetError,
+    ChangedError,
+    DamagedError,
+    DrystoneError,
+    InputError,
+    IoError,
+    LimitError,
+    LockedError,
+    MissingInputError,
+    NoSpaceError,
+    TargetMissed,
+    TargetMissedError,
+    UsageError,
+)
+from drystone.files import check, compare, inspect, plan, simplify, status, tile
+from drystone.progress import Event
+from drystone.report import (
+    Check,
+    Comparison,
+    Inspection,
+    Plan,
+    Report,
+    Status,
+    TilePlan,
+    TileReport,
+    TilesetCheck,
+)
+
+__all__ = [
+    "BoundBrokenError",
+    "BudgetError",
+    "ChangedError",
+    "Check",
+    "Comparison",
+    "DamagedError",
+    "DrystoneError",
+    "Event",
+    "InputError",
+    "Inspection",
+    "IoError",
+    "LimitError",
+    "LockedError",
+    "MissingInputError",
+    "NoSpaceError",
+    "Plan",
+    "Report",
+    "Status",
+    "Stop",
+    "TargetMissed",
+    "TargetMissedError",
+    "TilePlan",
+    "TileReport",
+    "TilesetCheck",
+    "UsageError",
+    "__version__",
+    "build",
+    "check",
+    "compare",
+    "errors",
+    "inspect",
+    "plan",
+    "simplify",
+    "status",
+    "tile",
+]

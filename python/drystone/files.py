@@ -1,0 +1,283 @@
+"""Calls on meshes in files, of any size."""
+
+import json
+import logging
+import warnings as _warnings
+from collections.abc import Iterable, Sequence
+from typing import Any, Literal, Unpack, overload
+
+from drystone import _native
+from drystone.errors import BoundBrokenError, TargetMissed, TargetMissedError
+from drystone.options import (
+    FILE_KEYS,
+    TILE_KEYS,
+    FileOptions,
+    PathLike,
+    Resume,
+    Size,
+    TileOptions,
+    flags,
+    paths,
+    refuse_unknown,
+)
+from drystone.progress import Listener, Progress
+from drystone.report import (
+    Check,
+    Comparison,
+    Finished,
+    Inspection,
+    Plan,
+    Report,
+    Status,
+    TilePlan,
+    TileReport,
+    TilesetCheck,
+)
+
+logger = logging.getLogger("drystone")
+
+
+def simplify(
+    input: PathLike | Sequence[PathLike],
+    output: PathLike,
+    *,
+    ratio: float | str | None = None,
+    face_count: int | str | None = None,
+    max_error: float | None = None,
+    exclude: Sequence[str] = (),
+    memory: Size | None = None,
+    threads: int | None = None,
+    work: PathLike | None = None,
+    resume: Resume = "auto",
+    keep_work: bool = False,
+    force: bool = False,
+    report: PathLike | Sequence[PathLike] = (),
+    measure: bool = False,
+    samples: int | None = None,
+    seed: int | None = None,
+    strict: bool = False,
+    progress: Progress = None,
+    stop: _native.Stop | None = None,
+    **options: Unpack[FileOptions],
+) -> Report:
+    """Simplifies meshes in files into one file, within a memory budget. The same call resumes a job that was stopped.
+
+    `input` is an OBJ or a PLY, a folder of them, or several; `output` ends in .obj, .ply or .glb. Give `ratio` (the
+    share of triangles to keep), `face_count`, `max_error` (the largest distance, in the mesh's unit), or a number of
+    triangles and `max_error`. `report` names .json and .html files to write; `measure` compares the result with the
+    input, at `samples` points. Everything else is as on the command line: `drystone simplify --help`.
+
+    A missed target is a warning, `TargetMissed`; with `strict` an exception. Raises the exceptions of
+    `drystone.errors`.
+    """
+    refuse_unknown("simplify", options, FILE_KEYS)
+    given = dict(
+        options,
+        ratio=ratio,
+        face_count=face_count,
+        max_error=max_error,
+        exclude=list(exclude),
+        memory=memory,
+        threads=threads,
+        work=work,
+        resume=resume,
+        keep_work=keep_work,
+        force=force,
+        report=paths(report),
+        measure=measure,
+        samples=samples,
+        seed=seed,
+    )
+    arguments = ["simplify", *_output(output), *flags(given), "--", *paths(input)]
+    code, value = _call(arguments, progress, stop)
+    found = Report.from_dict(value)
+    judge(found, code, strict)
+    return found
+
+
+def tile(
+    input: PathLike | Sequence[PathLike],
+    output: PathLike,
+    *,
+    exclude: Sequence[str] = (),
+    memory: Size | None = None,
+    threads: int | None = None,
+    work: PathLike | None = None,
+    resume: Resume = "auto",
+    keep_work: bool = False,
+    force: bool = False,
+    progress: Progress = None,
+    stop: _native.Stop | None = None,
+    **options: Unpack[TileOptions],
+) -> TileReport:
+    """Makes a pyramid of tiles that a browser streams (3D Tiles 1.1) in the folder `output`.
+
+    The same call resumes a job that was stopped. Options: `drystone tile --help`.
+    """
+    refuse_unknown("tile", options, TILE_KEYS)
+    given = dict(
+        options,
+        exclude=list(exclude),
+        memory=memory,
+        threads=threads,
+        work=work,
+        resume=resume,
+        keep_work=keep_work,
+        force=force,
+    )
+    _, value = _call(["tile", *_output(output), *flags(given), "--", *paths(input)], progress, stop)
+    _warn(value["warnings"])
+    return TileReport.from_dict(value)
+
+
+@overload
+def plan(
+    input: PathLike | Sequence[PathLike],
+    *,
+    tile: Literal[False] = False,
+    ratio: float | str | None = None,
+    face_count: int | str | None = None,
+    max_error: float | None = None,
+    exclude: Sequence[str] = (),
+    memory: Size | None = None,
+    threads: int | None = None,
+    work: PathLike | None = None,
+    progress: Progress = None,
+    stop: _native.Stop | None = None,
+    **options: Unpack[FileOptions],
+) -> Plan: ...
+@overload
+def plan(
+    input: PathLike | Sequence[PathLike],
+    *,
+    tile: Literal[True],
+    tile_faces: int | None = None,
+    tile_side: int | None = None,
+    exclude: Sequence[str] = (),
+    memory: Size | None = None,
+    threads: int | None = None,
+    work: PathLike | None = None,
+    progress: Progress = None,
+    stop: _native.Stop | None = None,
+) -> TilePlan: ...
+def plan(
+    input: PathLike | Sequence[PathLike],
+    *,
+    tile: bool = False,
+    progress: Progress = None,
+    stop: _native.Stop | None = None,
+    **options: Any,
+) -> Plan | TilePlan:
+    """Predicts what `simplify`, or with `tile=True` what `tile`, takes: memory, scratch space, time.
+
+    Reads the input once and writes nothing. Takes the options of these calls that shape the job.
+    """
+    of_kind = {"tile_faces", "tile_side"} if tile else FILE_KEYS | {"ratio", "face_count", "max_error"}
+    refuse_unknown("plan", options, of_kind | {"exclude", "memory", "threads", "work"})
+    arguments = ["plan", *(["--tile"] if tile else []), *flags(options), "--", *paths(input)]
+    _, value = _call(arguments, progress, stop)
+    _warn(value["warnings"])
+    return TilePlan.from_dict(value) if tile else Plan.from_dict(value)
+
+
+def inspect(
+    input: PathLike | Sequence[PathLike],
+    *,
+    exclude: Sequence[str] = (),
+    memory: Size | None = None,
+    threads: int | None = None,
+    work: PathLike | None = None,
+    progress: Progress = None,
+    stop: _native.Stop | None = None,
+) -> Inspection:
+    """Counts what a mesh holds: bounds, materials, seams, borders, faults. Works within the memory."""
+    given = {"exclude": list(exclude), "memory": memory, "threads": threads, "work": work}
+    _, value = _call(["inspect", *flags(given), "--", *paths(input)], progress, stop)
+    return Inspection.from_dict(value)
+
+
+def check(
+    mesh: PathLike,
+    against: PathLike | None = None,
+    *,
+    progress: Progress = None,
+    stop: _native.Stop | None = None,
+) -> Check | TilesetCheck:
+    """Counts cracks, topology faults and folded texture of a mesh, or the faults of a folder of tiles.
+
+    With `against`, the mesh or the input that it was made from, `new` has the faults that are new; tiles are measured.
+    Holds a mesh in memory.
+    """
+    _, value = _call(["check", *flags({"against": against}), "--", *paths(mesh)], progress, stop)
+    return TilesetCheck.from_dict(value) if "tiles" in value else Check.from_dict(value)
+
+
+def compare(
+    original: PathLike,
+    result: PathLike,
+    *,
+    samples: int | None = None,
+    seed: int | None = None,
+    vertices: bool = False,
+    texel: float | None = None,
+    report: PathLike | Sequence[PathLike] = (),
+    memory: Size | None = None,
+    threads: int | None = None,
+    work: PathLike | None = None,
+    progress: Progress = None,
+    stop: _native.Stop | None = None,
+) -> Comparison:
+    """Measures what a simplification changed: distances, colours, topology, shapes. Works within the memory.
+
+    At `samples` points by area, or at the `vertices`; colours as texels of the length `texel` show them.
+    """
+    given = {
+        "samples": samples,
+        "seed": seed,
+        "vertices": vertices,
+        "texel": texel,
+        "report": paths(report),
+        "memory": memory,
+        "threads": threads,
+        "work": work,
+    }
+    arguments = ["compare", *flags(given), "--", *paths(original), *paths(result)]
+    _, value = _call(arguments, progress, stop)
+    _warn(value["warnings"])
+    return Comparison.from_dict(value)
+
+
+def status(work: PathLike) -> Status | Finished:
+    """What the job in a work folder has done, also while it runs."""
+    _, value = _call(["status", "--", *paths(work)], None, None)
+    return Finished.from_dict(value) if "output" in value else Status.from_dict(value)
+
+
+def judge(report: Report, code: int, strict: bool) -> None:
+    """Raises or warns of what a finished run missed, and logs its warnings."""
+    _warn(report.warnings)
+    if code == 1:
+        raise BoundBrokenError(f"the result is farther from the input than `max_error: {report.options.max_error}`", report)
+    if report.status == "target-missed":
+        message = f"{report.faces.output:,} triangles are left; the target was {report.faces.target:,}"
+        if strict:
+            raise TargetMissedError(message, report)
+        _warnings.warn(message, TargetMissed, stacklevel=3)
+
+
+def _output(path: PathLike) -> list[str]:
+    return [f"--output={text}" for text in paths(path)]
+
+
+def _warn(messages: Iterable[str]) -> None:
+    for message in messages:
+        logger.warning("%s", message)
+
+
+def _call(arguments: list[str], progress: Progress, stop: _native.Stop | None) -> tuple[int, Any]:
+    listener = Listener(progress)
+    try:
+        code, text = _native.call(arguments, listener, stop)
+    finally:
+        listener.close()
+    return code, json.loads(text)

@@ -1,0 +1,113 @@
+//! Runs a job on a thread of its own, while the caller's thread waits without the GIL.
+//!
+//! The caller's thread wakes ten times a second: it hands events to the listener and looks for signals, so that no
+//! other thread ever runs Python. If a signal handler or the listener raises, the job is stopped at its next safe place,
+//! and the exception comes out.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::Builder;
+use std::time::Duration;
+
+use crossbeam_channel::{RecvTimeoutError, bounded};
+use drystone::{Progress, Result};
+use pyo3::prelude::*;
+
+use crate::errors::{exception, forked, panicked};
+use crate::events::{Event, Listener};
+
+/// Time between two looks.
+const INTERVAL: Duration = Duration::from_millis(100);
+
+/// Stops a job from another thread: pass it as `stop=`, and call `set()`.
+#[pyclass(module = "drystone", frozen)]
+#[derive(Debug, Default)]
+pub struct Stop(Arc<AtomicBool>);
+
+#[pymethods]
+impl Stop {
+    /// A token that is not set.
+    #[new]
+    fn new() -> Self {
+        Self::default()
+    }
+
+    /// Asks every job that has this token to stop.
+    fn set(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether the token is set.
+    fn is_set(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// Does the work on a new thread; returns what it returns.
+///
+/// # Errors
+/// The exception for the error or the panic of the work; that of a signal handler or of the listener. After a second
+/// signal, the thread is left to itself: it stops, too, but nobody waits for it.
+pub fn run<T: Send + 'static>(
+    py: Python<'_>,
+    listener: Option<&Bound<'_, PyAny>>,
+    stop: Option<&Stop>,
+    work: impl FnOnce(&dyn Progress) -> Result<T> + Send + 'static,
+) -> PyResult<T> {
+    let process = std::process::id();
+    // The job has a flag of its own: an exception stops this job, and no other that has the same token.
+    let is_stopped = Arc::new(AtomicBool::new(false));
+    let events = Arc::new(Listener::new(Arc::clone(&is_stopped)));
+    let (sender, receiver) = bounded(1);
+    let theirs = Arc::clone(&events);
+    let job = move || {
+        let outcome = catch_unwind(AssertUnwindSafe(|| work(&*theirs)));
+        if matches!(outcome, Ok(Ok(_))) {
+            theirs.finish();
+        }
+        // Nobody may be waiting any more.
+        let _ = sender.send(outcome);
+    };
+    Builder::new().name("drystone".to_owned()).spawn(job)?;
+    let mut raised: Option<PyErr> = None;
+    loop {
+        let received = py.detach(|| receiver.recv_timeout(INTERVAL));
+        if std::process::id() != process {
+            return Err(forked(py));
+        }
+        if stop.is_some_and(Stop::is_set) {
+            is_stopped.store(true, Ordering::Relaxed);
+        }
+        let was_raised = raised.is_some();
+        if let Err(error) = py.check_signals() {
+            is_stopped.store(true, Ordering::Relaxed);
+            if was_raised {
+                return Err(error);
+            }
+            raised = Some(error);
+        }
+        if raised.is_none()
+            && let Err(error) = hand_over(events.take(), listener)
+        {
+            is_stopped.store(true, Ordering::Relaxed);
+            raised = Some(error);
+        }
+        match (received, raised.take()) {
+            (Ok(_) | Err(RecvTimeoutError::Disconnected), Some(error)) => return Err(error),
+            (Ok(Ok(Ok(done))), None) => return Ok(done),
+            (Ok(Ok(Err(error))), None) => return Err(exception(py, &error)),
+            (Ok(Err(panic)), None) => return Err(panicked(py, &*panic)),
+            (Err(RecvTimeoutError::Disconnected), None) => return Err(panicked(py, &"the job's thread is gone")),
+            (Err(RecvTimeoutError::Timeout), error) => raised = error,
+        }
+    }
+}
+
+fn hand_over(events: Vec<Event>, listener: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+    let Some(listener) = listener else { return Ok(()) };
+    for Event { phase, done, total, unit, message } in events {
+        listener.call1((phase, done, total, unit, message))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,50 @@
+//! The native half of the Python package `drystone`: runs commands of the program in this process.
+//!
+//! ```text
+//! drystone/*.py ── arguments ──▶ call ──▶ a thread of its own: drystone::cli::call ──▶ JSON ──▶ drystone/report.py
+//!                                  ▲ the caller's thread waits without the GIL, hands over events, sees Ctrl-C
+//! ```
+
+mod errors;
+mod events;
+mod job;
+
+use std::ffi::OsString;
+
+use pyo3::prelude::*;
+
+use crate::job::{Stop, run};
+
+#[pymodule]
+mod _native {
+    #[pymodule_export]
+    use super::{call, main};
+    #[pymodule_export]
+    use crate::job::Stop;
+
+    #[pymodule_export]
+    const VERSION: &str = env!("CARGO_PKG_VERSION");
+    #[pymodule_export]
+    const BUILD: &str = drystone::cli::LONG_VERSION;
+}
+
+/// Runs a command such as `["inspect", "city.obj"]`; returns its exit code and its JSON.
+#[pyfunction]
+#[pyo3(signature = (arguments, listener=None, stop=None))]
+fn call(
+    py: Python<'_>,
+    arguments: Vec<OsString>,
+    listener: Option<Bound<'_, PyAny>>,
+    stop: Option<&Stop>,
+) -> PyResult<(u8, String)> {
+    let answer = run(py, listener.as_ref(), stop, move |progress| drystone::cli::call(arguments, progress))?;
+    Ok((answer.code, answer.value.to_string()))
+}
+
+/// Runs the program with arguments, of which the first is its name; returns the exit code.
+#[pyfunction]
+fn main(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
+    // This process runs nothing else.
+    drystone::return_freed_memory();
+    py.detach(|| drystone::cli::run_with(arguments))
+}
