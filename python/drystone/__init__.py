@@ -13,6 +13,7 @@ from drystone import errors
 from drystone._native import BUILD as build
 from drystone._native import VERSION as __version__
 from drystone._native import Stop
+from drystone.arrays import Mesh, simplify_mesh
 from drystone.errors import (
     BoundBrokenError,
     BudgetError,
@@ -57,6 +58,7 @@ __all__ = [
     "IoError",
     "LimitError",
     "LockedError",
+    "Mesh",
     "MissingInputError",
     "NoSpaceError",
     "Plan",
@@ -77,6 +79,7 @@ __all__ = [
     "inspect",
     "plan",
     "simplify",
+    "simplify_mesh",
     "status",
     "tile",
 ]

@@ -89,7 +89,7 @@ def simplify(
         seed=seed,
     )
     arguments = ["simplify", *_output(output), *flags(given), "--", *paths(input)]
-    code, value = _call(arguments, progress, stop)
+    code, value = call(arguments, progress, stop)
     found = Report.from_dict(value)
     judge(found, code, strict)
     return found
@@ -125,7 +125,7 @@ def tile(
         keep_work=keep_work,
         force=force,
     )
-    _, value = _call(["tile", *_output(output), *flags(given), "--", *paths(input)], progress, stop)
+    _, value = call(["tile", *_output(output), *flags(given), "--", *paths(input)], progress, stop)
     _warn(value["warnings"])
     return TileReport.from_dict(value)
 
@@ -175,7 +175,7 @@ def plan(
     of_kind = {"tile_faces", "tile_side"} if tile else FILE_KEYS | {"ratio", "face_count", "max_error"}
     refuse_unknown("plan", options, of_kind | {"exclude", "memory", "threads", "work"})
     arguments = ["plan", *(["--tile"] if tile else []), *flags(options), "--", *paths(input)]
-    _, value = _call(arguments, progress, stop)
+    _, value = call(arguments, progress, stop)
     _warn(value["warnings"])
     return TilePlan.from_dict(value) if tile else Plan.from_dict(value)
 
@@ -192,7 +192,7 @@ def inspect(
 ) -> Inspection:
     """Counts what a mesh holds: bounds, materials, seams, borders, faults. Works within the memory."""
     given = {"exclude": list(exclude), "memory": memory, "threads": threads, "work": work}
-    _, value = _call(["inspect", *flags(given), "--", *paths(input)], progress, stop)
+    _, value = call(["inspect", *flags(given), "--", *paths(input)], progress, stop)
     return Inspection.from_dict(value)
 
 
@@ -208,7 +208,7 @@ def check(
     With `against`, the mesh or the input that it was made from, `new` has the faults that are new; tiles are measured.
     Holds a mesh in memory.
     """
-    _, value = _call(["check", *flags({"against": against}), "--", *paths(mesh)], progress, stop)
+    _, value = call(["check", *flags({"against": against}), "--", *paths(mesh)], progress, stop)
     return TilesetCheck.from_dict(value) if "tiles" in value else Check.from_dict(value)
 
 
@@ -242,14 +242,14 @@ def compare(
         "work": work,
     }
     arguments = ["compare", *flags(given), "--", *paths(original), *paths(result)]
-    _, value = _call(arguments, progress, stop)
+    _, value = call(arguments, progress, stop)
     _warn(value["warnings"])
     return Comparison.from_dict(value)
 
 
 def status(work: PathLike) -> Status | Finished:
     """What the job in a work folder has done, also while it runs."""
-    _, value = _call(["status", "--", *paths(work)], None, None)
+    _, value = call(["status", "--", *paths(work)], None, None)
     return Finished.from_dict(value) if "output" in value else Status.from_dict(value)
 
 
@@ -274,7 +274,8 @@ def _warn(messages: Iterable[str]) -> None:
         logger.warning("%s", message)
 
 
-def _call(arguments: list[str], progress: Progress, stop: _native.Stop | None) -> tuple[int, Any]:
+def call(arguments: list[str], progress: Progress, stop: _native.Stop | None) -> tuple[int, Any]:
+    """Runs a command; returns its exit code and its JSON."""
     listener = Listener(progress)
     try:
         code, text = _native.call(arguments, listener, stop)

@@ -10,15 +10,18 @@ mod events;
 mod job;
 
 use std::ffi::OsString;
+use std::path::PathBuf;
 
+use drystone::image::decode::Image;
 use pyo3::prelude::*;
+use pyo3::types::PyByteArray;
 
 use crate::job::{Stop, run};
 
 #[pymodule]
 mod _native {
     #[pymodule_export]
-    use super::{call, main};
+    use super::{call, decode_image, main};
     #[pymodule_export]
     use crate::job::Stop;
 
@@ -39,6 +42,14 @@ fn call(
 ) -> PyResult<(u8, String)> {
     let answer = run(py, listener.as_ref(), stop, move |progress| drystone::cli::call(arguments, progress))?;
     Ok((answer.code, answer.value.to_string()))
+}
+
+/// Decodes an image of the program's own making; returns its height and width, and its colours row by row.
+#[pyfunction]
+fn decode_image(py: Python<'_>, path: PathBuf) -> PyResult<(usize, usize, Bound<'_, PyByteArray>)> {
+    let decoded = py.detach(|| Image::of_bytes(&std::fs::read(&path)?).map_err(std::io::Error::other))?;
+    let [width, height] = decoded.size();
+    Ok((height, width, PyByteArray::new(py, decoded.pixels())))
 }
 
 /// Runs the program with arguments, of which the first is its name; returns the exit code.

@@ -5,6 +5,7 @@
 //! it.
 
 pub mod id;
+pub mod array_file;
 pub mod catalogue;
 pub mod diffuse;
 pub mod face;

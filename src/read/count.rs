@@ -8,6 +8,7 @@
 
 use std::path::PathBuf;
 
+use super::arrays::ArraySource;
 use super::obj::ObjSource;
 use super::ply::PlySource;
 use super::source::{CHUNK_BYTES, Counts, Cutter, MeshFormat, MeshSource, TEXT_BYTES_KEPT};
@@ -40,6 +41,7 @@ pub fn count(
         let (own, of_files) = match format {
             MeshFormat::Obj => count_files::<ObjSource>(inputs, threads, sample.as_deref_mut(), progress)?,
             MeshFormat::Ply => count_files::<PlySource>(inputs, threads, sample.as_deref_mut(), progress)?,
+            MeshFormat::Arrays => count_files::<ArraySource>(inputs, threads, sample.as_deref_mut(), progress)?,
         };
         counts.add(&own);
         boxes.extend(of_files);

@@ -17,6 +17,7 @@ use std::sync::{Arc, Mutex};
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
+use super::arrays::ArraySource;
 use super::file::{OpenFile, chain};
 use super::obj::ObjSource;
 use super::source::{CHUNK_BYTES, Cutter, MeshFormat};
@@ -132,6 +133,10 @@ pub fn content_hashes(inputs: &[PathBuf], threads: usize, progress: &dyn Progres
                 Box::new(chunks.map(|(file, cut)| cut.map(|cut| (file, cut.chunk.part()))))
             }
             MeshFormat::Ply => Box::new(blocks(inputs)),
+            MeshFormat::Arrays => {
+                let chunks = Cutter::<ArraySource>::new(inputs, CHUNK_BYTES);
+                Box::new(chunks.map(|(file, cut)| cut.map(|cut| (file, cut.chunk.part()))))
+            }
         };
         map_in_order(
             parts,

@@ -158,7 +158,7 @@ fn read_folder(
         if is_left_out(&path) {
             continue;
         }
-        let is_mesh = MeshFormat::by_ending(&path).is_some();
+        let is_mesh = MeshFormat::is_sought(&path);
         match fs::metadata(&path) {
             Ok(kind) if kind.is_dir() => folders.push(path),
             Ok(kind) if is_mesh && kind.is_file() => found.push(path),

@@ -5,7 +5,7 @@
 //!             ▲                                                          │
 //!             └────────────────── a ticket per chunk in flight ◀─────────┘
 //! ```
-//! In: mesh files, OBJ or PLY ([`MeshFormat`]). Out: one [`StoredPiece`](crate::model::StoredPiece) per file, and the
+//! In: mesh files, OBJ, PLY or arrays ([`MeshFormat`]). Out: one [`StoredPiece`](crate::model::StoredPiece) per file, and the
 //! [`Catalogue`] of everything that is not geometry. Invariant: chunks depend on the files alone and are committed in
 //! order, so the result and the text of any error are the same for any number of threads.
 //!
@@ -19,6 +19,7 @@
 //! # Files
 //! Those of `builder.rs`, in the work folder.
 
+mod arrays;
 mod builder;
 mod count;
 mod file;
@@ -38,6 +39,7 @@ mod twins;
 
 use std::path::{Path, PathBuf};
 
+use self::arrays::ArraySource;
 use self::flow::FormatRun;
 use self::obj::ObjSource;
 use self::parts::Labels;
@@ -131,6 +133,7 @@ fn scan_in_chunks(
         match format {
             MeshFormat::Obj => run.read::<ObjSource>(&mut labels, &mut findings, keep)?,
             MeshFormat::Ply => run.read::<PlySource>(&mut labels, &mut findings, keep)?,
+            MeshFormat::Arrays => run.read::<ArraySource>(&mut labels, &mut findings, keep)?,
         }
     }
     twins::note_twins(inputs, &content_hashes, &mesh, &mut findings);

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
+use super::arrays::ArraySource;
 use super::obj::ObjSource;
 use super::ply::PlySource;
 use super::records::ParsedRecords;
@@ -40,6 +41,7 @@ pub fn typical_position(inputs: &[PathBuf]) -> Result<Option<DVec3>> {
         let found = match format {
             MeshFormat::Obj => typical_of_run::<ObjSource>(&inputs[range])?,
             MeshFormat::Ply => typical_of_run::<PlySource>(&inputs[range])?,
+            MeshFormat::Arrays => typical_of_run::<ArraySource>(&inputs[range])?,
         };
         if found.is_some() {
             return Ok(found);

@@ -10,6 +10,8 @@
 //! else goes through `fast-float2`. D. Lemire, "Number parsing at a gigabyte per second", 2021: eight digits are read
 //! as one word.
 
+use crate::file::decimal;
+
 /// Largest number of decimals that is reported; more count as this many.
 pub const DECIMALS_MAX: u32 = 40;
 
@@ -204,6 +206,22 @@ pub fn short_index_at(text: &[u8], start: usize) -> Option<(u32, usize)> {
 #[cold]
 fn saturated(digits: &[u8]) -> u64 {
     digits.iter().fold(0, |sum: u64, digit| sum.saturating_mul(10).saturating_add(u64::from(digit - b'0')))
+}
+
+/// Raises `decimals` to those of a double, or to the most that there are.
+#[inline]
+pub fn raise_decimals(value: f64, decimals: &mut u32) {
+    if decimal::count(value, (*decimals).min(decimal::DECIMALS_MAX)).is_none() {
+        raise_to(value, decimals);
+    }
+}
+
+#[cold]
+fn raise_to(value: f64, decimals: &mut u32) {
+    if *decimals < decimal::DECIMALS_MAX && value.is_finite() && value != 0.0 {
+        let found = (*decimals + 1..decimal::DECIMALS_MAX).find(|&more| decimal::count(value, more).is_some());
+        *decimals = found.unwrap_or(decimal::DECIMALS_MAX).min(DECIMALS_MAX);
+    }
 }
 
 #[cfg(test)]

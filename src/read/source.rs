@@ -169,6 +169,25 @@ pub struct Counts {
 }
 
 impl Counts {
+    /// Counts of parsed records that took `bytes`; merges the box of their vertices into `bounds`.
+    pub(super) fn of_records(records: &ParsedRecords, bytes: u64, bounds: Option<&mut RecordBounds>) -> Self {
+        if let Some(bounds) = bounds {
+            let boxes = records.positions.iter().map(|position| position.to_array());
+            boxes.for_each(|position| bounds.merge(&RecordBounds { low: position, high: position }));
+        }
+        let vertices = records.positions.len() as u64;
+        Self {
+            bytes,
+            vertices,
+            texcoords: records.texcoords.len() as u64,
+            normals: if records.uses_normals { vertices } else { 0 },
+            polygons: records.polygon_sizes.len() as u64,
+            triangles: records.polygon_sizes.iter().map(|size| u64::from(*size) - 2).sum(),
+            has_colours: !records.colours.is_empty(),
+            decimals: records.position_decimals,
+        }
+    }
+
     /// Adds the counts of another part.
     pub(super) fn add(&mut self, other: &Counts) {
         self.bytes += other.bytes;
@@ -194,16 +213,24 @@ pub enum MeshFormat {
     Obj,
     /// Stanford PLY.
     Ply,
+    /// Arrays ([`ArrayLayout`](crate::model::array_file::ArrayLayout)).
+    Arrays,
 }
 
 impl MeshFormat {
     /// All formats, with the ending of their files in lower case.
-    pub const ALL: [(MeshFormat, &str); 2] = [(MeshFormat::Obj, "obj"), (MeshFormat::Ply, "ply")];
+    pub const ALL: [(MeshFormat, &str); 3] =
+        [(MeshFormat::Obj, "obj"), (MeshFormat::Ply, "ply"), (MeshFormat::Arrays, "drystone")];
 
     /// Format of the files with the ending of a path; `None` for others.
     pub fn by_ending(path: &Path) -> Option<Self> {
         let ending = path.extension()?;
         Self::ALL.iter().find(|(_, known)| ending.eq_ignore_ascii_case(known)).map(|(format, _)| *format)
+    }
+
+    /// Reports whether a file has the ending of a format that is looked for in folders.
+    pub fn is_sought(path: &Path) -> bool {
+        Self::by_ending(path).is_some_and(|format| format != Self::Arrays)
     }
 
     /// Format of a file, by its ending; with any other ending by its first bytes, an OBJ unless they are those of a PLY.

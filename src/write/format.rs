@@ -11,11 +11,14 @@ pub enum ResultFormat {
     Ply,
     /// glTF 2.0 in one binary file.
     Glb,
+    /// Arrays ([`ArrayLayout`](crate::model::array_file::ArrayLayout)).
+    Arrays,
 }
 
 impl ResultFormat {
     /// Endings of the names of their files.
-    const ENDINGS: [(Self, &str); 3] = [(Self::Obj, "obj"), (Self::Ply, "ply"), (Self::Glb, "glb")];
+    const ENDINGS: [(Self, &str); 4] =
+        [(Self::Obj, "obj"), (Self::Ply, "ply"), (Self::Glb, "glb"), (Self::Arrays, "drystone")];
 
     /// Whether images, or an MTL, lie beside such a file.
     pub(super) fn has_companions(self) -> bool {

@@ -22,6 +22,7 @@
 //! In the work folder, `write-faces.tmp`, `write-stars.tmp`, `write-vertices.tmp` and `write-normals.col`, removed before
 //! [`write()`] returns; `write-image-<number>.png`, an image that a GLB cannot hold as it is.
 
+mod arrays;
 mod companion;
 mod copy;
 mod format;
@@ -48,6 +49,7 @@ mod vertex_normals;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use self::arrays::ArraySink;
 pub use self::companion::{Companion, CopiedTexture};
 use self::copy::{Look, look};
 pub use self::format::ResultFormat;
@@ -323,7 +325,10 @@ fn begin(
     let Some(path) = &targets.mtl else {
         let images = ply::stage_images(catalogue, usage, textures)?;
         textures.check_targets(&targets.files())?;
-        let sink = Box::new(PlySink::begin(&targets.mesh, options.job, images)?);
+        let sink: Box<dyn MeshSink> = match targets.format {
+            ResultFormat::Arrays => Box::new(ArraySink::begin(&targets.mesh, options.job, images)?),
+            _ => Box::new(PlySink::begin(&targets.mesh, options.job, images)?),
+        };
         return Ok(Begun { sink, mtl: None, companions: std::mem::take(&mut textures.companions) });
     };
     let library = mtl::library(catalogue, usage, textures)?;

@@ -3,10 +3,9 @@
 //! In: whole records of an element. Out: numbers, or a message about the first that is not one.
 
 use super::header::{Scalar, quote};
-use crate::file::decimal;
 use crate::file::float::shortest;
 use crate::read::line::{is_blank, line_end};
-use crate::read::number::{DECIMALS_MAX, index_at, is_non_finite_word, number};
+use crate::read::number::{index_at, is_non_finite_word, number, raise_decimals};
 
 /// What was expected and what was found.
 pub(super) type FieldResult<T> = Result<T, String>;
@@ -172,9 +171,7 @@ impl<const BIG: bool> Fields for BinaryFields<'_, BIG> {
             }
             Scalar::F64 => {
                 let value = f64::from_le_bytes(self.take()?);
-                if decimal::count(value, (*decimals).min(decimal::DECIMALS_MAX)).is_none() {
-                    raise_decimals(value, decimals);
-                }
+                raise_decimals(value, decimals);
                 Ok(value)
             }
             _ => self.integer(scalar).map(|value| value as f64),
@@ -199,14 +196,5 @@ impl<const BIG: bool> Fields for BinaryFields<'_, BIG> {
     fn skip(&mut self, _: usize, bytes: usize) -> FieldResult<()> {
         self.at += bytes;
         Ok(())
-    }
-}
-
-/// Raises `decimals` to those of a double, or to the most that there are.
-#[cold]
-fn raise_decimals(value: f64, decimals: &mut u32) {
-    if *decimals < decimal::DECIMALS_MAX && value.is_finite() && value != 0.0 {
-        let found = (*decimals + 1..decimal::DECIMALS_MAX).find(|&more| decimal::count(value, more).is_some());
-        *decimals = found.unwrap_or(decimal::DECIMALS_MAX).min(DECIMALS_MAX);
     }
 }

@@ -61,22 +61,7 @@ impl MeshSource for PlySource {
     ) -> Result<Counts> {
         let (mut parsed, bytes) = (PlyRecords::default(), chunk.bytes.len() as u64);
         parse::parse(path, chunk, &mut parsed)?;
-        let records = &parsed.records;
-        if let Some(bounds) = bounds {
-            let boxes = records.positions.iter().map(|position| position.to_array());
-            boxes.for_each(|position| bounds.merge(&RecordBounds { low: position, high: position }));
-        }
-        let vertices = records.positions.len() as u64;
-        Ok(Counts {
-            bytes,
-            vertices,
-            texcoords: records.texcoords.len() as u64,
-            normals: if records.uses_normals { vertices } else { 0 },
-            polygons: records.polygon_sizes.len() as u64,
-            triangles: records.polygon_sizes.iter().map(|size| u64::from(*size) - 2).sum(),
-            has_colours: !records.colours.is_empty(),
-            decimals: records.position_decimals,
-        })
+        Ok(Counts::of_records(&parsed.records, bytes, bounds))
     }
 
     fn define_counted(sample: &mut TextureSample) -> Result<()> {

@@ -19,9 +19,9 @@ use crate::write::textures::TextureStage;
 #[derive(Debug, Default)]
 pub(in crate::write) struct PlyImages {
     /// Names as the file refers to them.
-    pub(super) names: Vec<Vec<u8>>,
+    pub(in crate::write) names: Vec<Vec<u8>>,
     /// Index of the image of each material of the catalogue.
-    pub(super) of_material: TiVec<MaterialId, Option<usize>>,
+    pub(in crate::write) of_material: TiVec<MaterialId, Option<usize>>,
     /// What is not written.
     pub(super) findings: Findings,
 }

@@ -1,0 +1,142 @@
+"""Meshes of trimesh, PyVista and Open3D keep what drystone keeps."""
+
+import numpy as np
+import pytest
+
+import drystone
+from conftest import TOWN, grid
+from drystone import arrays
+
+
+def plane_uv(vertices):
+    return vertices[:, :2] / 12
+
+
+def colour_at(image, uv):
+    """Colours of an image, counted from its lower left."""
+    height, width = image.shape[:2]
+    x = np.clip(uv[:, 0] * width, 0, width - 1).astype(int)
+    y = np.clip((1 - uv[:, 1]) * height, 0, height - 1).astype(int)
+    return image[y, x].astype(float)
+
+
+def places(vertices, faces, count=1000):
+    """Triangles, and shares of their corners, at random places by area."""
+    rng = np.random.default_rng(1)
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    face = rng.choice(len(faces), count, p=area / area.sum())
+    shares = rng.dirichlet([1, 1, 1], count)
+    return face, shares
+
+
+def test_trimesh_keeps_its_texture():
+    trimesh = pytest.importorskip("trimesh")
+    import drystone.trimesh
+
+    mesh = trimesh.load(TOWN, process=False, force="mesh")
+    result = drystone.trimesh.simplify(mesh, ratio=0.3)
+    assert len(result.faces) == int(0.3 * len(mesh.faces) + 0.5)
+    assert result.visual.uv.shape == (len(result.vertices), 2)
+    assert result.visual.material is mesh.visual.material
+    whole = drystone.trimesh.simplify(mesh, ratio=1.0)
+    face, shares = places(whole.vertices, whole.faces)
+    points = np.einsum("ij,ijk->ik", shares, whole.vertices[whole.faces[face]])
+    uv = np.einsum("ij,ijk->ik", shares, whole.visual.uv[whole.faces[face]])
+    _, _, near = trimesh.proximity.closest_point(mesh, points)
+    bary = trimesh.triangles.points_to_barycentric(mesh.triangles[near], points)
+    expected = np.einsum("ij,ijk->ik", bary, mesh.visual.uv[mesh.faces[near]])
+    assert (np.abs(uv - expected).max(axis=1) < 1e-6).mean() > 0.98
+    assert result.metadata["drystone"].faces.output == len(result.faces)
+
+
+def test_trimesh_bakes():
+    trimesh = pytest.importorskip("trimesh")
+    image_class = pytest.importorskip("PIL.Image")
+    import drystone.trimesh
+
+    vertices, faces = grid(12)
+    ramp = np.zeros((64, 64, 3), np.uint8)
+    ramp[:, :, 0] = np.linspace(0, 255, 64)
+    visual = trimesh.visual.TextureVisuals(uv=plane_uv(vertices), image=image_class.fromarray(ramp))
+    mesh = trimesh.Trimesh(vertices, faces, visual=visual, process=False)
+    result = drystone.trimesh.simplify(mesh, ratio=0.3, textures="bake", texels=4)
+    found = colour_at(np.asarray(result.visual.material.image), result.visual.uv)[:, 0]
+    assert np.abs(found - result.vertices[:, 0] * 255 / 12).max() < 20
+    with pytest.raises(drystone.UsageError, match="no image"):
+        drystone.trimesh.simplify(trimesh.Trimesh(vertices, faces), ratio=0.3, textures="bake")
+    with pytest.raises(TypeError, match="Scene"):
+        drystone.trimesh.simplify(trimesh.Scene(), ratio=0.3)
+
+
+def test_trimesh_keeps_colours():
+    trimesh = pytest.importorskip("trimesh")
+    import drystone.trimesh
+
+    vertices, faces = grid(12)
+    colors = np.column_stack([vertices[:, 0] * 20, vertices[:, 1] * 20, 0 * vertices[:, 0]]).astype(np.uint8)
+    result = drystone.trimesh.simplify(trimesh.Trimesh(vertices, faces, vertex_colors=colors, process=False), ratio=0.3)
+    assert np.abs(result.visual.vertex_colors[:, 0] - result.vertices[:, 0] * 20).max() < 25
+
+
+def test_pyvista_keeps_texture_coordinates_and_arrays():
+    pyvista = pytest.importorskip("pyvista")
+    import drystone.pyvista
+
+    vertices, faces = grid(12)
+    mesh = pyvista.PolyData.from_regular_faces(vertices, faces)
+    mesh.active_texture_coordinates = plane_uv(vertices)
+    mesh.cell_data["side"] = (vertices[faces].mean(axis=1)[:, 0] < 6).astype(np.int32)
+    mesh.point_data["rgb"] = (plane_uv(vertices)[:, [0, 0, 0]] * 250).astype(np.uint8)
+    result = drystone.pyvista.simplify(mesh, material="side", colors="rgb", ratio=0.3)
+    assert result.n_cells == round(0.3 * mesh.n_cells)
+    assert np.allclose(result.active_texture_coordinates, plane_uv(np.asarray(result.points)), atol=0.05)
+    is_left = np.asarray(result.points)[result.regular_faces].mean(axis=1)[:, 0] < 6
+    assert np.array_equal(np.asarray(result.cell_data["side"]) == 1, is_left)
+    assert result.point_data["rgb"].dtype == np.uint8
+    squares = drystone.pyvista.simplify(pyvista.Plane(i_resolution=4, j_resolution=4), ratio=1.0)
+    assert squares.n_cells == 32
+    with pytest.raises(TypeError, match="PolyData"):
+        drystone.pyvista.simplify(pyvista.ImageData(dimensions=(2, 2, 2)), ratio=0.5)
+
+
+def test_open3d_keeps_what_triangles_have():
+    open3d = pytest.importorskip("open3d", exc_type=ImportError)
+    import drystone.open3d
+
+    vertices, faces = grid(12)
+    utility = open3d.utility
+    mesh = open3d.geometry.TriangleMesh(utility.Vector3dVector(vertices), utility.Vector3iVector(faces))
+    mesh.triangle_uvs = utility.Vector2dVector(plane_uv(vertices)[faces].reshape(-1, 2))
+    mesh.triangle_material_ids = utility.IntVector((vertices[faces].mean(axis=1)[:, 0] < 6).astype(np.int32))
+    mesh.vertex_colors = utility.Vector3dVector(np.repeat(plane_uv(vertices)[:, :1], 3, axis=1))
+    images = [np.full((32, 32, 3), value, np.uint8) for value in (40, 200)]
+    mesh.textures = [open3d.geometry.Image(image) for image in images]
+    result = drystone.open3d.simplify(mesh, ratio=0.3)
+    at, corners = np.asarray(result.vertices), np.asarray(result.triangles)
+    assert len(corners) == round(0.3 * len(faces))
+    assert np.allclose(np.asarray(result.triangle_uvs), plane_uv(at)[corners].reshape(-1, 2), atol=0.05)
+    ids = np.asarray(result.triangle_material_ids)
+    assert np.array_equal(ids == 1, at[corners].mean(axis=1)[:, 0] < 6)
+    assert len(result.textures) == 2 and np.abs(np.asarray(result.vertex_colors)[:, 0] - at[:, 0] / 12).max() < 0.1
+    baked = drystone.open3d.simplify(mesh, ratio=0.3, textures="bake", texels=4)
+    uv, ids = np.asarray(baked.triangle_uvs).reshape(-1, 3, 2).mean(axis=1), np.asarray(baked.triangle_material_ids)
+    x = np.asarray(baked.vertices)[np.asarray(baked.triangles)].mean(axis=1)[:, 0]
+    for number, image in enumerate(baked.textures):
+        own = (ids == number) & (np.abs(x - 6) > 1)
+        found = colour_at(np.asarray(image), uv[own])[:, 0]
+        assert np.abs(found - np.where(x[own] < 6, 200, 40)).max() < 10
+    with pytest.raises(TypeError):
+        drystone.open3d.simplify(open3d.geometry.PointCloud(), ratio=0.5)
+
+
+def test_adapters_do_not_import_their_library_before_they_are_called():
+    import subprocess
+    import sys
+
+    code = (
+        "import sys, drystone, drystone.trimesh, drystone.pyvista, drystone.open3d\n"
+        "print([name for name in ('trimesh', 'pyvista', 'open3d', 'tqdm', 'PIL') if name in sys.modules])"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+    assert arrays.simplify_mesh is drystone.simplify_mesh

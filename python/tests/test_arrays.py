@@ -1,0 +1,319 @@
+"""Meshes in arrays: the results of the command line, whatever form the arrays have."""
+
+import struct
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import drystone
+from conftest import MINIATURES, TOWN, grid, read_obj
+from drystone.errors import InputError, UsageError
+
+OBJS = sorted(path.stem for path in MINIATURES.glob("*.obj"))
+
+
+def rounded(values, decimals=6):
+    return np.round(values, decimals)
+
+
+@pytest.mark.parametrize("name", OBJS)
+def test_a_miniature_gives_the_mesh_of_its_obj(tmp_path, name):
+    path = MINIATURES / f"{name}.obj"
+    source = read_obj(path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", drystone.TargetMissed)
+        drystone.simplify(path, tmp_path / "a.obj", ratio=0.4, normals="drop")
+        mesh = drystone.simplify_mesh(**source.arguments(), ratio=0.4)
+    expected = read_obj(tmp_path / "a.obj")
+    decimals = 3
+    assert len(mesh.vertices) == len(expected.vertices)
+    assert np.allclose(mesh.vertices, expected.vertices, atol=0.6 * 10.0**-decimals)
+    assert np.array_equal(mesh.faces, expected.faces)
+    if expected.uv is not None:
+        corner = mesh.face_uv >= 0
+        assert np.array_equal(corner, expected.face_uv >= 0)
+        assert np.allclose(mesh.uv[mesh.face_uv[corner]], expected.uv[expected.face_uv[corner]], atol=1e-3)
+    if source.materials:
+        names = np.array([*source.materials, ""])
+        assert list(names[mesh.face_material]) == list(np.array([*expected.materials, ""])[expected.face_material])
+    if source.colors is not None:
+        assert np.allclose(mesh.vertex_colors, expected.colors, atol=1e-3)
+
+
+def test_the_town_in_many_clusters_is_that_of_the_command_line(tmp_path, town):
+    # Arrays have no groups, which order the faces of an OBJ.
+    plain = [line for line in TOWN.read_text().splitlines(True) if line[0] in "vfu"]
+    (tmp_path / "town.obj").write_text("".join(plain))
+    drystone.simplify(tmp_path / "town.obj", tmp_path / "a.obj", ratio=0.1, cluster_faces=2000)
+    expected = read_obj(tmp_path / "a.obj")
+    found = []
+    for threads in (1, 2):
+        mesh = drystone.simplify_mesh(**town.arguments(), ratio=0.1, cluster_faces=2000, threads=threads)
+        assert np.allclose(mesh.vertices, expected.vertices, atol=6e-4) and np.array_equal(mesh.faces, expected.faces)
+        assert np.abs(mesh.vertices).max() > 4e6
+        names = np.array(town.materials)[mesh.face_material]
+        assert list(names) == list(np.array(expected.materials)[expected.face_material])
+        found.append(mesh)
+    for one, two in zip(found[0][:5], found[1][:5]):
+        assert np.array_equal(one, two)
+    assert mesh.report.faces.output == len(mesh.faces) and abs(len(mesh.faces) - 1822) <= 2
+
+
+def test_vertices_that_stay_keep_their_numbers(town):
+    mesh = drystone.simplify_mesh(**town.arguments(), ratio=0.5)
+    there = {tuple(vertex) for vertex in town.vertices}
+    assert sum(tuple(vertex) in there for vertex in mesh.vertices) > 0.3 * len(mesh.vertices)
+
+
+def _same(mesh, other):
+    return all(np.array_equal(a, b) for a, b in zip(mesh[:6], other[:6]) if a is not None)
+
+
+FORMS = [
+    lambda a: np.asfortranarray(a),
+    lambda a: a[::-1][::-1],
+    lambda a: np.repeat(a, 2, axis=0)[::2],
+    lambda a: a.astype(a.dtype.newbyteorder(">")),
+    lambda a: a.tolist(),
+    memoryview,
+]
+
+
+@pytest.mark.parametrize("form", range(len(FORMS)))
+def test_layouts_do_not_matter(form):
+    vertices, faces = grid(12)
+    expected = drystone.simplify_mesh(vertices, faces, ratio=0.3)
+    assert _same(drystone.simplify_mesh(FORMS[form](vertices), FORMS[form](faces), ratio=0.3), expected)
+
+
+@pytest.mark.parametrize("kind", [np.int16, np.int32, np.int64, np.uint16, np.uint32, np.uint64])
+def test_kinds_of_indices_do_not_matter(kind):
+    vertices, faces = grid(12)
+    expected = drystone.simplify_mesh(vertices, faces, ratio=0.3)
+    assert _same(drystone.simplify_mesh(vertices, faces.astype(kind), ratio=0.3), expected)
+
+
+def test_read_only_and_single_precision():
+    vertices, faces = grid(12)
+    vertices = vertices.astype(np.float32)
+    vertices.flags.writeable = faces.flags.writeable = False
+    mesh = drystone.simplify_mesh(vertices, faces, ratio=0.3)
+    assert mesh.vertices.dtype == np.float64 and mesh.faces.dtype == np.int32
+    assert _same(drystone.simplify_mesh(vertices.astype(np.float64), faces, ratio=0.3), mesh)
+    mesh.vertices[0] = 0
+
+
+def test_uv_of_vertices_come_back_as_such():
+    vertices, faces = grid(12)
+    uv = vertices[:, :2] / 12
+    mesh = drystone.simplify_mesh(vertices, faces, uv=uv, ratio=0.3)
+    assert mesh.face_uv is None and mesh.uv.shape == (len(mesh.vertices), 2)
+    assert np.allclose(mesh.uv, mesh.vertices[:, :2] / 12, atol=0.05)
+    colors = (vertices[:, :1] * [[10, 1, 5]]).astype(np.uint8)
+    both = drystone.simplify_mesh(vertices, faces, uv=uv, vertex_colors=colors, ratio=0.3)
+    assert both.vertex_colors.dtype == np.uint8 and len(both.vertex_colors) == len(both.vertices)
+    assert np.abs(both.vertex_colors[:, 0] - both.vertices[:, 0] * 10).max() < 25
+
+
+def test_vertices_of_a_seam_are_split_as_they_came(town):
+    pairs, corners = np.unique(np.stack([town.faces, town.face_uv], axis=-1).reshape(-1, 2), axis=0, return_inverse=True)
+    faces = corners.reshape(town.faces.shape)
+    split = drystone.simplify_mesh(town.vertices[pairs[:, 0]], faces, uv=town.uv[pairs[:, 1]], ratio=0.2)
+    whole = drystone.simplify_mesh(town.vertices, town.faces, uv=town.uv, face_uv=town.face_uv, ratio=0.2)
+    assert len(split.uv) == len(split.vertices) > len(whole.vertices)
+    assert len(np.unique(split.vertices, axis=0)) == len(np.unique(whole.vertices, axis=0))
+    assert _uv_area(split.uv, split.faces) == pytest.approx(_uv_area(whole.uv, whole.face_uv), rel=1e-9)
+
+
+def _uv_area(uv, ids):
+    (ax, ay), (bx, by) = np.moveaxis(np.diff(uv[ids], axis=1), 1, 0).swapaxes(1, 2)
+    return np.abs(ax * by - ay * bx).sum()
+
+
+@pytest.mark.parametrize("materials", [[0, 1], [7, 3], [-1, 5], [2**40, -(2**40)]])
+def test_materials_are_any_integers(materials):
+    vertices, faces = grid(12)
+    labels = np.where(vertices[faces].mean(axis=1)[:, 0] < 6, *materials)
+    mesh = drystone.simplify_mesh(vertices, faces, face_material=labels, ratio=0.2)
+    assert mesh.face_material.dtype == labels.dtype and set(mesh.face_material) == set(materials)
+    is_left = mesh.vertices[mesh.faces].mean(axis=1)[:, 0] < 6
+    assert np.array_equal(mesh.face_material, np.where(is_left, *materials))
+
+
+def test_polygons_and_triangles():
+    side = 12
+    vertices, _ = grid(side)
+    corner = (np.arange(side)[:, None] * (side + 1) + np.arange(side)).ravel()
+    squares = corner[:, None] + np.array([[0, 1, side + 2, side + 1]])
+    triangle = np.array([[*squares[0][:3], -1], [squares[0][0], *squares[0][2:], -1]])
+    mixed = drystone.simplify_mesh(vertices, np.concatenate([squares[1:], triangle]), ratio=1.0)
+    assert len(mixed.faces) == 2 * side * side
+    assert len(drystone.simplify_mesh(vertices, squares, face_count=50).faces) == 50
+
+
+def test_a_small_mesh_and_a_target_that_is_missed():
+    vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    assert drystone.simplify_mesh(vertices, [[0, 1, 2]], ratio=1).faces.tolist() == [[0, 1, 2]]
+    fins = np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]])
+    corners = [*vertices, [0, 0, 1], [0, -1, 0]]
+    with pytest.warns(drystone.TargetMissed):
+        mesh = drystone.simplify_mesh(corners, fins, face_count=1, topology="keep", borders="lock")
+    assert len(mesh.faces) == 3
+    with pytest.raises(drystone.TargetMissedError) as caught:
+        drystone.simplify_mesh(corners, fins, face_count=1, topology="keep", borders="lock", strict=True)
+    assert caught.value.report.faces.output == 3
+
+
+def test_faults_name_their_row():
+    vertices, faces = grid(6)
+    uv, face_uv = vertices[:, :2], faces.copy()
+
+    def spoilt(array, place, value):
+        out = np.array(array)
+        out[place] = value
+        return out
+
+    cases = [
+        (dict(vertices=spoilt(vertices, (7, 1), np.nan)), r"vertices\[7\]", 7),
+        (dict(vertices=spoilt(vertices, (8, 2), 1e39)), r"vertices\[8\]", 8),
+        (dict(faces=spoilt(faces, (17, 0), 99)), r"faces\[17\]: refers to 99; there are 49 vertices", 17),
+        (dict(faces=spoilt(faces, (3, 1), -2)), r"faces\[3\]: refers to -2", 3),
+        (dict(faces=spoilt(faces, (4, 2), -1)), r"faces\[4\]: expected at least 3", 4),
+        (dict(uv=spoilt(uv, (2, 0), np.inf)), r"uv\[2\]", 2),
+        (dict(face_uv=spoilt(face_uv, (5, 1), 49)), r"face_uv\[5\]: refers to 49; there are 49 uv", 5),
+        (dict(face_uv=spoilt(face_uv, (6, 1), -2)), r"face_uv\[6\]", 6),
+        (dict(vertices=vertices[:, :2]), "vertices: expected an array of shape", None),
+        (dict(vertices=vertices.ravel()), "vertices: expected", None),
+        (dict(faces=faces.astype(float)), "faces: expected integers, found float64", None),
+        (dict(faces=faces[:, :2]), "faces: expected an array of shape", None),
+        (dict(face_uv=face_uv[:-1]), "face_uv: expected the shape of faces", None),
+        (dict(face_material=np.zeros(3, int)), "face_material: expected one for each of 72", None),
+        (dict(vertex_colors=np.zeros((3, 3))), "vertex_colors: expected one for each of 49", None),
+        (dict(vertices=np.zeros((0, 3)), faces=np.zeros((0, 3), int), uv=None, face_uv=None), "no faces", None),
+        (dict(faces=[[0, 1], [0, 1, 2]]), "faces:", None),
+        (dict(vertices=np.array([["a", "b", "c"]])), "vertices: expected numbers", None),
+    ]
+    for changed, words, row in cases:
+        arguments = {"vertices": vertices, "faces": faces, "uv": uv, "face_uv": face_uv, "ratio": 0.5, **changed}
+        with pytest.raises(InputError, match=words) as caught:
+            drystone.simplify_mesh(**arguments)
+        assert caught.value.row == row and isinstance(caught.value, ValueError), words
+
+
+def test_options_are_those_of_files():
+    vertices, faces = grid(6)
+    with pytest.raises(TypeError, match="'normals'"):
+        drystone.simplify_mesh(vertices, faces, ratio=0.5, normals="drop")
+    with pytest.raises(UsageError, match="give a target"):
+        drystone.simplify_mesh(vertices, faces)
+    with pytest.raises(UsageError, match="face_uv"):
+        drystone.simplify_mesh(vertices, faces, face_uv=faces, ratio=0.5)
+
+
+def test_a_bound_on_the_error_holds():
+    vertices, faces = grid(40)
+    mesh = drystone.simplify_mesh(vertices, faces, max_error=0.05)
+    assert len(mesh.faces) < 0.5 * len(faces)
+    assert mesh.report.error.measured.rms <= 0.05
+
+
+def test_textures_are_baked(town):
+    rng = np.random.default_rng(1)
+    images = {i: rng.integers(0, 255, (32, 64, 3), dtype=np.uint8) for i in range(len(town.materials))}
+    images[0][:] = [250, 10, 20]
+    mesh = drystone.simplify_mesh(**town.arguments(), texture=images, textures="bake", ratio=0.1, texels=0.5)
+    assert mesh.textures and all(image.dtype == np.uint8 and image.shape[2] == 3 for image in mesh.textures)
+    assert set(np.unique(mesh.face_material)) == set(range(len(mesh.textures)))
+    assert mesh.face_uv.min() >= 0 and 0 <= mesh.uv.min() and mesh.uv.max() <= 1
+    assert mesh.report.bake.images == len(mesh.textures)
+
+
+def test_a_baked_texture_shows_the_colours_of_the_old_one():
+    vertices, faces = grid(30)
+    uv = vertices[:, :2] / 30
+    ramp = np.zeros((64, 64, 3), np.uint8)
+    ramp[:, :, 0] = np.linspace(0, 255, 64)
+    ramp[:, :, 1] = np.linspace(255, 0, 64)[:, None]
+    mesh = drystone.simplify_mesh(vertices, faces, uv=uv, texture=ramp, textures="bake", ratio=0.2, texels=4)
+    (image,) = mesh.textures
+    height, width, _ = image.shape
+    x = np.clip(mesh.uv[:, 0] * width, 0, width - 1).astype(int)
+    y = np.clip((1 - mesh.uv[:, 1]) * height, 0, height - 1).astype(int)
+    expected = np.column_stack([mesh.vertices[:, 0], mesh.vertices[:, 1]]) * 255 / 30
+    assert np.abs(image[y, x, :2].astype(float) - expected).max() < 16
+
+
+def test_a_bake_without_texture_is_refused():
+    vertices, faces = grid(6)
+    for arguments in ({}, {"uv": vertices[:, :2]}, {"texture": np.zeros((4, 4, 3), np.uint8)}):
+        with pytest.raises(UsageError, match="needs `texture` and `uv`"):
+            drystone.simplify_mesh(vertices, faces, textures="bake", ratio=0.5, **arguments)
+    for texture in (np.zeros((4, 4, 2), np.uint8), np.zeros((4, 4, 3)), np.zeros((0, 4, 3), np.uint8)):
+        with pytest.raises(InputError, match="texture: expected uint8"):
+            drystone.simplify_mesh(vertices, faces, uv=vertices[:, :2], texture=texture, textures="bake", ratio=0.5)
+    with pytest.raises(UsageError, match="which is missing"):
+        drystone.simplify_mesh(vertices, faces, uv=vertices[:, :2], texture={0: 1}, textures="bake", ratio=0.5)
+
+
+def test_nothing_is_left_in_the_temporary_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    import tempfile
+
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    vertices, faces = grid(12)
+    drystone.simplify_mesh(vertices, faces, ratio=0.3)
+    with pytest.raises(InputError):
+        drystone.simplify_mesh(vertices, faces + 100, ratio=0.3)
+    assert list(tmp_path.iterdir()) == []
+    drystone.simplify_mesh(vertices, faces, ratio=0.3, work=tmp_path / "work")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_array_file_is_a_mesh_for_every_command(tmp_path, town):
+    drystone.simplify(TOWN, tmp_path / "a.drystone", ratio=0.2)
+    drystone.simplify(TOWN, tmp_path / "a.obj", ratio=0.2)
+    compared = drystone.compare(tmp_path / "a.obj", tmp_path / "a.drystone", samples=1000)
+    assert compared.geometry.symmetric.max < 1e-3
+    assert drystone.inspect(tmp_path / "a.drystone").triangles == drystone.inspect(tmp_path / "a.obj").triangles
+    start = (tmp_path / "a.drystone").read_bytes()[:16]
+    assert struct.unpack("<8sQ", start) == (b"drystone", 1)
+
+
+numbers = st.floats(-1e6, 1e6) | st.sampled_from([np.nan, np.inf, -0.0, 1e300, 5e-324])
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(data=st.data())
+def test_whatever_the_arrays_hold_the_result_is_sound_or_the_fault_is_named(data):
+    count = data.draw(st.integers(0, 12))
+    width = data.draw(st.integers(3, 5))
+    vertices = data.draw(st.lists(st.lists(numbers, min_size=3, max_size=3), min_size=count, max_size=count))
+    rows = st.lists(st.integers(-2, count + 1), min_size=width, max_size=width)
+    faces = data.draw(st.lists(rows, max_size=12))
+    labels = data.draw(st.none() | st.lists(st.integers(-5, 5), min_size=len(faces), max_size=len(faces)))
+    uv = data.draw(st.none() | st.lists(st.lists(st.floats(0, 1), min_size=2, max_size=2), min_size=1, max_size=4))
+    face_uv = None if uv is None else data.draw(st.lists(st.lists(st.integers(-2, len(uv)), min_size=width, max_size=width), min_size=len(faces), max_size=len(faces)))
+    arrays = {
+        "vertices": np.array(vertices, float).reshape(-1, 3),
+        "faces": np.array(faces, int).reshape(-1, width),
+        "uv": uv,
+        "face_uv": None if face_uv is None else np.array(face_uv, int).reshape(-1, width),
+        "face_material": labels,
+    }
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", drystone.TargetMissed)
+        try:
+            mesh = drystone.simplify_mesh(**arrays, ratio=data.draw(st.sampled_from([0.1, 0.5, 1.0])), threads=1)
+        except InputError as error:
+            assert error.row is None or f"[{error.row}]" in str(error)
+            return
+    assert np.isfinite(mesh.vertices).all()
+    assert 0 <= mesh.faces.min() and mesh.faces.max() < len(mesh.vertices)
+    assert set(mesh.faces.ravel()) == set(range(len(mesh.vertices)))
+    if mesh.face_uv is not None:
+        assert -1 <= mesh.face_uv.min() and mesh.face_uv.max() < len(mesh.uv)
+    if labels is not None:
+        assert set(mesh.face_material) <= set(labels)

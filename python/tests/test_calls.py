@@ -1,0 +1,316 @@
+"""How a call behaves in a program: stops, progress, other threads, processes, memory."""
+
+import hashlib
+import logging
+import multiprocessing
+import os
+import random
+import signal
+import subprocess
+import sys
+import threading
+import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import drystone
+from conftest import TOWN, grid
+
+IS_LINUX = sys.platform == "linux"
+
+
+@pytest.fixture(scope="module")
+def large(tmp_path_factory) -> Path:
+    """A mesh that takes some seconds."""
+    path = tmp_path_factory.mktemp("large") / "grid.obj"
+    vertices, faces = grid(500)
+    with open(path, "w") as file:
+        np.savetxt(file, vertices, fmt="v %.6f %.6f %.6f")
+        np.savetxt(file, faces + 1, fmt="f %d %d %d")
+    return path
+
+
+def sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+CHILD = """
+import sys, threading, drystone
+print("begin", flush=True)
+try:
+    drystone.simplify(sys.argv[1], sys.argv[2], ratio=0.05, threads=2, cluster_faces=20_000)
+except KeyboardInterrupt:
+    print("stopped", threading.active_count(), len(open("/proc/self/task").read()) if 0 else "", flush=True)
+    sys.exit(5)
+print("done", flush=True)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_ctrl_c_stops_and_the_same_call_resumes(tmp_path, large):
+    undisturbed = tmp_path / "undisturbed.obj"
+    began = time.monotonic()
+    drystone.simplify(large, undisturbed, ratio=0.05, threads=2, cluster_faces=20_000)
+    took = time.monotonic() - began
+    chance = random.Random(5)
+    stops = 0
+    for trial in range(4):
+        output = tmp_path / f"{trial}.obj"
+        for attempt in range(20):
+            child = subprocess.Popen([sys.executable, "-c", CHILD, large, output], stdout=subprocess.PIPE, text=True)
+            assert child.stdout.readline() == "begin\n"
+            if attempt < 3:
+                time.sleep(chance.uniform(0.1, 0.8) * took)
+                child.send_signal(signal.SIGINT)
+                asked = time.monotonic()
+            said = child.stdout.read()
+            if child.wait() == 5:
+                stops += 1
+                assert time.monotonic() - asked < 5 and said.startswith("stopped 1")
+                assert not output.exists()
+                continue
+            assert said == "done\n"
+            break
+        assert sha256(output) == sha256(undisturbed)
+        assert not Path(f"{output}.work").exists()
+    assert stops > 0
+
+
+def test_a_token_stops_a_job_from_another_thread(tmp_path, large):
+    stop = drystone.Stop()
+    threading.Timer(0.3, stop.set).start()
+    began = time.monotonic()
+    with pytest.raises(drystone.DrystoneError, match="stopped"):
+        drystone.simplify(large, tmp_path / "a.obj", ratio=0.05, stop=stop)
+    assert time.monotonic() - began < 5 and stop.is_set()
+    report = drystone.simplify(large, tmp_path / "a.obj", ratio=0.05)
+    assert report.faces.output == report.faces.target
+
+
+def test_events_come_in_order_and_reach_their_ends(tmp_path, large):
+    events, threads = [], set()
+
+    def listen(event: drystone.Event) -> None:
+        events.append(event)
+        threads.add(threading.get_ident())
+
+    drystone.simplify(large, tmp_path / "a.obj", ratio=0.1, progress=listen)
+    assert threads == {threading.get_ident()}
+    phases = [event for event in events if event.message is None]
+    for before, after in zip(phases, phases[1:]):
+        is_same = after.phase == before.phase and after.done >= before.done and after.total == before.total
+        assert is_same or (after.done == 0 and before.done >= before.total), (before, after)
+    assert phases[0].phase == "scan" and {"simplify", "partition", "write"} <= {event.phase for event in phases}
+    assert all(0 <= event.done and (event.total == 0 or event.done <= event.total) for event in events)
+    assert any(event.message and "pass 1" in event.message for event in events)
+
+
+class Error(Exception):
+    pass
+
+
+def test_a_listener_that_raises_stops_the_job(tmp_path, large):
+    def listen(event: drystone.Event) -> None:
+        if event.phase == "simplify":
+            raise Error("enough")
+
+    with pytest.raises(Error, match="enough"):
+        drystone.simplify(large, tmp_path / "a.obj", ratio=0.1, progress=listen)
+    assert not (tmp_path / "a.obj").exists()
+    assert drystone.simplify(large, tmp_path / "a.obj", ratio=0.1).faces.output == 50_000
+
+
+def test_a_slow_listener_does_not_hold_the_job(tmp_path):
+    calls = []
+
+    def listen(event: drystone.Event) -> None:
+        calls.append(event)
+        if len(calls) == 1:
+            time.sleep(2)
+
+    began = time.monotonic()
+    drystone.simplify(TOWN, tmp_path / "a.obj", ratio=0.1, progress=listen)
+    assert 2 <= time.monotonic() - began < 4 and len(calls) > 5
+
+
+def test_a_bar_of_tqdm(tmp_path, capsys):
+    tqdm = pytest.importorskip("tqdm")
+    for progress in (tqdm.tqdm, True):
+        drystone.simplify(TOWN, tmp_path / "a.obj", ratio=0.1, progress=progress, force=True)
+        shown = capsys.readouterr().err
+        assert "scan: 100%" in shown and "write: 100%" in shown
+
+
+def test_messages_and_warnings_go_to_the_log(tmp_path, caplog):
+    source = tmp_path / "a.obj"
+    source.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 1 2\nusemtl gone\nmtllib gone.mtl\nf 1 3 2\n")
+    with caplog.at_level(logging.INFO, logger="drystone"):
+        report = drystone.simplify(source, tmp_path / "b.obj", ratio=1.0)
+    levels = {record.levelname: record.getMessage() for record in caplog.records}
+    assert "pass 1" in " ".join(record.getMessage() for record in caplog.records)
+    assert report.warnings and levels["WARNING"] in report.warnings
+
+
+def _count_while(condition) -> int:
+    count = 0
+    while condition():
+        count += 1
+    return count
+
+
+@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="needs two processors")
+def test_other_threads_run_meanwhile(tmp_path, large):
+    end = time.monotonic() + 1.0
+    alone = _count_while(lambda: time.monotonic() < end)
+    with ThreadPoolExecutor(1) as pool:
+        job = pool.submit(drystone.simplify, large, tmp_path / "a.obj", ratio=0.05, threads=1)
+        time.sleep(0.2)
+        end = time.monotonic() + 1.0
+        beside = _count_while(lambda: time.monotonic() < end)
+        assert not job.done()
+        job.result()
+    # The machine may be busy with other work: what a lock held by the job would leave is next to nothing.
+    assert beside > 0.5 * alone
+
+
+def test_two_jobs_at_once(tmp_path, large):
+    def job(number: int) -> str:
+        drystone.simplify(large, tmp_path / f"{number}.obj", ratio=0.05, threads=number + 1, memory="256MiB")
+        return sha256(tmp_path / f"{number}.obj")
+
+    with ThreadPoolExecutor(2) as pool:
+        assert len(set(pool.map(job, [0, 1]))) == 1
+
+
+@pytest.mark.skipif(not IS_LINUX, reason="reads /proc")
+def test_threads_are_those_of_the_call_and_none_stays(tmp_path, large):
+    def most_threads(count: int) -> int:
+        seen = []
+        listen = lambda event: seen.append(len(os.listdir("/proc/self/task")))
+        drystone.simplify(large, tmp_path / f"{count}.obj", ratio=0.1, threads=count, progress=listen)
+        return max(seen)
+
+    before = len(os.listdir("/proc/self/task"))
+    one, six = most_threads(1), most_threads(6)
+    assert six >= one + 4
+    deadline = time.monotonic() + 5
+    while len(os.listdir("/proc/self/task")) > before and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert len(os.listdir("/proc/self/task")) == before
+
+
+def _calls(folder: Path) -> list[object]:
+    """Every call once; returns what does not depend on time."""
+    output = folder / "a.obj"
+    vertices, faces = grid(10)
+    return [
+        drystone.simplify(TOWN, output, ratio=0.1).faces.output,
+        drystone.inspect(TOWN).triangles,
+        drystone.check(output).after.faces,
+        drystone.compare(TOWN, output, samples=1000).geometry.diagonal,
+        drystone.plan(TOWN, ratio=0.1).target,
+        len(drystone.tile(TOWN, folder / "tiles").levels),
+        drystone.check(folder / "tiles", TOWN).fault_count,
+        len(drystone.simplify_mesh(vertices, faces, ratio=0.5).faces),
+    ]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_child_that_was_forked_after_calls_can_call(tmp_path):
+    (tmp_path / "parent").mkdir(), (tmp_path / "child").mkdir()
+    expected = _calls(tmp_path / "parent")
+    process = multiprocessing.get_context("fork").Process(target=_check_calls, args=(tmp_path / "child", expected))
+    process.start()
+    process.join(60)
+    assert process.exitcode == 0
+
+
+def _check_calls(folder: Path, expected: list[object]) -> None:
+    assert _calls(folder) == expected
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_child_that_is_forked_during_a_call_gets_an_error(tmp_path):
+    pids = []
+
+    def listen(event: drystone.Event) -> None:
+        if event.phase == "partition" and not pids:
+            pids.append(os.fork())
+
+    try:
+        report = drystone.simplify(TOWN, tmp_path / "a.obj", ratio=0.1, progress=listen)
+    except drystone.DrystoneError as error:
+        os._exit(7 if "forked" in str(error) else 8)
+    except BaseException:
+        os._exit(9)
+    assert os.waitstatus_to_exitcode(os.waitpid(pids[0], 0)[1]) == 7
+    assert report.faces.output == 1822
+
+
+def _faces(ratio: float) -> int:
+    vertices, faces = grid(20)
+    return len(drystone.simplify_mesh(vertices, faces, ratio=ratio).faces)
+
+
+@pytest.mark.parametrize("method", ["spawn", "forkserver"])
+def test_processes_of_a_pool(method):
+    if method not in multiprocessing.get_all_start_methods():
+        pytest.skip(f"no {method} here")
+    with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context(method)) as pool:
+        assert list(pool.map(_faces, [0.5, 0.25])) == [400, 200]
+
+
+MEMORY = """
+import resource, sys, drystone
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+drystone.simplify(sys.argv[1], sys.argv[2], ratio=0.1, memory="128MiB", threads=2, cluster_faces=20_000)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 - before)
+"""
+
+
+@pytest.mark.skipif(not IS_LINUX, reason="units of Linux")
+def test_a_job_takes_its_memory_beside_that_of_python(tmp_path, large):
+    done = subprocess.run(
+        [sys.executable, "-c", MEMORY, large, tmp_path / "a.obj"], capture_output=True, text=True, check=True
+    )
+    assert int(done.stdout) < 128 << 20
+
+
+@pytest.mark.skipif(not IS_LINUX, reason="reads /proc")
+def test_a_hundred_jobs_do_not_grow():
+    def resident() -> int:
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+    vertices, faces = grid(40)
+    for _ in range(20):
+        drystone.simplify_mesh(vertices, faces, ratio=0.1)
+    before = resident()
+    for _ in range(100):
+        drystone.simplify_mesh(vertices, faces, ratio=0.1)
+    assert resident() - before < 5 << 20
+
+
+def test_a_job_of_arrays_in_a_work_folder_resumes(tmp_path):
+    vertices, faces = grid(300)
+    arguments = dict(vertices=vertices, faces=faces, ratio=0.1, cluster_faces=10_000)
+    expected = drystone.simplify_mesh(**arguments)
+
+    def stop(event: drystone.Event) -> None:
+        if event.phase == "stitch":
+            raise Error
+
+    work = tmp_path / "work"
+    with pytest.raises(Error):
+        drystone.simplify_mesh(**arguments, work=work, progress=stop)
+    assert work.exists()
+    other = dict(arguments, vertices=vertices + 1)
+    with pytest.raises(drystone.ChangedError):
+        drystone.simplify_mesh(**other, work=work)
+    mesh = drystone.simplify_mesh(**arguments, work=work)
+    assert mesh.report.resumed and not work.exists()
+    assert np.array_equal(mesh.vertices, expected.vertices) and np.array_equal(mesh.faces, expected.faces)

@@ -1,0 +1,89 @@
+//! Appends the parsed chunks of an array file, in order.
+//!
+//! # Memory
+//! That of the builder.
+
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+
+use super::{ArrayChunk, ArrayRecords, ArraySource};
+use crate::base::{Error, Findings, Result};
+use crate::model::array_file::ArrayLayout;
+use crate::model::catalogue::{MaterialDefinition, TextureStatement};
+use crate::os::durable::folder_of;
+use crate::read::builder::{FinishedFile, MeshBuilder};
+use crate::read::file::{OpenFile, chain};
+use crate::read::parts::Labels;
+use crate::read::source::{Cut, FileCommit};
+
+/// An array file whose chunks are being appended.
+pub struct ArrayCommit<'a> {
+    path: &'a Path,
+    builder: MeshBuilder<'a>,
+    bytes: u64,
+    content_hash: u64,
+    /// What the last chunk knows of the file.
+    last: Option<(Arc<ArrayLayout>, Arc<OpenFile>)>,
+}
+
+impl<'a> FileCommit<'a, ArraySource> for ArrayCommit<'a> {
+    fn begin(path: &'a Path, folder: &Path, index: usize) -> Result<Self> {
+        let builder = MeshBuilder::create(path, folder, index)?;
+        Ok(Self { path, builder, bytes: 0, content_hash: 0, last: None })
+    }
+
+    fn append(&mut self, cut: &Cut<ArrayChunk>, parsed: &mut ArrayRecords, labels: &mut Labels) -> Result<()> {
+        let layout = &cut.chunk.layout;
+        if cut.chunk.header_bytes > 0 {
+            self.builder.check_counts(layout.vertices, layout.texcoords)?;
+        }
+        self.builder.report(&parsed.records, 0);
+        self.builder.append_vertices(&parsed.records)?;
+        self.builder.append_faces(&parsed.records, labels)?;
+        self.bytes += cut.bytes;
+        chain(&mut self.content_hash, cut.bytes, parsed.hash);
+        if cut.is_last {
+            self.last = Some((layout.clone(), cut.chunk.file.clone()));
+        }
+        Ok(())
+    }
+
+    fn finish(mut self, labels: &mut Labels, findings: &mut Findings) -> Result<FinishedFile> {
+        let Some((layout, file)) = self.last.take() else {
+            return Err(Error::input(self.path, 0, "no faces"));
+        };
+        file.check_unchanged(self.path)?;
+        if self.builder.has_no_faces() {
+            let message = match self.builder.triangles {
+                0 => "no faces".to_owned(),
+                count => format!("no faces: all {count} repeat a vertex"),
+            };
+            return Err(Error::input(self.path, 0, message));
+        }
+        define_materials(self.path, &layout, labels)?;
+        self.builder.describe(labels.materials_of_file().0);
+        let (bytes, content_hash) = (self.bytes, self.content_hash);
+        let (piece, triangles) = self.builder.finish(false, findings)?;
+        Ok(FinishedFile { piece, triangles, bytes, content_hash, libraries: Vec::new() })
+    }
+}
+
+/// Gives each label that faces use its texture image.
+pub(super) fn define_materials(path: &Path, layout: &ArrayLayout, labels: &mut Labels) -> Result<()> {
+    // A job may be resumed from another working directory.
+    let folder = folder_of(path);
+    let folder = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
+    let (catalogue, used, allowance) = labels.materials_of_file();
+    for (label, name) in &layout.images {
+        let Some(material) = used.find(label.to_string().as_bytes()) else { continue };
+        let definition = &mut catalogue.materials[material].definition;
+        if definition.is_none() {
+            let texture = TextureStatement { key_and_options: b"map_Kd".to_vec(), name: name.clone() };
+            let own = MaterialDefinition { folder: folder.clone(), statements: Vec::new(), textures: vec![texture] };
+            allowance.take(own.bytes(), path)?;
+            *definition = Some(own);
+        }
+    }
+    Ok(())
+}
