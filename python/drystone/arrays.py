@@ -101,6 +101,7 @@ def simplify_mesh(
             threads=threads,
             work=os.path.join(folder, "job"),
             textures="bake" if textures == "bake" else None,
+            no_sync=work is None,
             force=True,
         )
         arguments = ["simplify", f"--output={result}", *flags(given), "--", source]

@@ -50,6 +50,7 @@ def simplify(
     work: PathLike | None = None,
     resume: Resume = "auto",
     keep_work: bool = False,
+    no_sync: bool = False,
     force: bool = False,
     report: PathLike | Sequence[PathLike] = (),
     measure: bool = False,
@@ -82,6 +83,7 @@ def simplify(
         work=work,
         resume=resume,
         keep_work=keep_work,
+        no_sync=no_sync,
         force=force,
         report=paths(report),
         measure=measure,
@@ -105,6 +107,7 @@ def tile(
     work: PathLike | None = None,
     resume: Resume = "auto",
     keep_work: bool = False,
+    no_sync: bool = False,
     force: bool = False,
     progress: Progress = None,
     stop: _native.Stop | None = None,
@@ -123,6 +126,7 @@ def tile(
         work=work,
         resume=resume,
         keep_work=keep_work,
+        no_sync=no_sync,
         force=force,
     )
     _, value = call(["tile", *_output(output), *flags(given), "--", *paths(input)], progress, stop)

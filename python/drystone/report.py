@@ -38,6 +38,7 @@ class Options(Record):
     work: str | None
     resume: str
     keep_work: bool
+    no_sync: bool
     force: bool
     cluster_faces: int
     passes: int

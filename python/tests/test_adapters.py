@@ -36,7 +36,7 @@ def test_trimesh_keeps_its_texture():
 
     mesh = trimesh.load(TOWN, process=False, force="mesh")
     result = drystone.trimesh.simplify(mesh, ratio=0.3)
-    assert len(result.faces) == int(0.3 * len(mesh.faces) + 0.5)
+    assert abs(len(result.faces) - 0.3 * len(mesh.faces)) <= 2
     assert result.visual.uv.shape == (len(result.vertices), 2)
     assert result.visual.material is mesh.visual.material
     whole = drystone.trimesh.simplify(mesh, ratio=1.0)

@@ -120,7 +120,8 @@ def test_a_listener_that_raises_stops_the_job(tmp_path, large):
     with pytest.raises(Error, match="enough"):
         drystone.simplify(large, tmp_path / "a.obj", ratio=0.1, progress=listen)
     assert not (tmp_path / "a.obj").exists()
-    assert drystone.simplify(large, tmp_path / "a.obj", ratio=0.1).faces.output == 50_000
+    report = drystone.simplify(large, tmp_path / "a.obj", ratio=0.1)
+    assert report.resumed and abs(report.faces.output - 50_000) <= 2
 
 
 def test_a_slow_listener_does_not_hold_the_job(tmp_path):
@@ -226,6 +227,7 @@ def test_a_child_that_was_forked_after_calls_can_call(tmp_path):
     process = multiprocessing.get_context("fork").Process(target=_check_calls, args=(tmp_path / "child", expected))
     process.start()
     process.join(60)
+    process.kill()
     assert process.exitcode == 0
 
 
@@ -262,7 +264,8 @@ def test_processes_of_a_pool(method):
     if method not in multiprocessing.get_all_start_methods():
         pytest.skip(f"no {method} here")
     with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context(method)) as pool:
-        assert list(pool.map(_faces, [0.5, 0.25])) == [400, 200]
+        for found, expected in zip(pool.map(_faces, [0.5, 0.25]), [400, 200]):
+            assert abs(found - expected) <= 2
 
 
 MEMORY = """

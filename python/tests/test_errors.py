@@ -164,7 +164,7 @@ BUILTIN = [ValueError, ValueError, ValueError, FileNotFoundError, PermissionErro
 BUILTIN += [BlockingIOError, Exception, OverflowError, Exception, Exception, Exception]
 
 
-@pytest.mark.parametrize(("error", "builtin"), zip(EVERY, BUILTIN), ids=lambda e: type(e).__name__)
+@pytest.mark.parametrize(("error", "builtin"), list(zip(EVERY, BUILTIN)), ids=lambda e: type(e).__name__)
 def test_errors_are_builtin_ones_and_travel_between_processes(error, builtin):
     assert isinstance(error, drystone.DrystoneError) and isinstance(error, builtin)
     copy = pickle.loads(pickle.dumps(error))

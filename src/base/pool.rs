@@ -3,7 +3,7 @@
 //! Each job has a pool of its own; rayon's global pool stays untouched, so that a host program can use it as it likes.
 //! The job's thread enters the pool, and the threads that [`threads`](super::threads) starts from there inherit it.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
@@ -12,11 +12,16 @@ use super::{Error, Result};
 thread_local! {
     /// The pool that this thread has entered.
     static ENTERED: RefCell<Option<Pool>> = const { RefCell::new(None) };
+    /// Whether this thread belongs to a pool whose files need not outlast a power cut.
+    static SKIPS_SYNC: Cell<bool> = const { Cell::new(false) };
 }
 
 /// A thread pool.
 #[derive(Debug, Clone)]
-pub struct Pool(Arc<rayon::ThreadPool>);
+pub struct Pool {
+    threads: Arc<rayon::ThreadPool>,
+    syncs: bool,
+}
 
 /// A thread in a pool, until this is dropped.
 #[derive(Debug)]
@@ -31,8 +36,21 @@ impl Pool {
     /// # Errors
     /// [`Error::Io`] if the system refuses them.
     pub fn new(threads: usize) -> Result<Self> {
-        match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
-            Ok(pool) => Ok(Self(Arc::new(pool))),
+        Self::start(threads, true)
+    }
+
+    /// As [`new`](Self::new), for work whose files need not outlast a power cut: see [`skips_sync`].
+    ///
+    /// # Errors
+    /// Those of [`new`](Self::new).
+    pub fn without_sync(threads: usize) -> Result<Self> {
+        Self::start(threads, false)
+    }
+
+    fn start(threads: usize, syncs: bool) -> Result<Self> {
+        let begin = move |_| SKIPS_SYNC.set(!syncs);
+        match rayon::ThreadPoolBuilder::new().num_threads(threads).start_handler(begin).build() {
+            Ok(pool) => Ok(Self { threads: Arc::new(pool), syncs }),
             Err(error) => {
                 let error = std::io::Error::other(format!("{error}; `threads: 1` needs fewer"));
                 Err(Error::io(Path::new("threads"), "start", error))
@@ -63,6 +81,11 @@ impl Drop for InPool {
     }
 }
 
+/// Whether files that this thread writes need not outlast a power cut: they are not synced then.
+pub fn skips_sync() -> bool {
+    SKIPS_SYNC.get() || ENTERED.with_borrow(|pool| pool.as_ref().is_some_and(|pool| !pool.syncs))
+}
+
 /// Runs a data-parallel loop in the pool that this thread has entered.
 pub fn in_parallel<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     // A thread of a pool works there.
@@ -70,7 +93,7 @@ pub fn in_parallel<T: Send>(work: impl FnOnce() -> T + Send) -> T {
         return work();
     }
     match Pool::entered().or_else(Pool::fallback) {
-        Some(pool) => pool.0.install(work),
+        Some(pool) => pool.threads.install(work),
         None => work(),
     }
 }
@@ -94,6 +117,21 @@ mod tests {
         assert_eq!(thread_count(), 3);
         drop(outer);
         assert!(Pool::entered().is_none());
+    }
+
+    #[test]
+    fn all_threads_of_a_pool_without_sync_skip_it() {
+        use crate::base::threads;
+        let seen = || {
+            let pool = in_parallel(|| rayon::broadcast(|_| skips_sync()));
+            let beside = std::thread::scope(|scope| threads::start(scope, skips_sync).unwrap().join().unwrap());
+            (skips_sync(), pool, beside)
+        };
+        let inside = Pool::without_sync(2).unwrap().enter();
+        assert_eq!(seen(), (true, vec![true; 2], true));
+        drop(inside);
+        let _inside = Pool::new(2).unwrap().enter();
+        assert_eq!(seen(), (false, vec![false; 2], false));
     }
 
     #[test]

@@ -105,6 +105,7 @@ impl Checked {
 }
 
 fn check(arguments: &CheckArguments, progress: &dyn Progress) -> Result<Checked> {
+    let _threads = Pool::without_sync(0)?.enter();
     let CheckArguments { mesh, against, .. } = arguments;
     if mesh.is_dir() {
         let tiles = match against {
@@ -137,7 +138,6 @@ fn counts(path: &Path, progress: &dyn Progress) -> Result<Check> {
 
 /// Reads a mesh into a temporary folder, which is removed after `then` is done with it.
 fn with_scan<T>(path: &Path, progress: &dyn Progress, then: impl FnOnce(Scan, &Path) -> Result<T>) -> Result<T> {
-    let _threads = Pool::new(0)?.enter();
     let inputs = find_inputs(&path.into())?;
     let folder = temporary_folder("check");
     std::fs::create_dir(&folder).map_err(|e| Error::io(&folder, "create", e))?;

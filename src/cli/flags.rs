@@ -53,6 +53,12 @@ pub struct JobFlags {
     /// Keep the work folder after success; the same command then ends at once
     #[arg(long, help_heading = heading::JOB, hide_short_help = true)]
     keep_work: bool,
+
+    /// Do not wait until files are on the disk: faster for small meshes
+    ///
+    /// A power cut may then cost the job and damage the result. A kill costs no more than without it
+    #[arg(long, help_heading = heading::JOB, hide_short_help = true)]
+    no_sync: bool,
 }
 
 impl JobFlags {
@@ -63,7 +69,13 @@ impl JobFlags {
 
     /// Files of a job that may replace others only with `force`.
     pub fn options(&self, force: bool) -> JobOptions {
-        JobOptions { work: self.work.clone(), resume: self.resume, keep_work: self.keep_work, force }
+        JobOptions {
+            work: self.work.clone(),
+            resume: self.resume,
+            keep_work: self.keep_work,
+            no_sync: self.no_sync,
+            force,
+        }
     }
 }
 

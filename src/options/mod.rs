@@ -48,6 +48,9 @@ pub struct JobOptions {
     pub resume: ResumeChoice,
     /// Whether the folder stays after success; the same call then returns at once.
     pub keep_work: bool,
+    /// Whether files are left to the system to write: faster for small meshes. A power cut may then cost the job and
+    /// damage the result; a kill costs no more than before.
+    pub no_sync: bool,
     /// Whether an existing output may be replaced.
     pub force: bool,
 }
@@ -55,7 +58,7 @@ pub struct JobOptions {
 impl Default for JobOptions {
     /// A folder beside the output, which is removed after success; an unfinished job is resumed; nothing is replaced.
     fn default() -> Self {
-        Self { work: None, resume: ResumeChoice::Auto, keep_work: false, force: false }
+        Self { work: None, resume: ResumeChoice::Auto, keep_work: false, no_sync: false, force: false }
     }
 }
 

@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 
 use xxhash_rust::xxh3::{xxh3_64, xxh3_64_with_seed};
 
+use crate::base::pool::skips_sync;
 use crate::base::{Error, Result};
 
 /// Longest wait for the lock of a folder, which may belong to the user and never be released.
@@ -226,11 +227,14 @@ fn lock_within(patience: Duration, folder: &Path, mut wait: impl FnMut() -> Resu
     }
 }
 
-/// Syncs the data of an open file.
+/// Syncs the data of an open file, unless this thread's work [need not outlast a power cut](skips_sync).
 ///
 /// # Errors
 /// The error of the system call.
 pub fn sync_file(file: &File, path: &Path) -> io::Result<()> {
+    if skips_sync() {
+        return Ok(());
+    }
     file.sync_data().inspect(|()| witness::note("sync", path))
 }
 
@@ -244,12 +248,13 @@ pub fn give_name(temporary: &Path, target: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Makes the entry of `path` in its folder durable.
+/// Makes the entry of `path` in its folder durable, unless this thread's work
+/// [need not outlast a power cut](skips_sync).
 ///
 /// # Errors
 /// [`Error::Io`] if the folder cannot be opened or synced.
 pub fn sync_folder(path: &Path) -> Result<()> {
-    if cfg!(not(unix)) {
+    if cfg!(not(unix)) || skips_sync() {
         return Ok(());
     }
     let folder = folder_of(path);

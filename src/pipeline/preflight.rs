@@ -87,7 +87,8 @@ impl<'a> Preflight<'a> {
     /// # Errors
     /// Those of [`WorkFolder::open`], [`WorkFolder::finish`] and `work`.
     pub fn run<T>(&self, work: impl FnOnce(&mut WorkFolder) -> Result<T>) -> Result<T> {
-        let _threads = Pool::new(self.threads)?.enter();
+        let pool = if self.options.job.no_sync { Pool::without_sync } else { Pool::new };
+        let _threads = pool(self.threads)?.enter();
         let mut folder = WorkFolder::open(&self.work_path, &self.manifest, self.options.job.resume.into())?;
         let outcome = work(&mut folder);
         match &outcome {

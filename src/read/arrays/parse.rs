@@ -90,14 +90,19 @@ fn read_faces(bytes: &[u8], layout: &ArrayLayout, first: u64, records: &mut Pars
         }
         records.corner_vertices.raw.extend(vertices[..count].iter().copied().map(PieceVertex::new));
         let (texcoords, label) = rest.split_at(if layout.has_texcoords { layout.corners } else { 0 });
-        for &texcoord in texcoords.iter().take(count) {
-            if texcoord != NONE && u64::from(texcoord) >= layout.texcoords {
-                let there = layout.texcoords;
-                return fault(format!("refers to texture coordinate {texcoord}; there are {there}, counted from 0"));
-            }
-            let is_none = texcoord == NONE;
-            records.corner_texcoords.push(if is_none { PieceTexcoord::NONE } else { PieceTexcoord::new(texcoord) });
+        let texcoords = &texcoords[..count.min(texcoords.len())];
+        let is_there = |texcoord: &&u32| **texcoord == NONE || u64::from(**texcoord) < layout.texcoords;
+        if let Some(texcoord) = texcoords.iter().find(|texcoord| !is_there(texcoord)) {
+            let there = layout.texcoords;
+            return fault(format!("refers to texture coordinate {texcoord}; there are {there}, counted from 0"));
         }
+        let missing = texcoords.iter().filter(|texcoord| **texcoord == NONE).count();
+        if missing > 0 && missing < count {
+            let words = || format!("face {number}: only some corners have texture coordinates; it is read without");
+            records.note("partial_texcoords", 0, words);
+        }
+        let id = |texcoord: &u32| if missing > 0 { PieceTexcoord::NONE } else { PieceTexcoord::new(*texcoord) };
+        records.corner_texcoords.raw.extend(texcoords.iter().map(id));
         if let Some(&label) = label.first()
             && current != Some(label)
         {
