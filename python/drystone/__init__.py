@@ -9,11 +9,12 @@ Meshes in files, of any size: `simplify`, `tile`, `plan`, `inspect`, `check`, `c
 of the command line. Meshes in numpy arrays: `simplify_mesh`. Errors: `drystone.errors`.
 """
 
+from typing import TYPE_CHECKING, Any
+
 from drystone import errors
 from drystone._native import BUILD as build
 from drystone._native import VERSION as __version__
 from drystone._native import Stop
-from drystone.arrays import Mesh, simplify_mesh
 from drystone.errors import (
     BoundBrokenError,
     BudgetError,
@@ -43,6 +44,9 @@ from drystone.report import (
     TileReport,
     TilesetCheck,
 )
+
+if TYPE_CHECKING:
+    from drystone.arrays import Mesh, simplify_mesh
 
 __all__ = [
     "BoundBrokenError",
@@ -83,3 +87,12 @@ __all__ = [
     "status",
     "tile",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Imports what needs numpy when it is asked for: the command, and calls on files, do without."""
+    if name in ("Mesh", "simplify_mesh"):
+        from drystone import arrays
+
+        return getattr(arrays, name)
+    raise AttributeError(f"module 'drystone' has no attribute {name!r}")

@@ -21,7 +21,14 @@ class UsageError(DrystoneError, ValueError):
 
 
 class BudgetError(UsageError):
-    """The memory is too small for the job; the message says what would do."""
+    """The memory is too small for the job; `needed` bytes would do, None if that is not known."""
+
+    def __init__(self, message: str, needed: int | None = None) -> None:
+        super().__init__(message, needed)
+        self.needed = needed
+
+    def __str__(self) -> str:
+        return str(self.args[0])
 
 
 class InputError(DrystoneError, ValueError):
@@ -161,18 +168,18 @@ def _io_class(number: int | None) -> type[IoError]:
     return _io_classes[builtin]
 
 
-def from_native(kind: str, message: str, path: bytes | str | None, line: int, number: int | None) -> DrystoneError:
-    """The exception for an error of the native half."""
+def from_native(kind: str, message: str, path: bytes | str | None, number: int | None) -> DrystoneError:
+    """The exception for an error of the native half; `number` is a line, an error number, or bytes."""
     message = _with_keywords(message)
     there = None if path is None else os.fsdecode(path)
     match kind:
         case "usage":
             return UsageError(message)
         case "budget":
-            return BudgetError(message)
+            return BudgetError(message, number)
         case "input":
             kind_of_input = InputError if there is None or os.path.lexists(there) else MissingInputError
-            return kind_of_input(message, there, line or None)
+            return kind_of_input(message, there, number)
         case "io":
             return IoError(message, number, there)
         case "no_space":

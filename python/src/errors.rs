@@ -6,8 +6,9 @@ use std::ffi::OsString;
 use drystone::{Error, ErrorKind};
 use pyo3::prelude::*;
 
-/// What `drystone.errors.from_native` makes an exception of: kind, message, path, line, error number of the system.
-type Described = (&'static str, String, Option<OsString>, u64, Option<i32>);
+/// What `drystone.errors.from_native` makes an exception of: kind, message, path; and a number: the line of an input, the
+/// error number of the system, the bytes of a sufficient budget.
+type Described = (&'static str, String, Option<OsString>, Option<u64>);
 
 /// The exception for an error.
 pub fn exception(py: Python<'_>, error: &Error) -> PyErr {
@@ -18,12 +19,12 @@ pub fn exception(py: Python<'_>, error: &Error) -> PyErr {
 pub fn panicked(py: Python<'_>, panic: &(dyn Any + Send)) -> PyErr {
     let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
     let text = text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_default();
-    make(py, ("internal", text, None, 0, None))
+    make(py, ("internal", text, None, None))
 }
 
 /// The exception in a process that was forked from the one where the job runs.
 pub fn forked(py: Python<'_>) -> PyErr {
-    make(py, ("forked", String::new(), None, 0, None))
+    make(py, ("forked", String::new(), None, None))
 }
 
 fn make(py: Python<'_>, described: Described) -> PyErr {
@@ -45,11 +46,14 @@ fn describe(error: &Error) -> Described {
         ErrorKind::Limit => "limit",
         _ => "other",
     };
-    let (path, line, number) = match error {
-        Error::Input { path, line, .. } => (Some(path), *line, None),
-        Error::Io { path, source, .. } => (Some(path), 0, source.raw_os_error()),
-        Error::NoSpace { path, .. } | Error::Damaged { path, .. } | Error::Locked(path) => (Some(path), 0, None),
-        _ => (None, 0, None),
+    let (path, number) = match error {
+        Error::Input { path, line, .. } => (Some(path), Some(*line).filter(|line| *line > 0)),
+        Error::Io { path, source, .. } => {
+            (Some(path), source.raw_os_error().and_then(|number| u64::try_from(number).ok()))
+        }
+        Error::NoSpace { path, .. } | Error::Damaged { path, .. } | Error::Locked(path) => (Some(path), None),
+        Error::Budget { needed, .. } => (None, *needed),
+        _ => (None, None),
     };
-    (kind, error.to_string(), path.map(|path| path.clone().into_os_string()), line, number)
+    (kind, error.to_string(), path.map(|path| path.clone().into_os_string()), number)
 }

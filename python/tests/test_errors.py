@@ -35,8 +35,12 @@ def test_a_wrong_option_is_named_as_the_keyword_that_it_is(tmp_path, options, wo
 
 
 def test_a_small_memory(tmp_path):
-    with pytest.raises(drystone.BudgetError, match="128 MiB"):
+    with pytest.raises(drystone.BudgetError, match="128 MiB") as caught:
         drystone.simplify(TOWN, tmp_path / "a.obj", ratio=0.1, memory="1MiB")
+    assert caught.value.needed == 128 << 20
+    with pytest.raises(drystone.BudgetError) as caught:
+        drystone.simplify(TOWN, tmp_path / "a.obj", ratio=0.1, memory="128MiB", cluster_faces=2_000_000)
+    drystone.simplify(TOWN, tmp_path / "a.obj", ratio=0.1, memory=caught.value.needed, cluster_faces=2_000_000)
     assert issubclass(drystone.BudgetError, drystone.UsageError)
 
 
@@ -145,18 +149,18 @@ def test_a_bound_that_is_broken(tmp_path):
 
 
 EVERY = [
-    errors.from_native("usage", "`ratio`: no", None, 0, None),
-    errors.from_native("budget", "no", None, 0, None),
-    errors.from_native("input", "a.obj:3: no", b"/proc/self", 3, None),
-    errors.from_native("input", "gone.obj: no", "/gone.obj", 0, None),
-    errors.from_native("io", "a: denied", "/a", 0, errno.EACCES),
-    errors.from_native("io", "a: odd", "/a", 0, None),
-    errors.from_native("no_space", "a: full", "/a", 0, None),
-    errors.from_native("changed", "changed", None, 0, None),
-    errors.from_native("locked", "/w: locked", "/w", 0, None),
-    errors.from_native("damaged", "/w/a: damaged", "/w/a", 0, None),
-    errors.from_native("limit", "too many", None, 0, None),
-    errors.from_native("internal", "index out of bounds", None, 0, None),
+    errors.from_native("usage", "`ratio`: no", None, None),
+    errors.from_native("budget", "no", None, None),
+    errors.from_native("input", "a.obj:3: no", b"/proc/self", 3),
+    errors.from_native("input", "gone.obj: no", "/gone.obj", None),
+    errors.from_native("io", "a: denied", "/a", errno.EACCES),
+    errors.from_native("io", "a: odd", "/a", None),
+    errors.from_native("no_space", "a: full", "/a", None),
+    errors.from_native("changed", "changed", None, None),
+    errors.from_native("locked", "/w: locked", "/w", None),
+    errors.from_native("damaged", "/w/a: damaged", "/w/a", None),
+    errors.from_native("limit", "too many", None, None),
+    errors.from_native("internal", "index out of bounds", None, None),
     errors.TargetMissedError("missed", None),
     errors.BoundBrokenError("broken", None),
 ]
@@ -169,12 +173,12 @@ def test_errors_are_builtin_ones_and_travel_between_processes(error, builtin):
     assert isinstance(error, drystone.DrystoneError) and isinstance(error, builtin)
     copy = pickle.loads(pickle.dumps(error))
     assert type(copy) is type(error) and str(copy) == str(error) and copy.exit_code == error.exit_code
-    for name in ("path", "line", "row", "errno", "filename"):
+    for name in ("path", "line", "row", "errno", "filename", "needed"):
         assert getattr(copy, name, None) == getattr(error, name, None)
 
 
 def test_a_full_disk_has_the_error_number_of_the_system():
-    error = errors.from_native("no_space", "a: full", "/a", 0, None)
+    error = errors.from_native("no_space", "a: full", "/a", None)
     assert error.errno == errno.ENOSPC and error.filename == "/a" and error.exit_code == 7
 
 

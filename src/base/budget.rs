@@ -125,11 +125,12 @@ impl Allowance {
         if self.taken <= self.most {
             return Ok(());
         }
-        Err(Error::Budget(format!(
+        let message = format!(
             "{}: names and materials take more than the {} of memory that there is for them; see `memory`",
             escape_path(path),
             bytes::display(self.most),
-        )))
+        );
+        Err(Error::Budget { needed: None, message })
     }
 
     /// Credits bytes that were freed.

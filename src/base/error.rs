@@ -44,8 +44,13 @@ pub enum Error {
         message: String,
     },
     /// The memory budget cannot hold the job.
-    #[error("the memory budget is too small: {0}")]
-    Budget(String),
+    #[error("the memory budget is too small: {message}")]
+    Budget {
+        /// Budget in bytes that would suffice, if that is known.
+        needed: Option<u64>,
+        /// What does not fit, and what would do.
+        message: String,
+    },
     /// The input or the options differ from those that the work folder was created with.
     #[error("{0}")]
     Changed(String),
@@ -103,7 +108,7 @@ impl Error {
             Error::Input { .. } => ErrorKind::Input,
             Error::Io { .. } => ErrorKind::Io,
             Error::NoSpace { .. } => ErrorKind::NoSpace,
-            Error::Budget(_) => ErrorKind::Budget,
+            Error::Budget { .. } => ErrorKind::Budget,
             Error::Changed(_) => ErrorKind::Changed,
             Error::Locked(_) => ErrorKind::Locked,
             Error::Damaged { .. } => ErrorKind::Damaged,

@@ -69,7 +69,7 @@ mod tests {
             Error::Input { path: path(), line: 0, message: String::new() },
             Error::Io { path: path(), action: "read", source: io },
             Error::NoSpace { path: path(), message: String::new() },
-            Error::Budget(String::new()),
+            Error::Budget { needed: None, message: String::new() },
             Error::Changed(String::new()),
             Error::Locked(path()),
             Error::Damaged { path: path(), message: String::new() },

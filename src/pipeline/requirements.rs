@@ -104,14 +104,15 @@ impl Requirements {
         let cluster = heaviest_bytes(options, cluster_faces.min(self.faces))?;
         let resident = self.resident_bytes();
         if resident + cluster > budget.for_work() {
-            let needed = MemoryBudget::FIXED_BYTES + resident + cluster + bytes::MIB;
-            return Err(Error::Budget(format!(
+            let needed = MemoryBudget::FIXED_BYTES + resident + cluster + 2 * bytes::MIB;
+            let message = format!(
                 "`memory: {}` cannot hold the tables of {} vertices and a cluster of {cluster_faces} triangles; give \
                  `memory: {}`",
                 bytes::display(budget.bytes),
                 self.vertices,
-                bytes::display(needed + bytes::MIB),
-            )));
+                bytes::display(needed),
+            );
+            return Err(Error::Budget { needed: Some(needed), message });
         }
         match system::free_disk_bytes(work) {
             Ok(free) if needs_scratch => scratch::refuse_disk(work, self.scratch_bytes(options), free),
@@ -145,7 +146,7 @@ mod tests {
             error.rsplit("`memory: ").next().and_then(|text| bytes::parse(text.trim_end_matches('`')).ok()).unwrap();
         assert!(given < 160 << 20, "{error}");
         let outcome = need.check(MemoryBudget { bytes: given }, &options, folder.path(), true);
-        assert!(!matches!(outcome, Err(Error::Budget(_))), "{outcome:?}");
+        assert!(!matches!(outcome, Err(Error::Budget { .. })), "{outcome:?}");
     }
 
     #[test]
@@ -154,7 +155,7 @@ mod tests {
         let need = Requirements { faces: 4_000_000, vertices: 2_000_000, ..SURVEY };
         let fits = |metric, bytes| {
             let options = SimplifyOptions { metric: Some(metric), cluster_faces: 250_000, ..Default::default() };
-            !matches!(need.check(MemoryBudget { bytes }, &options, folder.path(), false), Err(Error::Budget(_)))
+            !matches!(need.check(MemoryBudget { bytes }, &options, folder.path(), false), Err(Error::Budget { .. }))
         };
         let plain = MemoryBudget::FIXED_BYTES + need.resident_bytes() + 2 * 200 * 250_000;
         for (metric, extra) in crate::plan::memory::METRIC_FACE_BYTES {

@@ -63,11 +63,13 @@ impl<'a> Texturing<'a> {
         let side = job.options.atlas;
         let needed = bake::image_bytes(side);
         if needed > limits.work_bytes {
-            let memory = bytes::display(job.budget.bytes + needed - limits.work_bytes);
-            return Err(Error::Budget(format!(
-                "`memory: {}` cannot hold an image of {side} x {side} texels; give `memory: {memory}` or a smaller `atlas`",
+            let needed = job.budget.bytes + needed - limits.work_bytes;
+            let message = format!(
+                "`memory: {}` cannot hold an image of {side} x {side} texels; give `memory: {}` or a smaller `atlas`",
                 bytes::display(job.budget.bytes),
-            )));
+                bytes::display(needed),
+            );
+            return Err(Error::Budget { needed: Some(needed), message });
         }
         let mut images = TextureImages::find(&input.catalogue, &mut Findings::default());
         let geometry = bake::geometry_catalogue(&input.catalogue, &images);

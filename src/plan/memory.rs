@@ -141,8 +141,8 @@ pub fn budget_of(memory: Option<u64>) -> Result<MemoryBudget> {
     let half = system::memory_bytes().map_or(1 << 30, |bytes| bytes / 2).max(floor);
     let bytes = memory.unwrap_or(half);
     if bytes < floor {
-        let (found, floor) = (bytes::display(bytes), bytes::display(floor));
-        return Err(Error::Budget(format!("`memory: {found}`: at least {floor} are needed")));
+        let message = format!("`memory: {}`: at least {} are needed", bytes::display(bytes), bytes::display(floor));
+        return Err(Error::Budget { needed: Some(floor), message });
     }
     Ok(MemoryBudget { bytes })
 }
@@ -156,12 +156,14 @@ pub fn choose_budget(options: &SimplifyOptions) -> Result<MemoryBudget> {
     let cluster = heaviest_bytes(options, options.cluster_faces)?;
     if cluster > budget.for_work() {
         let most = budget.for_work() * options.cluster_faces / cluster;
-        return Err(Error::Budget(format!(
+        let needed = cluster + MemoryBudget::FIXED_BYTES + MIB;
+        let message = format!(
             "{} cannot hold a cluster of {} triangles; give `cluster_faces: {most}` or `memory: {}`",
             bytes::display(budget.bytes),
             options.cluster_faces,
-            bytes::display(cluster + MemoryBudget::FIXED_BYTES + MIB),
-        )));
+            bytes::display(needed),
+        );
+        return Err(Error::Budget { needed: Some(needed), message });
     }
     Ok(budget)
 }

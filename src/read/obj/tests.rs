@@ -331,7 +331,7 @@ fn names_and_materials_beyond_their_memory_are_refused_as_they_come() {
     ];
     for (obj, mtl, enough, name) in cases {
         let error = scan_within(enough / 4, obj, mtl).unwrap_err();
-        assert!(matches!(error, Error::Budget(_)) && error.to_string().contains(name), "{error}");
+        assert!(matches!(error, Error::Budget { .. }) && error.to_string().contains(name), "{error}");
         let catalogue = scan_within(enough, obj, mtl).unwrap().catalogue;
         assert!(catalogue.bytes() <= enough);
     }
@@ -351,7 +351,7 @@ fn the_text_of_a_library_takes_memory_while_it_is_read() {
         scan(&inputs, folder.path(), &ScanOptions { catalogue_bytes: 200_000, ..Default::default() }, &Silent)
     };
     scan_with(100_000).unwrap();
-    assert!(matches!(scan_with(300_000), Err(Error::Budget(_))));
+    assert!(matches!(scan_with(300_000), Err(Error::Budget { .. })));
 }
 
 #[test]
