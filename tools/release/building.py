@@ -11,6 +11,7 @@ import sys
 import tarfile
 import zipfile
 from dataclasses import dataclass
+from email.utils import formatdate
 from pathlib import Path
 
 import licences
@@ -143,7 +144,6 @@ def gather(release):
     notes = {
         "THIRD-PARTY-LICENCES.txt": licences.notices(linked_crates(release)),
         "BUILD.txt": build_note(release),
-        "copyright": licences.debian_copyright(),
     }
     for name, text in notes.items():
         (folder / name).write_text(text, encoding="utf-8", newline="\n")
@@ -173,7 +173,7 @@ def build_note(release):
 
 def archive(release, folder, place):
     """An archive of the folder; order, times, owners and modes do not depend on the machine."""
-    files = sorted(path for path in folder.rglob("*") if path.is_file() and path.name != "copyright")
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
     entries = [(f"{release.name}/{path.relative_to(folder).as_posix()}", path) for path in files]
     is_program = lambda path: path.name == release.program.name
     if "windows" in release.target:
@@ -208,14 +208,30 @@ def bill_of_materials(release, place, variables):
     (place / f"{name}.json").write_text(json.dumps(bill, indent=1) + "\n", encoding="utf-8", newline="\n")
 
 
-def debian_package(release, place, variables):
+def debian_package(release, package, place, variables):
+    folder = release.built / "debian"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    maintainer = "The drystone contributors"
     command = ["cargo", "deb", "--locked", "--no-build", "--no-strip", "--profile", "dist", "--target", release.target]
     name, address = os.environ.get("DEBFULLNAME"), os.environ.get("DEBEMAIL")
     if name and address:
-        command += ["--maintainer", f"{name} <{address}>"]
+        maintainer = f"{name} <{address}>"
+        command += ["--maintainer", maintainer]
     else:
         print("NOTE: the Debian package names no address: set DEBFULLNAME and DEBEMAIL before publication")
+    compressed = {f"{page.name}.gz": page.read_bytes() for page in (package / "man").iterdir()}
+    compressed["changelog.gz"] = (REPOSITORY / "CHANGELOG.md").read_bytes()
+    compressed["changelog.Debian.gz"] = debian_changelog(release, maintainer).encode()
+    for name, text in compressed.items():
+        (folder / name).write_bytes(gzip.compress(text, 9, mtime=0))
+    (folder / "copyright").write_text(licences.debian_copyright(), encoding="utf-8")
     run(*command, "--output", place, env=variables)
+
+
+def debian_changelog(release, maintainer):
+    time = formatdate(release.time)
+    return f"drystone ({release.version}-1) unstable; urgency=medium\n\n  * See changelog.gz.\n\n -- {maintainer}  {time}\n"
 
 
 def checksums(place):
@@ -235,10 +251,11 @@ def build(allow_changes):
     place.mkdir(parents=True, exist_ok=True)
     for old in [*place.glob("drystone[-_]*.*"), place / "SHA256SUMS"]:
         old.unlink(missing_ok=True)
-    archive(release, gather(release), place)
+    package = gather(release)
+    archive(release, package, place)
     bill_of_materials(release, place, variables)
     if makes_debian():
-        debian_package(release, place, variables)
+        debian_package(release, package, place, variables)
     else:
         print("NOTE: no dpkg: no Debian package", file=sys.stderr)
     print(checksums(place), end="")
