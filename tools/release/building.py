@@ -235,7 +235,8 @@ def debian_changelog(release, maintainer):
 
 
 def checksums(place):
-    files = sorted(path for path in place.iterdir() if path.is_file() and path.name != "SHA256SUMS")
+    # Cargo keeps files of its own there.
+    files = sorted(place.glob("drystone[-_]*.*"))
     sums = [f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.name}\n" for path in files]
     (place / "SHA256SUMS").write_text("".join(sums), encoding="utf-8", newline="\n")
     return "".join(sums)

@@ -27,7 +27,11 @@ def other_home(folder):
 def made(folder):
     dist = folder / "target" / "dist"
     programs = [path for path in folder.glob("target/*/dist/drystone*") if path.suffix in ("", ".exe")]
-    return {path.name: path for path in [*dist.iterdir(), *programs] if path.is_file()}
+    return {path.name: path for path in [*dist.glob("drystone[-_]*.*"), dist / "SHA256SUMS", *programs]}
+
+
+def is_same(first, second):
+    return first is not None and second is not None and filecmp.cmp(first, second, shallow=False)
 
 
 def compare_two_builds():
@@ -50,7 +54,7 @@ def compare_two_builds():
                 raise ReleaseError("the build failed")
         first, second = map(made, folders)
         names = sorted(first.keys() | second.keys())
-        is_equal = {name: name in first and name in second and filecmp.cmp(first[name], second[name], shallow=False) for name in names}
+        is_equal = {name: is_same(first.get(name), second.get(name)) for name in names}
     for name in names:
         print(f"{'equal    ' if is_equal[name] else 'DIFFERENT'}  {name}")
     if not all(is_equal.values()):
