@@ -7,14 +7,14 @@ fn main() {
     println!("cargo:rerun-if-changed=build.rs");
     let target = std::env::var("TARGET").unwrap_or_default();
     let is_release = std::env::var("PROFILE").is_ok_and(|profile| profile == "release");
-    let build = match is_release.then(commit).flatten() {
+    let build = match is_release.then(|| commit().or_else(packaged_commit)).flatten() {
         Some(commit) => format!("commit {commit}, {target}"),
         None => target,
     };
     println!("cargo:rustc-env=DRYSTONE_BUILD={build}");
 }
 
-/// The commit of the repository whose top is this package; `None` in an archive, or inside another repository.
+/// The commit of the repository whose top is this package; `None` in a packaged crate, or inside another repository.
 fn commit() -> Option<String> {
     let package = std::env::var("CARGO_MANIFEST_DIR").ok()?;
     let top = git(&["rev-parse", "--show-toplevel"])?;
@@ -29,6 +29,13 @@ fn commit() -> Option<String> {
     let commit = git(&["rev-parse", "--short=12", "HEAD"])?;
     let is_changed = git(&["status", "--porcelain", "--untracked-files=no", "--", "src", "Cargo.toml", "Cargo.lock"])?;
     Some(if is_changed.is_empty() { commit } else { commit + " with changes" })
+}
+
+/// The commit that `cargo package` noted in the crate; `None` in a checkout.
+fn packaged_commit() -> Option<String> {
+    let note = std::fs::read_to_string(".cargo_vcs_info.json").ok()?;
+    let commit = note.split_once("\"sha1\": \"")?.1.get(..12)?;
+    Some(if note.contains("\"dirty\": true") { format!("{commit} with changes") } else { commit.to_owned() })
 }
 
 /// What git prints, without the line feed; `None` if there is no git or it fails.

@@ -21,10 +21,10 @@ use crate::report::BakeFigures;
 ///
 /// # let folder = tempfile::tempdir().unwrap();
 /// # let output = folder.path().join("coarse.obj");
-/// # std::fs::write(folder.path().join("coarse_plain.obj"), "v -32 -32 0\nv 32 -32 0\nv 0 32 0\nf 1 2 3\n").unwrap();
+/// # std::fs::write(folder.path().join("coarse_plain.obj"), "v 0 0 0\nv 2 0 0\nv 0 12 0\nf 1 2 3\n").unwrap();
 /// # let coarse = folder.path().join("coarse_plain.obj");
 /// let options = SimplifyOptions { texels: 0.25, ..SimplifyOptions::default() };
-/// let figures = bake_textures("fixtures/town/town.obj", &coarse, &output, &options, &Silent)?;
+/// let figures = bake_textures("fixtures/miniatures/seam_strip.obj", &coarse, &output, &options, &Silent)?;
 /// assert!(figures.images >= 1 && figures.charts >= 1);
 /// # Ok::<(), drystone::Error>(())
 /// ```

@@ -3,8 +3,8 @@
 /// `-V`: `0.1.0`.
 pub const SHORT: &str = env!("CARGO_PKG_VERSION");
 
-/// `--version`: `0.1.0 (commit 1f292f3c6d2a, x86_64-unknown-linux-gnu)`. Without the commit in a build from an archive,
-/// where it is unknown, and in a build for development, which would compile everything again at each commit.
+/// `--version`: `0.1.0 (commit 1f292f3c6d2a, x86_64-unknown-linux-gnu)`. Without the commit where neither git nor
+/// the packaged crate names it, and in a build for development, which would compile everything again at each commit.
 pub const LONG: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("DRYSTONE_BUILD"), ")");
 
 #[cfg(test)]
