@@ -81,7 +81,8 @@ def find_release(allow_changes):
     if changes and not allow_changes:
         raise ReleaseError(f"the checkout has changes; commit them, or pass --allow-changes\n{changes}")
     compiler = dict(line.split(": ", 1) for line in printed("rustc", "-vV").splitlines()[1:])
-    package = json.loads(printed("cargo", "metadata", "--locked", "--no-deps", "--format-version", "1"))["packages"][0]
+    packages = json.loads(printed("cargo", "metadata", "--locked", "--no-deps", "--format-version", "1"))["packages"]
+    package = next(package for package in packages if package["name"] == "drystone")
     commit, time = printed("git", "log", "-1", "--format=%H %ct").split()
     return Release(package["version"], compiler["host"], commit, int(time))
 
