@@ -1,6 +1,8 @@
 from collections.abc import Callable, Sequence
 from typing import final
 
+__all__ = ["BUILD", "Stop", "VERSION", "call", "decode_image", "main"]
+
 VERSION: str
 BUILD: str
 

@@ -20,14 +20,9 @@ def colour_at(image, uv):
     return image[y, x].astype(float)
 
 
-def places(vertices, faces, count=1000):
-    """Triangles, and shares of their corners, at random places by area."""
-    rng = np.random.default_rng(1)
-    a, b, c = np.moveaxis(vertices[faces], 1, 0)
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    face = rng.choice(len(faces), count, p=area / area.sum())
-    shares = rng.dirichlet([1, 1, 1], count)
-    return face, shares
+def corners(mesh):
+    """Position and texture coordinate of each corner of a Trimesh, once each."""
+    return {tuple(row) for row in np.round(np.column_stack([mesh.vertices, mesh.visual.uv])[mesh.faces.ravel()], 5)}
 
 
 def test_trimesh_keeps_its_texture():
@@ -40,13 +35,7 @@ def test_trimesh_keeps_its_texture():
     assert result.visual.uv.shape == (len(result.vertices), 2)
     assert result.visual.material is mesh.visual.material
     whole = drystone.trimesh.simplify(mesh, ratio=1.0)
-    face, shares = places(whole.vertices, whole.faces)
-    points = np.einsum("ij,ijk->ik", shares, whole.vertices[whole.faces[face]])
-    uv = np.einsum("ij,ijk->ik", shares, whole.visual.uv[whole.faces[face]])
-    _, _, near = trimesh.proximity.closest_point(mesh, points)
-    bary = trimesh.triangles.points_to_barycentric(mesh.triangles[near], points)
-    expected = np.einsum("ij,ijk->ik", bary, mesh.visual.uv[mesh.faces[near]])
-    assert (np.abs(uv - expected).max(axis=1) < 1e-6).mean() > 0.98
+    assert len(whole.faces) == len(mesh.faces) and corners(whole) == corners(mesh)
     assert result.metadata["drystone"].faces.output == len(result.faces)
 
 

@@ -200,7 +200,7 @@ def test_threads_are_those_of_the_call_and_none_stays(tmp_path, large):
     deadline = time.monotonic() + 5
     while len(os.listdir("/proc/self/task")) > before and time.monotonic() < deadline:
         time.sleep(0.05)
-    assert len(os.listdir("/proc/self/task")) == before
+    assert len(os.listdir("/proc/self/task")) <= before
 
 
 def _calls(folder: Path) -> list[object]:

@@ -4,6 +4,8 @@ import doctest
 import importlib
 import inspect
 import re
+import contextlib
+import io
 import subprocess
 import sys
 import typing
@@ -32,9 +34,6 @@ def test_the_guide_runs_and_prints_what_it_shows(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
     printed, count = "", 0
-    import contextlib
-    import io
-
     for indentation, language, code in blocks(GUIDE.read_text()):
         code = "\n".join(line.removeprefix(indentation) for line in code.splitlines()) + "\n"
         if language == "python":
@@ -85,7 +84,7 @@ def test_choices_are_those_of_the_command():
     found = 0
     for name, hint in hints.items():
         if typing.get_origin(hint) is typing.Literal:
-            section = text.split(f"--{name.replace('_', '-')} <")[1].split("\n\n      --")[0]
+            section = re.split(r"\n +(?:-\w, )?--", text.split(f"--{name.replace('_', '-')} <")[1])[0]
             assert set(re.findall(r"^ +- ([a-z0-9-]+):", section, re.MULTILINE)) == set(typing.get_args(hint)), name
             found += 1
     assert found >= 9

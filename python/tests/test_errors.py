@@ -7,6 +7,7 @@ import resource
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 import drystone
@@ -78,15 +79,19 @@ def test_another_input_in_the_work_folder(tmp_path):
 
 
 def test_a_folder_that_is_locked(tmp_path):
-    other = []
+    source, other = tmp_path / "source.obj", []
+    vertices, faces = grid(300)
+    with open(source, "w") as file:
+        np.savetxt(file, vertices, fmt="v %.5f %.5f %.5f")
+        np.savetxt(file, faces + 1, fmt="f %d %d %d")
 
     def call_again(event: drystone.Event) -> None:
-        if event.phase == "simplify" and not other:
+        if event.phase == "scan" and not other:
             with pytest.raises(BlockingIOError) as caught:
-                drystone.simplify(TOWN, tmp_path / "a.obj", ratio=0.5)
+                drystone.simplify(source, tmp_path / "a.obj", ratio=0.5)
             other.append(caught.value)
 
-    drystone.simplify(TOWN, tmp_path / "a.obj", ratio=0.5, progress=call_again)
+    drystone.simplify(source, tmp_path / "a.obj", ratio=0.5, progress=call_again)
     (error,) = other
     assert isinstance(error, drystone.LockedError) and error.exit_code == 6
     assert os.path.basename(error.path) == "a.obj.work"

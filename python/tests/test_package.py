@@ -29,7 +29,7 @@ def test_the_wheel_is_one_for_all_versions_of_python():
     assert "Tag: cp311-abi3-" in wheel and "Root-Is-Purelib: false" in wheel
     metadata = DISTRIBUTION.metadata
     assert metadata["Requires-Python"] == ">=3.11" and metadata["License-Expression"] == "MIT OR Apache-2.0"
-    assert [word.split(";")[0].split(">")[0] for word in DISTRIBUTION.requires or []] == ["numpy", "tqdm"]
+    assert [word.split(";")[0].split(">")[0].strip() for word in DISTRIBUTION.requires or []] == ["numpy", "tqdm"]
     assert DISTRIBUTION.version == drystone.__version__
 
 

@@ -203,7 +203,9 @@ def bill_of_materials(release, place, variables):
     run(*command, "--override-filename", name, "--quiet", env=variables)
     made = REPOSITORY / f"{name}.json"
     text = made.read_text(encoding="utf-8")
-    made.unlink()
+    # The tool writes one for the Python package, too.
+    for path in [made, REPOSITORY / "python" / made.name]:
+        path.unlink(missing_ok=True)
     bill = licences.without_unused(json.loads(text.replace(REPOSITORY.as_uri(), "file:///drystone")), tree(release, "normal,build"))
     bill.pop("serialNumber", None)
     (place / f"{name}.json").write_text(json.dumps(bill, indent=1) + "\n", encoding="utf-8", newline="\n")
