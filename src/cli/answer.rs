@@ -9,14 +9,14 @@ use crate::base::{Error, Result};
 
 /// What a command found.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Answer {
+pub struct CommandAnswer {
     /// Exit code of the command: not 0 also for a target that was missed, a bound that was broken, faults.
     pub code: u8,
     /// What the command prints as JSON.
     pub value: Value,
 }
 
-impl Answer {
+impl CommandAnswer {
     /// An answer with the JSON of what was found.
     ///
     /// # Errors

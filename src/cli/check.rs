@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
-use super::answer::Answer;
+use super::answer::CommandAnswer;
 use super::print::{print, print_json};
 use super::progress::stoppable;
 use super::stop::Goodbye;
@@ -62,9 +62,9 @@ pub fn run(arguments: &CheckArguments) -> Result<u8> {
 ///
 /// # Errors
 /// Those of [`run`].
-pub fn answer(arguments: &CheckArguments, progress: &dyn Progress) -> Result<Answer> {
+pub fn answer(arguments: &CheckArguments, progress: &dyn Progress) -> Result<CommandAnswer> {
     let checked = check(arguments, progress)?;
-    Answer::new(u8::from(checked.is_bad()), &checked.json())
+    CommandAnswer::new(u8::from(checked.is_bad()), &checked.json())
 }
 
 /// What was checked, and what was found.

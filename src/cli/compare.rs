@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::answer::Answer;
+use super::answer::CommandAnswer;
 use super::flags::heading;
 use super::print::{print, print_json};
 use super::progress::stoppable;
@@ -136,8 +136,8 @@ pub fn run(arguments: &CompareArguments) -> Result<u8> {
 ///
 /// # Errors
 /// Those of [`compare::compare`], and of writing the reports.
-pub fn answer(arguments: &CompareArguments, progress: &dyn Progress) -> Result<Answer> {
-    Answer::new(0, &compare(arguments, progress)?)
+pub fn answer(arguments: &CompareArguments, progress: &dyn Progress) -> Result<CommandAnswer> {
+    CommandAnswer::new(0, &compare(arguments, progress)?)
 }
 
 /// Compares, and writes the reports.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::answer::Answer;
+use super::answer::CommandAnswer;
 use super::input::InputArguments;
 use super::print::{print, print_json};
 use super::progress::stoppable;
@@ -58,8 +58,8 @@ pub fn run(arguments: &InspectArguments) -> Result<u8> {
 ///
 /// # Errors
 /// Those of [`inspect::inspect`].
-pub fn answer(arguments: &InspectArguments, progress: &dyn Progress) -> Result<Answer> {
-    Answer::new(0, &inspect(arguments, progress)?)
+pub fn answer(arguments: &InspectArguments, progress: &dyn Progress) -> Result<CommandAnswer> {
+    CommandAnswer::new(0, &inspect(arguments, progress)?)
 }
 
 fn inspect(arguments: &InspectArguments, progress: &dyn Progress) -> Result<Inspection> {

@@ -30,7 +30,7 @@ use self::flags::SimplifyFlags;
 use crate::base::{Error, Progress, Result};
 use crate::options::SimplifyOptions;
 
-pub use self::answer::Answer;
+pub use self::answer::CommandAnswer;
 pub use self::exit::code_of;
 pub use self::markdown::options_markdown;
 pub use self::version::LONG as LONG_VERSION;
@@ -98,7 +98,7 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>) -> u8 {
 ///
 /// # Errors
 /// [`Error::Usage`] for arguments that the command line refuses, and those of the command.
-pub fn call(arguments: impl IntoIterator<Item = OsString>, progress: &dyn Progress) -> Result<Answer> {
+pub fn call(arguments: impl IntoIterator<Item = OsString>, progress: &dyn Progress) -> Result<CommandAnswer> {
     let name = OsString::from("drystone");
     let cli = Cli::try_parse_from(std::iter::once(name).chain(arguments)).map_err(|error| usage(&error))?;
     match &cli.command {

@@ -3,7 +3,7 @@
 use clap::Args;
 use serde::Serialize;
 
-use super::answer::Answer;
+use super::answer::CommandAnswer;
 use super::flags::{SimplifyFlags, heading};
 use super::input::InputArguments;
 use super::print::{print, print_json};
@@ -63,12 +63,12 @@ impl PlanArguments {
 ///
 /// # Errors
 /// Those of [`plan::plan`] and [`plan::plan_tiles`].
-pub fn answer(arguments: &PlanArguments, progress: &dyn Progress) -> Result<Answer> {
+pub fn answer(arguments: &PlanArguments, progress: &dyn Progress) -> Result<CommandAnswer> {
     let input = arguments.input.choice();
     if arguments.tile {
-        return Answer::new(0, &plan::plan_tiles(input, &arguments.tile_options(), progress)?);
+        return CommandAnswer::new(0, &plan::plan_tiles(input, &arguments.tile_options(), progress)?);
     }
-    Answer::new(0, &plan::plan(input, &arguments.flags.options(), progress)?)
+    CommandAnswer::new(0, &plan::plan(input, &arguments.flags.options(), progress)?)
 }
 
 /// Prints the plan.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::answer::Answer;
+use super::answer::CommandAnswer;
 use super::compare::{ComparisonTask, SamplingArguments};
 use super::exit::{code_of, code_of_run};
 use super::flags::{SimplifyFlags, heading};
@@ -141,12 +141,12 @@ fn simplify(arguments: &SimplifyArguments, is_printed: &mut bool) -> Result<u8> 
 ///
 /// # Errors
 /// Those of [`run`].
-pub fn answer(arguments: &SimplifyArguments, progress: &dyn Progress) -> Result<Answer> {
+pub fn answer(arguments: &SimplifyArguments, progress: &dyn Progress) -> Result<CommandAnswer> {
     let mut options = arguments.options()?;
     options.notes.command = None;
     match arguments.simplify(&arguments.input.choice(), &options, progress, || ())? {
         (_, Some(error)) => Err(error),
-        (result, None) => Answer::new(code_of_run(&result), &result),
+        (result, None) => CommandAnswer::new(code_of_run(&result), &result),
     }
 }
 

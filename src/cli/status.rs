@@ -11,7 +11,7 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::json;
 
-use super::answer::Answer;
+use super::answer::CommandAnswer;
 use super::print::{print, print_json};
 use crate::bake::BakeStep;
 use crate::base::error::{escape, escape_path};
@@ -100,7 +100,7 @@ struct BakeStatus {
 /// # Errors
 /// Those of [`look`].
 pub fn run(arguments: &StatusArguments) -> Result<u8> {
-    let found = Found::look(&arguments.workdir)?;
+    let found = JobOrResult::look(&arguments.workdir)?;
     if arguments.json {
         print_json(&found.json())?
     } else {
@@ -113,18 +113,18 @@ pub fn run(arguments: &StatusArguments) -> Result<u8> {
 ///
 /// # Errors
 /// Those of [`look`].
-pub fn answer(arguments: &StatusArguments) -> Result<Answer> {
-    Answer::new(0, &Found::look(&arguments.workdir)?.json())
+pub fn answer(arguments: &StatusArguments) -> Result<CommandAnswer> {
+    CommandAnswer::new(0, &JobOrResult::look(&arguments.workdir)?.json())
 }
 
 /// What is found where a work folder is or was.
-enum Found {
+enum JobOrResult {
     Job(Box<JobStatus>),
     /// The result of a job whose folder was removed.
     Result(PathBuf),
 }
 
-impl Found {
+impl JobOrResult {
     fn look(work: &Path) -> Result<Self> {
         if let Some(output) = finished(work) {
             return Ok(Self::Result(output));

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::answer::Answer;
+use super::answer::CommandAnswer;
 use super::flags::{JobFlags, heading};
 use super::input::InputArguments;
 use super::print::{print, print_json};
@@ -143,9 +143,9 @@ pub fn run(arguments: &TileArguments) -> Result<u8> {
 ///
 /// # Errors
 /// Those of [`pipeline::tile`].
-pub fn answer(arguments: &TileArguments, progress: &dyn Progress) -> Result<Answer> {
+pub fn answer(arguments: &TileArguments, progress: &dyn Progress) -> Result<CommandAnswer> {
     let TileArguments { output, flags, input, .. } = arguments;
-    Answer::new(0, &pipeline::tile(input.choice(), output, &flags.options(), progress)?)
+    CommandAnswer::new(0, &pipeline::tile(input.choice(), output, &flags.options(), progress)?)
 }
 
 #[cfg(test)]

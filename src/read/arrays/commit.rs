@@ -7,7 +7,8 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::{ArrayChunk, ArrayRecords, ArraySource};
+use super::cut::{ArrayChunk, ArraySource};
+use super::parse::ArrayRecords;
 use crate::base::{Error, Findings, Result};
 use crate::model::array_file::ArrayLayout;
 use crate::model::catalogue::{MaterialDefinition, TextureStatement};

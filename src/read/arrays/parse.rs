@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::{DVec2, DVec3};
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::{ArrayChunk, Section};
+use super::cut::{ArrayChunk, Section};
 use crate::base::{Error, Result};
 use crate::model::array_file::{ArrayLayout, NONE};
 use crate::model::id::{PieceTexcoord, PieceVertex};
