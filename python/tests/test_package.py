@@ -45,6 +45,16 @@ def test_what_the_native_half_is_made_of_is_listed():
     assert {"pyo3", "rayon", "memmap2"} <= {component["name"] for component in bom["components"]}
 
 
+def test_the_native_half_uses_what_every_version_of_python_has():
+    pytest.importorskip("abi3audit")
+    module = Path(drystone.__file__).parent / "_native.abi3.so"
+    if not module.exists():
+        pytest.skip("another name on this system")
+    command = [sys.executable, "-m", "abi3audit", "--strict", "--assume-minimum-abi3", "3.11", str(module)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 def test_the_command_is_a_script():
     script = Path(sysconfig.get_path("scripts")) / "drystone"
     assert script.exists()

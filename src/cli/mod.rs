@@ -26,9 +26,7 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
-use self::flags::SimplifyFlags;
 use crate::base::{Error, Progress, Result};
-use crate::options::SimplifyOptions;
 
 pub use self::answer::CommandAnswer;
 pub use self::exit::code_of;
@@ -111,21 +109,6 @@ pub fn call(arguments: impl IntoIterator<Item = OsString>, progress: &dyn Progre
         Command::Status(arguments) => status::answer(arguments),
         _ => Err(Error::Usage("this command prints its result".into())),
     }
-}
-
-/// The options that flags of `drystone simplify` mean.
-///
-/// # Errors
-/// [`Error::Usage`] for flags that the command line refuses.
-pub fn simplify_options(flags: impl IntoIterator<Item = OsString>) -> Result<SimplifyOptions> {
-    #[derive(Parser)]
-    struct Alone {
-        #[command(flatten)]
-        flags: SimplifyFlags,
-    }
-    let name = OsString::from("drystone");
-    let alone = Alone::try_parse_from(std::iter::once(name).chain(flags)).map_err(|error| usage(&error))?;
-    Ok(alone.flags.options())
 }
 
 /// The message of an error of the arguments, without the hints for people at a terminal.

@@ -4,6 +4,7 @@
     drystone-VERSION-TARGET.tar.gz      program, manual pages, completions, pages, licences (.zip on Windows)
     drystone-VERSION-TARGET.cdx.json    what the program was compiled from, as CycloneDX (SBOM)
     drystone_VERSION-1_ARCH.deb         where dpkg is
+    drystone-VERSION-….whl, .tar.gz     the Python package, with --wheel
     SHA256SUMS
 
 The same commit, compiler and tools give the same bytes in any folder; `--check` builds the commit twice and compares.
@@ -16,6 +17,7 @@ import sys
 
 import building
 import comparing
+import wheel
 
 
 def main():
@@ -24,12 +26,13 @@ def main():
     )
     parser.add_argument("--check", action="store_true", help="build the commit twice, in two folders, and compare the files")
     parser.add_argument("--allow-changes", action="store_true", help="build a checkout with changes; not for publication")
+    parser.add_argument("--wheel", action="store_true", help="make the Python package, too; needs the network once")
     asked = parser.parse_args()
     try:
         if asked.check:
             comparing.compare_two_builds()
         else:
-            building.build(asked.allow_changes)
+            building.build(asked.allow_changes, wheel.build_wheel if asked.wheel else None)
     except building.ReleaseError as error:
         sys.exit(f"tools/release: {error}")
 

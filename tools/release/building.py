@@ -245,7 +245,7 @@ def checksums(place):
     return "".join(sums)
 
 
-def build(allow_changes):
+def build(allow_changes, build_wheel=None):
     release = find_release(allow_changes)
     bring_tools()
     variables = environment(release)
@@ -262,4 +262,6 @@ def build(allow_changes):
         debian_package(release, package, place, variables)
     else:
         print("NOTE: no dpkg: no Debian package", file=sys.stderr)
+    if build_wheel is not None:
+        build_wheel(place, variables)
     print(checksums(place), end="")
