@@ -89,6 +89,10 @@ __all__ = [
 ]
 
 
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
 def __getattr__(name: str) -> Any:
     """Imports what needs numpy when it is asked for: the command, and calls on files, do without."""
     if name in ("Mesh", "simplify_mesh"):

@@ -10,7 +10,8 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     from drystone import _native
 
-    sys.stdout.flush()
+    if sys.stdout is not None:
+        sys.stdout.flush()
     sys.exit(_native.main(["drystone", *sys.argv[1:]]))
 
 

@@ -8,7 +8,7 @@ import os
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, BinaryIO
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,12 @@ _ROWS = 1 << 18
 _NONE = 0xFFFFFFFF
 _CORNERS_MAX = 512
 _COORDINATE_MAX = float(np.finfo(np.float32).max)
+
+
+class Writer(Protocol):
+    """What takes bytes, as a file does."""
+
+    def write(self, data: Any, /) -> object: ...
 
 
 @dataclass(frozen=True)
@@ -38,13 +44,13 @@ class ArrayMesh:
     labels: NDArray[Any] | None = None
     colors: NDArray[Any] | None = None
 
-    def write(self, path: str, images: Sequence[tuple[int, str]] = ()) -> None:
+    def write(self, file: Writer, images: Sequence[tuple[int, str]] = ()) -> None:
         """Writes an array file; `images` are labels and names of files. Checks every number on the way.
 
         Raises InputError with the row at fault.
         """
-        partial = f"{path}.{os.getpid()}"
-        with open(partial, "wb") as file:
+        # What is too large becomes infinite, and is refused then.
+        with np.errstate(all="ignore"):
             file.write(self._header(images))
             self._write_vertices(file)
             if self.uv is not None:
@@ -53,8 +59,6 @@ class ArrayMesh:
                     _refuse_rows("uv", start, _is_bad(values), "expected finite 32-bit numbers")
                     file.write(np.ascontiguousarray(values).data)
             self._write_faces(file)
-        # A job that still reads an earlier file of this name keeps it.
-        os.replace(partial, path)
 
     def _header(self, images: Sequence[tuple[int, str]]) -> bytes:
         text = b"".join(b"%d %s\n" % (label, os.fsencode(name)) for label, name in images)
@@ -64,7 +68,7 @@ class ArrayMesh:
         header = _FIXED.pack(_MAGIC, 1, *counts) + text
         return header + bytes(-len(header) % 8)
 
-    def _write_vertices(self, file: BinaryIO) -> None:
+    def _write_vertices(self, file: Writer) -> None:
         colors = self.colors
         for start, block in _blocks(self.vertices):
             values = np.asarray(block, dtype="<f8")
@@ -75,9 +79,10 @@ class ArrayMesh:
             records = np.empty(len(values), dtype=[("at", "<f8", 3), ("color", "<f4", 3)])
             records["at"] = values
             records["color"] = colors[start : start + len(values)]
+            _refuse_rows("vertex_colors", start, ~np.isfinite(records["color"]), "expected finite numbers")
             file.write(records.data)
 
-    def _write_faces(self, file: BinaryIO) -> None:
+    def _write_faces(self, file: Writer) -> None:
         corners = self.faces.shape[1]
         for start, block in _blocks(self.faces):
             labelled, textured = self.labels is not None, self.face_uv is not None
@@ -108,7 +113,9 @@ def _check_faces(block: NDArray[Any], start: int, limit: int) -> NDArray[Any] | 
         return None
     is_end = block == -1
     counts = np.where(is_end.any(axis=1), is_end.argmax(axis=1), block.shape[1])
-    bad &= ~_behind(counts, block.shape[1])
+    behind = _behind(counts, block.shape[1])
+    _refuse_rows("faces", start, behind & (block != -1), "expected nothing but -1 behind the first -1")
+    bad &= ~behind
     _refuse_ids("faces", start, block, bad, f"there are {limit:,} vertices")
     _refuse_rows("faces", start, np.less(counts, 3)[:, None], "expected at least 3 vertices before the first -1")
     return np.asarray(counts)
@@ -125,8 +132,7 @@ def _blocks(array: NDArray[Any]) -> Iterator[tuple[int, NDArray[Any]]]:
 
 
 def _is_bad(values: NDArray[Any]) -> NDArray[Any]:
-    with np.errstate(invalid="ignore"):
-        return np.asarray(~(np.abs(values) <= _COORDINATE_MAX))
+    return np.asarray(~(np.abs(values) <= _COORDINATE_MAX))
 
 
 def _refuse_rows(name: str, start: int, bad: NDArray[Any], words: str) -> None:
@@ -172,8 +178,15 @@ def _ids(words: NDArray[Any], limit: int) -> NDArray[Any]:
     return ids
 
 
+def refuse_masked(name: str, values: Any) -> None:
+    """Raises InputError for an array of which some numbers are masked: they would be used as they are."""
+    if np.ma.isMaskedArray(values) and np.ma.is_masked(values):
+        raise InputError(f"{name}: some of its numbers are masked")
+
+
 def checked(name: str, values: Any, columns: int | None, kinds: str) -> NDArray[Any]:
     """An array of rows of `columns` numbers (None: at least 3), or of single ones if `columns` is 0."""
+    refuse_masked(name, values)
     try:
         array = np.asarray(values)
     except ValueError as error:

@@ -1,9 +1,6 @@
 """Meshes in numpy arrays."""
 
-import os
-import shutil
-import tempfile
-import zlib
+import numbers
 from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple, Unpack
 
@@ -12,9 +9,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from drystone import _native, array_file
 from drystone.array_file import ArrayMesh
+from drystone.array_job import ArrayJob
 from drystone.errors import InputError, UsageError
 from drystone.files import call, judge
-from drystone.options import SIMPLIFY_KEYS, PathLike, SimplifyOptions, Size, flags, refuse_unknown
+from drystone.options import SIMPLIFY_KEYS, PathLike, Resume, SimplifyOptions, Size, flags, refuse_unknown
 from drystone.progress import Progress
 from drystone.report import Report
 
@@ -55,6 +53,7 @@ def simplify_mesh(
     memory: Size | None = None,
     threads: int | None = None,
     work: PathLike | None = None,
+    resume: Resume = "auto",
     strict: bool = False,
     progress: Progress = None,
     stop: _native.Stop | None = None,
@@ -71,7 +70,8 @@ def simplify_mesh(
 
     Give `ratio`, `face_count` or `max_error`, as for `simplify`; the options are the same. The result is that of the
     command line for an OBJ of the same numbers in the same order. The arrays are read once, at the beginning; the
-    intermediate files go to a temporary folder, or to `work`: then the same call resumes a job that was stopped.
+    intermediate files go to a temporary folder, or to `work`: then the same call resumes a job that was stopped, and
+    `drystone.status(work)` says how far it is.
 
     >>> import numpy as np, drystone
     >>> x, y = np.meshgrid(np.arange(21.0), np.arange(21.0))
@@ -85,13 +85,9 @@ def simplify_mesh(
     refuse_unknown("simplify_mesh", options, SIMPLIFY_KEYS)
     form = _Form(vertices, faces, uv, face_uv, face_material, vertex_colors)
     images = form.images(texture, textures)
-    folder = tempfile.mkdtemp(prefix="drystone-") if work is None else os.fsdecode(work)
-    os.makedirs(folder, exist_ok=True)
-    try:
-        names = [_write_image(os.path.join(folder, f"input-{i}.png"), image) for i, (_, image) in enumerate(images)]
-        source = os.path.join(folder, "input.drystone")
-        form.mesh.write(source, [(label, name) for (label, _), name in zip(images, names)])
-        result = os.path.join(folder, "result.drystone")
+    with ArrayJob(work) as job:
+        source = job.write(form.mesh, images)
+        result = source.replace("input-", "result-")
         given = dict(
             options,
             ratio=ratio,
@@ -99,23 +95,22 @@ def simplify_mesh(
             max_error=max_error,
             memory=memory,
             threads=threads,
-            work=os.path.join(folder, "job"),
+            work=job.path("job"),
+            resume=resume,
             textures="bake" if textures == "bake" else None,
             no_sync=work is None,
             force=True,
         )
         arguments = ["simplify", f"--output={result}", *flags(given), "--", source]
-        code, value = call(arguments, progress, stop)
+        try:
+            code, value = call(arguments, progress, stop)
+        except InputError as error:
+            raise InputError(str(error).replace(source, "the mesh")) from None
         report = Report.from_dict(value)
-        mesh, images_out = array_file.read(result)
-        baked = [_read_image(os.path.join(folder, name)) for _, name in images_out]
-        if work is not None:
-            _remove(folder, ["input.drystone", "result.drystone", *names, *(name for _, name in images_out)])
-    finally:
-        if work is None:
-            shutil.rmtree(folder, ignore_errors=True)
-    judge(report, code, strict)
-    return form.result(mesh, [(label, image) for (label, _), image in zip(images_out, baked)], textures, report)
+        mesh, baked = job.read(result)
+    found = form.result(mesh, baked, textures, report)
+    judge(report, code, strict, found)
+    return found
 
 
 class _Form:
@@ -167,28 +162,31 @@ class _Form:
 
     def images(self, texture: Any, textures: str) -> list[tuple[int, NDArray[np.uint8]]]:
         """Label and pixels of each texture that is baked."""
-        if textures not in ("keep", "bake"):
-            raise UsageError(f"`textures`: expected 'keep' or 'bake', found {textures!r}")
+        if not isinstance(textures, str) or textures not in ("keep", "bake"):
+            raise UsageError("`textures`: expected 'keep' or 'bake'; images are `texture`")
         if textures == "keep":
+            if texture is not None:
+                raise UsageError("`texture` needs `textures='bake'`; otherwise the texture stays as it is")
             return []
         if texture is None or self.mesh.uv is None:
             raise UsageError("`textures='bake'` needs `texture` and `uv`")
         if not isinstance(texture, Mapping):
             if self.mesh.labels is not None:
                 raise UsageError("with `face_material`, `texture` maps each of its values to an image")
-            self.mesh = ArrayMesh(**{**vars(self.mesh), "labels": np.broadcast_to(np.uint32(0), len(self.mesh.faces))})
+            labels = np.broadcast_to(np.uint32(0), len(self.mesh.faces))
+            self.mesh = ArrayMesh(**{**vars(self.mesh), "labels": labels})
             return [(0, _pixels(texture))]
         if self.mesh.labels is None:
             raise UsageError("`texture` maps values of `face_material`, which is missing")
-        return [(self._label_of(material), _pixels(image)) for material, image in texture.items()]
-
-    def _label_of(self, material: Any) -> int:
-        if self.materials is None:
-            return int(material)
-        place = int(np.searchsorted(self.materials, material))
-        if place == len(self.materials) or self.materials[place] != material:
-            raise UsageError(f"`texture` has an image for material {material}, which no face has")
-        return place
+        used = np.unique(self.mesh.labels)
+        materials = used if self.materials is None else self.materials
+        label_of = dict(zip(materials.tolist(), used.tolist()))
+        for material in texture:
+            if not isinstance(material, numbers.Integral):
+                raise UsageError(f"`texture`: expected values of `face_material`, found {material!r}")
+        if missing := [material for material in label_of if material not in texture]:
+            raise UsageError(f"`texture` has no image for material {missing[0]}")
+        return [(label, _pixels(texture[material])) for material, label in label_of.items()]
 
     def result(
         self,
@@ -220,8 +218,7 @@ class _Form:
         elif labels is not None and self.material_type is not None:
             material = (labels if self.materials is None else self.materials[labels]).astype(self.material_type)
         if colors is not None and self.color_type is not None:
-            is_whole = self.color_type.kind in "iu"
-            colors = (np.rint(colors) if is_whole else colors).astype(self.color_type, copy=False)
+            colors = _of_type(colors, self.color_type)
         return Mesh(at, faces, uv, face_uv, material, colors, pictures, report)
 
 
@@ -236,54 +233,25 @@ def _split(
     return at[vertex], split, uv[texcoord], None if colors is None else colors[vertex]
 
 
+def _of_type(colors: NDArray[Any], kind: np.dtype[Any]) -> NDArray[Any]:
+    """Colours as numbers of a kind, within its range."""
+    if kind.kind == "f":
+        return colors.astype(kind, copy=False)
+    info = np.iinfo(kind)
+    whole = np.rint(colors.astype(np.float64))
+    within = np.where((whole > info.min) & (whole < info.max), whole, 0).astype(kind)
+    return np.where(whole >= info.max, info.max, np.where(whole <= info.min, info.min, within)).astype(kind)
+
+
 def _pixels(image: Any) -> NDArray[np.uint8]:
     """The colours of an image of numpy or PIL."""
+    array_file.refuse_masked("texture", image)
     convert = getattr(image, "convert", None)
+    if callable(convert) and str(getattr(image, "mode", "")).startswith(("I", "F")):
+        raise InputError(f"texture: expected 8 bits a channel, found an image of mode {image.mode}")
     pixels = np.asarray(convert("RGB") if callable(convert) else image)
     if pixels.ndim == 2:
         pixels = np.repeat(pixels[:, :, None], 3, axis=2)
     if pixels.ndim != 3 or pixels.shape[2] not in (3, 4) or pixels.dtype != np.uint8 or pixels.size == 0:
         raise InputError(f"texture: expected uint8 of shape (height, width, 3), found {pixels.dtype} of {pixels.shape}")
     return pixels[:, :, :3]
-
-
-def _read_image(path: str) -> NDArray[np.uint8]:
-    height, width, pixels = _native.decode_image(path)
-    return np.frombuffer(pixels, dtype=np.uint8).reshape(height, width, 3)
-
-
-def _write_image(path: str, pixels: NDArray[np.uint8]) -> str:
-    """Writes a PNG of little compression; returns its name."""
-    height, width, _ = pixels.shape
-
-    def chunk(kind: bytes, content: bytes) -> bytes:
-        check = zlib.crc32(content, zlib.crc32(kind))
-        return len(content).to_bytes(4, "big") + kind + content + check.to_bytes(4, "big")
-
-    with open(path, "wb") as file:
-        file.write(b"\x89PNG\r\n\x1a\n")
-        header = width.to_bytes(4, "big") + height.to_bytes(4, "big") + bytes([8, 2, 0, 0, 0])
-        file.write(chunk(b"IHDR", header))
-        packer = zlib.compressobj(1)
-        rows = max(1, (1 << 20) // (3 * width))
-        for start in range(0, height, rows):
-            block = pixels[start : start + rows]
-            lines = np.zeros((len(block), 1 + 3 * width), dtype=np.uint8)
-            lines[:, 1:] = block.reshape(len(block), -1)
-            packed = packer.compress(lines.tobytes())
-            if packed:
-                file.write(chunk(b"IDAT", packed))
-        file.write(chunk(b"IDAT", packer.flush()))
-        file.write(chunk(b"IEND", b""))
-    return os.path.basename(path)
-
-
-def _remove(folder: str, names: list[str]) -> None:
-    """Removes the files of a finished job, and the folders that are empty then."""
-    for name in names:
-        os.unlink(os.path.join(folder, name))
-    for path in {os.path.join(folder, os.path.dirname(name)) for name in names} | {folder}:
-        try:
-            os.rmdir(path)
-        except OSError:
-            pass

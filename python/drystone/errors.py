@@ -94,13 +94,17 @@ class TargetMissed(UserWarning):
 
 
 class TargetMissedError(DrystoneError):
-    """As `TargetMissed`, with `strict=True`. The result is written; `report` has its figures."""
+    """As `TargetMissed`, with `strict=True`; `report` has the figures of the result.
+
+    The result is written, or, of `simplify_mesh`, it is `mesh`.
+    """
 
     exit_code = 3
 
-    def __init__(self, message: str, report: Report | None = None) -> None:
-        super().__init__(message, report)
+    def __init__(self, message: str, report: Report | None = None, mesh: Any = None) -> None:
+        super().__init__(message, report, mesh)
         self.report = report
+        self.mesh = mesh
 
     def __str__(self) -> str:
         return str(self.args[0])
@@ -170,7 +174,7 @@ def _io_class(number: int | None) -> type[IoError]:
 
 def from_native(kind: str, message: str, path: bytes | str | None, number: int | None) -> DrystoneError:
     """The exception for an error of the native half; `number` is a line, an error number, or bytes."""
-    message = _with_keywords(message)
+    message = _with_keywords(message, kind in ("usage", "budget"))
     there = None if path is None else os.fsdecode(path)
     match kind:
         case "usage":
@@ -178,7 +182,7 @@ def from_native(kind: str, message: str, path: bytes | str | None, number: int |
         case "budget":
             return BudgetError(message, number)
         case "input":
-            kind_of_input = InputError if there is None or os.path.lexists(there) else MissingInputError
+            kind_of_input = InputError if there is None or os.path.exists(there) else MissingInputError
             return kind_of_input(message, there, number)
         case "io":
             return IoError(message, number, there)
@@ -193,7 +197,7 @@ def from_native(kind: str, message: str, path: bytes | str | None, number: int |
         case "limit":
             return LimitError(message)
         case "stopped":
-            return DrystoneError("stopped; the same call resumes the job")
+            return DrystoneError("stopped")
         case "forked":
             return DrystoneError("this process was forked while a job ran, which goes on in the other one alone")
         case "internal":
@@ -203,14 +207,17 @@ def from_native(kind: str, message: str, path: bytes | str | None, number: int |
             return DrystoneError(message)
 
 
-def _with_keywords(message: str) -> str:
+def _with_keywords(message: str, is_of_arguments: bool) -> str:
     """Spells options as keywords: `'--max-error <LENGTH>'` and `--max-error` become `` `max_error` ``."""
 
     def keyword(match: re.Match[str]) -> str:
         name = match[1].replace("-", "_")
         return f"`{_KEYWORDS.get(name, name)}`"
 
-    message = re.sub(r"'?--([a-z][a-z-]*)(?: <[^>]*>)?'?", keyword, message)
+    if is_of_arguments:
+        # Paths may have dashes, too; what the command line quotes or sets apart is an option.
+        message = re.sub(r"'--([a-z][a-z-]*)(?: <[^>]*>)?'", keyword, message)
+        message = re.sub(r"(?:^|(?<= ))--(?!features\b|release\b)([a-z][a-z-]*)(?=[ :,.;]|$)", keyword, message)
     return re.sub(r"`(faces|metric_option)(?=[`:])", lambda match: f"`{_KEYWORDS[match[1]]}", message)
 
 

@@ -2,6 +2,7 @@
 
 import json
 import logging
+import os
 import warnings as _warnings
 from collections.abc import Iterable, Sequence
 from typing import Any, Literal, Unpack, overload
@@ -19,6 +20,7 @@ from drystone.options import (
     flags,
     paths,
     refuse_unknown,
+    texts,
 )
 from drystone.progress import Listener, Progress
 from drystone.report import (
@@ -44,7 +46,7 @@ def simplify(
     ratio: float | str | None = None,
     face_count: int | str | None = None,
     max_error: float | None = None,
-    exclude: Sequence[str] = (),
+    exclude: str | Sequence[str] = (),
     memory: Size | None = None,
     threads: int | None = None,
     work: PathLike | None = None,
@@ -77,10 +79,10 @@ def simplify(
         ratio=ratio,
         face_count=face_count,
         max_error=max_error,
-        exclude=list(exclude),
+        exclude=texts(exclude),
         memory=memory,
         threads=threads,
-        work=work,
+        work=_path(work),
         resume=resume,
         keep_work=keep_work,
         no_sync=no_sync,
@@ -101,7 +103,7 @@ def tile(
     input: PathLike | Sequence[PathLike],
     output: PathLike,
     *,
-    exclude: Sequence[str] = (),
+    exclude: str | Sequence[str] = (),
     memory: Size | None = None,
     threads: int | None = None,
     work: PathLike | None = None,
@@ -120,10 +122,10 @@ def tile(
     refuse_unknown("tile", options, TILE_KEYS)
     given = dict(
         options,
-        exclude=list(exclude),
+        exclude=texts(exclude),
         memory=memory,
         threads=threads,
-        work=work,
+        work=_path(work),
         resume=resume,
         keep_work=keep_work,
         no_sync=no_sync,
@@ -142,7 +144,7 @@ def plan(
     ratio: float | str | None = None,
     face_count: int | str | None = None,
     max_error: float | None = None,
-    exclude: Sequence[str] = (),
+    exclude: str | Sequence[str] = (),
     memory: Size | None = None,
     threads: int | None = None,
     work: PathLike | None = None,
@@ -157,7 +159,7 @@ def plan(
     tile: Literal[True],
     tile_faces: int | None = None,
     tile_side: int | None = None,
-    exclude: Sequence[str] = (),
+    exclude: str | Sequence[str] = (),
     memory: Size | None = None,
     threads: int | None = None,
     work: PathLike | None = None,
@@ -178,6 +180,7 @@ def plan(
     """
     of_kind = {"tile_faces", "tile_side"} if tile else FILE_KEYS | {"ratio", "face_count", "max_error"}
     refuse_unknown("plan", options, of_kind | {"exclude", "memory", "threads", "work"})
+    options = dict(options, exclude=texts(options.get("exclude", ())), work=_path(options.get("work")))
     arguments = ["plan", *(["--tile"] if tile else []), *flags(options), "--", *paths(input)]
     _, value = call(arguments, progress, stop)
     _warn(value["warnings"])
@@ -187,7 +190,7 @@ def plan(
 def inspect(
     input: PathLike | Sequence[PathLike],
     *,
-    exclude: Sequence[str] = (),
+    exclude: str | Sequence[str] = (),
     memory: Size | None = None,
     threads: int | None = None,
     work: PathLike | None = None,
@@ -195,7 +198,7 @@ def inspect(
     stop: _native.Stop | None = None,
 ) -> Inspection:
     """Counts what a mesh holds: bounds, materials, seams, borders, faults. Works within the memory."""
-    given = {"exclude": list(exclude), "memory": memory, "threads": threads, "work": work}
+    given = {"exclude": texts(exclude), "memory": memory, "threads": threads, "work": _path(work)}
     _, value = call(["inspect", *flags(given), "--", *paths(input)], progress, stop)
     return Inspection.from_dict(value)
 
@@ -212,7 +215,7 @@ def check(
     With `against`, the mesh or the input that it was made from, `new` has the faults that are new; tiles are measured.
     Holds a mesh in memory.
     """
-    _, value = call(["check", *flags({"against": against}), "--", *paths(mesh)], progress, stop)
+    _, value = call(["check", *flags({"against": _path(against)}), "--", *paths(mesh)], progress, stop)
     return TilesetCheck.from_dict(value) if "tiles" in value else Check.from_dict(value)
 
 
@@ -243,7 +246,7 @@ def compare(
         "report": paths(report),
         "memory": memory,
         "threads": threads,
-        "work": work,
+        "work": _path(work),
     }
     arguments = ["compare", *flags(given), "--", *paths(original), *paths(result)]
     _, value = call(arguments, progress, stop)
@@ -252,21 +255,29 @@ def compare(
 
 
 def status(work: PathLike) -> Status | Finished:
-    """What the job in a work folder has done, also while it runs."""
-    _, value = call(["status", "--", *paths(work)], None, None)
+    """What the job in a work folder has done, also while it runs. `work` of `simplify_mesh` is one, too."""
+    (folder,) = paths(work)
+    of_arrays = os.path.join(folder, "job")
+    if not os.path.exists(os.path.join(folder, "manifest.bin")) and os.path.isdir(of_arrays):
+        folder = of_arrays
+    _, value = call(["status", "--", folder], None, None)
     return Finished.from_dict(value) if "output" in value else Status.from_dict(value)
 
 
-def judge(report: Report, code: int, strict: bool) -> None:
-    """Raises or warns of what a finished run missed, and logs its warnings."""
+def judge(report: Report, code: int, strict: bool, mesh: Any = None) -> None:
+    """Raises or warns of what a finished run missed, and logs its warnings; `mesh` is a result that is in no file."""
     _warn(report.warnings)
     if code == 1:
         raise BoundBrokenError(f"the result is farther from the input than `max_error: {report.options.max_error}`", report)
     if report.status == "target-missed":
         message = f"{report.faces.output:,} triangles are left; the target was {report.faces.target:,}"
         if strict:
-            raise TargetMissedError(message, report)
+            raise TargetMissedError(message, report, mesh)
         _warnings.warn(message, TargetMissed, stacklevel=3)
+
+
+def _path(path: PathLike | None) -> str | None:
+    return None if path is None else paths(path)[0]
 
 
 def _output(path: PathLike) -> list[str]:

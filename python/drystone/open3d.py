@@ -23,8 +23,9 @@ def simplify(mesh: "TriangleMesh", **options: Any) -> "TriangleMesh":
     has_uv, has_ids = mesh.has_triangle_uvs(), mesh.has_triangle_material_ids()
     ids = np.asarray(mesh.triangle_material_ids) if has_ids else None
     if options.get("textures") == "bake" and "texture" not in options:
-        images = [np.asarray(image) for image in mesh.textures]
-        options["texture"] = dict(enumerate(images)) if has_ids else images[0] if images else None
+        images = {number: _turned(image) for number, image in enumerate(mesh.textures) if not image.is_empty()}
+        used = images.keys() if ids is None else set(ids.tolist())
+        options["texture"] = {n: image for n, image in images.items() if n in used} if has_ids else images.get(0)
     done = simplify_mesh(
         np.asarray(mesh.vertices),
         faces,
@@ -45,6 +46,11 @@ def simplify(mesh: "TriangleMesh", **options: Any) -> "TriangleMesh":
     if done.vertex_colors is not None:
         result.vertex_colors = utility.Vector3dVector(done.vertex_colors.astype(np.float64))
     make: Any = open3d.geometry.Image
-    textures = mesh.textures if done.textures is None else [make(image) for image in done.textures]
+    textures = mesh.textures if done.textures is None else [make(_turned(image)) for image in done.textures]
     result.textures = list(textures)
     return result
+
+
+def _turned(image: Any) -> Any:
+    """An image upside down: Open3D keeps the lowest row first, drystone the highest."""
+    return np.ascontiguousarray(np.asarray(image)[::-1])

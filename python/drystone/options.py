@@ -95,6 +95,7 @@ TILE_KEYS = frozenset(TileOptions.__annotations__)
 
 _FLAGS = {"face_count": "faces", "metric_options": "metric-option"}
 _JOINED = ("origin", "offset")
+_SWITCHES = frozenset(["force", "keep_work", "measure", "no_sync", "one_by_one", "optimize", "vertices"])
 
 
 def refuse_unknown(call: str, options: Mapping[str, Any], known: Set[str]) -> None:
@@ -105,35 +106,45 @@ def refuse_unknown(call: str, options: Mapping[str, Any], known: Set[str]) -> No
 
 
 def flags(options: Mapping[str, Any]) -> Iterator[str]:
-    """Arguments of the command line for options by keyword; None and False are left out."""
+    """Arguments of the command line for options by keyword; None, and a switch that is off, are left out."""
     for name, value in options.items():
         flag = "--" + _FLAGS.get(name, name).replace("_", "-")
-        if value is None or value is False:
+        if value is None:
             continue
-        if value is True:
-            yield flag
-        elif name in _JOINED:
-            yield f"{flag}={','.join(_text(part) for part in value)}"
+        if name in _SWITCHES:
+            if value:
+                yield flag
+        elif name in _JOINED and not isinstance(value, str):
+            yield f"{flag}={','.join(_text(name, part) for part in value)}"
         elif isinstance(value, Mapping):
-            yield from (f"{flag}={key}={_text(part)}" for key, part in value.items())
+            yield from (f"{flag}={key}={_text(name, part)}" for key, part in value.items())
         elif isinstance(value, (list, tuple)):
-            yield from (f"{flag}={_text(part)}" for part in value)
+            yield from (f"{flag}={_text(name, part)}" for part in value)
         else:
-            yield f"{flag}={_text(value)}"
+            yield f"{flag}={_text(name, value)}"
 
 
 def paths(value: PathLike | Sequence[PathLike]) -> list[str]:
-    """One path or several as text."""
+    """One path or several as text, absolute: a job goes on where it began if the current folder changes."""
+    return [os.path.abspath(path) for path in texts(value)]
+
+
+def texts(value: PathLike | Sequence[PathLike]) -> list[str]:
+    """One text or several."""
     if isinstance(value, (str, bytes, os.PathLike)):
         return [os.fsdecode(value)]
-    return [os.fsdecode(path) for path in value]
+    return [os.fsdecode(text) for text in value]
 
 
-def _text(value: Any) -> str:
+def _text(name: str, value: Any) -> str:
+    """A value as the command line takes it; whole numbers may be floats."""
+    if isinstance(value, bool):
+        raise TypeError(f"{name}: expected a number or a text, found {value}")
     if isinstance(value, numbers.Integral):
         return str(int(value))
     if isinstance(value, numbers.Real):
-        return repr(float(value))
+        number = float(value)
+        return str(int(number)) if number.is_integer() and abs(number) < 2**53 else repr(number)
     if isinstance(value, (str, bytes, os.PathLike)):
         return os.fsdecode(value)
-    raise TypeError(f"expected a number, a text or a path, found {type(value).__name__}")
+    raise TypeError(f"{name}: expected a number, a text or a path, found {type(value).__name__}")

@@ -48,12 +48,15 @@ class Listener:
         self._shown: Callable[[Event], object] | None = None
         self._bars: _Bars | None = None
         if progress is True:
-            progress = _tqdm_class() or _lines_if_terminal()
+            # A program without console has no stderr.
+            progress = (_tqdm_class() or _lines_if_terminal()) if sys.stderr is not None else None
         if isinstance(progress, type):
             self._bars = _Bars(progress)
             self._shown = self._bars.show
         elif callable(progress):
             self._shown = progress  # type: ignore[assignment]
+        elif progress is not None and progress is not False:
+            raise TypeError(f"progress: expected a bool, a class or a function, found {type(progress).__name__}")
 
     def __call__(self, phase: str, done: int, total: int, unit: str, message: str | None) -> None:
         if message is not None:
@@ -98,7 +101,7 @@ def _tqdm_class() -> Any:
 
 
 def _lines_if_terminal() -> Callable[[Event], object] | None:
-    if not sys.stderr.isatty():
+    if sys.stderr is None or not sys.stderr.isatty():
         return None
     phase, told = "", 0.0
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from drystone.arrays import simplify_mesh
+from drystone.errors import UsageError
 
 if TYPE_CHECKING:
     from pyvista import PolyData
@@ -15,12 +16,14 @@ def simplify(mesh: "PolyData", *, material: str | None = None, colors: str | Non
 
     Keeps the active texture coordinates; vertices are split at seams again. `material` names an array of integers of
     the cells: lines between its values are kept. `colors` names an array (n, 3) of the points. Other arrays are left
-    out. The texture of a plotter goes with the result as with the mesh.
+    out. The texture of a plotter goes with the result as with the mesh; new ones are made by `drystone.simplify_mesh`.
     """
     import pyvista
 
     if not isinstance(mesh, pyvista.PolyData):
         raise TypeError(f"expected a pyvista.PolyData, found {type(mesh).__name__}; see its extract_surface()")
+    if options.get("textures", "keep") != "keep":
+        raise UsageError("a PolyData has no texture of its own: call drystone.simplify_mesh for `textures='bake'`")
     surface = mesh if mesh.is_all_triangles else mesh.triangulate()
     uv = surface.active_texture_coordinates
     done = simplify_mesh(

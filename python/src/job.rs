@@ -57,7 +57,7 @@ pub fn run<T: Send + 'static>(
 ) -> PyResult<T> {
     let process = std::process::id();
     // The job has a flag of its own: an exception stops this job, and no other that has the same token.
-    let is_stopped = Arc::new(AtomicBool::new(false));
+    let is_stopped = Arc::new(AtomicBool::new(stop.is_some_and(Stop::is_set)));
     let events = Arc::new(Listener::new(Arc::clone(&is_stopped)));
     let (sender, receiver) = bounded(1);
     let theirs = Arc::clone(&events);
@@ -70,37 +70,67 @@ pub fn run<T: Send + 'static>(
         let _ = sender.send(outcome);
     };
     Builder::new().name("drystone".to_owned()).spawn(job)?;
-    let mut raised: Option<PyErr> = None;
+    let mut waiter = Waiter { events, is_stopped, listener, stop, raised: None };
     loop {
         let received = py.detach(|| receiver.recv_timeout(INTERVAL));
         if std::process::id() != process {
             return Err(forked(py));
         }
-        if stop.is_some_and(Stop::is_set) {
-            is_stopped.store(true, Ordering::Relaxed);
-        }
-        let was_raised = raised.is_some();
-        if let Err(error) = py.check_signals() {
-            is_stopped.store(true, Ordering::Relaxed);
-            if was_raised {
-                return Err(error);
+        waiter.look(py)?;
+        let outcome = match received {
+            Err(RecvTimeoutError::Timeout) => continue,
+            Err(RecvTimeoutError::Disconnected) => return Err(panicked(py, &"the job's thread is gone")),
+            Ok(outcome) => outcome,
+        };
+        return match (waiter.raised, outcome) {
+            (Some(error), outcome) => {
+                if matches!(outcome, Ok(Ok(_))) {
+                    let _ = error.value(py).call_method1("add_note", ("the job had ended: its result is complete",));
+                }
+                Err(error)
             }
-            raised = Some(error);
+            (None, Ok(Ok(done))) => Ok(done),
+            (None, Ok(Err(error))) => Err(exception(py, &error)),
+            (None, Err(panic)) => Err(panicked(py, &*panic)),
+        };
+    }
+}
+
+/// What the caller's thread does while it waits.
+struct Waiter<'a, 'py> {
+    events: Arc<Listener>,
+    is_stopped: Arc<AtomicBool>,
+    listener: Option<&'a Bound<'py, PyAny>>,
+    stop: Option<&'a Stop>,
+    /// The first exception of a signal handler or of the listener; the job was asked to stop then.
+    raised: Option<PyErr>,
+}
+
+impl Waiter<'_, '_> {
+    /// Looks for signals, and hands over what happened.
+    ///
+    /// # Errors
+    /// The exception for a signal after another exception: then nobody waits any more.
+    fn look(&mut self, py: Python<'_>) -> PyResult<()> {
+        if self.stop.is_some_and(Stop::is_set) {
+            self.is_stopped.store(true, Ordering::Relaxed);
         }
-        if raised.is_none()
-            && let Err(error) = hand_over(events.take(), listener)
-        {
-            is_stopped.store(true, Ordering::Relaxed);
-            raised = Some(error);
+        match (py.check_signals(), &self.raised) {
+            (Err(error), Some(_)) => return Err(error),
+            (Err(error), None) => self.raise(error),
+            (Ok(()), Some(_)) => {}
+            (Ok(()), None) => {
+                if let Err(error) = hand_over(self.events.take(), self.listener) {
+                    self.raise(error);
+                }
+            }
         }
-        match (received, raised.take()) {
-            (Ok(_) | Err(RecvTimeoutError::Disconnected), Some(error)) => return Err(error),
-            (Ok(Ok(Ok(done))), None) => return Ok(done),
-            (Ok(Ok(Err(error))), None) => return Err(exception(py, &error)),
-            (Ok(Err(panic)), None) => return Err(panicked(py, &*panic)),
-            (Err(RecvTimeoutError::Disconnected), None) => return Err(panicked(py, &"the job's thread is gone")),
-            (Err(RecvTimeoutError::Timeout), error) => raised = error,
-        }
+        Ok(())
+    }
+
+    fn raise(&mut self, error: PyErr) {
+        self.is_stopped.store(true, Ordering::Relaxed);
+        self.raised = Some(error);
     }
 }
 

@@ -58,6 +58,24 @@ def test_trimesh_bakes():
         drystone.trimesh.simplify(trimesh.Scene(), ratio=0.3)
 
 
+def test_trimesh_keeps_colours_of_faces_and_several_materials():
+    trimesh = pytest.importorskip("trimesh")
+    import drystone.trimesh
+
+    vertices, faces = grid(12)
+    is_left = vertices[faces].mean(axis=1)[:, 0] < 6
+    colors = np.where(is_left[:, None], [250, 10, 20, 255], [5, 100, 200, 255]).astype(np.uint8)
+    mesh = trimesh.Trimesh(vertices, faces, face_colors=colors, process=False, metadata={"name": "grid"})
+    result = drystone.trimesh.simplify(mesh, ratio=0.3)
+    left = result.vertices[result.faces].mean(axis=1)[:, 0] < 6
+    assert np.array_equal(result.visual.face_colors[:, 0] == 250, left) and result.metadata["name"] == "grid"
+    several = trimesh.visual.material.MultiMaterial([trimesh.visual.material.SimpleMaterial() for _ in range(2)])
+    visual = trimesh.visual.TextureVisuals(uv=plane_uv(vertices), material=several, face_materials=is_left.astype(int))
+    result = drystone.trimesh.simplify(trimesh.Trimesh(vertices, faces, visual=visual, process=False), ratio=0.3)
+    left = result.vertices[result.faces].mean(axis=1)[:, 0] < 6
+    assert np.array_equal(result.visual.face_materials == 1, left)
+
+
 def test_trimesh_keeps_colours():
     trimesh = pytest.importorskip("trimesh")
     import drystone.trimesh
@@ -85,6 +103,8 @@ def test_pyvista_keeps_texture_coordinates_and_arrays():
     assert result.point_data["rgb"].dtype == np.uint8
     squares = drystone.pyvista.simplify(pyvista.Plane(i_resolution=4, j_resolution=4), ratio=1.0)
     assert squares.n_cells == 32
+    with pytest.raises(drystone.UsageError, match="simplify_mesh"):
+        drystone.pyvista.simplify(mesh, ratio=0.3, textures="bake")
     with pytest.raises(TypeError, match="PolyData"):
         drystone.pyvista.simplify(pyvista.ImageData(dimensions=(2, 2, 2)), ratio=0.5)
 
@@ -117,6 +137,28 @@ def test_open3d_keeps_what_triangles_have():
         assert np.abs(found - np.where(x[own] < 6, 200, 40)).max() < 10
     with pytest.raises(TypeError):
         drystone.open3d.simplify(open3d.geometry.PointCloud(), ratio=0.5)
+
+
+def test_open3d_has_its_images_the_right_way_up(tmp_path):
+    open3d = pytest.importorskip("open3d", exc_type=ImportError)
+    image_class = pytest.importorskip("PIL.Image")
+    import drystone.open3d
+
+    vertices, faces = grid(12)
+    uv = plane_uv(vertices)
+    ramp = np.zeros((64, 64, 3), np.uint8)
+    ramp[:, :, 0] = np.linspace(255, 0, 64)[:, None]
+    image_class.fromarray(ramp).save(tmp_path / "ramp.png")
+    (tmp_path / "a.mtl").write_text("newmtl a\nmap_Kd ramp.png\n")
+    rows = [f"v {x} {y} {z}" for x, y, z in vertices] + [f"vt {u} {v}" for u, v in uv]
+    rows += ["f " + " ".join(f"{i}/{i}" for i in face) for face in faces + 1]
+    (tmp_path / "a.obj").write_text("mtllib a.mtl\nusemtl a\n" + "\n".join(rows) + "\n")
+    mesh = open3d.io.read_triangle_mesh(str(tmp_path / "a.obj"))
+    baked = drystone.open3d.simplify(mesh, ratio=0.3, textures="bake", texels=4)
+    (tmp_path / "out").mkdir()
+    open3d.io.write_triangle_mesh(str(tmp_path / "out" / "b.obj"), baked)
+    texture = drystone.compare(tmp_path / "a.obj", tmp_path / "out" / "b.obj", samples=2000).texture
+    assert texture is not None and texture.colour_rms < 12
 
 
 def test_adapters_do_not_import_their_library_before_they_are_called():

@@ -182,6 +182,10 @@ def test_faults_name_their_row():
         (dict(faces=spoilt(faces, (17, 0), 99)), r"faces\[17\]: refers to 99; there are 49 vertices", 17),
         (dict(faces=spoilt(faces, (3, 1), -2)), r"faces\[3\]: refers to -2", 3),
         (dict(faces=spoilt(faces, (4, 2), -1)), r"faces\[4\]: expected at least 3", 4),
+        (dict(faces=spoilt(np.pad(faces, ((0, 0), (0, 2)), constant_values=-1), (9, 4), 5), uv=None, face_uv=None), r"faces\[9\]: expected nothing but -1 behind", 9),
+        (dict(faces=np.ma.array(faces, mask=faces == 3)), "faces: some of its numbers are masked", None),
+        (dict(vertex_colors=spoilt(np.zeros((49, 3)), (5, 1), np.nan)), r"vertex_colors\[5\]", 5),
+        (dict(vertices=np.full((49, 3), np.longdouble("1e400"))), r"vertices\[0\]", 0),
         (dict(uv=spoilt(uv, (2, 0), np.inf)), r"uv\[2\]", 2),
         (dict(face_uv=spoilt(face_uv, (5, 1), 49)), r"face_uv\[5\]: refers to 49; there are 49 uv", 5),
         (dict(face_uv=spoilt(face_uv, (6, 1), -2)), r"face_uv\[6\]", 6),
@@ -256,6 +260,63 @@ def test_a_bake_without_texture_is_refused():
             drystone.simplify_mesh(vertices, faces, uv=vertices[:, :2], texture=texture, textures="bake", ratio=0.5)
     with pytest.raises(UsageError, match="which is missing"):
         drystone.simplify_mesh(vertices, faces, uv=vertices[:, :2], texture={0: 1}, textures="bake", ratio=0.5)
+    image, labels = np.zeros((4, 4, 3), np.uint8), np.arange(len(faces)) % 2
+    for texture, words in [({0: image}, "no image for material 1"), ({"0": image}, "found '0'"), ({0.5: image}, "0.5"), ({None: image}, "None")]:
+        with pytest.raises(UsageError, match=words):
+            drystone.simplify_mesh(vertices, faces, uv=vertices[:, :2], face_material=labels, texture=texture, textures="bake", ratio=0.5)
+    with pytest.raises(UsageError, match="needs `textures='bake'`"):
+        drystone.simplify_mesh(vertices, faces, uv=vertices[:, :2], texture=image, ratio=0.5)
+    with pytest.raises(UsageError, match="images are `texture`"):
+        drystone.simplify_mesh(vertices, faces, uv=vertices[:, :2], textures=image, ratio=0.5)
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.int16, np.uint32, np.int64, np.uint64, np.float32, np.float64])
+def test_colours_of_any_kind_keep_their_range(kind):
+    vertices, faces = grid(6)
+    top = np.iinfo(kind).max if np.issubdtype(kind, np.integer) else 1.0
+    colors = np.zeros((len(vertices), 3), kind)
+    colors[:, 0] = top
+    mesh = drystone.simplify_mesh(vertices, faces, vertex_colors=colors, ratio=0.5)
+    assert mesh.vertex_colors.dtype == kind
+    assert np.all(mesh.vertex_colors == np.array([top, 0, 0], kind))
+
+
+def test_the_target_that_was_missed_has_the_mesh():
+    corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, -1, 0]]
+    with pytest.raises(drystone.TargetMissedError) as caught:
+        drystone.simplify_mesh(corners, [[0, 1, 2], [1, 0, 3], [0, 1, 4]], face_count=1, topology="keep", borders="lock", strict=True)
+    assert caught.value.mesh.faces.shape == (3, 3)
+
+
+def test_files_of_others_in_the_work_folder_stay(tmp_path):
+    vertices, faces = grid(12)
+    names = ["input.drystone", "result.drystone", "input-0.png", "notes.txt"]
+    for name in names:
+        (tmp_path / name).write_text("mine")
+    image = np.full((8, 8, 3), 100, np.uint8)
+    for options in ({}, {"uv": vertices[:, :2] / 12, "texture": image, "textures": "bake"}):
+        drystone.simplify_mesh(vertices, faces, ratio=0.3, work=tmp_path, **options)
+        assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
+        assert all((tmp_path / name).read_text() == "mine" for name in names)
+    (tmp_path / "empty").mkdir()
+    drystone.simplify_mesh(vertices, faces, ratio=0.3, work=tmp_path / "empty")
+    assert list((tmp_path / "empty").iterdir()) == []
+
+
+def test_what_is_refused_leaves_nothing_in_the_work_folder(tmp_path):
+    vertices, faces = grid(12)
+    for arguments in ({"ratio": 2}, {}, {"ratio": 0.5, "memory": "1MiB"}, {"ratio": 0.5, "faces": faces + 500}):
+        with pytest.raises(ValueError):
+            drystone.simplify_mesh(**{"vertices": vertices, "faces": faces, **arguments}, work=tmp_path / "work")
+        assert not (tmp_path / "work").exists()
+
+
+def test_a_work_folder_that_cannot_be(tmp_path):
+    vertices, faces = grid(6)
+    (tmp_path / "file").write_text("")
+    for work in (tmp_path / "file", tmp_path / "file" / "below", "/proc/nowhere"):
+        with pytest.raises(drystone.IoError):
+            drystone.simplify_mesh(vertices, faces, ratio=0.5, work=work)
 
 
 def test_nothing_is_left_in_the_temporary_folder(tmp_path, monkeypatch):

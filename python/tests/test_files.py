@@ -111,6 +111,7 @@ def test_several_inputs_and_patterns(tmp_path):
     both = drystone.inspect([MINIATURES / name for name in names])
     assert both.files == 2
     folder = drystone.inspect(MINIATURES, exclude=["*_sphere.obj", "n*"])
+    assert drystone.inspect(MINIATURES, exclude="*_sphere.obj").files == len(list(MINIATURES.glob("*.obj"))) - 2
     assert folder.files == len(list(MINIATURES.glob("*.obj"))) - 2 - len(list(MINIATURES.glob("n*.obj")))
 
 
@@ -131,6 +132,28 @@ def test_unknown_keywords_are_refused():
         drystone.simplify(TOWN, "a.obj", ratio=0.1, colour=1)
     with pytest.raises(TypeError, match="'ratio'"):
         drystone.plan(TOWN, tile=True, ratio=0.5)
+
+
+def test_numbers_may_be_of_any_kind(tmp_path):
+    import numpy as np
+
+    found = [
+        drystone.simplify(TOWN, tmp_path / f"{number}.obj", face_count=count, optimize=switch).faces.target
+        for number, (count, switch) in enumerate([(2000, False), (2e3, np.False_), (np.int16(2000), 0), ("2k", None)])
+    ]
+    assert found == [2000] * 4
+    for options in ({"weld": False}, {"cluster_faces": True}, {"metric": object()}):
+        with pytest.raises(TypeError, match=next(iter(options))):
+            drystone.simplify(TOWN, tmp_path / "a.obj", ratio=0.5, **options)
+    with pytest.raises(TypeError, match="progress"):
+        drystone.inspect(TOWN, progress="yes")
+    assert drystone.plan(TOWN, tile=True, tile_faces=5e3).levels
+
+
+def test_dashes_in_paths_stay_in_messages(tmp_path):
+    with pytest.raises(drystone.InputError) as caught:
+        drystone.inspect(tmp_path / "a --max-error b--faces.obj")
+    assert "a --max-error b--faces.obj" in str(caught.value)
 
 
 def test_the_command_runs():
