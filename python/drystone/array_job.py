@@ -43,9 +43,7 @@ class ArrayJob:
                 self._folder = tempfile.mkdtemp(prefix="drystone-")
                 return
             (self._folder,) = paths(work)
-            if not os.path.isdir(self._folder):
-                os.makedirs(self._folder)
-                open(self.path(_MADE), "x").close()
+            _make_folder(self._folder)
             self._remove_stale()
 
     def __enter__(self) -> Self:
@@ -57,7 +55,7 @@ class ArrayJob:
             return
         if self._is_temporary:
             shutil.rmtree(self._folder, ignore_errors=True)
-        elif kind is None or not os.path.exists(self.path("job")):
+        elif kind in (None, errors.ChangedError) or not os.path.exists(self.path("job")):
             self._remove_written()
 
     def path(self, name: str) -> str:
@@ -143,6 +141,17 @@ def _as_errors() -> Iterator[None]:
         kind = "no_space" if error.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", None)) else "io"
         name = "" if error.filename is None else f"{os.fsdecode(error.filename)}: "
         raise errors.from_native(kind, f"{name}{error.strerror}", error.filename, error.errno) from error
+
+
+def _make_folder(folder: str) -> None:
+    """Makes a folder, with a mark that it is no one else's, unless it is there."""
+    try:
+        os.makedirs(folder)
+    except FileExistsError:
+        if os.path.isdir(folder):
+            return
+        raise
+    open(os.path.join(folder, _MADE), "w").close()
 
 
 def _is_alive(process: int) -> bool:

@@ -133,7 +133,7 @@ def test_open3d_keeps_what_triangles_have():
     x = np.asarray(baked.vertices)[np.asarray(baked.triangles)].mean(axis=1)[:, 0]
     for number, image in enumerate(baked.textures):
         own = (ids == number) & (np.abs(x - 6) > 1)
-        found = colour_at(np.asarray(image), uv[own])[:, 0]
+        found = colour_at(np.asarray(image)[::-1], uv[own])[:, 0]
         assert np.abs(found - np.where(x[own] < 6, 200, 40)).max() < 10
     with pytest.raises(TypeError):
         drystone.open3d.simplify(open3d.geometry.PointCloud(), ratio=0.5)
