@@ -28,7 +28,8 @@ sys.path.insert(0, str(ROOT / "tests" / "python"))
 RATIO, REPEATS, SAMPLES = 0.1, 3, 200_000
 HEAD = """# Simplifiers called from Python
 
-Made by `tools/benchmarks/python.py` with drystone {version}, {date},
+Made by `tools/benchmarks/python.py` with drystone {version},
+{date},
 {machine}.
 One mesh in numpy arrays, simplified to {share:.0%} of its triangles with the defaults of each tool.
 [Benchmarks](benchmarks.md#inputs) describes the inputs.
@@ -90,6 +91,10 @@ def by_drystone(mesh, count):
 
     found = drystone.simplify_mesh(**mesh, face_count=count)
     return {k: v for k, v in found._asdict().items() if k in ("vertices", "faces", "uv", "face_uv", "face_material") and v is not None}
+
+
+def by_drystone_bare(mesh, count):
+    return by_drystone({key: mesh[key] for key in ("vertices", "faces")}, count)
 
 
 def by_fast_simplification(mesh, count):
@@ -194,6 +199,7 @@ TOOLS = [
     ("drystone", "drystone", by_drystone, "seams, materials"),
     ("PyMeshLab, with texture", "pymeshlab", by_pymeshlab_uv, "seams, materials"),
     ("PyVista (VTK), with texture", "pyvista", by_pyvista_uv, "of split vertices"),
+    ("drystone, positions alone", "drystone", by_drystone_bare, "–"),
     ("PyMeshLab", "pymeshlab", by_pymeshlab, "–"),
     ("PyVista (VTK)", "pyvista", by_pyvista, "–"),
     ("Open3D", "open3d", by_open3d, "–"),
@@ -255,7 +261,7 @@ def measured(tool, arrays, count, folder):
     """Median of the runs of a tool, or None if it is not there or fails."""
     runs = []
     for _ in range(REPEATS):
-        command = [sys.executable, __file__, "--child", str(tool), str(arrays), str(count), str(folder / "out.npz")]
+        command = [sys.executable, str(Path(__file__).resolve()), "--child", str(tool), str(arrays), str(count), str(folder / "out.npz")]
         done = subprocess.run(command, capture_output=True, text=True)
         if done.returncode != 0:
             print(f"{TOOLS[tool][0]}: {done.stderr.strip().splitlines()[-1]}", file=sys.stderr)
@@ -278,7 +284,7 @@ def rows(name, source, folder):
     yield "| Tool | Version | Keeps | Triangles | Seconds | MiB | RMS | Largest | Colour | Open edges |"
     yield "| --- | --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"
     for number, (tool, package, _, keeps) in enumerate(TOOLS):
-        if number in (1, 2) and "uv" not in mesh:
+        if number in (1, 2, 3) and "uv" not in mesh:
             continue
         try:
             version = importlib.metadata.version(package)
