@@ -28,8 +28,7 @@ sys.path.insert(0, str(ROOT / "tests" / "python"))
 RATIO, REPEATS, SAMPLES = 0.1, 3, 200_000
 HEAD = """# Simplifiers called from Python
 
-Made by `tools/benchmarks/python.py` with drystone {version},
-{date},
+Made by `tools/benchmarks/python.py` with drystone {version}, {date},
 {machine}.
 One mesh in numpy arrays, simplified to {share:.0%} of its triangles with the defaults of each tool.
 [Benchmarks](benchmarks.md#inputs) describes the inputs.
@@ -322,7 +321,7 @@ def main():
     import drystone
 
     date = datetime.date.today().isoformat()
-    print(HEAD.format(version=drystone.build, date=date, machine=measure.machine(), share=RATIO, repeats=REPEATS))
+    print(HEAD.format(version=drystone.__version__, date=date, machine=measure.machine(), share=RATIO, repeats=REPEATS))
     for word in options.meshes:
         name, _, path = word.partition("=")
         with tempfile.TemporaryDirectory() as folder:
