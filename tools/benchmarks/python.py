@@ -36,7 +36,8 @@ One mesh in numpy arrays, simplified to {share:.0%} of its triangles with the de
 * *Seconds* of the call, median of {repeats} runs; drystone uses all cores, the others one. PyMeshLab
   takes a texture from files alone: its time with texture is that of the filter;
 * *MiB*: what the process grew by during the call, at its peak;
-* *RMS*, *largest*: distances both ways in 1e-4 of the diagonal, as `drystone compare` measures them;
+* *RMS*, *Largest*: distances both ways, as `drystone compare` measures them, in 1e-4 of the
+  diagonal;
 * *Colour*: root mean square of the difference of colours, 0 to 255, result to input and input to
   result;
 * *Open edges*: of the result; the input's are in the heading.
