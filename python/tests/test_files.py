@@ -106,6 +106,13 @@ def test_a_kept_work_folder_has_a_status(tmp_path):
     assert not drystone.simplify(TOWN, tmp_path / "b.obj", ratio=0.5).resumed
 
 
+@pytest.mark.parametrize("ending", ["obj", "ply", "drystone"])
+def test_a_job_that_is_over_says_where_its_result_is(tmp_path, ending):
+    drystone.simplify(TOWN, tmp_path / f"a.{ending}", ratio=0.5)
+    status = drystone.status(tmp_path / f"a.{ending}.work")
+    assert isinstance(status, drystone.Finished) and status.written and status.output == str(tmp_path / f"a.{ending}")
+
+
 def test_several_inputs_and_patterns(tmp_path):
     names = ["closed_sphere.obj", "coloured_sphere.obj"]
     both = drystone.inspect([MINIATURES / name for name in names])

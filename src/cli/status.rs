@@ -17,12 +17,14 @@ use crate::bake::BakeStep;
 use crate::base::error::{escape, escape_path};
 use crate::base::{Result, bytes, counted, grouped, json_path};
 use crate::job::{Entry, StepRecord, WorkStatus, look};
+use crate::model::array_file;
 use crate::passes::steps::PassStep;
 use crate::read::SCAN;
 use crate::write::RESULT;
 
-/// First bytes of every mesh that the program writes: an OBJ, a PLY.
-const OWN_BEGINNINGS: [&[u8]; 2] = [b"# drystone ", b"ply\nformat binary_little_endian 1.0\ncomment drystone "];
+/// First bytes of the meshes that the program writes: an OBJ, a PLY, an array file.
+const OWN_BEGINNINGS: [&[u8]; 3] =
+    [b"# drystone ", b"ply\nformat binary_little_endian 1.0\ncomment drystone ", &array_file::MAGIC];
 /// Length of the longest of them.
 const BEGINNING_BYTES: u64 = 60;
 
