@@ -13,6 +13,9 @@ class DrystoneError(Exception):
 
     exit_code: int = 1
 
+    def __str__(self) -> str:
+        return str(self.args[0]) if self.args else ""
+
 
 class UsageError(DrystoneError, ValueError):
     """An option is not possible, or does not fit another one."""
@@ -26,9 +29,6 @@ class BudgetError(UsageError):
     def __init__(self, message: str, needed: int | None = None) -> None:
         super().__init__(message, needed)
         self.needed = needed
-
-    def __str__(self) -> str:
-        return str(self.args[0])
 
 
 class InputError(DrystoneError, ValueError):
@@ -45,9 +45,6 @@ class InputError(DrystoneError, ValueError):
         self.path = path
         self.line = line
         self.row = row
-
-    def __str__(self) -> str:
-        return str(self.args[0])
 
 
 class MissingInputError(InputError, FileNotFoundError):
@@ -81,9 +78,6 @@ class DamagedError(DrystoneError):
         super().__init__(message, path)
         self.path = path
 
-    def __str__(self) -> str:
-        return str(self.args[0])
-
 
 class LimitError(DrystoneError, OverflowError):
     """The mesh has more vertices or faces than drystone can number."""
@@ -106,9 +100,6 @@ class TargetMissedError(DrystoneError):
         self.report = report
         self.mesh = mesh
 
-    def __str__(self) -> str:
-        return str(self.args[0])
-
 
 class BoundBrokenError(DrystoneError):
     """`measure=True` found a distance above `max_error`. The result is written; `report` has its figures."""
@@ -116,9 +107,6 @@ class BoundBrokenError(DrystoneError):
     def __init__(self, message: str, report: Report | None = None) -> None:
         super().__init__(message, report)
         self.report = report
-
-    def __str__(self) -> str:
-        return str(self.args[0])
 
 
 class IoError(DrystoneError, OSError):

@@ -12,6 +12,8 @@
 
 use crate::file::decimal;
 
+/// Largest magnitude of positions and texture coordinates: clusters store them as 32-bit floats.
+pub const COORDINATE_MAX: f64 = f32::MAX as f64;
 /// Largest number of decimals that is reported; more count as this many.
 pub const DECIMALS_MAX: u32 = 40;
 

@@ -7,15 +7,18 @@
 //! # Memory
 //! The catalogue: about 100 bytes plus the name for each used object, group and material, 28 for each part.
 
+use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::records::LabelKind;
 use crate::base::id::{Id, TiSlice, TiVec};
 use crate::base::{Allowance, Error, Result};
-use crate::model::catalogue::MaterialDefinition;
+use crate::model::catalogue::{MaterialDefinition, TextureStatement};
 use crate::model::id::{FileId, MaterialId, NameId, PartId};
 use crate::model::{Catalogue, Material, Part};
+use crate::os::durable::folder_of;
 use crate::os::path::path_of_name;
 
 /// Labels of the current face, and all labels used so far.
@@ -182,6 +185,30 @@ impl Labels {
     /// Returns the catalogue so far, the current file's materials in it, and the memory left.
     pub fn materials_of_file(&mut self) -> (&mut Catalogue, &FileMaterials, &mut Allowance) {
         (&mut self.catalogue, &self.file_materials, &mut self.allowance)
+    }
+
+    /// Gives each of these materials that faces of the current file use its texture image, whose name is relative to the
+    /// folder of the file.
+    ///
+    /// # Errors
+    /// [`Error::Budget`] if they take too much memory.
+    pub fn define_textures<'a>(&mut self, textures: impl Iterator<Item = (Cow<'a, [u8]>, &'a [u8])>) -> Result<()> {
+        let path = self.catalogue.files.last().cloned().unwrap_or_default();
+        // A job may be resumed from another working directory.
+        let folder = folder_of(&path);
+        let folder = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
+        for (material, texture) in textures {
+            let Some(material) = self.file_materials.find(&material) else { continue };
+            let definition = &mut self.catalogue.materials[material].definition;
+            if definition.is_none() {
+                let texture = TextureStatement { key_and_options: b"map_Kd".to_vec(), name: texture.to_vec() };
+                let own =
+                    MaterialDefinition { folder: folder.clone(), statements: Vec::new(), textures: vec![texture] };
+                self.allowance.take(own.bytes(), &path)?;
+                *definition = Some(own);
+            }
+        }
+        Ok(())
     }
 
     /// Returns the catalogue, once all files are read and their materials defined. Merges equal materials of several

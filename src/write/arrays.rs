@@ -8,7 +8,7 @@
 
 use std::path::Path;
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
 use super::grouping::{Group, Grouping};
 use super::order::PartPlace;
@@ -119,7 +119,7 @@ impl MeshSink for ArraySink {
             |(positions, colours, first, range)| {
                 let first = first.plus(range.start as u32);
                 let is_used = |i: usize| used.contains(first.plus(i as u32));
-                vertex_records(positions, colours.filter(|_| has_colours), range, has_colours, is_used)
+                vertex_records(positions, colours, range, has_colours, is_used)
             },
             |block| {
                 self.replaced.non_finite += block.non_finite;
@@ -141,9 +141,8 @@ impl MeshSink for ArraySink {
             blocks,
             |(texcoords, first, range)| {
                 let first = first.plus(range.start as u32);
-                let of_block: Vec<DVec2> = texcoords.window(range)?.to_vec();
                 let mut records = Vec::new();
-                for (_, uv) in (0..).zip(of_block).filter(|&(i, _)| used.contains(first.plus(i))) {
+                for (_, uv) in (0..).zip(texcoords.window(range)?).filter(|&(i, _)| used.contains(first.plus(i))) {
                     uv.to_array().iter().for_each(|x| records.extend_from_slice(&x.to_le_bytes()));
                 }
                 Ok(records)

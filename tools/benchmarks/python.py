@@ -207,6 +207,8 @@ TOOLS = [
     ("trimesh", "trimesh", by_trimesh, "–"),
     ("pyfqmr", "pyfqmr", by_pyfqmr, "–"),
 ]
+# Rows of meshes with texture coordinates alone.
+NEED_TEXTURE = {by_pymeshlab_uv, by_pyvista_uv, by_drystone_bare}
 
 
 def write_obj(path, mesh, names, library):
@@ -283,8 +285,8 @@ def rows(name, source, folder):
     yield f"\n## {name}: {len(mesh['faces']):,} triangles, {before.boundary_edges:,} open edges\n"
     yield "| Tool | Version | Keeps | Triangles | Seconds | MiB | RMS | Largest | Colour | Open edges |"
     yield "| --- | --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"
-    for number, (tool, package, _, keeps) in enumerate(TOOLS):
-        if number in (1, 2, 3) and "uv" not in mesh:
+    for number, (tool, package, call, keeps) in enumerate(TOOLS):
+        if call in NEED_TEXTURE and "uv" not in mesh:
             continue
         try:
             version = importlib.metadata.version(package)

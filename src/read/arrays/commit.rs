@@ -3,7 +3,6 @@
 //! # Memory
 //! That of the builder.
 
-use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -11,8 +10,6 @@ use super::cut::{ArrayChunk, ArraySource};
 use super::parse::ArrayRecords;
 use crate::base::{Error, Findings, Result};
 use crate::model::array_file::ArrayLayout;
-use crate::model::catalogue::{MaterialDefinition, TextureStatement};
-use crate::os::durable::folder_of;
 use crate::read::builder::{FinishedFile, MeshBuilder};
 use crate::read::file::{OpenFile, chain};
 use crate::read::parts::Labels;
@@ -62,7 +59,7 @@ impl<'a> FileCommit<'a, ArraySource> for ArrayCommit<'a> {
             };
             return Err(Error::input(self.path, 0, message));
         }
-        define_materials(self.path, &layout, labels)?;
+        define_materials(&layout, labels)?;
         self.builder.describe(labels.materials_of_file().0);
         let (bytes, content_hash) = (self.bytes, self.content_hash);
         let (piece, triangles) = self.builder.finish(false, findings)?;
@@ -71,20 +68,7 @@ impl<'a> FileCommit<'a, ArraySource> for ArrayCommit<'a> {
 }
 
 /// Gives each label that faces use its texture image.
-pub(super) fn define_materials(path: &Path, layout: &ArrayLayout, labels: &mut Labels) -> Result<()> {
-    // A job may be resumed from another working directory.
-    let folder = folder_of(path);
-    let folder = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
-    let (catalogue, used, allowance) = labels.materials_of_file();
-    for (label, name) in &layout.images {
-        let Some(material) = used.find(label.to_string().as_bytes()) else { continue };
-        let definition = &mut catalogue.materials[material].definition;
-        if definition.is_none() {
-            let texture = TextureStatement { key_and_options: b"map_Kd".to_vec(), name: name.clone() };
-            let own = MaterialDefinition { folder: folder.clone(), statements: Vec::new(), textures: vec![texture] };
-            allowance.take(own.bytes(), path)?;
-            *definition = Some(own);
-        }
-    }
-    Ok(())
+pub(super) fn define_materials(layout: &ArrayLayout, labels: &mut Labels) -> Result<()> {
+    let images = layout.images.iter();
+    labels.define_textures(images.map(|(label, name)| (label.to_string().into_bytes().into(), name.as_slice())))
 }

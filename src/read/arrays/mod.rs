@@ -63,7 +63,7 @@ impl MeshSource for ArraySource {
             labels.change(LabelKind::Material, label.to_string().as_bytes());
             labels.part()?;
         }
-        define_materials(path, &layout, labels)
+        define_materials(&layout, labels)
     }
 
     fn clear(parsed: &mut ArrayRecords) {

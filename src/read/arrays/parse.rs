@@ -9,11 +9,8 @@ use super::cut::{ArrayChunk, Section};
 use crate::base::{Error, Result};
 use crate::model::array_file::{ArrayLayout, NONE};
 use crate::model::id::{PieceTexcoord, PieceVertex};
-use crate::read::number::raise_decimals;
+use crate::read::number::{COORDINATE_MAX, raise_decimals};
 use crate::read::records::{LabelKind, ParsedRecords};
-
-/// Largest magnitude of positions and texture coordinates: clusters store them as 32-bit floats.
-const COORDINATE_MAX: f64 = f32::MAX as f64;
 
 /// Nothing, or what is wrong with a record.
 type RecordResult = std::result::Result<(), String>;

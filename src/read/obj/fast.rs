@@ -8,10 +8,10 @@ use glam::{DVec2, DVec3};
 use memchr::memchr3;
 
 use super::parsed::Numbered;
-use super::statements::{COORDINATE_MAX, Parser};
+use super::statements::Parser;
 use crate::model::face::POLYGON_CORNERS_MAX;
 use crate::model::id::PieceTexcoord;
-use crate::read::number::{index_at, number_at, short_index_at, short_number_at};
+use crate::read::number::{COORDINATE_MAX, index_at, number_at, short_index_at, short_number_at};
 
 impl Parser<'_> {
     /// Reads the statement at the parser's position if it is a plain `v`, `vt`, `vn` or `f` on one line; returns

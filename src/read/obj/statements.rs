@@ -17,11 +17,9 @@ use crate::model::face::POLYGON_CORNERS_MAX;
 use crate::model::id::{PieceTexcoord, PieceVertex};
 use crate::model::stored_mesh::ID_LIMIT;
 use crate::read::line::{LogicalLine, logical_line, split_keyword, trim, words};
-use crate::read::number::{Index, Number, index_at, is_non_finite_word, number};
+use crate::read::number::{COORDINATE_MAX, Index, Number, index_at, is_non_finite_word, number};
 use crate::read::records::{ChunkCorner, LabelKind};
 
-/// Largest magnitude of positions and texture coordinates: clusters store them as 32-bit floats.
-pub const COORDINATE_MAX: f64 = f32::MAX as f64;
 pub(super) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 type LineResult<T> = Result<T, String>;

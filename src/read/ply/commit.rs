@@ -3,7 +3,6 @@
 //! # Memory
 //! That of the builder.
 
-use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -12,9 +11,7 @@ use super::layout::{Layout, Texcoords};
 use super::parse::PlyRecords;
 use crate::base::error::escape_path;
 use crate::base::{Error, Findings, Result};
-use crate::model::catalogue::{MaterialDefinition, TextureStatement};
 use crate::model::id::PieceTexcoord;
-use crate::os::durable::folder_of;
 use crate::read::builder::{FinishedFile, MeshBuilder};
 use crate::read::file::OpenFile;
 use crate::read::parts::Labels;
@@ -95,7 +92,7 @@ impl<'a> FileCommit<'a, PlySource> for PlyCommit<'a> {
             let most = (FLOAT_DIGITS - before_point).max(0) as u32;
             self.builder.position_decimals = self.builder.position_decimals.min(most);
         }
-        define_materials(self.path, &layout, labels)?;
+        define_materials(&layout, labels)?;
         self.builder.describe(labels.materials_of_file().0);
         let bytes = self.bytes;
         let (piece, triangles) = self.builder.finish(false, findings)?;
@@ -118,20 +115,7 @@ impl PlyCommit<'_> {
 }
 
 /// Gives each material that faces use its texture image.
-pub(super) fn define_materials(path: &Path, layout: &Layout, labels: &mut Labels) -> Result<()> {
-    let folder = folder_of(path);
-    // A job may be resumed from another working directory.
-    let folder = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
-    let (catalogue, used, allowance) = labels.materials_of_file();
-    for (name, texture) in layout.materials.iter().zip(&layout.header.textures) {
-        let Some(material) = used.find(name) else { continue };
-        let definition = &mut catalogue.materials[material].definition;
-        if definition.is_none() {
-            let texture = TextureStatement { key_and_options: b"map_Kd".to_vec(), name: texture.clone() };
-            let own = MaterialDefinition { folder: folder.clone(), statements: Vec::new(), textures: vec![texture] };
-            allowance.take(own.bytes(), path)?;
-            *definition = Some(own);
-        }
-    }
-    Ok(())
+pub(super) fn define_materials(layout: &Layout, labels: &mut Labels) -> Result<()> {
+    let materials = layout.materials.iter().zip(&layout.header.textures);
+    labels.define_textures(materials.map(|(name, texture)| (name.as_slice().into(), texture.as_slice())))
 }

@@ -71,7 +71,7 @@ impl MeshSource for PlySource {
             labels.change(LabelKind::Material, name);
             labels.part()?;
         }
-        define_materials(path, &layout, labels)
+        define_materials(&layout, labels)
     }
 
     fn clear(parsed: &mut PlyRecords) {

@@ -15,10 +15,9 @@ use super::layout::{ElementKind, ElementLayout, FieldStep, Layout, ListRole, RED
 use crate::base::{Error, Result};
 use crate::model::face::POLYGON_CORNERS_MAX;
 use crate::model::id::{PieceTexcoord, PieceVertex};
+use crate::read::number::COORDINATE_MAX;
 use crate::read::records::{LabelKind, ParsedRecords};
 
-/// Largest magnitude of positions and texture coordinates: clusters store them as 32-bit floats.
-const COORDINATE_MAX: f64 = f32::MAX as f64;
 /// Number of texture coordinates that are remembered, so that neighbours share them. A power of two.
 const RECENT: usize = 4096;
 
