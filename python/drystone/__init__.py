@@ -36,6 +36,7 @@ from drystone.progress import Event
 from drystone.report import (
     Check,
     Comparison,
+    Finished,
     Inspection,
     Plan,
     Report,
@@ -57,6 +58,7 @@ __all__ = [
     "DamagedError",
     "DrystoneError",
     "Event",
+    "Finished",
     "InputError",
     "Inspection",
     "IoError",
